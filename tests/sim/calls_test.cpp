@@ -6,9 +6,11 @@
 #include <string>
 #include <vector>
 
+#include "attacker.hpp"
 #include "history.hpp"
 #include "network.hpp"
 #include "scheduler.hpp"
+#include "sealing.hpp"
 #include "sim_client.hpp"
 #include "sim_server.hpp"
 
@@ -37,13 +39,26 @@ struct Coverage {
   std::uint64_t item_count = 0;
   std::uint64_t large_item_count = 0;
   std::uint64_t cancelled_count = 0;
+  std::uint64_t sealed_count = 0;
+  std::uint64_t later_key_count = 0;
+  std::uint64_t forged_count = 0;
 };
+
+/// Whether sessions are sealed, and somebody attacks them.
+enum class Wire { kOpen, kSealed, kAttacked };
 
 /// One server, some clients and a network, all of a seed.
 class Conversation {
  public:
-  Conversation(std::uint64_t seed, bool is_told, bool has_checksum = true)
+  Conversation(std::uint64_t seed, bool is_told, bool has_checksum = true, Wire wire = Wire::kOpen)
       : random_(seed), has_checksum_(has_checksum), history_(is_told) {
+    if (wire != Wire::kOpen) sealing_.emplace(random_, history_);
+    if (wire == Wire::kAttacked) {
+      attacker_.emplace(scheduler_, random_, network_);
+      network_.set_tap([this](std::uint32_t from, std::uint32_t to, ConstBytes frame) {
+        attacker_->on_datagram(from, to, frame);
+      });
+    }
     const bool is_lane = random_.chance(700);
     server_.emplace(scheduler_, random_, network_, history_, server_profile(is_lane));
     const auto client_count = static_cast<std::uint32_t>(random_.between(1, 5));
@@ -80,6 +95,9 @@ class Conversation {
   [[nodiscard]] std::uint32_t leaked_count() const { return leaked_count_; }
   void add_to(Coverage& coverage) const {
     coverage.frames.add(server_->counters());
+    if (sealing_) coverage.sealed_count += sealing_->sealed_count();
+    if (sealing_) coverage.later_key_count += sealing_->later_key_count();
+    if (attacker_) coverage.forged_count += attacker_->forged_count();
     coverage.done_count += history_.count(Outcome::kDone);
     coverage.not_run_count += history_.count(Outcome::kNotRun);
     coverage.may_have_run_count += history_.count(Outcome::kMayHaveRun);
@@ -98,6 +116,7 @@ class Conversation {
  private:
   ServerProfile server_profile(bool is_lane) {
     ServerProfile profile;
+    profile.sealing = sealing_ ? &*sealing_ : nullptr;
     profile.session_count_max = static_cast<std::uint32_t>(random_.between(1, 6));
     profile.is_lane = is_lane;
     // Long enough in a deferring server that a client leaves a whole window of calls behind.
@@ -110,6 +129,7 @@ class Conversation {
 
   ClientProfile client_profile(std::uint32_t number) {
     ClientProfile profile;
+    profile.sealing = sealing_ ? &*sealing_ : nullptr;
     profile.number = number;
     if (random_.chance(500)) {
       profile.clock_domain = kServerClock;
@@ -193,6 +213,7 @@ class Conversation {
   void make_peace() {
     network_.set_profile(kQuietNetwork);
     network_.set_partitioned(false);
+    network_.set_tap(nullptr);
     run_for(150s);
     for (const auto& client : clients_) {
       // The first call may only learn that the server is another one.
@@ -219,6 +240,8 @@ class Conversation {
   Scheduler scheduler_;
   History history_;
   Network network_{scheduler_, random_, kQuietNetwork};
+  std::optional<Sealing> sealing_;
+  std::optional<Attacker> attacker_;
   std::optional<SimServer> server_;
   std::vector<std::unique_ptr<SimClient>> clients_;
   int stuck_count_ = 0;
@@ -227,8 +250,9 @@ class Conversation {
 };
 
 /// Plays the seed and fails the test if a promise was broken; gives the history's hash.
-std::uint64_t play(std::uint64_t seed, bool is_told, Coverage& coverage) {
-  Conversation conversation(seed, is_told);
+std::uint64_t play(std::uint64_t seed, bool is_told, Coverage& coverage, Wire wire = Wire::kOpen) {
+  // What an attacker changes has the right checksum.
+  Conversation conversation(seed, is_told, wire != Wire::kAttacked, wire);
   conversation.play();
   conversation.add_to(coverage);
   const std::vector<std::string>& faults = conversation.history().faults();
@@ -237,7 +261,9 @@ std::uint64_t play(std::uint64_t seed, bool is_told, Coverage& coverage) {
                   << (!faults.empty()                  ? faults.front()
                       : conversation.stuck_count() > 0 ? "a client is stuck"
                                                        : "the server holds what nobody waits for")
-                  << "; see it with\n  ./dev sim --seed " << seed;
+                  << "; see it with\n  "
+                  << (wire == Wire::kOpen ? "./dev sim --seed " : "./dev sim --sealed-seed ")
+                  << seed;
   }
   return conversation.history().hash();
 }
@@ -298,6 +324,48 @@ TEST_P(Calls, KeepThePromisesWhateverTheNetworkDoes) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Portions, Calls, testing::Range(std::uint64_t{0}, std::uint64_t{10}));
+
+/// A quarter of the sealed conversations has the network alone as its enemy.
+Wire wire_of(std::uint64_t seed) {
+  return seed % 8 < 2 ? Wire::kSealed : Wire::kAttacked;
+}
+
+/// As above, with sealed sessions: nothing that is dropped, held back, repeated, changed or forged
+/// on the way makes a call run twice, or a caller be told what is not so. RTPM_SEALED_SEEDS says
+/// how many seeds there are.
+class SealedCalls : public testing::TestWithParam<std::uint64_t> {
+ protected:
+  static constexpr std::uint64_t kPortionCount = 2;
+  static constexpr std::uint64_t kSeedCount = 200;
+};
+
+// sec-5-1, sec-5-2, sec-6-1, sec-6-2, sec-6-3
+TEST_P(SealedCalls, KeepThePromisesWhateverAnAttackerDoes) {
+  Coverage coverage;
+  if (const auto seed = number_from_environment("RTPM_SEALED_SEED")) {
+    if (*seed % kPortionCount == GetParam()) play(*seed, true, coverage, wire_of(*seed));
+    return;
+  }
+  const std::uint64_t seed_count =
+      number_from_environment("RTPM_SEALED_SEEDS").value_or(kSeedCount);
+  for (std::uint64_t seed = GetParam(); seed < seed_count && !HasFailure(); seed += kPortionCount) {
+    play(seed, /*is_told=*/false, coverage, wire_of(seed));
+  }
+  if (HasFailure()) return;
+  EXPECT_GT(coverage.done_count, 1000u);
+  EXPECT_GT(coverage.lost_count, 10u);
+  EXPECT_GT(coverage.item_count, 1000u);
+  EXPECT_GT(coverage.large_reply_count, 100u);
+  EXPECT_GT(coverage.sealed_count, 10'000u);
+  EXPECT_GT(coverage.later_key_count, 1000u);
+  EXPECT_GT(coverage.forged_count, 1000u);
+  for (const DropReason reason : {DropReason::kUnsealed, DropReason::kBadSeal,
+                                  DropReason::kReplayed, DropReason::kBadCookie}) {
+    EXPECT_GT(coverage.frames.dropped_for(reason), 100u) << to_string(reason);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Portions, SealedCalls, testing::Range(std::uint64_t{0}, std::uint64_t{2}));
 
 TEST(Seeds, GiveTheSameHistoryEachTime) {
   Coverage coverage;

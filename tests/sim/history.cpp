@@ -91,6 +91,11 @@ std::uint64_t History::count(Outcome outcome) const {
       calls_, [&](const auto& entry) { return entry.second.outcome == outcome; }));
 }
 
+void History::broken(MonotonicTime now, const std::string& what) {
+  faults_.push_back(what);
+  note(now, "FAULT: " + what);
+}
+
 void History::fault(MonotonicTime now, Token token, const std::string& what) {
   faults_.push_back(name_of(token) + " " + what);
   note(now, "FAULT: " + faults_.back());

@@ -43,6 +43,8 @@ class History {
   void end(MonotonicTime now, Token token, Outcome outcome, std::string_view why);
   /// The call broke a promise that its caller or its servant found out itself.
   void broken(MonotonicTime now, Token token, const std::string& what) { fault(now, token, what); }
+  /// A promise that is no call's was broken.
+  void broken(MonotonicTime now, const std::string& what);
   /// Something else worth telling.
   void note(MonotonicTime now, const std::string& what);
   /// After all: checks what could not be checked before.

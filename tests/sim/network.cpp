@@ -41,16 +41,21 @@ bool Network::arrives_whole(Bytes& frame) {
   return !profile_.has_checksum || checksum(frame) == before;
 }
 
+void Network::deliver(std::uint32_t from_port, std::uint32_t to_port, const Bytes& frame) {
+  const auto receiver = receivers_.find(to_port);
+  if (receiver == receivers_.end() || !receiver->second) return;
+  receiver->second(frame, address_of(from_port));
+}
+
 void Network::send(std::uint32_t from_port, std::uint32_t to_port, ConstBytes frame) {
+  if (tap_) tap_(from_port, to_port, frame);
   const int copy_count = random_.chance(profile_.doubled_per_mille) ? 2 : 1;
   for (int copy = 0; copy < copy_count; ++copy) {
     if (is_lost()) continue;
     Bytes bytes(frame.begin(), frame.end());
     if (!arrives_whole(bytes)) continue;
     scheduler_.after(delay(), [this, from_port, to_port, bytes = std::move(bytes)] {
-      const auto receiver = receivers_.find(to_port);
-      if (receiver == receivers_.end() || !receiver->second) return;
-      receiver->second(bytes, address_of(from_port));
+      deliver(from_port, to_port, bytes);
     });
   }
 }

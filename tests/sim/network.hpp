@@ -45,6 +45,12 @@ class Network {
   void send(std::uint32_t from_port, std::uint32_t to_port, ConstBytes frame);
 
   void set_profile(const NetworkProfile& profile) { profile_ = profile; }
+  /// `tap` sees each datagram that is sent; null: nobody does.
+  void set_tap(std::function<void(std::uint32_t, std::uint32_t, ConstBytes)> tap) {
+    tap_ = std::move(tap);
+  }
+  /// Gives `frame` to the receiver now, whoever sent it.
+  void deliver(std::uint32_t from_port, std::uint32_t to_port, const Bytes& frame);
   void set_partitioned(bool is_partitioned) { is_partitioned_ = is_partitioned; }
 
  private:
@@ -58,6 +64,7 @@ class Network {
   bool is_partitioned_ = false;
   MonotonicTime burst_end_{};
   std::map<std::uint32_t, Receiver> receivers_;
+  std::function<void(std::uint32_t, std::uint32_t, ConstBytes)> tap_;
 };
 
 }  // namespace rtpm::sim

@@ -30,6 +30,18 @@ SimClient::SimClient(Scheduler& scheduler, Random& random, Network& network, His
 }
 
 void SimClient::make_channel() {
+  MutableBytes buffer(buffer_);
+  if (profile_.sealing != nullptr) {
+    Sealing& sealing = *profile_.sealing;
+    buffer = buffer.first(wire::kHeaderSize + wire::sealed_payload_max(wire::Medium::kDatagram));
+    sealed_.emplace(sealed::SealedClientConfig{
+        .own = &sealing.client_key(profile_.number),
+        .server = sealing.identity().key.public_key,
+        .preshared = &sealing.identity().preshared,
+        .handshake_number = static_cast<std::uint32_t>(random_.between(0, 0xffff'ffff)),
+        .random = sealing.source(),
+        .limits = sealing.limits()});
+  }
   channel_.emplace(wire::ClientChannelConfig{.medium = wire::Medium::kDatagram,
                                              .client_epoch = ++epoch_,
                                              .channel = 1,
@@ -38,7 +50,7 @@ void SimClient::make_channel() {
                                              .open_call_max = profile_.open_call_max,
                                              .handshake_number = static_cast<std::uint32_t>(
                                                  random_.between(0, 0xffff'ffff))},
-                   buffer_);
+                   buffer);
 }
 
 void SimClient::restart() {
@@ -200,11 +212,40 @@ std::uint32_t SimClient::message_size(std::uint64_t large_per_mille) {
 
 void SimClient::send(ConstBytes frame) {
   for (; !frame.empty(); frame = channel_->next_frame(local_now())) {
-    network_.send(port_, kServerPort, frame);
+    if (sealed_) {
+      follow(sealed_->send(frame, local_now()));
+    } else {
+      network_.send(port_, kServerPort, frame);
+    }
   }
 }
 
+void SimClient::transmit(ConstBytes frame) {
+  if (frame.empty()) return;
+  profile_.sealing->on_sent(scheduler_.now(), /*is_client=*/true, frame);
+  network_.send(port_, kServerPort, frame);
+}
+
+// What the seal of the session makes of a frame, until nothing is left to do.
+void SimClient::follow(sealed::SealedClient::Step step) {
+  transmit(step.send);
+  if (!step.deliver.empty()) {
+    // Not at once: the channel may be in the middle of sending.
+    scheduler_.after(Duration{0}, [this, frame = Bytes(step.deliver.begin(), step.deliver.end()),
+                                   epoch = epoch_] {
+      if (epoch == epoch_) take(frame);
+    });
+  }
+  if (sealed_->has_work()) follow(sealed_->work(local_now()));
+}
+
 void SimClient::receive(const Bytes& frame) {
+  if (!sealed_) return take(frame);
+  Bytes opened = frame;
+  follow(sealed_->receive(opened, local_now()));
+}
+
+void SimClient::take(ConstBytes frame) {
   wire::ChannelEvent event = channel_->on_frame(frame, local_now());
   if (event.kind == Kind::kNeedBuffer) {
     rooms_[event.call].resize(event.reply_size);

@@ -8,6 +8,7 @@
 #include "history.hpp"
 #include "network.hpp"
 #include "rtpm/wire/client_channel.hpp"
+#include "sealing.hpp"
 
 namespace rtpm::sim {
 
@@ -31,6 +32,7 @@ struct ClientProfile {
   std::uint64_t stream_per_mille = 0;      ///< Of the calls.
   std::uint64_t cancel_per_mille = 0;      ///< Of the calls: cancelled at some time.
   std::uint64_t slow_taker_per_mille = 0;  ///< Of the streams: items are left for a while.
+  Sealing* sealing = nullptr;              ///< Null: its sessions are not sealed.
 };
 
 /// One ClientChannel behind a socket, and above it the rule of rpc::Binding for what to do when a
@@ -97,7 +99,10 @@ class SimClient {
   void begin_call(Jobs::iterator job);
   void send(ConstBytes frame);
   [[nodiscard]] std::uint32_t message_size(std::uint64_t large_per_mille);
+  void transmit(ConstBytes frame);
   void receive(const Bytes& frame);
+  void take(ConstBytes frame);
+  void follow(sealed::SealedClient::Step step);
   void wait();
   void on_time();
   void handle(const wire::ChannelEvent& event);
@@ -120,6 +125,7 @@ class SimClient {
   std::array<std::vector<std::byte>, wire::kCallWindow> rooms_;
   std::uint64_t epoch_;
   std::optional<wire::ClientChannel> channel_;
+  std::optional<sealed::SealedClient> sealed_;
   Jobs jobs_;
   std::uint64_t job_serial_ = 0;
   int calls_left_;

@@ -28,7 +28,21 @@ void SimServer::start() {
   streams_.assign(profile_.stream_count * stream_buffer_size(wire::Medium::kDatagram),
                   std::byte{0xdd});
   config.stream_memory = streams_;
+  if (profile_.sealing != nullptr) {
+    config.frame_payload_max =
+        static_cast<std::uint32_t>(wire::sealed_payload_max(wire::Medium::kDatagram));
+  }
   sessions_ = std::make_unique<wire::ServerSessions>(config);
+  if (profile_.sealing != nullptr) {
+    sealed_ = std::make_unique<sealed::SealedServer>(
+        sealed::SealedServerConfig{.identity = &profile_.sealing->identity(),
+                                   .admission = profile_.sealing,
+                                   .key = config.key,
+                                   .session_count_max = config.session_count_max,
+                                   .job_count_max = 3,
+                                   .limits = profile_.sealing->limits()},
+        *sessions_);
+  }
   is_busy_ = false;
   planned_ = kNever;
   network_.listen(kServerPort, [this](const Bytes& frame, const wire::PeerAddress& from) {
@@ -42,6 +56,7 @@ void SimServer::kill() {
   ++life_;
   network_.listen(kServerPort, nullptr);
   former_lives_ = counters();
+  sealed_.reset();
   sessions_.reset();
   queue_.clear();
   jobs_.clear();
@@ -49,7 +64,7 @@ void SimServer::kill() {
 
 void SimServer::stop() {
   while (const auto close = sessions_->close_next(scheduler_.now())) {
-    network_.send(kServerPort, close->peer.port, close->frame);
+    transmit(close->peer.port, close->frame);
   }
   kill();
 }
@@ -57,6 +72,7 @@ void SimServer::stop() {
 wire::FrameCounters SimServer::counters() const {
   wire::FrameCounters sum = former_lives_;
   if (sessions_) sum.add(sessions_->counters());
+  if (sealed_) sum.add(sealed_->counters());
   return sum;
 }
 
@@ -75,12 +91,42 @@ void SimServer::on_datagram(const Bytes& frame, const wire::PeerAddress& from) {
 }
 
 void SimServer::take_up(const Datagram& datagram) {
-  const wire::Verdict verdict =
-      sessions_->on_frame(datagram.frame, datagram.from, scheduler_.now());
+  if (!sealed_) {
+    return take_verdict(sessions_->on_frame(datagram.frame, datagram.from, scheduler_.now()),
+                        datagram.from);
+  }
+  Bytes opened = datagram.frame;
+  const auto outcome = sealed_->on_frame(opened, datagram.from, scheduler_.now());
+  if (outcome.job != nullptr) plan_job(*outcome.job);
+  take_verdict(outcome.verdict, datagram.from);
+}
+
+// Another thread works on it for a while.
+void SimServer::plan_job(sealed::HandshakeJob& job) {
+  scheduler_.after(random_.between(Duration{100'000}, Duration{300'000}),
+                   [this, &job, life = life_] {
+                     if (life != life_) return;
+                     job.run();
+                     const auto outcome = sealed_->on_job(job, scheduler_.now());
+                     if (outcome.job != nullptr) plan_job(*outcome.job);
+                     take_verdict(outcome.verdict, outcome.peer);
+                   });
+}
+
+void SimServer::transmit(std::uint32_t port, ConstBytes frame) {
+  if (sealed_) {
+    frame = sealed_->seal(frame);
+    if (frame.empty()) return;
+    profile_.sealing->on_sent(scheduler_.now(), /*is_client=*/false, frame);
+  }
+  network_.send(kServerPort, port, frame);
+}
+
+void SimServer::take_verdict(const wire::Verdict& verdict, const wire::PeerAddress& from) {
   if (verdict.action == wire::Verdict::Action::kSend) {
-    send(datagram.from, verdict.frame);
+    send(from, verdict.frame);
   } else if (verdict.action == wire::Verdict::Action::kDispatch) {
-    run(verdict.request, datagram.from);
+    run(verdict.request, from);
   }
   learn_of_cancelled();
   if (verdict.credit_tag != 0) give_items(verdict.credit_tag);
@@ -199,7 +245,7 @@ bool SimServer::send_item(Job& job) {
       static_cast<void>(history_.give_item(job.token));
     }
     if (const auto peer = sessions_->peer_of(job.request)) {
-      network_.send(kServerPort, peer->port, frame);
+      transmit(peer->port, frame);
     }
   } while (sessions_->is_item_midway(job.request));
   ++job.item_number;
@@ -225,7 +271,7 @@ void SimServer::finish(std::uint32_t tag) {
 
 void SimServer::send(const wire::PeerAddress& to, ConstBytes frame) {
   for (; !frame.empty(); frame = sessions_->next_frame(scheduler_.now())) {
-    network_.send(kServerPort, to.port, frame);
+    transmit(to.port, frame);
   }
 }
 

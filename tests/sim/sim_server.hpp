@@ -8,6 +8,7 @@
 #include "history.hpp"
 #include "network.hpp"
 #include "rtpm/wire/server_sessions.hpp"
+#include "sealing.hpp"
 
 namespace rtpm::sim {
 
@@ -29,6 +30,7 @@ struct ServerProfile {
   std::size_t stream_count = 4;            ///< Streams at a time.
   std::uint32_t item_count_max = 100;      ///< Of one stream.
   std::uint64_t large_item_per_mille = 0;  ///< Of the items: in fragments.
+  Sealing* sealing = nullptr;              ///< Null: its sessions are not sealed.
 };
 
 /// One ServerSessions behind a socket, with a servant that answers each call with its own token; it
@@ -66,6 +68,9 @@ class SimServer {
   };
   void on_datagram(const Bytes& frame, const wire::PeerAddress& from);
   void take_up(const Datagram& datagram);
+  void take_verdict(const wire::Verdict& verdict, const wire::PeerAddress& from);
+  void plan_job(sealed::HandshakeJob& job);
+  void transmit(std::uint32_t port, ConstBytes frame);
   void serve_next();
   void run(const wire::Request& request, const wire::PeerAddress& from);
   void finish(std::uint32_t tag);
@@ -83,6 +88,7 @@ class SimServer {
   std::vector<std::byte> large_;
   std::vector<std::byte> streams_;
   std::unique_ptr<wire::ServerSessions> sessions_;
+  std::unique_ptr<sealed::SealedServer> sealed_;
   std::uint64_t life_ = 0;  ///< Counts starts; what was begun in a former life comes to nothing.
   bool is_busy_ = false;
   std::deque<Datagram> queue_;

@@ -24,6 +24,7 @@ const std::vector<Part>& parts() {
       {"protocol/base/", "base", {}},
       {"protocol/seal/", "seal", {"base"}},
       {"protocol/wire/", "wire", {"base"}},
+      {"protocol/sealed/", "sealed", {"base", "seal", "wire"}},
       {"runtime/rt/", "rt", {"base"}},
       {"runtime/transport/", "transport", {"base", "wire", "rt"}},
       {"runtime/rpc/", "rpc", {"base", "wire", "rt", "transport"}},

@@ -310,6 +310,11 @@ ServerSessions::Session* ServerSessions::find(std::uint64_t id) noexcept {
   return &sessions_[index];
 }
 
+bool ServerSessions::is_known(std::uint64_t session) const noexcept {
+  const auto index = static_cast<std::size_t>(session & kIndexBits);
+  return session != 0 && index < sessions_.size() && sessions_[index].id == session;
+}
+
 // hp-4.5-1: a CLOSE from another address must not end the session.
 void ServerSessions::on_close(const Header& header, ConstBytes payload,
                               const PeerAddress& peer) noexcept {

@@ -188,6 +188,8 @@ class ServerSessions {
   /// @return the CLOSE to send; nothing: no session is left
   [[nodiscard]] std::optional<Outgoing> close_next(MonotonicTime now) noexcept;
 
+  /// Whether a session has this number now.
+  [[nodiscard]] bool is_known(std::uint64_t session) const noexcept;
   [[nodiscard]] const FrameCounters& counters() const noexcept { return counters_; }
   [[nodiscard]] std::uint32_t session_count() const noexcept { return session_count_; }
   /// Open streams.

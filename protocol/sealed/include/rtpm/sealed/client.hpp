@@ -1,0 +1,128 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "rtpm/seal/session.hpp"
+#include "rtpm/sealed/random_source.hpp"
+#include "rtpm/wire/client_channel.hpp"
+#include "rtpm/wire/sealed.hpp"
+
+namespace rtpm::sealed {
+
+/// How a client seals the session of one channel.
+struct SealedClientConfig {
+  wire::Medium medium = wire::Medium::kDatagram;
+  const seal::KeyPair* own = nullptr;             ///< The client's key.
+  seal::PublicKey server{};                       ///< Of the server, from the configuration.
+  const seal::PresharedKey* preshared = nullptr;  ///< Null: none.
+  std::uint8_t suites = seal::suites_here();
+  /// Random for each life of the program (hp-4-2).
+  std::uint32_t handshake_number = 0;
+  RandomSource random{};
+  seal::SessionLimits limits{};
+};
+
+/// Stands between a wire::ClientChannel and its transport, and seals its session. The channel does
+/// not know: its buffer has kHeaderSize + sealed_payload_max() bytes at most, so that frames stay
+/// within their size.
+/// @ownership keeps the session's keys: place it in memory that is wiped on fork and not dumped.
+///            The keys of the configuration outlive it
+/// @threads   one at a time
+/// @realtime  alloc-free but for construction; work() takes 100 µs, everything else about 1 µs
+class SealedClient {
+ public:
+  /// What is to be done next. Valid until the next call.
+  struct Step {
+    ConstBytes send{};       ///< To be sent, unless it is empty.
+    ConstBytes deliver{};    ///< For ClientChannel::on_frame(), unless it is empty.
+    bool is_broken = false;  ///< Stream only: end the connection.
+  };
+
+  explicit SealedClient(const SealedClientConfig& config);
+  SealedClient(const SealedClient&) = delete;
+  SealedClient& operator=(const SealedClient&) = delete;
+
+  /// Takes a frame that the channel gives to be sent.
+  [[nodiscard]] Step send(ConstBytes frame, MonotonicTime now) noexcept;
+  /// Takes a received frame, which may be anything, and opens it in place.
+  [[nodiscard]] Step receive(MutableBytes frame, MonotonicTime now) noexcept;
+  /// Whether work() has something to do. Look after each send() and receive().
+  [[nodiscard]] bool has_work() const noexcept { return is_message_1_due_ || is_message_2_due_; }
+  /// Does a handshake's work with public keys.
+  [[nodiscard]] Step work(MonotonicTime now) noexcept;
+  /// To be called when the connection is gone.
+  void reset() noexcept;
+
+  /// Whether the server's WELCOME was authentic and the session goes on.
+  [[nodiscard]] bool has_session() const noexcept { return session_.has_value(); }
+  /// What an unsealed REFUSE or COOKIE of this handshake said, for the text of an error: nobody
+  /// vouches for it. kNotAllowed: perhaps the server does not admit this client's key;
+  /// kVersionUnsupported: perhaps it knows no sealed sessions.
+  [[nodiscard]] std::optional<wire::Status> hint() const noexcept { return hint_; }
+  /// The key that a COOKIE showed, if it is not the configured one; nobody vouches for it either.
+  [[nodiscard]] const std::optional<wire::KeyBytes>& other_key() const noexcept {
+    return other_key_;
+  }
+  [[nodiscard]] const wire::FrameCounters& counters() const noexcept { return counters_; }
+
+ private:
+  static constexpr std::size_t kHelloSize = wire::kHeaderSize + wire::Hello::kSize;
+  static constexpr std::size_t kSealedHelloSize = wire::kHeaderSize + wire::SealedHello::kSize;
+  static constexpr std::size_t kWelcomeSize = wire::kHeaderSize + wire::SealedWelcome::kSize;
+
+  [[nodiscard]] Step send_hello(const wire::Header& header, ConstBytes frame,
+                                MonotonicTime now) noexcept;
+  void begin_handshake(bool is_probe) noexcept;
+  void write_hello(ConstBytes frame, std::uint32_t features) noexcept;
+  [[nodiscard]] ConstBytes first_hello() noexcept;
+  [[nodiscard]] bool begin_message_1() noexcept;
+  [[nodiscard]] Step receive_sealed(MutableBytes frame) noexcept;
+  [[nodiscard]] Step on_cookie(const wire::Header& header, ConstBytes payload) noexcept;
+  [[nodiscard]] Step on_welcome(const wire::Header& header, ConstBytes frame) noexcept;
+  [[nodiscard]] Step on_refuse(const wire::Header& header, MonotonicTime now) noexcept;
+  [[nodiscard]] Step message_1() noexcept;
+  [[nodiscard]] Step message_2(MonotonicTime now) noexcept;
+  [[nodiscard]] Step welcome_channel() noexcept;
+  [[nodiscard]] Step tell_lost(const wire::Header& about) noexcept;
+  [[nodiscard]] Step drop(wire::DropReason reason) noexcept;
+
+  SealedClientConfig config_;
+  std::optional<seal::SealedSession> session_;
+  std::uint64_t session_id_ = 0;
+  std::uint64_t gone_session_ = 0;  ///< That the server has no more, as it said itself.
+  wire::FrameCounters counters_{};
+  std::optional<wire::Status> hint_;
+  std::optional<wire::KeyBytes> other_key_;
+
+  // The handshake under way.
+  bool is_opening_ = false;
+  bool is_probe_ = false;  ///< After a hint; the channel knows nothing of it.
+  bool is_message_1_due_ = false;
+  bool is_message_2_due_ = false;
+  bool has_cookie_ = false;
+  bool has_sealed_hello_ = false;     ///< That of cookie_, in sealed_hello_.
+  std::uint32_t number_;              ///< Of the handshake, as the server sees it.
+  std::uint32_t channel_number_ = 0;  ///< As the channel counts.
+  seal::Suite suite_ = seal::Suite::kChaChaPoly;
+  std::array<std::byte, wire::SealedCookie::kSize> cookie_{};
+  std::array<std::byte, kHelloSize> hello_{};  ///< The last one of the channel, as it was sent.
+  std::array<std::byte, kSealedHelloSize> sealed_hello_{};
+  std::array<std::byte, kWelcomeSize> welcome_{};
+  std::optional<seal::Initiator> initiator_;
+  wire::SealedWelcome granted_{};
+
+  // What a probe is about, and when the next one may be.
+  wire::Header refused_{};
+  MonotonicTime next_probe_{};
+  Duration probe_interval_{};
+  MonotonicTime adopted_until_{};  ///< Until then the next open() gets the probe's session.
+  bool is_adoptable_ = false;
+
+  std::array<std::byte, wire::kHeaderSize + wire::Welcome::kSize> plain_{};  ///< For the channel.
+  std::vector<std::byte> sealed_frame_;
+};
+
+}  // namespace rtpm::sealed

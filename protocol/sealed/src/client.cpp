@@ -1,0 +1,338 @@
+#include "rtpm/sealed/client.hpp"
+
+#include <algorithm>
+
+#include "rtpm/base/assert.hpp"
+
+namespace rtpm::sealed {
+namespace {
+
+using namespace std::chrono_literals;
+using wire::DropReason;
+using wire::FrameKind;
+
+/// At most one handshake because of hints in this time (sec-6-2), and twice it after each that came
+/// to nothing.
+constexpr Duration kProbeIntervalMin = 100ms;
+constexpr Duration kProbeIntervalMax = 1s;
+/// Half-open sessions live longer than this at the server.
+constexpr Duration kAdoptionMax = 1s;
+
+constexpr std::size_t kAtFeatures = wire::kHeaderSize + 4;
+constexpr std::size_t kAtCallId = 16;
+constexpr std::size_t kAtCookie = wire::kHeaderSize + 40;
+
+ConstBytes hello_payload(ConstBytes frame) noexcept {
+  return frame.subspan(wire::kHeaderSize, wire::Hello::kSize);
+}
+
+}  // namespace
+
+SealedClient::SealedClient(const SealedClientConfig& config)
+    : config_(config),
+      number_(config.handshake_number),
+      sealed_frame_(wire::kHeaderSize + wire::frame_payload_max(config.medium)) {
+  RTPM_ASSERT(config.own != nullptr, "a client that seals has a key");
+}
+
+SealedClient::Step SealedClient::drop(DropReason reason) noexcept {
+  counters_.drop(reason);
+  return {};
+}
+
+void SealedClient::reset() noexcept {
+  session_.reset();
+  session_id_ = gone_session_ = 0;
+  is_opening_ = is_message_1_due_ = is_message_2_due_ = is_adoptable_ = false;
+  initiator_.reset();
+}
+
+SealedClient::Step SealedClient::send(ConstBytes frame, MonotonicTime now) noexcept {
+  const auto header = wire::decode(frame);
+  RTPM_ASSERT(header, "a channel gives frames");
+  if (header->kind == FrameKind::kHello) return send_hello(*header, frame, now);
+  // The server said that this session is gone, and the channel learns it call by call.
+  const bool asks = header->kind == FrameKind::kCall || header->kind == FrameKind::kCredit;
+  if (asks && gone_session_ != 0 && header->session == gone_session_) return tell_lost(*header);
+  // Nothing of a session leaves unsealed: what has no keys is as good as lost on the way.
+  if (!session_ || header->session != session_id_) return {};
+  RTPM_ASSERT(frame.size() + seal::kTrailerSize <= sealed_frame_.size(),
+              "a channel's frames leave space for the seal");
+  const MutableBytes out = MutableBytes(sealed_frame_).first(frame.size() + seal::kTrailerSize);
+  std::ranges::copy(frame.first(wire::kHeaderSize), out.begin());
+  wire::mark_sealed(out.data());
+  const bool is_sealed =
+      session_->seal(out.first(wire::kHeaderSize), frame.subspan(wire::kHeaderSize), out)
+          .has_value();
+  if (header->kind == FrameKind::kClose) {
+    session_.reset();
+    session_id_ = 0;
+  }
+  if (!is_sealed) return {};
+  return {.send = out};
+}
+
+// ---- handshakes: what is sent -------------------------------------------------------------------
+
+void SealedClient::begin_handshake(bool is_probe) noexcept {
+  is_opening_ = true;
+  is_probe_ = is_probe;
+  is_message_1_due_ = is_message_2_due_ = has_cookie_ = has_sealed_hello_ = false;
+  initiator_.reset();
+  ++number_;
+  hint_.reset();
+}
+
+// The channel's HELLO as the server gets it: under our number, with our features.
+void SealedClient::write_hello(ConstBytes frame, std::uint32_t features) noexcept {
+  std::ranges::copy(frame, hello_.begin());
+  store_le(hello_.data() + kAtCallId, number_);
+  store_le(hello_.data() + kAtFeatures, features);
+}
+
+ConstBytes SealedClient::first_hello() noexcept {
+  std::ranges::fill(MutableBytes(hello_).subspan(kAtCookie, sizeof(wire::Cookie)), std::byte{0});
+  store_le(hello_.data() + kAtFeatures, wire::kFeatureSealed);
+  return hello_;
+}
+
+SealedClient::Step SealedClient::send_hello(const wire::Header& header, ConstBytes frame,
+                                            MonotonicTime now) noexcept {
+  const bool is_new = !is_opening_ || is_probe_ || header.call_id != channel_number_;
+  channel_number_ = header.call_id;
+  if (is_new) {
+    if (is_adoptable_ && session_ && now < adopted_until_ &&
+        granted_.welcome.band.contains(header.priority)) {
+      is_adoptable_ = false;
+      return welcome_channel();
+    }
+    begin_handshake(/*is_probe=*/false);
+  }
+  write_hello(frame, wire::kFeatureSealed);
+  const bool is_stream = config_.medium == wire::Medium::kStream;
+  if (is_stream && !has_sealed_hello_) {
+    suite_ = seal::best_suite(config_.suites, config_.suites);
+    static_cast<void>(begin_message_1());
+    return {};
+  }
+  // hp-4-5: a repetition. sec-3-1: the one with message 1 is the same bytes.
+  if (has_sealed_hello_) return {.send = sealed_hello_};
+  if (!has_cookie_) return {.send = first_hello()};
+  static_cast<void>(begin_message_1());
+  return {};
+}
+
+// Asks work() for message 1 of the HELLO at hand, with the cookie at hand.
+bool SealedClient::begin_message_1() noexcept {
+  std::ranges::copy(ConstBytes(cookie_).first(sizeof(wire::Cookie)), hello_.begin() + kAtCookie);
+  if (!has_cookie_) std::ranges::fill(MutableBytes(hello_).subspan(kAtCookie, 16), std::byte{0});
+  const bool is_aes = suite_ == seal::Suite::kAesGcm;
+  store_le(hello_.data() + kAtFeatures,
+           wire::kFeatureSealed | (is_aes ? wire::kFeatureAesGcm : 0U));
+  return is_message_1_due_ = true;
+}
+
+SealedClient::Step SealedClient::work(MonotonicTime now) noexcept {
+  if (std::exchange(is_message_1_due_, false)) return message_1();
+  if (std::exchange(is_message_2_due_, false)) return message_2(now);
+  return {};
+}
+
+// sec-3-1: an ephemeral key of its own for each.
+SealedClient::Step SealedClient::message_1() noexcept {
+  wire::Header header = *wire::decode(hello_);
+  header.flags = 0;
+  header.payload_size = header.message_size = wire::SealedHello::kSize;
+  const auto payload = std::span<const std::byte, wire::Hello::kSize>(hello_payload(hello_));
+  const wire::Prologue prologue =
+      wire::prologue_of(header, payload, has_cookie_ ? ConstBytes(cookie_) : ConstBytes{});
+  initiator_.emplace(suite_, config_.own->clone(), config_.server,
+                     config_.preshared != nullptr ? config_.preshared->clone() : seal::Secret{},
+                     config_.random.draw_key(), prologue);
+  // sec-6-3: the server says what became of the session that this client still has keys for.
+  std::array<std::byte, wire::kMessage1PayloadSize> former{};
+  store_le(former.data(), session_ && !session_->has_ended() ? session_id_ : 0);
+  wire::encode(header, sealed_hello_.data());
+  std::ranges::copy(payload, sealed_hello_.begin() + wire::kHeaderSize);
+  has_sealed_hello_ =
+      initiator_
+          ->write_message_1(former,
+                            MutableBytes(sealed_hello_).last(wire::SealedHello::kMessageSize))
+          .has_value();
+  if (!has_sealed_hello_) return {};  // The configured key is of small order: nobody has it.
+  return {.send = sealed_hello_};
+}
+
+// ---- handshakes: what comes ---------------------------------------------------------------------
+
+SealedClient::Step SealedClient::receive(MutableBytes frame, MonotonicTime now) noexcept {
+  ++counters_.received_count;
+  if (wire::is_sealed(frame)) return receive_sealed(frame);
+  wire::Header header;
+  if (auto read = wire::decode_frame(frame, config_.medium, header); !read) {
+    Step step = drop(read.error());
+    step.is_broken = config_.medium == wire::Medium::kStream;
+    return step;
+  }
+  switch (header.kind) {
+    case FrameKind::kCookie:
+      return on_cookie(header, frame.subspan(wire::kHeaderSize));
+    case FrameKind::kWelcome:
+      return on_welcome(header, frame);
+    case FrameKind::kRefuse:
+      return on_refuse(header, now);
+    default:
+      // sec-4-4, sec-6-2: this session is sealed, whatever somebody says about it.
+      return drop(DropReason::kUnsealed);
+  }
+}
+
+SealedClient::Step SealedClient::receive_sealed(MutableBytes frame) noexcept {
+  const bool is_stream = config_.medium == wire::Medium::kStream;
+  const auto refuse = [&](DropReason reason) {
+    Step step = drop(reason);
+    step.is_broken = is_stream;  // sec-5-7
+    return step;
+  };
+  wire::Header header;
+  if (auto read = wire::decode_sealed_frame(frame, config_.medium, header); !read) {
+    return refuse(read.error());
+  }
+  if (!session_ || header.session != session_id_) return refuse(DropReason::kUnexpected);
+  if (auto opened = session_->open(wire::kHeaderSize, frame); !opened) {
+    return refuse(opened.error() == seal::OpenError::kReplayed ? DropReason::kReplayed
+                                                               : DropReason::kBadSeal);
+  }
+  wire::unmark_sealed(frame.data());
+  if (header.kind == FrameKind::kClose) {
+    session_.reset();
+    session_id_ = 0;
+  }
+  return {.deliver = frame.first(frame.size() - seal::kTrailerSize)};
+}
+
+SealedClient::Step SealedClient::on_cookie(const wire::Header& header,
+                                           ConstBytes payload) noexcept {
+  if (!is_opening_ || header.call_id != number_) return drop(DropReason::kUnexpected);
+  const auto cookie = wire::decode_sealed_cookie(payload);
+  if (!cookie) {
+    // sec-3.1-2
+    if (payload.size() == sizeof(wire::Cookie)) hint_ = wire::Status::kVersionUnsupported;
+    return drop(DropReason::kBadPayload);
+  }
+  // sec-2-4: the key is the configured one, whatever the COOKIE shows.
+  other_key_.reset();
+  if (cookie->server_key != config_.server) other_key_ = cookie->server_key;
+  if (has_cookie_ && std::ranges::equal(payload, cookie_)) return {};
+  std::ranges::copy(payload, cookie_.begin());
+  has_cookie_ = true;
+  has_sealed_hello_ = false;
+  suite_ = seal::best_suite(config_.suites, static_cast<std::uint8_t>(cookie->suites));
+  if (is_probe_ || config_.medium == wire::Medium::kStream) {
+    static_cast<void>(begin_message_1());
+    return {};
+  }
+  // hp-4.2-4: the channel says whether this one is answered at once; then it gives its HELLO.
+  wire::Header plain;
+  plain.kind = FrameKind::kCookie;
+  plain.priority = header.priority;
+  plain.call_id = channel_number_;
+  plain.payload_size = plain.message_size = sizeof(wire::Cookie);
+  wire::encode(plain, plain_.data());
+  std::ranges::copy(cookie->cookie, plain_.begin() + wire::kHeaderSize);
+  return {.deliver = ConstBytes(plain_).first(wire::kHeaderSize + sizeof(wire::Cookie))};
+}
+
+SealedClient::Step SealedClient::on_welcome(const wire::Header& header, ConstBytes frame) noexcept {
+  if (!is_opening_ || header.call_id != number_ || !has_sealed_hello_) {
+    return drop(DropReason::kUnexpected);
+  }
+  if (frame.size() != kWelcomeSize) return drop(DropReason::kBadPayload);
+  std::ranges::copy(frame, welcome_.begin());
+  is_message_2_due_ = true;
+  return {};
+}
+
+// sec-3-4: one that can't be opened changes nothing.
+SealedClient::Step SealedClient::message_2(MonotonicTime now) noexcept {
+  if (!is_opening_ || !has_sealed_hello_) return {};
+  std::array<std::byte, wire::SealedWelcome::kInnerSize> inner{};
+  const ConstBytes message = ConstBytes(welcome_).last(wire::SealedWelcome::kSize);
+  if (!initiator_->read_message_2(message, inner)) return drop(DropReason::kBadSeal);
+  const auto header = wire::decode(welcome_);
+  const auto features = load_le<std::uint32_t>(sealed_hello_.data() + kAtFeatures);
+  const auto granted = wire::decode_sealed_welcome(inner, features);
+  // sec-3.3-1. The message was authentic: the server itself is at fault.
+  const Priority asked = wire::decode(sealed_hello_)->priority;
+  if (!granted || granted->session != header->session || !granted->welcome.band.contains(asked)) {
+    is_opening_ = false;
+    return drop(DropReason::kBadPayload);
+  }
+  is_opening_ = false;
+  granted_ = *granted;
+  const bool is_alive = granted->former == wire::FormerSession::kAlive;
+  if (is_alive && (!session_ || granted->session != session_id_)) {
+    return drop(DropReason::kBadPayload);
+  }
+  const auto keys = initiator_->keys();
+  initiator_.reset();
+  if (!is_alive) {
+    const bool is_stream = config_.medium == wire::Medium::kStream;
+    session_.emplace(*keys, is_stream ? seal::Order::kExact : seal::Order::kAny, config_.limits);
+    session_id_ = granted->session;
+  }
+  probe_interval_ = Duration{0};
+  if (!is_probe_) return welcome_channel();
+  if (is_alive) return {};
+  // sec-6-3: gone, says the server itself. The channel learns it, and its next handshake is done.
+  is_adoptable_ = true;
+  adopted_until_ = now + kAdoptionMax;
+  gone_session_ = refused_.session;
+  return tell_lost(refused_);
+}
+
+SealedClient::Step SealedClient::welcome_channel() noexcept {
+  wire::Header plain;
+  plain.kind = FrameKind::kWelcome;
+  plain.priority = wire::decode(hello_)->priority;
+  plain.session = granted_.session;
+  plain.call_id = channel_number_;
+  plain.payload_size = plain.message_size = wire::Welcome::kSize;
+  wire::encode(plain, plain_.data());
+  wire::Welcome welcome = granted_.welcome;
+  welcome.features = 0;
+  wire::encode(welcome, MutableBytes(plain_).subspan(wire::kHeaderSize));
+  return {.deliver = plain_};
+}
+
+SealedClient::Step SealedClient::tell_lost(const wire::Header& about) noexcept {
+  wire::Header plain;
+  plain.kind = FrameKind::kRefuse;
+  plain.priority = about.priority;
+  plain.session = about.session;
+  plain.call_id = about.call_id;
+  plain.status = wire::Status::kUnknownSession;
+  wire::encode(plain, plain_.data());
+  return {.deliver = ConstBytes(plain_).first(wire::kHeaderSize)};
+}
+
+// sec-6-2: a REFUSE that nobody sealed ends nothing. It is a reason to ask.
+SealedClient::Step SealedClient::on_refuse(const wire::Header& header, MonotonicTime now) noexcept {
+  counters_.drop(DropReason::kUnsealed);
+  if (header.payload_size != 0) return {};
+  if (is_opening_ && !is_probe_) {
+    if (header.call_id == number_ && header.session == 0) hint_ = header.status;
+    return {};
+  }
+  const bool is_about_us =
+      session_ && header.session == session_id_ && header.status == wire::Status::kUnknownSession;
+  if (!is_about_us || now < next_probe_ || config_.medium == wire::Medium::kStream) return {};
+  probe_interval_ = std::clamp(2 * probe_interval_, kProbeIntervalMin, kProbeIntervalMax);
+  next_probe_ = now + probe_interval_;
+  refused_ = header;
+  begin_handshake(/*is_probe=*/true);
+  store_le(hello_.data() + kAtCallId, number_);
+  return {.send = first_hello()};
+}
+
+}  // namespace rtpm::sealed

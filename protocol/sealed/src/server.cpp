@@ -1,0 +1,153 @@
+#include "rtpm/sealed/server.hpp"
+
+#include <algorithm>
+
+#include "rtpm/base/assert.hpp"
+
+// The frames of sealed sessions.
+namespace rtpm::sealed {
+namespace {
+
+constexpr std::uint64_t kIndexBits = 0xffff;  // Of session numbers, as ServerSessions gives them.
+
+}  // namespace
+
+using wire::DropReason;
+using wire::FrameKind;
+
+SealedServer::SealedServer(const SealedServerConfig& config, wire::ServerSessions& sessions)
+    : config_(config),
+      sessions_(sessions),
+      cookies_(config.key),
+      entries_(std::make_unique<Entry[]>(config.session_count_max)),
+      jobs_(std::make_unique<HandshakeJob[]>(config.job_count_max)),
+      sealed_frame_(wire::kHeaderSize + wire::frame_payload_max(config.medium)) {
+  RTPM_ASSERT(config.identity != nullptr && config.admission != nullptr,
+              "a server that seals has a key, and knows whom it admits");
+}
+
+// An entry whose session has ended meanwhile is none.
+SealedServer::Entry* SealedServer::find(std::uint64_t session) noexcept {
+  const auto index = static_cast<std::size_t>(session & kIndexBits);
+  if (session == 0 || index >= entries().size() || entries()[index].id != session) return nullptr;
+  if (sessions_.is_known(session)) return &entries()[index];
+  free(entries()[index]);
+  return nullptr;
+}
+
+void SealedServer::free(Entry& entry) noexcept {
+  entry.session.reset();
+  entry.id = 0;
+  entry.has_welcome = entry.is_confirmed = false;
+}
+
+// Ends a session of ours in place of its client.
+void SealedServer::close(Entry& entry, MonotonicTime now) noexcept {
+  wire::Header header;
+  header.kind = FrameKind::kClose;
+  header.session = entry.id;
+  std::array<std::byte, wire::kHeaderSize> frame;
+  wire::encode(header, frame.data());
+  static_cast<void>(sessions_.on_frame(frame, entry.peer, now));
+  free(entry);
+}
+
+SealedServer::Outcome SealedServer::drop(DropReason reason) noexcept {
+  counters_.drop(reason);
+  return {};
+}
+
+SealedServer::Outcome SealedServer::broken(DropReason reason) noexcept {
+  Outcome outcome = drop(reason);
+  // sec-5-7
+  if (config_.medium == wire::Medium::kStream) {
+    outcome.verdict.action = wire::Verdict::Action::kHangUp;
+  }
+  return outcome;
+}
+
+SealedServer::Outcome SealedServer::on_frame(MutableBytes frame, const wire::PeerAddress& peer,
+                                             MonotonicTime now) noexcept {
+  if (wire::is_sealed(frame)) return on_sealed(frame, peer, now);
+  wire::Header header;
+  const auto read = wire::decode_frame(frame, config_.medium, header);
+  if (read && header.kind == FrameKind::kHello) return on_hello(header, frame, peer, now);
+  // sec-4-4: what is not sealed does not reach a sealed session.
+  if (read && find(header.session) != nullptr) return drop(DropReason::kUnsealed);
+  return {.verdict = sessions_.on_frame(frame, peer, now)};
+}
+
+// sec-4-2: the session, its address, the counter, the tag; then the frame is as good as any.
+SealedServer::Outcome SealedServer::on_sealed(MutableBytes frame, const wire::PeerAddress& peer,
+                                              MonotonicTime now) noexcept {
+  wire::Header header;
+  if (auto read = wire::decode_sealed_frame(frame, config_.medium, header); !read) {
+    return broken(read.error());
+  }
+  const MutableBytes plain = frame.first(frame.size() - seal::kTrailerSize);
+  Entry* const entry = find(header.session);
+  if (entry == nullptr || !entry->session) {
+    // Of a session that is not sealed, or has no keys yet.
+    if (sessions_.is_known(header.session)) return drop(DropReason::kUnexpected);
+    // The sessions refuse it: for the client that is a hint (sec-6-2).
+    wire::unmark_sealed(frame.data());
+    return {.verdict = sessions_.on_frame(plain, peer, now)};
+  }
+  if (!(entry->peer == peer)) return drop(DropReason::kForeignAddress);
+  if (auto opened = entry->session->open(wire::kHeaderSize, frame); !opened) {
+    if (entry->session->has_ended()) close(*entry, now);
+    return broken(opened.error() == seal::OpenError::kReplayed ? DropReason::kReplayed
+                                                               : DropReason::kBadSeal);
+  }
+  if (!entry->is_confirmed) confirm(*entry, now);
+  wire::unmark_sealed(frame.data());
+  return {.verdict = sessions_.on_frame(plain, peer, now)};
+}
+
+// sec-6-1: only now does the session replace an earlier one of its channel.
+void SealedServer::confirm(Entry& entry, MonotonicTime now) noexcept {
+  entry.is_confirmed = true;
+  for (Entry& other : entries()) {
+    const bool is_of_channel = other.id != 0 && &other != &entry && other.peer == entry.peer &&
+                               other.client_epoch == entry.client_epoch &&
+                               other.channel == entry.channel && other.client == entry.client;
+    const auto ahead = static_cast<std::int32_t>(entry.handshake_number - other.handshake_number);
+    if (is_of_channel && ahead > 0) close(other, now);
+  }
+}
+
+ConstBytes SealedServer::seal(ConstBytes frame) noexcept {
+  if (frame.size() < wire::kHeaderSize) return {};
+  const auto header = wire::decode(frame);
+  if (!header || header->kind == FrameKind::kWelcome || header->kind == FrameKind::kCookie) {
+    return frame;
+  }
+  const auto index = static_cast<std::size_t>(header->session & kIndexBits);
+  if (header->session == 0 || index >= entries().size() || entries()[index].id != header->session) {
+    return frame;  // A refusal to a stranger, or of a session that is not sealed.
+  }
+  Entry& entry = entries()[index];
+  if (!entry.session) return {};
+  RTPM_ASSERT(frame.size() + seal::kTrailerSize <= sealed_frame_.size(),
+              "the sessions' frames leave space for the seal");
+  const MutableBytes out = MutableBytes(sealed_frame_).first(frame.size() + seal::kTrailerSize);
+  std::ranges::copy(frame.first(wire::kHeaderSize), out.begin());
+  wire::mark_sealed(out.data());
+  if (!entry.session->seal(out.first(wire::kHeaderSize), frame.subspan(wire::kHeaderSize), out)) {
+    return {};
+  }
+  return out;
+}
+
+std::optional<seal::PublicKey> SealedServer::client_of(std::uint64_t session) noexcept {
+  const Entry* const entry = find(session);
+  if (entry == nullptr) return std::nullopt;
+  return entry->client;
+}
+
+std::uint32_t SealedServer::half_open_count() const noexcept {
+  return static_cast<std::uint32_t>(std::ranges::count_if(
+      entries(), [](const Entry& entry) { return entry.id != 0 && !entry.is_confirmed; }));
+}
+
+}  // namespace rtpm::sealed

@@ -1,0 +1,280 @@
+#include <algorithm>
+
+#include "rtpm/sealed/server.hpp"
+
+// The handshakes of sealed sessions, at the server.
+namespace rtpm::sealed {
+namespace {
+
+using namespace std::chrono_literals;
+using wire::DropReason;
+using wire::FrameKind;
+
+/// sec-6-1: a session whose client was not heard lives so long.
+constexpr Duration kHalfOpenMax = 2s;
+
+constexpr std::size_t kAtChannel = 16;  // In the payload of HELLO.
+
+}  // namespace
+
+wire::SealedCookie SealedServer::cookie_of(const wire::Cookie& cookie) const noexcept {
+  return {cookie, config_.identity->key.public_key, config_.identity->suites};
+}
+
+SealedServer::Outcome SealedServer::on_hello(const wire::Header& header, ConstBytes frame,
+                                             const wire::PeerAddress& peer,
+                                             MonotonicTime now) noexcept {
+  const ConstBytes payload = frame.subspan(wire::kHeaderSize);
+  if (payload.size() == wire::SealedHello::kSize) return on_sealed_hello(header, frame, peer, now);
+  const auto hello = wire::decode_hello(payload);
+  if (!hello) return drop(DropReason::kBadPayload);
+  if ((hello->features & wire::kFeatureSealed) != 0) return give_cookie(header, payload, peer, now);
+  if (!config_.takes_unsealed) return drop(DropReason::kUnsealed);
+  return {.verdict = sessions_.on_frame(frame, peer, now)};
+}
+
+// Lets the sessions judge a HELLO as one without message 1.
+wire::Verdict SealedServer::pass_hello(const wire::Header& header, ConstBytes hello,
+                                       const wire::PeerAddress& peer, MonotonicTime now) noexcept {
+  std::array<std::byte, wire::kHeaderSize + wire::Hello::kSize> frame;
+  wire::Header plain = header;
+  plain.payload_size = plain.message_size = wire::Hello::kSize;
+  wire::encode(plain, frame.data());
+  std::ranges::copy(hello.first(wire::Hello::kSize), frame.begin() + wire::kHeaderSize);
+  return sessions_.on_frame(frame, peer, now);
+}
+
+// sec-3.1-1: never a session. The sessions count strangers, and refuse what can't be served.
+SealedServer::Outcome SealedServer::give_cookie(const wire::Header& header, ConstBytes hello,
+                                                const wire::PeerAddress& peer,
+                                                MonotonicTime now) noexcept {
+  wire::Header cookie_header;
+  wire::SealedCookie cookie = cookie_of({});
+  if (config_.medium == wire::Medium::kDatagram) {
+    std::array<std::byte, wire::Hello::kSize> blank;
+    std::ranges::copy(hello.first(blank.size()), blank.begin());
+    std::ranges::fill(MutableBytes(blank).subspan(40, sizeof(wire::Cookie)), std::byte{0});
+    const wire::Verdict verdict = pass_hello(header, blank, peer, now);
+    if (verdict.action != wire::Verdict::Action::kSend) return {.verdict = verdict};
+    const auto answer = wire::decode(verdict.frame);
+    if (!answer || answer->kind != FrameKind::kCookie) return {.verdict = verdict};
+    cookie_header = *answer;
+    std::ranges::copy(verdict.frame.subspan(wire::kHeaderSize), cookie.cookie.begin());
+  } else {
+    // Not zero, so that the next HELLO shows that there was one.
+    cookie.cookie = cookies_.give(peer, load_le<std::uint64_t>(hello.data() + 8), now);
+    cookie_header = wire::header_about(header, FrameKind::kCookie, 0, now);
+  }
+  cookie_header.payload_size = cookie_header.message_size = wire::SealedCookie::kSize;
+  wire::encode(cookie_header, answer_.data());
+  wire::encode(cookie, MutableBytes(answer_).subspan(wire::kHeaderSize));
+  Outcome outcome;
+  outcome.verdict.action = wire::Verdict::Action::kSend;
+  outcome.verdict.frame = ConstBytes(answer_).first(wire::kHeaderSize + wire::SealedCookie::kSize);
+  return outcome;
+}
+
+SealedServer::Outcome SealedServer::on_sealed_hello(const wire::Header& header, ConstBytes frame,
+                                                    const wire::PeerAddress& peer,
+                                                    MonotonicTime now) noexcept {
+  const ConstBytes payload = frame.subspan(wire::kHeaderSize);
+  const auto read = wire::decode_sealed_hello(payload);
+  if (!read) return drop(DropReason::kBadPayload);
+  const wire::Hello& hello = read->hello;
+  // sec-3.2-2: before any work with keys.
+  const bool is_stream = config_.medium == wire::Medium::kStream;
+  const bool wants_aes = (hello.features & wire::kFeatureAesGcm) != 0;
+  const bool has_suite = !wants_aes || (config_.identity->suites &
+                                        static_cast<std::uint8_t>(seal::Suite::kAesGcm)) != 0;
+  if (!has_suite ||
+      (!is_stream && !cookies_.is_good(hello.cookie, peer, hello.client_epoch, now))) {
+    if (has_suite) counters_.drop(DropReason::kBadCookie);
+    return give_cookie(header, payload, peer, now);
+  }
+  const seal::Digest hash = seal::sha256(frame, {});
+  for (Entry& entry : entries()) {
+    if (entry.id == 0 || !(entry.peer == peer) || entry.client_epoch != hello.client_epoch ||
+        entry.channel != hello.channel || !sessions_.is_known(entry.id)) {
+      continue;
+    }
+    // sec-3-3: a copy, and only a copy, gets the same WELCOME.
+    if (entry.hello_hash == hash) {
+      if (!entry.has_welcome) return drop(DropReason::kUnexpected);
+      Outcome outcome;
+      outcome.verdict.action = wire::Verdict::Action::kSend;
+      outcome.verdict.frame = entry.welcome;
+      return outcome;
+    }
+    // hp-4.1-6: a stale duplicate of an earlier handshake.
+    if (static_cast<std::int32_t>(header.call_id - entry.handshake_number) < 0) {
+      return drop(DropReason::kUnexpected);
+    }
+  }
+  return begin_job(header, frame, *read, hash, peer, now);
+}
+
+SealedServer::Outcome SealedServer::begin_job(const wire::Header& header, ConstBytes frame,
+                                              const wire::SealedHello& hello,
+                                              const seal::Digest& hash,
+                                              const wire::PeerAddress& peer,
+                                              MonotonicTime /*now*/) noexcept {
+  const std::span<HandshakeJob> jobs(jobs_.get(), config_.job_count_max);
+  for (const HandshakeJob& job : jobs) {
+    // It is at work already.
+    if (job.is_taken_ && job.frame_hash_ == hash && job.peer_ == peer) {
+      return drop(DropReason::kUnexpected);
+    }
+  }
+  const auto found = std::ranges::find(jobs, false, &HandshakeJob::is_taken_);
+  // The client repeats its HELLO.
+  if (found == jobs.end()) return drop(DropReason::kRateLimited);
+  HandshakeJob& job = *found;
+  job.is_taken_ = true;
+  job.state_ = HandshakeJob::State::kReading;
+  job.identity_ = config_.identity;
+  job.peer_ = peer;
+  job.header_ = header;
+  job.hello_ = hello.hello;
+  job.suite_ = (hello.hello.features & wire::kFeatureAesGcm) != 0 ? seal::Suite::kAesGcm
+                                                                  : seal::Suite::kChaChaPoly;
+  std::ranges::copy(frame, job.frame_.begin());
+  job.frame_hash_ = hash;
+  std::array<std::byte, wire::SealedCookie::kSize> cookie;
+  wire::encode(cookie_of(hello.hello.cookie), cookie);
+  // sec-3.4-1: over a stream there may have been no COOKIE.
+  const bool has_cookie =
+      config_.medium == wire::Medium::kDatagram || hello.hello.cookie != wire::Cookie{};
+  job.prologue_ = wire::prologue_of(header,
+                                    std::span<const std::byte, wire::Hello::kSize>(
+                                        frame.subspan(wire::kHeaderSize, wire::Hello::kSize)),
+                                    has_cookie ? ConstBytes(cookie) : ConstBytes{});
+  return {.job = &job};
+}
+
+SealedServer::Outcome SealedServer::on_job(HandshakeJob& job, MonotonicTime now) noexcept {
+  if (job.state_ == HandshakeJob::State::kRead) return open_session(job, now);
+  if (job.state_ == HandshakeJob::State::kWritten) return finish(job, now);
+  return {};
+}
+
+SealedServer::Outcome SealedServer::refuse(HandshakeJob& job, wire::Status status,
+                                           MonotonicTime now) noexcept {
+  ++counters_.refused_count;
+  wire::Header header = wire::header_about(job.header_, FrameKind::kRefuse, 0, now);
+  header.status = status;
+  wire::encode(header, answer_.data());
+  job.is_taken_ = false;
+  Outcome outcome{.peer = job.peer_};
+  outcome.verdict.action = wire::Verdict::Action::kSend;
+  outcome.verdict.frame = ConstBytes(answer_).first(wire::kHeaderSize);
+  return outcome;
+}
+
+SealedServer::Outcome SealedServer::open_session(HandshakeJob& job, MonotonicTime now) noexcept {
+  if (!job.client_) {
+    // sec-3.2-2: silence for everybody who did not prove a key.
+    job.is_taken_ = false;
+    return drop(DropReason::kBadSeal);
+  }
+  if (!config_.admission->admits(*job.client_, job.peer_)) {
+    return refuse(job, wire::Status::kNotAllowed, now);
+  }
+  const Entry* const former = find(job.former_);
+  job.granted_.former = job.former_ == 0 ? wire::FormerSession::kNone : wire::FormerSession::kGone;
+  // sec-6-3, sec-6-4: nothing is opened where the client's session goes on.
+  if (former != nullptr && former->session && former->client == *job.client_ &&
+      former->peer == job.peer_ && former->granted.band.contains(job.header_.priority)) {
+    job.granted_.former = wire::FormerSession::kAlive;
+    job.granted_.session = former->id;
+    job.granted_.welcome = former->granted;
+    job.granted_.welcome.features = job.hello_.features;
+  } else {
+    make_place(now);
+    // sec-6-1: for the sessions each handshake is a channel of its own, so that it replaces none.
+    std::array<std::byte, wire::Hello::kSize> hello;
+    std::ranges::copy(ConstBytes(job.frame_).subspan(wire::kHeaderSize, hello.size()),
+                      hello.begin());
+    std::ranges::copy(ConstBytes(job.frame_hash_).first(8), hello.begin() + kAtChannel);
+    const wire::Verdict verdict = pass_hello(job.header_, hello, job.peer_, now);
+    const auto answer = wire::decode(verdict.frame);
+    if (verdict.action != wire::Verdict::Action::kSend || !answer ||
+        answer->kind != FrameKind::kWelcome) {
+      job.is_taken_ = false;
+      return {.verdict = verdict, .peer = job.peer_};
+    }
+    job.granted_.session = answer->session;
+    job.granted_.welcome = *wire::decode_welcome(verdict.frame.subspan(wire::kHeaderSize));
+    job.granted_.welcome.features = job.hello_.features;
+    Entry& entry = entries()[static_cast<std::size_t>(answer->session & 0xffff)];
+    free(entry);
+    entry.id = answer->session;
+    entry.peer = job.peer_;
+    entry.client_epoch = job.hello_.client_epoch;
+    entry.channel = job.hello_.channel;
+    entry.handshake_number = job.header_.call_id;
+    entry.client = *job.client_;
+    entry.hello_hash = job.frame_hash_;
+    entry.granted = job.granted_.welcome;
+    entry.opened = now;
+  }
+  job.state_ = HandshakeJob::State::kWriting;
+  return {.job = &job};
+}
+
+SealedServer::Outcome SealedServer::finish(HandshakeJob& job, MonotonicTime now) noexcept {
+  job.is_taken_ = false;
+  const bool is_new = job.granted_.former != wire::FormerSession::kAlive;
+  Entry* const entry = find(job.granted_.session);
+  auto keys = job.responder_->keys();
+  job.responder_.reset();
+  // The session may have ended meanwhile. Its client repeats the HELLO.
+  if (!job.is_written_ || !keys || entry == nullptr ||
+      (is_new && entry->hello_hash != job.frame_hash_)) {
+    return drop(DropReason::kUnexpected);
+  }
+  wire::Header header;
+  header.kind = FrameKind::kWelcome;
+  header.priority = job.header_.priority;
+  header.call_id = job.header_.call_id;
+  header.session = job.granted_.session;
+  header.payload_size = header.message_size = wire::SealedWelcome::kSize;
+  header.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));
+  wire::encode(header, answer_.data());
+  std::ranges::copy(job.message_2_, answer_.begin() + wire::kHeaderSize);
+  if (is_new) {
+    const bool is_stream = config_.medium == wire::Medium::kStream;
+    entry->session.emplace(*keys, is_stream ? seal::Order::kExact : seal::Order::kAny,
+                           config_.limits);
+    entry->welcome = answer_;
+    entry->has_welcome = true;
+  }
+  Outcome outcome{.peer = job.peer_};
+  outcome.verdict.action = wire::Verdict::Action::kSend;
+  outcome.verdict.frame = answer_;
+  return outcome;
+}
+
+// sec-6-1: half-open sessions take a quarter of the table at most.
+void SealedServer::make_place(MonotonicTime now) noexcept {
+  on_time(now);
+  if (half_open_count() < std::max(1U, config_.session_count_max / 4)) return;
+  Entry* oldest = nullptr;
+  for (Entry& entry : entries()) {
+    if (entry.id == 0 || entry.is_confirmed) continue;
+    if (oldest == nullptr || entry.opened < oldest->opened) oldest = &entry;
+  }
+  if (oldest != nullptr) close(*oldest, now);
+}
+
+void SealedServer::on_time(MonotonicTime now) noexcept {
+  for (Entry& entry : entries()) {
+    if (entry.id == 0) continue;
+    if (!sessions_.is_known(entry.id)) {
+      free(entry);
+    } else if (!entry.is_confirmed && now - entry.opened > kHalfOpenMax) {
+      close(entry, now);
+    }
+  }
+}
+
+}  // namespace rtpm::sealed

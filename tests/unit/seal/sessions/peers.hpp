@@ -1,0 +1,208 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <deque>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "rtpm/sealed/client.hpp"
+#include "rtpm/sealed/server.hpp"
+
+/// A client and a server of sealed sessions, with the wire between them in the test's hand.
+namespace rtpm::sealed::test {
+
+using Bytes = std::vector<std::byte>;
+using wire::DropReason;
+using wire::FrameKind;
+
+inline constexpr Priority kPriority{1000};
+inline constexpr wire::PeerAddress kClientAddress{.low = 1, .port = 7};
+
+/// One frame over a stream.
+inline constexpr std::uint32_t kMessageSizeMax =
+    static_cast<std::uint32_t>(wire::sealed_payload_max(wire::Medium::kStream));
+
+inline Bytes copy_of(ConstBytes frame) {
+  return {frame.begin(), frame.end()};
+}
+inline wire::Header header_of(const Bytes& frame) {
+  Bytes plain = frame;
+  if (wire::is_sealed(plain)) wire::unmark_sealed(plain.data());
+  return *wire::decode(plain);
+}
+
+/// Admits all clients, or none.
+class Door : public Admission {
+ public:
+  bool admits(const seal::PublicKey& client, const wire::PeerAddress&) noexcept override {
+    asked_for = client;
+    return is_open;
+  }
+  bool is_open = true;
+  std::optional<seal::PublicKey> asked_for;
+};
+
+/// A lane that answers each call with its own payload.
+class Server {
+ public:
+  explicit Server(wire::Medium medium = wire::Medium::kDatagram, std::uint8_t suites = 3,
+                  bool takes_unsealed = false, std::uint32_t session_count_max = 8)
+      : medium_(medium),
+        suites_(suites),
+        takes_unsealed_(takes_unsealed),
+        session_count_max_(session_count_max) {
+    identity.key = seal::KeyPair::generate();
+    restart();
+  }
+  /// Another life, with the same key.
+  void restart() {
+    sealed.reset();
+    wire::ServerSessionsConfig config;
+    config.medium = medium_;
+    config.epoch = ++epoch_;
+    config.key = {epoch_, 5};
+    config.session_count_max = session_count_max_;
+    config.message_size_max = kMessageSizeMax;
+    config.frame_payload_max = static_cast<std::uint32_t>(wire::sealed_payload_max(medium_));
+    sessions = std::make_unique<wire::ServerSessions>(config);
+    identity.suites = suites_ & seal::suites_here();
+    sealed =
+        std::make_unique<SealedServer>(SealedServerConfig{.medium = medium_,
+                                                          .identity = &identity,
+                                                          .admission = &door,
+                                                          .key = config.key,
+                                                          .session_count_max = session_count_max_,
+                                                          .takes_unsealed = takes_unsealed_},
+                                       *sessions);
+  }
+  /// What the server sends because of `frame`.
+  std::vector<Bytes> receive(Bytes frame, MonotonicTime now,
+                             const wire::PeerAddress& peer = kClientAddress) {
+    std::vector<Bytes> sent;
+    has_hung_up = false;
+    SealedServer::Outcome outcome = sealed->on_frame(frame, peer, now);
+    job_count += outcome.job != nullptr ? 1 : 0;
+    while (true) {
+      if (outcome.verdict.action == wire::Verdict::Action::kHangUp) has_hung_up = true;
+      if (outcome.verdict.action == wire::Verdict::Action::kSend) {
+        add(sent, outcome.verdict.frame);
+      } else if (outcome.verdict.action == wire::Verdict::Action::kDispatch) {
+        ++run_count;
+        const wire::Request& request = outcome.verdict.request;
+        const MutableBytes reply = sessions->reply_buffer(request, now);
+        std::ranges::copy(request.payload, reply.begin());
+        add(sent, sessions->complete(request, wire::Status::kOk,
+                                     static_cast<std::uint32_t>(request.payload.size()), now));
+      }
+      if (outcome.job == nullptr) return sent;
+      HandshakeJob& job = *outcome.job;
+      job.run();
+      outcome = sealed->on_job(job, now);
+    }
+  }
+
+  ServerIdentity identity;
+  Door door;
+  std::unique_ptr<wire::ServerSessions> sessions;
+  std::unique_ptr<SealedServer> sealed;
+  int run_count = 0;
+  int job_count = 0;
+  bool has_hung_up = false;
+
+ private:
+  void add(std::vector<Bytes>& sent, ConstBytes frame) {
+    const ConstBytes out = sealed->seal(frame);
+    if (!out.empty()) sent.push_back(copy_of(out));
+  }
+
+  wire::Medium medium_;
+  std::uint8_t suites_;
+  bool takes_unsealed_;
+  std::uint32_t session_count_max_;
+  std::uint64_t epoch_ = 100;
+};
+
+/// A channel with its seal.
+class Client {
+ public:
+  explicit Client(const seal::PublicKey& server, wire::Medium medium = wire::Medium::kDatagram,
+                  std::uint8_t suites = 3)
+      : key(seal::KeyPair::generate()),
+        channel({.medium = medium,
+                 .client_epoch = 3,
+                 .channel = 1,
+                 .message_size_max = kMessageSizeMax},
+                MutableBytes(buffer_).first(wire::kHeaderSize + wire::sealed_payload_max(medium))),
+        sealed(SealedClientConfig{.medium = medium,
+                                  .own = &key,
+                                  .server = server,
+                                  .suites = static_cast<std::uint8_t>(suites & seal::suites_here()),
+                                  .handshake_number = 50}) {}
+  void open(MonotonicTime now) {
+    send(channel.open(kPriority, now + std::chrono::seconds{10}, now), now);
+  }
+  void call(std::string_view text, MonotonicTime now) {
+    payload_ = copy_of(std::as_bytes(std::span(text)));
+    const auto frame = channel.call({.service = 1,
+                                     .method = 1,
+                                     .priority = kPriority,
+                                     .deadline = now + std::chrono::seconds{20}},
+                                    payload_, now);
+    ASSERT_TRUE(frame);
+    send(*frame, now);
+  }
+  void send(ConstBytes frame, MonotonicTime now) {
+    if (!frame.empty()) follow(sealed.send(frame, now), now);
+  }
+  void receive(Bytes frame, MonotonicTime now) { follow(sealed.receive(frame, now), now); }
+  void on_time(MonotonicTime now) {
+    while (true) {
+      const wire::ChannelEvent event = channel.on_time(now);
+      if (event.kind == wire::ChannelEvent::Kind::kNothing) return;
+      take(event, now);
+    }
+  }
+
+  seal::KeyPair key;
+
+ private:
+  std::array<std::byte, wire::kStreamFrameSizeMax> buffer_{};
+
+ public:
+  wire::ClientChannel channel;
+  SealedClient sealed;
+  std::deque<Bytes> sent;                        ///< What is on its way to the server.
+  std::vector<wire::ChannelEvent::Kind> events;  ///< What the channel reported.
+  std::string reply;                             ///< The last one.
+  bool is_broken = false;
+
+ private:
+  void follow(const SealedClient::Step& step, MonotonicTime now) {
+    is_broken = is_broken || step.is_broken;
+    if (!step.send.empty()) sent.push_back(copy_of(step.send));
+    if (!step.deliver.empty()) take(channel.on_frame(copy_of(step.deliver), now), now);
+    if (sealed.has_work()) follow(sealed.work(now), now);
+  }
+  void take(const wire::ChannelEvent& event, MonotonicTime now) {
+    if (event.kind != wire::ChannelEvent::Kind::kNothing) events.push_back(event.kind);
+    if (event.kind == wire::ChannelEvent::Kind::kReply) {
+      reply.assign(reinterpret_cast<const char*>(event.payload.data()), event.payload.size());
+    }
+    send(event.frame, now);
+  }
+  Bytes payload_;
+};
+
+/// Lets both talk until nothing is on its way.
+inline void talk(Client& client, Server& server, MonotonicTime now) {
+  while (!client.sent.empty()) {
+    const Bytes frame = client.sent.front();
+    client.sent.pop_front();
+    for (const Bytes& answer : server.receive(frame, now))
+      client.receive(answer, now);
+  }
+}
+
+}  // namespace rtpm::sealed::test

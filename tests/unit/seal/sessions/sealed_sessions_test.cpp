@@ -1,0 +1,403 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "peers.hpp"
+
+namespace rtpm::sealed::test {
+namespace {
+
+using namespace std::chrono_literals;
+using Kind = wire::ChannelEvent::Kind;
+
+constexpr MonotonicTime kNow = time_from_ns(1'000'000'000);
+
+Bytes forged(const Bytes& like, FrameKind kind, wire::Status status, std::size_t size = 0) {
+  wire::Header header = header_of(like);
+  header.kind = kind;
+  header.flags = 0;
+  header.status = status;
+  header.item = 0;
+  header.payload_size = header.message_size = static_cast<std::uint32_t>(size);
+  header.fragment_count = 1;
+  Bytes frame(wire::kHeaderSize + size);
+  wire::encode(header, frame.data());
+  return frame;
+}
+
+// sec-3.1-1, sec-3.2-2, sec-2-4: the sizes are those of the page, and no round trip is added.
+TEST(SealedSessions, OpenInTwoRoundTripsAndCarryCalls) {
+  Server server;
+  Client client(server.identity.key.public_key);
+  client.open(kNow);
+  ASSERT_EQ(client.sent.size(), 1u);
+  EXPECT_EQ(client.sent[0].size(), 128u);
+  const auto cookie = server.receive(client.sent[0], kNow);
+  client.sent.clear();
+  ASSERT_EQ(cookie.size(), 1u);
+  EXPECT_EQ(cookie[0].size(), 120u);
+  EXPECT_EQ(server.job_count, 0);
+  client.receive(cookie[0], kNow);
+  ASSERT_EQ(client.sent.size(), 1u);
+  EXPECT_EQ(client.sent[0].size(), 232u);
+  const auto welcome = server.receive(client.sent[0], kNow);
+  client.sent.clear();
+  ASSERT_EQ(welcome.size(), 1u);
+  EXPECT_EQ(welcome[0].size(), 176u);
+  client.receive(welcome[0], kNow);
+  EXPECT_EQ(client.events.back(), Kind::kReady);
+  EXPECT_EQ(server.door.asked_for, client.key.public_key);
+  EXPECT_EQ(server.sealed->client_of(client.channel.session()), client.key.public_key);
+
+  client.call("move to zero", kNow);
+  const Bytes call = client.sent.front();
+  EXPECT_EQ(call.size(), wire::kHeaderSize + 12 + 24);
+  const std::string_view text = "move to zero";
+  EXPECT_TRUE(std::ranges::search(call, std::as_bytes(std::span(text))).empty());
+  talk(client, server, kNow);
+  EXPECT_EQ(client.reply, "move to zero");
+  EXPECT_EQ(server.run_count, 1);
+}
+
+TEST(SealedSessions, UseTheSuiteThatBothHave) {
+  for (const std::uint8_t ours : {std::uint8_t{1}, std::uint8_t{3}}) {
+    for (const std::uint8_t theirs : {std::uint8_t{1}, std::uint8_t{3}}) {
+      for (const wire::Medium medium : {wire::Medium::kDatagram, wire::Medium::kStream}) {
+        Server server(medium, theirs);
+        Client client(server.identity.key.public_key, medium, ours);
+        client.open(kNow);
+        talk(client, server, kNow);
+        ASSERT_TRUE(client.channel.is_ready()) << int{ours} << int{theirs};
+        const std::string largest(wire::sealed_payload_max(medium), 'x');
+        for (const std::string& text : {std::string("hello"), largest}) {
+          client.call(text, kNow);
+          talk(client, server, kNow);
+          EXPECT_EQ(client.reply, text);
+        }
+      }
+    }
+  }
+}
+
+// sec-3-3: the same bytes get the same answer, without any work; other bytes new keys.
+TEST(SealedSessions, CopiesOfAHelloGetTheSameWelcome) {
+  Server server;
+  Client client(server.identity.key.public_key);
+  client.open(kNow);
+  client.receive(server.receive(client.sent.front(), kNow)[0], kNow);
+  const Bytes hello = client.sent.back();
+  const auto welcome = server.receive(hello, kNow);
+  const auto again = server.receive(hello, kNow);
+  ASSERT_EQ(again.size(), 1u);
+  EXPECT_EQ(again, welcome);
+  EXPECT_EQ(server.job_count, 1);
+  EXPECT_EQ(server.sessions->session_count(), 1u);
+  // sec-3-1: the client's own copy is the same bytes, too.
+  client.sent.clear();
+  client.on_time(kNow + 5ms);
+  ASSERT_EQ(client.sent.size(), 1u);
+  EXPECT_EQ(client.sent[0], hello);
+}
+
+// sec-3.2-2
+TEST(SealedSessions, AHelloWithoutAGoodCookieCostsNoWorkWithKeys) {
+  Server server;
+  Client client(server.identity.key.public_key);
+  client.open(kNow);
+  client.receive(server.receive(client.sent.front(), kNow)[0], kNow);
+  const Bytes hello = client.sent.back();
+  const auto answer = server.receive(hello, kNow, {.low = 2, .port = 7});
+  ASSERT_EQ(answer.size(), 1u);
+  EXPECT_EQ(answer[0].size(), 120u);
+  EXPECT_EQ(server.job_count, 0);
+}
+
+// sec-3.2-2: silence for who did not prove a key; a word for who did.
+TEST(SealedSessions, OnlyProvenClientsAreRefused) {
+  Server server;
+  server.door.is_open = false;
+  Client client(server.identity.key.public_key);
+  client.open(kNow);
+  client.receive(server.receive(client.sent.front(), kNow)[0], kNow);
+  Bytes changed = client.sent.back();
+  changed[200] ^= std::byte{1};
+  EXPECT_TRUE(server.receive(changed, kNow).empty());
+  EXPECT_EQ(server.door.asked_for, std::nullopt);
+  const auto refused = server.receive(client.sent.back(), kNow);
+  ASSERT_EQ(refused.size(), 1u);
+  EXPECT_EQ(header_of(refused[0]).status, wire::Status::kNotAllowed);
+  EXPECT_EQ(server.sessions->session_count(), 0u);
+  // sec-6-2: for the client a hint, as anybody may have said so.
+  client.receive(refused[0], kNow);
+  EXPECT_TRUE(client.events.empty() || client.events.back() != Kind::kRefused);
+  EXPECT_EQ(client.sealed.hint(), wire::Status::kNotAllowed);
+}
+
+// sec-2-4, sec-3.1-2: neither a server without level S nor another key gets the client to talk.
+TEST(SealedSessions, NothingMakesAClientGoOnUnsealedOrWithAnotherKey) {
+  wire::ServerSessionsConfig config;
+  config.epoch = 1;
+  wire::ServerSessions plain(config);
+  Server server;
+  Client client(server.identity.key.public_key);
+  client.open(kNow);
+  const wire::Verdict verdict = plain.on_frame(client.sent.front(), kClientAddress, kNow);
+  client.sent.clear();
+  client.receive(copy_of(verdict.frame), kNow);
+  EXPECT_TRUE(client.sent.empty());
+  EXPECT_EQ(client.sealed.hint(), wire::Status::kVersionUnsupported);
+  EXPECT_EQ(client.sealed.counters().dropped_for(DropReason::kBadPayload), 1u);
+
+  Server other;
+  other.door.is_open = true;
+  client.open(kNow);
+  talk(client, other, kNow);
+  EXPECT_FALSE(client.channel.is_ready());
+  EXPECT_EQ(client.sealed.other_key(), other.identity.key.public_key);
+  EXPECT_EQ(other.sessions->session_count(), 0u);
+}
+
+// sec-6-2, sec-6-3: whoever says that the session is unknown, its server is asked.
+TEST(SealedSessions, AForgedRefusalLosesNothing) {
+  Server server;
+  Client client(server.identity.key.public_key);
+  client.open(kNow);
+  talk(client, server, kNow);
+  client.call("one", kNow);
+  const Bytes call = client.sent.front();
+  client.sent.clear();  // Lost.
+  client.events.clear();
+  client.receive(forged(call, FrameKind::kRefuse, wire::Status::kUnknownSession), kNow);
+  EXPECT_EQ(client.sent.size(), 1u) << "a handshake in the background";
+  // At most one every 100 ms.
+  client.receive(forged(call, FrameKind::kRefuse, wire::Status::kUnknownSession), kNow + 99ms);
+  EXPECT_EQ(client.sent.size(), 1u);
+  for (const FrameKind kind : {FrameKind::kClose, FrameKind::kReply, FrameKind::kAck}) {
+    client.receive(forged(call, kind, wire::Status::kOk), kNow);
+  }
+  const std::uint64_t session = client.channel.session();
+  talk(client, server, kNow);
+  EXPECT_TRUE(client.events.empty());
+  EXPECT_EQ(client.channel.session(), session);
+  EXPECT_EQ(server.sessions->session_count(), 1u);
+  client.sent.push_back(call);
+  talk(client, server, kNow);
+  EXPECT_EQ(client.reply, "one");
+  EXPECT_EQ(client.sealed.counters().dropped_for(DropReason::kUnsealed), 5u);
+}
+
+// sec-6-3: said by the server itself, under its key.
+TEST(SealedSessions, ARestartedServerIsFoundByItsRefusal) {
+  Server server;
+  Client client(server.identity.key.public_key);
+  client.open(kNow);
+  talk(client, server, kNow);
+  const std::uint64_t epoch = client.channel.welcome().server_epoch;
+  server.restart();
+  client.call("one", kNow);
+  client.events.clear();
+  talk(client, server, kNow);
+  ASSERT_FALSE(client.events.empty());
+  EXPECT_EQ(client.events.back(), Kind::kLost);
+  // The next handshake is done already.
+  client.open(kNow);
+  EXPECT_TRUE(client.sent.empty());
+  ASSERT_TRUE(client.channel.is_ready());
+  EXPECT_NE(client.channel.welcome().server_epoch, epoch);
+  client.call("two", kNow);
+  talk(client, server, kNow);
+  EXPECT_EQ(client.reply, "two");
+}
+
+/// The handshake of `key` by hand, after `client` got its COOKIE; message 1 names `former`.
+std::optional<wire::SealedWelcome> welcome_of(const Client& client, const seal::KeyPair& key,
+                                              std::uint64_t former, Server& server) {
+  Bytes hello = client.sent.back();
+  wire::Header header = header_of(hello);
+  ++header.call_id;
+  wire::encode(header, hello.data());
+  const auto payload = std::span<const std::byte, wire::Hello::kSize>(
+      ConstBytes(hello).subspan(wire::kHeaderSize, wire::Hello::kSize));
+  const auto read = wire::decode_sealed_hello(ConstBytes(hello).subspan(wire::kHeaderSize));
+  Bytes cookie(wire::SealedCookie::kSize);
+  wire::encode(wire::SealedCookie{read->hello.cookie, server.identity.key.public_key,
+                                  server.identity.suites},
+               cookie);
+  const bool is_aes = (read->hello.features & wire::kFeatureAesGcm) != 0;
+  seal::Initiator initiator(is_aes ? seal::Suite::kAesGcm : seal::Suite::kChaChaPoly, key.clone(),
+                            server.identity.key.public_key, {}, seal::KeyPair::generate(),
+                            wire::prologue_of(header, payload, cookie));
+  Bytes named(wire::kMessage1PayloadSize);
+  store_le(named.data(), former);
+  EXPECT_TRUE(
+      initiator.write_message_1(named, MutableBytes(hello).last(wire::SealedHello::kMessageSize)));
+  const auto answers = server.receive(hello, kNow);
+  if (answers.size() != 1 || header_of(answers[0]).kind != FrameKind::kWelcome) return std::nullopt;
+  Bytes inner(wire::SealedWelcome::kInnerSize);
+  EXPECT_TRUE(initiator.read_message_2(ConstBytes(answers[0]).subspan(wire::kHeaderSize), inner));
+  return wire::decode_sealed_welcome(inner, read->hello.features);
+}
+
+// sec-6-3, sec-6-4
+TEST(SealedSessions, AServerTellsOfASessionOnlyToItsClient) {
+  Server server;
+  Client client(server.identity.key.public_key);
+  client.open(kNow);
+  talk(client, server, kNow);
+  client.call("one", kNow);
+  talk(client, server, kNow);
+  const std::uint64_t session = client.channel.session();
+
+  Client stranger(server.identity.key.public_key);
+  stranger.open(kNow);
+  stranger.receive(server.receive(stranger.sent.front(), kNow)[0], kNow);
+  const auto to_stranger = welcome_of(stranger, stranger.key, session, server);
+  ASSERT_TRUE(to_stranger);
+  EXPECT_EQ(to_stranger->former, wire::FormerSession::kGone);
+  EXPECT_NE(to_stranger->session, session);
+
+  const auto to_client = welcome_of(stranger, client.key, session, server);
+  ASSERT_TRUE(to_client);
+  EXPECT_EQ(to_client->former, wire::FormerSession::kAlive);
+  EXPECT_EQ(to_client->session, session);
+  const auto of_none = welcome_of(stranger, client.key, 0, server);
+  ASSERT_TRUE(of_none);
+  EXPECT_EQ(of_none->former, wire::FormerSession::kNone);
+  // All the while its session goes on.
+  client.call("two", kNow);
+  talk(client, server, kNow);
+  EXPECT_EQ(client.reply, "two");
+}
+
+TEST(SealedSessions, HandshakesAtATimeAreLimited) {
+  Server server;
+  std::vector<HandshakeJob*> jobs;
+  for (std::uint32_t i = 0; i < 9; ++i) {
+    Client client(server.identity.key.public_key);
+    client.open(kNow);
+    client.receive(server.receive(client.sent.front(), kNow)[0], kNow);
+    Bytes hello = client.sent.back();
+    const auto outcome = server.sealed->on_frame(hello, kClientAddress, kNow);
+    if (outcome.job != nullptr) jobs.push_back(outcome.job);
+    // A copy of what is at work already is no further work.
+    EXPECT_EQ(server.sealed->on_frame(hello, kClientAddress, kNow).job, nullptr);
+  }
+  EXPECT_EQ(jobs.size(), 8u);
+  EXPECT_EQ(server.sealed->counters().dropped_for(DropReason::kRateLimited), 2u);
+}
+
+// sec-6-1: a session that nobody proved to want replaces none, and does not stay.
+TEST(SealedSessions, HalfOpenSessionsReplaceNothingAndEnd) {
+  Server server;
+  Client client(server.identity.key.public_key);
+  client.open(kNow);
+  talk(client, server, kNow);
+  EXPECT_EQ(server.sealed->half_open_count(), 1u);
+  client.call("one", kNow);
+  talk(client, server, kNow);
+  EXPECT_EQ(server.sealed->half_open_count(), 0u);
+  const std::uint64_t session = client.channel.session();
+
+  // The same client forgets its keys and begins again; its WELCOME gets lost.
+  client.sealed.reset();
+  client.open(kNow);
+  while (!client.sent.empty()) {
+    const Bytes frame = client.sent.front();
+    client.sent.pop_front();
+    for (const Bytes& answer : server.receive(frame, kNow)) {
+      if (header_of(answer).kind != FrameKind::kWelcome) client.receive(answer, kNow);
+    }
+  }
+  EXPECT_EQ(server.sealed->half_open_count(), 1u);
+  EXPECT_TRUE(server.sessions->is_known(session));
+  server.sealed->on_time(kNow + 2s + 1ns);
+  EXPECT_EQ(server.sealed->half_open_count(), 0u);
+  EXPECT_TRUE(server.sessions->is_known(session));
+}
+
+// sec-6-1: a quarter of the table.
+TEST(SealedSessions, HalfOpenSessionsLeaveMostOfTheTableToOthers) {
+  Server server;
+  std::vector<std::unique_ptr<Client>> clients;
+  for (std::uint32_t i = 0; i < 6; ++i) {
+    clients.push_back(std::make_unique<Client>(server.identity.key.public_key));
+    clients.back()->open(kNow + i * 1ms);
+    talk(*clients.back(), server, kNow + i * 1ms);
+  }
+  EXPECT_EQ(server.sealed->half_open_count(), 2u);
+}
+
+// sec-4-4: a sealed session takes nothing unsealed; unsealed ones may live beside it.
+TEST(SealedSessions, StandBesideUnsealedOnesWhereTheServerAllowsIt) {
+  for (const bool takes_unsealed : {false, true}) {
+    Server server(wire::Medium::kDatagram, 3, takes_unsealed);
+    Client client(server.identity.key.public_key);
+    client.open(kNow);
+    talk(client, server, kNow);
+    client.call("one", kNow);
+    const Bytes call = client.sent.front();
+    Bytes plain = forged(call, FrameKind::kCall, wire::Status::kOk, 4);
+    EXPECT_TRUE(server.receive(plain, kNow).empty());
+    EXPECT_EQ(server.sealed->counters().dropped_for(DropReason::kUnsealed), 1u);
+    EXPECT_TRUE(server.receive(forged(call, FrameKind::kClose, wire::Status::kOk), kNow).empty());
+    talk(client, server, kNow);
+    EXPECT_EQ(client.reply, "one");
+
+    std::array<std::byte, wire::kDatagramFrameSizeMax> buffer{};
+    wire::ClientChannel channel({.client_epoch = 9, .channel = 2}, buffer);
+    const auto answers = server.receive(copy_of(channel.open(kPriority, kNever, kNow)), kNow);
+    EXPECT_EQ(answers.size(), takes_unsealed ? 1u : 0u);
+    if (!takes_unsealed) continue;
+    const auto hello = copy_of(channel.on_frame(answers[0], kNow).frame);
+    static_cast<void>(channel.on_frame(server.receive(hello, kNow)[0], kNow));
+    ASSERT_TRUE(channel.is_ready());
+    const auto plain_call = channel.call(
+        {.service = 1, .method = 1, .priority = kPriority, .deadline = kNever}, plain, kNow);
+    const auto replies = server.receive(copy_of(*plain_call), kNow);
+    ASSERT_EQ(replies.size(), 1u);
+    EXPECT_EQ(channel.on_frame(replies[0], kNow).kind, Kind::kReply);
+    EXPECT_EQ(server.sealed->client_of(channel.session()), std::nullopt);
+    // The flag alone makes no frame of an unsealed session a sealed one.
+    Bytes flagged = copy_of(*plain_call);
+    flagged.resize(flagged.size() + 24);
+    wire::mark_sealed(flagged.data());
+    EXPECT_TRUE(server.receive(flagged, kNow).empty());
+  }
+}
+
+// sec-5-7: over a stream, any frame that does not fit ends the connection.
+TEST(SealedSessions, AStreamEndsAtTheFirstFrameThatDoesNotFit) {
+  for (const int fault : {0, 1, 2}) {
+    Server server(wire::Medium::kStream);
+    Client client(server.identity.key.public_key, wire::Medium::kStream);
+    client.open(kNow);
+    EXPECT_EQ(client.sent.front().size(), 232u) << "message 1 at once";
+    talk(client, server, kNow);
+    ASSERT_TRUE(client.channel.is_ready());
+    client.call("one", kNow);
+    Bytes call = client.sent.front();
+    if (fault == 0) talk(client, server, kNow);  // Then it is a copy.
+    if (fault == 1) call.back() ^= std::byte{1};
+    if (fault == 2) call[call.size() - 24] ^= std::byte{1};
+    EXPECT_TRUE(server.receive(call, kNow).empty());
+    EXPECT_TRUE(server.has_hung_up) << fault;
+    client.receive(call, kNow);
+    EXPECT_TRUE(client.is_broken);
+  }
+}
+
+TEST(SealedSessions, ClosedSessionsHaveNoKeys) {
+  Server server;
+  Client client(server.identity.key.public_key);
+  client.open(kNow);
+  talk(client, server, kNow);
+  const std::uint64_t session = client.channel.session();
+  client.send(client.channel.close(kNow), kNow);
+  EXPECT_FALSE(client.sealed.has_session());
+  talk(client, server, kNow);
+  EXPECT_EQ(server.sealed->client_of(session), std::nullopt);
+  EXPECT_EQ(server.sessions->session_count(), 0u);
+}
+
+}  // namespace
+}  // namespace rtpm::sealed::test
