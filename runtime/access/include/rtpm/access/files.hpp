@@ -1,0 +1,46 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/seal/primitives.hpp"
+
+namespace rtpm::access {
+
+/// The folder of this user's keys and grants: $RTPM_KEYS, else $XDG_CONFIG_HOME/rtpm, else
+/// ~/.config/rtpm.
+/// @realtime set-up only
+/// @errors   none of these variables is set
+[[nodiscard]] expected<std::string, SetupError> key_folder();
+
+/// The names of the files in it.
+inline constexpr std::string_view kKeyFile = "key";
+inline constexpr std::string_view kAuthorizedFile = "authorized";
+inline constexpr std::string_view kKnownServersFile = "known_servers";
+
+/// How much of a file is read at most; a longer one is refused.
+inline constexpr std::size_t kFileSizeMax = 1024 * 1024;
+
+/// Makes a key and its file, "rtpm25519 BASE64 comment", which only its owner can read. The folder
+/// is made, too, mode 0700.
+/// @param comment  one line, such as "alice@lab"
+/// @realtime set-up only: waits for the disk
+/// @errors   there is a file already: it stays; what the system says
+[[nodiscard]] expected<seal::KeyPair, SetupError> make_key(const std::string& path,
+                                                           std::string_view comment);
+
+/// The key of a file.
+/// @realtime set-up only
+/// @errors   no such file; a file that others can read or write, or of another owner than this user
+///           or root; no regular file; no key in it
+[[nodiscard]] expected<seal::KeyPair, SetupError> read_key(const std::string& path);
+
+/// The content of a file of grants or known servers; a missing one is empty.
+/// @realtime set-up only
+/// @errors   a file that others can write, or of another owner than this user or root; no regular
+///           file; more than kFileSizeMax bytes
+[[nodiscard]] expected<std::string, SetupError> read_trusted_file(const std::string& path);
+
+}  // namespace rtpm::access

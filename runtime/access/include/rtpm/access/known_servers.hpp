@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "rtpm/access/authorized.hpp"
+
+namespace rtpm::access {
+
+/// A server whose key the client has pinned.
+struct KnownServer {
+  std::string host{};      ///< As in its URL: a name or a numeric address, IPv6 without brackets.
+  std::uint16_t port = 0;  ///< 0: all of that host.
+  seal::PublicKey key{};
+  std::size_t line = 0;  ///< In its file, from 1.
+  friend bool operator==(const KnownServer&, const KnownServer&) = default;
+};
+
+/// What a file of known servers says.
+struct KnownServers {
+  std::vector<KnownServer> servers{};
+  std::vector<LineFault> faults{};
+  std::size_t fault_count = 0;  ///< Also of those beyond kFaultCountMax.
+
+  /// The keys for this server, those for the port before those for the host: a server may hold two
+  /// for a time. Empty: it is not known, and must not be called in plain either if others are.
+  [[nodiscard]] std::vector<KnownServer> find(std::string_view host, std::uint16_t port) const;
+};
+
+/// Reads known servers, one a line; a line that begins with `#` is a comment:
+///
+///     robot-cell rtpm25519 BASE64
+///     192.168.7.4:7420 rtpm25519 BASE64
+///     [fd00::4]:7420 rtpm25519 BASE64
+///
+/// A faulty line is left out, the others stay in force.
+/// @realtime set-up only
+[[nodiscard]] KnownServers parse_known_servers(std::string_view text);
+
+/// The line that parse_known_servers() reads as `server`.
+[[nodiscard]] std::string to_line(const KnownServer& server);
+
+}  // namespace rtpm::access

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace rtpm::access {
+
+/// Which objects a grant covers: a path of which a component may be `*`, any one component, or
+/// `**`, any number of components, also none.
+class ObjectPattern {
+ public:
+  /// Nothing if `text` is no path but for its stars: `*` and `**` stand alone in a component.
+  [[nodiscard]] static std::optional<ObjectPattern> parse(std::string_view text);
+
+  /// @param path  of an object, "lab/arm0"
+  /// @realtime alloc-free; at most the product of both lengths in components
+  [[nodiscard]] bool covers(std::string_view path) const noexcept;
+  [[nodiscard]] const std::string& text() const noexcept { return text_; }
+
+  friend bool operator==(const ObjectPattern&, const ObjectPattern&) = default;
+
+ private:
+  explicit ObjectPattern(std::string_view text) : text_(text) {}
+
+  std::string text_;
+};
+
+}  // namespace rtpm::access

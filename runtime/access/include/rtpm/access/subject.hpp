@@ -1,0 +1,25 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "rtpm/access/address_range.hpp"
+#include "rtpm/seal/primitives.hpp"
+
+namespace rtpm::access {
+
+/// Who asks, as far as it is proved: by a key in a sealed session, by the kernel on this host, or
+/// not at all.
+struct Subject {
+  enum class Kind : std::uint8_t { kAnonymous, kLocalUser, kKey };
+  Kind kind = Kind::kAnonymous;
+  std::uint32_t user = 0;  ///< The user's number, of a local user.
+  seal::PublicKey key{};   ///< Of a key.
+  friend bool operator==(const Subject&, const Subject&) noexcept = default;
+};
+
+/// As a line of `authorized` begins: "rtpm25519 BASE64", "uid:1000", "anonymous".
+/// @realtime set-up only
+[[nodiscard]] std::string to_text(const Subject& subject);
+
+}  // namespace rtpm::access

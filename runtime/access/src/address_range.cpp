@@ -1,0 +1,62 @@
+#include "rtpm/access/address_range.hpp"
+
+#include <arpa/inet.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cstring>
+
+namespace rtpm::access {
+namespace {
+
+constexpr unsigned kBitCount = 128;
+constexpr unsigned kMappedBitCount = 96;  // Of ::ffff:0:0/96, before an IPv4 address.
+
+bool is_set(const NetworkAddress& address, unsigned bit) noexcept {
+  return ((address[bit / 8] >> (7 - bit % 8)) & 1) != 0;
+}
+
+}  // namespace
+
+std::optional<NetworkAddress> parse_address(std::string_view text) {
+  const std::string copy(text);  // inet_pton() wants a zero at its end.
+  NetworkAddress address{};
+  if (inet_pton(AF_INET6, copy.c_str(), address.data()) == 1) return address;
+  address = {};
+  address[10] = address[11] = 0xff;
+  if (inet_pton(AF_INET, copy.c_str(), address.data() + 12) == 1) return address;
+  return std::nullopt;
+}
+
+std::optional<AddressRange> AddressRange::parse(std::string_view text) {
+  const std::size_t slash = text.find('/');
+  const std::string_view address = text.substr(0, slash);
+  const auto prefix = parse_address(address);
+  if (!prefix) return std::nullopt;
+  const bool is_ipv4 = address.find(':') == std::string_view::npos;
+  const unsigned first = is_ipv4 ? kMappedBitCount : 0;
+  AddressRange range;
+  range.text_ = text;
+  range.prefix_ = *prefix;
+  range.bit_count_ = kBitCount;
+  if (slash == std::string_view::npos) return range;
+  const std::string_view count = text.substr(slash + 1);
+  unsigned bits = 0;
+  const auto [end, error] = std::from_chars(count.data(), count.data() + count.size(), bits);
+  if (error != std::errc{} || end != count.data() + count.size() || bits > kBitCount - first)
+    return std::nullopt;
+  range.bit_count_ = first + bits;
+  for (unsigned bit = range.bit_count_; bit < kBitCount; ++bit) {
+    if (is_set(range.prefix_, bit)) return std::nullopt;
+  }
+  return range;
+}
+
+bool AddressRange::contains(const NetworkAddress& address) const noexcept {
+  for (unsigned bit = 0; bit < bit_count_; ++bit) {
+    if (is_set(prefix_, bit) != is_set(address, bit)) return false;
+  }
+  return true;
+}
+
+}  // namespace rtpm::access

@@ -1,0 +1,99 @@
+#include "rtpm/access/known_servers.hpp"
+
+#include <algorithm>
+#include <charconv>
+
+#include "rtpm/base/printable.hpp"
+#include "rtpm/seal/key_text.hpp"
+#include "words.hpp"
+
+namespace rtpm::access {
+namespace {
+
+constexpr std::size_t kHostSizeMax = 253;  // Of a name in the DNS.
+
+/// "host", "host:port", "[address]" or "[address]:port".
+bool read_place(std::string_view text, KnownServer& server) {
+  std::string_view port;
+  if (text.starts_with('[')) {
+    const std::size_t end = text.find(']');
+    if (end == std::string_view::npos) return false;
+    server.host = text.substr(1, end - 1);
+    port = text.substr(end + 1);
+  } else {
+    const std::size_t colon = std::min(text.find(':'), text.size());
+    server.host = text.substr(0, colon);
+    port = text.substr(colon);
+  }
+  if (server.host.empty() || server.host.size() > kHostSizeMax) return false;
+  if (port.empty()) return true;
+  const auto [end, error] =
+      std::from_chars(port.data() + 1, port.data() + port.size(), server.port);
+  return port.front() == ':' && error == std::errc{} && end == port.data() + port.size() &&
+         server.port != 0;
+}
+
+/// The fault of a line; nothing if it is sound.
+std::optional<LineFault> read_line(std::string_view line, KnownServer& server) {
+  const std::vector<Word> words = words_of(line);
+  const auto fault = [&](std::size_t word, std::string why) {
+    const std::size_t column = word < words.size() ? words[word].column : line.size() + 1;
+    return LineFault{server.line, column, std::move(why)};
+  };
+  if (line.size() > kGrantLineSizeMax) return fault(0, "the line is too long");
+  if (!read_place(words[0].text, server))
+    return fault(0, "'" + printable(words[0].text, 64) +
+                        "' is no server; write HOST, HOST:PORT or [IPV6]:PORT");
+  if (words.size() < 2 || words[1].text != seal::kKeyTextName)
+    return fault(1, "rtpm25519 and a key follow the server");
+  if (words.size() < 3 || !seal::decode_key(words[2].text, server.key))
+    return fault(2, "a public key has 44 characters of Base64; `rtpm key show` prints one");
+  if (words.size() > 3 && !words[3].text.starts_with('#'))
+    return fault(3, "nothing but a comment, which begins with #, follows the key");
+  return std::nullopt;
+}
+
+}  // namespace
+
+KnownServers parse_known_servers(std::string_view text) {
+  KnownServers result;
+  visit_lines(text, [&](std::string_view line, std::size_t number) {
+    KnownServer server;
+    server.line = number;
+    auto fault = read_line(line, server);
+    if (!fault && result.servers.size() == kGrantCountMax)
+      fault =
+          LineFault{number, 1, "a file has at most " + std::to_string(kGrantCountMax) + " servers"};
+    if (!fault) {
+      result.servers.push_back(std::move(server));
+    } else if (++result.fault_count <= kFaultCountMax) {
+      result.faults.push_back(std::move(*fault));
+    }
+  });
+  return result;
+}
+
+std::vector<KnownServer> KnownServers::find(std::string_view host, std::uint16_t port) const {
+  std::vector<KnownServer> found;
+  for (const std::uint16_t wanted : {port, std::uint16_t{0}}) {
+    for (const KnownServer& server : servers) {
+      if (server.host == host && server.port == wanted) found.push_back(server);
+    }
+  }
+  return found;
+}
+
+std::string to_line(const KnownServer& server) {
+  const bool is_ipv6 = server.host.find(':') != std::string::npos;
+  std::string line = is_ipv6 ? '[' + server.host + ']' : server.host;
+  if (server.port != 0) line += ':' + std::to_string(server.port);
+  seal::KeyText key;
+  seal::encode_key(server.key, key);
+  line += ' ';
+  line += seal::kKeyTextName;
+  line += ' ';
+  line.append(key.data(), key.size());
+  return line;
+}
+
+}  // namespace rtpm::access

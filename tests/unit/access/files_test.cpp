@@ -1,0 +1,107 @@
+#include "rtpm/access/files.hpp"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+namespace rtpm::access {
+namespace {
+
+/// A folder of its own, which goes at the end.
+class Files : public testing::Test {
+ protected:
+  Files() {
+    std::string name = (std::filesystem::temp_directory_path() / "rtpm-access-XXXXXX").string();
+    folder_ = ::mkdtemp(name.data());
+  }
+  ~Files() override { std::filesystem::remove_all(folder_); }
+
+  [[nodiscard]] std::string path(const char* name) const { return folder_ + "/" + name; }
+  void write(const char* name, const std::string& text, mode_t mode) const {
+    std::ofstream(path(name)) << text;
+    ::chmod(path(name).c_str(), mode);
+  }
+
+  std::string folder_;
+};
+
+TEST_F(Files, AKeyIsReadAsItWasMade) {
+  const auto made = make_key(path("sub/key"), "alice@lab");
+  ASSERT_TRUE(made) << made.error().text();
+  struct stat status {};
+  ASSERT_EQ(::stat(path("sub/key").c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777, 0600U);
+  ASSERT_EQ(::stat(path("sub").c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777, 0700U);
+  const auto read = read_key(path("sub/key"));
+  ASSERT_TRUE(read) << read.error().text();
+  EXPECT_EQ(read->public_key, made->public_key);
+}
+
+TEST_F(Files, AKeyIsNeverReplaced) {
+  const auto first = make_key(path("key"), "");
+  ASSERT_TRUE(first);
+  const auto second = make_key(path("key"), "");
+  ASSERT_FALSE(second);
+  EXPECT_NE(second.error().text().find("there is one already"), std::string::npos);
+  EXPECT_EQ(read_key(path("key"))->public_key, first->public_key);
+}
+
+TEST_F(Files, AKeyThatOthersCanReadIsRefusedWithTheRemedy) {
+  ASSERT_TRUE(make_key(path("key"), ""));
+  for (const mode_t mode : {0640U, 0604U, 0620U}) {
+    ::chmod(path("key").c_str(), mode);
+    const auto read = read_key(path("key"));
+    ASSERT_FALSE(read);
+    EXPECT_NE(read.error().text().find("chmod 600 " + path("key")), std::string::npos)
+        << read.error().text();
+  }
+}
+
+TEST_F(Files, SaysWhatIsNoKey) {
+  const auto missing = read_key(path("key"));
+  ASSERT_FALSE(missing);
+  EXPECT_NE(missing.error().text().find("rtpm key new"), std::string::npos);
+  write("empty", "", 0600);
+  EXPECT_FALSE(read_key(path("empty")));
+  write("broken", "rtpm25519 AAAA\n", 0600);
+  EXPECT_FALSE(read_key(path("broken")));
+  EXPECT_FALSE(read_key(folder_));
+  ASSERT_EQ(::mkfifo(path("pipe").c_str(), 0600), 0);
+  EXPECT_FALSE(read_key(path("pipe")));
+}
+
+TEST_F(Files, AMissingFileOfGrantsIsEmpty) {
+  const auto read = read_trusted_file(path("authorized"));
+  ASSERT_TRUE(read);
+  EXPECT_TRUE(read->empty());
+}
+
+TEST_F(Files, GrantsThatOthersCanWriteAreRefused) {
+  write("authorized", "uid:1 role=observe on=**\n", 0644);
+  EXPECT_TRUE(read_trusted_file(path("authorized")));
+  ::chmod(path("authorized").c_str(), 0664);
+  const auto read = read_trusted_file(path("authorized"));
+  ASSERT_FALSE(read);
+  EXPECT_NE(read.error().text().find("chmod go-w"), std::string::npos) << read.error().text();
+}
+
+TEST_F(Files, OfAnotherUserAreRefused) {
+  if (::geteuid() != 0) GTEST_SKIP() << "needs root, to give a file to another user";
+  write("authorized", "", 0644);
+  ASSERT_EQ(::chown(path("authorized").c_str(), 4711, 4711), 0);
+  const auto read = read_trusted_file(path("authorized"));
+  ASSERT_FALSE(read);
+  EXPECT_NE(read.error().text().find("another user, number 4711"), std::string::npos);
+}
+
+TEST_F(Files, AGiantOneIsRefused) {
+  write("authorized", std::string(kFileSizeMax + 1, 'x'), 0644);
+  EXPECT_FALSE(read_trusted_file(path("authorized")));
+}
+
+}  // namespace
+}  // namespace rtpm::access

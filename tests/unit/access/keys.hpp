@@ -1,0 +1,23 @@
+#pragma once
+
+#include <string>
+
+#include "rtpm/access/subject.hpp"
+
+namespace rtpm::access {
+
+/// Base64 of 32 bytes that are all `value`, and the subject with this key.
+inline seal::PublicKey key_of(unsigned char value) {
+  seal::PublicKey key{};
+  key.fill(std::byte{value});
+  return key;
+}
+inline Subject subject_of(unsigned char value) {
+  return {Subject::Kind::kKey, 0, key_of(value)};
+}
+/// "rtpm25519 BASE64"
+inline std::string text_of(unsigned char value) {
+  return to_text(subject_of(value));
+}
+
+}  // namespace rtpm::access
