@@ -25,6 +25,7 @@ const std::vector<Part>& parts() {
       {"protocol/seal/", "seal", {"base"}},
       {"protocol/wire/", "wire", {"base"}},
       {"protocol/sealed/", "sealed", {"base", "seal", "wire"}},
+      {"runtime/access/", "access", {"base", "seal", "wire"}},
       {"runtime/rt/", "rt", {"base"}},
       {"runtime/transport/", "transport", {"base", "wire", "rt"}},
       {"runtime/rpc/", "rpc", {"base", "wire", "rt", "transport"}},
@@ -135,10 +136,10 @@ const std::vector<Foreign>& foreigners() {
       {std::regex("((sys|net|netinet|arpa|linux|asm)/.*|(unistd|pthread|sched|poll|fcntl|signal|"
                   "spawn|dirent|dlfcn|netdb|ifaddrs|termios|malloc)\\.h)"),
        "the operating system",
-       {"runtime/rt/", "runtime/transport/", "runtime/options/src/", "gvd/driver_host/src/",
-        "registry/recording/src/", "devices/evdev/src/", "devices/falcon/src/", "devices/hid/src/",
-        "devices/io/src/", "devices/mpv/src/", "devices/serial/src/", "clients/console/",
-        "clients/rtpm/"}},
+       {"runtime/access/src/", "runtime/rt/", "runtime/transport/", "runtime/options/src/",
+        "gvd/driver_host/src/", "registry/recording/src/", "devices/evdev/src/",
+        "devices/falcon/src/", "devices/hid/src/", "devices/io/src/", "devices/mpv/src/",
+        "devices/serial/src/", "clients/console/", "clients/rtpm/"}},
   };
   return kForeigners;
 }

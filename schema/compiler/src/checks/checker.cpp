@@ -128,6 +128,7 @@ class Checker {
     if (name == "rtpm_deadline_us") method.deadline_us = static_cast<std::uint32_t>(value.number);
     if (name == "rtpm_idempotent") method.is_idempotent = true;
     if (name == "rtpm_oneway") method.oneway = static_cast<OnewayLevel>(value.number);
+    if (name == "rtpm_role") method.role = static_cast<Role>(value.number);
     if (name == "rtpm_deferred") method.is_deferred = true;
     if (name == "rtpm_stream") method.is_stream = true;
     if (name == "rtpm_max_size") method.max_size = static_cast<std::uint32_t>(value.number);

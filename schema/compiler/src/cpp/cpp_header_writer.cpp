@@ -6,6 +6,7 @@
 #include "cpp/cpp_names.hpp"
 #include "cpp/cpp_writer.hpp"
 #include "model/quantities.hpp"
+#include "model/spelling.hpp"
 
 namespace rtpm::schema::cpp {
 namespace {
@@ -59,6 +60,7 @@ std::string facts(const Method& method) {
     text += ", default deadline " + std::to_string(*method.deadline_us) + " us";
   }
   if (method.oneway) text += ", oneway: its caller " + waiting_of(*method.oneway);
+  if (method.role != Role::kCommand) text += ", role " + std::string(spelling_of(method.role));
   if (method.is_deferred) text += ", deferred reply";
   if (method.is_stream) text += ", stream of replies";
   if (method.max_size) {

@@ -26,6 +26,21 @@ std::string priority(const Service& service) {
          ",\n    .priority = " + std::to_string(*service.priority);
 }
 
+/// The role's member of a method's descriptor, which has kCommand by itself.
+std::string role(const Method& method) {
+  switch (method.role) {
+    case Role::kObserve:
+      return ",\n     .role = ::rtpm::Role::kObserve";
+    case Role::kCommand:
+      return {};
+    case Role::kConfigure:
+      return ",\n     .role = ::rtpm::Role::kConfigure";
+    case Role::kAdminister:
+      break;
+  }
+  return ",\n     .role = ::rtpm::Role::kAdminister";
+}
+
 std::string descriptors(const Model& model, const Service& service,
                         const std::string& compiler_version) {
   const std::string stem = short_name(service.name);
@@ -36,7 +51,7 @@ std::string descriptors(const Model& model, const Service& service,
             ",\n     .fingerprint = " + hexadecimal(method.fingerprint, 8) +
             ",\n     .is_idempotent = " + (method.is_idempotent ? "true" : "false") +
             ",\n     .default_deadline = ::std::chrono::microseconds{" +
-            std::to_string(method.deadline_us.value_or(0)) + "}},\n";
+            std::to_string(method.deadline_us.value_or(0)) + "}" + role(method) + "},\n";
   }
   text += "};\n\nconstexpr ::rtpm::rpc::InterfaceDescriptor k" + stem +
           "Interface{\n    .name = " + literal(service.name) +

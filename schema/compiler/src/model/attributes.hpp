@@ -23,7 +23,7 @@ struct KnownAttribute {
   AttributeValue value{};
   std::uint32_t min = 0;
   std::uint32_t max = 0;
-  std::array<std::string_view, 3> choices{};  ///< Unused ones are empty.
+  std::array<std::string_view, 4> choices{};  ///< Unused ones are empty.
 };
 
 /// The attributes that schema/idl/rtpm.fbs declares.
@@ -39,6 +39,12 @@ inline constexpr std::array kKnownAttributes{
                    0,
                    0,
                    {"sent", "received", "done"}},
+    KnownAttribute{"rtpm_role",
+                   AttributePlace::kMethod,
+                   AttributeValue::kChoice,
+                   0,
+                   0,
+                   {"observe", "command", "configure", "administer"}},
     KnownAttribute{"rtpm_deferred", AttributePlace::kMethod, AttributeValue::kNone},
     KnownAttribute{"rtpm_stream", AttributePlace::kMethod, AttributeValue::kNone},
     // The protocol's own limit of a message.

@@ -26,6 +26,11 @@ std::string_view spelling_of(OnewayLevel level) noexcept {
   return kNames[static_cast<std::size_t>(level)];
 }
 
+std::string_view spelling_of(Role role) noexcept {
+  constexpr std::array<std::string_view, 4> kNames{"observe", "command", "configure", "administer"};
+  return kNames[static_cast<std::size_t>(role)];
+}
+
 std::string_view spelling_of(PriorityModel model) noexcept {
   return model == PriorityModel::kServerDeclared ? "server_declared" : "client_propagated";
 }

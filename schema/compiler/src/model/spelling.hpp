@@ -11,6 +11,7 @@ namespace rtpm::schema {
 [[nodiscard]] std::string_view spelling_of(BaseType type) noexcept;
 [[nodiscard]] std::string_view spelling_of(PayloadKind kind) noexcept;
 [[nodiscard]] std::string_view spelling_of(OnewayLevel level) noexcept;
+[[nodiscard]] std::string_view spelling_of(Role role) noexcept;
 [[nodiscard]] std::string_view spelling_of(PriorityModel model) noexcept;
 
 /// A type in a schema: "[lab.Force]".

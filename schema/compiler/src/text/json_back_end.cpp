@@ -81,7 +81,8 @@ class ModelWriter {
               {"fingerprint", hexadecimal(method.fingerprint, 8)},
               {"request", payload_json(method.request)},
               {"reply", payload_json(method.reply)},
-              {"is_idempotent", method.is_idempotent}};
+              {"is_idempotent", method.is_idempotent},
+              {"role", spelling_of(method.role)}};
     if (method.deadline_us) json["deadline_us"] = *method.deadline_us;
     if (method.oneway) json["oneway"] = spelling_of(*method.oneway);
     json["is_deferred"] = method.is_deferred;

@@ -188,6 +188,7 @@ class TextWriter {
       list.number(method.deadline_us.has_value(), "rtpm_deadline_us",
                   method.deadline_us.value_or(0));
       if (method.oneway) list.text("rtpm_oneway", spelling_of(*method.oneway));
+      if (method.role != Role::kCommand) list.text("rtpm_role", spelling_of(method.role));
       list.flag(method.is_deferred, "rtpm_deferred").flag(method.is_stream, "rtpm_stream");
       list.number(method.max_size.has_value(), "rtpm_max_size", method.max_size.value_or(0));
       text_ += comment(method.documentation, "  ") + "  " + method.name + '(' +

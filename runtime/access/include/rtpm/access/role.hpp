@@ -1,19 +1,11 @@
 #pragma once
 
-#include <cstdint>
 #include <optional>
 #include <string_view>
 
-namespace rtpm::access {
+#include "rtpm/base/role.hpp"
 
-/// What an identity may do with an object. Each role includes those before it.
-enum class Role : std::uint8_t {
-  kNone,
-  kObserve,     ///< Reads, subscribes, describes.
-  kCommand,     ///< Moves and pushes: forces, poses, leases, events.
-  kConfigure,   ///< Changes parameters, calibrates.
-  kAdminister,  ///< Stops, takes leases away, binds names.
-};
+namespace rtpm::access {
 
 /// "observe", …; of kNone "none".
 [[nodiscard]] std::string_view to_string(Role role) noexcept;

@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "rtpm/base/priority.hpp"
+#include "rtpm/base/role.hpp"
 #include "rtpm/base/time.hpp"
 
 namespace rtpm::rpc {
@@ -30,6 +31,7 @@ struct MethodDescriptor {
   std::uint32_t fingerprint = 0;  ///< Of everything that both sides must agree on to call it.
   bool is_idempotent = false;     ///< `rtpm_idempotent`: running it twice does no harm.
   Duration default_deadline{0};   ///< `rtpm_deadline_us`; 0: the node's default.
+  Role role = Role::kCommand;     ///< `rtpm_role`: which one a caller needs.
 };
 
 /// What generated code says of one rpc_service. Every instance is a constant of static life.

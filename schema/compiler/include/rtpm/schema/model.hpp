@@ -137,6 +137,14 @@ enum class OnewayLevel : std::uint8_t {
   kDone,      ///< "done": the servant's method has returned.
 };
 
+/// Which role a caller needs, each including those before it.
+enum class Role : std::uint8_t {
+  kObserve,     ///< "observe"
+  kCommand,     ///< "command"
+  kConfigure,   ///< "configure"
+  kAdminister,  ///< "administer"
+};
+
 /// The priority at which a service's methods run.
 enum class PriorityModel : std::uint8_t {
   kClientPropagated,  ///< The caller's, or the service's if the caller states none.
@@ -151,6 +159,7 @@ struct Method {
   bool is_idempotent = false;                  ///< `rtpm_idempotent`.
   std::optional<std::uint32_t> deadline_us{};  ///< `rtpm_deadline_us`.
   std::optional<OnewayLevel> oneway{};         ///< `rtpm_oneway`; the reply is then kEmpty.
+  Role role = Role::kCommand;                  ///< `rtpm_role`.
   bool is_deferred = false;                    ///< `rtpm_deferred`.
   bool is_stream = false;                   ///< `rtpm_stream`: any number of replies, each an item.
   std::optional<std::uint32_t> max_size{};  ///< `rtpm_max_size`: bytes of a request or reply.
