@@ -8,6 +8,7 @@
 #include <string_view>
 #include <utility>
 
+#include "rtpm/etcd_store/etcd_storage.hpp"
 #include "rtpm/file_store/file_storage.hpp"
 #include "rtpm/file_store/json.hpp"
 #include "rtpm/introspection/catalog.hpp"
@@ -41,9 +42,26 @@ void report(std::string_view sentence) {
   rtpm::rt::print_error("rtpm-registryd", sentence);
 }
 
-std::unique_ptr<rtpm::names::Storage> storage_of(const Configuration& configuration) {
-  if (configuration.store == kMemory) return nullptr;
-  return rtpm::file_store::make_file_storage(configuration.store);
+/// Where the names of one registry are, or of several; neither: in memory.
+struct Storages {
+  std::unique_ptr<rtpm::names::Storage> own{};
+  std::unique_ptr<rtpm::names::SharedStorage> shared{};
+  [[nodiscard]] rtpm::names::Storage* any() const noexcept {
+    return shared ? shared.get() : own.get();
+  }
+};
+
+rtpm::expected<Storages, rtpm::SetupError> storages_of(const Configuration& configuration) {
+  Storages storages;
+  if (configuration.store == kMemory) return storages;
+  if (!rtpm::etcd_store::is_etcd_url(configuration.store)) {
+    storages.own = rtpm::file_store::make_file_storage(configuration.store);
+    return storages;
+  }
+  auto shared = rtpm::etcd_store::make_etcd_storage(configuration.store);
+  if (!shared) return rtpm::unexpected{std::move(shared.error())};
+  storages.shared = std::move(*shared);
+  return storages;
 }
 
 int dump(rtpm::names::Storage& storage) {
@@ -65,10 +83,12 @@ int load(rtpm::names::Storage& storage, const Configuration& configuration) {
   return 0;
 }
 
-/// `--dump` and `--load`: works on the file, and serves nothing.
+/// `--dump` and `--load`: works on the storage, and serves nothing.
 int transfer(const Configuration& configuration) {
-  const auto storage = storage_of(configuration);
-  if (!storage) return fail("--dump and --load need --store FILE");
+  const auto storages = storages_of(configuration);
+  if (!storages) return fail(storages.error().text());
+  rtpm::names::Storage* const storage = storages->any();
+  if (storage == nullptr) return fail("--dump and --load need --store FILE or --store etcd://…");
   if (configuration.dumps && configuration.loads) return fail("give either --dump or --load");
   return configuration.dumps ? dump(*storage) : load(*storage, configuration);
 }
@@ -77,8 +97,12 @@ int serve(const Configuration& configuration) {
   const rtpm::options::StopSignal stop;
   const auto prepared = rtpm::options::prepare(configuration.settings);
   if (!prepared) return fail(prepared.error().text());
-  auto made = rtpm::names::make_registry(
-      {.limits = configuration.limits, .report = report, .storage = storage_of(configuration)});
+  auto storages = storages_of(configuration);
+  if (!storages) return fail(storages.error().text());
+  auto made = rtpm::names::make_registry({.limits = configuration.limits,
+                                          .report = report,
+                                          .storage = std::move(storages->own),
+                                          .shared_storage = std::move(storages->shared)});
   if (!made) return fail(made.error().text());
   const auto registry = std::move(*made);
   auto server = rtpm::rpc::Server::create(configuration.settings.server);
@@ -119,13 +143,14 @@ int main(int argc, char** argv) {
   server.port = rtpm::names::kDefaultRegistryPort;
   // One blocking lane: names are not resolved in real-time loops.
   server.lanes = {{.name = "registry", .wait = {.strategy = rtpm::rt::WaitStrategy::kBlock}}};
-  // Each watch is a stream.
-  server.deferred_call_count_max = static_cast<std::uint32_t>(limits.watch_count_max) + 32;
+  // Each watch is a stream; changes in etcd wait for it.
+  server.deferred_call_count_max = static_cast<std::uint32_t>(limits.watch_count_max) + 288;
   server.stream_count_max = static_cast<std::uint32_t>(limits.watch_count_max);
   server.stream_byte_max = 64 * 1024;
   rtpm::options::add_server(options, configuration.settings);
   options.add("store", configuration.store,
-              "Where names are kept: memory, or the file of a SQLite database");
+              "Where names are kept: memory, the file of a SQLite database, or "
+              "etcd://HOST:PORT,HOST:PORT/PREFIX, for several registries together");
   options.add("dump", configuration.dumps, "Print the permanent names of --store as JSON, and end");
   options.add("load", configuration.loads,
               "Bind the names of such JSON on standard input in --store, and end");

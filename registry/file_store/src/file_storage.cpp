@@ -68,7 +68,7 @@ class FileStorage final : public names::Storage {
     return content;
   }
 
-  expected<void, StorageError> commit(const names::StoredChange& change) override {
+  expected<std::uint64_t, StorageError> commit(const names::StoredChange& change) override {
     if (is_read_only_ || is_failed_) {
       const char* const why = is_read_only_ ? "it was found damaged" : "writing it failed before";
       return unexpected{
@@ -81,7 +81,7 @@ class FileStorage final : public names::Storage {
       }
       return unexpected{failure(result, why)};
     }
-    return {};
+    return change.revision;
   }
 
  private:

@@ -90,6 +90,15 @@ std::optional<std::vector<names::Property>> properties_of(const Json& json) {
   return properties;
 }
 
+std::string properties_to_json(const std::vector<names::Property>& properties) {
+  return json_of(properties).dump();
+}
+
+std::optional<std::vector<names::Property>> properties_from_json(std::string_view text) {
+  const Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  return json.is_discarded() ? std::nullopt : properties_of(json);
+}
+
 std::string to_json(const std::vector<names::StoredName>& stored) {
   Json list = Json::array();
   for (const names::StoredName& each : stored) {

@@ -33,6 +33,14 @@ void ChangeLog::add(LoggedChange change) {
   }
 }
 
+void ChangeLog::restart(std::uint64_t revision) {
+  changes_.clear();
+  byte_count_ = 0;
+  newest_ = std::max(newest_, revision);
+  forgotten_ = newest_;
+  ++restart_count_;
+}
+
 std::size_t ChangeLog::index_after(std::uint64_t revision) const noexcept {
   const auto found = std::ranges::upper_bound(changes_, revision, {}, &LoggedChange::revision);
   return static_cast<std::size_t>(found - changes_.begin());

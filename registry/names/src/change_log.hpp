@@ -36,6 +36,10 @@ class ChangeLog {
   [[nodiscard]] std::size_t count_after(std::uint64_t revision) const noexcept;
   /// Of the last change.
   [[nodiscard]] std::uint64_t revision() const noexcept { return newest_; }
+  /// Forgets all changes: those up to `revision` are not known one by one.
+  void restart(std::uint64_t revision);
+  /// How often it was restarted.
+  [[nodiscard]] std::uint64_t restart_count() const noexcept { return restart_count_; }
 
  private:
   [[nodiscard]] std::size_t index_after(std::uint64_t revision) const noexcept;
@@ -45,6 +49,7 @@ class ChangeLog {
   std::size_t byte_count_ = 0;
   std::uint64_t forgotten_;  ///< The newest revision that was dropped.
   std::uint64_t newest_;
+  std::uint64_t restart_count_ = 0;
   std::deque<LoggedChange> changes_{};
 };
 

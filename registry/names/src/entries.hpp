@@ -7,7 +7,9 @@
 namespace rtpm::names {
 
 [[nodiscard]] inline Duration lease_left(const Record& record, MonotonicTime now) noexcept {
-  return record.is_permanent() ? Duration::max() : record.expires - now;
+  if (record.is_permanent()) return Duration::max();
+  // A shared storage knows of later renewals, at other registries.
+  return record.expires > now ? record.expires - now : record.stay;
 }
 
 /// A record as callers get it.

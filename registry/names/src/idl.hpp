@@ -86,6 +86,7 @@ static_assert(static_cast<Outcome>(OutcomeCode::ReadOnly) == Outcome::kReadOnly)
 static_assert(static_cast<Outcome>(OutcomeCode::StorageFull) == Outcome::kStorageFull);
 static_assert(static_cast<Outcome>(OutcomeCode::NotStored) == Outcome::kNotStored);
 static_assert(static_cast<Outcome>(OutcomeCode::Denied) == Outcome::kDenied);
-static_assert(OutcomeCode::MAX == OutcomeCode::Denied);
+static_assert(static_cast<Outcome>(OutcomeCode::StoreUnreachable) == Outcome::kStoreUnreachable);
+static_assert(OutcomeCode::MAX == OutcomeCode::StoreUnreachable);
 
 }  // namespace rtpm::names

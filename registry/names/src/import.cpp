@@ -13,7 +13,7 @@ class DurableAtTheEnd final : public Storage {
  public:
   explicit DurableAtTheEnd(Storage& storage) noexcept : storage_(storage) {}
   expected<StoredContent, SetupError> load() override { return storage_.load(); }
-  expected<void, StorageError> commit(const StoredChange& change) override {
+  expected<std::uint64_t, StorageError> commit(const StoredChange& change) override {
     StoredChange passed = change;
     passed.is_durable = is_last;
     return storage_.commit(passed);

@@ -103,6 +103,10 @@ std::string outcome_text(Outcome outcome, std::string_view name, std::uint8_t co
       return it + " was not changed, because the registry can't write its database: see its log";
     case Outcome::kDenied:
       return it + " is not for this caller, says the registry's policy: ask its operator";
+    case Outcome::kStoreUnreachable:
+      return it +
+             " may have been changed or not, because the registry's storage did not answer: look "
+             "at the name, and try again";
   }
   return it + " got the unknown outcome " + std::to_string(static_cast<int>(outcome)) +
          ": the registry is newer than this program";

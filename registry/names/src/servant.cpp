@@ -12,13 +12,16 @@
 #include "idl.hpp"
 #include "name.hpp"
 #include "query.hpp"
+#include "replica.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/log.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/wire/limits.hpp"
+#include "shared_writer.hpp"
 #include "watches.hpp"
+#include "write_queue.hpp"
 
 namespace rtpm::names {
 namespace {
@@ -44,7 +47,7 @@ bool is_limit(Outcome outcome) noexcept {
 
 bool is_of_storage(Outcome outcome) noexcept {
   return outcome == Outcome::kReadOnly || outcome == Outcome::kStorageFull ||
-         outcome == Outcome::kNotStored;
+         outcome == Outcome::kNotStored || outcome == Outcome::kStoreUnreachable;
 }
 
 /// One sentence per second: its suffix, which counts those held back; nullopt: it is held back.
@@ -54,7 +57,7 @@ std::optional<std::string> admit(LogLimit& limit, MonotonicTime now) {
   return count == 0 ? "" : " (and " + std::to_string(count) + " more before)";
 }
 
-Answer answer_of(const expected<void, Refusal>& result) {
+Answer answer_of_result(const expected<void, Refusal>& result) {
   return result ? names::answer_of(Outcome::kDone)
                 : names::answer_of(result.error().outcome, result.error().component);
 }
@@ -64,7 +67,7 @@ Answer answer_of(const expected<void, Refusal>& result) {
 // vector has an offset per entry.
 constexpr std::size_t kTextOverheadMax = 4 + 1 + 3;
 constexpr std::size_t kEntryOverheadMax = 3 * kTextOverheadMax + (4 + 3 * 4 + 2 * 8 + 8) + 4;
-constexpr std::size_t kPageOverheadMax = 96;
+constexpr std::size_t kPageOverheadMax = 112;
 // The builder's scratch space at the other end of the memory.
 constexpr std::size_t kScratchSizeMax = 128;
 constexpr std::size_t kPageSizeMax = wire::kDatagramPayloadSizeMax - kScratchSizeMax;
@@ -85,6 +88,27 @@ constexpr std::size_t kFoundSizeMax = std::size_t{256} * 1024;
 /// Upper bound of names per page.
 constexpr std::size_t kPageCountMax = kPageSizeMax / kEntryOverheadMax;
 
+/// The generated ids of the methods that change names.
+bool is_change(std::uint16_t method_id) noexcept {
+  switch (method_id) {
+    case 1:  // bind
+    case 2:  // rebind
+    case 3:  // renew
+    case 6:  // unbind
+    case 8:  // offer
+      return true;
+    default:
+      return false;
+  }
+}
+
+/// A change that a shared storage has not done by then is answered as kStoreUnreachable, while the
+/// caller still waits.
+MonotonicTime answer_by(const rpc::CallContext& context) {
+  if (context.deadline == kNever) return context.received + std::chrono::seconds{5};
+  return context.deadline - (context.deadline - context.received) / 8;
+}
+
 /// Every method allocates: the lane of a registry is not real-time. See make_servant().
 class RegistryServant final : public NamesServant {
   using Bind = expected<Granted, Refusal> (Store::*)(const Claim&, MonotonicTime);
@@ -92,14 +116,55 @@ class RegistryServant final : public NamesServant {
  public:
   RegistryServant(RegistryConfig config, StoredContent content)
       : storage_(std::move(config.storage)),
+        shared_storage_(std::move(config.shared_storage)),
         policy_(config.policy ? std::move(config.policy) : std::make_unique<const OpenPolicy>()),
         store_(config.limits, content.first_revision, storage_.get()),
         report_(config.report ? std::move(config.report) : [](std::string_view sentence) {
           rt::print_error("rtpm-names", sentence);
         }) {
+    if (shared_storage_) store_.share(*shared_storage_, rt::now());
     store_.restore(std::move(content.names), rt::now());
     for (const std::string& fault : content.faults)
       report_(fault);
+  }
+  RegistryServant(const RegistryServant&) = delete;
+  RegistryServant& operator=(const RegistryServant&) = delete;
+  ~RegistryServant() override {
+    if (!shared_storage_) return;
+    shared_storage_->stop();
+    queue_.stop();
+  }
+
+  /// Begins to take what other registries change.
+  expected<void, SetupError> follow() {
+    if (auto started = queue_.start(); !started) return started;
+    return shared_storage_->follow(replica_);
+  }
+
+  /// Changes in a shared storage wait for it on a thread of their own.
+  rpc::DispatchResult dispatch(std::uint16_t method_id, ConstBytes request, MutableBytes reply,
+                               const rpc::CallContext& context) override {
+    if (!shared_storage_ || context.deferral == nullptr || !is_change(method_id)) {
+      return NamesServant::dispatch(method_id, request, reply, context);
+    }
+    const rt::AllowAllocationScope not_real_time;
+    const std::uint32_t host = context.caller.ipv4;
+    if (!queue_.reserve(host)) return {wire::Status::kOverload, 0};
+    rpc::DeferredReply deferred = context.deferral->defer();
+    if (!deferred) {
+      queue_.release(host);
+      return {wire::Status::kOverload, 0};
+    }
+    const auto later = std::make_shared<rpc::DeferredReply>(std::move(deferred));
+    rpc::CallContext kept = context;
+    kept.deferral = nullptr;
+    queue_.add(host, [this, later, method_id, kept,
+                      bytes = std::vector<std::byte>(request.begin(), request.end())] {
+      if (!later->is_awaited() || rt::now() >= kept.deadline) return;
+      const auto done = NamesServant::dispatch(method_id, bytes, later->buffer(), kept);
+      later->complete(done.status, done.reply_size);
+    });
+    return {};
   }
 
   rpc::Result<void> bind(const BindRequest& request, rpc::ReplyBuilder<BindReply>& reply,
@@ -113,9 +178,14 @@ class RegistryServant final : public NamesServant {
 
   rpc::Result<Answer> renew(const RenewRequest& request, const rpc::CallContext& context) override {
     const rt::AllowAllocationScope not_real_time;
-    const std::lock_guard lock(mutex_);
+    std::unique_lock lock(mutex_);
     if (!allows(context, Operation::kRenew, view_of(request.name()), owner_of(*request.owner()))) {
       return names::answer_of(Outcome::kDenied);
+    }
+    if (shared_storage_) {
+      lock.unlock();
+      return answer_of(writer_->renew(view_of(request.name()), owner_of(*request.owner()),
+                                      duration_of(request.lease_ns()), answer_by(context)));
     }
     return answer_of(store_.renew(view_of(request.name()), owner_of(*request.owner()),
                                   duration_of(request.lease_ns()), rt::now()));
@@ -174,7 +244,8 @@ class RegistryServant final : public NamesServant {
     flatbuffers::Offset<flatbuffers::String> note{};
     if (!found->note.empty()) note = builder.CreateString(found->note);
     reply.finish(CreateFindReply(builder, &answer, list,
-                                 static_cast<std::uint32_t>(found->accepted_count), 0, 0, note));
+                                 static_cast<std::uint32_t>(found->accepted_count), 0, 0, note,
+                                 ns_of(store_.stale_for(now))));
     return {};
   }
 
@@ -200,7 +271,7 @@ class RegistryServant final : public NamesServant {
     flatbuffers::FlatBufferBuilder& builder = reply.builder();
     if (!page) {
       const Answer answer = names::answer_of(page.error().outcome, page.error().component);
-      reply.finish(CreateListReply(builder, &answer, 0, true));
+      reply.finish(CreateListReply(builder, &answer, 0, true, ns_of(store_.stale_for(now))));
       return {};
     }
     std::size_t size_max = kPageOverheadMax;
@@ -212,16 +283,22 @@ class RegistryServant final : public NamesServant {
     }
     const bool is_last = page->is_last && entries.size() == page->records.size();
     const Answer answer = names::answer_of(Outcome::kDone);
-    reply.finish(CreateListReply(builder, &answer, builder.CreateVector(entries), is_last));
+    reply.finish(CreateListReply(builder, &answer, builder.CreateVector(entries), is_last,
+                                 ns_of(store_.stale_for(now))));
     return {};
   }
 
   rpc::Result<Answer> unbind(const UnbindRequest& request,
                              const rpc::CallContext& context) override {
     const rt::AllowAllocationScope not_real_time;
-    const std::lock_guard lock(mutex_);
+    std::unique_lock lock(mutex_);
     if (!allows(context, Operation::kUnbind, view_of(request.name()), owner_of(*request.owner()))) {
       return names::answer_of(Outcome::kDenied);
+    }
+    if (shared_storage_) {
+      lock.unlock();
+      return answer_of(writer_->unbind(view_of(request.name()), owner_of(*request.owner()),
+                                       request.holder_revision(), answer_by(context)));
     }
     const auto unbound = store_.unbind(view_of(request.name()), owner_of(*request.owner()),
                                        rt::now(), request.holder_revision());
@@ -250,10 +327,19 @@ class RegistryServant final : public NamesServant {
     }
     const auto refused_list = builder.CreateVector(refused);
     const auto host_list = builder.CreateVector(hosts);
+    flatbuffers::Offset<flatbuffers::String> place{};
+    flatbuffers::Offset<flatbuffers::String> trouble{};
+    if (shared_storage_) {
+      place = builder.CreateString(shared_storage_->place());
+      const std::string words = replica_.trouble();
+      trouble = builder.CreateString(words.substr(0, kReportedTroubleMax));
+    }
     reply.finish(CreateReport(builder, static_cast<std::uint32_t>(store_.size()),
                               static_cast<std::uint32_t>(store_.owner_count()), takeover_count_,
                               refused_list, host_list, static_cast<std::uint32_t>(watches_.count()),
-                              watches_.cut_off_count()));
+                              watches_.cut_off_count(), place, ns_of(store_.stale_for(rt::now())),
+                              trouble, static_cast<std::uint32_t>(queue_.count()),
+                              queue_.overload_count()));
     return {};
   }
 
@@ -274,16 +360,18 @@ class RegistryServant final : public NamesServant {
     } else {
       answer = names::answer_of(record.error().outcome, record.error().component);
     }
-    reply.finish(CreateResolveReply(builder, &answer, entry));
+    reply.finish(CreateResolveReply(builder, &answer, entry, ns_of(store_.stale_for(now))));
     return {};
   }
 
   /// Fits a datagram together with all outcomes.
   static constexpr std::size_t kReportedHostMax = 8;
+  static constexpr std::size_t kReportedTroubleMax = 300;
 
   rpc::Result<void> bind(const Claim& claim, rpc::ReplyBuilder<BindReply>& reply,
                          Bind bind_in_store, const rpc::CallContext& context) {
     const rt::AllowAllocationScope not_real_time;
+    if (shared_storage_) return bind_shared(claim, reply, bind_in_store == Bind{&Store::rebind}, context);
     std::optional<std::string> sentence;
     {
       const std::lock_guard lock(mutex_);
@@ -306,6 +394,43 @@ class RegistryServant final : public NamesServant {
     }
     if (sentence) report_(*sentence);
     return {};
+  }
+
+  rpc::Result<void> bind_shared(const Claim& claim, rpc::ReplyBuilder<BindReply>& reply,
+                                bool replaces, const rpc::CallContext& context) {
+    std::unique_lock lock(mutex_);
+    const bool is_allowed = allows(context, Operation::kBind, claim.name, claim.owner);
+    lock.unlock();
+    const auto bound = is_allowed ? writer_->bind(claim, replaces, answer_by(context))
+                                  : expected<SharedGrant, SharedRefusal>(
+                                        unexpected{SharedRefusal{denied()}});
+    std::optional<std::string> sentence;
+    lock.lock();
+    const MonotonicTime now = rt::now();
+    if (!bound) {
+      sentence = note_refusal(claim, bound.error().refusal, now);
+      write_refusal(bound.error().refusal, reply, now);
+    } else {
+      if (bound->granted.is_takeover) sentence = note_takeover(claim, *bound->former, now);
+      const Answer answer = names::answer_of(Outcome::kDone);
+      reply.finish(CreateBindReply(reply.builder(), &answer, 0, 0, 0, ns_of(bound->granted.lease),
+                                   bound->granted.revision));
+    }
+    lock.unlock();
+    if (sentence) report_(*sentence);
+    return {};
+  }
+
+  /// For those that only succeed or are refused.
+  [[nodiscard]] Answer answer_of(const expected<void, SharedRefusal>& result) {
+    if (result) return names::answer_of(Outcome::kDone);
+    const Refusal& refusal = result.error().refusal;
+    const std::lock_guard lock(mutex_);
+    if (is_of_storage(refusal.outcome)) report_trouble(rt::now());
+    return names::answer_of(refusal.outcome, refusal.component);
+  }
+  [[nodiscard]] static Answer answer_of(const expected<void, Refusal>& result) {
+    return names::answer_of_result(result);
   }
 
   static void write_refusal(const Refusal& refusal, rpc::ReplyBuilder<BindReply>& reply,
@@ -353,10 +478,18 @@ class RegistryServant final : public NamesServant {
 
   rt::PiMutex mutex_;
   std::unique_ptr<Storage> storage_;
+  std::unique_ptr<SharedStorage> shared_storage_;
   std::unique_ptr<const Policy> policy_;
   Store store_;
-  Watches watches_{mutex_, store_, rt::random_u64()};
+  Watches watches_{mutex_, store_,
+                   shared_storage_ ? shared_storage_->identity() : rt::random_u64()};
   RegistryReport report_;
+  Replica replica_{mutex_, store_, watches_, store_.log().revision(), [this](std::string_view text) { report_(text); }};
+  std::optional<SharedWriter> writer_{
+      shared_storage_ ? std::optional<SharedWriter>(
+                            std::in_place, mutex_, store_, *shared_storage_, replica_)
+                      : std::nullopt};
+  WriteQueue queue_{};
   std::array<std::uint64_t, static_cast<std::size_t>(OutcomeCode::MAX) + 1> refused_counts_{};
   std::uint64_t takeover_count_ = 0;
   LogLimit limit_log_{{.burst = 2}};
@@ -375,12 +508,21 @@ std::unique_ptr<rpc::Servant> make_servant(Limits limits, RegistryReport report)
 
 expected<std::unique_ptr<rpc::Servant>, SetupError> make_registry(RegistryConfig config) {
   StoredContent content{.first_revision = rt::random_u64() >> 1 | 1};
-  if (config.storage) {
-    auto loaded = config.storage->load();
+  Storage* const storage =
+      config.shared_storage ? config.shared_storage.get() : config.storage.get();
+  if (storage != nullptr) {
+    auto loaded = storage->load();
     if (!loaded) return unexpected{std::move(loaded.error())};
     content = std::move(*loaded);
   }
-  return std::make_unique<RegistryServant>(std::move(config), std::move(content));
+  const bool is_shared = config.shared_storage != nullptr;
+  auto registry = std::make_unique<RegistryServant>(std::move(config), std::move(content));
+  if (is_shared) {
+    if (auto followed = registry->follow(); !followed) {
+      return unexpected{std::move(followed.error())};
+    }
+  }
+  return registry;
 }
 
 }  // namespace rtpm::names

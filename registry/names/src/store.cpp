@@ -23,6 +23,13 @@ std::size_t last_component(std::string_view name) {
   return static_cast<std::size_t>(std::count(name.begin(), name.end(), '/'));
 }
 
+/// What others may have written in a shared storage is no name where the rules would refuse it.
+bool is_sound(const StoredName& stored) {
+  return !first_bad_component(stored.name) && is_url(stored.url) && is_interface(stored.interface) &&
+         stored.owner.id != 0 && stored.lease >= Duration{0} &&
+         !first_bad_property(stored.properties);
+}
+
 /// Whether `owner` holds the record. A later start may unbind an earlier one's name, but must bind
 /// before it renews.
 expected<void, Refusal> check_owner(const Record& record, Owner owner, bool may_be_later) {
@@ -45,19 +52,37 @@ Store::Store(Limits limits, std::uint64_t first_revision, Storage* storage)
 
 void Store::restore(std::vector<StoredName> names, MonotonicTime now) {
   for (StoredName& stored : names) {
-    const Duration lease = std::min(stored.lease, limits_.first_lease_max);
-    insert({.name = std::move(stored.name),
-            .url = std::move(stored.url),
-            .interface = std::move(stored.interface),
-            .owner = stored.owner,
-            .expires = stored.is_permanent() ? kNever : now + lease,
-            .revision = stored.revision,
-            .bound = now,
-            .host = stored.host,
-            .properties = std::move(stored.properties),
-            .change = stored.change,
-            .lease = stored.lease});
+    if (shared_ == nullptr || is_sound(stored)) insert(record_of(std::move(stored), now));
   }
+}
+
+Record Store::record_of(StoredName stored, MonotonicTime now) const {
+  const Duration lease =
+      shared_ != nullptr ? stored.lease : std::min(stored.lease, limits_.first_lease_max);
+  const Duration stay = shared_ != nullptr ? shared_->stay_of(stored.lease) : lease;
+  return {.name = std::move(stored.name),
+          .url = std::move(stored.url),
+          .interface = std::move(stored.interface),
+          .owner = stored.owner,
+          .expires = stored.is_permanent() ? kNever : now + stay,
+          .revision = stored.revision,
+          .bound = now,
+          .host = stored.host,
+          .properties = std::move(stored.properties),
+          .change = stored.change,
+          .lease = stored.lease,
+          .stay = stay};
+}
+
+StoredName stored_name_of(const Record& record) {
+  return {record.name,   record.url,  record.interface, record.owner,     record.revision,
+          record.change, record.host, record.lease,     record.properties};
+}
+
+Granted Plan::granted() const noexcept {
+  return {.lease = next.is_permanent() ? Duration::max() : next.lease,
+          .revision = next.revision,
+          .is_takeover = former && former->owner.id != next.owner.id};
 }
 
 expected<Granted, Refusal> Store::bind(const Claim& claim, MonotonicTime now) {
@@ -67,8 +92,13 @@ expected<Granted, Refusal> Store::rebind(const Claim& claim, MonotonicTime now) 
   return bind(claim, /*replaces=*/true, now);
 }
 
-expected<Granted, Refusal> Store::bind(const Claim& from_anywhere, bool replaces,
-                                       MonotonicTime now) {
+expected<Granted, Refusal> Store::bind(const Claim& claim, bool replaces, MonotonicTime now) {
+  auto planned = plan(claim, replaces, now);
+  if (!planned) return unexpected{planned.error()};
+  return put(std::move(*planned));
+}
+
+expected<Plan, Refusal> Store::plan(const Claim& from_anywhere, bool replaces, MonotonicTime now) {
   expire(now);
   Claim claim = from_anywhere;
   // The 16 million loopback addresses are one host.
@@ -78,7 +108,7 @@ expected<Granted, Refusal> Store::bind(const Claim& from_anywhere, bool replaces
   if (place == records_.end()) {
     if (auto checked = check_place(claim.name); !checked) return unexpected{checked.error()};
     if (auto checked = check_room(claim, nullptr); !checked) return unexpected{checked.error()};
-    return put(claim, place, now);
+    return plan_of(claim, place, now);
   }
   if (auto checked = check_holder(claim, place->second, replaces); !checked) {
     return unexpected{checked.error()};
@@ -86,7 +116,7 @@ expected<Granted, Refusal> Store::bind(const Claim& from_anywhere, bool replaces
   if (auto checked = check_room(claim, &place->second); !checked) {
     return unexpected{checked.error()};
   }
-  return put(claim, place, now);
+  return plan_of(claim, place, now);
 }
 
 // Whether the claim may take a held name.
@@ -105,20 +135,43 @@ expected<void, Refusal> Store::check_holder(const Claim& claim, const Record& he
                 &held);
 }
 
-expected<void, Refusal> Store::renew(std::string_view name, Owner owner, Duration lease,
-                                     MonotonicTime now) {
+expected<Plan, Refusal> Store::plan_renewal(std::string_view name, Owner owner, Duration lease,
+                                            MonotonicTime now) {
   expire(now);
   if (lease < limits_.lease_min || lease > limits_.lease_max) return refuse(Outcome::kBadLease);
   const auto place = find(name);
   if (!place) return unexpected{place.error()};
-  Record& record = (*place)->second;
-  if (auto checked = check_owner(record, owner, /*may_be_later=*/false); !checked) return checked;
+  const Record& record = (*place)->second;
+  if (auto checked = check_owner(record, owner, /*may_be_later=*/false); !checked) {
+    return unexpected{checked.error()};
+  }
+  Plan plan{.next = record, .former = std::make_shared<const Record>(record), .is_renewal = true};
+  if (record.is_permanent()) return plan;
+  const bool is_settled = now - record.bound >= limits_.first_lease_max;
+  plan.next.lease = is_settled ? lease : std::min(lease, limits_.first_lease_max);
+  plan.next.expires = now + plan.next.lease;
+  return plan;
+}
+
+expected<void, Refusal> Store::renew(std::string_view name, Owner owner, Duration lease,
+                                     MonotonicTime now) {
+  const auto plan = plan_renewal(name, owner, lease, now);
+  if (!plan) return unexpected{plan.error()};
+  Record& record = records_.find(name)->second;
   if (record.is_permanent()) return {};
   ends_.erase({record.expires, record.name});
-  const bool is_settled = now - record.bound >= limits_.first_lease_max;
-  record.expires = now + (is_settled ? lease : std::min(lease, limits_.first_lease_max));
+  record.expires = plan->next.expires;
   ends_.emplace(record.expires, record.name);
   return {};
+}
+
+void Store::note_renewal(std::string_view name, MonotonicTime now) {
+  const auto place = records_.find(name);
+  if (place == records_.end() || place->second.is_permanent()) return;
+  Record& record = place->second;
+  ends_.erase({record.expires, record.name});
+  record.expires = now + record.stay;
+  ends_.emplace(record.expires, record.name);
 }
 
 expected<const Record*, Refusal> Store::resolve(std::string_view name, MonotonicTime now) {
@@ -128,20 +181,102 @@ expected<const Record*, Refusal> Store::resolve(std::string_view name, Monotonic
   return &(*place)->second;
 }
 
-expected<void, Refusal> Store::unbind(std::string_view name, Owner owner, MonotonicTime now,
-                                      std::uint64_t holder_revision) {
+expected<const Record*, Refusal> Store::plan_unbind(std::string_view name, Owner owner,
+                                                    MonotonicTime now,
+                                                    std::uint64_t holder_revision) {
   expire(now);
   const auto place = find(name);
   if (!place) return unexpected{place.error()};
   const Record& record = (*place)->second;
   if (holder_revision == 0) {
-    if (auto checked = check_owner(record, owner, /*may_be_later=*/true); !checked) return checked;
+    if (auto checked = check_owner(record, owner, /*may_be_later=*/true); !checked) {
+      return unexpected{checked.error()};
+    }
   } else if (record.revision != holder_revision) {
     return refuse(Outcome::kStaleRevision, last_component(name), &record);
   }
-  auto stored = commit({record.name, nullptr, next_revision_, record.is_permanent()});
-  if (stored) drop(*place);
-  return stored;
+  return &record;
+}
+
+expected<void, Refusal> Store::unbind(std::string_view name, Owner owner, MonotonicTime now,
+                                      std::uint64_t holder_revision) {
+  const auto found = plan_unbind(name, owner, now, holder_revision);
+  if (!found) return unexpected{found.error()};
+  const Record& record = **found;
+  const auto stored =
+      commit({record.name, nullptr, next_revision_, record.is_permanent(), record.change});
+  if (!stored) return unexpected{stored.error()};
+  next_revision_ = *stored;
+  drop(records_.find(name));
+  return {};
+}
+
+void Store::share(const SharedStorage& storage, MonotonicTime now) {
+  shared_ = &storage;
+  current_as_of_ = now;
+}
+
+void Store::confirm(MonotonicTime as_of) noexcept {
+  current_as_of_ = std::max(current_as_of_, as_of);
+  ++confirm_count_;
+}
+
+Duration Store::stale_for(MonotonicTime now) const noexcept {
+  if (shared_ == nullptr || now - current_as_of_ < kStaleAfter) return {};
+  return now - current_as_of_;
+}
+
+void Store::apply(std::vector<SharedChange> changes, MonotonicTime now) {
+  for (std::size_t i = 0; i < changes.size();) {
+    const std::uint64_t revision = changes[i].revision;
+    std::size_t end = i + 1;
+    while (end < changes.size() && changes[end].revision == revision)
+      ++end;
+    const bool is_one = end == i + 1;
+    for (; i < end; ++i)
+      apply(std::move(changes[i]), is_one, now);
+    next_revision_ = std::max(next_revision_, revision + 1);
+    // Watches resume by revisions: what has the same one can't be told one by one.
+    if (!is_one) log_.restart(revision);
+  }
+}
+
+void Store::apply(SharedChange change, bool is_logged, MonotonicTime now) {
+  const auto place = records_.find(change.name);
+  std::shared_ptr<const Record> former;
+  if (place != records_.end()) {
+    former = std::make_shared<const Record>(place->second);
+    erase(place);
+  }
+  std::shared_ptr<const Record> next;
+  if (change.stored && is_sound(*change.stored)) {
+    Record record = record_of(std::move(*change.stored), now);
+    if (former && former->revision == record.revision) record.bound = former->bound;
+    next = std::make_shared<const Record>(record);
+    insert(std::move(record));
+  }
+  const bool is_same = former && next && former->revision == next->revision &&
+                       former->url == next->url && former->interface == next->interface &&
+                       former->properties == next->properties &&
+                       former->is_permanent() == next->is_permanent();
+  if (is_logged && !is_same && (former || next)) log_.add({change.revision, former, next});
+}
+
+void Store::apply_all(std::vector<StoredName> names, std::uint64_t revision, MonotonicTime now) {
+  std::map<std::string, MonotonicTime, std::less<>> since;
+  for (const auto& [name, record] : records_)
+    since.emplace(name + ' ' + std::to_string(record.revision), record.bound);
+  while (!records_.empty())
+    erase(records_.begin());
+  for (StoredName& stored : names) {
+    if (!is_sound(stored)) continue;
+    Record record = record_of(std::move(stored), now);
+    const auto known = since.find(record.name + ' ' + std::to_string(record.revision));
+    if (known != since.end()) record.bound = known->second;
+    insert(std::move(record));
+  }
+  next_revision_ = std::max(next_revision_, revision + 1);
+  log_.restart(revision);
 }
 
 expected<Page, Refusal> Store::list(std::string_view directory, std::string_view after,
@@ -169,11 +304,13 @@ expected<Page, Refusal> Store::list(std::string_view directory, std::string_view
 }
 
 void Store::expire(MonotonicTime now) {
+  if (shared_ != nullptr) return;  // It does that.
   while (!ends_.empty() && ends_.begin()->first <= now) {
     const auto place = records_.find(ends_.begin()->second);
     // A storage that fails does not lengthen a lease. What it still has is leased again after a
     // restart, and ends.
-    static_cast<void>(commit({place->first, nullptr, next_revision_, /*is_durable=*/false}));
+    static_cast<void>(commit(
+        {place->first, nullptr, next_revision_, /*is_durable=*/false, place->second.change}));
     drop(place);
   }
 }
@@ -218,32 +355,36 @@ Record Store::record_of(const Claim& claim, const Record* kept, MonotonicTime no
           .lease = claim.is_permanent ? Duration{0} : lease};
 }
 
-expected<Granted, Refusal> Store::put(const Claim& claim, Records::iterator held,
-                                      MonotonicTime now) {
-  std::shared_ptr<const Record> former;
-  if (held != records_.end()) former = std::make_shared<const Record>(held->second);
-  const bool is_kept = former && former->owner == claim.owner;
-  Record next = record_of(claim, is_kept ? former.get() : nullptr, now);
+Plan Store::plan_of(const Claim& claim, Records::iterator held, MonotonicTime now) const {
+  Plan plan;
+  if (held != records_.end()) plan.former = std::make_shared<const Record>(held->second);
+  const Record* const kept =
+      plan.former && plan.former->owner == claim.owner ? plan.former.get() : nullptr;
+  plan.next = record_of(claim, kept, now);
   // A bind that changes nothing but the lease is no change.
-  const bool is_same = is_kept && former->url == next.url && former->interface == next.interface &&
-                       former->properties == next.properties &&
-                       former->is_permanent() == next.is_permanent();
-  if (is_same) {
-    next.change = former->change;
-  } else {
-    const StoredName stored{next.name,   next.url,  next.interface, next.owner,     next.revision,
-                            next.change, next.host, next.lease,     next.properties};
-    const bool is_durable = next.is_permanent() || (former && former->is_permanent());
-    if (auto kept = commit({next.name, &stored, next.change, is_durable}); !kept) {
-      return unexpected{kept.error()};
-    }
-    ++next_revision_;
-    log_.add({next.change, former, std::make_shared<const Record>(next)});
+  plan.is_renewal = kept != nullptr && kept->url == plan.next.url &&
+                    kept->interface == plan.next.interface &&
+                    kept->properties == plan.next.properties &&
+                    kept->is_permanent() == plan.next.is_permanent();
+  plan.is_durable = plan.next.is_permanent() || (plan.former && plan.former->is_permanent());
+  if (plan.is_renewal) plan.next.change = kept->change;
+  return plan;
+}
+
+expected<Granted, Refusal> Store::put(Plan plan) {
+  Record& next = plan.next;
+  if (!plan.is_renewal) {
+    const StoredName stored = stored_name_of(next);
+    const auto kept = commit({next.name, &stored, next.change, plan.is_durable,
+                              plan.former ? plan.former->change : 0});
+    if (!kept) return unexpected{kept.error()};
+    next.change = *kept;
+    if (!plan.keeps_holder()) next.revision = *kept;
+    next_revision_ = *kept + 1;
+    log_.add({next.change, plan.former, std::make_shared<const Record>(next)});
   }
-  const Granted granted{.lease = next.is_permanent() ? Duration::max() : next.lease,
-                        .revision = next.revision,
-                        .is_takeover = former && former->owner.id != claim.owner.id};
-  if (former) erase(held);
+  const Granted granted = plan.granted();
+  if (plan.former) erase(records_.find(next.name));
   insert(std::move(next));
   return granted;
 }
@@ -265,20 +406,27 @@ void Store::insert(Record next) {
   ++host.count_of_owner[record.owner.id];
 }
 
-expected<void, Refusal> Store::commit(const StoredChange& change) {
-  if (storage_ == nullptr) return {};
+expected<std::uint64_t, Refusal> Store::commit(const StoredChange& change) {
+  if (storage_ == nullptr) return change.revision;
   const auto stored = storage_->commit(change);
-  if (stored) return {};
-  storage_trouble_ = stored.error().text();
-  switch (stored.error().kind) {
+  if (!stored) return unexpected{refusal_of(stored.error())};
+  return *stored;
+}
+
+Refusal Store::refusal_of(const StorageError& error) {
+  storage_trouble_ = error.text();
+  switch (error.kind) {
     case StorageError::Kind::kFull:
-      return refuse(Outcome::kStorageFull);
+      return {Outcome::kStorageFull};
     case StorageError::Kind::kReadOnly:
-      return refuse(Outcome::kReadOnly);
+      return {Outcome::kReadOnly};
+    case StorageError::Kind::kUnreachable:
+    case StorageError::Kind::kConflict:
+      return {Outcome::kStoreUnreachable};
     case StorageError::Kind::kFailed:
       break;
   }
-  return refuse(Outcome::kNotStored);
+  return {Outcome::kNotStored};
 }
 
 expected<void, Refusal> Store::check_claim(const Claim& claim) const {

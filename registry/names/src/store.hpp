@@ -39,6 +39,8 @@ struct Record {
   /// Of the last change, other than a renewal; counted together with the holders' revisions.
   std::uint64_t change = 0;
   Duration lease{};  ///< As granted by the last bind; 0: it is permanent.
+  /// Of a shared storage: how long it at most stays once nobody renews it.
+  Duration stay{};
 
   [[nodiscard]] bool is_permanent() const noexcept { return lease == Duration{0}; }
 };
@@ -50,6 +52,19 @@ struct Refusal {
   std::uint8_t component = 0;
   /// The holder, for kAlreadyBound, kStaleEpoch and kNotOwner; valid until the next call.
   const Record* holder = nullptr;
+};
+
+/// What a claim comes to.
+struct Plan {
+  /// A revision, and a holder's, that are still to be given equal Store::next_revision().
+  Record next{};
+  std::shared_ptr<const Record> former{};  ///< Null: the name is not bound.
+  bool is_renewal = false;                 ///< Nothing changes but the end of the lease.
+  bool is_durable = false;
+  [[nodiscard]] bool keeps_holder() const noexcept {
+    return former && former->owner == next.owner;
+  }
+  [[nodiscard]] Granted granted() const noexcept;
 };
 
 /// A page of list().
@@ -67,6 +82,35 @@ class Store {
   /// Revisions count from `first_revision`; choose another range for each start of a registry.
   /// A change happens only after `storage` has it; null: none keeps it.
   explicit Store(Limits limits = {}, std::uint64_t first_revision = 1, Storage* storage = nullptr);
+
+  /// From now on a shared storage ends the leases, and apply() has all changes.
+  void share(const SharedStorage& storage, MonotonicTime now);
+  [[nodiscard]] bool is_shared() const noexcept { return shared_ != nullptr; }
+  /// What a shared storage has told. Of several changes with one revision the log knows nothing.
+  void apply(std::vector<SharedChange> changes, MonotonicTime now);
+  /// The full content of a shared storage, in place of what was here.
+  void apply_all(std::vector<StoredName> names, std::uint64_t revision, MonotonicTime now);
+  /// Everything that was stored before `as_of` is here.
+  void confirm(MonotonicTime as_of) noexcept;
+  /// How often it was confirmed.
+  [[nodiscard]] std::uint64_t confirm_count() const noexcept { return confirm_count_; }
+  /// For how long what is here may have been out of date; 0: it is not.
+  [[nodiscard]] Duration stale_for(MonotonicTime now) const noexcept;
+  /// What bind() or rebind() would do, without doing it.
+  [[nodiscard]] expected<Plan, Refusal> plan(const Claim& claim, bool replaces, MonotonicTime now);
+  /// What renew() would do: the record that is renewed, with its next lease.
+  [[nodiscard]] expected<Plan, Refusal> plan_renewal(std::string_view name, Owner owner,
+                                                     Duration lease, MonotonicTime now);
+  /// What unbind() would remove; valid until the next call.
+  [[nodiscard]] expected<const Record*, Refusal> plan_unbind(std::string_view name, Owner owner,
+                                                             MonotonicTime now,
+                                                             std::uint64_t holder_revision);
+  /// A renewal of a shared storage has happened.
+  void note_renewal(std::string_view name, MonotonicTime now);
+  /// What the next change gets, where no shared storage gives revisions.
+  [[nodiscard]] std::uint64_t next_revision() const noexcept { return next_revision_; }
+  /// Keeps the words of an error, for storage_trouble().
+  [[nodiscard]] Refusal refusal_of(const StorageError& error);
 
   /// Binds what a storage had, before anything else, whatever the limits are. Leased names get a
   /// lease as for a first bind, so that their owners have the time to renew them.
@@ -160,11 +204,13 @@ class Store {
   void drop(Records::iterator place);
   void erase(Records::iterator place);
   [[nodiscard]] Record record_of(const Claim& claim, const Record* kept, MonotonicTime now) const;
-  /// Binds a checked claim in place of `held`, or, if that is the end, newly.
-  [[nodiscard]] expected<Granted, Refusal> put(const Claim& claim, Records::iterator held,
-                                               MonotonicTime now);
+  [[nodiscard]] Plan plan_of(const Claim& claim, Records::iterator held, MonotonicTime now) const;
+  /// Does what was planned.
+  [[nodiscard]] expected<Granted, Refusal> put(Plan plan);
   void insert(Record record);
-  [[nodiscard]] expected<void, Refusal> commit(const StoredChange& change);
+  void apply(SharedChange change, bool is_logged, MonotonicTime now);
+  [[nodiscard]] Record record_of(StoredName stored, MonotonicTime now) const;
+  [[nodiscard]] expected<std::uint64_t, Refusal> commit(const StoredChange& change);
   [[nodiscard]] expected<Granted, Refusal> bind(const Claim& claim, bool replaces,
                                                 MonotonicTime now);
   [[nodiscard]] expected<void, Refusal> check_holder(const Claim& claim, const Record& held,
@@ -199,6 +245,15 @@ class Store {
   ChangeLog log_;
   Storage* storage_;
   std::string storage_trouble_{};
+  const SharedStorage* shared_ = nullptr;
+  MonotonicTime current_as_of_{};
+  std::uint64_t confirm_count_ = 0;
 };
+
+/// As a storage keeps it.
+[[nodiscard]] StoredName stored_name_of(const Record& record);
+
+/// What is here counts as out of date when a shared storage has not confirmed it for that long.
+inline constexpr Duration kStaleAfter = std::chrono::seconds{2};
 
 }  // namespace rtpm::names

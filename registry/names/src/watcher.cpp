@@ -18,16 +18,35 @@ constexpr std::size_t kItemSizeFull = 800;
 constexpr int kItemCountPerTurn = 8;
 constexpr std::size_t kLookedAtPerItem = 256;
 
+bool is_stale(Duration stale) noexcept {
+  return stale > Duration{0};
+}
+
 }  // namespace
 
 Watcher::Watcher(rpc::TableWriter<WatchItem> writer, WatchFilter filter, std::uint64_t history,
-                 std::optional<std::uint64_t> after, std::uint64_t revision, std::uint32_t host)
+                 std::optional<std::uint64_t> after, const Store& store, std::uint32_t host)
     : writer_(std::move(writer)),
       filter_(std::move(filter)),
       history_(history),
       host_(host),
       is_in_state_(!after),
-      position_(after.value_or(revision)) {}
+      restart_count_(store.log().restart_count()),
+      confirm_count_(store.confirm_count()),
+      position_(after.value_or(store.log().revision())) {}
+
+void Watcher::begin_state(const Store& store) {
+  is_in_state_ = true;
+  state_cursor_.clear();
+  restart_count_ = store.log().restart_count();
+  position_ = store.log().revision();
+}
+
+// Whether the revision to resume behind is still to come, from the storage that this registry
+// shares with the one that told it. A confirmation may have begun before that one.
+bool Watcher::is_beyond(const Store& store) const noexcept {
+  return store.is_shared() && position_ > store.log().revision();
+}
 
 bool Watcher::has_capacity() const noexcept {
   return writer_.waiting_count() < kWaitingMax;
@@ -37,23 +56,28 @@ Watcher::Outcome Watcher::pump(const Store& store, std::size_t backlog_max, Mono
   for (int i = 0; i < kItemCountPerTurn; ++i) {
     if (!writer_.is_awaited()) return Outcome::kGone;
     const ChangeLog& log = store.log();
+    const bool waits_in_vain = is_beyond(store) && store.confirm_count() >= confirm_count_ + 2;
+    if (log.restart_count() != restart_count_ || waits_in_vain) begin_state(store);
     const bool is_stuck = !has_capacity();
-    if (!log.reaches(position_) || (is_stuck && log.count_after(position_) > backlog_max)) {
+    if ((!log.reaches(position_) && !is_beyond(store)) || (is_stuck && log.count_after(position_) > backlog_max)) {
       begin_item();
-      static_cast<void>(send(WatchPhase::CutOff));
+      static_cast<void>(send(WatchPhase::CutOff, store.stale_for(now)));
       writer_.finish();
       return Outcome::kTooSlow;
     }
     if (is_stuck) return Outcome::kBacklog;
+    const Duration stale = store.stale_for(now);
     begin_item();
     if (is_in_state_) {
       const bool is_whole = fill_state(store, now);
-      if (!send(is_whole ? WatchPhase::StateEnd : WatchPhase::State)) return Outcome::kGone;
+      if (!send(is_whole ? WatchPhase::StateEnd : WatchPhase::State, stale)) {
+        return Outcome::kGone;
+      }
       is_in_state_ = !is_whole;
     } else {
       const bool is_whole = fill_changes(store, now);
-      const bool is_needed = !changes_.empty() || is_welcome_due_;
-      if (is_needed && !send(WatchPhase::Changes)) return Outcome::kGone;
+      const bool is_needed = !changes_.empty() || is_welcome_due_ || is_stale_ != is_stale(stale);
+      if (is_needed && !send(WatchPhase::Changes, stale)) return Outcome::kGone;
       if (is_whole) return Outcome::kDone;
     }
     is_welcome_due_ = false;
@@ -102,10 +126,12 @@ void Watcher::add(ChangeKind kind, const Record& record, std::uint64_t revision,
   changes_.push_back(CreateChange(builder_, kind, entry, revision));
 }
 
-bool Watcher::send(WatchPhase phase) {
+bool Watcher::send(WatchPhase phase, Duration stale) {
+  is_stale_ = is_stale(stale);
   const Answer answer = answer_of(names::Outcome::kDone);
   const auto changes = builder_.CreateVector(changes_);
-  builder_.Finish(CreateWatchItem(builder_, &answer, phase, history_, position_, changes));
+  builder_.Finish(CreateWatchItem(builder_, &answer, phase, history_, position_, changes, 0, 0,
+                                  ns_of(stale)));
   return writer_.write(builder_).has_value();
 }
 

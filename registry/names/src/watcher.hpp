@@ -25,7 +25,7 @@ class Watcher {
 
   /// @param after  the revision to resume behind; nullopt: sends the state first
   Watcher(rpc::TableWriter<WatchItem> writer, WatchFilter filter, std::uint64_t history,
-          std::optional<std::uint64_t> after, std::uint64_t revision, std::uint32_t host);
+          std::optional<std::uint64_t> after, const Store& store, std::uint32_t host);
 
   /// Sends some items. A watcher that takes none, with more than `backlog_max` changes to come, is
   /// cut off.
@@ -37,9 +37,11 @@ class Watcher {
   [[nodiscard]] bool has_capacity() const noexcept;
   [[nodiscard]] bool fill_state(const Store& store, MonotonicTime now);
   [[nodiscard]] bool fill_changes(const Store& store, MonotonicTime now);
+  [[nodiscard]] bool is_beyond(const Store& store) const noexcept;
   void add(ChangeKind kind, const Record& record, std::uint64_t revision, MonotonicTime now);
   void begin_item();
-  [[nodiscard]] bool send(WatchPhase phase);
+  [[nodiscard]] bool send(WatchPhase phase, Duration stale);
+  void begin_state(const Store& store);
 
   rpc::TableWriter<WatchItem> writer_;
   WatchFilter filter_;
@@ -48,6 +50,9 @@ class Watcher {
   bool is_in_state_;
   bool is_welcome_due_ = true;  ///< The first item goes out, also without changes.
   std::string state_cursor_{};  ///< The last name of the state that was looked at.
+  bool is_stale_ = false;       ///< As the last item said.
+  std::uint64_t restart_count_;  ///< Of the log, when the state was last begun.
+  std::uint64_t confirm_count_;  ///< Of the store, when the watch began.
   std::uint64_t position_;      ///< Every change up to this revision was sent, or is in the state.
   flatbuffers::FlatBufferBuilder builder_{};
   std::vector<flatbuffers::Offset<Change>> changes_{};

@@ -42,8 +42,8 @@ class Folder {
                          {"none", names::PropertyList{names::PropertyType::kReal, {}}}}};
 }
 
-inline expected<void, names::StorageError> put(names::Storage& storage,
-                                               const names::StoredName& stored) {
+inline expected<std::uint64_t, names::StorageError> put(names::Storage& storage,
+                                                        const names::StoredName& stored) {
   return storage.commit({stored.name, &stored, stored.change, stored.is_permanent()});
 }
 

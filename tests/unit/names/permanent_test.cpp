@@ -43,7 +43,7 @@ class CountingStorage final : public Storage {
       content.names.push_back(stored);
     return content;
   }
-  expected<void, StorageError> commit(const StoredChange& change) override {
+  expected<std::uint64_t, StorageError> commit(const StoredChange& change) override {
     if (failure) return unexpected{StorageError{{"the disk has a fault"}, *failure}};
     ++(change.is_durable ? durable_count : other_count);
     if (change.stored != nullptr) {
@@ -51,7 +51,7 @@ class CountingStorage final : public Storage {
     } else {
       names.erase(std::string(change.name));
     }
-    return {};
+    return change.revision;
   }
   std::map<std::string, StoredName> names{};
   std::optional<StorageError::Kind> failure{};

@@ -1,10 +1,12 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "rtpm/base/setup_error.hpp"
+#include "rtpm/names/property.hpp"
 #include "rtpm/names/storage.hpp"
 
 /// Permanent names as JSON, to move them between registries:
@@ -20,5 +22,11 @@ namespace rtpm::file_store {
 /// @errors   the text is no JSON of this form; the sentence says where
 [[nodiscard]] expected<std::vector<names::StoredName>, SetupError> parse_json(std::string_view text,
                                                                               names::Owner owner);
+
+/// Properties alone, as the list that such JSON has.
+[[nodiscard]] std::string properties_to_json(const std::vector<names::Property>& properties);
+/// nullopt: it is no such list.
+[[nodiscard]] std::optional<std::vector<names::Property>> properties_from_json(
+    std::string_view text);
 
 }  // namespace rtpm::file_store

@@ -36,6 +36,7 @@ enum class Outcome : std::uint8_t {
   kStorageFull = 24,          ///< The registry's storage has no space left.
   kNotStored = 25,            ///< The registry's storage failed; nothing has changed.
   kDenied = 26,               ///< The registry's policy does not let the caller do this.
+  kStoreUnreachable = 27,     ///< The registries' shared storage did not answer in time.
 };
 
 /// A clause for people: what is wrong with which component, and the remedy. `component` counts from

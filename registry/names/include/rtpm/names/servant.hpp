@@ -21,6 +21,9 @@ struct RegistryConfig {
   RegistryReport report{};  ///< Empty: writes to standard error.
   /// Null: names are in memory only.
   std::unique_ptr<Storage> storage{};
+  /// Instead of `storage`: names that several registries have together. Changes wait for it on
+  /// threads of their own, reads do not.
+  std::unique_ptr<SharedStorage> shared_storage{};
   /// Null: OpenPolicy.
   std::unique_ptr<const Policy> policy{};
 };

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -40,14 +41,18 @@ struct StoredContent {
   std::vector<std::string> faults{};
 };
 
-/// Why a change was not stored. It has not happened then.
+/// Why a change was not stored. It has not happened then, but for kUnreachable.
 struct StorageError : SetupError {
   enum class Kind : std::uint8_t {
-    kFull,      ///< No space is left.
-    kReadOnly,  ///< It was found damaged, or failed before.
+    kFull,         ///< No space is left.
+    kReadOnly,     ///< It was found damaged, or failed before.
     kFailed,
+    kConflict,     ///< Another registry was first: see `revision`.
+    kUnreachable,  ///< A shared one did not answer in time: it may have happened, or not.
   };
   Kind kind = Kind::kFailed;
+  /// Of kConflict: of the change that was first, which the follower is told; then try again.
+  std::uint64_t revision = 0;
 };
 
 /// One change of one name.
@@ -58,10 +63,14 @@ struct StoredChange {
   /// It must outlast a power cut once commit() has returned: permanent names. Others outlast the
   /// end of the program.
   bool is_durable = false;
+  /// StoredName::change that it replaces; 0: the name was not bound. A shared storage refuses the
+  /// change if that is not so any more.
+  std::uint64_t expected = 0;
+  MonotonicTime deadline = kNever;  ///< Of a shared one.
 };
 
 /// Where a registry keeps its names. The registry has them in memory, too, and asks its storage
-/// only for changes; a shared one would add the changes of other registries.
+/// only for changes.
 /// @threads  one at a time
 class Storage {
  public:
@@ -73,8 +82,56 @@ class Storage {
   /// Everything that is stored; once, first.
   /// @errors   it is another program's, of a newer release, or in use
   [[nodiscard]] virtual expected<StoredContent, SetupError> load() = 0;
-  /// Stores a change as a whole or not at all.
-  [[nodiscard]] virtual expected<void, StorageError> commit(const StoredChange& change) = 0;
+  /// Stores a change as a whole or not at all. Returns its revision: `change.revision`, but a
+  /// shared one gives its own, also to a stored revision that equals `change.revision`.
+  [[nodiscard]] virtual expected<std::uint64_t, StorageError> commit(
+      const StoredChange& change) = 0;
+};
+
+/// A change that a shared storage has.
+struct SharedChange {
+  std::string name{};
+  std::uint64_t revision = 0;
+  std::optional<StoredName> stored{};  ///< nullopt: it has gone.
+};
+
+/// A storage that several registries have at once. It orders their changes by revisions of its own,
+/// and ends the leases of names.
+/// @threads  load(), follow() and stop() from one; the rest any, several at once
+class SharedStorage : public Storage {
+ public:
+  /// What it tells a registry, on a thread of its own.
+  class Follower {
+   public:
+    Follower() = default;
+    Follower(const Follower&) = delete;
+    Follower& operator=(const Follower&) = delete;
+    virtual ~Follower() = default;
+    /// Changes, in the order of their revisions, whoever made them.
+    virtual void on_changes(std::vector<SharedChange> changes) = 0;
+    /// Changes were missed: everything that is stored, as of `revision`.
+    virtual void on_restart(std::vector<StoredName> names, std::uint64_t revision) = 0;
+    /// Everything that was stored before `as_of` has been told.
+    virtual void on_current(MonotonicTime as_of) = 0;
+    /// A sentence for the log: what of it is foreign, or that it is not reached.
+    virtual void on_trouble(const std::string& sentence) = 0;
+  };
+
+  /// Tells `follower` all changes after load(), until stop().
+  [[nodiscard]] virtual expected<void, SetupError> follow(Follower& follower) = 0;
+  /// Ends that, and fails what is under way.
+  virtual void stop() noexcept = 0;
+  /// Begins another lease, as long as the stored one, of a name whose last change is `change`.
+  /// @errors   kConflict: it has changed, or its lease has ended
+  [[nodiscard]] virtual expected<void, StorageError> renew(std::string_view name,
+                                                           std::uint64_t change,
+                                                           MonotonicTime deadline) = 0;
+  /// How long a name with this lease at most stays after its last renewal.
+  [[nodiscard]] virtual Duration stay_of(Duration lease) const noexcept = 0;
+  /// The same for all registries that have this storage, and for no other storage. After load().
+  [[nodiscard]] virtual std::uint64_t identity() const noexcept = 0;
+  /// Where it is, for people.
+  [[nodiscard]] virtual std::string place() const = 0;
 };
 
 /// Binds permanent names in a storage that no registry has open, replacing those that are there.

@@ -1,0 +1,78 @@
+#include "content.hpp"
+
+#include "base64.hpp"
+#include "rtpm/base/hash.hpp"
+#include "stored_value.hpp"
+
+namespace rtpm::etcd_store {
+namespace {
+
+/// So that a page stays far below kReplySizeMax: 512 names with all their properties take 5 MiB.
+constexpr int kPageSize = 512;
+constexpr std::uint64_t kFenceCount = 64;
+
+expected<Json, GatewayError> read_page(Gateway& gateway, Json range, std::uint64_t revision,
+                                       MonotonicTime deadline) {
+  range["limit"] = kPageSize;
+  if (revision != 0) range["revision"] = std::to_string(revision);
+  return gateway.ask("/v3/kv/range", range, deadline);
+}
+
+}  // namespace
+
+Json Keys::all() const {
+  std::string end = names_;
+  ++end.back();
+  return {{"key", to_base64(names_)}, {"range_end", to_base64(end)}};
+}
+
+std::optional<std::string> Keys::name_of(std::string_view key) const {
+  if (!key.starts_with(names_)) return std::nullopt;
+  return std::string(key.substr(names_.size()));
+}
+
+std::string Keys::fence_of(std::string_view name) const {
+  return fences_ + std::to_string(fnv1a_64(name, 0) % kFenceCount);
+}
+
+ReadName read_name(const std::string& name, const KeyValue& key_value) {
+  ReadName read{{.revision = key_value.mod_revision, .etcd_lease = key_value.lease}, std::nullopt};
+  auto value = parse_value(key_value.value);
+  read.known.is_foreign = !value;
+  if (!value) return read;
+  names::StoredName& stored = value->stored;
+  stored.name = name;
+  stored.change = key_value.mod_revision;
+  if (stored.revision == 0) stored.revision = key_value.mod_revision;
+  read.known.lease = stored.lease;
+  read.stored = std::move(stored);
+  return read;
+}
+
+expected<Content, GatewayError> read_content(Gateway& gateway, const Keys& keys,
+                                             MonotonicTime deadline) {
+  Content content;
+  Json range = keys.all();
+  for (;;) {
+    const auto page = read_page(gateway, range, content.revision, deadline);
+    if (!page) return unexpected{page.error()};
+    if (content.revision == 0) content.revision = number_at(object_at(*page, "header"), "revision");
+    std::string last;
+    for (const Json& each : object_at(*page, "kvs")) {
+      const auto key_value = key_value_of(each);
+      const auto name = key_value ? keys.name_of(key_value->key) : std::nullopt;
+      if (!name || key_value->key <= last) {
+        return unexpected{GatewayError{"it answers with keys that were not asked for"}};
+      }
+      last = key_value->key;
+      ReadName read = read_name(*name, *key_value);
+      content.known.emplace(*name, read.known);
+      if (read.stored) content.names.push_back(std::move(*read.stored));
+      if (!read.stored) ++content.foreign_count;
+    }
+    if (!object_at(*page, "more").is_boolean() || last.empty()) return content;
+    range["key"] = to_base64(last + '\0');
+  }
+}
+
+}  // namespace rtpm::etcd_store

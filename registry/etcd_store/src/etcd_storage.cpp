@@ -1,0 +1,271 @@
+#include "rtpm/etcd_store/etcd_storage.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+#include "base64.hpp"
+#include "content.hpp"
+#include "follow.hpp"
+#include "gateway.hpp"
+#include "known_names.hpp"
+#include "rtpm/base/hash.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/host.hpp"
+#include "stored_value.hpp"
+
+namespace rtpm::etcd_store {
+namespace {
+
+using namespace std::chrono_literals;
+using names::StorageError;
+using names::StoredChange;
+using Kind = StorageError::Kind;
+
+constexpr Duration kLoadPatience = 5s;
+// Of changes without a deadline, as --load makes them.
+constexpr Duration kCommitPatience = 5s;
+// etcd grants no shorter leases with its usual election timeout of 1 s.
+constexpr std::uint64_t kLeaseSecondsMin = 2;
+// etcd looks for leases that have ended every half second.
+constexpr Duration kEndingMax = 1s;
+
+/// etcd's leases have whole seconds.
+std::uint64_t seconds_of(Duration lease) noexcept {
+  const auto seconds = static_cast<std::uint64_t>((lease + 999'999'999ns) / 1s);
+  return std::max(seconds, kLeaseSecondsMin);
+}
+
+Json compare(const std::string& key, const char* target, const char* field, std::uint64_t value,
+             const char* result = "EQUAL") {
+  return {{"key", to_base64(key)},
+          {"target", target},
+          {"result", result},
+          {field, std::to_string(value)}};
+}
+
+Json range_of(const std::string& key) {
+  return {{"request_range", {{"key", to_base64(key)}}}};
+}
+
+class EtcdStorage final : public names::SharedStorage {
+ public:
+  explicit EtcdStorage(Address address)
+      : keys_(address.prefix), gateway_(std::move(address)) {}
+  ~EtcdStorage() override { EtcdStorage::stop(); }
+
+  expected<names::StoredContent, SetupError> load() override {
+    auto content = read_content(gateway_, keys_, rt::now() + kLoadPatience);
+    if (!content) return unexpected{unreachable("can't be read", content.error().why)};
+    names::StoredContent loaded{.names = std::move(content->names),
+                                .first_revision = content->revision + 1};
+    if (content->foreign_count > 0) {
+      loaded.faults.push_back(std::to_string(content->foreign_count) + " values in " + place() +
+                              " are no names, and left out.");
+    }
+    known_.replace(std::move(content->known));
+    loaded_revision_ = content->revision;
+    return loaded;
+  }
+
+  expected<std::uint64_t, StorageError> commit(const StoredChange& change) override {
+    const MonotonicTime deadline = std::min(change.deadline, rt::now() + kCommitPatience);
+    return change.stored == nullptr ? erase(change, deadline) : put(change, deadline);
+  }
+
+  expected<void, SetupError> follow(Follower& follower) override {
+    return follow_.start(follower, loaded_revision_);
+  }
+  void stop() noexcept override { follow_.stop(); }
+
+  expected<void, StorageError> renew(std::string_view name, std::uint64_t change,
+                                     MonotonicTime deadline) override {
+    const auto known = known_.find(name);
+    if (!known || known->etcd_lease == 0) return unexpected{conflict(0)};
+    if (known->revision != change) return unexpected{conflict(known->revision)};
+    const Json request{{"ID", std::to_string(known->etcd_lease)}};
+    const auto answer = gateway_.ask("/v3/lease/keepalive", request, deadline);
+    if (!answer) return unexpected{failure(answer.error())};
+    // Without a time the lease has ended.
+    if (number_at(*answer, "TTL") == 0) return unexpected{conflict(0)};
+    return {};
+  }
+
+  [[nodiscard]] Duration stay_of(Duration lease) const noexcept override {
+    return lease == Duration{0} ? kNever - MonotonicTime{}
+                                : Duration{seconds_of(lease) * 1s} + kEndingMax;
+  }
+  [[nodiscard]] std::uint64_t identity() const noexcept override {
+    return fnv1a_64(gateway_.address().prefix, gateway_.cluster()) | 1;
+  }
+  [[nodiscard]] std::string place() const override { return gateway_.address().text(); }
+
+ private:
+  /// A lease of etcd's, and whether it is this change's own.
+  struct EtcdLease {
+    std::uint64_t id = 0;
+    bool is_new = false;
+  };
+
+  [[nodiscard]] SetupError unreachable(const std::string& what, const std::string& why) const {
+    return {"the names in " + place() + " " + what, why,
+            "check that most nodes of etcd run and reach each other"};
+  }
+  [[nodiscard]] StorageError conflict(std::uint64_t revision) const {
+    return {{"the name in " + place() + " is being changed by another registry all the time", {},
+             "try again"},
+            Kind::kConflict,
+            revision};
+  }
+  [[nodiscard]] StorageError failure(const GatewayError& error) const {
+    if (error.code == GatewayError::kUnavailable) {
+      return {unreachable("did not take the change", error.why), Kind::kUnreachable};
+    }
+    const bool is_full = error.code == GatewayError::kExhausted;
+    const char* const remedy = is_full ? "compact and defragment it, then disarm its alarm"
+                                       : "see the log of etcd";
+    return {{"the names in " + place() + " did not take the change", error.why, remedy},
+            is_full ? Kind::kFull : Kind::kFailed};
+  }
+
+  /// The lease that a name is to have: the present one of the same holder, or a new one.
+  [[nodiscard]] expected<EtcdLease, GatewayError> lease_for(const StoredChange& change,
+                                                            const std::optional<KnownName>& known,
+                                                            MonotonicTime deadline) {
+    const names::StoredName& stored = *change.stored;
+    if (stored.is_permanent()) return EtcdLease{};
+    const bool is_kept = known && known->revision == change.expected && known->etcd_lease != 0 &&
+                         stored.revision != change.revision &&
+                         seconds_of(known->lease) == seconds_of(stored.lease);
+    if (is_kept) return EtcdLease{known->etcd_lease, false};
+    const Json request{{"TTL", std::to_string(seconds_of(stored.lease))}};
+    const auto granted = gateway_.ask("/v3/lease/grant", request, deadline);
+    if (!granted) return unexpected{granted.error()};
+    return EtcdLease{number_at(*granted, "ID"), true};
+  }
+
+  expected<std::uint64_t, StorageError> put(const StoredChange& change, MonotonicTime deadline) {
+    const std::string name(change.name);
+    const auto known = known_.find(name);
+    const auto lease = lease_for(change, known, deadline);
+    if (!lease) return unexpected{failure(lease.error())};
+    StoredValue value{*change.stored, rt::random_u64()};
+    if (value.stored.revision == change.revision) value.stored.revision = 0;
+    Json success{{"key", to_base64(keys_.key_of(name))}, {"value", to_base64(to_text(value))}};
+    if (lease->id != 0) success["lease"] = std::to_string(lease->id);
+    const Json request{{"compare", conditions_of(change, known)},
+                       {"success", Json::array({{{"request_put", std::move(success)}}})},
+                       {"failure", looks_of(change)}};
+    const auto answer = gateway_.ask("/v3/kv/txn", request, deadline);
+    auto revision = answer ? revision_of(*answer, name, value.write)
+                           : expected<std::uint64_t, StorageError>(unexpected{failure(answer.error())});
+    const bool is_lease_over = !answer && answer.error().code == GatewayError::kNotFound;
+    if (is_lease_over) revision = unexpected{conflict(0)};
+    // Where it is unknown what happened the new lease may be in use.
+    const bool is_unused = !revision && revision.error().kind != Kind::kUnreachable;
+    if (lease->is_new && is_unused) known_.add_unused(lease->id);
+    if (revision && known && known->etcd_lease != lease->id) known_.add_unused(known->etcd_lease);
+    return revision;
+  }
+
+  // What must be so that the change is made: that nobody else has changed the name; of one that was
+  // not bound also that nothing is bound above or below it, and that it was not unbound since: a
+  // request that a stopped node carries out late must not bring a name back.
+  [[nodiscard]] Json conditions_of(const StoredChange& change,
+                                   const std::optional<KnownName>& known) const {
+    const std::string name(change.name);
+    const bool replaces_foreign = change.expected == 0 && known && known->is_foreign;
+    Json conditions = Json::array();
+    conditions.push_back(compare(keys_.key_of(name), "MOD", "mod_revision",
+                                 replaces_foreign ? known->revision : change.expected));
+    if (change.expected != 0) return conditions;
+    for (const std::string& above : above_of(name))
+      conditions.push_back(compare(keys_.key_of(above), "CREATE", "create_revision", 0));
+    Json below = compare(keys_.key_of(name + '/'), "CREATE", "create_revision", 0);
+    below["range_end"] = to_base64(keys_.key_of(name + '0'));
+    conditions.push_back(std::move(below));
+    conditions.push_back(
+        compare(keys_.fence_of(name), "MOD", "mod_revision", change.revision, "LESS"));
+    return conditions;
+  }
+
+  // What is read where a condition does not hold.
+  [[nodiscard]] Json looks_of(const StoredChange& change) const {
+    const std::string name(change.name);
+    Json looks = Json::array({range_of(keys_.key_of(name))});
+    if (change.expected != 0) return looks;
+    for (const std::string& above : above_of(name))
+      looks.push_back(range_of(keys_.key_of(above)));
+    looks.push_back({{"request_range",
+                      {{"key", to_base64(keys_.key_of(name + '/'))},
+                       {"range_end", to_base64(keys_.key_of(name + '0'))},
+                       {"limit", 1},
+                       {"keys_only", true}}}});
+    looks.push_back(range_of(keys_.fence_of(name)));
+    return looks;
+  }
+
+  [[nodiscard]] static std::vector<std::string> above_of(const std::string& name) {
+    std::vector<std::string> above;
+    for (std::size_t end = name.find('/'); end != std::string::npos; end = name.find('/', end + 1))
+      above.push_back(name.substr(0, end));
+    return above;
+  }
+
+  expected<std::uint64_t, StorageError> erase(const StoredChange& change, MonotonicTime deadline) {
+    const std::string name(change.name);
+    const auto known = known_.find(name);
+    const Json request{
+        {"compare",
+         Json::array({compare(keys_.key_of(name), "MOD", "mod_revision", change.expected)})},
+        {"success",
+         Json::array({{{"request_delete_range", {{"key", to_base64(keys_.key_of(name))}}}},
+                      {{"request_put", {{"key", to_base64(keys_.fence_of(name))}, {"value", ""}}}}})},
+        {"failure", Json::array({range_of(keys_.key_of(name))})}};
+    const auto answer = gateway_.ask("/v3/kv/txn", request, deadline);
+    if (!answer) return unexpected{failure(answer.error())};
+    const auto revision = revision_of(*answer, name, 0);
+    if (revision && known) known_.add_unused(known->etcd_lease);
+    return revision;
+  }
+
+  // The revision of a change that was made, also if only an earlier request of the same change
+  // was told so; else the last change that was found instead.
+  [[nodiscard]] expected<std::uint64_t, StorageError> revision_of(const Json& answer,
+                                                                  const std::string& name,
+                                                                  std::uint64_t write) const {
+    if (answer.value("succeeded", Json()) == true) {
+      return number_at(object_at(answer, "header"), "revision");
+    }
+    std::uint64_t last = 0;
+    for (const Json& response : object_at(answer, "responses")) {
+      for (const Json& each : object_at(object_at(response, "response_range"), "kvs")) {
+        const auto found = key_value_of(each);
+        if (!found) continue;
+        const auto value = write == 0 ? std::nullopt : parse_value(found->value);
+        const bool is_own = value && value->write == write && found->key == keys_.key_of(name);
+        if (is_own) return found->mod_revision;
+        last = std::max(last, found->mod_revision);
+      }
+    }
+    return unexpected{conflict(last)};
+  }
+
+  Keys keys_;
+  Gateway gateway_;
+  KnownNames known_{};
+  Follow follow_{gateway_, keys_, known_};
+  std::uint64_t loaded_revision_ = 0;
+};
+
+}  // namespace
+
+expected<std::unique_ptr<names::SharedStorage>, SetupError> make_etcd_storage(
+    std::string_view url) {
+  auto address = parse_address(url);
+  if (!address) return unexpected{std::move(address.error())};
+  return std::unique_ptr<names::SharedStorage>(
+      std::make_unique<EtcdStorage>(std::move(*address)));
+}
+
+}  // namespace rtpm::etcd_store

@@ -1,0 +1,209 @@
+#include "follow.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+#include "rtpm/rt/clock.hpp"
+
+namespace rtpm::etcd_store {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Duration kProbeInterval = 500ms;
+constexpr Duration kProbePatience = 1s;
+// How long a new watch may take to begin.
+constexpr Duration kBeginPatience = 1s;
+constexpr Duration kReadPatience = 5s;
+constexpr Duration kPauseMax = 500ms;
+constexpr int kEndedLeasesPerProbe = 64;
+// Probes in a row that find what the watch has not told, before all is read again.
+constexpr int kUnmetMax = 4;
+constexpr const char* kWentBack =
+    "it has forgotten changes that it told: it was restored, so start the registry again";
+
+}  // namespace
+
+expected<void, SetupError> Follow::start(names::SharedStorage::Follower& follower,
+                                         std::uint64_t revision) {
+  follower_ = &follower;
+  revision_ = revision;
+  auto thread = rt::Thread::start({.name = "rtpm-etcd", .realtime = rt::RealtimeMode::kOff},
+                                  [this] { run(); });
+  if (!thread) return unexpected{std::move(thread.error())};
+  thread_ = std::move(*thread);
+  return {};
+}
+
+void Follow::stop() noexcept {
+  gateway_.stop();
+  stream_.wake();
+  if (thread_.is_running()) thread_.join();
+}
+
+void Follow::run() {
+  while (!gateway_.is_stopping()) {
+    const std::size_t endpoint = gateway_.preferred();
+    const std::string why = follow_at(endpoint);
+    if (gateway_.is_stopping()) break;
+    gateway_.avoid(endpoint);
+    ++failure_count_;
+    note_trouble(endpoint, why);
+    // Each endpoint is tried once without a pause.
+    const std::size_t round = failure_count_ / gateway_.address().endpoints.size();
+    if (round > 0) pause(std::min<Duration>(round * 50ms, kPauseMax));
+  }
+  stream_.close();
+}
+
+void Follow::pause(Duration duration) {
+  const MonotonicTime end = rt::now() + duration;
+  while (!gateway_.is_stopping() && rt::now() < end)
+    rt::sleep_until(std::min(end, rt::now() + 20ms));
+}
+
+// Until the watch breaks: why.
+std::string Follow::follow_at(std::size_t endpoint) {
+  fragments_.clear();
+  probe_.reset();
+  is_created_ = false;
+  Json request = keys_.all();
+  request["start_revision"] = std::to_string(revision_ + 1);
+  request["fragment"] = true;
+  stream_.open(gateway_.url(endpoint, "/v3/watch"), Json{{"create_request", request}}.dump());
+  const MonotonicTime begin_by = rt::now() + kBeginPatience;
+  MonotonicTime next_probe = rt::now();
+  while (!gateway_.is_stopping()) {
+    auto line = stream_.next_line(is_created_ ? next_probe : begin_by);
+    if (!line) return line.error().why;
+    if (*line) {
+      if (auto why = take(**line)) return *why;
+      check_probe();
+    } else if (!is_created_ && rt::now() >= begin_by) {
+      return "it does not begin a watch";
+    }
+    if (is_created_ && rt::now() >= next_probe) {
+      if (auto why = probe(endpoint)) return *why;
+      check_probe();
+      end_unused_leases(endpoint);
+      next_probe = rt::now() + kProbeInterval;
+    }
+  }
+  return {};
+}
+
+// A line of the watch; why it can't go on.
+std::optional<std::string> Follow::take(const std::string& line) {
+  if (line.empty()) return std::nullopt;
+  const auto result = gateway_.parse(line, 200);
+  if (!result) return result.error().why;
+  if (number_at(*result, "compact_revision") != 0) {
+    if (auto why = read_again()) return why;
+    return "the changes since were compacted; all names were read again";
+  }
+  if (result->value("canceled", Json()) == true) return "it ended the watch";
+  if (result->value("created", Json()) == true) is_created_ = true;
+  if (auto why = take_events(object_at(*result, "events"))) return why;
+  // A change may come in several parts.
+  if (result->value("fragment", Json()) == true || fragments_.empty()) return std::nullopt;
+  revision_ = fragments_.back().revision;
+  follower_->on_changes(std::exchange(fragments_, {}));
+  return std::nullopt;
+}
+
+std::optional<std::string> Follow::take_events(const Json& events) {
+  const std::string malformed = "its watch tells what is no change of a name";
+  for (const Json& event : events) {
+    const auto key_value = key_value_of(object_at(event, "kv"));
+    const auto name = key_value ? keys_.name_of(key_value->key) : std::nullopt;
+    if (!name) return malformed;
+    const std::uint64_t former = fragments_.empty() ? revision_ + 1 : fragments_.back().revision;
+    if (key_value->mod_revision < former) return malformed;
+    names::SharedChange change{*name, key_value->mod_revision, std::nullopt};
+    if (event.value("type", Json()) == "DELETE") {
+      known_.erase(*name);
+    } else {
+      ReadName read = read_name(*name, *key_value);
+      known_.put(*name, read.known);
+      if (!read.stored) follower_->on_trouble("A value in etcd is no name: " + *name + ".");
+      change.stored = std::move(read.stored);
+    }
+    fragments_.push_back(std::move(change));
+  }
+  return std::nullopt;
+}
+
+// Reads through the leader what the watch must have told soon.
+std::optional<std::string> Follow::probe(std::size_t endpoint) {
+  Json request = keys_.all();
+  request["limit"] = 1;
+  request["sort_order"] = "DESCEND";
+  request["sort_target"] = "MOD";
+  request["keys_only"] = true;
+  Probe next{.begun = rt::now(), .revision = revision_};
+  const auto answer = gateway_.ask_at(endpoint, "/v3/kv/range", request, kProbePatience);
+  if (!answer) return answer.error().why;
+  next.count = number_at(*answer, "count");
+  for (const Json& each : object_at(*answer, "kvs"))
+    next.last_change = number_at(each, "mod_revision");
+  // It counts all changes of the cluster, and never goes back.
+  if (number_at(object_at(*answer, "header"), "revision") < revision_) return kWentBack;
+  const bool is_behind = probe_ && !probe_->is_met && probe_->last_change == next.last_change &&
+                         probe_->count == next.count && probe_->revision == revision_;
+  if (is_behind) next.unmet_count = probe_->unmet_count + 1;
+  probe_ = next;
+  if (next.unmet_count < kUnmetMax) return std::nullopt;
+  if (auto why = read_again()) return why;
+  return "its watch left changes out; all names were read again";
+}
+
+void Follow::check_probe() {
+  if (!probe_ || probe_->is_met) return;
+  if (revision_ < probe_->last_change) return;
+  // What changed since may explain another number of names.
+  if (known_.size() != probe_->count && revision_ == probe_->revision) return;
+  probe_->is_met = true;
+  note_reached();
+  follower_->on_current(probe_->begun);
+}
+
+std::optional<std::string> Follow::read_again() {
+  const MonotonicTime begun = rt::now();
+  auto content = read_content(gateway_, keys_, rt::now() + kReadPatience);
+  if (!content) return content.error().why;
+  if (content->revision < revision_) return kWentBack;
+  known_.replace(std::move(content->known));
+  revision_ = content->revision;
+  follower_->on_restart(std::move(content->names), revision_);
+  follower_->on_current(begun);
+  return std::nullopt;
+}
+
+// Leases that lost their names end by themselves, but the longest after an hour.
+void Follow::end_unused_leases(std::size_t endpoint) {
+  for (int i = 0; i < kEndedLeasesPerProbe; ++i) {
+    const auto lease = known_.take_unused();
+    if (!lease) return;
+    static_cast<void>(gateway_.ask_at(endpoint, "/v3/lease/revoke",
+                                      {{"ID", std::to_string(*lease)}}, kProbePatience));
+  }
+}
+
+void Follow::note_reached() {
+  failure_count_ = 0;
+  if (!std::exchange(is_told_, false)) return;
+  follower_->on_trouble("The names in " + gateway_.address().text() + " are followed again.");
+}
+
+// Once for all endpoints, as a single one is no trouble.
+void Follow::note_trouble(std::size_t endpoint, const std::string& why) {
+  if (is_told_ || failure_count_ < gateway_.address().endpoints.size()) return;
+  is_told_ = true;
+  follower_->on_trouble("The names in " + gateway_.address().text() +
+                        " can't be followed: " + gateway_.address().endpoints[endpoint] + ": " +
+                        why + ". Reads go on from memory, and changes fail. Remedy: check that "
+                        "most nodes of etcd run and reach each other.");
+}
+
+}  // namespace rtpm::etcd_store

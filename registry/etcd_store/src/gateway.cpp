@@ -1,0 +1,162 @@
+#include "gateway.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <chrono>
+
+#include "base64.hpp"
+#include "rtpm/base/printable.hpp"
+#include "rtpm/rt/clock.hpp"
+
+namespace rtpm::etcd_store {
+namespace {
+
+using namespace std::chrono_literals;
+
+// An endpoint that hangs leaves time for the next one.
+constexpr Duration kPatienceMin = 100ms;
+// Before all endpoints are asked again: an election takes one or two seconds.
+constexpr Duration kRoundPause = 50ms;
+
+/// A code of the answer that is worth asking another endpoint.
+bool is_passing(int code) noexcept {
+  constexpr int kCancelled = 1;
+  constexpr int kUnknown = 2;
+  constexpr int kDeadlineExceeded = 4;
+  return code == GatewayError::kUnavailable || code == kDeadlineExceeded || code == kCancelled ||
+         code == kUnknown;
+}
+
+/// {"error": "…", "code": 14}, or of a stream {"error": {"grpc_code": 14, "message": "…"}}.
+std::optional<GatewayError> error_of(const Json& json) {
+  const auto error = json.find("error");
+  if (error == json.end()) return std::nullopt;
+  const Json& holder = error->is_object() ? *error : json;
+  const Json code = holder.value(error->is_object() ? "grpc_code" : "code", Json());
+  const Json message = holder.value("message", Json());
+  return GatewayError{printable(message.is_string() ? message.get<std::string>() : "an error"),
+                      code.is_number_integer() ? code.get<int>() : GatewayError::kUnavailable};
+}
+
+}  // namespace
+
+std::uint64_t number_at(const Json& json, const char* key) {
+  const auto found = json.is_object() ? json.find(key) : json.end();
+  if (found == json.end()) return 0;
+  if (found->is_number_unsigned()) return found->get<std::uint64_t>();
+  if (!found->is_string()) return 0;
+  const auto& text = found->get_ref<const std::string&>();
+  std::uint64_t number = 0;
+  static_cast<void>(std::from_chars(text.data(), text.data() + text.size(), number));
+  return number;
+}
+
+const Json& object_at(const Json& json, const char* key) {
+  static const Json kNone;
+  const auto found = json.is_object() ? json.find(key) : json.end();
+  return found == json.end() ? kNone : *found;
+}
+
+std::optional<KeyValue> key_value_of(const Json& json) {
+  const auto text_at = [&](const char* name) -> std::optional<std::string> {
+    const Json& text = object_at(json, name);
+    if (text.is_null()) return std::string();
+    return text.is_string() ? from_base64(text.get_ref<const std::string&>()) : std::nullopt;
+  };
+  auto key = text_at("key");
+  auto value = text_at("value");
+  const std::uint64_t revision = number_at(json, "mod_revision");
+  if (!key || !value || key->empty() || revision == 0) return std::nullopt;
+  return KeyValue{std::move(*key), std::move(*value), revision, number_at(json, "lease")};
+}
+
+std::string Gateway::url(std::size_t endpoint, std::string_view path) const {
+  return "http://" + address_.endpoints[endpoint] + std::string(path);
+}
+
+void Gateway::avoid(std::size_t endpoint) noexcept {
+  std::size_t expected = endpoint;
+  preferred_.compare_exchange_strong(expected, (endpoint + 1) % address_.endpoints.size());
+}
+
+std::unique_ptr<HttpClient> Gateway::take_client() {
+  const std::lock_guard lock(mutex_);
+  if (idle_.empty()) return std::make_unique<HttpClient>(is_stopping_);
+  auto client = std::move(idle_.back());
+  idle_.pop_back();
+  return client;
+}
+
+void Gateway::give_back(std::unique_ptr<HttpClient> client) {
+  const std::lock_guard lock(mutex_);
+  idle_.push_back(std::move(client));
+}
+
+expected<Json, GatewayError> Gateway::parse(const std::string& text, long status) {
+  Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  if (!json.is_object()) {
+    return unexpected{GatewayError{"it answers with what is no JSON of etcd, status " +
+                                   std::to_string(status)}};
+  }
+  if (auto error = error_of(json)) return unexpected{std::move(*error)};
+  Json result = json.contains("result") ? std::move(json["result"]) : std::move(json);
+  const std::uint64_t cluster = number_at(object_at(result, "header"), "cluster_id");
+  if (cluster == 0) {
+    return unexpected{GatewayError{"it answers with what is no JSON of etcd, status " +
+                                   std::to_string(status)}};
+  }
+  std::uint64_t known = 0;
+  if (!cluster_.compare_exchange_strong(known, cluster) && known != cluster) {
+    return unexpected{GatewayError{"it is of another cluster than the others"}};
+  }
+  return result;
+}
+
+expected<Json, GatewayError> Gateway::ask_at(std::size_t endpoint, std::string_view path,
+                                             const Json& body, Duration patience) {
+  if (is_stopping_) return unexpected{GatewayError{"the registry ends"}};
+  auto client = take_client();
+  const auto reply = client->post(url(endpoint, path), body.dump(), patience);
+  give_back(std::move(client));
+  if (!reply) {
+    return unexpected{
+        GatewayError{reply.error().why, GatewayError::kUnavailable, reply.error().was_sent}};
+  }
+  return parse(reply->body, reply->status);
+}
+
+expected<Json, GatewayError> Gateway::ask(std::string_view path, const Json& body,
+                                          MonotonicTime deadline) {
+  std::vector<std::string> why_of(address_.endpoints.size());
+  bool was_sent = false;
+  const auto failed = [&] {
+    std::string why;
+    for (std::size_t i = 0; i < why_of.size(); ++i) {
+      if (!why_of[i].empty()) why += (why.empty() ? "" : "; ") + address_.endpoints[i] + ": " + why_of[i];
+    }
+    return unexpected{GatewayError{why.empty() ? "no time was left" : why,
+                                   GatewayError::kUnavailable, was_sent}};
+  };
+  for (std::size_t attempt = 0; !is_stopping_; ++attempt) {
+    const std::size_t endpoint = preferred_;
+    const Duration left = deadline - rt::now();
+    if (left <= Duration{0}) break;
+    auto reply = ask_at(endpoint, path, body, std::min(left, std::max(left / 2, kPatienceMin)));
+    if (reply) return reply;
+    GatewayError& error = reply.error();
+    was_sent = was_sent || error.was_sent;
+    error.was_sent = was_sent;
+    if (!is_passing(error.code)) {
+      error.why = address_.endpoints[endpoint] + ": " + error.why;
+      return reply;
+    }
+    why_of[endpoint] = error.why;
+    avoid(endpoint);
+    if ((attempt + 1) % address_.endpoints.size() != 0) continue;
+    if (rt::now() + kRoundPause >= deadline) break;
+    rt::sleep_until(rt::now() + kRoundPause);
+  }
+  return failed();
+}
+
+}  // namespace rtpm::etcd_store

@@ -1,0 +1,89 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "address.hpp"
+#include "http.hpp"
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/time.hpp"
+
+namespace rtpm::etcd_store {
+
+using Json = nlohmann::json;
+
+/// Why etcd gave no result.
+struct GatewayError {
+  /// gRPC's codes, of those that etcd answers with.
+  static constexpr int kNotFound = 5;
+  static constexpr int kExhausted = 8;
+  static constexpr int kOutOfRange = 11;
+  static constexpr int kUnavailable = 14;
+  std::string why{};
+  int code = kUnavailable;
+  bool was_sent = true;  ///< It may have been done.
+};
+
+/// A key's value, as etcd gives it.
+struct KeyValue {
+  std::string key{};
+  std::string value{};
+  std::uint64_t mod_revision = 0;
+  std::uint64_t lease = 0;
+};
+
+/// etcd's JSON gateway at any endpoint of a cluster.
+/// @threads  any, several at once
+class Gateway {
+ public:
+  explicit Gateway(Address address) : address_(std::move(address)) {}
+
+  [[nodiscard]] const Address& address() const noexcept { return address_; }
+  /// Asks the preferred endpoint, and then each other until one answers or `deadline` is over. A
+  /// request that is sent twice must do no harm.
+  [[nodiscard]] expected<Json, GatewayError> ask(std::string_view path, const Json& body,
+                                                 MonotonicTime deadline);
+  /// Asks one endpoint, which is checked to be of the cluster that answered first.
+  [[nodiscard]] expected<Json, GatewayError> ask_at(std::size_t endpoint, std::string_view path,
+                                                    const Json& body, Duration patience);
+  /// The same checks of a line of a stream.
+  [[nodiscard]] expected<Json, GatewayError> parse(const std::string& text, long status);
+
+  [[nodiscard]] std::string url(std::size_t endpoint, std::string_view path) const;
+  /// The endpoint that is asked first.
+  [[nodiscard]] std::size_t preferred() const noexcept { return preferred_; }
+  /// Prefers the next one, unless another caller did.
+  void avoid(std::size_t endpoint) noexcept;
+  /// 0: none has answered yet.
+  [[nodiscard]] std::uint64_t cluster() const noexcept { return cluster_; }
+  /// Ends requests that are under way.
+  void stop() noexcept { is_stopping_ = true; }
+  [[nodiscard]] bool is_stopping() const noexcept { return is_stopping_; }
+
+ private:
+  [[nodiscard]] std::unique_ptr<HttpClient> take_client();
+  void give_back(std::unique_ptr<HttpClient> client);
+
+  Address address_;
+  std::atomic<std::size_t> preferred_ = 0;
+  std::atomic<std::uint64_t> cluster_ = 0;
+  std::atomic<bool> is_stopping_ = false;
+  std::mutex mutex_;  ///< Plain, of the idle ones.
+  std::vector<std::unique_ptr<HttpClient>> idle_{};
+};
+
+/// A whole number of etcd's JSON, where 64-bit ones are texts, and zeros are left out.
+[[nodiscard]] std::uint64_t number_at(const Json& json, const char* key);
+/// An object in an object; null if there is none.
+[[nodiscard]] const Json& object_at(const Json& json, const char* key);
+/// nullopt: it is none.
+[[nodiscard]] std::optional<KeyValue> key_value_of(const Json& json);
+
+}  // namespace rtpm::etcd_store

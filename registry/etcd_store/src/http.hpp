@@ -1,0 +1,69 @@
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/time.hpp"
+
+/// What is used of libcurl: JSON by POST over plain HTTP.
+namespace rtpm::etcd_store {
+
+/// Why there is no reply.
+struct HttpError {
+  std::string why{};
+  bool was_sent = true;  ///< The other side may have acted.
+};
+
+struct HttpReply {
+  long status = 0;
+  std::string body{};
+};
+
+/// Bytes of a reply, or of a line of a stream, that are taken.
+inline constexpr std::size_t kReplySizeMax = std::size_t{32} * 1024 * 1024;
+
+/// Requests, one after the other, over kept connections.
+/// @threads  one at a time
+class HttpClient {
+ public:
+  /// Ends requests early once `is_stopping`, which must outlive it.
+  explicit HttpClient(const std::atomic<bool>& is_stopping);
+  HttpClient(const HttpClient&) = delete;
+  HttpClient& operator=(const HttpClient&) = delete;
+  ~HttpClient();
+  [[nodiscard]] expected<HttpReply, HttpError> post(const std::string& url, const std::string& body,
+                                                    Duration patience);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// A request whose reply goes on, line by line.
+/// @threads  one; wake() any
+class HttpStream {
+ public:
+  HttpStream();
+  HttpStream(const HttpStream&) = delete;
+  HttpStream& operator=(const HttpStream&) = delete;
+  ~HttpStream();
+
+  /// Begins it, in place of the former one.
+  void open(const std::string& url, const std::string& body);
+  /// The next line; nullopt: none by `until`, or after wake().
+  /// @errors   it has ended, or a line is too long
+  [[nodiscard]] expected<std::optional<std::string>, HttpError> next_line(MonotonicTime until);
+  void close();
+  /// Ends a next_line() that waits.
+  void wake() noexcept;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtpm::etcd_store

@@ -1,0 +1,80 @@
+#include "stored_value.hpp"
+
+#include <charconv>
+#include <nlohmann/json.hpp>
+
+#include "rtpm/file_store/json.hpp"
+
+namespace rtpm::etcd_store {
+namespace {
+
+using Json = nlohmann::json;
+
+/// Whole 64-bit numbers stand as texts, as in etcd's own JSON: readers of JSON may round numbers.
+std::optional<std::uint64_t> number_of(const Json& json) {
+  if (!json.is_string()) return std::nullopt;
+  const auto& text = json.get_ref<const std::string&>();
+  std::uint64_t number = 0;
+  const char* const end = text.data() + text.size();
+  const auto read = std::from_chars(text.data(), end, number);
+  if (read.ec != std::errc{} || read.ptr != end) return std::nullopt;
+  return number;
+}
+
+std::optional<std::uint64_t> number_at(const Json& json, const char* key) {
+  const auto found = json.find(key);
+  return found == json.end() ? std::nullopt : number_of(*found);
+}
+
+std::optional<std::string> text_at(const Json& json, const char* key) {
+  const auto found = json.find(key);
+  if (found == json.end() || !found->is_string()) return std::nullopt;
+  return found->get<std::string>();
+}
+
+}  // namespace
+
+std::string to_text(const StoredValue& value) {
+  const names::StoredName& stored = value.stored;
+  const Json json{
+      {"version", 1},
+      {"url", stored.url},
+      {"interface", stored.interface},
+      {"owner", {std::to_string(stored.owner.id), std::to_string(stored.owner.epoch)}},
+      {"holder", std::to_string(stored.revision)},
+      {"host", stored.host},
+      {"lease_ns", std::to_string(stored.lease.count())},
+      {"write", std::to_string(value.write)},
+      {"properties", Json::parse(file_store::properties_to_json(stored.properties))}};
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+std::optional<StoredValue> parse_value(std::string_view text) {
+  const Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  if (!json.is_object() || json.value("version", Json()) != 1) return std::nullopt;
+  auto url = text_at(json, "url");
+  auto interface = text_at(json, "interface");
+  const auto holder = number_at(json, "holder");
+  const auto lease = number_at(json, "lease_ns");
+  const auto write = number_at(json, "write");
+  const Json owner = json.value("owner", Json());
+  const Json host = json.value("host", Json());
+  const bool is_whole = url && interface && holder && lease && write && owner.is_array() &&
+                        owner.size() == 2 && host.is_number_unsigned();
+  if (!is_whole) return std::nullopt;
+  const auto id = number_of(owner[0]);
+  const auto epoch = number_of(owner[1]);
+  auto properties = file_store::properties_from_json(json.value("properties", Json()).dump());
+  constexpr auto kLeaseMax = static_cast<std::uint64_t>(Duration::max().count());
+  if (!id || !epoch || !properties || *lease > kLeaseMax) return std::nullopt;
+  return StoredValue{{.url = std::move(*url),
+                      .interface = std::move(*interface),
+                      .owner = {*id, *epoch},
+                      .revision = *holder,
+                      .host = host.get<std::uint32_t>(),
+                      .lease = Duration{static_cast<Duration::rep>(*lease)},
+                      .properties = std::move(*properties)},
+                     *write};
+}
+
+}  // namespace rtpm::etcd_store

@@ -1,0 +1,64 @@
+#include "replica.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "rtpm/rt/clock.hpp"
+
+namespace rtpm::names {
+
+void Replica::on_changes(std::vector<SharedChange> changes) {
+  if (changes.empty()) return;
+  const std::uint64_t revision = changes.back().revision;
+  {
+    const std::lock_guard lock(mutex_);
+    store_.apply(std::move(changes), rt::now());
+    watches_.wake();
+  }
+  advance(revision);
+}
+
+void Replica::on_restart(std::vector<StoredName> names, std::uint64_t revision) {
+  {
+    const std::lock_guard lock(mutex_);
+    store_.apply_all(std::move(names), revision, rt::now());
+    watches_.wake();
+  }
+  advance(revision);
+}
+
+void Replica::on_current(MonotonicTime as_of) {
+  const std::lock_guard lock(mutex_);
+  const bool was_stale = store_.stale_for(rt::now()) > Duration{0};
+  store_.confirm(as_of);
+  if (was_stale) watches_.wake();
+}
+
+void Replica::on_trouble(const std::string& sentence) {
+  {
+    const std::lock_guard lock(progress_mutex_);
+    trouble_ = sentence;
+  }
+  report_(sentence);
+}
+
+void Replica::advance(std::uint64_t revision) {
+  {
+    const std::lock_guard lock(progress_mutex_);
+    applied_ = std::max(applied_, revision);
+  }
+  progress_.notify_all();
+}
+
+bool Replica::wait_for(std::uint64_t revision, MonotonicTime deadline) {
+  std::unique_lock lock(progress_mutex_);
+  const auto is_here = [&] { return applied_ >= revision; };
+  return progress_.wait_for(lock, std::max(deadline - rt::now(), Duration{0}), is_here);
+}
+
+std::string Replica::trouble() const {
+  const std::lock_guard lock(progress_mutex_);
+  return trouble_;
+}
+
+}  // namespace rtpm::names

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <functional>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "rtpm/base/time.hpp"
+#include "rtpm/names/storage.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
+#include "store.hpp"
+#include "watches.hpp"
+
+namespace rtpm::names {
+
+/// A registry's names as a shared storage tells them.
+/// @threads  the storage's; wait_for() and trouble() any
+class Replica final : public SharedStorage::Follower {
+ public:
+  /// `mutex` guards `store`, which has everything up to `revision`. `report` takes sentences for the log, on the storage's thread.
+  Replica(rt::PiMutex& mutex, Store& store, Watches& watches,
+          std::uint64_t revision, std::function<void(std::string_view)> report)
+      : mutex_(mutex),
+        store_(store),
+        watches_(watches),
+        report_(std::move(report)),
+        applied_(revision) {}
+
+  void on_changes(std::vector<SharedChange> changes) override;
+  void on_restart(std::vector<StoredName> names, std::uint64_t revision) override;
+  void on_current(MonotonicTime as_of) override;
+  void on_trouble(const std::string& sentence) override;
+
+  /// Waits until the change of `revision` is here; false: not by `deadline`. Not with the mutex
+  /// locked.
+  [[nodiscard]] bool wait_for(std::uint64_t revision, MonotonicTime deadline);
+  /// The last trouble in words; empty: there was none.
+  [[nodiscard]] std::string trouble() const;
+
+ private:
+  void advance(std::uint64_t revision);
+
+  rt::PiMutex& mutex_;
+  Store& store_;
+  Watches& watches_;
+  std::function<void(std::string_view)> report_;
+  mutable std::mutex progress_mutex_;  ///< Plain: no real-time thread takes it. Guards the rest.
+  std::condition_variable progress_{};
+  std::uint64_t applied_;
+  std::string trouble_{};
+};
+
+}  // namespace rtpm::names

@@ -1,0 +1,61 @@
+#pragma once
+
+#include <memory>
+#include <string_view>
+
+#include "replica.hpp"
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/names/claim.hpp"
+#include "rtpm/names/storage.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
+#include "store.hpp"
+
+namespace rtpm::names {
+
+/// Why a change was refused, with the holder as it was then.
+struct SharedRefusal {
+  Refusal refusal{};
+  std::shared_ptr<const Record> holder{};
+};
+
+/// What a change was, and what it replaced.
+struct SharedGrant {
+  Granted granted{};
+  std::shared_ptr<const Record> former{};
+};
+
+/// Changes names in a storage that registries share: plans by the store's rules, commits, and plans
+/// again where another registry was first. What is done is here when it returns, if that comes in
+/// time.
+/// @threads  any, several at once; they wait, at most until `deadline`
+class SharedWriter {
+ public:
+  /// `mutex` guards `store`.
+  SharedWriter(rt::PiMutex& mutex, Store& store, SharedStorage& storage, Replica& replica) noexcept
+      : mutex_(mutex), store_(store), storage_(storage), replica_(replica) {}
+
+  [[nodiscard]] expected<SharedGrant, SharedRefusal> bind(const Claim& claim, bool replaces,
+                                                          MonotonicTime deadline);
+  [[nodiscard]] expected<void, SharedRefusal> renew(std::string_view name, Owner owner,
+                                                    Duration lease, MonotonicTime deadline);
+  [[nodiscard]] expected<void, SharedRefusal> unbind(std::string_view name, Owner owner,
+                                                     std::uint64_t holder_revision,
+                                                     MonotonicTime deadline);
+
+ private:
+  [[nodiscard]] expected<std::uint64_t, StorageError> carry_out(const Plan& plan,
+                                                                std::uint64_t revision,
+                                                                MonotonicTime deadline);
+  /// Whether to plan again.
+  [[nodiscard]] bool waits_for_other(const StorageError& error, int attempt,
+                                     MonotonicTime deadline);
+  [[nodiscard]] unexpected<SharedRefusal> failed(const StorageError& error);
+
+  rt::PiMutex& mutex_;
+  Store& store_;
+  SharedStorage& storage_;
+  Replica& replica_;
+};
+
+}  // namespace rtpm::names

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <condition_variable>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <mutex>
+#include <vector>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/rt/thread.hpp"
+
+namespace rtpm::names {
+
+/// Changes that wait for a shared storage, done by time-shared threads "rtpm-names-w".
+/// @threads  any
+class WriteQueue {
+ public:
+  static constexpr std::size_t kThreadCount = 4;
+  /// Changes that wait or are under way: in all, of one remote host, and of the registry's own.
+  static constexpr std::size_t kCountMax = 256;
+  static constexpr std::size_t kCountPerHostMax = 64;
+  static constexpr std::size_t kCountOwnHostMax = 192;
+
+  WriteQueue() = default;
+  WriteQueue(const WriteQueue&) = delete;
+  WriteQueue& operator=(const WriteQueue&) = delete;
+  ~WriteQueue() { stop(); }
+
+  [[nodiscard]] expected<void, SetupError> start();
+  /// Waits for what is under way, and drops the rest.
+  void stop();
+  /// Reserves capacity for a change of `host`; false: there is none. Each add() takes one.
+  [[nodiscard]] bool reserve(std::uint32_t host);
+  void release(std::uint32_t host);
+  /// Runs `change` on one of the threads, then gives its capacity back.
+  void add(std::uint32_t host, std::function<void()> change);
+
+  [[nodiscard]] std::size_t count() const;
+  /// How often there was no capacity.
+  [[nodiscard]] std::uint64_t overload_count() const;
+
+ private:
+  struct Waiting {
+    std::uint32_t host = 0;
+    std::function<void()> change{};
+  };
+  void run();
+
+  mutable std::mutex mutex_;  ///< Plain: held for a few instructions. Guards the rest.
+  std::condition_variable waking_{};
+  std::deque<Waiting> waiting_{};
+  std::map<std::uint32_t, std::size_t> count_of_host_{};
+  std::size_t count_ = 0;
+  std::uint64_t overload_count_ = 0;
+  bool is_stopping_ = false;
+  std::vector<rt::Thread> threads_{};
+};
+
+}  // namespace rtpm::names
