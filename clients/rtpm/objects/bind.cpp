@@ -89,6 +89,7 @@ int resolve(Context& context, const std::string& name) {
   names::Directory directory(context.node(), context.registry);
   const auto entry = directory.entry_of(name);
   if (!entry) return context.not_reached(entry.error());
+  warn_if_stale(entry->stale_for);
   const std::string url = entry->url + name.substr(entry->name.size());
   if (!context.json) {
     print_line(printable(url));

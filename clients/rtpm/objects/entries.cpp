@@ -4,6 +4,7 @@
 
 #include "cli/table.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/rt/log.hpp"
 
 namespace rtpm::tool {
 
@@ -36,6 +37,9 @@ Json json_of(const names::NameEntry& entry) {
   } else {
     json["lease_left_s"] = std::chrono::duration<double>(entry.lease_left).count();
   }
+  if (entry.stale_for > Duration{0}) {
+    json["stale_s"] = std::chrono::duration<double>(entry.stale_for).count();
+  }
   for (const names::Property& property : entry.properties) {
     json["properties"][property.name] = value_json(property.value);
     if (!property.unit.empty()) json["units"][property.name] = property.unit;
@@ -48,6 +52,10 @@ std::string table_of(const std::vector<names::NameEntry>& entries) {
   for (const names::NameEntry& entry : entries)
     rows.push_back({printable(entry.name), printable(entry.interface), printable(entry.url)});
   return aligned(rows, 3);
+}
+
+void warn_if_stale(Duration stale_for) {
+  if (stale_for > Duration{0}) rt::print_error("rtpm", names::stale_text(stale_for));
 }
 
 void print_entries(const std::vector<names::NameEntry>& entries, bool as_json) {

@@ -52,9 +52,10 @@ bool has_wildcard(const std::string& pattern) {
 expected<std::vector<names::NameEntry>, int> ask(Context& context, const FindOptions& wanted) {
   names::Directory directory(context.node(), context.registry);
   if (wanted.predicate.empty() && wanted.preference.empty()) {
-    auto entries = directory.list();
-    if (!entries) return unexpected{context.not_reached(entries.error())};
-    return std::move(*entries);
+    auto all = directory.contents();
+    if (!all) return unexpected{context.not_reached(all.error())};
+    warn_if_stale(all->stale_for);
+    return std::move(all->entries);
   }
   const std::string interface = has_wildcard(wanted.interface) ? "" : wanted.interface;
   auto found = directory.find({interface, wanted.predicate, wanted.preference});
@@ -66,6 +67,7 @@ expected<std::vector<names::NameEntry>, int> ask(Context& context, const FindOpt
                                       is_predicate ? wanted.predicate : wanted.preference,
                                       *error.text_error)};
   }
+  warn_if_stale(found->stale_for);
   if (!found->note.empty()) rt::print_error("rtpm", found->note);
   if (found->entries.size() < found->accepted_count) {
     rt::print_error("rtpm", std::to_string(found->accepted_count - found->entries.size()) +

@@ -5,8 +5,11 @@
 #include "cli/output.hpp"
 #include "devices/parameters.hpp"
 #include "objects/commands.hpp"
+#include "objects/entries.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/dynamic/remote_object.hpp"
+#include "rtpm/names/directory.hpp"
+#include "rtpm/wire/url.hpp"
 
 namespace rtpm::tool {
 namespace {
@@ -42,15 +45,29 @@ Json object_json(const std::string& url, dynamic::RemoteObject& object,
   return json;
 }
 
+// Of the registry, where the target is a name; says so, too.
+Duration staleness_of(Context& context, const std::string& target) {
+  if (wire::parse_url(target)) return {};
+  const auto entry = names::Directory(context.node(), context.registry).entry_of(target);
+  if (!entry) return {};
+  warn_if_stale(entry->stale_for);
+  return entry->stale_for;
+}
+
 int info(Context& context, const std::string& target) {
   const auto url = dynamic::url_of(context.node(), context.registry, target);
   if (!url) return context.not_reached(url.error());
+  const Duration stale_for = staleness_of(context, target);
   const auto object = dynamic::RemoteObject::open(context.node(), *url);
   if (!object) return context.not_reached(object.error());
   const auto device = configuration_of(context, *url);
   if (!device) return context.fail(device.error());
   if (context.json) {
-    print_json(object_json(*url, **object, *device ? &**device : nullptr));
+    Json json = object_json(*url, **object, *device ? &**device : nullptr);
+    if (stale_for > Duration{0}) {
+      json["stale_s"] = std::chrono::duration<double>(stale_for).count();
+    }
+    print_json(json);
     return kDone;
   }
   std::fputs(printable_lines((*object)->schema()).c_str(), stdout);

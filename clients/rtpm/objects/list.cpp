@@ -13,9 +13,10 @@ namespace rtpm::tool {
 namespace {
 
 int list_names(Context& context) {
-  const auto entries = names::Directory(context.node(), context.registry).list();
-  if (!entries) return context.not_reached(entries.error());
-  print_entries(*entries, context.json);
+  const auto found = names::Directory(context.node(), context.registry).contents();
+  if (!found) return context.not_reached(found.error());
+  warn_if_stale(found->stale_for);
+  print_entries(found->entries, context.json);
   return kDone;
 }
 

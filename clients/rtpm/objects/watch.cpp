@@ -43,12 +43,24 @@ void tell(const Context& context, const names::NameChange& change) {
              printable(entry.interface) + "  " + printable(entry.url));
 }
 
+// Both that the registry is out of date, and that it is no more.
+void tell(const Context& context, Duration stale_for) {
+  warn_if_stale(stale_for);
+  if (context.json) {
+    const double seconds = std::chrono::duration<double>(stale_for).count();
+    print_json({{"change", "stale"}, {"stale_s", seconds}});
+  } else if (stale_for == Duration{0}) {
+    rt::print_error("rtpm", "the registry is up to date again");
+  }
+}
+
 int watch(Context& context, const WatchOptions& wanted) {
   const options::StopSignal& stop = context.stop();
   const auto watch = names::NameWatch::start(
       context.node(), context.registry,
       {.directory = wanted.directory, .interface = wanted.interface, .predicate = wanted.predicate},
       {.on_change = [&](const names::NameChange& change) { tell(context, change); },
+       .on_stale = [&](Duration stale_for) { tell(context, stale_for); },
        .on_notice = [](std::string_view sentence) { rt::print_error("rtpm", sentence); }});
   if (!watch) {
     const names::DirectoryError& error = watch.error();

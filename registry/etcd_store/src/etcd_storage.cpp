@@ -81,13 +81,32 @@ class EtcdStorage final : public names::SharedStorage {
   expected<void, StorageError> renew(std::string_view name, std::uint64_t change,
                                      MonotonicTime deadline) override {
     const auto known = known_.find(name);
-    if (!known || known->etcd_lease == 0) return unexpected{conflict(0)};
+    if (!known) return unexpected{conflict(0)};
     if (known->revision != change) return unexpected{conflict(known->revision)};
-    const Json request{{"ID", std::to_string(known->etcd_lease)}};
-    const auto answer = gateway_.ask("/v3/lease/keepalive", request, deadline);
+    if (known->etcd_lease != 0) {
+      const Json request{{"ID", std::to_string(known->etcd_lease)}};
+      const auto answer = gateway_.ask("/v3/lease/keepalive", request, deadline);
+      if (!answer) return unexpected{failure(answer.error())};
+      // Without a time the lease has ended.
+      if (number_at(*answer, "TTL") == 0) return unexpected{conflict(0)};
+    }
+    // The lease may outlast its name for a while.
+    return confirm(name, change, deadline);
+  }
+
+  expected<void, StorageError> confirm(std::string_view name, std::uint64_t change,
+                                       MonotonicTime deadline) override {
+    const std::string key = keys_.key_of(name);
+    const auto known = known_.find(name);
+    const bool is_foreign = change == 0 && known && known->is_foreign;
+    const Json request{
+        {"compare", Json::array({compare(key, "MOD", "mod_revision",
+                                         is_foreign ? known->revision : change)})},
+        {"failure", Json::array({range_of(key)})}};
+    const auto answer = gateway_.ask("/v3/kv/txn", request, deadline);
     if (!answer) return unexpected{failure(answer.error())};
-    // Without a time the lease has ended.
-    if (number_at(*answer, "TTL") == 0) return unexpected{conflict(0)};
+    const auto revision = revision_of(*answer, std::string(name), 0);
+    if (!revision) return unexpected{revision.error()};
     return {};
   }
 

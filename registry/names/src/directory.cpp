@@ -14,6 +14,8 @@
 namespace rtpm::names {
 namespace {
 
+constexpr std::size_t kTroubleShownMax = 400;
+
 DirectoryError refused(const Answer& answer, std::string_view name) {
   return {{outcome_text(outcome_of(answer), name, answer.component())}, outcome_of(answer)};
 }
@@ -57,8 +59,8 @@ class Directory::Impl {
   [[nodiscard]] expected<void, DirectoryError> confirm(std::string_view name, Operation operation) {
     const auto answer = ask(usual_end(), operation);
     if (!answer) return unexpected{answer.error()};
-    if (outcome_of(*answer) != Outcome::kDone) return unexpected{refused(*answer, name)};
-    return {};
+    if (outcome_of(*answer) == Outcome::kDone) return {};
+    return unexpected{refused(*answer, name)};
   }
 
   /// One entry, by resolve or describe.
@@ -76,13 +78,27 @@ class Directory::Impl {
     if (!reply) return unexpected{reply.error()};
     const ResolveReply& found = **reply;
     if (outcome_of(*found.answer()) != Outcome::kDone) {
-      return unexpected{refused(*found.answer(), name)};
+      return unexpected{names::refused(*found.answer(), name)};
     }
     if (found.entry() == nullptr) {
       return unexpected{DirectoryError{
           {"the registry at " + registry_url_ + " answers without an entry", "it is no RTPM one"}}};
     }
-    return names::entry_of(*found.entry());
+    return names::entry_of(*found.entry(), found.stale_ns());
+  }
+
+  /// The registry's answer as an error; of one whose storage is not reached with that in words.
+  [[nodiscard]] DirectoryError refused(const Answer& answer, std::string_view name) {
+    DirectoryError error = names::refused(answer, name);
+    const bool is_of_storage =
+        error.outcome == Outcome::kStoreUnreachable || error.outcome == Outcome::kNotStored;
+    if (!is_of_storage) return error;
+    const auto report =
+        ask(usual_end(), [](NamesClient& client, const rpc::CallOptions& options) {
+          return client.report({}, options);
+        });
+    if (report) error.why = printable(text_of((*report)->storage_trouble()), kTroubleShownMax);
+    return error;
   }
 
   /// Deadline of an operation that begins now.
@@ -231,7 +247,7 @@ expected<FoundNames, DirectoryError> Directory::find(const NameQuery& query) {
   const FindReply& answer = **reply;
   const Outcome outcome = outcome_of(*answer.answer());
   if (outcome != Outcome::kDone) {
-    DirectoryError error = refused(*answer.answer(), query.interface);
+    DirectoryError error = names::refused(*answer.answer(), query.interface);
     const bool is_text = outcome == Outcome::kBadPredicate || outcome == Outcome::kBadPreference;
     if (is_text) {
       error.text_error = {answer.error_offset(), printable(text_of(answer.error_text()))};
@@ -242,7 +258,8 @@ expected<FoundNames, DirectoryError> Directory::find(const NameQuery& query) {
   FoundNames found;
   for (flatbuffers::uoffset_t i = 0; answer.entries() != nullptr && i < answer.entries()->size();
        ++i)
-    found.entries.push_back(names::entry_of(*answer.entries()->Get(i)));
+    found.entries.push_back(names::entry_of(*answer.entries()->Get(i), answer.stale_ns()));
+  found.stale_for = duration_of(answer.stale_ns());
   found.accepted_count = answer.accepted_count();
   found.note = printable(text_of(answer.note()));
   return found;
@@ -280,7 +297,20 @@ expected<void, DirectoryError> Directory::unbind(std::string_view name, Owner ow
 }
 
 expected<std::vector<NameEntry>, DirectoryError> Directory::list(std::string_view directory) {
-  std::vector<NameEntry> entries;
+  auto all = contents(directory);
+  if (!all) return unexpected{std::move(all.error())};
+  return std::move(all->entries);
+}
+
+std::string stale_text(Duration stale_for) {
+  const auto tenths = stale_for / std::chrono::milliseconds{100};
+  return "the registry has had no word from its storage for " + std::to_string(tenths / 10) + '.' +
+         std::to_string(tenths % 10) + " s: what it has may be out of date";
+}
+
+expected<FoundNames, DirectoryError> Directory::contents(std::string_view directory) {
+  FoundNames found;
+  std::vector<NameEntry>& entries = found.entries;
   for (;;) {
     Request request;
     const std::string after = entries.empty() ? std::string() : entries.back().name;
@@ -302,11 +332,13 @@ expected<std::vector<NameEntry>, DirectoryError> Directory::list(std::string_vie
       for (const Entry* entry : *page.entries()) {
         // Only ascending names, so that no registry can make this endless.
         if (entries.empty() || entries.back().name < entry->name()->string_view()) {
-          entries.push_back(names::entry_of(*entry));
+          entries.push_back(names::entry_of(*entry, page.stale_ns()));
         }
       }
     }
-    if (page.is_last() || entries.size() == before) return entries;
+    found.stale_for = std::max(found.stale_for, duration_of(page.stale_ns()));
+    found.accepted_count = static_cast<std::uint32_t>(entries.size());
+    if (page.is_last() || entries.size() == before) return found;
   }
 }
 

@@ -129,14 +129,15 @@ flatbuffers::Offset<PropertyTables> write_properties(flatbuffers::FlatBufferBuil
   return tables.empty() ? flatbuffers::Offset<PropertyTables>{} : builder.CreateVector(tables);
 }
 
-NameEntry entry_of(const Entry& entry) {
+NameEntry entry_of(const Entry& entry, std::uint64_t stale_ns) {
   return {text_of(entry.name()),
           text_of(entry.url()),
           text_of(entry.interface()),
           duration_of(entry.lease_left_ns()),
           entry.revision(),
           properties_of(entry.properties()).value_or(std::vector<Property>{}),
-          entry.is_permanent()};
+          entry.is_permanent(),
+          duration_of(stale_ns)};
 }
 
 }  // namespace rtpm::names

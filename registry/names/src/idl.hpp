@@ -55,7 +55,7 @@ using PropertyTables = flatbuffers::Vector<flatbuffers::Offset<PropertyEntry>>;
   return std::string(view_of(text));
 }
 
-[[nodiscard]] NameEntry entry_of(const Entry& entry);
+[[nodiscard]] NameEntry entry_of(const Entry& entry, std::uint64_t stale_ns = 0);
 
 // The two lists of outcomes are one.
 static_assert(static_cast<Outcome>(OutcomeCode::Done) == Outcome::kDone);

@@ -331,7 +331,8 @@ class RegistryServant final : public NamesServant {
     flatbuffers::Offset<flatbuffers::String> trouble{};
     if (shared_storage_) {
       place = builder.CreateString(shared_storage_->place());
-      const std::string words = replica_.trouble();
+      const std::string words =
+          store_.storage_trouble().empty() ? replica_.trouble() : store_.storage_trouble();
       trouble = builder.CreateString(words.substr(0, kReportedTroubleMax));
     }
     reply.finish(CreateReport(builder, static_cast<std::uint32_t>(store_.size()),

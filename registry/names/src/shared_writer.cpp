@@ -19,6 +19,13 @@ constexpr Duration kAgainPause = 20ms;
 // Attempts without that pause.
 constexpr int kQuickAttempts = 3;
 
+/// Whether it says who has the name, or that nobody has it.
+bool is_of_holder(Outcome outcome) noexcept {
+  return outcome == Outcome::kNotFound || outcome == Outcome::kAlreadyBound ||
+         outcome == Outcome::kStaleEpoch || outcome == Outcome::kNotOwner ||
+         outcome == Outcome::kStaleRevision;
+}
+
 SharedRefusal kept(const Refusal& refusal) {
   SharedRefusal made{refusal};
   if (refusal.holder != nullptr) made.holder = std::make_shared<const Record>(*refusal.holder);
@@ -60,18 +67,34 @@ unexpected<SharedRefusal> SharedWriter::failed(const StorageError& error) {
   return unexpected{SharedRefusal{store_.refusal_of(error)}};
 }
 
+// A registry may be behind: what it refuses because of a name may be done at another one already.
+std::optional<SharedRefusal> SharedWriter::confirmed(std::string_view name,
+                                                     const SharedRefusal& refusal, int attempt,
+                                                     MonotonicTime deadline) {
+  if (!is_of_holder(refusal.refusal.outcome)) return refusal;
+  const std::uint64_t change = refusal.holder ? refusal.holder->change : 0;
+  const auto same = storage_.confirm(name, change, deadline);
+  if (same) return refusal;
+  if (waits_for_other(same.error(), attempt, deadline)) return std::nullopt;
+  return failed(same.error()).error;
+}
+
 expected<SharedGrant, SharedRefusal> SharedWriter::bind(const Claim& claim, bool replaces,
                                                         MonotonicTime deadline) {
   for (int attempt = 0;; ++attempt) {
-    Plan plan;
     std::uint64_t revision = 0;
-    {
-      const std::lock_guard lock(mutex_);
-      auto planned = store_.plan(claim, replaces, rt::now());
-      if (!planned) return unexpected{kept(planned.error())};
-      plan = std::move(*planned);
+    auto planned = locked([&]() -> expected<Plan, SharedRefusal> {
       revision = store_.next_revision();
+      auto made = store_.plan(claim, replaces, rt::now());
+      if (!made) return unexpected{kept(made.error())};
+      return std::move(*made);
+    });
+    if (!planned) {
+      auto refused = confirmed(claim.name, planned.error(), attempt, deadline);
+      if (refused) return unexpected{std::move(*refused)};
+      continue;
     }
+    Plan& plan = *planned;
     const auto done = carry_out(plan, revision, deadline);
     if (done) {
       static_cast<void>(replica_.wait_for(*done, std::min(deadline, rt::now() + kSeenWaitMax)));
@@ -85,17 +108,19 @@ expected<SharedGrant, SharedRefusal> SharedWriter::bind(const Claim& claim, bool
 expected<void, SharedRefusal> SharedWriter::renew(std::string_view name, Owner owner,
                                                   Duration lease, MonotonicTime deadline) {
   for (int attempt = 0;; ++attempt) {
-    Plan plan;
     std::uint64_t revision = 0;
-    {
-      const std::lock_guard lock(mutex_);
-      auto planned = store_.plan_renewal(name, owner, lease, rt::now());
-      if (!planned) return unexpected{kept(planned.error())};
-      plan = std::move(*planned);
+    const auto planned = locked([&]() -> expected<Plan, SharedRefusal> {
       revision = store_.next_revision();
+      auto made = store_.plan_renewal(name, owner, lease, rt::now());
+      if (!made) return unexpected{kept(made.error())};
+      return std::move(*made);
+    });
+    if (!planned) {
+      auto refused = confirmed(name, planned.error(), attempt, deadline);
+      if (refused) return unexpected{std::move(*refused)};
+      continue;
     }
-    if (plan.next.is_permanent()) return {};
-    const auto done = carry_out(plan, revision, deadline);
+    const auto done = carry_out(*planned, revision, deadline);
     if (done) return {};
     if (!waits_for_other(done.error(), attempt, deadline)) return failed(done.error());
   }
@@ -105,16 +130,22 @@ expected<void, SharedRefusal> SharedWriter::unbind(std::string_view name, Owner 
                                                    std::uint64_t holder_revision,
                                                    MonotonicTime deadline) {
   for (int attempt = 0;; ++attempt) {
-    StoredChange change{.name = name, .deadline = deadline};
-    {
-      const std::lock_guard lock(mutex_);
+    const auto planned = locked([&]() -> expected<StoredChange, SharedRefusal> {
       const auto found = store_.plan_unbind(name, owner, rt::now(), holder_revision);
       if (!found) return unexpected{kept(found.error())};
-      change.revision = store_.next_revision();
-      change.is_durable = (*found)->is_permanent();
-      change.expected = (*found)->change;
+      return StoredChange{name,
+                          nullptr,
+                          store_.next_revision(),
+                          (*found)->is_permanent(),
+                          (*found)->change,
+                          deadline};
+    });
+    if (!planned) {
+      auto refused = confirmed(name, planned.error(), attempt, deadline);
+      if (refused) return unexpected{std::move(*refused)};
+      continue;
     }
-    const auto done = storage_.commit(change);
+    const auto done = storage_.commit(*planned);
     if (done) {
       static_cast<void>(replica_.wait_for(*done, std::min(deadline, rt::now() + kSeenWaitMax)));
       return {};

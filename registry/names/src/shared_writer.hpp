@@ -1,6 +1,8 @@
 #pragma once
 
 #include <memory>
+#include <mutex>
+#include <optional>
 #include <string_view>
 
 #include "replica.hpp"
@@ -44,6 +46,11 @@ class SharedWriter {
                                                      MonotonicTime deadline);
 
  private:
+  template <class Work>
+  [[nodiscard]] auto locked(Work work) {
+    const std::lock_guard lock(mutex_);
+    return work();
+  }
   [[nodiscard]] expected<std::uint64_t, StorageError> carry_out(const Plan& plan,
                                                                 std::uint64_t revision,
                                                                 MonotonicTime deadline);
@@ -51,6 +58,10 @@ class SharedWriter {
   [[nodiscard]] bool waits_for_other(const StorageError& error, int attempt,
                                      MonotonicTime deadline);
   [[nodiscard]] unexpected<SharedRefusal> failed(const StorageError& error);
+  /// Whether the refusal holds, as the storage has it now; nullopt: to plan again.
+  [[nodiscard]] std::optional<SharedRefusal> confirmed(std::string_view name,
+                                                       const SharedRefusal& refusal, int attempt,
+                                                       MonotonicTime deadline);
 
   rt::PiMutex& mutex_;
   Store& store_;

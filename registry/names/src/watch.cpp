@@ -176,6 +176,7 @@ class NameWatch::Impl {
         take(*change, is_state);
     }
     if (item.phase() == WatchPhase::StateEnd) end_state();
+    note_staleness(duration_of(item.stale_ns()));
     if (!is_state || item.phase() == WatchPhase::StateEnd) {
       history_ = item.history();
       revision = item.revision();
@@ -230,6 +231,12 @@ class NameWatch::Impl {
     if (handlers_.on_state) handlers_.on_state();
   }
 
+  void note_staleness(Duration stale_for) {
+    const bool is_stale = stale_for > Duration{0};
+    if (std::exchange(is_stale_, is_stale) != is_stale && handlers_.on_stale) {
+      handlers_.on_stale(stale_for);
+    }
+  }
   void notify(const std::string& sentence) {
     if (handlers_.on_notice) handlers_.on_notice(sentence);
   }
@@ -265,6 +272,7 @@ class NameWatch::Impl {
   std::map<std::string, Known, std::less<>> known_{};
   std::set<std::string, std::less<>> fresh_{};  ///< Names of the state so far.
   bool is_fresh_ = false;                       ///< A state is being read.
+  bool is_stale_ = false;                       ///< As the last item said.
   // Plain: no real-time thread takes it. Guards what follows.
   std::mutex mutex_;
   std::condition_variable ending_;

@@ -27,6 +27,9 @@ struct NameEntry {
   std::uint64_t revision = 0;          ///< Of its holder; see Claim::holder_revision.
   std::vector<Property> properties{};  ///< Of describe(), find() and watches only.
   bool is_permanent = false;           ///< It has no lease: lease_left says nothing.
+  /// For how long the registry has had no word from the storage that it shares with others, so that
+  /// the entry may be out of date; 0: it is not.
+  Duration stale_for{};
 };
 
 /// What find() looks for. The grammar is in registry/predicate/README.md:
@@ -47,6 +50,7 @@ struct FoundNames {
   std::uint32_t accepted_count = 0;  ///< With those that exceed the limit.
   /// Properties that no name of the interface has, and similar ones; empty: there are none.
   std::string note{};
+  Duration stale_for{};  ///< See NameEntry.
 };
 
 /// Why an operation on the registry failed.
@@ -113,6 +117,8 @@ class Directory {
   /// @errors   as renew(); kStaleRevision
   [[nodiscard]] expected<void, DirectoryError> unbind(std::string_view name, Owner owner,
                                                       std::uint64_t holder_revision = 0);
+  /// As list(), and whether the registry is out of date, also where nothing is bound.
+  [[nodiscard]] expected<FoundNames, DirectoryError> contents(std::string_view directory = {});
   /// All names that are `directory` or below it; empty: all.
   [[nodiscard]] expected<std::vector<NameEntry>, DirectoryError> list(
       std::string_view directory = {});
@@ -123,6 +129,9 @@ class Directory {
   class Impl;
   std::unique_ptr<Impl> impl_;
 };
+
+/// "the registry has had no word from its storage for 3.2 s: what it has may be out of date".
+[[nodiscard]] std::string stale_text(Duration stale_for);
 
 /// The owner of names that a server at `url` binds. Successive servers at one address of one host
 /// are the same owner with increasing epochs.

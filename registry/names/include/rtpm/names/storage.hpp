@@ -121,7 +121,12 @@ class SharedStorage : public Storage {
   [[nodiscard]] virtual expected<void, SetupError> follow(Follower& follower) = 0;
   /// Ends that, and fails what is under way.
   virtual void stop() noexcept = 0;
-  /// Begins another lease, as long as the stored one, of a name whose last change is `change`.
+  /// Whether the last change of the name still is `change`; 0: it is not bound.
+  /// @errors   kConflict: it is another
+  [[nodiscard]] virtual expected<void, StorageError> confirm(std::string_view name,
+                                                             std::uint64_t change,
+                                                             MonotonicTime deadline) = 0;
+  /// As confirm(), and begins another lease, as long as the stored one, if the name has any.
   /// @errors   kConflict: it has changed, or its lease has ended
   [[nodiscard]] virtual expected<void, StorageError> renew(std::string_view name,
                                                            std::uint64_t change,

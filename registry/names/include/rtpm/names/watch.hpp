@@ -42,6 +42,9 @@ struct WatchHandlers {
   std::function<void(const NameChange&)> on_change{};
   /// The names that are bound have all been told.
   std::function<void()> on_state{};
+  /// The registry has had no word for that long from the storage that it shares with others; 0: it
+  /// is up to date again.
+  std::function<void(Duration stale_for)> on_stale{};
   /// The registry is not reached, cut this watch off as too slow, or is there again; a sentence.
   /// What changed meanwhile is told as changes, of which only the last of each name.
   std::function<void(std::string_view sentence)> on_notice{};
