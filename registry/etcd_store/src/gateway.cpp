@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 #include <chrono>
+#include <utility>
 
 #include "base64.hpp"
 #include "rtpm/base/printable.hpp"
@@ -33,9 +34,16 @@ std::optional<GatewayError> error_of(const Json& json) {
   if (error == json.end()) return std::nullopt;
   const Json& holder = error->is_object() ? *error : json;
   const Json code = holder.value(error->is_object() ? "grpc_code" : "code", Json());
-  const Json message = holder.value("message", Json());
+  const Json message = holder.value(holder.contains("message") ? "message" : "error", Json());
   return GatewayError{printable(message.is_string() ? message.get<std::string>() : "an error"),
                       code.is_number_integer() ? code.get<int>() : GatewayError::kUnavailable};
+}
+
+GatewayError lasting(std::string why) {
+  return {.why = std::move(why), .is_lasting = true};
+}
+GatewayError no_etcd(long status) {
+  return lasting("it answers with what is no JSON of etcd, status " + std::to_string(status));
 }
 
 }  // namespace
@@ -95,19 +103,17 @@ void Gateway::give_back(std::unique_ptr<HttpClient> client) {
 expected<Json, GatewayError> Gateway::parse(const std::string& text, long status) {
   Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
   if (!json.is_object()) {
-    return unexpected{GatewayError{"it answers with what is no JSON of etcd, status " +
-                                   std::to_string(status)}};
+    return unexpected{no_etcd(status)};
   }
   if (auto error = error_of(json)) return unexpected{std::move(*error)};
   Json result = json.contains("result") ? std::move(json["result"]) : std::move(json);
   const std::uint64_t cluster = number_at(object_at(result, "header"), "cluster_id");
   if (cluster == 0) {
-    return unexpected{GatewayError{"it answers with what is no JSON of etcd, status " +
-                                   std::to_string(status)}};
+    return unexpected{no_etcd(status)};
   }
   std::uint64_t known = 0;
   if (!cluster_.compare_exchange_strong(known, cluster) && known != cluster) {
-    return unexpected{GatewayError{"it is of another cluster than the others"}};
+    return unexpected{lasting("it is of another cluster than the others")};
   }
   return result;
 }
@@ -119,8 +125,8 @@ expected<Json, GatewayError> Gateway::ask_at(std::size_t endpoint, std::string_v
   const auto reply = client->post(url(endpoint, path), body.dump(), patience);
   give_back(std::move(client));
   if (!reply) {
-    return unexpected{
-        GatewayError{reply.error().why, GatewayError::kUnavailable, reply.error().was_sent}};
+    return unexpected{GatewayError{reply.error().why, GatewayError::kUnavailable,
+                                   reply.error().was_sent, reply.error().is_lasting}};
   }
   return parse(reply->body, reply->status);
 }
@@ -129,6 +135,7 @@ expected<Json, GatewayError> Gateway::ask(std::string_view path, const Json& bod
                                           MonotonicTime deadline) {
   std::vector<std::string> why_of(address_.endpoints.size());
   bool was_sent = false;
+  std::size_t lasting_count = 0;  // Of this round through the endpoints.
   const auto failed = [&] {
     std::string why;
     for (std::size_t i = 0; i < why_of.size(); ++i) {
@@ -150,10 +157,13 @@ expected<Json, GatewayError> Gateway::ask(std::string_view path, const Json& bod
       error.why = address_.endpoints[endpoint] + ": " + error.why;
       return reply;
     }
-    why_of[endpoint] = error.why;
+    // At the end no time is left to find out more than before.
+    if (why_of[endpoint].empty() || rt::now() < deadline) why_of[endpoint] = error.why;
+    lasting_count += error.is_lasting ? 1 : 0;
     avoid(endpoint);
     if ((attempt + 1) % address_.endpoints.size() != 0) continue;
-    if (rt::now() + kRoundPause >= deadline) break;
+    const bool is_in_vain = std::exchange(lasting_count, 0) == address_.endpoints.size();
+    if (is_in_vain || rt::now() + kRoundPause >= deadline) break;
     rt::sleep_until(rt::now() + kRoundPause);
   }
   return failed();

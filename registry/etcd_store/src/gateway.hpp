@@ -28,7 +28,8 @@ struct GatewayError {
   static constexpr int kUnavailable = 14;
   std::string why{};
   int code = kUnavailable;
-  bool was_sent = true;  ///< It may have been done.
+  bool was_sent = true;     ///< It may have been done.
+  bool is_lasting = false;  ///< The same endpoint would answer so again.
 };
 
 /// A key's value, as etcd gives it.

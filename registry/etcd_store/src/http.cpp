@@ -104,7 +104,7 @@ expected<HttpReply, HttpError> HttpClient::post(const std::string& url, const st
     curl_off_t connected_us = 0;
     curl_easy_getinfo(handle, CURLINFO_PRETRANSFER_TIME_T, &connected_us);
     const bool is_connected = connected_us > 0 && done != CURLE_COULDNT_CONNECT;
-    return unexpected{HttpError{words_of(done), is_connected}};
+    return unexpected{HttpError{words_of(done), is_connected, done == CURLE_WRITE_ERROR}};
   }
   curl_easy_getinfo(handle, CURLINFO_RESPONSE_CODE, &reply.status);
   return reply;

@@ -15,7 +15,8 @@ namespace rtpm::etcd_store {
 /// Why there is no reply.
 struct HttpError {
   std::string why{};
-  bool was_sent = true;  ///< The other side may have acted.
+  bool was_sent = true;     ///< The other side may have acted.
+  bool is_lasting = false;  ///< It would be so again.
 };
 
 struct HttpReply {

@@ -1,0 +1,201 @@
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "etcd_node.hpp"
+#include "rtpm/etcd_store/etcd_storage.hpp"
+#include "rtpm/rt/clock.hpp"
+
+// What a shared storage promises the registries that have it.
+namespace rtpm::storage_test {
+namespace {
+
+using namespace std::chrono_literals;
+using names::SharedChange;
+using names::SharedStorage;
+using names::StoredName;
+using Kind = names::StorageError::Kind;
+
+/// Keeps what it is told.
+class Followed final : public SharedStorage::Follower {
+ public:
+  void on_changes(std::vector<SharedChange> changes) override {
+    const std::lock_guard lock(mutex_);
+    for (SharedChange& change : changes)
+      changes_.push_back(std::move(change));
+    told_.notify_all();
+  }
+  void on_restart(std::vector<StoredName>, std::uint64_t) override {}
+  void on_current(MonotonicTime as_of) override {
+    const std::lock_guard lock(mutex_);
+    current_as_of_ = as_of;
+    told_.notify_all();
+  }
+  void on_trouble(const std::string&) override {}
+
+  [[nodiscard]] std::vector<SharedChange> wait_for(std::size_t count) {
+    std::unique_lock lock(mutex_);
+    told_.wait_for(lock, 10s, [&] { return changes_.size() >= count; });
+    return changes_;
+  }
+  [[nodiscard]] bool is_current_since(MonotonicTime time) {
+    std::unique_lock lock(mutex_);
+    return told_.wait_for(lock, 10s, [&] { return current_as_of_ >= time; });
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable told_{};
+  std::vector<SharedChange> changes_{};
+  MonotonicTime current_as_of_{};
+};
+
+StoredName named(std::string name, std::uint64_t revision, Duration lease = {}) {
+  return {.name = std::move(name),
+          .url = "rtpm://10.0.0.1:1/p",
+          .interface = "lab.Arm",
+          .owner = {7, 1},
+          .revision = revision,
+          .change = revision,
+          .host = 0x7f00'0001,
+          .lease = lease};
+}
+
+class Shared : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (EtcdNode::shared() == nullptr) GTEST_SKIP() << kNoEtcd;
+    url_ = EtcdNode::shared()->fresh_url();
+    first_ = made();
+    second_ = made();
+  }
+  [[nodiscard]] std::unique_ptr<SharedStorage> made() const {
+    auto storage = etcd_store::make_etcd_storage(url_);
+    EXPECT_TRUE(storage) << storage.error().text();
+    return std::move(*storage);
+  }
+  /// A change by a registry that has everything up to `seen`.
+  static expected<std::uint64_t, names::StorageError> put(SharedStorage& storage,
+                                                          const std::string& name,
+                                                          std::uint64_t seen,
+                                                          std::uint64_t expected,
+                                                          Duration lease = {}) {
+    const StoredName stored = named(name, seen + 1, lease);
+    return storage.commit({name, &stored, seen + 1, true, expected});
+  }
+  static std::uint64_t revision_now(SharedStorage& storage) {
+    const auto content = storage.load();
+    EXPECT_TRUE(content) << content.error().text();
+    return content ? content->first_revision - 1 : 0;
+  }
+
+  std::string url_{};
+  std::unique_ptr<SharedStorage> first_{};
+  std::unique_ptr<SharedStorage> second_{};
+};
+
+TEST_F(Shared, TakesAChangeOnlyInPlaceOfWhatItReplaces) {
+  const std::uint64_t seen = revision_now(*first_);
+  EXPECT_EQ(revision_now(*second_), seen);
+  EXPECT_EQ(first_->identity(), second_->identity());
+  const auto bound = put(*first_, "lab/arm0", seen, 0);
+  ASSERT_TRUE(bound) << bound.error().text();
+  const auto other = put(*second_, "lab/arm0", seen, 0);
+  ASSERT_FALSE(other);
+  EXPECT_EQ(other.error().kind, Kind::kConflict);
+  EXPECT_EQ(other.error().revision, *bound) << "it says what to wait for";
+  const auto replaced = put(*second_, "lab/arm0", seen, *bound);
+  ASSERT_TRUE(replaced);
+  EXPECT_GT(*replaced, *bound);
+  EXPECT_EQ(first_->commit({"lab/arm0", nullptr, *bound + 1, true, *bound}).error().kind,
+            Kind::kConflict);
+  EXPECT_TRUE(first_->confirm("lab/arm0", *replaced, kNever));
+  EXPECT_EQ(first_->confirm("lab/arm0", 0, kNever).error().kind, Kind::kConflict);
+  EXPECT_TRUE(first_->commit({"lab/arm0", nullptr, *replaced + 1, true, *replaced}));
+  EXPECT_TRUE(second_->confirm("lab/arm0", 0, kNever));
+}
+
+TEST_F(Shared, BindsNothingAboveOrBelowABoundName) {
+  const std::uint64_t seen = revision_now(*first_);
+  static_cast<void>(revision_now(*second_));
+  ASSERT_TRUE(put(*first_, "lab/arm0", seen, 0));
+  for (const char* name : {"lab", "lab/arm0/x", "lab/arm0/x/y"}) {
+    const auto refused = put(*second_, name, seen, 0);
+    ASSERT_FALSE(refused) << name;
+    EXPECT_EQ(refused.error().kind, Kind::kConflict) << name;
+  }
+  EXPECT_TRUE(put(*second_, "lab/arm00", seen, 0));
+  EXPECT_TRUE(put(*second_, "lab/arm", seen, 0));
+}
+
+// A stopped node may carry a request out long after it was repeated at another one.
+TEST_F(Shared, BringsNoNameBackByALateRequest) {
+  const std::uint64_t seen = revision_now(*first_);
+  const auto bound = put(*first_, "lab/arm0", seen, 0);
+  ASSERT_TRUE(bound);
+  const auto unbound = first_->commit({"lab/arm0", nullptr, *bound + 1, true, *bound});
+  ASSERT_TRUE(unbound);
+  const auto late = put(*first_, "lab/arm0", seen, 0);
+  ASSERT_FALSE(late);
+  EXPECT_EQ(late.error().kind, Kind::kConflict);
+  EXPECT_EQ(late.error().revision, *unbound);
+  EXPECT_TRUE(put(*first_, "lab/arm0", *unbound, 0)) << "one who has seen the unbind may";
+}
+
+TEST_F(Shared, TellsChangesInOneOrderAndWhenAllAreTold) {
+  const std::uint64_t seen = revision_now(*first_);
+  Followed by_first;
+  Followed by_second;
+  static_cast<void>(revision_now(*second_));
+  ASSERT_TRUE(first_->follow(by_first));
+  ASSERT_TRUE(second_->follow(by_second));
+  constexpr int kCount = 20;
+  const auto change = [&](SharedStorage& storage, const std::string& prefix) {
+    for (int i = 0; i < kCount; ++i)
+      EXPECT_TRUE(put(storage, prefix + std::to_string(i), seen, 0));
+  };
+  std::thread other([&] { change(*second_, "b/n"); });
+  change(*first_, "a/n");
+  other.join();
+  const auto told = by_first.wait_for(2 * kCount);
+  const auto same = by_second.wait_for(2 * kCount);
+  ASSERT_EQ(told.size(), std::size_t{2 * kCount});
+  ASSERT_EQ(same.size(), told.size());
+  for (std::size_t i = 0; i < told.size(); ++i) {
+    EXPECT_EQ(told[i].name, same[i].name);
+    EXPECT_EQ(told[i].revision, same[i].revision);
+    EXPECT_EQ(told[i].stored, same[i].stored);
+    EXPECT_EQ(told[i].stored->revision, told[i].revision) << "the holder's";
+    EXPECT_TRUE(i == 0 || told[i].revision > told[i - 1].revision);
+  }
+  EXPECT_TRUE(by_first.is_current_since(rt::now()));
+}
+
+TEST_F(Shared, EndsTheLeaseOfANameThatNoRegistryRenews) {
+  const std::uint64_t seen = revision_now(*first_);
+  Followed told;
+  ASSERT_TRUE(first_->follow(told));
+  const auto bound = put(*first_, "lab/arm0", seen, 0, 100ms);
+  ASSERT_TRUE(bound);
+  ASSERT_EQ(told.wait_for(1).size(), 1u);
+  // A registry that came later renews, too.
+  static_cast<void>(revision_now(*second_));
+  const auto renewed = second_->renew("lab/arm0", *bound, kNever);
+  EXPECT_TRUE(renewed) << renewed.error().text();
+  EXPECT_EQ(second_->renew("lab/arm0", *bound + 1, kNever).error().kind, Kind::kConflict);
+  EXPECT_GE(first_->stay_of(100ms), 2s);
+  const auto changes = told.wait_for(2);
+  ASSERT_EQ(changes.size(), 2u);
+  EXPECT_FALSE(changes[1].stored);
+  EXPECT_EQ(first_->renew("lab/arm0", *bound, kNever).error().kind, Kind::kConflict);
+}
+
+}  // namespace
+}  // namespace rtpm::storage_test
