@@ -53,8 +53,9 @@ EtcdCluster::EtcdCluster() : name_("rtpm-" + std::to_string(::getpid()) + "-") {
   EXPECT_NE(::mkdtemp(folder_.data()), nullptr);
   own_network_ = ::open("/proc/thread-self/ns/net", O_RDONLY | O_CLOEXEC);
   EXPECT_EQ(::unshare(CLONE_NEWNET), 0);
-  run_command("ip link set lo up && ip link add name nodes type bridge && "
-              "ip addr add 10.99.0.254/24 dev nodes && ip link set nodes up");
+  run_command(
+      "ip link set lo up && ip link add name nodes type bridge && "
+      "ip addr add 10.99.0.254/24 dev nodes && ip link set nodes up");
   for (int node = 0; node < kNodeCount; ++node) {
     const std::string port = "port" + std::to_string(node);
     run_command("ip netns add " + space(node));
@@ -98,12 +99,33 @@ void EtcdCluster::start(int node) {
     all += (each == 0 ? "n" : ",n") + std::to_string(each) + "=http://" + address(each) + ":2380";
   const std::string client = "http://" + address(node) + ":2379";
   const std::string peer = "http://" + address(node) + ":2380";
-  nodes_[static_cast<std::size_t>(node)].emplace(std::vector<std::string>{
-      "/usr/bin/env", "ip", "netns", "exec", space(node), "etcd", "--name",
-      "n" + std::to_string(node), "--data-dir", folder_ + "/n" + std::to_string(node),
-      "--listen-client-urls", client, "--advertise-client-urls", client, "--listen-peer-urls", peer,
-      "--initial-advertise-peer-urls", peer, "--initial-cluster", all, "--log-level", "fatal",
-      "--logger", "zap", "--log-outputs", folder_ + "/log" + std::to_string(node)});
+  nodes_[static_cast<std::size_t>(node)].emplace(
+      std::vector<std::string>{"/usr/bin/env",
+                               "ip",
+                               "netns",
+                               "exec",
+                               space(node),
+                               "etcd",
+                               "--name",
+                               "n" + std::to_string(node),
+                               "--data-dir",
+                               folder_ + "/n" + std::to_string(node),
+                               "--listen-client-urls",
+                               client,
+                               "--advertise-client-urls",
+                               client,
+                               "--listen-peer-urls",
+                               peer,
+                               "--initial-advertise-peer-urls",
+                               peer,
+                               "--initial-cluster",
+                               all,
+                               "--log-level",
+                               "fatal",
+                               "--logger",
+                               "zap",
+                               "--log-outputs",
+                               folder_ + "/log" + std::to_string(node)});
 }
 
 int EtcdCluster::leader() const {
@@ -155,8 +177,8 @@ void EtcdCluster::part_from_nodes(int node) {
 }
 void EtcdCluster::heal(int node) {
   run_command("ip link set port" + std::to_string(node) + " up");
-  static_cast<void>(
-      std::system(("ip netns exec " + space(node) + " nft delete table ip parted 2>/dev/null").c_str()));
+  static_cast<void>(std::system(
+      ("ip netns exec " + space(node) + " nft delete table ip parted 2>/dev/null").c_str()));
 }
 
 void EtcdCluster::compact() {

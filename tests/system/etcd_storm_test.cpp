@@ -15,8 +15,8 @@
 #include <vector>
 
 #include "etcd_cluster.hpp"
-#include "programs.hpp"
 #include "names.rtpm.hpp"
+#include "programs.hpp"
 #include "rtpm/names/directory.hpp"
 #include "rtpm/names/watch.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -52,10 +52,9 @@ class WatchedRegistry {
   void freeze() { daemon_->process.stop(); }
   void thaw() { daemon_->process.send_signal(SIGCONT); }
   void watch() {
-    auto watch = names::NameWatch::start(node_, url(), {.deadline = 5s},
-                                         {.on_change = [this](const names::NameChange& change) {
-                                           note(change);
-                                         }});
+    auto watch = names::NameWatch::start(
+        node_, url(), {.deadline = 5s},
+        {.on_change = [this](const names::NameChange& change) { note(change); }});
     ASSERT_TRUE(watch) << watch.error().text();
     watch_ = std::move(*watch);
   }
@@ -194,9 +193,8 @@ class Callers {
         const std::string url = "rtpm://10.0.0.1:1/v" + std::to_string(random() % 1'000'000);
         names::Claim claim{name, url, "lab.Arm", owner};
         claim.is_permanent = true;
-        const auto outcome = insist(registries, random, [&](names::Directory& directory) {
-          return directory.bind(claim);
-        });
+        const auto outcome = insist(
+            registries, random, [&](names::Directory& directory) { return directory.bind(claim); });
         EXPECT_EQ(outcome, names::Outcome::kDone) << name;
         own[name] = url;
       }
@@ -331,11 +329,12 @@ TEST(EtcdStorm, LosesNothingAcknowledgedAndRegistriesEndAlike) {
   if (registries[0].state_count() == 1 && registries[1].state_count() == 1) {
     EXPECT_EQ(registries[0].changes(), registries[1].changes());
   }
-  std::printf("%d rounds, %llu acknowledged changes, %llu renewals, %llu without an answer, %d lost, "
-              "%d differing, %zu changes told in one order\n",
-              round_count(), static_cast<unsigned long long>(changes),
-              static_cast<unsigned long long>(renewals), static_cast<unsigned long long>(unknown),
-              lost, differing, registries[0].changes().size());
+  std::printf(
+      "%d rounds, %llu acknowledged changes, %llu renewals, %llu without an answer, %d lost, "
+      "%d differing, %zu changes told in one order\n",
+      round_count(), static_cast<unsigned long long>(changes),
+      static_cast<unsigned long long>(renewals), static_cast<unsigned long long>(unknown), lost,
+      differing, registries[0].changes().size());
   EXPECT_GT(changes, 0u);
 }
 
@@ -384,8 +383,7 @@ TEST(EtcdRegistries, StandInForEachOtherAndSayWhenEtcdIsGone) {
   ASSERT_TRUE(first.directory().bind({"lab/arm", "rtpm://10.0.0.1:1/a", "lab.Arm", {5, 1}, 2s}));
   ASSERT_TRUE(test::await([&] { return second.told().contains("lab/arm"); }));
   first.kill();
-  const auto resumed =
-      first_item(second.node(), second.url(), state->history, state->revision);
+  const auto resumed = first_item(second.node(), second.url(), state->history, state->revision);
   ASSERT_TRUE(resumed);
   EXPECT_EQ(resumed->phase, names::WatchPhase::Changes);
   ASSERT_EQ(resumed->changes.size(), 1u);

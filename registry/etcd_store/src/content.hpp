@@ -16,7 +16,8 @@ namespace rtpm::etcd_store {
 /// Where a cluster has the names of registries.
 class Keys {
  public:
-  explicit Keys(const std::string& prefix) : names_(prefix + "/names/"), fences_(prefix + "/fences/") {}
+  explicit Keys(const std::string& prefix)
+      : names_(prefix + "/names/"), fences_(prefix + "/fences/") {}
   /// All names: a key and the end of a range, as etcd takes them.
   [[nodiscard]] Json all() const;
   [[nodiscard]] std::string key_of(std::string_view name) const {

@@ -50,8 +50,7 @@ Json range_of(const std::string& key) {
 
 class EtcdStorage final : public names::SharedStorage {
  public:
-  explicit EtcdStorage(Address address)
-      : keys_(address.prefix), gateway_(std::move(address)) {}
+  explicit EtcdStorage(Address address) : keys_(address.prefix), gateway_(std::move(address)) {}
   ~EtcdStorage() override { EtcdStorage::stop(); }
 
   expected<names::StoredContent, SetupError> load() override {
@@ -100,8 +99,8 @@ class EtcdStorage final : public names::SharedStorage {
     const auto known = known_.find(name);
     const bool is_foreign = change == 0 && known && known->is_foreign;
     const Json request{
-        {"compare", Json::array({compare(key, "MOD", "mod_revision",
-                                         is_foreign ? known->revision : change)})},
+        {"compare",
+         Json::array({compare(key, "MOD", "mod_revision", is_foreign ? known->revision : change)})},
         {"failure", Json::array({range_of(key)})}};
     const auto answer = gateway_.ask("/v3/kv/txn", request, deadline);
     if (!answer) return unexpected{failure(answer.error())};
@@ -131,7 +130,8 @@ class EtcdStorage final : public names::SharedStorage {
             "check that most nodes of etcd run and reach each other"};
   }
   [[nodiscard]] StorageError conflict(std::uint64_t revision) const {
-    return {{"the name in " + place() + " is being changed by another registry all the time", {},
+    return {{"the name in " + place() + " is being changed by another registry all the time",
+             {},
              "try again"},
             Kind::kConflict,
             revision};
@@ -141,8 +141,8 @@ class EtcdStorage final : public names::SharedStorage {
       return {unreachable("did not take the change", error.why), Kind::kUnreachable};
     }
     const bool is_full = error.code == GatewayError::kExhausted;
-    const char* const remedy = is_full ? "compact and defragment it, then disarm its alarm"
-                                       : "see the log of etcd";
+    const char* const remedy =
+        is_full ? "compact and defragment it, then disarm its alarm" : "see the log of etcd";
     return {{"the names in " + place() + " did not take the change", error.why, remedy},
             is_full ? Kind::kFull : Kind::kFailed};
   }
@@ -176,8 +176,9 @@ class EtcdStorage final : public names::SharedStorage {
                        {"success", Json::array({{{"request_put", std::move(success)}}})},
                        {"failure", looks_of(change)}};
     const auto answer = gateway_.ask("/v3/kv/txn", request, deadline);
-    auto revision = answer ? revision_of(*answer, name, value.write)
-                           : expected<std::uint64_t, StorageError>(unexpected{failure(answer.error())});
+    auto revision =
+        answer ? revision_of(*answer, name, value.write)
+               : expected<std::uint64_t, StorageError>(unexpected{failure(answer.error())});
     const bool is_lease_over = !answer && answer.error().code == GatewayError::kNotFound;
     if (is_lease_over) revision = unexpected{conflict(0)};
     // Where it is unknown what happened the new lease may be in use.
@@ -238,8 +239,9 @@ class EtcdStorage final : public names::SharedStorage {
         {"compare",
          Json::array({compare(keys_.key_of(name), "MOD", "mod_revision", change.expected)})},
         {"success",
-         Json::array({{{"request_delete_range", {{"key", to_base64(keys_.key_of(name))}}}},
-                      {{"request_put", {{"key", to_base64(keys_.fence_of(name))}, {"value", ""}}}}})},
+         Json::array(
+             {{{"request_delete_range", {{"key", to_base64(keys_.key_of(name))}}}},
+              {{"request_put", {{"key", to_base64(keys_.fence_of(name))}, {"value", ""}}}}})},
         {"failure", Json::array({range_of(keys_.key_of(name))})}};
     const auto answer = gateway_.ask("/v3/kv/txn", request, deadline);
     if (!answer) return unexpected{failure(answer.error())};
@@ -283,8 +285,7 @@ expected<std::unique_ptr<names::SharedStorage>, SetupError> make_etcd_storage(
     std::string_view url) {
   auto address = parse_address(url);
   if (!address) return unexpected{std::move(address.error())};
-  return std::unique_ptr<names::SharedStorage>(
-      std::make_unique<EtcdStorage>(std::move(*address)));
+  return std::unique_ptr<names::SharedStorage>(std::make_unique<EtcdStorage>(std::move(*address)));
 }
 
 }  // namespace rtpm::etcd_store

@@ -200,9 +200,9 @@ void Follow::note_reached() {
 void Follow::note_trouble(std::size_t endpoint, const std::string& why) {
   if (is_told_ || failure_count_ < gateway_.address().endpoints.size()) return;
   is_told_ = true;
-  follower_->on_trouble("The names in " + gateway_.address().text() +
-                        " can't be followed: " + gateway_.address().endpoints[endpoint] + ": " +
-                        why + ". Reads go on from memory, and changes fail. Remedy: check that "
+  follower_->on_trouble("The names in " + gateway_.address().text() + " can't be followed: " +
+                        gateway_.address().endpoints[endpoint] + ": " + why +
+                        ". Reads go on from memory, and changes fail. Remedy: check that "
                         "most nodes of etcd run and reach each other.");
 }
 

@@ -16,9 +16,9 @@
 namespace rtpm::etcd_store {
 
 /// Follows the names of a cluster by a watch at one endpoint, on a time-shared thread "rtpm-etcd".
-/// Every half second it reads at the same endpoint, through the leader, which changes the watch must
-/// have told: so what a registry has is known to be current. Where that fails it goes on at the next
-/// endpoint, behind the last revision.
+/// Every half second it reads at the same endpoint, through the leader, which changes the watch
+/// must have told: so what a registry has is known to be current. Where that fails it goes on at
+/// the next endpoint, behind the last revision.
 /// @threads  start and stop from one
 class Follow {
  public:
@@ -65,7 +65,7 @@ class Follow {
   std::vector<names::SharedChange> fragments_{};
   bool is_created_ = false;
   std::optional<Probe> probe_{};
-  bool is_told_ = false;  ///< That it is not reached.
+  bool is_told_ = false;           ///< That it is not reached.
   std::size_t failure_count_ = 0;  ///< One after the other.
   rt::Thread thread_{};
 };

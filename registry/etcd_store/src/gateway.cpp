@@ -139,10 +139,11 @@ expected<Json, GatewayError> Gateway::ask(std::string_view path, const Json& bod
   const auto failed = [&] {
     std::string why;
     for (std::size_t i = 0; i < why_of.size(); ++i) {
-      if (!why_of[i].empty()) why += (why.empty() ? "" : "; ") + address_.endpoints[i] + ": " + why_of[i];
+      if (!why_of[i].empty())
+        why += (why.empty() ? "" : "; ") + address_.endpoints[i] + ": " + why_of[i];
     }
-    return unexpected{GatewayError{why.empty() ? "no time was left" : why,
-                                   GatewayError::kUnavailable, was_sent}};
+    return unexpected{
+        GatewayError{why.empty() ? "no time was left" : why, GatewayError::kUnavailable, was_sent}};
   };
   for (std::size_t attempt = 0; !is_stopping_; ++attempt) {
     const std::size_t endpoint = preferred_;

@@ -14,10 +14,10 @@ namespace rtpm::etcd_store {
 
 /// A key of a name, as the watch has told it.
 struct KnownName {
-  std::uint64_t revision = 0;     ///< Of its last change.
-  std::uint64_t etcd_lease = 0;   ///< 0: none.
-  Duration lease{};               ///< Of the name.
-  bool is_foreign = false;        ///< Its value was not written by a registry: it is no name.
+  std::uint64_t revision = 0;    ///< Of its last change.
+  std::uint64_t etcd_lease = 0;  ///< 0: none.
+  Duration lease{};              ///< Of the name.
+  bool is_foreign = false;       ///< Its value was not written by a registry: it is no name.
 };
 
 /// The keys of names, with what registries do not know of them; and leases that have no key any

@@ -93,10 +93,9 @@ class Directory::Impl {
     const bool is_of_storage =
         error.outcome == Outcome::kStoreUnreachable || error.outcome == Outcome::kNotStored;
     if (!is_of_storage) return error;
-    const auto report =
-        ask(usual_end(), [](NamesClient& client, const rpc::CallOptions& options) {
-          return client.report({}, options);
-        });
+    const auto report = ask(usual_end(), [](NamesClient& client, const rpc::CallOptions& options) {
+      return client.report({}, options);
+    });
     if (report) error.why = printable(text_of((*report)->storage_trouble()), kTroubleShownMax);
     return error;
   }

@@ -19,9 +19,10 @@ namespace rtpm::names {
 /// @threads  the storage's; wait_for() and trouble() any
 class Replica final : public SharedStorage::Follower {
  public:
-  /// `mutex` guards `store`, which has everything up to `revision`. `report` takes sentences for the log, on the storage's thread.
-  Replica(rt::PiMutex& mutex, Store& store, Watches& watches,
-          std::uint64_t revision, std::function<void(std::string_view)> report)
+  /// `mutex` guards `store`, which has everything up to `revision`. `report` takes sentences for
+  /// the log, on the storage's thread.
+  Replica(rt::PiMutex& mutex, Store& store, Watches& watches, std::uint64_t revision,
+          std::function<void(std::string_view)> report)
       : mutex_(mutex),
         store_(store),
         watches_(watches),

@@ -372,7 +372,8 @@ class RegistryServant final : public NamesServant {
   rpc::Result<void> bind(const Claim& claim, rpc::ReplyBuilder<BindReply>& reply,
                          Bind bind_in_store, const rpc::CallContext& context) {
     const rt::AllowAllocationScope not_real_time;
-    if (shared_storage_) return bind_shared(claim, reply, bind_in_store == Bind{&Store::rebind}, context);
+    if (shared_storage_)
+      return bind_shared(claim, reply, bind_in_store == Bind{&Store::rebind}, context);
     std::optional<std::string> sentence;
     {
       const std::lock_guard lock(mutex_);
@@ -402,9 +403,9 @@ class RegistryServant final : public NamesServant {
     std::unique_lock lock(mutex_);
     const bool is_allowed = allows(context, Operation::kBind, claim.name, claim.owner);
     lock.unlock();
-    const auto bound = is_allowed ? writer_->bind(claim, replaces, answer_by(context))
-                                  : expected<SharedGrant, SharedRefusal>(
-                                        unexpected{SharedRefusal{denied()}});
+    const auto bound =
+        is_allowed ? writer_->bind(claim, replaces, answer_by(context))
+                   : expected<SharedGrant, SharedRefusal>(unexpected{SharedRefusal{denied()}});
     std::optional<std::string> sentence;
     lock.lock();
     const MonotonicTime now = rt::now();
@@ -485,11 +486,12 @@ class RegistryServant final : public NamesServant {
   Watches watches_{mutex_, store_,
                    shared_storage_ ? shared_storage_->identity() : rt::random_u64()};
   RegistryReport report_;
-  Replica replica_{mutex_, store_, watches_, store_.log().revision(), [this](std::string_view text) { report_(text); }};
+  Replica replica_{mutex_, store_, watches_, store_.log().revision(),
+                   [this](std::string_view text) { report_(text); }};
   std::optional<SharedWriter> writer_{
-      shared_storage_ ? std::optional<SharedWriter>(
-                            std::in_place, mutex_, store_, *shared_storage_, replica_)
-                      : std::nullopt};
+      shared_storage_
+          ? std::optional<SharedWriter>(std::in_place, mutex_, store_, *shared_storage_, replica_)
+          : std::nullopt};
   WriteQueue queue_{};
   std::array<std::uint64_t, static_cast<std::size_t>(OutcomeCode::MAX) + 1> refused_counts_{};
   std::uint64_t takeover_count_ = 0;

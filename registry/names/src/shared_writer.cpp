@@ -51,8 +51,7 @@ expected<std::uint64_t, StorageError> SharedWriter::carry_out(const Plan& plan,
                           plan.former ? plan.former->change : 0, deadline});
 }
 
-bool SharedWriter::waits_for_other(const StorageError& error, int attempt,
-                                   MonotonicTime deadline) {
+bool SharedWriter::waits_for_other(const StorageError& error, int attempt, MonotonicTime deadline) {
   if (error.kind != StorageError::Kind::kConflict) return false;
   const bool is_told = error.revision != 0;
   if (is_told && !replica_.wait_for(error.revision, deadline)) return false;
@@ -133,12 +132,9 @@ expected<void, SharedRefusal> SharedWriter::unbind(std::string_view name, Owner 
     const auto planned = locked([&]() -> expected<StoredChange, SharedRefusal> {
       const auto found = store_.plan_unbind(name, owner, rt::now(), holder_revision);
       if (!found) return unexpected{kept(found.error())};
-      return StoredChange{name,
-                          nullptr,
-                          store_.next_revision(),
-                          (*found)->is_permanent(),
-                          (*found)->change,
-                          deadline};
+      return StoredChange{
+          name,    nullptr, store_.next_revision(), (*found)->is_permanent(), (*found)->change,
+          deadline};
     });
     if (!planned) {
       auto refused = confirmed(name, planned.error(), attempt, deadline);

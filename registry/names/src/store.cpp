@@ -25,8 +25,8 @@ std::size_t last_component(std::string_view name) {
 
 /// What others may have written in a shared storage is no name where the rules would refuse it.
 bool is_sound(const StoredName& stored) {
-  return !first_bad_component(stored.name) && is_url(stored.url) && is_interface(stored.interface) &&
-         stored.owner.id != 0 && stored.lease >= Duration{0} &&
+  return !first_bad_component(stored.name) && is_url(stored.url) &&
+         is_interface(stored.interface) && stored.owner.id != 0 && stored.lease >= Duration{0} &&
          !first_bad_property(stored.properties);
 }
 
@@ -362,10 +362,9 @@ Plan Store::plan_of(const Claim& claim, Records::iterator held, MonotonicTime no
       plan.former && plan.former->owner == claim.owner ? plan.former.get() : nullptr;
   plan.next = record_of(claim, kept, now);
   // A bind that changes nothing but the lease is no change.
-  plan.is_renewal = kept != nullptr && kept->url == plan.next.url &&
-                    kept->interface == plan.next.interface &&
-                    kept->properties == plan.next.properties &&
-                    kept->is_permanent() == plan.next.is_permanent();
+  plan.is_renewal =
+      kept != nullptr && kept->url == plan.next.url && kept->interface == plan.next.interface &&
+      kept->properties == plan.next.properties && kept->is_permanent() == plan.next.is_permanent();
   plan.is_durable = plan.next.is_permanent() || (plan.former && plan.former->is_permanent());
   if (plan.is_renewal) plan.next.change = kept->change;
   return plan;
@@ -375,8 +374,8 @@ expected<Granted, Refusal> Store::put(Plan plan) {
   Record& next = plan.next;
   if (!plan.is_renewal) {
     const StoredName stored = stored_name_of(next);
-    const auto kept = commit({next.name, &stored, next.change, plan.is_durable,
-                              plan.former ? plan.former->change : 0});
+    const auto kept = commit(
+        {next.name, &stored, next.change, plan.is_durable, plan.former ? plan.former->change : 0});
     if (!kept) return unexpected{kept.error()};
     next.change = *kept;
     if (!plan.keeps_holder()) next.revision = *kept;

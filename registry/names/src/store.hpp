@@ -61,9 +61,7 @@ struct Plan {
   std::shared_ptr<const Record> former{};  ///< Null: the name is not bound.
   bool is_renewal = false;                 ///< Nothing changes but the end of the lease.
   bool is_durable = false;
-  [[nodiscard]] bool keeps_holder() const noexcept {
-    return former && former->owner == next.owner;
-  }
+  [[nodiscard]] bool keeps_holder() const noexcept { return former && former->owner == next.owner; }
   [[nodiscard]] Granted granted() const noexcept;
 };
 

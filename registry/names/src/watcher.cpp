@@ -59,7 +59,8 @@ Watcher::Outcome Watcher::pump(const Store& store, std::size_t backlog_max, Mono
     const bool waits_in_vain = is_beyond(store) && store.confirm_count() >= confirm_count_ + 2;
     if (log.restart_count() != restart_count_ || waits_in_vain) begin_state(store);
     const bool is_stuck = !has_capacity();
-    if ((!log.reaches(position_) && !is_beyond(store)) || (is_stuck && log.count_after(position_) > backlog_max)) {
+    if ((!log.reaches(position_) && !is_beyond(store)) ||
+        (is_stuck && log.count_after(position_) > backlog_max)) {
       begin_item();
       static_cast<void>(send(WatchPhase::CutOff, store.stale_for(now)));
       writer_.finish();
@@ -130,8 +131,8 @@ bool Watcher::send(WatchPhase phase, Duration stale) {
   is_stale_ = is_stale(stale);
   const Answer answer = answer_of(names::Outcome::kDone);
   const auto changes = builder_.CreateVector(changes_);
-  builder_.Finish(CreateWatchItem(builder_, &answer, phase, history_, position_, changes, 0, 0,
-                                  ns_of(stale)));
+  builder_.Finish(
+      CreateWatchItem(builder_, &answer, phase, history_, position_, changes, 0, 0, ns_of(stale)));
   return writer_.write(builder_).has_value();
 }
 

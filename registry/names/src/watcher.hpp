@@ -48,12 +48,12 @@ class Watcher {
   std::uint64_t history_;
   std::uint32_t host_;
   bool is_in_state_;
-  bool is_welcome_due_ = true;  ///< The first item goes out, also without changes.
-  std::string state_cursor_{};  ///< The last name of the state that was looked at.
-  bool is_stale_ = false;       ///< As the last item said.
+  bool is_welcome_due_ = true;   ///< The first item goes out, also without changes.
+  std::string state_cursor_{};   ///< The last name of the state that was looked at.
+  bool is_stale_ = false;        ///< As the last item said.
   std::uint64_t restart_count_;  ///< Of the log, when the state was last begun.
   std::uint64_t confirm_count_;  ///< Of the store, when the watch began.
-  std::uint64_t position_;      ///< Every change up to this revision was sent, or is in the state.
+  std::uint64_t position_;       ///< Every change up to this revision was sent, or is in the state.
   flatbuffers::FlatBufferBuilder builder_{};
   std::vector<flatbuffers::Offset<Change>> changes_{};
 };

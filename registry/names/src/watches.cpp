@@ -75,8 +75,8 @@ void Watches::add(const WatchRequest& request, rpc::TableWriter<WatchItem> write
   std::optional<std::uint64_t> after;
   // A registry that shares its storage may not yet have what another one has told.
   const bool is_to_come = store_.is_shared() && request.after() > store_.log().revision();
-  const bool is_known = request.history() == history_ &&
-                        (store_.log().reaches(request.after()) || is_to_come);
+  const bool is_known =
+      request.history() == history_ && (store_.log().reaches(request.after()) || is_to_come);
   if (is_known) after = request.after();
   watchers_.push_back(std::make_unique<Watcher>(std::move(writer), std::move(filter), history_,
                                                 after, store_, host));

@@ -50,11 +50,28 @@ EtcdNode::EtcdNode() : endpoint_("127.0.0.1:" + free_port()) {
   if (::mkdtemp(folder_.data()) == nullptr) return;
   const std::string client = "http://" + endpoint_;
   const std::string peer = "http://127.0.0.1:" + free_port();
-  process_.emplace(std::vector<std::string>{
-      "/usr/bin/env", "etcd", "--name", "n0", "--data-dir", folder_ + "/n0",
-      "--listen-client-urls", client, "--advertise-client-urls", client, "--listen-peer-urls", peer,
-      "--initial-advertise-peer-urls", peer, "--initial-cluster", "n0=" + peer, "--logger", "zap",
-      "--log-level", "fatal", "--log-outputs", folder_ + "/log"});
+  process_.emplace(std::vector<std::string>{"/usr/bin/env",
+                                            "etcd",
+                                            "--name",
+                                            "n0",
+                                            "--data-dir",
+                                            folder_ + "/n0",
+                                            "--listen-client-urls",
+                                            client,
+                                            "--advertise-client-urls",
+                                            client,
+                                            "--listen-peer-urls",
+                                            peer,
+                                            "--initial-advertise-peer-urls",
+                                            peer,
+                                            "--initial-cluster",
+                                            "n0=" + peer,
+                                            "--logger",
+                                            "zap",
+                                            "--log-level",
+                                            "fatal",
+                                            "--log-outputs",
+                                            folder_ + "/log"});
   static_cast<void>(test::await([&] { return answers(endpoint_); }));
 }
 

@@ -61,9 +61,9 @@ void expect_words(const std::string& text, const std::vector<std::string>& words
 
 TEST(Gateway, RefusesWhatIsNoAnswerOfEtcd) {
   const std::string no_json = "no JSON of etcd";
-  for (const std::string& answer : std::vector<std::string>{
-           "not json", "[]", "{}", "{\"header\":5}", "{\"result\":7}", "\x01\xff{",
-           std::string(100'000, '[')}) {
+  for (const std::string& answer :
+       std::vector<std::string>{"not json", "[]", "{}", "{\"header\":5}", "{\"result\":7}",
+                                "\x01\xff{", std::string(100'000, '[')}) {
     const std::string text = refusal_of(answer);
     expect_words(text, {no_json, "127.0.0.1", "Remedy"});
     EXPECT_LT(text.size(), 500u);
@@ -105,8 +105,9 @@ TEST(Gateway, LeavesOutValuesThatAreNoNames) {
 TEST(Gateway, AsksNoOtherCluster) {
   bool is_gone = false;
   const FakeEtcd own([&](const std::string& path, const std::string&) -> std::string {
-    return is_gone ? R"({"error":"etcdserver: no leader","code":14})"
-                   : path == "/v3/kv/range" ? kEmpty : "";
+    return is_gone                  ? R"({"error":"etcdserver: no leader","code":14})"
+           : path == "/v3/kv/range" ? kEmpty
+                                    : "";
   });
   const FakeEtcd other([](const std::string&, const std::string&) {
     return R"({"header":{"cluster_id":"8","revision":"90"},"succeeded":true})";
@@ -117,8 +118,8 @@ TEST(Gateway, AsksNoOtherCluster) {
   const auto bound = bind_at(*storage);
   ASSERT_FALSE(bound);
   EXPECT_EQ(bound.error().kind, Kind::kUnreachable);
-  expect_words(bound.error().text(), {"another cluster", "no leader", own.endpoint(),
-                                      other.endpoint(), "Remedy"});
+  expect_words(bound.error().text(),
+               {"another cluster", "no leader", own.endpoint(), other.endpoint(), "Remedy"});
 }
 
 TEST(Gateway, KnowsItsOwnChangeAgainThatWasDoneWithoutAnAnswer) {
@@ -205,8 +206,9 @@ TEST(Gateway, TakesAddressesAsTheDocumentationSays) {
 }
 
 TEST(Base64, IsAsTheStandardHasIt) {
-  for (const auto& [bytes, text] : {std::pair{"", ""}, std::pair{"f", "Zg=="}, std::pair{"fo", "Zm8="},
-                                    std::pair{"foo", "Zm9v"}, std::pair{"foob", "Zm9vYg=="}}) {
+  for (const auto& [bytes, text] :
+       {std::pair{"", ""}, std::pair{"f", "Zg=="}, std::pair{"fo", "Zm8="},
+        std::pair{"foo", "Zm9v"}, std::pair{"foob", "Zm9vYg=="}}) {
     EXPECT_EQ(etcd_store::to_base64(bytes), text);
     EXPECT_EQ(etcd_store::from_base64(text), bytes);
   }

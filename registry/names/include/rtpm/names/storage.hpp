@@ -44,8 +44,8 @@ struct StoredContent {
 /// Why a change was not stored. It has not happened then, but for kUnreachable.
 struct StorageError : SetupError {
   enum class Kind : std::uint8_t {
-    kFull,         ///< No space is left.
-    kReadOnly,     ///< It was found damaged, or failed before.
+    kFull,      ///< No space is left.
+    kReadOnly,  ///< It was found damaged, or failed before.
     kFailed,
     kConflict,     ///< Another registry was first: see `revision`.
     kUnreachable,  ///< A shared one did not answer in time: it may have happened, or not.
