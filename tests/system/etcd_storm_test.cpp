@@ -18,6 +18,7 @@
 #include "names.rtpm.hpp"
 #include "programs.hpp"
 #include "rtpm/names/directory.hpp"
+#include "rtpm/names/registration.hpp"
 #include "rtpm/names/watch.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/test/os.hpp"
@@ -376,6 +377,20 @@ TEST(EtcdRegistries, StandInForEachOtherAndSayWhenEtcdIsGone) {
   const auto refused = second.directory().bind(permanent("lab/camera/lens"));
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().outcome, names::Outcome::kNotADirectory);
+  // Clients that know both registries go on at the other one.
+  const std::string both = first.url() + "," + second.url();
+  rpc::Node client{{.wait = {.strategy = rt::WaitStrategy::kBlock}}};
+  std::vector<std::string> reports;
+  const auto registration = names::Registration::create(
+      client, both, "lab/screen", "rtpm://10.0.0.1:1/s", "lab.Screen",
+      names::Registration::kDefaultLease,
+      [&](std::string_view sentence) { reports.emplace_back(sentence); });
+  ASSERT_TRUE(registration) << registration.error().text();
+  std::atomic<int> arm_count = 0;
+  const auto watch =
+      names::NameWatch::start(client, both, {.directory = "lab/arm"},
+                              {.on_change = [&](const names::NameChange&) { ++arm_count; }});
+  ASSERT_TRUE(watch) << watch.error().text();
   // A watch resumes at the other registry, behind the revision of the first one.
   const auto state = first_item(first.node(), first.url(), 0, 0);
   ASSERT_TRUE(state);
@@ -396,6 +411,10 @@ TEST(EtcdRegistries, StandInForEachOtherAndSayWhenEtcdIsGone) {
   }
   // Unless it does not: then etcd ends the lease.
   EXPECT_TRUE(test::await([&] { return !second.told().contains("lab/arm"); }));
+  EXPECT_TRUE(test::await([&] { return arm_count == 2; })) << "bound and gone, each told once";
+  EXPECT_EQ((*watch)->state_count(), 1u) << "it resumed where it was";
+  EXPECT_TRUE((*registration)->is_bound());
+  EXPECT_EQ(reports, std::vector<std::string>{}) << "the name was never lost";
   // Changes that were compacted before a registry saw them: it reads all again.
   WatchedRegistry third(cluster.url());
   third.watch();
@@ -409,7 +428,7 @@ TEST(EtcdRegistries, StandInForEachOtherAndSayWhenEtcdIsGone) {
   ASSERT_TRUE(second.directory(5s).unbind("lab/camera", {1, 1}));
   cluster.compact();
   third.thaw();
-  const State left{{"lab/late", "rtpm://10.0.0.1:1/x"}};
+  const State left{{"lab/late", "rtpm://10.0.0.1:1/x"}, {"lab/screen", "rtpm://10.0.0.1:1/s"}};
   EXPECT_TRUE(test::await([&] { return third.listed() == left && third.told() == left; }));
   EXPECT_EQ(third.state_count(), 2u) << "what changed meanwhile was not known one by one";
   // Without etcd reads go on, marked; changes fail in words.

@@ -83,11 +83,9 @@ class EtcdStorage final : public names::SharedStorage {
     if (!known) return unexpected{conflict(0)};
     if (known->revision != change) return unexpected{conflict(known->revision)};
     if (known->etcd_lease != 0) {
-      const Json request{{"ID", std::to_string(known->etcd_lease)}};
-      const auto answer = gateway_.ask("/v3/lease/keepalive", request, deadline);
-      if (!answer) return unexpected{failure(answer.error())};
-      // Without a time the lease has ended.
-      if (number_at(*answer, "TTL") == 0) return unexpected{conflict(0)};
+      const auto left = keep_alive(known->etcd_lease, deadline);
+      if (!left) return unexpected{failure(left.error())};
+      if (!*left) return unexpected{conflict(0)};
     }
     // The lease may outlast its name for a while.
     return confirm(name, change, deadline);
@@ -147,6 +145,15 @@ class EtcdStorage final : public names::SharedStorage {
             is_full ? Kind::kFull : Kind::kFailed};
   }
 
+  /// Whether the lease was still there.
+  [[nodiscard]] expected<bool, GatewayError> keep_alive(std::uint64_t lease,
+                                                        MonotonicTime deadline) {
+    const Json request{{"ID", std::to_string(lease)}};
+    const auto answer = gateway_.ask("/v3/lease/keepalive", request, deadline);
+    if (!answer) return unexpected{answer.error()};
+    return number_at(*answer, "TTL") != 0;
+  }
+
   /// The lease that a name is to have: the present one of the same holder, or a new one.
   [[nodiscard]] expected<EtcdLease, GatewayError> lease_for(const StoredChange& change,
                                                             const std::optional<KnownName>& known,
@@ -156,7 +163,11 @@ class EtcdStorage final : public names::SharedStorage {
     const bool is_kept = known && known->revision == change.expected && known->etcd_lease != 0 &&
                          stored.revision != change.revision &&
                          seconds_of(known->lease) == seconds_of(stored.lease);
-    if (is_kept) return EtcdLease{known->etcd_lease, false};
+    if (is_kept) {
+      const auto left = keep_alive(known->etcd_lease, deadline);
+      if (!left) return unexpected{left.error()};
+      if (*left) return EtcdLease{known->etcd_lease, false};
+    }
     const Json request{{"TTL", std::to_string(seconds_of(stored.lease))}};
     const auto granted = gateway_.ask("/v3/lease/grant", request, deadline);
     if (!granted) return unexpected{granted.error()};

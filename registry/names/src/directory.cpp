@@ -1,10 +1,13 @@
 #include "rtpm/names/directory.hpp"
 
 #include <algorithm>
+#include <atomic>
+#include <deque>
 #include <mutex>
 #include <utility>
 
 #include "idl.hpp"
+#include "registry_list.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/rpc/tables.hpp"
@@ -38,20 +41,30 @@ struct Request {
 class Directory::Impl {
  public:
   Impl(rpc::Node& node, std::string registry_url, Duration deadline)
-      : node_(node), registry_url_(std::move(registry_url)), deadline_(deadline) {}
+      : node_(node), registry_url_(std::move(registry_url)), deadline_(deadline) {
+    for (std::string& url : registries_of(registry_url_))
+      registries_.push_back({std::move(url)});
+  }
 
   [[nodiscard]] const std::string& registry_url() const noexcept { return registry_url_; }
 
-  /// Runs `operation` with the bound client; ends by `deadline`.
+  /// Runs `operation` at the registry that answered last, else at the next one; ends by `deadline`.
   template <class Operation>
   auto ask(MonotonicTime deadline, Operation operation) -> expected<
       typename std::invoke_result_t<Operation, NamesClient&, const rpc::CallOptions&>::value_type,
       DirectoryError> {
-    auto client = bound_client(deadline);
-    if (!client) return unexpected{std::move(client.error())};
-    auto reply = operation(**client, rpc::CallOptions{.deadline = deadline - rt::now()});
-    if (!reply) return unexpected{no_result(reply.error())};
-    return std::move(*reply);
+    const std::size_t first = preferred_;
+    for (std::size_t i = 0;; ++i) {
+      const std::size_t which = (first + i) % registries_.size();
+      const bool is_last = i + 1 == registries_.size();
+      const Duration left = deadline - rt::now();
+      // Time is left for the next one.
+      auto reply = ask_at(registries_[which], rt::now() + (is_last ? left : left / 2), operation);
+      if (is_last || !is_for_another(reply)) {
+        preferred_ = which;
+        return reply;
+      }
+    }
   }
 
   /// ask() for an operation on `name` that only succeeds or is refused.
@@ -130,63 +143,94 @@ class Directory::Impl {
   }
 
  private:
+  struct Registry {
+    std::string url{};
+    std::optional<NamesClient> client{};
+  };
+
+  template <class Operation>
+  auto ask_at(Registry& registry, MonotonicTime deadline, Operation operation) -> expected<
+      typename std::invoke_result_t<Operation, NamesClient&, const rpc::CallOptions&>::value_type,
+      DirectoryError> {
+    auto client = bound_client(registry, deadline);
+    if (!client) return unexpected{std::move(client.error())};
+    auto reply = operation(**client, rpc::CallOptions{.deadline = deadline - rt::now()});
+    if (!reply) return unexpected{no_result(registry.url, reply.error())};
+    return std::move(*reply);
+  }
+
+  /// Whether another registry may do better: this one does not answer, or does not reach the
+  /// storage that they share.
+  template <class Reply>
+  [[nodiscard]] static bool is_for_another(const expected<Reply, DirectoryError>& reply) {
+    if (!reply) return reply.error().cause != rpc::make_error_code(rpc::CallError::kNoResources);
+    return outcome_in(*reply) == Outcome::kStoreUnreachable;
+  }
+  [[nodiscard]] static Outcome outcome_in(const Answer& answer) { return outcome_of(answer); }
+  template <class Table>
+  [[nodiscard]] static Outcome outcome_in(const rpc::TableReply<Table>& reply) {
+    if constexpr (requires { reply->answer(); }) return outcome_of(*reply->answer());
+    return Outcome::kDone;
+  }
+
   /// The client, bound on first use; its binding finds a restarted registry by itself. Concurrent
   /// first callers bind in parallel, so that none waits for others' deadlines.
-  [[nodiscard]] expected<NamesClient*, DirectoryError> bound_client(MonotonicTime deadline) {
+  [[nodiscard]] expected<NamesClient*, DirectoryError> bound_client(Registry& registry,
+                                                                    MonotonicTime deadline) {
     {
       const std::lock_guard lock(mutex_);
-      if (client_) return &*client_;
+      if (registry.client) return &*registry.client;
     }
     // A name would recurse into the node's resolver.
-    if (!wire::parse_url(registry_url_)) {
+    if (!wire::parse_url(registry.url)) {
       return unexpected{DirectoryError{
-          {"'" + registry_url_ + "' is no URL of a registry",
+          {"'" + registry.url + "' is no URL of a registry",
            {},
            "give --registry rtpm://host:port/path, such as " + std::string(kDefaultRegistryUrl)}}};
     }
-    auto client = NamesClient::bind(node_, registry_url_, {.deadline = deadline - rt::now()});
+    auto client = NamesClient::bind(node_, registry.url, {.deadline = deadline - rt::now()});
     if (!client) {
       const SetupError& error = client.error();
       return unexpected{error.cause == rpc::CallError::kNoResources
-                            ? not_asked(error.reason(), error.remedy)
-                            : no_answer(error.reason())};
+                            ? not_asked(registry.url, error.reason(), error.remedy)
+                            : no_answer(registry.url, error.reason())};
     }
     const std::lock_guard lock(mutex_);
-    if (!client_) client_.emplace(std::move(*client));
-    return &*client_;
+    if (!registry.client) registry.client.emplace(std::move(*client));
+    return &*registry.client;
   }
 
-  [[nodiscard]] DirectoryError no_result(rpc::CallError cause) const {
+  [[nodiscard]] static DirectoryError no_result(const std::string& url, rpc::CallError cause) {
     const std::string why(rpc::to_string(cause));
     switch (cause) {
       case rpc::CallError::kTimeout:
       case rpc::CallError::kExpired:
       case rpc::CallError::kDisconnected:
       case rpc::CallError::kUnreachable:
-        return no_answer(why);
+        return no_answer(url, why);
       case rpc::CallError::kNoResources:
-        return not_asked(why);
+        return not_asked(url, why);
       default:
-        return {{"the registry at " + registry_url_ + " failed", why}};
+        return {{"the registry at " + url + " failed", why}};
     }
   }
 
-  [[nodiscard]] DirectoryError not_asked(const std::string& why,
-                                         const std::string& remedy = {}) const {
-    return {{"the registry at " + registry_url_ + " was not asked", why, remedy,
+  [[nodiscard]] static DirectoryError not_asked(const std::string& url, const std::string& why,
+                                                const std::string& remedy = {}) {
+    return {{"the registry at " + url + " was not asked", why, remedy,
              rpc::make_error_code(rpc::CallError::kNoResources)}};
   }
 
-  [[nodiscard]] DirectoryError no_answer(const std::string& why) const {
-    return {{"no registry answers at " + registry_url_, why,
-             "start rtpm-registryd, or give --registry URL"}};
+  [[nodiscard]] static DirectoryError no_answer(const std::string& url, const std::string& why) {
+    return {{"no registry answers at " + url, why, "start rtpm-registryd, or give --registry URL"}};
   }
 
   rpc::Node& node_;
   std::string registry_url_;
   Duration deadline_;
-  std::mutex mutex_;  ///< Of client_; not for real-time threads.
-  std::optional<NamesClient> client_;
+  std::atomic<std::size_t> preferred_ = 0;
+  std::mutex mutex_;  ///< Of the clients; not for real-time threads.
+  std::deque<Registry> registries_{};
 };
 
 Directory::Directory(rpc::Node& node, std::string registry_url, Duration deadline)

@@ -38,6 +38,7 @@ void Replica::on_trouble(const std::string& sentence) {
   {
     const std::lock_guard lock(progress_mutex_);
     trouble_ = sentence;
+    if (!log_.admit(rt::now())) return;
   }
   report_(sentence);
 }

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "rtpm/base/log_limit.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/names/storage.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
@@ -19,8 +20,8 @@ namespace rtpm::names {
 /// @threads  the storage's; wait_for() and trouble() any
 class Replica final : public SharedStorage::Follower {
  public:
-  /// `mutex` guards `store`, which has everything up to `revision`. `report` takes sentences for
-  /// the log, on the storage's thread.
+  /// `mutex` guards `store`, which has everything up to `revision`. `report` takes, a few a second,
+  /// sentences for the log, on the storage's thread.
   Replica(rt::PiMutex& mutex, Store& store, Watches& watches, std::uint64_t revision,
           std::function<void(std::string_view)> report)
       : mutex_(mutex),
@@ -51,6 +52,7 @@ class Replica final : public SharedStorage::Follower {
   std::condition_variable progress_{};
   std::uint64_t applied_;
   std::string trouble_{};
+  LogLimit log_{{.burst = 4}};
 };
 
 }  // namespace rtpm::names

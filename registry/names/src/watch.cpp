@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "idl.hpp"
+#include "registry_list.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/rpc/tables.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -34,7 +35,7 @@ class NameWatch::Impl {
  public:
   Impl(rpc::Node& node, std::string registry_url, WatchConfig config, WatchHandlers handlers)
       : node_(node),
-        registry_url_(std::move(registry_url)),
+        registries_(registries_of(registry_url)),
         handlers_(std::move(handlers)),
         config_(std::move(config)) {}
   Impl(const Impl&) = delete;
@@ -49,7 +50,13 @@ class NameWatch::Impl {
   }
 
   [[nodiscard]] expected<void, DirectoryError> begin() {
+    // Together no longer than the caller waits.
+    config_.deadline /= static_cast<Duration::rep>(registries_.size());
     auto opened = open();
+    for (std::size_t i = 1; !opened && i < registries_.size(); ++i) {
+      next_registry();
+      opened = open();
+    }
     if (!opened) return unexpected{std::move(opened.error())};
     stream_.emplace(std::move(*opened));
     auto thread = rt::Thread::start({.name = "rtpm-watch", .realtime = rt::RealtimeMode::kOff},
@@ -70,6 +77,9 @@ class NameWatch::Impl {
   std::atomic<bool> is_connected{false};
 
  private:
+  [[nodiscard]] const std::string& registry_url() const { return registries_[which_]; }
+  void next_registry() { which_ = (which_ + 1) % registries_.size(); }
+
   /// Opens a stream and takes its first item.
   [[nodiscard]] expected<Stream, DirectoryError> open() {
     WatchConfig config;
@@ -78,10 +88,10 @@ class NameWatch::Impl {
       config = config_;
       has_new_names_ = false;
     }
-    auto client = NamesClient::bind(node_, registry_url_, {.deadline = config.deadline});
+    auto client = NamesClient::bind(node_, registry_url(), {.deadline = config.deadline});
     if (!client) {
       return unexpected{
-          DirectoryError{{"no registry answers at " + registry_url_, client.error().reason(),
+          DirectoryError{{"no registry answers at " + registry_url(), client.error().reason(),
                           "start rtpm-registryd, or give --registry URL"}}};
     }
     WatchRequestT request;
@@ -98,7 +108,7 @@ class NameWatch::Impl {
     if (!first || *first == nullptr) {
       const auto why = first ? "it ended the watch" : std::string(rpc::to_string(first.error()));
       return unexpected{
-          DirectoryError{{"the registry at " + registry_url_ + " does not serve watches", why}}};
+          DirectoryError{{"the registry at " + registry_url() + " does not serve watches", why}}};
     }
     if (outcome_of(*(*first)->answer()) != Outcome::kDone) return refused(**first, config);
     client_.emplace(std::move(*client));
@@ -125,7 +135,7 @@ class NameWatch::Impl {
       if (is_over()) return;
       if (!why.empty()) notify(why);
       if (!reopen()) return;
-      if (!why.empty()) notify("the registry at " + registry_url_ + " is watched again");
+      if (!why.empty()) notify("the registry at " + registry_url() + " is watched again");
     }
   }
 
@@ -135,16 +145,16 @@ class NameWatch::Impl {
     bool goes_on = take(*first_);
     while (goes_on && !is_over() && !wants_other_names()) {
       const auto item = stream_->next(rt::now() + kPollMax);
-      if (item && *item == nullptr) return "the registry at " + registry_url_ + " ended the watch";
+      if (item && *item == nullptr) return "the registry at " + registry_url() + " ended the watch";
       if (item) {
         goes_on = take(**item);
       } else if (!stream_->is_open()) {
-        return "the registry at " + registry_url_ +
+        return "the registry at " + registry_url() +
                " is not watched: " + std::string(rpc::to_string(item.error()));
       }
     }
     return goes_on ? std::string()
-                   : "the registry at " + registry_url_ +
+                   : "the registry at " + registry_url() +
                          " cut this watch off as too slow; it resumes behind revision " +
                          std::to_string(revision);
   }
@@ -158,6 +168,7 @@ class NameWatch::Impl {
         stream_.emplace(std::move(*opened));
         return true;
       }
+      next_registry();
       std::unique_lock lock(mutex_);
       if (ending_.wait_for(lock, pause, [this] { return is_stopping_; })) return false;
     }
@@ -262,7 +273,8 @@ class NameWatch::Impl {
   };
 
   rpc::Node& node_;
-  const std::string registry_url_;
+  const std::vector<std::string> registries_;
+  std::size_t which_ = 0;  ///< Of them is watched.
   const WatchHandlers handlers_;
   // Of the starting thread, then of the watch's.
   std::optional<NamesClient> client_{};

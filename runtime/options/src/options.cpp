@@ -430,7 +430,7 @@ void Options::add_group(std::string key, std::vector<std::string>& names, std::s
 }
 
 void Options::add_registry(std::string& url) {
-  add("registry", url, "Where the registry of names is");
+  add("registry", url, "Where the registry of names is; several with the same names: URL,URL");
   impl_->settings.back().placeholder = "URL";
   impl_->settings.back().expected = "a URL, rtpm://host:port/path";
 }

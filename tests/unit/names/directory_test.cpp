@@ -434,5 +434,18 @@ TEST(Owner, IsTheServerWhateverTheObject) {
   EXPECT_NE(owner_of("rtpm://127.0.0.2:4711/lab/arm0").id, owner.id);
 }
 
+TEST(DirectoryList, AsksTheNextRegistryWhereOneDoesNotAnswer) {
+  ServedRegistry registry;
+  rpc::Node node{{.wait = {.strategy = rt::WaitStrategy::kBlock}}};
+  const std::string gone = unserved_url();
+  Directory directory(node, gone + "," + registry.url());
+  EXPECT_TRUE(directory.bind(claim("lab/arm0")));
+  EXPECT_EQ(directory.list()->size(), 1U);
+  Directory nowhere(node, gone + ",lab/names", 200ms);
+  const auto refused = nowhere.list();
+  ASSERT_FALSE(refused);
+  expect_part(refused.error().text(), "'lab/names' is no URL of a registry");
+}
+
 }  // namespace
 }  // namespace rtpm::names

@@ -74,7 +74,7 @@ struct DirectoryError : SetupError {
 /// refusal
 class Directory {
  public:
-  /// `deadline` bounds each request; list() may take several.
+  /// `registry_url`: one, or several with ',' between, asked in turn. `deadline`: of a request.
   explicit Directory(rpc::Node& node, std::string registry_url = std::string(kDefaultRegistryUrl),
                      Duration deadline = std::chrono::seconds{1});
   Directory(Directory&&) noexcept;
