@@ -42,6 +42,7 @@ struct Coverage {
   std::uint64_t sealed_count = 0;
   std::uint64_t later_key_count = 0;
   std::uint64_t forged_count = 0;
+  std::uint64_t renewal_count = 0;
 };
 
 /// Whether sessions are sealed, and somebody attacks them.
@@ -110,6 +111,7 @@ class Conversation {
       coverage.item_count += client->item_count();
       coverage.large_item_count += client->large_item_count();
       coverage.cancelled_count += client->cancelled_count();
+      coverage.renewal_count += client->renewal_count();
     }
   }
 
@@ -359,6 +361,7 @@ TEST_P(SealedCalls, KeepThePromisesWhateverAnAttackerDoes) {
   EXPECT_GT(coverage.sealed_count, 10'000u);
   EXPECT_GT(coverage.later_key_count, 1000u);
   EXPECT_GT(coverage.forged_count, 1000u);
+  EXPECT_GT(coverage.renewal_count, 100u);
   for (const DropReason reason : {DropReason::kUnsealed, DropReason::kBadSeal,
                                   DropReason::kReplayed, DropReason::kBadCookie}) {
     EXPECT_GT(coverage.frames.dropped_for(reason), 100u) << to_string(reason);

@@ -77,6 +77,7 @@ void SimClient::pause() {
       [this] {
         is_pausing_ = false;
         if (calls_left_ == 0 || jobs_.size() >= profile_.open_call_max) return;
+        if (sealed_ && channel_->is_ready()) renew();
         if (jobs_.empty() && channel_->is_ready() && random_.chance(profile_.close_per_mille)) {
           send(channel_->close(local_now()));
         }
@@ -89,6 +90,17 @@ void SimClient::pause() {
         }
         if (jobs_.size() < profile_.open_call_max) pause();
       });
+}
+
+// New keys at times, which the channel takes when it has no call open.
+void SimClient::renew() {
+  if (jobs_.empty() && sealed_->has_next(local_now())) {
+    ++renewal_count_;
+    is_opening_ = true;
+    send(channel_->open(kPriority, local_now() + Duration{1'000'000'000}, local_now()));
+  } else if (random_.chance(200)) {
+    follow(sealed_->renew(local_now()));
+  }
 }
 
 void SimClient::call_once_more(Duration deadline) {

@@ -59,6 +59,7 @@ class SimClient {
   [[nodiscard]] std::uint64_t stream_count() const noexcept { return stream_count_; }
   [[nodiscard]] std::uint64_t item_count() const noexcept { return item_count_; }
   [[nodiscard]] std::uint64_t large_item_count() const noexcept { return large_item_count_; }
+  [[nodiscard]] std::uint64_t renewal_count() const noexcept { return renewal_count_; }
   [[nodiscard]] std::uint64_t cancelled_count() const noexcept { return cancelled_count_; }
 
  private:
@@ -99,6 +100,7 @@ class SimClient {
   void begin_call(Jobs::iterator job);
   void send(ConstBytes frame);
   [[nodiscard]] std::uint32_t message_size(std::uint64_t large_per_mille);
+  void renew();
   void transmit(ConstBytes frame);
   void receive(const Bytes& frame);
   void take(ConstBytes frame);
@@ -139,6 +141,7 @@ class SimClient {
   std::uint64_t item_count_ = 0;
   std::uint64_t large_item_count_ = 0;
   std::uint64_t cancelled_count_ = 0;
+  std::uint64_t renewal_count_ = 0;
 };
 
 }  // namespace rtpm::sim

@@ -142,14 +142,17 @@ void AeadKey::seal_with_nonce(std::span<const std::byte, kNonceSize> nonce, Cons
                               ConstBytes plain, MutableBytes sealed,
                               std::span<std::byte, kTagSize> tag) const noexcept {
   RTPM_ASSERT(sealed.size() == plain.size(), "sealing keeps the size");
+  // libsodium takes no null pointer for an empty text.
+  unsigned char none = 0;
+  unsigned char* const to = sealed.empty() ? &none : raw(sealed);
   if (suite_ == Suite::kAesGcm) {
-    crypto_aead_aes256gcm_encrypt_detached_afternm(raw(sealed), raw(tag), nullptr, raw(plain),
-                                                   plain.size(), raw(associated), associated.size(),
-                                                   nullptr, raw(nonce), state_of(expanded_));
+    crypto_aead_aes256gcm_encrypt_detached_afternm(to, raw(tag), nullptr, raw(plain), plain.size(),
+                                                   raw(associated), associated.size(), nullptr,
+                                                   raw(nonce), state_of(expanded_));
   } else {
     crypto_aead_chacha20poly1305_ietf_encrypt_detached(
-        raw(sealed), raw(tag), nullptr, raw(plain), plain.size(), raw(associated),
-        associated.size(), nullptr, raw(nonce), raw(key_.bytes()));
+        to, raw(tag), nullptr, raw(plain), plain.size(), raw(associated), associated.size(),
+        nullptr, raw(nonce), raw(key_.bytes()));
   }
 }
 
@@ -157,16 +160,17 @@ bool AeadKey::open_with_nonce(std::span<const std::byte, kNonceSize> nonce, Cons
                               ConstBytes sealed, std::span<const std::byte, kTagSize> tag,
                               MutableBytes plain) const noexcept {
   RTPM_ASSERT(sealed.size() == plain.size(), "opening keeps the size");
-  // libsodium without an output only checks the tag; an empty one gets an address all the same.
+  // As above; and without an output it would only check the tag.
   unsigned char none = 0;
   unsigned char* const to = plain.empty() ? &none : raw(plain);
+  const unsigned char* const from = sealed.empty() ? &none : raw(sealed);
   if (suite_ == Suite::kAesGcm) {
     return crypto_aead_aes256gcm_decrypt_detached_afternm(
-               to, nullptr, raw(sealed), sealed.size(), raw(tag), raw(associated),
-               associated.size(), raw(nonce), state_of(expanded_)) == 0;
+               to, nullptr, from, sealed.size(), raw(tag), raw(associated), associated.size(),
+               raw(nonce), state_of(expanded_)) == 0;
   }
   return crypto_aead_chacha20poly1305_ietf_decrypt_detached(
-             to, nullptr, raw(sealed), sealed.size(), raw(tag), raw(associated), associated.size(),
+             to, nullptr, from, sealed.size(), raw(tag), raw(associated), associated.size(),
              raw(nonce), raw(key_.bytes())) == 0;
 }
 

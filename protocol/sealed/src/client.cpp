@@ -15,8 +15,8 @@ using wire::FrameKind;
 /// to nothing.
 constexpr Duration kProbeIntervalMin = 100ms;
 constexpr Duration kProbeIntervalMax = 1s;
-/// Half-open sessions live longer than this at the server.
-constexpr Duration kAdoptionMax = 1s;
+/// A new session waits so long for the channel; at the server half-open ones live longer.
+constexpr Duration kNextMax = 1s;
 
 constexpr std::size_t kAtFeatures = wire::kHeaderSize + 4;
 constexpr std::size_t kAtCallId = 16;
@@ -40,11 +40,36 @@ SealedClient::Step SealedClient::drop(DropReason reason) noexcept {
   return {};
 }
 
+void SealedClient::end(Session& session) noexcept {
+  session.seal.reset();
+  session.id = 0;
+}
+
 void SealedClient::reset() noexcept {
-  session_.reset();
-  session_id_ = gone_session_ = 0;
-  is_opening_ = is_message_1_due_ = is_message_2_due_ = is_adoptable_ = false;
+  for (Session& session : sessions_)
+    end(session);
+  gone_session_ = 0;
+  is_opening_ = is_message_1_due_ = is_message_2_due_ = false;
   initiator_.reset();
+}
+
+bool SealedClient::is_renewal_due(MonotonicTime now) const noexcept {
+  if (!current().seal) return false;
+  const seal::SealedSession& session = *current().seal;
+  const std::uint64_t counter_late = config_.limits.counter_end / 4 * 3;
+  const std::uint64_t forged_late = config_.limits.forged_max / 4 * 3;
+  return now - current().opened >= config_.renewal_interval ||
+         session.send_counter() >= counter_late || session.forged_count() >= forged_late;
+}
+
+// sec-6-5
+SealedClient::Step SealedClient::renew(MonotonicTime now) noexcept {
+  const bool is_stream = config_.medium == wire::Medium::kStream;
+  if (!current().seal || is_stream || has_next(now)) return {};
+  if (is_opening_ && purpose_ != Purpose::kRenewal) return {};
+  begin_handshake(Purpose::kRenewal);
+  store_le(hello_.data() + kAtCallId, number_);
+  return {.send = first_hello()};
 }
 
 SealedClient::Step SealedClient::send(ConstBytes frame, MonotonicTime now) noexcept {
@@ -55,18 +80,18 @@ SealedClient::Step SealedClient::send(ConstBytes frame, MonotonicTime now) noexc
   const bool asks = header->kind == FrameKind::kCall || header->kind == FrameKind::kCredit;
   if (asks && gone_session_ != 0 && header->session == gone_session_) return tell_lost(*header);
   // Nothing of a session leaves unsealed: what has no keys is as good as lost on the way.
-  if (!session_ || header->session != session_id_) return {};
+  if (!is_current(header->session)) return {};
   RTPM_ASSERT(frame.size() + seal::kTrailerSize <= sealed_frame_.size(),
               "a channel's frames leave space for the seal");
   const MutableBytes out = MutableBytes(sealed_frame_).first(frame.size() + seal::kTrailerSize);
   std::ranges::copy(frame.first(wire::kHeaderSize), out.begin());
   wire::mark_sealed(out.data());
   const bool is_sealed =
-      session_->seal(out.first(wire::kHeaderSize), frame.subspan(wire::kHeaderSize), out)
+      current()
+          .seal->seal(out.first(wire::kHeaderSize), frame.subspan(wire::kHeaderSize), out)
           .has_value();
   if (header->kind == FrameKind::kClose) {
-    session_.reset();
-    session_id_ = 0;
+    end(current());
   }
   if (!is_sealed) return {};
   return {.send = out};
@@ -74,9 +99,10 @@ SealedClient::Step SealedClient::send(ConstBytes frame, MonotonicTime now) noexc
 
 // ---- handshakes: what is sent -------------------------------------------------------------------
 
-void SealedClient::begin_handshake(bool is_probe) noexcept {
+void SealedClient::begin_handshake(Purpose purpose) noexcept {
   is_opening_ = true;
-  is_probe_ = is_probe;
+  purpose_ = purpose;
+  end(next());
   is_message_1_due_ = is_message_2_due_ = has_cookie_ = has_sealed_hello_ = false;
   initiator_.reset();
   ++number_;
@@ -98,15 +124,16 @@ ConstBytes SealedClient::first_hello() noexcept {
 
 SealedClient::Step SealedClient::send_hello(const wire::Header& header, ConstBytes frame,
                                             MonotonicTime now) noexcept {
-  const bool is_new = !is_opening_ || is_probe_ || header.call_id != channel_number_;
+  const bool is_new =
+      !is_opening_ || purpose_ != Purpose::kChannel || header.call_id != channel_number_;
   channel_number_ = header.call_id;
   if (is_new) {
-    if (is_adoptable_ && session_ && now < adopted_until_ &&
-        granted_.welcome.band.contains(header.priority)) {
-      is_adoptable_ = false;
+    if (has_next(now) && next().granted.band.contains(header.priority)) {
+      end(current());
+      current_ = 1 - current_;
       return welcome_channel();
     }
-    begin_handshake(/*is_probe=*/false);
+    begin_handshake(Purpose::kChannel);
   }
   write_hello(frame, wire::kFeatureSealed);
   const bool is_stream = config_.medium == wire::Medium::kStream;
@@ -150,8 +177,10 @@ SealedClient::Step SealedClient::message_1() noexcept {
                      config_.preshared != nullptr ? config_.preshared->clone() : seal::Secret{},
                      config_.random.draw_key(), prologue);
   // sec-6-3: the server says what became of the session that this client still has keys for.
+  const bool has_former =
+      purpose_ != Purpose::kRenewal && current().seal && !current().seal->has_ended();
   std::array<std::byte, wire::kMessage1PayloadSize> former{};
-  store_le(former.data(), session_ && !session_->has_ended() ? session_id_ : 0);
+  store_le(former.data(), has_former ? current().id : 0);
   wire::encode(header, sealed_hello_.data());
   std::ranges::copy(payload, sealed_hello_.begin() + wire::kHeaderSize);
   has_sealed_hello_ =
@@ -198,15 +227,14 @@ SealedClient::Step SealedClient::receive_sealed(MutableBytes frame) noexcept {
   if (auto read = wire::decode_sealed_frame(frame, config_.medium, header); !read) {
     return refuse(read.error());
   }
-  if (!session_ || header.session != session_id_) return refuse(DropReason::kUnexpected);
-  if (auto opened = session_->open(wire::kHeaderSize, frame); !opened) {
+  if (!is_current(header.session)) return refuse(DropReason::kUnexpected);
+  if (auto opened = current().seal->open(wire::kHeaderSize, frame); !opened) {
     return refuse(opened.error() == seal::OpenError::kReplayed ? DropReason::kReplayed
                                                                : DropReason::kBadSeal);
   }
   wire::unmark_sealed(frame.data());
   if (header.kind == FrameKind::kClose) {
-    session_.reset();
-    session_id_ = 0;
+    end(current());
   }
   return {.deliver = frame.first(frame.size() - seal::kTrailerSize)};
 }
@@ -228,7 +256,7 @@ SealedClient::Step SealedClient::on_cookie(const wire::Header& header,
   has_cookie_ = true;
   has_sealed_hello_ = false;
   suite_ = seal::best_suite(config_.suites, static_cast<std::uint8_t>(cookie->suites));
-  if (is_probe_ || config_.medium == wire::Medium::kStream) {
+  if (purpose_ != Purpose::kChannel || config_.medium == wire::Medium::kStream) {
     static_cast<void>(begin_message_1());
     return {};
   }
@@ -269,25 +297,28 @@ SealedClient::Step SealedClient::message_2(MonotonicTime now) noexcept {
     return drop(DropReason::kBadPayload);
   }
   is_opening_ = false;
-  granted_ = *granted;
   const bool is_alive = granted->former == wire::FormerSession::kAlive;
-  if (is_alive && (!session_ || granted->session != session_id_)) {
-    return drop(DropReason::kBadPayload);
+  if (is_alive && !is_current(granted->session)) return drop(DropReason::kBadPayload);
+  probe_interval_ = Duration{0};
+  if (is_alive) {
+    initiator_.reset();
+    return purpose_ == Purpose::kChannel ? welcome_channel() : Step{};
   }
   const auto keys = initiator_->keys();
   initiator_.reset();
-  if (!is_alive) {
-    const bool is_stream = config_.medium == wire::Medium::kStream;
-    session_.emplace(*keys, is_stream ? seal::Order::kExact : seal::Order::kAny, config_.limits);
-    session_id_ = granted->session;
-  }
-  probe_interval_ = Duration{0};
-  if (!is_probe_) return welcome_channel();
-  if (is_alive) return {};
-  // sec-6-3: gone, says the server itself. The channel learns it, and its next handshake is done.
-  is_adoptable_ = true;
-  adopted_until_ = now + kAdoptionMax;
+  const bool is_stream = config_.medium == wire::Medium::kStream;
+  // A probe's and a renewal's session waits until the channel opens one.
+  Session& session = purpose_ == Purpose::kChannel ? current() : next();
+  session.seal.emplace(*keys, is_stream ? seal::Order::kExact : seal::Order::kAny, config_.limits);
+  session.id = granted->session;
+  session.granted = granted->welcome;
+  session.opened = now;
+  next_until_ = now + kNextMax;
+  if (purpose_ == Purpose::kChannel) return welcome_channel();
+  if (purpose_ == Purpose::kRenewal) return {};
+  // sec-6-3: gone, says the server itself.
   gone_session_ = refused_.session;
+  end(current());
   return tell_lost(refused_);
 }
 
@@ -295,11 +326,11 @@ SealedClient::Step SealedClient::welcome_channel() noexcept {
   wire::Header plain;
   plain.kind = FrameKind::kWelcome;
   plain.priority = wire::decode(hello_)->priority;
-  plain.session = granted_.session;
+  plain.session = current().id;
   plain.call_id = channel_number_;
   plain.payload_size = plain.message_size = wire::Welcome::kSize;
   wire::encode(plain, plain_.data());
-  wire::Welcome welcome = granted_.welcome;
+  wire::Welcome welcome = current().granted;
   welcome.features = 0;
   wire::encode(welcome, MutableBytes(plain_).subspan(wire::kHeaderSize));
   return {.deliver = plain_};
@@ -320,17 +351,17 @@ SealedClient::Step SealedClient::tell_lost(const wire::Header& about) noexcept {
 SealedClient::Step SealedClient::on_refuse(const wire::Header& header, MonotonicTime now) noexcept {
   counters_.drop(DropReason::kUnsealed);
   if (header.payload_size != 0) return {};
-  if (is_opening_ && !is_probe_) {
+  if (is_opening_ && purpose_ == Purpose::kChannel) {
     if (header.call_id == number_ && header.session == 0) hint_ = header.status;
     return {};
   }
   const bool is_about_us =
-      session_ && header.session == session_id_ && header.status == wire::Status::kUnknownSession;
+      is_current(header.session) && header.status == wire::Status::kUnknownSession;
   if (!is_about_us || now < next_probe_ || config_.medium == wire::Medium::kStream) return {};
   probe_interval_ = std::clamp(2 * probe_interval_, kProbeIntervalMin, kProbeIntervalMax);
   next_probe_ = now + probe_interval_;
   refused_ = header;
-  begin_handshake(/*is_probe=*/true);
+  begin_handshake(Purpose::kProbe);
   store_le(hello_.data() + kAtCallId, number_);
   return {.send = first_hello()};
 }

@@ -19,6 +19,7 @@ SealedServer::SealedServer(const SealedServerConfig& config, wire::ServerSession
     : config_(config),
       sessions_(sessions),
       cookies_(config.key),
+      job_limit_(config.key, config.job_burst, config.job_interval),
       entries_(std::make_unique<Entry[]>(config.session_count_max)),
       jobs_(std::make_unique<HandshakeJob[]>(config.job_count_max)),
       sealed_frame_(wire::kHeaderSize + wire::frame_payload_max(config.medium)) {

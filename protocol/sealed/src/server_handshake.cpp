@@ -21,6 +21,15 @@ wire::SealedCookie SealedServer::cookie_of(const wire::Cookie& cookie) const noe
   return {cookie, config_.identity->key.public_key, config_.identity->suites};
 }
 
+// Whether `peer` is a connection with a sealed session.
+bool SealedServer::has_confirmed_stream(const wire::PeerAddress& peer) const noexcept {
+  return config_.medium == wire::Medium::kStream &&
+         std::ranges::any_of(entries(), [&](const Entry& entry) {
+           return entry.id != 0 && entry.is_confirmed && entry.peer == peer &&
+                  sessions_.is_known(entry.id);
+         });
+}
+
 SealedServer::Outcome SealedServer::on_hello(const wire::Header& header, ConstBytes frame,
                                              const wire::PeerAddress& peer,
                                              MonotonicTime now) noexcept {
@@ -29,7 +38,7 @@ SealedServer::Outcome SealedServer::on_hello(const wire::Header& header, ConstBy
   const auto hello = wire::decode_hello(payload);
   if (!hello) return drop(DropReason::kBadPayload);
   if ((hello->features & wire::kFeatureSealed) != 0) return give_cookie(header, payload, peer, now);
-  if (!config_.takes_unsealed) return drop(DropReason::kUnsealed);
+  if (!config_.takes_unsealed || has_confirmed_stream(peer)) return drop(DropReason::kUnsealed);
   return {.verdict = sessions_.on_frame(frame, peer, now)};
 }
 
@@ -117,7 +126,7 @@ SealedServer::Outcome SealedServer::begin_job(const wire::Header& header, ConstB
                                               const wire::SealedHello& hello,
                                               const seal::Digest& hash,
                                               const wire::PeerAddress& peer,
-                                              MonotonicTime /*now*/) noexcept {
+                                              MonotonicTime now) noexcept {
   const std::span<HandshakeJob> jobs(jobs_.get(), config_.job_count_max);
   for (const HandshakeJob& job : jobs) {
     // It is at work already.
@@ -127,7 +136,10 @@ SealedServer::Outcome SealedServer::begin_job(const wire::Header& header, ConstB
   }
   const auto found = std::ranges::find(jobs, false, &HandshakeJob::is_taken_);
   // The client repeats its HELLO.
-  if (found == jobs.end()) return drop(DropReason::kRateLimited);
+  const bool is_stream = config_.medium == wire::Medium::kStream;
+  if (found == jobs.end() || (!is_stream && !job_limit_.admit(peer, now))) {
+    return drop(DropReason::kRateLimited);
+  }
   HandshakeJob& job = *found;
   job.is_taken_ = true;
   job.state_ = HandshakeJob::State::kReading;
@@ -189,6 +201,11 @@ SealedServer::Outcome SealedServer::open_session(HandshakeJob& job, MonotonicTim
     job.granted_.welcome = former->granted;
     job.granted_.welcome.features = job.hello_.features;
   } else {
+    // hp-4-4 would let this HELLO end the connection's session.
+    if (has_confirmed_stream(job.peer_)) {
+      job.is_taken_ = false;
+      return drop(DropReason::kUnexpected);
+    }
     make_place(now);
     // sec-6-1: for the sessions each handshake is a channel of its own, so that it replaces none.
     std::array<std::byte, wire::Hello::kSize> hello;

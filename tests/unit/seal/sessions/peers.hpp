@@ -153,6 +153,10 @@ class Client {
     ASSERT_TRUE(frame);
     send(*frame, now);
   }
+  void call_when_ready(std::string_view text, MonotonicTime now) {
+    if (channel.is_ready() && payload_.empty()) call(text, now);
+  }
+  void renew(MonotonicTime now) { follow(sealed.renew(now), now); }
   void send(ConstBytes frame, MonotonicTime now) {
     if (!frame.empty()) follow(sealed.send(frame, now), now);
   }

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <random>
 
 #include "peers.hpp"
 
@@ -365,6 +366,28 @@ TEST(SealedSessions, StandBesideUnsealedOnesWhereTheServerAllowsIt) {
   }
 }
 
+// sec-6-1: over a stream a HELLO replaces the session of its connection (hp-4-4), but no sealed
+// one.
+TEST(SealedSessions, AForgedHelloEndsNoSessionOfAStream) {
+  Server server(wire::Medium::kStream, 3, /*takes_unsealed=*/true);
+  Client client(server.identity.key.public_key, wire::Medium::kStream);
+  client.open(kNow);
+  const Bytes hello = client.sent.front();
+  talk(client, server, kNow);
+  client.call("one", kNow);
+  talk(client, server, kNow);
+  Bytes again = hello;
+  again[48] ^= std::byte{1};  // The sender's time is not part of the prologue.
+  EXPECT_TRUE(server.receive(again, kNow).empty());
+  std::array<std::byte, wire::kStreamFrameSizeMax> buffer{};
+  wire::ClientChannel plain({.medium = wire::Medium::kStream, .client_epoch = 9, .channel = 2},
+                            buffer);
+  EXPECT_TRUE(server.receive(copy_of(plain.open(kPriority, kNever, kNow)), kNow).empty());
+  client.call("two", kNow);
+  talk(client, server, kNow);
+  EXPECT_EQ(client.reply, "two");
+}
+
 // sec-5-7: over a stream, any frame that does not fit ends the connection.
 TEST(SealedSessions, AStreamEndsAtTheFirstFrameThatDoesNotFit) {
   for (const int fault : {0, 1, 2}) {
@@ -383,6 +406,113 @@ TEST(SealedSessions, AStreamEndsAtTheFirstFrameThatDoesNotFit) {
     EXPECT_TRUE(server.has_hung_up) << fault;
     client.receive(call, kNow);
     EXPECT_TRUE(client.is_broken);
+  }
+}
+
+// sec-6-5: the old session goes on until the channel moves to the new one, which costs it no frame.
+TEST(SealedSessions, KeysAreRenewedBeforeTheOldOnesEnd) {
+  Server server;
+  Client client(server.identity.key.public_key);
+  client.open(kNow);
+  talk(client, server, kNow);
+  client.call("one", kNow);
+  talk(client, server, kNow);
+  const std::uint64_t old = client.channel.session();
+  EXPECT_FALSE(client.sealed.is_renewal_due(kNow + 23h));
+  EXPECT_TRUE(client.sealed.is_renewal_due(kNow + 24h));
+  client.renew(kNow);
+  EXPECT_EQ(client.sent.size(), 1u);
+  talk(client, server, kNow);
+  ASSERT_TRUE(client.sealed.has_next(kNow));
+  client.call("two", kNow);
+  talk(client, server, kNow);
+  EXPECT_EQ(client.reply, "two");
+  EXPECT_EQ(client.channel.session(), old);
+
+  client.open(kNow);
+  EXPECT_TRUE(client.sent.empty());
+  ASSERT_TRUE(client.channel.is_ready());
+  EXPECT_NE(client.channel.session(), old);
+  EXPECT_TRUE(server.sessions->is_known(old));
+  client.call("three", kNow);
+  talk(client, server, kNow);
+  EXPECT_EQ(client.reply, "three");
+  EXPECT_FALSE(server.sessions->is_known(old));
+}
+
+// A new session that its channel does not take is forgotten by both.
+TEST(SealedSessions, ARenewalThatNobodyTakesUpChangesNothing) {
+  Server server;
+  Client client(server.identity.key.public_key);
+  client.open(kNow);
+  talk(client, server, kNow);
+  client.call("one", kNow);
+  talk(client, server, kNow);
+  const std::uint64_t old = client.channel.session();
+  client.renew(kNow);
+  talk(client, server, kNow);
+  EXPECT_FALSE(client.sealed.has_next(kNow + 1s));
+  server.sealed->on_time(kNow + 3s);
+  EXPECT_EQ(server.sessions->session_count(), 1u);
+  client.open(kNow + 3s);
+  talk(client, server, kNow + 3s);
+  EXPECT_EQ(client.channel.session(), old) << "it lives, says the server";
+  client.call("two", kNow + 3s);
+  talk(client, server, kNow + 3s);
+  EXPECT_EQ(client.reply, "two");
+}
+
+TEST(SealedSessions, HandshakesOfOneHostAreRationed) {
+  Server server;
+  int job_count = 0;
+  for (std::uint32_t i = 0; i < 40; ++i) {
+    Client client(server.identity.key.public_key);
+    client.open(kNow);
+    client.receive(server.receive(client.sent.front(), kNow)[0], kNow);
+    const int before = server.job_count;
+    static_cast<void>(server.receive(client.sent.back(), kNow));
+    job_count += server.job_count > before ? 1 : 0;
+  }
+  EXPECT_EQ(job_count, 32);
+}
+
+// Cut, lengthened and changed frames of all kinds, and noise: no state is left by which the session
+// would suffer.
+TEST(SealedSessions, AnyBytesAreTaken) {
+  for (const wire::Medium medium : {wire::Medium::kDatagram, wire::Medium::kStream}) {
+    Server server(medium);
+    Client client(server.identity.key.public_key, medium);
+    std::vector<Bytes> recorded;
+    client.open(kNow);
+    client.call_when_ready("one", kNow);
+    while (!client.sent.empty()) {
+      recorded.push_back(client.sent.front());
+      client.sent.pop_front();
+      for (const Bytes& answer : server.receive(recorded.back(), kNow)) {
+        recorded.push_back(answer);
+        client.receive(answer, kNow);
+      }
+      client.call_when_ready("one", kNow);
+    }
+    ASSERT_EQ(client.reply, "one");
+    std::mt19937_64 random(7);
+    for (int i = 0; i < 20'000; ++i) {
+      Bytes frame = recorded[random() % recorded.size()];
+      if (random() % 3 == 0) frame.resize(random() % (frame.size() + 40));
+      for (auto count = random() % 3; count > 0 && !frame.empty(); --count) {
+        // Mostly in the fields that are looked at first.
+        frame[random() % std::min<std::size_t>(frame.size(), random() % 2 == 0 ? 64 : 2000)] ^=
+            static_cast<std::byte>(random());
+      }
+      frame.shrink_to_fit();
+      if (frame == recorded[0]) continue;
+      static_cast<void>(server.receive(frame, kNow));
+      client.receive(frame, kNow);
+      client.sent.clear();
+    }
+    client.call("two", kNow);
+    talk(client, server, kNow);
+    EXPECT_EQ(client.reply, "two");
   }
 }
 

@@ -23,6 +23,8 @@ struct SealedClientConfig {
   std::uint32_t handshake_number = 0;
   RandomSource random{};
   seal::SessionLimits limits{};
+  /// Keys older than this are due for renewal.
+  Duration renewal_interval = std::chrono::hours{24};
 };
 
 /// Stands between a wire::ClientChannel and its transport, and seals its session. The channel does
@@ -56,8 +58,19 @@ class SealedClient {
   /// To be called when the connection is gone.
   void reset() noexcept;
 
+  /// Whether the session's keys are old, or near one of their limits: call renew().
+  [[nodiscard]] bool is_renewal_due(MonotonicTime now) const noexcept;
+  /// Begins a handshake beside the session, which goes on. Over datagrams only; a lost frame ends
+  /// it silently, so call it again after a second.
+  [[nodiscard]] Step renew(MonotonicTime now) noexcept;
+  /// Whether a new session waits for the channel. It does for a second: as soon as the channel has
+  /// no open call, open() moves it there, without a frame. The server then ends the old session.
+  [[nodiscard]] bool has_next(MonotonicTime now) const noexcept {
+    return next().seal.has_value() && now < next_until_;
+  }
+
   /// Whether the server's WELCOME was authentic and the session goes on.
-  [[nodiscard]] bool has_session() const noexcept { return session_.has_value(); }
+  [[nodiscard]] bool has_session() const noexcept { return current().seal.has_value(); }
   /// What an unsealed REFUSE or COOKIE of this handshake said, for the text of an error: nobody
   /// vouches for it. kNotAllowed: perhaps the server does not admit this client's key;
   /// kVersionUnsupported: perhaps it knows no sealed sessions.
@@ -69,13 +82,35 @@ class SealedClient {
   [[nodiscard]] const wire::FrameCounters& counters() const noexcept { return counters_; }
 
  private:
+  /// What a handshake is for. The channel knows only of its own.
+  enum class Purpose : std::uint8_t {
+    kChannel,
+    kProbe,    ///< After a hint: does the server still have the session?
+    kRenewal,  ///< New keys, before the old ones end.
+  };
   static constexpr std::size_t kHelloSize = wire::kHeaderSize + wire::Hello::kSize;
   static constexpr std::size_t kSealedHelloSize = wire::kHeaderSize + wire::SealedHello::kSize;
   static constexpr std::size_t kWelcomeSize = wire::kHeaderSize + wire::SealedWelcome::kSize;
 
+  /// A session, and what its WELCOME granted.
+  struct Session {
+    std::optional<seal::SealedSession> seal;
+    std::uint64_t id = 0;
+    MonotonicTime opened{};
+    wire::Welcome granted{};
+  };
+  [[nodiscard]] Session& current() noexcept { return sessions_[current_]; }
+  [[nodiscard]] const Session& current() const noexcept { return sessions_[current_]; }
+  [[nodiscard]] Session& next() noexcept { return sessions_[1 - current_]; }
+  [[nodiscard]] const Session& next() const noexcept { return sessions_[1 - current_]; }
+  static void end(Session& session) noexcept;
+  [[nodiscard]] bool is_current(std::uint64_t session) const noexcept {
+    return current().seal && current().id == session;
+  }
+
   [[nodiscard]] Step send_hello(const wire::Header& header, ConstBytes frame,
                                 MonotonicTime now) noexcept;
-  void begin_handshake(bool is_probe) noexcept;
+  void begin_handshake(Purpose purpose) noexcept;
   void write_hello(ConstBytes frame, std::uint32_t features) noexcept;
   [[nodiscard]] ConstBytes first_hello() noexcept;
   [[nodiscard]] bool begin_message_1() noexcept;
@@ -90,8 +125,9 @@ class SealedClient {
   [[nodiscard]] Step drop(wire::DropReason reason) noexcept;
 
   SealedClientConfig config_;
-  std::optional<seal::SealedSession> session_;
-  std::uint64_t session_id_ = 0;
+  std::array<Session, 2> sessions_;  ///< That of the channel, and the one that follows it.
+  std::size_t current_ = 0;
+  MonotonicTime next_until_{};
   std::uint64_t gone_session_ = 0;  ///< That the server has no more, as it said itself.
   wire::FrameCounters counters_{};
   std::optional<wire::Status> hint_;
@@ -99,7 +135,7 @@ class SealedClient {
 
   // The handshake under way.
   bool is_opening_ = false;
-  bool is_probe_ = false;  ///< After a hint; the channel knows nothing of it.
+  Purpose purpose_ = Purpose::kChannel;
   bool is_message_1_due_ = false;
   bool is_message_2_due_ = false;
   bool has_cookie_ = false;
@@ -112,14 +148,11 @@ class SealedClient {
   std::array<std::byte, kSealedHelloSize> sealed_hello_{};
   std::array<std::byte, kWelcomeSize> welcome_{};
   std::optional<seal::Initiator> initiator_;
-  wire::SealedWelcome granted_{};
 
-  // What a probe is about, and when the next one may be.
+  // What a probe is about, and when another may begin.
   wire::Header refused_{};
   MonotonicTime next_probe_{};
   Duration probe_interval_{};
-  MonotonicTime adopted_until_{};  ///< Until then the next open() gets the probe's session.
-  bool is_adoptable_ = false;
 
   std::array<std::byte, wire::kHeaderSize + wire::Welcome::kSize> plain_{};  ///< For the channel.
   std::vector<std::byte> sealed_frame_;

@@ -33,7 +33,9 @@ struct SealedServerConfig {
   SipKey key{};                           ///< That of ServerSessionsConfig.
   std::uint32_t session_count_max = 256;  ///< Likewise.
   std::uint32_t job_count_max = 8;        ///< Handshakes at a time.
-  bool takes_unsealed = false;            ///< Whether there are unsealed sessions as well.
+  std::uint32_t job_burst = 32;           ///< Over datagrams: handshakes of one host at once,
+  Duration job_interval = std::chrono::milliseconds{20};  ///< then one in this time.
+  bool takes_unsealed = false;  ///< Whether there are unsealed sessions as well.
   seal::SessionLimits limits{};
 };
 
@@ -101,6 +103,7 @@ class SealedServer {
     return {entries_.get(), config_.session_count_max};
   }
   [[nodiscard]] Entry* find(std::uint64_t session) noexcept;
+  [[nodiscard]] bool has_confirmed_stream(const wire::PeerAddress& peer) const noexcept;
   void free(Entry& entry) noexcept;
   void close(Entry& entry, MonotonicTime now) noexcept;
   void confirm(Entry& entry, MonotonicTime now) noexcept;
@@ -128,6 +131,7 @@ class SealedServer {
   SealedServerConfig config_;
   wire::ServerSessions& sessions_;
   wire::CookieJar cookies_;
+  wire::RateLimiter job_limit_;
   std::unique_ptr<Entry[]> entries_;
   std::unique_ptr<HandshakeJob[]> jobs_;
   wire::FrameCounters counters_{};
