@@ -7,12 +7,12 @@
 namespace rtpm::wire {
 namespace {
 
-constexpr std::size_t kAtFlags = 6;
+constexpr std::size_t kFlagsOffset = 6;
 constexpr std::string_view kProtocol = "H-Protocol 1.0 S";
 constexpr std::uint32_t kFeaturesKnown = kFeatureSealed | kFeatureAesGcm;
 
 std::uint16_t flags_of(ConstBytes frame) noexcept {
-  return load_le<std::uint16_t>(frame.data() + kAtFlags);
+  return load_le<std::uint16_t>(frame.data() + kFlagsOffset);
 }
 
 // sec-3-2: the suite's bit stands beside the one of sealing.
@@ -99,14 +99,14 @@ bool is_sealed(ConstBytes frame) noexcept {
 
 void mark_sealed(std::byte* frame) noexcept {
   store_le<std::uint16_t>(
-      frame + kAtFlags,
-      static_cast<std::uint16_t>(load_le<std::uint16_t>(frame + kAtFlags) | kFlagSealed));
+      frame + kFlagsOffset,
+      static_cast<std::uint16_t>(load_le<std::uint16_t>(frame + kFlagsOffset) | kFlagSealed));
 }
 
 void unmark_sealed(std::byte* frame) noexcept {
   store_le<std::uint16_t>(
-      frame + kAtFlags,
-      static_cast<std::uint16_t>(load_le<std::uint16_t>(frame + kAtFlags) & ~kFlagSealed));
+      frame + kFlagsOffset,
+      static_cast<std::uint16_t>(load_le<std::uint16_t>(frame + kFlagsOffset) & ~kFlagSealed));
 }
 
 // sec-4-1, sec-4-2, sec-4-4: the checks of an ordinary frame, in their order, on a copy of the
