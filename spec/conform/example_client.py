@@ -17,7 +17,8 @@ HEADER = struct.Struct('<2sBBHHQIIHHIHHIIIQQ')  # Section 2.
 HELLO, WELCOME, REFUSE, CALL, REPLY, CLOSE = 1, 3, 4, 5, 6, 7
 STATUSES = ('ok overload expired no_such_method no_such_object bad_request not_lease_holder gone '
             'servant_failed too_large priority_not_allowed wrong_band unknown_session '
-            'version_unsupported bad_limits wrong_interface cancelled stopping').split()
+            'version_unsupported bad_limits wrong_interface cancelled stopping lost '
+            'not_allowed').split()
 EPOCH = secrets.randbits(64) | 1
 
 
