@@ -40,6 +40,8 @@ int round_count() {
 }
 
 using State = std::map<std::string, std::string>;  ///< URLs of names.
+/// Of each name: its URLs, one after the other; empty: it has gone.
+using History = std::map<std::string, std::vector<std::string>>;
 
 /// A registry that follows etcd, with what a watch at it has told.
 class WatchedRegistry {
@@ -68,6 +70,10 @@ class WatchedRegistry {
   [[nodiscard]] std::vector<std::string> changes() {
     const std::lock_guard lock(mutex_);
     return changes_;
+  }
+  [[nodiscard]] History history() {
+    const std::lock_guard lock(mutex_);
+    return history_;
   }
   [[nodiscard]] std::uint64_t state_count() const { return watch_->state_count(); }
   [[nodiscard]] std::optional<State> listed() {
@@ -98,6 +104,7 @@ class WatchedRegistry {
     const std::lock_guard lock(mutex_);
     const bool is_gone = change.kind == names::NameChange::Kind::kGone;
     changes_.push_back(change.entry.name + (is_gone ? " gone" : " " + change.entry.url));
+    history_[change.entry.name].push_back(is_gone ? "" : change.entry.url);
     if (is_gone) {
       told_.erase(change.entry.name);
     } else {
@@ -110,6 +117,7 @@ class WatchedRegistry {
   std::mutex mutex_;
   State told_{};
   std::vector<std::string> changes_{};
+  History history_{};
   std::unique_ptr<names::NameWatch> watch_{};
 };
 
@@ -118,10 +126,12 @@ class Callers {
  public:
   static constexpr int kCallerCount = 4;
   static constexpr int kNamesPerCaller = 6;
+  static constexpr std::size_t kLeasedCount = 3;
 
   /// `before`: what an earlier round has left.
-  Callers(std::array<std::string, kRegistryCount> urls, const State& before)
-      : urls_(std::move(urls)), before_(before) {
+  Callers(std::array<std::string, kRegistryCount> urls, const State& before, History& history,
+          int round)
+      : urls_(std::move(urls)), before_(before), history_(history), round_(round) {
     for (int caller = 0; caller < kCallerCount; ++caller)
       threads_.emplace_back([this, caller] { change_names(caller); });
     threads_.emplace_back([this] { keep_leases(); });
@@ -173,7 +183,7 @@ class Callers {
   void change_names(int caller) {
     rpc::Node node{{.wait = {.strategy = rt::WaitStrategy::kBlock}}};
     Directories registries = directories(node);
-    std::mt19937_64 random(static_cast<std::uint64_t>(caller) + 1);
+    std::mt19937_64 random(static_cast<std::uint64_t>(round_ * kCallerCount + caller));
     const names::Owner owner{.id = static_cast<std::uint64_t>(caller) + 1, .epoch = 1};
     State own;
     for (const auto& [name, url] : before_) {
@@ -183,26 +193,36 @@ class Callers {
       const std::string name =
           "c" + std::to_string(caller) + "/n" + std::to_string(random() % kNamesPerCaller);
       if (own.contains(name) && random() % 2 == 0) {
+        int tries = 0;
         const auto outcome = insist(registries, random, [&](names::Directory& directory) {
+          ++tries;
           return directory.unbind(name, owner);
         });
         // An earlier try, which had no answer, may have done it.
-        EXPECT_TRUE(outcome == names::Outcome::kDone || outcome == names::Outcome::kNotFound)
-            << name;
+        EXPECT_TRUE(outcome == names::Outcome::kDone ||
+                    (outcome == names::Outcome::kNotFound && tries > 1))
+            << name << " after " << tries << " tries";
         own.erase(name);
+        note(name, "");
       } else {
-        const std::string url = "rtpm://10.0.0.1:1/v" + std::to_string(random() % 1'000'000);
+        const std::string url = "rtpm://10.0.0.1:1/v" + std::to_string(random());
         names::Claim claim{name, url, "lab.Arm", owner};
         claim.is_permanent = true;
         const auto outcome = insist(
             registries, random, [&](names::Directory& directory) { return directory.bind(claim); });
         EXPECT_EQ(outcome, names::Outcome::kDone) << name;
         own[name] = url;
+        note(name, url);
       }
       ++change_count_;
     }
     const std::lock_guard lock(mutex_);
     acknowledged_.merge(own);
+  }
+
+  void note(const std::string& name, const std::string& url) {
+    const std::lock_guard lock(mutex_);
+    history_[name].push_back(url);
   }
 
   // Binds leased names once, and only renews them from then on.
@@ -212,7 +232,7 @@ class Callers {
     std::mt19937_64 random(99);
     constexpr Duration kLease = 8s;
     State own;
-    for (std::uint64_t i = 0; i < 3; ++i) {
+    for (std::uint64_t i = 0; i < kLeasedCount; ++i) {
       const std::string name = "leased/n" + std::to_string(i);
       const std::string url = "rtpm://10.0.0.2:1/o" + std::to_string(i);
       const auto bound = insist(registries, random, [&](names::Directory& directory) {
@@ -220,9 +240,10 @@ class Callers {
       });
       EXPECT_EQ(bound, names::Outcome::kDone);
       own[name] = url;
+      if (!before_.contains(name)) note(name, url);
     }
     while (!is_ending_) {
-      for (std::uint64_t i = 0; i < 3; ++i) {
+      for (std::uint64_t i = 0; i < kLeasedCount; ++i) {
         const auto renewed = insist(registries, random, [&](names::Directory& directory) {
           return directory.renew("leased/n" + std::to_string(i), {100 + i, 1}, kLease);
         });
@@ -237,6 +258,8 @@ class Callers {
 
   std::array<std::string, kRegistryCount> urls_;
   const State before_;
+  History& history_;
+  const int round_;
   std::atomic<bool> is_ending_ = false;
   std::atomic<std::uint64_t> change_count_ = 0;
   std::atomic<std::uint64_t> unknown_count_ = 0;
@@ -279,6 +302,22 @@ void strike(EtcdCluster& cluster, int round, std::mt19937_64& random) {
   ASSERT_GE(cluster.await_leader(), 0) << "no leader after the fault";
 }
 
+/// What a watch told of a name, and what was acknowledged of it.
+void expect_same(const std::string& name, const std::vector<std::string>& told,
+                 const std::vector<std::string>& acknowledged) {
+  std::size_t i = 0;
+  while (i < told.size() && i < acknowledged.size() && told[i] == acknowledged[i])
+    ++i;
+  if (i == told.size() && i == acknowledged.size()) return;
+  std::string text = name + ", from its change " + std::to_string(i) + " on; told:";
+  for (std::size_t j = i < 2 ? 0 : i - 2; j < told.size() && j < i + 5; ++j)
+    text += " '" + told[j] + "'";
+  text += "; acknowledged:";
+  for (std::size_t j = i < 2 ? 0 : i - 2; j < acknowledged.size() && j < i + 5; ++j)
+    text += " '" + acknowledged[j] + "'";
+  ADD_FAILURE() << text;
+}
+
 TEST(EtcdStorm, LosesNothingAcknowledgedAndRegistriesEndAlike) {
   if (const auto missing = EtcdCluster::missing()) GTEST_SKIP() << *missing;
   EtcdCluster cluster;
@@ -294,8 +333,9 @@ TEST(EtcdStorm, LosesNothingAcknowledgedAndRegistriesEndAlike) {
   int lost = 0;
   int differing = 0;
   State before;
+  History acknowledged;
   for (int round = 0; round < round_count() && !testing::Test::HasFatalFailure(); ++round) {
-    Callers callers({registries[0].url(), registries[1].url()}, before);
+    Callers callers({registries[0].url(), registries[1].url()}, before, acknowledged, round);
     strike(cluster, round, random);
     rt::sleep_until(rt::now() + 300ms);
     callers.end();
@@ -326,8 +366,16 @@ TEST(EtcdStorm, LosesNothingAcknowledgedAndRegistriesEndAlike) {
     EXPECT_EQ(registries[0].listed(), expected);
     EXPECT_EQ(registries[1].listed(), expected);
   }
-  // Both have told the same changes in the same order.
+  // Both have told the same changes in the same order, and of each name what was acknowledged.
   if (registries[0].state_count() == 1 && registries[1].state_count() == 1) {
+    for (WatchedRegistry& registry : registries) {
+      const MonotonicTime give_up = rt::now() + 3s;  // Before the leases end.
+      while (registry.history() != acknowledged && rt::now() < give_up)
+        rt::sleep_until(rt::now() + 10ms);
+      const History told = registry.history();
+      for (const auto& [name, urls] : acknowledged)
+        expect_same(name, told.contains(name) ? told.at(name) : std::vector<std::string>{}, urls);
+    }
     EXPECT_EQ(registries[0].changes(), registries[1].changes());
   }
   std::printf(
