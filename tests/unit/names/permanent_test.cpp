@@ -147,6 +147,56 @@ TEST(Stored, ComesBackAndLeasedNamesHaveTheTimeToBeRenewed) {
   EXPECT_GT(store.bind(permanent("lab/arm2"), at(63s))->revision, 100u);
 }
 
+// ---- what a shared storage tells ----------------------------------------------------------
+
+SharedChange told(std::string name, std::uint64_t revision, std::uint64_t holder = 0) {
+  StoredName stored{.name = name,
+                    .url = kUrl,
+                    .interface = "lab.Arm",
+                    .owner = kOwner,
+                    .revision = holder == 0 ? revision : holder,
+                    .change = revision};
+  return {std::move(name), revision, std::move(stored)};
+}
+
+TEST(Told, ChangesAreHereUnderTheRevisionsOfTheStorage) {
+  Store store({}, 10);
+  store.apply({told("lab/arm0", 12), told("lab/arm1", 15)}, at(0s));
+  store.apply({told("lab/arm0", 16, 12)}, at(0s));  // The same but for its lease.
+  EXPECT_EQ((*store.resolve("lab/arm0", at(0s)))->revision, 12u);
+  EXPECT_EQ(store.log().revision(), 15u) << "nothing that a watcher sees";
+  store.apply({{"lab/arm0", 17, std::nullopt}, {"lab/never", 18, std::nullopt}}, at(0s));
+  EXPECT_FALSE(store.resolve("lab/arm0", at(0s)));
+  EXPECT_EQ(store.log().count_after(9), 3u);
+  EXPECT_EQ(store.log().restart_count(), 0u);
+  EXPECT_EQ(store.next_revision(), 19u);
+}
+
+TEST(Told, ChangesWithOneRevisionAreNotToldOneByOne) {
+  Store store({}, 10);
+  store.apply({told("lab/arm0", 12), told("lab/arm1", 13)}, at(0s));
+  store.apply({{"lab/arm0", 14, std::nullopt}, {"lab/arm1", 14, std::nullopt}}, at(0s));
+  EXPECT_EQ(store.size(), 0u);
+  EXPECT_EQ(store.log().restart_count(), 1u);
+  EXPECT_FALSE(store.log().reaches(13)) << "watchers get the state";
+  EXPECT_TRUE(store.log().reaches(14));
+}
+
+TEST(Told, NamesThatTheRulesRefuseAreLeftOut) {
+  Store store({}, 10);
+  SharedChange bad_url = told("lab/arm1", 13);
+  bad_url.stored->url = "elsewhere";
+  store.apply({told("lab//arm0", 12), bad_url, told("lab/arm2", 14)}, at(0s));
+  EXPECT_EQ(store.size(), 1u);
+  store.apply({[&] {
+                auto changed = told("lab/arm2", 15);
+                changed.stored->interface = "no interface";
+                return changed;
+              }()},
+              at(0s));
+  EXPECT_EQ(store.size(), 0u);
+}
+
 // ---- who may do what -----------------------------------------------------------------------
 
 /// Lets owner 1 change names, and everybody but hosts elsewhere look.
