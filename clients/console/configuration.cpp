@@ -15,7 +15,7 @@ bool is_loopback(const std::string& address) {
 
 std::optional<int> read_configuration(int argc, const char* const* argv,
                                       Configuration& configuration) {
-  configuration.registry = names::kDefaultRegistryUrl;
+  configuration.registry = names::kThisHost;
   options::Options options("rtpm-console",
                            "serves a page that shows and operates the system in browsers");
   options.add("port", configuration.port, "The TCP port; 0: any");

@@ -7,7 +7,7 @@ namespace rtpm::display {
 
 std::optional<int> read_configuration(int argc, const char* const* argv,
                                       Configuration& configuration) {
-  configuration.registry = names::kDefaultRegistryUrl;
+  configuration.registry = names::kThisHost;
   configuration.live = "rewrite";
   options::Options options("rtpm-display", "shows devices of any class, one line each");
   options.add("devices", configuration.devices, "The devices' names");

@@ -42,7 +42,7 @@ int fail(const std::string& text) {
 int main(int argc, char** argv) {
   std::string device = "lab/arm0";
   std::string hub{rtpm::events::kHubPath};
-  std::string registry{rtpm::names::kDefaultRegistryUrl};
+  std::string registry{rtpm::names::kThisHost};
   rtpm::options::Options options("rtpm-figure5",
                                  "the paper's Figure 5: one device, two ways to use it");
   options.add("device", device, "The device's name, or its URL");

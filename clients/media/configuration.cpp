@@ -7,7 +7,7 @@ namespace rtpm::media {
 
 std::optional<int> read_configuration(int argc, const char* const* argv,
                                       Configuration& configuration) {
-  configuration.registry = names::kDefaultRegistryUrl;
+  configuration.registry = names::kThisHost;
   options::Options options("rtpm-media", "drives a media player with a knob that can be felt");
   options.add("knob", configuration.knob, "The name of a motorised dial, or its URL");
   options.add("player", configuration.player, "The name of a media player, or its URL");

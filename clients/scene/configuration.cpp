@@ -7,7 +7,7 @@ namespace rtpm::scene {
 
 std::optional<int> read_configuration(int argc, const char* const* argv,
                                       Configuration& configuration) {
-  configuration.registry = names::kDefaultRegistryUrl;
+  configuration.registry = names::kThisHost;
   options::Options options("rtpm-scene",
                            "draws a haptic device, the solid that it touches, and the force");
   options.add("device", configuration.device, "The device's name");

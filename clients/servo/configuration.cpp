@@ -51,7 +51,7 @@ double stiffness_bound_of(const Configuration& configuration, const driver::Desc
 
 std::optional<int> read_configuration(int argc, const char* const* argv,
                                       Configuration& configuration) {
-  configuration.registry = names::kDefaultRegistryUrl;
+  configuration.registry = names::kThisHost;
   options::Options options(
       "rtpm-servo",
       "renders a virtual wall on a haptic device and measures every cycle of its loop");

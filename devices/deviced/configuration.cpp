@@ -145,7 +145,7 @@ std::optional<int> check(const options::Options& options, const Configuration& c
 
 std::optional<int> read_configuration(int argc, const char* const* argv,
                                       Configuration& configuration) {
-  configuration.registry = names::kDefaultRegistryUrl;
+  configuration.registry = names::kThisHost;
   options::Options options("rtpm-deviced",
                            "hosts devices: runs their drivers and serves them under names");
   add_devices(options, configuration);

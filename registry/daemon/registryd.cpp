@@ -1,4 +1,5 @@
 // rtpm-registryd: serves the registry of names.
+#include <chrono>
 #include <cstdint>
 #include <cstdio>
 #include <iostream>
@@ -8,6 +9,8 @@
 #include <string_view>
 #include <utility>
 
+#include "rtpm/discovery/announcement.hpp"
+#include "rtpm/discovery/scope.hpp"
 #include "rtpm/etcd_store/etcd_storage.hpp"
 #include "rtpm/file_store/file_storage.hpp"
 #include "rtpm/file_store/json.hpp"
@@ -20,6 +23,7 @@
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/log.hpp"
+#include "rtpm/wire/url.hpp"
 
 namespace {
 
@@ -31,6 +35,7 @@ struct Configuration {
   std::string store{kMemory};
   bool dumps = false;
   bool loads = false;
+  std::string discover{rtpm::names::kThisHost};
 };
 
 int fail(const std::string& text) {
@@ -93,8 +98,20 @@ int transfer(const Configuration& configuration) {
   return configuration.dumps ? dump(*storage) : load(*storage, configuration);
 }
 
+/// Has the registry found, or says why it is not: whoever has its URL needs no discovery.
+std::unique_ptr<rtpm::discovery::Announcement> announce(const rtpm::rpc::Server& server,
+                                                        const rtpm::discovery::Scope& scope) {
+  const auto url = rtpm::wire::parse_url(server.url(rtpm::names::kRegistryPath));
+  auto announced = rtpm::discovery::Announcement::create(scope, {true, url->host, server.port()});
+  if (announced) return std::move(*announced);
+  report("programs find this registry only by its URL: " + announced.error().text());
+  return nullptr;
+}
+
 int serve(const Configuration& configuration) {
   const rtpm::options::StopSignal stop;
+  const auto scope = rtpm::discovery::parse_scope(configuration.discover);
+  if (!scope) return fail(scope.error().text());
   const auto prepared = rtpm::options::prepare(configuration.settings);
   if (!prepared) return fail(prepared.error().text());
   auto storages = storages_of(configuration);
@@ -118,9 +135,13 @@ int serve(const Configuration& configuration) {
   }
   if (const auto started = (*server)->start(); !started) return fail(started.error().text());
   rtpm::options::show_setup(configuration.settings);
+  auto announcement = announce(**server, *scope);
   std::printf("registry at %s\n", (*server)->url(rtpm::names::kRegistryPath).c_str());
   std::fflush(stdout);
-  stop.wait();
+  while (!stop.wait_for(std::chrono::seconds{10})) {
+    if (announcement) announcement->keep();
+  }
+  announcement.reset();
   (*server)->stop();
   return 0;
 }
@@ -151,6 +172,9 @@ int main(int argc, char** argv) {
   options.add("store", configuration.store,
               "Where names are kept: memory, the file of a SQLite database, or "
               "etcd://HOST:PORT,HOST:PORT/PREFIX, for several registries together");
+  options.add("discover", configuration.discover,
+              "Who finds it: host, this one; lan[:DOMAIN]@INTERFACE, the LAN by multicast, too; or "
+              "hosts, that ask this one");
   options.add("dump", configuration.dumps, "Print the permanent names of --store as JSON, and end");
   options.add("load", configuration.loads,
               "Bind the names of such JSON on standard input in --store, and end");

@@ -19,6 +19,7 @@ SETUPS = {
 }
 NOT_ON_THE_WIRE = {
     'urls.json': 'an address is read by a program itself, nothing of it is on the wire',
+    'discovery.json': 'discovery has sockets of its own, beside the H-Protocol',
     'fingerprints.json': 'for the compiler of schemas, nothing of it is on the wire',
     'versions.json': 'for the comparison of texts, nothing of it is on the wire',
     'sealed.json': 'needs fixed ephemeral keys, which no program takes from outside',

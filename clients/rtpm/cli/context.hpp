@@ -37,7 +37,8 @@ using Run = std::function<int(Context&)>;
 /// @threads  one
 class Context {
  public:
-  std::string registry{names::kDefaultRegistryUrl};
+  /// Where names are looked for: a registry's URL, or the scope of discovery.
+  std::string registry{names::kThisHost};
   bool json = false;                   ///< Prints JSON, a document per line.
   std::optional<Duration> deadline{};  ///< Of a call; none: the schema's, else 1 s.
   std::optional<Priority> priority{};  ///< Of a call; none: the schema's.

@@ -68,6 +68,8 @@ std::string manual_page(const CommandFacts& program) {
   page +=
       ".SH ENVIRONMENT\n"
       ".TP\n.B RTPM_REGISTRY\nAs \\-\\-registry.\n"
+      ".TP\n.B RTPM_DISCOVER\nAs \\-\\-discover.\n"
+      ".TP\n.B RTPM_RUNTIME_FOLDER\nThe folder in which programs of this host find each other.\n"
       ".TP\n.B RTPM_DEADLINE\nAs \\-\\-deadline.\n"
       ".TP\n.B NO_COLOR\nIf it is set, no output has colours.\n";
   return page;

@@ -17,21 +17,39 @@
 #include "recordings/commands.hpp"
 #include "rtpm/options/suggestion.hpp"
 #include "rtpm/rt/log.hpp"
+#include "rtpm/wire/url.hpp"
 
 namespace rtpm::tool {
 namespace {
 
 constexpr const char* kFooter =
-    "TARGET and DEVICE are names in the registry, or URLs rtpm://host:port/path.\n"
+    "TARGET and DEVICE are names, or URLs rtpm://host:port/path.\n"
     "`rtpm COMMAND --help` explains a command. The options above may stand behind it, too.\n\n"
     "Exit codes: 0 done; 1 failed, or the answer is no; 2 wrong command line; 3 no registry, no\n"
     "server or no such name.\n";
 
 void add_common_options(CLI::App& program, Context& context) {
-  program.add_option("--registry", context.registry, "The registry")
-      ->envname("RTPM_REGISTRY")
-      ->type_name("URL")
-      ->capture_default_str();
+  const auto is_url = [](const std::string& text) {
+    return wire::is_url(text) ? std::string{} : "'" + text + "' is no URL rtpm://host:port/path";
+  };
+  const auto take_place = [&context](const std::string& how) { context.registry = how; };
+  CLI::Option* const registry =
+      program
+          .add_option_function<std::string>("--registry", take_place,
+                                            "The registry; without, names are found")
+          ->envname("RTPM_REGISTRY")
+          ->check(is_url)
+          ->type_name("URL");
+  program
+      .add_option_function<std::string>(
+          "--discover",
+          [&context, registry](const std::string& how) {
+            if (registry->empty()) context.registry = how;
+          },
+          "Where: host, lan[:DOMAIN]@INTERFACE, or HOST[:PORT],…")
+      ->envname("RTPM_DISCOVER")
+      ->default_str(std::string(names::kThisHost))
+      ->type_name("HOW");
   program.add_flag("--json", context.json, "Print JSON, a document per line");
   add_duration(program, "--deadline", context.deadline,
                "How long a call may take; without: as the schema says, else 1s",

@@ -5,6 +5,7 @@
 #include "cli/command.hpp"
 #include "cli/output.hpp"
 #include "host/commands.hpp"
+#include "host/discovery.hpp"
 #include "host/finding_text.hpp"
 #include "host/network.hpp"
 #include "host/peers.hpp"
@@ -37,6 +38,7 @@ std::vector<int> processes_with_lanes() {
 std::vector<Finding> survey(Context& context) {
   std::vector<Finding> findings = rt::survey_host(processes_with_lanes());
   std::ranges::move(survey_network(context), std::back_inserter(findings));
+  std::ranges::move(survey_discovery(context), std::back_inserter(findings));
   std::ranges::move(survey_peers(context), std::back_inserter(findings));
   return findings;
 }

@@ -100,6 +100,8 @@ struct Plan {
 
 /// The variable of programs that has the registry's URL.
 inline constexpr const char* kRegistryVariable = "RTPM_REGISTRY";
+/// The one that says how names are found without.
+inline constexpr const char* kDiscoverVariable = "RTPM_DISCOVER";
 
 /// Adds what programs need of each other without saying so: whose URL a program is given, it comes
 /// after, and it uses; the registry's is given to all that the registry does not come after.

@@ -8,6 +8,8 @@
 #include <filesystem>
 #include <utility>
 
+#include "rtpm/wire/url.hpp"
+
 namespace rtpm::laboratory {
 namespace {
 
@@ -25,8 +27,10 @@ Launch launch_of(const ProgramPlan& plan, const std::vector<std::string>& urls,
     variables.emplace_back(name, value.resolved(urls));
     has_registry = has_registry || name == kRegistryVariable;
   }
-  if (!has_registry && !registry_url.empty())
-    variables.emplace_back(kRegistryVariable, registry_url);
+  if (!has_registry && !registry_url.empty()) {
+    variables.emplace_back(wire::is_url(registry_url) ? kRegistryVariable : kDiscoverVariable,
+                           registry_url);
+  }
   launch.environment = environment_with(variables);
   return launch;
 }

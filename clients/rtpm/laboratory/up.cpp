@@ -29,7 +29,7 @@ std::string names_of(const Plan& plan, const std::vector<std::size_t>& programs)
   return names;
 }
 
-Json json_of(const Plan& plan) {
+Json plan_json(const Plan& plan) {
   Json programs = Json::array();
   for (const std::size_t index : plan.order) {
     const ProgramPlan& program = plan.programs[index];
@@ -45,7 +45,7 @@ Json json_of(const Plan& plan) {
 }
 
 void print_plan(const Context& context, const Plan& plan) {
-  if (context.json) return print_json(json_of(plan));
+  if (context.json) return print_json(plan_json(plan));
   print_line(plan.file + " is right. The laboratory '" + plan.name + "' starts in this order:");
   std::vector<Row> rows{{"PROGRAM", "AFTER", "RUNS"}};
   for (const std::size_t index : plan.order) {

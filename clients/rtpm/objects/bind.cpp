@@ -88,6 +88,7 @@ int unbind(Context& context, const std::string& name) {
 int resolve(Context& context, const std::string& name) {
   names::Directory directory(context.node(), context.registry);
   const auto entry = directory.entry_of(name);
+  tell_notes(directory);
   if (!entry) return context.not_reached(entry.error());
   warn_if_stale(entry->stale_for);
   const std::string url = entry->url + name.substr(entry->name.size());

@@ -4,6 +4,7 @@
 
 #include "cli/table.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/predicate/value.hpp"
 #include "rtpm/rt/log.hpp"
 
 namespace rtpm::tool {
@@ -40,17 +41,41 @@ Json json_of(const names::NameEntry& entry) {
   if (entry.stale_for > Duration{0}) {
     json["stale_s"] = std::chrono::duration<double>(entry.stale_for).count();
   }
-  for (const names::Property& property : entry.properties) {
+  if (!entry.service_url.empty()) json["name_service"] = entry.service_url;
+  if (entry.is_duplicate) json["is_duplicate"] = true;
+  json.update(properties_json(entry.properties));
+  return json;
+}
+
+Json properties_json(const std::vector<names::Property>& properties) {
+  Json json = Json::object();
+  for (const names::Property& property : properties) {
     json["properties"][property.name] = value_json(property.value);
     if (!property.unit.empty()) json["units"][property.name] = property.unit;
   }
   return json;
 }
 
+std::vector<std::string> lines_of(const std::vector<names::Property>& properties) {
+  std::vector<std::string> lines;
+  for (const names::Property& property : properties) {
+    lines.push_back(printable(property.name) + " = " +
+                    printable(predicate::to_text(property.value), kShownWhole) +
+                    (property.unit.empty() ? "" : " " + printable(property.unit)));
+  }
+  return lines;
+}
+
+void tell_notes(const names::Directory& directory) {
+  for (const std::string& note : directory.notes())
+    rt::print_error("rtpm", note);
+}
+
 std::string table_of(const std::vector<names::NameEntry>& entries) {
   std::vector<Row> rows;
   for (const names::NameEntry& entry : entries)
-    rows.push_back({printable(entry.name), printable(entry.interface), printable(entry.url)});
+    rows.push_back({printable(entry.name), printable(entry.interface),
+                    printable(entry.url) + (entry.is_duplicate ? "  (bound twice)" : "")});
   return aligned(rows, 3);
 }
 

@@ -11,6 +11,14 @@ namespace rtpm::tool {
 /// A bound name for machines: name, interface, URL, seconds of lease left, revision.
 [[nodiscard]] Json json_of(const names::NameEntry& entry);
 
+/// The properties alone, as they stand there: {"properties": {…}, "units": {…}}, if there are any.
+[[nodiscard]] Json properties_json(const std::vector<names::Property>& properties);
+/// The properties for people, a line each: "rate_hz = 1000 hertz".
+[[nodiscard]] std::vector<std::string> lines_of(const std::vector<names::Property>& properties);
+
+/// What the directory's last operation left out, on standard error.
+void tell_notes(const names::Directory& directory);
+
 /// Bound names for people, a line each; without any, nothing.
 [[nodiscard]] std::string table_of(const std::vector<names::NameEntry>& entries);
 

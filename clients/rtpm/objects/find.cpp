@@ -55,6 +55,7 @@ expected<std::vector<names::NameEntry>, int> ask(Context& context, const FindOpt
     auto all = directory.contents();
     if (!all) return unexpected{context.not_reached(all.error())};
     warn_if_stale(all->stale_for);
+    tell_notes(directory);
     return std::move(all->entries);
   }
   const std::string interface = has_wildcard(wanted.interface) ? "" : wanted.interface;
@@ -68,6 +69,7 @@ expected<std::vector<names::NameEntry>, int> ask(Context& context, const FindOpt
                                       *error.text_error)};
   }
   warn_if_stale(found->stale_for);
+  tell_notes(directory);
   if (!found->note.empty()) rt::print_error("rtpm", found->note);
   if (found->entries.size() < found->accepted_count) {
     rt::print_error("rtpm", std::to_string(found->accepted_count - found->entries.size()) +
@@ -87,7 +89,7 @@ int find(Context& context, const FindOptions& wanted) {
   if (wanted.limit != 0 && found.size() > wanted.limit) found.resize(wanted.limit);
   print_entries(found, context.json);
   if (!found.empty()) return kDone;
-  return context.fail("none of the registry's " + std::to_string(entries->size()) + " names fits" +
+  return context.fail("none of the " + std::to_string(entries->size()) + " names fits" +
                       similar_interface(*entries, wanted.interface));
 }
 

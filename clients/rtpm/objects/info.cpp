@@ -1,5 +1,6 @@
 #include <cstdio>
 #include <string>
+#include <vector>
 
 #include "cli/command.hpp"
 #include "cli/output.hpp"
@@ -29,7 +30,24 @@ Json method_json(const schema::Method& method) {
   return json;
 }
 
+/// Those of the name; of a URL there are none.
+std::vector<names::Property> bound_properties_of(Context& context, const std::string& target) {
+  if (wire::is_url(target)) return {};
+  names::Directory directory(context.node(), context.registry);
+  const auto entry = directory.describe(target);
+  return entry ? entry->properties : std::vector<names::Property>{};
+}
+
+std::string properties_comment(const std::vector<names::Property>& properties) {
+  if (properties.empty()) return {};
+  std::string text = "\n// The properties of this name (rtpm find --where):\n";
+  for (const std::string& line : lines_of(properties))
+    text += "//   " + line + "\n";
+  return text;
+}
+
 Json object_json(const std::string& url, dynamic::RemoteObject& object,
+                 const std::vector<names::Property>& properties,
                  const gvd::DeviceConfiguration* device) {
   const schema::Service& service = object.dynamic().service();
   Json methods = Json::array();
@@ -41,6 +59,7 @@ Json object_json(const std::string& url, dynamic::RemoteObject& object,
             {"compiler_version", object.compiler_version()},
             {"methods", std::move(methods)},
             {"schema", object.schema()}};
+  json.update(properties_json(properties));
   if (device != nullptr) json["device"] = json_of(*device);
   return json;
 }
@@ -62,8 +81,9 @@ int info(Context& context, const std::string& target) {
   if (!object) return context.not_reached(object.error());
   const auto device = configuration_of(context, *url);
   if (!device) return context.fail(device.error());
+  const std::vector<names::Property> properties = bound_properties_of(context, target);
   if (context.json) {
-    Json json = object_json(*url, **object, *device ? &**device : nullptr);
+    Json json = object_json(*url, **object, properties, *device ? &**device : nullptr);
     if (stale_for > Duration{0}) {
       json["stale_s"] = std::chrono::duration<double>(stale_for).count();
     }
@@ -71,6 +91,7 @@ int info(Context& context, const std::string& target) {
     return kDone;
   }
   std::fputs(printable_lines((*object)->schema()).c_str(), stdout);
+  std::fputs(properties_comment(properties).c_str(), stdout);
   if (*device) std::fputs(as_comment(**device).c_str(), stdout);
   return kDone;
 }
@@ -80,9 +101,10 @@ int info(Context& context, const std::string& target) {
 void add_info(CLI::App& program, Context& context) {
   const auto target = std::make_shared<std::string>();
   CLI::App& command = add_command(
-      program, context, "info", "Print the schema of an object, and a device's parameters",
+      program, context, "info",
+      "Print an object's schema, its name's properties and a device's parameters",
       "  rtpm info lab/arm0\n"
-      "The output is a schema that rtpmc takes; a device's parameters are comments in it.\n",
+      "The output is a schema that rtpmc takes; properties and parameters are comments in it.\n",
       [target](Context& c) { return info(c, *target); });
   add_target(command, *target);
 }

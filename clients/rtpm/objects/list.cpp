@@ -13,7 +13,9 @@ namespace rtpm::tool {
 namespace {
 
 int list_names(Context& context) {
-  const auto found = names::Directory(context.node(), context.registry).contents();
+  names::Directory directory(context.node(), context.registry);
+  const auto found = directory.contents();
+  tell_notes(directory);
   if (!found) return context.not_reached(found.error());
   warn_if_stale(found->stale_for);
   print_entries(found->entries, context.json);

@@ -101,7 +101,7 @@ int run(mpv_handle* handle) {
   Service service;
   const auto started = service.start(
       option(handle, "rtpm-name", "lab/mpv0"),
-      option(handle, "rtpm-registry", std::string(names::kDefaultRegistryUrl)), exchange);
+      option(handle, "rtpm-registry", std::string(names::kThisHost)), exchange);
   if (!started) {
     rt::print_error("rtpm-mpv", started.error().text());
     return -1;

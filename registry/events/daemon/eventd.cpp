@@ -24,7 +24,7 @@ namespace {
 
 struct Configuration {
   rtpm::options::ServerSettings settings{};
-  std::string registry{rtpm::names::kDefaultRegistryUrl};
+  std::string registry{rtpm::names::kThisHost};
   std::string name{rtpm::events::kHubPath};
   bool allows_takeover = false;  ///< Of the name, from a server that lives.
   std::uint64_t subscriptions_max = 1024;

@@ -23,7 +23,7 @@ using namespace rtpm::mqtt;
 struct Configuration {
   BridgeConfig bridge{};
   BrokerConfig broker{};
-  std::string registry{rtpm::names::kDefaultRegistryUrl};
+  std::string registry{rtpm::names::kThisHost};
   std::string direction = "both";
   std::vector<std::string> events{};
   std::vector<std::string> mappings{};

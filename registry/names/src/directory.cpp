@@ -2,309 +2,409 @@
 
 #include <algorithm>
 #include <atomic>
-#include <deque>
+#include <map>
 #include <mutex>
+#include <optional>
 #include <utility>
+#include <vector>
 
-#include "idl.hpp"
-#include "registry_list.hpp"
+#include "interface_index.hpp"
+#include "query.hpp"
 #include "rtpm/base/printable.hpp"
-#include "rtpm/names/defaults.hpp"
-#include "rtpm/rpc/tables.hpp"
+#include "rtpm/discovery/finder.hpp"
+#include "rtpm/discovery/scope.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/host.hpp"
+#include "rtpm/rt/thread.hpp"
 #include "rtpm/wire/url.hpp"
+#include "service.hpp"
+#include "store.hpp"
 
 namespace rtpm::names {
 namespace {
 
-constexpr std::size_t kTroubleShownMax = 400;
+/// How long services found on the LAN stand for those that a query would find.
+constexpr Duration kLanFindsAge = std::chrono::seconds{1};
 
-DirectoryError refused(const Answer& answer, std::string_view name) {
-  return {{outcome_text(outcome_of(answer), name, answer.component())}, outcome_of(answer)};
+bool is_loopback(const std::string& url) {
+  const auto parts = wire::parse_url(url);
+  return parts && (parts->host.starts_with("127.") || parts->host == "localhost");
 }
 
-/// One request in a builder of its own.
-struct Request {
-  flatbuffers::FlatBufferBuilder builder{512};
-  template <class T>
-  [[nodiscard]] ConstBytes finished(flatbuffers::Offset<T> root) {
-    builder.Finish(root);
-    return rpc::table_bytes(builder);
+/// "rtpm://… (process 4711 of this host)".
+std::string in_words(const NameEntry& entry, const discovery::FoundService& found) {
+  std::string text = printable(entry.url) + " (";
+  if (found.is_registry) return text + "by the registry " + found.url + ")";
+  if (found.process_id != 0) text += "process " + std::to_string(found.process_id) + " of ";
+  const auto parts = wire::parse_url(found.url);
+  return text + (found.is_of_this_host || !parts ? "this host" : "host " + parts->host) + ")";
+}
+
+/// Calls `work` with 0 to `count` - 1, on this thread and some others.
+template <class Work>
+void for_each_at_once(std::size_t count, Work work) {
+  constexpr std::size_t kThreadCountMax = 8;
+  std::atomic<std::size_t> next = 0;
+  const auto take = [&] {
+    for (std::size_t i = next++; i < count; i = next++)
+      work(i);
+  };
+  std::vector<rt::Thread> threads;
+  while (threads.size() + 1 < std::min(count, kThreadCountMax)) {
+    auto thread = rt::Thread::start({.name = "rtpm-ask", .realtime = rt::RealtimeMode::kOff}, take);
+    // Then there are fewer.
+    if (!thread) break;
+    threads.push_back(std::move(*thread));
   }
-  [[nodiscard]] flatbuffers::Offset<flatbuffers::String> text(std::string_view value) {
-    return builder.CreateString(value.data(), value.size());
-  }
-};
+  take();
+  for (rt::Thread& thread : threads)
+    thread.join();
+}
+
+/// How much a refusal knows of the name: one that names a component further right knows more.
+int knowledge_of(const DirectoryError& error) {
+  if (error.outcome == Outcome::kNotADirectory) return 3;
+  if (error.outcome == Outcome::kIsADirectory) return 2;
+  return error.outcome ? 1 : 0;
+}
 
 }  // namespace
 
 class Directory::Impl {
  public:
-  Impl(rpc::Node& node, std::string registry_url, Duration deadline)
-      : node_(node), registry_url_(std::move(registry_url)), deadline_(deadline) {
-    for (std::string& url : registries_of(registry_url_))
-      registries_.push_back({std::move(url)});
-  }
-
-  [[nodiscard]] const std::string& registry_url() const noexcept { return registry_url_; }
-
-  /// Runs `operation` at the registry that answered last, else at the next one; ends by `deadline`.
-  template <class Operation>
-  auto ask(MonotonicTime deadline, Operation operation) -> expected<
-      typename std::invoke_result_t<Operation, NamesClient&, const rpc::CallOptions&>::value_type,
-      DirectoryError> {
-    const std::size_t first = preferred_;
-    for (std::size_t i = 0;; ++i) {
-      const std::size_t which = (first + i) % registries_.size();
-      const bool is_last = i + 1 == registries_.size();
-      const Duration left = deadline - rt::now();
-      // Time is left for the next one.
-      auto reply = ask_at(registries_[which], rt::now() + (is_last ? left : left / 2), operation);
-      if (is_last || !is_for_another(reply)) {
-        preferred_ = which;
-        return reply;
-      }
-    }
-  }
-
-  /// ask() for an operation on `name` that only succeeds or is refused.
-  template <class Operation>
-  [[nodiscard]] expected<void, DirectoryError> confirm(std::string_view name, Operation operation) {
-    const auto answer = ask(usual_end(), operation);
-    if (!answer) return unexpected{answer.error()};
-    if (outcome_of(*answer) == Outcome::kDone) return {};
-    return unexpected{refused(*answer, name)};
-  }
-
-  /// One entry, by resolve or describe.
-  template <class Operation>
-  [[nodiscard]] expected<NameEntry, DirectoryError> look_up(std::string_view name,
-                                                            MonotonicTime deadline,
-                                                            Operation operation) {
-    Request request;
-    const ConstBytes bytes =
-        request.finished(CreateResolveRequest(request.builder, request.text(name)));
-    const auto reply = ask(std::min(deadline, usual_end()),
-                           [&](NamesClient& client, const rpc::CallOptions& options) {
-                             return operation(client, bytes, options);
-                           });
-    if (!reply) return unexpected{reply.error()};
-    const ResolveReply& found = **reply;
-    if (outcome_of(*found.answer()) != Outcome::kDone) {
-      return unexpected{names::refused(*found.answer(), name)};
-    }
-    if (found.entry() == nullptr) {
-      return unexpected{DirectoryError{
-          {"the registry at " + registry_url_ + " answers without an entry", "it is no RTPM one"}}};
-    }
-    return names::entry_of(*found.entry(), found.stale_ns());
-  }
-
-  /// The registry's answer as an error; of one whose storage is not reached with that in words.
-  [[nodiscard]] DirectoryError refused(const Answer& answer, std::string_view name) {
-    DirectoryError error = names::refused(answer, name);
-    const bool is_of_storage =
-        error.outcome == Outcome::kStoreUnreachable || error.outcome == Outcome::kNotStored;
-    if (!is_of_storage) return error;
-    const auto report = ask(usual_end(), [](NamesClient& client, const rpc::CallOptions& options) {
-      return client.report({}, options);
-    });
-    if (report) error.why = printable(text_of((*report)->storage_trouble()), kTroubleShownMax);
-    return error;
-  }
-
-  /// Deadline of an operation that begins now.
-  [[nodiscard]] MonotonicTime usual_end() const { return rt::now() + deadline_; }
-
-  [[nodiscard]] expected<Granted, DirectoryError> bind(const Claim& claim, bool replaces) {
-    Request request;
-    const OwnerId owner = id_of(claim.owner);
-    const auto name = request.text(claim.name);
-    const auto url = request.text(claim.url);
-    const auto interface = request.text(claim.interface);
-    const auto properties = write_properties(request.builder, claim.properties);
-    const ConstBytes bytes = request.finished(CreateOfferRequest(
-        request.builder, name, url, interface, &owner, ns_of(claim.lease), replaces,
-        claim.holder_revision, claim.allows_takeover, properties, claim.is_permanent));
-    const auto reply = ask(usual_end(), [&](NamesClient& client, const rpc::CallOptions& options) {
-      return client.offer_encoded(bytes, options);
-    });
-    if (!reply) return unexpected{reply.error()};
-    const BindReply& answer = **reply;
-    if (outcome_of(*answer.answer()) == Outcome::kDone) {
-      return Granted{.lease = duration_of(answer.lease_ns()), .revision = answer.revision()};
-    }
-    DirectoryError error = refused(*answer.answer(), claim.name);
-    error.holder_url = text_of(answer.holder_url());
-    error.holder_lease_left = duration_of(answer.holder_lease_left_ns());
-    error.holder_revision = answer.holder_revision();
-    if (!error.holder_url.empty()) error.why = "it leads to " + error.holder_url;
-    return unexpected{std::move(error)};
-  }
-
- private:
-  struct Registry {
-    std::string url{};
-    std::optional<NamesClient> client{};
+  /// A service that was found, and its client.
+  struct Asked {
+    discovery::FoundService found;
+    std::shared_ptr<Service> service;
+  };
+  /// What a service answered.
+  template <class Value>
+  struct Answer {
+    Value value;
+    discovery::FoundService found;
+  };
+  template <class Value>
+  struct Answers {
+    std::vector<Answer<Value>> values{};
+    /// The refusal that says most, if there was one.
+    std::optional<DirectoryError> refusal{};
   };
 
-  template <class Operation>
-  auto ask_at(Registry& registry, MonotonicTime deadline, Operation operation) -> expected<
-      typename std::invoke_result_t<Operation, NamesClient&, const rpc::CallOptions&>::value_type,
-      DirectoryError> {
-    auto client = bound_client(registry, deadline);
-    if (!client) return unexpected{std::move(client.error())};
-    auto reply = operation(**client, rpc::CallOptions{.deadline = deadline - rt::now()});
-    if (!reply) return unexpected{no_result(registry.url, reply.error())};
-    return std::move(*reply);
+  Impl(rpc::Node& node, std::string where, Duration deadline)
+      : where_text(std::move(where)), node_(node), deadline_(deadline) {
+    auto scope = discovery::parse_scope(where_text);
+    if (scope) {
+      scope_ = std::move(*scope);
+    } else {
+      bad_scope_ = std::move(scope.error());
+    }
+    if (!bad_scope_ && scope_.is_url()) only_ = service_at(where_text, deadline_);
   }
 
-  /// Whether another registry may do better: this one does not answer, or does not reach the
-  /// storage that they share.
-  template <class Reply>
-  [[nodiscard]] static bool is_for_another(const expected<Reply, DirectoryError>& reply) {
-    if (!reply) return reply.error().cause != rpc::make_error_code(rpc::CallError::kNoResources);
-    return outcome_in(*reply) == Outcome::kStoreUnreachable;
-  }
-  [[nodiscard]] static Outcome outcome_in(const Answer& answer) { return outcome_of(answer); }
-  template <class Table>
-  [[nodiscard]] static Outcome outcome_in(const rpc::TableReply<Table>& reply) {
-    if constexpr (requires { reply->answer(); }) return outcome_of(*reply->answer());
-    return Outcome::kDone;
+  /// The one service, where the scope is its URL; null: it is to be found.
+  [[nodiscard]] Service* only() const noexcept { return only_.get(); }
+
+  /// Asks all services, several at a time, so that one that hangs holds up none of the others.
+  /// @errors   none answers
+  template <class Value, class Operation>
+  [[nodiscard]] expected<Answers<Value>, DirectoryError> ask_all(MonotonicTime deadline,
+                                                                 Operation operation) {
+    clear_notes();
+    const MonotonicTime end = std::min(deadline, rt::now() + deadline_);
+    const auto asked = find(end);
+    if (!asked) return unexpected{asked.error()};
+    std::vector<std::optional<expected<Value, DirectoryError>>> replies(asked->size());
+    for_each_at_once(asked->size(), [&](std::size_t i) {
+      if (rt::now() < end) replies[i] = operation(*(*asked)[i].service);
+    });
+    Answers<Value> answers;
+    std::size_t silent_count = 0;
+    for (std::size_t i = 0; i < replies.size(); ++i) {
+      const discovery::FoundService& found = (*asked)[i].found;
+      auto& reply = replies[i];
+      if (reply && *reply) {
+        answers.values.push_back({std::move(**reply), found});
+      } else if (reply && reply->error().outcome) {
+        const bool says_more =
+            !answers.refusal || knowledge_of(reply->error()) > knowledge_of(*answers.refusal);
+        if (says_more) answers.refusal = std::move(reply->error());
+      } else if (!found.is_guess) {
+        ++silent_count;
+        note("no name service answers at " + found.url + (reply ? "" : ": there was no time left"));
+      }
+    }
+    if (!answers.values.empty() || answers.refusal) return answers;
+    return unexpected{nobody(silent_count)};
   }
 
-  /// The client, bound on first use; its binding finds a restarted registry by itself. Concurrent
-  /// first callers bind in parallel, so that none waits for others' deadlines.
-  [[nodiscard]] expected<NamesClient*, DirectoryError> bound_client(Registry& registry,
-                                                                    MonotonicTime deadline) {
-    {
-      const std::lock_guard lock(mutex_);
-      if (registry.client) return &*registry.client;
+  /// The registry that takes changes.
+  [[nodiscard]] expected<std::shared_ptr<Service>, DirectoryError> registry() {
+    clear_notes();
+    const auto asked = find(rt::now() + deadline_);
+    if (!asked) return unexpected{asked.error()};
+    std::vector<Asked> registries;
+    for (const Asked& each : *asked) {
+      if (!each.found.is_registry) continue;
+      if (each.found.is_of_this_host && !each.found.is_guess) return each.service;
+      registries.push_back(each);
     }
-    // A name would recurse into the node's resolver.
-    if (!wire::parse_url(registry.url)) {
-      return unexpected{DirectoryError{
-          {"'" + registry.url + "' is no URL of a registry",
-           {},
-           "give --registry rtpm://host:port/path, such as " + std::string(kDefaultRegistryUrl)}}};
+    // One at the usual place, of another user.
+    std::erase_if(registries, [](const Asked& each) {
+      return each.found.is_guess && !each.service->contents({});
+    });
+    if (registries.size() == 1) return registries.front().service;
+    if (registries.empty()) {
+      return unexpected{
+          DirectoryError{{"no registry runs here, and only a registry takes names "
+                          "for others",
+                          "", "start rtpm-registryd, or give --registry URL"}}};
     }
-    auto client = NamesClient::bind(node_, registry.url, {.deadline = deadline - rt::now()});
-    if (!client) {
-      const SetupError& error = client.error();
-      return unexpected{error.cause == rpc::CallError::kNoResources
-                            ? not_asked(registry.url, error.reason(), error.remedy)
-                            : no_answer(registry.url, error.reason())};
+    std::string urls;
+    for (const Asked& each : registries)
+      urls += (urls.empty() ? "" : ", ") + each.found.url;
+    return unexpected{
+        DirectoryError{{"several registries are found: " + urls, "", "give one by --registry"}}};
+  }
+
+  /// Drops what can't be reached from here.
+  void add(std::vector<Answer<NameEntry>>& to, NameEntry entry,
+           const discovery::FoundService& found) {
+    if (!found.is_of_this_host && is_loopback(entry.url)) {
+      note("'" + printable(entry.name) + "' at " + found.url + " leads to that host's own " +
+           printable(entry.url) + "; have its server serve the network with --host");
+      return;
     }
+    entry.service_url = found.url;
+    to.push_back({std::move(entry), found});
+  }
+
+  void note(std::string sentence) {
+    constexpr std::size_t kNoteCountMax = 32;
     const std::lock_guard lock(mutex_);
-    if (!registry.client) registry.client.emplace(std::move(*client));
-    return &*registry.client;
+    if (notes_.size() < kNoteCountMax) notes_.push_back(std::move(sentence));
   }
 
-  [[nodiscard]] static DirectoryError no_result(const std::string& url, rpc::CallError cause) {
-    const std::string why(rpc::to_string(cause));
-    switch (cause) {
-      case rpc::CallError::kTimeout:
-      case rpc::CallError::kExpired:
-      case rpc::CallError::kDisconnected:
-      case rpc::CallError::kUnreachable:
-        return no_answer(url, why);
-      case rpc::CallError::kNoResources:
-        return not_asked(url, why);
-      default:
-        return {{"the registry at " + url + " failed", why}};
+  [[nodiscard]] std::vector<std::string> notes() {
+    const std::lock_guard lock(mutex_);
+    return notes_;
+  }
+
+  const std::string where_text;
+
+ private:
+  void clear_notes() {
+    const std::lock_guard lock(mutex_);
+    notes_.clear();
+  }
+
+  [[nodiscard]] std::shared_ptr<Service> service_at(const std::string& url, Duration deadline) {
+    return std::make_shared<Service>(node_, url, deadline);
+  }
+
+  /// Clients of services that are found again are kept, with their sessions.
+  [[nodiscard]] expected<std::vector<Asked>, DirectoryError> find(MonotonicTime deadline) {
+    if (bad_scope_) return unexpected{DirectoryError{*bad_scope_}};
+    const std::lock_guard finding(finding_);
+    const bool is_fresh = scope_.is_of_lan() && rt::now() - found_at_ < kLanFindsAge;
+    if (!is_fresh) {
+      auto found = discovery::find_services(scope_, deadline);
+      if (!found) return unexpected{DirectoryError{std::move(found.error())}};
+      found_ = std::move(*found);
+      found_at_ = rt::now();
     }
+    std::vector<Asked> asked;
+    std::map<std::string, std::shared_ptr<Service>> kept;
+    for (const discovery::FoundService& each : found_.services) {
+      auto& service = services_[each.url];
+      if (!service) service = service_at(each.url, each.is_registry ? deadline_ : deadline_ / 4);
+      kept[each.url] = service;
+      asked.push_back({each, service});
+    }
+    services_ = std::move(kept);
+    for (const std::string& sentence : found_.notes)
+      note(sentence);
+    return asked;
   }
 
-  [[nodiscard]] static DirectoryError not_asked(const std::string& url, const std::string& why,
-                                                const std::string& remedy = {}) {
-    return {{"the registry at " + url + " was not asked", why, remedy,
-             rpc::make_error_code(rpc::CallError::kNoResources)}};
-  }
-
-  [[nodiscard]] static DirectoryError no_answer(const std::string& url, const std::string& why) {
-    return {{"no registry answers at " + url, why, "start rtpm-registryd, or give --registry URL"}};
+  [[nodiscard]] DirectoryError nobody(std::size_t silent_count) {
+    const std::string place = scope_.is_of_lan() ? "this host or the LAN" : "this host";
+    if (silent_count == 0) {
+      return {
+          {"there are no names: no registry runs, and no server that serves its names itself, "
+           "on " +
+               place,
+           "", "start rtpm-registryd or a server, or give --registry URL"}};
+    }
+    const auto said = notes();
+    return {{"none of the name services on " + place + " answers", said.empty() ? "" : said.front(),
+             "rtpm doctor says what discovery finds"}};
   }
 
   rpc::Node& node_;
-  std::string registry_url_;
-  Duration deadline_;
-  std::atomic<std::size_t> preferred_ = 0;
-  std::mutex mutex_;  ///< Of the clients; not for real-time threads.
-  std::deque<Registry> registries_{};
+  const Duration deadline_;
+  discovery::Scope scope_{};
+  std::optional<SetupError> bad_scope_{};
+  std::shared_ptr<Service> only_{};
+  std::mutex finding_;  ///< Of what follows; not for real-time threads.
+  discovery::FoundServices found_{};
+  MonotonicTime found_at_{};
+  std::map<std::string, std::shared_ptr<Service>> services_{};
+  std::mutex mutex_;  ///< Of the notes.
+  std::vector<std::string> notes_{};
 };
 
-Directory::Directory(rpc::Node& node, std::string registry_url, Duration deadline)
-    : impl_(std::make_unique<Impl>(node, std::move(registry_url), deadline)) {}
+namespace {
+
+using Found = discovery::FoundService;
+
+/// Sorts by name, marks names that lead to different URLs, and drops repetitions.
+template <class Answers>
+std::vector<NameEntry> merged(Answers answers) {
+  std::ranges::stable_sort(
+      answers, {}, [](const auto& answer) -> const std::string& { return answer.value.name; });
+  std::vector<NameEntry> entries;
+  for (auto& answer : answers) {
+    bool is_known = false;
+    for (auto other = entries.rbegin(); other != entries.rend() && other->name == answer.value.name;
+         ++other) {
+      is_known |= other->url == answer.value.url;
+      if (other->url == answer.value.url) continue;
+      other->is_duplicate = true;
+      answer.value.is_duplicate = true;
+    }
+    if (!is_known) entries.push_back(std::move(answer.value));
+  }
+  return entries;
+}
+
+Record record_of(const NameEntry& entry) {
+  Record record{.name = entry.name, .url = entry.url, .interface = entry.interface};
+  record.properties = entry.properties;
+  return record;
+}
+
+}  // namespace
+
+Directory::Directory(rpc::Node& node, std::string where, Duration deadline)
+    : impl_(std::make_unique<Impl>(node, std::move(where), deadline)) {}
 Directory::Directory(Directory&&) noexcept = default;
 Directory& Directory::operator=(Directory&&) noexcept = default;
 Directory::~Directory() = default;
 
-const std::string& Directory::registry_url() const noexcept {
-  return impl_->registry_url();
+const std::string& Directory::where() const noexcept {
+  return impl_->where_text;
+}
+std::vector<std::string> Directory::notes() const {
+  return impl_->notes();
 }
 
 expected<Granted, DirectoryError> Directory::bind(const Claim& claim) {
-  return impl_->bind(claim, /*replaces=*/false);
+  if (Service* const only = impl_->only()) return only->bind(claim, /*replaces=*/false);
+  const auto registry = impl_->registry();
+  if (!registry) return unexpected{registry.error()};
+  return (*registry)->bind(claim, /*replaces=*/false);
 }
+
 expected<Granted, DirectoryError> Directory::rebind(const Claim& claim) {
-  return impl_->bind(claim, /*replaces=*/true);
+  if (Service* const only = impl_->only()) return only->bind(claim, /*replaces=*/true);
+  const auto registry = impl_->registry();
+  if (!registry) return unexpected{registry.error()};
+  return (*registry)->bind(claim, /*replaces=*/true);
 }
 
 expected<void, DirectoryError> Directory::renew(std::string_view name, Owner owner,
                                                 Duration lease) {
-  Request request;
-  const OwnerId id = id_of(owner);
-  const ConstBytes bytes =
-      request.finished(CreateRenewRequest(request.builder, request.text(name), &id, ns_of(lease)));
-  return impl_->confirm(name, [&](NamesClient& client, const rpc::CallOptions& options) {
-    return client.renew_encoded(bytes, options);
-  });
+  if (Service* const only = impl_->only()) return only->renew(name, owner, lease);
+  const auto registry = impl_->registry();
+  if (!registry) return unexpected{registry.error()};
+  return (*registry)->renew(name, owner, lease);
+}
+
+expected<void, DirectoryError> Directory::unbind(std::string_view name, Owner owner,
+                                                 std::uint64_t holder_revision) {
+  if (Service* const only = impl_->only()) return only->unbind(name, owner, holder_revision);
+  const auto registry = impl_->registry();
+  if (!registry) return unexpected{registry.error()};
+  return (*registry)->unbind(name, owner, holder_revision);
+}
+
+expected<NameEntry, DirectoryError> Directory::look_up(std::string_view name, bool has_properties,
+                                                       MonotonicTime deadline) {
+  if (Service* const only = impl_->only()) return only->look_up(name, has_properties, deadline);
+  auto answers = impl_->ask_all<NameEntry>(
+      deadline, [&](Service& service) { return service.look_up(name, has_properties, deadline); });
+  if (!answers) return unexpected{answers.error()};
+  std::vector<Impl::Answer<NameEntry>> entries;
+  for (auto& answer : answers->values)
+    impl_->add(entries, std::move(answer.value), answer.found);
+  if (entries.empty()) {
+    if (answers->refusal) return unexpected{std::move(*answers->refusal)};
+    return unexpected{DirectoryError{
+        {"'" + printable(name) + "' is not reached from here", impl_->notes().front()}}};
+  }
+  for (const auto& other : entries) {
+    if (other.value.url == entries.front().value.url) continue;
+    DirectoryError error{{"the name '" + printable(name) + "' is bound twice: to " +
+                              in_words(entries.front().value, entries.front().found) + " and to " +
+                              in_words(other.value, other.found),
+                          "", "end or rename one of the servers, or give --registry URL"}};
+    error.is_ambiguous = true;
+    return unexpected{std::move(error)};
+  }
+  return std::move(entries.front().value);
 }
 
 expected<NameEntry, DirectoryError> Directory::resolve(std::string_view name,
                                                        MonotonicTime deadline) {
-  return impl_->look_up(name, deadline, [](NamesClient& client, auto bytes, const auto& options) {
-    return client.resolve_encoded(bytes, options);
-  });
+  return look_up(name, /*has_properties=*/false, deadline);
 }
 
 expected<NameEntry, DirectoryError> Directory::describe(std::string_view name,
                                                         MonotonicTime deadline) {
-  return impl_->look_up(name, deadline, [](NamesClient& client, auto bytes, const auto& options) {
-    return client.describe_encoded(bytes, options);
-  });
+  return look_up(name, /*has_properties=*/true, deadline);
 }
 
 expected<FoundNames, DirectoryError> Directory::find(const NameQuery& query) {
-  Request request;
-  const auto interface = request.text(query.interface);
-  const auto predicate = request.text(query.predicate);
-  const auto preference = request.text(query.preference);
-  const ConstBytes bytes = request.finished(
-      CreateFindRequest(request.builder, interface, predicate, preference, query.limit));
-  const auto reply =
-      impl_->ask(impl_->usual_end(), [&](NamesClient& client, const rpc::CallOptions& options) {
-        return client.find_encoded(bytes, options);
-      });
-  if (!reply) return unexpected{reply.error()};
-  const FindReply& answer = **reply;
-  const Outcome outcome = outcome_of(*answer.answer());
-  if (outcome != Outcome::kDone) {
-    DirectoryError error = names::refused(*answer.answer(), query.interface);
-    const bool is_text = outcome == Outcome::kBadPredicate || outcome == Outcome::kBadPreference;
-    if (is_text) {
-      error.text_error = {answer.error_offset(), printable(text_of(answer.error_text()))};
-      error.why = error.text_error->what;
+  if (Service* const only = impl_->only()) return only->find(query);
+  // The preference orders names of all services, so that the texts are for all of them together.
+  auto answers = impl_->ask_all<FoundNames>(
+      kNever, [&](Service& service) { return service.find({.interface = query.interface}); });
+  if (!answers) return unexpected{answers.error()};
+  std::vector<Impl::Answer<NameEntry>> all;
+  for (auto& answer : answers->values) {
+    if (answer.value.entries.size() < answer.value.accepted_count) {
+      impl_->note("the name service at " + answer.found.url + " has more names than a reply takes");
     }
-    return unexpected{std::move(error)};
+    for (NameEntry& entry : answer.value.entries)
+      impl_->add(all, std::move(entry), answer.found);
   }
-  FoundNames found;
-  for (flatbuffers::uoffset_t i = 0; answer.entries() != nullptr && i < answer.entries()->size();
-       ++i)
-    found.entries.push_back(names::entry_of(*answer.entries()->Get(i), answer.stale_ns()));
-  found.stale_for = duration_of(answer.stale_ns());
-  found.accepted_count = answer.accepted_count();
-  found.note = printable(text_of(answer.note()));
+  const std::vector<NameEntry> entries = merged(std::move(all));
+  std::vector<Record> records;
+  records.reserve(entries.size());
+  InterfaceIndex index;
+  for (const NameEntry& entry : entries) {
+    if (!records.empty() && records.back().name == entry.name) continue;
+    records.push_back(record_of(entry));
+    index.add(records.back());
+  }
+  const std::size_t count_max = query.limit == 0 ? entries.size() : query.limit;
+  const auto chosen = names::find(index, {query.interface, query.predicate, query.preference},
+                                  count_max, rt::random_u64());
+  if (!chosen) {
+    const QueryError& error = chosen.error();
+    DirectoryError refused{{outcome_text(error.outcome, query.interface, 0), error.error.what},
+                           error.outcome};
+    refused.text_error = error.error;
+    return unexpected{std::move(refused)};
+  }
+  FoundNames found{.accepted_count = static_cast<std::uint32_t>(chosen->accepted_count),
+                   .note = chosen->note};
+  for (const NameEntry& entry : entries)
+    found.stale_for = std::max(found.stale_for, entry.stale_for);
+  for (const Record* record : chosen->records) {
+    std::ranges::copy_if(entries, std::back_inserter(found.entries),
+                         [&](const NameEntry& entry) { return entry.name == record->name; });
+  }
   return found;
 }
 
@@ -328,61 +428,34 @@ expected<std::string, DirectoryError> Directory::url_of(std::string_view name,
   return entry->url + std::string(name.substr(entry->name.size()));
 }
 
-expected<void, DirectoryError> Directory::unbind(std::string_view name, Owner owner,
-                                                 std::uint64_t holder_revision) {
-  Request request;
-  const OwnerId id = id_of(owner);
-  const ConstBytes bytes = request.finished(
-      CreateUnbindRequest(request.builder, request.text(name), &id, holder_revision));
-  return impl_->confirm(name, [&](NamesClient& client, const rpc::CallOptions& options) {
-    return client.unbind_encoded(bytes, options);
-  });
-}
-
 expected<std::vector<NameEntry>, DirectoryError> Directory::list(std::string_view directory) {
   auto all = contents(directory);
   if (!all) return unexpected{std::move(all.error())};
   return std::move(all->entries);
 }
 
+expected<FoundNames, DirectoryError> Directory::contents(std::string_view directory) {
+  if (Service* const only = impl_->only()) return only->contents(directory);
+  auto answers = impl_->ask_all<FoundNames>(
+      kNever, [&](Service& service) { return service.contents(directory); });
+  if (!answers) return unexpected{answers.error()};
+  if (answers->values.empty()) return unexpected{std::move(*answers->refusal)};
+  FoundNames found;
+  std::vector<Impl::Answer<NameEntry>> all;
+  for (auto& answer : answers->values) {
+    found.stale_for = std::max(found.stale_for, answer.value.stale_for);
+    for (NameEntry& entry : answer.value.entries)
+      impl_->add(all, std::move(entry), answer.found);
+  }
+  found.entries = merged(std::move(all));
+  found.accepted_count = static_cast<std::uint32_t>(found.entries.size());
+  return found;
+}
+
 std::string stale_text(Duration stale_for) {
   const auto tenths = stale_for / std::chrono::milliseconds{100};
   return "the registry has had no word from its storage for " + std::to_string(tenths / 10) + '.' +
          std::to_string(tenths % 10) + " s: what it has may be out of date";
-}
-
-expected<FoundNames, DirectoryError> Directory::contents(std::string_view directory) {
-  FoundNames found;
-  std::vector<NameEntry>& entries = found.entries;
-  for (;;) {
-    Request request;
-    const std::string after = entries.empty() ? std::string() : entries.back().name;
-    const auto directory_text = request.text(directory);
-    const auto after_text = request.text(after);
-    const ConstBytes bytes =
-        request.finished(CreateListRequest(request.builder, directory_text, after_text));
-    const auto reply =
-        impl_->ask(impl_->usual_end(), [&](NamesClient& client, const rpc::CallOptions& options) {
-          return client.list_encoded(bytes, options);
-        });
-    if (!reply) return unexpected{reply.error()};
-    const ListReply& page = **reply;
-    if (outcome_of(*page.answer()) != Outcome::kDone) {
-      return unexpected{refused(*page.answer(), directory)};
-    }
-    const std::size_t before = entries.size();
-    if (page.entries() != nullptr) {
-      for (const Entry* entry : *page.entries()) {
-        // Only ascending names, so that no registry can make this endless.
-        if (entries.empty() || entries.back().name < entry->name()->string_view()) {
-          entries.push_back(names::entry_of(*entry, page.stale_ns()));
-        }
-      }
-    }
-    found.stale_for = std::max(found.stale_for, duration_of(page.stale_ns()));
-    found.accepted_count = static_cast<std::uint32_t>(entries.size());
-    if (page.is_last() || entries.size() == before) return found;
-  }
 }
 
 }  // namespace rtpm::names

@@ -3,13 +3,18 @@
 #include <algorithm>
 #include <atomic>
 #include <condition_variable>
+#include <memory>
 #include <mutex>
 #include <utility>
 
+#include "own_names.hpp"
+#include "rtpm/discovery/finder.hpp"
+#include "rtpm/discovery/scope.hpp"
 #include "rtpm/names/directory.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
 #include "rtpm/rt/thread.hpp"
+#include "seat.hpp"
 
 namespace rtpm::names {
 namespace {
@@ -18,10 +23,11 @@ using namespace std::chrono_literals;
 
 /// How long a registration waits for the lease of a dead holder to end.
 constexpr Duration kHolderWaitMax = 5s;
-/// How long the registry may take to unbind at the end of a registration.
-constexpr Duration kUnbindDeadline = 200ms;
-/// How long the first bind may take.
-constexpr Duration kBindDeadline = 1s;
+/// How long a program goes on serving a name that it has bound at a registry: those who watch look
+/// for registries every quarter of a second.
+constexpr Duration kOwnGrace = 1s;
+/// The least lease of a name at its own program.
+constexpr Duration kOwnLease = 10s;
 
 /// Shared by the registrations of a program.
 void report_to_standard_error(std::string_view sentence) {
@@ -37,19 +43,12 @@ bool is_held_by_another(const DirectoryError& error) {
 
 class Registration::Impl {
  public:
-  Impl(rpc::Node& node, std::string registry_url, std::string name, std::string url,
-       std::string interface, Duration lease, Report report, Takeover takeover,
-       std::vector<Property> properties)
+  Impl(rpc::Node& node, std::string where, Offer offer, Report report, Takeover takeover)
       : node_(node),
-        registry_url_(std::move(registry_url)),
-        name_(std::move(name)),
-        url_(std::move(url)),
-        interface_(std::move(interface)),
-        owner_(owner_of(url_)),
-        lease_(lease),
+        where_(std::move(where)),
         report_(report ? std::move(report) : report_to_standard_error),
         takeover_(takeover),
-        properties_(std::move(properties)) {}
+        offer_(std::move(offer)) {}
 
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
@@ -61,24 +60,23 @@ class Registration::Impl {
     }
     ending_.notify_all();
     thread_.join();
-    if (!is_bound_) return;
-    // Without an answer the lease expires by itself.
-    static_cast<void>(Directory(node_, registry_url_, kUnbindDeadline).unbind(name_, owner_));
+    const Offer offer = offer_now();
+    if (registry_ && registry_->is_bound) registry_->seat.unbind(offer);
+    if (own_ && own_->is_bound) own_->seat.unbind(offer);
   }
 
   /// Binds for the first time, waiting for the lease of a possibly dead holder.
   [[nodiscard]] expected<void, SetupError> begin() {
-    Directory directory(node_, registry_url_, kBindDeadline);
-    auto bound = bind(directory);
-    if (!bound && is_held_by_another(bound.error()) && takeover_ == Takeover::kAllowed) {
-      bound = bind(directory, Takeover::kAllowed);
+    auto scope = discovery::parse_scope(where_);
+    if (!scope) return unexpected{std::move(scope.error())};
+    scope_ = std::move(*scope);
+    if (auto bound = begin_at_registry(); !bound) {
+      // A registry that refuses is there.
+      if (scope_.is_url() || bound.error().outcome) return unexpected{std::move(bound.error())};
     }
-    if (!bound && is_held_by_another(bound.error()) &&
-        bound.error().holder_lease_left <= kHolderWaitMax) {
-      rt::sleep_until(rt::now() + bound.error().holder_lease_left + 1ms);
-      bound = bind(directory);
+    if (needs_own_names()) {
+      if (auto bound = begin_at_own_names(); !bound) return bound;
     }
-    if (!bound) return unexpected{std::move(bound.error())};
     is_bound_ = true;
     auto thread = rt::Thread::start({.name = "rtpm-lease", .realtime = rt::RealtimeMode::kOff},
                                     [this] { keep(); });
@@ -90,98 +88,255 @@ class Registration::Impl {
   [[nodiscard]] bool is_bound() const noexcept { return is_bound_; }
 
   [[nodiscard]] expected<void, SetupError> set_properties(std::vector<Property> properties) {
+    std::vector<std::shared_ptr<Place>> places;
     {
       const std::lock_guard lock(mutex_);
-      properties_ = std::move(properties);
+      offer_.properties = std::move(properties);
+      for (const auto& place : {registry_, own_}) {
+        if (place && place->is_bound) places.push_back(place);
+      }
     }
-    Directory directory(node_, registry_url_, kBindDeadline);
-    auto bound = bind(directory);
-    if (!bound) return unexpected{std::move(bound.error())};
+    if (places.empty()) return setup_error("the name '" + offer_.name + "' is not bound");
+    for (const auto& place : places) {
+      if (auto bound = place->seat.bind(place->names ? own_offer_now() : offer_now()); !bound) {
+        return unexpected{std::move(bound.error())};
+      }
+    }
     return {};
   }
 
  private:
-  [[nodiscard]] expected<void, DirectoryError> bind(Directory& directory,
-                                                    Takeover takeover = Takeover::kRefused) {
-    std::vector<Property> properties;
-    {
-      const std::lock_guard lock(mutex_);
-      properties = properties_;
-    }
-    Claim claim{name_, url_, interface_, owner_, lease_};
-    claim.properties = properties;
-    claim.allows_takeover = takeover == Takeover::kAllowed;
-    const auto granted = claim.allows_takeover ? directory.rebind(claim) : directory.bind(claim);
-    if (!granted) return unexpected{granted.error()};
+  /// Where the name is bound, or was.
+  struct Place {
+    Place(rpc::Node& node, const std::string& url) : seat(node, url) {}
+    std::shared_ptr<OwnNames> names{};  ///< Null: it is a registry. Outlives its client.
+    Seat seat;
+    std::atomic<bool> is_bound = false;
+  };
+
+  /// With a lease that outlasts attempts at a registry that hangs: the service ends with the
+  /// program anyway.
+  [[nodiscard]] Offer own_offer_now() {
+    Offer offer = offer_now();
+    offer.lease = std::max(offer.lease, kOwnLease);
+    return offer;
+  }
+
+  [[nodiscard]] Offer offer_now() {
     const std::lock_guard lock(mutex_);
-    first_lease_ = granted->lease > Duration{0} ? std::min(granted->lease, lease_) : lease_;
-    // After the registry did, so that this estimate is never early.
-    if (granted->revision != revision_ || bound_ == MonotonicTime{}) bound_ = rt::now();
-    revision_ = granted->revision;
+    return offer_;
+  }
+
+  /// The registry to bind at; it may not be there.
+  [[nodiscard]] std::string registry_url() const {
+    if (scope_.is_url()) return where_;
+    const auto found = discovery::find_services(discovery::Scope{});
+    const bool has_one = found && !found->services.empty() && found->services.front().is_registry;
+    return has_one ? found->services.front().url : std::string();
+  }
+
+  [[nodiscard]] std::shared_ptr<Place> place_at(const std::string& url) {
+    return std::make_shared<Place>(node_, url);
+  }
+
+  void set(std::shared_ptr<Place>& place, std::shared_ptr<Place> to) {
+    const std::lock_guard lock(mutex_);
+    place.swap(to);
+  }
+
+  [[nodiscard]] expected<void, DirectoryError> begin_at_registry() {
+    const std::string url = registry_url();
+    if (url.empty()) return unexpected{DirectoryError{{"no registry runs on this host"}}};
+    const auto place = place_at(url);
+    const Offer offer = offer_now();
+    auto bound = place->seat.bind(offer);
+    if (!bound && is_held_by_another(bound.error()) && takeover_ == Takeover::kAllowed) {
+      bound = place->seat.bind(offer, /*allows_takeover=*/true);
+    }
+    if (!bound && is_held_by_another(bound.error()) &&
+        bound.error().holder_lease_left <= kHolderWaitMax) {
+      rt::sleep_until(rt::now() + bound.error().holder_lease_left + 1ms);
+      bound = place->seat.bind(offer);
+    }
+    if (!bound) return bound;
+    place->is_bound = true;
+    set(registry_, place);
     return {};
   }
 
-  /// The lease that the registry grants for a renewal at `now`.
-  [[nodiscard]] Duration lease_at(MonotonicTime now) const {
-    return now - bound_ < first_lease_ ? first_lease_ : lease_;
+  /// On the LAN a server is found by its own names, whether its host has a registry or not.
+  [[nodiscard]] bool needs_own_names() const {
+    return scope_.is_of_lan() || (!scope_.is_url() && !(registry_ && registry_->is_bound));
   }
 
-  /// Renews every third of the lease, with that as the deadline: two attempts may fail before the
-  /// name is lost.
+  [[nodiscard]] expected<void, SetupError> begin_at_own_names() {
+    if (auto free = check_that_no_other_has_it(); !free && takeover_ == Takeover::kRefused) {
+      return free;
+    }
+    if (auto bound = bind_at_own_names(); !bound) return bound;
+    warn_of_duplicates();
+    return {};
+  }
+
+  [[nodiscard]] expected<void, SetupError> bind_at_own_names() {
+    const Offer offer = own_offer_now();
+    auto names = OwnNames::at_host_of(scope_, offer.url);
+    if (!names) return unexpected{std::move(names.error())};
+    const auto place = place_at((*names)->url());
+    if (auto bound = place->seat.bind(offer); !bound) return unexpected{std::move(bound.error())};
+    place->names = std::move(*names);
+    place->is_bound = true;
+    set(own_, place);
+    is_to_look_for_duplicates_ = true;
+    return {};
+  }
+
+  /// As a registry would refuse a name that another server of this host holds.
+  [[nodiscard]] expected<void, SetupError> check_that_no_other_has_it() {
+    const auto entry = Directory(node_, std::string(kThisHost)).resolve(offer_.name);
+    if (!entry && entry.error().is_ambiguous) return unexpected{entry.error()};
+    if (!entry || entry->url == offer_.url) return {};
+    return setup_error("the name '" + offer_.name + "' is held by another server of this host",
+                       "it leads to " + entry->url, "end that server, or give another name");
+  }
+
+  /// Says once that the name leads to another server, too.
+  void warn_of_duplicates() {
+    const auto entry = Directory(node_, where_).resolve(offer_.name);
+    std::string text;
+    if (!entry && entry.error().is_ambiguous) text = entry.error().reason();
+    if (entry && entry->url != offer_.url) {
+      text = "the name '" + offer_.name + "' leads to another server: " + entry->url;
+    }
+    if (!text.empty()) report_once(text);
+  }
+
+  void report_once(const std::string& text) {
+    if (std::exchange(said_, text) != text) report_(text);
+  }
+
+  /// Renews every third of the lease.
   void keep() {
     std::unique_lock lock(mutex_);
-    Directory directory(node_, registry_url_, std::min(first_lease_ / 3, kBindDeadline));
     MonotonicTime next = rt::now();
     for (;;) {
-      next = std::max(next + lease_at(next) / 3, rt::now());
+      // A registry that comes or goes is seen in time, however long the lease is.
+      Duration lease =
+          scope_.is_url() ? offer_.lease : std::min(offer_.lease, Registration::kDefaultLease);
+      for (const auto& place : {registry_, own_}) {
+        if (place) lease = std::min(lease, place->seat.lease(next, offer_.lease));
+      }
+      next = std::max(next + lease / 3, rt::now());
       if (ending_.wait_for(lock, next - rt::now(), [this] { return is_ending_; })) return;
       lock.unlock();
-      keep_once(directory);
+      keep_once();
       lock.lock();
     }
   }
 
-  void keep_once(Directory& directory) {
-    auto kept = directory.renew(name_, owner_, lease_);
-    // The registry restarted, the lease expired, or another owner took the name: bind() tells
-    // which.
-    if (!kept && kept.error().outcome) kept = bind(directory);
-    const bool was_bound = is_bound_.exchange(kept.has_value());
-    if (was_bound && !kept) {
-      report_("the name '" + name_ + "' is lost, retrying: " + kept.error().text());
-    } else if (!was_bound && kept) {
-      report_("the name '" + name_ + "' is bound again at " + registry_url_);
+  void keep_once() {
+    const std::string before = place_in_words();
+    const bool was_bound = is_bound_;
+    auto kept = keep_at_registry();
+    if (!scope_.is_url()) keep_own_names(kept);
+    const std::string now = place_in_words();
+    is_bound_ = !now.empty();
+    if (was_bound && !is_bound_) {
+      report_("the name '" + offer_.name + "' is lost, retrying: " + kept.error().text());
+    } else if (!was_bound && is_bound_) {
+      report_("the name '" + offer_.name + "' is bound again at " + now);
+    } else if (before != now) {
+      report_("the name '" + offer_.name + "' is now bound at " + now + ", no more at " + before);
     }
   }
 
+  [[nodiscard]] expected<void, DirectoryError> keep_at_registry() {
+    const std::string url = registry_url();
+    if (registry_ && registry_->seat.url() != url) {
+      // It went; what replaces it may be another one.
+      registry_->seat.unbind(offer_now());
+      set(registry_, nullptr);
+    }
+    if (url.empty()) return unexpected{DirectoryError{{"no registry runs on this host"}}};
+    auto place = registry_ ? registry_ : place_at(url);
+    auto kept = place->is_bound || scope_.is_url() ? place->seat.renew(offer_now())
+                                                   : place->seat.bind(offer_now());
+    place->is_bound = kept.has_value();
+    if (kept || scope_.is_url()) {
+      set(registry_, place);
+    } else {
+      if (kept.error().outcome) warn_of_refusal(kept.error());
+      set(registry_, nullptr);
+    }
+    return kept;
+  }
+
+  /// The registry is there, and another server has the name: then it leads to both.
+  void warn_of_refusal(const DirectoryError& error) {
+    report_once("the registry does not take the name '" + offer_.name +
+                "' from this server: " + error.reason());
+  }
+
+  void keep_own_names(const expected<void, DirectoryError>& at_registry) {
+    if (!needs_own_names()) {
+      // Clients that have not found the registry yet find the name here meanwhile.
+      if (!own_) return;
+      own_end_ = std::min(own_end_, rt::now() + kOwnGrace);
+      if (rt::now() < own_end_) {
+        static_cast<void>(own_->seat.renew(own_offer_now()));
+        return;
+      }
+      own_->seat.unbind(offer_now());
+      set(own_, nullptr);
+      return;
+    }
+    own_end_ = kNever;
+    if (!own_) {
+      if (auto bound = bind_at_own_names(); !bound && at_registry) {
+        report_once(bound.error().text());
+      }
+      return;
+    }
+    own_->names->keep();
+    own_->is_bound = own_->seat.renew(own_offer_now()).has_value();
+    if (std::exchange(is_to_look_for_duplicates_, false)) warn_of_duplicates();
+  }
+
+  /// Empty: it is bound nowhere.
+  [[nodiscard]] std::string place_in_words() const {
+    if (registry_ && registry_->is_bound) return registry_->seat.url();
+    if (own_ && own_->is_bound) return own_->seat.url() + ", which this program serves itself";
+    return {};
+  }
+
   rpc::Node& node_;
-  const std::string registry_url_;
-  const std::string name_;
-  const std::string url_;
-  const std::string interface_;
-  const Owner owner_;
-  const Duration lease_;
+  const std::string where_;
+  discovery::Scope scope_{};
   const Report report_;
   const Takeover takeover_;
   std::atomic<bool> is_bound_ = false;
+  // Of the starting thread, then of the lease's.
+  bool is_to_look_for_duplicates_ = false;
+  MonotonicTime own_end_ = kNever;  ///< When its own service of the name ends.
+  std::string said_{};
   // Plain: no real-time thread takes it. Guards what follows.
   std::mutex mutex_;
-  std::vector<Property> properties_;
-  Duration first_lease_{};
-  MonotonicTime bound_{};
-  std::uint64_t revision_ = 0;  ///< Of the bind at `bound_`.
+  Offer offer_;
+  std::shared_ptr<Place> registry_{};  ///< Null: there is none. Replaced by the lease's thread.
+  std::shared_ptr<Place> own_{};       ///< Null: this program serves no names itself. Likewise.
   std::condition_variable ending_;
   bool is_ending_ = false;
   rt::Thread thread_;
 };
 
 expected<std::unique_ptr<Registration>, SetupError> Registration::create(
-    rpc::Node& node, std::string registry_url, std::string name, std::string url,
-    std::string interface, Duration lease, Report report, Takeover takeover,
-    std::vector<Property> properties) {
-  auto impl = std::make_unique<Impl>(node, std::move(registry_url), std::move(name), std::move(url),
-                                     std::move(interface), lease, std::move(report), takeover,
-                                     std::move(properties));
+    rpc::Node& node, std::string where, std::string name, std::string url, std::string interface,
+    Duration lease, Report report, Takeover takeover, std::vector<Property> properties) {
+  const Owner owner = owner_of(url);
+  auto impl = std::make_unique<Impl>(node, std::move(where),
+                                     Offer{std::move(name), std::move(url), std::move(interface),
+                                           owner, lease, std::move(properties)},
+                                     std::move(report), takeover);
   if (auto begun = impl->begin(); !begun) return unexpected{std::move(begun.error())};
   return std::unique_ptr<Registration>(new Registration(std::move(impl)));
 }

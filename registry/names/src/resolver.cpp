@@ -5,11 +5,12 @@
 #include <vector>
 
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/log.hpp"
 
 namespace rtpm::names {
 
-RegistryResolver::RegistryResolver(rpc::Node& node, std::string registry_url)
-    : node_(node), directory_(node, std::move(registry_url)) {}
+RegistryResolver::RegistryResolver(rpc::Node& node, std::string where)
+    : node_(node), directory_(node, std::move(where)) {}
 
 RegistryResolver::~RegistryResolver() {
   node_.forget(*this);
@@ -40,7 +41,15 @@ void RegistryResolver::watch(std::string_view name, const NameEntry& entry,
       if (end == std::string_view::npos) break;
     }
     leads_.insert_or_assign(entry.name, Lead{entry.url, entry.revision});
-    if (leads_.size() == former_count || leads_.size() > kWatchedNameCountMax) return;
+    if (leads_.size() == former_count) return;
+    if (leads_.size() > kWatchedNameCountMax) {
+      if (former_count <= kWatchedNameCountMax) {
+        rt::print_error("rtpm-names", "more than " + std::to_string(kWatchedNameCountMax) +
+                                          " names are in use; from '" + std::string(name) +
+                                          "' on, bindings look a name up only when a call fails");
+      }
+      return;
+    }
     for (const auto& [each, lead] : leads_)
       names.push_back(each);
   }
@@ -48,7 +57,7 @@ void RegistryResolver::watch(std::string_view name, const NameEntry& entry,
   if (watch_) return watch_->set_names(std::move(names));
   const Duration left = std::max(deadline - rt::now(), Duration{0});
   auto started = NameWatch::start(
-      node_, directory_.registry_url(),
+      node_, directory_.where(),
       {.names = std::move(names), .deadline = std::min<Duration>(left, std::chrono::seconds{1})},
       {.on_change = [this](const NameChange& change) { note(change); }});
   if (started) {

@@ -1,4 +1,4 @@
-#include "rtpm/names/watch.hpp"
+#include "watch_impl.hpp"
 
 #include <algorithm>
 #include <atomic>
@@ -12,6 +12,7 @@
 #include "idl.hpp"
 #include "registry_list.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/discovery/scope.hpp"
 #include "rtpm/rpc/tables.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/thread.hpp"
@@ -29,18 +30,15 @@ constexpr Duration kRetryMax = 1s;
 
 using Stream = rpc::TableStream<WatchItem>;
 
-}  // namespace
-
-class NameWatch::Impl {
+/// A watch at one name service.
+class OneWatch final : public NameWatch::Impl {
  public:
-  Impl(rpc::Node& node, std::string registry_url, WatchConfig config, WatchHandlers handlers)
+  OneWatch(rpc::Node& node, std::string registry_url, WatchConfig config, WatchHandlers handlers)
       : node_(node),
         registries_(registries_of(registry_url)),
         handlers_(std::move(handlers)),
         config_(std::move(config)) {}
-  Impl(const Impl&) = delete;
-  Impl& operator=(const Impl&) = delete;
-  ~Impl() {
+  ~OneWatch() override {
     {
       const std::lock_guard lock(mutex_);
       is_stopping_ = true;
@@ -49,7 +47,7 @@ class NameWatch::Impl {
     if (thread_.is_running()) thread_.join();
   }
 
-  [[nodiscard]] expected<void, DirectoryError> begin() {
+  [[nodiscard]] expected<void, DirectoryError> begin() override {
     // Together no longer than the caller waits.
     config_.deadline /= static_cast<Duration::rep>(registries_.size());
     auto opened = open();
@@ -66,15 +64,15 @@ class NameWatch::Impl {
     return {};
   }
 
-  void set_names(std::vector<std::string> names) {
+  void set_names(std::vector<std::string> names) override {
     const std::lock_guard lock(mutex_);
     config_.names = std::move(names);
     has_new_names_ = true;
   }
 
-  std::atomic<std::uint64_t> revision{0};
-  std::atomic<std::uint64_t> state_count{0};
-  std::atomic<bool> is_connected{false};
+  [[nodiscard]] std::uint64_t revision() const noexcept override { return revision_; }
+  [[nodiscard]] std::uint64_t state_count() const noexcept override { return state_count_; }
+  [[nodiscard]] bool is_connected() const noexcept override { return is_connected_; }
 
  private:
   [[nodiscard]] const std::string& registry_url() const { return registries_[which_]; }
@@ -100,7 +98,7 @@ class NameWatch::Impl {
     request.interface = config.interface;
     request.predicate = config.predicate;
     request.history = history_;
-    request.after = revision;
+    request.after = revision_;
     auto stream = client->watch(request);
     const auto first = stream
                            ? stream->next(rt::now() + config.deadline)
@@ -131,7 +129,7 @@ class NameWatch::Impl {
   void run() {
     for (;;) {
       const std::string why = read();
-      is_connected = false;
+      is_connected_ = false;
       if (is_over()) return;
       if (!why.empty()) notify(why);
       if (!reopen()) return;
@@ -141,7 +139,7 @@ class NameWatch::Impl {
 
   // Takes items until the stream ends: why, empty: for other names, or at the end.
   [[nodiscard]] std::string read() {
-    is_connected = true;
+    is_connected_ = true;
     bool goes_on = take(*first_);
     while (goes_on && !is_over() && !wants_other_names()) {
       const auto item = stream_->next(rt::now() + kPollMax);
@@ -156,7 +154,7 @@ class NameWatch::Impl {
     return goes_on ? std::string()
                    : "the registry at " + registry_url() +
                          " cut this watch off as too slow; it resumes behind revision " +
-                         std::to_string(revision);
+                         std::to_string(revision_);
   }
 
   [[nodiscard]] bool reopen() {
@@ -190,7 +188,7 @@ class NameWatch::Impl {
     note_staleness(duration_of(item.stale_ns()));
     if (!is_state || item.phase() == WatchPhase::StateEnd) {
       history_ = item.history();
-      revision = item.revision();
+      revision_ = item.revision();
     }
     return true;
   }
@@ -222,7 +220,7 @@ class NameWatch::Impl {
 
   // Counts states: revisions compare between changes since the same one.
   [[nodiscard]] std::uint64_t now_history(bool is_state) const noexcept {
-    return state_count + (is_state ? 1 : 0);
+    return state_count_ + (is_state ? 1 : 0);
   }
 
   // What is not in the state has gone.
@@ -238,7 +236,7 @@ class NameWatch::Impl {
     }
     fresh_.clear();
     is_fresh_ = false;
-    ++state_count;
+    ++state_count_;
     if (handlers_.on_state) handlers_.on_state();
   }
 
@@ -272,6 +270,9 @@ class NameWatch::Impl {
     }
   };
 
+  std::atomic<std::uint64_t> revision_{0};
+  std::atomic<std::uint64_t> state_count_{0};
+  std::atomic<bool> is_connected_{false};
   rpc::Node& node_;
   const std::vector<std::string> registries_;
   std::size_t which_ = 0;  ///< Of them is watched.
@@ -294,15 +295,24 @@ class NameWatch::Impl {
   rt::Thread thread_;
 };
 
+}  // namespace
+
 NameWatch::NameWatch(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
 NameWatch::~NameWatch() = default;
 
 expected<std::unique_ptr<NameWatch>, DirectoryError> NameWatch::start(rpc::Node& node,
-                                                                      std::string registry_url,
+                                                                      std::string where,
                                                                       WatchConfig config,
                                                                       WatchHandlers handlers) {
-  auto impl =
-      std::make_unique<Impl>(node, std::move(registry_url), std::move(config), std::move(handlers));
+  auto scope = discovery::parse_scope(where);
+  if (!scope) return unexpected{DirectoryError{std::move(scope.error())}};
+  std::unique_ptr<Impl> impl;
+  if (scope->is_url()) {
+    impl =
+        std::make_unique<OneWatch>(node, std::move(where), std::move(config), std::move(handlers));
+  } else {
+    impl = make_found_watch(node, std::move(*scope), std::move(config), std::move(handlers));
+  }
   if (auto begun = impl->begin(); !begun) return unexpected{std::move(begun.error())};
   return std::unique_ptr<NameWatch>(new NameWatch(std::move(impl)));
 }
@@ -311,13 +321,13 @@ void NameWatch::set_names(std::vector<std::string> names) {
   impl_->set_names(std::move(names));
 }
 std::uint64_t NameWatch::revision() const noexcept {
-  return impl_->revision;
+  return impl_->revision();
 }
 std::uint64_t NameWatch::state_count() const noexcept {
-  return impl_->state_count;
+  return impl_->state_count();
 }
 bool NameWatch::is_connected() const noexcept {
-  return impl_->is_connected;
+  return impl_->is_connected();
 }
 
 }  // namespace rtpm::names

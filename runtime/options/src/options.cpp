@@ -92,6 +92,16 @@ Setting enum_setting(Enum& value, const std::array<Enum, Count>& values) {
 }  // namespace
 
 struct Options::Impl {
+  /// Where names are: the registry's URL or, without, how to find them.
+  struct NamesPlace {
+    std::string* where = nullptr;  ///< Null: the program has no use for them.
+    std::string registry{};
+    std::string discover{};
+    [[nodiscard]] const std::string& chosen() const {
+      return registry.empty() ? discover : registry;
+    }
+  };
+
   std::string name;
   std::string description;
   std::vector<Setting> settings{};
@@ -100,6 +110,7 @@ struct Options::Impl {
   std::vector<Verb> verbs{};
   std::string config_path{};
   std::vector<Group> groups{};
+  NamesPlace names_place{};
 
   void add(std::string key, std::string help, Setting setting) {
     RTPM_ASSERT(is_key(key), "a key is of lower-case letters, digits and '-'");
@@ -298,7 +309,8 @@ std::string Options::Impl::help_text(const Verb* verb) const {
 
 std::string Options::Impl::dump_text() {
   std::string text = "# " + name + " " RTPM_VERSION ": the configuration in force.\n";
-  std::vector<std::string> variables;
+  // That one is every program's, see runtime/transport.
+  std::vector<std::string> variables{"RTPM_RUNTIME_FOLDER"};
   for (std::size_t i = 0; i < settings.size(); ++i) {
     const Setting& setting = settings[i];
     variables.push_back(variable_of(setting.key));
@@ -429,10 +441,18 @@ void Options::add_group(std::string key, std::vector<std::string>& names, std::s
   impl_->add(std::move(key), std::move(help), setting_of_names(names, size_max));
 }
 
-void Options::add_registry(std::string& url) {
-  add("registry", url, "Where the registry of names is; several with the same names: URL,URL");
+void Options::add_registry(std::string& where) {
+  const bool is_url = where.find("://") != std::string::npos;
+  impl_->names_place = {&where, is_url ? where : "", is_url ? "host" : where};
+  add("registry", impl_->names_place.registry,
+      "The registry of names, and no other; several with the same names: URL,URL; empty: where "
+      "--discover finds one");
   impl_->settings.back().placeholder = "URL";
   impl_->settings.back().expected = "a URL, rtpm://host:port/path";
+  add("discover", impl_->names_place.discover,
+      "Without --registry, where to find names: host, this one only; lan[:DOMAIN]@INTERFACE, also "
+      "the LAN by multicast; or hosts, HOST[:PORT],…");
+  impl_->settings.back().placeholder = "HOW";
 }
 
 std::optional<int> Options::parse(int argc, const char* const* argv) {
@@ -451,6 +471,7 @@ std::optional<int> Options::parse(int argc, const char* const* argv) {
   if (const auto applied = impl_->apply_all(*command_line); !applied) {
     return usage_error(applied.error().reason());
   }
+  if (impl_->names_place.where != nullptr) *impl_->names_place.where = impl_->names_place.chosen();
   if (command_line->wants_dump) {
     std::fputs(impl_->dump_text().c_str(), stdout);
     return 0;

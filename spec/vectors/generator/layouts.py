@@ -15,6 +15,7 @@ LAYOUTS = [
     ('hprotocol.md', 'hp-5.6', 0, 'ACK'),
     ('hprotocol.md', 'hp-5.10', 0, 'CREDIT'),
     ('hprotocol.md', 'hp-6.1', 0, 'bind reply'),
+    ('hprotocol.md', 'hp-10.1', 0, 'discovery datagram'),
     ('hprotocol.md', 'hp-16.1', 0, 'shared memory request'),
     ('hprotocol.md', 'hp-16.1', 1, 'shared memory answer'),
     ('hprotocol.md', 'hp-16.2', 0, 'shared memory control words'),

@@ -10,6 +10,7 @@ sys.dont_write_bytecode = True
 import bindings
 import conversations
 import deliveries
+import discovery
 import fingerprints
 import layouts
 import sessions
@@ -39,6 +40,7 @@ def files():
     yield 'bind-request.json', single_frames.bind_requests()
     yield 'bind-reply.json', single_frames.bind_replies()
     yield 'urls.json', single_frames.urls()
+    yield 'discovery.json', discovery.discovery()
     yield 'fingerprints.json', fingerprints.fingerprints()
     yield 'versions.json', versions.versions()
     yield '../layouts.json', layouts.layouts()

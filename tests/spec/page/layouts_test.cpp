@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "broadcast/multicast.hpp"
+#include "rtpm/discovery/datagram.hpp"
 #include "rtpm/events/event.hpp"
 #include "rtpm/events/link.hpp"
 #include "rtpm/wire/control.hpp"
@@ -218,6 +219,19 @@ TEST(Layouts, Event) {
                  {"flags", 3},
                  {"supplier_tag", header.supplier_tag},
                  {"payload", 0}});
+}
+
+TEST(Layouts, DiscoveryDatagram) {
+  const auto datagram = discovery::decode(laid_out("discovery datagram",
+                                                   {{"magic", 0x44505452},
+                                                    {"version", 1},
+                                                    {"kind", 1},
+                                                    {"domain", 7},
+                                                    {"number", 0x1112131415161718}},
+                                                   discovery::kDatagramSize));
+  ASSERT_TRUE(datagram);
+  EXPECT_EQ(datagram->domain, 7);
+  EXPECT_EQ(datagram->number, 0x1112131415161718U);
 }
 
 TEST(Layouts, NewsOfALink) {

@@ -14,6 +14,8 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
+#include <system_error>
 #include <utility>
 
 namespace rtpm::test {
@@ -31,8 +33,26 @@ std::vector<char*> pointers_to(std::vector<std::string>& texts) {
   return pointers;
 }
 
+/// The folder in which programs of this test find each other, and no others of this host: the
+/// test's own $RTPM_RUNTIME_FOLDER, or one for as long as the test runs.
+std::string runtime_folder() {
+  struct Folder {
+    std::string path = std::filesystem::temp_directory_path() / "rtpm-test-XXXXXX";
+    Folder() {
+      if (mkdtemp(path.data()) == nullptr) std::abort();
+    }
+    ~Folder() {
+      std::error_code ignored;
+      std::filesystem::remove_all(path, ignored);
+    }
+  };
+  if (const char* const own = std::getenv("RTPM_RUNTIME_FOLDER"); own != nullptr) return own;
+  static const Folder folder;
+  return folder.path;
+}
+
 std::vector<std::string> clean_environment() {
-  std::vector<std::string> variables;
+  std::vector<std::string> variables{"RTPM_RUNTIME_FOLDER=" + runtime_folder()};
   for (char** variable = environ; *variable != nullptr; ++variable) {
     if (!std::string_view(*variable).starts_with("RTPM_")) variables.emplace_back(*variable);
   }

@@ -74,7 +74,7 @@ TEST_F(Objects, AreFoundByPatterns) {
     EXPECT_EQ(json_of(arguments).size(), 1u) << pattern.front();
   }
   expect_one_sentence(rtpm({"find", "--interface", "rtpm.device.Devise"}), 1,
-                      {"none of the registry's 1 names fits", "'rtpm.device.Device'"});
+                      {"none of the 1 names fits", "'rtpm.device.Device'"});
 }
 
 TEST_F(Objects, GetPermanentNamesFromPeople) {

@@ -174,7 +174,7 @@ TEST(DirectoryWithoutDescriptors, SaysThatItCouldNotAsk) {
 }
 
 TEST_P(DirectoryOver, SaysThatItsRegistryIsNoUrl) {
-  for (const char* const wrong : {"", "nonsense", "lab/registry", "http://127.0.0.1:80/names"}) {
+  for (const char* const wrong : {"", "lan:7", "lab/registry", "http://127.0.0.1:80/names"}) {
     // A name could be looked up by this very resolver, for ever.
     RegistryResolver resolver(node_, wrong);
     node_.use(resolver);

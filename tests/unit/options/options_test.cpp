@@ -324,6 +324,18 @@ TEST_F(OptionsTest, IgnoresVariablesOfOtherPrograms) {
             std::string::npos);
 }
 
+TEST_F(OptionsTest, TakesDiscoveryWhereNoRegistryIsGiven) {
+  set_variable("RTPM_DISCOVER", "lan:7@eth0");
+  EXPECT_EQ(parse({"--registry", "rtpm://h:1/n"}).exit_code, std::nullopt);
+  EXPECT_EQ(values_.registry, "rtpm://h:1/n");
+  values_.registry = "host";
+  EXPECT_EQ(parse({}).exit_code, std::nullopt);
+  EXPECT_EQ(values_.registry, "lan:7@eth0");
+  values_.registry = "host";
+  EXPECT_EQ(parse({"--discover", "10.0.0.5,labpc"}).exit_code, std::nullopt);
+  EXPECT_EQ(values_.registry, "10.0.0.5,labpc");
+}
+
 TEST_F(OptionsTest, DumpsAConfigurationThatReadsBackTheSame) {
   Values values = changed_values();
   values.host = "  # \"quoted\" \\ and a\ttab\n";

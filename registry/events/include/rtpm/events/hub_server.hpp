@@ -25,7 +25,7 @@ struct HubServerConfig {
   /// nullopt: server_config_for(hub), on a free port of the loopback interface.
   std::optional<rpc::ServerConfig> server{};
   std::string name{kHubPath};  ///< At the registry; empty: none.
-  std::string registry{names::kDefaultRegistryUrl};
+  std::string registry{names::kThisHost};
 };
 
 /// Hub, server and name in one: a hub in this program that others find by name and tools can ask,
@@ -71,6 +71,6 @@ class HubServer {
 /// @errors   as names::Registration::create()
 [[nodiscard]] expected<std::unique_ptr<names::Registration>, SetupError> register_hub(
     rpc::Node& node, const rpc::Server& server, const std::string& name = std::string(kHubPath),
-    const std::string& registry = std::string(names::kDefaultRegistryUrl));
+    const std::string& registry = std::string(names::kThisHost));
 
 }  // namespace rtpm::events

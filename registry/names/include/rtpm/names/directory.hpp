@@ -30,6 +30,10 @@ struct NameEntry {
   /// For how long the registry has had no word from the storage that it shares with others, so that
   /// the entry may be out of date; 0: it is not.
   Duration stale_for{};
+  /// Where names are found, not by a URL: the name service that has it, and whether another one has
+  /// the name for another URL.
+  std::string service_url{};
+  bool is_duplicate = false;
 };
 
 /// What find() looks for. The grammar is in registry/predicate/README.md:
@@ -63,19 +67,30 @@ struct DirectoryError : SetupError {
   std::uint64_t holder_revision = 0;
   /// For kBadPredicate and kBadPreference: where in the text, and why.
   std::optional<predicate::TextError> text_error{};
+  /// Several name services have the name, for different URLs.
+  bool is_ambiguous = false;
 };
 
 /// A client of the registry: one request per operation. The next operation finds a restarted
 /// registry.
+///
+/// Without the URL of one, it finds name services (discovery::parse_scope() has the forms) with
+/// each operation: the registry of this host, programs that serve their names themselves, and those
+/// of the LAN if the scope says so. It asks all of them and puts their names together. Each gets a
+/// quarter of the deadline, a registry all of it. bind(), rebind(), renew() and unbind() need a
+/// registry: that of this host, else the only one that is found. Names of other hosts that lead to
+/// their loopback addresses are left out.
 /// @ownership refers to its node, which must outlive it
 /// @threads  any, several at once
 /// @realtime set-up only
 /// @errors   of all operations: the registry's URL is invalid; "no registry answers at …"; a
-/// refusal
+/// refusal; nothing is found. Of look-ups: the name leads to different URLs (is_ambiguous)
 class Directory {
  public:
-  /// `registry_url`: one, or several with ',' between, asked in turn. `deadline`: of a request.
-  explicit Directory(rpc::Node& node, std::string registry_url = std::string(kDefaultRegistryUrl),
+  /// `deadline` bounds each request; list() may take several.
+  /// @param where  the registry's URL, or several with ',' between, asked in turn; or the scope in
+  ///               which name services are looked for
+  explicit Directory(rpc::Node& node, std::string where = std::string(kThisHost),
                      Duration deadline = std::chrono::seconds{1});
   Directory(Directory&&) noexcept;
   Directory& operator=(Directory&&) noexcept;
@@ -123,10 +138,16 @@ class Directory {
   [[nodiscard]] expected<std::vector<NameEntry>, DirectoryError> list(
       std::string_view directory = {});
 
-  [[nodiscard]] const std::string& registry_url() const noexcept;
+  /// What the last operation left out, as sentences: services that did not answer, names that lead
+  /// nowhere from here.
+  [[nodiscard]] std::vector<std::string> notes() const;
+  [[nodiscard]] const std::string& where() const noexcept;
 
  private:
   class Impl;
+  [[nodiscard]] expected<NameEntry, DirectoryError> look_up(std::string_view name,
+                                                            bool has_properties,
+                                                            MonotonicTime deadline);
   std::unique_ptr<Impl> impl_;
 };
 

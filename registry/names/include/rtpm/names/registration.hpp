@@ -26,6 +26,10 @@ enum class Takeover : std::uint8_t {
 /// Keeps a name bound for its own lifetime. A time-shared thread "rtpm-lease" renews at a third of
 /// the granted lease, and binds again when the registry restarted or was unreachable for a lease.
 ///
+/// Without a registry's URL it looks for the registry of this host at each renewal. Where there is
+/// none, the program serves its names itself, until one runs; on the LAN always. The name moves to
+/// a registry within a third of its lease, and stays at the program for a second more.
+///
 /// After a crash, a server at its old address takes its name back at once (see owner_of()). At
 /// another address create() waits for the old lease to end, by default 2 s.
 /// @ownership refers to its node, which must outlive it
@@ -38,17 +42,17 @@ class Registration {
   /// "rtpm-lease".
   using Report = std::function<void(std::string_view sentence)>;
 
-  /// Binds `name` to the object at `url` and starts renewing. If another server holds the name,
-  /// takes it with Takeover::kAllowed, else waits once, at most 5 s, for its lease to end.
-  /// `interface` is qualified, such as "lab.Arm"; `lease` is 100 ms to 1 h; an empty `report`
-  /// writes to standard error.
+  /// Binds `name` to the object at `url`, where Directory would look for it, and starts renewing.
+  /// If another server holds the name, takes it with Takeover::kAllowed, else waits once, at most 5
+  /// s, for its lease to end. `interface` is qualified, such as "lab.Arm"; `lease` is 100 ms to 1
+  /// h; an empty `report` writes to standard error.
   /// @realtime set-up only; blocks
   /// @errors   no registry answers; a living server holds the name (the text says where); a
   ///           malformed name, URL or interface; a limit of the registry
   [[nodiscard]] static expected<std::unique_ptr<Registration>, SetupError> create(
-      rpc::Node& node, std::string registry_url, std::string name, std::string url,
-      std::string interface, Duration lease = kDefaultLease, Report report = {},
-      Takeover takeover = Takeover::kRefused, std::vector<Property> properties = {});
+      rpc::Node& node, std::string where, std::string name, std::string url, std::string interface,
+      Duration lease = kDefaultLease, Report report = {}, Takeover takeover = Takeover::kRefused,
+      std::vector<Property> properties = {});
 
   Registration(const Registration&) = delete;
   Registration& operator=(const Registration&) = delete;

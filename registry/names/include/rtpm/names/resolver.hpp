@@ -21,8 +21,7 @@ namespace rtpm::names {
 /// @realtime set-up only
 class RegistryResolver final : public rpc::Resolver {
  public:
-  explicit RegistryResolver(rpc::Node& node,
-                            std::string registry_url = std::string(kDefaultRegistryUrl));
+  explicit RegistryResolver(rpc::Node& node, std::string where = std::string(kThisHost));
 
   RegistryResolver(const RegistryResolver&) = delete;
   RegistryResolver& operator=(const RegistryResolver&) = delete;

@@ -52,14 +52,20 @@ struct WatchHandlers {
 
 /// Follows names at the registry. It reconnects by itself and resumes where it was, or compares
 /// with the full state where the registry has forgotten that.
+///
+/// Without the URL of a registry it follows the name services of a scope, as Directory finds them,
+/// and looks for further ones every quarter of a second, on the LAN every 5 s. A name that moves
+/// from one to another and leads where it did has not changed. The names of a server that ended are
+/// gone at once, those of a registry when their lease of 2 s would have ended.
 /// @ownership refers to its node, which must outlive it
 /// @threads  start and end from one thread; the rest any
 class NameWatch {
  public:
   /// @realtime set-up only; blocks at most config.deadline
-  /// @errors   no registry answers; kBadPredicate with text_error; kTooManyWatches; kBadName
+  /// @errors   no registry answers at the URL; kBadPredicate with text_error; kTooManyWatches;
+  /// kBadName
   [[nodiscard]] static expected<std::unique_ptr<NameWatch>, DirectoryError> start(
-      rpc::Node& node, std::string registry_url, WatchConfig config, WatchHandlers handlers);
+      rpc::Node& node, std::string where, WatchConfig config, WatchHandlers handlers);
 
   NameWatch(const NameWatch&) = delete;
   NameWatch& operator=(const NameWatch&) = delete;
@@ -75,8 +81,9 @@ class NameWatch {
   /// Whether it is connected.
   [[nodiscard]] bool is_connected() const noexcept;
 
- private:
   class Impl;
+
+ private:
   explicit NameWatch(std::unique_ptr<Impl> impl) noexcept;
   std::unique_ptr<Impl> impl_;
 };

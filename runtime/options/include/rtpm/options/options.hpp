@@ -102,8 +102,9 @@ class Options {
   void add_wait(rt::WaitConfig& wait, const std::string& prefix = {});
   /// Adds an option that is fifo or time-shared.
   void add_schedule(std::string key, rt::Schedule& schedule, std::string help);
-  /// Adds --registry URL.
-  void add_registry(std::string& url);
+  /// Adds --registry URL and --discover HOW, which is for programs without the former; `where` gets
+  /// the one that counts. Once.
+  void add_registry(std::string& where);
 
   /// Reads file, environment and command line into the variables.
   /// @return nothing to go on, else the exit code: 0 after --help, --version or --dump-config

@@ -11,8 +11,9 @@
 
 namespace rtpm::test {
 
-/// A program that a test runs, with what it prints. Its environment is the test's without RTPM_…
-/// variables; its standard input is empty. It is killed with this object at the latest.
+/// A program that a test runs, with what it prints; killed with this object at the latest. It has
+/// the test's environment without RTPM_… variables and an empty standard input. By names it finds
+/// this test's programs only, in the test's own RTPM_RUNTIME_FOLDER if there is one.
 /// Threads: one.
 class Process {
  public:

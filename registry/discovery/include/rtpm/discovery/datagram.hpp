@@ -1,0 +1,43 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "rtpm/base/bytes.hpp"
+
+/// The datagrams of discovery, spec/hprotocol.md, section 10.1. All have one size.
+namespace rtpm::discovery {
+
+inline constexpr std::uint16_t kPort = 7423;
+inline constexpr std::size_t kDatagramSize = 256;
+/// How many services an answer lists at most.
+inline constexpr std::size_t kAnsweredServiceCountMax = 30;
+
+/// A name service of the host that an answer comes from.
+struct AnsweredService {
+  std::uint16_t port = 0;
+  bool is_registry = false;
+  std::uint32_t process_id = 0;  ///< 0: not told.
+  friend bool operator==(const AnsweredService&, const AnsweredService&) = default;
+};
+
+struct Datagram {
+  bool is_answer = false;
+  std::uint8_t domain = 0;
+  std::uint64_t number = 0;  ///< Drawn for the query; its answers repeat it.
+  std::vector<AnsweredService> services{};
+};
+
+using DatagramBytes = std::array<std::byte, kDatagramSize>;
+
+/// Further services than fit are left out.
+[[nodiscard]] DatagramBytes encode(const Datagram& datagram) noexcept;
+
+/// nullopt: it is none, or of another version.
+/// @realtime set-up only
+[[nodiscard]] std::optional<Datagram> decode(ConstBytes bytes);
+
+}  // namespace rtpm::discovery

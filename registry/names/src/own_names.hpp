@@ -1,0 +1,46 @@
+#pragma once
+
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/discovery/announcement.hpp"
+#include "rtpm/discovery/scope.hpp"
+#include "rtpm/names/claim.hpp"
+#include "rtpm/rpc/servant.hpp"
+#include "rtpm/rpc/server.hpp"
+
+namespace rtpm::names {
+
+/// The name service of a program that serves its names itself: a registry in memory, in which only
+/// this program binds, on a server of its own with one blocking, time-shared lane. The program's
+/// registrations share it; it is found for as long as one of them has it.
+/// @threads  any
+class OwnNames {
+ public:
+  /// That of this program at the host of `url`, the loopback address if that is none of this host.
+  /// @realtime set-up only
+  /// @errors   as rpc::Server::create() and discovery::Announcement::create()
+  [[nodiscard]] static expected<std::shared_ptr<OwnNames>, SetupError> at_host_of(
+      const discovery::Scope& scope, const std::string& url);
+
+  OwnNames(const OwnNames&) = delete;
+  OwnNames& operator=(const OwnNames&) = delete;
+  ~OwnNames();
+
+  [[nodiscard]] std::string url() const;
+  /// See discovery::Announcement::keep().
+  void keep();
+
+ private:
+  OwnNames() = default;
+  [[nodiscard]] expected<void, SetupError> begin(const discovery::Scope& scope, std::string host);
+
+  std::unique_ptr<rpc::Servant> names_{};
+  std::unique_ptr<rpc::Server> server_{};
+  std::mutex keeping_{};
+  std::unique_ptr<discovery::Announcement> announcement_{};
+};
+
+}  // namespace rtpm::names

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "rtpm/names/directory.hpp"
+#include "rtpm/names/property.hpp"
+#include "service.hpp"
+
+namespace rtpm::names {
+
+/// What a registration binds.
+struct Offer {
+  std::string name{};
+  std::string url{};
+  std::string interface {};
+  Owner owner{};
+  Duration lease{};
+  std::vector<Property> properties{};
+};
+
+/// A name's binding at one name service.
+/// @threads  renew() and lease() one; the rest any
+class Seat {
+ public:
+  /// How long a bind may take.
+  static constexpr Duration kDeadline = std::chrono::seconds{1};
+
+  Seat(rpc::Node& node, const std::string& service_url);
+
+  [[nodiscard]] expected<void, DirectoryError> bind(const Offer& offer,
+                                                    bool allows_takeover = false);
+  /// Binds again if the service does not have the name any more.
+  [[nodiscard]] expected<void, DirectoryError> renew(const Offer& offer);
+  /// Within 200 ms; else the lease expires by itself.
+  void unbind(const Offer& offer);
+  /// That the service grants for a renewal at `now`.
+  [[nodiscard]] Duration lease(MonotonicTime now, Duration wanted);
+  [[nodiscard]] const std::string& url() const noexcept { return service_.url(); }
+
+ private:
+  rpc::Node& node_;
+  Service service_;
+  std::mutex mutex_;  ///< Plain: no real-time thread takes it. Guards what follows.
+  Duration first_lease_{};
+  MonotonicTime bound_{};
+  std::uint64_t revision_ = 0;  ///< Of the bind at `bound_`.
+};
+
+}  // namespace rtpm::names

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "rtpm/names/directory.hpp"
+#include "rtpm/rpc/node.hpp"
+
+namespace rtpm::names {
+
+/// A client of one name service, or of registries that share their names: Directory's operations at
+/// one URL, or several with ',' between, with its errors.
+/// @threads  any, several at once
+class Service {
+ public:
+  /// `deadline` bounds each request.
+  Service(rpc::Node& node, std::string url, Duration deadline);
+  Service(const Service&) = delete;
+  Service& operator=(const Service&) = delete;
+  ~Service();
+
+  [[nodiscard]] expected<Granted, DirectoryError> bind(const Claim& claim, bool replaces);
+  /// Also ends by `deadline` from now.
+  [[nodiscard]] expected<void, DirectoryError> renew(std::string_view name, Owner owner,
+                                                     Duration lease,
+                                                     Duration deadline = Duration::max());
+  [[nodiscard]] expected<void, DirectoryError> unbind(std::string_view name, Owner owner,
+                                                      std::uint64_t holder_revision);
+  [[nodiscard]] expected<NameEntry, DirectoryError> look_up(std::string_view name,
+                                                            bool has_properties,
+                                                            MonotonicTime deadline);
+  [[nodiscard]] expected<FoundNames, DirectoryError> find(const NameQuery& query);
+  /// As Directory::contents().
+  [[nodiscard]] expected<FoundNames, DirectoryError> contents(std::string_view directory);
+
+  [[nodiscard]] const std::string& url() const noexcept;
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtpm::names

@@ -1,0 +1,82 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/transport/socket.hpp"
+
+/// Single datagrams between hosts of a LAN, in any direction: for questions to a multicast group or
+/// to a host, and their answers. IPv4 only.
+namespace rtpm::transport {
+
+/// An interface of this host with an IPv4 address.
+struct NetworkInterface {
+  std::string name{};
+  std::string address{};  ///< "192.168.7.2".
+};
+
+/// The interfaces that are up, pass multicast and are no loopback, of this name or address; "any":
+/// all of them.
+/// @realtime set-up only
+/// @errors   none is; the text lists those that there are
+[[nodiscard]] expected<std::vector<NetworkInterface>, SetupError> multicast_interfaces(
+    std::string_view wanted);
+
+/// Whether one of this host's interfaces has the address.
+/// @realtime set-up only
+[[nodiscard]] bool is_own_address(std::uint32_t ipv4) noexcept;
+
+/// Where a datagram comes from or goes.
+struct LanPeer {
+  std::uint32_t ipv4 = 0;  ///< 127.0.0.1 is 0x7f000001.
+  std::uint16_t port = 0;
+  friend bool operator==(const LanPeer&, const LanPeer&) = default;
+};
+
+/// "192.168.7.2:7423", or without the port.
+[[nodiscard]] std::string to_string(const LanPeer& peer);
+[[nodiscard]] std::string address_text(std::uint32_t ipv4);
+/// 0: it is no numeric address.
+[[nodiscard]] std::uint32_t parse_address(const std::string& text) noexcept;
+
+/// @threads  one at a time
+class LanSocket {
+ public:
+  /// Of this host's `address` ("0.0.0.0": all) at `port` (0: any free one), from which datagrams
+  /// also go to multicast groups, within the LAN (TTL 1). With a port, several programs of this
+  /// host may have one; a datagram goes to the latest.
+  /// @realtime set-up only
+  /// @errors   the address is not this host's; no descriptor left
+  [[nodiscard]] static expected<LanSocket, SetupError> open(const std::string& address,
+                                                            std::uint16_t port = 0);
+  /// Takes what is sent to the group at `port` and arrives at one of the interfaces, as several
+  /// programs of a host may.
+  /// @realtime set-up only
+  /// @errors   an interface refuses; another program has the port for itself
+  [[nodiscard]] static expected<LanSocket, SetupError> join(
+      const std::string& group, std::uint16_t port,
+      const std::vector<NetworkInterface>& interfaces);
+
+  /// @return whether the system took it
+  bool send(ConstBytes datagram, const LanPeer& to) noexcept;
+  /// The next datagram, a view of `buffer`, and where it came from; empty: there is none, or one
+  /// that does not fit, then `from.port` is not 0.
+  [[nodiscard]] ConstBytes receive(MutableBytes buffer, LanPeer& from) noexcept;
+  [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
+  /// Its own address and port.
+  [[nodiscard]] LanPeer name() const noexcept;
+
+ private:
+  explicit LanSocket(Descriptor socket) noexcept : socket_(std::move(socket)) {}
+  Descriptor socket_;
+};
+
+/// Waits until one of the sockets is readable, or until `until`.
+void wait_for_any(const std::vector<LanSocket>& sockets, MonotonicTime until) noexcept;
+
+}  // namespace rtpm::transport

@@ -1,0 +1,169 @@
+#include "rtpm/transport/lan_socket.hpp"
+
+#include <arpa/inet.h>
+#include <ifaddrs.h>
+#include <net/if.h>
+#include <poll.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <memory>
+#include <utility>
+
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/native_time.hpp"
+#include "sockets/native.hpp"
+
+namespace rtpm::transport {
+namespace {
+
+sockaddr_in native(std::uint32_t ipv4, std::uint16_t port) noexcept {
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(ipv4);
+  address.sin_port = htons(port);
+  return address;
+}
+
+Descriptor make_socket() noexcept {
+  return Descriptor(::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+}
+
+unexpected<SetupError> failed(const std::string& what, const std::string& remedy = {}) {
+  return setup_error(what, system_error(errno), remedy);
+}
+
+/// Calls `visit` with each IPv4 interface: its name, address and flags.
+template <class Visit>
+void for_each_interface(Visit visit) {
+  ifaddrs* list = nullptr;
+  if (getifaddrs(&list) != 0) return;
+  const std::unique_ptr<ifaddrs, void (*)(ifaddrs*)> owner(list, freeifaddrs);
+  for (const ifaddrs* each = list; each != nullptr; each = each->ifa_next) {
+    if (each->ifa_addr == nullptr || each->ifa_addr->sa_family != AF_INET) continue;
+    sockaddr_in address{};
+    std::memcpy(&address, each->ifa_addr, sizeof address);
+    visit(each->ifa_name, ntohl(address.sin_addr.s_addr), each->ifa_flags);
+  }
+}
+
+}  // namespace
+
+expected<std::vector<NetworkInterface>, SetupError> multicast_interfaces(std::string_view wanted) {
+  std::vector<NetworkInterface> found;
+  std::string others;
+  for_each_interface([&](const char* name, std::uint32_t ipv4, unsigned flags) {
+    const bool is_fit =
+        (flags & IFF_UP) != 0 && (flags & IFF_MULTICAST) != 0 && (flags & IFF_LOOPBACK) == 0;
+    if (!is_fit) return;
+    NetworkInterface interface { name, address_text(ipv4) };
+    others += (others.empty() ? "" : ", ") + interface.name + " (" + interface.address + ")";
+    if (wanted == "any" || wanted == interface.name || wanted == interface.address) {
+      found.push_back(std::move(interface));
+    }
+  });
+  if (!found.empty()) return found;
+  return setup_error(wanted == "any"
+                         ? "this host has no interface for multicast"
+                         : "this host has no interface '" + std::string(wanted) + "' for multicast",
+                     others.empty() ? "" : "it has " + others,
+                     "name one that is up and has an IPv4 address (ip -4 address)");
+}
+
+bool is_own_address(std::uint32_t ipv4) noexcept {
+  bool is_own = ipv4 >> 24 == 127;
+  for_each_interface([&](const char*, std::uint32_t own, unsigned) { is_own |= own == ipv4; });
+  return is_own;
+}
+
+std::string address_text(std::uint32_t ipv4) {
+  std::string text;
+  for (int shift = 24; shift >= 0; shift -= 8)
+    text += (text.empty() ? "" : ".") + std::to_string(ipv4 >> shift & 0xffU);
+  return text;
+}
+
+std::string to_string(const LanPeer& peer) {
+  return address_text(peer.ipv4) + ":" + std::to_string(peer.port);
+}
+
+std::uint32_t parse_address(const std::string& text) noexcept {
+  in_addr address{};
+  return inet_pton(AF_INET, text.c_str(), &address) == 1 ? ntohl(address.s_addr) : 0;
+}
+
+expected<LanSocket, SetupError> LanSocket::open(const std::string& address, std::uint16_t port) {
+  Descriptor socket = make_socket();
+  const int number = socket.number();
+  in_addr own{};
+  if (inet_pton(AF_INET, address.c_str(), &own) != 1) {
+    return setup_error("'" + address + "' is no IPv4 address");
+  }
+  const sockaddr_in name = native(ntohl(own.s_addr), port);
+  const bool is_set = socket.is_open() &&
+                      (port == 0 || set_option(number, SOL_SOCKET, SO_REUSEADDR, 1)) &&
+                      set_option(number, IPPROTO_IP, IP_MULTICAST_ALL, 0) &&
+                      set_option(number, IPPROTO_IP, IP_MULTICAST_TTL, 1) &&
+                      set_option(number, IPPROTO_IP, IP_MULTICAST_IF, own) &&
+                      ::bind(number, generic(name), sizeof name) == 0;
+  if (!is_set) return failed("UDP " + address + ":" + std::to_string(port) + " can't be used");
+  return LanSocket(std::move(socket));
+}
+
+expected<LanSocket, SetupError> LanSocket::join(const std::string& group, std::uint16_t port,
+                                                const std::vector<NetworkInterface>& interfaces) {
+  Descriptor socket = make_socket();
+  const int number = socket.number();
+  ip_mreq membership{};
+  inet_pton(AF_INET, group.c_str(), &membership.imr_multiaddr);
+  const sockaddr_in name = native(ntohl(membership.imr_multiaddr.s_addr), port);
+  const bool is_set = socket.is_open() && set_option(number, SOL_SOCKET, SO_REUSEADDR, 1) &&
+                      set_option(number, IPPROTO_IP, IP_MULTICAST_ALL, 0) &&
+                      ::bind(number, generic(name), sizeof name) == 0;
+  if (!is_set) return failed("multicast group " + group + " can't be used");
+  for (const NetworkInterface& interface : interfaces) {
+    inet_pton(AF_INET, interface.address.c_str(), &membership.imr_interface);
+    if (!set_option(number, IPPROTO_IP, IP_ADD_MEMBERSHIP, membership)) {
+      return failed("multicast group " + group + " can't be joined on " + interface.name);
+    }
+  }
+  return LanSocket(std::move(socket));
+}
+
+bool LanSocket::send(ConstBytes datagram, const LanPeer& to) noexcept {
+  const sockaddr_in name = native(to.ipv4, to.port);
+  return sendto(socket_.number(), datagram.data(), datagram.size(), MSG_DONTWAIT | MSG_NOSIGNAL,
+                generic(name), sizeof name) == static_cast<ssize_t>(datagram.size());
+}
+
+ConstBytes LanSocket::receive(MutableBytes buffer, LanPeer& from) noexcept {
+  from = {};
+  sockaddr_in name{};
+  socklen_t size = sizeof name;
+  const ssize_t count =
+      recvfrom(socket_.number(), buffer.data(), buffer.size(), MSG_DONTWAIT | MSG_TRUNC,
+               reinterpret_cast<sockaddr*>(&name), &size);
+  if (count < 0) return {};
+  from = {ntohl(name.sin_addr.s_addr), ntohs(name.sin_port)};
+  const auto length = static_cast<std::size_t>(count);
+  return ConstBytes(buffer).first(length <= buffer.size() ? length : 0);
+}
+
+LanPeer LanSocket::name() const noexcept {
+  const sockaddr_in own = own_address(socket_.number());
+  return {ntohl(own.sin_addr.s_addr), ntohs(own.sin_port)};
+}
+
+void wait_for_any(const std::vector<LanSocket>& sockets, MonotonicTime until) noexcept {
+  std::array<pollfd, 64> polled{};
+  const std::size_t count = std::min(sockets.size(), polled.size());
+  for (std::size_t i = 0; i < count; ++i)
+    polled[i] = {sockets[i].descriptor(), POLLIN, 0};
+  const timespec left = rt::to_timespec(std::max(until - rt::now(), Duration{0}));
+  static_cast<void>(ppoll(polled.data(), count, until == kNever ? nullptr : &left, nullptr));
+}
+
+}  // namespace rtpm::transport
