@@ -117,10 +117,6 @@ Priority highest_low(const Configuration& configuration) {
 }
 
 std::optional<int> check(const options::Options& options, const Configuration& configuration) {
-  if (configuration.settings.server.host == "0.0.0.0") {
-    return options.usage_error(
-        "--host 0.0.0.0 is no address that clients can connect to; give one of this host's");
-  }
   if (configuration.serves_events &&
       (configuration.events == kNoHub || configuration.events.starts_with("rtpm://"))) {
     return options.usage_error("--serve-events needs --events with the name that its hub gets");

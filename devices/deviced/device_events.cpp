@@ -17,6 +17,7 @@ events::HubServerConfig hub_config(const Configuration& configuration) {
   config.hub.realtime = configuration.settings.server.realtime;
   auto server = events::server_config_for(config.hub);
   server.host = configuration.settings.server.host;
+  server.advertise = configuration.settings.server.advertise;
   server.realtime = configuration.settings.server.realtime;
   config.server = std::move(server);
   config.name = configuration.registry == kNoRegistry ? "" : configuration.events;

@@ -139,7 +139,7 @@ int serve(const Configuration& configuration) {
       return fail(bound.error());
     }
   }
-  options::show_setup(configuration.settings);
+  options::show_setup(configuration.settings, **server, "rtpm-deviced");
   for (const auto& device : *devices) {
     std::printf("serving %s at %s\n", device->name().c_str(),
                 (*server)->url(device->name()).c_str());

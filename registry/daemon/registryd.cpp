@@ -102,7 +102,7 @@ int transfer(const Configuration& configuration) {
 std::unique_ptr<rtpm::discovery::Announcement> announce(const rtpm::rpc::Server& server,
                                                         const rtpm::discovery::Scope& scope) {
   const auto url = rtpm::wire::parse_url(server.url(rtpm::names::kRegistryPath));
-  auto announced = rtpm::discovery::Announcement::create(scope, {true, url->host, server.port()});
+  auto announced = rtpm::discovery::Announcement::create(scope, {true, url->hosts, server.port()});
   if (announced) return std::move(*announced);
   report("programs find this registry only by its URL: " + announced.error().text());
   return nullptr;
@@ -134,7 +134,7 @@ int serve(const Configuration& configuration) {
     return fail(added.error().text());
   }
   if (const auto started = (*server)->start(); !started) return fail(started.error().text());
-  rtpm::options::show_setup(configuration.settings);
+  rtpm::options::show_setup(configuration.settings, **server, "rtpm-registryd");
   auto announcement = announce(**server, *scope);
   std::printf("registry at %s\n", (*server)->url(rtpm::names::kRegistryPath).c_str());
   std::fflush(stdout);

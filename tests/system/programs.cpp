@@ -19,12 +19,15 @@ std::string path_of(std::string_view program) {
 }
 
 std::uint16_t Daemon::port() const {
-  const std::size_t colon = url.find(':', url.find("//"));
-  return static_cast<std::uint16_t>(std::stoi(url.substr(colon + 1)));
+  const std::size_t end = url.find('/', url.find("//") + 2);
+  return static_cast<std::uint16_t>(std::stoi(url.substr(url.rfind(':', end) + 1)));
 }
 
-std::optional<Daemon> start_daemon(std::string_view program, std::vector<std::string> arguments) {
-  test::Process process(command_of(program, std::move(arguments)));
+std::optional<Daemon> start_daemon(std::string_view program, std::vector<std::string> arguments,
+                                   const std::vector<std::string>& before) {
+  std::vector<std::string> command = command_of(program, std::move(arguments));
+  command.insert(command.begin(), before.begin(), before.end());
+  test::Process process(command);
   if (!process.wait_for_output("rtpm://", kPatience) || !process.wait_for_output("\n", kPatience)) {
     ADD_FAILURE() << program << " does not serve: " << process.output() << process.errors();
     return std::nullopt;

@@ -27,9 +27,10 @@ struct Daemon {
 };
 
 /// Starts `program` and waits until it serves. Failing that, the test fails, and so must its
-/// caller.
+/// caller. `before`: a command that runs it, as in another network namespace.
 [[nodiscard]] std::optional<Daemon> start_daemon(std::string_view program,
-                                                 std::vector<std::string> arguments);
+                                                 std::vector<std::string> arguments,
+                                                 const std::vector<std::string>& before = {});
 
 /// Runs `program` to its end; the test fails if that does not come.
 [[nodiscard]] test::Process::End run_program(std::string_view program,

@@ -11,7 +11,7 @@ constexpr const char* kConsole = "rtpm-console";
 
 std::string server_of(const std::string& url) {
   const auto parts = wire::parse_url(url);
-  return parts ? parts->host + ":" + std::to_string(parts->port) : url;
+  return parts ? parts->authority() : url;
 }
 
 }  // namespace

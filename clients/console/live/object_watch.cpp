@@ -5,6 +5,7 @@
 
 #include "rtpm/dynamic/remote_object.hpp"
 #include "rtpm/introspection/catalog.hpp"
+#include "rtpm/names/reachable.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/wire/url.hpp"
 
@@ -15,10 +16,6 @@ constexpr Duration kRegistryDeadline = std::chrono::milliseconds{500};
 constexpr Duration kCatalogDeadline = std::chrono::milliseconds{300};
 constexpr Duration kCatalogInterval = std::chrono::seconds{5};
 constexpr std::size_t kObjectCountMax = 1024;
-
-std::string server_of(const wire::Url& url) {
-  return url.host + ":" + std::to_string(url.port);
-}
 
 }  // namespace
 
@@ -36,7 +33,7 @@ const ObjectsView& ObjectWatch::look() {
   for (const names::NameEntry& entry : *entries) {
     const auto url = wire::parse_url(entry.url);
     if (!url) continue;
-    fingerprints[server_of(*url)] +=
+    fingerprints[url->authority()] +=
         entry.name + "=" + entry.url + "#" + std::to_string(entry.revision) + ";";
   }
   std::erase_if(servers_, [&](const auto& one) { return !fingerprints.contains(one.first); });
@@ -45,11 +42,11 @@ const ObjectsView& ObjectWatch::look() {
     const auto url = wire::parse_url(entry.url);
     if (!url || objects.size() >= kObjectCountMax) continue;
     objects.push_back({entry.name, entry.interface, entry.url});
-    const std::string key = server_of(*url);
+    const std::string key = url->authority();
     Server& server = servers_[key];
     if (server.fingerprint != fingerprints[key] || rt::now() >= server.next) {
       server.fingerprint = fingerprints[key];
-      ask(server, entry.url);
+      ask(server, names::reachable_url(entry).value_or(entry.url));
     }
     const std::string below = url->path + "/";
     for (const auto& [path, interface] : server.interfaces) {

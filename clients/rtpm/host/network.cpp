@@ -4,13 +4,16 @@
 #include <cstring>
 #include <string>
 
+#include "rtpm/base/printable.hpp"
 #include "rtpm/events/defaults.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/network_survey.hpp"
+#include "rtpm/transport/address.hpp"
 #include "rtpm/transport/multicast.hpp"
+#include "rtpm/wire/url.hpp"
 
 namespace rtpm::tool {
 namespace {
@@ -58,10 +61,29 @@ rt::Finding survey_multicast() {
 }
 
 bool answers_as_rtpm(Context& context, std::uint16_t port) {
-  const std::string url =
-      "rtpm://127.0.0.1:" + std::to_string(port) + "/" + std::string(introspection::kPath);
-  const auto bound = introspection::IntrospectionClient::bind(context.node(), url);
+  wire::Url url{.hosts = {"127.0.0.1"}, .port = port, .path = std::string(introspection::kPath)};
+  for (const auto& [interface, address, prefix_size] : transport::own_addresses()) {
+    const bool is_other = !address.is_link_local() && address.host() != url.hosts.front();
+    if (is_other && url.hosts.size() < wire::kUrlHostCountMax) url.hosts.push_back(address.host());
+  }
+  const auto bound = introspection::IntrospectionClient::bind(context.node(), url.text());
   return bound || bound.error().cause == rpc::CallError::kNoSuchObject;
+}
+
+/// The addresses at which other hosts find a server with --host any.
+rt::Finding survey_addresses() {
+  rt::Finding finding{.id = "addresses"};
+  for (const auto& [interface, address, prefix_size] : transport::own_addresses()) {
+    if (address.is_loopback() || address.is_link_local()) continue;
+    finding.text += (finding.text.empty() ? "this host has " : ", ") + address.host() + " (" +
+                    printable(interface) + ")";
+  }
+  if (!finding.text.empty()) return finding;
+  finding.severity = rt::Severity::kNote;
+  finding.text = "this host has no address but its loopback ones";
+  finding.cost = "programs of other hosts do not reach its servers";
+  finding.remedy = "give it a network, if they shall (ip address)";
+  return finding;
 }
 
 rt::Finding survey_port(Context& context, std::uint16_t port, std::string program) {
@@ -74,7 +96,8 @@ rt::Finding survey_port(Context& context, std::uint16_t port, std::string progra
 }  // namespace
 
 std::vector<rt::Finding> survey_network(Context& context) {
-  return {survey_multicast(), survey_port(context, names::kDefaultRegistryPort, "rtpm-registryd"),
+  return {survey_addresses(), survey_multicast(),
+          survey_port(context, names::kDefaultRegistryPort, "rtpm-registryd"),
           survey_port(context, events::kDefaultHubPort, "rtpm-eventd")};
 }
 

@@ -8,6 +8,7 @@
 #include "rtpm/dynamic/remote_object.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/directory.hpp"
+#include "rtpm/names/reachable.hpp"
 #include "rtpm/wire/url.hpp"
 
 namespace rtpm::tool {
@@ -26,15 +27,21 @@ struct Peers {
 };
 
 void ask(Context& context, const names::NameEntry& entry, Peers& peers) {
-  const auto parts = wire::parse_url(entry.url);
+  const auto url = names::reachable_url(entry);
+  if (!url) {
+    peers.findings.push_back({"server", Severity::kProblem, url.error().reason(),
+                              "no program of this host can call it", url.error().remedy});
+    return;
+  }
+  const auto parts = wire::parse_url(*url);
   auto catalog =
-      introspection::IntrospectionClient::bind(context.node(), dynamic::catalog_url(entry.url));
+      introspection::IntrospectionClient::bind(context.node(), dynamic::catalog_url(*url));
   if (!parts || !catalog) {
-    peers.findings.push_back({"server", Severity::kProblem,
-                              "'" + printable(entry.name) +
-                                  "' is bound, but no server answers at " + printable(entry.url),
-                              "each call of it ends with its deadline, until the name's lease ends",
-                              "see whether its program runs, and whether this host reaches it"});
+    peers.findings.push_back(
+        {"server", Severity::kProblem,
+         "'" + printable(entry.name) + "' is bound, but no server answers at " + printable(*url),
+         "each call of it ends with its deadline, until the name's lease ends",
+         "see whether its program runs, and whether this host reaches it"});
     return;
   }
   introspection::DescribeRequestT request;

@@ -7,6 +7,7 @@
 #include "objects/entries.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/names/directory.hpp"
+#include "rtpm/names/reachable.hpp"
 #include "rtpm/predicate/value.hpp"
 #include "rtpm/rt/host.hpp"
 
@@ -91,7 +92,9 @@ int resolve(Context& context, const std::string& name) {
   tell_notes(directory);
   if (!entry) return context.not_reached(entry.error());
   warn_if_stale(entry->stale_for);
-  const std::string url = entry->url + name.substr(entry->name.size());
+  const auto reachable = names::reachable_url(*entry);
+  if (!reachable) return context.not_reached(reachable.error());
+  const std::string url = *reachable + name.substr(entry->name.size());
   if (!context.json) {
     print_line(printable(url));
     return kDone;
@@ -142,7 +145,9 @@ void add_resolve(CLI::App& program, Context& context) {
   CLI::App& command = add_command(
       program, context, "resolve", "Print the URL that a name leads to",
       "  rtpm resolve lab/arm0\n"
-      "Below a bound name it is the object below its URL. With --json come its properties.\n",
+      "Below a bound name it is the object below its URL. Of a server with several addresses it\n"
+      "has those that this host can reach, in the order in which programs here try them. With\n"
+      "--json come its properties, and all addresses.\n",
       [name](Context& c) { return resolve(c, *name); });
   add_name(command, *name);
 }

@@ -6,6 +6,7 @@
 #include "rtpm/base/printable.hpp"
 #include "rtpm/predicate/value.hpp"
 #include "rtpm/rt/log.hpp"
+#include "rtpm/wire/url.hpp"
 
 namespace rtpm::tool {
 
@@ -33,6 +34,12 @@ Json json_of(const names::NameEntry& entry) {
             {"interface", entry.interface},
             {"url", entry.url},
             {"revision", entry.revision}};
+  if (const auto url = wire::parse_url(entry.url)) {
+    json["hosts"] = url->hosts;
+    json["port"] = url->port;
+  }
+  if (!entry.bound_from.empty()) json["bound_from"] = entry.bound_from;
+  json["is_of_other_host"] = entry.is_of_other_host;
   if (entry.is_permanent) {
     json["is_permanent"] = true;
   } else {

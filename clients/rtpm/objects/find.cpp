@@ -28,9 +28,11 @@ bool fits(const std::string& pattern, const std::string& text) {
   return ::fnmatch(pattern.c_str(), text.c_str(), 0) == 0;
 }
 
-std::string host_of(const names::NameEntry& entry) {
+/// Whether one of its hosts fits.
+bool is_at(const std::string& pattern, const names::NameEntry& entry) {
   const auto parts = wire::parse_url(entry.url);
-  return parts ? parts->host : std::string{};
+  return parts && std::ranges::any_of(parts->hosts,
+                                      [&](const std::string& host) { return fits(pattern, host); });
 }
 
 /// " (did you mean 'rtpm.device.Device'?)", where no interface fits.
@@ -84,7 +86,7 @@ int find(Context& context, const FindOptions& wanted) {
   std::vector<names::NameEntry> found;
   std::ranges::copy_if(*entries, std::back_inserter(found), [&](const names::NameEntry& entry) {
     return fits(wanted.name, entry.name) && fits(wanted.interface, entry.interface) &&
-           fits(wanted.host, host_of(entry));
+           is_at(wanted.host, entry);
   });
   if (wanted.limit != 0 && found.size() > wanted.limit) found.resize(wanted.limit);
   print_entries(found, context.json);

@@ -141,7 +141,7 @@ int Sources::open_calls() {
     if (!url) return context_.not_reached(url.error());
     const auto parts = wire::parse_url(*url);
     if (!parts) return context_.fail("'" + *url + "' is no URL", kMisused);
-    urls[parts->host + ':' + std::to_string(parts->port)].push_back(*url);
+    urls[parts->authority()].push_back(*url);
   }
   for (const auto& [server, objects] : urls) {
     auto calls = capture::CallRecorder::open(recorder_, context_.node(), objects,

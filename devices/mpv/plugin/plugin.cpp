@@ -69,9 +69,8 @@ class Service {
     if (auto started = device_->start(); !started) return started;
     if (auto started = server_->start(); !started) return started;
     auto bound = names::Registration::create(
-        node_, registry, name, server_->url(name),
-        std::string(device_->servant().interface().name), names::Registration::kDefaultLease, {},
-        names::Takeover::kRefused,
+        node_, registry, name, server_->url(name), std::string(device_->servant().interface().name),
+        names::Registration::kDefaultLease, {}, names::Takeover::kRefused,
         gvd::properties_of(device_->descriptor(), device_->descriptor().rate_hz));
     if (!bound) return unexpected{bound.error()};
     registration_ = std::move(*bound);
@@ -99,9 +98,9 @@ int run(mpv_handle* handle) {
   Player player(handle);
   exchange.state.write(player.look());
   Service service;
-  const auto started = service.start(
-      option(handle, "rtpm-name", "lab/mpv0"),
-      option(handle, "rtpm-registry", std::string(names::kThisHost)), exchange);
+  const auto started =
+      service.start(option(handle, "rtpm-name", "lab/mpv0"),
+                    option(handle, "rtpm-registry", std::string(names::kThisHost)), exchange);
   if (!started) {
     rt::print_error("rtpm-mpv", started.error().text());
     return -1;

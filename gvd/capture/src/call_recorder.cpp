@@ -92,7 +92,7 @@ expected<void, SetupError> CallRecorder::Impl::open(rpc::Node& node,
   for (const std::string& url : urls) {
     const auto parts = wire::parse_url(url);
     if (!parts) return setup_error("'" + url + "' is no URL", "", "write rtpm://host:port/path");
-    server = "rtpm://" + parts->host + ':' + std::to_string(parts->port);
+    server = "rtpm://" + parts->authority();
     auto object = dynamic::RemoteObject::open(node, url);
     if (!object) return unexpected{std::move(object.error())};
     auto channels = CallChannels::create(recorder, track, parts->path, std::move(*object));

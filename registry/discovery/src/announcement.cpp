@@ -15,6 +15,7 @@
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/log.hpp"
 #include "rtpm/rt/thread.hpp"
+#include "rtpm/transport/address.hpp"
 #include "rtpm/transport/lan_socket.hpp"
 #include "rtpm/transport/socket_folder.hpp"
 
@@ -31,6 +32,25 @@ constexpr int kTurn = 64;
 bool is_answerable(const LanPeer& peer) noexcept {
   const std::uint32_t first = peer.ipv4 >> 24;
   return peer.port != 0 && first != 0 && first < 224;
+}
+
+/// hp-10.1-3: an IPv4 address that other hosts can reach.
+bool is_of_network(const std::string& host) {
+  const auto address = transport::SocketAddress::parse(host, 0);
+  return address && address->is_ipv4() && !address->is_loopback();
+}
+
+/// See AnnouncedService::hosts.
+std::string announced_host(const std::vector<std::string>& hosts, const Scope& scope) {
+  if (const auto interfaces = interfaces_of(scope); scope.kind == Scope::Kind::kLan && interfaces) {
+    for (const transport::NetworkInterface& interface : *interfaces) {
+      if (is_of_network(interface.address) &&
+          std::ranges::find(hosts, interface.address) != hosts.end())
+        return interface.address;
+    }
+  }
+  const auto found = std::ranges::find_if(hosts, is_of_network);
+  return found == hosts.end() ? hosts.front() : *found;
 }
 
 }  // namespace
@@ -50,18 +70,18 @@ class Announcement::Impl {
   }
 
   [[nodiscard]] expected<void, SetupError> begin(const Scope& scope) {
+    host_ = announced_host(service_.hosts, scope);
     auto socket = transport::FolderSocket::create(
-        transport::runtime_folder(), to_text({service_.is_registry, service_.host, service_.port,
+        transport::runtime_folder(), to_text({service_.is_registry, host_, service_.port,
                                               process_id_, transport::network_namespace()},
                                              static_cast<std::uint32_t>(rt::random_u64())));
     if (!socket) return unexpected{std::move(socket.error())};
     socket_.emplace(std::move(*socket));
     if (!scope.is_of_lan()) return {};
     // hp-10.1-3: what only this host reaches is none of the LAN's.
-    if (transport::parse_address(service_.host) >> 24 == 127) {
-      say_once("no answers to the LAN: " + service_.host +
-               " is of this host alone; serve the "
-               "network with --host");
+    if (!is_of_network(host_)) {
+      say_once("no answers to the LAN: " + host_ +
+               " is no IPv4 address of a network; serve one with --host");
       return {};
     }
     return answer(scope);
@@ -76,7 +96,7 @@ class Announcement::Impl {
   [[nodiscard]] expected<void, SetupError> answer(const Scope& scope) {
     domain_ = scope.domain;
     // Answers go out here, so that they come from the served address.
-    auto unicast = LanSocket::open(service_.host, kPort);
+    auto unicast = LanSocket::open(host_, kPort);
     if (!unicast) return unexpected{std::move(unicast.error())};
     sockets_.push_back(std::move(*unicast));
     if (scope.kind == Scope::Kind::kLan) {
@@ -92,7 +112,7 @@ class Announcement::Impl {
     wake_peer_ = wake->name();
     sockets_.push_back(std::move(*wake));
     wake_.emplace(std::move(*waker));
-    say_once("answers to the LAN come from " + service_.host + ":" + std::to_string(kPort));
+    say_once("answers to the LAN come from " + host_ + ":" + std::to_string(kPort));
     auto thread = rt::Thread::start({.name = "rtpm-discovery", .realtime = rt::RealtimeMode::kOff},
                                     [this] { run(); });
     if (!thread) return unexpected{std::move(thread.error())};
@@ -155,7 +175,7 @@ class Announcement::Impl {
     if (!content) return services;
     for (const std::string& text : content->names) {
       const auto name = parse_folder_name(text);
-      const bool is_here = name && name->host == service_.host &&
+      const bool is_here = name && name->host == host_ &&
                            name->network == transport::network_namespace() &&
                            name->port != service_.port;
       if (is_here) services.push_back({name->port, name->is_registry, name->process_id});
@@ -165,6 +185,7 @@ class Announcement::Impl {
   }
 
   const AnnouncedService service_;
+  std::string host_{};  ///< The announced one.
   const std::uint32_t process_id_;
   std::optional<transport::FolderSocket> socket_{};
   std::uint8_t domain_ = 0;

@@ -10,6 +10,7 @@
 #include "rtpm/discovery/datagram.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
+#include "rtpm/transport/address.hpp"
 #include "rtpm/transport/lan_socket.hpp"
 #include "rtpm/transport/socket_folder.hpp"
 
@@ -196,13 +197,17 @@ expected<void, SetupError> find_on_hosts(const Scope& scope, MonotonicTime deadl
   std::vector<LanPeer> asked;
   const MonotonicTime end = std::min<MonotonicTime>(deadline, rt::now() + std::chrono::seconds{1});
   for (const ListedHost& listed : scope.hosts) {
-    const auto address = transport::address_of(listed.host, kPort, end);
-    if (!address) {
-      finds.note(address.error().reason());
+    const auto addresses = transport::addresses_of(listed.host, kPort, end);
+    if (!addresses) {
+      finds.note(addresses.error().reason());
       continue;
     }
-    const std::uint32_t ipv4 = transport::parse_address(
-        transport::numeric_address_of(listed.host, end).value_or(std::string()));
+    const auto found = std::ranges::find_if(*addresses, &transport::SocketAddress::is_ipv4);
+    if (found == addresses->end()) {
+      finds.note(listed.host + " has no IPv4 address, which discovery takes");
+      continue;
+    }
+    const std::uint32_t ipv4 = transport::parse_address(found->host());
     if (listed.port != 0) {
       finds.add({url_at(transport::address_text(ipv4), listed.port), true});
     } else {

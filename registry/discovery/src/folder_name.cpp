@@ -28,12 +28,13 @@ bool read(std::string_view text, Number& number) {
 }  // namespace
 
 std::string FolderName::url() const {
-  return "rtpm://" + host + ":" + std::to_string(port) + "/" + std::string(kNamesPath);
+  return "rtpm://" + wire::host_in_url(host) + ":" + std::to_string(port) + "/" +
+         std::string(kNamesPath);
 }
 
 std::string to_text(const FolderName& name, std::uint32_t random) {
-  return std::string(name.is_registry ? kRegistry : kNames) + "@" + name.host + ":" +
-         std::to_string(name.port) + "@" + std::to_string(name.process_id) + "@" +
+  return std::string(name.is_registry ? kRegistry : kNames) + "@" + wire::host_in_url(name.host) +
+         ":" + std::to_string(name.port) + "@" + std::to_string(name.process_id) + "@" +
          std::to_string(name.network) + "@" + std::to_string(random);
 }
 
@@ -43,8 +44,8 @@ std::optional<FolderName> parse_folder_name(std::string_view text) {
   name.is_registry = kind == kRegistry;
   if (!name.is_registry && kind != kNames) return std::nullopt;
   const auto url = wire::parse_url("rtpm://" + std::string(take_part(text)) + "/x");
-  if (!url) return std::nullopt;
-  name.host = url->host;
+  if (!url || url->hosts.size() != 1) return std::nullopt;
+  name.host = url->hosts.front();
   name.port = url->port;
   std::uint32_t random = 0;
   const bool is_read = read(take_part(text), name.process_id) &&

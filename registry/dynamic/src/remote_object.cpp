@@ -73,10 +73,10 @@ expected<std::string, SetupError> url_of(rpc::Node& node, const std::string& reg
 }
 
 std::string catalog_url(const std::string& url) {
-  const auto parts = wire::parse_url(url);
+  auto parts = wire::parse_url(url);
   if (!parts) return {};
-  return "rtpm://" + parts->host + ':' + std::to_string(parts->port) + '/' +
-         std::string(introspection::kPath);
+  parts->path = introspection::kPath;
+  return parts->text();
 }
 
 expected<std::unique_ptr<RemoteObject>, SetupError> RemoteObject::open(rpc::Node& node,

@@ -70,7 +70,7 @@ std::optional<StoredValue> parse_value(std::string_view text) {
                       .interface = std::move(*interface),
                       .owner = {*id, *epoch},
                       .revision = *holder,
-                      .host = host.get<std::uint32_t>(),
+                      .host = host.get<std::uint64_t>(),
                       .lease = Duration{static_cast<Duration::rep>(*lease)},
                       .properties = std::move(*properties)},
                      *write};

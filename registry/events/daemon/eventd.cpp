@@ -88,7 +88,7 @@ int serve(const Configuration& configuration) {
     return fail(added.error().text());
   }
   if (auto started = (*server)->start(); !started) return fail(started.error().text());
-  rtpm::options::show_setup(configuration.settings);
+  rtpm::options::show_setup(configuration.settings, **server, "rtpm-eventd");
   const std::string url = (*server)->url(rtpm::events::kHubPath);
   std::unique_ptr<rtpm::names::Registration> name;
   if (!configuration.name.empty()) {

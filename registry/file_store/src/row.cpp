@@ -22,9 +22,8 @@ std::uint64_t checksum_of(const names::StoredName& stored, std::string_view prop
   checksum = fnv1a_64(stored.interface, checksum);
   checksum = fnv1a_64(properties, checksum);
   std::string numbers;
-  for (const std::uint64_t number :
-       {stored.owner.id, stored.owner.epoch, stored.revision, stored.change,
-        std::uint64_t{stored.host}, as_unsigned(stored.lease.count())})
+  for (const std::uint64_t number : {stored.owner.id, stored.owner.epoch, stored.revision,
+                                     stored.change, stored.host, as_unsigned(stored.lease.count())})
     numbers += std::to_string(number) + ",";
   return fnv1a_64(numbers, checksum);
 }
@@ -36,9 +35,8 @@ void bind_row(Statement& statement, const names::StoredName& stored,
   int number = 0;
   for (const std::string* text : {&stored.name, &stored.url, &stored.interface})
     statement.bind(++number, std::string_view(*text));
-  for (const std::uint64_t value :
-       {stored.owner.id, stored.owner.epoch, stored.revision, stored.change,
-        std::uint64_t{stored.host}, as_unsigned(stored.lease.count())})
+  for (const std::uint64_t value : {stored.owner.id, stored.owner.epoch, stored.revision,
+                                    stored.change, stored.host, as_unsigned(stored.lease.count())})
     statement.bind(++number, as_signed(value));
   statement.bind(++number, std::string_view(properties));
   statement.bind(++number, as_signed(checksum_of(stored, properties)));
@@ -53,7 +51,7 @@ std::optional<names::StoredName> read_row(const Statement& statement, int first)
                            .owner = {number(3), number(4)},
                            .revision = number(5),
                            .change = number(6),
-                           .host = static_cast<std::uint32_t>(number(7)),
+                           .host = number(7),
                            .lease = Duration{statement.integer(first + 8)}};
   const std::string properties = text(9);
   if (checksum_of(stored, properties) != number(10)) return std::nullopt;

@@ -13,9 +13,11 @@
 #include "rtpm/base/printable.hpp"
 #include "rtpm/discovery/finder.hpp"
 #include "rtpm/discovery/scope.hpp"
+#include "rtpm/names/reachable.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/thread.hpp"
+#include "rtpm/transport/address.hpp"
 #include "rtpm/wire/url.hpp"
 #include "service.hpp"
 #include "store.hpp"
@@ -26,9 +28,13 @@ namespace {
 /// How long services found on the LAN stand for those that a query would find.
 constexpr Duration kLanFindsAge = std::chrono::seconds{1};
 
+/// Whether a server serves its own host only.
 bool is_loopback(const std::string& url) {
   const auto parts = wire::parse_url(url);
-  return parts && (parts->host.starts_with("127.") || parts->host == "localhost");
+  return parts && std::ranges::all_of(parts->hosts, [](const std::string& host) {
+           const auto address = transport::SocketAddress::parse(host, 0);
+           return address ? address->is_loopback() : host == "localhost";
+         });
 }
 
 /// "rtpm://… (process 4711 of this host)".
@@ -37,7 +43,8 @@ std::string in_words(const NameEntry& entry, const discovery::FoundService& foun
   if (found.is_registry) return text + "by the registry " + found.url + ")";
   if (found.process_id != 0) text += "process " + std::to_string(found.process_id) + " of ";
   const auto parts = wire::parse_url(found.url);
-  return text + (found.is_of_this_host || !parts ? "this host" : "host " + parts->host) + ")";
+  return text + (found.is_of_this_host || !parts ? "this host" : "host " + parts->hosts.front()) +
+         ")";
 }
 
 /// Calls `work` with 0 to `count` - 1, on this thread and some others.
@@ -425,7 +432,9 @@ expected<std::string, DirectoryError> Directory::url_of(std::string_view name,
                                                         MonotonicTime deadline) {
   const auto entry = entry_of(name, deadline);
   if (!entry) return unexpected{entry.error()};
-  return entry->url + std::string(name.substr(entry->name.size()));
+  auto url = reachable_url(*entry);
+  if (!url) return unexpected{DirectoryError{std::move(url.error())}};
+  return *url + std::string(name.substr(entry->name.size()));
 }
 
 expected<std::vector<NameEntry>, DirectoryError> Directory::list(std::string_view directory) {

@@ -1,7 +1,10 @@
 #pragma once
 
+#include <cstdint>
+
 #include "idl.hpp"
 #include "rtpm/base/time.hpp"
+#include "rtpm/rpc/servant.hpp"
 #include "store.hpp"
 
 namespace rtpm::names {
@@ -12,17 +15,27 @@ namespace rtpm::names {
   return record.expires > now ? record.expires - now : record.stay;
 }
 
-/// A record as callers get it.
+/// How much of a record a caller gets.
+enum class EntryDetail : std::uint8_t { kBrief, kHost, kAll };
+
+/// A record as a caller gets it.
 [[nodiscard]] inline flatbuffers::Offset<Entry> write_entry(flatbuffers::FlatBufferBuilder& builder,
                                                             const Record& record, MonotonicTime now,
-                                                            bool has_properties = false) {
+                                                            std::uint64_t caller_host,
+                                                            EntryDetail detail) {
   const auto name = builder.CreateString(record.name);
   const auto url = builder.CreateString(record.url);
   const auto interface = builder.CreateString(record.interface);
   flatbuffers::Offset<PropertyTables> properties{};
-  if (has_properties) properties = write_properties(builder, record.properties);
+  if (detail == EntryDetail::kAll) properties = write_properties(builder, record.properties);
+  flatbuffers::Offset<flatbuffers::String> bound_from{};
+  if (detail != EntryDetail::kBrief && record.host != 0) {
+    bound_from = builder.CreateString(to_string(rpc::CallerHost{record.host}));
+  }
+  const bool is_of_other_host =
+      record.host != 0 && caller_host != 0 && record.host != own_host_as_one(caller_host);
   return CreateEntry(builder, name, url, interface, ns_of(lease_left(record, now)), record.revision,
-                     properties, record.is_permanent());
+                     properties, record.is_permanent(), bound_from, is_of_other_host);
 }
 
 }  // namespace rtpm::names

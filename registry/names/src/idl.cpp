@@ -137,7 +137,9 @@ NameEntry entry_of(const Entry& entry, std::uint64_t stale_ns) {
           entry.revision(),
           properties_of(entry.properties()).value_or(std::vector<Property>{}),
           entry.is_permanent(),
-          duration_of(stale_ns)};
+          duration_of(stale_ns),
+          text_of(entry.bound_from()),
+          entry.is_of_other_host()};
 }
 
 }  // namespace rtpm::names

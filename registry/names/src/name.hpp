@@ -14,8 +14,8 @@ namespace rtpm::names {
 inline constexpr std::size_t kComponentSizeMax = 64;
 inline constexpr std::size_t kNameDepthMax = 8;
 inline constexpr std::size_t kNameSizeMax = 200;
-/// "rtpm://255.255.255.255:65535/" and a path of 200 bytes have room.
-inline constexpr std::size_t kUrlSizeMax = 256;
+/// "rtpm://", eight hosts of 41 bytes with ',' between, ":65535/" and a path of 200 bytes fit.
+inline constexpr std::size_t kUrlSizeMax = 560;
 inline constexpr std::size_t kInterfaceSizeMax = 128;
 
 /// The first component, counted from 0, that makes `name` malformed or carries it beyond a limit;

@@ -51,7 +51,9 @@ expected<std::shared_ptr<OwnNames>, SetupError> OwnNames::at_host_of(const disco
   static std::mutex mutex;
   static std::map<std::string, std::weak_ptr<OwnNames>> all;
   const auto parts = wire::parse_url(url);
-  const std::string host = parts ? parts->host : std::string("127.0.0.1");
+  std::string host;
+  for (const std::string& each : parts ? parts->hosts : std::vector<std::string>{"127.0.0.1"})
+    host += (host.empty() ? "" : ",") + each;
   const std::lock_guard lock(mutex);
   if (auto running = all[host].lock()) return running;
   std::shared_ptr<OwnNames> made(new OwnNames);
@@ -80,7 +82,7 @@ expected<void, SetupError> OwnNames::begin(const discovery::Scope& scope, std::s
   if (auto started = server_->start(); !started) return started;
   const auto at = wire::parse_url(url());
   auto announced =
-      discovery::Announcement::create(scope, {.host = at->host, .port = server_->port()});
+      discovery::Announcement::create(scope, {.hosts = at->hosts, .port = server_->port()});
   if (!announced) return unexpected{std::move(announced.error())};
   announcement_ = std::move(*announced);
   return {};

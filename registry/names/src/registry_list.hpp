@@ -6,11 +6,12 @@
 
 namespace rtpm::names {
 
-/// The URLs of registries that have the same names: "rtpm://a:7420/rtpm/names,rtpm://b:…".
+/// The URLs of registries that have the same names: "rtpm://a:7420/rtpm/names,rtpm://b:…". A comma
+/// within a URL parts the hosts of one registry.
 [[nodiscard]] inline std::vector<std::string> registries_of(std::string_view text) {
   std::vector<std::string> urls;
   for (std::size_t begin = 0;;) {
-    const std::size_t comma = text.find(',', begin);
+    const std::size_t comma = text.find(",rtpm://", begin);
     urls.emplace_back(text.substr(begin, comma - begin));
     if (comma == std::string_view::npos) return urls;
     begin = comma + 1;

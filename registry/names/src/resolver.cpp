@@ -4,6 +4,7 @@
 #include <utility>
 #include <vector>
 
+#include "rtpm/names/reachable.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
 
@@ -21,7 +22,9 @@ expected<std::string, SetupError> RegistryResolver::resolve(std::string_view nam
   auto found = directory_.entry_of(name, deadline);
   if (!found) return unexpected{std::move(found.error())};
   watch(name, *found, deadline);
-  return found->url + std::string(name.substr(found->name.size()));
+  auto url = reachable_url(*found);
+  if (!url) return url;
+  return *url + std::string(name.substr(found->name.size()));
 }
 
 std::uint64_t RegistryResolver::move_count() const {

@@ -36,7 +36,7 @@ Claim claim_of(const Request& request, rpc::CallerHost caller) {
           .lease = duration_of(request.lease_ns()),
           .holder_revision = request.holder_revision(),
           .allows_takeover = request.allow_takeover(),
-          .host = caller.ipv4};
+          .host = caller.number};
 }
 
 bool is_limit(Outcome outcome) noexcept {
@@ -66,7 +66,7 @@ Answer answer_of_result(const expected<void, Refusal>& result) {
 // text has length, terminator and padding; a table has a vtable offset, fields and padding; the
 // vector has an offset per entry.
 constexpr std::size_t kTextOverheadMax = 4 + 1 + 3;
-constexpr std::size_t kEntryOverheadMax = 3 * kTextOverheadMax + (4 + 3 * 4 + 2 * 8 + 8) + 4;
+constexpr std::size_t kEntryOverheadMax = 3 * kTextOverheadMax + (4 + 3 * 4 + 2 * 8 + 16) + 4;
 constexpr std::size_t kPageOverheadMax = 112;
 // The builder's scratch space at the other end of the memory.
 constexpr std::size_t kScratchSizeMax = 128;
@@ -148,7 +148,7 @@ class RegistryServant final : public NamesServant {
       return NamesServant::dispatch(method_id, request, reply, context);
     }
     const rt::AllowAllocationScope not_real_time;
-    const std::uint32_t host = context.caller.ipv4;
+    const std::uint64_t host = context.caller.number;
     if (!queue_.reserve(host)) return {wire::Status::kOverload, 0};
     rpc::DeferredReply deferred = context.deferral->defer();
     if (!deferred) {
@@ -205,11 +205,11 @@ class RegistryServant final : public NamesServant {
 
   rpc::Result<void> resolve(const ResolveRequest& request, rpc::ReplyBuilder<ResolveReply>& reply,
                             const rpc::CallContext& context) override {
-    return look_up(request, reply, context, /*has_properties=*/false);
+    return look_up(request, reply, context, EntryDetail::kHost);
   }
   rpc::Result<void> describe(const ResolveRequest& request, rpc::ReplyBuilder<ResolveReply>& reply,
                              const rpc::CallContext& context) override {
-    return look_up(request, reply, context, /*has_properties=*/true);
+    return look_up(request, reply, context, EntryDetail::kAll);
   }
 
   rpc::Result<void> find(const FindRequest& request, rpc::ReplyBuilder<FindReply>& reply,
@@ -237,7 +237,8 @@ class RegistryServant final : public NamesServant {
     std::vector<flatbuffers::Offset<Entry>> entries;
     for (const Record* record : found->records) {
       if (builder.GetSize() > kFoundSizeMax) break;
-      entries.push_back(write_entry(builder, *record, now, /*has_properties=*/true));
+      entries.push_back(
+          write_entry(builder, *record, now, context.caller.number, EntryDetail::kAll));
     }
     const Answer answer = names::answer_of(Outcome::kDone);
     const auto list = builder.CreateVector(entries);
@@ -256,7 +257,7 @@ class RegistryServant final : public NamesServant {
     if (!allows(context, Operation::kList, view_of(request.directory()))) {
       return refuse_watch(items, Outcome::kDenied);
     }
-    watches_.add(request, std::move(items), context.caller.ipv4);
+    watches_.add(request, std::move(items), context.caller.number);
   }
 
   rpc::Result<void> list(const ListRequest& request, rpc::ReplyBuilder<ListReply>& reply,
@@ -279,7 +280,8 @@ class RegistryServant final : public NamesServant {
     for (const Record* record : page->records) {
       size_max += entry_size_max(*record);
       if (size_max > kPageSizeMax) break;
-      entries.push_back(write_entry(builder, *record, now));
+      entries.push_back(
+          write_entry(builder, *record, now, context.caller.number, EntryDetail::kBrief));
     }
     const bool is_last = page->is_last && entries.size() == page->records.size();
     const Answer answer = names::answer_of(Outcome::kDone);
@@ -346,7 +348,7 @@ class RegistryServant final : public NamesServant {
 
  private:
   rpc::Result<void> look_up(const ResolveRequest& request, rpc::ReplyBuilder<ResolveReply>& reply,
-                            const rpc::CallContext& context, bool has_properties) {
+                            const rpc::CallContext& context, EntryDetail detail) {
     const rt::AllowAllocationScope not_real_time;
     const std::lock_guard lock(mutex_);
     const MonotonicTime now = rt::now();
@@ -357,7 +359,7 @@ class RegistryServant final : public NamesServant {
     flatbuffers::Offset<Entry> entry;
     Answer answer = names::answer_of(Outcome::kDone);
     if (record) {
-      entry = write_entry(builder, **record, now, has_properties);
+      entry = write_entry(builder, **record, now, context.caller.number, detail);
     } else {
       answer = names::answer_of(record.error().outcome, record.error().component);
     }

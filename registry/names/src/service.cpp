@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <deque>
+#include <memory>
 #include <mutex>
 #include <utility>
 
@@ -147,7 +148,7 @@ class Service::Impl {
  private:
   struct Registry {
     std::string url{};
-    std::optional<NamesClient> client{};
+    std::shared_ptr<NamesClient> client{};
   };
 
   template <class Operation>
@@ -157,8 +158,9 @@ class Service::Impl {
     auto client = bound_client(registry, deadline);
     if (!client) return unexpected{std::move(client.error())};
     auto reply = operation(**client, rpc::CallOptions{.deadline = deadline - rt::now()});
-    if (!reply) return unexpected{no_result(registry.url, reply.error())};
-    return std::move(*reply);
+    if (reply) return std::move(*reply);
+    forget(registry, *client);
+    return unexpected{no_result(registry.url, reply.error())};
   }
 
   /// Whether another registry may do better: this one does not answer, or does not reach the
@@ -175,13 +177,14 @@ class Service::Impl {
     return Outcome::kDone;
   }
 
-  /// The client, bound on first use; its binding finds a restarted registry by itself. Concurrent
-  /// first callers bind in parallel, so that none waits for others' deadlines.
-  [[nodiscard]] expected<NamesClient*, DirectoryError> bound_client(Registry& registry,
-                                                                    MonotonicTime deadline) {
+  /// The client, bound on first use, and anew after a call without a reply: the registry may be at
+  /// another of its addresses by then. Concurrent first callers bind in parallel, so that none
+  /// waits for others' deadlines.
+  [[nodiscard]] expected<std::shared_ptr<NamesClient>, DirectoryError> bound_client(
+      Registry& registry, MonotonicTime deadline) {
     {
       const std::lock_guard lock(mutex_);
-      if (registry.client) return &*registry.client;
+      if (registry.client) return registry.client;
     }
     // A name would recurse into the node's resolver.
     if (!wire::parse_url(registry.url)) {
@@ -198,8 +201,14 @@ class Service::Impl {
                             : no_answer(registry.url, error.reason())};
     }
     const std::lock_guard lock(mutex_);
-    if (!registry.client) registry.client.emplace(std::move(*client));
-    return &*registry.client;
+    if (!registry.client) registry.client = std::make_shared<NamesClient>(std::move(*client));
+    return registry.client;
+  }
+
+  /// Has the next operation try the addresses of the registry anew.
+  void forget(Registry& registry, const std::shared_ptr<NamesClient>& client) {
+    const std::lock_guard lock(mutex_);
+    if (registry.client == client) registry.client = nullptr;
   }
 
   [[nodiscard]] static DirectoryError no_result(const std::string& url, rpc::CallError cause) {

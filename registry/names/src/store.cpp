@@ -14,8 +14,7 @@ unexpected<Refusal> refuse(Outcome outcome, std::size_t component = 0,
 }
 
 // As rpc::CallerHost has it.
-constexpr std::uint32_t kOwnHost = 0x7f00'0001;
-constexpr bool is_own_host(std::uint32_t host) noexcept {
+constexpr bool is_own_host(std::uint64_t host) noexcept {
   return host >> 24 == 127;
 }
 
@@ -101,8 +100,7 @@ expected<Granted, Refusal> Store::bind(const Claim& claim, bool replaces, Monoto
 expected<Plan, Refusal> Store::plan(const Claim& from_anywhere, bool replaces, MonotonicTime now) {
   expire(now);
   Claim claim = from_anywhere;
-  // The 16 million loopback addresses are one host.
-  if (is_own_host(claim.host)) claim.host = kOwnHost;
+  claim.host = own_host_as_one(claim.host);
   if (auto checked = check_claim(claim); !checked) return unexpected{checked.error()};
   const auto place = records_.find(claim.name);
   if (place == records_.end()) {

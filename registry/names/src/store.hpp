@@ -34,7 +34,7 @@ struct Record {
   /// Changes with the holder of the name.
   std::uint64_t revision = 0;
   MonotonicTime bound{};   ///< When this start of its owner bound it.
-  std::uint32_t host = 0;  ///< See Claim::host.
+  std::uint64_t host = 0;  ///< See Claim::host.
   std::vector<Property> properties{};
   /// Of the last change, other than a renewal; counted together with the holders' revisions.
   std::uint64_t change = 0;
@@ -44,6 +44,12 @@ struct Record {
 
   [[nodiscard]] bool is_permanent() const noexcept { return lease == Duration{0}; }
 };
+
+/// A host's number, as rpc::CallerHost has it; one for all loopback addresses.
+[[nodiscard]] constexpr std::uint64_t own_host_as_one(std::uint64_t host) noexcept {
+  constexpr std::uint64_t kOwnHost = 0x7f00'0001;
+  return host >> 24 == kOwnHost >> 24 ? kOwnHost : host;
+}
 
 /// Why an operation was refused.
 struct Refusal {
@@ -185,7 +191,7 @@ class Store {
 
   /// What a host holds.
   struct HostUse {
-    std::uint32_t host = 0;
+    std::uint64_t host = 0;
     std::size_t name_count = 0;
     std::size_t owner_count = 0;
   };
@@ -238,7 +244,7 @@ class Store {
     std::size_t name_count = 0;
     std::unordered_map<std::uint64_t, std::size_t> count_of_owner{};
   };
-  std::unordered_map<std::uint32_t, Host> hosts_{};  ///< Those that hold names.
+  std::unordered_map<std::uint64_t, Host> hosts_{};  ///< Those that hold names.
   std::uint64_t next_revision_;
   ChangeLog log_;
   Storage* storage_;

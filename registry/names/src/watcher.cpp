@@ -25,7 +25,7 @@ bool is_stale(Duration stale) noexcept {
 }  // namespace
 
 Watcher::Watcher(rpc::TableWriter<WatchItem> writer, WatchFilter filter, std::uint64_t history,
-                 std::optional<std::uint64_t> after, const Store& store, std::uint32_t host)
+                 std::optional<std::uint64_t> after, const Store& store, std::uint64_t host)
     : writer_(std::move(writer)),
       filter_(std::move(filter)),
       history_(history),
@@ -123,7 +123,7 @@ bool Watcher::fill_changes(const Store& store, MonotonicTime now) {
 
 void Watcher::add(ChangeKind kind, const Record& record, std::uint64_t revision,
                   MonotonicTime now) {
-  const auto entry = write_entry(builder_, record, now, /*has_properties=*/true);
+  const auto entry = write_entry(builder_, record, now, host_, EntryDetail::kAll);
   changes_.push_back(CreateChange(builder_, kind, entry, revision));
 }
 

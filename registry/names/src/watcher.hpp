@@ -25,13 +25,13 @@ class Watcher {
 
   /// @param after  the revision to resume behind; nullopt: sends the state first
   Watcher(rpc::TableWriter<WatchItem> writer, WatchFilter filter, std::uint64_t history,
-          std::optional<std::uint64_t> after, const Store& store, std::uint32_t host);
+          std::optional<std::uint64_t> after, const Store& store, std::uint64_t host);
 
   /// Sends some items. A watcher that takes none, with more than `backlog_max` changes to come, is
   /// cut off.
   [[nodiscard]] Outcome pump(const Store& store, std::size_t backlog_max, MonotonicTime now);
 
-  [[nodiscard]] std::uint32_t host() const noexcept { return host_; }
+  [[nodiscard]] std::uint64_t host() const noexcept { return host_; }
 
  private:
   [[nodiscard]] bool has_capacity() const noexcept;
@@ -46,7 +46,7 @@ class Watcher {
   rpc::TableWriter<WatchItem> writer_;
   WatchFilter filter_;
   std::uint64_t history_;
-  std::uint32_t host_;
+  std::uint64_t host_;
   bool is_in_state_;
   bool is_welcome_due_ = true;   ///< The first item goes out, also without changes.
   std::string state_cursor_{};   ///< The last name of the state that was looked at.

@@ -43,7 +43,7 @@ Watches::~Watches() {
   if (thread_.is_running()) thread_.join();
 }
 
-bool Watches::is_full(std::uint32_t host) const noexcept {
+bool Watches::is_full(std::uint64_t host) const noexcept {
   const Limits& limits = store_.limits();
   const auto here = static_cast<std::size_t>(std::ranges::count_if(
       watchers_, [&](const auto& watcher) { return watcher->host() == host; }));
@@ -53,7 +53,7 @@ bool Watches::is_full(std::uint32_t host) const noexcept {
 }
 
 void Watches::add(const WatchRequest& request, rpc::TableWriter<WatchItem> writer,
-                  std::uint32_t host) {
+                  std::uint64_t host) {
   if (const auto bad = check(request)) return refuse_watch(writer, *bad);
   const std::string interface = text_of(request.interface());
   auto parsed = parse_predicate(store_.index(rt::now()), interface, view_of(request.predicate()));

@@ -27,7 +27,7 @@ class Watches {
   ~Watches();
 
   /// Takes a caller's stream, or refuses it there. Call it with the mutex locked.
-  void add(const WatchRequest& request, rpc::TableWriter<WatchItem> writer, std::uint32_t host);
+  void add(const WatchRequest& request, rpc::TableWriter<WatchItem> writer, std::uint64_t host);
   /// After a change.
   void wake() noexcept {
     if (thread_.is_running()) bell_.post();
@@ -40,7 +40,7 @@ class Watches {
  private:
   void run();
   [[nodiscard]] MonotonicTime turn();
-  [[nodiscard]] bool is_full(std::uint32_t host) const noexcept;
+  [[nodiscard]] bool is_full(std::uint64_t host) const noexcept;
 
   rt::PiMutex& mutex_;
   Store& store_;

@@ -2,15 +2,13 @@
 
 #include <utility>
 
+#include "store.hpp"
+
 namespace rtpm::names {
 namespace {
 
-bool is_own(std::uint32_t host) noexcept {
+bool is_own(std::uint64_t host) noexcept {
   return host >> 24 == 127;
-}
-// All loopback addresses are one host.
-std::uint32_t key_of(std::uint32_t host) noexcept {
-  return is_own(host) ? 0x7f00'0001 : host;
 }
 
 }  // namespace
@@ -35,28 +33,28 @@ void WriteQueue::stop() {
   threads_.clear();
 }
 
-bool WriteQueue::reserve(std::uint32_t host) {
+bool WriteQueue::reserve(std::uint64_t host) {
   const std::lock_guard lock(mutex_);
   const std::size_t count_max = is_own(host) ? kCountOwnHostMax : kCountPerHostMax;
-  const auto of_host = count_of_host_.find(key_of(host));
+  const auto of_host = count_of_host_.find(own_host_as_one(host));
   const std::size_t held = of_host == count_of_host_.end() ? 0 : of_host->second;
   if (is_stopping_ || count_ >= kCountMax || held >= count_max) {
     ++overload_count_;
     return false;
   }
   ++count_;
-  ++count_of_host_[key_of(host)];
+  ++count_of_host_[own_host_as_one(host)];
   return true;
 }
 
-void WriteQueue::release(std::uint32_t host) {
+void WriteQueue::release(std::uint64_t host) {
   const std::lock_guard lock(mutex_);
-  const auto of_host = count_of_host_.find(key_of(host));
+  const auto of_host = count_of_host_.find(own_host_as_one(host));
   if (--of_host->second == 0) count_of_host_.erase(of_host);
   --count_;
 }
 
-void WriteQueue::add(std::uint32_t host, std::function<void()> change) {
+void WriteQueue::add(std::uint64_t host, std::function<void()> change) {
   {
     const std::lock_guard lock(mutex_);
     waiting_.push_back({host, std::move(change)});

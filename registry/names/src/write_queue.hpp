@@ -34,10 +34,10 @@ class WriteQueue {
   /// Waits for what is under way, and drops the rest.
   void stop();
   /// Reserves capacity for a change of `host`; false: there is none. Each add() takes one.
-  [[nodiscard]] bool reserve(std::uint32_t host);
-  void release(std::uint32_t host);
+  [[nodiscard]] bool reserve(std::uint64_t host);
+  void release(std::uint64_t host);
   /// Runs `change` on one of the threads, then gives its capacity back.
-  void add(std::uint32_t host, std::function<void()> change);
+  void add(std::uint64_t host, std::function<void()> change);
 
   [[nodiscard]] std::size_t count() const;
   /// How often there was no capacity.
@@ -45,7 +45,7 @@ class WriteQueue {
 
  private:
   struct Waiting {
-    std::uint32_t host = 0;
+    std::uint64_t host = 0;
     std::function<void()> change{};
   };
   void run();
@@ -53,7 +53,7 @@ class WriteQueue {
   mutable std::mutex mutex_;  ///< Plain: held for a few instructions. Guards the rest.
   std::condition_variable waking_{};
   std::deque<Waiting> waiting_{};
-  std::map<std::uint32_t, std::size_t> count_of_host_{};
+  std::map<std::uint64_t, std::size_t> count_of_host_{};
   std::size_t count_ = 0;
   std::uint64_t overload_count_ = 0;
   bool is_stopping_ = false;

@@ -84,8 +84,11 @@ void add_limits(Options& options, rpc::ServerConfig& server) {
 void add_server(Options& options, ServerSettings& settings) {
   rpc::ServerConfig& server = settings.server;
   options.add("host", server.host,
-              "IPv4 address, or a name that has one, to serve and to be found at; one of the "
-              "network's opens it to the network");
+              "What to serve: addresses (IPv4, IPv6), host names and interfaces, with ',' between; "
+              "or any. The default is this host only; any opens it to every network");
+  options.add("advertise", server.advertise,
+              "The hosts to be found at, with ',' between, if callers reach others than those that "
+              "are served (a container, NAT); empty: those");
   options.add("port", server.port, "Port to serve, UDP and TCP; 0: any");
   options.add("shared-memory", server.shared_memory,
               "Whether callers of the same user on this host are served through memory");
@@ -114,7 +117,18 @@ expected<rt::CpuLatencyRequest, SetupError> prepare(const ServerSettings& settin
   return rt::CpuLatencyRequest::open(*settings.cpu_latency, settings.server.realtime);
 }
 
-void show_setup(const ServerSettings& settings) {
+void show_setup(const ServerSettings& settings, const rpc::Server& server,
+                std::string_view program) {
+  const auto served = server.served_addresses();
+  const bool is_for_others = std::ranges::any_of(
+      served, [](const rpc::ServedAddress& address) { return address.interface != "lo"; });
+  for (const rpc::ServedAddress& address : served) {
+    if (!is_for_others) break;
+    const std::string at = address.host + ":" + std::to_string(server.port());
+    const std::string on = address.interface.empty() ? "" : " on " + address.interface;
+    std::fprintf(stderr, "%.*s: serves %s%s\n", static_cast<int>(program.size()), program.data(),
+                 at.c_str(), on.c_str());
+  }
   if (settings.shows_setup) std::fputs(rt::to_text(rt::setup_report()).c_str(), stderr);
 }
 

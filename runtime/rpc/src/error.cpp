@@ -3,6 +3,7 @@
 #include <string>
 
 #include "rtpm/rpc/servant.hpp"
+#include "rtpm/transport/address.hpp"
 
 namespace rtpm::rpc {
 namespace {
@@ -23,10 +24,12 @@ std::error_code make_error_code(CallError error) noexcept {
 }
 
 std::string to_string(CallerHost host) {
-  std::string text;
-  for (int shift = 24; shift >= 0; shift -= 8)
-    text += (text.empty() ? "" : ".") + std::to_string(host.ipv4 >> shift & 0xff);
-  return text;
+  constexpr std::uint64_t kIpv4Max = 0xffff'ffff;
+  if (host.number <= kIpv4Max) {
+    return transport::SocketAddress(in_addr{htonl(static_cast<std::uint32_t>(host.number))}, 0)
+        .host();
+  }
+  return transport::SocketAddress::of(wire::PeerAddress{.high = host.number}).host() + "/64";
 }
 
 std::string_view to_string(CallError error) noexcept {
@@ -46,8 +49,8 @@ std::string_view to_string(CallError error) noexcept {
     case CallError::kUnreachable:
       return "no server answers at the address; check that the server runs";
     case CallError::kNoResources:
-      return "this process has too many open files, or no memory left, for a connection; raise "
-             "its limits (ulimit -n, ulimit -v)";
+      return "this process has too many open files, or no memory left, for a connection or a large "
+             "reply; raise its limits (ulimit -n, ulimit -v)";
     case CallError::kRefused:
       return "the server refused the session; check the limits and priority that it asked for";
     case CallError::kVersionUnsupported:

@@ -427,19 +427,29 @@ def bind_replies():
 
 
 def urls():
-    def url(host, port, path):
-        return dict(text=f'rtpm://{host}:{port}/{path}', host=host, port=port, path=path)
+    def url(hosts, port, path, read=None):
+        return dict(text=f'rtpm://{hosts}:{port}/{path}', hosts=read or [hosts], port=port,
+                    path=path)
 
     return dict(
         subject='Addresses of objects.',
         good=[url('127.0.0.1', 7420, 'rtpm/names'), url('robot-7.lab.example', 1, 'a'),
-              url('host', 65535, 'A.b-c_d/9'), url('h', 80, 'p' * 200)],
+              url('host', 65535, 'A.b-c_d/9'), url('h', 80, 'p' * 200),
+              url('[2001:db8::1]', 7420, 'p', ['2001:db8::1']),
+              url('[::ffff:10.0.0.7]', 1, 'p', ['::ffff:10.0.0.7']),
+              url('[fe80::1%25eth0]', 1, 'p', ['fe80::1%eth0']),
+              url('10.0.0.7,[fd00::7],h', 1, 'p', ['10.0.0.7', 'fd00::7', 'h']),
+              url('a,b,c,d,e,f,g,h', 1, 'p', list('abcdefgh'))],
         bad=['', 'rtpm://', 'rtpm://h', 'rtpm://h/p', 'rtpm://h:1', 'rtpm://h:1/', 'rtpm://:1/p',
              'rtpm://h:/p', 'rtpm://h:0/p', 'rtpm://h:65536/p', 'rtpm://h:-1/p', 'rtpm://h:+1/p',
              'rtpm://h: 1/p', 'rtpm://h:0x10/p', 'rtpm://h:1a/p', 'rtpm://h:1:2/p', 'RTPM://h:1/p',
              'http://h:1/p', ' rtpm://h:1/p', 'rtpm://h:1//p', 'rtpm://h:1/p/', 'rtpm://h:1/a//b',
-             'rtpm://h:1/a b', 'rtpm://h:1/a?b', 'rtpm://h:1/\u00e4', 'rtpm://[::1]:1/p',
-             'rtpm://u@h:1/p', 'rtpm://h:1/' + 'p' * 201])
+             'rtpm://h:1/a b', 'rtpm://h:1/a?b', 'rtpm://h:1/\u00e4', 'rtpm://::1:1/p',
+             'rtpm://[::1]/p', 'rtpm://[::1:1/p', 'rtpm://[]:1/p', 'rtpm://[:::]:1/p',
+             'rtpm://[1::2::3]:1/p', 'rtpm://[12345::]:1/p', 'rtpm://[1:2:3:4:5:6:7]:1/p',
+             'rtpm://[1:2:3:4:5:6:7::8]:1/p', 'rtpm://[::1.2.3.256]:1/p', 'rtpm://[1.2.3.4]:1/p',
+             'rtpm://[fe80::1%eth0]:1/p', 'rtpm://[fe80::1%25]:1/p', 'rtpm://h,:1/p',
+             'rtpm://,h:1/p', 'rtpm://a,b,c,d,e,f,g,h,i:1/p', 'rtpm://u@h:1/p', 'rtpm://h:1/' + 'p' * 201])
 
 
 def fnv1a_64(data):

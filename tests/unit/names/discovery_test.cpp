@@ -90,7 +90,7 @@ class Discovery : public testing::Test {
   [[nodiscard]] std::unique_ptr<discovery::Announcement> announce(ServedRegistry& registry,
                                                                   bool is_registry = true) {
     auto announced =
-        discovery::Announcement::create({}, {is_registry, "127.0.0.1", registry.server().port()});
+        discovery::Announcement::create({}, {is_registry, {"127.0.0.1"}, registry.server().port()});
     EXPECT_TRUE(announced) << announced.error().text();
     return std::move(*announced);
   }
@@ -259,7 +259,7 @@ TEST_F(Discovery, AsksALimitedNumberOfServersAndSaysSo) {
   std::vector<std::unique_ptr<discovery::Announcement>> announced;
   for (std::uint16_t i = 0; i < discovery::kLocalServiceCountMax + 1; ++i) {
     auto made = discovery::Announcement::create(
-        {}, {false, "127.0.0.1", static_cast<std::uint16_t>(20'000 + i)});
+        {}, {false, {"127.0.0.1"}, static_cast<std::uint16_t>(20'000 + i)});
     ASSERT_TRUE(made) << made.error().text();
     announced.push_back(std::move(*made));
   }
@@ -355,15 +355,15 @@ std::string faults_of_answers() {
   if (!takes_answer(0)) return "an answer is not taken";
   if (takes_answer(1)) return "an answer to another query is taken";
   const auto scope = discovery::parse_scope("lan:7@d0");
-  const auto local = discovery::Announcement::create(*scope, {false, "127.0.0.1", 5000});
+  const auto local = discovery::Announcement::create(*scope, {false, {"127.0.0.1"}, 5000});
   Question question("10.77.0.1");
   const auto query = [](std::uint8_t domain) {
     return discovery::encode({.domain = domain, .number = 42});
   };
   // hp-10.1-3: what only this host reaches is not told of.
   if (!local || question.ask(query(7), "239.255.43.7")) return "a loopback address is told of";
-  const auto announced = discovery::Announcement::create(*scope, {true, "10.77.0.1", 5001});
-  const auto second = discovery::Announcement::create(*scope, {false, "10.77.0.1", 5002});
+  const auto announced = discovery::Announcement::create(*scope, {true, {"10.77.0.1"}, 5001});
+  const auto second = discovery::Announcement::create(*scope, {false, {"10.77.0.1"}, 5002});
   if (!announced || !second) return announced.error().text();
   // hp-10.1-4: each with its own service, from the served address, no larger than the query.
   const auto answer = question.ask(query(7), "239.255.43.7");
@@ -401,7 +401,7 @@ TEST_F(Discovery, AnswersTheLanWithinTheRules) {
   if (child.said == "no network") GTEST_SKIP() << "no network namespace: " << child.errors;
   EXPECT_EQ(child.said, "") << child.errors;
   expect_part(child.errors, "discovery: domain 7 on d0 (10.77.0.1), group 239.255.43.7:7423");
-  expect_part(child.errors, "no answers to the LAN: 127.0.0.1 is of this host alone");
+  expect_part(child.errors, "no answers to the LAN: 127.0.0.1 is no IPv4 address of a network");
 }
 
 TEST(Scope, IsReadFromText) {

@@ -61,9 +61,13 @@ TEST(Name, SplitsIntoComponents) {
 
 TEST(Url, HasSchemeHostPortAndPath) {
   const std::string longest = "rtpm://255.255.255.255:65535/" + std::string(200, 'p');
-  for (const std::string& url :
-       {std::string("rtpm://127.0.0.1:4711/lab/arm0"), std::string("rtpm://h:1/p"),
-        std::string("rtpm://arm-pc.lab:9/p"), longest}) {
+  std::string several = "rtpm://";
+  for (int i = 0; i < 8; ++i)
+    several += (i > 0 ? "," : "") + std::string("[2001:1db8:1111:2222:3333:4444:5555:6666]");
+  several += ":65535/" + std::string(200, 'p');
+  for (const std::string& url : {std::string("rtpm://127.0.0.1:4711/lab/arm0"),
+                                 std::string("rtpm://h:1/p"), std::string("rtpm://arm-pc.lab:9/p"),
+                                 std::string("rtpm://10.0.0.7,[fd00::7]:1/p"), several, longest}) {
     EXPECT_TRUE(is_url(url)) << url;
   }
   for (const std::string& text :

@@ -252,7 +252,7 @@ constexpr std::uint32_t kOwnHost = 0x7f00'0001;
 constexpr std::uint32_t kNearHost = 0x0a00'0001;
 constexpr std::uint32_t kFarHost = 0x0a00'0002;
 
-Claim claim_from(std::uint32_t host, std::string_view name, Owner owner = kArm) {
+Claim claim_from(std::uint64_t host, std::string_view name, Owner owner = kArm) {
   Claim from = claim(name, owner);
   from.host = host;
   return from;
@@ -330,7 +330,7 @@ TEST(StoreFirstLease, IsShortUntilTheNameHasBeenHeldForSo) {
 TEST(StoreHosts, HaveAShareOfTheNamesAndOwnersEach) {
   Store store;
   const Limits limits;
-  const auto fill = [&](std::uint32_t host, std::uint64_t first_owner, std::size_t names_of_each) {
+  const auto fill = [&](std::uint64_t host, std::uint64_t first_owner, std::size_t names_of_each) {
     std::size_t count = 0;
     while (true) {
       const Owner owner{.id = first_owner + count / names_of_each, .epoch = 1};

@@ -81,7 +81,7 @@ TEST_P(BindErrors, SayThatNoDescriptorIsLeft) {
 
 TEST_P(BindErrors, SayThatTheHostHasNoAddress) {
   expect_text(error_of(node_, "rtpm://999.1.1.1:80/echo"),
-              {"'rtpm://999.1.1.1:80/echo'", "host '999.1.1.1' has no IPv4 address", "Remedy"});
+              {"'rtpm://999.1.1.1:80/echo'", "host '999.1.1.1' has no address", "Remedy"});
 }
 
 TEST_P(BindErrors, AreNoneForAHostName) {

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "noting_servant.hpp"
+#include "one_port.hpp"
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/transport/port_wait_set.hpp"
 #include "rtpm/transport/stream.hpp"
@@ -213,7 +214,7 @@ class LaneAlone {
     setup.slot = &slot_;
     const auto listener = transport::TcpListener::open("127.0.0.1", 0);
     lane_ = std::make_unique<Lane>(
-        setup, std::move(*transport::UdpPort::open({.port = listener->port()})),
+        setup, test::one_port(listener->port()),
         std::move(*transport::PortWaitSet::open(wait_source_count(session_count_max))));
     EXPECT_TRUE(lane_->start(rt::RealtimeMode::kOff, nullptr));
   }

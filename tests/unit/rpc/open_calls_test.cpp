@@ -8,6 +8,7 @@
 
 #include "../wire/peers.hpp"
 #include "lane/setup.hpp"
+#include "one_port.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/transport/polled_wait_set.hpp"
 #include "rtpm/transport/tcp.hpp"
@@ -50,10 +51,6 @@ class OpenCallsTest : public testing::Test {
     setup.slot = &slot_;
     return setup;
   }
-  static transport::UdpPort open_port() {
-    const auto listener = transport::TcpListener::open("127.0.0.1", 0);
-    return std::move(*transport::UdpPort::open({.port = listener->port()}));
-  }
   /// A call that its method has ended with a reply of so many bytes.
   PendingCall& ended_call(std::uint32_t call_id, std::uint32_t size) {
     const wire::Verdict verdict =
@@ -73,7 +70,8 @@ class OpenCallsTest : public testing::Test {
   std::unique_ptr<transport::PolledWaitSet> wait_set_ =
       std::move(*transport::PolledWaitSet::open(8));
   LaneReport report_{slot_, LaneConfig{}, Band{}};
-  Media media_{setup(), open_port(), *wait_set_, report_};
+  Media media_{setup(), test::one_port(transport::TcpListener::open("127.0.0.1", 0)->port()),
+               *wait_set_, report_};
   std::shared_ptr<Doorbell> doorbell_ = std::make_shared<Doorbell>(*wait_set_);
   std::shared_ptr<PendingPool> pool_ =
       std::make_shared<PendingPool>(8, 8, kMessageSize, 0, /*keeps_requests=*/true, doorbell_);

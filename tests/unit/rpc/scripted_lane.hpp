@@ -12,6 +12,7 @@
 
 #include "lane/lane.hpp"
 #include "noting_servant.hpp"
+#include "one_port.hpp"
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
@@ -140,8 +141,7 @@ class ScriptedLane {
     const auto listener = transport::TcpListener::open("127.0.0.1", 0);
     auto set = std::make_unique<ScriptedWaitSet>();
     wait_set = set.get();
-    lane = std::make_unique<Lane>(
-        setup, std::move(*transport::UdpPort::open({.port = listener->port()})), std::move(set));
+    lane = std::make_unique<Lane>(setup, one_port(listener->port()), std::move(set));
   }
   /// Serves another object, number 2.
   void add(Servant& other) {

@@ -47,13 +47,12 @@ TEST(ServerSetUp, ChoosesAPortForUdpAndTcp) {
   EXPECT_FALSE(transport::UdpPort::open({.port = (*server)->port()}));
 }
 
-TEST(ServerSetUp, ServesTheAddressOfAHostName) {
+TEST(ServerSetUp, ServesTheAddressesOfAHostName) {
   ServerConfig config = quiet_config();
   config.host = "localhost";
   const auto server = Server::create(config);
   ASSERT_TRUE(server) << server.error().text();
-  EXPECT_EQ((*server)->url("lab/arm0"),
-            "rtpm://127.0.0.1:" + std::to_string((*server)->port()) + "/lab/arm0");
+  EXPECT_EQ(wire::parse_url((*server)->url("lab/arm0"))->hosts.front(), "127.0.0.1");
   config.host = "no-such-host.invalid";
   expect_text(error_of(config), {"server 'test'", "host 'no-such-host.invalid'", "Remedy"});
 }

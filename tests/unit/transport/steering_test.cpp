@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
 
 #include <optional>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "frames.hpp"
@@ -18,17 +20,20 @@ using namespace std::chrono_literals;
 
 class Lanes {
  public:
-  explicit Lanes(const std::vector<Priority>& lows) : lows_(lows) {
-    const auto listener = TcpListener::open("127.0.0.1", 0);
+  explicit Lanes(const std::vector<Priority>& lows, const std::string& host = "127.0.0.1",
+                 const std::string& called = "127.0.0.1")
+      : lows_(lows) {
+    const auto listener = TcpListener::open(called, 0);
     number_ = listener->port();
     for (const Priority low : lows) {
-      auto port = UdpPort::open({.port = number_, .low = low, .joins = !ports_.empty()});
+      auto port =
+          UdpPort::open({.host = host, .port = number_, .low = low, .joins = !ports_.empty()});
       EXPECT_TRUE(port) << port.error().text();
       ports_.push_back(std::move(*port));
     }
     const auto steered = steer(ports_.front(), lows);
     EXPECT_TRUE(steered) << steered.error().text();
-    transport_ = std::move(*open_udp_transport("127.0.0.1", number_, 0));
+    transport_ = std::move(*open_udp_transport(called, number_, 0));
   }
 
   /// The lane that gets the datagram; none if nobody does.
@@ -82,6 +87,19 @@ TEST(Steering, GivesEachPriorityToTheLaneOfItsBand) {
       {256, 3}, {19'999, 3}, {20'000, 4}, {20'001, 4}, {32'766, 4}, {32'767, 4}};
   for (const auto& [priority, lane] : expected_lanes) {
     EXPECT_EQ(lanes.lane_of_priority(priority), lane) << priority;
+  }
+}
+
+TEST(Steering, WorksForBothFamilies) {
+  if (!TcpListener::open("::1", 0)) GTEST_SKIP() << "this host has no ::1";
+  for (const auto& [host, called] : std::vector<std::pair<std::string, std::string>>{
+           {"::1", "::1"}, {"any", "::1"}, {"any", "127.0.0.1"}}) {
+    Lanes lanes({0, 100, 20'000}, host, called);
+    for (std::size_t lane = 0; lane < 3; ++lane)
+      lanes.expect_woken(lane);
+    EXPECT_EQ(lanes.lane_of_priority(99), 0u) << host << " at " << called;
+    EXPECT_EQ(lanes.lane_of_priority(100), 1u) << host << " at " << called;
+    EXPECT_EQ(lanes.lane_of_priority(20'000), 2u) << host << " at " << called;
   }
 }
 

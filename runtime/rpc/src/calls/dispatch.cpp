@@ -99,7 +99,7 @@ wire::Request request_of(const LocalChannel& channel) noexcept {
   request.payload = channel.request();
   request.deadline = parameters.deadline;
   request.received = rt::now();
-  request.caller_host = kThisHost.ipv4;
+  request.caller_host = kThisHost.number;
   return request;
 }
 

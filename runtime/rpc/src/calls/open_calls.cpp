@@ -164,7 +164,7 @@ bool OpenCalls::send_items(Lead& lead, PendingCall& call) noexcept {
       ++sent;
     }
   }
-  media_.port().flush(lead);
+  media_.flush(lead);
   if (!call.is_taken) return true;
   call.sent_count.store(sent, std::memory_order_release);
   return sent == written;
@@ -205,7 +205,7 @@ bool OpenCalls::send_item_frame(Lead& lead, PendingCall& call, std::uint32_t num
   item_bytes_left_ -= std::min(item_bytes_left_, frame.size());
   if (slot == nullptr) {
     const auto peer = call.sessions->peer_of(call.request);
-    media_.port().send(lead, *call.sessions, *peer, frame, /*has_more=*/true);
+    media_.port_of(*peer).send(lead, *call.sessions, *peer, frame, /*has_more=*/true);
   } else if (!slot->stream->send(frame, transport::kAlready)) {
     ++report_.counters(lead).send_failure_count;
     retire(lead, *slot);
@@ -264,7 +264,7 @@ void OpenCalls::send(Lead& lead, wire::ServerSessions& sessions, const wire::Pee
                      ConstBytes frame) noexcept {
   if (frame.empty()) return;
   if (&sessions == &media_.datagrams()) {
-    return media_.port().send(lead, sessions, peer, frame, /*has_more=*/false);
+    return media_.port_of(peer).send(lead, sessions, peer, frame, /*has_more=*/false);
   }
   Slot* const slot = media_.slot_of(sessions, peer);
   if (slot != nullptr && !media_.send(lead, sessions, *slot, frame)) retire(lead, *slot);

@@ -9,8 +9,8 @@
 #include "rtpm/base/printable.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/priority.hpp"
+#include "rtpm/transport/address.hpp"
 #include "rtpm/transport/shared_memory.hpp"
-#include "rtpm/transport/socket.hpp"
 #include "rtpm/wire/url.hpp"
 
 namespace rtpm::rpc {
@@ -96,6 +96,48 @@ ServerAddress address_of(const Node& node, const BindOptions& options, const std
   return {host, port, asked == Transport::kAuto ? Transport::kUdp : asked, {}};
 }
 
+// Where a URL may lead.
+struct Candidates {
+  std::vector<transport::SocketAddress> addresses{};
+  SetupError error{};      ///< Of the last one that failed.
+  std::string failures{};  ///< Each with its reason.
+
+  /// Then its own error says it all.
+  [[nodiscard]] bool is_single() const { return addresses.size() == 1 && failures.empty(); }
+  void note(const std::string& what, const std::string& why, const SetupError& by) {
+    failures.append(failures.empty() ? "" : "; ").append(what).append(": ").append(why);
+    error = by;
+  }
+};
+
+// The time for one of so many attempts that are left.
+MonotonicTime part_of_time(MonotonicTime deadline, std::size_t left) noexcept {
+  const MonotonicTime now = rt::now();
+  return deadline <= now ? deadline : now + (deadline - now) / static_cast<int>(left);
+}
+
+// A host's name is looked up here, where waiting for a name server does no harm to a call.
+Candidates candidates_of(const wire::Url& url, MonotonicTime deadline) {
+  Candidates candidates;
+  std::size_t left = url.hosts.size();
+  for (const std::string& host : url.hosts) {
+    // Where there are others, half of the time is theirs.
+    const std::size_t parts = url.hosts.size() == 1 ? 1 : 2 * left;
+    const auto addresses = transport::addresses_of(host, url.port, part_of_time(deadline, parts));
+    --left;
+    if (!addresses) {
+      candidates.note(host, addresses.error().reason(), addresses.error());
+      continue;
+    }
+    for (const transport::SocketAddress& address : *addresses) {
+      if (std::ranges::find(candidates.addresses, address) == candidates.addresses.end()) {
+        candidates.addresses.push_back(address);
+      }
+    }
+  }
+  return candidates;
+}
+
 }  // namespace
 
 expected<Bound, SetupError> Binding::Impl::open_session(Destination& at,
@@ -127,17 +169,39 @@ expected<Bound, SetupError> Binding::Impl::open_session(Destination& at,
 
 expected<Binding::Impl::Opened, SetupError> Binding::Impl::open(const std::string& at_url,
                                                                 MonotonicTime deadline) {
-  const auto parts = wire::parse_url(at_url);
-  if (!parts) {
+  const auto url = wire::parse_url(at_url);
+  if (!url) {
     return setup_error("'" + printable(at_url) + "' is no RTPM URL", "",
                        "write rtpm://host:port/path, such as rtpm://127.0.0.1:4711/lab/arm0");
   }
-  // A host's name is looked up here, where waiting for a name server does no harm to a call.
-  const auto host = transport::numeric_address_of(parts->host, deadline);
-  if (!host) return setup_error("'" + printable(at_url) + "' can't be bound", host.error());
-  const ServerAddress address = address_of(node, bind_options, *host, parts->port, deadline);
+  Candidates candidates = candidates_of(*url, deadline);
+  if (candidates.addresses.empty()) {
+    return setup_error("'" + printable(at_url) + "' can't be bound", candidates.error);
+  }
+  // hp-10-2
+  std::size_t left = candidates.addresses.size();
+  std::optional<SetupError> refused;
+  for (const transport::SocketAddress& address : candidates.addresses) {
+    auto opened = open_at(address, url->path, at_url, part_of_time(deadline, left--));
+    if (opened || candidates.is_single()) return opened;
+    const SetupError& error = opened.error();
+    candidates.note(address.text(), error.why.empty() ? error.what : error.why, error);
+    // What answers says more than what does not.
+    if (!refused && is_refusal(error.cause)) refused = error;
+  }
+  if (refused) return unexpected{std::move(*refused)};
+  return unexpected{SetupError{"'" + url->path + "' can't be bound at " + url->text(),
+                               candidates.failures, candidates.error.remedy,
+                               candidates.error.cause}};
+}
+
+expected<Binding::Impl::Opened, SetupError> Binding::Impl::open_at(
+    const transport::SocketAddress& server, const std::string& path, const std::string& at_url,
+    MonotonicTime deadline) {
+  const ServerAddress address =
+      address_of(node, bind_options, server.host(), server.port(), deadline);
   Opened opened{std::make_unique<Destination>(
-      node, node.impl().endpoint(address, bind_options.is_private), parts->path, at_url)};
+      node, node.impl().endpoint(address, bind_options.is_private), path, at_url)};
   Destination& at = *opened.destination;
   const auto answer = open_session(at, interface, deadline);
   if (!answer) return unexpected{answer.error()};

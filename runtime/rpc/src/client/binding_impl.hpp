@@ -17,6 +17,7 @@
 #include "rtpm/base/latest.hpp"
 #include "rtpm/rpc/binding.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
+#include "rtpm/transport/address.hpp"
 #include "rtpm/wire/control.hpp"
 #include "rtpm/wire/limits.hpp"
 #include "rtpm/wire/url.hpp"
@@ -28,6 +29,9 @@ namespace rtpm::rpc {
 
 /// The caller's word for a status that is not ok.
 [[nodiscard]] CallError error_of(wire::Status status) noexcept;
+
+/// Whether a server that was reached will not serve this binding. It takes another one to help.
+[[nodiscard]] bool is_refusal(std::error_code cause) noexcept;
 
 /// Where a binding's object is, as far as calls ask. Constant once it is made.
 struct Destination {
@@ -120,8 +124,14 @@ class Binding::Impl {
     std::unique_ptr<Destination> destination;
     Bound bound{};
   };
+  /// Tries the hosts of the URL, and the addresses of their names, one after the other, each with
+  /// its part of the time that is left.
   [[nodiscard]] expected<Opened, SetupError> open(const std::string& at_url,
                                                   MonotonicTime deadline);
+  [[nodiscard]] expected<Opened, SetupError> open_at(const transport::SocketAddress& server,
+                                                     const std::string& path,
+                                                     const std::string& at_url,
+                                                     MonotonicTime deadline);
   [[nodiscard]] expected<Bound, SetupError> open_session(Destination& at,
                                                          const InterfaceDescriptor& wanted,
                                                          MonotonicTime deadline);

@@ -258,7 +258,8 @@ CallOutcome CallChannel::finish(MonotonicTime until, MonotonicTime now) noexcept
       break;
   }
   drop_transport();
-  return {.error = CallError::kDisconnected};
+  const bool is_own_lack = std::exchange(lacks_memory_, false);
+  return {.error = is_own_lack ? CallError::kNoResources : CallError::kDisconnected};
 }
 
 // A caller that only sends hears of the session's end by looking now and then: sooner where the
@@ -472,6 +473,7 @@ void CallChannel::take(ConstBytes frame, MonotonicTime now) noexcept {
   set_event([&] { return wire_.on_frame(frame, now); });
   if (event_.kind == wire::ChannelEvent::Kind::kNeedBuffer) {
     if (!make_room(event_.reply_size, event_.call)) {
+      lacks_memory_ = true;
       event_ = {.kind = wire::ChannelEvent::Kind::kBroken};
       return;
     }

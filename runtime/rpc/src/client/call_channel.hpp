@@ -193,6 +193,7 @@ class CallChannel {
   MonotonicTime last_look_{};
   MonotonicTime last_check_{};  ///< For what its transport sees only when it waits.
   wire::ChannelEvent event_{};  ///< The last.
+  bool lacks_memory_ = false;   ///< For the reply of a call: why the connection was given up.
   wire::ClientChannel wire_;
 };
 

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <mutex>
 #include <optional>
 #include <utility>
@@ -12,6 +13,9 @@
 // rebinder looks where the name leads.
 namespace rtpm::rpc {
 namespace {
+
+// How long a server may take to answer before the name is looked up again.
+constexpr Duration kFollowPatience = std::chrono::seconds{1};
 
 // Whether the server that the name led to may be gone, or another be in its place. What is the
 // caller's own (no channel, too large) and what a living server says of itself (overload) is not.
@@ -33,13 +37,12 @@ bool may_be_gone(CallError error) noexcept {
   }
 }
 
-// Whether a server that was reached will not serve this binding. It takes another one to help.
+}  // namespace
+
 bool is_refusal(std::error_code cause) noexcept {
   return cause == CallError::kWrongInterface || cause == CallError::kNoSuchMethod ||
          cause == CallError::kNoSuchObject || cause == CallError::kVersionUnsupported;
 }
-
-}  // namespace
 
 CallError Binding::Impl::note_failure(CallError error) noexcept {
   if (!follows() || !may_be_gone(error)) return error;
@@ -54,7 +57,9 @@ void Binding::Impl::ask_for_name() noexcept {
 }
 
 bool Binding::Impl::follow(const std::string& at_url) {
-  auto opened = open(at_url, deadline_after(bind_options.deadline, rt::now()));
+  // The name may lead elsewhere by then, and the system may not tell that the port is closed.
+  const Duration patience = std::min(bind_options.deadline, kFollowPatience);
+  auto opened = open(at_url, deadline_after(patience, rt::now()));
   if (!opened) {
     const std::error_code cause = opened.error().cause;
     refusal.store(is_refusal(cause) ? cause.value() : kNoRefusal, std::memory_order_relaxed);

@@ -33,6 +33,8 @@ bool Connections::add(std::unique_ptr<transport::Connection>& stream, MonotonicT
   slot.peer = {host.high, host.low, slot.generation << kIndexBits | index};
   slot.heard = now;
   slot.is_memory = slot.stream->is_memory();
+  slot.is_from_this_host =
+      slot.is_memory || transport::is_from_this_host(slot.stream->descriptor());
   if (!watch(slot)) {
     stream = std::move(slot.stream);
     return false;

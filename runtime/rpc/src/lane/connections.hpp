@@ -22,6 +22,7 @@ struct Slot {
   MonotonicTime heard{};         ///< When its last frame came, or it itself.
   std::uint32_t generation = 0;  ///< Of the connections that stood here, one after the other.
   bool is_memory = false;
+  bool is_from_this_host = false;
   bool has_leftovers = false;  ///< It stands among the leftovers.
 };
 

@@ -30,17 +30,30 @@ std::uint32_t call_count_max(const LaneSetup& setup) noexcept {
          ThreadPool::static_count(config) + config.dynamic_threads + setup.lendable_thread_count;
 }
 
-// Some wait sets receive from the port rather than ask for it first.
-bool watch_port(transport::WaitSet& wait_set, DatagramPort& port) noexcept {
-  if (auto* const receiving = dynamic_cast<transport::PortWaitSet*>(&wait_set)) {
-    return receiving->add_port(port.socket(), port.buffer(), kPortSource);
+// Some wait sets receive from a single port rather than ask for it first.
+bool watch_ports(transport::WaitSet& wait_set, const Media& media) noexcept {
+  const auto ports = media.ports();
+  auto* const receiving = dynamic_cast<transport::PortWaitSet*>(&wait_set);
+  if (receiving != nullptr && ports.size() == 1) {
+    return receiving->add_port(ports[0]->socket(), ports[0]->buffer(), kPortSource);
   }
-  return wait_set.add(port.socket().descriptor(), kPortSource, transport::Trigger::kLevel);
+  for (std::uint32_t i = 0; i < ports.size(); ++i) {
+    const int descriptor = ports[i]->socket().descriptor();
+    if (!wait_set.add(descriptor, SourceTag(kPortKind, i), transport::Trigger::kLevel)) {
+      return false;
+    }
+  }
+  return true;
+}
+
+// As CallerHost has it.
+std::uint64_t host_number(const wire::PeerAddress& host) noexcept {
+  return host.high != 0 ? host.high : ntohl(static_cast<std::uint32_t>(host.low));
 }
 
 }  // namespace
 
-Lane::Lane(const LaneSetup& setup, transport::UdpPort port,
+Lane::Lane(const LaneSetup& setup, std::vector<transport::UdpPort> ports,
            std::unique_ptr<transport::WaitSet> wait_set)
     : config_(setup.config),
       band_(setup.band),
@@ -48,7 +61,7 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port,
       doorbell_(std::make_shared<Doorbell>(*wait_set_)),
       report_(*setup.slot, setup.config, setup.band),
       tap_(ThreadPool::is_wanted(setup.config, setup.borrows)),
-      media_(setup, std::move(port), *wait_set_, report_),
+      media_(setup, std::move(ports), *wait_set_, report_),
       calls_(std::make_shared<PendingPool>(call_count_max(setup), setup.deferred_call_count_max,
                                            setup.sessions.message_size_max, setup.stream_byte_max,
                                            ThreadPool::is_wanted(setup.config, setup.borrows),
@@ -60,7 +73,7 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port,
       idling_(setup.config.wait) {
   const LaneParts parts{*this,  config_, is_stopping_, *setup.slot, dispatch_,
                         calls_, report_, idling_,      *wait_set_};
-  const bool is_watched = watch_port(*wait_set_, media_.port());
+  const bool is_watched = watch_ports(*wait_set_, media_);
   RTPM_ASSERT(is_watched, "a new wait set takes a port");
   if (ThreadPool::is_wanted(config_, setup.borrows)) {
     auto* const lower = setup.lower == nullptr
@@ -82,7 +95,8 @@ void Lane::stop() noexcept {
 void Lane::close() noexcept {
   Lead lead;
   doorbell_->close();
-  wait_set_->remove(media_.port().socket().descriptor());
+  for (const auto& port : media_.ports())
+    wait_set_->remove(port->socket().descriptor());
   media_.close(lead);
   calls_.publish(lead);
 }
@@ -138,12 +152,12 @@ bool Lane::turn(Lead& lead) noexcept {
   // A lane that blocks waits for all of its sockets at once rather than ask the last one first.
   const bool is_asked = is_memory_hot || !idling_.is_blocking();
   const bool has_served = is_asked && serve_source(lead, hot);
-  if (has_served && media_.connections().count() == 0 && hot != kGateSource) return true;
+  if (has_served && media_.has_one_source() && hot != kGateSource) return true;
   if (!has_served || attention_.is_memory_look_due(received_)) {
     attention_.on_memory_look(received_);
     if (serve_memory(lead, has_served ? kMemoryLooksWhenDue : kMemoryLooksPerTurn)) return true;
   }
-  const bool is_alone = media_.connections().count() == 0 && hot != kGateSource;
+  const bool is_alone = media_.has_one_source() && hot != kGateSource;
   const bool is_look_due = has_served ? attention_.is_look_due(received_, is_memory_hot)
                                       : !idling_.is_blocking() && attention_.is_idle_look_due();
   if (is_alone || !is_look_due) return has_served;
@@ -163,7 +177,7 @@ bool Lane::look(Lead& lead, MonotonicTime until) noexcept {
   if (may_sleep) doorbell_->announce_sleep();
   const bool has_none = !may_sleep || (connections.announce_sleep() && calls_.pool()->may_sleep() &&
                                        gate_->may_sleep());
-  const bool has_leftovers = connections.has_leftovers() || media_.port().has_leftovers();
+  const bool has_leftovers = connections.has_leftovers() || media_.has_leftover_datagrams();
   if (has_leftovers || !has_none) until = transport::kAlready;
   transport::WaitLock* const held = until == transport::kAlready ? nullptr : execution_->lock();
   const std::size_t count = wait_set_->wait(until, ready_, held);
@@ -172,7 +186,7 @@ bool Lane::look(Lead& lead, MonotonicTime until) noexcept {
     connections.end_sleep();
   }
   if (calls_.has_any()) calls_.on_time(lead, rt::now());
-  bool has_served = media_.port().has_leftovers() && serve_source(lead, kPortSource);
+  bool has_served = serve_leftover_datagrams(lead);
   for (Slot* const slot : connections.take_leftovers()) {
     if (slot->stream && serve_source(lead, connections.tag_of(*slot))) has_served = true;
   }
@@ -189,11 +203,11 @@ bool Lane::serve_ready(Lead& lead, SourceTag source) noexcept {
   const bool has_served = serve_source(lead, source);
   // Another thread, or the frame itself, may have ended the connection.
   Slot* const slot = media_.connections().find(source);
-  if (slot == nullptr && source != kPortSource) return has_served;
+  if (slot == nullptr && source.kind() != kPortKind) return has_served;
   // Only now, as the caller waits for its reply and not for this.
   if (source.kind() == kConnectionKind) slot->stream->on_ready();
   if (has_served) {
-    attention_.set_hot(slot == nullptr ? kPortSource : media_.connections().tag_of(*slot));
+    attention_.set_hot(slot == nullptr ? source : media_.connections().tag_of(*slot));
   }
   return has_served;
 }
@@ -216,8 +230,8 @@ bool Lane::serve_source(Lead& lead, SourceTag source) noexcept {
   bool has_served = false;
   if (source == kGateSource) {
     has_served = serve_gate(lead);
-  } else if (source == kPortSource) {
-    has_served = serve_datagrams(lead);
+  } else if (source.kind() == kPortKind) {
+    has_served = serve_datagrams(lead, *media_.ports()[source.index()]);
   } else if (Slot* const slot = media_.connections().find(source)) {
     has_served = serve_connection(lead, *slot);
   } else if (attention_.hot() == source) {
@@ -243,9 +257,18 @@ bool Lane::serve_gate(Lead& lead) noexcept {
   return true;
 }
 
+bool Lane::serve_leftover_datagrams(Lead& lead) noexcept {
+  bool has_served = false;
+  const auto ports = media_.ports();
+  for (std::uint32_t i = 0; i < ports.size(); ++i) {
+    if (!ports[i]->has_leftovers()) continue;
+    if (serve_source(lead, SourceTag(kPortKind, i))) has_served = true;
+  }
+  return has_served;
+}
+
 // Serves datagrams that came together, for no longer than others of the band may have to wait.
-bool Lane::serve_datagrams(Lead& lead) noexcept {
-  DatagramPort& port = media_.port();
+bool Lane::serve_datagrams(Lead& lead, DatagramPort& port) noexcept {
   const auto begin = port.receive();
   if (!begin) return false;
   received_ = *begin;
@@ -253,7 +276,7 @@ bool Lane::serve_datagrams(Lead& lead) noexcept {
     const wire::PeerAddress& peer = port.peer();
     wire::ServerSessions& sessions = media_.datagrams();
     wire::Verdict verdict = sessions.on_frame(*frame, peer, received_);
-    verdict.request.caller_host = transport::ipv4_of(peer);
+    verdict.request.caller_host = host_number(port.socket().host_of(peer));
     ConstBytes answer = verdict.frame;
     const bool has_more = port.has_leftovers();
     if (verdict.action == wire::Verdict::Action::kDispatch) {
@@ -286,7 +309,7 @@ bool Lane::serve_connection(Lead& lead, Slot& slot) noexcept {
   const SourceTag source = media_.connections().tag_of(slot);
   wire::ServerSessions& sessions = media_.sessions_of(slot);
   wire::Verdict verdict = sessions.on_frame(*frame, slot.peer, received_);
-  verdict.request.caller_host = slot.is_memory ? kThisHost.ipv4 : transport::ipv4_of(slot.peer);
+  verdict.request.caller_host = slot.is_from_this_host ? kThisHost.number : host_number(slot.peer);
   ConstBytes answer = verdict.frame;
   if (verdict.action == wire::Verdict::Action::kDispatch) {
     answer = execution_->accept(lead, sessions, verdict.request);

@@ -3,6 +3,7 @@
 #include <array>
 #include <atomic>
 #include <memory>
+#include <vector>
 
 #include "calls/dispatch.hpp"
 #include "calls/open_calls.hpp"
@@ -25,8 +26,9 @@ namespace rtpm::rpc {
 /// @realtime alloc-free but for construction, start() and maintain_threads()
 class Lane {
  public:
-  /// @param wait_set  to which the port of the lane was not added yet
-  Lane(const LaneSetup& setup, transport::UdpPort port,
+  /// @param ports     at least one; of several each with its index
+  /// @param wait_set  to which the ports were not added yet
+  Lane(const LaneSetup& setup, std::vector<transport::UdpPort> ports,
        std::unique_ptr<transport::WaitSet> wait_set);
 
   /// Whether the system gave the memory for large messages, streams and kept calls. Without it the
@@ -76,7 +78,8 @@ class Lane {
   [[nodiscard]] bool serve_memory(Lead& lead, std::size_t look_count) noexcept;
   [[nodiscard]] bool serve_source(Lead& lead, SourceTag source) noexcept;
   [[nodiscard]] bool serve_gate(Lead& lead) noexcept;
-  [[nodiscard]] bool serve_datagrams(Lead& lead) noexcept;
+  [[nodiscard]] bool serve_leftover_datagrams(Lead& lead) noexcept;
+  [[nodiscard]] bool serve_datagrams(Lead& lead, DatagramPort& port) noexcept;
   [[nodiscard]] bool serve_connection(Lead& lead, Slot& slot) noexcept;
   void obey(Lead& lead, const Pause& pause) noexcept;
   void end(Lead& lead) noexcept;

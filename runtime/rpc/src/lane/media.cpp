@@ -60,16 +60,17 @@ Media::Medium::Medium(const LaneSetup& setup, wire::ServerSessionsConfig config)
       items(item_memory(setup, config.medium)),
       sessions(with_memory(config, messages.bytes(), items.bytes())) {}
 
-Media::Media(const LaneSetup& setup, transport::UdpPort port, transport::WaitSet& wait_set,
-             LaneReport& report)
+Media::Media(const LaneSetup& setup, std::vector<transport::UdpPort> ports,
+             transport::WaitSet& wait_set, LaneReport& report)
     : report_(report),
       handover_(wait_set, *setup.acceptor_bell),
       datagrams_(setup, datagram_config(setup)),
       streams_(setup, stream_config(setup)),
       memory_(setup, memory_config(setup)),
       has_memory_(true),
-      port_(std::move(port), report),
       connections_(2 * std::size_t{setup.sessions.session_count_max}, wait_set) {
+  for (transport::UdpPort& port : ports)
+    ports_.push_back(std::make_unique<DatagramPort>(std::move(port), report));
   for (const Medium* medium : {&datagrams_, &streams_, &memory_}) {
     const auto kind = medium == &datagrams_ ? wire::Medium::kDatagram : wire::Medium::kStream;
     has_memory_ = has_memory_ && medium->messages.bytes().size() == message_memory(setup) &&
@@ -155,7 +156,8 @@ bool Media::send(Lead& lead, wire::ServerSessions& sessions, Slot& slot,
 
 void Media::close(Lead& lead) noexcept {
   handover_.close();
-  port_.close();
+  for (const auto& port : ports_)
+    port->close();
   report_.counters(lead).connection_lost_count += connections_.clear();
 }
 

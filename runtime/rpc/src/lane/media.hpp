@@ -1,8 +1,10 @@
 #pragma once
 
-#include <array>
+#include <algorithm>
 #include <cstdint>
 #include <memory>
+#include <span>
+#include <vector>
 
 #include "lane/connections.hpp"
 #include "lane/datagram_port.hpp"
@@ -21,14 +23,34 @@ struct LaneSetup;
 /// @realtime alloc-free but for construction
 class Media {
  public:
-  Media(const LaneSetup& setup, transport::UdpPort port, transport::WaitSet& wait_set,
+  /// @param ports  at least one; of several each with its index
+  Media(const LaneSetup& setup, std::vector<transport::UdpPort> ports, transport::WaitSet& wait_set,
         LaneReport& report);
 
   /// False: the system gave no memory for large messages or streams.
   [[nodiscard]] bool has_memory() const noexcept { return has_memory_; }
 
   [[nodiscard]] Handover& handover() noexcept { return handover_; }
-  [[nodiscard]] DatagramPort& port() noexcept { return port_; }
+  /// One for each address that the server serves; one for all of "any".
+  [[nodiscard]] std::span<const std::unique_ptr<DatagramPort>> ports() const noexcept {
+    return ports_;
+  }
+  /// Where datagrams of the peer come and go.
+  [[nodiscard]] DatagramPort& port_of(const wire::PeerAddress& peer) const noexcept {
+    return *ports_[ports_.size() == 1 ? 0 : transport::UdpPort::index_of(peer)];
+  }
+  [[nodiscard]] bool has_leftover_datagrams() const noexcept {
+    return std::ranges::any_of(ports_, [](const auto& port) { return port->has_leftovers(); });
+  }
+  /// Sends the datagrams that wait.
+  void flush(Lead& lead) noexcept {
+    for (const auto& port : ports_)
+      port->flush(lead);
+  }
+  /// Whether frames can come from one UDP port only.
+  [[nodiscard]] bool has_one_source() const noexcept {
+    return ports_.size() == 1 && connections_.count() == 0;
+  }
   [[nodiscard]] Connections& connections() noexcept { return connections_; }
   [[nodiscard]] const Connections& connections() const noexcept { return connections_; }
   [[nodiscard]] wire::ServerSessions& datagrams() noexcept { return datagrams_.sessions; }
@@ -59,7 +81,7 @@ class Media {
   /// @return false: the peer does not take its frames; retire it
   [[nodiscard]] bool send(Lead&, wire::ServerSessions& sessions, Slot& slot,
                           ConstBytes frame) noexcept;
-  /// Once no thread of the lane runs: ends all connections and closes the port.
+  /// Once no thread of the lane runs: ends all connections and closes the ports.
   void close(Lead&) noexcept;
 
  private:
@@ -83,7 +105,7 @@ class Media {
   Medium streams_;
   Medium memory_;
   bool has_memory_;
-  DatagramPort port_;
+  std::vector<std::unique_ptr<DatagramPort>> ports_;
   Connections connections_;
 };
 

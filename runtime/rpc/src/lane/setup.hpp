@@ -13,8 +13,9 @@ namespace rtpm::rpc {
 class Lane;
 
 /// How many sources a lane of so many sessions waits for: a connection has a socket and an event.
-[[nodiscard]] constexpr std::size_t wait_source_count(std::uint32_t session_count_max) noexcept {
-  return 1 + 4 * std::size_t{session_count_max};
+[[nodiscard]] constexpr std::size_t wait_source_count(std::uint32_t session_count_max,
+                                                      std::size_t port_count = 1) noexcept {
+  return port_count + 4 * std::size_t{session_count_max};
 }
 
 /// What a lane is built from.

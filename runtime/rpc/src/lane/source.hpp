@@ -12,8 +12,10 @@ using transport::SourceTag;
 inline constexpr SourceKind kConnectionKind{1};
 /// The eventfd that the peer of a connection through memory signals; likewise.
 inline constexpr SourceKind kEventKind{2};
-/// The lane's UDP port.
-inline constexpr SourceTag kPortSource{SourceKind{3}};
+/// A UDP port of the lane; the tag has its index.
+inline constexpr SourceKind kPortKind{3};
+/// The first one, mostly the only one.
+inline constexpr SourceTag kPortSource{kPortKind};
 /// Calls of the same program.
 inline constexpr SourceTag kGateSource{SourceKind{4}};
 

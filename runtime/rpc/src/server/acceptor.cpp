@@ -21,14 +21,25 @@ constexpr int kAcceptsPerTurn = 16;
 // How long no connection is accepted after the system had no descriptor left to refuse one with.
 constexpr Duration kShortagePause = std::chrono::milliseconds{100};
 
+// False if the system refuses.
+template <class Listener>
+bool add_to_wait(transport::WaitSet& wait_set, const std::vector<Listener>& listeners,
+                 transport::SourceKind kind) noexcept {
+  for (std::uint32_t i = 0; i < listeners.size(); ++i) {
+    const transport::SourceTag tag(kind, i);
+    if (!wait_set.add(listeners[i].descriptor(), tag, transport::Trigger::kLevel)) return false;
+  }
+  return true;
+}
+
 }  // namespace
 
-Acceptor::Acceptor(transport::TcpListener listener,
-                   std::optional<transport::SharedMemoryListener> memory_listener,
+Acceptor::Acceptor(std::vector<transport::TcpListener> listeners,
+                   std::vector<transport::SharedMemoryListener> memory_listeners,
                    std::unique_ptr<transport::WaitSet> wait_set,
                    std::uint32_t message_size_max) noexcept
-    : listener_(std::move(listener)),
-      memory_listener_(std::move(memory_listener)),
+    : listeners_(std::move(listeners)),
+      memory_listeners_(std::move(memory_listeners)),
       wait_set_(std::move(wait_set)),
       message_size_max_(message_size_max),
       newcomers_(2 * kNewcomerCountMax) {
@@ -39,17 +50,16 @@ Acceptor::Acceptor(transport::TcpListener listener,
 // False if the system refuses.
 bool Acceptor::listen() noexcept {
   listening_from_ = MonotonicTime::min();
-  using transport::SourceTag;
-  using transport::Trigger;
-  return wait_set_->add(listener_->descriptor(), SourceTag(kListener), Trigger::kLevel) &&
-         (!memory_listener_ || wait_set_->add(memory_listener_->descriptor(),
-                                              SourceTag(kMemoryListener), Trigger::kLevel));
+  return add_to_wait(*wait_set_, listeners_, kListener) &&
+         add_to_wait(*wait_set_, memory_listeners_, kMemoryListener);
 }
 
 // Connections that wait would wake the thread again and again.
 void Acceptor::pause_listening(MonotonicTime now) noexcept {
-  wait_set_->remove(listener_->descriptor());
-  if (memory_listener_) wait_set_->remove(memory_listener_->descriptor());
+  for (const auto& listener : listeners_)
+    wait_set_->remove(listener.descriptor());
+  for (const auto& listener : memory_listeners_)
+    wait_set_->remove(listener.descriptor());
   listening_from_ = now + kShortagePause;
 }
 
@@ -76,8 +86,8 @@ void Acceptor::stop() noexcept {
   is_stopping_.store(true, std::memory_order_release);
   wait_set_->ring();
   thread_.join();
-  listener_.reset();
-  memory_listener_.reset();
+  listeners_.clear();
+  memory_listeners_.clear();
   newcomers_.clear();
 }
 
@@ -112,8 +122,9 @@ void Acceptor::run() noexcept {
       if (tag.kind() == kNewcomer) place(newcomers_[tag.index()]);
     }
     for (const transport::SourceTag tag : events) {
-      if (tag.kind() == kListener) accept_some(*listener_, /*is_memory=*/false);
-      if (tag.kind() == kMemoryListener) accept_some(*memory_listener_, /*is_memory=*/true);
+      const std::uint32_t i = tag.index();
+      if (tag.kind() == kListener) accept_some(listeners_[i], /*is_memory=*/false);
+      if (tag.kind() == kMemoryListener) accept_some(memory_listeners_[i], /*is_memory=*/true);
     }
     const MonotonicTime now = rt::now();
     if (is_paused && now >= listening_from_ && !listen()) pause_listening(now);

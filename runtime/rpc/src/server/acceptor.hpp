@@ -3,7 +3,6 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
-#include <optional>
 #include <vector>
 
 #include "lane/lane.hpp"
@@ -22,11 +21,16 @@ class Acceptor {
  public:
   /// Over TCP, and as many through shared memory, so that no network keeps local clients out.
   static constexpr std::size_t kNewcomerCountMax = 64;
-  static constexpr std::size_t kWaitSourceCount = 2 + 2 * kNewcomerCountMax;
+  /// How many sources it waits for, with so many listeners of both kinds.
+  [[nodiscard]] static constexpr std::size_t wait_source_count(
+      std::size_t listener_count) noexcept {
+    return listener_count + 2 * kNewcomerCountMax;
+  }
 
-  /// `wait_set`: with room for kWaitSourceCount sources.
-  Acceptor(transport::TcpListener listener,
-           std::optional<transport::SharedMemoryListener> memory_listener,
+  /// @param listeners  at least one
+  /// @param wait_set   takes wait_source_count() sources
+  Acceptor(std::vector<transport::TcpListener> listeners,
+           std::vector<transport::SharedMemoryListener> memory_listeners,
            std::unique_ptr<transport::WaitSet> wait_set, std::uint32_t message_size_max) noexcept;
 
   [[nodiscard]] transport::WaitSet& bell() noexcept { return *wait_set_; }
@@ -62,8 +66,8 @@ class Acceptor {
   void drop_late(MonotonicTime now) noexcept;
   void maintain_lanes() noexcept;
 
-  std::optional<transport::TcpListener> listener_;                  ///< None once stopped.
-  std::optional<transport::SharedMemoryListener> memory_listener_;  ///< Likewise; or not wanted.
+  std::vector<transport::TcpListener> listeners_;                  ///< None once stopped.
+  std::vector<transport::SharedMemoryListener> memory_listeners_;  ///< Likewise; or not wanted.
   std::unique_ptr<transport::WaitSet> wait_set_;
   std::uint32_t message_size_max_;
   MonotonicTime listening_from_ = MonotonicTime::min();  ///< Later: the listeners are not polled.

@@ -65,7 +65,7 @@ BusyMark::~BusyMark() {
 }
 
 expected<rt::PublicMemory, SetupError> make_lane_table(const ServerConfig& config,
-                                                       std::uint16_t port) {
+                                                       std::string_view hosts, std::uint16_t port) {
   const std::size_t count = config.lanes.size();
   auto table =
       rt::PublicMemory::create(kLaneTableName, sizeof(LaneTableHeader) + count * sizeof(LaneSlot));
@@ -77,7 +77,7 @@ expected<rt::PublicMemory, SetupError> make_lane_table(const ServerConfig& confi
   header->port = port;
   header->created_ns = to_ns(rt::now());
   put(header->server_name, config.name);
-  put(header->host, config.host);
+  put(header->host, hosts);
   for (std::size_t i = 0; i < count; ++i)
     new (table->bytes().data() + sizeof(LaneTableHeader) + i * sizeof(LaneSlot)) LaneSlot;
   return table;

@@ -12,10 +12,11 @@
 /// The server's side of its table of lanes.
 namespace rtpm::rpc {
 
-/// A table with a slot for each lane of `config`, which tools do not take for one yet.
+/// A table with a slot for each lane of `config` at `hosts`, which tools do not take for one yet.
 /// @realtime set-up only
 /// @errors   as rt::PublicMemory::create()
 [[nodiscard]] expected<rt::PublicMemory, SetupError> make_lane_table(const ServerConfig& config,
+                                                                     std::string_view hosts,
                                                                      std::uint16_t port);
 [[nodiscard]] LaneSlot& slot_of(const rt::PublicMemory& table, std::size_t lane) noexcept;
 /// From here on others read it.

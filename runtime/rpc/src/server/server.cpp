@@ -4,17 +4,19 @@
 #include <map>
 
 #include "lane/lane.hpp"
+#include "rtpm/base/printable.hpp"
 #include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/cpu_keeper.hpp"
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/memory.hpp"
+#include "rtpm/transport/address.hpp"
 #include "rtpm/transport/port_wait_set.hpp"
 #include "rtpm/transport/shared_memory.hpp"
-#include "rtpm/transport/socket.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
 #include "rtpm/wire/limits.hpp"
+#include "rtpm/wire/url.hpp"
 #include "server/acceptor.hpp"
 #include "server/lane_table_owner.hpp"
 #include "server/object_table.hpp"
@@ -130,22 +132,34 @@ class ServerImpl final : public Server {
                                  ObjectOptions options) override;
   expected<void, SetupError> start() override;
   void stop() noexcept override;
-  std::uint16_t port() const noexcept override { return port_; }
+  std::uint16_t port() const noexcept override { return url_.port; }
   std::string url(std::string_view path) const override {
-    return "rtpm://" + config_.host + ":" + std::to_string(port_) + "/" + std::string(path);
+    wire::Url url = url_;
+    url.path = path;
+    return url.text();
   }
+  std::vector<ServedAddress> served_addresses() const override;
   ServerCounters counters() const noexcept override;
   std::shared_ptr<CallTap> tap() noexcept override { return tap_; }
 
  private:
-  expected<std::vector<transport::UdpPort>, SetupError> open_ports(std::uint16_t port);
-  expected<std::optional<transport::SharedMemoryListener>, SetupError> open_memory_listener();
-  expected<void, SetupError> make_lanes(std::vector<transport::UdpPort> ports);
+  /// Of a lane, for each host in order.
+  using Ports = std::vector<transport::UdpPort>;
+  struct Sockets {
+    std::vector<transport::TcpListener> listeners{};
+    std::vector<Ports> ports_of_lanes{};
+  };
+  [[nodiscard]] std::vector<std::string> hosts_to_open() const;
+  expected<void, SetupError> find_hosts();
+  expected<Sockets, SetupError> open_sockets() const;
+  expected<std::vector<transport::SharedMemoryListener>, SetupError> open_memory_listeners() const;
+  expected<void, SetupError> make_lanes(std::vector<Ports> ports_of_lanes);
   [[nodiscard]] rt::CpuKeeper* keeper_of(const LaneConfig& lane);
   void open_door();
 
   ServerConfig config_;
-  std::uint16_t port_ = 0;
+  transport::HostsToServe hosts_;
+  wire::Url url_{};  ///< Without a path.
   ObjectTable objects_;
   std::shared_ptr<ServerTap> tap_ = std::make_shared<ServerTap>(objects_);
   std::unique_ptr<Acceptor> acceptor_;
@@ -162,73 +176,143 @@ std::string subject_of(const ServerConfig& config) {
   return "server '" + config.name + "'";
 }
 
-expected<std::vector<transport::UdpPort>, SetupError> ServerImpl::open_ports(std::uint16_t port) {
-  std::vector<transport::UdpPort> ports;
-  for (const LaneConfig& lane : config_.lanes) {
-    auto opened = transport::UdpPort::open(
-        {config_.host, port, lane.priority, lane.low, /*joins=*/!ports.empty()});
-    if (!opened) return setup_error(subject_of(config_), opened.error());
-    ports.push_back(std::move(*opened));
+// The hosts that a URL can tell callers of: loopback and link-local ones only if there are no
+// others.
+std::vector<std::string> hosts_for_callers(const transport::HostsToServe& hosts) {
+  const auto is_for_any_caller = [](const transport::SocketAddress& address) {
+    return !address.is_loopback() && !address.is_link_local();
+  };
+  std::vector<std::string> told;
+  std::vector<std::string> others;
+  for (const auto& [interface, address, prefix_size] : hosts.addresses) {
+    // Of "any" the link-local ones are as many as interfaces.
+    if (hosts.is_any && address.is_link_local()) continue;
+    (is_for_any_caller(address) ? told : others).push_back(address.host());
   }
-  return ports;
+  if (told.empty()) told = std::move(others);
+  if (told.size() > wire::kUrlHostCountMax) told.resize(wire::kUrlHostCountMax);
+  return told;
+}
+
+// Resolves what is served, and what callers are told, once.
+expected<void, SetupError> ServerImpl::find_hosts() {
+  auto hosts = transport::hosts_to_serve(config_.host, rt::now() + transport::kResolvePatience);
+  if (!hosts) return unexpected{hosts.error()};
+  hosts_ = std::move(*hosts);
+  url_.hosts = hosts_for_callers(hosts_);
+  if (config_.advertise.empty()) return {};
+  std::string list;
+  for (std::size_t begin = 0; begin <= config_.advertise.size();) {
+    const std::size_t end = std::min(config_.advertise.find(',', begin), config_.advertise.size());
+    list.append(list.empty() ? "" : ",");
+    const std::string host = config_.advertise.substr(begin, end - begin);
+    list += host.starts_with('[') ? host : wire::host_in_url(host);
+    begin = end + 1;
+  }
+  auto told = wire::parse_url("rtpm://" + list + ":1/any");
+  if (!told) {
+    return setup_error("'" + printable(config_.advertise) + "' is no list of hosts to advertise",
+                       "",
+                       "write at most " + std::to_string(wire::kUrlHostCountMax) +
+                           " addresses or host names with ',' between");
+  }
+  url_.hosts = std::move(told->hosts);
+  return {};
+}
+
+std::vector<std::string> ServerImpl::hosts_to_open() const {
+  if (hosts_.is_any) return {"any"};
+  std::vector<std::string> hosts;
+  for (const transport::InterfaceAddress& each : hosts_.addresses)
+    hosts.push_back(each.address.host());
+  return hosts;
+}
+
+std::vector<ServedAddress> ServerImpl::served_addresses() const {
+  std::vector<ServedAddress> served;
+  for (const transport::InterfaceAddress& each : hosts_.addresses)
+    served.push_back({wire::host_in_url(each.address.host()), each.interface});
+  return served;
+}
+
+expected<ServerImpl::Sockets, SetupError> ServerImpl::open_sockets() const {
+  Sockets sockets{.ports_of_lanes = std::vector<Ports>(config_.lanes.size())};
+  std::uint16_t port = config_.port;
+  std::uint16_t index = 0;
+  for (const std::string& host : hosts_to_open()) {
+    auto listener = transport::TcpListener::open(host, port);
+    if (!listener) return unexpected{listener.error()};
+    port = listener->port();
+    sockets.listeners.push_back(std::move(*listener));
+    std::vector<Priority> lows;
+    const transport::UdpPort* any_lane = nullptr;
+    for (std::size_t i = 0; i < config_.lanes.size(); ++i) {
+      const LaneConfig& lane = config_.lanes[i];
+      auto opened = transport::UdpPort::open(
+          {host, port, lane.priority, lane.low, /*joins=*/any_lane != nullptr, index});
+      if (!opened) return unexpected{opened.error()};
+      lows.push_back(lane.low);
+      sockets.ports_of_lanes[i].push_back(std::move(*opened));
+      any_lane = &sockets.ports_of_lanes[i].back();
+    }
+    if (lows.size() > 1) {
+      if (auto steered = transport::steer(*any_lane, lows); !steered) {
+        return unexpected{steered.error()};
+      }
+    }
+    ++index;
+  }
+  return sockets;
 }
 
 expected<void, SetupError> ServerImpl::open() {
   if (auto checked = check_limits(config_); !checked) {
     return setup_error(subject_of(config_), checked.error());
   }
-  // From here on the number stands for the name, also where callers are told of it.
-  auto host = transport::numeric_address_of(config_.host, rt::now() + transport::kResolvePatience);
-  if (!host) return setup_error(subject_of(config_), host.error());
-  config_.host = std::move(*host);
-  if (config_.host == "0.0.0.0") {
-    // Callers are told this address, and can't call 0.0.0.0.
-    return setup_error(subject_of(config_), "host 0.0.0.0 is no address that callers could use",
-                       "give this host's own address on the network to be served (see: ip addr)");
-  }
+  if (auto found = find_hosts(); !found) return setup_error(subject_of(config_), found.error());
   auto lanes = checked_lanes(config_.lanes);
   if (!lanes) return setup_error(subject_of(config_), lanes.error());
   config_.lanes = std::move(*lanes);
-  // TCP and UDP share the number. Where the system chooses it for TCP, UDP may have it taken.
+  // All sockets share the number. Where the system chooses it for one, another may have it taken.
   constexpr int kAttemptCount = 16;
   for (int attempt = 1;; ++attempt) {
-    auto listener = transport::TcpListener::open(config_.host, config_.port);
-    if (!listener) return setup_error(subject_of(config_), listener.error());
-    auto ports = open_ports(listener->port());
-    if (!ports && config_.port == 0 && attempt < kAttemptCount) continue;
-    if (!ports) return unexpected{ports.error()};
-    auto wait_set = transport::PolledWaitSet::open(Acceptor::kWaitSourceCount);
+    auto sockets = open_sockets();
+    if (!sockets && config_.port == 0 && attempt < kAttemptCount) continue;
+    if (!sockets) return setup_error(subject_of(config_), sockets.error());
+    url_.port = sockets->listeners.front().port();
+    auto memory_listeners = open_memory_listeners();
+    if (!memory_listeners) return setup_error(subject_of(config_), memory_listeners.error());
+    auto wait_set = transport::PolledWaitSet::open(
+        Acceptor::wait_source_count(sockets->listeners.size() + memory_listeners->size()));
     if (!wait_set) return setup_error(subject_of(config_), wait_set.error());
-    port_ = listener->port();
-    auto memory_listener = open_memory_listener();
-    if (!memory_listener) return unexpected{memory_listener.error()};
     acceptor_ = std::make_unique<Acceptor>(
-        std::move(*listener), std::move(*memory_listener), std::move(*wait_set),
+        std::move(sockets->listeners), std::move(*memory_listeners), std::move(*wait_set),
         std::min(config_.message_size_max,
                  static_cast<std::uint32_t>(wire::kStreamPayloadSizeMax)));
-    return make_lanes(std::move(*ports));
+    return make_lanes(std::move(sockets->ports_of_lanes));
   }
 }
 
-expected<std::optional<transport::SharedMemoryListener>, SetupError>
-ServerImpl::open_memory_listener() {
-  std::optional<transport::SharedMemoryListener> none;
-  if (!config_.shared_memory) return none;
-  auto listener =
-      transport::SharedMemoryListener::open({config_.host, port_, config_.shared_memory_folder});
-  if (!listener) return setup_error(subject_of(config_), listener.error());
-  return std::optional(std::move(*listener));
+// hp-16.1-1: one for each address, as callers of this host may know any.
+expected<std::vector<transport::SharedMemoryListener>, SetupError>
+ServerImpl::open_memory_listeners() const {
+  std::vector<transport::SharedMemoryListener> listeners;
+  if (!config_.shared_memory) return listeners;
+  for (const transport::InterfaceAddress& each : hosts_.addresses) {
+    if (hosts_.is_any && each.address.is_link_local()) continue;
+    // Containers that share a folder all have the loopback addresses.
+    const bool is_ambiguous = hosts_.is_any && !config_.shared_memory_folder.empty() &&
+                              each.address.is_loopback() && hosts_.addresses.size() > 2;
+    if (is_ambiguous || listeners.size() == transport::kServedAddressCountMax) continue;
+    auto listener = transport::SharedMemoryListener::open(
+        {each.address.host(), url_.port, config_.shared_memory_folder});
+    if (!listener) return unexpected{listener.error()};
+    listeners.push_back(std::move(*listener));
+  }
+  return listeners;
 }
 
-expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort> ports) {
-  std::vector<Priority> lows;
-  for (const LaneConfig& lane : config_.lanes)
-    lows.push_back(lane.low);
-  if (lows.size() > 1) {
-    if (auto steered = transport::steer(ports.front(), lows); !steered) {
-      return setup_error(subject_of(config_), steered.error());
-    }
-  }
+expected<void, SetupError> ServerImpl::make_lanes(std::vector<Ports> ports_of_lanes) {
   LaneSetup setup;
   setup.objects = &objects_;
   setup.acceptor_bell = &acceptor_->bell();
@@ -239,7 +323,11 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort
   setup.sessions.ceiling = config_.ceiling;
   setup.sessions.session_count_max = config_.session_count_max;
   setup.sessions.message_size_max = config_.message_size_max;
-  auto table = make_lane_table(config_, port_);
+  std::string hosts = hosts_.is_any ? "any" : "";
+  for (const ServedAddress& each : served_addresses()) {
+    if (!hosts_.is_any) hosts.append(hosts.empty() ? "" : ",").append(each.host);
+  }
+  auto table = make_lane_table(config_, hosts, url_.port);
   if (!table) return setup_error(subject_of(config_), table.error());
   lane_table_ = std::move(*table);
   setup.large_message_count_max = config_.large_message_count_max;
@@ -250,17 +338,18 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort
   setup.inbound_priority = config_.inbound_priority;
   setup.borrows = config_.borrows;
   for (std::size_t i = 0; i < config_.lanes.size(); ++i) {
-    auto wait_set =
-        transport::PortWaitSet::open(wait_source_count(setup.sessions.session_count_max));
+    auto wait_set = transport::PortWaitSet::open(
+        wait_source_count(setup.sessions.session_count_max, ports_of_lanes[i].size()));
     if (!wait_set) return setup_error(subject_of(config_), wait_set.error());
     const bool is_last = i + 1 == config_.lanes.size();
     setup.config = config_.lanes[i];
-    setup.band = {lows[i],
-                  is_last ? Priority{Priority::kHighest} : Priority{lows[i + 1].value() - 1}};
+    setup.band = {config_.lanes[i].low, is_last ? Priority{Priority::kHighest}
+                                                : Priority{config_.lanes[i + 1].low.value() - 1}};
     setup.sessions.band = setup.band;
     setup.sessions.lane = static_cast<std::uint32_t>(i);
     setup.slot = &slot_of(lane_table_, i);
-    lanes_.push_back(std::make_unique<Lane>(setup, std::move(ports[i]), std::move(*wait_set)));
+    lanes_.push_back(
+        std::make_unique<Lane>(setup, std::move(ports_of_lanes[i]), std::move(*wait_set)));
     if (!lanes_.back()->has_memory()) {
       return setup_error(
           subject_of(config_) + ": the system gives no memory for lane '" + setup.config.name + "'",

@@ -11,12 +11,13 @@
 #include <cstring>
 
 #include "rtpm/base/assert.hpp"
+#include "rtpm/wire/url.hpp"
 
 namespace rtpm::transport {
 namespace {
 
 std::string name_of(const SharedMemoryAddress& address) {
-  return address.host + ":" + std::to_string(address.port);
+  return wire::host_in_url(address.host) + ":" + std::to_string(address.port);
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 #include "rtpm/transport/client_transport.hpp"
 
+#include <netinet/in.h>
 #include <netinet/ip.h>
 #include <sys/socket.h>
 
@@ -10,10 +11,12 @@
 #include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/lazy_memory.hpp"
+#include "rtpm/transport/address.hpp"
 #include "rtpm/transport/socket.hpp"
 #include "rtpm/transport/stream.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/wire/limits.hpp"
+#include "rtpm/wire/url.hpp"
 #include "sockets/native.hpp"
 #include "udp/segments.hpp"
 
@@ -23,28 +26,31 @@ namespace {
 // How long a caller waits for space in a stream's buffer before it gives the peer up.
 constexpr Duration kSendPatience = std::chrono::milliseconds{100};
 
+std::string name_of(const std::string& host, std::uint16_t port) {
+  return wire::host_in_url(host) + ":" + std::to_string(port);
+}
+
 SetupError no_socket(const std::string& host, std::uint16_t port, int error) {
-  return no_descriptor("a socket to reach " + host + ":" + std::to_string(port), error);
+  return no_descriptor("a socket to reach " + name_of(host, port), error);
 }
 
 // UDP's connect() asks no peer: it fails if there is no route.
 SetupError not_reached(const std::string& host, std::uint16_t port, int error) {
   if (is_shortage(error)) return no_socket(host, port, error);
-  return {host + ":" + std::to_string(port) + " can't be reached over UDP", std::strerror(error),
+  return {name_of(host, port) + " can't be reached over UDP", std::strerror(error),
           "check the host, and this host's routes (ip route)", system_error(error)};
 }
 
 SetupError no_answer(std::string_view protocol, const std::string& host, std::uint16_t port,
                      int error) {
-  return {"no server answers at " + std::string(protocol) + " " + host + ":" + std::to_string(port),
+  return {"no server answers at " + std::string(protocol) + " " + name_of(host, port),
           std::strerror(error), "start the server, or check host and port", system_error(error)};
 }
 
 // Whether the system gave a socket the very port that it connects to, as may happen if no server
 // has it: the socket would talk to itself.
-bool is_its_own_peer(int socket, const sockaddr_in& peer) noexcept {
-  const sockaddr_in own = own_address(socket);
-  return own.sin_port == peer.sin_port && own.sin_addr.s_addr == peer.sin_addr.s_addr;
+bool is_its_own_peer(int socket, const SocketAddress& peer) noexcept {
+  return own_address(socket) == peer;
 }
 
 class UdpTransport final : public ClientTransport {
@@ -62,7 +68,7 @@ class UdpTransport final : public ClientTransport {
   }
   expected<void, IoError> send_batch(const DatagramBatch& batch) noexcept override {
     if (can_send_batches_) {
-      if (send_segments(socket_.number(), nullptr, batch) >= 0) return {};
+      if (send_segments(socket_.number(), nullptr, nullptr, batch) >= 0) return {};
       if (!means_no_batches(errno)) return unexpected{error_of(errno)};
       can_send_batches_ = false;
     }
@@ -95,7 +101,7 @@ class UdpTransport final : public ClientTransport {
       const MutableBytes buffer = takes_batches ? batch_buffer_.bytes() : MutableBytes(buffer_);
       std::size_t each = 0;
       const ssize_t count =
-          receive_datagrams(socket_.number(), takes_batches, buffer, nullptr, flags, each);
+          receive_datagrams(socket_.number(), takes_batches, buffer, nullptr, nullptr, flags, each);
       if (count < 0) return unexpected{error_of(errno)};
       received_ = Datagrams{buffer.first(static_cast<std::size_t>(count)), each, {}};
     }
@@ -149,10 +155,8 @@ class TcpTransport final : public ClientTransport {
 };
 
 // Whether what a connected socket sends stays on this host.
-bool is_on_host(int socket, const sockaddr_in& peer) noexcept {
-  constexpr std::uint32_t kLoopbackNet = 127;
-  if (ntohl(peer.sin_addr.s_addr) >> 24 == kLoopbackNet) return true;
-  return own_address(socket).sin_addr.s_addr == peer.sin_addr.s_addr;
+bool is_on_host(int socket, const SocketAddress& peer) noexcept {
+  return peer.is_loopback() || own_address(socket).is_same_host(peer);
 }
 
 // Waits until a connection is established; 0 or the error number.
@@ -186,16 +190,17 @@ expected<std::unique_ptr<ClientTransport>, SetupError> open_udp_transport(const 
                                                                           Priority priority) {
   const auto address = address_of(host, port);
   if (!address) return unexpected{address.error()};
-  Descriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  Descriptor socket(::socket(address->family(), SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (!socket.is_open()) return unexpected{no_socket(host, port, errno)};
   // Connected, so that the system looks the route up once and reports a port without a socket.
-  if (connect(socket.number(), generic(*address), sizeof *address) != 0) {
+  if (connect_to(socket.number(), *address) != 0) {
     return unexpected{not_reached(host, port, errno)};
   }
   if (is_its_own_peer(socket.number(), *address)) {
     return unexpected{no_answer("UDP", host, port, ECONNREFUSED)};
   }
   set_option(socket.number(), IPPROTO_IP, IP_MTU_DISCOVER, int{IP_PMTUDISC_DO});
+  set_option(socket.number(), IPPROTO_IPV6, IPV6_MTU_DISCOVER, int{IPV6_PMTUDISC_DO});
   set_traffic_class(socket.number(), priority);
   const bool stays_here = is_on_host(socket.number(), *address);
   return std::unique_ptr<ClientTransport>(
@@ -207,12 +212,12 @@ expected<std::unique_ptr<ClientTransport>, SetupError> open_tcp_transport(
     MonotonicTime deadline) {
   const auto address = address_of(host, port);
   if (!address) return unexpected{address.error()};
-  Descriptor socket(::socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  Descriptor socket(::socket(address->family(), SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (!socket.is_open()) return unexpected{no_socket(host, port, errno)};
   set_traffic_class(socket.number(), priority);
   prepare_stream(socket.number());
   int error = 0;
-  if (connect(socket.number(), generic(*address), sizeof *address) != 0) {
+  if (connect_to(socket.number(), *address) != 0) {
     error = errno == EINPROGRESS ? finish_connecting(socket.number(), deadline) : errno;
   }
   if (is_shortage(error)) return unexpected{no_socket(host, port, error)};

@@ -20,15 +20,11 @@
 namespace rtpm::transport {
 namespace {
 
-sockaddr_in native(std::uint32_t ipv4, std::uint16_t port) noexcept {
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(ipv4);
-  address.sin_port = htons(port);
-  return address;
+SocketAddress address_of_peer(const LanPeer& peer) noexcept {
+  return {in_addr{htonl(peer.ipv4)}, peer.port};
 }
 
-Descriptor make_socket() noexcept {
+Descriptor make_lan_socket() noexcept {
   return Descriptor(::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
 }
 
@@ -96,33 +92,32 @@ std::uint32_t parse_address(const std::string& text) noexcept {
 }
 
 expected<LanSocket, SetupError> LanSocket::open(const std::string& address, std::uint16_t port) {
-  Descriptor socket = make_socket();
+  Descriptor socket = make_lan_socket();
   const int number = socket.number();
   in_addr own{};
   if (inet_pton(AF_INET, address.c_str(), &own) != 1) {
     return setup_error("'" + address + "' is no IPv4 address");
   }
-  const sockaddr_in name = native(ntohl(own.s_addr), port);
-  const bool is_set = socket.is_open() &&
-                      (port == 0 || set_option(number, SOL_SOCKET, SO_REUSEADDR, 1)) &&
-                      set_option(number, IPPROTO_IP, IP_MULTICAST_ALL, 0) &&
-                      set_option(number, IPPROTO_IP, IP_MULTICAST_TTL, 1) &&
-                      set_option(number, IPPROTO_IP, IP_MULTICAST_IF, own) &&
-                      ::bind(number, generic(name), sizeof name) == 0;
+  const SocketAddress name(own, port);
+  const bool is_set =
+      socket.is_open() && (port == 0 || set_option(number, SOL_SOCKET, SO_REUSEADDR, 1)) &&
+      set_option(number, IPPROTO_IP, IP_MULTICAST_ALL, 0) &&
+      set_option(number, IPPROTO_IP, IP_MULTICAST_TTL, 1) &&
+      set_option(number, IPPROTO_IP, IP_MULTICAST_IF, own) && bind_to(number, name) == 0;
   if (!is_set) return failed("UDP " + address + ":" + std::to_string(port) + " can't be used");
   return LanSocket(std::move(socket));
 }
 
 expected<LanSocket, SetupError> LanSocket::join(const std::string& group, std::uint16_t port,
                                                 const std::vector<NetworkInterface>& interfaces) {
-  Descriptor socket = make_socket();
+  Descriptor socket = make_lan_socket();
   const int number = socket.number();
   ip_mreq membership{};
   inet_pton(AF_INET, group.c_str(), &membership.imr_multiaddr);
-  const sockaddr_in name = native(ntohl(membership.imr_multiaddr.s_addr), port);
+  const SocketAddress name(membership.imr_multiaddr, port);
   const bool is_set = socket.is_open() && set_option(number, SOL_SOCKET, SO_REUSEADDR, 1) &&
                       set_option(number, IPPROTO_IP, IP_MULTICAST_ALL, 0) &&
-                      ::bind(number, generic(name), sizeof name) == 0;
+                      bind_to(number, name) == 0;
   if (!is_set) return failed("multicast group " + group + " can't be used");
   for (const NetworkInterface& interface : interfaces) {
     inet_pton(AF_INET, interface.address.c_str(), &membership.imr_interface);
@@ -134,9 +129,9 @@ expected<LanSocket, SetupError> LanSocket::join(const std::string& group, std::u
 }
 
 bool LanSocket::send(ConstBytes datagram, const LanPeer& to) noexcept {
-  const sockaddr_in name = native(to.ipv4, to.port);
+  const SocketAddress name = address_of_peer(to);
   return sendto(socket_.number(), datagram.data(), datagram.size(), MSG_DONTWAIT | MSG_NOSIGNAL,
-                generic(name), sizeof name) == static_cast<ssize_t>(datagram.size());
+                name.native(), name.size()) == static_cast<ssize_t>(datagram.size());
 }
 
 ConstBytes LanSocket::receive(MutableBytes buffer, LanPeer& from) noexcept {
@@ -153,8 +148,8 @@ ConstBytes LanSocket::receive(MutableBytes buffer, LanPeer& from) noexcept {
 }
 
 LanPeer LanSocket::name() const noexcept {
-  const sockaddr_in own = own_address(socket_.number());
-  return {ntohl(own.sin_addr.s_addr), ntohs(own.sin_port)};
+  const SocketAddress own = own_address(socket_.number());
+  return {ntohl(own.ipv4().s_addr), own.port()};
 }
 
 void wait_for_any(const std::vector<LanSocket>& sockets, MonotonicTime until) noexcept {

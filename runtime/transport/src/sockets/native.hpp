@@ -3,6 +3,7 @@
 #include <netinet/in.h>
 #include <sys/socket.h>
 
+#include "rtpm/transport/address.hpp"
 #include "rtpm/transport/socket.hpp"
 
 // The system's calls on sockets, without casts and sizes.
@@ -21,17 +22,30 @@ inline void enlarge_receive_buffer(int socket, int size) noexcept {
   }
 }
 
-[[nodiscard]] inline const sockaddr* generic(const sockaddr_in& address) noexcept {
-  return reinterpret_cast<const sockaddr*>(&address);
+[[nodiscard]] inline int bind_to(int socket, const SocketAddress& address) noexcept {
+  return bind(socket, address.native(), address.size());
+}
+[[nodiscard]] inline int connect_to(int socket, const SocketAddress& address) noexcept {
+  return connect(socket, address.native(), address.size());
 }
 
-/// The socket's own address; zeros if it has none.
-[[nodiscard]] inline sockaddr_in own_address(int socket) noexcept {
-  sockaddr_in own{};
-  socklen_t size = sizeof own;
-  getsockname(socket, reinterpret_cast<sockaddr*>(&own), &size);
+/// The socket's own address; of no family if it has none.
+[[nodiscard]] inline SocketAddress own_address(int socket) noexcept {
+  SocketAddress own;
+  socklen_t size = SocketAddress::kSizeMax;
+  getsockname(socket, own.native(), &size);
   return own;
 }
+
+/// The host that stands for every address in the opening of a port.
+inline constexpr const char* kAnyHost = "any";
+
+/// Where a port of a server is opened: `host` numeric, a name, or kAnyHost, which is both families
+/// where this host has IPv6.
+[[nodiscard]] expected<SocketAddress, SetupError> address_to_open(const std::string& host,
+                                                                  std::uint16_t port);
+/// Lets an IPv6 socket take IPv4 traffic, too, if it is for every address; else not.
+void set_dual_stack(int socket, const SocketAddress& address) noexcept;
 
 /// How many connections may wait to be accepted, unless net.core.somaxconn is less.
 inline constexpr int kBacklog = 1024;

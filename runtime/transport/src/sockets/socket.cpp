@@ -1,8 +1,7 @@
 #include "rtpm/transport/socket.hpp"
 
-#include <arpa/inet.h>
 #include <fcntl.h>
-#include <netdb.h>
+#include <netinet/in.h>
 #include <netinet/ip.h>
 #include <poll.h>
 #include <sys/socket.h>
@@ -10,107 +9,19 @@
 #include <unistd.h>
 
 #include <array>
-#include <atomic>
 #include <cerrno>
 #include <cstring>
-#include <memory>
-#include <system_error>
-#include <thread>
 
 #include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/native_time.hpp"
-#include "rtpm/rt/semaphore.hpp"
+#include "rtpm/transport/address.hpp"
 #include "sockets/native.hpp"
 
 namespace rtpm::transport {
 
 Descriptor::~Descriptor() {
   if (number_ >= 0) close(number_);
-}
-
-namespace {
-
-// A name server may take much longer than its caller waits, and can't be interrupted.
-constexpr int kLookupCountMax = 8;
-std::atomic<int> lookup_count{0};
-
-struct Lookup {
-  std::string host{};
-  int error = EAI_SYSTEM;
-  in_addr address{};
-  rt::Semaphore done{};
-};
-
-void look_up(Lookup& lookup) noexcept {
-  addrinfo hints{};
-  hints.ai_family = AF_INET;
-  addrinfo* found = nullptr;
-  lookup.error = getaddrinfo(lookup.host.c_str(), nullptr, &hints, &found);
-  if (lookup.error == 0 && found == nullptr) lookup.error = EAI_NONAME;
-  if (lookup.error == 0) {
-    lookup.address = reinterpret_cast<const sockaddr_in*>(found->ai_addr)->sin_addr;
-    freeaddrinfo(found);
-  }
-  lookup.done.post();
-}
-
-// Begins a lookup on a detached thread. Null: too many are under way, or no thread is left.
-std::shared_ptr<Lookup> begin_lookup(const std::string& host) {
-  if (lookup_count.fetch_add(1) >= kLookupCountMax) {
-    lookup_count.fetch_sub(1);
-    return nullptr;
-  }
-  auto lookup = std::make_shared<Lookup>();
-  lookup->host = host;
-  try {
-    std::thread([lookup] {
-      look_up(*lookup);
-      lookup_count.fetch_sub(1);
-    }).detach();
-  } catch (const std::system_error&) {
-    lookup_count.fetch_sub(1);
-    return nullptr;
-  }
-  return lookup;
-}
-
-}  // namespace
-
-expected<sockaddr_in, SetupError> address_of(const std::string& host, std::uint16_t port,
-                                             MonotonicTime deadline) {
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_port = htons(port);
-  if (inet_pton(AF_INET, host.c_str(), &address.sin_addr) == 1) return address;
-  const auto not_found = [&host](const std::string& what, const std::string& why) {
-    return setup_error("host '" + host + "' " + what, why,
-                       "check the name, or give a numeric address");
-  };
-  const auto lookup = begin_lookup(host);
-  if (!lookup) {
-    return not_found("can't be looked up now",
-                     "no thread is left, or too many names are asked for");
-  }
-  if (!lookup->done.wait_until(deadline)) {
-    return not_found("can't be looked up", "no name server answered in time");
-  }
-  if (lookup->error != 0) return not_found("has no IPv4 address", gai_strerror(lookup->error));
-  address.sin_addr = lookup->address;
-  return address;
-}
-
-expected<sockaddr_in, SetupError> address_of(const std::string& host, std::uint16_t port) {
-  return address_of(host, port, rt::now() + kResolvePatience);
-}
-
-expected<std::string, SetupError> numeric_address_of(const std::string& host,
-                                                     MonotonicTime deadline) {
-  const auto address = address_of(host, 0, deadline);
-  if (!address) return unexpected{address.error()};
-  std::array<char, INET_ADDRSTRLEN> text{};
-  inet_ntop(AF_INET, &address->sin_addr, text.data(), text.size());
-  return std::string(text.data());
 }
 
 bool is_shortage(int error) noexcept {
@@ -135,17 +46,34 @@ SetupError no_descriptor(const std::string& what, int error) {
   return {what + " can't be had", std::strerror(error), remedy, system_error(error)};
 }
 
+wire::PeerAddress this_host() noexcept {
+  return {.low = htonl(INADDR_LOOPBACK)};
+}
+
 wire::PeerAddress host_of(int socket) noexcept {
   sockaddr_storage address{};
   socklen_t size = sizeof address;
-  if (getpeername(socket, reinterpret_cast<sockaddr*>(&address), &size) != 0) return {};
-  if (address.ss_family == AF_INET) {
-    return {.low = reinterpret_cast<const sockaddr_in&>(address).sin_addr.s_addr};
+  auto* const generic = reinterpret_cast<sockaddr*>(&address);
+  if (getpeername(socket, generic, &size) != 0) return {};
+  if (address.ss_family == AF_INET || address.ss_family == AF_INET6) {
+    wire::PeerAddress host = SocketAddress::of(*generic, size).peer();
+    host.port = 0;
+    return host;
   }
   ucred credentials{};
   size = sizeof credentials;
   if (getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &credentials, &size) != 0) return {};
   return {.low = static_cast<std::uint32_t>(credentials.pid)};
+}
+
+bool is_from_this_host(int socket) noexcept {
+  SocketAddress peer;
+  socklen_t size = SocketAddress::kSizeMax;
+  if (getpeername(socket, peer.native(), &size) != 0) return false;
+  // Of a dual-stack socket an IPv4 address is mapped.
+  const auto address = SocketAddress::of(peer.peer());
+  return address.is_loopback() ||
+         address.is_same_host(SocketAddress::of(own_address(socket).peer()));
 }
 
 SetupError not_served(const std::string& what, int error) {
@@ -172,8 +100,9 @@ void set_traffic_class(int socket, Priority priority) noexcept {
   constexpr Class kClasses[] = {{0, 0}, {18, 2}, {34, 4}, {46, 6}};
   const Class chosen = kClasses[priority.value() / ((Priority::kHighest + 1) / 4)];
   const int type_of_service = chosen.dscp << kDscpShift;
-  // IP_TOS sets SO_PRIORITY as well, so it comes first.
+  // These set SO_PRIORITY as well, so they come first. A dual-stack socket takes both.
   set_option(socket, IPPROTO_IP, IP_TOS, type_of_service);
+  set_option(socket, IPPROTO_IPV6, IPV6_TCLASS, type_of_service);
   set_option(socket, SOL_SOCKET, SO_PRIORITY, chosen.queue);
 }
 
@@ -211,6 +140,19 @@ bool may_block_until(MonotonicTime until, Duration time) noexcept {
   if (until == kNever) return true;
   const MonotonicTime now = rt::now();
   return until > now && until - now > time + kBlockTimeError;
+}
+
+expected<SocketAddress, SetupError> address_to_open(const std::string& host, std::uint16_t port) {
+  if (host != kAnyHost) return address_of(host, port);
+  const Descriptor trial(::socket(AF_INET6, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  const SocketAddress both(in6addr_any, 0, 0);
+  const bool has_ipv6 = trial.is_open() && bind_to(trial.number(), both) == 0;
+  return has_ipv6 ? SocketAddress(in6addr_any, 0, port) : SocketAddress(in_addr{INADDR_ANY}, port);
+}
+
+void set_dual_stack(int socket, const SocketAddress& address) noexcept {
+  if (address.is_ipv4()) return;
+  set_option(socket, IPPROTO_IPV6, IPV6_V6ONLY, address.is_unspecified() ? 0 : 1);
 }
 
 Descriptor spare_descriptor() noexcept {

@@ -85,7 +85,7 @@ const sockaddr* generic(const sockaddr_un& address) noexcept {
   return reinterpret_cast<const sockaddr*>(&address);
 }
 
-Descriptor make_socket() noexcept {
+Descriptor make_folder_socket() noexcept {
   return Descriptor(::socket(AF_UNIX, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
 }
 
@@ -103,7 +103,7 @@ File examine(const Descriptor& folder, const char* name) {
   if (fstatat(folder.number(), name, &status, AT_SYMLINK_NOFOLLOW) != 0) return File::kForeign;
   if (!S_ISSOCK(status.st_mode) || status.st_uid != geteuid()) return File::kForeign;
   if (std::strlen(name) > kFolderNameSizeMax) return File::kForeign;
-  const Descriptor socket = make_socket();
+  const Descriptor socket = make_folder_socket();
   socklen_t size = 0;
   const sockaddr_un address = address_in(folder, name, size);
   if (connect(socket.number(), generic(address), size) == 0) return File::kLiving;
@@ -144,7 +144,7 @@ expected<FolderSocket, SetupError> FolderSocket::create(std::string folder, std:
   }
   const auto opened = open_folder(folder, /*makes=*/true);
   if (!opened) return unexpected{opened.error()};
-  Descriptor socket = make_socket();
+  Descriptor socket = make_folder_socket();
   if (!socket.is_open()) return unexpected{no_descriptor("a socket in " + folder, errno)};
   if (const int error = bind_in(*opened, socket, name); error != 0) return failed(folder, error);
   return FolderSocket(std::move(folder), std::move(name), std::move(socket));
@@ -174,7 +174,7 @@ void FolderSocket::keep() {
     return;
   }
   // A socket keeps its first name, so it takes another one.
-  Descriptor socket = make_socket();
+  Descriptor socket = make_folder_socket();
   if (socket.is_open() && bind_in(*folder, socket, name_) == 0) socket_ = std::move(socket);
 }
 

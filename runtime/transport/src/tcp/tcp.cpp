@@ -5,6 +5,7 @@
 
 #include <cerrno>
 
+#include "rtpm/wire/url.hpp"
 #include "sockets/native.hpp"
 
 namespace rtpm::transport {
@@ -28,18 +29,18 @@ std::size_t peek(int socket, MutableBytes to) noexcept {
 }
 
 expected<TcpListener, SetupError> TcpListener::open(const std::string& host, std::uint16_t port) {
-  const auto address = address_of(host, port);
+  const auto address = address_to_open(host, port);
   if (!address) return unexpected{address.error()};
-  const std::string name = host + ":" + std::to_string(port);
-  Descriptor socket(::socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  const std::string name = wire::host_in_url(host) + ":" + std::to_string(port);
+  Descriptor socket(::socket(address->family(), SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (!socket.is_open()) return unexpected{no_descriptor("a TCP socket for " + name, errno)};
   // Lets a restarted server have its port while old connections are still ending.
   set_option(socket.number(), SOL_SOCKET, SO_REUSEADDR, 1);
-  if (bind(socket.number(), generic(*address), sizeof *address) != 0 ||
-      listen(socket.number(), kBacklog) != 0) {
+  set_dual_stack(socket.number(), *address);
+  if (bind_to(socket.number(), *address) != 0 || listen(socket.number(), kBacklog) != 0) {
     return unexpected{not_served("TCP " + name, errno)};
   }
-  const std::uint16_t bound = ntohs(own_address(socket.number()).sin_port);
+  const std::uint16_t bound = own_address(socket.number()).port();
   return TcpListener(std::move(socket), bound);
 }
 

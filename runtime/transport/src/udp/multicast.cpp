@@ -7,6 +7,7 @@
 #include <cstring>
 #include <utility>
 
+#include "rtpm/transport/address.hpp"
 #include "sockets/native.hpp"
 
 namespace rtpm::transport {
@@ -71,7 +72,8 @@ expected<MulticastSender, SetupError> MulticastSender::open(const MulticastGroup
 
 bool MulticastSender::send(ConstBytes datagram) noexcept {
   return sendto(socket_.number(), datagram.data(), datagram.size(), MSG_DONTWAIT | MSG_NOSIGNAL,
-                generic(to_), sizeof to_) == static_cast<ssize_t>(datagram.size());
+                reinterpret_cast<const sockaddr*>(&to_),
+                sizeof to_) == static_cast<ssize_t>(datagram.size());
 }
 
 expected<MulticastReceiver, SetupError> MulticastReceiver::open(const MulticastGroup& group) {
@@ -86,7 +88,7 @@ expected<MulticastReceiver, SetupError> MulticastReceiver::open(const MulticastG
   // have joined on the port.
   const bool is_set = socket.is_open() && set_option(number, SOL_SOCKET, SO_REUSEADDR, 1) &&
                       set_option(number, IPPROTO_IP, IP_MULTICAST_ALL, 0) &&
-                      bind(number, generic(addresses->group), sizeof addresses->group) == 0 &&
+                      bind_to(number, {addresses->group.sin_addr, group.port}) == 0 &&
                       set_option(number, IPPROTO_IP, IP_ADD_MEMBERSHIP, membership);
   if (!is_set) return failed(group, std::strerror(errno));
   enlarge_receive_buffer(number, kBurstBufferSize);

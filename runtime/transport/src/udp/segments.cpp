@@ -1,5 +1,6 @@
 #include "udp/segments.hpp"
 
+#include <netinet/in.h>
 #include <netinet/udp.h>
 #include <sys/socket.h>
 #include <sys/uio.h>
@@ -23,14 +24,71 @@
 namespace rtpm::transport {
 namespace {
 
+// Control messages: written one behind the other, or received.
+class Control {
+ public:
+  template <class T>
+  void add(int level, int type, const T& value) noexcept {
+    auto* const entry = reinterpret_cast<cmsghdr*>(bytes_.data() + size_);
+    entry->cmsg_level = level;
+    entry->cmsg_type = type;
+    entry->cmsg_len = CMSG_LEN(sizeof value);
+    std::memcpy(CMSG_DATA(entry), &value, sizeof value);
+    size_ += CMSG_SPACE(sizeof value);
+  }
+  // hp-10-3: the address at which the request came.
+  void add_source(const SocketAddress& from, int family) noexcept {
+    if (family == AF_INET) {
+      in_pktinfo information{};
+      information.ipi_spec_dst = from.ipv4();
+      return add(IPPROTO_IP, IP_PKTINFO, information);
+    }
+    // An IPv4 address goes into an IPv6 socket as a mapped one.
+    const SocketAddress mapped = from.mapped_into_ipv6();
+    in6_pktinfo information{};
+    information.ipi6_addr = mapped.ipv6();
+    information.ipi6_ifindex = mapped.zone();
+    add(IPPROTO_IPV6, IPV6_PKTINFO, information);
+  }
+  void put_into(msghdr& message) noexcept {
+    if (size_ == 0) return;
+    message.msg_control = bytes_.data();
+    message.msg_controllen = size_;
+  }
+  void receive_into(msghdr& message) noexcept {
+    message.msg_control = bytes_.data();
+    message.msg_controllen = bytes_.size();
+  }
+
+ private:
+  alignas(cmsghdr) std::array<std::byte, CMSG_SPACE(sizeof(int)) + CMSG_SPACE(sizeof(in6_pktinfo)) +
+                                             CMSG_SPACE(sizeof(in_pktinfo))> bytes_;
+  std::size_t size_ = 0;
+};
+
 // A message of one part. `peer` may be null.
-msghdr message_of(iovec& part, sockaddr_in* peer) noexcept {
+msghdr message_of(iovec& part, const SocketAddress* peer) noexcept {
   msghdr message{};
-  message.msg_name = peer;
-  message.msg_namelen = peer == nullptr ? 0 : sizeof *peer;
+  message.msg_name = peer == nullptr ? nullptr : const_cast<sockaddr*>(peer->native());
+  message.msg_namelen = peer == nullptr ? 0 : peer->size();
   message.msg_iov = &part;
   message.msg_iovlen = 1;
   return message;
+}
+
+template <class T>
+T value_of(const cmsghdr& entry) noexcept {
+  T value{};
+  std::memcpy(&value, CMSG_DATA(&entry), sizeof value);
+  return value;
+}
+
+SocketAddress destination_of(const in6_pktinfo& information) noexcept {
+  const SocketAddress address(information.ipi6_addr, 0, 0);
+  if (IN6_IS_ADDR_V4MAPPED(&information.ipi6_addr)) return SocketAddress::of(address.peer());
+  // Others are the same on every interface.
+  if (!address.is_link_local()) return address;
+  return {information.ipi6_addr, information.ipi6_ifindex, 0};
 }
 
 }  // namespace
@@ -39,21 +97,32 @@ void accept_segments(int socket, bool is_on) noexcept {
   set_option(socket, IPPROTO_UDP, UDP_GRO, is_on ? 1 : 0);
 }
 
-ssize_t send_segments(int socket, const sockaddr_in* to, const DatagramBatch& batch) noexcept {
-  const auto segment_size = static_cast<std::uint16_t>(batch.frame_size());
-  alignas(cmsghdr) std::array<std::byte, CMSG_SPACE(sizeof segment_size)> control{};
+bool receive_destinations(int socket, const SocketAddress& own) noexcept {
+  return own.is_ipv4() ? set_option(socket, IPPROTO_IP, IP_PKTINFO, 1)
+                       : set_option(socket, IPPROTO_IPV6, IPV6_RECVPKTINFO, 1);
+}
+
+ssize_t send_segments(int socket, const SocketAddress* to, const SocketAddress* from,
+                      const DatagramBatch& batch) noexcept {
   iovec part{.iov_base = const_cast<std::byte*>(batch.bytes().data()),
              .iov_len = batch.bytes().size()};
-  msghdr message = message_of(part, const_cast<sockaddr_in*>(to));
+  msghdr message = message_of(part, to);
+  Control control;
   if (batch.bytes().size() > batch.frame_size()) {
-    message.msg_control = control.data();
-    message.msg_controllen = control.size();
-    cmsghdr* const entry = CMSG_FIRSTHDR(&message);
-    entry->cmsg_level = IPPROTO_UDP;
-    entry->cmsg_type = UDP_SEGMENT;
-    entry->cmsg_len = CMSG_LEN(sizeof segment_size);
-    std::memcpy(CMSG_DATA(entry), &segment_size, sizeof segment_size);
+    control.add(IPPROTO_UDP, UDP_SEGMENT, static_cast<std::uint16_t>(batch.frame_size()));
   }
+  if (from != nullptr) control.add_source(*from, to->family());
+  control.put_into(message);
+  return sendmsg(socket, &message, MSG_DONTWAIT | MSG_NOSIGNAL);
+}
+
+ssize_t send_from(int socket, const SocketAddress& to, const SocketAddress& from,
+                  ConstBytes datagram) noexcept {
+  iovec part{.iov_base = const_cast<std::byte*>(datagram.data()), .iov_len = datagram.size()};
+  msghdr message = message_of(part, &to);
+  Control control;
+  control.add_source(from, to.family());
+  control.put_into(message);
   return sendmsg(socket, &message, MSG_DONTWAIT | MSG_NOSIGNAL);
 }
 
@@ -62,28 +131,34 @@ bool means_no_batches(int error) noexcept {
   return error == EIO || error == EINVAL || error == EOPNOTSUPP || error == EMSGSIZE;
 }
 
-ssize_t receive_datagrams(int socket, bool are_segments, MutableBytes buffer, sockaddr_in* from,
-                          int flags, std::size_t& each) noexcept {
-  if (!are_segments) {
-    socklen_t size = sizeof *from;
+ssize_t receive_datagrams(int socket, bool are_segments, MutableBytes buffer, SocketAddress* from,
+                          SocketAddress* to, int flags, std::size_t& each) noexcept {
+  if (!are_segments && to == nullptr) {
+    socklen_t size = SocketAddress::kSizeMax;
     const ssize_t count = recvfrom(socket, buffer.data(), buffer.size(), flags,
-                                   reinterpret_cast<sockaddr*>(from), from ? &size : nullptr);
+                                   from ? from->native() : nullptr, from ? &size : nullptr);
     each = static_cast<std::size_t>(std::max<ssize_t>(count, 0));
     return count;
   }
-  alignas(cmsghdr) std::array<std::byte, CMSG_SPACE(sizeof(int))> control;
   iovec part{.iov_base = buffer.data(), .iov_len = buffer.size()};
   msghdr message = message_of(part, from);
-  message.msg_control = control.data();
-  message.msg_controllen = control.size();
+  if (from != nullptr) message.msg_namelen = SocketAddress::kSizeMax;
+  Control control;
+  control.receive_into(message);
   const ssize_t count = recvmsg(socket, &message, flags);
   each = count > 0 ? static_cast<std::size_t>(count) : 0;
-  if (count <= 0 || message.msg_controllen < sizeof(cmsghdr)) return count;
-  const cmsghdr* const entry = CMSG_FIRSTHDR(&message);
-  if (entry->cmsg_level == IPPROTO_UDP && entry->cmsg_type == UDP_GRO) {
-    int segment_size = 0;
-    std::memcpy(&segment_size, CMSG_DATA(entry), sizeof segment_size);
-    if (segment_size > 0) each = static_cast<std::size_t>(segment_size);
+  if (count < 0) return count;
+  for (const cmsghdr* entry = CMSG_FIRSTHDR(&message); entry != nullptr;
+       entry = CMSG_NXTHDR(&message, const_cast<cmsghdr*>(entry))) {
+    const int type = entry->cmsg_type;
+    if (entry->cmsg_level == IPPROTO_UDP && type == UDP_GRO) {
+      const int segment_size = value_of<int>(*entry);
+      if (segment_size > 0 && count > 0) each = static_cast<std::size_t>(segment_size);
+    } else if (to != nullptr && entry->cmsg_level == IPPROTO_IPV6 && type == IPV6_PKTINFO) {
+      *to = destination_of(value_of<in6_pktinfo>(*entry));
+    } else if (to != nullptr && entry->cmsg_level == IPPROTO_IP && type == IP_PKTINFO) {
+      *to = {value_of<in_pktinfo>(*entry).ipi_spec_dst, 0};
+    }
   }
   return count;
 }

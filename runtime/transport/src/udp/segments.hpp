@@ -1,10 +1,10 @@
 #pragma once
 
-#include <netinet/in.h>
 #include <sys/types.h>
 
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/base/expected.hpp"
+#include "rtpm/transport/address.hpp"
 #include "rtpm/transport/datagram_batch.hpp"
 #include "rtpm/transport/error.hpp"
 
@@ -16,9 +16,13 @@ namespace rtpm::transport {
 void accept_segments(int socket, bool is_on) noexcept;
 
 /// As sendmsg(2), for several datagrams.
-/// @param to  null: the socket is connected
-[[nodiscard]] ssize_t send_segments(int socket, const sockaddr_in* to,
+/// @param to    null: the socket is connected
+/// @param from  the own address that they leave from; null: the socket's, or by the route
+[[nodiscard]] ssize_t send_segments(int socket, const SocketAddress* to, const SocketAddress* from,
                                     const DatagramBatch& batch) noexcept;
+/// The same for one.
+[[nodiscard]] ssize_t send_from(int socket, const SocketAddress& to, const SocketAddress& from,
+                                ConstBytes datagram) noexcept;
 /// Whether an error of send_segments() means that the path takes no batches but may take datagrams.
 [[nodiscard]] bool means_no_batches(int error) noexcept;
 
@@ -33,10 +37,16 @@ template <class Send>
   return outcome;
 }
 
-/// As recvfrom(2), or as recvmsg(2) if the socket accepts segments.
+/// Lets receive_datagrams() give the address to which a datagram came.
+/// @return false: the system refuses
+[[nodiscard]] bool receive_destinations(int socket, const SocketAddress& own) noexcept;
+
+/// As recvfrom(2), or as recvmsg(2) if the socket accepts segments or gives destinations.
 /// @param from  may be null
+/// @param to    null: not wanted; of no family if the system does not say
 /// @param each  receives the size of each datagram but the last
 [[nodiscard]] ssize_t receive_datagrams(int socket, bool are_segments, MutableBytes buffer,
-                                        sockaddr_in* from, int flags, std::size_t& each) noexcept;
+                                        SocketAddress* from, SocketAddress* to, int flags,
+                                        std::size_t& each) noexcept;
 
 }  // namespace rtpm::transport

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "rtpm/wire/header.hpp"
+#include "rtpm/wire/url.hpp"
 #include "sockets/native.hpp"
 #include "udp/segments.hpp"
 
@@ -18,29 +19,18 @@ namespace {
 constexpr int kReceiveBufferSize = 1 << 20;
 
 // Each call says whether it blocks.
-Descriptor make_socket() noexcept {
-  return Descriptor(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+Descriptor make_socket(int family) noexcept {
+  return Descriptor(::socket(family, SOCK_DGRAM | SOCK_CLOEXEC, 0));
 }
 
 // A shared port is open to any process of the same user: a second server on it would silently take
 // half of the first one's traffic. So a socket without sharing tries the port first.
 // Returns the error number, or 0.
-int error_of_trial(const sockaddr_in& address) noexcept {
-  const Descriptor trial = make_socket();
+int error_of_trial(const SocketAddress& address) noexcept {
+  const Descriptor trial = make_socket(address.family());
   if (!trial.is_open()) return errno;
-  return bind(trial.number(), generic(address), sizeof address) == 0 ? 0 : errno;
-}
-
-wire::PeerAddress peer_of(const sockaddr_in& address) noexcept {
-  return {0, address.sin_addr.s_addr, address.sin_port};
-}
-
-sockaddr_in address_of(const wire::PeerAddress& peer) noexcept {
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_port = static_cast<in_port_t>(peer.port);
-  address.sin_addr.s_addr = static_cast<in_addr_t>(peer.low);
-  return address;
+  set_dual_stack(trial.number(), address);
+  return bind_to(trial.number(), address) == 0 ? 0 : errno;
 }
 
 // The size of the first frame, by its header.
@@ -60,36 +50,68 @@ SetupError no_socket(const std::string& name) {
 
 }  // namespace
 
-std::uint32_t ipv4_of(const wire::PeerAddress& peer) noexcept {
-  return ntohl(static_cast<std::uint32_t>(peer.low));
+UdpPort::UdpPort(Descriptor socket, const SocketAddress& own, const UdpPortConfig& config)
+    : socket_(std::move(socket)),
+      low_(config.low),
+      own_(own),
+      index_(std::uint32_t{config.index} << kLocalShift) {
+  if (own.is_unspecified()) locals_ = std::make_unique<LocalAddresses>();
 }
 
 expected<UdpPort, SetupError> UdpPort::open(const UdpPortConfig& config) {
-  const auto address = address_of(config.host, config.port);
+  const auto address = address_to_open(config.host, config.port);
   if (!address) return unexpected{address.error()};
-  const std::string name = config.host + ":" + std::to_string(config.port);
-  Descriptor socket = make_socket();
+  const std::string name = wire::host_in_url(config.host) + ":" + std::to_string(config.port);
+  Descriptor socket = make_socket(address->family());
   if (!socket.is_open()) return unexpected{no_socket(name)};
   set_option(socket.number(), SOL_SOCKET, SO_REUSEPORT, 1);
   enlarge_receive_buffer(socket.number(), kReceiveBufferSize);
   set_traffic_class(socket.number(), config.priority);
+  set_dual_stack(socket.number(), *address);
   limit_blocking(socket.number());
   int error = config.joins ? 0 : error_of_trial(*address);
-  if (error == 0 && bind(socket.number(), generic(*address), sizeof *address) != 0) error = errno;
+  if (error == 0 && address->is_unspecified() && !receive_destinations(socket.number(), *address)) {
+    error = errno;
+  }
+  if (error == 0 && bind_to(socket.number(), *address) != 0) error = errno;
   if (is_shortage(error)) return unexpected{no_descriptor("a UDP socket for " + name, error)};
   if (error != 0) return unexpected{not_served("UDP " + name, error)};
-  UdpPort opened(std::move(socket), config.low);
+  UdpPort opened(std::move(socket), *address, config);
   if (!opened.open_waker()) return unexpected{no_socket(name)};
   return opened;
 }
 
 bool UdpPort::open_waker() noexcept {
-  waker_ = make_socket();
-  sockaddr_in own = own_address(socket_.number());
-  if (own.sin_addr.s_addr == INADDR_ANY) own.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  if (!waker_.is_open() || connect(waker_.number(), generic(own), sizeof own) != 0) return false;
-  waker_peer_ = peer_of(own_address(waker_.number()));
+  waker_ = make_socket(own_.family());
+  SocketAddress own = own_address(socket_.number());
+  if (own.is_unspecified()) {
+    const in_addr loopback{htonl(INADDR_LOOPBACK)};
+    own = SocketAddress(loopback, own.port()).for_family(own_.family());
+  }
+  if (!waker_.is_open() || connect_to(waker_.number(), own) != 0) return false;
+  waker_peer_ = own_address(waker_.number()).peer();
   return true;
+}
+
+// The place in locals_ of an address at which a datagram came.
+std::uint32_t UdpPort::index_of_local(const SocketAddress& to) noexcept {
+  LocalAddresses& locals = *locals_;
+  for (std::uint32_t i = 1; i < local_count_; ++i) {
+    if (locals[i].is_same_host(to)) return i;
+  }
+  if (local_count_ == locals.size() || to.family() == AF_UNSPEC) return 0;
+  locals[local_count_] = to;
+  return local_count_++;
+}
+
+const SocketAddress& UdpPort::local_of(const wire::PeerAddress& peer) const noexcept {
+  return locals_ ? (*locals_)[index_of(peer)] : own_;
+}
+
+wire::PeerAddress UdpPort::host_of(const wire::PeerAddress& peer) const noexcept {
+  const auto address = SocketAddress::of(peer);
+  const bool is_here = address.is_loopback() || address.is_same_host(local_of(peer));
+  return is_here ? this_host() : peer;
 }
 
 expected<Datagrams, IoError> UdpPort::receive(MutableBytes buffer) noexcept {
@@ -104,10 +126,12 @@ bool UdpPort::await(MutableBytes buffer) noexcept {
 }
 
 expected<Datagrams, IoError> UdpPort::receive(MutableBytes buffer, int flags) noexcept {
-  sockaddr_in from{};
+  SocketAddress from;
+  SocketAddress to;
   std::size_t each = 0;
-  const ssize_t count =
-      receive_datagrams(socket_.number(), estimator_.is_on(), buffer, &from, flags, each);
+  const bool is_any = locals_ != nullptr;
+  const ssize_t count = receive_datagrams(socket_.number(), estimator_.is_on(), buffer, &from,
+                                          is_any ? &to : nullptr, flags, each);
   if (count < 0) {
     const bool is_nothing = errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR;
     estimator_.on_nothing();
@@ -116,11 +140,12 @@ expected<Datagrams, IoError> UdpPort::receive(MutableBytes buffer, int flags) no
   const auto size = static_cast<std::size_t>(count);
   // A batch left over from before does not come with its datagrams' size.
   if (estimator_.may_be_left()) each = std::min(each, frame_size_in(buffer.first(size)));
-  const wire::PeerAddress peer = peer_of(from);
+  wire::PeerAddress peer = from.peer();
   if (peer == waker_peer_) {
     ++woken_count_;
     return unexpected{IoError::kNothing};
   }
+  peer.port |= is_any ? index_of_local(to) << kLocalShift : index_;
   return Datagrams{buffer.first(size), each, peer};
 }
 
@@ -139,18 +164,30 @@ bool UdpPort::wake() noexcept {
 }
 
 expected<void, IoError> UdpPort::send(const wire::PeerAddress& peer, ConstBytes frame) noexcept {
-  const sockaddr_in to = address_of(peer);
-  const ssize_t count = sendto(socket_.number(), frame.data(), frame.size(),
-                               MSG_DONTWAIT | MSG_NOSIGNAL, generic(to), sizeof to);
+  const auto to = SocketAddress::of(peer);
+  const ssize_t count = own_.is_ipv4() && !locals_
+                            ? sendto(socket_.number(), frame.data(), frame.size(),
+                                     MSG_DONTWAIT | MSG_NOSIGNAL, to.native(), sizeof(sockaddr_in))
+                            : send_as_asked(to.for_family(own_.family()), local_of(peer), frame);
   if (count == static_cast<ssize_t>(frame.size())) return {};
   return unexpected{error_of_send(errno)};
+}
+
+// From the address at which the peer called.
+ssize_t UdpPort::send_as_asked(const SocketAddress& to, const SocketAddress& local,
+                               ConstBytes frame) noexcept {
+  if (locals_ && local.family() != AF_UNSPEC) return send_from(socket_.number(), to, local, frame);
+  return sendto(socket_.number(), frame.data(), frame.size(), MSG_DONTWAIT | MSG_NOSIGNAL,
+                to.native(), to.size());
 }
 
 expected<void, IoError> UdpPort::send_batch(const wire::PeerAddress& peer,
                                             const DatagramBatch& batch) noexcept {
   if (can_send_batches_) {
-    const sockaddr_in to = address_of(peer);
-    if (send_segments(socket_.number(), &to, batch) >= 0) return {};
+    const auto to = SocketAddress::of(peer).for_family(own_.family());
+    const SocketAddress& local = local_of(peer);
+    const bool has_local = locals_ && local.family() != AF_UNSPEC;
+    if (send_segments(socket_.number(), &to, has_local ? &local : nullptr, batch) >= 0) return {};
     if (!means_no_batches(errno)) return unexpected{error_of_send(errno)};
     can_send_batches_ = false;
   }

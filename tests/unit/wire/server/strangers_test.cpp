@@ -29,6 +29,9 @@ TEST(RateLimiter, KeepsHostsApartAndTheirPortsTogether) {
   RateLimiter limiter({1, 2}, 1, 1s);
   EXPECT_TRUE(limiter.admit(kHost, at(0s)));
   EXPECT_FALSE(limiter.admit({.low = 1, .port = 6}, at(0s)));
+  // hp-4-7
+  EXPECT_TRUE(limiter.admit({.high = 7, .low = 1}, at(0s)));
+  EXPECT_FALSE(limiter.admit({.high = 7, .low = 2}, at(0s))) << "of the same /64";
   // They share a fixed table, so that a few of many meet.
   int admitted_count = 0;
   for (std::uint64_t host = 2; host < 34; ++host)

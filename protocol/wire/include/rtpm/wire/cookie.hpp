@@ -10,7 +10,8 @@ namespace rtpm::wire {
 
 /// Where a frame came from, opaque to the protocol: equal values mean the same peer. `high` and
 /// `low` identify its host, or its process in shared memory; `port` distinguishes the peers of a
-/// host.
+/// host. Where `high` is not 0 it is the network of an IPv6 address, its first 64 bits, and one
+/// host: whoever has one address of a /64 has all of them.
 struct PeerAddress {
   std::uint64_t high = 0;
   std::uint64_t low = 0;
@@ -18,9 +19,9 @@ struct PeerAddress {
   friend bool operator==(const PeerAddress&, const PeerAddress&) noexcept = default;
 };
 
-/// Whether both are of one host: quotas are per host.
+/// Whether both are of one host: quotas are per host, and per /64 of IPv6 addresses.
 [[nodiscard]] constexpr bool is_same_host(const PeerAddress& a, const PeerAddress& b) noexcept {
-  return a.high == b.high && a.low == b.low;
+  return a.high == b.high && (a.high != 0 || a.low == b.low);
 }
 
 /// Issues and checks cookies without storing any: a forged address costs the server no memory.

@@ -59,7 +59,7 @@ struct Request {
   MonotonicTime received{};
   std::uint32_t session_index = 0;
   std::uint32_t slot_index = 0;
-  std::uint32_t caller_host = 0;  ///< For the lane's servants; the protocol does not use it.
+  std::uint64_t caller_host = 0;  ///< For the lane's servants; the protocol does not use it.
 
   /// Whether the caller is answered before the method runs: call accept() first.
   [[nodiscard]] bool wants_receipt() const noexcept {

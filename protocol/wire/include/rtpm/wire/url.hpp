@@ -5,16 +5,35 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace rtpm::wire {
 
-/// The parts of "rtpm://host:port/path".
+/// How many hosts a URL may name.
+inline constexpr std::size_t kUrlHostCountMax = 8;
+
+/// The parts of "rtpm://host:port/path". Several hosts are one server's, "rtpm://a,b:port/path": a
+/// client tries them in their order.
 /// @source   spec/hprotocol.md#hp-10
 struct Url {
-  std::string host;  ///< A numeric IPv4 address or a host name.
+  /// Numeric IPv4 and IPv6 addresses and host names, an IPv6 address without brackets and its zone
+  /// after '%': "fe80::1%eth0".
+  std::vector<std::string> hosts{};
   std::uint16_t port = 0;
   std::string path;  ///< Without the leading slash.
+
+  /// "127.0.0.1:4711", "[::1],10.0.0.7:4711".
+  [[nodiscard]] std::string authority() const;
+  /// The whole URL.
+  [[nodiscard]] std::string text() const;
 };
+
+/// A host as a URL has it: "10.0.0.7", "[::1]", "[fe80::1%25eth0]".
+/// @realtime set-up only
+[[nodiscard]] std::string host_in_url(std::string_view host);
+
+/// Whether `text` is a numeric IPv6 address (RFC 4291, 2.2), without brackets and zone.
+[[nodiscard]] bool is_ipv6_address(std::string_view text) noexcept;
 
 /// Whether `text` claims to be an RTPM URL, well-formed or not.
 [[nodiscard]] bool is_url(std::string_view text) noexcept;

@@ -13,7 +13,9 @@ namespace rtpm::discovery {
 /// A name service that others are to find.
 struct AnnouncedService {
   bool is_registry = false;
-  std::string host{};  ///< The numeric address that it serves.
+  /// The numeric addresses that it serves. One of them is announced: the first IPv4 one that the
+  /// scope's interfaces have; else the first IPv4 one of a network; else the first.
+  std::vector<std::string> hosts{};
   std::uint16_t port = 0;
 };
 

@@ -28,8 +28,8 @@ struct Claim {
   std::uint64_t holder_revision = 0;
   /// rebind() may take the name from any holder.
   bool allows_takeover = false;
-  /// Set by the registry: the calling host (rpc::CallerHost::ipv4).
-  std::uint32_t host = 0;
+  /// Set by the registry: the calling host (rpc::CallerHost::number).
+  std::uint64_t host = 0;
   /// Replace those of an earlier bind.
   std::span<const Property> properties{};
   /// It has no lease, and stays until it is unbound, also over restarts of a registry with a file.

@@ -30,6 +30,10 @@ struct NameEntry {
   /// For how long the registry has had no word from the storage that it shares with others, so that
   /// the entry may be out of date; 0: it is not.
   Duration stale_for{};
+  /// The host that bound it, in words; of resolve() and describe() only.
+  std::string bound_from{};
+  /// It was bound from another host, as far as the registry can tell.
+  bool is_of_other_host = false;
   /// Where names are found, not by a URL: the name service that has it, and whether another one has
   /// the name for another URL.
   std::string service_url{};
@@ -118,9 +122,10 @@ class Directory {
   /// fit.
   /// @errors   kBadPredicate, kBadPreference: text_error says where
   [[nodiscard]] expected<FoundNames, DirectoryError> find(const NameQuery& query);
-  /// The URL that a name stands for. Below a bound name that is the object below that name's:
-  /// "lab/arm0/config" is /config below the URL of "lab/arm0". Ends by `deadline`.
-  /// @errors   kNotFound, kIsADirectory
+  /// The URL that a name stands for, as reachable_url() gives it. Below a bound name that is the
+  /// object below that name's: "lab/arm0/config" is /config below the URL of "lab/arm0". Ends by
+  /// `deadline`.
+  /// @errors   kNotFound, kIsADirectory; the server serves its own host only
   [[nodiscard]] expected<std::string, DirectoryError> url_of(std::string_view name,
                                                              MonotonicTime deadline = kNever);
   /// The entry of the name itself or, below a bound name, of that. Ends by `deadline`.

@@ -23,7 +23,7 @@ struct StoredName {
   Owner owner{};
   std::uint64_t revision = 0;  ///< Of its holder,
   std::uint64_t change = 0;    ///< and of its last change.
-  std::uint32_t host = 0;      ///< Claim::host
+  std::uint64_t host = 0;      ///< Claim::host
   /// Of a leased one; 0: it is permanent.
   Duration lease{};
   std::vector<Property> properties{};

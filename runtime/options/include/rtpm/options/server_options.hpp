@@ -2,6 +2,7 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "rtpm/base/setup_error.hpp"
@@ -21,11 +22,11 @@ struct ServerSettings {
   std::vector<std::string> lanes{};       ///< The lanes' names, set by add_server().
 };
 
-/// Adds the options of a server, the same for every program: --host, --port, limits, shared memory,
-/// real-time mode, CPU latency; --lanes, the lanes' names; and for each lane --lane-NAME-low,
-/// -priority, -cpus, -wait, -spin, -schedule, -threads, -dynamic-threads, -dynamic-idle,
-/// -buffered-requests and -buffered-bytes. A lane with defaults in `settings` keeps them unless the
-/// user changes them. rpc::Server::create() checks the lanes.
+/// Adds the options of a server, the same for every program: --host, --advertise, --port, limits,
+/// shared memory, real-time mode, CPU latency; --lanes, the lanes' names; and for each lane
+/// --lane-NAME-low, -priority, -cpus, -wait, -spin, -schedule, -threads, -dynamic-threads,
+/// -dynamic-idle, -buffered-requests and -buffered-bytes. A lane with defaults in `settings` keeps
+/// them unless the user changes them. rpc::Server::create() checks the lanes.
 /// @ownership `settings` must not move, nor its lanes change, until Options::parse() has returned
 /// @realtime set-up only
 void add_server(Options& options, ServerSettings& settings);
@@ -35,8 +36,10 @@ void add_server(Options& options, ServerSettings& settings);
 /// @errors   as rt::CpuLatencyRequest::open(), in the server's mode
 [[nodiscard]] expected<rt::CpuLatencyRequest, SetupError> prepare(const ServerSettings& settings);
 
-/// Prints on standard error what the system granted, if so configured; call it after the start.
+/// Prints on standard error what is served, a line for each address, if others than this host's
+/// programs can reach it; and what the system granted, if so configured. Call it after the start.
 /// @realtime set-up only
-void show_setup(const ServerSettings& settings);
+void show_setup(const ServerSettings& settings, const rpc::Server& server,
+                std::string_view program);
 
 }  // namespace rtpm::options

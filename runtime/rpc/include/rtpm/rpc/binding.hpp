@@ -130,7 +130,7 @@ struct FollowStatus {
 /// name.
 ///
 /// @ownership refers to its node, which must outlive it; by name, to the node's resolver, too. Its
-///           end waits for a bind of it that is under way, for BindOptions::deadline at most
+///           end waits for a bind of it that is under way, for 1 s at most
 /// @threads  calls from any, several at once (each takes a call channel of its own)
 /// @realtime as each call says: looking a name up and binding again take place on "rtpm-rebind"
 ///           only, never in a caller's thread; the first call of an outage makes one syscall more

@@ -23,8 +23,9 @@ enum class CallError : std::uint8_t {
   kPeerRestarted,  ///< The server restarted in mid-call; it may have run. The next call binds
                    ///< again.
   kUnreachable,    ///< Not run: no server answers at the address. Check that it runs.
-  kNoResources,    ///< Not run: this process has no descriptor or memory left for a connection.
-                   ///< Raise its limits (ulimit -n, ulimit -v), or close what it does not need.
+  kNoResources,    ///< This process has no descriptor or memory left for a connection (not run) or
+                   ///< for a reply larger than a frame (run). Raise its limits (ulimit -n,
+                   ///< ulimit -v), or close what it does not need.
   kRefused,        ///< Not run: the server refused the session (its limits or priority).
   kVersionUnsupported,  ///< Not run: no protocol version in common. Update the older side.
   kNoSuchMethod,        ///< Not run: the object lacks the method. Client and server schemas differ.

@@ -16,16 +16,19 @@
 namespace rtpm::rpc {
 
 /// The host that a call came from: over UDP the address that the session's cookie confirmed, over
-/// TCP the connection's, else 127.0.0.1. Good for quotas, not for rights: several hosts may share
-/// an address (NAT), and whoever can change the traffic can forge it.
+/// TCP the connection's, else 127.0.0.1, as for a caller that called from the address that it
+/// called. The addresses of a /64 of IPv6 are one host. Good for quotas, not for rights: several
+/// hosts may share an address (NAT), and whoever can change the traffic can forge it.
 struct CallerHost {
-  std::uint32_t ipv4 = 0;  ///< 127.0.0.1 is 0x7f000001; 0: not known, as in tests.
-  [[nodiscard]] constexpr bool is_this_host() const noexcept { return ipv4 >> 24 == 127; }
+  /// An IPv4 address, 127.0.0.1 being 0x7f000001, or else the first 64 bits of an IPv6 address; 0:
+  /// not known, as in tests.
+  std::uint64_t number = 0;
+  [[nodiscard]] constexpr bool is_this_host() const noexcept { return number >> 24 == 127; }
   friend auto operator<=>(const CallerHost&, const CallerHost&) = default;
 };
 inline constexpr CallerHost kThisHost{0x7f00'0001};
 
-/// "10.0.0.1".
+/// "10.0.0.1", "2001:db8:0:1::/64".
 /// @realtime set-up only
 [[nodiscard]] std::string to_string(CallerHost host);
 

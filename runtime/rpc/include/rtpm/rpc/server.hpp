@@ -80,9 +80,15 @@ struct LaneConfig {
 /// How a server is set up.
 struct ServerConfig {
   std::string name = "server";  ///< Shown in errors and counters.
-  std::string host =
-      "127.0.0.1";         ///< IPv4 address or host name to serve; the LAN is an explicit choice.
+  /// What is served: an IPv4 or IPv6 address, a host name, the name of a network interface,
+  /// "localhost", a list of those with ',' between, of at most 16 addresses; or "any", which is
+  /// every address of this host. The network is an explicit choice.
+  std::string host = "127.0.0.1";
   std::uint16_t port = 0;  ///< The same number for UDP and TCP; 0: the system chooses.
+  /// The addresses or host names that url() gives in place of those that are served, with ','
+  /// between: for a server in a container or behind NAT. Empty: those that are served, without
+  /// loopback ones if there are others.
+  std::string advertise{};
   std::vector<LaneConfig> lanes{};  ///< Empty: one lane for all priorities.
   /// Lets a lane whose threads all run calls take one that rests in a lower lane, for one call at
   /// that call's priority.
@@ -124,13 +130,20 @@ struct ServerConfig {
   std::string shared_memory_folder{};
 };
 
+/// An address at which a server serves.
+struct ServedAddress {
+  std::string host{};        ///< "10.0.0.7", "[fd00::7]".
+  std::string interface {};  ///< "eth0"; empty: not known.
+};
+
 /// Serves objects to callers over UDP, TCP and shared memory, each lane on a thread of its own.
 /// @threads  create, add, start and stop from one thread; counters() and url() from any
 class Server {
  public:
   /// Opens the sockets; nothing is served before start().
   /// @realtime set-up only
-  /// @errors   an address in use or not this host's, lanes that overlap or leave out 0, a limit
+  /// @errors   an address in use or not this host's, a name without one, lanes that overlap or
+  /// leave out 0, a limit
   ///           that is none of the protocol's
   [[nodiscard]] static expected<std::unique_ptr<Server>, SetupError> create(ServerConfig config);
 
@@ -162,8 +175,11 @@ class Server {
   virtual void stop() noexcept = 0;
 
   [[nodiscard]] virtual std::uint16_t port() const noexcept = 0;
-  /// Where callers find the object: "rtpm://127.0.0.1:4711/lab/arm0".
+  /// Where callers find the object: "rtpm://127.0.0.1:4711/lab/arm0", with each host of a server
+  /// that has several: "rtpm://10.0.0.7,[fd00::7]:4711/lab/arm0".
   [[nodiscard]] virtual std::string url(std::string_view path) const = 0;
+  /// What is served; of "any" as it was when the server was created.
+  [[nodiscard]] virtual std::vector<ServedAddress> served_addresses() const = 0;
   /// What was served and dropped so far, over all lanes.
   /// @realtime alloc-free
   [[nodiscard]] virtual ServerCounters counters() const noexcept = 0;

@@ -25,7 +25,7 @@ namespace rtpm::transport {
 /// made of the host and port of the server's UDP and TCP. With one: the file
 /// "<folder>/<host>:<port>", for containers that share nothing else.
 struct SharedMemoryAddress {
-  std::string host;  ///< Numeric, "127.0.0.1".
+  std::string host;  ///< Numeric, "127.0.0.1", "::1".
   std::uint16_t port = 0;
   std::string folder{};
 };

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <netinet/in.h>
-
 #include <chrono>
 #include <cstdint>
 #include <string>
@@ -40,26 +38,6 @@ struct Accepted {
   bool still_waits = false;  ///< It could not even be closed, and keeps waking its acceptor.
 };
 
-/// How long a name server may take if no deadline is given.
-inline constexpr Duration kResolvePatience = std::chrono::seconds{5};
-
-/// The IPv4 address of a numeric address or a host name. A thread of its own asks the name server;
-/// it may outlive `deadline`, and few run at a time.
-/// @realtime set-up only
-/// @errors   the name has no IPv4 address; no answer by `deadline`
-[[nodiscard]] expected<sockaddr_in, SetupError> address_of(const std::string& host,
-                                                           std::uint16_t port,
-                                                           MonotonicTime deadline);
-/// As above, within kResolvePatience.
-[[nodiscard]] expected<sockaddr_in, SetupError> address_of(const std::string& host,
-                                                           std::uint16_t port);
-
-/// The numeric form of a host's IPv4 address, "127.0.0.1".
-/// @realtime set-up only
-/// @errors   as address_of()
-[[nodiscard]] expected<std::string, SetupError> numeric_address_of(const std::string& host,
-                                                                   MonotonicTime deadline);
-
 /// That the system gave no descriptor or memory for `what`, with cause and remedy by its error
 /// number.
 [[nodiscard]] SetupError no_descriptor(const std::string& what, int error);
@@ -72,6 +50,14 @@ inline constexpr Duration kResolvePatience = std::chrono::seconds{5};
 /// kernel's record. All 0 if unknown.
 /// @realtime alloc-free, at most two system calls
 [[nodiscard]] wire::PeerAddress host_of(int socket) noexcept;
+
+/// Whether the peer of a connected socket is on this host: it called from the address that it
+/// called.
+/// @realtime alloc-free, at most two system calls
+[[nodiscard]] bool is_from_this_host(int socket) noexcept;
+
+/// 127.0.0.1, as a peer.
+[[nodiscard]] wire::PeerAddress this_host() noexcept;
 
 /// That `what` cannot be served, with cause and remedy by the error of bind(2) or listen(2).
 [[nodiscard]] SetupError not_served(const std::string& what, int error);

@@ -13,6 +13,7 @@ namespace rtpm::transport {
 /// @realtime set-up only, except accept(); not for lanes
 class TcpListener {
  public:
+  /// @param host  numeric, a name, or "any": every address of this host
   /// @param port  0: the system chooses
   /// @errors   the port is taken, the address is not this host's
   [[nodiscard]] static expected<TcpListener, SetupError> open(const std::string& host,

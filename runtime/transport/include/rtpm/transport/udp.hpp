@@ -1,6 +1,10 @@
 #pragma once
 
+#include <sys/types.h>
+
+#include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -8,21 +12,22 @@
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/setup_error.hpp"
+#include "rtpm/transport/address.hpp"
 #include "rtpm/transport/datagram_batch.hpp"
 #include "rtpm/transport/socket.hpp"
 #include "rtpm/wire/cookie.hpp"
 
 namespace rtpm::transport {
 
-/// A peer's IPv4 address; 127.0.0.1 is 0x7f000001.
-[[nodiscard]] std::uint32_t ipv4_of(const wire::PeerAddress& peer) noexcept;
-
 struct UdpPortConfig {
+  /// Numeric, a name, or "any": every address of this host, also one that comes later. Then an
+  /// answer leaves from the address at which its request came.
   std::string host = "127.0.0.1";
   std::uint16_t port = 0;
-  Priority priority = 0;  ///< Of the traffic that it sends, see set_traffic_class().
-  Priority low = 0;       ///< The lowest priority that steer() gives it.
-  bool joins = false;     ///< A further socket of a server's port, not its first.
+  Priority priority = 0;    ///< Of the traffic that it sends, see set_traffic_class().
+  Priority low = 0;         ///< The lowest priority that steer() gives it.
+  bool joins = false;       ///< A further socket of a server's port, not its first.
+  std::uint16_t index = 0;  ///< Of one of a lane's ports at several addresses, for index_of().
 };
 
 /// A lane's UDP socket. All lanes of a server share one port; the kernel steers each datagram to
@@ -63,15 +68,38 @@ class UdpPort {
                                                    const DatagramBatch& batch) noexcept;
   [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
 
+  /// The host of a peer: this_host() if it called from the address that it called.
+  /// @realtime a few ns
+  [[nodiscard]] wire::PeerAddress host_of(const wire::PeerAddress& peer) const noexcept;
+  /// The port of a lane, of those at several addresses, that received from the peer: its
+  /// UdpPortConfig::index.
+  /// @realtime a few ns
+  [[nodiscard]] static std::size_t index_of(const wire::PeerAddress& peer) noexcept {
+    return peer.port >> kLocalShift;
+  }
+
  private:
-  UdpPort(Descriptor socket, Priority low) noexcept : socket_(std::move(socket)), low_(low) {}
+  /// Above the port of a peer stands to which of our addresses it came.
+  static constexpr int kLocalShift = 16;
+  /// The addresses at which datagrams came to "any"; the first stands for those beyond.
+  using LocalAddresses = std::array<SocketAddress, 64>;
+
+  UdpPort(Descriptor socket, const SocketAddress& own, const UdpPortConfig& config);
   [[nodiscard]] bool open_waker() noexcept;
+  [[nodiscard]] ssize_t send_as_asked(const SocketAddress& to, const SocketAddress& local,
+                                      ConstBytes frame) noexcept;
+  [[nodiscard]] std::uint32_t index_of_local(const SocketAddress& to) noexcept;
+  [[nodiscard]] const SocketAddress& local_of(const wire::PeerAddress& peer) const noexcept;
   [[nodiscard]] expected<Datagrams, IoError> receive(MutableBytes buffer, int flags) noexcept;
 
   Descriptor socket_;
   Descriptor waker_;                ///< Connected to the port.
   wire::PeerAddress waker_peer_{};  ///< The sender of its datagrams.
   Priority low_;
+  SocketAddress own_;
+  std::uint32_t index_;                       ///< In its place of a peer.
+  std::unique_ptr<LocalAddresses> locals_{};  ///< Of "any" only.
+  std::uint32_t local_count_ = 1;
   bool can_send_batches_ = true;
   BatchEstimator estimator_;
   std::uint64_t woken_count_ = 0;

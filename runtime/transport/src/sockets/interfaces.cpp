@@ -1,0 +1,154 @@
+#include <ifaddrs.h>
+#include <net/if.h>
+
+#include <algorithm>
+#include <bit>
+#include <cerrno>
+#include <cstring>
+#include <span>
+#include <utility>
+
+#include "rtpm/base/printable.hpp"
+#include "rtpm/transport/address.hpp"
+
+namespace rtpm::transport {
+namespace {
+
+// The bytes of an address.
+std::span<const std::uint8_t> bytes_of(const SocketAddress& address) noexcept {
+  if (!address.is_ipv4()) return address.ipv6().s6_addr;
+  const auto* const ipv4 = reinterpret_cast<const sockaddr_in*>(address.native());
+  return {reinterpret_cast<const std::uint8_t*>(&ipv4->sin_addr), sizeof(in_addr)};
+}
+
+int prefix_size_of(const sockaddr* mask, int family) noexcept {
+  if (mask == nullptr) return 0;
+  // Some systems leave the family of a mask out.
+  SocketAddress address =
+      SocketAddress::of(*mask, family == AF_INET ? sizeof(sockaddr_in) : sizeof(sockaddr_in6));
+  address.native()->sa_family = static_cast<sa_family_t>(family);
+  int size = 0;
+  for (const std::uint8_t byte : bytes_of(address))
+    size += std::popcount(byte);
+  return size;
+}
+
+using Addresses = std::vector<InterfaceAddress>;
+
+// The entry of this host's address, or one without an interface: it may come later, or be refused.
+InterfaceAddress entry_of(const SocketAddress& address, const Addresses& own) {
+  const auto found = std::ranges::find_if(
+      own, [&](const InterfaceAddress& each) { return each.address.is_same_host(address); });
+  return found != own.end() ? *found : InterfaceAddress{.address = address};
+}
+
+// The addresses of an interface. Link-local ones only if there is no other, as callers of other
+// hosts would have to know their own zone for them.
+Addresses addresses_of_interface(const std::string& name, const Addresses& own) {
+  Addresses found;
+  for (const bool is_link_local : {false, true}) {
+    for (const InterfaceAddress& each : own) {
+      if (each.interface == name && each.address.is_link_local() == is_link_local) {
+        found.push_back(each);
+      }
+    }
+    if (!found.empty()) break;
+  }
+  return found;
+}
+
+Addresses loopback_addresses(const Addresses& own) {
+  Addresses found;
+  for (const char* host : {"127.0.0.1", "::1"}) {
+    const auto entry = entry_of(*SocketAddress::parse(host, 0), own);
+    if (!entry.interface.empty()) found.push_back(entry);
+  }
+  return found;
+}
+
+// What one part of the list stands for.
+expected<Addresses, SetupError> addresses_for(const std::string& host, const Addresses& own,
+                                              MonotonicTime deadline) {
+  if (host == "localhost") return loopback_addresses(own);
+  if (!SocketAddress::parse(host, 0) && if_nametoindex(host.c_str()) != 0) {
+    auto found = addresses_of_interface(host, own);
+    if (!found.empty()) return found;
+    return setup_error("interface '" + printable(host) + "' has no address, or is down", "",
+                       "see `ip address`; --host any also serves what comes later");
+  }
+  const auto named = addresses_of(host, 0, deadline);
+  if (!named) return unexpected{named.error()};
+  Addresses found;
+  for (const SocketAddress& address : *named) {
+    if (address.is_unspecified()) {
+      return setup_error("host " + host + " is no address that callers could use", "",
+                         "write any to serve every address of this host");
+    }
+    found.push_back(entry_of(address, own));
+  }
+  return found;
+}
+
+}  // namespace
+
+Addresses own_addresses() {
+  Addresses found;
+  ifaddrs* list = nullptr;
+  if (getifaddrs(&list) != 0) return found;
+  for (const ifaddrs* each = list; each != nullptr; each = each->ifa_next) {
+    if (each->ifa_addr == nullptr || (each->ifa_flags & IFF_UP) == 0) continue;
+    const int family = each->ifa_addr->sa_family;
+    if (family != AF_INET && family != AF_INET6) continue;
+    const socklen_t size = family == AF_INET ? sizeof(sockaddr_in) : sizeof(sockaddr_in6);
+    found.push_back({each->ifa_name, SocketAddress::of(*each->ifa_addr, size),
+                     prefix_size_of(each->ifa_netmask, family)});
+  }
+  freeifaddrs(list);
+  return found;
+}
+
+bool is_in_network_of(const InterfaceAddress& own, const SocketAddress& address) noexcept {
+  if (own.address.family() != address.family() || own.prefix_size == 0) return false;
+  const auto mine = bytes_of(own.address);
+  const auto its = bytes_of(address);
+  const auto whole_count = static_cast<std::size_t>(own.prefix_size / 8);
+  if (whole_count > mine.size() || std::memcmp(mine.data(), its.data(), whole_count) != 0) {
+    return false;
+  }
+  const int rest = own.prefix_size % 8;
+  return rest == 0 || mine[whole_count] >> (8 - rest) == its[whole_count] >> (8 - rest);
+}
+
+expected<HostsToServe, SetupError> hosts_to_serve(const std::string& hosts,
+                                                  MonotonicTime deadline) {
+  HostsToServe to_serve;
+  const Addresses own = own_addresses();
+  for (std::size_t begin = 0; begin <= hosts.size();) {
+    const std::size_t end = std::min(hosts.find(',', begin), hosts.size());
+    const std::string host = hosts.substr(begin, end - begin);
+    begin = end + 1;
+    if (host == "any") {
+      to_serve.is_any = true;
+      continue;
+    }
+    auto found = addresses_for(host, own, deadline);
+    if (!found) return unexpected{std::move(found.error())};
+    for (InterfaceAddress& each : *found) {
+      const bool is_there = std::ranges::any_of(
+          to_serve.addresses, [&](const auto& other) { return other.address == each.address; });
+      if (!is_there) to_serve.addresses.push_back(std::move(each));
+    }
+  }
+  if (to_serve.is_any) to_serve.addresses = own;
+  if (!to_serve.is_any && to_serve.addresses.size() > kServedAddressCountMax) {
+    return setup_error("host '" + printable(hosts) + "' stands for " +
+                           std::to_string(to_serve.addresses.size()) + " addresses",
+                       "", "name at most " + std::to_string(kServedAddressCountMax) + ", or any");
+  }
+  if (!to_serve.is_any && to_serve.addresses.empty()) {
+    return setup_error("host '" + printable(hosts) + "' has no address", "", "see `ip address`");
+  }
+  return to_serve;
+}
+
+}  // namespace rtpm::transport
