@@ -125,7 +125,11 @@ std::string runtime_folder() {
   const std::string usual = "/run/user/" + user;
   struct stat status {};
   const bool is_there = stat(usual.c_str(), &status) == 0 && status.st_uid == geteuid();
-  return is_there ? usual + "/" + kFolderName : std::string("/tmp/") + kFolderName + "-" + user;
+  if (is_there) return usual + "/" + kFolderName;
+  // In parts: GCC 12 misreads a chain of `+` here (GCC bug 105329).
+  std::string own("/tmp/");
+  own.append(kFolderName).append("-").append(user);
+  return own;
 }
 
 std::uint64_t network_namespace() {
