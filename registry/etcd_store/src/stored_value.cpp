@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "rtpm/file_store/json.hpp"
+#include "rtpm/rt/host.hpp"
 
 namespace rtpm::etcd_store {
 namespace {
@@ -32,6 +33,13 @@ std::optional<std::string> text_at(const Json& json, const char* key) {
   return found->get<std::string>();
 }
 
+/// The host that bound a name, as this registry has to see it: a loopback address is one of the
+/// host on which the name's registry ran.
+std::uint64_t host_seen_here(std::uint64_t host, std::uint64_t where) {
+  const bool is_loopback = host >> 24 == 127;
+  return is_loopback && where != rt::clock_domain() ? names::kLoopbackElsewhere : host;
+}
+
 }  // namespace
 
 std::string to_text(const StoredValue& value) {
@@ -42,6 +50,7 @@ std::string to_text(const StoredValue& value) {
                   {"owner", {std::to_string(stored.owner.id), std::to_string(stored.owner.epoch)}},
                   {"holder", std::to_string(stored.revision)},
                   {"host", stored.host},
+                  {"where", std::to_string(value.where)},
                   {"lease_ns", std::to_string(stored.lease.count())},
                   {"write", std::to_string(value.write)},
                   {"properties", Json::parse(file_store::properties_to_json(stored.properties))}};
@@ -56,9 +65,10 @@ std::optional<StoredValue> parse_value(std::string_view text) {
   const auto holder = number_at(json, "holder");
   const auto lease = number_at(json, "lease_ns");
   const auto write = number_at(json, "write");
+  const auto where = number_at(json, "where");
   const Json owner = json.value("owner", Json());
   const Json host = json.value("host", Json());
-  const bool is_whole = url && interface && holder && lease && write && owner.is_array() &&
+  const bool is_whole = url && interface && holder && lease && write && where && owner.is_array() &&
                         owner.size() == 2 && host.is_number_unsigned();
   if (!is_whole) return std::nullopt;
   const auto id = number_of(owner[0]);
@@ -70,10 +80,11 @@ std::optional<StoredValue> parse_value(std::string_view text) {
                       .interface = std::move(*interface),
                       .owner = {*id, *epoch},
                       .revision = *holder,
-                      .host = host.get<std::uint64_t>(),
+                      .host = host_seen_here(host.get<std::uint64_t>(), *where),
                       .lease = Duration{static_cast<Duration::rep>(*lease)},
                       .properties = std::move(*properties)},
-                     *write};
+                     *write,
+                     *where};
 }
 
 }  // namespace rtpm::etcd_store

@@ -6,18 +6,22 @@
 #include <string_view>
 
 #include "rtpm/names/storage.hpp"
+#include "rtpm/rt/host.hpp"
 
 namespace rtpm::etcd_store {
 
 /// A name as its key's value has it, in JSON, so that etcdctl shows it:
 ///
 ///     {"version": 1, "url": "rtpm://…", "interface": "lab.Arm", "owner": ["12", "3"],
-///      "holder": "0", "host": 2130706433, "lease_ns": "2000000000", "write": "81985529216486895",
-///      "properties": [{"name": "force", "type": "real", "value": 3.5, "unit": "newton"}]}
+///      "holder": "0", "host": 2130706433, "where": "77", "lease_ns": "2000000000", "write":
+///      "81985529216486895", "properties": [{"name": "force", "type": "real", "value": 3.5, "unit":
+///      "newton"}]}
 struct StoredValue {
   /// Without name and change, which the key has; revision 0: the key's revision is the holder's.
   names::StoredName stored{};
   std::uint64_t write = 0;  ///< Identifies the write, to tell one's own from another's.
+  /// The host of the registry that wrote it: rt::clock_domain().
+  std::uint64_t where = rt::clock_domain();
 };
 
 [[nodiscard]] std::string to_text(const StoredValue& value);

@@ -4,6 +4,7 @@
 
 #include "idl.hpp"
 #include "rtpm/base/time.hpp"
+#include "rtpm/names/storage.hpp"
 #include "rtpm/rpc/servant.hpp"
 #include "store.hpp"
 
@@ -29,7 +30,8 @@ enum class EntryDetail : std::uint8_t { kBrief, kHost, kAll };
   flatbuffers::Offset<PropertyTables> properties{};
   if (detail == EntryDetail::kAll) properties = write_properties(builder, record.properties);
   flatbuffers::Offset<flatbuffers::String> bound_from{};
-  if (detail != EntryDetail::kBrief && record.host != 0) {
+  const bool is_host_known = record.host != 0 && record.host != kLoopbackElsewhere;
+  if (detail != EntryDetail::kBrief && is_host_known) {
     bound_from = builder.CreateString(to_string(rpc::CallerHost{record.host}));
   }
   const bool is_of_other_host =

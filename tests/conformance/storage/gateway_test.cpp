@@ -59,6 +59,15 @@ void expect_words(const std::string& text, const std::vector<std::string>& words
     EXPECT_NE(text.find(word), std::string::npos) << "'" << word << "' is not in: " << text;
 }
 
+TEST(StoredValue, OfALoopbackAddressIsOfTheHostOfItsRegistry) {
+  etcd_store::StoredValue value{{.url = "rtpm://127.0.0.1:4711/x", .host = 0x7f00'0001}, 1};
+  EXPECT_EQ(etcd_store::parse_value(to_text(value))->stored.host, 0x7f00'0001U);
+  value.where += 1;
+  EXPECT_EQ(etcd_store::parse_value(to_text(value))->stored.host, names::kLoopbackElsewhere);
+  value.stored.host = 0x0a00'0001;
+  EXPECT_EQ(etcd_store::parse_value(to_text(value))->stored.host, 0x0a00'0001U);
+}
+
 TEST(Gateway, RefusesWhatIsNoAnswerOfEtcd) {
   const std::string no_json = "no JSON of etcd";
   for (const std::string& answer :

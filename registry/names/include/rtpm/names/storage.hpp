@@ -32,6 +32,10 @@ struct StoredName {
   friend bool operator==(const StoredName&, const StoredName&) = default;
 };
 
+/// StoredName::host of a name that was bound by a loopback address at a registry on another host:
+/// the discard prefix 100::/64 (RFC 6666), which no host has.
+inline constexpr std::uint64_t kLoopbackElsewhere = 0x0100'0000'0000'0000;
+
 /// What a registry finds when it starts.
 struct StoredContent {
   std::vector<StoredName> names{};
