@@ -98,7 +98,7 @@ int transfer(const Configuration& configuration) {
   return configuration.dumps ? dump(*storage) : load(*storage, configuration);
 }
 
-/// Has the registry found, or says why it is not: whoever has its URL needs no discovery.
+/// Announces the registry, or reports why not: programs that have its URL need no discovery.
 std::unique_ptr<rtpm::discovery::Announcement> announce(const rtpm::rpc::Server& server,
                                                         const rtpm::discovery::Scope& scope) {
   const auto url = rtpm::wire::parse_url(server.url(rtpm::names::kRegistryPath));

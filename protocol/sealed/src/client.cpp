@@ -211,7 +211,7 @@ SealedClient::Step SealedClient::receive(MutableBytes frame, MonotonicTime now) 
     case FrameKind::kRefuse:
       return on_refuse(header, now);
     default:
-      // sec-4-4, sec-6-2: this session is sealed, whatever somebody says about it.
+      // sec-4-4, sec-6-2: an unsealed frame changes nothing in a sealed session.
       return drop(DropReason::kUnsealed);
   }
 }

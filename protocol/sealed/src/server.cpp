@@ -27,7 +27,7 @@ SealedServer::SealedServer(const SealedServerConfig& config, wire::ServerSession
               "a server that seals has a key, and knows whom it admits");
 }
 
-// An entry whose session has ended meanwhile is none.
+// Frees an entry whose session has ended.
 SealedServer::Entry* SealedServer::find(std::uint64_t session) noexcept {
   const auto index = static_cast<std::size_t>(session & kIndexBits);
   if (session == 0 || index >= entries().size() || entries()[index].id != session) return nullptr;

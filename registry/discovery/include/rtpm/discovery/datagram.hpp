@@ -36,7 +36,7 @@ using DatagramBytes = std::array<std::byte, kDatagramSize>;
 /// Further services than fit are left out.
 [[nodiscard]] DatagramBytes encode(const Datagram& datagram) noexcept;
 
-/// nullopt: it is none, or of another version.
+/// @return nullopt: `bytes` is no such datagram, or of another version
 /// @realtime set-up only
 [[nodiscard]] std::optional<Datagram> decode(ConstBytes bytes);
 

@@ -9,7 +9,7 @@
 
 namespace rtpm::discovery {
 
-/// The scope of whoever states none.
+/// The default scope.
 inline constexpr std::string_view kThisHost = "host";
 /// Where a registry listens by default; its object there.
 inline constexpr std::uint16_t kRegistryPort = 7420;
