@@ -1,7 +1,6 @@
 #include "folder_name.hpp"
 
-#include <charconv>
-
+#include "rtpm/base/whole_number.hpp"
 #include "rtpm/discovery/scope.hpp"
 #include "rtpm/wire/url.hpp"
 
@@ -17,12 +16,6 @@ std::string_view take_part(std::string_view& text) {
   const std::string_view part = text.substr(0, at);
   text = at == std::string_view::npos ? std::string_view{} : text.substr(at + 1);
   return part;
-}
-
-template <class Number>
-bool read(std::string_view text, Number& number) {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  return error == std::errc{} && end == text.data() + text.size();
 }
 
 }  // namespace
@@ -47,10 +40,13 @@ std::optional<FolderName> parse_folder_name(std::string_view text) {
   if (!url || url->hosts.size() != 1) return std::nullopt;
   name.host = url->hosts.front();
   name.port = url->port;
-  std::uint32_t random = 0;
-  const bool is_read = read(take_part(text), name.process_id) &&
-                       read(take_part(text), name.network) && read(take_part(text), random);
-  return is_read && text.empty() ? std::optional(std::move(name)) : std::nullopt;
+  const auto process_id = whole_number_of<decltype(name.process_id)>(take_part(text));
+  const auto network = whole_number_of<decltype(name.network)>(take_part(text));
+  const auto random = whole_number_of<std::uint32_t>(take_part(text));
+  if (!process_id || !network || !random || !text.empty()) return std::nullopt;
+  name.process_id = *process_id;
+  name.network = *network;
+  return name;
 }
 
 }  // namespace rtpm::discovery

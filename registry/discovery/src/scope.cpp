@@ -1,21 +1,13 @@
 #include "rtpm/discovery/scope.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <optional>
 
+#include "rtpm/base/whole_number.hpp"
 #include "rtpm/wire/url.hpp"
 
 namespace rtpm::discovery {
 namespace {
-
-template <class Number>
-std::optional<Number> number_of(std::string_view text) {
-  Number number{};
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  const bool is_whole = error == std::errc{} && end == text.data() + text.size();
-  return is_whole ? std::optional(number) : std::nullopt;
-}
 
 unexpected<SetupError> no_scope(std::string_view text, const std::string& why) {
   return setup_error("'" + std::string(text) + "' is no URL of a registry and no way to find one",
@@ -36,7 +28,7 @@ expected<Scope, SetupError> lan_of(std::string_view text) {
   std::string_view domain = text.substr(3, at - 3);
   if (domain.empty()) return scope;
   domain.remove_prefix(1);
-  const auto number = number_of<std::uint8_t>(domain);
+  const auto number = whole_number_of<std::uint8_t>(domain);
   if (!number) return no_scope(text, "a domain is a number from 0 to 255");
   scope.domain = *number;
   return scope;
@@ -46,7 +38,7 @@ expected<Scope, SetupError> lan_of(std::string_view text) {
 std::optional<ListedHost> listed_host_of(std::string_view text) {
   ListedHost listed{std::string(text)};
   if (const std::size_t colon = text.find(':'); colon != std::string_view::npos) {
-    const auto port = number_of<std::uint16_t>(text.substr(colon + 1));
+    const auto port = whole_number_of<std::uint16_t>(text.substr(colon + 1));
     if (!port || *port == 0) return std::nullopt;
     listed = {std::string(text.substr(0, colon)), *port};
   }

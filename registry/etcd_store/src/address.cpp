@@ -1,10 +1,10 @@
 #include "address.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <cstdint>
 
 #include "rtpm/base/printable.hpp"
+#include "rtpm/base/whole_number.hpp"
 #include "rtpm/etcd_store/etcd_storage.hpp"
 
 namespace rtpm::etcd_store {
@@ -27,10 +27,8 @@ bool take_endpoint(std::string_view text, std::vector<std::string>& endpoints) {
   if (host.empty() || host.size() > 253 || !std::ranges::all_of(host, is_letter)) return false;
   std::uint16_t port = 2379;
   if (colon != std::string_view::npos) {
-    const std::string_view digits = text.substr(colon + 1);
-    const char* const end = digits.data() + digits.size();
-    const auto read = std::from_chars(digits.data(), end, port);
-    if (read.ec != std::errc{} || read.ptr != end || port == 0) return false;
+    port = whole_number_of<std::uint16_t>(text.substr(colon + 1)).value_or(0);
+    if (port == 0) return false;
   }
   endpoints.push_back(std::string(host) + ':' + std::to_string(port));
   return true;

@@ -1,8 +1,8 @@
 #include "stored_value.hpp"
 
-#include <charconv>
 #include <nlohmann/json.hpp>
 
+#include "rtpm/base/whole_number.hpp"
 #include "rtpm/file_store/json.hpp"
 #include "rtpm/rt/host.hpp"
 
@@ -14,12 +14,7 @@ using Json = nlohmann::json;
 /// Whole 64-bit numbers stand as texts, as in etcd's own JSON: readers of JSON may round numbers.
 std::optional<std::uint64_t> number_of(const Json& json) {
   if (!json.is_string()) return std::nullopt;
-  const auto& text = json.get_ref<const std::string&>();
-  std::uint64_t number = 0;
-  const char* const end = text.data() + text.size();
-  const auto read = std::from_chars(text.data(), end, number);
-  if (read.ec != std::errc{} || read.ptr != end) return std::nullopt;
-  return number;
+  return whole_number_of<std::uint64_t>(json.get_ref<const std::string&>());
 }
 
 std::optional<std::uint64_t> number_at(const Json& json, const char* key) {

@@ -2,9 +2,7 @@
 
 #include <arpa/inet.h>
 
-#include <algorithm>
-#include <charconv>
-#include <cstring>
+#include "rtpm/base/whole_number.hpp"
 
 namespace rtpm::access {
 namespace {
@@ -40,12 +38,9 @@ std::optional<AddressRange> AddressRange::parse(std::string_view text) {
   range.prefix_ = *prefix;
   range.bit_count_ = kBitCount;
   if (slash == std::string_view::npos) return range;
-  const std::string_view count = text.substr(slash + 1);
-  unsigned bits = 0;
-  const auto [end, error] = std::from_chars(count.data(), count.data() + count.size(), bits);
-  if (error != std::errc{} || end != count.data() + count.size() || bits > kBitCount - first)
-    return std::nullopt;
-  range.bit_count_ = first + bits;
+  const auto bits = whole_number_of<unsigned>(text.substr(slash + 1));
+  if (!bits || *bits > kBitCount - first) return std::nullopt;
+  range.bit_count_ = first + *bits;
   for (unsigned bit = range.bit_count_; bit < kBitCount; ++bit) {
     if (is_set(range.prefix_, bit)) return std::nullopt;
   }

@@ -1,12 +1,12 @@
 #include "rtpm/access/authorized.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <optional>
 #include <utility>
 
 #include "rtpm/base/expected.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/base/whole_number.hpp"
 #include "rtpm/seal/key_text.hpp"
 #include "words.hpp"
 
@@ -26,21 +26,13 @@ std::string quoted(std::string_view text) {
   return "'" + printable(text, 64) + "'";
 }
 
-template <typename Number>
-std::optional<Number> number_of(std::string_view text) {
-  Number number{};
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
-  return number;
-}
-
 /// The subject at the beginning of a line, which takes one word or two.
 expected<Subject, Fault> read_subject(const std::vector<Word>& words, std::size_t& next) {
   const Word& first = words[next++];
   Subject subject;
   if (first.text == "anonymous") return subject;
   if (first.text.starts_with("uid:")) {
-    const auto user = number_of<std::uint32_t>(first.text.substr(4));
+    const auto user = whole_number_of<std::uint32_t>(first.text.substr(4));
     if (!user) return fault_at(first, quoted(first.text) + " has no number of a user, as uid:1000");
     subject.kind = Subject::Kind::kLocalUser;
     subject.user = *user;
@@ -86,7 +78,7 @@ expected<void, Fault> read_setting(const Word& key, const Word& value, Grant& gr
     if (!objects) return unexpected{objects.error()};
     grant.objects = std::move(*objects);
   } else if (key.text == "max-priority") {
-    const auto priority = number_of<int>(value.text);
+    const auto priority = whole_number_of<int>(value.text);
     if (!priority || !Priority::is_valid(*priority))
       return fault_at(value, "a priority is 0 to 32767, not " + quoted(value.text));
     grant.ceiling = *priority;

@@ -1,9 +1,9 @@
 #include "rtpm/access/known_servers.hpp"
 
 #include <algorithm>
-#include <charconv>
 
 #include "rtpm/base/printable.hpp"
+#include "rtpm/base/whole_number.hpp"
 #include "rtpm/seal/key_text.hpp"
 #include "words.hpp"
 
@@ -27,10 +27,8 @@ bool read_place(std::string_view text, KnownServer& server) {
   }
   if (server.host.empty() || server.host.size() > kHostSizeMax) return false;
   if (port.empty()) return true;
-  const auto [end, error] =
-      std::from_chars(port.data() + 1, port.data() + port.size(), server.port);
-  return port.front() == ':' && error == std::errc{} && end == port.data() + port.size() &&
-         server.port != 0;
+  server.port = whole_number_of<std::uint16_t>(port.substr(1)).value_or(0);
+  return port.front() == ':' && server.port != 0;
 }
 
 /// The fault of a line; nothing if it is sound.
