@@ -15,6 +15,7 @@
 #include "http.hpp"
 #include "programs.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/test/etcd.hpp"
 #include "rtpm/test/os.hpp"
 
 namespace rtpm::system_test {
@@ -99,33 +100,15 @@ void EtcdCluster::start(int node) {
     all += (each == 0 ? "n" : ",n") + std::to_string(each) + "=http://" + address(each) + ":2380";
   const std::string client = "http://" + address(node) + ":2379";
   const std::string peer = "http://" + address(node) + ":2380";
-  nodes_[static_cast<std::size_t>(node)].emplace(
-      std::vector<std::string>{"/usr/bin/env",
-                               "ip",
-                               "netns",
-                               "exec",
-                               space(node),
-                               "etcd",
-                               "--name",
-                               "n" + std::to_string(node),
-                               "--data-dir",
-                               folder_ + "/n" + std::to_string(node),
-                               "--listen-client-urls",
-                               client,
-                               "--advertise-client-urls",
-                               client,
-                               "--listen-peer-urls",
-                               peer,
-                               "--initial-advertise-peer-urls",
-                               peer,
-                               "--initial-cluster",
-                               all,
-                               "--log-level",
-                               "fatal",
-                               "--logger",
-                               "zap",
-                               "--log-outputs",
-                               folder_ + "/log" + std::to_string(node)});
+  std::vector<std::string> command =
+      test::etcd_command({.name = "n" + std::to_string(node),
+                          .data_folder = folder_ + "/n" + std::to_string(node),
+                          .client_url = client,
+                          .peer_url = peer,
+                          .cluster = all,
+                          .log_file = folder_ + "/log" + std::to_string(node)});
+  command.insert(command.begin(), {"/usr/bin/env", "ip", "netns", "exec", space(node)});
+  nodes_[static_cast<std::size_t>(node)].emplace(command);
 }
 
 int EtcdCluster::leader() const {

@@ -11,6 +11,7 @@
 #include <memory>
 
 #include "http.hpp"
+#include "rtpm/test/etcd.hpp"
 #include "rtpm/test/os.hpp"
 
 namespace rtpm::storage_test {
@@ -50,28 +51,14 @@ EtcdNode::EtcdNode() : endpoint_("127.0.0.1:" + free_port()) {
   if (::mkdtemp(folder_.data()) == nullptr) return;
   const std::string client = "http://" + endpoint_;
   const std::string peer = "http://127.0.0.1:" + free_port();
-  process_.emplace(std::vector<std::string>{"/usr/bin/env",
-                                            "etcd",
-                                            "--name",
-                                            "n0",
-                                            "--data-dir",
-                                            folder_ + "/n0",
-                                            "--listen-client-urls",
-                                            client,
-                                            "--advertise-client-urls",
-                                            client,
-                                            "--listen-peer-urls",
-                                            peer,
-                                            "--initial-advertise-peer-urls",
-                                            peer,
-                                            "--initial-cluster",
-                                            "n0=" + peer,
-                                            "--logger",
-                                            "zap",
-                                            "--log-level",
-                                            "fatal",
-                                            "--log-outputs",
-                                            folder_ + "/log"});
+  std::vector<std::string> command = test::etcd_command({.name = "n0",
+                                                         .data_folder = folder_ + "/n0",
+                                                         .client_url = client,
+                                                         .peer_url = peer,
+                                                         .cluster = "n0=" + peer,
+                                                         .log_file = folder_ + "/log"});
+  command.insert(command.begin(), "/usr/bin/env");
+  process_.emplace(command);
   static_cast<void>(test::await([&] { return answers(endpoint_); }));
 }
 

@@ -209,4 +209,12 @@ inline void talk(Client& client, Server& server, MonotonicTime now) {
   }
 }
 
+/// Opens a session, and makes the first call in it.
+inline void open_and_call(Client& client, Server& server, MonotonicTime now) {
+  client.open(now);
+  talk(client, server, now);
+  client.call("one", now);
+  talk(client, server, now);
+}
+
 }  // namespace rtpm::sealed::test

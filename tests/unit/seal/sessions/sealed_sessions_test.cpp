@@ -243,10 +243,7 @@ std::optional<wire::SealedWelcome> welcome_of(const Client& client, const seal::
 TEST(SealedSessions, AServerTellsOfASessionOnlyToItsClient) {
   Server server;
   Client client(server.identity.key.public_key);
-  client.open(kNow);
-  talk(client, server, kNow);
-  client.call("one", kNow);
-  talk(client, server, kNow);
+  open_and_call(client, server, kNow);
   const std::uint64_t session = client.channel.session();
 
   Client stranger(server.identity.key.public_key);
@@ -413,10 +410,7 @@ TEST(SealedSessions, AStreamEndsAtTheFirstFrameThatDoesNotFit) {
 TEST(SealedSessions, KeysAreRenewedBeforeTheOldOnesEnd) {
   Server server;
   Client client(server.identity.key.public_key);
-  client.open(kNow);
-  talk(client, server, kNow);
-  client.call("one", kNow);
-  talk(client, server, kNow);
+  open_and_call(client, server, kNow);
   const std::uint64_t old = client.channel.session();
   EXPECT_FALSE(client.sealed.is_renewal_due(kNow + 23h));
   EXPECT_TRUE(client.sealed.is_renewal_due(kNow + 24h));
@@ -444,10 +438,7 @@ TEST(SealedSessions, KeysAreRenewedBeforeTheOldOnesEnd) {
 TEST(SealedSessions, ARenewalThatNobodyTakesUpChangesNothing) {
   Server server;
   Client client(server.identity.key.public_key);
-  client.open(kNow);
-  talk(client, server, kNow);
-  client.call("one", kNow);
-  talk(client, server, kNow);
+  open_and_call(client, server, kNow);
   const std::uint64_t old = client.channel.session();
   client.renew(kNow);
   talk(client, server, kNow);
