@@ -62,7 +62,8 @@ rt::Finding survey_multicast() {
 
 bool answers_as_rtpm(Context& context, std::uint16_t port) {
   wire::Url url{.hosts = {"127.0.0.1"}, .port = port, .path = std::string(introspection::kPath)};
-  for (const auto& [interface, address, prefix_size] : transport::own_addresses()) {
+  for (const transport::InterfaceAddress& own : transport::own_addresses()) {
+    const transport::SocketAddress& address = own.address;
     const bool is_other = !address.is_link_local() && address.host() != url.hosts.front();
     if (is_other && url.hosts.size() < wire::kUrlHostCountMax) url.hosts.push_back(address.host());
   }
@@ -73,10 +74,11 @@ bool answers_as_rtpm(Context& context, std::uint16_t port) {
 /// The addresses at which other hosts find a server with --host any.
 rt::Finding survey_addresses() {
   rt::Finding finding{.id = "addresses"};
-  for (const auto& [interface, address, prefix_size] : transport::own_addresses()) {
+  for (const transport::InterfaceAddress& own : transport::own_addresses()) {
+    const transport::SocketAddress& address = own.address;
     if (address.is_loopback() || address.is_link_local()) continue;
     finding.text += (finding.text.empty() ? "this host has " : ", ") + address.host() + " (" +
-                    printable(interface) + ")";
+                    printable(own.interface) + ")";
   }
   if (!finding.text.empty()) return finding;
   finding.severity = rt::Severity::kNote;

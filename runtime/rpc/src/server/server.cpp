@@ -184,7 +184,8 @@ std::vector<std::string> hosts_for_callers(const transport::HostsToServe& hosts)
   };
   std::vector<std::string> told;
   std::vector<std::string> others;
-  for (const auto& [interface, address, prefix_size] : hosts.addresses) {
+  for (const transport::InterfaceAddress& each : hosts.addresses) {
+    const transport::SocketAddress& address = each.address;
     // Of "any" the link-local ones are as many as interfaces.
     if (hosts.is_any && address.is_link_local()) continue;
     (is_for_any_caller(address) ? told : others).push_back(address.host());

@@ -100,8 +100,10 @@ Addresses own_addresses() {
     const int family = each->ifa_addr->sa_family;
     if (family != AF_INET && family != AF_INET6) continue;
     const socklen_t size = family == AF_INET ? sizeof(sockaddr_in) : sizeof(sockaddr_in6);
+    const bool has_multicast =
+        (each->ifa_flags & IFF_MULTICAST) != 0 && (each->ifa_flags & IFF_LOOPBACK) == 0;
     found.push_back({each->ifa_name, SocketAddress::of(*each->ifa_addr, size),
-                     prefix_size_of(each->ifa_netmask, family)});
+                     prefix_size_of(each->ifa_netmask, family), has_multicast});
   }
   freeifaddrs(list);
   return found;

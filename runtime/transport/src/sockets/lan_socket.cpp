@@ -1,16 +1,12 @@
 #include "rtpm/transport/lan_socket.hpp"
 
 #include <arpa/inet.h>
-#include <ifaddrs.h>
-#include <net/if.h>
 #include <poll.h>
 #include <sys/socket.h>
 
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <cstring>
-#include <memory>
 #include <utility>
 
 #include "rtpm/rt/clock.hpp"
@@ -32,35 +28,19 @@ unexpected<SetupError> failed(const std::string& what, const std::string& remedy
   return setup_error(what, system_error(errno), remedy);
 }
 
-/// Calls `visit` with each IPv4 interface: its name, address and flags.
-template <class Visit>
-void for_each_interface(Visit visit) {
-  ifaddrs* list = nullptr;
-  if (getifaddrs(&list) != 0) return;
-  const std::unique_ptr<ifaddrs, void (*)(ifaddrs*)> owner(list, freeifaddrs);
-  for (const ifaddrs* each = list; each != nullptr; each = each->ifa_next) {
-    if (each->ifa_addr == nullptr || each->ifa_addr->sa_family != AF_INET) continue;
-    sockaddr_in address{};
-    std::memcpy(&address, each->ifa_addr, sizeof address);
-    visit(each->ifa_name, ntohl(address.sin_addr.s_addr), each->ifa_flags);
-  }
-}
-
 }  // namespace
 
 expected<std::vector<NetworkInterface>, SetupError> multicast_interfaces(std::string_view wanted) {
   std::vector<NetworkInterface> found;
   std::string others;
-  for_each_interface([&](const char* name, std::uint32_t ipv4, unsigned flags) {
-    const bool is_fit =
-        (flags & IFF_UP) != 0 && (flags & IFF_MULTICAST) != 0 && (flags & IFF_LOOPBACK) == 0;
-    if (!is_fit) return;
-    NetworkInterface interface { name, address_text(ipv4) };
+  for (const InterfaceAddress& own : own_addresses()) {
+    if (!own.has_multicast || !own.address.is_ipv4()) continue;
+    NetworkInterface interface { own.interface, own.address.host() };
     others += (others.empty() ? "" : ", ") + interface.name + " (" + interface.address + ")";
     if (wanted == "any" || wanted == interface.name || wanted == interface.address) {
       found.push_back(std::move(interface));
     }
-  });
+  }
   if (!found.empty()) return found;
   return setup_error(wanted == "any"
                          ? "this host has no interface for multicast"
@@ -70,9 +50,11 @@ expected<std::vector<NetworkInterface>, SetupError> multicast_interfaces(std::st
 }
 
 bool is_own_address(std::uint32_t ipv4) noexcept {
-  bool is_own = ipv4 >> 24 == 127;
-  for_each_interface([&](const char*, std::uint32_t own, unsigned) { is_own |= own == ipv4; });
-  return is_own;
+  if (ipv4 >> 24 == 127) return true;
+  const SocketAddress address(in_addr{htonl(ipv4)}, 0);
+  return std::ranges::any_of(own_addresses(), [&](const InterfaceAddress& own) {
+    return own.address.is_same_host(address);
+  });
 }
 
 std::string address_text(std::uint32_t ipv4) {

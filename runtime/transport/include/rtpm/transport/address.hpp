@@ -123,9 +123,10 @@ inline constexpr std::size_t kAddressCountMax = 8;
 
 /// An address of this host.
 struct InterfaceAddress {
-  std::string interface {};  ///< "eth0".
-  SocketAddress address{};   ///< With port 0.
-  int prefix_size = 0;       ///< Bits of the network that its link has.
+  std::string interface {};    ///< "eth0".
+  SocketAddress address{};     ///< With port 0.
+  int prefix_size = 0;         ///< Bits of the network that its link has.
+  bool has_multicast = false;  ///< Its interface passes multicast, and is no loopback.
 };
 
 /// The addresses of this host's interfaces that are up, in the system's order.
