@@ -28,7 +28,7 @@ const std::vector<Part>& parts() {
       {"runtime/access/", "access", {"base", "seal", "wire"}},
       {"runtime/rt/", "rt", {"base"}},
       {"runtime/transport/", "transport", {"base", "wire", "rt"}},
-      {"runtime/rpc/", "rpc", {"base", "wire", "rt", "transport"}},
+      {"runtime/rpc/", "rpc", {"base", "wire", "rt", "transport", "access", "seal", "sealed"}},
       {"runtime/options/", "options", {"base", "wire", "rt", "rpc"}},
       {"registry/predicate/", "predicate", {"base", "options"}},
       {"registry/discovery/", "discovery", {"base", "wire", "rt", "transport"}},

@@ -172,4 +172,15 @@ expected<std::string, SetupError> read_trusted_file(const std::string& path) {
   return text;
 }
 
+FileStamp stamp_of(const std::string& path) noexcept {
+  struct stat found {};
+  if (::stat(path.c_str(), &found) != 0) return {};
+  return {found.st_ino, found.st_ctim.tv_sec * 1'000'000'000LL + found.st_ctim.tv_nsec,
+          found.st_size};
+}
+
+std::uint32_t this_user() noexcept {
+  return ::geteuid();
+}
+
 }  // namespace rtpm::access

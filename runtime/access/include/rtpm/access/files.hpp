@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <string_view>
 
@@ -42,5 +43,18 @@ inline constexpr std::size_t kFileSizeMax = 1024 * 1024;
 /// @errors   a file that others can write, or of another owner than this user or root; no regular
 ///           file; more than kFileSizeMax bytes
 [[nodiscard]] expected<std::string, SetupError> read_trusted_file(const std::string& path);
+
+/// Tells one content of a file from the next without reading it.
+struct FileStamp {
+  std::uint64_t file_number = 0;  ///< The inode; 0: there is no file.
+  std::int64_t changed_ns = 0;
+  std::int64_t size = 0;
+  friend bool operator==(const FileStamp&, const FileStamp&) = default;
+};
+/// @realtime set-up only
+[[nodiscard]] FileStamp stamp_of(const std::string& path) noexcept;
+
+/// The number of the user with whose rights this program runs.
+[[nodiscard]] std::uint32_t this_user() noexcept;
 
 }  // namespace rtpm::access

@@ -10,6 +10,7 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/interface.hpp"
+#include "rtpm/rpc/security.hpp"
 #include "rtpm/rt/wait.hpp"
 
 namespace rtpm::rpc {
@@ -59,6 +60,7 @@ struct NodeConfig {
   /// Where servers have their sockets for shared memory, if not under abstract names: as
   /// ServerConfig::shared_memory_folder.
   std::string shared_memory_folder{};
+  NodeSecurity security{};
 };
 
 /// The calling side of a program: its identity towards servers and the channels to them. Bindings

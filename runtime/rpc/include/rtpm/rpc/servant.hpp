@@ -15,6 +15,8 @@
 
 namespace rtpm::rpc {
 
+class Caller;
+
 /// The host that a call came from: over UDP the address that the session's cookie confirmed, over
 /// TCP the connection's, else 127.0.0.1, as for a caller that called from the address that it
 /// called. The addresses of a /64 of IPv6 are one host. Good for quotas, not for rights: several
@@ -42,6 +44,7 @@ struct CallContext {
   Deferral* deferral =
       nullptr;          ///< For methods that answer later, or with a stream; null in tests.
   CallerHost caller{};  ///< Where the call came from.
+  const Caller* identity = nullptr;  ///< Null: the server asks nobody who he is.
 };
 
 /// How a dispatch ended; made by generated code.

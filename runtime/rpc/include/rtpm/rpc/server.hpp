@@ -12,6 +12,7 @@
 #include "rtpm/rpc/counters.hpp"
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/interface.hpp"
+#include "rtpm/rpc/security.hpp"
 #include "rtpm/rpc/servant.hpp"
 #include "rtpm/rpc/tap.hpp"
 #include "rtpm/rt/thread.hpp"
@@ -128,6 +129,7 @@ struct ServerConfig {
   /// Where the socket for it is: empty: an abstract name, which leaves no file and reaches as far
   /// as the network namespace; else a folder, which containers can share that share nothing else.
   std::string shared_memory_folder{};
+  ServerSecurity security{};
 };
 
 /// An address at which a server serves.

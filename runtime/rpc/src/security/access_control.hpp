@@ -1,0 +1,66 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "rtpm/access/files.hpp"
+#include "rtpm/access/grants.hpp"
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/rt/log.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
+
+namespace rtpm::rpc {
+
+/// Who calls, and from where.
+struct CallOrigin {
+  access::Subject subject{};
+  std::optional<access::NetworkAddress> address{};  ///< Nothing: from this host, proved.
+};
+
+/// A server's grants, read anew when their file changes. The server's own user, and root, may do
+/// everything on this host, unless a line names that user.
+/// @threads  any; reload_if_changed() one at a time
+/// @realtime alloc-free but for open() and reload_if_changed(); a lock with priority inheritance
+class AccessControl {
+ public:
+  /// @realtime set-up only
+  /// @errors   the file can't be trusted, or has not a single line that is understood
+  [[nodiscard]] static expected<std::unique_ptr<AccessControl>, SetupError> open(std::string file);
+
+  /// Whether any grant is for it.
+  [[nodiscard]] bool knows(const CallOrigin& origin) const noexcept;
+  /// What it may do with the object, name or type at `path`.
+  [[nodiscard]] access::Permission permission(const CallOrigin& origin,
+                                              std::string_view path) const noexcept;
+  /// The highest priority that any grant gives it.
+  [[nodiscard]] Priority ceiling(const CallOrigin& origin) const noexcept;
+  /// Another number after each change of the grants: what was asked before holds no more.
+  [[nodiscard]] std::uint32_t generation() const noexcept {
+    return generation_.load(std::memory_order_acquire);
+  }
+  /// Reads the file if it is another than before; true if grants have changed. What can't be read
+  /// leaves them in force, and is said on standard error, as are faulty lines.
+  /// @realtime set-up only
+  bool reload_if_changed();
+
+  [[nodiscard]] const std::string& file() const noexcept { return file_; }
+
+ private:
+  explicit AccessControl(std::string file) : file_(std::move(file)) {}
+  void say_faults(const access::Authorized& read);
+  [[nodiscard]] bool is_owner(const CallOrigin& origin) const noexcept;
+
+  std::string file_;
+  rt::Log log_{"rtpm"};
+  access::FileStamp stamp_{};
+  mutable rt::PiMutex mutex_;  ///< Of grants_.
+  std::unique_ptr<const access::Grants> grants_ = std::make_unique<access::Grants>();
+  std::atomic<std::uint32_t> generation_{1};
+};
+
+}  // namespace rtpm::rpc
