@@ -11,6 +11,7 @@
 #include <span>
 #include <utility>
 
+#include "open_file.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/seal/key_text.hpp"
 #include "words.hpp"
@@ -20,22 +21,6 @@ namespace {
 
 constexpr mode_t kOfOthers = S_IRWXG | S_IRWXO;
 constexpr mode_t kWriteOfOthers = S_IWGRP | S_IWOTH;
-
-/// An open file, closed at the end.
-class File {
- public:
-  explicit File(int number) noexcept : number_(number) {}
-  File(const File&) = delete;
-  File& operator=(const File&) = delete;
-  ~File() {
-    if (is_open()) ::close(number_);
-  }
-  [[nodiscard]] int number() const noexcept { return number_; }
-  [[nodiscard]] bool is_open() const noexcept { return number_ >= 0; }
-
- private:
-  int number_;
-};
 
 /// Secret text, wiped at its end.
 struct SecretText {
@@ -153,6 +138,20 @@ expected<seal::KeyPair, SetupError> read_key(const std::string& path) {
     return setup_error(what, "it has no line 'rtpm25519 KEY'",
                        "move it away and make a key: rtpm key new");
   return std::move(*pair);
+}
+
+std::string key_comment(const std::string& path) {
+  const File file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+  if (!file.is_open() || !check(file, path, kOfOthers)) return {};
+  SecretText secret;
+  if (read_all(file, secret.text)) return {};
+  std::string comment;
+  visit_lines(secret.text, [&](std::string_view line, std::size_t) {
+    const std::vector<Word> words = words_of(line);
+    if (comment.empty() && words.size() >= 3 && words[0].text == seal::kKeyTextName)
+      comment = printable(line.substr(words[2].column - 1));
+  });
+  return comment;
 }
 
 expected<std::string, SetupError> read_trusted_file(const std::string& path) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "rtpm/access/fingerprint.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/base/whole_number.hpp"
 #include "rtpm/seal/key_text.hpp"
@@ -85,13 +86,7 @@ std::string to_line(const KnownServer& server) {
   const bool is_ipv6 = server.host.find(':') != std::string::npos;
   std::string line = is_ipv6 ? '[' + server.host + ']' : server.host;
   if (server.port != 0) line += ':' + std::to_string(server.port);
-  seal::KeyText key;
-  seal::encode_key(server.key, key);
-  line += ' ';
-  line += seal::kKeyTextName;
-  line += ' ';
-  line.append(key.data(), key.size());
-  return line;
+  return line + ' ' + public_key_text(server.key);
 }
 
 }  // namespace rtpm::access

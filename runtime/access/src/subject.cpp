@@ -1,6 +1,6 @@
 #include "rtpm/access/subject.hpp"
 
-#include "rtpm/seal/key_text.hpp"
+#include "rtpm/access/fingerprint.hpp"
 
 namespace rtpm::access {
 
@@ -13,9 +13,7 @@ std::string to_text(const Subject& subject) {
     case Subject::Kind::kKey:
       break;
   }
-  seal::KeyText key;
-  seal::encode_key(subject.key, key);
-  return std::string(seal::kKeyTextName) + ' ' + std::string(key.data(), key.size());
+  return public_key_text(subject.key);
 }
 
 }  // namespace rtpm::access

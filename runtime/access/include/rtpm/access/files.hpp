@@ -38,6 +38,10 @@ inline constexpr std::size_t kFileSizeMax = 1024 * 1024;
 ///           or root; no regular file; no key in it
 [[nodiscard]] expected<seal::KeyPair, SetupError> read_key(const std::string& path);
 
+/// The comment behind the key of a file; empty: it has none, or read_key() refuses it.
+/// @realtime set-up only
+[[nodiscard]] std::string key_comment(const std::string& path);
+
 /// The content of a file of grants or known servers; a missing one is empty.
 /// @realtime set-up only
 /// @errors   a file that others can write, or of another owner than this user or root; no regular

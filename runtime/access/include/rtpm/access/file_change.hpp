@@ -1,0 +1,32 @@
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
+
+namespace rtpm::access {
+
+/// Gives what a file of grants or known servers shall contain, from what it contains.
+using FileChange = std::function<expected<std::string, SetupError>(const std::string& text)>;
+
+/// Changes a file of grants or known servers as a whole: a reader sees the old content or the new.
+/// Several programs may do so at once. A file that is not there is made, mode 0600, and its folder,
+/// mode 0700; one that is there keeps its mode.
+/// @realtime set-up only: waits for the disk, and up to 5 s for another program that changes it
+/// @errors   as read_trusted_file(); what `change` says; what the system says. The file is as it
+/// was
+[[nodiscard]] expected<void, SetupError> change_trusted_file(const std::string& path,
+                                                             const FileChange& change);
+
+/// `text` with one more line.
+[[nodiscard]] std::string with_line(std::string text, std::string_view line);
+/// `text` without the lines of these numbers, from 1.
+[[nodiscard]] std::string without_lines(std::string_view text,
+                                        const std::vector<std::size_t>& numbers);
+
+}  // namespace rtpm::access

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "rtpm/seal/primitives.hpp"
+
+namespace rtpm::access {
+
+/// A public key in short, for people who compare two and for logs: the first 10 bytes of the key's
+/// SHA-256 as hexadecimal digits, "3f2a-91c0-77de-0b14-a5c2".
+/// @realtime set-up only
+/// @source   spec/security.md#sec-2
+[[nodiscard]] std::string fingerprint(const seal::PublicKey& key);
+
+/// Whether `text` is the fingerprint of `key`; capitals and missing dashes do not matter.
+[[nodiscard]] bool is_fingerprint_of(std::string_view text, const seal::PublicKey& key);
+
+/// "rtpm25519 BASE64", as files and command lines have a public key.
+/// @realtime set-up only
+[[nodiscard]] std::string public_key_text(const seal::PublicKey& key);
+/// The reverse; what follows the key, such as its comment, is left out. Nothing: no key.
+[[nodiscard]] std::optional<seal::PublicKey> parse_public_key(std::string_view text);
+
+}  // namespace rtpm::access

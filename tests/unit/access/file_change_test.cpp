@@ -1,0 +1,96 @@
+#include "rtpm/access/file_change.hpp"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <thread>
+#include <vector>
+
+#include "rtpm/access/files.hpp"
+
+namespace rtpm::access {
+namespace {
+
+class FileChanges : public testing::Test {
+ protected:
+  FileChanges() {
+    std::string name = (std::filesystem::temp_directory_path() / "rtpm-access-XXXXXX").string();
+    folder_ = ::mkdtemp(name.data());
+  }
+  ~FileChanges() override { std::filesystem::remove_all(folder_); }
+
+  static expected<void, SetupError> append(const std::string& path, const std::string& line) {
+    return change_trusted_file(path,
+                               [&](const std::string& text) { return with_line(text, line); });
+  }
+  static unsigned mode_of(const std::string& path) {
+    struct stat status {};
+    return ::stat(path.c_str(), &status) == 0 ? status.st_mode & 0777 : 0;
+  }
+
+  std::string folder_;
+};
+
+TEST_F(FileChanges, MakeTheFileAndItsFolderForTheOwnerAlone) {
+  const std::string path = folder_ + "/sub/authorized";
+  ASSERT_TRUE(append(path, "one"));
+  ASSERT_TRUE(append(path, "two"));
+  EXPECT_EQ(*read_trusted_file(path), "one\ntwo\n");
+  EXPECT_EQ(mode_of(path), 0600U);
+  EXPECT_EQ(mode_of(folder_ + "/sub"), 0700U);
+}
+
+TEST_F(FileChanges, KeepModeLinksAndALastLineWithoutEnd) {
+  const std::string path = folder_ + "/authorized";
+  std::ofstream(folder_ + "/real") << "one";
+  ::chmod((folder_ + "/real").c_str(), 0644);
+  std::filesystem::create_symlink(folder_ + "/real", path);
+  ASSERT_TRUE(append(path, "two"));
+  EXPECT_TRUE(std::filesystem::is_symlink(path));
+  EXPECT_EQ(*read_trusted_file(folder_ + "/real"), "one\ntwo\n");
+  EXPECT_EQ(mode_of(path), 0644U);
+}
+
+TEST_F(FileChanges, LeaveTheFileAsItWasWhenTheyAreRefused) {
+  const std::string path = folder_ + "/authorized";
+  ASSERT_TRUE(append(path, "one"));
+  const FileStamp before = stamp_of(path);
+  const FileChange refuse = [](const std::string&) -> expected<std::string, SetupError> {
+    return setup_error("no");
+  };
+  EXPECT_FALSE(change_trusted_file(folder_ + "/none", refuse));
+  EXPECT_FALSE(std::filesystem::exists(folder_ + "/none"));
+  const auto refused = change_trusted_file(path, refuse);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().what, "no");
+  EXPECT_EQ(stamp_of(path), before);
+  ::chmod(path.c_str(), 0620);
+  const auto distrusted = append(path, "two");
+  ASSERT_FALSE(distrusted);
+  EXPECT_NE(distrusted.error().text().find("chmod go-w " + path), std::string::npos);
+}
+
+TEST_F(FileChanges, OfManyProgramsAtOnceAreAllThere) {
+  const std::string path = folder_ + "/authorized";
+  constexpr int kCount = 8;
+  std::vector<std::thread> threads;
+  for (int i = 0; i < kCount; ++i)
+    threads.emplace_back([&, i] { EXPECT_TRUE(append(path, "line" + std::to_string(i))); });
+  for (std::thread& thread : threads)
+    thread.join();
+  const std::string text = *read_trusted_file(path);
+  EXPECT_EQ(std::ranges::count(text, '\n'), kCount) << text;
+}
+
+TEST(Lines, AreTakenOutByNumber) {
+  EXPECT_EQ(without_lines("a\n\nb\nc", {1, 4}), "\nb\n");
+  EXPECT_EQ(without_lines("a\n", {2}), "a\n");
+  EXPECT_EQ(without_lines("", {1}), "");
+}
+
+}  // namespace
+}  // namespace rtpm::access
