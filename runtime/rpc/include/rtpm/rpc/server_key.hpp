@@ -1,0 +1,22 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/seal/primitives.hpp"
+
+namespace rtpm::rpc {
+
+/// Asks the server at host:port for its public key, over UDP. Nobody vouches for the answer:
+/// compare it with what the server itself shows before trusting it.
+/// @realtime set-up only
+/// @errors   no answer by `deadline`; the server has no sealed sessions; an unknown host
+/// @source   spec/security.md#sec-3.1
+[[nodiscard]] expected<seal::PublicKey, SetupError> ask_server_key(const std::string& host,
+                                                                   std::uint16_t port,
+                                                                   MonotonicTime deadline);
+
+}  // namespace rtpm::rpc
