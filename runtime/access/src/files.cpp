@@ -95,6 +95,13 @@ expected<std::string, SetupError> key_folder() {
                      "set RTPM_KEYS to a folder of your own");
 }
 
+expected<std::string, SetupError> key_file_path(const std::string& given, std::string_view name) {
+  if (!given.empty()) return given;
+  auto folder = key_folder();
+  if (folder) folder->append("/").append(name);
+  return folder;
+}
+
 expected<seal::KeyPair, SetupError> make_key(const std::string& path, std::string_view comment) {
   const std::filesystem::path folder = std::filesystem::path(path).parent_path();
   std::error_code error;

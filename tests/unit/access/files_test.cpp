@@ -103,5 +103,28 @@ TEST_F(Files, AGiantOneIsRefused) {
   EXPECT_FALSE(read_trusted_file(path("authorized")));
 }
 
+TEST(KeyFolder, ComesFromTheEnvironmentAndGivenNamesStay) {
+  ::setenv("RTPM_KEYS", "/of/a/test", 1);
+  EXPECT_EQ(*key_file_path("", kKeyFile), "/of/a/test/key");
+  EXPECT_EQ(*key_file_path("here", kKeyFile), "here");
+  ::unsetenv("RTPM_KEYS");
+  ::setenv("XDG_CONFIG_HOME", "/config", 1);
+  EXPECT_EQ(*key_folder(), "/config/rtpm");
+  ::unsetenv("XDG_CONFIG_HOME");
+  ::setenv("HOME", "/own", 1);
+  EXPECT_EQ(*key_folder(), "/own/.config/rtpm");
+  ::unsetenv("HOME");
+  EXPECT_FALSE(key_folder());
+}
+
+TEST_F(Files, ACommentStandsBehindTheKey) {
+  ASSERT_TRUE(make_key(path("key"), "alice@lab, new"));
+  EXPECT_EQ(key_comment(path("key")), "alice@lab, new");
+  ASSERT_TRUE(make_key(path("bare"), ""));
+  EXPECT_EQ(key_comment(path("bare")), "");
+  ::chmod(path("key").c_str(), 0640);
+  EXPECT_EQ(key_comment(path("key")), "");
+}
+
 }  // namespace
 }  // namespace rtpm::access

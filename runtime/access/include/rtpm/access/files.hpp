@@ -21,6 +21,12 @@ inline constexpr std::string_view kKeyFile = "key";
 inline constexpr std::string_view kAuthorizedFile = "authorized";
 inline constexpr std::string_view kKnownServersFile = "known_servers";
 
+/// `given`, or if that is empty the file of this name in key_folder().
+/// @realtime set-up only
+/// @errors   as key_folder()
+[[nodiscard]] expected<std::string, SetupError> key_file_path(const std::string& given,
+                                                              std::string_view name);
+
 /// How much of a file is read at most; a longer one is refused.
 inline constexpr std::size_t kFileSizeMax = 1024 * 1024;
 
