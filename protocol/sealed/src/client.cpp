@@ -316,6 +316,7 @@ SealedClient::Step SealedClient::message_2(MonotonicTime now) noexcept {
   next_until_ = now + kNextMax;
   if (purpose_ == Purpose::kChannel) return welcome_channel();
   if (purpose_ == Purpose::kRenewal) return {};
+  if (granted->former == wire::FormerSession::kEnded) return tell_closed();
   // sec-6-3: gone, says the server itself.
   gone_session_ = refused_.session;
   end(current());
@@ -334,6 +335,17 @@ SealedClient::Step SealedClient::welcome_channel() noexcept {
   welcome.features = 0;
   wire::encode(welcome, MutableBytes(plain_).subspan(wire::kHeaderSize));
   return {.deliver = plain_};
+}
+
+// sec-6-6: for the channel that is the server's CLOSE.
+SealedClient::Step SealedClient::tell_closed() noexcept {
+  wire::Header plain;
+  plain.kind = FrameKind::kClose;
+  plain.priority = refused_.priority;
+  plain.session = current().id;
+  end(current());
+  wire::encode(plain, plain_.data());
+  return {.deliver = ConstBytes(plain_).first(wire::kHeaderSize)};
 }
 
 SealedClient::Step SealedClient::tell_lost(const wire::Header& about) noexcept {

@@ -9,6 +9,8 @@ namespace rtpm::sealed {
 namespace {
 
 constexpr std::uint64_t kIndexBits = 0xffff;  // Of session numbers, as ServerSessions gives them.
+/// hp-5.5-2: clients judge by what was 30 s ago.
+constexpr Duration kEndedMemory = 2 * wire::kSessionIdleMin;
 
 }  // namespace
 
@@ -51,6 +53,12 @@ void SealedServer::close(Entry& entry, MonotonicTime now) noexcept {
   wire::encode(header, frame.data());
   static_cast<void>(sessions_.on_frame(frame, entry.peer, now));
   free(entry);
+}
+
+// sec-6-6: ends a session that its client may still use, whose open calls may have run.
+void SealedServer::end(Entry& entry, MonotonicTime now) noexcept {
+  ended_until_ = now + kEndedMemory;
+  close(entry, now);
 }
 
 SealedServer::Outcome SealedServer::drop(DropReason reason) noexcept {
@@ -96,11 +104,13 @@ SealedServer::Outcome SealedServer::on_sealed(MutableBytes frame, const wire::Pe
   }
   if (!(entry->peer == peer)) return drop(DropReason::kForeignAddress);
   if (auto opened = entry->session->open(wire::kHeaderSize, frame); !opened) {
-    if (entry->session->has_ended()) close(*entry, now);
+    if (entry->session->has_ended()) end(*entry, now);
     return broken(opened.error() == seal::OpenError::kReplayed ? DropReason::kReplayed
                                                                : DropReason::kBadSeal);
   }
   if (!entry->is_confirmed) confirm(*entry, now);
+  entry->last_heard = now;
+  if (is_held_back(*entry, header, now)) return {};
   wire::unmark_sealed(frame.data());
   return {.verdict = sessions_.on_frame(plain, peer, now)};
 }
@@ -115,6 +125,19 @@ void SealedServer::confirm(Entry& entry, MonotonicTime now) noexcept {
     const auto ahead = static_cast<std::int32_t>(entry.handshake_number - other.handshake_number);
     if (is_of_channel && ahead > 0) close(other, now);
   }
+}
+
+// sec-6.1-1, sec-6.1-2
+bool SealedServer::is_held_back(Entry& entry, const wire::Header& header,
+                                MonotonicTime now) noexcept {
+  const Duration late = entry.freshness.take(header.sender_time_ns, now);
+  if (header.kind != FrameKind::kCall || header.budget_us == wire::kBudgetUnlimited ||
+      late <= std::chrono::microseconds{header.budget_us} + Freshness::kTolerance) {
+    return false;
+  }
+  ++counters_.expired_count;
+  if (entry.freshness.has_still_clock(now)) end(entry, now);
+  return true;
 }
 
 ConstBytes SealedServer::seal(ConstBytes frame) noexcept {

@@ -192,7 +192,9 @@ SealedServer::Outcome SealedServer::open_session(HandshakeJob& job, MonotonicTim
     return refuse(job, wire::Status::kNotAllowed, now);
   }
   const Entry* const former = find(job.former_);
-  job.granted_.former = job.former_ == 0 ? wire::FormerSession::kNone : wire::FormerSession::kGone;
+  job.granted_.former = job.former_ == 0     ? wire::FormerSession::kNone
+                        : now < ended_until_ ? wire::FormerSession::kEnded
+                                             : wire::FormerSession::kGone;
   // sec-6-3, sec-6-4: nothing is opened where the client's session goes on.
   if (former != nullptr && former->session && former->client == *job.client_ &&
       former->peer == job.peer_ && former->granted.band.contains(job.header_.priority)) {
@@ -206,7 +208,7 @@ SealedServer::Outcome SealedServer::open_session(HandshakeJob& job, MonotonicTim
       job.is_taken_ = false;
       return drop(DropReason::kUnexpected);
     }
-    make_place(now);
+    if (!make_place(*job.client_, now)) return refuse(job, wire::Status::kOverload, now);
     // sec-6-1: for the sessions each handshake is a channel of its own, so that it replaces none.
     std::array<std::byte, wire::Hello::kSize> hello;
     std::ranges::copy(ConstBytes(job.frame_).subspan(wire::kHeaderSize, hello.size()),
@@ -232,7 +234,8 @@ SealedServer::Outcome SealedServer::open_session(HandshakeJob& job, MonotonicTim
     entry.client = *job.client_;
     entry.hello_hash = job.frame_hash_;
     entry.granted = job.granted_.welcome;
-    entry.opened = now;
+    entry.opened = entry.last_heard = now;
+    entry.freshness = {};
   }
   job.state_ = HandshakeJob::State::kWriting;
   return {.job = &job};
@@ -271,16 +274,41 @@ SealedServer::Outcome SealedServer::finish(HandshakeJob& job, MonotonicTime now)
   return outcome;
 }
 
-// sec-6-1: half-open sessions take a quarter of the table at most.
-void SealedServer::make_place(MonotonicTime now) noexcept {
+// sec-6-7: one key takes at most its share of the table, and replaces only sessions of its own that
+// hp-5.5-1 lets it replace.
+bool SealedServer::make_place(const seal::PublicKey& client, MonotonicTime now) noexcept {
   on_time(now);
-  if (half_open_count() < std::max(1U, config_.session_count_max / 4)) return;
+  make_half_open_place(client, now);
+  std::uint32_t count = 0;
   Entry* oldest = nullptr;
   for (Entry& entry : entries()) {
-    if (entry.id == 0 || entry.is_confirmed) continue;
-    if (oldest == nullptr || entry.opened < oldest->opened) oldest = &entry;
+    if (entry.id == 0 || entry.client != client) continue;
+    ++count;
+    if (oldest == nullptr || entry.last_heard < oldest->last_heard) oldest = &entry;
   }
-  if (oldest != nullptr) close(*oldest, now);
+  if (count < wire::share_of_one_host(config_.session_count_max)) return true;
+  if (now - oldest->last_heard < wire::kSessionIdleMin) return false;
+  close(*oldest, now);
+  return true;
+}
+
+// sec-6-1, sec-6-7: half-open sessions take a quarter of the table, those of one key its share of
+// that. A new one replaces the oldest.
+void SealedServer::make_half_open_place(const seal::PublicKey& client, MonotonicTime now) noexcept {
+  const std::uint32_t count_max = std::max(1U, config_.session_count_max / 4);
+  const auto replace_oldest = [&](std::uint32_t limit, auto is_meant) {
+    std::uint32_t count = 0;
+    Entry* oldest = nullptr;
+    for (Entry& entry : entries()) {
+      if (entry.id == 0 || entry.is_confirmed || !is_meant(entry)) continue;
+      ++count;
+      if (oldest == nullptr || entry.opened < oldest->opened) oldest = &entry;
+    }
+    if (count >= limit) close(*oldest, now);
+  };
+  replace_oldest(wire::share_of_one_host(count_max),
+                 [&](const Entry& entry) { return entry.client == client; });
+  replace_oldest(count_max, [](const Entry&) { return true; });
 }
 
 void SealedServer::on_time(MonotonicTime now) noexcept {

@@ -84,7 +84,7 @@ std::optional<SealedWelcome> decode_sealed_welcome(ConstBytes inner,
   ByteReader reader(inner.subspan(8 + Welcome::kSize));
   const auto former = reader.take<std::uint8_t>();
   if (!welcome || !has_good_features(welcome->features) || welcome->features != features ||
-      sealed.session == 0 || former > static_cast<std::uint8_t>(FormerSession::kGone) ||
+      sealed.session == 0 || former > static_cast<std::uint8_t>(FormerSession::kEnded) ||
       !reader.take_zeros(7)) {
     return std::nullopt;
   }

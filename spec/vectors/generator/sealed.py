@@ -214,7 +214,7 @@ def bad_payloads():
         ('WELCOME', 'without the feature', with_byte(inside, 16, 0)),
         ('WELCOME', 'another suite', with_byte(inside, 16, SEALED | AES_GCM)),
         ('WELCOME', 'a window that is no power of two', with_byte(inside, 20, 7)),
-        ('WELCOME', 'former 3', with_byte(inside, 56, 3)),
+        ('WELCOME', 'former 4', with_byte(inside, 56, 4)),
         ('WELCOME', 'a reserved byte', with_byte(inside, 63, 1)),
     ]
     rules = {'COOKIE': 'sec-3.1-2', 'HELLO': 'sec-3.2-1', 'WELCOME': 'sec-3.3-1'}

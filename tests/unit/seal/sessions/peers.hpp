@@ -128,8 +128,8 @@ class Server {
 class Client {
  public:
   explicit Client(const seal::PublicKey& server, wire::Medium medium = wire::Medium::kDatagram,
-                  std::uint8_t suites = 3)
-      : key(seal::KeyPair::generate()),
+                  std::uint8_t suites = 3, seal::KeyPair own = seal::KeyPair::generate())
+      : key(std::move(own)),
         channel({.medium = medium,
                  .client_epoch = 3,
                  .channel = 1,
@@ -143,13 +143,11 @@ class Client {
   void open(MonotonicTime now) {
     send(channel.open(kPriority, now + std::chrono::seconds{10}, now), now);
   }
-  void call(std::string_view text, MonotonicTime now) {
+  void call(std::string_view text, MonotonicTime now, Duration budget = std::chrono::seconds{20}) {
     payload_ = copy_of(std::as_bytes(std::span(text)));
-    const auto frame = channel.call({.service = 1,
-                                     .method = 1,
-                                     .priority = kPriority,
-                                     .deadline = now + std::chrono::seconds{20}},
-                                    payload_, now);
+    const auto frame =
+        channel.call({.service = 1, .method = 1, .priority = kPriority, .deadline = now + budget},
+                     payload_, now);
     ASSERT_TRUE(frame);
     send(*frame, now);
   }

@@ -134,6 +134,25 @@ TEST(SealedSessions, OnlyProvenClientsAreRefused) {
   EXPECT_EQ(client.sealed.hint(), wire::Status::kNotAllowed);
 }
 
+// sec-3.2-2: an admitted client's public key alone gets the same silence as any other, and the same
+// work: nobody asks whom the server admits before the key is proved.
+TEST(SealedSessions, APublicKeyWithoutItsPrivateKeyLearnsNothing) {
+  for (const bool is_open : {false, true}) {
+    Server server;
+    server.door.is_open = is_open;
+    seal::KeyPair stolen = seal::KeyPair::generate();
+    stolen.public_key = seal::KeyPair::generate().public_key;
+    Client client(server.identity.key.public_key, wire::Medium::kDatagram, 3, std::move(stolen));
+    client.open(kNow);
+    client.receive(server.receive(client.sent.front(), kNow)[0], kNow);
+    EXPECT_TRUE(server.receive(client.sent.back(), kNow).empty());
+    EXPECT_EQ(server.door.asked_for, std::nullopt);
+    EXPECT_EQ(server.job_count, 1);
+    EXPECT_EQ(server.sealed->counters().dropped_for(DropReason::kBadSeal), 1u);
+    EXPECT_EQ(server.sessions->session_count(), 0u);
+  }
+}
+
 // sec-2-4, sec-3.1-2: neither a server without level S nor another key gets the client to talk.
 TEST(SealedSessions, NothingMakesAClientGoOnUnsealedOrWithAnotherKey) {
   wire::ServerSessionsConfig config;
@@ -323,6 +342,154 @@ TEST(SealedSessions, HalfOpenSessionsLeaveMostOfTheTableToOthers) {
     talk(*clients.back(), server, kNow + i * 1ms);
   }
   EXPECT_EQ(server.sealed->half_open_count(), 2u);
+}
+
+/// Plays one call whose frame is held for `held`; gives whether it ran. The clocks differ by a day.
+bool runs_after(Duration held, Duration budget, Client& client, Server& server, MonotonicTime now) {
+  client.call("held", now, budget);
+  const Bytes call = client.sent.front();
+  client.sent.clear();
+  const int before = server.run_count;
+  for (const Bytes& answer : server.receive(call, now + 24h + held))
+    client.receive(answer, now);
+  static_cast<void>(client.channel.on_time(now + budget + 1s));  // Its caller no longer waits.
+  client.sent.clear();
+  return server.run_count > before;
+}
+
+/// A session whose first call took no time, between machines whose clocks differ by a day.
+void open_far_away(Client& client, Server& server, MonotonicTime now) {
+  client.open(now);
+  while (!client.sent.empty()) {
+    const Bytes frame = client.sent.front();
+    client.sent.pop_front();
+    for (const Bytes& answer : server.receive(frame, now + 24h))
+      client.receive(answer, now);
+  }
+  ASSERT_TRUE(client.channel.is_ready());
+  EXPECT_TRUE(runs_after(0ns, 10ms, client, server, now));
+}
+
+// sec-6.1-1: over both transports, and whatever the clocks show.
+TEST(SealedSessions, CallsThatWereHeldBackLongerThanTheirCallersWaitDoNotRun) {
+  for (const wire::Medium medium : {wire::Medium::kDatagram, wire::Medium::kStream}) {
+    Server server(medium);
+    Client client(server.identity.key.public_key, medium);
+    open_far_away(client, server, kNow);
+    MonotonicTime now = kNow;
+    std::uint64_t expired = 0;
+    for (const Duration held : {1ms, 5ms, 10ms, 50ms, 500ms, 2'000ms, 9'000ms}) {
+      for (const Duration budget : {1ms, 10ms, 100ms, 3'000ms}) {
+        now += 10s;
+        // A fast one, so that 200 ppm of the pause between two do not count.
+        EXPECT_TRUE(runs_after(0ns, 10ms, client, server, now));
+        now += 2ms;
+        const bool is_late = held > budget + 1ms;
+        EXPECT_EQ(runs_after(held, budget, client, server, now), !is_late)
+            << held.count() << ' ' << budget.count();
+        expired += is_late ? 1 : 0;
+        EXPECT_EQ(server.sealed->counters().expired_count, expired);
+      }
+    }
+  }
+}
+
+// sec-6.1: two clocks drift apart by 200 ppm and no more.
+TEST(SealedSessions, DriftingClocksHoldNothingBack) {
+  for (const int parts_per_million : {-200, 200}) {
+    Server server;
+    Client client(server.identity.key.public_key);
+    open_far_away(client, server, kNow);
+    for (int minute = 1; minute < 600; ++minute) {
+      const Duration gone = minute * 60s;
+      EXPECT_TRUE(
+          runs_after(gone * parts_per_million / 1'000'000, 1ms, client, server, kNow + gone));
+    }
+  }
+}
+
+// sec-6.1-2, sec-6-6: after a suspend the first call ends the session, and the next one gets a new.
+TEST(SealedSessions, AClientWhoseClockStoodStillGetsANewSession) {
+  Server server;
+  Client client(server.identity.key.public_key);
+  open_far_away(client, server, kNow);
+  const std::uint64_t session = client.channel.session();
+  EXPECT_FALSE(runs_after(8s, 100ms, client, server, kNow + 1s)) << "that may be an attacker's";
+  EXPECT_TRUE(server.sessions->is_known(session));
+  EXPECT_FALSE(runs_after(1h, 100ms, client, server, kNow + 2s));
+  EXPECT_FALSE(server.sessions->is_known(session));
+
+  client.events.clear();
+  client.call("one", kNow + 3s);
+  while (!client.sent.empty()) {
+    const Bytes frame = client.sent.front();
+    client.sent.pop_front();
+    for (const Bytes& answer : server.receive(frame, kNow + 25h))
+      client.receive(answer, kNow + 3s);
+  }
+  ASSERT_FALSE(client.events.empty());
+  EXPECT_EQ(client.events.back(), Kind::kClosed) << "its calls may have run, for all it knows";
+  client.open(kNow + 3s);
+  ASSERT_TRUE(client.channel.is_ready());
+  EXPECT_NE(client.channel.session(), session);
+  EXPECT_TRUE(runs_after(1h, 1ms, client, server, kNow + 3s));
+}
+
+// sec-6-7: what one key has too much, it takes from itself.
+TEST(SealedSessions, OneKeyDoesNotTakeTheWholeTable) {
+  Server server;  // Of 8 sessions.
+  const seal::KeyPair key = seal::KeyPair::generate();
+  std::vector<std::unique_ptr<Client>> clients;
+  const auto add = [&](seal::KeyPair own, MonotonicTime now) -> Client& {
+    clients.push_back(std::make_unique<Client>(server.identity.key.public_key,
+                                               wire::Medium::kDatagram, 3, std::move(own)));
+    Client& client = *clients.back();
+    const wire::PeerAddress from{.low = clients.size(), .port = 7};
+    client.open(now);
+    const auto talk_from = [&] {
+      while (!client.sent.empty()) {
+        const Bytes frame = client.sent.front();
+        client.sent.pop_front();
+        for (const Bytes& answer : server.receive(frame, now, from))
+          client.receive(answer, now);
+      }
+    };
+    talk_from();
+    if (!client.channel.is_ready()) return client;
+    client.call("one", now);
+    talk_from();
+    return client;
+  };
+  for (int i = 0; i < 6; ++i)
+    EXPECT_EQ(add(key.clone(), kNow + i * 1s).reply, "one");
+  EXPECT_EQ(add(key.clone(), kNow + 10s).sealed.hint(), wire::Status::kOverload);
+  EXPECT_EQ(server.sessions->session_count(), 6u);
+  EXPECT_EQ(add(seal::KeyPair::generate(), kNow + 10s).reply, "one");
+  // The first one has been silent for long enough.
+  const std::uint64_t first = clients[0]->channel.session();
+  EXPECT_EQ(add(key.clone(), kNow + 31s).reply, "one");
+  EXPECT_FALSE(server.sessions->is_known(first));
+  EXPECT_EQ(server.sessions->session_count(), 7u);
+}
+
+// sec-6-7: of 16 sessions 4 may be half-open, 3 of them of one key.
+TEST(SealedSessions, HalfOpenSessionsOfOneKeyLeaveSomeToOthers) {
+  Server server(wire::Medium::kDatagram, 3, false, 16);
+  std::vector<std::unique_ptr<Client>> clients;
+  const auto add = [&](seal::KeyPair own) {
+    clients.push_back(std::make_unique<Client>(server.identity.key.public_key,
+                                               wire::Medium::kDatagram, 3, std::move(own)));
+    const MonotonicTime now = kNow + static_cast<int>(clients.size()) * 1ms;
+    clients.back()->open(now);
+    talk(*clients.back(), server, now);
+    return clients.back()->channel.session();
+  };
+  const std::uint64_t victim = add(seal::KeyPair::generate());
+  const seal::KeyPair key = seal::KeyPair::generate();
+  for (int i = 0; i < 10; ++i)
+    add(key.clone());
+  EXPECT_TRUE(server.sessions->is_known(victim));
+  EXPECT_EQ(server.sealed->half_open_count(), 4u);
 }
 
 // sec-4-4: a sealed session takes nothing unsealed; unsealed ones may live beside it.

@@ -121,6 +121,7 @@ class SealedClient {
   [[nodiscard]] Step message_1() noexcept;
   [[nodiscard]] Step message_2(MonotonicTime now) noexcept;
   [[nodiscard]] Step welcome_channel() noexcept;
+  [[nodiscard]] Step tell_closed() noexcept;
   [[nodiscard]] Step tell_lost(const wire::Header& about) noexcept;
   [[nodiscard]] Step drop(wire::DropReason reason) noexcept;
 

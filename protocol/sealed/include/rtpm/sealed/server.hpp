@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "rtpm/seal/session.hpp"
+#include "rtpm/sealed/freshness.hpp"
 #include "rtpm/sealed/handshake_job.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 
@@ -90,6 +91,8 @@ class SealedServer {
     seal::Digest hello_hash{};
     wire::Welcome granted{};
     MonotonicTime opened{};
+    MonotonicTime last_heard{};  ///< By an authentic frame.
+    Freshness freshness;
     bool is_confirmed = false;  ///< Its client has sent an authentic frame.
     bool has_welcome = false;
     std::array<std::byte, kWelcomeSize> welcome{};
@@ -106,8 +109,12 @@ class SealedServer {
   [[nodiscard]] bool has_confirmed_stream(const wire::PeerAddress& peer) const noexcept;
   void free(Entry& entry) noexcept;
   void close(Entry& entry, MonotonicTime now) noexcept;
+  void end(Entry& entry, MonotonicTime now) noexcept;
   void confirm(Entry& entry, MonotonicTime now) noexcept;
-  void make_place(MonotonicTime now) noexcept;
+  [[nodiscard]] bool is_held_back(Entry& entry, const wire::Header& header,
+                                  MonotonicTime now) noexcept;
+  [[nodiscard]] bool make_place(const seal::PublicKey& client, MonotonicTime now) noexcept;
+  void make_half_open_place(const seal::PublicKey& client, MonotonicTime now) noexcept;
   [[nodiscard]] Outcome drop(wire::DropReason reason) noexcept;
   [[nodiscard]] Outcome broken(wire::DropReason reason) noexcept;
   [[nodiscard]] Outcome on_sealed(MutableBytes frame, const wire::PeerAddress& peer,
@@ -134,6 +141,7 @@ class SealedServer {
   wire::RateLimiter job_limit_;
   std::unique_ptr<Entry[]> entries_;
   std::unique_ptr<HandshakeJob[]> jobs_;
+  MonotonicTime ended_until_{};  ///< So long calls of sessions that the server ended may be open.
   wire::FrameCounters counters_{};
   std::array<std::byte, kWelcomeSize> answer_{};
   std::vector<std::byte> sealed_frame_;

@@ -50,6 +50,7 @@ enum class FormerSession : std::uint8_t {
   kNone = 0,   ///< It named none.
   kAlive = 1,  ///< The server still has it: the new session is not opened.
   kGone = 2,   ///< The server has it no more, see hp-5.5-2.
+  kEnded = 3,  ///< Nor this one, which it may have ended while calls were open: they may have run.
 };
 
 /// What is sealed in the second message, which is the whole payload of a sealed WELCOME.
