@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "rtpm/wire/header.hpp"
+#include "rtpm/wire/sealed.hpp"
 #include "sim_server.hpp"
 
 namespace rtpm::sim {
@@ -14,6 +14,9 @@ constexpr std::size_t kAtFlags = 6;
 constexpr std::size_t kAtStatus = 26;
 constexpr std::size_t kAtPayloadSize = 28;
 constexpr std::size_t kAtMessageSize = 36;
+constexpr std::size_t kAtFeatures = wire::kHeaderSize + 4;
+constexpr std::size_t kCookieSize = wire::kHeaderSize + wire::SealedCookie::kSize;
+constexpr std::size_t kAtSuites = wire::kHeaderSize + 48;
 
 /// A header as of `like`, of another kind, with so many bytes behind it.
 Bytes frame_like(ConstBytes like, wire::FrameKind kind, wire::Status status, std::size_t size) {
@@ -31,12 +34,56 @@ Bytes frame_like(ConstBytes like, wire::FrameKind kind, wire::Status status, std
 
 }  // namespace
 
-void Attacker::on_datagram(std::uint32_t from_port, std::uint32_t to_port, ConstBytes frame) {
-  if (frame.size() < wire::kHeaderSize) return;
+bool Attacker::on_datagram(std::uint32_t from_port, std::uint32_t to_port, ConstBytes frame) {
+  if (frame.size() < wire::kHeaderSize) return true;
   if (random_.chance(200)) record(from_port, to_port, frame);
   if (random_.chance(30)) replay();
   if (random_.chance(30)) change(from_port, to_port, frame);
   if (random_.chance(30)) forge(from_port, to_port, frame);
+  if (random_.chance(100) && strip(from_port, to_port, frame)) return false;
+  if (!random_.chance(20)) return true;
+  hold(from_port, to_port, frame);
+  return false;
+}
+
+void Attacker::hold(std::uint32_t from_port, std::uint32_t to_port, ConstBytes frame) {
+  ++held_count_;
+  const Duration longest{random_.chance(500) ? 20'000'000 : 10'000'000'000};
+  scheduler_.after(random_.between(Duration{1'000'000}, longest),
+                   [this, from_port, to_port, held = Bytes(frame.begin(), frame.end())] {
+                     network_.deliver(from_port, to_port, held);
+                   });
+}
+
+// Makes the sides believe that the other one has no sealed sessions, or only the weaker suite.
+bool Attacker::strip(std::uint32_t from_port, std::uint32_t to_port, ConstBytes frame) {
+  const auto kind = static_cast<wire::FrameKind>(frame[kAtKind]);
+  Bytes stripped(frame.begin(), frame.end());
+  const auto cut = [&](std::size_t size) {
+    stripped.resize(wire::kHeaderSize + size);
+    store_le(stripped.data() + kAtPayloadSize, static_cast<std::uint32_t>(size));
+    store_le(stripped.data() + kAtMessageSize, static_cast<std::uint32_t>(size));
+  };
+  if (kind == wire::FrameKind::kHello && frame.size() >= wire::kHeaderSize + wire::Hello::kSize) {
+    if (random_.chance(500)) cut(wire::Hello::kSize);
+    store_le<std::uint32_t>(stripped.data() + kAtFeatures, random_.chance(500) ? 1 : 0);
+  } else if (kind == wire::FrameKind::kCookie && frame.size() == kCookieSize) {
+    if (random_.chance(500)) {
+      cut(sizeof(wire::Cookie));
+    } else {
+      store_le<std::uint32_t>(stripped.data() + kAtSuites, random_.chance(500) ? 1 : 0);
+    }
+  } else if (kind == wire::FrameKind::kWelcome) {
+    cut(wire::Welcome::kSize);
+  } else {
+    return false;
+  }
+  if (std::ranges::equal(stripped, frame)) return false;
+  ++stripped_count_;
+  scheduler_.after(Duration{30'000}, [this, from_port, to_port, frame = std::move(stripped)] {
+    network_.deliver(from_port, to_port, frame);
+  });
+  return true;
 }
 
 void Attacker::record(std::uint32_t from_port, std::uint32_t to_port, ConstBytes frame) {

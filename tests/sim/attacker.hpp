@@ -7,15 +7,18 @@
 namespace rtpm::sim {
 
 /// Someone on the way who sees all datagrams, and sends copies, changed ones and forged ones under
-/// any address. What he drops and delays is the network's part.
+/// any address. He holds some back, and takes features out of handshakes; what else is dropped and
+/// delayed is the network's part.
 class Attacker {
  public:
   Attacker(Scheduler& scheduler, Random& random, Network& network)
       : scheduler_(scheduler), random_(random), network_(network) {}
 
-  /// Looks at a datagram.
-  void on_datagram(std::uint32_t from_port, std::uint32_t to_port, ConstBytes frame);
+  /// Looks at a datagram; false: he keeps it.
+  [[nodiscard]] bool on_datagram(std::uint32_t from_port, std::uint32_t to_port, ConstBytes frame);
   [[nodiscard]] std::uint64_t forged_count() const { return forged_count_; }
+  [[nodiscard]] std::uint64_t held_count() const { return held_count_; }
+  [[nodiscard]] std::uint64_t stripped_count() const { return stripped_count_; }
 
  private:
   struct Recorded {
@@ -25,6 +28,8 @@ class Attacker {
   };
   void record(std::uint32_t from_port, std::uint32_t to_port, ConstBytes frame);
   void replay();
+  void hold(std::uint32_t from_port, std::uint32_t to_port, ConstBytes frame);
+  [[nodiscard]] bool strip(std::uint32_t from_port, std::uint32_t to_port, ConstBytes frame);
   void change(std::uint32_t from_port, std::uint32_t to_port, ConstBytes frame);
   void forge(std::uint32_t from_port, std::uint32_t to_port, ConstBytes frame);
   void send(std::uint32_t from_port, std::uint32_t to_port, Bytes frame);
@@ -34,6 +39,8 @@ class Attacker {
   Network& network_;
   std::vector<Recorded> recorded_;
   std::uint64_t forged_count_ = 0;
+  std::uint64_t held_count_ = 0;
+  std::uint64_t stripped_count_ = 0;
 };
 
 }  // namespace rtpm::sim

@@ -43,7 +43,14 @@ struct Coverage {
   std::uint64_t later_key_count = 0;
   std::uint64_t forged_count = 0;
   std::uint64_t renewal_count = 0;
+  std::uint64_t held_count = 0;
+  std::uint64_t stripped_count = 0;
+  std::uint64_t revoked_count = 0;
 };
+
+/// What happens in the middle of a conversation: a side dies and starts anew, or a client loses its
+/// grant for a moment.
+enum class Disaster { kServer, kClient, kGrant };
 
 /// Whether sessions are sealed, and somebody attacks them.
 enum class Wire { kOpen, kSealed, kAttacked };
@@ -51,13 +58,14 @@ enum class Wire { kOpen, kSealed, kAttacked };
 /// One server, some clients and a network, all of a seed.
 class Conversation {
  public:
-  Conversation(std::uint64_t seed, bool is_told, bool has_checksum = true, Wire wire = Wire::kOpen)
-      : random_(seed), has_checksum_(has_checksum), history_(is_told) {
+  Conversation(std::uint64_t seed, bool is_told, bool has_checksum = true, Wire wire = Wire::kOpen,
+               int call_count = 50)
+      : random_(seed), has_checksum_(has_checksum), call_count_(call_count), history_(is_told) {
     if (wire != Wire::kOpen) sealing_.emplace(random_, history_);
     if (wire == Wire::kAttacked) {
       attacker_.emplace(scheduler_, random_, network_);
       network_.set_tap([this](std::uint32_t from, std::uint32_t to, ConstBytes frame) {
-        attacker_->on_datagram(from, to, frame);
+        return attacker_->on_datagram(from, to, frame);
       });
     }
     const bool is_lane = random_.chance(700);
@@ -76,6 +84,7 @@ class Conversation {
       client->start();
     plan_disasters();
     plan_garbage();
+    if (attacker_) plan_revocations();
     const MonotonicTime end = scheduler_.now() + 1h;
     while (!are_all_done() && scheduler_.step(end)) {
     }
@@ -85,6 +94,24 @@ class Conversation {
       is_hanging_ = true;
     }
     history_.finish();
+  }
+
+  /// Plays on a quiet network; gives whether so many datagrams were sent.
+  bool play_with(Disaster disaster, int step) {
+    int count = 0;
+    network_.set_tap([this, disaster, step, &count](std::uint32_t, std::uint32_t, ConstBytes) {
+      if (++count == step) scheduler_.after(Duration{0}, [this, disaster] { strike(disaster); });
+      return true;
+    });
+    server_->start();
+    for (const auto& client : clients_)
+      client->start();
+    const MonotonicTime end = scheduler_.now() + 1h;
+    while (!are_all_done() && scheduler_.step(end)) {
+    }
+    make_peace();
+    history_.finish();
+    return count >= step;
   }
 
   [[nodiscard]] const History& history() const { return history_; }
@@ -98,7 +125,12 @@ class Conversation {
     coverage.frames.add(server_->counters());
     if (sealing_) coverage.sealed_count += sealing_->sealed_count();
     if (sealing_) coverage.later_key_count += sealing_->later_key_count();
-    if (attacker_) coverage.forged_count += attacker_->forged_count();
+    if (attacker_) {
+      coverage.forged_count += attacker_->forged_count();
+      coverage.held_count += attacker_->held_count();
+      coverage.stripped_count += attacker_->stripped_count();
+    }
+    coverage.revoked_count += revoked_count_;
     coverage.done_count += history_.count(Outcome::kDone);
     coverage.not_run_count += history_.count(Outcome::kNotRun);
     coverage.may_have_run_count += history_.count(Outcome::kMayHaveRun);
@@ -119,6 +151,9 @@ class Conversation {
   ServerProfile server_profile(bool is_lane) {
     ServerProfile profile;
     profile.sealing = sealing_ ? &*sealing_ : nullptr;
+    profile.clock_offset = [this](std::uint32_t port) {
+      return clients_[port - 10'001]->clock_offset();
+    };
     profile.session_count_max = static_cast<std::uint32_t>(random_.between(1, 6));
     profile.is_lane = is_lane;
     // Long enough in a deferring server that a client leaves a whole window of calls behind.
@@ -133,6 +168,7 @@ class Conversation {
     ClientProfile profile;
     profile.sealing = sealing_ ? &*sealing_ : nullptr;
     profile.number = number;
+    profile.call_count = call_count_;
     if (random_.chance(500)) {
       profile.clock_domain = kServerClock;
     } else {
@@ -194,6 +230,36 @@ class Conversation {
     }
   }
 
+  void strike(Disaster disaster) {
+    switch (disaster) {
+      case Disaster::kServer:
+        server_->kill();
+        return server_->start();
+      case Disaster::kClient:
+        return clients_.front()->restart();
+      case Disaster::kGrant:
+        sealing_->set_revoked(1, true);
+        server_->on_revoked();
+        return sealing_->set_revoked(1, false);
+    }
+  }
+
+  /// A client loses its grant at any time, and has it back a while later.
+  void plan_revocations() {
+    for (auto count = random_.between(0, 3); count > 0; --count) {
+      const MonotonicTime when = scheduler_.now() + random_.between(Duration{1ms}, Duration{20s});
+      const auto client = static_cast<std::uint32_t>(random_.between(1, clients_.size()));
+      scheduler_.at(when, [this, client] {
+        ++revoked_count_;
+        sealing_->set_revoked(client, true);
+        server_->on_revoked();
+      });
+      scheduler_.at(
+          when + random_.between(Duration{1us}, Duration{random_.chance(500) ? 50ms : 5s}),
+          [this, client] { sealing_->set_revoked(client, false); });
+    }
+  }
+
   /// Strangers send noise to everybody.
   void plan_garbage() {
     for (int i = 0; i < 50; ++i) {
@@ -239,6 +305,7 @@ class Conversation {
 
   Random random_;
   bool has_checksum_;
+  int call_count_;
   Scheduler scheduler_;
   History history_;
   Network network_{scheduler_, random_, kQuietNetwork};
@@ -246,10 +313,25 @@ class Conversation {
   std::optional<Attacker> attacker_;
   std::optional<SimServer> server_;
   std::vector<std::unique_ptr<SimClient>> clients_;
+  std::uint64_t revoked_count_ = 0;
   int stuck_count_ = 0;
   bool is_hanging_ = false;
   std::uint32_t leaked_count_ = 0;
 };
+
+/// Plays a sealed conversation in which the disaster strikes just when the datagram `step` is sent;
+/// false if there is no such datagram.
+bool survives(std::uint64_t seed, Disaster disaster, int step) {
+  Conversation conversation(seed, /*is_told=*/false, /*has_checksum=*/true, Wire::kSealed,
+                            /*call_count=*/8);
+  const bool is_reached = conversation.play_with(disaster, step);
+  const std::vector<std::string>& faults = conversation.history().faults();
+  EXPECT_TRUE(faults.empty()) << faults.front() << ", step " << step << ", disaster "
+                              << static_cast<int>(disaster);
+  EXPECT_EQ(conversation.stuck_count(), 0) << step << ' ' << static_cast<int>(disaster);
+  EXPECT_EQ(conversation.leaked_count(), 0u) << step << ' ' << static_cast<int>(disaster);
+  return is_reached;
+}
 
 /// Plays the seed and fails the test if a promise was broken; gives the history's hash.
 std::uint64_t play(std::uint64_t seed, bool is_told, Coverage& coverage, Wire wire = Wire::kOpen) {
@@ -362,6 +444,9 @@ TEST_P(SealedCalls, KeepThePromisesWhateverAnAttackerDoes) {
   EXPECT_GT(coverage.later_key_count, 1000u);
   EXPECT_GT(coverage.forged_count, 1000u);
   EXPECT_GT(coverage.renewal_count, 100u);
+  EXPECT_GT(coverage.held_count, 1000u);
+  EXPECT_GT(coverage.stripped_count, 100u);
+  EXPECT_GT(coverage.revoked_count, 50u);
   for (const DropReason reason : {DropReason::kUnsealed, DropReason::kBadSeal,
                                   DropReason::kReplayed, DropReason::kBadCookie}) {
     EXPECT_GT(coverage.frames.dropped_for(reason), 100u) << to_string(reason);
@@ -369,6 +454,16 @@ TEST_P(SealedCalls, KeepThePromisesWhateverAnAttackerDoes) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Portions, SealedCalls, testing::Range(std::uint64_t{0}, std::uint64_t{2}));
+
+// sec-6-3, sec-6-6: whenever a side dies or a grant goes, nothing runs twice and all goes on.
+TEST(SealedSteps, AreSurvivedEach) {
+  for (const Disaster disaster : {Disaster::kServer, Disaster::kClient, Disaster::kGrant}) {
+    for (const std::uint64_t seed : {std::uint64_t{1}, std::uint64_t{2}}) {
+      for (int step = 1; step <= 40; ++step)
+        EXPECT_TRUE(survives(seed, disaster, step));
+    }
+  }
+}
 
 TEST(Seeds, GiveTheSameHistoryEachTime) {
   Coverage coverage;

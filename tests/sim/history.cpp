@@ -27,7 +27,7 @@ History::Token History::begin(MonotonicTime now, std::uint32_t client, bool is_i
   return token;
 }
 
-std::uint32_t History::run(MonotonicTime now, Token token) {
+std::uint32_t History::run(MonotonicTime now, Token token, std::optional<Duration> tolerance) {
   const auto found = calls_.find(token);
   if (found == calls_.end()) {
     fault(now, token, "ran, but nobody made it");
@@ -38,7 +38,7 @@ std::uint32_t History::run(MonotonicTime now, Token token) {
   note(now, name_of(token) + " runs");
   if (call.run_count > 1 && !call.is_idempotent) fault(now, token, "ran twice");
   // A budget is stated in whole microseconds, rounded up.
-  if (call.deadline != kNever && now > call.deadline + std::chrono::microseconds{1}) {
+  if (tolerance && now > call.deadline + *tolerance) {
     fault(now, token, "was begun after its deadline");
   }
   return call.run_count;

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -9,6 +10,8 @@
 #include "rtpm/wire/status.hpp"
 
 namespace rtpm::sim {
+
+inline constexpr std::uint64_t kServerClock = 0xc10c;
 
 /// What a caller was told at the end of its call.
 enum class Outcome : std::uint8_t {
@@ -29,11 +32,13 @@ class History {
   explicit History(bool is_told) : is_told_(is_told) {}
 
   /// A caller begins a call, which must not run twice unless it is idempotent, nor be begun after
-  /// `deadline` (kNever: the server's clock is another one, so that it can't know).
+  /// `deadline`.
   [[nodiscard]] Token begin(MonotonicTime now, std::uint32_t client, bool is_idempotent,
                             MonotonicTime deadline);
   /// The servant runs the call; gives how often it has.
-  std::uint32_t run(MonotonicTime now, Token token);
+  /// @param tolerance  how late it may be; nothing: the server can't know the deadline
+  std::uint32_t run(MonotonicTime now, Token token,
+                    std::optional<Duration> tolerance = std::chrono::microseconds{1});
   /// The call's reply is here and says that it answers `replied`, run for the `run_number`th time.
   void reply(MonotonicTime now, Token token, Token replied, std::uint32_t run_number);
   /// The servant gives the stream one more item; gives its number.

@@ -48,7 +48,7 @@ void Network::deliver(std::uint32_t from_port, std::uint32_t to_port, const Byte
 }
 
 void Network::send(std::uint32_t from_port, std::uint32_t to_port, ConstBytes frame) {
-  if (tap_) tap_(from_port, to_port, frame);
+  if (tap_ && !tap_(from_port, to_port, frame)) return;
   const int copy_count = random_.chance(profile_.doubled_per_mille) ? 2 : 1;
   for (int copy = 0; copy < copy_count; ++copy) {
     if (is_lost()) continue;

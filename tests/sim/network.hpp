@@ -45,8 +45,8 @@ class Network {
   void send(std::uint32_t from_port, std::uint32_t to_port, ConstBytes frame);
 
   void set_profile(const NetworkProfile& profile) { profile_ = profile; }
-  /// `tap` sees each datagram that is sent; null: nobody does.
-  void set_tap(std::function<void(std::uint32_t, std::uint32_t, ConstBytes)> tap) {
+  /// `tap` sees each datagram that is sent, and takes it if it gives false; null: nobody does.
+  void set_tap(std::function<bool(std::uint32_t, std::uint32_t, ConstBytes)> tap) {
     tap_ = std::move(tap);
   }
   /// Gives `frame` to the receiver now, whoever sent it.
@@ -64,7 +64,7 @@ class Network {
   bool is_partitioned_ = false;
   MonotonicTime burst_end_{};
   std::map<std::uint32_t, Receiver> receivers_;
-  std::function<void(std::uint32_t, std::uint32_t, ConstBytes)> tap_;
+  std::function<bool(std::uint32_t, std::uint32_t, ConstBytes)> tap_;
 };
 
 }  // namespace rtpm::sim

@@ -43,9 +43,13 @@ class Sealing : public sealed::Admission {
   [[nodiscard]] bool admits(const seal::PublicKey& client,
                             const wire::PeerAddress&) noexcept override {
     for (const auto& [number, key] : clients_) {
-      if (key.public_key == client) return true;
+      if (key.public_key == client) return !revoked_.contains(number);
     }
     return false;
+  }
+  /// Takes the grant of a client away, or gives it back.
+  void set_revoked(std::uint32_t number, bool is_revoked) {
+    is_revoked ? void(revoked_.insert(number)) : void(revoked_.erase(number));
   }
 
   /// Looks at a frame that one side hands to its transport.
@@ -73,6 +77,7 @@ class Sealing : public sealed::Admission {
   sealed::ServerIdentity identity_;
   seal::SessionLimits limits_{};
   std::map<std::uint32_t, seal::KeyPair> clients_;
+  std::set<std::uint32_t> revoked_;
   std::set<std::tuple<std::uint64_t, bool, std::uint64_t>> used_;
   std::uint64_t sealed_count_ = 0;
   std::uint64_t later_key_count_ = 0;

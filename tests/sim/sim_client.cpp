@@ -117,9 +117,8 @@ void SimClient::begin_job(Duration deadline, bool is_plain) {
     job.is_stream = true;
     deadline += random_.between(Duration{0}, Duration{20'000'000'000});
   }
-  const bool is_one_clock = profile_.clock_domain == kServerClock;
   job.token = history_.begin(scheduler_.now(), profile_.number, job.is_idempotent,
-                             is_one_clock ? scheduler_.now() + deadline : kNever);
+                             scheduler_.now() + deadline);
   job.deadline = local_now() + deadline;
   const bool is_small = job.delivery == wire::Delivery::kSent;
   // In peace there is room for large messages, whatever was left unfinished before.

@@ -60,6 +60,11 @@ class SimClient {
   [[nodiscard]] std::uint64_t item_count() const noexcept { return item_count_; }
   [[nodiscard]] std::uint64_t large_item_count() const noexcept { return large_item_count_; }
   [[nodiscard]] std::uint64_t renewal_count() const noexcept { return renewal_count_; }
+  /// How far its clock is ahead of the server's; nothing: both read one clock, and know it.
+  [[nodiscard]] std::optional<Duration> clock_offset() const noexcept {
+    if (profile_.clock_domain == kServerClock) return std::nullopt;
+    return profile_.clock_offset;
+  }
   [[nodiscard]] std::uint64_t cancelled_count() const noexcept { return cancelled_count_; }
 
  private:

@@ -62,6 +62,12 @@ void SimServer::kill() {
   jobs_.clear();
 }
 
+void SimServer::on_revoked() {
+  history_.note(scheduler_.now(), "a client loses its grant");
+  if (sealed_) sealed_->end_unadmitted(scheduler_.now());
+  if (sessions_) learn_of_cancelled();
+}
+
 void SimServer::stop() {
   while (const auto close = sessions_->close_next(scheduler_.now())) {
     transmit(close->peer.port, close->frame);
@@ -172,6 +178,24 @@ void SimServer::serve_next() {
   }
 }
 
+// How late a call may be. sec-6.1: by a millisecond, and by what the fastest call of its session
+// took, which the server takes for no time at all.
+std::optional<Duration> SimServer::tolerance_of(const wire::Request& request,
+                                                const wire::PeerAddress& from) {
+  constexpr Duration kRounding = std::chrono::microseconds{2};
+  const auto offset = profile_.clock_offset(from.port);
+  if (!offset) return kRounding;
+  if (!sealed_) return std::nullopt;
+  const MonotonicTime now = scheduler_.now();
+  const auto sent =
+      time_from_ns(static_cast<std::int64_t>(request.header.sender_time_ns)) - *offset;
+  Fastest& fastest =
+      fastest_.try_emplace(request.header.session, Fastest{now - sent, now}).first->second;
+  const Duration grown = fastest.age + (now - fastest.at) / sealed::Freshness::kDriftDivisor;
+  if (now - sent < grown) fastest = {now - sent, now};
+  return std::min(grown, now - sent) + sealed::Freshness::kTolerance + kRounding;
+}
+
 void SimServer::run(const wire::Request& request, const wire::PeerAddress& from) {
   if (request.wants_receipt()) {
     // Some calls are for an object that is not there.
@@ -184,7 +208,8 @@ void SimServer::run(const wire::Request& request, const wire::PeerAddress& from)
     }
   }
   const Message message = Message::read(request.payload);
-  const std::uint32_t run_number = history_.run(scheduler_.now(), message.token);
+  const std::uint32_t run_number =
+      history_.run(scheduler_.now(), message.token, tolerance_of(request, from));
   if (!message.has_its_filling(request.payload)) {
     history_.broken(scheduler_.now(), message.token, "ran with bytes that are not its own");
   }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <deque>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -13,7 +14,6 @@
 namespace rtpm::sim {
 
 inline constexpr std::uint32_t kServerPort = 4711;
-inline constexpr std::uint64_t kServerClock = 0xc10c;
 /// Larger than a window of fragments.
 inline constexpr std::uint32_t kMessageSizeMax = 64 * 1024;
 
@@ -31,6 +31,8 @@ struct ServerProfile {
   std::uint32_t item_count_max = 100;      ///< Of one stream.
   std::uint64_t large_item_per_mille = 0;  ///< Of the items: in fragments.
   Sealing* sealing = nullptr;              ///< Null: its sessions are not sealed.
+  /// How far the clock of the client at a port is ahead; nothing: it reads the server's clock.
+  std::function<std::optional<Duration>(std::uint32_t port)> clock_offset;
 };
 
 /// One ServerSessions behind a socket, with a servant that answers each call with its own token; it
@@ -42,6 +44,8 @@ class SimServer {
 
   void start();
   void kill();
+  /// Some client has lost its grant.
+  void on_revoked();
   /// Says good-bye to its clients, then is gone.
   void stop();
   [[nodiscard]] wire::FrameCounters counters() const;
@@ -69,6 +73,8 @@ class SimServer {
   void on_datagram(const Bytes& frame, const wire::PeerAddress& from);
   void take_up(const Datagram& datagram);
   void take_verdict(const wire::Verdict& verdict, const wire::PeerAddress& from);
+  [[nodiscard]] std::optional<Duration> tolerance_of(const wire::Request& request,
+                                                     const wire::PeerAddress& from);
   void plan_job(sealed::HandshakeJob& job);
   void transmit(std::uint32_t port, ConstBytes frame);
   void serve_next();
@@ -89,6 +95,12 @@ class SimServer {
   std::vector<std::byte> streams_;
   std::unique_ptr<wire::ServerSessions> sessions_;
   std::unique_ptr<sealed::SealedServer> sealed_;
+  /// The fastest call of a sealed session, by what both clocks really show.
+  struct Fastest {
+    Duration age{};
+    MonotonicTime at{};
+  };
+  std::map<std::uint64_t, Fastest> fastest_;
   std::uint64_t life_ = 0;  ///< Counts starts; what was begun in a former life comes to nothing.
   bool is_busy_ = false;
   std::deque<Datagram> queue_;

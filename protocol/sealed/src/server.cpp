@@ -8,7 +8,10 @@
 namespace rtpm::sealed {
 namespace {
 
+using namespace std::chrono_literals;
+
 constexpr std::uint64_t kIndexBits = 0xffff;  // Of session numbers, as ServerSessions gives them.
+constexpr std::size_t kAtBudget = 40;         // In a header.
 /// hp-5.5-2: clients judge by what was 30 s ago.
 constexpr Duration kEndedMemory = 2 * wire::kSessionIdleMin;
 
@@ -110,7 +113,7 @@ SealedServer::Outcome SealedServer::on_sealed(MutableBytes frame, const wire::Pe
   }
   if (!entry->is_confirmed) confirm(*entry, now);
   entry->last_heard = now;
-  if (is_held_back(*entry, header, now)) return {};
+  if (is_held_back(*entry, header, frame, now)) return {};
   wire::unmark_sealed(frame.data());
   return {.verdict = sessions_.on_frame(plain, peer, now)};
 }
@@ -127,12 +130,26 @@ void SealedServer::confirm(Entry& entry, MonotonicTime now) noexcept {
   }
 }
 
+void SealedServer::end_unadmitted(MonotonicTime now) noexcept {
+  for (Entry& entry : entries()) {
+    if (entry.id != 0 && !config_.admission->admits(entry.client, entry.peer)) end(entry, now);
+  }
+}
+
 // sec-6.1-1, sec-6.1-2
-bool SealedServer::is_held_back(Entry& entry, const wire::Header& header,
+bool SealedServer::is_held_back(Entry& entry, const wire::Header& header, MutableBytes frame,
                                 MonotonicTime now) noexcept {
-  const Duration late = entry.freshness.take(header.sender_time_ns, now);
+  const Duration late = entry.freshness.take(header.sender_time_ns, now) - Freshness::kTolerance;
   if (header.kind != FrameKind::kCall || header.budget_us == wire::kBudgetUnlimited ||
-      late <= std::chrono::microseconds{header.budget_us} + Freshness::kTolerance) {
+      late <= Duration{0}) {
+    return false;
+  }
+  const Duration left = std::chrono::microseconds{header.budget_us} - late;
+  if (left > Duration{0}) {
+    // Where both read one clock the sessions know by themselves.
+    if (!entry.has_our_clock) {
+      store_le(frame.data() + kAtBudget, static_cast<std::uint32_t>(left / 1us));
+    }
     return false;
   }
   ++counters_.expired_count;

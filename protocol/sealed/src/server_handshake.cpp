@@ -236,6 +236,8 @@ SealedServer::Outcome SealedServer::open_session(HandshakeJob& job, MonotonicTim
     entry.granted = job.granted_.welcome;
     entry.opened = entry.last_heard = now;
     entry.freshness = {};
+    entry.has_our_clock = job.hello_.clock_domain != 0 &&
+                          job.hello_.clock_domain == job.granted_.welcome.clock_domain;
   }
   job.state_ = HandshakeJob::State::kWriting;
   return {.job = &job};

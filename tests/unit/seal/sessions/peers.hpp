@@ -91,6 +91,7 @@ class Server {
       } else if (outcome.verdict.action == wire::Verdict::Action::kDispatch) {
         ++run_count;
         const wire::Request& request = outcome.verdict.request;
+        last_deadline = request.deadline;
         const MutableBytes reply = sessions->reply_buffer(request, now);
         std::ranges::copy(request.payload, reply.begin());
         add(sent, sessions->complete(request, wire::Status::kOk,
@@ -108,6 +109,7 @@ class Server {
   std::unique_ptr<wire::ServerSessions> sessions;
   std::unique_ptr<SealedServer> sealed;
   int run_count = 0;
+  MonotonicTime last_deadline{};
   int job_count = 0;
   bool has_hung_up = false;
 

@@ -394,6 +394,18 @@ TEST(SealedSessions, CallsThatWereHeldBackLongerThanTheirCallersWaitDoNotRun) {
   }
 }
 
+// sec-6.1-1: what is left of a budget is what its caller still waits.
+TEST(SealedSessions, TheTimeOnTheWayIsTakenOffABudget) {
+  Server server;
+  Client client(server.identity.key.public_key);
+  open_far_away(client, server, kNow);
+  EXPECT_TRUE(runs_after(500us, 100ms, client, server, kNow + 10ms));
+  EXPECT_EQ(server.last_deadline, kNow + 24h + 110ms + 500us);
+  EXPECT_TRUE(runs_after(41ms, 100ms, client, server, kNow + 20ms));
+  EXPECT_LT(server.last_deadline, kNow + 24h + 122ms);
+  EXPECT_GT(server.last_deadline, kNow + 24h + 120ms);
+}
+
 // sec-6.1: two clocks drift apart by 200 ppm and no more.
 TEST(SealedSessions, DriftingClocksHoldNothingBack) {
   for (const int parts_per_million : {-200, 200}) {
@@ -433,6 +445,27 @@ TEST(SealedSessions, AClientWhoseClockStoodStillGetsANewSession) {
   ASSERT_TRUE(client.channel.is_ready());
   EXPECT_NE(client.channel.session(), session);
   EXPECT_TRUE(runs_after(1h, 1ms, client, server, kNow + 3s));
+}
+
+// sec-6-6: the call ran, its reply was lost, and the client has its grant back before it asks
+// again.
+TEST(SealedSessions, ACallDoesNotRunAgainAfterItsSessionWasTakenAway) {
+  Server server;
+  Client client(server.identity.key.public_key);
+  open_and_call(client, server, kNow);
+  client.call("two", kNow);
+  EXPECT_EQ(server.receive(client.sent.front(), kNow).size(), 1u);
+  client.sent.clear();
+  server.door.is_open = false;
+  server.sealed->end_unadmitted(kNow);
+  EXPECT_EQ(server.sessions->session_count(), 0u);
+  server.door.is_open = true;
+  client.events.clear();
+  client.on_time(kNow + 50ms);
+  talk(client, server, kNow + 50ms);
+  ASSERT_FALSE(client.events.empty());
+  EXPECT_EQ(client.events.back(), Kind::kClosed);
+  EXPECT_EQ(server.run_count, 2);
 }
 
 // sec-6-7: what one key has too much, it takes from itself.

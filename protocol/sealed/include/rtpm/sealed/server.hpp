@@ -70,6 +70,8 @@ class SealedServer {
   [[nodiscard]] ConstBytes seal(ConstBytes frame) noexcept;
   /// Ends half-open sessions whose time is over.
   void on_time(MonotonicTime now) noexcept;
+  /// Ends the sessions of all clients that are not admitted any more.
+  void end_unadmitted(MonotonicTime now) noexcept;
 
   /// The client's key of a session; nothing if it is not sealed.
   [[nodiscard]] std::optional<seal::PublicKey> client_of(std::uint64_t session) noexcept;
@@ -93,6 +95,7 @@ class SealedServer {
     MonotonicTime opened{};
     MonotonicTime last_heard{};  ///< By an authentic frame.
     Freshness freshness;
+    bool has_our_clock = false;
     bool is_confirmed = false;  ///< Its client has sent an authentic frame.
     bool has_welcome = false;
     std::array<std::byte, kWelcomeSize> welcome{};
@@ -111,7 +114,7 @@ class SealedServer {
   void close(Entry& entry, MonotonicTime now) noexcept;
   void end(Entry& entry, MonotonicTime now) noexcept;
   void confirm(Entry& entry, MonotonicTime now) noexcept;
-  [[nodiscard]] bool is_held_back(Entry& entry, const wire::Header& header,
+  [[nodiscard]] bool is_held_back(Entry& entry, const wire::Header& header, MutableBytes frame,
                                   MonotonicTime now) noexcept;
   [[nodiscard]] bool make_place(const seal::PublicKey& client, MonotonicTime now) noexcept;
   void make_half_open_place(const seal::PublicKey& client, MonotonicTime now) noexcept;
