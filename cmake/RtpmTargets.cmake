@@ -153,12 +153,15 @@ function(rtpm_test)
     # Started first: else many would be left when all others are done.
     set(serial RESOURCE_LOCK processes COST 100)
   endif()
+  # An empty folder: no test depends on the keys and grants of the user who runs it.
+  set(keys ENVIRONMENT_MODIFICATION "RTPM_KEYS=set:${CMAKE_CURRENT_BINARY_DIR}/no-keys")
   gtest_discover_tests(${A_NAME} TEST_PREFIX "${A_NAME}." DISCOVERY_MODE PRE_TEST
-    PROPERTIES LABELS ${A_LABEL} TIMEOUT ${A_TIMEOUT} SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]" ${serial})
+    PROPERTIES LABELS ${A_LABEL} TIMEOUT ${A_TIMEOUT} ${keys}
+      SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]" ${serial})
   if(A_ALSO MATCHES "^([^=]+)=(.+)$")
     gtest_discover_tests(${A_NAME} TEST_PREFIX "${CMAKE_MATCH_1}." TEST_LIST "${CMAKE_MATCH_1}"
       DISCOVERY_MODE PRE_TEST PROPERTIES LABELS ${A_LABEL} TIMEOUT ${A_TIMEOUT} ENVIRONMENT "${CMAKE_MATCH_2}"
-      SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]" ${serial})
+      ${keys} SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]" ${serial})
   endif()
 endfunction()
 if(RTPM_BUILD_TESTS)

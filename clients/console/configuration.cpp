@@ -4,6 +4,7 @@
 #include <cctype>
 
 #include "rtpm/names/defaults.hpp"
+#include "rtpm/options/caller_options.hpp"
 #include "rtpm/options/options.hpp"
 #include "web/token.hpp"
 
@@ -23,6 +24,7 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
   options.add("insecure-lan", configuration.is_insecure_lan,
               "Allow an --address that other hosts reach; nothing is encrypted");
   options.add_registry(configuration.registry);
+  options::add_caller(options, configuration.security);
   options.add("events", configuration.events, "The hub of events, by name or URL");
   options.add("page", configuration.page, "The folder of the page; default: the installed one");
   options.add("recordings", configuration.recordings, "The folder of recordings");

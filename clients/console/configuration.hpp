@@ -5,6 +5,7 @@
 #include <string>
 
 #include "rtpm/events/defaults.hpp"
+#include "rtpm/rpc/security.hpp"
 
 namespace rtpm::console {
 
@@ -14,6 +15,7 @@ struct Configuration {
   std::uint16_t port = 8765;
   bool is_insecure_lan = false;  ///< Allows an address that other hosts reach.
   std::string registry{};
+  rpc::NodeSecurity security{};
   std::string events{events::kHubPath};  ///< The hub's name or URL.
   std::string page{};                    ///< The folder of the page; empty: the installed one.
   std::string recordings{};              ///< The folder of recordings; empty: none.

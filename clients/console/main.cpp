@@ -32,7 +32,8 @@ int serve(Configuration configuration) {
     if (!token) return fail(token.error());
     configuration.token = std::move(*token);
   }
-  rpc::Node node({.wait = {.strategy = rt::WaitStrategy::kBlock}});
+  rpc::Node node(
+      {.wait = {.strategy = rt::WaitStrategy::kBlock}, .security = configuration.security});
   names::RegistryResolver resolver(node, configuration.registry);
   node.use(resolver);
 

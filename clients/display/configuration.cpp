@@ -1,6 +1,7 @@
 #include "configuration.hpp"
 
 #include "rtpm/names/defaults.hpp"
+#include "rtpm/options/caller_options.hpp"
 #include "rtpm/options/options.hpp"
 
 namespace rtpm::display {
@@ -13,6 +14,7 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
   options.add("devices", configuration.devices, "The devices' names");
   options.add("events", configuration.events, "The hub of their events, by name or URL");
   options.add_registry(configuration.registry);
+  options::add_caller(options, configuration.security);
   options.add("seconds", configuration.seconds, "How long to show them; 0: until Ctrl-C", {0, 1e6});
   options.add("rate", configuration.rate_hz, "Samples of each device per second, in Hz", {1, 100});
   options.add_choice("live", configuration.live, {"rewrite", "lines"},

@@ -6,6 +6,7 @@
 
 #include "rtpm/base/time.hpp"
 #include "rtpm/events/defaults.hpp"
+#include "rtpm/rpc/security.hpp"
 
 namespace rtpm::display {
 
@@ -14,6 +15,7 @@ struct Configuration {
   std::vector<std::string> devices{"lab/arm0"};
   std::string events{events::kHubPath};  ///< The hub's name or URL.
   std::string registry{};
+  rpc::NodeSecurity security{};
   double seconds = 0;  ///< 0: until SIGINT or SIGTERM.
   double rate_hz = 10;
   std::string live{};  ///< "rewrite" or "lines".

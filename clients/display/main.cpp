@@ -116,7 +116,8 @@ void print_summary(const std::vector<Shown>& devices) {
 int serve(const Configuration& configuration) {
   // Before any thread, which would else be ended by the signal.
   const options::StopSignal stop;
-  rpc::Node node({.wait = {.strategy = rt::WaitStrategy::kBlock}});
+  rpc::Node node(
+      {.wait = {.strategy = rt::WaitStrategy::kBlock}, .security = configuration.security});
   names::RegistryResolver resolver(node, configuration.registry);
   node.use(resolver);
   std::vector<Shown> devices;

@@ -7,6 +7,7 @@
 #include "rtpm/gvd/client.hpp"
 #include "rtpm/gvd/consumer.hpp"
 #include "rtpm/names/resolver.hpp"
+#include "rtpm/options/caller_options.hpp"
 #include "rtpm/options/options.hpp"
 #include "rtpm/options/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
@@ -48,10 +49,12 @@ int main(int argc, char** argv) {
   options.add("device", device, "The device's name, or its URL");
   options.add("events", hub, "The hub of the device's events, by name or URL");
   options.add_registry(registry);
+  rtpm::rpc::NodeSecurity security;
+  rtpm::options::add_caller(options, security);
   if (const auto exit_code = options.parse(argc, argv)) return *exit_code;
 
   const rtpm::options::StopSignal stop;
-  rtpm::rpc::Node node;
+  rtpm::rpc::Node node({.security = security});
   rtpm::names::RegistryResolver resolver(node, registry);
   node.use(resolver);
 

@@ -1,6 +1,7 @@
 #include "configuration.hpp"
 
 #include "rtpm/names/defaults.hpp"
+#include "rtpm/options/caller_options.hpp"
 #include "rtpm/options/options.hpp"
 
 namespace rtpm::media {
@@ -12,6 +13,7 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
   options.add("knob", configuration.knob, "The name of a motorised dial, or its URL");
   options.add("player", configuration.player, "The name of a media player, or its URL");
   options.add_registry(configuration.registry);
+  options::add_caller(options, configuration.security);
   options.add_choice("mode", configuration.mode, {"speed", "scrub", "frame"},
                      "What the knob does at first; its button chooses the next");
   options.add("fixed-mode", configuration.has_fixed_mode, "The knob's button changes nothing");

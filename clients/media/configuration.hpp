@@ -5,6 +5,7 @@
 
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/time.hpp"
+#include "rtpm/rpc/security.hpp"
 
 namespace rtpm::media {
 
@@ -13,6 +14,7 @@ struct Configuration {
   std::string knob = "lab/knob0";
   std::string player = "lab/player0";
   std::string registry{};
+  rpc::NodeSecurity security{};
   std::string mode = "speed";   ///< "speed", "scrub" or "frame": at the start.
   bool has_fixed_mode = false;  ///< The knob's button changes nothing.
   double seconds = 0;           ///< 0: until SIGINT or SIGTERM.

@@ -47,7 +47,7 @@ class Display {
 
 int play(const Configuration& configuration) {
   const options::StopSignal stop;
-  rpc::Node node;
+  rpc::Node node({.security = configuration.security});
   names::RegistryResolver resolver(node, configuration.registry);
   node.use(resolver);
   auto session = Session::open(node, configuration);

@@ -1,6 +1,7 @@
 #include "configuration.hpp"
 
 #include "rtpm/names/defaults.hpp"
+#include "rtpm/options/caller_options.hpp"
 #include "rtpm/options/options.hpp"
 
 namespace rtpm::scene {
@@ -14,6 +15,7 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
   options.add("events", configuration.events,
               "The hub of the device's samples and of rtpm-servo's touches, by name or URL");
   options.add_registry(configuration.registry);
+  options::add_caller(options, configuration.security);
   options.add("seconds", configuration.seconds, "How long to draw; 0: until Ctrl-C", {0, 1e6});
   options.add("rate", configuration.rate_hz, "Frames per second, in Hz", {1, 100});
   options.add_choice("live", configuration.live, {"rewrite", "lines", "off"},

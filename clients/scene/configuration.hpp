@@ -4,6 +4,7 @@
 #include <string>
 
 #include "rtpm/events/defaults.hpp"
+#include "rtpm/rpc/security.hpp"
 
 namespace rtpm::scene {
 
@@ -12,6 +13,7 @@ struct Configuration {
   std::string device = "lab/arm0";
   std::string events{events::kHubPath};  ///< The hub's name or URL.
   std::string registry{};
+  rpc::NodeSecurity security{};
   double seconds = 0;  ///< 0: until SIGINT or SIGTERM.
   double rate_hz = 60;
   std::string live = "rewrite";  ///< "rewrite", "lines" or "off".

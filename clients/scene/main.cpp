@@ -124,7 +124,8 @@ int fail(const SetupError& error) {
 int serve(const Configuration& configuration) {
   // Before any thread, which would else be ended by the signal.
   const options::StopSignal stop;
-  rpc::Node node({.wait = {.strategy = rt::WaitStrategy::kBlock}});
+  rpc::Node node(
+      {.wait = {.strategy = rt::WaitStrategy::kBlock}, .security = configuration.security});
   names::RegistryResolver resolver(node, configuration.registry);
   node.use(resolver);
   View view;

@@ -6,6 +6,7 @@
 
 #include "rtpm/models/check.hpp"
 #include "rtpm/names/defaults.hpp"
+#include "rtpm/options/caller_options.hpp"
 #include "rtpm/options/options.hpp"
 
 namespace rtpm::servo {
@@ -57,6 +58,7 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
       "renders a virtual wall on a haptic device and measures every cycle of its loop");
   options.add("device", configuration.device, "The device's name, or its URL");
   options.add_registry(configuration.registry);
+  options::add_caller(options, configuration.security);
   options.add("seconds", configuration.seconds, "How long to run; 0: until Ctrl-C", {0, 1e6});
   options.add("cycles", configuration.cycle_count_max,
               "End after so many cycles, if --seconds are not over before; 0: no limit");

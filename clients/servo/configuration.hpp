@@ -8,6 +8,7 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/driver/descriptor.hpp"
 #include "rtpm/rpc/error.hpp"
+#include "rtpm/rpc/security.hpp"
 #include "rtpm/rt/thread.hpp"
 #include "rtpm/rt/wait.hpp"
 #include "wall.hpp"
@@ -18,6 +19,7 @@ namespace rtpm::servo {
 struct Configuration {
   std::string device = "lab/arm0";
   std::string registry{};
+  rpc::NodeSecurity security{};
   std::string serve = "none";   ///< The name below which the wall's parameters are served; "none".
   std::string events = "none";  ///< The hub that gets the touches, by name or URL; "none".
   double seconds = 10;          ///< 0: until SIGINT or SIGTERM.

@@ -241,7 +241,7 @@ int serve(const Configuration& configuration) {
   if (auto locked = rt::lock_memory(configuration.realtime); !locked) {
     return fail(kSetUpFailed, locked.error().text());
   }
-  rpc::Node node({.wait = configuration.wait});
+  rpc::Node node({.wait = configuration.wait, .security = configuration.security});
   names::RegistryResolver resolver(node, configuration.registry);
   node.use(resolver);
   auto device = open_device(node, configuration);

@@ -106,6 +106,7 @@ void add_service(options::Options& options, Configuration& configuration) {
               "From which priority on a call may take the right to command over");
   configuration.settings.server.lanes = default_lanes();
   options::add_server(options, configuration.settings);
+  options::add_caller(options, configuration.settings);
 }
 
 /// Where the most urgent lane begins.

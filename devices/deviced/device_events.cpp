@@ -18,6 +18,7 @@ events::HubServerConfig hub_config(const Configuration& configuration) {
   auto server = events::server_config_for(config.hub);
   server.host = configuration.settings.server.host;
   server.advertise = configuration.settings.server.advertise;
+  server.security = configuration.settings.server.security;
   server.realtime = configuration.settings.server.realtime;
   config.server = std::move(server);
   config.name = configuration.registry == kNoRegistry ? "" : configuration.events;

@@ -111,7 +111,9 @@ int serve(const Configuration& configuration) {
   const options::StopSignal stop;
   const auto prepared = options::prepare(configuration.settings);
   if (!prepared) return fail(prepared.error());
-  rpc::Node node({.wait = {.strategy = rt::WaitStrategy::kBlock}});
+  rpc::Node node({.wait = {.strategy = rt::WaitStrategy::kBlock},
+                  .security = options::node_security(configuration.settings),
+                  .served = configuration.settings.server.security});
   names::RegistryResolver resolver(node, configuration.registry);
   if (configuration.registry != kNoRegistry) node.use(resolver);
   auto events = DeviceEvents::create(node, configuration);

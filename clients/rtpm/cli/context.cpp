@@ -15,7 +15,7 @@ SetupError named(const std::string& subject, SetupError error) {
 
 rpc::Node& Context::node() {
   if (!node_) {
-    node_ = std::make_unique<rpc::Node>();
+    node_ = std::make_unique<rpc::Node>(rpc::NodeConfig{.security = security});
     resolver_ = std::make_unique<names::RegistryResolver>(*node_, registry);
     node_->use(*resolver_);
   }

@@ -42,6 +42,7 @@ class Context {
   bool json = false;                   ///< Prints JSON, a document per line.
   std::optional<Duration> deadline{};  ///< Of a call; none: the schema's, else 1 s.
   std::optional<Priority> priority{};  ///< Of a call; none: the schema's.
+  rpc::NodeSecurity security{};        ///< Who the user is to servers, and which are known.
   Run chosen{};                        ///< The command that was parsed.
 
   /// The node of this program, made at the first call. It resolves names by the registry.

@@ -12,6 +12,7 @@
 #include "devices/commands.hpp"
 #include "events/commands.hpp"
 #include "host/commands.hpp"
+#include "keys/commands.hpp"
 #include "laboratory/commands.hpp"
 #include "objects/commands.hpp"
 #include "recordings/commands.hpp"
@@ -56,6 +57,14 @@ void add_common_options(CLI::App& program, Context& context) {
                {std::chrono::microseconds{1}, std::chrono::hours{1}})
       .envname("RTPM_DEADLINE");
   const auto take = [&context](const std::int32_t& priority) { context.priority = priority; };
+  program.add_option("--key", context.security.key_file, "Your key; without: ~/.config/rtpm/key")
+      ->envname("RTPM_KEY")
+      ->type_name("FILE");
+  program
+      .add_option("--known-servers", context.security.known_servers_file,
+                  "Servers and their keys; without: ~/.config/rtpm/known_servers")
+      ->envname("RTPM_KNOWN_SERVERS")
+      ->type_name("FILE");
   program.add_option_function<std::int32_t>("--priority", take, "The priority of calls")
       ->check(CLI::Range(0, 32767))
       ->type_name("0..32767");
@@ -151,6 +160,7 @@ std::unique_ptr<CLI::App> make_program(Context& context) {
   add_lanes(*program, context);
   add_top(*program, context);
   add_doctor(*program, context);
+  add_key(*program, context);
   add_up(*program, context);
   add_down(*program, context);
   add_demo(*program, context);

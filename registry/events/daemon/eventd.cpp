@@ -72,7 +72,8 @@ int serve(const Configuration& configuration) {
   const rtpm::options::StopSignal stop;
   const auto prepared = rtpm::options::prepare(configuration.settings);
   if (!prepared) return fail(prepared.error().text());
-  rtpm::rpc::Node node;
+  rtpm::rpc::Node node({.security = rtpm::options::node_security(configuration.settings),
+                        .served = configuration.settings.server.security});
   rtpm::names::RegistryResolver resolver(node, configuration.registry);
   node.use(resolver);
   auto hub = rtpm::events::Hub::create(hub_config(configuration));
@@ -138,6 +139,7 @@ int main(int argc, char** argv) {
   // Two bands: urgent events do not queue behind others.
   server.lanes = {{.name = "events-low", .low = 0}, {.name = "events-high", .low = 16'384}};
   rtpm::options::add_server(options, configuration.settings);
+  rtpm::options::add_caller(options, configuration.settings);
   options.add_registry(configuration.registry);
   options.add("name", configuration.name, "Name to bind at the registry; empty: none");
   options.add("allow-takeover", configuration.allows_takeover,

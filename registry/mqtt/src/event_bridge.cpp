@@ -10,6 +10,7 @@
 #include "rtpm/events/defaults.hpp"
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/names/resolver.hpp"
+#include "rtpm/options/caller_options.hpp"
 #include "rtpm/options/options.hpp"
 #include "rtpm/options/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
@@ -24,6 +25,7 @@ struct Configuration {
   BridgeConfig bridge{};
   BrokerConfig broker{};
   std::string registry{rtpm::names::kThisHost};
+  rtpm::rpc::NodeSecurity security{};
   std::string direction = "both";
   std::vector<std::string> events{};
   std::vector<std::string> mappings{};
@@ -38,6 +40,7 @@ int fail(const std::string& text) {
 
 void add_options(rtpm::options::Options& options, Configuration& its) {
   options.add_registry(its.registry);
+  rtpm::options::add_caller(options, its.security);
   options.add("hub", its.bridge.hub, "The hub, by name or URL");
   options.add("host", its.broker.host, "The broker's name or address");
   options.add("port", its.broker.port, "The broker's port", {1, 65'535});
@@ -98,7 +101,7 @@ void report_connection(const Bridge& bridge, rtpm::rt::Log& output, rtpm::rt::Lo
 
 int run(const Configuration& configuration) {
   const rtpm::options::StopSignal stop;
-  rtpm::rpc::Node node;
+  rtpm::rpc::Node node({.security = configuration.security});
   rtpm::names::RegistryResolver resolver(node, configuration.registry);
   node.use(resolver);
   auto bridge = Bridge::create(node, configuration.bridge, configuration.broker);

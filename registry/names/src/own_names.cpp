@@ -29,8 +29,8 @@ class OwnPolicy final : public Policy {
   const Owner own_ = owner_of({});
 };
 
-rpc::ServerConfig server_config(std::string host) {
-  rpc::ServerConfig config{.name = "names", .host = std::move(host)};
+rpc::ServerConfig server_config(std::string host, const rpc::ServerSecurity& security) {
+  rpc::ServerConfig config{.name = "names", .host = std::move(host), .security = security};
   config.lanes = {{.name = "rtpm-names",
                    .wait = {.strategy = rt::WaitStrategy::kBlock},
                    .schedule = rt::Schedule::kTimeShared}};
@@ -46,8 +46,8 @@ rpc::ServerConfig server_config(std::string host) {
 
 }  // namespace
 
-expected<std::shared_ptr<OwnNames>, SetupError> OwnNames::at_host_of(const discovery::Scope& scope,
-                                                                     const std::string& url) {
+expected<std::shared_ptr<OwnNames>, SetupError> OwnNames::at_host_of(
+    const discovery::Scope& scope, const std::string& url, const rpc::ServerSecurity& security) {
   static std::mutex mutex;
   static std::map<std::string, std::weak_ptr<OwnNames>> all;
   const auto parts = wire::parse_url(url);
@@ -57,21 +57,23 @@ expected<std::shared_ptr<OwnNames>, SetupError> OwnNames::at_host_of(const disco
   const std::lock_guard lock(mutex);
   if (auto running = all[host].lock()) return running;
   std::shared_ptr<OwnNames> made(new OwnNames);
-  if (auto begun = made->begin(scope, host); !begun) return unexpected{std::move(begun.error())};
+  if (auto begun = made->begin(scope, host, security); !begun)
+    return unexpected{std::move(begun.error())};
   all[host] = made;
   return made;
 }
 
-expected<void, SetupError> OwnNames::begin(const discovery::Scope& scope, std::string host) {
+expected<void, SetupError> OwnNames::begin(const discovery::Scope& scope, std::string host,
+                                           const rpc::ServerSecurity& security) {
   Limits limits;
   limits.watch_count_max = kWatchCountMax;
   limits.name_count_per_owner_max = limits.name_count_own_host_max;
   auto names = make_registry({.limits = limits, .policy = std::make_unique<const OwnPolicy>()});
   if (!names) return unexpected{std::move(names.error())};
   names_ = std::move(*names);
-  auto server = rpc::Server::create(server_config(std::move(host)));
+  auto server = rpc::Server::create(server_config(std::move(host), security));
   // The object is another host's: only its name is this program's.
-  if (!server) server = rpc::Server::create(server_config("127.0.0.1"));
+  if (!server) server = rpc::Server::create(server_config("127.0.0.1", security));
   if (!server) return unexpected{std::move(server.error())};
   server_ = std::move(*server);
   if (auto added =

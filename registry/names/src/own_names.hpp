@@ -20,10 +20,11 @@ namespace rtpm::names {
 class OwnNames {
  public:
   /// That of this program at the host of `url`, the loopback address if that is none of this host.
+  /// @param security  whom it serves, if it is not there yet
   /// @realtime set-up only
   /// @errors   as rpc::Server::create() and discovery::Announcement::create()
   [[nodiscard]] static expected<std::shared_ptr<OwnNames>, SetupError> at_host_of(
-      const discovery::Scope& scope, const std::string& url);
+      const discovery::Scope& scope, const std::string& url, const rpc::ServerSecurity& security);
 
   OwnNames(const OwnNames&) = delete;
   OwnNames& operator=(const OwnNames&) = delete;
@@ -35,7 +36,8 @@ class OwnNames {
 
  private:
   OwnNames() = default;
-  [[nodiscard]] expected<void, SetupError> begin(const discovery::Scope& scope, std::string host);
+  [[nodiscard]] expected<void, SetupError> begin(const discovery::Scope& scope, std::string host,
+                                                 const rpc::ServerSecurity& security);
 
   std::unique_ptr<rpc::Servant> names_{};
   std::unique_ptr<rpc::Server> server_{};

@@ -180,7 +180,7 @@ class Registration::Impl {
 
   [[nodiscard]] expected<void, SetupError> bind_at_own_names() {
     const Offer offer = own_offer_now();
-    auto names = OwnNames::at_host_of(scope_, offer.url);
+    auto names = OwnNames::at_host_of(scope_, offer.url, node_.config().served);
     if (!names) return unexpected{std::move(names.error())};
     const auto place = place_at((*names)->url());
     if (auto bound = place->seat.bind(offer); !bound) return unexpected{std::move(bound.error())};

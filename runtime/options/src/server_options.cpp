@@ -7,6 +7,7 @@
 
 #include "rtpm/rt/report.hpp"
 #include "rtpm/wire/limits.hpp"
+#include "security_options.hpp"
 
 namespace rtpm::options {
 namespace {
@@ -81,6 +82,15 @@ void add_limits(Options& options, rpc::ServerConfig& server) {
 
 }  // namespace
 
+void add_caller(Options& options, ServerSettings& settings) {
+  add_known_servers(options, settings.known_servers_file);
+}
+
+rpc::NodeSecurity node_security(const ServerSettings& settings) {
+  const rpc::ServerSecurity& own = settings.server.security;
+  return {own.key_file, settings.known_servers_file, own.key_log_file};
+}
+
 void add_server(Options& options, ServerSettings& settings) {
   rpc::ServerConfig& server = settings.server;
   options.add("host", server.host,
@@ -90,6 +100,7 @@ void add_server(Options& options, ServerSettings& settings) {
               "The hosts to be found at, with ',' between, if callers reach others than those that "
               "are served (a container, NAT); empty: those");
   options.add("port", server.port, "Port to serve, UDP and TCP; 0: any");
+  add_server_security(options, server.security);
   options.add("shared-memory", server.shared_memory,
               "Whether callers of the same user on this host are served through memory");
   options.add("shared-memory-folder", server.shared_memory_folder,

@@ -1,4 +1,5 @@
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <array>
@@ -10,6 +11,7 @@
 
 #include "../../unit/recording/recorded.hpp"
 #include "programs.hpp"
+#include "rtpm/test/hello_responder.hpp"
 #include "shell_help.hpp"
 
 // Every command of `rtpm`, each run for its text, its JSON and a failure. A command that is not in
@@ -35,11 +37,16 @@ struct Case {
 constexpr std::array kEarly{"had no time for it", "within the deadline", "has no flight record",
                             "has changed a moment ago"};
 
+/// A key of 32 zero bytes.
+const std::string kOtherKey = "rtpm25519 AAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAA=";
+const std::string kAlice = "# people\n" + kOtherKey + " name=alice role=command on=lab/**\n";
+
 constexpr const char* kSampled = "--filter type(rtpm.device.Sampled)";
 
 /// In an order in which one command prepares for the next. RUN is a whole recording, DEVICES
-/// one of a device, BROKEN the first half of RUN, LABORATORY a file for `rtpm up`, NEW1 and NEW2
-/// paths where nothing is.
+/// one of a device, BROKEN the first half of RUN, LABORATORY a file for `rtpm up`, NEW1 and NONE
+/// paths where nothing is, KEY a key, SERVER one that shows its key, OTHERS known servers with
+/// another key for it, GRANTS lets alice in.
 std::vector<Case> cases() {
   const std::string sampled = kSampled;
   return {
@@ -63,6 +70,18 @@ std::vector<Case> cases() {
       {"bag check", "RUN", "is whole", "NONE", 1, "No such file"},
       {"bag recover", "BROKEN -o NEW1", "messages", "BROKEN -o RUN", 1, "exists already"},
       {"bag cut", "RUN -o NEW1 --to 10ms", "messages", "RUN -o NEW1 --topics x", 1, "no topic 'x'"},
+      {"key new", "--file NEW1 --comment alice@lab", "--role command", "--file KEY", 1,
+       "there is one already"},
+      {"key show", "KEY", "fingerprint ", "NONE", 1, "rtpm key new"},
+      {"key learn", "SERVER --yes --known-servers NEW1", "sealed sessions only",
+       "SERVER --known-servers OTHERS", 1, "has fingerprint"},
+      {"key forget", "SERVER --known-servers OTHERS", "removed line 1", "10.0.0.7", 1,
+       "rtpm key list"},
+      {"key authorize", "uid:7 --role observe --on ** --file NEW1", "within a second",
+       "bob --role observe --on ** --file NEW1", 1, "not 'bob'"},
+      {"key revoke", "alice --file GRANTS", "removed line 2", "bob --file GRANTS", 1, "for 'bob'"},
+      {"key list", "--key KEY --known-servers OTHERS --authorized GRANTS", "command on=lab/**",
+       "all", 2, "unexpected argument 'all'"},
       {"up", "LABORATORY --check", "is right", "NONE", 2, "can't be read"},
       {"demo", "--seconds 1", "samples shown", "--seconds -1", 2, "--seconds"},
       {"config list", "lab/arm0", "safety.ramp_s", "lab/arm", 3, "most like it: lab/arm0"},
@@ -113,6 +132,7 @@ class Commands : public testing::Test {
               0);
     const std::string content = recording::content_of(whole_);
     recording::put_content(broken_, std::string_view(content).substr(0, content.size() / 2));
+    ASSERT_EQ(run({"key", "new", "--file", key_}).exit_code, 0);
     recording::put_content(laboratory_,
                            "[laboratory]\nname = \"cell\"\n[[program]]\nname = \"registry\"\n"
                            "run = [\"rtpm-registryd\"]\n");
@@ -126,11 +146,25 @@ class Commands : public testing::Test {
       if (word == "DEVICES") word = devices_;
       if (word == "BROKEN") word = broken_;
       if (word == "LABORATORY") word = laboratory_;
+      if (word == "KEY") word = key_;
+      if (word == "SERVER") word = server_place();
+      if (word == "OTHERS") word = file_of("others", server_place() + " " + kOtherKey + "\n");
+      if (word == "GRANTS") word = file_of("grants", kAlice);
       if (word == "NONE") word = folder_.fresh("none");
       if (word == "NEW1") word = folder_.fresh("new");
     }
     arguments.insert(arguments.end(), {"--registry", registry_->url});
     return arguments;
+  }
+  [[nodiscard]] std::string server_place() const {
+    return "127.0.0.1:" + std::to_string(server_.port());
+  }
+  /// A new file with this content.
+  [[nodiscard]] std::string file_of(const std::string& name, const std::string& content) const {
+    std::string path = folder_.fresh(name);
+    recording::put_content(path, content);
+    ::chmod(path.c_str(), 0600);
+    return path;
   }
   /// Again while the machine is too busy for it, or it comes too early.
   [[nodiscard]] static test::Process::End run(const Arguments& arguments) {
@@ -181,6 +215,8 @@ class Commands : public testing::Test {
   std::string devices_ = folder_.fresh("devices");
   std::string broken_ = folder_.fresh("broken");
   std::string laboratory_ = folder_.fresh("laboratory");
+  std::string key_ = folder_.fresh("key");
+  test::HelloResponder server_{[](ConstBytes hello) { return test::sealed_cookie(hello, 7, 0); }};
   std::optional<Daemon> registry_{};
   std::optional<Daemon> device_{};
 };

@@ -84,6 +84,31 @@ TEST_F(ServerOptions, KeepDefaultsThatAreNotConfigured) {
   EXPECT_FALSE(settings_.cpu_latency);
 }
 
+TEST_F(ServerOptions, SetSecurity) {
+  EXPECT_FALSE(parse({"--authorized", "grants", "--key", "key", "--insecure", "--audit", "audit",
+                      "--key-log", "keys"}))
+      << err_;
+  const rpc::ServerSecurity& security = settings_.server.security;
+  EXPECT_EQ(security.authorized_file, "grants");
+  EXPECT_EQ(security.key_file, "key");
+  EXPECT_TRUE(security.is_insecure);
+  EXPECT_EQ(security.audit_file, "audit");
+  EXPECT_EQ(security.key_log_file, "keys");
+}
+
+TEST_F(ServerOptions, GiveTheProgramsNodeTheSameKey) {
+  set_variable("RTPM_KEY", "key");
+  set_variable("RTPM_KNOWN_SERVERS", "servers");
+  Options options("rtpm-test", "tries options");
+  add_server(options, settings_);
+  add_caller(options, settings_);
+  const char* const name = "rtpm-test";
+  ASSERT_FALSE(options.parse(1, &name));
+  EXPECT_EQ(settings_.server.security.key_file, "key");
+  EXPECT_EQ(node_security(settings_).key_file, "key");
+  EXPECT_EQ(node_security(settings_).known_servers_file, "servers");
+}
+
 TEST_F(ServerOptions, SetEveryPartOfALane) {
   EXPECT_FALSE(parse({"--lane-haptic-low",
                       "20000",

@@ -19,17 +19,25 @@ struct ServerSettings {
   rpc::ServerConfig server{};
   std::optional<Duration> cpu_latency{};  ///< Longest wake-up of a CPU; none: no request.
   bool shows_setup = false;               ///< Print what the system granted.
+  std::string known_servers_file{};       ///< Of the program's node, see add_caller().
   std::vector<std::string> lanes{};       ///< The lanes' names, set by add_server().
 };
 
-/// Adds the options of a server, the same for every program: --host, --advertise, --port, limits,
-/// shared memory, real-time mode, CPU latency; --lanes, the lanes' names; and for each lane
+/// Adds the options of a server, the same for every program: --host, --advertise, --port,
+/// --authorized, --key, --insecure, --audit, --key-log, limits, shared memory, real-time mode, CPU
+/// latency; --lanes, the lanes' names; and for each lane
 /// --lane-NAME-low, -priority, -cpus, -wait, -spin, -schedule, -threads, -dynamic-threads,
 /// -dynamic-idle, -buffered-requests and -buffered-bytes. A lane with defaults in `settings` keeps
 /// them unless the user changes them. rpc::Server::create() checks the lanes.
 /// @ownership `settings` must not move, nor its lanes change, until Options::parse() has returned
 /// @realtime set-up only
 void add_server(Options& options, ServerSettings& settings);
+
+/// As add_caller() of caller_options.hpp, for a program that serves, too, after add_server(): its
+/// key and its key log are those of its server, so only --known-servers is added.
+void add_caller(Options& options, ServerSettings& settings);
+/// What the node of such a program is given.
+[[nodiscard]] rpc::NodeSecurity node_security(const ServerSettings& settings);
 
 /// Requests the configured CPU latency for the process, for the lifetime of the returned object.
 /// @realtime set-up only

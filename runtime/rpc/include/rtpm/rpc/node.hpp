@@ -61,6 +61,8 @@ struct NodeConfig {
   /// ServerConfig::shared_memory_folder.
   std::string shared_memory_folder{};
   NodeSecurity security{};
+  /// Whom servers serve that are made for this node, such as that of the program's own names.
+  ServerSecurity served{};
 };
 
 /// The calling side of a program: its identity towards servers and the channels to them. Bindings

@@ -1,0 +1,82 @@
+#pragma once
+
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <array>
+#include <functional>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/wire/header.hpp"
+#include "rtpm/wire/sealed.hpp"
+
+namespace rtpm::test {
+
+/// A socket that answers each datagram by what `answer` makes of it; empty: nothing.
+class HelloResponder {
+ public:
+  using Bytes = std::vector<std::byte>;
+  explicit HelloResponder(std::function<Bytes(ConstBytes hello)> answer) {
+    socket_ = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    sockaddr_in own{};
+    own.sin_family = AF_INET;
+    own.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    socklen_t size = sizeof own;
+    EXPECT_EQ(::bind(socket_, reinterpret_cast<sockaddr*>(&own), size), 0);
+    EXPECT_EQ(::getsockname(socket_, reinterpret_cast<sockaddr*>(&own), &size), 0);
+    port_ = ntohs(own.sin_port);
+    thread_ = std::thread([this, answer = std::move(answer)] { serve(answer); });
+  }
+  HelloResponder(const HelloResponder&) = delete;
+  HelloResponder& operator=(const HelloResponder&) = delete;
+  ~HelloResponder() {
+    ::shutdown(socket_, SHUT_RDWR);
+    thread_.join();
+    ::close(socket_);
+  }
+  [[nodiscard]] std::uint16_t port() const { return port_; }
+
+ private:
+  void serve(const std::function<Bytes(ConstBytes)>& answer) const {
+    while (true) {
+      std::array<std::byte, 2048> buffer;
+      sockaddr_in from{};
+      socklen_t size = sizeof from;
+      const ssize_t count = ::recvfrom(socket_, buffer.data(), buffer.size(), 0,
+                                       reinterpret_cast<sockaddr*>(&from), &size);
+      if (count <= 0) return;
+      const Bytes reply = answer(ConstBytes(buffer).first(static_cast<std::size_t>(count)));
+      if (reply.empty()) continue;
+      ::sendto(socket_, reply.data(), reply.size(), 0, reinterpret_cast<sockaddr*>(&from), size);
+    }
+  }
+
+  int socket_ = -1;
+  std::uint16_t port_ = 0;
+  std::thread thread_;
+};
+
+/// A COOKIE that shows a key of 32 equal bytes; empty if the HELLO offers no sealed session.
+/// @param number_offset  0; else the answer is to another handshake
+inline std::vector<std::byte> sealed_cookie(ConstBytes hello, unsigned char key,
+                                            std::uint32_t number_offset) {
+  const auto about = wire::decode_frame(hello);
+  const auto read = about ? wire::decode_hello(hello.subspan(wire::kHeaderSize)) : std::nullopt;
+  if (!read || (read->features & wire::kFeatureSealed) == 0) return {};
+  wire::SealedCookie cookie;
+  cookie.server_key.fill(std::byte{key});
+  wire::Header header =
+      wire::header_about(*about, wire::FrameKind::kCookie, wire::SealedCookie::kSize, rt::now());
+  header.call_id += number_offset;
+  std::vector<std::byte> frame(wire::kHeaderSize + wire::SealedCookie::kSize);
+  wire::encode(header, frame.data());
+  wire::encode(cookie, MutableBytes(frame).subspan(wire::kHeaderSize));
+  return frame;
+}
+
+}  // namespace rtpm::test
