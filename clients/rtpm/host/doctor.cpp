@@ -7,6 +7,7 @@
 #include "host/commands.hpp"
 #include "host/discovery.hpp"
 #include "host/finding_text.hpp"
+#include "host/keys.hpp"
 #include "host/network.hpp"
 #include "host/peers.hpp"
 #include "host/wake_up.hpp"
@@ -38,6 +39,7 @@ std::vector<int> processes_with_lanes() {
 std::vector<Finding> survey(Context& context) {
   std::vector<Finding> findings = rt::survey_host(processes_with_lanes());
   std::ranges::move(survey_network(context), std::back_inserter(findings));
+  std::ranges::move(survey_keys(context), std::back_inserter(findings));
   std::ranges::move(survey_discovery(context), std::back_inserter(findings));
   std::ranges::move(survey_peers(context), std::back_inserter(findings));
   return findings;

@@ -1,0 +1,107 @@
+#include "host/keys.hpp"
+
+#include <string>
+
+#include "rtpm/access/authorized.hpp"
+#include "rtpm/access/files.hpp"
+#include "rtpm/access/known_servers.hpp"
+#include "rtpm/base/printable.hpp"
+
+namespace rtpm::tool {
+namespace {
+
+using rt::Finding;
+using rt::Severity;
+
+bool is_there(const std::string& file) {
+  return access::stamp_of(file) != access::FileStamp{};
+}
+
+/// "authorized:3:14: …, and 2 more faults".
+std::string text_of_faults(const std::vector<access::LineFault>& faults, std::size_t count,
+                           const std::string& file) {
+  std::string text = access::to_text(faults.front(), printable(file, kShownWhole));
+  if (count > 1) text += ", and " + std::to_string(count - 1) + " more";
+  return text;
+}
+
+Finding judge_key(const std::string& file, bool is_needed) {
+  Finding finding{.id = "key"};
+  if (!is_there(file)) {
+    finding.text = "this user has no key";
+    if (!is_needed) return finding;
+    finding.severity = Severity::kProblem;
+    finding.text += ", but known servers, which ask for one";
+    finding.cost = "they refuse all calls of this user";
+    finding.remedy = "rtpm key new";
+    return finding;
+  }
+  const auto key = access::read_key(file);
+  finding.text = "the key " + printable(file, kShownWhole) + " is its owner's alone";
+  if (key) return finding;
+  finding.severity = Severity::kProblem;
+  finding.text = key.error().reason();
+  finding.cost =
+      "servers and callers of this user do not use it; if others could read it, it may "
+      "be known to them";
+  finding.remedy = key.error().remedy;
+  return finding;
+}
+
+Finding judge_known_servers(const std::string& file, const expected<std::string, SetupError>& text,
+                            const access::KnownServers& read) {
+  Finding finding{.id = "known-servers"};
+  finding.text = std::to_string(read.servers.size()) + " keys of servers are known";
+  if (!text) {
+    finding.severity = Severity::kProblem;
+    finding.text = text.error().reason();
+    finding.cost = "no server is known";
+    finding.remedy = text.error().remedy;
+  } else if (read.fault_count > 0) {
+    finding.severity = Severity::kWarning;
+    finding.text = text_of_faults(read.faults, read.fault_count, file);
+    finding.cost = "that server is not known: it is called in plain";
+    finding.remedy = "mend the line, or remove it and `rtpm key learn` the server";
+  }
+  return finding;
+}
+
+Finding judge_grants(const std::string& file) {
+  Finding finding{.id = "grants"};
+  const auto text = access::read_trusted_file(file);
+  const access::Authorized read = access::parse_authorized(text ? *text : "");
+  finding.text = std::to_string(read.grants.size()) + " grants in " + printable(file, kShownWhole);
+  if (!text) {
+    finding.severity = Severity::kProblem;
+    finding.text = text.error().reason();
+    finding.cost = "servers that ask for grants do not start, or keep the former ones";
+    finding.remedy = text.error().remedy;
+  } else if (read.fault_count > 0) {
+    finding.severity = Severity::kWarning;
+    finding.text = text_of_faults(read.faults, read.fault_count, file);
+    finding.cost = "that line allows nothing";
+    finding.remedy = "mend it; `rtpm key list` shows all";
+  }
+  return finding;
+}
+
+}  // namespace
+
+std::vector<Finding> survey_keys(const Context& context) {
+  const auto key = access::key_file_path(context.security.key_file, access::kKeyFile);
+  const auto servers =
+      access::key_file_path(context.security.known_servers_file, access::kKnownServersFile);
+  const auto grants = access::key_file_path({}, access::kAuthorizedFile);
+  if (!key || !servers || !grants) {
+    return {{"key", Severity::kNote, "there is no folder for keys: " + grants.error().reason(),
+             "sealed sessions and grants are not used", grants.error().remedy}};
+  }
+  const auto text = access::read_trusted_file(*servers);
+  const access::KnownServers known = access::parse_known_servers(text ? *text : "");
+  std::vector<Finding> findings{judge_key(*key, !known.servers.empty())};
+  if (!text || is_there(*servers)) findings.push_back(judge_known_servers(*servers, text, known));
+  if (is_there(*grants)) findings.push_back(judge_grants(*grants));
+  return findings;
+}
+
+}  // namespace rtpm::tool
