@@ -193,6 +193,7 @@ expected<std::unique_ptr<EventHub>, std::string> open_event_hub(const EventSetti
   auto server_config = events::server_config_for(config);
   server_config.realtime = setting.realtime;
   if (setting.network != nullptr) server_config.host = NetworkPair::kServerAddress;
+  server_config.security.is_insecure = true;
   server_config.lanes = {{.name = "bench-hub",
                           .priority = kHighPriority,
                           .wait = setting.wait,

@@ -176,7 +176,8 @@ expected<std::string, std::string> start_rtpm_server(RtpmServerConfig config) {
                              .host = std::move(config.host),
                              .lanes = std::move(config.lanes),
                              .realtime = config.realtime,
-                             .session_count_max = config.session_count_max},
+                             .session_count_max = config.session_count_max,
+                             .security = {.is_insecure = true}},
                             "bench/echo", servant);
   if (!server) return unexpected{server.error()};
   if (auto started = (*server)->start(); !started) return unexpected{started.error().text()};

@@ -75,7 +75,7 @@ class Host {
   }
   [[nodiscard]] std::optional<Daemon> start(std::string_view program,
                                             std::vector<std::string> arguments) const {
-    arguments.insert(arguments.end(), {"--realtime", "off"});
+    arguments.insert(arguments.end(), {"--realtime", "off", "--insecure"});
     return start_daemon(program, std::move(arguments), inside());
   }
   [[nodiscard]] test::Process::End run_tool(std::vector<std::string> arguments) const {

@@ -163,6 +163,7 @@ class OnTheLan : public testing::Test {
                                      const Words& arguments) {
     Words words{"ip", "netns", "exec", space(host), path_of(program)};
     words.insert(words.end(), arguments.begin(), arguments.end());
+    if (program != "rtpm") words.emplace_back("--insecure");
     return words;
   }
   [[nodiscard]] static test::Process::End rtpm_on(const std::string& host, const Words& arguments) {

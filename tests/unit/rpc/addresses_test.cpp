@@ -23,6 +23,7 @@ bool has_ipv6() {
 ServerConfig config_at(const std::string& host) {
   ServerConfig config = quiet_config({quiet_lane(0), quiet_lane(20'000)});
   config.host = host;
+  config.security.is_insecure = true;
   return config;
 }
 

@@ -119,6 +119,7 @@ TEST(ServerSetUp, SaysThatOnlyItsUdpPortIsBusy) {
 TEST(ServerSetUp, SaysThatItsAddressIsNotThisHosts) {
   ServerConfig config = quiet_config();
   config.host = "192.0.2.1";
+  config.security.is_insecure = true;
   expect_text(error_of(config), {"server 'test'", "192.0.2.1", "Remedy"});
 }
 
