@@ -2,6 +2,8 @@
 """spec/conform against RTPM's client and server: all that a socket can play passes, and faults that
 were put in are found.   conform_test.py FOLDER-OF-PROGRAMS TEST..."""
 
+import base64
+import importlib.util
 import json
 import pathlib
 import re
@@ -94,6 +96,38 @@ class BlackBoxTest(ConformTest):
             server.stdin.close()
             server.stdout.close()
             self.assertEqual(server.wait(10), 0)
+
+
+class SealedTest(ConformTest):
+    """Level S, of our sealed sessions behind a socket."""
+
+    def setUp(self):
+        if importlib.util.find_spec('cryptography') is None:
+            self.skipTest('[  SKIPPED ] needs the Debian package python3-cryptography')
+        self.server = subprocess.Popen([PROGRAMS / 'sealed_server'], stdin=subprocess.PIPE,
+                                       stdout=subprocess.PIPE, text=True)
+        port, _, self.key = self.server.stdout.readline().split()
+        self.options = ('--address', f'127.0.0.1:{port}', '--service', '1', '--medium', 'udp')
+
+    def tearDown(self):
+        self.server.stdin.close()
+        self.server.stdout.close()
+        self.assertEqual(self.server.wait(10), 0)
+
+    def key_text(self, key):
+        return 'rtpm25519 ' + base64.b64encode(bytes.fromhex(key)).decode()
+
+    def test_rtpm_passes(self):
+        ran, results = self.run_tool('sealed', '--server-key', self.key_text(self.key),
+                                     *self.options)
+        self.assertEqual(ran.returncode, 0, ran.stdout)
+        self.assertGreater(sum(one['outcome'] == 'passed' for one in results), 18, ran.stdout)
+
+    def test_a_server_with_another_key_fails(self):
+        ran, results = self.run_tool('sealed', '--server-key', self.key_text('5a' * 32),
+                                     *self.options, '--only', 'both-suites')
+        self.assertEqual(ran.returncode, 1, ran.stdout)
+        self.assertIn('its COOKIE shows another key', ran.stdout)
 
 
 class FaultTest(ConformTest):

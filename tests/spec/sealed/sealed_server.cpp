@@ -1,6 +1,6 @@
 // A server of sealed sessions over UDP, for clients that were written from spec/security.md: it
-// answers each call with the bytes of its request in reverse. It prints its port and its key, and
-// ends with its standard input.
+// answers each call with the bytes of its request in reverse, and those of method 2 with how many
+// of them have run. It prints its port and its key, and ends with its standard input.
 //   sealed_server [PRE-SHARED KEY IN HEX]
 
 #include <arpa/inet.h>
@@ -106,15 +106,24 @@ class Server {
     ConstBytes frame = outcome.verdict.frame;
     if (outcome.verdict.action == wire::Verdict::Action::kDispatch) {
       const wire::Request& request = outcome.verdict.request;
-      std::ranges::reverse_copy(request.payload, sessions_.reply_buffer(request, now()).begin());
-      frame = sessions_.complete(request, wire::Status::kOk,
-                                 static_cast<std::uint32_t>(request.payload.size()), now());
+      const MutableBytes reply = sessions_.reply_buffer(request, now());
+      std::size_t size = request.payload.size();
+      if (request.header.method == kCountMethod) {
+        store_le(reply.data(), ++run_count_);
+        size = sizeof run_count_;
+      } else {
+        std::ranges::reverse_copy(request.payload, reply.begin());
+      }
+      frame =
+          sessions_.complete(request, wire::Status::kOk, static_cast<std::uint32_t>(size), now());
     } else if (outcome.verdict.action != wire::Verdict::Action::kSend) {
       return;
     }
     if (!frame.empty()) socket.send(sealed_.seal(frame), to);
   }
 
+  static constexpr std::uint16_t kCountMethod = 2;
+  std::uint64_t run_count_ = 0;
   EveryClient admission_;
   wire::ServerSessions sessions_;
   SealedServer sealed_;
