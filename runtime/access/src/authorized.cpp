@@ -34,6 +34,11 @@ expected<Subject, Fault> read_subject(const std::vector<Word>& words, std::size_
   if (first.text.starts_with("uid:")) {
     const auto user = whole_number_of<std::uint32_t>(first.text.substr(4));
     if (!user) return fault_at(first, quoted(first.text) + " has no number of a user, as uid:1000");
+    if (*user == kUnknownUser)
+      return fault_at(
+          first,
+          "uid:65534 stands for every user that the kernel can't name, such as those of "
+          "containers; grant something to a user of its own");
     subject.kind = Subject::Kind::kLocalUser;
     subject.user = *user;
     return subject;

@@ -90,6 +90,9 @@ std::string_view to_string(CallError error) noexcept {
     case CallError::kWrongInterface:
       return "the object that is there now has another interface; generate client and server from "
              "the same schema, or correct the name";
+    case CallError::kNotAllowed:
+      return "the server's grants do not allow this to the caller; its log has the line of "
+             "'authorized' that would";
   }
   return "unknown error";
 }

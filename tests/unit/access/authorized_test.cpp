@@ -63,6 +63,7 @@ INSTANTIATE_TEST_SUITE_P(
         Faulty{"rtpm25519", 1, "44 characters"},
         Faulty{"uid:alice role=observe on=a", 1, "number of a user"},
         Faulty{"uid:-1 role=observe on=a", 1, "number of a user"},
+        Faulty{"uid:65534 role=observe on=a", 1, "the kernel can't name"},
         Faulty{"uid:7 role=comand on=a", 12, "observe, command, configure or administer"},
         Faulty{"uid:7 role=none on=a", 12, "observe, command"},
         Faulty{"uid:7 role=observe", 19, "on= is missing"},

@@ -294,7 +294,7 @@ TEST(BindMethodList, MayEndBeforeTheInterfaceDoes) {
 
 TEST(CallErrors, AreEachExplained) {
   std::set<std::string_view> texts;
-  constexpr int kLast = static_cast<int>(CallError::kStreamLost);
+  constexpr int kLast = static_cast<int>(CallError::kNotAllowed);
   for (int error = 0; error <= kLast; ++error) {
     const std::string_view text = to_string(static_cast<CallError>(error));
     EXPECT_FALSE(text.empty());

@@ -184,6 +184,7 @@ TEST(Call, TellsWhatTheServersStatusMeans) {
   EXPECT_EQ(error_for(Status::kServantFailed), CallError::kServantFailed);
   EXPECT_EQ(error_for(Status::kTooLarge), CallError::kTooLarge);
   EXPECT_EQ(error_for(Status::kPriorityNotAllowed), CallError::kPriorityNotAllowed);
+  EXPECT_EQ(error_for(Status::kNotAllowed), CallError::kNotAllowed);
   EXPECT_EQ(error_for(Status::kWrongBand), CallError::kWrongBand);
   EXPECT_EQ(error_for(Status::kWrongInterface), CallError::kWrongInterface);
   EXPECT_EQ(error_for(Status::kUnknownSession), CallError::kRefused);

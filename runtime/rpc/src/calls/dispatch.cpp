@@ -4,19 +4,25 @@
 #include "calls/deferral.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/priority.hpp"
+#include "security/caller_identity.hpp"
 #include "server/lane_table_owner.hpp"
 #include "server/policy.hpp"
 
 namespace rtpm::rpc {
 
-expected<const Object*, wire::Status> Dispatch::target_of(
-    const wire::Request& request) const noexcept {
-  const Object* const object = objects_.find(request.header.service);
-  if (object == nullptr) return unexpected{wire::Status::kNoSuchObject};
-  if (!admits(object->options, request.header.priority)) {
+expected<Target, wire::Status> Dispatch::target_of(
+    const wire::Request& request, const wire::ServerSessions* sessions) const noexcept {
+  Target target{objects_.find(request.header.service)};
+  if (target.object == nullptr) return unexpected{wire::Status::kNoSuchObject};
+  if (rights_.is_asked()) {
+    const auto origin = rights_.judge(request, *target.object, sessions);
+    if (!origin) return unexpected{origin.error()};
+    target.origin = *origin;
+  }
+  if (!admits(target.object->options, request.header.priority)) {
     return unexpected{wire::Status::kWrongBand};
   }
-  return object;
+  return target;
 }
 
 Priority Dispatch::priority_of(const Object& object, const wire::Header& header) const noexcept {
@@ -26,9 +32,13 @@ Priority Dispatch::priority_of(const Object& object, const wire::Header& header)
   return transform_ == nullptr ? priority : transform_(priority, object.path);
 }
 
-Ran Dispatch::run(const Object& object, const wire::Request& request, MutableBytes reply,
+Ran Dispatch::run(const Target& target, const wire::Request& request, MutableBytes reply,
                   CallDeferral& deferral) const noexcept {
-  const Ran ran = run_method(object, request, reply, deferral);
+  const Ran ran = run_method(target, request, reply, deferral);
+  if (target.origin != nullptr) {
+    rights_.note_run(target, request,
+                     deferral.is_taken() ? std::nullopt : std::optional(ran.result.status));
+  }
   if (tap_.is_on()) [[unlikely]] {
     // The lane ends a call that goes on only after this, so that its mark is there in time.
     if (PendingCall* const call = deferral.taken()) {
@@ -40,35 +50,44 @@ Ran Dispatch::run(const Object& object, const wire::Request& request, MutableByt
   return ran;
 }
 
-Ran Dispatch::run_method(const Object& object, const wire::Request& request, MutableBytes reply,
+Ran Dispatch::run_method(const Target& target, const wire::Request& request, MutableBytes reply,
                          Deferral& deferral) const noexcept {
   const wire::Header& header = request.header;
-  const CallContext context{priority_of(object, header),
+  std::optional<CallerIdentity> identity;
+  if (target.origin != nullptr) identity.emplace(*rights_.control(), *target.origin);
+  const CallContext context{priority_of(*target.object, header),
                             request.deadline,
                             request.received,
                             header.session,
                             header.trace_id,
                             &deferral,
-                            {request.caller_host}};
+                            {request.caller_host},
+                            identity ? &*identity : nullptr};
   rt::adopt_priority(context.priority);
   const CurrentCall current(context, lane_);
   const BusyMark busy(request.received);
   try {
-    return {object.servant->dispatch(header.method, request.payload, reply, context)};
+    return {target.object->servant->dispatch(header.method, request.payload, reply, context)};
   } catch (...) {
     return {{wire::Status::kServantFailed, 0}, /*has_thrown=*/true};
   }
 }
 
 DispatchResult Dispatch::serve_session(const wire::Request& request,
+                                       const wire::ServerSessions& sessions,
                                        MutableBytes reply) const noexcept {
+  if (request.header.method == wire::kMethodPing) return {wire::Status::kOk, 0};  // hp-6.2-1
+  std::optional<LaneRights::View> view;
+  if (rights_.is_asked()) view.emplace(rights_.view_of(request, sessions));
+  const ObjectView* const shown = view ? &*view : nullptr;
   switch (request.header.method) {
-    case wire::kMethodBind:
-      return objects_.bind(request.payload, reply);
-    case wire::kMethodPing:  // hp-6.2-1
-      return {wire::Status::kOk, 0};
+    case wire::kMethodBind: {
+      const DispatchResult bound = objects_.bind(request.payload, reply, shown);
+      if (view) rights_.note_bind(request, sessions, bound.status);
+      return bound;
+    }
     case wire::kMethodDescribe:
-      return objects_.describe(request.payload, reply);
+      return objects_.describe(request.payload, reply, shown);
     default:
       return {wire::Status::kNoSuchMethod, 0};
   }
@@ -77,12 +96,12 @@ DispatchResult Dispatch::serve_session(const wire::Request& request,
 DispatchResult Dispatch::run_nested(const LocalChannel& channel,
                                     LaneReport& report) const noexcept {
   const wire::Request request = request_of(channel);
-  const auto target = target_of(request);
+  const auto target = target_of(request, nullptr);
   if (!target) return {target.error(), 0};
   const auto outer = rt::current_priority();
   // The thread could not come back to end it.
   CallDeferral none;
-  const Ran ran = run(**target, request, channel.reply(), none);
+  const Ran ran = run(*target, request, channel.reply(), none);
   if (outer) rt::adopt_priority(*outer);
   report.on_nested(ran.has_thrown);
   return ran.result;

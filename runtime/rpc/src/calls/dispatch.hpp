@@ -4,6 +4,7 @@
 #include "local/local.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/wire/server_sessions.hpp"
+#include "security/lane_rights.hpp"
 #include "server/object_table.hpp"
 #include "tap/lane_tap.hpp"
 
@@ -24,31 +25,35 @@ class Dispatch {
  public:
   /// @param lane_priority  of methods whose objects have no priority model
   Dispatch(const ObjectTable& objects, PriorityTransform transform, Priority lane_priority,
-           const Lane& lane, LaneTap& tap) noexcept
+           const Lane& lane, LaneTap& tap, LaneRights& rights) noexcept
       : objects_(objects),
         transform_(transform),
         lane_priority_(lane_priority),
         lane_(lane),
-        tap_(tap) {}
+        tap_(tap),
+        rights_(rights) {}
 
-  /// The object on which a method would run, or why none would.
-  [[nodiscard]] expected<const Object*, wire::Status> target_of(
-      const wire::Request& request) const noexcept;
+  /// The object on which a method would run, or why none would: every call comes by here before it
+  /// runs, whatever its way was. `sessions`: those of the request; null: a call of this program.
+  /// @threads  with the lane's Lead; for calls of this program any
+  [[nodiscard]] expected<Target, wire::Status> target_of(
+      const wire::Request& request, const wire::ServerSessions* sessions) const noexcept;
   [[nodiscard]] Priority priority_of(const Object& object,
                                      const wire::Header& header) const noexcept;
   /// Runs the method at the request's own priority, at which the thread is left, and hands the
   /// call to the tap.
-  [[nodiscard]] Ran run(const Object& object, const wire::Request& request, MutableBytes reply,
+  [[nodiscard]] Ran run(const Target& target, const wire::Request& request, MutableBytes reply,
                         CallDeferral& deferral) const noexcept;
   /// Answers a request to the session service.
   [[nodiscard]] DispatchResult serve_session(const wire::Request& request,
+                                             const wire::ServerSessions& sessions,
                                              MutableBytes reply) const noexcept;
   /// Runs a method inside of another one, on the same thread, which returns to its priority.
   [[nodiscard]] DispatchResult run_nested(const LocalChannel& channel,
                                           LaneReport& report) const noexcept;
 
  private:
-  [[nodiscard]] Ran run_method(const Object& object, const wire::Request& request,
+  [[nodiscard]] Ran run_method(const Target& target, const wire::Request& request,
                                MutableBytes reply, Deferral& deferral) const noexcept;
 
   const ObjectTable& objects_;
@@ -56,6 +61,7 @@ class Dispatch {
   Priority lane_priority_;
   const Lane& lane_;
   LaneTap& tap_;
+  LaneRights& rights_;
 };
 
 /// A call of the same program, as if it had come over a wire.

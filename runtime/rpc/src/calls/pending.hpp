@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "calls/ready_list.hpp"
@@ -13,6 +14,7 @@
 #include "rtpm/rpc/deferred.hpp"
 #include "rtpm/rt/lazy_memory.hpp"
 #include "rtpm/wire/server_sessions.hpp"
+#include "security/call_origin.hpp"
 #include "tap/lane_tap.hpp"
 
 namespace rtpm::rpc {
@@ -34,6 +36,7 @@ struct PendingCall {
   bool is_in_backlog = false;             ///< See OpenCalls::serve_backlog().
   // Of a lane with a thread pool.
   const Object* object = nullptr;
+  std::optional<CallOrigin> origin{};  ///< Of a secured server, once it was queued.
   MutableBytes request_room{};
   bool is_running = false;      ///< Or waits for a thread: not to be ended yet.
   bool waits_for_room = false;  ///< It ended with a large reply for which there was no room yet.

@@ -46,6 +46,8 @@ CallError error_of(wire::Status status) noexcept {
       return CallError::kWrongInterface;
     case wire::Status::kLost:
       return CallError::kStreamLost;
+    case wire::Status::kNotAllowed:
+      return CallError::kNotAllowed;
     default:
       break;
   }

@@ -33,6 +33,7 @@ bool Connections::add(std::unique_ptr<transport::Connection>& stream, MonotonicT
   slot.peer = {host.high, host.low, slot.generation << kIndexBits | index};
   slot.heard = now;
   slot.is_memory = slot.stream->is_memory();
+  slot.user = slot.is_memory ? transport::user_of(slot.stream->descriptor()) : std::nullopt;
   slot.is_from_this_host =
       slot.is_memory || transport::is_from_this_host(slot.stream->descriptor());
   if (!watch(slot)) {

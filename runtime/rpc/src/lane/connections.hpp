@@ -21,6 +21,7 @@ struct Slot {
   wire::PeerAddress peer{};
   MonotonicTime heard{};         ///< When its last frame came, or it itself.
   std::uint32_t generation = 0;  ///< Of the connections that stood here, one after the other.
+  std::optional<std::uint32_t> user{};  ///< Of a caller through memory, by the kernel.
   bool is_memory = false;
   bool is_from_this_host = false;
   bool has_leftovers = false;  ///< It stands among the leftovers.

@@ -52,7 +52,7 @@ ConstBytes Execution::run_now(Lead& lead, wire::ServerSessions& sessions,
   }
   const MutableBytes reply = sessions.reply_buffer(request, request.received);
   CallDeferral deferral(parts_.calls.pool(), request, sessions);
-  const DispatchResult result = serve(lead, request, reply, deferral);
+  const DispatchResult result = serve(lead, sessions, request, reply, deferral);
   RTPM_ASSERT(result.reply_size <= reply.size(), "a reply stays within its buffer");
   return complete(lead, sessions, request, deferral, result);
 }
@@ -82,7 +82,7 @@ ConstBytes Execution::run_without_buffer(Lead& lead, wire::ServerSessions& sessi
   const std::size_t size_max = sessions.reply_size_max(request);
   call->reply = call->reply_room.first(std::min(call->reply_room.size(), size_max));
   CallDeferral deferral(parts_.calls.pool(), request, sessions, call);
-  const DispatchResult result = serve(lead, request, call->reply, deferral);
+  const DispatchResult result = serve(lead, sessions, request, call->reply, deferral);
   parts_.report.on_answered(lead, rt::now());
   if (deferral.is_taken()) {
     ++parts_.report.counters(lead).deferred_count;
@@ -99,7 +99,7 @@ ConstBytes Execution::run_without_buffer(Lead& lead, wire::ServerSessions& sessi
 // hp-5.8-3: the caller goes on as soon as it is clear that its call will run.
 ConstBytes Execution::run_confirmed(Lead& lead, wire::ServerSessions& sessions,
                                     const wire::Request& request) noexcept {
-  const auto target = parts_.dispatch.target_of(request);
+  const auto target = parts_.dispatch.target_of(request, &sessions);
   const wire::Status status = target ? wire::Status::kOk : target.error();
   const auto peer = sessions.peer_of(request);
   RTPM_ASSERT(peer.has_value(), "a request that just came has a session");
@@ -107,26 +107,27 @@ ConstBytes Execution::run_confirmed(Lead& lead, wire::ServerSessions& sessions,
   const MutableBytes reply = sessions.reply_buffer(request, request.received);
   CallDeferral deferral(parts_.calls.pool(), request, sessions);
   DispatchResult result;
-  if (target) result = run_method(lead, **target, request, reply, deferral);
+  if (target) result = run_method(lead, *target, request, reply, deferral);
   return complete(lead, sessions, request, deferral, {result.status, 0});
 }
 
-DispatchResult Execution::serve(Lead& lead, const wire::Request& request, MutableBytes reply,
+DispatchResult Execution::serve(Lead& lead, wire::ServerSessions& sessions,
+                                const wire::Request& request, MutableBytes reply,
                                 CallDeferral& deferral) noexcept {
   if (request.header.service == wire::kSessionService) {
-    return parts_.dispatch.serve_session(request, reply);
+    return parts_.dispatch.serve_session(request, sessions, reply);
   }
-  const auto target = parts_.dispatch.target_of(request);
+  const auto target = parts_.dispatch.target_of(request, &sessions);
   if (!target) return {target.error(), 0};
-  return run_method(lead, **target, request, reply, deferral);
+  return run_method(lead, *target, request, reply, deferral);
 }
 
-DispatchResult Execution::run_method(Lead& lead, const Object& object, const wire::Request& request,
+DispatchResult Execution::run_method(Lead& lead, const Target& target, const wire::Request& request,
                                      MutableBytes reply, CallDeferral& deferral) noexcept {
   ServerCounters& counters = parts_.report.counters(lead);
   ++counters.call_count;
   parts_.idling.on_call(request.header.session, request.received);
-  const Ran ran = parts_.dispatch.run(object, request, reply, deferral);
+  const Ran ran = parts_.dispatch.run(target, request, reply, deferral);
   if (ran.has_thrown) ++counters.servant_failure_count;
   if (ran.result.status == wire::Status::kBadRequest) ++counters.bad_request_count;
   // The lane waits on at the request's level, unless that is below its own: so a caller that keeps
@@ -149,14 +150,14 @@ expected<void, SetupError> SoloExecution::start_threads() {
 
 void SoloExecution::accept(Lead& lead, LocalChannel& channel) noexcept {
   const wire::Request request = request_of(channel);
-  const auto target = parts_.dispatch.target_of(request);
+  const auto target = parts_.dispatch.target_of(request, nullptr);
   if (!target) return channel.finish(target.error(), 0);
   if (request.received >= request.deadline) {
     ++parts_.report.counters(lead).late_count;
     return channel.finish(wire::Status::kExpired, 0);
   }
   CallDeferral deferral(parts_.calls.pool(), request, channel);
-  const DispatchResult result = run_method(lead, **target, request, channel.reply(), deferral);
+  const DispatchResult result = run_method(lead, *target, request, channel.reply(), deferral);
   const MonotonicTime now = rt::now();
   if (deferral.is_taken()) {
     ++parts_.report.counters(lead).deferred_count;

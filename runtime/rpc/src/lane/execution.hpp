@@ -79,7 +79,7 @@ class Execution {
   /// Runs a call over a wire on the calling thread.
   [[nodiscard]] ConstBytes run_now(Lead&, wire::ServerSessions& sessions,
                                    const wire::Request& request) noexcept;
-  [[nodiscard]] DispatchResult run_method(Lead&, const Object& object, const wire::Request& request,
+  [[nodiscard]] DispatchResult run_method(Lead&, const Target& target, const wire::Request& request,
                                           MutableBytes reply, CallDeferral& deferral) noexcept;
 
   const LaneParts parts_;
@@ -92,7 +92,8 @@ class Execution {
   [[nodiscard]] ConstBytes complete(Lead&, wire::ServerSessions& sessions,
                                     const wire::Request& request, const CallDeferral& deferral,
                                     DispatchResult result) noexcept;
-  [[nodiscard]] DispatchResult serve(Lead&, const wire::Request& request, MutableBytes reply,
+  [[nodiscard]] DispatchResult serve(Lead&, wire::ServerSessions& sessions,
+                                     const wire::Request& request, MutableBytes reply,
                                      CallDeferral& deferral) noexcept;
 
   rt::RealtimeMode realtime_ = rt::RealtimeMode::kPrefer;

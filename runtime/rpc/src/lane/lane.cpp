@@ -69,7 +69,9 @@ Lane::Lane(const LaneSetup& setup, std::vector<transport::UdpPort> ports,
              call_count_max(setup), media_, report_, *doorbell_, tap_),
       gate_(std::make_shared<LocalGate>(doorbell_, *this, setup.local_oneway_count_max,
                                         setup.sessions.message_size_max)),
-      dispatch_(*setup.objects, setup.inbound_priority, setup.config.priority, *this, tap_),
+      rights_(setup, media_),
+      dispatch_(*setup.objects, setup.inbound_priority, setup.config.priority, *this, tap_,
+                rights_),
       idling_(setup.config.wait) {
   const LaneParts parts{*this,  config_, is_stopping_, *setup.slot, dispatch_,
                         calls_, report_, idling_,      *wait_set_};
@@ -85,6 +87,14 @@ Lane::Lane(const LaneSetup& setup, std::vector<transport::UdpPort> ports,
     execution_ = std::make_unique<SoloExecution>(parts);
   }
   calls_.share(execution_->lock());
+}
+
+expected<void, SetupError> Lane::start(rt::RealtimeMode realtime, rt::CpuKeeper* keeper) {
+  if (!rights_.prepare()) {
+    return setup_error("lane '" + config_.name + "' has no memory for what its callers may do",
+                       system_error(ENOMEM), "raise the limit of the process (ulimit -v)");
+  }
+  return execution_->start(realtime, keeper);
 }
 
 void Lane::stop() noexcept {

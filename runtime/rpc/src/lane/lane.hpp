@@ -36,11 +36,10 @@ class Lane {
   [[nodiscard]] bool has_memory() const noexcept {
     return media_.has_memory() && calls_.pool()->has_memory();
   }
-  /// Starts its threads. `keeper`: see Execution::start(); it must outlive join().
+  /// Once the server has all objects, starts its threads. `keeper`: see Execution::start(); it must
+  /// outlive join().
   /// @realtime set-up only
-  [[nodiscard]] expected<void, SetupError> start(rt::RealtimeMode realtime, rt::CpuKeeper* keeper) {
-    return execution_->start(realtime, keeper);
-  }
+  [[nodiscard]] expected<void, SetupError> start(rt::RealtimeMode realtime, rt::CpuKeeper* keeper);
   void stop() noexcept;
   /// After stop(): waits until its threads have ended.
   void join() noexcept { execution_->join(); }
@@ -94,6 +93,7 @@ class Lane {
   Media media_;
   OpenCalls calls_;
   std::shared_ptr<LocalGate> gate_;
+  LaneRights rights_;
   Dispatch dispatch_;
   Idling idling_;
   Attention attention_;

@@ -78,6 +78,25 @@ Media::Media(const LaneSetup& setup, std::vector<transport::UdpPort> ports,
   }
 }
 
+CallOrigin Media::origin_of(const wire::ServerSessions& sessions,
+                            const wire::Request& request) noexcept {
+  CallOrigin origin;
+  const auto peer = sessions.peer_of(request);
+  // Of one that is not known, ranges of addresses hold none.
+  origin.address.emplace();
+  if (!peer) return origin;
+  if (&sessions == &memory_.sessions) {
+    const Slot* const slot = connections_.of_peer(*peer);
+    if (slot == nullptr || !slot->user) return origin;
+    origin.subject.kind = access::Subject::Kind::kLocalUser;
+    origin.subject.user = *slot->user;
+    origin.address.reset();
+    return origin;
+  }
+  origin.address = network_address(*peer);
+  return origin;
+}
+
 wire::FrameCounters Media::counters() const noexcept {
   wire::FrameCounters sum = datagrams_.sessions.counters();
   sum.add(streams_.sessions.counters());

@@ -12,6 +12,7 @@
 #include "lane/report.hpp"
 #include "rtpm/rt/lazy_memory.hpp"
 #include "rtpm/wire/server_sessions.hpp"
+#include "security/call_origin.hpp"
 
 namespace rtpm::rpc {
 
@@ -57,6 +58,17 @@ class Media {
   [[nodiscard]] wire::ServerSessions& sessions_of(const Slot& slot) noexcept {
     return sessions_of(slot.is_memory);
   }
+  static constexpr std::size_t kMediumCount = 3;
+  /// Which of the media these sessions are of, from 0 on.
+  [[nodiscard]] std::size_t index_of(const wire::ServerSessions& sessions) const noexcept {
+    return &sessions == &datagrams_.sessions ? 0 : &sessions == &streams_.sessions ? 1 : 2;
+  }
+  [[nodiscard]] const wire::ServerSessions& sessions(std::size_t index) const noexcept {
+    return (index == 0 ? datagrams_ : index == 1 ? streams_ : memory_).sessions;
+  }
+  /// Who calls, as far as it is proved: through memory by the kernel, else not at all.
+  [[nodiscard]] CallOrigin origin_of(const wire::ServerSessions& sessions,
+                                     const wire::Request& request) noexcept;
   /// Visits the sessions of each medium.
   template <class Visitor>
   void for_each(Visitor visit) noexcept {

@@ -10,6 +10,8 @@
 
 namespace rtpm::rpc {
 
+class AccessControl;
+class AuditLog;
 class Lane;
 
 /// How many sources a lane of so many sessions waits for: a connection has a socket and an event.
@@ -35,7 +37,9 @@ struct LaneSetup {
   std::uint32_t lendable_thread_count = 0;  ///< Of all lanes below.
   /// Of the thread that frees ended connections and starts threads.
   transport::WaitSet* acceptor_bell = nullptr;
-  LaneSlot* slot = nullptr;  ///< Where others see what it does.
+  LaneSlot* slot = nullptr;               ///< Where others see what it does.
+  const AccessControl* access = nullptr;  ///< Null: the server asks nobody.
+  AuditLog* audit = nullptr;              ///< With `access`.
 };
 
 }  // namespace rtpm::rpc

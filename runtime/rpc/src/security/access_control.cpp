@@ -61,6 +61,13 @@ bool AccessControl::is_owner(const CallOrigin& origin) const noexcept {
          !grants_->knows(subject, origin.address);
 }
 
+bool AccessControl::admits(std::uint32_t user) const noexcept {
+  CallOrigin origin;
+  origin.subject.kind = access::Subject::Kind::kLocalUser;
+  origin.subject.user = user;
+  return user != access::kUnknownUser && knows(origin);
+}
+
 bool AccessControl::knows(const CallOrigin& origin) const noexcept {
   const std::lock_guard lock(mutex_);
   return is_owner(origin) || grants_->knows(origin.subject, origin.address);
@@ -71,6 +78,13 @@ access::Permission AccessControl::permission(const CallOrigin& origin,
   const std::lock_guard lock(mutex_);
   if (is_owner(origin)) return {Role::kAdminister, Priority::kHighest};
   return grants_->permission(origin.subject, origin.address, path);
+}
+
+std::string_view AccessControl::name_of(const CallOrigin& origin,
+                                        std::span<char> to) const noexcept {
+  const std::lock_guard lock(mutex_);
+  const std::string_view name = grants_->name_of(origin.subject);
+  return {to.data(), name.copy(to.data(), to.size())};
 }
 
 Priority AccessControl::ceiling(const CallOrigin& origin) const noexcept {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -13,25 +14,24 @@
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/rt/log.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
+#include "rtpm/transport/shared_memory.hpp"
+#include "security/call_origin.hpp"
 
 namespace rtpm::rpc {
-
-/// Who calls, and from where.
-struct CallOrigin {
-  access::Subject subject{};
-  std::optional<access::NetworkAddress> address{};  ///< Nothing: from this host, proved.
-};
 
 /// A server's grants, read anew when their file changes. The server's own user, and root, may do
 /// everything on this host, unless a line names that user.
 /// @threads  any; reload_if_changed() one at a time
 /// @realtime alloc-free but for open() and reload_if_changed(); a lock with priority inheritance
-class AccessControl {
+class AccessControl final : public transport::UserPolicy {
  public:
   /// @realtime set-up only
   /// @errors   the file can't be trusted, or has not a single line that is understood
   [[nodiscard]] static expected<std::unique_ptr<AccessControl>, SetupError> open(std::string file);
 
+  /// Whether the server shares memory with that user. Never with 65534, which stands for users
+  /// that the kernel can't name.
+  [[nodiscard]] bool admits(std::uint32_t user) const noexcept override;
   /// Whether any grant is for it.
   [[nodiscard]] bool knows(const CallOrigin& origin) const noexcept;
   /// What it may do with the object, name or type at `path`.
@@ -39,6 +39,9 @@ class AccessControl {
                                               std::string_view path) const noexcept;
   /// The highest priority that any grant gives it.
   [[nodiscard]] Priority ceiling(const CallOrigin& origin) const noexcept;
+  /// What its grants call it, cut to what `to` holds; empty: nothing.
+  [[nodiscard]] std::string_view name_of(const CallOrigin& origin,
+                                         std::span<char> to) const noexcept;
   /// Another number after each change of the grants: what was asked before holds no more.
   [[nodiscard]] std::uint32_t generation() const noexcept {
     return generation_.load(std::memory_order_acquire);

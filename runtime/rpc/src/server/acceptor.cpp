@@ -36,12 +36,13 @@ bool add_to_wait(transport::WaitSet& wait_set, const std::vector<Listener>& list
 
 Acceptor::Acceptor(std::vector<transport::TcpListener> listeners,
                    std::vector<transport::SharedMemoryListener> memory_listeners,
-                   std::unique_ptr<transport::WaitSet> wait_set,
-                   std::uint32_t message_size_max) noexcept
+                   std::unique_ptr<transport::WaitSet> wait_set, std::uint32_t message_size_max,
+                   const transport::UserPolicy* users) noexcept
     : listeners_(std::move(listeners)),
       memory_listeners_(std::move(memory_listeners)),
       wait_set_(std::move(wait_set)),
       message_size_max_(message_size_max),
+      users_(users),
       newcomers_(2 * kNewcomerCountMax) {
   const bool is_listening = listen();
   RTPM_ASSERT(is_listening, "a new wait set takes a socket");
@@ -182,7 +183,7 @@ void Acceptor::place(Newcomer& newcomer) noexcept {
   newcomer.socket = {};
   wait_set_->remove(socket.number());
   if (newcomer.is_memory) {
-    auto client = transport::welcome_shared_memory_client(std::move(socket));
+    auto client = transport::welcome_shared_memory_client(std::move(socket), users_);
     if (client.shortage != 0) {
       note_shortage(client.shortage, "a caller that wants shared memory is");
     }

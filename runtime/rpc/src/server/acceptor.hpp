@@ -29,9 +29,11 @@ class Acceptor {
 
   /// @param listeners  at least one
   /// @param wait_set   takes wait_source_count() sources
+  /// @param users      with whom memory is shared; null: the server's own user and the superuser
   Acceptor(std::vector<transport::TcpListener> listeners,
            std::vector<transport::SharedMemoryListener> memory_listeners,
-           std::unique_ptr<transport::WaitSet> wait_set, std::uint32_t message_size_max) noexcept;
+           std::unique_ptr<transport::WaitSet> wait_set, std::uint32_t message_size_max,
+           const transport::UserPolicy* users) noexcept;
 
   [[nodiscard]] transport::WaitSet& bell() noexcept { return *wait_set_; }
 
@@ -70,6 +72,7 @@ class Acceptor {
   std::vector<transport::SharedMemoryListener> memory_listeners_;  ///< Likewise; or not wanted.
   std::unique_ptr<transport::WaitSet> wait_set_;
   std::uint32_t message_size_max_;
+  const transport::UserPolicy* users_;
   MonotonicTime listening_from_ = MonotonicTime::min();  ///< Later: the listeners are not polled.
   rt::RepeatedWarning shortage_warning_{};
   std::vector<std::unique_ptr<Lane>>* lanes_ = nullptr;

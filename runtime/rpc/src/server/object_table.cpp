@@ -10,6 +10,18 @@
 #include "rtpm/wire/url.hpp"
 
 namespace rtpm::rpc {
+namespace {
+
+std::vector<Role> roles_by_number(const InterfaceDescriptor& interface) {
+  std::vector<Role> roles;
+  for (const MethodDescriptor& method : interface.methods) {
+    if (method.id >= roles.size()) roles.resize(method.id + std::size_t{1}, Role::kCommand);
+    roles[method.id] = method.role;
+  }
+  return roles;
+}
+
+}  // namespace
 
 expected<void, SetupError> ObjectTable::add(std::string_view path, Servant& servant,
                                             ObjectOptions options, Priority ceiling) {
@@ -34,7 +46,9 @@ expected<void, SetupError> ObjectTable::add(std::string_view path, Servant& serv
                            " above the server's ceiling " + std::to_string(ceiling.value()),
                        "", "declare a lower one or raise ServerConfig::ceiling");
   }
-  objects_.push_back({name, &servant, std::move(options)});
+  objects_.push_back({name, &servant, std::move(options),
+                      static_cast<std::uint32_t>(objects_.size()) + 1,
+                      roles_by_number(servant.interface())});
   return {};
 }
 
@@ -42,6 +56,11 @@ const Object* ObjectTable::find(std::uint32_t service) const noexcept {
   // Number 0 is the session itself.
   if (service == wire::kSessionService || service > objects_.size()) return nullptr;
   return &objects_[service - 1];
+}
+
+const Object* ObjectTable::find(std::string_view path) const noexcept {
+  const auto found = std::ranges::find(objects_, path, &Object::path);
+  return found == objects_.end() ? nullptr : &*found;
 }
 
 namespace {
@@ -68,15 +87,21 @@ std::uint32_t write_bind_reply(std::uint32_t service, const Object& object,
   return static_cast<std::uint32_t>(at);
 }
 
+// hp-6.4-2
+bool is_shown(const ObjectView* view, const Object& object) noexcept {
+  return view == nullptr || view->shows(object);
+}
+
 // The paths that are most similar to one that is not there.
 std::uint32_t write_similar_paths(std::span<const Object> objects, std::string_view path,
-                                  MutableBytes to) noexcept {
+                                  MutableBytes to, const ObjectView* view) noexcept {
   struct Candidate {
     const Object* object = nullptr;
     std::size_t similarity = 0;
   };
   std::array<Candidate, wire::kSimilarPathCountMax> best{};
   for (const Object& object : objects) {
+    if (!is_shown(view, object)) continue;
     Candidate next{&object, wire::similarity(object.path, path)};
     // The list is sorted: what is less similar moves down, and the least out.
     for (Candidate& candidate : best) {
@@ -106,13 +131,13 @@ std::vector<std::string> ObjectTable::paths() const {
   return paths;
 }
 
-DispatchResult ObjectTable::bind(ConstBytes request, MutableBytes reply) const noexcept {
+DispatchResult ObjectTable::bind(ConstBytes request, MutableBytes reply,
+                                 const ObjectView* view) const noexcept {
   const auto wanted = wire::decode_bind_request(request);
   if (!wanted) return {wire::Status::kBadRequest, 0};
-  const auto found =
-      std::ranges::find_if(objects_, [&](const Object& o) { return o.path == wanted->path; });
-  if (found == objects_.end()) {
-    return {wire::Status::kNoSuchObject, write_similar_paths(objects_, wanted->path, reply)};
+  const Object* const found = find(wanted->path);
+  if (found == nullptr || !is_shown(view, *found)) {
+    return {wire::Status::kNoSuchObject, write_similar_paths(objects_, wanted->path, reply, view)};
   }
   const std::string_view name = found->servant->interface().name;
   if (name != wanted->interface) {
@@ -122,16 +147,16 @@ DispatchResult ObjectTable::bind(ConstBytes request, MutableBytes reply) const n
     return {wire::Status::kWrongInterface,
             static_cast<std::uint32_t>(writer.ok() ? writer.size() : 0)};
   }
-  const auto service = static_cast<std::uint32_t>(found - objects_.begin()) + 1;
-  return {wire::Status::kOk, write_bind_reply(service, *found, reply)};
+  return {wire::Status::kOk, write_bind_reply(found->number, *found, reply)};
 }
 
 // hp-6.3-1
-DispatchResult ObjectTable::describe(ConstBytes request, MutableBytes reply) const noexcept {
+DispatchResult ObjectTable::describe(ConstBytes request, MutableBytes reply,
+                                     const ObjectView* view) const noexcept {
   const auto service = wire::decode_describe_request(request);
   if (!service) return {wire::Status::kBadRequest, 0};
   const Object* const object = find(*service);
-  if (object == nullptr) return {wire::Status::kNoSuchObject, 0};
+  if (object == nullptr || !is_shown(view, *object)) return {wire::Status::kNoSuchObject, 0};
   const std::string_view text = object->servant->interface().text;
   if (text.empty()) return {wire::Status::kNoSuchMethod, 0};
   if (text.size() > reply.size()) return {wire::Status::kTooLarge, 0};

@@ -15,6 +15,23 @@ struct Object {
   std::string path;
   Servant* servant = nullptr;
   ObjectOptions options{};
+  std::uint32_t number = 0;          ///< That a bind gives, from 1 on.
+  std::vector<Role> method_roles{};  ///< Which one a caller needs, by the method's number.
+
+  /// A method that the interface does not have takes what one without attribute takes.
+  [[nodiscard]] Role role_for(std::uint16_t method) const noexcept {
+    return method < method_roles.size() ? method_roles[method] : Role::kCommand;
+  }
+};
+
+/// Says of which objects a caller may know.
+class ObjectView {
+ public:
+  [[nodiscard]] virtual bool shows(const Object& object) const noexcept = 0;
+
+ protected:
+  ObjectView() = default;
+  ~ObjectView() = default;
 };
 
 /// A server's objects by number and by path. Filled before the server starts and unchanged from
@@ -28,12 +45,18 @@ class ObjectTable {
                                                ObjectOptions options, Priority ceiling);
   /// The object that a bind gave this number, or null.
   [[nodiscard]] const Object* find(std::uint32_t service) const noexcept;
+  /// The object at that path, or null.
+  /// @realtime linear in the objects
+  [[nodiscard]] const Object* find(std::string_view path) const noexcept;
   /// By number, the first being 1.
   [[nodiscard]] std::vector<std::string> paths() const;
-  /// Answers a bind (spec/hprotocol.md#hp-6).
-  [[nodiscard]] DispatchResult bind(ConstBytes request, MutableBytes reply) const noexcept;
-  /// Answers a describe (spec/hprotocol.md#hp-6.3).
-  [[nodiscard]] DispatchResult describe(ConstBytes request, MutableBytes reply) const noexcept;
+  [[nodiscard]] std::size_t size() const noexcept { return objects_.size(); }
+  /// Answers a bind (spec/hprotocol.md#hp-6). What `view` does not show is not there.
+  [[nodiscard]] DispatchResult bind(ConstBytes request, MutableBytes reply,
+                                    const ObjectView* view = nullptr) const noexcept;
+  /// Answers a describe (spec/hprotocol.md#hp-6.3); likewise.
+  [[nodiscard]] DispatchResult describe(ConstBytes request, MutableBytes reply,
+                                        const ObjectView* view = nullptr) const noexcept;
 
  private:
   std::vector<Object> objects_;

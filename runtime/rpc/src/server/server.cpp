@@ -17,6 +17,8 @@
 #include "rtpm/transport/udp.hpp"
 #include "rtpm/wire/limits.hpp"
 #include "rtpm/wire/url.hpp"
+#include "security/access_control.hpp"
+#include "security/audit_log.hpp"
 #include "server/acceptor.hpp"
 #include "server/lane_table_owner.hpp"
 #include "server/object_table.hpp"
@@ -151,6 +153,7 @@ class ServerImpl final : public Server {
   };
   [[nodiscard]] std::vector<std::string> hosts_to_open() const;
   expected<void, SetupError> find_hosts();
+  expected<void, SetupError> open_access();
   expected<Sockets, SetupError> open_sockets() const;
   expected<std::vector<transport::SharedMemoryListener>, SetupError> open_memory_listeners() const;
   expected<void, SetupError> make_lanes(std::vector<Ports> ports_of_lanes);
@@ -162,6 +165,8 @@ class ServerImpl final : public Server {
   wire::Url url_{};  ///< Without a path.
   ObjectTable objects_;
   std::shared_ptr<ServerTap> tap_ = std::make_shared<ServerTap>(objects_);
+  std::unique_ptr<AccessControl> access_;  ///< Null: the server asks nobody.
+  std::unique_ptr<AuditLog> audit_;        ///< With access_.
   std::unique_ptr<Acceptor> acceptor_;
   rt::PublicMemory lane_table_;
   std::map<int, std::unique_ptr<rt::CpuKeeper>> keepers_;  ///< By CPU; they outlive the lanes.
@@ -271,6 +276,7 @@ expected<void, SetupError> ServerImpl::open() {
     return setup_error(subject_of(config_), checked.error());
   }
   if (auto found = find_hosts(); !found) return setup_error(subject_of(config_), found.error());
+  if (auto opened = open_access(); !opened) return setup_error(subject_of(config_), opened.error());
   auto lanes = checked_lanes(config_.lanes);
   if (!lanes) return setup_error(subject_of(config_), lanes.error());
   config_.lanes = std::move(*lanes);
@@ -288,10 +294,23 @@ expected<void, SetupError> ServerImpl::open() {
     if (!wait_set) return setup_error(subject_of(config_), wait_set.error());
     acceptor_ = std::make_unique<Acceptor>(
         std::move(sockets->listeners), std::move(*memory_listeners), std::move(*wait_set),
-        std::min(config_.message_size_max,
-                 static_cast<std::uint32_t>(wire::kStreamPayloadSizeMax)));
+        std::min(config_.message_size_max, static_cast<std::uint32_t>(wire::kStreamPayloadSizeMax)),
+        access_.get());
     return make_lanes(std::move(sockets->ports_of_lanes));
   }
+}
+
+// Whom the server serves, and who is told of it.
+expected<void, SetupError> ServerImpl::open_access() {
+  const ServerSecurity& security = config_.security;
+  if (security.is_insecure || security.authorized_file.empty()) return {};
+  auto access = AccessControl::open(security.authorized_file);
+  if (!access) return unexpected{access.error()};
+  access_ = std::move(*access);
+  auto audit = AuditLog::open(security.audit_file, *access_);
+  if (!audit) return unexpected{audit.error()};
+  audit_ = std::move(*audit);
+  return {};
 }
 
 // hp-16.1-1: one for each address, as callers of this host may know any.
@@ -316,6 +335,8 @@ ServerImpl::open_memory_listeners() const {
 expected<void, SetupError> ServerImpl::make_lanes(std::vector<Ports> ports_of_lanes) {
   LaneSetup setup;
   setup.objects = &objects_;
+  setup.access = access_.get();
+  setup.audit = audit_.get();
   setup.acceptor_bell = &acceptor_->bell();
   setup.sessions.epoch = epoch_;
   setup.sessions.key = {rt::random_u64(), rt::random_u64()};

@@ -14,6 +14,18 @@
 #include "server/lane_table_owner.hpp"
 
 namespace rtpm::rpc {
+namespace {
+
+// Ends a request that does not run.
+ConstBytes answer(wire::ServerSessions& sessions, const wire::Request& request,
+                  wire::Status refusal) noexcept {
+  if (!request.wants_receipt()) return sessions.complete(request, refusal, 0, request.received);
+  const ConstBytes frame = sessions.accept(request, refusal, request.received);
+  static_cast<void>(sessions.complete(request, refusal, 0, request.received));
+  return frame;
+}
+
+}  // namespace
 
 PooledExecution::PooledExecution(const LaneParts& parts, std::uint32_t number,
                                  PooledExecution* lower, std::uint32_t call_count_max,
@@ -179,7 +191,8 @@ void PooledExecution::run(PendingCall& call, ThreadPool* lender) noexcept {
   } else if (rt::now() >= call.request.deadline) {
     ran.result.status = wire::Status::kExpired;
   } else {
-    ran = parts_.dispatch.run(*call.object, call.request, call.reply, deferral);
+    const Target target{call.object, call.origin ? &*call.origin : nullptr};
+    ran = parts_.dispatch.run(target, call.request, call.reply, deferral);
   }
   Lead& lead = pool_.lock_as_follower();
   end_run(lead, call, ran, deferral.is_taken());
@@ -217,20 +230,20 @@ void PooledExecution::end_run(Lead& lead, PendingCall& call, const Ran& ran,
 
 ConstBytes PooledExecution::accept(Lead& lead, wire::ServerSessions& sessions,
                                    const wire::Request& request) noexcept {
-  const auto object = parts_.dispatch.target_of(request);
-  if (!object) return run_now(lead, sessions, request);
+  if (request.header.service == wire::kSessionService) return run_now(lead, sessions, request);
+  const auto target = parts_.dispatch.target_of(request, &sessions);
+  if (!target) {
+    parts_.report.on_answered(lead, request.received);
+    return answer(sessions, request, target.error());
+  }
   PendingCall* const call = take_place();
   if (call != nullptr) {
     call->take_in(request, sessions);
     call->request.payload = ConstBytes(call->request_room).first(request.payload.size());
     std::ranges::copy(request.payload, call->request_room.begin());
   }
-  if (call == nullptr || !enqueue(lead, *call, **object)) {
-    const wire::Status refusal = refuse(lead);
-    if (!request.wants_receipt()) return sessions.complete(request, refusal, 0, request.received);
-    const ConstBytes frame = sessions.accept(request, refusal, request.received);
-    static_cast<void>(sessions.complete(request, refusal, 0, request.received));
-    return frame;
+  if (call == nullptr || !enqueue(lead, *call, *target)) {
+    return answer(sessions, request, refuse(lead));
   }
   sessions.set_tag(request, parts_.calls.pool()->tag_of(*call));
   if (!request.wants_receipt()) return {};
@@ -239,12 +252,12 @@ ConstBytes PooledExecution::accept(Lead& lead, wire::ServerSessions& sessions,
 
 void PooledExecution::accept(Lead& lead, LocalChannel& channel) noexcept {
   const wire::Request request = request_of(channel);
-  const auto object = parts_.dispatch.target_of(request);
-  if (!object) return channel.finish(object.error(), 0);
+  const auto target = parts_.dispatch.target_of(request, nullptr);
+  if (!target) return channel.finish(target.error(), 0);
   if (PendingCall* const call = take_place()) {
     // Several threads at a time may run calls from places, which share the room for replies.
     call->take_in(request, channel, /*is_elsewhere=*/channel.is_place());
-    if (enqueue(lead, *call, **object)) return;
+    if (enqueue(lead, *call, *target)) return;
   }
   channel.finish(refuse(lead), 0);
 }
@@ -255,12 +268,14 @@ PendingCall* PooledExecution::take_place() noexcept {
 }
 
 // Puts a call among those that wait, unless there is neither place nor help; then gives it back.
-bool PooledExecution::enqueue(Lead& lead, PendingCall& call, const Object& object) noexcept {
+bool PooledExecution::enqueue(Lead& lead, PendingCall& call, const Target& target) noexcept {
   const std::size_t size = call.request.payload.size();
   const bool has_place = pool_.has_place_for(size);
-  call.object = &object;
+  call.object = target.object;
+  // The lane may have another session in its place by the time that the call runs.
+  if (target.origin != nullptr) call.origin = *target.origin;
   call.is_running = true;
-  pool_.enqueue(call, parts_.dispatch.priority_of(object, call.request.header), size);
+  pool_.enqueue(call, parts_.dispatch.priority_of(*target.object, call.request.header), size);
   if (!has_place && borrow() == BorrowedThread::kNone) {
     pool_.withdraw(call);
     parts_.calls.pool()->give_back(call);

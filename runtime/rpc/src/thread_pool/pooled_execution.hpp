@@ -39,7 +39,7 @@ class PooledExecution final : public Execution {
   void find_help(Lead&) noexcept;
   [[nodiscard]] BorrowedThread borrow() noexcept;
   [[nodiscard]] PendingCall* take_place() noexcept;
-  [[nodiscard]] bool enqueue(Lead&, PendingCall& call, const Object& object) noexcept;
+  [[nodiscard]] bool enqueue(Lead&, PendingCall& call, const Target& target) noexcept;
   [[nodiscard]] wire::Status refuse(Lead&) noexcept;
 
   std::uint32_t number_;

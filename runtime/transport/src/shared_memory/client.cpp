@@ -134,10 +134,16 @@ expected<Grant, SetupError> ask(const SharedMemoryAddress& address, const SetupR
                                   "start the server on this host, with shared memory, or use "
                                   "another transport.")};
   }
-  // hp-16.1-4: any user may take the name; only the own user's memory is trusted.
-  if (!is_trusted(socket)) {
-    return unexpected{not_reached(address, "the server is another user's",
-                                  "run both as one user, or use another transport.")};
+  // hp-16.1-4: any user may take the name; only the own user's memory is trusted, and of users that
+  // the caller names.
+  if (!is_trusted(socket, address.trusted_users)) {
+    const std::string user = std::to_string(user_of(socket).value_or(0));
+    return unexpected{not_reached(address, "the server is another user's, number " + user,
+                                  "run both as one user, or trust that user's servers by a line "
+                                  "'local uid:" +
+                                      user +
+                                      "' in known_servers, or use another "
+                                      "transport.")};
   }
   std::array<std::byte, SetupAnswer::kSize + 1> message{};
   ReceivedMessage received;

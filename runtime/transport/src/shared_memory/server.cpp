@@ -29,6 +29,12 @@ SetupError not_served(const SharedMemoryAddress& address, const std::string& cau
   return {in_words(address) + " can't be served", cause, remedy};
 }
 
+bool is_admitted(int socket, const UserPolicy* policy) noexcept {
+  if (policy == nullptr) return is_trusted(socket);
+  const auto user = user_of(socket);
+  return user && policy->admits(*user);
+}
+
 void refuse(int socket, SetupStatus status) {
   const auto answer = encode(SetupAnswer{.status = status});
   static_cast<void>(send_message(socket, answer, {}));
@@ -75,7 +81,7 @@ Accepted SharedMemoryListener::accept() noexcept {
   return accept_or_turn_away(socket_.number(), spare_);
 }
 
-SharedMemoryClient welcome_shared_memory_client(Descriptor socket) {
+SharedMemoryClient welcome_shared_memory_client(Descriptor socket, const UserPolicy* policy) {
   std::array<std::byte, SetupRequest::kSize + 1> message{};
   // A descriptor that comes with it is closed here.
   const ReceivedMessage received = receive_message(socket.number(), message);
@@ -84,7 +90,7 @@ SharedMemoryClient welcome_shared_memory_client(Descriptor socket) {
   SetupStatus status = SetupStatus::kOk;
   if (!request->is_our_version) status = SetupStatus::kVersionUnsupported;
   // hp-16.1-4
-  if (!is_trusted(socket.number())) status = SetupStatus::kNotAllowed;
+  if (!is_admitted(socket.number(), policy)) status = SetupStatus::kNotAllowed;
   if (status != SetupStatus::kOk || request->request.only_asks) {
     refuse(socket.number(), status);
     return {};

@@ -42,11 +42,10 @@ unsigned to_native(const SharedMemoryAddress& address, sockaddr_un& native) noex
   return static_cast<unsigned>(offsetof(sockaddr_un, sun_path) + name.size() + 1);
 }
 
-bool is_trusted(int socket) noexcept {
-  ucred credentials{};
-  socklen_t size = sizeof credentials;
-  return getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &credentials, &size) == 0 &&
-         (credentials.uid == geteuid() || credentials.uid == 0);
+bool is_trusted(int socket, std::span<const std::uint32_t> others) noexcept {
+  const auto user = user_of(socket);
+  return user &&
+         (*user == geteuid() || *user == 0 || std::ranges::find(others, *user) != others.end());
 }
 
 bool send_message(int socket, ConstBytes message, std::span<const int> descriptors) noexcept {

@@ -21,10 +21,10 @@ namespace rtpm::transport {
 /// Fills in the address; its size, or 0 if the name is too long.
 [[nodiscard]] unsigned to_native(const SharedMemoryAddress& address, sockaddr_un& native) noexcept;
 
-/// Whether the peer is of this process's user or the superuser, by the kernel's record of its
-/// connect or listen.
+/// Whether the peer is of this process's user, the superuser or one of `others`, by the kernel's
+/// record of its connect or listen.
 /// @source   spec/hprotocol.md#hp-16.1
-[[nodiscard]] bool is_trusted(int socket) noexcept;
+[[nodiscard]] bool is_trusted(int socket, std::span<const std::uint32_t> others = {}) noexcept;
 
 /// How many descriptors a message has at most.
 inline constexpr std::size_t kDescriptorCountMax = 2;

@@ -66,6 +66,13 @@ wire::PeerAddress host_of(int socket) noexcept {
   return {.low = static_cast<std::uint32_t>(credentials.pid)};
 }
 
+std::optional<std::uint32_t> user_of(int socket) noexcept {
+  ucred credentials{};
+  socklen_t size = sizeof credentials;
+  if (getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &credentials, &size) != 0) return std::nullopt;
+  return credentials.uid;
+}
+
 bool is_from_this_host(int socket) noexcept {
   SocketAddress peer;
   socklen_t size = SocketAddress::kSizeMax;

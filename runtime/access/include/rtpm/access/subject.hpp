@@ -8,6 +8,10 @@
 
 namespace rtpm::access {
 
+/// The number by which the kernel shows users that it can't name, such as those of another user
+/// namespace: nothing is granted to it.
+inline constexpr std::uint32_t kUnknownUser = 65534;
+
 /// Who asks, as far as it is proved: by a key in a sealed session, by the kernel on this host, or
 /// not at all.
 struct Subject {

@@ -51,6 +51,8 @@ enum class CallError : std::uint8_t {
   kStreamLost,  ///< The server ended the stream, as its reader was away for too long; it ran. Take
                 ///< items oftener, or allow a longer pause (StreamOptions::pause_max), and open it
                 ///< again.
+  kNotAllowed,  ///< Not run: the server's grants do not let this caller do it. The server's log has
+                ///< the line that would.
 };
 
 /// One sentence in words for a person: the cause and the remedy.
@@ -65,6 +67,7 @@ enum class Refusal : std::uint8_t {
   kBadRequest,      ///< Not done: a value in the request is outside what the method takes.
   kNotLeaseHolder,  ///< Not done: the caller does not hold the lease.
   kGone,            ///< Not done: what the method works on is no longer there.
+  kNotAllowed,      ///< Not done: the caller's grants do not allow it.
   kFailed,          ///< Begun and failed.
 };
 

@@ -85,6 +85,8 @@ class Servant {
       return wire::Status::kNotLeaseHolder;
     case Refusal::kGone:
       return wire::Status::kGone;
+    case Refusal::kNotAllowed:
+      return wire::Status::kNotAllowed;
     case Refusal::kFailed:
       break;
   }

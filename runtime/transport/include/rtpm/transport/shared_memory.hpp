@@ -28,6 +28,8 @@ struct SharedMemoryAddress {
   std::string host;  ///< Numeric, "127.0.0.1", "::1".
   std::uint16_t port = 0;
   std::string folder{};
+  /// Of a caller: whose servers it trusts beside those of its own user and of the superuser.
+  std::vector<std::uint32_t> trusted_users{};
 };
 
 /// The bytes of the two rings.
@@ -121,20 +123,33 @@ struct SharedMemoryClient {
   int shortage = 0;  ///< The error number if no descriptor or memory was left, else 0.
 };
 
+/// Says with which users a server shares memory.
+class UserPolicy {
+ public:
+  [[nodiscard]] virtual bool admits(std::uint32_t user) const noexcept = 0;
+
+ protected:
+  UserPolicy() = default;
+  ~UserPolicy() = default;
+};
+
 /// Reads and answers the request of an accepted client. No connection: the client was refused, and
 /// knows why; only asked; or sent something else.
+/// @param policy  null: this process's user and the superuser are admitted
 /// @realtime set-up only
-[[nodiscard]] SharedMemoryClient welcome_shared_memory_client(Descriptor socket);
+[[nodiscard]] SharedMemoryClient welcome_shared_memory_client(Descriptor socket,
+                                                              const UserPolicy* policy = nullptr);
 
-/// Whether there is a server that shares memory with this process: one of the same user, or of the
-/// superuser.
+/// Whether there is a server that shares memory with this process, and that it trusts: one of the
+/// same user, of the superuser, or of SharedMemoryAddress::trusted_users.
 /// @realtime set-up only; waits for its answer until `deadline`
 [[nodiscard]] bool is_shared_memory_served(const SharedMemoryAddress& address,
                                            MonotonicTime deadline) noexcept;
 
 /// Connects to a server on this host.
 /// @realtime set-up only
-/// @errors   no server, another user's, no answer by `deadline`, no memory or descriptor left
+/// @errors   no server, one of a user that is not trusted, no answer by `deadline`, no memory or
+/// descriptor left
 [[nodiscard]] expected<std::unique_ptr<ClientTransport>, SetupError> open_shared_memory_transport(
     const SharedMemoryAddress& address, Priority priority, MonotonicTime deadline);
 

@@ -51,6 +51,11 @@ struct Accepted {
 /// @realtime alloc-free, at most two system calls
 [[nodiscard]] wire::PeerAddress host_of(int socket) noexcept;
 
+/// The user of a UNIX socket's peer at its connect or listen, by the kernel's record; nothing if
+/// unknown.
+/// @realtime alloc-free, one system call
+[[nodiscard]] std::optional<std::uint32_t> user_of(int socket) noexcept;
+
 /// Whether the peer of a connected socket is on this host: it called from the address that it
 /// called.
 /// @realtime alloc-free, at most two system calls

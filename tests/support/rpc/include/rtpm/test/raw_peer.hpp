@@ -33,7 +33,7 @@ class RawPeer {
   }
 
   /// Shakes hands; false if the server refuses or does not answer.
-  [[nodiscard]] bool open() {
+  [[nodiscard]] bool open(Duration patience = kPatience) {
     Bytes buffer(wire::kHeaderSize + 1024);
     wire::ClientChannel channel({.medium = client_->medium(),
                                  .client_epoch = rt::random_u64(),
@@ -41,7 +41,7 @@ class RawPeer {
                                  .clock_domain = 0,
                                  .message_size_max = 64 * 1024},
                                 buffer);
-    send(channel.open(priority_, rt::now() + kPatience, rt::now()));
+    send(channel.open(priority_, rt::now() + patience, rt::now()));
     while (true) {
       const auto frame = receive(channel.next_time());
       if (is_closed_) return false;

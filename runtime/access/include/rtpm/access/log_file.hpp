@@ -1,0 +1,41 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
+
+namespace rtpm::access {
+
+/// A file of lines that only its owner can read, mode 0600, and of a bounded size: then it gets its
+/// name with ".1" behind it, in place of an older one, and a new one begins.
+/// @threads  one at a time
+/// @realtime set-up only
+class LogFile {
+ public:
+  static constexpr std::uint64_t kSizeMax = 16 * 1024 * 1024;
+
+  /// Opens it to append, or makes it.
+  /// @errors   it can't be opened, is no regular file, is another user's, or others may use it
+  [[nodiscard]] static expected<LogFile, SetupError> open(std::string path,
+                                                          std::uint64_t size_max = kSizeMax);
+  LogFile(LogFile&& other) noexcept;
+  LogFile& operator=(LogFile&&) = delete;
+  ~LogFile();
+
+  /// @errors   what the system says, as of a full disk: the line is lost
+  [[nodiscard]] expected<void, SetupError> write_line(std::string_view line);
+
+ private:
+  LogFile(std::string path, std::uint64_t size_max) noexcept;
+  [[nodiscard]] expected<void, SetupError> reopen();
+
+  std::string path_;
+  std::uint64_t size_max_;
+  int number_ = -1;
+  std::uint64_t size_ = 0;
+};
+
+}  // namespace rtpm::access

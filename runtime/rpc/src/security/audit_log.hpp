@@ -1,0 +1,142 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "rtpm/access/log_file.hpp"
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/priority.hpp"
+#include "rtpm/base/role.hpp"
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/rt/log.hpp"
+#include "rtpm/wire/limits.hpp"
+#include "rtpm/wire/status.hpp"
+#include "security/call_origin.hpp"
+
+namespace rtpm::rpc {
+
+class AccessControl;
+
+/// Something that a lane or the gatekeeper notes.
+struct AuditNote {
+  enum class Kind : std::uint8_t {
+    kSessionOpened,  ///< A session's first call.
+    kSessionEnded,
+    kSessionRefused,  ///< No grant is for the identity, or its priority is too high.
+    kBound,
+    kRefused,   ///< A call or bind that `role`, or the priority's ceiling, does not allow.
+    kCalled,    ///< A method that takes the role configure or administer.
+    kReloaded,  ///< Other grants are in force.
+  };
+
+  AuditNote() = default;
+  AuditNote(Kind its_kind, const CallOrigin& its_origin, MonotonicTime its_time) noexcept
+      : kind(its_kind), origin(its_origin), time(its_time) {}
+
+  void set_path(std::string_view path) noexcept {
+    path_size_ = static_cast<std::uint8_t>(path.copy(path_.data(), path_.size()));
+  }
+  [[nodiscard]] std::string_view path() const noexcept { return {path_.data(), path_size_}; }
+
+  Kind kind = Kind::kReloaded;
+  Role role = Role::kNone;  ///< That it takes.
+  CallOrigin origin{};
+  MonotonicTime time{};
+  Priority priority{};
+  std::optional<wire::Status> result{};  ///< Nothing: the method answers later.
+  std::uint32_t suppressed_count = 0;    ///< Notes like it since the last one.
+  std::string_view method{};             ///< Of static life.
+
+ private:
+  std::array<char, wire::kPathSizeMax> path_{};
+  std::uint8_t path_size_ = 0;
+};
+
+/// Lets `burst` notes through at once, then one in an interval, and counts the others.
+/// @threads  one
+/// @realtime alloc-free
+class NoteLimit {
+ public:
+  NoteLimit(std::uint32_t burst, Duration interval) noexcept
+      : interval_(interval), tolerance_(interval * (burst - 1)) {}
+  /// How many did not pass since the last one that did; nothing: this one does not.
+  [[nodiscard]] std::optional<std::uint32_t> admit(MonotonicTime now) noexcept {
+    if (full_at_ > now + tolerance_) {
+      ++suppressed_count_;
+      return std::nullopt;
+    }
+    full_at_ = std::max(full_at_, now) + interval_;
+    return std::exchange(suppressed_count_, 0);
+  }
+
+ private:
+  Duration interval_;
+  Duration tolerance_;
+  MonotonicTime full_at_{};
+  std::uint32_t suppressed_count_ = 0;
+};
+
+/// What happened in a secured server: lanes note it, a time-shared thread writes it. Refusals also
+/// go to the server's log, with the line of `authorized` that would allow what was refused.
+///
+/// A line of the file, which only its owner can read:
+///
+///     2026-11-25T06:48:08.123Z called who=key:3f2a-91c0-77de-0b14-a5c2 name=alice
+///         from=192.168.7.4 path=lab/arm0 method=set_parameter role=configure result=ok
+///
+/// Its size is bounded as access::LogFile says.
+/// @threads  note() any; write_notes() one at a time
+/// @realtime note() is alloc-free and lock-free; the rest is set-up only
+class AuditLog {
+ public:
+  static constexpr std::size_t kNoteCountMax = 1024;  ///< That wait to be written; more are lost.
+
+  /// @param file     empty: none is written
+  /// @param control  outlives the log
+  /// @errors   as LogFile::open()
+  [[nodiscard]] static expected<std::unique_ptr<AuditLog>, SetupError> open(
+      const std::string& file, const AccessControl& control);
+  AuditLog(const AuditLog&) = delete;
+  AuditLog& operator=(const AuditLog&) = delete;
+  ~AuditLog();
+
+  void note(const AuditNote& note) noexcept;
+  /// Writes what was noted so far. To be called a few times a second.
+  void write_notes();
+  /// Notes that were lost because too many waited.
+  [[nodiscard]] std::uint64_t lost_count() const noexcept {
+    return lost_count_.load(std::memory_order_relaxed);
+  }
+
+ private:
+  explicit AuditLog(const AccessControl& control);
+  [[nodiscard]] bool take(AuditNote& note) noexcept;
+  [[nodiscard]] std::string line_of(const AuditNote& note) const;
+  [[nodiscard]] std::string refusal_of(const AuditNote& note) const;
+  void write_line(const std::string& line);
+
+  /// A bounded queue of many writers and one reader; `turn` says whose a cell is.
+  /// @source   Vyukov's bounded MPMC queue
+  struct Cell {
+    std::atomic<std::uint64_t> turn{0};
+    AuditNote note{};
+  };
+  const AccessControl& control_;
+  rt::Log log_{"rtpm"};
+  std::optional<access::LogFile> file_{};
+  std::unique_ptr<Cell[]> cells_;
+  alignas(64) std::atomic<std::uint64_t> tail_{0};
+  std::atomic<std::uint64_t> lost_count_{0};
+  alignas(64) std::uint64_t head_ = 0;
+  std::uint64_t told_lost_count_ = 0;
+};
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,108 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "rtpm/rt/lazy_memory.hpp"
+#include "rtpm/wire/server_sessions.hpp"
+#include "security/access_control.hpp"
+#include "security/audit_log.hpp"
+#include "server/object_table.hpp"
+
+namespace rtpm::rpc {
+
+class Media;
+struct LaneSetup;
+
+/// A call that may run.
+struct Target {
+  const Object* object = nullptr;
+  /// Whose call it is, valid until the lane takes the next frame; null: the server asks nobody.
+  const CallOrigin* origin = nullptr;
+};
+
+/// What the sessions of a lane may do, and its own program. The rights of a session at an object
+/// are looked up with its first call, and anew after each change of the grants; all other calls
+/// compare numbers.
+/// @threads  note_run() and judge() without sessions any; the rest with the lane's Lead
+/// @realtime alloc-free but for construction and prepare(); a look-up takes a lock with priority
+///           inheritance
+class LaneRights {
+ public:
+  LaneRights(const LaneSetup& setup, Media& media);
+
+  /// Makes the tables, once all objects are there; false: the system gives no memory.
+  /// @realtime set-up only
+  [[nodiscard]] bool prepare();
+  /// False: everybody may do everything, and nothing else here is to be called.
+  [[nodiscard]] bool is_asked() const noexcept { return control_ != nullptr; }
+  [[nodiscard]] const AccessControl* control() const noexcept { return control_; }
+
+  /// Whether the call may run, and whose it is. A refusal is noted.
+  /// @param sessions  the request's; null: it is of this program
+  /// @errors   kNotAllowed, kPriorityNotAllowed
+  [[nodiscard]] expected<const CallOrigin*, wire::Status> judge(
+      const wire::Request& request, const Object& object,
+      const wire::ServerSessions* sessions) noexcept;
+
+  /// Of which objects a session may know, and whose it is.
+  class View final : public ObjectView {
+   public:
+    View(LaneRights& rights, std::size_t row) noexcept : rights_(rights), row_(row) {}
+    [[nodiscard]] bool shows(const Object& object) const noexcept override;
+
+   private:
+    LaneRights& rights_;
+    std::size_t row_;
+  };
+  [[nodiscard]] View view_of(const wire::Request& request,
+                             const wire::ServerSessions& sessions) noexcept {
+    return {*this, row_of(request, sessions)};
+  }
+
+  /// What came of a bind, for the audit log.
+  void note_bind(const wire::Request& request, const wire::ServerSessions& sessions,
+                 wire::Status status) noexcept;
+  /// What came of a method, if it needs a role that is noted; nothing: it answers later.
+  void note_run(const Target& target, const wire::Request& request,
+                std::optional<wire::Status> status) noexcept;
+  /// Notes the end of sessions that are gone: looks at some, the next ones each time.
+  void sweep() noexcept;
+
+ private:
+  /// What was looked up, in one word: the generation above, then role and ceiling; 0: nothing yet.
+  using Entry = std::uint64_t;
+  struct Row {
+    std::uint64_t session = 0;  ///< 0: none.
+    CallOrigin origin{};
+    NoteLimit refusals{8, std::chrono::seconds{1}};
+    NoteLimit binds{16, std::chrono::milliseconds{100}};
+  };
+
+  [[nodiscard]] std::size_t row_of(const wire::Request& request,
+                                   const wire::ServerSessions& sessions) noexcept;
+  [[nodiscard]] Entry entry_of(std::size_t row, const Object& object) noexcept;
+  [[nodiscard]] Entry own_entry_of(const Object& object) noexcept;
+  [[nodiscard]] Entry look_up(const CallOrigin& origin, const Object& object) const noexcept;
+  void end(Row& row) noexcept;
+  [[nodiscard]] std::optional<std::uint32_t> admit_own(MonotonicTime now) noexcept;
+  void note_refusal(const CallOrigin& origin, NoteLimit* limit, const wire::Request& request,
+                    const Object& object, wire::Status status) noexcept;
+
+  const AccessControl* control_;
+  AuditLog* audit_;
+  const ObjectTable& objects_;
+  Media& media_;
+  std::size_t session_count_max_;
+  std::size_t object_count_ = 0;
+  std::vector<Row> rows_{};  ///< Of the sessions of each medium.
+  std::size_t next_swept_ = 0;
+  rt::LazyMemory entries_{};  ///< Of each row, of each object.
+  CallOrigin own_origin_{};
+  std::vector<std::atomic<Entry>> own_entries_{};  ///< Of each object.
+  std::atomic<std::int64_t> own_noted_ns_{0};      ///< When a refusal of its own was noted.
+};
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,133 @@
+#pragma once
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <array>
+#include <atomic>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "rtpm/access/files.hpp"
+#include "rtpm/rpc/caller.hpp"
+#include "rtpm/test/echo_server.hpp"
+
+// A server that asks its callers for grants, and an interface with a method of each role.
+namespace rtpm::rpc::test {
+
+/// A folder that goes with the test, and files in it that only this user can write.
+class KeyFolder {
+ public:
+  KeyFolder() : path_((std::filesystem::temp_directory_path() / "rtpm-access-XXXXXX").string()) {
+    EXPECT_NE(mkdtemp(path_.data()), nullptr);
+  }
+  KeyFolder(const KeyFolder&) = delete;
+  KeyFolder& operator=(const KeyFolder&) = delete;
+  ~KeyFolder() { std::filesystem::remove_all(path_); }
+
+  [[nodiscard]] std::string file(const std::string& name) const { return path_ + "/" + name; }
+  /// In place of the former one, as a whole.
+  std::string write(const std::string& name, const std::string& text) const {
+    const std::string whole = file(name);
+    std::ofstream(whole + ".new") << text;
+    std::filesystem::rename(whole + ".new", whole);
+    return whole;
+  }
+  [[nodiscard]] std::string read(const std::string& name) const {
+    std::ifstream stream(file(name));
+    return {std::istreambuf_iterator<char>(stream), {}};
+  }
+
+ private:
+  std::string path_;
+};
+
+[[nodiscard]] inline std::string own_user() {
+  return "uid:" + std::to_string(access::this_user());
+}
+
+namespace vault {
+
+inline constexpr MethodDescriptor kRead{1, "read", 201, true, {}, Role::kObserve};
+inline constexpr MethodDescriptor kMove{2, "move", 202, false, {}, Role::kCommand};
+inline constexpr MethodDescriptor kTune{3, "tune", 203, false, {}, Role::kConfigure};
+inline constexpr MethodDescriptor kReset{4, "reset", 204, false, {}, Role::kAdminister};
+inline constexpr MethodDescriptor kPlain{5, "plain", 205, false, {}};
+inline constexpr MethodDescriptor kWatch{6, "watch", 206, false, {}, Role::kObserve};
+inline constexpr std::array kMethods{kRead, kMove, kTune, kReset, kPlain, kWatch};
+inline constexpr InterfaceDescriptor kInterface{
+    .name = "test.Vault",
+    .fingerprint = 99,
+    .compiler_version = "by hand",
+    .methods = kMethods,
+    .text = "vault",
+};
+
+/// Counts its calls, and keeps what the last one's identity says.
+class Vault final : public Servant {
+ public:
+  const InterfaceDescriptor& interface() const noexcept override { return kInterface; }
+  DispatchResult dispatch(std::uint16_t method, ConstBytes, MutableBytes,
+                          const CallContext& context) override {
+    if (method == 0 || method > kMethods.size()) return {wire::Status::kNoSuchMethod, 0};
+    if (context.identity != nullptr) {
+      last_subject = context.identity->subject();
+      const std::string_view name = context.identity->name();
+      last_name_size = name.copy(last_name.data(), last_name.size());
+      last_role_elsewhere = context.identity->role_on("lab/elsewhere");
+    } else {
+      ++nobody_count;
+    }
+    ++run_counts[method - 1U];
+    if (method == kWatch.id) {
+      if (ItemWriter writer = context.deferral->stream()) writer.finish();
+    }
+    return {};
+  }
+  [[nodiscard]] std::string name() const { return {last_name.data(), last_name_size}; }
+
+  std::array<std::atomic<int>, kMethods.size()> run_counts{};
+  std::atomic<int> nobody_count{0};
+  access::Subject last_subject{};
+  std::array<char, 128> last_name{};
+  std::size_t last_name_size = 0;
+  Role last_role_elsewhere = Role::kNone;
+};
+
+}  // namespace vault
+
+/// A started server that asks the grants of `folder`'s file `authorized`, with a vault at each
+/// path.
+struct SecuredServer {
+  SecuredServer(const KeyFolder& folder, const std::string& grants,
+                const std::vector<std::string>& paths, ServerConfig config = quiet_config()) {
+    config.host = "127.0.0.1";
+    config.stream_count_max = 64;
+    config.security.authorized_file = folder.write("authorized", grants);
+    auto created = Server::create(std::move(config));
+    EXPECT_TRUE(created) << created.error().text();
+    if (!created) return;
+    server = std::move(*created);
+    for (const std::string& path : paths) {
+      vaults.push_back(std::make_unique<vault::Vault>());
+      const auto added = server->add(path, *vaults.back());
+      EXPECT_TRUE(added) << added.error().text();
+    }
+    const auto started = server->start();
+    EXPECT_TRUE(started) << started.error().text();
+  }
+  ~SecuredServer() {
+    if (server) server->stop();
+  }
+  SecuredServer(const SecuredServer&) = delete;
+  SecuredServer& operator=(const SecuredServer&) = delete;
+
+  std::vector<std::unique_ptr<vault::Vault>> vaults;
+  std::unique_ptr<Server> server;
+};
+
+}  // namespace rtpm::rpc::test
