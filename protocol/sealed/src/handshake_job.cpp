@@ -1,5 +1,8 @@
 #include "rtpm/sealed/handshake_job.hpp"
 
+#include <string_view>
+#include <utility>
+
 namespace rtpm::sealed {
 
 void HandshakeJob::run() noexcept {
@@ -17,8 +20,32 @@ void HandshakeJob::run() noexcept {
     wire::encode(granted_, inner);
     is_written_ =
         responder_->write_message_2(identity_->random.draw_key(), inner, message_2_).has_value();
+    if (is_written_) {
+      if (auto keys = responder_->keys()) keys_.emplace(std::move(*keys));
+    }
+    responder_.reset();
     state_ = State::kWritten;
   }
+}
+
+std::optional<std::string> HandshakeJob::key_log_line() const {
+  const bool is_new = granted_.former != wire::FormerSession::kAlive;
+  if (state_ != State::kWritten || !keys_ || !is_new) return std::nullopt;
+  const auto hex_of = [](ConstBytes bytes) {
+    constexpr std::string_view kDigits = "0123456789abcdef";
+    std::string text;
+    for (const std::byte byte : bytes) {
+      text += kDigits[std::to_integer<unsigned>(byte) >> 4];
+      text += kDigits[std::to_integer<unsigned>(byte) & 15];
+    }
+    return text;
+  };
+  std::array<std::byte, 8> session;
+  for (std::size_t i = 0; i < session.size(); ++i)
+    session[i] = static_cast<std::byte>(granted_.session >> (56 - 8 * i));
+  return "RTPM_SESSION " + hex_of(session) +
+         (keys_->suite == seal::Suite::kAesGcm ? " aes-256-gcm " : " chacha20-poly1305 ") +
+         hex_of(keys_->receive.bytes()) + " " + hex_of(keys_->send.bytes());
 }
 
 }  // namespace rtpm::sealed

@@ -1,6 +1,8 @@
 #include "rtpm/sealed/server.hpp"
 
 #include <algorithm>
+#include <memory>
+#include <new>
 
 #include "rtpm/base/assert.hpp"
 
@@ -20,16 +22,51 @@ constexpr Duration kEndedMemory = 2 * wire::kSessionIdleMin;
 using wire::DropReason;
 using wire::FrameKind;
 
+SealedServer::Layout SealedServer::layout_of(const SealedServerConfig& config) noexcept {
+  const auto lines_of = [](std::size_t size) {
+    return (size + sizeof(CacheLine) - 1) / sizeof(CacheLine) * sizeof(CacheLine);
+  };
+  static_assert(alignof(Entry) <= sizeof(CacheLine) && alignof(HandshakeJob) <= sizeof(CacheLine));
+  Layout layout;
+  layout.entries = lines_of(sizeof(Guard));
+  layout.jobs = layout.entries + lines_of(config.session_count_max * sizeof(Entry));
+  layout.size = layout.jobs + lines_of(config.job_count_max * sizeof(HandshakeJob));
+  return layout;
+}
+
+std::size_t SealedServer::memory_size(const SealedServerConfig& config) noexcept {
+  return layout_of(config).size;
+}
+
 SealedServer::SealedServer(const SealedServerConfig& config, wire::ServerSessions& sessions)
     : config_(config),
       sessions_(sessions),
       cookies_(config.key),
       job_limit_(config.key, config.job_burst, config.job_interval),
-      entries_(std::make_unique<Entry[]>(config.session_count_max)),
-      jobs_(std::make_unique<HandshakeJob[]>(config.job_count_max)),
+      refusal_limit_(config.key, wire::kStrangerAnswerBurst, wire::kStrangerAnswerInterval),
       sealed_frame_(wire::kHeaderSize + wire::frame_payload_max(config.medium)) {
   RTPM_ASSERT(config.identity != nullptr && config.admission != nullptr,
               "a server that seals has a key, and knows whom it admits");
+  const Layout layout = layout_of(config);
+  MutableBytes memory = config.memory;
+  if (memory.empty()) {
+    own_memory_.resize(layout.size / sizeof(CacheLine));
+    memory = {own_memory_.front().bytes, layout.size};
+  }
+  RTPM_ASSERT(memory.size() >= layout.size, "there is memory for all keys");
+  guard_ = new (memory.data()) Guard;
+  auto* const entries = reinterpret_cast<Entry*>(memory.data() + layout.entries);
+  auto* const jobs = reinterpret_cast<HandshakeJob*>(memory.data() + layout.jobs);
+  std::uninitialized_value_construct_n(entries, config.session_count_max);
+  std::uninitialized_value_construct_n(jobs, config.job_count_max);
+  entries_ = {entries, config.session_count_max};
+  jobs_ = {jobs, config.job_count_max};
+  unsealed_generation_ = reviewing_generation_ = config.admission->generation();
+}
+
+SealedServer::~SealedServer() {
+  std::ranges::destroy(jobs_);
+  std::ranges::destroy(entries_);
 }
 
 // Frees an entry whose session has ended.
@@ -65,6 +102,7 @@ void SealedServer::end(Entry& entry, MonotonicTime now) noexcept {
 }
 
 SealedServer::Outcome SealedServer::drop(DropReason reason) noexcept {
+  ++counters_.received_count;
   counters_.drop(reason);
   return {};
 }
@@ -80,6 +118,9 @@ SealedServer::Outcome SealedServer::broken(DropReason reason) noexcept {
 
 SealedServer::Outcome SealedServer::on_frame(MutableBytes frame, const wire::PeerAddress& peer,
                                              MonotonicTime now) noexcept {
+  // sec-5-2: a child has neither keys nor sessions.
+  if (is_wiped()) [[unlikely]]
+    return {};
   if (wire::is_sealed(frame)) return on_sealed(frame, peer, now);
   wire::Header header;
   const auto read = wire::decode_frame(frame, config_.medium, header);
@@ -130,10 +171,45 @@ void SealedServer::confirm(Entry& entry, MonotonicTime now) noexcept {
   }
 }
 
-void SealedServer::end_unadmitted(MonotonicTime now) noexcept {
-  for (Entry& entry : entries()) {
-    if (entry.id != 0 && !config_.admission->admits(entry.client, entry.peer)) end(entry, now);
+std::optional<wire::Outgoing> SealedServer::review(std::uint32_t index,
+                                                   MonotonicTime now) noexcept {
+  Admission& admission = *config_.admission;
+  if (index == 0) reviewing_generation_ = admission.generation();
+  const std::uint32_t since = unsealed_generation_;
+  if (index + 1 == config_.session_count_max) unsealed_generation_ = reviewing_generation_;
+  const auto peer = sessions_.peer_at(index);
+  if (!peer) return std::nullopt;
+  Entry& entry = entries()[index];
+  if (!sessions_.is_known(entry.id)) {
+    if (admission.keeps(nullptr, *peer, since)) return std::nullopt;
+    return sessions_.close_at(index, now);
   }
+  // Read first: grants that change meanwhile are looked at again.
+  const std::uint32_t generation = admission.generation();
+  if (admission.keeps(&entry.client, entry.peer, entry.generation)) {
+    entry.generation = generation;
+    return std::nullopt;
+  }
+  const ConstBytes frame = seal_close(entry, now);
+  end(entry, now);
+  return wire::Outgoing{frame, *peer};
+}
+
+void SealedServer::end_unadmitted(MonotonicTime now) noexcept {
+  for (std::uint32_t index = 0; index < config_.session_count_max; ++index)
+    static_cast<void>(review(index, now));
+}
+
+// Empty: there are no keys yet.
+ConstBytes SealedServer::seal_close(Entry& entry, MonotonicTime now) noexcept {
+  if (!entry.session) return {};
+  wire::Header header;
+  header.kind = FrameKind::kClose;
+  header.session = entry.id;
+  header.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));
+  std::array<std::byte, wire::kHeaderSize> frame;
+  wire::encode(header, frame.data());
+  return seal(frame);
 }
 
 // sec-6.1-1, sec-6.1-2
@@ -152,20 +228,23 @@ bool SealedServer::is_held_back(Entry& entry, const wire::Header& header, Mutabl
     }
     return false;
   }
+  ++counters_.received_count;
   ++counters_.expired_count;
   if (entry.freshness.has_still_clock(now)) end(entry, now);
   return true;
 }
 
 ConstBytes SealedServer::seal(ConstBytes frame) noexcept {
-  if (frame.size() < wire::kHeaderSize) return {};
+  if (frame.size() < wire::kHeaderSize || is_wiped()) return {};
   const auto header = wire::decode(frame);
   if (!header || header->kind == FrameKind::kWelcome || header->kind == FrameKind::kCookie) {
     return frame;
   }
   const auto index = static_cast<std::size_t>(header->session & kIndexBits);
   if (header->session == 0 || index >= entries().size() || entries()[index].id != header->session) {
-    return frame;  // A refusal to a stranger, or of a session that is not sealed.
+    // A refusal to a stranger, or of a session that is not sealed.
+    const bool may_go = config_.takes_unsealed || (header && header->kind == FrameKind::kRefuse);
+    return may_go ? frame : ConstBytes{};
   }
   Entry& entry = entries()[index];
   if (!entry.session) return {};

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <utility>
 
 #include "rtpm/sealed/server.hpp"
 
@@ -39,7 +40,33 @@ SealedServer::Outcome SealedServer::on_hello(const wire::Header& header, ConstBy
   if (!hello) return drop(DropReason::kBadPayload);
   if ((hello->features & wire::kFeatureSealed) != 0) return give_cookie(header, payload, peer, now);
   if (!config_.takes_unsealed || has_confirmed_stream(peer)) return drop(DropReason::kUnsealed);
-  return {.verdict = sessions_.on_frame(frame, peer, now)};
+  return on_unsealed_hello(header, frame, peer, now);
+}
+
+// The session of nobody in particular, if there may be one.
+SealedServer::Outcome SealedServer::on_unsealed_hello(const wire::Header& header, ConstBytes frame,
+                                                      const wire::PeerAddress& peer,
+                                                      MonotonicTime now) noexcept {
+  if (!config_.admission->admits_unsealed(peer)) {
+    // hp-4.4-5
+    if (!refusal_limit_.admit(peer, now)) return drop(DropReason::kRateLimited);
+    ++counters_.received_count;
+    Outcome outcome;
+    outcome.verdict.action = wire::Verdict::Action::kSend;
+    outcome.verdict.frame = write_refusal(header, wire::Status::kNotAllowed, now);
+    return outcome;
+  }
+  Outcome outcome{.verdict = sessions_.on_frame(frame, peer, now)};
+  wire::Verdict& verdict = outcome.verdict;
+  const auto answer = wire::decode(verdict.frame);
+  if (!answer || answer->kind != FrameKind::kWelcome) return outcome;
+  auto welcome = wire::decode_welcome(verdict.frame.subspan(wire::kHeaderSize));
+  if (!welcome) return outcome;
+  welcome->ceiling = std::min(welcome->ceiling, config_.admission->ceiling(nullptr, peer));
+  std::ranges::copy(verdict.frame, answer_.begin());
+  wire::encode(*welcome, MutableBytes(answer_).subspan(wire::kHeaderSize));
+  verdict.frame = ConstBytes(answer_).first(verdict.frame.size());
+  return outcome;
 }
 
 // Lets the sessions judge a HELLO as one without message 1.
@@ -127,17 +154,17 @@ SealedServer::Outcome SealedServer::begin_job(const wire::Header& header, ConstB
                                               const seal::Digest& hash,
                                               const wire::PeerAddress& peer,
                                               MonotonicTime now) noexcept {
-  const std::span<HandshakeJob> jobs(jobs_.get(), config_.job_count_max);
-  for (const HandshakeJob& job : jobs) {
+  for (const HandshakeJob& job : jobs_) {
     // It is at work already.
     if (job.is_taken_ && job.frame_hash_ == hash && job.peer_ == peer) {
       return drop(DropReason::kUnexpected);
     }
   }
-  const auto found = std::ranges::find(jobs, false, &HandshakeJob::is_taken_);
+  const auto found = std::ranges::find(jobs_, false, &HandshakeJob::is_taken_);
   // The client repeats its HELLO.
   const bool is_stream = config_.medium == wire::Medium::kStream;
-  if (found == jobs.end() || (!is_stream && !job_limit_.admit(peer, now))) {
+  if (found == jobs_.end() || (!is_stream && !job_limit_.admit(peer, now)) ||
+      !config_.admission->admits_handshake(now)) {
     return drop(DropReason::kRateLimited);
   }
   HandshakeJob& job = *found;
@@ -164,6 +191,7 @@ SealedServer::Outcome SealedServer::begin_job(const wire::Header& header, ConstB
 }
 
 SealedServer::Outcome SealedServer::on_job(HandshakeJob& job, MonotonicTime now) noexcept {
+  if (is_wiped()) return {};
   if (job.state_ == HandshakeJob::State::kRead) return open_session(job, now);
   if (job.state_ == HandshakeJob::State::kWritten) return finish(job, now);
   return {};
@@ -171,23 +199,36 @@ SealedServer::Outcome SealedServer::on_job(HandshakeJob& job, MonotonicTime now)
 
 SealedServer::Outcome SealedServer::refuse(HandshakeJob& job, wire::Status status,
                                            MonotonicTime now) noexcept {
-  ++counters_.refused_count;
-  wire::Header header = wire::header_about(job.header_, FrameKind::kRefuse, 0, now);
-  header.status = status;
-  wire::encode(header, answer_.data());
-  job.is_taken_ = false;
   Outcome outcome{.peer = job.peer_};
   outcome.verdict.action = wire::Verdict::Action::kSend;
-  outcome.verdict.frame = ConstBytes(answer_).first(wire::kHeaderSize);
+  outcome.verdict.frame = write_refusal(job.header_, status, now);
+  give_up(job);
   return outcome;
+}
+
+ConstBytes SealedServer::write_refusal(const wire::Header& about, wire::Status status,
+                                       MonotonicTime now) noexcept {
+  ++counters_.refused_count;
+  wire::Header header = wire::header_about(about, FrameKind::kRefuse, 0, now);
+  header.status = status;
+  wire::encode(header, answer_.data());
+  return ConstBytes(answer_).first(wire::kHeaderSize);
+}
+
+void SealedServer::give_up(HandshakeJob& job) noexcept {
+  job.responder_.reset();
+  job.keys_.reset();
+  job.is_taken_ = false;
 }
 
 SealedServer::Outcome SealedServer::open_session(HandshakeJob& job, MonotonicTime now) noexcept {
   if (!job.client_) {
     // sec-3.2-2: silence for everybody who did not prove a key.
-    job.is_taken_ = false;
+    give_up(job);
     return drop(DropReason::kBadSeal);
   }
+  // Read first: grants that change meanwhile are looked at again.
+  const std::uint32_t generation = config_.admission->generation();
   if (!config_.admission->admits(*job.client_, job.peer_)) {
     return refuse(job, wire::Status::kNotAllowed, now);
   }
@@ -205,7 +246,7 @@ SealedServer::Outcome SealedServer::open_session(HandshakeJob& job, MonotonicTim
   } else {
     // hp-4-4 would let this HELLO end the connection's session.
     if (has_confirmed_stream(job.peer_)) {
-      job.is_taken_ = false;
+      give_up(job);
       return drop(DropReason::kUnexpected);
     }
     if (!make_place(*job.client_, now)) return refuse(job, wire::Status::kOverload, now);
@@ -218,12 +259,14 @@ SealedServer::Outcome SealedServer::open_session(HandshakeJob& job, MonotonicTim
     const auto answer = wire::decode(verdict.frame);
     if (verdict.action != wire::Verdict::Action::kSend || !answer ||
         answer->kind != FrameKind::kWelcome) {
-      job.is_taken_ = false;
+      give_up(job);
       return {.verdict = verdict, .peer = job.peer_};
     }
     job.granted_.session = answer->session;
     job.granted_.welcome = *wire::decode_welcome(verdict.frame.subspan(wire::kHeaderSize));
     job.granted_.welcome.features = job.hello_.features;
+    job.granted_.welcome.ceiling = std::min(job.granted_.welcome.ceiling,
+                                            config_.admission->ceiling(&*job.client_, job.peer_));
     Entry& entry = entries()[static_cast<std::size_t>(answer->session & 0xffff)];
     free(entry);
     entry.id = answer->session;
@@ -235,7 +278,9 @@ SealedServer::Outcome SealedServer::open_session(HandshakeJob& job, MonotonicTim
     entry.hello_hash = job.frame_hash_;
     entry.granted = job.granted_.welcome;
     entry.opened = entry.last_heard = now;
+    entry.generation = generation;
     entry.freshness = {};
+    half_open_due_ = std::min(half_open_due_, now + kHalfOpenMax);
     entry.has_our_clock = job.hello_.clock_domain != 0 &&
                           job.hello_.clock_domain == job.granted_.welcome.clock_domain;
   }
@@ -247,8 +292,8 @@ SealedServer::Outcome SealedServer::finish(HandshakeJob& job, MonotonicTime now)
   job.is_taken_ = false;
   const bool is_new = job.granted_.former != wire::FormerSession::kAlive;
   Entry* const entry = find(job.granted_.session);
-  auto keys = job.responder_->keys();
-  job.responder_.reset();
+  const auto keys = std::move(job.keys_);
+  job.keys_.reset();
   // The session may have ended meanwhile. Its client repeats the HELLO.
   if (!job.is_written_ || !keys || entry == nullptr ||
       (is_new && entry->hello_hash != job.frame_hash_)) {
@@ -314,12 +359,16 @@ void SealedServer::make_half_open_place(const seal::PublicKey& client, Monotonic
 }
 
 void SealedServer::on_time(MonotonicTime now) noexcept {
+  half_open_due_ = kNever;
   for (Entry& entry : entries()) {
     if (entry.id == 0) continue;
     if (!sessions_.is_known(entry.id)) {
       free(entry);
     } else if (!entry.is_confirmed && now - entry.opened > kHalfOpenMax) {
       close(entry, now);
+    } else if (!entry.is_confirmed) {
+      // The clock is past it then.
+      half_open_due_ = std::min(half_open_due_, entry.opened + kHalfOpenMax + Duration{1});
     }
   }
 }

@@ -97,6 +97,18 @@ bool is_sealed(ConstBytes frame) noexcept {
   return frame.size() >= kHeaderSize && (flags_of(frame) & kFlagSealed) != 0;
 }
 
+std::size_t frame_size(ConstBytes bytes) noexcept {
+  if (!is_sealed(bytes)) {
+    const auto header = decode(bytes);
+    return header ? kHeaderSize + header->payload_size : 0;
+  }
+  std::array<std::byte, kHeaderSize> copy;
+  std::ranges::copy(bytes.first(kHeaderSize), copy.begin());
+  unmark_sealed(copy.data());
+  const auto header = decode(copy);
+  return header ? kHeaderSize + header->payload_size + kSealedTrailerSize : 0;
+}
+
 void mark_sealed(std::byte* frame) noexcept {
   store_le<std::uint16_t>(
       frame + kFlagsOffset,

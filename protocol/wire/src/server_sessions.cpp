@@ -363,14 +363,24 @@ std::optional<Outgoing> ServerSessions::close_next(MonotonicTime now) noexcept {
   const auto found =
       std::ranges::find_if(sessions_, [](const Session& session) { return session.id != 0; });
   if (found == sessions_.end()) return std::nullopt;
+  return close_at(index_of(*found), now);
+}
+
+std::optional<PeerAddress> ServerSessions::peer_at(std::uint32_t index) const noexcept {
+  if (sessions_[index].id == 0) return std::nullopt;
+  return sessions_[index].peer;
+}
+
+Outgoing ServerSessions::close_at(std::uint32_t index, MonotonicTime now) noexcept {
+  Session& session = sessions_[index];
   Header header;
   header.kind = FrameKind::kClose;
   header.priority = config_.band.low;
-  header.session = found->id;
+  header.session = session.id;
   header.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));
   encode(header, answer_.data());
-  const PeerAddress peer = found->peer;
-  end_session(*found);
+  const PeerAddress peer = session.peer;
+  end_session(session);
   return Outgoing{ConstBytes(answer_).first(kHeaderSize), peer};
 }
 

@@ -34,15 +34,15 @@ class ScriptedConnection final : public transport::Connection {
     return {};
   }
   bool has_spare_capacity(std::size_t) noexcept override { return has_capacity; }
-  expected<ConstBytes, transport::IoError> receive() noexcept override {
+  expected<MutableBytes, transport::IoError> receive() noexcept override {
     const rt::AllowAllocationScope is_allowed;
     if (received.empty()) return unexpected{transport::IoError::kNothing};
     last_taken = ++lane_taken_count_;
     ++taken_count;
-    if (is_endless) return ConstBytes(received.front());
+    if (is_endless) return MutableBytes(received.front());
     current_ = std::move(received.front());
     received.pop_front();
-    return ConstBytes(current_);
+    return MutableBytes(current_);
   }
   bool has_buffered() const noexcept override { return false; }
   wire::PeerAddress host() const noexcept override {

@@ -4,7 +4,9 @@
 
 #include <sys/mman.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdlib>
 #include <fstream>
@@ -13,6 +15,8 @@
 #include <vector>
 
 #include "rtpm/rt/lazy_memory.hpp"
+#include "rtpm/rt/report.hpp"
+#include "rtpm/rt/secret_memory.hpp"
 #include "rtpm/test/child.hpp"
 #include "rtpm/test/os.hpp"
 
@@ -194,6 +198,38 @@ TEST(Prefault, OfTheHeapKeepsItMapped) {
     return std::string(after.ru_minflt - before.ru_minflt < 100 ? "no faults" : "faults");
   });
   EXPECT_EQ(child.said, "no faults");
+}
+
+TEST(SecretMemory, IsZerosInAChild) {
+  const SecretMemory memory(8192);
+  ASSERT_EQ(memory.bytes().size(), 8192u);
+  memory.bytes().front() = memory.bytes().back() = std::byte{7};
+  const auto child = test::run_in_child([&] {
+    const bool is_zero =
+        memory.bytes().front() == std::byte{0} && memory.bytes().back() == std::byte{0};
+    return std::string(is_zero ? "zeros" : "secrets");
+  });
+  EXPECT_EQ(child.said, "zeros");
+  EXPECT_EQ(memory.bytes().front(), std::byte{7});
+  const auto notes = setup_report();
+  EXPECT_EQ(std::ranges::count(notes, "memory of keys", &SetupNote::subject), 1);
+}
+
+// What is refused is said, and the memory serves all the same.
+TEST(SecretMemory, SaysThatItIsNotLocked) {
+  const auto child = test::run_in_child([] {
+    const rlimit none{0, 0};
+    setrlimit(RLIMIT_MEMLOCK, &none);
+    // The superuser is not bound by the limit.
+    if (geteuid() == 0 && setresuid(65533, 65533, 65533) != 0) return std::string("skip");
+    const SecretMemory memory(4096);
+    const auto notes = setup_report();
+    const auto note = std::ranges::find(notes, "memory of keys", &SetupNote::subject);
+    const bool is_said = note != notes.end() && note->grant == Grant::kRefused;
+    return std::string(memory.bytes().size() == 4096 && is_said ? "said" : "silent");
+  });
+  if (child.said == "skip") GTEST_SKIP() << "the user can't be changed";
+  EXPECT_EQ(child.said, "said");
 }
 
 }  // namespace

@@ -25,7 +25,7 @@ class DatagramPort {
   /// @realtime at most one system call
   [[nodiscard]] std::optional<MonotonicTime> receive() noexcept;
   /// The next datagram of the batch, valid until the following next().
-  [[nodiscard]] std::optional<ConstBytes> next() noexcept { return batch_.next(); }
+  [[nodiscard]] std::optional<MutableBytes> next() noexcept { return batch_.next(); }
   [[nodiscard]] bool has_leftovers() const noexcept { return !batch_.is_empty(); }
   [[nodiscard]] const wire::PeerAddress& peer() const noexcept { return batch_.peer(); }
 

@@ -45,7 +45,7 @@ class SharedMemoryTransport final : public ClientTransport {
     return sent;
   }
 
-  expected<ConstBytes, IoError> receive() noexcept override {
+  expected<MutableBytes, IoError> receive() noexcept override {
     for (int check = 0; check < kCheckCount; ++check) {
       if (!connection_.has_buffered()) continue;
       fruitless_count_ = 0;

@@ -79,10 +79,10 @@ expected<void, IoError> SharedMemoryConnection::send(ConstBytes frame,
   }
 }
 
-expected<ConstBytes, IoError> SharedMemoryConnection::receive() noexcept {
+expected<MutableBytes, IoError> SharedMemoryConnection::receive() noexcept {
   const MutableBytes buffer(lines_.front().bytes, wire::kSharedFrameSizeMax);
   const auto size = reader_.read(buffer);
-  if (size) return ConstBytes(buffer).first(*size);
+  if (size) return buffer.first(*size);
   if (size.error() == RecordError::kBroken) return unexpected{IoError::kBroken};
   return unexpected{is_closed_ ? IoError::kClosed : IoError::kNothing};
 }

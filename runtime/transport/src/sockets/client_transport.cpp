@@ -80,9 +80,9 @@ class UdpTransport final : public ClientTransport {
     if (!batch_buffer_.bytes().empty()) accept_segments(socket_.number(), true);
   }
 
-  expected<ConstBytes, IoError> receive() noexcept override { return receive(MSG_DONTWAIT); }
+  expected<MutableBytes, IoError> receive() noexcept override { return receive(MSG_DONTWAIT); }
   bool has_buffered() const noexcept override { return !received_.is_empty(); }
-  expected<ConstBytes, IoError> await(MonotonicTime until) noexcept override {
+  expected<MutableBytes, IoError> await(MonotonicTime until) noexcept override {
     if (has_buffered()) return receive();
     if (!is_on_host_ || !may_block_until(until, kBlockTimeShort))
       return ClientTransport::await(until);
@@ -95,7 +95,7 @@ class UdpTransport final : public ClientTransport {
   bool is_on_host() const noexcept override { return is_on_host_; }
 
  private:
-  expected<ConstBytes, IoError> receive(int flags) noexcept {
+  expected<MutableBytes, IoError> receive(int flags) noexcept {
     if (received_.is_empty()) {
       const bool takes_batches = !batch_buffer_.bytes().empty();
       const MutableBytes buffer = takes_batches ? batch_buffer_.bytes() : MutableBytes(buffer_);
@@ -105,7 +105,7 @@ class UdpTransport final : public ClientTransport {
       if (count < 0) return unexpected{error_of(errno)};
       received_ = Datagrams{buffer.first(static_cast<std::size_t>(count)), each, {}};
     }
-    return received_.next().value_or(ConstBytes{});
+    return received_.next().value_or(MutableBytes{});
   }
   static IoError error_of(int error) noexcept {
     switch (error) {
@@ -138,9 +138,9 @@ class TcpTransport final : public ClientTransport {
   expected<void, IoError> send(ConstBytes frame) noexcept override {
     return stream_.send(frame, rt::now() + kSendPatience);
   }
-  expected<ConstBytes, IoError> receive() noexcept override { return stream_.receive(); }
+  expected<MutableBytes, IoError> receive() noexcept override { return stream_.receive(); }
   bool has_buffered() const noexcept override { return stream_.has_buffered(); }
-  expected<ConstBytes, IoError> await(MonotonicTime until) noexcept override {
+  expected<MutableBytes, IoError> await(MonotonicTime until) noexcept override {
     // No poll would report a buffered frame.
     if (stream_.has_buffered()) return stream_.receive();
     if (!may_block_until(until)) return ClientTransport::await(until);
@@ -180,7 +180,7 @@ void ClientTransport::wait(MonotonicTime until) noexcept {
   wait_readable(descriptor(), until);
 }
 
-expected<ConstBytes, IoError> ClientTransport::await(MonotonicTime until) noexcept {
+expected<MutableBytes, IoError> ClientTransport::await(MonotonicTime until) noexcept {
   wait(until);
   return receive();
 }

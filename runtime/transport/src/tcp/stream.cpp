@@ -9,7 +9,7 @@
 #include <cstring>
 
 #include "rtpm/rt/clock.hpp"
-#include "rtpm/wire/header.hpp"
+#include "rtpm/wire/sealed.hpp"
 
 namespace rtpm::transport {
 namespace {
@@ -31,7 +31,9 @@ bool is_nothing(int error) noexcept {
 
 FrameStream::FrameStream(Descriptor socket, std::uint32_t message_size_max)
     : socket_(std::move(socket)),
-      lines_((wire::kHeaderSize + message_size_max + sizeof(CacheLine) - 1) / sizeof(CacheLine)) {
+      lines_((wire::kHeaderSize + message_size_max + wire::kSealedTrailerSize + sizeof(CacheLine) -
+              1) /
+             sizeof(CacheLine)) {
   limit_blocking(socket_.number());
   int size = 0;
   socklen_t length = sizeof size;
@@ -47,10 +49,9 @@ MutableBytes FrameStream::buffer() noexcept {
 std::size_t FrameStream::complete_size(std::size_t at) const noexcept {
   const ConstBytes filled = ConstBytes(lines_.front().bytes, filled_size_).subspan(at);
   if (filled.size() < wire::kHeaderSize) return 0;
-  const auto header = wire::decode(filled);
-  const std::size_t size = wire::kHeaderSize + (header ? header->payload_size : 0);
+  const std::size_t size = wire::frame_size(filled);
   // Malformed bytes are returned at once, so that no peer can make its receiver wait for them.
-  if (!header || size > lines_.size() * sizeof(CacheLine)) return wire::kHeaderSize;
+  if (size == 0 || size > lines_.size() * sizeof(CacheLine)) return wire::kHeaderSize;
   return filled.size() >= size ? size : 0;
 }
 
@@ -58,15 +59,15 @@ bool FrameStream::has_buffered() const noexcept {
   return filled_size_ > given_size_ && complete_size(given_size_) > 0;
 }
 
-expected<ConstBytes, IoError> FrameStream::receive() noexcept {
+expected<MutableBytes, IoError> FrameStream::receive() noexcept {
   return receive(MSG_DONTWAIT);
 }
 
-expected<ConstBytes, IoError> FrameStream::await() noexcept {
+expected<MutableBytes, IoError> FrameStream::await() noexcept {
   return receive(0);
 }
 
-expected<ConstBytes, IoError> FrameStream::receive(int flags) noexcept {
+expected<MutableBytes, IoError> FrameStream::receive(int flags) noexcept {
   release_given();
   std::size_t size = filled_size_ > 0 ? complete_size(0) : 0;
   while (size == 0) {
@@ -80,7 +81,7 @@ expected<ConstBytes, IoError> FrameStream::receive(int flags) noexcept {
     }
   }
   given_size_ = size;
-  return ConstBytes(buffer().data(), size);
+  return buffer().first(size);
 }
 
 // Moves the next frame to the beginning of the buffer, so that its payload is aligned.

@@ -26,7 +26,7 @@ bool DatagramBatch::add(ConstBytes frame) noexcept {
   return true;
 }
 
-std::optional<ConstBytes> Datagrams::next() noexcept {
+std::optional<MutableBytes> Datagrams::next() noexcept {
   constexpr std::size_t kAlignment = 16;
   if (is_empty_) return std::nullopt;
   const std::size_t size = std::min(each_, bytes_.size());
@@ -39,7 +39,7 @@ std::optional<ConstBytes> Datagrams::next() noexcept {
     std::memmove(frame - excess, frame, kept_size);
     frame -= excess;
   }
-  return ConstBytes(frame, kept_size);
+  return MutableBytes(frame, kept_size);
 }
 
 BatchEstimator::Change BatchEstimator::on_datagrams(const wire::PeerAddress& peer, bool is_batch,

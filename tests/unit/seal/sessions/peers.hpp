@@ -40,7 +40,16 @@ class Door : public Admission {
     asked_for = client;
     return is_open;
   }
+  bool admits_unsealed(const wire::PeerAddress&) noexcept override { return is_open_for_all; }
+  Priority ceiling(ClientKey client, const wire::PeerAddress&) noexcept override {
+    return client != nullptr ? ceiling_of_keys : ceiling_of_all;
+  }
+  bool admits_handshake(MonotonicTime) noexcept override { return has_time; }
   bool is_open = true;
+  bool is_open_for_all = true;
+  bool has_time = true;
+  Priority ceiling_of_keys = Priority::kHighest;
+  Priority ceiling_of_all = Priority::kHighest;
   std::optional<seal::PublicKey> asked_for;
 };
 
@@ -68,14 +77,15 @@ class Server {
     config.frame_payload_max = static_cast<std::uint32_t>(wire::sealed_payload_max(medium_));
     sessions = std::make_unique<wire::ServerSessions>(config);
     identity.suites = suites_ & seal::suites_here();
-    sealed =
-        std::make_unique<SealedServer>(SealedServerConfig{.medium = medium_,
-                                                          .identity = &identity,
-                                                          .admission = &door,
-                                                          .key = config.key,
-                                                          .session_count_max = session_count_max_,
-                                                          .takes_unsealed = takes_unsealed_},
-                                       *sessions);
+    SealedServerConfig sealing{.medium = medium_,
+                               .identity = &identity,
+                               .admission = &door,
+                               .key = config.key,
+                               .session_count_max = session_count_max_,
+                               .takes_unsealed = takes_unsealed_};
+    memory.assign(SealedServer::memory_size(sealing) / sizeof(Line), {});
+    sealing.memory = std::as_writable_bytes(std::span(memory));
+    sealed = std::make_unique<SealedServer>(sealing, *sessions);
   }
   /// What the server sends because of `frame`.
   std::vector<Bytes> receive(Bytes frame, MonotonicTime now,
@@ -104,8 +114,12 @@ class Server {
     }
   }
 
+  struct alignas(64) Line {
+    std::byte bytes[64];
+  };
   ServerIdentity identity;
   Door door;
+  std::vector<Line> memory;  ///< Where all keys of sessions are.
   std::unique_ptr<wire::ServerSessions> sessions;
   std::unique_ptr<SealedServer> sealed;
   int run_count = 0;

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <string>
 
 #include "rtpm/seal/handshake.hpp"
 #include "rtpm/sealed/random_source.hpp"
@@ -27,6 +28,10 @@ class HandshakeJob {
   /// Does what is due.
   /// @realtime alloc-free, 100 to 140 µs: not on a lane
   void run() noexcept;
+  /// After a run() that wrote message 2 of a session that is new: its line for a key log. Nothing:
+  /// there is no such session.
+  /// @realtime set-up only: allocates
+  [[nodiscard]] std::optional<std::string> key_log_line() const;
 
  private:
   friend class SealedServer;
@@ -49,6 +54,7 @@ class HandshakeJob {
   seal::Digest frame_hash_{};
   wire::Prologue prologue_{};
   std::optional<seal::Responder> responder_;
+  std::optional<seal::SessionKeys> keys_;  ///< After message 2.
   std::optional<seal::PublicKey> client_;  ///< Nothing: message 1 was not authentic.
   std::uint64_t former_ = 0;               ///< The session that message 1 names.
   wire::SealedWelcome granted_{};

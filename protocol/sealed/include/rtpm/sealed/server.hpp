@@ -2,7 +2,6 @@
 
 #include <array>
 #include <cstdint>
-#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
@@ -14,16 +13,35 @@
 
 namespace rtpm::sealed {
 
-/// Says which clients a server admits.
+/// A client of a session: its key, or null of one that is not sealed.
+using ClientKey = const seal::PublicKey*;
+
+/// Says which clients a server admits, and with what.
+/// @threads  a lane's; alloc-free
 class Admission {
  public:
   Admission() = default;
   Admission(const Admission&) = delete;
   Admission& operator=(const Admission&) = delete;
   virtual ~Admission() = default;
-  /// @threads  a lane's; alloc-free
   [[nodiscard]] virtual bool admits(const seal::PublicKey& client,
                                     const wire::PeerAddress& peer) noexcept = 0;
+  /// Whether there are unsealed sessions of that address, where there are any at all.
+  [[nodiscard]] virtual bool admits_unsealed(const wire::PeerAddress&) noexcept { return true; }
+  /// The highest priority that a session is granted, below the server's.
+  [[nodiscard]] virtual Priority ceiling(ClientKey, const wire::PeerAddress&) noexcept {
+    return Priority::kHighest;
+  }
+  /// Whether one more handshake may begin now, of all lanes.
+  [[nodiscard]] virtual bool admits_handshake(MonotonicTime) noexcept { return true; }
+  /// Another number after each change of what is admitted.
+  [[nodiscard]] virtual std::uint32_t generation() noexcept { return 0; }
+  /// Whether a session may go on that was judged last in generation `since`.
+  [[nodiscard]] virtual bool keeps(ClientKey client, const wire::PeerAddress& peer,
+                                   std::uint32_t since) noexcept {
+    static_cast<void>(since);
+    return client != nullptr ? admits(*client, peer) : admits_unsealed(peer);
+  }
 };
 
 /// How a lane seals its sessions.
@@ -36,14 +54,17 @@ struct SealedServerConfig {
   std::uint32_t job_count_max = 8;        ///< Handshakes at a time.
   std::uint32_t job_burst = 32;           ///< Over datagrams: handshakes of one host at once,
   Duration job_interval = std::chrono::milliseconds{20};  ///< then one in this time.
-  bool takes_unsealed = false;  ///< Whether there are unsealed sessions as well.
+  bool takes_unsealed = false;  ///< Whether there may be unsealed sessions as well.
   seal::SessionLimits limits{};
+  /// Where keys are kept: memory_size() bytes, aligned to 64, wiped on fork, locked and not dumped.
+  /// The caller's. Empty: it is allocated as any memory.
+  MutableBytes memory{};
 };
 
 /// Stands between a lane's wire::ServerSessions and its transport, and seals its sessions. The
 /// sessions do not know: their frame_payload_max is sealed_payload_max().
-/// @ownership allocates all its memory in the constructor, 3 KiB for each session: place it in
-///            memory that is wiped on fork and not dumped. What the configuration names outlives it
+/// After a fork the child's has no keys, if its memory is wiped then: it sends and takes nothing.
+/// @ownership takes 3 KiB for each session: memory_size(). What the configuration names outlives it
 /// @threads   one, but for HandshakeJob::run()
 /// @realtime  alloc-free but for construction; no work with public keys
 class SealedServer {
@@ -55,22 +76,35 @@ class SealedServer {
     wire::PeerAddress peer{};     ///< of on_job(): where its frame goes.
   };
 
+  /// For SealedServerConfig::memory.
+  [[nodiscard]] static std::size_t memory_size(const SealedServerConfig& config) noexcept;
+
   SealedServer(const SealedServerConfig& config, wire::ServerSessions& sessions);
   SealedServer(const SealedServer&) = delete;
   SealedServer& operator=(const SealedServer&) = delete;
+  ~SealedServer();
 
   /// Takes a received frame, which may be anything, and opens it in place.
   [[nodiscard]] Outcome on_frame(MutableBytes frame, const wire::PeerAddress& peer,
                                  MonotonicTime now) noexcept;
   /// Takes back a job after its run().
   [[nodiscard]] Outcome on_job(HandshakeJob& job, MonotonicTime now) noexcept;
+  /// Takes back a job that is of no use any more, as its connection has ended.
+  void give_up(HandshakeJob& job) noexcept;
   /// What to send in place of a frame that the sessions or an Outcome gave, valid until the next
   /// call. Call it at the time of sending, once for each datagram.
   /// @return empty: nothing is to be sent
   [[nodiscard]] ConstBytes seal(ConstBytes frame) noexcept;
   /// Ends half-open sessions whose time is over.
   void on_time(MonotonicTime now) noexcept;
-  /// Ends the sessions of all clients that are not admitted any more.
+  /// When on_time() may be due.
+  [[nodiscard]] MonotonicTime next_time() const noexcept { return half_open_due_; }
+  /// Ends the session in this place, 0…session_count_max − 1, if Admission does not keep it.
+  /// @return where it was, and the CLOSE to send, sealed already; an empty one: its client has no
+  ///         keys yet. Nothing: there is none, or it goes on
+  [[nodiscard]] std::optional<wire::Outgoing> review(std::uint32_t index,
+                                                     MonotonicTime now) noexcept;
+  /// Ends all sessions that Admission does not keep, in silence.
   void end_unadmitted(MonotonicTime now) noexcept;
 
   /// The client's key of a session; nothing if it is not sealed.
@@ -95,6 +129,7 @@ class SealedServer {
     MonotonicTime opened{};
     MonotonicTime last_heard{};  ///< By an authentic frame.
     Freshness freshness;
+    std::uint32_t generation = 0;  ///< Of the Admission that judged it last.
     bool has_our_clock = false;
     bool is_confirmed = false;  ///< Its client has sent an authentic frame.
     bool has_welcome = false;
@@ -102,12 +137,24 @@ class SealedServer {
     std::optional<seal::SealedSession> session;
   };
 
-  [[nodiscard]] std::span<Entry> entries() noexcept {
-    return {entries_.get(), config_.session_count_max};
-  }
-  [[nodiscard]] std::span<const Entry> entries() const noexcept {
-    return {entries_.get(), config_.session_count_max};
-  }
+  struct alignas(64) CacheLine {
+    std::byte bytes[64];
+  };
+  /// Begins the memory.
+  struct Guard {
+    std::uint64_t is_alive = 1;  ///< A wiped page makes it zero.
+  };
+  /// Where the parts of the memory begin.
+  struct Layout {
+    std::size_t entries = 0;
+    std::size_t jobs = 0;
+    std::size_t size = 0;
+  };
+  [[nodiscard]] static Layout layout_of(const SealedServerConfig& config) noexcept;
+
+  [[nodiscard]] bool is_wiped() const noexcept { return guard_->is_alive == 0; }
+  [[nodiscard]] std::span<Entry> entries() noexcept { return entries_; }
+  [[nodiscard]] std::span<const Entry> entries() const noexcept { return entries_; }
   [[nodiscard]] Entry* find(std::uint64_t session) noexcept;
   [[nodiscard]] bool has_confirmed_stream(const wire::PeerAddress& peer) const noexcept;
   void free(Entry& entry) noexcept;
@@ -126,6 +173,12 @@ class SealedServer {
                                  const wire::PeerAddress& peer, MonotonicTime now) noexcept;
   [[nodiscard]] Outcome on_sealed_hello(const wire::Header& header, ConstBytes frame,
                                         const wire::PeerAddress& peer, MonotonicTime now) noexcept;
+  [[nodiscard]] Outcome on_unsealed_hello(const wire::Header& header, ConstBytes frame,
+                                          const wire::PeerAddress& peer,
+                                          MonotonicTime now) noexcept;
+  [[nodiscard]] ConstBytes write_refusal(const wire::Header& about, wire::Status status,
+                                         MonotonicTime now) noexcept;
+  [[nodiscard]] ConstBytes seal_close(Entry& entry, MonotonicTime now) noexcept;
   [[nodiscard]] Outcome give_cookie(const wire::Header& header, ConstBytes hello,
                                     const wire::PeerAddress& peer, MonotonicTime now) noexcept;
   [[nodiscard]] Outcome begin_job(const wire::Header& header, ConstBytes frame,
@@ -142,8 +195,14 @@ class SealedServer {
   wire::ServerSessions& sessions_;
   wire::CookieJar cookies_;
   wire::RateLimiter job_limit_;
-  std::unique_ptr<Entry[]> entries_;
-  std::unique_ptr<HandshakeJob[]> jobs_;
+  wire::RateLimiter refusal_limit_;    ///< As of strangers in the sessions.
+  std::vector<CacheLine> own_memory_;  ///< Where the configuration has none.
+  Guard* guard_ = nullptr;
+  std::span<Entry> entries_;
+  std::span<HandshakeJob> jobs_;
+  MonotonicTime half_open_due_ = kNever;  ///< No half-open session ends before.
+  std::uint32_t unsealed_generation_;     ///< In which unsealed sessions were judged last.
+  std::uint32_t reviewing_generation_;
   MonotonicTime ended_until_{};  ///< So long calls of sessions that the server ended may be open.
   wire::FrameCounters counters_{};
   std::array<std::byte, kWelcomeSize> answer_{};

@@ -95,6 +95,9 @@ inline constexpr std::size_t kSealedTrailerSize = 24;
 
 /// Whether a frame that begins with a whole header says that it is sealed.
 [[nodiscard]] bool is_sealed(ConstBytes frame) noexcept;
+/// The size of the frame that begins with these bytes, a whole header and perhaps more, sealed or
+/// not; 0: no header that a frame may have.
+[[nodiscard]] std::size_t frame_size(ConstBytes bytes) noexcept;
 /// Sets kFlagSealed in a frame that encode() wrote.
 void mark_sealed(std::byte* frame) noexcept;
 /// Takes kFlagSealed away: what is left is the header of an ordinary frame.

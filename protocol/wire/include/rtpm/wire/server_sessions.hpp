@@ -187,6 +187,11 @@ class ServerSessions {
   /// Ends one session because the server stops.
   /// @return the CLOSE to send; nothing: no session is left
   [[nodiscard]] std::optional<Outgoing> close_next(MonotonicTime now) noexcept;
+  /// The peer of the session in this place, 0…session_count_max − 1; nothing: there is none.
+  [[nodiscard]] std::optional<PeerAddress> peer_at(std::uint32_t index) const noexcept;
+  /// Ends the session in this place, which has one.
+  /// @return the CLOSE to send
+  [[nodiscard]] Outgoing close_at(std::uint32_t index, MonotonicTime now) noexcept;
 
   /// Whether a session has this number now.
   [[nodiscard]] bool is_known(std::uint64_t session) const noexcept;

@@ -38,7 +38,7 @@ class ClientTransport {
   /// One whole frame, if there is one; aligned to 16 bytes, valid until the next receive().
   /// Malformed input is passed on as it is, for the protocol to count. Never blocks.
   /// @realtime at most one system call (a stream: per 32 KiB)
-  [[nodiscard]] virtual expected<ConstBytes, IoError> receive() noexcept = 0;
+  [[nodiscard]] virtual expected<MutableBytes, IoError> receive() noexcept = 0;
   /// Whether receive() has a frame that came together with an earlier one.
   [[nodiscard]] virtual bool has_buffered() const noexcept { return false; }
 
@@ -48,7 +48,7 @@ class ClientTransport {
   virtual void wait(MonotonicTime until) noexcept;
   /// The next frame; waits as wait() does if there is none.
   /// @realtime one system call where the transport can, else three
-  [[nodiscard]] virtual expected<ConstBytes, IoError> await(MonotonicTime until) noexcept;
+  [[nodiscard]] virtual expected<MutableBytes, IoError> await(MonotonicTime until) noexcept;
   /// The socket. Through shared memory it reports only that the server is gone.
   [[nodiscard]] virtual int descriptor() const noexcept = 0;
   [[nodiscard]] virtual wire::Medium medium() const noexcept = 0;

@@ -26,9 +26,9 @@ class Connection {
   /// frames that may not, such as replies.
   /// @realtime at most one system call
   [[nodiscard]] virtual bool has_spare_capacity(std::size_t size) noexcept = 0;
-  /// One whole frame, if it has arrived; aligned to 16 bytes, valid until the next receive(). Never
-  /// blocks.
-  [[nodiscard]] virtual expected<ConstBytes, IoError> receive() noexcept = 0;
+  /// One whole frame, if it has arrived; aligned to 16 bytes, valid until the next receive(), and
+  /// the caller's to change until then. Never blocks.
+  [[nodiscard]] virtual expected<MutableBytes, IoError> receive() noexcept = 0;
   /// Whether there is a whole frame that no poll would report.
   [[nodiscard]] virtual bool has_buffered() const noexcept = 0;
   /// The client, see host_of().

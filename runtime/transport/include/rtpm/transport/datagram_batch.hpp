@@ -69,7 +69,7 @@ class Datagrams {
   /// The next datagram, if there is one; valid until the following next(), aligned to 16 bytes if
   /// the buffer is. One larger than a frame is cut to a byte more than a frame, so that it is
   /// noticed.
-  [[nodiscard]] std::optional<ConstBytes> next() noexcept;
+  [[nodiscard]] std::optional<MutableBytes> next() noexcept;
   [[nodiscard]] bool is_empty() const noexcept { return is_empty_; }
   /// What next() has not returned yet.
   [[nodiscard]] ConstBytes bytes() const noexcept { return bytes_; }

@@ -56,7 +56,7 @@ class SharedMemoryConnection final : public Connection {
   bool has_spare_capacity(std::size_t size) noexcept override {
     return writer_.has_spare_capacity(size);
   }
-  expected<ConstBytes, IoError> receive() noexcept override;
+  expected<MutableBytes, IoError> receive() noexcept override;
   bool has_buffered() const noexcept override { return reader_.has_record(); }
   int descriptor() const noexcept override { return socket_.number(); }
   int event() const noexcept override { return event_.number(); }

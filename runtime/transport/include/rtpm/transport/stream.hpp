@@ -22,9 +22,9 @@ class FrameStream final : public Connection {
   expected<void, IoError> send(ConstBytes frame, MonotonicTime until) noexcept override;
   bool has_spare_capacity(std::size_t size) noexcept override;
   /// Passes malformed bytes on as they are.
-  expected<ConstBytes, IoError> receive() noexcept override;
+  expected<MutableBytes, IoError> receive() noexcept override;
   /// As receive(), but waits for about kBlockTime if there is nothing.
-  [[nodiscard]] expected<ConstBytes, IoError> await() noexcept;
+  [[nodiscard]] expected<MutableBytes, IoError> await() noexcept;
   bool has_buffered() const noexcept override;
   int descriptor() const noexcept override { return socket_.number(); }
 
@@ -32,7 +32,7 @@ class FrameStream final : public Connection {
   /// The size of the frame at that offset of the buffer; 0: it is not complete.
   [[nodiscard]] std::size_t complete_size(std::size_t at) const noexcept;
   [[nodiscard]] MutableBytes buffer() noexcept;
-  [[nodiscard]] expected<ConstBytes, IoError> receive(int flags) noexcept;
+  [[nodiscard]] expected<MutableBytes, IoError> receive(int flags) noexcept;
   void release_given() noexcept;
   [[nodiscard]] ssize_t fill(int flags) noexcept;
 
