@@ -7,6 +7,12 @@
 --   a check            CHECKS
 
 local rtpm = Proto("rtpm", "H-Protocol (RTPM)")
+rtpm.prefs.key_log = Pref.string("Key log file", "", "Opens sealed frames of the sessions in this file " ..
+                                 "(security.md, section 9)")
+
+-- The file beside this one.
+local FOLDER = debug.getinfo(1, "S").source:match("^@?(.*[/\\])") or ""
+local ciphers = dofile(FOLDER .. "hprotocol_ciphers.lua")
 
 local HEADER_SIZE = 64
 local VERSION = 1
@@ -15,6 +21,9 @@ local PRIORITY_MAX = 32767
 local MESSAGE_SIZE_FLOOR, MESSAGE_SIZE_CEILING = 1024, 16 * 1024 * 1024
 local DATAGRAM_PAYLOAD_MAX = 1344
 local FLAG_REPEATED, FLAG_ACK_WANTED, FLAG_NO_REPLY, FLAG_REPLY_ON_RECEIPT = 1, 2, 4, 8
+local FLAG_SEALED = 16
+local TRAILER_SIZE, TAG_SIZE = 24, 16  -- The counter and the tag behind the payload of a sealed frame.
+local FEATURES_KNOWN = 3
 local FRAGMENT_COUNT_MAX = 12544
 
 local STATUSES = {
@@ -74,6 +83,27 @@ local HELLO = {
 local COOKIE = {
   name = "cookie", size = 16,
   {0, 16, "cookie", "Cookie", "bytes"},
+}
+
+-- Of sealed sessions (security.md): what stands behind the ordinary payload, or instead of it.
+local SEALED_HELLO = {
+  name = "sealed_hello", size = 168,
+  {64, 32, "ephemeral", "Client's ephemeral key", "bytes"},
+  {96, 48, "static", "Client's key, encrypted", "bytes"},
+  {144, 24, "payload", "Former session, encrypted", "bytes"},
+}
+
+local SEALED_COOKIE = {
+  name = "sealed_cookie", size = 56,
+  {16, 32, "server_key", "Server's key", "bytes"},
+  {48, 4, "suites", "Suites", "hex"},
+  {52, 4, "reserved", "Reserved", "reserved"},
+}
+
+local SEALED_WELCOME = {
+  name = "sealed_welcome", size = 112,
+  {0, 32, "ephemeral", "Server's ephemeral key", "bytes"},
+  {32, 80, "payload", "Session and limits, encrypted", "bytes"},
 }
 
 local WELCOME = {
@@ -201,9 +231,15 @@ local function has_flag(flags, flag)
   return flags % (2 * flag) >= flag
 end
 
--- Rules hp-2-2 and hp-2-5.
+-- Rule sec-4-1: no frame of a handshake is sealed.
+local function is_sealed(tvb)
+  return tvb:len() >= HEADER_SIZE and has_flag(number(tvb, 6, 2), FLAG_SEALED)
+end
+
+-- Rules hp-2-2, hp-2-5 and sec-4-1.
 local HAVE_ITEM = {CALL = true, REPLY = true, ACK = true, ITEM = true, CREDIT = true}
 local function has_good_flags(kind, flags, item)
+  if has_flag(flags, FLAG_SEALED) and kind > 3 then flags = flags - FLAG_SEALED end
   if flags >= 2 * FLAG_REPLY_ON_RECEIPT then return false end
   local is_sent, is_received = has_flag(flags, FLAG_NO_REPLY), has_flag(flags, FLAG_REPLY_ON_RECEIPT)
   if is_sent or is_received then
@@ -259,7 +295,7 @@ end
 local function frame_size(tvb, _, offset)
   local rest = tvb(offset):tvb()
   if header_fault(rest) then return rest:len() end
-  return HEADER_SIZE + number(rest, 28, 4)
+  return HEADER_SIZE + number(rest, 28, 4) + (is_sealed(rest) and TRAILER_SIZE or 0)
 end
 
 -- ---- what belongs together -----------------------------------------------------------------------
@@ -272,8 +308,73 @@ local paths      -- By frame: the path of its object, as it was then.
 local wholes     -- By frame that completes a message in fragments: the whole of it.
 local servers    -- By endpoint: whether a client was seen to talk to it.
 
+local read_key_log
+
 function rtpm.init()
+  read_key_log()
   exchanges, handshakes, known, objects, paths, servers, wholes = {}, {}, {}, {}, {}, {}, {}
+end
+
+-- ---- the key log ---------------------------------------------------------------------------------
+
+local logged       -- By session: its suite, and the keys of each direction by generation.
+local logged_size  -- Of the file when it was read.
+local GENERATION_MAX = 10000  -- Each costs a tenth of a millisecond, once.
+
+local function bytes_of(hex)
+  return (hex:gsub("..", function(pair) return string.char(tonumber(pair, 16)) end))
+end
+
+-- Reads the file if it has grown: programs append a line for each session.
+function read_key_log()
+  logged = logged or {}
+  local file = rtpm.prefs.key_log ~= "" and io.open(rtpm.prefs.key_log, "r")
+  if not file then return end
+  local size = file:seek("end")
+  if size ~= logged_size then
+    logged, logged_size = {}, size
+    file:seek("set")
+    for line in file:lines() do
+      local session, suite, client, server = line:match(
+        "^RTPM_SESSION (%x+) (%S+) (%x+) (%x+)%s*$")
+      if session and #session == 16 and ciphers.is_suite(suite) and #client == 64 and
+         #server == 64 then
+        logged["0x" .. session:lower()] = {
+          suite = suite, client = {[0] = ciphers.key(bytes_of(client))},
+          server = {[0] = ciphers.key(bytes_of(server))},
+        }
+      end
+    end
+  end
+  file:close()
+end
+
+-- The key of one direction and generation.
+local function key_of(entry, side, generation)
+  local keys = entry[side]
+  if generation > GENERATION_MAX then return nil end
+  for i = #keys + 1, generation do keys[i] = ciphers.next_key(entry.suite, keys[i - 1]) end
+  return keys[generation]
+end
+
+-- The counter of a sealed frame, and what it says of the key.
+local function counter_of(tvb)
+  local at = tvb:len() - TRAILER_SIZE
+  local low, high = number(tvb, at, 4), number(tvb, at + 4, 4)
+  return tvb(at, 8), high * 1024 + math.floor(low / 4194304)
+end
+
+-- The payload of a sealed frame in the clear; nothing without its key.
+local function open_payload(frame, text)
+  local entry = logged[frame.session]
+  if not entry then
+    if not frame.pinfo.visited then read_key_log() end
+    entry = logged[frame.session]
+  end
+  if not entry then return nil end
+  local counter, generation = counter_of(frame.tvb)
+  local key = key_of(entry, frame.is_from_client and "client" or "server", generation)
+  return key and ciphers.decrypt(entry.suite, key, counter:raw(), text)
 end
 
 local function endpoint(address, port)
@@ -348,6 +449,7 @@ local function note_fragment(exchange, frame)
   mine.message, mine.has_gap = message, frame.fragment_index > message.highest + 1
   message.highest = math.max(message.highest, frame.fragment_index)
   if message.parts[frame.fragment_index] then return true end
+  if frame.is_closed then return false end
   message.parts[frame.fragment_index] = frame.payload:bytes()
   message.missing = message.missing - 1
   if message.missing > 0 then return false end
@@ -365,7 +467,8 @@ local function note_call(frame)
   if frame.fragment_count > 1 then
     known[identity(frame)].is_copy = note_fragment(exchange, frame)
   end
-  if frame.service == 0 and frame.method == 1 and frame.fragment_index == 0 then
+  if frame.service == 0 and frame.method == 1 and frame.fragment_index == 0 and
+     not frame.is_closed then
     exchange.path = exchange.path or text_at(frame.payload, 8)
   end
 end
@@ -402,7 +505,8 @@ local function note_reply(frame)
     known[identity(frame)].is_copy = note_fragment(exchange, frame)
     return
   end
-  if exchange.path and frame.status == STATUS_OK and frame.payload:len() >= 4 then
+  if exchange.path and frame.status == STATUS_OK and not frame.is_closed and
+     frame.payload:len() >= 4 then
     objects[frame.server .. "/" .. number(frame.payload, 0, 4)] = exchange.path
   end
 end
@@ -481,6 +585,26 @@ local function layout_payload(layout)
   end
 end
 
+-- The payload of a handshake's frame, which has another size in a sealed one.
+local function handshake_payload(layout, sealed, has_layout)
+  local plain = layout_payload(layout)
+  return function(tree, tvb, frame)
+    if tvb:len() ~= sealed.size then
+      return plain(tree, tvb, frame)
+    end
+    if has_layout then add_layout(tree, tvb, "rtpm." .. layout.name, layout) end
+    add_layout(tree, tvb, "rtpm." .. sealed.name, sealed)
+    return fits_layout(tvb, sealed) and (not has_layout or fits_layout(tvb, layout, true)) and
+           (not sealed.check or sealed.check(tvb))
+  end
+end
+
+-- Rule sec-3.2-1.
+function SEALED_HELLO.check(tvb)
+  local features = number(tvb, 4, 4)
+  return features <= FEATURES_KNOWN and has_flag(features, 1)
+end
+
 local function add_text(tree, name, tvb, offset)
   local text, next_offset, at, size = text_at(tvb, offset)
   if text then tree:add(fields[name], tvb(at, size), text) end
@@ -545,11 +669,11 @@ end
 -- For each kind: its name, the side that sends it, what its payload is, whom it belongs to, and what
 -- the column Info says besides the name and number.
 local KINDS = {
-  [1] = {name = "HELLO", from = "client", payload = layout_payload(HELLO), note = note_hello,
+  [1] = {name = "HELLO", from = "client", payload = handshake_payload(HELLO, SEALED_HELLO, true), note = note_hello,
          info = function(frame) return "priority " .. frame.priority end},
-  [2] = {name = "COOKIE", from = "server", payload = layout_payload(COOKIE),
+  [2] = {name = "COOKIE", from = "server", payload = handshake_payload(COOKIE, SEALED_COOKIE, true),
          note = note_handshake_answer},
-  [3] = {name = "WELCOME", from = "server", payload = layout_payload(WELCOME),
+  [3] = {name = "WELCOME", from = "server", payload = handshake_payload(WELCOME, SEALED_WELCOME, false),
          note = note_handshake_answer,
          info = function(frame) return "session " .. frame.session end},
   [4] = {name = "REFUSE", from = "server", payload = none, note = note_refuse,
@@ -565,7 +689,7 @@ local KINDS = {
          info = function(frame) return "session " .. frame.session end},
   [8] = {name = "ACK", from = "either", payload = layout_payload(ACK), note = note_of_call,
          info = function(frame)
-           local is_there = frame.payload:len() >= 2
+           local is_there = frame.payload:len() >= 2 and not frame.is_closed
            return "of call " .. frame.call_id ..
                   (is_there and ", all before fragment " .. number(frame.payload, 0, 2) or "")
          end},
@@ -581,7 +705,7 @@ local KINDS = {
           end},
   [11] = {name = "CREDIT", from = "client", payload = layout_payload(CREDIT), note = note_of_call,
           info = function(frame)
-            local is_there = frame.payload:len() >= 4
+            local is_there = frame.payload:len() >= 4 and not frame.is_closed
             return describe_object(frame) ..
                    (is_there and ", all before frame " .. number(frame.payload, 0, 4) or "") ..
                    ", up to item " .. frame.item
@@ -620,7 +744,8 @@ local function declare_layout(prefix, layout)
 end
 
 declare_layout("rtpm", HEADER)
-for _, layout in ipairs({HELLO, COOKIE, WELCOME, BIND_REPLY, BIND_METHOD, ACK, CREDIT}) do
+for _, layout in ipairs({HELLO, COOKIE, WELCOME, SEALED_HELLO, SEALED_COOKIE, SEALED_WELCOME,
+                         BIND_REPLY, BIND_METHOD, ACK, CREDIT}) do
   declare_layout("rtpm." .. layout.name, layout)
 end
 declare("rtpm.flags.repeated", ProtoField.bool("rtpm.flags.repeated", "Repeated", 16, nil, FLAG_REPEATED))
@@ -631,6 +756,12 @@ declare("rtpm.flags.no_reply",
 declare("rtpm.flags.reply_on_receipt",
         ProtoField.bool("rtpm.flags.reply_on_receipt", "Reply on receipt", 16, nil,
                         FLAG_REPLY_ON_RECEIPT))
+declare("rtpm.flags.sealed", ProtoField.bool("rtpm.flags.sealed", "Sealed", 16, nil, FLAG_SEALED))
+declare("rtpm.sealed.encrypted", ProtoField.bytes("rtpm.sealed.encrypted", "Encrypted payload"))
+declare("rtpm.sealed.counter", ProtoField.uint64("rtpm.sealed.counter", "Counter", base.DEC))
+declare("rtpm.sealed.generation", ProtoField.uint32("rtpm.sealed.generation", "Generation of the key",
+                                                    base.DEC))
+declare("rtpm.sealed.tag", ProtoField.bytes("rtpm.sealed.tag", "Tag (not checked)"))
 declare("rtpm.bind.flags.server_declared",
         ProtoField.bool("rtpm.bind.flags.server_declared", "Server-declared", 8, nil, 1))
 declare("rtpm.bind.flags.complete",
@@ -676,7 +807,7 @@ local function read_frame(tvb, pinfo)
   frame.is_repeated = has_flag(frame.flags, FLAG_REPEATED)
   frame.kind_entry = KINDS[frame.kind]
   frame.kind_name = frame.kind_entry.name
-  frame.payload = tvb(HEADER_SIZE):tvb()
+  frame.is_sealed = is_sealed(tvb)
   local source, destination = endpoint(pinfo.src, pinfo.src_port), endpoint(pinfo.dst, pinfo.dst_port)
   local is_from_client = frame.kind_entry.from == "client"
   -- An ACK or CLOSE comes from either side: the server is whom HELLOs and CALLs went to.
@@ -685,7 +816,31 @@ local function read_frame(tvb, pinfo)
   frame.server = is_from_client and destination or source
   if frame.kind_entry.from ~= "either" then servers[frame.server] = true end
   frame.is_from_client = is_from_client
+  frame.payload = tvb(HEADER_SIZE):tvb()
   return frame
+end
+
+-- Shows what a sealed frame has beside its payload, and opens that if its key is known.
+local function add_seal(tree, frame)
+  if not frame.is_sealed then return end
+  frame.is_closed = true
+  local tvb = frame.tvb
+  local size = number(tvb, 28, 4)
+  if tvb:len() ~= HEADER_SIZE + size + TRAILER_SIZE then return end  -- Cut, or of a wrong size.
+  local counter, generation = counter_of(tvb)
+  tree:add_le(fields["rtpm.sealed.counter"], counter)
+  tree:add(fields["rtpm.sealed.generation"], counter, generation):set_generated()
+  tree:add(fields["rtpm.sealed.tag"], tvb(tvb:len() - TAG_SIZE, TAG_SIZE))
+  if size == 0 then
+    frame.is_closed, frame.payload = logged[frame.session] == nil, tvb(HEADER_SIZE, 0):tvb()
+    return
+  end
+  frame.payload = tvb(HEADER_SIZE, size):tvb()
+  tree:add(fields["rtpm.sealed.encrypted"], frame.payload())
+  local plain = open_payload(frame, frame.payload():raw())
+  if not plain then return end
+  frame.is_closed = false
+  frame.payload = ByteArray.new(plain, true):tvb("Opened payload")
 end
 
 local function add_fault(tree, pinfo, reason)
@@ -710,6 +865,7 @@ end
 -- What a frame says of loss and of the end, beside what its links tell.
 local function add_notes(tree, frame)
   if frame.kind_name == "CANCEL" then tree:add_proto_expert_info(experts.cancelled) end
+  if frame.is_closed then return end
   local is_progress = frame.kind_name == "ACK" or frame.kind_name == "CREDIT"
   if is_progress and frame.payload:len() >= 16 and not is_zero(frame.payload(8)) then
     tree:add_proto_expert_info(experts.gap, "Its sender lacks what lies before something later")
@@ -738,9 +894,14 @@ end
 -- Why a receiver drops a frame whose header is good; nothing if it does not.
 local function add_payload(tree, frame, is_datagram)
   local reported_size = frame.tvb:reported_len() - HEADER_SIZE
+  local size_max = DATAGRAM_PAYLOAD_MAX
+  if frame.is_sealed then
+    reported_size, size_max = reported_size - TRAILER_SIZE, size_max - TRAILER_SIZE
+  end
   local has_its_size = number(frame.tvb, 28, 4) == reported_size
-  if is_datagram and (not has_its_size or reported_size > DATAGRAM_PAYLOAD_MAX) then return "bad_length" end
+  if is_datagram and (not has_its_size or reported_size > size_max) then return "bad_length" end
   if frame.kind_name == "REFUSE" and frame.status == STATUS_OK then return "unexpected" end
+  if frame.is_closed then return nil end
   if frame.payload:len() > 0 then
     tree = tree:add(frame.payload(), "Payload of " .. frame.kind_name)
   end
@@ -766,7 +927,9 @@ local function dissect_frame(tvb, pinfo, tree, is_datagram)
   branch:add_le(fields["rtpm.flags.ack_wanted"], tvb(6, 2))
   branch:add_le(fields["rtpm.flags.no_reply"], tvb(6, 2))
   branch:add_le(fields["rtpm.flags.reply_on_receipt"], tvb(6, 2))
+  branch:add_le(fields["rtpm.flags.sealed"], tvb(6, 2))
   local frame = read_frame(tvb, pinfo)
+  add_seal(branch, frame)
   branch:append_text(", " .. frame.kind_name)
   reason = add_payload(branch, frame, is_datagram)
   if not reason and not pinfo.visited then

@@ -46,6 +46,7 @@ expected<void, SetupError> LogFile::reopen() {
                        "name a file in a folder that is there and may be written");
   }
   struct stat status {};
+  // sec-9-1
   const bool is_ours = ::fstat(number, &status) == 0 && S_ISREG(status.st_mode) &&
                        status.st_uid == ::geteuid() && (status.st_mode & (S_IRWXG | S_IRWXO)) == 0;
   if (!is_ours) {

@@ -180,7 +180,8 @@ std::string why_no_tshark() {
                                                        : "";
 }
 
-std::vector<Row> dissect(const Capture& capture, const std::vector<std::string>& fields) {
+std::vector<Row> dissect(const Capture& capture, const std::vector<std::string>& fields,
+                         const std::string& key_log) {
   const ScratchFolder folder;
   capture.write(folder.file("capture.pcap"));
   // With a home of its own, so that nobody's settings and scripts take part.
@@ -188,6 +189,10 @@ std::vector<Row> dissect(const Capture& capture, const std::vector<std::string>&
                         "' tshark -2 -n -X 'lua_script:" RTPM_SPEC_DIR
                         "/wireshark/hprotocol.lua' -r '" +
                         folder.file("capture.pcap") + "' -T fields";
+  if (!key_log.empty()) {
+    std::ofstream(folder.file("keys")) << key_log;
+    command += " -o 'rtpm.key_log:" + folder.file("keys") + "'";
+  }
   for (const std::string& field : fields)
     command += " -e " + field;
   command += " 2>'" + folder.file("errors") + "' >'" + folder.file("rows") + "'";

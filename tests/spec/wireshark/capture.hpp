@@ -45,7 +45,9 @@ using Row = std::map<std::string, std::string>;
 /// Runs tshark with spec/wireshark/hprotocol.lua over `capture`; one row for each packet. What
 /// tshark says on its standard error beside the fields, but for its warning of root, fails the
 /// test.
+/// @param key_log  the text of the file that the preference `key_log` names
 [[nodiscard]] std::vector<Row> dissect(const Capture& capture,
-                                       const std::vector<std::string>& fields);
+                                       const std::vector<std::string>& fields,
+                                       const std::string& key_log = "");
 
 }  // namespace rtpm::spec

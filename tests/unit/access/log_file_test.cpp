@@ -46,6 +46,7 @@ TEST_F(LogFileTest, HasABoundedSizeWithOneOlderFileBesideIt) {
   EXPECT_EQ(content(path_), "five\n");
 }
 
+// sec-9-1
 TEST_F(LogFileTest, IsNotWrittenWhereOthersRead) {
   std::ofstream(path_) << "";
   fs::permissions(path_, fs::perms::others_read, fs::perm_options::add);
