@@ -39,6 +39,7 @@ SealedServer::Outcome SealedServer::on_hello(const wire::Header& header, ConstBy
   const auto hello = wire::decode_hello(payload);
   if (!hello) return drop(DropReason::kBadPayload);
   if ((hello->features & wire::kFeatureSealed) != 0) return give_cookie(header, payload, peer, now);
+  // sec-6.2-2
   if (!config_.takes_unsealed || has_confirmed_stream(peer)) return drop(DropReason::kUnsealed);
   return on_unsealed_hello(header, frame, peer, now);
 }
@@ -47,6 +48,7 @@ SealedServer::Outcome SealedServer::on_hello(const wire::Header& header, ConstBy
 SealedServer::Outcome SealedServer::on_unsealed_hello(const wire::Header& header, ConstBytes frame,
                                                       const wire::PeerAddress& peer,
                                                       MonotonicTime now) noexcept {
+  // sec-6.2-1
   if (!config_.admission->admits_unsealed(peer)) {
     // hp-4.4-5
     if (!refusal_limit_.admit(peer, now)) return drop(DropReason::kRateLimited);

@@ -13,7 +13,7 @@ using Kind = wire::ChannelEvent::Kind;
 
 constexpr MonotonicTime kNow = MonotonicTime{} + 1000s;
 
-// What the server's grants say of nobody in particular.
+// sec-6.2-1: what the server's grants say of nobody in particular.
 TEST(SealedSessions, OfNobodyAreRefusedWhereNoGrantIsForAll) {
   Server server(wire::Medium::kDatagram, 3, /*takes_unsealed=*/true);
   server.door.is_open_for_all = false;

@@ -563,7 +563,7 @@ TEST(SealedSessions, StandBesideUnsealedOnesWhereTheServerAllowsIt) {
   }
 }
 
-// sec-6-1: over a stream a HELLO replaces the session of its connection (hp-4-4), but no sealed
+// sec-6-1, sec-6.2-2: over a stream a HELLO replaces the session of its connection (hp-4-4), but no sealed
 // one.
 TEST(SealedSessions, AForgedHelloEndsNoSessionOfAStream) {
   Server server(wire::Medium::kStream, 3, /*takes_unsealed=*/true);
