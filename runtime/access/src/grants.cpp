@@ -34,6 +34,23 @@ bool covers(const Grant& grant, std::string_view path) noexcept {
                              [&](const ObjectPattern& object) { return object.covers(path); });
 }
 
+// Whether `wide` allows all that `grant` does.
+bool is_within(const Grant& grant, const Grant& wide) {
+  const auto has_object = [&](const ObjectPattern& object) {
+    return std::ranges::any_of(wide.objects, [&](const ObjectPattern& each) {
+      return each == object || each.text() == "**";
+    });
+  };
+  const auto has_range = [&](const AddressRange& range) {
+    return std::ranges::count(wide.from, range) > 0;
+  };
+  const bool is_from_there =
+      wide.from.empty() || (!grant.from.empty() && std::ranges::all_of(grant.from, has_range));
+  return wide.subject == grant.subject && wide.role >= grant.role &&
+         wide.ceiling >= grant.ceiling && is_from_there &&
+         std::ranges::all_of(grant.objects, has_object);
+}
+
 }  // namespace
 
 Grants::Grants(std::vector<Grant> grants) : grants_(std::move(grants)) {
@@ -80,6 +97,19 @@ std::string_view Grants::name_of(const Subject& subject) const noexcept {
     if (name.empty()) name = grant.name;
   });
   return name;
+}
+
+std::vector<Subject> Grants::narrowed_by(const Grants& after) const {
+  std::vector<Subject> narrowed;
+  for (const Grant& grant : grants_) {
+    if (!narrowed.empty() && narrowed.back() == grant.subject) continue;
+    const auto [first, last] =
+        std::equal_range(after.grants_.begin(), after.grants_.end(), grant.subject, BySubject{});
+    if (std::none_of(first, last, [&](const Grant& wide) { return is_within(grant, wide); })) {
+      narrowed.push_back(grant.subject);
+    }
+  }
+  return narrowed;
 }
 
 std::string missing_line(const Subject& subject, Role role, std::string_view path) {

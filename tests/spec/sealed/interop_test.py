@@ -1,15 +1,17 @@
 #!/usr/bin/env python3
 """A client that was written from spec/security.md alone, on Python's `cryptography`, talks to RTPM's
-server of sealed sessions over UDP.
+server of sealed sessions over UDP: to its half without transports, and to a whole one.
 
-    interop_test.py PATH-OF-sealed_server
+    interop_test.py PATH-OF-sealed_server PATH-OF-secured_server
 """
 
+import base64
 import os
 import pathlib
 import socket
 import subprocess
 import sys
+import tempfile
 import unittest
 
 sys.dont_write_bytecode = True
@@ -25,7 +27,7 @@ except ImportError:
 from frames import HELLO, KINDS, frame, lay_out  # noqa: E402
 from sealed import FLAG_SEALED, prologue_of  # noqa: E402
 
-SERVER = sys.argv.pop(1)
+SERVER, SECURED_SERVER = sys.argv.pop(1), sys.argv.pop(1)
 SECONDS_MAX = 10
 
 
@@ -36,11 +38,12 @@ def field(data, offset, size):
 class Client:
     """One channel over UDP."""
 
-    def __init__(self, port, server_public, psk=noise.NO_PSK):
+    def __init__(self, port, server_public, psk=noise.NO_PSK, private=None):
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.connect(('127.0.0.1', port))
         self.socket.settimeout(SECONDS_MAX)
-        self.private, self.server_public, self.psk = noise.new_key(), server_public, psk
+        self.private = private or noise.new_key()
+        self.server_public, self.psk = server_public, psk
         self.epoch = int.from_bytes(os.urandom(8), 'little') | 1
         self.number = int.from_bytes(os.urandom(3), 'little')
         self.call_id = 0
@@ -107,8 +110,11 @@ class Client:
 class InteropTest(unittest.TestCase):
     psk = b''
 
+    def command(self):
+        return [SERVER, self.psk.hex()]
+
     def setUp(self):
-        self.process = subprocess.Popen([SERVER, self.psk.hex()], stdin=subprocess.PIPE,
+        self.process = subprocess.Popen(self.command(), stdin=subprocess.PIPE,
                                         stdout=subprocess.PIPE, text=True)
         port, suites, key = self.process.stdout.readline().split()
         self.port, self.suites, self.key = int(port), int(suites), bytes.fromhex(key)
@@ -217,6 +223,36 @@ class PresharedKeyTest(InteropTest):
         client.psk = noise.NO_PSK
         with self.assertRaises(noise.Refused):
             client.open(0)
+
+
+class SecuredServerTest(InteropTest):
+    """A whole server, which has grants for one key."""
+
+    def command(self):
+        self.private = noise.new_key()
+        self.folder = tempfile.TemporaryDirectory()
+        self.addCleanup(self.folder.cleanup)
+        key = base64.b64encode(noise.public_of(self.private)).decode()
+        authorized = pathlib.Path(self.folder.name, 'authorized')
+        authorized.write_text(f'rtpm25519 {key} role=command on=reverse\n')
+        authorized.chmod(0o600)
+        return [SECURED_SERVER, self.folder.name]
+
+    def client(self, **options):
+        return super().client(**{'private': self.private, **options})
+
+    def test_a_stranger_is_refused(self):
+        client = self.client(private=noise.new_key())
+        client.number += 1
+        client.send(client.hello_with_message_1(0, client.ask_for_cookie()))
+        refusal = client.receive()
+        self.assertEqual((refusal[3], field(refusal, 26, 2)), (KINDS['REFUSE'], 19))
+
+    def test_an_unsealed_client_is_refused(self):
+        client = self.client()
+        client.send(client.hello(0))
+        refusal = client.receive()
+        self.assertEqual((refusal[3], field(refusal, 26, 2)), (KINDS['REFUSE'], 19))
 
 
 if __name__ == '__main__':

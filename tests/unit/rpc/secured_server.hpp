@@ -108,6 +108,7 @@ struct SecuredServer {
     config.host = "127.0.0.1";
     config.stream_count_max = 64;
     config.security.authorized_file = folder.write("authorized", grants);
+    if (config.security.key_file.empty()) config.security.key_file = folder.file("server-key");
     auto created = Server::create(std::move(config));
     EXPECT_TRUE(created) << created.error().text();
     if (!created) return;

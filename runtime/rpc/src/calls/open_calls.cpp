@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/wire/sealed.hpp"
 
 namespace rtpm::rpc {
 
@@ -188,8 +189,9 @@ bool OpenCalls::send_item_frame(Lead& lead, PendingCall& call, std::uint32_t num
     return false;
   }
   const ConstBytes item = call.item(number);
-  const std::size_t size_max =
-      wire::kHeaderSize + std::min<std::size_t>(item.size(), call.item_frame_size_max);
+  const std::size_t size_max = wire::kHeaderSize +
+                               std::min<std::size_t>(item.size(), call.item_frame_size_max) +
+                               wire::kSealedTrailerSize;
   if (slot != nullptr && !slot->stream->has_spare_capacity(size_max)) {
     // hp-16.4-2: a reader that is slow is no reason to end the connection.
     constexpr Duration kRetryInterval = std::chrono::milliseconds{1};
@@ -206,8 +208,7 @@ bool OpenCalls::send_item_frame(Lead& lead, PendingCall& call, std::uint32_t num
   if (slot == nullptr) {
     const auto peer = call.sessions->peer_of(call.request);
     media_.port_of(*peer).send(lead, *call.sessions, *peer, frame, /*has_more=*/true);
-  } else if (!slot->stream->send(frame, transport::kAlready)) {
-    ++report_.counters(lead).send_failure_count;
+  } else if (!media_.send_frame(lead, *slot, frame)) {
     retire(lead, *slot);
   }
   return true;

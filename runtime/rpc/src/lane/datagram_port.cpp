@@ -35,16 +35,24 @@ void DatagramPort::send(Lead& lead, wire::ServerSessions& sessions, const wire::
                         ConstBytes frame, bool has_more) noexcept {
   if (!answers_.is_empty() && !(peer == answers_peer_)) flush(lead);
   // One alone goes as it is. As large as can be, it may be one of several.
-  const bool is_alone =
-      !has_more && answers_.is_empty() && frame.size() < wire::kDatagramFrameSizeMax;
+  const std::size_t size_max =
+      wire::kDatagramFrameSizeMax - (seals_ == nullptr ? 0 : wire::kSealedTrailerSize);
+  const bool is_alone = !has_more && answers_.is_empty() && frame.size() < size_max;
   for (; !frame.empty(); frame = sessions.next_frame(rt::now())) {
+    const ConstBytes out = seals_ == nullptr ? frame : seals_->seal(frame);
+    if (out.empty()) continue;
     answers_peer_ = peer;
-    if (!is_alone && answers_.add(frame)) continue;
+    if (!is_alone && answers_.add(out)) continue;
     flush(lead);
-    if (!is_alone && answers_.add(frame)) continue;
-    if (!port_->send(peer, frame)) ++report_.counters(lead).send_failure_count;
+    if (!is_alone && answers_.add(out)) continue;
+    send_alone(lead, peer, out);
   }
   if (!has_more) flush(lead);
+}
+
+void DatagramPort::send_alone(Lead& lead, const wire::PeerAddress& peer,
+                              ConstBytes frame) noexcept {
+  if (!port_->send(peer, frame)) ++report_.counters(lead).send_failure_count;
 }
 
 void DatagramPort::flush(Lead& lead) noexcept {

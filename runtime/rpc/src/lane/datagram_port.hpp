@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "lane/report.hpp"
+#include "rtpm/sealed/server.hpp"
 #include "rtpm/transport/datagram_batch.hpp"
 #include "rtpm/transport/udp.hpp"
 #include "rtpm/wire/server_sessions.hpp"
@@ -17,8 +18,9 @@ namespace rtpm::rpc {
 /// @realtime alloc-free
 class DatagramPort {
  public:
-  DatagramPort(transport::UdpPort port, LaneReport& report) noexcept
-      : port_(std::move(port)), report_(report) {}
+  /// @param seals  of the sessions; null: they are not sealed
+  DatagramPort(transport::UdpPort port, LaneReport& report, sealed::SealedServer* seals) noexcept
+      : port_(std::move(port)), report_(report), seals_(seals) {}
 
   /// Whether there is a datagram to serve: what is left of a batch, or what is received now. Gives
   /// the time.
@@ -37,6 +39,8 @@ class DatagramPort {
   /// Sends a frame, and what `sessions` has behind it; later, if more are to follow.
   void send(Lead&, wire::ServerSessions& sessions, const wire::PeerAddress& peer, ConstBytes frame,
             bool has_more) noexcept;
+  /// Sends a frame as it is.
+  void send_alone(Lead&, const wire::PeerAddress& peer, ConstBytes frame) noexcept;
   /// Sends what waits.
   void flush(Lead&) noexcept;
 
@@ -49,6 +53,7 @@ class DatagramPort {
  private:
   std::optional<transport::UdpPort> port_;  ///< None once closed.
   LaneReport& report_;
+  sealed::SealedServer* seals_;
   transport::Datagrams batch_{};  ///< What is left in buffer_.
   transport::DatagramBatch answers_ = transport::DatagramBatch::allocate();
   wire::PeerAddress answers_peer_{};

@@ -144,6 +144,7 @@ void Lane::step(Lead& lead) noexcept {
 bool Lane::turn(Lead& lead) noexcept {
   while (auto stream = media_.handover().take_arrival())
     calls_.admit(lead, std::move(stream));
+  if (Seals* const seals = media_.seals()) serve_seals(lead, *seals);
   const bool has_backlog = calls_.serve_backlog(lead);
   const bool has_open = calls_.serve_ready(lead);
   // What the lane sends by itself must not keep calls waiting.
@@ -174,6 +175,23 @@ bool Lane::turn(Lead& lead) noexcept {
   const bool has_found = look(lead, transport::kAlready);
   attention_.on_looked(has_found, is_memory_hot);
   return serve_memory(lead, kMemoryLooksPerTurn) || has_found || has_served;
+}
+
+// Goes on with handshakes, and ends the sessions that the grants do not allow any more.
+void Lane::serve_seals(Lead& lead, Seals& seals) noexcept {
+  const MonotonicTime now = rt::now();
+  seals.begin_turn(now);
+  while (const auto event = seals.next_event(media_.connections(), now)) {
+    const bool is_good =
+        event->frame.empty() || media_.send_as_is(lead, event->slot, event->peer, event->frame);
+    if (event->slot != nullptr && (event->ends_connection || !is_good)) {
+      calls_.retire(lead, *event->slot);
+    }
+    calls_.take_cancelled(lead, CallEnding::kLeft);
+  }
+  if (!seals.take_progress()) return;
+  report_.mark(lead);
+  calls_.publish(lead);
 }
 
 // Asks the system, or waits for it, and serves each source that it reports; true if one had work,
@@ -285,7 +303,7 @@ bool Lane::serve_datagrams(Lead& lead, DatagramPort& port) noexcept {
   while (const auto frame = port.next()) {
     const wire::PeerAddress& peer = port.peer();
     wire::ServerSessions& sessions = media_.datagrams();
-    wire::Verdict verdict = sessions.on_frame(*frame, peer, received_);
+    wire::Verdict verdict = media_.on_datagram(*frame, peer, received_);
     verdict.request.caller_host = host_number(port.socket().host_of(peer));
     ConstBytes answer = verdict.frame;
     const bool has_more = port.has_leftovers();
@@ -318,7 +336,7 @@ bool Lane::serve_connection(Lead& lead, Slot& slot) noexcept {
   received_ = slot.heard = rt::now();
   const SourceTag source = media_.connections().tag_of(slot);
   wire::ServerSessions& sessions = media_.sessions_of(slot);
-  wire::Verdict verdict = sessions.on_frame(*frame, slot.peer, received_);
+  wire::Verdict verdict = media_.on_frame(slot, *frame, received_);
   verdict.request.caller_host = slot.is_from_this_host ? kThisHost.number : host_number(slot.peer);
   ConstBytes answer = verdict.frame;
   if (verdict.action == wire::Verdict::Action::kDispatch) {

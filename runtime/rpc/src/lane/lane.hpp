@@ -61,6 +61,11 @@ class Lane {
   [[nodiscard]] const std::shared_ptr<LocalGate>& gate() const noexcept { return gate_; }
   /// On a thread that runs a method of this lane: runs another one inside of it.
   [[nodiscard]] DispatchResult run_nested(const LocalChannel& channel) noexcept;
+  /// Of a secured server: its handshakes' way to the gatekeeper.
+  [[nodiscard]] HandshakeExchange& handshakes() noexcept { return media_.seals()->exchange(); }
+  /// Wakes it, as the grants have changed.
+  /// @threads  any
+  void ring() noexcept { wait_set_->ring(); }
   [[nodiscard]] const Band& band() const noexcept { return band_; }
   [[nodiscard]] ServerCounters counters() const noexcept { return report_.read(); }
   [[nodiscard]] LaneTap& tap() noexcept { return tap_; }
@@ -72,6 +77,7 @@ class Lane {
  private:
   void step(Lead& lead) noexcept;
   [[nodiscard]] bool turn(Lead& lead) noexcept;
+  void serve_seals(Lead& lead, Seals& seals) noexcept;
   [[nodiscard]] bool look(Lead& lead, MonotonicTime until) noexcept;
   [[nodiscard]] bool serve_ready(Lead& lead, SourceTag source) noexcept;
   [[nodiscard]] bool serve_memory(Lead& lead, std::size_t look_count) noexcept;

@@ -25,10 +25,16 @@ std::size_t item_memory(const LaneSetup& setup, wire::Medium medium) noexcept {
   return setup.stream_count_max * wire::stream_buffer_size(medium);
 }
 
+void leave_space_for_seals(const LaneSetup& setup, wire::ServerSessionsConfig& config) noexcept {
+  if (setup.access == nullptr) return;
+  config.frame_payload_max = static_cast<std::uint32_t>(wire::sealed_payload_max(config.medium));
+}
+
 // Each medium has a secret of its own, so that a session number of one is none of another's.
 wire::ServerSessionsConfig datagram_config(const LaneSetup& setup) noexcept {
   wire::ServerSessionsConfig config = setup.sessions;
   config.medium = wire::Medium::kDatagram;
+  leave_space_for_seals(setup, config);
   return config;
 }
 
@@ -36,6 +42,7 @@ wire::ServerSessionsConfig stream_config(const LaneSetup& setup) noexcept {
   wire::ServerSessionsConfig config = setup.sessions;
   config.medium = wire::Medium::kStream;
   config.key.low = ~config.key.low;
+  leave_space_for_seals(setup, config);
   return config;
 }
 
@@ -67,10 +74,15 @@ Media::Media(const LaneSetup& setup, std::vector<transport::UdpPort> ports,
       datagrams_(setup, datagram_config(setup)),
       streams_(setup, stream_config(setup)),
       memory_(setup, memory_config(setup)),
-      has_memory_(true),
+      seals_(setup.access == nullptr ? nullptr
+                                     : std::make_unique<Seals>(setup, datagrams_.sessions,
+                                                               streams_.sessions, wait_set)),
+      has_memory_(seals_ == nullptr || seals_->has_memory()),
       connections_(2 * std::size_t{setup.sessions.session_count_max}, wait_set) {
+  sealed::SealedServer* const datagram_seals =
+      seals_ != nullptr && has_memory_ ? &seals_->datagrams() : nullptr;
   for (transport::UdpPort& port : ports)
-    ports_.push_back(std::make_unique<DatagramPort>(std::move(port), report));
+    ports_.push_back(std::make_unique<DatagramPort>(std::move(port), report, datagram_seals));
   for (const Medium* medium : {&datagrams_, &streams_, &memory_}) {
     const auto kind = medium == &datagrams_ ? wire::Medium::kDatagram : wire::Medium::kStream;
     has_memory_ = has_memory_ && medium->messages.bytes().size() == message_memory(setup) &&
@@ -80,33 +92,33 @@ Media::Media(const LaneSetup& setup, std::vector<transport::UdpPort> ports,
 
 CallOrigin Media::origin_of(const wire::ServerSessions& sessions,
                             const wire::Request& request) noexcept {
-  CallOrigin origin;
   const auto peer = sessions.peer_of(request);
   // Of one that is not known, ranges of addresses hold none.
-  origin.address.emplace();
-  if (!peer) return origin;
+  if (!peer) return origin_of_user(std::nullopt);
   if (&sessions == &memory_.sessions) {
     const Slot* const slot = connections_.of_peer(*peer);
-    if (slot == nullptr || !slot->user) return origin;
-    origin.subject.kind = access::Subject::Kind::kLocalUser;
-    origin.subject.user = *slot->user;
-    origin.address.reset();
-    return origin;
+    return origin_of_user(slot == nullptr ? std::nullopt : slot->user);
   }
-  origin.address = network_address(*peer);
-  return origin;
+  if (seals_ == nullptr) return origin_at(nullptr, *peer);
+  sealed::SealedServer& seals =
+      &sessions == &streams_.sessions ? seals_->streams() : seals_->datagrams();
+  const auto client = seals.client_of(request.header.session);
+  return origin_at(client ? &*client : nullptr, *peer);
 }
 
 wire::FrameCounters Media::counters() const noexcept {
   wire::FrameCounters sum = datagrams_.sessions.counters();
   sum.add(streams_.sessions.counters());
   sum.add(memory_.sessions.counters());
+  if (seals_ != nullptr) sum.add(seals_->counters());
   return sum;
 }
 
 MonotonicTime Media::next_time() const noexcept {
-  return std::min({datagrams_.sessions.next_time(), streams_.sessions.next_time(),
-                   memory_.sessions.next_time()});
+  const MonotonicTime next =
+      std::min({datagrams_.sessions.next_time(), streams_.sessions.next_time(),
+                memory_.sessions.next_time()});
+  return seals_ == nullptr ? next : std::min(next, seals_->next_time());
 }
 
 void Media::admit(Lead& lead, std::unique_ptr<transport::Connection> stream) noexcept {
@@ -165,12 +177,26 @@ void Media::retire(Lead& lead, Slot& slot) noexcept {
 bool Media::send(Lead& lead, wire::ServerSessions& sessions, Slot& slot,
                  ConstBytes frame) noexcept {
   for (; !frame.empty(); frame = sessions.next_frame(rt::now())) {
-    // A peer that does not take its replies is given up rather than waited for (hp-16.4-2).
-    if (slot.stream->send(frame, transport::kAlready)) continue;
-    ++report_.counters(lead).send_failure_count;
-    return false;
+    if (!send_frame(lead, slot, frame)) return false;
   }
   return true;
+}
+
+bool Media::send_frame(Lead& lead, Slot& slot, ConstBytes frame) noexcept {
+  if (seals_ != nullptr && !slot.is_memory) frame = seals_->streams().seal(frame);
+  return frame.empty() || send_as_is(lead, &slot, slot.peer, frame);
+}
+
+// A peer that does not take its replies is given up rather than waited for (hp-16.4-2).
+bool Media::send_as_is(Lead& lead, Slot* slot, const wire::PeerAddress& peer,
+                       ConstBytes frame) noexcept {
+  if (slot == nullptr) {
+    port_of(peer).send_alone(lead, peer, frame);
+    return true;
+  }
+  if (slot->stream->send(frame, transport::kAlready)) return true;
+  ++report_.counters(lead).send_failure_count;
+  return false;
 }
 
 void Media::close(Lead& lead) noexcept {

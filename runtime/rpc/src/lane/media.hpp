@@ -10,6 +10,7 @@
 #include "lane/datagram_port.hpp"
 #include "lane/handover.hpp"
 #include "lane/report.hpp"
+#include "lane/seals.hpp"
 #include "rtpm/rt/lazy_memory.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 #include "security/call_origin.hpp"
@@ -66,7 +67,8 @@ class Media {
   [[nodiscard]] const wire::ServerSessions& sessions(std::size_t index) const noexcept {
     return (index == 0 ? datagrams_ : index == 1 ? streams_ : memory_).sessions;
   }
-  /// Who calls, as far as it is proved: through memory by the kernel, else not at all.
+  /// Who calls, as far as it is proved: through memory by the kernel, in a sealed session by its
+  /// key, else not at all.
   [[nodiscard]] CallOrigin origin_of(const wire::ServerSessions& sessions,
                                      const wire::Request& request) noexcept;
   /// Visits the sessions of each medium.
@@ -74,6 +76,21 @@ class Media {
   void for_each(Visitor visit) noexcept {
     for (Medium* medium : {&datagrams_, &streams_, &memory_})
       visit(medium->sessions);
+  }
+  /// Null: no session is sealed, as the server asks nobody.
+  [[nodiscard]] Seals* seals() noexcept { return seals_.get(); }
+  /// Takes a received frame, which may be anything, and may be opened in place.
+  [[nodiscard]] wire::Verdict on_datagram(MutableBytes frame, const wire::PeerAddress& peer,
+                                          MonotonicTime now) noexcept {
+    if (seals_ == nullptr) [[likely]]
+      return datagrams_.sessions.on_frame(frame, peer, now);
+    return seals_->on_datagram(frame, peer, now);
+  }
+  [[nodiscard]] wire::Verdict on_frame(const Slot& slot, MutableBytes frame,
+                                       MonotonicTime now) noexcept {
+    if (seals_ == nullptr || slot.is_memory) [[likely]]
+      return sessions_of(slot).on_frame(frame, slot.peer, now);
+    return seals_->on_stream_frame(frame, slot.peer, now);
   }
   [[nodiscard]] wire::FrameCounters counters() const noexcept;
   /// When the first of them has something to do by itself.
@@ -93,6 +110,14 @@ class Media {
   /// @return false: the peer does not take its frames; retire it
   [[nodiscard]] bool send(Lead&, wire::ServerSessions& sessions, Slot& slot,
                           ConstBytes frame) noexcept;
+  /// Sends one frame of a session to its connection, sealed if the session is.
+  /// @return likewise
+  [[nodiscard]] bool send_frame(Lead&, Slot& slot, ConstBytes frame) noexcept;
+  /// Sends one frame as it is.
+  /// @param slot  the peer's connection; null: the peer is one over datagrams
+  /// @return likewise
+  [[nodiscard]] bool send_as_is(Lead&, Slot* slot, const wire::PeerAddress& peer,
+                                ConstBytes frame) noexcept;
   /// Once no thread of the lane runs: ends all connections and closes the ports.
   void close(Lead&) noexcept;
 
@@ -116,6 +141,7 @@ class Media {
   Medium datagrams_;
   Medium streams_;
   Medium memory_;
+  std::unique_ptr<Seals> seals_;
   bool has_memory_;
   std::vector<std::unique_ptr<DatagramPort>> ports_;
   Connections connections_;

@@ -4,6 +4,7 @@
 
 #include "rtpm/rpc/lane_table.hpp"
 #include "rtpm/rpc/server.hpp"
+#include "rtpm/sealed/handshake_job.hpp"
 #include "rtpm/transport/wait_set.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 #include "server/object_table.hpp"
@@ -12,6 +13,7 @@ namespace rtpm::rpc {
 
 class AccessControl;
 class AuditLog;
+class HandshakeRate;
 class Lane;
 
 /// How many sources a lane of so many sessions waits for: a connection has a socket and an event.
@@ -39,7 +41,11 @@ struct LaneSetup {
   transport::WaitSet* acceptor_bell = nullptr;
   LaneSlot* slot = nullptr;               ///< Where others see what it does.
   const AccessControl* access = nullptr;  ///< Null: the server asks nobody.
-  AuditLog* audit = nullptr;              ///< With `access`.
+  // With `access`:
+  AuditLog* audit = nullptr;
+  const sealed::ServerIdentity* identity = nullptr;
+  HandshakeRate* handshake_rate = nullptr;
+  transport::WaitSet* gatekeeper_bell = nullptr;
 };
 
 }  // namespace rtpm::rpc

@@ -1,5 +1,6 @@
 #include "security/access_control.hpp"
 
+#include <algorithm>
 #include <mutex>
 #include <utility>
 
@@ -46,12 +47,41 @@ bool AccessControl::reload_if_changed() {
   say_faults(read);
   std::unique_ptr<const access::Grants> grants =
       std::make_unique<access::Grants>(std::move(read.grants));
+  std::vector<Narrowed> narrowed = narrowed_with(*grants);
   {
     const std::lock_guard lock(mutex_);
     std::swap(grants_, grants);
+    std::swap(narrowed_, narrowed);
+    generation_.fetch_add(1, std::memory_order_release);
   }
-  generation_.fetch_add(1, std::memory_order_release);
   return true;
+}
+
+// Those of the last generations, and of the next one.
+std::vector<AccessControl::Narrowed> AccessControl::narrowed_with(
+    const access::Grants& after) const {
+  const std::uint32_t next = generation() + 1;
+  std::vector<Narrowed> narrowed = narrowed_;
+  std::erase_if(narrowed,
+                [&](const Narrowed& each) { return next - each.generation > kGenerationCount; });
+  for (const access::Subject& subject : grants_->narrowed_by(after))
+    narrowed.push_back({subject, next});
+  // Who might do everything, and is named now.
+  for (const std::uint32_t user : {access::this_user(), std::uint32_t{0}}) {
+    const access::Subject owner = origin_of_user(user).subject;
+    if (!grants_->knows(owner, {}) && after.knows(owner, {})) narrowed.push_back({owner, next});
+  }
+  return narrowed;
+}
+
+bool AccessControl::keeps(const CallOrigin& origin, std::uint32_t since) const noexcept {
+  const std::lock_guard lock(mutex_);
+  if (generation() - since > kGenerationCount) return false;
+  const auto is_lost = [&](const Narrowed& each) {
+    return each.generation > since && each.subject == origin.subject;
+  };
+  return (is_owner(origin) || grants_->knows(origin.subject, origin.address)) &&
+         std::ranges::none_of(narrowed_, is_lost);
 }
 
 bool AccessControl::is_owner(const CallOrigin& origin) const noexcept {

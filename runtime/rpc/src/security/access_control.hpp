@@ -7,6 +7,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "rtpm/access/files.hpp"
 #include "rtpm/access/grants.hpp"
@@ -34,6 +35,9 @@ class AccessControl final : public transport::UserPolicy {
   [[nodiscard]] bool admits(std::uint32_t user) const noexcept override;
   /// Whether any grant is for it.
   [[nodiscard]] bool knows(const CallOrigin& origin) const noexcept;
+  /// Whether a session may go on that was judged last in generation `since`: some grant is for it,
+  /// and none was narrowed since.
+  [[nodiscard]] bool keeps(const CallOrigin& origin, std::uint32_t since) const noexcept;
   /// What it may do with the object, name or type at `path`.
   [[nodiscard]] access::Permission permission(const CallOrigin& origin,
                                               std::string_view path) const noexcept;
@@ -54,6 +58,15 @@ class AccessControl final : public transport::UserPolicy {
   [[nodiscard]] const std::string& file() const noexcept { return file_; }
 
  private:
+  /// A subject that lost something by a reload.
+  struct Narrowed {
+    access::Subject subject{};
+    std::uint32_t generation = 0;  ///< That the reload began.
+  };
+  /// So many generations are remembered: a lane that is further behind ends all its sessions.
+  static constexpr std::uint32_t kGenerationCount = 8;
+
+  [[nodiscard]] std::vector<Narrowed> narrowed_with(const access::Grants& after) const;
   explicit AccessControl(std::string file) : file_(std::move(file)) {}
   void say_faults(const access::Authorized& read);
   [[nodiscard]] bool is_owner(const CallOrigin& origin) const noexcept;
@@ -61,8 +74,9 @@ class AccessControl final : public transport::UserPolicy {
   std::string file_;
   rt::Log log_{"rtpm"};
   access::FileStamp stamp_{};
-  mutable rt::PiMutex mutex_;  ///< Of grants_.
+  mutable rt::PiMutex mutex_;  ///< Of grants_ and narrowed_.
   std::unique_ptr<const access::Grants> grants_ = std::make_unique<access::Grants>();
+  std::vector<Narrowed> narrowed_{};
   std::atomic<std::uint32_t> generation_{1};
 };
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cstdint>
 #include <optional>
 
 #include "rtpm/access/address_range.hpp"
@@ -23,6 +24,32 @@ struct CallOrigin {
   const in6_addr native = transport::SocketAddress::of(peer).mapped_into_ipv6().ipv6();
   std::ranges::copy(native.s6_addr, address.begin());
   return address;
+}
+
+/// A peer over a network: with a key in a sealed session, else nobody in particular.
+/// @param client  null: the session is not sealed
+/// @realtime alloc-free
+[[nodiscard]] inline CallOrigin origin_at(const seal::PublicKey* client,
+                                          const wire::PeerAddress& peer) noexcept {
+  CallOrigin origin;
+  origin.address = network_address(peer);
+  if (client == nullptr) return origin;
+  origin.subject.kind = access::Subject::Kind::kKey;
+  origin.subject.key = *client;
+  return origin;
+}
+
+/// A user of this host, by the kernel; of one that is not known nobody, at no address.
+/// @realtime alloc-free
+[[nodiscard]] inline CallOrigin origin_of_user(std::optional<std::uint32_t> user) noexcept {
+  CallOrigin origin;
+  if (!user) {
+    origin.address.emplace();
+    return origin;
+  }
+  origin.subject.kind = access::Subject::Kind::kLocalUser;
+  origin.subject.user = *user;
+  return origin;
 }
 
 }  // namespace rtpm::rpc

@@ -19,7 +19,9 @@
 #include "rtpm/wire/url.hpp"
 #include "security/access_control.hpp"
 #include "security/audit_log.hpp"
+#include "security/secret_identity.hpp"
 #include "server/acceptor.hpp"
+#include "server/gatekeeper.hpp"
 #include "server/lane_table_owner.hpp"
 #include "server/object_table.hpp"
 #include "server/policy.hpp"
@@ -143,6 +145,9 @@ class ServerImpl final : public Server {
   std::vector<ServedAddress> served_addresses() const override;
   ServerCounters counters() const noexcept override;
   std::shared_ptr<CallTap> tap() noexcept override { return tap_; }
+  std::optional<seal::PublicKey> public_key() const noexcept override {
+    return identity_ ? std::optional(identity_->get().key.public_key) : std::nullopt;
+  }
 
  private:
   /// Of a lane, for each host in order.
@@ -166,7 +171,10 @@ class ServerImpl final : public Server {
   ObjectTable objects_;
   std::shared_ptr<ServerTap> tap_ = std::make_shared<ServerTap>(objects_);
   std::unique_ptr<AccessControl> access_;  ///< Null: the server asks nobody.
-  std::unique_ptr<AuditLog> audit_;        ///< With access_.
+  // With access_:
+  std::unique_ptr<AuditLog> audit_;
+  std::unique_ptr<SecretIdentity> identity_;
+  std::unique_ptr<Gatekeeper> gatekeeper_;
   std::unique_ptr<Acceptor> acceptor_;
   rt::PublicMemory lane_table_;
   std::map<int, std::unique_ptr<rt::CpuKeeper>> keepers_;  ///< By CPU; they outlive the lanes.
@@ -310,6 +318,12 @@ expected<void, SetupError> ServerImpl::open_access() {
   auto audit = AuditLog::open(security.audit_file, *access_);
   if (!audit) return unexpected{audit.error()};
   audit_ = std::move(*audit);
+  auto identity = SecretIdentity::open(security.key_file, config_.name);
+  if (!identity) return unexpected{identity.error()};
+  identity_ = std::move(*identity);
+  auto gatekeeper = Gatekeeper::open(security.key_log_file, *access_, *audit_);
+  if (!gatekeeper) return unexpected{gatekeeper.error()};
+  gatekeeper_ = std::move(*gatekeeper);
   return {};
 }
 
@@ -336,7 +350,12 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<Ports> ports_of_la
   LaneSetup setup;
   setup.objects = &objects_;
   setup.access = access_.get();
-  setup.audit = audit_.get();
+  if (access_) {
+    setup.audit = audit_.get();
+    setup.identity = &identity_->get();
+    setup.handshake_rate = &gatekeeper_->rate();
+    setup.gatekeeper_bell = &gatekeeper_->bell();
+  }
   setup.acceptor_bell = &acceptor_->bell();
   setup.sessions.epoch = epoch_;
   setup.sessions.key = {rt::random_u64(), rt::random_u64()};
@@ -418,6 +437,12 @@ expected<void, SetupError> ServerImpl::start() {
     stop();
     return setup_error(subject_of(config_), accepting.error());
   }
+  if (gatekeeper_) {
+    if (auto kept = gatekeeper_->start(lanes_, cpus_left_by(config_.lanes)); !kept) {
+      stop();
+      return setup_error(subject_of(config_), kept.error());
+    }
+  }
   open_door();
   return {};
 }
@@ -453,6 +478,7 @@ void ServerImpl::stop() noexcept {
   is_stopped_ = true;
   if (door_) LocalDoor::close(*door_);
   if (acceptor_) acceptor_->stop();
+  if (gatekeeper_) gatekeeper_->stop();
   for (const auto& lane : lanes_)
     lane->stop();
   for (const auto& lane : lanes_)

@@ -28,6 +28,8 @@ class HandshakeJob {
   /// Does what is due.
   /// @realtime alloc-free, 100 to 140 µs: not on a lane
   void run() noexcept;
+  /// Whose handshake it is.
+  [[nodiscard]] const wire::PeerAddress& peer() const noexcept { return peer_; }
   /// After a run() that wrote message 2 of a session that is new: its line for a key log. Nothing:
   /// there is no such session.
   /// @realtime set-up only: allocates

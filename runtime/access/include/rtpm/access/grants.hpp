@@ -37,6 +37,10 @@ class Grants {
                                  const std::optional<NetworkAddress>& address) const noexcept;
   /// The name that its grants give it; empty: none.
   [[nodiscard]] std::string_view name_of(const Subject& subject) const noexcept;
+  /// The subjects to which some grant of these allows what no single one of `after` does. One whose
+  /// grants were only divided otherwise may be among them.
+  /// @realtime set-up only
+  [[nodiscard]] std::vector<Subject> narrowed_by(const Grants& after) const;
   [[nodiscard]] std::size_t size() const noexcept { return grants_.size(); }
 
  private:

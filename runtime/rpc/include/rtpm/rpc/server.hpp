@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -17,6 +18,7 @@
 #include "rtpm/rpc/tap.hpp"
 #include "rtpm/rt/thread.hpp"
 #include "rtpm/rt/wait.hpp"
+#include "rtpm/seal/primitives.hpp"
 
 namespace rtpm::rpc {
 
@@ -182,6 +184,9 @@ class Server {
   [[nodiscard]] virtual std::string url(std::string_view path) const = 0;
   /// What is served; of "any" as it was when the server was created.
   [[nodiscard]] virtual std::vector<ServedAddress> served_addresses() const = 0;
+  /// By which callers know the server, see access::known_servers; nothing: it asks nobody, and
+  /// seals nothing.
+  [[nodiscard]] virtual std::optional<seal::PublicKey> public_key() const noexcept = 0;
   /// What was served and dropped so far, over all lanes.
   /// @realtime alloc-free
   [[nodiscard]] virtual ServerCounters counters() const noexcept = 0;

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <optional>
+
+#include "rtpm/base/assert.hpp"
+#include "rtpm/base/ring.hpp"
+#include "rtpm/sealed/handshake_job.hpp"
+#include "rtpm/transport/wait_set.hpp"
+
+namespace rtpm::rpc {
+
+/// A handshake's work on its way.
+struct HandshakeWork {
+  sealed::HandshakeJob* job = nullptr;
+  bool is_stream = false;  ///< Of which of the lane's media.
+};
+
+/// Handshakes on their way from a lane to the gatekeeper, and back.
+/// @threads  submit() and take_done() the lane's leader's, the others the gatekeeper's
+/// @realtime alloc-free, lock-free
+class HandshakeExchange {
+ public:
+  /// Of each medium.
+  static constexpr std::uint32_t kJobCountMax = 8;
+
+  HandshakeExchange(transport::WaitSet& lane, transport::WaitSet& gatekeeper) noexcept
+      : lane_(lane), gatekeeper_(gatekeeper) {}
+
+  void submit(HandshakeWork work) noexcept {
+    const bool has_space = submitted_.push(work);
+    RTPM_ASSERT(has_space, "a lane has no more jobs than the ring holds");
+    gatekeeper_.ring();
+  }
+  [[nodiscard]] std::optional<HandshakeWork> take_done() noexcept { return done_.pop(); }
+
+  [[nodiscard]] std::optional<HandshakeWork> take_submitted() noexcept { return submitted_.pop(); }
+  void give_back(HandshakeWork work) noexcept {
+    const bool has_space = done_.push(work);
+    RTPM_ASSERT(has_space, "a lane has no more jobs than the ring holds");
+    lane_.ring();
+  }
+
+ private:
+  using Ring = SpscRing<HandshakeWork, 2 * kJobCountMax>;
+  Ring submitted_;
+  Ring done_;
+  transport::WaitSet& lane_;
+  transport::WaitSet& gatekeeper_;
+};
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,95 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <utility>
+
+#include "lane/connections.hpp"
+#include "lane/handshake_exchange.hpp"
+#include "rtpm/rt/secret_memory.hpp"
+#include "rtpm/sealed/server.hpp"
+#include "security/lane_admission.hpp"
+
+namespace rtpm::rpc {
+
+struct LaneSetup;
+
+/// What a lane of a secured server has beside its sessions over UDP and TCP: their seals, their
+/// handshakes, and an eye on the grants. Shared memory is not sealed.
+/// @threads  one at a time, with the lane's Lead
+/// @realtime alloc-free but for construction
+class Seals {
+ public:
+  /// What is to be sent, or whose connection ends, by itself.
+  struct Event {
+    wire::PeerAddress peer{};
+    ConstBytes frame{};    ///< As it goes out; empty: nothing is sent.
+    Slot* slot = nullptr;  ///< The connection; null: the peer is one over datagrams.
+    bool ends_connection = false;
+  };
+
+  Seals(const LaneSetup& setup, wire::ServerSessions& datagrams, wire::ServerSessions& streams,
+        transport::WaitSet& wait_set);
+
+  /// False: the system gave no memory for keys.
+  [[nodiscard]] bool has_memory() const noexcept { return datagrams_.server && streams_.server; }
+  [[nodiscard]] HandshakeExchange& exchange() noexcept { return exchange_; }
+  [[nodiscard]] sealed::SealedServer& datagrams() noexcept { return *datagrams_.server; }
+  [[nodiscard]] sealed::SealedServer& streams() noexcept { return *streams_.server; }
+
+  /// Takes a received frame, which is opened in place.
+  [[nodiscard]] wire::Verdict on_datagram(MutableBytes frame, const wire::PeerAddress& peer,
+                                          MonotonicTime now) noexcept {
+    return on_frame(/*is_stream=*/false, frame, peer, now);
+  }
+  [[nodiscard]] wire::Verdict on_stream_frame(MutableBytes frame, const wire::PeerAddress& peer,
+                                              MonotonicTime now) noexcept {
+    return on_frame(/*is_stream=*/true, frame, peer, now);
+  }
+
+  /// Begins a turn of the lane.
+  void begin_turn(MonotonicTime now) noexcept;
+  /// Steps of handshakes that the gatekeeper worked on, and sessions that the grants do not allow
+  /// any more, some in each turn.
+  /// @return nothing: no more in this turn. Valid until the next call
+  [[nodiscard]] std::optional<Event> next_event(Connections& connections,
+                                                MonotonicTime now) noexcept;
+  /// Whether a handshake went on, or a session ended, since this was last asked.
+  [[nodiscard]] bool take_progress() noexcept { return std::exchange(has_progress_, false); }
+  /// When a turn is due by itself.
+  [[nodiscard]] MonotonicTime next_time() const noexcept;
+  [[nodiscard]] wire::FrameCounters counters() const noexcept;
+
+ private:
+  struct Medium {
+    rt::SecretMemory memory;
+    std::optional<sealed::SealedServer> server;
+  };
+  enum class Review : std::uint8_t { kNone, kDatagrams, kStreams, kMemory };
+
+  void open(Medium& medium, const LaneSetup& setup, wire::Medium kind,
+            wire::ServerSessions& sessions);
+  [[nodiscard]] wire::Verdict on_frame(bool is_stream, MutableBytes frame,
+                                       const wire::PeerAddress& peer, MonotonicTime now) noexcept;
+  [[nodiscard]] std::optional<Event> on_done(const HandshakeWork& work, Connections& connections,
+                                             MonotonicTime now) noexcept;
+  [[nodiscard]] std::optional<Event> review_next(Connections& connections,
+                                                 MonotonicTime now) noexcept;
+  [[nodiscard]] std::optional<Event> review_memory(Connections& connections) noexcept;
+  void begin_part(Review part, std::size_t count) noexcept;
+
+  const AccessControl& control_;
+  LaneAdmission admission_;
+  HandshakeExchange exchange_;
+  std::uint32_t session_count_max_;
+  Medium datagrams_;
+  Medium streams_;
+  bool has_progress_ = false;
+  Review review_ = Review::kNone;
+  std::size_t review_left_ = 0;  ///< How many of the part are still to be judged.
+  std::uint32_t turn_left_ = 0;  ///< How many of them in this turn.
+  std::uint32_t reviewed_;       ///< The generation by which all were judged last,
+  std::uint32_t reviewing_;      ///< and by which they are judged.
+};
+
+}  // namespace rtpm::rpc

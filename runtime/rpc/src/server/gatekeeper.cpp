@@ -1,0 +1,88 @@
+#include "server/gatekeeper.hpp"
+
+#include <array>
+#include <utility>
+
+#include "rtpm/base/printable.hpp"
+#include "rtpm/rt/clock.hpp"
+
+namespace rtpm::rpc {
+
+expected<std::unique_ptr<Gatekeeper>, SetupError> Gatekeeper::open(const std::string& key_log_file,
+                                                                   AccessControl& control,
+                                                                   AuditLog& audit) {
+  auto wait_set = transport::PolledWaitSet::open(1);
+  if (!wait_set) return unexpected{wait_set.error()};
+  std::unique_ptr<Gatekeeper> gatekeeper(new Gatekeeper(std::move(*wait_set), control, audit));
+  if (key_log_file.empty()) return gatekeeper;
+  auto key_log = access::LogFile::open(key_log_file);
+  if (!key_log) return unexpected{key_log.error()};
+  gatekeeper->key_log_.emplace(std::move(*key_log));
+  gatekeeper->log_.write("the keys of all sessions are written to " + printable(key_log_file) +
+                         ": whoever reads that file reads their traffic");
+  return gatekeeper;
+}
+
+expected<void, SetupError> Gatekeeper::start(std::vector<std::unique_ptr<Lane>>& lanes,
+                                             std::vector<int> cpus) {
+  lanes_ = &lanes;
+  auto thread =
+      rt::Thread::start({.name = "rtpm-gatekeeper", .cpus = std::move(cpus)}, [this] { run(); });
+  if (!thread) return unexpected{thread.error()};
+  thread_ = std::move(*thread);
+  return {};
+}
+
+void Gatekeeper::stop() noexcept {
+  is_stopping_.store(true, std::memory_order_release);
+  wait_set_->ring();
+  thread_.join();
+}
+
+void Gatekeeper::run() {
+  std::array<transport::SourceTag, 1> ready{};
+  MonotonicTime next_look = rt::now();
+  while (!is_stopping_.load(std::memory_order_acquire)) {
+    const bool has_worked = work_once();
+    if (const MonotonicTime now = rt::now(); now >= next_look) {
+      look();
+      next_look = now + kLookInterval;
+    }
+    static_cast<void>(wait_set_->wait(has_worked ? transport::kAlready : next_look, ready));
+  }
+  audit_.write_notes();
+}
+
+// One handshake's step of each lane, so that none waits for another's storm; false: there is none.
+bool Gatekeeper::work_once() {
+  bool has_worked = false;
+  for (const auto& lane : *lanes_) {
+    HandshakeExchange& exchange = lane->handshakes();
+    const auto work = exchange.take_submitted();
+    if (!work) continue;
+    work->job->run();
+    write_key(*work->job);
+    exchange.give_back(*work);
+    has_worked = true;
+  }
+  return has_worked;
+}
+
+void Gatekeeper::look() {
+  if (control_.reload_if_changed()) {
+    audit_.note({AuditNote::Kind::kReloaded, {}, rt::now()});
+    for (const auto& lane : *lanes_)
+      lane->ring();
+  }
+  audit_.write_notes();
+  log_.tick();
+}
+
+void Gatekeeper::write_key(const sealed::HandshakeJob& job) {
+  if (!key_log_) return;
+  const auto line = job.key_log_line();
+  if (!line) return;
+  if (auto written = key_log_->write_line(*line); !written) log_.write(written.error().text());
+}
+
+}  // namespace rtpm::rpc
