@@ -16,6 +16,8 @@
 #include "rtpm/test/alloc_guard.hpp"
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/test/lock_guard.hpp"
+#include "rtpm/test/sealed_peer.hpp"
+#include "secured_server.hpp"
 
 // A call allocates nothing on either side: lanes stand in a NoAllocationScope by themselves, the
 // caller does here, and the guard that this binary links aborts on a breach by either. So does the
@@ -320,6 +322,43 @@ TEST_P(NoAllocation, InCallsByNameNorInTheirOutage) {
       EXPECT_FALSE(binding->call(echo::kEcho, {}));
   }
   EXPECT_TRUE(await([&] { return name.look_count >= 2; })) << "one was the bind's";
+}
+
+// Handshakes, sealed calls in one frame and in many, refusals of strangers and forged frames, and
+// the end of a session whose grant is taken away: lanes allocate for none of them.
+class NoAllocationOfLanes : public testing::TestWithParam<Transport> {};
+INSTANTIATE_TEST_SUITE_P(Sealed, NoAllocationOfLanes,
+                         testing::Values(Transport::kUdp, Transport::kTcp));
+
+TEST_P(NoAllocationOfLanes, InSealedSessions) {
+  if (!rtpm::test::is_alloc_guard_active()) GTEST_SKIP() << rtpm::test::kAllocGuardInactive;
+  const KeyFolder folder;
+  const seal::KeyPair key = seal::KeyPair::generate();
+  access::Subject subject;
+  subject.kind = access::Subject::Kind::kKey;
+  subject.key = key.public_key;
+  ServerConfig config = quiet_config();
+  config.host = "127.0.0.1";
+  config.security.authorized_file =
+      folder.write("authorized", access::to_text(subject) + " role=command on=**\n");
+  config.security.key_file = folder.file("key");
+  config.security.key_log_file = folder.file("keys");
+  EchoServer server(config);
+  const auto peer_with = [&](const seal::KeyPair& own) {
+    return rtpm::test::SealedPeer(GetParam(), server.server->port(), *server.server->public_key(),
+                                  own);
+  };
+  auto client = peer_with(key);
+  ASSERT_TRUE(client.open());
+  for (int i = 0; i < 100; ++i)
+    ASSERT_TRUE(client.call(echo::kEcho.id, bytes_of("a")).is_ok());
+  ASSERT_TRUE(client.call(echo::kEcho.id, Bytes(200'000)).is_ok());
+  auto stranger = peer_with(seal::KeyPair::generate());
+  EXPECT_FALSE(stranger.open(std::chrono::milliseconds{50}));
+  RawPeer plain(GetParam(), server.server->port());
+  EXPECT_FALSE(plain.open(std::chrono::milliseconds{50}));
+  folder.write("authorized", "anonymous role=observe on=nothing\n");
+  EXPECT_EQ(client.await().kind, rtpm::test::SealedPeer::Kind::kClosed);
 }
 
 }  // namespace

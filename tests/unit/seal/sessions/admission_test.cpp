@@ -3,6 +3,8 @@
 #include <algorithm>
 
 #include "peers.hpp"
+#include "rtpm/rt/secret_memory.hpp"
+#include "rtpm/test/child.hpp"
 
 // What a server's grants say of its sessions, and what a child of a fork has of them.
 namespace rtpm::sealed::test {
@@ -101,6 +103,30 @@ TEST(SealedSessions, AWipedServerSendsAndTakesNothing) {
   Client stranger(server.identity.key.public_key);
   stranger.open(kNow);
   EXPECT_TRUE(server.receive(stranger.sent.front(), kNow).empty());
+}
+
+TEST(SealedSessions, AChildOfAForkHasNoKeys) {
+  const rt::SecretMemory secrets(std::size_t{256} * 1024);
+  Server server;
+  server.secrets = secrets.bytes();
+  server.restart();
+  Client client(server.identity.key.public_key);
+  open_and_call(client, server, kNow);
+  client.call("two", kNow);
+  const Bytes call = client.sent.front();
+  const auto child = rtpm::test::run_in_child([&] {
+    wire::Header header;
+    header.kind = FrameKind::kReply;
+    header.session = client.channel.session();
+    std::array<std::byte, wire::kHeaderSize> reply;
+    wire::encode(header, reply.data());
+    const bool is_silent = server.sealed->seal(reply).empty() && server.receive(call, kNow).empty();
+    return std::string(is_silent && server.run_count == 1 ? "silent" : "speaks");
+  });
+  EXPECT_EQ(child.said, "silent");
+  talk(client, server, kNow);
+  EXPECT_EQ(client.reply, "two");
+  server.sealed.reset();
 }
 
 // What did not come about by the grants is not sent as it is either.

@@ -84,7 +84,7 @@ class Server {
                                .session_count_max = session_count_max_,
                                .takes_unsealed = takes_unsealed_};
     memory.assign(SealedServer::memory_size(sealing) / sizeof(Line), {});
-    sealing.memory = std::as_writable_bytes(std::span(memory));
+    sealing.memory = secrets.empty() ? std::as_writable_bytes(std::span(memory)) : secrets;
     sealed = std::make_unique<SealedServer>(sealing, *sessions);
   }
   /// What the server sends because of `frame`.
@@ -119,7 +119,8 @@ class Server {
   };
   ServerIdentity identity;
   Door door;
-  std::vector<Line> memory;  ///< Where all keys of sessions are.
+  std::vector<Line> memory;  ///< Where all keys of sessions are,
+  MutableBytes secrets{};    ///< unless they are here, from restart() on.
   std::unique_ptr<wire::ServerSessions> sessions;
   std::unique_ptr<SealedServer> sealed;
   int run_count = 0;

@@ -81,6 +81,32 @@ class SealedPeer {
     send_all(*frame);
     return true;
   }
+  /// Begins a stream of items of at most 16 KiB.
+  [[nodiscard]] bool begin_stream(std::uint16_t method, std::uint32_t window) {
+    constexpr std::size_t kFrameSize = wire::kSharedPayloadSizeMax;
+    const wire::Medium medium = transport_->medium();
+    const std::uint32_t byte_window = wire::stream_bytes_first(medium);
+    frames_.resize(kFrameSize * wire::stream_frame_count(medium, window, byte_window));
+    item_.resize(std::size_t{16} * 1024);
+    wire::CallParameters parameters;
+    parameters.method = method;
+    parameters.stream_window = window;
+    parameters.stream_buffers = {
+        .frames = frames_, .frame_size = kFrameSize, .item = item_, .byte_window = byte_window};
+    return begin(parameters, {});
+  }
+  /// The next item of the only call, if it comes in time.
+  [[nodiscard]] std::optional<Bytes> next_item(Duration patience = kPatience) {
+    const MonotonicTime until = rt::now() + patience;
+    while (true) {
+      if (const auto item = channel_->next_item(channel_->last_call())) {
+        Bytes copy(item->begin(), item->end());
+        send_all(channel_->next_frame(rt::now()));
+        return copy;
+      }
+      if (await(until).kind != Kind::kItems) return std::nullopt;
+    }
+  }
   /// The next thing that happens.
   [[nodiscard]] Reply await(MonotonicTime until = rt::now() + kPatience) {
     while (happened_.empty()) {
@@ -146,6 +172,8 @@ class SealedPeer {
   Bytes buffer_;
   Bytes large_;
   Bytes payload_;
+  Bytes frames_;
+  Bytes item_;
   Bytes last_sent_;
   Bytes last_frame_;
   std::optional<wire::ClientChannel> channel_;

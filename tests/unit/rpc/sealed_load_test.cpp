@@ -1,0 +1,256 @@
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <thread>
+
+#include "rtpm/access/grants.hpp"
+#include "rtpm/test/sealed_peer.hpp"
+#include "secured_server.hpp"
+
+// Sealed sessions of a real server under attack, and what goes on in them while grants change.
+namespace rtpm::rpc {
+namespace {
+
+using namespace test;
+using namespace std::chrono_literals;
+using rtpm::test::SealedPeer;
+using Kind = SealedPeer::Kind;
+
+constexpr MethodDescriptor kWatch{1, "watch", 201, false, {}};
+constexpr MethodDescriptor kLater{2, "later", 202, false, {}};
+constexpr std::array kMethods{kWatch, kLater};
+constexpr InterfaceDescriptor kSlowly{"test.Slowly", 4712, "by hand", kMethods};
+
+/// Keeps each call open: the test says what comes of it.
+class SlowServant final : public Servant {
+ public:
+  [[nodiscard]] const InterfaceDescriptor& interface() const noexcept override { return kSlowly; }
+  DispatchResult dispatch(std::uint16_t method, ConstBytes, MutableBytes,
+                          const CallContext& context) override {
+    if (method == kWatch.id) {
+      writer = context.deferral->stream();
+    } else {
+      reply = context.deferral->defer();
+    }
+    has_call = true;
+    return {};
+  }
+  ItemWriter writer;
+  DeferredReply reply;
+  std::atomic<bool> has_call{false};
+};
+
+/// A server of one object, for one key.
+class SealedLoad : public testing::TestWithParam<Transport> {
+ protected:
+  void serve(Servant& first, ServerConfig config = quiet_config()) {
+    const bool serves_echo = &first == &echo_;
+    config.host = "127.0.0.1";
+    allow("role=command on=**");
+    config.security.authorized_file = folder_.file("authorized");
+    config.security.key_file = folder_.file("key");
+    auto created = Server::create(std::move(config));
+    ASSERT_TRUE(created) << created.error().text();
+    server_ = std::move(*created);
+    ASSERT_TRUE(server_->add(serves_echo ? "echo" : "slow", first));
+    ASSERT_TRUE(server_->start());
+  }
+  void TearDown() override {
+    slow_.writer = {};
+    slow_.reply = {};
+    if (server_) server_->stop();
+  }
+  void allow(const std::string& what) {
+    access::Subject subject;
+    subject.kind = access::Subject::Kind::kKey;
+    subject.key = key_.public_key;
+    folder_.write("authorized", access::to_text(subject) + " " + what + "\n");
+  }
+  [[nodiscard]] SealedPeer peer() {
+    return {GetParam(), server_->port(), *server_->public_key(), key_};
+  }
+
+  KeyFolder folder_;
+  seal::KeyPair key_ = seal::KeyPair::generate();
+  SlowServant slow_;
+  echo::Servant echo_;
+  std::unique_ptr<Server> server_;
+};
+
+INSTANTIATE_TEST_SUITE_P(Both, SealedLoad, testing::Values(Transport::kUdp, Transport::kTcp),
+                         [](const auto& row) {
+                           return row.param == Transport::kUdp ? "Udp" : "Tcp";
+                         });
+
+TEST_P(SealedLoad, ItemsOfAllSizesComeThrough) {
+  serve(slow_);
+  SealedPeer client = peer();
+  ASSERT_TRUE(client.open());
+  ASSERT_TRUE(client.begin_stream(kWatch.id, 8));
+  ASSERT_TRUE(await([&] { return slow_.has_call.load(); }));
+  for (const std::size_t size : {0u, 48u, 1320u, 1321u, 16'000u, 1u, 2u, 3u, 4u, 5u, 6u, 7u, 8u}) {
+    const Bytes item(size, static_cast<std::byte>(size));
+    ASSERT_TRUE(slow_.writer.write(item));
+    const auto received = client.next_item();
+    ASSERT_TRUE(received) << size;
+    EXPECT_EQ(*received, item);
+  }
+  slow_.writer.finish();
+  EXPECT_TRUE(client.await().is_ok());
+}
+
+// Its writer learns of it, and nothing more of the device goes to who must not see it any more.
+TEST_P(SealedLoad, AStreamEndsWithTheGrant) {
+  serve(slow_);
+  SealedPeer client = peer();
+  ASSERT_TRUE(client.open());
+  ASSERT_TRUE(client.begin_stream(kWatch.id, 8));
+  ASSERT_TRUE(await([&] { return slow_.has_call.load(); }));
+  ASSERT_TRUE(slow_.writer.write(bytes_of("a")));
+  ASSERT_TRUE(client.next_item());
+  allow("role=command on=other");
+  const MonotonicTime changed = rt::now();
+  while (slow_.writer.is_awaited() && rt::now() < changed + 3s)
+    std::this_thread::sleep_for(1ms);
+  EXPECT_LT(rt::now() - changed, 1500ms);
+  EXPECT_FALSE(slow_.writer.is_awaited());
+  EXPECT_EQ(client.await().kind, Kind::kClosed);
+}
+
+TEST_P(SealedLoad, ADeferredCallEndsWithTheGrant) {
+  serve(slow_);
+  SealedPeer client = peer();
+  ASSERT_TRUE(client.open());
+  ASSERT_TRUE(client.begin({.method = kLater.id}, bytes_of("a")));
+  ASSERT_TRUE(await([&] { return slow_.has_call.load(); }));
+  allow("role=observe on=slow");
+  EXPECT_EQ(client.await(rt::now() + 1500ms).kind, Kind::kClosed);
+  EXPECT_TRUE(await([&] { return !slow_.reply.is_awaited(); }));
+  // What comes of it is nobody's.
+  slow_.reply.complete(wire::Status::kOk, 0);
+  EXPECT_TRUE(await([&] { return server_->counters().frames.orphaned_count == 1; }));
+}
+
+TEST_P(SealedLoad, APoolEndsTheSessionsThatItsThreadsServe) {
+  ServerConfig config = quiet_config();
+  config.lanes[0].static_threads = 3;
+  config.lanes[0].buffered_request_max = 8;
+  serve(slow_, config);
+  SealedPeer client = peer();
+  ASSERT_TRUE(client.open());
+  ASSERT_TRUE(client.begin({.method = kLater.id}, bytes_of("a")));
+  ASSERT_TRUE(await([&] { return slow_.has_call.load(); }));
+  allow("role=observe on=slow");
+  EXPECT_EQ(client.await(rt::now() + 1500ms).kind, Kind::kClosed);
+}
+
+/// One address of this host that sends HELLOs with a cookie that is its own, and a message 1 that
+/// nobody made: each costs the server a handshake's first half.
+class Storm {
+ public:
+  Storm(std::uint16_t port, std::uint32_t host) : file_(socket(AF_INET, SOCK_DGRAM, 0)) {
+    sockaddr_in own{};
+    own.sin_family = AF_INET;
+    own.sin_addr.s_addr = htonl(0x7f000000U + host);
+    is_open_ = bind(file_, reinterpret_cast<sockaddr*>(&own), sizeof own) == 0;
+    sockaddr_in server = own;
+    server.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    server.sin_port = htons(port);
+    is_open_ = is_open_ && connect(file_, reinterpret_cast<sockaddr*>(&server), sizeof server) == 0;
+    timeval patience{1, 0};
+    setsockopt(file_, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+  }
+  Storm(const Storm&) = delete;
+  Storm& operator=(const Storm&) = delete;
+  ~Storm() { close(file_); }
+
+  /// Gets a cookie; false without.
+  [[nodiscard]] bool prove() {
+    send(/*has_message=*/false);
+    std::array<std::byte, 2048> answer{};
+    const ssize_t size = recv(file_, answer.data(), answer.size(), 0);
+    if (!is_open_ || size != ssize_t{wire::kHeaderSize + wire::SealedCookie::kSize}) return false;
+    const auto cookie =
+        wire::decode_sealed_cookie(ConstBytes(answer).subspan(wire::kHeaderSize, 56));
+    if (cookie) hello_.cookie = cookie->cookie;
+    return cookie.has_value();
+  }
+  void send(bool has_message) {
+    wire::Header header;
+    header.kind = wire::FrameKind::kHello;
+    header.call_id = ++number_;
+    const std::size_t size = has_message ? wire::SealedHello::kSize : wire::Hello::kSize;
+    header.payload_size = header.message_size = static_cast<std::uint32_t>(size);
+    std::array<std::byte, wire::kHeaderSize + wire::SealedHello::kSize> frame{};
+    wire::encode(header, frame.data());
+    wire::encode(hello_, MutableBytes(frame).subspan(wire::kHeaderSize));
+    frame.back() = static_cast<std::byte>(number_);
+    static_cast<void>(::send(file_, frame.data(), wire::kHeaderSize + size, 0));
+  }
+
+ private:
+  int file_;
+  bool is_open_ = false;
+  std::uint32_t number_ = 0;
+  wire::Hello hello_ = [] {
+    wire::Hello hello;
+    hello.client_epoch = 77;
+    hello.channel = 1;
+    hello.message_size_max = 1 << 20;
+    hello.features = wire::kFeatureSealed;
+    return hello;
+  }();
+};
+
+// 1000 HELLOs a second, of one address and of many: the session that is there makes its calls.
+class HelloStorm : public SealedLoad {};
+INSTANTIATE_TEST_SUITE_P(Udp, HelloStorm, testing::Values(Transport::kUdp),
+                         [](const auto&) { return "Udp"; });
+
+TEST_P(HelloStorm, KeepsNoCallFromRunning) {
+  serve(echo_);
+  for (const std::uint32_t host_count : {1u, 50u}) {
+    SealedPeer client = peer();
+    ASSERT_TRUE(client.open());
+    std::vector<std::unique_ptr<Storm>> storms;
+    for (std::uint32_t i = 0; i < host_count; ++i) {
+      storms.push_back(std::make_unique<Storm>(server_->port(), 0x1000 + host_count + i));
+      ASSERT_TRUE(storms.back()->prove());
+    }
+    const auto dropped_before = server_->counters().frames;
+    std::atomic<bool> is_over{false};
+    std::thread attacker([&] {
+      for (std::size_t i = 0; !is_over; ++i) {
+        storms[i % storms.size()]->send(/*has_message=*/true);
+        std::this_thread::sleep_for(800us);
+      }
+    });
+    int failure_count = 0;
+    const MonotonicTime begin = rt::now();
+    while (rt::now() < begin + 1s) {
+      if (!client.call(echo::kEcho.id, bytes_of("a"), wire::Delivery::kReply, 1s).is_ok()) {
+        ++failure_count;
+      }
+    }
+    is_over = true;
+    attacker.join();
+    EXPECT_EQ(failure_count, 0);
+    const auto dropped = server_->counters().frames;
+    const auto reason_count = [&](wire::DropReason reason) {
+      return dropped.dropped_for(reason) - dropped_before.dropped_for(reason);
+    };
+    const std::uint64_t worked_count = reason_count(wire::DropReason::kBadSeal);
+    EXPECT_GT(worked_count, 20u);
+    EXPECT_LT(worked_count, host_count == 1 ? 120u : 700u);
+    EXPECT_GT(reason_count(wire::DropReason::kRateLimited), 0u);
+    EXPECT_EQ(dropped.session_evicted_count, 0u);
+  }
+}
+
+}  // namespace
+}  // namespace rtpm::rpc
