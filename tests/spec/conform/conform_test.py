@@ -130,6 +130,44 @@ class SealedTest(ConformTest):
         self.assertIn('its COOKIE shows another key', ran.stdout)
 
 
+class SealedServerTest(ConformTest):
+    """Level S, of our real server."""
+
+    def test_rtpm_passes(self):
+        if importlib.util.find_spec('cryptography') is None:
+            self.skipTest('[  SKIPPED ] needs the Debian package python3-cryptography')
+        sys.path.insert(0, str(SOURCE / 'spec' / 'vectors' / 'generator'))
+        import noise
+        with tempfile.TemporaryDirectory() as name:
+            folder = pathlib.Path(name)
+            own = noise.new_key()
+            write_line(folder / 'own', f'rtpm25519 {base64.b64encode(own).decode()} conform')
+            public = base64.b64encode(noise.public_of(own)).decode()
+            write_line(folder / 'authorized',
+                       f'rtpm25519 {public} name=conform role=administer on=**')
+            server = subprocess.Popen([PROGRAMS / 'counting_server', folder / 'authorized',
+                                       folder / 'server'], stdin=subprocess.PIPE,
+                                      stdout=subprocess.PIPE, text=True)
+            try:
+                address = server.stdout.readline().strip()
+                private = base64.b64decode((folder / 'server').read_text().split()[1])
+                key = base64.b64encode(noise.public_of(private)).decode()
+                ran, results = self.run_tool('sealed', '--address', address, '--server-key', key,
+                                             '--own-key', folder / 'own')
+                self.assertEqual(ran.returncode, 0, ran.stdout)
+                self.assertEqual({one['outcome'] for one in results}, {'passed'}, ran.stdout)
+                self.assertGreater(len(results), 30)
+            finally:
+                server.stdin.close()
+                server.stdout.close()
+                self.assertEqual(server.wait(10), 0)
+
+
+def write_line(path, line):
+    path.write_text(line + '\n', encoding='ascii')
+    path.chmod(0o600)
+
+
 class FaultTest(ConformTest):
     def test_a_server_that_runs_copies_fails(self):
         self.expect_fault('server', 'lost-call', 'hp-5.2-1', '--runs-copies')

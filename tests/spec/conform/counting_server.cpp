@@ -1,5 +1,7 @@
 // RTPM's real server as a program under test of spec/conform that is told nothing: method 2 of its
 // object answers with how often it has run.
+//   counting_server [AUTHORIZED KEY]
+// With these files it asks its callers for grants, and its sessions are sealed.
 
 #include <unistd.h>
 
@@ -37,9 +39,10 @@ class CountingServant final : public rpc::Servant {
 };
 
 /// Serves until stdin ends.
-int serve() {
+int serve(const rpc::ServerSecurity& security) {
   CountingServant servant;
   rpc::ServerConfig config;
+  config.security = security;
   config.realtime = rt::RealtimeMode::kOff;
   auto server = rpc::Server::create(config);
   if (!server) {
@@ -64,6 +67,11 @@ int serve() {
 }  // namespace
 }  // namespace rtpm::spec
 
-int main() {
-  return rtpm::spec::serve();
+int main(int argc, char** argv) {
+  rtpm::rpc::ServerSecurity security;
+  if (argc == 3) {
+    security.authorized_file = argv[1];
+    security.key_file = argv[2];
+  }
+  return rtpm::spec::serve(security);
 }
