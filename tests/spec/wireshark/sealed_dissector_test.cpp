@@ -4,6 +4,7 @@
 #include <array>
 
 #include "capture.hpp"
+#include "peers.hpp"
 #include "rtpm/seal/session.hpp"
 #include "rtpm/wire/control.hpp"
 #include "rtpm/wire/sealed.hpp"
@@ -153,6 +154,34 @@ TEST_F(SealedDissector, OpensFramesByAKeyLog) {
       }
     }
   }
+}
+
+// A whole conversation of our client and lane, by the line that the server gives for its key log.
+TEST_F(SealedDissector, OpensASessionByTheLineOfItsServer) {
+  sealed::test::Server server;
+  sealed::test::Client client(server.identity.key.public_key);
+  Capture capture;
+  const MonotonicTime now = at(0us);
+  client.open(now);
+  client.call_when_ready("move to zero", now);
+  while (!client.sent.empty()) {
+    const Bytes frame = client.sent.front();
+    client.sent.pop_front();
+    capture.add_datagram(kClient, kServer, frame, now);
+    for (const Bytes& answer : server.receive(frame, now)) {
+      capture.add_datagram(kServer, kClient, answer, now);
+      client.receive(answer, now);
+    }
+    client.call_when_ready("move to zero", now);
+  }
+  const auto rows = dissect(capture, {"rtpm.kind", "rtpm.payload", "rtpm.drop"}, server.key_log);
+  ASSERT_EQ(rows.size(), 6u);
+  const std::string text = "move to zero";
+  const auto bytes = std::as_bytes(std::span(text));
+  for (const std::size_t i : {4u, 5u})
+    EXPECT_EQ(rows[i].at("rtpm.payload"), hex_of(Bytes(bytes.begin(), bytes.end())));
+  for (const Row& row : rows)
+    EXPECT_EQ(row.at("rtpm.drop"), "");
 }
 
 TEST_F(SealedDissector, ShowsWhatIsReadableWithoutKeys) {

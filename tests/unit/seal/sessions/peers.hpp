@@ -5,6 +5,7 @@
 #include <deque>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "rtpm/sealed/client.hpp"
@@ -110,6 +111,7 @@ class Server {
       if (outcome.job == nullptr) return sent;
       HandshakeJob& job = *outcome.job;
       job.run();
+      if (auto line = job.key_log_line()) key_log += *line + "\n";
       outcome = sealed->on_job(job, now);
     }
   }
@@ -126,6 +128,7 @@ class Server {
   int run_count = 0;
   MonotonicTime last_deadline{};
   int job_count = 0;
+  std::string key_log;
   bool has_hung_up = false;
 
  private:
