@@ -1,12 +1,8 @@
-#include <fcntl.h>
 #include <gtest/gtest.h>
-#include <sched.h>
 #include <signal.h>
-#include <unistd.h>
 
 #include <atomic>
 #include <cstdio>
-#include <cstdlib>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -14,6 +10,7 @@
 #include <thread>
 #include <vector>
 
+#include "network_host.hpp"
 #include "programs.hpp"
 #include "rtpm/gvd/client.hpp"
 #include "rtpm/names/resolver.hpp"
@@ -26,74 +23,6 @@ namespace rtpm::system_test {
 namespace {
 
 using namespace std::chrono_literals;
-
-/// Why network namespaces can't be made here, or nothing.
-std::string missing_for_hosts() {
-  if (geteuid() != 0) return "network namespaces take root";
-  if (std::system("command -v ip >/dev/null") != 0) return "the program 'ip' is missing";
-  const auto end = test::run({"/usr/bin/unshare", "--net", "true"}, kPatience);
-  return end && end->exit_code == 0 ? "" : "network namespaces take the right CAP_SYS_ADMIN";
-}
-
-/// Runs a command of ip(8); the test fails if that does.
-void ip(const std::string& command) {
-  const int status = std::system(("ip " + command).c_str());
-  EXPECT_EQ(status, 0) << "ip " << command;
-}
-
-/// A network namespace with a name of this process, which goes with it.
-class Host {
- public:
-  explicit Host(const std::string& name) : name_("rtpm" + std::to_string(getpid()) + name) {
-    ip("netns add " + name_);
-    run("link set lo up");
-  }
-  ~Host() { ip("netns delete " + name_); }
-  Host(const Host&) = delete;
-  Host& operator=(const Host&) = delete;
-
-  [[nodiscard]] const std::string& name() const { return name_; }
-  void run(const std::string& command) const { ip("-netns " + name_ + " " + command); }
-  /// A cable to the other host; each end has the address, with the size of its network.
-  void join(const std::string& interface, const std::string& address, const Host& other,
-            const std::string& its_interface, const std::string& its_address) const {
-    run("link add " + interface + " type veth peer name " + its_interface + " netns " +
-        other.name());
-    use(interface, address);
-    other.use(its_interface, its_address);
-  }
-  void use(const std::string& interface, const std::string& address) const {
-    // Without waiting for another host to have the same address.
-    const bool is_ipv6 = address.find(':') != std::string::npos;
-    if (!address.empty()) {
-      run("address add " + address + " dev " + interface + (is_ipv6 ? " nodad" : ""));
-    }
-    run("link set " + interface + " up");
-  }
-  [[nodiscard]] std::vector<std::string> inside() const {
-    return {"/usr/bin/env", "ip", "netns", "exec", name_};
-  }
-  [[nodiscard]] std::optional<Daemon> start(std::string_view program,
-                                            std::vector<std::string> arguments) const {
-    arguments.insert(arguments.end(), {"--realtime", "off", "--insecure"});
-    return start_daemon(program, std::move(arguments), inside());
-  }
-  [[nodiscard]] test::Process::End run_tool(std::vector<std::string> arguments) const {
-    std::vector<std::string> command = inside();
-    command.push_back(path_of("rtpm"));
-    command.insert(command.end(), arguments.begin(), arguments.end());
-    return test::run(command, kPatience).value_or(test::Process::End{});
-  }
-  /// Takes the calling thread, and those that it starts, to this host.
-  void enter() const {
-    const int file = open(("/run/netns/" + name_).c_str(), O_RDONLY | O_CLOEXEC);
-    ASSERT_EQ(setns(file, CLONE_NEWNET), 0);
-    close(file);
-  }
-
- private:
-  std::string name_;
-};
 
 std::string registry_at(const std::string& host) {
   return "rtpm://" + host + ":7420/rtpm/names";
@@ -200,7 +129,7 @@ class MovedServer : public testing::TestWithParam<Network> {
     join(*first_, "port1", GetParam().first);
     join(*second_, "port2", GetParam().second);
     join(*caller_, "port3", GetParam().caller);
-    registry_ = middle_->start("rtpm-registryd", {"--host", GetParam().registry});
+    registry_ = middle_->start("rtpm-registryd", {"--host", GetParam().registry, "--insecure"});
     ASSERT_TRUE(registry_);
   }
   static std::string with_size(const std::string& address) {
@@ -214,7 +143,8 @@ class MovedServer : public testing::TestWithParam<Network> {
     return registry_at(in_url(GetParam().registry));
   }
   [[nodiscard]] static std::optional<Daemon> start_arm(const Host& host) {
-    return host.start("rtpm-deviced", {"--host", "any", "--registry", registry_url()});
+    return host.start("rtpm-deviced",
+                      {"--host", "any", "--insecure", "--registry", registry_url()});
   }
 
   std::optional<Host> middle_, first_, second_, caller_;
@@ -282,11 +212,11 @@ class ServerOfThreeNetworks : public testing::Test {
                     caller + size);
       add_bridge(*callers_.back());
     }
-    registry_ = server_->start("rtpm-registryd", {"--host", "any"});
+    registry_ = server_->start("rtpm-registryd", {"--host", "any", "--insecure"});
     ASSERT_TRUE(registry_);
   }
   [[nodiscard]] bool start_arm(const std::vector<std::string>& more) {
-    std::vector<std::string> arguments{"--registry", registry_at("127.0.0.1")};
+    std::vector<std::string> arguments{"--insecure", "--registry", registry_at("127.0.0.1")};
     arguments.insert(arguments.end(), more.begin(), more.end());
     device_ = server_->start("rtpm-deviced", arguments);
     return device_.has_value();

@@ -10,6 +10,7 @@
 #include "laboratory/bring_up.hpp"
 #include "laboratory/commands.hpp"
 #include "laboratory/file.hpp"
+#include "rtpm/names/defaults.hpp"
 
 namespace rtpm::tool {
 namespace {
@@ -23,6 +24,7 @@ constexpr int kSecondsWithoutTerminal = 10;
 struct DemoRequest {
   std::optional<int> seconds{};  ///< 0: until Ctrl-C.
   std::string hand{};
+  std::string host{};
 };
 
 int demo(Context& context, const DemoRequest& request) {
@@ -40,6 +42,11 @@ int demo(Context& context, const DemoRequest& request) {
   file.variables["recordings"] = std::filesystem::current_path(error).string();
   if (!request.hand.empty()) {
     file.variables["hand"] = std::filesystem::absolute(request.hand, error).string();
+  }
+  if (!request.host.empty()) {
+    file.variables["host"] = request.host;
+    // Where callers of other hosts look for it.
+    file.variables["port"] = std::to_string(names::kDefaultRegistryPort);
   }
   if (is_watched) file.variables["live"] = "rewrite";
   const auto plan = laboratory::read_plan(path, file);
@@ -62,7 +69,8 @@ void add_demo(CLI::App& program, Context& context) {
       "console\n"
       "at the URL that it prints, for a browser, and a display of the devices' events. What the\n"
       "console records is kept in the present folder. At the end comes what the loop's calls and\n"
-      "cycles took.\n",
+      "cycles took. With --host the registry is at port 7420, and asks callers of other hosts for\n"
+      "keys (rtpm key).\n",
       [request](Context& c) { return demo(c, *request); });
   command
       .add_option("--seconds", request->seconds,
@@ -76,6 +84,10 @@ void add_demo(CLI::App& program, Context& context) {
                      "' of --hand is no readable file; it takes a CSV file of "
                      "t_s,x_m,y_m,z_m";
   };
+  command
+      .add_option("--host", request->host,
+                  "Serve other hosts, too, at this address, or any; without: this host only")
+      ->type_name("HOST");
   command.add_option("--hand", request->hand, "A recorded hand: CSV of t_s,x_m,y_m,z_m")
       ->check(CLI::Validator(check, ""))
       ->type_name("FILE");

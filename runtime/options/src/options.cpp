@@ -309,8 +309,8 @@ std::string Options::Impl::help_text(const Verb* verb) const {
 
 std::string Options::Impl::dump_text() {
   std::string text = "# " + name + " " RTPM_VERSION ": the configuration in force.\n";
-  // That one is every program's, see runtime/transport.
-  std::vector<std::string> variables{"RTPM_RUNTIME_FOLDER"};
+  // These are every program's, see runtime/transport and runtime/access.
+  std::vector<std::string> variables{"RTPM_RUNTIME_FOLDER", "RTPM_KEYS"};
   for (std::size_t i = 0; i < settings.size(); ++i) {
     const Setting& setting = settings[i];
     variables.push_back(variable_of(setting.key));

@@ -33,9 +33,8 @@ std::vector<char*> pointers_to(std::vector<std::string>& texts) {
   return pointers;
 }
 
-/// The folder in which programs of this test find each other, and no others of this host: the
-/// test's own $RTPM_RUNTIME_FOLDER, or one for as long as the test runs.
-std::string runtime_folder() {
+/// A folder that goes with the test's process.
+const std::string& folder_of_this_test() {
   struct Folder {
     std::string path = std::filesystem::temp_directory_path() / "rtpm-test-XXXXXX";
     Folder() {
@@ -46,13 +45,19 @@ std::string runtime_folder() {
       std::filesystem::remove_all(path, ignored);
     }
   };
-  if (const char* const own = std::getenv("RTPM_RUNTIME_FOLDER"); own != nullptr) return own;
   static const Folder folder;
   return folder.path;
 }
 
+/// "NAME=VALUE", as this process has it, else a folder of this test's own.
+std::string with_folder(const char* variable) {
+  const char* const own = std::getenv(variable);
+  return std::string(variable) + "=" + (own != nullptr ? std::string(own) : folder_of_this_test());
+}
+
 std::vector<std::string> clean_environment() {
-  std::vector<std::string> variables{"RTPM_RUNTIME_FOLDER=" + runtime_folder()};
+  // In one, programs find each other, and no others of this host; in the other are their keys.
+  std::vector<std::string> variables{with_folder("RTPM_RUNTIME_FOLDER"), with_folder("RTPM_KEYS")};
   for (char** variable = environ; *variable != nullptr; ++variable) {
     if (!std::string_view(*variable).starts_with("RTPM_")) variables.emplace_back(*variable);
   }

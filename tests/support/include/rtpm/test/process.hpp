@@ -13,7 +13,8 @@ namespace rtpm::test {
 
 /// A program that a test runs, with what it prints; killed with this object at the latest. It has
 /// the test's environment without RTPM_… variables and an empty standard input. By names it finds
-/// this test's programs only, in the test's own RTPM_RUNTIME_FOLDER if there is one.
+/// this test's programs only, in the test's own RTPM_RUNTIME_FOLDER if there is one; its keys are
+/// in RTPM_KEYS, or there.
 /// Threads: one.
 class Process {
  public:
