@@ -1,0 +1,43 @@
+#pragma once
+
+#include <string>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/rpc/security.hpp"
+#include "rtpm/rt/log.hpp"
+#include "rtpm/transport/address.hpp"
+
+// Which servers are open to other hosts, and which of these ask nobody.
+namespace rtpm::rpc {
+
+/// Whether programs of other hosts can reach what is served.
+[[nodiscard]] bool is_for_other_hosts(const transport::HostsToServe& hosts) noexcept;
+
+/// The file of grants that a server asks; empty: it asks nobody.
+/// @realtime set-up only
+/// @errors   other hosts reach it, and neither grants nor `is_insecure` say whom it serves
+[[nodiscard]] expected<std::string, SetupError> grants_file_of(
+    const ServerSecurity& security, const transport::HostsToServe& hosts);
+
+/// Says on standard error now, and once a minute, that a server serves whoever reaches it.
+/// @threads  one, not a lane's
+class OpenWarning {
+ public:
+  static constexpr Duration kInterval = std::chrono::minutes{1};
+
+  /// @param subject  "server 'rtpm-deviced'"
+  /// @param where    "10.0.0.7:7500"
+  OpenWarning(std::string subject, const std::string& where);
+  /// Says it if it is due.
+  /// @return when it is due next
+  MonotonicTime tick(MonotonicTime now);
+
+ private:
+  std::string text_;
+  rt::Log log_{"rtpm"};
+  MonotonicTime next_ = MonotonicTime::min();
+};
+
+}  // namespace rtpm::rpc
