@@ -29,7 +29,7 @@ const std::vector<Part>& parts() {
       {"runtime/rt/", "rt", {"base"}},
       {"runtime/transport/", "transport", {"base", "wire", "rt"}},
       {"runtime/rpc/", "rpc", {"base", "wire", "rt", "transport", "access", "seal", "sealed"}},
-      {"runtime/options/", "options", {"base", "wire", "rt", "rpc"}},
+      {"runtime/options/", "options", {"base", "wire", "rt", "rpc", "access"}},
       {"registry/predicate/", "predicate", {"base", "options"}},
       {"registry/discovery/", "discovery", {"base", "wire", "rt", "transport"}},
       {"registry/names/",

@@ -5,6 +5,8 @@
 #include <string_view>
 #include <utility>
 
+#include "rtpm/access/fingerprint.hpp"
+#include "rtpm/rt/log.hpp"
 #include "rtpm/rt/report.hpp"
 #include "rtpm/wire/limits.hpp"
 #include "security_options.hpp"
@@ -128,6 +130,19 @@ expected<rt::CpuLatencyRequest, SetupError> prepare(const ServerSettings& settin
   return rt::CpuLatencyRequest::open(*settings.cpu_latency, settings.server.realtime);
 }
 
+namespace {
+
+/// Says whom a server serves that asks for grants. What asks nobody says so itself.
+void show_callers(const rpc::Server& server, std::string_view program) {
+  const rpc::ServedCallers callers = server.served_callers();
+  if (callers.authorized_file.empty()) return;
+  rt::print_error(program, "its key is " + access::public_key_text(callers.key) + ", fingerprint " +
+                               access::fingerprint(callers.key));
+  rt::print_error(program, "serves whom " + callers.authorized_file + " lets in");
+}
+
+}  // namespace
+
 void show_setup(const ServerSettings& settings, const rpc::Server& server,
                 std::string_view program) {
   const auto served = server.served_addresses();
@@ -140,6 +155,7 @@ void show_setup(const ServerSettings& settings, const rpc::Server& server,
     std::fprintf(stderr, "%.*s: serves %s%s\n", static_cast<int>(program.size()), program.data(),
                  at.c_str(), on.c_str());
   }
+  show_callers(server, program);
   if (settings.shows_setup) std::fputs(rt::to_text(rt::setup_report()).c_str(), stderr);
 }
 

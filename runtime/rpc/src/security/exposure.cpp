@@ -5,6 +5,7 @@
 
 #include "rtpm/access/files.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/rt/log.hpp"
 
 namespace rtpm::rpc {
 
@@ -37,7 +38,7 @@ OpenWarning::OpenWarning(std::string subject, const std::string& where)
 
 MonotonicTime OpenWarning::tick(MonotonicTime now) {
   if (now >= next_) {
-    log_.write(text_);
+    rt::print_error("rtpm", text_);
     next_ = now + kInterval;
   }
   return next_;

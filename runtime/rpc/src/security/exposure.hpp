@@ -6,7 +6,6 @@
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/rpc/security.hpp"
-#include "rtpm/rt/log.hpp"
 #include "rtpm/transport/address.hpp"
 
 // Which servers are open to other hosts, and which of these ask nobody.
@@ -36,7 +35,6 @@ class OpenWarning {
 
  private:
   std::string text_;
-  rt::Log log_{"rtpm"};
   MonotonicTime next_ = MonotonicTime::min();
 };
 

@@ -3,6 +3,8 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "lane/lane.hpp"
@@ -11,6 +13,7 @@
 #include "rtpm/transport/polled_wait_set.hpp"
 #include "rtpm/transport/shared_memory.hpp"
 #include "rtpm/transport/tcp.hpp"
+#include "security/exposure.hpp"
 
 namespace rtpm::rpc {
 
@@ -37,6 +40,8 @@ class Acceptor {
 
   [[nodiscard]] transport::WaitSet& bell() noexcept { return *wait_set_; }
 
+  /// Has its thread say the warning. Before start().
+  void warn_each_minute(OpenWarning warning) { open_warning_.emplace(std::move(warning)); }
   /// `cpus`: to which it is confined; empty: the starter's.
   [[nodiscard]] expected<void, SetupError> start(std::vector<std::unique_ptr<Lane>>& lanes,
                                                  std::vector<int> cpus);
@@ -75,6 +80,7 @@ class Acceptor {
   const transport::UserPolicy* users_;
   MonotonicTime listening_from_ = MonotonicTime::min();  ///< Later: the listeners are not polled.
   rt::RepeatedWarning shortage_warning_{};
+  std::optional<OpenWarning> open_warning_{};
   std::vector<std::unique_ptr<Lane>>* lanes_ = nullptr;
   std::vector<Newcomer> newcomers_;
   std::atomic<bool> is_stopping_{false};

@@ -19,6 +19,7 @@
 #include "rtpm/wire/url.hpp"
 #include "security/access_control.hpp"
 #include "security/audit_log.hpp"
+#include "security/exposure.hpp"
 #include "security/secret_identity.hpp"
 #include "server/acceptor.hpp"
 #include "server/gatekeeper.hpp"
@@ -143,6 +144,7 @@ class ServerImpl final : public Server {
     return url.text();
   }
   std::vector<ServedAddress> served_addresses() const override;
+  ServedCallers served_callers() const override;
   ServerCounters counters() const noexcept override;
   std::shared_ptr<CallTap> tap() noexcept override { return tap_; }
   std::optional<seal::PublicKey> public_key() const noexcept override {
@@ -249,6 +251,11 @@ std::vector<ServedAddress> ServerImpl::served_addresses() const {
   return served;
 }
 
+ServedCallers ServerImpl::served_callers() const {
+  if (!access_) return {.is_open_to_network = is_for_other_hosts(hosts_)};
+  return {.authorized_file = access_->file(), .key = identity_->get().key.public_key};
+}
+
 expected<ServerImpl::Sockets, SetupError> ServerImpl::open_sockets() const {
   Sockets sockets{.ports_of_lanes = std::vector<Ports>(config_.lanes.size())};
   std::uint16_t port = config_.port;
@@ -304,6 +311,8 @@ expected<void, SetupError> ServerImpl::open() {
         std::move(sockets->listeners), std::move(*memory_listeners), std::move(*wait_set),
         std::min(config_.message_size_max, static_cast<std::uint32_t>(wire::kStreamPayloadSizeMax)),
         access_.get());
+    if (served_callers().is_open_to_network)
+      acceptor_->warn_each_minute(OpenWarning(subject_of(config_), url_.authority()));
     return make_lanes(std::move(sockets->ports_of_lanes));
   }
 }
@@ -311,8 +320,10 @@ expected<void, SetupError> ServerImpl::open() {
 // Whom the server serves, and who is told of it.
 expected<void, SetupError> ServerImpl::open_access() {
   const ServerSecurity& security = config_.security;
-  if (security.is_insecure || security.authorized_file.empty()) return {};
-  auto access = AccessControl::open(security.authorized_file);
+  auto grants_file = grants_file_of(security, hosts_);
+  if (!grants_file) return unexpected{grants_file.error()};
+  if (grants_file->empty()) return {};
+  auto access = AccessControl::open(std::move(*grants_file));
   if (!access) return unexpected{access.error()};
   access_ = std::move(*access);
   auto audit = AuditLog::open(security.audit_file, *access_);

@@ -45,7 +45,8 @@ void add_caller(Options& options, ServerSettings& settings);
 [[nodiscard]] expected<rt::CpuLatencyRequest, SetupError> prepare(const ServerSettings& settings);
 
 /// Prints on standard error what is served, a line for each address, if others than this host's
-/// programs can reach it; and what the system granted, if so configured. Call it after the start.
+/// programs can reach it; the key and the grants of a server that asks for them; and what the
+/// system granted, if so configured. Call it after the start.
 /// @realtime set-up only
 void show_setup(const ServerSettings& settings, const rpc::Server& server,
                 std::string_view program);

@@ -2,6 +2,8 @@
 
 #include <string>
 
+#include "rtpm/seal/primitives.hpp"
+
 namespace rtpm::rpc {
 
 /// Whom a server serves, and how it proves who it is. The files are those of rtpm::access; a name
@@ -15,6 +17,13 @@ struct ServerSecurity {
   bool is_insecure = false;       ///< Asks nobody who he is, whatever the address.
   std::string audit_file{};       ///< Sessions, refusals and administration; empty: none.
   std::string key_log_file{};     ///< Keys of sessions, for Wireshark; empty: none.
+};
+
+/// Whom a server serves, as it turned out.
+struct ServedCallers {
+  std::string authorized_file{};    ///< Whose grants it asks; empty: it asks nobody.
+  seal::PublicKey key{};            ///< By which callers know it, if it asks for grants.
+  bool is_open_to_network = false;  ///< It asks nobody, and other hosts reach it.
 };
 
 /// Who a program is to the servers that it calls, and which of them it knows. A server that is

@@ -148,7 +148,8 @@ class Server {
   /// @realtime set-up only
   /// @errors   an address in use or not this host's, a name without one, lanes that overlap or
   /// leave out 0, a limit
-  ///           that is none of the protocol's
+  ///           that is none of the protocol's; other hosts reach it, and it is not said whom it
+  ///           serves; keys or grants that can't be trusted
   [[nodiscard]] static expected<std::unique_ptr<Server>, SetupError> create(ServerConfig config);
 
   Server(const Server&) = delete;
@@ -187,6 +188,8 @@ class Server {
   /// By which callers know the server, see access::known_servers; nothing: it asks nobody, and
   /// seals nothing.
   [[nodiscard]] virtual std::optional<seal::PublicKey> public_key() const noexcept = 0;
+  /// Whom it serves.
+  [[nodiscard]] virtual ServedCallers served_callers() const = 0;
   /// What was served and dropped so far, over all lanes.
   /// @realtime alloc-free
   [[nodiscard]] virtual ServerCounters counters() const noexcept = 0;
