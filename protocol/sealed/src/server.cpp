@@ -109,7 +109,7 @@ SealedServer::Outcome SealedServer::drop(DropReason reason) noexcept {
 
 SealedServer::Outcome SealedServer::broken(DropReason reason) noexcept {
   Outcome outcome = drop(reason);
-  // sec-5-7
+  // sec-5-7, and who need not wait for an answer in vain.
   if (config_.medium == wire::Medium::kStream) {
     outcome.verdict.action = wire::Verdict::Action::kHangUp;
   }

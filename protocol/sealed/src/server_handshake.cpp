@@ -156,18 +156,18 @@ SealedServer::Outcome SealedServer::begin_job(const wire::Header& header, ConstB
                                               const seal::Digest& hash,
                                               const wire::PeerAddress& peer,
                                               MonotonicTime now) noexcept {
+  const bool is_stream = config_.medium == wire::Medium::kStream;
   for (const HandshakeJob& job : jobs_) {
-    // It is at work already.
-    if (job.is_taken_ && job.frame_hash_ == hash && job.peer_ == peer) {
+    // It is at work already. A connection has one handshake at a time.
+    if (job.is_taken_ && job.peer_ == peer && (is_stream || job.frame_hash_ == hash)) {
       return drop(DropReason::kUnexpected);
     }
   }
   const auto found = std::ranges::find(jobs_, false, &HandshakeJob::is_taken_);
-  // The client repeats its HELLO.
-  const bool is_stream = config_.medium == wire::Medium::kStream;
-  if (found == jobs_.end() || (!is_stream && !job_limit_.admit(peer, now)) ||
+  // Over datagrams the client repeats its HELLO, over a stream it connects again.
+  if (found == jobs_.end() || !job_limit_.admit(peer, now) ||
       !config_.admission->admits_handshake(now)) {
-    return drop(DropReason::kRateLimited);
+    return broken(DropReason::kRateLimited);
   }
   HandshakeJob& job = *found;
   job.is_taken_ = true;

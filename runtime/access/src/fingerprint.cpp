@@ -43,7 +43,9 @@ bool is_fingerprint_of(std::string_view text, const seal::PublicKey& key) {
 std::string public_key_text(const seal::PublicKey& key) {
   seal::KeyText text;
   seal::encode_key(key, text);
-  return std::string(seal::kKeyTextName) + ' ' + std::string(text.data(), text.size());
+  std::string line(seal::kKeyTextName);
+  line += ' ';
+  return line.append(text.data(), text.size());
 }
 
 std::optional<seal::PublicKey> parse_public_key(std::string_view text) {

@@ -20,8 +20,9 @@ struct HandshakeWork {
 /// @realtime alloc-free, lock-free
 class HandshakeExchange {
  public:
-  /// Of each medium.
-  static constexpr std::uint32_t kJobCountMax = 8;
+  /// Of each medium. Over datagrams clients ask again.
+  static constexpr std::uint32_t kDatagramJobCountMax = 16;
+  static constexpr std::uint32_t kStreamJobCountMax = 64;
 
   HandshakeExchange(transport::WaitSet& lane, transport::WaitSet& gatekeeper) noexcept
       : lane_(lane), gatekeeper_(gatekeeper) {}
@@ -41,7 +42,9 @@ class HandshakeExchange {
   }
 
  private:
-  using Ring = SpscRing<HandshakeWork, 2 * kJobCountMax>;
+  static constexpr std::size_t kCapacity = 128;
+  static_assert(kDatagramJobCountMax + kStreamJobCountMax <= kCapacity);
+  using Ring = SpscRing<HandshakeWork, kCapacity>;
   Ring submitted_;
   Ring done_;
   transport::WaitSet& lane_;

@@ -10,6 +10,9 @@ namespace {
 // Each takes a look at the grants, below a microsecond.
 constexpr std::uint32_t kReviewsPerTurn = 32;
 
+// A program may open as many connections at once. A handshake too many ends its connection.
+constexpr std::uint32_t kStreamBurst = 128;
+
 }  // namespace
 
 Seals::Seals(const LaneSetup& setup, wire::ServerSessions& datagrams, wire::ServerSessions& streams,
@@ -31,9 +34,13 @@ void Seals::open(Medium& medium, const LaneSetup& setup, wire::Medium kind,
   config.identity = setup.identity;
   config.admission = &admission_;
   config.key = setup.sessions.key;
-  if (kind == wire::Medium::kStream) config.key.low = ~config.key.low;
   config.session_count_max = session_count_max_;
-  config.job_count_max = HandshakeExchange::kJobCountMax;
+  config.job_count_max = HandshakeExchange::kDatagramJobCountMax;
+  if (kind == wire::Medium::kStream) {
+    config.key.low = ~config.key.low;
+    config.job_count_max = HandshakeExchange::kStreamJobCountMax;
+    config.job_burst = kStreamBurst;
+  }
   config.takes_unsealed = true;
   const std::size_t size = sealed::SealedServer::memory_size(config);
   medium.memory = rt::SecretMemory(size);

@@ -49,10 +49,10 @@ struct SealedServerConfig {
   wire::Medium medium = wire::Medium::kDatagram;
   const ServerIdentity* identity = nullptr;
   Admission* admission = nullptr;
-  SipKey key{};                           ///< That of ServerSessionsConfig.
-  std::uint32_t session_count_max = 256;  ///< Likewise.
-  std::uint32_t job_count_max = 8;        ///< Handshakes at a time.
-  std::uint32_t job_burst = 32;           ///< Over datagrams: handshakes of one host at once,
+  SipKey key{};                                           ///< That of ServerSessionsConfig.
+  std::uint32_t session_count_max = 256;                  ///< Likewise.
+  std::uint32_t job_count_max = 8;                        ///< Handshakes at a time.
+  std::uint32_t job_burst = 32;                           ///< Handshakes of one host at once,
   Duration job_interval = std::chrono::milliseconds{20};  ///< then one in this time.
   bool takes_unsealed = false;  ///< Whether there may be unsealed sessions as well.
   seal::SessionLimits limits{};

@@ -58,9 +58,11 @@ class SealedPeer {
 
   /// Shakes hands; false if the server refuses or does not answer.
   [[nodiscard]] bool open(Duration patience = kPatience) {
-    const MonotonicTime until = rt::now() + patience;
-    send(channel_->open(priority_, until, rt::now()));
-    return await(until).kind == Kind::kReady;
+    begin_open(patience);
+    return await(rt::now() + patience).kind == Kind::kReady;
+  }
+  void begin_open(Duration patience = kPatience) {
+    send(channel_->open(priority_, rt::now() + patience, rt::now()));
   }
   /// Makes a call, and waits for its end.
   Reply call(std::uint16_t method, ConstBytes payload,
