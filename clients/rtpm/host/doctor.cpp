@@ -40,6 +40,7 @@ std::vector<Finding> survey(Context& context) {
   std::vector<Finding> findings = rt::survey_host(processes_with_lanes());
   std::ranges::move(survey_network(context), std::back_inserter(findings));
   std::ranges::move(survey_keys(context), std::back_inserter(findings));
+  std::ranges::move(survey_open_servers(), std::back_inserter(findings));
   std::ranges::move(survey_discovery(context), std::back_inserter(findings));
   std::ranges::move(survey_peers(context), std::back_inserter(findings));
   return findings;

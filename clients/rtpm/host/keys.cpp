@@ -6,6 +6,7 @@
 #include "rtpm/access/files.hpp"
 #include "rtpm/access/known_servers.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/rpc/lane_table.hpp"
 
 namespace rtpm::tool {
 namespace {
@@ -86,6 +87,21 @@ Finding judge_grants(const std::string& file) {
 }
 
 }  // namespace
+
+std::vector<Finding> survey_open_servers() {
+  std::vector<Finding> findings;
+  for (const rpc::LaneTable& table : rpc::LaneTable::find()) {
+    if (!table.is_alive() || !table.is_open_to_network()) continue;
+    findings.push_back({"open-server", Severity::kWarning,
+                        "server '" + printable(table.server_name()) + "' of process " +
+                            std::to_string(table.process_id()) + " serves " +
+                            printable(table.host()) + ", port " + std::to_string(table.port()) +
+                            ", without asking who calls",
+                        "every program that reaches the port may do everything, also move devices",
+                        "let callers in by `rtpm key authorize`, and start it without --insecure"});
+  }
+  return findings;
+}
 
 std::vector<Finding> survey_keys(const Context& context) {
   const auto key = access::key_file_path(context.security.key_file, access::kKeyFile);

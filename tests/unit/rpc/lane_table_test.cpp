@@ -29,6 +29,16 @@ std::optional<LaneTable> own_table(std::uint16_t port) {
   return std::nullopt;
 }
 
+TEST(LaneTable, ShowsWhichServersAskNobodyOnTheNetwork) {
+  ServerConfig config = quiet_config();
+  config.host = "any";
+  config.security.is_insecure = true;
+  const EchoServer server(config);
+  const auto table = own_table(server.server->port());
+  ASSERT_TRUE(table);
+  EXPECT_TRUE(table->is_open_to_network());
+}
+
 TEST(LaneTable, ShowsEachLaneAndWhatItDid) {
   ServerConfig config = quiet_config({quiet_lane(), quiet_lane(20'000)});
   config.lanes[1].name = "fast";
@@ -45,6 +55,7 @@ TEST(LaneTable, ShowsEachLaneAndWhatItDid) {
   EXPECT_EQ(table->version(), kLaneTableVersion);
   EXPECT_EQ(table->server_name(), "test");
   EXPECT_EQ(table->host(), "127.0.0.1");
+  EXPECT_FALSE(table->is_open_to_network());
   const auto lanes = table->read();
   ASSERT_EQ(lanes.size(), 2u);
   EXPECT_EQ(lanes[0].name, "lane-0");

@@ -20,7 +20,7 @@ constexpr std::size_t kTableSizeMax = std::size_t{1} << 20;
 static_assert(std::is_trivially_copyable_v<LaneSample>);
 static_assert(sizeof(LaneTableHeader) % alignof(LaneSlot) == 0, "the slots follow at once");
 // Another layout needs another version: readers of the old one would misread it.
-static_assert(sizeof(LaneSample) == 8 * 50 && kLaneTableVersion == 3);
+static_assert(sizeof(LaneSample) == 8 * 50 && kLaneTableVersion == 4);
 
 // What is checked is what is used: the compiler may not look a second time.
 template <class T>
@@ -65,7 +65,8 @@ BusyMark::~BusyMark() {
 }
 
 expected<rt::PublicMemory, SetupError> make_lane_table(const ServerConfig& config,
-                                                       std::string_view hosts, std::uint16_t port) {
+                                                       std::string_view hosts, std::uint16_t port,
+                                                       bool is_open_to_network) {
   const std::size_t count = config.lanes.size();
   auto table =
       rt::PublicMemory::create(kLaneTableName, sizeof(LaneTableHeader) + count * sizeof(LaneSlot));
@@ -75,6 +76,7 @@ expected<rt::PublicMemory, SetupError> make_lane_table(const ServerConfig& confi
   header->slot_size = sizeof(LaneSlot);
   header->slot_count = static_cast<std::uint32_t>(count);
   header->port = port;
+  header->is_open_to_network = is_open_to_network ? 1 : 0;
   header->created_ns = to_ns(rt::now());
   put(header->server_name, config.name);
   put(header->host, hosts);
@@ -115,6 +117,7 @@ void LaneTable::check() {
   if (count > (bytes.size() - sizeof(LaneTableHeader)) / sizeof(LaneSlot)) return;
   slot_count_ = count;
   port_ = read_once(header.port);
+  is_open_to_network_ = read_once(header.is_open_to_network) != 0;
   server_name_ = text_of(header.server_name);
   host_ = text_of(header.host);
 }

@@ -17,7 +17,8 @@ namespace rtpm::rpc {
 /// @errors   as rt::PublicMemory::create()
 [[nodiscard]] expected<rt::PublicMemory, SetupError> make_lane_table(const ServerConfig& config,
                                                                      std::string_view hosts,
-                                                                     std::uint16_t port);
+                                                                     std::uint16_t port,
+                                                                     bool is_open_to_network);
 [[nodiscard]] LaneSlot& slot_of(const rt::PublicMemory& table, std::size_t lane) noexcept;
 /// From here on others read it.
 void open_to_readers(const rt::PublicMemory& table) noexcept;

@@ -379,7 +379,7 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<Ports> ports_of_la
   for (const ServedAddress& each : served_addresses()) {
     if (!hosts_.is_any) hosts.append(hosts.empty() ? "" : ",").append(each.host);
   }
-  auto table = make_lane_table(config_, hosts, url_.port);
+  auto table = make_lane_table(config_, hosts, url_.port, served_callers().is_open_to_network);
   if (!table) return setup_error(subject_of(config_), table.error());
   lane_table_ = std::move(*table);
   setup.large_message_count_max = config_.large_message_count_max;

@@ -23,7 +23,7 @@ namespace rtpm::rpc {
 /// The name of the memory, as rt::find_public_memory() takes it.
 inline constexpr std::string_view kLaneTableName = "lanes";
 inline constexpr std::uint64_t kLaneTableMagic = 0x5345'4e41'4c4d'5052;  // "RPMLANES"
-inline constexpr std::uint32_t kLaneTableVersion = 3;
+inline constexpr std::uint32_t kLaneTableVersion = 4;
 
 /// How many threads a lane has at most: 64 static ones, 64 dynamic ones, and who receives
 /// meanwhile.
@@ -61,10 +61,10 @@ struct alignas(64) LaneTableHeader {
   std::uint32_t slot_size = 0;  ///< Bytes from one slot to the next; the first is behind this.
   std::uint32_t slot_count = 0;
   std::uint16_t port = 0;
-  std::uint16_t reserved = 0;
-  std::int64_t created_ns = 0;         ///< On CLOCK_MONOTONIC.
-  std::array<char, 64> server_name{};  ///< Ends with 0.
-  std::array<char, 48> host{};         ///< Ends with 0.
+  std::uint16_t is_open_to_network = 0;  ///< 1: other hosts reach it, and it asks nobody.
+  std::int64_t created_ns = 0;           ///< On CLOCK_MONOTONIC.
+  std::array<char, 64> server_name{};    ///< Ends with 0.
+  std::array<char, 48> host{};           ///< Ends with 0.
 };
 
 static_assert(std::atomic<std::int64_t>::is_always_lock_free);
@@ -100,6 +100,8 @@ class LaneTable {
   [[nodiscard]] const std::string& server_name() const noexcept { return server_name_; }
   [[nodiscard]] const std::string& host() const noexcept { return host_; }
   [[nodiscard]] std::uint16_t port() const noexcept { return port_; }
+  /// Other hosts reach the server, and it asks nobody who they are.
+  [[nodiscard]] bool is_open_to_network() const noexcept { return is_open_to_network_; }
   /// What the lanes show now, whatever the process does.
   [[nodiscard]] std::vector<LaneReading> read() const;
 
@@ -111,6 +113,7 @@ class LaneTable {
   std::uint32_t version_ = 0;
   std::uint32_t slot_count_ = 0;
   std::uint16_t port_ = 0;
+  bool is_open_to_network_ = false;
   std::string server_name_{};
   std::string host_{};
 };
