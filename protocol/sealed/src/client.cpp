@@ -64,12 +64,14 @@ bool SealedClient::is_renewal_due(MonotonicTime now) const noexcept {
 
 // sec-6-5
 SealedClient::Step SealedClient::renew(MonotonicTime now) noexcept {
-  const bool is_stream = config_.medium == wire::Medium::kStream;
-  if (!current().seal || is_stream || has_next(now)) return {};
+  if (!current().seal || has_next(now)) return {};
   if (is_opening_ && purpose_ != Purpose::kRenewal) return {};
   begin_handshake(Purpose::kRenewal);
   store_le(hello_.data() + kAtCallId, number_);
-  return {.send = first_hello()};
+  if (config_.medium == wire::Medium::kDatagram) return {.send = first_hello()};
+  suite_ = seal::best_suite(config_.suites, config_.suites);
+  static_cast<void>(begin_message_1());
+  return {};
 }
 
 SealedClient::Step SealedClient::send(ConstBytes frame, MonotonicTime now) noexcept {
@@ -311,6 +313,9 @@ SealedClient::Step SealedClient::message_2(MonotonicTime now) noexcept {
   Session& session = purpose_ == Purpose::kChannel ? current() : next();
   session.seal.emplace(*keys, is_stream ? seal::Order::kExact : seal::Order::kAny, config_.limits);
   session.id = granted->session;
+  if (config_.key_listener.hear != nullptr) {
+    config_.key_listener.hear(config_.key_listener.context, session.id, *keys);
+  }
   session.granted = granted->welcome;
   session.opened = now;
   next_until_ = now + kNextMax;

@@ -1,5 +1,7 @@
 #include "rtpm/sealed/handshake_job.hpp"
 
+#include "rtpm/sealed/key_log.hpp"
+
 #include <string_view>
 #include <utility>
 
@@ -31,21 +33,7 @@ void HandshakeJob::run() noexcept {
 std::optional<std::string> HandshakeJob::key_log_line() const {
   const bool is_new = granted_.former != wire::FormerSession::kAlive;
   if (state_ != State::kWritten || !keys_ || !is_new) return std::nullopt;
-  const auto hex_of = [](ConstBytes bytes) {
-    constexpr std::string_view kDigits = "0123456789abcdef";
-    std::string text;
-    for (const std::byte byte : bytes) {
-      text += kDigits[std::to_integer<unsigned>(byte) >> 4];
-      text += kDigits[std::to_integer<unsigned>(byte) & 15];
-    }
-    return text;
-  };
-  std::array<std::byte, 8> session;
-  for (std::size_t i = 0; i < session.size(); ++i)
-    session[i] = static_cast<std::byte>(granted_.session >> (56 - 8 * i));
-  return "RTPM_SESSION " + hex_of(session) +
-         (keys_->suite == seal::Suite::kAesGcm ? " aes-256-gcm " : " chacha20-poly1305 ") +
-         hex_of(keys_->receive.bytes()) + " " + hex_of(keys_->send.bytes());
+  return sealed::key_log_line(granted_.session, keys_->suite, keys_->receive, keys_->send);
 }
 
 }  // namespace rtpm::sealed

@@ -98,7 +98,7 @@ ServerAddress address_of(const Node& node, const BindOptions& options, const std
 
 // Where a URL may lead.
 struct Candidates {
-  std::vector<transport::SocketAddress> addresses{};
+  std::vector<ServerCandidate> addresses{};
   SetupError error{};      ///< Of the last one that failed.
   std::string failures{};  ///< Each with its reason.
 
@@ -130,8 +130,9 @@ Candidates candidates_of(const wire::Url& url, MonotonicTime deadline) {
       continue;
     }
     for (const transport::SocketAddress& address : *addresses) {
-      if (std::ranges::find(candidates.addresses, address) == candidates.addresses.end()) {
-        candidates.addresses.push_back(address);
+      const auto& all = candidates.addresses;
+      if (std::ranges::find(all, address, &ServerCandidate::address) == all.end()) {
+        candidates.addresses.push_back({host, address});
       }
     }
   }
@@ -181,11 +182,11 @@ expected<Binding::Impl::Opened, SetupError> Binding::Impl::open(const std::strin
   // hp-10-2
   std::size_t left = candidates.addresses.size();
   std::optional<SetupError> refused;
-  for (const transport::SocketAddress& address : candidates.addresses) {
-    auto opened = open_at(address, url->path, at_url, part_of_time(deadline, left--));
+  for (const ServerCandidate& candidate : candidates.addresses) {
+    auto opened = open_at(candidate, url->path, at_url, part_of_time(deadline, left--));
     if (opened || candidates.is_single()) return opened;
     const SetupError& error = opened.error();
-    candidates.note(address.text(), error.why.empty() ? error.what : error.why, error);
+    candidates.note(candidate.address.text(), error.why.empty() ? error.what : error.why, error);
     // What answers says more than what does not.
     if (!refused && is_refusal(error.cause)) refused = error;
   }
@@ -195,11 +196,32 @@ expected<Binding::Impl::Opened, SetupError> Binding::Impl::open(const std::strin
                                candidates.error.cause}};
 }
 
-expected<Binding::Impl::Opened, SetupError> Binding::Impl::open_at(
-    const transport::SocketAddress& server, const std::string& path, const std::string& at_url,
-    MonotonicTime deadline) {
-  const ServerAddress address =
-      address_of(node, bind_options, server.host(), server.port(), deadline);
+expected<Binding::Impl::Opened, SetupError> Binding::Impl::open_at(const ServerCandidate& server,
+                                                                   const std::string& path,
+                                                                   const std::string& at_url,
+                                                                   MonotonicTime deadline) {
+  ServerAddress address =
+      address_of(node, bind_options, server.address.host(), server.address.port(), deadline);
+  if (!is_over_network(address.transport)) return open_by(address, path, at_url, deadline);
+  const auto known = node.impl().keys.keys_of(server.host, server.address);
+  if (!known) return setup_error("'" + printable(at_url) + "' is not bound", known.error());
+  if (known->empty()) return open_by(address, path, at_url, deadline);
+  // A server that changes its key has two for a time.
+  std::optional<SetupError> first_error;
+  std::size_t left = known->size();
+  for (const access::KnownServer& entry : *known) {
+    address.key = entry.key;
+    auto opened = open_by(address, path, at_url, part_of_time(deadline, left--));
+    if (opened) return opened;
+    if (!first_error || is_refusal(opened.error().cause)) first_error = std::move(opened.error());
+  }
+  return unexpected{std::move(*first_error)};
+}
+
+expected<Binding::Impl::Opened, SetupError> Binding::Impl::open_by(const ServerAddress& address,
+                                                                   const std::string& path,
+                                                                   const std::string& at_url,
+                                                                   MonotonicTime deadline) {
   Opened opened{std::make_unique<Destination>(
       node, node.impl().endpoint(address, bind_options.is_private), path, at_url)};
   Destination& at = *opened.destination;

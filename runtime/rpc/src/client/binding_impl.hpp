@@ -128,7 +128,12 @@ class Binding::Impl {
   /// its part of the time that is left.
   [[nodiscard]] expected<Opened, SetupError> open(const std::string& at_url,
                                                   MonotonicTime deadline);
-  [[nodiscard]] expected<Opened, SetupError> open_at(const transport::SocketAddress& server,
+  /// A known server over UDP or TCP by sealed sessions, with each key that it may have.
+  [[nodiscard]] expected<Opened, SetupError> open_at(const ServerCandidate& server,
+                                                     const std::string& path,
+                                                     const std::string& at_url,
+                                                     MonotonicTime deadline);
+  [[nodiscard]] expected<Opened, SetupError> open_by(const ServerAddress& address,
                                                      const std::string& path,
                                                      const std::string& at_url,
                                                      MonotonicTime deadline);

@@ -11,6 +11,8 @@
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/transport/shared_memory.hpp"
 #include "rtpm/transport/socket.hpp"
+#include "rtpm/wire/sealed.hpp"
+#include "rtpm/wire/url.hpp"
 
 namespace rtpm::rpc {
 namespace {
@@ -34,6 +36,8 @@ CallError error_of_refusal(wire::Status status) noexcept {
       return CallError::kOverload;
     case wire::Status::kVersionUnsupported:
       return CallError::kVersionUnsupported;
+    case wire::Status::kNotAllowed:
+      return CallError::kNotAllowed;
     default:
       return CallError::kRefused;
   }
@@ -45,15 +49,17 @@ CallError error_of_begin(wire::Status status) noexcept {
 }
 
 // The largest payload of a frame.
-std::size_t payload_size_of(Transport transport) noexcept {
-  return transport == Transport::kSharedMemory ? wire::kSharedPayloadSizeMax
-                                               : wire::frame_payload_max(medium_of(transport));
+std::size_t payload_size_of(const ServerAddress& address) noexcept {
+  if (address.key) return wire::sealed_payload_max(medium_of(address.transport));
+  return address.transport == Transport::kSharedMemory
+             ? wire::kSharedPayloadSizeMax
+             : wire::frame_payload_max(medium_of(address.transport));
 }
 
 // The largest frame that the channel will send; at least a HELLO.
 std::size_t frame_size_of(const ServerAddress& address, const NodeConfig& config) noexcept {
   return wire::kHeaderSize +
-         std::min<std::size_t>(config.message_size_max, payload_size_of(address.transport));
+         std::min<std::size_t>(config.message_size_max, payload_size_of(address));
 }
 
 auto open_any_transport(const ServerAddress& address, Priority priority, MonotonicTime deadline) {
@@ -74,12 +80,13 @@ auto open_any_transport(const ServerAddress& address, Priority priority, Monoton
 
 }  // namespace
 
-CallChannel::CallChannel(const ServerAddress& address, const NodeConfig& config,
+CallChannel::CallChannel(const ServerAddress& address, const NodeConfig& config, NodeKeys& keys,
                          std::uint64_t client_epoch, std::uint64_t number,
                          std::uint64_t clock_domain, std::uint16_t call_count_max,
                          std::atomic<std::uint64_t>& lost_oneways)
     : address_(address),
       config_(config),
+      keys_(keys),
       call_count_max_(call_count_max),
       accepts_batches_(call_count_max > 1),
       buffer_(frame_size_of(address, config)),
@@ -106,19 +113,28 @@ void CallChannel::drop_transport() noexcept {
   // Freeing is set-up work like opening: it follows a broken connection, not a call.
   const rt::AllowAllocationScope is_allowed;
   transport_.reset();
+  sealed_ = nullptr;
 }
 
 expected<void, CallError> CallChannel::open_transport(Priority priority,
                                                       MonotonicTime deadline) noexcept {
   const rt::AllowAllocationScope is_allowed;
-  auto opened = open_any_transport(address_, priority, deadline);
-  if (!opened) {
-    transport_error_ = std::move(opened.error());
+  const auto failed = [&](SetupError& error) {
+    transport_error_ = std::move(error);
     return unexpected{transport::is_shortage(transport_error_.cause.value())
                           ? CallError::kNoResources
                           : CallError::kUnreachable};
+  };
+  if (address_.key) {
+    auto opened = SealedTransport::open(address_, keys_, priority, deadline);
+    if (!opened) return failed(opened.error());
+    sealed_ = opened->get();
+    transport_ = std::move(*opened);
+  } else {
+    auto opened = open_any_transport(address_, priority, deadline);
+    if (!opened) return failed(opened.error());
+    transport_ = std::move(*opened);
   }
-  transport_ = std::move(*opened);
   wire_.set_on_host(transport_->is_on_host());
   if (accepts_batches_) transport_->accept_batches();
   return {};
@@ -128,9 +144,39 @@ expected<void, CallError> CallChannel::make_ready(Priority priority,
                                                   MonotonicTime deadline) noexcept {
   if (is_ready(priority)) return {};
   transport_error_ = {};
+  // Without new keys the session goes on with the old ones.
+  if (is_renewal_due() && !sealed_->renew() && is_ready(priority)) return {};
   if (!transport_) {
     if (auto opened = open_transport(priority, deadline); !opened) return opened;
   }
+  return shake_hands(priority, deadline);
+}
+
+bool CallChannel::has_open_call() const noexcept {
+  for (wire::CallIndex call = 0; call < call_count_max_; ++call) {
+    if (wire_.is_open(call)) return true;
+  }
+  return false;
+}
+
+// What is known of why is kept for a person.
+unexpected<CallError> CallChannel::refused(CallError error) noexcept {
+  const rt::AllowAllocationScope is_allowed;
+  if (sealed_ != nullptr) {
+    transport_error_ = sealed_->explain();
+    if (transport_error_.cause == CallError::kNotAllowed) error = CallError::kNotAllowed;
+  } else if (error == CallError::kNotAllowed && is_over_network(address_.transport)) {
+    transport_error_ = {"the server asks its callers for keys, and this program does not know it",
+                        {},
+                        "run: rtpm key learn " + wire::host_in_url(address_.host) + ":" +
+                            std::to_string(address_.port),
+                        error};
+  }
+  return unexpected{error};
+}
+
+expected<void, CallError> CallChannel::shake_hands(Priority priority,
+                                                   MonotonicTime deadline) noexcept {
   const MonotonicTime begin = rt::now();
   if (!send_all(wire_.open(priority, deadline, begin), begin)) {
     drop_transport();
@@ -146,14 +192,15 @@ expected<void, CallError> CallChannel::make_ready(Priority priority,
       return {};
     }
     case wire::ChannelEvent::Kind::kRefused:
-      return unexpected{error_of_refusal(event_.status)};
+      return refused(error_of_refusal(event_.status));
     case wire::ChannelEvent::Kind::kTimeout:
-      return unexpected{CallError::kTimeout};
+      return refused(CallError::kTimeout);
     default:
       break;
   }
+  const auto error = refused(CallError::kUnreachable);
   drop_transport();
-  return unexpected{CallError::kUnreachable};
+  return error;
 }
 
 CallOutcome CallChannel::call(const wire::CallParameters& parameters, ConstBytes request,
@@ -321,7 +368,7 @@ std::optional<ConstBytes> CallChannel::keep(ConstBytes request) {
 
 bool CallChannel::make_item_room(wire::CallParameters& parameters) noexcept {
   const wire::Medium medium = medium_of(address_.transport);
-  const std::size_t frame_size = payload_size_of(address_.transport);
+  const std::size_t frame_size = payload_size_of(address_);
   const std::uint32_t byte_window = wire::stream_byte_window(medium, frame_size);
   const std::size_t frames_size =
       frame_size * wire::stream_frame_count(medium, parameters.stream_window, byte_window);
@@ -342,7 +389,8 @@ bool CallChannel::make_item_room(wire::CallParameters& parameters) noexcept {
 // Sends a frame and whatever more there is to send behind it.
 bool CallChannel::send_all(ConstBytes frame, MonotonicTime now) noexcept {
   // A datagram as large as can be is one of several.
-  if (frame.size() == wire::kDatagramFrameSizeMax && address_.transport == Transport::kUdp) {
+  if (address_.transport == Transport::kUdp &&
+      frame.size() == wire::kHeaderSize + payload_size_of(address_)) {
     return hold_all(frame, now) && send_held();
   }
   for (; !frame.empty(); frame = wire_.next_frame(now)) {

@@ -5,10 +5,11 @@
 #include <memory>
 #include <new>
 #include <optional>
-#include <string>
 #include <type_traits>
 #include <vector>
 
+#include "client/sealed_transport.hpp"
+#include "client/server_address.hpp"
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/node.hpp"
@@ -18,15 +19,6 @@
 #include "rtpm/wire/client_channel.hpp"
 
 namespace rtpm::rpc {
-
-/// Where a server is and over what it is reached.
-struct ServerAddress {
-  std::string host;
-  std::uint16_t port = 0;
-  Transport transport = Transport::kUdp;  ///< Not kAuto.
-  std::string memory_folder{};            ///< Of the socket for shared memory; empty: abstract.
-  friend auto operator<=>(const ServerAddress&, const ServerAddress&) = default;
-};
 
 /// How a call ended on its channel.
 struct CallOutcome {
@@ -55,10 +47,11 @@ struct CallOutcome {
 class CallChannel {
  public:
   /// `call_count_max`: how many calls at a time, 1…wire::kCallWindow. `lost_oneways` is raised by
-  /// the oneways that were sent over a session that ended, and may not have arrived.
-  CallChannel(const ServerAddress& address, const NodeConfig& config, std::uint64_t client_epoch,
-              std::uint64_t number, std::uint64_t clock_domain, std::uint16_t call_count_max,
-              std::atomic<std::uint64_t>& lost_oneways);
+  /// the oneways that were sent over a session that ended, and may not have arrived. `keys` are
+  /// asked where the address has a key.
+  CallChannel(const ServerAddress& address, const NodeConfig& config, NodeKeys& keys,
+              std::uint64_t client_epoch, std::uint64_t number, std::uint64_t clock_domain,
+              std::uint16_t call_count_max, std::atomic<std::uint64_t>& lost_oneways);
   /// Tells the server that the session ends, if there is one.
   ~CallChannel();
   CallChannel(const CallChannel&) = delete;
@@ -86,10 +79,10 @@ class CallChannel {
   /// Has a session for `priority`, with a handshake if need be; without a syscall if not.
   [[nodiscard]] expected<void, CallError> make_ready(Priority priority,
                                                      MonotonicTime deadline) noexcept;
-  /// Why the last make_ready() had no connection to shake hands on, in words; empty: it had one.
+  /// Why the last make_ready() came to nothing, in words; empty: its error says it all.
   [[nodiscard]] const SetupError& transport_error() const noexcept { return transport_error_; }
   [[nodiscard]] bool is_ready(Priority priority) const noexcept {
-    return wire_.is_ready() && serves(priority);
+    return wire_.is_ready() && serves(priority) && !is_renewal_due();
   }
   /// Sends the call and waits for its end. The payload of the outcome is valid until the next.
   [[nodiscard]] CallOutcome call(const wire::CallParameters& parameters, ConstBytes request,
@@ -142,8 +135,16 @@ class CallChannel {
  private:
   static constexpr std::uint32_t kNoBand = 0x0000'ffff;  // Its low end is above its high end.
 
+  /// Whether the session is to go on with new keys now.
+  [[nodiscard]] bool is_renewal_due() const noexcept {
+    return sealed_ != nullptr && sealed_->wants_renewal() && !has_open_call();
+  }
+  [[nodiscard]] bool has_open_call() const noexcept;
   [[nodiscard]] expected<void, CallError> open_transport(Priority priority,
                                                          MonotonicTime deadline) noexcept;
+  [[nodiscard]] expected<void, CallError> shake_hands(Priority priority,
+                                                      MonotonicTime deadline) noexcept;
+  [[nodiscard]] unexpected<CallError> refused(CallError error) noexcept;
   [[nodiscard]] expected<void, CallError> begin_sent(wire::CallParameters parameters,
                                                      ConstBytes request,
                                                      MonotonicTime now) noexcept;
@@ -175,12 +176,14 @@ class CallChannel {
 
   const ServerAddress& address_;
   const NodeConfig& config_;
+  NodeKeys& keys_;
   std::uint16_t call_count_max_;
   bool accepts_batches_;
   std::atomic<bool> is_taken_{false};
   std::atomic<std::uint32_t> band_{kNoBand};  // low << 16 | high
   std::unique_ptr<transport::ClientTransport> transport_;
-  SetupError transport_error_{};  ///< Of the last make_ready().
+  SealedTransport* sealed_ = nullptr;  ///< The same, where sessions are sealed.
+  SetupError transport_error_{};       ///< Of the last make_ready().
   std::vector<std::byte> buffer_;
   transport::DatagramBatch held_;      // What is to go together. Has room once it was needed.
   std::vector<rt::LazyMemory> rooms_;  // For replies larger than a frame, of each call.

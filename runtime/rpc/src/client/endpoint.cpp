@@ -20,10 +20,11 @@ thread_local Hint last_taken;
 
 }  // namespace
 
-Endpoint::Endpoint(ServerAddress address, const NodeConfig& config, std::uint64_t client_epoch,
-                   std::uint64_t clock_domain)
+Endpoint::Endpoint(ServerAddress address, const NodeConfig& config, NodeKeys& keys,
+                   std::uint64_t client_epoch, std::uint64_t clock_domain)
     : address_(std::move(address)),
       config_(config),
+      keys_(keys),
       client_epoch_(client_epoch),
       clock_domain_(clock_domain),
       channels_(std::size_t{config.channel_count_max} * kBandCountMax) {}
@@ -97,7 +98,7 @@ expected<CallChannel*, CallError> Endpoint::add(Priority priority,
     return unexpected{CallError::kNoChannel};
   }
   channels_[count] =
-      std::make_unique<CallChannel>(address_, config_, client_epoch_, ++channel_serial,
+      std::make_unique<CallChannel>(address_, config_, keys_, client_epoch_, ++channel_serial,
                                     clock_domain_, call_count_max, lost_oneways_);
   CallChannel* channel = channels_[count].get();
   const bool is_taken = channel->try_take();

@@ -18,8 +18,8 @@ class Endpoint {
   /// As many bands as a server of ours has lanes at most.
   static constexpr std::size_t kBandCountMax = 64;
 
-  Endpoint(ServerAddress address, const NodeConfig& config, std::uint64_t client_epoch,
-           std::uint64_t clock_domain);
+  Endpoint(ServerAddress address, const NodeConfig& config, NodeKeys& keys,
+           std::uint64_t client_epoch, std::uint64_t clock_domain);
 
   /// A free channel for `call_count_max` calls at a time that serves `priority` or can be made to;
   /// it is the caller's until it releases it. Opens one more if all are in use.
@@ -55,6 +55,7 @@ class Endpoint {
 
   ServerAddress address_;
   const NodeConfig& config_;
+  NodeKeys& keys_;
   std::uint64_t client_epoch_;
   std::uint64_t clock_domain_;
   std::atomic<std::uint64_t> lost_oneways_{0};

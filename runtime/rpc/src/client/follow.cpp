@@ -41,7 +41,8 @@ bool may_be_gone(CallError error) noexcept {
 
 bool is_refusal(std::error_code cause) noexcept {
   return cause == CallError::kWrongInterface || cause == CallError::kNoSuchMethod ||
-         cause == CallError::kNoSuchObject || cause == CallError::kVersionUnsupported;
+         cause == CallError::kNoSuchObject || cause == CallError::kVersionUnsupported ||
+         cause == CallError::kNotAllowed;
 }
 
 CallError Binding::Impl::note_failure(CallError error) noexcept {

@@ -46,7 +46,7 @@ Endpoint& Node::Impl::endpoint(const ServerAddress& address, bool is_private) {
   }
   free_unused();
   endpoints_.push_back(
-      {.endpoint = std::make_unique<Endpoint>(address, config, epoch_, clock_domain_),
+      {.endpoint = std::make_unique<Endpoint>(address, config, keys, epoch_, clock_domain_),
        .is_private = is_private});
   endpoints_.back().endpoint->add_user();
   return *endpoints_.back().endpoint;

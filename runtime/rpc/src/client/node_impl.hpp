@@ -32,6 +32,7 @@ class Node::Impl {
   [[nodiscard]] std::size_t endpoint_count();
 
   NodeConfig config;
+  NodeKeys keys{config.security};
   LocalChannels local_channels;
 
  private:

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "rtpm/seal/session.hpp"
+#include "rtpm/sealed/key_log.hpp"
 #include "rtpm/sealed/random_source.hpp"
 #include "rtpm/wire/client_channel.hpp"
 #include "rtpm/wire/sealed.hpp"
@@ -25,6 +26,7 @@ struct SealedClientConfig {
   seal::SessionLimits limits{};
   /// Keys older than this are due for renewal.
   Duration renewal_interval = std::chrono::hours{24};
+  KeyListener key_listener{};
 };
 
 /// Stands between a wire::ClientChannel and its transport, and seals its session. The channel does
@@ -60,8 +62,9 @@ class SealedClient {
 
   /// Whether the session's keys are old, or near one of their limits: call renew().
   [[nodiscard]] bool is_renewal_due(MonotonicTime now) const noexcept;
-  /// Begins a handshake beside the session, which goes on. Over datagrams only; a lost frame ends
-  /// it silently, so call it again after a second.
+  /// Begins a handshake beside the session, which goes on; a lost frame ends it silently, so call
+  /// it again after a second. Over a stream it goes on another connection to the server: what the
+  /// step and the work() behind it send goes there, as does the channel once it has moved.
   [[nodiscard]] Step renew(MonotonicTime now) noexcept;
   /// Whether a new session waits for the channel. It does for a second: as soon as the channel has
   /// no open call, open() moves it there, without a frame. The server then ends the old session.

@@ -9,6 +9,7 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <random>
 #include <thread>
@@ -30,6 +31,8 @@ class FaultyRelay {
     double repetition = 0.05;
     double delay = 0.10;  ///< Until the next one has gone, which changes their order.
     std::uint64_t seed = 1;
+    /// What an attacker sends to a client before a datagram of its server.
+    std::function<std::vector<std::vector<char>>(const std::vector<char>& datagram)> forge{};
   };
 
   FaultyRelay(std::uint16_t server_port, const Faults& faults)
@@ -129,6 +132,12 @@ class FaultyRelay {
 
   void pass(const Datagram& datagram) {
     Client& client = clients_[datagram.client];
+    if (!datagram.is_to_server && faults_.forge) {
+      for (const std::vector<char>& forged : faults_.forge(datagram.bytes)) {
+        static_cast<void>(sendto(front_.number(), forged.data(), forged.size(), 0,
+                                 as_any(client.address), sizeof client.address));
+      }
+    }
     const auto size =
         datagram.is_to_server
             ? send(client.to_server.number(), datagram.bytes.data(), datagram.bytes.size(), 0)

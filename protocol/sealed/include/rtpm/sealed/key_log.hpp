@@ -1,0 +1,22 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "rtpm/seal/handshake.hpp"
+
+namespace rtpm::sealed {
+
+/// The line of a key log for a session, by the keys of its generation 0.
+/// @realtime set-up only
+/// @source   spec/security.md#sec-9
+[[nodiscard]] std::string key_log_line(std::uint64_t session, seal::Suite suite,
+                                       const seal::Secret& client, const seal::Secret& server);
+
+/// Hears of the keys of each session that opens, for a key log. `hear` null: nobody does.
+struct KeyListener {
+  void (*hear)(void* context, std::uint64_t session, const seal::SessionKeys& keys) = nullptr;
+  void* context = nullptr;
+};
+
+}  // namespace rtpm::sealed

@@ -1,0 +1,116 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+
+#include "client/server_address.hpp"
+#include "rtpm/rt/secret_memory.hpp"
+#include "rtpm/sealed/client.hpp"
+#include "rtpm/transport/client_transport.hpp"
+#include "security/node_keys.hpp"
+
+namespace rtpm::rpc {
+
+/// A path to a known server on which only sealed frames go: a transport around another one. What
+/// is sent is sealed at that moment, what comes is opened; handshakes go on inside. For its channel
+/// the session is a plain one. In the child of a fork it fails, and leaves the parent's sessions
+/// be.
+/// @threads  one at a time
+/// @realtime as the transport within, and 1 µs a frame; allocates at its opening and in renew().
+///           A handshake's work, 200 µs, is done by the thread that sends or receives: when a
+///           session opens, after an unsealed hint, and once a day for new keys
+class SealedTransport final : public transport::ClientTransport {
+ public:
+  /// @param address  of a server with a key; outlives this
+  /// @realtime set-up only
+  /// @errors   as the transport within; no key of this program's own, no memory for keys
+  [[nodiscard]] static expected<std::unique_ptr<SealedTransport>, SetupError> open(
+      const ServerAddress& address, NodeKeys& keys, Priority priority, MonotonicTime deadline);
+  ~SealedTransport() override;
+
+  [[nodiscard]] expected<void, transport::IoError> send(ConstBytes frame) noexcept override;
+  [[nodiscard]] expected<void, transport::IoError> send_batch(
+      const transport::DatagramBatch& batch) noexcept override;
+  void accept_batches() noexcept override { within_->accept_batches(); }
+  [[nodiscard]] expected<MutableBytes, transport::IoError> receive() noexcept override;
+  [[nodiscard]] bool has_buffered() const noexcept override {
+    return kept_count_ > 0 || within_->has_buffered();
+  }
+  void wait(MonotonicTime until) noexcept override;
+  [[nodiscard]] expected<MutableBytes, transport::IoError> await(
+      MonotonicTime until) noexcept override;
+  [[nodiscard]] int descriptor() const noexcept override { return within_->descriptor(); }
+  [[nodiscard]] wire::Medium medium() const noexcept override { return within_->medium(); }
+  [[nodiscard]] std::optional<std::uint32_t> unread_count() const noexcept override {
+    return within_->unread_count();
+  }
+  void check_peer() noexcept override { within_->check_peer(); }
+  [[nodiscard]] bool is_on_host() const noexcept override { return within_->is_on_host(); }
+
+  /// Whether the channel should go on with new keys: renew(), then open a session anew.
+  [[nodiscard]] bool wants_renewal() const noexcept { return wants_renewal_; }
+  /// The channel has no open call. Shakes hands, over TCP on one more connection, unless that is
+  /// done already.
+  /// @return whether a session waits, to which the channel moves without a frame when it opens one;
+  ///         false: it goes on with the old one
+  /// @realtime set-up work, once a day: two round trips and more, 100 ms at most
+  [[nodiscard]] bool renew() noexcept;
+
+  /// Why no session came about, as far as anything was heard; nobody vouches for it. Empty: no
+  /// more is known than the channel knows.
+  /// @realtime set-up only
+  [[nodiscard]] SetupError explain() const;
+
+ private:
+  /// What a forked child finds to be zeros.
+  struct Secrets {
+    explicit Secrets(const sealed::SealedClientConfig& config) : client(config) {}
+    std::uint64_t is_here = 1;
+    sealed::SealedClient client;
+  };
+  /// As many as calls share a channel.
+  static constexpr std::size_t kKeptMax = wire::kCallWindow;
+  static constexpr std::size_t kKeptSizeMax = wire::kHeaderSize + wire::Welcome::kSize;
+
+  SealedTransport(const ServerAddress& address, NodeKeys& keys,
+                  std::unique_ptr<transport::ClientTransport> within,
+                  std::shared_ptr<const OwnKey> own, rt::SecretMemory memory, Priority priority);
+  [[nodiscard]] Secrets& secrets() const noexcept;
+  [[nodiscard]] bool is_here() const noexcept { return secrets().is_here != 0; }
+  [[nodiscard]] sealed::SealedClient& client() const noexcept { return secrets().client; }
+
+  [[nodiscard]] expected<void, transport::IoError> perform(sealed::SealedClient::Step step,
+                                                           transport::ClientTransport& over,
+                                                           MonotonicTime now) noexcept;
+  [[nodiscard]] expected<MutableBytes, transport::IoError> open_frame(
+      expected<MutableBytes, transport::IoError> frame) noexcept;
+  void keep(ConstBytes frame) noexcept;
+  [[nodiscard]] MutableBytes take_kept() noexcept;
+  void look_at_keys(MonotonicTime now) noexcept;
+  void move(MonotonicTime now) noexcept;
+  [[nodiscard]] bool renew_now() noexcept;
+
+  const ServerAddress& address_;
+  NodeKeys& keys_;
+  std::unique_ptr<transport::ClientTransport> within_;
+  std::unique_ptr<transport::ClientTransport> next_within_;  ///< Of a stream's next session.
+  std::shared_ptr<const OwnKey> own_;
+  rt::SecretMemory memory_;
+  Priority priority_;
+  std::unique_ptr<transport::ClientTransport> former_;  ///< Of a stream's last session.
+  MonotonicTime former_until_{};
+  bool wants_renewal_ = false;
+  MonotonicTime next_renewal_{};
+  MonotonicTime due_since_ = kNever;
+  transport::DatagramBatch batch_;
+  /// Frames for the channel that came of its own sending.
+  std::array<std::array<std::byte, kKeptSizeMax>, kKeptMax> kept_{};
+  std::array<std::size_t, kKeptMax> kept_sizes_{};
+  std::size_t kept_first_ = 0;
+  std::size_t kept_count_ = 0;
+  alignas(16) std::array<std::byte, kKeptSizeMax> taken_{};
+};
+
+}  // namespace rtpm::rpc

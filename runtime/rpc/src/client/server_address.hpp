@@ -1,0 +1,36 @@
+#pragma once
+
+#include <compare>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "rtpm/rpc/node.hpp"
+#include "rtpm/seal/primitives.hpp"
+#include "rtpm/transport/address.hpp"
+
+namespace rtpm::rpc {
+
+/// Over UDP and TCP the sessions of known servers are sealed.
+[[nodiscard]] constexpr bool is_over_network(Transport transport) noexcept {
+  return transport == Transport::kUdp || transport == Transport::kTcp;
+}
+
+/// An address to try, and the host of the URL that has it.
+struct ServerCandidate {
+  std::string host;
+  transport::SocketAddress address;
+};
+
+/// Where a server is and over what it is reached.
+struct ServerAddress {
+  std::string host;
+  std::uint16_t port = 0;
+  Transport transport = Transport::kUdp;  ///< Not kAuto.
+  std::string memory_folder{};            ///< Of the socket for shared memory; empty: abstract.
+  /// Of a known server over UDP or TCP: its sessions are sealed, always.
+  std::optional<seal::PublicKey> key{};
+  friend auto operator<=>(const ServerAddress&, const ServerAddress&) = default;
+};
+
+}  // namespace rtpm::rpc

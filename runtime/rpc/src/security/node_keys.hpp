@@ -1,0 +1,90 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rtpm/access/files.hpp"
+#include "rtpm/access/known_servers.hpp"
+#include "rtpm/access/log_file.hpp"
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/rpc/security.hpp"
+#include "rtpm/rt/log.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
+#include "rtpm/rt/secret_memory.hpp"
+#include "rtpm/sealed/client.hpp"
+#include "rtpm/transport/address.hpp"
+
+namespace rtpm::rpc {
+
+/// A long-lived key in memory that a forked child does not have.
+class OwnKey {
+ public:
+  /// @realtime set-up only
+  /// @errors   no memory for secrets
+  [[nodiscard]] static expected<std::shared_ptr<const OwnKey>, SetupError> keep(seal::KeyPair pair);
+  OwnKey(const OwnKey&) = delete;
+  OwnKey& operator=(const OwnKey&) = delete;
+  ~OwnKey();
+
+  [[nodiscard]] const seal::KeyPair& pair() const noexcept { return held().pair; }
+  /// In a forked child it is gone.
+  [[nodiscard]] bool is_here() const noexcept { return held().is_here != 0; }
+
+ private:
+  struct Held {
+    seal::KeyPair pair;
+    std::uint64_t is_here = 1;
+  };
+  explicit OwnKey(rt::SecretMemory memory) noexcept : memory_(std::move(memory)) {}
+  [[nodiscard]] Held& held() const noexcept;
+
+  rt::SecretMemory memory_;
+};
+
+/// A node's key and the servers that it knows. Binds read their files when they first need them,
+/// and again when these have changed.
+/// @threads  any
+/// @realtime set-up only
+class NodeKeys {
+ public:
+  explicit NodeKeys(const NodeSecurity& files) : files_(files) {}
+
+  /// The keys that this server may have, by the host as its URL has it, else by its address; then
+  /// the node's own key is there, too. Empty: the server is not known.
+  /// @errors   known_servers can't be trusted: then no other host is called over a network; the own
+  ///           key is not there or can't be trusted, and the server is known
+  [[nodiscard]] expected<std::vector<access::KnownServer>, SetupError> keys_of(
+      const std::string& host, const transport::SocketAddress& server);
+  /// The node's own key, as the last bind found it.
+  /// @errors   this is a child of the process that read it
+  [[nodiscard]] expected<std::shared_ptr<const OwnKey>, SetupError> own();
+  /// The line of known_servers that has this key; without one, with line 0.
+  [[nodiscard]] access::KnownServer entry_of(const seal::PublicKey& key);
+
+  [[nodiscard]] bool has_log() const noexcept { return !files_.key_log_file.empty(); }
+  /// Writes the keys of a session into the key log.
+  void log(std::uint64_t session, const seal::SessionKeys& keys) noexcept;
+
+  // Of sessions to come; others than usual only in tests.
+  seal::SessionLimits limits{};
+  Duration renewal_interval = sealed::SealedClientConfig{}.renewal_interval;
+
+ private:
+  [[nodiscard]] expected<void, SetupError> read_known_servers();
+  [[nodiscard]] expected<void, SetupError> read_own();
+  [[nodiscard]] expected<void, SetupError> open_log();
+
+  const NodeSecurity& files_;
+  rt::PiMutex mutex_;
+  rt::Log errors_{"rtpm"};
+  access::FileStamp known_stamp_{};
+  access::KnownServers known_{};
+  access::FileStamp own_stamp_{};
+  std::shared_ptr<const OwnKey> own_{};
+  std::optional<access::LogFile> key_log_;
+};
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,393 @@
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <map>
+#include <mutex>
+#include <thread>
+
+#include "client/node_impl.hpp"
+#include "rtpm/access/files.hpp"
+#include "rtpm/access/fingerprint.hpp"
+#include "rtpm/access/known_servers.hpp"
+#include "rtpm/rt/memory.hpp"
+#include "rtpm/wire/control.hpp"
+#include "secured_server.hpp"
+
+// Our own client over sealed sessions, against a real server.
+namespace rtpm::rpc {
+namespace {
+
+using namespace test;
+using namespace std::chrono_literals;
+
+/// Counts how often each number ran.
+class NumberServant final : public Servant {
+ public:
+  const InterfaceDescriptor& interface() const noexcept override { return echo::kInterface; }
+  DispatchResult dispatch(std::uint16_t, ConstBytes request, MutableBytes,
+                          const CallContext&) override {
+    const rt::AllowAllocationScope is_allowed;
+    const std::lock_guard lock(mutex_);
+    ++counts_[load_le<std::uint64_t>(request.data())];
+    return {};
+  }
+  [[nodiscard]] std::size_t repeated_count() {
+    const std::lock_guard lock(mutex_);
+    return static_cast<std::size_t>(
+        std::ranges::count_if(counts_, [](const auto& row) { return row.second > 1; }));
+  }
+  [[nodiscard]] std::size_t count() {
+    const std::lock_guard lock(mutex_);
+    return counts_.size();
+  }
+
+ private:
+  rt::PiMutex mutex_;
+  std::map<std::uint64_t, int> counts_;
+};
+
+class SealedClientTest : public testing::TestWithParam<Transport> {
+ protected:
+  SealedClientTest() {
+    key_ = access::make_key(folder_.file("client"), "client")->public_key;
+    server_key_ = access::make_key(folder_.file("server"), "server")->public_key;
+  }
+  [[nodiscard]] ServerConfig server_config() const {
+    ServerConfig config = quiet_config();
+    config.host = "127.0.0.1";
+    config.security.authorized_file = folder_.write(
+        "authorized", access::public_key_text(key_) + " name=client role=command on=**\n");
+    config.security.key_file = folder_.file("server");
+    return config;
+  }
+  void know(const std::string& lines) const { folder_.write("known_servers", lines); }
+  void know_server() const { know("127.0.0.1 " + access::public_key_text(server_key_) + "\n"); }
+  [[nodiscard]] NodeConfig node_config() const {
+    NodeConfig config = quiet_node(GetParam());
+    config.security.key_file = folder_.file("client");
+    config.security.known_servers_file = folder_.file("known_servers");
+    return config;
+  }
+  [[nodiscard]] static SetupError error_of_bind(Node& node, const std::string& url,
+                                                Duration patience = 400ms) {
+    BindOptions options;
+    options.deadline = patience;
+    auto bound = Binding::bind(node, url, echo::kInterface, options);
+    EXPECT_FALSE(bound);
+    return bound ? SetupError{} : bound.error();
+  }
+  static expected<ReplyLease, CallError> call_number(Binding& binding, std::uint64_t number,
+                                                     Duration deadline = rtpm::test::kPatience) {
+    std::array<std::byte, 8> request{};
+    store_le(request.data(), number);
+    CallOptions options;
+    options.deadline = deadline;
+    return binding.call(echo::kEchoOnce, request, options);
+  }
+
+  KeyFolder folder_;
+  seal::PublicKey key_{};
+  seal::PublicKey server_key_{};
+};
+
+INSTANTIATE_TEST_SUITE_P(Both, SealedClientTest, testing::Values(Transport::kUdp, Transport::kTcp),
+                         [](const auto& row) {
+                           return row.param == Transport::kUdp ? "Udp" : "Tcp";
+                         });
+
+TEST_P(SealedClientTest, AKnownServerIsCalledBySealedSessionsOfAllSizes) {
+  EchoServer server(server_config());
+  know_server();
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  for (const std::size_t size : {0u, 1u, 48u, 1320u, 1321u, 1344u, 65448u, 65449u, 300'000u}) {
+    Bytes payload(size, static_cast<std::byte>(size));
+    const auto reply = binding.call(echo::kEcho, payload);
+    ASSERT_TRUE(reply) << size << ": " << to_string(reply.error());
+    EXPECT_TRUE(std::ranges::equal(reply->bytes(), payload)) << size;
+  }
+  EXPECT_EQ(server.server->counters().frames.dropped_for(wire::DropReason::kBadSeal), 0u);
+}
+
+TEST_P(SealedClientTest, AnUnknownServerThatWantsKeysSaysHowToLearnIts) {
+  EchoServer server(server_config());
+  Node node(node_config());
+  const SetupError error = error_of_bind(node, server.url());
+  EXPECT_EQ(error.cause, CallError::kNotAllowed);
+  expect_text(error.text(), {"rtpm key learn 127.0.0.1:" + std::to_string(server.server->port())});
+}
+
+TEST_P(SealedClientTest, AnOpenServerThatIsNotKnownIsCalledInPlain) {
+  EchoServer server;
+  know("10.9.8.7 " + access::public_key_text(server_key_) + "\n");
+  NodeConfig config = node_config();
+  config.security.key_file = folder_.file("none");
+  Node node(config);
+  Binding binding = bind_echo(node, server);
+  EXPECT_TRUE(binding.call(echo::kEcho, bytes_of("a")));
+}
+
+TEST_P(SealedClientTest, APlainServerInPlaceOfAKnownOneIsNotCalled) {
+  ServerConfig config = quiet_config();
+  config.host = "127.0.0.1";
+  EchoServer server(config);
+  know_server();
+  Node node(node_config());
+  const SetupError error = error_of_bind(node, server.url());
+  expect_text(error.text(), {"no sealed session", "line 1 of known_servers"});
+  EXPECT_EQ(server.servant.run_count(), 0);
+}
+
+TEST_P(SealedClientTest, AnotherKeyIsToldWithItsLine) {
+  EchoServer server(server_config());
+  know("# cell\n127.0.0.1 " + access::public_key_text(key_) + "\n");
+  Node node(node_config());
+  const SetupError error = error_of_bind(node, server.url());
+  expect_text(error.text(), {"line 2 of known_servers"});
+  if (GetParam() != Transport::kUdp) return;  // Over TCP the server shows no key.
+  expect_text(error.text(),
+              {"another key", "in between", "127.0.0.1 " + access::public_key_text(server_key_)});
+}
+
+TEST_P(SealedClientTest, OfTwoKeysTheOtherIsTriedToo) {
+  EchoServer server(server_config());
+  know("127.0.0.1 " + access::public_key_text(key_) + "\n127.0.0.1 " +
+       access::public_key_text(server_key_) + "\n");
+  Node node(node_config());
+  BindOptions options;
+  options.deadline = 1s;
+  EXPECT_TRUE(Binding::bind(node, server.url(), echo::kInterface, options));
+}
+
+TEST_P(SealedClientTest, AStrangerIsToldWhatItsOwnerHasToRun) {
+  EchoServer server(server_config());
+  know_server();
+  const auto own = access::make_key(folder_.file("stranger"), "x")->public_key;
+  NodeConfig config = node_config();
+  config.security.key_file = folder_.file("stranger");
+  Node node(config);
+  const SetupError error = error_of_bind(node, server.url());
+  EXPECT_EQ(error.cause, CallError::kNotAllowed);
+  expect_text(error.text(), {"rtpm key authorize '" + access::public_key_text(own) + "'"});
+}
+
+TEST_P(SealedClientTest, WithoutAKeyABindSaysHowToMakeOne) {
+  EchoServer server(server_config());
+  know_server();
+  NodeConfig config = node_config();
+  config.security.key_file = folder_.file("none");
+  Node node(config);
+  expect_text(error_of_bind(node, server.url()).text(), {folder_.file("none"), "rtpm key new"});
+  ASSERT_TRUE(access::make_key(folder_.file("none"), "x"));
+  folder_.write("authorized",
+                access::public_key_text(access::read_key(folder_.file("none"))->public_key) +
+                    " role=command on=**\n");
+  std::filesystem::permissions(folder_.file("none"), std::filesystem::perms::group_read,
+                               std::filesystem::perm_options::add);
+  expect_text(error_of_bind(node, server.url()).text(), {folder_.file("none"), "others"});
+}
+
+// A file that others may write could name the attacker's key, or no server at all.
+TEST_P(SealedClientTest, AnUntrustedFileOfServersFailsBindsToOtherHosts) {
+  EchoServer server;
+  know_server();
+  std::filesystem::permissions(folder_.file("known_servers"), std::filesystem::perms::others_write,
+                               std::filesystem::perm_options::add);
+  Node node(node_config());
+  const SetupError error = error_of_bind(node, "rtpm://192.0.2.1:7420/echo", 100ms);
+  expect_text(error.text(), {folder_.file("known_servers"), "others can write it"});
+  Binding binding = bind_echo(node, server);
+  EXPECT_TRUE(binding.call(echo::kEcho, bytes_of("a")));
+}
+
+TEST_P(SealedClientTest, AFaultyLineLeavesTheOthersInForceAndAChangeIsSeen) {
+  EchoServer server(server_config());
+  know("nonsense\n");
+  Node node(node_config());
+  EXPECT_EQ(error_of_bind(node, server.url()).cause, CallError::kNotAllowed);
+  know("nonsense\n127.0.0.1:" + std::to_string(server.server->port()) + " " +
+       access::public_key_text(server_key_) + "\n");
+  Binding binding = bind_echo(node, server);
+  EXPECT_TRUE(binding.call(echo::kEcho, bytes_of("a")));
+}
+
+// Each session seals 200 frames at most, and then there must be another.
+TEST_P(SealedClientTest, KeysAreRenewedWithoutAFailedCall) {
+  EchoServer server(server_config());
+  know_server();
+  Node node(node_config());
+  node.impl().keys.limits = {.generation_bits = 10, .counter_end = 200, .forged_max = 1000};
+  Binding binding = bind_echo(node, server);
+  for (std::uint64_t number = 0; number < 1000; ++number) {
+    const auto reply = call_number(binding, number);
+    ASSERT_TRUE(reply) << number << ": " << to_string(reply.error());
+  }
+  EXPECT_EQ(server.servant.run_count(), 1000);
+  EXPECT_GE(server.server->counters().frames.session_opened_count, 6u);
+}
+
+TEST_P(SealedClientTest, KeysOfAnAgeAreRenewed) {
+  EchoServer server(server_config());
+  know_server();
+  Node node(node_config());
+  node.impl().keys.renewal_interval = 30ms;
+  Binding binding = bind_echo(node, server);
+  const MonotonicTime end = rt::now() + 300ms;
+  int count = 0;
+  for (; rt::now() < end; ++count)
+    ASSERT_TRUE(call_number(binding, 1));
+  EXPECT_EQ(server.servant.run_count(), count);
+  EXPECT_GE(server.server->counters().frames.session_opened_count, 3u);
+}
+
+TEST_P(SealedClientTest, ARestartedServerIsFoundAndNothingRunsTwice) {
+  NumberServant servant;
+  ServerConfig config = server_config();
+  const auto start = [&] {
+    auto server = Server::create(config);
+    EXPECT_TRUE(server) << server.error().text();
+    EXPECT_TRUE((*server)->add("echo", servant));
+    EXPECT_TRUE((*server)->start());
+    return std::move(*server);
+  };
+  auto server = start();
+  config.port = server->port();
+  know_server();
+  Node node(node_config());
+  auto bound = Binding::bind(node, server->url("echo"), echo::kInterface);
+  ASSERT_TRUE(bound) << bound.error().text();
+  std::atomic<bool> is_over{false};
+  std::atomic<std::uint64_t> good_count{0};
+  std::thread caller([&] {
+    for (std::uint64_t number = 0; !is_over; ++number) {
+      if (call_number(*bound, number, 2s)) {
+        ++good_count;
+      } else {
+        std::this_thread::sleep_for(1ms);
+      }
+    }
+  });
+  for (int round = 0; round < 3; ++round) {
+    ASSERT_TRUE(await([&, seen = good_count + 20] { return good_count > seen; }));
+    server->stop();
+    server.reset();
+    server = start();
+    const MonotonicTime back = rt::now();
+    ASSERT_TRUE(await([&, seen = good_count + 0] { return good_count > seen; }));
+    EXPECT_LT(rt::now() - back, 1s);
+  }
+  is_over = true;
+  caller.join();
+  server->stop();
+  EXPECT_EQ(servant.repeated_count(), 0u);
+  EXPECT_GE(servant.count(), good_count);
+}
+
+TEST_P(SealedClientTest, TheKeyLogOfTheClientIsThatOfTheServer) {
+  ServerConfig config = server_config();
+  config.security.key_log_file = folder_.file("server-log");
+  EchoServer server(config);
+  know_server();
+  NodeConfig with_log = node_config();
+  with_log.security.key_log_file = folder_.file("client-log");
+  Node node(with_log);
+  Binding binding = bind_echo(node, server);
+  EXPECT_TRUE(binding.call(echo::kEcho, bytes_of("a")));
+  const std::string log = folder_.read("client-log");
+  EXPECT_TRUE(log.starts_with("RTPM_SESSION ")) << log;
+  EXPECT_EQ(log, folder_.read("server-log"));
+  EXPECT_EQ(std::filesystem::status(folder_.file("client-log")).permissions(),
+            std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
+}
+
+// sec-5-2: a child has none of its parent's keys, and does not disturb its sessions.
+TEST_P(SealedClientTest, AForkedChildFailsAndItsParentGoesOn) {
+  EchoServer server(server_config());
+  know_server();
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  ASSERT_TRUE(binding.call(echo::kEcho, bytes_of("a")));
+  const pid_t child = fork();
+  if (child == 0) {
+    CallOptions options;
+    options.deadline = 300ms;
+    const auto reply = binding.call(echo::kEcho, bytes_of("b"), options);
+    _exit(reply ? 1 : 0);
+  }
+  int status = 0;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
+  EXPECT_EQ(status, 0);
+  for (int i = 0; i < 10; ++i)
+    ASSERT_TRUE(binding.call(echo::kEcho, bytes_of("c")));
+  EXPECT_EQ(server.server->counters().frames.session_opened_count, 1u);
+}
+
+/// What an attacker on the path sends who has seen this datagram of the server.
+std::vector<std::vector<char>> forged_about(const std::vector<char>& datagram) {
+  const auto seen = wire::decode(std::as_bytes(std::span(datagram)));
+  if (!seen) return {};
+  std::vector<std::vector<char>> forged;
+  const auto add = [&](wire::FrameKind kind, wire::Status status, std::uint32_t size) {
+    wire::Header header;
+    header.kind = kind;
+    header.priority = seen->priority;
+    header.session = seen->session;
+    header.call_id = seen->call_id;
+    header.status = status;
+    header.payload_size = header.message_size = size;
+    std::vector<char> frame(wire::kHeaderSize + size);
+    wire::encode(header, reinterpret_cast<std::byte*>(frame.data()));
+    forged.push_back(std::move(frame));
+  };
+  add(wire::FrameKind::kRefuse, wire::Status::kUnknownSession, 0);
+  add(wire::FrameKind::kRefuse, wire::Status::kNotAllowed, 0);
+  add(wire::FrameKind::kClose, wire::Status::kOk, 0);
+  add(wire::FrameKind::kCookie, wire::Status::kOk, sizeof(wire::Cookie));
+  add(wire::FrameKind::kWelcome, wire::Status::kOk, wire::Welcome::kSize);
+  add(wire::FrameKind::kReply, wire::Status::kServantFailed, 0);
+  return forged;
+}
+
+TEST(SealedClient, ForgedHintsFailNoCallAndRunNoneTwice) {
+  const KeyFolder folder;
+  const auto key = access::make_key(folder.file("client"), "client")->public_key;
+  const auto server_key = access::make_key(folder.file("server"), "server")->public_key;
+  ServerConfig config = quiet_config();
+  config.host = "127.0.0.1";
+  config.security.authorized_file =
+      folder.write("authorized", access::public_key_text(key) + " role=command on=**\n");
+  config.security.key_file = folder.file("server");
+  NumberServant servant;
+  auto server = Server::create(config);
+  ASSERT_TRUE(server) << server.error().text();
+  ASSERT_TRUE((*server)->add("echo", servant));
+  ASSERT_TRUE((*server)->start());
+  rtpm::test::FaultyRelay relay(
+      (*server)->port(), {.loss = 0, .repetition = 0.2, .delay = 0.05, .forge = &forged_about});
+  NodeConfig node_config = quiet_node();
+  node_config.security.key_file = folder.file("client");
+  node_config.security.known_servers_file =
+      folder.write("known_servers", "127.0.0.1 " + access::public_key_text(server_key) + "\n");
+  Node node(node_config);
+  auto bound = Binding::bind(node, "rtpm://127.0.0.1:" + std::to_string(relay.port()) + "/echo",
+                             echo::kInterface);
+  ASSERT_TRUE(bound) << bound.error().text();
+  const MonotonicTime end = rt::now() + 1s;
+  std::uint64_t number = 0;
+  for (; rt::now() < end; ++number) {
+    std::array<std::byte, 8> request{};
+    store_le(request.data(), number);
+    const auto reply = bound->call(echo::kEchoOnce, request);
+    ASSERT_TRUE(reply) << number << ": " << to_string(reply.error());
+  }
+  EXPECT_EQ(servant.count(), number);
+  EXPECT_EQ(servant.repeated_count(), 0u);
+  EXPECT_GT(number, 100u);
+  EXPECT_EQ((*server)->counters().frames.session_opened_count, 1u);
+  (*server)->stop();
+}
+
+}  // namespace
+}  // namespace rtpm::rpc
