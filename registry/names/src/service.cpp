@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "idl.hpp"
+#include "no_answer.hpp"
 #include "registry_list.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/names/defaults.hpp"
@@ -194,12 +195,7 @@ class Service::Impl {
            "give --registry rtpm://host:port/path, such as " + std::string(kDefaultRegistryUrl)}}};
     }
     auto client = NamesClient::bind(node_, registry.url, {.deadline = deadline - rt::now()});
-    if (!client) {
-      const SetupError& error = client.error();
-      return unexpected{error.cause == rpc::CallError::kNoResources
-                            ? not_asked(registry.url, error.reason(), error.remedy)
-                            : no_answer(registry.url, error.reason())};
-    }
+    if (!client) return unexpected{no_answer(registry.url, client.error())};
     const std::lock_guard lock(mutex_);
     if (!registry.client) registry.client = std::make_shared<NamesClient>(std::move(*client));
     return registry.client;
@@ -218,22 +214,11 @@ class Service::Impl {
       case rpc::CallError::kExpired:
       case rpc::CallError::kDisconnected:
       case rpc::CallError::kUnreachable:
-        return no_answer(url, why);
       case rpc::CallError::kNoResources:
-        return not_asked(url, why);
+        return no_answer(url, {why, {}, {}, rpc::make_error_code(cause)});
       default:
         return {{"the registry at " + url + " failed", why}};
     }
-  }
-
-  [[nodiscard]] static DirectoryError not_asked(const std::string& url, const std::string& why,
-                                                const std::string& remedy = {}) {
-    return {{"the registry at " + url + " was not asked", why, remedy,
-             rpc::make_error_code(rpc::CallError::kNoResources)}};
-  }
-
-  [[nodiscard]] static DirectoryError no_answer(const std::string& url, const std::string& why) {
-    return {{"no registry answers at " + url, why, "start rtpm-registryd, or give --registry URL"}};
   }
 
   rpc::Node& node_;

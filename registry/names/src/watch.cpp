@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "idl.hpp"
+#include "no_answer.hpp"
 #include "registry_list.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/discovery/scope.hpp"
@@ -87,11 +88,7 @@ class OneWatch final : public NameWatch::Impl {
       has_new_names_ = false;
     }
     auto client = NamesClient::bind(node_, registry_url(), {.deadline = config.deadline});
-    if (!client) {
-      return unexpected{
-          DirectoryError{{"no registry answers at " + registry_url(), client.error().reason(),
-                          "start rtpm-registryd, or give --registry URL"}}};
-    }
+    if (!client) return unexpected{no_answer(registry_url(), client.error())};
     WatchRequestT request;
     request.directory = config.directory;
     request.names = config.names;

@@ -262,19 +262,19 @@ SetupError SealedTransport::explain() const {
   const access::KnownServer known = keys_.entry_of(*address_.key);
   const std::string line = "line " + std::to_string(known.line) + " of known_servers";
   if (const auto& other = client().other_key()) {
-    access::KnownServer shown = known;
-    shown.key = *other;
+    const std::string host = wire::host_in_url(known.host);
     return {server + " shows another key than " + line,
             access::fingerprint(*other) + " instead of " + access::fingerprint(known.key),
-            "if its owner confirms that this is its key, replace the line by '" +
-                access::to_line(shown) + "'; else somebody is in between",
+            "compare it with `rtpm key show` at the server; if it is the same: rtpm key forget " +
+                host + ", then rtpm key learn " + where + (known.port == 0 ? "" : " --port-only") +
+                "; else somebody is in between",
             {}};
   }
   if (client().hint() == wire::Status::kNotAllowed) {
     return {server + " does not admit this program's key, it seems",
             {},
             "have its owner run: rtpm key authorize '" +
-                access::public_key_text(own_->pair().public_key) + "' --role command --on PATH",
+                access::public_key_text(own_->pair().public_key) + "' --role command --on '**'",
             CallError::kNotAllowed};
   }
   if (client().hint() == wire::Status::kVersionUnsupported) {
