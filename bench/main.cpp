@@ -11,6 +11,7 @@
 #include "rtpm/rt/memory.hpp"
 #include "runs/peers.hpp"
 #include "settings.hpp"
+#include "sides/floor.hpp"
 #include "sides/standalone.hpp"
 
 namespace rtpm::bench {
@@ -109,6 +110,10 @@ void add_case_options(CLI::App& app, Settings& settings) {
                "events: each consumer has a thread of its own, and shares none");
   app.add_flag("--multicast", settings.has_multicast,
                "events over UDP: the hub sends each once for all consumers");
+  app.add_flag(
+      "--sealed", settings.is_sealed,
+      "call, isolation over UDP and TCP: sealed sessions; the floor seals and opens as many "
+      "frames");
   app.add_option("--in-flight", settings.in_flight, "throughput: calls on their way at a time")
       ->check(CLI::Range(1, 64));
   app.add_option("--calls", settings.call_count, "two-node: calls; 0: as --samples says")
@@ -143,6 +148,19 @@ std::string fault_of(const std::vector<std::string>& cases, const Settings& sett
   }
   if (settings.has_multicast && (!has_events || settings.carriers != std::vector{Carrier::kUdp})) {
     return "--multicast is for the case events: give --transport udp, too";
+  }
+  if (settings.is_sealed) {
+    const bool is_in_memory = std::ranges::count(settings.carriers, Carrier::kSharedMemory) > 0;
+    const bool is_of_others = std::ranges::any_of(
+        cases, [](const std::string& each) { return each != "call" && each != "isolation"; });
+    const bool is_large = std::ranges::any_of(
+        settings.payload_sizes, [](std::size_t size) { return size > kSealedPayloadMax; });
+    if (is_in_memory)
+      return "shared memory is not sealed: give --transport udp or tcp with --sealed";
+    if (is_of_others || is_large || !settings.peers.empty()) {
+      return "--sealed is for the cases call and isolation, without peers, and for payloads of one "
+             "datagram";
+    }
   }
   return {};
 }

@@ -33,6 +33,7 @@ struct Settings {
   bool has_own_threads = false;
   bool has_own_hub = false;
   bool has_multicast = false;
+  bool is_sealed = false;
   Duration work = std::chrono::microseconds{200};
   std::uint32_t in_flight = 64;
   std::uint64_t call_count = 0;  ///< Of two-node; 0: sample_count, else the case's own.

@@ -6,6 +6,7 @@
 #include "cases/case.hpp"
 #include "runs/duel.hpp"
 #include "runs/run.hpp"
+#include "sides/hello_storm.hpp"
 #include "sides/standalone.hpp"
 
 // Calls beside the raw floor and, where asked for, beside peers: one after the other, at a pace,
@@ -100,6 +101,29 @@ std::vector<std::optional<Carrier>> floors_beside(const Settings& settings, Carr
   return {Carrier::kUdp, std::nullopt};
 }
 
+// A loop at the rate that was asked for, alone and while 1000 HELLOs a second come.
+expected<void, std::string> measure_hello_storm(const Settings& settings, const DuelConfig& sides,
+                                                Report& report) {
+  DuelConfig config = sides;
+  config.has_hello_storm = true;
+  Run run(settings,
+          {.sample_count = 60'000,
+           .warm_up_count = 20,
+           .turn_size = settings.paced_count(0.2),
+           .is_round_a_turn = true,
+           .rest_part = 0.15,
+           .rate_hz = settings.rate_hz,
+           .loads = {0, 1},
+           .load_field = "hello_storms"},
+          report);
+  std::shared_ptr<Duel> duel;
+  if (auto measured = measure(settings, config, {}, run, duel); !measured) return measured;
+  Json head = head_of("isolation", config);
+  head["hellos_per_second"] = kHellosPerSecond;
+  run.report(head);
+  return {};
+}
+
 expected<void, std::string> measure_isolation(const Settings& settings, const DuelConfig& sides,
                                               Report& report) {
   const std::vector<int>& loads = settings.low_caller_counts;
@@ -139,7 +163,8 @@ void run_paced(const Settings& settings, Report& report) {
 }
 
 void run_isolation(const Settings& settings, Report& report) {
-  measure_each("isolation", settings, report, true, measure_isolation);
+  measure_each("isolation", settings, report, true,
+               settings.is_sealed ? measure_hello_storm : measure_isolation);
 }
 
 }  // namespace rtpm::bench

@@ -1,9 +1,12 @@
 #include "runs/duel.hpp"
 
+#include <algorithm>
 #include <sstream>
 #include <utility>
 
+#include "rtpm/wire/url.hpp"
 #include "sides/floor.hpp"
+#include "sides/hello_storm.hpp"
 
 namespace rtpm::bench {
 namespace {
@@ -22,13 +25,14 @@ expected<std::string, std::string> set_up_floor(const DuelConfig& config, Memory
                                       .wait = config.wait,
                                       .cpu = config.placement.server_cpu,
                                       .host = config.host,
-                                      .payload_size = config.payload_size}};
-  if (config.low_caller_count > 0) {
+                                      .payload_size = config.payload_size,
+                                      .is_sealed = config.keys != nullptr}};
+  if (config.low_caller_count > 0 || config.has_hello_storm) {
     lanes.push_back({.name = "floor-low",
                      .priority = kLowPriority,
                      .wait = kLowWait,
                      .cpu = config.placement.server_cpu,
-                     .connection_count = config.low_caller_count,
+                     .connection_count = std::max(1, config.low_caller_count),
                      .host = config.host});
   }
   if (memory != nullptr) {
@@ -56,6 +60,7 @@ expected<std::string, std::string> set_up_rtpm(const DuelConfig& config) {
                           .session_count_max = config.session_count_max,
                           .numbered_count = config.numbered_count,
                           .realtime = config.realtime};
+  if (config.keys) server.security = config.keys->server();
   if (config.low_caller_count > 0) {
     server.lanes.insert(
         server.lanes.begin(),
@@ -106,7 +111,8 @@ Duel::Duel(DuelConfig config, std::unique_ptr<MemoryFloor> memory, ServerProcess
       memory_floor_(std::move(memory)),
       floor_(std::move(floor)),
       rtpm_(std::move(rtpm)),
-      high_node_(make_node(config_.carrier, config_.wait)),
+      high_node_(make_node(config_.carrier, config_.wait,
+                           config_.keys ? config_.keys->node() : rpc::NodeSecurity{})),
       low_node_(make_node(config_.carrier, kLowWait)) {
   std::istringstream(floor_.address()) >> floor_ports_[0] >> floor_ports_[1];
 }
@@ -117,7 +123,19 @@ expected<std::unique_ptr<Caller>, std::string> Duel::connect_high(Side side) {
   }
   if (memory_floor_) return memory_floor_->connect(0, config_.wait);
   return connect_floor_caller(floor_carrier_of(config_), config_.host, floor_ports_[0],
-                              config_.wait, config_.payload_size);
+                              config_.wait, config_.payload_size, config_.keys != nullptr);
+}
+
+expected<Job, std::string> Duel::connect_storm(Side side) {
+  if (side == Side::kRtpm) {
+    const auto url = wire::parse_url(rtpm_url());
+    if (!url) return unexpected{rtpm_url() + " is no URL"};
+    return make_hello_storm(url->port);
+  }
+  auto caller = connect_low(side);
+  if (!caller) return unexpected{caller.error()};
+  return paced_as_hellos(
+      [held = std::shared_ptr<Caller>(std::move(*caller))] { return held->echo(); });
 }
 
 expected<std::unique_ptr<Caller>, std::string> Duel::connect_low(Side side) {
@@ -137,6 +155,11 @@ expected<std::unique_ptr<Contender>, std::string> Duel::contender(Side side, Dur
     // Shared, because a job is copied.
     jobs.emplace_back(
         [held = std::shared_ptr<Caller>(std::move(*caller)), work] { return held->work(work); });
+  }
+  if (config_.has_hello_storm) {
+    auto storm = connect_storm(side);
+    if (!storm) return unexpected{storm.error()};
+    jobs.push_back(std::move(*storm));
   }
   std::unique_ptr<LowLoad> load;
   if (!jobs.empty()) {
@@ -200,19 +223,27 @@ void measure_each(std::string_view case_name, const Settings& settings, Report& 
                     "--wait block");
         continue;
       }
-      const auto measured = measure(settings,
-                                    {.carrier = carrier,
-                                     .wait = {.strategy = strategy, .spin = settings.spin},
-                                     .placement = choose_placement(),
-                                     .realtime = settings.realtime},
-                                    report);
+      DuelConfig config{.carrier = carrier,
+                        .wait = {.strategy = strategy, .spin = settings.spin},
+                        .placement = choose_placement(),
+                        .realtime = settings.realtime};
+      if (settings.is_sealed) {
+        auto keys = SealedKeys::make(config.host);
+        if (!keys) {
+          report.fail(title, keys.error());
+          continue;
+        }
+        config.keys = std::move(*keys);
+      }
+      const auto measured = measure(settings, config, report);
       if (!measured) report.fail(title, measured.error());
     }
   }
 }
 
 Json head_of(std::string_view case_name, const DuelConfig& config) {
-  Json head{{"case", case_name}, {"transport", to_string(config.carrier)}};
+  const std::string name = std::string(case_name) + (config.keys ? "-sealed" : "");
+  Json head{{"case", name}, {"transport", to_string(config.carrier)}};
   if (config.floor_carrier) head["floor"] = to_string(*config.floor_carrier);
   head["wait"] = rt::to_string(config.wait.strategy);
   head["payload"] = config.payload_size;

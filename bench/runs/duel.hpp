@@ -14,6 +14,7 @@
 #include "sides/caller.hpp"
 #include "sides/memory_floor.hpp"
 #include "sides/rtpm_side.hpp"
+#include "sides/sealed_keys.hpp"
 #include "sides/server_process.hpp"
 
 namespace rtpm::bench {
@@ -29,10 +30,14 @@ struct DuelConfig {
   rt::WaitConfig wait{};                    ///< Of the measured callers and their lane.
   std::size_t payload_size = kPayloadSize;  ///< Of the measured calls.
   int low_caller_count = 0;  ///< Above 0: both servers have a second lane, for low priorities.
-  std::string host = "127.0.0.1";         ///< That the servers serve; numeric.
-  Job enter_server_host{};                ///< What a server's process does first, if anything.
-  std::uint32_t session_count_max = 256;  ///< Of RTPM's server, per lane.
-  std::uint64_t numbered_count = 0;       ///< How many numbered calls RTPM's server can tell apart.
+  std::string host = "127.0.0.1";            ///< That the servers serve; numeric.
+  Job enter_server_host{};                   ///< What a server's process does first, if anything.
+  std::uint32_t session_count_max = 256;     ///< Of RTPM's server, per lane.
+  std::shared_ptr<const SealedKeys> keys{};  ///< Of sealed sessions; null: they are not sealed.
+  /// A caller of low priority sends RTPM's server HELLOs instead of calls, and to the floor's
+  /// second thread as many frames.
+  bool has_hello_storm = false;
+  std::uint64_t numbered_count = 0;  ///< How many numbered calls RTPM's server can tell apart.
   Placement placement{};
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
 };
@@ -59,6 +64,9 @@ class Duel {
   [[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_high(Side side);
   /// Blocks while it waits.
   [[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_low(Side side);
+
+  /// What DuelConfig::has_hello_storm says.
+  [[nodiscard]] expected<Job, std::string> connect_storm(Side side);
 
   /// A side's measured caller, and as many of low priority as the configuration has, whose calls
   /// compute for `work`.   On a thread as run_as_caller() has it.

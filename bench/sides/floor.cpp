@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <list>
+#include <optional>
 #include <utility>
 
 #include "rtpm/rt/clock.hpp"
@@ -94,25 +96,44 @@ class Frames {
 
 // ---- serving ------------------------------------------------------------------------------------
 
-void serve_udp(RawSocket socket, const FloorLaneConfig& lane) {
-  FloorFrame frame(floor_frame_size(Carrier::kUdp, lane.payload_size));
-  make_room(socket.handle(), frame.size());
-  const Frames frames(Carrier::kUdp, std::move(socket), lane.wait, Duration::max());
-  for (sockaddr_in from{};;) {
-    if (!frames.receive(frame, &from)) continue;
-    compute_as_asked(frame);
-    frames.send(frame, &from);
+/// One frame of a lane, and what its seal makes of it.
+class Echo {
+ public:
+  Echo(Carrier carrier, const FloorLaneConfig& lane)
+      : frame_(floor_frame_size(carrier, lane.payload_size)) {
+    if (!lane.is_sealed) return;
+    seal_.emplace(/*is_client=*/false);
+    sealed_.resize(frame_.size() + wire::kSealedTrailerSize);
   }
-}
+  [[nodiscard]] std::size_t size() const noexcept { return frame_.size(); }
 
-bool echo(const Frames& frames, FloorFrame& frame) noexcept {
-  if (!frames.receive(frame, nullptr)) return false;
-  compute_as_asked(frame);
-  return frames.send(frame, nullptr);
+  /// @param is_connected  sends to whom the socket is connected, not where the frame came from
+  bool serve(const Frames& frames, bool is_connected) noexcept {
+    FloorFrame& moved = seal_ ? sealed_ : frame_;
+    sockaddr_in from{};
+    if (!frames.receive(moved, is_connected ? nullptr : &from)) return false;
+    if (seal_ && !seal_->open(sealed_, frame_)) return false;
+    compute_as_asked(frame_);
+    if (seal_) seal_->seal(frame_, sealed_);
+    return frames.send(moved, is_connected ? nullptr : &from);
+  }
+
+ private:
+  FloorFrame frame_;
+  FloorFrame sealed_{};
+  std::optional<FloorSeal> seal_{};
+};
+
+void serve_udp(RawSocket socket, const FloorLaneConfig& lane) {
+  Echo echo(Carrier::kUdp, lane);
+  make_room(socket.handle(), echo.size());
+  const Frames frames(Carrier::kUdp, std::move(socket), lane.wait, Duration::max());
+  for (;;)
+    echo.serve(frames, /*is_connected=*/false);
 }
 
 void serve_tcp(const RawSocket& listener, const FloorLaneConfig& lane) {
-  FloorFrame frame(floor_frame_size(Carrier::kTcp, lane.payload_size));
+  std::list<Echo> echoes;
   // Of many, only what poll() finds is received, which then waits for nothing.
   const bool is_one = lane.connection_count == 1;
   const rt::WaitConfig wait =
@@ -124,13 +145,15 @@ void serve_tcp(const RawSocket& listener, const FloorLaneConfig& lane) {
     send_at_once(socket.handle());
     polled.push_back({.fd = socket.handle(), .events = POLLIN, .revents = 0});
     connections.emplace_back(Carrier::kTcp, std::move(socket), wait, Duration::max());
+    echoes.emplace_back(Carrier::kTcp, lane);
   }
-  while (is_one && echo(connections.front(), frame)) {
+  while (is_one && echoes.front().serve(connections.front(), /*is_connected=*/true)) {
   }
   while (!is_one && poll(polled.data(), polled.size(), -1) > 0) {
-    for (std::size_t i = 0; i < polled.size(); ++i) {
+    auto echo = echoes.begin();
+    for (std::size_t i = 0; i < polled.size(); ++i, ++echo) {
       // poll() skips negative descriptors: here, of connections that ended.
-      if (polled[i].revents != 0 && !echo(connections[i], frame)) polled[i].fd = -1;
+      if (polled[i].revents != 0 && !echo->serve(connections[i], true)) polled[i].fd = -1;
     }
   }
 }
@@ -169,6 +192,23 @@ struct SocketExchange {
   Frames frames;
 };
 
+struct SealedExchange {
+  explicit SealedExchange(Frames given, std::size_t frame_size)
+      : frames(std::move(given)),
+        seal(std::make_unique<FloorSeal>(/*is_client=*/true)),
+        moved(frame_size + wire::kSealedTrailerSize) {}
+  expected<void, std::string> operator()(const FloorFrame& sent, FloorFrame& received) {
+    seal->seal(sent, moved);
+    if (!frames.send(moved, nullptr)) return unexpected{system_text("send")};
+    if (!frames.receive(moved, nullptr)) return unexpected{system_text("receive")};
+    if (seal->open(moved, received)) return {};
+    return unexpected{std::string("the raw floor's answer is not sealed as it should be")};
+  }
+  Frames frames;
+  std::unique_ptr<FloorSeal> seal;
+  FloorFrame moved;
+};
+
 class FloorPipeline final : public Pipeline {
  public:
   FloorPipeline(RawSocket socket, std::size_t in_flight)
@@ -196,6 +236,36 @@ class FloorPipeline final : public Pipeline {
 };
 
 }  // namespace
+
+FloorSeal::FloorSeal(bool is_client) noexcept {
+  const seal::Suite suite = seal::best_suite(seal::suites_here(), seal::suites_here());
+  seal::Secret key;
+  std::ranges::fill(key.bytes(), std::byte{0x5e});
+  (is_client ? own_ : other_).set(suite, key);
+  std::ranges::fill(key.bytes(), std::byte{0xa1});
+  (is_client ? other_ : own_).set(suite, key);
+}
+
+void FloorSeal::seal(const FloorFrame& frame, FloorFrame& sealed) noexcept {
+  const MutableBytes out(sealed);
+  const std::size_t payload_size = frame.size() - wire::kHeaderSize;
+  std::memcpy(sealed.data(), frame.data(), wire::kHeaderSize);
+  store_le(sealed.data() + frame.size(), counter_);
+  own_.seal(counter_++, out.first(wire::kHeaderSize), ConstBytes(frame).subspan(wire::kHeaderSize),
+            out.subspan(wire::kHeaderSize, payload_size),
+            std::span<std::byte, seal::kTagSize>(out.last(seal::kTagSize)));
+}
+
+bool FloorSeal::open(const FloorFrame& sealed, FloorFrame& frame) const noexcept {
+  const ConstBytes in(sealed);
+  const std::size_t payload_size = frame.size() - wire::kHeaderSize;
+  const auto counter = load_le<std::uint64_t>(sealed.data() + frame.size());
+  std::memcpy(frame.data(), sealed.data(), wire::kHeaderSize);
+  return other_.open(counter, in.first(wire::kHeaderSize),
+                     in.subspan(wire::kHeaderSize, payload_size),
+                     std::span<const std::byte, seal::kTagSize>(in.last(seal::kTagSize)),
+                     MutableBytes(frame).subspan(wire::kHeaderSize));
+}
 
 std::size_t floor_frame_size(Carrier carrier, std::size_t payload_size) noexcept {
   if (carrier != Carrier::kUdp) return wire::kHeaderSize + payload_size;
@@ -228,15 +298,18 @@ expected<std::vector<std::uint16_t>, std::string> start_floor_server(
   return ports;
 }
 
-expected<std::unique_ptr<Caller>, std::string> connect_floor_caller(Carrier carrier,
-                                                                    const std::string& host,
-                                                                    std::uint16_t port,
-                                                                    const rt::WaitConfig& wait,
-                                                                    std::size_t payload_size) {
+expected<std::unique_ptr<Caller>, std::string> connect_floor_caller(
+    Carrier carrier, const std::string& host, std::uint16_t port, const rt::WaitConfig& wait,
+    std::size_t payload_size, bool is_sealed) {
   auto socket = connect_socket(carrier, host, port);
   if (!socket) return unexpected{socket.error()};
   const std::size_t frame_size = floor_frame_size(carrier, payload_size);
   if (carrier == Carrier::kUdp) make_room(socket->handle(), frame_size);
+  if (is_sealed) {
+    return make_floor_caller(
+        frame_size,
+        SealedExchange(Frames(carrier, std::move(*socket), wait, kTimeout), frame_size));
+  }
   return make_floor_caller(frame_size,
                            SocketExchange{Frames(carrier, std::move(*socket), wait, kTimeout)});
 }

@@ -9,7 +9,9 @@
 
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/base/expected.hpp"
+#include "rtpm/seal/primitives.hpp"
 #include "rtpm/wire/limits.hpp"
+#include "rtpm/wire/sealed.hpp"
 #include "settings.hpp"
 #include "sides/caller.hpp"
 
@@ -36,6 +38,27 @@ struct FloorLaneConfig {
   std::string host = "127.0.0.1";  ///< Numeric.
   /// Of each frame. More than a datagram over UDP: of one caller only.
   std::size_t payload_size = kPayloadSize;
+  bool is_sealed = false;  ///< Opens each frame, and seals its answer.
+};
+
+/// The largest payload of a sealed floor: one datagram has it.
+inline constexpr std::size_t kSealedPayloadMax = wire::sealed_payload_max(wire::Medium::kDatagram);
+
+/// The key under which a sealed floor seals one direction, with the best cipher of this host, and
+/// nothing else: no window, no next key, no session.
+class FloorSeal {
+ public:
+  explicit FloorSeal(bool is_client) noexcept;
+  /// @param sealed  wire::kSealedTrailerSize bytes larger than `frame`
+  void seal(const std::vector<std::byte>& frame, std::vector<std::byte>& sealed) noexcept;
+  /// @return false: not sealed by the other side
+  [[nodiscard]] bool open(const std::vector<std::byte>& sealed,
+                          std::vector<std::byte>& frame) const noexcept;
+
+ private:
+  seal::AeadKey own_;
+  seal::AeadKey other_;
+  std::uint64_t counter_ = 0;
 };
 
 /// Starts a raw echo server in this process, one thread and one port per lane, which serves until
@@ -51,7 +74,7 @@ struct FloorLaneConfig {
 /// @realtime set-up only
 [[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_floor_caller(
     Carrier carrier, const std::string& host, std::uint16_t port, const rt::WaitConfig& wait,
-    std::size_t payload_size = kPayloadSize);
+    std::size_t payload_size = kPayloadSize, bool is_sealed = false);
 
 /// As connect_floor_caller(), over UDP: a pipeline on one socket.
 [[nodiscard]] expected<std::unique_ptr<Pipeline>, std::string> connect_floor_pipeline(

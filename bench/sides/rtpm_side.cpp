@@ -177,7 +177,7 @@ expected<std::string, std::string> start_rtpm_server(RtpmServerConfig config) {
                              .lanes = std::move(config.lanes),
                              .realtime = config.realtime,
                              .session_count_max = config.session_count_max,
-                             .security = {.is_insecure = true}},
+                             .security = std::move(config.security)},
                             "bench/echo", servant);
   if (!server) return unexpected{server.error()};
   if (auto started = (*server)->start(); !started) return unexpected{started.error().text()};
@@ -190,9 +190,10 @@ rpc::Transport transport_of(Carrier carrier) noexcept {
   return carrier == Carrier::kTcp ? rpc::Transport::kTcp : rpc::Transport::kSharedMemory;
 }
 
-std::unique_ptr<rpc::Node> make_node(Carrier carrier, const rt::WaitConfig& wait) {
-  return std::make_unique<rpc::Node>(
-      rpc::NodeConfig{.wait = wait, .transport = transport_of(carrier)});
+std::unique_ptr<rpc::Node> make_node(Carrier carrier, const rt::WaitConfig& wait,
+                                     rpc::NodeSecurity security) {
+  return std::make_unique<rpc::Node>(rpc::NodeConfig{
+      .wait = wait, .transport = transport_of(carrier), .security = std::move(security)});
 }
 
 expected<std::unique_ptr<Caller>, std::string> connect_rtpm_caller(rpc::Node& node,

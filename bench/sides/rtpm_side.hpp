@@ -22,6 +22,7 @@ struct RtpmServerConfig {
   std::uint32_t session_count_max = 256;  ///< Per lane and transport.
   std::uint64_t numbered_count = 0;       ///< How many numbers, from 0 on, it distinguishes.
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
+  rpc::ServerSecurity security{.is_insecure = true};
 };
 
 /// A server of one object, which does not run yet, but has its address.
@@ -35,7 +36,8 @@ struct RtpmServerConfig {
 [[nodiscard]] rpc::Transport transport_of(Carrier carrier) noexcept;
 
 /// The calling side of one program for callers that share a carrier and a wait strategy.
-[[nodiscard]] std::unique_ptr<rpc::Node> make_node(Carrier carrier, const rt::WaitConfig& wait);
+[[nodiscard]] std::unique_ptr<rpc::Node> make_node(Carrier carrier, const rt::WaitConfig& wait,
+                                                   rpc::NodeSecurity security = {});
 
 /// Binds the Echo object at `url`; the caller's priority is that of the thread that calls. Its
 /// echo() has `payload_size` bytes brought back: 48 as a struct, none as rtpm.Empty, others as a

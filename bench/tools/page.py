@@ -93,6 +93,9 @@ def _peers(others):
 _COSTS = (
     ("calls a second, 64 in flight", {"case": "throughput"}, "calls_per_second"),
     ("events a second to one consumer", {"case": "events", "wait": None}, "events_per_s"),
+    ("sealed call of 48 bytes, p50, µs", {"case": "call-sealed", "wait": "adaptive"}, "p50_us"),
+    ("10 kHz loop while 1000 HELLOs a second come, p99.9, µs",
+     {"case": "isolation-sealed", "hello_storms": 1}, "p999_us"),
     ("server's memory, no client, MiB", {"case": "memory", "clients": 0}, "rss_mib"),
     ("server's memory, 100 clients, MiB", {"case": "memory", "clients": 100}, "rss_mib"),
     ("% of a CPU, idle", {"case": "idle", "wait": "adaptive"}, "cpu_percent"),

@@ -35,6 +35,8 @@ FULL = (
     Part("call", "call --wait adaptive,spin", 12),
     Part("call-block", "call --wait block --samples 20000", 9),
     Part("payload", "call --payload 0,1Ki,64Ki,1Mi", 39),
+    Part("call-sealed", "call --sealed --transport udp,tcp --samples 20000", 4),
+    Part("isolation-sealed", "isolation --sealed --transport udp --rate 10000 --samples 60000", 16),
     Part("memory", "memory", 1),
     Part("idle", "idle --wait adaptive,periodic", 19),
     Part("startup", "startup", 2),

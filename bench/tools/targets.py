@@ -37,6 +37,8 @@ TARGETS = (
     *(_call(transport, "adaptive", figure, limit) for transport in ("udp", "tcp")
       for figure, limit in (("ratio_p50", 1.15), ("ratio_p99", 1.25))),
     *(_call(transport, "block", "ratio_p50", 1.1) for transport in ("udp", "tcp")),
+    Target({"case": "call-sealed", "transport": "udp", "wait": "adaptive", "payload": 48}, "ratio_p50",
+           1.3, True, {}, "x a raw socket with the same seals"),
     *(Target({"case": "isolation", "transport": transport, "floor": floor, "low_callers": 4}, figure,
              1.15, True, {}, unit)
       for transport, floor, unit in (

@@ -1,0 +1,24 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "rtpm/base/expected.hpp"
+#include "sides/caller.hpp"
+
+namespace rtpm::bench {
+
+inline constexpr int kHellosPerSecond = 1000;
+
+/// A job that sends 1000 HELLOs a second to a server of sealed sessions, one for each call of it,
+/// from 16 addresses of this host. Half of them ask for a cookie, the others have one and a message
+/// 1 that nobody sealed: the server works on it with its key before it knows.
+/// @param port  of the server at 127.0.0.1
+/// @realtime set-up only
+[[nodiscard]] expected<Job, std::string> make_hello_storm(std::uint16_t port);
+
+/// `job` a thousand times a second.
+[[nodiscard]] Job paced_as_hellos(Job job);
+
+}  // namespace rtpm::bench

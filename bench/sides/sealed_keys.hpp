@@ -1,0 +1,39 @@
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/rpc/security.hpp"
+
+namespace rtpm::bench {
+
+/// The keys of a server and its callers, in a folder that goes with this: the server admits the
+/// callers for everything, and they know the server.
+/// @threads  any
+class SealedKeys {
+ public:
+  /// @param host  the server's, numeric
+  /// @realtime set-up only
+  [[nodiscard]] static expected<std::shared_ptr<const SealedKeys>, std::string> make(
+      const std::string& host);
+  SealedKeys(const SealedKeys&) = delete;
+  SealedKeys& operator=(const SealedKeys&) = delete;
+  ~SealedKeys();
+
+  [[nodiscard]] rpc::ServerSecurity server() const {
+    return {.authorized_file = file("authorized"), .key_file = file("server")};
+  }
+  [[nodiscard]] rpc::NodeSecurity node() const {
+    return {.key_file = file("client"), .known_servers_file = file("known_servers")};
+  }
+
+ private:
+  explicit SealedKeys(std::string folder);
+  [[nodiscard]] std::string file(const std::string& name) const { return folder_ + "/" + name; }
+
+  std::string folder_;
+  int owner_;  ///< The process that removes the folder, and no child of it.
+};
+
+}  // namespace rtpm::bench
