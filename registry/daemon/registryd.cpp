@@ -124,7 +124,8 @@ int serve(const Configuration& configuration) {
   const auto registry = std::move(*made);
   auto server = rtpm::rpc::Server::create(configuration.settings.server);
   if (!server) return fail(server.error().text());
-  const rtpm::rpc::ObjectOptions lowest{.model = rtpm::rpc::PriorityModel::kServerDeclared};
+  const rtpm::rpc::ObjectOptions lowest{.model = rtpm::rpc::PriorityModel::kServerDeclared,
+                                        .checks_callers = true};
   if (const auto added = (*server)->add(rtpm::names::kRegistryPath, *registry, lowest); !added) {
     return fail(added.error().text());
   }

@@ -34,7 +34,7 @@ const std::vector<Part>& parts() {
       {"registry/discovery/", "discovery", {"base", "wire", "rt", "transport"}},
       {"registry/names/",
        "names",
-       {"base", "wire", "rt", "transport", "rpc", "options", "predicate", "discovery"}},
+       {"base", "wire", "rt", "transport", "access", "rpc", "options", "predicate", "discovery"}},
       {"registry/file_store/", "file_store", {"base", "rt", "predicate", "names"}},
       {"registry/etcd_store/", "etcd_store", {"base", "rt", "names", "file_store"}},
       {"registry/introspection/", "introspection", {"base", "wire", "rt", "rpc"}},

@@ -80,7 +80,8 @@ int serve(const Configuration& configuration) {
   if (!hub) return fail(hub.error().text());
   auto server = rtpm::rpc::Server::create(configuration.settings.server);
   if (!server) return fail(server.error().text());
-  if (auto added = (*server)->add(rtpm::events::kHubPath, (*hub)->servant()); !added) {
+  const rtpm::rpc::ObjectOptions by_type{.checks_callers = true};
+  if (auto added = (*server)->add(rtpm::events::kHubPath, (*hub)->servant(), by_type); !added) {
     return fail(added.error().text());
   }
   rtpm::introspection::Catalog catalog;
@@ -118,7 +119,9 @@ void add_multicast(rtpm::options::Options& options, Configuration& configuration
   rtpm::events::MulticastConfig& multicast = configuration.multicast;
   multicast.group.group.clear();
   options.add("multicast", multicast.group.group,
-              "Multicast group for consumers that request it, such as 239.255.42.1; empty: none");
+              "Multicast group for consumers that request it, such as 239.255.42.1; empty: none. "
+              "Everybody on the network can read multicast and forge its events, whatever the "
+              "grants say");
   options.add("multicast-port", multicast.group.port, "The group's port", {1, 65'535});
   options.add("multicast-interface", multicast.group.interface,
               "Address of the sending interface; empty: by the routing table");

@@ -19,10 +19,11 @@ constexpr std::uint32_t kWatchCountMax = 64;
 class OwnPolicy final : public Policy {
  public:
   [[nodiscard]] bool allows(const Caller& caller, Operation operation,
-                            std::string_view) const override {
+                            std::string_view name) const override {
     const bool changes = operation == Operation::kBind || operation == Operation::kRenew ||
                          operation == Operation::kUnbind;
-    return !changes || (caller.host.is_this_host() && caller.owner.epoch == own_.epoch);
+    if (!changes) return GrantPolicy().allows(caller, operation, name);
+    return caller.host.is_this_host() && caller.owner.epoch == own_.epoch;
   }
 
  private:
@@ -77,7 +78,8 @@ expected<void, SetupError> OwnNames::begin(const discovery::Scope& scope, std::s
   if (!server) return unexpected{std::move(server.error())};
   server_ = std::move(*server);
   if (auto added =
-          server_->add(kRegistryPath, *names_, {.model = rpc::PriorityModel::kServerDeclared});
+          server_->add(kRegistryPath, *names_,
+                       {.model = rpc::PriorityModel::kServerDeclared, .checks_callers = true});
       !added) {
     return added;
   }

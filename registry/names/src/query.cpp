@@ -6,6 +6,7 @@
 
 #include "properties.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/names/policy.hpp"
 #include "rtpm/options/suggestion.hpp"
 #include "rtpm/predicate/preference.hpp"
 
@@ -44,7 +45,8 @@ expected<predicate::Predicate, QueryError> parse_predicate(const InterfaceIndex&
 }
 
 expected<Found, QueryError> find(const InterfaceIndex& index, const QueryTexts& texts,
-                                 std::size_t count_max, std::uint64_t random) {
+                                 std::size_t count_max, std::uint64_t random,
+                                 const rpc::Caller* caller) {
   const auto wanted = parse_predicate(index, texts.interface, texts.predicate);
   if (!wanted) return unexpected{wanted.error()};
   const auto preference =
@@ -56,7 +58,7 @@ expected<Found, QueryError> find(const InterfaceIndex& index, const QueryTexts& 
   found.note = note_on(index, texts.interface, wanted->expression());
   std::vector<const Record*> accepted;
   index.for_each(texts.interface, [&](const Record& record) {
-    if (!wanted->accepts(RecordProperties(record))) return;
+    if (!may_see(caller, record.name) || !wanted->accepts(RecordProperties(record))) return;
     ++found.accepted_count;
     if (!preference->is_first() || accepted.size() < count_max) accepted.push_back(&record);
   });

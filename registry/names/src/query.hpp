@@ -11,6 +11,7 @@
 #include "rtpm/names/outcome.hpp"
 #include "rtpm/predicate/predicate.hpp"
 #include "rtpm/predicate/text_error.hpp"
+#include "rtpm/rpc/caller.hpp"
 
 namespace rtpm::names {
 
@@ -39,9 +40,11 @@ struct QueryError {
 [[nodiscard]] expected<predicate::Predicate, QueryError> parse_predicate(
     const InterfaceIndex& index, std::string_view interface, std::string_view text);
 
-/// At most `count_max` records; `random` draws the order of the preference "random".
+/// At most `count_max` records, of those that `caller` may_see(); `random` draws the order of the
+/// preference "random".
 /// @errors   as parse_predicate()
 [[nodiscard]] expected<Found, QueryError> find(const InterfaceIndex& index, const QueryTexts& texts,
-                                               std::size_t count_max, std::uint64_t random);
+                                               std::size_t count_max, std::uint64_t random,
+                                               const rpc::Caller* caller = nullptr);
 
 }  // namespace rtpm::names

@@ -13,6 +13,8 @@
 #include "name.hpp"
 #include "query.hpp"
 #include "replica.hpp"
+#include "rtpm/access/grants.hpp"
+#include "rtpm/base/printable.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/log.hpp"
@@ -117,7 +119,7 @@ class RegistryServant final : public NamesServant {
   RegistryServant(RegistryConfig config, StoredContent content)
       : storage_(std::move(config.storage)),
         shared_storage_(std::move(config.shared_storage)),
-        policy_(config.policy ? std::move(config.policy) : std::make_unique<const OpenPolicy>()),
+        policy_(config.policy ? std::move(config.policy) : std::make_unique<const GrantPolicy>()),
         store_(config.limits, content.first_revision, storage_.get()),
         report_(config.report ? std::move(config.report) : [](std::string_view sentence) {
           rt::print_error("rtpm-names", sentence);
@@ -158,7 +160,9 @@ class RegistryServant final : public NamesServant {
     const auto later = std::make_shared<rpc::DeferredReply>(std::move(deferred));
     rpc::CallContext kept = context;
     kept.deferral = nullptr;
-    queue_.add(host, [this, later, method_id, kept,
+    const auto identity = context.identity == nullptr ? nullptr : context.identity->keep();
+    kept.identity = identity.get();
+    queue_.add(host, [this, later, method_id, kept, identity,
                       bytes = std::vector<std::byte>(request.begin(), request.end())] {
       if (!later->is_awaited() || rt::now() >= kept.deadline) return;
       const auto done = NamesServant::dispatch(method_id, bytes, later->buffer(), kept);
@@ -222,9 +226,10 @@ class RegistryServant final : public NamesServant {
     const std::size_t limit = request.limit() == 0
                                   ? kFoundCountMax
                                   : std::min<std::size_t>(request.limit(), kFoundCountMax);
-    const auto found = allows(context, Operation::kList, {})
-                           ? names::find(store_.index(now), texts, limit, rt::random_u64())
-                           : expected<Found, QueryError>(unexpected{QueryError{Outcome::kDenied}});
+    const auto found =
+        allows(context, Operation::kList, {})
+            ? names::find(store_.index(now), texts, limit, rt::random_u64(), context.identity)
+            : expected<Found, QueryError>(unexpected{QueryError{Outcome::kDenied}});
     flatbuffers::FlatBufferBuilder& builder = reply.builder();
     if (!found) {
       const QueryError& error = found.error();
@@ -257,7 +262,8 @@ class RegistryServant final : public NamesServant {
     if (!allows(context, Operation::kList, view_of(request.directory()))) {
       return refuse_watch(items, Outcome::kDenied);
     }
-    watches_.add(request, std::move(items), context.caller.number);
+    watches_.add(request, std::move(items), context.caller.number,
+                 context.identity == nullptr ? nullptr : context.identity->keep());
   }
 
   rpc::Result<void> list(const ListRequest& request, rpc::ReplyBuilder<ListReply>& reply,
@@ -267,7 +273,7 @@ class RegistryServant final : public NamesServant {
     const MonotonicTime now = rt::now();
     const std::string_view directory = view_of(request.directory());
     const auto page = allows(context, Operation::kList, directory)
-                          ? store_.list(directory, view_of(request.after()), kPageCountMax, now)
+                          ? list_shown(directory, view_of(request.after()), now, context.identity)
                           : expected<Page, Refusal>(unexpected{denied()});
     flatbuffers::FlatBufferBuilder& builder = reply.builder();
     if (!page) {
@@ -313,7 +319,7 @@ class RegistryServant final : public NamesServant {
                            const rpc::CallContext& context) override {
     const rt::AllowAllocationScope not_real_time;
     const std::lock_guard lock(mutex_);
-    if (!allows(context, Operation::kReport, {})) return unexpected{rpc::Refusal::kFailed};
+    if (!allows(context, Operation::kReport, {})) return unexpected{rpc::Refusal::kNotAllowed};
     flatbuffers::FlatBufferBuilder& builder = reply.builder();
     std::vector<flatbuffers::Offset<OutcomeCount>> refused;
     for (std::size_t code = 0; code < refused_counts_.size(); ++code) {
@@ -352,9 +358,12 @@ class RegistryServant final : public NamesServant {
     const rt::AllowAllocationScope not_real_time;
     const std::lock_guard lock(mutex_);
     const MonotonicTime now = rt::now();
-    const auto record = allows(context, Operation::kResolve, view_of(request.name()))
-                            ? store_.resolve(view_of(request.name()), now)
-                            : expected<const Record*, Refusal>(unexpected{denied()});
+    auto record = allows(context, Operation::kResolve, view_of(request.name()))
+                      ? store_.resolve(view_of(request.name()), now)
+                      : expected<const Record*, Refusal>(unexpected{denied()});
+    // What a caller may not see is to it as if it was not there.
+    if (!may_see(context.identity, view_of(request.name())))
+      record = unexpected{Refusal{Outcome::kNotFound}};
     flatbuffers::FlatBufferBuilder& builder = reply.builder();
     flatbuffers::Offset<Entry> entry;
     Answer answer = names::answer_of(Outcome::kDone);
@@ -365,6 +374,20 @@ class RegistryServant final : public NamesServant {
     }
     reply.finish(CreateResolveReply(builder, &answer, entry, ns_of(store_.stale_for(now))));
     return {};
+  }
+
+  /// Of a page those records that the caller may see; of the next pages, as long as there are none.
+  expected<Page, Refusal> list_shown(std::string_view directory, std::string_view after,
+                                     MonotonicTime now, const rpc::Caller* identity) {
+    auto page = store_.list(directory, after, kPageCountMax, now);
+    while (page && identity != nullptr && !page->records.empty()) {
+      const std::string last = page->records.back()->name;
+      std::erase_if(page->records,
+                    [&](const Record* each) { return !may_see(identity, each->name); });
+      if (page->is_last || !page->records.empty()) break;
+      page = store_.list(directory, last, kPageCountMax, now);
+    }
+    return page;
   }
 
   /// Fits a datagram together with all outcomes.
@@ -386,7 +409,7 @@ class RegistryServant final : public NamesServant {
                              ? (store_.*bind_in_store)(claim, now)
                              : expected<Granted, Refusal>(unexpected{denied()});
       if (!bound) {
-        sentence = note_refusal(claim, bound.error(), now);
+        sentence = note_refusal(claim, bound.error(), now, context.identity);
         write_refusal(bound.error(), reply, now);
       } else {
         watches_.wake();
@@ -412,7 +435,7 @@ class RegistryServant final : public NamesServant {
     lock.lock();
     const MonotonicTime now = rt::now();
     if (!bound) {
-      sentence = note_refusal(claim, bound.error().refusal, now);
+      sentence = note_refusal(claim, bound.error().refusal, now, context.identity);
       write_refusal(bound.error().refusal, reply, now);
     } else {
       if (bound->granted.is_takeover) sentence = note_takeover(claim, *bound->former, now);
@@ -450,12 +473,19 @@ class RegistryServant final : public NamesServant {
   }
 
   std::optional<std::string> note_refusal(const Claim& claim, const Refusal& refusal,
-                                          MonotonicTime now) {
+                                          MonotonicTime now, const rpc::Caller* identity) {
     ++refused_counts_[static_cast<std::size_t>(refusal.outcome)];
     if (is_of_storage(refusal.outcome)) report_trouble(now);
-    if (!is_limit(refusal.outcome)) return std::nullopt;
+    const bool is_denied = refusal.outcome == Outcome::kDenied && identity != nullptr;
+    if (!is_limit(refusal.outcome) && !is_denied) return std::nullopt;
     const auto more = admit(limit_log_, now);
     if (!more) return std::nullopt;
+    if (is_denied) {
+      return "refused a bind of " + quoted(claim.name) +
+             ", which takes the role administer. To allow it, add to the authorized file: " +
+             access::missing_line(identity->subject(), Role::kAdminister, printable(claim.name)) +
+             *more;
+    }
     return "refused a bind from " + to_string(rpc::CallerHost{claim.host}) + ": " +
            outcome_text(refusal.outcome, claim.name, refusal.component) + *more;
   }
@@ -472,7 +502,8 @@ class RegistryServant final : public NamesServant {
 
   [[nodiscard]] bool allows(const rpc::CallContext& context, Operation operation,
                             std::string_view name, Owner owner = {}) const {
-    return policy_->allows({context.caller, context.session, owner}, operation, name);
+    return policy_->allows({context.caller, context.session, owner, context.identity}, operation,
+                           name);
   }
   [[nodiscard]] static Refusal denied() { return {Outcome::kDenied}; }
 

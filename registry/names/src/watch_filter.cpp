@@ -3,6 +3,7 @@
 #include <string_view>
 
 #include "properties.hpp"
+#include "rtpm/names/policy.hpp"
 #include "store.hpp"
 
 namespace rtpm::names {
@@ -20,6 +21,7 @@ bool WatchFilter::accepts(const Record& record) const {
   if (!is_in(record.name, directory)) return false;
   if (!names.empty() && !names.contains(record.name)) return false;
   if (!interface.empty() && interface != record.interface) return false;
+  if (!may_see(caller.get(), record.name)) return false;
   return predicate.accepts(RecordProperties(record));
 }
 

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <set>
 #include <string>
 
 #include "rtpm/predicate/predicate.hpp"
+#include "rtpm/rpc/caller.hpp"
 
 namespace rtpm::names {
 
@@ -16,6 +18,7 @@ struct WatchFilter {
   std::set<std::string, std::less<>> names{};  ///< Empty: any.
   std::string interface {};                    ///< Empty: any.
   predicate::Predicate predicate;
+  std::shared_ptr<const rpc::Caller> caller{};  ///< Whose grants must let it see the name; or null.
 
   [[nodiscard]] bool accepts(const Record& record) const;
 };

@@ -53,7 +53,7 @@ bool Watches::is_full(std::uint64_t host) const noexcept {
 }
 
 void Watches::add(const WatchRequest& request, rpc::TableWriter<WatchItem> writer,
-                  std::uint64_t host) {
+                  std::uint64_t host, std::shared_ptr<const rpc::Caller> caller) {
   if (const auto bad = check(request)) return refuse_watch(writer, *bad);
   const std::string interface = text_of(request.interface());
   auto parsed = parse_predicate(store_.index(rt::now()), interface, view_of(request.predicate()));
@@ -67,7 +67,8 @@ void Watches::add(const WatchRequest& request, rpc::TableWriter<WatchItem> write
   }
   WatchFilter filter{.directory = text_of(request.directory()),
                      .interface = interface,
-                     .predicate = std::move(*parsed)};
+                     .predicate = std::move(*parsed),
+                     .caller = std::move(caller)};
   if (request.names() != nullptr) {
     for (const auto* name : *request.names())
       filter.names.insert(name->str());

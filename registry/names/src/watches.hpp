@@ -27,7 +27,9 @@ class Watches {
   ~Watches();
 
   /// Takes a caller's stream, or refuses it there. Call it with the mutex locked.
-  void add(const WatchRequest& request, rpc::TableWriter<WatchItem> writer, std::uint64_t host);
+  /// `caller`: who sees only what its grants let it see; null: it sees all.
+  void add(const WatchRequest& request, rpc::TableWriter<WatchItem> writer, std::uint64_t host,
+           std::shared_ptr<const rpc::Caller> caller = nullptr);
   /// After a change.
   void wake() noexcept {
     if (thread_.is_running()) bell_.post();

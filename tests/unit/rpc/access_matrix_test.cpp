@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "rtpm/test/sealed_peer.hpp"
 #include "secured_server.hpp"
 
 // Who may do what, over every transport: identities × lines of `authorized` × objects × methods ×
@@ -103,14 +104,19 @@ struct Outcomes {
   std::array<char, 512> similar{};  ///< What a bind of an unknown path told.
 };
 
-/// A caller that sees every frame.
+/// A caller that tries everything over one session, call by call.
 class Prober {
  public:
-  Prober(Transport transport, std::uint16_t port) : peer_(transport, port) {}
+  using Answer = std::pair<wire::Status, Bytes>;
+
+  Prober() = default;
+  Prober(const Prober&) = delete;
+  Prober& operator=(const Prober&) = delete;
+  virtual ~Prober() = default;
 
   [[nodiscard]] Outcomes probe() {
     Outcomes all;
-    all.is_open = peer_.open(std::chrono::milliseconds{300});
+    all.is_open = open(std::chrono::milliseconds{300});
     if (!all.is_open) return all;
     const Bytes similar = bind("lab/arm").second;
     std::ranges::transform(std::span(similar).first(std::min(similar.size(), all.similar.size())),
@@ -120,43 +126,49 @@ class Prober {
       outcome.bound = bind(kPaths[i]).first;
       Bytes number(wire::kDescribeRequestSize);
       wire::encode_describe_request(i + 1, number);
-      outcome.described = ask(0, wire::kMethodDescribe, number, 0, 0).first;
+      outcome.described = ask(0, wire::kMethodDescribe, number, Way::kCall).first;
       for (std::size_t m = 0; m < kMethods.size(); ++m) {
-        for (const Way way : kWays)
-          outcome.called[m][static_cast<std::size_t>(way)] = call(i + 1, kMethods[m].id, way);
+        for (const Way way : kWays) {
+          const bool is_tried = way != Way::kStream || kMethods[m].id == vault::kWatch.id;
+          if (!is_tried) continue;
+          outcome.called[m][static_cast<std::size_t>(way)] =
+              ask(i + 1, kMethods[m].id, {}, way).first;
+        }
       }
     }
-    all.is_alive = ask(0, wire::kMethodPing, {}, 0, 0).first == wire::Status::kOk;
+    all.is_alive = ask(0, wire::kMethodPing, {}, Way::kCall).first == wire::Status::kOk;
     return all;
   }
 
  private:
-  using Answer = std::pair<wire::Status, Bytes>;
-
+  [[nodiscard]] virtual bool open(Duration patience) = 0;
+  [[nodiscard]] virtual Answer ask(std::uint32_t service, std::uint16_t method, ConstBytes payload,
+                                   Way way) = 0;
   Answer bind(std::string_view path) {
     Bytes request(512);
     request.resize(wire::encode(wire::BindRequest{path, vault::kInterface.name, 99}, request));
-    return ask(0, wire::kMethodBind, request, 0, 0);
+    return ask(0, wire::kMethodBind, request, Way::kCall);
   }
-  wire::Status call(std::uint32_t service, std::uint16_t method, Way way) {
-    if (way == Way::kStream && method != vault::kWatch.id) return wire::Status::kOk;
-    const std::uint32_t item_count = way == Way::kStream ? 4 : 0;
-    std::uint16_t flags = 0;
-    if (way == Way::kReceipt) flags = wire::kFlagReplyOnReceipt;
-    if (way == Way::kOneway) flags = wire::kFlagNoReply;
-    return ask(service, method, {}, flags, item_count).first;
-  }
-  Answer ask(std::uint32_t service, std::uint16_t method, ConstBytes payload, std::uint16_t flags,
-             std::uint32_t item_count) {
+};
+
+/// In a session that is not sealed.
+class PlainProber final : public Prober {
+ public:
+  PlainProber(Transport transport, std::uint16_t port) : peer_(transport, port) {}
+
+ private:
+  bool open(Duration patience) override { return peer_.open(patience); }
+  Answer ask(std::uint32_t service, std::uint16_t method, ConstBytes payload, Way way) override {
     Bytes frame =
         peer_.call_frame(++call_id_, method,
                          {reinterpret_cast<const char*>(payload.data()), payload.size()}, service);
     auto header = *wire::decode_frame(frame);
-    header.flags = flags;
-    header.item = item_count;
+    if (way == Way::kReceipt) header.flags = wire::kFlagReplyOnReceipt;
+    if (way == Way::kOneway) header.flags = wire::kFlagNoReply;
+    if (way == Way::kStream) header.item = 4;
     wire::encode(header, frame.data());
     peer_.send(frame);
-    if (flags == wire::kFlagNoReply) return {wire::Status::kOk, {}};
+    if (way == Way::kOneway) return {wire::Status::kOk, {}};
     while (const auto answer = peer_.receive(rt::now() + std::chrono::seconds{10})) {
       const auto about = wire::decode_frame(*answer);
       if (!about || about->call_id != call_id_ || about->kind == wire::FrameKind::kWelcome)
@@ -169,6 +181,36 @@ class Prober {
 
   RawPeer peer_;
   std::uint32_t call_id_ = 0;
+};
+
+/// In a sealed session, with a key.
+class KeyProber final : public Prober {
+ public:
+  KeyProber(Transport transport, const Server& server, const seal::KeyPair& key)
+      : peer_(transport, server.port(), *server.public_key(), key), items_(32 * 2048) {}
+
+ private:
+  bool open(Duration patience) override { return peer_.open(patience); }
+  Answer ask(std::uint32_t service, std::uint16_t method, ConstBytes payload, Way way) override {
+    wire::CallParameters parameters{.service = service, .method = method};
+    if (way == Way::kReceipt) parameters.delivery = wire::Delivery::kReceipt;
+    if (way == Way::kOneway) parameters.delivery = wire::Delivery::kSent;
+    if (way == Way::kStream) {
+      parameters.stream_window = 4;
+      parameters.stream_buffers = {items_, 1328, {}, 8192};
+    }
+    EXPECT_TRUE(peer_.begin_any(parameters, payload));
+    if (way == Way::kOneway) return {wire::Status::kOk, {}};
+    const auto reply = peer_.await(rt::now() + std::chrono::seconds{10});
+    EXPECT_EQ(reply.kind, wire::ChannelEvent::Kind::kReply);
+    // The call's place is free after the last item.
+    while (way == Way::kStream && peer_.channel().next_item(peer_.channel().last_call())) {
+    }
+    return {reply.status, reply.payload};
+  }
+
+  rtpm::test::SealedPeer peer_;
+  Bytes items_;
 };
 
 /// A caller of another user: a process that probes the port that it is told, again and again.
@@ -187,7 +229,7 @@ class OtherUser {
       if (setuid(kOtherUser) != 0) _exit(1);
       while (read(to[0], &port, sizeof port) == sizeof port) {
         const Outcomes outcomes =
-            is_served(port) ? Prober(Transport::kSharedMemory, port).probe() : Outcomes{};
+            is_served(port) ? PlainProber(Transport::kSharedMemory, port).probe() : Outcomes{};
         if (write(from[1], &outcomes, sizeof outcomes) != sizeof outcomes) _exit(1);
       }
       _exit(0);
@@ -291,19 +333,31 @@ void compare_local(const Model& model, Server& server, Runs& runs) {
   }
 }
 
+/// Of two callers, and of a stranger that no line names.
+using Keys = std::array<seal::KeyPair, 3>;
+
+std::string text_of(const seal::KeyPair& key) {
+  access::Subject subject;
+  subject.kind = access::Subject::Kind::kKey;
+  subject.key = key.public_key;
+  return access::to_text(subject);
+}
+
 struct Round {
   Model model;
-  ServerConfig config;
+  ServerConfig config = quiet_config();
+  bool has_strangers = false;
 };
 
 // Each identity meets each role on each pattern; then all lines at once, and none.
-std::vector<Round> rounds() {
+std::vector<Round> rounds(const Keys& keys) {
   const std::string other = "uid:" + std::to_string(kOtherUser);
-  const std::vector<std::string> identities{own_user(), other, "anonymous"};
+  const std::vector<std::string> identities{own_user(), other, "anonymous", text_of(keys[0]),
+                                            text_of(keys[1])};
   std::vector<Round> rounds;
   const std::size_t count = kRoles.size() * kPatterns.size();
   for (std::size_t i = 0; i < count; ++i) {
-    Round round{{}, quiet_config()};
+    Round round;
     for (std::size_t who = 0; who < identities.size(); ++who) {
       // Another cell for each, so that one's rights are not taken for another's.
       const std::size_t cell = (i + who * 11) % count;
@@ -314,12 +368,14 @@ std::vector<Round> rounds() {
     if (i % 3 == 2) round.config.lanes[0].buffered_request_max = 16;
     rounds.push_back(std::move(round));
   }
-  rounds.push_back({{{{"uid:4242", 0, "**"}}}, quiet_config()});
-  rounds.push_back({{{{other, 0, "lab/**"},
-                      {other, 2, "lab/arm1"},
-                      {"anonymous", 0, "public/**"},
-                      {"anonymous", 1, "*"}}},
-                    quiet_config()});
+  rounds.push_back({.model = {{{"uid:4242", 0, "**"}}}, .has_strangers = true});
+  rounds.push_back({.model = {{{other, 0, "lab/**"},
+                               {other, 2, "lab/arm1"},
+                               {"anonymous", 0, "public/**"},
+                               {"anonymous", 1, "*"},
+                               {text_of(keys[0]), 3, "lab/arm1"},
+                               {text_of(keys[0]), 0, "**"}}},
+                    .has_strangers = true});
   return rounds;
 }
 
@@ -328,7 +384,8 @@ TEST(AccessMatrix, IsWhatTheLinesSayOverEveryTransport) {
   std::optional<OtherUser> other;
   if (geteuid() == 0) other.emplace();
   const KeyFolder folder;
-  for (const Round& round : rounds()) {
+  const Keys keys{seal::KeyPair::generate(), seal::KeyPair::generate(), seal::KeyPair::generate()};
+  for (const Round& round : rounds(keys)) {
     const Model& model = round.model;
     SCOPED_TRACE(model.text());
     const SecuredServer secured(folder, model.text(), kPaths, round.config);
@@ -339,11 +396,17 @@ TEST(AccessMatrix, IsWhatTheLinesSayOverEveryTransport) {
       SCOPED_TRACE(identity + " over " + how);
       compare(model, identity, outcomes, runs);
     };
-    check("shared memory", own_user(), Prober(Transport::kSharedMemory, port).probe());
-    check("UDP", "anonymous", Prober(Transport::kUdp, port).probe());
-    check("TCP", "anonymous", Prober(Transport::kTcp, port).probe());
+    check("shared memory", own_user(), PlainProber(Transport::kSharedMemory, port).probe());
+    check("UDP", "anonymous", PlainProber(Transport::kUdp, port).probe());
+    check("TCP", "anonymous", PlainProber(Transport::kTcp, port).probe());
     if (other) {
       check("shared memory", "uid:" + std::to_string(kOtherUser), other->probe(port));
+    }
+    for (const seal::KeyPair& key : keys) {
+      // A stranger hears hints only, and waits for more in vain: not in each round.
+      if (!model.knows(text_of(key)) && !round.has_strangers) continue;
+      check("sealed UDP", text_of(key), KeyProber(Transport::kUdp, *secured.server, key).probe());
+      check("sealed TCP", text_of(key), KeyProber(Transport::kTcp, *secured.server, key).probe());
     }
     compare_local(model, *secured.server, runs);
     const auto has_run = [&](std::size_t i, std::size_t m) {

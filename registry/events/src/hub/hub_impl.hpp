@@ -105,6 +105,8 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   [[nodiscard]] HubFacts facts() const noexcept;
   /// Requires types_mutex_.
   [[nodiscard]] expected<void, SetupError> add_types(const Types* types);
+  [[nodiscard]] static std::string refusal_of(const FilterNode& filter, const Types* types,
+                                              bool is_broadcast, const rpc::Caller* caller);
   [[nodiscard]] expected<Exchange::Prepared, SetupError> prepare(const FilterNode& filter,
                                                                  const DeliveryEntry& delivery,
                                                                  const Types* types,

@@ -1,7 +1,9 @@
 #include <utility>
 
 #include "hub/hub_impl.hpp"
+#include "hub/hub_rights.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/events/defaults.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/memory.hpp"
@@ -39,14 +41,20 @@ HubFacts HubImpl::facts() const noexcept {
           exchange_.store().payload_size_max()};
 }
 
-rpc::Result<HubFacts> HubImpl::about(const rpc::CallContext&) {
-  return facts();
+// The ring has all events.
+rpc::Result<HubFacts> HubImpl::about(const rpc::CallContext& context) {
+  HubFacts about = facts();
+  if (!may_use_all(context.identity, Role::kObserve)) {
+    about = {about.epoch(), about.clock_domain(), about.time_ns(), 0, about.payload_size_max()};
+  }
+  return about;
 }
 
 rpc::Result<void> HubImpl::push(const PushRequest& request, const rpc::CallContext& context) {
   const auto* events = request.events();
-  push(request.supplier(), std::as_bytes(std::span(events->data(), events->size())),
-       context.priority);
+  const ConstBytes batch = std::as_bytes(std::span(events->data(), events->size()));
+  if (!may_push(context.identity, batch)) return unexpected{rpc::Refusal::kNotAllowed};
+  push(request.supplier(), batch, context.priority);
   return {};
 }
 
@@ -56,6 +64,24 @@ expected<void, SetupError> HubImpl::add_types(const Types* types) {
     if (auto added = types_.add(descriptor_of(*each).descriptor); !added) return added;
   }
   return {};
+}
+
+// Why the caller's grants do not let it have what the filter may accept; empty: they do.
+std::string HubImpl::refusal_of(const FilterNode& filter, const Types* types, bool is_broadcast,
+                                const rpc::Caller* caller) {
+  const auto wanted = filter_of(filter);
+  // prepare() says why.
+  if (!wanted || may_use_all(caller, Role::kObserve)) return {};
+  bool may_have = !is_broadcast && may_receive(caller, interest_set_of(*wanted));
+  if (types != nullptr) {
+    for (const TypeEntry* each : *types)
+      may_have =
+          may_have && may_use_type(caller, Role::kObserve, descriptor_of(*each).descriptor.type);
+  }
+  if (may_have) return {};
+  return "The hub's grants do not let this caller have all that its filter may accept: that takes "
+         "the role observe on " +
+         std::string(kHubPath) + "/TYPE of each type, or on " + std::string(kHubPath) + ".";
 }
 
 expected<Exchange::Prepared, SetupError> HubImpl::prepare(const FilterNode& filter,
@@ -79,7 +105,7 @@ void HubImpl::refuse(rpc::TableWriter<Batch>& items, std::string_view why) noexc
 }
 
 void HubImpl::subscribe(const SubscribeRequest& request, rpc::TableWriter<Batch> items,
-                        const rpc::CallContext&) {
+                        const rpc::CallContext& context) {
   const rt::AllowAllocationScope is_allowed;
   const bool reads_ring = ring_ != nullptr && request.ring() == ring_->id();
   if (request.ring() != 0 && !reads_ring) {
@@ -88,6 +114,11 @@ void HubImpl::subscribe(const SubscribeRequest& request, rpc::TableWriter<Batch>
   const bool is_multicast = multicast_ != nullptr && request.multicast() == multicast_->id();
   if (request.multicast() != 0 && !is_multicast) {
     return refuse(items, "The hub has another multicast: ask for it again.");
+  }
+  if (const auto why = refusal_of(*request.filter(), request.types(), reads_ring || is_multicast,
+                                  context.identity);
+      !why.empty()) {
+    return refuse(items, why);
   }
   // ev-5.2-5
   if (request.linking_hub() == epoch_) return refuse(items, "A hub is not linked to itself.");
@@ -136,9 +167,11 @@ std::optional<SubscriptionNumber> HubImpl::find(std::uint64_t id) const noexcept
 }
 
 rpc::Result<void> HubImpl::change(const ChangeRequest& request,
-                                  rpc::ReplyBuilder<ChangeReply>& reply, const rpc::CallContext&) {
+                                  rpc::ReplyBuilder<ChangeReply>& reply,
+                                  const rpc::CallContext& context) {
   const rt::AllowAllocationScope is_allowed;
-  std::string refusal;
+  std::string refusal = refusal_of(*request.filter(), request.types(), false, context.identity);
+  if (!refusal.empty()) return unexpected{rpc::Refusal::kNotAllowed};
   auto prepared = prepare(*request.filter(), *request.delivery(), request.types());
   bool is_changed = false;
   if (prepared) {
@@ -197,8 +230,17 @@ rpc::Result<void> HubImpl::control(const Control& request, const rpc::CallContex
 }
 
 rpc::Result<void> HubImpl::attend(const AttendRequest& request,
-                                  rpc::ReplyBuilder<AttendReply>& reply, const rpc::CallContext&) {
+                                  rpc::ReplyBuilder<AttendReply>& reply,
+                                  const rpc::CallContext& context) {
   const rt::AllowAllocationScope is_allowed;
+  if (request.types() != nullptr) {
+    for (const TypeEntry* each : *request.types()) {
+      const EventType type = descriptor_of(*each).descriptor.type;
+      if (!may_use_type(context.identity, Role::kCommand, type)) {
+        return unexpected{rpc::Refusal::kNotAllowed};
+      }
+    }
+  }
   std::string refusal;
   {
     const std::lock_guard lock(types_mutex_);
@@ -217,20 +259,27 @@ rpc::Result<void> HubImpl::attend(const AttendRequest& request,
   return {};
 }
 
-rpc::Result<void> HubImpl::types(rpc::ReplyBuilder<TypesReply>& reply, const rpc::CallContext&) {
+rpc::Result<void> HubImpl::types(rpc::ReplyBuilder<TypesReply>& reply,
+                                 const rpc::CallContext& context) {
   const rt::AllowAllocationScope is_allowed;
   TypesReplyT list;
   {
     const std::lock_guard lock(types_mutex_);
-    for (const EventDescriptor* type : types_.list())
+    for (const EventDescriptor* type : types_.list()) {
+      if (!may_use_type(context.identity, Role::kObserve, type->type)) continue;
       list.types.push_back(entry_of(*type));
+    }
   }
   reply.finish(CreateTypesReply(reply.builder(), &list));
   return {};
 }
 
-rpc::Result<void> HubImpl::report(rpc::ReplyBuilder<ReportReply>& reply, const rpc::CallContext&) {
+rpc::Result<void> HubImpl::report(rpc::ReplyBuilder<ReportReply>& reply,
+                                  const rpc::CallContext& context) {
   const rt::AllowAllocationScope is_allowed;
+  if (!may_use_all(context.identity, Role::kObserve)) {
+    return unexpected{rpc::Refusal::kNotAllowed};
+  }
   auto& builder = reply.builder();
   std::vector<flatbuffers::Offset<SubscriptionEntry>> subscriptions;
   std::vector<flatbuffers::Offset<SupplierEntry>> suppliers;

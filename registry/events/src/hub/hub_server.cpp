@@ -16,7 +16,9 @@ expected<std::unique_ptr<HubServer>, SetupError> HubServer::create(rpc::Node& no
   std::unique_ptr<HubServer> served(new HubServer);
   served->hub_ = std::move(*hub);
   served->server_ = std::move(*server);
-  if (auto added = served->server_->add(kHubPath, served->hub_->servant()); !added) {
+  if (auto added =
+          served->server_->add(kHubPath, served->hub_->servant(), {.checks_callers = true});
+      !added) {
     return unexpected{std::move(added.error())};
   }
   served->catalog_ = std::make_unique<introspection::Catalog>();

@@ -24,7 +24,8 @@ namespace rtpm::rpc {
 /// everything on this host, unless a line names that user.
 /// @threads  any; reload_if_changed() one at a time
 /// @realtime alloc-free but for open() and reload_if_changed(); a lock with priority inheritance
-class AccessControl final : public transport::UserPolicy {
+class AccessControl final : public transport::UserPolicy,
+                            public std::enable_shared_from_this<AccessControl> {
  public:
   /// @realtime set-up only
   /// @errors   the file can't be trusted, or has not a single line that is understood

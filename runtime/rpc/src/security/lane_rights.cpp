@@ -155,7 +155,12 @@ LaneRights::Entry LaneRights::own_entry_of(const Object& object) noexcept {
 LaneRights::Entry LaneRights::look_up(const CallOrigin& origin,
                                       const Object& object) const noexcept {
   const std::uint32_t generation = control_->generation();
-  return pack(generation, control_->permission(origin, object.path));
+  Permission permission = control_->permission(origin, object.path);
+  if (object.options.checks_callers && control_->knows(origin)) {
+    permission.role = std::max(permission.role, Role::kObserve);
+    permission.ceiling = std::max(permission.ceiling, control_->ceiling(origin));
+  }
+  return pack(generation, permission);
 }
 
 // As NoteLimit::admit(), for threads that hold no lead.

@@ -172,7 +172,7 @@ class ServerImpl final : public Server {
   wire::Url url_{};  ///< Without a path.
   ObjectTable objects_;
   std::shared_ptr<ServerTap> tap_ = std::make_shared<ServerTap>(objects_);
-  std::unique_ptr<AccessControl> access_;  ///< Null: the server asks nobody.
+  std::shared_ptr<AccessControl> access_;  ///< Null: the server asks nobody.
   // With access_:
   std::unique_ptr<AuditLog> audit_;
   std::unique_ptr<SecretIdentity> identity_;

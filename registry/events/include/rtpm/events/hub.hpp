@@ -98,7 +98,11 @@ inline constexpr std::size_t kDisconnectCountMax = 64;  ///< Kept by a hub.
 ///
 ///     auto hub = Hub::create().value();
 ///     auto server = rpc::Server::create(server_config_for(*hub)).value();
-///     server->add(kHubPath, hub->servant());
+///     server->add(kHubPath, hub->servant(), {.checks_callers = true});
+///
+/// In a server that asks for grants, a caller pushes events on whose path it has the role command,
+/// and receives those on whose path it has observe: "rtpm/events/TYPE/SOURCE", both in digits. A
+/// role on "rtpm/events" is one on all events, one on "rtpm/events/TYPE" on all of the type.
 /// @ownership must outlive the server's stop()
 /// @threads  any
 class Hub {

@@ -47,7 +47,8 @@ class Catalog final : public IntrospectionServant {
                              const rpc::CallContext& context) override;
 
  private:
-  [[nodiscard]] const rpc::InterfaceDescriptor* find(const DescribeRequest& request) const;
+  [[nodiscard]] const rpc::InterfaceDescriptor* find(const DescribeRequest& request,
+                                                     const rpc::Caller* caller) const;
 
   std::map<std::string, const rpc::InterfaceDescriptor*, std::less<>> objects_{};
   std::unique_ptr<TapServer> tap_{};

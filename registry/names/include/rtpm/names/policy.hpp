@@ -4,6 +4,7 @@
 #include <string_view>
 
 #include "rtpm/names/claim.hpp"
+#include "rtpm/rpc/caller.hpp"
 #include "rtpm/rpc/servant.hpp"
 
 namespace rtpm::names {
@@ -21,11 +22,18 @@ enum class Operation : std::uint8_t {
 /// The caller of an operation.
 struct Caller {
   rpc::CallerHost host{};
-  std::uint64_t session = 0;  ///< The same number, the same caller.
-  Owner owner{};              ///< That it claims to be; id 0: none.
+  std::uint64_t session = 0;              ///< The same number, the same caller.
+  Owner owner{};                          ///< That it claims to be; id 0: none.
+  const rpc::Caller* identity = nullptr;  ///< Null: the registry's server asks nobody.
 };
 
-/// Who may do what. Identities and roles come in here.
+/// Whether a caller may know of a name: its grants have a role for it, or it is not asked.
+[[nodiscard]] inline bool may_see(const rpc::Caller* identity, std::string_view name) {
+  return identity == nullptr || identity->role_on(name) >= Role::kObserve;
+}
+
+/// Who may do what. Of the names that a reading operation gives, callers get those that they
+/// may_see(), whatever the policy says.
 /// @threads  the registry's lanes, one at a time
 class Policy {
  public:
@@ -38,12 +46,12 @@ class Policy {
                                     std::string_view name) const = 0;
 };
 
-/// Allows every operation; the rules of names still hold.
-class OpenPolicy final : public Policy {
+/// Asks the caller's grants, if the server does: whoever changes a name needs the role administer
+/// on it. The report takes a role on the registry's own path. The rules of names still hold.
+class GrantPolicy final : public Policy {
  public:
-  [[nodiscard]] bool allows(const Caller&, Operation, std::string_view) const override {
-    return true;
-  }
+  [[nodiscard]] bool allows(const Caller& caller, Operation operation,
+                            std::string_view name) const override;
 };
 
 }  // namespace rtpm::names

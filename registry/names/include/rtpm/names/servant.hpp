@@ -24,7 +24,7 @@ struct RegistryConfig {
   /// Instead of `storage`: names that several registries have together. Changes wait for it on
   /// threads of their own, reads do not.
   std::unique_ptr<SharedStorage> shared_storage{};
-  /// Null: OpenPolicy.
+  /// Null: GrantPolicy.
   std::unique_ptr<const Policy> policy{};
 };
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <string_view>
 
 #include "rtpm/access/subject.hpp"
@@ -20,10 +21,15 @@ class Caller {
   /// The greatest role that its grants allow for `path`, which need be no object of the server.
   /// @realtime alloc-free; takes a lock with priority inheritance, linear in the caller's grants
   [[nodiscard]] virtual Role role_on(std::string_view path) const noexcept = 0;
+  /// The same for later: for what a method leaves behind that goes on for this caller. Good beyond
+  /// the server's end. Whose grants are narrowed loses its sessions, and with them its streams.
+  /// @realtime set-up only
+  [[nodiscard]] virtual std::shared_ptr<const Caller> keep() const = 0;
+
+  virtual ~Caller() = default;
 
  protected:
   Caller() = default;
-  ~Caller() = default;
 };
 
 }  // namespace rtpm::rpc

@@ -45,6 +45,9 @@ struct ObjectOptions {
   Priority priority = 0;  ///< Declared, or the default for callers without one.
   /// The priorities that calls may have: at most 16 bands that do not overlap; empty: all.
   std::vector<Band> bands{};
+  /// The methods ask the callers' grants by themselves (CallContext::identity), such as for names
+  /// or event types: every caller for which there is any grant has the role observe on the object.
+  bool checks_callers = false;
 };
 
 /// One lane: its own sockets and its own threads that serve the priorities from `low` up to where

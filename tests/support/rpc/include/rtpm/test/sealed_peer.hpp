@@ -74,8 +74,13 @@ class SealedPeer {
   /// Begins a call of the object that the server was given first.
   [[nodiscard]] bool begin(wire::CallParameters parameters, ConstBytes payload,
                            Duration patience = kPatience) {
-    payload_.assign(payload.begin(), payload.end());
     parameters.service = 1;
+    return begin_any(parameters, payload, patience);
+  }
+  /// The same of any object.
+  [[nodiscard]] bool begin_any(wire::CallParameters parameters, ConstBytes payload,
+                               Duration patience = kPatience) {
+    payload_.assign(payload.begin(), payload.end());
     parameters.priority = priority_;
     parameters.deadline = rt::now() + patience;
     const auto frame = channel_->call(parameters, payload_, rt::now());

@@ -1,0 +1,97 @@
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "rtpm/access/files.hpp"
+#include "served_hub.hpp"
+
+// A hub whose server asks for grants: each event has those of the path of its type and source.
+namespace rtpm::events::test {
+namespace {
+
+/// A hub that one server serves to everybody, and another one by grants, here to this user.
+class GrantedHub : public testing::Test {
+ protected:
+  GrantedHub() : folder_((std::filesystem::temp_directory_path() / "rtpm-hub-XXXXXX").string()) {
+    EXPECT_NE(mkdtemp(folder_.data()), nullptr);
+  }
+  ~GrantedHub() override {
+    server_.reset();
+    std::filesystem::remove_all(folder_);
+  }
+  void serve(std::initializer_list<std::string> grants) {
+    std::ofstream file(folder_ + "/authorized");
+    for (const std::string& grant : grants)
+      file << "uid:" << access::this_user() << " " << grant << "\n";
+    file.close();
+    rpc::ServerConfig config = server_config_for({});
+    config.port = 0;
+    config.realtime = rt::RealtimeMode::kOff;
+    config.security = {.authorized_file = folder_ + "/authorized", .key_file = folder_ + "/key"};
+    auto server = rpc::Server::create(config);
+    ASSERT_TRUE(server) << server.error().text();
+    server_ = std::move(*server);
+    ASSERT_TRUE(server_->add(kHubPath, open_.hub().servant(), {.checks_callers = true}));
+    ASSERT_TRUE(server_->start());
+  }
+  [[nodiscard]] std::string url() const { return server_->url(kHubPath); }
+  [[nodiscard]] auto consume(const Filter& filter) {
+    return Consumer::create(node_, url(),
+                            {.filter = filter,
+                             .realtime = rt::RealtimeMode::kOff,
+                             .transport = rpc::Transport::kSharedMemory,
+                             .deadline = kPatience},
+                            recorder_);
+  }
+
+  std::string folder_;
+  ServedHub open_{};
+  std::unique_ptr<rpc::Server> server_;
+  rpc::Node node_{{.collocates = false}};
+  Recorder recorder_{};
+};
+
+TEST_F(GrantedHub, TakesEventsOfTypesThatTheirSupplierCommands) {
+  serve({"role=command on=rtpm/events/" + std::to_string(kPose),
+         "role=command on=rtpm/events/" + std::to_string(kButton) + "/2",
+         "role=observe on=rtpm/events/" + std::to_string(kGaze) + "/**"});
+  const auto consumer = make_consumer(node_, open_, recorder_, everything());
+  const auto supplier =
+      Supplier::create(node_, url(), {.transport = rpc::Transport::kTcp, .deadline = kPatience});
+  EXPECT_FALSE(supplier) << "a session that is not sealed is nobody's";
+  const auto trusted = Supplier::create(
+      node_, url(), {.transport = rpc::Transport::kSharedMemory, .deadline = kPatience});
+  ASSERT_TRUE(trusted) << trusted.error().text();
+  for (const EventHeader& header :
+       {EventHeader{.type = kGaze, .source = 1}, EventHeader{.type = kButton, .source = 1},
+        EventHeader{.type = kButton, .source = 2}, EventHeader{.type = kPose, .source = 3}}) {
+    static_cast<void>((*trusted)->push({.type = header.type, .source = header.source}));
+  }
+  ASSERT_TRUE(recorder_.await_deliveries(2));
+  EXPECT_EQ(recorder_.text(), "6.2#1 5.3#1");
+}
+
+TEST_F(GrantedHub, GivesEventsOfTypesThatTheirConsumerObserves) {
+  serve({"role=observe on=rtpm/events/" + std::to_string(kGaze) + "/**",
+         "role=observe on=rtpm/events/" + std::to_string(kButton) + "/2"});
+  const auto all = consume(everything());
+  ASSERT_FALSE(all);
+  EXPECT_NE(all.error().text().find("role observe on rtpm/events/TYPE"), std::string::npos)
+      << all.error().text();
+  EXPECT_FALSE(consume(of_type(kPose)));
+  EXPECT_FALSE(consume(any_of({of_type(kGaze), of_type(kPose)})));
+  EXPECT_FALSE(consume(of_type(kButton)));
+  EXPECT_TRUE(consume(of_type(kButton, 2)));
+  const auto consumer = consume(of_type(kGaze));
+  ASSERT_TRUE(consumer) << consumer.error().text();
+  const auto supplier = make_supplier(node_, open_);
+  push(*supplier, kPose);
+  push(*supplier, kGaze);
+  ASSERT_TRUE(recorder_.await_deliveries(1));
+  EXPECT_EQ(recorder_.text(), "7.0#1");
+}
+
+}  // namespace
+}  // namespace rtpm::events::test

@@ -1,0 +1,109 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "registry_fixture.hpp"
+#include "rtpm/access/files.hpp"
+#include "rtpm/names/directory.hpp"
+#include "rtpm/names/watch.hpp"
+#include "rtpm/test/os.hpp"
+
+// A registry whose server asks for grants: each name has those that its path has.
+namespace rtpm::names {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Owner kOwner{.id = 1, .epoch = 1};
+constexpr Owner kOther{.id = 2, .epoch = 1};
+
+Claim leased(std::string_view name, Owner owner = kOwner) {
+  return {name, "rtpm://10.0.0.1:1/p", "lab.Arm", owner, 20s};
+}
+
+/// A registry that one server serves to everybody, and another one by grants, here to this user.
+class Granted : public testing::Test {
+ protected:
+  Granted() : folder_((std::filesystem::temp_directory_path() / "rtpm-names-XXXXXX").string()) {
+    EXPECT_NE(mkdtemp(folder_.data()), nullptr);
+    for (const char* name : {"lab/arm0", "lab/cam/left", "secret/x"})
+      EXPECT_TRUE(Directory(node_, open_.url()).bind(leased(name)));
+    const std::string me = "uid:" + std::to_string(access::this_user());
+    std::ofstream(folder_ + "/authorized") << me << " role=administer on=lab/arm0\n"
+                                           << me << " role=observe on=lab/cam/*\n";
+    auto server = rpc::Server::create(
+        {.name = "registry",
+         .realtime = rt::RealtimeMode::kOff,
+         .security = {.authorized_file = folder_ + "/authorized", .key_file = folder_ + "/key"}});
+    EXPECT_TRUE(server) << server.error().text();
+    server_ = std::move(*server);
+    EXPECT_TRUE(server_->add(kRegistryPath, *registry_, {.checks_callers = true}));
+    EXPECT_TRUE(server_->start());
+  }
+  ~Granted() override {
+    server_.reset();
+    std::filesystem::remove_all(folder_);
+  }
+
+  std::unique_ptr<rpc::Servant> registry_ = make_servant();
+  ServedRegistry open_{*registry_};
+  std::string folder_;
+  std::unique_ptr<rpc::Server> server_;
+  rpc::Node node_{{.wait = {.strategy = rt::WaitStrategy::kBlock}, .collocates = false}};
+};
+
+TEST_F(Granted, NamesAreChangedByThoseWhoAdministerThem) {
+  Directory directory(node_, server_->url(kRegistryPath));
+  EXPECT_EQ(directory.bind(leased("lab/arm1")).error().outcome, Outcome::kDenied);
+  EXPECT_EQ(directory.bind(leased("secret/y")).error().outcome, Outcome::kDenied);
+  EXPECT_EQ(directory.rebind(leased("lab/cam/left", kOther)).error().outcome, Outcome::kDenied);
+  EXPECT_EQ(directory.renew("lab/cam/left", kOwner, 20s).error().outcome, Outcome::kDenied);
+  EXPECT_EQ(directory.unbind("secret/x", kOwner).error().outcome, Outcome::kDenied);
+  EXPECT_TRUE(directory.renew("lab/arm0", kOwner, 20s));
+  EXPECT_TRUE(directory.unbind("lab/arm0", kOwner));
+  EXPECT_TRUE(directory.bind(leased("lab/arm0", kOther)));
+}
+
+TEST_F(Granted, NamesAreSeenByThoseWithARoleOnThem) {
+  Directory directory(node_, server_->url(kRegistryPath));
+  EXPECT_TRUE(directory.resolve("lab/arm0"));
+  EXPECT_TRUE(directory.describe("lab/cam/left"));
+  EXPECT_EQ(directory.resolve("secret/x").error().outcome, Outcome::kNotFound);
+  EXPECT_EQ(directory.resolve("secret/none").error().outcome, Outcome::kNotFound);
+  const auto listed = directory.list();
+  ASSERT_TRUE(listed);
+  ASSERT_EQ(listed->size(), 2u);
+  EXPECT_EQ(listed->back().name, "lab/cam/left");
+  const auto found = directory.find({});
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->entries.size(), 2u);
+}
+
+TEST_F(Granted, WatchesTellOfNamesWithARoleOnly) {
+  std::mutex mutex;
+  std::vector<std::string> told;
+  auto watch = NameWatch::start(node_, server_->url(kRegistryPath), {},
+                                {.on_change = [&](const NameChange& change) {
+                                  const std::lock_guard lock(mutex);
+                                  told.push_back(change.entry.name);
+                                }});
+  ASSERT_TRUE(watch) << watch.error().text();
+  Directory open(node_, open_.url());
+  ASSERT_TRUE(open.bind(leased("secret/y")));
+  ASSERT_TRUE(open.bind(leased("lab/cam/right")));
+  EXPECT_TRUE(test::await([&] {
+    const std::lock_guard lock(mutex);
+    return std::ranges::find(told, "lab/cam/right") != told.end();
+  }));
+  const std::lock_guard lock(mutex);
+  EXPECT_EQ(told, (std::vector<std::string>{"lab/arm0", "lab/cam/left", "lab/cam/right"}));
+}
+
+}  // namespace
+}  // namespace rtpm::names
