@@ -100,6 +100,32 @@ TEST(Grants, HoldOnlyFromTheirAddresses) {
   EXPECT_FALSE(grants.knows(subject_of(1), parse_address("10.0.0.2")));
 }
 
+TEST(Grants, AreNarrowedWhereLessIsAllowedThanBefore) {
+  const std::string before = "uid:1 role=command on=a,b max-priority=100 from=10.0.0.0/8\n";
+  struct Case {
+    const char* after;
+    bool is_narrowed;
+  };
+  for (const Case& each : std::vector<Case>{
+           {"uid:1 role=command on=a,b max-priority=100 from=10.0.0.0/8\n", false},
+           {"uid:1 name=new role=command on=b,a max-priority=100 from=10.0.0.0/8\n", false},
+           {"uid:1 role=configure on=** max-priority=200\n", false},
+           {"uid:2 role=observe on=x\nuid:1 role=command on=a,b,c\n", false},
+           {"", true},
+           {"uid:2 role=command on=a,b\n", true},
+           {"uid:1 role=observe on=a,b max-priority=100 from=10.0.0.0/8\n", true},
+           {"uid:1 role=command on=a max-priority=100 from=10.0.0.0/8\n", true},
+           {"uid:1 role=command on=a,b max-priority=99 from=10.0.0.0/8\n", true},
+           {"uid:1 role=command on=a,b max-priority=100 from=10.1.0.0/16\n", true}}) {
+    const auto narrowed = grants_of(before).narrowed_by(grants_of(each.after));
+    EXPECT_EQ(narrowed, each.is_narrowed ? std::vector{user(1)} : std::vector<Subject>{})
+        << each.after;
+  }
+  EXPECT_EQ(grants_of("uid:1 role=command on=a\n")
+                .narrowed_by(grants_of("uid:1 role=command on=a from=10.0.0.0/8\n")),
+            std::vector{user(1)});
+}
+
 TEST(Grants, ARefusalNamesTheLineThatAllowsIt) {
   const std::string line = missing_line(subject_of(3), Role::kCommand, "lab/arm0");
   const Grants grants = grants_of(line);

@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
 
 #include "secured_server.hpp"
+#include "security/access_control.hpp"
+#include "security/handshake_rate.hpp"
 
 // A server that asks its callers for grants, beyond the matrix of who may do what.
 namespace rtpm::rpc {
@@ -54,6 +56,70 @@ TEST(SecuredServer, DoesNotStartOnAFileThatOthersCanWrite) {
   const auto created = Server::create(config);
   ASSERT_FALSE(created);
   expect_text(created.error().text(), {"server 'test'", "others can write it", "chmod"});
+}
+
+// A caller through memory, and one without key: what they were allowed is taken away.
+TEST(SecuredServer, EndsUnsealedSessionsWhoseGrantsAreTakenAway) {
+  for (const Transport transport : {Transport::kSharedMemory, Transport::kUdp, Transport::kTcp}) {
+    const KeyFolder folder;
+    const std::string others =
+        "anonymous role=observe on=other\n" + own_user() + " role=observe on=other\n";
+    SecuredServer secured(folder,
+                          others + own_user() + " role=command on=lab/arm0\n" +
+                              "anonymous role=command on=lab/arm0\n",
+                          {"lab/arm0"});
+    rtpm::test::RawPeer peer(transport, secured.server->port());
+    ASSERT_TRUE(peer.open());
+    folder.write("authorized", others);
+    const MonotonicTime changed = rt::now();
+    std::optional<wire::FrameKind> kind;
+    if (const auto frame = peer.receive(changed + std::chrono::seconds{3})) {
+      kind = wire::decode_frame(*frame)->kind;
+    }
+    EXPECT_LT(rt::now() - changed, std::chrono::milliseconds{1500});
+    EXPECT_TRUE(kind == wire::FrameKind::kClose || peer.is_closed()) << static_cast<int>(transport);
+  }
+}
+
+TEST(AccessControl, EndsSessionsThatWereNotLookedAtForManyReloads) {
+  const KeyFolder folder;
+  auto control = AccessControl::open(folder.write("authorized", "uid:7 role=command on=a\n"));
+  ASSERT_TRUE(control) << control.error().text();
+  const CallOrigin origin = origin_of_user(7);
+  const std::uint32_t since = (*control)->generation();
+  for (std::size_t i = 0; i < 9; ++i) {
+    EXPECT_TRUE((*control)->keeps(origin, since)) << i;
+    folder.write("authorized", "uid:7 role=command on=a\n# " + std::string(i, 'x') + "\n");
+    EXPECT_TRUE((*control)->reload_if_changed());
+  }
+  EXPECT_FALSE((*control)->keeps(origin, since));
+  EXPECT_TRUE((*control)->keeps(origin, (*control)->generation()));
+}
+
+// The server's own user may do everything, until a line says what it may do.
+TEST(AccessControl, NarrowsItsOwnUserWhoIsNamedAtLast) {
+  const KeyFolder folder;
+  auto control = AccessControl::open(folder.write("authorized", "uid:7 role=command on=a\n"));
+  ASSERT_TRUE(control) << control.error().text();
+  const CallOrigin own = origin_of_user(access::this_user());
+  const std::uint32_t since = (*control)->generation();
+  EXPECT_TRUE((*control)->keeps(own, since));
+  folder.write("authorized", own_user() + " role=command on=a\n");
+  EXPECT_TRUE((*control)->reload_if_changed());
+  EXPECT_FALSE((*control)->keeps(own, since));
+  EXPECT_TRUE((*control)->keeps(own, (*control)->generation()));
+}
+
+TEST(HandshakeRate, LetsABurstThroughAndThenOneInAnInterval) {
+  HandshakeRate rate;
+  const MonotonicTime now = time_from_ns(1'000'000'000);
+  int count = 0;
+  while (count < 1000 && rate.admit(now))
+    ++count;
+  EXPECT_EQ(count, HandshakeRate::kBurst);
+  EXPECT_FALSE(rate.admit(now + HandshakeRate::kInterval / 2));
+  EXPECT_TRUE(rate.admit(now + HandshakeRate::kInterval));
+  EXPECT_FALSE(rate.admit(now + HandshakeRate::kInterval));
 }
 
 }  // namespace
