@@ -247,7 +247,9 @@ TEST_P(HelloStorm, KeepsNoCallFromRunning) {
     const std::uint64_t worked_count = reason_count(wire::DropReason::kBadSeal);
     EXPECT_GT(worked_count, 20u);
     EXPECT_LT(worked_count, host_count == 1 ? 120u : 1000u);
-    EXPECT_GT(reason_count(wire::DropReason::kRateLimited), 0u);
+    if (host_count == 1) {
+      EXPECT_GT(reason_count(wire::DropReason::kRateLimited), 0u);
+    }
     EXPECT_EQ(dropped.session_evicted_count, 0u);
   }
 }

@@ -10,6 +10,7 @@
 #include "frames.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/test/os.hpp"
+#include "rtpm/wire/sealed.hpp"
 
 namespace rtpm::transport {
 namespace {
@@ -105,6 +106,31 @@ TEST_F(FrameStreamTest, CountsNoPartOfAFrameAsBuffered) {
     write_all(far_, ConstBytes(frame).subspan(part));
     expect_frame(frame);
   }
+}
+
+// sec-4: behind the payload stand the counter and the tag, also of the largest message.
+TEST_F(FrameStreamTest, TakesSealedFramesWithTheirTrailer) {
+  for (const std::uint32_t size : {0u, 20u, kMessageSizeMax}) {
+    Bytes frame = frame_of(size);
+    wire::mark_sealed(frame.data());
+    frame.resize(frame.size() + wire::kSealedTrailerSize);
+    write_all(far_, ConstBytes(frame).first(frame.size() - 1));
+    expect_nothing();
+    write_all(far_, ConstBytes(frame).last(1));
+    expect_frame(frame);
+  }
+}
+
+// hp-2-2: where no frame may be sealed, a header that says so is malformed, and is not waited for.
+TEST_F(FrameStreamTest, DoesNotWaitForTheTrailerWhereNoFrameIsSealed) {
+  auto [far, near] = stream_pair();
+  FrameStream plain(std::move(near), kMessageSizeMax, /*takes_sealed=*/false);
+  Bytes frame = frame_of(0);
+  wire::mark_sealed(frame.data());
+  write_all(far, frame);
+  const auto received = plain.receive();
+  ASSERT_TRUE(received);
+  EXPECT_EQ(copy_of(*received), frame);
 }
 
 TEST_F(FrameStreamTest, TakesTheLargestMessage) {

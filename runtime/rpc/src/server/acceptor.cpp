@@ -199,8 +199,8 @@ void Acceptor::place(Newcomer& newcomer) noexcept {
   const Priority priority = header ? header->priority : Priority{0};
   transport::report_from(socket.number(), 1);
   transport::set_traffic_class(socket.number(), priority);
-  hand_over(priority,
-            std::make_unique<transport::FrameStream>(std::move(socket), message_size_max_));
+  hand_over(priority, std::make_unique<transport::FrameStream>(std::move(socket), message_size_max_,
+                                                               /*takes_sealed=*/users_ != nullptr));
 }
 
 void Acceptor::hand_over(Priority priority,

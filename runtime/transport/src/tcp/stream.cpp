@@ -29,8 +29,9 @@ bool is_nothing(int error) noexcept {
 
 }  // namespace
 
-FrameStream::FrameStream(Descriptor socket, std::uint32_t message_size_max)
+FrameStream::FrameStream(Descriptor socket, std::uint32_t message_size_max, bool takes_sealed)
     : socket_(std::move(socket)),
+      takes_sealed_(takes_sealed),
       lines_((wire::kHeaderSize + message_size_max + wire::kSealedTrailerSize + sizeof(CacheLine) -
               1) /
              sizeof(CacheLine)) {
@@ -49,7 +50,8 @@ MutableBytes FrameStream::buffer() noexcept {
 std::size_t FrameStream::complete_size(std::size_t at) const noexcept {
   const ConstBytes filled = ConstBytes(lines_.front().bytes, filled_size_).subspan(at);
   if (filled.size() < wire::kHeaderSize) return 0;
-  const std::size_t size = wire::frame_size(filled);
+  const bool may_be = takes_sealed_ || !wire::is_sealed(filled);
+  const std::size_t size = may_be ? wire::frame_size(filled) : 0;
   // Malformed bytes are returned at once, so that no peer can make its receiver wait for them.
   if (size == 0 || size > lines_.size() * sizeof(CacheLine)) return wire::kHeaderSize;
   return filled.size() >= size ? size : 0;

@@ -17,7 +17,8 @@ namespace rtpm::transport {
 /// @realtime send() and receive(): alloc-free, one system call per 32 KiB
 class FrameStream final : public Connection {
  public:
-  FrameStream(Descriptor socket, std::uint32_t message_size_max);
+  /// @param takes_sealed  false: a sealed frame is malformed (sec-4-1)
+  FrameStream(Descriptor socket, std::uint32_t message_size_max, bool takes_sealed = true);
 
   expected<void, IoError> send(ConstBytes frame, MonotonicTime until) noexcept override;
   bool has_spare_capacity(std::size_t size) noexcept override;
@@ -40,6 +41,7 @@ class FrameStream final : public Connection {
     std::byte bytes[64];
   };
   Descriptor socket_;
+  bool takes_sealed_;
   std::vector<CacheLine> lines_;
   std::size_t waiting_max_ = 0;  ///< Unsent bytes up to which has_spare_capacity() is true.
   std::size_t given_size_ = 0;   ///< Bytes at the beginning that receive() returned.
