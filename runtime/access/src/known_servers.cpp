@@ -52,6 +52,25 @@ std::optional<LineFault> read_line(std::string_view line, KnownServer& server) {
   return std::nullopt;
 }
 
+/// "local uid:1001"; such a line begins with two words that no server has.
+bool is_local(const std::vector<Word>& words) {
+  return words.size() >= 2 && words[0].text == "local" && words[1].text.starts_with("uid:");
+}
+
+/// The fault of a line that is_local(); nothing if it is sound.
+std::optional<LineFault> read_local(const std::vector<Word>& words, std::size_t line,
+                                    std::uint32_t& user) {
+  const auto number = whole_number_of<std::uint32_t>(words[1].text.substr(4));
+  user = number.value_or(kUnknownUser);
+  if (user == kUnknownUser)
+    return LineFault{line, words[1].column,
+                     "'" + printable(words[1].text, 64) + "' is no user's number, as uid:1001"};
+  if (words.size() > 2 && !words[2].text.starts_with('#'))
+    return LineFault{line, words[2].column,
+                     "nothing but a comment, which begins with #, follows the user"};
+  return std::nullopt;
+}
+
 }  // namespace
 
 KnownServers parse_known_servers(std::string_view text) {
@@ -59,11 +78,16 @@ KnownServers parse_known_servers(std::string_view text) {
   visit_lines(text, [&](std::string_view line, std::size_t number) {
     KnownServer server;
     server.line = number;
-    auto fault = read_line(line, server);
-    if (!fault && result.servers.size() == kGrantCountMax)
+    std::uint32_t user = 0;
+    const std::vector<Word> words = words_of(line);
+    const bool names_user = line.size() <= kGrantLineSizeMax && is_local(words);
+    auto fault = names_user ? read_local(words, number, user) : read_line(line, server);
+    if (!fault && result.servers.size() + result.local_users.size() == kGrantCountMax)
       fault =
           LineFault{number, 1, "a file has at most " + std::to_string(kGrantCountMax) + " servers"};
-    if (!fault) {
+    if (!fault && names_user) {
+      result.local_users.push_back(user);
+    } else if (!fault) {
       result.servers.push_back(std::move(server));
     } else if (++result.fault_count <= kFaultCountMax) {
       result.faults.push_back(std::move(*fault));

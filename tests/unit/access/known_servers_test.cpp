@@ -24,6 +24,17 @@ TEST(KnownServers, AreFoundByHostAndPort) {
   EXPECT_TRUE(known.find("other", 7420).empty());
 }
 
+TEST(KnownServers, NameUsersOfThisHostWhoseServersAreTrusted) {
+  const KnownServers known = parse_known_servers("local uid:1001 # the cell\nlocal " + text_of(1) +
+                                                 "\nlocal uid:65534\nlocal uid:x\nlocal uid:7 8\n");
+  EXPECT_EQ(known.local_users, std::vector<std::uint32_t>{1001});
+  EXPECT_EQ(known.find("local", 1).size(), 1U) << "a host of that name";
+  ASSERT_EQ(known.faults.size(), 3U);
+  EXPECT_EQ(known.faults[0].line, 3U);
+  EXPECT_EQ(known.faults[0].column, 7U);
+  EXPECT_EQ(known.faults[2].column, 13U);
+}
+
 TEST(KnownServers, LinesAreReadAsTheyAreWritten) {
   for (const KnownServer& server :
        {KnownServer{"robot", 7420, key_of(1), 1}, KnownServer{"fd00::4", 7420, key_of(2), 1},

@@ -122,5 +122,55 @@ TEST(HandshakeRate, LetsABurstThroughAndThenOneInAnInterval) {
   EXPECT_FALSE(rate.admit(now + HandshakeRate::kInterval));
 }
 
-}  // namespace
+// The log has what happened, once the gatekeeper has written it, and no line for ordinary calls.
+TEST(AuditLog, HasSessionsBindsRefusalsAndConfiguration) {
+  const KeyFolder folder;
+  {
+    ServerConfig config = quiet_config();
+    config.security.audit_file = folder.file("audit");
+    SecuredServer secured(folder, own_user() + " name=tester role=configure on=lab/arm0\n",
+                          {"lab/arm0", "lab/secret"}, config);
+    Node node(quiet_node(Transport::kSharedMemory));
+    auto binding = Binding::bind(node, secured.server->url("lab/arm0"), vault::kInterface);
+    ASSERT_TRUE(binding) << binding.error().text();
+    for (int i = 0; i < 1000; ++i)
+      ASSERT_TRUE(binding->call(vault::kMove, {}));
+    EXPECT_TRUE(binding->call(vault::kTune, {}));
+    EXPECT_FALSE(binding->call(vault::kReset, {}));
+    EXPECT_FALSE(Binding::bind(node, secured.server->url("lab/secret"), vault::kInterface));
+    folder.write("authorized", own_user() + " role=administer on=**\n");
+    EXPECT_TRUE(
+        await([&] { return folder.read("audit").find(" reloaded ") != std::string::npos; }));
+  }
+  const std::string text = folder.read("audit");
+  const std::string who = " who=" + own_user() + " name=tester";
+  expect_text(
+      text, {" opened" + who + "\n", " bound" + who + " path=lab/arm0 result=ok\n",
+             " called" + who + " path=lab/arm0 method=tune role=configure result=ok\n",
+             " refused" + who + " path=lab/arm0 method=reset role=administer result=not_allowed\n",
+             " refused" + who + " path=lab/secret method=bind role=observe"});
+  EXPECT_EQ(text.find("method=move"), std::string::npos);
+  EXPECT_EQ(std::filesystem::status(folder.file("audit")).permissions(),
+            std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
+}
+
+TEST(AuditLog, TellsTheServersLogTheLineThatWouldAllowIt) {
+  const KeyFolder folder;
+  testing::internal::CaptureStderr();
+  {
+    SecuredServer secured(folder, own_user() + " role=observe on=lab/*\n", {"lab/arm0"});
+    Node node(quiet_node(Transport::kSharedMemory));
+    auto binding = Binding::bind(node, secured.server->url("lab/arm0"), vault::kInterface);
+    ASSERT_TRUE(binding) << binding.error().text();
+    const auto refused = binding->call(vault::kTune, {});
+    ASSERT_FALSE(refused);
+    EXPECT_EQ(refused.error(), CallError::kNotAllowed);
+  }
+  expect_text(testing::internal::GetCapturedStderr(),
+              {"refused: " + own_user() + " may not call tune of lab/arm0", "takes role configure",
+               "add to " + folder.file("authorized") + ": " + own_user() +
+                   " role=configure on=lab/arm0\n"});
+}
+
+// namespace
 }  // namespace rtpm::rpc

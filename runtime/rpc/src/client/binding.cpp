@@ -82,14 +82,16 @@ expected<std::string, SetupError> url_of(Node& node, std::string_view target,
 constexpr Duration kMemoryPatience = std::chrono::milliseconds{100};
 
 // Over what the server is reached, and where it has its socket for shared memory.
-ServerAddress address_of(const Node& node, const BindOptions& options, const std::string& host,
+ServerAddress address_of(Node& node, const BindOptions& options, const std::string& host,
                          std::uint16_t port, MonotonicTime deadline) {
   const Transport asked =
       options.transport != Transport::kAuto ? options.transport : node.config().transport;
   if (asked == Transport::kUdp || asked == Transport::kTcp) return {host, port, asked, {}};
   deadline = std::min(deadline, rt::now() + kMemoryPatience);
   for (const std::string& folder : {node.config().shared_memory_folder, std::string()}) {
-    if (transport::is_shared_memory_served({host, port, folder}, deadline)) {
+    const transport::SharedMemoryAddress served{host, port, folder,
+                                                node.impl().keys.trusted_users()};
+    if (transport::is_shared_memory_served(served, deadline)) {
       return {host, port, Transport::kSharedMemory, folder};
     }
   }

@@ -62,14 +62,16 @@ std::size_t frame_size_of(const ServerAddress& address, const NodeConfig& config
          std::min<std::size_t>(config.message_size_max, payload_size_of(address));
 }
 
-auto open_any_transport(const ServerAddress& address, Priority priority, MonotonicTime deadline) {
+auto open_any_transport(const ServerAddress& address, NodeKeys& keys, Priority priority,
+                        MonotonicTime deadline) {
   switch (address.transport) {
     case Transport::kTcp:
       return transport::open_tcp_transport(address.host, address.port, priority,
                                            wire::kStreamPayloadSizeMax, deadline);
     case Transport::kSharedMemory:
       return transport::open_shared_memory_transport(
-          {address.host, address.port, address.memory_folder}, priority, deadline);
+          {address.host, address.port, address.memory_folder, keys.trusted_users()}, priority,
+          deadline);
     case Transport::kUdp:
     case Transport::kAuto:
     case Transport::kLocal:
@@ -131,7 +133,7 @@ expected<void, CallError> CallChannel::open_transport(Priority priority,
     sealed_ = opened->get();
     transport_ = std::move(*opened);
   } else {
-    auto opened = open_any_transport(address_, priority, deadline);
+    auto opened = open_any_transport(address_, keys_, priority, deadline);
     if (!opened) return failed(opened.error());
     transport_ = std::move(*opened);
   }

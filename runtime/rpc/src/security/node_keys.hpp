@@ -58,6 +58,8 @@ class NodeKeys {
   ///           key is not there or can't be trusted, and the server is known
   [[nodiscard]] expected<std::vector<access::KnownServer>, SetupError> keys_of(
       const std::string& host, const transport::SocketAddress& server);
+  /// The users of this host whose servers may share memory with it, by known_servers.
+  [[nodiscard]] std::vector<std::uint32_t> trusted_users();
   /// The node's own key, as the last bind found it.
   /// @errors   this is a child of the process that read it
   [[nodiscard]] expected<std::shared_ptr<const OwnKey>, SetupError> own();

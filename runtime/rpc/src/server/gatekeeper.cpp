@@ -69,6 +69,8 @@ bool Gatekeeper::work_once() {
 }
 
 void Gatekeeper::look() {
+  // First, so that notes have the names of the grants by which their callers were judged.
+  audit_.write_notes();
   if (control_.reload_if_changed()) {
     audit_.note({AuditNote::Kind::kReloaded, {}, rt::now()});
     for (const auto& lane : *lanes_)

@@ -22,6 +22,8 @@ struct KnownServer {
 /// What a file of known servers says.
 struct KnownServers {
   std::vector<KnownServer> servers{};
+  /// Users of this host whose servers are trusted to share memory, beside the own one and root.
+  std::vector<std::uint32_t> local_users{};
   std::vector<LineFault> faults{};
   std::size_t fault_count = 0;  ///< Also of those beyond kFaultCountMax.
 
@@ -35,6 +37,7 @@ struct KnownServers {
 ///     robot-cell rtpm25519 BASE64
 ///     192.168.7.4:7420 rtpm25519 BASE64
 ///     [fd00::4]:7420 rtpm25519 BASE64
+///     local uid:1001
 ///
 /// A faulty line is left out, the others stay in force.
 /// @realtime set-up only
