@@ -172,5 +172,5 @@ TEST(AuditLog, TellsTheServersLogTheLineThatWouldAllowIt) {
                    " role=configure on=lab/arm0\n"});
 }
 
-// namespace
+}  // namespace
 }  // namespace rtpm::rpc
