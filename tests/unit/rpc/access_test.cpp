@@ -138,6 +138,13 @@ TEST(AuditLog, HasSessionsBindsRefusalsAndConfiguration) {
     EXPECT_TRUE(binding->call(vault::kTune, {}));
     EXPECT_FALSE(binding->call(vault::kReset, {}));
     EXPECT_FALSE(Binding::bind(node, secured.server->url("lab/secret"), vault::kInterface));
+    {
+      RawPeer peer(Transport::kSharedMemory, secured.server->port());
+      ASSERT_TRUE(peer.open());
+      peer.send(peer.call_frame(1, vault::kRead.id));
+      EXPECT_TRUE(peer.receive_answer(1));
+    }
+    EXPECT_TRUE(await([&] { return folder.read("audit").find(" ended ") != std::string::npos; }));
     folder.write("authorized", own_user() + " role=administer on=**\n");
     EXPECT_TRUE(
         await([&] { return folder.read("audit").find(" reloaded ") != std::string::npos; }));
@@ -145,10 +152,11 @@ TEST(AuditLog, HasSessionsBindsRefusalsAndConfiguration) {
   const std::string text = folder.read("audit");
   const std::string who = " who=" + own_user() + " name=tester";
   expect_text(
-      text, {" opened" + who + "\n", " bound" + who + " path=lab/arm0 result=ok\n",
-             " called" + who + " path=lab/arm0 method=tune role=configure result=ok\n",
-             " refused" + who + " path=lab/arm0 method=reset role=administer result=not_allowed\n",
-             " refused" + who + " path=lab/secret method=bind role=observe"});
+      text,
+      {" opened" + who + "\n", " ended" + who + "\n", " bound" + who + " path=lab/arm0 result=ok\n",
+       " called" + who + " path=lab/arm0 method=tune role=configure result=ok\n",
+       " refused" + who + " path=lab/arm0 method=reset role=administer result=not_allowed\n",
+       " refused" + who + " path=lab/secret method=bind role=observe"});
   EXPECT_EQ(text.find("method=move"), std::string::npos);
   EXPECT_EQ(std::filesystem::status(folder.file("audit")).permissions(),
             std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);

@@ -162,6 +162,31 @@ TEST_P(NoAllocation, InCallsThatFail) {
                                 CallError::kTooLarge}));
 }
 
+// Rights are looked up, kept and refused, and noted for the audit log.
+TEST_P(NoAllocation, InCallsToASecuredServer) {
+  if (GetParam().transport == Transport::kUdp || GetParam().transport == Transport::kTcp) {
+    GTEST_SKIP() << "a session that is not sealed is nobody's";
+  }
+  const KeyFolder folder;
+  ServerConfig config = server_config();
+  config.security.audit_file = folder.file("audit");
+  SecuredServer secured(folder, own_user() + " name=me role=configure on=lab/*\n", {"lab/arm0"},
+                        config);
+  Node node(node_config());
+  auto binding = Binding::bind(node, secured.server->url("lab/arm0"), vault::kInterface);
+  ASSERT_TRUE(binding) << binding.error().text();
+  int failure_count = 0;
+  {
+    const rt::NoAllocationScope no_allocation;
+    for (int i = 0; i < kCallCount; ++i) {
+      const bool is_good = binding->call(vault::kTune, {}) && !binding->call(vault::kReset, {});
+      failure_count += is_good ? 0 : 1;
+    }
+  }
+  EXPECT_EQ(failure_count, 0);
+  EXPECT_EQ(secured.vaults[0]->name(), "me");
+}
+
 TEST_P(NoAllocation, OnSeveralThreads) {
   EchoServer server(server_config());
   Node node(node_config());

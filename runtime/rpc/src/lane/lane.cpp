@@ -179,6 +179,10 @@ bool Lane::turn(Lead& lead) noexcept {
 
 // Goes on with handshakes, and ends the sessions that the grants do not allow any more.
 void Lane::serve_seals(Lead& lead, Seals& seals) noexcept {
+  if (is_sweep_due_.load(std::memory_order_relaxed)) {
+    is_sweep_due_.store(false, std::memory_order_relaxed);
+    rights_.sweep();
+  }
   const MonotonicTime now = rt::now();
   seals.begin_turn(now);
   while (const auto event = seals.next_event(media_.connections(), now)) {

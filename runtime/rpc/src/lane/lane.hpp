@@ -66,6 +66,12 @@ class Lane {
   /// Wakes it, as the grants have changed.
   /// @threads  any
   void ring() noexcept { wait_set_->ring(); }
+  /// Has it note which sessions have ended, of a secured server.
+  /// @threads  any
+  void sweep_sessions() noexcept {
+    is_sweep_due_.store(true, std::memory_order_relaxed);
+    ring();
+  }
   [[nodiscard]] const Band& band() const noexcept { return band_; }
   [[nodiscard]] ServerCounters counters() const noexcept { return report_.read(); }
   [[nodiscard]] LaneTap& tap() noexcept { return tap_; }
@@ -92,6 +98,7 @@ class Lane {
   LaneConfig config_;
   Band band_;
   std::atomic<bool> is_stopping_{false};
+  std::atomic<bool> is_sweep_due_{false};
   std::unique_ptr<transport::WaitSet> wait_set_;
   std::shared_ptr<Doorbell> doorbell_;
   LaneReport report_;

@@ -18,8 +18,8 @@ using access::Permission;
 constexpr std::size_t kTouchedSizeMax = 1024 * 1024;
 // So often refusals of this program's own calls are noted.
 constexpr Duration kOwnNoteInterval = std::chrono::milliseconds{100};
-// So many sessions are looked at when one is opened.
-constexpr std::size_t kSweepCount = 64;
+// So many sessions are looked at by a sweep: a few µs.
+constexpr std::size_t kSweepCount = 256;
 
 std::uint64_t pack(std::uint32_t generation, const Permission& permission) noexcept {
   return std::uint64_t{generation} << 32 |

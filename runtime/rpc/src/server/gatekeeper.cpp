@@ -76,6 +76,8 @@ void Gatekeeper::look() {
     for (const auto& lane : *lanes_)
       lane->ring();
   }
+  for (const auto& lane : *lanes_)
+    lane->sweep_sessions();
   audit_.write_notes();
   log_.tick();
 }
