@@ -37,6 +37,10 @@ TEST(Bench, RefusesWhatItDoesNotHave) {
       {"--own-hub", "broker", "zeromq"});
   expect_one_sentence(run_program("rtpm-bench", {"run", "events", "--multicast"}), 2,
                       {"--multicast", "events", "--transport udp"});
+  expect_one_sentence(run_program("rtpm-bench", {"run", "call", "--sealed"}), 2,
+                      {"--sealed", "--transport udp"});
+  expect_one_sentence(run_program("rtpm-bench", {"run", "paced", "--sealed", "--transport", "udp"}),
+                      2, {"--sealed", "isolation"});
 }
 
 TEST(Bench, PrintsAnObjectPerResultWithItsFields) {
@@ -50,6 +54,23 @@ TEST(Bench, PrintsAnObjectPerResultWithItsFields) {
         R"("p99_us":)", R"("p999_us":)", R"("p9999_us":)", R"("max_us":)", R"("floor_p50_us":)",
         R"("ratio_p50":)", R"("environment":{)"}) {
     EXPECT_NE(end.output.find(field), std::string::npos) << field;
+  }
+}
+
+TEST(Bench, SealsTheSessionsOfBothSides) {
+  const auto calls =
+      run_program("rtpm-bench", {"run", "call", "--sealed", "--transport", "udp,tcp", "--samples",
+                                 "100", "--rounds", "2", "--realtime", "off", "--json"});
+  EXPECT_EQ(calls.exit_code, 0) << calls.errors;
+  EXPECT_EQ(test::line_count(calls.output), 2);
+  EXPECT_NE(calls.output.find(R"("case":"call-sealed")"), std::string::npos);
+  const auto storm =
+      run_program("rtpm-bench", {"run", "isolation", "--sealed", "--transport", "udp", "--samples",
+                                 "200", "--realtime", "off", "--json"});
+  EXPECT_EQ(storm.exit_code, 0) << storm.errors;
+  for (const std::string_view field :
+       {R"("case":"isolation-sealed")", R"("hello_storms":1)", R"("loaded_over_idle_p50":)"}) {
+    EXPECT_NE(storm.output.find(field), std::string::npos) << field;
   }
 }
 
