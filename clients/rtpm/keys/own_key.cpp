@@ -1,7 +1,3 @@
-#include <pwd.h>
-#include <unistd.h>
-
-#include <array>
 #include <memory>
 #include <string>
 
@@ -20,15 +16,6 @@ struct NewKeyRequest {
   std::string comment{};
   std::string file{};
 };
-
-/// "alice@lab".
-std::string user_at_host() {
-  std::array<char, 256> host{};
-  if (::gethostname(host.data(), host.size() - 1) != 0) return {};
-  const passwd* const user = ::getpwuid(access::this_user());
-  const std::string name = user != nullptr ? user->pw_name : std::to_string(access::this_user());
-  return name + "@" + host.data();
-}
 
 std::string public_line(const seal::PublicKey& key, const std::string& comment) {
   return access::public_key_text(key) + (comment.empty() ? "" : " " + printable(comment));
@@ -53,7 +40,7 @@ int make_new(Context& context, const NewKeyRequest& request) {
   const std::string& given = request.file.empty() ? context.security.key_file : request.file;
   const auto path = access::key_file_path(given, access::kKeyFile);
   if (!path) return context.fail(path.error());
-  const std::string comment = request.comment.empty() ? user_at_host() : request.comment;
+  const std::string comment = request.comment.empty() ? access::user_at_host() : request.comment;
   const auto pair = access::make_key(*path, comment);
   if (!pair) return context.fail(pair.error());
   if (context.json) {

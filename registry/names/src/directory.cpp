@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "interface_index.hpp"
+#include "no_answer.hpp"
 #include "query.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/discovery/finder.hpp"
@@ -126,6 +127,7 @@ class Directory::Impl {
     });
     Answers<Value> answers;
     std::size_t silent_count = 0;
+    std::string remedy = "rtpm doctor says what discovery finds";
     for (std::size_t i = 0; i < replies.size(); ++i) {
       const discovery::FoundService& found = (*asked)[i].found;
       auto& reply = replies[i];
@@ -137,11 +139,15 @@ class Directory::Impl {
         if (says_more) answers.refusal = std::move(reply->error());
       } else if (!found.is_guess) {
         ++silent_count;
-        note("no name service answers at " + found.url + (reply ? "" : ": there was no time left"));
+        const bool is_closed = reply && is_about_keys(reply->error());
+        if (is_closed) remedy = reply->error().remedy;
+        note(is_closed ? reply->error().reason()
+                       : "no name service answers at " + found.url +
+                             (reply ? "" : ": there was no time left"));
       }
     }
     if (!answers.values.empty() || answers.refusal) return answers;
-    return unexpected{nobody(silent_count)};
+    return unexpected{nobody(silent_count, remedy)};
   }
 
   /// The registry that takes changes.
@@ -233,7 +239,7 @@ class Directory::Impl {
     return asked;
   }
 
-  [[nodiscard]] DirectoryError nobody(std::size_t silent_count) {
+  [[nodiscard]] DirectoryError nobody(std::size_t silent_count, const std::string& remedy) {
     const std::string place = scope_.is_of_lan() ? "this host or the LAN" : "this host";
     if (silent_count == 0) {
       return {
@@ -244,7 +250,7 @@ class Directory::Impl {
     }
     const auto said = notes();
     return {{"none of the name services on " + place + " answers", said.empty() ? "" : said.front(),
-             "rtpm doctor says what discovery finds"}};
+             remedy}};
   }
 
   rpc::Node& node_;

@@ -7,6 +7,11 @@
 
 namespace rtpm::names {
 
+/// Whether the remedy is a matter of keys, so that nothing is wrong with the registry.
+[[nodiscard]] inline bool is_about_keys(const SetupError& error) {
+  return error.remedy.find("rtpm key ") != std::string::npos;
+}
+
 /// Why the registry at `url` was not bound. What a caller can mend, such as keys, keeps its remedy;
 /// otherwise the registry is to be started.
 [[nodiscard]] inline DirectoryError no_answer(const std::string& url, const SetupError& error) {
@@ -17,8 +22,7 @@ namespace rtpm::names {
   const bool is_silence = is(rpc::CallError::kUnreachable) || is(rpc::CallError::kTimeout) ||
                           is(rpc::CallError::kExpired) || is(rpc::CallError::kDisconnected);
   // A known server that shows another key is silent to sealed sessions.
-  const bool is_about_keys = error.remedy.find("rtpm key ") != std::string::npos;
-  const bool has_remedy = !error.remedy.empty() && (!is_silence || is_about_keys);
+  const bool has_remedy = !error.remedy.empty() && (!is_silence || is_about_keys(error));
   return {{"no registry answers at " + url, error.reason(),
            has_remedy ? error.remedy : "start rtpm-registryd, or give --registry URL"}};
 }

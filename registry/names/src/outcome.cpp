@@ -102,7 +102,9 @@ std::string outcome_text(Outcome outcome, std::string_view name, std::uint8_t co
     case Outcome::kNotStored:
       return it + " was not changed, because the registry can't write its database: see its log";
     case Outcome::kDenied:
-      return it + " is not for this caller, says the registry's policy: ask its operator";
+      return it +
+             " is not for this caller, says the registry's policy: ask its operator, "
+             "whose log says what would allow it";
     case Outcome::kStoreUnreachable:
       return it +
              " may have been changed or not, because the registry's storage did not answer: look "

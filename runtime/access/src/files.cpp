@@ -1,9 +1,11 @@
 #include "rtpm/access/files.hpp"
 
 #include <fcntl.h>
+#include <pwd.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
 #include <cstdlib>
 #include <filesystem>
@@ -183,6 +185,14 @@ FileStamp stamp_of(const std::string& path) noexcept {
   if (::stat(path.c_str(), &found) != 0) return {};
   return {found.st_ino, found.st_ctim.tv_sec * 1'000'000'000LL + found.st_ctim.tv_nsec,
           found.st_size};
+}
+
+std::string user_at_host() {
+  std::array<char, 256> host{};
+  if (::gethostname(host.data(), host.size() - 1) != 0) return {};
+  const passwd* const user = ::getpwuid(this_user());  // NOLINT(concurrency-mt-unsafe): set-up.
+  const std::string name = user != nullptr ? user->pw_name : std::to_string(this_user());
+  return name + "@" + host.data();
 }
 
 std::uint32_t this_user() noexcept {

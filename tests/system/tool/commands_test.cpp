@@ -77,7 +77,7 @@ std::vector<Case> cases() {
        "SERVER --known-servers OTHERS", 1, "has fingerprint"},
       {"key forget", "SERVER --known-servers OTHERS", "removed line 1", "10.0.0.7", 1,
        "rtpm key list"},
-      {"key authorize", "uid:7 --role observe --on ** --file NEW1", "within a second",
+      {"key authorize", "uid:7 --role observe --on lab/* --file NEW1", "within a second",
        "bob --role observe --on ** --file NEW1", 1, "not 'bob'"},
       {"key revoke", "alice --file GRANTS", "removed line 2", "bob --file GRANTS", 1, "for 'bob'"},
       {"key list", "--key KEY --known-servers OTHERS --authorized GRANTS", "command on=lab/**",

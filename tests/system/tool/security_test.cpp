@@ -168,8 +168,8 @@ TEST_F(TwoMachines, SayWhatToDoAtEachWrongStep) {
   EXPECT_TRUE(test::await([&] { return list().exit_code == 0; })) << list().errors;
   const auto bound = at_caller("rtpm bind lab/x rtpm://10.0.0.7:1/x --interface lab.X --registry " +
                                std::string(kRegistry));
-  expect_words(bound, {"grants do not allow this"});
-  EXPECT_TRUE(registry.wait_for_errors("role=command on=", kPatience)) << registry.errors();
+  expect_words(bound, {"is not for this caller", "ask its operator"});
+  EXPECT_TRUE(registry.wait_for_errors("role=administer on=", kPatience)) << registry.errors();
 
   ::chmod(caller_file("key").c_str(), 0640);
   expect_words(list(), {"chmod 600 " + caller_file("key")});

@@ -5,18 +5,16 @@
 #include <utility>
 
 #include "rtpm/access/files.hpp"
-#include "rtpm/base/printable.hpp"
 
 namespace rtpm::rpc {
 namespace {
 
-expected<seal::KeyPair, SetupError> read_or_make_key(const std::string& file,
-                                                     const std::string& owner) {
+expected<seal::KeyPair, SetupError> read_or_make_key(const std::string& file) {
   auto path = access::key_file_path(file, access::kKeyFile);
   if (!path) return unexpected{path.error()};
   const auto is_there = [&] { return access::stamp_of(*path) != access::FileStamp{}; };
   if (is_there()) return access::read_key(*path);
-  auto made = access::make_key(*path, printable(owner));
+  auto made = access::make_key(*path, access::user_at_host());
   // Another program may have made it meanwhile.
   if (!made && is_there()) return access::read_key(*path);
   return made;
@@ -25,8 +23,8 @@ expected<seal::KeyPair, SetupError> read_or_make_key(const std::string& file,
 }  // namespace
 
 expected<std::unique_ptr<SecretIdentity>, SetupError> SecretIdentity::open(
-    const std::string& file, const std::string& owner) {
-  auto key = read_or_make_key(file, owner);
+    const std::string& file) {
+  auto key = read_or_make_key(file);
   if (!key) return unexpected{key.error()};
   rt::SecretMemory memory(sizeof(sealed::ServerIdentity));
   if (memory.bytes().empty()) {

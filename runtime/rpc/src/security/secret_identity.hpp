@@ -16,11 +16,10 @@ class SecretIdentity {
  public:
   /// Reads the key, or makes it at the first start.
   /// @param file   empty: the one in access::key_folder()
-  /// @param owner  the server's name, a comment in the file
   /// @realtime set-up only
   /// @errors   as access::read_key() and make_key(); no memory
   [[nodiscard]] static expected<std::unique_ptr<SecretIdentity>, SetupError> open(
-      const std::string& file, const std::string& owner);
+      const std::string& file);
   SecretIdentity(const SecretIdentity&) = delete;
   SecretIdentity& operator=(const SecretIdentity&) = delete;
   ~SecretIdentity();

@@ -329,7 +329,7 @@ expected<void, SetupError> ServerImpl::open_access() {
   auto audit = AuditLog::open(security.audit_file, *access_);
   if (!audit) return unexpected{audit.error()};
   audit_ = std::move(*audit);
-  auto identity = SecretIdentity::open(security.key_file, config_.name);
+  auto identity = SecretIdentity::open(security.key_file);
   if (!identity) return unexpected{identity.error()};
   identity_ = std::move(*identity);
   auto gatekeeper = Gatekeeper::open(security.key_log_file, *access_, *audit_);

@@ -64,6 +64,10 @@ struct FileStamp {
 /// @realtime set-up only
 [[nodiscard]] FileStamp stamp_of(const std::string& path) noexcept;
 
+/// "alice@lab": this user and this host, as the comment of a key.
+/// @realtime set-up only
+[[nodiscard]] std::string user_at_host();
+
 /// The number of the user with whose rights this program runs.
 [[nodiscard]] std::uint32_t this_user() noexcept;
 
