@@ -74,6 +74,9 @@ void list_servers(Listing& listing, const std::string& file) {
                                              {"fingerprint", access::fingerprint(server.key)},
                                              {"line", server.line}});
   }
+  listing.json["local_users"] = read.local_users;
+  for (const std::uint32_t user : read.local_users)
+    rows.push_back({"  local uid:" + std::to_string(user), "shares memory with this user"});
   listing.text += rows.empty() ? "  none; `rtpm key learn HOST` adds one\n" : aligned(rows, 2);
   listing.add_faults(read.faults, read.fault_count, file);
 }

@@ -156,7 +156,13 @@ TEST_F(TwoMachines, SayWhatToDoAtEachWrongStep) {
 
   expect_words(list(), {learn});
   expect_words(at_caller(learn), {"--fingerprint", "rtpm key show"});
-  EXPECT_EQ(at_caller(learn + " --yes").exit_code, 0);
+  const auto refused = at_caller("echo no | script -qec '" + learn + "' /dev/null");
+  EXPECT_NE(refused.output.find("was not confirmed"), std::string::npos) << refused.output;
+  EXPECT_FALSE(std::filesystem::exists(caller_file("known_servers")));
+  const auto asked = at_caller("echo yes | script -qec '" + learn + "' /dev/null");
+  EXPECT_NE(asked.output.find("Is it the same there? [yes | no]"), std::string::npos)
+      << asked.output;
+  EXPECT_EQ(asked.exit_code, 0) << asked.output;
   expect_words(list(), {"rtpm key new"});
   ASSERT_EQ(at_caller("rtpm key new").exit_code, 0);
   expect_words(list(), {"rtpm key authorize"});
