@@ -226,7 +226,12 @@ int learn(Context& context, const LearnRequest& request) {
   const auto place = place_of(context, request.target);
   if (!place) return context.not_reached(place.error());
   const auto shown = ask(context, *place, request.is_port_only);
-  if (!shown) return context.not_reached(shown.error());
+  if (!shown) {
+    SetupError error = shown.error();
+    if (place->port == names::kDefaultRegistryPort)
+      error.remedy += "; without a port the registry's is asked: HOST:PORT is any server's";
+    return context.not_reached(error);
+  }
   const auto text = access::read_trusted_file(*path);
   if (!text) return context.fail(text.error());
   auto added = new_ones(*path, *text, *shown);
