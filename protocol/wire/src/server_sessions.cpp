@@ -27,7 +27,10 @@ ServerSessions::ServerSessions(const ServerSessionsConfig& config)
   const bool is_datagram = config.medium == Medium::kDatagram;
   payload_size_max_ = std::min(config.frame_payload_max,
                                static_cast<std::uint32_t>(frame_payload_max(config.medium)));
-  item_size_max_ = config.message_size_max;
+  // sec-4-3: sealed fragments are smaller, so that the largest messages would have too many.
+  config_.message_size_max = static_cast<std::uint32_t>(std::min<std::size_t>(
+      config.message_size_max, std::size_t{payload_size_max_} * kFragmentCountMax));
+  item_size_max_ = config_.message_size_max;
   make_large_buffers();
   const std::size_t lines_per_frame = lines_for(kHeaderSize + payload_size_max_);
   frames_.resize(is_datagram ? lines_per_frame * kCallWindow * config.session_count_max
