@@ -282,6 +282,8 @@ TEST_P(DeferredReplies, AreRefusedAStreamWhereNoneIsWanted) {
 
 INSTANTIATE_TEST_SUITE_P(Udp, DeferredReplies, testing::Values(Transport::kUdp));
 INSTANTIATE_TEST_SUITE_P(Tcp, DeferredReplies, testing::Values(Transport::kTcp));
+INSTANTIATE_TEST_SUITE_P(SealedUdp, DeferredReplies, testing::Values(kSealedUdp));
+INSTANTIATE_TEST_SUITE_P(SealedTcp, DeferredReplies, testing::Values(kSealedTcp));
 INSTANTIATE_TEST_SUITE_P(SharedMemory, DeferredReplies, testing::Values(Transport::kSharedMemory));
 
 }  // namespace

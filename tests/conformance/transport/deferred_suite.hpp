@@ -84,6 +84,8 @@ class DeferringServant final : public Servant {
 class DeferredReplies : public TransportSuite {
  protected:
   explicit DeferredReplies(ServerConfig config = quiet_config()) {
+    // The configuration was made before the suite's set-up.
+    if (is_sealed(transport())) config.security = sealed_files().of_server();
     auto created = Server::create(std::move(config));
     EXPECT_TRUE(created) << created.error().text();
     server_ = std::move(*created);

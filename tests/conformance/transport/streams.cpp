@@ -241,6 +241,8 @@ TEST_P(Streams, LetCallsOfTheirLaneThrough) {
 
 INSTANTIATE_TEST_SUITE_P(Udp, Streams, testing::Values(Transport::kUdp));
 INSTANTIATE_TEST_SUITE_P(Tcp, Streams, testing::Values(Transport::kTcp));
+INSTANTIATE_TEST_SUITE_P(SealedUdp, Streams, testing::Values(kSealedUdp));
+INSTANTIATE_TEST_SUITE_P(SealedTcp, Streams, testing::Values(kSealedTcp));
 INSTANTIATE_TEST_SUITE_P(SharedMemory, Streams, testing::Values(Transport::kSharedMemory));
 
 /// A client that has eight streams on one connection, and takes what comes when the test says so.

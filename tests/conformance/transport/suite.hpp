@@ -7,6 +7,7 @@
 
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/wire/medium.hpp"
+#include "rtpm/wire/sealed.hpp"
 
 /// What every transport keeps, seen from a caller and a server. A transport takes part by one line
 /// in transports_test.cpp.
@@ -14,19 +15,28 @@ namespace rtpm::rpc::test {
 
 class TransportSuite : public testing::TestWithParam<Transport> {
  protected:
-  void SetUp() override { is_network_faulty() = transport() == kFaultyUdp; }
-  void TearDown() override { is_network_faulty() = false; }
+  void SetUp() override {
+    is_network_faulty() = transport() == kFaultyUdp;
+    are_sessions_sealed() = is_sealed(transport());
+  }
+  void TearDown() override { is_network_faulty() = are_sessions_sealed() = false; }
   [[nodiscard]] static Transport transport() { return GetParam(); }
   [[nodiscard]] static bool is_udp() {
-    return transport() == Transport::kUdp || transport() == kFaultyUdp;
+    return transport() == Transport::kUdp || transport() == kFaultyUdp || transport() == kSealedUdp;
   }
   [[nodiscard]] static NodeConfig node_config() { return quiet_node(transport()); }
   /// The largest request and reply.
-  [[nodiscard]] static std::size_t message_size_max() { return ServerConfig{}.message_size_max; }
+  [[nodiscard]] static std::size_t message_size_max() {
+    const std::size_t size = ServerConfig{}.message_size_max;
+    // sec-4-3: sealed fragments are smaller.
+    return transport() == kSealedUdp ? frame_payload_max() * wire::kFragmentCountMax : size;
+  }
   /// The largest that goes in one frame.
   [[nodiscard]] static std::size_t frame_payload_max() {
     if (transport() == Transport::kSharedMemory) return wire::kSharedPayloadSizeMax;
-    return wire::frame_payload_max(is_udp() ? wire::Medium::kDatagram : wire::Medium::kStream);
+    const wire::Medium medium = is_udp() ? wire::Medium::kDatagram : wire::Medium::kStream;
+    return is_sealed(transport()) ? wire::sealed_payload_max(medium)
+                                  : wire::frame_payload_max(medium);
   }
 
   /// The error of a call that has to fail.

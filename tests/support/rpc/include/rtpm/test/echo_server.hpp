@@ -14,6 +14,7 @@
 #include "rtpm/test/echo.hpp"
 #include "rtpm/test/faulty_relay.hpp"
 #include "rtpm/test/raw_peer.hpp"
+#include "rtpm/test/sealed_files.hpp"
 #include "rtpm/transport/tcp.hpp"
 
 /// A server with the echo servant, and nodes and bindings for it.
@@ -45,6 +46,24 @@ using rtpm::test::RawPeer;
 /// Not a transport of RTPM's: UDP over a network that loses, repeats, delays and reorders.
 inline constexpr Transport kFaultyUdp{100};
 
+/// Nor these: UDP and TCP with sealed sessions.
+inline constexpr Transport kSealedUdp{101};
+inline constexpr Transport kSealedTcp{102};
+[[nodiscard]] constexpr bool is_sealed(Transport transport) noexcept {
+  return transport == kSealedUdp || transport == kSealedTcp;
+}
+
+/// Whether the servers of the running test ask for grants, and their callers know them.
+[[nodiscard]] inline bool& are_sessions_sealed() noexcept {
+  static bool is_sealed = false;
+  return is_sealed;
+}
+/// The files of both sides, in a folder that goes with the program.
+[[nodiscard]] inline const SealedFiles& sealed_files() {
+  static const SealedFiles files;
+  return files;
+}
+
 /// Whether the servers of the running test are behind such a network.
 [[nodiscard]] inline bool& is_network_faulty() noexcept {
   static bool is_faulty = false;
@@ -71,6 +90,7 @@ inline constexpr Transport kFaultyUdp{100};
   config.host = test_hosts();
   config.lanes = std::move(lanes);
   config.realtime = rt::RealtimeMode::kOff;
+  if (are_sessions_sealed()) config.security = sealed_files().of_server();
   return config;
 }
 
@@ -116,7 +136,9 @@ struct EchoServer {
   NodeConfig config;
   // That is what comes of kAuto where the server is in the same program.
   config.transport = transport == Transport::kLocal ? Transport::kAuto : transport;
-  if (transport == kFaultyUdp) config.transport = Transport::kUdp;
+  if (transport == kFaultyUdp || transport == kSealedUdp) config.transport = Transport::kUdp;
+  if (transport == kSealedTcp) config.transport = Transport::kTcp;
+  if (is_sealed(transport)) config.security = sealed_files().of_node();
   config.wait.strategy = rt::WaitStrategy::kBlock;
   config.default_deadline = rtpm::test::kPatience;
   return config;
