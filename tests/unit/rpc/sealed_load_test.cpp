@@ -254,6 +254,36 @@ TEST_P(HelloStorm, KeepsNoCallFromRunning) {
   }
 }
 
+// What somebody on the way can send: frames of the session from its own address, with a counter
+// that is due, and from another one. RTPM_FORGED_FRAMES says how many; 1 000 000 take 10 s.
+TEST_P(HelloStorm, OfForgedFramesFailsNoCall) {
+  const char* const wanted = std::getenv("RTPM_FORGED_FRAMES");
+  const std::uint64_t forged_count = wanted == nullptr ? 20'000 : std::stoull(wanted);
+  constexpr std::uint64_t kBurst = 50;
+  serve(echo_);
+  SealedPeer client = peer();
+  ASSERT_TRUE(client.open());
+  ASSERT_TRUE(client.call(echo::kEcho.id, bytes_of("a")).is_ok());
+  auto stranger = transport::open_udp_transport("127.0.0.1", server_->port(), 0);
+  ASSERT_TRUE(stranger);
+  int failure_count = 0;
+  for (std::uint64_t sent = 0; sent < forged_count; sent += kBurst) {
+    Bytes forged = client.last_sent();
+    for (std::uint64_t i = 0; i < kBurst; ++i) {
+      store_le(forged.data() + forged.size() - 24, sent / kBurst + 2 + i);
+      store_le(forged.data() + forged.size() - 8, sent + i);
+      client.send_raw(forged);
+      static_cast<void>((*stranger)->send(forged));
+    }
+    if (!client.call(echo::kEcho.id, bytes_of("a")).is_ok()) ++failure_count;
+  }
+  EXPECT_EQ(failure_count, 0);
+  const auto frames = server_->counters().frames;
+  // The system drops what does not fit into the socket's buffer.
+  EXPECT_GT(frames.dropped_for(wire::DropReason::kBadSeal), forged_count / 100);
+  EXPECT_GT(frames.dropped_for(wire::DropReason::kForeignAddress), forged_count / 100);
+}
+
 // Over TCP no HELLO is repeated: each connection's handshake is taken, or the connection ends.
 TEST_P(SealedLoad, ManyClientsAtOnceAllGetSessions) {
   serve(slow_);
