@@ -21,9 +21,9 @@ TEST(SecuredServer, TellsItsMethodsWhoCalls) {
   ASSERT_TRUE(binding) << binding.error().text();
   ASSERT_TRUE(binding->call(vault::kMove, {}));
   const vault::Vault& vault = *secured.vaults[0];
-  EXPECT_EQ(access::to_text(vault.last_subject), own_user());
+  EXPECT_EQ(access::to_text(vault.subject()), own_user());
   EXPECT_EQ(vault.name(), "tester");
-  EXPECT_EQ(vault.last_role_elsewhere, Role::kConfigure);
+  EXPECT_EQ(vault.role_elsewhere(), Role::kConfigure);
 }
 
 TEST(SecuredServer, RefusesPrioritiesAboveTheCeiling) {

@@ -10,6 +10,7 @@
 #include <string>
 #include <thread>
 
+#include "rtpm/access/fingerprint.hpp"
 #include "rtpm/rpc/pipeline.hpp"
 #include "rtpm/rpc/tables.hpp"
 #include "rtpm/rt/memory.hpp"
@@ -164,15 +165,22 @@ TEST_P(NoAllocation, InCallsThatFail) {
 
 // Rights are looked up, kept and refused, and noted for the audit log.
 TEST_P(NoAllocation, InCallsToASecuredServer) {
-  if (GetParam().transport == Transport::kUdp || GetParam().transport == Transport::kTcp) {
-    GTEST_SKIP() << "a session that is not sealed is nobody's";
-  }
+  const bool is_sealed =
+      GetParam().transport == Transport::kUdp || GetParam().transport == Transport::kTcp;
   const KeyFolder folder;
+  NodeConfig client = node_config();
+  client.security = {.key_file = folder.file("node"),
+                     .known_servers_file = folder.file("known_servers")};
+  const std::string caller =
+      is_sealed ? access::public_key_text(access::make_key(folder.file("node"), "node")->public_key)
+                : own_user();
   ServerConfig config = server_config();
   config.security.audit_file = folder.file("audit");
-  SecuredServer secured(folder, own_user() + " name=me role=configure on=lab/*\n", {"lab/arm0"},
+  SecuredServer secured(folder, caller + " name=me role=configure on=lab/*\n", {"lab/arm0"},
                         config);
-  Node node(node_config());
+  folder.write("known_servers",
+               "127.0.0.1 " + access::public_key_text(*secured.server->public_key()) + "\n");
+  Node node(client);
   auto binding = Binding::bind(node, secured.server->url("lab/arm0"), vault::kInterface);
   ASSERT_TRUE(binding) << binding.error().text();
   int failure_count = 0;

@@ -9,11 +9,13 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <vector>
 
 #include "rtpm/access/files.hpp"
 #include "rtpm/rpc/caller.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/test/echo_server.hpp"
 
 // A server that asks its callers for grants, and an interface with a method of each role.
@@ -75,10 +77,11 @@ class Vault final : public Servant {
                           const CallContext& context) override {
     if (method == 0 || method > kMethods.size()) return {wire::Status::kNoSuchMethod, 0};
     if (context.identity != nullptr) {
-      last_subject = context.identity->subject();
+      const std::lock_guard lock(mutex_);
+      last_subject_ = context.identity->subject();
       const std::string_view name = context.identity->name();
-      last_name_size = name.copy(last_name.data(), last_name.size());
-      last_role_elsewhere = context.identity->role_on("lab/elsewhere");
+      last_name_size_ = name.copy(last_name_.data(), last_name_.size());
+      last_role_elsewhere_ = context.identity->role_on("lab/elsewhere");
     } else {
       ++nobody_count;
     }
@@ -88,14 +91,29 @@ class Vault final : public Servant {
     }
     return {};
   }
-  [[nodiscard]] std::string name() const { return {last_name.data(), last_name_size}; }
+  // Of the last caller.
+  [[nodiscard]] access::Subject subject() const {
+    const std::lock_guard lock(mutex_);
+    return last_subject_;
+  }
+  [[nodiscard]] std::string name() const {
+    const std::lock_guard lock(mutex_);
+    return {last_name_.data(), last_name_size_};
+  }
+  [[nodiscard]] Role role_elsewhere() const {
+    const std::lock_guard lock(mutex_);
+    return last_role_elsewhere_;
+  }
 
   std::array<std::atomic<int>, kMethods.size()> run_counts{};
   std::atomic<int> nobody_count{0};
-  access::Subject last_subject{};
-  std::array<char, 128> last_name{};
-  std::size_t last_name_size = 0;
-  Role last_role_elsewhere = Role::kNone;
+
+ private:
+  mutable rt::PiMutex mutex_;
+  access::Subject last_subject_{};
+  std::array<char, 128> last_name_{};
+  std::size_t last_name_size_ = 0;
+  Role last_role_elsewhere_ = Role::kNone;
 };
 
 }  // namespace vault
