@@ -1,13 +1,9 @@
 #pragma once
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <array>
 #include <atomic>
-#include <cstdio>
-#include <filesystem>
-#include <fstream>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -17,36 +13,10 @@
 #include "rtpm/rpc/caller.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/test/echo_server.hpp"
+#include "rtpm/test/key_folder.hpp"
 
 // A server that asks its callers for grants, and an interface with a method of each role.
 namespace rtpm::rpc::test {
-
-/// A folder that goes with the test, and files in it that only this user can write.
-class KeyFolder {
- public:
-  KeyFolder() : path_((std::filesystem::temp_directory_path() / "rtpm-access-XXXXXX").string()) {
-    EXPECT_NE(mkdtemp(path_.data()), nullptr);
-  }
-  KeyFolder(const KeyFolder&) = delete;
-  KeyFolder& operator=(const KeyFolder&) = delete;
-  ~KeyFolder() { std::filesystem::remove_all(path_); }
-
-  [[nodiscard]] std::string file(const std::string& name) const { return path_ + "/" + name; }
-  /// In place of the former one, as a whole.
-  std::string write(const std::string& name, const std::string& text) const {
-    const std::string whole = file(name);
-    std::ofstream(whole + ".new") << text;
-    std::filesystem::rename(whole + ".new", whole);
-    return whole;
-  }
-  [[nodiscard]] std::string read(const std::string& name) const {
-    std::ifstream stream(file(name));
-    return {std::istreambuf_iterator<char>(stream), {}};
-  }
-
- private:
-  std::string path_;
-};
 
 [[nodiscard]] inline std::string own_user() {
   return "uid:" + std::to_string(access::this_user());

@@ -1,49 +1,39 @@
 #pragma once
 
-#include <gtest/gtest.h>
-#include <unistd.h>
-
-#include <filesystem>
-#include <fstream>
 #include <string>
 
 #include "rtpm/access/files.hpp"
 #include "rtpm/access/fingerprint.hpp"
 #include "rtpm/rpc/security.hpp"
+#include "rtpm/test/key_folder.hpp"
 
 namespace rtpm::rpc::test {
 
 /// The keys of a server and a node of this host that know each other, and their other files.
 class SealedFiles {
  public:
-  SealedFiles()
-      : folder_((std::filesystem::temp_directory_path() / "rtpm-sealed-XXXXXX").string()) {
-    EXPECT_NE(mkdtemp(folder_.data()), nullptr);
+  SealedFiles() {
     const std::string node = make("node");
     const std::string server = make("server");
-    std::ofstream(file("authorized")) << node << " role=administer on=**\n";
-    std::ofstream(file("known_servers")) << "127.0.0.1 " << server << "\n[::1] " << server << "\n";
+    folder_.write("authorized", node + " role=administer on=**\n");
+    folder_.write("known_servers", "127.0.0.1 " + server + "\n[::1] " + server + "\n");
   }
-  SealedFiles(const SealedFiles&) = delete;
-  SealedFiles& operator=(const SealedFiles&) = delete;
-  ~SealedFiles() { std::filesystem::remove_all(folder_); }
 
   [[nodiscard]] ServerSecurity of_server() const {
-    return {.authorized_file = file("authorized"), .key_file = file("server")};
+    return {.authorized_file = folder_.file("authorized"), .key_file = folder_.file("server")};
   }
   [[nodiscard]] NodeSecurity of_node() const {
-    return {.key_file = file("node"), .known_servers_file = file("known_servers")};
+    return {.key_file = folder_.file("node"), .known_servers_file = folder_.file("known_servers")};
   }
 
  private:
-  [[nodiscard]] std::string file(const std::string& name) const { return folder_ + "/" + name; }
   [[nodiscard]] std::string make(const std::string& name) const {
-    const auto key = access::make_key(file(name), name);
+    const auto key = access::make_key(folder_.file(name), name);
     EXPECT_TRUE(key) << key.error().text();
     return key ? access::public_key_text(key->public_key) : "";
   }
 
-  std::string folder_;
+  KeyFolder folder_;
 };
 
 }  // namespace rtpm::rpc::test
