@@ -1,6 +1,7 @@
 #include "host/keys.hpp"
 
 #include <string>
+#include <utility>
 
 #include "rtpm/access/authorized.hpp"
 #include "rtpm/access/files.hpp"
@@ -14,10 +15,6 @@ namespace {
 using rt::Finding;
 using rt::Severity;
 
-bool is_there(const std::string& file) {
-  return access::stamp_of(file) != access::FileStamp{};
-}
-
 /// "authorized:3:14: …, and 2 more faults".
 std::string text_of_faults(const std::vector<access::LineFault>& faults, std::size_t count,
                            const std::string& file) {
@@ -26,9 +23,17 @@ std::string text_of_faults(const std::vector<access::LineFault>& faults, std::si
   return text;
 }
 
+/// A file that is not used, and what that costs.
+void set_unused(Finding& finding, const SetupError& error, std::string cost) {
+  finding.severity = Severity::kProblem;
+  finding.text = error.reason();
+  finding.cost = std::move(cost);
+  finding.remedy = error.remedy;
+}
+
 Finding judge_key(const std::string& file, bool is_needed) {
   Finding finding{.id = "key"};
-  if (!is_there(file)) {
+  if (!access::stamp_of(file).is_of_file()) {
     finding.text = "this user has no key";
     if (!is_needed) return finding;
     finding.severity = Severity::kProblem;
@@ -40,12 +45,9 @@ Finding judge_key(const std::string& file, bool is_needed) {
   const auto key = access::read_key(file);
   finding.text = "the key " + printable(file, kShownWhole) + " is its owner's alone";
   if (key) return finding;
-  finding.severity = Severity::kProblem;
-  finding.text = key.error().reason();
-  finding.cost =
-      "servers and callers of this user do not use it; if others could read it, it may "
-      "be known to them";
-  finding.remedy = key.error().remedy;
+  set_unused(finding, key.error(),
+             "servers and callers of this user do not use it; if others could read it, it may be "
+             "known to them");
   return finding;
 }
 
@@ -54,10 +56,7 @@ Finding judge_known_servers(const std::string& file, const expected<std::string,
   Finding finding{.id = "known-servers"};
   finding.text = std::to_string(read.servers.size()) + " keys of servers are known";
   if (!text) {
-    finding.severity = Severity::kProblem;
-    finding.text = text.error().reason();
-    finding.cost = "no server is known";
-    finding.remedy = text.error().remedy;
+    set_unused(finding, text.error(), "no server is known");
   } else if (read.fault_count > 0) {
     finding.severity = Severity::kWarning;
     finding.text = text_of_faults(read.faults, read.fault_count, file);
@@ -73,10 +72,8 @@ Finding judge_grants(const std::string& file) {
   const access::Authorized read = access::parse_authorized(text ? *text : "");
   finding.text = std::to_string(read.grants.size()) + " grants in " + printable(file, kShownWhole);
   if (!text) {
-    finding.severity = Severity::kProblem;
-    finding.text = text.error().reason();
-    finding.cost = "servers that ask for grants do not start, or keep the former ones";
-    finding.remedy = text.error().remedy;
+    set_unused(finding, text.error(),
+               "servers that ask for grants do not start, or keep the former ones");
   } else if (read.fault_count > 0) {
     finding.severity = Severity::kWarning;
     finding.text = text_of_faults(read.faults, read.fault_count, file);
@@ -115,8 +112,9 @@ std::vector<Finding> survey_keys(const Context& context) {
   const auto text = access::read_trusted_file(*servers);
   const access::KnownServers known = access::parse_known_servers(text ? *text : "");
   std::vector<Finding> findings{judge_key(*key, !known.servers.empty())};
-  if (!text || is_there(*servers)) findings.push_back(judge_known_servers(*servers, text, known));
-  if (is_there(*grants)) findings.push_back(judge_grants(*grants));
+  if (!text || access::stamp_of(*servers).is_of_file())
+    findings.push_back(judge_known_servers(*servers, text, known));
+  if (access::stamp_of(*grants).is_of_file()) findings.push_back(judge_grants(*grants));
   return findings;
 }
 

@@ -129,7 +129,7 @@ const access::KnownServer* contradicting(const std::vector<access::KnownServer>&
 SetupError other_key(const std::string& file, const access::KnownServer& known,
                      const access::KnownServer& shown) {
   const std::string host = wire::host_in_url(known.host);
-  const std::string place = known.port == 0 ? host : host + ":" + std::to_string(known.port);
+  const std::string place = known.port == 0 ? host : wire::host_and_port(known.host, known.port);
   return {"the server at " + host + " shows another key, fingerprint " +
               access::fingerprint(shown.key) + ", than the known one",
           printable(file, kShownWhole) + ':' + std::to_string(known.line) + " has fingerprint " +
@@ -260,7 +260,7 @@ std::vector<access::KnownServer> known_at(const std::string& text, const std::st
   for (const access::KnownServer& each : access::parse_known_servers(text).servers) {
     const std::string host = wire::host_in_url(each.host);
     const bool is_host = target == each.host || target == host;
-    const bool is_place = each.port != 0 && target == host + ":" + std::to_string(each.port);
+    const bool is_place = each.port != 0 && target == wire::host_and_port(each.host, each.port);
     if (is_host || is_place) found.push_back(each);
   }
   return found;

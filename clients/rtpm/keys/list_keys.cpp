@@ -38,7 +38,7 @@ struct Listing {
 
 void list_own(Listing& listing, const std::string& file) {
   listing.text += "own key: " + printable(file, kShownWhole) + "\n";
-  if (access::stamp_of(file) == access::FileStamp{}) {
+  if (!access::stamp_of(file).is_of_file()) {
     listing.json["key"] = nullptr;
     listing.text += "  none; `rtpm key new` makes it\n";
     return;
@@ -65,8 +65,8 @@ void list_servers(Listing& listing, const std::string& file) {
   const access::KnownServers read = access::parse_known_servers(*text);
   std::vector<Row> rows;
   for (const access::KnownServer& server : read.servers) {
-    const std::string place = wire::host_in_url(server.host) +
-                              (server.port == 0 ? "" : ":" + std::to_string(server.port));
+    const std::string place = server.port == 0 ? wire::host_in_url(server.host)
+                                               : wire::host_and_port(server.host, server.port);
     rows.push_back({"  " + printable(place), access::fingerprint(server.key)});
     listing.json["known_servers"].push_back({{"host", server.host},
                                              {"port", server.port},

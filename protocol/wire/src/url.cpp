@@ -112,6 +112,10 @@ std::string host_in_url(std::string_view host) {
   return text + "]";
 }
 
+std::string host_and_port(std::string_view host, std::uint16_t port) {
+  return host_in_url(host) + ":" + std::to_string(port);
+}
+
 std::string Url::authority() const {
   std::string text;
   for (const std::string& host : hosts)

@@ -91,7 +91,7 @@ expected<void, SetupError> change_locked(const File& file, const std::string& pa
 /// Changes the file if nobody else has it locked, or has replaced it meanwhile.
 /// @return whether it did
 expected<bool, SetupError> try_change(const std::string& path, const FileChange& change) {
-  const bool is_new = stamp_of(path) == FileStamp{};
+  const bool is_new = !stamp_of(path).is_of_file();
   const File file(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NONBLOCK, 0600));
   if (!file.is_open()) return failed(path, errno);
   if (::flock(file.number(), LOCK_EX | LOCK_NB) != 0) {

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "client/kept_copy.hpp"
+#include "client/plain_transport.hpp"
 #include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
@@ -62,24 +63,6 @@ std::size_t frame_size_of(const ServerAddress& address, const NodeConfig& config
          std::min<std::size_t>(config.message_size_max, payload_size_of(address));
 }
 
-auto open_any_transport(const ServerAddress& address, NodeKeys& keys, Priority priority,
-                        MonotonicTime deadline) {
-  switch (address.transport) {
-    case Transport::kTcp:
-      return transport::open_tcp_transport(address.host, address.port, priority,
-                                           wire::kStreamPayloadSizeMax, deadline);
-    case Transport::kSharedMemory:
-      return transport::open_shared_memory_transport(
-          {address.host, address.port, address.memory_folder, keys.trusted_users()}, priority,
-          deadline);
-    case Transport::kUdp:
-    case Transport::kAuto:
-    case Transport::kLocal:
-      break;
-  }
-  return transport::open_udp_transport(address.host, address.port, priority);
-}
-
 }  // namespace
 
 CallChannel::CallChannel(const ServerAddress& address, const NodeConfig& config, NodeKeys& keys,
@@ -133,7 +116,7 @@ expected<void, CallError> CallChannel::open_transport(Priority priority,
     sealed_ = opened->get();
     transport_ = std::move(*opened);
   } else {
-    auto opened = open_any_transport(address_, keys_, priority, deadline);
+    auto opened = open_plain_transport(address_, keys_, priority, deadline);
     if (!opened) return failed(opened.error());
     transport_ = std::move(*opened);
   }
@@ -170,8 +153,7 @@ unexpected<CallError> CallChannel::refused(CallError error) noexcept {
   } else if (error == CallError::kNotAllowed && is_over_network(address_.transport)) {
     transport_error_ = {"the server asks its callers for keys, and this program does not know it",
                         {},
-                        "run: rtpm key learn " + wire::host_in_url(address_.host) + ":" +
-                            std::to_string(address_.port),
+                        "run: rtpm key learn " + wire::host_and_port(address_.host, address_.port),
                         error};
   }
   return unexpected{error};

@@ -4,6 +4,7 @@
 #include <new>
 #include <utility>
 
+#include "client/plain_transport.hpp"
 #include "rtpm/access/fingerprint.hpp"
 #include "rtpm/base/assert.hpp"
 #include "rtpm/rpc/error.hpp"
@@ -32,22 +33,13 @@ void hear_keys(void* context, std::uint64_t session, const seal::SessionKeys& ke
   static_cast<NodeKeys*>(context)->log(session, keys);
 }
 
-expected<std::unique_ptr<transport::ClientTransport>, SetupError> open_within(
-    const ServerAddress& address, Priority priority, MonotonicTime deadline) {
-  if (address.transport == Transport::kTcp) {
-    return transport::open_tcp_transport(address.host, address.port, priority,
-                                         wire::kStreamPayloadSizeMax, deadline);
-  }
-  return transport::open_udp_transport(address.host, address.port, priority);
-}
-
 }  // namespace
 
 expected<std::unique_ptr<SealedTransport>, SetupError> SealedTransport::open(
     const ServerAddress& address, NodeKeys& keys, Priority priority, MonotonicTime deadline) {
   auto own = keys.own();
   if (!own) return unexpected{own.error()};
-  auto within = open_within(address, priority, deadline);
+  auto within = open_plain_transport(address, keys, priority, deadline);
   if (!within) return unexpected{within.error()};
   rt::SecretMemory memory(sizeof(Secrets));
   if (memory.bytes().empty()) {
@@ -206,7 +198,7 @@ bool SealedTransport::renew_now() noexcept {
   MonotonicTime now = rt::now();
   const MonotonicTime deadline = now + kRenewalPatience;
   if (medium() == wire::Medium::kStream) {
-    auto opened = open_within(address_, priority_, deadline);
+    auto opened = open_plain_transport(address_, keys_, priority_, deadline);
     if (!opened) return false;
     next_within_ = std::move(*opened);
   }
@@ -257,7 +249,7 @@ expected<MutableBytes, IoError> SealedTransport::await(MonotonicTime until) noex
 
 SetupError SealedTransport::explain() const {
   if (!is_here()) return {};
-  const std::string where = wire::host_in_url(address_.host) + ":" + std::to_string(address_.port);
+  const std::string where = wire::host_and_port(address_.host, address_.port);
   const std::string server = "the server at " + where;
   const access::KnownServer known = keys_.entry_of(*address_.key);
   const std::string line = "line " + std::to_string(known.line) + " of known_servers";

@@ -80,8 +80,7 @@ bool AccessControl::keeps(const CallOrigin& origin, std::uint32_t since) const n
   const auto is_lost = [&](const Narrowed& each) {
     return each.generation > since && each.subject == origin.subject;
   };
-  return (is_owner(origin) || grants_->knows(origin.subject, origin.address)) &&
-         std::ranges::none_of(narrowed_, is_lost);
+  return is_known(origin) && std::ranges::none_of(narrowed_, is_lost);
 }
 
 bool AccessControl::is_owner(const CallOrigin& origin) const noexcept {
@@ -91,16 +90,17 @@ bool AccessControl::is_owner(const CallOrigin& origin) const noexcept {
          !grants_->knows(subject, origin.address);
 }
 
+bool AccessControl::is_known(const CallOrigin& origin) const noexcept {
+  return is_owner(origin) || grants_->knows(origin.subject, origin.address);
+}
+
 bool AccessControl::admits(std::uint32_t user) const noexcept {
-  CallOrigin origin;
-  origin.subject.kind = access::Subject::Kind::kLocalUser;
-  origin.subject.user = user;
-  return user != access::kUnknownUser && knows(origin);
+  return user != access::kUnknownUser && knows(origin_of_user(user));
 }
 
 bool AccessControl::knows(const CallOrigin& origin) const noexcept {
   const std::lock_guard lock(mutex_);
-  return is_owner(origin) || grants_->knows(origin.subject, origin.address);
+  return is_known(origin);
 }
 
 access::Permission AccessControl::permission(const CallOrigin& origin,

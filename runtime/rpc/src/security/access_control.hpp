@@ -71,6 +71,8 @@ class AccessControl final : public transport::UserPolicy,
   explicit AccessControl(std::string file) : file_(std::move(file)) {}
   void say_faults(const access::Authorized& read);
   [[nodiscard]] bool is_owner(const CallOrigin& origin) const noexcept;
+  /// As knows(), where the lock is held.
+  [[nodiscard]] bool is_known(const CallOrigin& origin) const noexcept;
 
   std::string file_;
   rt::Log log_{"rtpm"};

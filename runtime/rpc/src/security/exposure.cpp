@@ -22,7 +22,7 @@ expected<std::string, SetupError> grants_file_of(const ServerSecurity& security,
   if (!security.authorized_file.empty() || !is_for_other_hosts(hosts))
     return security.authorized_file;
   auto file = access::key_file_path({}, access::kAuthorizedFile);
-  if (file && access::stamp_of(*file) != access::FileStamp{}) return std::move(*file);
+  if (file && access::stamp_of(*file).is_of_file()) return std::move(*file);
   return setup_error(
       "it does not serve other hosts before it is said whom",
       file ? printable(*file, kShownWhole) + " is not there" : file.error().reason(),

@@ -32,7 +32,7 @@ expected<void, SetupError> NodeKeys::read_known_servers() {
   if (!path) return {};
   const access::FileStamp stamp = access::stamp_of(*path);
   // A file that is not there may be one that this user can't see: reading says which.
-  if (stamp == known_stamp_ && stamp != access::FileStamp{}) return {};
+  if (stamp == known_stamp_ && stamp.is_of_file()) return {};
   auto text = access::read_trusted_file(*path);
   if (!text) return unexpected{text.error()};
   known_ = access::parse_known_servers(*text);

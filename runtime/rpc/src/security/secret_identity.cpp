@@ -12,7 +12,7 @@ namespace {
 expected<seal::KeyPair, SetupError> read_or_make_key(const std::string& file) {
   auto path = access::key_file_path(file, access::kKeyFile);
   if (!path) return unexpected{path.error()};
-  const auto is_there = [&] { return access::stamp_of(*path) != access::FileStamp{}; };
+  const auto is_there = [&] { return access::stamp_of(*path).is_of_file(); };
   if (is_there()) return access::read_key(*path);
   auto made = access::make_key(*path, access::user_at_host());
   // Another program may have made it meanwhile.

@@ -81,7 +81,7 @@ unexpected<SetupError> no_answer(const std::string& where, bool is_refused) {
 
 expected<seal::PublicKey, SetupError> ask_server_key(const std::string& host, std::uint16_t port,
                                                      MonotonicTime deadline) {
-  const std::string where = wire::host_in_url(host) + ":" + std::to_string(port);
+  const std::string where = wire::host_and_port(host, port);
   auto server = transport::open_udp_transport(host, port, Priority{0});
   if (!server) return unexpected{server.error()};
   const auto number = static_cast<std::uint32_t>(rt::random_u64());

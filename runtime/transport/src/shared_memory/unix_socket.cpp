@@ -17,7 +17,7 @@ namespace rtpm::transport {
 namespace {
 
 std::string name_of(const SharedMemoryAddress& address) {
-  return wire::host_in_url(address.host) + ":" + std::to_string(address.port);
+  return wire::host_and_port(address.host, address.port);
 }
 
 }  // namespace

@@ -96,7 +96,7 @@ std::string SocketAddress::host() const {
 }
 
 std::string SocketAddress::text() const {
-  return wire::host_in_url(host()) + ":" + std::to_string(port());
+  return wire::host_and_port(host(), port());
 }
 
 wire::PeerAddress SocketAddress::ipv6_peer() const noexcept {

@@ -26,24 +26,20 @@ namespace {
 // How long a caller waits for space in a stream's buffer before it gives the peer up.
 constexpr Duration kSendPatience = std::chrono::milliseconds{100};
 
-std::string name_of(const std::string& host, std::uint16_t port) {
-  return wire::host_in_url(host) + ":" + std::to_string(port);
-}
-
 SetupError no_socket(const std::string& host, std::uint16_t port, int error) {
-  return no_descriptor("a socket to reach " + name_of(host, port), error);
+  return no_descriptor("a socket to reach " + wire::host_and_port(host, port), error);
 }
 
 // UDP's connect() asks no peer: it fails if there is no route.
 SetupError not_reached(const std::string& host, std::uint16_t port, int error) {
   if (is_shortage(error)) return no_socket(host, port, error);
-  return {name_of(host, port) + " can't be reached over UDP", std::strerror(error),
+  return {wire::host_and_port(host, port) + " can't be reached over UDP", std::strerror(error),
           "check the host, and this host's routes (ip route)", system_error(error)};
 }
 
 SetupError no_answer(std::string_view protocol, const std::string& host, std::uint16_t port,
                      int error) {
-  return {"no server answers at " + std::string(protocol) + " " + name_of(host, port),
+  return {"no server answers at " + std::string(protocol) + " " + wire::host_and_port(host, port),
           std::strerror(error), "start the server, or check host and port", system_error(error)};
 }
 

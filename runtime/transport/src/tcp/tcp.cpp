@@ -31,7 +31,7 @@ std::size_t peek(int socket, MutableBytes to) noexcept {
 expected<TcpListener, SetupError> TcpListener::open(const std::string& host, std::uint16_t port) {
   const auto address = address_to_open(host, port);
   if (!address) return unexpected{address.error()};
-  const std::string name = wire::host_in_url(host) + ":" + std::to_string(port);
+  const std::string name = wire::host_and_port(host, port);
   Descriptor socket(::socket(address->family(), SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (!socket.is_open()) return unexpected{no_descriptor("a TCP socket for " + name, errno)};
   // Lets a restarted server have its port while old connections are still ending.

@@ -61,7 +61,7 @@ UdpPort::UdpPort(Descriptor socket, const SocketAddress& own, const UdpPortConfi
 expected<UdpPort, SetupError> UdpPort::open(const UdpPortConfig& config) {
   const auto address = address_to_open(config.host, config.port);
   if (!address) return unexpected{address.error()};
-  const std::string name = wire::host_in_url(config.host) + ":" + std::to_string(config.port);
+  const std::string name = wire::host_and_port(config.host, config.port);
   Descriptor socket = make_socket(address->family());
   if (!socket.is_open()) return unexpected{no_socket(name)};
   set_option(socket.number(), SOL_SOCKET, SO_REUSEPORT, 1);

@@ -31,6 +31,9 @@ struct Url {
 /// A host as a URL has it: "10.0.0.7", "[::1]", "[fe80::1%25eth0]".
 /// @realtime set-up only
 [[nodiscard]] std::string host_in_url(std::string_view host);
+/// The same with its port: "10.0.0.7:4711", "[::1]:4711".
+/// @realtime set-up only
+[[nodiscard]] std::string host_and_port(std::string_view host, std::uint16_t port);
 
 /// Whether `text` is a numeric IPv6 address (RFC 4291, 2.2), without brackets and zone.
 [[nodiscard]] bool is_ipv6_address(std::string_view text) noexcept;

@@ -59,6 +59,7 @@ struct FileStamp {
   std::uint64_t file_number = 0;  ///< The inode; 0: there is no file.
   std::int64_t changed_ns = 0;
   std::int64_t size = 0;
+  [[nodiscard]] bool is_of_file() const noexcept { return file_number != 0; }
   friend bool operator==(const FileStamp&, const FileStamp&) = default;
 };
 /// @realtime set-up only
