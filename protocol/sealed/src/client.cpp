@@ -53,13 +53,15 @@ void SealedClient::reset() noexcept {
   initiator_.reset();
 }
 
-bool SealedClient::is_renewal_due(MonotonicTime now) const noexcept {
+bool SealedClient::is_past(std::uint64_t part, std::uint64_t of) const noexcept {
   if (!current().seal) return false;
   const seal::SealedSession& session = *current().seal;
-  const std::uint64_t counter_late = config_.limits.counter_end / 4 * 3;
-  const std::uint64_t forged_late = config_.limits.forged_max / 4 * 3;
-  return now - current().opened >= config_.renewal_interval ||
-         session.send_counter() >= counter_late || session.forged_count() >= forged_late;
+  return session.send_counter() >= config_.limits.counter_end / of * part ||
+         session.forged_count() >= config_.limits.forged_max / of * part;
+}
+
+bool SealedClient::is_renewal_due(MonotonicTime now) const noexcept {
+  return is_past(3, 4) || (current().seal && now - current().opened >= config_.renewal_interval);
 }
 
 // sec-6-5

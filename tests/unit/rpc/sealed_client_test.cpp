@@ -228,6 +228,22 @@ TEST_P(SealedClientTest, KeysAreRenewedWithoutAFailedCall) {
   EXPECT_GE(server.server->counters().frames.session_opened_count, 6u);
 }
 
+// No time is left for new keys: the call may have run, and the next one has a session of its own.
+TEST_P(SealedClientTest, ASessionThatEndsInMidCallFailsThatCallAtOnce) {
+  EchoServer server(server_config());
+  know_server();
+  Node node(node_config());
+  node.impl().keys.limits = {.generation_bits = 10, .counter_end = 40, .forged_max = 1000};
+  Binding binding = bind_echo(node, server);
+  const Bytes large(GetParam() == Transport::kUdp ? 100'000 : 4'000'000);
+  const MonotonicTime begin = rt::now();
+  const auto reply = binding.call(echo::kEchoOnce, large);
+  ASSERT_FALSE(reply);
+  EXPECT_EQ(reply.error(), CallError::kDisconnected);
+  EXPECT_LT(rt::now() - begin, 5s);
+  EXPECT_TRUE(call_number(binding, 1));
+}
+
 TEST_P(SealedClientTest, KeysOfAnAgeAreRenewed) {
   EchoServer server(server_config());
   know_server();

@@ -162,8 +162,10 @@ void SealedTransport::look_at_keys(MonotonicTime now) noexcept {
     return;
   }
   if (due_since_ == kNever) due_since_ = now;
-  if (now < next_renewal_) return;
-  if (medium() == wire::Medium::kStream || now - due_since_ >= kOverdue) {
+  const bool is_late = client().is_renewal_urgent() || now - due_since_ >= kOverdue;
+  // An attempt in the background does not put off what is urgent.
+  if (now < (is_late ? next_wait_ : next_renewal_)) return;
+  if (medium() == wire::Medium::kStream || is_late) {
     wants_renewal_ = true;
     return;
   }
@@ -174,7 +176,7 @@ void SealedTransport::look_at_keys(MonotonicTime now) noexcept {
 // The channel has moved to the next session.
 void SealedTransport::move(MonotonicTime now) noexcept {
   due_since_ = kNever;
-  next_renewal_ = {};
+  next_renewal_ = next_wait_ = {};
   if (!next_within_) return;
   const rt::AllowAllocationScope is_allowed;
   former_ = std::exchange(within_, std::move(next_within_));
@@ -189,7 +191,7 @@ bool SealedTransport::renew() noexcept {
   const bool is_renewed = renew_now();
   if (!is_renewed) {
     next_within_.reset();
-    next_renewal_ = rt::now() + kRenewalPause;
+    next_renewal_ = next_wait_ = rt::now() + kRenewalPause;
   }
   return is_renewed;
 }
@@ -234,6 +236,7 @@ expected<MutableBytes, IoError> SealedTransport::receive() noexcept {
   // A child would take what is its parent's.
   if (!is_here()) return unexpected{IoError::kFailed};
   if (kept_count_ > 0) return take_kept();
+  if (client().has_ended()) return unexpected{IoError::kBroken};
   return open_frame(within_->receive());
 }
 
@@ -244,6 +247,7 @@ void SealedTransport::wait(MonotonicTime until) noexcept {
 expected<MutableBytes, IoError> SealedTransport::await(MonotonicTime until) noexcept {
   if (!is_here()) return unexpected{IoError::kFailed};
   if (kept_count_ > 0) return take_kept();
+  if (client().has_ended()) return unexpected{IoError::kBroken};
   return open_frame(within_->await(until));
 }
 

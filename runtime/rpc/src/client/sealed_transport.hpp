@@ -102,7 +102,8 @@ class SealedTransport final : public transport::ClientTransport {
   std::unique_ptr<transport::ClientTransport> former_;  ///< Of a stream's last session.
   MonotonicTime former_until_{};
   bool wants_renewal_ = false;
-  MonotonicTime next_renewal_{};
+  MonotonicTime next_renewal_{};  ///< In the background,
+  MonotonicTime next_wait_{};     ///< and for which a call waits.
   MonotonicTime due_since_ = kNever;
   transport::DatagramBatch batch_;
   /// Frames for the channel that came of its own sending.

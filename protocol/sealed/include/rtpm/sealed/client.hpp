@@ -62,6 +62,13 @@ class SealedClient {
 
   /// Whether the session's keys are old, or near one of their limits: call renew().
   [[nodiscard]] bool is_renewal_due(MonotonicTime now) const noexcept;
+  /// Whether little is left until such a limit: get new keys before the next call.
+  [[nodiscard]] bool is_renewal_urgent() const noexcept { return is_past(7, 8); }
+  /// Whether the session came to a limit: nothing is sent or received on it any more.
+  [[nodiscard]] bool has_ended() const noexcept {
+    const bool is_replacing = is_opening_ && purpose_ == Purpose::kChannel;
+    return !is_replacing && current().seal && current().seal->has_ended();
+  }
   /// Begins a handshake beside the session, which goes on; a lost frame ends it silently, so call
   /// it again after a second. Over a stream it goes on another connection to the server: what the
   /// step and the work() behind it send goes there, as does the channel once it has moved.
@@ -85,6 +92,9 @@ class SealedClient {
   [[nodiscard]] const wire::FrameCounters& counters() const noexcept { return counters_; }
 
  private:
+  /// Whether so much of what a session may send, or be sent that is forged, is used up.
+  [[nodiscard]] bool is_past(std::uint64_t part, std::uint64_t of) const noexcept;
+
   /// What a handshake is for. The channel knows only of its own.
   enum class Purpose : std::uint8_t {
     kChannel,
