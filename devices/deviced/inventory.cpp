@@ -32,8 +32,13 @@ std::string paragraph(const device_io::FoundDevice& device, const std::string& n
   if (!device.serial.empty()) text += ", serial " + printable(device.serial);
   text += ", at " + printable(device.node) + "\n";
   const std::string indent(kNameWidth, ' ');
+  if (!device.refusal.empty())
+    return text + indent + "not served: " + printable(device.refusal) + "\n";
   text += indent + "rtpm-deviced --devices " + name + " --device-" + name + "-arguments " +
           printable(quoted(device.arguments)) + "\n";
+  if (!device.left_out.empty()) {
+    text += indent + "left out: " + printable(device.left_out) + "\n";
+  }
   if (!device.missing_right.empty()) {
     text += indent + "missing: " + printable(device.missing_right) + "\n";
   }
@@ -70,9 +75,10 @@ std::string probe_text(const std::vector<device_io::FoundDevice>& devices) {
   std::map<std::string, int> counts;
   std::set<std::string> rules;
   for (const device_io::FoundDevice& device : devices) {
-    const int number = counts[device.driver]++;
+    const int number = device.refusal.empty() ? counts[device.driver]++ : 0;
     text += paragraph(device, device.driver + std::to_string(number));
-    if (!device.missing_right.empty() && !device.udev_rule.empty()) rules.insert(device.udev_rule);
+    const bool is_to_open = device.refusal.empty() && !device.missing_right.empty();
+    if (is_to_open && !device.udev_rule.empty()) rules.insert(device.udev_rule);
   }
   if (rules.empty()) return text;
   text +=

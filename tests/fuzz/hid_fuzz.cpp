@@ -47,6 +47,7 @@ void check(const driver::Descriptor& descriptor, const State& state) {
 
 void check_layout(const ReportDescriptor& layout) {
   RTPM_ASSERT(layout.inputs.size() <= kFieldCountMax, "fields are limited");
+  RTPM_ASSERT(layout.unread.size() <= kUnreadCountMax, "what is left out is limited, too");
   for (const Field& field : layout.inputs) {
     const std::uint32_t bits = field.bit_offset + field.bit_size;
     RTPM_ASSERT(field.bit_size >= 1 && field.bit_size <= 32, "fields have 1 to 32 bits");
@@ -65,6 +66,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   unit.report_descriptor.assign(layout_bytes.begin(), layout_bytes.end());
   if (const auto layout = parse_report_descriptor(layout_bytes)) check_layout(*layout);
 
+  RTPM_ASSERT(!kind_of(unit) || refusal_of(unit).empty(), "a unit is served or refused");
   const auto profile = make_profile(kind, &unit, 1);
   const driver::Descriptor descriptor = profile->describe();
   RTPM_ASSERT(descriptor.analogs.size() <= driver::kAnalogCountMax &&

@@ -1,5 +1,7 @@
 #include <algorithm>
 #include <array>
+#include <cstdio>
+#include <utility>
 
 #include "report.hpp"
 #include "rtpm/device_hid/profiles.hpp"
@@ -48,16 +50,85 @@ struct Direction {
   float y = 0;  ///< Towards the user, as of a stick.
 };
 
-/// Of a hat with 4 or 8 directions, clockwise from away from the user; the centre for others.
+/// Of a hat that counts clockwise from away from the user; the centre outside of its range.
 Direction direction_of(const Field& field, std::int64_t value) noexcept {
   constexpr std::array<Direction, 8> kDirections{
       {{0, -1}, {1, -1}, {1, 0}, {1, 1}, {0, 1}, {-1, 1}, {-1, 0}, {-1, -1}}};
   const std::int64_t count = field.logical_high - field.logical_low + 1;
-  if (value < field.logical_low || value > field.logical_high || (count != 4 && count != 8)) {
-    return {};
-  }
+  if (value < field.logical_low || value > field.logical_high) return {};
   return kDirections[static_cast<std::size_t>((value - field.logical_low) * 8 / count)];
 }
+
+/// "" of the first control of a usage, "_2" of the second.
+std::string suffix_of(std::size_t index) {
+  return index == 0 ? "" : "_" + std::to_string(index + 1);
+}
+
+std::string in_hex(std::uint32_t number) {
+  std::array<char, 12> text{};
+  std::snprintf(text.data(), text.size(), "0x%x", number);
+  return text.data();
+}
+
+/// What of a report descriptor is in no channel, for people.
+class LeftOut {
+ public:
+  void add_field(const Field& field) {
+    const char* const name = axis_name(field.usage);
+    if (is_button(field)) {
+      ++button_count_;
+    } else if (name == nullptr) {
+      add(other_, "of usage " + in_hex(field.usage), 1);
+    } else if (field.is_relative) {
+      add(other_, "relative (" + std::string(name) + ")", 1);
+    } else if (!is_usable(field)) {
+      add(other_, "without a range (" + std::string(name) + ")", 1);
+    } else {
+      axes_ += (axes_.empty() ? "" : ", ") + std::string(name);
+    }
+  }
+  void add_unread(const UnreadFields& fields, std::uint32_t application) {
+    constexpr std::uint32_t kMakersPages = 0xff00'0000;
+    if (fields.application != application) return add_application(fields.application, fields.count);
+    const bool is_makers = fields.page >= kMakersPages;
+    add(other_, is_makers ? "of the maker's own" : "of page " + in_hex(fields.page >> 16),
+        fields.count);
+  }
+  void add_application(std::uint32_t application, std::uint32_t field_count) {
+    add(other_, "of the application " + in_hex(application), field_count);
+  }
+  [[nodiscard]] std::string text() const {
+    std::string text;
+    const auto append = [&](const std::string& clause) {
+      text += (text.empty() ? "" : "; ") + clause;
+    };
+    if (!axes_.empty()) {
+      append(axes_ + ": a sample holds " + std::to_string(driver::kAnalogCountMax) + " analogs");
+    }
+    if (button_count_ > 0) {
+      append(std::to_string(button_count_) + " buttons: a sample holds " +
+             std::to_string(driver::kButtonCountMax));
+    }
+    for (const auto& [what, count] : other_)
+      append(std::to_string(count) + (count == 1 ? " field " : " fields ") + what);
+    return text;
+  }
+
+ private:
+  using Counts = std::vector<std::pair<std::string, std::uint32_t>>;
+  static void add(Counts& counts, const std::string& what, std::uint32_t count) {
+    const auto known = std::ranges::find(counts, what, &Counts::value_type::first);
+    if (known != counts.end()) {
+      known->second += count;
+    } else {
+      counts.emplace_back(what, count);
+    }
+  }
+
+  std::string axes_{};
+  std::uint32_t button_count_ = 0;
+  Counts other_{};
+};
 
 }  // namespace
 
@@ -66,46 +137,92 @@ GamePad::GamePad(const Unit* unit) {
                                           : unexpected{std::string("not plugged in")};
   if (!descriptor) {
     for (std::uint32_t axis = 0x30; axis <= 0x35; ++axis)
-      add_analog(kDesktopPage + axis);
-    add_analog(kHat);
+      static_cast<void>(add_analog(kDesktopPage + axis));
+    static_cast<void>(add_analog(kHat));
     for (std::uint32_t i = 1; i <= driver::kButtonCountMax; ++i)
-      buttons_.push_back({"button_" + std::to_string(i), kButtonPage + i});
+      static_cast<void>(add_button(kButtonPage + i));
     return;
   }
   if (!unit->model.empty()) model_ = unit->model;
+  LeftOut left_out;
+  const std::uint32_t application = served_application(*descriptor);
   for (const Field& field : descriptor->inputs) {
-    if (is_button(field) && buttons_.size() < driver::kButtonCountMax &&
-        std::ranges::count(buttons_, field.usage, &Channel::usage) == 0) {
-      buttons_.push_back({"button_" + std::to_string(field.usage - kButtonPage), field.usage});
-    }
-    if (is_usable(field) && std::ranges::count(analogs_, field.usage, &Channel::usage) == 0) {
-      add_analog(field.usage);
+    if (field.application != application) {
+      left_out.add_application(field.application, 1);
+    } else if (!take_field(field)) {
+      left_out.add_field(field);
     }
   }
+  for (const UnreadFields& fields : descriptor->unread)
+    left_out.add_unread(fields, application);
+  left_out_ = left_out.text();
   bind(*descriptor);
 }
 
-void GamePad::add_analog(std::uint32_t usage) {
+/// As Linux, which makes an input device of each application.
+std::uint32_t GamePad::served_application(const ReportDescriptor& descriptor) {
+  const auto is_served = [](const Field& field) {
+    return is_button(field) || (is_usable(field) && axis_name(field.usage) != nullptr);
+  };
+  for (const bool is_any_taken : {false, true}) {
+    for (const Field& field : descriptor.inputs) {
+      if (is_served(field) && (is_any_taken || is_pad_application(field.application))) {
+        return field.application;
+      }
+    }
+  }
+  return 0;
+}
+
+bool GamePad::take_field(const Field& field) {
+  if (is_button(field)) return add_button(field.usage);
+  return is_usable(field) && add_analog(field.usage);
+}
+
+bool GamePad::add_button(std::uint32_t usage) {
+  if (buttons_.size() == driver::kButtonCountMax) return false;
+  const std::size_t index = count_of(buttons_, usage, Part::kWhole);
+  buttons_.push_back(
+      {"button_" + std::to_string(usage - kButtonPage) + suffix_of(index), usage, index});
+  return true;
+}
+
+/// A usage that comes again is a further control, such as the second of two sliders.
+bool GamePad::add_analog(std::uint32_t usage) {
   const char* const name = axis_name(usage);
   const std::size_t needed = usage == kHat ? 2 : 1;
-  if (name == nullptr || analogs_.size() + needed > driver::kAnalogCountMax) return;
+  if (name == nullptr || analogs_.size() + needed > driver::kAnalogCountMax) return false;
   if (usage == kHat) {
-    analogs_.push_back({"hat_x", usage, Part::kHatX});
-    analogs_.push_back({"hat_y", usage, Part::kHatY});
+    const std::size_t index = count_of(analogs_, usage, Part::kHatX);
+    analogs_.push_back({"hat_x" + suffix_of(index), usage, index, Part::kHatX});
+    analogs_.push_back({"hat_y" + suffix_of(index), usage, index, Part::kHatY});
   } else {
-    analogs_.push_back({name, usage});
+    const std::size_t index = count_of(analogs_, usage, Part::kWhole);
+    analogs_.push_back({name + suffix_of(index), usage, index});
   }
+  return true;
+}
+
+std::size_t GamePad::count_of(const std::vector<Channel>& channels, std::uint32_t usage,
+                              Part part) {
+  return static_cast<std::size_t>(std::ranges::count_if(channels, [&](const Channel& channel) {
+    return channel.usage == usage && channel.part == part;
+  }));
 }
 
 void GamePad::bind(const ReportDescriptor& descriptor) {
   layout_ = descriptor;
+  const std::uint32_t application = served_application(descriptor);
   const auto find = [&](Channel& channel, auto is_suitable) {
     channel.field.reset();
+    std::size_t index = 0;
     for (const Field& field : descriptor.inputs) {
-      if (field.usage == channel.usage && is_suitable(field)) {
-        channel.field = field;
-        return;
+      if (field.application != application || field.usage != channel.usage || !is_suitable(field) ||
+          index++ != channel.index) {
+        continue;
       }
+      channel.field = field;
+      return;
     }
   };
   for (Channel& channel : analogs_)

@@ -1,7 +1,6 @@
 #include "rtpm/device_hid/profile.hpp"
 
 #include <algorithm>
-#include <initializer_list>
 
 #include "rtpm/device_hid/profiles.hpp"
 #include "rtpm/device_io/buttons.hpp"
@@ -51,14 +50,19 @@ constexpr std::uint32_t kJoystick = kDesktopPage + 4;
 constexpr std::uint32_t kPad = kDesktopPage + 5;
 constexpr std::uint32_t kMultiAxis = kDesktopPage + 8;
 
-bool has_application(const Unit& unit, std::initializer_list<std::uint32_t> applications) {
+template <class IsWanted>
+bool has_application(const Unit& unit, IsWanted is_wanted) {
   const auto descriptor = parse_report_descriptor(unit.report_descriptor);
   return descriptor && std::ranges::any_of(descriptor->inputs, [&](const Field& field) {
-           return std::ranges::count(applications, field.application) > 0;
+           return is_wanted(field.application);
          });
 }
 
 }  // namespace
+
+bool is_pad_application(std::uint32_t usage) noexcept {
+  return usage == kJoystick || usage == kPad || usage == kMultiAxis;
+}
 
 void State::set_buttons(std::uint32_t pressed) noexcept {
   device_io::count_edges(buttons, pressed, button_edges);
@@ -103,11 +107,21 @@ std::optional<Kind> kind_of(const Unit& unit) {
     if (product.vendor != unit.vendor || product.product != unit.product) continue;
     // A receiver has further interfaces, such as a mouse's.
     const bool is_other = product.kind == Kind::kSpaceMouse && !unit.report_descriptor.empty() &&
-                          !has_application(unit, {kMultiAxis});
+                          !has_application(unit, [](auto usage) { return usage == kMultiAxis; });
     return is_other ? std::nullopt : std::optional(product.kind);
   }
-  if (has_application(unit, {kJoystick, kPad, kMultiAxis})) return Kind::kGamePad;
+  if (has_application(unit, is_pad_application)) return Kind::kGamePad;
   return std::nullopt;
+}
+
+std::string refusal_of(const Unit& unit) {
+  if (kind_of(unit)) return {};
+  const auto descriptor = parse_report_descriptor(unit.report_descriptor);
+  if (!descriptor) return "its report descriptor is unreadable: " + descriptor.error();
+  const bool is_pad = std::ranges::any_of(descriptor->unread, [](const UnreadFields& fields) {
+    return is_pad_application(fields.application);
+  });
+  return is_pad ? "its reports have neither axes nor buttons of the known pages" : "";
 }
 
 std::unique_ptr<Profile> make_profile(Kind kind, const Unit* unit, double torque_newton_metre_max) {

@@ -6,10 +6,13 @@
 namespace rtpm::device_hid {
 namespace {
 
+// As of Linux, drivers/hid/hid-core.c, but for kStackMax, which is 4 there.
 constexpr std::size_t kStackMax = 8;
-constexpr std::size_t kCollectionDepthMax = 16;
-constexpr std::size_t kUsageRangeMax = 64;
-constexpr std::uint64_t kReportBitsMax = 8 * 4096;
+constexpr std::uint32_t kUsageCountMax = 12'288;  ///< Of one main item.
+constexpr std::uint32_t kReportSizeMax = 256;     ///< Bits of one field.
+constexpr std::uint64_t kReportBitsMax = 8 * (16'384 - 1);
+
+constexpr std::byte kLongItem{0xfe};
 
 enum class ItemType : std::uint8_t { kMain = 0, kGlobal = 1, kLocal = 2, kReserved = 3 };
 
@@ -17,25 +20,28 @@ enum class ItemType : std::uint8_t { kMain = 0, kGlobal = 1, kLocal = 2, kReserv
 struct Globals {
   std::uint32_t usage_page = 0;
   std::int64_t logical_low = 0;
-  std::int32_t logical_high_signed = 0;
-  std::uint32_t logical_high_unsigned = 0;
+  std::int64_t logical_high = 0;
   std::uint32_t report_size = 0;
   std::uint32_t report_count = 0;
   std::uint8_t report_id = 0;
-
-  /// Many devices write 255 as one byte, which reads as -1.
-  [[nodiscard]] std::int64_t logical_high() const noexcept {
-    return logical_low >= 0 ? std::int64_t{logical_high_unsigned}
-                            : std::int64_t{logical_high_signed};
-  }
 };
 
-/// Usages from `low` to `high`; those without a page take the page of the main item.
+/// `count` usages from `first`, its page included.
 struct UsageRange {
-  std::uint32_t low = 0;
-  std::uint32_t high = 0;
-  bool has_page = false;
+  std::uint32_t first = 0;
+  std::uint32_t count = 0;
+  bool is_short = false;  ///< It was written without a page.
 };
+
+constexpr std::uint32_t with_page(std::uint32_t usage, std::uint32_t page) noexcept {
+  return page | (usage & 0xffff);
+}
+constexpr std::uint32_t page_of(std::uint32_t usage) noexcept {
+  return usage & 0xffff'0000;
+}
+constexpr bool is_known_page(std::uint32_t page) noexcept {
+  return page == kDesktopPage || page == kSimulationPage || page == kButtonPage;
+}
 
 struct Item {
   ItemType type{};
@@ -62,10 +68,11 @@ class Parser {
       case ItemType::kLocal:
         return take_local(item);
       default:
-        return "an item of a reserved type";
+        return nullptr;  // Reserved: Linux skips it, too.
     }
   }
   [[nodiscard]] const char* end() const noexcept {
+    if (is_in_delimiter_) return "a delimiter without an end";
     return collections_.empty() ? nullptr : "a collection without an end";
   }
   [[nodiscard]] ReportDescriptor result() && {
@@ -82,63 +89,97 @@ class Parser {
     constexpr std::uint8_t kInput = 8;
     constexpr std::uint8_t kCollection = 10;
     constexpr std::uint8_t kEndCollection = 12;
+    complete_usages();
     if (item.tag == kInput) problem = take_input(item.data);
-    if (item.tag == kCollection) problem = begin_collection(item.data);
+    if (item.tag == kCollection) begin_collection(item.data & 0xff);
     if (item.tag == kEndCollection) {
       if (collections_.empty()) return "the end of a collection that never began";
       collections_.pop_back();
     }
     usages_.clear();
-    has_usage_low_ = false;
+    usage_count_ = 0;
+    usage_low_ = 0;
+    delimiter_count_ = 0;
+    is_in_delimiter_ = false;
     return problem;
   }
 
-  [[nodiscard]] const char* begin_collection(std::uint32_t type) {
-    if (collections_.size() == kCollectionDepthMax) return "collections within too many others";
+  /// A usage has the page of the item before it, unless a later page follows the last usages: then
+  /// these have that one, back to the first usage that has it already.
+  void complete_usages() noexcept {
+    for (std::size_t i = usages_.size(); i > 0; --i) {
+      UsageRange& range = usages_[i - 1];
+      if (!range.is_short) continue;
+      if (page_of(range.first) == globals_.usage_page) return;
+      range.first = with_page(range.first, globals_.usage_page);
+    }
+  }
+
+  void begin_collection(std::uint32_t type) {
     constexpr std::uint32_t kApplication = 1;
-    const std::uint32_t outer = collections_.empty() ? 0 : collections_.back();
-    collections_.push_back(type == kApplication ? usage_at(0) : outer);
-    return nullptr;
+    const std::uint32_t usage = usages_.empty() ? 0 : usages_.front().first;
+    collections_.push_back(type == kApplication ? usage : application());
+  }
+  [[nodiscard]] std::uint32_t application() const noexcept {
+    return collections_.empty() ? 0 : collections_.back();
   }
 
   [[nodiscard]] const char* take_input(std::uint32_t flags) {
     constexpr std::uint32_t kConstant = 1;
-    constexpr std::uint32_t kVariable = 2;
-    constexpr std::uint32_t kRelative = 4;
-    constexpr std::uint32_t kNull = 0x40;
     std::uint32_t& bits = input_bits_[globals_.report_id];
     if (bits == 0 && globals_.report_id != 0) bits = 8;
     const std::uint64_t added = std::uint64_t{globals_.report_size} * globals_.report_count;
-    if (added > kReportBitsMax || bits + added > kReportBitsMax) return "a report that is too long";
-    const bool has_values = (flags & kConstant) == 0 && (flags & kVariable) != 0 &&
-                            globals_.report_size > 0 && globals_.report_size <= 32;
-    for (std::uint32_t i = 0; has_values && i < globals_.report_count; ++i) {
-      if (descriptor_.inputs.size() == kFieldCountMax) return "too many fields";
-      descriptor_.inputs.push_back({.usage = usage_at(i),
-                                    .application = collections_.empty() ? 0 : collections_.back(),
-                                    .report_id = globals_.report_id,
-                                    .bit_offset = bits + i * globals_.report_size,
-                                    .bit_size = static_cast<std::uint8_t>(globals_.report_size),
-                                    .logical_low = globals_.logical_low,
-                                    .logical_high = globals_.logical_high(),
-                                    .is_relative = (flags & kRelative) != 0,
-                                    .has_null = (flags & kNull) != 0});
-    }
+    if (bits + added > kReportBitsMax) return "a report that is too long";
+    // Without a usage it is padding, whatever its flags say.
+    const bool has_values =
+        (flags & kConstant) == 0 && !usages_.empty() && globals_.report_size > 0;
+    if (has_values) add_fields(flags, bits);
     bits += static_cast<std::uint32_t>(added);
     return nullptr;
   }
 
-  /// The usage of the field `index` of a main item: the last one goes for all that follow.
-  [[nodiscard]] std::uint32_t usage_at(std::uint32_t index) const noexcept {
-    std::uint32_t usage = 0;
-    for (const UsageRange& range : usages_) {
-      const std::uint32_t page = range.has_page ? 0 : globals_.usage_page;
-      const std::uint64_t count = std::uint64_t{range.high} - range.low + 1;
-      if (index < count) return page + range.low + index;
-      usage = page + range.high;
-      index -= static_cast<std::uint32_t>(count);
+  void add_fields(std::uint32_t flags, std::uint32_t bits) {
+    constexpr std::uint32_t kVariable = 2;
+    constexpr std::uint32_t kRelative = 4;
+    constexpr std::uint32_t kNull = 0x40;
+    Field field{.application = application(),
+                .report_id = globals_.report_id,
+                .bit_size = static_cast<std::uint8_t>(std::min(globals_.report_size, 32U)),
+                .logical_low = globals_.logical_low,
+                .logical_high = globals_.logical_high,
+                .is_relative = (flags & kRelative) != 0,
+                .has_null = (flags & kNull) != 0};
+    const bool is_read = (flags & kVariable) != 0 && globals_.report_size <= 32;
+    std::uint32_t index = 0;
+    for (std::size_t i = 0; i < usages_.size() && index < globals_.report_count; ++i) {
+      const UsageRange& range = usages_[i];
+      // The last usage goes for all fields that follow.
+      const bool is_last = i + 1 == usages_.size();
+      const std::uint32_t end =
+          is_last ? globals_.report_count : std::min(index + range.count, globals_.report_count);
+      for (std::uint32_t offset = 0; index < end; ++index, ++offset) {
+        if (!is_read || !is_known_page(page_of(range.first)) ||
+            descriptor_.inputs.size() == kFieldCountMax) {
+          count_unread(page_of(range.first), end - index);
+          index = end;
+          break;
+        }
+        field.usage = range.first + std::min(offset, range.count - 1);
+        field.bit_offset = bits + index * globals_.report_size;
+        descriptor_.inputs.push_back(field);
+      }
     }
-    return usage;
+  }
+
+  void count_unread(std::uint32_t page, std::uint32_t count) {
+    const auto known = std::ranges::find_if(descriptor_.unread, [&](const UnreadFields& fields) {
+      return fields.application == application() && fields.page == page;
+    });
+    if (known != descriptor_.unread.end()) {
+      known->count += count;
+    } else if (descriptor_.unread.size() < kUnreadCountMax) {
+      descriptor_.unread.push_back({application(), page, count});
+    }
   }
 
   [[nodiscard]] const char* take_global(const Item& item) {
@@ -151,10 +192,12 @@ class Parser {
         globals_.logical_low = item.signed_data();
         return nullptr;
       case 2:
-        globals_.logical_high_signed = item.signed_data();
-        globals_.logical_high_unsigned = item.data;
+        // Many devices write 255 as one byte, which reads as -1.
+        globals_.logical_high =
+            globals_.logical_low < 0 ? std::int64_t{item.signed_data()} : std::int64_t{item.data};
         return nullptr;
       case 7:
+        if (item.data > kReportSizeMax) return "a field that is too long";
         globals_.report_size = item.data;
         return nullptr;
       case 8:
@@ -163,6 +206,7 @@ class Parser {
         descriptor_.has_report_ids = true;
         return nullptr;
       case 9:
+        if (item.data > kUsageCountMax) return "a report with too many fields";
         globals_.report_count = item.data;
         return nullptr;
       case 10:
@@ -180,24 +224,31 @@ class Parser {
   }
 
   [[nodiscard]] const char* take_local(const Item& item) {
-    const bool has_page = item.size == 4;
-    if (item.tag == 0) return add_usages({item.data, item.data, has_page});
-    if (item.tag == 1) {
-      usage_low_ = {item.data, item.data, has_page};
-      has_usage_low_ = true;
-    }
-    if (item.tag == 2 && has_usage_low_) {
-      has_usage_low_ = false;
-      if (item.data < usage_low_.low || has_page != usage_low_.has_page) {
-        return "usages from a higher to a lower one";
-      }
-      return add_usages({usage_low_.low, item.data, has_page});
-    }
+    constexpr std::uint8_t kUsage = 0;
+    constexpr std::uint8_t kUsageLow = 1;
+    constexpr std::uint8_t kUsageHigh = 2;
+    constexpr std::uint8_t kDelimiter = 10;
+    if (item.tag == kDelimiter) return take_delimiter(item.data != 0);
+    // Only the first of alternative usages counts.
+    if (delimiter_count_ > 1) return nullptr;
+    if (item.tag == kUsage) return add_usages(item.data, item.data, item.size <= 2);
+    if (item.tag == kUsageLow) usage_low_ = item.data;
+    if (item.tag == kUsageHigh) return add_usages(usage_low_, item.data, item.size <= 2);
     return nullptr;
   }
-  [[nodiscard]] const char* add_usages(const UsageRange& range) {
-    if (usages_.size() == kUsageRangeMax) return "too many usages of a field";
-    usages_.push_back(range);
+  [[nodiscard]] const char* take_delimiter(bool opens) noexcept {
+    if (opens == is_in_delimiter_) return opens ? "a delimiter within one" : "a delimiter's end";
+    is_in_delimiter_ = opens;
+    if (opens) ++delimiter_count_;
+    return nullptr;
+  }
+  /// From a higher to a lower one is a range without end, as for Linux.
+  [[nodiscard]] const char* add_usages(std::uint32_t low, std::uint32_t high, bool is_short) {
+    const std::uint32_t capacity = kUsageCountMax - usage_count_;
+    if (capacity == 0) return "too many usages of a field";
+    const std::uint32_t count = high - low < capacity ? high - low + 1 : capacity;
+    usages_.push_back({is_short ? with_page(low, globals_.usage_page) : low, count, is_short});
+    usage_count_ += count;
     return nullptr;
   }
 
@@ -205,8 +256,10 @@ class Parser {
   std::vector<Globals> stack_{};
   std::vector<std::uint32_t> collections_{};  ///< The application of each.
   std::vector<UsageRange> usages_{};
-  UsageRange usage_low_{};
-  bool has_usage_low_ = false;
+  std::uint32_t usage_count_ = 0;  ///< In all of usages_.
+  std::uint32_t usage_low_ = 0;
+  int delimiter_count_ = 0;
+  bool is_in_delimiter_ = false;
   std::array<std::uint32_t, 256> input_bits_{};
   ReportDescriptor descriptor_{};
 };
@@ -230,7 +283,7 @@ expected<ReportDescriptor, std::string> parse_report_descriptor(ConstBytes bytes
   if (bytes.size() > kDescriptorSizeMax) return unexpected{std::string("it is too long")};
   Parser parser;
   while (!bytes.empty()) {
-    // Long items, which no device has, are of a reserved type.
+    if (bytes[0] == kLongItem) return unexpected{std::string("a long item")};
     const auto item = next_item(bytes);
     const char* const problem = item ? parser.take(*item) : "its last item is cut off";
     if (problem != nullptr) return unexpected{std::string(problem)};

@@ -15,6 +15,7 @@ constexpr std::uint8_t kButtonReport = 3;
 constexpr std::size_t kTripleSize = 7;
 constexpr std::size_t kBothSize = 13;
 constexpr std::size_t kButtonBytesMax = 5;
+constexpr std::size_t kEnterpriseButtonBytesMax = 24;
 
 struct Key {
   const char* name;
@@ -25,9 +26,15 @@ constexpr std::array kProKeys{
     Key{"roll", 8},    Key{"1", 12},   Key{"2", 13},     Key{"3", 14},       Key{"4", 15},
     Key{"escape", 22}, Key{"alt", 23}, Key{"shift", 24}, Key{"control", 25}, Key{"lock", 26}};
 
+/// An Enterprise has the keys of a Pro at the same bits, and others. Behind a Universal Receiver
+/// there may be a Pro, or a model with two buttons, which are a Pro's first.
+constexpr std::uint16_t kEnterprise = 0xc633;
+constexpr std::uint16_t kUniversalReceiver = 0xc652;
+
 /// How many plain buttons a model has; 0: the keys of a Pro.
 std::size_t button_count(std::uint16_t product) noexcept {
-  constexpr std::array<std::uint16_t, 4> kPro{0xc62b, 0xc631, 0xc632, 0xc638};
+  constexpr std::array<std::uint16_t, 6> kPro{0xc62b, 0xc631,      0xc632,
+                                              0xc638, kEnterprise, kUniversalReceiver};
   constexpr std::array<std::uint16_t, 8> kTwoButtons{0xc623, 0xc626, 0xc627, 0xc628,
                                                      0xc62e, 0xc62f, 0xc635, 0xc63a};
   if (std::ranges::count(kPro, product) > 0) return 0;
@@ -51,7 +58,7 @@ void take_triple(ConstBytes report, std::size_t offset, float scale, float* to) 
 
 }  // namespace
 
-SpaceMouse::SpaceMouse(std::uint16_t product) {
+SpaceMouse::SpaceMouse(std::uint16_t product) : product_(product) {
   const std::size_t count = button_count(product);
   for (std::size_t i = 0; i < count; ++i) {
     names_.push_back("button_" + std::to_string(i + 1));
@@ -80,6 +87,10 @@ driver::Descriptor SpaceMouse::describe() const {
   descriptor.modes = {driver::CommandMode::kOutputs};
   descriptor.rate_hz = 125;
   return descriptor;
+}
+
+std::string SpaceMouse::left_out() const {
+  return product_ == kEnterprise ? "the keys that a SpaceMouse Pro lacks" : "";
 }
 
 expected<void, SetupError> SpaceMouse::begin(HidTransport&, const Unit& unit) {
@@ -117,7 +128,9 @@ Verdict SpaceMouse::take(ConstBytes report, MonotonicTime, State& state) noexcep
 
 /// Its size differs from model to model, not always as the report descriptor says.
 Verdict SpaceMouse::take_buttons(ConstBytes report, State& state) const noexcept {
-  if (report.size() < 2 || report.size() > 1 + kButtonBytesMax) return Verdict::kCorrupt;
+  const std::size_t bytes_max =
+      product_ == kEnterprise ? kEnterpriseButtonBytesMax : kButtonBytesMax;
+  if (report.size() < 2 || report.size() > 1 + bytes_max) return Verdict::kCorrupt;
   std::uint32_t pressed = 0;
   for (std::size_t i = 0; i < bits_.size(); ++i) {
     const std::size_t at = 1 + bits_[i] / 8U;

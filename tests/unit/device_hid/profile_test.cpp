@@ -105,6 +105,27 @@ TEST(HidSpaceMouse, KnowsTheKeysOfAPro) {
   EXPECT_EQ(pressed, (std::vector<std::string>{"menu", "1", "escape", "lock"}));
 }
 
+/// Whose keys may be above the first sixteen bits.
+TEST(HidSpaceMouse, KnowsTheKeysOfAProBehindAUniversalReceiver) {
+  for (const int product : {0xc652, 0xc633}) {
+    const Unit unit{.vendor = 0x256f, .product = static_cast<std::uint16_t>(product)};
+    const auto profile = make_profile(Kind::kSpaceMouse, &unit, 0);
+    State state;
+    EXPECT_EQ(take(*profile, state, {3, 0x03, 0, 0x40, 0x04}), Verdict::kNew);
+    EXPECT_EQ(state.buttons, 1u << 0 | 1u << 1 | 1u << 10 | 1u << 14) << product;
+    EXPECT_EQ(profile->describe().buttons[14], "lock");
+  }
+}
+
+TEST(HidSpaceMouse, ReadsTheLongReportOfAnEnterprise) {
+  const Unit unit{.vendor = 0x256f, .product = 0xc633};
+  const auto profile = make_profile(Kind::kSpaceMouse, &unit, 0);
+  State state;
+  EXPECT_EQ(take(*profile, state, {3, 0x01, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}), Verdict::kNew);
+  EXPECT_EQ(state.buttons, 1u);
+  EXPECT_FALSE(profile->left_out().empty());
+}
+
 TEST(HidSpaceMouse, LightsUp) {
   Bench bench(std::make_shared<test::SpaceMouseModel>(test::SpaceMouseModel::Layout::kTwoReports));
   EXPECT_TRUE(bench.write({.outputs = {1}}));

@@ -65,28 +65,49 @@ TEST(HidReportDescriptor, ReadsUnsignedRangesAndUnnumberedReports) {
 }
 
 TEST(HidReportDescriptor, RestoresPushedStates) {
-  const auto descriptor = parse_report_descriptor(
-      bytes({0x75, 0x08, 0x95, 0x01, 0x25, 0x7f, 0xA4, 0x75, 0x10, 0xB4, 0x09, 0x30, 0x81, 0x02}));
+  const auto descriptor =
+      parse_report_descriptor(bytes({0x05, 0x01, 0x75, 0x08, 0x95, 0x01, 0x25, 0x7f, 0xA4, 0x75,
+                                     0x10, 0xB4, 0x09, 0x30, 0x81, 0x02}));
   ASSERT_TRUE(descriptor) << descriptor.error();
+  ASSERT_EQ(descriptor->inputs.size(), 1u);
   EXPECT_EQ(descriptor->inputs[0].bit_size, 8);
 }
 
 TEST(HidReportDescriptor, RefusesWhatIsWrong) {
   const std::vector<std::vector<std::byte>> wrong{
-      bytes({0x26, 0x01}),                    // Cut off.
-      bytes({0xC0}),                          // An end without a begin.
-      bytes({0xA1, 0x01}),                    // A begin without an end.
-      bytes({0xB4}),                          // A pop without a push.
-      bytes({0x85, 0x00}),                    // Report number 0.
-      bytes({0x0C}),                          // A reserved type.
-      bytes({0xFE, 0x02, 0x00, 0x00, 0x00}),  // A long item.
-      bytes({0x19, 0x05, 0x29, 0x01}),        // Usages downwards.
-      bytes({0x77, 0xff, 0xff, 0xff, 0xff, 0x97, 0xff, 0xff, 0xff, 0xff, 0x81, 0x02}),
+      bytes({0x26, 0x01}),                                // Cut off.
+      bytes({0xC0}),                                      // An end without a begin.
+      bytes({0xA1, 0x01}),                                // A begin without an end.
+      bytes({0xB4}),                                      // A pop without a push.
+      bytes({0x85, 0x00}),                                // Report number 0.
+      bytes({0xFE, 0x02, 0x00, 0x00, 0x00}),              // A long item.
+      bytes({0xA9, 0x01}),                                // A delimiter without an end.
+      bytes({0xA9, 0x00}),                                // An end of one without a begin.
+      bytes({0x76, 0x01, 0x01}),                          // A field of 257 bits.
+      bytes({0x96, 0x01, 0x30}),                          // 12 289 fields.
+      bytes({0x75, 0xff, 0x96, 0x00, 0x30, 0x81, 0x02}),  // A report of 381 kB.
       std::vector<std::byte>(kDescriptorSizeMax + 1),     // Too long.
-      bytes({0x75, 0x01, 0x96, 0x01, 0x02, 0x81, 0x02}),  // 513 fields.
   };
   for (std::size_t i = 0; i < wrong.size(); ++i)
     EXPECT_FALSE(parse_report_descriptor(wrong[i])) << i;
+}
+
+/// So that no maker's block of bytes keeps a pad out.
+TEST(HidReportDescriptor, CountsWhatItDoesNotRead) {
+  const auto descriptor = parse_report_descriptor(bytes(
+      {0x06, 0x00, 0xff, 0x09, 0x01, 0x75, 0x08, 0x96, 0x00, 0x08, 0x81, 0x02,  // 2 048 bytes,
+       0x05, 0x01, 0x09, 0x30, 0x95, 0x02, 0x81, 0x00,                          // an array,
+       0x09, 0x30, 0x75, 0x28, 0x95, 0x01, 0x81, 0x02,                          // 40 bits,
+       0x81, 0x02,                                                              // padding,
+       0x05, 0x09, 0x19, 0x01, 0x2A, 0x01, 0x02, 0x75, 0x01, 0x96, 0x01, 0x02, 0x81, 0x02}));
+  ASSERT_TRUE(descriptor) << descriptor.error();
+  EXPECT_EQ(descriptor->inputs.size(), kFieldCountMax) << "of 513 buttons";
+  ASSERT_EQ(descriptor->unread.size(), 3u);
+  EXPECT_EQ(descriptor->unread[0].page, 0xff00'0000u);
+  EXPECT_EQ(descriptor->unread[0].count, 2048u);
+  EXPECT_EQ(descriptor->unread[1].count, 3u);
+  EXPECT_EQ(descriptor->unread[2].count, 1u);
+  EXPECT_EQ(descriptor->inputs.front().bit_offset, 2048u * 8 + 16 + 40 + 40);
 }
 
 TEST(HidReportDescriptor, IsRefusedOrWholeWhereverItIsCut) {

@@ -70,6 +70,19 @@ TEST(Probe, SaysHowToServeADevice) {
   EXPECT_NE(deviced::probe_text({}).find("--list-drivers"), std::string::npos);
 }
 
+TEST(Probe, TellsWhatIsLeftOutAndWhatIsNotServed) {
+  FoundDevice pad = falcon();
+  pad.left_out = "3 buttons: a sample holds 16";
+  FoundDevice other = falcon();
+  other.refusal = "its report descriptor is unreadable";
+  other.missing_right = "reading and writing /dev/hidraw0";
+  const std::string text = deviced::probe_text({other, pad});
+  EXPECT_NE(text.find("left out: 3 buttons: a sample holds 16\n"), std::string::npos) << text;
+  EXPECT_NE(text.find("not served: its report descriptor is unreadable\n"), std::string::npos);
+  EXPECT_EQ(text.find("falcon1"), std::string::npos) << "a refused one has no command";
+  EXPECT_EQ(text.find("RULE-F"), std::string::npos) << "and needs no right";
+}
+
 TEST(Probe, GivesTheRulesOfMissingRightsOnce) {
   FoundDevice closed = falcon();
   closed.missing_right = "reading and writing /dev/bus/usb/001/004";

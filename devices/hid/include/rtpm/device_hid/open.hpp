@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "rtpm/base/setup_error.hpp"
+#include "rtpm/device_hid/transport.hpp"
 #include "rtpm/device_io/found_device.hpp"
 #include "rtpm/driver/driver.hpp"
 
@@ -17,7 +18,12 @@ namespace rtpm::device_hid {
 [[nodiscard]] expected<std::unique_ptr<driver::Driver>, SetupError> open(
     std::string_view arguments, std::string_view device_name);
 
-/// The devices that are plugged in now and that this driver takes.
+/// Those of `units` that this driver takes, with what it leaves out of each, and those that could
+/// be a game pad but are not served, with the reason.
+/// @realtime set-up only
+[[nodiscard]] std::vector<device_io::FoundDevice> found_among(const std::vector<Unit>& units);
+
+/// The same of what is plugged in now.
 /// @realtime set-up only
 [[nodiscard]] std::vector<device_io::FoundDevice> probe();
 

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <string>
 #include <string_view>
 
 #include "rtpm/base/setup_error.hpp"
@@ -80,6 +81,8 @@ class Profile {
   /// Ends what begin() began; the outputs are at their safe values already.
   /// @realtime set-up only
   virtual void end(HidTransport&) noexcept {}
+  /// What the unit has beside its channels, for people; empty: nothing, or it is not known.
+  [[nodiscard]] virtual std::string left_out() const { return {}; }
   /// For how long a healthy device is silent at most; nothing: it reports only what changes.
   [[nodiscard]] virtual std::optional<Duration> silence_max() const { return std::nullopt; }
 };
@@ -95,6 +98,10 @@ inline constexpr std::array kKinds{Kind::kSpaceMouse, Kind::kGamePad, Kind::kDua
 /// The kind of a unit by vendor and product, of a game pad by its report descriptor; nothing: no
 /// device for this driver, such as a mouse.
 [[nodiscard]] std::optional<Kind> kind_of(const Unit& unit);
+
+/// Why a unit that could be a game pad is not served, as a clause; empty: kind_of() takes it, or it
+/// is a device of another kind, such as a mouse.
+[[nodiscard]] std::string refusal_of(const Unit& unit);
 
 /// @param unit  whose channels are described; null: it is not plugged in, see README.md
 /// @param torque_newton_metre_max  of a force wheel's motor; 0: unknown, it applies no effort

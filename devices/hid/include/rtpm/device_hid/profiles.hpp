@@ -17,6 +17,7 @@ class SpaceMouse final : public Profile {
  public:
   explicit SpaceMouse(std::uint16_t product);
   [[nodiscard]] driver::Descriptor describe() const override;
+  [[nodiscard]] std::string left_out() const override;
   [[nodiscard]] expected<void, SetupError> begin(HidTransport& transport,
                                                  const Unit& unit) override;
   [[nodiscard]] Verdict take(ConstBytes report, MonotonicTime now, State& state) noexcept override;
@@ -26,17 +27,24 @@ class SpaceMouse final : public Profile {
   [[nodiscard]] bool has_axes_size(ConstBytes report, std::size_t size) const noexcept;
   [[nodiscard]] Verdict take_buttons(ConstBytes report, State& state) const noexcept;
 
+  std::uint16_t product_;
   std::vector<std::string> names_{};
   std::vector<std::uint8_t> bits_{};  ///< Of each button in report 3.
   std::size_t axes_size_ = 0;         ///< Of report 1; 0: unknown.
 };
 
-/// Any game pad, from its report descriptor: axes as analogs, the hat as two, buttons.
+/// Whether an application collection of this usage is a joystick, game pad or multi-axis
+/// controller.
+[[nodiscard]] bool is_pad_application(std::uint32_t usage) noexcept;
+
+/// Any game pad, from its report descriptor: axes as analogs, the hat as two, buttons. Of several
+/// applications the first that is a pad's is served.
 class GamePad final : public Profile {
  public:
   /// @param unit  null: a usual pad is described, see README.md
   explicit GamePad(const Unit* unit);
   [[nodiscard]] driver::Descriptor describe() const override;
+  [[nodiscard]] std::string left_out() const override { return left_out_; }
   [[nodiscard]] expected<void, SetupError> begin(HidTransport& transport,
                                                  const Unit& unit) override;
   [[nodiscard]] Verdict take(ConstBytes report, MonotonicTime now, State& state) noexcept override;
@@ -46,17 +54,25 @@ class GamePad final : public Profile {
   struct Channel {
     std::string name;
     std::uint32_t usage = 0;
+    std::size_t index = 0;  ///< Among the fields of this usage.
     Part part = Part::kWhole;
     std::optional<Field> field{};  ///< Nothing: the unit that is plugged in lacks it.
   };
 
-  void add_analog(std::uint32_t usage);
+  [[nodiscard]] static std::uint32_t served_application(const ReportDescriptor& descriptor);
+  [[nodiscard]] static std::size_t count_of(const std::vector<Channel>& channels,
+                                            std::uint32_t usage, Part part);
+  /// False, here and below: it is of no channel's kind, or there is no channel left.
+  [[nodiscard]] bool take_field(const Field& field);
+  [[nodiscard]] bool add_analog(std::uint32_t usage);
+  [[nodiscard]] bool add_button(std::uint32_t usage);
   void bind(const ReportDescriptor& descriptor);
 
   std::vector<Channel> analogs_{};
   std::vector<Channel> buttons_{};
   ReportDescriptor layout_{};
   std::string model_ = "game pad";
+  std::string left_out_{};
 };
 
 /// Sony's DualShock 4 and DualSense: sticks, triggers and hat as analogs, 14 or 15 buttons; rumble

@@ -32,9 +32,21 @@ struct Field {
   bool has_null = false;  ///< Values outside of the logical range say "none".
 };
 
+/// Fields that are not in ReportDescriptor::inputs: of other pages, in arrays, of more than 32
+/// bits, or beyond kFieldCountMax.
+/// @ownership plain value
+struct UnreadFields {
+  std::uint32_t application = 0;
+  std::uint32_t page = 0;  ///< As in usages: 0xff00'0000 and above are a maker's own.
+  std::uint32_t count = 0;
+};
+
 /// @ownership a value
 struct ReportDescriptor {
-  std::vector<Field> inputs{};  ///< Variable fields of up to 32 bits, in their order.
+  /// Variable fields of up to 32 bits of the pages above, in their order; at most kFieldCountMax.
+  std::vector<Field> inputs{};
+  /// One entry per application and page; at most kUnreadCountMax.
+  std::vector<UnreadFields> unread{};
   bool has_report_ids = false;
   /// Bytes of the input report of each number, the number included; 0: there is none.
   std::array<std::uint16_t, 256> input_sizes{};
@@ -42,10 +54,12 @@ struct ReportDescriptor {
 
 inline constexpr std::size_t kDescriptorSizeMax = 4096;  ///< As of Linux.
 inline constexpr std::size_t kFieldCountMax = 512;
+inline constexpr std::size_t kUnreadCountMax = 64;
 
-/// Reads a report descriptor. Foreign data: any bytes give a descriptor or an error. Array fields
-/// (keyboards) and fields of more than 32 bits take their space only.
+/// Reads a report descriptor. Foreign data: any bytes give a descriptor or an error. Accepts what
+/// Linux accepts; unread fields take their space only.
 /// @errors   what is wrong, as a clause
+/// @source   Linux, drivers/hid/hid-core.c
 [[nodiscard]] expected<ReportDescriptor, std::string> parse_report_descriptor(ConstBytes bytes);
 
 /// The value of `field` in `report`, sign-extended where its range goes below zero; nothing: the
