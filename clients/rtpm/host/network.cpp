@@ -12,6 +12,7 @@
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/network_survey.hpp"
 #include "rtpm/transport/address.hpp"
+#include "rtpm/transport/loopback.hpp"
 #include "rtpm/transport/multicast.hpp"
 #include "rtpm/wire/url.hpp"
 
@@ -74,6 +75,13 @@ bool answers_as_rtpm(Context& context, std::uint16_t port) {
 /// The addresses at which other hosts find a server with --host any.
 rt::Finding survey_addresses() {
   rt::Finding finding{.id = "addresses"};
+  if (const char* const remedy = transport::remedy_for_loopback()) {
+    finding.severity = rt::Severity::kProblem;
+    finding.text = "the loopback interface is down";
+    finding.cost = "programs of this host do not reach each other";
+    finding.remedy = remedy;
+    return finding;
+  }
   for (const transport::InterfaceAddress& own : transport::own_addresses()) {
     const transport::SocketAddress& address = own.address;
     if (address.is_loopback() || address.is_link_local()) continue;

@@ -72,7 +72,15 @@ TEST_F(Multicast, OfAnInterfaceThatIsDownIsBroughtUp) {
 TEST_F(Multicast, ThatIsRefusedNotSentOrLostIsTold) {
   facts_.trial = MulticastTrial::kRefused;
   facts_.reason = "multicast group 239.255.42.1:7422 can't be used: No such device";
-  expect_finding(Severity::kNote, "No such device", "give the host a network");
+  expect_finding(Severity::kNote, "No such device", "see which system calls are allowed");
+  // The same refusal has other causes, each with its own remedy.
+  facts_.interfaces = {{"lo", true, true, false}};
+  facts_.route = "";
+  expect_finding(Severity::kNote, "no route", "sudo ip route add 239.0.0.0/8 dev lo");
+  facts_.interfaces[0].is_up = false;
+  expect_finding(Severity::kNote, "No such device", "sudo ip link set dev lo up");
+  facts_.interfaces = {{"lo", true, true, false}, {"eth0", true, false, true}};
+  facts_.route = "eth0";
   facts_.trial = MulticastTrial::kNotSent;
   expect_finding(Severity::kNote, "can't be sent", "nft list ruleset");
   facts_.trial = MulticastTrial::kNotReceived;

@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 #include <net/if.h>
+#include <sys/socket.h>
 
 #include <algorithm>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -11,6 +13,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/test/os.hpp"
 #include "rtpm/transport/client_transport.hpp"
+#include "rtpm/transport/socket.hpp"
 #include "rtpm/transport/stream.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
@@ -175,6 +178,37 @@ TEST(UdpPort, AnswersFromTheAddressAtWhichItWasCalled) {
   if (has_ipv6()) expect_answer_from_where_it_called(*port, "::1", number);
 }
 
+/// The peer of a datagram from `source`, one of this host's addresses.
+wire::PeerAddress peer_of_datagram(UdpPort& port, const char* source, std::uint16_t number) {
+  const Descriptor client(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  const SocketAddress own = numeric(source);
+  const SocketAddress server = numeric("127.0.0.1", number);
+  EXPECT_EQ(bind(client.number(), own.native(), own.size()), 0) << source;
+  EXPECT_EQ(sendto(client.number(), "x", 1, 0, server.native(), server.size()), 1) << source;
+  Bytes buffer(Datagrams::kSizeMax);
+  EXPECT_TRUE(rtpm::test::await([&] { return port.await(buffer); }));
+  const auto datagrams = port.receive(buffer);
+  EXPECT_EQ(SocketAddress::of(datagrams->peer()).host(), source) << "where the answer goes";
+  EXPECT_EQ(port.host_of(datagrams->peer()), this_host()) << source;
+  return datagrams->peer();
+}
+
+// hp-4-7: any program may call from any address of 127.0.0.0/8.
+TEST(UdpPort, CountsAllCallersOfThisHostAsOneHost) {
+  for (const char* host : {"127.0.0.1", "any"}) {
+    const std::uint16_t number = TcpListener::open("127.0.0.1", 0)->port();
+    auto port = UdpPort::open({.host = host, .port = number});
+    ASSERT_TRUE(port) << port.error().text();
+    const wire::PeerAddress first = peer_of_datagram(*port, "127.0.0.1", number);
+    for (const char* source : {"127.0.0.2", "127.255.1.7"}) {
+      const wire::PeerAddress next = peer_of_datagram(*port, source, number);
+      EXPECT_TRUE(wire::is_same_host(first, next)) << source;
+      EXPECT_FALSE(next == first) << "another peer of it";
+    }
+    EXPECT_FALSE(wire::is_same_host(first, numeric("10.0.0.7", 1).peer()));
+  }
+}
+
 TEST(UdpPort, OfOneAddressIsNotReachedAtAnother) {
   const std::uint16_t number = TcpListener::open("127.0.0.1", 0)->port();
   auto port = UdpPort::open({.host = "127.0.0.2", .port = number, .index = 3});
@@ -192,6 +226,7 @@ TEST(UdpPort, OfOneAddressIsNotReachedAtAnother) {
 TEST(TcpListener, OnAnyAddressTakesBothFamilies) {
   auto listener = TcpListener::open("any", 0);
   ASSERT_TRUE(listener) << listener.error().text();
+  std::optional<wire::PeerAddress> first;
   for (const char* host : {"127.0.0.1", "127.0.0.2", "::1"}) {
     if (std::string(host) == "::1" && !has_ipv6()) continue;
     const auto client = open_tcp_transport(host, listener->port(), 0, 1000, rt::now() + 20s);
@@ -199,6 +234,10 @@ TEST(TcpListener, OnAnyAddressTakesBothFamilies) {
     ASSERT_TRUE(wait_readable(listener->descriptor(), rt::now() + 20s));
     const Accepted accepted = listener->accept();
     EXPECT_TRUE(is_from_this_host(accepted.socket.number())) << host;
+    // hp-4-7
+    const wire::PeerAddress caller = host_of(accepted.socket.number());
+    EXPECT_TRUE(wire::is_same_host(first.value_or(caller), caller)) << host;
+    first = first.value_or(caller);
   }
 }
 

@@ -154,8 +154,8 @@ Acceptor::Newcomer& Acceptor::free_place(bool is_memory) noexcept {
   std::ptrdiff_t most = 0;
   for (Newcomer& each : places) {
     if (!each.socket.is_open()) return each;
-    const std::ptrdiff_t count =
-        std::ranges::count(places, each.host, [](const Newcomer& n) { return n.host; });
+    const std::ptrdiff_t count = std::ranges::count_if(
+        places, [&](const Newcomer& other) { return is_same_host(other.host, each.host); });
     if (count < most || (count == most && each.deadline >= best->deadline)) continue;
     best = &each;
     most = count;

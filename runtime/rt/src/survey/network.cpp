@@ -130,8 +130,12 @@ std::optional<PortHolder> holder_of_port(const std::string& root, std::uint16_t 
 }
 
 Finding judge_multicast(const MulticastFacts& facts) {
-  if (facts.trial == MulticastTrial::kRefused) {
-    return lacking_multicast(facts.reason, "give the host a network (ip link set dev lo up)");
+  const auto is_ready_loopback = [](const InterfaceFacts& each) {
+    return each.is_loopback && each.is_up;
+  };
+  const bool is_refused = facts.trial == MulticastTrial::kRefused;
+  if (is_refused && std::ranges::none_of(facts.interfaces, is_ready_loopback)) {
+    return lacking_multicast(facts.reason, "sudo ip link set dev lo up");
   }
   const auto route = std::ranges::find(facts.interfaces, facts.route, &InterfaceFacts::name);
   if (facts.route.empty() || route == facts.interfaces.end()) {
@@ -148,6 +152,9 @@ Finding judge_multicast(const MulticastFacts& facts) {
   if (!route->is_up) {
     return lacking_multicast("the interface for " + facts.group + ", " + route->name + ", is down",
                              "sudo ip link set dev " + route->name + " up");
+  }
+  if (is_refused) {
+    return lacking_multicast(facts.reason, "see which system calls are allowed here");
   }
   if (facts.trial != MulticastTrial::kReceived) {
     return lacking_multicast(

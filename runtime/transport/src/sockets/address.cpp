@@ -10,6 +10,7 @@
 
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/wire/url.hpp"
+#include "sockets/own_host.hpp"
 
 namespace rtpm::transport {
 namespace {
@@ -113,6 +114,7 @@ wire::PeerAddress SocketAddress::ipv6_peer() const noexcept {
 }
 
 SocketAddress SocketAddress::of_ipv6_peer(const wire::PeerAddress& peer) noexcept {
+  if (peer.high == kOwnHostNetwork) return of({0, peer.low, peer.port});
   const auto port = ntohs(static_cast<in_port_t>(peer.port & kPortMask));
   const bool is_link_local = (peer.high & kLinkLocalMask) == kLinkLocalNetwork;
   const std::uint64_t zone = is_link_local ? peer.high & kZoneMask : 0;

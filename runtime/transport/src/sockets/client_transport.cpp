@@ -12,6 +12,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/lazy_memory.hpp"
 #include "rtpm/transport/address.hpp"
+#include "rtpm/transport/loopback.hpp"
 #include "rtpm/transport/socket.hpp"
 #include "rtpm/transport/stream.hpp"
 #include "rtpm/transport/tcp.hpp"
@@ -33,8 +34,11 @@ SetupError no_socket(const std::string& host, std::uint16_t port, int error) {
 // UDP's connect() asks no peer: it fails if there is no route.
 SetupError not_reached(const std::string& host, std::uint16_t port, int error) {
   if (is_shortage(error)) return no_socket(host, port, error);
+  const auto address = SocketAddress::parse(host, port);
+  const char* const loopback = address && address->is_loopback() ? remedy_for_loopback() : nullptr;
   return {wire::host_and_port(host, port) + " can't be reached over UDP", std::strerror(error),
-          "check the host, and this host's routes (ip route)", system_error(error)};
+          loopback != nullptr ? loopback : "check the host, and this host's routes (ip route)",
+          system_error(error)};
 }
 
 SetupError no_answer(std::string_view protocol, const std::string& host, std::uint16_t port,

@@ -8,6 +8,7 @@
 #include <sys/time.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
@@ -16,7 +17,9 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/native_time.hpp"
 #include "rtpm/transport/address.hpp"
+#include "rtpm/transport/loopback.hpp"
 #include "sockets/native.hpp"
+#include "sockets/own_host.hpp"
 
 namespace rtpm::transport {
 
@@ -40,9 +43,18 @@ const char* remedy_for_shortage(int error) noexcept {
   }
 }
 
+const char* remedy_for_loopback() {
+  const auto own = own_addresses();
+  const bool is_up = std::ranges::any_of(
+      own, [](const InterfaceAddress& each) { return each.address.is_loopback(); });
+  return is_up ? nullptr : "bring the loopback interface up: sudo ip link set dev lo up.";
+}
+
 SetupError no_descriptor(const std::string& what, int error) {
-  const char* const remedy =
-      is_shortage(error) ? remedy_for_shortage(error) : "see which system calls are allowed here.";
+  const char* remedy = "see which system calls are allowed here.";
+  const char* const loopback = remedy_for_loopback();
+  if (error == ENETUNREACH && loopback != nullptr) remedy = loopback;
+  if (is_shortage(error)) remedy = remedy_for_shortage(error);
   return {what + " can't be had", std::strerror(error), remedy, system_error(error)};
 }
 
@@ -56,7 +68,8 @@ wire::PeerAddress host_of(int socket) noexcept {
   auto* const generic = reinterpret_cast<sockaddr*>(&address);
   if (getpeername(socket, generic, &size) != 0) return {};
   if (address.ss_family == AF_INET || address.ss_family == AF_INET6) {
-    wire::PeerAddress host = SocketAddress::of(*generic, size).peer();
+    const auto called = SocketAddress::of(own_address(socket).peer());
+    wire::PeerAddress host = counted(SocketAddress::of(*generic, size).peer(), called);
     host.port = 0;
     return host;
   }
@@ -84,7 +97,9 @@ bool is_from_this_host(int socket) noexcept {
 }
 
 SetupError not_served(const std::string& what, int error) {
-  const char* remedy = "give an address of this host, such as 127.0.0.1.";
+  const char* const loopback = remedy_for_loopback();
+  const char* remedy =
+      loopback != nullptr ? loopback : "give an address of this host, such as 127.0.0.1.";
   if (error == EADDRINUSE) {
     remedy =
         "end the program that has it (ss -lptun), or choose another port; 0 lets the system "

@@ -10,6 +10,7 @@
 #include "rtpm/wire/header.hpp"
 #include "rtpm/wire/url.hpp"
 #include "sockets/native.hpp"
+#include "sockets/own_host.hpp"
 #include "udp/segments.hpp"
 
 namespace rtpm::transport {
@@ -146,7 +147,7 @@ expected<Datagrams, IoError> UdpPort::receive(MutableBytes buffer, int flags) no
     return unexpected{IoError::kNothing};
   }
   peer.port |= is_any ? index_of_local(to) << kLocalShift : index_;
-  return Datagrams{buffer.first(size), each, peer};
+  return Datagrams{buffer.first(size), each, counted(peer, local_of(peer))};
 }
 
 void UdpPort::note(const Datagrams& datagrams, MonotonicTime received) noexcept {

@@ -1,0 +1,9 @@
+#pragma once
+
+namespace rtpm::transport {
+
+/// "bring the loopback interface up: sudo ip link set dev lo up."; null: it is up.
+/// @realtime set-up only
+[[nodiscard]] const char* remedy_for_loopback();
+
+}  // namespace rtpm::transport

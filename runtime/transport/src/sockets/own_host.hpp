@@ -1,0 +1,25 @@
+#pragma once
+
+#include <cstdint>
+
+#include "rtpm/transport/address.hpp"
+#include "rtpm/wire/cookie.hpp"
+
+namespace rtpm::transport {
+
+/// hp-4-7: whatever its address, a caller of this host is of one host: as the protocol counts a /64
+/// of IPv6 addresses as one, these get one that nobody has, 0:0:0:1::/64 of the reserved ::/8.
+/// SocketAddress::of() gives back the address itself.
+inline constexpr std::uint64_t kOwnHostNetwork = 1;
+
+/// A peer that called `called`. IPv6 addresses but ::1 stay with their /64.
+/// @realtime alloc-free
+[[nodiscard]] inline wire::PeerAddress counted(wire::PeerAddress peer,
+                                               const SocketAddress& called) noexcept {
+  const auto address = SocketAddress::of(peer);
+  const bool is_own = address.is_loopback() || address.is_same_host(called);
+  if (is_own && peer.high == 0) peer.high = kOwnHostNetwork;
+  return peer;
+}
+
+}  // namespace rtpm::transport
