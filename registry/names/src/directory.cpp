@@ -21,6 +21,7 @@
 #include "rtpm/transport/address.hpp"
 #include "rtpm/wire/url.hpp"
 #include "service.hpp"
+#include "service_trust.hpp"
 #include "store.hpp"
 
 namespace rtpm::names {
@@ -161,10 +162,15 @@ class Directory::Impl {
       if (each.found.is_of_this_host && !each.found.is_guess) return each.service;
       registries.push_back(each);
     }
-    // One at the usual place, of another user.
+    // One at the usual place.
     std::erase_if(registries, [](const Asked& each) {
       return each.found.is_guess && !each.service->contents({});
     });
+    for (const Asked& each : registries) {
+      if (auto trusted = check_service(node_, each.found.url); !trusted) {
+        return unexpected{DirectoryError{std::move(trusted.error())}};
+      }
+    }
     if (registries.size() == 1) return registries.front().service;
     if (registries.empty()) {
       return unexpected{
@@ -189,6 +195,21 @@ class Directory::Impl {
     }
     entry.service_url = found.url;
     to.push_back({std::move(entry), found});
+  }
+
+  /// Drops what a registry of another user has beside others, so that it takes no name from its
+  /// server; if only such ones have the name, they stay.
+  void drop_untrusted(std::vector<Answer<NameEntry>>& entries) {
+    std::vector<Answer<NameEntry>> trusted;
+    for (const auto& entry : entries) {
+      const auto checked = check_service(node_, entry.found.url);
+      if (checked) trusted.push_back(entry);
+      if (!checked) {
+        note("'" + printable(entry.value.name) + "' at " + entry.found.url +
+             " is left out: " + checked.error().text());
+      }
+    }
+    if (!trusted.empty()) entries = std::move(trusted);
   }
 
   void note(std::string sentence) {
@@ -350,6 +371,7 @@ expected<NameEntry, DirectoryError> Directory::look_up(std::string_view name, bo
   std::vector<Impl::Answer<NameEntry>> entries;
   for (auto& answer : answers->values)
     impl_->add(entries, std::move(answer.value), answer.found);
+  if (entries.size() > 1) impl_->drop_untrusted(entries);
   if (entries.empty()) {
     if (answers->refusal) return unexpected{std::move(*answers->refusal)};
     return unexpected{DirectoryError{

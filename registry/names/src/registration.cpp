@@ -15,6 +15,7 @@
 #include "rtpm/rt/log.hpp"
 #include "rtpm/rt/thread.hpp"
 #include "seat.hpp"
+#include "service_trust.hpp"
 
 namespace rtpm::names {
 namespace {
@@ -37,6 +38,26 @@ void report_to_standard_error(std::string_view sentence) {
 
 bool is_held_by_another(const DirectoryError& error) {
   return error.outcome == Outcome::kAlreadyBound || error.outcome == Outcome::kStaleEpoch;
+}
+
+/// Whether the registry refused because of its own state, not because of what it was asked: others
+/// may end, and space may be freed.
+bool is_passing(const DirectoryError& error) {
+  switch (error.outcome.value_or(Outcome::kDone)) {
+    case Outcome::kFull:
+    case Outcome::kOwnerFull:
+    case Outcome::kHostFull:
+    case Outcome::kHostOwnersFull:
+    case Outcome::kOwnerPropertiesFull:
+    case Outcome::kPropertiesFull:
+    case Outcome::kReadOnly:
+    case Outcome::kStorageFull:
+    case Outcome::kNotStored:
+    case Outcome::kStoreUnreachable:
+      return true;
+    default:
+      return false;
+  }
 }
 
 }  // namespace
@@ -71,13 +92,18 @@ class Registration::Impl {
     if (!scope) return unexpected{std::move(scope.error())};
     scope_ = std::move(*scope);
     if (auto bound = begin_at_registry(); !bound) {
+      const DirectoryError& error = bound.error();
       // A registry that refuses is there.
-      if (scope_.is_url() || bound.error().outcome) return unexpected{std::move(bound.error())};
+      const bool is_lasting = scope_.is_url() || error.outcome;
+      if (is_lasting && !is_passing(error)) return unexpected{std::move(bound.error())};
+      if (is_passing(error)) {
+        report_("the name '" + offer_.name + "' is not bound yet, retrying: " + error.text());
+      }
     }
     if (needs_own_names()) {
       if (auto bound = begin_at_own_names(); !bound) return bound;
     }
-    is_bound_ = true;
+    is_bound_ = !place_in_words().empty();
     auto thread = rt::Thread::start({.name = "rtpm-lease", .realtime = rt::RealtimeMode::kOff},
                                     [this] { keep(); });
     if (!thread) return unexpected{std::move(thread.error())};
@@ -127,12 +153,18 @@ class Registration::Impl {
     return offer_;
   }
 
-  /// The registry to bind at; it may not be there.
-  [[nodiscard]] std::string registry_url() const {
+  /// The registry to bind at; it may not be there. One of another user gets no names.
+  [[nodiscard]] std::string registry_url() {
     if (scope_.is_url()) return where_;
     const auto found = discovery::find_services(discovery::Scope{});
-    const bool has_one = found && !found->services.empty() && found->services.front().is_registry;
-    return has_one ? found->services.front().url : std::string();
+    if (!found || found->services.empty() || !found->services.front().is_registry) return {};
+    const std::string& url = found->services.front().url;
+    if (const auto trusted = check_service(node_, url); !trusted) {
+      report_once("the name '" + offer_.name + "' does not move to the registry at " + url + ": " +
+                  trusted.error().text());
+      return {};
+    }
+    return url;
   }
 
   [[nodiscard]] std::shared_ptr<Place> place_at(const std::string& url) {
@@ -196,6 +228,7 @@ class Registration::Impl {
     const auto entry = Directory(node_, std::string(kThisHost)).resolve(offer_.name);
     if (!entry && entry.error().is_ambiguous) return unexpected{entry.error()};
     if (!entry || entry->url == offer_.url) return {};
+    if (!check_service(node_, entry->service_url)) return {};
     return setup_error("the name '" + offer_.name + "' is held by another server of this host",
                        "it leads to " + entry->url, "end that server, or give another name");
   }
@@ -241,10 +274,12 @@ class Registration::Impl {
     if (!scope_.is_url()) keep_own_names(kept);
     const std::string now = place_in_words();
     is_bound_ = !now.empty();
+    was_ever_bound_ |= was_bound;
     if (was_bound && !is_bound_) {
       report_("the name '" + offer_.name + "' is lost, retrying: " + kept.error().text());
     } else if (!was_bound && is_bound_) {
-      report_("the name '" + offer_.name + "' is bound again at " + now);
+      report_("the name '" + offer_.name + "' is bound " + (was_ever_bound_ ? "again at " : "at ") +
+              now);
     } else if (before != now) {
       report_("the name '" + offer_.name + "' is now bound at " + now + ", no more at " + before);
     }
@@ -315,6 +350,7 @@ class Registration::Impl {
   const Report report_;
   const Takeover takeover_;
   std::atomic<bool> is_bound_ = false;
+  bool was_ever_bound_ = false;
   // Of the starting thread, then of the lease's.
   bool is_to_look_for_duplicates_ = false;
   MonotonicTime own_end_ = kNever;  ///< When its own service of the name ends.

@@ -71,6 +71,27 @@ class RegistrationTest : public testing::Test {
   Reports reports_;
 };
 
+// Other programs may have filled it: the server serves, and its name follows.
+TEST(FullRegistry, KeepsNoServerFromStarting) {
+  Limits limits;
+  limits.owner_count_own_host_max = 1;
+  ServedRegistry registry(limits);
+  rpc::Node node;
+  Directory directory(node, registry.url());
+  ASSERT_TRUE(directory.bind({"lab/other", kStrangersUrl, kInterface, kStranger, 1h}));
+  Reports reports;
+  const auto registration =
+      Registration::create(node, registry.url(), kName, kUrl, kInterface, 300ms, reports.taker());
+  ASSERT_TRUE(registration) << registration.error().text();
+  EXPECT_FALSE((*registration)->is_bound());
+  expect_part(reports.await(1).front(), "is not bound yet, retrying: ");
+  expect_part(reports.await(1).front(), "--servers-per-host-max");
+  ASSERT_TRUE(directory.unbind("lab/other", kStranger));
+  expect_part(reports.await(2).back(), "is bound at " + registry.url());
+  EXPECT_TRUE((*registration)->is_bound());
+  EXPECT_EQ(directory.resolve(kName)->url, kUrl);
+}
+
 TEST_F(RegistrationTest, BindsForItsLifeAndNoLonger) {
   {
     const auto registration = create(1h);

@@ -21,6 +21,8 @@ class ServedRegistry {
       : limits_(limits), lanes_(std::move(lanes)) {
     start();
   }
+  /// At a port of one's own choice.
+  explicit ServedRegistry(std::uint16_t port) : port_(port) { start(); }
   /// Serves `servant` in a registry's place; it must outlive this.
   explicit ServedRegistry(rpc::Servant& servant) : other_(&servant) { start(); }
 

@@ -5,12 +5,12 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstring>
 
 #include "rtpm/base/assert.hpp"
+#include "rtpm/transport/socket_users.hpp"
 #include "rtpm/wire/url.hpp"
 
 namespace rtpm::transport {
@@ -44,8 +44,7 @@ unsigned to_native(const SharedMemoryAddress& address, sockaddr_un& native) noex
 
 bool is_trusted(int socket, std::span<const std::uint32_t> others) noexcept {
   const auto user = user_of(socket);
-  return user &&
-         (*user == geteuid() || *user == 0 || std::ranges::find(others, *user) != others.end());
+  return user && is_trusted_user(*user, others);
 }
 
 bool send_message(int socket, ConstBytes message, std::span<const int> descriptors) noexcept {

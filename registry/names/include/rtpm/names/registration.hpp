@@ -45,10 +45,11 @@ class Registration {
   /// Binds `name` to the object at `url`, where Directory would look for it, and starts renewing.
   /// If another server holds the name, takes it with Takeover::kAllowed, else waits once, at most 5
   /// s, for its lease to end. `interface` is qualified, such as "lab.Arm"; `lease` is 100 ms to 1
-  /// h; an empty `report` writes to standard error.
+  /// h; an empty `report` writes to standard error. A registry that is full, or can't change its
+  /// storage, fails nothing: the bind is tried again, and reported.
   /// @realtime set-up only; blocks
   /// @errors   no registry answers; a living server holds the name (the text says where); a
-  ///           malformed name, URL or interface; a limit of the registry
+  ///           malformed name, URL or interface
   [[nodiscard]] static expected<std::unique_ptr<Registration>, SetupError> create(
       rpc::Node& node, std::string where, std::string name, std::string url, std::string interface,
       Duration lease = kDefaultLease, Report report = {}, Takeover takeover = Takeover::kRefused,

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <string>
+
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/rpc/node.hpp"
+
+namespace rtpm::names {
+
+/// Whether names may move to the name service that was found at `url`, and be taken from it where
+/// another one has them, too: one at a loopback address may be another user's.
+/// @realtime set-up only
+/// @errors   as rpc::check_local_server()
+[[nodiscard]] expected<void, SetupError> check_service(rpc::Node& node, const std::string& url);
+
+}  // namespace rtpm::names
