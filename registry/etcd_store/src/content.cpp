@@ -36,7 +36,10 @@ std::string Keys::fence_of(std::string_view name) const {
 }
 
 ReadName read_name(const std::string& name, const KeyValue& key_value) {
-  ReadName read{{.revision = key_value.mod_revision, .etcd_lease = key_value.lease}, std::nullopt};
+  ReadName read{{.revision = key_value.mod_revision,
+                 .etcd_lease = key_value.lease,
+                 .value_hash = fnv1a_64(key_value.value, 0)},
+                std::nullopt};
   auto value = parse_value(key_value.value);
   read.known.is_foreign = !value;
   if (!value) return read;
@@ -50,8 +53,9 @@ ReadName read_name(const std::string& name, const KeyValue& key_value) {
 }
 
 expected<Content, GatewayError> read_content(Gateway& gateway, const Keys& keys,
-                                             MonotonicTime deadline) {
+                                             MonotonicTime deadline, std::uint64_t revision) {
   Content content;
+  content.revision = revision;
   Json range = keys.all();
   for (;;) {
     const auto page = read_page(gateway, range, content.revision, deadline);

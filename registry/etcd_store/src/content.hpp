@@ -43,11 +43,14 @@ struct ReadName {
 /// Everything that is stored, at one moment.
 struct Content {
   std::vector<names::StoredName> names{};
-  std::map<std::string, KnownName, std::less<>> known{};
+  NameMap known{};
   std::uint64_t revision = 0;
   std::size_t foreign_count = 0;  ///< Keys that are no names.
 };
+/// @param revision  whose content is read; 0: the last one's
+/// @errors   kOutOfRange: there is no such revision yet, or none any more
 [[nodiscard]] expected<Content, GatewayError> read_content(Gateway& gateway, const Keys& keys,
-                                                           MonotonicTime deadline);
+                                                           MonotonicTime deadline,
+                                                           std::uint64_t revision = 0);
 
 }  // namespace rtpm::etcd_store

@@ -20,8 +20,9 @@ constexpr Duration kPauseMax = 500ms;
 constexpr int kEndedLeasesPerProbe = 64;
 // Probes in a row that find what the watch has not told, before all is read again.
 constexpr int kUnmetMax = 4;
-constexpr const char* kWentBack =
-    "it has forgotten changes that it told: it was restored, so start the registry again";
+constexpr const char* kCompacted = "the changes since are not kept any more";
+constexpr const char* kReplaced =
+    "it was restored or replaced, and changes that it had told are not there any more";
 
 }  // namespace
 
@@ -47,9 +48,16 @@ void Follow::run() {
     const std::size_t endpoint = gateway_.preferred();
     const std::string why = follow_at(endpoint);
     if (gateway_.is_stopping()) break;
-    gateway_.avoid(endpoint);
+    if (gateway_.adopt_other_cluster())
+      static_cast<void>(read_again(History::kReplaced, kReplaced));
+    // The next watch begins behind what was read.
+    const bool was_read = std::exchange(was_read_again_, false);
+    is_to_check_history_ = !was_read;
     ++failure_count_;
-    note_trouble(endpoint, why);
+    if (!was_read) {
+      gateway_.avoid(endpoint);
+      note_trouble(endpoint, why);
+    }
     // Each endpoint is tried once without a pause.
     const std::size_t round = failure_count_ / gateway_.address().endpoints.size();
     if (round > 0) pause(std::min<Duration>(round * 50ms, kPauseMax));
@@ -78,12 +86,15 @@ std::string Follow::follow_at(std::size_t endpoint) {
     auto line = stream_.next_line(is_created_ ? next_probe : begin_by);
     if (!line) return line.error().why;
     if (*line) {
-      if (auto why = take(**line)) return *why;
+      if (auto why = take(endpoint, **line)) return *why;
       check_probe();
     } else if (!is_created_ && rt::now() >= begin_by) {
       return "it does not begin a watch";
     }
     if (is_created_ && rt::now() >= next_probe) {
+      if (is_to_check_history_) {
+        if (auto why = check_history()) return *why;
+      }
       if (auto why = probe(endpoint)) return *why;
       check_probe();
       end_unused_leases(endpoint);
@@ -94,13 +105,15 @@ std::string Follow::follow_at(std::size_t endpoint) {
 }
 
 // A line of the watch; why it can't go on.
-std::optional<std::string> Follow::take(const std::string& line) {
+std::optional<std::string> Follow::take(std::size_t endpoint, const std::string& line) {
   if (line.empty()) return std::nullopt;
   const auto result = gateway_.parse(line, 200);
-  if (!result) return result.error().why;
+  if (!result) {
+    gateway_.note_cluster(endpoint, result.error().other_cluster);
+    return result.error().why;
+  }
   if (number_at(*result, "compact_revision") != 0) {
-    if (auto why = read_again()) return why;
-    return "the changes since were compacted; all names were read again";
+    return read_again(History::kSame, kCompacted);
   }
   if (result->value("canceled", Json()) == true) return "it ended the watch";
   if (result->value("created", Json()) == true) is_created_ = true;
@@ -148,14 +161,15 @@ std::optional<std::string> Follow::probe(std::size_t endpoint) {
   for (const Json& each : object_at(*answer, "kvs"))
     next.last_change = number_at(each, "mod_revision");
   // It counts all changes of the cluster, and never goes back.
-  if (number_at(object_at(*answer, "header"), "revision") < revision_) return kWentBack;
+  if (number_at(object_at(*answer, "header"), "revision") < revision_) {
+    return read_again(History::kReplaced, kReplaced);
+  }
   const bool is_behind = probe_ && !probe_->is_met && probe_->last_change == next.last_change &&
                          probe_->count == next.count && probe_->revision == revision_;
   if (is_behind) next.unmet_count = probe_->unmet_count + 1;
   probe_ = next;
   if (next.unmet_count < kUnmetMax) return std::nullopt;
-  if (auto why = read_again()) return why;
-  return "its watch left changes out; all names were read again";
+  return read_again(History::kSame, "its watch left changes out");
 }
 
 void Follow::check_probe() {
@@ -168,16 +182,35 @@ void Follow::check_probe() {
   follower_->on_current(probe_->begun);
 }
 
-std::optional<std::string> Follow::read_again() {
+// Whether what was told up to the last revision is what the cluster had then. A revision that it
+// does not have any more proves nothing.
+std::optional<std::string> Follow::check_history() {
+  const auto then = read_content(gateway_, keys_, rt::now() + kReadPatience, revision_);
+  const bool is_unknown = !then && then.error().code == GatewayError::kOutOfRange;
+  if (!then && !is_unknown) return then.error().why;
+  if (is_unknown) return read_again(History::kReplaced, kCompacted);
+  if (!known_.are(then->known)) return read_again(History::kReplaced, kReplaced);
+  is_to_check_history_ = false;
+  return std::nullopt;
+}
+
+// Why the watch can't go on: a further one begins behind what was read.
+std::string Follow::read_again(History history, std::string why) {
   const MonotonicTime begun = rt::now();
   auto content = read_content(gateway_, keys_, rt::now() + kReadPatience);
   if (!content) return content.error().why;
-  if (content->revision < revision_) return kWentBack;
+  if (content->revision < revision_) {
+    history = History::kReplaced;
+    why = kReplaced;
+  }
+  was_read_again_ = true;
   known_.replace(std::move(content->known));
   revision_ = content->revision;
-  follower_->on_restart(std::move(content->names), revision_);
+  follower_->on_restart(std::move(content->names), revision_, history == History::kReplaced);
   follower_->on_current(begun);
-  return std::nullopt;
+  follower_->on_trouble("All names in " + gateway_.address().text() + " were read again: " + why +
+                        ".");
+  return why;
 }
 
 // Leases that lost their names end by themselves, but the longest after an hour.

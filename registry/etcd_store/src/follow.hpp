@@ -18,7 +18,8 @@ namespace rtpm::etcd_store {
 /// Follows the names of a cluster by a watch at one endpoint, on a time-shared thread "rtpm-etcd".
 /// Every half second it reads at the same endpoint, through the leader, which changes the watch
 /// must have told: so what a registry has is known to be current. Where that fails it goes on at
-/// the next endpoint, behind the last revision.
+/// the next endpoint, behind the last revision, once it has seen that the cluster still had at that
+/// revision what it has told: a restored one gives other changes the same revisions again.
 /// @threads  start and stop from one
 class Follow {
  public:
@@ -46,11 +47,14 @@ class Follow {
 
   void run();
   [[nodiscard]] std::string follow_at(std::size_t endpoint);
-  [[nodiscard]] std::optional<std::string> take(const std::string& line);
+  [[nodiscard]] std::optional<std::string> take(std::size_t endpoint, const std::string& line);
   [[nodiscard]] std::optional<std::string> take_events(const Json& events);
   [[nodiscard]] std::optional<std::string> probe(std::size_t endpoint);
   void check_probe();
-  [[nodiscard]] std::optional<std::string> read_again();
+  [[nodiscard]] std::optional<std::string> check_history();
+  /// Whether revisions that were told stay what they are.
+  enum class History : std::uint8_t { kSame, kReplaced };
+  [[nodiscard]] std::string read_again(History history, std::string why);
   void end_unused_leases(std::size_t endpoint);
   void note_reached();
   void note_trouble(std::size_t endpoint, const std::string& why);
@@ -64,6 +68,8 @@ class Follow {
   std::uint64_t revision_ = 0;  ///< Of the last change that was told.
   std::vector<names::SharedChange> fragments_{};
   bool is_created_ = false;
+  bool is_to_check_history_ = true;  ///< At the beginning, and when a watch has broken.
+  bool was_read_again_ = false;      ///< And that is why the watch ended.
   std::optional<Probe> probe_{};
   bool is_told_ = false;           ///< That it is not reached.
   std::size_t failure_count_ = 0;  ///< One after the other.

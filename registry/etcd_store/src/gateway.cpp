@@ -113,7 +113,9 @@ expected<Json, GatewayError> Gateway::parse(const std::string& text, long status
   }
   std::uint64_t known = 0;
   if (!cluster_.compare_exchange_strong(known, cluster) && known != cluster) {
-    return unexpected{lasting("it is of another cluster than the others")};
+    auto error = lasting("it is of another cluster than the others");
+    error.other_cluster = cluster;
+    return unexpected{std::move(error)};
   }
   return result;
 }
@@ -128,7 +130,27 @@ expected<Json, GatewayError> Gateway::ask_at(std::size_t endpoint, std::string_v
     return unexpected{GatewayError{reply.error().why, GatewayError::kUnavailable,
                                    reply.error().was_sent, reply.error().is_lasting}};
   }
-  return parse(reply->body, reply->status);
+  auto result = parse(reply->body, reply->status);
+  note_cluster(endpoint, result ? 0 : result.error().other_cluster);
+  return result;
+}
+
+void Gateway::note_cluster(std::size_t endpoint, std::uint64_t other) {
+  const std::lock_guard lock(mutex_);
+  other_clusters_[endpoint] = other;
+}
+
+bool Gateway::adopt_other_cluster() {
+  const std::lock_guard lock(mutex_);
+  for (const std::uint64_t other : other_clusters_) {
+    if (other == 0) continue;
+    const auto count = static_cast<std::size_t>(std::ranges::count(other_clusters_, other));
+    if (2 * count <= other_clusters_.size()) continue;
+    cluster_ = other;
+    std::ranges::fill(other_clusters_, 0);
+    return true;
+  }
+  return false;
 }
 
 expected<Json, GatewayError> Gateway::ask(std::string_view path, const Json& body,

@@ -28,8 +28,9 @@ struct GatewayError {
   static constexpr int kUnavailable = 14;
   std::string why{};
   int code = kUnavailable;
-  bool was_sent = true;     ///< It may have been done.
-  bool is_lasting = false;  ///< The same endpoint would answer so again.
+  bool was_sent = true;             ///< It may have been done.
+  bool is_lasting = false;          ///< The same endpoint would answer so again.
+  std::uint64_t other_cluster = 0;  ///< The cluster that answered is this one.
 };
 
 /// A key's value, as etcd gives it.
@@ -44,7 +45,8 @@ struct KeyValue {
 /// @threads  any, several at once
 class Gateway {
  public:
-  explicit Gateway(Address address) : address_(std::move(address)) {}
+  explicit Gateway(Address address)
+      : address_(std::move(address)), other_clusters_(address_.endpoints.size()) {}
 
   [[nodiscard]] const Address& address() const noexcept { return address_; }
   /// Asks the preferred endpoint, and then each other until one answers or `deadline` is over. A
@@ -62,6 +64,11 @@ class Gateway {
   [[nodiscard]] std::size_t preferred() const noexcept { return preferred_; }
   /// Prefers the next one, unless another caller did.
   void avoid(std::size_t endpoint) noexcept;
+  /// The endpoint answered as of another cluster; 0: as of the known one.
+  void note_cluster(std::size_t endpoint, std::uint64_t other);
+  /// Takes another cluster for the known one once most endpoints are of it: the cluster was
+  /// replaced, as by restoring it under a new token. Whether it did.
+  [[nodiscard]] bool adopt_other_cluster();
   /// 0: none has answered yet.
   [[nodiscard]] std::uint64_t cluster() const noexcept { return cluster_; }
   /// Ends requests that are under way.
@@ -76,8 +83,9 @@ class Gateway {
   std::atomic<std::size_t> preferred_ = 0;
   std::atomic<std::uint64_t> cluster_ = 0;
   std::atomic<bool> is_stopping_ = false;
-  std::mutex mutex_;  ///< Plain, of the idle ones.
+  std::mutex mutex_;  ///< Plain. Guards what follows.
   std::vector<std::unique_ptr<HttpClient>> idle_{};
+  std::vector<std::uint64_t> other_clusters_;  ///< By endpoints; 0: none.
 };
 
 /// A whole number of etcd's JSON, where 64-bit ones are texts, and zeros are left out.

@@ -18,7 +18,11 @@ struct KnownName {
   std::uint64_t etcd_lease = 0;  ///< 0: none.
   Duration lease{};              ///< Of the name.
   bool is_foreign = false;       ///< Its value was not written by a registry: it is no name.
+  std::uint64_t value_hash = 0;
+  friend bool operator==(const KnownName&, const KnownName&) = default;
 };
+
+using NameMap = std::map<std::string, KnownName, std::less<>>;
 
 /// The keys of names, with what registries do not know of them; and leases that have no key any
 /// more.
@@ -35,7 +39,7 @@ class KnownNames {
     const std::lock_guard lock(mutex_);
     names_.erase(name);
   }
-  void replace(std::map<std::string, KnownName, std::less<>> names) {
+  void replace(NameMap names) {
     const std::lock_guard lock(mutex_);
     names_ = std::move(names);
   }
@@ -43,6 +47,10 @@ class KnownNames {
     const std::lock_guard lock(mutex_);
     const auto found = names_.find(name);
     return found == names_.end() ? std::nullopt : std::optional(found->second);
+  }
+  [[nodiscard]] bool are(const NameMap& names) const {
+    const std::lock_guard lock(mutex_);
+    return names_ == names;
   }
   [[nodiscard]] std::size_t size() const {
     const std::lock_guard lock(mutex_);
@@ -64,7 +72,7 @@ class KnownNames {
 
  private:
   mutable std::mutex mutex_;  ///< Plain: no real-time thread takes it.
-  std::map<std::string, KnownName, std::less<>> names_{};
+  NameMap names_{};
   std::vector<std::uint64_t> unused_{};
 };
 

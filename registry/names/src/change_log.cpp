@@ -36,7 +36,7 @@ void ChangeLog::add(LoggedChange change) {
 void ChangeLog::restart(std::uint64_t revision) {
   changes_.clear();
   byte_count_ = 0;
-  newest_ = std::max(newest_, revision);
+  newest_ = revision;
   forgotten_ = newest_;
   ++restart_count_;
 }

@@ -36,7 +36,8 @@ class ChangeLog {
   [[nodiscard]] std::size_t count_after(std::uint64_t revision) const noexcept;
   /// Of the last change.
   [[nodiscard]] std::uint64_t revision() const noexcept { return newest_; }
-  /// Forgets all changes: those up to `revision` are not known one by one.
+  /// Forgets all changes: those up to `revision`, which may be less than before, are not known one
+  /// by one.
   void restart(std::uint64_t revision);
   /// How often it was restarted.
   [[nodiscard]] std::uint64_t restart_count() const noexcept { return restart_count_; }

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/host.hpp"
 
 namespace rtpm::names {
 
@@ -15,16 +16,18 @@ void Replica::on_changes(std::vector<SharedChange> changes) {
     store_.apply(std::move(changes), rt::now());
     watches_.wake();
   }
-  advance(revision);
+  reach(revision);
 }
 
-void Replica::on_restart(std::vector<StoredName> names, std::uint64_t revision) {
+void Replica::on_restart(std::vector<StoredName> names, std::uint64_t revision, bool is_replaced) {
   {
     const std::lock_guard lock(mutex_);
     store_.apply_all(std::move(names), revision, rt::now());
+    // The same revision says something else now, also to a watch that resumes at another registry.
+    if (is_replaced) watches_.begin_history(rt::random_u64());
     watches_.wake();
   }
-  advance(revision);
+  reach(revision);
 }
 
 void Replica::on_current(MonotonicTime as_of) {
@@ -43,10 +46,11 @@ void Replica::on_trouble(const std::string& sentence) {
   report_(sentence);
 }
 
-void Replica::advance(std::uint64_t revision) {
+// Less than before after a restart of a storage that was restored.
+void Replica::reach(std::uint64_t revision) {
   {
     const std::lock_guard lock(progress_mutex_);
-    applied_ = std::max(applied_, revision);
+    applied_ = revision;
   }
   progress_.notify_all();
 }

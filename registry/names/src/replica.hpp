@@ -31,7 +31,7 @@ class Replica final : public SharedStorage::Follower {
         applied_(revision) {}
 
   void on_changes(std::vector<SharedChange> changes) override;
-  void on_restart(std::vector<StoredName> names, std::uint64_t revision) override;
+  void on_restart(std::vector<StoredName> names, std::uint64_t revision, bool is_replaced) override;
   void on_current(MonotonicTime as_of) override;
   void on_trouble(const std::string& sentence) override;
 
@@ -42,7 +42,7 @@ class Replica final : public SharedStorage::Follower {
   [[nodiscard]] std::string trouble() const;
 
  private:
-  void advance(std::uint64_t revision);
+  void reach(std::uint64_t revision);
 
   rt::PiMutex& mutex_;
   Store& store_;

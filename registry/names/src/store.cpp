@@ -273,7 +273,7 @@ void Store::apply_all(std::vector<StoredName> names, std::uint64_t revision, Mon
     if (known != since.end()) record.bound = known->second;
     insert(std::move(record));
   }
-  next_revision_ = std::max(next_revision_, revision + 1);
+  next_revision_ = revision + 1;
   log_.restart(revision);
 }
 

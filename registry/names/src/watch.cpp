@@ -205,7 +205,7 @@ class OneWatch final : public NameWatch::Impl {
                            known->second.revision >= change.revision();
       if (is_same || (is_known && is_state && known->second.is_as(told.entry))) {
         known->second.history = now_history(is_state);
-        known->second.revision = std::max(known->second.revision, change.revision());
+        if (!is_same) known->second.revision = change.revision();
         return;
       }
       if (is_known) told.kind = NameChange::Kind::kChanged;

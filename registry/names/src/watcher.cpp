@@ -24,8 +24,9 @@ bool is_stale(Duration stale) noexcept {
 
 }  // namespace
 
-Watcher::Watcher(rpc::TableWriter<WatchItem> writer, WatchFilter filter, std::uint64_t history,
-                 std::optional<std::uint64_t> after, const Store& store, std::uint64_t host)
+Watcher::Watcher(rpc::TableWriter<WatchItem> writer, WatchFilter filter,
+                 const std::uint64_t& history, std::optional<std::uint64_t> after,
+                 const Store& store, std::uint64_t host)
     : writer_(std::move(writer)),
       filter_(std::move(filter)),
       history_(history),

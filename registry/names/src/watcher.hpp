@@ -23,8 +23,9 @@ class Watcher {
     kTooSlow,  ///< It was cut off.
   };
 
-  /// @param after  the revision to resume behind; nullopt: sends the state first
-  Watcher(rpc::TableWriter<WatchItem> writer, WatchFilter filter, std::uint64_t history,
+  /// @param history  the number of the registry's history at any time; outlives this
+  /// @param after    the revision to resume behind; nullopt: sends the state first
+  Watcher(rpc::TableWriter<WatchItem> writer, WatchFilter filter, const std::uint64_t& history,
           std::optional<std::uint64_t> after, const Store& store, std::uint64_t host);
 
   /// Sends some items. A watcher that takes none, with more than `backlog_max` changes to come, is
@@ -45,7 +46,7 @@ class Watcher {
 
   rpc::TableWriter<WatchItem> writer_;
   WatchFilter filter_;
-  std::uint64_t history_;
+  const std::uint64_t& history_;
   std::uint64_t host_;
   bool is_in_state_;
   bool is_welcome_due_ = true;   ///< The first item goes out, also without changes.

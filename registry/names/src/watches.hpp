@@ -30,6 +30,9 @@ class Watches {
   /// `caller`: who sees only what its grants let it see; null: it sees all.
   void add(const WatchRequest& request, rpc::TableWriter<WatchItem> writer, std::uint64_t host,
            std::shared_ptr<const rpc::Caller> caller = nullptr);
+  /// Revisions of changes count anew: watchers get another number of their history, and whoever
+  /// resumes by the former one gets the state. With the mutex locked.
+  void begin_history(std::uint64_t history) noexcept { history_ = history; }
   /// After a change.
   void wake() noexcept {
     if (thread_.is_running()) bell_.post();

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <csignal>
 #include <cstdlib>
 #include <filesystem>
 #include <memory>
@@ -46,20 +47,58 @@ EtcdNode* EtcdNode::shared() {
   return answers(kNode->endpoint_) ? kNode.get() : nullptr;
 }
 
-EtcdNode::EtcdNode() : endpoint_("127.0.0.1:" + free_port()) {
+std::unique_ptr<EtcdNode> EtcdNode::own() {
+  if (shared() == nullptr) return nullptr;
+  std::unique_ptr<EtcdNode> node(new EtcdNode);
+  return answers(node->endpoint_) ? std::move(node) : nullptr;
+}
+
+EtcdNode::EtcdNode()
+    : endpoint_("127.0.0.1:" + free_port()), peer_endpoint_("127.0.0.1:" + free_port()) {
   folder_ = (std::filesystem::temp_directory_path() / "rtpm-etcd-XXXXXX").string();
-  if (::mkdtemp(folder_.data()) == nullptr) return;
-  const std::string client = "http://" + endpoint_;
-  const std::string peer = "http://127.0.0.1:" + free_port();
+  if (::mkdtemp(folder_.data()) != nullptr) start();
+}
+
+void EtcdNode::start() {
+  const std::string peer = "http://" + peer_endpoint_;
   std::vector<std::string> command = test::etcd_command({.name = "n0",
                                                          .data_folder = folder_ + "/n0",
-                                                         .client_url = client,
+                                                         .client_url = "http://" + endpoint_,
                                                          .peer_url = peer,
                                                          .cluster = "n0=" + peer,
                                                          .log_file = folder_ + "/log"});
   command.insert(command.begin(), "/usr/bin/env");
+  command.insert(command.end(), {"--initial-cluster-token", token_});
   process_.emplace(command);
   static_cast<void>(test::await([&] { return answers(endpoint_); }));
+}
+
+void EtcdNode::stop() {
+  process_->send_signal(SIGTERM);
+  static_cast<void>(process_->wait(std::chrono::seconds{20}));
+  process_.reset();
+}
+
+void EtcdNode::back_up() {
+  stop();
+  std::filesystem::copy(folder_ + "/n0", folder_ + "/backup",
+                        std::filesystem::copy_options::recursive);
+  start();
+}
+
+void EtcdNode::restore_backup() {
+  stop();
+  std::filesystem::remove_all(folder_ + "/n0");
+  std::filesystem::copy(folder_ + "/backup", folder_ + "/n0",
+                        std::filesystem::copy_options::recursive);
+  start();
+}
+
+void EtcdNode::restore_nothing(const std::string& token) {
+  stop();
+  std::filesystem::remove_all(folder_ + "/n0");
+  token_ = token;
+  start();
 }
 
 EtcdNode::~EtcdNode() {

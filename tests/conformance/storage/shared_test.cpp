@@ -5,8 +5,10 @@
 #include <condition_variable>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "etcd_node.hpp"
@@ -32,7 +34,12 @@ class Followed final : public SharedStorage::Follower {
       changes_.push_back(std::move(change));
     told_.notify_all();
   }
-  void on_restart(std::vector<StoredName>, std::uint64_t) override {}
+  void on_restart(std::vector<StoredName> names, std::uint64_t revision,
+                  bool is_replaced) override {
+    const std::lock_guard lock(mutex_);
+    restart_ = {std::move(names), revision, is_replaced};
+    told_.notify_all();
+  }
   void on_current(MonotonicTime as_of) override {
     const std::lock_guard lock(mutex_);
     current_as_of_ = as_of;
@@ -45,6 +52,17 @@ class Followed final : public SharedStorage::Follower {
     told_.wait_for(lock, 10s, [&] { return changes_.size() >= count; });
     return changes_;
   }
+  /// What it was told to begin with anew.
+  struct Restart {
+    std::vector<StoredName> names{};
+    std::uint64_t revision = 0;
+    bool is_replaced = false;
+  };
+  [[nodiscard]] std::optional<Restart> wait_for_restart() {
+    std::unique_lock lock(mutex_);
+    told_.wait_for(lock, 20s, [&] { return restart_.has_value(); });
+    return std::exchange(restart_, std::nullopt);
+  }
   [[nodiscard]] bool is_current_since(MonotonicTime time) {
     std::unique_lock lock(mutex_);
     return told_.wait_for(lock, 10s, [&] { return current_as_of_ >= time; });
@@ -54,6 +72,7 @@ class Followed final : public SharedStorage::Follower {
   std::mutex mutex_;
   std::condition_variable told_{};
   std::vector<SharedChange> changes_{};
+  std::optional<Restart> restart_{};
   MonotonicTime current_as_of_{};
 };
 
@@ -195,6 +214,107 @@ TEST_F(Shared, EndsTheLeaseOfANameThatNoRegistryRenews) {
   ASSERT_EQ(changes.size(), 2u);
   EXPECT_FALSE(changes[1].stored);
   EXPECT_EQ(first_->renew("lab/arm0", *bound, kNever).error().kind, Kind::kConflict);
+}
+
+/// A registry's storage in an etcd that is restored from a backup.
+class Restored : public testing::Test {
+ protected:
+  void SetUp() override {
+    node_ = EtcdNode::own();
+    if (!node_) GTEST_SKIP() << kNoEtcd;
+    url_ = node_->fresh_url();
+    storage_ = made();
+    seen_ = loaded(*storage_);
+    const auto bound = put(*storage_, "lab/cam1", seen_);
+    ASSERT_TRUE(bound) << bound.error().text();
+    node_->back_up();
+  }
+  [[nodiscard]] std::unique_ptr<SharedStorage> made() const {
+    auto storage = etcd_store::make_etcd_storage(url_);
+    EXPECT_TRUE(storage) << storage.error().text();
+    return std::move(*storage);
+  }
+  static std::uint64_t loaded(SharedStorage& storage) {
+    const auto content = storage.load();
+    EXPECT_TRUE(content) << content.error().text();
+    return content ? content->first_revision - 1 : 0;
+  }
+  static expected<std::uint64_t, names::StorageError> put(SharedStorage& storage,
+                                                          const std::string& name,
+                                                          std::uint64_t seen) {
+    const StoredName stored = named(name, seen + 1);
+    return storage.commit({name, &stored, seen + 1, true, 0});
+  }
+  /// Binds lab/cam2 to lab/cam5, which the backup does not have.
+  void bind_more() {
+    for (int i = 2; i <= 5; ++i) {
+      const auto bound = put(*storage_, "lab/cam" + std::to_string(i), seen_ + 100);
+      ASSERT_TRUE(bound) << bound.error().text();
+      last_ = *bound;
+    }
+  }
+
+  std::unique_ptr<EtcdNode> node_{};
+  Followed told_{};  ///< Outlives the storage that tells it.
+  std::string url_{};
+  std::unique_ptr<SharedStorage> storage_{};
+  std::uint64_t seen_ = 0;
+  std::uint64_t last_ = 0;
+};
+
+TEST_F(Restored, IsReadAgainWhenItsRevisionWentBack) {
+  ASSERT_TRUE(storage_->follow(told_));
+  bind_more();
+  ASSERT_EQ(told_.wait_for(5).size(), 5u);
+  node_->restore_backup();
+  const auto restart = told_.wait_for_restart();
+  ASSERT_TRUE(restart);
+  EXPECT_TRUE(restart->is_replaced);
+  ASSERT_EQ(restart->names.size(), 1u);
+  EXPECT_EQ(restart->names[0].name, "lab/cam1");
+  EXPECT_LT(restart->revision, last_);
+  // A name that it has lost can be bound again, and is told.
+  const auto bound = put(*storage_, "lab/cam5", restart->revision);
+  ASSERT_TRUE(bound) << bound.error().text();
+  const auto changes = told_.wait_for(6);
+  ASSERT_EQ(changes.size(), 6u);
+  EXPECT_EQ(changes[5].name, "lab/cam5");
+  EXPECT_EQ(changes[5].revision, *bound);
+  EXPECT_TRUE(told_.is_current_since(rt::now()));
+}
+
+// Others have changed it meanwhile, so that its revision does not show it.
+TEST_F(Restored, IsReadAgainWhenOthersHaveUsedTheSameRevisions) {
+  bind_more();
+  static_cast<void>(loaded(*storage_));
+  node_->restore_backup();
+  const auto other = made();
+  const std::uint64_t seen = loaded(*other);
+  for (int i = 2; i <= 6; ++i)
+    ASSERT_TRUE(put(*other, "lab/lamp" + std::to_string(i), seen + 100));
+  ASSERT_TRUE(storage_->follow(told_));
+  const auto restart = told_.wait_for_restart();
+  ASSERT_TRUE(restart);
+  EXPECT_TRUE(restart->is_replaced);
+  EXPECT_GT(restart->revision, last_);
+  ASSERT_EQ(restart->names.size(), 6u);
+  EXPECT_EQ(restart->names.back().name, "lab/lamp6");
+}
+
+TEST_F(Restored, IsReadAgainWhenItIsEmptyOrAnotherCluster) {
+  ASSERT_TRUE(storage_->follow(told_));
+  std::size_t told_count = 1;
+  for (const char* token : {"one", "another"}) {
+    ASSERT_EQ(told_.wait_for(told_count).size(), told_count);
+    ++told_count;
+    node_->restore_nothing(token);
+    const auto restart = told_.wait_for_restart();
+    ASSERT_TRUE(restart) << token;
+    EXPECT_TRUE(restart->is_replaced);
+    EXPECT_TRUE(restart->names.empty());
+    const auto bound = put(*storage_, "lab/cam1", restart->revision);
+    ASSERT_TRUE(bound) << bound.error().text();
+  }
 }
 
 }  // namespace

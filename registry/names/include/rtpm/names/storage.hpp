@@ -41,7 +41,7 @@ struct StoredContent {
   std::vector<StoredName> names{};
   /// Every revision that was ever used is below it.
   std::uint64_t first_revision = 1;
-  /// What is lost, and why nothing can be changed; empty: all is sound. A sentence each.
+  /// What is lost, and why nothing can be changed now; empty: all is sound. A sentence each.
   std::vector<std::string> faults{};
 };
 
@@ -49,7 +49,7 @@ struct StoredContent {
 struct StorageError : SetupError {
   enum class Kind : std::uint8_t {
     kFull,      ///< No space is left.
-    kReadOnly,  ///< It was found damaged, or failed before.
+    kReadOnly,  ///< It was found damaged, failed before, or was deleted.
     kFailed,
     kConflict,     ///< Another registry was first: see `revision`.
     kUnreachable,  ///< A shared one did not answer in time: it may have happened, or not.
@@ -113,8 +113,11 @@ class SharedStorage : public Storage {
     virtual ~Follower() = default;
     /// Changes, in the order of their revisions, whoever made them.
     virtual void on_changes(std::vector<SharedChange> changes) = 0;
-    /// Changes were missed: everything that is stored, as of `revision`.
-    virtual void on_restart(std::vector<StoredName> names, std::uint64_t revision) = 0;
+    /// Changes were missed: everything that is stored, as of `revision`. `is_replaced`: the storage
+    /// was restored or replaced, so that revisions that were told may have been forgotten, and come
+    /// again for other changes.
+    virtual void on_restart(std::vector<StoredName> names, std::uint64_t revision,
+                            bool is_replaced) = 0;
     /// Everything that was stored before `as_of` has been told.
     virtual void on_current(MonotonicTime as_of) = 0;
     /// A sentence for the log: what of it is foreign, or that it is not reached.

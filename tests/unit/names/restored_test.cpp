@@ -1,0 +1,269 @@
+// Registries whose shared storage is restored from a backup while they run: simulated, with seeds.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <chrono>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <random>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "registry_fixture.hpp"
+#include "rtpm/names/directory.hpp"
+#include "rtpm/names/storage.hpp"
+#include "rtpm/names/watch.hpp"
+#include "rtpm/rpc/node.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/test/os.hpp"
+
+namespace rtpm::names {
+namespace {
+
+using namespace std::chrono_literals;
+using NamesAndUrls = std::map<std::string, std::string>;
+
+constexpr Owner kOwner{.id = 1, .epoch = 1};
+
+/// What registries share. Changes are told at once, a restoration when they notice it.
+class Cluster {
+ public:
+  struct State {
+    std::map<std::string, StoredName, std::less<>> names{};
+    std::uint64_t revision = 1;
+  };
+
+  [[nodiscard]] State state() {
+    const std::lock_guard lock(mutex_);
+    return state_;
+  }
+  void restore(State state) {
+    const std::lock_guard lock(mutex_);
+    state_ = std::move(state);
+    for (Told& each : followers_)
+      each.has_noticed = false;
+  }
+  /// The registry of this number notices that the storage was restored.
+  void notice(std::size_t number) {
+    const std::lock_guard lock(mutex_);
+    Told& told = followers_.at(number);
+    told.has_noticed = true;
+    told.follower->on_restart(values(), state_.revision, /*is_replaced=*/true);
+    told.follower->on_current(rt::now());
+  }
+  void add(SharedStorage::Follower& follower) {
+    const std::lock_guard lock(mutex_);
+    followers_.push_back({&follower, true});
+  }
+  [[nodiscard]] StoredContent content() {
+    const std::lock_guard lock(mutex_);
+    return {.names = values(), .first_revision = state_.revision + 1};
+  }
+  expected<std::uint64_t, StorageError> commit(const StoredChange& change) {
+    const std::lock_guard lock(mutex_);
+    const auto found = state_.names.find(change.name);
+    const std::uint64_t now = found == state_.names.end() ? 0 : found->second.change;
+    if (now != change.expected) return unexpected{conflict(now)};
+    const std::uint64_t revision = ++state_.revision;
+    SharedChange told{std::string(change.name), revision, std::nullopt};
+    if (found != state_.names.end()) state_.names.erase(found);
+    if (change.stored != nullptr) {
+      StoredName stored = *change.stored;
+      stored.change = revision;
+      if (stored.revision == change.revision) stored.revision = revision;
+      told.stored = stored;
+      state_.names.emplace(change.name, std::move(stored));
+    }
+    for (Told& each : followers_) {
+      if (!each.has_noticed) continue;
+      each.follower->on_changes({told});
+      each.follower->on_current(rt::now());
+    }
+    return revision;
+  }
+  expected<void, StorageError> confirm(std::string_view name, std::uint64_t change) {
+    const std::lock_guard lock(mutex_);
+    const auto found = state_.names.find(name);
+    const std::uint64_t now = found == state_.names.end() ? 0 : found->second.change;
+    if (now == change) return {};
+    return unexpected{conflict(now)};
+  }
+
+ private:
+  struct Told {
+    SharedStorage::Follower* follower;
+    bool has_noticed;
+  };
+  static StorageError conflict(std::uint64_t revision) {
+    return {{"another was first", {}, {}}, StorageError::Kind::kConflict, revision};
+  }
+  [[nodiscard]] std::vector<StoredName> values() const {
+    std::vector<StoredName> all;
+    for (const auto& [name, stored] : state_.names)
+      all.push_back(stored);
+    return all;
+  }
+
+  std::mutex mutex_;
+  State state_{};
+  std::vector<Told> followers_{};
+};
+
+class SimulatedStorage final : public SharedStorage {
+ public:
+  explicit SimulatedStorage(Cluster& cluster) : cluster_(cluster) {}
+  expected<StoredContent, SetupError> load() override { return cluster_.content(); }
+  expected<std::uint64_t, StorageError> commit(const StoredChange& change) override {
+    return cluster_.commit(change);
+  }
+  expected<void, SetupError> follow(Follower& follower) override {
+    cluster_.add(follower);
+    return {};
+  }
+  void stop() noexcept override {}
+  expected<void, StorageError> confirm(std::string_view name, std::uint64_t change,
+                                       MonotonicTime) override {
+    return cluster_.confirm(name, change);
+  }
+  expected<void, StorageError> renew(std::string_view name, std::uint64_t change,
+                                     MonotonicTime) override {
+    return cluster_.confirm(name, change);
+  }
+  Duration stay_of(Duration lease) const noexcept override { return lease; }
+  std::uint64_t identity() const noexcept override { return 7; }
+  std::string place() const override { return "simulated"; }
+
+ private:
+  Cluster& cluster_;
+};
+
+/// Two registries with one storage, and a watch at each.
+class Site {
+ public:
+  explicit Site(std::uint64_t seed) : random_(seed) {
+    for (Registry& each : registries_)
+      start(each);
+  }
+
+  void change() {
+    Registry& at = registries_[pick(2)];
+    const std::string name = "lab/n" + std::to_string(pick(6));
+    if (pick(3) == 0) {
+      static_cast<void>(at.directory->unbind(name, kOwner));
+    } else {
+      static_cast<void>(bind(at, name));
+    }
+  }
+  void back_up() { backup_ = cluster_.state(); }
+  /// Some changes may be made before both registries have noticed.
+  void restore() {
+    if (!backup_) return;
+    cluster_.restore(*backup_);
+    const std::size_t first = pick(2);
+    cluster_.notice(first);
+    for (std::size_t i = pick(4); i > 0; --i)
+      static_cast<void>(bind(registries_[first], "lab/n" + std::to_string(pick(6))));
+    cluster_.notice(1 - first);
+  }
+  /// What is wrong with what registries and watches have; empty: nothing.
+  [[nodiscard]] std::string faults() {
+    NamesAndUrls all;
+    for (const auto& [name, stored] : cluster_.state().names)
+      all.emplace(name, stored.url);
+    for (Registry& each : registries_) {
+      const auto listed = each.directory->list();
+      if (!listed) return listed.error().text();
+      NamesAndUrls names;
+      for (const NameEntry& entry : *listed)
+        names.emplace(entry.name, entry.url);
+      if (names != all) return "a registry lists what is not stored";
+      if (!test::await([&] { return each.watched() == all; }, 5s)) {
+        return "a watch has " + std::to_string(each.watched().size()) + " of " +
+               std::to_string(all.size()) + " names, or others";
+      }
+    }
+    return {};
+  }
+  /// Every name can be bound, and is seen by both.
+  [[nodiscard]] std::string faults_of_binding() {
+    for (int i = 0; i < 6; ++i) {
+      const std::string name = "lab/n" + std::to_string(i);
+      const auto bound = bind(registries_[pick(2)], name);
+      if (!bound) return name + ": " + bound.error().text();
+    }
+    return faults();
+  }
+
+ private:
+  struct Registry {
+    std::unique_ptr<rpc::Servant> servant{};
+    std::optional<ServedRegistry> served{};
+    std::optional<Directory> directory{};
+    std::mutex mutex{};
+    NamesAndUrls told{};
+    std::unique_ptr<NameWatch> watch{};
+    [[nodiscard]] NamesAndUrls watched() {
+      const std::lock_guard lock(mutex);
+      return told;
+    }
+  };
+
+  void start(Registry& each) {
+    auto made = make_registry({.report = [](std::string_view) {},
+                               .shared_storage = std::make_unique<SimulatedStorage>(cluster_)});
+    ASSERT_TRUE(made) << made.error().text();
+    each.servant = std::move(*made);
+    each.served.emplace(*each.servant);
+    each.directory.emplace(node_, each.served->url());
+    auto watch = NameWatch::start(node_, each.served->url(), {},
+                                  {.on_change = [&each](const NameChange& change) {
+                                    const std::lock_guard lock(each.mutex);
+                                    each.told.erase(change.entry.name);
+                                    if (change.kind != NameChange::Kind::kGone)
+                                      each.told.emplace(change.entry.name, change.entry.url);
+                                  }});
+    ASSERT_TRUE(watch) << watch.error().text();
+    each.watch = std::move(*watch);
+  }
+  [[nodiscard]] expected<Granted, DirectoryError> bind(Registry& at, const std::string& name) {
+    const std::string url = "rtpm://10.0.0.1:1/p" + std::to_string(++url_count_);
+    Claim claim{name, url, "lab.Arm", kOwner};
+    claim.is_permanent = true;
+    return at.directory->bind(claim);
+  }
+  [[nodiscard]] std::size_t pick(std::size_t count) { return random_() % count; }
+
+  std::mt19937_64 random_;
+  Cluster cluster_;
+  std::optional<Cluster::State> backup_{};
+  rpc::Node node_{{.wait = {.strategy = rt::WaitStrategy::kBlock}, .collocates = false}};
+  std::array<Registry, 2> registries_{};
+  int url_count_ = 0;
+};
+
+TEST(RestoredStorage, LeavesRegistriesAndWatchesWithWhatIsStored) {
+  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Site site(seed);
+    std::mt19937_64 random(seed);
+    for (int round = 0; round < 3; ++round) {
+      for (int i = 0; i < 4; ++i)
+        site.change();
+      site.back_up();
+      for (std::uint64_t i = random() % 6; i > 0; --i)
+        site.change();
+      site.restore();
+      ASSERT_EQ(site.faults(), "");
+      for (int i = 0; i < 3; ++i)
+        site.change();
+      ASSERT_EQ(site.faults(), "");
+    }
+    ASSERT_EQ(site.faults_of_binding(), "");
+  }
+}
+
+}  // namespace
+}  // namespace rtpm::names
