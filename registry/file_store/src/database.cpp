@@ -63,6 +63,21 @@ std::int64_t Database::integer_of(const char* sql, std::int64_t otherwise) {
   return statement.step() == SQLITE_ROW ? statement.integer(0) : otherwise;
 }
 
+bool Database::has_moved() {
+  int has_moved = 0;
+  static_cast<void>(
+      sqlite3_file_control(database_.get(), "main", SQLITE_FCNTL_HAS_MOVED, &has_moved));
+  // Of the log SQLite tells only whether there is one by that name.
+  const std::string log = std::string(sqlite3_db_filename(database_.get(), "main")) + "-wal";
+  sqlite3_vfs* vfs = nullptr;
+  int is_there = 1;
+  static_cast<void>(sqlite3_file_control(database_.get(), "main", SQLITE_FCNTL_VFS_POINTER, &vfs));
+  if (vfs != nullptr) {
+    static_cast<void>(vfs->xAccess(vfs, log.c_str(), SQLITE_ACCESS_EXISTS, &is_there));
+  }
+  return has_moved != 0 || is_there == 0;
+}
+
 std::string Database::text() const {
   return database_ == nullptr ? "out of memory" : sqlite3_errmsg(database_.get());
 }

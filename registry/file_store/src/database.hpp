@@ -52,6 +52,8 @@ class Database {
   [[nodiscard]] Statement prepare(const char* sql) { return {database_.get(), sql}; }
   /// The integer that a query gives in its only row, else `otherwise`.
   [[nodiscard]] std::int64_t integer_of(const char* sql, std::int64_t otherwise);
+  /// After a write: whether its file is no more where it was opened, or its log has gone.
+  [[nodiscard]] bool has_moved();
   /// The last error in words.
   [[nodiscard]] std::string text() const;
 

@@ -23,6 +23,7 @@ constexpr std::uint64_t kRevisionsPerStart = std::uint64_t{1} << 20;
 /// How many rows are tried behind a damaged page.
 constexpr int kSkippedRowMax = 100'000;
 
+constexpr const char* kCheckPlace = "check its folder, rights and space";
 constexpr const char* kCreate =
     "BEGIN IMMEDIATE;"
     "CREATE TABLE names(id INTEGER PRIMARY KEY, name TEXT UNIQUE NOT NULL, url TEXT NOT NULL, "
@@ -64,7 +65,15 @@ class FileStorage final : public names::Storage {
           printable(path_) + " away, and give it back by `--load`.");
       return content;
     }
-    if (auto begun = begin(content); !begun) return unexpected{std::move(begun.error())};
+    if (!prepare()) return unexpected{unusable(database_.text(), kCheckPlace)};
+    first_revision_ = content.first_revision;
+    if (note_start() == SQLITE_DONE) return content;
+    // Its names are sound, so they are served; each change tries again.
+    const std::string why = database_.text();
+    roll_back();
+    content.faults.push_back("The database " + printable(path_) + " can't be written: " + why +
+                             ". Its names are served, and nothing can be changed before it can be "
+                             "written: free some space.");
     return content;
   }
 
@@ -74,12 +83,20 @@ class FileStorage final : public names::Storage {
       return unexpected{
           StorageError{{"the database " + printable(path_) + " can't be changed", why}, kReadOnly}};
     }
-    if (const int result = write(change); result != SQLITE_DONE) {
+    const int noted = note_start();
+    if (const int result = noted == SQLITE_DONE ? write(change) : noted; result != SQLITE_DONE) {
       const std::string why = database_.text();
-      if (sqlite3_get_autocommit(database_.get()) == 0) {
-        static_cast<void>(database_.execute("ROLLBACK"));
-      }
+      roll_back();
       return unexpected{failure(result, why)};
+    }
+    // What was written to a file that has gone is lost with this program.
+    if (database_.has_moved()) {
+      return unexpected{
+          StorageError{{"the database " + printable(path_) + " can't be changed",
+                        "its file was deleted or replaced while the registry had it open",
+                        "save the names that are still served (rtpm list), and start the registry "
+                        "again with the file that is to be used"},
+                       kReadOnly}};
     }
     return change.revision;
   }
@@ -95,9 +112,10 @@ class FileStorage final : public names::Storage {
   expected<void, SetupError> open(names::StoredContent& content) {
     int result = database_.open(path_, vfs_);
     if (result == SQLITE_OK) {
+      // First: without it reading what a killed program has left takes space for shared memory.
+      static_cast<void>(database_.execute("PRAGMA locking_mode = EXCLUSIVE"));
       // The check of its structure goes through all of it in any order: 64 MiB.
       static_cast<void>(database_.execute("PRAGMA cache_size = -65536"));
-      static_cast<void>(database_.execute("PRAGMA locking_mode = EXCLUSIVE"));
       // The journal of the change to write-ahead logging must be gone for good before the log has
       // a commit: after a power cut it would take that back.
       set_durable(true);
@@ -117,7 +135,7 @@ class FileStorage final : public names::Storage {
       return {};
     }
     if (result != SQLITE_OK) {
-      return unexpected{unusable(database_.text(), "check its folder, rights and space")};
+      return unexpected{unusable(database_.text(), kCheckPlace)};
     }
     return check_kind();
   }
@@ -128,7 +146,7 @@ class FileStorage final : public names::Storage {
     const std::int64_t table_count = database_.integer_of("SELECT count(*) FROM sqlite_master", -1);
     if (kind == 0 && version == 0 && table_count == 0) {
       if (database_.execute(kCreate) == SQLITE_OK) return {};
-      return unexpected{unusable(database_.text(), "check its folder, rights and space")};
+      return unexpected{unusable(database_.text(), kCheckPlace)};
     }
     if (kind != kApplicationId) {
       return unexpected{unusable("it is another program's", "give --store another file")};
@@ -195,8 +213,15 @@ class FileStorage final : public names::Storage {
     }
   }
 
-  // Prepares for changes, and notes this start.
-  expected<void, SetupError> begin(const names::StoredContent& content) {
+  // Ends a transaction that failed and that SQLite has not ended itself.
+  void roll_back() {
+    if (sqlite3_get_autocommit(database_.get()) == 0) {
+      static_cast<void>(database_.execute("ROLLBACK"));
+    }
+  }
+
+  // The statements of changes.
+  bool prepare() {
     begin_ = database_.prepare("BEGIN IMMEDIATE");
     commit_ = database_.prepare("COMMIT");
     put_ = database_.prepare(
@@ -209,18 +234,20 @@ class FileStorage final : public names::Storage {
         "checksum = excluded.checksum");
     erase_ = database_.prepare("DELETE FROM names WHERE name = ?");
     advance_ = database_.prepare("UPDATE facts SET revision = ?");
+    return begin_ && commit_ && put_ && erase_ && advance_;
+  }
+
+  // Notes this start before its first change, once: SQLITE_DONE or an error.
+  int note_start() {
+    if (is_start_noted_) return SQLITE_DONE;
+    const bool is_same_boot = database_.integer_of("SELECT clock FROM facts", 0) == clock();
     const std::string note =
-        "BEGIN IMMEDIATE; UPDATE facts SET revision = " + std::to_string(content.first_revision) +
-        ", clock = " + std::to_string(clock()) + "; DELETE FROM names WHERE lease_ns > 0 AND " +
-        (database_.integer_of("SELECT clock FROM facts", 0) == clock() ? std::string("0")
-                                                                       : std::string("1")) +
-        "; COMMIT";
-    const bool is_ready = begin_ && commit_ && put_ && erase_ && advance_ &&
-                          database_.execute(note.c_str()) == SQLITE_OK;
-    if (!is_ready) {
-      return unexpected{unusable(database_.text(), "check its folder, rights and space")};
-    }
-    return {};
+        "BEGIN IMMEDIATE; UPDATE facts SET revision = " + std::to_string(first_revision_) +
+        ", clock = " + std::to_string(clock()) +
+        (is_same_boot ? "" : "; DELETE FROM names WHERE lease_ns > 0") + "; COMMIT";
+    const int result = database_.execute(note.c_str());
+    is_start_noted_ = result == SQLITE_OK;
+    return is_start_noted_ ? SQLITE_DONE : result;
   }
 
   /// SQLITE_DONE or an error.
@@ -273,6 +300,8 @@ class FileStorage final : public names::Storage {
   Statement put_{};
   Statement erase_{};
   Statement advance_{};
+  std::uint64_t first_revision_ = 0;
+  bool is_start_noted_ = false;
   bool is_durable_ = false;
   bool is_read_only_ = false;
   bool is_failed_ = false;

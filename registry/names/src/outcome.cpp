@@ -96,7 +96,7 @@ std::string outcome_text(Outcome outcome, std::string_view name, std::uint8_t co
     case Outcome::kTooManyWatches:
       return "the registry has as many watches as it may: end others";
     case Outcome::kReadOnly:
-      return it + " stays as it is, because the registry's database is damaged: see its log";
+      return it + " stays as it is, because the registry's database can't be changed: see its log";
     case Outcome::kStorageFull:
       return it + " was not changed, because the registry's disk is full: free some space there";
     case Outcome::kNotStored:

@@ -95,5 +95,78 @@ TEST(FullDisk, RefusesAChangeAndGoesOnWhenThereIsSpace) {
   ASSERT_TRUE(put(*storage, permanent("lab/arm2", 3)));
 }
 
+// As after `kill -9`: its log is there, and the first write of the next start finds no space.
+TEST(FullDisk, AtTheStartServesTheNamesAndChangesThemOnceThereIsSpace) {
+  const Folder folder;
+  RecordingVfs disk("rtpm-full-start");
+  ASSERT_TRUE(make_file_storage(folder.file(), disk.name())->load());
+  std::uint64_t first_revision = 0;
+  {
+    const auto storage = make_file_storage(folder.file(), disk.name());
+    ASSERT_TRUE(storage->load());
+    ASSERT_TRUE(put(*storage, permanent("lab/arm0", 1)));
+  }
+  disk.set_full(true);
+  const auto storage = make_file_storage(folder.file(), disk.name());
+  const auto content = storage->load();
+  ASSERT_TRUE(content) << content.error().text();
+  first_revision = content->first_revision;
+  ASSERT_EQ(content->names.size(), 1u);
+  EXPECT_EQ(content->names[0], permanent("lab/arm0", 1));
+  ASSERT_EQ(content->faults.size(), 1u);
+  for (const char* part : {"can't be written", "full", "Its names are served", "free some space"})
+    EXPECT_NE(content->faults[0].find(part), std::string::npos) << content->faults[0];
+  for (int i = 0; i < 2; ++i) {
+    const auto refused = put(*storage, permanent("lab/arm1", first_revision));
+    ASSERT_FALSE(refused);
+    EXPECT_EQ(refused.error().kind, names::StorageError::Kind::kFull);
+  }
+  disk.set_full(false);
+  ASSERT_TRUE(put(*storage, permanent("lab/arm1", first_revision)));
+  const auto next = make_file_storage(folder.file(), disk.name());
+  EXPECT_FALSE(next->load()) << "the first one has it open";
+}
+
+// A file of shared memory would take space, which a full disk does not have.
+TEST(FullDisk, IsNotNeededToReadWhatWasStored) {
+  const Folder folder;
+  {
+    const auto storage = make_file_storage(folder.file());
+    ASSERT_TRUE(storage->load());
+    ASSERT_TRUE(put(*storage, permanent("lab/arm0", 1)));
+  }
+  const auto storage = make_file_storage(folder.file());
+  ASSERT_TRUE(storage->load());
+  EXPECT_FALSE(std::filesystem::exists(folder.file("names.db-shm")));
+}
+
+TEST(Deleted, DatabaseTakesNoChangeAndSaysSo) {
+  for (const std::string& gone : {std::string("names.db"), std::string("names.db-wal")}) {
+    const Folder folder;
+    const auto storage = make_file_storage(folder.file());
+    ASSERT_TRUE(storage->load());
+    ASSERT_TRUE(put(*storage, permanent("lab/arm0", 1)));
+    ASSERT_TRUE(std::filesystem::remove(folder.file(gone))) << gone;
+    for (int i = 0; i < 2; ++i) {
+      const auto refused = put(*storage, permanent("lab/arm1", 2));
+      ASSERT_FALSE(refused) << gone;
+      EXPECT_EQ(refused.error().kind, names::StorageError::Kind::kReadOnly);
+      EXPECT_NE(refused.error().text().find("was deleted or replaced"), std::string::npos)
+          << refused.error().text();
+    }
+  }
+}
+
+// A copy that was restored is another file.
+TEST(Deleted, ReplacedDatabaseTakesNoChange) {
+  const Folder folder;
+  const auto storage = make_file_storage(folder.file());
+  ASSERT_TRUE(storage->load());
+  ASSERT_TRUE(put(*storage, permanent("lab/arm0", 1)));
+  std::filesystem::copy_file(folder.file(), folder.file("copy"));
+  std::filesystem::rename(folder.file("copy"), folder.file());
+  EXPECT_FALSE(put(*storage, permanent("lab/arm1", 2)));
+}
+
 }  // namespace
 }  // namespace rtpm::file_store

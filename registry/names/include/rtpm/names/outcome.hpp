@@ -32,7 +32,7 @@ enum class Outcome : std::uint8_t {
   kBadPredicate = 20,         ///< The text is no predicate.
   kBadPreference = 21,        ///< The text is no preference.
   kTooManyWatches = 22,       ///< The registry's or the host's limit of watches.
-  kReadOnly = 23,             ///< The registry's storage is damaged: nothing changes.
+  kReadOnly = 23,             ///< The registry's storage is damaged or gone: nothing changes.
   kStorageFull = 24,          ///< The registry's storage has no space left.
   kNotStored = 25,            ///< The registry's storage failed; nothing has changed.
   kDenied = 26,               ///< The registry's policy does not let the caller do this.
