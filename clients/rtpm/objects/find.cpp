@@ -91,8 +91,13 @@ int find(Context& context, const FindOptions& wanted) {
   if (wanted.limit != 0 && found.size() > wanted.limit) found.resize(wanted.limit);
   print_entries(found, context.json);
   if (!found.empty()) return kDone;
-  return context.fail("none of the " + std::to_string(entries->size()) + " names fits" +
-                      similar_interface(*entries, wanted.interface));
+  // What a predicate has left is not all that there is.
+  const auto all = names::Directory(context.node(), context.registry).contents();
+  if (!all) return context.not_reached(all.error());
+  const std::size_t count = all->entries.size();
+  if (count == 0) return context.fail("no name is bound");
+  return context.fail("none of the " + std::to_string(count) + " names fits" +
+                      similar_interface(all->entries, wanted.interface));
 }
 
 }  // namespace

@@ -44,6 +44,17 @@ SetupError not_in_catalog(rpc::Node& node, const std::string& url) {
           "add it there (rtpm::introspection::Catalog::add)"};
 }
 
+// Why the server was not asked for its catalog.
+SetupError not_asked(const wire::Url& url, SetupError error) {
+  const auto is = [&](rpc::CallError cause) { return error.cause == cause; };
+  const bool is_silence = is(rpc::CallError::kUnreachable) || is(rpc::CallError::kTimeout) ||
+                          is(rpc::CallError::kExpired) || is(rpc::CallError::kDisconnected);
+  const std::string server = "the server of " + printable(url.text());
+  error.why = error.reason();
+  error.what = server + (is_silence ? " does not answer" : " can't be asked for its objects");
+  return error;
+}
+
 // How often a silent stream checks whether it is to end.
 constexpr Duration kLookInterval = std::chrono::milliseconds{100};
 
@@ -84,12 +95,13 @@ expected<std::unique_ptr<RemoteObject>, SetupError> RemoteObject::open(rpc::Node
   const auto parts = wire::parse_url(url);
   if (!parts) return setup_error("'" + url + "' is no URL", "", "write rtpm://host:port/path");
   auto catalog = introspection::IntrospectionClient::bind(node, catalog_url(url));
-  if (!catalog) {
+  if (!catalog && catalog.error().cause == rpc::CallError::kNoSuchObject) {
     return setup_error(
         "the server describes none of its objects (for that it needs an "
         "rtpm::introspection::Catalog)",
         catalog.error());
   }
+  if (!catalog) return unexpected{not_asked(*parts, catalog.error())};
   introspection::DescribeRequestT request;
   request.path = parts->path;
   const auto description = catalog->describe(request);

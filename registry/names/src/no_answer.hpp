@@ -22,7 +22,10 @@ namespace rtpm::names {
   const bool is_silence = is(rpc::CallError::kUnreachable) || is(rpc::CallError::kTimeout) ||
                           is(rpc::CallError::kExpired) || is(rpc::CallError::kDisconnected);
   // A known server that shows another key is silent to sealed sessions.
-  const bool has_remedy = !error.remedy.empty() && (!is_silence || is_about_keys(error));
+  // Nor does one help whose datagrams a firewall drops, or whose network is down.
+  const auto has = [&](const char* word) { return error.remedy.find(word) != std::string::npos; };
+  const bool is_kept = is_about_keys(error) || has("firewall") || has("ip link");
+  const bool has_remedy = !error.remedy.empty() && (!is_silence || is_kept);
   return {{"no registry answers at " + url, error.reason(),
            has_remedy ? error.remedy : "start rtpm-registryd, or give --registry URL"}};
 }

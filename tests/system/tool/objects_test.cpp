@@ -75,6 +75,10 @@ TEST_F(Objects, AreFoundByPatterns) {
   }
   expect_one_sentence(rtpm({"find", "--interface", "rtpm.device.Devise"}), 1,
                       {"none of the 1 names fits", "'rtpm.device.Device'"});
+  // A predicate leaves none to the patterns.
+  expect_one_sentence(rtpm({"find", "--where", "rate_hz > 1e9"}), 1, {"none of the 1 names fits"});
+  expect_one_sentence(rtpm({"find", "--interface", "rtpm.device.Devise", "--where", "rate_hz > 1"}),
+                      1, {"none of the 1 names fits", "'rtpm.device.Device'"});
 }
 
 TEST_F(Objects, GetPermanentNamesFromPeople) {

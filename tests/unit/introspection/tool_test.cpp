@@ -123,6 +123,8 @@ TEST_F(Tool, SaysWhatIsWrongInOneSentence) {
     int exit_code;
     std::string words;
   };
+  const auto mute = rpc::Server::create({.name = "mute", .realtime = rt::RealtimeMode::kOff});
+  ASSERT_TRUE(mute && (*mute)->start());
   const Case cases[] = {
       {{"call", light_, "dim"},
        1,
@@ -133,7 +135,8 @@ TEST_F(Tool, SaysWhatIsWrongInOneSentence) {
       {{"info", room_.url("room/lihgt")}, 3, "; most like it there: room/light, "},
       {{"call", "rtpm://127.0.0.1:1/room/light", "get"},
        3,
-       "the server describes none of its objects"},
+       "the server of rtpm://127.0.0.1:1/room/light does not answer: "},
+      {{"call", (*mute)->url("room/light"), "get"}, 3, "the server describes none of its objects"},
       {{"call", "rtpm:/nonsense", "get"}, 3, ""},
       {{"call", light_}, 2, "METHOD is required; run 'rtpm call --help'"},
       {{"fly"}, 2, "unknown command 'fly'"},

@@ -1,9 +1,14 @@
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sched.h>
+#include <unistd.h>
 
+#include <cstdlib>
 #include <string>
 #include <vector>
 
 #include "rtpm/test/echo_server.hpp"
+#include "rtpm/test/other_hosts.hpp"
 #include "rtpm/transport/address.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
@@ -140,6 +145,58 @@ TEST(ClientOfSeveralHosts, HearsOfTheRefusalThatItGot) {
   ASSERT_FALSE(other);
   expect_text(other.error().text(), {"no object 'other' is served at"});
   EXPECT_EQ(other.error().cause, CallError::kNoSuchObject);
+}
+
+// A firewall that drops datagrams and lets connections pass.
+TEST(ClientOverUdp, SaysThatTheServerAnswersOnlyOverTcp) {
+  const rtpm::test::OtherHosts hosts;
+  if (!hosts.is_there()) GTEST_SKIP() << rtpm::test::OtherHosts::kMissing;
+  if (std::system("command -v nft >/dev/null") != 0) GTEST_SKIP() << "the program 'nft' is missing";
+  const EchoServer server(config_at("10.77.0.1"));
+  const std::string port = std::to_string(server.server->port());
+  ASSERT_EQ(std::system(("nft add table inet t && "
+                         "nft 'add chain inet t i { type filter hook input priority 0; }' && "
+                         "nft add rule inet t i udp dport " +
+                         port + " drop")
+                            .c_str()),
+            0);
+  Node node(quiet_node(Transport::kUdp));
+  const auto echo = Binding::bind(node, url_at("10.77.0.1", server.server->port()),
+                                  echo::kInterface, {.deadline = 1s});
+  ASSERT_FALSE(echo);
+  expect_text(echo.error().text(),
+              {"answers over TCP, but not over UDP", "UDP port " + port, "firewalls"});
+  EXPECT_EQ(echo.error().cause, CallError::kTimeout);
+}
+
+// The system takes connections for a server that hangs.
+TEST(ClientOverUdp, SaysNothingOfTcpWhereNobodyAnswers) {
+  const rtpm::test::OtherHosts hosts;
+  if (!hosts.is_there()) GTEST_SKIP() << rtpm::test::OtherHosts::kMissing;
+  const auto silent = transport::TcpListener::open("10.77.0.1", 0);
+  ASSERT_TRUE(silent);
+  const auto likewise = transport::UdpPort::open({.host = "10.77.0.1", .port = silent->port()});
+  ASSERT_TRUE(likewise);
+  Node node(quiet_node(Transport::kUdp));
+  const auto echo =
+      Binding::bind(node, url_at("10.77.0.1", silent->port()), echo::kInterface, {.deadline = 1s});
+  ASSERT_FALSE(echo);
+  EXPECT_EQ(echo.error().text().find("TCP"), std::string::npos) << echo.error().text();
+}
+
+TEST(LoopbackThatIsDown, IsNamedByClientsAndServers) {
+  const int former = open("/proc/thread-self/ns/net", O_RDONLY | O_CLOEXEC);
+  if (unshare(CLONE_NEWNET) != 0) GTEST_SKIP() << rtpm::test::OtherHosts::kMissing;
+  Node node(quiet_node(Transport::kUdp));
+  const auto echo =
+      Binding::bind(node, "rtpm://127.0.0.1:7420/echo", echo::kInterface, {.deadline = 1s});
+  const auto server = Server::create(config_at("127.0.0.1"));
+  ASSERT_EQ(setns(former, CLONE_NEWNET), 0);
+  close(former);
+  ASSERT_FALSE(echo);
+  expect_text(echo.error().text(), {"sudo ip link set dev lo up"});
+  ASSERT_FALSE(server);
+  expect_text(server.error().text(), {"sudo ip link set dev lo up"});
 }
 
 TEST(CallerHost, IsAnAddressOrANetworkInWords) {

@@ -81,6 +81,9 @@ expected<std::string, SetupError> url_of(Node& node, std::string_view target,
 // A server on this host answers such a question within microseconds, unless it is stopped.
 constexpr Duration kMemoryPatience = std::chrono::milliseconds{100};
 
+// How much of a bind's time may show whether a server that is silent over UDP answers over TCP.
+constexpr Duration kTcpPatience = std::chrono::milliseconds{250};
+
 // Over what the server is reached, and where it has its socket for shared memory.
 ServerAddress address_of(Node& node, const BindOptions& options, const std::string& host,
                          std::uint16_t port, MonotonicTime deadline) {
@@ -207,17 +210,43 @@ expected<Binding::Impl::Opened, SetupError> Binding::Impl::open_at(const ServerC
   if (!is_over_network(address.transport)) return open_by(address, path, at_url, deadline);
   const auto known = node.impl().keys.keys_of(server.host, server.address);
   if (!known) return setup_error("'" + printable(at_url) + "' is not bound", known.error());
-  if (known->empty()) return open_by(address, path, at_url, deadline);
+  if (known->empty()) return open_over(address, path, at_url, deadline);
   // A server that changes its key has two for a time.
   std::optional<SetupError> first_error;
   std::size_t left = known->size();
   for (const access::KnownServer& entry : *known) {
     address.key = entry.key;
-    auto opened = open_by(address, path, at_url, part_of_time(deadline, left--));
+    auto opened = open_over(address, path, at_url, part_of_time(deadline, left--));
     if (opened) return opened;
     if (!first_error || is_refusal(opened.error().cause)) first_error = std::move(opened.error());
   }
   return unexpected{std::move(*first_error)};
+}
+
+// Where the first bind gets no answer over UDP, a part of its time shows whether only UDP is
+// stopped on its way: a firewall often lets TCP pass.
+expected<Binding::Impl::Opened, SetupError> Binding::Impl::open_over(const ServerAddress& address,
+                                                                     const std::string& path,
+                                                                     const std::string& at_url,
+                                                                     MonotonicTime deadline) {
+  const auto numeric = transport::SocketAddress::parse(address.host, address.port);
+  const bool is_first = settled == nullptr && (!numeric || !numeric->is_loopback());
+  if (address.transport != Transport::kUdp || !is_first) {
+    return open_by(address, path, at_url, deadline);
+  }
+  const Duration reserve =
+      std::min(kTcpPatience, std::max((deadline - rt::now()) / 4, Duration{0}));
+  auto opened = open_by(address, path, at_url, deadline - reserve);
+  if (opened || is_refusal(opened.error().cause)) return opened;
+  ServerAddress by_tcp = address;
+  by_tcp.transport = Transport::kTcp;
+  const auto answer = open_by(by_tcp, path, at_url, deadline);
+  if (!answer && !is_refusal(answer.error().cause)) return opened;
+  opened.error().why = "the server answers over TCP, but not over UDP";
+  opened.error().remedy =
+      "let datagrams to and from UDP port " + std::to_string(address.port) +
+      " pass the firewalls on the way, or call over TCP (NodeConfig::transport)";
+  return opened;
 }
 
 expected<Binding::Impl::Opened, SetupError> Binding::Impl::open_by(const ServerAddress& address,

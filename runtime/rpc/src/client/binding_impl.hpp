@@ -133,6 +133,10 @@ class Binding::Impl {
                                                      const std::string& path,
                                                      const std::string& at_url,
                                                      MonotonicTime deadline);
+  [[nodiscard]] expected<Opened, SetupError> open_over(const ServerAddress& address,
+                                                       const std::string& path,
+                                                       const std::string& at_url,
+                                                       MonotonicTime deadline);
   [[nodiscard]] expected<Opened, SetupError> open_by(const ServerAddress& address,
                                                      const std::string& path,
                                                      const std::string& at_url,
