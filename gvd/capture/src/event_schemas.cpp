@@ -4,8 +4,10 @@ namespace rtpm::capture {
 
 schema::Dynamic* EventSchemas::find(const events::EventDescriptor* type) {
   if (type == nullptr || type->schema.empty()) return nullptr;
-  Entry& entry = entries_[type->type];
-  if (entry.schema_id != type->schema_id || !entry.dynamic) {
+  const auto [found, is_new] = entries_.try_emplace(type->type);
+  Entry& entry = found->second;
+  // One that can't be read is not read again either.
+  if (is_new || entry.schema_id != type->schema_id) {
     std::string error;
     entry = {type->schema_id,
              schema::Dynamic::make_for_event(std::string(type->schema), type->name, error)};

@@ -9,6 +9,7 @@
 #include <string>
 #include <string_view>
 #include <unordered_map>
+#include <vector>
 
 #include "checks/words.hpp"
 #include "model/attribute_reader.hpp"
@@ -61,6 +62,13 @@ double default_of(const Field& field) noexcept {
              : static_cast<double>(field.default_integer);
 }
 
+constexpr std::size_t kStructSizeMax = 65535;  // Bytes.
+// Of devices and recordings: spec/events.md, section 1.
+constexpr std::uint32_t kOwnEventMin = 1380974592;
+constexpr std::uint32_t kOwnEventMax = 1380975615;
+
+constexpr std::size_t kStructDepthMax = 64;  // Structs within structs.
+
 class TypeChecker {
  public:
   TypeChecker(Model& model, Diagnostics& errors) : model_(model), errors_(errors) {
@@ -80,7 +88,36 @@ class TypeChecker {
     }
   }
 
+  /// Structs nest at most so deep that code may walk them recursively.
+  void check_nesting() {
+    std::vector<std::size_t> depths(model_.objects.size(), 1);
+    const Object* deep = nullptr;
+    while (deep == nullptr && deepen(depths, deep)) {
+    }
+    if (deep == nullptr) return;
+    errors_.push_back({deep->location,
+                       "struct `" + short_name(deep->name) + "` has structs within structs, more " +
+                           "than " + std::to_string(kStructDepthMax) + " deep",
+                       "put fewer of them into each other", std::nullopt});
+  }
+
  private:
+  /// Sets each struct's depth from those of its fields; `deep` is one that exceeds the limit.
+  /// Returns whether a depth changed.
+  bool deepen(std::vector<std::size_t>& depths, const Object*& deep) const {
+    bool is_changed = false;
+    for (std::size_t i = 0; i < depths.size(); ++i) {
+      if (!model_.objects[i].is_struct) continue;
+      for (const Field& field : model_.objects[i].fields) {
+        if (!field.type.has_object() || depths[*field.type.index] < depths[i]) continue;
+        depths[i] = depths[*field.type.index] + 1;
+        is_changed = true;
+      }
+      if (depths[i] > kStructDepthMax) deep = &model_.objects[i];
+    }
+    return is_changed;
+  }
+
   void check_object(Object& object, const TypeOutline& outline, const SchemaText& text) {
     const AttributeReader reader(text, errors_);
     const std::string owner = outline.kind + " `" + short_name(outline.name) + "`";
@@ -92,7 +129,7 @@ class TypeChecker {
         reader.report_no_effect(use, owner, "an event is a table: wrap the struct in one");
       } else if (const auto value = reader.read(use, AttributePlace::kTable, owner)) {
         object.event_id = static_cast<std::uint32_t>(value->number);
-        check_event(object, use, text);
+        check_event(object, use, text, reader);
       }
     }
     std::unordered_map<std::string_view, Field*> fields;
@@ -109,9 +146,22 @@ class TypeChecker {
       }
       check_field(*field->second, object.is_struct, owner, member, text);
     }
+    // Its fields have offsets of 16 bits.
+    if (object.is_struct && object.byte_size > kStructSizeMax) {
+      reader.report(outline.at,
+                    owner + " has " + std::to_string(object.byte_size) + " bytes, and at most " +
+                        std::to_string(kStructSizeMax) + " can be",
+                    "make it a table, with a vector instead of the array");
+    }
   }
 
-  void check_event(const Object& object, const AttributeUse& use, const SchemaText& text) {
+  void check_event(const Object& object, const AttributeUse& use, const SchemaText& text,
+                   const AttributeReader& reader) {
+    const bool is_own = object.name.starts_with("rtpm.");
+    if (*object.event_id >= kOwnEventMin && *object.event_id <= kOwnEventMax && !is_own) {
+      reader.report_value(use, "the numbers " + std::to_string(kOwnEventMin) + " to " +
+                                   std::to_string(kOwnEventMax) + " are RTPM's own events'");
+    }
     const auto [other, is_new] = events_.emplace(*object.event_id, &object);
     if (is_new) {
       event_places_.emplace(*object.event_id, text.locate(use.value_at));
@@ -224,6 +274,7 @@ void check_types(Model& model, const std::deque<SchemaText>& texts, Diagnostics&
   for (const SchemaText& text : texts) {
     checker.check(text);
   }
+  if (errors.empty()) checker.check_nesting();
 }
 
 }  // namespace rtpm::schema

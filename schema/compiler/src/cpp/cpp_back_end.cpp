@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "checks/words.hpp"
+#include "cpp/cpp_macros.hpp"
 #include "cpp/cpp_names.hpp"
 #include "cpp/cpp_writer.hpp"
 #include "rtpm/schema/back_end.hpp"
@@ -22,11 +23,14 @@ class CppBackEnd final : public BackEnd {
   [[nodiscard]] Diagnostics check(const Model& model) const override {
     Diagnostics errors;
     for (const NamespaceName& name : model.namespaces) {
-      if (!cpp::is_keyword(name.name)) continue;
-      errors.push_back({name.location, "namespace `" + name.name + "` is a keyword of C++",
-                        "choose another name: flatc's own code would not compile either",
-                        std::nullopt});
+      if (cpp::is_keyword(name.name)) {
+        errors.push_back({name.location, "namespace `" + name.name + "` is a keyword of C++",
+                          "choose another name: flatc's own code would not compile either",
+                          std::nullopt});
+      }
+      check_macro("namespace", name.name, name.location, errors);
     }
+    check_data_names(model, errors);
     check_events(model, errors);
     for (const Service& service : model.services) {
       check_classes(model, service, errors);
@@ -43,6 +47,30 @@ class CppBackEnd final : public BackEnd {
   }
 
  private:
+  /// flatc writes names of data as they are.
+  static void check_macro(const char* kind, const std::string& name, const Location& place,
+                          Diagnostics& errors) {
+    if (!cpp::is_macro(name)) return;
+    errors.push_back({place,
+                      std::string(kind) + " `" + name + "` is a macro of C++ compilers or headers",
+                      "choose another name: flatc's code would not compile", std::nullopt});
+  }
+
+  static void check_data_names(const Model& model, Diagnostics& errors) {
+    for (const Object& object : model.objects) {
+      check_macro(object.is_struct ? "struct" : "table", short_name(object.name), object.location,
+                  errors);
+      for (const Field& field : object.fields)
+        check_macro("field", field.name, field.location, errors);
+    }
+    for (const Enum& enumeration : model.enums) {
+      check_macro(enumeration.is_union ? "union" : "enum", short_name(enumeration.name),
+                  enumeration.location, errors);
+      for (const EnumValue& value : enumeration.values)
+        check_macro("value", value.name, value.location, errors);
+    }
+  }
+
   /// A class generated for a service or event must not be a data type of the schema too.
   /// @param what  "service `lab.Arm`", declared at `place`
   static void check_class(const Model& model, const std::string& what, const std::string& remedy,

@@ -4,6 +4,8 @@
 #include <array>
 #include <iterator>
 
+#include "cpp/cpp_macros.hpp"
+
 namespace rtpm::schema::cpp {
 namespace {
 
@@ -67,8 +69,8 @@ std::string method_name(const Service& service, const Method& method) {
   constexpr std::array<std::string_view, 5> kOwn{"binding", "dispatch", "interface",
                                                  "rtpm_functions_", "rtpm_binding_"};
   const std::string class_stem = short_name(service.name);
-  const bool is_taken = is_keyword(method.name) || contains(kOwn, method.name) ||
-                        method.name == class_stem + "Client" ||
+  const bool is_taken = is_keyword(method.name) || is_macro(method.name) ||
+                        contains(kOwn, method.name) || method.name == class_stem + "Client" ||
                         method.name == class_stem + "Servant" ||
                         method.name == class_stem + "MethodId";
   return is_taken ? method.name + '_' : method.name;

@@ -11,8 +11,9 @@ namespace rtpm::schema::cpp {
 
 [[nodiscard]] bool is_keyword(std::string_view name) noexcept;
 
-/// A method's name. C++ keywords and names that the generated classes use (`binding`, `interface`,
-/// `dispatch`, the class names) get a trailing underscore, as flatc does it.
+/// A method's name. C++ keywords, macros of C's headers and names that the generated classes use
+/// (`binding`, `interface`, `dispatch`, the class names) get a trailing underscore, as flatc does
+/// it.
 [[nodiscard]] std::string method_name(const Service& service, const Method& method);
 
 /// The classes generated for an event's table, such as "lab.Touched".

@@ -10,7 +10,7 @@ namespace {
 constexpr std::uint64_t kCountMax = 65536;
 
 // Bounds the verifier's recursion, and so its stack.
-constexpr std::uint32_t kDepthMax = 1024;
+constexpr std::uint32_t kDepthMax = 64;
 
 /// Computes a table's limits from those of its fields, each table once.
 class LimitsWalk {

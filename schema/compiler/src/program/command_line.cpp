@@ -21,7 +21,8 @@ Generates code for the rpc_services of a FlatBuffers schema, or checks the schem
 or a .bfbs. C++ is OUT/NAME.rtpm.hpp and OUT/NAME.rtpm.cpp; the data types come from flatc:
 flatc --cpp --scoped-enums --gen-object-api. In CMake, rtpm_generate() calls both.
 
-  -I DIR          search DIR for included schemas; may be given several times
+  -I DIR          search DIR for included schemas; may be given several times. RTPM's own are
+                  found without
   --emit LANGUAGE generate it; may be given several times. The languages are:
 @  --cpp           the same as --emit cpp
   -o OUT          the folder to write to; it is made if it lacks. Without it, json is printed
@@ -29,7 +30,7 @@ flatc --cpp --scoped-enums --gen-object-api. In CMake, rtpm_generate() calls bot
   --conform OLD   compare with the older schema OLD: clients built from it must work with servers
                   built from SCHEMA. Every change is told; generating stops where one breaks that
   --strict        servers built from OLD must also work with clients built from SCHEMA
-  --print-idl-folder  print where RTPM's own schemas are, for -I
+  --print-idl-folder  print where RTPM's own schemas are, for flatc
   --help          show this text
   --version       show the version
 
@@ -45,18 +46,6 @@ std::string help() {
     languages.append(entry.summary).append(1, '\n');
   }
   return text.replace(text.find('@'), 1, languages);
-}
-
-/// Where RTPM's own schemas are: beside an installed rtpmc, else in the tree that it was built
-/// from.
-std::string idl_folder() {
-  std::error_code error;
-  const auto program = std::filesystem::read_symlink("/proc/self/exe", error);
-  const auto installed = (program.parent_path() / "../share/rtpm/idl").lexically_normal();
-  for (const std::filesystem::path& folder : {installed, std::filesystem::path(RTPM_IDL_FOLDER)}) {
-    if (std::filesystem::exists(folder / "rtpm.fbs", error)) return folder.string();
-  }
-  return {};
 }
 
 class Reader {
@@ -178,6 +167,16 @@ class Reader {
 };
 
 }  // namespace
+
+std::string idl_folder() {
+  std::error_code error;
+  const auto program = std::filesystem::read_symlink("/proc/self/exe", error);
+  const auto installed = (program.parent_path() / "../share/rtpm/idl").lexically_normal();
+  for (const std::filesystem::path& folder : {installed, std::filesystem::path(RTPM_IDL_FOLDER)}) {
+    if (std::filesystem::exists(folder / "rtpm.fbs", error)) return folder.string();
+  }
+  return {};
+}
 
 std::variant<Command, UsageError, Answer> read_command_line(std::span<const char* const> arguments,
                                                             const std::string& version) {

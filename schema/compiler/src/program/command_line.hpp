@@ -33,4 +33,8 @@ struct Answer {
 [[nodiscard]] std::variant<Command, UsageError, Answer> read_command_line(
     std::span<const char* const> arguments, const std::string& version);
 
+/// Where RTPM's own schemas are: beside an installed rtpmc, else in the tree that it was built
+/// from. Empty: in neither place.
+[[nodiscard]] std::string idl_folder();
+
 }  // namespace rtpm::schema

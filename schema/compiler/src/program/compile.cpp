@@ -1,15 +1,18 @@
 #include "rtpm/schema/compile.hpp"
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdint>
 #include <cstring>
 #include <deque>
 #include <filesystem>
+#include <map>
 #include <span>
 #include <string>
 #include <utility>
 
 #include "checks/checker.hpp"
+#include "reading/foreign_text.hpp"
 #include "reading/outline.hpp"
 #include "reading/parser.hpp"
 #include "reading/reflection.hpp"
@@ -113,6 +116,18 @@ std::optional<Model> read_binary(const SourceFile& source, std::deque<SchemaText
   return model;
 }
 
+/// Whether both readers of a text found the same services; check() relies on it.
+bool has_services_of(const Outline& outline, const Model& model) {
+  std::map<std::string, std::size_t> method_counts;
+  for (const ServiceOutline& service : outline.services)
+    method_counts.emplace(service.name, service.methods.size());
+  return outline.services.size() == model.services.size() &&
+         std::ranges::all_of(model.services, [&](const Service& service) {
+           const auto found = method_counts.find(service.name);
+           return found != method_counts.end() && found->second == service.methods.size();
+         });
+}
+
 CompileResult complete(Model model, const std::deque<SchemaText>& texts, const std::string& file) {
   CompileResult result;
   model.file = file;
@@ -137,10 +152,18 @@ CompileResult compile(const CompileRequest& request) {
 }
 
 CompileResult compile_text(const std::string& text, const std::string& name) {
-  CompileResult result;
+  const SourceFile source(name, text);
+  if (auto refusal = refuse_foreign(source)) return failure(*std::move(refusal));
+  ParseResult parsed = parse_foreign(source);
+  if (parsed.error) return failure(*std::move(parsed.error));
   std::deque<SchemaText> texts;
-  auto model = read_text(SourceFile(name, text), {.file = name}, texts, result);
-  return model ? complete(*std::move(model), texts, name) : result;
+  texts.emplace_back(source);
+  auto model = read_reflection(parsed.reflection);
+  if (!model || !has_services_of(texts.front().outline(), *model)) {
+    return failure(name, "the schema uses what this version does not know", "use a newer version");
+  }
+  model->source_files.push_back(name);
+  return complete(*std::move(model), texts, name);
 }
 
 }  // namespace rtpm::schema

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdio>
 #include <filesystem>
+#include <iterator>
 #include <span>
 #include <string>
 #include <string_view>
@@ -72,13 +73,26 @@ int write(const Command& command, const Model& model) {
   return 0;
 }
 
+/// What no language refuses: an accepted schema can be generated.
+Diagnostics check(const Model& model) {
+  Diagnostics errors;
+  for (const BackEndEntry& entry : back_ends()) {
+    std::ranges::move(entry.make(RTPM_VERSION)->check(model), std::back_inserter(errors));
+  }
+  return errors;
+}
+
 int carry_out(const Command& command) {
-  const CompileResult result =
-      compile({.file = command.schema, .include_paths = command.include_paths});
+  std::vector<std::string> include_paths = command.include_paths;
+  // RTPM's own schemas come last, so that a project may bring its own copy.
+  if (std::string own = idl_folder(); !own.empty()) include_paths.push_back(std::move(own));
+  const CompileResult result = compile({.file = command.schema, .include_paths = include_paths});
   if (!result.model) return fail(result.errors);
+  if (command.is_check) {
+    if (const Diagnostics errors = check(*result.model); !errors.empty()) return fail(errors);
+  }
   if (!command.conform.empty()) {
-    const CompileResult older =
-        compile({.file = command.conform, .include_paths = command.include_paths});
+    const CompileResult older = compile({.file = command.conform, .include_paths = include_paths});
     if (!older.model) return fail(older.errors);
     if (!conforms(command, *result.model, *older.model)) return kSchemaError;
   }

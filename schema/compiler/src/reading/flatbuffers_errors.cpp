@@ -293,7 +293,8 @@ class Translation {
   /// may have been on a later line.
   [[nodiscard]] Location place_of_type(const std::string& name, const std::string& file,
                                        std::size_t line) const {
-    const auto other = file == source_.path() ? std::nullopt : SourceFile::read(file);
+    const bool is_here = file.empty() || file == source_.path();
+    const auto other = is_here ? std::nullopt : SourceFile::read(file);
     const SourceFile& source = other ? *other : source_;
     const std::string first_part = name.substr(0, name.find('.'));
     std::optional<Location> found;

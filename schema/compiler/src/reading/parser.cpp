@@ -5,11 +5,16 @@
 
 #include <algorithm>
 #include <charconv>
+#include <functional>
+#include <iterator>
+#include <map>
 #include <memory>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "checks/words.hpp"
+#include "reading/closed_parser.hpp"
 #include "reading/tokens.hpp"
 
 namespace rtpm::schema {
@@ -31,6 +36,10 @@ flatbuffers::IDLOptions parser_options() {
 std::string qualified(const std::string& scope, const std::string& name) {
   return scope.empty() ? name : scope + '.' + name;
 }
+
+constexpr std::string_view kScalarNames[] = {
+    "bool",   "byte",   "ubyte", "short", "ushort", "int",    "uint",  "long",   "ulong", "float",
+    "double", "string", "int8",  "uint8", "int16",  "uint16", "int32", "uint32", "int64", "uint64"};
 
 class FailedParser final : public ParsedSoFar {
  public:
@@ -57,16 +66,32 @@ class FailedParser final : public ParsedSoFar {
   }
 
   [[nodiscard]] std::string similar_type(const std::string& type) const override {
-    std::vector<std::string_view> names;
+    // By the last component: a wrong namespace is a mistake, too.
+    std::vector<std::string_view> names(std::begin(kScalarNames), std::end(kScalarNames));
+    std::map<std::string, std::string, std::less<>> written;
     for (const auto* object : parser_.structs_.vec) {
-      if (!object->predecl) names.push_back(object->name);
+      if (!object->predecl) written.emplace(object->name, as_written_here(*object));
     }
     for (const auto* enumeration : parser_.enums_.vec)
-      names.push_back(enumeration->name);
-    return most_similar(type, names);
+      written.emplace(enumeration->name, as_written_here(*enumeration));
+    const std::string last = short_name(type);
+    if (const auto same = written.find(last); same != written.end()) return same->second;
+    for (const auto& [name, text] : written)
+      names.push_back(name);
+    const std::string similar = most_similar(last, names);
+    const auto found = written.find(similar);
+    return found == written.end() ? similar : found->second;
   }
 
  private:
+  /// A type's name as the text must have it at the error.
+  [[nodiscard]] std::string as_written_here(const flatbuffers::Definition& type) const {
+    if (type.defined_namespace == nullptr || type.defined_namespace == parser_.current_namespace_) {
+      return type.name;
+    }
+    return type.defined_namespace->GetFullyQualifiedName(type.name);
+  }
+
   const flatbuffers::Parser& parser_;
 };
 
@@ -112,7 +137,7 @@ std::optional<Note> place_of_include(const flatbuffers::Parser& parser, const st
 Diagnostic describe_failure(const flatbuffers::Parser& parser, const SourceFile& main_source) {
   const RawError error = take_apart(parser);
   const std::string& file = parser.file_being_parsed_;
-  if (file != main_source.path()) {
+  if (!file.empty() && file != main_source.path()) {
     if (const auto included = SourceFile::read(file)) {
       Diagnostic diagnostic = translate(error, *included, FailedParser(parser));
       if (!diagnostic.note) diagnostic.note = place_of_include(parser, file);
@@ -145,6 +170,21 @@ ParseResult parse(const SourceFile& source, const CompileRequest& request) {
   for (const std::string& file : parser->GetIncludedFilesRecursive(source.path())) {
     if (file != source.path()) result.source_files.push_back(file);
   }
+  return result;
+}
+
+ParseResult parse_foreign(const SourceFile& source) {
+  flatbuffers::IDLOptions options = parser_options();
+  options.project_root.clear();
+  const auto parser = std::make_unique<flatbuffers::Parser>(options);
+  ParseResult result;
+  if (!parse_closed(*parser, source.text().c_str())) {
+    result.error = describe_failure(*parser, source);
+    return result;
+  }
+  parser->Serialize();
+  const std::uint8_t* bytes = parser->builder_.GetBufferPointer();
+  result.reflection.assign(bytes, bytes + parser->builder_.GetSize());
   return result;
 }
 

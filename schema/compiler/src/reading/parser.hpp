@@ -21,6 +21,11 @@ struct ParseResult {
 /// Parses `source` with FlatBuffers' parser, which stops at the first error.
 [[nodiscard]] ParseResult parse(const SourceFile& source, const CompileRequest& request);
 
+/// As parse(), of a text that another program sent. It opens no file; `declaration_file` and
+/// `source_files` stay empty.
+/// @param source  refuse_foreign() accepts it
+[[nodiscard]] ParseResult parse_foreign(const SourceFile& source);
+
 /// A FlatBuffers error as its parser reports it.
 struct RawError {
   std::size_t line = 0;         ///< From 1.

@@ -16,6 +16,9 @@ std::size_t character_count(std::string_view text) {
       std::count_if(text.begin(), text.end(), [](char byte) { return (byte & 0xC0) != 0x80; }));
 }
 
+/// Longer lines are not shown: a model has a copy for each of its names.
+constexpr std::size_t kShownLineMax = 1000;
+
 }  // namespace
 
 SourceFile::SourceFile(std::string path, std::string text)
@@ -47,9 +50,13 @@ Location SourceFile::locate(Span span) const {
   if (line_end > line_begin && text_[line_end - 1] == '\r') --line_end;
   const std::size_t end = std::min(begin + span.length, std::max(line_end, begin));
   const std::string_view text = text_;
+  const auto line = static_cast<std::size_t>(next - line_starts_.begin());
+  if (line_end - std::min(line_begin, line_end) > kShownLineMax) {
+    return Location{.file = path_, .line = line, .column = begin - line_begin + 1, .length = 1};
+  }
   return Location{
       .file = path_,
-      .line = static_cast<std::size_t>(next - line_starts_.begin()),
+      .line = line,
       .column = character_count(text.substr(line_begin, begin - line_begin)) + 1,
       .length = character_count(text.substr(begin, end - begin)),
       .line_text = std::string(text.substr(line_begin, line_end - line_begin)),

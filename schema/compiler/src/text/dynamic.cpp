@@ -8,15 +8,35 @@
 #include <type_traits>
 #include <utility>
 
+#include "reading/closed_parser.hpp"
 #include "reading/reflection.hpp"
 #include "rtpm/schema/compile.hpp"
 #include "rtpm/schema/schema_text.hpp"
 #include "text/range_check.hpp"
+#include "text/text_size.hpp"
 
 namespace rtpm::schema {
 namespace {
 
 constexpr const char* kFileName = "schema";
+
+/// Nested tables in a payload.
+constexpr flatbuffers::uoffset_t kDepthMax = 64;
+/// A root and its vtable.
+constexpr std::size_t kTableSizeMin = 8;
+/// Bytes of JSON.
+constexpr std::size_t kTextSizeMax = std::size_t{64} * 1024 * 1024;
+
+/// Lets the parser read and write nested buffers as the bytes that they are: it would follow their
+/// offsets, which nothing verifies.
+void keep_nested_bytes(const flatbuffers::Parser& parser) {
+  for (const flatbuffers::StructDef* type : parser.structs_.vec) {
+    for (flatbuffers::FieldDef* field : type->fields.vec) {
+      field->nested_flatbuffer = nullptr;
+      field->flexbuffer = false;
+    }
+  }
+}
 
 /// FlatBuffers' parser with the same text: it reads and writes JSON.
 std::unique_ptr<flatbuffers::Parser> make_parser(const std::string& text) {
@@ -27,7 +47,9 @@ std::unique_ptr<flatbuffers::Parser> make_parser(const std::string& text) {
   // The language decides which features the parser accepts: the same as the compiler's.
   options.lang_to_generate = flatbuffers::IDLOptions::kCpp;
   auto parser = std::make_unique<flatbuffers::Parser>(options);
-  return parser->Parse(text.c_str(), nullptr, kFileName) ? std::move(parser) : nullptr;
+  if (!parse_closed(*parser, text.c_str())) return nullptr;
+  keep_nested_bytes(*parser);
+  return parser;
 }
 
 /// The parser's "2: 5: error: …" as of the text without its first line.
@@ -55,6 +77,15 @@ class Dynamic::Impl {
     return *reflection::GetSchema(reflection.data())
                 ->objects()
                 ->LookupByKey(model.objects[payload.table].name.c_str());
+  }
+  /// Whether `bytes`, aligned, are a FlatBuffer of the payload's table.
+  [[nodiscard]] bool is_valid(const Payload& payload, std::span<const std::byte> bytes) const {
+    if (bytes.size() < kTableSizeMin) return false;
+    const auto* data = static_cast<const std::uint8_t*>(static_cast<const void*>(bytes.data()));
+    // A table has at least the offset of its vtable, so more of them share their bytes.
+    const auto table_max = static_cast<flatbuffers::uoffset_t>(bytes.size() / 4);
+    return flatbuffers::Verify(*reflection::GetSchema(reflection.data()), object(payload), data,
+                               bytes.size(), kDepthMax, table_max);
   }
   [[nodiscard]] const Field& only_field(const Payload& payload) const {
     return model.objects[payload.table].fields.front();
@@ -146,7 +177,7 @@ std::optional<std::vector<std::byte>> Dynamic::encode(const Payload& payload, st
   if (is_struct) text = "{ " + impl_->only_field(payload).name + ":\n" + text + " }";
   flatbuffers::Parser& parser = *impl_->parser;
   if (!parser.SetRootType(impl_->model.objects[payload.table].name.c_str()) ||
-      !parser.Parse(text.c_str())) {
+      !parse_closed(parser, text.c_str())) {
     error = is_struct ? without_first_line(parser.error_) : parser.error_;
     return std::nullopt;
   }
@@ -189,11 +220,7 @@ std::optional<std::vector<std::byte>> Dynamic::as_table(const Payload& payload,
   }
   // The verifier needs aligned bytes.
   std::vector<std::byte> copy(bytes.begin(), bytes.end());
-  const auto* data = static_cast<const std::uint8_t*>(static_cast<const void*>(copy.data()));
-  const auto& schema = *reflection::GetSchema(impl_->reflection.data());
-  if (copy.size() < 8 || !flatbuffers::Verify(schema, impl_->object(payload), data, copy.size())) {
-    return std::nullopt;
-  }
+  if (!impl_->is_valid(payload, copy)) return std::nullopt;
   return copy;
 }
 
@@ -201,16 +228,12 @@ std::optional<std::vector<std::byte>> Dynamic::from_table(const Payload& payload
                                                           std::span<const std::byte> bytes) {
   if (payload.kind == PayloadKind::kEmpty && bytes.empty()) return std::vector<std::byte>{};
   std::vector<std::byte> copy(bytes.begin(), bytes.end());
-  const auto* data = static_cast<const std::uint8_t*>(static_cast<const void*>(copy.data()));
-  const auto& schema = *reflection::GetSchema(impl_->reflection.data());
-  if (copy.size() < 8 || !flatbuffers::Verify(schema, impl_->object(payload), data, copy.size())) {
-    return std::nullopt;
-  }
+  if (!impl_->is_valid(payload, copy)) return std::nullopt;
   if (payload.kind == PayloadKind::kEmpty) return std::vector<std::byte>{};
   if (payload.kind == PayloadKind::kTable) return copy;
+  const auto* data = static_cast<const std::uint8_t*>(static_cast<const void*>(copy.data()));
   const auto* root = flatbuffers::GetRoot<flatbuffers::Table>(data);
-  const std::uint8_t* only =
-      root->GetAddressOf(impl_->object(payload).fields()->Get(0)->offset());
+  const std::uint8_t* only = root->GetAddressOf(impl_->object(payload).fields()->Get(0)->offset());
   if (only == nullptr) return std::nullopt;
   const auto view =
       std::as_bytes(std::span(only, impl_->model.objects[*payload.struct_index].byte_size));
@@ -218,8 +241,7 @@ std::optional<std::vector<std::byte>> Dynamic::from_table(const Payload& payload
 }
 
 std::vector<std::byte> Dynamic::reflection_of(const Payload& payload) const {
-  const auto parser =
-      make_parser(schema_text(impl_->model, impl_->model.objects[payload.table]));
+  const auto parser = make_parser(schema_text(impl_->model, impl_->model.objects[payload.table]));
   if (!parser) return {};  // Never: the text is made from what the parser took.
   parser->Serialize();
   const auto view =
@@ -240,7 +262,10 @@ std::optional<std::string> Dynamic::decode(const Payload& payload,
 
 std::optional<std::string> Dynamic::print(const Payload& payload, const std::uint8_t* data) {
   flatbuffers::Parser& parser = *impl_->parser;
-  if (!parser.SetRootType(impl_->model.objects[payload.table].name.c_str())) return std::nullopt;
+  if (!has_text_of_at_most(kTextSizeMax, impl_->model, payload.table, data) ||
+      !parser.SetRootType(impl_->model.objects[payload.table].name.c_str())) {
+    return std::nullopt;
+  }
   parser.opts.strict_json = true;
   std::string text;
   // Returns whether it worked or, since 23.5.8, the error's text.

@@ -1,10 +1,9 @@
 #include "text/range_check.hpp"
 
-#include <flatbuffers/flatbuffers.h>
-
 #include <optional>
 
 #include "checks/words.hpp"
+#include "text/table_access.hpp"
 
 namespace rtpm::schema {
 namespace {
@@ -38,24 +37,6 @@ std::optional<double> number_at(BaseType type, const std::uint8_t* data) {
   }
 }
 
-std::size_t size_of(BaseType type) {
-  switch (type) {
-    case BaseType::kInt16:
-    case BaseType::kUint16:
-      return 2;
-    case BaseType::kInt32:
-    case BaseType::kUint32:
-    case BaseType::kFloat:
-      return 4;
-    case BaseType::kInt64:
-    case BaseType::kUint64:
-    case BaseType::kDouble:
-      return 8;
-    default:
-      return 1;
-  }
-}
-
 /// Walks a buffer until it finds a number that is outside.
 class RangeCheck {
  public:
@@ -76,13 +57,6 @@ class RangeCheck {
   }
 
  private:
-  static flatbuffers::voffset_t slot_of(std::size_t id) {
-    return static_cast<flatbuffers::voffset_t>(4 + 2 * id);
-  }
-  static const std::uint8_t* follow(const std::uint8_t* offset) {
-    return offset + ReadScalar<flatbuffers::uoffset_t>(offset);
-  }
-
   [[nodiscard]] std::string structure(std::size_t index, const std::uint8_t* data,
                                       const std::string& path) const {
     for (const Field& field : model_.objects[index].fields) {

@@ -106,6 +106,42 @@ TEST(Rtpmc, DependencyFileEscapesForMake) {
             "a\\ b c: \\\n  $$x \\\n  \\#y \\\n  d\\\\e\n");
 }
 
+// The methods get an underscore; both headers compile with what the GNU dialect defines.
+TEST(Rtpmc, MethodsMayHaveNamesOfMacros) {
+  const ScratchFolder folder;
+  const std::vector<std::string> names{"EOF",    "NULL",     "errno",   "assert", "linux",
+                                       "unix",   "stdin",    "INT_MAX", "EIO",    "NAN",
+                                       "alloca", "offsetof", "LC_ALL",  "SIGINT", "__FILE__"};
+  std::string schema = "include \"rtpm.fbs\"; namespace lab; rpc_service Arm {\n";
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    schema += names[i] + "(rtpm.Empty):rtpm.Empty (rtpm_id: " + std::to_string(i + 1) + ");\n";
+  }
+  folder.write("arm.fbs", schema + "}\n");
+  ASSERT_EQ(run(folder, idl_flag() + "--cpp -o code arm.fbs").exit_code, 0);
+  folder.write("code/arm_generated.h", "");
+  const std::string header = read_file(folder.path() / "code/arm.rtpm.hpp");
+  for (const std::string& name : names)
+    EXPECT_NE(header.find(' ' + name + "_("), std::string::npos) << name;
+}
+
+TEST(Rtpmc, CheckRefusesWhatCppRefuses) {
+  const ScratchFolder folder;
+  for (const auto& entry : fs::directory_iterator(fs::path(RTPM_GOLDEN_FOLDER) / "errors")) {
+    if (entry.path().extension() != ".fbs") continue;
+    const std::string schema = quoted(entry.path().string());
+    const Outcome checked = run(folder, "check " + idl_flag() + schema);
+    EXPECT_EQ(checked.exit_code, 1) << schema;
+    EXPECT_EQ(checked.errors, run(folder, idl_flag() + "--cpp -o out " + schema).errors);
+  }
+}
+
+TEST(Rtpmc, FindsRtpmsOwnSchemasByItself) {
+  const ScratchFolder folder;
+  folder.write("arm.fbs", kGood);
+  EXPECT_EQ(run(folder, "check arm.fbs").errors, "");
+  EXPECT_EQ(run(folder, "--cpp -o out arm.fbs").exit_code, 0);
+}
+
 TEST(Rtpmc, PrintsHelpAndVersion) {
   const ScratchFolder folder;
   const Outcome help = run(folder, "--help");

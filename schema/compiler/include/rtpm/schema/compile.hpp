@@ -28,8 +28,10 @@ struct CompileResult {
 /// reported
 [[nodiscard]] CompileResult compile(const CompileRequest& request);
 
-/// As compile(), of a text without includes.
-/// @param name  the file name in errors
+/// As compile(), of a text that another program sent. It opens no file, and refuses a text that is
+/// too large or has more than declarations of types and services.
+/// @param name   the file name in errors
+/// @source       schema/README.md, "Schemas of other programs"
 [[nodiscard]] CompileResult compile_text(const std::string& text, const std::string& name);
 
 }  // namespace rtpm::schema

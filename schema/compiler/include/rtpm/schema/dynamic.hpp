@@ -23,7 +23,8 @@ namespace rtpm::schema {
 /// @realtime set-up only
 class Dynamic {
  public:
-  /// For the service `name` of `schema`, a text without includes, such as schema_text() returns.
+  /// For the service `name` of `schema`, a text without includes, such as schema_text() returns. It
+  /// may be another program's: see compile_text().
   /// @errors nullptr and the reason in `error`: not a schema, or no such service
   [[nodiscard]] static std::unique_ptr<Dynamic> make(const std::string& schema,
                                                      std::string_view name, std::string& error);
@@ -50,8 +51,9 @@ class Dynamic {
   [[nodiscard]] std::optional<std::vector<std::byte>> encode(const Payload& payload,
                                                              std::string_view json,
                                                              std::string& error);
-  /// Strict JSON in one line.
-  /// @errors nothing: the bytes do not match, or have values that the schema has no name for
+  /// Strict JSON in one line, of at most 64 MiB.
+  /// @errors nothing: the bytes do not match, have values that the schema has no name for, or give
+  ///         a longer text
   [[nodiscard]] std::optional<std::string> decode(const Payload& payload,
                                                   std::span<const std::byte> bytes);
   /// The payload as a FlatBuffer whose root is its table: a bare struct becomes its field.

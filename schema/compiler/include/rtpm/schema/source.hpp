@@ -14,7 +14,7 @@ struct Location {
   std::size_t line = 0;
   std::size_t column = 0;
   std::size_t length = 0;   ///< In characters, for the underline; ends with the line.
-  std::string line_text{};  ///< Without the newline.
+  std::string line_text{};  ///< Without the newline; empty for a line of more than 1000 bytes.
 };
 
 /// A part of a file's text, in bytes.

@@ -1,0 +1,13 @@
+#pragma once
+
+#include <flatbuffers/idl.h>
+
+namespace rtpm::schema {
+
+/// Parses a schema or JSON without opening any file: an `include` in it finds nothing.
+[[nodiscard]] inline bool parse_closed(flatbuffers::Parser& parser, const char* text) {
+  const char* no_paths[] = {nullptr};  // No list at all would stand for the current folder.
+  return parser.Parse(text, no_paths, /*source_filename=*/nullptr);
+}
+
+}  // namespace rtpm::schema

@@ -1,0 +1,18 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "rtpm/schema/model.hpp"
+
+namespace rtpm::schema {
+
+/// Whether the JSON of a table has at most `size_max` bytes, estimated from above. Parts of a
+/// FlatBuffer may be shared and fields may be absent, so that a few bytes can stand for gigabytes
+/// of text.
+/// @param table   the index in the model of the table that `buffer` has as its root
+/// @param buffer  a FlatBuffer that was verified
+[[nodiscard]] bool has_text_of_at_most(std::size_t size_max, const Model& model, std::size_t table,
+                                       const std::uint8_t* buffer);
+
+}  // namespace rtpm::schema
