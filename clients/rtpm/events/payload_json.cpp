@@ -2,6 +2,7 @@
 
 #include <string>
 
+#include "rtpm/base/nesting.hpp"
 #include "rtpm/events/scalar.hpp"
 
 namespace rtpm::tool {
@@ -48,7 +49,7 @@ Json payload_json(capture::EventSchemas& schemas, ConstBytes payload,
                   const events::EventDescriptor* type) {
   if (schema::Dynamic* const dynamic = schemas.find(type)) {
     if (const auto text = dynamic->decode(dynamic->event(), payload)) {
-      Json json = Json::parse(*text, nullptr, false);
+      Json json = parse_bounded_json<Json>(*text);
       if (!json.is_discarded()) return json;
     }
   }

@@ -5,6 +5,9 @@
 #include <algorithm>
 #include <utility>
 
+#include "laboratory/toml_nesting.hpp"
+#include "rtpm/base/nesting.hpp"
+
 namespace rtpm::laboratory {
 namespace {
 
@@ -81,6 +84,9 @@ std::string Value::kind_text() const {
 }
 
 expected<Value, Mistake> parse_document(std::string_view text) {
+  if (const auto deep = toml_nested_beyond(text, kNestingMax)) {
+    return unexpected{Mistake{*deep, "tables, keys and lists nest deeper than 64", {}}};
+  }
   const toml::parse_result parsed = toml::parse(text);
   if (!parsed) {
     const toml::parse_error& error = parsed.error();

@@ -14,6 +14,8 @@
 #include <nlohmann/json.hpp>
 #include <system_error>
 
+#include "rtpm/base/nesting.hpp"
+
 namespace rtpm::laboratory {
 namespace {
 
@@ -45,7 +47,7 @@ std::int64_t integer_in(const Json& json, const char* key) {
 /// A record that is being written reads as one without facts.
 RunningLaboratory parsed(const std::string& name, const std::string& text) {
   RunningLaboratory laboratory{.name = name};
-  const Json json = Json::parse(text, nullptr, false);
+  const Json json = parse_bounded_json<Json>(text);
   if (!json.is_object()) return laboratory;
   if (const auto file = json.find("file"); file != json.end() && file->is_string())
     laboratory.file = file->get<std::string>();

@@ -3,12 +3,14 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "rtpm/base/nesting.hpp"
+
 namespace rtpm::device_mpv {
 
 using nlohmann::json;
 
 Message parse(std::string_view line) {
-  const json message = json::parse(line, nullptr, false);
+  const json message = parse_bounded_json<json>(line);
   if (!message.is_object()) return Unreadable{};
   if (message.contains("event")) return Event{};
   const auto id = message.find("request_id");

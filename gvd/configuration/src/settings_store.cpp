@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "rtpm/base/hash.hpp"
+#include "rtpm/base/nesting.hpp"
 #include "rtpm/configuration/value_text.hpp"
 #include "rtpm/rt/durable_file.hpp"
 
@@ -27,8 +28,6 @@ using nlohmann::json;
 
 constexpr std::string_view kFormat = "rtpm-settings";
 constexpr int kFormatVersion = 1;
-/// Of arrays and objects in each other; deeper ones can't be ours.
-constexpr int kDepthMax = 8;
 constexpr const char* kRemedy =
     "restore the file from a copy, or remove it to begin with the defaults";
 
@@ -136,16 +135,6 @@ std::string fault_of(const json& document) {
   return {};
 }
 
-json parse(const std::string& text) {
-  bool is_deep = false;
-  const auto limit_depth = [&](int depth, json::parse_event_t, json&) {
-    is_deep = is_deep || depth > kDepthMax;
-    return !is_deep;
-  };
-  json document = json::parse(text, limit_depth, /*allow_exceptions=*/false);
-  return is_deep ? json(json::value_t::discarded) : document;
-}
-
 }  // namespace
 
 SettingsStore::SettingsStore(const std::string& folder, std::string model, std::string serial)
@@ -161,13 +150,13 @@ expected<StoredSettings, SetupError> SettingsStore::load(std::span<const Paramet
   auto text = read(path_);
   if (!text) return refused(text.error());
   if (!*text) return StoredSettings{};
-  const json document = parse(**text);
+  const json document = parse_bounded_json<json>(**text);
   if (auto fault = fault_of(document); !fault.empty()) return refused(std::move(fault));
   const std::string model = text_in(document, "model");
   const std::string serial = text_in(document, "serial");
   // As they were written, which replaces what is no UTF-8.
-  if (json(model) != json::parse(dump(json(model_))) ||
-      json(serial) != json::parse(dump(json(serial_)))) {
+  if (json(model) != parse_bounded_json<json>(dump(json(model_))) ||
+      json(serial) != parse_bounded_json<json>(dump(json(serial_)))) {
     return refused("it is of the device " + model + ", serial number " + serial +
                    ", and this one is " + model_ + ", serial number " + serial_);
   }
@@ -196,7 +185,7 @@ expected<StoredSettings, SetupError> SettingsStore::load(std::span<const Paramet
 expected<void, SetupError> SettingsStore::save(std::span<const ParameterSetting> settings) const {
   json parameters = json::object();
   for (const auto& [name, value] : unknown_) {
-    parameters[name] = json::parse(value);
+    parameters[name] = parse_bounded_json<json>(value);
   }
   for (const ParameterSetting& setting : settings) {
     parameters[setting.name] = json_of(setting.value);
@@ -207,7 +196,7 @@ expected<void, SetupError> SettingsStore::save(std::span<const ParameterSetting>
                 {"serial", serial_},
                 {"parameters", std::move(parameters)}};
   // As it will be read.
-  document = json::parse(dump(document));
+  document = parse_bounded_json<json>(dump(document));
   document["checksum"] = checksum_of(document);
   std::error_code error;
   std::filesystem::create_directory(folder_, error);

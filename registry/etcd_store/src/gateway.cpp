@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base64.hpp"
+#include "rtpm/base/nesting.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/rt/clock.hpp"
 
@@ -101,7 +102,7 @@ void Gateway::give_back(std::unique_ptr<HttpClient> client) {
 }
 
 expected<Json, GatewayError> Gateway::parse(const std::string& text, long status) {
-  Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  Json json = parse_bounded_json<Json>(text);
   if (!json.is_object()) {
     return unexpected{no_etcd(status)};
   }

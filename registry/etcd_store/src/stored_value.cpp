@@ -2,6 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "rtpm/base/nesting.hpp"
 #include "rtpm/base/whole_number.hpp"
 #include "rtpm/file_store/json.hpp"
 #include "rtpm/rt/host.hpp"
@@ -48,12 +49,12 @@ std::string to_text(const StoredValue& value) {
                   {"where", std::to_string(value.where)},
                   {"lease_ns", std::to_string(stored.lease.count())},
                   {"write", std::to_string(value.write)},
-                  {"properties", Json::parse(file_store::properties_to_json(stored.properties))}};
+                  {"properties", parse_bounded_json<Json>(file_store::properties_to_json(stored.properties))}};
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 std::optional<StoredValue> parse_value(std::string_view text) {
-  const Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  const Json json = parse_bounded_json<Json>(text);
   if (!json.is_object() || json.value("version", Json()) != 1) return std::nullopt;
   auto url = text_at(json, "url");
   auto interface = text_at(json, "interface");

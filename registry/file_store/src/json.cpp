@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "json_values.hpp"
+#include "rtpm/base/nesting.hpp"
 
 namespace rtpm::file_store {
 namespace {
@@ -95,7 +96,7 @@ std::string properties_to_json(const std::vector<names::Property>& properties) {
 }
 
 std::optional<std::vector<names::Property>> properties_from_json(std::string_view text) {
-  const Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  const Json json = parse_bounded_json<Json>(text);
   return json.is_discarded() ? std::nullopt : properties_of(json);
 }
 
@@ -113,7 +114,7 @@ std::string to_json(const std::vector<names::StoredName>& stored) {
 
 expected<std::vector<names::StoredName>, SetupError> parse_json(std::string_view text,
                                                                 names::Owner owner) {
-  const Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  const Json json = parse_bounded_json<Json>(text);
   if (!json.is_object()) return not_of_this_form("it is no JSON object");
   if (!json.contains("version") || json["version"] != 1) {
     return not_of_this_form("its version is not 1");

@@ -319,5 +319,43 @@ TEST_F(File, OfTheDemoIsRight) {
   EXPECT_TRUE(plan.has_terminal());
 }
 
+std::string times(std::size_t count, const std::string& text) {
+  std::string all;
+  for (std::size_t i = 0; i < count; ++i)
+    all += text;
+  return all;
+}
+
+// Else the parser, or what destroys its tables, runs out of stack.
+TEST_F(File, ThatNestsTooDeeplyIsRefused) {
+  const std::vector<std::string> deep{
+      "a" + times(20'000, ".a") + " = 1\n",
+      "[a" + times(20'000, ".a") + "]\n",
+      "[[a" + times(20'000, ".a") + "]]\n",
+      "a = " + times(20'000, "[") + times(20'000, "]") + "\n",
+      "a = " + times(200, "{a = ") + "1" + times(200, "}") + "\n",
+      "[a" + times(30, ".a") + "]\nb" + times(30, ".b") + " = [[[[[1]]]]]\n",
+      "a = " + times(30, "{a.a.a = ") + "1" + times(30, "}") + "\n",
+      "a = {b = \"}\", c" + times(64, ".c") + " = 1}\n"};
+  for (const std::string& text : deep) {
+    const auto plan = parse(text);
+    ASSERT_FALSE(plan) << text.substr(0, 80);
+    EXPECT_NE(plan.error().front().what.find("nest deeper than 64"), std::string::npos)
+        << plan.error().front().what;
+  }
+  EXPECT_EQ(parse("\n\na" + times(20'000, ".a") + " = 1\n").error().front().position.line, 3u);
+}
+
+TEST_F(File, MayHaveBracketsAndDotsInTexts) {
+  const std::string many = times(100, "[.{");
+  const std::string quotes = "\"\"\"";
+  const std::string ticks = "'''";
+  const auto plan =
+      parse("[variables]\na = \"" + many + "\\\"" + many + "\"\nb = '" + many + "'\nc = " + quotes +
+            many + "\n\"" + many + quotes + "\nd = " + ticks + many + "\n" + many + ticks + "\n# " +
+            many + "\n[[program]]\nname = \"a\"\nrun = [\"rtpm-servo\"]\n");
+  ASSERT_TRUE(plan) << plan.error().front().what << plan.error().front().position.line;
+}
+
 }  // namespace
 }  // namespace rtpm::laboratory
