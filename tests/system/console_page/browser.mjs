@@ -10,11 +10,14 @@ export const kSizes = {
   desktop: {width: 1440, height: 1000},
   landscape: {width: 1024, height: 768},
   portrait: {width: 768, height: 1024},
+  phone: {width: 390, height: 844},
 };
 
 export async function launch(path) {
   return chromium.launch({
     executablePath: path,
+    // They take room as they do for most people.
+    ignoreDefaultArgs: ['--hide-scrollbars'],
     args: [
       '--no-sandbox',
       '--use-gl=angle',

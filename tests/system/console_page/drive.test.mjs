@@ -90,9 +90,32 @@ describe('the page', () => {
 
   it('shows dials and inputs of devices without a pose', async () => {
     await show(page, 'live/lab/biometric0');
-    await page.locator('.strip[data-testid="strip-inputs"]:not(.is-stale)').waitFor();
+    // Each unit has an axis of its own.
+    for (const channel of ['pulse', 'heart_rate', 'skin_conductance']) {
+      await page.locator(`.strip[data-testid="strip-${channel}"]:not(.is-stale)`).waitFor();
+    }
+    const conductance = page.locator('[data-reading="skin_conductance"]');
+    await until(
+      'a conductance in microsiemens',
+      () => reading(page, 'skin_conductance'),
+      (value) => value > 0.1,
+    );
+    assert.match(await conductance.textContent(), /µS/);
     await show(page, 'live/lab/knob0');
-    await page.locator('.strip[data-testid="strip-joints"]:not(.is-stale)').waitFor();
+    await page.locator('.strip[data-testid="strip-dial"]:not(.is-stale)').waitFor();
+  });
+
+  it('shows where a gaze goes', async () => {
+    await show(page, 'live/lab/gaze0');
+    await byId('direction').waitFor();
+    await page.locator('.strip[data-testid="strip-direction"]:not(.is-stale)').waitFor();
+    const first = await until('a gaze', () => reading(page, 'right'), Number.isFinite);
+    await until(
+      'another gaze',
+      () => reading(page, 'right'),
+      (degrees) => Math.abs(degrees - first) > 1,
+    );
+    await keep(page, artefacts, 'gaze-desktop-light');
   });
 });
 
@@ -155,8 +178,8 @@ describe('parameters', () => {
     await phase.getByText('Waits for you').waitFor();
     await keep(page, artefacts, 'calibration-desktop-light');
     await page.getByRole('dialog').getByRole('button', {name: 'ready'}).click();
-    await button('Keep').click();
-    await phase.getByText('The result is kept').waitFor();
+    await button('Keep and save').click();
+    await phase.getByText('The result is kept and saved').waitFor();
     await button('Close').click();
   });
 });
@@ -192,6 +215,12 @@ describe('recordings', () => {
     const slider = page.getByRole('slider', {name: 'Time of the replay'});
     await slider.fill('0');
     await until('the beginning', time, (text) => text.startsWith('0:00.0'));
+    // The curves up to the sought time are there at once, without playing on.
+    await slider.fill(await slider.getAttribute('max'));
+    await page.locator('.strip[data-testid="strip-position"]:not(.is-stale)').waitFor();
+    await keep(page, artefacts, 'replay-sought-desktop-light');
+    await slider.fill('0');
+    await until('the beginning again', time, (text) => text.startsWith('0:00.0'));
     await byId('play').click();
     await until('motion', time, (text) => !text.startsWith('0:00.0'));
     await page.locator('.timeline').getByRole('button', {name: 'Close'}).click();
@@ -236,6 +265,9 @@ describe('looks', () => {
     await keep(other, artefacts, `${view.split('/')[0]}-${size}-${scheme}`);
     assert.deepEqual(await accessibilityFaults(other), [], view);
     if (size !== 'desktop') assert.deepEqual(await smallTargets(other), [], view);
+    const stop = await other.getByTestId('stop').boundingBox();
+    const width = await other.evaluate(() => document.documentElement.clientWidth);
+    assert.ok(stop.x >= 0 && stop.x + stop.width <= width, `${view}: STOP ALL is over the edge`);
     const isWide = await other.evaluate(
       () => document.documentElement.scrollWidth > document.documentElement.clientWidth,
     );

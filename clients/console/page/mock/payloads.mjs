@@ -22,12 +22,21 @@ function put(bytes, at, numbers) {
   numbers.forEach((number, i) => bytes.writeDoubleLE(number, at + 8 * i));
 }
 
-export function samplePayload({sequence, time, position, force, joints = [], analogs = []}) {
+export function samplePayload({
+  sequence,
+  time,
+  position,
+  force,
+  orientation = [0, 0, 0, 1],
+  joints = [],
+  analogs = [],
+}) {
   const bytes = Buffer.from(sampled.bytes);
   const at = sampled.start;
   bytes.writeBigUInt64LE(BigInt(sequence), at);
   bytes.writeBigInt64LE(BigInt(Math.round(time * 1e9)), at + 8);
   put(bytes, at + 24, position);
+  put(bytes, at + 48, orientation);
   put(bytes, at + 128, force);
   put(bytes, at + 176, joints);
   analogs.forEach((number, i) => bytes.writeFloatLE(number, at + 400 + 4 * i));

@@ -293,6 +293,7 @@ setInterval(() => {
     },
     replay: replay ?? {file: null},
     clients: {count: clients.size, dropped_count: 0},
+    events: {channel_count: 1, channel_count_max: 128, omitted_count: 0, dropped_count: 0},
   });
 }, 250);
 
@@ -317,6 +318,22 @@ function move(time, topicOf, timeMs) {
   return force;
 }
 
+/** Jumps twice a second between points of a field, as eyes do. */
+function gaze(time) {
+  const jump = Math.floor(2 * time);
+  const left = (((jump * 7) % 3) - 1) * 0.09;
+  const up = (((jump * 5) % 4) - 1.5) * 0.06;
+  return {
+    orientation: [
+      Math.cos(left) * Math.sin(up),
+      Math.sin(left) * Math.cos(up),
+      -Math.sin(left) * Math.sin(up),
+      Math.cos(left) * Math.cos(up),
+    ],
+    analogs: [4e-3 + 5e-4 * Math.sin(time)],
+  };
+}
+
 let wasTouching = false;
 setInterval(() => {
   const time = (Date.now() - start) / 1000;
@@ -326,13 +343,13 @@ setInterval(() => {
     Date.now(),
   );
   const still = {sequence: Math.round(time * 1000), time, position: [0, 0, 0], force: [0, 0, 0]};
-  publish('lab/gaze0/sample', samplePayload(still));
+  publish('lab/gaze0/sample', samplePayload({...still, ...gaze(time)}));
   publish('lab/knob0/sample', samplePayload({...still, joints: [time % 6.28]}));
   publish(
     'lab/biometric0/sample',
     samplePayload({
       ...still,
-      analogs: [1.2 + 0.1 * Math.sin(time), 0.4 + 0.05 * Math.sin(time / 3)],
+      analogs: [1.2 + 0.1 * Math.sin(time), 5e-6 + 2e-6 * Math.sin(time / 3)],
     }),
   );
   const isTouching = Math.hypot(...force) > 0;
@@ -359,4 +376,7 @@ setInterval(() => {
   }
 }, 1000 / 60);
 
-process.on('message', ({device, ...change}) => Object.assign(system.named(device), change));
+process.on('message', ({device, refuses_save, ...change}) => {
+  if (refuses_save === true) system.lists['lab/arm0'].is_persistent = false;
+  if (device !== undefined) Object.assign(system.named(device), change);
+});

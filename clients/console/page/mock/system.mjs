@@ -69,13 +69,18 @@ export class System {
       workspace_low_m: [-0.1, -0.1, -0.1],
       workspace_high_m: [0.1, 0.1, 0.1],
     }),
-    device('lab/gaze0', 'RTPM simulated gaze', 'Tracker', {rate_hz: 250, sample_per_s: 250}),
+    device('lab/gaze0', 'RTPM simulated gaze', 'Tracker', {
+      rate_hz: 250,
+      sample_per_s: 250,
+      axes: ['rx', 'ry'].map((name) => ({name, is_sensed: true, is_actuated: false})),
+      analogs: [{name: 'pupil', unit: 'm', low: 0, high: 0.01}],
+    }),
     device('lab/biometric0', 'RTPM simulated biometrics', 'Biometric', {
       rate_hz: 250,
       sample_per_s: 250,
       analogs: [
         {name: 'pulse', unit: 'Hz', low: 0, high: 4},
-        {name: 'skin', unit: 'S', low: 0, high: 1},
+        {name: 'skin_conductance', unit: 'S', low: 0, high: 50e-6},
       ],
     }),
     device('lab/knob0', 'RTPM simulated knob', 'Dial', {

@@ -84,6 +84,22 @@ it('runs a calibration to its end', async () => {
   await until(() => calibration.run.value?.phase === 'Done');
   await calibration.keep();
   expect(calibration.run.value?.phase).toBe('Kept');
+  // Kept means kept: it is there after the next start of the server, too.
+  expect(calibration.isSaved.value).toBe(true);
+  expect(calibration.problem.value).toBe('');
+});
+
+it('says that a result which is not saved is lost at the next start', async () => {
+  const calibration = app.calibration('lab/arm0');
+  mock.send({refuses_save: true});
+  await calibration.open();
+  await calibration.start(calibration.offers.value[0]?.name ?? '');
+  await calibration.answer('continue');
+  await until(() => calibration.run.value?.phase === 'Done');
+  await calibration.keep();
+  expect(calibration.run.value?.phase).toBe('Kept');
+  expect(calibration.isSaved.value).toBe(false);
+  expect(calibration.problem.value).toContain('not saved');
 });
 
 it('stops, shows it latched, and rearms', async () => {

@@ -49,6 +49,23 @@ function vector(value: Value): Vector3 {
   return [real(fields?.['x']), real(fields?.['y']), real(fields?.['z'])];
 }
 
+export interface Direction {
+  readonly rightDeg: number;
+  readonly upDeg: number;
+}
+
+/** Where the -z axis points after the turn: a gaze, or what a pointer aims at. */
+export function directionOf([x, y, z, w]: Sample['orientation']): Direction {
+  const right = -2 * (x * z + w * y);
+  const up = -2 * (y * z - w * x);
+  const ahead = 1 - 2 * (x * x + y * y);
+  const kDegrees = 180 / Math.PI;
+  return {
+    rightDeg: kDegrees * Math.atan2(right, ahead),
+    upDeg: kDegrees * Math.atan2(up, Math.hypot(right, ahead)),
+  };
+}
+
 export function length(vector: Vector3): number {
   return Math.hypot(vector[0], vector[1], vector[2]);
 }

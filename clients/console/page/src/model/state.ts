@@ -103,6 +103,23 @@ export interface ConsoleState {
   readonly recording: Recording;
   readonly replay: Replay | null;
   readonly clients: {readonly count: number; readonly droppedCount: number};
+  /** Events of the hub on their way to browsers. */
+  readonly events: {
+    readonly channelCount: number;
+    readonly channelCountMax: number;
+    /** Of sources that have no channel, because there are too many. */
+    readonly omittedCount: number;
+    /** Not shown, because the console was too busy. */
+    readonly droppedCount: number;
+  };
+}
+
+/** Whether the device senses where it is, and which way it is turned; unknown devices may. */
+export function sensesPlace(device: Device | null): boolean {
+  return device === null || device.axes.some((one) => one.isSensed && /^[xyz]$/.test(one.name));
+}
+export function sensesTurn(device: Device | null): boolean {
+  return device?.axes.some((one) => one.isSensed && /^r[xyz]$/.test(one.name)) ?? false;
 }
 
 /** A device whose newest sample is older is stale. */
@@ -120,6 +137,7 @@ export function readState(value: Json): ConsoleState {
   const registry = object(state['registry']);
   const hub = object(state['hub']);
   const clients = object(state['clients']);
+  const events = object(state['events']);
   return {
     timeNs: number(state['time_ns']),
     uptimeS: number(state['uptime_s']),
@@ -147,6 +165,12 @@ export function readState(value: Json): ConsoleState {
     recording: readRecording(object(state['recording'])),
     replay: readReplay(object(state['replay'])),
     clients: {count: number(clients['count']), droppedCount: number(clients['dropped_count'])},
+    events: {
+      channelCount: number(events['channel_count']),
+      channelCountMax: number(events['channel_count_max']),
+      omittedCount: number(events['omitted_count']),
+      droppedCount: number(events['dropped_count']),
+    },
   };
 }
 

@@ -66,6 +66,8 @@ export class Calibration {
   readonly offers: Signal<readonly Offer[]> = signal([]);
   readonly run: Signal<Run | null> = signal(null);
   readonly problem: Signal<string> = signal('');
+  /** What became of the kept result: it outlives the device's server only if it was saved. */
+  readonly isSaved: Signal<boolean> = signal(false);
   private timer: ReturnType<typeof setTimeout> | null = null;
 
   constructor(
@@ -106,8 +108,20 @@ export class Calibration {
     if (run !== null) await this.ask('answer', {run: run.run, prompt: run.prompt, text: words});
   }
 
+  /** Keeps the result, and saves it: otherwise it would be gone when the server restarts. */
   async keep(): Promise<void> {
+    this.isSaved.value = false;
     await this.end('keep');
+    if (this.run.value?.phase !== 'Kept') return;
+    try {
+      const answer = readAnswer(await this.call('save', {}));
+      this.isSaved.value = answer.outcome === 'Done';
+      if (!this.isSaved.value)
+        this.problem.value = `It is in force, but not saved: ${wordsOf(answer)}`;
+    } catch (error) {
+      this.problem.value = `It is in force, but not saved: ${(error as Error).message}`;
+    }
+    this.changed();
   }
 
   async discard(): Promise<void> {

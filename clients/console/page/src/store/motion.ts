@@ -1,4 +1,4 @@
-import {length, readSample, readTouch, type Sample, type Touch} from '../model/sample';
+import {directionOf, length, readSample, readTouch, type Sample, type Touch} from '../model/sample';
 import type {Message} from '../protocol/client';
 import {Series} from './series';
 
@@ -15,8 +15,10 @@ export const kColumn = {
   forceLength: 6,
   joint: 7,
   analog: 7 + kSlots,
+  /** Degrees to the right and upwards. */
+  direction: 7 + 2 * kSlots,
 } as const;
-const kColumnCount = kColumn.analog + kSlots;
+const kColumnCount = kColumn.direction + 2;
 
 /** One device's newest sample and touch, and its last minutes. */
 export class Track {
@@ -36,6 +38,8 @@ export class Track {
     this.row.set(sample.positionM, kColumn.position);
     this.row.set(sample.forceNewton, kColumn.force);
     this.row[kColumn.forceLength] = length(sample.forceNewton);
+    const {rightDeg, upDeg} = directionOf(sample.orientation);
+    this.row.set([rightDeg, upDeg], kColumn.direction);
     for (let i = 0; i < kSlots; ++i) {
       this.row[kColumn.joint + i] = sample.joints[i] ?? NaN;
       this.row[kColumn.analog + i] = sample.analogs[i] ?? NaN;

@@ -115,7 +115,7 @@ const kPhaseWords: Readonly<Record<Run['phase'], string>> = {
   Prompt: 'Waits for you',
   Done: 'Done: keep the result?',
   Failed: 'Failed',
-  Kept: 'The result is kept',
+  Kept: 'The result is in force',
   Discarded: 'Discarded',
 };
 
@@ -124,7 +124,12 @@ function Running({calibration, isUsable, onClose, run}: DialogueProps & {run: Ru
   return (
     <>
       <p class="run-head" role="status" data-testid="calibration-phase">
-        <code>{run.name}</code> <b>{kPhaseWords[run.phase]}</b>
+        <code>{run.name}</code>{' '}
+        <b>
+          {run.phase === 'Kept' && calibration.isSaved.value
+            ? 'The result is kept and saved'
+            : kPhaseWords[run.phase]}
+        </b>
       </p>
       {(run.phase === 'Running' || run.phase === 'Prompt') && (
         <div
@@ -151,6 +156,9 @@ function Running({calibration, isUsable, onClose, run}: DialogueProps & {run: Ru
           ))}
         </dl>
       )}
+      {run.phase === 'Done' && (
+        <p class="quiet small">Saves the device's other changed parameters, too.</p>
+      )}
       <div class="row">
         {run.phase === 'Prompt' &&
           run.answers.map((answer, i) => (
@@ -171,7 +179,7 @@ function Running({calibration, isUsable, onClose, run}: DialogueProps & {run: Ru
             disabled={!isUsable}
             onClick={() => void calibration.keep()}
           >
-            Keep
+            Keep and save
           </button>
         )}
         {!isOver(run.phase) && (

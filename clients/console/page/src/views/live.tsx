@@ -1,8 +1,17 @@
 import {signal} from '@preact/signals';
 import {kLatencyColumn, useApp} from '../store/app';
 import {writeRoute} from '../store/route';
-import {kStaleMs, freshness, type Device} from '../model/state';
-import {kColumn, type Track} from '../store/motion';
+import {byUnit, type PlacedScale} from '../model/scale';
+import {
+  freshness,
+  kStaleMs,
+  sensesPlace,
+  sensesTurn,
+  type Device,
+  type Scale,
+} from '../model/state';
+import {kColumn, kSlots, type Track} from '../store/motion';
+import {DirectionView} from '../drawing/direction_view';
 import {Histogram} from '../drawing/histogram';
 import {SpaceView} from '../drawing/space_view';
 import {StripChart, type ChartSource, type Curve} from '../drawing/strip_chart';
@@ -30,6 +39,11 @@ const kForce: readonly Curve[] = [
   ...['x', 'y', 'z'].map((label, i) => ({column: kColumn.force + i, label, paint: label})),
   {column: kColumn.forceLength, label: 'total', paint: 'force'},
 ];
+const kDirection: readonly Curve[] = ['right', 'up'].map((label, i) => ({
+  column: kColumn.direction + i,
+  label,
+  paint: i === 0 ? 'x' : 'y',
+}));
 const kLatency: readonly Curve[] = [
   {column: kLatencyColumn.p50, label: 'p50', paint: 'z'},
   {column: kLatencyColumn.p99, label: 'p99', paint: 'force'},
@@ -85,11 +99,12 @@ function OneDevice({name, device}: {name: string; device: Device | null}) {
   const app = useApp();
   const isReplay = app.showsReplay.value;
   const isLive = app.isLive.value && device !== null && freshness(device) !== 'lost';
-  const hasMotion = device === null || device.axes.some((axis) => axis.isSensed);
+  const hasMotion = sensesPlace(device);
   const source = () => sourceOf(app.shown.track(name), app.nowMs(), isReplay, app.isLive.value);
   return (
     <div class={`live-grid ${isLive || isReplay ? '' : 'is-dead'}`}>
       <div class="live-main">
+        {!hasMotion && sensesTurn(device) && <DirectionView source={source} />}
         {hasMotion && (
           <SpaceView
             name={name}
@@ -130,6 +145,12 @@ function sourceOf(
   return {series: track.series, endS, isFresh: isLinked && nowMs - track.sampleMs <= kStaleMs};
 }
 
+/** A hundredth of the widest range, in the shown unit: noise does not fill the chart. */
+function spanMinOf(members: readonly PlacedScale[], factor: number): number {
+  const ranges = members.map(({scale}) => Math.abs(scale.high - scale.low)).filter(Number.isFinite);
+  return Math.max(0, ...ranges) * factor * 0.01 || 0.1;
+}
+
 interface ChartsProps {
   name: string;
   device: Device | null;
@@ -147,14 +168,24 @@ function Charts({name, device, hasMotion, source}: ChartsProps) {
     const quietS = (app.nowMs() - app.latencyMs) / 1000;
     return {series, endS: lastS + (app.isLive.peek() ? quietS : 0), isFresh: quietS < kLatencyGapS};
   };
-  const curvesOf = (scales: readonly {name: string; unit: string}[], first: number) =>
-    scales.slice(0, 8).map((scale, i) => ({
-      column: first + i,
-      label: `${scale.name} ${scale.unit}`,
-      paint: kPaints[i] ?? 'text',
-    }));
-  const joints = device?.joints ?? [];
-  const analogs = device?.analogs ?? [];
+  // One chart for each unit: on a common axis the greater values would flatten the others.
+  const chartsOf = (title: string, scales: readonly Scale[], first: number) =>
+    byUnit(scales.slice(0, kSlots)).map(({shown, members}) => (
+      <StripChart
+        {...common}
+        key={`${title} ${shown.unit}`}
+        title={members.map(({scale}) => scale.name).join(', ')}
+        unit={shown.unit}
+        factor={shown.factor}
+        digits={shown.digits}
+        spanMin={spanMinOf(members, shown.factor)}
+        curves={members.map(({scale, index}) => ({
+          column: first + index,
+          label: scale.name,
+          paint: kPaints[index] ?? 'text',
+        }))}
+      />
+    ));
   return (
     <section class="card charts" aria-label="Charts">
       {hasMotion && (
@@ -171,26 +202,18 @@ function Charts({name, device, hasMotion, source}: ChartsProps) {
       {(device === null || device.forceMaxNewton > 0) && (
         <StripChart {...common} title="Force" unit="N" digits={2} spanMin={1} curves={kForce} />
       )}
-      {joints.length > 0 && (
+      {sensesTurn(device) && (
         <StripChart
           {...common}
-          title="Joints"
-          unit=""
-          digits={3}
-          spanMin={0.1}
-          curves={curvesOf(joints, kColumn.joint)}
+          title="Direction"
+          unit="°"
+          digits={1}
+          spanMin={5}
+          curves={kDirection}
         />
       )}
-      {analogs.length > 0 && (
-        <StripChart
-          {...common}
-          title="Inputs"
-          unit=""
-          digits={3}
-          spanMin={0.1}
-          curves={curvesOf(analogs, kColumn.analog)}
-        />
-      )}
+      {chartsOf('Joints', device?.joints ?? [], kColumn.joint)}
+      {chartsOf('Inputs', device?.analogs ?? [], kColumn.analog)}
       {!app.showsReplay.value && (
         <StripChart
           {...common}

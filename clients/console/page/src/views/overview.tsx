@@ -1,6 +1,6 @@
 import {useApp} from '../store/app';
 import {writeRoute} from '../store/route';
-import {freshness, type Device, type Server} from '../model/state';
+import {freshness, type ConsoleState, type Device, type Server} from '../model/state';
 import {Badge, Card, Empty} from '../parts/parts';
 import {duration, fixed, micros, rate, thousands} from '../parts/text';
 import {Age, LeaseText, Lifecycle} from './device_status';
@@ -24,7 +24,11 @@ export function OverviewView() {
           name="Events"
           isOk={hub.isOk}
           value={hub.isOk ? rate(hub.eventsPerSecond) : 'silent'}
-          more={hub.isOk ? `${hub.name}, ${hub.consumerCount} consumers` : hub.problem}
+          more={
+            hub.isOk
+              ? `${hub.name}, ${hub.consumerCount} consumers${omittedText(state.events)}`
+              : hub.problem
+          }
         />
         <Tile
           name="Devices"
@@ -43,7 +47,7 @@ export function OverviewView() {
           value={`up ${duration(state.uptimeS)}`}
           more={
             `${state.clients.count} ${state.clients.count === 1 ? 'browser' : 'browsers'}, ` +
-            `${thousands(state.clients.droppedCount)} messages dropped`
+            skippedText(state.clients.droppedCount)
           }
         />
       </div>
@@ -70,6 +74,24 @@ export function OverviewView() {
       </Card>
     </div>
   );
+}
+
+/** What a slow browser skips is shown by newer values, and recorded all the same. */
+function skippedText(count: number): string {
+  return count === 0
+    ? 'all up to date'
+    : `slow browsers skipped ${thousands(count)} updates; nothing recorded is lost`;
+}
+
+function omittedText(events: ConsoleState['events']): string {
+  const many =
+    events.omittedCount > 0
+      ? `; too many sources: ${thousands(events.omittedCount)} events beyond ` +
+        `${events.channelCountMax} channels not shown`
+      : '';
+  return events.droppedCount > 0
+    ? `${many}; ${thousands(events.droppedCount)} not shown, as the console was too busy`
+    : many;
 }
 
 function Tile(props: {name: string; isOk: boolean; value: string; more: string}) {

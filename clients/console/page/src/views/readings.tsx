@@ -1,8 +1,9 @@
 import {useEffect, useRef} from 'preact/hooks';
-import type {Device} from '../model/state';
+import {shownScale} from '../model/scale';
+import {sensesPlace, sensesTurn, type Device, type Scale} from '../model/state';
 import type {ChartSource} from '../drawing/strip_chart';
 import {eachFrame} from '../store/frames';
-import {kColumn} from '../store/motion';
+import {kColumn, kSlots} from '../store/motion';
 import {Card} from '../parts/parts';
 import {fixed} from '../parts/text';
 
@@ -18,7 +19,7 @@ const kPaintMs = 100;
 
 function rowsOf(device: Device | null): Row[] {
   const rows: Row[] = [];
-  if (device === null || device.axes.some((axis) => axis.isSensed)) {
+  if (sensesPlace(device)) {
     ['x', 'y', 'z'].forEach((name, i) =>
       rows.push({name, unit: 'mm', column: kColumn.position + i, factor: 1000, digits: 1}),
     );
@@ -26,16 +27,19 @@ function rowsOf(device: Device | null): Row[] {
   if (device === null || device.forceMaxNewton > 0) {
     rows.push({name: 'force', unit: 'N', column: kColumn.forceLength, factor: 1, digits: 2});
   }
-  device?.joints
-    .slice(0, 8)
-    .forEach(({name, unit}, i) =>
-      rows.push({name, unit, column: kColumn.joint + i, factor: 1, digits: 3}),
+  if (sensesTurn(device)) {
+    ['right', 'up'].forEach((name, i) =>
+      rows.push({name, unit: '°', column: kColumn.direction + i, factor: 1, digits: 1}),
     );
-  device?.analogs
-    .slice(0, 8)
-    .forEach(({name, unit}, i) =>
-      rows.push({name, unit, column: kColumn.analog + i, factor: 1, digits: 3}),
-    );
+  }
+  const addScales = (scales: readonly Scale[], first: number) =>
+    scales
+      .slice(0, kSlots)
+      .forEach((scale, i) =>
+        rows.push({name: scale.name, column: first + i, ...shownScale(scale)}),
+      );
+  addScales(device?.joints ?? [], kColumn.joint);
+  addScales(device?.analogs ?? [], kColumn.analog);
   return rows;
 }
 

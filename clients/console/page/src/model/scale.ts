@@ -1,0 +1,54 @@
+import type {Scale} from './state';
+
+/** How the values of a channel are shown: 5e-6 S as 5.00 µS. */
+export interface ShownScale {
+  readonly unit: string;
+  /** From the channel's unit to the shown one. */
+  readonly factor: number;
+  readonly digits: number;
+}
+
+/** SI units that take prefixes; minutes or turns do not. */
+const kPrefixed: ReadonlySet<string> = new Set(['m', 's', 'S', 'V', 'A', 'N', 'W', 'Pa', 'N m']);
+const kPrefixes = [
+  {prefix: '', factor: 1},
+  {prefix: 'm', factor: 1e3},
+  {prefix: 'µ', factor: 1e6},
+  {prefix: 'n', factor: 1e9},
+] as const;
+
+/** By the channel's range, so that its unit stays the same whatever the value. */
+export function shownScale({unit, low, high}: Pick<Scale, 'unit' | 'low' | 'high'>): ShownScale {
+  const range = Math.max(Math.abs(low), Math.abs(high));
+  const isUsable = Number.isFinite(range) && range > 0;
+  const chosen =
+    isUsable && kPrefixed.has(unit)
+      ? (kPrefixes.find(({factor}) => range * factor >= 1) ?? kPrefixes[3])
+      : kPrefixes[0];
+  const shown = isUsable ? range * chosen.factor : 1;
+  return {
+    unit: unit === '1' ? '' : `${chosen.prefix}${unit}`,
+    factor: chosen.factor,
+    digits: Math.min(3, Math.max(0, 3 - Math.floor(Math.log10(shown)))),
+  };
+}
+
+/** A channel, and its place among those of its kind. */
+export interface PlacedScale {
+  readonly scale: Scale;
+  readonly index: number;
+}
+
+/** The channels that one axis can show: those of one shown unit, in their order. */
+export function byUnit(
+  scales: readonly Scale[],
+): readonly {readonly shown: ShownScale; readonly members: readonly PlacedScale[]}[] {
+  const groups = new Map<string, {shown: ShownScale; members: PlacedScale[]}>();
+  scales.forEach((scale, index) => {
+    const shown = shownScale(scale);
+    const group = groups.get(shown.unit) ?? {shown, members: []};
+    group.members.push({scale, index});
+    groups.set(shown.unit, group);
+  });
+  return [...groups.values()];
+}
