@@ -1,7 +1,7 @@
 #include "configuration.hpp"
 
 #include <algorithm>
-#include <cctype>
+#include <string_view>
 
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/options/caller_options.hpp"
@@ -30,7 +30,14 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
   options.add("recordings", configuration.recordings, "The folder of recordings");
   options.add("read-only", configuration.is_read_only, "Let nobody command anything");
   options.add("token", configuration.token,
-              "What a URL must have to command; default: a random one");
+              "What a URL must have to command; default: a random one. Not on the command line, "
+              "which all users of this host can read: by RTPM_TOKEN or --config");
+  options.add("token-file", configuration.token_file,
+              "The file that keeps the token; made with a random one if it is not there");
+  options.add("print-token", configuration.prints_token,
+              "Print the URL with its token also where standard output is no terminal");
+  options.add("host-name", configuration.host_names,
+              "Names, besides addresses and localhost, by which browsers may reach it");
   options.add("seconds", configuration.seconds, "How long to serve; 0: until Ctrl-C", {0, 1e6});
   if (const auto exit_code = options.parse(argc, argv)) return exit_code;
   if (!is_loopback(configuration.address) && !configuration.is_insecure_lan) {
@@ -39,12 +46,20 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
         " is reached by other hosts, and neither the page nor its token is encrypted; use an SSH "
         "tunnel to 127.0.0.1, or give --insecure-lan if you trust all of the network");
   }
-  const bool fits_url = std::ranges::all_of(configuration.token, [](unsigned char c) {
-    return std::isalnum(c) != 0 || c == '-' || c == '_' || c == '.' || c == '~';
+  const bool is_public = std::any_of(argv + 1, argv + std::max(argc, 1), [](std::string_view text) {
+    return text == "--token" || text.starts_with("--token=");
   });
-  if (!configuration.token.empty() && (!fits_url || configuration.token.size() < kTokenSizeMin)) {
-    return options.usage_error("--token takes at least " + std::to_string(kTokenSizeMin) +
-                               " of A-Z a-z 0-9 - _ . ~");
+  if (is_public) {
+    return options.usage_error(
+        "--token would show the token to all users of this host, who can read command lines; give "
+        "it in RTPM_TOKEN, or in a file by --token-file");
+  }
+  if (!configuration.token.empty() && !configuration.token_file.empty()) {
+    return options.usage_error("there are both a token and a --token-file; leave one out");
+  }
+  if (!configuration.token.empty() && !is_token(configuration.token)) {
+    return options.usage_error("the token in RTPM_TOKEN, or in --config, must have " +
+                               std::string(kTokenForm));
   }
   return std::nullopt;
 }

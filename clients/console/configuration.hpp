@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "rtpm/events/defaults.hpp"
 #include "rtpm/rpc/security.hpp"
@@ -20,8 +21,11 @@ struct Configuration {
   std::string page{};                    ///< The folder of the page; empty: the installed one.
   std::string recordings{};              ///< The folder of recordings; empty: none.
   bool is_read_only = false;
-  std::string token{};  ///< Empty: a random one.
-  double seconds = 0;   ///< 0: until SIGINT or SIGTERM.
+  std::string token{};                    ///< Empty: a random one, or that of `token_file`.
+  std::string token_file{};               ///< Where the token is kept; empty: nowhere.
+  bool prints_token = false;              ///< Also where standard output is no terminal.
+  std::vector<std::string> host_names{};  ///< By which browsers may reach it.
+  double seconds = 0;                     ///< 0: until SIGINT or SIGTERM.
 };
 
 /// Reads file, environment and flags into `configuration`; as options::Options::parse().

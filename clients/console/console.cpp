@@ -1,7 +1,5 @@
 #include "console.hpp"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
 #include <utility>
@@ -9,6 +7,7 @@
 #include "graph/connection_graph.hpp"
 #include "live/state_json.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "web/host_name.hpp"
 #include "work/wall_time.hpp"
 
 namespace rtpm::console {
@@ -25,15 +24,10 @@ constexpr Duration kHubInterval = std::chrono::milliseconds{100};
 constexpr Duration kReportInterval = std::chrono::seconds{1};
 constexpr Duration kStateInterval = std::chrono::milliseconds{250};
 constexpr Duration kLatencyInterval = std::chrono::seconds{1};
+constexpr Duration kIdleInterval = std::chrono::seconds{1};
 constexpr Duration kRenewInterval = std::chrono::milliseconds{300};
 constexpr Duration kParameterInterval = std::chrono::seconds{2};
 constexpr std::size_t kGarbageCountMax = 10;
-
-std::string host_name() {
-  std::array<char, 256> name{};
-  if (::gethostname(name.data(), name.size() - 1) != 0) return "unknown";
-  return name.data();
-}
 
 std::string dumped(const Json& json) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
@@ -57,12 +51,12 @@ Console::Console(rpc::Node& node, const Configuration& configuration, Post post)
              const auto found = devices_.find(name);
              return found == devices_.end() ? nullptr : found->second.link();
            }}),
-      objects_services_(node, router_, desk_, pool_, post_,
+      objects_services_(node, router_, desk_, pool_, background_, post_,
                         [this](const std::string& name) {
                           const auto found = devices_.find(name);
                           return found == devices_.end() ? nullptr : found->second.link();
                         }),
-      parameters_(node, clients_, pool_, post_),
+      parameters_(node, clients_, pool_, background_, post_),
       records_(node, {configuration.events, configuration.recordings}, router_, channels_, pool_,
                post_),
       hub_(node, configuration.events, post_,
@@ -85,6 +79,9 @@ expected<void, SetupError> Console::start(
   records_.start();
   add_log_filter();
   if (auto started = pool_.start({}); !started) return started;
+  if (auto started = background_.start({.name = "console-look", .thread_count = 4}); !started) {
+    return started;
+  }
   if (auto started = urgent_.start({.name = "console-stop", .thread_count = 4}); !started) {
     return started;
   }
@@ -92,6 +89,7 @@ expected<void, SetupError> Console::start(
   every(kStateInterval, [this] { publish_state(); });
   every(kLatencyInterval, [this] { publish_latency(); });
   every(kLatencyInterval, [this] { publish_graph(); });
+  every(kIdleInterval, [this] { event_channels_.drop_idle(rt::now()); });
   every(kRenewInterval, [this] { desk_.renew(); });
   every(kParameterInterval, [this] { parameters_.poll(); });
   return {};
@@ -139,6 +137,7 @@ void Console::stop() {
     thread->stop();
   }
   pool_.stop();
+  background_.stop();
   urgent_.stop();
   hub_.stop();
   desk_.release_all();
@@ -177,7 +176,7 @@ void Console::on_close(Connection& connection) {
 }
 
 void Console::on_text(Connection& connection, std::string_view text) {
-  auto request = foxglove::read_text(text);
+  auto request = foxglove::read_text(text, connection.may_command());
   if (!request) return take_garbage(connection.id(), request.error());
   Client* const client = clients_.find(connection.id());
   if (client == nullptr) return;
@@ -210,7 +209,8 @@ void Console::take_text(std::uint64_t id, foxglove::TextRequest request) {
       clients_.send_status(id, foxglove::StatusLevel::kWarning, fault);
   };
   const auto has_room = [&] {
-    if (client.open_call_count < kOpenCallCountMax) return true;
+    const bool may_command = client.connection->may_command();
+    if (client.open_call_count < (may_command ? kOpenCallCountMax : kOpenReadCountMax)) return true;
     tell({"too many requests of this connection are under way; wait for their answers"});
     return false;
   };
@@ -297,6 +297,8 @@ void Console::set_log(const PendingCall& call, const nlohmann::json& request) {
 
 Json Console::state() const {
   const MonotonicTime now = rt::now();
+  Json events = event_channels_.state();
+  events["dropped_count"] = hub_.dropped_count();
   Json devices = Json::array();
   for (const auto& [name, device] : devices_)
     devices.push_back(device.json(now, parameters_.has(name)));
@@ -317,6 +319,7 @@ Json Console::state() const {
             {"problem", hub_standing_.problem},
             {"consumer_count", hub_standing_.is_ok ? hub_view_.consumer_count : 0},
             {"event_per_s", hub_standing_.is_ok ? hub_view_.event_per_s : 0}}},
+          {"events", std::move(events)},
           {"servers", servers_json(servers_)},
           {"objects", std::move(objects)},
           {"devices", std::move(devices)},

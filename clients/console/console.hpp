@@ -73,8 +73,9 @@ class Console final : public ConnectionHandler {
   ChannelTable channels_;
   EventChannels event_channels_;
   CallRouter router_;
-  WorkerPool pool_{};
-  WorkerPool urgent_{};
+  WorkerPool pool_{};        ///< For those who may command.
+  WorkerPool background_{};  ///< For what the console and observers want to know.
+  WorkerPool urgent_{};      ///< For emergency stops.
   OperatorDesk desk_;
   ObjectServices objects_services_;
   ParameterDesk parameters_;

@@ -1,5 +1,7 @@
 // rtpm-console: serves a page that shows and operates the system in browsers, and speaks the
 // Foxglove WebSocket protocol.
+#include <unistd.h>
+
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -13,6 +15,7 @@
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/log.hpp"
 #include "rtpm/rt/thread.hpp"
+#include "web/host_name.hpp"
 #include "web/server.hpp"
 #include "web/token.hpp"
 
@@ -24,11 +27,33 @@ int fail(const SetupError& error) {
   return 1;
 }
 
+/// Says where the page is. The token goes to a terminal only: other output may be kept in a file
+/// that more people read than may command.
+void print_urls(const Configuration& configuration, const WebServer& server) {
+  const bool has_token = !configuration.is_read_only;
+  const bool prints_token =
+      has_token && (configuration.prints_token || ::isatty(STDOUT_FILENO) == 1);
+  const std::string suffix = prints_token ? "?token=" + configuration.token : "";
+  std::string text = "serving " + server.url() + suffix + "\n";
+  if (configuration.address == "0.0.0.0" || configuration.address == "::") {
+    text += "for other hosts: http://" + host_name() + ":" + std::to_string(server.port()) + "/" +
+            suffix + "\n";
+  }
+  if (has_token && !prints_token && !configuration.token_file.empty()) {
+    text += "to command, append ?token= and the text in " + configuration.token_file + "\n";
+  } else if (has_token && !prints_token) {
+    text += "to command, start it on a terminal, or with --token-file FILE\n";
+  }
+  std::fputs(text.c_str(), stdout);
+  std::fflush(stdout);
+}
+
 int serve(Configuration configuration) {
   // Before any thread, which would else be ended by the signal.
   const options::StopSignal stop;
   if (configuration.token.empty()) {
-    auto token = make_token();
+    auto token =
+        configuration.token_file.empty() ? make_token() : token_in_file(configuration.token_file);
     if (!token) return fail(token.error());
     configuration.token = std::move(*token);
   }
@@ -46,7 +71,9 @@ int serve(Configuration configuration) {
                                    ? default_page_folder()
                                    : std::filesystem::path(configuration.page),
                 .token = configuration.token,
-                .is_read_only = configuration.is_read_only};
+                .is_read_only = configuration.is_read_only,
+                .host_names = configuration.host_names};
+  if (!is_loopback(configuration.address)) web.host_names.push_back(host_name());
   auto created = WebServer::create(std::move(web), console);
   if (!created) return fail(created.error());
   server = created->get();
@@ -63,9 +90,7 @@ int serve(Configuration configuration) {
     console.stop();
     return fail(thread.error());
   }
-  const std::string suffix = configuration.is_read_only ? "" : "?token=" + configuration.token;
-  std::printf("serving %s%s\n", server->url().c_str(), suffix.c_str());
-  std::fflush(stdout);
+  print_urls(configuration, *server);
 
   if (configuration.seconds > 0) {
     static_cast<void>(stop.wait_for(std::chrono::duration_cast<Duration>(

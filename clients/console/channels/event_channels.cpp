@@ -4,6 +4,7 @@
 
 #include "foxglove/base64.hpp"
 #include "foxglove/strict_json.hpp"
+#include "rtpm/base/nesting.hpp"
 #include "rtpm/gvd/device_event.hpp"
 #include "work/wall_time.hpp"
 
@@ -16,6 +17,8 @@ using Json = nlohmann::ordered_json;
 std::uint64_t log_time_ns(const HubEvent& event) {
   return wall_time_ns(event.arrived - (event.header.hub_sent - event.header.origin));
 }
+
+constexpr Duration kIdleTime = std::chrono::minutes{1};
 
 std::string dumped(const Json& json) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
@@ -54,19 +57,61 @@ const events::EventDescriptor* EventChannels::type_of(events::EventType type) co
   return types_ ? types_->find(type) : nullptr;
 }
 
-void EventChannels::advertise(const std::string& topic, events::EventType type) {
+bool EventChannels::advertise(const std::string& topic, events::EventType type) {
   const events::EventDescriptor* const known = type_of(type);
-  if (known == nullptr) return;
+  if (known == nullptr) return false;
   const auto advertised = advertised_.find(topic);
-  if (advertised != advertised_.end() && advertised->second == known->schema_id) return;
+  if (advertised != advertised_.end() && advertised->second == known->schema_id) return true;
   schema::Dynamic* const dynamic = schemas_.find(known);
-  if (dynamic == nullptr) return;
+  if (dynamic == nullptr) return false;
   advertised_[topic] = known->schema_id;
   channels_.add({.topic = topic,
                  .encoding = "flatbuffer",
                  .schema_name = std::string(known->name),
                  .schema = foxglove::to_base64(dynamic->reflection()),
                  .schema_encoding = "flatbuffer"});
+  return true;
+}
+
+void EventChannels::publish_generic(const HubEvent& event) {
+  const events::EventDescriptor* const type = type_of(event.header.type);
+  if (type == nullptr) return;
+  const std::string topic =
+      capture::type_text(event.header.type, type) + "/" + std::to_string(event.header.source);
+  const auto known = generic_.find(topic);
+  if (known != generic_.end()) {
+    known->second.last = event.arrived;
+    advertise(topic, event.header.type);
+  } else {
+    // Its reflection has about the size of its text; base64 adds a third.
+    const std::size_t size = type->schema.size() * 4 / 3;
+    if (generic_.size() >= kEventChannelCountMax ||
+        schema_byte_count_ + size > kEventSchemaByteMax) {
+      ++omitted_count_;
+      return;
+    }
+    if (!advertise(topic, event.header.type)) return;
+    generic_[topic] = {event.arrived, size};
+    schema_byte_count_ += size;
+  }
+  publish_table(topic, event);
+}
+
+void EventChannels::drop_idle(MonotonicTime now) {
+  std::erase_if(generic_, [&](const auto& one) {
+    const auto& [topic, channel] = one;
+    if (now - channel.last < kIdleTime) return false;
+    schema_byte_count_ -= channel.schema_byte_count;
+    channels_.remove(topic);
+    advertised_.erase(topic);
+    return true;
+  });
+}
+
+Json EventChannels::state() const {
+  return {{"channel_count", generic_.size()},
+          {"channel_count_max", kEventChannelCountMax},
+          {"omitted_count", omitted_count_}};
 }
 
 void EventChannels::publish(const HubEvent& event) {
@@ -78,15 +123,9 @@ void EventChannels::publish(const HubEvent& event) {
     case EventStream::kChange:
       if (device != nullptr && !event.header.is_replayed) publish_change(*device, event);
       break;
-    case EventStream::kGeneric: {
-      const events::EventDescriptor* const type = type_of(event.header.type);
-      if (type == nullptr) break;
-      const std::string topic =
-          capture::type_text(event.header.type, type) + "/" + std::to_string(event.header.source);
-      advertise(topic, event.header.type);
-      publish_table(topic, event);
+    case EventStream::kGeneric:
+      publish_generic(event);
       break;
-    }
     case EventStream::kLog:
       break;
   }
@@ -106,7 +145,7 @@ void EventChannels::publish_table(const std::string& topic, const HubEvent& even
 Json EventChannels::payload_json(const HubEvent& event) {
   if (schema::Dynamic* const dynamic = schemas_.find(type_of(event.header.type))) {
     if (const auto text = dynamic->decode(dynamic->event(), event.payload)) {
-      Json json = Json::parse(foxglove::strict_json(*text), nullptr, false);
+      Json json = parse_bounded_json<Json>(foxglove::strict_json(*text));
       if (!json.is_discarded()) return json;
     }
   }

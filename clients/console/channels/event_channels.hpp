@@ -16,7 +16,12 @@
 
 namespace rtpm::console {
 
-/// Events of the hub as messages of channels.
+/// Channels of events other than devices', and the bytes of their schemas as they are advertised.
+inline constexpr std::size_t kEventChannelCountMax = 128;
+inline constexpr std::size_t kEventSchemaByteMax = std::size_t{8} << 20;
+
+/// Events of the hub as messages of channels. A channel of another type than devices' is there from
+/// its first event until a minute after its last.
 /// @ownership refers to the channels
 /// @threads  the web server's
 class EventChannels {
@@ -29,12 +34,18 @@ class EventChannels {
   void publish(const HubEvent& event);
   /// Sends an event of a log filter to its connection.
   void publish_log(const HubEvent& event);
+  /// Removes channels without events. Call it about once a second.
+  void drop_idle(MonotonicTime now);
+  /// What the page tells of the limits above.
+  [[nodiscard]] nlohmann::ordered_json state() const;
   /// nullptr: no device has this source.
   [[nodiscard]] const std::string* device_of(events::SourceId source) const;
 
  private:
   [[nodiscard]] const events::EventDescriptor* type_of(events::EventType type) const;
-  void advertise(const std::string& topic, events::EventType type);
+  /// @return whether the channel is there
+  bool advertise(const std::string& topic, events::EventType type);
+  void publish_generic(const HubEvent& event);
   void publish_table(const std::string& topic, const HubEvent& event);
   void publish_change(const std::string& device, const HubEvent& event);
   [[nodiscard]] nlohmann::ordered_json payload_json(const HubEvent& event);
@@ -44,6 +55,14 @@ class EventChannels {
   std::shared_ptr<const events::HubTypes> types_{};
   capture::EventSchemas schemas_{};
   std::map<std::string, std::uint64_t> advertised_{};  ///< Topic to schema id.
+  /// A channel of another type than devices'.
+  struct Generic {
+    MonotonicTime last{};  ///< When its newest event came.
+    std::size_t schema_byte_count = 0;
+  };
+  std::map<std::string, Generic> generic_{};  ///< By topic.
+  std::size_t schema_byte_count_ = 0;
+  std::uint64_t omitted_count_ = 0;  ///< Events without a channel, because of the limits.
 };
 
 }  // namespace rtpm::console

@@ -3,6 +3,7 @@
 #include <limits>
 #include <utility>
 
+#include "rtpm/base/nesting.hpp"
 #include "rtpm/base/printable.hpp"
 
 namespace rtpm::console::foxglove {
@@ -92,7 +93,7 @@ expected<TextRequest, std::string> read_get_parameters(const Json& request) {
   return GetParameters{std::move(*names), text_of(request, "id")};
 }
 
-expected<TextRequest, std::string> read_set_parameters(const Json& request) {
+expected<TextRequest, std::string> read_set_parameters(const Json& request, bool may_command) {
   const Json* const list = list_of(request, "parameters");
   if (list == nullptr) return fault("setParameters", "needs a list `parameters`");
   SetParameters set;
@@ -100,7 +101,7 @@ expected<TextRequest, std::string> read_set_parameters(const Json& request) {
   for (const Json& one : *list) {
     auto name = text_of(one, "name");
     if (!name) return fault("setParameters", "each parameter needs a `name`");
-    set.parameters.push_back({std::move(*name), one.value("value", Json{}),
+    set.parameters.push_back({std::move(*name), may_command ? one.value("value", Json{}) : Json{},
                               text_of(one, "type").value_or(std::string{})});
   }
   return set;
@@ -115,17 +116,18 @@ expected<TextRequest, std::string> read_watch_parameters(const Json& request, co
 
 }  // namespace
 
-expected<TextRequest, std::string> read_text(std::string_view text) {
-  const Json request = Json::parse(text, nullptr, false);
-  if (request.is_discarded() || !request.is_object()) {
-    return unexpected{std::string("a text frame is no JSON object")};
+expected<TextRequest, std::string> read_text(std::string_view text, bool may_command) {
+  if (!is_json_nested_within(text, kNestingMax)) {
+    return unexpected{"a text frame nests deeper than " + std::to_string(kNestingMax)};
   }
+  const Json request = parse_bounded_json<Json>(text);
+  if (!request.is_object()) return unexpected{std::string("a text frame is no JSON object")};
   const auto op = text_of(request, "op");
   if (!op) return unexpected{std::string("a text frame has no `op`")};
   if (*op == "subscribe") return read_subscribe(request);
   if (*op == "unsubscribe") return read_unsubscribe(request);
   if (*op == "getParameters") return read_get_parameters(request);
-  if (*op == "setParameters") return read_set_parameters(request);
+  if (*op == "setParameters") return read_set_parameters(request, may_command);
   if (*op == "subscribeParameterUpdates") return read_watch_parameters(request, *op, true);
   if (*op == "unsubscribeParameterUpdates") return read_watch_parameters(request, *op, false);
   if (*op == "subscribeConnectionGraph") return WatchGraph{true};

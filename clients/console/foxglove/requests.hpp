@@ -37,7 +37,7 @@ struct GetParameters {
 /// A parameter as clients set it.
 struct ParameterRequest {
   std::string name{};
-  nlohmann::json value{};  ///< null: absent, which asks to unset it.
+  nlohmann::json value{};  ///< null: absent, which asks to unset it, or not read.
   std::string type{};      ///< "float64", "float64_array", "byte_array"; empty: not stated.
 };
 struct SetParameters {
@@ -60,8 +60,10 @@ using TextRequest = std::variant<Subscribe, Unsubscribe, GetParameters, SetParam
                                  WatchParameters, WatchGraph, Unsupported>;
 
 /// Reads a text frame.
-/// @errors   in words: no JSON, no known operation, a field that is missing or of a wrong type
-[[nodiscard]] expected<TextRequest, std::string> read_text(std::string_view text);
+/// @param may_command  else the values that parameters are set to are not read
+/// @errors   in words: no JSON, nested deeper than kNestingMax, no known operation, a field that is
+///           missing or of a wrong type
+[[nodiscard]] expected<TextRequest, std::string> read_text(std::string_view text, bool may_command);
 
 /// A call of a service.
 /// @ownership views the frame

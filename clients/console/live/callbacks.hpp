@@ -19,7 +19,7 @@ using Post = std::function<void(std::function<void()>)>;
 enum class EventStream : std::uint8_t {
   kSample,   ///< A device's samples, decimated by the hub.
   kChange,   ///< What devices report besides; every one.
-  kGeneric,  ///< Of other types, decimated by the hub, each type and source for itself.
+  kGeneric,  ///< Of other types, decimated by the hub, each source for itself.
   kLog,      ///< Of a connection's log filter.
 };
 

@@ -2,6 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "rtpm/base/nesting.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::console {
@@ -23,7 +24,7 @@ HubReportView HubReport::look() {
     text = json;
     return true;
   });
-  const auto report = nlohmann::json::parse(text, nullptr, false);
+  const auto report = parse_bounded_json<nlohmann::json>(text);
   if (!called || !report.is_object()) {
     // Another hub may have the name by now.
     object_.reset();

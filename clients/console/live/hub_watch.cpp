@@ -11,24 +11,41 @@ namespace {
 constexpr Duration kFrameInterval = std::chrono::milliseconds{16};
 constexpr Duration kHubDeadline = std::chrono::milliseconds{500};
 constexpr Duration kTypesInterval = std::chrono::seconds{1};
-/// Sources of events other than devices'; more are not shown.
-constexpr std::size_t kSourceCountMax = 128;
-constexpr std::uint32_t kChangeQueueCapacity = 1024;
+constexpr std::uint32_t kQueueCapacity = 1024;
+/// Devices whose samples come from the hub; of the others those that the console reads itself.
+constexpr std::size_t kFollowedCountMax = events::kIntervalSourceMax;
+/// Events that the web server's thread takes before it does something else.
+constexpr int kHandOverCount = 64;
 constexpr std::uint32_t kLogRateMax = 200;
 constexpr std::size_t kLogCountMax = 64;
 
-bool is_device_type(events::EventType type) noexcept {
-  // kSampled … StopAllRequested, see device_events.fbs.
-  return type >= gvd::kSampled && type <= gvd::kConfigurationChanged + 1;
+/// kSampled … StopAllRequested, see device_events.fbs.
+std::vector<events::Match> device_types(events::EventType first) {
+  std::vector<events::Match> matches;
+  for (events::EventType type = first; type <= gvd::kConfigurationChanged + 1; ++type)
+    matches.push_back({.type = type, .type_mask = events::kWholeNumber});
+  return matches;
 }
 
+/// At most 60 per second of each type and source.
 events::DeliveryPolicy decimated() {
   events::DeliveryPolicy policy;
   policy.interval = kFrameInterval;
-  policy.when_full = events::QueuePolicy::kKeepLatest;
-  policy.queue_capacity = events::kLatestQueueCapacityMax;
+  policy.is_interval_per_source = true;
+  policy.queue_capacity = kQueueCapacity;
   policy.replay = 1;
   return policy;
+}
+
+events::Filter samples_of(const std::vector<std::string>& devices) {
+  std::vector<events::Match> matches;
+  for (const std::string& device : devices) {
+    matches.push_back({.type = gvd::kSampled,
+                       .type_mask = events::kWholeNumber,
+                       .source = gvd::source_of(device),
+                       .source_mask = events::kWholeNumber});
+  }
+  return events::listed(std::move(matches));
 }
 
 }  // namespace
@@ -67,14 +84,12 @@ class HubWatch::Tap final : public events::EventHandler {
 
  private:
   void take(const events::EventView& event) {
-    if (stream_ == EventStream::kChange && !is_device_type(event.header.type)) {
-      // The first events of a source: it gets a subscription of its own.
+    if (stream_ == EventStream::kGeneric && event.header.type > events::kEventTypeMax) return;
+    if (stream_ == EventStream::kGeneric || stream_ == EventStream::kSample) {
       const std::lock_guard lock(watch_.mutex_);
-      if (event.header.type <= events::kEventTypeMax &&
-          watch_.new_sources_.size() < kSourceCountMax) {
-        watch_.new_sources_.insert({event.header.type, event.header.source});
-      }
-      return;
+      const bool is_known =
+          watch_.types_ != nullptr && watch_.types_->find(event.header.type) != nullptr;
+      watch_.lacks_type_ = watch_.lacks_type_ || !is_known;
     }
     if (stream_ == EventStream::kLog && !is_admitted()) return;
     HubEvent copy{.stream = stream_,
@@ -83,9 +98,7 @@ class HubWatch::Tap final : public events::EventHandler {
                   .header = event.header,
                   .arrived = rt::now(),
                   .payload = {event.payload.begin(), event.payload.end()}};
-    watch_.post_([on_event = watch_.callbacks_.on_event, copy = std::move(copy)]() mutable {
-      on_event(std::move(copy));
-    });
+    watch_.deliver(std::move(copy));
   }
 
   /// At most kLogRateMax in each second.
@@ -138,25 +151,31 @@ std::unique_ptr<HubWatch::Tap> HubWatch::open(EventStream stream, std::uint64_t 
   return tap;
 }
 
-events::Filter HubWatch::main_filter() const {
-  std::vector<events::Match> matches{{.type = gvd::kSampled, .type_mask = events::kWholeNumber}};
-  for (const auto& [type, source] : sources_) {
-    matches.push_back({.type = type,
-                       .type_mask = events::kWholeNumber,
-                       .source = source,
-                       .source_mask = events::kWholeNumber});
+void HubWatch::deliver(HubEvent event) {
+  if (inbox_.push(std::move(event))) post_([this] { hand_over(); });
+}
+
+void HubWatch::hand_over() {
+  for (int i = 0; i < kHandOverCount; ++i) {
+    auto event = inbox_.pop();
+    if (!event) return;
+    callbacks_.on_event(std::move(*event));
   }
-  return events::none_of(events::listed(std::move(matches)));
+  if (!inbox_.is_empty()) post_([this] { hand_over(); });
 }
 
 bool HubWatch::open_main() {
   {
     const std::lock_guard lock(mutex_);
-    if (std::exchange(is_lost_, false)) main_.reset();
+    if (std::exchange(is_lost_, false)) {
+      main_.reset();
+      samples_.reset();
+      others_.reset();
+    }
   }
   if (main_) return true;
-  events::ConsumerConfig config{.filter = main_filter()};
-  config.delivery.queue_capacity = kChangeQueueCapacity;
+  events::ConsumerConfig config{.filter = events::listed(device_types(gvd::kSampled + 1))};
+  config.delivery.queue_capacity = kQueueCapacity;
   config.delivery.replay = 1;
   std::string problem;
   main_ = open(EventStream::kChange, 0, std::move(config), &problem);
@@ -173,10 +192,14 @@ void HubWatch::ask_types() {
     lacks_type_ = false;
   }
   next_types_ = rt::now() + kTypesInterval;
-  auto types = events::HubTypes::ask(node_, hub_, kHubDeadline);
-  if (!types) return;
-  types_ = std::make_shared<const events::HubTypes>(std::move(*types));
-  post_([on_types = callbacks_.on_types, types = types_] { on_types(types); });
+  auto asked = events::HubTypes::ask(node_, hub_, kHubDeadline);
+  if (!asked) return;
+  const auto types = std::make_shared<const events::HubTypes>(std::move(*asked));
+  {
+    const std::lock_guard lock(mutex_);
+    types_ = types;
+  }
+  post_([on_types = callbacks_.on_types, types] { on_types(types); });
 }
 
 void HubWatch::follow_devices() {
@@ -185,44 +208,23 @@ void HubWatch::follow_devices() {
     const std::lock_guard lock(mutex_);
     devices = devices_;
   }
-  std::erase_if(samples_, [&](const auto& one) { return !std::ranges::count(devices, one.first); });
-  for (const std::string& device : devices) {
-    if (samples_.contains(device)) continue;
-    events::ConsumerConfig config{.filter = gvd::samples_of(device), .delivery = decimated()};
-    auto tap = open(EventStream::kSample, 0, std::move(config), nullptr);
-    if (!tap) return;
-    samples_[device] = std::move(tap);
-    const std::lock_guard lock(mutex_);
-    lacks_type_ = true;
+  if (devices.size() > kFollowedCountMax) devices.resize(kFollowedCountMax);
+  if (devices.empty()) samples_.reset();
+  if (devices.empty() || (samples_ && devices == followed_)) return;
+  if (samples_ && !samples_->consumer_->change(samples_of(devices), decimated())) samples_.reset();
+  if (!samples_) {
+    events::ConsumerConfig config{.filter = samples_of(devices), .delivery = decimated()};
+    samples_ = open(EventStream::kSample, 0, std::move(config), nullptr);
   }
+  if (samples_) followed_ = std::move(devices);
 }
 
-void HubWatch::follow_sources() {
-  std::set<Key> found;
-  {
-    const std::lock_guard lock(mutex_);
-    found = std::exchange(new_sources_, {});
-  }
-  bool has_changed = false;
-  for (const Key& key : found) {
-    if (sources_.size() >= kSourceCountMax || !sources_.insert(key).second) continue;
-    has_changed = true;
-    events::ConsumerConfig config{.filter = events::of_type(key.first, key.second),
-                                  .delivery = decimated()};
-    generic_[key] = open(EventStream::kGeneric, 0, std::move(config), nullptr);
-    if (!generic_[key]) {
-      generic_.erase(key);
-      sources_.erase(key);
-    }
-  }
-  if (!has_changed) return;
-  {
-    const std::lock_guard lock(mutex_);
-    lacks_type_ = true;
-  }
-  events::DeliveryPolicy policy;
-  policy.queue_capacity = kChangeQueueCapacity;
-  static_cast<void>(main_->consumer_->change(main_filter(), policy));
+void HubWatch::open_others() {
+  if (others_) return;
+  events::ConsumerConfig config{
+      .filter = events::none_of(events::listed(device_types(gvd::kSampled))),
+      .delivery = decimated()};
+  others_ = open(EventStream::kGeneric, 0, std::move(config), nullptr);
 }
 
 void HubWatch::look() {
@@ -238,7 +240,7 @@ void HubWatch::look() {
   }
   if (!open_main()) return;
   follow_devices();
-  follow_sources();
+  open_others();
   ask_types();
 }
 
@@ -263,8 +265,8 @@ expected<void, events::FilterTextError> HubWatch::set_log(std::uint64_t connecti
 
 void HubWatch::stop() {
   logs_.clear();
-  generic_.clear();
-  samples_.clear();
+  others_.reset();
+  samples_.reset();
   main_.reset();
 }
 

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "live/callbacks.hpp"
+#include "live/event_inbox.hpp"
 #include "rtpm/events/consumer.hpp"
 #include "rtpm/events/filter_text.hpp"
 #include "rtpm/events/hub_types.hpp"
@@ -26,9 +27,10 @@ struct HubCallbacks {
   std::function<void(std::shared_ptr<const events::HubTypes>)> on_types{};
 };
 
-/// Subscribes to a hub for all browsers together: the samples of each device and each source of
-/// other types at most 60 times a second, which the hub decimates, and all changes of devices. A
-/// hub that is absent, ends or restarts is found again.
+/// Subscribes to a hub for all browsers together, three times however many devices and sources
+/// there are: to all changes of devices, to the samples of devices, and to events of other types,
+/// of which the hub lets 60 per second of each source through. A hub that is absent, ends or
+/// restarts is found again.
 /// @ownership refers to its node
 /// @threads  look() and set_log() one each, blocking; set_devices() and end_log() any; stop() alone
 class HubWatch {
@@ -47,41 +49,44 @@ class HubWatch {
   [[nodiscard]] expected<void, events::FilterTextError> set_log(std::uint64_t connection_id,
                                                                 const std::string& filter);
   void end_log(std::uint64_t connection_id);
+  /// Events that the web server's thread was too busy for.
+  [[nodiscard]] std::uint64_t dropped_count() const { return inbox_.dropped_count(); }
   /// Ends all subscriptions: nothing is posted any more.
   void stop();
 
  private:
-  using Key = std::pair<events::EventType, events::SourceId>;
   class Tap;
 
   [[nodiscard]] bool open_main();
   void ask_types();
   void follow_devices();
-  void follow_sources();
+  void open_others();
   [[nodiscard]] std::unique_ptr<Tap> open(EventStream stream, std::uint64_t connection_id,
                                           events::ConsumerConfig config, std::string* problem);
-  [[nodiscard]] events::Filter main_filter() const;
   void set_standing(bool is_ok, const std::string& problem);
+  void deliver(HubEvent event);
+  /// Hands some events over, and the rest after what else the web server's thread has to do.
+  void hand_over();
 
   rpc::Node& node_;
   std::string hub_;
   Post post_;
   HubCallbacks callbacks_;
+  EventInbox inbox_{};
   std::mutex mutex_{};
   // Guarded by `mutex_`.
   std::vector<std::string> devices_{};
   std::set<std::uint64_t> ended_logs_{};
-  std::set<Key> new_sources_{};
+  std::shared_ptr<const events::HubTypes> types_{};
   bool lacks_type_ = false;
   bool is_lost_ = false;       ///< The main subscription ended for good.
   bool was_restored_ = false;  ///< The hub is back, perhaps with other types.
   // Of look()'s thread.
-  std::shared_ptr<const events::HubTypes> types_{};
   MonotonicTime next_types_{};
-  std::set<Key> sources_{};
+  std::vector<std::string> followed_{};  ///< The devices of `samples_`.
   std::unique_ptr<Tap> main_;
-  std::map<std::string, std::unique_ptr<Tap>> samples_;
-  std::map<Key, std::unique_ptr<Tap>> generic_;
+  std::unique_ptr<Tap> samples_;
+  std::unique_ptr<Tap> others_;
   std::mutex log_mutex_{};
   std::map<std::uint64_t, std::unique_ptr<Tap>> logs_;  ///< Guarded by `log_mutex_`.
 };

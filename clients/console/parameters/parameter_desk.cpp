@@ -21,8 +21,13 @@ struct ParameterDesk::Gathering {
   std::vector<foxglove::ParameterInfo> parameters{};
 };
 
-ParameterDesk::ParameterDesk(rpc::Node& node, Clients& clients, WorkerPool& pool, Post post)
-    : node_(node), clients_(clients), pool_(pool), post_(std::move(post)) {}
+ParameterDesk::ParameterDesk(rpc::Node& node, Clients& clients, WorkerPool& pool,
+                             WorkerPool& background, Post post)
+    : node_(node),
+      clients_(clients),
+      pool_(pool),
+      background_(background),
+      post_(std::move(post)) {}
 
 void ParameterDesk::set_objects(std::vector<std::string> names) {
   names_ = std::move(names);
@@ -131,8 +136,9 @@ void ParameterDesk::get(Client& client, const foxglove::GetParameters& request) 
   gathering->names = {request.names.begin(), request.names.end()};
   gathering->left_count = objects.size();
   ++client.open_call_count;
+  WorkerPool& pool = client.connection->may_command() ? pool_ : background_;
   for (const std::string& object : objects) {
-    const bool is_queued = pool_.run("config " + object, [=, this, link = links_[object]] {
+    const bool is_queued = pool.run("config " + object, [=, this, link = links_[object]] {
       post_([=, this, found = list(object, *link)] { end(gathering, found); });
     });
     if (!is_queued) end(gathering, {{}, object + ": too much waits to be done"});
@@ -222,9 +228,18 @@ void ParameterDesk::publish(const std::vector<foxglove::ParameterInfo>& paramete
 void ParameterDesk::on_change(const std::string& object) {
   const auto link = links_.find(object);
   if (link == links_.end()) return;
-  static_cast<void>(pool_.run("config " + object, [this, object, link = link->second] {
-    post_([this, object, found = list(object, *link)] { publish(found.parameters); });
-  }));
+  // A server that does not answer is asked once at a time, however often a change is suspected.
+  if (link->second->is_asked) {
+    link->second->is_outdated = true;
+    return;
+  }
+  link->second->is_asked = background_.run("config " + object, [this, object, link = link->second] {
+    post_([this, object, link, found = list(object, *link)] {
+      link->is_asked = false;
+      publish(found.parameters);
+      if (std::exchange(link->is_outdated, false)) on_change(object);
+    });
+  });
 }
 
 void ParameterDesk::poll() {

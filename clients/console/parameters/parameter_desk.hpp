@@ -25,7 +25,10 @@ namespace rtpm::console {
 /// @threads  the web server's
 class ParameterDesk {
  public:
-  ParameterDesk(rpc::Node& node, Clients& clients, WorkerPool& pool, Post post);
+  /// @param pool        runs what those want who may command
+  /// @param background  runs the rest
+  ParameterDesk(rpc::Node& node, Clients& clients, WorkerPool& pool, WorkerPool& background,
+                Post post);
 
   /// The names of objects whose configuration is served below them.
   void set_objects(std::vector<std::string> names);
@@ -44,6 +47,8 @@ class ParameterDesk {
   struct Link {
     std::mutex mutex{};
     std::optional<gvd::ConfigurationClient> client{};  ///< Guarded by `mutex`.
+    bool is_asked = false;     ///< For changes; of the web server's thread, as the next.
+    bool is_outdated = false;  ///< It may have changed since it was asked.
   };
   /// What a worker does with a bound configuration.
   struct Found {
@@ -64,6 +69,7 @@ class ParameterDesk {
   rpc::Node& node_;
   Clients& clients_;
   WorkerPool& pool_;
+  WorkerPool& background_;
   Post post_;
   std::vector<std::string> names_{};
   std::map<std::string, std::shared_ptr<Link>> links_{};

@@ -12,8 +12,11 @@ constexpr Duration kFrameInterval = std::chrono::milliseconds{16};
 constexpr double kDenseRateHz = 100;
 constexpr double kSpeedMin = 0.01;
 constexpr double kSpeedMax = 100;
-/// How far before a sought time the newest messages are looked for.
-constexpr std::uint64_t kMomentNs = 1'000'000'000;
+/// How much before a sought time is shown, and how densely: enough for curves.
+constexpr std::uint64_t kHistoryNs = 30'000'000'000;
+constexpr std::uint64_t kHistoryStepNs = 150'000'000;
+/// Messages that are delivered at once: a browser's queue holds 256.
+constexpr int kHistoryBatch = 64;
 
 std::string text_of(ConstBytes bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
@@ -99,8 +102,9 @@ void ReplayPlayer::run() {
   while (!is_stopping_) {
     if (sought_ns_) {
       const std::uint64_t moment = *std::exchange(sought_ns_, std::nullopt);
+      const std::uint64_t turn = turn_;
       lock.unlock();
-      show_moment(moment);
+      show_moment(moment, turn);
       lock.lock();
     } else if (status_.is_playing) {
       const std::uint64_t from_ns = status_.time_ns;
@@ -117,19 +121,37 @@ void ReplayPlayer::run() {
   }
 }
 
-void ReplayPlayer::show_moment(std::uint64_t time_ns) {
+void ReplayPlayer::show_moment(std::uint64_t time_ns, std::uint64_t turn) {
   std::map<std::uint16_t, std::pair<std::uint64_t, std::string>> newest;
-  const recording::Query query{.from_ns = time_ns > kMomentNs ? time_ns - kMomentNs : 0,
+  std::map<std::uint16_t, std::uint64_t> next_ns;
+  int batch_count = 0;
+  bool is_interrupted = false;
+  const recording::Query query{.from_ns = time_ns > kHistoryNs ? time_ns - kHistoryNs : 0,
                                .to_ns = time_ns};
   const auto read = reader_->read(query, [&](const recording::Message& message) {
-    newest[message.channel_id] = {message.log_time_ns, text_of(message.data)};
-    return true;
+    std::uint64_t& next = next_ns[message.channel_id];
+    if (message.log_time_ns < next) {
+      newest[message.channel_id] = {message.log_time_ns, text_of(message.data)};
+      return true;
+    }
+    next = message.log_time_ns + kHistoryStepNs;
+    newest.erase(message.channel_id);
+    deliver_(message.channel_id, message.log_time_ns, text_of(message.data));
+    if (++batch_count % kHistoryBatch == 0) is_interrupted = !pause_delivery(turn);
+    return !is_interrupted;
   });
+  if (is_interrupted) return;
   for (auto& [channel, message] : newest)
     deliver_(channel, message.first, std::move(message.second));
   if (read) return;
   const std::lock_guard lock(mutex_);
   status_.problem = read.error().reason();
+}
+
+bool ReplayPlayer::pause_delivery(std::uint64_t turn) {
+  std::unique_lock lock(mutex_);
+  return !changed_.wait_until(lock, steady(rt::now() + kFrameInterval),
+                              [&] { return turn_ != turn; });
 }
 
 void ReplayPlayer::play_on(std::uint64_t from_ns, std::uint64_t turn) {

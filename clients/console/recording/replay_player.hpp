@@ -54,14 +54,17 @@ class ReplayPlayer {
   /// @param speed  0.01 to 100
   void play(double speed);
   void pause();
-  /// Goes to a time; shows the newest message of each channel up to then.
+  /// Goes to a time; shows the newest message of each channel up to then, and before it some of the
+  /// half minute that leads there, for curves.
   void seek(std::uint64_t time_ns);
   [[nodiscard]] Status status() const;
 
  private:
   ReplayPlayer(std::unique_ptr<recording::FileReader> reader, Deliver deliver);
   void run();
-  void show_moment(std::uint64_t time_ns);
+  void show_moment(std::uint64_t time_ns, std::uint64_t turn);
+  /// Lets what was delivered reach the browsers; false: something else is to be done.
+  [[nodiscard]] bool pause_delivery(std::uint64_t turn);
   void play_on(std::uint64_t from_ns, std::uint64_t turn);
   /// Waits until the message is due; false: something else is to be done.
   [[nodiscard]] bool wait_for(std::uint64_t log_time_ns, std::uint64_t turn);

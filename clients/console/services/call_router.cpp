@@ -5,12 +5,15 @@
 #include <span>
 #include <utility>
 
+#include "rtpm/base/nesting.hpp"
 #include "rtpm/base/printable.hpp"
 
 namespace rtpm::console {
 namespace {
 
 constexpr std::size_t kBatchSize = 100;
+/// Behind no other call of its client.
+constexpr std::string_view kStopService = "console/estop";
 constexpr std::string_view kReadOnly =
     "read-only: open the URL with the token that rtpm-console printed";
 
@@ -48,8 +51,7 @@ void CallRouter::add_json(const std::string& name, JsonHandler handler) {
   add({std::move(info)},
       {[this, handler = std::move(handler)](const PendingCall& call, const std::string& payload) {
         if (call.encoding != "json") return fail(call, "the service takes the encoding json");
-        const auto request =
-            nlohmann::json::parse(payload.empty() ? "{}" : payload, nullptr, false);
+        const auto request = parse_bounded_json<nlohmann::json>(payload.empty() ? "{}" : payload);
         if (!request.is_object()) return fail(call, "the request is no JSON object");
         handler(call, request);
       }});
@@ -106,7 +108,7 @@ void CallRouter::call(Client& client, const foxglove::ServiceCall& call) {
     return refuse("the encoding '" + printable(pending.encoding, 32) +
                   "' is not spoken; send json or flatbuffer");
   }
-  if (client.open_call_count >= kOpenCallCountMax) {
+  if (client.open_call_count >= kOpenCallCountMax && service->second.info.name != kStopService) {
     return refuse("too many calls of this connection are under way; wait for their answers");
   }
   ++client.open_call_count;

@@ -9,6 +9,7 @@
 #include "foxglove/base64.hpp"
 #include "foxglove/strict_json.hpp"
 #include "rtpm/base/bytes.hpp"
+#include "rtpm/base/nesting.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::console {
@@ -51,7 +52,7 @@ expected<std::vector<std::byte>, std::string> encoded(schema::Dynamic& dynamic,
                       dynamic.model().objects[payload.table].name};
   }
   // The schema's own parser takes declarations, too, so it gets nothing but JSON.
-  const auto json = nlohmann::json::parse(request.empty() ? "{}" : request, nullptr, false);
+  const auto json = parse_bounded_json<nlohmann::json>(request.empty() ? "{}" : request);
   if (!json.is_object()) return unexpected{std::string("the request is no JSON object")};
   std::string error;
   auto bytes = dynamic.encode(payload, json.dump(), error);
@@ -75,7 +76,7 @@ std::vector<std::byte> with_lease(schema::Dynamic& dynamic, const schema::Payloa
     return bytes;
   }
   const auto text = dynamic.decode(payload, bytes);
-  auto json = nlohmann::json::parse(text.value_or("{}"), nullptr, false);
+  auto json = parse_bounded_json<nlohmann::json>(text.value_or("{}"));
   if (!text || !json.is_object() || json.value("lease", std::uint64_t{0}) != 0) return bytes;
   json["lease"] = lease;
   std::string error;
@@ -86,12 +87,13 @@ std::vector<std::byte> with_lease(schema::Dynamic& dynamic, const schema::Payloa
 }  // namespace
 
 ObjectServices::ObjectServices(rpc::Node& node, CallRouter& router, OperatorDesk& desk,
-                               WorkerPool& pool, Post post,
+                               WorkerPool& pool, WorkerPool& background, Post post,
                                std::function<std::shared_ptr<DeviceLink>(const std::string&)> links)
     : node_(node),
       router_(router),
       desk_(desk),
       pool_(pool),
+      background_(background),
       post_(std::move(post)),
       links_(std::move(links)) {}
 
@@ -111,7 +113,7 @@ void ObjectServices::set_objects(const std::vector<ObjectView>& objects) {
 void ObjectServices::open(Entry& entry) {
   entry.is_opening = true;
   entry.next = rt::now() + kRetryInterval;
-  const bool is_queued = pool_.run("open " + entry.view.url, [this, view = entry.view] {
+  const bool is_queued = background_.run("open " + entry.view.url, [this, view = entry.view] {
     auto opened = std::make_shared<Opened>();
     if (auto remote = dynamic::RemoteObject::open(node_, view.url)) {
       opened->remote = std::move(*remote);

@@ -23,8 +23,11 @@ namespace rtpm::console {
 /// @threads  the web server's
 class ObjectServices {
  public:
+  /// @param pool        runs calls
+  /// @param background  opens objects
   ObjectServices(rpc::Node& node, CallRouter& router, OperatorDesk& desk, WorkerPool& pool,
-                 Post post, std::function<std::shared_ptr<DeviceLink>(const std::string&)> links);
+                 WorkerPool& background, Post post,
+                 std::function<std::shared_ptr<DeviceLink>(const std::string&)> links);
 
   /// Opens the objects that are new, and forgets those that are gone.
   void set_objects(const std::vector<ObjectView>& objects);
@@ -53,6 +56,7 @@ class ObjectServices {
   CallRouter& router_;
   OperatorDesk& desk_;
   WorkerPool& pool_;
+  WorkerPool& background_;
   Post post_;
   std::function<std::shared_ptr<DeviceLink>(const std::string&)> links_;
   std::map<std::string, Entry> entries_{};

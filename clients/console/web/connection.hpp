@@ -10,7 +10,12 @@
 namespace rtpm::console {
 
 /// Why a connection is closed; numbers of RFC 6455.
-enum class CloseCode : std::uint16_t { kGoingAway = 1001, kProtocolError = 1002, kTooBig = 1009 };
+enum class CloseCode : std::uint16_t {
+  kGoingAway = 1001,
+  kProtocolError = 1002,
+  kTooBig = 1009,
+  kTryAgainLater = 1013
+};
 
 /// A client, as what answers it sees it.
 /// @threads  the web server's

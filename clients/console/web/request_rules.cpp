@@ -14,6 +14,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kTargetSizeMax = 2048;
+constexpr std::size_t kPortDigitMax = 5;
 
 int digit_of(char c) {
   if (c >= '0' && c <= '9') return c - '0';
@@ -77,15 +78,22 @@ std::optional<RequestTarget> read_target(std::string_view target) {
   return read;
 }
 
-bool is_own_host(std::string_view host, std::string_view address, std::uint16_t port) {
-  const std::string name = lower(host);
-  std::string bound(address);
-  if (bound.find(':') != std::string::npos) bound = "[" + lower(bound) + "]";
-  for (const std::string& own :
-       {std::string("localhost"), std::string("127.0.0.1"), std::string("[::1]"), bound}) {
-    if (name == own || name == own + ":" + std::to_string(port)) return true;
+bool is_own_host(std::string_view host, std::span<const std::string> names) {
+  std::string name = lower(host);
+  const std::size_t colon = name.rfind(':');
+  // The colons of "[::1]" are no port's.
+  if (colon != std::string::npos && name.find(']', colon) == std::string::npos) {
+    const std::string_view port = std::string_view(name).substr(colon + 1);
+    const bool is_number = !port.empty() && port.size() <= kPortDigitMax &&
+                           std::ranges::all_of(port, [](char c) { return c >= '0' && c <= '9'; });
+    if (!is_number) return false;
+    name.resize(colon);
   }
-  return false;
+  if (name == "localhost" || name == "127.0.0.1" || name == "[::1]") return true;
+  return std::ranges::any_of(names, [&](const std::string& own) {
+    const bool is_v6 = own.find(':') != std::string::npos;
+    return name == (is_v6 ? "[" + lower(own) + "]" : lower(own));
+  });
 }
 
 bool is_own_origin(std::string_view origin, std::string_view host) {

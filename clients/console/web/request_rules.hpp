@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -17,9 +18,10 @@ struct RequestTarget {
 /// @return nothing: malformed, or with a byte that no path has
 [[nodiscard]] std::optional<RequestTarget> read_target(std::string_view target);
 
-/// Whether `host`, a Host header, names this server: localhost, a loopback address or `address`,
-/// with the port or none. Else a foreign name may have been made to lead here (DNS rebinding).
-[[nodiscard]] bool is_own_host(std::string_view host, std::string_view address, std::uint16_t port);
+/// Whether `host`, a Host header, names this server: localhost, a loopback address or one of
+/// `names`, with any port or none. Else a foreign name may have been made to lead here (DNS
+/// rebinding). The port is not compared: behind an SSH tunnel it is the tunnel's.
+[[nodiscard]] bool is_own_host(std::string_view host, std::span<const std::string> names);
 
 /// Whether `origin`, an Origin header, is a page of this server, whose Host header is `host`.
 [[nodiscard]] bool is_own_origin(std::string_view origin, std::string_view host);

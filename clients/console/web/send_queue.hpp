@@ -30,12 +30,17 @@ class SendQueue {
   static constexpr std::size_t kDataCountMax = 256;
   static constexpr std::size_t kDataByteMax = std::size_t{8} << 20;
   static constexpr std::size_t kControlCountMax = 1024;
+  static constexpr std::size_t kControlByteMax = std::size_t{32} << 20;
+
+  explicit SendQueue(std::size_t data_byte_max = kDataByteMax) noexcept
+      : data_byte_max_(data_byte_max) {}
 
   /// Appends data; drops and counts the oldest above the limits.
   void push_data(OutgoingFrame frame) {
     data_byte_count_ += size_of(frame);
     data_.push_back(std::move(frame));
-    while (data_.size() > kDataCountMax || (data_byte_count_ > kDataByteMax && data_.size() > 1)) {
+    while (data_.size() > kDataCountMax ||
+           (data_byte_count_ > data_byte_max_ && data_.size() > 1)) {
       data_byte_count_ -= size_of(data_.front());
       data_.pop_front();
       ++dropped_count_;
@@ -43,7 +48,10 @@ class SendQueue {
   }
   /// @return false: it is full, the client is to be disconnected
   [[nodiscard]] bool push_control(OutgoingFrame frame) {
-    if (control_.size() >= kControlCountMax) return false;
+    const std::size_t size = size_of(frame);
+    const bool is_too_much = control_byte_count_ + size > kControlByteMax && !control_.empty();
+    if (control_.size() >= kControlCountMax || is_too_much) return false;
+    control_byte_count_ += size;
     control_.push_back(std::move(frame));
     return true;
   }
@@ -52,6 +60,7 @@ class SendQueue {
     if (!control_.empty()) {
       OutgoingFrame frame = std::move(control_.front());
       control_.pop_front();
+      control_byte_count_ -= size_of(frame);
       return frame;
     }
     if (data_.empty()) return std::nullopt;
@@ -67,7 +76,9 @@ class SendQueue {
     return frame.head_size + (frame.body ? frame.body->size() : 0);
   }
 
+  std::size_t data_byte_max_;
   std::deque<OutgoingFrame> control_{};
+  std::size_t control_byte_count_ = 0;
   std::deque<OutgoingFrame> data_{};
   std::size_t data_byte_count_ = 0;
   std::uint64_t dropped_count_ = 0;

@@ -16,6 +16,10 @@
 #include <utility>
 
 #include "foxglove/replies.hpp"
+#include "rtpm/base/printable.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "web/frame_budget.hpp"
+#include "web/places.hpp"
 #include "web/request_rules.hpp"
 #include "web/token.hpp"
 
@@ -40,10 +44,32 @@ constexpr auto kEndTime = std::chrono::milliseconds{500};
 constexpr std::uint32_t kHeaderSizeMax = 8 * 1024;
 constexpr std::uint64_t kBodySizeMax = 1024;
 constexpr std::uintmax_t kFileSizeMax = std::uintmax_t{64} << 20;
-constexpr int kBacklog = 64;
+/// More than any flood that the accepting thread does not keep up with; the system has its own cap.
+constexpr int kBacklog = 4096;
+/// Clients that were displaced, and have not answered the close frame yet.
+constexpr std::size_t kLeavingCountMax = 32;
+/// Of the data that waits for a client without the token.
+constexpr std::size_t kObserverDataByteMax = std::size_t{1} << 20;
 
 std::string text_of(beast::string_view view) {
   return {view.data(), view.size()};
+}
+
+/// What counts as one peer: all loopback addresses together, and a network of IPv6 addresses, of
+/// which a host may have as many as it likes.
+std::string peer_of(const tcp::socket& socket) {
+  error_code error;
+  const tcp::endpoint endpoint = socket.remote_endpoint(error);
+  if (error) return {};
+  asio::ip::address address = endpoint.address();
+  if (address.is_v6() && address.to_v6().is_v4_mapped()) {
+    address = asio::ip::make_address_v4(asio::ip::v4_mapped, address.to_v6());
+  }
+  if (address.is_loopback()) return "loopback";
+  if (address.is_v4()) return address.to_string();
+  asio::ip::address_v6::bytes_type bytes = address.to_v6().to_bytes();
+  std::fill(bytes.begin() + bytes.size() / 2, bytes.end(), std::uint8_t{0});
+  return asio::ip::address_v6(bytes).to_string();
 }
 
 }  // namespace
@@ -64,11 +90,16 @@ struct WebServer::Impl {
 
   WebConfig config;
   ConnectionHandler& handler;
+  // Outlive the context, which destroys the sessions that are left, and with them their places.
+  std::size_t socket_count = 0;
+  PlaceTable requests{kRequestCountMax};
+  PlaceTable observers{kObserverCountMax};
+  PlaceTable operators{kOperatorCountMax};
+  PlaceTable leaving{kLeavingCountMax};
   asio::io_context context{1};
   tcp::acceptor acceptor;
   asio::steady_timer retry;
   std::uint16_t port = 0;
-  std::size_t socket_count = 0;
   std::uint64_t last_id = 0;
   std::set<WebSocketSession*> sessions{};
   bool is_ending = false;
@@ -99,13 +130,18 @@ class WebSocketSession final : public Connection,
                                public std::enable_shared_from_this<WebSocketSession> {
  public:
   WebSocketSession(WebServer::Impl& server, beast::tcp_stream stream, SocketCount count,
-                   bool may_command, bool has_wrong_token)
+                   bool has_token, bool has_wrong_token)
       : server_(server),
+        peer_(peer_of(stream.socket())),
         socket_(std::move(stream)),
+        next_read_(server.context),
         count_(std::move(count)),
         id_(++server.last_id),
-        may_command_(may_command),
-        has_wrong_token_(has_wrong_token) {}
+        has_token_(has_token),
+        has_wrong_token_(has_wrong_token),
+        queue_(has_token ? SendQueue::kDataByteMax : kObserverDataByteMax) {
+    place_.emplace(has_token ? server.operators : server.observers, peer_, [this] { give_way(); });
+  }
   ~WebSocketSession() override = default;
 
   void start(const http::request<http::string_body>& request, std::string subprotocol) {
@@ -120,7 +156,7 @@ class WebSocketSession final : public Connection,
           response.set(http::field::sec_websocket_protocol, subprotocol);
           response.set(http::field::server, "rtpm-console");
         }));
-    socket_.read_message_max(kFrameSizeMax);
+    socket_.read_message_max(has_token_ ? kFrameSizeMax : kObserverFrameSizeMax);
     socket_.auto_fragment(false);
     socket_.async_accept(request, [self = shared_from_this()](error_code error) {
       if (!error) self->open();
@@ -130,7 +166,7 @@ class WebSocketSession final : public Connection,
   void leave() { close(CloseCode::kGoingAway, "rtpm-console ends"); }
 
   std::uint64_t id() const noexcept override { return id_; }
-  bool may_command() const noexcept override { return may_command_; }
+  bool may_command() const noexcept override { return has_token_ && !server_.config.is_read_only; }
   bool has_wrong_token() const noexcept override { return has_wrong_token_; }
   std::uint64_t dropped_count() const noexcept override { return queue_.dropped_count(); }
 
@@ -159,6 +195,19 @@ class WebSocketSession final : public Connection,
   }
 
  private:
+  /// Says goodbye to a displaced client; when too many are doing so, without waiting for it.
+  void give_way() {
+    const auto self = shared_from_this();
+    place_.emplace(server_.leaving, peer_, [this] { drop(); });
+    if (!is_open_) return drop();
+    close(CloseCode::kTryAgainLater, "clients without the token are too many; this was the oldest");
+  }
+
+  void drop() {
+    end();
+    beast::get_lowest_layer(socket_).close();
+  }
+
   void open() {
     is_open_ = true;
     server_.sessions.insert(this);
@@ -178,8 +227,7 @@ class WebSocketSession final : public Connection,
     if (!is_open_) return;
     if (queue_.push_control(std::move(frame))) return write();
     // It has not read for long: there is nobody to say goodbye to.
-    end();
-    beast::get_lowest_layer(socket_).close();
+    drop();
   }
 
   void read() {
@@ -195,9 +243,15 @@ class WebSocketSession final : public Connection,
     } else if (is_open_) {
       server_.handler.on_binary(*this, {static_cast<const std::byte*>(data.data()), data.size()});
     }
-    buffer_.consume(buffer_.size());
+    const std::size_t size = buffer_.size();
+    buffer_.consume(size);
     // Also after close(), until the client has answered it.
-    read();
+    const Duration wait = has_token_ ? Duration{0} : budget_.take(size, rt::now());
+    if (wait == Duration{0}) return read();
+    next_read_.expires_after(std::chrono::nanoseconds{wait});
+    next_read_.async_wait([self = shared_from_this()](error_code aborted) {
+      if (!aborted) self->read();
+    });
   }
 
   void write() {
@@ -226,16 +280,20 @@ class WebSocketSession final : public Connection,
   }
 
   WebServer::Impl& server_;
+  std::string peer_;
   websocket::stream<beast::tcp_stream> socket_;
+  asio::steady_timer next_read_;
   SocketCount count_;
+  std::optional<Place> place_{};
   std::uint64_t id_;
-  bool may_command_;
+  bool has_token_;
   bool has_wrong_token_;
+  FrameBudget budget_{};
   bool is_open_ = false;
   bool is_writing_ = false;
   std::optional<websocket::close_reason> close_reason_{};  ///< Sent when nothing else waits.
   beast::flat_buffer buffer_{};
-  SendQueue queue_{};
+  SendQueue queue_;
   OutgoingFrame sending_{};
 };
 
@@ -244,9 +302,11 @@ class HttpSession final : public std::enable_shared_from_this<HttpSession> {
  public:
   HttpSession(WebServer::Impl& server, tcp::socket socket, SocketCount count)
       : server_(server), stream_(std::move(socket)), count_(std::move(count)) {
+    place_.emplace(server.requests, peer_of(stream_.socket()), [this] { stream_.close(); });
+    own_names_ = server.config.host_names;
     error_code ignored;
     const auto local = stream_.socket().local_endpoint(ignored);
-    if (!ignored) local_address_ = local.address().to_string();
+    if (!ignored) own_names_.push_back(local.address().to_string());
   }
 
   void read() {
@@ -269,8 +329,11 @@ class HttpSession final : public std::enable_shared_from_this<HttpSession> {
     if (error) return;
     const auto& request = parser_->get();
     const std::string host = text_of(request[http::field::host]);
-    if (!is_own_host(host, local_address_, server_.port)) {
-      return refuse(http::status::forbidden, "the Host header does not name this server");
+    if (!is_own_host(host, own_names_)) {
+      return refuse(http::status::forbidden,
+                    "the Host header '" + printable(host, 64) +
+                        "' does not name this server; open it by localhost or its address, or "
+                        "start rtpm-console with --host-name and that name");
     }
     const auto origin = request.find(http::field::origin);
     if (origin != request.end() && !is_own_origin(text_of(origin->value()), host)) {
@@ -298,10 +361,15 @@ class HttpSession final : public std::enable_shared_from_this<HttpSession> {
                     "foxglove.websocket.v1");
     }
     const bool has_token = is_same_token(target.token, server_.config.token);
-    const bool may_command = has_token && !server_.config.is_read_only;
     const bool has_wrong_token = !target.token.empty() && !has_token;
+    if (has_token && server_.operators.is_full()) {
+      return refuse(http::status::service_unavailable,
+                    std::to_string(kOperatorCountMax) +
+                        " clients with the token are connected; close one of them first");
+    }
+    place_.reset();
     auto session = std::make_shared<WebSocketSession>(
-        server_, std::move(stream_), std::move(count_), may_command, has_wrong_token);
+        server_, std::move(stream_), std::move(count_), has_token, has_wrong_token);
     session->start(request, std::string(subprotocol));
   }
 
@@ -365,7 +433,8 @@ class HttpSession final : public std::enable_shared_from_this<HttpSession> {
   WebServer::Impl& server_;
   beast::tcp_stream stream_;
   SocketCount count_;
-  std::string local_address_{};
+  std::optional<Place> place_{};
+  std::vector<std::string> own_names_{};
   bool keeps_alive_ = true;
   beast::flat_buffer buffer_{64 * 1024};
   std::optional<http::request_parser<http::string_body>> parser_{};
@@ -409,8 +478,6 @@ void WebServer::Impl::accept() {
 }
 
 void WebServer::Impl::add_session(tcp::socket socket) {
-  // More are closed at once, so that a flood leaves the open ones alone.
-  if (socket_count >= kConnectionCountMax) return;
   error_code ignored;
   socket.set_option(tcp::no_delay(true), ignored);
   std::make_shared<HttpSession>(*this, std::move(socket), SocketCount(socket_count))->read();
@@ -458,10 +525,17 @@ WebServer::WebServer(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 WebServer::~WebServer() = default;
 
 std::string WebServer::url() const {
-  const std::string& address = impl_->config.address;
+  std::string address = impl_->config.address;
+  // No browser opens the address that stands for all.
+  if (address == "0.0.0.0") address = "127.0.0.1";
+  if (address == "::") address = "::1";
   const bool is_v6 = address.find(':') != std::string::npos;
   return "http://" + (is_v6 ? "[" + address + "]" : address) + ":" + std::to_string(impl_->port) +
          "/";
+}
+
+std::uint16_t WebServer::port() const noexcept {
+  return impl_->port;
 }
 
 void WebServer::run() {

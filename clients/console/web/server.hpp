@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
@@ -12,10 +13,14 @@
 
 namespace rtpm::console {
 
-/// Connections at a time, of all kinds.
-inline constexpr std::size_t kConnectionCountMax = 64;
-/// Of a client's frame, in bytes.
+/// Connections at a time: HTTP requests, clients without the token, clients with it. In the first
+/// two the oldest gives way to a new one; the third is reserved and displaced by nobody.
+inline constexpr std::size_t kRequestCountMax = 128;
+inline constexpr std::size_t kObserverCountMax = 64;
+inline constexpr std::size_t kOperatorCountMax = 64;
+/// Of a client's frame, in bytes, with the token and without.
 inline constexpr std::size_t kFrameSizeMax = std::size_t{1} << 20;
+inline constexpr std::size_t kObserverFrameSizeMax = std::size_t{64} << 10;
 
 struct WebConfig {
   std::string address = "127.0.0.1";
@@ -23,6 +28,7 @@ struct WebConfig {
   std::filesystem::path page_folder{};
   std::string token{};
   bool is_read_only = false;
+  std::vector<std::string> host_names{};  ///< By which browsers may reach it, besides addresses.
 };
 
 /// Serves the page over HTTP and clients over WebSocket, on one port and one thread.
@@ -37,8 +43,9 @@ class WebServer {
   WebServer& operator=(const WebServer&) = delete;
   ~WebServer();
 
-  /// "http://127.0.0.1:8765/".
+  /// "http://127.0.0.1:8765/": how a browser of this host reaches it.
   [[nodiscard]] std::string url() const;
+  [[nodiscard]] std::uint16_t port() const noexcept;
 
   /// Serves until stop(), then closes all connections.
   void run();

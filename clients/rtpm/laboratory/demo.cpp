@@ -48,7 +48,10 @@ int demo(Context& context, const DemoRequest& request) {
     // Where callers of other hosts look for it.
     file.variables["port"] = std::to_string(names::kDefaultRegistryPort);
   }
-  if (is_watched) file.variables["live"] = "rewrite";
+  if (is_watched) {
+    file.variables["live"] = "rewrite";
+    file.variables["print_token"] = "true";
+  }
   const auto plan = laboratory::read_plan(path, file);
   if (!plan) return refuse_file(context, plan.error());
   if (seconds == 0) return bring_up(context, *plan, {});

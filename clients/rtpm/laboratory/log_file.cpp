@@ -13,8 +13,11 @@ namespace rtpm::laboratory {
 namespace {
 
 Handle opened(const std::string& path) {
-  constexpr mode_t kMode = 0644;
-  return Handle(::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, kMode));
+  // What programs print may be for their user only, such as the URL of a console.
+  constexpr mode_t kMode = 0600;
+  Handle file(::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, kMode));
+  if (file.is_open()) static_cast<void>(::fchmod(file.number(), kMode));
+  return file;
 }
 
 }  // namespace

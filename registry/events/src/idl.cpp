@@ -98,6 +98,7 @@ std::optional<DeliveryPolicy> policy_of(const DeliveryEntry& entry) {
   policy.when_full = static_cast<QueuePolicy>(entry.when_full());
   policy.queue_capacity = entry.queue_capacity();
   policy.replay = entry.replay();
+  policy.is_interval_per_source = entry.is_interval_per_source();
   if (entry.deadbands() == nullptr) return policy;
   if (entry.deadbands()->size() > kDeadbandCountMax) return std::nullopt;
   for (const DeadbandEntry* each : *entry.deadbands()) {
@@ -114,6 +115,7 @@ std::unique_ptr<DeliveryEntryT> entry_of(const DeliveryPolicy& policy) {
   entry->when_full = static_cast<std::uint8_t>(policy.when_full);
   entry->queue_capacity = policy.queue_capacity;
   entry->replay = policy.replay;
+  entry->is_interval_per_source = policy.is_interval_per_source;
   for (const Deadband& each : policy.deadbands) {
     auto deadband = std::make_unique<DeadbandEntryT>();
     deadband->type = each.type;

@@ -1,19 +1,38 @@
 #include <gtest/gtest.h>
 #include <signal.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <touch.rtpm.events.hpp>
 #include <vector>
 
 #include "fixture.hpp"
+#include "rtpm/events/defaults.hpp"
+#include "rtpm/events/supplier.hpp"
+#include "rtpm/names/resolver.hpp"
+#include "rtpm/rpc/node.hpp"
 
 // What rtpm-console promises to a page, with real daemons.
 namespace rtpm::system_test {
 namespace {
 
 class Consoles : public ConsoleSystem {};
+
+/// The process id of the program that this test has started.
+std::string child_named(const std::string& name) {
+  std::ifstream children("/proc/thread-self/children");
+  for (std::string id; children >> id;) {
+    std::string command;
+    std::ifstream("/proc/" + id + "/comm") >> command;
+    if (command == name) return id;
+  }
+  ADD_FAILURE() << name << " is no child";
+  return "self";
+}
 
 TEST_F(Consoles, IntroduceThemselvesAndTheSystem) {
   const auto client = connect();
@@ -287,9 +306,54 @@ TEST_F(Consoles, RecordAndPlayRecordings) {
     }));
     EXPECT_EQ(client->call("console/replay_seek", {{"time_ns", opened["begin_ns"]}}),
               Json::object());
+    // Some of what leads to a sought time comes, too, oldest first, so that plots are not empty.
+    EXPECT_EQ(client->call("console/replay_seek", {{"time_ns", opened["end_ns"]}}), Json::object());
+    auto last_ns = client->next_message(topic).log_time_ns;
+    int risen_count = 0;
+    for (int i = 0; i < 1000 && risen_count < 8; ++i) {
+      const std::uint64_t time_ns = client->next_message(topic).log_time_ns;
+      risen_count = time_ns >= last_ns + 100'000'000 ? risen_count + 1 : 0;
+      last_ns = time_ns;
+    }
+    EXPECT_EQ(risen_count, 8);
     EXPECT_EQ(client->call("console/replay_close", Json::object()), Json::object());
     EXPECT_TRUE(client->read_until([&] { return !client->channels().contains(topic); }));
   }
+}
+
+// Each source had a subscription with memory and a thread of its own once.
+TEST_F(Consoles, ServeManyEventSourcesWithinLimits) {
+  using Event = touch::TouchedEvent;
+  const auto client = connect_to_arm();
+  const auto count_of = [&](const char* key) {
+    std::ifstream status("/proc/" + child_named("rtpm-console") + "/status");
+    for (std::string line; std::getline(status, line);) {
+      if (line.starts_with(key)) return std::stol(line.substr(std::string(key).size()));
+    }
+    return 0L;
+  };
+  const long thread_count = count_of("Threads:");
+  const long resident_kb = count_of("VmRSS:");
+  rpc::Node node({.wait = {.strategy = rt::WaitStrategy::kBlock}});
+  names::RegistryResolver resolver(node, registry_->url);
+  node.use(resolver);
+  const auto supplier = events::Supplier::create(node, std::string(events::kHubPath),
+                                                 {.types = {&Event::kDescriptor}});
+  ASSERT_TRUE(supplier) << supplier.error().text();
+  const std::array<std::byte, sizeof(Event::Payload)> payload{};
+  const Json state = client->await_state([&](const Json& one) {
+    for (events::SourceId source = 1; source <= 200; ++source)
+      static_cast<void>((*supplier)->push({.type = Event::kType,
+                                           .source = source,
+                                           .schema_id = Event::kSchemaId,
+                                           .payload = payload}));
+    return one["events"]["channel_count"] == 128 && one["events"]["omitted_count"] > 0;
+  });
+  EXPECT_EQ(state["events"]["channel_count_max"], 128);
+  EXPECT_TRUE(client->await_channel("rtpm.touch.Touched/1"));
+  EXPECT_LE(count_of("Threads:"), thread_count + 2);
+  EXPECT_LE(count_of("VmRSS:"), resident_kb + 64 * 1024);
+  EXPECT_TRUE(is_live(client->await_state([](const Json&) { return true; }), "lab/arm0"));
 }
 
 TEST_F(Consoles, TellWhoPublishesAndSubscribes) {
@@ -391,7 +455,14 @@ TEST_F(Consoles, EndInOrder) {
 TEST(ConsoleOptions, ThatAreUnsafeAreRefusedWithTheReason) {
   expect_one_sentence(run_program("rtpm-console", {"--address", "0.0.0.0"}), 2,
                       {"--address 0.0.0.0", "encrypted", "--insecure-lan"});
-  expect_one_sentence(run_program("rtpm-console", {"--token", "short"}), 2, {"--token", "16"});
+  for (const std::vector<std::string>& arguments :
+       {std::vector<std::string>{"--token", "0123456789abcdef"},
+        std::vector<std::string>{"--token=0123456789abcdef"}}) {
+    expect_one_sentence(run_program("rtpm-console", arguments), 2,
+                        {"--token", "command lines", "RTPM_TOKEN", "--token-file"});
+  }
+  expect_one_sentence(run_program("rtpm-console", {"--token-file", "/nowhere/token"}), 1,
+                      {"/nowhere/token", "--token-file"});
   expect_one_sentence(run_program("rtpm-console", {"--address", "300.1.1.1", "--insecure-lan"}), 1,
                       {"300.1.1.1"});
 }
@@ -399,6 +470,54 @@ TEST(ConsoleOptions, ThatAreUnsafeAreRefusedWithTheReason) {
 TEST_F(Consoles, SayWhenTheirPortIsTaken) {
   expect_one_sentence(run_program("rtpm-console", {"--port", std::to_string(console_->port)}), 1,
                       {std::to_string(console_->port), "another --port"});
+}
+
+// Else it would stand in the log that a supervisor keeps of the output.
+TEST_F(Consoles, KeepTheirTokenFromOutputThatIsNoTerminal) {
+  const std::string file = folder_ + "/token";
+  std::vector<std::string> arguments = console_arguments();
+  arguments.insert(arguments.begin(), path_of("rtpm-console"));
+  arguments.insert(arguments.end(), {"--token-file", file});
+  test::Process quiet(arguments);
+  ASSERT_TRUE(quiet.wait_for_output("http://127.0.0.1:", kPatience)) << quiet.errors();
+  ASSERT_TRUE(quiet.wait_for_output(file, kPatience)) << quiet.output();
+  std::ifstream stream(file);
+  std::string token;
+  stream >> token;
+  EXPECT_EQ(token.size(), 48u);
+  EXPECT_EQ(quiet.output().find(token), std::string::npos) << quiet.output();
+  const std::string output = quiet.output();
+  const std::size_t at = output.find("127.0.0.1:") + 10;
+  ConsoleClient client(static_cast<std::uint16_t>(std::stoi(output.substr(at))),
+                       "/?token=" + token);
+  ASSERT_TRUE(client.await_channel("console/state"));
+  EXPECT_EQ(client.info()["metadata"]["rtpm.access"], "command");
+}
+
+TEST_F(Consoles, AreReachedThroughATunnelAndByTheirHostsName) {
+  const auto status = [](std::uint16_t port, const std::string& host) {
+    return status_of(http(port, "GET /health HTTP/1.1", "Host: " + host + "\r\n"));
+  };
+  EXPECT_EQ(status(console_->port, "localhost:9000"), "200");
+  const std::string refused = http(console_->port, "GET / HTTP/1.1", "Host: robot.lab:8765\r\n");
+  EXPECT_EQ(status_of(refused), "403");
+  EXPECT_NE(refused.find("'robot.lab:8765'"), std::string::npos) << refused;
+  EXPECT_NE(refused.find("--host-name"), std::string::npos) << refused;
+  auto arguments = console_arguments();
+  arguments.insert(arguments.end(),
+                   {"--address", "0.0.0.0", "--insecure-lan", "--host-name", "robot.lab"});
+  const auto open = start_console(arguments);
+  ASSERT_TRUE(open);
+  EXPECT_EQ(status(open->port, "robot.lab:8765"), "200");
+  std::string name(256, '\0');
+  ASSERT_EQ(::gethostname(name.data(), name.size() - 1), 0);
+  name.resize(name.find('\0'));
+  EXPECT_EQ(status(open->port, name + ":" + std::to_string(open->port)), "200");
+  EXPECT_EQ(status(open->port, "evil.com"), "403");
+  const std::string& output = open->process.output();
+  EXPECT_EQ(output.find("http://0.0.0.0"), std::string::npos) << output;
+  EXPECT_NE(output.find("http://127.0.0.1:"), std::string::npos) << output;
+  EXPECT_NE(output.find("for other hosts: http://" + name + ":"), std::string::npos) << output;
 }
 
 }  // namespace

@@ -16,7 +16,7 @@ using Clock = std::chrono::steady_clock;
 }  // namespace
 
 std::optional<ConsoleProcess> start_console(std::vector<std::string> arguments) {
-  arguments.insert(arguments.begin(), path_of("rtpm-console"));
+  arguments.insert(arguments.begin(), {path_of("rtpm-console"), "--print-token"});
   test::Process process(arguments);
   if (!process.wait_for_output("http://", kPatience) || !process.wait_for_output("\n", kPatience)) {
     ADD_FAILURE() << "rtpm-console does not serve: " << process.output() << process.errors();

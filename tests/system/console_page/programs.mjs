@@ -1,6 +1,6 @@
 // The running system beside which the page is tested: registry, devices, force node, console.
 import {spawn} from 'node:child_process';
-import {mkdirSync} from 'node:fs';
+import {mkdirSync, writeFileSync} from 'node:fs';
 import {createInterface} from 'node:readline';
 
 const kPatienceMs = 30_000;
@@ -114,8 +114,9 @@ export class System {
         port,
         '--registry',
         this.registry,
-        '--token',
-        kToken,
+        '--token-file',
+        this.#tokenFile(),
+        '--print-token',
         '--recordings',
         `${this.#scratch}/recordings`,
       ],
@@ -123,6 +124,12 @@ export class System {
     );
     this.url = this.console.found;
     this.port = new URL(this.url).port;
+  }
+
+  #tokenFile() {
+    const file = `${this.#scratch}/token`;
+    writeFileSync(file, kToken, {mode: 0o600});
+    return file;
   }
 
   async end() {

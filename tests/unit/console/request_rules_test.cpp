@@ -4,6 +4,8 @@
 
 #include <filesystem>
 #include <fstream>
+#include <string>
+#include <vector>
 
 #include "configuration.hpp"
 #include "web/token.hpp"
@@ -31,15 +33,20 @@ TEST(RequestTargets, ThatAreMalformedAreRefused) {
 }
 
 TEST(Hosts, AreThisServersOrRefused) {
-  for (const char* host : {"localhost", "localhost:8765", "127.0.0.1:8765", "LOCALHOST:8765",
-                           "[::1]:8765", "192.168.1.9:8765"}) {
-    EXPECT_TRUE(is_own_host(host, "192.168.1.9", 8765)) << host;
+  const std::vector<std::string> names{"robot.lab", "192.168.1.9"};
+  // Through an SSH tunnel the port is any.
+  for (const char* host :
+       {"localhost", "localhost:8765", "localhost:9000", "127.0.0.1:8765", "LOCALHOST:8765",
+        "[::1]:8765", "[::1]", "192.168.1.9:8765", "Robot.Lab:8765", "robot.lab"}) {
+    EXPECT_TRUE(is_own_host(host, names)) << host;
   }
-  for (const char* host : {"", "evil.com", "evil.com:8765", "localhost.evil.com", "localhost:80",
-                           "127.0.0.1.evil.com", "192.168.1.8:8765", "127.0.0.1:8765@evil.com"}) {
-    EXPECT_FALSE(is_own_host(host, "192.168.1.9", 8765)) << host;
+  for (const char* host :
+       {"", ":8765", "evil.com", "evil.com:8765", "localhost.evil.com", "localhost:", "localhost:x",
+        "localhost:123456", "localhost:80:80", "127.0.0.1.evil.com", "192.168.1.8:8765",
+        "127.0.0.1:8765@evil.com", "robot", "[::1", "::1", "[::1]x:1"}) {
+    EXPECT_FALSE(is_own_host(host, names)) << host;
   }
-  EXPECT_TRUE(is_own_host("[fe80::1]:8765", "fe80::1", 8765));
+  EXPECT_TRUE(is_own_host("[fe80::1]:8765", std::vector<std::string>{"fe80::1"}));
 }
 
 TEST(Origins, AreThisPageOrRefused) {
@@ -113,6 +120,46 @@ TEST(Tokens, AreLongRandomAndCompared) {
   EXPECT_FALSE(is_same_token(*one, *other));
   EXPECT_FALSE(is_same_token(*one, one->substr(1)));
   EXPECT_FALSE(is_same_token(*one, ""));
+}
+
+class TokenFiles : public testing::Test {
+ protected:
+  void SetUp() override { fs::remove(path_); }
+  void TearDown() override { fs::remove(path_); }
+  void write(const std::string& text, fs::perms mode) const {
+    std::ofstream(path_) << text;
+    fs::permissions(path_, mode);
+  }
+
+  std::string path_ = testing::TempDir() + "rtpm_console_token";
+};
+
+TEST_F(TokenFiles, AreMadeOnceForThisUserAlone) {
+  const auto made = token_in_file(path_);
+  ASSERT_TRUE(made) << made.error().text();
+  EXPECT_TRUE(is_token(*made));
+  EXPECT_EQ(fs::status(path_).permissions(), fs::perms::owner_read | fs::perms::owner_write);
+  const auto kept = token_in_file(path_);
+  ASSERT_TRUE(kept) << kept.error().text();
+  EXPECT_EQ(*kept, *made);
+}
+
+TEST_F(TokenFiles, ThatOthersReadOrThatHaveNoTokenAreRefused) {
+  constexpr fs::perms kOwn = fs::perms::owner_read | fs::perms::owner_write;
+  write("0123456789abcdef", kOwn);
+  EXPECT_EQ(token_in_file(path_).value(), "0123456789abcdef");
+  write("0123456789abcdef", kOwn | fs::perms::others_read);
+  EXPECT_NE(token_in_file(path_).error().text().find("chmod 600"), std::string::npos);
+  for (const std::string& text :
+       {std::string(), std::string("short\n"), std::string("0123456789abcdef\n\n"),
+        std::string(5000, 'a'), std::string("0123456789abcde/")}) {
+    write(text, kOwn);
+    EXPECT_FALSE(token_in_file(path_)) << text;
+  }
+  fs::remove(path_);
+  fs::create_directory(path_);
+  EXPECT_FALSE(token_in_file(path_));
+  EXPECT_FALSE(token_in_file("/nowhere/token"));
 }
 
 TEST(Addresses, OfThisHostOnlyNeedNoConsent) {

@@ -5,6 +5,8 @@
 #include <random>
 #include <string>
 
+#include "rtpm/base/nesting.hpp"
+
 namespace rtpm::console::foxglove {
 namespace {
 
@@ -14,23 +16,26 @@ ConstBytes bytes_of(std::string_view text) {
 
 TEST(TextRequests, AreReadAsTheProtocolHasThem) {
   const auto subscribe = read_text(
-      R"({"op":"subscribe","subscriptions":[{"id":0,"channelId":7},{"id":1,"channelId":9}]})");
+      R"({"op":"subscribe","subscriptions":[{"id":0,"channelId":7},{"id":1,"channelId":9}]})",
+      true);
   ASSERT_TRUE(subscribe) << subscribe.error();
   EXPECT_EQ(std::get<Subscribe>(*subscribe).subscriptions,
             (std::vector<Subscription>{{0, 7}, {1, 9}}));
 
-  const auto unsubscribe = read_text(R"({"op":"unsubscribe","subscriptionIds":[4294967295]})");
+  const auto unsubscribe =
+      read_text(R"({"op":"unsubscribe","subscriptionIds":[4294967295]})", true);
   ASSERT_TRUE(unsubscribe) << unsubscribe.error();
   EXPECT_EQ(std::get<Unsubscribe>(*unsubscribe).subscription_ids,
             std::vector<std::uint32_t>{4294967295});
 
-  const auto get = read_text(R"({"op":"getParameters","parameterNames":["a.b"],"id":"r1"})");
+  const auto get = read_text(R"({"op":"getParameters","parameterNames":["a.b"],"id":"r1"})", true);
   ASSERT_TRUE(get) << get.error();
   EXPECT_EQ(std::get<GetParameters>(*get).names, std::vector<std::string>{"a.b"});
   EXPECT_EQ(std::get<GetParameters>(*get).id, "r1");
 
   const auto set = read_text(
-      R"({"op":"setParameters","parameters":[{"name":"a.b","value":1,"type":"float64"},{"name":"c"}]})");
+      R"({"op":"setParameters","parameters":[{"name":"a.b","value":1,"type":"float64"},{"name":"c"}]})",
+      true);
   ASSERT_TRUE(set) << set.error();
   const auto& parameters = std::get<SetParameters>(*set).parameters;
   ASSERT_EQ(parameters.size(), 2U);
@@ -38,17 +43,17 @@ TEST(TextRequests, AreReadAsTheProtocolHasThem) {
   EXPECT_EQ(parameters[0].type, "float64");
   EXPECT_TRUE(parameters[1].value.is_null());
 
-  const auto watch = read_text(R"({"op":"subscribeParameterUpdates","parameterNames":[]})");
+  const auto watch = read_text(R"({"op":"subscribeParameterUpdates","parameterNames":[]})", true);
   ASSERT_TRUE(watch) << watch.error();
   EXPECT_TRUE(std::get<WatchParameters>(*watch).is_watching);
-  const auto graph = read_text(R"({"op":"unsubscribeConnectionGraph"})");
+  const auto graph = read_text(R"({"op":"unsubscribeConnectionGraph"})", true);
   ASSERT_TRUE(graph) << graph.error();
   EXPECT_FALSE(std::get<WatchGraph>(*graph).is_watching);
 }
 
 TEST(TextRequests, OfAbsentCapabilitiesAreNamed) {
   for (const std::string op : {"advertise", "unadvertise", "fetchAsset"}) {
-    const auto request = read_text(R"({"op":")" + op + R"("})");
+    const auto request = read_text(R"({"op":")" + op + R"("})", true);
     ASSERT_TRUE(request) << op;
     EXPECT_EQ(std::get<Unsupported>(*request).op, op);
   }
@@ -78,7 +83,7 @@ TEST(TextRequests, ThatAreMalformedAreRefusedInWords) {
         R"({"op":"setParameters","parameters":[{"value":1}]})",
         R"({"op":"setParameters","parameters":[1]})",
         R"({"op":"subscribeParameterUpdates","parameterNames":"all"})"}) {
-    const auto request = read_text(text);
+    const auto request = read_text(text, true);
     EXPECT_FALSE(request) << text;
     if (!request) {
       EXPECT_FALSE(request.error().empty()) << text;
@@ -87,24 +92,44 @@ TEST(TextRequests, ThatAreMalformedAreRefusedInWords) {
 }
 
 TEST(TextRequests, WithForeignCharactersAreToldSafely) {
-  const auto request = read_text("{\"op\":\"\\u001b[2J\"}");
+  const auto request = read_text("{\"op\":\"\\u001b[2J\"}", true);
   ASSERT_FALSE(request);
   EXPECT_EQ(request.error().find('\x1b'), std::string::npos);
 }
 
-TEST(TextRequests, MayNestDeeplyWithoutHarm) {
-  const std::string deep = "{\"op\":" + std::string(200'000, '[');
-  EXPECT_FALSE(read_text(deep));
+std::string with_nested_value(std::size_t depth) {
+  return R"({"op":"setParameters","parameters":[{"name":"a","value":)" + std::string(depth, '[') +
+         std::string(depth, ']') + "}]}";
+}
+
+// 734 arrays in each other were too many for the stack of the web server's thread.
+TEST(TextRequests, ThatNestTooDeeplyAreRefused) {
+  constexpr std::size_t kAround = 3;
+  EXPECT_TRUE(read_text(with_nested_value(kNestingMax - kAround), true));
+  for (const std::size_t depth :
+       {kNestingMax - kAround + 1, std::size_t{734}, std::size_t{100'000}}) {
+    const auto request = read_text(with_nested_value(depth), true);
+    ASSERT_FALSE(request) << depth;
+    EXPECT_NE(request.error().find("nests deeper than 64"), std::string::npos) << request.error();
+  }
+  EXPECT_FALSE(read_text("{\"op\":" + std::string(200'000, '['), true));
   const std::string whole =
       "{\"x\":" + std::string(100'000, '[') + std::string(100'000, ']') + ",\"op\":\"subscribe\"}";
-  EXPECT_FALSE(read_text(whole));
+  EXPECT_FALSE(read_text(whole, true));
+}
+
+TEST(TextRequests, OfObserversHaveNoValues) {
+  const auto set = read_text(with_nested_value(8), false);
+  ASSERT_TRUE(set) << set.error();
+  EXPECT_EQ(std::get<SetParameters>(*set).parameters.at(0).name, "a");
+  EXPECT_TRUE(std::get<SetParameters>(*set).parameters.at(0).value.is_null());
 }
 
 TEST(TextRequests, OfEndlessListsAreRefused) {
   std::string text = R"({"op":"unsubscribe","subscriptionIds":[0)";
   for (std::size_t i = 0; i < kListSizeMax; ++i)
     text += ",1";
-  EXPECT_FALSE(read_text(text + "]}"));
+  EXPECT_FALSE(read_text(text + "]}", true));
 }
 
 TEST(ServiceCalls, AreReadFromTheirBytes) {
@@ -136,7 +161,7 @@ TEST(Requests, OfRandomBytesDoNoHarm) {
     std::string text;
     for (std::size_t size = random() % 64; size > 0; --size)
       text += alphabet[random() % alphabet.size()];
-    refused_count += read_text(text) ? 0U : 1U;
+    refused_count += read_text(text, true) ? 0U : 1U;
     std::string bytes(1, '\x02');
     for (std::size_t size = random() % 32; size > 0; --size)
       bytes += static_cast<char>(random());

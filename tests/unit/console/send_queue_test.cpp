@@ -55,5 +55,19 @@ TEST(SendQueues, RefuseControlWhenItIsFull) {
   EXPECT_FALSE(queue.push_control(frame("c")));
 }
 
+TEST(SendQueues, BoundTheBytesOfControl) {
+  SendQueue queue;
+  const std::string quarter(SendQueue::kControlByteMax / 4, 'x');
+  for (int i = 0; i < 4; ++i)
+    ASSERT_TRUE(queue.push_control(frame(quarter)));
+  EXPECT_FALSE(queue.push_control(frame("c")));
+  EXPECT_EQ(popped(queue), quarter);
+  EXPECT_TRUE(queue.push_control(frame("c")));
+  SendQueue small(100);
+  small.push_data(frame(std::string(60, 'x')));
+  small.push_data(frame(std::string(60, 'y')));
+  EXPECT_EQ(small.dropped_count(), 1U);
+}
+
 }  // namespace
 }  // namespace rtpm::console

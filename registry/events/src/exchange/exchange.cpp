@@ -250,7 +250,7 @@ void Exchange::on_time(MonotonicTime now) noexcept {
 
 void Exchange::run_timers(SubscriptionNumber number, MonotonicTime now) noexcept {
   Subscription& subscription = subscriptions_[number];
-  if (const EventRef held = subscription.prepared.gate.take_held(now)) {
+  while (const EventRef held = subscription.prepared.gate.take_held(now)) {
     deliver_group(number, std::span(&held, 1));
   }
   while (const auto due = subscription.prepared.filter.take_due(now)) {

@@ -36,6 +36,11 @@ expected<Gate, SetupError> Gate::make(const DeliveryPolicy& policy, const Descri
   gate.every_nth_ = policy.every_nth;
   gate.interval_ = policy.interval;
   gate.is_trailing_ = policy.is_trailing;
+  gate.is_per_source_ = policy.is_interval_per_source;
+  if (gate.has_interval()) {
+    gate.intervals_.reserve(gate.is_per_source_ ? 1 + kIntervalSourceMax : 1);
+    gate.intervals_.emplace_back();
+  }
   for (const Deadband& each : policy.deadbands) {
     const auto field = find_field(each.type, each.field, types);
     if (!field) return refuse("deadband: " + field.error().reason());
@@ -103,26 +108,63 @@ bool Gate::admit(const EventRef& event, MonotonicTime now) noexcept {
     ++omitted_count_;
     return false;
   }
-  if (interval_ > Duration{0}) {
-    if (now < next_open_) {
-      ++omitted_count_;
-      if (event && is_trailing_) held_ = event;
-      return false;
-    }
-    // Keeps the phase under continuous load; restarts from `now` after a pause.
-    next_open_ = next_open_ > now - interval_ ? next_open_ + interval_ : now + interval_;
-    held_ = EventRef();
+  if (has_interval() && !opens(event, now)) {
+    ++omitted_count_;
+    return false;
   }
   if (event && !bands_.empty()) remember(event.view());
   return true;
 }
 
+Gate::Interval& Gate::interval_of(const EventRef& event, MonotonicTime now) noexcept {
+  if (!is_per_source_ || !event) return intervals_.front();
+  const EventHeader& header = event.header();
+  Interval* idle = nullptr;
+  for (std::size_t i = 1; i < intervals_.size(); ++i) {
+    Interval& each = intervals_[i];
+    if (each.type == header.type && each.source == header.source) return each;
+    if (idle == nullptr && !each.held && each.next_open <= now) idle = &each;
+  }
+  const Interval fresh{.type = header.type, .source = header.source};
+  if (intervals_.size() < intervals_.capacity()) return intervals_.emplace_back(fresh);
+  // One that is open has nothing to remember.
+  if (idle != nullptr) return *idle = fresh;
+  return intervals_.front();
+}
+
+bool Gate::opens(const EventRef& event, MonotonicTime now) noexcept {
+  Interval& interval = interval_of(event, now);
+  if (now < interval.next_open) {
+    if (event && is_trailing_) {
+      interval.held = event;
+      next_due_ = std::min(next_due_, interval.next_open);
+    }
+    return false;
+  }
+  // Keeps the phase under continuous load; restarts from `now` after a pause.
+  interval.next_open =
+      interval.next_open > now - interval_ ? interval.next_open + interval_ : now + interval_;
+  interval.held = EventRef();
+  return true;
+}
+
 EventRef Gate::take_held(MonotonicTime now) noexcept {
-  if (!held_ || now < next_open_) return {};
-  next_open_ = next_open_ + interval_ > now ? next_open_ + interval_ : now + interval_;
+  if (now < next_due_) return {};
+  Interval* due = nullptr;
+  next_due_ = kNever;
+  for (Interval& each : intervals_) {
+    if (!each.held) continue;
+    if (due == nullptr && each.next_open <= now) {
+      due = &each;
+    } else {
+      next_due_ = std::min(next_due_, each.next_open);
+    }
+  }
+  if (due == nullptr) return {};
+  due->next_open = due->next_open + interval_ > now ? due->next_open + interval_ : now + interval_;
   --omitted_count_;
-  if (!bands_.empty()) remember(held_.view());
-  return std::move(held_);
+  if (!bands_.empty()) remember(due->held.view());
+  return std::move(due->held);
 }
 
 }  // namespace rtpm::events

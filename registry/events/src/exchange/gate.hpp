@@ -13,7 +13,7 @@
 namespace rtpm::events {
 
 /// Applies a policy's decimation, interval and deadbands. Omitted events do not count as losses.
-/// @ownership one event, pending for the end of the interval
+/// @ownership an event per interval, pending for its end
 class Gate {
  public:
   Gate() noexcept = default;
@@ -24,13 +24,16 @@ class Gate {
   /// Whether to deliver now. `event` is empty for a group, which deadbands ignore and intervals do
   /// not defer.
   [[nodiscard]] bool admit(const EventRef& event, MonotonicTime now) noexcept;
-  /// When the deferred event is due; kNever if there is none.
-  [[nodiscard]] MonotonicTime next_time() const noexcept { return held_ ? next_open_ : kNever; }
-  /// Takes the deferred event if it is due.
+  /// When a deferred event is due, or earlier; kNever if there is none.
+  [[nodiscard]] MonotonicTime next_time() const noexcept { return next_due_; }
+  /// Takes a deferred event that is due.
   [[nodiscard]] EventRef take_held(MonotonicTime now) noexcept;
   [[nodiscard]] bool has_interval() const noexcept { return interval_ > Duration{0}; }
-  /// Releases the deferred event.
-  void release_events() noexcept { held_ = EventRef(); }
+  /// Releases the deferred events.
+  void release_events() noexcept {
+    for (Interval& each : intervals_)
+      each.held = EventRef();
+  }
   /// Deliveries omitted.
   [[nodiscard]] std::uint64_t omitted_count() const noexcept { return omitted_count_; }
 
@@ -43,6 +46,13 @@ class Gate {
     Scalar default_value{};
     double threshold = 0;
   };
+  /// What is open or not: all events or, with is_interval_per_source, those of a type and source.
+  struct Interval {
+    EventType type = 0;
+    SourceId source = 0;
+    MonotonicTime next_open = MonotonicTime::min();
+    EventRef held{};
+  };
   /// The last delivered value of one band and source.
   struct Last {
     std::uint32_t band = 0;
@@ -51,6 +61,8 @@ class Gate {
   };
   static constexpr std::size_t kLastCountMax = 64;
 
+  [[nodiscard]] Interval& interval_of(const EventRef& event, MonotonicTime now) noexcept;
+  [[nodiscard]] bool opens(const EventRef& event, MonotonicTime now) noexcept;
   [[nodiscard]] bool exceeds_deadband(const EventView& event) noexcept;
   [[nodiscard]] bool is_beyond(std::uint32_t band, const EventView& event) const noexcept;
   void remember(const EventView& event) noexcept;
@@ -62,8 +74,10 @@ class Gate {
   std::vector<Last> lasts_{};  ///< Of fixed capacity.
   std::size_t next_last_ = 0;
   std::uint32_t nth_ = 0;
-  MonotonicTime next_open_ = MonotonicTime::min();
-  EventRef held_{};
+  bool is_per_source_ = false;
+  /// The first is for all; the others, of fixed capacity, are a type and source's each.
+  std::vector<Interval> intervals_{};
+  MonotonicTime next_due_ = kNever;
   std::uint64_t omitted_count_ = 0;
 };
 

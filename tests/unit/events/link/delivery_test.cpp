@@ -37,6 +37,33 @@ TEST(Delivery, IntervalDeliversTheLastAtItsEnd) {
   EXPECT_EQ(table.exchange.counters(table.number).omitted_count, 1U);
 }
 
+TEST(Delivery, IntervalCountsForEachSourceIfAsked) {
+  Table table(of_type(kPose),
+              {.interval = 10ms, .queue_capacity = 64, .is_interval_per_source = true});
+  for (int ms = 0; ms < 15; ++ms) {
+    table.push_at(ms, kPose, 1);
+    if (ms >= 3 && ms < 6) table.push_at(ms, kPose, 2);
+  }
+  // Of source 2 the last one comes at the end of its own interval.
+  table.advance(30);
+  EXPECT_EQ(table.got(), "5.1#1 5.2#1 5.1#10 5.2#3 5.1#15");
+}
+
+TEST(Delivery, SourcesBeyondTheLimitShareAnInterval) {
+  constexpr int kCount = static_cast<int>(kIntervalSourceMax) + 10;
+  Table table(of_type(kPose), {.interval = 10ms,
+                               .is_trailing = false,
+                               .queue_capacity = 4096,
+                               .is_interval_per_source = true});
+  for (int source = 1; source <= kCount; ++source)
+    table.push_at(0, kPose, static_cast<SourceId>(source));
+  EXPECT_EQ(table.exchange.counters(table.number).omitted_count, 9u);
+  // Those that are open again make room.
+  for (int source = kCount; source > 10; --source)
+    table.push_at(10, kPose, static_cast<SourceId>(source));
+  EXPECT_EQ(table.exchange.counters(table.number).omitted_count, 9u);
+}
+
 TEST(Delivery, DeadbandLeavesOutWhatHardlyChanges) {
   Table table(of_type(kPose), {.deadbands = {{kPose, "x", 0.5}}});
   for (const double x : {0.0, 0.4, -0.4, 0.5, 0.6, 0.0})

@@ -18,6 +18,8 @@ inline constexpr std::uint32_t kQueueCapacityMax = 4096;  ///< Events.
 inline constexpr std::uint32_t kLatestQueueCapacityMax = 64;
 inline constexpr std::uint32_t kReplayMax = 64;
 inline constexpr std::size_t kDeadbandCountMax = 8;
+/// Types and sources of a subscription with an interval of their own.
+inline constexpr std::size_t kIntervalSourceMax = 256;
 
 /// What happens when a queue is full.
 enum class QueuePolicy : std::uint8_t {
@@ -47,6 +49,9 @@ struct DeliveryPolicy {
   /// How many of the latest accepted events of each type and source are replayed at the beginning,
   /// as far as the hub has them; 1: the latched value.
   std::uint32_t replay = 0;
+  /// `interval` counts for each type and source, instead of for all together; beyond
+  /// kIntervalSourceMax of them, those that are left share one.
+  bool is_interval_per_source = false;
 };
 
 /// Events that a consumer missed, by cause, since the beginning of the subscription.

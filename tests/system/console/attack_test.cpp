@@ -1,0 +1,137 @@
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <cstdio>
+#include <functional>
+#include <memory>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "fixture.hpp"
+
+// Whatever others do to rtpm-console, who has the token gets in and stops the devices, and a
+// browser that was there before keeps its connection.
+namespace rtpm::system_test {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+/// What an attacker does again and again, on a thread of its own, until it is ended.
+class Attack {
+ public:
+  explicit Attack(std::function<void()> step) : step_(std::move(step)) {
+    thread_ = std::thread([this] {
+      while (!is_ending_) {
+        step_();
+        ++step_count_;
+      }
+    });
+  }
+  Attack(const Attack&) = delete;
+  Attack& operator=(const Attack&) = delete;
+  ~Attack() {
+    is_ending_ = true;
+    thread_.join();
+  }
+  [[nodiscard]] int step_count() const noexcept { return step_count_; }
+
+ private:
+  std::function<void()> step_;
+  std::atomic<bool> is_ending_{false};
+  std::atomic<int> step_count_{0};
+  std::thread thread_{};
+};
+
+class Attacks : public ConsoleSystem {
+ protected:
+  /// Stops the arm under the attack by a browser that was there before, and by a new one.
+  void expect_stops(const std::function<void()>& step) {
+    const auto before = connect_to_arm();
+    const Attack attack(step);
+    while (attack.step_count() < 3)
+      std::this_thread::yield();
+    for (int i = 0; i < 3; ++i) {
+      const auto begin = Clock::now();
+      const auto late = connect();
+      ASSERT_TRUE(late->web().is_accepted()) << late->web().answer();
+      expect_stop(*late, "a new browser", begin);
+      expect_stop(*before, "the browser of before", Clock::now());
+    }
+    EXPECT_TRUE(is_live(before->await_state([](const Json&) { return true; }), "lab/arm0"));
+  }
+  static void expect_stop(ConsoleClient& client, const char* whose, Clock::time_point begin) {
+    const Json stopped = client.call("console/estop", Json::object());
+    EXPECT_EQ(stopped["stopped"], Json::array({"lab/arm0"})) << whose << ": " << stopped;
+    const std::chrono::duration<double, std::milli> time = Clock::now() - begin;
+    std::printf("%s: stopped after %.1f ms\n", whose, time.count());
+  }
+  [[nodiscard]] std::uint16_t port() const { return console_->port; }
+};
+
+TEST_F(Attacks, ByReadOnlyConnectionsThatAnswerPings) {
+  std::vector<std::unique_ptr<WebClient>> observers;
+  expect_stops([&] {
+    observers.push_back(std::make_unique<WebClient>(port(), WebClient::Options{}));
+    for (const auto& observer : observers)
+      static_cast<void>(observer->next(Duration{0}));
+    if (observers.size() > 100) observers.erase(observers.begin());
+  });
+}
+
+TEST_F(Attacks, BySlowRequests) {
+  std::vector<Socket> sockets;
+  expect_stops([&] {
+    sockets.emplace_back(port());
+    for (Socket& socket : sockets)
+      socket.send(sockets.size() % 7 == 0 ? "GET / HTTP/1.1\r\n" : "X");
+    if (sockets.size() > 300) sockets.erase(sockets.begin());
+  });
+}
+
+TEST_F(Attacks, ByAThousandSilentConnections) {
+  std::vector<Socket> sockets;
+  for (int i = 0; i < 900; ++i)
+    sockets.emplace_back(port());
+  expect_stops([&] {
+    sockets.emplace_back(port());
+    sockets.erase(sockets.begin());
+  });
+}
+
+TEST_F(Attacks, ByDeeplyNestedFrames) {
+  const std::string nested =
+      R"({"op":"setParameters","parameters":[{"name":"lab/arm0.safety","value":)" +
+      std::string(734, '[') + std::string(734, ']') + "}]}";
+  expect_stops([&] {
+    WebClient observer(port(), {});
+    for (int i = 0; i < 8; ++i)
+      observer.send_text(nested);
+    static_cast<void>(observer.next(std::chrono::milliseconds{20}));
+  });
+  // With the token the requests of calls are parsed, too.
+  const auto client = connect();
+  ASSERT_TRUE(client->await_service("lab/arm0/config/apply"));
+  const std::string deep = std::string(10'000, '[') + std::string(10'000, ']');
+  for (const char* service : {"lab/arm0/config/apply", "console/estop"}) {
+    EXPECT_FALSE(client->call_text(service, "{\"x\":" + deep + "}")) << service;
+  }
+}
+
+TEST_F(Attacks, ByManyFrames) {
+  const std::string pad =
+      R"({"op":"getParameters","parameterNames":[],"pad":")" + std::string(60'000, 'x') + "\"}";
+  auto observer = std::make_unique<WebClient>(port(), WebClient::Options{});
+  expect_stops([&] {
+    if (!observer->send_text(pad)) {
+      observer = std::make_unique<WebClient>(port(), WebClient::Options{});
+    }
+    while (observer->next(Duration{0})) {
+    }
+  });
+}
+
+}  // namespace
+}  // namespace rtpm::system_test
