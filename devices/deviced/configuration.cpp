@@ -12,15 +12,17 @@ namespace {
 
 constexpr std::size_t kDeviceNameSizeMax = 24;
 
-/// "arm" of "arm0", where that is a driver's name; else the default.
+/// "arm" of "arm0", where that is a driver's name; else empty.
 std::string driver_named_like(const std::string& name) {
   const std::string word = name.substr(0, name.find_last_not_of("0123456789") + 1);
-  return is_driver(word) ? word : drivers().front().name;
+  return is_driver(word) ? word : "";
 }
 
 void add_device(options::Options& options, DeviceSettings& device) {
   const std::string key = "device-" + device.name + "-";
-  options.add(key + "driver", device.driver, "One of --list-drivers; else the file of a plug-in");
+  options.add(key + "driver", device.driver,
+              "One of --list-drivers, or the file of a plug-in; not needed where the name is a "
+              "driver's and digits");
   options.add(key + "arguments", device.arguments,
               "real devices, plug-ins: what the driver is told, in its own words");
   options.add(key + "serial", device.serial,
@@ -29,6 +31,8 @@ void add_device(options::Options& options, DeviceSettings& device) {
   options.add(key + "hand", device.hand,
               "arm: a recorded hand, a CSV file of t_s,x_m,y_m,z_m, played there and back");
   options.add(key + "free", device.is_free, "arm: no hand holds it");
+  options.add(key + "isolated", device.is_isolated,
+              "Run the driver in a process of its own: its crash or hang costs this device only");
   options.add(key + "rate", device.rate_hz, "Cycles per second, in Hz; 0: the driver's own",
               {0, 50000});
   options.add(key + "priority", device.priority, "Of its own thread, above every caller's");
@@ -124,6 +128,11 @@ std::optional<int> check(const options::Options& options, const Configuration& c
   }
   for (const DeviceSettings& device : configuration.devices) {
     const std::string key = "--device-" + device.name;
+    if (device.driver.empty()) {
+      return options.usage_error("the device " + device.name + " has no driver; name one with " +
+                                 key + "-driver: one of " + driver_names() +
+                                 ", or the file of a plug-in");
+    }
     if (device.priority <= highest_low(configuration)) {
       return options.usage_error(
           key +

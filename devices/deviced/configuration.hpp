@@ -16,14 +16,15 @@ namespace rtpm::deviced {
 
 /// The options of one hosted device.
 struct DeviceSettings {
-  std::string name{};       ///< In options and, behind the folder, at the registry.
-  std::string driver{};     ///< One of drivers(), or a plug-in's file.
-  std::string arguments{};  ///< For a real device or a plug-in.
-  std::string serial{};     ///< Of a simulated one; empty: made of its name.
-  std::string hand{};       ///< Of the arm: a recorded hand; empty: PressingPath.
-  bool is_free = false;     ///< Of the arm: no hand.
-  std::uint64_t seed = 1;   ///< Of a simulated one.
-  double rate_hz = 0;       ///< 0: the driver's.
+  std::string name{};        ///< In options and, behind the folder, at the registry.
+  std::string driver{};      ///< One of drivers(), or a plug-in's file.
+  std::string arguments{};   ///< For a real device or a plug-in.
+  std::string serial{};      ///< Of a simulated one; empty: made of its name.
+  std::string hand{};        ///< Of the arm: a recorded hand; empty: PressingPath.
+  bool is_free = false;      ///< Of the arm: no hand.
+  std::uint64_t seed = 1;    ///< Of a simulated one.
+  bool is_isolated = false;  ///< Its driver runs in a process of its own.
+  double rate_hz = 0;        ///< 0: the driver's.
   Priority priority = 30000;
   std::vector<int> cpus{};
   double force_max_newton = 0;  ///< 0: the device's limit.

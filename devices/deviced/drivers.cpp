@@ -126,9 +126,9 @@ bool is_driver(std::string_view name) {
   return find(name) != kDrivers.end();
 }
 
-Made make_driver(const DeviceSettings& device) {
+Made make_driver(const DeviceSettings& device, std::string_view name) {
   if (device.driver.find('/') != std::string::npos || device.driver.ends_with(".so")) {
-    return driver_host::load_plugin(device.driver, device.arguments);
+    return driver_host::load_plugin(device.driver, device.arguments, name);
   }
   const DriverInfo* const info = find(device.driver);
   if (info == kDrivers.end()) {

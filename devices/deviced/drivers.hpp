@@ -23,7 +23,7 @@ struct DriverInfo {
   const char* package;  ///< Debian's, which its build needs; empty: none.
 };
 
-/// All of them, also those left out; the first is the default.
+/// All of them, also those left out.
 [[nodiscard]] std::span<const DriverInfo> drivers();
 
 /// Their names, comma-separated.
@@ -33,10 +33,11 @@ struct DriverInfo {
 [[nodiscard]] bool is_driver(std::string_view name);
 
 /// Makes the driver that the settings name, or a plug-in's.
+/// @param name  the device's at the registry, for a crash in a plug-in
 /// @realtime set-up only
 /// @errors   no such driver; left out of this build; wrong arguments; a broken recording; as
 ///           driver_host::load_plugin()
 [[nodiscard]] expected<std::unique_ptr<driver::Driver>, SetupError> make_driver(
-    const DeviceSettings& device);
+    const DeviceSettings& device, std::string_view name = {});
 
 }  // namespace rtpm::deviced

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "drivers.hpp"
+#include "isolated_driver.hpp"
 #include "rtpm/configuration/client.hpp"
 #include "rtpm/gvd/offer.hpp"
 
@@ -11,8 +12,12 @@ namespace rtpm::deviced {
 namespace {
 
 /// A thread's name has at most 15 bytes.
-std::string thread_name_of(const DeviceSettings& device) {
-  return ("dev-" + device.name).substr(0, 15);
+rt::ThreadConfig thread_of(const Configuration& configuration, const DeviceSettings& device,
+                           const std::string& prefix) {
+  return {.name = (prefix + device.name).substr(0, 15),
+          .priority = device.priority,
+          .cpus = device.cpus,
+          .realtime = configuration.settings.server.realtime};
 }
 
 constexpr double kRateMinHz = 10;
@@ -58,10 +63,7 @@ gvd::DeviceServerConfig config_of(const Configuration& configuration, const Devi
   config.cycle.operator_priority = configuration.operator_priority;
   config.cycle.safety = safety_of(device, descriptor);
   config.starts_without_device = true;
-  config.thread.name = thread_name_of(device);
-  config.thread.priority = device.priority;
-  config.thread.cpus = device.cpus;
-  config.thread.realtime = configuration.settings.server.realtime;
+  config.thread = thread_of(configuration, device, "dev-");
   return config;
 }
 
@@ -70,7 +72,7 @@ gvd::DeviceServerConfig config_of(const Configuration& configuration, const Devi
 expected<std::unique_ptr<HostedDevice>, SetupError> HostedDevice::create(
     const Configuration& configuration, const DeviceSettings& device, DeviceEvents& events) {
   std::unique_ptr<HostedDevice> hosted(new HostedDevice(configuration.name_of(device), events));
-  auto driver = make_driver(device);
+  auto driver = hosted->make_driver(configuration, device);
   if (!driver) return setup_error(hosted->name_, std::move(driver.error()));
   const driver::Descriptor descriptor = (*driver)->describe();
   const auto rate_hz = rate_hz_of(device, descriptor);
@@ -85,11 +87,19 @@ expected<std::unique_ptr<HostedDevice>, SetupError> HostedDevice::create(
   if (!server) return setup_error(hosted->name_, std::move(server.error()));
   hosted->server_ = std::move(*server);
   hosted->rate_hz_ = *rate_hz;
-  events.add(*hosted->server_);
   if (auto configured = hosted->configure(configuration); !configured) {
     return unexpected{configured.error()};
   }
+  events.add(*hosted->server_);
   return hosted;
+}
+
+expected<std::unique_ptr<driver::Driver>, SetupError> HostedDevice::make_driver(
+    const Configuration& configuration, const DeviceSettings& device) {
+  if (!device.is_isolated) return deviced::make_driver(device, name_);
+  const rt::ThreadConfig thread = thread_of(configuration, device, "drv-");
+  return driver_host::isolate(
+      {.command = isolated_command(device, name_, thread), .listener = &reporter_});
 }
 
 expected<void, SetupError> HostedDevice::configure(const Configuration& configuration) {

@@ -10,6 +10,7 @@
 #include "device_events.hpp"
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/configuration/manager.hpp"
+#include "rtpm/driver_host/isolated.hpp"
 #include "rtpm/gvd/server.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/registration.hpp"
@@ -56,7 +57,7 @@ class HostedDevice {
 
  private:
   /// Logs the device's events to standard error.
-  class Reporter final : public gvd::DeviceListener {
+  class Reporter final : public gvd::DeviceListener, public driver_host::IsolationListener {
    public:
     explicit Reporter(std::string name) : name_(std::move(name)) {}
     void report(std::string_view text) override { log_.write(name_ + ": " + std::string(text)); }
@@ -81,6 +82,8 @@ class HostedDevice {
 
   HostedDevice(std::string name, DeviceEvents& events)
       : name_(std::move(name)), reporter_(name_), change_reporter_(reporter_, events, name_) {}
+  [[nodiscard]] expected<std::unique_ptr<driver::Driver>, SetupError> make_driver(
+      const Configuration& configuration, const DeviceSettings& device);
   [[nodiscard]] expected<void, SetupError> configure(const Configuration& configuration);
 
   std::string name_;

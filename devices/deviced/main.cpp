@@ -14,12 +14,14 @@
 #include "flight_files.hpp"
 #include "hosted_device.hpp"
 #include "inventory.hpp"
+#include "isolated_driver.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/resolver.hpp"
 #include "rtpm/options/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/crash.hpp"
 #include "rtpm/rt/log.hpp"
 
 namespace rtpm::deviced {
@@ -79,13 +81,16 @@ class LeaveAtEnd {
   DeviceEvents& events_;
 };
 
-expected<Devices, SetupError> create_devices(const Configuration& configuration,
-                                             DeviceEvents& events) {
+/// A device that can't be made is left out with its sentence: a driver's mistake costs no other.
+Devices create_devices(const Configuration& configuration, DeviceEvents& events) {
   Devices devices;
   for (const DeviceSettings& settings : configuration.devices) {
     auto device = HostedDevice::create(configuration, settings, events);
-    if (!device) return unexpected{device.error()};
-    devices.push_back(std::move(*device));
+    if (device) {
+      devices.push_back(std::move(*device));
+    } else {
+      fail(device.error());
+    }
   }
   return devices;
 }
@@ -118,14 +123,14 @@ int serve(const Configuration& configuration) {
   if (configuration.registry != kNoRegistry) node.use(resolver);
   auto events = DeviceEvents::create(node, configuration);
   if (!events) return fail(events.error());
-  auto devices = create_devices(configuration, **events);
-  if (!devices) return fail(devices.error());
+  Devices devices = create_devices(configuration, **events);
+  if (devices.empty()) return 1;
   const LeaveAtEnd leave_at_end(**events);
   // Ends after the devices have stopped, so that their last faults are written, too.
   FlightFiles flight_files(configuration.flight_folder);
-  for (const auto& device : *devices)
+  for (const auto& device : devices)
     flight_files.add(device->name(), device->flight_recorder());
-  const StopAtEnd stop_at_end(*devices);
+  const StopAtEnd stop_at_end(devices);
   if (auto started = flight_files.start(); !started) return fail(started.error());
   rpc::ServerConfig server_config = configuration.settings.server;
   server_config.name = "rtpm-deviced";
@@ -134,15 +139,15 @@ int serve(const Configuration& configuration) {
   if (auto joined = (*events)->join_system(node); !joined) return fail(joined.error());
   if (auto started = (*events)->start_publishing(); !started) return fail(started.error());
   introspection::Catalog catalog;
-  if (auto started = start(*devices, **server, catalog); !started) return fail(started.error());
+  if (auto started = start(devices, **server, catalog); !started) return fail(started.error());
 
-  for (const auto& device : *devices) {
+  for (const auto& device : devices) {
     if (auto bound = device->bind(node, **server, configuration); !bound) {
       return fail(bound.error());
     }
   }
   options::show_setup(configuration.settings, **server, "rtpm-deviced");
-  for (const auto& device : *devices) {
+  for (const auto& device : devices) {
     std::printf("serving %s at %s\n", device->name().c_str(),
                 (*server)->url(device->name()).c_str());
   }
@@ -151,16 +156,19 @@ int serve(const Configuration& configuration) {
   stop.wait();
   // The names first, so that no client finds a server about to end; then calls. Devices and their
   // events follow at the end of the scope.
-  for (const auto& device : *devices)
+  for (const auto& device : devices)
     device->unbind();
   (*server)->stop();
-  return 0;
+  return devices.size() == configuration.devices.size() ? 0 : 1;
 }
 
 }  // namespace
 }  // namespace rtpm::deviced
 
 int main(int argc, char** argv) {
+  if (const auto exit_code = rtpm::deviced::serve_isolated(argc, argv)) return *exit_code;
+  rtpm::rt::report_crashes("rtpm-deviced",
+                           "give the driver a process of its own, --device-NAME-isolated");
   rtpm::deviced::Configuration configuration;
   if (const auto exit_code = rtpm::deviced::read_configuration(argc, argv, configuration)) {
     return *exit_code;

@@ -136,7 +136,7 @@ TEST_F(FewDescriptors, AreNamedWhereTheyKeepAProgramFromItsWork) {
       {path_of("rtpm-servo"), "--registry", registry_->url, "--realtime", "off", "--seconds", "0.1",
        "--live", "off"},
       {path_of("rtpm-deviced"), "--registry", registry_->url, "--realtime", "off", "--port", "0",
-       "--devices", "other"}};
+       "--devices", "arm1"}};
   for (const std::vector<std::string>& command : commands) {
     for (int count = 4; count <= 24; count += 2) {
       std::vector<std::string> whole{"prlimit", "--nofile=" + std::to_string(count)};

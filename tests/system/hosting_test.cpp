@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -83,9 +84,34 @@ std::vector<std::string> stubborn(const std::string& behaviour) {
       behaviour};
 }
 
-TEST(BadDevices, APlugInsOwnErrorIsPassedOn) {
-  expect_refusal(stubborn("error"), 1, {"lab/lever", "it will not", "ask it nicely"});
-  expect_refusal(stubborn("timeless"), 1, {"lab/lever", "rate", "--device-lever-rate"});
+TEST(BadDevices, ADeviceNeedsADriver) {
+  expect_refusal({"--devices", "lever"}, 2,
+                 {"the device lever has no driver", "--device-lever-driver", "arm, biometric"});
+}
+
+/// It is not served; the arm beside it is.
+void expect_own_device_is_lost(const std::string& behaviour,
+                               const std::vector<std::string>& words) {
+  SCOPED_TRACE(behaviour);
+  auto daemon = start_daemon("rtpm-deviced", alone(stubborn(behaviour)));
+  ASSERT_TRUE(daemon);
+  EXPECT_NE(daemon->url.find("lab/arm0"), std::string::npos) << daemon->url;
+  const auto sample = run_program("rtpm", {"call", daemon->url, "read"});
+  EXPECT_EQ(sample.exit_code, 0) << sample.errors;
+  daemon->process.send_signal(SIGTERM);
+  const auto end = daemon->process.wait(kPatience);
+  ASSERT_TRUE(end);
+  EXPECT_EQ(end->exit_code, 1) << "it served less than it was told";
+  EXPECT_EQ(end->output.find("lab/lever"), std::string::npos) << end->output;
+  for (const std::string& word : words)
+    EXPECT_NE(end->errors.find(word), std::string::npos) << word << " is not in " << end->errors;
+}
+
+TEST(BadDevices, ADriversMistakeCostsItsOwnDeviceOnly) {
+  expect_own_device_is_lost("error", {"lab/lever", "it will not", "ask it nicely"});
+  expect_own_device_is_lost("timeless", {"lab/lever", "rate", "--device-lever-rate"});
+  expect_own_device_is_lost("buttons", {"lab/lever", "more buttons", "second device"});
+  expect_own_device_is_lost("describe", {"lab/lever", "describe()", "it threw: it is shy"});
 }
 
 /// The example of rtpm-deviced's README.
@@ -202,6 +228,79 @@ TEST_F(BlockedDriver, InConfigureDoesNotKeepOthersFromBeingServed) {
   EXPECT_TRUE(device_->process.wait_for_errors("lab/lever: its driver has not", kPatience));
   expect_arm_serves();
   expect_bounded_end();
+}
+
+/// A server with the simulated arm and a lever whose driver crashes once a file is there.
+class CrashingDriver : public testing::Test {
+ protected:
+  void SetUp() override {
+    const std::string test = testing::UnitTest::GetInstance()->current_test_info()->name();
+    trigger_ = testing::TempDir() + "rtpm_crash_" + test;
+    std::filesystem::remove(trigger_);
+  }
+  void serve(const std::vector<std::string>& more, const std::string& behaviour = "crash:") {
+    std::vector<std::string> arguments = alone(stubborn(behaviour + trigger_));
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    device_ = start_daemon("rtpm-deviced", std::move(arguments));
+    ASSERT_TRUE(device_);
+    lever_ = device_->url;
+    lever_.replace(lever_.rfind("arm0"), 4, "lever");
+  }
+  void crash() const { std::ofstream(trigger_).put(' '); }
+  [[nodiscard]] static std::string read(const std::string& url) {
+    const auto end = run_program("rtpm", {"call", url, "read"});
+    EXPECT_EQ(end.exit_code, 0) << end.errors;
+    return end.output;
+  }
+
+  std::string trigger_{};
+  std::string lever_{};
+  std::optional<Daemon> device_{};
+};
+
+TEST_F(CrashingDriver, IsNamedWithItsThreadAndDevice) {
+  serve({});
+  crash();
+  const auto end = device_->process.wait(kPatience);
+  ASSERT_TRUE(end);
+  EXPECT_NE(end->exit_code, 0);
+  for (const std::string& words :
+       {std::string("rtpm-deviced: signal 11 (segmentation fault) ends the process: thread "
+                    "dev-lever, in exchange(), in the plug-in "),
+        std::string(RTPM_STUBBORN) + " of lab/lever", std::string("--device-NAME-isolated")}) {
+    EXPECT_NE(end->errors.find(words), std::string::npos) << words << " is not in " << end->errors;
+  }
+}
+
+/// Which then also has the device when the server is killed.
+TEST_F(CrashingDriver, DeactivatesItsDeviceWhenItsServerIsKilled) {
+  serve({"--device-lever-isolated"}, "witness:");
+  EXPECT_FALSE(std::filesystem::exists(trigger_));
+  device_->process.send_signal(SIGKILL);
+  const auto give_up = std::chrono::steady_clock::now() + kPatience;
+  while (!std::filesystem::exists(trigger_) && std::chrono::steady_clock::now() < give_up)
+    std::this_thread::yield();
+  EXPECT_TRUE(std::filesystem::exists(trigger_));
+}
+
+TEST_F(CrashingDriver, CostsItsOwnDeviceOnlyInAProcessOfItsOwn) {
+  serve({"--device-lever-isolated"});
+  EXPECT_NE(read(lever_).find("\"lifecycle\": 2}"), std::string::npos);
+  crash();
+  EXPECT_TRUE(device_->process.wait_for_errors("the device is active again", kPatience));
+  const std::string& errors = device_->process.errors();
+  for (const std::string_view words :
+       {"thread drv-lever, in exchange(), in the plug-in ",
+        "lab/lever: the driver failed in exchange(): its process ",
+        "signal 11 (Segmentation fault)", "lab/lever: the device does not answer any more"}) {
+    EXPECT_NE(errors.find(words), std::string::npos) << words << " is not in " << errors;
+  }
+  EXPECT_NE(read(lever_).find("\"lifecycle\": 2}"), std::string::npos);
+  EXPECT_NE(read(device_->url).find("\"lifecycle\": 2}"), std::string::npos) << "the arm";
+  device_->process.send_signal(SIGTERM);
+  const auto end = device_->process.wait(kPatience);
+  ASSERT_TRUE(end);
+  EXPECT_EQ(end->exit_code, 0);
 }
 
 }  // namespace

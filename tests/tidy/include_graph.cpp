@@ -52,7 +52,7 @@ const std::vector<Part>& parts() {
        {"base", "wire", "rt", "transport", "rpc", "options", "predicate", "discovery", "names",
         "file_store", "etcd_store", "introspection"}},
       {"gvd/driver/", "driver", {"base"}},
-      {"gvd/driver_host/", "driver_host", {"base", "driver"}},
+      {"gvd/driver_host/", "driver_host", {"base", "rt", "driver"}},
       {"gvd/configuration/", "configuration", {"base", "rt", "rpc", "driver"}},
       {"gvd/models/", "models", {"base", "driver"}},
       {"gvd/safety/", "safety", {"base", "driver"}},

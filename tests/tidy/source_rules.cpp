@@ -175,6 +175,7 @@ const std::vector<Exemption>& exemptions() {
       {"json", "protocol/base/include/rtpm/base/nesting.hpp", "checks the nesting before"},
       {"stderr", "clients/rtpm/cli/context.cpp", "errors in JSON, escaped"},
       {"throw", "clients/rtpm/cli/command.cpp", "how CLI11 is told of a wrong value"},
+      {"throw", "tests/system/plugins/stubborn.cpp", "a plug-in that misbehaves"},
       {"throw", "tests/unit/driver_host/plugins/plugin.cpp", "a plug-in that misbehaves"},
   };
   return kExemptions;

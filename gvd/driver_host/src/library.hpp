@@ -2,22 +2,32 @@
 
 #include <dlfcn.h>
 
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "rtpm/rt/crash.hpp"
+
 namespace rtpm::driver_host {
 
-/// A loaded shared library; unloads it at its end.
+/// A loaded shared library, whose code has a name for a crash in it; unloads it at its end.
 /// @threads  any
 class Library {
  public:
-  explicit Library(void* handle) noexcept : handle_(handle) {}
+  Library(void* handle, std::string name) noexcept : handle_(handle), name_(std::move(name)) {}
   Library(const Library&) = delete;
   Library& operator=(const Library&) = delete;
   ~Library() { dlclose(handle_); }
 
   /// Null: it exports none of that name.
   [[nodiscard]] void* symbol(const char* name) const noexcept { return dlsym(handle_, name); }
+  /// Names its code, of which `symbol` is a part.
+  void name_code_around(const void* symbol);
 
  private:
   void* handle_;
+  std::string name_;
+  std::optional<rt::CodeName> code_name_{};
 };
 
 }  // namespace rtpm::driver_host

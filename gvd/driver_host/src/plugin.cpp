@@ -52,13 +52,6 @@ expected<void, SetupError> check(const std::string& file, const Plugin* plugin) 
   return {};
 }
 
-/// What a plug-in says of its driver once, in every state the same.
-struct Facts {
-  driver::Descriptor descriptor;
-  std::vector<driver::ParameterSpec> parameters;
-  std::vector<driver::CalibrationInfo> calibrations;
-};
-
 expected<Facts, SetupError> facts_of(const std::string& file, const Driver& driver) {
   Facts facts;
   auto asked = guarded(file, "describe()", [&]() -> expected<void, SetupError> {
@@ -84,7 +77,11 @@ expected<Facts, SetupError> facts_of(const std::string& file, const Driver& driv
 }  // namespace
 
 expected<std::unique_ptr<Driver>, SetupError> load_plugin(const std::string& file,
-                                                          std::string_view arguments) {
+                                                          std::string_view arguments,
+                                                          std::string_view device) {
+  std::string note = "the plug-in " + file;
+  if (!device.empty()) note += " of " + std::string(device);
+  const rt::CrashNote crash_note(note.c_str());
   // A bare name would be searched for among the system's libraries.
   const std::string path = file.find('/') == std::string::npos ? "./" + file : file;
   void* const handle = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
@@ -93,9 +90,10 @@ expected<std::unique_ptr<Driver>, SetupError> load_plugin(const std::string& fil
                        "name the file of a shared library that is built for this machine and "
                        "linked with all that it uses");
   }
-  auto library = std::make_shared<const Library>(handle);
+  auto library = std::make_shared<Library>(handle, file);
   const auto* const plugin = static_cast<const Plugin*>(library->symbol(driver::kPluginSymbol));
   if (auto checked = check(file, plugin); !checked) return unexpected{checked.error()};
+  library->name_code_around(plugin);
   auto driver = guarded(file, "create()", [&] { return plugin->create(arguments); });
   if (!driver) return unexpected{std::move(driver.error())};
   if (*driver == nullptr) {
@@ -104,9 +102,8 @@ expected<std::unique_ptr<Driver>, SetupError> load_plugin(const std::string& fil
   }
   auto facts = facts_of(file, **driver);
   if (!facts) return unexpected{std::move(facts.error())};
-  return std::make_unique<PluginDriver>(file, std::move(library), std::move(*driver),
-                                        std::move(facts->descriptor), std::move(facts->parameters),
-                                        std::move(facts->calibrations));
+  return std::make_unique<PluginDriver>(file, std::move(note), std::move(library),
+                                        std::move(*driver), std::move(*facts));
 }
 
 }  // namespace rtpm::driver_host

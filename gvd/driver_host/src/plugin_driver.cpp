@@ -13,12 +13,16 @@ using driver::CalibrationState;
 /// One run of a plug-in's calibration. What the plug-in throws ends the run without a result.
 class PluginCalibration final : public Calibration {
  public:
-  PluginCalibration(std::shared_ptr<const Library> library,
+  PluginCalibration(std::string note, std::shared_ptr<const Library> library,
                     std::unique_ptr<Calibration> calibration) noexcept
-      : library_(std::move(library)), calibration_(std::move(calibration)) {}
+      : note_(std::move(note)),
+        library_(std::move(library)),
+        calibration_(std::move(calibration)) {}
 
   [[nodiscard]] CalibrationState step(const driver::Sample& sample,
                                       std::optional<std::string_view> answer) override {
+    const rt::CrashNote note(note_.c_str());
+    const rt::CrashNote place("step()");
     return guarded_by([&] { return calibration_->step(sample, answer); },
                       [](const std::string& why) -> CalibrationState {
                         return driver::CalibrationFailed{"the driver failed in step(): " + why +
@@ -27,6 +31,7 @@ class PluginCalibration final : public Calibration {
   }
 
  private:
+  std::string note_;
   std::shared_ptr<const Library> library_;  // Outlives its calibration.
   std::unique_ptr<Calibration> calibration_;
 };
@@ -46,36 +51,49 @@ class FailedCalibration final : public Calibration {
 
 }  // namespace
 
-PluginDriver::PluginDriver(std::string file, std::shared_ptr<const Library> library,
-                           std::unique_ptr<Driver> driver, driver::Descriptor descriptor,
-                           std::vector<driver::ParameterSpec> parameters,
-                           std::vector<driver::CalibrationInfo> calibrations) noexcept
+PluginDriver::PluginDriver(std::string file, std::string note,
+                           std::shared_ptr<const Library> library, std::unique_ptr<Driver> driver,
+                           Facts facts) noexcept
     : file_(std::move(file)),
+      note_(std::move(note)),
       library_(std::move(library)),
       driver_(std::move(driver)),
-      descriptor_(std::move(descriptor)),
-      parameters_(std::move(parameters)),
-      calibrations_(std::move(calibrations)) {}
+      facts_(std::move(facts)) {}
+
+PluginDriver::~PluginDriver() {
+  const rt::CrashNote note(note_.c_str());
+  const rt::CrashNote place("its destructor");
+  driver_.reset();
+}
+
+template <class Call>
+auto PluginDriver::guarded_call(const char* place, Call&& call) {
+  const rt::CrashNote note(note_.c_str());
+  const rt::CrashNote inner(place);
+  return guarded(file_, place, std::forward<Call>(call));
+}
 
 expected<void, SetupError> PluginDriver::configure(const driver::DriverConfig& config) {
-  return guarded(file_, "configure()", [&] { return driver_->configure(config); });
+  return guarded_call("configure()", [&] { return driver_->configure(config); });
 }
 
 expected<void, SetupError> PluginDriver::activate() {
-  return guarded(file_, "activate()", [&] { return driver_->activate(); });
+  return guarded_call("activate()", [&] { return driver_->activate(); });
 }
 
 expected<void, SetupError> PluginDriver::set_parameters(
     std::span<driver::ParameterSetting> settings) {
-  return guarded(file_, "set_parameters()", [&] { return driver_->set_parameters(settings); });
+  return guarded_call("set_parameters()", [&] { return driver_->set_parameters(settings); });
 }
 
 std::unique_ptr<Calibration> PluginDriver::make_calibration(std::string_view name) {
+  const rt::CrashNote note(note_.c_str());
+  const rt::CrashNote place("make_calibration()");
   return guarded_by(
       [&]() -> std::unique_ptr<Calibration> {
         auto made = driver_->make_calibration(name);
         if (made == nullptr) return nullptr;
-        return std::make_unique<PluginCalibration>(library_, std::move(made));
+        return std::make_unique<PluginCalibration>(note_, library_, std::move(made));
       },
       [](const std::string& why) -> std::unique_ptr<Calibration> {
         return std::make_unique<FailedCalibration>(

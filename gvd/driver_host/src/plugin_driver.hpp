@@ -4,8 +4,10 @@
 #include <string>
 #include <vector>
 
+#include "facts.hpp"
 #include "library.hpp"
 #include "rtpm/driver/driver.hpp"
+#include "rtpm/rt/crash.hpp"
 
 namespace rtpm::driver_host {
 
@@ -14,37 +16,46 @@ namespace rtpm::driver_host {
 /// @ownership keeps its library loaded, as each of its calibrations does
 class PluginDriver final : public driver::Driver {
  public:
-  PluginDriver(std::string file, std::shared_ptr<const Library> library,
-               std::unique_ptr<Driver> driver, driver::Descriptor descriptor,
-               std::vector<driver::ParameterSpec> parameters,
-               std::vector<driver::CalibrationInfo> calibrations) noexcept;
+  /// @param note  for rt::CrashNote
+  PluginDriver(std::string file, std::string note, std::shared_ptr<const Library> library,
+               std::unique_ptr<Driver> driver, Facts facts) noexcept;
+  ~PluginDriver() override;
 
-  [[nodiscard]] driver::Descriptor describe() const override { return descriptor_; }
+  [[nodiscard]] driver::Descriptor describe() const override { return facts_.descriptor; }
   [[nodiscard]] expected<void, SetupError> configure(const driver::DriverConfig& config) override;
   [[nodiscard]] expected<void, SetupError> activate() override;
   [[nodiscard]] driver::ExchangeStatus exchange(const driver::Command& command,
                                                 driver::Sample& sample) noexcept override {
+    const rt::CrashNote note(note_.c_str());
+    const rt::CrashNote place("exchange()");
     return driver_->exchange(command, sample);
   }
-  void deactivate() noexcept override { driver_->deactivate(); }
+  void deactivate() noexcept override {
+    const rt::CrashNote note(note_.c_str());
+    const rt::CrashNote place("deactivate()");
+    driver_->deactivate();
+  }
   [[nodiscard]] std::vector<driver::ParameterSpec> parameters() const override {
-    return parameters_;
+    return facts_.parameters;
   }
   [[nodiscard]] expected<void, SetupError> set_parameters(
       std::span<driver::ParameterSetting> settings) override;
   [[nodiscard]] std::vector<driver::CalibrationInfo> calibrations() const override {
-    return calibrations_;
+    return facts_.calibrations;
   }
   [[nodiscard]] std::unique_ptr<driver::Calibration> make_calibration(
       std::string_view name) override;
 
  private:
+  /// Calls into the plug-in, with what it throws as an error and a note for a crash.
+  template <class Call>
+  [[nodiscard]] auto guarded_call(const char* place, Call&& call);
+
   std::string file_;
+  std::string note_;
   std::shared_ptr<const Library> library_;  // Outlives its driver.
   std::unique_ptr<Driver> driver_;
-  driver::Descriptor descriptor_;
-  std::vector<driver::ParameterSpec> parameters_;
-  std::vector<driver::CalibrationInfo> calibrations_;
+  Facts facts_;
 };
 
 }  // namespace rtpm::driver_host

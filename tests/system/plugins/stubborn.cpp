@@ -1,8 +1,12 @@
 // A plug-in that does what its argument says: "exchange", "first" or "configure" block for ever in
-// exchange(), in its first call, or in configure(); "error" and "timeless" are wrong at set-up.
+// exchange(), in its first call, or in configure(); "error", "timeless", "buttons" and "describe"
+// are wrong at set-up; "crash:FILE" writes to no memory once FILE is there; "witness:FILE" makes
+// FILE when it is deactivated.
 #include <unistd.h>
 
+#include <fstream>
 #include <memory>
+#include <stdexcept>
 #include <string>
 
 #include "rtpm/driver/plugin.hpp"
@@ -21,6 +25,8 @@ class Stubborn final : public Driver {
     descriptor.serial = "s-1";
     descriptor.frame = "stubborn/base";
     if (behaviour_ == "timeless") descriptor.rate_hz = 0;
+    if (behaviour_ == "buttons") descriptor.buttons.assign(40, "button");
+    if (behaviour_ == "describe") throw std::runtime_error("it is shy");
     return descriptor;
   }
   [[nodiscard]] rtpm::expected<void, rtpm::SetupError> configure(const DriverConfig&) override {
@@ -30,11 +36,19 @@ class Stubborn final : public Driver {
   [[nodiscard]] rtpm::expected<void, rtpm::SetupError> activate() override { return {}; }
   [[nodiscard]] ExchangeStatus exchange(const Command& command, Sample& sample) noexcept override {
     ++exchange_count_;
+    if (crash_file_ != nullptr && access(crash_file_, F_OK) == 0) {
+      unlink(crash_file_);
+      crash();
+    }
     if (behaviour_ == "first" || (behaviour_ == "exchange" && exchange_count_ > 100)) block();
     sample.host_time = command.cycle_time;
     return ExchangeStatus::kOk;
   }
-  void deactivate() noexcept override {}
+  void deactivate() noexcept override {
+    constexpr std::string_view kWitness = "witness:";
+    if (behaviour_.starts_with(kWitness))
+      std::ofstream(behaviour_.substr(kWitness.size())).put(' ');
+  }
 
  private:
   static void block() noexcept {
@@ -42,7 +56,17 @@ class Stubborn final : public Driver {
       pause();
   }
 
+  /// In a function of its own, so that it is not optimised away.
+  [[gnu::noinline]] static void crash() noexcept {
+    int* volatile nowhere = nullptr;
+    *nowhere = 1;
+  }
+  static constexpr std::string_view kCrash = "crash:";
+
   std::string behaviour_;
+  /// Of "crash:FILE".
+  const char* crash_file_ =
+      behaviour_.starts_with(kCrash) ? behaviour_.c_str() + kCrash.size() : nullptr;
   int exchange_count_ = 0;
 };
 

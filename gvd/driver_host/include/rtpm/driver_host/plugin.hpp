@@ -14,11 +14,12 @@ namespace rtpm::driver_host {
 /// known to be this program's; constructors of its static objects run on loading. What it throws
 /// becomes an error, but for exchange() and deactivate(), which are noexcept. A bare name is a file
 /// of the working folder.
+/// @param device  that it is loaded for, named by a crash in it: "lab/lever"
 /// @ownership the driver and its calibrations keep the plug-in loaded
 /// @realtime set-up only
 /// @errors   no such file, or no shared library; the symbol is missing; another ABI; the plug-in
 ///           fails or throws; each names the file
 [[nodiscard]] expected<std::unique_ptr<driver::Driver>, SetupError> load_plugin(
-    const std::string& file, std::string_view arguments);
+    const std::string& file, std::string_view arguments, std::string_view device = {});
 
 }  // namespace rtpm::driver_host

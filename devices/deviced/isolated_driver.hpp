@@ -1,0 +1,36 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "configuration.hpp"
+#include "rtpm/rt/thread.hpp"
+
+/// A device's driver in a process of its own, which runs this same program.
+namespace rtpm::deviced {
+
+/// The command of the process for `device`'s driver.
+/// @param name    the device's at the registry, for its messages
+/// @param thread  that calls the driver there
+[[nodiscard]] std::vector<std::string> isolated_command(const DeviceSettings& device,
+                                                        const std::string& name,
+                                                        const rt::ThreadConfig& thread);
+
+/// What isolated_command() says.
+/// @ownership a value
+struct IsolatedDriver {
+  DeviceSettings device{};
+  std::string name{};
+  rt::ThreadConfig thread{};
+};
+/// Nothing: the arguments are no isolated_command().
+[[nodiscard]] std::optional<IsolatedDriver> read_isolated_command(int argc,
+                                                                  const char* const* argv);
+
+/// Runs the driver that the arguments name, until the process that started this one ends it.
+/// Nothing: the arguments are other ones.
+/// @return the exit code
+[[nodiscard]] std::optional<int> serve_isolated(int argc, const char* const* argv);
+
+}  // namespace rtpm::deviced

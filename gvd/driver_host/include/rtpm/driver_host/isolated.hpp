@@ -1,0 +1,55 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/driver/driver.hpp"
+#include "rtpm/rt/thread.hpp"
+
+/// A driver in a process of its own: what it crashes, hangs or overwrites there is its own.
+namespace rtpm::driver_host {
+
+/// Hears what becomes of a driver's process.
+/// @threads  the thread that calls the driver
+class IsolationListener {
+ public:
+  virtual ~IsolationListener() = default;
+  virtual void report(std::string_view text) = 0;
+};
+
+/// Configures isolate().
+struct IsolationConfig {
+  /// The program of the driver's process, and its arguments. It calls serve_driver().
+  std::vector<std::string> command{};
+  /// How long exchange() waits for the other process; nothing: half of the period.
+  std::optional<Duration> exchange_patience{};
+  /// How long the process may take to make the driver, and configure() and activate() each.
+  Duration set_up_patience = std::chrono::seconds{30};
+  IsolationListener* listener = nullptr;  ///< Null: nobody.
+};
+
+/// Starts `config.command` and gives its driver, as if that were in this process.
+///
+/// exchange() waits for its answer no longer than its patience: an answer that comes later counts
+/// in the next cycle, one that does not come is kLate, and a process that has ended is kGone at
+/// once. deactivate() kills a process that ended its cycles, and starts it again: its configure()
+/// and deactivate() make the device safe before the next configure(). A process that gets no newer
+/// command until Command::deadline takes the force away itself, and deactivates the device when
+/// this process has ended, however that ended.
+/// @ownership the driver owns the process; its calibrations keep it, too
+/// @realtime set-up only, but for exchange(): alloc-free, a few system calls
+/// @errors   the process can't be started, or its driver can't be made, in the latter's words
+[[nodiscard]] expected<std::unique_ptr<driver::Driver>, SetupError> isolate(IsolationConfig config);
+
+/// The other process's side: serves `driver`, or its error, to the process that started this one
+/// by isolate(), until that ends it. Returns the exit code.
+/// @param thread  that calls the driver: as the device's
+/// @realtime set-up only
+[[nodiscard]] int serve_driver(expected<std::unique_ptr<driver::Driver>, SetupError> driver,
+                               const rt::ThreadConfig& thread);
+
+}  // namespace rtpm::driver_host

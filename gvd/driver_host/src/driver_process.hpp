@@ -1,0 +1,59 @@
+#pragma once
+
+#include <sys/types.h>
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "isolation.hpp"
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
+
+namespace rtpm::driver_host {
+
+/// The process of an isolated driver, seen from the one that started it.
+/// @ownership ends the process: by closing its sockets, upon which it deactivates its device, and
+///            by SIGKILL after a second
+/// @threads  call() and kill() from one; call_calibration() from any
+class DriverProcess {
+ public:
+  /// @errors   the system gives no process, memory or descriptor
+  [[nodiscard]] static expected<std::shared_ptr<DriverProcess>, SetupError> start(
+      const std::vector<std::string>& command);
+  DriverProcess(const DriverProcess&) = delete;
+  DriverProcess& operator=(const DriverProcess&) = delete;
+  ~DriverProcess();
+
+  [[nodiscard]] CycleMemory& memory() noexcept { return *memory_; }
+  /// The frame that comes by itself at the start.
+  [[nodiscard]] std::optional<Frame> receive_facts(MonotonicTime deadline);
+  /// Has the driver's thread run a call; nothing: it has ended, or did not answer by `deadline`.
+  [[nodiscard]] std::optional<Frame> call(FrameKind kind, ConstBytes bytes, MonotonicTime deadline);
+  /// Likewise a calibration's, on a thread of its own.
+  [[nodiscard]] std::optional<Frame> call_calibration(FrameKind kind, ConstBytes bytes,
+                                                      MonotonicTime deadline);
+  /// @realtime alloc-free, one system call
+  [[nodiscard]] bool has_ended() const noexcept { return wait_for_end(Duration{0}); }
+  /// Whether it ends within `patience`.
+  [[nodiscard]] bool wait_for_end(Duration patience) const noexcept;
+  void kill() noexcept;
+  /// How it ended, after that: "signal 11 (Segmentation fault)", "exit code 1".
+  [[nodiscard]] std::string end_text();
+  [[nodiscard]] pid_t number() const noexcept { return number_; }
+
+ private:
+  DriverProcess() = default;
+  void reap() noexcept;
+
+  pid_t number_ = -1;
+  Handle ending_{};  ///< Of the process: readable when it has ended.
+  Handle control_{};
+  Handle calibration_{};
+  CycleMemory* memory_ = nullptr;
+  rt::PiMutex calibration_mutex_{};
+  std::optional<int> status_{};  ///< As of waitpid().
+};
+
+}  // namespace rtpm::driver_host

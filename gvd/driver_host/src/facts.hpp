@@ -1,0 +1,17 @@
+#pragma once
+
+#include <vector>
+
+#include "rtpm/driver/driver.hpp"
+
+namespace rtpm::driver_host {
+
+/// What is constant of a driver, asked for once.
+/// @ownership a value
+struct Facts {
+  driver::Descriptor descriptor;
+  std::vector<driver::ParameterSpec> parameters;
+  std::vector<driver::CalibrationInfo> calibrations;
+};
+
+}  // namespace rtpm::driver_host

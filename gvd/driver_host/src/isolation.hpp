@@ -1,0 +1,108 @@
+#pragma once
+
+#include <semaphore.h>
+
+#include <atomic>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/base/latest.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/driver/driver.hpp"
+
+/// What both processes of an isolated driver share: memory for cycles, sockets for all else.
+namespace rtpm::driver_host {
+
+/// A file descriptor that is closed with it.
+class Handle {
+ public:
+  explicit Handle(int number = -1) noexcept : number_(number) {}
+  Handle(Handle&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
+  Handle& operator=(Handle&& other) noexcept {
+    reset();
+    number_ = std::exchange(other.number_, -1);
+    return *this;
+  }
+  ~Handle() { reset(); }
+  void reset() noexcept;
+  [[nodiscard]] int number() const noexcept { return number_; }
+  [[nodiscard]] bool is_open() const noexcept { return number_ >= 0; }
+
+ private:
+  int number_;
+};
+
+// Where the driver's process finds its ends.
+inline constexpr int kControlHandle = 3;      ///< Calls of the thread that calls the driver.
+inline constexpr int kCalibrationHandle = 4;  ///< Calls of calibrations, from any thread.
+inline constexpr int kMemoryHandle = 5;       ///< CycleMemory.
+
+/// A count that threads of both processes raise and wait for.
+/// @threads  any, of both processes
+/// @realtime alloc-free; at most one system call each
+class SharedDoorbell {
+ public:
+  SharedDoorbell() noexcept { sem_init(&semaphore_, /*pshared=*/1, 0); }
+  void ring() noexcept { static_cast<void>(sem_post(&semaphore_)); }
+  /// False: it was not rung by `deadline`.
+  [[nodiscard]] bool wait_until(MonotonicTime deadline) noexcept;
+
+ private:
+  sem_t semaphore_;
+};
+
+/// @ownership plain value
+struct CycleRequest {
+  std::uint64_t number = 0;
+  driver::Command command{};
+  driver::Sample sample{};  ///< With which the first exchange() after activate() begins.
+};
+/// @ownership plain value
+struct CycleReply {
+  std::uint64_t number = 0;  ///< Of the request.
+  std::uint8_t status = 0;   ///< An ExchangeStatus.
+  driver::Sample sample{};   ///< With kOk.
+};
+
+/// Memory of both processes. Each side takes the other's for hostile: copies, then checks.
+struct CycleMemory {
+  Latest<CycleRequest> requests{};
+  Latest<CycleReply> replies{};
+  std::atomic<std::uint64_t> call_count{0};  ///< Calls that were sent to kControlHandle.
+  SharedDoorbell has_request{};              ///< A request or a call.
+  SharedDoorbell has_reply{};
+};
+
+/// What a frame is: a call, or an answer to one.
+enum class FrameKind : std::uint8_t {
+  kFacts,  ///< Unasked, at the start: SetupError, or descriptor, parameters and calibrations.
+  kConfigure,
+  kActivate,
+  kDeactivate,
+  kSetParameters,
+  kMakeCalibration,
+  kStep,
+  kRelease,
+  kDone,    ///< The call's result.
+  kFailed,  ///< A SetupError.
+};
+
+/// @ownership a value
+struct Frame {
+  FrameKind kind{};
+  std::vector<std::byte> bytes{};
+};
+
+/// False: the other end is gone, or did not take it by `deadline`.
+/// @realtime set-up only
+[[nodiscard]] bool send_frame(const Handle& socket, FrameKind kind, ConstBytes bytes,
+                              MonotonicTime deadline);
+/// Nothing: the other end is gone, sent no frame by `deadline`, or one above 4 MiB.
+/// @realtime set-up only
+[[nodiscard]] std::optional<Frame> receive_frame(const Handle& socket, MonotonicTime deadline);
+
+}  // namespace rtpm::driver_host

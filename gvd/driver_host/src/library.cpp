@@ -1,0 +1,41 @@
+#include "library.hpp"
+
+#include <link.h>
+
+#include <cstdint>
+#include <span>
+
+namespace rtpm::driver_host {
+namespace {
+
+struct Search {
+  std::uintptr_t symbol = 0;
+  std::uintptr_t begin = 0;  ///< Of the object around it.
+  std::uintptr_t end = 0;
+};
+
+int look_at(dl_phdr_info* object, std::size_t, void* search_data) {
+  auto& search = *static_cast<Search*>(search_data);
+  std::uintptr_t begin = UINTPTR_MAX;
+  std::uintptr_t end = 0;
+  for (const auto& segment : std::span(object->dlpi_phdr, object->dlpi_phnum)) {
+    if (segment.p_type != PT_LOAD) continue;
+    begin = std::min(begin, object->dlpi_addr + segment.p_vaddr);
+    end = std::max(end, object->dlpi_addr + segment.p_vaddr + segment.p_memsz);
+  }
+  if (search.symbol < begin || search.symbol >= end) return 0;
+  search.begin = begin;
+  search.end = end;
+  return 1;
+}
+
+}  // namespace
+
+void Library::name_code_around(const void* symbol) {
+  Search search{.symbol = reinterpret_cast<std::uintptr_t>(symbol)};
+  if (::dl_iterate_phdr(&look_at, &search) == 0) return;
+  code_name_.emplace(reinterpret_cast<const void*>(search.begin), search.end - search.begin,
+                     name_.c_str());
+}
+
+}  // namespace rtpm::driver_host

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstddef>
+
+/// The line that a crash leaves: which thread, and what it was doing.
+namespace rtpm::rt {
+
+/// Says what the calling thread is doing, for as long as this lives. Notes nest.
+/// @ownership refers to `text`
+/// @realtime alloc-free, no system call
+class CrashNote {
+ public:
+  explicit CrashNote(const char* text) noexcept;
+  CrashNote(const CrashNote&) = delete;
+  CrashNote& operator=(const CrashNote&) = delete;
+  ~CrashNote();
+
+ private:
+  friend struct CrashLine;
+  const CrashNote* outer_;
+  const char* text_;
+};
+
+/// Names loaded code, such as a plug-in's, for a crash in it on any thread.
+/// @ownership refers to `name`
+/// @threads  any
+/// @realtime alloc-free; the code named beyond 64 at a time goes without
+class CodeName {
+ public:
+  CodeName(const void* begin, std::size_t size, const char* name) noexcept;
+  CodeName(const CodeName&) = delete;
+  CodeName& operator=(const CodeName&) = delete;
+  ~CodeName();
+
+ private:
+  std::size_t slot_;
+};
+
+/// From now on SIGSEGV, SIGBUS, SIGILL, SIGFPE and SIGABRT print one line before they end the
+/// process as ever: the program, the thread, its notes and the named code. A signal that has a
+/// handler, such as a sanitizer's, keeps it.
+/// @param program, remedy  texts of static life; an empty remedy is left out
+/// @realtime set-up only
+void report_crashes(const char* program, const char* remedy) noexcept;
+
+}  // namespace rtpm::rt
