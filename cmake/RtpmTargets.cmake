@@ -116,14 +116,14 @@ function(rtpm_library)
 endfunction()
 
 # rtpm_program(NAME name SOURCES … LINK targets…): an executable in build/<preset>/bin, which ends with a
-# sentence where it gets no memory.
+# sentence where it gets no memory or can't write its output.
 function(rtpm_program)
   cmake_parse_arguments(PARSE_ARGV 0 A "" "NAME" "SOURCES;LINK")
   if(A_UNPARSED_ARGUMENTS OR NOT A_NAME OR NOT A_SOURCES)
     message(FATAL_ERROR "rtpm_program: NAME and SOURCES are required; got '${ARGV}'")
   endif()
   add_executable(${A_NAME} ${A_SOURCES})
-  target_link_libraries(${A_NAME} PRIVATE ${A_LINK} rtpm_out_of_memory rtpm_build_flags)
+  target_link_libraries(${A_NAME} PRIVATE ${A_LINK} rtpm_every_program rtpm_build_flags)
   target_compile_features(${A_NAME} PRIVATE cxx_std_20)
   set_target_properties(${A_NAME} PROPERTIES CXX_EXTENSIONS OFF)
   rtpm_install_program(${A_NAME})

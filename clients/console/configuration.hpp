@@ -25,7 +25,7 @@ struct Configuration {
   std::string token_file{};               ///< Where the token is kept; empty: nowhere.
   bool prints_token = false;              ///< Also where standard output is no terminal.
   std::vector<std::string> host_names{};  ///< By which browsers may reach it.
-  double seconds = 0;                     ///< 0: until SIGINT or SIGTERM.
+  double seconds = 0;                     ///< 0: until a stop signal.
 };
 
 /// Reads file, environment and flags into `configuration`; as options::Options::parse().

@@ -16,7 +16,7 @@ struct Configuration {
   std::string events{events::kHubPath};  ///< The hub's name or URL.
   std::string registry{};
   rpc::NodeSecurity security{};
-  double seconds = 0;  ///< 0: until SIGINT or SIGTERM.
+  double seconds = 0;  ///< 0: until a stop signal.
   double rate_hz = 10;
   std::string live{};  ///< "rewrite" or "lines".
 };

@@ -12,6 +12,7 @@
 #include "rtpm/gvd/client.hpp"
 #include "rtpm/names/resolver.hpp"
 #include "rtpm/options/stop_signal.hpp"
+#include "rtpm/options/terminal.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
@@ -20,8 +21,7 @@
 namespace rtpm::display {
 namespace {
 
-/// A line that wraps can't be rewritten.
-constexpr std::size_t kRewrittenWidth = 79;
+constexpr std::size_t kTerminalWidth = 80;  ///< If the terminal does not tell.
 constexpr std::size_t kPrintedWidth = 100;
 constexpr std::size_t kCurveSize = 12;
 constexpr Duration kSilence = std::chrono::milliseconds{500};
@@ -69,9 +69,12 @@ std::size_t name_width(const Configuration& configuration) {
 }
 
 void print_lines(const std::vector<Shown>& devices, std::size_t width, bool is_rewriting) {
+  // A line that wraps can't be rewritten.
+  const std::size_t line_width =
+      is_rewriting ? options::terminal_width(kTerminalWidth) - 1 : kPrintedWidth;
   for (const Shown& device : devices) {
     std::printf("%s%s\n", is_rewriting ? "\r\033[K" : "",
-                device.view->line(width, is_rewriting ? kRewrittenWidth : kPrintedWidth).c_str());
+                device.view->line(width, line_width).c_str());
   }
   std::fflush(stdout);
 }
@@ -115,7 +118,7 @@ void print_summary(const std::vector<Shown>& devices) {
 
 int serve(const Configuration& configuration) {
   // Before any thread, which would else be ended by the signal.
-  const options::StopSignal stop;
+  const options::StopSignal stop(options::LostOutput::kRequestsEnd);
   rpc::Node node(
       {.wait = {.strategy = rt::WaitStrategy::kBlock}, .security = configuration.security});
   names::RegistryResolver resolver(node, configuration.registry);

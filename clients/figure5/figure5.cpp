@@ -53,7 +53,7 @@ int main(int argc, char** argv) {
   rtpm::options::add_caller(options, security);
   if (const auto exit_code = options.parse(argc, argv)) return *exit_code;
 
-  const rtpm::options::StopSignal stop;
+  const rtpm::options::StopSignal stop(rtpm::options::LostOutput::kRequestsEnd);
   rtpm::rpc::Node node({.security = security});
   rtpm::names::RegistryResolver resolver(node, registry);
   node.use(resolver);

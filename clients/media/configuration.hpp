@@ -17,7 +17,7 @@ struct Configuration {
   rpc::NodeSecurity security{};
   std::string mode = "speed";   ///< "speed", "scrub" or "frame": at the start.
   bool has_fixed_mode = false;  ///< The knob's button changes nothing.
-  double seconds = 0;           ///< 0: until SIGINT or SIGTERM.
+  double seconds = 0;           ///< 0: until a stop signal.
   double rate_hz = 100;
   bool is_headless = false;
   std::string clip{};  ///< Writes the example's clip here, and ends.

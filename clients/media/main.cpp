@@ -46,7 +46,7 @@ class Display {
 };
 
 int play(const Configuration& configuration) {
-  const options::StopSignal stop;
+  const options::StopSignal stop(options::LostOutput::kRequestsEnd);
   rpc::Node node({.security = configuration.security});
   names::RegistryResolver resolver(node, configuration.registry);
   node.use(resolver);

@@ -14,7 +14,7 @@ struct Configuration {
   std::string events{events::kHubPath};  ///< The hub's name or URL.
   std::string registry{};
   rpc::NodeSecurity security{};
-  double seconds = 0;  ///< 0: until SIGINT or SIGTERM.
+  double seconds = 0;  ///< 0: until a stop signal.
   double rate_hz = 60;
   std::string live = "rewrite";  ///< "rewrite", "lines" or "off".
   std::string picture{};         ///< An SVG file; empty: none.

@@ -123,7 +123,7 @@ int fail(const SetupError& error) {
 
 int serve(const Configuration& configuration) {
   // Before any thread, which would else be ended by the signal.
-  const options::StopSignal stop;
+  const options::StopSignal stop(options::LostOutput::kRequestsEnd);
   rpc::Node node(
       {.wait = {.strategy = rt::WaitStrategy::kBlock}, .security = configuration.security});
   names::RegistryResolver resolver(node, configuration.registry);

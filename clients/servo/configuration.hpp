@@ -22,7 +22,7 @@ struct Configuration {
   rpc::NodeSecurity security{};
   std::string serve = "none";   ///< The name below which the wall's parameters are served; "none".
   std::string events = "none";  ///< The hub that gets the touches, by name or URL; "none".
-  double seconds = 10;          ///< 0: until SIGINT or SIGTERM.
+  double seconds = 10;          ///< 0: until a stop signal.
   std::uint64_t cycle_count_max = 0;  ///< 0: no limit.
   double rate_hz = 1000;
   Priority priority = 24000;

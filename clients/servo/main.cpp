@@ -16,6 +16,7 @@
 #include "rtpm/gvd/client.hpp"
 #include "rtpm/names/resolver.hpp"
 #include "rtpm/options/stop_signal.hpp"
+#include "rtpm/options/terminal.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
@@ -28,7 +29,7 @@ namespace {
 
 constexpr int kSetUpFailed = 1;
 constexpr int kDeviceLost = 3;
-constexpr std::size_t kLineSizeMax = 79;
+constexpr std::size_t kTerminalWidth = 80;  ///< If the terminal does not tell.
 
 int fail(int exit_code, std::string_view text) {
   rt::print_error("rtpm-servo", text);
@@ -132,7 +133,8 @@ std::optional<gvd::DeviceError> watch(Loop& loop, Attended& attended,
     next = now + pause;
     std::string text = live_text(*view, *cycles, now - begin);
     // A line that wraps can't be rewritten.
-    if (is_rewriting) text.resize(std::min(text.size(), kLineSizeMax));
+    if (is_rewriting)
+      text.resize(std::min(text.size(), options::terminal_width(kTerminalWidth) - 1));
     std::printf(is_rewriting ? "\r\033[K%s" : "%s\n", text.c_str());
     std::fflush(stdout);
   }
@@ -237,7 +239,7 @@ LoopConfig loop_config(const Configuration& configuration, const Wall& wall) {
 }
 
 int serve(const Configuration& configuration) {
-  const options::StopSignal stop;
+  const options::StopSignal stop(options::LostOutput::kRequestsEnd);
   if (auto locked = rt::lock_memory(configuration.realtime); !locked) {
     return fail(kSetUpFailed, locked.error().text());
   }

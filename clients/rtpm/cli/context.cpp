@@ -23,7 +23,7 @@ rpc::Node& Context::node() {
 }
 
 const options::StopSignal& Context::stop() {
-  if (!stop_) stop_ = std::make_unique<options::StopSignal>();
+  if (!stop_) stop_ = std::make_unique<options::StopSignal>(options::LostOutput::kRequestsEnd);
   return *stop_;
 }
 

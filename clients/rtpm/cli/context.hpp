@@ -47,7 +47,7 @@ class Context {
 
   /// The node of this program, made at the first call. It resolves names by the registry.
   [[nodiscard]] rpc::Node& node();
-  /// Ctrl-C and SIGTERM. From the first call on they only ask to stop, so call it before node()
+  /// Ctrl-C and the like. From the first call on they only ask to stop, so call it before node()
   /// where the command ends by itself.
   [[nodiscard]] const options::StopSignal& stop();
   [[nodiscard]] rpc::CallOptions call_options() const;

@@ -1,11 +1,12 @@
 #include "cli/output.hpp"
 
-#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
+
+#include "rtpm/options/terminal.hpp"
 
 namespace rtpm::tool {
 namespace {
@@ -46,11 +47,7 @@ bool is_error_terminal() {
 
 std::size_t terminal_width() {
   constexpr std::size_t kWidth = 100;
-  winsize size{};
-  if (!is_terminal() || ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col == 0) {
-    return kWidth;
-  }
-  return std::max<std::size_t>(size.ws_col, 40);
+  return std::max<std::size_t>(options::terminal_width(kWidth), 40);
 }
 
 std::string coloured(std::string_view text, Colour colour) {

@@ -7,6 +7,7 @@
 
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <string>
 #include <utility>
 
@@ -167,9 +168,7 @@ int detach(Context& context, const Plan& plan, const BringUpOptions& options,
   }
   ::setsid();
   (*report)[0].reset();
-  const int exit_code = guard(context, plan, options, folder, record, std::move((*report)[1]));
-  std::fflush(nullptr);
-  ::_exit(exit_code);
+  std::exit(guard(context, plan, options, folder, record, std::move((*report)[1])));
 }
 
 }  // namespace

@@ -8,10 +8,12 @@
 
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <optional>
 
 #include "laboratory/process.hpp"
 #include "laboratory/process_tree.hpp"
+#include "rtpm/options/stop_signal.hpp"
 
 namespace rtpm::laboratory {
 namespace {
@@ -48,10 +50,10 @@ expected<GuardedEnd, SetupError> run_guarded(const std::function<int(int lifelin
                                              Duration patience, bool leaves_terminal) {
   sigset_t set;
   ::sigemptyset(&set);
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGCHLD})
+  for (const int signal : options::stop_signals())
     ::sigaddset(&set, signal);
+  ::sigaddset(&set, SIGCHLD);
   ::pthread_sigmask(SIG_BLOCK, &set, nullptr);
-  ::signal(SIGPIPE, SIG_IGN);
   const Handle signals(::signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK));
   auto lifeline = make_pipe();
   if (!signals.is_open() || !lifeline) {
@@ -64,9 +66,7 @@ expected<GuardedEnd, SetupError> run_guarded(const std::function<int(int lifelin
   if (id < 0) return setup_error("the supervisor does not start", system_error(errno));
   if (id == 0) {
     (*lifeline)[1].reset();
-    const int exit_code = work((*lifeline)[0].number());
-    std::fflush(nullptr);
-    ::_exit(exit_code);
+    std::exit(work((*lifeline)[0].number()));
   }
   (*lifeline)[0].reset();
   if (leaves_terminal) leave_terminal();

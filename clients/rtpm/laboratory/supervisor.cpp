@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "laboratory/process_tree.hpp"
+#include "rtpm/options/stop_signal.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::laboratory {
@@ -51,11 +52,12 @@ expected<std::unique_ptr<Supervisor>, SetupError> Supervisor::create(
     const Plan& plan, Observer& observer, const SupervisorOptions& options) {
   sigset_t signals;
   ::sigemptyset(&signals);
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGCHLD, SIGWINCH})
+  for (const int signal : options::stop_signals())
+    ::sigaddset(&signals, signal);
+  for (const int signal : {SIGCHLD, SIGWINCH})
     ::sigaddset(&signals, signal);
   // Before the thread that asks for names, which inherits it.
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-  ::signal(SIGPIPE, SIG_IGN);
   std::unique_ptr<Supervisor> supervisor(new Supervisor(plan, observer, options));
   supervisor->signals_ = Handle(::signalfd(-1, &signals, SFD_CLOEXEC | SFD_NONBLOCK));
   if (!supervisor->signals_.is_open() || supervisor->names_.event() < 0) {
@@ -158,7 +160,6 @@ void Supervisor::take_signals() {
         break;
       case SIGQUIT:
         request_stop("SIGQUIT");
-        supervision_.kill(rt::now());
         break;
       default:
         break;  // SIGCHLD and SIGWINCH end the wait.

@@ -48,7 +48,7 @@ struct SupervisorOptions {
 /// @realtime set-up only
 class Supervisor {
  public:
-  /// Blocks SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGCHLD and SIGWINCH from here on.
+  /// Blocks options::stop_signals(), SIGCHLD and SIGWINCH from here on.
   /// @errors   no descriptor is left; a log can't be written
   [[nodiscard]] static expected<std::unique_ptr<Supervisor>, SetupError> create(
       const Plan& plan, Observer& observer, const SupervisorOptions& options);

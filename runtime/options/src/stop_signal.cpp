@@ -9,6 +9,7 @@
 #include <cerrno>
 #include <chrono>
 #include <csignal>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <string>
@@ -26,17 +27,31 @@ bool is_pending(int signals, const timespec* timeout) noexcept {
   return ppoll(&wanted, 1, timeout, nullptr) > 0;
 }
 
+bool is_ignored(int signal) noexcept {
+  struct sigaction action {};
+  return sigaction(signal, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
+}
+
 }  // namespace
 
-StopSignal::StopSignal() {
-  sigset_t stop_signals;
-  sigemptyset(&stop_signals);
-  sigaddset(&stop_signals, SIGINT);
-  sigaddset(&stop_signals, SIGTERM);
-  pthread_sigmask(SIG_BLOCK, &stop_signals, nullptr);
-  signals_ = signalfd(-1, &stop_signals, SFD_CLOEXEC | SFD_NONBLOCK);
+std::vector<int> stop_signals() {
+  std::vector<int> signals{SIGINT, SIGTERM};
+  for (const int signal : {SIGHUP, SIGQUIT}) {
+    // The kernel also reports blocked signals that are ignored.
+    if (!is_ignored(signal)) signals.push_back(signal);
+  }
+  return signals;
+}
+
+StopSignal::StopSignal(LostOutput lost_output) : lost_output_(lost_output) {
+  sigset_t signals;
+  sigemptyset(&signals);
+  for (const int signal : stop_signals())
+    sigaddset(&signals, signal);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  signals_ = signalfd(-1, &signals, SFD_CLOEXEC | SFD_NONBLOCK);
   if (signals_ < 0) {
-    rt::print_error({}, "the system gives no descriptor to wait for SIGINT and SIGTERM (" +
+    rt::print_error({}, "the system gives no descriptor to wait for signals (" +
                             std::string(std::strerror(errno)) +
                             "): close files, or raise the limit of open files (ulimit -n)");
     std::exit(1);
@@ -47,9 +62,13 @@ StopSignal::~StopSignal() {
   close(signals_);
 }
 
+bool StopSignal::is_output_lost() const noexcept {
+  return lost_output_ == LostOutput::kRequestsEnd && std::ferror(stdout) != 0;
+}
+
 bool StopSignal::is_requested() const noexcept {
   constexpr timespec kNow{};
-  return is_pending(signals_, &kNow);
+  return is_output_lost() || is_pending(signals_, &kNow);
 }
 
 void StopSignal::wait() const noexcept {
@@ -59,6 +78,7 @@ void StopSignal::wait() const noexcept {
 }
 
 bool StopSignal::wait_for(Duration duration) const noexcept {
+  if (is_output_lost()) return true;
   using Clock = std::chrono::steady_clock;
   const Clock::time_point begin = Clock::now();
   for (;;) {

@@ -56,10 +56,14 @@ std::string with_folder(const char* variable) {
 }
 
 std::vector<std::string> clean_environment() {
-  // In one, programs find each other, and no others of this host; in the other are their keys.
-  std::vector<std::string> variables{with_folder("RTPM_RUNTIME_FOLDER"), with_folder("RTPM_KEYS")};
+  // In one, programs find each other, and no others of this host; in the others are their keys and
+  // what they keep.
+  std::vector<std::string> variables{with_folder("RTPM_RUNTIME_FOLDER"), with_folder("RTPM_KEYS"),
+                                     with_folder("XDG_STATE_HOME")};
   for (char** variable = environ; *variable != nullptr; ++variable) {
-    if (!std::string_view(*variable).starts_with("RTPM_")) variables.emplace_back(*variable);
+    const std::string_view entry = *variable;
+    if (!entry.starts_with("RTPM_") && !entry.starts_with("XDG_STATE_HOME="))
+      variables.emplace_back(*variable);
   }
   return variables;
 }
@@ -78,11 +82,21 @@ pid_t spawn(const std::vector<std::string>& command, int output, int errors) {
   posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
   posix_spawn_file_actions_adddup2(&actions, output, STDOUT_FILENO);
   posix_spawn_file_actions_adddup2(&actions, errors, STDERR_FILENO);
+  // This test's own program ignores them.
+  sigset_t signals;
+  sigemptyset(&signals);
+  for (const int signal : {SIGPIPE, SIGXFSZ})
+    sigaddset(&signals, signal);
+  posix_spawnattr_t attributes;
+  posix_spawnattr_init(&attributes);
+  posix_spawnattr_setsigdefault(&attributes, &signals);
+  posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGDEF);
   std::vector<std::string> arguments = command;
   std::vector<std::string> variables = clean_environment();
   pid_t id = -1;
-  const int error = posix_spawnp(&id, command.front().c_str(), &actions, nullptr,
+  const int error = posix_spawnp(&id, command.front().c_str(), &actions, &attributes,
                                  pointers_to(arguments).data(), pointers_to(variables).data());
+  posix_spawnattr_destroy(&attributes);
   posix_spawn_file_actions_destroy(&actions);
   if (error != 0) {
     std::fprintf(stderr, "the program %s can't be started: %s\n", command.front().c_str(),

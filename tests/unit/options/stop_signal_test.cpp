@@ -1,11 +1,14 @@
 #include "rtpm/options/stop_signal.hpp"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <sys/types.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <csignal>
+#include <cstdio>
 #include <thread>
 
 namespace rtpm::options {
@@ -50,7 +53,7 @@ TEST_P(StopSignalOf, WakesEveryWaiterAndStaysSet) {
             }));
 }
 
-INSTANTIATE_TEST_SUITE_P(Signals, StopSignalOf, testing::Values(SIGINT, SIGTERM));
+INSTANTIATE_TEST_SUITE_P(Signals, StopSignalOf, testing::Values(SIGINT, SIGTERM, SIGHUP, SIGQUIT));
 
 TEST(StopSignal, SurvivesASecondSignal) {
   EXPECT_EQ(0, run_in_child([] {
@@ -62,6 +65,49 @@ TEST(StopSignal, SurvivesASecondSignal) {
               }
               kill(getpid(), SIGINT);
               return true;
+            }));
+}
+
+// nohup, and the background jobs of a script.
+TEST(StopSignal, LeavesIgnoredHangupsIgnored) {
+  EXPECT_EQ(0, run_in_child([] {
+              signal(SIGHUP, SIG_IGN);
+              signal(SIGQUIT, SIG_IGN);
+              const StopSignal stop;
+              kill(getpid(), SIGHUP);
+              kill(getpid(), SIGQUIT);
+              return !stop.is_requested();
+            }));
+}
+
+TEST(StopSignal, IsRequestedByLostOutputWhereThatIsAllTheProgramIsFor) {
+  EXPECT_EQ(0, run_in_child([] {
+              const StopSignal server;
+              const StopSignal display(LostOutput::kRequestsEnd);
+              const bool was_requested = display.is_requested();
+              if (std::freopen("/dev/full", "w", stdout) == nullptr) return false;
+              std::puts("lost");
+              std::fflush(stdout);
+              return !was_requested && display.is_requested() && display.wait_for(10s) &&
+                     !server.is_requested() && !server.wait_for(1ms);
+            }));
+}
+
+TEST(StandardStreams, LetAWriteReportThatNobodyReads) {
+  EXPECT_EQ(0, run_in_child([] {
+              int ends[2];
+              if (pipe(ends) != 0) return false;
+              close(ends[0]);
+              return write(ends[1], "x", 1) < 0 && errno == EPIPE;
+            }));
+}
+
+TEST(StandardStreams, LetAWriteReportThatAFileIsTooLarge) {
+  EXPECT_EQ(0, run_in_child([] {
+              const rlimit limit{.rlim_cur = 0, .rlim_max = 0};
+              std::FILE* const file = std::tmpfile();
+              if (file == nullptr || setrlimit(RLIMIT_FSIZE, &limit) != 0) return false;
+              return write(fileno(file), "x", 1) < 0 && errno == EFBIG;
             }));
 }
 

@@ -54,7 +54,7 @@ int write(const Command& command, const Model& model) {
     for (GeneratedFile& file : back_end->generate(model)) {
       if (command.output_folder.empty()) {
         std::fputs(file.text.c_str(), stdout);
-        return std::fflush(stdout) == 0 ? 0 : kSchemaError;
+        return 0;
       }
       const auto path = std::filesystem::path(command.output_folder) / file.name;
       targets.push_back(path.string());

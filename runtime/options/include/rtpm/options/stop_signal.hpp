@@ -1,37 +1,54 @@
 #pragma once
 
+#include <cstdint>
+#include <vector>
+
 #include "rtpm/base/time.hpp"
 
 namespace rtpm::options {
 
-/// The request to end the program: SIGINT (Ctrl-C) or SIGTERM.
+/// The signals that ask a program to end: SIGINT (Ctrl-C), SIGTERM, SIGHUP (its terminal is gone)
+/// and SIGQUIT. The latter two only unless they are ignored, as nohup and a shell's background jobs
+/// have them.
+[[nodiscard]] std::vector<int> stop_signals();
+
+/// Whether a program goes on where it can't write to standard output any more.
+enum class LostOutput : std::uint8_t {
+  kGoesOn,       ///< It serves others.
+  kRequestsEnd,  ///< Nobody sees what it is for.
+};
+
+/// The request to end the program: one of stop_signals().
 ///
-/// The constructor blocks both signals in the calling thread and in all threads started later. So
-/// they interrupt no real-time thread, and a second one does not cut an orderly shutdown short
-/// (SIGQUIT and SIGKILL still end the program at once). They stay blocked after destruction and
-/// across exec.
+/// The constructor blocks them in the calling thread and in all threads started later. So they
+/// interrupt no real-time thread, and a second one does not cut an orderly shutdown short (SIGKILL
+/// still ends the program at once). They stay blocked after destruction and across exec.
 /// @threads  construct it before any other thread starts; then any, concurrently
 class StopSignal {
  public:
   /// Without a free file descriptor, reports it on standard error and exits with code 1.
   /// @realtime set-up only
-  StopSignal();
+  explicit StopSignal(LostOutput lost_output = LostOutput::kGoesOn);
   StopSignal(const StopSignal&) = delete;
   StopSignal& operator=(const StopSignal&) = delete;
   ~StopSignal();
 
-  /// Whether a signal has arrived; stays true.
+  /// Whether a signal has arrived, or output was lost that requests the end; stays true.
   /// @realtime alloc-free, one system call, does not block
   [[nodiscard]] bool is_requested() const noexcept;
   /// Blocks until a signal has arrived.
   /// @realtime alloc-free, one system call
   void wait() const noexcept;
-  /// Blocks until a signal has arrived, or `duration` has passed; negative counts as 0.
-  /// @return whether a signal has arrived
+  /// Blocks until is_requested(), or `duration` has passed; negative counts as 0. What is
+  /// lost of the output meanwhile counts at the next call.
+  /// @return whether it is requested
   /// @realtime alloc-free, one system call
   [[nodiscard]] bool wait_for(Duration duration) const noexcept;
 
  private:
+  [[nodiscard]] bool is_output_lost() const noexcept;
+
+  LostOutput lost_output_;
   int signals_ = -1;
 };
 
