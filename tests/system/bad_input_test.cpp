@@ -3,6 +3,8 @@
 
 #include <filesystem>
 #include <fstream>
+#include <map>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -46,6 +48,26 @@ INSTANTIATE_TEST_SUITE_P(Programs, EveryProgram,
                            const std::string name = parameter.param;
                            return name.substr(name.find('-') + 1);
                          });
+
+// All programs of a shell share its environment.
+TEST(Variables, HaveOneMeaningInAllPrograms) {
+  std::map<std::string, std::string> meanings;  // Of each variable, and whose that is.
+  for (const char* program : {"rtpm-registryd", "rtpm-deviced", "rtpm-eventd", "rtpm-servo",
+                              "rtpm-display", "rtpm-figure5"}) {
+    std::istringstream lines(run_program(program, {"--dump-config"}).output);
+    for (std::string line; std::getline(lines, line);) {
+      const std::size_t begin = line.find(" [RTPM_");
+      if (!line.starts_with("# ") || begin == std::string::npos) continue;
+      const std::string variable = line.substr(begin + 2, line.find(']', begin) - begin - 2);
+      const std::string meaning = line.substr(2, begin - 2);
+      EXPECT_EQ(meanings.emplace(variable, meaning).first->second, meaning)
+          << variable << " of " << program;
+    }
+  }
+  EXPECT_GT(meanings.size(), 100u);
+  EXPECT_TRUE(meanings.contains("RTPM_REGISTRY"));
+  EXPECT_FALSE(meanings.contains("RTPM_DEADLINE")) << "that is the tool's";
+}
 
 /// A command in front of a program that leaves it so many bytes of addresses.
 std::vector<std::string> with_memory(std::size_t size_max, std::vector<std::string> command) {

@@ -31,6 +31,7 @@ struct Positional {
 /// A list of names, each with options of its own.
 struct Group {
   std::string key;
+  bool is_shared;
   std::vector<std::string>* names;
   std::function<void(const std::vector<std::string>&)> add_members;
 };
@@ -111,11 +112,21 @@ struct Options::Impl {
   std::string config_path{};
   std::vector<Group> groups{};
   NamesPlace names_place{};
+  bool is_shared = false;  ///< What is added means the same in all programs.
+
+  /// "RTPM_SERVO_RATE", or "RTPM_REGISTRY".
+  [[nodiscard]] std::string variable_for(std::string_view key, bool is_for_all) const {
+    constexpr std::string_view kCommonBegin = "rtpm-";
+    const std::string own =
+        name.starts_with(kCommonBegin) ? name.substr(kCommonBegin.size()) : name;
+    return variable_of(is_for_all ? std::string(key) : own + "-" + std::string(key));
+  }
 
   void add(std::string key, std::string help, Setting setting) {
     RTPM_ASSERT(is_key(key), "a key is of lower-case letters, digits and '-'");
     RTPM_ASSERT(key != "help" && key != "version" && key != "dump-config" && find(key) == nullptr,
                 "the key is already in use");
+    setting.variable = variable_for(key, is_shared);
     setting.key = std::move(key);
     setting.help = std::move(help);
     settings.push_back(std::move(setting));
@@ -140,7 +151,7 @@ struct Options::Impl {
   }
 
   [[nodiscard]] std::optional<std::string> early_text(
-      const std::string& key, const std::vector<std::string_view>& arguments) const;
+      const Setting& setting, const std::vector<std::string_view>& arguments) const;
   void add_members(const std::vector<std::string_view>& arguments);
   expected<void, SetupError> apply_file(const std::string& path);
   expected<void, SetupError> apply_environment(const CommandLine& command_line);
@@ -155,25 +166,27 @@ struct Options::Impl {
 
 /// The text of a key before all keys are known. Errors in it are reported later.
 std::optional<std::string> Options::Impl::early_text(
-    const std::string& key, const std::vector<std::string_view>& arguments) const {
-  if (auto text = early_flag("--" + key, arguments)) return text;
-  if (const char* const text = std::getenv(variable_of(key).c_str())) return text;
+    const Setting& setting, const std::vector<std::string_view>& arguments) const {
+  if (auto text = early_flag("--" + setting.key, arguments)) return text;
+  if (const char* const text = std::getenv(setting.variable.c_str())) return text;
   std::optional<std::string> path = early_flag("--" + std::string(kConfigKey), arguments);
   const char* const config_variable = std::getenv(variable_of(kConfigKey).c_str());
   if (!path && config_variable != nullptr) path = config_variable;
   if (!path) return std::nullopt;
   const auto lines = read_config_file(*path);
   if (!lines) return std::nullopt;
-  const auto line = std::ranges::find(*lines, key, &ConfigLine::key);
+  const auto line = std::ranges::find(*lines, setting.key, &ConfigLine::key);
   return line == lines->end() ? std::nullopt : std::optional(line->value);
 }
 
 void Options::Impl::add_members(const std::vector<std::string_view>& arguments) {
   for (const Group& group : std::exchange(groups, {})) {
-    const auto text = early_text(group.key, arguments);
-    if (text) static_cast<void>(find(group.key)->read(*text));
+    const Setting& setting = *find(group.key);
+    if (const auto text = early_text(setting, arguments)) static_cast<void>(setting.read(*text));
+    is_shared = group.is_shared;
     group.add_members(*group.names);
   }
+  is_shared = false;
 }
 
 expected<void, SetupError> Options::Impl::apply_file(const std::string& path) {
@@ -204,11 +217,11 @@ expected<void, SetupError> Options::Impl::apply_file(const std::string& path) {
 
 expected<void, SetupError> Options::Impl::apply_environment(const CommandLine& command_line) {
   for (Setting& setting : settings) {
-    const std::string variable = variable_of(setting.key);
-    const char* const text = std::getenv(variable.c_str());
-    // The variable may belong to another program, so one that a flag overrides is not checked.
+    const char* const text = std::getenv(setting.variable.c_str());
+    // Of one that a flag overrides, the value does not matter.
     if (text == nullptr || command_line.find(setting.key) != nullptr) continue;
-    if (auto applied = apply(setting, text, variable, variable); !applied) return applied;
+    if (auto applied = apply(setting, text, setting.variable, setting.variable); !applied)
+      return applied;
   }
   return {};
 }
@@ -300,10 +313,12 @@ std::string Options::Impl::help_text(const Verb* verb) const {
   text += help_row("--dump-config", "Print the configuration in force, as --config takes it");
   text += help_row("--help, -h", "Print this");
   text += help_row("--version", "Print the version");
-  text +=
-      "\nAn option --some-key can also stand in the environment, as RTPM_SOME_KEY, and in the "
-      "file, as\n"
-      "'some-key = value'. A flag wins over the environment, the environment over the file.\n";
+  text += "\nAn option --some-key can also stand in the environment, as " +
+          variable_for("some-key", false) +
+          " (RTPM_SOME_KEY\n"
+          "if several programs have it; --dump-config tells), and in the file, as 'some-key = "
+          "value'. A\n"
+          "flag wins over the environment, the environment over the file.\n";
   return text;
 }
 
@@ -313,9 +328,9 @@ std::string Options::Impl::dump_text() {
   std::vector<std::string> variables{"RTPM_RUNTIME_FOLDER", "RTPM_KEYS"};
   for (std::size_t i = 0; i < settings.size(); ++i) {
     const Setting& setting = settings[i];
-    variables.push_back(variable_of(setting.key));
+    variables.push_back(setting.variable);
     if (setting.key == kConfigKey) continue;
-    text += "\n# " + setting.help + " (" + sources[i] + ")\n";
+    text += "\n# " + setting.help + " [" + setting.variable + "] (" + sources[i] + ")\n";
     text += setting.key + " = " + config_value_text(setting.write()) + "\n";
   }
   for (char** variable = environ; *variable != nullptr; ++variable) {
@@ -323,7 +338,11 @@ std::string Options::Impl::dump_text() {
     const std::string variable_name(entry.substr(0, entry.find('=')));
     if (variable_name.starts_with(kVariablePrefix) &&
         std::find(variables.begin(), variables.end(), variable_name) == variables.end()) {
-      text += "\n# " + variable_name + " in the environment is no key of this program.\n";
+      const auto meant = std::ranges::find_if(settings, [&](const Setting& setting) {
+        return variable_of(setting.key) == variable_name;
+      });
+      text += "\n# " + variable_name + " in the environment is no key of this program" +
+              (meant == settings.end() ? "" : ", which has " + meant->variable) + ".\n";
     }
   }
   return text;
@@ -331,12 +350,19 @@ std::string Options::Impl::dump_text() {
 
 Options::Options(std::string name, std::string description)
     : impl_(new Impl{.name = std::move(name), .description = std::move(description)}) {
+  const Shared shared(*this);
   impl_->add(std::string(kConfigKey), "Read options from FILE, one 'key = value' a line",
              setting_of(impl_->config_path));
   impl_->settings.back().placeholder = "FILE";
   impl_->settings.back().expected = "the path of a file";
 }
 Options::~Options() = default;
+
+Options::Shared::Shared(Options& options) noexcept
+    : options_(options), was_shared_(std::exchange(options.impl_->is_shared, true)) {}
+Options::Shared::~Shared() {
+  options_.impl_->is_shared = was_shared_;
+}
 
 void Options::add(std::string key, std::string& value, std::string help) {
   impl_->add(std::move(key), std::move(help), setting_of(value));
@@ -414,12 +440,14 @@ void Options::add_verb(std::string name, std::string arguments, std::string help
 }
 
 void Options::add_realtime(rt::RealtimeMode& mode) {
+  const Shared shared(*this);
   using enum rt::RealtimeMode;
   impl_->add("realtime", "What to do where the system refuses real-time scheduling",
              enum_setting(mode, std::array{kPrefer, kRequire, kOff}));
 }
 
 void Options::add_wait(rt::WaitConfig& wait, const std::string& prefix) {
+  const Shared shared(*this);
   using enum rt::WaitStrategy;
   impl_->add(prefix + "wait",
              "How to wait for traffic: spin a while and then block, block, or spin",
@@ -437,11 +465,12 @@ void Options::add_schedule(std::string key, rt::Schedule& schedule, std::string 
 void Options::add_group(std::string key, std::vector<std::string>& names, std::string help,
                         std::size_t size_max,
                         std::function<void(const std::vector<std::string>&)> add_members) {
-  impl_->groups.push_back({key, &names, std::move(add_members)});
+  impl_->groups.push_back({key, impl_->is_shared, &names, std::move(add_members)});
   impl_->add(std::move(key), std::move(help), setting_of_names(names, size_max));
 }
 
 void Options::add_registry(std::string& where) {
+  const Shared shared(*this);
   const bool is_url = where.find("://") != std::string::npos;
   impl_->names_place = {&where, is_url ? where : "", is_url ? "host" : where};
   add("registry", impl_->names_place.registry,

@@ -94,6 +94,7 @@ rpc::NodeSecurity node_security(const ServerSettings& settings) {
 }
 
 void add_server(Options& options, ServerSettings& settings) {
+  const Options::Shared shared(options);
   rpc::ServerConfig& server = settings.server;
   options.add("host", server.host,
               "What to serve: addresses (IPv4, IPv6), host names and interfaces, with ',' between; "

@@ -14,6 +14,7 @@ namespace rtpm::options {
 /// One variable of a program: how to parse, format and document it.
 struct Setting {
   std::string key;
+  std::string variable{};  ///< Of the environment: "RTPM_PORT".
   std::string help;
   std::string placeholder;  ///< Stands for the value in --help: "NUMBER".
   std::string expected;     ///< What a value must be: "a whole number from 0 to 65535".

@@ -183,16 +183,16 @@ TEST_F(OptionsTest, TakesEveryKindFromFlags) {
 
 TEST_F(OptionsTest, TakesEveryKindFromTheEnvironment) {
   for (const auto& [name, value] :
-       std::map<std::string, std::string>{{"RTPM_HOST", "10.0.0.1"},
-                                          {"RTPM_PORT", "1"},
-                                          {"RTPM_OFFSET", "-3"},
-                                          {"RTPM_SEED", "18446744073709551615"},
-                                          {"RTPM_GAIN", "0.25"},
-                                          {"RTPM_VERBOSE", "true"},
-                                          {"RTPM_PERIOD", "800us"},
-                                          {"RTPM_PRIORITY", "32767"},
-                                          {"RTPM_CASES", "a, b,c"},
-                                          {"RTPM_FORMAT", "json"},
+       std::map<std::string, std::string>{{"RTPM_TEST_HOST", "10.0.0.1"},
+                                          {"RTPM_TEST_PORT", "1"},
+                                          {"RTPM_TEST_OFFSET", "-3"},
+                                          {"RTPM_TEST_SEED", "18446744073709551615"},
+                                          {"RTPM_TEST_GAIN", "0.25"},
+                                          {"RTPM_TEST_VERBOSE", "true"},
+                                          {"RTPM_TEST_PERIOD", "800us"},
+                                          {"RTPM_TEST_PRIORITY", "32767"},
+                                          {"RTPM_TEST_CASES", "a, b,c"},
+                                          {"RTPM_TEST_FORMAT", "json"},
                                           {"RTPM_REALTIME", "require"},
                                           {"RTPM_WAIT", "spin"},
                                           {"RTPM_SPIN", "20us"},
@@ -219,8 +219,8 @@ TEST_F(OptionsTest, TakesEveryKindFromAFile) {
 
 TEST_F(OptionsTest, LetsFlagsWinOverEnvironmentOverFile) {
   const std::string path = file_with("port = 1\noffset = 1\ngain = 0.1\n");
-  set_variable("RTPM_PORT", "2");
-  set_variable("RTPM_OFFSET", "2");
+  set_variable("RTPM_TEST_PORT", "2");
+  set_variable("RTPM_TEST_OFFSET", "2");
   const Outcome outcome = parse({"--port", "3", "--config", path});
   EXPECT_EQ(outcome.exit_code, std::nullopt) << outcome.err;
   EXPECT_EQ(values_.port, 3);
@@ -234,8 +234,24 @@ TEST_F(OptionsTest, FindsTheFileByTheEnvironmentToo) {
   EXPECT_EQ(values_.port, 5);
 }
 
+// Programs share one environment.
+TEST_F(OptionsTest, LeavesVariablesOfOtherProgramsAlone) {
+  set_variable("RTPM_PORT", "http");
+  set_variable("RTPM_PERIOD", "1h");
+  const Outcome outcome = parse({"--dump-config"});
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(values_, Values{});
+  for (const char* words :
+       {"# RTPM_PORT in the environment is no key of this program, which has RTPM_TEST_PORT.\n",
+        "[RTPM_TEST_PORT] (default)\nport = ", "[RTPM_REGISTRY] (default)\nregistry = "}) {
+    EXPECT_NE(outcome.out.find(words), std::string::npos) << words << outcome.out;
+  }
+  const Outcome help = parse({"--help"});
+  EXPECT_NE(help.out.find("RTPM_TEST_SOME_KEY"), std::string::npos) << help.out;
+}
+
 TEST_F(OptionsTest, LetsAFlagSwitchOff) {
-  set_variable("RTPM_VERBOSE", "true");
+  set_variable("RTPM_TEST_VERBOSE", "true");
   EXPECT_EQ(parse({"--verbose=false"}).exit_code, std::nullopt);
   EXPECT_FALSE(values_.verbose);
 }
@@ -301,12 +317,12 @@ TEST_F(OptionsTest, NamesAWrongTypeOrRangeWithWhatWasExpected) {
   expect_error({"--format", "xml"}, {"--format 'xml' is not table or json"});
   expect_error({"--realtime", "yes"}, {"is not prefer, require or off"});
   expect_error({"--wait", "sleep"}, {"is not adaptive, periodic, block or spin"});
-  set_variable("RTPM_PORT", "http");
-  expect_error({}, {"RTPM_PORT 'http' is not a whole number"});
+  set_variable("RTPM_TEST_PORT", "http");
+  expect_error({}, {"RTPM_TEST_PORT 'http' is not a whole number"});
 }
 
 TEST_F(OptionsTest, IgnoresAVariableThatAFlagOverrides) {
-  set_variable("RTPM_PORT", "http");
+  set_variable("RTPM_TEST_PORT", "http");
   EXPECT_EQ(parse({"--port", "1"}).exit_code, std::nullopt);
 }
 
@@ -351,12 +367,12 @@ TEST_F(OptionsTest, DumpsAConfigurationThatReadsBackTheSame) {
 }
 
 TEST_F(OptionsTest, DumpsWhatIsInForceAndWhereItComesFrom) {
-  set_variable("RTPM_GAIN", "0.75");
+  set_variable("RTPM_TEST_GAIN", "0.75");
   const std::string path = file_with("offset = 2\n");
   const Outcome dump = parse({"--port", "9", "--dump-config", "--config", path});
   EXPECT_EQ(dump.exit_code, 0);
-  for (const char* const part :
-       {"(--port)\nport = 9\n", "(RTPM_GAIN)\ngain = 0.75\n", "(default)\nhost = 127.0.0.1\n"}) {
+  for (const char* const part : {"(--port)\nport = 9\n", "(RTPM_TEST_GAIN)\ngain = 0.75\n",
+                                 "(default)\nhost = 127.0.0.1\n"}) {
     EXPECT_NE(dump.out.find(part), std::string::npos) << part << " in:\n" << dump.out;
   }
   EXPECT_NE(dump.out.find("(" + path + ":1)\noffset = 2\n"), std::string::npos) << dump.out;

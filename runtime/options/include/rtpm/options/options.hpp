@@ -26,16 +26,20 @@ struct Range {
 enum class Presence : std::uint8_t { kOptional, kRequired };
 
 /// The options of one program, in one table: each has a key, and with it a flag `--key`, an
-/// environment variable `RTPM_KEY` (upper case, `-` as `_`) and a line `key = value` in the file
-/// that `--config FILE` or RTPM_CONFIG names. A flag overrides the environment, the environment
-/// overrides the file, and the file overrides the default, the variable's value when it was added.
-/// The format of the file: runtime/options/README.md.
+/// environment variable and a line `key = value` in the file that `--config FILE` or RTPM_CONFIG
+/// names. A flag overrides the environment, the environment overrides the file, and the file
+/// overrides the default, the variable's value when it was added. The format of the file:
+/// runtime/options/README.md.
+///
+/// Programs share one environment, so a variable has one meaning: `--some-key` of `rtpm-servo` is
+/// RTPM_SERVO_SOME_KEY. What this library adds to several programs is the same in all,
+/// RTPM_SOME_KEY.
 ///
 /// Every program also has --help, --version, --config and --dump-config, which prints the
 /// configuration in force in the format of --config.
 ///
-/// Programs share one environment. A variable RTPM_… that matches no key of this program may belong
-/// to another: it is no error, and --dump-config lists it in a comment.
+/// A variable RTPM_… that matches no key of this program may belong to another: it is no error, and
+/// --dump-config lists it in a comment.
 ///
 /// @ownership refers to the added variables until parse() returns
 /// @threads  one
@@ -95,6 +99,19 @@ class Options {
   /// @param details    further lines for `PROGRAM VERB --help`, each ending with '\n'
   void add_verb(std::string name, std::string arguments, std::string help,
                 std::string details = {});
+
+  /// While it lives, the options that are added mean the same in every program that has them.
+  class Shared {
+   public:
+    explicit Shared(Options& options) noexcept;
+    Shared(const Shared&) = delete;
+    Shared& operator=(const Shared&) = delete;
+    ~Shared();
+
+   private:
+    Options& options_;
+    bool was_shared_;
+  };
 
   /// Adds --realtime prefer|require|off.
   void add_realtime(rt::RealtimeMode& mode);
