@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <cstdio>
 #include <type_traits>
 #include <utility>
 
@@ -12,6 +13,7 @@
 #include "reading/reflection.hpp"
 #include "rtpm/schema/compile.hpp"
 #include "rtpm/schema/schema_text.hpp"
+#include "text/json_outline.hpp"
 #include "text/range_check.hpp"
 #include "text/text_size.hpp"
 
@@ -59,6 +61,33 @@ std::string without_first_line(const std::string& error) {
   return std::to_string(std::stoul(error.substr(0, end)) - 1) + error.substr(end);
 }
 
+/// Where "2: 5: error: …" is in the text; past its end if the error says no place.
+std::size_t offset_in(std::string_view text, const std::string& error) {
+  unsigned line = 0;
+  unsigned column = 0;
+  if (std::sscanf(error.c_str(), "%6u: %6u:", &line, &column) != 2) return text.size() + 1;
+  std::size_t begin = 0;
+  for (; line > 1 && begin < text.size(); --line)
+    begin = std::min(text.find('\n', begin), text.size() - 1) + 1;
+  return std::min(begin + column, text.size());
+}
+
+/// The parser's error with the field that it is about.
+std::string with_field(const Model& model, std::size_t object, const std::string& error,
+                       std::string_view text) {
+  const auto is_about = [&](const char* what) { return error.find(what) != std::string::npos; };
+  if (is_about("unknown field")) return error;  // It is named there.
+  const JsonOutline whole = outline_of(text);
+  if (is_about("wrong number of initializers")) {
+    const std::string lacking = lacking_fields(model, object, whole);
+    return lacking.empty() ? error : lacking;
+  }
+  const bool is_late = is_about("invalid number") || is_about("array size");
+  const std::string field = is_late ? misfit_field(model, object, whole)
+                                    : field_before(whole, text, offset_in(text, error));
+  return field.empty() ? error : error + ", in the field '" + field + "'";
+}
+
 }  // namespace
 
 class Dynamic::Impl {
@@ -89,6 +118,12 @@ class Dynamic::Impl {
   }
   [[nodiscard]] const Field& only_field(const Payload& payload) const {
     return model.objects[payload.table].fields.front();
+  }
+  /// Whether the JSON of a bare struct is that of its table, as the schema's text has it.
+  [[nodiscard]] bool is_in_its_table(const Payload& payload, std::string_view json) const {
+    const std::string& name = only_field(payload).name;
+    const std::vector<Field>& fields = model.objects[*payload.struct_index].fields;
+    return only_name(json) == name && std::ranges::find(fields, name, &Field::name) == fields.end();
   }
 };
 
@@ -171,14 +206,17 @@ std::optional<std::vector<std::byte>> Dynamic::encode(const Payload& payload, st
     error = "the method takes nothing: leave the argument out";
     return std::nullopt;
   }
-  std::string text(json.empty() ? "{}" : json);
+  const std::string given(json.empty() ? "{}" : json);
   const bool is_struct = payload.kind == PayloadKind::kStruct;
+  const bool is_bare = is_struct && !impl_->is_in_its_table(payload, given);
   // Positions in errors are those of the caller's text.
-  if (is_struct) text = "{ " + impl_->only_field(payload).name + ":\n" + text + " }";
+  const std::string text =
+      is_bare ? "{ " + impl_->only_field(payload).name + ":\n" + given + " }" : given;
   flatbuffers::Parser& parser = *impl_->parser;
   if (!parser.SetRootType(impl_->model.objects[payload.table].name.c_str()) ||
       !parse_closed(parser, text.c_str())) {
-    error = is_struct ? without_first_line(parser.error_) : parser.error_;
+    error = with_field(impl_->model, is_bare ? *payload.struct_index : payload.table,
+                       is_bare ? without_first_line(parser.error_) : parser.error_, given);
     return std::nullopt;
   }
   error = out_of_range(impl_->model, payload.table, parser.builder_.GetBufferPointer());
@@ -277,6 +315,7 @@ std::optional<std::string> Dynamic::print(const Payload& payload, const std::uin
   parser.opts.strict_json = false;
   if (static_cast<bool>(result) != std::is_same_v<decltype(result), const bool>)
     return std::nullopt;
+  text = with_null_for_no_number(text);
   if (payload.kind != PayloadKind::kStruct) return text;
   // Of `{"field": {…}}` only the struct.
   const std::size_t begin = text.find(':', impl_->only_field(payload).name.size() + 2);

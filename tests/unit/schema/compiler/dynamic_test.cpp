@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cstring>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <string>
 #include <utility>
@@ -186,6 +187,92 @@ TEST(Dynamic, MistakesHaveTheirPlaceInTheGivenText) {
     EXPECT_TRUE(error.starts_with(has_two_lines ? "2: " : "1: ")) << json << ": " << error;
     EXPECT_LE(std::stoul(error.substr(3)), std::string_view(json).size()) << json << ": " << error;
   }
+}
+
+TEST(Dynamic, MistakesNameTheirField) {
+  const auto scene = make(lab::quantities::SceneClient::interface());
+  const auto error_of = [&](const char* method, const std::string& json) {
+    std::string error;
+    EXPECT_FALSE(scene->encode(scene->find(method)->request, json, error)) << json;
+    return error;
+  };
+  const std::pair<const char*, const char*> wrong[] = {
+      {"{unsigned_16: 65536}", ", in the field 'unsigned_16'"},
+      {"{unsigned_16: 65536, maybe: 1}", ", in the field 'unsigned_16'"},
+      {"{maybe: 1,\n \"unsigned_16\" : -1 // low\n}", ", in the field 'unsigned_16'"},
+      {"{forces: [{x:1,y:1,z:1}, {x:1,y:\"high\",z:1}]}", ", in the field 'forces[1].y'"},
+      {"{joints: {angle: [0,0,0], mode: 1}}", ", in the field 'joints.angle'"},
+      {"{shape_type: Sphere, shape: {radius_m: \"wide\"}}", ", in the field 'shape.radius_m'"},
+  };
+  for (const auto& [json, words] : wrong) {
+    const std::string error = error_of("echo", json);
+    EXPECT_TRUE(error.ends_with(words)) << json << ": " << error;
+  }
+  const std::string unknown = error_of("echo", "{maybe: 1, colour: 2}");
+  EXPECT_NE(unknown.find("colour"), std::string::npos) << unknown;
+  EXPECT_EQ(unknown.find("maybe"), std::string::npos) << unknown;
+}
+
+TEST(Dynamic, IncompleteStructsNameWhatTheyLack) {
+  const auto arm = make(lab::ArmClient::interface());
+  const auto scene = make(lab::quantities::SceneClient::interface());
+  const auto error_of = [](Dynamic& dynamic, const char* method, const char* json) {
+    std::string error;
+    EXPECT_FALSE(dynamic.encode(dynamic.find(method)->request, json, error)) << json;
+    return error;
+  };
+  const std::string why = ": the fields of a struct have no defaults";
+  EXPECT_EQ(error_of(*arm, "set_force", "{x_newton: 1}"),
+            "Force lacks y_newton and z_newton" + why);
+  EXPECT_EQ(error_of(*arm, "set_force", ""), "Force lacks x_newton, y_newton and z_newton" + why);
+  EXPECT_EQ(error_of(*scene, "echo", "{forces: [{x:1,y:1,z:1}, {z:1,x:1}]}"),
+            "'forces[1]' lacks y" + why);
+  EXPECT_EQ(error_of(*scene, "echo", "{joints: {mode: 1}}"), "'joints' lacks angle" + why);
+}
+
+// The schema's text, such as `rtpm info` prints, has a table around the struct.
+TEST(Dynamic, TakesAStructInItsTable) {
+  const auto arm = make(lab::ArmClient::interface());
+  const Payload& payload = arm->find("set_force")->request;
+  std::string error;
+  const auto bare = arm->encode(payload, "{x_newton: 1, y_newton: 2, z_newton: 3}", error);
+  ASSERT_TRUE(bare) << error;
+  const std::string name = arm->model().objects[payload.table].fields.front().name;
+  for (const std::string& field : {name, "\"" + name + "\" "}) {
+    const std::string json = "{" + field + ": {x_newton: 1, y_newton: 2, z_newton: 3}}";
+    EXPECT_EQ(arm->encode(payload, json, error), bare) << json << ": " << error;
+  }
+  EXPECT_FALSE(arm->encode(payload, "{" + name + ": {x_newton: 1}}", error));
+  EXPECT_NE(error.find("'" + name + "' lacks y_newton and z_newton"), std::string::npos) << error;
+}
+
+TEST(Dynamic, PrintsNullForWhatJsonHasNoNumberFor) {
+  const auto arm = make(lab::ArmClient::interface());
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const lab::Position position(-nan, -std::numeric_limits<double>::infinity(), 1);
+  EXPECT_EQ(arm->decode(arm->find("get_position")->reply, rpc::struct_bytes(position)),
+            "{\"x_m\": null,\"y_m\": null,\"z_m\": 1.0}");
+  flatbuffers::FlatBufferBuilder builder;
+  builder.Finish(lab::CreateRecordingDirect(builder, "\"nan, inf\\"));
+  const auto text = arm->decode(arm->find("replay")->reply, rpc::table_bytes(builder));
+  ASSERT_TRUE(text);
+  EXPECT_NE(text->find("\\\"nan, inf\\\\\""), std::string::npos) << *text;
+}
+
+// Nested deeper than any stack, and torn at each place.
+TEST(Dynamic, RefusesAnyTextWithAnError) {
+  const auto scene = make(lab::quantities::SceneClient::interface());
+  const Payload& payload = scene->find("echo")->request;
+  std::string error;
+  for (const char* part : {"[", "{a:", "{forces:[", "/*", "{\"a"}) {
+    std::string deep;
+    for (int i = 0; i < 10'000; ++i)
+      deep += part;
+    EXPECT_FALSE(scene->encode(payload, deep, error)) << part;
+  }
+  const std::string whole = "{forces: [{x:1, y:1 /* N */, z:1}], \"maybe\": 'a\\'', // end\n}";
+  for (std::size_t size = 1; size < whole.size(); ++size)
+    EXPECT_FALSE(scene->encode(payload, whole.substr(0, size), error)) << whole.substr(0, size);
 }
 
 TEST(Dynamic, NumbersOutOfTheirRangeAreRefused) {

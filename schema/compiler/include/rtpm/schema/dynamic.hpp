@@ -17,7 +17,9 @@ namespace rtpm::schema {
 /// tools without generated code.
 ///
 /// The JSON is an object of the table's fields or, for a payload that is a bare struct, of the
-/// struct's: `{x: 1, y: 2}`. Names need no quotation marks; absent fields have their defaults.
+/// struct's: `{x: 1, y: 2}`, also in its table's field: `{force: {x: 1, y: 2}}`. Names need no
+/// quotation marks; absent fields of tables have their defaults, those of structs none. Printed,
+/// null stands for numbers that JSON does not have.
 /// @ownership holds all it needs
 /// @threads  one at a time
 /// @realtime set-up only
@@ -46,8 +48,9 @@ class Dynamic {
   [[nodiscard]] const Method* find(std::string_view method) const noexcept;
 
   /// The bytes on the wire.
-  /// @errors nothing and the reason in `error`: `json` does not match the schema, with its line and
-  ///         column; a number is outside its `rtpm_range`
+  /// @errors nothing and the reason in `error`: `json` does not match the schema, with its line,
+  ///         column and field; a struct lacks fields, which are named; a number is outside its
+  ///         `rtpm_range`
   [[nodiscard]] std::optional<std::vector<std::byte>> encode(const Payload& payload,
                                                              std::string_view json,
                                                              std::string& error);
