@@ -4,6 +4,7 @@
 
 #include "cli/command.hpp"
 #include "cli/output.hpp"
+#include "cli/progress.hpp"
 #include "host/commands.hpp"
 #include "host/discovery.hpp"
 #include "host/finding_text.hpp"
@@ -11,6 +12,7 @@
 #include "host/network.hpp"
 #include "host/peers.hpp"
 #include "host/wake_up.hpp"
+#include "rtpm/options/duration.hpp"
 #include "rtpm/rpc/lane_table.hpp"
 #include "rtpm/rt/survey.hpp"
 
@@ -74,19 +76,23 @@ int doctor(Context& context, const DoctorRequest& request) {
   const options::StopSignal& stop = context.stop();
   FindingReport report{.findings = survey(context), .is_dry = request.is_dry};
   if (request.fixes) fix(report);
-  Json json{{"findings", json_of_findings(report)}};
+  Json json = Json::object();
+  std::string measured;
+  if (!request.is_quick) {
+    StatusLine status(context);
+    status.show("measuring wake-ups for " + options::duration_text(request.time));
+    const auto wake_ups = measure_wake_ups(request.time, stop);
+    if (!wake_ups) return context.fail(wake_ups.error());
+    json["wake_ups"] = rtpm::tool::json_of(*wake_ups);
+    report.findings.push_back(judge(*wake_ups));
+    measured = "\n" + text_of(*wake_ups);
+  }
+  json["findings"] = json_of_findings(report);
   if (request.fixes) json["changes"] = json_of_changes(report);
   if (!context.json) {
     std::string text = text_of(report.findings, request.shows_all, terminal_width());
     if (request.fixes) text += "\n" + text_of_changes(report);
-    std::fputs(text.c_str(), stdout);
-    std::fflush(stdout);
-  }
-  if (!request.is_quick) {
-    const auto wake_ups = measure_wake_ups(request.time, stop);
-    if (!wake_ups) return context.fail(wake_ups.error());
-    json["wake_ups"] = rtpm::tool::json_of(*wake_ups);
-    if (!context.json) std::fputs(("\n" + text_of(*wake_ups)).c_str(), stdout);
+    std::fputs((text + measured).c_str(), stdout);
   }
   const bool is_fit = std::ranges::find(report.findings, Severity::kProblem, &Finding::severity) ==
                       report.findings.end();
@@ -105,11 +111,10 @@ void add_doctor(CLI::App& program, Context& context) {
       program, context, "doctor", "Judge this host, and the servers it reaches, for real time",
       "  rtpm doctor --quick\n  sudo rtpm doctor --fix --dry-run\n"
       "Says what is wrong with this host, its network and the registry's servers, what each costs\n"
-      "and the remedy, the worst first; then measures how late a thread wakes. --fix sets what is\n"
-      "safe and can be taken back: socket buffers, CPU governor, huge pages, until the host "
-      "starts\n"
-      "anew. The exit code is 1 if there is a problem, or --fix could not set something; warnings\n"
-      "and notes leave it 0.\n",
+      "and the remedy, the worst first; then measures how late a thread wakes, and judges that.\n"
+      "--fix sets what is safe and can be taken back: socket buffers, CPU governor, huge pages,\n"
+      "until the host starts anew. The exit code is 1 if there is a problem, or --fix could not\n"
+      "set something; warnings and notes leave it 0.\n",
       [request](Context& c) { return doctor(c, *request); });
   command.add_flag("--quick", request->is_quick, "Measure nothing");
   command.add_flag("--all", request->shows_all, "Show what is good in a line each");

@@ -15,6 +15,8 @@ namespace {
 using options::formatted;
 
 constexpr Duration kWakeUpPeriod = std::chrono::milliseconds{1};
+/// A loop of 1 kHz still has three quarters of its cycle.
+constexpr Duration kLateGood = kWakeUpPeriod / 4;
 
 void sleep_until(MonotonicTime when) {
   const std::int64_t ns = to_ns(when);
@@ -48,6 +50,19 @@ double percent_within(const LatencyHistogram& lateness, Duration limit) {
 }
 
 }  // namespace
+
+rt::Finding judge(const WakeUps& wake_ups) {
+  const LatencyHistogram& lateness = wake_ups.lateness;
+  const Duration late = lateness.percentile(99.9);
+  std::string text = formatted("1 of 1000 wake-ups is later than %.0f us", microseconds(late));
+  if (late <= kLateGood) return {"wake-ups", rt::Severity::kGood, std::move(text)};
+  const bool loses_cycles = late >= kWakeUpPeriod;
+  return {"wake-ups", loses_cycles ? rt::Severity::kProblem : rt::Severity::kWarning,
+          std::move(text),
+          loses_cycles ? "a loop of 1 kHz loses a cycle each second, and more"
+                       : "so much of each ms a loop of 1 kHz may miss",
+          "mend what else is found here, the worst first; end other work, see it by: top"};
+}
 
 expected<WakeUps, SetupError> measure_wake_ups(Duration time, const options::StopSignal& stop) {
   WakeUps wake_ups{.is_realtime = true};

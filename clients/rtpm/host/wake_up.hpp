@@ -6,6 +6,7 @@
 #include "rtpm/base/histogram.hpp"
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/options/stop_signal.hpp"
+#include "rtpm/rt/finding.hpp"
 
 namespace rtpm::tool {
 
@@ -20,6 +21,8 @@ struct WakeUps {
 [[nodiscard]] expected<WakeUps, SetupError> measure_wake_ups(Duration time,
                                                              const options::StopSignal& stop);
 
+/// Whether that is good enough for a loop of 1 kHz.
+[[nodiscard]] rt::Finding judge(const WakeUps& wake_ups);
 /// A sentence, and a row of bars for each power of two.
 [[nodiscard]] std::string text_of(const WakeUps& wake_ups);
 [[nodiscard]] Json json_of(const WakeUps& wake_ups);

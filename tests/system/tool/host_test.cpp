@@ -36,8 +36,9 @@ const Json* finding_of(const Json& findings, const std::string& id) {
 TEST_F(Host, IsJudgedWithWakeUpsAndServers) {
   ASSERT_TRUE(registry_ && device_);
   const auto end = rtpm({"doctor", "--time", "100ms"});
-  for (const char* words : {"realtime", "idle-states", "socket-buffers", "shared-memory",
-                            "clock-sync", "servers", "port-7420", " wake-ups at 1 kHz"})
+  for (const char* words :
+       {"realtime", "idle-states", "socket-buffers", "shared-memory", "clock-sync", "servers",
+        "port-7420", " wake-ups at 1 kHz", "wake-ups", "load"})
     EXPECT_NE(end.output.find(words), std::string::npos) << words << " is not in\n" << end.output;
   const bool is_problem = end.output.find("\nproblem ") != std::string::npos;
   EXPECT_EQ(end.exit_code, is_problem ? 1 : 0) << end.output;

@@ -45,6 +45,7 @@ TEST_F(HostFilesTest, OfAnEmptyHostAreEmpty) {
   EXPECT_TRUE(files.interrupts.empty());
   EXPECT_FALSE(files.rmem_max);
   EXPECT_EQ(files.swap_kib, 0u);
+  EXPECT_FALSE(files.load);
 }
 
 TEST_F(HostFilesTest, TellKernelMachineClockAndMemory) {
@@ -54,6 +55,7 @@ TEST_F(HostFilesTest, TellKernelMachineClockAndMemory) {
   host_.put("/proc/sys/net/core/rmem_max", "212992");
   host_.put("/proc/sys/net/core/wmem_max", "4194304");
   host_.put("/sys/kernel/mm/transparent_hugepage/enabled", "[always] madvise never");
+  host_.put("/proc/loadavg", "17.25 9.10 3.00 21/512 4242");
   host_.put("/proc/swaps",
             "Filename Type Size Used Priority\n/dev/sda2 partition 2048 0 -2\n"
             "/swap file 1024 0 -3");
@@ -65,6 +67,7 @@ TEST_F(HostFilesTest, TellKernelMachineClockAndMemory) {
   EXPECT_EQ(files.wmem_max, 4194304);
   EXPECT_EQ(files.huge_pages, "always");
   EXPECT_EQ(files.swap_kib, 3072u);
+  EXPECT_EQ(files.load, 17.25);
 }
 
 TEST_F(HostFilesTest, TellTheGovernorOfEachCpu) {

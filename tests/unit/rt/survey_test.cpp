@@ -44,6 +44,7 @@ class Judgement : public testing::Test {
     files.tickless_cpus = {3};
     files.rmem_max = 4 << 20;
     files.wmem_max = 4 << 20;
+    files.load = 0.5;
     return files;
   }
   [[nodiscard]] static HostAnswers good_answers() {
@@ -101,6 +102,16 @@ TEST_F(Judgement, OfKernelAndMachine) {
   files_.is_virtual_machine = true;
   expect_finding("kernel", Severity::kWarning, "not a real-time kernel", "linux-image-rt-amd64");
   expect_finding("machine", Severity::kNote, "virtual machine", "on the host itself");
+}
+
+TEST_F(Judgement, OfTheLoadDependsOnTheCpus) {
+  answers_.usable_cpu_count = 2;
+  files_.load = 17;
+  expect_finding("load", Severity::kWarning, "17.0 threads wanted a CPU", "top");
+  answers_.usable_cpu_count = 32;
+  expect_finding("load", Severity::kGood, "of 32");
+  files_.load.reset();
+  expect_finding("load", Severity::kNote, "does not tell");
 }
 
 TEST_F(Judgement, OfASingleCpuIsThatNothingSpins) {

@@ -4,6 +4,8 @@
 
 #include <sstream>
 
+#include "host/wake_up.hpp"
+
 namespace rtpm::tool {
 namespace {
 
@@ -82,6 +84,25 @@ TEST(Changes, AreInJsonWithTheFindingsTheyFixed) {
   EXPECT_EQ(changes[1]["problem"], "Permission denied");
   report.is_dry = true;
   EXPECT_EQ(json_of_changes(report)[0]["is_made"], false);
+}
+
+/// Of which one in a hundred came so late.
+WakeUps wake_ups(Duration late) {
+  WakeUps measured;
+  for (int i = 0; i < 1000; ++i)
+    measured.lateness.record(i % 100 == 0 ? late : std::chrono::microseconds{5});
+  return measured;
+}
+
+TEST(WakeUpVerdict, IsWhetherALoopOf1KhzHasTimeLeft) {
+  using std::chrono::microseconds;
+  EXPECT_EQ(judge(wake_ups(microseconds{60})).severity, Severity::kGood);
+  const Finding warning = judge(wake_ups(microseconds{600}));
+  EXPECT_EQ(warning.severity, Severity::kWarning) << warning.text;
+  const Finding problem = judge(wake_ups(microseconds{4000}));
+  EXPECT_EQ(problem.severity, Severity::kProblem) << problem.text;
+  EXPECT_NE(problem.cost.find("loses a cycle"), std::string::npos) << problem.cost;
+  EXPECT_NE(problem.remedy, "");
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
 #include <array>
+#include <charconv>
 #include <string>
 #include <string_view>
 
@@ -133,6 +134,13 @@ std::uint64_t swap_kib(const HostTree& tree) {
   return size;
 }
 
+/// The first of "0.24 0.18 0.11 1/512 4242".
+std::optional<double> load_in(const std::string& text) {
+  double load = 0;
+  const auto read = std::from_chars(text.data(), text.data() + text.size(), load);
+  return read.ec == std::errc{} ? std::optional(load) : std::nullopt;
+}
+
 }  // namespace
 
 std::string chosen_of(const std::string& text) {
@@ -158,6 +166,7 @@ HostFiles read_host(const std::string& root, const std::vector<int>& process_ids
   read_pinned_cpus(tree, process_ids, files);
   read_interrupts(tree, files);
   files.has_irqbalance = runs(tree, "irqbalance");
+  files.load = load_in(tree.text("/proc/loadavg"));
   files.rmem_max = tree.number("/proc/sys/net/core/rmem_max");
   files.wmem_max = tree.number("/proc/sys/net/core/wmem_max");
   files.huge_pages = chosen_of(tree.text("/sys/kernel/mm/transparent_hugepage/enabled"));

@@ -1,4 +1,6 @@
 #include <algorithm>
+#include <array>
+#include <cstdio>
 #include <string>
 
 #include "survey/host_tree.hpp"
@@ -56,6 +58,19 @@ Finding judge_cpus(const HostAnswers& answers) {
   return {"cpus", Severity::kWarning, "1 CPU is usable",
           "nothing can spin, so each wait blocks: some 10 µs more for each call",
           "give the process a second CPU (taskset, docker run --cpuset-cpus)"};
+}
+
+Finding judge_load(const HostFiles& files, const HostAnswers& answers) {
+  if (!files.load) return {"load", Severity::kNote, "the system does not tell its load"};
+  const int count = answers.usable_cpu_count;
+  std::array<char, 64> text{};
+  std::snprintf(text.data(), text.size(), "%.1f threads wanted a CPU in the last minute, of %d",
+                *files.load, count);
+  if (*files.load <= count) return {"load", Severity::kGood, text.data()};
+  return {"load", Severity::kWarning, text.data(),
+          "what is not real-time waits for its turn: services, names and displays by some ms to "
+          "some 100 ms, and so do real-time threads where the system refuses them that",
+          "end other work, see it by: top"};
 }
 
 Finding judge_isolation(const HostFiles& files) {

@@ -51,6 +51,8 @@ struct HostFiles {
   bool has_irqbalance = false;             ///< It runs.
   std::optional<std::int64_t> rmem_max{};  ///< Bytes of a socket's buffers.
   std::optional<std::int64_t> wmem_max{};
+  /// How many threads ran or wanted to, on average over the last minute; nullopt: not told.
+  std::optional<double> load{};
   std::string huge_pages{};  ///< "always", "madvise", "never"; empty: none.
   std::uint64_t swap_kib = 0;
 };
