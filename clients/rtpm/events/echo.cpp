@@ -5,6 +5,7 @@
 #include "events/commands.hpp"
 #include "events/echo_device.hpp"
 #include "events/payload_json.hpp"
+#include "events/source_names.hpp"
 #include "events/subscription.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/options/formatted.hpp"
@@ -21,13 +22,15 @@ struct EchoRequest : EventRequest {
   double rate_hz = 60;
 };
 
-Json json_of(const events::EventView& event, const events::EventDescriptor* type, Json payload) {
+Json json_of(const events::EventView& event, const events::EventDescriptor* type,
+             const std::string& source_name, Json payload) {
   const events::EventHeader& header = event.header;
   Json json{{"type", capture::type_text(header.type, type)},
             {"type_number", header.type},
             {"source", header.source},
             {"sequence", header.sequence},
             {"origin_ns", to_ns(header.origin)}};
+  if (!source_name.empty()) json["source_name"] = source_name;
   if (header.origin_uncertainty_ns != events::kUncertaintyUnknown) {
     json["origin_uncertainty_ns"] = header.origin_uncertainty_ns;
   }
@@ -39,33 +42,39 @@ Json json_of(const events::EventView& event, const events::EventDescriptor* type
   return json;
 }
 
-/// "12.345678901  lab.Touched  source 3  #17  {…}".
+/// "12.345678901  lab.Touched  source 3  #17  {…}", or "lab/arm0" in place of "source 3".
 std::string line_of(const events::EventView& event, const events::EventDescriptor* type,
-                    const Json& payload) {
+                    const std::string& source_name, const Json& payload) {
   const events::EventHeader& header = event.header;
   return options::formatted("%.6f  ", static_cast<double>(to_ns(header.origin)) * 1e-9) +
-         printable(capture::type_text(header.type, type)) + "  source " +
-         std::to_string(header.source) + "  #" + std::to_string(header.sequence) + "  " +
+         printable(capture::type_text(header.type, type)) + "  " +
+         (source_name.empty() ? "source " + std::to_string(header.source)
+                              : printable(source_name)) +
+         "  #" + std::to_string(header.sequence) + "  " +
          printable(payload.dump(-1, ' ', false, Json::error_handler_t::replace), kShownWhole);
 }
 
 class Echo final : public Subscription::Observer {
  public:
-  Echo(bool as_json, std::uint64_t count) : as_json_(as_json), left_count_(count) {}
+  Echo(Context& context, std::uint64_t count)
+      : sources_(context), as_json_(context.json), left_count_(count) {}
 
   void on_event(const events::EventView& event, const events::EventDescriptor* type) override {
     if (is_done_) return;
     Json payload = payload_json(schemas_, event.payload, type);
+    const std::string source_name = sources_.name_of(event.header.source);
     if (as_json_) {
-      print_json(json_of(event, type, std::move(payload)));
+      print_json(json_of(event, type, source_name, std::move(payload)));
     } else {
-      print_line(line_of(event, type, payload));
+      print_line(line_of(event, type, source_name, payload));
     }
     if (left_count_ > 0 && --left_count_ == 0) is_done_ = true;
   }
   [[nodiscard]] bool is_done() const { return is_done_; }
+  void care() { sources_.care(); }
 
  private:
+  SourceNames sources_;
   capture::EventSchemas schemas_{};
   bool as_json_;
   std::uint64_t left_count_;
@@ -77,13 +86,15 @@ int echo(Context& context, const EchoRequest& request) {
     return echo_device(context, {request.device, request.rate_hz, request.count, request.time});
   }
   const options::StopSignal& stop = context.stop();
-  Echo echo(context.json, request.count);
+  Echo echo(context, request.count);
   int exit_code = kDone;
   const auto subscription = Subscription::open(context, request, echo, exit_code);
   if (!subscription) return exit_code;
   const MonotonicTime end = request.time ? rt::now() + *request.time : kNever;
-  while (!echo.is_done() && rt::now() < end && !stop.wait_for(kPrintPeriod))
+  while (!echo.is_done() && rt::now() < end && !stop.wait_for(kPrintPeriod)) {
     subscription->care();
+    echo.care();
+  }
   subscription->care();
   return kDone;
 }
@@ -98,7 +109,8 @@ void add_echo(CLI::App& program, Context& context) {
       "  rtpm echo\n"
       "  rtpm echo lab/arm0 --rate 10\n"
       "  rtpm echo --filter 'type(lab.Touched) and source(3) and force.z > 2' --count 10\n"
-      "Each line has the origin's time in seconds, type, source, sequence and the payload.\n"
+      "Each line has the origin's time in seconds, type, source (a device's name, else a\n"
+      "number), sequence and the payload.\n"
       "Events that came too quickly for this reader are told as lost. A device is polled, without\n"
       "a hub: each line has its host's time in seconds, name, sequence and the sample.\n",
       [request](Context& c) { return echo(c, *request); });

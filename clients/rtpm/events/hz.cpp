@@ -7,6 +7,7 @@
 #include "cli/output.hpp"
 #include "cli/table.hpp"
 #include "events/commands.hpp"
+#include "events/source_names.hpp"
 #include "events/stream_meter.hpp"
 #include "events/subscription.hpp"
 #include "rtpm/base/printable.hpp"
@@ -54,7 +55,7 @@ class Meters final : public Subscription::Observer {
   Streams streams_{};
 };
 
-Json json_of(const Streams& streams, std::uint64_t lost_here) {
+Json json_of(const Streams& streams, SourceNames& sources, std::uint64_t lost_here) {
   Json list = Json::array();
   for (const auto& [key, stream] : streams) {
     const StreamMeter& meter = stream.meter;
@@ -67,6 +68,8 @@ Json json_of(const Streams& streams, std::uint64_t lost_here) {
               {"late_count", meter.late_count()},
               {"restart_count", meter.restart_count()},
               {"clock_jump_count", meter.clock_jump_count()}};
+    if (const std::string name = sources.name_of(key.second); !name.empty())
+      json["source_name"] = name;
     if (const auto jitter = meter.jitter()) {
       json["jitter"] = {{"mean_us", microseconds(jitter->mean)},
                         {"rms_us", jitter->rms_ns * 1e-3},
@@ -83,16 +86,18 @@ Json json_of(const Streams& streams, std::uint64_t lost_here) {
   return {{"streams", std::move(list)}, {"lost_by_this_reader", lost_here}};
 }
 
-std::string text_of(const Streams& streams, std::uint64_t lost_here) {
+std::string text_of(const Streams& streams, SourceNames& sources, std::uint64_t lost_here) {
   std::vector<Row> rows{{"TYPE", "SOURCE", "EVENTS", "HZ", "JITTER RMS", "MAX", "LOST",
                          "LATENCY P50", "P99", "MAX", "± CLOCK"}};
   std::string remarks;
   for (const auto& [key, stream] : streams) {
     const StreamMeter& meter = stream.meter;
     const auto jitter = meter.jitter();
+    const std::string name = sources.name_of(key.second);
+    const std::string source = name.empty() ? std::to_string(key.second) : printable(name);
     const auto us = [](Duration time) { return formatted("%.1f us", microseconds(time)); };
-    rows.push_back({printable(stream.type), std::to_string(key.second),
-                    std::to_string(meter.count()), formatted("%.2f", meter.rate_hz()),
+    rows.push_back({printable(stream.type), source, std::to_string(meter.count()),
+                    formatted("%.2f", meter.rate_hz()),
                     jitter ? formatted("%.1f us", jitter->rms_ns * 1e-3) : "-",
                     jitter ? us(jitter->max) : "-", std::to_string(meter.lost_count()),
                     us(meter.latency().percentile(50)), us(meter.latency().percentile(99)),
@@ -102,8 +107,8 @@ std::string text_of(const Streams& streams, std::uint64_t lost_here) {
                         : formatted("%.1f us", stream.uncertainty_ns * 1e-3)});
     const auto add = [&](const char* what, std::uint64_t count) {
       if (count > 0) {
-        remarks += "  " + printable(stream.type) + " of " + std::to_string(key.second) + ": " +
-                   std::to_string(count) + what + "\n";
+        remarks += "  " + printable(stream.type) + " of " + source + ": " + std::to_string(count) +
+                   what + "\n";
       }
     };
     add(" duplicates", meter.duplicate_count());
@@ -118,6 +123,7 @@ std::string text_of(const Streams& streams, std::uint64_t lost_here) {
 int hz(Context& context, const EventRequest& request) {
   const options::StopSignal& stop = context.stop();
   Meters meters;
+  SourceNames sources(context);
   int exit_code = kDone;
   const auto subscription = Subscription::open(context, request, meters, exit_code);
   if (!subscription) return exit_code;
@@ -125,15 +131,19 @@ int hz(Context& context, const EventRequest& request) {
   const bool is_live = is_terminal() && !context.json;
   while (rt::now() < end && !stop.wait_for(std::min(kReportPeriod, end - rt::now()))) {
     subscription->care();
+    sources.care();
     if (!is_live) continue;
     std::printf("\x1b[H\x1b[2J");
-    print_line(text_of(meters.streams(), subscription->lost_count()));
+    print_line(text_of(meters.streams(), sources, subscription->lost_count()));
   }
   const Streams streams = meters.streams();
+  for (const auto& [key, stream] : streams)
+    static_cast<void>(sources.name_of(key.second));
+  sources.care();  // Of devices that came later.
   if (context.json) {
-    print_json(json_of(streams, subscription->lost_count()));
+    print_json(json_of(streams, sources, subscription->lost_count()));
   } else if (!is_live) {
-    std::fputs(text_of(streams, subscription->lost_count()).c_str(), stdout);
+    std::fputs(text_of(streams, sources, subscription->lost_count()).c_str(), stdout);
   }
   return streams.empty() ? kFailed : kDone;
 }

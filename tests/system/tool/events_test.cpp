@@ -50,7 +50,8 @@ TEST_F(Events, AreEchoedWithTheirNumbersByName) {
   const auto end = rtpm({"echo", "--filter", kSampled, "--count", "5"});
   EXPECT_EQ(end.exit_code, 0) << end.errors;
   EXPECT_EQ(test::line_count(end.output), 5) << end.output;
-  EXPECT_NE(end.output.find("  rtpm.device.Sampled  source "), std::string::npos) << end.output;
+  EXPECT_NE(end.output.find("  rtpm.device.Sampled  lab/"), std::string::npos) << end.output;
+  EXPECT_EQ(end.output.find("source "), std::string::npos) << "a number tells nobody the device";
   EXPECT_NE(end.output.find("\"position_m\":{\"x\":"), std::string::npos) << end.output;
 }
 
@@ -63,6 +64,7 @@ TEST_F(Events, AreEchoedInJsonInTheirOrder) {
   ASSERT_EQ(events.size(), 20u) << end.errors;
   for (std::size_t i = 0; i < events.size(); ++i) {
     EXPECT_EQ(events[i]["type"], "rtpm.device.Sampled");
+    EXPECT_TRUE(events[i].value("source_name", "").starts_with("lab/")) << events[i];
     EXPECT_EQ(events[i]["sequence"], events[0]["sequence"].get<std::uint64_t>() + i);
     EXPECT_EQ(events[i]["payload"]["position_m"]["x"].is_number(), true);
     EXPECT_LE(events[i]["origin_ns"], events[i]["hub_sent_ns"]);
@@ -114,7 +116,7 @@ TEST_F(Events, AreMeasuredPerSource) {
   EXPECT_GT(std::ranges::max(rates), 2 * std::ranges::min(rates));
   const auto text = rtpm({"hz", "--filter", kSampled, "--for", "200ms"});
   EXPECT_NE(text.output.find("JITTER RMS"), std::string::npos) << text.output;
-  EXPECT_NE(text.output.find("rtpm.device.Sampled"), std::string::npos) << text.output;
+  EXPECT_NE(text.output.find("rtpm.device.Sampled  lab/"), std::string::npos) << text.output;
 }
 
 TEST_F(Events, ThatDoNotComeAreToldAsThat) {
