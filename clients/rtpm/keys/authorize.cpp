@@ -32,21 +32,17 @@ struct RevokeRequest {
   std::string file{};
 };
 
-/// The name in the comment behind a pasted key, "alice@lab"; empty: none that a line can have.
-std::string name_in(const std::string& subject) {
-  const std::size_t key = subject.find(' ');
-  const std::size_t comment = key == std::string::npos ? key : subject.find(' ', key + 1);
-  if (comment == std::string::npos) return {};
-  const std::string name = subject.substr(comment + 1);
-  return name.find_first_of(" \t") == std::string::npos ? name : std::string();
-}
-
 /// The grant that the options say. They become one line, so that its rules are those of the file.
 expected<access::Grant, SetupError> grant_of(const AuthorizeRequest& request) {
   const std::string subject = joined(request.subject);
   const auto key = access::parse_public_key(subject);
   std::string line = key ? access::public_key_text(*key) : subject;
-  std::string name = request.name.empty() && key ? name_in(subject) : request.name;
+  const std::string comment = key ? comment_of(subject) : std::string();
+  const std::string name = request.name.empty() ? comment : request.name;
+  if (request.name.empty() && comment.find_first_of(" \t") != std::string::npos) {
+    return setup_error("the key's comment '" + printable(comment) + "' is no name",
+                       "a name has no blank", "give one: --name " + as_name(comment));
+  }
   const std::pair<const char*, std::string> settings[] = {{"name", name},
                                                           {"role", request.role},
                                                           {"on", request.objects},

@@ -1,5 +1,7 @@
 #include <algorithm>
+#include <functional>
 #include <sstream>
+#include <string_view>
 
 #include "cli/command.hpp"
 #include "keys/commands.hpp"
@@ -26,8 +28,25 @@ std::vector<GrantLine> grant_lines_of(const std::string& text) {
   return lines;
 }
 
+std::string comment_of(const std::string& public_line) {
+  const std::size_t key = public_line.find(' ');
+  const std::size_t comment = key == std::string::npos ? key : public_line.find(' ', key + 1);
+  return comment == std::string::npos ? std::string() : public_line.substr(comment + 1);
+}
+
+std::string as_name(std::string text) {
+  const auto is_plain = [](char c) {
+    return (c >= '0' && c <= '9') || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') ||
+           std::string_view("@._-").find(c) != std::string_view::npos;
+  };
+  std::ranges::replace_if(text, std::not_fn(is_plain), '-');
+  return text;
+}
+
 std::string authorize_command(const std::string& public_line) {
-  return "rtpm key authorize '" + public_line + "' --role command --on '**'";
+  const std::string comment = comment_of(public_line);
+  const std::string key = public_line.substr(0, public_line.size() - comment.size());
+  return "rtpm key authorize '" + key + as_name(comment) + "' --role command --on '**'";
 }
 
 void add_key(CLI::App& program, Context& context) {
