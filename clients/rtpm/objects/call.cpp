@@ -46,9 +46,11 @@ void add_call(CLI::App& program, Context& context) {
   const auto request = std::make_shared<CallRequest>();
   CLI::App& command = add_command(
       program, context, "call", "Call a method, and print its reply or its items as JSON",
-      "  rtpm call lab/arm0 read\n  rtpm call lab/arm0 set_force '{x: 1}'\n"
-      "Absent fields have their defaults. A oneway waits as its schema says. A stream's items are\n"
-      "printed as they come, until it ends, for --for, or until Ctrl-C.\n",
+      "  rtpm call lab/arm0 read\n  rtpm call lab/arm0 lease_state '{lease: 1}'\n"
+      "The request has the fields of its table, as `rtpm info` shows them; where that is one\n"
+      "struct, those of the struct will do, all of them. Other absent fields have their defaults.\n"
+      "A oneway waits as its schema says. A stream's items are printed as they come, until it\n"
+      "ends, for --for, or until Ctrl-C.\n",
       [request](Context& c) { return call(c, *request); });
   add_target(command, request->target);
   command.add_option("METHOD", request->method, "As `rtpm info TARGET` shows them")

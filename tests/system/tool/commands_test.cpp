@@ -61,7 +61,8 @@ std::vector<Case> cases() {
       {"ping", "lab/arm0 --count 2 --interval 1ms", "2 pings, 0 lost", "lab/arm", 3, "lab/arm0"},
       {"echo", sampled + " --count 1", "rtpm.device.Sampled", "--hub lab/none", 3, "lab/none"},
       {"pub", "rtpm.device.ButtonChanged {cycle:1,button:2,is_pressed:true}", "1 event was pushed",
-       "rtpm.device.ButtonChanged {cycle:1,button:256,is_pressed:true}", 1, "[0; 255]"},
+       "rtpm.device.ButtonChanged {cycle:1,button:256,is_pressed:true}", 1,
+       "in the field 'button'"},
       {"hz", sampled + " --for 200ms", "JITTER RMS", "--hub rtpm/event", 3, "rtpm/events"},
       {"record", "NEW1 --for 200ms", " messages, ", "RUN --for 10ms", 1, "exists"},
       {"play", "DEVICES --speed 100 --folder again --hub none", ": played ", "RUN", 1,
@@ -171,11 +172,13 @@ class Commands : public testing::Test {
     test::Process::End end;
     for (int i = 0; i < 300; ++i) {
       end = run_program("rtpm", arguments);
-      const bool is_early = std::ranges::any_of(
-          kEarly, [&](const char* words) { return end.errors.find(words) != std::string::npos; });
-      if (!is_early) break;
+      if (!is_early(end)) break;
     }
     return end;
+  }
+  [[nodiscard]] static bool is_early(const test::Process::End& end) {
+    return std::ranges::any_of(
+        kEarly, [&](const char* words) { return end.errors.find(words) != std::string::npos; });
   }
 
   void expect_text(const Case& c) const {
@@ -244,6 +247,26 @@ TEST_F(Commands, HaveTextJsonAndAFailure) {
   }
 }
 
+TEST_F(Commands, FailWhereTheirOutputCantBeWritten) {
+  for (const Case& c : cases()) {
+    SCOPED_TRACE("rtpm " + c.path);
+    Arguments command{"sh", "-c", "exec \"$0\" \"$@\" >/dev/full", path_of("rtpm")};
+    const Arguments arguments = arguments_of(c.path, c.run);
+    command.insert(command.end(), arguments.begin(), arguments.end());
+    test::Process::End end;
+    for (int i = 0; i < 300; ++i) {
+      const auto ended = test::run(command, kPatience);
+      ASSERT_TRUE(ended) << "it does not end";
+      end = *ended;
+      if (!is_early(end)) break;
+    }
+    EXPECT_EQ(end.exit_code, 1) << end.errors;
+    EXPECT_NE(end.errors.find("rtpm: standard output can't be written: No space left on device"),
+              std::string::npos)
+        << end.errors;
+  }
+}
+
 TEST_F(Commands, RefuseNumbersThatAreNone) {
   for (const char* command :
        {"ping lab/arm0 --count -1", "ping lab/arm0 --count 1.5", "echo --count -1",
@@ -259,7 +282,31 @@ TEST_F(Commands, PointAtMistakesInJson) {
   expect_one_sentence(run({"call", device_->url, "renew", "{x 1}"}), 1, {"schema: 1: 4: "});
   expect_one_sentence(run({"call", device_->url, "renew", "{\n x 1}"}), 1, {"schema: 2: "});
   expect_one_sentence(run({"call", device_->url, "read_flight_record", "{first: 4294967296}"}), 1,
-                      {"schema: 1: ", "[0; 4294967295]"});
+                      {"schema: 1: ", "[0; 4294967295]", "in the field 'first'"});
+  // The schema has a table around the struct, and users read the schema.
+  EXPECT_EQ(run({"call", device_->url, "lease_state", "{lease: 1}"}).exit_code, 0);
+  EXPECT_EQ(run({"call", device_->url, "lease_state", "{holder: {lease: 1}}"}).exit_code, 0);
+  expect_one_sentence(run({"call", device_->url, "command", "{command: {sequence: 1}}"}), 1,
+                      {"'command' lacks ", "force_newton", "have no defaults"});
+}
+
+TEST(GrantsOfKeys, HaveNamesThatTheyAreRevokedBy) {
+  const recording::Folder folder;
+  const std::string file = folder.fresh("grants");
+  Arguments authorize{"key",    "authorize", kOtherKey + " Hans Meier",
+                      "--role", "observe",   "--on",
+                      "**",     "--file",    file};
+  expect_one_sentence(run_program("rtpm", authorize), 1,
+                      {"'Hans Meier' is no name", "--name Hans-Meier"});
+  EXPECT_FALSE(std::filesystem::exists(file));
+  authorize.insert(authorize.end(), {"--name", "Hans-Meier"});
+  EXPECT_EQ(run_program("rtpm", authorize).exit_code, 0);
+  EXPECT_EQ(run_program("rtpm", {"key", "revoke", "Hans-Meier", "--file", file}).exit_code, 0);
+
+  // Of a comment with blanks, such as a host's name, and with quotation marks.
+  const auto made = run_program(
+      "rtpm", {"key", "new", "--comment", "Hans O'Meier", "--file", folder.fresh("key")});
+  EXPECT_NE(made.output.find(" Hans-O-Meier' --role"), std::string::npos) << made.output;
 }
 
 TEST(CommandsWithoutARegistry, SayWhy) {
