@@ -31,7 +31,7 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
   options.add("read-only", configuration.is_read_only, "Let nobody command anything");
   options.add("token", configuration.token,
               "What a URL must have to command; default: a random one. Not on the command line, "
-              "which all users of this host can read: by RTPM_TOKEN or --config");
+              "which all users of this host can read: by RTPM_CONSOLE_TOKEN or --config");
   options.add("token-file", configuration.token_file,
               "The file that keeps the token; made with a random one if it is not there");
   options.add("print-token", configuration.prints_token,
@@ -52,13 +52,13 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
   if (is_public) {
     return options.usage_error(
         "--token would show the token to all users of this host, who can read command lines; give "
-        "it in RTPM_TOKEN, or in a file by --token-file");
+        "it in RTPM_CONSOLE_TOKEN, or in a file by --token-file");
   }
   if (!configuration.token.empty() && !configuration.token_file.empty()) {
     return options.usage_error("there are both a token and a --token-file; leave one out");
   }
   if (!configuration.token.empty() && !is_token(configuration.token)) {
-    return options.usage_error("the token in RTPM_TOKEN, or in --config, must have " +
+    return options.usage_error("the token in RTPM_CONSOLE_TOKEN, or in --config, must have " +
                                std::string(kTokenForm));
   }
   return std::nullopt;
