@@ -1,5 +1,9 @@
+#include <netinet/in.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
+#include <cstdint>
+#include <cstdlib>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -10,12 +14,16 @@
 #include "laboratory/bring_up.hpp"
 #include "laboratory/commands.hpp"
 #include "laboratory/file.hpp"
+#include "laboratory/process.hpp"
 #include "rtpm/names/defaults.hpp"
+#include "rtpm/rt/log.hpp"
 
 namespace rtpm::tool {
 namespace {
 
 constexpr const char* kFile = "demo.toml";
+/// Where its console is, if the port is free.
+constexpr std::uint16_t kConsolePort = 8766;
 /// Besides the time that the programs are given.
 constexpr Duration kStartAndEndTime = std::chrono::seconds{15};
 /// Where nobody could press Ctrl-C.
@@ -26,6 +34,49 @@ struct DemoRequest {
   std::string hand{};
   std::string host{};
 };
+
+/// Whether a server can listen at this port of this host.
+bool is_free(std::uint16_t port) {
+  const laboratory::Handle socket(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  const int yes = 1;
+  ::setsockopt(socket.number(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(port);
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  const auto* const at = static_cast<const sockaddr*>(static_cast<const void*>(&address));
+  return ::bind(socket.number(), at, sizeof address) == 0 && ::listen(socket.number(), 1) == 0;
+}
+
+/// The user's folder for what outlives programs; empty: there is none.
+std::string kept_folder() {
+  const char* const state = std::getenv("XDG_STATE_HOME");
+  const char* const home = std::getenv("HOME");
+  std::filesystem::path folder;
+  if (state != nullptr && *state == '/') {
+    folder = state;
+  } else if (home != nullptr && *home == '/') {
+    folder = std::filesystem::path(home) / ".local/state";
+  } else {
+    return {};
+  }
+  folder /= "rtpm";
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  return error ? std::string() : folder.string();
+}
+
+/// Has the console at the same URL at each start, so that a bookmark works.
+void keep_url(laboratory::FileContext& file) {
+  if (is_free(kConsolePort)) file.variables["console_port"] = std::to_string(kConsolePort);
+  if (const std::string folder = kept_folder(); !folder.empty()) {
+    file.variables["token_file"] = folder + "/demo-console.token";
+  } else {
+    rt::print_error("rtpm",
+                    "the console's token is a new one at each start: there is no folder "
+                    "~/.local/state/rtpm or $XDG_STATE_HOME/rtpm to keep it in");
+  }
+}
 
 int demo(Context& context, const DemoRequest& request) {
   laboratory::FileContext file{.folders = laboratory::ProgramFolders::of_this_process()};
@@ -52,6 +103,7 @@ int demo(Context& context, const DemoRequest& request) {
     file.variables["live"] = "rewrite";
     file.variables["print_token"] = "true";
   }
+  keep_url(file);
   const auto plan = laboratory::read_plan(path, file);
   if (!plan) return refuse_file(context, plan.error());
   if (seconds == 0) return bring_up(context, *plan, {});
@@ -70,10 +122,10 @@ void add_demo(CLI::App& program, Context& context) {
       "Brings up share/rtpm/demo.toml: a registry, a server with an arm, a gaze tracker, a\n"
       "biometric sensor and a knob, a force loop that lets the arm touch a virtual wall, a "
       "console\n"
-      "at the URL that it prints, for a browser, and a display of the devices' events. What the\n"
-      "console records is kept in the present folder. At the end comes what the loop's calls and\n"
-      "cycles took. With --host the registry is at port 7420, and asks callers of other hosts for\n"
-      "keys (rtpm key).\n",
+      "for a browser, at port 8766 if that is free, and a display of the devices' events. The\n"
+      "console's token is the same at each start, kept in ~/.local/state/rtpm. What it records is\n"
+      "kept in the present folder. At the end comes what the loop's calls and cycles took. With\n"
+      "--host the registry is at port 7420, and asks callers of other hosts for keys (rtpm key).\n",
       [request](Context& c) { return demo(c, *request); });
   command
       .add_option("--seconds", request->seconds,

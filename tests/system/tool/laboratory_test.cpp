@@ -422,6 +422,41 @@ TEST_F(Up, EndsTheDemoInOrderAtCtrlC) {
   EXPECT_NE(end->output.find("one cycle of two calls"), std::string::npos) << end->output;
 }
 
+// A bookmark of the page works again.
+TEST_F(Up, KeepsTheUrlOfTheDemosConsole) {
+  ::setenv("XDG_STATE_HOME", (folder_ / "state").c_str(), 1);
+  std::vector<std::string> tokens;
+  std::vector<std::string> urls;
+  for (int i = 0; i < 2; ++i) {
+    const auto end = test::run(
+        {"env", "RTPM_REALTIME=off", path_of("rtpm"), "demo", "--seconds", "1"}, kPatience);
+    ASSERT_TRUE(end);
+    ASSERT_EQ(end->exit_code, 0) << end->output << end->errors;
+    std::ifstream token(folder_ / "state" / "rtpm" / "demo-console.token");
+    std::getline(token, tokens.emplace_back());
+    const std::size_t begin = end->output.find("http://127.0.0.1:");
+    ASSERT_NE(begin, std::string::npos) << end->output;
+    urls.push_back(end->output.substr(begin, end->output.find('/', begin + 7) - begin));
+  }
+  ::unsetenv("XDG_STATE_HOME");
+  EXPECT_GE(tokens[0].size(), 16u);
+  EXPECT_EQ(tokens[0], tokens[1]);
+  EXPECT_EQ(urls[0], urls[1]);
+  const auto permissions =
+      fs::status(folder_ / "state" / "rtpm" / "demo-console.token").permissions();
+  EXPECT_EQ(permissions, fs::perms::owner_read | fs::perms::owner_write);
+}
+
+// Variables of the tool's own options are for the tool.
+TEST_F(Up, ShowsTheDemoWhateverTheToolsVariablesSay) {
+  const auto end =
+      test::run({"env", "RTPM_REALTIME=off", "RTPM_DEADLINE=5s", "RTPM_PORT=1", "RTPM_SECONDS=0",
+                 "RTPM_RATE=7", path_of("rtpm"), "demo", "--seconds", "1"},
+                kPatience);
+  ASSERT_TRUE(end);
+  EXPECT_EQ(end->exit_code, 0) << end->output << end->errors;
+}
+
 TEST_F(Up, TakesARecordedHandForTheDemo) {
   const auto hand = folder_ / "hand.csv";
   std::ofstream(hand) << "t_s,x_m,y_m,z_m\n0,0,0,0\n1,0,0,0.01\n";
