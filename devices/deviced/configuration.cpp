@@ -1,11 +1,13 @@
 #include "configuration.hpp"
 
 #include <algorithm>
+#include <cstdlib>
 #include <vector>
 
 #include "drivers.hpp"
 #include "flight_format.hpp"
 #include "rtpm/names/defaults.hpp"
+#include "rtpm/rt/log.hpp"
 
 namespace rtpm::deviced {
 namespace {
@@ -40,6 +42,9 @@ void add_device(options::Options& options, DeviceSettings& device) {
   constexpr options::Range<Duration> kUpTo10s{Duration{0}, std::chrono::seconds{10}};
   options.add(key + "force-max", device.force_max_newton,
               "Greatest force in newton; 0: all that the device gives", {0, 1000});
+  options.add(key + "gone-after", device.gone_after,
+              "How long its data may be late or unreadable before it counts as gone",
+              {std::chrono::milliseconds{1}, std::chrono::seconds{60}});
   options.add(key + "hold-max", device.hold_max, "Longest life of one command", kUpTo10s);
   options.add(key + "ramp", device.ramp, "From full force to none when commands stop", kUpTo10s);
   options.add(key + "soft-start", device.soft_start, "From none to full force", kUpTo10s);
@@ -96,6 +101,9 @@ void add_service(options::Options& options, Configuration& configuration) {
   options.add(
       "settings", configuration.settings_folder,
       "The folder of the devices' saved parameters; empty: they are neither saved nor read");
+  options.add("stops", configuration.stops_folder,
+              "The folder where emergency stops are kept until they are rearmed; empty: "
+              "~/.local/state/rtpm/stops; 'none': they end with this program");
   options.add("flight-records", configuration.flight_folder,
               "The folder where each fault leaves " + std::string(flight_file_kind()) +
                   ", at most 16 per device; empty: none");
@@ -111,6 +119,32 @@ void add_service(options::Options& options, Configuration& configuration) {
   configuration.settings.server.lanes = default_lanes();
   options::add_server(options, configuration.settings);
   options::add_caller(options, configuration.settings);
+}
+
+/// Empty: there is none.
+std::string default_stops_folder() {
+  const auto variable = [](const char* name) -> std::string {
+    const char* value = std::getenv(name);  // NOLINT(concurrency-mt-unsafe): set-up.
+    return value == nullptr ? "" : value;
+  };
+  const std::string state = variable("XDG_STATE_HOME");
+  if (!state.empty()) return state + "/rtpm/stops";
+  const std::string home = variable("HOME");
+  return home.empty() ? "" : home + "/.local/state/rtpm/stops";
+}
+
+void find_stops_folder(Configuration& configuration) {
+  if (configuration.stops_folder == kNoStops) {
+    configuration.stops_folder.clear();
+    return;
+  }
+  if (!configuration.stops_folder.empty()) return;
+  configuration.stops_folder = default_stops_folder();
+  if (!configuration.stops_folder.empty()) return;
+  rt::print_error("rtpm-deviced", SetupError{.what = "emergency stops end with this program",
+                                             .why = "neither XDG_STATE_HOME nor HOME is set",
+                                             .remedy = "name the folder that keeps them, --stops"}
+                                      .text());
 }
 
 /// Where the most urgent lane begins.
@@ -157,7 +191,9 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
   add_devices(options, configuration);
   add_service(options, configuration);
   if (const auto exit_code = options.parse(argc, argv)) return exit_code;
-  return check(options, configuration);
+  if (const auto exit_code = check(options, configuration)) return exit_code;
+  find_stops_folder(configuration);
+  return std::nullopt;
 }
 
 }  // namespace rtpm::deviced

@@ -28,6 +28,7 @@ struct DeviceSettings {
   Priority priority = 30000;
   std::vector<int> cpus{};
   double force_max_newton = 0;  ///< 0: the device's limit.
+  Duration gone_after = gvd::CycleConfig{}.gone_after;
   Duration hold_max = std::chrono::milliseconds{100};
   Duration ramp = std::chrono::milliseconds{20};
   Duration soft_start = std::chrono::milliseconds{200};
@@ -47,6 +48,7 @@ struct Configuration {
   std::vector<DeviceSettings> devices{};   ///< One per name.
   options::ServerSettings settings{};      ///< Its server's.
   std::string settings_folder{};           ///< Of the devices' parameters; empty: not saved.
+  std::string stops_folder{};              ///< Of emergency stops; after reading, empty: not kept.
   std::string flight_folder{};             ///< Of flight records; empty: not written.
   std::string registry{};
   std::string events{events::kHubPath};  ///< The hub's name or URL.
@@ -61,6 +63,8 @@ struct Configuration {
   }
 };
 
+/// The folder that stands for "an emergency stop ends with this program".
+inline constexpr const char* kNoStops = "none";
 /// The hub that stands for "push no events".
 inline constexpr const char* kNoHub = "none";
 /// The registry's URL that stands for "serve without a registry".

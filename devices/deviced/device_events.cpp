@@ -30,7 +30,8 @@ events::HubServerConfig hub_config(const Configuration& configuration) {
 
 DeviceEvents::DeviceEvents(const Configuration& configuration)
     : hub_url_(has_hub(configuration) ? configuration.events : ""),
-      realtime_(configuration.settings.server.realtime) {}
+      realtime_(configuration.settings.server.realtime),
+      stops_({.folder = configuration.stops_folder, .listener = &stop_reporter_}) {}
 
 expected<std::unique_ptr<DeviceEvents>, SetupError> DeviceEvents::create(
     rpc::Node& node, const Configuration& configuration) {
@@ -61,12 +62,13 @@ expected<void, SetupError> DeviceEvents::start_publishing() {
   return publisher_->start();
 }
 
-expected<void, SetupError> DeviceEvents::join_system(rpc::Node& node) {
+expected<void, SetupError> DeviceEvents::start_stops(rpc::Node& node) {
+  if (auto started = stops_.start(); !started) return started;
   if (publisher_ == nullptr) return {};
   gvd::SystemStopConfig config;
   config.hub = hub_url_;
   config.realtime = realtime_;
-  auto system_stop = gvd::SystemStop::start(node, this, config);
+  auto system_stop = gvd::SystemStop::start(node, &stops_, config);
   if (!system_stop) return unexpected{std::move(system_stop.error())};
   system_stop_ = std::move(*system_stop);
   return {};
@@ -74,6 +76,7 @@ expected<void, SetupError> DeviceEvents::join_system(rpc::Node& node) {
 
 void DeviceEvents::stop() noexcept {
   system_stop_.reset();
+  stops_.stop();
   if (publisher_ != nullptr) publisher_->stop();
 }
 
@@ -83,8 +86,7 @@ void DeviceEvents::publish_configuration(std::string_view name, std::uint64_t re
 }
 
 void DeviceEvents::stop_devices() noexcept {
-  for (gvd::DeviceServer* const device : devices_)
-    device->emergency_stop();
+  stops_.stop_devices();
 }
 
 bool DeviceEvents::stop_system() noexcept {

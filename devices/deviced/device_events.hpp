@@ -5,7 +5,6 @@
 #include <span>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include "configuration.hpp"
 #include "rtpm/base/setup_error.hpp"
@@ -13,6 +12,7 @@
 #include "rtpm/gvd/emergency.hpp"
 #include "rtpm/gvd/publisher.hpp"
 #include "rtpm/gvd/server.hpp"
+#include "rtpm/gvd/stop_keeper.hpp"
 #include "rtpm/gvd/system_stop.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/log.hpp"
@@ -33,14 +33,14 @@ class DeviceEvents final : public gvd::EmergencyStops {
   /// The observer of the device that is bound as `name`; null: events are off.
   /// @errors   as gvd::DevicePublisher::add()
   [[nodiscard]] expected<gvd::CycleObserver*, SetupError> observe(std::string_view name);
-  /// Adds a device to what stop_devices() stops, before the rpc::Server starts.
-  void add(gvd::DeviceServer& device) { devices_.push_back(&device); }
+  /// What is kept of the device's emergency stops, and its server, before the rpc::Server starts.
+  [[nodiscard]] gvd::StopKeeper& stops() noexcept { return stops_; }
   /// Begins to push events.
   /// @errors   as gvd::DevicePublisher::start()
   [[nodiscard]] expected<void, SetupError> start_publishing();
-  /// Takes part in the system-wide emergency stop, until stop().
-  /// @errors   as gvd::SystemStop::start()
-  [[nodiscard]] expected<void, SetupError> join_system(rpc::Node& node);
+  /// Keeps stops, and takes part in the system-wide emergency stop, until stop().
+  /// @errors   as gvd::StopKeeper::start() and gvd::SystemStop::start()
+  [[nodiscard]] expected<void, SetupError> start_stops(rpc::Node& node);
   /// Call before the devices end.
   void stop() noexcept;
 
@@ -51,7 +51,7 @@ class DeviceEvents final : public gvd::EmergencyStops {
   [[nodiscard]] bool stop_system() noexcept override;
 
  private:
-  /// Logs what becomes of the hub.
+  /// Logs what becomes of the hub, or of kept stops.
   class Reporter final : public gvd::DeviceListener {
    public:
     void report(std::string_view text) override { log_.write(std::string(text)); }
@@ -67,7 +67,8 @@ class DeviceEvents final : public gvd::EmergencyStops {
   Reporter reporter_{};
   std::unique_ptr<events::HubServer> hub_{};
   std::unique_ptr<gvd::DevicePublisher> publisher_{};
-  std::vector<gvd::DeviceServer*> devices_{};
+  Reporter stop_reporter_{};
+  gvd::StopKeeper stops_;
   std::unique_ptr<gvd::SystemStop> system_stop_{};
 };
 

@@ -59,6 +59,7 @@ gvd::DeviceServerConfig config_of(const Configuration& configuration, const Devi
   gvd::DeviceServerConfig config;
   config.cycle.period =
       std::chrono::duration_cast<Duration>(std::chrono::duration<double>(1.0 / rate_hz));
+  config.cycle.gone_after = device.gone_after;
   config.cycle.lease = configuration.lease;
   config.cycle.operator_priority = configuration.operator_priority;
   config.cycle.safety = safety_of(device, descriptor);
@@ -80,6 +81,7 @@ expected<std::unique_ptr<HostedDevice>, SetupError> HostedDevice::create(
   gvd::DeviceServerConfig config = config_of(configuration, device, descriptor, *rate_hz);
   config.cycle.listener = &hosted->reporter_;
   config.cycle.emergency_stops = &events;
+  config.cycle.stop_memory = &events.stops().add(hosted->name_, descriptor);
   auto observer = events.observe(hosted->name_);
   if (!observer) return unexpected{observer.error()};
   config.cycle.observer = *observer;
@@ -90,7 +92,7 @@ expected<std::unique_ptr<HostedDevice>, SetupError> HostedDevice::create(
   if (auto configured = hosted->configure(configuration); !configured) {
     return unexpected{configured.error()};
   }
-  events.add(*hosted->server_);
+  events.stops().attach(*hosted->server_);
   return hosted;
 }
 

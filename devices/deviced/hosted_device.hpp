@@ -50,9 +50,7 @@ class HostedDevice {
   /// Whether its driver has returned from setting it up.
   [[nodiscard]] bool has_sample() const noexcept { return server_->newest().has_value(); }
 
-  [[nodiscard]] const gvd::FlightRecorder& flight_recorder() const noexcept {
-    return server_->flight_recorder();
-  }
+  [[nodiscard]] const gvd::DeviceServer& server() const noexcept { return *server_; }
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
 
  private:

@@ -11,6 +11,7 @@
 
 #include "configuration.hpp"
 #include "device_events.hpp"
+#include "driver_watch.hpp"
 #include "flight_files.hpp"
 #include "hosted_device.hpp"
 #include "inventory.hpp"
@@ -69,7 +70,7 @@ class StopAtEnd {
   const Devices& devices_;
 };
 
-/// Leaves the system-wide stop, which refers to the devices, before they are gone.
+/// Ends what refers to the devices, such as the system-wide stop, before they are gone.
 class LeaveAtEnd {
  public:
   explicit LeaveAtEnd(DeviceEvents& events) noexcept : events_(events) {}
@@ -129,14 +130,18 @@ int serve(const Configuration& configuration) {
   // Ends after the devices have stopped, so that their last faults are written, too.
   FlightFiles flight_files(configuration.flight_folder);
   for (const auto& device : devices)
-    flight_files.add(device->name(), device->flight_recorder());
+    flight_files.add(device->name(), device->server().flight_recorder());
+  DriverWatch driver_watch;
+  for (const auto& device : devices)
+    driver_watch.add(device->name(), device->server());
   const StopAtEnd stop_at_end(devices);
   if (auto started = flight_files.start(); !started) return fail(started.error());
+  if (auto started = driver_watch.start(); !started) return fail(started.error());
   rpc::ServerConfig server_config = configuration.settings.server;
   server_config.name = "rtpm-deviced";
   auto server = rpc::Server::create(std::move(server_config));
   if (!server) return fail(server.error());
-  if (auto joined = (*events)->join_system(node); !joined) return fail(joined.error());
+  if (auto joined = (*events)->start_stops(node); !joined) return fail(joined.error());
   if (auto started = (*events)->start_publishing(); !started) return fail(started.error());
   introspection::Catalog catalog;
   if (auto started = start(devices, **server, catalog); !started) return fail(started.error());

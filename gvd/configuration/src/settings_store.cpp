@@ -14,6 +14,7 @@
 
 #include "rtpm/base/hash.hpp"
 #include "rtpm/base/nesting.hpp"
+#include "rtpm/configuration/device_file.hpp"
 #include "rtpm/configuration/value_text.hpp"
 #include "rtpm/rt/durable_file.hpp"
 
@@ -30,23 +31,6 @@ constexpr std::string_view kFormat = "rtpm-settings";
 constexpr int kFormatVersion = 1;
 constexpr const char* kRemedy =
     "restore the file from a copy, or remove it to begin with the defaults";
-
-/// Model and serial number as a part of a file's name: distinct texts give distinct parts.
-std::string file_part(std::string_view text) {
-  std::string part;
-  for (const char c : text) {
-    const bool is_plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') ||
-                          (c >= '0' && c <= '9') || c == '-' || c == '.' || c == '_';
-    if (is_plain) {
-      part += c;
-      continue;
-    }
-    constexpr std::string_view kDigits = "0123456789abcdef";
-    const auto byte = static_cast<unsigned char>(c);
-    part += {'%', kDigits[byte >> 4], kDigits[byte & 15]};
-  }
-  return part;
-}
 
 std::string dump(const json& value, int indent = -1) {
   return value.dump(indent, ' ', false, json::error_handler_t::replace);
@@ -138,10 +122,10 @@ std::string fault_of(const json& document) {
 }  // namespace
 
 SettingsStore::SettingsStore(const std::string& folder, std::string model, std::string serial)
-    : folder_(folder), model_(std::move(model)), serial_(std::move(serial)) {
-  path_ = (std::filesystem::path(folder) / (file_part(model_) + "@" + file_part(serial_) + ".json"))
-              .string();
-}
+    : folder_(folder),
+      model_(std::move(model)),
+      serial_(std::move(serial)),
+      path_(device_file(folder, model_, serial_, ".json")) {}
 
 expected<StoredSettings, SetupError> SettingsStore::load(std::span<const ParameterSpec> specs) {
   const auto refused = [&](std::string why) {

@@ -100,6 +100,7 @@ std::string to_text(Faults faults) {
       std::pair{Fault::kPowerLimited, "power limited"},
       std::pair{Fault::kBraked, "braked"},
       std::pair{Fault::kHeatLimited, "heat limited"},
+      std::pair{Fault::kImplausible, "implausible pose or time"},
   };
   std::string text;
   for (const auto& [fault, words] : kWords) {

@@ -153,7 +153,8 @@ rpc::Result<device::Lease> ReplayedDevice::take_over(const rpc::CallContext& con
     return refused_to_wire(DeviceOutcome::kBelowOperatorPriority);
   }
   const auto id = lease_.take_over();
-  return id ? gvd::granted_to_wire(*id, lease_.config()) : refused_to_wire(DeviceOutcome::kTooSoon);
+  return id ? gvd::granted_to_wire(*id, lease_.config().of_operator())
+            : refused_to_wire(DeviceOutcome::kTooSoon);
 }
 
 rpc::Result<device::Outcome> ReplayedDevice::renew(const device::Holder& request,
@@ -209,8 +210,9 @@ rpc::Result<device::Outcome> ReplayedDevice::emergency_stop(const device::Stop& 
 
 rpc::Result<device::Outcome> ReplayedDevice::rearm(const device::Holder& request,
                                                    const rpc::CallContext&) {
+  const std::uint32_t stop_number = emergency_.number();
   const device::Outcome outcome = use(request);
-  if (outcome.code() == device::OutcomeCode::Done) emergency_.rearm();
+  if (outcome.code() == device::OutcomeCode::Done) emergency_.rearm(stop_number);
   return outcome;
 }
 

@@ -74,6 +74,7 @@ std::optional<std::uint64_t> Lease::acquire() noexcept {
 std::optional<std::uint64_t> Lease::take_over() noexcept {
   if (!take_over_gate_.take()) return std::nullopt;
   const std::uint64_t id = next_id();
+  operator_.store(id, std::memory_order_release);
   const std::uint64_t former = holder_.exchange(id, std::memory_order_acq_rel);
   if (former != kNobody) {
     remember(former, LeaseState::kTakenOver);
@@ -113,8 +114,10 @@ std::uint64_t Lease::step(MonotonicTime now) noexcept {
   const std::uint64_t renewed_count = renewed_count_.load(std::memory_order_relaxed);
   const std::uint64_t used_count = used_count_.load(std::memory_order_relaxed);
   const bool is_new = current != seen_holder_;
-  if (is_new || renewed_count != seen_renewed_count_) expires_ = now + config_.silence_max;
-  if (is_new || used_count != seen_used_count_) idles_ = now + config_.idle_max;
+  const bool is_operators = current == operator_.load(std::memory_order_acquire);
+  const LeaseConfig times = is_operators ? config_.of_operator() : config_;
+  if (is_new || renewed_count != seen_renewed_count_) expires_ = now + times.silence_max;
+  if (is_new || used_count != seen_used_count_) idles_ = now + times.idle_max;
   seen_holder_ = current;
   seen_renewed_count_ = renewed_count;
   seen_used_count_ = used_count;

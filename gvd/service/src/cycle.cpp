@@ -7,6 +7,7 @@
 
 #include "rtpm/driver/vector.hpp"
 #include "rtpm/safety/finite.hpp"
+#include "sample_check.hpp"
 
 namespace rtpm::gvd {
 namespace {
@@ -16,21 +17,9 @@ using driver::ExchangeStatus;
 using driver::Fault;
 using driver::Lifecycle;
 
-template <class Value, std::size_t kCount>
-bool is_whole(const std::array<Value, kCount>& values) noexcept {
-  return std::ranges::all_of(values, [](Value value) { return std::isfinite(value); });
-}
-
-/// Whether every number is finite.
-bool is_whole(const driver::Sample& sample) noexcept {
-  const driver::Quaternion& turn = sample.pose.orientation;
-  return is_finite(sample.pose.position_m) && is_finite(sample.twist.linear_m_per_s) &&
-         is_finite(sample.twist.angular_rad_per_s) && is_finite(sample.wrench_applied) &&
-         std::isfinite(turn.x) && std::isfinite(turn.y) && std::isfinite(turn.z) &&
-         std::isfinite(turn.w) && is_whole(sample.joints) && is_whole(sample.joint_velocities) &&
-         is_whole(sample.efforts_applied) && is_whole(sample.outputs_applied) &&
-         is_whole(sample.analogs);
-}
+/// After so many bad cycles in a row nobody knows where the device is: no force. Likewise a sample
+/// of so many periods ago is late.
+constexpr std::uint32_t kBlindCycleMax = 20;
 
 /// Life of the models' force, should the device's thread stop: ten cycles at 1 kHz.
 constexpr Duration kModelHold = std::chrono::milliseconds{10};
@@ -68,17 +57,23 @@ driver::Wrench wrench_of(const driver::Setpoint& setpoint) noexcept {
   return setpoint.mode == driver::CommandMode::kForce ? setpoint.wrench : driver::Wrench{};
 }
 
+struct Request {
+  std::uint16_t what = 0;         ///< 0: none.
+  std::uint32_t stop_number = 0;  ///< EmergencyLatch::number() when it was left.
+};
+
 /// `what` is not 0.
-constexpr std::uint32_t request_of(std::uint64_t lease, std::uint16_t what) noexcept {
-  return std::uint32_t{Lease::serial_of(lease)} << 16 | what;
+constexpr std::uint64_t request_of(std::uint64_t lease, Request request) noexcept {
+  return std::uint64_t{request.stop_number} << 32 | std::uint32_t{Lease::serial_of(lease)} << 16 |
+         request.what;
 }
 
-/// The pending request, if the holder left it: a former holder's is void. 0: none.
-std::uint16_t take_request(std::atomic<std::uint32_t>& request, std::uint64_t holder) noexcept {
-  if (request.load(std::memory_order_relaxed) == 0) return 0;
-  const std::uint32_t taken = request.exchange(0, std::memory_order_acq_rel);
-  const auto what = static_cast<std::uint16_t>(taken);
-  return holder != Lease::kNobody && taken == request_of(holder, what) ? what : 0;
+/// The pending request, if the holder left it: a former holder's is void.
+Request take_request(std::atomic<std::uint64_t>& request, std::uint64_t holder) noexcept {
+  if (request.load(std::memory_order_relaxed) == 0) return {};
+  const std::uint64_t taken = request.exchange(0, std::memory_order_acq_rel);
+  const Request left{static_cast<std::uint16_t>(taken), static_cast<std::uint32_t>(taken >> 32)};
+  return holder != Lease::kNobody && taken == request_of(holder, left) ? left : Request{};
 }
 
 }  // namespace
@@ -92,7 +87,7 @@ void SuccessRate::record(bool is_good) noexcept {
 }
 
 float SuccessRate::share() const noexcept {
-  const std::size_t known = std::min(count_, kWindow);
+  const std::size_t known = std::min<std::size_t>(count_, kWindow);
   return known == 0 ? 0.0F : static_cast<float>(good_count_) / static_cast<float>(known);
 }
 
@@ -103,11 +98,13 @@ DeviceCycle::DeviceCycle(driver::Driver& driver, CycleConfig config, SipKey leas
       limiter_(driver.describe()),
       safety_(config_.safety ? *config_.safety : SafetyConfig::for_device(driver.describe())),
       filter_(safety_),
-      models_(driver.describe(), config_.period) {}
+      models_(driver.describe(), config_.period) {
+  if (config_.stop_memory != nullptr && config_.stop_memory->was_stopped()) emergency_.stop();
+}
 
 expected<void, SetupError> DeviceCycle::begin(MonotonicTime now) {
   retry_at_ = now;
-  return open();
+  return open(now);
 }
 
 void DeviceCycle::begin_without(MonotonicTime now, const SetupError& error) {
@@ -116,28 +113,38 @@ void DeviceCycle::begin_without(MonotonicTime now, const SetupError& error) {
   report(error.text() + " Trying to reach it again.");
 }
 
-expected<void, SetupError> DeviceCycle::open() {
+expected<void, SetupError> DeviceCycle::open(MonotonicTime now) {
   if (auto configured = driver_.configure({.period = config_.period}); !configured) {
     return configured;
   }
   if (auto activated = driver_.activate(); !activated) return activated;
   filter_.reset();
   bad_cycle_count_ = 0;
+  opened_at_ = now;
+  published_at_.store(now, std::memory_order_relaxed);
   lifecycle_.store(Lifecycle::kActive, std::memory_order_release);
   return {};
 }
 
-const DeviceCycle::HeldCommand* DeviceCycle::command_of(std::uint64_t holder) noexcept {
-  if (const auto newest = mailbox_.take()) held_ = *newest;
-  if (const auto what = take_request(release_request_, holder); what != 0) {
-    if (what == number_of(Release::kRearm)) emergency_.rearm();
-    if (what == number_of(Release::kRecover)) filter_.recover();
+const DeviceCycle::HeldCommand* DeviceCycle::command_of(MonotonicTime now,
+                                                        std::uint64_t holder) noexcept {
+  if (const auto newest = mailbox_.take()) {
+    held_ = *newest;
+    if (held_.lease == holder) {
+      outputs_.follow(now, holder, held_.setpoint, held_.wrench.deadline);
+    }
+  }
+  outputs_.take();
+  if (const Request left = take_request(release_request_, holder); left.what != 0) {
+    const bool is_rearm = left.what == number_of(Release::kRearm);
+    if (is_rearm && emergency_.is_set()) is_rearmed_ = emergency_.rearm(left.stop_number);
+    if (left.what == number_of(Release::kRecover)) filter_.recover();
     // Commands before it belong to the fault or the stop.
-    held_ = {};
+    drop_commands();
     models_.drop_before_release();
   }
   if (emergency_.is_set()) {
-    held_ = {};
+    drop_commands();
     models_.drop();
     filter_.reset();
     sample_.faults.set(Fault::kEmergencyStop);
@@ -161,12 +168,17 @@ const DeviceCycle::HeldCommand* DeviceCycle::with_models(MonotonicTime now, std:
   return &rendered_;
 }
 
-driver::Command DeviceCycle::filter(MonotonicTime now, const HeldCommand* newest) noexcept {
+void DeviceCycle::drop_commands() noexcept {
+  held_ = {};
+  outputs_.drop();
+}
+
+driver::Command DeviceCycle::filter(MonotonicTime now, const HeldCommand* newest,
+                                    bool has_outputs) noexcept {
   driver::Command command;
   const driver::Wrench wrench =
       filter_.step(now, newest != nullptr ? std::optional(newest->wrench) : std::nullopt,
                    {sample_.pose.position_m, sample_.twist, sample_.wrench_applied});
-  command.outputs = limiter_.safe_outputs();
   if (filter_.is_following()) {
     static_cast<driver::Setpoint&>(command) = limiter_.limit(newest->setpoint);
     efforts_ = {};
@@ -182,6 +194,11 @@ driver::Command DeviceCycle::filter(MonotonicTime now, const HeldCommand* newest
   }
   command.wrench = wrench;
   if (wrench != driver::Wrench{}) command.mode = CommandMode::kForce;
+  command.outputs = limiter_.safe_outputs();
+  if (has_outputs && !filter_.is_latched()) {
+    command.outputs = limiter_.limit(driver::Setpoint::with_outputs(outputs_.values())).outputs;
+    if (command.mode == CommandMode::kOff) command.mode = CommandMode::kOutputs;
+  }
   command.sequence = counters_.cycle_count;
   command.cycle_time = now;
   command.deadline = filter_.zero_at();
@@ -197,9 +214,10 @@ void DeviceCycle::run(MonotonicTime now, std::uint32_t missed_count) noexcept {
   const std::uint64_t holder = lease_.step(now);
   if (std::exchange(last_holder_, holder) != holder) filter_.change_client();
   sample_.faults = {};
-  const HeldCommand* const newest = with_models(now, holder, command_of(holder));
-  if (const auto what = take_request(transition_request_, holder); what != 0) {
-    wanted_ = static_cast<Transition>(what - 1);
+  const HeldCommand* newest = with_models(now, holder, command_of(now, holder));
+  if (bad_cycle_count_ > kBlindCycleMax) newest = nullptr;
+  if (const Request left = take_request(transition_request_, holder); left.what != 0) {
+    wanted_ = static_cast<Transition>(left.what - 1);
   }
   if (lifecycle() != Lifecycle::kActive) {
     rest(now);
@@ -207,46 +225,63 @@ void DeviceCycle::run(MonotonicTime now, std::uint32_t missed_count) noexcept {
   }
 
   const driver::Faults stop_faults = sample_.faults;
-  const ExchangeStatus status = exchange(filter(now, newest));
+  const bool has_outputs = outputs_.is_live(now, holder);
+  const BadCycle bad = exchange(now, filter(now, newest, has_outputs));
   sample_.faults.set(stop_faults);
-  if (status == ExchangeStatus::kGone || bad_cycle_count_ > config_.bad_cycle_max) {
-    lose();
+  if (bad == BadCycle::kGone || is_bad_for_too_long(now)) {
+    lose(bad);
     retry_at_ = now + config_.retry;
   }
   sample_.faults.set(filter_.faults());
-  const bool has_command = newest != nullptr && now < newest->wrench.deadline;
-  success_.record(status == ExchangeStatus::kOk && missed_count == 0 &&
-                  (holder == Lease::kNobody || has_command));
+  const bool has_command = has_outputs || (newest != nullptr && now < newest->wrench.deadline);
+  for (std::uint32_t i = 0; i < std::min(missed_count, SuccessRate::kWindow); ++i)
+    success_.record(false);
+  success_.record(bad == BadCycle::kNone && (holder == Lease::kNobody || has_command));
   publish(now);
 }
 
-ExchangeStatus DeviceCycle::exchange(const driver::Command& command) noexcept {
+DeviceCycle::BadCycle DeviceCycle::exchange(MonotonicTime now,
+                                            const driver::Command& command) noexcept {
   // The driver writes to a copy, so that a failed exchange changes nothing.
   driver::Sample taken = sample_;
-  ExchangeStatus status = driver_.exchange(command, taken);
-  if (status == ExchangeStatus::kOk && !is_whole(taken)) status = ExchangeStatus::kCorrupt;
-  switch (status) {
-    case ExchangeStatus::kOk:
-      sample_ = taken;
-      bad_cycle_count_ = 0;
-      break;
-    case ExchangeStatus::kLate:
-      sample_.faults.set(Fault::kDeviceLate);
-      ++counters_.late_count;
-      ++bad_cycle_count_;
-      break;
-    case ExchangeStatus::kCorrupt:
-      sample_.faults.set(Fault::kDeviceCorrupt);
-      ++counters_.corrupt_count;
-      ++bad_cycle_count_;
-      break;
-    case ExchangeStatus::kGone:
-      break;
+  const ExchangeStatus status = driver_.exchange(command, taken);
+  if (status == ExchangeStatus::kGone) return BadCycle::kGone;
+  if (status == ExchangeStatus::kLate) {
+    sample_.faults.set(Fault::kDeviceLate);
+    ++counters_.late_count;
+    return count_bad(now, BadCycle::kLate);
   }
-  return status;
+  const std::string_view field = not_finite_field(taken);
+  if (status == ExchangeStatus::kOk && field.empty()) {
+    sample_ = taken;
+    sample_.faults = taken.faults.only(driver::kDriverFaults);
+    if (!is_plausible(taken, {opened_at_, now, config_.period})) {
+      sample_.faults.set(Fault::kImplausible);
+    }
+    bad_cycle_count_ = 0;
+    return BadCycle::kNone;
+  }
+  sample_.faults.set(Fault::kDeviceCorrupt);
+  ++counters_.corrupt_count;
+  if (status == ExchangeStatus::kOk) {
+    not_finite_field_ = field;
+    return count_bad(now, BadCycle::kNotFinite);
+  }
+  return count_bad(
+      now, status == ExchangeStatus::kCorrupt ? BadCycle::kCorrupt : BadCycle::kUnknownStatus);
 }
 
-void DeviceCycle::lose() noexcept {
+DeviceCycle::BadCycle DeviceCycle::count_bad(MonotonicTime now, BadCycle bad) noexcept {
+  if (bad_cycle_count_++ == 0) bad_since_ = now;
+  return bad;
+}
+
+bool DeviceCycle::is_bad_for_too_long(MonotonicTime now) const noexcept {
+  return bad_cycle_count_ > kBlindCycleMax && now - bad_since_ >= config_.gone_after;
+}
+
+void DeviceCycle::lose(BadCycle why) noexcept {
+  lost_by_ = why;
   ++counters_.gone_count;
   is_to_close_ = true;
   filter_.reset();
@@ -300,12 +335,19 @@ void DeviceCycle::record_flight(MonotonicTime now) noexcept {
 
 std::optional<driver::Sample> DeviceCycle::newest(MonotonicTime now) const noexcept {
   std::optional<driver::Sample> sample = published_.read();
-  const Duration age_max = (config_.bad_cycle_max + 1) * config_.period;
+  const Duration age = now - published_at_.load(std::memory_order_relaxed);
   if (sample && sample->lifecycle == Lifecycle::kActive &&
-      now - published_at_.load(std::memory_order_relaxed) > age_max) {
+      age > (kBlindCycleMax + 1) * config_.period) {
     sample->faults.set(Fault::kDeviceLate);
+    const auto missed_count = std::min<std::int64_t>(age / config_.period, SuccessRate::kWindow);
+    sample->success_rate *= 1 - static_cast<float>(missed_count) / SuccessRate::kWindow;
   }
   return sample;
+}
+
+Duration DeviceCycle::silence(MonotonicTime now) const noexcept {
+  if (lifecycle() != Lifecycle::kActive) return Duration{0};
+  return now - published_at_.load(std::memory_order_relaxed);
 }
 
 void DeviceCycle::show_observer(MonotonicTime now) noexcept {
@@ -323,7 +365,7 @@ void DeviceCycle::show_observer(MonotonicTime now) noexcept {
 }
 
 bool DeviceCycle::needs_maintenance(MonotonicTime now) const noexcept {
-  return is_to_close_ || wanted_ || jobs_.is_waiting() || has_lease_report() ||
+  return is_to_close_ || is_rearmed_ || wanted_ || jobs_.is_waiting() || has_lease_report() ||
          (lifecycle() == Lifecycle::kFault && now >= retry_at_);
 }
 
@@ -352,9 +394,12 @@ void DeviceCycle::report_lease() {
 void DeviceCycle::maintain(MonotonicTime now) {
   if (std::exchange(is_to_close_, false)) {
     driver_.deactivate();
-    report("the device does not answer any more; force is off, trying to reach it again");
+    report(loss_text() + "; force is off, trying to reach it again");
   }
   report_lease();
+  if (std::exchange(is_rearmed_, false) && config_.stop_memory != nullptr) {
+    config_.stop_memory->on_change();
+  }
   jobs_.run();
   const std::optional<Transition> wanted = std::exchange(wanted_, std::nullopt);
   const Lifecycle before = lifecycle();
@@ -370,7 +415,7 @@ void DeviceCycle::maintain(MonotonicTime now) {
   const bool is_wanted = wanted == Transition::kActivate && before != Lifecycle::kActive;
   if (!is_wanted && !(before == Lifecycle::kFault && now >= retry_at_)) return;
   retry_at_ = now + config_.retry;
-  if (const auto opened = open(); opened) {
+  if (const auto opened = open(now); opened) {
     report("the device is active again");
   } else {
     lifecycle_.store(Lifecycle::kFault, std::memory_order_release);
@@ -390,6 +435,31 @@ void DeviceCycle::end(MonotonicTime now) noexcept {
   rest(now);
 }
 
+std::string DeviceCycle::loss_text() const {
+  const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(config_.gone_after).count();
+  const std::string long_enough = " for " + std::to_string(ms) + " ms";
+  switch (lost_by_) {
+    case BadCycle::kNone:
+    case BadCycle::kGone:
+      break;
+    case BadCycle::kLate:
+      return "the device has sent nothing new" + long_enough;
+    case BadCycle::kCorrupt:
+      return "the device has sent only unreadable data" + long_enough;
+    case BadCycle::kNotFinite:
+      return "the driver has given only samples with a NaN or infinity, last in " +
+             std::string(not_finite_field_) + "," + long_enough;
+    case BadCycle::kUnknownStatus:
+      return "the driver's exchange() has returned statuses that do not exist" + long_enough;
+  }
+  return "the device does not answer any more";
+}
+
+void DeviceCycle::emergency_stop() noexcept {
+  emergency_.stop();
+  if (config_.stop_memory != nullptr) config_.stop_memory->on_change();
+}
+
 void DeviceCycle::report(std::string_view text) const {
   if (config_.listener != nullptr) config_.listener->report(text);
 }
@@ -406,8 +476,16 @@ expected<void, DeviceOutcome> DeviceCycle::submit(const ClientCommand& command,
   const Duration hold = std::clamp(command.hold, Duration{0}, safety().hold_max);
   const HeldCommand next{
       command.lease, command.setpoint, {wrench_of(command.setpoint), received, received + hold}};
-  const MailOutcome outcome = mailbox_.put({Lease::serial_of(command.lease), command.sequence},
-                                           next, [&] { return lease_.holder() == command.lease; });
+  const MailStamp stamp{Lease::serial_of(command.lease), command.sequence};
+  const auto is_allowed = [&] { return lease_.holder() == command.lease; };
+  // One with a NaN or an infinity is for the filter, whatever its mode.
+  const bool has_outputs_only =
+      command.setpoint.mode == CommandMode::kOutputs && is_finite(command.setpoint);
+  const MailOutcome outcome =
+      has_outputs_only
+          ? outputs_.put(stamp, {command.lease, command.setpoint.outputs, received + hold},
+                         is_allowed)
+          : mailbox_.put(stamp, next, is_allowed);
   switch (outcome) {
     case MailOutcome::kPut:
       break;
@@ -466,14 +544,15 @@ expected<void, DeviceOutcome> DeviceCycle::request(std::uint64_t lease, Release 
   return leave(release_request_, lease, number_of(release));
 }
 
-expected<void, DeviceOutcome> DeviceCycle::leave(std::atomic<std::uint32_t>& request,
+expected<void, DeviceOutcome> DeviceCycle::leave(std::atomic<std::uint64_t>& request,
                                                  std::uint64_t lease, std::uint16_t what) noexcept {
-  std::uint32_t before = request.load(std::memory_order_acquire);
+  const Request left{what, emergency_.number()};
+  std::uint64_t before = request.load(std::memory_order_acquire);
   // Checks the lease again after every concurrent request: a preempted thread of a former holder
   // must not replace the new one's.
   do {
     if (!lease_.use(lease)) return unexpected{DeviceOutcome::kNotHolder};
-  } while (!request.compare_exchange_weak(before, request_of(lease, what),
+  } while (!request.compare_exchange_weak(before, request_of(lease, left),
                                           std::memory_order_acq_rel, std::memory_order_acquire));
   return {};
 }

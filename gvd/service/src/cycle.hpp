@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "device_jobs.hpp"
+#include "held_outputs.hpp"
 #include "local_models.hpp"
 #include "mailbox.hpp"
 
@@ -47,9 +48,9 @@ class SuccessRate {
  public:
   void record(bool is_good) noexcept;
   [[nodiscard]] float share() const noexcept;
+  static constexpr std::uint32_t kWindow = 100;
 
  private:
-  static constexpr std::size_t kWindow = 100;
   std::array<bool, kWindow> is_good_{};
   std::size_t count_ = 0;
   std::size_t good_count_ = 0;
@@ -105,7 +106,8 @@ class DeviceCycle {
   /// @errors   as the service's method `set_models` says in device.fbs
   [[nodiscard]] expected<void, ModelsRefusal> set_models(const ClientModels& models) noexcept;
   /// No force from the next cycle on, and no commands, until Release::kRearm.
-  void emergency_stop() noexcept { emergency_.stop(); }
+  void emergency_stop() noexcept;
+  [[nodiscard]] bool is_stopped() const noexcept { return emergency_.is_set(); }
   /// Takes the lease for a call of `priority`; returns its number. The force goes to zero before
   /// the new holder's commands count.
   /// @errors   kBelowOperatorPriority · kTooSoon: the last take-over was less than
@@ -114,9 +116,11 @@ class DeviceCycle {
   [[nodiscard]] Lease& lease() noexcept { return lease_; }
   /// The newest sample; nullopt before the first cycle.
   [[nodiscard]] std::optional<driver::Sample> newest() const noexcept { return published_.read(); }
-  /// The same at `now`: kDeviceLate is set if an active device has not completed a cycle for as
-  /// long as CycleConfig::bad_cycle_max allows, such as in a driver that does not return.
+  /// The same at `now`: kDeviceLate is set if an active device has not completed a cycle for more
+  /// than twenty periods, such as in a driver that does not return; these count as bad ones.
   [[nodiscard]] std::optional<driver::Sample> newest(MonotonicTime now) const noexcept;
+  /// How long an active device has not completed a cycle.
+  [[nodiscard]] Duration silence(MonotonicTime now) const noexcept;
   [[nodiscard]] DeviceCounters counters() const noexcept;
   /// The limits that the server was started with.
   [[nodiscard]] const SafetyConfig& safety() const noexcept { return safety_; }
@@ -136,17 +140,24 @@ class DeviceCycle {
     WrenchCommand wrench{};  ///< Its wrench, zero in other modes.
   };
 
-  [[nodiscard]] const HeldCommand* command_of(std::uint64_t holder) noexcept;
+  [[nodiscard]] const HeldCommand* command_of(MonotonicTime now, std::uint64_t holder) noexcept;
   /// The command with the holder's models: until its lease ends, these need no command.
   [[nodiscard]] const HeldCommand* with_models(MonotonicTime now, std::uint64_t holder,
                                                const HeldCommand* newest) noexcept;
-  [[nodiscard]] driver::Command filter(MonotonicTime now, const HeldCommand* newest) noexcept;
-  [[nodiscard]] expected<void, DeviceOutcome> leave(std::atomic<std::uint32_t>& request,
+  [[nodiscard]] driver::Command filter(MonotonicTime now, const HeldCommand* newest,
+                                       bool has_outputs) noexcept;
+  void drop_commands() noexcept;
+  [[nodiscard]] expected<void, DeviceOutcome> leave(std::atomic<std::uint64_t>& request,
                                                     std::uint64_t lease,
                                                     std::uint16_t what) noexcept;
-  [[nodiscard]] driver::ExchangeStatus exchange(const driver::Command& command) noexcept;
-  [[nodiscard]] expected<void, SetupError> open();
-  void lose() noexcept;
+  /// What was wrong with a cycle.
+  enum class BadCycle : std::uint8_t { kNone, kGone, kLate, kCorrupt, kNotFinite, kUnknownStatus };
+  [[nodiscard]] BadCycle exchange(MonotonicTime now, const driver::Command& command) noexcept;
+  [[nodiscard]] BadCycle count_bad(MonotonicTime now, BadCycle bad) noexcept;
+  [[nodiscard]] bool is_bad_for_too_long(MonotonicTime now) const noexcept;
+  [[nodiscard]] expected<void, SetupError> open(MonotonicTime now);
+  void lose(BadCycle why) noexcept;
+  [[nodiscard]] std::string loss_text() const;
   void rest(MonotonicTime now) noexcept;
   void publish(MonotonicTime now) noexcept;
   void record_flight(MonotonicTime now) noexcept;
@@ -167,12 +178,13 @@ class DeviceCycle {
   LocalModels models_;
   DeviceJobs jobs_{};
   Mailbox<HeldCommand> mailbox_{};
+  HeldOutputs outputs_{};
   Latest<driver::Sample> published_{};
   Latest<DeviceCounters> published_counters_{};
   std::atomic<MonotonicTime> published_at_{};
-  /// A holder's request and lease serial, packed by request_of(); 0: none.
-  std::atomic<std::uint32_t> transition_request_{0};
-  std::atomic<std::uint32_t> release_request_{0};
+  /// A holder's request, packed by request_of(); 0: none.
+  std::atomic<std::uint64_t> transition_request_{0};
+  std::atomic<std::uint64_t> release_request_{0};
   EmergencyLatch emergency_{};
   std::atomic<std::uint16_t> taken_over_at_priority_{0};
   std::atomic<driver::Lifecycle> lifecycle_{driver::Lifecycle::kUnconfigured};
@@ -192,11 +204,16 @@ class DeviceCycle {
   LeaseState shown_end_ = LeaseState::kUnknown;
   SuccessRate success_{};
   DeviceCounters counters_{};
-  std::uint32_t bad_cycle_count_ = 0;
-  std::optional<Transition> wanted_{};  ///< For the next maintain().
+  MonotonicTime opened_at_{};
+  std::uint32_t bad_cycle_count_ = 0;  ///< In a row,
+  MonotonicTime bad_since_{};          ///< the first of them.
+  BadCycle lost_by_ = BadCycle::kNone;
+  std::string_view not_finite_field_{};  ///< Of the last one that was kNotFinite.
+  std::optional<Transition> wanted_{};   ///< For the next maintain().
   std::uint64_t reported_idle_count_ = 0;
   std::uint64_t reported_taken_over_count_ = 0;
   bool is_to_close_ = false;
+  bool is_rearmed_ = false;  ///< Since the last maintain().
   MonotonicTime retry_at_{};
 };
 

@@ -92,7 +92,8 @@ rpc::Result<device::Outcome> DeviceServant::rearm(const device::Holder& request,
 
 rpc::Result<device::Lease> DeviceServant::take_over(const rpc::CallContext& context) {
   const auto id = cycle_.take_over(context.priority);
-  return id ? granted_to_wire(*id, cycle_.lease().config()) : refused_to_wire(id.error());
+  return id ? granted_to_wire(*id, cycle_.lease().config().of_operator())
+            : refused_to_wire(id.error());
 }
 
 rpc::Result<device::LeaseStanding> DeviceServant::lease_state(const device::Holder& request,

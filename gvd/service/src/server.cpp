@@ -26,12 +26,13 @@ constexpr std::chrono::seconds kStartPatience{2};
 expected<void, SetupError> check(const LeaseConfig& lease) {
   constexpr Duration kNone{0};
   if (lease.silence_max > kNone && lease.idle_max > kNone && lease.acquire_interval >= kNone &&
-      lease.take_over_interval >= kNone) {
+      lease.take_over_interval >= kNone && lease.operator_silence_max > kNone) {
     return {};
   }
   return setup_error(
-      "the device's lease has silence_max or idle_max that is not above zero, or an interval below "
-      "it",
+      "the device's lease has silence_max, idle_max or operator_silence_max that is not above "
+      "zero, "
+      "or an interval below it",
       "a lease that is over at once commands nothing");
 }
 
@@ -249,6 +250,9 @@ bool DeviceServer::stop(Duration patience) noexcept {
 void DeviceServer::emergency_stop() noexcept {
   impl_->cycle.emergency_stop();
 }
+bool DeviceServer::is_stopped() const noexcept {
+  return impl_->cycle.is_stopped();
+}
 const FlightRecorder& DeviceServer::flight_recorder() const noexcept {
   return impl_->cycle.flight_recorder();
 }
@@ -263,6 +267,9 @@ const driver::Descriptor& DeviceServer::descriptor() const noexcept {
 }
 std::optional<driver::Sample> DeviceServer::newest() const noexcept {
   return impl_->cycle.newest();
+}
+Duration DeviceServer::silence() const noexcept {
+  return impl_->cycle.silence(rt::now());
 }
 DeviceCounters DeviceServer::counters() const noexcept {
   return impl_->cycle.counters();

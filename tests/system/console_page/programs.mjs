@@ -75,6 +75,8 @@ export class System {
         '--device-arm1-free',
         '--settings',
         `${this.#scratch}/settings`,
+        '--stops',
+        'none',
       ],
       kRtpm,
     );

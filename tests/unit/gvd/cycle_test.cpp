@@ -476,6 +476,8 @@ TEST_F(Cycle, AnActiveDeviceWithoutACycleForLongIsLate) {
   run();
   EXPECT_TRUE(cycle_->newest(now_ + milliseconds{21})->faults.empty());
   EXPECT_TRUE(cycle_->newest(now_ + milliseconds{22})->faults.has(Fault::kDeviceLate));
+  EXPECT_FLOAT_EQ(cycle_->newest(now_ + milliseconds{60})->success_rate, 0.4F);
+  EXPECT_FLOAT_EQ(cycle_->newest(now_ + seconds{5})->success_rate, 0);
   EXPECT_TRUE(sample().faults.empty()) << "only for the reader of that time";
   cycle_->end(now_);
   EXPECT_TRUE(cycle_->newest(now_ + milliseconds{22})->faults.empty()) << "nobody waits for it";
@@ -510,11 +512,99 @@ TEST_F(Cycle, ALostDeviceLosesForceAndLeaseAndComesBack) {
 
 TEST_F(Cycle, ManyBadCyclesInARowCountAsGone) {
   driver_.script = [](const driver::Command&, driver::Sample&) { return ExchangeStatus::kLate; };
-  run(20);
-  EXPECT_EQ(sample().lifecycle, Lifecycle::kActive);
+  run(200);
+  EXPECT_EQ(sample().lifecycle, Lifecycle::kActive) << "a busy host";
   run(1);
   EXPECT_EQ(sample().lifecycle, Lifecycle::kFault);
   EXPECT_EQ(cycle_->counters().gone_count, 1u);
+  EXPECT_NE(listener_.texts.at(0).find("has sent nothing new for 200 ms"), std::string::npos);
+}
+
+TEST_F(Cycle, TheTimeAfterWhichADeviceIsGoneIsConfigured) {
+  CycleConfig config;
+  config.gone_after = milliseconds{50};
+  make(config);
+  driver_.script = [](const driver::Command&, driver::Sample&) { return ExchangeStatus::kLate; };
+  run(50);
+  EXPECT_EQ(sample().lifecycle, Lifecycle::kActive);
+  run(1);
+  EXPECT_EQ(sample().lifecycle, Lifecycle::kFault);
+}
+
+TEST_F(Cycle, TheForceOfADeviceWithoutDataEndsAfterTwentyCycles) {
+  acquire();
+  reach(5);
+  driver_.script = [](const driver::Command&, driver::Sample&) { return ExchangeStatus::kLate; };
+  for (int i = 0; i < 45; ++i) {
+    ASSERT_TRUE(command(5));
+    run();
+  }
+  EXPECT_EQ(sample().lifecycle, Lifecycle::kActive);
+  EXPECT_EQ(applied(), 0) << "nobody knows where it is";
+  driver_.script = {};
+  reach(5);
+}
+
+TEST_F(Cycle, TheLogNamesWhatIsWrongWithADevicesData) {
+  driver_.script = [](const driver::Command&, driver::Sample& sample) {
+    sample.twist.linear_m_per_s.y = std::numeric_limits<double>::quiet_NaN();
+    return ExchangeStatus::kOk;
+  };
+  run(201);
+  ASSERT_EQ(listener_.texts.size(), 1u);
+  EXPECT_NE(listener_.texts[0].find("a NaN or infinity, last in twist"), std::string::npos);
+  driver_.script = [](const driver::Command&, driver::Sample&) { return ExchangeStatus::kCorrupt; };
+  run(800);
+  ASSERT_GE(listener_.texts.size(), 3u) << "back once, lost again";
+  EXPECT_NE(listener_.texts[2].find("unreadable data"), std::string::npos) << listener_.texts[2];
+}
+
+TEST_F(Cycle, AStatusThatDoesNotExistCountsAsAFailure) {
+  driver_.script = [](const driver::Command&, driver::Sample& sample) {
+    sample.pose.position_m.x = 99;
+    return static_cast<ExchangeStatus>(77);
+  };
+  run(10);
+  EXPECT_TRUE(sample().faults.has(Fault::kDeviceCorrupt));
+  EXPECT_EQ(sample().pose.position_m.x, 0);
+  EXPECT_EQ(cycle_->counters().corrupt_count, 10u);
+  run(191);
+  EXPECT_EQ(sample().lifecycle, Lifecycle::kFault);
+}
+
+TEST_F(Cycle, ADriverSetsItsOwnFaultBitsOnly) {
+  driver_.script = [](const driver::Command&, driver::Sample& sample) {
+    sample.faults.set(Fault::kOutsideWorkspace);
+    sample.faults.set(Fault::kEmergencyStop);
+    sample.faults.set(Fault::kTooFast);
+    return ExchangeStatus::kOk;
+  };
+  run();
+  EXPECT_EQ(driver::to_text(sample().faults), "outside the workspace");
+  cycle_->emergency_stop();
+  run();
+  EXPECT_TRUE(sample().faults.has(Fault::kEmergencyStop)) << "the server's own";
+}
+
+TEST_F(Cycle, APoseOrATimeThatCantBeIsMarked) {
+  const auto is_marked = [&](auto change) {
+    driver_.script = [change](const driver::Command&, driver::Sample& sample) {
+      sample.pose = {};
+      change(sample);
+      return ExchangeStatus::kOk;
+    };
+    run();
+    EXPECT_FALSE(sample().faults.has(Fault::kDeviceCorrupt));
+    return sample().faults.has(Fault::kImplausible);
+  };
+  run(10);
+  EXPECT_FALSE(is_marked([](driver::Sample&) {}));
+  EXPECT_TRUE(is_marked([](driver::Sample& sample) { sample.pose.position_m.z = 1e9; }));
+  EXPECT_TRUE(is_marked([](driver::Sample& sample) { sample.pose.orientation = {0, 0, 0, 0}; }));
+  EXPECT_TRUE(is_marked([](driver::Sample& sample) { sample.host_time += seconds{1}; }));
+  EXPECT_TRUE(is_marked([](driver::Sample& sample) { sample.host_time -= seconds{2}; }));
+  EXPECT_FALSE(is_marked([](driver::Sample& sample) { sample.host_time -= milliseconds{8}; }));
+  EXPECT_FALSE(is_marked([](driver::Sample& sample) { sample.host_time = {}; })) << "none yet";
 }
 
 TEST_F(Cycle, TheHolderTakesTheDeviceOutOfAndIntoOperation) {
@@ -542,7 +632,7 @@ TEST_F(Cycle, AMissedCycleLowersTheSuccessRate) {
   run(99);
   run(1, 3);
   EXPECT_EQ(cycle_->counters().missed_count, 3u);
-  EXPECT_FLOAT_EQ(sample().success_rate, 0.99F);
+  EXPECT_FLOAT_EQ(sample().success_rate, 0.97F) << "each missed one counts";
   run(100);
   EXPECT_FLOAT_EQ(sample().success_rate, 1.0F) << "the last hundred count";
 }

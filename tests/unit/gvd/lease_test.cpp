@@ -150,6 +150,28 @@ TEST(Lease, IsTakenOver) {
   EXPECT_TRUE(lease.renew(*next));
 }
 
+TEST(Lease, OfAnOperatorLastsAsLongAsItIsRenewed) {
+  LeaseConfig config;
+  config.operator_silence_max = seconds{5};
+  Lease lease{config, {1, 2}};
+  const auto former = lease.acquire();
+  ASSERT_TRUE(former);
+  const auto id = lease.take_over();
+  ASSERT_TRUE(id);
+  for (int s = 0; s < 3600; ++s) {
+    ASSERT_TRUE(lease.renew(*id));
+    ASSERT_EQ(lease.step(at(seconds{s})), *id) << s;
+    ASSERT_FALSE(lease.acquire()) << "the former holder waits";
+  }
+  EXPECT_EQ(lease.step(at(seconds{3604} - milliseconds{1})), *id);
+  EXPECT_EQ(lease.step(at(seconds{3604})), Lease::kNobody) << "silent for 5 s";
+  EXPECT_EQ(lease.state_of(*id), LeaseState::kSilent);
+  const auto next = lease.acquire();
+  ASSERT_TRUE(next);
+  EXPECT_EQ(lease.step(at(seconds{3605})), *next);
+  EXPECT_EQ(lease.step(at(seconds{3606})), Lease::kNobody) << "a client again";
+}
+
 TEST(Lease, IsTakenByAnOperatorWhenNobodyHasIt) {
   Lease lease{{}, {1, 2}};
   EXPECT_TRUE(lease.take_over());

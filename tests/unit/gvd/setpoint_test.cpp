@@ -4,8 +4,8 @@
 #include <optional>
 
 #include "cycle.hpp"
-#include "scripted_driver.hpp"
 #include "rtpm/gvd/setpoint_limiter.hpp"
+#include "scripted_driver.hpp"
 
 /// Commands that are not forces: motion, joints and outputs, and the emergency stop.
 namespace rtpm::gvd {
@@ -129,6 +129,44 @@ TEST_F(Commanded, OutputsGoToTheirSafeValuesWithoutACommand) {
   EXPECT_EQ(last().outputs[1], 0);
 }
 
+TEST_F(Commanded, AForceLeavesTheOutputsAsTheyAreAndTheyTheForce) {
+  const auto force = Setpoint::with_wrench({{2, 0, 0}, {}});
+  reach(force);
+  ASSERT_TRUE(command(Setpoint::with_outputs({1, 3})));
+  for (int i = 0; i < 100; ++i) {
+    ASSERT_TRUE(command(force));
+    run();
+    ASSERT_EQ(last().outputs[0], 1) << i;
+    ASSERT_NEAR(last().wrench.force_newton.x, 2, 1e-9) << i;
+  }
+  EXPECT_EQ(last().mode, CommandMode::kForce);
+  Setpoint both = force;
+  both.outputs = {0.5F, 2};
+  ASSERT_TRUE(command(both));
+  run();
+  EXPECT_EQ(last().outputs[0], 0.5F) << "one command may set both";
+  ASSERT_TRUE(command(Setpoint::with_outputs({})));
+  ASSERT_TRUE(command(force));
+  run();
+  EXPECT_EQ(last().outputs[0], 0) << "both commands of a cycle count";
+  EXPECT_EQ(last().outputs[1], 0);
+}
+
+TEST_F(Commanded, OutputsDoNotKeepAForceAlive) {
+  reach(Setpoint::with_wrench({{2, 0, 0}, {}}));
+  for (int i = 0; i < 40; ++i) {
+    ASSERT_TRUE(command(Setpoint::with_outputs({1, 3})));
+    run();
+  }
+  EXPECT_EQ(last().wrench.force_newton.x, 0) << "its thread is gone";
+  EXPECT_EQ(last().mode, CommandMode::kOutputs);
+  EXPECT_EQ(last().outputs[0], 1);
+  EXPECT_TRUE(sample().faults.has(Fault::kCommandLost));
+  cycle_->emergency_stop();
+  run();
+  EXPECT_EQ(last().outputs[0], 0.25F) << "safe";
+}
+
 TEST_F(Commanded, EffortsRiseBySoftStartAndFallByTheRamp) {
   ASSERT_TRUE(command(joints(CommandMode::kJointEffort, 0.4, 0)));
   run(2);
@@ -187,6 +225,19 @@ TEST_F(Commanded, AnEmergencyStopTakesTheForceAtOnceAndLatches) {
   ASSERT_TRUE(command(Setpoint::with_wrench({{4, 0, 0}, {}})));
   run(2);
   EXPECT_LT(last().wrench.force_newton.x, 1) << "soft start";
+}
+
+TEST_F(Commanded, AStopBehindTheRequestToRearmStands) {
+  cycle_->emergency_stop();
+  run();
+  ASSERT_TRUE(cycle_->request(lease_, Release::kRearm));
+  cycle_->emergency_stop();
+  run(2);
+  EXPECT_TRUE(cycle_->is_stopped()) << "the operator who rearmed did not know of it";
+  EXPECT_TRUE(sample().faults.has(Fault::kEmergencyStop));
+  ASSERT_TRUE(cycle_->request(lease_, Release::kRearm));
+  run();
+  EXPECT_FALSE(cycle_->is_stopped());
 }
 
 }  // namespace

@@ -51,6 +51,18 @@ class Source final : public CycleObserver {
   std::atomic<std::uint64_t> overrun_count_{0};
 };
 
+/// A sample that is older was not measured then: the device reports changes only, and has reported
+/// none.
+constexpr Duration kLatencyMax = std::chrono::seconds{1};
+
+/// When the sample was measured, by its device if that can be.
+MonotonicTime measured_at(const CycleRecord& record) noexcept {
+  const MonotonicTime measured = record.sample.host_time;
+  const bool is_measured = !record.sample.faults.has(driver::Fault::kImplausible) &&
+                           record.time - measured <= kLatencyMax;
+  return is_measured ? measured : record.time;
+}
+
 struct LeftConfiguration {
   events::SourceId source = 0;
   MonotonicTime time{};
@@ -112,8 +124,9 @@ struct DevicePublisher::Impl {
       count(no_hub_count);
       return;
     }
-    const EventStamp stamp{source.id(), record.sample.sequence, record.time};
+    EventStamp stamp{source.id(), record.sample.sequence, measured_at(record)};
     count(add_event(*supplier, stamp, record.sample));
+    stamp.time = record.time;
     for (const CycleChange& change : changes)
       count(add_event(*supplier, stamp, change));
   }

@@ -2,8 +2,6 @@
 
 #include <device_events.rtpm.events.hpp>
 
-#include <algorithm>
-#include <array>
 #include <atomic>
 #include <utility>
 
@@ -18,8 +16,8 @@ namespace {
 using Event = device::StopAllRequestedEvent;
 static_assert(kStopAllRequested == Event::kType);
 
-/// Requests that are not obeyed again.
-constexpr std::size_t kRememberedCount = 16;
+/// Of different requests, for consumer and hub.
+constexpr std::uint32_t kQueueCapacity = 16;
 constexpr std::uint64_t kNoRequest = 0;
 
 std::uint64_t random_id() noexcept {
@@ -32,13 +30,14 @@ std::uint64_t random_id() noexcept {
 }  // namespace
 
 struct SystemStop::Impl final : events::EventHandler {
-  Impl(rpc::Node& used, EmergencyStops* stopped, SystemStopConfig given)
+  Impl(rpc::Node& used, SystemStopDevices* stopped, SystemStopConfig given)
       : node(used), devices(stopped), config(std::move(given)) {}
 
   void run() {
     while (!is_stopping.load(std::memory_order_relaxed)) {
       reach_hub();
       repeat_request();
+      remind();
       rt::sleep_until(rt::now() + config.repeat);
     }
   }
@@ -60,14 +59,15 @@ struct SystemStop::Impl final : events::EventHandler {
   }
 
   void subscribe() {
-    auto made = events::Consumer::create(node, config.hub,
-                                         {.name = "emergency stop",
-                                          .filter = events::of_type(Event::kType),
-                                          .delivery = {.queue_capacity = kRememberedCount},
-                                          .priority = config.priority,
-                                          .realtime = config.realtime,
-                                          .types = {&Event::kDescriptor}},
-                                         *this);
+    auto made = events::Consumer::create(
+        node, config.hub,
+        {.name = "emergency stop",
+         .filter = events::of_type(Event::kType),
+         .delivery = {.queue_capacity = kQueueCapacity, .replay = kQueueCapacity},
+         .priority = config.priority,
+         .realtime = config.realtime,
+         .types = {&Event::kDescriptor}},
+        *this);
     if (!made) return;
     consumer = std::move(*made);
     is_subscribed.store(true, std::memory_order_relaxed);
@@ -75,7 +75,8 @@ struct SystemStop::Impl final : events::EventHandler {
 
   void request() noexcept {
     const std::uint64_t id = random_id();
-    obey(id);
+    stop_count.fetch_add(1, std::memory_order_relaxed);
+    if (devices != nullptr) devices->obey(id);
     pending.store(id, std::memory_order_release);
     // The first push does not wait for the thread.
     if (auto* const ready = ready_supplier.load(std::memory_order_acquire)) {
@@ -95,6 +96,13 @@ struct SystemStop::Impl final : events::EventHandler {
     if (push(*supplier, id) && repeat_until == kNever) repeat_until = now + config.repeat_for;
   }
 
+  void remind() noexcept {
+    if (devices == nullptr || supplier == nullptr || rt::now() < remind_at) return;
+    const std::uint64_t id = devices->obeyed();
+    if (id == kNoRequest || !push(*supplier, id)) return;
+    remind_at = rt::now() + config.remind;
+  }
+
   static bool push(events::Supplier& to, std::uint64_t id) noexcept {
     const device::StopAll stop{id};
     return to
@@ -106,18 +114,18 @@ struct SystemStop::Impl final : events::EventHandler {
   }
 
   void obey(std::uint64_t id) noexcept {
-    const bool is_known = std::ranges::any_of(obeyed, [id](const std::atomic<std::uint64_t>& seen) {
-      return seen.load(std::memory_order_relaxed) == id;
-    });
-    if (is_known) return;
-    const std::uint64_t number = stop_count.fetch_add(1, std::memory_order_relaxed);
-    obeyed[number % kRememberedCount].store(id, std::memory_order_relaxed);
-    if (devices != nullptr) devices->stop_devices();
+    if (devices->obey(id)) stop_count.fetch_add(1, std::memory_order_relaxed);
+  }
+
+  /// Of a request that nobody reminds of any more.
+  [[nodiscard]] bool is_over(const events::EventHeader& header) const noexcept {
+    return header.is_replayed && header.hub_sent - header.hub_received > 3 * config.remind;
   }
 
   void on_events(std::span<const events::EventView> events) override {
     for (const events::EventView& event : events) {
-      if (event.header.type != Event::kType || event.payload.size() != sizeof(device::StopAll)) {
+      if (event.header.type != Event::kType || event.payload.size() != sizeof(device::StopAll) ||
+          is_over(event.header)) {
         continue;
       }
       obey(rpc::view_struct<device::StopAll>(event.payload).id());
@@ -125,25 +133,25 @@ struct SystemStop::Impl final : events::EventHandler {
   }
 
   rpc::Node& node;
-  EmergencyStops* devices;
+  SystemStopDevices* devices;
   SystemStopConfig config;
   std::atomic<bool> is_stopping{false};
   std::atomic<bool> is_subscribed{false};
   std::atomic<std::uint64_t> pending{kNoRequest};
   std::atomic<std::uint64_t> stop_count{0};
-  std::array<std::atomic<std::uint64_t>, kRememberedCount> obeyed{};
   std::atomic<events::Supplier*> ready_supplier{nullptr};
   // Of its thread.
   std::unique_ptr<events::Supplier> supplier{};
   std::unique_ptr<events::Consumer> consumer{};
   MonotonicTime retry_at{};
+  MonotonicTime remind_at{};
   std::uint64_t repeated = kNoRequest;
   MonotonicTime repeat_until = kNever;
   rt::Thread thread{};
 };
 
 expected<std::unique_ptr<SystemStop>, SetupError> SystemStop::start(
-    rpc::Node& node, EmergencyStops* devices, const SystemStopConfig& config) {
+    rpc::Node& node, SystemStopDevices* devices, const SystemStopConfig& config) {
   auto impl = std::make_unique<Impl>(node, devices, config);
   auto thread = rt::Thread::start({.name = "system-stop", .realtime = rt::RealtimeMode::kOff},
                                   [impl = impl.get()] { impl->run(); });

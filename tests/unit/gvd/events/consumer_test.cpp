@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "cycle.hpp"
+#include "events/event_wire.hpp"
 #include "rtpm/base/latest.hpp"
 #include "rtpm/events/supplier.hpp"
 #include "rtpm/gvd/publisher.hpp"
@@ -198,6 +199,52 @@ TEST_F(DeviceEvents, KeepEveryValueOfASample) {
   EXPECT_EQ(keeper.newest.read()->pose.position_m, sample.pose.position_m);
   EXPECT_EQ(keeper.newest.read()->joints, sample.joints);
   EXPECT_EQ(keeper.newest.read()->analogs, sample.analogs);
+}
+
+TEST_F(DeviceEvents, OfSamplesHappenedWhenTheyWereMeasured) {
+  class Origins final : public events::EventHandler {
+   public:
+    void on_events(std::span<const events::EventView> events) override {
+      const std::lock_guard lock(mutex_);
+      for (const events::EventView& event : events)
+        origins_.push_back(event.header.origin);
+    }
+    [[nodiscard]] std::vector<MonotonicTime> origins() {
+      const std::lock_guard lock(mutex_);
+      return origins_;
+    }
+
+   private:
+    std::mutex mutex_{};
+    std::vector<MonotonicTime> origins_{};
+  } handler;
+  auto consumer = events::Consumer::create(node_, hub_.url(),
+                                           {.filter = samples_of(kGaze),
+                                            .realtime = rt::RealtimeMode::kOff,
+                                            .types = device_event_types(),
+                                            .deadline = kPatience},
+                                           handler);
+  ASSERT_TRUE(consumer) << consumer.error().text();
+  driver::Sample& sample = gaze_->record().sample;
+  const auto cycle = [&](MonotonicTime now, MonotonicTime measured, driver::Faults faults = {}) {
+    sample.host_time = measured;
+    sample.faults = faults;
+    gaze_->cycle(now);
+  };
+  cycle(start_ + 20ms, start_ + 12ms);
+  cycle(start_ + 21ms, {});
+  cycle(start_ + 22ms, start_ + 22ms - 5s);
+  cycle(start_ + 23ms, start_ + 9ms, driver::Faults{1U << 19});
+  ASSERT_TRUE(await([&] { return handler.origins().size() == 4; }));
+  // Its own clock is the hub's.
+  const std::vector<MonotonicTime> origins = handler.origins();
+  const auto near = [&](std::size_t i, Duration time) {
+    return std::chrono::abs(origins[i] - (start_ + time)) < 1ms;
+  };
+  EXPECT_TRUE(near(0, 12ms)) << "a tracker's latency";
+  EXPECT_TRUE(near(1, 21ms)) << "no time";
+  EXPECT_TRUE(near(2, 22ms)) << "it has reported no change for 5 s";
+  EXPECT_TRUE(near(3, 23ms)) << "a time that can't be";
 }
 
 TEST_F(DeviceEvents, OfTwoDevicesAreCorrelatedAndTheirSilenceIsTold) {

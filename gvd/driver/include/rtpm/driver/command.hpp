@@ -23,7 +23,7 @@ enum class CommandMode : std::uint8_t {
   kJointPosition = 4,  ///< Move each joint to its position.
   kJointVelocity = 5,  ///< Move each joint with its velocity.
   kJointEffort = 6,    ///< Apply each joint's effort.
-  kOutputs = 7,        ///< Set the outputs only.
+  kOutputs = 7,        ///< Set the outputs; force and motion stay as they are.
 };
 inline constexpr std::uint8_t kCommandModeCount = 8;
 /// "off", "force", "pose", "velocity", "joint position", "joint velocity", "joint effort",
@@ -31,7 +31,8 @@ inline constexpr std::uint8_t kCommandModeCount = 8;
 [[nodiscard]] std::string_view to_string(CommandMode mode) noexcept;
 
 /// What a client asks of a device until its next setpoint. The mode says which of wrench, pose,
-/// twist and joints counts; the outputs count in every mode but kOff.
+/// twist and joints counts. Outputs that are all zero stay as they are, but in kOutputs, which sets
+/// them, and kOff, which makes them safe.
 /// @ownership plain value, trivially copyable
 struct Setpoint {
   CommandMode mode = CommandMode::kOff;

@@ -46,6 +46,10 @@ enum class Fault : std::uint32_t {
   kPowerLimited = 1u << 16,      ///< The command would give its user more power than the limit.
   kBraked = 1u << 17,            ///< The passivity guard brakes.
   kHeatLimited = 1u << 18,       ///< The force is shortened for the motors' heat.
+  /// A pose or time that can't be: beyond 1 km, a rotation that is no unit quaternion, a host_time
+  /// in
+  /// the future or before the device was opened. The values are as the driver gave them.
+  kImplausible = 1u << 19,
 };
 
 /// A set of faults.
@@ -56,6 +60,9 @@ class Faults {
 
   constexpr void set(Fault fault) noexcept { bits_ |= static_cast<std::uint32_t>(fault); }
   constexpr void set(Faults other) noexcept { bits_ |= other.bits_; }
+  [[nodiscard]] constexpr Faults only(Faults those) const noexcept {
+    return Faults{bits_ & those.bits_};
+  }
   [[nodiscard]] constexpr bool has(Fault fault) const noexcept {
     return (bits_ & static_cast<std::uint32_t>(fault)) != 0;
   }
@@ -66,6 +73,9 @@ class Faults {
  private:
   std::uint32_t bits_ = 0;
 };
+
+/// The bits that a driver sets; others that it sets do not count.
+inline constexpr Faults kDriverFaults{0xff};
 
 /// The faults in words, "command lost, soft start", or "none".   Set-up only: allocates.
 [[nodiscard]] std::string to_text(Faults faults);

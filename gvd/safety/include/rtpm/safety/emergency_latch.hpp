@@ -1,20 +1,34 @@
 #pragma once
 
 #include <atomic>
+#include <cstdint>
 
 namespace rtpm::gvd {
 
 /// An emergency stop: no force and no commands, until rearm().
-/// @threads  any
+/// @threads  stop(), is_set() and number() from any, rearm() from one
 /// @realtime alloc-free and without waiting
 class EmergencyLatch {
  public:
-  void stop() noexcept { is_set_.store(true, std::memory_order_release); }
-  void rearm() noexcept { is_set_.store(false, std::memory_order_release); }
-  [[nodiscard]] bool is_set() const noexcept { return is_set_.load(std::memory_order_acquire); }
+  void stop() noexcept { number_.fetch_add(1, std::memory_order_acq_rel); }
+  [[nodiscard]] bool is_set() const noexcept {
+    return number() != rearmed_number_.load(std::memory_order_acquire);
+  }
+  /// Counts the stops.
+  [[nodiscard]] std::uint32_t number() const noexcept {
+    return number_.load(std::memory_order_acquire);
+  }
+  /// Ends the stop, unless it is newer than `number`: a request to rearm ends only stops that came
+  /// before it.
+  /// @return whether there is no stop now
+  bool rearm(std::uint32_t number) noexcept {
+    if (number == this->number()) rearmed_number_.store(number, std::memory_order_release);
+    return !is_set();
+  }
 
  private:
-  std::atomic<bool> is_set_{false};
+  std::atomic<std::uint32_t> number_{0};
+  std::atomic<std::uint32_t> rearmed_number_{0};
 };
 
 }  // namespace rtpm::gvd

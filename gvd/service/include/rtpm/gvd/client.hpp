@@ -84,6 +84,7 @@ class DeviceClient {
   [[nodiscard]] expected<driver::Sample, DeviceError> read(
       const rpc::CallOptions& options = {}) noexcept;
   /// Sets the force, in newton in the device's frame, until the next command or the end of `hold`.
+  /// Outputs stay as they are.
   /// @realtime as rpc::Binding::call()
   /// @errors   as set()
   [[nodiscard]] DeviceResult set_force(const driver::Vector3& force_newton,
@@ -94,7 +95,9 @@ class DeviceClient {
 
   /// Sets whatever the device takes: wrench, pose, velocity, joints or outputs, by
   /// Setpoint::mode, until the next command or the end of `hold`; then force and efforts fall to
-  /// zero, motion stops, and outputs go to their safe values.
+  /// zero, motion stops, and outputs go to their safe values. CommandMode::kOutputs leaves force
+  /// and motion as they are, and these leave the outputs: one thread commands a force, another one
+  /// a vibration.
   /// @realtime as rpc::Binding::call()
   /// @errors   kNotHolder · kNotActive · kWrongMode · kSuperseded · kNotFinite · kTooMany ·
   ///           kEmergencyStop · kCallFailed

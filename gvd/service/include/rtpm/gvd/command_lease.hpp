@@ -35,7 +35,8 @@ class RateGate {
 [[nodiscard]] SipKey random_lease_key();
 
 /// The right to command a device, held by one client at a time. Ends when released, silent or idle
-/// for too long, or taken over. Its holder is identified by an unguessable number.
+/// for too long, or taken over; that of an operator, who took it over, is never idle. Its holder is
+/// identified by an unguessable number.
 /// @ownership a value, not copied
 /// @threads  step() and revoke() from the device's thread, everything else from any
 /// @realtime alloc-free, never waits, reads no clock
@@ -112,6 +113,7 @@ class Lease {
   std::array<Record, kRememberedCount> records_{};
   std::atomic<std::uint64_t> serial_{0};
   std::atomic<std::uint64_t> holder_{kNobody};
+  std::atomic<std::uint64_t> operator_{kNobody};  ///< The newest lease that was taken over.
   std::atomic<std::uint64_t> renewed_count_{0};
   std::atomic<std::uint64_t> used_count_{0};
   std::atomic<std::uint64_t> expired_count_{0};

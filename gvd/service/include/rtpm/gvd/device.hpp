@@ -33,13 +33,17 @@ struct CycleConfig {
   /// clients.
   Priority operator_priority{28000};
   Duration retry = std::chrono::milliseconds{500};  ///< Between attempts to reach a lost device.
-  std::uint32_t bad_cycle_max = 20;  ///< Consecutive late or corrupt cycles that count as gone.
+  /// A device whose cycles are late or corrupt for so long, and for more than twenty cycles, counts
+  /// as gone. Its force goes to zero after twenty cycles.
+  Duration gone_after = std::chrono::milliseconds{200};
   /// Limits of the safety filter; nullopt: SafetyConfig::for_device().
   std::optional<SafetyConfig> safety{};
   DeviceListener* listener = nullptr;  ///< May be null; must outlive the device's server.
   CycleObserver* observer = nullptr;   ///< Likewise.
   /// Of the program that hosts the device; likewise. Null: it hosts no other.
   EmergencyStops* emergency_stops = nullptr;
+  /// Likewise. Null: an emergency stop ends with the device's server.
+  StopMemory* stop_memory = nullptr;
 };
 
 /// Counters of a device.

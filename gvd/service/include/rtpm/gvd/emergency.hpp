@@ -28,4 +28,20 @@ class EmergencyStops {
   [[nodiscard]] virtual bool stop_system() noexcept = 0;
 };
 
+/// Remembers a device's emergency stop beyond the end of its server.
+/// @threads  any
+/// @realtime alloc-free
+class StopMemory {
+ public:
+  StopMemory() = default;
+  StopMemory(const StopMemory&) = delete;
+  StopMemory& operator=(const StopMemory&) = delete;
+  virtual ~StopMemory() = default;
+  /// Whether the device was stopped when its last server ended: then it begins so.
+  [[nodiscard]] virtual bool was_stopped() const noexcept = 0;
+  /// The device was stopped or rearmed, which already has its effect; DeviceServer::is_stopped()
+  /// says which. Does not wait for a disk.
+  virtual void on_change() noexcept = 0;
+};
+
 }  // namespace rtpm::gvd

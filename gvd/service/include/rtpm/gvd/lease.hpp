@@ -18,6 +18,17 @@ struct LeaseConfig {
   Duration acquire_interval = std::chrono::milliseconds{100};
   /// Minimum between two successful take_over().
   Duration take_over_interval = std::chrono::seconds{1};
+  /// Ends the lease of a silent operator, who took it over. It has no `idle_max`: an operator holds
+  /// a device without commanding it, for as long as it takes.
+  Duration operator_silence_max = std::chrono::seconds{5};
+
+  /// The times of a lease that was taken over.
+  [[nodiscard]] constexpr LeaseConfig of_operator() const noexcept {
+    LeaseConfig config = *this;
+    config.silence_max = operator_silence_max;
+    config.idle_max = std::chrono::hours{24 * 365 * 100};
+    return config;
+  }
 };
 
 /// State of a lease; wire numbers.

@@ -73,6 +73,10 @@ class DeviceServer {
   /// @threads  any
   /// @realtime alloc-free
   void emergency_stop() noexcept;
+  /// Whether an emergency stop is in force.
+  /// @threads  any
+  /// @realtime alloc-free
+  [[nodiscard]] bool is_stopped() const noexcept;
 
   /// The object for an rpc::Server; lives as long as this.
   [[nodiscard]] rpc::Servant& servant() noexcept;
@@ -84,6 +88,11 @@ class DeviceServer {
   /// The newest sample, for use in the same process; nothing before the first.
   /// @realtime alloc-free
   [[nodiscard]] std::optional<driver::Sample> newest() const noexcept;
+  /// How long an active device has not completed a cycle: its driver does not return, or its thread
+  /// gets no CPU.
+  /// @threads  any
+  /// @realtime alloc-free
+  [[nodiscard]] Duration silence() const noexcept;
   [[nodiscard]] DeviceCounters counters() const noexcept;
   /// The cycles around the device's faults.
   [[nodiscard]] const FlightRecorder& flight_recorder() const noexcept;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 
@@ -8,7 +9,6 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/events/defaults.hpp"
 #include "rtpm/events/event.hpp"
-#include "rtpm/gvd/emergency.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/thread.hpp"
 
@@ -19,12 +19,32 @@ namespace rtpm::gvd {
 inline constexpr events::EventType kStopAllRequested = 1380974601;
 inline constexpr events::SourceId kStopAllSource = 0;
 
+/// The devices of a program, as the system-wide emergency stop sees them.
+/// @threads  any
+/// @realtime alloc-free
+class SystemStopDevices {
+ public:
+  SystemStopDevices() = default;
+  SystemStopDevices(const SystemStopDevices&) = delete;
+  SystemStopDevices& operator=(const SystemStopDevices&) = delete;
+  virtual ~SystemStopDevices() = default;
+  /// Stops those that have not obeyed the request `id` yet, now or in the life of an earlier
+  /// server.
+  /// @return whether there was one
+  virtual bool obey(std::uint64_t id) noexcept = 0;
+  /// The newest request that one of them obeyed and that was not rearmed since; 0: none.
+  [[nodiscard]] virtual std::uint64_t obeyed() const noexcept = 0;
+};
+
 /// Configures a part of the system-wide emergency stop.
 struct SystemStopConfig {
   std::string hub{events::kHubPath};  ///< A name or a URL; the same in the whole system.
   Duration retry = std::chrono::milliseconds{500};   ///< Between attempts to reach the hub.
   Duration repeat = std::chrono::milliseconds{100};  ///< Of a request,
   Duration repeat_for = std::chrono::seconds{5};     ///< from its first push on.
+  /// Of a request that a device of this program has obeyed, until it is rearmed: for servers that
+  /// start meanwhile. A hub's latched request counts for three times as long.
+  Duration remind = std::chrono::seconds{1};
   /// Of the event, and of the thread that obeys it.
   Priority priority = Priority::kHighest;
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
@@ -33,7 +53,9 @@ struct SystemStopConfig {
 /// The system-wide emergency stop, as a program takes part in it: obeys requests of others by
 /// stopping its own devices, and requests it of all. A request is repeated until `repeat_for` after
 /// a hub took it, so it reaches servers that are subscribing again just then; while no hub is there
-/// it waits. What was stopped stays stopped, whatever becomes of the hub.
+/// it waits. What was stopped stays stopped, whatever becomes of the hub. As long as one of its
+/// devices is not rearmed, a program reminds the others, so that a server that starts only now is
+/// stopped, too.
 /// @ownership refers to its node and devices, which must outlive it
 /// @threads  request() from any
 class SystemStop {
@@ -43,7 +65,7 @@ class SystemStop {
   /// @realtime set-up only
   /// @errors   no thread left
   [[nodiscard]] static expected<std::unique_ptr<SystemStop>, SetupError> start(
-      rpc::Node& node, EmergencyStops* devices, const SystemStopConfig& config = {});
+      rpc::Node& node, SystemStopDevices* devices, const SystemStopConfig& config = {});
   SystemStop(const SystemStop&) = delete;
   SystemStop& operator=(const SystemStop&) = delete;
   ~SystemStop();
@@ -53,7 +75,7 @@ class SystemStop {
   void request() noexcept;
   /// Whether requests of others would arrive now.
   [[nodiscard]] bool is_subscribed() const noexcept;
-  /// Requests that were pushed or obeyed.
+  /// Requests that were made, or that a device obeyed.
   [[nodiscard]] std::uint64_t stop_count() const noexcept;
 
  private:

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+
+#include "mailbox.hpp"
+
+#include "rtpm/base/time.hpp"
+#include "rtpm/driver/command.hpp"
+#include "rtpm/gvd/command_lease.hpp"
+
+namespace rtpm::gvd {
+
+/// The outputs that the lease's holder commands, beside its force or motion: a command of either
+/// leaves the other as it is, so that two threads command without knowing of each other.
+/// @ownership a value, not copied
+/// @threads  put() from any, the rest from the device's
+/// @realtime as Mailbox
+class HeldOutputs {
+ public:
+  using Values = decltype(driver::Setpoint::outputs);
+  struct Command {
+    std::uint64_t lease = Lease::kNobody;
+    Values values{};
+    MonotonicTime deadline{};
+  };
+
+  /// Leaves a command of outputs alone for the next cycle, as Mailbox::put().
+  template <class Allowed>
+  [[nodiscard]] MailOutcome put(MailStamp stamp, const Command& command,
+                                Allowed is_allowed) noexcept {
+    return mailbox_.put(stamp, command, is_allowed);
+  }
+
+  /// Takes the newest command of outputs.
+  void take() noexcept {
+    if (const auto newest = mailbox_.take()) held_ = *newest;
+  }
+  /// A command of force or motion has come. Its outputs, all zero, stay as they are: they last as
+  /// long as it does.
+  void follow(MonotonicTime now, std::uint64_t lease, const driver::Setpoint& setpoint,
+              MonotonicTime deadline) noexcept {
+    if (setpoint.mode == driver::CommandMode::kOff) {
+      drop();
+    } else if (setpoint.outputs != Values{}) {
+      held_ = {lease, setpoint.outputs, deadline};
+    } else if (is_live(now, lease)) {
+      held_.deadline = std::max(held_.deadline, deadline);
+    }
+  }
+  void drop() noexcept { held_ = {}; }
+
+  [[nodiscard]] bool is_live(MonotonicTime now, std::uint64_t holder) const noexcept {
+    return holder != Lease::kNobody && held_.lease == holder && now < held_.deadline;
+  }
+  [[nodiscard]] const Values& values() const noexcept { return held_.values; }
+
+ private:
+  Mailbox<Command> mailbox_{};
+  Command held_{};
+};
+
+}  // namespace rtpm::gvd

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <string_view>
+
+#include "rtpm/base/time.hpp"
+#include "rtpm/driver/sample.hpp"
+
+namespace rtpm::gvd {
+
+/// The first field of `sample` with a number that is a NaN or an infinity: "twist"; empty: none.
+/// @realtime alloc-free
+[[nodiscard]] std::string_view not_finite_field(const driver::Sample& sample) noexcept;
+
+/// When a sample may have been measured.
+struct MeasurementTimes {
+  MonotonicTime opened{};  ///< The device.
+  MonotonicTime cycle{};   ///< The one that took the sample.
+  Duration period{};
+};
+
+/// Whether pose and time of a finite sample can be, see driver::Fault::kImplausible.
+/// @realtime alloc-free
+[[nodiscard]] bool is_plausible(const driver::Sample& sample,
+                                const MeasurementTimes& times) noexcept;
+
+}  // namespace rtpm::gvd
