@@ -212,5 +212,58 @@ TEST_F(Devices, OfARegistryAreStoppedByOneCommand) {
   EXPECT_EQ(run_tool({"estop", "lab/gaze0", "house"}).exit_code, 2);
 }
 
+TEST_F(Devices, StayStoppedWhenTheirServerIsKilledUntilTheyAreRearmed) {
+  const std::string stops = testing::TempDir() + "rtpm_kept_stops";
+  std::filesystem::remove_all(stops);
+  const std::vector<std::string> options{"--events", "none", "--stops", stops};
+  auto devices = host("arm0,knob0", options);
+  ASSERT_TRUE(devices);
+  EXPECT_EQ(run_tool({"estop", "lab/arm0"}).exit_code, 0);
+  ASSERT_TRUE(devices->process.wait_for_errors("lab/arm0: emergency stop", kPatience));
+  const auto start_again = [&] {
+    devices->process.send_signal(SIGKILL);
+    EXPECT_TRUE(devices->process.wait(kPatience));
+    devices.reset();
+    devices = host("arm0,knob0", options);
+  };
+  start_again();
+  ASSERT_TRUE(devices);
+  EXPECT_TRUE(is_stopped("lab/arm0"));
+  EXPECT_FALSE(is_stopped("lab/knob0"));
+  EXPECT_NE(devices->process.errors().find("it was stopped before this program began"),
+            std::string::npos)
+      << devices->process.errors();
+  const auto rearmed = run_tool({"take-over", "lab/arm0", "rearm"});
+  EXPECT_EQ(rearmed.exit_code, 0) << rearmed.errors;
+  ASSERT_TRUE(devices->process.wait_for_errors("the device is rearmed", kPatience));
+  start_again();
+  ASSERT_TRUE(devices);
+  EXPECT_FALSE(is_stopped("lab/arm0"));
+  std::filesystem::remove_all(stops);
+}
+
+TEST_F(Devices, ShowAndConfirmWhatAnOperatorRequests) {
+  const auto devices = host("arm0", {"--events", "none"});
+  ASSERT_TRUE(devices);
+  EXPECT_EQ(run_tool({"estop", "lab/arm0"}).exit_code, 0);
+  // Each ends by itself, and take-overs are at least a second apart.
+  const auto transition = [&](const char* word) {
+    test::Process::End end;
+    EXPECT_TRUE(test::await(
+        [&] {
+          end = run_tool({"take-over", "lab/arm0", word});
+          return end.errors.find("a moment ago") == std::string::npos;
+        },
+        kPatience));
+    EXPECT_EQ(end.exit_code, 0) << end.errors;
+    EXPECT_NE(end.output.find("lab/arm0 is free: the right to command was given back"),
+              std::string::npos);
+    return end.output;
+  };
+  EXPECT_NE(transition("rearm").find("lab/arm0 is rearmed"), std::string::npos);
+  EXPECT_NE(transition("deactivate").find("lab/arm0 is inactive"), std::string::npos);
+  EXPECT_NE(transition("activate").find("lab/arm0 is active"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace rtpm::system_test

@@ -12,6 +12,9 @@
 #include <string>
 
 #include "programs.hpp"
+#include "rtpm/gvd/client.hpp"
+#include "rtpm/rpc/node.hpp"
+#include "rtpm/test/os.hpp"
 
 namespace rtpm::system_test {
 namespace {
@@ -123,10 +126,17 @@ TEST_F(Laboratory, ADeviceFreesItselfOfAClientThatOnlyHoldsIt) {
                    {"--port", "0", "--registry", registry_->url, "--realtime", "off", "--folder",
                     "lab", "--devices", "arm1", "--lease-idle", "1s", "--operator-priority", "5"});
   ASSERT_TRUE(device);
-  const auto held = run_program("rtpm", {"take-over", "lab/arm1", "--registry", registry_->url,
-                                         "--priority", "5", "--deadline", "10s"});
-  EXPECT_EQ(held.exit_code, 0) << held.errors;
-  EXPECT_NE(held.output.find("sent no command for too long"), std::string::npos) << held.output;
+  rpc::Node node({.default_deadline = std::chrono::seconds{10}});
+  auto holder = gvd::DeviceClient::open(node, device->url);
+  ASSERT_TRUE(holder) << holder.error().text();
+  ASSERT_TRUE(holder->acquire());
+  EXPECT_TRUE(test::await([&] { return !holder->renew(); }, kPatience));
+  EXPECT_EQ(*holder->lease_state(), gvd::LeaseState::kIdle);
+  const auto taken =
+      run_program("rtpm", {"take-over", "lab/arm1", "--registry", registry_->url, "--priority", "5",
+                           "--for", "1500ms", "--deadline", "10s"});
+  EXPECT_EQ(taken.exit_code, 0) << "an operator is never idle: " << taken.errors;
+  EXPECT_NE(taken.output.find("given back"), std::string::npos) << taken.output;
   EXPECT_EQ(run_servo({"--seconds", "0.2", "--device", "lab/arm1"}).exit_code, 0);
 }
 

@@ -15,6 +15,8 @@ namespace rtpm::tool {
 namespace {
 
 constexpr Duration kRenewal = std::chrono::milliseconds{200};
+constexpr Duration kEffectPatience = std::chrono::seconds{2};
+constexpr Duration kEffectInterval = std::chrono::milliseconds{5};
 
 struct TakeOverRequest {
   std::string device{};
@@ -22,14 +24,35 @@ struct TakeOverRequest {
   std::optional<Duration> time{};
 };
 
+bool is_active(const driver::Sample& sample) {
+  return sample.lifecycle == driver::Lifecycle::kActive;
+}
+bool is_inactive(const driver::Sample& sample) {
+  return sample.lifecycle == driver::Lifecycle::kInactive;
+}
+bool is_recovered(const driver::Sample& sample) {
+  return !sample.faults.has(driver::Fault::kCommandNotFinite) &&
+         !sample.faults.has(driver::Fault::kTooFast);
+}
+bool is_rearmed(const driver::Sample& sample) {
+  return !sample.faults.has(driver::Fault::kEmergencyStop);
+}
+
 struct Transition {
   std::string_view name{};
   gvd::DeviceResult (gvd::DeviceClient::*run)() = nullptr;
+  bool (*has_effect)(const driver::Sample& sample) = nullptr;
+  const char* state = "";  ///< In JSON.
+  const char* sentence = "";
 };
-constexpr std::array kTransitions{Transition{"recover", &gvd::DeviceClient::recover},
-                                  Transition{"activate", &gvd::DeviceClient::activate},
-                                  Transition{"deactivate", &gvd::DeviceClient::deactivate},
-                                  Transition{"rearm", &gvd::DeviceClient::rearm}};
+constexpr std::array kTransitions{
+    Transition{"recover", &gvd::DeviceClient::recover, &is_recovered, "recovered",
+               "has recovered: no fault holds its force back"},
+    Transition{"activate", &gvd::DeviceClient::activate, &is_active, "active", "is active"},
+    Transition{"deactivate", &gvd::DeviceClient::deactivate, &is_inactive, "inactive",
+               "is inactive: it applies no force until it is activated"},
+    Transition{"rearm", &gvd::DeviceClient::rearm, &is_rearmed, "rearmed",
+               "is rearmed: the emergency stop is over, and commands count again"}};
 
 int fail(const Context& context, const std::string& device, std::string_view why) {
   return context.fail(device + ": " + std::string(why));
@@ -52,6 +75,46 @@ std::string why_not(const gvd::DeviceClient& device, gvd::DeviceError error) {
   return "was not taken over: " + std::string(to_string(error));
 }
 
+/// What the device shows, for people.
+std::string standing_of(const driver::Sample& sample) {
+  return "it is " + std::string(to_string(sample.lifecycle)) +
+         ", faults: " + to_text(sample.faults);
+}
+
+/// Requests the transition, and waits until the device's samples show it.
+/// @return the exit code
+int perform(Context& context, gvd::DeviceClient& device, const std::string& name,
+            const Transition& transition) {
+  const std::string prefix = std::string(transition.name) + ": ";
+  if (const auto done = (device.*transition.run)(); !done) {
+    return fail(context, name, prefix + std::string(to_string(done.error())));
+  }
+  const MonotonicTime end = rt::now() + kEffectPatience;
+  while (true) {
+    const auto sample = device.read();
+    if (sample && transition.has_effect(*sample)) {
+      tell(context, name, transition.state, transition.sentence);
+      return kDone;
+    }
+    if (rt::now() >= end) {
+      return fail(context, name,
+                  prefix + "the device took the request and shows no effect after 2 s; " +
+                      (sample ? standing_of(*sample) : std::string(to_string(sample.error()))));
+    }
+    rt::sleep_until(rt::now() + kEffectInterval);
+  }
+}
+
+/// Releases the lease.
+/// @return the exit code
+int release(Context& context, gvd::DeviceClient& device, const std::string& name) {
+  if (const auto released = device.release(); !released) {
+    return fail(context, name, to_string(released.error()));
+  }
+  tell(context, name, "free", "is free: the right to command was given back");
+  return kDone;
+}
+
 /// Keeps the lease for the requested time, or until the device ends it.
 int hold(Context& context, gvd::DeviceClient& device, const TakeOverRequest& request) {
   const MonotonicTime until = request.time ? rt::now() + *request.time : kNever;
@@ -62,14 +125,9 @@ int hold(Context& context, gvd::DeviceClient& device, const TakeOverRequest& req
     if (renewed.error() != gvd::DeviceOutcome::kNotHolder || !state) {
       return fail(context, request.device, to_string(renewed.error()));
     }
-    tell(context, request.device, "free", "is free: " + std::string(to_string(*state)));
-    return *state == gvd::LeaseState::kIdle ? kDone : kFailed;
+    return fail(context, request.device, "is not held any more: " + std::string(to_string(*state)));
   }
-  if (const auto released = device.release(); !released) {
-    return fail(context, request.device, to_string(released.error()));
-  }
-  tell(context, request.device, "free", "is free: the right to command was given back");
-  return kDone;
+  return release(context, device, request.device);
 }
 
 int take_over(Context& context, const TakeOverRequest& request) {
@@ -87,10 +145,9 @@ int take_over(Context& context, const TakeOverRequest& request) {
   const auto* const transition =
       std::ranges::find(kTransitions, request.transition, &Transition::name);
   if (transition != kTransitions.end()) {
-    if (const auto done = ((*device).*(transition->run))(); !done) {
-      return fail(context, request.device,
-                  request.transition + ": " + std::string(to_string(done.error())));
-    }
+    const int code = perform(context, *device, request.device, *transition);
+    if (code != kDone) return code;
+    if (!request.time) return release(context, *device, request.device);
   }
   return hold(context, *device, request);
 }
@@ -101,17 +158,22 @@ void add_take_over(CLI::App& program, Context& context) {
   const auto request = std::make_shared<TakeOverRequest>();
   CLI::App& command = add_command(
       program, context, "take-over", "Take the right to command a device from its holder",
-      "  rtpm take-over lab/arm0 deactivate --for 2s\n"
-      "The former holder's force goes to zero. The device is held without force for --for, until\n"
-      "Ctrl-C, or until it frees itself of a holder that commands nothing. The call's --priority "
+      "  rtpm take-over lab/arm0              hold it without force until Ctrl-C\n"
+      "  rtpm take-over lab/arm0 rearm        end its emergency stop, and give it back\n"
+      "The former holder's force goes to zero. The device is held without force for --for, or "
+      "until\n"
+      "Ctrl-C; with a transition and without --for it is given back once it shows that "
+      "transition.\n"
+      "The call's --priority is the device's --operator-priority, or above; if none is given, it "
       "is\n"
-      "the device's --operator-priority, or above; if none is given, it is that.\n",
+      "that.\n",
       [request](Context& c) { return take_over(c, *request); });
   add_target(command, request->device, "DEVICE");
   command.add_option("TRANSITION", request->transition, "recover, activate, deactivate or rearm")
       ->check(CLI::IsMember({"recover", "activate", "deactivate", "rearm"}))
       ->type_name("");
-  add_duration(command, "--for", request->time, "How long it is held; without: until Ctrl-C",
+  add_duration(command, "--for", request->time,
+               "How long it is held; without: until Ctrl-C or the transition",
                {Duration{0}, std::chrono::hours{24}});
 }
 

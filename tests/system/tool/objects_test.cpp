@@ -152,7 +152,8 @@ TEST_F(Objects, AreCalledInJsonAndRefuseItWithItsPosition) {
 TEST_F(Objects, ThatAreDevicesAreTakenOverAndStoppedInJson) {
   const auto held = rtpm({"take-over", "lab/arm0", "deactivate", "--for", "100ms", "--json"});
   EXPECT_EQ(held.exit_code, 0) << held.errors;
-  EXPECT_EQ(test::line_count(held.output), 2) << held.output;
+  EXPECT_EQ(test::line_count(held.output), 3) << held.output;
+  EXPECT_NE(held.output.find("\"inactive\""), std::string::npos) << held.output;
   const Json first = Json::parse(held.output.substr(0, held.output.find('\n')), nullptr, false);
   EXPECT_EQ(first["state"], "held");
   const auto stopped = json_of({"estop", "lab/arm0"});
