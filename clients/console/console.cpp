@@ -90,7 +90,7 @@ expected<void, SetupError> Console::start(
   every(kLatencyInterval, [this] { publish_latency(); });
   every(kLatencyInterval, [this] { publish_graph(); });
   every(kIdleInterval, [this] { event_channels_.drop_idle(rt::now()); });
-  every(kRenewInterval, [this] { desk_.renew(); });
+  every(kRenewInterval, [this] { desk_.renew(rt::now()); });
   every(kParameterInterval, [this] { parameters_.poll(); });
   return {};
 }
@@ -148,6 +148,7 @@ void Console::on_open(Connection& connection) {
   Client& client = clients_.add(connection);
   const std::uint64_t id = connection.id();
   const bool may_command = connection.may_command();
+  if (may_command) desk_.on_open(id);
   foxglove::ServerInfo info{
       .name = "rtpm-console",
       .capabilities = {"parameters", "parametersSubscribe", "connectionGraph"},
@@ -172,7 +173,7 @@ void Console::on_close(Connection& connection) {
   if (Client* const client = clients_.find(id)) channels_.remove_client(*client);
   clients_.remove(id);
   hub_.end_log(id);
-  desk_.on_close(id);
+  desk_.on_close(id, rt::now());
 }
 
 void Console::on_text(Connection& connection, std::string_view text) {
@@ -301,7 +302,7 @@ Json Console::state() const {
   events["dropped_count"] = hub_.dropped_count();
   Json devices = Json::array();
   for (const auto& [name, device] : devices_)
-    devices.push_back(device.json(now, parameters_.has(name)));
+    devices.push_back(device.json(now, parameters_.has(name), desk_.left(name, now)));
   Json objects = Json::array();
   for (const ObjectView& object : objects_.objects) {
     objects.push_back(

@@ -106,7 +106,8 @@ void DeviceState::see_sequence(std::uint64_t sequence, MonotonicTime now) {
   }
 }
 
-Json DeviceState::json(MonotonicTime now, bool has_config) const {
+Json DeviceState::json(MonotonicTime now, bool has_config,
+                       std::optional<Duration> lease_left) const {
   const bool is_fresh = newest_ && now - *newest_ <= kStaleAge;
   Json json{{"name", name_},
             {"model", descriptor_ ? descriptor_->model : ""},
@@ -134,7 +135,8 @@ Json DeviceState::json(MonotonicTime now, bool has_config) const {
   if (lease_ == gvd::LeaseState::kUnknown) lease = "unknown";
   if (is_own) lease = "held by this console";
   json["lease"] = {{"state", lease},
-                   {"since_s", lease_since_ ? Json(seconds_of(now - *lease_since_)) : Json()}};
+                   {"since_s", lease_since_ ? Json(seconds_of(now - *lease_since_)) : Json()},
+                   {"ends_in_s", is_own && lease_left ? Json(seconds_of(*lease_left)) : Json()}};
   json["is_stopped"] = sample_ && sample_->faults.has(driver::Fault::kEmergencyStop);
   json["has_config"] = has_config;
   return json;

@@ -27,7 +27,8 @@ class DeviceState {
 
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
   [[nodiscard]] const std::shared_ptr<DeviceLink>& link() const noexcept { return link_; }
-  [[nodiscard]] nlohmann::ordered_json json(MonotonicTime now, bool has_config) const;
+  [[nodiscard]] nlohmann::ordered_json json(MonotonicTime now, bool has_config,
+                                            std::optional<Duration> lease_left) const;
   [[nodiscard]] LatencyWindow& latency() noexcept { return latency_; }
 
  private:

@@ -170,11 +170,11 @@ void OperatorDesk::stop(const PendingCall& call, const nlohmann::json& request) 
 std::string OperatorDesk::refusal(std::uint64_t connection_id, const std::string& device,
                                   bool is_forced) const {
   const auto found = operators_.find(device);
-  if (found != operators_.end() && found->second != connection_id && !is_forced) {
-    return "another browser (connection " + std::to_string(found->second) + ") operates " + device +
-           "; take over first";
-  }
-  return {};
+  if (found == operators_.end() || is_forced) return {};
+  const Operator& other = found->second;
+  if (other.connection_id == connection_id || other.gone_since) return {};
+  return "another browser (connection " + std::to_string(other.connection_id) + ") operates " +
+         device + "; take over first";
 }
 
 void OperatorDesk::run(const PendingCall& call, const nlohmann::json& request,
@@ -189,7 +189,7 @@ void OperatorDesk::run(const PendingCall& call, const nlohmann::json& request,
     return router_.fail(call, why);
   }
   // From now on, so that a second browser does not come in between.
-  operators_[name] = call.connection_id;
+  operators_[name] = {call.connection_id};
   const bool is_queued = pool_.run(name, [=, this] {
     DeviceError error = kDone;
     if (command.needs_lease && link->lease() == 0) error = take_over(*link);
@@ -214,7 +214,13 @@ void OperatorDesk::run(const PendingCall& call, const nlohmann::json& request,
   if (!is_queued) router_.fail(call, "too much waits to be done; try again");
 }
 
-void OperatorDesk::renew() {
+void OperatorDesk::renew(MonotonicTime now) {
+  std::vector<std::string> left_alone;
+  for (const auto& [device, browser] : operators_) {
+    if (browser.gone_since && now - *browser.gone_since >= kGoneMax) left_alone.push_back(device);
+  }
+  for (const std::string& device : left_alone)
+    release(device);
   for (const std::string& name : devices_.names()) {
     const auto link = devices_.link(name);
     if (!link || link->lease() == 0) continue;
@@ -236,13 +242,22 @@ void OperatorDesk::release(const std::string& device) {
   static_cast<void>(pool_.run(device, [link] { static_cast<void>(give_back(*link)); }));
 }
 
-void OperatorDesk::on_close(std::uint64_t connection_id) {
-  std::vector<std::string> operated;
-  for (const auto& [device, connection] : operators_) {
-    if (connection == connection_id) operated.push_back(device);
+void OperatorDesk::on_open(std::uint64_t connection_id) {
+  for (auto& [device, browser] : operators_) {
+    if (browser.gone_since) browser = {connection_id};
   }
-  for (const std::string& device : operated)
-    release(device);
+}
+
+void OperatorDesk::on_close(std::uint64_t connection_id, MonotonicTime now) {
+  for (auto& [device, browser] : operators_) {
+    if (browser.connection_id == connection_id) browser.gone_since = now;
+  }
+}
+
+std::optional<Duration> OperatorDesk::left(const std::string& device, MonotonicTime now) const {
+  const auto found = operators_.find(device);
+  if (found == operators_.end() || !found->second.gone_since) return std::nullopt;
+  return std::max(kGoneMax - (now - *found->second.gone_since), Duration{0});
 }
 
 void OperatorDesk::release_all() {

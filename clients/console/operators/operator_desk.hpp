@@ -1,14 +1,17 @@
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "live/callbacks.hpp"
 #include "operators/device_link.hpp"
+#include "rtpm/base/time.hpp"
 #include "rtpm/gvd/error.hpp"
 #include "services/call_router.hpp"
 #include "work/worker_pool.hpp"
@@ -21,6 +24,9 @@ namespace rtpm::console {
 /// @threads  the web server's
 class OperatorDesk {
  public:
+  /// How long a browser that operates a device may be gone.
+  static constexpr Duration kGoneMax = std::chrono::seconds{5};
+
   /// Where devices are found.
   struct Devices {
     std::function<std::vector<std::string>()> names{};
@@ -37,10 +43,17 @@ class OperatorDesk {
   /// Why a connection may not command a device just now; empty: it may.
   [[nodiscard]] std::string refusal(std::uint64_t connection_id, const std::string& device,
                                     bool is_forced) const;
-  /// Keeps the leases, and forgets those that have ended. Call it a few times per second.
-  void renew();
-  /// Releases what a connection operated.
-  void on_close(std::uint64_t connection_id);
+  /// Keeps the leases, forgets those that have ended, and releases those whose browser has been
+  /// gone for kGoneMax. Call it a few times per second.
+  void renew(MonotonicTime now);
+  /// A browser that may command is there: a page that was loaded again goes on with what it
+  /// operated.
+  void on_open(std::uint64_t connection_id);
+  /// The browser has kGoneMax to come back.
+  void on_close(std::uint64_t connection_id, MonotonicTime now);
+  /// How long the console goes on holding the device's lease, of which the browser is gone;
+  /// nullopt: the browser is there, or none operates the device.
+  [[nodiscard]] std::optional<Duration> left(const std::string& device, MonotonicTime now) const;
   /// Releases everything and waits for it, at the program's end.
   void release_all();
 
@@ -65,7 +78,11 @@ class OperatorDesk {
   WorkerPool& urgent_;
   Post post_;
   Devices devices_;
-  std::map<std::string, std::uint64_t> operators_{};  ///< Device to connection.
+  struct Operator {
+    std::uint64_t connection_id = 0;
+    std::optional<MonotonicTime> gone_since{};
+  };
+  std::map<std::string, Operator> operators_{};  ///< By device.
 };
 
 }  // namespace rtpm::console

@@ -149,12 +149,30 @@ TEST_F(Consoles, LetOneBrowserOperateADeviceAtATime) {
   EXPECT_TRUE(first->call("console/release", {{"device", "lab/arm0"}}).contains("failure"));
 }
 
-TEST_F(Consoles, ReleaseWhatABrowserOperatedWhenItLeaves) {
+TEST_F(Consoles, GoOnHoldingALeaseForABrowserThatLoadsThePageAgain) {
+  {
+    const auto before = connect_to_arm();
+    ASSERT_EQ(before->call("console/take_over", {{"device", "lab/arm0"}}), Json({{"ok", true}}));
+  }
+  const auto again = connect();
+  static_cast<void>(again->await_state([](const Json& state) {
+    const Json lease = device_in(state, "lab/arm0")["lease"];
+    return state["clients"]["count"] == 1 && lease["state"] == "held by this console" &&
+           lease["ends_in_s"].is_null();
+  }));
+  EXPECT_EQ(again->call("console/release", {{"device", "lab/arm0"}}), Json({{"ok", true}}));
+}
+
+TEST_F(Consoles, ReleaseWhatABrowserOperatedWhenItHasBeenGoneForFiveSeconds) {
   const auto watcher = connect_to_arm();
   {
     const auto leaving = connect();
     ASSERT_EQ(leaving->call("console/take_over", {{"device", "lab/arm0"}}), Json({{"ok", true}}));
   }
+  const Json left = watcher->await_state([](const Json& state) {
+    return device_in(state, "lab/arm0")["lease"]["ends_in_s"].is_number();
+  });
+  EXPECT_LE(device_in(left, "lab/arm0")["lease"]["ends_in_s"], 5.0);
   static_cast<void>(watcher->await_state([](const Json& state) {
     return device_in(state, "lab/arm0")["lease"]["state"] != "held by this console" &&
            state["clients"]["count"] == 1;

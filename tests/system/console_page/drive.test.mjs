@@ -347,7 +347,6 @@ describe('operators', () => {
     const other = await open(browser, system.url);
     await show(other, 'live/lab/knob0');
     await other.getByTestId('lifecycle').getByText('active', {exact: true}).waitFor();
-    // A lease without commands ends after 10 s, so that all of this follows at once.
     await show(page, 'live/lab/knob0');
     await button('Take over').click();
     await byId('lease').getByText('this console').waitFor();

@@ -137,11 +137,11 @@ const kCommands = {
     if (held.is_operated_elsewhere && !force) {
       throw new Error(`another browser (connection 3) operates ${device}; take over first`);
     }
-    held.lease = {state: 'held by this console', since_s: 0};
+    held.lease = {state: 'held by this console', since_s: 0, ends_in_s: null};
     return {ok: true};
   },
   release({device}) {
-    system.named(device).lease = {state: 'free', since_s: null};
+    system.named(device).lease = {state: 'free', since_s: null, ends_in_s: null};
     return {ok: true};
   },
   activate({device}) {

@@ -58,7 +58,12 @@ export interface Device {
   readonly buttons: readonly string[];
   readonly analogs: readonly Scale[];
   readonly joints: readonly Scale[];
-  readonly lease: {readonly state: string; readonly sinceS: number | null};
+  readonly lease: {
+    readonly state: string;
+    readonly sinceS: number | null;
+    /** The browser that operates the device is gone; null: the lease lasts until released. */
+    readonly endsInS: number | null;
+  };
   readonly isStopped: boolean;
   readonly hasConfig: boolean;
 }
@@ -236,7 +241,11 @@ function readDevice(device: JsonObject): Device {
     buttons: texts(device['buttons']),
     analogs: list(device['analogs']).map(readScale),
     joints: list(device['joints']).map(readScale),
-    lease: {state: text(lease['state'], 'unknown'), sinceS: numberOrNull(lease['since_s'])},
+    lease: {
+      state: text(lease['state'], 'unknown'),
+      sinceS: numberOrNull(lease['since_s']),
+      endsInS: numberOrNull(lease['ends_in_s']),
+    },
     isStopped: flag(device['is_stopped']),
     hasConfig: flag(device['has_config']),
   };

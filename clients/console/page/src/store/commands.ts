@@ -10,8 +10,10 @@ export interface Refusal {
   readonly isForceable: boolean;
 }
 
+export const kHoldsLease = 'this console holds the lease';
+
 const kWords: Readonly<Record<Command, string>> = {
-  take_over: 'this console holds the lease',
+  take_over: kHoldsLease,
   release: 'the lease is released',
   activate: 'active',
   deactivate: 'inactive, without force',

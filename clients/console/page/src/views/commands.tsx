@@ -1,5 +1,6 @@
+import {useRef} from 'preact/hooks';
 import {useApp} from '../store/app';
-import type {Command} from '../store/commands';
+import {kHoldsLease, type Command} from '../store/commands';
 import {freshness, type Device} from '../model/state';
 import {Badge, Card, Confirm, Notice} from '../parts/parts';
 import {Age, LeaseText, Lifecycle} from './device_status';
@@ -131,7 +132,7 @@ function Buttons({device}: {device: Device}) {
 function Outcome({device}: {device: Device}) {
   const app = useApp();
   const refusal = app.commands.refusals.value.get(device.name);
-  const done = app.commands.done.value.get(device.name);
+  const words = useDone(device, app.commands.done.value.get(device.name));
   if (refusal !== undefined) {
     return (
       <Notice tone="bad" role="alert">
@@ -152,7 +153,19 @@ function Outcome({device}: {device: Device}) {
   }
   return (
     <p class="quiet small" role="status">
-      {done === undefined ? '' : `Done: ${done}.`}
+      {words}
     </p>
   );
+}
+
+/** What was done last, as long as it is so: a lease may have ended since. */
+function useDone(device: Device, done: string | undefined): string {
+  const isOurs = device.lease.state === 'held by this console';
+  // The state that shows the lease follows the answer a moment later.
+  const wasOurs = useRef(false);
+  wasOurs.current = done === kHoldsLease && (wasOurs.current || isOurs);
+  if (done === undefined) return '';
+  if (done !== kHoldsLease) return `Done: ${done}.`;
+  if (wasOurs.current && !isOurs) return 'The lease of this console has ended.';
+  return `Done: ${done}. It lasts until it is released.`;
 }

@@ -29,13 +29,18 @@ export function Lifecycle({device}: {device: Device}) {
   return <Badge tone={kLifecycleTones[device.lifecycle] ?? 'plain'}>{device.lifecycle}</Badge>;
 }
 
-/** Which client holds the lease, and since when. */
+/** Which client holds the lease, since when, and how long. */
 export function LeaseText({device}: {device: Device}) {
-  const {state, sinceS} = device.lease;
+  const {state, sinceS, endsInS} = device.lease;
   const since = sinceS === null ? '' : ` for ${duration(sinceS)}`;
   switch (state) {
     case 'held by this console':
-      return <span>this console{since}</span>;
+      return (
+        <span>
+          this console{since},{' '}
+          {endsInS === null ? 'until released' : `its browser is gone: ${duration(endsInS)} left`}
+        </span>
+      );
     case 'held':
       return <span>another client{since}</span>;
     case 'free':
