@@ -344,6 +344,17 @@ TEST(Server, TapsAMethodThatThrows) {
   EXPECT_EQ(call->reply_size, 0U);
 }
 
+TEST(Server, LogsWhatAMethodThrew) {
+  const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
+    EchoServer server;
+    Node node(quiet_node());
+    Binding binding = bind_echo(node, server);
+    return binding.call(echo::kFail, bytes_of("throw")) ? "answered" : "failed";
+  });
+  EXPECT_EQ(child.said, "failed");
+  expect_text(child.errors, {"method fail failed: it threw"});
+}
+
 TEST(ServerWithoutTheRight, ServesTimeSharedWhenRealTimeIsPreferred) {
   const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
     rtpm::test::drop_realtime_rights();

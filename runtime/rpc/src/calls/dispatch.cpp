@@ -1,14 +1,44 @@
 #include "calls/dispatch.hpp"
 
+#include <algorithm>
+#include <exception>
+#include <string>
+#include <string_view>
+
 #include "calls/current_call.hpp"
 #include "calls/deferral.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/log.hpp"
+#include "rtpm/rt/memory.hpp"
 #include "rtpm/rt/priority.hpp"
 #include "security/caller_identity.hpp"
 #include "server/lane_table_owner.hpp"
 #include "server/policy.hpp"
 
 namespace rtpm::rpc {
+namespace {
+
+/// Bytes of an exception's text that are logged.
+constexpr std::size_t kThrownSizeMax = 400;
+
+/// Logs what a servant's method threw, whose caller gets kServantFailed. The exception has cost the
+/// lane's thread its time already.
+void log_thrown(const Object& object, std::uint16_t method, const char* what) noexcept {
+  const rt::AllowAllocationScope allowed;
+  try {
+    static rt::Log log("rtpm");
+    const auto methods = object.servant->interface().methods;
+    const auto found = std::ranges::find(methods, method, &MethodDescriptor::id);
+    const std::string name =
+        found == methods.end() ? std::to_string(method) : std::string(found->name);
+    log.write(object.path + ": method " + name + " failed: it threw " +
+              std::string(std::string_view(what).substr(0, kThrownSizeMax)));
+  } catch (...) {
+    // Without memory for the line the counter of failures has to do.
+  }
+}
+
+}  // namespace
 
 expected<Target, wire::Status> Dispatch::target_of(
     const wire::Request& request, const wire::ServerSessions* sessions) const noexcept {
@@ -68,9 +98,12 @@ Ran Dispatch::run_method(const Target& target, const wire::Request& request, Mut
   const BusyMark busy(request.received);
   try {
     return {target.object->servant->dispatch(header.method, request.payload, reply, context)};
+  } catch (const std::exception& thrown) {
+    log_thrown(*target.object, header.method, thrown.what());
   } catch (...) {
-    return {{wire::Status::kServantFailed, 0}, /*has_thrown=*/true};
+    log_thrown(*target.object, header.method, "something that is no std::exception");
   }
+  return {{wire::Status::kServantFailed, 0}, /*has_thrown=*/true};
 }
 
 DispatchResult Dispatch::serve_session(const wire::Request& request,
