@@ -142,6 +142,7 @@ struct StopKeeper::Impl {
   StopKeeperConfig config;
   rt::Semaphore has_changed{};
   std::vector<std::unique_ptr<KeptStop>> devices{};
+  std::unique_ptr<KeptStop> added{};  ///< Without a server yet, which may fail to be made.
   std::atomic<bool> is_stopping{false};
   rt::Thread thread{};
 };
@@ -164,13 +165,14 @@ StopMemory& StopKeeper::add(std::string_view name, const driver::Descriptor& des
     impl_->report(device + ": it was stopped before this program began, and still is; `rtpm " +
                   "take-over " + device + " rearm` ends that");
   }
-  impl_->devices.push_back(
-      std::make_unique<KeptStop>(device, std::move(file), std::move(*state), impl_->has_changed));
-  return *impl_->devices.back();
+  impl_->added =
+      std::make_unique<KeptStop>(device, std::move(file), std::move(*state), impl_->has_changed);
+  return *impl_->added;
 }
 
 void StopKeeper::attach(DeviceServer& device) noexcept {
-  impl_->devices.back()->attach(device);
+  impl_->added->attach(device);
+  impl_->devices.push_back(std::move(impl_->added));
 }
 
 expected<void, SetupError> StopKeeper::start() {

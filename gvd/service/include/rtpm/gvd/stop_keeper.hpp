@@ -34,7 +34,8 @@ class StopKeeper final : public SystemStopDevices {
   StopKeeper& operator=(const StopKeeper&) = delete;
   ~StopKeeper() override;
 
-  /// Reads what is kept of the device. The result is for CycleConfig::stop_memory.
+  /// Reads what is kept of the device. The result is for CycleConfig::stop_memory; without an
+  /// attach() it lives until the next add().
   /// @realtime set-up only
   [[nodiscard]] StopMemory& add(std::string_view name, const driver::Descriptor& descriptor);
   /// `device` is the server of the device that was added last.
