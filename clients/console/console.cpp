@@ -148,7 +148,7 @@ void Console::on_open(Connection& connection) {
   Client& client = clients_.add(connection);
   const std::uint64_t id = connection.id();
   const bool may_command = connection.may_command();
-  if (may_command) desk_.on_open(id);
+  if (may_command) desk_.on_open(id, rt::now());
   foxglove::ServerInfo info{
       .name = "rtpm-console",
       .capabilities = {"parameters", "parametersSubscribe", "connectionGraph"},

@@ -18,6 +18,8 @@ using gvd::DeviceOutcome;
 constexpr Duration kStopDeadline = std::chrono::milliseconds{500};
 constexpr Duration kEffectPatience = std::chrono::milliseconds{500};
 constexpr Duration kEffectInterval = std::chrono::milliseconds{5};
+/// A connection without a close frame is seen to have ended so much later at most.
+constexpr Duration kNoticeMax = std::chrono::seconds{15};
 using HolderMethod = expected<device::Outcome, rpc::CallError> (device::DeviceClient::*)(
     const device::Holder&, const rpc::CallOptions&) noexcept;
 using OperatorStep = std::function<DeviceError(DeviceLink&)>;
@@ -242,15 +244,23 @@ void OperatorDesk::release(const std::string& device) {
   static_cast<void>(pool_.run(device, [link] { static_cast<void>(give_back(*link)); }));
 }
 
-void OperatorDesk::on_open(std::uint64_t connection_id) {
+void OperatorDesk::on_open(std::uint64_t connection_id, MonotonicTime now) {
+  browsers_[connection_id] = now;
   for (auto& [device, browser] : operators_) {
     if (browser.gone_since) browser = {connection_id};
   }
 }
 
 void OperatorDesk::on_close(std::uint64_t connection_id, MonotonicTime now) {
+  browsers_.erase(connection_id);
+  Operator next{connection_id, now};
+  // A page that is loaded again may come before its former connection is seen to have ended.
+  if (!browsers_.empty()) {
+    const auto& [newest, since] = *browsers_.rbegin();
+    if (newest > connection_id && now - since <= kNoticeMax) next = {newest};
+  }
   for (auto& [device, browser] : operators_) {
-    if (browser.connection_id == connection_id) browser.gone_since = now;
+    if (browser.connection_id == connection_id) browser = next;
   }
 }
 

@@ -48,8 +48,8 @@ class OperatorDesk {
   void renew(MonotonicTime now);
   /// A browser that may command is there: a page that was loaded again goes on with what it
   /// operated.
-  void on_open(std::uint64_t connection_id);
-  /// The browser has kGoneMax to come back.
+  void on_open(std::uint64_t connection_id, MonotonicTime now);
+  /// The browser has kGoneMax to come back, or had before its end was noticed.
   void on_close(std::uint64_t connection_id, MonotonicTime now);
   /// How long the console goes on holding the device's lease, of which the browser is gone;
   /// nullopt: the browser is there, or none operates the device.
@@ -82,7 +82,8 @@ class OperatorDesk {
     std::uint64_t connection_id = 0;
     std::optional<MonotonicTime> gone_since{};
   };
-  std::map<std::string, Operator> operators_{};  ///< By device.
+  std::map<std::string, Operator> operators_{};        ///< By device.
+  std::map<std::uint64_t, MonotonicTime> browsers_{};  ///< That may command, and when they came.
 };
 
 }  // namespace rtpm::console
