@@ -53,7 +53,8 @@ std::vector<std::string> words_of(const std::string& line) {
 std::string stripped(const std::string& line) {
   const std::size_t begin = line.find_first_not_of(' ');
   const std::string text = begin == std::string::npos ? std::string() : line.substr(begin);
-  return text.starts_with("$ ") ? text.substr(2) : text;
+  const std::string command = text.starts_with("$ ") ? text.substr(2) : text;
+  return command.substr(0, command.find("   "));  // A help's words about it follow.
 }
 
 void take_lines(const std::string& place, const std::string& text, std::vector<Example>& examples) {
