@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "drivers.hpp"
-#include "rtpm/device_io/words.hpp"
+#include "rtpm/driver/arguments.hpp"
 #include "rtpm/driver_host/isolated.hpp"
 #include "rtpm/rt/crash.hpp"
 #include "rtpm/rt/memory.hpp"
@@ -27,7 +27,7 @@ std::vector<int> numbers_of(std::string_view text) {
   std::vector<int> numbers;
   while (!text.empty()) {
     const std::string_view word = text.substr(0, text.find(','));
-    if (const auto number = device_io::to_number<int>(word)) numbers.push_back(*number);
+    if (const auto number = driver::to_number<int>(word)) numbers.push_back(*number);
     text.remove_prefix(std::min(word.size() + 1, text.size()));
   }
   return numbers;
@@ -77,10 +77,10 @@ std::optional<IsolatedDriver> read_isolated_command(int argc, const char* const*
   read.device.serial = words["serial"];
   read.device.hand = words["hand"];
   read.device.is_free = words["free"] == "1";
-  read.device.seed = device_io::to_number<std::uint64_t>(words["seed"]).value_or(1);
+  read.device.seed = driver::to_number<std::uint64_t>(words["seed"]).value_or(1);
   read.name = words["name"];
   read.thread.name = words["thread"];
-  read.thread.priority = Priority{device_io::to_number<std::uint16_t>(words["priority"]).value_or(0)};
+  read.thread.priority = Priority{driver::to_number<std::uint16_t>(words["priority"]).value_or(0)};
   read.thread.cpus = numbers_of(words["cpus"]);
   read.thread.realtime = mode_of(words["realtime"]);
   return read;

@@ -5,12 +5,12 @@
 #include <utility>
 #include <vector>
 
-#include "rtpm/device_io/words.hpp"
+#include "rtpm/driver/arguments.hpp"
 
 namespace rtpm::device_evdev {
 namespace {
 
-using device_io::Words;
+using driver::Words;
 
 /// A number as the operator gives it, and where it goes.
 struct Number {
@@ -25,7 +25,7 @@ expected<void, SetupError> read_number(const Words& words, const Number& number)
   const auto word = words.find(number.name);
   if (word == words.end()) return {};
   const std::string& text = word->second;
-  const auto value = device_io::to_number<double>(text);
+  const auto value = driver::to_number<double>(text);
   if (!value || !(*value >= number.low && *value <= number.high)) {
     return setup_error(
         "the driver evdev can't use " + word->first + "=" + text, "",
@@ -86,17 +86,17 @@ std::string words_of(const Settings& settings) {
 }  // namespace
 
 expected<Settings, SetupError> read_settings(std::string_view words) {
-  const auto known = device_io::read_words(
+  const auto known = driver::read_words(
       "evdev", words,
       {.names = {"serial", "path", "node", "grab", "gain", "range_degree", "torque_newton_metre",
                  "reverse", "counts_per_inch", "counts_per_turn"},
        .names_to_the_end = {"name"}});
   if (!known) return unexpected{known.error()};
   Settings settings;
-  settings.serial = device_io::value_of(*known, "serial");
-  settings.path = device_io::value_of(*known, "path");
-  settings.node = device_io::value_of(*known, "node");
-  settings.name = device_io::value_of(*known, "name");
+  settings.serial = driver::value_of(*known, "serial");
+  settings.path = driver::value_of(*known, "path");
+  settings.node = driver::value_of(*known, "node");
+  settings.name = driver::value_of(*known, "name");
   for (const auto& [name, flag] :
        {std::pair{"grab", &settings.is_grabbed}, {"reverse", &settings.scales.is_reversed}}) {
     if (const auto done = read_flag(*known, name, *flag); !done) return unexpected{done.error()};

@@ -8,7 +8,7 @@
 
 #include "rtpm/device_falcon/falcon_driver.hpp"
 #include "rtpm/device_falcon/start_up.hpp"
-#include "rtpm/device_io/words.hpp"
+#include "rtpm/driver/arguments.hpp"
 #include "usb_transport.hpp"
 
 namespace rtpm::device_falcon {
@@ -56,18 +56,18 @@ OpenTransport opener(UnitChoice choice) {
 
 expected<std::unique_ptr<driver::Driver>, SetupError> open(std::string_view arguments,
                                                            std::string_view device_name) {
-  const auto words = device_io::read_words(
+  const auto words = driver::read_words(
       "falcon", arguments, {.names = {"serial", "port"}, .names_to_the_end = {"firmware"}});
   if (!words) return unexpected{words.error()};
   FalconConfig config;
   config.frame = std::string(device_name) + "/base";
-  if (const std::string path = device_io::value_of(*words, "firmware"); !path.empty()) {
+  if (const std::string path = driver::value_of(*words, "firmware"); !path.empty()) {
     auto firmware = read_firmware(path);
     if (!firmware) return unexpected{firmware.error()};
     config.firmware = std::move(*firmware);
   }
-  UnitChoice choice{.serial = device_io::value_of(*words, "serial"),
-                    .port = device_io::value_of(*words, "port")};
+  UnitChoice choice{.serial = driver::value_of(*words, "serial"),
+                    .port = driver::value_of(*words, "port")};
   config.serial = choice.serial;
   if (const auto units = find_units()) {
     if (const auto index = choose(*units, choice)) {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "rtpm/device_io/words.hpp"
+#include "rtpm/driver/arguments.hpp"
 
 namespace rtpm::device_hid {
 namespace {
@@ -35,21 +35,21 @@ std::string names_of(const std::vector<const Unit*>& units) {
 }  // namespace
 
 expected<Settings, SetupError> read_settings(std::string_view arguments) {
-  const auto words = device_io::read_words(
+  const auto words = driver::read_words(
       "hid", arguments, {.names = {"kind", "serial", "node", "torque_newton_metre"}});
   if (!words) return unexpected{words.error()};
   Settings settings;
-  settings.serial = device_io::value_of(*words, "serial");
-  settings.node = device_io::value_of(*words, "node");
-  if (const std::string kind = device_io::value_of(*words, "kind"); !kind.empty()) {
+  settings.serial = driver::value_of(*words, "serial");
+  settings.node = driver::value_of(*words, "node");
+  if (const std::string kind = driver::value_of(*words, "kind"); !kind.empty()) {
     settings.kind = kind_named(kind);
     if (!settings.kind) {
       return setup_error("the driver hid knows no kind '" + kind + "'", "",
                          "name one of " + kind_names());
     }
   }
-  if (const std::string text = device_io::value_of(*words, "torque_newton_metre"); !text.empty()) {
-    const auto torque = device_io::to_number<double>(text);
+  if (const std::string text = driver::value_of(*words, "torque_newton_metre"); !text.empty()) {
+    const auto torque = driver::to_number<double>(text);
     if (!torque || !(*torque > 0 && *torque <= kTorqueMax)) {
       return setup_error("torque_newton_metre is '" + text + "'", "it is above 0, at most 100",
                          "give the motor's torque at the board's full power");

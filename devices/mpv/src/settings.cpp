@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "rtpm/device_io/words.hpp"
+#include "rtpm/driver/arguments.hpp"
 
 namespace rtpm::device_mpv {
 namespace {
@@ -15,15 +15,15 @@ unexpected<SetupError> refusal(std::string what) {
 }  // namespace
 
 expected<Settings, SetupError> read_settings(std::string_view words) {
-  const auto read = device_io::read_words(
+  const auto read = driver::read_words(
       "mpv", words, {.names = {"headless"}, .names_to_the_end = {"file", "socket"}});
   if (!read) return refusal(read.error().what);
-  const std::string headless = device_io::value_of(*read, "headless");
+  const std::string headless = driver::value_of(*read, "headless");
   if (!headless.empty() && headless != "yes" && headless != "no") {
     return refusal("the driver mpv was told headless=" + headless);
   }
-  Settings settings{.file = device_io::value_of(*read, "file"),
-                    .socket = device_io::value_of(*read, "socket"),
+  Settings settings{.file = driver::value_of(*read, "file"),
+                    .socket = driver::value_of(*read, "socket"),
                     .is_headless = headless == "yes"};
   if (settings.file.empty() && settings.socket.empty()) {
     return refusal("the driver mpv was told neither a file nor a socket");

@@ -2,8 +2,8 @@
 
 #include <utility>
 
-#include "rtpm/device_io/words.hpp"
 #include "rtpm/device_serial/serial_driver.hpp"
+#include "rtpm/driver/arguments.hpp"
 
 namespace rtpm::device_serial {
 namespace {
@@ -54,14 +54,14 @@ BoardDescription fallback_board() {
 }
 
 expected<PortSettings, SetupError> read_settings(std::string_view arguments) {
-  const auto words = device_io::read_words("serial", arguments, {{"port", "speed", "serial"}});
+  const auto words = driver::read_words("serial", arguments, {{"port", "speed", "serial"}});
   if (!words) return unexpected{words.error()};
   PortSettings settings;
-  settings.port = device_io::value_of(*words, "port");
-  settings.serial = device_io::value_of(*words, "serial");
-  const std::string text = device_io::value_of(*words, "speed");
+  settings.port = driver::value_of(*words, "port");
+  settings.serial = driver::value_of(*words, "serial");
+  const std::string text = driver::value_of(*words, "speed");
   if (text.empty()) return settings;
-  const auto speed_baud = device_io::to_number<std::int64_t>(text);
+  const auto speed_baud = driver::to_number<std::int64_t>(text);
   if (!speed_baud || *speed_baud < SerialDriver::kSpeedMinBaud ||
       *speed_baud > SerialDriver::kSpeedMaxBaud) {
     return setup_error("the driver serial has no speed '" + text + "'", "",

@@ -135,6 +135,21 @@ TEST(Plugin, OfAnotherRtpmIsRefusedBeforeItRuns) {
   }
 }
 
+/// Else two plug-ins meet each other's classes where a program loads them with RTLD_GLOBAL.
+TEST(Plugin, ExportsItsOneSymbol) {
+  for (const std::string name : {"plugin", "puppet"}) {
+    void* const handle = dlopen(plugin(name).c_str(), RTLD_NOW | RTLD_GLOBAL);
+    ASSERT_NE(handle, nullptr) << dlerror();
+    EXPECT_NE(dlsym(handle, "rtpm_driver_plugin"), nullptr);
+    for (const char* const hidden :
+         {"_ZTVN4rtpm6driver6DriverE", "_ZTIN4rtpm6driver6DriverE",
+          "_ZN4rtpm6driver6Driver16make_calibrationESt17basic_string_viewIcSt11char_traitsIcEE"}) {
+      EXPECT_EQ(dlsym(handle, hidden), nullptr) << name << " exports " << hidden;
+    }
+    dlclose(handle);
+  }
+}
+
 TEST(Plugin, ThatFailsToMakeItsDriverIsRefused) {
   expect_refusal(plugin("plugin"), "error", {"no gripper", "buy one"});
   expect_refusal(plugin("plugin"), "null", {"plugin.so made no driver", "ask its author"});

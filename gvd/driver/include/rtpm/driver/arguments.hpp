@@ -11,7 +11,7 @@
 
 #include "rtpm/base/setup_error.hpp"
 
-namespace rtpm::device_io {
+namespace rtpm::driver {
 
 /// The words that a driver takes.
 struct KnownWords {
@@ -42,4 +42,4 @@ template <class T>
   return error == std::errc{} && stop == end ? std::optional(number) : std::nullopt;
 }
 
-}  // namespace rtpm::device_io
+}  // namespace rtpm::driver

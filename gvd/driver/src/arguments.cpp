@@ -1,8 +1,8 @@
-#include "rtpm/device_io/words.hpp"
+#include "rtpm/driver/arguments.hpp"
 
 #include <algorithm>
 
-namespace rtpm::device_io {
+namespace rtpm::driver {
 namespace {
 
 unexpected<SetupError> refusal(std::string_view driver, const std::string& what,
@@ -50,4 +50,4 @@ std::string value_of(const Words& words, std::string_view name) {
   return found == words.end() ? std::string() : found->second;
 }
 
-}  // namespace rtpm::device_io
+}  // namespace rtpm::driver

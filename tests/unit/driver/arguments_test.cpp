@@ -1,28 +1,28 @@
-#include "rtpm/device_io/words.hpp"
+#include "rtpm/driver/arguments.hpp"
 
 #include <gtest/gtest.h>
 
 namespace rtpm::test {
 namespace {
 
-const device_io::KnownWords kKnown{.names = {"port", "speed"}, .names_to_the_end = {"file"}};
+const driver::KnownWords kKnown{.names = {"port", "speed"}, .names_to_the_end = {"file"}};
 
 TEST(Words, AreNamesWithValues) {
-  const auto words = device_io::read_words("serial", "  port=/dev/ttyACM0   speed=9600 ", kKnown);
+  const auto words = driver::read_words("serial", "  port=/dev/ttyACM0   speed=9600 ", kKnown);
   ASSERT_TRUE(words);
-  EXPECT_EQ(*words, (device_io::Words{{"port", "/dev/ttyACM0"}, {"speed", "9600"}}));
-  EXPECT_TRUE(device_io::read_words("serial", "", kKnown)->empty());
+  EXPECT_EQ(*words, (driver::Words{{"port", "/dev/ttyACM0"}, {"speed", "9600"}}));
+  EXPECT_TRUE(driver::read_words("serial", "", kKnown)->empty());
 }
 
 TEST(Words, MayGoOnToTheEnd) {
-  const auto words = device_io::read_words("player", "speed=2 file=/a b=c.mkv", kKnown);
+  const auto words = driver::read_words("player", "speed=2 file=/a b=c.mkv", kKnown);
   ASSERT_TRUE(words);
-  EXPECT_EQ(*words, (device_io::Words{{"file", "/a b=c.mkv"}, {"speed", "2"}}));
+  EXPECT_EQ(*words, (driver::Words{{"file", "/a b=c.mkv"}, {"speed", "2"}}));
 }
 
 TEST(Words, AreRefusedInWordsThatNameTheKnownOnes) {
   const auto text = [](std::string_view words) {
-    const auto read = device_io::read_words("serial", words, kKnown);
+    const auto read = driver::read_words("serial", words, kKnown);
     return read ? "taken" : read.error().text();
   };
   EXPECT_EQ(
@@ -37,14 +37,14 @@ TEST(Words, AreRefusedInWordsThatNameTheKnownOnes) {
 }
 
 TEST(Words, HaveValuesAndNumbers) {
-  const auto words = device_io::read_words("serial", "speed=9600", kKnown);
+  const auto words = driver::read_words("serial", "speed=9600", kKnown);
   ASSERT_TRUE(words);
-  EXPECT_EQ(device_io::value_of(*words, "speed"), "9600");
-  EXPECT_EQ(device_io::value_of(*words, "port"), "");
-  EXPECT_EQ(device_io::to_number<int>("9600"), 9600);
-  EXPECT_EQ(device_io::to_number<double>("-0.5"), -0.5);
+  EXPECT_EQ(driver::value_of(*words, "speed"), "9600");
+  EXPECT_EQ(driver::value_of(*words, "port"), "");
+  EXPECT_EQ(driver::to_number<int>("9600"), 9600);
+  EXPECT_EQ(driver::to_number<double>("-0.5"), -0.5);
   for (const char* text : {"", "9600 ", " 1", "1x", "0x10", "+1", "99999999999"})
-    EXPECT_EQ(device_io::to_number<int>(text), std::nullopt) << text;
+    EXPECT_EQ(driver::to_number<int>(text), std::nullopt) << text;
 }
 
 }  // namespace
