@@ -108,10 +108,27 @@ function(rtpm_missing_code component result)
   set(${result} "${code}" PARENT_SCOPE)
 endfunction()
 
+# rtpm.pc: all that a program with generated code needs, and where rtpmc and RTPM's schemas are.
+function(rtpm_install_pkg_config)
+  file(RELATIVE_PATH up "/prefix/${CMAKE_INSTALL_LIBDIR}/pkgconfig" "/prefix")
+  file(WRITE "${CMAKE_CURRENT_BINARY_DIR}/rtpm.pc"
+"prefix=\${pcfiledir}/${up}
+rtpmc=\${prefix}/${CMAKE_INSTALL_BINDIR}/rtpmc
+idldir=\${prefix}/${RTPM_INSTALL_IDL_DIR}
+Name: rtpm
+Description: ${rtpm_DESCRIPTION}
+Version: ${rtpm_VERSION}
+Requires: rtpm-events, rtpm-names, rtpm-rpc, rtpm-idl
+")
+  install(FILES "${CMAKE_CURRENT_BINARY_DIR}/rtpm.pc"
+    DESTINATION "${CMAKE_INSTALL_LIBDIR}/pkgconfig" COMPONENT development)
+endfunction()
+
 # The CMake package, the schemas, and the Debian package; called once, last.
 function(rtpm_install_package)
   set(RTPM_INSTALL_IDL_DIR "${CMAKE_INSTALL_DATADIR}/rtpm/idl")
   set(RTPM_INSTALL_SOURCE_DIR "${CMAKE_INSTALL_DATADIR}/rtpm/source")
+  rtpm_install_pkg_config()
   configure_package_config_file("${rtpm_SOURCE_DIR}/cmake/rtpm-config.cmake.in"
     "${CMAKE_CURRENT_BINARY_DIR}/rtpm-config.cmake"
     INSTALL_DESTINATION "${RTPM_INSTALL_CMAKE_DIR}"
