@@ -160,7 +160,7 @@ class TypeChecker {
     const bool is_own = object.name.starts_with("rtpm.");
     if (*object.event_id >= kOwnEventMin && *object.event_id <= kOwnEventMax && !is_own) {
       reader.report_value(use, "the numbers " + std::to_string(kOwnEventMin) + " to " +
-                                   std::to_string(kOwnEventMax) + " are RTPM's own events'");
+                                   std::to_string(kOwnEventMax) + " belong to RTPM's own events");
     }
     const auto [other, is_new] = events_.emplace(*object.event_id, &object);
     if (is_new) {

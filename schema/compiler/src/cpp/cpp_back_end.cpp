@@ -51,9 +51,9 @@ class CppBackEnd final : public BackEnd {
   static void check_macro(const char* kind, const std::string& name, const Location& place,
                           Diagnostics& errors) {
     if (!cpp::is_macro(name)) return;
-    errors.push_back({place,
-                      std::string(kind) + " `" + name + "` is a macro of C++ compilers or headers",
-                      "choose another name: flatc's code would not compile", std::nullopt});
+    errors.push_back(
+        {place, std::string(kind) + " `" + name + "` is a name that C++ compilers and headers keep",
+         "choose another name: flatc's code would not compile", std::nullopt});
   }
 
   static void check_data_names(const Model& model, Diagnostics& errors) {
