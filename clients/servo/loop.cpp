@@ -5,6 +5,7 @@
 
 #include "rtpm/driver/vector.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/cycle_timer.hpp"
 #include "rtpm/rt/memory.hpp"
 
 namespace rtpm::servo {
@@ -20,26 +21,19 @@ expected<void, SetupError> Loop::start() {
 
 void Loop::run() noexcept {
   const rt::NoAllocationScope no_allocation;
-  const Duration period = config_.period;
-  const MonotonicTime begin = rt::now() + period;
+  const MonotonicTime begin = rt::now() + config_.period;
   const MonotonicTime end = config_.duration > Duration{0} ? begin + config_.duration : kNever;
   const std::uint64_t last_cycle =
       config_.cycle_count_max > 0 ? config_.cycle_count_max : UINT64_MAX;
-  MonotonicTime due = begin;
-  while (!is_stopping_.load(std::memory_order_relaxed) && !loss_ && due < end &&
+  rt::CycleTimer cycle(config_.period, begin);
+  while (!is_stopping_.load(std::memory_order_relaxed) && !loss_ && cycle.due() < end &&
          statistics_.cycle_count < last_cycle) {
-    rt::sleep_until(due);
+    cycle.wait();
     take_changes();
-    run_cycle(due);
-    due += period;
-    // Absolute times: a late cycle does not shift the next ones. This one missed its deadline, and
-    // cycles already over are skipped.
-    if (const Duration behind = rt::now() - due; behind > Duration{0}) {
-      const auto left_out = behind / period;
-      statistics_.missed_count += static_cast<std::uint64_t>(left_out) + 1;
-      due += left_out * period;
-    }
+    run_cycle(cycle.due());
+    cycle.finish();
   }
+  statistics_.missed_count = cycle.overrun_count();
   is_over_.store(true, std::memory_order_release);
 }
 

@@ -1,0 +1,44 @@
+#include "rtpm/rt/cycle_timer.hpp"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+
+namespace rtpm::rt {
+namespace {
+
+using namespace std::chrono_literals;
+
+TEST(CycleTimer, WaitsUntilACycleIsDue) {
+  const MonotonicTime begin = now() + 2ms;
+  const CycleTimer cycle(1ms, begin);
+  cycle.wait();
+  EXPECT_GE(now(), begin);
+}
+
+// A period too long to be missed.
+TEST(CycleTimer, CountsNoOverrunOfCyclesInTime) {
+  const MonotonicTime begin = now();
+  CycleTimer cycle(1h, begin);
+  cycle.wait();
+  cycle.finish();
+  EXPECT_EQ(cycle.due(), begin + 1h);
+  EXPECT_EQ(cycle.overrun_count(), 0u);
+}
+
+TEST(CycleTimer, SkipsAndCountsWhatALateCycleMissed) {
+  const MonotonicTime begin = now() - 10h - 30min;
+  CycleTimer cycle(1h, begin);
+  cycle.wait();  // The time is over: it returns at once.
+  cycle.finish();
+  // It ended after the next ten were due, and the last of these still runs.
+  EXPECT_EQ(cycle.due(), begin + 10h);
+  EXPECT_EQ(cycle.overrun_count(), 10u);
+  cycle.wait();
+  cycle.finish();
+  EXPECT_EQ(cycle.due(), begin + 11h);
+  EXPECT_EQ(cycle.overrun_count(), 10u);
+}
+
+}  // namespace
+}  // namespace rtpm::rt
