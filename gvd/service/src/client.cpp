@@ -16,6 +16,13 @@ namespace rtpm::gvd {
 namespace {
 
 constexpr Duration kAcquireRetry = std::chrono::milliseconds{20};
+constexpr Duration kOpenRetry = std::chrono::milliseconds{100};
+
+/// Whether a device that could not be opened may be opened later as it is.
+bool may_come(const SetupError& error) noexcept {
+  return error.cause != rpc::CallError::kWrongInterface &&
+         error.cause != rpc::CallError::kNotAllowed;
+}
 
 Duration from_us(std::uint32_t us) noexcept {
   return std::chrono::microseconds{us};
@@ -69,6 +76,18 @@ struct DeviceClient::Impl {
 
 expected<DeviceClient, SetupError> DeviceClient::open(rpc::Node& node, std::string_view device,
                                                       const DeviceClientOptions& options) {
+  const MonotonicTime until = rt::now() + options.patience;
+  while (true) {
+    auto opened = open_once(node, device, options);
+    if (opened || !may_come(opened.error())) return opened;
+    const MonotonicTime next = rt::now() + kOpenRetry;
+    if (next > until) return opened;
+    rt::sleep_until(next);
+  }
+}
+
+expected<DeviceClient, SetupError> DeviceClient::open_once(rpc::Node& node, std::string_view device,
+                                                           const DeviceClientOptions& options) {
   auto stub = device::DeviceClient::bind(node, device, options.bind);
   if (!stub) return unexpected{stub.error()};
   rpc::CallOptions call;
@@ -178,6 +197,13 @@ DeviceResult DeviceClient::acquire(Duration patience) {
     if (next > until) return acquired;
     rt::sleep_until(next);
   }
+}
+DeviceResult DeviceClient::reacquire(Duration patience) {
+  const auto state = lease_state();
+  if (!state) return unexpected{state.error()};
+  if (*state == LeaseState::kHeld) return {};
+  if (*state == LeaseState::kTakenOver) return unexpected{DeviceOutcome::kNotHolder};
+  return acquire(patience);
 }
 DeviceResult DeviceClient::take_over(std::optional<Priority> priority) {
   rpc::CallOptions options;

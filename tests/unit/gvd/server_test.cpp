@@ -7,6 +7,7 @@
 #include <functional>
 #include <limits>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -51,6 +52,11 @@ bool eventually(Condition condition) {
 class Served : public ::testing::Test {
  protected:
   void serve(std::unique_ptr<driver::Driver> driver, DeviceServerConfig config = off_realtime()) {
+    prepare(std::move(driver), std::move(config));
+    ASSERT_TRUE(server_->start());
+  }
+  /// The device has its URL, but does not answer before the server is started.
+  void prepare(std::unique_ptr<driver::Driver> driver, DeviceServerConfig config) {
     auto device = DeviceServer::create(std::move(driver), std::move(config));
     ASSERT_TRUE(device) << device.error().text();
     device_ = std::move(*device);
@@ -62,7 +68,6 @@ class Served : public ::testing::Test {
     ASSERT_TRUE(server_->add("lab/arm0", device_->servant()));
     const auto device_started = device_->start();
     ASSERT_TRUE(device_started) << device_started.error().text();
-    ASSERT_TRUE(server_->start());
     url_ = server_->url("lab/arm0");
   }
   void serve_sim() {
@@ -95,6 +100,43 @@ rpc::CallOptions patient() {
   rpc::CallOptions options;
   options.deadline = seconds{5};
   return options;
+}
+
+TEST_F(Served, IsWaitedForByAPatientClient) {
+  prepare(std::make_unique<test::ScriptedDriver>(), off_realtime());
+  DeviceClientOptions options;
+  options.bind.deadline = milliseconds{50};
+  EXPECT_FALSE(DeviceClient::open(node_, url_, options));
+  options.patience = seconds{30};
+  options.bind.deadline = seconds{5};
+  std::thread start([&] { EXPECT_TRUE(server_->start()); });
+  const auto client = DeviceClient::open(node_, url_, options);
+  start.join();
+  ASSERT_TRUE(client) << client.error().text();
+  EXPECT_EQ(client->descriptor().model, "scripted");
+}
+
+TEST_F(Served, GivesALostLeaseBackToTheClientThatLostIt) {
+  serve_sim();
+  DeviceClient client = open();
+  ASSERT_TRUE(client.acquire(seconds{10}));
+  EXPECT_TRUE(client.reacquire()) << "it is held";
+  ASSERT_TRUE(eventually([&] { return client.lease_state().value() == LeaseState::kSilent; }));
+  EXPECT_FALSE(client.renew());
+  EXPECT_TRUE(client.reacquire(seconds{10}));
+  EXPECT_EQ(client.lease_state().value(), LeaseState::kHeld);
+}
+
+TEST_F(Served, GivesNoLeaseBackThatAnOperatorTook) {
+  serve_sim();
+  DeviceClient client = open();
+  DeviceClient operators = open();
+  ASSERT_TRUE(client.acquire(seconds{10}));
+  ASSERT_TRUE(operators.take_over());
+  EXPECT_EQ(client.reacquire().error(), DeviceOutcome::kNotHolder);
+  ASSERT_TRUE(operators.release());
+  EXPECT_EQ(client.reacquire().error(), DeviceOutcome::kNotHolder);
+  EXPECT_TRUE(client.acquire(seconds{10})) << "who asks gets it";
 }
 
 TEST_F(Served, GivesTheCyclesAroundAnEmergencyStop) {

@@ -29,6 +29,8 @@ struct DeviceClientOptions {
   rpc::BindOptions bind{};
   /// Life of a command without a newer one: ten cycles of a 1 kHz loop bridge a hiccup.
   Duration hold = std::chrono::milliseconds{10};
+  /// How long open() waits for a device that is not there yet.
+  Duration patience{0};
 };
 
 /// Of a call that returns nothing else.
@@ -58,7 +60,8 @@ struct ModelsError {
 /// @threads  read() and set_force() from any, several at once; the rest from one
 class DeviceClient {
  public:
-  /// Binds `device`, a name or a URL, and reads its descriptor.
+  /// Binds `device`, a name or a URL, and reads its descriptor. While that fails, other than by
+  /// another interface or a missing right, tries again for `options.patience`.
   /// @realtime set-up only
   /// @errors   as rpc::Binding::bind(); the device does not answer
   [[nodiscard]] static expected<DeviceClient, SetupError> open(
@@ -127,6 +130,11 @@ class DeviceClient {
   /// @realtime set-up only
   /// @errors   kHeld · kTooSoon · kCallFailed
   [[nodiscard]] DeviceResult acquire(Duration patience = std::chrono::seconds{2});
+  /// For a client whose call failed with kNotHolder: acquires the lease again, as acquire(), unless
+  /// an operator took it over: then only acquire() asks for it. Does nothing while it is held.
+  /// @realtime set-up only
+  /// @errors   kNotHolder: an operator took it over · as acquire()
+  [[nodiscard]] DeviceResult reacquire(Duration patience = std::chrono::seconds{2});
   /// Takes the lease from its holder, with operator_priority() or `priority`. The former holder's
   /// calls fail with kNotHolder, and its force goes to zero before this client's commands
   /// count.
@@ -167,6 +175,8 @@ class DeviceClient {
 
  private:
   struct Impl;
+  [[nodiscard]] static expected<DeviceClient, SetupError> open_once(
+      rpc::Node& node, std::string_view device, const DeviceClientOptions& options);
   explicit DeviceClient(std::unique_ptr<Impl> impl) noexcept;
   std::unique_ptr<Impl> impl_;
 };
