@@ -230,8 +230,8 @@ TEST_F(Devices, StayStoppedWhenTheirServerIsKilledUntilTheyAreRearmed) {
   ASSERT_TRUE(devices);
   EXPECT_TRUE(is_stopped("lab/arm0"));
   EXPECT_FALSE(is_stopped("lab/knob0"));
-  EXPECT_NE(devices->process.errors().find("it was stopped before this program began"),
-            std::string::npos)
+  EXPECT_TRUE(
+      devices->process.wait_for_errors("it was stopped before this program began", kPatience))
       << devices->process.errors();
   const auto rearmed = run_tool({"take-over", "lab/arm0", "rearm"});
   EXPECT_EQ(rearmed.exit_code, 0) << rearmed.errors;
