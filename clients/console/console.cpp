@@ -7,8 +7,8 @@
 #include "graph/connection_graph.hpp"
 #include "live/state_json.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/utc.hpp"
 #include "web/host_name.hpp"
-#include "work/wall_time.hpp"
 
 namespace rtpm::console {
 namespace {
@@ -40,7 +40,7 @@ Console::Console(rpc::Node& node, const Configuration& configuration, Post post)
       configuration_(configuration),
       post_(std::move(post)),
       begin_(rt::now()),
-      session_id_(std::to_string(wall_time_ns(begin_))),
+      session_id_(std::to_string(rt::utc_ns(begin_))),
       channels_(clients_),
       event_channels_(channels_),
       router_(clients_),
@@ -57,8 +57,8 @@ Console::Console(rpc::Node& node, const Configuration& configuration, Post post)
                           return found == devices_.end() ? nullptr : found->second.link();
                         }),
       parameters_(node, clients_, pool_, background_, post_),
-      records_(node, {configuration.events, configuration.recordings}, router_, channels_, pool_,
-               post_),
+      records_(node, {configuration.events, configuration.registry, configuration.recordings},
+               router_, channels_, pool_, post_),
       hub_(node, configuration.events, post_,
            {[this](const HubEvent& event) { take_event(event); },
             [this](const Standing& standing) { hub_standing_ = standing; },
@@ -76,7 +76,7 @@ Console::~Console() = default;
 expected<void, SetupError> Console::start(
     const std::function<void(Duration, std::function<void()>)>& every) {
   desk_.start();
-  records_.start();
+  if (auto started = records_.start(); !started) return started;
   add_log_filter();
   if (auto started = pool_.start({}); !started) return started;
   if (auto started = background_.start({.name = "console-look", .thread_count = 4}); !started) {
@@ -116,11 +116,7 @@ expected<void, SetupError> Console::start_threads() {
               for (const DeviceProbe& probe : device_watch_.look())
                 post_([this, probe] { take_probe(probe); });
             }},
-      Watch{hub_thread_, "console-hub", kHubInterval,
-            [this] {
-              hub_.look();
-              records_.care();
-            }},
+      Watch{hub_thread_, "console-hub", kHubInterval, [this] { hub_.look(); }},
       Watch{report_thread_, "console-report", kReportInterval,
             [this, report] { post_([this, view = report->look()] { hub_view_ = view; }); }}};
   for (const Watch& watch : watches) {
@@ -136,6 +132,7 @@ void Console::stop() {
        {&lane_thread_, &object_thread_, &probe_thread_, &hub_thread_, &report_thread_}) {
     thread->stop();
   }
+  records_.stop_reading();
   pool_.stop();
   background_.stop();
   urgent_.stop();
@@ -308,7 +305,7 @@ Json Console::state() const {
     objects.push_back(
         {{"name", object.name}, {"interface", object.interface}, {"url", object.url}});
   }
-  return {{"time_ns", wall_time_ns(now)},
+  return {{"time_ns", rt::utc_ns(now)},
           {"uptime_s", std::chrono::duration<double>(now - begin_).count()},
           {"registry",
            {{"url", configuration_.registry},
@@ -332,7 +329,7 @@ Json Console::state() const {
 void Console::publish_state() {
   const std::uint32_t channel = channels_.find("console/state");
   if (!channels_.has_subscriber(channel)) return;
-  channels_.publish(channel, wall_time_ns(rt::now()), dumped(state()));
+  channels_.publish(channel, rt::utc_ns(rt::now()), dumped(state()));
 }
 
 void Console::publish_latency() {
@@ -342,7 +339,7 @@ void Console::publish_latency() {
   Json targets = Json::array();
   for (auto& [name, device] : devices_)
     targets.push_back(latency_json(name, device.latency().summary(now)));
-  channels_.publish(channel, wall_time_ns(now),
+  channels_.publish(channel, rt::utc_ns(now),
                     dumped({{"targets", std::move(targets)}, {"paper", paper_json()}}));
 }
 

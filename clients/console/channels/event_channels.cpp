@@ -6,7 +6,7 @@
 #include "foxglove/strict_json.hpp"
 #include "rtpm/base/nesting.hpp"
 #include "rtpm/gvd/device_event.hpp"
-#include "work/wall_time.hpp"
+#include "rtpm/rt/utc.hpp"
 
 namespace rtpm::console {
 namespace {
@@ -15,7 +15,7 @@ using Json = nlohmann::ordered_json;
 
 /// When it happened, by this host's clock: the hub's may be another's.
 std::uint64_t log_time_ns(const HubEvent& event) {
-  return wall_time_ns(event.arrived - (event.header.hub_sent - event.header.origin));
+  return rt::utc_ns(event.arrived - (event.header.hub_sent - event.header.origin));
 }
 
 constexpr Duration kIdleTime = std::chrono::minutes{1};

@@ -15,16 +15,20 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kFileCountMax = 200;
+constexpr std::size_t kNameCountMax = 10'000;
 constexpr std::size_t kNameSizeMax = 128;
 
+/// By its end alone, so that no file takes long, however large it is or claims to be.
 std::optional<RecordingFile> look_at(const fs::path& path) {
-  const auto reader = recording::FileReader::open(path.string(), recording::Incomplete::kRead);
-  if (!reader) return std::nullopt;
-  const recording::Statistics& statistics = (*reader)->statistics();
-  return RecordingFile{.begin_ns = statistics.begin_ns,
-                       .end_ns = statistics.end_ns,
-                       .message_count = statistics.message_count,
-                       .is_complete = (*reader)->is_complete()};
+  const auto outline = recording::read_outline(path.string());
+  if (!outline) return std::nullopt;
+  RecordingFile file{.is_complete = outline->is_complete};
+  if (outline->statistics) {
+    file.begin_ns = outline->statistics->begin_ns;
+    file.end_ns = outline->statistics->end_ns;
+    file.message_count = outline->statistics->message_count;
+  }
+  return file;
 }
 
 }  // namespace
@@ -36,23 +40,29 @@ std::vector<RecordingFile> RecordingFolder::list() {
        next.increment(error)) {
     std::string name = next->path().filename().string();
     if (path_of(name)) names.push_back(std::move(name));
+    if (names.size() >= kNameCountMax) break;
   }
   std::ranges::sort(names);
   if (names.size() > kFileCountMax) names.resize(kFileCountMax);
   const std::lock_guard lock(mutex_);
+  std::erase_if(known_,
+                [&](const auto& one) { return !std::ranges::binary_search(names, one.first); });
   std::vector<RecordingFile> files;
   for (const std::string& name : names) {
+    if (!fs::is_regular_file(folder_ / name, error)) continue;
     const std::uint64_t size = fs::file_size(folder_ / name, error);
     if (error) continue;
+    const auto time = fs::last_write_time(folder_ / name, error);
+    if (error) continue;
     auto known = known_.find(name);
-    // What is not complete may have become so.
-    if (known == known_.end() || known->second.byte_count != size ||
-        !known->second.file.is_complete) {
+    const bool is_same =
+        known != known_.end() && known->second.byte_count == size && known->second.time == time;
+    if (!is_same) {
       auto file = look_at(folder_ / name);
       if (!file) continue;
       file->file = name;
       file->byte_count = size;
-      known = known_.insert_or_assign(name, Known{size, std::move(*file)}).first;
+      known = known_.insert_or_assign(name, Known{size, time, std::move(*file)}).first;
     }
     files.push_back(known->second.file);
   }

@@ -12,7 +12,7 @@
 
 namespace rtpm::console {
 
-/// A recording in the folder.
+/// A recording in the folder. One that was not ended states no times and counts.
 struct RecordingFile {
   std::string file{};
   std::uint64_t byte_count = 0;
@@ -28,7 +28,7 @@ class RecordingFolder {
  public:
   explicit RecordingFolder(std::filesystem::path folder) : folder_(std::move(folder)) {}
 
-  /// The recordings, by name; at most 200. A file that is no recording is left out.
+  /// The recordings, by name; at most 200. What is no recording, or no regular file, is left out.
   [[nodiscard]] std::vector<RecordingFile> list();
   /// The path of a file that a browser names.
   /// @errors   a name with other characters than letters, digits, '.', '_', '-'; not "….mcap"
@@ -37,6 +37,7 @@ class RecordingFolder {
  private:
   struct Known {
     std::uint64_t byte_count = 0;
+    std::filesystem::file_time_type time{};
     RecordingFile file{};
   };
   std::filesystem::path folder_;

@@ -7,16 +7,20 @@
 
 #include "foxglove/base64.hpp"
 #include "rtpm/rt/clock.hpp"
-#include "work/wall_time.hpp"
+#include "rtpm/rt/utc.hpp"
 
 namespace rtpm::console {
 namespace {
 
 using OrderedJson = nlohmann::ordered_json;
 
+constexpr Duration kHubDeadline = std::chrono::milliseconds{500};
+/// How long opening a recording may take; one without a summary is read as a whole.
+constexpr Duration kOpenTimeMax = std::chrono::seconds{20};
+
 /// "run-20260131-235959.mcap".
 std::string new_file_name() {
-  const auto seconds = static_cast<std::time_t>(wall_time_ns(rt::now()) / 1'000'000'000);
+  const auto seconds = static_cast<std::time_t>(rt::utc_ns(rt::now()) / 1'000'000'000);
   std::tm parts{};
   ::gmtime_r(&seconds, &parts);
   std::array<char, 40> text{};
@@ -56,7 +60,7 @@ RecordDesk::RecordDesk(rpc::Node& node, Config config, CallRouter& router, Chann
       post_(std::move(post)),
       folder_(config_.folder) {}
 
-void RecordDesk::start() {
+expected<void, SetupError> RecordDesk::start() {
   const auto add = [this](const char* name, auto handler) {
     router_.add_json(std::string("console/") + name, std::move(handler));
   };
@@ -96,6 +100,13 @@ void RecordDesk::start() {
     close_replay();
     router_.succeed(call, OrderedJson::object());
   });
+  return reading_.start({.name = "console-files", .thread_count = 1, .queued_max = 16});
+}
+
+recording::Progress RecordDesk::patience(std::uint64_t replay_id) {
+  return [this, replay_id, end = rt::now() + kOpenTimeMax](std::uint64_t, std::uint64_t) {
+    return !is_ending_ && replay_id == replay_id_ && rt::now() < end;
+  };
 }
 
 ReplayPlayer* RecordDesk::player_for(const PendingCall& call) {
@@ -123,10 +134,12 @@ void RecordDesk::start_recording(const PendingCall& call, const Json& request) {
   const bool is_queued = pool_.run("recording", [this, call, file, path = *path] {
     std::error_code ignored;
     std::string problem;
-    std::shared_ptr<HubRecording> created;
+    std::shared_ptr<capture::LiveRecording> created;
     if (std::filesystem::exists(path, ignored)) {
       problem = file + " exists already; choose another name";
-    } else if (auto recording = HubRecording::create(node_, config_.hub, path.string())) {
+    } else if (auto recording = capture::LiveRecording::start(
+                   node_, path.string(),
+                   {.hub = config_.hub, .registry = config_.registry, .deadline = kHubDeadline})) {
       created = std::move(*recording);
     } else {
       problem = recording.error().text();
@@ -149,7 +162,7 @@ void RecordDesk::start_recording(const PendingCall& call, const Json& request) {
 }
 
 void RecordDesk::stop_recording(const PendingCall& call) {
-  std::shared_ptr<HubRecording> ended;
+  std::shared_ptr<capture::LiveRecording> ended;
   {
     const std::lock_guard lock(mutex_);
     if (!is_changing_) ended = std::exchange(recording_, nullptr);
@@ -157,8 +170,8 @@ void RecordDesk::stop_recording(const PendingCall& call) {
   if (!ended) return router_.fail(call, "nothing is being recorded");
   is_changing_ = true;
   const bool is_queued = pool_.run("recording", [this, call, ended] {
-    const auto closed = ended->close();
-    const HubRecording::Status status = ended->status();
+    const auto closed = ended->stop();
+    const capture::LiveRecordingStatus status = ended->status();
     post_([this, call, status, problem = closed ? std::string{} : closed.error().text()] {
       is_changing_ = false;
       problem_ = problem;
@@ -180,7 +193,7 @@ void RecordDesk::list(const PendingCall& call) {
   if (config_.folder.empty()) {
     return router_.succeed(call, OrderedJson{{"files", OrderedJson::array()}});
   }
-  const bool is_queued = pool_.run("recordings", [this, call] {
+  const bool is_queued = reading_.run("recordings", [this, call] {
     OrderedJson files = OrderedJson::array();
     for (const RecordingFile& file : folder_.list()) {
       files.push_back({{"file", file.file},
@@ -201,14 +214,15 @@ void RecordDesk::open_replay(const PendingCall& call, const Json& request) {
   if (!path) return router_.fail(call, path.error().text());
   close_replay();
   const std::uint64_t id = replay_id_;
-  const bool is_queued = pool_.run("recordings", [this, call, file, id, path = *path] {
+  const bool is_queued = reading_.run("recordings", [this, call, file, id, path = *path] {
     auto opened = ReplayPlayer::open(
         path.string(),
         [this, id](std::uint16_t channel, std::uint64_t log_time_ns, std::string payload) {
           post_([this, id, channel, log_time_ns, payload = std::move(payload)]() mutable {
             deliver(id, channel, log_time_ns, std::move(payload));
           });
-        });
+        },
+        patience(id));
     std::shared_ptr<ReplayPlayer> player;
     std::string problem;
     if (opened) {
@@ -262,7 +276,7 @@ void RecordDesk::deliver(std::uint64_t replay_id, std::uint16_t channel, std::ui
 }
 
 nlohmann::ordered_json RecordDesk::recording_json() const {
-  std::shared_ptr<HubRecording> recording;
+  std::shared_ptr<capture::LiveRecording> recording;
   {
     const std::lock_guard lock(mutex_);
     recording = recording_;
@@ -271,10 +285,10 @@ nlohmann::ordered_json RecordDesk::recording_json() const {
     return {{"file", nullptr}, {"time_s", 0},     {"message_count", 0},
             {"byte_count", 0}, {"drop_count", 0}, {"problem", problem_}};
   }
-  const HubRecording::Status status = recording->status();
+  const capture::LiveRecordingStatus status = recording->status();
   const auto& problem = status.recorder.problem;
   return {{"file", recorded_file_},
-          {"time_s", status.time_s},
+          {"time_s", std::chrono::duration<double>(status.time).count()},
           {"message_count", status.recorder.message_count},
           {"byte_count", status.recorder.byte_count},
           {"drop_count", status.recorder.drop_count + status.lost_count},
@@ -296,19 +310,15 @@ nlohmann::ordered_json RecordDesk::replay_json() const {
           {"problem", status.problem},   {"topics", std::move(topics)}};
 }
 
-void RecordDesk::care() {
-  std::shared_ptr<HubRecording> recording;
-  {
-    const std::lock_guard lock(mutex_);
-    recording = recording_;
-  }
-  if (recording) recording->care();
+void RecordDesk::stop_reading() {
+  is_ending_ = true;
+  reading_.stop();
 }
 
 void RecordDesk::close() {
   player_.reset();
   const std::lock_guard lock(mutex_);
-  if (recording_) static_cast<void>(recording_->close());
+  if (recording_) static_cast<void>(recording_->stop());
   recording_.reset();
 }
 

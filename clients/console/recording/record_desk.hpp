@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <filesystem>
 #include <map>
@@ -11,8 +12,8 @@
 #include "channels/channel_table.hpp"
 #include "live/callbacks.hpp"
 #include "recording/folder.hpp"
-#include "recording/hub_recording.hpp"
 #include "recording/replay_player.hpp"
+#include "rtpm/capture/live_recording.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "services/call_router.hpp"
 #include "work/worker_pool.hpp"
@@ -21,22 +22,24 @@ namespace rtpm::console {
 
 /// The services that record the hub's events and play recordings, for all browsers together.
 /// @ownership refers to all that it is given
-/// @threads  the web server's, but for care() and close()
+/// @threads  the web server's, but for stop_reading() and close()
 class RecordDesk {
  public:
   struct Config {
     std::string hub{};
+    std::string registry{};  ///< Where the names of devices are looked for.
     std::filesystem::path folder{};
   };
   RecordDesk(rpc::Node& node, Config config, CallRouter& router, ChannelTable& channels,
              WorkerPool& pool, Post post);
 
-  /// Adds the services.
-  void start();
+  /// Adds the services, and starts the thread that reads files, for which nothing else waits.
+  /// @errors   no thread left
+  [[nodiscard]] expected<void, SetupError> start();
   [[nodiscard]] nlohmann::ordered_json recording_json() const;
   [[nodiscard]] nlohmann::ordered_json replay_json() const;
-  /// Call it now and then on a thread that may wait.
-  void care();
+  /// Stops reading files. Nothing posted by it may run any more.
+  void stop_reading();
   /// Ends recording and replay, when no other thread runs any more.
   void close();
 
@@ -45,6 +48,8 @@ class RecordDesk {
   void start_recording(const PendingCall& call, const Json& request);
   void stop_recording(const PendingCall& call);
   void list(const PendingCall& call);
+  /// False when the desk ends, another recording was asked for, or it takes too long.
+  [[nodiscard]] recording::Progress patience(std::uint64_t replay_id);
   void open_replay(const PendingCall& call, const Json& request);
   void show_replay(const PendingCall& call, const std::string& file,
                    std::shared_ptr<ReplayPlayer> player);
@@ -61,14 +66,17 @@ class RecordDesk {
   WorkerPool& pool_;
   Post post_;
   RecordingFolder folder_;
+  /// Files of unknown origin are read on a thread of its own: they may keep it busy.
+  WorkerPool reading_{};
+  std::atomic<bool> is_ending_{false};
   mutable std::mutex mutex_{};
-  std::shared_ptr<HubRecording> recording_{};  ///< Guarded by `mutex_`.
-  bool is_changing_ = false;                   ///< A start or stop is under way.
+  std::shared_ptr<capture::LiveRecording> recording_{};  ///< Guarded by `mutex_`.
+  bool is_changing_ = false;                             ///< A start or stop is under way.
   std::string recorded_file_{};
   std::string problem_{};
   std::shared_ptr<ReplayPlayer> player_{};
   std::string played_file_{};
-  std::uint64_t replay_id_ = 0;
+  std::atomic<std::uint64_t> replay_id_{0};
   std::map<std::uint16_t, std::uint32_t> replay_channels_{};
 };
 

@@ -22,16 +22,33 @@ std::string text_of(ConstBytes bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
+/// Why a page can't show it; empty: it can.
+std::string excess_of(const recording::FileReader& reader) {
+  std::size_t byte_count = 0;
+  for (const auto& [number, schema] : reader.schemas())
+    byte_count += schema.data.size();
+  const std::size_t count = reader.channels().size();
+  if (count > ReplayPlayer::kChannelCountMax) {
+    return "it has " + std::to_string(count) + " topics, and a page shows at most " +
+           std::to_string(ReplayPlayer::kChannelCountMax);
+  }
+  return byte_count > ReplayPlayer::kSchemaByteMax ? "its schemas take more than 16 MiB" : "";
+}
+
 std::chrono::steady_clock::time_point steady(MonotonicTime time) {
   return std::chrono::steady_clock::time_point(time.time_since_epoch());
 }
 
 }  // namespace
 
-expected<std::unique_ptr<ReplayPlayer>, SetupError> ReplayPlayer::open(const std::string& path,
-                                                                       Deliver deliver) {
-  auto reader = recording::FileReader::open(path, recording::Incomplete::kRead);
+expected<std::unique_ptr<ReplayPlayer>, SetupError> ReplayPlayer::open(
+    const std::string& path, Deliver deliver, const recording::Progress& progress) {
+  auto reader = recording::FileReader::open(path, recording::Incomplete::kRead, progress);
   if (!reader) return unexpected{reader.error()};
+  if (std::string excess = excess_of(**reader); !excess.empty()) {
+    return setup_error("the recording " + path + " is not shown", std::move(excess),
+                       "cut the topics that you need: rtpm bag cut --topics");
+  }
   std::unique_ptr<ReplayPlayer> player(new ReplayPlayer(std::move(*reader), std::move(deliver)));
   auto thread = rt::Thread::start({.name = "console-replay", .realtime = rt::RealtimeMode::kOff},
                                   [raw = player.get()] { raw->run(); });
@@ -121,6 +138,11 @@ void ReplayPlayer::run() {
   }
 }
 
+bool ReplayPlayer::is_present(std::uint64_t turn) const {
+  const std::lock_guard lock(mutex_);
+  return turn_ == turn;
+}
+
 void ReplayPlayer::show_moment(std::uint64_t time_ns, std::uint64_t turn) {
   std::map<std::uint16_t, std::pair<std::uint64_t, std::string>> newest;
   std::map<std::uint16_t, std::uint64_t> next_ns;
@@ -128,19 +150,22 @@ void ReplayPlayer::show_moment(std::uint64_t time_ns, std::uint64_t turn) {
   bool is_interrupted = false;
   const recording::Query query{.from_ns = time_ns > kHistoryNs ? time_ns - kHistoryNs : 0,
                                .to_ns = time_ns};
-  const auto read = reader_->read(query, [&](const recording::Message& message) {
-    std::uint64_t& next = next_ns[message.channel_id];
-    if (message.log_time_ns < next) {
-      newest[message.channel_id] = {message.log_time_ns, text_of(message.data)};
-      return true;
-    }
-    next = message.log_time_ns + kHistoryStepNs;
-    newest.erase(message.channel_id);
-    deliver_(message.channel_id, message.log_time_ns, text_of(message.data));
-    if (++batch_count % kHistoryBatch == 0) is_interrupted = !pause_delivery(turn);
-    return !is_interrupted;
-  });
-  if (is_interrupted) return;
+  const auto read = reader_->read(
+      query,
+      [&](const recording::Message& message) {
+        std::uint64_t& next = next_ns[message.channel_id];
+        if (message.log_time_ns < next) {
+          newest[message.channel_id] = {message.log_time_ns, text_of(message.data)};
+          return true;
+        }
+        next = message.log_time_ns + kHistoryStepNs;
+        newest.erase(message.channel_id);
+        deliver_(message.channel_id, message.log_time_ns, text_of(message.data));
+        if (++batch_count % kHistoryBatch == 0) is_interrupted = !pause_delivery(turn);
+        return !is_interrupted;
+      },
+      [&](std::uint64_t, std::uint64_t) { return is_present(turn); });
+  if (is_interrupted || !is_present(turn)) return;
   for (auto& [channel, message] : newest)
     deliver_(channel, message.first, std::move(message.second));
   if (read) return;
@@ -156,17 +181,20 @@ bool ReplayPlayer::pause_delivery(std::uint64_t turn) {
 
 void ReplayPlayer::play_on(std::uint64_t from_ns, std::uint64_t turn) {
   bool is_interrupted = false;
-  const auto read = reader_->read({.from_ns = from_ns}, [&](const recording::Message& message) {
-    is_interrupted = !wait_for(message.log_time_ns, turn);
-    if (!is_interrupted && is_shown(message.channel_id)) {
-      deliver_(message.channel_id, message.log_time_ns, text_of(message.data));
-    }
-    return !is_interrupted;
-  });
+  const auto read = reader_->read(
+      {.from_ns = from_ns},
+      [&](const recording::Message& message) {
+        is_interrupted = !wait_for(message.log_time_ns, turn);
+        if (!is_interrupted && is_shown(message.channel_id)) {
+          deliver_(message.channel_id, message.log_time_ns, text_of(message.data));
+        }
+        return !is_interrupted;
+      },
+      [&](std::uint64_t, std::uint64_t) { return is_present(turn); });
   const std::lock_guard lock(mutex_);
-  if (!read) status_.problem = read.error().reason();
   if (is_interrupted || turn_ != turn) return;
   // At the end, or where the file is damaged.
+  if (!read) status_.problem = read.error().reason();
   status_.is_playing = false;
   if (read) status_.time_ns = end_ns_;
 }
@@ -174,8 +202,11 @@ void ReplayPlayer::play_on(std::uint64_t from_ns, std::uint64_t turn) {
 bool ReplayPlayer::wait_for(std::uint64_t log_time_ns, std::uint64_t turn) {
   std::unique_lock lock(mutex_);
   const auto ahead_ns = static_cast<double>(log_time_ns - std::min(log_time_ns, anchor_ns_));
+  // A file may state any time; what is due in years is due never.
+  constexpr double kLongestNs = 1e18;
   const MonotonicTime due =
-      anchor_ + Duration{static_cast<Duration::rep>(ahead_ns / status_.speed)};
+      anchor_ +
+      Duration{static_cast<Duration::rep>(std::min(ahead_ns / status_.speed, kLongestNs))};
   if (changed_.wait_until(lock, steady(due), [&] { return turn_ != turn; })) return false;
   status_.time_ns = log_time_ns;
   return true;

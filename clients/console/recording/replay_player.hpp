@@ -33,9 +33,15 @@ class ReplayPlayer {
     std::string problem{};  ///< Of the file, where it is damaged.
   };
 
+  /// What a page can show.
+  static constexpr std::size_t kChannelCountMax = 1'000;
+  static constexpr std::size_t kSchemaByteMax = 16 << 20;
+
   /// Opens a recording, also one that was not ended. It does not play yet.
+  /// @param progress  may stop it
+  /// @errors   as FileReader::open(); more channels or schemas than a page can show
   [[nodiscard]] static expected<std::unique_ptr<ReplayPlayer>, SetupError> open(
-      const std::string& path, Deliver deliver);
+      const std::string& path, Deliver deliver, const recording::Progress& progress);
   ReplayPlayer(const ReplayPlayer&) = delete;
   ReplayPlayer& operator=(const ReplayPlayer&) = delete;
   ~ReplayPlayer();
@@ -69,6 +75,8 @@ class ReplayPlayer {
   /// Waits until the message is due; false: something else is to be done.
   [[nodiscard]] bool wait_for(std::uint64_t log_time_ns, std::uint64_t turn);
   [[nodiscard]] bool is_shown(std::uint16_t channel);
+  /// Whether the turn still is the present one.
+  [[nodiscard]] bool is_present(std::uint64_t turn) const;
 
   std::unique_ptr<recording::FileReader> reader_;
   Deliver deliver_;

@@ -62,7 +62,7 @@ Subscription::Subscription(Context& context, std::string hub, Observer& observer
     : context_(context), hub_(std::move(hub)), observer_(observer), types_(std::move(types)) {}
 
 Subscription::~Subscription() {
-  consumer_.reset();  // It calls until then.
+  end();
 }
 
 void Subscription::care() {
@@ -74,10 +74,22 @@ void Subscription::care() {
     notice = std::exchange(notice_, {});
   }
   if (!notice.empty()) rt::print_error("rtpm", notice);
-  if (!lacks_type) return;
+  if (lacks_type) learn_types();
+}
+
+void Subscription::learn_types() {
   auto types = events::HubTypes::ask(context_.node(), hub_);
   const std::lock_guard lock(mutex_);
   if (types) types_ = std::move(*types);
+}
+
+void Subscription::with_types(const std::function<void(const events::HubTypes&)>& use) {
+  const std::lock_guard lock(mutex_);
+  use(types_);
+}
+
+void Subscription::end() {
+  consumer_.reset();  // It calls until then.
 }
 
 std::uint64_t Subscription::lost_count() const {

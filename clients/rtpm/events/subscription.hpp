@@ -1,6 +1,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -43,7 +44,13 @@ class Subscription final : public events::EventHandler {
 
   /// Learns types that came since, and tells losses and interruptions. Call it now and then.
   void care();
+  /// Asks the hub for its types now.
+  void learn_types();
+  /// The types that are known, while no event is handed out.
+  void with_types(const std::function<void(const events::HubTypes&)>& use);
   [[nodiscard]] std::uint64_t lost_count() const;
+  /// Hands out no more events. lost_count() may not be called then.
+  void end();
 
   void on_events(std::span<const events::EventView> events) override;
   void on_notice(const events::Notice& notice) override;

@@ -2,6 +2,7 @@
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -123,8 +124,16 @@ std::string text_of(FileReader& reader, const std::string& path,
   return text;
 }
 
+/// Opens it with a bar, as a file without summary is read as a whole.
+expected<std::unique_ptr<FileReader>, SetupError> open(Context& context, const BagRequest& request,
+                                                       recording::Incomplete incomplete) {
+  ProgressBar bar(context, "reading");
+  return FileReader::open(request.file, incomplete,
+                          [&bar](auto done, auto whole) { return bar.show(done, whole); });
+}
+
 int info(Context& context, const BagRequest& request) {
-  const auto reader = FileReader::open(request.file, recording::Incomplete::kRead);
+  const auto reader = open(context, request, recording::Incomplete::kRead);
   if (!reader) return context.fail(reader.error());
   const auto metadata = (*reader)->read_metadata();
   if (!metadata) return context.fail(metadata.error());
@@ -140,6 +149,17 @@ int info(Context& context, const BagRequest& request) {
   return kDone;
 }
 
+/// What a recovered recording says that it lost; empty: nothing.
+std::string recovered_text(const std::string& file) {
+  const auto reader = FileReader::open(file);
+  const auto metadata = reader ? (*reader)->read_metadata() : std::vector<recording::Metadata>{};
+  if (!metadata) return "";
+  const auto found =
+      std::ranges::find(*metadata, recording::kRecoveryMetadata, &recording::Metadata::name);
+  if (found == metadata->end()) return "";
+  return "; it was recovered from a damaged one, see `rtpm bag info` for what that had lost";
+}
+
 int check(Context& context, const BagRequest& request) {
   expected<std::vector<std::string>, SetupError> problems{};
   {
@@ -151,12 +171,26 @@ int check(Context& context, const BagRequest& request) {
   if (context.json) {
     print_json({{"file", request.file}, {"problems", *problems}});
   } else if (problems->empty()) {
-    print_line(printable(request.file) + " is whole");
+    print_line(printable(request.file) + " is whole" + recovered_text(request.file));
   } else {
     for (const std::string& problem : *problems)
       print_line(printable(request.file) + ": " + printable(problem));
   }
   return problems->empty() ? kDone : kFailed;
+}
+
+/// "lab/arm0/sampled: 1000 messages lost", a line each.
+std::string losses_of(const recording::Recovery& recovery) {
+  std::string text;
+  for (const auto& [topic, count] : recovery.lost_counts)
+    text += printable(topic) + ": " + std::to_string(count) + " messages were lost\n";
+  for (const std::string& topic : recovery.untyped_topics)
+    text += printable(topic) + ": its schema was lost, so it can't be played\n";
+  if (recovery.unknown_channel_count > 0) {
+    text += std::to_string(recovery.unknown_channel_count) +
+            " messages were lost, as the record of their channel was\n";
+  }
+  return text;
 }
 
 int recover(Context& context, const BagRequest& request) {
@@ -171,12 +205,16 @@ int recover(Context& context, const BagRequest& request) {
     print_json({{"file", request.output},
                 {"message_count", recovery->message_count},
                 {"damaged_chunk_count", recovery->damaged_chunk_count},
-                {"cut_byte_count", recovery->cut_byte_count}});
+                {"cut_byte_count", recovery->cut_byte_count},
+                {"lost_counts", recovery->lost_counts},
+                {"unknown_channel_count", recovery->unknown_channel_count},
+                {"untyped_topics", recovery->untyped_topics}});
   } else {
     print_line(printable(request.output) + " has " + std::to_string(recovery->message_count) +
                " messages; " + std::to_string(recovery->damaged_chunk_count) +
                " damaged chunks and " + std::to_string(recovery->cut_byte_count) +
-               " bytes at the end were lost");
+               " bytes at the end or between records were lost");
+    std::fputs(losses_of(*recovery).c_str(), stdout);
   }
   return kDone;
 }
@@ -189,7 +227,7 @@ expected<std::vector<std::uint16_t>, SetupError> channels_of(FileReader& reader,
   for (const auto& [number, channel] : reader.channels())
     topics.push_back(channel.topic);
   for (const std::string& topic : request.topics) {
-    if (std::ranges::count(topics, topic) == 0) {
+    if (std::ranges::find(topics, topic) == topics.end()) {
       return setup_error(request.file + " has no topic '" + topic + "'" +
                          options::suggestion(topic, topics) + "; 'rtpm bag info' shows all");
     }
@@ -200,15 +238,21 @@ expected<std::vector<std::uint16_t>, SetupError> channels_of(FileReader& reader,
   return numbers;
 }
 
-expected<recording::Query, SetupError> query_of(const BagRequest& request) {
-  const auto reader = FileReader::open(request.file);
+/// `begin_ns` and so much later; the end of all times, where there is no such time.
+std::uint64_t later(std::uint64_t begin_ns, Duration time) {
+  const auto ns = static_cast<std::uint64_t>(std::max(time, Duration{0}).count());
+  return begin_ns > UINT64_MAX - ns ? UINT64_MAX : begin_ns + ns;
+}
+
+expected<recording::Query, SetupError> query_of(Context& context, const BagRequest& request) {
+  const auto reader = open(context, request, recording::Incomplete::kRefuse);
   if (!reader) return unexpected{reader.error()};
   auto channels = channels_of(**reader, request);
   if (!channels) return unexpected{channels.error()};
   const std::uint64_t begin_ns = (*reader)->statistics().begin_ns;
-  recording::Query query{.from_ns = begin_ns + static_cast<std::uint64_t>(request.from.count()),
+  recording::Query query{.from_ns = later(begin_ns, request.from),
                          .channel_ids = std::move(*channels)};
-  if (request.to) query.to_ns = begin_ns + static_cast<std::uint64_t>(request.to->count());
+  if (request.to) query.to_ns = later(begin_ns, *request.to);
   return query;
 }
 
@@ -216,7 +260,7 @@ int cut(Context& context, const BagRequest& request) {
   if (request.to && *request.to < request.from) {
     return context.fail("--to is before --from", kMisused);
   }
-  const auto query = query_of(request);
+  const auto query = query_of(context, request);
   if (!query) return context.fail(query.error());
   expected<std::uint64_t, SetupError> count{};
   {

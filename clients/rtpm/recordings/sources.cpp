@@ -20,7 +20,7 @@ namespace {
 class HubSource final : public Source, private Subscription::Observer {
  public:
   HubSource(Context& context, recording::Recorder& recorder, capture::DeviceRecorder& devices)
-      : context_(context), devices_(devices), events_(recorder) {}
+      : context_(context), devices_(devices), events_(recorder, /*names_devices=*/true) {}
 
   /// @return whether it is open; else it was told why
   bool open(const EventRequest& request, int& exit_code) {
@@ -36,13 +36,11 @@ class HubSource final : public Source, private Subscription::Observer {
   }
   void care() override {
     subscription_->care();
+    if (events_.is_holding()) subscription_->learn_types();
     if (events_.take_new_unnamed()) static_cast<void>(name_devices());
-    for (const std::string& name : events_.take_new_devices()) {
-      if (const auto described = devices_.describe(name); !described) {
-        rt::print_error("rtpm", named(name, described.error()).text() +
-                                    "; without its description it can't be played");
-      }
-    }
+    subscription_->with_types(
+        [this](const events::HubTypes& types) { events_.attend(types.list()); });
+    describe_new_devices();
   }
   void add_to(SourceCounts& counts) const override {
     counts.lost += subscription_ ? subscription_->lost_count() : lost_count_;
@@ -50,12 +48,24 @@ class HubSource final : public Source, private Subscription::Observer {
   void end() override {
     care();
     lost_count_ = subscription_->lost_count();
+    subscription_->end();
+    subscription_->with_types(
+        [this](const events::HubTypes& types) { events_.finish(types.list()); });
     subscription_.reset();
+    describe_new_devices();
   }
 
  private:
   void on_event(const events::EventView& event, const events::EventDescriptor* type) override {
     events_.record(event, type);
+  }
+  void describe_new_devices() {
+    for (const std::string& name : events_.take_new_devices()) {
+      if (const auto described = devices_.describe(name); !described) {
+        rt::print_error("rtpm", named(name, described.error()).text() +
+                                    "; without its description it can't be played");
+      }
+    }
   }
   /// @return why the names are not known
   std::optional<SetupError> name_devices() {

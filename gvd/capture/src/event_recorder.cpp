@@ -1,6 +1,8 @@
 #include "rtpm/capture/event_recorder.hpp"
 
+#include <algorithm>
 #include <mutex>
+#include <utility>
 
 #include "rtpm/capture/channels.hpp"
 #include "rtpm/gvd/device_event.hpp"
@@ -8,25 +10,105 @@
 
 namespace rtpm::capture {
 
-EventRecorder::EventRecorder(recording::Recorder& recorder)
-    : recorder_(recorder), track_(recorder.add_track()) {}
+namespace {
+
+/// Bytes that a held event costs, its place in memory counted.
+std::size_t cost_of(ConstBytes payload) {
+  constexpr std::size_t kOverhead = 128;
+  return payload.size() + kOverhead;
+}
+
+/// Null: it is not known.
+const events::EventDescriptor* find_in(KnownTypes types, events::EventType type) {
+  const auto found = std::ranges::find(types, type, &events::EventDescriptor::type);
+  return found == types.end() ? nullptr : *found;
+}
+
+}  // namespace
+
+EventRecorder::EventRecorder(recording::Recorder& recorder, bool names_devices)
+    : names_devices_(names_devices), recorder_(recorder), track_(recorder.add_track()) {}
 
 void EventRecorder::record(const events::EventView& event, const events::EventDescriptor* type) {
   const std::lock_guard lock(mutex_);
   const events::EventHeader& header = event.header;
+  const Key key{header.type, header.source};
+  const MonotonicTime now = rt::now();
+  const bool is_settled_now = is_settled(header, type);
+  // What has a channel has waited in vain before.
+  const bool may_wait = !is_settled_now && !channels_.contains(key) &&
+                        held_byte_count_ + cost_of(event.payload) <= kHeldByteMax;
+  if (may_wait) return hold(event, now);
+  let_go(key, type);
+  put(header, event.payload, now, type);
+}
+
+bool EventRecorder::is_settled(const events::EventHeader& header,
+                               const events::EventDescriptor* type) const {
+  const bool has_type = type != nullptr || header.type > events::kEventTypeMax;
+  return has_type && !lacks_name(header);
+}
+
+bool EventRecorder::lacks_name(const events::EventHeader& header) const {
+  return names_devices_ && is_device_event(header.type) && !devices_.contains(header.source);
+}
+
+void EventRecorder::hold(const events::EventView& event, MonotonicTime now) {
+  held_[{event.header.type, event.header.source}].push_back(
+      {event.header, {event.payload.begin(), event.payload.end()}, now});
+  held_byte_count_ += cost_of(event.payload);
+}
+
+void EventRecorder::let_go(const Key& key, const events::EventDescriptor* type) {
+  const auto found = held_.find(key);
+  if (found == held_.end()) return;
+  for (const Held& held : found->second) {
+    put(held.header, held.payload, held.received, type);
+    held_byte_count_ -= cost_of(held.payload);
+  }
+  held_.erase(found);
+}
+
+void EventRecorder::let_go_if(KnownTypes types, bool is_end) {
+  const std::lock_guard lock(mutex_);
+  const MonotonicTime now = rt::now();
+  for (auto next = held_.begin(); next != held_.end();) {
+    const auto& [key_here, held] = *next;
+    const Key key = key_here;
+    ++next;  // The entry may go.
+    const events::EventDescriptor* const type = find_in(types, key.first);
+    const bool is_over = is_end || now - held.front().received >= kHoldTimeMax;
+    if (is_over || is_settled(held.front().header, type)) let_go(key, type);
+  }
+}
+
+void EventRecorder::attend(KnownTypes types) {
+  let_go_if(types, false);
+}
+
+void EventRecorder::finish(KnownTypes types) {
+  let_go_if(types, true);
+}
+
+bool EventRecorder::is_holding() const {
+  const std::lock_guard lock(mutex_);
+  return !held_.empty();
+}
+
+void EventRecorder::put(const events::EventHeader& header, ConstBytes payload,
+                        MonotonicTime received, const events::EventDescriptor* type) {
   const ChannelOfEvents* const channel = channel_of(header, type);
   if (channel == nullptr) return;
-  const MonotonicTime now = rt::now();
   recording::Message message{
       .channel_id = channel->number,
       .sequence = static_cast<std::uint32_t>(header.sequence),
-      .log_time_ns = recorder_.log_time_ns(now),
+      .log_time_ns = recorder_.log_time_ns(received),
       // The hub's clock may be another's, so only its difference counts.
-      .publish_time_ns = recorder_.log_time_ns(now - (header.hub_sent - header.origin)),
-      .data = event.payload};
+      .publish_time_ns = recorder_.log_time_ns(received - (header.hub_sent - header.origin)),
+      .data = payload};
   std::optional<std::vector<std::byte>> table;
   if (channel->dynamic != nullptr) {
-    table = channel->dynamic->as_table(channel->dynamic->event(), event.payload);
+    table = channel->dynamic->as_table(channel->dynamic->event(), payload);
     if (table) message.data = *table;
   }
   static_cast<void>(track_.put(message));
@@ -45,7 +127,9 @@ std::vector<std::string> EventRecorder::take_new_devices() {
 
 bool EventRecorder::take_new_unnamed() {
   const std::lock_guard lock(mutex_);
-  return std::exchange(has_new_unnamed_, false);
+  const bool waits = std::ranges::any_of(
+      held_, [this](const auto& held) { return lacks_name(held.second.front().header); });
+  return std::exchange(has_new_unnamed_, false) || waits;
 }
 
 const std::string* EventRecorder::device_of(const events::EventHeader& header) {

@@ -1,7 +1,5 @@
 #include "rtpm/capture/flight_file.hpp"
 
-#include <time.h>
-
 #include <filesystem>
 #include <memory>
 #include <system_error>
@@ -9,17 +7,11 @@
 #include "rtpm/gvd/flight_cycle.hpp"
 #include "rtpm/recording/file_writer.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/utc.hpp"
 #include "rtpm/schema/dynamic.hpp"
 
 namespace rtpm::capture {
 namespace {
-
-/// Since 1970, minus this host's monotonic clock.
-std::int64_t wall_offset_ns() {
-  timespec wall{};
-  ::clock_gettime(CLOCK_REALTIME, &wall);
-  return std::int64_t{wall.tv_sec} * 1'000'000'000 + wall.tv_nsec - to_ns(rt::now());
-}
 
 recording::Metadata metadata_of(const std::string& device, const gvd::FlightLog& log) {
   return {.name = "rtpm.flight",
@@ -47,7 +39,9 @@ expected<std::uint16_t, SetupError> add_channel(recording::FileWriter& file,
 
 expected<void, SetupError> write_cycles(recording::FileWriter& file, std::uint16_t channel,
                                         schema::Dynamic& dynamic, const gvd::FlightLog& log) {
-  const std::int64_t offset_ns = wall_offset_ns() - log.clock_offset.count();
+  const MonotonicTime now = rt::now();
+  const std::int64_t offset_ns =
+      static_cast<std::int64_t>(rt::utc_ns(now)) - to_ns(now) - log.clock_offset.count();
   for (const gvd::FlightRecord& record : log.records) {
     const auto payload = gvd::flight_cycle_payload(record);
     const auto table = dynamic.as_table(dynamic.event(), payload);

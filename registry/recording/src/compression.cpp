@@ -14,7 +14,17 @@ namespace {
 /// Fast: a recording shares its CPUs with what it records.
 constexpr int kZstdLevel = 1;
 
+/// The most that a byte can stand for in the densest form of each: a zstd block of 4 bytes for
+/// 128 KiB, an LZ4 length byte for 255 bytes. A chunk that states more gets no memory.
+constexpr std::size_t kZstdRatioMax = 32'768;
+constexpr std::size_t kLz4RatioMax = 255;
+
+bool is_possible(std::size_t size, ConstBytes compressed, std::size_t ratio_max) {
+  return size / ratio_max <= compressed.size();
+}
+
 std::optional<std::vector<std::byte>> decompress_lz4(ConstBytes compressed, std::size_t size) {
+  if (!is_possible(size, compressed, kLz4RatioMax)) return std::nullopt;
   LZ4F_dctx* context = nullptr;
   if (LZ4F_isError(LZ4F_createDecompressionContext(&context, LZ4F_VERSION))) return std::nullopt;
   const std::unique_ptr<LZ4F_dctx, decltype(&LZ4F_freeDecompressionContext)> owner(
@@ -76,8 +86,14 @@ std::optional<std::vector<std::byte>> decompress(std::string_view compression,
     if (compressed.size() != size) return std::nullopt;
     return std::vector<std::byte>(compressed.begin(), compressed.end());
   }
+  if (compressed.empty() && size == 0) return std::vector<std::byte>{};
   if (compression == "lz4") return decompress_lz4(compressed, size);
   if (compression != "zstd") return std::nullopt;
+  // As the frame states it, where it does; so a wrong size gets no memory, either.
+  const auto stated = ZSTD_getFrameContentSize(compressed.data(), compressed.size());
+  const bool is_stated = stated != ZSTD_CONTENTSIZE_UNKNOWN;
+  if (stated == ZSTD_CONTENTSIZE_ERROR || (is_stated && stated > size)) return std::nullopt;
+  if (!is_possible(size, compressed, kZstdRatioMax)) return std::nullopt;
   std::vector<std::byte> bytes(size);
   const std::size_t written =
       ZSTD_decompress(bytes.data(), bytes.size(), compressed.data(), compressed.size());

@@ -1,6 +1,9 @@
 #include "rtpm/recording/file_writer.hpp"
 
 #include <algorithm>
+#include <functional>
+#include <string_view>
+#include <unordered_map>
 #include <utility>
 
 #include "compression.hpp"
@@ -14,16 +17,38 @@ namespace {
 constexpr const char* kLibrary = "rtpm";
 constexpr std::size_t kNumberMax = 65535;
 
-/// The number, from 1, of `value` in `values`, where it is added if need be; 0: there is no room.
-template <class T>
-std::pair<std::uint16_t, bool> number_of(std::vector<T>& values, const T& value) {
-  const auto found = std::ranges::find(values, value);
-  const bool is_new = found == values.end();
-  if (is_new && values.size() == kNumberMax) return {std::uint16_t{0}, false};
-  const auto number = static_cast<std::uint16_t>(found - values.begin() + 1);
-  if (is_new) values.push_back(value);
-  return {number, is_new};
+std::size_t hash_of(const Schema& schema) {
+  const std::string_view data(reinterpret_cast<const char*>(schema.data.data()),
+                              schema.data.size());
+  return std::hash<std::string>{}(schema.name) ^ std::hash<std::string_view>{}(data);
 }
+std::size_t hash_of(const Channel& channel) {
+  return std::hash<std::string>{}(channel.topic) + channel.schema_id;
+}
+
+/// Values with numbers from 1.
+template <class T>
+class Numbered {
+ public:
+  /// The number of `value`, which is added if need be, and whether it was; 0: there is no room.
+  std::pair<std::uint16_t, bool> number_of(const T& value) {
+    const std::size_t hash = hash_of(value);
+    const auto [first, last] = numbers_.equal_range(hash);
+    for (auto known = first; known != last; ++known) {
+      if (values_[known->second - 1U] == value) return {known->second, false};
+    }
+    if (values_.size() == kNumberMax) return {std::uint16_t{0}, false};
+    values_.push_back(value);
+    const auto number = static_cast<std::uint16_t>(values_.size());
+    numbers_.emplace(hash, number);
+    return {number, true};
+  }
+  [[nodiscard]] const std::vector<T>& values() const noexcept { return values_; }
+
+ private:
+  std::vector<T> values_{};
+  std::unordered_multimap<std::size_t, std::uint16_t> numbers_{};  ///< By hash.
+};
 
 }  // namespace
 
@@ -45,8 +70,8 @@ struct FileWriter::Impl {
   /// Records that the next append() puts into the file.
   std::vector<std::byte> bytes{};
 
-  std::vector<Schema> schemas{};
-  std::vector<Channel> channels{};
+  Numbered<Schema> schemas{};
+  Numbered<Channel> channels{};
   Statistics statistics{};
 
   /// The chunk under way: its uncompressed records.
@@ -113,17 +138,17 @@ void FileWriter::Impl::write_summary() {
     if (bytes.size() > from) groups.push_back({opcode, begin + from, bytes.size() - from});
   };
   add(Opcode::kSchema, [&] {
-    for (std::size_t i = 0; i < schemas.size(); ++i)
-      out.schema(static_cast<std::uint16_t>(i + 1), schemas[i]);
+    for (std::size_t i = 0; i < schemas.values().size(); ++i)
+      out.schema(static_cast<std::uint16_t>(i + 1), schemas.values()[i]);
   });
   add(Opcode::kChannel, [&] {
-    for (std::size_t i = 0; i < channels.size(); ++i)
-      out.channel(static_cast<std::uint16_t>(i + 1), channels[i]);
+    for (std::size_t i = 0; i < channels.values().size(); ++i)
+      out.channel(static_cast<std::uint16_t>(i + 1), channels.values()[i]);
   });
   add(Opcode::kStatistics, [&] {
     out.statistics(statistics,
-                   {.schemas = static_cast<std::uint16_t>(schemas.size()),
-                    .channels = static_cast<std::uint32_t>(channels.size()),
+                   {.schemas = static_cast<std::uint16_t>(schemas.values().size()),
+                    .channels = static_cast<std::uint32_t>(channels.values().size()),
                     .attachments = static_cast<std::uint32_t>(attachment_indexes.size()),
                     .metadata = static_cast<std::uint32_t>(metadata_indexes.size())});
   });
@@ -166,24 +191,24 @@ FileWriter::~FileWriter() {
 }
 
 expected<std::uint16_t, SetupError> FileWriter::add_schema(const Schema& schema) {
-  const auto [number, is_new] = number_of(impl_->schemas, schema);
+  const auto [number, is_new] = impl_->schemas.number_of(schema);
   if (number == 0) return setup_error("a recording has at most 65535 schemas");
   if (is_new) RecordWriter(impl_->chunk).schema(number, schema);
   return number;
 }
 
 expected<std::uint16_t, SetupError> FileWriter::add_channel(const Channel& channel) {
-  if (channel.schema_id > impl_->schemas.size()) {
+  if (channel.schema_id > impl_->schemas.values().size()) {
     return setup_error("the channel " + channel.topic + " has a schema that was not added");
   }
-  const auto [number, is_new] = number_of(impl_->channels, channel);
+  const auto [number, is_new] = impl_->channels.number_of(channel);
   if (number == 0) return setup_error("a recording has at most 65535 channels");
   if (is_new) RecordWriter(impl_->chunk).channel(number, channel);
   return number;
 }
 
 expected<void, SetupError> FileWriter::write(const Message& message) {
-  if (message.channel_id == 0 || message.channel_id > impl_->channels.size()) {
+  if (message.channel_id == 0 || message.channel_id > impl_->channels.values().size()) {
     return setup_error("a message has a channel that was not added");
   }
   // Begin and end are those of messages; a chunk may begin with schemas and channels.

@@ -12,18 +12,36 @@
 #include "rtpm/recording/file_reader.hpp"
 
 namespace rtpm::recording {
+namespace {
+
+/// A chunk that did not shrink, and its head.
+constexpr std::uint64_t kReadByteMax = kChunkByteMax + (1 << 16);
+
+}  // namespace
+
+SetupError stopped(const std::string& what) {
+  return {what + " is not done", "it was stopped"};
+}
 
 expected<InputFile, SetupError> InputFile::open(const std::string& path) {
   const auto refuse = [&](std::error_code cause) {
     return setup_error("the recording " + path + " can't be read", cause, "name a recording");
   };
-  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (descriptor < 0) return refuse(system_error(errno));
+  const auto no_file = [&] {
+    return setup_error("the recording " + path + " can't be read",
+                       "it is a pipe, a device or a folder", "name a recording");
+  };
+  // Opening a device may already set something off, so it is looked at before; and as the name may
+  // mean something else by then, opening waits for no writer of a pipe.
   struct stat status {};
+  if (::stat(path.c_str(), &status) != 0) return refuse(system_error(errno));
+  if (!S_ISREG(status.st_mode)) return no_file();
+  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
+  if (descriptor < 0) return refuse(system_error(errno));
   const bool is_known = ::fstat(descriptor, &status) == 0;
   InputFile file(path, descriptor, is_known ? static_cast<std::uint64_t>(status.st_size) : 0);
   if (!is_known) return refuse(system_error(errno));
-  if (!S_ISREG(status.st_mode)) return refuse(system_error(EINVAL));
+  if (!S_ISREG(status.st_mode)) return no_file();
   const auto magic = file.read(0, std::min<std::uint64_t>(file.size_, kMagicSize));
   if (!magic || !std::ranges::equal(*magic, std::as_bytes(std::span(kMagic)))) {
     return setup_error(path + " is no recording", "it does not begin as an MCAP file",
@@ -52,6 +70,7 @@ expected<std::vector<std::byte>, SetupError> InputFile::read(std::uint64_t offse
         kRepair);
   };
   if (offset > size_ || size > size_ - offset) return fail("it ends before");
+  if (size > kReadByteMax) return fail("a part of it is above 256 MiB");
   std::vector<std::byte> bytes(size);
   std::size_t done = 0;
   while (done < size) {
@@ -66,6 +85,7 @@ expected<std::vector<std::byte>, SetupError> InputFile::read(std::uint64_t offse
 }
 
 std::optional<RecordPlace> InputFile::record_at(std::uint64_t offset) const {
+  if (offset > size_ || size_ - offset < kRecordHeaderSize) return std::nullopt;
   const auto head = read(offset, kRecordHeaderSize);
   if (!head) return std::nullopt;
   ByteReader reader(*head);
@@ -73,6 +93,7 @@ std::optional<RecordPlace> InputFile::record_at(std::uint64_t offset) const {
   place.opcode = static_cast<Opcode>(reader.take<std::uint8_t>());
   place.offset = offset;
   place.content_size = reader.take<std::uint64_t>();
+  if (place.opcode == Opcode{0}) return std::nullopt;
   if (place.content_size > size_ - place.content_offset()) return std::nullopt;
   return place;
 }
@@ -81,24 +102,24 @@ expected<std::vector<std::byte>, SetupError> InputFile::content(const RecordPlac
   return read(record.content_offset(), record.content_size);
 }
 
-expected<std::vector<std::byte>, SetupError> unpack(const InputFile& file,
-                                                    const RecordPlace& chunk) {
+expected<UnpackedChunk, SetupError> unpack(const InputFile& file, const RecordPlace& chunk) {
   const auto damaged = [&](const std::string& why) {
     return setup_error(
         "the chunk at byte " + std::to_string(chunk.offset) + " of " + file.path() + " is damaged",
         why, kRepair);
   };
+  if (chunk.content_size > kReadByteMax) return damaged("it is above 256 MiB");
   const auto content = file.content(chunk);
   if (!content) return unexpected{content.error()};
   const auto head = parse_chunk(*content);
   if (!head) return damaged("its head is cut short");
-  if (head->uncompressed_size > FileReader::kChunkByteMax) return damaged("it is above 256 MiB");
+  if (head->uncompressed_size > kChunkByteMax) return damaged("it is above 256 MiB");
   auto records = decompress(head->compression, head->records, head->uncompressed_size);
   if (!records) return damaged("it can't be decompressed");
   if (head->uncompressed_crc != 0 && crc32(*records) != head->uncompressed_crc) {
     return damaged("its checksum is wrong");
   }
-  return std::move(*records);
+  return UnpackedChunk{head->begin_ns, head->end_ns, std::move(*records)};
 }
 
 }  // namespace rtpm::recording

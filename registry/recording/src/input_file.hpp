@@ -21,19 +21,24 @@ struct RecordPlace {
   [[nodiscard]] std::uint64_t end() const noexcept { return content_offset() + content_size; }
 };
 
-/// A file that is read at any place. It may shrink meanwhile: what is read is checked.
+/// What a function that `progress` has stopped fails with.
+[[nodiscard]] SetupError stopped(const std::string& what);
+
+/// A regular file that is read at any place. It may shrink meanwhile: what is read is checked.
 /// @ownership owns the descriptor
 class InputFile {
  public:
+  /// @errors   no such file; a pipe, a device or a folder; no MCAP file
   [[nodiscard]] static expected<InputFile, SetupError> open(const std::string& path);
   InputFile(InputFile&& other) noexcept;
   InputFile& operator=(InputFile&&) = delete;
   ~InputFile();
 
-  /// @errors   fewer bytes are there; the disk
+  /// @errors   fewer bytes are there; more than a chunk may have; the disk
   [[nodiscard]] expected<std::vector<std::byte>, SetupError> read(std::uint64_t offset,
                                                                   std::uint64_t size) const;
-  /// The record at `offset`; nothing: it does not lie whole in the file.
+  /// The record at `offset`; nothing: it does not lie whole in the file, or has the opcode 0, which
+  /// the format does not have but a file with holes is full of.
   [[nodiscard]] std::optional<RecordPlace> record_at(std::uint64_t offset) const;
   [[nodiscard]] expected<std::vector<std::byte>, SetupError> content(
       const RecordPlace& record) const;
@@ -49,10 +54,16 @@ class InputFile {
   std::uint64_t size_;
 };
 
-/// The uncompressed records of a chunk.
+/// A chunk with its uncompressed records.
+struct UnpackedChunk {
+  std::uint64_t begin_ns = 0;  ///< As the chunk states it.
+  std::uint64_t end_ns = 0;
+  std::vector<std::byte> records{};
+};
+
 /// @errors   an unknown compression, damage, a wrong checksum: in words with the place
-[[nodiscard]] expected<std::vector<std::byte>, SetupError> unpack(const InputFile& file,
-                                                                  const RecordPlace& chunk);
+[[nodiscard]] expected<UnpackedChunk, SetupError> unpack(const InputFile& file,
+                                                         const RecordPlace& chunk);
 
 /// Calls `visit(opcode, content, offset)` for each record in `records`, until it returns false.
 /// @return whether all of them are whole

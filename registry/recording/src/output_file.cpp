@@ -1,12 +1,43 @@
 #include "output_file.hpp"
 
 #include <fcntl.h>
+#include <pthread.h>
+#include <signal.h>
+#include <time.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <utility>
 
 namespace rtpm::recording {
+namespace {
+
+/// While it lives, a write of this thread beyond the file-size limit fails with EFBIG, as on a full
+/// disk, and does not end the program, whatever that makes of SIGXFSZ.
+class SizeLimitAsError {
+ public:
+  SizeLimitAsError() noexcept {
+    ::sigemptyset(&signal_);
+    ::sigaddset(&signal_, SIGXFSZ);
+    ::pthread_sigmask(SIG_BLOCK, &signal_, &before_);
+  }
+  SizeLimitAsError(const SizeLimitAsError&) = delete;
+  SizeLimitAsError& operator=(const SizeLimitAsError&) = delete;
+  ~SizeLimitAsError() {
+    const int error = errno;
+    constexpr timespec kNow{};
+    while (::sigtimedwait(&signal_, nullptr, &kNow) == SIGXFSZ) {
+    }
+    ::pthread_sigmask(SIG_SETMASK, &before_, nullptr);
+    errno = error;
+  }
+
+ private:
+  sigset_t signal_{};
+  sigset_t before_{};
+};
+
+}  // namespace
 
 expected<OutputFile, SetupError> OutputFile::create(const std::string& path) {
   const int descriptor = ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
@@ -42,6 +73,7 @@ unexpected<SetupError> OutputFile::fail(int error) {
 
 expected<void, SetupError> OutputFile::append(ConstBytes bytes) {
   if (failure_) return unexpected{*failure_};
+  const SizeLimitAsError guard;
   std::size_t done = 0;
   while (done < bytes.size()) {
     const ssize_t count = ::write(descriptor_, bytes.data() + done, bytes.size() - done);

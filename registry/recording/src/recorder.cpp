@@ -1,7 +1,5 @@
 #include "rtpm/recording/recorder.hpp"
 
-#include <time.h>
-
 #include <array>
 #include <atomic>
 #include <condition_variable>
@@ -15,6 +13,7 @@
 #include "rtpm/base/record_ring.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/thread.hpp"
+#include "rtpm/rt/utc.hpp"
 
 namespace rtpm::recording {
 namespace {
@@ -101,10 +100,8 @@ bool Recorder::Track::put(const Message& message) noexcept {
 struct Recorder::Impl {
   Impl(std::unique_ptr<FileWriter> file, const RecorderConfig& configuration)
       : config(configuration), writer(std::move(file)), drop_counts(kChannelCountMax) {
-    timespec wall{};
-    ::clock_gettime(CLOCK_REALTIME, &wall);
-    const std::int64_t wall_ns = std::int64_t{wall.tv_sec} * 1'000'000'000 + wall.tv_nsec;
-    wall_offset_ns = wall_ns - to_ns(rt::now());
+    const MonotonicTime now = rt::now();
+    wall_offset_ns = static_cast<std::int64_t>(rt::utc_ns(now)) - to_ns(now);
   }
 
   /// Until close(): empties the rings, and ends a chunk each second.

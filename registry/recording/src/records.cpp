@@ -342,17 +342,21 @@ std::optional<Metadata> parse_metadata(ConstBytes content) {
   return if_ok(reader, std::move(metadata));
 }
 
-std::optional<Statistics> parse_statistics(ConstBytes content) {
+std::optional<StatedStatistics> parse_statistics(ConstBytes content) {
   ByteReader reader(content);
-  Statistics statistics;
+  StatedStatistics stated;
+  Statistics& statistics = stated.statistics;
   statistics.message_count = reader.take<std::uint64_t>();
-  constexpr std::size_t kCountsSize = 2 + 4 + 4 + 4;
-  static_cast<void>(reader.take_bytes(kCountsSize));
+  stated.counts.schemas = reader.take<std::uint16_t>();
+  stated.counts.channels = reader.take<std::uint32_t>();
+  stated.counts.attachments = reader.take<std::uint32_t>();
+  stated.counts.metadata = reader.take<std::uint32_t>();
   statistics.chunk_count = reader.take<std::uint32_t>();
   statistics.begin_ns = reader.take<std::uint64_t>();
   statistics.end_ns = reader.take<std::uint64_t>();
   statistics.message_counts = take_numbers(reader);
-  return if_ok(reader, std::move(statistics));
+  if (statistics.begin_ns > statistics.end_ns) return std::nullopt;
+  return if_ok(reader, std::move(stated));
 }
 
 std::optional<Footer> parse_footer(ConstBytes content) {

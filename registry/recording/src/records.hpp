@@ -94,6 +94,12 @@ struct RecordCounts {
   std::uint32_t metadata = 0;
 };
 
+/// What the summary states of the recording.
+struct StatedStatistics {
+  Statistics statistics{};
+  RecordCounts counts{};
+};
+
 /// Appends records to a buffer.
 /// @ownership refers to the buffer, which must outlive it
 class RecordWriter {
@@ -140,7 +146,7 @@ class RecordWriter {
 [[nodiscard]] std::optional<ChunkIndex> parse_chunk_index(ConstBytes content);
 [[nodiscard]] std::optional<Attachment> parse_attachment(ConstBytes content);
 [[nodiscard]] std::optional<Metadata> parse_metadata(ConstBytes content);
-[[nodiscard]] std::optional<Statistics> parse_statistics(ConstBytes content);
+[[nodiscard]] std::optional<StatedStatistics> parse_statistics(ConstBytes content);
 [[nodiscard]] std::optional<Footer> parse_footer(ConstBytes content);
 [[nodiscard]] std::optional<std::uint32_t> parse_data_end(ConstBytes content);
 

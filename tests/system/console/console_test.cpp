@@ -311,8 +311,7 @@ TEST_F(Consoles, RecordAndPlayRecordings) {
     ASSERT_FALSE(opened["topics"].empty()) << opened;
     std::string topic;
     for (const Json& one : opened["topics"]) {
-      if (one.get<std::string>().starts_with("rtpm.device.Sampled/"))
-        topic = "replay/" + one.get<std::string>();
+      if (one == "lab/arm0/sampled") topic = "replay/lab/arm0/sampled";
     }
     client->subscribe(topic);
     EXPECT_EQ(client->channels().at(topic)["schemaName"], "rtpm.device.Sampled");

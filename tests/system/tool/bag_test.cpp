@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 #include <signal.h>
+#include <sys/stat.h>
 
 #include <nlohmann/json.hpp>
 #include <string>
@@ -89,6 +90,37 @@ TEST_F(Bag, RecoverSavesWhatIsWhole) {
   EXPECT_TRUE(json_of({"check", saved})["problems"].empty());
   expect_one_sentence(bag({"recover", broken, "-o", saved}), 1, {"exists already", "Remedy"});
   expect_one_sentence(bag({"recover", broken}), 2, {"--output is required"});
+}
+
+/// The chunk that has the channels is damaged; the summary has them, too.
+TEST_F(Bag, RecoverKeepsTheChannelsAndTellsWhatIsLost) {
+  std::string content = recording::content_of(file_);
+  const std::string head("\x06", 1);
+  const std::size_t chunk = 8 + 9 + static_cast<unsigned char>(content[9]);
+  ASSERT_EQ(content.substr(chunk, 1), head);
+  content[chunk + 70] ^= 1;  // In its compressed records.
+  const std::string damaged = folder_.fresh("damaged");
+  recording::put_content(damaged, content);
+  const std::string saved = folder_.fresh("saved");
+  const Json json = json_of({"recover", damaged, "-o", saved});
+  EXPECT_EQ(json["damaged_chunk_count"], 1);
+  int lost = 0;
+  for (const Json& count : json["lost_counts"])
+    lost += count.get<int>();
+  EXPECT_GT(lost, 0);
+  EXPECT_EQ(json["message_count"].get<int>() + lost, 100) << json;
+  const Json info = json_of({"info", saved});
+  EXPECT_EQ(info["channels"][0]["type"], "lab.Touched") << info;
+  EXPECT_NE(bag({"check", saved}).output.find("was recovered"), std::string::npos);
+  const std::string text = bag({"recover", damaged, "-o", folder_.fresh("again")}).output;
+  EXPECT_NE(text.find("lab/touched: "), std::string::npos) << text;
+}
+
+TEST_F(Bag, OfAPipeIsRefusedWithoutWaiting) {
+  const std::string pipe = folder_.fresh("pipe");
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  for (const char* action : {"info", "check"})
+    expect_one_sentence(bag({action, pipe}), 1, {"pipe.mcap", "it is a pipe"});
 }
 
 TEST_F(Bag, CutTakesATimeAndTopics) {

@@ -208,20 +208,66 @@ TEST_F(Events, OfARecordingAreReadByFlatBuffersAlone) {
   EXPECT_EQ(json["sample"]["position_m"].size(), 3u) << json;
 }
 
-TEST_F(Events, OfARecordingThatCtrlCEndsAreKept) {
+/// Ctrl-C and an order to end.
+TEST_F(Events, OfARecordingThatASignalEndsAreKept) {
+  const recording::Folder folder;
+  for (const int signal : {SIGINT, SIGTERM}) {
+    const std::string file = folder.fresh("run" + std::to_string(signal));
+    test::Process record({path_of("rtpm"), "record", file, "--registry", registry_->url});
+    ASSERT_TRUE(test::await([&] {
+      return std::filesystem::exists(file) && std::filesystem::file_size(file) > 1000;
+    })) << record.errors();
+    record.send_signal(signal);
+    const auto end = record.wait(kPatience);
+    ASSERT_TRUE(end);
+    EXPECT_EQ(end->exit_code, 0) << signal << end->errors;
+    EXPECT_NE(end->output.find(" messages, "), std::string::npos) << end->output;
+    EXPECT_EQ(rtpm({"bag", "check", file}).output, file + " is whole\n");
+    expect_one_sentence(rtpm({"record", file}), 1, {file, "exists"});
+  }
+}
+
+/// As on a full disk: a sentence, and what is there stays whole.
+TEST_F(Events, OfARecordingThatReachesTheFileSizeLimitAreKept) {
   const recording::Folder folder;
   const std::string file = folder.fresh("run");
-  test::Process record({path_of("rtpm"), "record", file, "--registry", registry_->url});
-  ASSERT_TRUE(test::await([&] {
-    return std::filesystem::exists(file) && std::filesystem::file_size(file) > 1000;
-  })) << record.errors();
+  test::Process record({"sh", "-c",
+                        "ulimit -f 200; exec \"$0\" record \"$1\" --compression none "
+                        "--registry \"$2\"",
+                        path_of("rtpm"), file, registry_->url});
+  const auto end = record.wait(kPatience);
+  ASSERT_TRUE(end);
+  expect_one_sentence(*end, 1, {file, "File too large", "make room"});
+  const auto reader = recording::FileReader::open(file, recording::Incomplete::kRead);
+  EXPECT_TRUE(reader) << reader.error().text();
+}
+
+/// A hub that just began knows neither the types nor the names of a program whose events it sends.
+TEST_F(Events, OfProgramsThatStartLaterAreRecordedByTypeAndName) {
+  const recording::Folder folder;
+  const std::string file = folder.fresh("run");
+  const auto hub = start_daemon("rtpm-eventd", {"--port", "0", "--registry", registry_->url,
+                                                "--name", "lab/hub", "--realtime", "off"});
+  ASSERT_TRUE(hub);
+  test::Process record(
+      {path_of("rtpm"), "record", file, "--hub", "lab/hub", "--registry", registry_->url});
+  ASSERT_TRUE(test::await([&] { return std::filesystem::exists(file); }));
+  const auto late =
+      start_daemon("rtpm-deviced", {"--port", "0", "--registry", registry_->url, "--realtime",
+                                    "off", "--devices", "knob0", "--events", "lab/hub"});
+  ASSERT_TRUE(late);
+  ASSERT_TRUE(test::await([&] { return std::filesystem::file_size(file) > 20'000; }))
+      << record.errors();
   record.send_signal(SIGINT);
   const auto end = record.wait(kPatience);
   ASSERT_TRUE(end);
   EXPECT_EQ(end->exit_code, 0) << end->errors;
-  EXPECT_NE(end->output.find(" messages, "), std::string::npos) << end->output;
-  EXPECT_EQ(rtpm({"bag", "check", file}).output, file + " is whole\n");
-  expect_one_sentence(rtpm({"record", file}), 1, {file, "exists"});
+  const auto reader = recording::FileReader::open(file);
+  ASSERT_TRUE(reader) << reader.error().text();
+  for (const auto& [number, channel] : (*reader)->channels()) {
+    EXPECT_TRUE(channel.topic.starts_with("lab/knob0/")) << channel.topic;
+    EXPECT_EQ(channel.message_encoding, "flatbuffer") << channel.topic;
+  }
 }
 
 TEST_F(Events, ThatCantBeRecordedLeaveNoFile) {

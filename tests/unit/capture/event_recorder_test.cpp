@@ -1,13 +1,17 @@
 #include "rtpm/capture/event_recorder.hpp"
 
+#include <array>
 #include <device_events.rtpm.events.hpp>
 
 #include "../recording/recorded.hpp"
+#include "rtpm/gvd/device_event.hpp"
 #include "rtpm/rt/clock.hpp"
 
 // What the recorder of events writes, read back.
 namespace rtpm::capture {
 namespace {
+
+constexpr std::array kKnown{&device::ButtonChangedEvent::kDescriptor};
 
 class EventRecorderTest : public testing::Test {
  protected:
@@ -83,17 +87,74 @@ TEST_F(EventRecorderTest, KeepsTheOriginAsPublishTime) {
   }));
 }
 
-TEST_F(EventRecorderTest, GoesOnWithTheSchemaWhenItBecomesKnown) {
+/// As of a program whose first events come before the hub has told its types.
+TEST_F(EventRecorderTest, HoldsEventsBackUntilTheirTypeIsKnown) {
   record(3, 1, /*is_known=*/false);
-  record(3, 2);
+  record(3, 2, /*is_known=*/false);
+  EXPECT_TRUE(events_->is_holding());
+  record(3, 3);
+  EXPECT_FALSE(events_->is_holding());
+  const auto reader = closed();
+  ASSERT_NE(reader, nullptr);
+  ASSERT_EQ(reader->channels().size(), 1u);
+  EXPECT_EQ(reader->channels().at(1).topic, "rtpm.device.ButtonChanged/3");
+  EXPECT_EQ(reader->channels().at(1).message_encoding, "flatbuffer");
+  const auto messages = recording::read_all(*reader);
+  ASSERT_EQ(messages.size(), 3u);
+  for (std::uint32_t i = 0; i < 3; ++i)
+    EXPECT_EQ(messages[i].sequence, i + 1);
+}
+
+TEST_F(EventRecorderTest, RecordsWhatWasHeldWhenItsTypeIsLearned) {
+  record(3, 1, /*is_known=*/false);
+  events_->attend({});
+  EXPECT_TRUE(events_->is_holding()) << "it waits on";
+  events_->attend(kKnown);
+  EXPECT_FALSE(events_->is_holding());
+  const auto reader = closed();
+  ASSERT_NE(reader, nullptr);
+  EXPECT_EQ(reader->channels().at(1).topic, "rtpm.device.ButtonChanged/3");
+}
+
+TEST_F(EventRecorderTest, HoldsEventsBackUntilTheirDeviceIsNamed) {
+  events_.emplace(*recorder_, /*names_devices=*/true);
+  const events::SourceId source = gvd::source_of("lab/arm0");
+  record(source, 1);
+  EXPECT_TRUE(events_->take_new_unnamed());
+  EXPECT_TRUE(events_->take_new_unnamed()) << "while it waits";
+  const std::vector<std::string> names{"lab/arm0"};
+  events_->name_devices(names);
+  EXPECT_FALSE(events_->take_new_unnamed());
+  events_->attend(kKnown);
+  EXPECT_EQ(events_->take_new_devices(), names);
+  const auto reader = closed();
+  ASSERT_NE(reader, nullptr);
+  ASSERT_EQ(reader->channels().size(), 1u);
+  EXPECT_EQ(reader->channels().at(1).topic, "lab/arm0/button_changed");
+}
+
+TEST_F(EventRecorderTest, RecordsByNumberWhatIsNeverKnown) {
+  record(3, 1, /*is_known=*/false);
+  events_->finish({});
+  record(3, 2, /*is_known=*/false);
+  EXPECT_FALSE(events_->is_holding()) << "it has waited in vain";
+  record(3, 3);
   const auto reader = closed();
   ASSERT_NE(reader, nullptr);
   ASSERT_EQ(reader->channels().size(), 2u);
   EXPECT_EQ(reader->channels().at(1).topic, "1380974594/3");
   EXPECT_EQ(reader->channels().at(1).message_encoding, "");
   EXPECT_EQ(reader->channels().at(2).message_encoding, "flatbuffer");
-  EXPECT_EQ(recording::read_all(*reader, {.channel_ids = {1}}).at(0).text.size(),
-            sizeof(device::ButtonChange));
+  const auto messages = recording::read_all(*reader, {.channel_ids = {1}});
+  ASSERT_EQ(messages.size(), 2u);
+  EXPECT_EQ(messages[0].text.size(), sizeof(device::ButtonChange));
+}
+
+TEST_F(EventRecorderTest, HoldsNoMoreThanItsTrackTakes) {
+  constexpr std::uint64_t kCount = 100'000;
+  for (std::uint64_t i = 1; i <= kCount; ++i)
+    record(3, i, /*is_known=*/false);
+  EXPECT_FALSE(events_->is_holding());
 }
 
 }  // namespace

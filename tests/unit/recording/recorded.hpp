@@ -33,11 +33,15 @@ class Folder {
   Folder(const Folder&) = delete;
   Folder& operator=(const Folder&) = delete;
   ~Folder() { std::filesystem::remove_all(path_); }
+  /// A path in it.
+  [[nodiscard]] std::string path(const std::string& name) const {
+    return path_ + "/" + name + ".mcap";
+  }
   /// A path in it, where nothing is.
   [[nodiscard]] std::string fresh(const std::string& name) const {
-    std::string path = path_ + "/" + name + ".mcap";
-    std::filesystem::remove(path);
-    return path;
+    std::string free = path(name);
+    std::filesystem::remove(free);
+    return free;
   }
 
  private:

@@ -112,7 +112,6 @@ TEST_F(RealtimeRecording, CountsWhatItDropsAndTheFileSaysIt) {
 TEST_F(RealtimeRecording, EndsInWordsWhenTheDiskIsFullAndKeepsWhatThereIs) {
   rlimit before{};
   ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
-  ::signal(SIGXFSZ, SIG_IGN);
   const rlimit limit{.rlim_cur = 50'000, .rlim_max = before.rlim_max};
   RecorderConfig config;
   config.writer = {.compression = Compression::kNone, .chunk_byte_max = 4000};

@@ -22,6 +22,34 @@ class Repair : public testing::Test {
     EXPECT_TRUE((*writer)->close());
     return path;
   }
+  [[nodiscard]] static std::uint64_t lost_count(const Recovery& recovery) {
+    std::uint64_t count = 0;
+    for (const auto& [topic, lost] : recovery.lost_counts)
+      count += lost;
+    return count;
+  }
+  /// Of write_recording()'s first chunk, and of nothing else.
+  void expect_loss_of_first_chunk(const Recovery& recovery) const {
+    EXPECT_EQ(recovery.damaged_chunk_count, 1u);
+    EXPECT_EQ(recovery.unknown_channel_count, 0u);
+    EXPECT_TRUE(recovery.untyped_topics.empty());
+    EXPECT_TRUE(recovery.lost_counts.contains("lab/touched"));
+    EXPECT_EQ(recovery.message_count + lost_count(recovery),
+              static_cast<std::uint64_t>(kMessageCount));
+    EXPECT_GE(recovery.message_count, kMessageCount - kMessagesPerChunk);
+    auto reader = FileReader::open(folder_.path("recovered"));
+    ASSERT_TRUE(reader) << reader.error().text();
+    ASSERT_EQ((*reader)->channels().size(), 2u);
+    const Channel& touched = (*reader)->channels().begin()->second;
+    EXPECT_EQ(touched.topic, "lab/touched");
+    EXPECT_EQ((*reader)->schemas().at(touched.schema_id).name, "lab.Touched");
+    EXPECT_EQ(*check(folder_.path("recovered")), std::vector<std::string>{});
+    const auto metadata = (*reader)->read_metadata();
+    ASSERT_TRUE(metadata);
+    EXPECT_EQ(metadata->back().name, kRecoveryMetadata);
+    EXPECT_EQ(metadata->back().values.at("damaged_chunk_count"), "1");
+    EXPECT_TRUE(metadata->back().values.contains("lost.lab/touched"));
+  }
   Folder folder_;
 };
 
@@ -65,6 +93,56 @@ TEST_F(Repair, LeavesADamagedChunkOut) {
   EXPECT_LT(recovery->message_count, static_cast<std::uint64_t>(kMessageCount));
   EXPECT_GE(recovery->message_count, kMessageCount - kMessagesPerChunk);
   EXPECT_EQ(recovery->cut_byte_count, 0u);
+}
+
+/// The chunk that has the channels and schemas is damaged; the summary has them, too.
+TEST_F(Repair, KeepsChannelsOfADamagedChunkThatTheSummaryHas) {
+  const std::string content = content_of(write_recording(Compression::kNone));
+  for (const char* place : {"message 2", "lab/touched"}) {
+    std::string bytes = content;
+    bytes[bytes.find(place)] ^= 1;
+    const std::string damaged = folder_.fresh("damaged");
+    put_content(damaged, bytes);
+    const auto recovery = recover(damaged, folder_.fresh("recovered"));
+    ASSERT_TRUE(recovery) << recovery.error().text();
+    expect_loss_of_first_chunk(*recovery);
+  }
+}
+
+/// The size of a chunk's record is damaged: what follows is found by the summary.
+TEST_F(Repair, GoesOnBehindADamagedSize) {
+  const std::string content = content_of(write_recording(Compression::kNone));
+  const std::size_t header_size = 9 + static_cast<unsigned char>(content[9]);
+  const std::size_t size_at = 8 + header_size + 1;
+  ASSERT_EQ(content[size_at - 1], '\x06') << "the first chunk";
+  for (const std::size_t byte : {0u, 1u, 3u, 7u}) {
+    for (const int bit : {1, 128}) {
+      std::string bytes = content;
+      bytes[size_at + byte] = static_cast<char>(bytes[size_at + byte] ^ bit);
+      const std::string damaged = folder_.fresh("damaged");
+      put_content(damaged, bytes);
+      const auto recovery = recover(damaged, folder_.fresh("recovered"));
+      ASSERT_TRUE(recovery) << recovery.error().text();
+      // With a byte more, the chunk is whole: the format allows bytes behind its fields.
+      if (recovery->message_count == static_cast<std::uint64_t>(kMessageCount)) continue;
+      expect_loss_of_first_chunk(*recovery);
+    }
+  }
+}
+
+TEST_F(Repair, CountsWhatHasNoChannelOrSchemaAnyMore) {
+  // Neither the first chunk nor the summary is whole.
+  std::string bytes = content_of(write_recording(Compression::kNone));
+  bytes[bytes.find("lab/touched")] ^= 1;
+  bytes[bytes.rfind("lab/touched")] ^= 1;
+  const std::string damaged = folder_.fresh("damaged");
+  put_content(damaged, bytes);
+  const auto recovery = recover(damaged, folder_.fresh("recovered"));
+  ASSERT_TRUE(recovery);
+  EXPECT_EQ(recovery->message_count, 0u);
+  EXPECT_EQ(recovery->unknown_channel_count + lost_count(*recovery),
+            static_cast<std::uint64_t>(kMessageCount));
+  EXPECT_EQ(recovery->lost_counts.count("channel 1"), 1u);
 }
 
 /// No flipped bit goes unnoticed: every byte is under a checksum or in a field that is compared.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -9,6 +10,8 @@
 #include <utility>
 #include <vector>
 
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/base/time.hpp"
 #include "rtpm/capture/event_schemas.hpp"
 #include "rtpm/events/event.hpp"
 #include "rtpm/recording/recorder.hpp"
@@ -16,16 +19,27 @@
 
 namespace rtpm::capture {
 
+/// The descriptors that are known, as events::HubTypes::list() has them.
+using KnownTypes = std::span<const events::EventDescriptor* const>;
+
 /// Records events, each type and source in a channel of its own: topic "lab.Touched/3", of a device
 /// whose name is known "lab/arm0/sampled", the schema embedded. The payload is a FlatBuffer whose
 /// root is the event's table. Sequence and origin are the message's sequence and publish time; the
 /// log time is when it came here.
+///
+/// The first events of a program may come before its types and names are known here. They are held
+/// back, at most kHoldTimeMax and kHeldByteMax in all, so that they get into the right channel.
 /// @ownership refers to its recorder, which other sources may share
 /// @threads  record() on one, the rest on any; allocates and waits, so none of real time
 class EventRecorder {
  public:
+  static constexpr Duration kHoldTimeMax = std::chrono::seconds{3};
+  /// As much as a track takes at once, so that what is held is not dropped when it is let go.
+  static constexpr std::size_t kHeldByteMax = 2 << 20;
+
   /// Takes a track of its own.
-  explicit EventRecorder(recording::Recorder& recorder);
+  /// @param names_devices  whether name_devices() will be called, so that events wait for it
+  explicit EventRecorder(recording::Recorder& recorder, bool names_devices = false);
   EventRecorder(const EventRecorder&) = delete;
   EventRecorder& operator=(const EventRecorder&) = delete;
   ~EventRecorder() = default;
@@ -33,12 +47,20 @@ class EventRecorder {
   /// Records one event. What the recorder can't take it counts.
   /// @param type  null while the type is not known
   void record(const events::EventView& event, const events::EventDescriptor* type);
+  /// Records what was held back, where type and name are known by now or it waited for too long.
+  /// Call it now and then.
+  void attend(KnownTypes types);
+  /// Records all that was held back. Call it before the recorder is closed.
+  void finish(KnownTypes types);
+  /// Whether events are held back: types and names are to be asked for.
+  [[nodiscard]] bool is_holding() const;
 
   /// Names the channels of these devices. Earlier events of theirs stay in channels by number.
   void name_devices(std::span<const std::string> names);
   /// The named devices whose first event came since the last call.
   [[nodiscard]] std::vector<std::string> take_new_devices();
-  /// Whether an event of a device without a name came since the last call, the first of its source.
+  /// Whether names of devices are looked for: events wait for one, or an event of a device without
+  /// a name came since the last call, the first of its source.
   [[nodiscard]] bool take_new_unnamed();
 
  private:
@@ -47,6 +69,22 @@ class EventRecorder {
     schema::Dynamic* dynamic = nullptr;  ///< Null: the payload is recorded as it is.
     bool is_named = false;               ///< By its device.
   };
+  using Key = std::pair<events::EventType, events::SourceId>;
+  struct Held {
+    events::EventHeader header{};
+    std::vector<std::byte> payload{};
+    MonotonicTime received{};
+  };
+  /// Whether the right channel of such an event is known.
+  [[nodiscard]] bool is_settled(const events::EventHeader& header,
+                                const events::EventDescriptor* type) const;
+  [[nodiscard]] bool lacks_name(const events::EventHeader& header) const;
+  void hold(const events::EventView& event, MonotonicTime now);
+  /// Records what is held of a type and source.
+  void let_go(const Key& key, const events::EventDescriptor* type);
+  void let_go_if(KnownTypes types, bool is_end);
+  void put(const events::EventHeader& header, ConstBytes payload, MonotonicTime received,
+           const events::EventDescriptor* type);
   /// Null: the file takes no more channels.
   ChannelOfEvents* channel_of(const events::EventHeader& header,
                               const events::EventDescriptor* type);
@@ -57,11 +95,14 @@ class EventRecorder {
   /// Null: no device's, or of one without a name.
   const std::string* device_of(const events::EventHeader& header);
 
-  rt::PiMutex mutex_{};
+  mutable rt::PiMutex mutex_{};
+  bool names_devices_;
+  std::map<Key, std::vector<Held>> held_{};
+  std::size_t held_byte_count_ = 0;
   recording::Recorder& recorder_;
   recording::Recorder::Track& track_;
   EventSchemas schemas_{};
-  std::map<std::pair<events::EventType, events::SourceId>, ChannelOfEvents> channels_{};
+  std::map<Key, ChannelOfEvents> channels_{};
   std::map<events::SourceId, std::string> devices_{};
   std::set<events::SourceId> seen_devices_{};
   std::set<events::SourceId> seen_unnamed_{};

@@ -45,7 +45,7 @@ class Recorder {
     Track& operator=(const Track&) = delete;
     ~Track();
     /// Copies a message. Of one thread at a time, the same for all calls.
-    /// @param message  its channel was added; log times of one track do not go back
+    /// @param message  its channel was added; log times that rise make the file quick to read
     /// @return false: it was dropped and counted
     /// @realtime wait-free, alloc-free, no system call
     bool put(const Message& message) noexcept;

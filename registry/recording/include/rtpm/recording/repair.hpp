@@ -1,7 +1,7 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -10,20 +10,32 @@
 
 namespace rtpm::recording {
 
-/// Is told at times how many of how many bytes, or nanoseconds of log time, are done. Returns false
-/// to stop; then no new file is left.
-using Progress = std::function<bool(std::uint64_t done, std::uint64_t whole)>;
-
 /// What recover() did.
 struct Recovery {
   std::uint64_t message_count = 0;        ///< In the new file.
   std::uint64_t damaged_chunk_count = 0;  ///< Left out.
-  std::uint64_t cut_byte_count =
-      0;  ///< At the end of the old file, of a record that was not whole.
+  /// At the end of the old file, of a record that was not whole, or between records.
+  std::uint64_t cut_byte_count = 0;
+  /// Messages of damaged chunks, by topic, as their indexes count them; where these are damaged,
+  /// too, it is not known.
+  std::map<std::string, std::uint64_t> lost_counts{};
+  std::uint64_t unknown_channel_count =
+      0;  ///< Messages left out: no whole record has their channel.
+  std::vector<std::string> untyped_topics{};  ///< Their schema is in no whole record.
+
+  /// Whether the new file has all that the old one had.
+  [[nodiscard]] bool is_without_loss() const noexcept {
+    return damaged_chunk_count == 0 && cut_byte_count == 0 && unknown_channel_count == 0 &&
+           untyped_topics.empty();
+  }
 };
 
-/// Writes a new recording of all that is whole in a truncated or damaged one. It has its name when
-/// it is whole.
+/// The metadata in which a recovered recording says what it lost.
+inline constexpr const char* kRecoveryMetadata = "rtpm.recovery";
+
+/// Writes a new recording of all that is whole in a truncated or damaged one, with the channels and
+/// schemas of its summary, where that is whole. Behind a damaged place it goes on where the summary
+/// knows of a record. What was lost is said in the new file, too. It has its name when it is whole.
 /// @errors   no MCAP file; the new file exists, or can't be written; it was stopped
 /// @realtime never
 [[nodiscard]] expected<Recovery, SetupError> recover(const std::string& from, const std::string& to,
@@ -39,7 +51,8 @@ struct Recovery {
                                                       const std::string& to, const Query& query,
                                                       const Progress& progress = {});
 
-/// Reads all of a recording and says what is wrong with it, a clause each; empty: nothing.
+/// Reads all of a recording and says what is wrong with it, a clause each, at most 100; empty:
+/// nothing.
 /// @errors   no such file; no MCAP file; it was stopped
 /// @realtime never
 [[nodiscard]] expected<std::vector<std::string>, SetupError> check(const std::string& path,

@@ -1,0 +1,66 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/events/defaults.hpp"
+#include "rtpm/names/defaults.hpp"
+#include "rtpm/recording/recorder.hpp"
+#include "rtpm/rpc/node.hpp"
+
+namespace rtpm::capture {
+
+/// Settings for LiveRecording::start().
+struct LiveRecordingConfig {
+  std::string hub{events::kHubPath};            ///< By name or URL.
+  std::string registry{names::kThisHost};       ///< Where the names of devices are looked for.
+  Duration deadline = std::chrono::seconds{1};  ///< Of calls to the hub.
+  recording::RecorderConfig recorder{};
+};
+
+/// What a live recording did so far.
+struct LiveRecordingStatus {
+  Duration time{};
+  recording::RecorderStatus recorder{};
+  std::uint64_t lost_count = 0;  ///< Events that did not reach the recorder.
+  /// Devices that did not say what they are: they are recorded, but can't be played.
+  std::vector<std::string> undescribed_devices{};
+};
+
+/// Records all events of a hub in a file while the program goes on: what `rtpm record` does, in
+/// process. Devices have topics by their names, and are described, so that `rtpm play` plays them.
+/// @ownership owns the file and a thread "rtpm-record"; refers to its node, which must outlive it
+/// @threads  any
+/// @realtime set-up only, but for recorder().add_track()'s Track::put()
+class LiveRecording {
+ public:
+  /// @errors   no hub answers; the file exists, or can't be written
+  [[nodiscard]] static expected<std::unique_ptr<LiveRecording>, SetupError> start(
+      rpc::Node& node, const std::string& file, LiveRecordingConfig config = {});
+  LiveRecording(const LiveRecording&) = delete;
+  LiveRecording& operator=(const LiveRecording&) = delete;
+  /// As stop(), without its answer.
+  ~LiveRecording();
+
+  /// Records a remark at the present time, in the topic "annotations".
+  /// @return   false: it was too long, or the recorder takes no more; it is counted as dropped
+  bool annotate(std::string_view text);
+  /// For channels of the program's own.
+  [[nodiscard]] recording::Recorder& recorder() noexcept;
+  [[nodiscard]] LiveRecordingStatus status() const;
+  /// Ends the recording. No other call may follow.
+  /// @errors   the file's, also an earlier one; what was written until then is whole
+  [[nodiscard]] expected<void, SetupError> stop();
+
+ private:
+  struct Impl;
+  explicit LiveRecording(std::unique_ptr<Impl> impl) noexcept;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtpm::capture

@@ -1,0 +1,101 @@
+#include "rtpm/capture/live_recording.hpp"
+
+#include <ctime>
+#include <device_events.rtpm.events.hpp>
+
+#include "../recording/recorded.hpp"
+#include "rtpm/capture/annotations.hpp"
+#include "rtpm/capture/read_events.hpp"
+#include "rtpm/events/hub_server.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/utc.hpp"
+
+// A program that records the events of a hub itself, and reads them back.
+namespace rtpm::capture {
+namespace {
+
+class LiveRecordingTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    auto served = events::HubServer::create(node_, {.name = ""});
+    ASSERT_TRUE(served) << served.error().text();
+    hub_ = std::move(*served);
+    auto started = LiveRecording::start(node_, file_, {.hub = hub_->url()});
+    ASSERT_TRUE(started) << started.error().text();
+    recording_ = std::move(*started);
+  }
+  /// Waits, for 20 s at most, until so many messages were recorded.
+  [[nodiscard]] bool has_recorded(std::uint64_t count) const {
+    const MonotonicTime until = rt::now() + std::chrono::seconds{20};
+    while (recording_->status().recorder.message_count < count) {
+      if (rt::now() > until) return false;
+      rt::sleep_until(rt::now() + std::chrono::milliseconds{1});
+    }
+    return true;
+  }
+  [[nodiscard]] std::unique_ptr<recording::FileReader> stopped() {
+    EXPECT_TRUE(recording_->stop());
+    auto reader = recording::FileReader::open(file_);
+    EXPECT_TRUE(reader);
+    return reader ? std::move(*reader) : nullptr;
+  }
+
+  recording::Folder folder_;
+  std::string file_ = folder_.fresh("live");
+  rpc::Node node_{{.default_deadline = std::chrono::seconds{5}}};
+  std::unique_ptr<events::HubServer> hub_;
+  std::unique_ptr<LiveRecording> recording_;
+};
+
+TEST_F(LiveRecordingTest, HasTheEventsOfLaterSuppliersByType) {
+  auto supplier = device::StopAllRequestedSupplier::create(hub_->hub(), 3);
+  ASSERT_TRUE(supplier) << supplier.error().text();
+  for (std::uint64_t i = 1; i <= 5; ++i)
+    ASSERT_TRUE(supplier->push(device::StopAll(i)));
+  ASSERT_TRUE(has_recorded(5));
+  const auto reader = stopped();
+  ASSERT_NE(reader, nullptr);
+  std::vector<std::uint64_t> ids;
+  const auto read = read_events<device::StopAllRequestedEvent>(*reader, [&](const auto& event) {
+    EXPECT_EQ(event.channel.topic, "rtpm.device.StopAllRequested/3");
+    ids.push_back(event.payload.id());
+    return ids.size() < 4;
+  });
+  ASSERT_TRUE(read) << read.error().text();
+  EXPECT_EQ(ids, (std::vector<std::uint64_t>{1, 2, 3, 4}));
+  const auto none = read_events<device::SampledEvent>(*reader, [](const auto&) { return true; });
+  ASSERT_FALSE(none);
+  EXPECT_NE(none.error().text().find("no event rtpm.device.Sampled"), std::string::npos);
+}
+
+TEST_F(LiveRecordingTest, HasRemarksAtTheirTime) {
+  const std::uint64_t before_ns = rt::utc_ns(rt::now());
+  EXPECT_TRUE(recording_->annotate("trial \"7\",\nleft hand"));
+  const auto reader = stopped();
+  ASSERT_NE(reader, nullptr);
+  const auto messages = recording::read_all(*reader);
+  ASSERT_EQ(messages.size(), 1u);
+  EXPECT_EQ(reader->channels().at(messages[0].channel_id).topic, kAnnotationTopic);
+  EXPECT_EQ(messages[0].text, R"({"text": "trial \"7\",\u000aleft hand"})");
+  constexpr std::uint64_t kMinuteNs = 60'000'000'000;
+  EXPECT_GT(messages[0].log_time_ns + kMinuteNs, before_ns);
+  EXPECT_LT(messages[0].log_time_ns, before_ns + kMinuteNs);
+}
+
+TEST_F(LiveRecordingTest, IsRefusedWithoutAHub) {
+  const std::string file = folder_.fresh("none");
+  const auto started = LiveRecording::start(node_, file, {.hub = "rtpm://127.0.0.1:1/rtpm/events"});
+  EXPECT_FALSE(started);
+  EXPECT_FALSE(std::filesystem::exists(file));
+}
+
+TEST(UtcTime, IsTheWallClocksOfAMonotonicTime) {
+  const MonotonicTime now = rt::now();
+  const std::uint64_t ns = rt::utc_ns(now);
+  const std::uint64_t later_ns = rt::utc_ns(now + std::chrono::seconds{5});
+  EXPECT_NEAR(static_cast<double>(ns) * 1e-9, static_cast<double>(std::time(nullptr)), 60);
+  EXPECT_NEAR(static_cast<double>(later_ns - ns), 5e9, 1e9);
+}
+
+}  // namespace
+}  // namespace rtpm::capture
