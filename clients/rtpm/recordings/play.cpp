@@ -12,6 +12,7 @@
 #include "devices/device_names.hpp"
 #include "recordings/commands.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/discovery/scope.hpp"
 #include "rtpm/events/defaults.hpp"
 #include "rtpm/events/hub_types.hpp"
 #include "rtpm/options/formatted.hpp"
@@ -119,10 +120,20 @@ void tell_begin(const Context& context, const replay::Recorded& recorded,
     print_line("serving " + printable(served.name) + " at " + served.url);
 }
 
+/// Why the registry that was named is not there. Of a scope none is needed: there the player serves
+/// its names itself.
+std::optional<SetupError> missing_registry(Context& context) {
+  const auto scope = discovery::parse_scope(context.registry);
+  if (!scope) return scope.error();
+  if (!scope->is_url()) return std::nullopt;
+  const auto names = device_names(context);
+  return names ? std::nullopt : std::optional(names.error());
+}
+
 int play_into(Context& context, const PlayRequest& request, const replay::Recorded& recorded,
               recording::Recorder* output) {
-  if (const auto names = device_names(context); !recorded.devices.empty() && !names) {
-    return context.not_reached(names.error());
+  if (const auto missing = missing_registry(context); !recorded.devices.empty() && missing) {
+    return context.not_reached(*missing);
   }
   auto hub = hub_of(context, request, recorded);
   if (!hub) return context.not_reached(hub.error());
@@ -146,12 +157,18 @@ int play_into(Context& context, const PlayRequest& request, const replay::Record
   return tell_end(context, request, recorded, **player, status);
 }
 
+expected<replay::Recorded, SetupError> load(Context& context, const PlayRequest& request) {
+  ProgressBar bar(context, "loading");
+  return replay::load(request.file, request.selection,
+                      [&bar](auto done, auto whole) { return bar.show(done, whole); });
+}
+
 int play(Context& context, const PlayRequest& request) {
   static_cast<void>(context.stop());
   if (request.selection.to && *request.selection.to < request.selection.from) {
     return context.fail("--to is before --from", kMisused);
   }
-  const auto recorded = replay::load(request.file, request.selection);
+  const auto recorded = load(context, request);
   if (!recorded) return context.fail(recorded.error());
   if (request.output.empty()) return play_into(context, request, *recorded, nullptr);
   auto output = recording::Recorder::create(request.output, {.writer = {.profile = "rtpm"}});

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "rtpm/capture/channels.hpp"
+#include "rtpm/capture/read_events.hpp"
 #include "rtpm/gvd/device_event.hpp"
 #include "rtpm/options/formatted.hpp"
 #include "rtpm/options/suggestion.hpp"
@@ -32,6 +33,12 @@ std::uint64_t number_of(const Channel& channel, const char* key) {
   std::uint64_t number = 0;
   const auto read = std::from_chars(text.data(), text.data() + text.size(), number);
   return read.ec == std::errc{} ? number : 0;
+}
+
+/// `begin_ns` and so much later; the end of all times, where there is no such time.
+std::uint64_t later(std::uint64_t begin_ns, Duration time) {
+  const auto ns = static_cast<std::uint64_t>(std::max(time, Duration{0}).count());
+  return begin_ns > UINT64_MAX - ns ? UINT64_MAX : begin_ns + ns;
 }
 
 bool is_kind(const Channel& channel, std::string_view kind) {
@@ -78,34 +85,12 @@ expected<void, SetupError> check_version(const Channel& channel) {
                      "play it with the release that recorded it");
 }
 
-/// The struct in a table whose only field it is; empty: the bytes are broken.
-ConstBytes struct_in(ConstBytes table, std::size_t size) {
-  const auto read = [&](std::size_t at, auto& value) {
-    if (at > table.size() || table.size() - at < sizeof value) return false;
-    std::memcpy(&value, table.data() + at, sizeof value);
-    return true;
-  };
-  std::uint32_t root = 0;
-  std::int32_t back = 0;
-  std::uint16_t vtable_size = 0;
-  std::uint16_t field = 0;
-  if (!read(0, root) || !read(root, back)) return {};
-  const std::int64_t vtable = std::int64_t{root} - back;
-  constexpr std::int64_t kFieldAt = 4;
-  if (vtable < 0) return {};
-  const auto at = static_cast<std::size_t>(vtable);
-  if (!read(at, vtable_size) || vtable_size < kFieldAt + 2 || !read(at + kFieldAt, field))
-    return {};
-  const std::size_t begin = std::size_t{root} + field;
-  if (field == 0 || begin > table.size() || table.size() - begin < size) return {};
-  return table.subspan(begin, size);
-}
-
 /// Fills a Recorded from a file.
 class Loader {
  public:
-  Loader(FileReader& reader, const Selection& selection, std::string path)
-      : reader_(reader), selection_(selection), path_(std::move(path)) {}
+  Loader(FileReader& reader, const Selection& selection, const recording::Progress& progress,
+         std::string path)
+      : reader_(reader), selection_(selection), progress_(progress), path_(std::move(path)) {}
 
   expected<Recorded, SetupError> load() {
     if (auto checked = check(); !checked) return unexpected{checked.error()};
@@ -159,7 +144,7 @@ class Loader {
       if (is_kind(channel, capture::kDescriptionKind)) query.channel_ids.push_back(number);
     }
     if (query.channel_ids.empty()) return {};
-    return reader_.read(query, [&](const Message& message) {
+    const auto take_description = [&](const Message& message) {
       const Channel& channel = reader_.channels().at(message.channel_id);
       std::vector<std::byte> bytes(message.data.begin(), message.data.end());
       if (rpc::is_valid_table<device::Description>(bytes)) {
@@ -168,7 +153,8 @@ class Loader {
         recorded_.notes.push_back(channel.topic + ": a description is broken and left out");
       }
       return true;
-    });
+    };
+    return reader_.read(query, take_description, progress_);
   }
 
   expected<void, SetupError> choose_devices() {
@@ -260,18 +246,20 @@ class Loader {
   }
 
   expected<void, SetupError> read_messages() {
-    const std::uint64_t begin_ns = reader_.statistics().begin_ns;
-    recording::Query query{.from_ns =
-                               begin_ns + static_cast<std::uint64_t>(selection_.from.count())};
-    if (selection_.to) query.to_ns = begin_ns + static_cast<std::uint64_t>(selection_.to->count());
+    begin_ns_ = reader_.statistics().begin_ns;
+    recording::Query query{.from_ns = later(begin_ns_, selection_.from)};
+    if (selection_.to) query.to_ns = later(begin_ns_, *selection_.to);
     for (const auto& [number, target] : channels_)
       query.channel_ids.push_back(number);
     bool is_full = false;
-    auto read = reader_.read(query, [&](const Message& message) {
-      take(message);
-      is_full = byte_count_ > kLoadByteMax;
-      return !is_full;
-    });
+    auto read = reader_.read(
+        query,
+        [&](const Message& message) {
+          take(message);
+          is_full = byte_count_ > kLoadByteMax;
+          return !is_full;
+        },
+        progress_);
     if (!read) return read;
     if (!is_full) return {};
     return setup_error(path_ + " is larger than what is played at once",
@@ -282,7 +270,7 @@ class Loader {
   void take(const Message& message) {
     Target& target = channels_.at(message.channel_id);
     ConstBytes payload = message.data;
-    if (target.struct_size > 0) payload = struct_in(payload, target.struct_size);
+    if (target.struct_size > 0) payload = capture::struct_in_table(payload, target.struct_size);
     const bool is_sample = target.device.has_value();
     if ((target.struct_size > 0 && payload.empty()) ||
         (is_sample && payload.size() != sizeof(device::Sample))) {
@@ -291,7 +279,7 @@ class Loader {
     }
     if (message.sequence != 0 && message.sequence < target.sequence) ++target.back_count;
     target.sequence = message.sequence;
-    const Duration at{time_of(message.log_time_ns, message.publish_time_ns)};
+    const Duration at = time_of(message.log_time_ns, message.publish_time_ns, begin_ns_);
     if (is_sample) {
       RecordedDevice& device = recorded_.devices[*target.device];
       std::memcpy(&device.samples.emplace_back(), payload.data(), sizeof(device::Sample));
@@ -331,19 +319,22 @@ class Loader {
 
   FileReader& reader_;
   const Selection& selection_;
+  const recording::Progress& progress_;
   std::string path_;
   std::map<std::string, std::vector<std::byte>> descriptions_{};
   std::map<std::uint16_t, Target> channels_{};
   Recorded recorded_{};
   std::size_t byte_count_ = 0;
+  std::uint64_t begin_ns_ = 0;  ///< Of the file.
 };
 
 }  // namespace
 
-expected<Recorded, SetupError> load(const std::string& path, const Selection& selection) {
-  auto reader = FileReader::open(path);
+expected<Recorded, SetupError> load(const std::string& path, const Selection& selection,
+                                    const recording::Progress& progress) {
+  auto reader = FileReader::open(path, recording::Incomplete::kRefuse, progress);
   if (!reader) return unexpected{reader.error()};
-  return Loader(**reader, selection, path).load();
+  return Loader(**reader, selection, progress, path).load();
 }
 
 }  // namespace rtpm::replay

@@ -11,7 +11,7 @@ namespace rtpm::replay {
 namespace {
 
 /// How far an origin may be from the time at which its message was recorded.
-constexpr std::int64_t kDelayMaxNs = 10'000'000'000;
+constexpr std::uint64_t kDelayMaxNs = 10'000'000'000;
 
 std::string seconds(Duration time) {
   return options::formatted("%.3f s", std::chrono::duration<double>(time).count());
@@ -86,11 +86,17 @@ class Cuts {
 
 }  // namespace
 
-std::int64_t time_of(std::uint64_t log_time_ns, std::uint64_t publish_time_ns) noexcept {
-  const auto logged = static_cast<std::int64_t>(log_time_ns);
-  const auto published = static_cast<std::int64_t>(publish_time_ns);
-  const bool is_plausible = published <= logged && logged - published <= kDelayMaxNs;
-  return is_plausible ? published : logged;
+Duration time_of(std::uint64_t log_time_ns, std::uint64_t publish_time_ns,
+                 std::uint64_t begin_ns) noexcept {
+  const bool is_plausible =
+      publish_time_ns <= log_time_ns && log_time_ns - publish_time_ns <= kDelayMaxNs;
+  const std::uint64_t time_ns = is_plausible ? publish_time_ns : log_time_ns;
+  // Far below what a sum of two of them could not hold.
+  constexpr std::uint64_t kMost = std::uint64_t{1} << 62;
+  const bool is_before = time_ns < begin_ns;
+  const std::uint64_t distance_ns = is_before ? begin_ns - time_ns : time_ns - begin_ns;
+  const auto distance = static_cast<Duration::rep>(std::min(distance_ns, kMost));
+  return Duration{is_before ? -distance : distance};
 }
 
 void mend_times(Recorded& recorded) {

@@ -8,13 +8,14 @@
 
 namespace rtpm::replay {
 
-/// A recording's message time: its publish time, or the log time where that is not plausible.
-[[nodiscard]] std::int64_t time_of(std::uint64_t log_time_ns,
-                                   std::uint64_t publish_time_ns) noexcept;
+/// A message's time since `begin_ns`, the first log time of its recording: its publish time, or the
+/// log time where that is not plausible. Stamps may be any; what is out of range is at its end.
+[[nodiscard]] Duration time_of(std::uint64_t log_time_ns, std::uint64_t publish_time_ns,
+                               std::uint64_t begin_ns) noexcept;
 
-/// Turns times since 1970 into times since the first of them, and mends clocks that jump: a time
-/// that goes back within a track becomes the one before, a pause of more than kPauseMax in all
-/// tracks is shortened. Tells both in `recorded.notes`, and sorts the events.
+/// Turns times since the file's begin into times since the first of them, and mends clocks that
+/// jump: a time that goes back within a track becomes the one before, a pause of more than
+/// kPauseMax in all tracks is shortened. Tells both in `recorded.notes`, and sorts the events.
 void mend_times(Recorded& recorded);
 
 }  // namespace rtpm::replay

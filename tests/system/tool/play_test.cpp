@@ -244,6 +244,17 @@ TEST_F(Play, RefusesWithoutARegistry) {
                       3, {"no registry answers"});
 }
 
+/// On one host no registry is needed: the player serves its names itself.
+TEST_F(Play, ServesItsNamesItselfWhereNoRegistryRuns) {
+  record("300ms");
+  registry_->process.send_signal(SIGTERM);
+  ASSERT_TRUE(registry_->process.wait(kPatience));
+  auto play = start_daemon("rtpm", {"play", file_, "--hub", "none", "--hold"});
+  ASSERT_TRUE(play);
+  EXPECT_EQ(run_program("rtpm", {"call", "lab/arm0", "read"}).exit_code, 0);
+  EXPECT_EQ(end(*play).exit_code, 0);
+}
+
 TEST_F(Play, RecordsADeviceByPolling) {
   start_devices();
   const std::string polled = folder_.fresh("polled");

@@ -193,5 +193,32 @@ TEST_F(Loading, NamesTheRemedyForAFileThatWasCutOff) {
   EXPECT_NE(refusal().find("recover"), std::string::npos) << refusal();
 }
 
+/// Other writers' clocks may be anywhere in 64 bits.
+TEST_F(Loading, TakesStampsAtTheEndOfTime) {
+  RunWriter writer(file_, UINT64_MAX - 2'000'000);
+  writer.describe("lab/lever");
+  const auto channel = writer.add_samples("lab/lever");
+  for (std::int64_t i = 0; i < 3; ++i)
+    writer.put_sample(channel, static_cast<std::uint64_t>(100 + i), i);
+  writer.close();
+  const Recorded recorded = loaded({.to = seconds{10}});
+  ASSERT_EQ(recorded.devices.at(0).times.size(), 3u) << "the end of a part is no earlier";
+  EXPECT_EQ(recorded.length, milliseconds{2});
+  EXPECT_TRUE(recorded.notes.empty()) << recorded.notes.front();
+}
+
+TEST_F(Loading, PlaysAJumpFromTheBeginningToTheEndOfTimeAsAPause) {
+  RunWriter writer(file_, 0);
+  writer.describe("lab/lever");
+  const auto channel = writer.add_samples("lab/lever");
+  writer.put_sample_at(channel, 100, 0);
+  writer.put_sample_at(channel, 101, UINT64_MAX / 2);
+  writer.put_sample_at(channel, 102, UINT64_MAX);
+  writer.close();
+  const Recorded recorded = loaded();
+  EXPECT_LE(recorded.length, 2 * kPauseLeft);
+  EXPECT_TRUE(has_note(recorded, "the clock leapt"));
+}
+
 }  // namespace
 }  // namespace rtpm::replay

@@ -76,7 +76,8 @@ class RunWriter {
  public:
   static constexpr std::uint64_t kBeginNs = 1'700'000'000'000'000'000;
 
-  explicit RunWriter(const std::string& path) {
+  explicit RunWriter(const std::string& path, std::uint64_t begin_ns = kBeginNs)
+      : begin_ns_(begin_ns) {
     auto writer = recording::FileWriter::create(path);
     EXPECT_TRUE(writer);
     if (writer) writer_ = std::move(*writer);
@@ -107,14 +108,20 @@ class RunWriter {
                         {capture::kStructSizeKey, std::to_string(sizeof(device::Sample))}});
   }
   void put_sample(std::uint16_t channel, std::uint64_t sequence, std::int64_t at_ms) {
+    put_sample_at(channel, sequence, begin_ns_ + static_cast<std::uint64_t>(at_ms * 1'000'000));
+  }
+  void put_sample_at(std::uint16_t channel, std::uint64_t sequence, std::uint64_t time_ns) {
     const device::Sample sample = sample_of(sequence);
     flatbuffers::FlatBufferBuilder builder;
     builder.Finish(device::CreateSampled(builder, &sample));
-    put(channel, static_cast<std::uint32_t>(sequence), at_ms, finished(builder));
+    put_at(channel, static_cast<std::uint32_t>(sequence), time_ns, finished(builder));
   }
   void put(std::uint16_t channel, std::uint32_t sequence, std::int64_t at_ms,
            const std::vector<std::byte>& data) {
-    const std::uint64_t time_ns = kBeginNs + static_cast<std::uint64_t>(at_ms * 1'000'000);
+    put_at(channel, sequence, begin_ns_ + static_cast<std::uint64_t>(at_ms * 1'000'000), data);
+  }
+  void put_at(std::uint16_t channel, std::uint32_t sequence, std::uint64_t time_ns,
+              const std::vector<std::byte>& data) {
     EXPECT_TRUE(writer_->write({.channel_id = channel,
                                 .sequence = sequence,
                                 .log_time_ns = time_ns,
@@ -124,6 +131,7 @@ class RunWriter {
   void close() { EXPECT_TRUE(writer_->close()); }
 
  private:
+  std::uint64_t begin_ns_;
   std::unique_ptr<recording::FileWriter> writer_{};
 };
 

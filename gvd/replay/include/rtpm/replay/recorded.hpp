@@ -11,6 +11,7 @@
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/events/event.hpp"
+#include "rtpm/recording/file_reader.hpp"
 
 /// Recorded devices and events, read and played.
 namespace rtpm::replay {
@@ -77,8 +78,9 @@ inline constexpr Duration kPauseLeft = std::chrono::seconds{1};
 /// @realtime set-up only
 /// @errors   as recording::FileReader::open(), with the remedy for one that was cut off; it has no
 ///           device and no event; a device or topic that it does not have; one that was recorded
-///           with another version of its schema; more than kLoadByteMax
+///           with another version of its schema; more than kLoadByteMax; it was stopped
 [[nodiscard]] expected<Recorded, SetupError> load(const std::string& path,
-                                                  const Selection& selection = {});
+                                                  const Selection& selection = {},
+                                                  const recording::Progress& progress = {});
 
 }  // namespace rtpm::replay
