@@ -208,10 +208,10 @@ TEST_F(Events, OfARecordingAreReadByFlatBuffersAlone) {
   EXPECT_EQ(json["sample"]["position_m"].size(), 3u) << json;
 }
 
-/// Ctrl-C and an order to end.
+/// Ctrl-C, an order to end, and a terminal or session that closes.
 TEST_F(Events, OfARecordingThatASignalEndsAreKept) {
   const recording::Folder folder;
-  for (const int signal : {SIGINT, SIGTERM}) {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT}) {
     const std::string file = folder.fresh("run" + std::to_string(signal));
     test::Process record({path_of("rtpm"), "record", file, "--registry", registry_->url});
     ASSERT_TRUE(test::await([&] {
