@@ -274,7 +274,7 @@ TEST_F(CrashingDriver, IsNamedWithItsThreadAndDevice) {
 
 /// Which then also has the device when the server is killed.
 TEST_F(CrashingDriver, DeactivatesItsDeviceWhenItsServerIsKilled) {
-  serve({"--device-lever-isolated"}, "witness:");
+  serve({"--device-lever-isolated"}, "mark:");
   EXPECT_FALSE(std::filesystem::exists(trigger_));
   device_->process.send_signal(SIGKILL);
   const auto give_up = std::chrono::steady_clock::now() + kPatience;

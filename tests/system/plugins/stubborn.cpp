@@ -1,6 +1,6 @@
 // A plug-in that does what its argument says: "exchange", "first" or "configure" block for ever in
 // exchange(), in its first call, or in configure(); "error", "timeless", "buttons" and "describe"
-// are wrong at set-up; "crash:FILE" writes to no memory once FILE is there; "witness:FILE" makes
+// are wrong at set-up; "crash:FILE" writes to no memory once FILE is there; "mark:FILE" makes
 // FILE when it is deactivated.
 #include <unistd.h>
 
@@ -45,9 +45,8 @@ class Stubborn final : public Driver {
     return ExchangeStatus::kOk;
   }
   void deactivate() noexcept override {
-    constexpr std::string_view kWitness = "witness:";
-    if (behaviour_.starts_with(kWitness))
-      std::ofstream(behaviour_.substr(kWitness.size())).put(' ');
+    constexpr std::string_view kMark = "mark:";
+    if (behaviour_.starts_with(kMark)) std::ofstream(behaviour_.substr(kMark.size())).put(' ');
   }
 
  private:
