@@ -48,8 +48,10 @@ bool Watches::is_full(std::uint64_t host) const noexcept {
   const auto here = static_cast<std::size_t>(std::ranges::count_if(
       watchers_, [&](const auto& watcher) { return watcher->host() == host; }));
   const bool is_own = host >> 24 == 127;
+  // The own host leaves some to others, as with sessions.
+  const std::size_t share = limits.watch_count_max - limits.watch_count_max / 4;
   return watchers_.size() >= limits.watch_count_max ||
-         (!is_own && here >= limits.watch_count_per_host_max);
+         here >= (is_own ? share : limits.watch_count_per_host_max);
 }
 
 void Watches::add(const WatchRequest& request, rpc::TableWriter<WatchItem> writer,

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <memory>
 #include <mutex>
 #include <string>
 #include <vector>
@@ -320,6 +321,22 @@ TEST_F(Watch, LeadsBindingsToAServerThatMovedBeforeACallFails) {
   EXPECT_TRUE(test::await([&] { return client->binding().url() == there_url; }));
   EXPECT_EQ(resolver.move_count(), 1u);
   EXPECT_TRUE(client->report());
+}
+
+TEST(Watches, OfTheOwnHostLeaveSomeToOthers) {
+  Limits limits;
+  limits.watch_count_max = 4;
+  ServedRegistry registry(limits);
+  rpc::Node node;
+  std::vector<std::unique_ptr<NameWatch>> watches;
+  for (int i = 0; i < 3; ++i) {
+    auto watch = NameWatch::start(node, registry.url(), {}, {});
+    ASSERT_TRUE(watch) << watch.error().text();
+    watches.push_back(std::move(*watch));
+  }
+  const auto refused = NameWatch::start(node, registry.url(), {}, {});
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().outcome, Outcome::kTooManyWatches);
 }
 
 }  // namespace
