@@ -12,7 +12,8 @@
 namespace rtpm::deviced {
 namespace {
 
-constexpr std::size_t kDeviceNameSizeMax = 24;
+/// A component of a name at a registry.
+constexpr std::size_t kDeviceNameSizeMax = 64;
 
 /// "arm" of "arm0", where that is a driver's name; else empty.
 std::string driver_named_like(const std::string& name) {

@@ -33,12 +33,13 @@ void expect_refusal(const std::vector<std::string>& arguments, int exit_code,
 }
 
 TEST(BadDevices, NamesThatCantBeAreRefused) {
-  const std::string bytes_25(25, 'a');
-  for (const std::string& names : {std::string("arm0,arm0"), std::string("cell/arm0"), bytes_25,
-                                   std::string(), std::string(","), std::string("Arm0")}) {
+  const std::string bytes_65(65, 'a');
+  for (const std::string& names :
+       {std::string("arm0,arm0"), std::string("arm-0,Arm_0"), std::string("cell/arm0"), bytes_65,
+        std::string(), std::string(","), std::string("arm:0")}) {
     expect_refusal({"--devices", names}, 2,
                    {"rtpm-deviced: --devices '" + names + "'", "different names",
-                    "lower-case letters and digits", "24 bytes"});
+                    "letters, digits, '.', '_' and '-'", "64 bytes"});
   }
 }
 

@@ -51,15 +51,19 @@ std::string variable_of(std::string_view key) {
   std::string variable(kVariablePrefix);
   for (const char character : key) {
     const bool is_lower = character >= 'a' && character <= 'z';
-    variable +=
-        character == '-' ? '_' : static_cast<char>(is_lower ? character - 'a' + 'A' : character);
+    const bool is_dash = character == '-' || character == '.';
+    variable += is_dash ? '_' : static_cast<char>(is_lower ? character - 'a' + 'A' : character);
   }
   return variable;
 }
 
-bool is_key(std::string_view key) {
+/// `names_member`: a part of it is a name at a registry.
+bool is_key(std::string_view key, bool names_member) {
+  constexpr std::string_view kLetters =
+      "abcdefghijklmnopqrstuvwxyz0123456789-ABCDEFGHIJKLMNOPQRSTUVWXYZ._";
+  const std::string_view letters = names_member ? kLetters : kLetters.substr(0, 37);
   return !key.empty() && key.front() >= 'a' && key.front() <= 'z' &&
-         key.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789-") == std::string_view::npos;
+         key.find_first_not_of(letters) == std::string_view::npos;
 }
 
 /// One row of --help: `left` padded to a common width, then `right`.
@@ -111,6 +115,7 @@ struct Options::Impl {
   std::vector<Verb> verbs{};
   std::string config_path{};
   std::vector<Group> groups{};
+  bool is_adding_members = false;
   NamesPlace names_place{};
   bool is_shared = false;  ///< What is added means the same in all programs.
 
@@ -123,7 +128,7 @@ struct Options::Impl {
   }
 
   void add(std::string key, std::string help, Setting setting) {
-    RTPM_ASSERT(is_key(key), "a key is of lower-case letters, digits and '-'");
+    RTPM_ASSERT(is_key(key, is_adding_members), "a key is of lower-case letters, digits and '-'");
     RTPM_ASSERT(key != "help" && key != "version" && key != "dump-config" && find(key) == nullptr,
                 "the key is already in use");
     setting.variable = variable_for(key, is_shared);
@@ -184,7 +189,9 @@ void Options::Impl::add_members(const std::vector<std::string_view>& arguments) 
     const Setting& setting = *find(group.key);
     if (const auto text = early_text(setting, arguments)) static_cast<void>(setting.read(*text));
     is_shared = group.is_shared;
+    is_adding_members = true;
     group.add_members(*group.names);
+    is_adding_members = false;
   }
   is_shared = false;
 }

@@ -237,18 +237,34 @@ Setting setting_of(std::optional<Duration>& value, Range<Duration> range) {
   return setting;
 }
 
+namespace {
+
+/// Equal for names that a variable of the environment can't tell apart.
+std::string folded(std::string name) {
+  for (char& c : name) {
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+    if (c == '-' || c == '.') c = '_';
+  }
+  return name;
+}
+
+}  // namespace
+
 Setting setting_of_names(std::vector<std::string>& value, std::size_t size_max) {
   Setting setting = setting_of(value);
   setting.placeholder = "NAME,NAME";
-  setting.expected = "a list of different names of lower-case letters and digits, of up to " +
+  setting.expected = "a list of different names of letters, digits, '.', '_' and '-', of up to " +
                      number_text(size_max) + " bytes each";
   setting.read = [&value, size_max](std::string_view text) {
     auto names = read_list(text);
     if (!names || names->empty()) return false;
-    for (auto name = names->begin(); name != names->end(); ++name) {
-      constexpr const char* kLetters = "abcdefghijklmnopqrstuvwxyz0123456789";
-      if (name->size() > size_max || name->find_first_not_of(kLetters) != std::string::npos ||
-          std::find(names->begin(), name, *name) != name) {
+    constexpr const char* kLetters =
+        "abcdefghijklmnopqrstuvwxyz0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ._-";
+    std::vector<std::string> seen;
+    for (const std::string& name : *names) {
+      seen.push_back(folded(name));
+      if (name.size() > size_max || name.find_first_not_of(kLetters) != std::string::npos ||
+          std::find(seen.begin(), seen.end(), seen.back()) != seen.end() - 1) {
         return false;
       }
     }

@@ -41,7 +41,7 @@ struct Setting {
 [[nodiscard]] Setting setting_of(std::vector<int>& value);
 /// A time, or "off".
 [[nodiscard]] Setting setting_of(std::optional<Duration>& value, Range<Duration> range);
-/// Different names of lower-case letters and digits, at most `size_max` bytes each.
+/// Names as Options::add_group() takes them.
 [[nodiscard]] Setting setting_of_names(std::vector<std::string>& value, std::size_t size_max);
 /// One of `choices`, as `read` and `write` know them.
 [[nodiscard]] Setting setting_of_choice(const std::vector<std::string>& choices,

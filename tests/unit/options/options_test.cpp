@@ -483,5 +483,43 @@ TEST_F(OptionsDeathTest, TakesAKeyOnceAndAWellFormedOneOnly) {
   EXPECT_DEATH(options.add("Key_2", value, "Malformed"), "lower-case");
 }
 
+/// What a group of members with names at a registry takes from `arguments`.
+class Members : public OptionsTest {
+ protected:
+  std::optional<int> take(const std::vector<std::string>& arguments) {
+    Values values;
+    const auto outcome = parse_into(values, arguments, [this](Options& options) {
+      options.add_group("members", names_, "Each with a rate", 64,
+                        [this, &options](const std::vector<std::string>& names) {
+                          rates_.assign(names.size(), 0);
+                          for (std::size_t i = 0; i < names.size(); ++i)
+                            options.add("member-" + names[i] + "-rate", rates_[i], "Its rate");
+                        });
+    });
+    err_ = outcome.err;
+    return outcome.exit_code;
+  }
+  std::vector<std::string> names_{"one"};
+  std::vector<std::uint32_t> rates_{};
+  std::string err_{};
+};
+
+TEST_F(Members, HaveTheNamesThatRegistriesTake) {
+  set_variable("RTPM_TEST_MEMBER_LEFT_ARM_2_RATE", "7");
+  const std::string file = file_with("member-Hand-rate = 5\n");
+  EXPECT_FALSE(
+      take({"--members", "Left_Arm.2,Hand,x-1", "--config", file, "--member-x-1-rate", "9"}))
+      << err_;
+  EXPECT_EQ(names_, (std::vector<std::string>{"Left_Arm.2", "Hand", "x-1"}));
+  EXPECT_EQ(rates_, (std::vector<std::uint32_t>{7, 5, 9}));
+  EXPECT_FALSE(take({"--members", std::string(64, 'a')})) << err_;
+  // The environment could not tell these apart.
+  for (const std::string& names : {std::string("arm-1,Arm_1"), std::string("a/b"),
+                                   std::string("a b"), std::string("a:1"), std::string(65, 'a')}) {
+    EXPECT_EQ(take({"--members", names}), 2) << names;
+    EXPECT_NE(err_.find("letters, digits, '.', '_' and '-'"), std::string::npos) << err_;
+  }
+}
+
 }  // namespace
 }  // namespace rtpm::options

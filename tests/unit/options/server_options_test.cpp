@@ -278,7 +278,8 @@ TEST_F(ServerOptions, NameWhatIsWrong) {
   expect_error({"--config", file_with("lanes = rest\nlane-haptic-low = 5\n")},
                "unknown key 'lane-haptic-low'");
   expect_error({"--lanes", "rest,rest"}, "is not a list of different names");
-  expect_error({"--lanes", "a-b"}, "is not a list of different names");
+  expect_error({"--lanes", "a-b,A_b"}, "is not a list of different names");
+  expect_error({"--lanes", "a/b"}, "is not a list of different names");
   expect_error({"--lanes", "muchtoolongs"}, "of up to 10 bytes each");
   expect_error({"--lanes", ""}, "is not a list of different names");
   expect_error({"--lane-rest-cpus", "1024"}, "from 0 to 1023");

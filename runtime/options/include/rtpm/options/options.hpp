@@ -76,9 +76,9 @@ class Options {
   /// Adds an option that is a time, or "off" for none.
   void add_off_or_time(std::string key, std::optional<Duration>& value, std::string help,
                        Range<Duration> range = {Duration{0}, Duration::max()});
-  /// Adds a list of distinct names, each with options of its own. parse() calls `add_members` once
-  /// with the configured names, or else those in `names`, and it adds their options. A name has
-  /// lower-case letters and digits, at most `size_max` bytes.
+  /// Adds a list of names, each with options of its own. parse() calls `add_members` once with
+  /// those configured, or else in `names`, and it adds their options. A name has letters, digits,
+  /// '.', '_' and '-', at most `size_max` bytes. They differ in more than case and punctuation.
   void add_group(std::string key, std::vector<std::string>& names, std::string help,
                  std::size_t size_max,
                  std::function<void(const std::vector<std::string>& names)> add_members);
