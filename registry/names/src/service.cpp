@@ -308,6 +308,12 @@ expected<void, DirectoryError> Service::unbind(std::string_view name, Owner owne
 
 expected<FoundNames, DirectoryError> Service::contents(std::string_view directory) {
   FoundNames found;
+  if (auto read = this->read(directory, kNever, found); !read) return unexpected{read.error()};
+  return found;
+}
+
+expected<void, DirectoryError> Service::read(std::string_view directory, MonotonicTime deadline,
+                                             FoundNames& found) {
   std::vector<NameEntry>& entries = found.entries;
   for (;;) {
     Request request;
@@ -316,10 +322,10 @@ expected<FoundNames, DirectoryError> Service::contents(std::string_view director
     const auto after_text = request.text(after);
     const ConstBytes bytes =
         request.finished(CreateListRequest(request.builder, directory_text, after_text));
-    const auto reply =
-        impl_->ask(impl_->usual_end(), [&](NamesClient& client, const rpc::CallOptions& options) {
-          return client.list_encoded(bytes, options);
-        });
+    const auto reply = impl_->ask(std::min(deadline, impl_->usual_end()),
+                                  [&](NamesClient& client, const rpc::CallOptions& options) {
+                                    return client.list_encoded(bytes, options);
+                                  });
     if (!reply) return unexpected{reply.error()};
     const ListReply& page = **reply;
     if (outcome_of(*page.answer()) != Outcome::kDone) {
@@ -336,7 +342,7 @@ expected<FoundNames, DirectoryError> Service::contents(std::string_view director
     }
     found.stale_for = std::max(found.stale_for, duration_of(page.stale_ns()));
     found.accepted_count = static_cast<std::uint32_t>(entries.size());
-    if (page.is_last() || entries.size() == before) return found;
+    if (page.is_last() || entries.size() == before) return {};
   }
 }
 

@@ -33,6 +33,9 @@ class Service {
   [[nodiscard]] expected<FoundNames, DirectoryError> find(const NameQuery& query);
   /// As Directory::contents().
   [[nodiscard]] expected<FoundNames, DirectoryError> contents(std::string_view directory);
+  /// The same by `deadline` in all, into `found`, which keeps what came before an error.
+  [[nodiscard]] expected<void, DirectoryError> read(std::string_view directory,
+                                                    MonotonicTime deadline, FoundNames& found);
 
   [[nodiscard]] const std::string& url() const noexcept;
 

@@ -1,0 +1,83 @@
+#pragma once
+
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "rtpm/gvd/stop_delivery.hpp"
+#include "rtpm/names/every_service.hpp"
+#include "rtpm/rt/parallel_jobs.hpp"
+
+namespace rtpm::gvd {
+
+/// Configures a StopRound.
+struct StopRoundConfig {
+  std::string where{};
+  std::string hub{};
+  MonotonicTime begin{};
+  MonotonicTime deadline{};
+  bool tells_hubs = false;
+  /// The target that a binding is, if it is to be stopped. Called from several threads.
+  std::function<std::optional<StopTarget>(const names::NameEntry&)> choose{};
+  std::function<StopScope(const std::string& device)> scope_of{};
+};
+
+/// One attempt to stop devices at all their servers, each at the same time.
+/// @ownership refers to its node
+/// @threads  one
+class StopRound {
+ public:
+  struct Tried {
+    bool is_stopped = false;
+    std::string why{};
+    bool is_listed = false;        ///< A name service has it now.
+    bool has_no_listener = false;  ///< Nothing listens at its address.
+  };
+
+  StopRound(rpc::Node& node, StopRoundConfig config);
+  /// Adds a target that need not be bound any more, and tries it at once.
+  void add(const StopTarget& target);
+  /// Searches name services for further targets, and waits for the end of all attempts.
+  void run();
+
+  [[nodiscard]] const std::map<StopTarget, Tried>& tried() const noexcept { return tried_; }
+  /// All but the devices.
+  [[nodiscard]] StopReport take_report() { return std::move(report_); }
+
+ private:
+  /// Attempts at one server follow each other: where one is in vain, so are the others.
+  struct Server {
+    std::deque<std::pair<StopTarget, std::string>> left{};
+    bool is_served = false;
+  };
+
+  void take(names::ServiceAnswer answer);
+  void add(const StopTarget& target, const std::string& url, bool is_listed,
+           rt::ParallelJobs& jobs);
+  void serve(const std::string& authority);
+  [[nodiscard]] Tried attempt(const std::string& url, StopScope scope);
+  void tell(const std::string& hub);
+  void note(std::string sentence);
+  [[nodiscard]] rt::ParallelJobs& jobs_of(const std::string& service);
+
+  rpc::Node& node_;
+  const StopRoundConfig config_;
+  const std::uint64_t id_;
+  std::mutex mutex_;  ///< Of what follows; not for real-time threads.
+  std::map<StopTarget, Tried> tried_{};
+  std::set<std::pair<StopTarget, std::string>> begun_{};
+  std::map<std::string, Server> servers_{};
+  std::set<std::string> hubs_{};
+  bool has_answer_ = false;
+  StopReport report_{};
+  /// Each service has threads of its own: what one lists does not hold up another's devices.
+  std::map<std::string, std::unique_ptr<rt::ParallelJobs>> jobs_{};
+};
+
+}  // namespace rtpm::gvd

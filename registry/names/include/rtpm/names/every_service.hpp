@@ -1,0 +1,38 @@
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/names/directory.hpp"
+#include "rtpm/rpc/node.hpp"
+
+namespace rtpm::names {
+
+/// The answer of one name service.
+struct ServiceAnswer {
+  std::string url{};               ///< Of the service.
+  std::vector<NameEntry> names{};  ///< As they are bound; with an error, those that came before it.
+  /// Why it did not answer, or not to the end.
+  std::optional<DirectoryError> error{};
+};
+
+/// Asks every name service of a scope for all its names, each at the same time and by itself: for
+/// callers that must act on every binding of a name, such as an emergency stop. So, unlike a
+/// Directory, a name that is bound twice is no error, one that hangs delays no other, and the
+/// registry at the usual place of this host is asked also where the user has one of their own.
+/// @param where     as Directory takes it
+/// @param deadline  by which it returns; later answers are lost
+/// @param take      called for each service, from several threads at the same time
+/// @threads  any
+/// @realtime set-up only; blocks
+/// @errors   of the scope: its text is none, no such interface, the folder of this host is unsafe;
+///           what could be asked was asked all the same
+[[nodiscard]] expected<void, SetupError> ask_every_service(
+    rpc::Node& node, const std::string& where, MonotonicTime deadline,
+    const std::function<void(ServiceAnswer)>& take);
+
+}  // namespace rtpm::names

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <condition_variable>
+#include <cstddef>
+#include <deque>
+#include <functional>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "rtpm/rt/thread.hpp"
+
+namespace rtpm::rt {
+
+/// Runs blocking jobs at the same time, each on a time-shared thread, in the order in which they
+/// were added. Threads start as they are needed, up to a limit; jobs may add jobs.
+/// @threads  add() from any; finish() and the destructor from one
+/// @realtime set-up only
+class ParallelJobs {
+ public:
+  /// @param name              of the threads
+  /// @param thread_count_max  jobs that run at a time
+  ParallelJobs(std::string name, std::size_t thread_count_max);
+  ParallelJobs(const ParallelJobs&) = delete;
+  ParallelJobs& operator=(const ParallelJobs&) = delete;
+  /// Finishes.
+  ~ParallelJobs();
+
+  void add(std::function<void()> job);
+  /// Waits until every job has run. Where no thread was left, it runs them itself.
+  void finish();
+
+ private:
+  void serve();
+  void run_next(std::unique_lock<std::mutex>& lock);
+
+  const std::string name_;
+  const std::size_t thread_count_max_;
+  std::mutex mutex_;  ///< Of what follows; not for real-time threads.
+  std::condition_variable changed_;
+  std::deque<std::function<void()>> jobs_{};
+  std::size_t idle_count_ = 0;
+  std::size_t running_count_ = 0;
+  bool is_ending_ = false;
+  std::vector<Thread> threads_{};
+};
+
+}  // namespace rtpm::rt
