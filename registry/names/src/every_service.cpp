@@ -1,6 +1,7 @@
 #include "rtpm/names/every_service.hpp"
 
 #include <algorithm>
+#include <iterator>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -10,6 +11,7 @@
 #include "registry_list.hpp"
 #include "rtpm/discovery/finder.hpp"
 #include "rtpm/discovery/scope.hpp"
+#include "rtpm/names/lapsed.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/parallel_jobs.hpp"
 #include "rtpm/transport/socket_folder.hpp"
@@ -20,23 +22,41 @@ namespace {
 
 constexpr std::size_t kThreadCountMax = 128;
 
+/// At which other users of this host have their registry.
+discovery::FoundService usual_registry() {
+  return {.url = "rtpm://127.0.0.1:" + std::to_string(discovery::kRegistryPort) + "/" +
+                 std::string(discovery::kNamesPath),
+          .is_registry = true,
+          .is_of_this_host = true,
+          .is_guess = true};
+}
+
 /// Finds the services of a scope and asks each.
 class Inquiry {
  public:
-  Inquiry(rpc::Node& node, MonotonicTime deadline, const std::function<void(ServiceAnswer)>& take)
-      : node_(node), deadline_(deadline), take_(take) {}
+  /// Asks a service; called from several threads at the same time.
+  /// @param is_given  its URL is the scope
+  using Question =
+      std::function<void(Service&, const discovery::FoundService& found, bool is_given)>;
+
+  Inquiry(rpc::Node& node, MonotonicTime deadline, const Question& question)
+      : node_(node), deadline_(deadline), question_(question) {}
+
+  void begin(const discovery::Scope& scope, const std::string& where);
 
   /// Asks what is found in `scope`, as soon as it is found.
   void find(const discovery::Scope& scope) {
     jobs_.add([this, scope] {
       auto found = discovery::find_services(scope, deadline_);
-      if (!found) {
-        const std::lock_guard lock(mutex_);
-        if (!error_) error_ = std::move(found.error());
-        return;
+      if (found) {
+        for (const discovery::FoundService& service : found->services)
+          ask(service, /*is_given=*/false);
       }
-      for (const discovery::FoundService& service : found->services)
-        ask(service, scope.is_url());
+      // After those that are known to be there.
+      if (!transport::has_own_runtime_folder()) ask(usual_registry(), /*is_given=*/false);
+      const std::lock_guard lock(mutex_);
+      if (!found && !error_) error_ = std::move(found.error());
+      if (found) std::ranges::move(found->notes, std::back_inserter(notes_));
     });
   }
 
@@ -47,17 +67,7 @@ class Inquiry {
     }
     jobs_.add([this, service, is_given] {
       Service client(node_, service.url, std::max(deadline_ - rt::now(), Duration{0}));
-      FoundNames found;
-      const auto read = client.read({}, deadline_, found);
-      if (!read && service.is_guess) return;
-      // A server of another host that serves its names itself has that host's view of addresses.
-      if (!is_given && !service.is_registry && !service.is_of_this_host) {
-        for (NameEntry& entry : found.entries)
-          entry.is_of_other_host = true;
-      }
-      ServiceAnswer answer{service.url, std::move(found.entries), std::nullopt};
-      if (!read) answer.error = read.error();
-      take_(std::move(answer));
+      question_(client, service, is_given);
     });
   }
 
@@ -66,24 +76,29 @@ class Inquiry {
     if (error_) return unexpected{std::move(*error_)};
     return {};
   }
+  /// What was left out, after finish().
+  [[nodiscard]] const std::vector<std::string>& notes() const noexcept { return notes_; }
 
  private:
   rpc::Node& node_;
   const MonotonicTime deadline_;
-  const std::function<void(ServiceAnswer)>& take_;
+  const Question& question_;
   std::mutex mutex_;  ///< Of what follows; not for real-time threads.
   std::set<std::string> asked_{};
   std::optional<SetupError> error_{};
+  std::vector<std::string> notes_{};
   rt::ParallelJobs jobs_{"rtpm-ask", kThreadCountMax};
 };
 
-/// At which other users of this host have their registry.
-discovery::FoundService usual_registry() {
-  return {.url = "rtpm://127.0.0.1:" + std::to_string(discovery::kRegistryPort) + "/" +
-                 std::string(discovery::kNamesPath),
-          .is_registry = true,
-          .is_of_this_host = true,
-          .is_guess = true};
+void Inquiry::begin(const discovery::Scope& scope, const std::string& where) {
+  if (scope.is_url()) {
+    for (const std::string& url : registries_of(where))
+      ask({.url = url, .is_registry = true}, /*is_given=*/true);
+    return;
+  }
+  // The LAN takes its time, which the services of this host do not wait for.
+  find(discovery::Scope{});
+  if (scope.is_of_lan()) find(scope);
 }
 
 }  // namespace
@@ -93,17 +108,54 @@ expected<void, SetupError> ask_every_service(rpc::Node& node, const std::string&
                                              const std::function<void(ServiceAnswer)>& take) {
   const auto scope = discovery::parse_scope(where);
   if (!scope) return unexpected{scope.error()};
-  Inquiry inquiry(node, deadline, take);
-  if (scope->is_url()) {
-    for (const std::string& url : registries_of(where))
-      inquiry.ask({.url = url, .is_registry = true}, /*is_given=*/true);
-    return inquiry.finish();
-  }
-  // The LAN takes its time, which the services of this host do not wait for.
-  inquiry.find(discovery::Scope{});
-  if (!transport::has_own_runtime_folder()) inquiry.ask(usual_registry(), /*is_given=*/false);
-  if (scope->is_of_lan()) inquiry.find(*scope);
-  return inquiry.finish();
+  const Inquiry::Question question = [&](Service& service, const discovery::FoundService& from,
+                                         bool is_given) {
+    FoundNames found;
+    const auto read = service.read({}, deadline, found);
+    if (!read && from.is_guess) return;
+    // A server of another host that serves its names itself has that host's view of addresses.
+    if (!is_given && !from.is_registry && !from.is_of_this_host) {
+      for (NameEntry& entry : found.entries)
+        entry.is_of_other_host = true;
+    }
+    ServiceAnswer answer{from.url, std::move(found.entries), {}, std::nullopt};
+    if (read) static_cast<void>(service.read_lapsed(deadline, answer.lapsed));
+    if (!read) answer.error = read.error();
+    take(std::move(answer));
+  };
+  Inquiry inquiry(node, deadline, question);
+  inquiry.begin(*scope, where);
+  const auto finished = inquiry.finish();
+  for (const std::string& note : inquiry.notes())
+    take({{}, {}, {}, DirectoryError{{note}}});
+  return finished;
+}
+
+LapsedAnswer ask_for_lapsed(rpc::Node& node, const std::string& where, MonotonicTime deadline) {
+  LapsedAnswer answer;
+  std::mutex mutex;
+  const auto scope = discovery::parse_scope(where);
+  if (!scope) return answer;
+  const Inquiry::Question question = [&](Service& service, const discovery::FoundService& from,
+                                         bool) {
+    std::vector<LapsedName> lapsed;
+    const bool is_read = service.read_lapsed(deadline, lapsed).has_value();
+    const std::lock_guard lock(mutex);
+    if (is_read) answer.services.push_back(from.url);
+    for (LapsedName& each : lapsed)
+      answer.names.push_back(std::move(each));
+  };
+  Inquiry inquiry(node, deadline, question);
+  inquiry.begin(*scope, where);
+  // What could be asked was.
+  static_cast<void>(inquiry.finish());
+  return answer;
+}
+
+expected<void, DirectoryError> dismiss(rpc::Node& node, const LapsedName& lapsed) {
+  // Its revision counts, not the caller's identity.
+  const Owner anybody{.id = 1};
+  return Directory(node, lapsed.service_url).unbind(lapsed.name, anybody, lapsed.revision);
 }
 
 }  // namespace rtpm::names

@@ -296,6 +296,46 @@ class RegistryServant final : public NamesServant {
     return {};
   }
 
+  rpc::Result<void> lapsed(const ListRequest& request, rpc::ReplyBuilder<LapsedReply>& reply,
+                           const rpc::CallContext& context) override {
+    const rt::AllowAllocationScope not_real_time;
+    const std::lock_guard lock(mutex_);
+    flatbuffers::FlatBufferBuilder& builder = reply.builder();
+    const std::string directory(view_of(request.directory()));
+    const bool is_allowed = allows(context, Operation::kList, directory);
+    if (!is_allowed || store_.is_shared()) {
+      const Answer answer = names::answer_of(is_allowed ? Outcome::kNotFound : Outcome::kDenied);
+      reply.finish(CreateLapsedReply(builder, &answer, 0, true));
+      return {};
+    }
+    const MonotonicTime now = rt::now();
+    const auto& all = store_.lapsed(now).all();
+    std::size_t size_max = kPageOverheadMax;
+    std::vector<flatbuffers::Offset<LapsedEntry>> entries;
+    auto each = all.upper_bound(view_of(request.after()));
+    for (; each != all.end(); ++each) {
+      const LapsedRecord& record = each->second;
+      const bool is_below =
+          directory.empty() || record.name == directory || record.name.starts_with(directory + "/");
+      if (!is_below || !may_see(context.identity, record.name)) continue;
+      size_max +=
+          record.name.size() + record.url.size() + record.interface.size() + kEntryOverheadMax;
+      if (size_max > kPageSizeMax) break;
+      const auto name = builder.CreateString(record.name);
+      const auto url = builder.CreateString(record.url);
+      const auto interface = builder.CreateString(record.interface);
+      const std::uint64_t caller = context.caller.number;
+      const bool is_of_other_host =
+          record.host != 0 && caller != 0 && record.host != own_host_as_one(caller);
+      entries.push_back(CreateLapsedEntry(builder, name, url, interface, record.revision,
+                                          ns_of(now - record.ended), is_of_other_host));
+    }
+    const Answer answer = names::answer_of(Outcome::kDone);
+    reply.finish(
+        CreateLapsedReply(builder, &answer, builder.CreateVector(entries), each == all.end()));
+    return {};
+  }
+
   rpc::Result<Answer> unbind(const UnbindRequest& request,
                              const rpc::CallContext& context) override {
     const rt::AllowAllocationScope not_real_time;

@@ -346,4 +346,35 @@ expected<void, DirectoryError> Service::read(std::string_view directory, Monoton
   }
 }
 
+expected<void, DirectoryError> Service::read_lapsed(MonotonicTime deadline,
+                                                    std::vector<LapsedName>& found) {
+  std::string last;
+  for (;;) {
+    Request request;
+    const ConstBytes bytes =
+        request.finished(CreateListRequest(request.builder, 0, request.text(last)));
+    const auto reply = impl_->ask(std::min(deadline, impl_->usual_end()),
+                                  [&](NamesClient& client, const rpc::CallOptions& options) {
+                                    return client.lapsed_encoded(bytes, options);
+                                  });
+    if (!reply) return unexpected{reply.error()};
+    const LapsedReply& page = **reply;
+    if (outcome_of(*page.answer()) != Outcome::kDone) {
+      return unexpected{impl_->refused(*page.answer(), {})};
+    }
+    const std::string before = last;
+    for (flatbuffers::uoffset_t i = 0; page.entries() != nullptr && i < page.entries()->size();
+         ++i) {
+      const LapsedEntry& entry = *page.entries()->Get(i);
+      // Only ascending names, as in read().
+      if (entry.name()->string_view() <= last) continue;
+      last = entry.name()->str();
+      found.push_back({last, entry.url()->str(), entry.interface()->str(), entry.revision(),
+                       duration_of(entry.lapsed_ns()), entry.is_of_other_host(),
+                       impl_->registry_url()});
+    }
+    if (page.is_last() || last == before) return {};
+  }
+}
+
 }  // namespace rtpm::names

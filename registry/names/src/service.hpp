@@ -3,8 +3,10 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "rtpm/names/directory.hpp"
+#include "rtpm/names/lapsed.hpp"
 #include "rtpm/rpc/node.hpp"
 
 namespace rtpm::names {
@@ -36,6 +38,10 @@ class Service {
   /// The same by `deadline` in all, into `found`, which keeps what came before an error.
   [[nodiscard]] expected<void, DirectoryError> read(std::string_view directory,
                                                     MonotonicTime deadline, FoundNames& found);
+  /// Adds the lapsed names to `found`, by `deadline` in all.
+  /// @errors   it keeps none
+  [[nodiscard]] expected<void, DirectoryError> read_lapsed(MonotonicTime deadline,
+                                                           std::vector<LapsedName>& found);
 
   [[nodiscard]] const std::string& url() const noexcept;
 

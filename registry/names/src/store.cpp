@@ -199,7 +199,10 @@ expected<const Record*, Refusal> Store::plan_unbind(std::string_view name, Owner
 expected<void, Refusal> Store::unbind(std::string_view name, Owner owner, MonotonicTime now,
                                       std::uint64_t holder_revision) {
   const auto found = plan_unbind(name, owner, now, holder_revision);
-  if (!found) return unexpected{found.error()};
+  if (!found) {
+    if (lapsed_.dismiss(name, owner, holder_revision)) return {};
+    return unexpected{found.error()};
+  }
   const Record& record = **found;
   const auto stored =
       commit({record.name, nullptr, next_revision_, record.is_permanent(), record.change});
@@ -309,6 +312,7 @@ void Store::expire(MonotonicTime now) {
     // restart, and ends.
     static_cast<void>(commit(
         {place->first, nullptr, next_revision_, /*is_durable=*/false, place->second.change}));
+    lapsed_.add(place->second);
     drop(place);
   }
 }
@@ -382,6 +386,7 @@ expected<Granted, Refusal> Store::put(Plan plan) {
   }
   const Granted granted = plan.granted();
   if (plan.former) erase(records_.find(next.name));
+  lapsed_.erase(next.name);
   insert(std::move(next));
   return granted;
 }

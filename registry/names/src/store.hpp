@@ -15,6 +15,7 @@
 
 #include "change_log.hpp"
 #include "interface_index.hpp"
+#include "lapsed_names.hpp"
 #include "rtpm/base/expected.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/names/claim.hpp"
@@ -147,7 +148,7 @@ class Store {
   [[nodiscard]] expected<const Record*, Refusal> resolve(std::string_view name, MonotonicTime now);
 
   /// Unbinds the name, for its owner or a later start of it; with `holder_revision` for any caller,
-  /// if the holder is that one.
+  /// if the holder is that one. Of a lapsed name it ends the record.
   /// @errors   as renew() without a lease · kStaleRevision · of the storage
   [[nodiscard]] expected<void, Refusal> unbind(std::string_view name, Owner owner,
                                                MonotonicTime now,
@@ -166,6 +167,12 @@ class Store {
     return index_;
   }
 
+  /// Names whose lease ended without an unbind; drops expired ones first. Of a shared storage,
+  /// which does not tell them from others, there are none.
+  [[nodiscard]] const LapsedNames& lapsed(MonotonicTime now) {
+    expire(now);
+    return lapsed_;
+  }
   /// The changes so far.
   [[nodiscard]] const ChangeLog& log() const noexcept { return log_; }
   /// Calls `visit` for the names that are `directory` or below it (empty: all) and sort after
@@ -247,6 +254,7 @@ class Store {
   std::unordered_map<std::uint64_t, Host> hosts_{};  ///< Those that hold names.
   std::uint64_t next_revision_;
   ChangeLog log_;
+  LapsedNames lapsed_{};
   Storage* storage_;
   std::string storage_trouble_{};
   const SharedStorage* shared_ = nullptr;

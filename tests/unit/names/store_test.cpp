@@ -87,6 +87,44 @@ TEST_F(StoreTest, ForgetsANameWhenItsLeaseEnds) {
   EXPECT_EQ(ending_of(store_.bind(claim("lab/arm0", kStranger), at(2s))), kDone);
 }
 
+TEST_F(StoreTest, KeepsANameAsLapsedUntilItIsBoundOrUnbound) {
+  bind_all({"lab/arm0", "lab/arm1", "lab/arm2", "lab/arm3"});
+  const auto revision = (*store_.resolve("lab/arm1", at(0s)))->revision;
+  ASSERT_EQ(ending_of(store_.unbind("lab/arm3", kArm, at(1s))), kDone);
+  EXPECT_TRUE(store_.lapsed(at(1s)).all().empty()) << "what is unbound has ended in order";
+  ASSERT_EQ(store_.lapsed(at(3s)).all().size(), 3u);
+  const LapsedRecord& lapsed = store_.lapsed(at(3s)).all().at("lab/arm1");
+  EXPECT_EQ(lapsed.url, "rtpm://127.0.0.1:4711/object");
+  EXPECT_EQ(lapsed.interface, "lab.Arm");
+  EXPECT_EQ(lapsed.ended, at(2s));
+  EXPECT_EQ(lapsed.revision, revision);
+
+  ASSERT_EQ(ending_of(store_.bind(claim("lab/arm0", kStranger), at(3s))), kDone);
+  EXPECT_NE(ending_of(store_.unbind("lab/arm1", kStranger, at(3s))), kDone);
+  EXPECT_NE(ending_of(store_.unbind("lab/arm1", kStranger, at(3s), revision + 9)), kDone);
+  EXPECT_EQ(ending_of(store_.unbind("lab/arm1", kStranger, at(3s), revision)), kDone);
+  EXPECT_EQ(ending_of(store_.unbind("lab/arm2", kArmRestarted, at(3s))), kDone) << "its owner";
+  EXPECT_TRUE(store_.lapsed(at(3s)).all().empty());
+}
+
+TEST(StoreLapsed, KeepsTheLatestAndNoMoreOfOneHost) {
+  Store store;
+  const auto lapse = [&](const std::string& name, std::uint64_t host, Duration when) {
+    Claim claiming = claim(name, kArm, 1s);
+    claiming.host = host;
+    ASSERT_EQ(ending_of(store.bind(claiming, at(when))), kDone);
+    ASSERT_TRUE(store.lapsed(at(when + 1s)).all().contains(name));
+  };
+  lapse("quiet", 0x0a00'0001, 0s);
+  for (std::size_t i = 0; i < LapsedNames::kCountPerHostMax + 10; ++i)
+    lapse("noisy/" + std::to_string(i), 0x0a00'0002, 2s * (i + 1));
+  const auto& all = store.lapsed(at(10000s)).all();
+  EXPECT_EQ(all.size(), LapsedNames::kCountPerHostMax + 1);
+  EXPECT_TRUE(all.contains("quiet"));
+  EXPECT_FALSE(all.contains("noisy/9"));
+  EXPECT_TRUE(all.contains("noisy/10"));
+}
+
 TEST_F(StoreTest, KeepsANameThatIsRenewed) {
   ASSERT_TRUE(store_.bind(claim("lab/arm0", kArm, 2s), at(0s)));
   ASSERT_TRUE(store_.renew("lab/arm0", kArm, 3s, at(1s)));

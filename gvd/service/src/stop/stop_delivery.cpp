@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/wire/url.hpp"
 #include "stop/stop_round.hpp"
 
@@ -60,7 +61,7 @@ struct StopDelivery::Impl {
       if (!one.is_stopped) {
         Owed& of = owed[target.device];
         const bool has_other = is_retry ? of.has_new_server : !of.stopped.empty();
-        if (has_other && one.has_no_listener && !one.is_listed) {
+        if (has_other && one.is_absent && !one.is_listed) {
           of.missing.erase(target);
           remembered.erase(target);
           continue;
@@ -87,7 +88,7 @@ struct StopDelivery::Impl {
 
   rpc::Node& node;
   const StopDeliveryConfig config;
-  mutable std::mutex mutex{};  ///< Of what follows; not for real-time threads.
+  mutable rt::PiMutex mutex{};  ///< Of what follows.
   std::set<StopTarget> remembered{};
   std::map<std::string, Owed, std::less<>> owed{};
 };

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <device.rtpm.hpp>
+#include <mutex>
 #include <utility>
 
 #include "events/stop_event.hpp"
@@ -24,6 +25,11 @@ constexpr std::size_t kTargetCountMax = 4 * kRememberedDeviceCountMax;
 
 Duration left_until(MonotonicTime deadline) {
   return std::max(deadline - rt::now(), Duration{0});
+}
+
+bool is_absence(const std::error_code& cause) {
+  return cause == rpc::CallError::kUnreachable || cause == rpc::CallError::kNoSuchObject ||
+         cause == rpc::CallError::kWrongInterface;
 }
 
 /// A server that does not let this caller have the highest priority may take the call at its own.
@@ -70,20 +76,28 @@ void StopRound::take(names::ServiceAnswer answer) {
     has_answer_ = true;
   }
   rt::ParallelJobs& jobs = jobs_of(answer.url);
+  // A server that hangs may go on as soon as it is asked, or later.
+  for (const names::LapsedName& lapsed : answer.lapsed) {
+    names::NameEntry entry{.name = lapsed.name, .url = lapsed.url, .interface = lapsed.interface};
+    entry.is_of_other_host = lapsed.is_of_other_host;
+    if (const auto target = config_.choose(entry)) add(*target, entry, jobs);
+  }
   for (const names::NameEntry& entry : answer.names) {
     if (const auto target = config_.choose(entry)) {
-      const auto url = names::reachable_url(entry);
-      if (url) {
-        add(*target, *url + target->url.substr(entry.url.size()), /*is_listed=*/true, jobs);
-      } else {
-        note(url.error().reason());
-      }
+      add(*target, entry, jobs);
     } else if (config_.tells_hubs && entry.interface == kHubInterface) {
       const auto url = names::reachable_url(entry);
       const std::lock_guard lock(mutex_);
       if (url && hubs_.insert(*url).second) jobs.add([this, hub = *url] { tell(hub); });
     }
   }
+}
+
+void StopRound::add(const StopTarget& target, const names::NameEntry& entry,
+                    rt::ParallelJobs& jobs) {
+  const auto url = names::reachable_url(entry);
+  if (!url) return note(url.error().reason());
+  add(target, *url + target.url.substr(entry.url.size()), /*is_listed=*/true, jobs);
 }
 
 void StopRound::add(const StopTarget& target, const std::string& url, bool is_listed,
@@ -131,7 +145,7 @@ StopRound::Tried StopRound::attempt(const std::string& url, StopScope scope) {
     auto stub = device::DeviceClient::bind(node_, url, bind);
     if (!stub) {
       tried.why = stub.error().reason();
-      tried.has_no_listener = stub.error().cause == rpc::CallError::kUnreachable;
+      tried.is_absent = is_absence(stub.error().cause);
       if (may_be_priority(stub.error().cause)) continue;
       return tried;
     }

@@ -4,7 +4,6 @@
 #include <functional>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <set>
 #include <string>
@@ -13,6 +12,7 @@
 #include "rtpm/gvd/stop_delivery.hpp"
 #include "rtpm/names/every_service.hpp"
 #include "rtpm/rt/parallel_jobs.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
 
 namespace rtpm::gvd {
 
@@ -36,8 +36,8 @@ class StopRound {
   struct Tried {
     bool is_stopped = false;
     std::string why{};
-    bool is_listed = false;        ///< A name service has it now.
-    bool has_no_listener = false;  ///< Nothing listens at its address.
+    bool is_listed = false;  ///< A name service has it now, bound or lost.
+    bool is_absent = false;  ///< Nothing, or something else, listens at its address.
   };
 
   StopRound(rpc::Node& node, StopRoundConfig config);
@@ -58,6 +58,7 @@ class StopRound {
   };
 
   void take(names::ServiceAnswer answer);
+  void add(const StopTarget& target, const names::NameEntry& entry, rt::ParallelJobs& jobs);
   void add(const StopTarget& target, const std::string& url, bool is_listed,
            rt::ParallelJobs& jobs);
   void serve(const std::string& authority);
@@ -69,7 +70,7 @@ class StopRound {
   rpc::Node& node_;
   const StopRoundConfig config_;
   const std::uint64_t id_;
-  std::mutex mutex_;  ///< Of what follows; not for real-time threads.
+  rt::PiMutex mutex_;  ///< Of what follows.
   std::map<StopTarget, Tried> tried_{};
   std::set<std::pair<StopTarget, std::string>> begun_{};
   std::map<std::string, Server> servers_{};

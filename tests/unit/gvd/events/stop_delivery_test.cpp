@@ -77,10 +77,10 @@ class Arm {
 class Registry {
  public:
   Registry() : servant_(names::make_servant()), server_(serve(*servant_, names::kRegistryPath)) {}
-  void bind(const std::string& name, const std::string& url,
-            const std::string& interface = kDevice) {
+  void bind(const std::string& name, const std::string& url, const std::string& interface = kDevice,
+            Duration lease = 10s) {
     names::Claim claim{.name = name, .url = url, .interface = interface, .owner = {++owner_, 1}};
-    claim.lease = 10s;
+    claim.lease = lease;
     claim.allows_takeover = true;
     ASSERT_TRUE(names::Directory(node_, this->url()).rebind(claim));
   }
@@ -218,6 +218,23 @@ TEST_F(Stops, AreOwedToADeviceWhoseNameExpiresUntilItIsBack) {
   EXPECT_TRUE(arm_.is_stopped());
   EXPECT_TRUE(delivery.owed().empty());
   EXPECT_TRUE(delivery.retry().devices.empty());
+}
+
+TEST_F(Stops, GoToServersThatAreLostToTheirRegistry) {
+  mine_.bind("lab/arm0", arm_.url(), kDevice, 100ms);
+  const Silence hung;
+  mine_.bind("lab/hung", hung.url("arm"), kDevice, 100ms);
+  ASSERT_TRUE(await([&] {
+    const auto names = names::Directory(node_, mine_.url()).list();
+    return names && names->empty();
+  }));
+  StopDelivery delivery(node_, mine());
+  const StopReport report = delivery.stop();
+  ASSERT_EQ(report.devices.size(), 2u) << "a tool that has never seen them";
+  EXPECT_TRUE(report.devices[0].is_stopped);
+  EXPECT_TRUE(arm_.is_stopped());
+  EXPECT_FALSE(report.devices[1].is_stopped);
+  EXPECT_EQ(report.devices[1].target.device, "lab/hung");
 }
 
 TEST_F(Stops, FollowADeviceThatComesBackElsewhere) {

@@ -55,10 +55,11 @@ struct StopDeliveryConfig {
 };
 
 /// Stops devices from outside: each at its own server and through every hub, at the same time, at
-/// every server to which any name service of the scope lets a name lead, and at those where a
-/// device was seen before. So neither a name that is bound twice nor a server, registry or hub that
-/// hangs keeps a stop from the others. A device that was not reached is owed its stop: it stays so,
-/// also when its name expires, until retry() has delivered it or the device is dismissed.
+/// every server to which any name service of the scope lets a name lead, or did until its lease
+/// ended, and at those where a device was seen before. So neither a name that is bound twice nor a
+/// server, registry or hub that hangs keeps a stop from the others. A device that was not reached
+/// is owed its stop: it stays so, also when its name expires, until retry() has delivered it or the
+/// device is dismissed.
 /// @ownership refers to its node, which must outlive it
 /// @threads  any; stop() and retry() may run at the same time
 /// @realtime set-up only

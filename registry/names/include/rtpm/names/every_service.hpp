@@ -8,6 +8,7 @@
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/names/directory.hpp"
+#include "rtpm/names/lapsed.hpp"
 #include "rtpm/rpc/node.hpp"
 
 namespace rtpm::names {
@@ -16,6 +17,7 @@ namespace rtpm::names {
 struct ServiceAnswer {
   std::string url{};               ///< Of the service.
   std::vector<NameEntry> names{};  ///< As they are bound; with an error, those that came before it.
+  std::vector<LapsedName> lapsed{};  ///< Names whose servers are lost, if it keeps them.
   /// Why it did not answer, or not to the end.
   std::optional<DirectoryError> error{};
 };

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "rtpm/base/time.hpp"
+#include "rtpm/names/directory.hpp"
+#include "rtpm/rpc/node.hpp"
+
+namespace rtpm::names {
+
+/// A name whose lease ended, and was not unbound before: its server hangs or is dead.
+struct LapsedName {
+  std::string name{};
+  std::string url{};  ///< Where it led.
+  std::string interface {};
+  std::uint64_t revision = 0;  ///< Directory::unbind() with it dismisses the name.
+  Duration lapsed_for{};
+  bool is_of_other_host = false;  ///< As NameEntry::is_of_other_host.
+  std::string service_url{};      ///< The registry that had it.
+};
+
+/// What registries know of lapsed names.
+struct LapsedAnswer {
+  std::vector<LapsedName> names{};
+  /// The registries that keep such names and answered: a name that one of them had, and has neither
+  /// bound nor here, was unbound.
+  std::vector<std::string> services{};
+};
+
+/// Asks every registry of a scope for its lapsed names, as ask_every_service() does. A registry
+/// keeps them from its start on, one with a shared storage not at all.
+/// @threads  any
+/// @realtime set-up only; blocks, until `deadline` at most
+[[nodiscard]] LapsedAnswer ask_for_lapsed(rpc::Node& node, const std::string& where,
+                                          MonotonicTime deadline);
+/// Dismisses a lapsed name at its registry.
+/// @errors   as Directory::unbind(), also of a name that was bound again meanwhile
+[[nodiscard]] expected<void, DirectoryError> dismiss(rpc::Node& node, const LapsedName& lapsed);
+
+}  // namespace rtpm::names
