@@ -265,5 +265,67 @@ TEST_F(Devices, ShowAndConfirmWhatAnOperatorRequests) {
   EXPECT_NE(transition("activate").find("lab/arm0 is active"), std::string::npos);
 }
 
+// A name that two registries bind is stopped at both servers.
+TEST_F(Devices, AreStoppedByANameThatIsBoundTwice) {
+  const auto devices = host("arm0", {"--events", "none"});
+  ASSERT_TRUE(devices);
+  const auto other = start_daemon("rtpm-registryd", {"--port", "0", "--realtime", "off"});
+  ASSERT_TRUE(other);
+  const auto second =
+      start_daemon("rtpm-deviced", {"--port", "0", "--registry", other->url, "--realtime", "off",
+                                    "--devices", "arm0", "--events", "none"});
+  ASSERT_TRUE(second);
+  const auto stopped =
+      run_program("rtpm", {"estop", "lab/arm0", "--registry", registry_->url + "," + other->url});
+  EXPECT_EQ(stopped.exit_code, 0) << stopped.errors;
+  EXPECT_EQ(test::line_count(stopped.output), 2) << stopped.output;
+  EXPECT_TRUE(is_stopped("lab/arm0"));
+  const auto sample = run_program("rtpm", {"call", "lab/arm0", "read", "--registry", other->url});
+  EXPECT_NE(sample.output.find("\"faults\": 8192"), std::string::npos) << sample.output;
+}
+
+TEST_F(Devices, ThatHangAreNamedAndStoppedWhenTheyGoOn) {
+  auto hung = host("arm0", {"--events", "none"});
+  const auto well = host("knob0", {"--events", "none"});
+  ASSERT_TRUE(hung && well);
+  hung->process.send_signal(SIGSTOP);
+  const auto at_once = run_tool({"estop", "--wait", "0s"});
+  EXPECT_EQ(at_once.exit_code, 1) << at_once.output;
+  EXPECT_NE(at_once.output.find("1 of 2 devices are stopped"), std::string::npos);
+  EXPECT_NE(at_once.errors.find("lab/arm0 is NOT stopped"), std::string::npos) << at_once.errors;
+  EXPECT_NE(at_once.errors.find("use the hardware stop"), std::string::npos);
+  EXPECT_TRUE(is_stopped("lab/knob0"));
+
+  test::Process tool({path_of("rtpm"), "estop", "--registry", registry_->url, "--wait", "60s"});
+  ASSERT_TRUE(tool.wait_for_output("lab/knob0 is stopped", kPatience)) << tool.errors();
+  hung->process.send_signal(SIGCONT);
+  const auto end = tool.wait(kPatience);
+  ASSERT_TRUE(end);
+  EXPECT_EQ(end->exit_code, 0) << end->errors;
+  EXPECT_NE(end->output.find("2 of 2 devices are stopped"), std::string::npos) << end->output;
+  EXPECT_TRUE(is_stopped("lab/arm0"));
+}
+
+TEST_F(Devices, ThatDieAreListedAsLostUntilTheyAreDismissed) {
+  auto devices = host("arm0", {"--events", "none"});
+  ASSERT_TRUE(devices);
+  EXPECT_EQ(run_tool({"estop"}).exit_code, 0);
+  const auto top = run_tool({"top", "--once", "--interval", "100ms"});
+  EXPECT_NE(top.output.find("EMERGENCY STOP"), std::string::npos) << top.output;
+  devices->process.send_signal(SIGKILL);
+  ASSERT_TRUE(test::await(
+      [&] { return run_tool({"list"}).output.find("LOST for") != std::string::npos; }, kPatience));
+  const auto list = nlohmann::json::parse(run_tool({"list", "--json"}).output, nullptr, false);
+  const auto lost = std::ranges::find_if(
+      list, [](const nlohmann::json& one) { return one["name"] == "lab/arm0"; });
+  ASSERT_NE(lost, list.end()) << list;
+  EXPECT_EQ((*lost)["is_lost"], true);
+  expect_one_sentence(run_tool({"info", "lab/arm0"}), 3, {"lab/arm0", "LOST for", "unbind"});
+  EXPECT_NE(run_tool({"top", "--once", "--interval", "100ms"}).output.find("LOST for"),
+            std::string::npos);
+  EXPECT_EQ(run_tool({"unbind", "lab/arm0"}).exit_code, 0);
+  EXPECT_EQ(run_tool({"list"}).output.find("lab/arm0"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace rtpm::system_test

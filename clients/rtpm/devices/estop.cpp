@@ -157,9 +157,9 @@ void add_estop(CLI::App& program, Context& context) {
       "  rtpm estop                    every device that a name service has, and all others of\n"
       "                                their system\n"
       "  rtpm estop lab/arm0 server    this one, and all of its server\n"
-      "Stops at every server to which a name leads, also where it is bound twice, and through "
-      "every\n"
-      "hub. It answers within a second; what is not reached by then it tries for --wait longer.\n"
+      "Stops at every server to which a name leads, also where it is bound twice or LOST, and\n"
+      "through every hub. It answers within a second; --wait says for how long it goes on trying\n"
+      "what is not reached by then.\n"
       "Exit code 0: all are stopped, 1: some, or not every name service and hub was reached, 3:\n"
       "none. Needs no right to command. They stay stopped until `rtpm take-over DEVICE rearm`.\n",
       [request](Context& c) { return estop(c, *request); });

@@ -5,6 +5,7 @@
 
 #include "cli/table.hpp"
 #include "host/lane_text.hpp"
+#include "objects/entries.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/names/directory.hpp"
 #include "rtpm/options/formatted.hpp"
@@ -31,6 +32,12 @@ std::vector<std::string> lines_of(const std::string& text) {
   for (std::string line; std::getline(stream, line);)
     lines.push_back(line);
   return lines;
+}
+
+/// A device in an emergency stop stays active, but takes no command.
+std::string state_text(const driver::Sample& sample) {
+  if (sample.faults.has(driver::Fault::kEmergencyStop)) return "EMERGENCY STOP";
+  return std::string(to_string(sample.lifecycle));
 }
 
 void sort(std::vector<TopLane>& lanes, SortKey key) {
@@ -103,6 +110,10 @@ void TopObserver::look_at_devices(TopState& state) {
   for (const names::NameEntry& entry : *entries) {
     if (entry.interface == kDeviceInterface) state.devices.push_back(read(entry.name));
   }
+  for (const names::LapsedName& lost : lost_names(context_, *entries)) {
+    if (lost.interface != kDeviceInterface) continue;
+    state.devices.push_back({.name = printable(lost.name), .problem = lost_text(lost)});
+  }
 }
 
 TopDevice TopObserver::read(const std::string& name) {
@@ -167,8 +178,7 @@ TopPicture picture_of(const TopState& state) {
     }
     const LatencyHistogram& time = device.read_time;
     devices.push_back(
-        {device.name, std::string(to_string(device.sample.lifecycle)),
-         formatted("%.0f", device.cycles_per_s),
+        {device.name, state_text(device.sample), formatted("%.0f", device.cycles_per_s),
          formatted("%.0f %%", 100.0 * static_cast<double>(device.sample.success_rate)),
          time_text(time.percentile(50).count()), time_text(time.percentile(99).count()),
          time_text(time.max().count()), to_text(device.sample.faults)});
@@ -206,6 +216,8 @@ Json json_of(const TopState& state) {
       json["problem"] = device.problem;
     } else {
       json["lifecycle"] = to_string(device.sample.lifecycle);
+      json["is_stopped"] = device.sample.faults.has(driver::Fault::kEmergencyStop);
+      json["faults"] = to_text(device.sample.faults);
       json["cycles_per_s"] = device.cycles_per_s;
       json["success_rate"] = device.sample.success_rate;
       json["read_ns"] = {{"p50", device.read_time.percentile(50).count()},

@@ -1,3 +1,4 @@
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -72,10 +73,30 @@ int bind(Context& context, const BindOptions& wanted) {
   return kDone;
 }
 
+/// Ends the record of a name whose server is lost; nullopt: it is not lost.
+std::optional<int> dismiss(Context& context, const std::string& name) {
+  for (const names::LapsedName& each : lost_names(context, {})) {
+    if (each.name != name) continue;
+    if (const auto dismissed = names::dismiss(context.node(), each); !dismissed) {
+      return context.not_reached(dismissed.error());
+    }
+    if (context.json) {
+      print_json({{"name", name}, {"revision", each.revision}, {"was_lost", true}});
+    } else {
+      print_line(printable(name) + " was lost, and is dismissed");
+    }
+    return kDone;
+  }
+  return std::nullopt;
+}
+
 int unbind(Context& context, const std::string& name) {
   names::Directory directory(context.node(), context.registry);
   const auto entry = directory.resolve(name);
-  if (!entry) return context.not_reached(entry.error());
+  if (!entry) {
+    if (const auto code = dismiss(context, name)) return *code;
+    return context.not_reached(entry.error());
+  }
   const auto unbound = directory.unbind(name, {rt::random_u64(), 1}, entry->revision);
   if (!unbound) return context.not_reached(unbound.error());
   if (context.json) {
@@ -135,7 +156,8 @@ void add_unbind(CLI::App& program, Context& context) {
   CLI::App& command =
       add_command(program, context, "unbind", "Remove a name from the registry",
                   "  rtpm unbind lab/camera\n"
-                  "A server that runs binds its name again, within a third of its lease.\n",
+                  "A server that runs binds its name again, within a third of its lease. A name\n"
+                  "that is LOST in `rtpm list` is dismissed.\n",
                   [name](Context& c) { return unbind(c, *name); });
   add_name(command, *name);
 }

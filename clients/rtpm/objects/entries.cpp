@@ -1,16 +1,22 @@
 #include "objects/entries.hpp"
 
+#include <algorithm>
 #include <cstdio>
 
 #include "cli/table.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/options/formatted.hpp"
 #include "rtpm/predicate/value.hpp"
+#include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
 #include "rtpm/wire/url.hpp"
 
 namespace rtpm::tool {
 
 namespace {
+
+/// How long registries may take to list lost names.
+constexpr Duration kLapsedPatience = std::chrono::seconds{1};
 
 Json value_json(const names::PropertyValue& value) {
   return std::visit(
@@ -78,26 +84,58 @@ void tell_notes(const names::Directory& directory) {
     rt::print_error("rtpm", note);
 }
 
-std::string table_of(const std::vector<names::NameEntry>& entries) {
+std::string table_of(const std::vector<names::NameEntry>& entries,
+                     const std::vector<names::LapsedName>& lost) {
   std::vector<Row> rows;
   for (const names::NameEntry& entry : entries)
     rows.push_back({printable(entry.name), printable(entry.interface),
                     printable(entry.url) + (entry.is_duplicate ? "  (bound twice)" : "")});
+  for (const names::LapsedName& each : lost)
+    rows.push_back({printable(each.name), printable(each.interface),
+                    lost_text(each) + ", was at " + printable(each.url)});
   return aligned(rows, 3);
+}
+
+std::vector<names::LapsedName> lost_names(Context& context,
+                                          const std::vector<names::NameEntry>& bound) {
+  names::LapsedAnswer answer =
+      names::ask_for_lapsed(context.node(), context.registry, rt::now() + kLapsedPatience);
+  std::erase_if(answer.names, [&](const names::LapsedName& each) {
+    return std::ranges::any_of(bound, [&](const names::NameEntry& entry) {
+      return entry.name == each.name && entry.url == each.url;
+    });
+  });
+  std::ranges::sort(answer.names, {}, &names::LapsedName::name);
+  return std::move(answer.names);
+}
+
+std::string lost_text(const names::LapsedName& lost) {
+  return "LOST for " +
+         options::formatted("%.0f s", std::chrono::duration<double>(lost.lapsed_for).count());
 }
 
 void warn_if_stale(Duration stale_for) {
   if (stale_for > Duration{0}) rt::print_error("rtpm", names::stale_text(stale_for));
 }
 
-void print_entries(const std::vector<names::NameEntry>& entries, bool as_json) {
+void print_entries(const std::vector<names::NameEntry>& entries, bool as_json,
+                   const std::vector<names::LapsedName>& lost) {
   if (!as_json) {
-    std::fputs(table_of(entries).c_str(), stdout);
+    std::fputs(table_of(entries, lost).c_str(), stdout);
     return;
   }
   Json list = Json::array();
   for (const names::NameEntry& entry : entries)
     list.push_back(json_of(entry));
+  for (const names::LapsedName& each : lost) {
+    list.push_back({{"name", each.name},
+                    {"interface", each.interface},
+                    {"url", each.url},
+                    {"revision", each.revision},
+                    {"is_lost", true},
+                    {"lost_for_s", std::chrono::duration<double>(each.lapsed_for).count()},
+                    {"name_service", each.service_url}});
+  }
   print_json(list);
 }
 

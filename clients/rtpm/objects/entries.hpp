@@ -3,8 +3,10 @@
 #include <string>
 #include <vector>
 
+#include "cli/context.hpp"
 #include "cli/output.hpp"
 #include "rtpm/names/directory.hpp"
+#include "rtpm/names/lapsed.hpp"
 
 namespace rtpm::tool {
 
@@ -20,12 +22,20 @@ namespace rtpm::tool {
 void tell_notes(const names::Directory& directory);
 
 /// Bound names for people, a line each; without any, nothing.
-[[nodiscard]] std::string table_of(const std::vector<names::NameEntry>& entries);
+[[nodiscard]] std::string table_of(const std::vector<names::NameEntry>& entries,
+                                   const std::vector<names::LapsedName>& lost = {});
 
 /// Says on standard error that the registry is out of date, if it is.
 void warn_if_stale(Duration stale_for);
 
-/// Prints the names as --json says.
-void print_entries(const std::vector<names::NameEntry>& entries, bool as_json);
+/// Prints the names as --json says, those that are lost after the others.
+void print_entries(const std::vector<names::NameEntry>& entries, bool as_json,
+                   const std::vector<names::LapsedName>& lost = {});
+
+/// Names whose servers are lost, without those that another name service has for the same URL.
+[[nodiscard]] std::vector<names::LapsedName> lost_names(Context& context,
+                                                        const std::vector<names::NameEntry>& bound);
+/// "LOST for 12 s".
+[[nodiscard]] std::string lost_text(const names::LapsedName& lost);
 
 }  // namespace rtpm::tool

@@ -7,6 +7,7 @@
 #include "devices/parameters.hpp"
 #include "objects/commands.hpp"
 #include "objects/entries.hpp"
+#include "objects/unbound.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/dynamic/remote_object.hpp"
 #include "rtpm/names/directory.hpp"
@@ -75,7 +76,7 @@ Duration staleness_of(Context& context, const std::string& target) {
 
 int info(Context& context, const std::string& target) {
   const auto url = dynamic::url_of(context.node(), context.registry, target);
-  if (!url) return context.not_reached(url.error());
+  if (!url) return context.not_reached(with_loss(context, target, url.error()));
   const Duration stale_for = staleness_of(context, target);
   const auto object = dynamic::RemoteObject::open(context.node(), *url);
   if (!object) return context.not_reached(object.error());

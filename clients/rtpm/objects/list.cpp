@@ -18,7 +18,7 @@ int list_names(Context& context) {
   tell_notes(directory);
   if (!found) return context.not_reached(found.error());
   warn_if_stale(found->stale_for);
-  print_entries(found->entries, context.json);
+  print_entries(found->entries, context.json, lost_names(context, found->entries));
   return kDone;
 }
 
@@ -52,7 +52,9 @@ void add_list(CLI::App& program, Context& context) {
   const auto target = std::make_shared<std::string>();
   CLI::App& command = add_command(
       program, context, "list", "List the registry's names, or the objects of a server",
-      "  rtpm list\n  rtpm list lab/arm0        the objects of the server that has it\n",
+      "  rtpm list\n  rtpm list lab/arm0        the objects of the server that has it\n"
+      "A name whose server hangs or is dead stays as LOST, until the server is back or\n"
+      "`rtpm unbind` dismisses the name; in JSON it has `is_lost`.\n",
       [target](Context& c) { return target->empty() ? list_names(c) : list_objects(c, *target); });
   add_target(command, *target).required(false);
 }
