@@ -25,9 +25,18 @@ constexpr Duration kReportInterval = std::chrono::seconds{1};
 constexpr Duration kStateInterval = std::chrono::milliseconds{250};
 constexpr Duration kLatencyInterval = std::chrono::seconds{1};
 constexpr Duration kIdleInterval = std::chrono::seconds{1};
+/// Between attempts to deliver a stop, each of which takes up to a second.
+constexpr Duration kDeliverInterval = std::chrono::milliseconds{100};
+constexpr std::size_t kLostCountMax = 1024;
 constexpr Duration kRenewInterval = std::chrono::milliseconds{300};
 constexpr Duration kParameterInterval = std::chrono::seconds{2};
 constexpr std::size_t kGarbageCountMax = 10;
+
+/// A hub with a name is found with all others.
+gvd::StopDeliveryConfig stop_config(const Configuration& configuration) {
+  const bool is_url = configuration.events.starts_with("rtpm://");
+  return {.where = configuration.registry, .hub = is_url ? configuration.events : ""};
+}
 
 std::string dumped(const Json& json) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
@@ -44,13 +53,18 @@ Console::Console(rpc::Node& node, const Configuration& configuration, Post post)
       channels_(clients_),
       event_channels_(channels_),
       router_(clients_),
-      desk_(
-          router_, pool_, urgent_, post_,
-          {[this] { return std::vector<std::string>(device_names_.begin(), device_names_.end()); },
-           [this](const std::string& name) {
-             const auto found = devices_.find(name);
-             return found == devices_.end() ? nullptr : found->second.link();
-           }}),
+      stops_(node, stop_config(configuration), router_, urgent_, post_),
+      desk_(router_, pool_, post_,
+            {[this] {
+               std::vector<std::string> names;
+               for (const auto& [name, device] : devices_)
+                 names.push_back(name);
+               return names;
+             },
+             [this](const std::string& name) {
+               const auto found = devices_.find(name);
+               return found == devices_.end() ? nullptr : found->second.link();
+             }}),
       objects_services_(node, router_, desk_, pool_, background_, post_,
                         [this](const std::string& name) {
                           const auto found = devices_.find(name);
@@ -75,8 +89,12 @@ Console::~Console() = default;
 
 expected<void, SetupError> Console::start(
     const std::function<void(Duration, std::function<void()>)>& every) {
+  stops_.start();
   desk_.start();
   if (auto started = records_.start(); !started) return started;
+  router_.add_json(
+      "console/dismiss",
+      [this](const PendingCall& call, const nlohmann::json& request) { dismiss(call, request); });
   add_log_filter();
   if (auto started = pool_.start({}); !started) return started;
   if (auto started = background_.start({.name = "console-look", .thread_count = 4}); !started) {
@@ -118,7 +136,8 @@ expected<void, SetupError> Console::start_threads() {
             }},
       Watch{hub_thread_, "console-hub", kHubInterval, [this] { hub_.look(); }},
       Watch{report_thread_, "console-report", kReportInterval,
-            [this, report] { post_([this, view = report->look()] { hub_view_ = view; }); }}};
+            [this, report] { post_([this, view = report->look()] { hub_view_ = view; }); }},
+      Watch{stop_thread_, "console-stop", kDeliverInterval, [this] { stops_.deliver(); }}};
   for (const Watch& watch : watches) {
     if (auto started = watch.thread.start(watch.name, watch.period, watch.work); !started) {
       return started;
@@ -128,8 +147,8 @@ expected<void, SetupError> Console::start_threads() {
 }
 
 void Console::stop() {
-  for (PeriodicThread* const thread :
-       {&lane_thread_, &object_thread_, &probe_thread_, &hub_thread_, &report_thread_}) {
+  for (PeriodicThread* const thread : {&lane_thread_, &object_thread_, &probe_thread_, &hub_thread_,
+                                       &report_thread_, &stop_thread_}) {
     thread->stop();
   }
   records_.stop_reading();
@@ -235,21 +254,85 @@ void Console::take_objects(const ObjectsView& view) {
   std::vector<std::string> devices;
   std::vector<std::string> configured;
   for (const ObjectView& object : view.objects) {
-    if (object.interface == kDeviceInterface) devices.push_back(object.name);
+    if (object.interface == kDeviceInterface) {
+      devices.push_back(object.name);
+      devices_.try_emplace(object.name, object.name).first->second.set_bound(object.service_url);
+      stops_.remember(object.name, object.url);
+    }
     if (object.interface == "rtpm.configuration.Configuration" &&
         object.name.ends_with(kConfigurationEnd)) {
       configured.push_back(object.name.substr(0, object.name.size() - kConfigurationEnd.size()));
     }
   }
   device_names_ = {devices.begin(), devices.end()};
-  std::erase_if(devices_, [&](const auto& one) { return !device_names_.contains(one.first); });
-  for (const std::string& name : devices)
-    devices_.try_emplace(name, name);
+  take_lost(view);
   device_watch_.set_devices(devices);
   hub_.set_devices(devices);
   event_channels_.set_devices(device_names_);
   parameters_.set_objects(std::move(configured));
   objects_services_.set_objects(view.objects);
+}
+
+// A device whose name was unbound has ended in order; any other that is gone is lost until it is
+// back or dismissed.
+void Console::take_lost(const ObjectsView& view) {
+  const MonotonicTime now = rt::now();
+  decltype(dismissed_) still_lapsed;
+  for (const names::LapsedName& each : view.lapsed) {
+    const std::tuple key{each.service_url, each.name, each.revision};
+    if (dismissed_.contains(key)) {
+      still_lapsed.insert(key);
+      continue;
+    }
+    if (each.interface != kDeviceInterface || device_names_.contains(each.name)) continue;
+    if (devices_.size() >= kLostCountMax && !devices_.contains(each.name)) continue;
+    devices_.try_emplace(each.name, each.name)
+        .first->second.set_lost(now - each.lapsed_for, each.url);
+    stops_.remember(each.name, each.url);
+  }
+  dismissed_ = std::move(still_lapsed);
+  const std::set<std::string> owed = stops_.owed_devices();
+  for (auto each = devices_.begin(); each != devices_.end();) {
+    auto& [name, device] = *each;
+    if (device_names_.contains(name) || device.is_lost()) {
+      ++each;
+      continue;
+    }
+    const bool is_unbound = std::ranges::count(view.lapsed_services, device.service_url()) > 0;
+    if (is_unbound && !owed.contains(name)) {
+      stops_.dismiss(name);
+      each = devices_.erase(each);
+    } else {
+      device.set_lost(now, {});
+      ++each;
+    }
+  }
+}
+
+void Console::dismiss(const PendingCall& call, const nlohmann::json& request) {
+  const auto named = request.find("device");
+  const std::string name =
+      named != request.end() && named->is_string() ? named->get<std::string>() : "";
+  const auto device = devices_.find(name);
+  const bool is_lost = device != devices_.end() && device->second.is_lost();
+  if (!is_lost && !stops_.owed_devices().contains(name)) {
+    return router_.fail(call, "'" + name + "' is neither lost nor waits for a stop");
+  }
+  stops_.dismiss(name);
+  if (is_lost) devices_.erase(device);
+  std::vector<names::LapsedName> lapsed;
+  for (const names::LapsedName& each : objects_.lapsed) {
+    if (each.name != name) continue;
+    dismissed_.emplace(each.service_url, each.name, each.revision);
+    lapsed.push_back(each);
+  }
+  // Where the registry does not allow it, the name stays dismissed here.
+  const bool is_queued = pool_.run("dismiss", [this, lapsed] {
+    for (const names::LapsedName& each : lapsed)
+      static_cast<void>(names::dismiss(node_, each));
+  });
+  static_cast<void>(is_queued);
+  router_.succeed(call, Json{{"ok", true}});
 }
 
 void Console::take_probe(const DeviceProbe& probe) {
@@ -321,6 +404,7 @@ Json Console::state() const {
           {"servers", servers_json(servers_)},
           {"objects", std::move(objects)},
           {"devices", std::move(devices)},
+          {"not_stopped", stops_.owed_json(now)},
           {"recording", records_.recording_json()},
           {"replay", records_.replay_json()},
           {"clients", {{"count", clients_.count()}, {"dropped_count", clients_.dropped_count()}}}};

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "channels/channel_table.hpp"
@@ -17,6 +18,7 @@
 #include "live/lane_watch.hpp"
 #include "live/object_watch.hpp"
 #include "operators/operator_desk.hpp"
+#include "operators/stop_desk.hpp"
 #include "parameters/parameter_desk.hpp"
 #include "recording/record_desk.hpp"
 #include "rtpm/base/setup_error.hpp"
@@ -55,6 +57,8 @@ class Console final : public ConnectionHandler {
   void take_text(std::uint64_t id, foxglove::TextRequest request);
   void take_garbage(std::uint64_t id, const std::string& why);
   void take_objects(const ObjectsView& view);
+  void take_lost(const ObjectsView& view);
+  void dismiss(const PendingCall& call, const nlohmann::json& request);
   void take_event(const HubEvent& event);
   void take_probe(const DeviceProbe& probe);
   void add_log_filter();
@@ -76,14 +80,17 @@ class Console final : public ConnectionHandler {
   WorkerPool pool_{};        ///< For those who may command.
   WorkerPool background_{};  ///< For what the console and observers want to know.
   WorkerPool urgent_{};      ///< For emergency stops.
+  StopDesk stops_;
   OperatorDesk desk_;
   ObjectServices objects_services_;
   ParameterDesk parameters_;
   RecordDesk records_;
   HubWatch hub_;
   DeviceWatch device_watch_;
-  std::map<std::string, DeviceState> devices_{};
-  std::set<std::string> device_names_{};
+  std::map<std::string, DeviceState> devices_{};  ///< Bound and lost ones.
+  std::set<std::string> device_names_{};          ///< Bound ones.
+  /// Lapsed names that were dismissed: registry, name and revision.
+  std::set<std::tuple<std::string, std::string, std::uint64_t>> dismissed_{};
   ObjectsView objects_{};
   Standing hub_standing_{};
   HubReportView hub_view_{};
@@ -94,6 +101,7 @@ class Console final : public ConnectionHandler {
   PeriodicThread probe_thread_{};
   PeriodicThread hub_thread_{};
   PeriodicThread report_thread_{};
+  PeriodicThread stop_thread_{};
 };
 
 }  // namespace rtpm::console

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <utility>
 
 namespace rtpm::console {
 namespace {
@@ -89,6 +90,19 @@ void DeviceState::take_lease(gvd::LeaseState state, MonotonicTime since) {
   lease_since_ = since;
 }
 
+void DeviceState::set_bound(const std::string& service_url) {
+  service_url_ = service_url;
+  if (!std::exchange(lost_since_, std::nullopt)) return;
+  problem_ = "not asked yet";
+}
+
+void DeviceState::set_lost(MonotonicTime since, const std::string& url) {
+  if (lost_since_) return;
+  lost_since_ = since;
+  if (url_.empty()) url_ = url;
+  problem_ = "its name has expired: its server hangs, is dead, or is cut off";
+}
+
 void DeviceState::see_sequence(std::uint64_t sequence, MonotonicTime now) {
   // A restarted server counts from one again; what the hub delivers late is somewhat older.
   constexpr std::uint64_t kLateMax = 1000;
@@ -114,7 +128,8 @@ Json DeviceState::json(MonotonicTime now, bool has_config,
             {"serial", descriptor_ ? descriptor_->serial : ""},
             {"class", descriptor_ ? driver::to_string(descriptor_->device_class) : ""},
             {"url", url_},
-            {"ok", problem_.empty() && is_fresh}};
+            {"ok", problem_.empty() && is_fresh},
+            {"lost_for_s", lost_since_ ? Json(seconds_of(now - *lost_since_)) : Json()}};
   json["problem"] =
       problem_.empty() && newest_ && !is_fresh ? "no new sample for over a second" : problem_;
   json["age_ms"] = newest_ ? Json(seconds_of(now - *newest_) * 1000) : Json();

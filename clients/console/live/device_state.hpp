@@ -24,8 +24,14 @@ class DeviceState {
   /// A sample that the hub delivered.
   void take_sample(std::uint64_t sequence, MonotonicTime now);
   void take_lease(gvd::LeaseState state, MonotonicTime since);
+  /// Its name is bound, at this name service.
+  void set_bound(const std::string& service_url);
+  /// Its name has expired, so that its server hangs, is dead, or is cut off.
+  void set_lost(MonotonicTime since, const std::string& url);
 
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
+  [[nodiscard]] bool is_lost() const noexcept { return lost_since_.has_value(); }
+  [[nodiscard]] const std::string& service_url() const noexcept { return service_url_; }
   [[nodiscard]] const std::shared_ptr<DeviceLink>& link() const noexcept { return link_; }
   [[nodiscard]] nlohmann::ordered_json json(MonotonicTime now, bool has_config,
                                             std::optional<Duration> lease_left) const;
@@ -36,6 +42,8 @@ class DeviceState {
 
   std::string name_;
   std::string url_{};
+  std::string service_url_{};
+  std::optional<MonotonicTime> lost_since_{};
   std::string problem_{"not asked yet"};
   std::shared_ptr<DeviceLink> link_{};
   std::shared_ptr<const driver::Descriptor> descriptor_{};

@@ -15,12 +15,13 @@ namespace {
 constexpr Duration kRegistryDeadline = std::chrono::milliseconds{500};
 constexpr Duration kCatalogDeadline = std::chrono::milliseconds{300};
 constexpr Duration kCatalogInterval = std::chrono::seconds{5};
+constexpr Duration kLapsedInterval = std::chrono::seconds{5};
 constexpr std::size_t kObjectCountMax = 1024;
 
 }  // namespace
 
 ObjectWatch::ObjectWatch(rpc::Node& node, const std::string& registry)
-    : node_(node), directory_(node, registry, kRegistryDeadline) {}
+    : node_(node), registry_(registry), directory_(node, registry, kRegistryDeadline) {}
 
 const ObjectsView& ObjectWatch::look() {
   const auto entries = directory_.list();
@@ -29,6 +30,10 @@ const ObjectsView& ObjectWatch::look() {
     return view_;
   }
   view_.registry = {true, {}};
+  std::vector<std::string> names;
+  for (const names::NameEntry& entry : *entries)
+    names.push_back(entry.name);
+  look_for_lapsed(std::exchange(names_, names) != names);
   std::map<std::string, std::string> fingerprints;
   for (const names::NameEntry& entry : *entries) {
     const auto url = wire::parse_url(entry.url);
@@ -41,7 +46,8 @@ const ObjectsView& ObjectWatch::look() {
   for (const names::NameEntry& entry : *entries) {
     const auto url = wire::parse_url(entry.url);
     if (!url || objects.size() >= kObjectCountMax) continue;
-    objects.push_back({entry.name, entry.interface, entry.url});
+    const std::string& service = entry.service_url.empty() ? registry_ : entry.service_url;
+    objects.push_back({entry.name, entry.interface, entry.url, service});
     const std::string key = url->authority();
     Server& server = servers_[key];
     if (server.fingerprint != fingerprints[key] || rt::now() >= server.next) {
@@ -52,12 +58,21 @@ const ObjectsView& ObjectWatch::look() {
     for (const auto& [path, interface] : server.interfaces) {
       if (!path.starts_with(below)) continue;
       const std::string suffix = path.substr(url->path.size());
-      objects.push_back({entry.name + suffix, interface, entry.url + suffix});
+      objects.push_back({entry.name + suffix, interface, entry.url + suffix, service});
     }
   }
   std::ranges::sort(objects, {}, &ObjectView::name);
   view_.objects = std::move(objects);
   return view_;
+}
+
+void ObjectWatch::look_for_lapsed(bool has_changed) {
+  if (!has_changed && rt::now() < next_lapsed_) return;
+  next_lapsed_ = rt::now() + kLapsedInterval;
+  names::LapsedAnswer answer =
+      names::ask_for_lapsed(node_, registry_, rt::now() + kRegistryDeadline);
+  view_.lapsed = std::move(answer.names);
+  view_.lapsed_services = std::move(answer.services);
 }
 
 void ObjectWatch::ask(Server& server, const std::string& url) {

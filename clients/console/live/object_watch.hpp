@@ -7,6 +7,7 @@
 #include "live/callbacks.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/names/directory.hpp"
+#include "rtpm/names/lapsed.hpp"
 #include "rtpm/rpc/node.hpp"
 
 namespace rtpm::console {
@@ -16,12 +17,16 @@ struct ObjectView {
   std::string name{};
   std::string interface {};
   std::string url{};
+  std::string service_url{};  ///< The name service that has it.
   friend bool operator==(const ObjectView&, const ObjectView&) = default;
 };
 
 struct ObjectsView {
   Standing registry{};
   std::vector<ObjectView> objects{};  ///< By name; while the registry is gone, as it last said.
+  std::vector<names::LapsedName> lapsed{};  ///< Names whose servers are lost.
+  /// Registries that keep such names: what one of them had and has no more was unbound.
+  std::vector<std::string> lapsed_services{};
 };
 
 /// Looks at the registry and at the catalogs of the servers that it names.
@@ -39,9 +44,13 @@ class ObjectWatch {
     MonotonicTime next{};                             ///< When it is asked again.
   };
   void ask(Server& server, const std::string& url);
+  void look_for_lapsed(bool has_changed);
 
   rpc::Node& node_;
+  const std::string registry_;
   names::Directory directory_;
+  std::vector<std::string> names_{};  ///< At the last look.
+  MonotonicTime next_lapsed_{};
   std::map<std::string, Server> servers_{};  ///< By "host:port".
   ObjectsView view_{};
 };

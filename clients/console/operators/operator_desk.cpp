@@ -1,8 +1,6 @@
 #include "operators/operator_desk.hpp"
 
 #include <algorithm>
-#include <atomic>
-#include <mutex>
 #include <utility>
 
 #include "rtpm/driver/sample.hpp"
@@ -15,7 +13,6 @@ namespace {
 using gvd::DeviceError;
 using gvd::DeviceOutcome;
 
-constexpr Duration kStopDeadline = std::chrono::milliseconds{500};
 constexpr Duration kEffectPatience = std::chrono::milliseconds{500};
 constexpr Duration kEffectInterval = std::chrono::milliseconds{5};
 /// A connection without a close frame is seen to have ended so much later at most.
@@ -69,14 +66,6 @@ bool await(DeviceLink& link, const std::function<bool(const device::Sample&)>& e
   }
 }
 
-/// The results of stopping several devices.
-struct Stops {
-  std::mutex mutex{};
-  nlohmann::ordered_json stopped = nlohmann::ordered_json::array();
-  nlohmann::ordered_json failed = nlohmann::ordered_json::array();
-  std::size_t left_count = 0;
-};
-
 std::string text_in(const nlohmann::json& request, const char* key) {
   const auto found = request.find(key);
   return found != request.end() && found->is_string() ? found->get<std::string>() : std::string{};
@@ -84,18 +73,10 @@ std::string text_in(const nlohmann::json& request, const char* key) {
 
 }  // namespace
 
-OperatorDesk::OperatorDesk(CallRouter& router, WorkerPool& pool, WorkerPool& urgent, Post post,
-                           Devices devices)
-    : router_(router),
-      pool_(pool),
-      urgent_(urgent),
-      post_(std::move(post)),
-      devices_(std::move(devices)) {}
+OperatorDesk::OperatorDesk(CallRouter& router, WorkerPool& pool, Post post, Devices devices)
+    : router_(router), pool_(pool), post_(std::move(post)), devices_(std::move(devices)) {}
 
 void OperatorDesk::start() {
-  router_.add_json("console/estop", [this](const PendingCall& call, const nlohmann::json& request) {
-    stop(call, request);
-  });
   using driver::Fault;
   using driver::Faults;
   using driver::Lifecycle;
@@ -127,46 +108,6 @@ void OperatorDesk::add(const char* name, Command command) {
       [this, command = std::move(command)](const PendingCall& call, const nlohmann::json& request) {
         run(call, request, command);
       });
-}
-
-void OperatorDesk::stop(const PendingCall& call, const nlohmann::json& request) {
-  const std::string one = text_in(request, "device");
-  const bool is_all = !request.contains("device");
-  const std::vector<std::string> names = is_all ? devices_.names() : std::vector<std::string>{one};
-  const auto stops = std::make_shared<Stops>();
-  stops->left_count = names.size();
-  const auto answer = [this, call, stops] {
-    router_.succeed(call,
-                    nlohmann::ordered_json{{"stopped", stops->stopped}, {"failed", stops->failed}});
-  };
-  if (names.empty()) return answer();
-  const auto scope = is_all ? device::StopScope::System : device::StopScope::Device;
-  for (const std::string& name : names) {
-    const auto end = [stops, answer, name, post = post_](const std::string& why) {
-      const std::lock_guard lock(stops->mutex);
-      if (why.empty()) {
-        stops->stopped.push_back(name);
-      } else {
-        stops->failed.push_back({{"device", name}, {"why", why}});
-      }
-      if (--stops->left_count == 0) post(answer);
-    };
-    const auto link = devices_.link(name);
-    if (!link) {
-      end("it was not reached yet");
-      continue;
-    }
-    const bool is_queued = urgent_.run(name, [link, scope, end] {
-      rpc::CallOptions options;
-      options.priority = Priority{Priority::kHighest};
-      options.deadline = kStopDeadline;
-      const DeviceError error = error_of(link->stub().emergency_stop(device::Stop{scope}, options));
-      // Outside of a system its own server's devices are stopped all the same.
-      const bool is_stopped = is_done(error) || error.outcome() == DeviceOutcome::kNotInSystem;
-      end(is_stopped ? std::string{} : std::string(to_string(error)));
-    });
-    if (!is_queued) end("too many stops are under way");
-  }
 }
 
 std::string OperatorDesk::refusal(std::uint64_t connection_id, const std::string& device,

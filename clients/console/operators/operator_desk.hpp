@@ -18,8 +18,8 @@
 
 namespace rtpm::console {
 
-/// The commands of operators: emergency stops, the leases that the console holds for browsers, and
-/// which connection operates which device.
+/// The commands of operators: the leases that the console holds for browsers, and which connection
+/// operates which device.
 /// @ownership refers to all that it is given
 /// @threads  the web server's
 class OperatorDesk {
@@ -34,9 +34,7 @@ class OperatorDesk {
     std::function<std::shared_ptr<DeviceLink>(const std::string&)> link{};
   };
 
-  /// @param urgent  runs emergency stops only
-  OperatorDesk(CallRouter& router, WorkerPool& pool, WorkerPool& urgent, Post post,
-               Devices devices);
+  OperatorDesk(CallRouter& router, WorkerPool& pool, Post post, Devices devices);
 
   /// Adds the services.
   void start();
@@ -68,14 +66,12 @@ class OperatorDesk {
     Effect effect{};              ///< Empty: it is done when it was answered.
   };
 
-  void stop(const PendingCall& call, const nlohmann::json& request);
   void add(const char* name, Command command);
   void run(const PendingCall& call, const nlohmann::json& request, const Command& command);
   void release(const std::string& device);
 
   CallRouter& router_;
   WorkerPool& pool_;
-  WorkerPool& urgent_;
   Post post_;
   Devices devices_;
   struct Operator {

@@ -15,6 +15,7 @@
 #include "rtpm/events/supplier.hpp"
 #include "rtpm/names/resolver.hpp"
 #include "rtpm/rpc/node.hpp"
+#include "rtpm/test/os.hpp"
 
 // What rtpm-console promises to a page, with real daemons.
 namespace rtpm::system_test {
@@ -131,6 +132,86 @@ TEST_F(Consoles, StopDevicesAndArmThemAgain) {
   EXPECT_EQ(client->call("console/release", {{"device", "lab/arm0"}}), Json({{"ok", true}}));
   static_cast<void>(client->await_state(
       [](const Json& state) { return device_in(state, "lab/arm0")["lease"]["state"] == "free"; }));
+}
+
+// A duplicate name at another's registry is no reason not to stop.
+TEST_F(Consoles, StopWhateverElseIsAtTheRegistry) {
+  const auto client = connect_to_arm();
+  // It leads to a server that does not answer.
+  ASSERT_EQ(rtpm({"bind", "lab/ghost", "rtpm://127.0.0.1:1/lab/ghost", "--interface",
+                  "rtpm.device.Device"})
+                .exit_code,
+            0);
+  const Json stopped = client->call("console/estop", Json::object());
+  EXPECT_EQ(stopped["stopped"], Json::array({"lab/arm0"})) << stopped;
+  ASSERT_EQ(stopped["failed"].size(), 1u) << stopped;
+  EXPECT_EQ(stopped["failed"][0]["device"], "lab/ghost");
+  EXPECT_EQ(stopped["hub_count"], 1);
+  EXPECT_EQ(client->call("console/estop", {{"device", 3}}).contains("failure"), true);
+}
+
+// It hangs until its names have expired: then it is lost, the stop is owed, and comes through when
+// it goes on.
+TEST_F(Consoles, DeliverAStopToADeviceThatHung) {
+  const auto client = connect_to_arm();
+  devices_->process.send_signal(SIGSTOP);
+  const Json lost = client->await_state([](const Json& state) {
+    const Json device = device_in(state, "lab/arm0");
+    return device.is_object() && device["lost_for_s"].is_number();
+  });
+  EXPECT_EQ(device_in(lost, "lab/arm0")["ok"], false);
+  const auto listed = rtpm({"list"});
+  EXPECT_EQ(listed.exit_code, 0);
+  EXPECT_NE(listed.output.find("LOST for"), std::string::npos) << listed.output;
+
+  const Json stopped = client->call("console/estop", Json::object());
+  EXPECT_TRUE(stopped["stopped"].empty()) << stopped;
+  ASSERT_EQ(stopped["failed"].size(), 1u) << stopped;
+  const Json owed =
+      client->await_state([](const Json& state) { return !state["not_stopped"].empty(); });
+  EXPECT_EQ(owed["not_stopped"][0]["device"], "lab/arm0");
+  EXPECT_FALSE(owed["not_stopped"][0]["why"].get<std::string>().empty());
+
+  devices_->process.send_signal(SIGCONT);
+  const Json back = client->await_state([](const Json& state) {
+    return state["not_stopped"].empty() && device_in(state, "lab/arm0")["is_stopped"] == true;
+  });
+  static_cast<void>(client->await_state([](const Json& state) {
+    return is_live(state, "lab/arm0") && device_in(state, "lab/arm0")["lost_for_s"].is_null();
+  }));
+}
+
+TEST_F(Consoles, ListADeadDeviceAsLostUntilItIsDismissed) {
+  const auto client = connect_to_arm();
+  devices_->process.send_signal(SIGKILL);
+  const auto is_lost = [](const Json& state) {
+    const Json device = device_in(state, "lab/arm0");
+    return device.is_object() && device["lost_for_s"].is_number();
+  };
+  static_cast<void>(client->await_state(is_lost));
+  // As another console sees it, which has never seen the device.
+  auto second = start_console(console_arguments());
+  ASSERT_TRUE(second);
+  ConsoleClient other(second->port, second->target);
+  other.subscribe("console/state");
+  static_cast<void>(other.await_state(is_lost));
+  EXPECT_FALSE(client->call("console/estop", Json::object())["failed"].empty());
+  EXPECT_TRUE(client->call("console/dismiss", {{"device", "lab/none"}}).contains("failure"));
+  EXPECT_EQ(client->call("console/dismiss", {{"device", "lab/arm0"}}), Json({{"ok", true}}));
+  static_cast<void>(client->await_state(
+      [](const Json& state) { return state["devices"].empty() && state["not_stopped"].empty(); }));
+  EXPECT_TRUE(test::await(
+      [&] { return rtpm({"list"}).output.find("lab/arm0") == std::string::npos; }, kPatience))
+      << "the registry's record ends, too";
+}
+
+TEST_F(Consoles, ForgetADeviceThatEndedInOrder) {
+  const auto client = connect_to_arm();
+  devices_->process.send_signal(SIGTERM);
+  ASSERT_TRUE(devices_->process.wait(kPatience));
+  const Json state =
+      client->await_state([](const Json& one) { return device_in(one, "lab/arm0").is_null(); });
+  EXPECT_TRUE(state["not_stopped"].empty());
 }
 
 TEST_F(Consoles, LetOneBrowserOperateADeviceAtATime) {

@@ -426,9 +426,30 @@ describe('a device that vanishes', () => {
       () => page.locator('.device-live').count(),
       (count) => count === 0,
     );
+    // Also when its name has expired.
+    await page.locator('.device').filter({hasText: /lost for/}).first().waitFor();
+    await byId('link').getByText('5 lost').waitFor();
+    assert.equal(await page.locator('.device-lost').count(), 5);
     await keep(page, artefacts, 'devices-lost-desktop-light');
     await show(page, 'parameters/lab/arm0');
     assert.equal(await soft.inputValue(), '0.4');
+    assert.deepEqual(page.faults, []);
+  });
+
+  it('is not stopped, which is said until it is dismissed', async () => {
+    await show(page, 'overview');
+    await byId('stop').click();
+    await byId('not-stopped').getByText('use the hardware stop').waitFor();
+    await byId('link').getByText('NOT stopped').waitFor();
+    await keep(page, artefacts, 'not-stopped-desktop-light');
+    assert.deepEqual(await accessibilityFaults(page), []);
+    // A reload, as another browser, sees it, too.
+    await page.reload();
+    await byId('not-stopped').waitFor();
+    await byId('not-stopped').getByRole('button', {name: 'Dismiss…'}).click();
+    await byId('not-stopped').getByRole('button', {name: 'Dismiss 5 devices'}).click();
+    await byId('not-stopped').waitFor({state: 'detached'});
+    assert.equal(await page.locator('.device-lost').count(), 0);
     assert.deepEqual(page.faults, []);
   });
 });

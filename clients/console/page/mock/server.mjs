@@ -1,5 +1,6 @@
 // Speaks to the page as rtpm-console does (clients/console/README.md), of a system of its own that
 // moves. For work on the page; usage: node mock/server.mjs [PORT]
+// [NAME OF A LOST DEVICE]
 import {createReadStream} from 'node:fs';
 import {createServer} from 'node:http';
 import {fileURLToPath} from 'node:url';
@@ -9,6 +10,7 @@ import {System} from './system.mjs';
 
 const port = Number(process.argv[2] ?? 8765);
 const system = new System();
+if (process.argv[3]) system.lose(process.argv[3]);
 const start = Date.now();
 const kSource = 3571832195; // lab/arm0
 let recording = null;
@@ -49,6 +51,7 @@ const services = [
     'activate',
     'deactivate',
     'recover',
+    'dismiss',
     'log_filter',
     'record_start',
     'record_stop',
@@ -124,9 +127,14 @@ function broadcast(message) {
 
 const kCommands = {
   estop({device}) {
-    const stopped = system.devices.filter((one) => !device || one.name === device);
+    const asked = system.devices.filter((one) => !device || one.name === device);
+    const stopped = asked.filter((one) => one.lost_for_s === null);
     stopped.forEach((one) => Object.assign(one, {is_stopped: true, faults: ['emergency stop']}));
-    return {stopped: stopped.map((one) => one.name), failed: []};
+    const failed = asked
+      .filter((one) => one.lost_for_s !== null)
+      .map(({name, url}) => ({device: name, url, why: 'no server answers at the address'}));
+    system.owe(failed);
+    return {stopped: stopped.map((one) => one.name), failed, hub_count: 1, notes: []};
   },
   rearm({device}) {
     Object.assign(system.named(device), {is_stopped: false, faults: []});
@@ -153,6 +161,10 @@ const kCommands = {
     return {ok: true};
   },
   recover: () => ({ok: true}),
+  dismiss({device}) {
+    system.dismiss(device);
+    return {ok: true};
+  },
   log_filter({filter}, client) {
     const offset = filter === null ? -1 : filter.indexOf('force.zz');
     if (offset >= 0) {
@@ -283,6 +295,7 @@ setInterval(() => {
     servers: system.servers(),
     objects: system.objects(),
     devices: system.devices,
+    not_stopped: system.notStopped,
     recording: recorded ?? {
       file: null,
       time_s: 0,

@@ -30,6 +30,7 @@ function device(name, model, kind, more = {}) {
     lease: {state: 'free', since_s: null},
     is_stopped: false,
     has_config: true,
+    lost_for_s: null,
     ...more,
   };
 }
@@ -105,6 +106,23 @@ export class System {
   };
   run = null;
   sequence = 0;
+
+  /** Devices that a stop has not reached. */
+  notStopped = [];
+
+  lose(name) {
+    const problem = 'its name has expired: its server hangs, is dead, or is cut off';
+    Object.assign(this.named(name), {ok: false, lost_for_s: 12, problem});
+  }
+
+  owe(missing) {
+    this.notStopped = missing.map((one) => ({...one, since_s: 3}));
+  }
+
+  dismiss(name) {
+    this.notStopped = this.notStopped.filter(({device}) => device !== name);
+    this.devices = this.devices.filter((one) => one.name !== name || one.lost_for_s === null);
+  }
 
   named(name) {
     return this.devices.find((one) => one.name === name);

@@ -246,7 +246,11 @@ describe('Stop', () => {
     expect(call.request).toBe('{}');
     socket.say(reply(call.id, '{"stopped":["a"],"failed":[{"device":"b","why":"no answer"}]}'));
     await pressed;
-    expect(stop.report.value).toEqual({phase: 'failed', words: 'Not stopped: b: no answer.'});
+    expect(stop.report.value).toEqual({
+      phase: 'failed',
+      words: 'Not stopped: b: no answer.',
+      isAnswered: true,
+    });
   });
 
   it('is sent when the connection is back, and says that it was not sent until then', async () => {

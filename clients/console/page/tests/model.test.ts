@@ -1,8 +1,9 @@
 import {describe, expect, it} from 'vitest';
 import {shareWithin} from '../src/model/latency';
 import {feedOf, sourceOf} from '../src/model/names';
-import {freshness, readState} from '../src/model/state';
+import {condition, freshness, readState, severity, standing} from '../src/model/state';
 import {clock, duration, fixed, micros} from '../src/parts/text';
+import {otherText, worstText} from '../src/views/device_status';
 import {readRun} from '../src/store/calibration';
 
 describe('names', () => {
@@ -37,6 +38,38 @@ describe('state', () => {
       ],
     }).devices;
     expect(devices.map(freshness)).toEqual(['live', 'stale', 'stale', 'lost']);
+  });
+
+  it('counts devices by their worst condition, and takes the worst of all', () => {
+    const devices = readState({
+      devices: [
+        {name: 'well', ok: true, age_ms: 4},
+        {name: 'in fault', ok: true, age_ms: 4, lifecycle: 'active', faults: ['too fast']},
+        {name: 'given up', ok: true, age_ms: 4, lifecycle: 'fault'},
+        {name: 'stopped', ok: true, age_ms: 4, is_stopped: true, faults: ['emergency stop']},
+        {name: 'gone', ok: false, age_ms: 4, is_stopped: true, lost_for_s: 12},
+      ],
+    }).devices;
+    expect(devices.map(condition)).toEqual(['good', 'fault', 'fault', 'stopped', 'lost']);
+    const all = standing(devices);
+    expect(all).toEqual({
+      worst: 'lost',
+      counts: {lost: 1, stopped: 1, fault: 2, stale: 0, good: 1},
+    });
+    expect(severity(all.worst)).toBe('bad');
+    expect(worstText(all)).toBe('1 lost');
+    expect(otherText(all)).toBe('1 in emergency stop, 2 in fault, 1 of 5 live');
+    expect(worstText(standing(devices.slice(0, 1)))).toBe('1 of 1 live');
+    expect(severity(standing(devices.slice(0, 2)).worst)).toBe('bad');
+    expect(severity(standing(devices.slice(3, 4)).worst)).toBe('bad');
+    expect(worstText(standing([]))).toBe('none');
+  });
+
+  it('has the devices that a stop has not reached', () => {
+    const missing = {device: 'lab/arm0', url: 'rtpm://h:1/lab/arm0', why: 'no answer', since_s: 3};
+    expect(readState({not_stopped: [missing]}).notStopped).toEqual([
+      {device: 'lab/arm0', url: 'rtpm://h:1/lab/arm0', why: 'no answer', sinceS: 3},
+    ]);
   });
 
   it('bears anything', () => {

@@ -179,11 +179,18 @@ TEST_F(Stops, OfAllReachWhatAnswersBesideWhatHangs) {
 }
 
 TEST_F(Stops, GoThroughHubsToServersThatNoNameServiceHas) {
-  class Devices final : public EmergencyStops {
+  class Devices final : public SystemStopDevices {
    public:
-    void stop_devices() noexcept override { ++stop_count; }
-    bool stop_system() noexcept override { return false; }
+    bool obey(std::uint64_t id) noexcept override {
+      if (obeyed_.exchange(id) == id) return false;
+      ++stop_count;
+      return true;
+    }
+    std::uint64_t obeyed() const noexcept override { return obeyed_; }
     std::atomic<int> stop_count{0};
+
+   private:
+    std::atomic<std::uint64_t> obeyed_{0};
   } devices;
   ServedHub hub;
   SystemStopConfig config{.hub = hub.url(), .retry = 10ms, .realtime = rt::RealtimeMode::kOff};

@@ -66,6 +66,16 @@ export interface Device {
   };
   readonly isStopped: boolean;
   readonly hasConfig: boolean;
+  /** Its name has expired, so long ago; null: it is bound. */
+  readonly lostForS: number | null;
+}
+
+/** A device that an emergency stop has not reached: it is delivered when the device answers. */
+export interface NotStopped {
+  readonly device: string;
+  readonly url: string;
+  readonly why: string;
+  readonly sinceS: number;
 }
 
 export interface Recording {
@@ -105,6 +115,7 @@ export interface ConsoleState {
     readonly url: string;
   }[];
   readonly devices: readonly Device[];
+  readonly notStopped: readonly NotStopped[];
   readonly recording: Recording;
   readonly replay: Replay | null;
   readonly clients: {readonly count: number; readonly droppedCount: number};
@@ -137,6 +148,36 @@ export function freshness(device: Device): Freshness {
   return device.ageMs === null || device.ageMs > kStaleMs ? 'stale' : 'live';
 }
 
+/** The conditions of a device, the worst first. */
+export const kConditions = ['lost', 'stopped', 'fault', 'stale', 'good'] as const;
+export type Condition = (typeof kConditions)[number];
+
+/** The worst of a device. */
+export function condition(device: Device): Condition {
+  const state = freshness(device);
+  if (state === 'lost') return 'lost';
+  if (device.isStopped) return 'stopped';
+  if (device.faults.length > 0 || device.lifecycle === 'fault') return 'fault';
+  return state === 'stale' ? 'stale' : 'good';
+}
+
+export function severity(one: Condition): 'good' | 'warn' | 'bad' {
+  if (one === 'good') return 'good';
+  return one === 'stale' ? 'warn' : 'bad';
+}
+
+/** How the devices are, all together. */
+export interface Standing {
+  readonly worst: Condition;
+  readonly counts: Readonly<Record<Condition, number>>;
+}
+
+export function standing(devices: readonly Device[]): Standing {
+  const counts = {lost: 0, stopped: 0, fault: 0, stale: 0, good: 0};
+  for (const device of devices) ++counts[condition(device)];
+  return {worst: kConditions.find((one) => counts[one] > 0) ?? 'good', counts};
+}
+
 export function readState(value: Json): ConsoleState {
   const state = object(value);
   const registry = object(state['registry']);
@@ -167,6 +208,14 @@ export function readState(value: Json): ConsoleState {
         url: text(one['url']),
       })),
     devices: list(state['devices']).map((one) => readDevice(object(one))),
+    notStopped: list(state['not_stopped'])
+      .map(object)
+      .map((one) => ({
+        device: text(one['device']),
+        url: text(one['url']),
+        why: text(one['why']),
+        sinceS: number(one['since_s']),
+      })),
     recording: readRecording(object(state['recording'])),
     replay: readReplay(object(state['replay'])),
     clients: {count: number(clients['count']), droppedCount: number(clients['dropped_count'])},
@@ -248,6 +297,7 @@ function readDevice(device: JsonObject): Device {
     },
     isStopped: flag(device['is_stopped']),
     hasConfig: flag(device['has_config']),
+    lostForS: numberOrNull(device['lost_for_s']),
   };
 }
 

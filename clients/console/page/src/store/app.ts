@@ -3,7 +3,7 @@ import {createContext} from 'preact';
 import {useContext} from 'preact/hooks';
 import {configNames, Form} from '../forms/form';
 import {readLatency, type Latency} from '../model/latency';
-import {readState, type ConsoleState, type Device} from '../model/state';
+import {readState, standing, type ConsoleState, type Device} from '../model/state';
 import type {Json} from '../protocol/json';
 import {Calibration} from './calibration';
 import {Commands} from './commands';
@@ -41,6 +41,9 @@ export class App {
   readonly mayCommand = computed(() => this.link.info.value?.metadata['rtpm.access'] === 'command');
   readonly devices = computed(() => this.state.value?.devices ?? []);
   readonly stopped = computed(() => this.devices.value.filter((one) => one.isStopped));
+  readonly notStopped = computed(() => this.state.value?.notStopped ?? []);
+  /** How all devices are together. */
+  readonly standing = computed(() => standing(this.devices.value));
   /** Objects with parameters; while the connection is lost, as last known. */
   readonly configurable: ReadonlySignal<readonly string[]>;
 

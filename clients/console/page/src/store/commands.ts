@@ -1,7 +1,14 @@
 import {signal, type Signal} from '@preact/signals';
 import type {Link} from './link';
 
-export type Command = 'take_over' | 'release' | 'activate' | 'deactivate' | 'recover' | 'rearm';
+export type Command =
+  | 'take_over'
+  | 'release'
+  | 'activate'
+  | 'deactivate'
+  | 'recover'
+  | 'rearm'
+  | 'dismiss';
 
 export interface Refusal {
   readonly command: Command;
@@ -19,6 +26,7 @@ const kWords: Readonly<Record<Command, string>> = {
   deactivate: 'inactive, without force',
   recover: 'recovered; the force returns slowly',
   rearm: 'rearmed; the force returns slowly',
+  dismiss: 'dismissed',
 };
 
 /** Commands to devices, by the console's lease. */

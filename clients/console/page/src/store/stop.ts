@@ -7,8 +7,9 @@ import type {Link} from './link';
 export type StopReport =
   | {readonly phase: 'none'}
   | {readonly phase: 'asked'}
-  | {readonly phase: 'done'; readonly stopped: readonly string[]}
-  | {readonly phase: 'failed'; readonly words: string}
+  | {readonly phase: 'done'; readonly stopped: readonly string[]; readonly notes: readonly string[]}
+  /** `isAnswered`: by the console, which goes on saying what is not stopped. */
+  | {readonly phase: 'failed'; readonly words: string; readonly isAnswered: boolean}
   /** No connection: it is sent as soon as there is one, unless that takes too long. */
   | {readonly phase: 'waiting'};
 
@@ -39,10 +40,13 @@ export class Stop {
       const failed = list(reply['failed'])
         .map(object)
         .map((one) => `${text(one['device'], 'a device')}: ${text(one['why'], 'no reason given')}`);
+      const stopped = texts(reply['stopped']);
+      const notes = texts(reply['notes']);
+      if (failed.length === 0 && stopped.length === 0 && notes.length > 0) failed.push(...notes);
       this.report.value =
         failed.length === 0
-          ? {phase: 'done', stopped: texts(reply['stopped'])}
-          : {phase: 'failed', words: `Not stopped: ${failed.join('; ')}.`};
+          ? {phase: 'done', stopped, notes}
+          : {phase: 'failed', words: `Not stopped: ${failed.join('; ')}.`, isAnswered: true};
     } catch (error) {
       this.fail(error as Error, device);
     }
@@ -63,7 +67,8 @@ export class Stop {
       };
       this.report.value = {phase: 'waiting'};
     } else {
-      this.report.value = {phase: 'failed', words: `Not confirmed: ${error.message}.`};
+      const words = `Not confirmed: ${error.message}.`;
+      this.report.value = {phase: 'failed', words, isAnswered: false};
     }
   }
 
@@ -75,7 +80,7 @@ export class Stop {
       void this.press(device);
     } else {
       const words = 'Not sent: there was no connection for too long. Press again if it is needed.';
-      this.report.value = {phase: 'failed', words};
+      this.report.value = {phase: 'failed', words, isAnswered: false};
     }
   }
 }

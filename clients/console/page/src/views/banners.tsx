@@ -1,7 +1,7 @@
 import {useApp} from '../store/app';
 import {writeRoute} from '../store/route';
 import {Confirm, Notice} from '../parts/parts';
-import {timeOfDay} from '../parts/text';
+import {duration, timeOfDay} from '../parts/text';
 
 /** What an operator must know wherever he is. */
 export function Banners() {
@@ -9,6 +9,7 @@ export function Banners() {
     <div class="banners">
       <LinkBanner />
       <StopReportBanner />
+      <NotStoppedBanner />
       <StoppedBanner />
       <ReplayBanner />
       <Complaint />
@@ -48,6 +49,16 @@ function StopReportBanner() {
       </Notice>
     );
   }
+  // The console says it until it is delivered or dismissed.
+  if (report.phase === 'failed' && report.isAnswered && app.notStopped.value.length > 0) return null;
+  if (report.phase === 'done' && report.notes.length > 0) {
+    return (
+      <Notice tone="warn" role="alert">
+        <b>Emergency stop:</b> every device that is known is stopped, but not all could be asked:{' '}
+        {report.notes.join('; ')}. {dismiss}
+      </Notice>
+    );
+  }
   if (report.phase === 'failed') {
     return (
       <Notice tone="bad" role="alert">
@@ -56,6 +67,43 @@ function StopReportBanner() {
     );
   }
   return null;
+}
+
+/** Stays, whatever becomes of names and connections, until the stop is delivered or dismissed. */
+function NotStoppedBanner() {
+  const app = useApp();
+  const missing = app.notStopped.value;
+  if (missing.length === 0) return null;
+  const names = [...new Set(missing.map((one) => one.device))];
+  const isOperable = app.isLive.value && app.mayCommand.value;
+  const dismissAll = async () => {
+    for (const name of names) {
+      if (!(await app.commands.run('dismiss', name))) break;
+    }
+  };
+  return (
+    <div class="notice notice-bad stopped" role="alert" data-testid="not-stopped">
+      <p>
+        <b>NOT stopped: use the hardware stop.</b>{' '}
+        {missing.map((one) => (
+          <span key={`${one.device} ${one.url}`}>
+            <b>{one.device}</b> for {duration(one.sinceS)} ({one.why}).{' '}
+          </span>
+        ))}
+        The stop is delivered as soon as {names.length === 1 ? 'it answers' : 'they answer'}.
+      </p>
+      <Confirm
+        label="Dismiss"
+        disabled={!isOperable}
+        question={
+          'Is the hardware stop pressed, or the device off? The stop is not delivered any more ' +
+          'when it comes back.'
+        }
+        confirm={`Dismiss ${names.length === 1 ? names[0] : `${names.length} devices`}`}
+        onConfirm={() => void dismissAll()}
+      />
+    </div>
+  );
 }
 
 function StoppedBanner() {

@@ -57,7 +57,8 @@ export function CommandCard({name, device}: {name: string; device: Device | null
 
 function Buttons({device}: {device: Device}) {
   const app = useApp();
-  const isReachable = app.isLive.value && app.mayCommand.value && freshness(device) !== 'lost';
+  const mayCommand = app.isLive.value && app.mayCommand.value;
+  const isReachable = mayCommand && freshness(device) !== 'lost';
   const isIdle = isReachable && !app.commands.pending.value.has(device.name);
   const isOurs = device.lease.state === 'held by this console';
   const isHeld = device.lease.state === 'held';
@@ -119,7 +120,7 @@ function Buttons({device}: {device: Device}) {
         <button
           type="button"
           class="danger"
-          disabled={!isReachable}
+          disabled={!mayCommand}
           onClick={() => void app.stop.press(device.name)}
         >
           Stop {device.name}

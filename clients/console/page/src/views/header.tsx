@@ -2,7 +2,9 @@ import {useApp} from '../store/app';
 import {kViews, writeRoute, type View} from '../store/route';
 import {kStopKeyText} from '../store/stop';
 import {nextTheme, theme} from '../store/theme';
+import {severity} from '../model/state';
 import {clock} from '../parts/text';
+import {worstText} from './device_status';
 
 const kThemeNames = {system: 'Auto', light: 'Light', dark: 'Dark'} as const;
 
@@ -62,12 +64,17 @@ function LinkStatus() {
     lost: 'Not connected',
   } as const;
   const {phase} = app.link.state.value;
+  const standing = app.standing.value;
+  const isNotStopped = app.notStopped.value.length > 0;
+  const tone = isNotStopped ? 'bad' : severity(standing.worst);
+  const isAlarm = phase === 'live' && tone !== 'good';
+  const word = isNotStopped ? 'NOT stopped' : worstText(standing);
   const access = app.mayCommand.value ? 'may command' : 'read only';
   return (
-    <p class={`link link-${phase}`} data-testid="link">
+    <p class={`link link-${phase} ${isAlarm ? `link-is-${tone}` : ''}`} data-testid="link">
       <i aria-hidden="true" />
       <span>
-        <b>{words[phase]}</b>
+        <b>{isAlarm ? word : words[phase]}</b>
         {phase === 'live' && <span class="access">{access}</span>}
       </span>
     </p>
@@ -93,7 +100,12 @@ function RecordStatus() {
 /** Always there, and always in the same place. */
 function StopButton() {
   const app = useApp();
-  const isStopped = app.stopped.value.length > 0;
+  const stoppedCount = app.stopped.value.length;
+  // Where one is not stopped, the button is not spent.
+  const isStopped =
+    stoppedCount > 0 &&
+    stoppedCount === app.devices.value.length &&
+    app.notStopped.value.length === 0;
   const isAsked = app.stop.report.value.phase === 'asked';
   const mayStop = app.mayCommand.value || app.link.info.value === null;
   return (

@@ -1,9 +1,9 @@
 import {useApp} from '../store/app';
 import {writeRoute} from '../store/route';
-import {freshness, type ConsoleState, type Device, type Server} from '../model/state';
-import {Badge, Card, Empty} from '../parts/parts';
+import {condition, severity, type ConsoleState, type Device, type Server} from '../model/state';
+import {Badge, Card, Confirm, Empty} from '../parts/parts';
 import {duration, fixed, micros, rate, thousands} from '../parts/text';
-import {Age, LeaseText, Lifecycle} from './device_status';
+import {Age, LeaseText, Lifecycle, otherText, worstText} from './device_status';
 
 /** Hosts, servers, lanes, devices and objects, as they are. */
 export function OverviewView() {
@@ -32,13 +32,14 @@ export function OverviewView() {
         />
         <Tile
           name="Devices"
-          isOk={state.devices.every((one) => freshness(one) === 'live')}
-          value={
-            `${state.devices.filter((one) => freshness(one) === 'live').length} of ` +
-            `${state.devices.length} live`
-          }
+          isOk={severity(app.standing.value.worst) === 'good'}
+          value={worstText(app.standing.value)}
           more={
-            state.devices.length === 0 ? 'none at the registry' : 'samples within the last second'
+            state.devices.length === 0
+              ? 'none at the registry'
+              : app.standing.value.worst === 'good'
+                ? 'samples within the last second'
+                : otherText(app.standing.value)
           }
         />
         <Tile
@@ -109,7 +110,8 @@ function Tile(props: {name: string; isOk: boolean; value: string; more: string})
 
 function DeviceCard({device}: {device: Device}) {
   const app = useApp();
-  const state = app.isLive.value ? freshness(device) : 'stale';
+  const worst = condition(device);
+  const state = !app.isLive.value ? 'stale' : worst === 'good' ? 'live' : worst;
   const facts: [string, preact.ComponentChildren][] = [
     ['Samples', `${rate(device.samplesPerSecond)} of ${rate(device.rateHz)}`],
     ['Good cycles', device.successRate === null ? '–' : `${fixed(100 * device.successRate, 0)} %`],
@@ -156,6 +158,15 @@ function DeviceCard({device}: {device: Device}) {
           <a class="button" href={writeRoute('parameters', device.name)}>
             Parameters
           </a>
+        )}
+        {device.lostForS !== null && (
+          <Confirm
+            label="Dismiss"
+            disabled={!app.isLive.value || !app.mayCommand.value}
+            question={`Is ${device.name} off, or not of interest? It shows again when it is back.`}
+            confirm={`Dismiss ${device.name}`}
+            onConfirm={() => void app.commands.run('dismiss', device.name)}
+          />
         )}
       </div>
     </article>

@@ -1,9 +1,11 @@
 import type {ComponentChildren} from 'preact';
 import {useEffect, useRef} from 'preact/hooks';
-import {useApp} from '../store/app';
+import {severity} from '../model/state';
+import {useApp, type App} from '../store/app';
 import type {View} from '../store/route';
 import {writeRoute} from '../store/route';
 import {Banners} from './banners';
+import {worstText} from './device_status';
 import {EventsView} from './events';
 import {Header} from './header';
 import {LiveView} from './live';
@@ -26,8 +28,7 @@ export function Shell() {
   const {view, subject} = app.route.value;
   const main = useRef<HTMLElement>(null);
   useEffect(() => {
-    const isStopped = app.stopped.value.length > 0;
-    const state = !app.isLive.value ? 'not connected: ' : isStopped ? 'STOPPED: ' : '';
+    const state = !app.isLive.value ? 'not connected: ' : alarmOf(app);
     document.title = `${state}${kTitles[view]}${subject === '' ? '' : ` ${subject}`} · RTPM console`;
   });
   const skip = (event: Event) => {
@@ -52,6 +53,13 @@ export function Shell() {
       <Timeline />
     </div>
   );
+}
+
+/** What the title of a window in the background must say. */
+function alarmOf(app: App): string {
+  if (app.notStopped.value.length > 0) return 'NOT STOPPED: ';
+  if (app.stopped.value.length > 0) return 'STOPPED: ';
+  return severity(app.standing.value.worst) === 'bad' ? `${worstText(app.standing.value)}: ` : '';
 }
 
 function Shown({view}: {view: View}): ComponentChildren {
