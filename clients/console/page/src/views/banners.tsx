@@ -69,6 +69,9 @@ function StopReportBanner() {
   return null;
 }
 
+/** So many devices' reasons fit the banner; those of more show at the pointer. */
+const kReasonCountMax = 2;
+
 /** Stays, whatever becomes of names and connections, until the stop is delivered or dismissed. */
 function NotStoppedBanner() {
   const app = useApp();
@@ -85,11 +88,14 @@ function NotStoppedBanner() {
     <div class="notice notice-bad stopped" role="alert" data-testid="not-stopped">
       <p>
         <b>NOT stopped: use the hardware stop.</b>{' '}
-        {missing.map((one) => (
-          <span key={`${one.device} ${one.url}`}>
-            <b>{one.device}</b> for {duration(one.sinceS)} ({one.why}).{' '}
+        {missing.map((one, i) => (
+          <span key={`${one.device} ${one.url}`} title={`${one.url}: ${one.why}`}>
+            {i > 0 && ', '}
+            <b>{one.device}</b>
+            {missing.length <= kReasonCountMax && ` for ${duration(one.sinceS)} (${one.why})`}
           </span>
         ))}
+        {'. '}
         The stop is delivered as soon as {names.length === 1 ? 'it answers' : 'they answer'}.
       </p>
       <Confirm
