@@ -66,6 +66,12 @@ void add_devices(options::Options& options, Configuration& configuration) {
   options.add("list-drivers", configuration.lists_drivers, "List the drivers, and end");
   options.add("probe", configuration.probes,
               "List the devices at this machine, with the driver and the rights of each, and end");
+  options.add(
+      "check", configuration.checked,
+      "Check the plug-in in this file against what is promised of every driver, and end; it "
+      "commands the greatest forces, so hands off the device");
+  options.add("check-arguments", configuration.checked_arguments,
+              "What the checked driver is told, in its own words");
   options.add("folder", configuration.folder, "The devices' names at the registry are FOLDER/NAME");
   options.add_group("devices", configuration.names,
                     "The names of the devices, each with options as below", kDeviceNameSizeMax,

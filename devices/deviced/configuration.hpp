@@ -41,8 +41,10 @@ struct DeviceSettings {
 
 /// The options of rtpm-deviced.
 struct Configuration {
-  bool lists_drivers = false;  ///< Prints them and ends.
-  bool probes = false;         ///< Prints the devices at this machine and ends.
+  bool lists_drivers = false;       ///< Prints them and ends.
+  bool probes = false;              ///< Prints the devices at this machine and ends.
+  std::string checked{};            ///< A plug-in's file: checks its driver and ends.
+  std::string checked_arguments{};  ///< For that driver.
   std::string folder = "lab";
   std::vector<std::string> names{"arm0"};  ///< Of the devices.
   std::vector<DeviceSettings> devices{};   ///< One per name.

@@ -16,6 +16,7 @@
 #include "hosted_device.hpp"
 #include "inventory.hpp"
 #include "isolated_driver.hpp"
+#include "plugin_check.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/resolver.hpp"
 #include "rtpm/options/stop_signal.hpp"
@@ -182,5 +183,8 @@ int main(int argc, char** argv) {
   if (configuration.lists_drivers) std::fputs(list_text(drivers()).c_str(), stdout);
   if (configuration.probes) std::fputs(probe_text(probe(drivers())).c_str(), stdout);
   if (configuration.lists_drivers || configuration.probes) return 0;
+  if (!configuration.checked.empty()) {
+    return check_plugin(configuration.checked, configuration.checked_arguments);
+  }
   return rtpm::deviced::serve(configuration);
 }

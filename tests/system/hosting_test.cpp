@@ -79,6 +79,24 @@ TEST(BadDevices, APlugInThatCantBeLoadedIsNamed) {
   std::filesystem::remove(text);
 }
 
+TEST(PluginCheck, PassesTheTemplate) {
+  const auto end = run_program("rtpm-deviced", {"--check", RTPM_LEVER});
+  EXPECT_EQ(end.exit_code, 0) << end.output << end.errors;
+  EXPECT_NE(end.output.find("ok      DescribesItselfWhole\n"), std::string::npos) << end.output;
+  EXPECT_TRUE(end.output.ends_with("0 of 15 promises are broken\n")) << end.output;
+}
+
+TEST(PluginCheck, NamesBrokenPromises) {
+  const auto end = run_program("rtpm-deviced", {"--check", RTPM_STUBBORN});
+  EXPECT_EQ(end.exit_code, 1) << end.output << end.errors;
+  for (const std::string_view words :
+       {"broken  RefusesAPeriodOfNothingInWords\n        configure() takes a period of 0\n",
+        "broken  IsGoneOutsideOfActiveAndLeavesTheSample\n", "promises are broken\n"}) {
+    EXPECT_NE(end.output.find(words), std::string::npos) << words << " is not in " << end.output;
+  }
+  expect_refusal({"--check", "/nowhere/lever.so"}, 1, {"/nowhere/lever.so", "Remedy"});
+}
+
 std::vector<std::string> stubborn(const std::string& behaviour) {
   return {
       "--devices", "arm0,lever", "--device-lever-driver", RTPM_STUBBORN, "--device-lever-arguments",

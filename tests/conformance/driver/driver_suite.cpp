@@ -2,26 +2,34 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <array>
 #include <cmath>
-#include <limits>
-#include <set>
+#include <string>
+#include <tuple>
 
 #include "cycle.hpp"
 #include "drivers.hpp"
+#include "rtpm/driver_host/check.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/test/alloc_guard.hpp"
 
-/// What rtpm/driver/driver.hpp promises of every driver, on a simulated time line.
+namespace rtpm::driver_host {
+
+void PrintTo(const DriverCheck& check, std::ostream* out) {
+  *out << check.name;
+}
+
+}  // namespace rtpm::driver_host
+
+/// What rtpm/driver/driver.hpp promises of every driver, on a simulated time line: the checks that
+/// `rtpm-deviced --check` runs on a plug-in, and those that need RTPM's own inside.
 namespace rtpm::test {
 namespace {
 
 using driver::Command;
 using driver::CommandMode;
-using driver::ExchangeStatus;
 using driver::Sample;
 using driver::Vector3;
+using driver_host::DriverCheck;
 using std::chrono::milliseconds;
 
 constexpr Duration kPeriod = milliseconds{1};
@@ -29,9 +37,33 @@ constexpr Duration kPeriod = milliseconds{1};
 double length(const Vector3& v) {
   return std::hypot(v.x, v.y, v.z);
 }
-bool is_finite(const Vector3& v) {
-  return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
+
+class DriverPromise : public ::testing::TestWithParam<std::tuple<DriverUnderTest, DriverCheck>> {};
+
+TEST_P(DriverPromise, IsKept) {
+  class Maker final : public driver_host::DriverMaker {
+   public:
+    [[nodiscard]] expected<std::unique_ptr<driver::Driver>, SetupError> make() override {
+      return std::get<DriverUnderTest>(GetParam()).make();
+    }
+  } maker;
+  const auto breaches = driver_host::run_check(std::get<DriverCheck>(GetParam()), maker, kPeriod,
+                                               driver_host::CheckPace::kSimulated);
+  for (const std::string& breach : breaches)
+    ADD_FAILURE() << breach;
 }
+
+std::vector<DriverCheck> all_checks() {
+  const auto checks = driver_host::driver_checks();
+  return {checks.begin(), checks.end()};
+}
+
+INSTANTIATE_TEST_SUITE_P(Drivers, DriverPromise,
+                         ::testing::Combine(::testing::ValuesIn(drivers_under_test()),
+                                            ::testing::ValuesIn(all_checks())),
+                         [](const auto& test) {
+                           return std::get<0>(test.param).name + "_" + std::get<1>(test.param).name;
+                         });
 
 class DriverConformance : public ::testing::TestWithParam<DriverUnderTest> {
  protected:
@@ -43,7 +75,7 @@ class DriverConformance : public ::testing::TestWithParam<DriverUnderTest> {
     const auto activated = driver_->activate();
     ASSERT_TRUE(activated) << activated.error().text();
   }
-  ExchangeStatus exchange(CommandMode mode, const driver::Wrench& wrench) {
+  void exchange(CommandMode mode, const driver::Wrench& wrench) {
     now_ += kPeriod;
     Command command;
     command.mode = mode;
@@ -52,7 +84,7 @@ class DriverConformance : public ::testing::TestWithParam<DriverUnderTest> {
     command.deadline = now_ + 30 * kPeriod;
     command.wrench = wrench;
     sample_.faults = {};
-    return driver_->exchange(command, sample_);
+    static_cast<void>(driver_->exchange(command, sample_));
   }
 
   std::unique_ptr<driver::Driver> driver_;
@@ -60,209 +92,6 @@ class DriverConformance : public ::testing::TestWithParam<DriverUnderTest> {
   MonotonicTime now_{std::chrono::seconds{1000}};
   std::uint64_t sequence_ = 0;
 };
-
-TEST_P(DriverConformance, DescribesItselfWhole) {
-  const driver::Descriptor descriptor = driver_->describe();
-  EXPECT_FALSE(descriptor.model.empty());
-  EXPECT_FALSE(descriptor.serial.empty());
-  EXPECT_FALSE(descriptor.frame.empty());
-  EXPECT_GT(descriptor.rate_hz, 0);
-  EXPECT_LE(descriptor.buttons.size(), driver::kButtonCountMax);
-  EXPECT_LE(descriptor.analogs.size(), driver::kAnalogCountMax);
-  EXPECT_GE(descriptor.position_resolution_m, 0);
-  EXPECT_LE(descriptor.workspace.low_m.x, descriptor.workspace.high_m.x);
-  EXPECT_LE(descriptor.workspace.low_m.y, descriptor.workspace.high_m.y);
-  EXPECT_LE(descriptor.workspace.low_m.z, descriptor.workspace.high_m.z);
-  const driver::Limits& limits = descriptor.limits;
-  for (const double limit : {limits.force_newton_max, limits.torque_newton_metre_max,
-                             limits.stiffness_newton_per_m_max, limits.damping_newton_s_per_m}) {
-    EXPECT_TRUE(std::isfinite(limit) && limit >= 0);
-  }
-  const std::set<std::string> axis_names{"x", "y", "z", "rx", "ry", "rz"};
-  std::set<std::string> seen;
-  bool is_actuated = false;
-  for (const driver::Axis& axis : descriptor.axes) {
-    EXPECT_TRUE(axis_names.contains(axis.name)) << axis.name;
-    EXPECT_TRUE(seen.insert(axis.name).second) << axis.name << " twice";
-    is_actuated = is_actuated || axis.is_actuated;
-  }
-  EXPECT_EQ(is_actuated, limits.force_newton_max > 0 || limits.torque_newton_metre_max > 0);
-  const auto takes = [&](CommandMode mode) { return std::ranges::count(descriptor.modes, mode); };
-  EXPECT_EQ(takes(CommandMode::kForce), is_actuated ? 1 : 0);
-  EXPECT_LE(descriptor.joints.size(), driver::kJointCountMax);
-  EXPECT_LE(descriptor.outputs.size(), driver::kOutputCountMax);
-  for (const driver::Joint& joint : descriptor.joints) {
-    EXPECT_FALSE(joint.name.empty());
-    EXPECT_TRUE(joint.unit == "rad" || joint.unit == "m") << joint.unit;
-    EXPECT_LE(joint.low, joint.high);
-  }
-  for (const driver::Output& output : descriptor.outputs) {
-    EXPECT_FALSE(output.name.empty() || output.unit.empty());
-    EXPECT_TRUE(output.low <= output.safe && output.safe <= output.high) << output.name;
-  }
-}
-
-/// Joints and outputs, with which numbers ever.
-TEST_P(DriverConformance, KeepsJointsAndOutputsWithinItsDescriptor) {
-  start();
-  const driver::Descriptor descriptor = driver_->describe();
-  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-  for (const CommandMode mode : {CommandMode::kJointPosition, CommandMode::kJointVelocity,
-                                 CommandMode::kJointEffort, CommandMode::kOutputs}) {
-    for (const double value : {0.0, 0.01, -1e9, 1e308, kNan}) {
-      Command command;
-      command.mode = mode;
-      command.cycle_time = now_ += kPeriod;
-      command.joints.fill(value);
-      command.outputs.fill(static_cast<float>(value));
-      sample_.faults = {};
-      ASSERT_EQ(driver_->exchange(command, sample_), ExchangeStatus::kOk);
-      for (std::size_t i = 0; i < descriptor.joints.size(); ++i) {
-        EXPECT_TRUE(std::isfinite(sample_.joints[i]) && std::isfinite(sample_.joint_velocities[i]));
-        EXPECT_LE(std::abs(sample_.efforts_applied[i]), descriptor.joints[i].effort_max);
-      }
-      for (std::size_t i = 0; i < descriptor.outputs.size(); ++i) {
-        EXPECT_GE(sample_.outputs_applied[i], descriptor.outputs[i].low);
-        EXPECT_LE(sample_.outputs_applied[i], descriptor.outputs[i].high);
-      }
-      for (std::size_t i = 0; i < descriptor.analogs.size(); ++i) {
-        EXPECT_GE(sample_.analogs[i], descriptor.analogs[i].low);
-        EXPECT_LE(sample_.analogs[i], descriptor.analogs[i].high);
-      }
-    }
-  }
-}
-
-TEST_P(DriverConformance, DescribesItselfTheSameInEveryState) {
-  const driver::Descriptor before = driver_->describe();
-  start();
-  const driver::Descriptor during = driver_->describe();
-  EXPECT_EQ(before.serial, during.serial);
-  EXPECT_EQ(before.frame, during.frame);
-  EXPECT_EQ(before.limits.force_newton_max, during.limits.force_newton_max);
-  EXPECT_EQ(before.buttons, during.buttons);
-}
-
-TEST_P(DriverConformance, RefusesAPeriodOfNothingInWords) {
-  const auto configured = driver_->configure({.period = Duration{0}});
-  ASSERT_FALSE(configured);
-  EXPECT_GT(configured.error().text().size(), 20u);
-}
-
-TEST_P(DriverConformance, GivesFiniteSamplesWithTimesThatGrow) {
-  start();
-  const driver::Descriptor descriptor = driver_->describe();
-  MonotonicTime last_host_time{};
-  Duration last_device_time{-1};
-  std::array<std::uint16_t, driver::kButtonCountMax> edges{};
-  std::uint32_t buttons = 0;
-  for (int i = 0; i < 3000; ++i) {
-    ASSERT_EQ(exchange(CommandMode::kOff, {}), ExchangeStatus::kOk);
-    ASSERT_TRUE(is_finite(sample_.pose.position_m) && is_finite(sample_.twist.linear_m_per_s) &&
-                is_finite(sample_.twist.angular_rad_per_s));
-    const driver::Quaternion& turn = sample_.pose.orientation;
-    ASSERT_NEAR(std::hypot(std::hypot(turn.x, turn.y), std::hypot(turn.z, turn.w)), 1, 1e-6);
-    ASSERT_GE(sample_.host_time, last_host_time);
-    ASSERT_LE(sample_.host_time, now_ + kPeriod);
-    ASSERT_GE(sample_.device_time, std::min(last_device_time, sample_.device_time));
-    ASSERT_EQ(sample_.buttons >> descriptor.buttons.size(), 0u) << "a button it does not have";
-    for (std::size_t b = 0; b < driver::kButtonCountMax; ++b) {
-      const bool changed = ((sample_.buttons ^ buttons) >> b & 1) != 0;
-      const auto step = static_cast<std::uint16_t>(sample_.button_edges[b] - edges[b]);
-      ASSERT_EQ(step % 2, changed ? 1 : 0) << "button " << b << ": edges do not fit its state";
-    }
-    last_host_time = sample_.host_time;
-    last_device_time = sample_.device_time;
-    edges = sample_.button_edges;
-    buttons = sample_.buttons;
-  }
-}
-
-TEST_P(DriverConformance, StaysInItsWorkspaceUnderFullForce) {
-  start();
-  const driver::Descriptor descriptor = driver_->describe();
-  const double margin_m = descriptor.position_resolution_m;
-  for (const double sign : {1.0, -1.0}) {
-    for (int i = 0; i < 1000; ++i) {
-      const double newton = sign * descriptor.limits.force_newton_max / 2;
-      ASSERT_EQ(exchange(CommandMode::kForce, {{newton, newton, newton}, {}}), ExchangeStatus::kOk);
-      const Vector3& at_m = sample_.pose.position_m;
-      ASSERT_GE(at_m.x, descriptor.workspace.low_m.x - margin_m);
-      ASSERT_LE(at_m.x, descriptor.workspace.high_m.x + margin_m);
-      ASSERT_GE(at_m.y, descriptor.workspace.low_m.y - margin_m);
-      ASSERT_LE(at_m.y, descriptor.workspace.high_m.y + margin_m);
-      ASSERT_GE(at_m.z, descriptor.workspace.low_m.z - margin_m);
-      ASSERT_LE(at_m.z, descriptor.workspace.high_m.z + margin_m);
-    }
-  }
-}
-
-TEST_P(DriverConformance, NeverAppliesMoreThanItsLimitsWhateverItIsTold) {
-  start();
-  const driver::Limits limits = driver_->describe().limits;
-  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  const std::array<double, 9> values{0, 1, -3, 50, -1e9, 1e308, kNan, kInfinity, -kInfinity};
-  for (const double x : values) {
-    for (const double y : values) {
-      for (const double z : values) {
-        static_cast<void>(exchange(CommandMode::kForce, {{x, y, z}, {z, x, y}}));
-        ASSERT_TRUE(is_finite(sample_.wrench_applied.force_newton)) << x << ' ' << y << ' ' << z;
-        ASSERT_LE(length(sample_.wrench_applied.force_newton),
-                  limits.force_newton_max * (1 + 1e-9));
-        ASSERT_LE(length(sample_.wrench_applied.torque_newton_metre),
-                  limits.torque_newton_metre_max * (1 + 1e-9));
-        ASSERT_TRUE(is_finite(sample_.pose.position_m));
-      }
-    }
-  }
-}
-
-TEST_P(DriverConformance, AppliesNothingInModeOffAndInModesItDoesNotKnow) {
-  start();
-  const double newton = driver_->describe().limits.force_newton_max / 2;
-  for (const CommandMode mode : {CommandMode::kOff, static_cast<CommandMode>(200)}) {
-    ASSERT_EQ(exchange(CommandMode::kForce, {{newton, 0, 0}, {}}), ExchangeStatus::kOk);
-    EXPECT_NEAR(sample_.wrench_applied.force_newton.x, newton, 1e-3 * newton + 1e-12);
-    ASSERT_EQ(exchange(mode, {{newton, 0, 0}, {}}), ExchangeStatus::kOk);
-    EXPECT_EQ(sample_.wrench_applied, driver::Wrench{});
-  }
-}
-
-TEST_P(DriverConformance, IsGoneOutsideOfActiveAndLeavesTheSample) {
-  sample_.pose.position_m.x = 0.0125;
-  EXPECT_EQ(exchange(CommandMode::kOff, {}), ExchangeStatus::kGone);
-  EXPECT_EQ(sample_.pose.position_m.x, 0.0125);
-  start();
-  EXPECT_EQ(exchange(CommandMode::kOff, {}), ExchangeStatus::kOk);
-  driver_->deactivate();
-  EXPECT_EQ(exchange(CommandMode::kOff, {}), ExchangeStatus::kGone);
-}
-
-TEST_P(DriverConformance, StartsAgainAfterItsEnd) {
-  for (int round = 0; round < 3; ++round) {
-    start();
-    for (int i = 0; i < 20; ++i) {
-      ASSERT_EQ(exchange(CommandMode::kOff, {}), ExchangeStatus::kOk);
-    }
-    driver_->deactivate();
-    driver_->deactivate();
-  }
-  start();
-  driver_.reset();
-  SUCCEED() << "and may be destroyed while active";
-}
-
-TEST_P(DriverConformance, SurvivesPausesAndRepeatedTimes) {
-  start();
-  for (const Duration pause :
-       {Duration{0}, Duration{1}, Duration{milliseconds{50}}, Duration{std::chrono::hours{1}}}) {
-    now_ += pause - kPeriod;
-    static_cast<void>(exchange(CommandMode::kForce, {{1, 0, 0}, {}}));
-    ASSERT_TRUE(is_finite(sample_.pose.position_m));
-    ASSERT_TRUE(is_finite(sample_.twist.linear_m_per_s));
-  }
-}
 
 TEST_P(DriverConformance, ExchangesWithoutAllocating) {
   if (!is_alloc_guard_active()) GTEST_SKIP() << kAllocGuardInactive;
@@ -272,7 +101,7 @@ TEST_P(DriverConformance, ExchangesWithoutAllocating) {
   {
     const rt::NoAllocationScope no_allocation;
     for (int i = 0; i < 1000; ++i) {
-      static_cast<void>(exchange(CommandMode::kForce, {{1, 1, 1}, {}}));
+      exchange(CommandMode::kForce, {{1, 1, 1}, {}});
     }
   }
   EXPECT_EQ(allocation_breach_count(), before);

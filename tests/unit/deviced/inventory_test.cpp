@@ -35,7 +35,7 @@ TEST(DriverList, NamesWhatThisBuildLacks) {
             "libusb-dev)\n");
 }
 
-TEST(Drivers, AreListedOnceAndTheArmIsTheDefault) {
+TEST(Drivers, AreListedOnce) {
   std::set<std::string> names;
   for (const DriverInfo& info : deviced::drivers())
     EXPECT_TRUE(names.insert(info.name).second) << info.name;

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/driver/driver.hpp"
+
+/// What rtpm/driver/driver.hpp promises of every driver, as checks.
+namespace rtpm::driver_host {
+
+/// Makes the driver under test, as often as it is asked.
+class DriverMaker {
+ public:
+  virtual ~DriverMaker() = default;
+  [[nodiscard]] virtual expected<std::unique_ptr<driver::Driver>, SetupError> make() = 0;
+};
+
+/// How time passes for the driver under test.
+enum class CheckPace : std::uint8_t {
+  kSimulated,  ///< As fast as it goes: for drivers whose device is a model.
+  kReal,       ///< One exchange() per period.
+};
+
+/// One promise.
+struct DriverCheck {
+  const char* name;  ///< "DescribesItselfWhole".
+  void (*run)(class DriverTrial& trial);
+};
+
+/// All of them, first those that need no device.
+[[nodiscard]] std::span<const DriverCheck> driver_checks();
+
+/// Runs `check` with a driver of its own. It commands the greatest forces: nobody holds the device.
+/// @return the breaches, at most ten; none: the driver keeps the promise
+/// @realtime set-up only
+[[nodiscard]] std::vector<std::string> run_check(const DriverCheck& check, DriverMaker& maker,
+                                                 Duration period, CheckPace pace);
+
+}  // namespace rtpm::driver_host
