@@ -33,7 +33,7 @@ class DeviceEvents final : public gvd::EmergencyStops {
   /// The observer of the device that is bound as `name`; null: events are off.
   /// @errors   as gvd::DevicePublisher::add()
   [[nodiscard]] expected<gvd::CycleObserver*, SetupError> observe(std::string_view name);
-  /// What is kept of the device's emergency stops, and its server, before the rpc::Server starts.
+  /// Keeps the device's emergency stops, and its server, before the rpc::Server starts.
   [[nodiscard]] gvd::StopKeeper& stops() noexcept { return stops_; }
   /// Begins to push events.
   /// @errors   as gvd::DevicePublisher::start()

@@ -17,7 +17,7 @@ namespace rtpm::deviced {
                                                         const std::string& name,
                                                         const rt::ThreadConfig& thread);
 
-/// What isolated_command() says.
+/// The contents of isolated_command().
 /// @ownership a value
 struct IsolatedDriver {
   DeviceSettings device{};

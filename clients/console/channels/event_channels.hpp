@@ -36,7 +36,7 @@ class EventChannels {
   void publish_log(const HubEvent& event);
   /// Removes channels without events. Call it about once a second.
   void drop_idle(MonotonicTime now);
-  /// What the page tells of the limits above.
+  /// The page's view of these limits, as JSON.
   [[nodiscard]] nlohmann::ordered_json state() const;
   /// nullptr: no device has this source.
   [[nodiscard]] const std::string* device_of(events::SourceId source) const;

@@ -17,7 +17,7 @@ namespace rtpm::console {
 /// @threads  any
 class EventInbox {
  public:
-  /// Of each stream.
+  /// Limits of each stream.
   static constexpr std::size_t kByteMax = std::size_t{4} << 20;
   static constexpr std::size_t kCountMax = 8192;
 

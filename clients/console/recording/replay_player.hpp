@@ -33,7 +33,7 @@ class ReplayPlayer {
     std::string problem{};  ///< Of the file, where it is damaged.
   };
 
-  /// What a page can show.
+  /// The most that a page can show.
   static constexpr std::size_t kChannelCountMax = 1'000;
   static constexpr std::size_t kSchemaByteMax = 16 << 20;
 

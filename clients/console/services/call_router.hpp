@@ -16,7 +16,7 @@ namespace rtpm::console {
 
 /// Calls of one client that have no answer yet; more are refused.
 inline constexpr std::size_t kOpenCallCountMax = 32;
-/// Of a client that may not command, which only reads parameters.
+/// Limit of a client that may not command, which only reads parameters.
 inline constexpr std::size_t kOpenReadCountMax = 4;
 
 /// A call to be answered.

@@ -48,14 +48,14 @@ constexpr std::uintmax_t kFileSizeMax = std::uintmax_t{64} << 20;
 constexpr int kBacklog = 4096;
 /// Clients that were displaced, and have not answered the close frame yet.
 constexpr std::size_t kLeavingCountMax = 32;
-/// Of the data that waits for a client without the token.
+/// Limit of the data queued for a client without the token.
 constexpr std::size_t kObserverDataByteMax = std::size_t{1} << 20;
 
 std::string text_of(beast::string_view view) {
   return {view.data(), view.size()};
 }
 
-/// What counts as one peer: all loopback addresses together, and a network of IPv6 addresses, of
+/// The peer: all loopback addresses count as one, and so does a network of IPv6 addresses, of
 /// which a host may have as many as it likes.
 std::string peer_of(const tcp::socket& socket) {
   error_code error;

@@ -18,7 +18,7 @@ namespace rtpm::console {
 inline constexpr std::size_t kRequestCountMax = 128;
 inline constexpr std::size_t kObserverCountMax = 64;
 inline constexpr std::size_t kOperatorCountMax = 64;
-/// Of a client's frame, in bytes, with the token and without.
+/// Limits of a client's frame, in bytes, with the token and without.
 inline constexpr std::size_t kFrameSizeMax = std::size_t{1} << 20;
 inline constexpr std::size_t kObserverFrameSizeMax = std::size_t{64} << 10;
 

@@ -7,7 +7,7 @@
 
 namespace rtpm::console {
 
-/// Of a token that a user chooses.
+/// Limits of a token that a user chooses.
 inline constexpr std::size_t kTokenSizeMin = 16;
 inline constexpr std::size_t kTokenSizeMax = 256;
 

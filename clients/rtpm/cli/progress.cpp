@@ -30,9 +30,10 @@ ProgressBar::~ProgressBar() {
 
 bool ProgressBar::show(std::uint64_t done, std::uint64_t whole) {
   // A damaged file may state less than it has.
-  const int percent = done >= whole ? 100
-                                    : static_cast<int>(100.0 * static_cast<double>(done) /
-                                                       static_cast<double>(whole));
+  const int percent =
+      done >= whole
+          ? 100
+          : static_cast<int>(100.0 * static_cast<double>(done) / static_cast<double>(whole));
   if (is_shown_ && std::exchange(percent_, percent) != percent) {
     const auto full = static_cast<std::size_t>(kWidth * percent / 100);
     put("\r" + what_ + " [" + std::string(full, '#') + std::string(kWidth - full, ' ') + "] " +

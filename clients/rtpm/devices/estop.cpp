@@ -56,7 +56,7 @@ class Teller {
       rt::print_error("rtpm", note);
   }
 
-  /// Of a later attempt: only what it has stopped.
+  /// Prints the result of a later attempt: only the devices that it stopped.
   void tell_stopped(const gvd::StopReport& report) {
     for (const gvd::StopResult& result : report.devices) {
       if (result.is_stopped) tell(result, /*is_bound_twice=*/true);

@@ -75,7 +75,7 @@ std::string why_not(const gvd::DeviceClient& device, gvd::DeviceError error) {
   return "was not taken over: " + std::string(to_string(error));
 }
 
-/// What the device shows, for people.
+/// The device's state, for people.
 std::string standing_of(const driver::Sample& sample) {
   return "it is " + std::string(to_string(sample.lifecycle)) +
          ", faults: " + to_text(sample.faults);

@@ -21,7 +21,7 @@ void add_key_list(CLI::App& group, Context& context);
 /// Words with blanks between them, as a shell splits what is not quoted.
 [[nodiscard]] std::string joined(const std::vector<std::string>& words);
 
-/// What stands behind the key in the line of a public key, "alice@lab"; empty: nothing.
+/// The comment behind the key in the line of a public key, "alice@lab"; empty: nothing.
 [[nodiscard]] std::string comment_of(const std::string& public_line);
 /// The text as a name of a grant, which a shell takes as it is: "Hans-Meier".
 [[nodiscard]] std::string as_name(std::string text);

@@ -83,7 +83,7 @@ class Scanner {
     open_.pop_back();
   }
 
-  /// Of one line, or of several between three marks. A text that does not end ends the scan.
+  /// Skips a text of one line, or of several between three marks. An endless one ends the scan.
   void skip_text(char mark) {
     is_line_begin_ = false;
     const bool is_long = text_.substr(at_, 3) == std::string_view(mark == '"' ? "\"\"\"" : "'''");

@@ -91,7 +91,7 @@ int find(Context& context, const FindOptions& wanted) {
   if (wanted.limit != 0 && found.size() > wanted.limit) found.resize(wanted.limit);
   print_entries(found, context.json);
   if (!found.empty()) return kDone;
-  // What a predicate has left is not all that there is.
+  // The predicate has left out names, so all are counted anew.
   const auto all = names::Directory(context.node(), context.registry).contents();
   if (!all) return context.not_reached(all.error());
   const std::size_t count = all->entries.size();

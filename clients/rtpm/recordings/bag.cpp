@@ -149,7 +149,7 @@ int info(Context& context, const BagRequest& request) {
   return kDone;
 }
 
-/// What a recovered recording says that it lost; empty: nothing.
+/// The losses that a recovered recording states; empty: nothing.
 std::string recovered_text(const std::string& file) {
   const auto reader = FileReader::open(file);
   const auto metadata = reader ? (*reader)->read_metadata() : std::vector<recording::Metadata>{};

@@ -50,7 +50,7 @@ struct Direction {
   float y = 0;  ///< Towards the user, as of a stick.
 };
 
-/// Of a hat that counts clockwise from away from the user; the centre outside of its range.
+/// Direction of a hat that counts clockwise from away from the user; the centre outside its range.
 Direction direction_of(const Field& field, std::int64_t value) noexcept {
   constexpr std::array<Direction, 8> kDirections{
       {{0, -1}, {1, -1}, {1, 0}, {1, 1}, {0, 1}, {-1, 1}, {-1, 0}, {-1, -1}}};
@@ -70,7 +70,7 @@ std::string in_hex(std::uint32_t number) {
   return text.data();
 }
 
-/// What of a report descriptor is in no channel, for people.
+/// The parts of a report descriptor that are in no channel, for people.
 class LeftOut {
  public:
   void add_field(const Field& field) {

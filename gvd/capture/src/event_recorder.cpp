@@ -35,7 +35,7 @@ void EventRecorder::record(const events::EventView& event, const events::EventDe
   const Key key{header.type, header.source};
   const MonotonicTime now = rt::now();
   const bool is_settled_now = is_settled(header, type);
-  // What has a channel has waited in vain before.
+  // An event whose type has a channel has waited in vain before.
   const bool may_wait = !is_settled_now && !channels_.contains(key) &&
                         held_byte_count_ + cost_of(event.payload) <= kHeldByteMax;
   if (may_wait) return hold(event, now);

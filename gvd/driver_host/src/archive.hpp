@@ -197,7 +197,7 @@ class Reader {
     bytes_ = bytes_.subspan(sizeof value);
     return value;
   }
-  /// Of elements that take a byte or more each.
+  /// Takes a count of elements that take a byte or more each.
   [[nodiscard]] std::size_t take_count() {
     const auto count = take_plain<std::uint32_t>();
     ok_ = ok_ && count <= bytes_.size();

@@ -59,7 +59,7 @@ int spawn(const std::vector<std::string>& command, const Handle& control, const 
   posix_spawn_file_actions_t actions;
   ::posix_spawn_file_actions_init(&actions);
   ::posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-  // What a driver prints is no output of its server.
+  // A driver's standard output must not mix with that of its server.
   ::posix_spawn_file_actions_adddup2(&actions, STDERR_FILENO, STDOUT_FILENO);
   ::posix_spawn_file_actions_adddup2(&actions, control.number(), kControlHandle);
   ::posix_spawn_file_actions_adddup2(&actions, calibration.number(), kCalibrationHandle);

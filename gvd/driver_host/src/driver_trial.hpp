@@ -52,7 +52,7 @@ class DriverTrial {
   std::vector<std::string> faults_{};
 };
 
-// Of configuration_checks.cpp.
+// Defined in configuration_checks.cpp.
 void describes_each_parameter(DriverTrial& trial);
 void takes_parameters_in_every_state(DriverTrial& trial);
 void calibrations_end_with_values_or_words(DriverTrial& trial);

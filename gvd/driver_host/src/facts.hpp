@@ -6,7 +6,7 @@
 
 namespace rtpm::driver_host {
 
-/// What is constant of a driver, asked for once.
+/// The constant facts of a driver, asked for once.
 /// @ownership a value
 struct Facts {
   driver::Descriptor descriptor;

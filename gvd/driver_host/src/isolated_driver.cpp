@@ -181,7 +181,7 @@ expected<void, SetupError> IsolatedDriver::activate() {
     return unexpected{std::move(done.error())};
   }
   is_active_ = true;
-  // What came before belongs to a former session.
+  // Earlier replies belong to a former session.
   reply_number_ = request_number_;
   return {};
 }

@@ -14,7 +14,7 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/driver/driver.hpp"
 
-/// What both processes of an isolated driver share: memory for cycles, sockets for all else.
+/// Shared by both processes of an isolated driver: memory for cycles, sockets for the rest.
 namespace rtpm::driver_host {
 
 /// A file descriptor that is closed with it.
@@ -77,7 +77,7 @@ struct CycleMemory {
   SharedDoorbell has_reply{};
 };
 
-/// What a frame is: a call, or an answer to one.
+/// The kind of a frame: a call, or an answer to one.
 enum class FrameKind : std::uint8_t {
   kFacts,  ///< Unasked, at the start: SetupError, or descriptor, parameters and calibrations.
   kConfigure,

@@ -150,7 +150,7 @@ class DeviceCycle {
   [[nodiscard]] expected<void, DeviceOutcome> leave(std::atomic<std::uint64_t>& request,
                                                     std::uint64_t lease,
                                                     std::uint16_t what) noexcept;
-  /// What was wrong with a cycle.
+  /// The fault of a cycle.
   enum class BadCycle : std::uint8_t { kNone, kGone, kLate, kCorrupt, kNotFinite, kUnknownStatus };
   [[nodiscard]] BadCycle exchange(MonotonicTime now, const driver::Command& command) noexcept;
   [[nodiscard]] BadCycle count_bad(MonotonicTime now, BadCycle bad) noexcept;

@@ -12,7 +12,7 @@ namespace rtpm::gvd {
 namespace {
 
 constexpr double kDistanceMaxM = 1000;
-/// Of a rotation's length from 1: drivers have floats, and some do not normalise.
+/// Error of a rotation's length from 1: drivers have floats, and some do not normalise.
 constexpr double kLengthErrorMax = 0.1;
 /// A device may have measured before it was opened, and keep that for so long.
 constexpr Duration kBeforeOpenMax = std::chrono::seconds{1};

@@ -40,16 +40,17 @@ std::uint64_t host_seen_here(std::uint64_t host, std::uint64_t where) {
 
 std::string to_text(const StoredValue& value) {
   const names::StoredName& stored = value.stored;
-  const Json json{{"version", 1},
-                  {"url", stored.url},
-                  {"interface", stored.interface},
-                  {"owner", {std::to_string(stored.owner.id), std::to_string(stored.owner.epoch)}},
-                  {"holder", std::to_string(stored.revision)},
-                  {"host", stored.host},
-                  {"where", std::to_string(value.where)},
-                  {"lease_ns", std::to_string(stored.lease.count())},
-                  {"write", std::to_string(value.write)},
-                  {"properties", parse_bounded_json<Json>(file_store::properties_to_json(stored.properties))}};
+  const Json json{
+      {"version", 1},
+      {"url", stored.url},
+      {"interface", stored.interface},
+      {"owner", {std::to_string(stored.owner.id), std::to_string(stored.owner.epoch)}},
+      {"holder", std::to_string(stored.revision)},
+      {"host", stored.host},
+      {"where", std::to_string(value.where)},
+      {"lease_ns", std::to_string(stored.lease.count())},
+      {"write", std::to_string(value.write)},
+      {"properties", parse_bounded_json<Json>(file_store::properties_to_json(stored.properties))}};
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 

@@ -89,7 +89,7 @@ class FileStorage final : public names::Storage {
       roll_back();
       return unexpected{failure(result, why)};
     }
-    // What was written to a file that has gone is lost with this program.
+    // Changes written to a file that has gone are lost with this program.
     if (database_.has_moved()) {
       return unexpected{
           StorageError{{"the database " + printable(path_) + " can't be changed",

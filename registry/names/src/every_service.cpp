@@ -76,7 +76,7 @@ class Inquiry {
     if (error_) return unexpected{std::move(*error_)};
     return {};
   }
-  /// What was left out, after finish().
+  /// The services left out, after finish().
   [[nodiscard]] const std::vector<std::string>& notes() const noexcept { return notes_; }
 
  private:
@@ -147,7 +147,7 @@ LapsedAnswer ask_for_lapsed(rpc::Node& node, const std::string& where, Monotonic
   };
   Inquiry inquiry(node, deadline, question);
   inquiry.begin(*scope, where);
-  // What could be asked was.
+  // Every service that could be asked was asked.
   static_cast<void>(inquiry.finish());
   return answer;
 }

@@ -28,7 +28,7 @@ struct LapsedRecord {
 class LapsedNames {
  public:
   static constexpr std::size_t kCountMax = 1024;
-  /// Of one host, so that none displaces those of others.
+  /// Limit of one host, so that none displaces those of others.
   static constexpr std::size_t kCountPerHostMax = 256;
 
   void add(const Record& record);

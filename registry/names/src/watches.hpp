@@ -30,8 +30,8 @@ class Watches {
   /// `caller`: who sees only what its grants let it see; null: it sees all.
   void add(const WatchRequest& request, rpc::TableWriter<WatchItem> writer, std::uint64_t host,
            std::shared_ptr<const rpc::Caller> caller = nullptr);
-  /// Revisions of changes count anew: watchers get another number of their history, and whoever
-  /// resumes by the former one gets the state. With the mutex locked.
+  /// Starts a new count of revisions. Watchers get its number, and a client that resumes by the
+  /// former number gets the whole state. With the mutex locked.
   void begin_history(std::uint64_t history) noexcept { history_ = history; }
   /// After a change.
   void wake() noexcept {

@@ -267,7 +267,7 @@ expected<void, SetupError> Finder::scan_chunk(const RecordPlace& chunk) {
   return {};
 }
 
-/// What a record says of the recording, and of the block that it is in.
+/// Takes a record about the recording, or about the block that it is in.
 void Finder::take(Opcode opcode, ConstBytes content, Block& block) {
   if (opcode != Opcode::kMessage) return describe(opcode, content);
   const auto message = parse_message(content);

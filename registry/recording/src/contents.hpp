@@ -23,7 +23,7 @@ struct Block {
   [[nodiscard]] std::uint64_t place() const noexcept { return is_chunk ? chunk.offset : begin; }
 };
 
-/// What a recording has and where, without its messages.
+/// The contents of a recording and their places, without its messages.
 struct Contents {
   std::map<std::uint16_t, Schema> schemas{};
   std::map<std::uint16_t, Channel> channels{};

@@ -21,7 +21,7 @@ struct RecordPlace {
   [[nodiscard]] std::uint64_t end() const noexcept { return content_offset() + content_size; }
 };
 
-/// What a function that `progress` has stopped fails with.
+/// The error of a function that `progress` has stopped.
 [[nodiscard]] SetupError stopped(const std::string& what);
 
 /// A regular file that is read at any place. It may shrink meanwhile: what is read is checked.

@@ -94,7 +94,7 @@ struct RecordCounts {
   std::uint32_t metadata = 0;
 };
 
-/// What the summary states of the recording.
+/// The statistics that the summary states.
 struct StatedStatistics {
   Statistics statistics{};
   RecordCounts counts{};

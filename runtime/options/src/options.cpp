@@ -225,7 +225,7 @@ expected<void, SetupError> Options::Impl::apply_file(const std::string& path) {
 expected<void, SetupError> Options::Impl::apply_environment(const CommandLine& command_line) {
   for (Setting& setting : settings) {
     const char* const text = std::getenv(setting.variable.c_str());
-    // Of one that a flag overrides, the value does not matter.
+    // A variable that a flag overrides is not read.
     if (text == nullptr || command_line.find(setting.key) != nullptr) continue;
     if (auto applied = apply(setting, text, setting.variable, setting.variable); !applied)
       return applied;

@@ -20,7 +20,7 @@ void PrintTo(const DriverCheck& check, std::ostream* out) {
 
 }  // namespace rtpm::driver_host
 
-/// What rtpm/driver/driver.hpp promises of every driver, on a simulated time line: the checks that
+/// The promises of rtpm/driver/driver.hpp, on a simulated time line: the checks that
 /// `rtpm-deviced --check` runs on a plug-in, and those that need RTPM's own inside.
 namespace rtpm::test {
 namespace {

@@ -52,7 +52,7 @@ class Followed final : public SharedStorage::Follower {
     told_.wait_for(lock, 10s, [&] { return changes_.size() >= count; });
     return changes_;
   }
-  /// What it was told to begin with anew.
+  /// The contents that it was told to begin with anew.
   struct Restart {
     std::vector<StoredName> names{};
     std::uint64_t revision = 0;

@@ -12,14 +12,14 @@
 
 #include "fixture.hpp"
 
-// Whatever others do to rtpm-console, who has the token gets in and stops the devices, and a
+// Under each attack on rtpm-console, a client with the token gets in and stops the devices, and a
 // browser that was there before keeps its connection.
 namespace rtpm::system_test {
 namespace {
 
 using Clock = std::chrono::steady_clock;
 
-/// What an attacker does again and again, on a thread of its own, until it is ended.
+/// Repeats an attack on a thread of its own, until it is ended.
 class Attack {
  public:
   explicit Attack(std::function<void()> step) : step_(std::move(step)) {

@@ -96,7 +96,7 @@ TEST_F(HostileClients, ThatAskSlowlyAreClosed) {
   EXPECT_TRUE(is_closed);
 }
 
-// Of HTTP requests 128 are served at a time, of clients without the token 64; the oldest gives way.
+// The console serves 128 HTTP requests and 64 clients without the token; the oldest gives way.
 TEST_F(HostileClients, ThatFloodItWithConnectionsGetNoMoreThanItsLimit) {
   std::vector<Socket> sockets;
   for (int i = 0; i < 200; ++i)

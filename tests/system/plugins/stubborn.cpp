@@ -63,7 +63,7 @@ class Stubborn final : public Driver {
   static constexpr std::string_view kCrash = "crash:";
 
   std::string behaviour_;
-  /// Of "crash:FILE".
+  /// The file of "crash:FILE".
   const char* crash_file_ =
       behaviour_.starts_with(kCrash) ? behaviour_.c_str() + kCrash.size() : nullptr;
   int exchange_count_ = 0;

@@ -303,7 +303,7 @@ TEST(GrantsOfKeys, HaveNamesThatTheyAreRevokedBy) {
   EXPECT_EQ(run_program("rtpm", authorize).exit_code, 0);
   EXPECT_EQ(run_program("rtpm", {"key", "revoke", "Hans-Meier", "--file", file}).exit_code, 0);
 
-  // Of a comment with blanks, such as a host's name, and with quotation marks.
+  // A comment with blanks, such as a host's name, and with quotation marks.
   const auto made = run_program(
       "rtpm", {"key", "new", "--comment", "Hans O'Meier", "--file", folder.fresh("key")});
   EXPECT_NE(made.output.find(" Hans-O-Meier' --role"), std::string::npos) << made.output;

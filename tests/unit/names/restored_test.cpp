@@ -28,7 +28,7 @@ using NamesAndUrls = std::map<std::string, std::string>;
 
 constexpr Owner kOwner{.id = 1, .epoch = 1};
 
-/// What registries share. Changes are told at once, a restoration when they notice it.
+/// The storage that registries share. Changes are told at once, a restoration when noticed.
 class Cluster {
  public:
   struct State {
@@ -168,7 +168,7 @@ class Site {
       static_cast<void>(bind(registries_[first], "lab/n" + std::to_string(pick(6))));
     cluster_.notice(1 - first);
   }
-  /// What is wrong with what registries and watches have; empty: nothing.
+  /// The faults in the contents of registries and watches; empty: nothing.
   [[nodiscard]] std::string faults() {
     NamesAndUrls all;
     for (const auto& [name, stored] : cluster_.state().names)

@@ -483,7 +483,7 @@ TEST_F(OptionsDeathTest, TakesAKeyOnceAndAWellFormedOneOnly) {
   EXPECT_DEATH(options.add("Key_2", value, "Malformed"), "lower-case");
 }
 
-/// What a group of members with names at a registry takes from `arguments`.
+/// The members with names at a registry that a group takes from `arguments`.
 class Members : public OptionsTest {
  protected:
   std::optional<int> take(const std::vector<std::string>& arguments) {

@@ -10,7 +10,7 @@
 namespace rtpm::options {
 namespace {
 
-/// What a process sees whose standard output is that.
+/// The width that a process sees whose standard output is that.
 int width_seen_on(int output) {
   const pid_t child = fork();
   if (child == 0) {

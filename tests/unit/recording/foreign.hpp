@@ -99,7 +99,7 @@ inline std::string file(const std::string& data, const std::string& summary) {
   return begin + summary + footer + u32(crc(summary + footer)) + kMagic;
 }
 
-/// What the conformance set of the format combines.
+/// The features that the conformance set of the format combines.
 enum Feature : unsigned {
   kChunks = 1,             ///< ch
   kChunkIndex = 2,         ///< chx
@@ -114,7 +114,7 @@ enum Feature : unsigned {
 };
 inline constexpr unsigned kFeatureEnd = 1024;
 
-/// What a vector holds.
+/// The contents of a vector.
 struct Content {
   const char* name;
   int message_count;

@@ -28,7 +28,7 @@ class Repair : public testing::Test {
       count += lost;
     return count;
   }
-  /// Of write_recording()'s first chunk, and of nothing else.
+  /// Expects the loss of write_recording()'s first chunk, and of nothing else.
   void expect_loss_of_first_chunk(const Recovery& recovery) const {
     EXPECT_EQ(recovery.damaged_chunk_count, 1u);
     EXPECT_EQ(recovery.unknown_channel_count, 0u);

@@ -16,7 +16,7 @@ namespace {
 using Event = device::StopAllRequestedEvent;
 static_assert(kStopAllRequested == Event::kType);
 
-/// Of different requests, for consumer and hub.
+/// Capacity for different requests, of consumer and hub.
 constexpr std::uint32_t kQueueCapacity = 16;
 constexpr std::uint64_t kNoRequest = 0;
 
@@ -117,7 +117,7 @@ struct SystemStop::Impl final : events::EventHandler {
     if (devices->obey(id)) stop_count.fetch_add(1, std::memory_order_relaxed);
   }
 
-  /// Of a request that nobody reminds of any more.
+  /// Whether it is a request that nobody repeats any more.
   [[nodiscard]] bool is_over(const events::EventHeader& header) const noexcept {
     return header.is_replayed && header.hub_sent - header.hub_received > 3 * config.remind;
   }

@@ -170,7 +170,7 @@ StopReport StopDelivery::retry() {
   round.run();
   StopReport report = round.take_report();
   const std::lock_guard lock(impl_->mutex);
-  // What was dismissed meanwhile is owed nothing any more.
+  // Dismissed devices are owed nothing any more.
   Tried tried = round.tried();
   std::erase_if(tried, [this](const auto& one) { return !impl_->owed.contains(one.first.device); });
   report.devices = impl_->settle(tried, {}, begin, /*is_retry=*/true);

@@ -18,7 +18,7 @@ namespace {
 constexpr std::string_view kHubInterface = "rtpm.events.Hub";
 /// Servers that are asked at the same time, of those that one name service has.
 constexpr std::size_t kThreadCountMax = 64;
-/// Of the whole time, the share in which name services may answer.
+/// The share of the whole time in which name services may answer.
 constexpr double kSearchShare = 0.6;
 constexpr std::size_t kNoteCountMax = 64;
 constexpr std::size_t kTargetCountMax = 4 * kRememberedDeviceCountMax;

@@ -10,7 +10,7 @@
 
 namespace rtpm::gvd {
 
-/// What is kept of a device's emergency stops.
+/// The kept state of a device's emergency stops.
 struct StopState {
   static constexpr std::size_t kObeyedCountMax = 256;
 

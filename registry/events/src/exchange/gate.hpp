@@ -46,7 +46,7 @@ class Gate {
     Scalar default_value{};
     double threshold = 0;
   };
-  /// What is open or not: all events or, with is_interval_per_source, those of a type and source.
+  /// The interval of all events or, with is_interval_per_source, of one type and source.
   struct Interval {
     EventType type = 0;
     SourceId source = 0;

@@ -82,7 +82,7 @@ std::vector<std::uint32_t> users_in_table(std::istream& table, bool is_tcp,
 std::optional<std::vector<std::uint32_t>> users_at(const SocketAddress& address) {
   std::vector<std::uint32_t> users;
   for (const char* name : {"tcp", "tcp6", "udp", "udp6"}) {
-    // Of this thread's network: /proc/net is that of the process's first thread.
+    // The network of this thread: /proc/net is that of the process's first thread.
     std::ifstream file(std::string("/proc/thread-self/net/") + name);
     const bool is_of_ipv6 = name[3] == '6';
     // Without IPv6 in the kernel its tables are not there.

@@ -63,7 +63,7 @@ double default_of(const Field& field) noexcept {
 }
 
 constexpr std::size_t kStructSizeMax = 65535;  // Bytes.
-// Of devices and recordings: spec/events.md, section 1.
+// Numbers of devices and recordings: spec/events.md, section 1.
 constexpr std::uint32_t kOwnEventMin = 1380974592;
 constexpr std::uint32_t kOwnEventMax = 1380975615;
 

@@ -73,7 +73,7 @@ int write(const Command& command, const Model& model) {
   return 0;
 }
 
-/// What no language refuses: an accepted schema can be generated.
+/// The checks of every language: an accepted schema can be generated.
 Diagnostics check(const Model& model) {
   Diagnostics errors;
   for (const BackEndEntry& entry : back_ends()) {

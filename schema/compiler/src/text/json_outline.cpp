@@ -121,7 +121,7 @@ std::string listed(const std::vector<std::string>& names) {
   return text;
 }
 
-/// What a union's value is one of, as the member beside it says.
+/// The object that a union's value is, as the member beside it says.
 std::optional<std::size_t> object_of_union(const Model& model, const Field& field,
                                            const JsonOutline& whole) {
   const auto type = std::ranges::find(whole.members, field.name + "_type", &JsonOutline::name);

@@ -58,7 +58,7 @@ class TextSize {
     return longest * 8 * size_of(enumeration.underlying);
   }
 
-  /// Of a number, or of an element that is one.
+  /// Size of a number, or of an element that is one.
   [[nodiscard]] std::size_t number_size(const Type& type) const {
     constexpr std::size_t kDigitMax = 28;
     return (type.index ? numbers_[*type.index] : kDigitMax) + kAround;

@@ -44,7 +44,7 @@ TEST(Delivery, IntervalCountsForEachSourceIfAsked) {
     table.push_at(ms, kPose, 1);
     if (ms >= 3 && ms < 6) table.push_at(ms, kPose, 2);
   }
-  // Of source 2 the last one comes at the end of its own interval.
+  // The last event of source 2 comes at the end of its own interval.
   table.advance(30);
   EXPECT_EQ(table.got(), "5.1#1 5.2#1 5.1#10 5.2#3 5.1#15");
 }

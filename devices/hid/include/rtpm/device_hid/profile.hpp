@@ -81,7 +81,7 @@ class Profile {
   /// Ends what begin() began; the outputs are at their safe values already.
   /// @realtime set-up only
   virtual void end(HidTransport&) noexcept {}
-  /// What the unit has beside its channels, for people; empty: nothing, or it is not known.
+  /// Controls of the unit beside its channels, for people; empty: nothing, or not known.
   [[nodiscard]] virtual std::string left_out() const { return {}; }
   /// For how long a healthy device is silent at most; nothing: it reports only what changes.
   [[nodiscard]] virtual std::optional<Duration> silence_max() const { return std::nullopt; }

@@ -23,7 +23,7 @@ struct LiveRecordingConfig {
   recording::RecorderConfig recorder{};
 };
 
-/// What a live recording did so far.
+/// Counts of a live recording so far.
 struct LiveRecordingStatus {
   Duration time{};
   recording::RecorderStatus recorder{};

@@ -9,7 +9,7 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/driver/driver.hpp"
 
-/// What rtpm/driver/driver.hpp promises of every driver, as checks.
+/// The promises of rtpm/driver/driver.hpp that every driver makes, as checks.
 namespace rtpm::driver_host {
 
 /// Makes the driver under test, as often as it is asked.

@@ -42,7 +42,7 @@ struct SystemStopConfig {
   Duration retry = std::chrono::milliseconds{500};   ///< Between attempts to reach the hub.
   Duration repeat = std::chrono::milliseconds{100};  ///< Of a request,
   Duration repeat_for = std::chrono::seconds{5};     ///< from its first push on.
-  /// Of a request that a device of this program has obeyed, until it is rearmed: for servers that
+  /// Interval at which an obeyed request is repeated, until it is rearmed: for servers that
   /// start meanwhile. A hub's latched request counts for three times as long.
   Duration remind = std::chrono::seconds{1};
   /// Of the event, and of the thread that obeys it.

@@ -21,7 +21,7 @@ struct LapsedName {
   std::string service_url{};      ///< The registry that had it.
 };
 
-/// What registries know of lapsed names.
+/// The lapsed names that registries know.
 struct LapsedAnswer {
   std::vector<LapsedName> names{};
   /// The registries that keep such names and answered: a name that one of them had, and has neither

@@ -41,7 +41,7 @@ struct StoredContent {
   std::vector<StoredName> names{};
   /// Every revision that was ever used is below it.
   std::uint64_t first_revision = 1;
-  /// What is lost, and why nothing can be changed now; empty: all is sound. A sentence each.
+  /// The lost parts, and why nothing can be changed now; empty: all is sound. A sentence each.
   std::vector<std::string> faults{};
 };
 

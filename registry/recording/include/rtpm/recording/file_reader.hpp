@@ -38,7 +38,7 @@ struct Query {
 /// What open() does with a file that has no summary, because its writer died.
 enum class Incomplete : std::uint8_t { kRefuse, kRead };
 
-/// What the end of a recording states, read without its chunks.
+/// The summary at the end of a recording, read without its chunks.
 struct Outline {
   bool is_complete = false;                ///< Whether its writer ended it.
   std::optional<Statistics> statistics{};  ///< None: it states none.
