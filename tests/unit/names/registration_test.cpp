@@ -268,6 +268,10 @@ class WilfulRegistry final : public NamesServant {
                          const rpc::CallContext&) override {
     return unexpected{rpc::Refusal::kFailed};
   }
+  rpc::Result<void> lapsed(const ListRequest&, rpc::ReplyBuilder<LapsedReply>&,
+                           const rpc::CallContext&) override {
+    return unexpected{rpc::Refusal::kFailed};
+  }
   rpc::Result<Answer> unbind(const UnbindRequest&, const rpc::CallContext&) override {
     return Answer{OutcomeCode::Done, 0};
   }
