@@ -37,9 +37,10 @@ class Configured : public testing::Test {
 
   void TearDown() override { std::filesystem::remove_all(folder_); }
 
-  [[nodiscard]] std::vector<std::string> device_arguments() const {
+  [[nodiscard]] std::vector<std::string> device_arguments(
+      const std::string& devices = "arm0,gaze0") const {
     return {"--port",     "0",        "--registry", registry_->url, "--realtime",        "off",
-            "--settings", settings(), "--devices",  "arm0,gaze0",   "--device-arm0-free"};
+            "--settings", settings(), "--devices",  devices,        "--device-arm0-free"};
   }
   void start_device() {
     device_ = start_daemon("rtpm-deviced", device_arguments());
@@ -232,12 +233,12 @@ TEST_F(Configured, RefusesToStartWithABrokenOrForeignFile) {
   std::string other = path.string();
   other.replace(other.find("sim-arm0"), 8, "sim-arm7");
   std::filesystem::copy_file(path, other);
-  auto arguments = device_arguments();
+  auto arguments = device_arguments("arm0");
   arguments.insert(arguments.end(), {"--device-arm0-serial", "sim-arm7"});
   expect_one_sentence(run_program("rtpm-deviced", arguments), 1,
                       {"lab/arm0", "sim-arm7.json", "sim-arm0", "Remedy"});
   std::filesystem::resize_file(path, std::filesystem::file_size(path) / 2);
-  expect_one_sentence(run_program("rtpm-deviced", device_arguments()), 1,
+  expect_one_sentence(run_program("rtpm-deviced", device_arguments("arm0")), 1,
                       {"lab/arm0", "sim-arm0.json", "Remedy"});
 }
 

@@ -111,9 +111,11 @@ bool Finder::take_of_summary(Opcode opcode, ConstBytes content) {
     const bool is_metadata = opcode == Opcode::kMetadataIndex;
     ByteReader reader(content);
     const auto place = file_.record_at(reader.take<std::uint64_t>());
-    if (!place || !reader.ok()) return false;
-    if (place->opcode != (is_metadata ? Opcode::kMetadata : Opcode::kAttachment)) return false;
-    (is_metadata ? found_.metadata : found_.attachments).push_back(*place);
+    if (!reader.ok()) return false;
+    // @mcap/core names a wrong place where it writes no chunks: complete() searches for these.
+    if (place && place->opcode == (is_metadata ? Opcode::kMetadata : Opcode::kAttachment)) {
+      (is_metadata ? found_.metadata : found_.attachments).push_back(*place);
+    }
   } else {
     describe(opcode, content);
   }

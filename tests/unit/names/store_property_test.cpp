@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <map>
 #include <random>
 #include <set>
 
@@ -36,6 +37,9 @@ class Model {
   static constexpr Duration kFirstLeaseMax = 700ms;
 
   void advance(MonotonicTime now) {
+    for (const Record& record : records_) {
+      if (record.expires <= now) lapsed_[record.name] = record.owner.id;
+    }
     std::erase_if(records_, [&](const Record& record) { return record.expires <= now; });
   }
 
@@ -76,6 +80,7 @@ class Model {
     } else {
       records_.push_back(claimed);
     }
+    lapsed_.erase(claimed.name);
     return {};
   }
 
@@ -92,7 +97,12 @@ class Model {
 
   Answer unbind(const std::string& name, Owner owner) {
     Record* const held = find(name);
-    if (held == nullptr) return missing(name);
+    if (held == nullptr) {
+      const auto lapsed = lapsed_.find(name);
+      if (lapsed == lapsed_.end() || lapsed->second != owner.id) return missing(name);
+      lapsed_.erase(lapsed);
+      return {};
+    }
     if (held->owner.id != owner.id) return about(Outcome::kNotOwner, name);
     if (owner.epoch < held->owner.epoch) return about(Outcome::kStaleEpoch, name);
     std::erase_if(records_, [&](const Record& record) { return record.name == name; });
@@ -160,6 +170,7 @@ class Model {
   }
 
   std::vector<Record> records_;
+  std::map<std::string, std::uint64_t> lapsed_;  ///< The owners of names whose lease ended.
 };
 
 template <class T>
