@@ -42,7 +42,7 @@ bool has_memory() noexcept {
   std::abort();
 }
 
-[[maybe_unused]] const bool is_set = [] {
+[[maybe_unused]] const bool is_handler_set = [] {
   handler_before = std::set_terminate(say_if_out_of_memory);
   return true;
 }();

@@ -43,7 +43,7 @@ void check_output() noexcept {
   _exit(1);
 }
 
-[[maybe_unused]] const bool is_set = [] {
+[[maybe_unused]] const bool are_streams_set = [] {
   occupy_closed_streams();
   // A reader that is gone and a file that is too large are errors of the write.
   std::signal(SIGPIPE, SIG_IGN);

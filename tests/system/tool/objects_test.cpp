@@ -77,8 +77,12 @@ TEST_F(Objects, AreFoundByPatterns) {
                       {"none of the 1 names fits", "'rtpm.device.Device'"});
   // A predicate leaves none to the patterns.
   expect_one_sentence(rtpm({"find", "--where", "rate_hz > 1e9"}), 1, {"none of the 1 names fits"});
-  expect_one_sentence(rtpm({"find", "--interface", "rtpm.device.Devise", "--where", "rate_hz > 1"}),
-                      1, {"none of the 1 names fits", "'rtpm.device.Device'"});
+  // The first sentence of two says that no such name has the property.
+  const auto none = rtpm({"find", "--interface", "rtpm.device.Devise", "--where", "rate_hz > 1"});
+  EXPECT_EQ(none.exit_code, 1);
+  EXPECT_NE(none.errors.find("none of the 1 names fits (did you mean 'rtpm.device.Device'"),
+            std::string::npos)
+      << none.errors;
 }
 
 TEST_F(Objects, GetPermanentNamesFromPeople) {

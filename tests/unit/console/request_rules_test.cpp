@@ -131,7 +131,8 @@ class TokenFiles : public testing::Test {
     fs::permissions(path_, mode);
   }
 
-  std::string path_ = testing::TempDir() + "rtpm_console_token";
+  std::string path_ = testing::TempDir() + "rtpm_console_token_" +
+                      testing::UnitTest::GetInstance()->current_test_info()->name();
 };
 
 TEST_F(TokenFiles, AreMadeOnceForThisUserAlone) {

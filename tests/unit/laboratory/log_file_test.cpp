@@ -18,7 +18,9 @@ class Log : public testing::Test {
   void SetUp() override { fs::remove_all(folder_); }
   void TearDown() override { fs::remove_all(folder_); }
 
-  fs::path folder_ = fs::path(testing::TempDir()) / "rtpm-laboratory-log";
+  fs::path folder_ =
+      fs::path(testing::TempDir()) /
+      ("rtpm-log-" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()));
   std::string path_ = folder_ / "logs/console.log";
 };
 
