@@ -236,6 +236,7 @@ TEST_F(Consoles, GoOnHoldingALeaseForABrowserThatLoadsThePageAgain) {
     ASSERT_EQ(before->call("console/take_over", {{"device", "lab/arm0"}}), Json({{"ok", true}}));
   }
   const auto again = connect();
+  again->subscribe("console/state");
   static_cast<void>(again->await_state([](const Json& state) {
     const Json lease = device_in(state, "lab/arm0")["lease"];
     return state["clients"]["count"] == 1 && lease["state"] == "held by this console" &&

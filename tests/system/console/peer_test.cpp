@@ -55,7 +55,7 @@ std::map<std::uint64_t, std::vector<double>> recorded_positions(const std::strin
   if (!reader) return positions;
   const auto read = (*reader)->read({}, [&](const recording::Message& message) {
     const std::string topic = (*reader)->channels().at(message.channel_id).topic;
-    if (!topic.starts_with("rtpm.device.Sampled/")) return true;
+    if (topic != "lab/arm0/sampled") return true;
     // The table's only field is the struct at its end: the root's vtable says where.
     const auto* const data = message.data.data();
     const auto root = load_le<std::uint32_t>(data);

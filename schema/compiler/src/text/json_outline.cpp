@@ -13,7 +13,7 @@ namespace rtpm::schema {
 namespace {
 
 /// FlatBuffers' own limit.
-constexpr int kDepthMax = 64;
+constexpr int kOutlineDepthMax = 64;
 constexpr std::string_view kBlanks = " \t\r\n";
 
 /// Reads values from a text; after a mistake it is at the end.
@@ -26,7 +26,7 @@ class Reader {
     JsonOutline read{.begin = at_, .end = at_};
     if (peek() == '{' || peek() == '[') {
       read.is_object = peek() == '{';
-      if (depth == kDepthMax) {
+      if (depth == kOutlineDepthMax) {
         at_ = text_.size();
       } else {
         members_into(read, depth);
