@@ -14,6 +14,7 @@ describe('names', () => {
   it('are found in the topics of the console and of recordings', () => {
     const names = ['lab/arm0'];
     expect(feedOf('lab/arm0/sample', names)).toEqual({kind: 'sample', device: 'lab/arm0'});
+    expect(feedOf('lab/arm0/sampled', names)).toEqual({kind: 'sample', device: 'lab/arm0'});
     expect(feedOf('rtpm.device.Sampled/3571832195', names)).toEqual({
       kind: 'sample',
       device: 'lab/arm0',

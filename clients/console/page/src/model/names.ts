@@ -7,14 +7,14 @@ export function sourceOf(name: string): number {
   return hash;
 }
 
-const kSamples = /^(?:(.+)\/sample|rtpm\.device\.Sampled\/(\d+))$/;
+const kSamples = /^(?:(.+)\/sampled?|rtpm\.device\.Sampled\/(\d+))$/;
 const kTouches = /^rtpm\.touch\.Touched\/(\d+)$/;
 
 export type Feed = {readonly kind: 'sample' | 'touch'; readonly device: string};
 
 /**
- * What a topic feeds: `NAME/sample` by its name, `TYPE/SOURCE` by the source of a known name. A
- * source without a known name is called by its number.
+ * The device and kind of a topic: `NAME/sample` of the console and `NAME/sampled` of a recording by
+ * their name, `TYPE/SOURCE` by the source of a known name. A source without one is called by number.
  */
 export function feedOf(topic: string, names: readonly string[]): Feed | null {
   const bySource = (source: string | undefined) =>
