@@ -207,6 +207,8 @@ describe('recordings', () => {
       () => page.locator('.record-facts').textContent(),
       (text) => Number(/([\d\u202f]+) messages/.exec(text)?.[1].replace('\u202f', '')) > 4000,
     );
+    // Long enough for a curve, however fast the messages come.
+    await until('six seconds', () => page.locator('.rec').textContent(), (text) => !/0:0[0-5]/.test(text));
     await byId('record').click();
     await page.getByText('is complete').waitFor();
     await page
