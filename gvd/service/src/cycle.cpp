@@ -195,13 +195,16 @@ driver::Command DeviceCycle::filter(MonotonicTime now, const HeldCommand* newest
   command.wrench = wrench;
   if (wrench != driver::Wrench{}) command.mode = CommandMode::kForce;
   command.outputs = limiter_.safe_outputs();
+  command.deadline = filter_.zero_at();
   if (has_outputs && !filter_.is_latched()) {
     command.outputs = limiter_.limit(driver::Setpoint::with_outputs(outputs_.values())).outputs;
-    if (command.mode == CommandMode::kOff) command.mode = CommandMode::kOutputs;
+    if (command.mode == CommandMode::kOff) {
+      command.mode = CommandMode::kOutputs;
+      command.deadline = outputs_.deadline();
+    }
   }
   command.sequence = counters_.cycle_count;
   command.cycle_time = now;
-  command.deadline = filter_.zero_at();
   flight_.has_command = newest != nullptr;
   if (newest != nullptr) flight_.received = newest->wrench.wrench;
   flight_.applied = wrench;

@@ -54,6 +54,7 @@ class HeldOutputs {
     return holder != Lease::kNobody && held_.lease == holder && now < held_.deadline;
   }
   [[nodiscard]] const Values& values() const noexcept { return held_.values; }
+  [[nodiscard]] MonotonicTime deadline() const noexcept { return held_.deadline; }
 
  private:
   Mailbox<Command> mailbox_{};

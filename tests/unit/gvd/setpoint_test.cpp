@@ -124,6 +124,7 @@ TEST_F(Commanded, OutputsGoToTheirSafeValuesWithoutACommand) {
   EXPECT_EQ(last().mode, CommandMode::kOutputs);
   EXPECT_EQ(last().outputs[0], 1);
   EXPECT_EQ(last().outputs[1], 3);
+  EXPECT_EQ(last().deadline, now_ + milliseconds{9}) << "the driver keeps them as long as the hold";
   run(11);
   EXPECT_EQ(last().outputs[0], 0.25F);
   EXPECT_EQ(last().outputs[1], 0);
@@ -140,6 +141,10 @@ TEST_F(Commanded, AForceLeavesTheOutputsAsTheyAreAndTheyTheForce) {
     ASSERT_NEAR(last().wrench.force_newton.x, 2, 1e-9) << i;
   }
   EXPECT_EQ(last().mode, CommandMode::kForce);
+  ASSERT_TRUE(cycle_->submit(
+      {lease_, ++sequence_, milliseconds{100}, Setpoint::with_outputs({1, 3})}, now_));
+  run();
+  EXPECT_LT(last().deadline, now_ + milliseconds{50}) << "the force's, which ends first";
   Setpoint both = force;
   both.outputs = {0.5F, 2};
   ASSERT_TRUE(command(both));

@@ -71,8 +71,8 @@ struct Command : Setpoint {
   std::uint64_t sequence = 0;
   /// When this cycle began, on the host's clock; never decreases.
   MonotonicTime cycle_time{};
-  /// When the force must have ended without a newer command. Pass it to the device's watchdog, if
-  /// any, for the case that this program dies.
+  /// When force, motion and outputs must have ended without a newer command. Pass it to the device's
+  /// watchdog, if any, for the case that this program dies.
   MonotonicTime deadline = kNever;
 };
 static_assert(std::is_trivially_copyable_v<Command>);

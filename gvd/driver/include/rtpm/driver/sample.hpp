@@ -47,8 +47,7 @@ enum class Fault : std::uint32_t {
   kBraked = 1u << 17,            ///< The passivity guard brakes.
   kHeatLimited = 1u << 18,       ///< The force is shortened for the motors' heat.
   /// A pose or time that can't be: beyond 1 km, a rotation that is no unit quaternion, a host_time
-  /// in
-  /// the future or before the device was opened. The values are as the driver gave them.
+  /// in the future or before the device was opened. The values are as the driver gave them.
   kImplausible = 1u << 19,
 };
 
