@@ -196,16 +196,52 @@ bool CompiledFilter::is_complete(const Node& node) const noexcept {
   return apart <= static_cast<std::uint64_t>(node.skew_ns);
 }
 
+// How many events an accepting node delivers. The parts of "all" share the newest.
+std::size_t CompiledFilter::delivered_count(std::size_t index, Bits accepted) const noexcept {
+  const Node& node = nodes_[index];
+  std::size_t count = 1;
+  switch (node.kind) {
+    case Filter::Kind::kAny:
+      return delivered_count(delivering_child(node, accepted), accepted);
+    case Filter::Kind::kAll:
+      for (Bits left = node.children; left != 0; left &= left - 1) {
+        count += delivered_count(static_cast<std::size_t>(std::countr_zero(left)), accepted) - 1;
+      }
+      return count;
+    case Filter::Kind::kCorrelate:
+      count = 0;
+      for (const Kept& kept : kept_of(node))
+        count += kept.events.size();
+      return count;
+    default:
+      return count;
+  }
+}
+
+// Of the accepting children of "any", the first with the most events: each delivers the newest
+// event, so a completed conjunction delivers what a match beside it would, too.
+std::size_t CompiledFilter::delivering_child(const Node& node, Bits accepted) const noexcept {
+  std::size_t chosen = 0;
+  std::size_t most = 0;
+  for (Bits left = accepted & node.children; left != 0; left &= left - 1) {
+    const auto child = static_cast<std::size_t>(std::countr_zero(left));
+    const std::size_t count = delivered_count(child, accepted);
+    if (count > most) {
+      chosen = child;
+      most = count;
+    }
+  }
+  return chosen;
+}
+
 // What an accepting node delivers. The compiler has bounded depth and size.
 void CompiledFilter::collect(std::size_t index, Bits accepted, const EventRef& event,
                              Group& group) const noexcept {
   const Node& node = nodes_[index];
   switch (node.kind) {
-    case Filter::Kind::kAny: {
-      const Bits first = accepted & node.children;
-      collect(static_cast<std::size_t>(std::countr_zero(first)), accepted, event, group);
+    case Filter::Kind::kAny:
+      collect(delivering_child(node, accepted), accepted, event, group);
       return;
-    }
     case Filter::Kind::kAll:
       for (Bits left = node.children; left != 0; left &= left - 1) {
         Group part;

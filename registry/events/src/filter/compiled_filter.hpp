@@ -139,6 +139,8 @@ class CompiledFilter {
   [[nodiscard]] Bits judge(const EventRef& event, std::optional<std::size_t> timer) noexcept;
   [[nodiscard]] bool fill(const Node& node, Bits accepted, const EventRef& event) noexcept;
   [[nodiscard]] bool is_complete(const Node& node) const noexcept;
+  [[nodiscard]] std::size_t delivered_count(std::size_t index, Bits accepted) const noexcept;
+  [[nodiscard]] std::size_t delivering_child(const Node& node, Bits accepted) const noexcept;
   void collect(std::size_t index, Bits accepted, const EventRef& event,
                Group& group) const noexcept;
   [[nodiscard]] bool finish(Bits accepted, const EventRef& event, MonotonicTime now,

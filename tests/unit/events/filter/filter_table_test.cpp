@@ -194,6 +194,47 @@ TEST(FilterTable, ConjunctionSeesWhatANeighbourAccepts) {
   EXPECT_EQ(table.got(), "5.0#1+6.0#1");
 }
 
+TEST(FilterTable, AnyDeliversTheConjunctionThatItsEventCompletes) {
+  for (const bool is_first : {false, true}) {
+    Filter pair = correlate({of_type(kPose), of_type(kButton)});
+    Table table(is_first ? any_of({std::move(pair), of_type(kPose)})
+                         : any_of({of_type(kPose), std::move(pair)}));
+    table.push(kButton);
+    table.push(kPose);
+    table.push(kPose);
+    table.push(kButton);
+    EXPECT_EQ(table.got(), "5.0#1+6.0#1 5.0#2 5.0#2+6.0#2");
+  }
+}
+
+TEST(FilterTable, AnyDeliversTheLargestConjunctionThatItsEventCompletes) {
+  Table table(any_of({all_of({of_type(kPose), masked(0, 0, 0, kWholeNumber)}),
+                      any_of({of_type(kPose), correlate({of_type(kPose), of_type(kButton)})}),
+                      correlate({of_type(kPose), of_type(kButton), of_type(kGaze)}),
+                      correlate({of_type(kGaze), of_type(kPose)})}));
+  table.push(kButton);
+  table.push(kPose);
+  EXPECT_EQ(table.got(), "5.0#1+6.0#1");
+  table.push(kGaze);
+  EXPECT_EQ(table.got(), "5.0#1+6.0#1+7.0#1");
+  // All started over, also those that were not delivered.
+  table.push(kGaze);
+  table.push(kPose);
+  EXPECT_EQ(table.got(), "7.0#2+5.0#2");
+}
+
+TEST(FilterTable, SilenceBesideAConjunctionIsEndedByIt) {
+  Table table(any_of({of_type(kButton), any_of({correlate({of_type(kPose), of_type(kGaze)}, 5ms),
+                                                silence(10ms, 9)})}));
+  table.push_at(1, kPose);
+  table.push_at(3, kGaze);
+  table.push_at(8, kButton);
+  table.advance(12.9);
+  EXPECT_EQ(table.got(), "5.0#1+7.0#1 6.0#1");
+  table.advance(13);
+  EXPECT_EQ(table.got(), "@9");
+}
+
 TEST(FilterTable, ButtonOrPoseAndGazeWithinFiveMilliseconds) {
   Table table(any_of({of_type(kButton), correlate({of_type(kPose), of_type(kGaze)}, 5ms)}));
   table.push_at(0, kPose);

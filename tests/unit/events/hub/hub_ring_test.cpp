@@ -49,6 +49,18 @@ TEST_F(HubRing, EachConsumerGetsWhatItsFilterAccepts) {
   EXPECT_LE(recorder_.last_header_.hub_received, recorder_.last_header_.hub_sent);
 }
 
+TEST_F(HubRing, DeliversSingleEventsAndConjunctionsToOneConsumer) {
+  const auto supplier = make_supplier(node_, hub_);
+  const auto consumer =
+      join(recorder_, any_of({of_type(kButton), correlate({of_type(kButton), of_type(kPose)})}));
+  push(*supplier, kButton);
+  push(*supplier, kPose);
+  push(*supplier, kPose);
+  push(*supplier, kButton);
+  ASSERT_TRUE(recorder_.await_deliveries(3));
+  EXPECT_EQ(recorder_.text(), "6.0#1 6.0#1+5.0#1 6.0#2+5.0#2");
+}
+
 TEST_F(HubRing, DeliversTimeoutsAndReplays) {
   const auto supplier = make_supplier(node_, hub_);
   push(*supplier, kPose);

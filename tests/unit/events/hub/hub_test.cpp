@@ -101,6 +101,25 @@ TEST_P(HubOn, DeliversConjunctionsTogether) {
   EXPECT_EQ(recorder_.text(), "5.0#2+7.0#1");
 }
 
+TEST_P(HubOn, DeliversSingleEventsAndConjunctionsToOneConsumer) {
+  const auto supplier = make_supplier(node_, hub_, GetParam());
+  const auto consumer = make_consumer(
+      node_, hub_, recorder_,
+      any_of({of_type(kButton), correlate({where(kPose, "x", Comparison::kGreater, Scalar::of(1)),
+                                           any_of({of_type(kGaze), of_type(kButton)})},
+                                          1h)}),
+      {}, GetParam());
+  push(*supplier, kPose, 1, {.x = 0.5});
+  push(*supplier, kButton, 2);
+  push(*supplier, kPose, 1, {.x = 1.5});
+  push(*supplier, kPose, 1, {.x = 2.5});
+  push(*supplier, kButton, 2);
+  push(*supplier, kGaze);
+  push(*supplier, kPose, 1, {.x = 3.5});
+  ASSERT_TRUE(recorder_.await_deliveries(4));
+  EXPECT_EQ(recorder_.text(), "6.2#1 5.1#2+6.2#1 5.1#3+6.2#2 5.1#4+7.0#1");
+}
+
 TEST_P(HubOn, DeliversTimeouts) {
   const auto consumer =
       make_consumer(node_, hub_, recorder_, any_of({of_type(kPose), once(1ms, 9)}), {}, GetParam());

@@ -276,6 +276,27 @@ TEST_F(DeviceEvents, OfTwoDevicesAreCorrelatedAndTheirSilenceIsTold) {
   EXPECT_EQ(lines[2], "silence 9");
 }
 
+// A sample that completes a pair comes in it, although the samples are also wanted alone.
+TEST_F(DeviceEvents, ComeAloneAndCorrelatedToOneConsumer) {
+  Listener listener;
+  const auto consumer = subscribe(
+      listener, events::any_of({samples_of(kGaze),
+                                events::correlate({pressed(kArm, 0), samples_of(kGaze)}, 5ms)}));
+  const auto look_at = [&](Duration time) {
+    push_and_await(1, [&] { gaze_->cycle(start_ + time); });
+  };
+  look_at(50ms);
+  push_and_await(2, [&] {
+    arm_->turn_button(0);
+    arm_->cycle(start_ + 100ms);
+  });
+  look_at(103ms);
+  look_at(150ms);
+  EXPECT_EQ(listener.await_lines(3),
+            (std::vector<std::string>{"gaze0 sample 2", "arm0 pressed 0 + gaze0 sample 3",
+                                      "gaze0 sample 4"}));
+}
+
 TEST_F(DeviceEvents, AreLatchedForWhoComesLate) {
   push_and_await(2, [&] {
     arm_->record().is_held = true;

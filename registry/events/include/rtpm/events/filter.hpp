@@ -47,7 +47,7 @@ struct Filter {
   enum class Kind : std::uint8_t {
     kNull,       ///< Accepts every event.
     kMatch,      ///< Accepts by type and source.
-    kAny,        ///< Accepts what any child accepts; delivers what the first of them does.
+    kAny,        ///< Accepts what any child accepts; delivers the largest of their deliveries.
     kAll,        ///< Accepts an event that all children accept.
     kNot,        ///< Accepts the events that its child does not.
     kCorrelate,  ///< Conjunction: delivers one event of each child together.
@@ -105,7 +105,9 @@ inline constexpr std::uint32_t kWholeNumber = 0xffff'ffff;  ///< The mask of all
 [[nodiscard]] inline Filter listed(std::vector<Match> matches) {
   return {.kind = Filter::Kind::kListed, .matches = std::move(matches)};
 }
-/// Accepts what any of `children` accepts.
+/// Accepts what any of `children` accepts. An event that completes a conjunction is delivered in
+/// it, once, also if another child accepts it alone; if it completes several, in the largest of
+/// them, of equal ones in the first. The others start over.
 [[nodiscard]] inline Filter any_of(std::vector<Filter> children) {
   return {.kind = Filter::Kind::kAny, .children = std::move(children)};
 }
