@@ -83,8 +83,47 @@ UnitScale unit_of(const AbsoluteAxis& axis, bool is_accelerometer) {
                                                             : UnitScale{};
 }
 
-void add_analog(Layout& layout, const Capabilities& capabilities, const AbsoluteAxis& axis) {
-  if (layout.analogs.size() == driver::kAnalogCountMax) return;
+void append(std::string& text, std::string_view separator, std::string_view more) {
+  if (!text.empty()) text += separator;
+  text += more;
+}
+
+/// The axes, buttons and effects that are in no channel, for people.
+struct LeftOut {
+  std::string analogs{};  ///< The names of those beyond a sample's.
+  std::string joints{};
+  std::size_t button_count = 0;
+  std::string without_range{};
+  std::size_t touch_axis_count = 0;
+  std::string effects{};
+
+  [[nodiscard]] std::string text(int effect_count) const {
+    std::string text;
+    const auto add = [&](const std::string& what, const std::string& why) {
+      if (!what.empty()) append(text, "; ", what + why);
+    };
+    const auto sample_holds = [](std::size_t count) {
+      return ": a sample holds " + std::to_string(count);
+    };
+    const auto counted = [](std::size_t count, const char* what) {
+      return count == 0 ? std::string() : std::to_string(count) + what;
+    };
+    add(analogs, sample_holds(driver::kAnalogCountMax) + " analogs");
+    add(joints, sample_holds(driver::kJointCountMax) + " joints");
+    add(counted(button_count, " buttons"), sample_holds(driver::kButtonCountMax));
+    add(effects, ": the device keeps " + std::to_string(std::max(effect_count, 0)) + " at a time");
+    add(without_range, ": without a range");
+    add(counted(touch_axis_count, " axes"), " of touch points");
+    return text;
+  }
+};
+
+void add_analog(Layout& layout, const Capabilities& capabilities, const AbsoluteAxis& axis,
+                LeftOut& left_out) {
+  if (layout.analogs.size() == driver::kAnalogCountMax) {
+    append(left_out.analogs, ", ", name_of(EV_ABS, axis.code));
+    return;
+  }
   const auto [unit, scale] = unit_of(axis, capabilities.is_accelerometer);
   const AnalogChannel channel{axis, scale, is_one_sided(capabilities, axis)};
   layout.descriptor.analogs.push_back({.name = name_of(EV_ABS, axis.code),
@@ -106,11 +145,15 @@ void add_wheel(Layout& layout, const AbsoluteAxis& axis, const Scales& scales, b
   layout.joints.push_back({axis.code, scales.wheel_range_rad / span, end_rad, axis});
 }
 
-void add_relative(Layout& layout, const Capabilities& capabilities, const Scales& scales) {
+void add_relative(Layout& layout, const Capabilities& capabilities, const Scales& scales,
+                  LeftOut& left_out) {
   for (const std::uint16_t code : capabilities.relative) {
     // The finer steps of a wheel, stated in addition to its steps.
     if (code == REL_WHEEL_HI_RES || code == REL_HWHEEL_HI_RES || code == REL_MISC) continue;
-    if (layout.joints.size() == driver::kJointCountMax) return;
+    if (layout.joints.size() == driver::kJointCountMax) {
+      append(left_out.joints, ", ", name_of(EV_REL, code));
+      continue;
+    }
     const bool is_straight = code <= REL_Z;
     layout.descriptor.joints.push_back(
         {.name = name_of(EV_REL, code), .unit = is_straight ? "m" : "rad"});
@@ -121,13 +164,15 @@ void add_relative(Layout& layout, const Capabilities& capabilities, const Scales
 }
 
 /// The buttons of joysticks, pads and mice before the keys of keyboards.
-void add_buttons(Layout& layout, const Capabilities& capabilities) {
+void add_buttons(Layout& layout, const Capabilities& capabilities, LeftOut& left_out) {
   std::vector<std::uint16_t> keys = capabilities.keys;
   const auto is_button = [](std::uint16_t code) {
     return (code >= BTN_MISC && code < KEY_OK) || code >= BTN_DPAD_UP;
   };
   std::stable_partition(keys.begin(), keys.end(), is_button);
-  keys.resize(std::min(keys.size(), driver::kButtonCountMax));
+  const std::size_t count = std::min(keys.size(), driver::kButtonCountMax);
+  left_out.button_count = keys.size() - count;
+  keys.resize(count);
   for (const std::uint16_t code : keys)
     layout.descriptor.buttons.push_back(name_of(EV_KEY, code));
   layout.buttons = std::move(keys);
@@ -137,13 +182,18 @@ void add_output(Layout& layout, const char* name) {
   layout.descriptor.outputs.push_back({.name = name, .unit = "1", .low = 0, .high = 1, .safe = 0});
 }
 
-void add_effects(Layout& layout, const Capabilities& capabilities, bool has_motor) {
+void add_effects(Layout& layout, const Capabilities& capabilities, bool has_motor,
+                 LeftOut& left_out) {
   const auto add = [&](std::uint16_t code, EffectKind kind) {
+    if (!has(capabilities.force_feedback, code)) return false;
     const bool fits =
         layout.effects.size() < static_cast<std::size_t>(std::max(capabilities.effect_count, 0));
-    if (!has(capabilities.force_feedback, code) || !fits) return false;
-    layout.effects.push_back(kind);
-    return true;
+    if (fits) {
+      layout.effects.push_back(kind);
+    } else {
+      append(left_out.effects, ", ", name_of(EV_FF, code));
+    }
+    return fits;
   };
   if (has_motor && add(FF_CONSTANT, EffectKind::kConstant)) {
     layout.descriptor.modes.push_back(driver::CommandMode::kJointEffort);
@@ -185,19 +235,26 @@ const AbsoluteAxis* motor_axis(const Capabilities& capabilities) {
 
 Layout make_layout(const Capabilities& capabilities, const Scales& scales) {
   Layout layout;
+  LeftOut left_out;
   layout.descriptor.model = capabilities.name.empty() ? "Linux input device" : capabilities.name;
   const AbsoluteAxis* const motor = motor_axis(capabilities);
   if (motor != nullptr) {
     add_wheel(layout, *motor, scales, has(capabilities.force_feedback, FF_CONSTANT));
   }
   for (const AbsoluteAxis& axis : capabilities.absolute) {
-    const bool is_usable = axis.code < ABS_MT_SLOT && axis.minimum < axis.maximum;
-    const bool is_motor = motor != nullptr && axis.code == motor->code;
-    if (is_usable && !is_motor) add_analog(layout, capabilities, axis);
+    if (motor != nullptr && axis.code == motor->code) continue;
+    if (axis.code >= ABS_MT_SLOT) {
+      ++left_out.touch_axis_count;
+    } else if (axis.minimum >= axis.maximum) {
+      append(left_out.without_range, ", ", name_of(EV_ABS, axis.code));
+    } else {
+      add_analog(layout, capabilities, axis, left_out);
+    }
   }
-  add_relative(layout, capabilities, scales);
-  add_buttons(layout, capabilities);
-  add_effects(layout, capabilities, motor != nullptr);
+  add_relative(layout, capabilities, scales, left_out);
+  add_buttons(layout, capabilities, left_out);
+  add_effects(layout, capabilities, motor != nullptr, left_out);
+  layout.left_out = left_out.text(capabilities.effect_count);
   layout.descriptor.device_class = class_of(layout, motor != nullptr);
   layout.descriptor.rate_hz = motor != nullptr ? 1000 : 250;
   return layout;

@@ -4,10 +4,21 @@
 
 #include "evdev_node.hpp"
 #include "rtpm/device_evdev/evdev_driver.hpp"
+#include "rtpm/device_evdev/layout.hpp"
 #include "rtpm/device_evdev/settings.hpp"
 #include "udev_units.hpp"
 
 namespace rtpm::device_evdev {
+
+namespace {
+
+/// Empty also where this user may not open the device.
+std::string left_out_of(const Unit& unit) {
+  const auto opened = open_node(unit, false);
+  return opened ? make_layout((*opened)->capabilities(), {}).left_out : std::string();
+}
+
+}  // namespace
 
 Access machine_access() {
   Access access;
@@ -39,7 +50,8 @@ std::vector<device_io::FoundDevice> probe() {
                        .node = unit.node,
                        .arguments = "node=" + unit.node,
                        .missing_right = device_io::missing_right(unit.node),
-                       .udev_rule = device_io::udev_rule("input", unit.vendor, unit.product)});
+                       .udev_rule = device_io::udev_rule("input", unit.vendor, unit.product),
+                       .left_out = left_out_of(unit)});
   }
   return devices;
 }

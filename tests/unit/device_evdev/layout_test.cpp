@@ -98,6 +98,30 @@ TEST(EvdevLayout, HasADeadZoneWithoutAJump) {
   EXPECT_EQ(analog_value(stick, std::numeric_limits<std::int32_t>::min()), -1);
 }
 
+TEST(EvdevLayout, NamesWhatIsInNoChannel) {
+  for (const Capabilities& whole : {EvdevModel::pad(), EvdevModel::wheel(), EvdevModel::dial()})
+    EXPECT_EQ(make_layout(whole, {}).left_out, "") << whole.name;
+  Capabilities flight_stick;
+  for (std::uint16_t code = ABS_X; code <= ABS_BRAKE; ++code)
+    flight_stick.absolute.push_back({.code = code, .minimum = 0, .maximum = 255});
+  flight_stick.absolute[2].maximum = 0;
+  for (std::uint16_t code = ABS_MT_SLOT; code <= ABS_MT_TOUCH_MAJOR; ++code)
+    flight_stick.absolute.push_back({.code = code, .minimum = 0, .maximum = 255});
+  for (std::uint16_t code = REL_X; code <= REL_MISC; ++code)
+    flight_stick.relative.push_back(code);
+  for (std::uint16_t code = BTN_TRIGGER_HAPPY; code < BTN_TRIGGER_HAPPY + 19; ++code)
+    flight_stick.keys.push_back(code);
+  flight_stick.force_feedback = {FF_RUMBLE, FF_SPRING, FF_DAMPER};
+  flight_stick.effect_count = 1;
+  const Layout layout = make_layout(flight_stick, {});
+  EXPECT_EQ(layout.left_out,
+            "brake: a sample holds 8 analogs; dial, wheel: a sample holds 8 joints; "
+            "3 buttons: a sample holds 16; spring, damper: the device keeps 1 at a time; "
+            "z: without a range; 2 axes of touch points");
+  EXPECT_EQ(layout.analogs.size(), driver::kAnalogCountMax);
+  EXPECT_EQ(layout.buttons.size(), driver::kButtonCountMax);
+}
+
 TEST(EvdevLayout, SurvivesWhateverADeviceClaims) {
   constexpr std::int32_t kMin = std::numeric_limits<std::int32_t>::min();
   constexpr std::int32_t kMax = std::numeric_limits<std::int32_t>::max();

@@ -63,6 +63,18 @@ TEST_F(EvdevNodeTest, IsFoundByEachWordAndByProbe) {
   EXPECT_EQ(found[0].arguments, "node=/dev/input/event5");
   EXPECT_EQ(found[0].missing_right, "");
   EXPECT_NE(found[0].udev_rule.find("046d"), std::string::npos);
+  EXPECT_EQ(found[0].left_out, "");
+}
+
+TEST_F(EvdevNodeTest, IsProbedWithWhatIsInNoChannel) {
+  Capabilities pad = EvdevModel::pad();
+  for (std::uint16_t code = BTN_TRIGGER_HAPPY; code < BTN_TRIGGER_HAPPY + 7; ++code)
+    pad.keys.push_back(code);
+  pad.absolute.push_back({.code = ABS_MISC, .minimum = 0, .maximum = 255});
+  use(pad, "");
+  const auto found = probe();
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_EQ(found[0].left_out, "misc: a sample holds 8 analogs; 2 buttons: a sample holds 16");
 }
 
 TEST_F(EvdevNodeTest, HasTheKernelsRangesAndReadsItsEvents) {

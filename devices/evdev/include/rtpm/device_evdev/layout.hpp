@@ -46,10 +46,13 @@ struct Layout {
   std::vector<EffectKind> effects{};
   bool has_gain = false;
   bool has_autocenter = false;
+  /// Axes, keys and effects of the device that are in no channel, for people; empty: none.
+  std::string left_out{};
 };
 
 /// The layout of a device: as many axes, keys and effects as a descriptor and the device have
-/// capacity for. Axes without a range are left out, and so are those of touch points.
+/// capacity for. Axes without a range are left out, and so are those of touch points: `left_out`
+/// names them.
 /// @realtime set-up only
 [[nodiscard]] Layout make_layout(const Capabilities& capabilities, const Scales& scales);
 
