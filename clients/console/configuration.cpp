@@ -1,7 +1,6 @@
 #include "configuration.hpp"
 
-#include <algorithm>
-#include <string_view>
+#include <string>
 
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/options/caller_options.hpp"
@@ -29,9 +28,9 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
   options.add("page", configuration.page, "The folder of the page; default: the installed one");
   options.add("recordings", configuration.recordings, "The folder of recordings");
   options.add("read-only", configuration.is_read_only, "Let nobody command anything");
-  options.add("token", configuration.token,
-              "What a URL must have to command; default: a random one. Not on the command line, "
-              "which all users of this host can read: by RTPM_CONSOLE_TOKEN or --config");
+  options.add_secret("token", configuration.token,
+                     "What a URL must have to command; default: a random one",
+                     "a file by --token-file");
   options.add("token-file", configuration.token_file,
               "The file that keeps the token; made with a random one if it is not there");
   options.add("print-token", configuration.prints_token,
@@ -45,14 +44,6 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
         "--address " + configuration.address +
         " is reached by other hosts, and neither the page nor its token is encrypted; use an SSH "
         "tunnel to 127.0.0.1, or give --insecure-lan if you trust all of the network");
-  }
-  const bool is_public = std::any_of(argv + 1, argv + std::max(argc, 1), [](std::string_view text) {
-    return text == "--token" || text.starts_with("--token=");
-  });
-  if (is_public) {
-    return options.usage_error(
-        "--token would show the token to all users of this host, who can read command lines; give "
-        "it in RTPM_CONSOLE_TOKEN, or in a file by --token-file");
   }
   if (!configuration.token.empty() && !configuration.token_file.empty()) {
     return options.usage_error("there are both a token and a --token-file; leave one out");

@@ -45,8 +45,7 @@ void add_options(rtpm::options::Options& options, Configuration& its) {
   options.add("host", its.broker.host, "The broker's name or address");
   options.add("port", its.broker.port, "The broker's port", {1, 65'535});
   options.add("user", its.broker.user, "User at the broker; empty: none");
-  options.add("password", its.broker.password,
-              "The user's password; better as RTPM_EVENT_BRIDGE_PASSWORD");
+  options.add_secret("password", its.broker.password, "The user's password");
   options.add("ca-file", its.broker.ca_file, "Trusted certificates; empty: no TLS");
   options.add("prefix", its.bridge.prefix, "Prefix of topics: PREFIX/TYPE/SOURCE");
   options.add_choice("direction", its.direction, {"both", "to-broker", "from-broker"},

@@ -45,6 +45,12 @@ class Parser {
     const std::string_view flag = argument.substr(0, equals);
     const Setting* const setting = find_setting(flag);
     if (setting == nullptr) return unexpected{unknown_flag(flag)};
+    if (setting->is_secret) {
+      return unexpected{SetupError{std::string(flag) +
+                                   " would show it to all users of this host, who can read command "
+                                   "lines; give it " +
+                                   setting->expected}};
+    }
     std::optional<std::string_view> value;
     if (equals != std::string_view::npos) {
       value = argument.substr(equals + 1);

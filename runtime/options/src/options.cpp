@@ -311,6 +311,11 @@ std::string Options::Impl::help_text(const Verb* verb) const {
   }
   text += "\nOptions:\n";
   for (const Setting& setting : settings) {
+    if (setting.is_secret) {
+      text +=
+          help_row(setting.variable, setting.help + "; also " + setting.key + " = … in the file");
+      continue;
+    }
     const std::string value = setting.is_switch ? "" : " " + setting.placeholder;
     const std::string now = setting.write();
     const bool has_default = !setting.is_switch && !now.empty();
@@ -338,7 +343,9 @@ std::string Options::Impl::dump_text() {
     variables.push_back(setting.variable);
     if (setting.key == kConfigKey) continue;
     text += "\n# " + setting.help + " [" + setting.variable + "] (" + sources[i] + ")\n";
-    text += setting.key + " = " + config_value_text(setting.write()) + "\n";
+    // So the text can be kept and passed on; --config then leaves the secret as it is.
+    text += setting.is_secret ? "# " + setting.key + " = (a secret, not printed)\n"
+                              : setting.key + " = " + config_value_text(setting.write()) + "\n";
   }
   for (char** variable = environ; *variable != nullptr; ++variable) {
     const std::string_view entry = *variable;
@@ -418,6 +425,14 @@ void Options::add_choice(std::string key, std::string& value,
       std::move(key), std::move(help),
       setting_of_choice(
           choices, [&value](std::string_view word) { value = word; }, [&value] { return value; }));
+}
+
+void Options::add_secret(std::string key, std::string& value, std::string help,
+                         const std::string& file) {
+  impl_->add(std::move(key), std::move(help), setting_of(value));
+  Setting& setting = impl_->settings.back();
+  setting.is_secret = true;
+  setting.expected = "in " + setting.variable + ", or in " + file;
 }
 
 void Options::add_positional(std::string name, std::string& value, std::string help,

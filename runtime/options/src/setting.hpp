@@ -20,6 +20,7 @@ struct Setting {
   std::string expected;     ///< What a value must be: "a whole number from 0 to 65535".
   bool is_switch = false;   ///< Its flag means true without a value.
   bool is_list = false;     ///< Its flag may be repeated.
+  bool is_secret = false;   ///< Refused on the command line, and never printed.
   /// Sets the variable from text; false, and no change, if the text is not what is expected.
   std::function<bool(std::string_view)> read{};
   /// The variable as text that `read` takes.

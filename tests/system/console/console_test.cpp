@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <string>
@@ -564,6 +565,18 @@ TEST(ConsoleOptions, ThatAreUnsafeAreRefusedWithTheReason) {
                       {"/nowhere/token", "--token-file"});
   expect_one_sentence(run_program("rtpm-console", {"--address", "300.1.1.1", "--insecure-lan"}), 1,
                       {"300.1.1.1"});
+}
+
+TEST(ConsoleOptions, DoNotPrintTheToken) {
+  const std::string token = "0123456789abcdef";
+  ::setenv("RTPM_CONSOLE_TOKEN", token.c_str(), 1);
+  for (const char* flag : {"--dump-config", "--help"}) {
+    const auto run = run_program("rtpm-console", {flag});
+    EXPECT_EQ(run.exit_code, 0) << run.errors;
+    EXPECT_NE(run.output.find("RTPM_CONSOLE_TOKEN"), std::string::npos) << run.output;
+    EXPECT_EQ(run.output.find(token), std::string::npos) << run.output;
+  }
+  ::unsetenv("RTPM_CONSOLE_TOKEN");
 }
 
 TEST_F(Consoles, SayWhenTheirPortIsTaken) {

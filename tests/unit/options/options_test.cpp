@@ -366,6 +366,41 @@ TEST_F(OptionsTest, DumpsAConfigurationThatReadsBackTheSame) {
   EXPECT_EQ(values_, wanted) << dump.out;
 }
 
+TEST_F(OptionsTest, TakesASecretFromEnvironmentAndFileAndNeverPrintsIt) {
+  std::string secret;
+  const auto with_secret = [&](const std::vector<std::string>& arguments) {
+    secret.clear();
+    return parse_into(values_, arguments, [&](Options& options) {
+      options.add_secret("password", secret, "What the broker asks for");
+    });
+  };
+  set_variable("RTPM_TEST_PASSWORD", "of-the-environment");
+  for (const char* flag : {"--dump-config", "--help"}) {
+    const Outcome outcome = with_secret({flag});
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+    EXPECT_NE(outcome.out.find("RTPM_TEST_PASSWORD"), std::string::npos) << outcome.out;
+    EXPECT_EQ(outcome.out.find("of-the-environment"), std::string::npos) << outcome.out;
+    EXPECT_EQ(outcome.out.find("--password"), std::string::npos) << outcome.out;
+  }
+  const std::string dumped = with_secret({"--dump-config"}).out;
+  EXPECT_EQ(with_secret({"--config", file_with(dumped)}).exit_code, std::nullopt);
+  EXPECT_EQ(secret, "of-the-environment") << "the dump leaves it as it is";
+  unsetenv("RTPM_TEST_PASSWORD");
+  const std::string file = file_with("password = of-the-file\n");
+  EXPECT_EQ(with_secret({"--config", file}).exit_code, std::nullopt);
+  EXPECT_EQ(secret, "of-the-file");
+  EXPECT_EQ(with_secret({"--config", file, "--dump-config"}).out.find("of-the-file"),
+            std::string::npos);
+  for (const std::vector<std::string>& public_arguments :
+       {std::vector<std::string>{"--password", "word"}, {"--password=word"}, {"--password"}}) {
+    const Outcome refused = with_secret(public_arguments);
+    EXPECT_EQ(refused.exit_code, 2);
+    for (const char* words : {"--password would show it", "RTPM_TEST_PASSWORD", "--config"})
+      EXPECT_NE(refused.err.find(words), std::string::npos) << refused.err;
+    EXPECT_EQ(refused.err.find("word;"), std::string::npos) << refused.err;
+  }
+}
+
 TEST_F(OptionsTest, DumpsWhatIsInForceAndWhereItComesFrom) {
   set_variable("RTPM_TEST_GAIN", "0.75");
   const std::string path = file_with("offset = 2\n");

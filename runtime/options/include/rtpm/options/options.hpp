@@ -76,6 +76,11 @@ class Options {
   /// Adds an option that is a time, or "off" for none.
   void add_off_or_time(std::string key, std::optional<Duration>& value, std::string help,
                        Range<Duration> range = {Duration{0}, Duration::max()});
+  /// Adds a secret, such as a password. It comes from the environment or the file, is refused on
+  /// the command line, which all users of the host can read, and is never printed.
+  /// @param file  where else it may stand: "the file of --config"
+  void add_secret(std::string key, std::string& value, std::string help,
+                  const std::string& file = "the file of --config");
   /// Adds a list of names, each with options of its own. parse() calls `add_members` once with
   /// those configured, or else in `names`, and it adds their options. A name has letters, digits,
   /// '.', '_' and '-', at most `size_max` bytes. They differ in more than case and punctuation.
