@@ -1,9 +1,11 @@
 #include <gtest/gtest.h>
 #include <signal.h>
+#include <unistd.h>
 
 #include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <iterator>
 #include <optional>
 #include <string>
@@ -232,6 +234,36 @@ TEST_F(BlockedDriver, InExchangeIsShownAndDoesNotKeepItsServer) {
   EXPECT_NE(sample.find("\"faults\": 1,"), std::string::npos) << "device late: " << sample;
   expect_arm_serves();
   expect_bounded_end();
+}
+
+TEST_F(BlockedDriver, ForAWhileIsLoggedAndShownByItsSuccessRate) {
+  const std::string hold = testing::TempDir() + "rtpm_hold_" + std::to_string(::getpid());
+  serve("hold:" + hold);
+  const auto await_lever = [&](const std::function<bool(double)>& is_so) {
+    const auto give_up = std::chrono::steady_clock::now() + kPatience;
+    double rate = -1;
+    do {
+      const std::string sample = run_tool({"call", "lab/lever", "read"});
+      const std::string_view key = "\"success_rate\": ";
+      const std::size_t at = sample.find(key);
+      if (at != std::string::npos) rate = std::stod(sample.substr(at + key.size()));
+    } while (!is_so(rate) && std::chrono::steady_clock::now() < give_up);
+    EXPECT_TRUE(is_so(rate)) << rate;
+  };
+  await_lever([](double rate) { return rate > 0.9; });
+  std::ofstream(hold).put(' ');
+  EXPECT_TRUE(device_->process.wait_for_errors(
+      "rtpm-deviced: lab/lever: its driver has not returned for 1.", kPatience));
+  await_lever([](double rate) { return rate == 0; });
+  std::filesystem::remove(hold);
+  EXPECT_TRUE(device_->process.wait_for_errors(
+      "rtpm-deviced: lab/lever: its driver has returned, after about ", kPatience));
+  await_lever([](double rate) { return rate > 0.9; });
+  EXPECT_EQ(device_->process.errors().find("lab/arm0: its driver"), std::string::npos);
+  device_->process.send_signal(SIGTERM);
+  const auto end = device_->process.wait(kPatience);
+  ASSERT_TRUE(end);
+  EXPECT_EQ(end->exit_code, 0) << end->errors;
 }
 
 TEST_F(BlockedDriver, InItsFirstExchangeDoesNotKeepOthersFromBeingServed) {

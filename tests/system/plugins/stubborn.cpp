@@ -1,7 +1,8 @@
 // A plug-in that does what its argument says: "exchange", "first" or "configure" block for ever in
 // exchange(), in its first call, or in configure(); "error", "timeless", "buttons" and "describe"
-// are wrong at set-up; "crash:FILE" writes to no memory once FILE is there; "mark:FILE" makes
-// FILE when it is deactivated.
+// are wrong at set-up; "crash:FILE" writes to no memory once FILE is there; "hold:FILE" does not
+// return from exchange() while FILE is there; "mark:FILE" makes FILE when it is deactivated.
+#include <poll.h>
 #include <unistd.h>
 
 #include <fstream>
@@ -40,6 +41,8 @@ class Stubborn final : public Driver {
       unlink(crash_file_);
       crash();
     }
+    while (hold_file_ != nullptr && access(hold_file_, F_OK) == 0)
+      poll(nullptr, 0, /*timeout=*/1);
     if (behaviour_ == "first" || (behaviour_ == "exchange" && exchange_count_ > 100)) block();
     sample.host_time = command.cycle_time;
     return ExchangeStatus::kOk;
@@ -60,12 +63,14 @@ class Stubborn final : public Driver {
     int* volatile nowhere = nullptr;
     *nowhere = 1;
   }
-  static constexpr std::string_view kCrash = "crash:";
+  /// The file of "PREFIX:FILE"; null: it behaves otherwise.
+  [[nodiscard]] const char* file_after(std::string_view prefix) const noexcept {
+    return behaviour_.starts_with(prefix) ? behaviour_.c_str() + prefix.size() : nullptr;
+  }
 
   std::string behaviour_;
-  /// The file of "crash:FILE".
-  const char* crash_file_ =
-      behaviour_.starts_with(kCrash) ? behaviour_.c_str() + kCrash.size() : nullptr;
+  const char* crash_file_ = file_after("crash:");
+  const char* hold_file_ = file_after("hold:");
   int exchange_count_ = 0;
 };
 
