@@ -15,6 +15,7 @@
 
 #include "programs.hpp"
 #include "rtpm/names/directory.hpp"
+#include "rtpm/names/lapsed.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/test/os.hpp"
 
@@ -145,6 +146,50 @@ TEST(NamesStorm, LosesNoAcknowledgedNameAndBringsNoneBackWhenTheRegistryIsKilled
   std::printf("%d rounds, %llu acknowledged changes\n", round_count(),
               static_cast<unsigned long long>(storm.acknowledged_count()));
   EXPECT_GT(storm.acknowledged_count(), 0u);
+  std::filesystem::remove_all(folder);
+}
+
+TEST(LostNames, AreStillLostWhenTheRegistryWasKilledUntilTheyAreDismissed) {
+  std::string folder = (std::filesystem::temp_directory_path() / "rtpm-lost-XXXXXX").string();
+  ASSERT_NE(::mkdtemp(folder.data()), nullptr);
+  std::optional<Daemon> registry;
+  const auto start = [&] {
+    if (registry) {
+      registry->process.send_signal(SIGKILL);
+      ASSERT_TRUE(registry->process.wait(kPatience));
+    }
+    const std::string port = registry ? std::to_string(registry->port()) : "0";
+    registry = start_daemon("rtpm-registryd",
+                            {"--port", port, "--realtime", "off", "--store", folder + "/names.db"});
+    ASSERT_TRUE(registry);
+  };
+  ASSERT_NO_FATAL_FAILURE(start());
+  rpc::Node node{{.wait = {.strategy = rt::WaitStrategy::kBlock}}};
+  const auto lost = [&] {
+    return names::ask_for_lapsed(node, registry->url, rt::now() + kPatience).names;
+  };
+  const names::Claim claim{"lab/arm0", "rtpm://10.0.0.1:1/arm", "lab.Arm", {1, 1}, 1s};
+  const auto bound = names::Directory(node, registry->url).bind(claim);
+  ASSERT_TRUE(bound) << bound.error().text();
+  // Its lease ends while the registry is dead, or when it has just started again.
+  ASSERT_NO_FATAL_FAILURE(start());
+  ASSERT_TRUE(test::await([&] { return !lost().empty(); }));
+  const names::LapsedName before = lost().front();
+  EXPECT_EQ(before.revision, bound->revision);
+
+  ASSERT_NO_FATAL_FAILURE(start());
+  ASSERT_EQ(lost().size(), 1u);
+  const names::LapsedName after = lost().front();
+  EXPECT_EQ(after.name, "lab/arm0");
+  EXPECT_EQ(after.url, "rtpm://10.0.0.1:1/arm");
+  EXPECT_EQ(after.revision, bound->revision);
+  EXPECT_GE(after.lapsed_for, before.lapsed_for) << "since the same time";
+  EXPECT_NE(run_program("rtpm", {"list", "--registry", registry->url}).output.find("LOST"),
+            std::string::npos);
+  EXPECT_TRUE(names::dismiss(node, after));
+
+  ASSERT_NO_FATAL_FAILURE(start());
+  EXPECT_TRUE(lost().empty());
   std::filesystem::remove_all(folder);
 }
 

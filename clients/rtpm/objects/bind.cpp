@@ -1,3 +1,4 @@
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -8,8 +9,10 @@
 #include "objects/entries.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/names/directory.hpp"
+#include "rtpm/names/lapsed.hpp"
 #include "rtpm/names/reachable.hpp"
 #include "rtpm/predicate/value.hpp"
+#include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
 
 // Permanent names: bound and unbound by people, and looked up.
@@ -75,19 +78,23 @@ int bind(Context& context, const BindOptions& wanted) {
 
 /// Ends the record of a name whose server is lost; nullopt: it is not lost.
 std::optional<int> dismiss(Context& context, const std::string& name) {
-  for (const names::LapsedName& each : lost_names(context, {})) {
+  std::optional<std::uint64_t> revision;
+  const auto lost =
+      names::ask_for_lapsed(context.node(), context.registry, rt::now() + kLapsedPatience).names;
+  for (const names::LapsedName& each : lost) {
     if (each.name != name) continue;
     if (const auto dismissed = names::dismiss(context.node(), each); !dismissed) {
       return context.not_reached(dismissed.error());
     }
-    if (context.json) {
-      print_json({{"name", name}, {"revision", each.revision}, {"was_lost", true}});
-    } else {
-      print_line(printable(name) + " was lost, and is dismissed");
-    }
-    return kDone;
+    revision = each.revision;
   }
-  return std::nullopt;
+  if (!revision) return std::nullopt;
+  if (context.json) {
+    print_json({{"name", name}, {"revision", *revision}, {"was_lost", true}});
+  } else {
+    print_line(printable(name) + " was lost, and is dismissed");
+  }
+  return kDone;
 }
 
 int unbind(Context& context, const std::string& name) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <tuple>
 
 #include "cli/table.hpp"
 #include "rtpm/base/printable.hpp"
@@ -14,9 +15,6 @@
 namespace rtpm::tool {
 
 namespace {
-
-/// How long registries may take to list lost names.
-constexpr Duration kLapsedPatience = std::chrono::seconds{1};
 
 Json value_json(const names::PropertyValue& value) {
   return std::visit(
@@ -105,7 +103,11 @@ std::vector<names::LapsedName> lost_names(Context& context,
       return entry.name == each.name && entry.url == each.url;
     });
   });
-  std::ranges::sort(answer.names, {}, &names::LapsedName::name);
+  const auto key = [](const names::LapsedName& each) { return std::tie(each.name, each.revision); };
+  std::ranges::sort(answer.names, {}, key);
+  // Registries that share their names have lost them together.
+  const auto same = std::ranges::unique(answer.names, {}, key);
+  answer.names.erase(same.begin(), same.end());
   return std::move(answer.names);
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <string>
 #include <vector>
 
@@ -32,6 +33,8 @@ void warn_if_stale(Duration stale_for);
 void print_entries(const std::vector<names::NameEntry>& entries, bool as_json,
                    const std::vector<names::LapsedName>& lost = {});
 
+/// How long registries may take to list lost names.
+inline constexpr Duration kLapsedPatience = std::chrono::seconds{1};
 /// Names whose servers are lost, without those that another name service has for the same URL.
 [[nodiscard]] std::vector<names::LapsedName> lost_names(Context& context,
                                                         const std::vector<names::NameEntry>& bound);

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <utility>
 
+#include "base64.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::etcd_store {
@@ -117,7 +118,7 @@ std::optional<std::string> Follow::take(std::size_t endpoint, const std::string&
   }
   if (result->value("canceled", Json()) == true) return "it ended the watch";
   if (result->value("created", Json()) == true) is_created_ = true;
-  if (auto why = take_events(object_at(*result, "events"))) return why;
+  if (auto why = take_events(endpoint, object_at(*result, "events"))) return why;
   // A change may come in several parts.
   if (result->value("fragment", Json()) == true || fragments_.empty()) return std::nullopt;
   revision_ = fragments_.back().revision;
@@ -125,7 +126,23 @@ std::optional<std::string> Follow::take(std::size_t endpoint, const std::string&
   return std::nullopt;
 }
 
-std::optional<std::string> Follow::take_events(const Json& events) {
+// Whether the name went at `revision` because its lease ended: an unbind changes its fence, too.
+expected<bool, GatewayError> Follow::has_lapsed(std::size_t endpoint, const std::string& name,
+                                                std::uint64_t revision) {
+  // The watch has told the revision at this endpoint, so the endpoint has it.
+  const Json request{{"key", to_base64(keys_.fence_of(name))},
+                     {"revision", std::to_string(revision)},
+                     {"serializable", true}};
+  const auto answer = gateway_.ask_at(endpoint, "/v3/kv/range", request, kProbePatience);
+  // It is compacted, so nothing proves an unbind.
+  if (!answer && answer.error().code == GatewayError::kOutOfRange) return true;
+  if (!answer) return unexpected{answer.error()};
+  const Json& fences = object_at(*answer, "kvs");
+  return std::ranges::none_of(
+      fences, [&](const Json& each) { return number_at(each, "mod_revision") == revision; });
+}
+
+std::optional<std::string> Follow::take_events(std::size_t endpoint, const Json& events) {
   const std::string malformed = "its watch tells what is no change of a name";
   for (const Json& event : events) {
     const auto key_value = key_value_of(object_at(event, "kv"));
@@ -135,6 +152,12 @@ std::optional<std::string> Follow::take_events(const Json& events) {
     if (key_value->mod_revision < former) return malformed;
     names::SharedChange change{*name, key_value->mod_revision, std::nullopt};
     if (event.value("type", Json()) == "DELETE") {
+      const auto known = known_.find(*name);
+      if (!known || known->lease > Duration{0}) {
+        const auto lapsed = has_lapsed(endpoint, *name, change.revision);
+        if (!lapsed) return lapsed.error().why;
+        change.has_lapsed = *lapsed;
+      }
       known_.erase(*name);
     } else {
       ReadName read = read_name(*name, *key_value);

@@ -48,7 +48,10 @@ class Follow {
   void run();
   [[nodiscard]] std::string follow_at(std::size_t endpoint);
   [[nodiscard]] std::optional<std::string> take(std::size_t endpoint, const std::string& line);
-  [[nodiscard]] std::optional<std::string> take_events(const Json& events);
+  [[nodiscard]] std::optional<std::string> take_events(std::size_t endpoint, const Json& events);
+  [[nodiscard]] expected<bool, GatewayError> has_lapsed(std::size_t endpoint,
+                                                        const std::string& name,
+                                                        std::uint64_t revision);
   [[nodiscard]] std::optional<std::string> probe(std::size_t endpoint);
   void check_probe();
   [[nodiscard]] std::optional<std::string> check_history();

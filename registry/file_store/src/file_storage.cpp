@@ -7,7 +7,9 @@
 #include "encoding.hpp"
 #include "row.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
+#include "rtpm/rt/utc.hpp"
 
 namespace rtpm::file_store {
 namespace {
@@ -22,6 +24,15 @@ constexpr std::int64_t kSchemaVersion = 1;
 constexpr std::uint64_t kRevisionsPerStart = std::uint64_t{1} << 20;
 /// How many rows are tried behind a damaged page.
 constexpr int kSkippedRowMax = 100'000;
+
+/// Leased names whose lease ended, with when, in nanoseconds since 1970. Made by the first change,
+/// as databases of earlier releases have none.
+constexpr const char* kCreateLapsed =
+    "CREATE TABLE IF NOT EXISTS lapsed(id INTEGER PRIMARY KEY, name TEXT UNIQUE NOT NULL, "
+    "url TEXT NOT NULL, interface TEXT NOT NULL, owner_id INTEGER NOT NULL, "
+    "owner_epoch INTEGER NOT NULL, revision INTEGER NOT NULL, change INTEGER NOT NULL, "
+    "host INTEGER NOT NULL, lease_ns INTEGER NOT NULL, properties BLOB NOT NULL, "
+    "checksum INTEGER NOT NULL, ended_ns INTEGER NOT NULL);";
 
 constexpr const char* kCheckPlace = "check its folder, rights and space";
 constexpr const char* kCreate =
@@ -46,7 +57,10 @@ class FileStorage final : public names::Storage {
     names::StoredContent content;
     if (auto opened = open(content); !opened) return unexpected{std::move(opened.error())};
     if (content.faults.empty()) check_structure(content);
-    if (database_.is_open()) read_names(content);
+    if (database_.is_open()) {
+      read_names(content);
+      read_lapsed(content);
+    }
     const auto revision =
         static_cast<std::uint64_t>(database_.integer_of("SELECT revision FROM facts", 0));
     content.first_revision = revision;
@@ -213,6 +227,28 @@ class FileStorage final : public names::Storage {
     }
   }
 
+  void read_lapsed(names::StoredContent& content) {
+    const std::string sql = "SELECT " + std::string(kColumns) + ", ended_ns FROM lapsed";
+    Statement rows = database_.prepare(sql.c_str());
+    if (!rows) return;  // There is no such table yet.
+    const MonotonicTime now = rt::now();
+    const auto now_ns = static_cast<std::int64_t>(rt::utc_ns(now));
+    int damaged_count = 0;
+    while (rows.step() == SQLITE_ROW) {
+      auto stored = read_row(rows, 0);
+      if (!stored) {
+        ++damaged_count;
+        continue;
+      }
+      const Duration ago{std::max<std::int64_t>(now_ns - rows.integer(kColumnCount), 0)};
+      content.lapsed.push_back({std::move(*stored), now - ago});
+    }
+    if (damaged_count > 0) {
+      content.faults.push_back(std::to_string(damaged_count) + " rows of lost names in " +
+                               printable(path_) + " are damaged, and left out.");
+    }
+  }
+
   // Ends a transaction that failed and that SQLite has not ended itself.
   void roll_back() {
     if (sqlite3_get_autocommit(database_.get()) == 0) {
@@ -241,19 +277,27 @@ class FileStorage final : public names::Storage {
   int note_start() {
     if (is_start_noted_) return SQLITE_DONE;
     const bool is_same_boot = database_.integer_of("SELECT clock FROM facts", 0) == clock();
-    const std::string note =
-        "BEGIN IMMEDIATE; UPDATE facts SET revision = " + std::to_string(first_revision_) +
-        ", clock = " + std::to_string(clock()) +
-        (is_same_boot ? "" : "; DELETE FROM names WHERE lease_ns > 0") + "; COMMIT";
+    const std::string note = "BEGIN IMMEDIATE; " + std::string(kCreateLapsed) +
+                             "UPDATE facts SET revision = " + std::to_string(first_revision_) +
+                             ", clock = " + std::to_string(clock()) +
+                             (is_same_boot ? "" : "; DELETE FROM names WHERE lease_ns > 0") +
+                             "; COMMIT";
     const int result = database_.execute(note.c_str());
-    is_start_noted_ = result == SQLITE_OK;
-    return is_start_noted_ ? SQLITE_DONE : result;
+    if (result != SQLITE_OK) return result;
+    const std::string columns = kColumns;
+    const std::string lapse = "INSERT OR REPLACE INTO lapsed(" + columns + ", ended_ns) SELECT " +
+                              columns + ", ? FROM names WHERE name = ?";
+    lapse_ = database_.prepare(lapse.c_str());
+    dismiss_ = database_.prepare("DELETE FROM lapsed WHERE name = ?");
+    is_start_noted_ = lapse_ && dismiss_;
+    return is_start_noted_ ? SQLITE_DONE : SQLITE_ERROR;
   }
 
   /// SQLITE_DONE or an error.
   int write(const names::StoredChange& change) {
     set_durable(change.is_durable);
     if (const int begun = begin_.run(); begun != SQLITE_DONE) return begun;
+    if (const int kept = write_lapse(change); kept != SQLITE_DONE) return kept;
     int result = SQLITE_DONE;
     if (change.stored != nullptr) {
       const std::string properties = encode(change.stored->properties);
@@ -267,6 +311,17 @@ class FileStorage final : public names::Storage {
     advance_.bind(1, static_cast<std::int64_t>(change.revision));
     if (const int advanced = advance_.run(); advanced != SQLITE_DONE) return advanced;
     return commit_.run();
+  }
+
+  // Keeps a name whose lease ended, before it goes; any other change ends what was kept.
+  int write_lapse(const names::StoredChange& change) {
+    if (!change.lapsed) {
+      dismiss_.bind(1, change.name);
+      return dismiss_.run();
+    }
+    lapse_.bind(1, static_cast<std::int64_t>(rt::utc_ns(*change.lapsed)));
+    lapse_.bind(2, change.name);
+    return lapse_.run();
   }
 
   // Whether a commit waits for the disk.
@@ -300,6 +355,8 @@ class FileStorage final : public names::Storage {
   Statement put_{};
   Statement erase_{};
   Statement advance_{};
+  Statement lapse_{};
+  Statement dismiss_{};
   std::uint64_t first_revision_ = 0;
   bool is_start_noted_ = false;
   bool is_durable_ = false;

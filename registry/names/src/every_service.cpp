@@ -149,6 +149,8 @@ LapsedAnswer ask_for_lapsed(rpc::Node& node, const std::string& where, Monotonic
   inquiry.begin(*scope, where);
   // Every service that could be asked was asked.
   static_cast<void>(inquiry.finish());
+  const bool is_list = scope->is_url() && registries_of(where).size() > 1;
+  if (is_list && !answer.services.empty()) answer.services.push_back(where);
   return answer;
 }
 

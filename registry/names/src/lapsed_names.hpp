@@ -10,8 +10,6 @@
 
 namespace rtpm::names {
 
-struct Record;
-
 /// A name whose lease ended without an unbind.
 struct LapsedRecord {
   std::string name{};
@@ -31,12 +29,13 @@ class LapsedNames {
   /// Limit of one host, so that none displaces those of others.
   static constexpr std::size_t kCountPerHostMax = 256;
 
-  void add(const Record& record);
-  /// The name is bound again.
+  /// @return the name that has given way to it; empty: none
+  std::string add(LapsedRecord record);
   void erase(std::string_view name);
-  /// Erases the name for its owner, or for any caller with the revision of its last holder.
-  /// @return whether it was there and might be
-  bool dismiss(std::string_view name, Owner owner, std::uint64_t holder_revision);
+  /// Whether the name is here and may be dismissed: by its owner, or by any caller with the
+  /// revision of its last holder.
+  [[nodiscard]] bool may_dismiss(std::string_view name, Owner owner,
+                                 std::uint64_t holder_revision) const;
   /// By name.
   [[nodiscard]] const std::map<std::string, LapsedRecord, std::less<>>& all() const noexcept {
     return records_;
@@ -44,7 +43,7 @@ class LapsedNames {
 
  private:
   template <class Fits>
-  void erase_oldest(Fits fits);
+  std::string erase_oldest(Fits fits);
 
   std::map<std::string, LapsedRecord, std::less<>> records_{};
 };

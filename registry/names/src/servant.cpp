@@ -126,6 +126,7 @@ class RegistryServant final : public NamesServant {
         }) {
     if (shared_storage_) store_.share(*shared_storage_, rt::now());
     store_.restore(std::move(content.names), rt::now());
+    store_.restore_lapsed(std::move(content.lapsed));
     for (const std::string& fault : content.faults)
       report_(fault);
   }
@@ -302,9 +303,8 @@ class RegistryServant final : public NamesServant {
     const std::lock_guard lock(mutex_);
     flatbuffers::FlatBufferBuilder& builder = reply.builder();
     const std::string directory(view_of(request.directory()));
-    const bool is_allowed = allows(context, Operation::kList, directory);
-    if (!is_allowed || store_.is_shared()) {
-      const Answer answer = names::answer_of(is_allowed ? Outcome::kNotFound : Outcome::kDenied);
+    if (!allows(context, Operation::kList, directory)) {
+      const Answer answer = names::answer_of(Outcome::kDenied);
       reply.finish(CreateLapsedReply(builder, &answer, 0, true));
       return {};
     }

@@ -138,8 +138,10 @@ expected<void, SharedRefusal> SharedWriter::unbind(std::string_view name, Owner 
     });
     if (!planned) {
       auto refused = confirmed(name, planned.error(), attempt, deadline);
-      if (refused) return unexpected{std::move(*refused)};
-      continue;
+      if (!refused) continue;
+      const auto dismissed = locked([&] { return store_.dismiss(name, owner, holder_revision); });
+      if (dismissed && *dismissed) return {};
+      return unexpected{std::move(*refused)};
     }
     const auto done = storage_.commit(*planned);
     if (done) {

@@ -55,6 +55,22 @@ void Store::restore(std::vector<StoredName> names, MonotonicTime now) {
   }
 }
 
+void Store::restore_lapsed(std::vector<StoredLapse> lapsed) {
+  for (StoredLapse& each : lapsed) {
+    if (!is_sound(each.name) || records_.contains(each.name.name)) continue;
+    keep_as_lapsed(record_of(std::move(each.name), each.ended), each.ended);
+  }
+}
+
+void Store::keep_as_lapsed(const Record& record, MonotonicTime ended) {
+  const std::string displaced = lapsed_.add({record.name, record.url, record.interface,
+                                             record.owner, record.revision, record.host, ended});
+  // A storage that fails has it again after a restart.
+  if (!displaced.empty()) {
+    static_cast<void>(commit({displaced, nullptr, next_revision_, /*is_durable=*/false}));
+  }
+}
+
 Record Store::record_of(StoredName stored, MonotonicTime now) const {
   const Duration lease =
       shared_ != nullptr ? stored.lease : std::min(stored.lease, limits_.first_lease_max);
@@ -200,7 +216,9 @@ expected<void, Refusal> Store::unbind(std::string_view name, Owner owner, Monoto
                                       std::uint64_t holder_revision) {
   const auto found = plan_unbind(name, owner, now, holder_revision);
   if (!found) {
-    if (lapsed_.dismiss(name, owner, holder_revision)) return {};
+    const auto dismissed = dismiss(name, owner, holder_revision);
+    if (!dismissed) return unexpected{dismissed.error()};
+    if (*dismissed) return {};
     return unexpected{found.error()};
   }
   const Record& record = **found;
@@ -210,6 +228,15 @@ expected<void, Refusal> Store::unbind(std::string_view name, Owner owner, Monoto
   next_revision_ = *stored;
   drop(records_.find(name));
   return {};
+}
+
+expected<bool, Refusal> Store::dismiss(std::string_view name, Owner owner,
+                                       std::uint64_t holder_revision) {
+  if (!lapsed_.may_dismiss(name, owner, holder_revision)) return false;
+  const auto stored = commit({name, nullptr, next_revision_, /*is_durable=*/false});
+  if (!stored) return unexpected{stored.error()};
+  lapsed_.erase(name);
+  return true;
 }
 
 void Store::share(const SharedStorage& storage, MonotonicTime now) {
@@ -254,7 +281,10 @@ void Store::apply(SharedChange change, bool is_logged, MonotonicTime now) {
     Record record = record_of(std::move(*change.stored), now);
     if (former && former->revision == record.revision) record.bound = former->bound;
     next = std::make_shared<const Record>(record);
+    lapsed_.erase(record.name);
     insert(std::move(record));
+  } else if (former && !former->is_permanent() && change.has_lapsed) {
+    keep_as_lapsed(*former, now);
   }
   const bool is_same = former && next && former->revision == next->revision &&
                        former->url == next->url && former->interface == next->interface &&
@@ -274,6 +304,7 @@ void Store::apply_all(std::vector<StoredName> names, std::uint64_t revision, Mon
     Record record = record_of(std::move(stored), now);
     const auto known = since.find(record.name + ' ' + std::to_string(record.revision));
     if (known != since.end()) record.bound = known->second;
+    lapsed_.erase(record.name);
     insert(std::move(record));
   }
   next_revision_ = revision + 1;
@@ -310,9 +341,12 @@ void Store::expire(MonotonicTime now) {
     const auto place = records_.find(ends_.begin()->second);
     // A storage that fails does not lengthen a lease. What it still has is leased again after a
     // restart, and ends.
-    static_cast<void>(commit(
-        {place->first, nullptr, next_revision_, /*is_durable=*/false, place->second.change}));
-    lapsed_.add(place->second);
+    const Record& record = place->second;
+    static_cast<void>(commit({.name = record.name,
+                              .revision = next_revision_,
+                              .expected = record.change,
+                              .lapsed = record.expires}));
+    keep_as_lapsed(record, record.expires);
     drop(place);
   }
 }

@@ -91,6 +91,11 @@ class Store {
   /// From now on a shared storage ends the leases, and apply() has all changes.
   void share(const SharedStorage& storage, MonotonicTime now);
   [[nodiscard]] bool is_shared() const noexcept { return shared_ != nullptr; }
+  /// Ends the record of a lapsed name for its owner, or for any caller with the revision of its
+  /// last holder. Whether it was there and might be.
+  /// @errors   of the storage
+  [[nodiscard]] expected<bool, Refusal> dismiss(std::string_view name, Owner owner,
+                                                std::uint64_t holder_revision);
   /// What a shared storage has told. Of several changes with one revision the log knows nothing.
   void apply(std::vector<SharedChange> changes, MonotonicTime now);
   /// The full content of a shared storage, in place of what was here.
@@ -120,6 +125,8 @@ class Store {
   /// Binds what a storage had, before anything else, whatever the limits are. Leased names get a
   /// lease as for a first bind, so that their owners have the time to renew them.
   void restore(std::vector<StoredName> names, MonotonicTime now);
+  /// What a storage had as lapsed, behind restore().
+  void restore_lapsed(std::vector<StoredLapse> lapsed);
   /// Why the last change that was refused with kReadOnly, kStorageFull or kNotStored was, in words.
   [[nodiscard]] const std::string& storage_trouble() const noexcept { return storage_trouble_; }
 
@@ -167,8 +174,8 @@ class Store {
     return index_;
   }
 
-  /// Names whose lease ended without an unbind; drops expired ones first. Of a shared storage,
-  /// which does not tell them from others, there are none.
+  /// Names whose lease ended without an unbind; drops expired ones first. Of a shared storage these
+  /// are the ones that were told since the start.
   [[nodiscard]] const LapsedNames& lapsed(MonotonicTime now) {
     expire(now);
     return lapsed_;
@@ -211,6 +218,7 @@ class Store {
  private:
   using Records = std::map<std::string, Record, std::less<>>;
 
+  void keep_as_lapsed(const Record& record, MonotonicTime ended);
   /// Logs that the name has gone.
   void drop(Records::iterator place);
   void erase(Records::iterator place);

@@ -116,6 +116,8 @@ class Shared : public testing::Test {
   }
 
   std::string url_{};
+  Followed told_{};  ///< Both outlive the storages that tell them.
+  Followed told_second_{};
   std::unique_ptr<SharedStorage> first_{};
   std::unique_ptr<SharedStorage> second_{};
 };
@@ -170,11 +172,9 @@ TEST_F(Shared, BringsNoNameBackByALateRequest) {
 
 TEST_F(Shared, TellsChangesInOneOrderAndWhenAllAreTold) {
   const std::uint64_t seen = revision_now(*first_);
-  Followed by_first;
-  Followed by_second;
   static_cast<void>(revision_now(*second_));
-  ASSERT_TRUE(first_->follow(by_first));
-  ASSERT_TRUE(second_->follow(by_second));
+  ASSERT_TRUE(first_->follow(told_));
+  ASSERT_TRUE(second_->follow(told_second_));
   constexpr int kCount = 20;
   const auto change = [&](SharedStorage& storage, const std::string& prefix) {
     for (int i = 0; i < kCount; ++i)
@@ -183,8 +183,8 @@ TEST_F(Shared, TellsChangesInOneOrderAndWhenAllAreTold) {
   std::thread other([&] { change(*second_, "b/n"); });
   change(*first_, "a/n");
   other.join();
-  const auto told = by_first.wait_for(2 * kCount);
-  const auto same = by_second.wait_for(2 * kCount);
+  const auto told = told_.wait_for(2 * kCount);
+  const auto same = told_second_.wait_for(2 * kCount);
   ASSERT_EQ(told.size(), std::size_t{2 * kCount});
   ASSERT_EQ(same.size(), told.size());
   for (std::size_t i = 0; i < told.size(); ++i) {
@@ -194,26 +194,43 @@ TEST_F(Shared, TellsChangesInOneOrderAndWhenAllAreTold) {
     EXPECT_EQ(told[i].stored->revision, told[i].revision) << "the holder's";
     EXPECT_TRUE(i == 0 || told[i].revision > told[i - 1].revision);
   }
-  EXPECT_TRUE(by_first.is_current_since(rt::now()));
+  EXPECT_TRUE(told_.is_current_since(rt::now()));
 }
 
 TEST_F(Shared, EndsTheLeaseOfANameThatNoRegistryRenews) {
   const std::uint64_t seen = revision_now(*first_);
-  Followed told;
-  ASSERT_TRUE(first_->follow(told));
+  ASSERT_TRUE(first_->follow(told_));
   const auto bound = put(*first_, "lab/arm0", seen, 0, 100ms);
   ASSERT_TRUE(bound);
-  ASSERT_EQ(told.wait_for(1).size(), 1u);
+  ASSERT_EQ(told_.wait_for(1).size(), 1u);
   // A registry that came later renews, too.
   static_cast<void>(revision_now(*second_));
   const auto renewed = second_->renew("lab/arm0", *bound, kNever);
   EXPECT_TRUE(renewed) << renewed.error().text();
   EXPECT_EQ(second_->renew("lab/arm0", *bound + 1, kNever).error().kind, Kind::kConflict);
   EXPECT_GE(first_->stay_of(100ms), 2s);
-  const auto changes = told.wait_for(2);
+  const auto changes = told_.wait_for(2);
   ASSERT_EQ(changes.size(), 2u);
   EXPECT_FALSE(changes[1].stored);
+  EXPECT_TRUE(changes[1].has_lapsed);
   EXPECT_EQ(first_->renew("lab/arm0", *bound, kNever).error().kind, Kind::kConflict);
+}
+
+TEST_F(Shared, TellsThatANameWasUnbound) {
+  const std::uint64_t seen = revision_now(*first_);
+  ASSERT_TRUE(first_->follow(told_));
+  const auto bound = put(*first_, "lab/arm0", seen, 0, 10s);
+  ASSERT_TRUE(bound);
+  ASSERT_EQ(told_.wait_for(1).size(), 1u);
+  ASSERT_TRUE(first_->commit({"lab/arm0", nullptr, *bound + 1, false, *bound}));
+  // A later unbind of the same name changes the fence once more.
+  const auto again = put(*first_, "lab/arm0", *bound + 1, 0, 10s);
+  ASSERT_TRUE(again) << again.error().text();
+  ASSERT_TRUE(first_->commit({"lab/arm0", nullptr, *again + 1, false, *again}));
+  const auto changes = told_.wait_for(4);
+  ASSERT_EQ(changes.size(), 4u);
+  EXPECT_FALSE(changes[1].has_lapsed);
+  EXPECT_FALSE(changes[3].has_lapsed);
 }
 
 /// A registry's storage in an etcd that is restored from a backup.

@@ -13,6 +13,7 @@
 #include "rtpm/file_store/file_storage.hpp"
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/names/directory.hpp"
+#include "rtpm/names/lapsed.hpp"
 #include "rtpm/names/servant.hpp"
 #include "rtpm/names/watch.hpp"
 #include "rtpm/rpc/server.hpp"
@@ -193,6 +194,34 @@ TEST_P(EveryStorage, EndsALeaseThatNobodyRenews) {
   // Another owner gets it then, and its former one does not renew it any more.
   ASSERT_TRUE(directory_->bind(leased("lab/left", kOther)));
   EXPECT_EQ(outcome_of(directory_->renew("lab/left", kOwner, 2s)), Outcome::kNotOwner);
+}
+
+TEST_P(EveryStorage, KeepsANameWhoseLeaseEndedAsLostUntilItIsBoundOrDismissed) {
+  const auto lost = [&] {
+    return names::ask_for_lapsed(node_, server_->url(names::kRegistryPath), rt::now() + 5s).names;
+  };
+  const auto lost_count = [&] { return lost().size(); };
+  for (const char* name : {"lab/left", "lab/back", "lab/ended"})
+    ASSERT_TRUE(directory_->bind(leased(name)));
+  const auto bound = directory_->resolve("lab/left");
+  ASSERT_TRUE(directory_->unbind("lab/ended", kOwner));
+  EXPECT_TRUE(test::await([&] { return lost_count() == 2; }));
+  ASSERT_TRUE(directory_->bind(permanent("lab/back")));
+  ASSERT_EQ(lost_count(), 1u) << "lab/ended was unbound, lab/back is bound again";
+  // etcd does not keep them for registries that start.
+  if (std::string_view(GetParam()) == "file") restart();
+  ASSERT_EQ(lost_count(), 1u);
+  const names::LapsedName left = lost().front();
+  EXPECT_EQ(left.name, "lab/left");
+  EXPECT_EQ(left.url, kUrl);
+  EXPECT_EQ(left.interface, "lab.Arm");
+  EXPECT_EQ(left.revision, bound->revision);
+  EXPECT_GE(left.lapsed_for, Duration{0});
+  EXPECT_EQ(outcome_of(directory_->unbind("lab/left", kOther)), Outcome::kNotFound);
+  EXPECT_TRUE(names::dismiss(node_, left));
+  EXPECT_EQ(lost_count(), 0u);
+  if (std::string_view(GetParam()) == "file") restart();
+  EXPECT_EQ(lost_count(), 0u);
 }
 
 TEST_P(EveryStorage, TellsWatchersEveryChangeInOrder) {

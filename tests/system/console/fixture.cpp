@@ -151,6 +151,11 @@ std::optional<std::string> ConsoleClient::call_as(const std::string& service,
     failure = "there is no service " + service;
     return std::nullopt;
   }
+  return take_answer(send_call(service, encoding, payload), failure);
+}
+
+std::uint32_t ConsoleClient::send_call(const std::string& service, const std::string& encoding,
+                                       const std::string& payload) {
   const std::uint32_t call = ++last_call_;
   std::string frame(13 + encoding.size() + payload.size(), '\0');
   ByteWriter writer(std::as_writable_bytes(std::span(frame)));
@@ -161,6 +166,10 @@ std::optional<std::string> ConsoleClient::call_as(const std::string& service,
   writer.put_bytes(std::as_bytes(std::span(encoding)));
   writer.put_bytes(std::as_bytes(std::span(payload)));
   web_.send_binary(frame);
+  return call;
+}
+
+std::optional<std::string> ConsoleClient::take_answer(std::uint32_t call, std::string& failure) {
   if (!read_until([&] { return answers_.contains(call); })) {
     failure = "no answer";
     return std::nullopt;
@@ -174,6 +183,17 @@ std::optional<std::string> ConsoleClient::call_as(const std::string& service,
 Json ConsoleClient::call(const std::string& service, const Json& request) {
   std::string failure;
   const auto answer = call_as(service, "json", request.dump(), failure);
+  return answer ? Json::parse(*answer, nullptr, false) : Json{{"failure", failure}};
+}
+
+std::uint32_t ConsoleClient::begin_call(const std::string& service, const Json& request) {
+  EXPECT_TRUE(await_service(service)) << service;
+  return send_call(service, "json", request.dump());
+}
+
+Json ConsoleClient::answer_of(std::uint32_t call) {
+  std::string failure;
+  const auto answer = take_answer(call, failure);
   return answer ? Json::parse(*answer, nullptr, false) : Json{{"failure", failure}};
 }
 
@@ -225,12 +245,16 @@ void ConsoleSystem::SetUp() {
   folder_ = testing::TempDir() + "rtpm_console_" + std::to_string(::getpid());
   std::filesystem::create_directories(folder_ + "/page");
   std::filesystem::create_directories(folder_ + "/recordings");
-  registry_ = start_daemon("rtpm-registryd", {"--port", "0", "--realtime", realtime_});
-  ASSERT_TRUE(registry_);
+  ASSERT_TRUE(start_registry());
   devices_ = start_devices();
   ASSERT_TRUE(devices_);
   console_ = start_console(console_arguments());
   ASSERT_TRUE(console_);
+}
+
+bool ConsoleSystem::start_registry() {
+  registry_ = start_daemon("rtpm-registryd", {"--port", "0", "--realtime", realtime_});
+  return registry_.has_value();
 }
 
 void ConsoleSystem::TearDown() {

@@ -67,6 +67,12 @@ class ConsoleClient {
   /// The answer to a call whose request need not be JSON; nothing if it failed.
   [[nodiscard]] std::optional<std::string> call_text(const std::string& service,
                                                      const std::string& request);
+  /// Sends a request without waiting for its answer; the call's number for answer_of().
+  [[nodiscard]] std::uint32_t begin_call(const std::string& service, const Json& request);
+  /// The answer as of call(); the test fails if none comes.
+  [[nodiscard]] Json answer_of(std::uint32_t call);
+  /// Takes the next frame, if one comes in time; false: none did.
+  bool read_one(Duration patience);
   /// The bytes that a call with the encoding flatbuffer answers.
   [[nodiscard]] std::optional<std::string> call_bytes(const std::string& service,
                                                       const std::string& payload);
@@ -81,7 +87,10 @@ class ConsoleClient {
                                                    const std::string& encoding,
                                                    const std::string& payload,
                                                    std::string& failure);
-  [[nodiscard]] bool read_one(Duration patience);
+  /// Of an advertised service.
+  [[nodiscard]] std::uint32_t send_call(const std::string& service, const std::string& encoding,
+                                        const std::string& payload);
+  [[nodiscard]] std::optional<std::string> take_answer(std::uint32_t call, std::string& failure);
   void take_text(const Json& text);
   void take_binary(const std::string& bytes);
 
@@ -103,6 +112,8 @@ class ConsoleSystem : public testing::Test {
  protected:
   void SetUp() override;
   void TearDown() override;
+  /// Starts `registry_`, whose URL may be a list; false: the test has failed.
+  [[nodiscard]] virtual bool start_registry();
   [[nodiscard]] std::vector<std::string> console_arguments() const;
   [[nodiscard]] std::optional<Daemon> start_devices(std::uint16_t port = 0) const;
   [[nodiscard]] std::unique_ptr<ConsoleClient> connect() const;

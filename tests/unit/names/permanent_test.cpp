@@ -41,19 +41,28 @@ class CountingStorage final : public Storage {
     StoredContent content{.first_revision = 100};
     for (const auto& [name, stored] : names)
       content.names.push_back(stored);
+    for (const auto& [name, lapse] : lapsed)
+      content.lapsed.push_back(lapse);
     return content;
   }
   expected<std::uint64_t, StorageError> commit(const StoredChange& change) override {
     if (failure) return unexpected{StorageError{{"the disk has a fault"}, *failure}};
     ++(change.is_durable ? durable_count : other_count);
-    if (change.stored != nullptr) {
-      names.insert_or_assign(std::string(change.name), *change.stored);
+    const std::string name(change.name);
+    if (change.lapsed) {
+      lapsed.insert_or_assign(name, StoredLapse{names.at(name), *change.lapsed});
     } else {
-      names.erase(std::string(change.name));
+      lapsed.erase(name);
+    }
+    if (change.stored != nullptr) {
+      names.insert_or_assign(name, *change.stored);
+    } else {
+      names.erase(name);
     }
     return change.revision;
   }
   std::map<std::string, StoredName> names{};
+  std::map<std::string, StoredLapse> lapsed{};
   std::optional<StorageError::Kind> failure{};
   int durable_count = 0;
   int other_count = 0;
@@ -147,6 +156,45 @@ TEST(Stored, ComesBackAndLeasedNamesHaveTheTimeToBeRenewed) {
   EXPECT_GT(store.bind(permanent("lab/arm2"), at(63s))->revision, 100u);
 }
 
+TEST(Stored, KeepsLapsedNamesUntilTheyAreBoundOrDismissed) {
+  CountingStorage storage;
+  {
+    Store store({}, 1, &storage);
+    ASSERT_TRUE(store.bind(leased("lab/arm0"), at(0s)));
+    ASSERT_TRUE(store.bind(leased("lab/arm1"), at(0s)));
+    store.expire(at(10s));
+    EXPECT_EQ(storage.lapsed.size(), 2u);
+    EXPECT_EQ(storage.lapsed.at("lab/arm1").ended, at(2s));
+  }
+  auto content = storage.load();
+  Store store({}, content->first_revision, &storage);
+  store.restore(std::move(content->names), at(60s));
+  store.restore_lapsed(std::move(content->lapsed));
+  EXPECT_EQ(store.lapsed(at(60s)).all().size(), 2u);
+  EXPECT_EQ(store.lapsed(at(60s)).all().at("lab/arm1").ended, at(2s));
+  ASSERT_TRUE(store.bind(leased("lab/arm0"), at(60s)));
+  EXPECT_EQ(storage.lapsed.size(), 1u);
+  storage.failure = StorageError::Kind::kReadOnly;
+  EXPECT_EQ(outcome_of(store.unbind("lab/arm1", kOwner, at(60s))), Outcome::kReadOnly);
+  EXPECT_EQ(store.lapsed(at(60s)).all().size(), 1u);
+  storage.failure.reset();
+  EXPECT_EQ(outcome_of(store.unbind("lab/arm1", kOwner, at(60s))), Outcome::kDone);
+  EXPECT_TRUE(storage.lapsed.empty());
+  EXPECT_TRUE(store.lapsed(at(60s)).all().empty());
+}
+
+TEST(Stored, KeepsNoMoreLapsedNamesThanTheRegistry) {
+  CountingStorage storage;
+  Store store({}, 1, &storage);
+  for (std::size_t i = 0; i < LapsedNames::kCountPerHostMax + 10; ++i) {
+    ASSERT_TRUE(store.bind(leased("noisy/" + std::to_string(i)), at(3s * i)));
+    store.expire(at(3s * i + 2s));
+  }
+  EXPECT_EQ(storage.lapsed.size(), LapsedNames::kCountPerHostMax);
+  EXPECT_FALSE(storage.lapsed.contains("noisy/9"));
+  EXPECT_TRUE(storage.lapsed.contains("noisy/10"));
+}
+
 // ---- what a shared storage tells ----------------------------------------------------------
 
 SharedChange told(std::string name, std::uint64_t revision, std::uint64_t holder = 0) {
@@ -170,6 +218,25 @@ TEST(Told, ChangesAreHereUnderTheRevisionsOfTheStorage) {
   EXPECT_EQ(store.log().count_after(9), 3u);
   EXPECT_EQ(store.log().restart_count(), 0u);
   EXPECT_EQ(store.next_revision(), 19u);
+}
+
+TEST(Told, LeasedNamesThatGoWithoutAnUnbindAreLapsed) {
+  Store store({}, 10);
+  const auto leased_one = [](const char* name, std::uint64_t revision) {
+    SharedChange change = told(name, revision);
+    change.stored->lease = 2s;
+    return change;
+  };
+  store.apply({leased_one("lab/lost", 12), leased_one("lab/ended", 13), told("lab/kept", 14)},
+              at(0s));
+  store.apply({{"lab/lost", 15, std::nullopt, true},
+               {"lab/ended", 16, std::nullopt, false},
+               {"lab/kept", 17, std::nullopt, true}},
+              at(5s));
+  ASSERT_EQ(store.lapsed(at(5s)).all().size(), 1u);
+  EXPECT_EQ(store.lapsed(at(5s)).all().at("lab/lost").ended, at(5s));
+  store.apply({leased_one("lab/lost", 18)}, at(6s));
+  EXPECT_TRUE(store.lapsed(at(6s)).all().empty());
 }
 
 TEST(Told, ChangesWithOneRevisionAreNotToldOneByOne) {

@@ -24,13 +24,13 @@ struct LapsedName {
 /// The lapsed names that registries know.
 struct LapsedAnswer {
   std::vector<LapsedName> names{};
-  /// The registries that keep such names and answered: a name that one of them had, and has neither
-  /// bound nor here, was unbound.
+  /// The registries that answered, and the scope if it is a list of which one did: a name that one
+  /// of them had, and has neither bound nor here, was unbound.
   std::vector<std::string> services{};
 };
 
 /// Asks every registry of a scope for its lapsed names, as ask_every_service() does. A registry
-/// keeps them from its start on, one with a shared storage not at all.
+/// with a database of its own keeps them there, any other from its start on.
 /// @threads  any
 /// @realtime set-up only; blocks, until `deadline` at most
 [[nodiscard]] LapsedAnswer ask_for_lapsed(rpc::Node& node, const std::string& where,

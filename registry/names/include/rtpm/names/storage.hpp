@@ -36,9 +36,16 @@ struct StoredName {
 /// the discard prefix 100::/64 (RFC 6666), which no host has.
 inline constexpr std::uint64_t kLoopbackElsewhere = 0x0100'0000'0000'0000;
 
+/// A leased name whose lease ended without an unbind.
+struct StoredLapse {
+  StoredName name{};
+  MonotonicTime ended{};
+};
+
 /// What a registry finds when it starts.
 struct StoredContent {
   std::vector<StoredName> names{};
+  std::vector<StoredLapse> lapsed{};
   /// Every revision that was ever used is below it.
   std::uint64_t first_revision = 1;
   /// The lost parts, and why nothing can be changed now; empty: all is sound. A sentence each.
@@ -71,6 +78,9 @@ struct StoredChange {
   /// change if that is not so any more.
   std::uint64_t expected = 0;
   MonotonicTime deadline = kNever;  ///< Of a shared one.
+  /// When the lease of a name that goes ended, of one whose lease did: a storage that is not shared
+  /// keeps it as lapsed until the next change of the name.
+  std::optional<MonotonicTime> lapsed{};
 };
 
 /// Where a registry keeps its names. The registry has them in memory, too, and asks its storage
@@ -97,6 +107,7 @@ struct SharedChange {
   std::string name{};
   std::uint64_t revision = 0;
   std::optional<StoredName> stored{};  ///< nullopt: it has gone.
+  bool has_lapsed = false;             ///< It has gone without an unbind.
 };
 
 /// A storage that several registries have at once. It orders their changes by revisions of its own,
