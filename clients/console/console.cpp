@@ -184,12 +184,12 @@ void Console::on_open(Connection& connection) {
   }
 }
 
-void Console::on_close(Connection& connection) {
+void Console::on_close(Connection& connection, MonotonicTime since) {
   const std::uint64_t id = connection.id();
   if (Client* const client = clients_.find(id)) channels_.remove_client(*client);
   clients_.remove(id);
   hub_.end_log(id);
-  desk_.on_close(id, rt::now());
+  desk_.on_close(id, since);
 }
 
 void Console::on_text(Connection& connection, std::string_view text) {

@@ -50,7 +50,7 @@ class Console final : public ConnectionHandler {
   void on_open(Connection& connection) override;
   void on_text(Connection& connection, std::string_view text) override;
   void on_binary(Connection& connection, ConstBytes bytes) override;
-  void on_close(Connection& connection) override;
+  void on_close(Connection& connection, MonotonicTime since) override;
 
  private:
   [[nodiscard]] expected<void, SetupError> start_threads();

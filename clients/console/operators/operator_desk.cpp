@@ -16,7 +16,7 @@ using gvd::DeviceOutcome;
 constexpr Duration kEffectPatience = std::chrono::milliseconds{500};
 constexpr Duration kEffectInterval = std::chrono::milliseconds{5};
 /// A connection without a close frame is seen to have ended so much later at most.
-constexpr Duration kNoticeMax = std::chrono::seconds{15};
+constexpr Duration kNoticeMax = std::chrono::seconds{7};
 using HolderMethod = expected<device::Outcome, rpc::CallError> (device::DeviceClient::*)(
     const device::Holder&, const rpc::CallOptions&) noexcept;
 using OperatorStep = std::function<DeviceError(DeviceLink&)>;
@@ -192,13 +192,13 @@ void OperatorDesk::on_open(std::uint64_t connection_id, MonotonicTime now) {
   }
 }
 
-void OperatorDesk::on_close(std::uint64_t connection_id, MonotonicTime now) {
+void OperatorDesk::on_close(std::uint64_t connection_id, MonotonicTime since) {
   browsers_.erase(connection_id);
-  Operator next{connection_id, now};
+  Operator next{connection_id, since};
   // A page that is loaded again may come before its former connection is seen to have ended.
   if (!browsers_.empty()) {
-    const auto& [newest, since] = *browsers_.rbegin();
-    if (newest > connection_id && now - since <= kNoticeMax) next = {newest};
+    const auto& [newest, came] = *browsers_.rbegin();
+    if (newest > connection_id && rt::now() - came <= kNoticeMax) next = {newest};
   }
   for (auto& [device, browser] : operators_) {
     if (browser.connection_id == connection_id) browser = next;

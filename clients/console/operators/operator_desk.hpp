@@ -48,7 +48,8 @@ class OperatorDesk {
   /// operated.
   void on_open(std::uint64_t connection_id, MonotonicTime now);
   /// The browser has kGoneMax to come back, or had before its end was noticed.
-  void on_close(std::uint64_t connection_id, MonotonicTime now);
+  /// @param since  when it ended or was heard last
+  void on_close(std::uint64_t connection_id, MonotonicTime since);
   /// How long the console goes on holding the device's lease, of which the browser is gone;
   /// nullopt: the browser is there, or none operates the device.
   [[nodiscard]] std::optional<Duration> left(const std::string& device, MonotonicTime now) const;

@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "rtpm/base/bytes.hpp"
+#include "rtpm/base/time.hpp"
 #include "web/send_queue.hpp"
 
 namespace rtpm::console {
@@ -58,7 +59,8 @@ class ConnectionHandler {
   virtual void on_text(Connection& connection, std::string_view text) = 0;
   virtual void on_binary(Connection& connection, ConstBytes bytes) = 0;
   /// The connection is gone when this returns.
-  virtual void on_close(Connection& connection) = 0;
+  /// @param since  when it ended; of a silent one when it was heard last
+  virtual void on_close(Connection& connection, MonotonicTime since) = 0;
 };
 
 }  // namespace rtpm::console

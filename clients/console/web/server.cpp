@@ -36,8 +36,9 @@ using beast::error_code;
 /// Of reading a request's head, and of writing a response.
 constexpr auto kRequestTime = std::chrono::seconds{5};
 constexpr auto kResponseTime = std::chrono::seconds{20};
-/// A client that has not been heard for half of it is pinged, for all of it dropped.
-constexpr auto kSilenceMax = std::chrono::seconds{10};
+/// A client that has not been heard for half of it is pinged, for all of it dropped: no operator
+/// who is gone holds a lease for longer than OperatorDesk::kGoneMax.
+constexpr auto kSilenceMax = std::chrono::seconds{5};
 constexpr auto kHandshakeTime = std::chrono::seconds{5};
 constexpr auto kAcceptRetry = std::chrono::milliseconds{100};
 constexpr auto kEndTime = std::chrono::milliseconds{500};
@@ -156,6 +157,8 @@ class WebSocketSession final : public Connection,
           response.set(http::field::sec_websocket_protocol, subprotocol);
           response.set(http::field::server, "rtpm-console");
         }));
+    socket_.control_callback(
+        [this](websocket::frame_type, beast::string_view) { last_heard_ = rt::now(); });
     socket_.read_message_max(has_token_ ? kFrameSizeMax : kObserverFrameSizeMax);
     socket_.auto_fragment(false);
     socket_.async_accept(request, [self = shared_from_this()](error_code error) {
@@ -187,7 +190,7 @@ class WebSocketSession final : public Connection,
   }
   void close(CloseCode code, std::string_view reason) override {
     if (!is_open_) return;
-    end();
+    end(rt::now());
     close_reason_.emplace(static_cast<websocket::close_code>(code));
     close_reason_->reason.assign(reason.data(), std::min<std::size_t>(reason.size(), 120));
     // Behind what was sent before, which may say why.
@@ -204,24 +207,26 @@ class WebSocketSession final : public Connection,
   }
 
   void drop() {
-    end();
+    end(rt::now());
     beast::get_lowest_layer(socket_).close();
   }
 
   void open() {
     is_open_ = true;
+    last_heard_ = rt::now();
     server_.sessions.insert(this);
     server_.handler.on_open(*this);
     read();
   }
 
   /// The handler hears the end once, whatever caused it.
-  void end() {
+  void end(MonotonicTime since) {
     if (!is_open_) return;
     is_open_ = false;
     server_.sessions.erase(this);
-    server_.handler.on_close(*this);
+    server_.handler.on_close(*this, since);
   }
+  void end(error_code error) { end(error == beast::error::timeout ? last_heard_ : rt::now()); }
 
   void send_control(OutgoingFrame frame) {
     if (!is_open_) return;
@@ -236,7 +241,8 @@ class WebSocketSession final : public Connection,
   }
 
   void take(error_code error) {
-    if (error) return end();
+    if (error) return end(error);
+    last_heard_ = rt::now();
     const auto data = buffer_.cdata();
     if (is_open_ && socket_.got_text()) {
       server_.handler.on_text(*this, {static_cast<const char*>(data.data()), data.size()});
@@ -274,7 +280,7 @@ class WebSocketSession final : public Connection,
     socket_.async_write(buffers, [self = shared_from_this()](error_code error, std::size_t) {
       self->is_writing_ = false;
       self->sending_ = {};
-      if (error) return self->end();
+      if (error) return self->end(error);
       if (self->is_open_ || self->close_reason_) self->write();
     });
   }
@@ -289,6 +295,7 @@ class WebSocketSession final : public Connection,
   bool has_token_;
   bool has_wrong_token_;
   FrameBudget budget_{};
+  MonotonicTime last_heard_{};  ///< When a frame arrived last, an answer to a ping included.
   bool is_open_ = false;
   bool is_writing_ = false;
   std::optional<websocket::close_reason> close_reason_{};  ///< Sent when nothing else waits.

@@ -246,6 +246,24 @@ TEST_F(Consoles, GoOnHoldingALeaseForABrowserThatLoadsThePageAgain) {
   EXPECT_EQ(again->call("console/release", {{"device", "lab/arm0"}}), Json({{"ok", true}}));
 }
 
+TEST_F(Consoles, ReleaseWhatASilentBrowserOperatedAfterFiveSecondsInAll) {
+  const auto watcher = connect_to_arm();
+  const auto is_held = [](const Json& state) {
+    return device_in(state, "lab/arm0")["lease"]["state"] == "held by this console";
+  };
+  // From now on it answers no ping, and its connection stays open.
+  const auto silent = connect();
+  ASSERT_EQ(silent->call("console/take_over", {{"device", "lab/arm0"}}), Json({{"ok", true}}));
+  static_cast<void>(watcher->await_state(is_held));
+  int count = 0;
+  static_cast<void>(watcher->await_state([&](const Json& state) {
+    ++count;
+    return !is_held(state) && state["clients"]["count"] == 1;
+  }));
+  // The console publishes four states per second.
+  EXPECT_LT(count, 32);
+}
+
 TEST_F(Consoles, ReleaseWhatABrowserOperatedWhenItHasBeenGoneForFiveSeconds) {
   const auto watcher = connect_to_arm();
   {
