@@ -1,8 +1,10 @@
 #include <gtest/gtest.h>
+#include <zstd.h>
 
 #include <atomic>
 #include <chrono>
 #include <cstdio>
+#include <fstream>
 #include <functional>
 #include <memory>
 #include <string>
@@ -11,6 +13,7 @@
 #include <vector>
 
 #include "fixture.hpp"
+#include "foreign.hpp"
 
 // Under each attack on rtpm-console, a client with the token gets in and stops the devices, and a
 // browser that was there before keeps its connection.
@@ -131,6 +134,36 @@ TEST_F(Attacks, ByManyFrames) {
     while (observer->next(Duration{0})) {
     }
   });
+}
+
+/// A recording of some megabytes, without a summary, whose chunks unpack to 32 GB.
+void put_bomb(const std::string& path) {
+  using namespace recording::foreign;
+  constexpr std::uint64_t kChunkSize = std::uint64_t{16} << 20;
+  constexpr int kChunkCount = 2000;
+  std::string records;
+  while (records.size() < kChunkSize)
+    records += message(1, 0, 5, std::string(4096, 'x'));
+  std::string packed(ZSTD_compressBound(records.size()), '\0');
+  packed.resize(ZSTD_compress(packed.data(), packed.size(), records.data(), records.size(), 1));
+  std::ofstream file(path, std::ios::binary);
+  file << header() << channel(1, 0, "a");
+  for (int i = 0; i < kChunkCount; ++i)
+    file << chunk(5, 5, "zstd", packed, records.size());
+}
+
+TEST_F(Attacks, ByARecordingThatUnpacksWithoutEnd) {
+  put_bomb(folder_ + "/recordings/bomb.mcap");
+  const auto reader = connect();
+  const auto open = reader->begin_call("console/replay_open", {{"file", "bomb.mcap"}});
+  expect_stops([&] {
+    static_cast<void>(reader->begin_call("console/recordings", Json::object()));
+    reader->read_one(std::chrono::milliseconds{20});
+  });
+  // It was still being read.
+  EXPECT_FALSE(reader->call("console/replay_close", Json::object()).contains("failure"));
+  const std::string why = reader->answer_of(open).value("failure", "");
+  EXPECT_NE(why.find("it was stopped"), std::string::npos) << why;
 }
 
 }  // namespace
