@@ -45,6 +45,16 @@ export async function open(browser, url, options = {}) {
   return page;
 }
 
+/** Does `work` with a further page, which ends with it, also where it fails. */
+export async function visit(browser, url, options, work) {
+  const page = await open(browser, url, options);
+  try {
+    await work(page);
+  } finally {
+    await page.context().close();
+  }
+}
+
 export async function show(page, view) {
   await page.evaluate((hash) => (window.location.hash = hash), `#/${view}`);
 }
@@ -68,10 +78,13 @@ export async function until(what, read, isTrue = Boolean) {
 
 /** Serious and critical findings of axe-core, in words. */
 export async function accessibilityFaults(page) {
-  await page.evaluate(axe);
+  if (!(await page.evaluate(() => 'axe' in window))) await page.evaluate(axe);
   const found = await page.evaluate(() =>
     window.axe.run(document, {
       runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'best-practice'],
+      // The rest is not read, and takes longer than the rules.
+      resultTypes: ['violations'],
+      selectors: false,
     }),
   );
   return found.violations

@@ -1,7 +1,7 @@
 // Drives the console's page in Chromium beside the running system. The cases stand in one order:
 // each leaves the system as the next one needs it.
 import assert from 'node:assert/strict';
-import {after, afterEach, before, describe, it} from 'node:test';
+import {after, before, describe, it} from 'node:test';
 import {
   accessibilityFaults,
   keep,
@@ -12,6 +12,7 @@ import {
   show,
   smallTargets,
   until,
+  visit,
 } from './browser.mjs';
 import {System} from './programs.mjs';
 
@@ -46,13 +47,6 @@ before(async () => {
   await system.start();
   browser = await launch(process.env.RTPM_CHROMIUM);
   page = await open(browser, system.url);
-});
-
-// What a case opens ends with it, also where it fails.
-afterEach(async () => {
-  for (const context of browser.contexts()) {
-    if (context !== page.context()) await context.close();
-  }
 });
 
 after(async () => {
@@ -170,11 +164,12 @@ describe('parameters', () => {
   it("another operator's change is said, and what was typed is kept", async () => {
     const ramp = field('safety.ramp_s');
     await ramp.getByRole('textbox').fill('0.01');
-    const other = await open(browser, system.url);
-    await show(other, 'parameters/lab/arm0');
-    await other.locator('[data-parameter="safety.ramp_s"]').getByRole('textbox').fill('0.015');
-    await other.getByTestId('apply').click();
-    await other.getByText('Applied 1 change').waitFor();
+    await visit(browser, system.url, {}, async (other) => {
+      await show(other, 'parameters/lab/arm0');
+      await other.locator('[data-parameter="safety.ramp_s"]').getByRole('textbox').fill('0.015');
+      await other.getByTestId('apply').click();
+      await other.getByText('Applied 1 change').waitFor();
+    });
     await ramp.getByText('Changed elsewhere meanwhile, from 0.02 to 0.015.').waitFor();
     assert.equal(await ramp.getByRole('textbox').inputValue(), '0.01');
     await byId('apply').click();
@@ -208,7 +203,11 @@ describe('recordings', () => {
       (text) => Number(/([\d\u202f]+) messages/.exec(text)?.[1].replace('\u202f', '')) > 4000,
     );
     // Long enough for a curve, however fast the messages come.
-    await until('six seconds', () => page.locator('.rec').textContent(), (text) => !/0:0[0-5]/.test(text));
+    await until(
+      'six seconds',
+      () => page.locator('.rec').textContent(),
+      (text) => !/0:0[0-5]/.test(text),
+    );
     await byId('record').click();
     await page.getByText('is complete').waitFor();
     await page
@@ -223,8 +222,11 @@ describe('recordings', () => {
 
   it('pause, and seek', async () => {
     const time = () => byId('replay-time').textContent();
+    // The end may come between the look and the click.
     await until('its end, or a pause', async () => {
-      if ((await button('Pause').count()) > 0) await button('Pause').click();
+      if ((await button('Pause').count()) > 0) {
+        await button('Pause').click({timeout: 1000}).catch(() => {});
+      }
       return button('Play').count();
     });
     const slider = page.getByRole('slider', {name: 'Time of the replay'});
@@ -264,7 +266,8 @@ describe('events', () => {
   });
 });
 
-describe('looks', () => {
+// Pages beside one another: each waits for motion and pictures most of its time.
+describe('looks', {concurrency: 2}, () => {
   const kViews = ['overview', 'live/lab/arm0', 'parameters/lab/arm0', 'recordings', 'events'];
 
   async function look(other, view, size, scheme) {
@@ -292,20 +295,21 @@ describe('looks', () => {
     assert.equal(isWide, false, `${view} scrolls sideways`);
   }
 
-  for (const scheme of ['light', 'dark']) {
-    for (const size of Object.keys(kSizes)) {
-      it(`well in ${scheme}, ${size}, and to everybody`, async () => {
-        const other = await open(browser, system.url, {
-          viewport: kSizes[size],
-          colorScheme: scheme,
-          hasTouch: size !== 'desktop',
-        });
-        for (const view of kViews) await look(other, view, size, scheme);
+  for (const size of Object.keys(kSizes)) {
+    it(`well in light and dark, ${size}, and to everybody`, async () => {
+      const options = {viewport: kSizes[size], hasTouch: size !== 'desktop'};
+      await visit(browser, system.url, options, async (other) => {
+        for (const scheme of ['light', 'dark']) {
+          await other.emulateMedia({colorScheme: scheme});
+          for (const view of kViews) await look(other, view, size, scheme);
+        }
         assert.deepEqual(other.faults, []);
       });
-    }
+    });
   }
+});
 
+describe('looks of the first page', () => {
   // clients/console/page.png is a copy of it: charts fill while the page is open.
   it('well for the documents', async () => {
     await show(page, 'live/lab/arm0');
@@ -326,11 +330,17 @@ describe('looks', () => {
 
 describe('without a token', () => {
   it('is read only, and says so', async () => {
-    const other = await open(browser, `http://127.0.0.1:${system.port}/#/live/lab/arm0`);
-    await other.getByText('read only', {exact: true}).waitFor();
-    await until('a position', () => reading(other, 'x'), Number.isFinite);
-    assert.ok(await other.getByTestId('stop').isDisabled());
-    assert.ok(await other.getByRole('button', {name: 'Deactivate'}).isDisabled());
+    await visit(
+      browser,
+      `http://127.0.0.1:${system.port}/#/live/lab/arm0`,
+      {},
+      async (other) => {
+        await other.getByText('read only', {exact: true}).waitFor();
+        await until('a position', () => reading(other, 'x'), Number.isFinite);
+        assert.ok(await other.getByTestId('stop').isDisabled());
+        assert.ok(await other.getByRole('button', {name: 'Deactivate'}).isDisabled());
+      },
+    );
   });
 });
 
@@ -362,23 +372,24 @@ describe('the connection', () => {
 
 describe('operators', () => {
   it('two at once: the second is refused, and may take over', async () => {
-    const other = await open(browser, system.url);
-    await show(other, 'live/lab/knob0');
-    await other.getByTestId('lifecycle').getByText('active', {exact: true}).waitFor();
-    await show(page, 'live/lab/knob0');
-    await button('Take over').click();
-    await byId('lease').getByText('this console').waitFor();
-    await other.getByRole('button', {name: 'Deactivate'}).click();
-    await other.getByText('another browser').waitFor();
-    await keep(other, artefacts, 'refused-desktop-light');
-    await other.getByRole('button', {name: 'Take over all the same'}).click();
-    await other.getByText('Done: this console holds the lease.').waitFor();
-    await other.getByRole('button', {name: 'Deactivate'}).click();
-    await other.getByTestId('lifecycle').getByText('inactive').waitFor();
-    await other.getByRole('button', {name: 'Activate', exact: true}).click();
-    await other.getByTestId('lifecycle').getByText('active', {exact: true}).waitFor();
-    await other.getByRole('button', {name: 'Release'}).click();
-    await other.getByTestId('lease').getByText('free').waitFor();
+    await visit(browser, system.url, {}, async (other) => {
+      await show(other, 'live/lab/knob0');
+      await other.getByTestId('lifecycle').getByText('active', {exact: true}).waitFor();
+      await show(page, 'live/lab/knob0');
+      await button('Take over').click();
+      await byId('lease').getByText('this console').waitFor();
+      await other.getByRole('button', {name: 'Deactivate'}).click();
+      await other.getByText('another browser').waitFor();
+      await keep(other, artefacts, 'refused-desktop-light');
+      await other.getByRole('button', {name: 'Take over all the same'}).click();
+      await other.getByText('Done: this console holds the lease.').waitFor();
+      await other.getByRole('button', {name: 'Deactivate'}).click();
+      await other.getByTestId('lifecycle').getByText('inactive').waitFor();
+      await other.getByRole('button', {name: 'Activate', exact: true}).click();
+      await other.getByTestId('lifecycle').getByText('active', {exact: true}).waitFor();
+      await other.getByRole('button', {name: 'Release'}).click();
+      await other.getByTestId('lease').getByText('free').waitFor();
+    });
   });
 });
 
