@@ -191,7 +191,7 @@ void ObjectServices::call(const ObjectView& view, const std::shared_ptr<Opened>&
           std::min(Duration{std::chrono::microseconds{*method.deadline_us}}, kDeadlineMax);
     }
     const auto reply = opened->remote->call_bytes(method, request, options);
-    if (!reply) return fail(view.name + ": " + std::string(to_string(reply.error())));
+    if (!reply) return fail(view.name + ": " + rpc::describe(reply.error()));
     std::optional<std::string> answer;
     {
       const std::lock_guard lock(opened->mutex);

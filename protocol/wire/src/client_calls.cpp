@@ -222,7 +222,7 @@ ChannelEvent ClientChannel::on_reply(const Header& header, ConstBytes payload,
                                      MonotonicTime now) noexcept {
   Call* const call = find(header);
   if (call == nullptr || call->is_ended) return drop(DropReason::kUnexpected);
-  if (call->items.is_begun()) return on_stream_end(*call, header, now);
+  if (call->items.is_begun()) return on_stream_end(*call, header, payload, now);
   if (header.fragment_count > 1) return on_large_reply(*call, header, payload, now);
   learn_clock(*call, header, now);
   end_call(*call);
@@ -390,7 +390,7 @@ ChannelEvent ClientChannel::on_item(const Header& header, ConstBytes payload,
   return event;
 }
 
-ChannelEvent ClientChannel::on_stream_end(Call& call, const Header& header,
+ChannelEvent ClientChannel::on_stream_end(Call& call, const Header& header, ConstBytes payload,
                                           MonotonicTime now) noexcept {
   // hp-5.10-6: lost frames still come, unless the server dropped them.
   const bool is_given_up = header.status == Status::kExpired ||
@@ -403,7 +403,12 @@ ChannelEvent ClientChannel::on_stream_end(Call& call, const Header& header,
   // good as silent. Asks for them immediately just once, or both sides would do nothing else.
   if (is_duplicate && !is_given_up) return {};
   hear_of_items(call, now);
-  if (is_given_up || call.items.is_complete()) return end_of_stream(call, now);
+  if (is_given_up || call.items.is_complete()) {
+    ChannelEvent end = end_of_stream(call, now);
+    // hp-7-1: a stream that was refused, and gave nothing, says why.
+    if (header.item == 0) end.payload = payload;
+    return end;
+  }
   call.is_asking = true;
   return {
       .kind = ChannelEvent::Kind::kSend, .call = index_of(call), .frame = credit_frame(call, now)};

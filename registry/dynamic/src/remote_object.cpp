@@ -33,6 +33,11 @@ std::string similar_names(names::Directory& directory, const std::string& name) 
   return text;
 }
 
+/// With the server's words.
+unexpected<SetupError> call_failed(std::string what, rpc::CallError error) {
+  return {{std::move(what), rpc::describe(error), {}, error}};
+}
+
 // The error for an object that the server's catalog lacks.
 SetupError not_in_catalog(rpc::Node& node, const std::string& url) {
   // The server's own error lists similar objects.
@@ -163,7 +168,7 @@ expected<void, SetupError> RemoteObject::call(std::string_view method, std::stri
       methods_[static_cast<std::size_t>(found - dynamic_->service().methods.data())];
   if (found->oneway) {
     const auto sent = binding_->send(called, *request, delivery_of(*found->oneway), options);
-    if (!sent) return setup_error(failed, sent.error());
+    if (!sent) return call_failed(failed, sent.error());
     return {};
   }
   if (found->is_stream) {
@@ -171,11 +176,11 @@ expected<void, SetupError> RemoteObject::call(std::string_view method, std::stri
     // The client ends the stream.
     stream.call.deadline.reset();
     auto reader = binding_->open_stream(called, *request, stream);
-    if (!reader) return setup_error(failed, reader.error());
+    if (!reader) return call_failed(failed, reader.error());
     return take_items(*found, *reader, stream_time, print);
   }
   const auto reply = binding_->call(called, *request, options);
-  if (!reply) return setup_error(failed, reply.error());
+  if (!reply) return call_failed(failed, reply.error());
   bool goes_on = true;
   return print_payload(found->reply, reply->bytes(), goes_on, print);
 }
@@ -204,11 +209,11 @@ expected<void, SetupError> RemoteObject::take_items(const schema::Method& method
     const auto item = reader.next(std::min(end, rt::now() + kLookInterval));
     if (!item && item.error() == rpc::CallError::kTimeout) {
       if (rt::now() >= end) break;  // The requested time is over.
-      if (!reader.is_open()) return setup_error("the stream ended", item.error());
+      if (!reader.is_open()) return call_failed("the stream ended", item.error());
       goes_on = print({});
       continue;
     }
-    if (!item) return setup_error("the stream ended", item.error());
+    if (!item) return call_failed("the stream ended", item.error());
     if (!*item) break;
     if (auto printed = print_payload(method.reply, **item, goes_on, print); !printed)
       return printed;

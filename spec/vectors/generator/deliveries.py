@@ -372,6 +372,22 @@ def unknown_status():
     return c
 
 
+def words_of_refusals():
+    c = Delivery('words-of-refusals',
+                 'A request out of range, and a method that failed, say why; the call ends as '
+                 'without words.', ['hp-7-1', 'hp-7'], roles=['client'])
+    c.handshake()
+    for i, (status, words) in enumerate((('bad_request', 'x is 30, but must be -20 to 20 newton'),
+                                         ('servant_failed', 'the gripper is stuck'))):
+        c.at((10 + 10 * i) * MS)
+        c.client_calls(1, 2, '01')
+        name = ('call', 'call2')[i]
+        c.call(name, payload='01')
+        c.reply(name, status=status, payload=words.encode().hex())
+        c.client_sees('result', status=status, payload=words.encode().hex())
+    return c
+
+
 def refusal_with_payload():
     c = Delivery('refusal-with-payload',
                  'A REFUSE has no payload; one that has is dropped, and the right one taken.',
@@ -625,7 +641,8 @@ def conversations():
     return [
         large_request(), large_request_unanswered(), large_request_at_the_server(),
         large_requests_left_unfinished(), large_reply(), large_reply_at_the_client(), ping(),
-        several_calls(), unknown_status(), refusal_with_payload(), two_cookies(),
+        several_calls(), unknown_status(), words_of_refusals(), refusal_with_payload(),
+        two_cookies(),
         order_of_judgement(), oneways(), oneways_not_run(), cancelled_call(),
         cancels_at_the_server(), items_that_nobody_takes(), server_stops(), malformed_closes(),
         ping_above_the_ceiling(),

@@ -150,6 +150,7 @@ TEST_P(TransportSuite, TellsAndCountsThatAServantThrew) {
   Node node(node_config());
   Binding binding = bind_echo(node, server);
   expect_error(binding.call(echo::kFail, {}), CallError::kServantFailed);
+  EXPECT_NE(refusal_text().find("basic_string::at"), std::string_view::npos) << refusal_text();
   EXPECT_TRUE(await([&] { return server.server->counters().servant_failure_count == 1; }));
   EXPECT_TRUE(binding.call(echo::kEcho, {})) << "the server goes on";
   EXPECT_EQ(server.server->counters().servant_failure_count, 1u);
@@ -166,7 +167,31 @@ TEST_P(TransportSuite, TellsWhyAServantRefuses) {
                                        {Refusal::kFailed, CallError::kServantFailed}}) {
     const std::array request{static_cast<std::byte>(refusal)};
     expect_error(binding.call(echo::kRefuse, request), error);
+    EXPECT_EQ(refusal_text(), "");
   }
+}
+
+TEST_P(TransportSuite, CarriesTheWordsOfARefusal) {
+  EchoServer server;
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  const auto refuse_with = [&](const std::string& text) {
+    const std::string request = static_cast<char>(Refusal::kBadRequest) + text;
+    expect_error(binding.call(echo::kRefuse, bytes_of(request)), CallError::kBadRequest);
+  };
+  refuse_with("force.x is 30, but must be -20 to 20 N");
+  EXPECT_EQ(refusal_text(), "force.x is 30, but must be -20 to 20 N");
+  EXPECT_EQ(describe(CallError::kBadRequest),
+            "the server does not take the request: force.x is 30, but must be -20 to 20 N");
+  EXPECT_EQ(describe(CallError::kTimeout), to_string(CallError::kTimeout)) << "is no refusal";
+  refuse_with("\033[2J");
+  EXPECT_EQ(describe(CallError::kBadRequest).find('\033'), std::string::npos) << "escaped";
+  // A character of two bytes stands where the text is cut.
+  refuse_with(std::string(wire::kRefusalTextSizeMax - 1, 'x') + "\u00b5N");
+  EXPECT_EQ(refusal_text(), std::string(wire::kRefusalTextSizeMax - 1, 'x'));
+  refuse_with("");
+  EXPECT_EQ(describe(CallError::kBadRequest), to_string(CallError::kBadRequest));
+  EXPECT_TRUE(binding.call(echo::kEcho, {}));
 }
 
 TEST_P(TransportSuite, EndsACallAtItsDeadline) {

@@ -227,6 +227,7 @@ TEST_P(TransportSuite, TellsOneCallOfAPipelineThatItFailed) {
   auto last = begin(binding, pipeline, "last");
   EXPECT_TRUE(first.take());
   expect_error(fails.take(), CallError::kServantFailed);
+  EXPECT_NE(refusal_text(), "");
   EXPECT_TRUE(last.take());
   EXPECT_EQ(pipeline.open_count(), 0u);
 }

@@ -341,7 +341,7 @@ TEST(Server, TapsAMethodThatThrows) {
   ASSERT_TRUE(call);
   EXPECT_EQ(call->status, wire::Status::kServantFailed);
   EXPECT_EQ(call->request.size(), 5U);
-  EXPECT_EQ(call->reply_size, 0U);
+  EXPECT_EQ(call->reply_size, refusal_text().size());
 }
 
 TEST(Server, LogsWhatAMethodThrew) {
@@ -352,7 +352,24 @@ TEST(Server, LogsWhatAMethodThrew) {
     return binding.call(echo::kFail, bytes_of("throw")) ? "answered" : "failed";
   });
   EXPECT_EQ(child.said, "failed");
-  expect_text(child.errors, {"method fail failed: it threw"});
+  expect_text(child.errors, {"echo: method fail failed: it threw"});
+}
+
+TEST(Server, LogsWhyARequestWasRefused) {
+  const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
+    EchoServer server;
+    Node node(quiet_node());
+    Binding binding = bind_echo(node, server);
+    const std::string request = static_cast<char>(Refusal::kBadRequest) + std::string("x is 3\n");
+    for (int i = 0; i < 1000; ++i)
+      static_cast<void>(binding.call(echo::kRefuse, bytes_of(request)));
+    const bool are_counted =
+        rtpm::test::await([&] { return server.server->counters().bad_request_count == 1000; });
+    return are_counted ? "counted" : "not counted";
+  });
+  EXPECT_EQ(child.said, "counted");
+  expect_text(child.errors, {"echo: method refuse refused a request of 127.0.0.1: x is 3\\n"});
+  EXPECT_LT(std::ranges::count(child.errors, '\n'), 100) << "some of them";
 }
 
 TEST(ServerWithoutTheRight, ServesTimeSharedWhenRealTimeIsPreferred) {

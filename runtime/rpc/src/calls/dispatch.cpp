@@ -1,44 +1,19 @@
 #include "calls/dispatch.hpp"
 
-#include <algorithm>
 #include <exception>
-#include <string>
 #include <string_view>
 
 #include "calls/current_call.hpp"
 #include "calls/deferral.hpp"
+#include "calls/refusal_notes.hpp"
+#include "rtpm/rpc/refusal.hpp"
 #include "rtpm/rt/clock.hpp"
-#include "rtpm/rt/log.hpp"
-#include "rtpm/rt/memory.hpp"
 #include "rtpm/rt/priority.hpp"
 #include "security/caller_identity.hpp"
 #include "server/lane_table_owner.hpp"
 #include "server/policy.hpp"
 
 namespace rtpm::rpc {
-namespace {
-
-/// Bytes of an exception's text that are logged.
-constexpr std::size_t kThrownSizeMax = 400;
-
-/// Logs what a servant's method threw, whose caller gets kServantFailed. The exception has cost the
-/// lane's thread its time already.
-void log_thrown(const Object& object, std::uint16_t method, const char* what) noexcept {
-  const rt::AllowAllocationScope allowed;
-  try {
-    static rt::Log log("rtpm");
-    const auto methods = object.servant->interface().methods;
-    const auto found = std::ranges::find(methods, method, &MethodDescriptor::id);
-    const std::string name =
-        found == methods.end() ? std::to_string(method) : std::string(found->name);
-    log.write(object.path + ": method " + name + " failed: it threw " +
-              std::string(std::string_view(what).substr(0, kThrownSizeMax)));
-  } catch (...) {
-    // Without memory for the line the counter of failures has to do.
-  }
-}
-
-}  // namespace
 
 expected<Target, wire::Status> Dispatch::target_of(
     const wire::Request& request, const wire::ServerSessions* sessions) const noexcept {
@@ -81,7 +56,7 @@ Ran Dispatch::run(const Target& target, const wire::Request& request, MutableByt
 }
 
 Ran Dispatch::run_method(const Target& target, const wire::Request& request, MutableBytes reply,
-                         Deferral& deferral) const noexcept {
+                         CallDeferral& deferral) const noexcept {
   const wire::Header& header = request.header;
   std::optional<CallerIdentity> identity;
   if (target.origin != nullptr) identity.emplace(*rights_.control(), *target.origin);
@@ -97,13 +72,28 @@ Ran Dispatch::run_method(const Target& target, const wire::Request& request, Mut
   const CurrentCall current(context, lane_);
   const BusyMark busy(request.received);
   try {
-    return {target.object->servant->dispatch(header.method, request.payload, reply, context)};
+    const DispatchResult result =
+        target.object->servant->dispatch(header.method, request.payload, reply, context);
+    if (result.status == wire::Status::kBadRequest && refusals_ != nullptr) [[unlikely]] {
+      const std::string_view text(reinterpret_cast<const char*>(reply.data()), result.reply_size);
+      refusals_->note(*target.object, request, result.status, text);
+    }
+    return {result};
   } catch (const std::exception& thrown) {
-    log_thrown(*target.object, header.method, thrown.what());
+    return fail(target, request, reply, deferral, thrown.what());
   } catch (...) {
-    log_thrown(*target.object, header.method, "something that is no std::exception");
+    return fail(target, request, reply, deferral, "something that is no std::exception");
   }
-  return {{wire::Status::kServantFailed, 0}, /*has_thrown=*/true};
+}
+
+Ran Dispatch::fail(const Target& target, const wire::Request& request, MutableBytes reply,
+                   const CallDeferral& deferral, std::string_view thrown) const noexcept {
+  if (refusals_ != nullptr) {
+    refusals_->note(*target.object, request, wire::Status::kServantFailed, thrown);
+  }
+  // Another thread may write the answer.
+  if (deferral.is_taken()) reply = {};
+  return {refuse(wire::Status::kServantFailed, thrown, reply), /*has_thrown=*/true};
 }
 
 DispatchResult Dispatch::serve_session(const wire::Request& request,

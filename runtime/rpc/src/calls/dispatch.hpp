@@ -1,5 +1,7 @@
 #pragma once
 
+#include <string_view>
+
 #include "lane/report.hpp"
 #include "local/local.hpp"
 #include "rtpm/rpc/server.hpp"
@@ -11,6 +13,7 @@
 namespace rtpm::rpc {
 
 class CallDeferral;
+class RefusalNotes;
 
 /// What came of a method.
 struct Ran {
@@ -24,14 +27,16 @@ struct Ran {
 class Dispatch {
  public:
   /// @param lane_priority  of methods whose objects have no priority model
+  /// @param refusals       null: they are not logged
   Dispatch(const ObjectTable& objects, PriorityTransform transform, Priority lane_priority,
-           const Lane& lane, LaneTap& tap, LaneRights& rights) noexcept
+           const Lane& lane, LaneTap& tap, LaneRights& rights, RefusalNotes* refusals) noexcept
       : objects_(objects),
         transform_(transform),
         lane_priority_(lane_priority),
         lane_(lane),
         tap_(tap),
-        rights_(rights) {}
+        rights_(rights),
+        refusals_(refusals) {}
 
   /// The object on which a method would run, or why none would: every call comes by here before it
   /// runs, whatever its way was. `sessions`: those of the request; null: a call of this program.
@@ -54,7 +59,9 @@ class Dispatch {
 
  private:
   [[nodiscard]] Ran run_method(const Target& target, const wire::Request& request,
-                               MutableBytes reply, Deferral& deferral) const noexcept;
+                               MutableBytes reply, CallDeferral& deferral) const noexcept;
+  [[nodiscard]] Ran fail(const Target& target, const wire::Request& request, MutableBytes reply,
+                         const CallDeferral& deferral, std::string_view thrown) const noexcept;
 
   const ObjectTable& objects_;
   PriorityTransform transform_;
@@ -62,6 +69,7 @@ class Dispatch {
   const Lane& lane_;
   LaneTap& tap_;
   LaneRights& rights_;
+  RefusalNotes* refusals_;
 };
 
 /// A call of the same program, as if it had come over a wire.

@@ -61,7 +61,8 @@ struct PendingReply::OwnState final : PendingReply::State {
   }
   [[nodiscard]] expected<ReplyLease, CallError> take() noexcept override {
     if (outcome.kind == CallOutcome::Kind::kReply) {
-      if (outcome.status != wire::Status::kOk) return unexpected{error_of(outcome.status)};
+      if (outcome.status != wire::Status::kOk)
+        return unexpected{refused(outcome.status, outcome.payload)};
       return ReplyLease(outcome.payload, channel.keep());
     }
     // Meanwhile this one's channel keeps the request.
@@ -212,7 +213,8 @@ expected<std::optional<ConstBytes>, CallError> ItemReader::next(MonotonicTime un
   }
   const CallOutcome& outcome = state_->outcome;
   if (outcome.kind != CallOutcome::Kind::kReply) return unexpected{outcome.error};
-  if (outcome.status != wire::Status::kOk) return unexpected{error_of(outcome.status)};
+  if (outcome.status != wire::Status::kOk)
+    return unexpected{refused(outcome.status, outcome.payload)};
   return std::optional<ConstBytes>{};
 }
 

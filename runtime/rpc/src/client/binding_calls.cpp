@@ -15,47 +15,6 @@ MonotonicTime deadline_after(Duration patience, MonotonicTime now) noexcept {
   return patience > kNever - now ? kNever : now + patience;
 }
 
-CallError error_of(wire::Status status) noexcept {
-  switch (status) {
-    case wire::Status::kOverload:
-      return CallError::kOverload;
-    case wire::Status::kExpired:
-      return CallError::kExpired;
-    case wire::Status::kNoSuchMethod:
-      return CallError::kNoSuchMethod;
-    case wire::Status::kNoSuchObject:
-    case wire::Status::kGone:
-      return CallError::kNoSuchObject;
-    case wire::Status::kBadRequest:
-      return CallError::kBadRequest;
-    case wire::Status::kNotLeaseHolder:
-      return CallError::kNotLeaseHolder;
-    case wire::Status::kServantFailed:
-      return CallError::kServantFailed;
-    case wire::Status::kTooLarge:
-      return CallError::kTooLarge;
-    case wire::Status::kWrongBand:
-      return CallError::kWrongBand;
-    case wire::Status::kPriorityNotAllowed:
-      return CallError::kPriorityNotAllowed;
-    case wire::Status::kCancelled:
-      return CallError::kCancelled;
-    case wire::Status::kStopping:
-      return CallError::kStopped;
-    case wire::Status::kWrongInterface:
-      return CallError::kWrongInterface;
-    case wire::Status::kLost:
-      return CallError::kStreamLost;
-    case wire::Status::kNotAllowed:
-      return CallError::kNotAllowed;
-    default:
-      break;
-  }
-  // hp-5.1-7: a status of a later version may mean anything, so it promises nothing.
-  return static_cast<std::uint16_t>(status) < wire::kStatusCount ? CallError::kRefused
-                                                                 : CallError::kBadReply;
-}
-
 ReplyLease::~ReplyLease() {
   if (channel_ != nullptr) channel_->release();
   if (local_ != nullptr) local_->release();
@@ -190,7 +149,8 @@ expected<ReplyLease, CallError> Binding::Impl::call_over_transport(const Plan& p
     if (is_sent) sends_oneways.store(true, std::memory_order_relaxed);
     const CallOutcome outcome = channel->call(ready.parameters, request, ready.now);
     if (outcome.kind == CallOutcome::Kind::kReply) {
-      if (outcome.status != wire::Status::kOk) return unexpected{error_of(outcome.status)};
+      if (outcome.status != wire::Status::kOk)
+        return unexpected{refused(outcome.status, outcome.payload)};
       return expected<ReplyLease, CallError>(std::in_place, outcome.payload, channel.keep());
     }
     if (outcome.kind == CallOutcome::Kind::kUnsent) {

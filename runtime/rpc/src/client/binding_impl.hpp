@@ -12,6 +12,7 @@
 
 #include "client/call_channel.hpp"
 #include "client/endpoint.hpp"
+#include "client/refused.hpp"
 #include "local/local.hpp"
 #include "rtpm/base/assert.hpp"
 #include "rtpm/base/latest.hpp"
@@ -26,9 +27,6 @@ namespace rtpm::rpc {
 
 /// When a caller's patience ends, which may be longer than all time that is left.
 [[nodiscard]] MonotonicTime deadline_after(Duration patience, MonotonicTime now) noexcept;
-
-/// The caller's word for a status that is not ok.
-[[nodiscard]] CallError error_of(wire::Status status) noexcept;
 
 /// Whether a server that was reached will not serve this binding. It takes another one to help.
 [[nodiscard]] bool is_refusal(std::error_code cause) noexcept;

@@ -63,8 +63,9 @@ std::optional<expected<ReplyLease, CallError>> Binding::Impl::call_locally(
     result = channel.result();
   }
   if (status == wire::Status::kOk) return ReplyLease(result, channel);
+  const CallError error = refused(status, result);
   channel.release();
-  return unexpected{error_of(status)};
+  return unexpected{error};
 }
 
 }  // namespace rtpm::rpc

@@ -79,7 +79,8 @@ bool PipelinePlace::wait(MonotonicTime until) noexcept {
 
 expected<ReplyLease, CallError> PipelinePlace::take() noexcept {
   if (outcome_.kind == CallOutcome::Kind::kReply) {
-    if (outcome_.status != wire::Status::kOk) return unexpected{error_of(outcome_.status)};
+    if (outcome_.status != wire::Status::kOk)
+      return unexpected{refused(outcome_.status, outcome_.payload)};
     is_leased_ = true;
     return expected<ReplyLease, CallError>(std::in_place, outcome_.payload, *this);
   }

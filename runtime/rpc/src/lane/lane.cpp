@@ -71,7 +71,7 @@ Lane::Lane(const LaneSetup& setup, std::vector<transport::UdpPort> ports,
                                         setup.sessions.message_size_max)),
       rights_(setup, media_),
       dispatch_(*setup.objects, setup.inbound_priority, setup.config.priority, *this, tap_,
-                rights_),
+                rights_, setup.refusals),
       idling_(setup.config.wait) {
   const LaneParts parts{*this,  config_, is_stopping_, *setup.slot, dispatch_,
                         calls_, report_, idling_,      *wait_set_};

@@ -15,6 +15,7 @@ class AccessControl;
 class AuditLog;
 class HandshakeRate;
 class Lane;
+class RefusalNotes;
 
 /// How many sources a lane of so many sessions waits for: a connection has a socket and an event.
 [[nodiscard]] constexpr std::size_t wait_source_count(std::uint32_t session_count_max,
@@ -39,6 +40,7 @@ struct LaneSetup {
   std::uint32_t lendable_thread_count = 0;  ///< Of all lanes below.
   /// Of the thread that frees ended connections and starts threads.
   transport::WaitSet* acceptor_bell = nullptr;
+  RefusalNotes* refusals = nullptr;       ///< That the same thread writes.
   LaneSlot* slot = nullptr;               ///< Where others see what it does.
   const AccessControl* access = nullptr;  ///< Null: the server asks nobody.
   // With `access`:

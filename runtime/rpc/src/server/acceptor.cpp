@@ -113,6 +113,7 @@ void Acceptor::run() noexcept {
   while (!is_stopping_.load(std::memory_order_acquire)) {
     const bool is_paused = listening_from_ != MonotonicTime::min();
     MonotonicTime until = is_paused ? listening_from_ : kNever;
+    until = std::min(until, refusals_.write_due(rt::now()));
     if (open_warning_) until = std::min(until, open_warning_->tick(rt::now()));
     for (const Newcomer& newcomer : newcomers_) {
       if (newcomer.socket.is_open()) until = std::min(until, newcomer.deadline);

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "calls/refusal_notes.hpp"
 #include "lane/lane.hpp"
 #include "rtpm/rt/report.hpp"
 #include "rtpm/rt/thread.hpp"
@@ -39,6 +40,8 @@ class Acceptor {
            const transport::UserPolicy* users) noexcept;
 
   [[nodiscard]] transport::WaitSet& bell() noexcept { return *wait_set_; }
+  /// Whose note() is the lanes', and which its thread writes.
+  [[nodiscard]] RefusalNotes& refusals() noexcept { return refusals_; }
 
   /// Has its thread say the warning. Before start().
   void warn_each_minute(OpenWarning warning) { open_warning_.emplace(std::move(warning)); }
@@ -76,6 +79,7 @@ class Acceptor {
   std::vector<transport::TcpListener> listeners_;                  ///< None once stopped.
   std::vector<transport::SharedMemoryListener> memory_listeners_;  ///< Likewise; or not wanted.
   std::unique_ptr<transport::WaitSet> wait_set_;
+  RefusalNotes refusals_{*wait_set_};
   std::uint32_t message_size_max_;
   const transport::UserPolicy* users_;
   MonotonicTime listening_from_ = MonotonicTime::min();  ///< Later: the listeners are not polled.

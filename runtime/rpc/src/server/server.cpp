@@ -368,6 +368,7 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<Ports> ports_of_la
     setup.gatekeeper_bell = &gatekeeper_->bell();
   }
   setup.acceptor_bell = &acceptor_->bell();
+  setup.refusals = &acceptor_->refusals();
   setup.sessions.epoch = epoch_;
   setup.sessions.key = {rt::random_u64(), rt::random_u64()};
   setup.sessions.lane_count = static_cast<std::uint32_t>(config_.lanes.size());
@@ -497,6 +498,7 @@ void ServerImpl::stop() noexcept {
   keepers_.clear();
   for (const auto& lane : lanes_)
     lane->close();
+  if (acceptor_) acceptor_->refusals().write();
   tap_->close();
 }
 

@@ -11,11 +11,13 @@ namespace rtpm::schema::cpp {
 namespace {
 
 std::string union_head(const Enum& enumeration) {
-  return "bool rtpm_in_range(" + type_name(enumeration.name) + " type, const void* value) noexcept";
+  return "bool rtpm_in_range(" + type_name(enumeration.name) +
+         " type, const void* value,\n                   ::rtpm::rpc::RangeCheck& check) noexcept";
 }
 
 std::string object_head(const Object& object) {
-  return "bool rtpm_in_range(const " + type_name(object.name) + "& value) noexcept";
+  return "bool rtpm_in_range(const " + type_name(object.name) +
+         "& value,\n                   ::rtpm::rpc::RangeCheck& check) noexcept";
 }
 
 std::size_t handled_as(const Payload& payload) {
@@ -61,25 +63,32 @@ bool Ranges::are_in(const Enum& enumeration) const {
 std::string Ranges::field_check(const Object& object, const Field& field) const {
   const std::string name = data_name(field.name);
   const std::string value = "value." + name + "()";
+  const std::string word = literal(field.name);
   if (field.range) {
-    return std::string("::rtpm::rpc::") + (field.type.is_many() ? "are" : "is") + "_within(" +
-           value + ", " + number_text(field.range->low) + ", " + number_text(field.range->high) +
-           ')';
+    const std::string low = number_text(field.range->low);
+    const std::string high = number_text(field.range->high);
+    const std::string unit = field.unit.empty() ? "" : ' ' + field.unit;
+    return std::string("check.number") + (field.type.is_many() ? "s(" : "(") + value + ", " + low +
+           ", " + high + ", " + word + ", " + literal(low + " to " + high + unit) + ')';
   }
-  const std::string each = "[](const auto& item) { return rtpm_in_range(item); })";
   if (field.type.innermost() == BaseType::kUnion) {
     const std::string types = "value." + name + "_type()";
     if (field.type.is_many()) {
       const std::string type = type_name(model_.enums[*field.type.index].name);
-      return "::rtpm::rpc::all_members_of<" + type + ">(\n             " + types + ", " + value +
-             ",\n             [](" + type +
-             " type, const void* item) { return rtpm_in_range(type, item); })";
+      return "check.members<" + type + ">(\n             " + types + ", " + value + ", " + word +
+             ",\n             [&](" + type +
+             " type, const void* item) { return rtpm_in_range(type, item, check); })";
     }
-    return "(" + value + " == nullptr || rtpm_in_range(" + types + ", " + value + "))";
+    return "(" + value + " == nullptr || rtpm_in_range(" + types + ", " + value +
+           ", check) ||\n          check.within(" + word + "))";
   }
-  if (field.type.is_many()) return "::rtpm::rpc::all_of(" + value + ", " + each;
-  if (object.is_struct) return "rtpm_in_range(" + value + ')';
-  return "(" + value + " == nullptr || rtpm_in_range(*" + value + "))";
+  if (field.type.is_many()) {
+    return "check.items(" + value + ", " + word +
+           ",\n                     [&](const auto& item) { return rtpm_in_range(item, check); })";
+  }
+  const std::string within = " || check.within(" + word + "))";
+  if (object.is_struct) return "(rtpm_in_range(" + value + ", check)" + within;
+  return "(" + value + " == nullptr || rtpm_in_range(*" + value + ", check)" + within;
 }
 
 std::string Ranges::definition(const Object& object) const {
@@ -97,7 +106,7 @@ std::string Ranges::definition(const Enum& enumeration) const {
     if (!are_in(value.union_type)) continue;
     text += "    case " + type_name(enumeration.name) + "::" + data_name(value.name) +
             ":\n      return rtpm_in_range(*static_cast<const " +
-            type_name(model_.objects[*value.union_type.index].name) + "*>(value));\n";
+            type_name(model_.objects[*value.union_type.index].name) + "*>(value), check);\n";
   }
   return text + "    default:\n      return true;\n  }\n}\n";
 }

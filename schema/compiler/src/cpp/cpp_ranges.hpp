@@ -16,7 +16,7 @@ class Ranges {
 
   /// Whether a request has numbers with a range, at any depth.
   [[nodiscard]] bool are_in(const Payload& request) const;
-  /// Functions `rtpm_in_range(value)` in an anonymous namespace, for each such type that requests
+  /// Functions `rtpm_in_range(value, check)` in an anonymous namespace, for each such type that requests
   /// reach; empty if there is none.
   [[nodiscard]] std::string functions() const;
 

@@ -198,6 +198,21 @@ std::string client(const Model& model, const Service& service) {
   return text;
 }
 
+/// The type of a request in words, with its article.
+std::string request_in_words(const Model& model, const Method& method) {
+  switch (method.request.kind) {
+    case PayloadKind::kEmpty:
+      break;
+    case PayloadKind::kStruct: {
+      const Object& type = model.objects[*method.request.struct_index];
+      return "a " + type.name + " of " + std::to_string(type.byte_size) + " bytes";
+    }
+    case PayloadKind::kTable:
+      return "a " + model.objects[method.request.table].name;
+  }
+  return "empty";
+}
+
 /// Validates a request before any of it is read.
 std::string request_check(const Model& model, const Method& method) {
   std::string wrong = "!request.empty()";
@@ -212,8 +227,8 @@ std::string request_check(const Model& model, const Method& method) {
     text = "      if (request.size() > " + std::to_string(*method.max_size) +
            ") {\n        return " + status("kTooLarge") + ";\n      }\n";
   }
-  return text + "      if (" + wrong + ") {\n        return " + status("kBadRequest") +
-         ";\n      }\n";
+  return text + "      if (" + wrong + ") {\n        return ::rtpm::rpc::refuse_request(\"" +
+         request_in_words(model, method) + "\", request, reply);\n      }\n";
 }
 
 /// Defines `argument`, if the method takes one, and checks its ranges.
@@ -221,8 +236,9 @@ std::string argument(const Model& model, const Ranges& ranges, const Method& met
   const std::string type = payload_type(model, method.request);
   const std::string lead = "      const auto& argument = ";
   const std::string range_check = ranges.are_in(method.request)
-                                      ? "      if (!rtpm_in_range(argument)) {\n        return " +
-                                            status("kBadRequest") + ";\n      }\n"
+                                      ? "      ::rtpm::rpc::RangeCheck check;\n"
+                                        "      if (!rtpm_in_range(argument, check)) {\n"
+                                        "        return check.refuse(reply);\n      }\n"
                                       : "";
   switch (method.request.kind) {
     case PayloadKind::kEmpty:
@@ -277,10 +293,6 @@ std::string dispatch_case(const Model& model, const Ranges& ranges, const Servic
 
 std::string servant(const Model& model, const Ranges& ranges, const Service& service) {
   const std::string stem = short_name(service.name);
-  bool uses_reply = false;
-  for (const Method& method : service.methods)
-    uses_reply |=
-        method.reply.kind != PayloadKind::kEmpty && !method.is_stream && !method.is_deferred;
   std::string text =
       "\nconst ::rtpm::rpc::InterfaceDescriptor& " + stem +
       "Servant::interface() const noexcept {\n  return k" + stem +
@@ -289,7 +301,7 @@ std::string servant(const Model& model, const Ranges& ranges, const Service& ser
       stem +
       "Servant::dispatch(\n"
       "    ::std::uint16_t method_id, ::rtpm::ConstBytes request, " +
-      (uses_reply ? "::rtpm::MutableBytes reply" : "::rtpm::MutableBytes /*reply*/") +
+      (service.methods.empty() ? "::rtpm::MutableBytes /*reply*/" : "::rtpm::MutableBytes reply") +
       ",\n    const ::rtpm::rpc::CallContext& context) {\n"
       "  switch (static_cast<" +
       stem + "MethodId>(method_id)) {\n";

@@ -113,6 +113,24 @@ TEST(RtpmcErrors, OfCommandLines) {
                "check " + idl_flag() + "--conform none.fbs arm.fbs");
 }
 
+/// The C++ compiler's errors about the generated header in `folder`.
+std::string refusal_of_header(const ScratchFolder& folder, const std::string& standard) {
+  const std::string command = "cd " + quoted(folder.path().string()) + " && " +
+                              quoted(RTPM_COMPILER) + " -std=" + standard +
+                              " -fsyntax-only -I code -x c++ code/arm.rtpm.hpp 2> errors";
+  EXPECT_NE(std::system(command.c_str()), 0);
+  return read_file(folder.path() / "errors");
+}
+
+TEST(RtpmcErrors, OfAnOlderLanguageAreOneSentence) {
+  const ScratchFolder folder;
+  folder.write("arm.fbs", kGood);
+  ASSERT_EQ(run(folder, idl_flag() + "--cpp -o code arm.fbs").exit_code, 0);
+  const std::string errors = refusal_of_header(folder, "c++17");
+  EXPECT_NE(errors.find("RTPM needs C++20"), std::string::npos) << errors;
+  EXPECT_EQ(errors.find("error:"), errors.rfind("error:")) << errors;
+}
+
 // Generated code and RTPM's headers of different versions.
 TEST(RtpmcErrors, OfCodeForAnotherRuntime) {
   const ScratchFolder folder;
@@ -122,12 +140,7 @@ TEST(RtpmcErrors, OfCodeForAnotherRuntime) {
   fs::create_directories(folder.path() / "code/rtpm/rpc");
   folder.write("code/rtpm/rpc/generated.hpp",
                "namespace rtpm::rpc { inline constexpr int kGeneratedForm = 0; }\n");
-  const std::string command =
-      "cd " + quoted(folder.path().string()) + " && " + quoted(RTPM_COMPILER) +
-      " -std=c++20 -fsyntax-only -I code -x c++ code/arm.rtpm.hpp 2> errors";
-  EXPECT_NE(std::system(command.c_str()), 0);
-  EXPECT_NE(read_file(folder.path() / "errors").find("run it again for arm.fbs"),
-            std::string::npos);
+  EXPECT_NE(refusal_of_header(folder, "c++20").find("run it again for arm.fbs"), std::string::npos);
 }
 
 }  // namespace

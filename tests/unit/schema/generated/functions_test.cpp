@@ -25,12 +25,14 @@ const CallContext kContext{.priority = 0, .deadline = rtpm::kNever, .received = 
 struct Dispatch {
   alignas(16) std::array<std::byte, 4096> request{};
   alignas(16) std::array<std::byte, 4096> reply{};
+  std::string text{};  ///< The last reply, or why there is none.
 
   Status run(rtpm::rpc::Servant& servant, SceneMethodId id, rtpm::ConstBytes bytes) {
     std::ranges::copy(bytes, request.begin());
-    return servant
-        .dispatch(static_cast<std::uint16_t>(id), {request.data(), bytes.size()}, reply, kContext)
-        .status;
+    const rtpm::rpc::DispatchResult result = servant.dispatch(
+        static_cast<std::uint16_t>(id), {request.data(), bytes.size()}, reply, kContext);
+    text.assign(reinterpret_cast<const char*>(reply.data()), result.reply_size);
+    return result.status;
   }
   template <class T>
   Status run_table(rtpm::rpc::Servant& servant, SceneMethodId id, const T& request_object) {
@@ -101,6 +103,20 @@ TEST_F(Ranges, OfStructsAreChecked) {
     EXPECT_EQ(push(wrong), Status::kBadRequest);
   }
   EXPECT_EQ(count_, 1) << "a refused request did not run";
+  EXPECT_EQ(push(Force(0, -20.5, 0)), Status::kBadRequest);
+  EXPECT_EQ(dispatch_.text, "y is -20.5, but must be -20 to 20 newton");
+  EXPECT_EQ(push(Force(0, 0, kNan)), Status::kBadRequest);
+  EXPECT_EQ(dispatch_.text, "z is nan, but must be -20 to 20 newton");
+}
+
+TEST_F(Ranges, OfARequestOfAnotherTypeAreNotLookedAt) {
+  const std::array<std::byte, 3> bytes{};
+  EXPECT_EQ(dispatch_.run(scene_, SceneMethodId::push, bytes), Status::kBadRequest);
+  EXPECT_EQ(dispatch_.text,
+            "the request of 3 bytes is not a lab.quantities.Force of 24 bytes: the schemas differ");
+  EXPECT_EQ(dispatch_.run(scene_, SceneMethodId::add, bytes), Status::kBadRequest);
+  EXPECT_EQ(dispatch_.text,
+            "the request of 3 bytes is not a lab.quantities.Part: the schemas differ");
 }
 
 TEST_F(Ranges, OfUnionsAndNestedTablesAreChecked) {
@@ -114,6 +130,7 @@ TEST_F(Ranges, OfUnionsAndNestedTablesAreChecked) {
   sphere.radius_m = 1.5;
   part.shape.Set(sphere);
   EXPECT_EQ(add(part), Status::kBadRequest);
+  EXPECT_EQ(dispatch_.text, "shape.radius_m is 1.5, but must be 0.001 to 1 metre");
   part.shape.Set(Force(0, 21, 0));
   EXPECT_EQ(add(part), Status::kBadRequest);
 
@@ -121,6 +138,7 @@ TEST_F(Ranges, OfUnionsAndNestedTablesAreChecked) {
   outer.name = "outer";
   outer.parts.push_back(std::make_unique<lab::quantities::PartT>(part));
   EXPECT_EQ(add(outer), Status::kBadRequest);
+  EXPECT_EQ(dispatch_.text, "parts[0].shape.y is 21, but must be -20 to 20 newton");
   outer.parts.front()->shape.Set(Force(0, 19, 0));
   EXPECT_EQ(add(outer), Status::kOk);
 }
@@ -139,6 +157,7 @@ TEST_F(Ranges, OfNumbersArraysAndVectorsAreChecked) {
   everything.unsigned_16 = 1000;
   everything.joints = joints(3.3F);
   EXPECT_EQ(echo(everything), Status::kBadRequest);
+  EXPECT_EQ(dispatch_.text, "joints.angle[5] is 3.3, but must be -3.2 to 3.2 radian");
   everything.joints = joints(3.1F);
   EXPECT_EQ(echo(everything), Status::kOk);
   everything.forces = {Force(0, 0, 0), Force(0, 0, 100)};
@@ -150,6 +169,7 @@ TEST_F(Ranges, OfNumbersArraysAndVectorsAreChecked) {
   sphere.radius_m = 0;
   everything.shapes[1].Set(sphere);
   EXPECT_EQ(echo(everything), Status::kBadRequest);
+  EXPECT_EQ(dispatch_.text, "shapes[1].radius_m is 0, but must be 0.001 to 1 metre");
   everything.shapes.pop_back();
   EXPECT_EQ(echo(everything), Status::kOk);
 }

@@ -224,7 +224,7 @@ class ClientChannel {
                                             MonotonicTime now) noexcept;
   [[nodiscard]] ChannelEvent on_item(const Header& header, ConstBytes payload,
                                      MonotonicTime now) noexcept;
-  [[nodiscard]] ChannelEvent on_stream_end(Call& call, const Header& header,
+  [[nodiscard]] ChannelEvent on_stream_end(Call& call, const Header& header, ConstBytes payload,
                                            MonotonicTime now) noexcept;
   [[nodiscard]] ChannelEvent end_of_stream(Call& call, MonotonicTime now) noexcept;
   static void hear(Call& call) noexcept;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <string_view>
 
@@ -30,6 +31,10 @@ enum class Status : std::uint16_t {
   kNotAllowed = 19,  ///< Not run: the caller's identity may not do this.
 };
 inline constexpr std::uint16_t kStatusCount = 20;
+
+/// Bytes of the text with which a server refuses a call.
+/// @source   spec/hprotocol.md#hp-7-1
+inline constexpr std::size_t kRefusalTextSizeMax = 200;
 
 /// The name in the specification; "unknown" for a number that has none.
 [[nodiscard]] std::string_view to_string(Status status) noexcept;

@@ -30,13 +30,14 @@ enum class CallError : std::uint8_t {
   kVersionUnsupported,  ///< Not run: no protocol version in common. Update the older side.
   kNoSuchMethod,        ///< Not run: the object lacks the method. Client and server schemas differ.
   kNoSuchObject,        ///< Not run: the object is not there (any more). Bind again.
-  kBadRequest,          ///< Not run: the server could not read the request. Schemas differ.
+  kBadRequest,          ///< Not run: the request is not what the method takes, or a value in it is
+                        ///< outside its range. refusal_text() says which.
   kNotLeaseHolder,      ///< Not run: another client holds the lease. Acquire it first.
-  kServantFailed,       ///< The servant ran and failed. What its program reports says why.
-  kTooLarge,            ///< The request (not run), the reply, or an item of a stream (run) exceeds
-                        ///< what caller and server both take.
-  kWrongBand,  ///< Not run: in none of the object's bands, or outside the session's. Call at
-               ///< a priority of a band.
+  kServantFailed,  ///< The servant ran and failed. refusal_text() and the server's log say why.
+  kTooLarge,       ///< The request (not run), the reply, or an item of a stream (run) exceeds
+                   ///< what caller and server both take.
+  kWrongBand,      ///< Not run: in none of the object's bands, or outside the session's. Call at
+                   ///< a priority of a band.
   kPriorityNotAllowed,  ///< Not run: above the ceiling granted to this session. Call at a lower
                         ///< one.
   kBadReply,            ///< It may have run; the reply is not what schema or protocol say. Schemas
@@ -57,6 +58,18 @@ enum class CallError : std::uint8_t {
 
 /// One sentence in words for a person: the cause and the remedy.
 [[nodiscard]] std::string_view to_string(CallError error) noexcept;
+
+/// The server's own words on why this thread's last call failed with kBadRequest or kServantFailed,
+/// "force.x is 30, but must be -20 to 20 N"; empty: it gave none. They are another program's:
+/// describe() has them ready to be shown.
+/// @ownership valid until a call of this thread fails
+/// @realtime alloc-free
+[[nodiscard]] std::string_view refusal_text() noexcept;
+
+/// to_string(error), with refusal_text() where it belongs to `error`, escaped as by printable().
+/// Called by the thread whose call failed, before its next one.
+/// @realtime set-up only
+[[nodiscard]] std::string describe(CallError error);
 
 /// A CallError as SetupError::cause, which compares with one.
 [[nodiscard]] std::error_code make_error_code(CallError error) noexcept;

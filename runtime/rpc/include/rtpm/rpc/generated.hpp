@@ -5,6 +5,7 @@
 #include "rtpm/rpc/binding.hpp"
 #include "rtpm/rpc/deferred_tables.hpp"
 #include "rtpm/rpc/interface.hpp"
+#include "rtpm/rpc/refusal.hpp"
 #include "rtpm/rpc/servant.hpp"
 #include "rtpm/rpc/tables.hpp"
 // IWYU pragma: end_exports
@@ -13,6 +14,6 @@ namespace rtpm::rpc {
 
 /// Which form of generated code fits these headers: code of an rtpmc that writes another one does
 /// not compile, and says why.
-inline constexpr int kGeneratedForm = 1;
+inline constexpr int kGeneratedForm = 2;
 
 }  // namespace rtpm::rpc

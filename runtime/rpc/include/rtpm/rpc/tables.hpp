@@ -189,54 +189,6 @@ template <class T>
   return *static_cast<const T*>(static_cast<const void*>(request.data()));
 }
 
-/// Whether a number is within its `rtpm_range`; no number (NaN) is not.
-template <class T>
-[[nodiscard]] constexpr bool is_within(T value, double low, double high) noexcept {
-  const auto number = static_cast<double>(value);
-  return low <= number && number <= high;
-}
-/// Whether an optional number is; one that is absent is.
-template <class T>
-[[nodiscard]] constexpr bool is_within(const flatbuffers::Optional<T>& value, double low,
-                                       double high) noexcept {
-  return !value || is_within(*value, low, high);
-}
-/// Whether each number of a vector or array is, if it is there.
-template <class Numbers>
-[[nodiscard]] bool are_within(const Numbers* numbers, double low, double high) noexcept {
-  return numbers == nullptr || std::all_of(numbers->begin(), numbers->end(), [&](auto number) {
-           return is_within(number, low, high);
-         });
-}
-
-/// An element of a vector or array, which FlatBuffers gives as a pointer or a reference.
-template <class T>
-[[nodiscard]] const T& item_of(const T& item) noexcept {
-  return item;
-}
-template <class T>
-[[nodiscard]] const T& item_of(const T* item) noexcept {
-  return *item;
-}
-/// Whether `holds` is true of each struct or table of a vector or array, if it is there.
-template <class Items, class Predicate>
-[[nodiscard]] bool all_of(const Items* items, Predicate holds) noexcept {
-  for (flatbuffers::uoffset_t i = 0; items != nullptr && i < items->size(); ++i) {
-    if (!holds(item_of(items->Get(i)))) return false;
-  }
-  return true;
-}
-/// The same of a vector of unions: `holds` is given each member's type and address.
-template <class Type, class Types, class Items, class Predicate>
-[[nodiscard]] bool all_members_of(const Types* types, const Items* items,
-                                  Predicate holds) noexcept {
-  for (flatbuffers::uoffset_t i = 0; items != nullptr && types != nullptr && i < items->size();
-       ++i) {
-    if (!holds(static_cast<Type>(types->Get(i)), items->Get(i))) return false;
-  }
-  return true;
-}
-
 /// The memory of a reply that the schema gives a largest size.
 [[nodiscard]] inline MutableBytes at_most(MutableBytes reply, std::size_t size_max) noexcept {
   return reply.first(std::min(reply.size(), size_max));

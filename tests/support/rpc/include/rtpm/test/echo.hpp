@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "rtpm/rpc/refusal.hpp"
 #include "rtpm/rpc/servant.hpp"
 #include "rtpm/rt/priority.hpp"
 #include "rtpm/test/os.hpp"
@@ -92,7 +93,10 @@ class Servant final : public rpc::Servant {
         // Out of range, as a person's mistake would be.
         return {wire::Status::kOk, static_cast<std::uint32_t>(std::string().at(request.size()))};
       case kRefuse.id:
-        return {rpc::to_status(static_cast<rpc::Refusal>(request.front())), 0};
+        // With the rest of the request as its reason.
+        return rpc::refuse(rpc::to_status(static_cast<rpc::Refusal>(request.front())),
+                           {reinterpret_cast<const char*>(request.data()) + 1, request.size() - 1},
+                           reply);
       case kGrow.id: {
         const auto size = load_le<std::uint32_t>(request.data());
         if (size > reply.size()) return {wire::Status::kTooLarge, 0};
