@@ -76,16 +76,19 @@ export async function until(what, read, isTrue = Boolean) {
   }
 }
 
-/** Serious and critical findings of axe-core, in words. */
-export async function accessibilityFaults(page) {
+/** Serious and critical findings of axe-core, in words; its rule about colours is the slowest. */
+export async function accessibilityFaults(page, {withColours = true} = {}) {
   if (!(await page.evaluate(() => 'axe' in window))) await page.evaluate(axe);
-  const found = await page.evaluate(() =>
-    window.axe.run(document, {
-      runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'best-practice'],
-      // The rest is not read, and takes longer than the rules.
-      resultTypes: ['violations'],
-      selectors: false,
-    }),
+  const found = await page.evaluate(
+    (hasColours) =>
+      window.axe.run(document, {
+        runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'best-practice'],
+        rules: {'color-contrast': {enabled: hasColours}},
+        // The rest is not read, and takes longer than the rules.
+        resultTypes: ['violations'],
+        selectors: false,
+      }),
+    withColours,
   );
   return found.violations
     .filter((one) => ['serious', 'critical'].includes(one.impact))
@@ -108,7 +111,9 @@ export async function smallTargets(page) {
   );
 }
 
+/** A picture for people who set RTPM_PICTURES. */
 export async function keep(page, folder, name) {
+  if (!process.env.RTPM_PICTURES) return;
   mkdirSync(folder, {recursive: true});
   await page.screenshot({path: `${folder}/${name}.png`, animations: 'disabled'});
 }
