@@ -5,16 +5,13 @@
 
 #include <algorithm>
 #include <charconv>
-#include <functional>
-#include <iterator>
-#include <map>
 #include <memory>
 #include <string_view>
 #include <utility>
 #include <vector>
 
-#include "checks/words.hpp"
 #include "reading/closed_parser.hpp"
+#include "reading/parser_error.hpp"
 #include "reading/tokens.hpp"
 
 namespace rtpm::schema {
@@ -32,68 +29,6 @@ flatbuffers::IDLOptions parser_options() {
   options.no_warnings = true;
   return options;
 }
-
-std::string qualified(const std::string& scope, const std::string& name) {
-  return scope.empty() ? name : scope + '.' + name;
-}
-
-constexpr std::string_view kScalarNames[] = {
-    "bool",   "byte",   "ubyte", "short", "ushort", "int",    "uint",  "long",   "ulong", "float",
-    "double", "string", "int8",  "uint8", "int16",  "uint16", "int32", "uint32", "int64", "uint64"};
-
-class FailedParser final : public ParsedSoFar {
- public:
-  explicit FailedParser(const flatbuffers::Parser& parser) : parser_(parser) {}
-
-  [[nodiscard]] std::string kind_of(const std::string& type) const override {
-    // As the parser, search the namespace at the error, then outwards.
-    std::string scope;
-    if (parser_.current_namespace_ != nullptr) {
-      scope = parser_.current_namespace_->GetFullyQualifiedName("");
-    }
-    while (true) {
-      const std::string name = qualified(scope, type);
-      if (const auto* object = parser_.structs_.Lookup(name); object && !object->predecl) {
-        return object->fixed ? "struct" : "table";
-      }
-      if (const auto* enumeration = parser_.enums_.Lookup(name)) {
-        return enumeration->is_union ? "union" : "enum";
-      }
-      if (scope.empty()) return {};
-      const std::size_t dot = scope.rfind('.');
-      scope.resize(dot == std::string::npos ? 0 : dot);
-    }
-  }
-
-  [[nodiscard]] std::string similar_type(const std::string& type) const override {
-    // By the last component: a wrong namespace is a mistake, too.
-    std::vector<std::string_view> names(std::begin(kScalarNames), std::end(kScalarNames));
-    std::map<std::string, std::string, std::less<>> written;
-    for (const auto* object : parser_.structs_.vec) {
-      if (!object->predecl) written.emplace(object->name, as_written_here(*object));
-    }
-    for (const auto* enumeration : parser_.enums_.vec)
-      written.emplace(enumeration->name, as_written_here(*enumeration));
-    const std::string last = short_name(type);
-    if (const auto same = written.find(last); same != written.end()) return same->second;
-    for (const auto& [name, text] : written)
-      names.push_back(name);
-    const std::string similar = most_similar(last, names);
-    const auto found = written.find(similar);
-    return found == written.end() ? similar : found->second;
-  }
-
- private:
-  /// A type's name as the text must have it at the error.
-  [[nodiscard]] std::string as_written_here(const flatbuffers::Definition& type) const {
-    if (type.defined_namespace == nullptr || type.defined_namespace == parser_.current_namespace_) {
-      return type.name;
-    }
-    return type.defined_namespace->GetFullyQualifiedName(type.name);
-  }
-
-  const flatbuffers::Parser& parser_;
-};
 
 std::size_t take_number(std::string_view& text) {
   std::size_t value = 0;
@@ -139,12 +74,12 @@ Diagnostic describe_failure(const flatbuffers::Parser& parser, const SourceFile&
   const std::string& file = parser.file_being_parsed_;
   if (!file.empty() && file != main_source.path()) {
     if (const auto included = SourceFile::read(file)) {
-      Diagnostic diagnostic = translate(error, *included, FailedParser(parser));
+      Diagnostic diagnostic = diagnostic_of(error, *included, parser);
       if (!diagnostic.note) diagnostic.note = place_of_include(parser, file);
       return diagnostic;
     }
   }
-  return translate(error, main_source, FailedParser(parser));
+  return diagnostic_of(error, main_source, parser);
 }
 
 }  // namespace

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <flatbuffers/idl.h>
+
+#include <cstddef>
+#include <string>
+
+#include "rtpm/schema/diagnostic.hpp"
+#include "rtpm/schema/source.hpp"
+
+namespace rtpm::schema {
+
+/// An error as FlatBuffers' parser reports it.
+struct RawError {
+  std::size_t line = 0;         ///< From 1.
+  std::size_t column_byte = 0;  ///< From 0: after the last token that the parser read.
+  std::string message{};
+};
+
+/// The error in the parser's own words, with the place in `source` that it means.
+/// @param parser  the one that failed, whose types are candidates for a misspelt one
+[[nodiscard]] Diagnostic diagnostic_of(const RawError& error, const SourceFile& source,
+                                       const flatbuffers::Parser& parser);
+
+}  // namespace rtpm::schema
