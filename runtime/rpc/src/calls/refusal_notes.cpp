@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstring>
+#include <new>
 #include <string>
 
 namespace rtpm::rpc {
@@ -32,7 +33,6 @@ void RefusalNotes::note(const Object& object, const wire::Request& request, wire
 }
 
 MonotonicTime RefusalNotes::write_due(MonotonicTime now) {
-  log_.tick();
   if (count_.load(std::memory_order_acquire) == 0) return kNever;
   if (now < due_) return due_;
   due_ = now + kWriteInterval;
@@ -43,7 +43,11 @@ MonotonicTime RefusalNotes::write_due(MonotonicTime now) {
 void RefusalNotes::write() {
   for (Note& note : notes_) {
     if (note.state.load(std::memory_order_acquire) != State::kNoted) continue;
-    log_.write(line_of(note));
+    try {
+      log_.write(line_of(note));
+    } catch (const std::bad_alloc&) {
+      // The counters have to do.
+    }
     note.state.store(State::kFree, std::memory_order_release);
     count_.fetch_sub(1, std::memory_order_acq_rel);
   }
