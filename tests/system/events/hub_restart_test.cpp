@@ -17,6 +17,7 @@
 #include "rtpm/events/supplier.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/test/os.hpp"
 
 // What a supplier knows of its events when its hub is killed, over each transport, and what a
 // consumer sees of it.
@@ -24,18 +25,9 @@ namespace rtpm::system_test {
 namespace {
 
 using namespace std::chrono_literals;
+using rtpm::test::await;
 
 constexpr events::EventType kTick = 5;
-
-template <class Condition>
-[[nodiscard]] bool await(Condition is_so) {
-  const MonotonicTime give_up = rt::now() + kPatience;
-  while (!is_so()) {
-    if (rt::now() >= give_up) return false;
-    std::this_thread::sleep_for(1ms);
-  }
-  return true;
-}
 
 /// Writes down the numbers of events.
 class Numbers final : public events::EventHandler {

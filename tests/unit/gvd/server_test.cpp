@@ -20,11 +20,14 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/test/alloc_guard.hpp"
+#include "rtpm/test/os.hpp"
 #include "scripted_driver.hpp"
 
 /// A device served and used in one process, over the loop-back network.
 namespace rtpm::gvd {
 namespace {
+
+using rtpm::test::await;
 
 using driver::ExchangeStatus;
 using driver::Fault;
@@ -36,17 +39,6 @@ DeviceServerConfig off_realtime() {
   DeviceServerConfig config;
   config.thread.realtime = rt::RealtimeMode::kOff;
   return config;
-}
-
-/// Waits, for 10 s at most, until `condition` holds.
-template <class Condition>
-bool eventually(Condition condition) {
-  const MonotonicTime until = rt::now() + seconds{10};
-  while (!condition()) {
-    if (rt::now() > until) return false;
-    rt::sleep_until(rt::now() + milliseconds{1});
-  }
-  return true;
 }
 
 class Served : public ::testing::Test {
@@ -83,7 +75,7 @@ class Served : public ::testing::Test {
   /// Sends `newton` along x every cycle until `condition` holds.
   template <class Condition>
   bool command_until(DeviceClient& client, double newton, Condition condition) {
-    return eventually([&] {
+    return await([&] {
       static_cast<void>(client.set_force({newton, 0, 0}));
       return condition();
     });
@@ -121,7 +113,7 @@ TEST_F(Served, GivesALostLeaseBackToTheClientThatLostIt) {
   DeviceClient client = open();
   ASSERT_TRUE(client.acquire(seconds{10}));
   EXPECT_TRUE(client.reacquire()) << "it is held";
-  ASSERT_TRUE(eventually([&] { return client.lease_state().value() == LeaseState::kSilent; }));
+  ASSERT_TRUE(await([&] { return client.lease_state().value() == LeaseState::kSilent; }));
   EXPECT_FALSE(client.renew());
   EXPECT_TRUE(client.reacquire(seconds{10}));
   EXPECT_EQ(client.lease_state().value(), LeaseState::kHeld);
@@ -146,7 +138,7 @@ TEST_F(Served, GivesTheCyclesAroundAnEmergencyStop) {
   ASSERT_TRUE(log);
   EXPECT_EQ(log->number, 0u) << "there was no fault";
   ASSERT_TRUE(client.emergency_stop());
-  ASSERT_TRUE(eventually([&] {
+  ASSERT_TRUE(await([&] {
     log = client.flight_record();
     return log && log->number == 1;
   }));
@@ -257,7 +249,7 @@ TEST_F(Served, SamplesGoOnAndOn) {
   DeviceClient client = open();
   const auto first = client.read(patient());
   ASSERT_TRUE(first);
-  EXPECT_TRUE(eventually([&] {
+  EXPECT_TRUE(await([&] {
     const auto next = client.read(patient());
     return next && next->sequence > first->sequence + 20;
   }));
@@ -271,7 +263,7 @@ TEST_F(Served, AForceReachesTheDeviceAndEndsWithTheLease) {
     return std::abs(device_->newest()->wrench_applied.force_newton.x - 3) < 0.01;
   }));
   ASSERT_TRUE(client.release());
-  EXPECT_TRUE(eventually([&] { return device_->newest()->wrench_applied.force_newton.x == 0; }));
+  EXPECT_TRUE(await([&] { return device_->newest()->wrench_applied.force_newton.x == 0; }));
   EXPECT_FALSE(device_->newest()->faults.has(Fault::kCommandLost)) << "it was given back in order";
 }
 
@@ -285,8 +277,8 @@ TEST_F(Served, AClientThatFallsSilentLosesForceAndThenTheLease) {
   ASSERT_TRUE(client.acquire());
   ASSERT_TRUE(command_until(client, 3,
                             [&] { return device_->newest()->wrench_applied.force_newton.x > 2; }));
-  EXPECT_TRUE(eventually([&] { return device_->newest()->faults.has(Fault::kCommandLost); }));
-  EXPECT_TRUE(eventually([&] { return device_->counters().lease_expired_count == 1; }));
+  EXPECT_TRUE(await([&] { return device_->newest()->faults.has(Fault::kCommandLost); }));
+  EXPECT_TRUE(await([&] { return device_->counters().lease_expired_count == 1; }));
   EXPECT_EQ(device_->newest()->wrench_applied.force_newton.x, 0);
   const auto late = client.set_force({1, 0, 0}, patient());
   ASSERT_FALSE(late);
@@ -330,7 +322,7 @@ TEST_F(Served, AnOperatorTakesTheDeviceOverAndTheFormerHolderLearnsWhy) {
   EXPECT_EQ(holder.renew().error(), DeviceOutcome::kNotHolder);
   EXPECT_EQ(*holder.lease_state(), LeaseState::kTakenOver);
   EXPECT_EQ(*other.lease_state(), LeaseState::kHeld);
-  EXPECT_TRUE(eventually([&] { return device_->newest()->wrench_applied.force_newton.x == 0; }));
+  EXPECT_TRUE(await([&] { return device_->newest()->wrench_applied.force_newton.x == 0; }));
   EXPECT_TRUE(command_until(other, -3,
                             [&] { return device_->newest()->wrench_applied.force_newton.x < -2; }));
   EXPECT_EQ(holder.take_over().error(), DeviceOutcome::kTooSoon) << "not so soon";
@@ -344,7 +336,7 @@ TEST_F(Served, AClientThatOnlyRenewsLosesTheLease) {
   DeviceClient client = open();
   EXPECT_EQ(*client.lease_state(), LeaseState::kUnknown);
   ASSERT_TRUE(client.acquire());
-  ASSERT_TRUE(eventually([&] { return !client.renew(); }));
+  ASSERT_TRUE(await([&] { return !client.renew(); }));
   EXPECT_EQ(client.renew().error(), DeviceOutcome::kNotHolder);
   EXPECT_EQ(*client.lease_state(), LeaseState::kIdle);
   EXPECT_EQ(device_->counters().lease_idle_count, 1u);
@@ -369,7 +361,7 @@ TEST_F(Served, ANumberThatIsNoneIsToldAndTakesTheForceAwayTillRecovery) {
       client.set_force({std::numeric_limits<double>::quiet_NaN(), 0, 0}, patient());
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error(), DeviceOutcome::kNotFinite);
-  ASSERT_TRUE(eventually([&] { return device_->newest()->faults.has(Fault::kCommandNotFinite); }));
+  ASSERT_TRUE(await([&] { return device_->newest()->faults.has(Fault::kCommandNotFinite); }));
   ASSERT_TRUE(client.recover());
   EXPECT_TRUE(command_until(client, 3,
                             [&] { return device_->newest()->wrench_applied.force_newton.x > 1; }));
@@ -414,9 +406,9 @@ TEST_F(Served, ModelsOfEveryKindAreRenderedAsTheClientSetThem) {
     return std::hypot(applied.x - expected.x, applied.y - expected.y, applied.z - expected.z) <
            1e-9;
   };
-  EXPECT_TRUE(eventually(is_rendered));
+  EXPECT_TRUE(await(is_rendered));
   ASSERT_TRUE(client.set_models({}));
-  EXPECT_TRUE(eventually([&] {
+  EXPECT_TRUE(await([&] {
     const auto sample = client.read(patient());
     return sample && sample->wrench_applied == driver::Wrench{};
   }));
@@ -456,10 +448,10 @@ TEST_F(Served, IsTakenOutOfAndIntoOperation) {
     const auto sample = client.read(patient());
     return sample && sample->lifecycle == lifecycle;
   };
-  ASSERT_TRUE(eventually([&] { return is_in(Lifecycle::kInactive); }));
+  ASSERT_TRUE(await([&] { return is_in(Lifecycle::kInactive); }));
   EXPECT_EQ(client.set_force({1, 0, 0}, patient()).error(), DeviceOutcome::kNotActive);
   ASSERT_TRUE(client.activate());
-  EXPECT_TRUE(eventually([&] { return is_in(Lifecycle::kActive); }));
+  EXPECT_TRUE(await([&] { return is_in(Lifecycle::kActive); }));
 }
 
 TEST_F(Served, AnyClientStopsADeviceAndItsHolderRearmsIt) {
@@ -470,7 +462,7 @@ TEST_F(Served, AnyClientStopsADeviceAndItsHolderRearmsIt) {
   ASSERT_TRUE(command_until(holder, 3,
                             [&] { return device_->newest()->wrench_applied.force_newton.x > 2; }));
   ASSERT_TRUE(other.emergency_stop());
-  EXPECT_TRUE(eventually([&] { return device_->newest()->wrench_applied.force_newton.x == 0; }));
+  EXPECT_TRUE(await([&] { return device_->newest()->wrench_applied.force_newton.x == 0; }));
   EXPECT_EQ(holder.set_force({3, 0, 0}, patient()).error(), DeviceOutcome::kEmergencyStop);
   EXPECT_EQ(other.rearm().error(), DeviceOutcome::kNotHolder);
   ASSERT_TRUE(holder.rearm());
@@ -586,7 +578,7 @@ TEST_F(Served, APollerReceivesNewSamplesAtItsOwnPace) {
   Collector collector;
   auto consumer = DevicePoller::start(node_, url_, {.rate_hz = 200}, collector);
   ASSERT_TRUE(consumer) << consumer.error().text();
-  EXPECT_TRUE(eventually([&] { return collector.count > 10; }));
+  EXPECT_TRUE(await([&] { return collector.count > 10; }));
   consumer->stop();
   const int count = collector.count;
   EXPECT_TRUE(collector.is_in_order);
@@ -599,9 +591,9 @@ TEST_F(Served, APollerCountsWhatFailsAndGoesOn) {
   Collector collector;
   auto consumer = DevicePoller::start(node_, url_, {.rate_hz = 1000}, collector);
   ASSERT_TRUE(consumer);
-  EXPECT_TRUE(eventually([&] { return collector.count > 0; }));
+  EXPECT_TRUE(await([&] { return collector.count > 0; }));
   server_->stop();
-  EXPECT_TRUE(eventually([&] { return consumer->counters().failed_count > 0; }));
+  EXPECT_TRUE(await([&] { return consumer->counters().failed_count > 0; }));
   EXPECT_TRUE(consumer->last_error());
 }
 

@@ -12,11 +12,14 @@
 #include <vector>
 
 #include "rtpm/gvd/server.hpp"
+#include "rtpm/test/os.hpp"
 #include "scripted_driver.hpp"
 #include "stops/stop_file.hpp"
 
 namespace rtpm::gvd {
 namespace {
+
+using rtpm::test::await;
 
 using namespace std::chrono_literals;
 
@@ -36,15 +39,6 @@ class Listener final : public DeviceListener {
   std::mutex mutex_{};
   std::vector<std::string> texts_{};
 };
-
-template <class Condition>
-bool await(Condition condition) {
-  for (int i = 0; i < 1000; ++i) {
-    if (condition()) return true;
-    std::this_thread::sleep_for(5ms);
-  }
-  return false;
-}
 
 class KeptStops : public ::testing::Test {
  protected:

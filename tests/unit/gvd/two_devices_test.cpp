@@ -10,6 +10,7 @@
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/test/os.hpp"
 #include "scripted_driver.hpp"
 
 /// Two devices of one program, with real threads: what one's driver does, the other must not feel.
@@ -17,20 +18,12 @@
 namespace rtpm::gvd {
 namespace {
 
+using rtpm::test::await;
+
 using driver::ExchangeStatus;
 using driver::Lifecycle;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
-
-template <class Condition>
-bool eventually(Condition condition) {
-  const MonotonicTime until = rt::now() + seconds{20};
-  while (!condition()) {
-    if (rt::now() > until) return false;
-    rt::sleep_until(rt::now() + milliseconds{1});
-  }
-  return true;
-}
 
 std::unique_ptr<DeviceServer> start_device(test::ScriptedDriver::Script script) {
   auto driver = std::make_unique<test::ScriptedDriver>();
@@ -57,7 +50,7 @@ TEST(TwoDevices, ADriverThatSleepsCostsTheOtherNoCycle) {
     if (is_undisturbed) ++undisturbed_count;
     return ExchangeStatus::kOk;
   });
-  EXPECT_TRUE(eventually([&] { return undisturbed_count >= 3; }));
+  EXPECT_TRUE(await([&] { return undisturbed_count >= 3; }));
   // Each cycle but the first counts those that were missed before it; the loop begins at the
   // second.
   const DeviceCounters counters = slow->counters();
@@ -81,12 +74,12 @@ TEST(TwoDevices, ADriverThatBlocksLeavesTheOtherAndAllCallsRunning) {
   rpc::Node node({.default_deadline = seconds{5}});
 
   is_open = false;
-  ASSERT_TRUE(eventually([&] { return is_inside.load(); }));
+  ASSERT_TRUE(await([&] { return is_inside.load(); }));
   const std::uint64_t blocked_at = blocked->counters().cycle_count;
   const std::uint64_t quick_at = quick->counters().cycle_count;
   auto client = DeviceClient::open(node, (*server)->url("lab/blocked"));
   ASSERT_TRUE(client) << "describe() is answered";
-  EXPECT_TRUE(eventually([&] {
+  EXPECT_TRUE(await([&] {
     const auto sample = client->read();
     return sample && sample->faults.has(driver::Fault::kDeviceLate);
   })) << "the sample shows it";
@@ -96,16 +89,16 @@ TEST(TwoDevices, ADriverThatBlocksLeavesTheOtherAndAllCallsRunning) {
   auto other = DeviceClient::open(node, (*server)->url("lab/quick"));
   ASSERT_TRUE(other);
   EXPECT_TRUE(other->acquire());
-  EXPECT_TRUE(eventually([&] {
+  EXPECT_TRUE(await([&] {
     static_cast<void>(other->set_force({1, 0, 0}));
     return quick->newest()->wrench_applied.force_newton.x > 0.9;
   })) << "the other device follows its client";
-  EXPECT_TRUE(eventually([&] { return quick->counters().cycle_count > quick_at + 300; }));
+  EXPECT_TRUE(await([&] { return quick->counters().cycle_count > quick_at + 300; }));
   EXPECT_EQ(blocked->counters().cycle_count, blocked_at);
 
   is_open = true;
   is_open.notify_all();
-  EXPECT_TRUE(eventually([&] { return blocked->counters().cycle_count > blocked_at + 20; }));
+  EXPECT_TRUE(await([&] { return blocked->counters().cycle_count > blocked_at + 20; }));
 }
 
 TEST(BlockedDriver, IsWaitedForAsLongAsTheCallerWants) {
@@ -117,7 +110,7 @@ TEST(BlockedDriver, IsWaitedForAsLongAsTheCallerWants) {
     return ExchangeStatus::kOk;
   });
   is_open = false;
-  ASSERT_TRUE(eventually([&] { return is_inside.load(); }));
+  ASSERT_TRUE(await([&] { return is_inside.load(); }));
   EXPECT_FALSE(device->stop(milliseconds{10}));
   EXPECT_EQ(device->newest()->lifecycle, Lifecycle::kActive) << "it was not deactivated";
   is_open = true;
@@ -157,11 +150,11 @@ TEST(AbsentDevice, IsTheSameObjectWhenItComes) {
   for (int i = 0; i < 2; ++i) {
     const std::uint64_t plugged_in_at = (*device)->newest()->sequence;
     is_plugged_in = true;
-    ASSERT_TRUE(eventually([&] { return (*device)->newest()->lifecycle == Lifecycle::kActive; }));
+    ASSERT_TRUE(await([&] { return (*device)->newest()->lifecycle == Lifecycle::kActive; }));
     EXPECT_LE((*device)->newest()->sequence - plugged_in_at, 1000u) << "cycles of 1 ms";
     EXPECT_TRUE(is_in(Lifecycle::kActive));
     is_plugged_in = false;
-    ASSERT_TRUE(eventually([&] { return is_in(Lifecycle::kFault); }));
+    ASSERT_TRUE(await([&] { return is_in(Lifecycle::kFault); }));
   }
 }
 

@@ -2,9 +2,7 @@
 
 #include <gtest/gtest.h>
 #include <mosquitto.h>
-#include <netinet/in.h>
 #include <signal.h>
-#include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -13,12 +11,15 @@
 #include <mutex>
 #include <optional>
 
+#include "rtpm/test/free_port.hpp"
 #include "rtpm/test/process.hpp"
 #include "served_hub.hpp"
 
 // The bridge between a hub and a broker, with a mosquitto of the test's own (ev-6).
 namespace rtpm::mqtt {
 namespace {
+
+using rtpm::test::free_port;
 
 using namespace std::chrono_literals;
 using namespace rtpm::events;
@@ -27,18 +28,6 @@ using rtpm::test::Process;
 
 constexpr const char* kBrokerProgram = "/usr/sbin/mosquitto";
 constexpr const char* kOpensslProgram = "/usr/bin/openssl";
-
-std::uint16_t free_port() {
-  const int descriptor = socket(AF_INET, SOCK_STREAM, 0);
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  socklen_t size = sizeof address;
-  EXPECT_EQ(bind(descriptor, reinterpret_cast<sockaddr*>(&address), size), 0);
-  EXPECT_EQ(getsockname(descriptor, reinterpret_cast<sockaddr*>(&address), &size), 0);
-  close(descriptor);
-  return ntohs(address.sin_port);
-}
 
 /// A client of the broker that writes down what comes.
 class Client final : public Broker::Listener {

@@ -139,7 +139,7 @@ TEST_P(Answers, GiveTheLeaseToOneAtATime) {
 TEST_P(Answers, EndTheLeaseOfASilentHolder) {
   gvd::DeviceClient client = open();
   ASSERT_TRUE(client.acquire());
-  ASSERT_TRUE(eventually([&] { return *client.lease_state() == gvd::LeaseState::kSilent; }));
+  ASSERT_TRUE(await([&] { return *client.lease_state() == gvd::LeaseState::kSilent; }));
   expect_refused(client.set_force({1, 0, 0}), DeviceOutcome::kNotHolder);
   expect_refused(client.renew(), DeviceOutcome::kNotHolder);
 }
@@ -190,7 +190,7 @@ TEST_P(Answers, StopInAnEmergencyUntilItIsRearmed) {
   expect_refused(client.set_force({1, 0, 0}), DeviceOutcome::kEmergencyStop);
   expect_refused(other.rearm(), DeviceOutcome::kNotHolder);
   EXPECT_TRUE(client.rearm());
-  EXPECT_TRUE(eventually([&] { return client.set_force({1, 0, 0}).has_value(); }));
+  EXPECT_TRUE(await([&] { return client.set_force({1, 0, 0}).has_value(); }));
   expect_refused(other.emergency_stop(gvd::StopScope::kSystem), DeviceOutcome::kNotInSystem);
 }
 
@@ -198,12 +198,12 @@ TEST_P(Answers, RefuseCommandsWhileItIsDeactivated) {
   gvd::DeviceClient client = open();
   ASSERT_TRUE(client.acquire());
   EXPECT_TRUE(client.deactivate());
-  EXPECT_TRUE(eventually([&] {
+  EXPECT_TRUE(await([&] {
     const auto set = client.set_force({1, 0, 0});
     return !set && set.error() == DeviceOutcome::kNotActive;
   }));
   EXPECT_TRUE(client.activate());
-  EXPECT_TRUE(eventually([&] { return client.set_force({1, 0, 0}).has_value(); }));
+  EXPECT_TRUE(await([&] { return client.set_force({1, 0, 0}).has_value(); }));
 }
 
 TEST_P(Answers, HaveNoFlightRecordWithoutAFault) {

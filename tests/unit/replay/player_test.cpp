@@ -50,7 +50,7 @@ TEST_F(PlayerTest, ShowsEachReaderInStepsTheNextSample) {
     ASSERT_FALSE(player_->is_over());
     EXPECT_EQ(client.read()->sequence, 100 + i);
   }
-  EXPECT_TRUE(eventually([&] { return player_->is_over(); }));
+  EXPECT_TRUE(await([&] { return player_->is_over(); }));
   EXPECT_EQ(player_->status().read_count, 20u);
   EXPECT_EQ(player_->status().at, recorded_.length);
 }
@@ -58,7 +58,7 @@ TEST_F(PlayerTest, ShowsEachReaderInStepsTheNextSample) {
 TEST_F(PlayerTest, EndsWithItsDevicesGone) {
   play({.speed = 10, .farewell = seconds{20}});
   gvd::DeviceClient client = open();
-  EXPECT_TRUE(eventually([&] {
+  EXPECT_TRUE(await([&] {
     const auto sample = client.read();
     return sample && sample->lifecycle == driver::Lifecycle::kFault &&
            sample->faults.has(driver::Fault::kDeviceGone);
@@ -69,14 +69,14 @@ TEST_F(PlayerTest, EndsWithItsDevicesGone) {
 TEST_F(PlayerTest, HoldsTheLastSampleAndDoesNotEnd) {
   play({.speed = 1000, .end = End::kHold});
   gvd::DeviceClient client = open();
-  EXPECT_TRUE(eventually([&] { return client.read()->sequence == 119; }));
+  EXPECT_TRUE(await([&] { return client.read()->sequence == 119; }));
   EXPECT_EQ(client.read()->lifecycle, driver::Lifecycle::kActive);
   EXPECT_FALSE(player_->is_over());
 }
 
 TEST_F(PlayerTest, BeginsAgainInALoop) {
   play({.end = End::kLoop});
-  EXPECT_TRUE(eventually([&] { return player_->status().round >= 2; }));
+  EXPECT_TRUE(await([&] { return player_->status().round >= 2; }));
   EXPECT_FALSE(player_->is_over());
 }
 
@@ -167,7 +167,7 @@ TEST_F(PlayerTest, PushesTheEventsWithTheirTypeSourceAndBytes) {
   ASSERT_TRUE(consumer) << consumer.error().text();
   play({.hub = (*served)->url(), .end = End::kHold});
   EXPECT_EQ(player_->unknown_types(), std::vector<std::string>{"77"});
-  ASSERT_TRUE(eventually([&] { return heard.count() >= 21; }));
+  ASSERT_TRUE(await([&] { return heard.count() >= 21; }));
   consumer->reset();
   std::size_t next = 0;
   for (std::size_t i = 0; i < heard.headers_.size(); ++i) {

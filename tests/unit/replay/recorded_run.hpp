@@ -12,20 +12,12 @@
 #include "rtpm/gvd/wire.hpp"
 #include "rtpm/replay/recorded.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/test/os.hpp"
 
 /// Recordings of a device, made for tests.
 namespace rtpm::replay {
 
-/// Waits, for 20 s at most, until `condition` holds.
-template <class Condition>
-bool eventually(Condition condition) {
-  const MonotonicTime until = rt::now() + std::chrono::seconds{20};
-  while (!condition()) {
-    if (rt::now() > until) return false;
-    rt::sleep_until(rt::now() + std::chrono::milliseconds{1});
-  }
-  return true;
-}
+using rtpm::test::await;
 
 inline std::vector<std::byte> finished(flatbuffers::FlatBufferBuilder& builder) {
   const auto bytes = std::as_bytes(std::span(builder.GetBufferPointer(), builder.GetSize()));

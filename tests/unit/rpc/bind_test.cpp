@@ -11,6 +11,7 @@
 #include "client/node_impl.hpp"
 #include "rtpm/test/child.hpp"
 #include "rtpm/test/echo_server.hpp"
+#include "rtpm/test/free_port.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
 #include "rtpm/wire/limits.hpp"
@@ -18,6 +19,8 @@
 // What a person is told when a binding can't be had.
 namespace rtpm::rpc {
 namespace {
+
+using rtpm::test::free_port;
 
 using namespace test;
 using namespace std::chrono_literals;
@@ -27,10 +30,6 @@ std::string error_of(Node& node, const std::string& target,
                      Duration deadline = rtpm::test::kPatience) {
   const auto bound = Binding::bind(node, target, interface, {.deadline = deadline});
   return bound ? "" : bound.error().text();
-}
-
-std::uint16_t free_port() {
-  return transport::TcpListener::open("127.0.0.1", 0)->port();
 }
 
 class BindErrors : public testing::TestWithParam<Transport> {

@@ -15,6 +15,7 @@
 #include "frames.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/test/child.hpp"
+#include "rtpm/test/free_port.hpp"
 #include "rtpm/test/os.hpp"
 #include "rtpm/transport/client_transport.hpp"
 #include "rtpm/transport/polled_wait_set.hpp"
@@ -28,19 +29,14 @@
 namespace rtpm::transport {
 namespace {
 
+using rtpm::test::free_port;
+
 using namespace test;
 using namespace std::chrono_literals;
 
 constexpr const char* kHere = "127.0.0.1";
 // A block of addresses that nobody has (RFC 5737).
 constexpr const char* kNobodysAddress = "192.0.2.1";
-
-/// A number whose UDP and TCP ports are free at this moment.
-std::uint16_t free_port() {
-  const auto listener = TcpListener::open(kHere, 0);
-  EXPECT_TRUE(listener);
-  return listener ? listener->port() : std::uint16_t{0};
-}
 
 UdpPort open_udp(std::uint16_t port, bool joins = false) {
   auto opened = UdpPort::open({.port = port, .joins = joins});
