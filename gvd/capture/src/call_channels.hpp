@@ -12,7 +12,7 @@
 
 namespace rtpm::capture {
 
-/// Of two clocks the difference, for times of a server on this host's clock.
+/// Times of a call, converted to the recording's clock.
 struct CallTimes {
   std::uint64_t received_ns = 0;
   std::uint64_t finished_ns = 0;
@@ -28,7 +28,8 @@ class CallChannels {
       recording::Recorder& recorder, recording::Recorder::Track& track, std::string path,
       std::unique_ptr<dynamic::RemoteObject> object);
 
-  /// Records what a tap told of a call; gives how many payloads did not match their schema.
+  /// Records a tap's report of a call. Returns the number of payloads that did not match their
+  /// schema.
   int record(const introspection::TappedCall& call, ConstBytes request, ConstBytes reply,
              const CallTimes& times);
 

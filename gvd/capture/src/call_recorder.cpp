@@ -154,7 +154,7 @@ void CallRecorder::Impl::run() {
   note_losses();
 }
 
-// What the server sends until it has read its rings once more.
+// Takes the batches that the server sends until it has read its rings once more.
 void CallRecorder::Impl::take_rest() {
   const MonotonicTime end = rt::now() + kRestTime;
   while (true) {

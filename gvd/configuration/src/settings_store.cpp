@@ -101,7 +101,7 @@ std::string text_in(const json& document, const char* key) {
   return found != document.end() && found->is_string() ? found->get<std::string>() : std::string{};
 }
 
-/// What is wrong with the document, except whose it is; empty: nothing.
+/// The fault of the document, whichever device it belongs to; empty: it has none.
 std::string fault_of(const json& document) {
   if (document.is_discarded()) return "it is truncated, or no JSON";
   if (!document.is_object() || text_in(document, "format") != kFormat) {

@@ -48,7 +48,7 @@ class DriverProcess {
   void reap() noexcept;
 
   pid_t number_ = -1;
-  Handle ending_{};  ///< Of the process: readable when it has ended.
+  Handle ending_{};  ///< The process's pidfd: readable when it has ended.
   Handle control_{};
   Handle calibration_{};
   CycleMemory* memory_ = nullptr;

@@ -59,10 +59,10 @@ class IsolatedDriver final : public driver::Driver {
   std::vector<std::byte> fact_bytes_{};
   std::map<std::string, driver::ParameterValue> parameters_{};  ///< That were set.
   driver::DriverConfig driver_config_{};
-  Duration patience_{};  ///< Of exchange().
+  Duration patience_{};  ///< Time limit of exchange().
   bool is_active_ = false;
-  std::uint64_t request_number_ = 0;  ///< Of the newest request.
-  std::uint64_t reply_number_ = 0;    ///< Of the newest reply that was taken.
+  std::uint64_t request_number_ = 0;  ///< The newest request.
+  std::uint64_t reply_number_ = 0;    ///< The newest reply that was taken.
 };
 
 }  // namespace rtpm::driver_host

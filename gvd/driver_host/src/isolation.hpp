@@ -63,7 +63,7 @@ struct CycleRequest {
 };
 /// @ownership plain value
 struct CycleReply {
-  std::uint64_t number = 0;  ///< Of the request.
+  std::uint64_t number = 0;  ///< The request's number.
   std::uint8_t status = 0;   ///< An ExchangeStatus.
   driver::Sample sample{};   ///< With kOk.
 };

@@ -10,7 +10,7 @@ namespace {
 using driver::Calibration;
 using driver::CalibrationState;
 
-/// One run of a plug-in's calibration. What the plug-in throws ends the run without a result.
+/// One run of a plug-in's calibration. An exception of the plug-in ends the run without a result.
 class PluginCalibration final : public Calibration {
  public:
   PluginCalibration(std::string note, std::shared_ptr<const Library> library,

@@ -11,8 +11,8 @@
 
 namespace rtpm::driver_host {
 
-/// Passes calls on to a plug-in's driver, and turns what it throws into errors. What is constant of
-/// a driver was asked for once, when it was loaded.
+/// Passes calls on to a plug-in's driver, and turns its exceptions into errors. A driver's constant
+/// properties were read once, when it was loaded.
 /// @ownership keeps its library loaded, as each of its calibrations does
 class PluginDriver final : public driver::Driver {
  public:

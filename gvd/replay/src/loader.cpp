@@ -45,7 +45,7 @@ bool is_kind(const Channel& channel, std::string_view kind) {
   return value_of(channel, capture::kKindKey) == kind;
 }
 
-/// This program's fingerprint of a type of devices' events; 0: it is none.
+/// This program's fingerprint of a type of devices' events; 0: `type` is no such type.
 std::uint64_t known_schema_id(std::uint64_t type) {
   switch (type) {
     case gvd::kSampled:
@@ -325,7 +325,7 @@ class Loader {
   std::map<std::uint16_t, Target> channels_{};
   Recorded recorded_{};
   std::size_t byte_count_ = 0;
-  std::uint64_t begin_ns_ = 0;  ///< Of the file.
+  std::uint64_t begin_ns_ = 0;  ///< The file's first time.
 };
 
 }  // namespace

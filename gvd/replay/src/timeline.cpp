@@ -113,7 +113,7 @@ void mend_times(Recorded& recorded) {
     event.at = track.next(event.at);
   }
   for (const auto& [source, track] : rising) {
-    // A device's samples were told of above.
+    // The loop above reported on devices' samples.
     if (recorded.sources[source].device.empty()) track.tell(recorded.notes);
   }
   const std::vector<Duration> times = all_times(recorded);

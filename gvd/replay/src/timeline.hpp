@@ -15,7 +15,7 @@ namespace rtpm::replay {
 
 /// Turns times since the file's begin into times since the first of them, and mends clocks that
 /// jump: a time that goes back within a track becomes the one before, a pause of more than
-/// kPauseMax in all tracks is shortened. Tells both in `recorded.notes`, and sorts the events.
+/// kPauseMax in all tracks is shortened. Reports both in `recorded.notes`, and sorts the events.
 void mend_times(Recorded& recorded);
 
 }  // namespace rtpm::replay

@@ -12,12 +12,12 @@ namespace {
 constexpr Duration kTimeMax = std::chrono::seconds{10};
 constexpr Duration kHeatTimeMax = std::chrono::hours{1};
 
-// What the defaults make of a device's description.
+// Factors by which defaults follow from a device's description.
 constexpr double kSpeedOfFullForce = 1;   ///< In m/s: full force at this speed is full power.
 constexpr double kVelocityMax = 5;        ///< In m/s, more than a hand does on a device.
-constexpr double kWallShare = 0.25;       ///< Of the stiffest wall that stays passive.
-constexpr double kContinuousShare = 0.6;  ///< Of the maximum force.
-constexpr double kGuardShare = 3;         ///< Of the mechanics' own damping.
+constexpr double kWallShare = 0.25;       ///< Share of the stiffest wall that stays passive.
+constexpr double kContinuousShare = 0.6;  ///< Share of the maximum force.
+constexpr double kGuardShare = 3;         ///< Multiple of the mechanics' own damping.
 constexpr double kGuardNewtonSPerM = 5;   ///< Where the mechanics state none.
 
 expected<void, SetupError> check_limits(const SafetyConfig& config) {

@@ -17,8 +17,8 @@ using driver::ExchangeStatus;
 using driver::Fault;
 using driver::Lifecycle;
 
-/// After so many bad cycles in a row nobody knows where the device is: no force. Likewise a sample
-/// of so many periods ago is late.
+/// Bad cycles in a row after which the device's position counts as unknown: no force. A sample that
+/// is older than this number of periods is late.
 constexpr std::uint32_t kBlindCycleMax = 20;
 
 /// Life of the models' force, should the device's thread stop: ten cycles at 1 kHz.

@@ -37,8 +37,8 @@ enum class Transition : std::uint8_t {
 };
 /// Ends of latched states that the lease's holder may request.
 enum class Release : std::uint8_t {
-  kRecover,  ///< Of a latched fault.
-  kRearm,    ///< Of an emergency stop.
+  kRecover,  ///< Releases a latched fault.
+  kRearm,    ///< Releases an emergency stop.
 };
 
 /// Share of good cycles among the last 100.
@@ -77,7 +77,7 @@ class DeviceCycle {
   /// `missed_count` cycles were skipped before.
   /// @realtime no system call but the driver's
   void run(MonotonicTime now, std::uint32_t missed_count) noexcept;
-  /// Whether maintain() has something to do.
+  /// Whether maintain() has work.
   [[nodiscard]] bool needs_maintenance(MonotonicTime now) const noexcept;
   /// Runs a waiting job; activates, deactivates, or retries a lost device. May take seconds.
   void maintain(MonotonicTime now);
@@ -126,7 +126,7 @@ class DeviceCycle {
   [[nodiscard]] const SafetyConfig& safety() const noexcept { return safety_; }
   /// The cycles around the newest fault.
   [[nodiscard]] const FlightRecorder& flight_recorder() const noexcept { return recorder_; }
-  /// What is done with the device between two cycles.
+  /// The jobs that run between two cycles of the device.
   [[nodiscard]] DeviceJobs& jobs() noexcept { return jobs_; }
   [[nodiscard]] const CycleConfig& config() const noexcept { return config_; }
   [[nodiscard]] driver::Lifecycle lifecycle() const noexcept {
@@ -193,7 +193,7 @@ class DeviceCycle {
   std::atomic<std::uint64_t> old_command_count_{0};
   std::atomic<std::uint64_t> hasty_command_count_{0};
 
-  // Of the device's thread.
+  // Used by the device's thread only.
   driver::Sample sample_{};
   HeldCommand held_{};
   HeldCommand rendered_{};  ///< The held command with the models' forces.
@@ -208,7 +208,7 @@ class DeviceCycle {
   std::uint32_t bad_cycle_count_ = 0;  ///< In a row,
   MonotonicTime bad_since_{};          ///< the first of them.
   BadCycle lost_by_ = BadCycle::kNone;
-  std::string_view not_finite_field_{};  ///< Of the last one that was kNotFinite.
+  std::string_view not_finite_field_{};  ///< In the last sample that was kNotFinite.
   std::optional<Transition> wanted_{};   ///< For the next maintain().
   std::uint64_t reported_idle_count_ = 0;
   std::uint64_t reported_taken_over_count_ = 0;

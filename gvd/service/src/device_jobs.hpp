@@ -55,7 +55,7 @@ class DeviceJobs {
 
   [[nodiscard]] bool perform_job(Job& job, Duration patience);
 
-  /// Of the threads that perform(), and begin() and end(); never the device's.
+  /// Serializes perform(), begin() and end(); the device's thread never takes it.
   rt::PiMutex mutex_{};
   bool has_thread_ = false;
   Job* job_ = nullptr;

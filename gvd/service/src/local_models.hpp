@@ -66,7 +66,7 @@ class LocalModels {
 
   ModelLimits limits_;
   Mailbox<HeldList> mailbox_{};
-  std::uint64_t lease_ = Lease::kNobody;  ///< Of the list in the evaluator.
+  std::uint64_t lease_ = Lease::kNobody;  ///< The lease of the evaluator's list.
   Evaluator evaluator_{};
 };
 

@@ -9,7 +9,7 @@ namespace {
 using driver::Fault;
 using driver::Faults;
 
-/// Of one button between two records; of more, the last ones are told.
+/// Edges that are reported of one button between two records; of more, the last ones.
 constexpr std::uint16_t kEdgeCountMax = 8;
 
 }  // namespace

@@ -22,7 +22,7 @@ class ChangeFinder {
       : contact_force_newton_(contact_force_newton) {}
 
   /// The changes since the last record, which may be several cycles before; valid until the next
-  /// call. Of the first record only what differs from a device that has not begun.
+  /// call. The first record is compared with a device that has not begun.
   /// @realtime allocates until its memory suffices
   [[nodiscard]] std::span<const CycleChange> step(const CycleRecord& record);
 

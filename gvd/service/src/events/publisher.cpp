@@ -19,7 +19,7 @@ namespace {
 /// Cycles of one device that wait for the publisher: 0.25 s at 1 kHz.
 constexpr std::size_t kRingSize = 256;
 constexpr std::size_t kConfigurationCountMax = 64;
-/// A hub may start a little later than the devices; then its absence is no news.
+/// A hub may start a little later than the devices: its absence is reported after this time only.
 constexpr Duration kAbsenceUntold = std::chrono::seconds{3};
 constexpr std::string_view kNoHubRemedy =
     "start rtpm-eventd, or name another hub; devices work without";
@@ -162,7 +162,7 @@ struct DevicePublisher::Impl {
   std::atomic<bool> is_stopping{false};
   rt::PiMutex mutex{};
   std::vector<LeftConfiguration> configurations{};  ///< Guarded by `mutex`.
-  // Of its thread.
+  // Used by the publisher's thread only.
   std::unique_ptr<events::Supplier> supplier{};
   MonotonicTime begun{};
   MonotonicTime retry_at{};

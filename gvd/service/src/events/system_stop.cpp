@@ -117,7 +117,7 @@ struct SystemStop::Impl final : events::EventHandler {
     if (devices->obey(id)) stop_count.fetch_add(1, std::memory_order_relaxed);
   }
 
-  /// Whether it is a request that nobody repeats any more.
+  /// Whether this is a replayed request that no program repeats any longer.
   [[nodiscard]] bool is_over(const events::EventHeader& header) const noexcept {
     return header.is_replayed && header.hub_sent - header.hub_received > 3 * config.remind;
   }
@@ -140,7 +140,7 @@ struct SystemStop::Impl final : events::EventHandler {
   std::atomic<std::uint64_t> pending{kNoRequest};
   std::atomic<std::uint64_t> stop_count{0};
   std::atomic<events::Supplier*> ready_supplier{nullptr};
-  // Of its thread.
+  // Used by this object's thread only.
   std::unique_ptr<events::Supplier> supplier{};
   std::unique_ptr<events::Consumer> consumer{};
   MonotonicTime retry_at{};

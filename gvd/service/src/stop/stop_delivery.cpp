@@ -88,7 +88,7 @@ struct StopDelivery::Impl {
 
   rpc::Node& node;
   const StopDeliveryConfig config;
-  mutable rt::PiMutex mutex{};  ///< Of what follows.
+  mutable rt::PiMutex mutex{};  ///< Guards the members below.
   std::set<StopTarget> remembered{};
   std::map<std::string, Owed, std::less<>> owed{};
 };
@@ -170,7 +170,7 @@ StopReport StopDelivery::retry() {
   round.run();
   StopReport report = round.take_report();
   const std::lock_guard lock(impl_->mutex);
-  // Dismissed devices are owed nothing any more.
+  // Dismissed devices are no longer owed a stop.
   Tried tried = round.tried();
   std::erase_if(tried, [this](const auto& one) { return !impl_->owed.contains(one.first.device); });
   report.devices = impl_->settle(tried, {}, begin, /*is_retry=*/true);

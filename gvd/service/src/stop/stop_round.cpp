@@ -16,7 +16,7 @@ namespace rtpm::gvd {
 namespace {
 
 constexpr std::string_view kHubInterface = "rtpm.events.Hub";
-/// Servers that are asked at the same time, of those that one name service has.
+/// How many of a name service's servers are called at the same time.
 constexpr std::size_t kThreadCountMax = 64;
 /// The share of the whole time in which name services may answer.
 constexpr double kSearchShare = 0.6;

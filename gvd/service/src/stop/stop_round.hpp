@@ -41,7 +41,7 @@ class StopRound {
   };
 
   StopRound(rpc::Node& node, StopRoundConfig config);
-  /// Adds a target that need not be bound any more, and tries it at once.
+  /// Adds a target, which may be no longer bound, and tries it at once.
   void add(const StopTarget& target);
   /// Searches name services for further targets, and waits for the end of all attempts.
   void run();
@@ -70,7 +70,7 @@ class StopRound {
   rpc::Node& node_;
   const StopRoundConfig config_;
   const std::uint64_t id_;
-  rt::PiMutex mutex_;  ///< Of what follows.
+  rt::PiMutex mutex_;  ///< Guards the members below.
   std::map<StopTarget, Tried> tried_{};
   std::set<std::pair<StopTarget, std::string>> begun_{};
   std::map<std::string, Server> servers_{};

@@ -106,7 +106,7 @@ class KeptStop final : public StopMemory {
 
   std::string name_;
   StopFile file_;
-  StopState written_;  ///< Of the keeper's thread, like `has_failed_`.
+  StopState written_;  ///< The keeper thread's, like `has_failed_`.
   bool has_failed_ = false;
   bool was_stopped_;
   rt::Semaphore& has_changed_;

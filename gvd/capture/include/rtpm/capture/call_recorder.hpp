@@ -12,10 +12,10 @@
 
 namespace rtpm::capture {
 
-/// What a recorder of calls did so far.
+/// Counters of a recorder of calls.
 struct CallRecorderStatus {
-  std::uint64_t call_count = 0;     ///< Calls that ended while they were recorded.
-  std::uint64_t dropped_count = 0;  ///< Records that the server had to drop, as it has told.
+  std::uint64_t call_count = 0;             ///< Calls that ended while they were recorded.
+  std::uint64_t dropped_count = 0;          ///< Records that the server reported as dropped.
   std::uint64_t omitted_payload_count = 0;  ///< Payloads that were too long, by the server.
   std::uint64_t unreadable_count = 0;       ///< Payloads that did not match their schema.
   std::optional<std::string> problem{};     ///< Why no more calls come.
@@ -27,7 +27,8 @@ struct CallRecorderStatus {
 /// sequence is the call's number; its publish time when the request was taken up or the method had
 /// ended, on this host's clock; its log time when it came here.
 ///
-/// What was lost is written into the file as metadata "rtpm.calls", when it grew and at the end.
+/// The counts of losses are written into the file as metadata "rtpm.calls", whenever they grow and
+/// at the end.
 /// @ownership refers to its recorder and node, which must outlive it; owns its thread
 /// @threads  any
 class CallRecorder {

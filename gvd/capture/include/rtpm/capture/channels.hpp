@@ -5,7 +5,7 @@
 
 #include "rtpm/events/event.hpp"
 
-/// What the channels of a recording are called, for those that read it.
+/// Names of a recording's channels and of their metadata, for its readers.
 namespace rtpm::capture {
 
 /// Keys of a channel's metadata.

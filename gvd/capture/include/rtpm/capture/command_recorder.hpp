@@ -26,7 +26,7 @@ class CommandRecorder {
   CommandRecorder& operator=(const CommandRecorder&) = delete;
   ~CommandRecorder();
 
-  /// What the recorder can't take it counts.
+  /// Records a command; the recorder counts it as dropped if it can't take it.
   /// @realtime alloc-free; waits for another thread's copying, with priority inheritance
   void record(const device::Command& command, std::uint64_t sample_sequence) noexcept;
 

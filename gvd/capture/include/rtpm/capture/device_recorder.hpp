@@ -11,9 +11,9 @@
 
 namespace rtpm::capture {
 
-/// Records devices themselves: what they are, for a player that re-creates them (rtpm::replay), and
-/// by polling the samples of those that publish no events. Topics "lab/arm0/description", a
-/// Description each time it is recorded, and "lab/arm0/sampled".
+/// Records devices themselves: their descriptions, for a player that re-creates them
+/// (rtpm::replay), and, by polling, the samples of devices that publish no events. Topics
+/// "lab/arm0/description", a Description each time it is recorded, and "lab/arm0/sampled".
 /// @ownership refers to its node and recorder
 /// @threads  one
 /// @realtime set-up only

@@ -44,15 +44,15 @@ class EventRecorder {
   EventRecorder& operator=(const EventRecorder&) = delete;
   ~EventRecorder() = default;
 
-  /// Records one event. What the recorder can't take it counts.
+  /// Records one event; the recorder counts it as dropped if it can't take it.
   /// @param type  null while the type is not known
   void record(const events::EventView& event, const events::EventDescriptor* type);
-  /// Records what was held back, where type and name are known by now or it waited for too long.
+  /// Records held events whose type and name are known by now, or that waited for too long.
   /// Call it now and then.
   void attend(KnownTypes types);
-  /// Records all that was held back. Call it before the recorder is closed.
+  /// Records all held events. Call it before the recorder is closed.
   void finish(KnownTypes types);
-  /// Whether events are held back: types and names are to be asked for.
+  /// Whether events are held back, so that the caller should ask for types and names.
   [[nodiscard]] bool is_holding() const;
 
   /// Names the channels of these devices. Earlier events of theirs stay in channels by number.
@@ -80,7 +80,7 @@ class EventRecorder {
                                 const events::EventDescriptor* type) const;
   [[nodiscard]] bool lacks_name(const events::EventHeader& header) const;
   void hold(const events::EventView& event, MonotonicTime now);
-  /// Records what is held of a type and source.
+  /// Records the held events of a type and source.
   void let_go(const Key& key, const events::EventDescriptor* type);
   void let_go_if(KnownTypes types, bool is_end);
   void put(const events::EventHeader& header, ConstBytes payload, MonotonicTime received,

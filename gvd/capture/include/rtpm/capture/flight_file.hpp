@@ -8,7 +8,7 @@
 
 namespace rtpm::capture {
 
-/// What becomes of a file that is there already.
+/// How an existing file is treated.
 enum class Existing : std::uint8_t {
   kRefuse,
   kReplace,  ///< When the new one is whole.

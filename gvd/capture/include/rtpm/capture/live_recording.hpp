@@ -19,7 +19,7 @@ namespace rtpm::capture {
 struct LiveRecordingConfig {
   std::string hub{events::kHubPath};            ///< By name or URL.
   std::string registry{names::kThisHost};       ///< Where the names of devices are looked for.
-  Duration deadline = std::chrono::seconds{1};  ///< Of calls to the hub.
+  Duration deadline = std::chrono::seconds{1};  ///< For calls to the hub.
   recording::RecorderConfig recorder{};
 };
 

@@ -33,11 +33,11 @@ struct CalibrationStatus {
   std::string name{};
   CalibrationPhase phase = CalibrationPhase::kRunning;
   double progress = 0;       ///< 0 to 1.
-  std::uint32_t prompt = 0;  ///< Of kPrompt: counts the run's prompts from 1.
+  std::uint32_t prompt = 0;  ///< With kPrompt: counts the run's prompts from 1.
   /// The prompt, the result's summary, or why it failed or was discarded.
   std::string text{};
-  std::vector<std::string> answers{};                ///< Of kPrompt: those that it takes.
-  std::vector<driver::ParameterSetting> settings{};  ///< The result, of kDone and kKept.
+  std::vector<std::string> answers{};                ///< With kPrompt: the valid answers.
+  std::vector<driver::ParameterSetting> settings{};  ///< The result, with kDone and kKept.
 };
 
 }  // namespace rtpm::gvd

@@ -54,7 +54,7 @@ struct DeviceCalibrations {
 /// Configures a configuration client.
 struct ConfigurationClientOptions {
   rpc::BindOptions bind{};
-  rpc::CallOptions call{};  ///< Of all calls; by default the methods' own deadlines.
+  rpc::CallOptions call{};  ///< For all calls; by default the methods' own deadlines.
 };
 
 /// The parameters and calibrations of a remote device as a local object.

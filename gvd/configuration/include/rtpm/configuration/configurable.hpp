@@ -17,7 +17,7 @@
 
 namespace rtpm::gvd {
 
-/// What the configuration manager needs of a device's server.
+/// The configuration manager's view of a device's server.
 /// @threads  apply() and make_calibration() from one thread; the rest from any
 class Configurable {
  public:

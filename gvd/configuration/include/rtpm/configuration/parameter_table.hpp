@@ -39,8 +39,8 @@ class ParameterTable {
       std::span<const std::string> names = {}) const;
   /// The settings that differ from their defaults.
   [[nodiscard]] std::vector<driver::ParameterSetting> changed_settings() const;
-  /// What resets the named parameters, of no names all that a client may change: the defaults of
-  /// those that differ.
+  /// Returns the settings that reset the named parameters: the defaults of those that differ.
+  /// Without names it resets all parameters that a client may change.
   /// @errors   kUnknownParameter
   [[nodiscard]] expected<std::vector<driver::ParameterSetting>, ConfigurationError> reset(
       std::span<const std::string> names) const;
@@ -55,7 +55,7 @@ class ParameterTable {
       std::span<const driver::ParameterSetting> settings, bool is_active) const;
   /// Whether one of `settings`, which check() accepts, needs an inactive device.
   [[nodiscard]] bool needs_inactive(std::span<const driver::ParameterSetting> settings) const;
-  /// Takes values as the device has taken them; returns the names of those that changed.
+  /// Stores values as the device has taken them; returns the names of the changed parameters.
   std::vector<std::string> commit(std::span<const driver::ParameterSetting> applied);
 
  private:

@@ -14,7 +14,7 @@ namespace rtpm::driver {
 /// A calibration that a device offers.
 struct CalibrationInfo {
   std::string name;         ///< As a parameter's: "encoder_offset".
-  std::string description;  ///< What it determines and what the operator has to do, one sentence.
+  std::string description;  ///< Its result and the operator's task, one sentence.
 };
 
 /// It needs further samples.
@@ -25,13 +25,13 @@ struct CalibrationRunning {
 /// It waits for an answer. Samples go on arriving, and may end the prompt.
 struct CalibrationPrompt {
   double progress = 0;
-  std::string text;                    ///< What the operator is to do, one sentence.
+  std::string text;                    ///< The operator's task, one sentence.
   std::vector<std::string> answers{};  ///< The answers it takes, at least one: "ready", "skip".
 };
 
 /// It is over with a result, which a client keeps or discards.
 struct CalibrationDone {
-  std::vector<ParameterSetting> settings{};  ///< Of the device's parameters.
+  std::vector<ParameterSetting> settings{};  ///< Values of the device's parameters.
   std::string summary{};  ///< One sentence for the operator: "the offset is (1, 0, 2) mm ± 0.1 mm".
 };
 

@@ -14,7 +14,7 @@ namespace rtpm::driver {
 inline constexpr std::size_t kJointCountMax = 8;
 inline constexpr std::size_t kOutputCountMax = 8;
 
-/// What a setpoint asks of the actuators; wire numbers. A descriptor lists the modes of its device.
+/// The kind of setpoint; wire numbers. A descriptor lists the modes of its device.
 enum class CommandMode : std::uint8_t {
   kOff = 0,            ///< No force, no motion, outputs at their safe values.
   kForce = 1,          ///< Apply the wrench.
@@ -30,9 +30,9 @@ inline constexpr std::uint8_t kCommandModeCount = 8;
 /// "outputs".
 [[nodiscard]] std::string_view to_string(CommandMode mode) noexcept;
 
-/// What a client asks of a device until its next setpoint. The mode says which of wrench, pose,
-/// twist and joints counts. Outputs that are all zero stay as they are, but in kOutputs, which sets
-/// them, and kOff, which makes them safe.
+/// A client's request to a device, in force until the next setpoint. The mode selects which of
+/// wrench, pose, twist and joints counts. Outputs that are all zero stay unchanged, except in
+/// kOutputs, which sets them, and in kOff, which makes them safe.
 /// @ownership plain value, trivially copyable
 struct Setpoint {
   CommandMode mode = CommandMode::kOff;
@@ -71,8 +71,8 @@ struct Command : Setpoint {
   std::uint64_t sequence = 0;
   /// When this cycle began, on the host's clock; never decreases.
   MonotonicTime cycle_time{};
-  /// When force, motion and outputs must have ended without a newer command. Pass it to the device's
-  /// watchdog, if any, for the case that this program dies.
+  /// When force, motion and outputs must have ended without a newer command. Pass it to the
+  /// device's watchdog, if any, for the case that this program dies.
   MonotonicTime deadline = kNever;
 };
 static_assert(std::is_trivially_copyable_v<Command>);

@@ -69,7 +69,7 @@ struct Limits {
   /// The mechanics' own damping, which bounds rendering in a remote loop: stiffness × (period / 2 +
   /// delay) must stay below it.
   double damping_newton_s_per_m = 0;
-  double velocity_m_per_s_max = 0;    ///< Of commanded motion; 0: no command moves it.
+  double velocity_m_per_s_max = 0;    ///< Limit of commanded motion; 0: no command moves it.
   double velocity_rad_per_s_max = 0;  ///< Likewise of commanded turning.
 };
 
@@ -94,7 +94,7 @@ struct Descriptor {
   std::vector<CommandMode> modes{};    ///< That it takes, besides kOff; none: it only measures.
   Limits limits{};
   Workspace workspace{};
-  double rate_hz = 1000;             ///< Of exchange().
+  double rate_hz = 1000;             ///< Rate of exchange().
   double position_resolution_m = 0;  ///< Step of the position; 0: none.
 };
 

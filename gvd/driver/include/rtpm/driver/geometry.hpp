@@ -36,7 +36,7 @@ struct Twist {
   Vector3 angular_rad_per_s{};
 };
 
-/// What acts on the end effector.
+/// Force and torque on the end effector.
 struct Wrench {
   Vector3 force_newton{};
   Vector3 torque_newton_metre{};

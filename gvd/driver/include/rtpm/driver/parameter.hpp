@@ -37,10 +37,10 @@ inline constexpr std::uint8_t kMutabilityCount = 3;
 /// std::string, of kVector std::vector<double>.
 using ParameterValue = std::variant<bool, std::int64_t, double, std::string, std::vector<double>>;
 
-inline constexpr std::size_t kParameterCountMax = 128;       ///< Of one device.
+inline constexpr std::size_t kParameterCountMax = 128;       ///< Per device.
 inline constexpr std::size_t kParameterNameSizeMax = 63;     ///< In bytes.
 inline constexpr std::size_t kParameterTextSizeMax = 255;    ///< In bytes.
-inline constexpr std::size_t kParameterChoiceCountMax = 32;  ///< Of one parameter.
+inline constexpr std::size_t kParameterChoiceCountMax = 32;  ///< Per parameter.
 inline constexpr std::size_t kParameterVectorSizeMax = 64;
 
 /// Self-description of a parameter, for programs that do not know it.
@@ -55,9 +55,9 @@ struct ParameterSpec {
   /// integer's range are whole numbers of at most 2^53.
   double low = -std::numeric_limits<double>::infinity();
   double high = std::numeric_limits<double>::infinity();
-  std::vector<std::string> choices{};  ///< Of kChoice.
-  std::size_t vector_size = 0;         ///< Of kVector.
-  /// Its value until the first change. Of the stated type and within the range.
+  std::vector<std::string> choices{};  ///< For kChoice.
+  std::size_t vector_size = 0;         ///< For kVector.
+  /// Its value until the first change. It has the stated type and lies within the range.
   ParameterValue default_value{};
   std::string description{};  ///< One sentence.
   Mutability mutability = Mutability::kAnyTime;
@@ -79,7 +79,7 @@ enum class ValueFault : std::uint8_t {
 /// Whether `value` suits `spec`; ignores its mutability.
 [[nodiscard]] ValueFault check(const ParameterSpec& spec, const ParameterValue& value) noexcept;
 
-/// What is wrong with a specification, as a clause; empty: nothing.
+/// The fault of a specification, as a clause; empty: it has none.
 /// @realtime set-up only
 [[nodiscard]] std::string fault_of(const ParameterSpec& spec);
 

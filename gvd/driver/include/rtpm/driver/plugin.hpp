@@ -14,8 +14,8 @@ inline constexpr std::uint32_t kPluginMagic = 0x52'54'50'44;  ///< "RTPD".
 /// The one symbol of a plug-in.
 inline constexpr const char* kPluginSymbol = "rtpm_driver_plugin";
 
-/// What a plug-in exports: a host compares everything in front of `create` with its own before it
-/// calls anything.
+/// The structure that a plug-in exports. Before it calls anything, a host compares all members
+/// above `create` with its own.
 struct Plugin {
   std::uint32_t magic = kPluginMagic;
   std::uint32_t abi = kPluginAbi;

@@ -94,13 +94,13 @@ struct Sample {
   Duration device_time{0};
   Pose pose{};
   Twist twist{};
-  /// What the actuators really apply, limits included.
+  /// The wrench that the actuators really apply, limits included.
   Wrench wrench_applied{};
   /// Positions of Descriptor::joints in their units; a joint that turns without end counts turns.
   std::array<double, kJointCountMax> joints{};
   /// In units per second.
   std::array<double, kJointCountMax> joint_velocities{};
-  /// What the motors of the joints really apply, in newton or newton metre.
+  /// The efforts that the joints' motors really apply, in newton or newton metre.
   std::array<double, kJointCountMax> efforts_applied{};
   /// The outputs as they are, in the units of Descriptor::outputs.
   std::array<float, kOutputCountMax> outputs_applied{};

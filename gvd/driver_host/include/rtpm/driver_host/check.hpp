@@ -31,10 +31,11 @@ struct DriverCheck {
   void (*run)(class DriverTrial& trial);
 };
 
-/// All of them, first those that need no device.
+/// All checks; the ones that need no device come first.
 [[nodiscard]] std::span<const DriverCheck> driver_checks();
 
-/// Runs `check` with a driver of its own. It commands the greatest forces: nobody holds the device.
+/// Runs `check` with a driver of its own. It commands the greatest forces: keep hands off the
+/// device.
 /// @return the breaches, at most ten; none: the driver keeps the promise
 /// @realtime set-up only
 [[nodiscard]] std::vector<std::string> run_check(const DriverCheck& check, DriverMaker& maker,

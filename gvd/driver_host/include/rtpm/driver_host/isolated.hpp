@@ -29,7 +29,7 @@ struct IsolationConfig {
   std::optional<Duration> exchange_patience{};
   /// How long the process may take to make the driver, and configure() and activate() each.
   Duration set_up_patience = std::chrono::seconds{30};
-  IsolationListener* listener = nullptr;  ///< Null: nobody.
+  IsolationListener* listener = nullptr;  ///< May be null.
 };
 
 /// Starts `config.command` and gives its driver, as if that were in this process.

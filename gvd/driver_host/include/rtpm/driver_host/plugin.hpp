@@ -11,10 +11,10 @@
 namespace rtpm::driver_host {
 
 /// Loads the plug-in in `file` and makes its driver. Nothing of it is called before its ABI is
-/// known to be this program's; constructors of its static objects run on loading. What it throws
-/// becomes an error, but for exchange() and deactivate(), which are noexcept. A bare name is a file
+/// known to be this program's; constructors of its static objects run on loading. Its exceptions
+/// become errors, except in exchange() and deactivate(), which are noexcept. A bare name is a file
 /// of the working folder.
-/// @param device  that it is loaded for, named by a crash in it: "lab/lever"
+/// @param device  the device that it is loaded for, which a crash report names: "lab/lever"
 /// @ownership the driver and its calibrations keep the plug-in loaded
 /// @realtime set-up only
 /// @errors   no such file, or no shared library; the symbol is missing; another ABI; the plug-in

@@ -24,17 +24,17 @@ struct ModelLimits {
   double force_newton_max = 0;  ///< 0: the device takes no force.
   double stiffness_newton_per_m_max = 0;
   double damping_newton_s_per_m_max = 0;
-  /// Of each joint that turns and takes efforts; 0: it does not.
+  /// The limit of each joint; 0: it does not turn, or takes no efforts.
   std::array<double, driver::kJointCountMax> efforts_newton_metre_max{};
   std::array<double, driver::kJointCountMax> stiffness_newton_metre_per_rad_max{};
   std::array<double, driver::kJointCountMax> damping_newton_metre_s_per_rad_max{};
 
-  /// Of a device whose loop runs every `period`:
+  /// The limits of a device whose loop runs every `period`:
   /// - damping max: the mechanics' own b, or 1.5 · device period · its stiffness max if it names
   ///   none;
   /// - stiffness max: b / (1.5 · period), as a position is one period old when its force acts, and
   ///   the force stands half a period on average; at most the descriptor's own;
-  /// - of a joint, whose damping descriptors do not name, a plausible bound only: its full effort
+  /// - for a joint, whose damping descriptors do not state, a plausible bound only: its full effort
   ///   over 0.02 rad, for periods above 1 ms over as much more; and at 1 rad/s.
   /// @source   Colgate's condition for sampled walls, b > K · (T / 2 + delay) + B
   /// @realtime alloc-free
@@ -45,10 +45,10 @@ struct ModelLimits {
 /// Why a list was refused: a field of one of its models is outside of its range.
 /// @ownership a value; the name is static
 struct ModelError {
-  std::size_t index = 0;     ///< Of the model, from 0.
+  std::size_t index = 0;     ///< The model's, from 0.
   std::string_view kind{};   ///< As to_string(Model).
   std::string_view field{};  ///< "stiffness_newton_per_m".
-  double value = 0;          ///< May be a NaN. Of a direction: its length.
+  double value = 0;          ///< May be a NaN. For a direction: its length.
   double low = 0;            ///< The range, bounds included.
   double high = 0;
 };

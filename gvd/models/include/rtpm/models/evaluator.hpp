@@ -11,11 +11,11 @@
 
 namespace rtpm::gvd {
 
-/// What models ask of the actuators.
+/// The models' request to the actuators.
 /// @ownership a value
 struct ModelForces {
   driver::Wrench wrench{};  ///< On the end effector; no model has a torque.
-  /// Of dial detents, in newton metre.
+  /// The dial detents' efforts, in newton metre.
   std::array<double, driver::kJointCountMax> efforts{};
 };
 

@@ -67,7 +67,7 @@ struct Spring {
   driver::Vector3 anchor_m{};
   double stiffness_newton_per_m = 0;
   double damping_newton_s_per_m = 0;
-  double force_newton_max = 0;  ///< Of the spring, without the damper.
+  double force_newton_max = 0;  ///< The spring's, without the damper.
   friend constexpr bool operator==(const Spring&, const Spring&) noexcept = default;
 };
 
@@ -114,7 +114,7 @@ struct Detents {
 /// damping · velocity, where `a` is the joint's angle, clamped to low…high. Beyond low or high an
 /// end stop adds end_stiffness · (the way back).
 struct DialDetents {
-  std::uint8_t joint = 0;  ///< Of Descriptor::joints; turns, and has a motor.
+  std::uint8_t joint = 0;  ///< Index in Descriptor::joints; it turns, and has a motor.
   double origin_rad = 0;   ///< One of the detents.
   double spacing_rad = 0;  ///< Above 0.
   double effort_newton_metre = 0;

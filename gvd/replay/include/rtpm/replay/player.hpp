@@ -31,7 +31,7 @@ struct PlayerConfig {
   rpc::ServerConfig server{.name = "rtpm play"};
 };
 
-/// What a player did so far.
+/// Progress of a player.
 struct PlayerStatus {
   Duration at{};            ///< In the recording; in steps, of the sample that is farthest on.
   std::uint64_t round = 0;  ///< Repetitions.

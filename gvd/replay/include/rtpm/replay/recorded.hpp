@@ -22,7 +22,7 @@ struct RecordedDevice {
   std::string name;                      ///< "lab/arm0".
   std::vector<std::byte> description{};  ///< A finished Description.
   std::vector<device::Sample> samples{};
-  std::vector<Duration> times{};  ///< Of the samples, since the recording's begin; never falls.
+  std::vector<Duration> times{};  ///< The samples', since the recording's start; never falls.
 };
 
 /// The source of recorded events.
@@ -34,19 +34,19 @@ struct RecordedSource {
   events::SourceId source = 0;
   std::uint64_t schema_id = 0;
   Priority priority{};
-  std::string device{};  ///< Of a device's events, its name.
+  std::string device{};  ///< The device's name, if the events are a device's.
 };
 
 /// One recorded event.
 /// @ownership a value
 struct RecordedEvent {
-  std::size_t source = 0;  ///< Of Recorded::sources.
-  Duration at{};           ///< Since the recording's begin.
-  std::size_t offset = 0;  ///< Of Recorded::payloads.
+  std::size_t source = 0;  ///< Index in Recorded::sources.
+  Duration at{};           ///< Since the recording's start.
+  std::size_t offset = 0;  ///< In Recorded::payloads.
   std::size_t size = 0;
 };
 
-/// What of a recording is played.
+/// The part of a recording that is played.
 /// @ownership a value
 struct Recorded {
   Duration length{};  ///< From the first sample or event to the last one.
@@ -61,7 +61,7 @@ struct Recorded {
 /// Which part of a recording is read.
 struct Selection {
   std::vector<std::string> devices{};  ///< By name; empty: all.
-  std::vector<std::string> topics{};   ///< Of events; empty: all.
+  std::vector<std::string> topics{};   ///< The events' topics; empty: all.
   Duration from{0};                    ///< Since the file's first message.
   std::optional<Duration> to{};
 };

@@ -18,7 +18,7 @@
 
 namespace rtpm::replay {
 
-/// What a device does behind its last sample.
+/// A device's behaviour after its last sample.
 enum class End : std::uint8_t {
   kGone,  ///< It is lost, as if unplugged: lifecycle fault, kDeviceGone, and the lease ends.
   kHold,  ///< It keeps showing the last sample.
@@ -47,7 +47,7 @@ struct ReplayedDeviceConfig {
   gvd::LeaseConfig lease{};
   SipKey lease_key{};
   CommandSink* commands = nullptr;                 ///< May be null.
-  gvd::EmergencyStops* emergency_stops = nullptr;  ///< Of its program; may be null.
+  gvd::EmergencyStops* emergency_stops = nullptr;  ///< Its program's; may be null.
 };
 
 /// A recorded device as an object again. Description and samples are the recorded ones, bit by bit.

@@ -10,7 +10,7 @@
 
 namespace rtpm::gvd {
 
-/// What happens to the force when commands stop.
+/// How the force ends when commands stop.
 enum class WatchdogPolicy : std::uint8_t {
   kRamp = 0,  ///< It falls to zero in a straight line within SafetyConfig::ramp.
   kHold = 1,  ///< It stays for SafetyConfig::watchdog_span, then falls so.
@@ -36,7 +36,7 @@ struct SafetyConfig {
   Duration soft_start = std::chrono::milliseconds{200};  ///< From zero to full force.
 
   WatchdogPolicy watchdog = WatchdogPolicy::kRamp;
-  Duration watchdog_span = std::chrono::milliseconds{100};  ///< Of kHold and kDamp.
+  Duration watchdog_span = std::chrono::milliseconds{100};  ///< For kHold and kDamp.
   double watchdog_newton_s_per_m = 0;                       ///< The damping of kDamp.
 
   double power_watt_max = 0;           ///< That the device may give its user; 0: none.

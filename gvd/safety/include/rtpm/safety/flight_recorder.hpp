@@ -25,16 +25,16 @@ struct FlightRecord {
   driver::Vector3 position_m{};
   driver::Vector3 velocity_m_per_s{};
   driver::Wrench received{};  ///< The command with its models; zero: none.
-  driver::Wrench applied{};   ///< What the driver was given.
+  driver::Wrench applied{};   ///< The wrench that the driver was given.
   driver::Faults faults{};    ///< The mechanisms that acted, one bit each.
   bool has_command = false;
-  double gain = 0;          ///< Of soft start and watchdog.
-  double energy_joule = 0;  ///< Of the passivity guard.
+  double gain = 0;          ///< The factor of soft start and watchdog.
+  double energy_joule = 0;  ///< The lowest of the passivity guard's axes.
   double heat = 0;          ///< 0 cold, 1 full: the heat limit acts.
 };
 static_assert(std::is_trivially_copyable_v<FlightRecord>);
 
-/// What froze a flight record; wire numbers.
+/// The fault that froze a flight record; wire numbers.
 enum class FlightCause : std::uint8_t {
   kNone = 0,
   kCommandNotFinite = 1,
@@ -50,7 +50,7 @@ struct FlightLog {
   std::uint64_t number = 0;  ///< Counts a device's faults from 1; 0: there was none.
   FlightCause cause = FlightCause::kNone;
   std::uint64_t cycle = 0;              ///< The one of the fault.
-  std::size_t record_count = 0;         ///< Of the whole log.
+  std::size_t record_count = 0;         ///< In the whole log.
   std::vector<FlightRecord> records{};  ///< Oldest first; perhaps a part of it.
   /// The monotonic clock of their times minus this host's; not 0 only if another host has the
   /// device.
@@ -98,7 +98,7 @@ class FlightRecorder {
   std::uint64_t pending_cycle_ = 0;
   std::size_t cycles_left_ = 0;
 
-  // Of the frozen log; written while is_swapping_ only.
+  // The frozen log's; written while is_swapping_ only.
   FlightCause cause_ = FlightCause::kNone;
   std::uint64_t cycle_ = 0;
   std::uint64_t frozen_count_ = 0;

@@ -4,7 +4,7 @@
 
 namespace rtpm::gvd {
 
-/// What the safety filter knows of the device's last cycle, in the device's frame.
+/// The safety filter's view of the device's last cycle, in the device's frame.
 /// @ownership a value
 struct Motion {
   driver::Vector3 position_m{};

@@ -16,9 +16,9 @@ class Watchdog {
  public:
   /// A live command that ends at `ends`.
   void follow(const SafetyConfig& config, MonotonicTime ends) noexcept;
-  /// No live command any more, since `ends`: what is left of the force at `now`. Returns the share
-  /// by which the force fell, 0 to 1. Without a client, whose lease has ended, it falls by the ramp
-  /// at most, whatever the policy.
+  /// Turns `output` into the force that remains at `now`; live commands ended at `ends`. Without a
+  /// client, whose lease has ended, the force lasts for the ramp at most, whatever the policy.
+  /// @return the factor by which the ramp scaled the force, 0 to 1
   double fall(const SafetyConfig& config, MonotonicTime now, MonotonicTime ends, Duration elapsed,
               bool has_client, const Motion& motion, driver::Wrench& output) noexcept;
   /// As if commands had ended long ago.

@@ -33,7 +33,7 @@ struct DeviceClientOptions {
   Duration patience{0};
 };
 
-/// Of a call that returns nothing else.
+/// The result of a call that returns nothing else.
 using DeviceResult = expected<void, DeviceError>;
 
 /// Why a device does not render a list of models.

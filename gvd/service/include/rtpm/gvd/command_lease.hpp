@@ -119,7 +119,7 @@ class Lease {
   std::atomic<std::uint64_t> expired_count_{0};
   std::atomic<std::uint64_t> idle_count_{0};
   std::atomic<std::uint64_t> taken_over_count_{0};
-  // Of the device's thread: detects a new holder, heartbeats and uses.
+  // Used by the device's thread only, to detect a new holder, heartbeats and uses.
   std::uint64_t seen_holder_ = kNobody;
   std::uint64_t seen_renewed_count_ = 0;
   std::uint64_t seen_used_count_ = 0;

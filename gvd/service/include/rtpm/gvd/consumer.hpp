@@ -37,7 +37,7 @@ class DeviceEventHandler {
   /// One delivery: an event, or the events of a conjunction in the order of the filter's children.
   /// Valid during the call.
   virtual void on_events(std::span<const DeviceEvent> events) = 0;
-  /// What the hub tells besides: subscribed, interrupted, subscribed again after a gap, losses.
+  /// Reports the hub's notices: subscribed, interrupted, subscribed again after a gap, losses.
   virtual void on_notice(const events::Notice& notice) { static_cast<void>(notice); }
 };
 
@@ -50,8 +50,8 @@ class DeviceEventHandler {
 ///          events::silence(50ms)});
 ///     auto consumer = DeviceConsumer::start(node, config, handler);
 ///
-/// It subscribes again by itself when the hub restarts, and tells the gap. A device that is absent
-/// is no error: its events come when it does.
+/// It subscribes again by itself when the hub restarts, and reports the gap. A device that is
+/// absent is no error: its events come when it does.
 /// @ownership refers to its node and handler, which must outlive it
 /// @threads  any
 class DeviceConsumer {

@@ -27,8 +27,8 @@ class DeviceListener {
 
 /// Configures a device.
 struct CycleConfig {
-  Duration period = std::chrono::milliseconds{1};  ///< Of the device's loop.
-  LeaseConfig lease{};                             ///< Of the right to command.
+  Duration period = std::chrono::milliseconds{1};  ///< The device loop's.
+  LeaseConfig lease{};                             ///< For the right to command.
   /// Minimum priority of a call that takes the lease over: below the device's thread, above its
   /// clients.
   Priority operator_priority{28000};
@@ -40,7 +40,7 @@ struct CycleConfig {
   std::optional<SafetyConfig> safety{};
   DeviceListener* listener = nullptr;  ///< May be null; must outlive the device's server.
   CycleObserver* observer = nullptr;   ///< Likewise.
-  /// Of the program that hosts the device; likewise. Null: it hosts no other.
+  /// The stops of the program that hosts the device; likewise. Null: it hosts no other device.
   EmergencyStops* emergency_stops = nullptr;
   /// Likewise. Null: an emergency stop ends with the device's server.
   StopMemory* stop_memory = nullptr;

@@ -76,7 +76,7 @@ struct StopChange {
 };
 struct ConfigurationChange {
   std::uint64_t revision = 0;
-  std::vector<std::string> names{};  ///< Of the changed parameters.
+  std::vector<std::string> names{};  ///< The changed parameters.
   friend bool operator==(const ConfigurationChange&, const ConfigurationChange&) = default;
 };
 /// A timeout of the subscription's filter.

@@ -4,7 +4,7 @@
 
 namespace rtpm::gvd {
 
-/// What an emergency stop stops; wire numbers.
+/// The devices that an emergency stop stops; wire numbers.
 enum class StopScope : std::uint8_t {
   kDevice = 0,  ///< The device.
   kServer = 1,  ///< All devices of its server's program.

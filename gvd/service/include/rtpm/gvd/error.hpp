@@ -7,7 +7,7 @@
 
 namespace rtpm::gvd {
 
-/// What became of a call to a device; wire numbers below 254.
+/// The outcome of a call to a device; wire numbers below 254.
 /// @source   OutcomeCode in schema/idl/device.fbs
 enum class DeviceOutcome : std::uint8_t {
   kDone = 0,

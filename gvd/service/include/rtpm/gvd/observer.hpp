@@ -8,10 +8,10 @@
 
 namespace rtpm::gvd {
 
-/// What a device's cycle leaves behind.
+/// The record of one cycle of a device.
 /// @ownership a value, trivially copyable
 struct CycleRecord {
-  MonotonicTime time{};                        ///< Of the cycle.
+  MonotonicTime time{};                        ///< The cycle's time.
   driver::Sample sample{};                     ///< As published.
   std::uint16_t lease_serial = 0;              ///< Differs between consecutive leases.
   bool is_held = false;                        ///< A client holds the lease.

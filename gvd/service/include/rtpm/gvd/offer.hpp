@@ -7,11 +7,11 @@
 
 namespace rtpm::gvd {
 
-/// What a device's name says of it at the registry, for names::Directory::find():
+/// The properties of a device's name at the registry, for names::Directory::find():
 /// class, model, serial, frame (texts), rate_hz, axes, actuated_axes, modes (texts),
 /// force_newton_max, torque_newton_metre_max, velocity_m_per_s_max, stiffness_newton_per_m_max,
 /// button_count (integer), analogs, joints, outputs (their names).
-/// @param rate_hz  of its cycle
+/// @param rate_hz  rate of the device's cycle
 /// @realtime set-up only
 [[nodiscard]] std::vector<names::Property> properties_of(const driver::Descriptor& descriptor,
                                                          double rate_hz);

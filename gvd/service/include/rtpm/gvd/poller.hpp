@@ -22,7 +22,7 @@ struct DevicePollerConfig {
   double rate_hz = 60;  ///< Polling rate, 0.1 to 10000.
   /// Its thread, whose priority, if any, is also that of its calls.
   rt::ThreadConfig thread{.name = "poller"};
-  Priority priority = 1000;  ///< Of its calls, if its thread has none.
+  Priority priority = 1000;  ///< The calls' priority, if the thread has none.
 };
 
 /// Counters of a poller.

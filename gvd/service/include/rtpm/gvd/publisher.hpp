@@ -28,7 +28,7 @@ struct DevicePublisherConfig {
   double contact_force_newton = 0.05;  ///< Where contact begins; it ends below half of it.
   /// Its priority, if any, is also that of its events.
   rt::ThreadConfig thread{.name = "publisher", .priority = Priority{12000}};
-  DeviceListener* listener = nullptr;  ///< May be null. Told of the hub, on the publisher's thread.
+  DeviceListener* listener = nullptr;  ///< May be null. Hears of the hub, on this thread.
 };
 
 /// Counters of a publisher.

@@ -51,7 +51,7 @@ struct StopReport {
 struct StopDeliveryConfig {
   std::string where{names::kThisHost};  ///< As names::Directory takes it.
   std::string hub{};                    ///< The URL of a hub that no name service has; empty: none.
-  Duration patience = std::chrono::milliseconds{900};  ///< Of stop() and retry(), in all.
+  Duration patience = std::chrono::milliseconds{900};  ///< Time limit of stop() and retry().
 };
 
 /// Stops devices from outside: each at its own server and through every hub, at the same time, at
@@ -79,8 +79,8 @@ class StopDelivery {
   /// where `scope` does not count. Blocks for StopDeliveryConfig::patience at most.
   [[nodiscard]] StopReport stop(std::string_view device = {}, StopScope scope = StopScope::kDevice);
 
-  /// Tries to deliver the stops that are owed, at the servers where they were and those to which
-  /// the names lead now. A server at whose address nothing listens any more is given up once
+  /// Tries to deliver the stops that are owed, at the servers where the devices were and at those
+  /// to which the names lead now. It gives up a server at whose address nothing listens, once
   /// another one with its device's name was stopped.
   /// @return the targets that were tried
   [[nodiscard]] StopReport retry();

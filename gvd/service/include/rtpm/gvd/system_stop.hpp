@@ -28,9 +28,9 @@ class SystemStopDevices {
   SystemStopDevices(const SystemStopDevices&) = delete;
   SystemStopDevices& operator=(const SystemStopDevices&) = delete;
   virtual ~SystemStopDevices() = default;
-  /// Stops those that have not obeyed the request `id` yet, now or in the life of an earlier
+  /// Stops the devices that have not obeyed the request `id` yet, now or in the life of an earlier
   /// server.
-  /// @return whether there was one
+  /// @return whether there was such a device
   virtual bool obey(std::uint64_t id) noexcept = 0;
   /// The newest request that one of them obeyed and that was not rearmed since; 0: none.
   [[nodiscard]] virtual std::uint64_t obeyed() const noexcept = 0;
@@ -40,21 +40,21 @@ class SystemStopDevices {
 struct SystemStopConfig {
   std::string hub{events::kHubPath};  ///< A name or a URL; the same in the whole system.
   Duration retry = std::chrono::milliseconds{500};   ///< Between attempts to reach the hub.
-  Duration repeat = std::chrono::milliseconds{100};  ///< Of a request,
-  Duration repeat_for = std::chrono::seconds{5};     ///< from its first push on.
+  Duration repeat = std::chrono::milliseconds{100};  ///< Interval of a request's pushes.
+  Duration repeat_for = std::chrono::seconds{5};     ///< How long it is pushed.
   /// Interval at which an obeyed request is repeated, until it is rearmed: for servers that
   /// start meanwhile. A hub's latched request counts for three times as long.
   Duration remind = std::chrono::seconds{1};
-  /// Of the event, and of the thread that obeys it.
+  /// Priority of the event, and of the thread that obeys it.
   Priority priority = Priority::kHighest;
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
 };
 
 /// The system-wide emergency stop, as a program takes part in it: obeys requests of others by
 /// stopping its own devices, and requests it of all. A request is repeated until `repeat_for` after
-/// a hub took it, so it reaches servers that are subscribing again just then; while no hub is there
-/// it waits. What was stopped stays stopped, whatever becomes of the hub. As long as one of its
-/// devices is not rearmed, a program reminds the others, so that a server that starts only now is
+/// a hub took it, so it reaches servers that are subscribing again just then; while there is no hub
+/// it waits. A stopped device stays stopped, whatever becomes of the hub. As long as one of its
+/// devices is not rearmed, a program repeats the request, so that a server that starts only now is
 /// stopped, too.
 /// @ownership refers to its node and devices, which must outlive it
 /// @threads  request() from any

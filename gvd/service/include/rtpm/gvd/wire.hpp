@@ -36,7 +36,7 @@ namespace rtpm::gvd {
 /// @realtime alloc-free
 [[nodiscard]] device::Lease refused_to_wire(DeviceOutcome outcome) noexcept;
 
-/// What a device's server adds to its descriptor.
+/// The terms that a device's server adds to its descriptor.
 struct ServerTerms {
   Duration period{};
   Duration hold_max{};
