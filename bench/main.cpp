@@ -74,7 +74,7 @@ void add_duration(CLI::App& app, const std::string& name, Duration& value, const
       ->default_str(options::duration_text(value));
 }
 
-/// What all cases share, and what serve is given.
+/// Adds the options that all cases share, and that `serve` has, too.
 void add_common_options(CLI::App& app, Settings& settings) {
   add_choices(app, "--transport", settings.carriers, kCarriers, "all three, unless some are named");
   add_choices(app, "--wait", settings.waits, kWaits, "how callers and lanes wait");
@@ -134,7 +134,7 @@ void add_case_options(CLI::App& app, Settings& settings) {
                "broker");
 }
 
-/// What is wrong with options beside each other; empty if nothing is.
+/// Returns why the options contradict each other; empty if they do not.
 std::string fault_of(const std::vector<std::string>& cases, const Settings& settings) {
   const bool has_events = std::ranges::count(cases, "events") > 0;
   if (settings.has_own_hub && (!has_events || settings.peers.empty())) {

@@ -13,11 +13,11 @@
 
 namespace rtpm::bench {
 
-/// What carries the bytes, for RTPM and for the raw floor alike.
+/// The medium that carries the bytes, for RTPM and for the raw floor alike.
 enum class Carrier : std::uint8_t { kUdp, kTcp, kSharedMemory };
 [[nodiscard]] std::string_view to_string(Carrier carrier) noexcept;
 
-/// What a run is asked to do; every case reads its part. main.cpp says what each means.
+/// The options of a run; each case reads its part. main.cpp says what each one means.
 struct Settings {
   std::vector<Carrier> carriers{Carrier::kUdp, Carrier::kTcp, Carrier::kSharedMemory};
   std::vector<rt::WaitStrategy> waits{rt::WaitStrategy::kAdaptive};
@@ -36,13 +36,13 @@ struct Settings {
   bool is_sealed = false;
   Duration work = std::chrono::microseconds{200};
   std::uint32_t in_flight = 64;
-  std::uint64_t call_count = 0;  ///< Of two-node; 0: sample_count, else the case's own.
+  std::uint64_t call_count = 0;  ///< For two-node; 0: sample_count, else the case's own.
   Duration deadline = std::chrono::milliseconds{20};
   double drop_percent = 0;
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
   std::vector<std::string> peers{};  ///< By name, or kAllPeers; none: RTPM and the floor alone.
 
-  /// Calls or events that have so much time, at least one.
+  /// The number of calls or events that take this long at the run's rate, at least one.
   [[nodiscard]] std::uint64_t paced_count(double seconds) const {
     return std::max<std::uint64_t>(1, static_cast<std::uint64_t>(seconds * rate_hz));
   }
@@ -52,11 +52,11 @@ inline constexpr std::string_view kAllPeers = "all";
 /// The priorities of the measured caller with its lane, and of the load with its own.
 inline constexpr Priority kHighPriority{24000};
 inline constexpr Priority kLowPriority{1000};
-/// Where the high lane begins.
+/// The lowest priority of the high lane.
 inline constexpr Priority kHighBand{16000};
 
-/// Where the two sides run: callers on one CPU, servers on another, so that a wake-up costs the
-/// same in every run. On a machine with a single CPU both are that one.
+/// The CPUs of the two sides: callers on one, servers on another, so that a wake-up costs the same
+/// in every run. On a machine with a single CPU both are that one.
 struct Placement {
   int client_cpu = 0;
   int server_cpu = 0;
@@ -64,7 +64,7 @@ struct Placement {
 /// The first two CPUs that this process may use.
 /// @realtime set-up only
 [[nodiscard]] Placement choose_placement();
-/// Each of its CPUs once.
+/// Returns each CPU of the placement once.
 [[nodiscard]] std::vector<int> cpus_of(const Placement& placement);
 
 }  // namespace rtpm::bench

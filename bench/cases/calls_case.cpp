@@ -14,10 +14,10 @@
 namespace rtpm::bench {
 namespace {
 
-/// How many calls of a payload are worth their time, and how many one side makes before the other's
-/// turn: few enough that both see the same minutes, and that no turn fills a second, after which
-/// the kernel throttles real-time threads. RTPM's take care of that, the floor's do not: hence the
-/// rest after each turn.
+/// Call counts by payload size: how many are worth their time, and how many one side makes before
+/// the other's turn. A turn is short enough that both sides see the same minutes, and that none
+/// fills a second, after which the kernel throttles real-time threads. RTPM's threads avoid that
+/// throttling, the floor's do not: hence the rest after each turn.
 struct Amount {
   std::size_t payload_size_max;
   std::uint64_t sample_count;
@@ -72,10 +72,10 @@ expected<void, std::string> measure_calls(const Settings& settings, const DuelCo
 
 expected<void, std::string> measure_paced(const Settings& settings, const DuelConfig& config,
                                           Report& report) {
-  // The floor spins where RTPM waits for a rhythm, too.
+  // The floor spins where RTPM predicts the caller's period, too.
   const bool is_spun = config.wait.strategy == rt::WaitStrategy::kSpin ||
                        config.wait.strategy == rt::WaitStrategy::kPeriodic;
-  // A server that was stopped learns a caller's rhythm anew in each turn.
+  // A server that was stopped learns a caller's period anew in each turn.
   Run run(settings,
           {.sample_count = 10'000,
            .warm_up_count = 5,
@@ -87,21 +87,22 @@ expected<void, std::string> measure_paced(const Settings& settings, const DuelCo
           report);
   std::shared_ptr<Duel> duel;
   if (auto measured = measure(settings, config, {}, run, duel); !measured) return measured;
-  // The server runs in its turns only.
+  // The server runs only in its own turns.
   const std::chrono::duration<double> cpu_time = cpu_time_of(duel->server(Side::kRtpm).id());
   run.report(head_of("paced", config),
              {{"server_cpu_percent", rounded(100 * cpu_time.count() / run.paced_seconds())}});
   return {};
 }
 
-/// What stands beside a carrier: its own raw floor, and for shared memory also two raw sockets, as
-/// a program would have that serves two priorities without RTPM.
+/// Returns the floors to compare a carrier with: its own raw floor (nothing means the same
+/// carrier), and for shared memory also two raw sockets, as a program without RTPM would use for
+/// two priorities.
 std::vector<std::optional<Carrier>> floors_beside(const Settings& settings, Carrier carrier) {
   if (carrier != Carrier::kSharedMemory || !settings.peers.empty()) return {std::nullopt};
   return {Carrier::kUdp, std::nullopt};
 }
 
-// A loop at the rate that was asked for, alone and while 1000 HELLOs a second come.
+// Measures a loop at the requested rate, alone and while 1000 HELLOs a second arrive.
 expected<void, std::string> measure_hello_storm(const Settings& settings, const DuelConfig& sides,
                                                 Report& report) {
   DuelConfig config = sides;
@@ -131,7 +132,7 @@ expected<void, std::string> measure_isolation(const Settings& settings, const Du
   config.low_caller_count = *std::ranges::max_element(loads);
   for (const std::optional<Carrier> floor : floors_beside(settings, config.carrier)) {
     config.floor_carrier = floor;
-    // For each load, or for all together if there are few: a p99.9 takes many.
+    // Per load, or over all loads if they are few: a p99.9 needs many samples.
     Run run(settings,
             {.sample_count = std::max<std::uint64_t>(10'000, 30'000 / loads.size()),
              .warm_up_count = 20,

@@ -8,8 +8,8 @@
 
 namespace rtpm::bench {
 
-/// What rtpm-bench can run. A case adds its results to the report one by one, and what it could not
-/// measure.
+/// One of rtpm-bench's cases. A case adds its results to the report one by one, and reports the
+/// parts that it could not measure.
 struct Case {
   std::string_view name;
   std::string_view description;

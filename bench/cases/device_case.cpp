@@ -18,7 +18,7 @@ expected<std::string, std::string> serve_device(const DuelConfig& config) {
   auto driver = device_sim::SimDriver::create({});
   if (!driver) return unexpected{driver.error().text()};
   gvd::DeviceServerConfig device_config;
-  // The other side's turn is a silence.
+  // The device sees the other side's turn as silence.
   device_config.cycle.lease.silence_max = std::chrono::minutes{10};
   device_config.cycle.lease.idle_max = std::chrono::minutes{10};
   device_config.thread = {.name = "device",

@@ -11,11 +11,11 @@
 namespace rtpm::bench {
 namespace {
 
-/// Of the isolation result: so many consumers, of which so many are stopped and so many slow.
+/// The consumers of the isolation result, and how many of them are stopped and slow.
 constexpr int kCrowd = 64;
 constexpr int kStopped = 8;
 constexpr int kSlow = 8;
-constexpr int kOthers = kCrowd - kStopped - kSlow;  ///< The first, who are measured.
+constexpr int kOthers = kCrowd - kStopped - kSlow;  ///< The first ones, which are measured.
 
 RunPlan plan_of(const Settings& settings) {
   return {.sample_count = 2'000,
@@ -36,7 +36,7 @@ Json head_of(const EventSetting& setting) {
   return head;
 }
 
-/// What is between supplier and consumers: processes of their own, or, begun on the caller's
+/// The middle between supplier and consumers: processes of their own or, started on the caller's
 /// thread, a hub in this program and no relay.
 struct Middle {
   std::vector<ServerProcess> processes{};  ///< The hub and the relay.
@@ -98,7 +98,7 @@ expected<void, std::string> measure_fan_out(const Settings& settings, const Even
   return measured;
 }
 
-/// The others' events while some consumers are stopped and some slow, or while all are well.
+/// Measures the other consumers while some are stopped and some slow, or while all are well.
 class CrowdContender final : public Contender {
  public:
   CrowdContender(std::shared_ptr<EventLine> line, const ServerProcess* stopped)
@@ -149,7 +149,7 @@ expected<void, std::string> measure_crowd(const Settings& settings, EventSetting
   head["slow"] = kSlow;
   const Json found = run.result(head);
   Json result = Json::object();
-  // What Run calls the floor is the same hub while all are well.
+  // Run calls it the floor: the same hub while all consumers are well.
   for (const auto& [key, value] : found.items()) {
     std::string name = key;
     if (key.starts_with("floor_")) name = "well_" + key.substr(6);
@@ -175,7 +175,7 @@ expected<void, std::string> measure_rate(const EventSetting& setting, Report& re
   return {};
 }
 
-/// As the paper's Figure 7 b and c: supplier and consumer on one host, the hub on the other.
+/// Like the paper's Figure 7 b and c: supplier and consumer on one host, the hub on the other.
 expected<void, std::string> measure_two_hosts(const Settings& settings, EventSetting setting,
                                               Report& report) {
   const auto network = NetworkPair::create();
@@ -185,7 +185,7 @@ expected<void, std::string> measure_two_hosts(const Settings& settings, EventSet
   return measure_fan_out(settings, setting, report);
 }
 
-/// What can be measured is, whatever else fails.
+/// Measures all that it can, whatever else fails.
 expected<void, std::string> measure(const Settings& settings, const DuelConfig& config,
                                     Report& report) {
   EventSetting setting{.carrier = config.carrier,
@@ -202,7 +202,7 @@ expected<void, std::string> measure(const Settings& settings, const DuelConfig& 
                 measured.error());
   };
   const bool has_peers = !settings.peers.empty();
-  // Memory is of one host, and the network between two has no group.
+  // Shared memory stays on one host, and the network between two hosts has no multicast group.
   if (!has_peers && !setting.is_multicast && setting.carrier != Carrier::kSharedMemory) {
     check("two hosts", measure_two_hosts(settings, setting, report));
   }
@@ -213,7 +213,7 @@ expected<void, std::string> measure(const Settings& settings, const DuelConfig& 
       check("some stopped", measure_crowd(settings, setting, report));
     }
   }
-  // Every latency is asked for, which a rate has not.
+  // A rate has no latencies to list.
   if (has_peers || settings.tells_latencies) return {};
   setting.consumer_count = 1;
   return measure_rate(setting, report);

@@ -8,17 +8,17 @@
 #include "runs/run.hpp"
 #include "sides/ladder_sides.hpp"
 
-// What each layer adds to an event's way from a supplier to a consumer of the same program, with
-// what is between on the other CPU: a call there and back; a call that is handed on by a call back;
-// a hub in the same program; a hub in a process of its own; two such hubs, linked. All by turns,
-// beside a raw relay of datagrams.
+// The cost that each layer adds to an event's way from a supplier to a consumer of the same
+// program. The middle runs on the other CPU: a call there and back; a call that is handed on by a
+// call back; a hub in the same program; a hub in a process of its own; two such hubs, linked. All
+// take turns, beside a raw relay of datagrams.
 namespace rtpm::bench {
 namespace {
 
 constexpr std::array<std::string_view, 6> kRungs{"direct call", "callback",    "embedded hub",
                                                  "hub process", "linked hubs", "raw relay"};
 
-/// The processes of all rungs, and what is in this one.
+/// The processes of all rungs, and the objects in this one.
 struct Ladder {
   EventSetting setting;
   std::vector<ServerProcess> processes{};  ///< Direct, hub, linked hub, relay.
@@ -52,7 +52,7 @@ expected<Contenders, std::string> Ladder::connect() {
   auto opened = open_event_hub(embedded);
   if (!opened) return unexpected{opened.error()};
   own_hub = std::move(*opened);
-  // Of another type, so that the second hub takes nothing of what the rung before it pushes.
+  // Another type, so that the second hub takes no events of the rung before it.
   EventSetting linked = setting;
   linked.type = setting.type + 1;
   linked.pushed_to = processes[1].address();

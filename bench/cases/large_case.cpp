@@ -8,16 +8,16 @@
 #include "runs/run.hpp"
 
 // A caller of high priority at a pace beside messages of 1 MiB. The raw floor, too, is measured
-// beside RTPM's large messages: so the two differ by what RTPM makes of them, while what the kernel
-// does for them delays both.
+// beside RTPM's large messages: the two differ only by RTPM's own work, while the kernel's work for
+// these messages delays both.
 namespace rtpm::bench {
 namespace {
 
 constexpr std::size_t kLargeSize = std::size_t{1} << 20;
 
 /// Takes its turns with both CPUs kept awake, by threads that yield to all others (SCHED_IDLE).
-/// Else a load that leaves the CPUs no sleep makes the measured caller quicker, and hides what it
-/// costs.
+/// Otherwise a load that keeps the CPUs from sleeping makes the measured caller quicker, which
+/// hides the load's cost.
 class AwakeContender final : public Contender {
  public:
   explicit AwakeContender(std::unique_ptr<Contender> inner) : inner_(std::move(inner)) {}
@@ -29,7 +29,7 @@ class AwakeContender final : public Contender {
     for (const int cpu : cpus_of(choose_placement())) {
       auto thread = rt::Thread::start(
           {.name = "bench-awake", .cpus = {cpu}, .realtime = rt::RealtimeMode::kOff}, [&is_over] {
-            // It began with its starter's real-time policy, with which it must not stay.
+            // The thread began with its starter's real-time policy, which it must not keep.
             const sched_param parameter{};
             if (sched_setscheduler(0, SCHED_IDLE, &parameter) != 0) return;
             while (!is_over.load(std::memory_order_relaxed)) {

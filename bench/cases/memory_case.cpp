@@ -7,7 +7,7 @@
 #include "runs/duel.hpp"
 #include "sides/standalone.hpp"
 
-// What a server costs that does nothing: its memory, by how many clients are bound, and its CPU.
+// The cost of an idle server: its memory, by how many clients are bound, and its CPU time.
 namespace rtpm::bench {
 namespace {
 
@@ -55,7 +55,7 @@ expected<void, std::string> measure_memory(const Settings& settings, const DuelC
   return {};
 }
 
-/// With one client bound, who called once and no more.
+/// Measures with one bound client, which called once and no more.
 expected<void, std::string> measure_idle(const Settings& settings, const DuelConfig& config,
                                          Report& report) {
   const auto server = start(settings, config, Standalone::kRtpm);

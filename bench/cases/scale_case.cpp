@@ -7,11 +7,11 @@
 #include "runs/run.hpp"
 #include "sides/standalone.hpp"
 
-// What it costs a caller, and the server, that so many others are bound who are silent now.
+// The cost, to a caller and to the server, of many other bound clients that are silent.
 namespace rtpm::bench {
 namespace {
 
-/// Each client has a socket of its own, and over TCP the server one for it as well.
+/// Each client has a socket of its own, and over TCP the server has one for each client as well.
 void allow_many_sockets() {
   rlimit limit{};
   getrlimit(RLIMIT_NOFILE, &limit);
@@ -32,7 +32,7 @@ expected<void, std::string> bind_silent(Duel& duel, Carrier carrier, int count,
 
 expected<void, std::string> measure_beside(const Settings& settings, DuelConfig config,
                                            int client_count, Report& report) {
-  // A host gets three quarters of a lane's sessions at most, and here all are of one.
+  // One host gets at most three quarters of a lane's sessions, and here all clients share a host.
   config.session_count_max = 2 * static_cast<std::uint32_t>(client_count) + 8;
   Run run(settings,
           {.sample_count = 10'000,

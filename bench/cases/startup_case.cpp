@@ -7,13 +7,14 @@
 #include "sides/floor.hpp"
 #include "sides/standalone.hpp"
 
-// How long it takes from nothing to the first answer: a server's program is started, it says where
-// it serves, the caller binds there and calls once. The floor's program opens a socket instead.
+// The time from nothing to the first answer: a server's program is started, it says where it
+// serves, the caller binds there and calls once. The floor's program opens a socket instead.
 namespace rtpm::bench {
 namespace {
 
 constexpr std::uint64_t kStartCountDefault = 100;
-/// All; until it said where it serves; until the caller was bound, or connected; the call alone.
+/// The whole; until the server announced its address; until the caller was bound, or connected; the
+/// call alone.
 constexpr std::array kStretches{"", "ready_", "bind_", "first_call_"};
 using Stretches = std::vector<Samples>;
 

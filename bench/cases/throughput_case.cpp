@@ -15,7 +15,7 @@ namespace {
 constexpr std::uint64_t kCallCountDefault = 500'000;
 constexpr std::uint64_t kBlockSize = 20'000;
 
-/// Of one side, round by round.
+/// The rates of one side, round by round.
 struct Rates {
   const ServerProcess* server = nullptr;
   std::unique_ptr<Pipeline> pipeline{};
@@ -32,13 +32,13 @@ struct Rates {
     }
     rounds.push_back(
         rounded(static_cast<double>(count) / std::chrono::duration<double>(took).count()));
-    // A tenth of the time belongs to the rest of the system, see calls_case.cpp.
+    // The rest of the system gets a tenth of the time, see calls_case.cpp.
     rt::sleep_until(rt::now() + took / 10);
     return {};
   }
 };
 
-/// RTPM's, and those of the raw floor, which has a pipeline over UDP.
+/// Measures RTPM's rates, and those of the raw floor, which has a pipeline over UDP.
 expected<std::vector<Rates>, std::string> measure(const Settings& settings,
                                                   const DuelConfig& config, Duel& duel) {
   std::vector<Rates> sides;

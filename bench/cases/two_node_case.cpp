@@ -14,17 +14,17 @@ namespace {
 constexpr std::uint64_t kTurnSize = 500;
 constexpr std::uint64_t kWarmUpCount = 50;
 
-/// What became of RTPM's calls.
+/// The outcomes of RTPM's calls.
 struct Outcomes {
   std::uint64_t call_count = 0;
   std::uint64_t answered_count = 0;
   std::map<std::string_view, std::uint64_t> failures{};  ///< By the error's name.
   std::uint64_t repeat_count = 0;
-  std::uint64_t next_number = 0;  ///< Of the warm-up's calls as well: they might run twice, too.
-  NumberedRuns runs{};            ///< What the server noted.
+  std::uint64_t next_number = 0;  ///< Also counts the warm-up's calls: they, too, might run twice.
+  NumberedRuns runs{};            ///< The server's record.
 };
 
-/// Calls whose numbers tell which of them ran, and that may fail.
+/// Makes calls whose numbers show which of them ran, and that may fail.
 class NumberedContender final : public Contender {
  public:
   NumberedContender(const ServerProcess& server, const Settings& settings, bool is_tcp,
@@ -43,7 +43,7 @@ class NumberedContender final : public Contender {
     for (std::uint64_t i = 0; i < plan.count; ++i) {
       const MonotonicTime sent = rt::now();
       const auto called = caller_->call(outcomes_.next_number++, settings_.deadline);
-      // A call that failed has cost its caller time like any other.
+      // A failed call costs its caller time like any other.
       finding.first.add(rt::now() - sent);
       ++(called ? outcomes_.answered_count : outcomes_.failures[rpc::to_string(called.error())]);
     }
@@ -60,7 +60,7 @@ class NumberedContender final : public Contender {
   }
 
  private:
-  /// What the client's host sent by itself or again, so far.
+  /// The datagrams (UDP) or repeated segments (TCP) that the client's host has sent so far.
   [[nodiscard]] std::uint64_t sent_count() const {
     return is_tcp_ ? network_counter("Tcp", "RetransSegs") : network_counter("Udp", "OutDatagrams");
   }
@@ -75,7 +75,7 @@ class NumberedContender final : public Contender {
 expected<Contenders, std::string> connect(Duel& duel, const Settings& settings,
                                           const DuelConfig& config, const NetworkPair& network,
                                           Outcomes& outcomes) {
-  // Only this thread goes there, and with it the sockets that it opens.
+  // Only this thread enters the client's host, and with it the sockets that it opens.
   auto entered = network.enter(NetworkPair::Host::kClient);
   if (entered && settings.drop_percent > 0) {
     entered =
@@ -144,7 +144,7 @@ expected<void, std::string> measure(const Settings& asked, const DuelConfig& sid
 
 void run_two_node(const Settings& settings, Report& report) {
   Settings chosen = settings;
-  // Memory is of one host. TCP repeats after 200 ms at the soonest, so that under loss this would
+  // Shared memory stays on one host. TCP repeats after 200 ms at the soonest: under loss this would
   // measure the kernel's patience, and take minutes.
   std::erase_if(chosen.carriers, [&](Carrier carrier) {
     return carrier == Carrier::kSharedMemory ||

@@ -11,14 +11,14 @@ namespace rtpm::bench {
 
 /// CPU time of all CPUs so far, in ticks.
 struct CpuTime {
-  std::uint64_t stolen = 0;  ///< That the hypervisor took away.
+  std::uint64_t stolen = 0;  ///< The time that the hypervisor took away.
   std::uint64_t total = 0;
 };
 /// @realtime set-up only: reads /proc/stat
 [[nodiscard]] CpuTime read_cpu_time();
 
-/// Adds what part of the CPU time since `before` was stolen, as "steal_percent", and a mark if it
-/// matters.
+/// Adds the part of the CPU time since `before` that was stolen, as "steal_percent", and a mark if
+/// it matters.
 void add_steal(Json& result, const CpuTime& before);
 
 /// Detects whether the machine stood still since construction: the hypervisor took CPU time away
@@ -27,10 +27,10 @@ void add_steal(Json& result, const CpuTime& before);
 /// @realtime  set-up only: reads /proc, and with a detector visits its CPUs
 class RoundWatch {
  public:
-  /// What matters to a p99.9 that is some tenths of a millisecond.
+  /// The least stolen time that matters to a p99.9 of some tenths of a millisecond.
   static constexpr Duration kStolenMin = std::chrono::microseconds{300};
 
-  /// Reads steal from /proc/stat, in hundredths of a second, and on the detector's CPUs to some ten
+  /// Reads steal from /proc/stat, to hundredths of a second, and on the detector's CPUs to some ten
   /// microseconds.
   /// @lifetime refers to `detector`
   explicit RoundWatch(const StallDetector& detector);

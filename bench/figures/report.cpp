@@ -37,7 +37,7 @@ std::string line_of(const Json& result, const std::string& prefix, const std::st
   return line + "\n";
 }
 
-/// What it is of and single figures on the first line, distributions and ratios below.
+/// Prints the result's key and single figures on the first line, distributions and ratios below.
 void print_table(const Json& result) {
   std::string head;
   std::string lines;

@@ -8,7 +8,7 @@
 
 namespace rtpm::bench {
 
-/// A result: what it is of (case, transport, wait, …), and then its figures. Its "marks" say what
+/// A result: its key (case, transport, wait, …), and then its figures. Its "marks" say what
 /// disturbed it.
 using Json = nlohmann::ordered_json;
 
@@ -19,9 +19,9 @@ class Report {
   Report(Form form, Json environment) : form_(form), environment_(std::move(environment)) {}
 
   void add(Json result);
-  /// Says what could not be measured.
+  /// Reports that `what` could not be measured.
   void fail(std::string_view what, std::string_view why);
-  /// Whether all was measured that was to be.
+  /// Whether everything was measured that was asked for.
   [[nodiscard]] bool is_complete() const noexcept { return is_complete_; }
 
  private:
@@ -34,24 +34,24 @@ class Report {
 /// "rtpm-bench: <what>: <why>" on standard error.
 void say(std::string_view what, std::string_view why);
 
-/// Adds to "marks".
+/// Adds a text to "marks".
 void add_mark(Json& result, const std::string& mark);
 
-/// Three decimals.
+/// Rounds to three decimals.
 [[nodiscard]] double rounded(double value) noexcept;
 
-/// Adds "<prefix>p50_us" … "<prefix>max_us"; and what each round showed by itself,
-/// "<prefix>rounds_p50_us" and so on for p90, p99 and p99.9 (of each stretch of rounds), from which
-/// a comparison of two runs tells how far they are to be trusted.
+/// Adds "<prefix>p50_us" … "<prefix>max_us", and each round's own figures, "<prefix>rounds_p50_us"
+/// and so on for p90, p99 and p99.9 (of each stretch of rounds). From these a comparison of two
+/// runs derives how far the figures can be trusted.
 void add_distribution(Json& result, const std::string& prefix, const Samples& samples);
 
-/// How two contenders compare: adds "<prefix>p50", "<prefix>p90", "<prefix>p99" and "<prefix>p999",
-/// each with "_low" and "_high".
+/// Adds the ratios of two contenders: "<prefix>p50", "<prefix>p90", "<prefix>p99" and
+/// "<prefix>p999", each with "_low" and "_high".
 void add_ratios(Json& result, const std::string& prefix, const Samples& numerator,
                 const Samples& denominator);
 
-/// Adds "rounds" and "rounds_left_out" of two interleaved contenders, and a mark where those
-/// disturbed are too many to leave out.
+/// Adds "rounds" and "rounds_left_out" of two interleaved contenders, and a mark if too many rounds
+/// were disturbed to leave them out.
 void add_rounds(Json& result, const Samples& one, const Samples& other);
 
 /// A number with three significant digits or so: "9.87", "123".

@@ -15,14 +15,14 @@ double to_us(Duration duration) {
 double percentile_of(std::vector<Duration> samples, double percent) {
   if (samples.empty()) return 0;
   const double share = percent / 100.0 * static_cast<double>(samples.size());
-  // 99.9 % of 1000 is 999, also where binary fractions make it a little more.
+  // 99.9 % of 1000 is 999, even where binary fractions make it a little more.
   const auto rank = static_cast<std::size_t>(std::max(1.0, std::ceil(share - 1e-6)));
   const auto at = samples.begin() + static_cast<std::ptrdiff_t>(std::min(rank, samples.size()) - 1);
   std::nth_element(samples.begin(), at, samples.end());
   return to_us(*at);
 }
 
-/// Beyond a percentile there shall be so many samples: with fewer, it is the whim of one or two.
+/// The samples needed beyond a percentile: with fewer, one or two outliers decide it.
 constexpr double kBeyondMin = 10;
 constexpr int kDrawCount = 200;
 
@@ -45,7 +45,7 @@ double percentile_of(const Samples& samples, const Stretch& stretch, double perc
   return percentile_of(std::move(together), percent);
 }
 
-/// Without those to nothing.
+/// Leaves out stretches whose denominator is zero.
 std::vector<double> ratios_of(const Samples& numerator, const Samples& denominator,
                               const std::vector<Stretch>& stretches, double percent) {
   std::vector<double> ratios;
@@ -56,15 +56,15 @@ std::vector<double> ratios_of(const Samples& numerator, const Samples& denominat
   return ratios;
 }
 
-/// Sets where the middle of the ratios lies with 95 % confidence: what becomes of it when the
-/// rounds are drawn at random, some of them several times, some not at all.
+/// Sets the interval that holds the middle of the ratios with 95 % confidence, by bootstrap: draws
+/// the rounds at random with repetition, and takes the middle of each draw.
 void find_interval(Ratio& ratio, const Samples& numerator, const Samples& denominator,
                    const std::vector<Stretch>& stretches, double percent) {
   Stretch rounds;
   for (const Stretch& stretch : stretches)
     rounds.insert(rounds.end(), stretch.begin(), stretch.end());
   const bool is_by_round = rounds.size() == ratio.stretches.size();
-  // Always the same numbers, so that the same samples say the same.
+  // A fixed seed, so that equal samples give equal intervals.
   std::minstd_rand random;  // NOLINT(cert-msc32-c,cert-msc51-cpp)
   std::uniform_int_distribution<std::size_t> draw(0, rounds.size() - 1);
   std::vector<double> middles;
@@ -95,7 +95,7 @@ Samples::Samples(int round_count, std::size_t count_per_round)
     : rounds_(static_cast<std::size_t>(round_count)),
       disturbed_(static_cast<std::size_t>(round_count), false) {
   for (auto& round : rounds_) {
-    // Touched as well as reserved: a page fault is not to be measured.
+    // Touched as well as reserved, so that no page fault is measured.
     round.resize(count_per_round);
     round.clear();
   }
@@ -165,7 +165,7 @@ std::vector<Stretch> stretches_of(const Samples& one, const Samples& other, doub
     next.clear();
     count = 0;
   }
-  // What is left over at the end joins the stretch before it.
+  // The remainder at the end joins the stretch before it.
   if (stretches.empty()) {
     if (!next.empty()) stretches.push_back(std::move(next));
   } else {

@@ -20,11 +20,11 @@ struct Percentiles {
   double max = 0;
 };
 
-/// Every latency of one contender, kept round by round. They are kept whole, not in a histogram:
-/// a ratio of 1.1 is nothing to blur by a bucket's width.
+/// Every latency of one contender, kept round by round. Samples are kept whole, not in a histogram,
+/// whose bucket width would blur a ratio of 1.1.
 class Samples {
  public:
-  /// Makes room, so that add() allocates nothing.   Set-up only.
+  /// Reserves memory, so that add() allocates nothing.   Set-up only.
   Samples(int round_count, std::size_t count_per_round);
   Samples(Samples&&) noexcept = default;
   Samples& operator=(Samples&&) noexcept = default;
@@ -35,10 +35,10 @@ class Samples {
   void note_disturbed(bool was_disturbed) noexcept {
     if (was_disturbed) disturbed_[round_] = true;
   }
-  /// RT: alloc-free within the room made.
+  /// RT: alloc-free within the reserved memory.
   void add(Duration latency) { rounds_[round_].push_back(latency); }
 
-  /// Forgets all, and keeps the room.
+  /// Removes all samples, and keeps the memory.
   void clear() noexcept {
     for (auto& round : rounds_)
       round.clear();
@@ -55,10 +55,10 @@ class Samples {
 
   /// The latency that `percent` of each stretch's samples do not exceed, in microseconds.
   [[nodiscard]] std::vector<double> stretch_percentiles(double percent) const;
-  /// p50 to p99.9 are the middles of the stretches' own; p99.99 and the maximum, for which a
-  /// stretch is too short, are of all samples together.
+  /// p50 to p99.9 are the middles of the stretches' own values; p99.99 and the maximum, for which a
+  /// stretch is too short, come from all samples together.
   [[nodiscard]] Percentiles percentiles() const;
-  /// Every latency in the order in which they were added, in microseconds.
+  /// Every latency in the order of adding, in microseconds.
   [[nodiscard]] std::vector<double> all_us() const;
 
  private:
@@ -67,25 +67,25 @@ class Samples {
   std::size_t round_ = 0;
 };
 
-/// Rounds of a run, by their numbers, that one value of a percentile rests on: as many, side by
-/// side, as it takes to have ten samples beyond the percentile. A median is told round by round, a
-/// p99.9 of ten thousand samples at a time.
+/// The rounds of a run, by number, that one value of a percentile rests on: as many consecutive
+/// ones as it takes to have ten samples beyond the percentile. A median gets a value per round, a
+/// p99.9 a value per ten thousand samples.
 using Stretch = std::vector<int>;
 
 /// The rounds of two interleaved contenders that figures rest on: those disturbed for neither, if
-/// they are a third of all; else all.
+/// they are at least a third of all; otherwise all.
 [[nodiscard]] Stretch rounds_that_count(const Samples& one, const Samples& other);
 /// The number of rounds that were disturbed for either contender.
 [[nodiscard]] int disturbed_round_count(const Samples& one, const Samples& other);
 
-/// The stretches of what two contenders did by turns: the same for both, of the rounds that count.
-/// One alone, if there are too few samples for several.
+/// The stretches of two contenders' turns: the same for both, of the rounds that count. A single
+/// stretch if there are too few samples for several.
 [[nodiscard]] std::vector<Stretch> stretches_of(const Samples& one, const Samples& other,
                                                 double percent);
 
-/// How two contenders of one run compare at one percentile: the middle of the stretches' ratios,
-/// and the interval in which it lies with 95 % confidence, found by drawing the rounds again and
-/// again. Of a single round, the interval is the ratio itself: nothing is known of it.
+/// The comparison of two contenders of one run at one percentile: the middle of the stretches'
+/// ratios, and the interval in which it lies with 95 % confidence, found by drawing the rounds
+/// again and again. With a single round, the interval is the ratio itself: its spread is unknown.
 struct Ratio {
   double middle = 0;
   double low = 0;
@@ -94,9 +94,9 @@ struct Ratio {
 };
 [[nodiscard]] Ratio ratio_at(const Samples& numerator, const Samples& denominator, double percent);
 
-/// The mean of the middle half of the values, which no wild one moves; 0 of nothing. A median would
-/// jump where the values come in two heaps, as they do where memory lies well or badly in the
-/// caches from one start of the servers to the next. Of three values it is the median.
+/// The mean of the middle half of the values, which no outlier moves; 0 if there are none. A median
+/// would jump where the values form two clusters, as they do where memory lies well or badly in the
+/// caches from one start of the servers to the next. With three values it is the median.
 [[nodiscard]] double middle_of(std::vector<double> values);
 
 }  // namespace rtpm::bench

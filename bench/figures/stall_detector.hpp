@@ -12,17 +12,17 @@
 
 namespace rtpm::bench {
 
-/// Feels whether the CPUs of a run stand still: a thread on each, above all that is measured, wakes
-/// up every so often and notes when it was let run too late. That is the machine's doing: a
-/// hypervisor's, most often, or a system call of some other program in which the kernel does not
-/// let anybody else run. Where there is no privilege for such threads it feels nothing.
+/// Detects whether the CPUs of a run stand still: a thread on each CPU, above all that is measured,
+/// wakes up periodically and records when it ran too late. The machine causes that: most often a
+/// hypervisor, or another program's system call in which the kernel does not preempt. Without the
+/// privilege for such threads it detects nothing.
 /// Threads: one.   Set-up only.
 class StallDetector {
  public:
-  /// Waking up takes up to 0.2 ms on a virtual machine, and no stall is needed for that.
+  /// A wake-up takes up to 0.2 ms on a virtual machine even without a stall.
   static constexpr Duration kStallMin = std::chrono::microseconds{300};
   /// Longer ones are not counted: the kernel's throttling of real-time threads looks like that, and
-  /// may be a contender's own fault. So that is never left out.
+  /// may be a contender's own fault. So those are never left out.
   static constexpr Duration kStallMax = std::chrono::milliseconds{30};
 
   StallDetector() = default;
@@ -31,7 +31,7 @@ class StallDetector {
   ~StallDetector();
   [[nodiscard]] expected<void, std::string> start(std::span<const int> cpus);
   [[nodiscard]] std::uint64_t count() const noexcept { return count_.load(); }
-  /// Those it was started on.
+  /// The CPUs that it was started on.
   [[nodiscard]] std::span<const int> cpus() const noexcept { return cpus_; }
 
  private:

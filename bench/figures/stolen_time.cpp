@@ -21,7 +21,7 @@ class Excursion {
   Excursion(const Excursion&) = delete;
   Excursion& operator=(const Excursion&) = delete;
   ~Excursion() { sched_setaffinity(0, sizeof home_, &home_); }
-  /// False if there is no such CPU, or it is not for this thread.
+  /// False if there is no such CPU, or this thread may not use it.
   [[nodiscard]] bool go_to(int cpu) noexcept {
     cpu_set_t there;
     CPU_ZERO(&there);
@@ -33,8 +33,8 @@ class Excursion {
   cpu_set_t home_{};
 };
 
-// By how much the clock for tasks of this CPU is behind. The kernel notes its time as a thread is
-// given the CPU, hence the sleep.
+// Returns how far this CPU's task clock is behind. The kernel updates it when a thread gets the
+// CPU, hence the sleep.
 std::optional<Duration> read_behind() {
   rt::sleep_until(rt::now() + std::chrono::microseconds{10});
   timespec now{};

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <ctime>
 
-// Valgrind 3.19 does not know the system call, which lanes wait with. In its place, to the
-// millisecond: what is counted is not how exactly a lane wakes up.
+// Valgrind 3.19 does not know this system call, with which lanes wait. This one replaces it, to the
+// millisecond: the accuracy of a lane's wake-up is not counted.
 extern "C" int epoll_pwait2(int epoll, epoll_event* events, int event_count_max,
                             const timespec* timeout, const sigset_t* signals) {
   int timeout_ms = -1;

@@ -9,10 +9,10 @@
 #include "rtpm/base/assert.hpp"
 #include "rtpm/base/time.hpp"
 
-/// What is counted of the hub's core.
+/// The counted work of the hub's core.
 namespace rtpm::bench::micro {
 
-/// Counts what is broadcast, as shared memory would be written once.
+/// Counts broadcast events, as shared memory would be written once for each.
 class BroadcastCounter final : public events::Broadcaster {
  public:
   void broadcast(std::span<const events::SubscriptionNumber> to,
@@ -35,8 +35,8 @@ inline events::Filter by_value(std::uint32_t type) {
 /// A hub's core with 100 subscriptions of each of some types.
 class Crowd {
  public:
-  /// `is_broadcast`: what is accepted goes to the counter, else to each subscription's queue, which
-  /// has room for one event.
+  /// `is_broadcast`: accepted events go to the counter, otherwise to each subscription's queue,
+  /// which holds one event.
   Crowd(std::uint32_t type_count, bool is_broadcast, events::Filter (*make_filter)(std::uint32_t))
       : type_count_(type_count),
         subscription_count_(100 * type_count),
@@ -54,7 +54,7 @@ class Crowd {
     }
   }
 
-  /// Offers one event, of the types in turn; whether the exchange took it.
+  /// Offers one event, of the types in turn; returns whether the exchange accepted it.
   bool offer() noexcept {
     const std::array<double, 4> payload{1, 2, 3, 4};
     const events::EventHeader header{.type = 1 + next_++ % type_count_, .schema_id = kSchema};

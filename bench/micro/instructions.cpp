@@ -1,9 +1,9 @@
 // rtpm-instructions: runs chosen functions a fixed number of times, for a tool that counts their
-// instructions. Each stands behind a name of its own, counted_…, and runs twice: the first time it
+// instructions. Each function has a symbol of its own, counted_…, and runs twice: the first time it
 // sets itself up and touches its memory, so that the second is the one to count.
 //
-// rtpm-instructions --key tells the compiler and build, on which the counts depend; --list the
-// names.
+// rtpm-instructions --key prints the compiler and build, on which the counts depend; --list prints
+// the names.
 #include <algorithm>
 #include <array>
 #include <cstdint>
@@ -27,7 +27,7 @@ namespace {
 /// How often each is run at a time; the tool that counts divides by it.
 constexpr int kRepeatCount = 1000;
 
-/// Keeps the compiler from leaving out what made `value`, or from knowing it afterwards.
+/// Keeps the compiler from removing the computation of `value`, and from knowing it afterwards.
 template <class T>
 void keep(T& value) {
   asm volatile("" : "+m"(value) : : "memory");
@@ -55,7 +55,7 @@ void call_served_tip() {
 
 }  // namespace
 
-// Plain names, so that they can be told to the tool.
+// Unmangled names, which the tool takes as options.
 extern "C" {
 
 [[gnu::noinline]] void counted_encode_header() {

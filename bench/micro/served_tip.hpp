@@ -8,7 +8,7 @@
 #include "rtpm/rpc/server.hpp"
 #include "tip.hpp"
 
-/// What is counted of whole calls: of the caller's thread and of the lane's.
+/// The counted work of whole calls: of the caller's thread and of the lane's.
 namespace rtpm::bench::micro {
 
 template <class Made>

@@ -6,7 +6,7 @@
 
 #include "wrench.rtpm.hpp"
 
-/// What is counted of generated code.
+/// The counted work of generated code.
 namespace rtpm::bench::micro {
 
 class Tip final : public TipServant {

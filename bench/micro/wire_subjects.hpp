@@ -12,10 +12,10 @@
 #include "rtpm/wire/limits.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 
-/// What is counted of the protocol.
+/// The counted work of the protocol.
 namespace rtpm::bench::micro {
 
-/// A call as the force loop makes it.
+/// The header of a force loop's call.
 inline wire::Header call_header() {
   wire::Header header;
   header.kind = wire::FrameKind::kCall;
@@ -64,8 +64,8 @@ class JoinedProtocol {
     }
   }
 
-  /// One call that brings `size` bytes back, from the encoding of its first frame to the decoding
-  /// of its reply's last one.
+  /// One call that returns `size` bytes, from the encoding of its first frame to the decoding of
+  /// its reply's last one.
   void call(std::size_t size) {
     now_ += Duration{1000};
     const auto begun = channel_.call(

@@ -6,7 +6,7 @@
 
 #include "peer.hpp"
 
-/// What omniORB and omniEvents have in common.
+/// The code that the peers omniORB and omniEvents share.
 namespace rtpm::bench {
 
 /// As Peer::guard.

@@ -22,7 +22,7 @@ constexpr const char* kConfiguration =
     "<AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto"
     "</ParticipantIndex><Peers><Peer address=\"127.0.0.1\"/></Peers><ExternalDomainId>97"
     "</ExternalDomainId></Discovery></Domain></CycloneDDS>";
-/// The default domain's, which other programs of the host may use, is left alone.
+/// The default domain, which other programs of the host may use, is left alone.
 constexpr dds_domainid_t kDomain = 97;
 constexpr dds_domainid_t kSupplierDomain = 96;
 

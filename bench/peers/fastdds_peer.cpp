@@ -29,9 +29,9 @@ namespace dds = eprosima::fastdds::dds;
 namespace rtps = eprosima::fastdds::rtps;
 using eprosima::fastrtps::rtps::SerializedPayload_t;
 
-/// Of the first lane. The default domain, which other programs of the host may use, is left alone.
-/// Each lane has a domain of its own: where participants of one process share a domain, a thread of
-/// high priority spins for a lock that one of low priority holds.
+/// The first lane's domain. The default domain, which other programs of the host may use, is left
+/// alone. Each lane has a domain of its own: where participants of one process share a domain, a
+/// thread of high priority spins for a lock that one of low priority holds.
 constexpr std::uint32_t kDomain = 98;
 
 /// A plain struct as it lies in memory, behind the header that every serialised sample has.

@@ -13,8 +13,9 @@
 #include "sides/caller.hpp"
 #include "sides/event_board.hpp"
 
-/// What each peer's program does in its own way. peer_main.cpp does the rest: processes, threads,
-/// priorities, CPUs and measuring. What a peer makes lives until its process ends.
+/// The interface that each peer's program implements in its own way. peer_main.cpp does the rest:
+/// processes, threads, priorities, CPUs and measuring. The objects that a peer makes live until its
+/// process ends.
 namespace rtpm::bench {
 
 using Outcome = expected<void, std::string>;
@@ -27,12 +28,12 @@ using Outcome = expected<void, std::string>;
 
 /// The payload of a call there and back: as many bytes as the paper's six doubles.
 struct PeerMessage {
-  std::uint64_t work_ns = 0;  ///< For how long the server computes first.
+  std::uint64_t work_ns = 0;  ///< How long the server computes first.
   std::array<double, 5> values{};
 };
 static_assert(sizeof(PeerMessage) == kPayloadSize);
 
-/// What every peer's server does with a request.
+/// Does the work that a request asks every peer's server for.
 inline void answer(std::uint64_t work_ns) noexcept {
   if (work_ns != 0) compute_for(Duration{static_cast<Duration::rep>(work_ns)});
 }
@@ -41,10 +42,10 @@ inline void answer(std::uint64_t work_ns) noexcept {
 struct PeerLane {
   std::size_t index = 0;
   std::string transport{};
-  std::string folder{};      ///< Where sockets with names go.
+  std::string folder{};      ///< For sockets with names.
   int connection_count = 1;  ///< How many callers will connect.
-  int caller = 0;            ///< Which of them connects.
-  Priority priority{};       ///< Of the thread that serves it or calls it.
+  int caller = 0;            ///< The index of the one that connects.
+  Priority priority{};       ///< The priority of the thread that serves or calls it.
   [[nodiscard]] std::string socket_path() const { return folder + "/lane" + std::to_string(index); }
 };
 
@@ -54,10 +55,10 @@ using Announce = std::function<void(const std::string& address)>;
 using Exchange = std::function<Outcome(const PeerMessage& request, PeerMessage& reply)>;
 /// Sends an event.
 using Push = std::function<Outcome(const EventStamp& stamp)>;
-/// What a consumer's thread does; empty where the library's own threads deliver.
+/// The body of a consumer's thread; empty if the library's own threads deliver.
 using Consume = std::function<void()>;
 
-/// Where one consumer notes what reaches it.
+/// The record where one consumer notes its events.
 struct Note {
   void operator()(const void* bytes, std::size_t size) const noexcept {
     board->note(number, {static_cast<const std::byte*>(bytes), size}, rt::now());
@@ -74,9 +75,9 @@ struct BrokerProgram {
   std::string path{};                ///< or, if not empty, the socket of this name.
 };
 
-/// A peer: calls, events, or both; null is what it lacks. All run on threads that have the lane's
-/// policy, priority and CPU already; threads that the library starts there inherit them.
-/// Exceptions of the library are caught outside.
+/// A peer: calls, events, or both; a null function is one that it lacks. All run on threads that
+/// already have the lane's policy, priority and CPU; threads that the library starts there inherit
+/// them. Exceptions of the library are caught outside.
 struct Peer {
   /// Serves a lane. Announces once; then either serves on this thread without end, or returns while
   /// threads of the library serve. Lanes are served at the same time, each from its own thread.
@@ -88,10 +89,10 @@ struct Peer {
   /// library can't connect otherwise.
   bool connects_at_high_priority = false;
 
-  /// The broker between supplier and consumers: a program, or as serve(). Neither: there is none.
+  /// The broker between supplier and consumers: a program, or like serve(). Null both: no broker.
   BrokerProgram (*broker_program)(const PeerLane& lane) = nullptr;
   Outcome (*serve_events)(const PeerLane& lane, const Announce& announce) = nullptr;
-  /// `address`: the broker's. Of two words, the first is the supplier's, the second the consumers'.
+  /// `address`: the broker's. It may have two words: the supplier's address and the consumers'.
   expected<Push, std::string> (*connect_supplier)(const PeerLane& lane,
                                                   const std::string& address) = nullptr;
   /// The consumer may join later. `note` outlives it.
@@ -99,14 +100,14 @@ struct Peer {
                                                      const std::string& address,
                                                      Note& note) = nullptr;
 
-  /// Runs `body` and makes errors of the library's exceptions that are no std::exception.
+  /// Runs `body` and turns the library's exceptions that are not std::exception into errors.
   Outcome (*guard)(const std::function<Outcome()>& body) = nullptr;
 };
 
 /// The peer of this program: each program defines it once.
 extern const Peer kPeer;
 
-/// Events that a queue holds before it loses some, where a peer lets us choose.
+/// The number of events that a queue holds before it loses some, where a peer lets us choose.
 inline constexpr int kEventQueueMax = 1024;
 
 /// A TCP port of this host that is not in use, for servers that cannot choose one.

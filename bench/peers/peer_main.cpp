@@ -30,7 +30,7 @@ void report(const Outcome& outcome) {
   });
 }
 
-/// Runs what calls a library, whose exceptions end here.
+/// Runs code that calls a library, and catches its exceptions.
 Outcome without_exceptions(const std::function<Outcome()>& body) {
   try {
     return kPeer.guard == nullptr ? body() : kPeer.guard(body);
@@ -69,7 +69,7 @@ Outcome start_thread(const rt::ThreadConfig& config, std::function<void()> body)
   return {};
 }
 
-/// Runs `body` on a thread as a lane's callers have it, to its end.
+/// Runs `body` to its end on a thread with the policy, priority and CPU of a lane's callers.
 Outcome run_as_caller(const PeerSetting& setting, std::size_t index,
                       const std::function<Outcome()>& body) {
   Outcome outcome;
@@ -97,7 +97,7 @@ Outcome start_lane(PeerBoard& board, Serve serve, std::size_t index) {
         const auto served =
             without_exceptions([&] { return serve(lane_of(board.setting, index), announce); });
         if (served) return;
-        // If it was announced before, its callers' deadlines show that it serves no longer.
+        // If it was announced before, its callers' deadlines show that it no longer serves.
         try {
           announced->set_value(served);
         } catch (const std::future_error&) {
@@ -165,7 +165,7 @@ void put(const Samples& samples, std::array<std::int64_t, kPeerSampleMax>& to,
   count = latencies.size();
 }
 
-/// Says that the client is there; then runs each plan that rtpm-bench asks for, without end.
+/// Reports that the client is ready; then runs each plan that rtpm-bench asks for, without end.
 /// `measure` fills the samples of high and low priority, or of each delivery and the last ones.
 [[noreturn]] void run_plans(PeerBoard& board,
                             const std::function<Outcome(Samples& high, Samples& low)>& measure) {
@@ -188,9 +188,9 @@ Outcome call(PeerBoard& board) {
   auto exchange = kPeer.connect(lane_of(board.setting, 0), address_of(board.setting, 0));
   if (!exchange) return unexpected{exchange.error()};
   PeerCaller caller(std::move(*exchange));
-  // One call, so that what connects at the first one has connected.
+  // One call, so that libraries that connect at their first call have connected.
   if (auto called = caller.echo(); !called) return called;
-  // Only now: threads that a library has for the whole process are started by the first use of it,
+  // Only now: the threads that a library has for the whole process are started by its first use,
   // and so have the measured caller's priority.
   const auto load = connect_load(board.setting);
   if (!load) return unexpected{load.error()};
@@ -244,12 +244,12 @@ Outcome wait_for_consumers(EventSide& side, EventBoard& board, int consumer_coun
 Outcome take_events(PeerBoard& board) {
   if (kPeer.connect_supplier == nullptr) return unexpected{std::string("this peer has no events")};
   const int consumer_count = board.setting.consumer_count;
-  // Both stay: consumers note what comes until the process ends.
+  // Both live until the process ends: consumers record events until then.
   auto& events = *new EventBoard(static_cast<std::size_t>(consumer_count), kEventBlockSize);
   auto& side = *new PeerEvents;
   if (auto connected = side.connect(board.setting, events); !connected) return connected;
   if (auto joined = wait_for_consumers(side, events, consumer_count); !joined) return joined;
-  // Above those of the set-up.
+  // Block numbers above those of the set-up.
   run_plans(board, [&, block = 1'000'000U](Samples& high, Samples& low) mutable {
     board.missing_count = 0;
     return push_events(board.plan, side, events, block++, consumer_count, high, low,

@@ -14,17 +14,17 @@ enum class SocketKind : std::uint8_t {
   kToSubscribers
 };
 
-/// A socket that is connected to, and where.
+/// A listening socket, and its address.
 template <class Socket>
 struct Listener {
   Socket socket{};
   std::string address{};
 };
 
-/// All that such a peer does. `Library` has:
+/// The whole of such a peer. `Library` provides:
 ///   Socket                      can be copied
 ///   listen(kind, lane, name)    expected<Listener<Socket>>; the last two kinds are a broker's
-///   listen_for_calls(lane)      as listen(), of the kind kReply
+///   listen_for_calls(lane)      like listen(), of the kind kReply
 ///   dial(kind, address)         expected<Socket>; of kRequest, operations give up after a second
 ///   send(socket, bytes, size), receive(socket, bytes, size)   bool
 ///   forward(in, out)            is the broker, without end

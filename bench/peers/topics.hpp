@@ -39,8 +39,8 @@ class TopicPeer {
     }
   }
 
-  /// Calls until an answer comes: what is said before the two have found each other is lost. Then
-  /// waits until no late answer is left.
+  /// Calls until an answer comes: messages sent before the two have found each other are lost. Then
+  /// waits until no late reply is left.
   static expected<Exchange, std::string> connect(const PeerLane& lane, const std::string&) {
     auto caller = std::make_shared<CallerEnd>(lane);
     if (!caller->end.is_well()) return failure("set-up");
@@ -91,7 +91,7 @@ class TopicPeer {
   using Writer = typename Middleware::template Writer<Sample>;
   static constexpr const char* kEventTopic = "rtpm_bench_events";
 
-  /// One end of a caller's two topics, of which the last sample counts.
+  /// One end of a caller's two topics, of which only the last sample counts.
   struct End {
     End(Context& context, const std::string& reads, const std::string& writes)
         : reader(context, reads, 1), writer(context, writes, 1) {}
@@ -118,7 +118,7 @@ class TopicPeer {
     End end;
   };
 
-  /// Each caller has two topics of its own, so that a reply is for it alone.
+  /// Each caller has two topics of its own, so that a reply reaches it alone.
   [[nodiscard]] static std::string topic_name(const PeerLane& lane, int caller, const char* what) {
     return "rtpm_bench_lane" + std::to_string(lane.index) + "_caller" + std::to_string(caller) +
            "_" + what;

@@ -14,8 +14,8 @@
 
 namespace rtpm::bench {
 
-/// What a contender showed: of calls, those measured and those of the load beside them; of events,
-/// each delivery and of each event the last one.
+/// A contender's measurements. For calls: those measured and those of the load beside them. For
+/// events: each delivery, and the last delivery of each event.
 struct Finding {
   Samples first;
   Samples second;
@@ -31,7 +31,7 @@ struct Finding {
   }
 };
 
-/// One of those that are measured by turns: RTPM, the raw floor, or a peer.
+/// One of the contenders that are measured by turns: RTPM, the raw floor, or a peer.
 /// @threads one
 class Contender {
  public:
@@ -45,14 +45,14 @@ class Contender {
                                                               Finding& finding) = 0;
 };
 
-/// Connects the contenders, RTPM first and the floor last. On the caller's thread; what it has
-/// started lives as long as this function.
+/// Connects the contenders, RTPM first and the floor last, on the caller's thread; all that it
+/// starts lives as long as this function.
 using Contenders = std::vector<std::unique_ptr<Contender>>;
 using Connect = std::function<expected<Contenders, std::string>()>;
 /// Starts the servers of a part of a run, before this process has a thread.
 using Start = std::function<expected<Connect, std::string>()>;
 
-/// Servers that run as long as this lives, and are stopped otherwise.
+/// Servers that run as long as this object lives, and are stopped otherwise.
 class Running {
  public:
   explicit Running(std::vector<const ServerProcess*> servers) : servers_(std::move(servers)) {
@@ -70,7 +70,7 @@ class Running {
   std::vector<const ServerProcess*> servers_;
 };
 
-/// Calls to servers that run in its turns only, with or without load.
+/// Calls to servers that run only in their own turns, with or without load.
 class CallContender final : public Contender {
  public:
   /// @lifetime refers to the servers

@@ -11,8 +11,8 @@
 namespace rtpm::bench {
 namespace {
 
-/// How low-priority callers and their lane wait: under load there is always work, and while there
-/// is none they shall be out of the way.
+/// The wait of low-priority callers and their lane: under load there is always work, and without
+/// load they shall be out of the way.
 constexpr rt::WaitConfig kLowWait{.strategy = rt::WaitStrategy::kBlock};
 
 Carrier floor_carrier_of(const DuelConfig& config) {
@@ -69,7 +69,7 @@ expected<std::string, std::string> set_up_rtpm(const DuelConfig& config) {
   return start_rtpm_server(std::move(server));
 }
 
-/// A server that is stopped at once: one that spins would not let the other's threads on their CPU.
+/// Starts a server stopped: one that spins would keep the other's threads off their CPU.
 expected<ServerProcess, std::string> start_server(const DuelConfig& config,
                                                   const ServerProcess::SetUp& set_up) {
   auto server = ServerProcess::start([&]() -> expected<std::string, std::string> {

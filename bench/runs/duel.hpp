@@ -19,23 +19,23 @@
 
 namespace rtpm::bench {
 
-/// Who is measured.
+/// The two sides that are measured.
 enum class Side : std::uint8_t { kRtpm, kFloor };
 inline constexpr Side kBothSides[] = {Side::kRtpm, Side::kFloor};
 
-/// What the two sides have in common.
+/// The options that the two sides share.
 struct DuelConfig {
   Carrier carrier = Carrier::kUdp;
-  std::optional<Carrier> floor_carrier{};   ///< Of the raw floor, if not the same.
-  rt::WaitConfig wait{};                    ///< Of the measured callers and their lane.
-  std::size_t payload_size = kPayloadSize;  ///< Of the measured calls.
+  std::optional<Carrier> floor_carrier{};   ///< The raw floor's, if different.
+  rt::WaitConfig wait{};                    ///< The wait of the measured callers and of their lane.
+  std::size_t payload_size = kPayloadSize;  ///< The payload of the measured calls.
   int low_caller_count = 0;  ///< Above 0: both servers have a second lane, for low priorities.
-  std::string host = "127.0.0.1";            ///< That the servers serve; numeric.
-  Job enter_server_host{};                   ///< What a server's process does first, if anything.
-  std::uint32_t session_count_max = 256;     ///< Of RTPM's server, per lane.
-  std::shared_ptr<const SealedKeys> keys{};  ///< Of sealed sessions; null: they are not sealed.
-  /// A caller of low priority sends RTPM's server HELLOs instead of calls, and to the floor's
-  /// second thread as many frames.
+  std::string host = "127.0.0.1";            ///< The servers' address; numeric.
+  Job enter_server_host{};                   ///< Runs first in a server's process, if not empty.
+  std::uint32_t session_count_max = 256;     ///< Sessions of RTPM's server, per lane.
+  std::shared_ptr<const SealedKeys> keys{};  ///< For sealed sessions; null: plain ones.
+  /// A caller of low priority sends HELLOs to RTPM's server instead of calls, and as many frames to
+  /// the floor's second thread.
   bool has_hello_storm = false;
   std::uint64_t numbered_count = 0;  ///< How many numbered calls RTPM's server can tell apart.
   Placement placement{};
@@ -56,24 +56,24 @@ class Duel {
   }
   [[nodiscard]] const std::string& rtpm_url() const { return rtpm_.address(); }
   [[nodiscard]] std::uint16_t floor_high_port() const { return floor_ports_[0]; }
-  /// Where callers of high priority, and of low priority, are.
+  /// The nodes of the callers of high priority, and of low priority.
   [[nodiscard]] rpc::Node& high_node() { return *high_node_; }
   [[nodiscard]] rpc::Node& low_node() { return *low_node_; }
 
   // The side's server has to run.
   [[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_high(Side side);
-  /// Blocks while it waits.
+  /// Makes a caller that blocks while it waits.
   [[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_low(Side side);
 
-  /// What DuelConfig::has_hello_storm says.
+  /// Makes the storm of DuelConfig::has_hello_storm.
   [[nodiscard]] expected<Job, std::string> connect_storm(Side side);
 
-  /// A side's measured caller, and as many of low priority as the configuration has, whose calls
-  /// compute for `work`.   On a thread as run_as_caller() has it.
+  /// A side's measured caller, and the configured number of callers of low priority, whose calls
+  /// compute for `work`.   On a thread of run_as_caller().
   /// @lifetime refers to this
   [[nodiscard]] expected<std::unique_ptr<Contender>, std::string> contender(Side side,
                                                                             Duration work = {});
-  /// RTPM's and the floor's.
+  /// The contenders of RTPM and of the floor.
   [[nodiscard]] expected<Contenders, std::string> contenders(Duration work = {});
 
  private:
@@ -81,16 +81,16 @@ class Duel {
        ServerProcess rtpm);
 
   DuelConfig config_;
-  std::unique_ptr<MemoryFloor> memory_floor_;  ///< Of shared memory only.
+  std::unique_ptr<MemoryFloor> memory_floor_;  ///< Only for shared memory.
   ServerProcess floor_;
   ServerProcess rtpm_;
-  std::uint16_t floor_ports_[2]{};  ///< Of high and of low priority.
+  std::uint16_t floor_ports_[2]{};  ///< The ports of high and of low priority.
   std::unique_ptr<rpc::Node> high_node_;
   std::unique_ptr<rpc::Node> low_node_;
 };
 
-/// Runs `body` to its end on a thread as a measured caller has it: high priority, on the clients'
-/// CPU. Gives back what the body gives.
+/// Runs `body` to its end on a thread like a measured caller's: high priority, on the clients' CPU.
+/// Returns the body's result.
 [[nodiscard]] expected<void, std::string> run_as_caller(
     const Settings& settings, const std::function<expected<void, std::string>()>& body);
 
@@ -114,7 +114,7 @@ using Measure = expected<void, std::string> (*)(const Settings& settings, const 
 void measure_each(std::string_view case_name, const Settings& settings, Report& report,
                   bool shares_cpu, Measure measure);
 
-/// What a result begins with: its case, transport, wait and payload.
+/// The first fields of a result: its case, transport, wait and payload.
 [[nodiscard]] Json head_of(std::string_view case_name, const DuelConfig& config);
 
 }  // namespace rtpm::bench

@@ -12,10 +12,10 @@
 #include "runs/turn.hpp"
 #include "settings.hpp"
 
-/// What rtpm-bench and the programs of a peer share while the peer is measured. Each peer has a
-/// program of its own, rtpm-peer-NAME, so that its libraries are not in rtpm-bench and one that is
-/// not built is just not there. The program runs as a server and as a client; what they are to do
-/// stands on the board, and what the client measured, too.
+/// The memory that rtpm-bench and the programs of a peer share while the peer is measured. Each
+/// peer has a program of its own, rtpm-peer-NAME, so that its libraries are not in rtpm-bench and a
+/// peer that is not built is just missing. The program runs as a server and as a client; the board
+/// has their instructions, and the client's measurements.
 namespace rtpm::bench {
 
 /// More than any turn has.
@@ -27,7 +27,7 @@ template <std::size_t Size>
 struct BoardText {
   std::array<char, Size> bytes{};
 
-  /// What is too long is cut.
+  /// A text that is too long is cut.
   void set(std::string_view text) noexcept {
     const std::size_t size = text.copy(bytes.data(), Size - 1);
     bytes[size] = '\0';
@@ -43,30 +43,30 @@ struct PeerSetting {
   Placement placement{};
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
   std::int32_t low_caller_count = 0;  ///< Above 0: the server has a second lane.
-  std::int64_t work_ns = 0;           ///< For how long a call of low priority computes.
-  std::int32_t consumer_count = 0;    ///< Of events.
+  std::int64_t work_ns = 0;           ///< How long a call of low priority computes.
+  std::int32_t consumer_count = 0;    ///< For events.
   std::array<BoardText<2048>, kPeerLaneCount> addresses{};
 };
 
 struct PeerBoard {
   PeerSetting setting;
   sem_t asked;     ///< The client shall run `plan`.
-  sem_t answered;  ///< The client did, and wrote what follows.
+  sem_t answered;  ///< The client did, and wrote the fields below.
   TurnPlan plan;
   BoardText<512> error;  ///< Empty: all went well.
   std::uint64_t high_count = 0;
   std::uint64_t low_count = 0;
-  std::uint64_t missing_count = 0;  ///< Of events: deliveries that did not come in time.
+  std::uint64_t missing_count = 0;  ///< For events: deliveries that did not come in time.
   std::array<std::int64_t, kPeerSampleMax> high_ns;
   std::array<std::int64_t, kPeerSampleMax> low_ns;
 
   /// Client: waits for the next plan, however long that takes.
   void wait_for_plan() noexcept;
-  /// rtpm-bench: has the client run the plan; false if it did not within `patience`.
+  /// rtpm-bench: lets the client run the plan; false if it did not within `patience`.
   [[nodiscard]] bool run_plan(Duration patience) noexcept;
 };
 
-/// A board in memory that a started program can have, too.
+/// A board in memory that a started program can map, too.
 /// Ownership: unmaps at its end.   Set-up only.
 class SharedBoard {
  public:

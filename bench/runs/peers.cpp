@@ -16,11 +16,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Beyond what a turn takes by its plan. A peer whose calls fail says so after a second.
+/// Added to the time that a turn takes by its plan. A peer whose calls fail says so after a second.
 constexpr Duration kTurnPatience = std::chrono::seconds{15};
 
-/// Folders have the number of their process in their name, so that those that killed runs left are
-/// known.
+/// A folder's name contains the number of its process, so that folders left by killed runs are
+/// recognised.
 constexpr std::string_view kFolderPrefix = "rtpm-peer-";
 
 void remove_left_folders() {

@@ -23,16 +23,16 @@ struct PeerEntry {
   std::string_view event_transports;
   bool has_broker = false;  ///< Its events pass through a process of their own.
 
-  /// Those for `verb` ("call" or "events") that are measured beside that carrier of RTPM's: TCP
-  /// beside UDP and TCP, UDP beside UDP, and what stays within the host ("ipc", "unix", "shm")
-  /// beside shared memory.
+  /// The transports for `verb` ("call" or "events") that are measured beside that carrier of
+  /// RTPM's: TCP beside UDP and TCP, UDP beside UDP, and those within the host ("ipc", "unix",
+  /// "shm") beside shared memory.
   [[nodiscard]] std::vector<std::string> transports(std::string_view verb, Carrier carrier) const;
 };
 
-/// All that RTPM knows, in the order in which they are shown.
+/// All peers that RTPM knows, in the order of display.
 [[nodiscard]] std::span<const PeerEntry> known_peers();
 
-/// Those that `settings` asks for.
+/// The peers that `settings` asks for.
 [[nodiscard]] std::vector<const PeerEntry*> chosen_peers(const Settings& settings);
 
 /// Says on standard error which of the peers asked for are not built, with their packages. The
@@ -43,8 +43,8 @@ void say_missing_peers(const Settings& settings, Report& report);
 /// @realtime set-up only
 [[nodiscard]] std::optional<std::string> find_program(const PeerEntry& peer);
 
-/// Starts a peer with its server and its client, each a process, of which both are stopped but for
-/// the peer's turns. Before this process starts a thread.
+/// Starts a peer with its server and its client, each a process, which are both stopped except in
+/// the peer's turns. Call it before this process starts a thread.
 /// @param verb  what the client does, "call" or "events"
 /// @realtime    set-up only
 [[nodiscard]] expected<std::unique_ptr<Contender>, std::string> start_peer(

@@ -9,7 +9,7 @@
 namespace rtpm::bench {
 namespace {
 
-/// The idle server may be measured only to be compared with. Then so many rounds will do.
+/// If the idle server is measured only for comparison, one round in this many is enough.
 constexpr int kRoundsPerIdleRound = 4;
 
 std::string title_of_peer(const std::string& name, const std::string& transport) {
@@ -48,7 +48,7 @@ Run::Entrant& Run::enter(const std::string& peer, const std::string& transport) 
   };
   for (const int load : plan_.loads)
     entrant.findings.try_emplace(load, make_finding());
-  // What every load is compared with, where that does not take the peers' time as well.
+  // The idle figures, which every load is compared with, unless peers would take that time, too.
   if (!plan_.load_field.empty() && peers_.empty()) entrant.findings.try_emplace(0, make_finding());
   return entrant;
 }
@@ -64,7 +64,7 @@ void Run::start_peers() {
       const auto known = std::ranges::find_if(entrants_, [&](const Entrant& each) {
         return each.peer == name && each.transport == transport;
       });
-      // What failed in an earlier part has not all rounds.
+      // An entrant that failed in an earlier part lacks rounds.
       if (!is_first_part && known == entrants_.end()) continue;
       peer_setting_.transport.set(transport);
       auto contender = start_peer(*program, peer_verb_, peer_setting_);
@@ -110,7 +110,7 @@ expected<void, std::string> Run::measure_part(const Connect& connect, int begin,
   for (std::size_t i = 0; i < own_count_; ++i)
     entrants_[i].contender = std::move((*contenders)[i]);
   detector_.emplace();
-  // Calls that follow one another would meet its threads too often, and miss less of a stall.
+  // Calls one after the other would meet its threads too often, and miss less of a stall.
   if (plan_.rate_hz > 0) {
     if (auto started = detector_->start(cpus_of(choose_placement())); !started) return started;
   }
@@ -130,7 +130,7 @@ expected<void, std::string> Run::measure_round(int load, int round) {
   for (std::uint64_t done = 0; done < count_per_round_; done += plan_.turn_size, ++first) {
     const std::uint64_t count = std::min(plan_.turn_size, count_per_round_ - done);
     for (std::size_t i = 0; i < entrants_.size(); ++i) {
-      // Who goes first changes from turn to turn, and so does who goes before whom.
+      // The first contender changes from turn to turn, and so does the order of the others.
       const std::size_t place = first % 2 == 0 ? i : entrants_.size() - 1 - i;
       Entrant& entrant = entrants_[(place + first / 2) % entrants_.size()];
       if (!entrant.contender) continue;
@@ -230,7 +230,7 @@ void Run::add_pair(Json& result, const std::string& over_name, const Finding& ov
   result[under_name + "missing"] = under.missing_count;
 }
 
-/// How far the figures moved from the idle ones, where these were measured, and what the load met.
+/// Adds the figures' shift from the idle ones, where these were measured, and the load's latencies.
 void Run::add_load(Json& result, const std::string& prefix, const Entrant& entrant,
                    int load) const {
   if (plan_.load_field.empty() || load == 0) return;

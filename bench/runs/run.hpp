@@ -15,23 +15,23 @@
 
 namespace rtpm::bench {
 
-/// What a run has its contenders do.
+/// How a run measures its contenders.
 struct RunPlan {
-  std::uint64_t sample_count = 0;   ///< Of each contender, if the settings do not say.
+  std::uint64_t sample_count = 0;   ///< For each contender, if the settings do not say.
   std::uint64_t warm_up_count = 0;  ///< Before each turn.
   std::uint64_t turn_size = 0;      ///< Calls of one contender before the next one's turn.
-  /// A round is one turn of each, and not what the settings say: where the machine stood still,
-  /// little is lost.
+  /// A round is one turn of each contender, instead of the settings' length: where the machine
+  /// stood still, little is lost.
   bool is_round_a_turn = false;
-  double rest_part = 0;  ///< Of a turn's time, for which the CPUs then rest.
-  /// Starts of the servers in a run: where a process's memory comes to lie, and on which cores of
-  /// the host, moves the figures of shared memory by a third, and would else be in all rounds.
+  double rest_part = 0;  ///< The part of a turn's time for which the CPUs rest after it.
+  /// Starts of the servers in a run. The place of a process's memory, and its cores of the host,
+  /// move the figures of shared memory by a third; with one start that would affect all rounds.
   int part_count = 1;
   double rate_hz = 0;  ///< 0: one call after the other.
   CountFrom count_from = CountFrom::kSent;
   std::vector<int> loads{0};  ///< Numbers of callers that load the server, each measured by itself.
-  std::string load_field{};   ///< What a result calls that number; empty: there is no load.
-  /// How results call the distributions of a Finding; the second of calls is the load's.
+  std::string load_field{};   ///< The name of that number in a result; empty: there is no load.
+  /// The names of a Finding's distributions in results; the second one of calls is the load's.
   std::vector<std::string> names{""};
 };
 
@@ -42,9 +42,8 @@ class Run {
   /// @lifetime refers to `settings` and `report`
   Run(const Settings& settings, RunPlan plan, Report& report);
 
-  /// Has those of the peers take part that are built and have a transport to be measured beside
-  /// `carrier`: of calls (`verb` "call") or of events ("events"). If there is none, nothing is
-  /// measured.
+  /// Adds the peers that are built and have a transport to be measured beside `carrier`: of calls
+  /// (`verb` "call") or of events ("events"). If there is none, nothing is measured.
   void invite(std::vector<const PeerEntry*> peers, std::string verb, Carrier carrier,
               const PeerSetting& setting);
 
@@ -53,7 +52,7 @@ class Run {
 
   /// Reports RTPM beside the floor, and each peer beside RTPM, under each load that was asked for.
   void report(const Json& head, const Json& tail = Json::object());
-  /// How long a contender's paced calls took together.
+  /// The time that a contender's paced calls took together.
   [[nodiscard]] double paced_seconds() const;
   /// One contender beside the floor.
   [[nodiscard]] Json result(const Json& head, std::size_t contender = 0, int load = 0) const;
@@ -61,7 +60,7 @@ class Run {
  private:
   struct Entrant {
     std::string peer{};       ///< Empty: RTPM or the floor.
-    std::string transport{};  ///< Of a peer.
+    std::string transport{};  ///< A peer's.
     std::map<int, Finding> findings{};
     std::unique_ptr<Contender> contender{};  ///< Within a part.
   };

@@ -12,26 +12,26 @@
 
 namespace rtpm::bench {
 
-/// From when a paced call's latency counts.
+/// The moment from which a paced call's latency counts.
 enum class CountFrom {
   kDue,   ///< When it was due: the caller's own wake-up counts, and every delay's knock-on does.
   kSent,  ///< When it was sent, or was due if the call before it was not over by then.
 };
 
-/// What a contender does when it is its turn. Plain data, because a peer's program gets it through
-/// shared memory.
+/// The plan of a contender's turn. Plain data, because a peer's program gets it through shared
+/// memory.
 struct TurnPlan {
   std::uint64_t warm_up_count = 0;  ///< Untimed calls: the first meet a server that was stopped.
   std::uint64_t count = 0;          ///< Timed calls.
-  /// One call every so often, due at times that are fixed beforehand, so that a slow call cannot
-  /// hide those that had to wait for it; 0: one after the other.
+  /// The period of the calls, which are due at fixed times, so that a slow call cannot hide those
+  /// that had to wait for it; 0: one after the other.
   std::int64_t period_ns = 0;
   CountFrom count_from = CountFrom::kSent;
   std::int32_t low_caller_count = 0;  ///< Callers of low priority that load the server meanwhile.
 };
 
-/// Makes the calls of one turn and adds their latencies to `high`, and what the callers of low
-/// priority met to `low`. It is the same code for RTPM, the floor and every peer.
+/// Makes the calls of one turn and adds their latencies to `high`, and those of the callers of low
+/// priority to `low`. The code is the same for RTPM, the floor and every peer.
 /// @param load  null where the plan has no callers of low priority
 [[nodiscard]] expected<void, std::string> run_turn(const TurnPlan& plan, Caller& caller,
                                                    LowLoad* load, Samples& high, Samples& low);
@@ -39,9 +39,9 @@ struct TurnPlan {
 /// Events of one contender before the other's turn.
 inline constexpr std::size_t kEventBlockSize = 50;
 
-/// Pushes the events of one turn, as many as the board has room for, and takes what the first
-/// `consumer_count` consumers saw: each delivery, of each event the last one, and how many did not
-/// come in time, which is added to `missing_count`.
+/// Pushes the events of one turn, as many as the board has cells for, and collects the records of
+/// the first `consumer_count` consumers: each delivery, the last delivery of each event, and the
+/// number of deliveries that did not come in time, which is added to `missing_count`.
 /// @param block  a number that no turn before had
 [[nodiscard]] expected<void, std::string> push_events(const TurnPlan& plan, EventSide& side,
                                                       EventBoard& board, std::uint32_t block,

@@ -23,7 +23,7 @@ class Caller {
   /// Sends 48 bytes and waits until the server has sent them back; fails, with the reason, if it
   /// did not within a second or they differ.   RT: alloc-free when it succeeds.
   [[nodiscard]] virtual expected<void, std::string> echo() = 0;
-  /// As echo(), but the server computes for `duration` first.
+  /// Like echo(), but the server computes for `duration` first.
   [[nodiscard]] virtual expected<void, std::string> work(Duration duration) = 0;
 };
 
@@ -33,7 +33,7 @@ class Pipeline {
  public:
   virtual ~Pipeline() = default;
 
-  /// Makes `count` echoes, of which as many as were asked for are on their way at a time.
+  /// Makes `count` echoes, with the requested number of them in flight at a time.
   [[nodiscard]] virtual expected<void, std::string> run(std::uint64_t count) = 0;
 };
 

@@ -13,14 +13,14 @@ namespace rtpm::bench {
 /// The 32 bytes of an event that the events case pushes.
 struct EventStamp {
   std::int64_t due_ns = 0;   ///< When it was to be pushed.
-  std::uint32_t block = 0;   ///< Of which stretch of the run it is,
-  std::uint32_t number = 0;  ///< and which of its events.
+  std::uint32_t block = 0;   ///< The stretch of the run that it belongs to,
+  std::uint32_t number = 0;  ///< and its number within that stretch.
   std::uint64_t filling[2]{};
 };
 static_assert(sizeof(EventStamp) == 32);
 
-/// Where the first consumers write down when each event reached them. Threads: note() by each consumer for
-/// its own row; the rest by one that waits for them.   RT: note() is alloc-free.
+/// Where the first consumers record when each event reached them. Threads: note() by each consumer
+/// for its own row; the rest by the one thread that waits for them.   RT: note() is alloc-free.
 class EventBoard {
  public:
   EventBoard(std::size_t consumer_count, std::size_t event_count)
@@ -33,7 +33,7 @@ class EventBoard {
     arrived_count_.store(0, std::memory_order_relaxed);
     block_.store(block, std::memory_order_release);
   }
-  /// An event reached a consumer.
+  /// Records that an event reached a consumer.
   void note(std::size_t consumer, ConstBytes bytes, MonotonicTime now) noexcept {
     EventStamp stamp;
     if (bytes.size() < sizeof stamp) return;
@@ -49,7 +49,7 @@ class EventBoard {
   [[nodiscard]] std::uint64_t arrived_count() const noexcept {
     return arrived_count_.load(std::memory_order_acquire);
   }
-  /// The latency, 0 if it did not arrive.
+  /// The latency; 0 if the event did not arrive.
   [[nodiscard]] Duration at(std::size_t consumer, std::size_t event) const noexcept {
     return Duration{cells_[consumer * event_count_ + event]};
   }

@@ -11,8 +11,8 @@
 #include "sides/floor.hpp"
 #include "sides/raw_socket.hpp"
 
-// Two raw hops over UDP, supplier to relay and relay to each consumer, or one, without a relay;
-// with as many bytes as RTPM's frame has: its header, the event's header and the payload.
+// Two raw hops over UDP, from supplier to relay and from relay to each consumer, or one hop without
+// a relay, with as many bytes as RTPM's frame has: its header, the event's header and the payload.
 namespace rtpm::bench {
 namespace {
 
@@ -23,7 +23,7 @@ constexpr std::byte kEvent{2};
 RawSocket open_socket() {
   RawSocket socket = RawSocket::open(SOCK_DGRAM);
   static_cast<void>(socket.bind("0.0.0.0"));
-  // So that a reader sees now and then whether it shall end.
+  // The time-out lets a reader check regularly whether it shall end.
   socket.set_patience({.tv_sec = 0, .tv_usec = 100'000});
   return socket;
 }
@@ -101,7 +101,7 @@ class RelaySide final : public EventSide {
     }
   }
 
-  std::vector<sockaddr_in> targets_{};  ///< Of the supplier: the relay, or each consumer.
+  std::vector<sockaddr_in> targets_{};  ///< The supplier's targets: the relay, or each consumer.
   RawSocket supplier_ = open_socket();
   std::vector<RawSocket> sockets_{};
   std::atomic<bool> is_stopping_{false};

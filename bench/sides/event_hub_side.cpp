@@ -44,7 +44,7 @@ rpc::NodeConfig node_config(const rt::WaitConfig& wait) {
   return config;
 }
 
-// Consumers block, on both sides: many that spin on one CPU would only keep each other from it.
+// Consumers block, on both sides: many that spin on one CPU would starve each other.
 constexpr rt::WaitConfig kBlock{.strategy = rt::WaitStrategy::kBlock};
 
 class Noter final : public events::EventHandler {
@@ -63,7 +63,7 @@ class Noter final : public events::EventHandler {
   std::size_t number_;
 };
 
-/// A supplier, and consumers, each with its handler. Both have nodes of their own.
+/// A supplier, and consumers with a handler each. Both have nodes of their own.
 class HubSide final : public EventSide {
  public:
   [[nodiscard]] expected<void, std::string> add_supplier(const EventSetting& setting,
@@ -79,7 +79,7 @@ class HubSide final : public EventSide {
     return {};
   }
 
-  /// `board`: null where nothing is noted.
+  /// `board`: null if no arrival is recorded.
   [[nodiscard]] expected<void, std::string> add_consumers(const EventSetting& setting,
                                                           const std::string& hub, int count,
                                                           std::uint32_t capacity,
@@ -134,7 +134,7 @@ class HubSide final : public EventSide {
   std::uint32_t type_ = 0;
 };
 
-// Bursts with a rest behind each, so that real-time throttling takes no part of it.
+// Pushes in bursts, each followed by a rest, so that real-time throttling takes no part of a burst.
 EventRate HubSide::push_bursts() {
   constexpr int kBurstCount = 3;
   constexpr std::uint64_t kBurstSize = 100'000;
@@ -146,13 +146,13 @@ EventRate HubSide::push_bursts() {
     const std::uint64_t before = count;
     const MonotonicTime begin = rt::now();
     for (std::uint64_t i = 0; i < kBurstSize; ++i) {
-      // What does not go for want of room is missing in the end, and the next may go.
+      // An event that finds the queue full counts as missing; the next one may find a slot.
       static_cast<void>(supplier_->add({.type = type_, .payload = payload, .origin = begin}));
     }
     static_cast<void>(supplier_->flush());
     MonotonicTime last = rt::now();
     std::uint64_t got = count - before;
-    // Until all are there, or no more come.
+    // Waits until all have arrived, or no more come.
     for (int quiet = 0; got < kBurstSize && quiet < 20; ++quiet) {
       rt::sleep_until(rt::now() + 1ms);
       const std::uint64_t now_got = count - before;
@@ -174,7 +174,7 @@ class ServedHub final : public EventHub {
  public:
   [[nodiscard]] std::string url() const override { return server->url(events::kHubPath); }
 
-  std::unique_ptr<rpc::Node> link_node{};  ///< Of a hub that takes events of another.
+  std::unique_ptr<rpc::Node> link_node{};  ///< For a hub that takes events of another hub.
   std::unique_ptr<events::Hub> hub{};
   std::unique_ptr<rpc::Server> server{};
 };
@@ -234,7 +234,7 @@ expected<ServerProcess, std::string> start_event_hub(const EventSetting& setting
   return start_between(setting, [&]() -> expected<std::string, std::string> {
     auto hub = open_event_hub(setting);
     if (!hub) return unexpected{hub.error()};
-    // It serves until the process ends.
+    // The hub serves until the process ends.
     return hub->release()->url();
   });
 }
@@ -242,7 +242,7 @@ expected<ServerProcess, std::string> start_event_hub(const EventSetting& setting
 expected<ServerProcess, std::string> start_idle_consumers(const EventSetting& setting,
                                                           const std::string& hub, int count) {
   return ServerProcess::start([&]() -> expected<std::string, std::string> {
-    // They live until the process ends.
+    // The consumers live until the process ends.
     auto& side = *new HubSide;  // NOLINT(clang-analyzer-cplusplus.NewDeleteLeaks)
     auto added = side.add_consumers(setting, hub, count, 64, nullptr);
     if (!added) return unexpected{added.error()};
@@ -267,7 +267,7 @@ expected<EventRate, std::string> measure_event_rate(const EventSetting& setting,
   if (added) added = side.add_supplier(setting, hub);
   if (!added) return unexpected{added.error()};
   EventRate rate;
-  // Below the consumer, which so takes what is there before more is pushed.
+  // Below the consumer, which therefore takes all queued events before more are pushed.
   auto thread = rt::Thread::start({.name = "bench-supplier",
                                    .priority = kLowPriority,
                                    .cpus = {setting.placement.client_cpu},

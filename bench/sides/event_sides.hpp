@@ -16,26 +16,25 @@ namespace rtpm::bench {
 
 /// How both sides are set up.
 struct EventSetting {
-  Carrier carrier = Carrier::kSharedMemory;  ///< Of RTPM; the floor has UDP.
-  rt::WaitConfig wait{};                     ///< Of the hub's lane and of the relay.
+  Carrier carrier = Carrier::kSharedMemory;  ///< RTPM's; the floor has UDP.
+  rt::WaitConfig wait{};                     ///< The hub's lane and the relay use it.
   int consumer_count = 1;
-  /// The hub and its users are of this program: no transport between them.
+  /// The hub and its users run in this program: no transport between them.
   bool is_embedded = false;
-  /// The hub is of the supplier's program and on its CPU, as where there is no broker: what is
-  /// pushed stays in the program, and goes to the consumers by the transport. The floor has no
-  /// relay.
+  /// The hub runs in the supplier's program and on its CPU, as without a broker: a pushed event
+  /// stays in the program, and goes to the consumers by the transport. The floor has no relay.
   bool has_own_hub = false;
   /// The hub sends each event once, by multicast on this host, and not to each consumer. The floor
   /// sends to each.
   bool is_multicast = false;
-  std::uint32_t type = 1;   ///< Of the events that are pushed and subscribed to.
-  std::string pushed_to{};  ///< Another hub, to which the supplier pushes; empty: the consumers'.
-  std::string linked_to{};  ///< Another hub, which this one takes events of; empty: none.
+  std::uint32_t type = 1;   ///< The type of the events pushed and subscribed to.
+  std::string pushed_to{};  ///< Another hub that the supplier pushes to; empty: the consumers'.
+  std::string linked_to{};  ///< Another hub, whose events this one takes; empty: none.
   /// Two hosts: the hub and the relay on one, supplier and consumers on the other. Null: this one.
   const NetworkPair* network = nullptr;
   Placement placement{};
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
-  bool has_own_threads = false;  ///< As events::ConsumerConfig::has_own_thread.
+  bool has_own_threads = false;  ///< Like events::ConsumerConfig::has_own_thread.
 };
 
 /// Supplier and consumers of one side. Threads: push() from one.
@@ -43,20 +42,20 @@ class EventSide {
  public:
   virtual ~EventSide() = default;
   [[nodiscard]] virtual expected<void, std::string> push(const EventStamp& stamp) = 0;
-  /// Lets the last `count` consumers take a tenth of a second for each event, or no more. Only a
-  /// hub's can.
+  /// Lets the last `count` consumers take a tenth of a second for each event, or stops that. Only a
+  /// hub's consumers can be slow.
   virtual void set_slow(int count) { static_cast<void>(count); }
   /// Losses that were reported to the consumers. Only a hub reports them.
   [[nodiscard]] virtual std::uint64_t lost_count() const { return 0; }
 };
 
-/// A process between supplier and consumers: on the server's host, where there are two.
+/// Starts a process between supplier and consumers: on the server's host, where there are two.
 [[nodiscard]] expected<ServerProcess, std::string> start_between(
     const EventSetting& setting, const ServerProcess::SetUp& set_up);
-/// A hub in a process of its own. Fork it before this process starts a thread.
+/// Starts a hub in a process of its own. Fork it before this process starts a thread.
 [[nodiscard]] expected<ServerProcess, std::string> start_event_hub(const EventSetting& setting);
 /// A hub in this program, with the lane that start_event_hub() would give it. It serves as long as
-/// it lives, which its users must not outlive.
+/// this object lives, which must outlive the hub's users.
 class EventHub {
  public:
   virtual ~EventHub() = default;
@@ -64,24 +63,24 @@ class EventHub {
 };
 [[nodiscard]] expected<std::unique_ptr<EventHub>, std::string> open_event_hub(
     const EventSetting& setting);
-/// A process of `count` consumers that note nothing: to be stopped.
+/// Starts a process of `count` consumers that record nothing: to be stopped.
 [[nodiscard]] expected<ServerProcess, std::string> start_idle_consumers(const EventSetting& setting,
                                                                         const std::string& hub,
                                                                         int count);
-/// The floor's relay in a process of its own.
+/// Starts the floor's relay in a process of its own.
 [[nodiscard]] expected<ServerProcess, std::string> start_event_relay(const EventSetting& setting);
 
 [[nodiscard]] expected<std::unique_ptr<EventSide>, std::string> connect_events(
     const EventSetting& setting, const std::string& hub, EventBoard& board);
-/// `relay` empty: without one, the supplier sends to each consumer itself.
+/// `relay` may be empty: without a relay the supplier sends to each consumer itself.
 [[nodiscard]] expected<std::unique_ptr<EventSide>, std::string> connect_relay(
     const EventSetting& setting, const std::string& relay, EventBoard& board);
 
-/// How many events a second went through.
+/// The rate at which events went through, in events a second.
 struct EventRate {
-  double events_per_s = 0;          ///< That one consumer got, in the best of three bursts.
-  std::uint64_t missing_count = 0;  ///< Pushed and not got, of all bursts,
-  std::uint64_t lost_count = 0;     ///< and how many of them were reported to the consumer.
+  double events_per_s = 0;          ///< Received by one consumer, in the best of three bursts.
+  std::uint64_t missing_count = 0;  ///< Pushed and not received, in all bursts,
+  std::uint64_t lost_count = 0;     ///< and how many of those were reported to the consumer.
 };
 /// One supplier pushes as many as it can, in batches; one consumer takes them.
 [[nodiscard]] expected<EventRate, std::string> measure_event_rate(const EventSetting& setting,

@@ -31,7 +31,7 @@ void send_at_once(int handle) {
   setsockopt(handle, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
 }
 
-/// Lets a socket hold a whole frame, whose datagrams the kernel counts at more than their bytes.
+/// Lets a socket hold a whole frame; the kernel counts its datagrams at more than their bytes.
 void make_room(int handle, std::size_t frame_size) noexcept {
   if (frame_size <= wire::kDatagramFrameSizeMax) return;
   const int size = static_cast<int>(4 * frame_size);
@@ -42,16 +42,17 @@ void make_room(int handle, std::size_t frame_size) noexcept {
 /// A socket's frames, sent and received with a wait strategy.
 class Frames {
  public:
-  /// `give_up`: after which a spinning receiver fails; one that blocks has its socket's time-out.
+  /// `give_up`: the time after which a spinning receiver fails; a blocking one has its socket's
+  /// time-out.
   Frames(Carrier carrier, RawSocket socket, const rt::WaitConfig& wait, Duration give_up)
       : carrier_(carrier), socket_(std::move(socket)), strategy_(wait.strategy) {
     if (strategy_ == rt::WaitStrategy::kAdaptive) spin_ = wait.spin;
-    // Nothing raw predicts its callers; what would be as quick as that spins.
+    // No raw side predicts its callers; spinning is as quick.
     if (strategy_ == rt::WaitStrategy::kPeriodic) strategy_ = rt::WaitStrategy::kSpin;
     if (strategy_ == rt::WaitStrategy::kSpin) spin_ = give_up;
   }
 
-  /// A datagram each, or a stream at once. `to`: null where the socket is connected.
+  /// Sends one datagram per part, or a stream at once. `to`: null if the socket is connected.
   bool send(const FloorFrame& frame, const sockaddr_in* to) const noexcept {
     const std::size_t part_max =
         carrier_ == Carrier::kUdp ? wire::kDatagramFrameSizeMax : frame.size();
@@ -96,7 +97,7 @@ class Frames {
 
 // ---- serving ------------------------------------------------------------------------------------
 
-/// One frame of a lane, and what its seal makes of it.
+/// One frame of a lane, and its sealed form.
 class Echo {
  public:
   Echo(Carrier carrier, const FloorLaneConfig& lane)
@@ -107,7 +108,7 @@ class Echo {
   }
   [[nodiscard]] std::size_t size() const noexcept { return frame_.size(); }
 
-  /// @param is_connected  sends to whom the socket is connected, not where the frame came from
+  /// @param is_connected  sends to the socket's connected peer, not to the frame's sender
   bool serve(const Frames& frames, bool is_connected) noexcept {
     FloorFrame& moved = seal_ ? sealed_ : frame_;
     sockaddr_in from{};
@@ -134,7 +135,7 @@ void serve_udp(RawSocket socket, const FloorLaneConfig& lane) {
 
 void serve_tcp(const RawSocket& listener, const FloorLaneConfig& lane) {
   std::list<Echo> echoes;
-  // Of many, only what poll() finds is received, which then waits for nothing.
+  // With several connections, only those that poll() found ready are read, so no read waits.
   const bool is_one = lane.connection_count == 1;
   const rt::WaitConfig wait =
       is_one ? lane.wait : rt::WaitConfig{.strategy = rt::WaitStrategy::kBlock};
@@ -152,7 +153,7 @@ void serve_tcp(const RawSocket& listener, const FloorLaneConfig& lane) {
   while (!is_one && poll(polled.data(), polled.size(), -1) > 0) {
     auto echo = echoes.begin();
     for (std::size_t i = 0; i < polled.size(); ++i, ++echo) {
-      // poll() skips negative descriptors: here, of connections that ended.
+      // poll() skips negative descriptors: here, those of connections that ended.
       if (polled[i].revents != 0 && !echo->serve(connections[i], true)) polled[i].fd = -1;
     }
   }

@@ -23,9 +23,10 @@ namespace rtpm::bench {
 
 inline constexpr std::size_t kFloorFrameSize = wire::kHeaderSize + kPayloadSize;
 
-/// How many bytes the floor moves for `payload_size` of them: RTPM's header and the payload, and
-/// over UDP a header for each datagram that RTPM would send. The floor sends these one after the
-/// other without any window, acknowledgement or repetition: a lost one ends the measurement.
+/// The number of bytes that the floor moves for a payload of `payload_size`: RTPM's header and the
+/// payload, and over UDP a header for each datagram that RTPM would send. The floor sends these one
+/// after the other without any window, acknowledgement or repetition: a lost one ends the
+/// measurement.
 [[nodiscard]] std::size_t floor_frame_size(Carrier carrier, std::size_t payload_size) noexcept;
 
 /// One thread of a raw server with one socket.
@@ -36,12 +37,12 @@ struct FloorLaneConfig {
   int cpu = 0;
   int connection_count = 1;        ///< TCP: how many callers will connect, each once.
   std::string host = "127.0.0.1";  ///< Numeric.
-  /// Of each frame. More than a datagram over UDP: of one caller only.
+  /// The payload of each frame. Over UDP, more than one datagram allows one caller only.
   std::size_t payload_size = kPayloadSize;
   bool is_sealed = false;  ///< Opens each frame, and seals its answer.
 };
 
-/// The largest payload of a sealed floor: one datagram has it.
+/// The largest payload of a sealed floor: it fits in one datagram.
 inline constexpr std::size_t kSealedPayloadMax = wire::sealed_payload_max(wire::Medium::kDatagram);
 
 /// The key under which a sealed floor seals one direction, with the best cipher of this host, and
@@ -51,7 +52,7 @@ class FloorSeal {
   explicit FloorSeal(bool is_client) noexcept;
   /// @param sealed  wire::kSealedTrailerSize bytes larger than `frame`
   void seal(const std::vector<std::byte>& frame, std::vector<std::byte>& sealed) noexcept;
-  /// @return false: not sealed by the other side
+  /// @return false: the other side did not seal it
   [[nodiscard]] bool open(const std::vector<std::byte>& sealed,
                           std::vector<std::byte>& frame) const noexcept;
 
@@ -76,11 +77,11 @@ class FloorSeal {
     Carrier carrier, const std::string& host, std::uint16_t port, const rt::WaitConfig& wait,
     std::size_t payload_size = kPayloadSize, bool is_sealed = false);
 
-/// As connect_floor_caller(), over UDP: a pipeline on one socket.
+/// Like connect_floor_caller(), over UDP: a pipeline on one socket.
 [[nodiscard]] expected<std::unique_ptr<Pipeline>, std::string> connect_floor_pipeline(
     const std::string& host, std::uint16_t port, std::size_t in_flight);
 
-// What all raw floors have in common.
+// The parts that all raw floors share.
 
 /// Starts a lane's thread, which runs until the process ends.
 [[nodiscard]] expected<void, std::string> start_floor_thread(const FloorLaneConfig& lane,

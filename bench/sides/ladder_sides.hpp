@@ -7,19 +7,19 @@
 #include "sides/event_sides.hpp"
 #include "sides/server_process.hpp"
 
-/// What an event's way costs without any hub: calls alone.
+/// The cost of an event's way without any hub: calls alone.
 namespace rtpm::bench {
 
-/// A server in a process of its own that echoes, for direct_calls().
+/// Starts an echo server in a process of its own, for direct_calls().
 [[nodiscard]] expected<ServerProcess, std::string> start_direct(const EventSetting& setting);
-/// An event is a call there and back; its consumer is the caller, which has it when the reply
-/// arrives.
+/// An event is a call there and back; its consumer is the caller, which has the event when the
+/// reply arrives.
 /// @lifetime refers to `board`
 [[nodiscard]] expected<std::unique_ptr<EventSide>, std::string> direct_calls(
     const EventSetting& setting, const std::string& server, EventBoard& board);
 
 /// An event is a call without reply to another process, which makes another such call back, to an
-/// object of this one that notes it.
+/// object of this process that records it.
 class CallbackChain {
  public:
   /// Opens the object that is called back, and starts the other process, which looks for it. Make

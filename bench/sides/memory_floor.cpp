@@ -23,7 +23,7 @@ constexpr std::size_t kSlotSize = 128;
 /// A size that the compiler knows, so that it copies the usual frame without a call.
 using UsualSize = std::integral_constant<std::size_t, kFloorFrameSize>;
 
-/// Where a thread sleeps. Aligned so that the slots behind it are, too.
+/// The place where a thread sleeps. Aligned so that the slots behind it are, too.
 struct alignas(kSlotSize) Bed {
   std::atomic<std::uint32_t> is_taken{0};
   std::atomic<std::uint32_t> wake_count{0};
@@ -67,13 +67,13 @@ bool spin_until(HasWork has_work, Duration spin) noexcept {
   return false;
 }
 
-/// One direction of one caller's path: how many frames were put in, and how many taken.
+/// One direction of one caller's path: how many frames were written, and how many were read.
 struct Counts {
   alignas(64) std::atomic<std::uint64_t> tail{0};
   alignas(64) std::atomic<std::uint64_t> head{0};
 };
 
-/// What a path begins with. The slots of both directions follow.
+/// The head of a path. The slots of both directions follow.
 struct PathHead {
   Counts to_server;
   Counts to_caller;
@@ -121,7 +121,7 @@ struct Path {
   std::uint64_t position = 0;
 };
 
-/// What a caller does: one frame there and back.
+/// Makes a caller's exchange: one frame there and back.
 template <class Size>
 struct MemoryExchange {
   expected<void, std::string> operator()(const FloorFrame& sent, FloorFrame& received) {
@@ -172,7 +172,7 @@ void serve_lane(Bed& bed, std::vector<Path<Size>> paths, Size size, const rt::Wa
   }
 }
 
-/// Calls `body` with the frame's size, as the compiler knows it where it can.
+/// Calls `body` with the frame's size, as a compile-time constant if it is the usual one.
 template <class Body>
 auto with_size(std::size_t frame_size, Body body) {
   return frame_size == UsualSize() ? body(UsualSize()) : body(frame_size);
@@ -185,7 +185,7 @@ MemoryFloor::MemoryFloor(const std::vector<int>& caller_counts, std::size_t payl
   const std::size_t path_size = sizeof(PathHead) + 2 * slots_size(frame_size_);
   for (const int count : caller_counts)
     size_ += sizeof(Bed) + static_cast<std::size_t>(count) * path_size;
-  // Fresh memory is zeros, and nothing else is what beds and counts begin with.
+  // Fresh memory is zero, which is the initial state of beds and counts.
   void* const memory =
       mmap(nullptr, size_, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
   if (memory == MAP_FAILED) return;
@@ -213,7 +213,7 @@ expected<void, std::string> MemoryFloor::serve(const std::vector<FloorLaneConfig
                                                rt::RealtimeMode realtime) {
   for (std::size_t i = 0; i < lanes.size(); ++i) {
     const Lane& lane = lanes_[i];
-    // Pages are there before the first call.
+    // Maps all pages before the first call.
     for (const MutableBytes path : lane.paths)
       rt::prefault(path);
     auto started = start_floor_thread(lanes[i], realtime, [&lane, wait = lanes[i].wait, this] {
@@ -233,7 +233,7 @@ expected<void, std::string> MemoryFloor::serve(const std::vector<FloorLaneConfig
 std::unique_ptr<Caller> MemoryFloor::connect(std::size_t lane, const rt::WaitConfig& wait) {
   Lane& its_lane = lanes_[lane];
   const MutableBytes path = its_lane.paths.at(its_lane.connected_count++);
-  // Here, too: the first thousand calls go to slots that this process has not touched.
+  // Here, too: the first thousand calls use slots that this process has not touched.
   rt::prefault(path);
   Bed& bed = *reinterpret_cast<Bed*>(its_lane.bed);
   return with_size(frame_size_, [&]<class Size>(Size size) {

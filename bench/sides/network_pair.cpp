@@ -23,7 +23,7 @@ int open_own_namespace() {
   return open("/proc/thread-self/ns/net", O_RDONLY | O_CLOEXEC);
 }
 
-/// A program's output and what it ended with.
+/// A program's output and its exit status.
 std::pair<std::string, int> run_program(const std::string& command) {
   std::string output;
   FILE* const pipe = popen((command + " 2>&1").c_str(), "r");
@@ -112,7 +112,7 @@ expected<std::string, std::string> NetworkPair::run(Host host, const std::string
                       "' is missing; install Debian's package " +
                       (is_ip ? "iproute2" : "nftables")};
   }
-  // One sentence, so one line.
+  // Keeps the first line: a reason is one sentence.
   const std::string reason = output.substr(0, output.find('\n'));
   return unexpected{command + " failed: " +
                     (reason.empty() ? "it takes the rights CAP_NET_ADMIN and CAP_SYS_ADMIN; run "
@@ -144,7 +144,7 @@ expected<std::uint64_t, std::string> NetworkPair::dropped_count() const {
 }
 
 std::uint64_t network_counter(std::string_view protocol, std::string_view name) {
-  // Per protocol a line of names and below it one of values.
+  // Each protocol has a line of names, and below it a line of values.
   std::ifstream file("/proc/thread-self/net/snmp");
   const std::string begin = std::string(protocol) + ":";
   std::string names;

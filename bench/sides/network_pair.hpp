@@ -11,37 +11,37 @@
 namespace rtpm::bench {
 
 /// Two hosts on one: two network namespaces that a pair of virtual Ethernet devices joins. They
-/// have no names; the kernel takes them away, with devices and rules, when the last process that is
-/// in one of them or holds this ends. So nothing is left behind, whatever ends the run.
+/// have no names; the kernel removes them, with devices and rules, when the last process in one of
+/// them and the holder of this object have ended. So nothing is left behind, however the run ends.
 /// Threads: any, one at a time.   Set-up only.
 class NetworkPair {
  public:
   enum class Host : std::uint8_t { kServer, kClient };
-  /// Of the range that RFC 2544 sets apart for measuring devices.
+  /// From the range that RFC 2544 reserves for measuring devices.
   static constexpr std::string_view kServerAddress = "198.18.0.1";
   static constexpr std::string_view kClientAddress = "198.18.0.2";
 
-  /// Errors: a right or the program `ip` is missing: in words, with the remedy.
+  /// Errors: a missing right or a missing program `ip`, in words, with the remedy.
   [[nodiscard]] static expected<NetworkPair, std::string> create();
   NetworkPair(NetworkPair&& other) noexcept;
   NetworkPair& operator=(NetworkPair&& other) noexcept;
   ~NetworkPair();
 
-  /// Moves the calling thread to a host: what it opens from now on, and the threads that it starts,
-  /// are there.
+  /// Moves the calling thread to a host: the sockets that it opens from now on, and the threads
+  /// that it starts, are there.
   [[nodiscard]] expected<void, std::string> enter(Host host) const;
 
-  /// Lets each host lose `percent` of the packets that come from or for the server's `port`, at
-  /// random, one by one.   Errors: the program `nft` is missing, or the kernel lacks nf_tables.
+  /// Lets each host drop `percent` of the packets from or to the server's `port`, at random, one by
+  /// one.   Errors: the program `nft` is missing, or the kernel lacks nf_tables.
   [[nodiscard]] expected<void, std::string> drop(Carrier carrier, std::uint16_t port,
                                                  double percent) const;
-  /// How many packets both hosts dropped by that.
+  /// The number of packets that both hosts have dropped by those rules.
   [[nodiscard]] expected<std::uint64_t, std::string> dropped_count() const;
 
  private:
   NetworkPair() = default;
   [[nodiscard]] static std::size_t index_of(Host host) { return static_cast<std::size_t>(host); }
-  /// Runs a program on a host. @return what it wrote
+  /// Runs a program on a host. @return its output
   [[nodiscard]] expected<std::string, std::string> run(Host host, const std::string& command) const;
 
   std::array<int, 2> namespaces_{-1, -1};  ///< By Host.

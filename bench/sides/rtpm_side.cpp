@@ -49,7 +49,7 @@ class EchoServantImpl final : public EchoServant {
   std::atomic<std::uint64_t> again_count_{0};
 };
 
-/// Nothing, if the reply is there and of the very bytes of `sent`.
+/// Returns nothing if the reply arrived and equals `sent` byte by byte.
 template <class Reply, class Sent>
 expected<void, std::string> check_echo(const Reply& reply, const Sent& sent) {
   if (!reply) return unexpected{std::string(rpc::to_string(reply.error()))};
@@ -78,7 +78,7 @@ class RtpmCaller final : public Caller {
   Wrench wrench_{1.0, -2.0, 3.0, -4.0, 5.0, -6.0};
 };
 
-/// Calls with another payload than the usual; nothing in them computes.
+/// Makes calls with another payload than the usual one; the server computes nothing in them.
 class RtpmPayloadCaller final : public Caller {
  public:
   explicit RtpmPayloadCaller(Job job) : job_(std::move(job)) {}
@@ -148,7 +148,7 @@ expected<EchoClient, std::string> bind_echo(rpc::Node& node, const std::string& 
   return std::move(*client);
 }
 
-/// A message of `size` bytes, encoded, which differ so that a mix-up shows.
+/// An encoded message of `size` bytes, all different so that a mix-up shows.
 flatbuffers::DetachedBuffer encode_large(std::size_t size) {
   flatbuffers::FlatBufferBuilder builder(size + 64);
   std::uint8_t* bytes = nullptr;
@@ -181,7 +181,7 @@ expected<std::string, std::string> start_rtpm_server(RtpmServerConfig config) {
                             "bench/echo", servant);
   if (!server) return unexpected{server.error()};
   if (auto started = (*server)->start(); !started) return unexpected{started.error().text()};
-  // Served until the process ends, so never given back.
+  // The server runs until the process ends, so it is never freed.
   return server->release()->url("bench/echo");
 }
 

@@ -15,21 +15,21 @@
 /// RTPM's own side of every comparison: the Echo service of bench.fbs through generated code.
 namespace rtpm::bench {
 
-/// What an Echo server is started with.
+/// The options of an Echo server.
 struct RtpmServerConfig {
   std::string host = "127.0.0.1";  ///< Numeric.
   std::vector<rpc::LaneConfig> lanes{};
   std::uint32_t session_count_max = 256;  ///< Per lane and transport.
-  std::uint64_t numbered_count = 0;       ///< How many numbers, from 0 on, it distinguishes.
+  std::uint64_t numbered_count = 0;  ///< How many numbers, from 0 on, the server can tell apart.
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
   rpc::ServerSecurity security{.is_insecure = true};
 };
 
-/// A server of one object, which does not run yet, but has its address.
+/// Opens a server of one object, which does not run yet but has its address.
 [[nodiscard]] expected<std::unique_ptr<rpc::Server>, std::string> open_server(
     const rpc::ServerConfig& config, std::string_view path, rpc::Servant& servant);
 
-/// Starts an Echo server in this process, which serves until the process ends, and gives back the
+/// Starts an Echo server in this process, which serves until the process ends, and returns the
 /// object's URL.   Set-up only.
 [[nodiscard]] expected<std::string, std::string> start_rtpm_server(RtpmServerConfig config);
 
@@ -40,41 +40,41 @@ struct RtpmServerConfig {
                                                    rpc::NodeSecurity security = {});
 
 /// Binds the Echo object at `url`; the caller's priority is that of the thread that calls. Its
-/// echo() has `payload_size` bytes brought back: 48 as a struct, none as rtpm.Empty, others as a
-/// vector in a table, encoded beforehand.   Ownership: refers to `node`.   Set-up only.
+/// echo() lets the server return `payload_size` bytes: 48 as a struct, none as rtpm.Empty, others
+/// as a vector in a table, encoded beforehand.   Ownership: refers to `node`.   Set-up only.
 [[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_rtpm_caller(
     rpc::Node& node, const std::string& url, Priority priority,
     std::size_t payload_size = kPayloadSize);
 
-/// As connect_rtpm_caller(): a call that has `size` bytes brought back, as one message.
+/// Like connect_rtpm_caller(): a call that lets the server return `size` bytes, as one message.
 [[nodiscard]] expected<Job, std::string> connect_large_job(rpc::Node& node, const std::string& url,
                                                            Priority priority, std::size_t size);
 
-/// As connect_rtpm_caller().
+/// Like connect_rtpm_caller().
 [[nodiscard]] expected<std::unique_ptr<Pipeline>, std::string> connect_rtpm_pipeline(
     rpc::Node& node, const std::string& url, Priority priority, std::size_t in_flight);
 
-/// What a server noted of numbered calls.
+/// The server's record of numbered calls.
 struct NumberedRuns {
   std::uint64_t distinct_count = 0;  ///< Numbers that ran.
   std::uint64_t again_count = 0;     ///< Runs of a number that had run before.
 };
 
-/// One calling thread whose calls each have a number, so that a second run of one is seen.
+/// One calling thread whose calls are numbered, so that a second run of a call shows.
 /// Threads: one.
 class NumberedCaller {
  public:
   virtual ~NumberedCaller() = default;
 
-  /// Sends 48 bytes that begin with `number` and waits for them to come back; kBadReply: others
-  /// came.   RT: alloc-free.
+  /// Sends 48 bytes that begin with `number` and waits until they come back; kBadReply: different
+  /// bytes came.   RT: alloc-free.
   [[nodiscard]] virtual expected<void, rpc::CallError> call(std::uint64_t number,
                                                             Duration deadline) noexcept = 0;
-  /// What the server noted so far.
+  /// Asks for the server's record so far.
   [[nodiscard]] virtual expected<NumberedRuns, rpc::CallError> runs() noexcept = 0;
 };
 
-/// As connect_rtpm_caller().
+/// Like connect_rtpm_caller().
 [[nodiscard]] expected<std::unique_ptr<NumberedCaller>, std::string> connect_numbered_caller(
     rpc::Node& node, const std::string& url, Priority priority);
 

@@ -21,7 +21,7 @@ expected<std::string, std::string> make_public_text(const std::string& path) {
   return access::public_key_text(key->public_key);
 }
 
-/// Only its owner may write it.
+/// Writes a file that only its owner may write.
 bool write_line(const std::string& path, const std::string& line) {
   std::ofstream file(path);
   file << line << '\n';

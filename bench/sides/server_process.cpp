@@ -62,7 +62,7 @@ expected<ServerProcess, std::string> ServerProcess::fork_with(
   if (child < 0) return unexpected{std::string("a server process can't be forked")};
   if (child == 0) {
     close(ends[0]);
-    // Whatever ends the parent ends this; if it ended already, nobody will.
+    // The end of the parent kills this process; a parent that ended before that shows below.
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     if (getppid() != parent) _exit(1);
     body(ends[1]);
@@ -95,7 +95,7 @@ ServerProcess::~ServerProcess() {
 void ServerProcess::pause() const noexcept {
   kill(id_, SIGSTOP);
   int status = 0;
-  // Until it really stands; else its last turns would run into the other's stretch.
+  // Waits until it has really stopped; otherwise its last turns would run into the other's stretch.
   while (waitpid(id_, &status, WUNTRACED) == id_ && !WIFSTOPPED(status)) {
     if (WIFEXITED(status) || WIFSIGNALED(status)) return;
   }

@@ -16,20 +16,21 @@ namespace rtpm::bench {
 /// Threads: one at a time.   Set-up only, but for pause() and resume().
 class ServerProcess {
  public:
-  /// What the new process does: set the server up and give back where it is reached, or why it
-  /// could not be set up. The server's threads serve until the process is ended.
+  /// The body of the new process: sets the server up and returns its address, or why it could not
+  /// be set up. The server's threads serve until the process is ended.
   using SetUp = std::function<expected<std::string, std::string>()>;
 
   [[nodiscard]] static expected<ServerProcess, std::string> start(const SetUp& set_up);
-  /// As start(), but the new process runs another program, `command` with its path first. That says
-  /// "+address" or "-reason" on its standard output, closes it, and serves until it is ended.
+  /// Like start(), but the new process runs another program, `command` with its path first. The
+  /// program writes "+address" or "-reason" to its standard output, closes it, and serves until it
+  /// is ended.
   [[nodiscard]] static expected<ServerProcess, std::string> start_program(
       std::vector<std::string> command);
   ServerProcess(ServerProcess&& other) noexcept;
   ServerProcess& operator=(ServerProcess&& other) noexcept;
   ~ServerProcess();
 
-  /// What the set-up gave back.
+  /// The address that the set-up returned.
   [[nodiscard]] const std::string& address() const noexcept { return address_; }
   [[nodiscard]] pid_t id() const noexcept { return id_; }
 
@@ -40,8 +41,8 @@ class ServerProcess {
 
  private:
   ServerProcess(pid_t id, std::string address) : id_(id), address_(std::move(address)) {}
-  /// Forks; the child does `body`, which writes "+address" or "-reason" to the pipe, and ends where
-  /// that returns.
+  /// Forks; the child runs `body`, which writes "+address" or "-reason" to the pipe, and ends when
+  /// `body` returns.
   [[nodiscard]] static expected<ServerProcess, std::string> fork_with(
       const std::function<void(int ready_pipe)>& body);
 

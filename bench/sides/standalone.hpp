@@ -11,18 +11,18 @@
 #include "settings.hpp"
 #include "sides/server_process.hpp"
 
-/// Servers that are programs of their own, as users start them: for what a forked copy of this
-/// process would blur, its start and its memory.
+/// Servers that are programs of their own, as users start them: for figures that a forked copy of
+/// this process would blur, namely start-up time and memory.
 namespace rtpm::bench {
 
-/// Which server.
+/// The kind of server.
 enum class Standalone : std::uint8_t { kRtpm, kFloor };
-/// "rtpm" or "floor"; nothing of another text.
+/// Parses "rtpm" or "floor"; nothing for any other text.
 [[nodiscard]] std::optional<Standalone> standalone_of(std::string_view text) noexcept;
 
-/// Serves in this process as `rtpm-bench serve WHO` is asked to, with the first of the settings'
-/// carriers and wait strategies, and says on standard output where: "+ADDRESS", or "-REASON".
-/// Returns only if it cannot serve: the exit code.
+/// Serves in this process as `rtpm-bench serve WHO` asks, with the first of the settings' carriers
+/// and wait strategies, and announces on standard output where: "+ADDRESS", or "-REASON". Returns
+/// only if it cannot serve: the exit code.
 [[nodiscard]] int serve_standalone(Standalone which, const Settings& settings);
 
 /// Starts this program again as a server. It runs with SCHED_FIFO where `settings` allow it, and on
@@ -35,13 +35,13 @@ enum class Standalone : std::uint8_t { kRtpm, kFloor };
 /// The port of a floor's address.
 [[nodiscard]] std::uint16_t floor_port(const std::string& address);
 
-/// What a process has in memory.
+/// The memory of a process.
 struct MemoryUse {
-  double resident_mib = 0;      ///< Of it, shared libraries included.
-  double proportional_mib = 0;  ///< What others share counts by their number.
+  double resident_mib = 0;      ///< Shared libraries included.
+  double proportional_mib = 0;  ///< Shared pages count divided by their number of users.
 };
 [[nodiscard]] MemoryUse memory_of(pid_t process);
-/// CPU time that a process has taken so far, of all its threads.
+/// The CPU time that all threads of a process have taken so far.
 [[nodiscard]] Duration cpu_time_of(pid_t process);
 
 }  // namespace rtpm::bench
