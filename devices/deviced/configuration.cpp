@@ -128,7 +128,7 @@ void add_service(options::Options& options, Configuration& configuration) {
   options::add_caller(options, configuration.settings);
 }
 
-/// Empty: there is none.
+/// The default of --stops; empty: the environment names no folder.
 std::string default_stops_folder() {
   const auto variable = [](const char* name) -> std::string {
     const char* value = std::getenv(name);  // NOLINT(concurrency-mt-unsafe): set-up.

@@ -19,10 +19,10 @@ struct DeviceSettings {
   std::string name{};        ///< In options and, behind the folder, at the registry.
   std::string driver{};      ///< One of drivers(), or a plug-in's file.
   std::string arguments{};   ///< For a real device or a plug-in.
-  std::string serial{};      ///< Of a simulated one; empty: made of its name.
-  std::string hand{};        ///< Of the arm: a recorded hand; empty: PressingPath.
-  bool is_free = false;      ///< Of the arm: no hand.
-  std::uint64_t seed = 1;    ///< Of a simulated one.
+  std::string serial{};      ///< A simulated device's; empty: made of its name.
+  std::string hand{};        ///< For the arm: a recorded hand; empty: PressingPath.
+  bool is_free = false;      ///< For the arm: no hand.
+  std::uint64_t seed = 1;    ///< A simulated device's.
   bool is_isolated = false;  ///< Its driver runs in a process of its own.
   double rate_hz = 0;        ///< 0: the driver's.
   Priority priority = 30000;
@@ -46,16 +46,16 @@ struct Configuration {
   std::string checked{};            ///< A plug-in's file: checks its driver and ends.
   std::string checked_arguments{};  ///< For that driver.
   std::string folder = "lab";
-  std::vector<std::string> names{"arm0"};  ///< Of the devices.
+  std::vector<std::string> names{"arm0"};  ///< The devices' names.
   std::vector<DeviceSettings> devices{};   ///< One per name.
-  options::ServerSettings settings{};      ///< Its server's.
-  std::string settings_folder{};           ///< Of the devices' parameters; empty: not saved.
-  std::string stops_folder{};              ///< Of emergency stops; after reading, empty: not kept.
-  std::string flight_folder{};             ///< Of flight records; empty: not written.
+  options::ServerSettings settings{};      ///< The server's.
+  std::string settings_folder{};           ///< For the devices' parameters; empty: not saved.
+  std::string stops_folder{};              ///< For emergency stops; after reading, empty: not kept.
+  std::string flight_folder{};             ///< For flight records; empty: not written.
   std::string registry{};
   std::string events{events::kHubPath};  ///< The hub's name or URL.
   bool serves_events = false;            ///< The hub is this program's.
-  bool allows_takeover = false;          ///< Of its names, from a live server.
+  bool allows_takeover = false;          ///< Takes its names over from a live server.
   gvd::LeaseConfig lease{};
   Priority operator_priority = gvd::CycleConfig{}.operator_priority;
 

@@ -19,7 +19,8 @@
 
 namespace rtpm::deviced {
 
-/// What this program's devices push to a hub, perhaps its own, and their emergency stops.
+/// Pushes the events of this program's devices to a hub, perhaps its own, and stops the devices in
+/// an emergency.
 /// @ownership refers to its node; outlives the devices
 /// @threads  set-up from one; stop_devices() and stop_system() from any
 class DeviceEvents final : public gvd::EmergencyStops {

@@ -10,7 +10,7 @@ namespace rtpm::deviced {
 
 /// How this build writes flight records: ".mcap" or, without rtpm::capture, ".csv".
 [[nodiscard]] std::string_view flight_file_ending() noexcept;
-/// What such a file is: "a recording in the format MCAP".
+/// The kind of such a file: "a recording in the format MCAP".
 [[nodiscard]] std::string_view flight_file_kind() noexcept;
 
 /// Writes a flight record; a file of that name is replaced when the new one is whole.

@@ -85,7 +85,7 @@ class HostedDevice {
   [[nodiscard]] expected<void, SetupError> configure(const Configuration& configuration);
 
   std::string name_;
-  double rate_hz_ = 0;  ///< Of its cycle.
+  double rate_hz_ = 0;  ///< The cycle's rate.
   Reporter reporter_;
   ChangeReporter change_reporter_;
   std::unique_ptr<gvd::DeviceServer> server_{};

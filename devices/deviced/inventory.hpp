@@ -7,13 +7,13 @@
 #include "drivers.hpp"
 #include "rtpm/device_io/found_device.hpp"
 
-/// What --list-drivers and --probe print.
+/// The output of --list-drivers and --probe.
 namespace rtpm::deviced {
 
 /// A line per driver: its name and which devices it serves, or what its build lacks.
 [[nodiscard]] std::string list_text(std::span<const DriverInfo> drivers);
 
-/// What each driver's probe() finds.
+/// The devices that the drivers' probe() functions find.
 /// @realtime set-up only: asks the hardware
 [[nodiscard]] std::vector<device_io::FoundDevice> probe(std::span<const DriverInfo> drivers);
 

@@ -172,7 +172,7 @@ int EvdevNode::write(std::uint16_t code, std::int32_t value) noexcept {
   return size == sizeof event ? 0 : EIO;
 }
 
-/// @return an errno, 0: `event` is the next; EAGAIN: there is none
+/// @return an errno; 0: `event` is the next; EAGAIN: no event is waiting
 int EvdevNode::next(Event& event) noexcept {
   input_event raw{};
   while (true) {

@@ -8,7 +8,7 @@ namespace {
 constexpr std::byte kBegin{'<'};
 constexpr std::byte kEnd{'>'};
 constexpr int kZeroDigit = 'A';
-/// Of byte 13: four buttons and three homed bits.
+/// Maximum of byte 13: four buttons and three homed bits.
 constexpr int kStateMax = 0x7f;
 constexpr std::size_t kStateIndex = 13;
 constexpr std::size_t kSpareIndex = 14;

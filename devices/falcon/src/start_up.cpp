@@ -74,7 +74,7 @@ class StartUp {
     return Outcome::kOk;
   }
 
-  /// What came before counts for nothing.
+  /// Discards the bytes that came before.
   [[nodiscard]] Outcome drain() {
     Received received{.status = UsbStatus::kOk};
     for (int i = 0; i < kDrainMax && received.status == UsbStatus::kOk; ++i) {

@@ -216,7 +216,7 @@ UsbTransport::~UsbTransport() {
     libusb_clear_halt(handle_.get(), kEndpointOut);
   }
   libusb_release_interface(handle_.get(), kInterface);
-  // Before its transfers: libusb lets go of those that did not end.
+  // Closed before its transfers are freed: libusb releases the transfers that did not end.
   handle_.reset();
 }
 

@@ -9,7 +9,7 @@
 namespace rtpm::device_hid {
 namespace {
 
-/// The writing thread looks so often whether it is to stop or to repeat.
+/// Interval at which the writing thread checks whether to stop or to repeat.
 constexpr Duration kWriterPause = std::chrono::milliseconds{100};
 constexpr Duration kReaderPatienceMax = std::chrono::milliseconds{20};
 
@@ -98,7 +98,7 @@ expected<void, SetupError> HidDriver::start_session(const Unit& unit) {
   if (auto begun = profile_->begin(*transport_, unit); !begun) return begun;
   writer_.emplace(*transport_, *profile_, safe_);
   writer_->make_safe();
-  // What was pressed when the last session ended may not be so any more.
+  // A button that was pressed when the last session ended may be released now.
   state_.release();
   reader_.emplace(*transport_, *profile_, state_);
   if (!profile_->silence_max()) return {};

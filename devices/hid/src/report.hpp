@@ -5,7 +5,7 @@
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/device_hid/report_descriptor.hpp"
 
-/// What several kinds of device need to read a report.
+/// Functions with which several kinds of device read a report.
 namespace rtpm::device_hid {
 
 [[nodiscard]] inline std::uint8_t byte_at(ConstBytes report, std::size_t index) noexcept {

@@ -8,7 +8,7 @@ namespace {
 
 // As of Linux, drivers/hid/hid-core.c, but for kStackMax, which is 4 there.
 constexpr std::size_t kStackMax = 8;
-constexpr std::uint32_t kUsageCountMax = 12'288;  ///< Of one main item.
+constexpr std::uint32_t kUsageCountMax = 12'288;  ///< Per main item.
 constexpr std::uint32_t kReportSizeMax = 256;     ///< Bits of one field.
 constexpr std::uint64_t kReportBitsMax = 8 * (16'384 - 1);
 

@@ -99,8 +99,8 @@ expected<void, SetupError> SpaceMouse::begin(HidTransport&, const Unit& unit) {
   return {};
 }
 
-/// Of exactly one of the two layouts: two reports of the older one in one read have, but for a
-/// byte, the size of the newer one.
+/// Whether the size is exactly that of one of the two layouts: two reports of the older one in one
+/// read have, but for a byte, the size of the newer one.
 bool SpaceMouse::has_axes_size(ConstBytes report, std::size_t size) const noexcept {
   return report.size() == size && (axes_size_ == 0 || axes_size_ == size);
 }

@@ -60,7 +60,7 @@ void Player::apply(const device_mpv::PlayerRequest& request) {
   if (request.seek_s != sent_seek_s_ && !flag("seeking", false)) {
     sent_seek_s_ = request.seek_s;
     seek(request.seek_s);
-    // mpv pauses by itself at the end of the file, so that a player that left it is told again.
+    // mpv pauses by itself at the end of the file: after a seek the rate is sent again.
     sent_rate_.reset();
   }
   if (sent_rate_ == request.rate) return;

@@ -12,7 +12,7 @@
 
 namespace rtpm::mpv_plugin {
 
-/// What the device's thread and the plug-in's thread, which alone calls mpv, pass each other.
+/// The values that the device's thread and the plug-in's thread, which alone calls mpv, exchange.
 /// @threads  each side from one
 /// @realtime wait-free
 struct Exchange {
@@ -43,7 +43,7 @@ class InsideDriver final : public driver::Driver {
   bool is_active_ = false;
 };
 
-/// mpv, as the plug-in's thread has it: tells it what changed, asks it for its state.
+/// The plug-in thread's access to mpv: sends it changes, reads its state.
 /// @threads  the plug-in's
 /// @realtime set-up only
 class Player {

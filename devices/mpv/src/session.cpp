@@ -58,7 +58,7 @@ bool Session::send_changes(const PlayerRequest& request, MonotonicTime now) {
     seeking_since_ = now;
     if (!send("seek", {static_cast<double>(request.seek_s), "absolute+exact"})) return false;
     seek_id_ = last_id_;
-    // mpv pauses by itself at the end of the file, so that a player that left it is told again.
+    // mpv pauses by itself at the end of the file: after a seek the rate is sent again.
     sent_rate_.reset();
   }
   if (sent_rate_ == request.rate) return true;
@@ -82,7 +82,7 @@ void Session::take(const Message& message) {
   if (std::holds_alternative<Unreadable>(message)) ++unreadable_count_;
   const auto* const reply = std::get_if<Reply>(&message);
   if (reply == nullptr) return;
-  // A player that still loads its file refuses to seek, and is told again in the next round.
+  // A player that still loads its file refuses to seek: the next round sends the seek again.
   if (reply->request_id == seek_id_ && !reply->is_success) sent_seek_s_ = kNowhere;
   if (round_id_ == 0) return;
   // Unsigned: a foreign number below the round's first is above every question, too.

@@ -13,8 +13,8 @@ namespace rtpm::device_sim {
 /// correction with the least squares of the error.
 class NinePointCalibration final : public driver::Calibration {
  public:
-  static constexpr std::size_t kSampleCount = 20;  ///< Of each point.
-  static constexpr std::size_t kSettleCount = 5;   ///< Samples of a point that do not count.
+  static constexpr std::size_t kSampleCount = 20;  ///< Samples per point.
+  static constexpr std::size_t kSettleCount = 5;   ///< First samples of a point, ignored.
   /// An eye that fixates moves by less.
   static constexpr double kMovementMaxRad = 0.02;
   /// The greatest error of a fit, as a root mean square.
@@ -39,7 +39,7 @@ class NinePointCalibration final : public driver::Calibration {
   std::array<Gaze, GazeDriver::kPointCount> measured_{};  ///< Means, without the correction.
   int point_ = 0;
   bool is_ready_ = false;
-  std::size_t count_ = 0;  ///< Samples of this point, with those that do not count.
+  std::size_t count_ = 0;  ///< Samples of this point, ignored ones included.
   Gaze first_{};
   Gaze sum_{};
 };

@@ -45,7 +45,7 @@ void take_vector(std::span<const driver::ParameterSetting> settings, std::string
   if (elements != nullptr) to = Eigen::Vector3d(elements->data());
 }
 
-/// What the encoders read wrong, a function of the configuration.
+/// The encoders' error, a function of the configuration.
 Eigen::Vector3d encoder_error_of(const SimConfig& config) {
   Eigen::Vector3d error_m;
   for (Eigen::Index axis = 0; axis < 3; ++axis) {

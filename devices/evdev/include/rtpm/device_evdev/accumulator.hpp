@@ -9,7 +9,7 @@
 
 namespace rtpm::device_evdev {
 
-/// What a device's events add up to.
+/// A device's state, accumulated from its events.
 /// @ownership plain value, trivially copyable
 struct State {
   std::array<float, driver::kAnalogCountMax> analogs{};
@@ -18,10 +18,10 @@ struct State {
   std::array<MonotonicTime, driver::kJointCountMax> moved_at{};  ///< When that was.
   std::uint32_t buttons = 0;
   std::array<std::uint16_t, driver::kButtonCountMax> edges{};
-  MonotonicTime time{};             ///< Of the newest report.
+  MonotonicTime time{};             ///< The newest report's time.
   std::uint64_t report_count = 0;   ///< Reports completed.
   std::uint64_t clamped_count = 0;  ///< Values outside of their range, which were clamped.
-  std::uint64_t corrupt_count = 0;  ///< Events that mean nothing, which were dropped.
+  std::uint64_t corrupt_count = 0;  ///< Meaningless events, which were dropped.
   std::uint64_t lost_count = 0;     ///< How often the kernel dropped events.
 };
 

@@ -24,14 +24,14 @@ enum class EffectKind : std::uint8_t {
 struct Effect {
   EffectKind kind = EffectKind::kConstant;
   int id = -1;             ///< −1: not yet uploaded, and the kernel assigns one.
-  std::int16_t level = 0;  ///< Of kConstant; positive: towards larger values of the axis.
+  std::int16_t level = 0;  ///< For kConstant; positive: towards larger values of the axis.
   std::uint16_t strong = 0;
   std::uint16_t weak = 0;
-  std::int16_t coefficient = 0;  ///< Of kSpring and kDamper, from 0.
+  std::int16_t coefficient = 0;  ///< For kSpring and kDamper, from 0.
   Duration length{0};            ///< After which it ends by itself.
 };
 
-/// What the actuators are to do, in the kernel's steps.
+/// The actuators' levels, in the kernel's steps.
 /// @ownership plain value, trivially copyable
 struct Levels {
   std::int16_t effort = 0;
@@ -73,7 +73,7 @@ class EffectBank {
   [[nodiscard]] EffectStatus update(const Levels& levels, MonotonicTime now) noexcept;
   /// Stops and erases all effects, whatever fails.
   void stop() noexcept;
-  /// What plays.
+  /// The levels that play.
   [[nodiscard]] const Levels& applied() const noexcept { return applied_; }
 
  private:

@@ -39,18 +39,18 @@ class EvdevDriver : public driver::Driver {
   void deactivate() noexcept override;
 
  private:
-  /// What the reading thread last found.
+  /// The reading thread's last result.
   struct Report {
     State state{};
     std::uint64_t corrupt_count = 0;
     bool is_gone = false;
   };
-  /// What exchange() asks for.
+  /// The request of exchange().
   struct Request {
     Levels levels{};
     Duration hold{0};  ///< How long without a newer one.
   };
-  /// What the writing thread last did.
+  /// The writing thread's last result.
   struct Applied {
     Levels levels{};
     EffectStatus status = EffectStatus::kOk;

@@ -19,7 +19,7 @@ struct Event {
   std::int32_t value = 0;
 };
 
-/// What the kernel says of an absolute axis. Untrusted: the minimum may be above the maximum.
+/// The kernel's description of an absolute axis. Untrusted: the minimum may be above the maximum.
 struct AbsoluteAxis {
   std::uint16_t code = 0;
   std::int32_t minimum = 0;
@@ -31,13 +31,13 @@ struct AbsoluteAxis {
   friend bool operator==(const AbsoluteAxis&, const AbsoluteAxis&) = default;
 };
 
-/// What an input device has, as read when it was opened.
+/// The capabilities of an input device, as read when it was opened.
 struct Capabilities {
   std::string name;
   std::vector<AbsoluteAxis> absolute{};
   std::vector<std::uint16_t> relative{};
   std::vector<std::uint16_t> keys{};
-  std::vector<std::uint16_t> pressed{};         ///< Of `keys`, when it was opened.
+  std::vector<std::uint16_t> pressed{};         ///< Those of `keys` when it was opened.
   std::vector<std::uint16_t> force_feedback{};  ///< FF_RUMBLE, FF_GAIN, …
   int effect_count = 0;                         ///< How many effects it keeps at a time.
   bool is_accelerometer = false;                ///< INPUT_PROP_ACCELEROMETER.

@@ -12,13 +12,13 @@
 
 namespace rtpm::device_evdev {
 
-/// What the kernel does not say of a device.
+/// The properties of a device that the kernel does not know.
 struct Scales {
-  /// Of a steering wheel from end to end. 900°, which most wheels with a motor have.
+  /// A steering wheel's range from end to end. Most wheels with a motor have 900°.
   double wheel_range_rad = 5 * std::numbers::pi;
   double effort_newton_metre_max = 2;  ///< At the full level.
-  double counts_per_m = 39'370;        ///< Of relative axes in m: 1000 counts per inch.
-  double counts_per_turn = 24;         ///< Of relative axes in rad.
+  double counts_per_m = 39'370;        ///< For relative axes in m: 1000 counts per inch.
+  double counts_per_turn = 24;         ///< For relative axes in rad.
   bool is_reversed = false;            ///< A positive effort turns towards smaller positions.
 };
 

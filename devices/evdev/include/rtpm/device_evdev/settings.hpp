@@ -18,7 +18,7 @@ struct Settings {
   std::string node{};
   std::string name{};
   bool is_grabbed = false;
-  double gain = 1;  ///< Of all effects, 0 to 1.
+  double gain = 1;  ///< For all effects, 0 to 1.
   Scales scales{};
 
   /// Whether it says which device; otherwise the only joystick is meant.
@@ -31,11 +31,11 @@ struct Settings {
 /// @errors   an unknown word, a number outside of its range, in words
 [[nodiscard]] expected<Settings, SetupError> read_settings(std::string_view words);
 
-/// The unit that `settings` means. Of several matches it takes the only joystick, as game pads have
-/// further nodes for their motion sensors.
+/// The unit that `settings` means. Among several matches it takes the only joystick, as game pads
+/// have further nodes for their motion sensors.
 /// @param known  the unit as it was found before: then it is the same one again, by its serial
 ///               number or else its port, also at another node
-/// @errors   there is none, or several are alike, in words
+/// @errors   no unit matches, or several are alike, in words
 [[nodiscard]] expected<Unit, SetupError> choose(std::span<const Unit> units,
                                                 const Settings& settings,
                                                 const std::optional<Unit>& known);

@@ -18,7 +18,7 @@ namespace rtpm::device_evdev {
 /// Result of Transport::read().
 enum class ReadStatus : std::uint8_t {
   kOk,       ///< Perhaps without events, if none came within the patience.
-  kCorrupt,  ///< What came was not whole events; it was dropped.
+  kCorrupt,  ///< The data was not whole events; it was dropped.
   kGone,     ///< The device is gone.
 };
 struct ReadResult {
@@ -62,7 +62,7 @@ struct Unit {
   std::string node;    ///< "/dev/input/event5".
   std::string name;    ///< The device's own words.
   std::string serial;  ///< Empty: it has none.
-  std::string path;    ///< Of the port: "pci-0000:00:14.0-usb-0:2:1.0"; empty: unknown.
+  std::string path;    ///< The port's: "pci-0000:00:14.0-usb-0:2:1.0"; empty: unknown.
   std::uint16_t vendor = 0;
   std::uint16_t product = 0;
   bool is_joystick = false;  ///< A joystick, game pad or wheel to udev.

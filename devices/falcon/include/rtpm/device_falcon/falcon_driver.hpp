@@ -18,9 +18,9 @@ namespace rtpm::device_falcon {
 
 /// How a unit appears, and what it is started with.
 struct FalconConfig {
-  std::string serial;                 ///< Of the descriptor; not empty.
-  std::string frame = "falcon/base";  ///< Of the descriptor.
-  std::vector<std::byte> firmware{};  ///< Of the user's file; empty: the unit must have it.
+  std::string serial;                 ///< The descriptor's; not empty.
+  std::string frame = "falcon/base";  ///< The descriptor's.
+  std::vector<std::byte> firmware{};  ///< From the user's file; empty: the unit must have it.
   rt::ThreadConfig thread{.name = "falcon", .priority = Priority{24'000}};
 };
 
@@ -50,7 +50,7 @@ class FalconDriver final : public driver::Driver {
       std::span<driver::ParameterSetting> settings) override;
 
  private:
-  /// What the thread last found.
+  /// The thread's last result.
   struct Report {
     FalconState state{};
     MonotonicTime reported_at{};

@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-/// What the Falcon needs of its FTDI chip: vendor requests to the device, without data.
+/// The requests to the Falcon's FTDI chip: vendor requests to the device, without data.
 /// @source   FTDI's AN232B-04 and libftdi; the values for the Falcon from libnifalcon
 namespace rtpm::device_falcon {
 
@@ -21,8 +21,8 @@ enum class FtdiRequest : std::uint8_t {
   kLatencyTimer = 9,  ///< In milliseconds, after which the chip sends what it has.
 };
 
-inline constexpr std::uint16_t kPurgeReceived = 1;     ///< Of kReset: bytes for the host.
-inline constexpr std::uint16_t kPurgeTransmitted = 2;  ///< Of kReset: bytes for the device.
+inline constexpr std::uint16_t kPurgeReceived = 1;     ///< For kReset: bytes for the host.
+inline constexpr std::uint16_t kPurgeTransmitted = 2;  ///< For kReset: bytes for the device.
 inline constexpr std::uint16_t kDtrLow = 0x0100;
 inline constexpr std::uint16_t kDtrHigh = 0x0101;
 inline constexpr std::uint16_t kRtsLow = 0x0200;

@@ -18,9 +18,9 @@ using Matrix3 = std::array<std::array<double, 3>, 3>;  ///< Rows.
 
 /// The angles of the legs, in radian.
 struct LegAngles {
-  std::array<double, 3> upper{};     ///< Of the driven arm, as the encoder measures it.
-  std::array<double, 3> lower{};     ///< Of the parallelogram, in the leg's plane.
-  std::array<double, 3> sideways{};  ///< Of the parallelogram, out of the leg's plane.
+  std::array<double, 3> upper{};     ///< The driven arm's, as the encoder measures it.
+  std::array<double, 3> lower{};     ///< The parallelogram's, in the leg's plane.
+  std::array<double, 3> sideways{};  ///< The parallelogram's, out of the leg's plane.
 };
 
 /// Angle of the driven arm per encoder count: 1280 counts per turn of a drum of 14.25 mm, which
@@ -51,7 +51,7 @@ inline constexpr double kResolutionMetres = 4.6e-5;
 [[nodiscard]] std::optional<driver::Vector3> forward(const std::array<double, 3>& upper,
                                                      const driver::Vector3& start_m) noexcept;
 
-/// What the motors are told, and what they then apply.
+/// The motors' commands, and the force that they then apply.
 struct MotorForce {
   LegCounts counts{};
   driver::Vector3 applied_newton{};
@@ -59,8 +59,8 @@ struct MotorForce {
 };
 
 /// The motors' counts for a force at a position. A force above `force_newton_max`, or beyond a
-/// motor's range, is shortened and keeps its direction. No force where the position is none of the
-/// mechanism's, or the force is not finite.
+/// motor's range, is shortened and keeps its direction. The result is no force if the mechanism
+/// can't reach the position, or the force is not finite.
 /// @param counts_per_newton_metre  above zero
 /// @realtime alloc-free
 [[nodiscard]] MotorForce motor_force(const driver::Vector3& force_newton,

@@ -27,7 +27,7 @@ inline constexpr std::uint8_t kGreenLedFlag = 0x02;
 inline constexpr std::uint8_t kBlueLedFlag = 0x04;
 inline constexpr std::uint8_t kRedLedFlag = 0x08;
 
-/// What the device says in one packet.
+/// The contents of one packet from the device.
 /// @ownership plain value, trivially copyable
 struct EncoderReport {
   LegCounts counts{};
@@ -36,7 +36,7 @@ struct EncoderReport {
   [[nodiscard]] bool is_homed() const noexcept { return homed == 0b111; }
 };
 
-/// What the host says in one packet.
+/// The contents of one packet from the host.
 /// @ownership plain value, trivially copyable
 struct MotorRequest {
   LegCounts counts{};

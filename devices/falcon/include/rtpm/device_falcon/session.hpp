@@ -16,10 +16,10 @@ namespace rtpm::device_falcon {
 
 inline constexpr std::size_t kButtonCount = 4;
 
-/// What the motors are to do until the next request.
+/// The motors' commands until the next request.
 /// @ownership plain value, trivially copyable
 struct ForceRequest {
-  std::uint64_t number = 0;  ///< Another one than of the last request. 0: none was made yet.
+  std::uint64_t number = 0;  ///< Differs from the last request's. 0: no request yet.
   LegCounts counts{};
   MonotonicTime deadline{};  ///< When the force must have ended.
 };
@@ -63,7 +63,7 @@ class VelocityWindow {
 /// @realtime alloc-free
 class Session {
  public:
-  /// Of an answer that does not come: the packet is repeated, the unit is late, it is gone.
+  /// Times without an answer after which the packet is repeated, the unit is late, it is gone.
   static constexpr Duration kRepeatAfter = std::chrono::milliseconds{10};
   static constexpr Duration kLateAfter = std::chrono::milliseconds{5};
   static constexpr Duration kGoneAfter = std::chrono::milliseconds{100};
@@ -83,7 +83,7 @@ class Session {
   /// Sends what is due and takes what came; waits for at most `patience`.
   /// @return false: the unit is gone
   [[nodiscard]] bool step(const ForceRequest& request, Duration patience);
-  /// Sets the force to zero, as well as the unit lets itself be told. Only once.
+  /// Sets the force to zero, if the unit still takes commands. Only once.
   void stop();
 
   [[nodiscard]] const FalconState& state() const noexcept { return state_; }

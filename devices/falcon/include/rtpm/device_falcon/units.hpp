@@ -21,9 +21,9 @@ struct UnitChoice {
   std::string port{};
 };
 
-/// The one of `units` that is meant. A serial number counts only where it is one unit's.
-/// @return its index
-/// @errors   none, or more than one: in words with those that are there
+/// Finds the unit that `choice` means. A serial number counts only if one unit alone has it.
+/// @return its index in `units`
+/// @errors   no unit, or more than one; the text names the units that are plugged in
 [[nodiscard]] expected<std::size_t, SetupError> choose(const std::vector<Unit>& units,
                                                        const UnitChoice& choice);
 

@@ -38,7 +38,7 @@ class HidDriver final : public driver::Driver {
   void deactivate() noexcept override;
 
  private:
-  /// What the reading thread last found.
+  /// The reading thread's last result.
   struct Report {
     State state{};
     MonotonicTime measured_at = kNever;
@@ -46,12 +46,12 @@ class HidDriver final : public driver::Driver {
     bool is_late = false;
     bool is_gone = false;
   };
-  /// What the writing thread is to do.
+  /// The writing thread's task.
   struct Order {
     Request request{};
     MonotonicTime valid_until = kNever;  ///< On the host's clock.
   };
-  /// What it has done.
+  /// The writing thread's last result.
   struct Delivery {
     Request request{};
     bool is_refused = false;

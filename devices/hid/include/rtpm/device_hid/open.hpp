@@ -18,12 +18,12 @@ namespace rtpm::device_hid {
 [[nodiscard]] expected<std::unique_ptr<driver::Driver>, SetupError> open(
     std::string_view arguments, std::string_view device_name);
 
-/// Those of `units` that this driver takes, with what it leaves out of each, and those that could
-/// be a game pad but are not served, with the reason.
+/// The units that this driver takes, each with the controls that it leaves out, and the units that
+/// could be a game pad but are not served, with the reason.
 /// @realtime set-up only
 [[nodiscard]] std::vector<device_io::FoundDevice> found_among(const std::vector<Unit>& units);
 
-/// The same of what is plugged in now.
+/// The same for the units that are plugged in now.
 /// @realtime set-up only
 [[nodiscard]] std::vector<device_io::FoundDevice> probe();
 

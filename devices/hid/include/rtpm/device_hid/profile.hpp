@@ -14,35 +14,35 @@
 
 namespace rtpm::device_hid {
 
-/// What a device last said.
+/// The newest state of a device.
 /// @ownership plain value, trivially copyable
 struct State {
   std::array<float, driver::kAnalogCountMax> analogs{};
-  double joint = 0;           ///< Of a device with one joint, in its unit.
-  double joint_velocity = 0;  ///< In this unit per second.
+  double joint = 0;           ///< For a device with one joint, in its unit.
+  double joint_velocity = 0;  ///< In that unit per second.
   std::uint32_t buttons = 0;
   std::array<std::uint16_t, driver::kButtonCountMax> button_edges{};
   Duration device_time{0};
 
-  /// Presses and releases what has changed, and counts it.
+  /// Presses and releases the changed buttons, and counts their edges.
   void set_buttons(std::uint32_t pressed) noexcept;
-  /// Releases the buttons and everything else, as nothing is known of them: the counters stay.
+  /// Releases the buttons and everything else, as their state is unknown; the counters stay.
   void release() noexcept;
 };
 
-/// What a client asks of a device, within its descriptor.
+/// A client's request to a device, within its descriptor.
 /// @ownership plain value, trivially copyable
 struct Request {
   std::array<float, driver::kOutputCountMax> outputs{};
-  double effort = 0;  ///< Of a device with one joint, in N m.
+  double effort = 0;  ///< For a device with one joint, in N m.
   friend bool operator==(const Request&, const Request&) noexcept = default;
 };
 
-/// What a report was.
+/// The verdict on a report.
 enum class Verdict : std::uint8_t {
   kNew,      ///< Understood.
-  kStale,    ///< The former one again, as its counter says: it does not show that the device lives.
-  kForeign,  ///< Of a kind that says nothing about the channels, such as a battery's.
+  kStale,    ///< By its counter the former report again: no proof that the device lives.
+  kForeign,  ///< Says nothing about the channels, such as a battery's.
   kCorrupt,  ///< Too short, too long, a wrong checksum: nothing was taken.
 };
 
@@ -66,7 +66,7 @@ class Profile {
 
   /// Constant; serial and frame are empty.
   [[nodiscard]] virtual driver::Descriptor describe() const = 0;
-  /// Learns the unit, and says to it what has to be said before its first report.
+  /// Identifies the unit, and sends it everything that it needs before its first report.
   /// @realtime set-up only
   /// @errors   it is of another kind, or does not answer
   [[nodiscard]] virtual expected<void, SetupError> begin(HidTransport& transport,
@@ -83,7 +83,7 @@ class Profile {
   virtual void end(HidTransport&) noexcept {}
   /// Controls of the unit beside its channels, for people; empty: nothing, or not known.
   [[nodiscard]] virtual std::string left_out() const { return {}; }
-  /// For how long a healthy device is silent at most; nothing: it reports only what changes.
+  /// Longest silence of a healthy device; nothing: the device reports only changes.
   [[nodiscard]] virtual std::optional<Duration> silence_max() const { return std::nullopt; }
 };
 
@@ -103,8 +103,8 @@ inline constexpr std::array kKinds{Kind::kSpaceMouse, Kind::kGamePad, Kind::kDua
 /// is a device of another kind, such as a mouse.
 [[nodiscard]] std::string refusal_of(const Unit& unit);
 
-/// @param unit  whose channels are described; null: it is not plugged in, see README.md
-/// @param torque_newton_metre_max  of a force wheel's motor; 0: unknown, it applies no effort
+/// @param unit  the unit to describe; null: it is not plugged in, see README.md
+/// @param torque_newton_metre_max  a force wheel's motor's; 0: unknown, it applies no effort
 [[nodiscard]] std::unique_ptr<Profile> make_profile(Kind kind, const Unit* unit,
                                                     double torque_newton_metre_max);
 

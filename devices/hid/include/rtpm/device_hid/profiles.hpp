@@ -29,16 +29,16 @@ class SpaceMouse final : public Profile {
 
   std::uint16_t product_;
   std::vector<std::string> names_{};
-  std::vector<std::uint8_t> bits_{};  ///< Of each button in report 3.
-  std::size_t axes_size_ = 0;         ///< Of report 1; 0: unknown.
+  std::vector<std::uint8_t> bits_{};  ///< One per button, in report 3.
+  std::size_t axes_size_ = 0;         ///< The size of report 1; 0: unknown.
 };
 
 /// Whether an application collection of this usage is a joystick, game pad or multi-axis
 /// controller.
 [[nodiscard]] bool is_pad_application(std::uint32_t usage) noexcept;
 
-/// Any game pad, from its report descriptor: axes as analogs, the hat as two, buttons. Of several
-/// applications the first that is a pad's is served.
+/// Any game pad, from its report descriptor: axes as analogs, the hat as two, buttons. If the unit
+/// has several applications, the first one of a pad is served.
 class GamePad final : public Profile {
  public:
   /// @param unit  null: a usual pad is described, see README.md
@@ -62,7 +62,7 @@ class GamePad final : public Profile {
   [[nodiscard]] static std::uint32_t served_application(const ReportDescriptor& descriptor);
   [[nodiscard]] static std::size_t count_of(const std::vector<Channel>& channels,
                                             std::uint32_t usage, Part part);
-  /// False, here and below: it is of no channel's kind, or there is no channel left.
+  /// False, here and below: no channel has its kind, or no channel is left.
   [[nodiscard]] bool take_field(const Field& field);
   [[nodiscard]] bool add_analog(std::uint32_t usage);
   [[nodiscard]] bool add_button(std::uint32_t usage);
@@ -103,7 +103,7 @@ class SonyPad final : public Profile {
   Model model_;
   Bus bus_ = Bus::kUsb;
   bool has_report_ = false;
-  std::uint32_t counter_ = 0;  ///< Of the last report.
+  std::uint32_t counter_ = 0;  ///< The last report's.
   std::uint32_t ticks_ = 0;    ///< Its time on the device's clock.
   std::uint8_t output_sequence_ = 0;
 };

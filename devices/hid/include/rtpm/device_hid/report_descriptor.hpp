@@ -9,7 +9,7 @@
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/base/expected.hpp"
 
-/// What a HID device says of its reports.
+/// A HID device's description of its reports.
 /// @source   USB "Device Class Definition for HID" 1.11, section 6.2.2
 namespace rtpm::device_hid {
 
@@ -24,7 +24,7 @@ struct Field {
   std::uint32_t usage = 0;        ///< Page and number.
   std::uint32_t application = 0;  ///< Usage of the application collection around it.
   std::uint8_t report_id = 0;     ///< 0: the device numbers no reports.
-  std::uint32_t bit_offset = 0;   ///< From the begin of the report, its number included.
+  std::uint32_t bit_offset = 0;   ///< From the start of the report, its number included.
   std::uint8_t bit_size = 0;      ///< 1 to 32.
   std::int64_t logical_low = 0;
   std::int64_t logical_high = 0;
@@ -48,7 +48,7 @@ struct ReportDescriptor {
   /// One entry per application and page; at most kUnreadCountMax.
   std::vector<UnreadFields> unread{};
   bool has_report_ids = false;
-  /// Bytes of the input report of each number, the number included; 0: there is none.
+  /// Bytes of the input report of each number, the number included; 0: no such report.
   std::array<std::uint16_t, 256> input_sizes{};
 };
 

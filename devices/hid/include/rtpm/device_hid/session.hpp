@@ -40,15 +40,15 @@ class Reader {
   std::uint64_t corrupt_count_ = 0;
 };
 
-/// Gives a device what is asked of it, when it changes.
+/// Writes requests to a device when they change.
 /// @ownership refers to both, which must outlive it
 /// @threads  one at a time; a write may last for seconds
 /// @realtime set-up only
 class Writer {
  public:
-  /// A request other than `safe` is repeated so often, should the device have lost it.
+  /// Interval at which a request other than `safe` is repeated, should the device have lost it.
   static constexpr Duration kRepeatPeriod = std::chrono::milliseconds{500};
-  /// A refused one is repeated so often, and after so many refusals the device is gone.
+  /// Interval at which a refused request is repeated, and refusals until the device counts as gone.
   static constexpr Duration kRetryPeriod = std::chrono::milliseconds{20};
   static constexpr int kRefusalMax = 10;
 
@@ -60,7 +60,7 @@ class Writer {
   /// Writes the safe values, several times if the device refuses.
   void make_safe();
 
-  /// What the device has taken last.
+  /// The request that the device took last.
   [[nodiscard]] const Request& delivered() const noexcept { return delivered_; }
   [[nodiscard]] bool is_refused() const noexcept { return refusal_count_ > 0; }
   [[nodiscard]] bool is_gone() const noexcept { return refusal_count_ >= kRefusalMax; }

@@ -14,7 +14,7 @@ struct Settings {
   std::optional<Kind> kind{};      ///< Nothing: the device's own.
   std::string serial{};            ///< Empty: any.
   std::string node{};              ///< "/dev/hidraw0"; empty: any.
-  double torque_newton_metre = 0;  ///< Of a force wheel's motor; 0: unknown.
+  double torque_newton_metre = 0;  ///< A force wheel's motor's; 0: unknown.
 };
 
 /// Reads "kind=gamepad serial=123 node=/dev/hidraw0 torque_newton_metre=5".
@@ -29,8 +29,8 @@ struct Identity {
 };
 [[nodiscard]] Identity identity_of(const Unit& unit);
 
-/// The kind that `settings` make of `unit`; nothing: it is none of those asked for. Any joystick
-/// may be asked for as a plain game pad.
+/// The kind as which `settings` select `unit`; nothing: they do not select it. They may select any
+/// joystick as a plain game pad.
 [[nodiscard]] std::optional<Kind> kind_for(const Settings& settings, const Unit& unit);
 
 /// The one unit of `units` that is asked for.

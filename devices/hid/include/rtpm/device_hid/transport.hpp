@@ -72,7 +72,7 @@ class HidSystem {
   HidSystem& operator=(const HidSystem&) = delete;
   virtual ~HidSystem() = default;
 
-  /// Those that are plugged in now, also of other makers and kinds.
+  /// The units that are plugged in now, also of other makers and kinds.
   [[nodiscard]] virtual std::vector<Unit> units() = 0;
   /// @errors   a right is missing, with the udev rule that gives it; the device is gone
   [[nodiscard]] virtual expected<std::unique_ptr<HidTransport>, SetupError> open(

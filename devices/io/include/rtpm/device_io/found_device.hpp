@@ -18,12 +18,12 @@ struct FoundDevice {
   std::string arguments{};      ///< For the driver, so that it takes this one: "node=/dev/hidraw0".
   std::string missing_right{};  ///< As missing_right() says; empty: this process may open it.
   std::string udev_rule{};      ///< That gives the right to the user at the machine.
-  std::string left_out{};       ///< What the device has beside its channels; empty: nothing.
+  std::string left_out{};       ///< The device's controls beside its channels; may be empty.
   std::string refusal{};        ///< Why the driver does not take it; empty: it does.
 };
 
-/// What keeps this process from reading and writing `node`: "reading and writing /dev/hidraw0",
-/// "/dev/hidraw0, which is gone"; empty: nothing.
+/// The right that this process lacks to read and write `node`: "reading and writing /dev/hidraw0",
+/// "/dev/hidraw0, which is gone"; empty: it has the right.
 /// @realtime set-up only
 [[nodiscard]] std::string missing_right(const std::string& node);
 

@@ -33,7 +33,7 @@ class MpvDriver final : public driver::Driver {
   void deactivate() noexcept override;
 
  private:
-  /// What the thread last found.
+  /// The thread's last result.
   struct Report {
     PlayerState state{};
     std::uint64_t corrupt_count = 0;

@@ -7,7 +7,7 @@
 #include "rtpm/driver/descriptor.hpp"
 #include "rtpm/driver/sample.hpp"
 
-/// What mpv looks like as a device, however it is reached.
+/// The device that mpv is, however it is reached.
 namespace rtpm::device_mpv {
 
 inline constexpr float kRateMax = 4;
@@ -16,7 +16,7 @@ inline constexpr double kLengthMaxSeconds = 86'400;
 /// The player as it last said.
 /// @ownership plain value, trivially copyable
 struct PlayerState {
-  double position_s = 0;  ///< Of the picture shown.
+  double position_s = 0;  ///< The shown picture's.
   double duration_s = 0;  ///< 0: nothing is loaded, or the length is unknown.
   double speed = 1;       ///< As set, also while paused.
   double frame_s = 0;     ///< Length of a frame; 0: no video.
@@ -25,7 +25,7 @@ struct PlayerState {
   std::uint64_t report_count = 0;
 };
 
-/// What a client asks of the player.
+/// A client's request to the player.
 /// @ownership plain value, trivially copyable
 struct PlayerRequest {
   float rate = 0;     ///< 0: pause; below 0: backwards.

@@ -12,7 +12,7 @@
 /// @source   mpv's manual, "JSON IPC"
 namespace rtpm::device_mpv {
 
-/// A longer line is none of mpv's answers to what this driver asks.
+/// Longest line: mpv's answers to this driver's commands are shorter.
 inline constexpr std::size_t kLineSizeMax = 8192;
 
 /// mpv's answer to one command.

@@ -19,7 +19,7 @@ namespace rtpm::device_mpv {
 /// @realtime set-up only
 class Session {
  public:
-  /// Of a report that does not come: kLate, then gone.
+  /// Times without a report after which the player is kLate, then gone.
   static constexpr Duration kLateAfter = std::chrono::milliseconds{100};
   static constexpr Duration kGoneAfter = std::chrono::seconds{1};
   /// How long a seek may last before another one is sent.
@@ -41,7 +41,7 @@ class Session {
   }
 
  private:
-  /// What is asked for, in this order: a position whose seek ends meanwhile is shown already.
+  /// Properties in the order of reading: a position whose seek ends meanwhile is shown already.
   enum Question : std::uint8_t {
     kPosition,
     kDuration,

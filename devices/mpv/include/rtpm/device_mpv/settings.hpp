@@ -12,16 +12,16 @@ namespace rtpm::device_mpv {
 /// one. `file` and `socket` take the rest of the words, spaces included.
 struct Settings {
   std::string file{};        ///< To play; empty: joins `socket`.
-  std::string socket{};      ///< Of a running mpv: its option --input-ipc-server.
+  std::string socket{};      ///< A running mpv's, from its option --input-ipc-server.
   bool is_headless = false;  ///< Starts mpv without window and sound.
 };
 
 /// @errors   an unknown word, neither or both of file and socket
 [[nodiscard]] expected<Settings, SetupError> read_settings(std::string_view words);
 
-/// The transport to that player. What it opens owns its process: mpv ends with it, also when this
-/// program is killed.
-/// @errors   of the result: mpv is not installed, no such file, nobody listens at the socket
+/// Returns a function that opens a transport to that player. The transport owns the process that it
+/// starts: mpv ends with it, also when this program is killed.
+/// @errors   the function's: mpv is not installed, no such file, no mpv listens at the socket
 [[nodiscard]] OpenTransport open_mpv(Settings settings);
 
 }  // namespace rtpm::device_mpv

@@ -13,7 +13,7 @@
 #include "rtpm/driver/descriptor.hpp"
 #include "rtpm/driver/sample.hpp"
 
-/// What frames hold: a board's description and state, and the host's commands.
+/// Contents of frames: a board's description and state, and the host's commands.
 namespace rtpm::device_serial {
 
 inline constexpr std::size_t kBoardTextSizeMax = 31;  ///< In bytes.
@@ -29,9 +29,9 @@ struct BoardShape {
   std::size_t output_count = 0;
 };
 
-/// What a board says that it is. Its numbers are finite, its counts within the driver's limits.
+/// A board's own description. Its numbers are finite, its counts within the driver's limits.
 struct BoardDescription {
-  std::uint32_t nonce = 0;  ///< Of the hello that it answers; 0: the board has just started.
+  std::uint32_t nonce = 0;  ///< The nonce of the answered hello; 0: the board has just started.
   double rate_hz = 0;       ///< Commands per second that the board answers.
   std::string name{};
   std::string serial{};  ///< Empty: it has none.
@@ -73,7 +73,7 @@ struct BoardState {
 [[nodiscard]] std::optional<BoardState> parse_state(ConstBytes payload,
                                                     const BoardShape& shape) noexcept;
 
-/// What a board is to apply.
+/// The outputs and efforts that a board shall apply.
 /// @ownership plain value, trivially copyable
 struct BoardCommand {
   bool is_on = false;             ///< False: efforts are zero and outputs safe, whatever follows.

@@ -12,8 +12,8 @@
 
 namespace rtpm::device_serial {
 
-/// What the firmware in this folder has: a paddle with a motor. Taken for a board that is not
-/// plugged in when its driver is made.
+/// The board that the firmware in this folder makes: a paddle with a motor. It stands in for a
+/// board that is not plugged in when its driver is made.
 [[nodiscard]] BoardDescription fallback_board();
 
 /// @errors   an unknown word, a speed that is no number

@@ -17,10 +17,10 @@ struct Port {
   std::uint16_t usb_vendor = 0;
   std::uint16_t usb_product = 0;
   std::string model{};   ///< "Arduino Uno"; empty: it states none.
-  std::string serial{};  ///< Of the USB interface; empty: it has none.
+  std::string serial{};  ///< The USB interface's; empty: it has none.
 };
 
-/// The ports that are there now.
+/// Lists the ports of this machine.
 /// @realtime set-up only
 using ListPorts = std::function<std::vector<Port>()>;
 [[nodiscard]] std::vector<Port> list_ports();

@@ -14,15 +14,15 @@
 
 namespace rtpm::device_serial {
 
-/// What a driver of a board is made with.
+/// Configures a driver of a board.
 struct SerialConfig {
   OpenTransport open;        ///< The port.
   PortSettings port{};       ///< Until the parameters say otherwise.
-  BoardDescription board{};  ///< What configure() expects. With a serial number: that board only.
-  std::string serial{};      ///< Of the descriptor; not empty.
+  BoardDescription board{};  ///< The expected board. With a serial number: that board only.
+  std::string serial{};      ///< The descriptor's; not empty.
   std::string frame{};
   Duration greeting_max = kGreetingMax;  ///< How long configure() waits for the board.
-  rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;  ///< Of the thread.
+  rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;  ///< The thread's.
 };
 
 /// A microcontroller board that speaks the frames of FRAMES.md. Without a command its efforts are
@@ -50,7 +50,7 @@ class SerialDriver final : public driver::Driver {
   [[nodiscard]] std::unique_ptr<driver::Calibration> make_calibration(
       std::string_view name) override;
 
-  /// Of the active session, or of the last one.
+  /// Counters of the active session, or of the last one.
   [[nodiscard]] LineCounters counters() const { return last_.counters; }
 
  private:

@@ -12,33 +12,33 @@
 
 namespace rtpm::device_serial {
 
-/// What a cycle asks of the board, within its ranges.
+/// A cycle's request to the board, within its ranges.
 /// @ownership plain value, trivially copyable
 struct Request {
-  std::uint64_t number = 0;  ///< Another one: another cycle.
+  std::uint64_t number = 0;  ///< Differs from cycle to cycle.
   bool is_on = false;
   Duration time_left{0};  ///< For which it may stay in force.
   std::array<float, driver::kJointCountMax> efforts{};
   std::array<float, driver::kOutputCountMax> outputs{};
 };
 
-/// What went wrong on the line since greet(); counts only.
+/// Counters of faults on the line since greet().
 struct LineCounters {
   std::uint64_t corrupt = 0;     ///< Bytes that were no frame, and frames with impossible contents.
-  std::uint64_t lost = 0;        ///< States that the board sent and that did not come.
+  std::uint64_t lost = 0;        ///< States that the board sent and that did not arrive.
   std::uint64_t duplicate = 0;   ///< States that came again.
   std::uint64_t stale = 0;       ///< States older than one that came before them.
   std::uint64_t unanswered = 0;  ///< Commands whose answer did not come in time.
 };
 
-/// What the session last learned.
+/// The session's newest state.
 /// @ownership plain value, trivially copyable
 struct Report {
   BoardState state{};
   std::uint64_t state_count = 0;
   MonotonicTime received_at{};
   Duration board_time{0};  ///< The board's clock, unwrapped.
-  /// Presses and releases in all states, also in those that were overtaken.
+  /// Presses and releases in all states, also in the ones that a newer state replaced.
   std::array<std::uint16_t, driver::kButtonCountMax> button_edges{};
   LineCounters counters{};
   bool is_late = false;
@@ -48,13 +48,13 @@ struct Report {
 /// A board that its port's opening resets runs its boot loader for up to 2 s.
 inline constexpr Duration kGreetingMax = std::chrono::seconds{5};
 
-/// Tells the session that begins at `now` from others; not zero.
+/// A nonce that distinguishes the session that begins at `now` from others; not zero.
 [[nodiscard]] constexpr std::uint32_t nonce_at(MonotonicTime now) noexcept {
   return static_cast<std::uint32_t>(to_ns(now) >> 10) | 1U;
 }
 
 struct SessionConfig {
-  Duration period{};  ///< Of requests.
+  Duration period{};  ///< The requests' period.
   std::int64_t speed_baud = 115'200;
   std::uint32_t nonce = 1;  ///< As of nonce_at(); not zero.
   Duration greeting_max = kGreetingMax;
@@ -72,7 +72,7 @@ class Session {
   static constexpr std::uint16_t kWindow = 2;
   /// The longest time for which a request stays in force.
   static constexpr Duration kRequestMax = std::chrono::milliseconds{100};
-  /// Of silence, on a fast line.
+  /// Silence after which the board is gone, on a fast line.
   static constexpr Duration kGoneAfter = std::chrono::milliseconds{500};
   static constexpr Duration kStopMax = std::chrono::milliseconds{100};
 
@@ -116,14 +116,14 @@ class Session {
   Duration late_after_{};
   Duration gone_after_{};
 
-  // Of greet() only.
+  // Used by greet() only.
   std::optional<expected<BoardDescription, std::string>> description_{};
   bool is_greeting_ = true;
   bool has_started_again_ = false;  ///< The board announced itself.
   bool has_other_version_ = false;
   std::uint64_t byte_count_ = 0;
 
-  /// What the port did not take yet, of one frame.
+  /// The bytes of one frame that the port did not take yet.
   std::array<std::byte, kWireSizeMax> unsent_{};
   std::size_t unsent_begin_ = 0;
   std::size_t unsent_end_ = 0;

@@ -44,7 +44,7 @@ class Transport {
 /// Which board, and the speed of its line.
 struct PortSettings {
   std::string port{};    ///< "/dev/ttyACM0", or a link to it; empty: by the serial number.
-  std::string serial{};  ///< Of the board's USB interface; empty: the only one plugged in.
+  std::string serial{};  ///< The board's USB interface's; empty: the only one plugged in.
   std::int64_t speed_baud = 115'200;
 };
 

@@ -15,7 +15,7 @@ namespace rtpm::device_sim {
 /// that laboratories have.
 struct ArmConfig {
   double mass_kg = 0.15;                ///< Moving mass, at the end effector.
-  double damping_newton_s_per_m = 2.5;  ///< Of joints and transmission.
+  double damping_newton_s_per_m = 2.5;  ///< Damping of joints and transmission.
   double force_newton_max = 9.0;        ///< Beyond it the motors saturate.
   double resolution_m = 30e-6;          ///< The step of the encoders at the end effector.
   driver::Workspace workspace{{-0.10, -0.10, -0.10}, {0.10, 0.10, 0.10}};

@@ -45,7 +45,7 @@ class GazeDriver final : public Twin {
   /// Nine points: three by three, this far from each other.
   static constexpr int kPointCount = 9;
   static constexpr double kPointDistanceRad = 0.2;
-  /// What the optics do to a gaze; a calibration finds the inverse.
+  /// The optics' error of a gaze; a calibration finds the inverse.
   static constexpr Gaze kOpticsOffset{0.03, -0.02};
   static constexpr Gaze kOpticsGain{1.1, 0.93};
   // The range of a correction.

@@ -20,8 +20,8 @@ struct SimConfig {
   HandConfig hand{};
   bool is_held = true;      ///< False: no hand, only the motors move it.
   std::string hand_file{};  ///< A recorded hand, see Trajectory; empty: PressingPath.
-  std::uint64_t seed = 1;   ///< Of PressingPath and of the encoders' error.
-  /// What each encoder reads wrong at most, until it is calibrated.
+  std::uint64_t seed = 1;   ///< For PressingPath and the encoders' error.
+  /// Maximum error of each encoder until it is calibrated.
   double encoder_error_m = 0;
   std::string serial = "sim-1";
   std::string frame = "arm0/base";

@@ -12,12 +12,12 @@ namespace rtpm::device_sim {
 struct TwinConfig {
   std::string serial = "sim-1";
   std::string frame = "sim/base";
-  std::uint64_t seed = 1;  ///< Of whatever looks random; the same seed gives the same samples.
+  std::uint64_t seed = 1;  ///< For everything random; the same seed gives the same samples.
 };
 
-/// What the simulated devices without a force in space have in common: a life cycle, and a time
-/// that is the sum of the cycles' spans. The same commands at the same cycle times give the same
-/// samples, bit for bit.
+/// Base of the simulated devices without a force in space: a life cycle, and a time that is the sum
+/// of the cycles' spans. The same commands at the same cycle times give the same samples, bit for
+/// bit.
 class Twin : public driver::Driver {
  public:
   /// The longest simulated time of one cycle; the rest of a longer one is cut.
