@@ -26,7 +26,7 @@ struct Configuration {
   rtpm::options::ServerSettings settings{};
   std::string registry{rtpm::names::kThisHost};
   std::string name{rtpm::events::kHubPath};
-  bool allows_takeover = false;  ///< Of the name, from a server that lives.
+  bool allows_takeover = false;  ///< Take the name from a living server.
   std::uint64_t subscriptions_max = 1024;
   std::uint64_t history = 8;
   double quota = 2e6;

@@ -9,7 +9,7 @@ namespace rtpm::names {
 
 struct Record;
 
-/// One change of a name: what it was and what it is, null: not bound.
+/// One change of a name: its former and its new record; null: not bound.
 struct LoggedChange {
   std::uint64_t revision = 0;
   std::shared_ptr<const Record> before{};
@@ -20,26 +20,26 @@ struct LoggedChange {
 /// @threads  one at a time
 class ChangeLog {
  public:
-  /// `revision`: of the last change before the log begins.
+  /// `revision`: the last change before the log begins.
   ChangeLog(std::size_t count_max, std::size_t byte_max, std::uint64_t revision) noexcept
       : count_max_(count_max), byte_max_(byte_max), forgotten_(revision), newest_(revision) {}
 
   /// Drops the oldest changes beyond the bounds.
   void add(LoggedChange change);
-  /// Whether every change after `revision` is still there; false also for one to come.
+  /// Whether the log still has every change after `revision`; false also for a future revision.
   [[nodiscard]] bool reaches(std::uint64_t revision) const noexcept {
     return revision >= forgotten_ && revision <= newest_;
   }
-  /// The first change after `revision`; null: none yet.
+  /// The first change after `revision`; null: there is none yet.
   [[nodiscard]] const LoggedChange* after(std::uint64_t revision) const noexcept;
   /// How many changes there are after `revision`.
   [[nodiscard]] std::size_t count_after(std::uint64_t revision) const noexcept;
-  /// Of the last change.
+  /// Revision of the last change.
   [[nodiscard]] std::uint64_t revision() const noexcept { return newest_; }
-  /// Forgets all changes: those up to `revision`, which may be less than before, are not known one
-  /// by one.
+  /// Forgets all changes. `revision` may be lower than before; changes up to it are no longer known
+  /// one by one.
   void restart(std::uint64_t revision);
-  /// How often it was restarted.
+  /// The number of calls of restart().
   [[nodiscard]] std::uint64_t restart_count() const noexcept { return restart_count_; }
 
  private:

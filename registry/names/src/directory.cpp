@@ -27,7 +27,7 @@
 namespace rtpm::names {
 namespace {
 
-/// How long services found on the LAN stand for those that a query would find.
+/// How long services found on the LAN are reused instead of a new query.
 constexpr Duration kLanFindsAge = std::chrono::seconds{1};
 
 /// Whether a server serves its own host only.
@@ -49,7 +49,7 @@ std::string in_words(const NameEntry& entry, const discovery::FoundService& foun
          ")";
 }
 
-/// Calls `work` with 0 to `count` - 1, on this thread and some others.
+/// Calls `work` with 0 to `count` - 1, on this thread and some additional ones.
 template <class Work>
 void for_each_at_once(std::size_t count, Work work) {
   constexpr std::size_t kThreadCountMax = 8;
@@ -61,7 +61,7 @@ void for_each_at_once(std::size_t count, Work work) {
   std::vector<rt::Thread> threads;
   while (threads.size() + 1 < std::min(count, kThreadCountMax)) {
     auto thread = rt::Thread::start({.name = "rtpm-ask", .realtime = rt::RealtimeMode::kOff}, take);
-    // Then there are fewer.
+    // No further thread could start: continue with fewer.
     if (!thread) break;
     threads.push_back(std::move(*thread));
   }
@@ -70,7 +70,7 @@ void for_each_at_once(std::size_t count, Work work) {
     thread.join();
 }
 
-/// How much a refusal knows of the name: one that names a component further right knows more.
+/// How much a refusal reveals about the name: one that names a later component reveals more.
 int knowledge_of(const DirectoryError& error) {
   if (error.outcome == Outcome::kNotADirectory) return 3;
   if (error.outcome == Outcome::kIsADirectory) return 2;
@@ -86,7 +86,7 @@ class Directory::Impl {
     discovery::FoundService found;
     std::shared_ptr<Service> service;
   };
-  /// What a service answered.
+  /// The answer of a service.
   template <class Value>
   struct Answer {
     Value value;
@@ -95,7 +95,7 @@ class Directory::Impl {
   template <class Value>
   struct Answers {
     std::vector<Answer<Value>> values{};
-    /// The refusal that says most, if there was one.
+    /// The most informative refusal, if there was one.
     std::optional<DirectoryError> refusal{};
   };
 
@@ -110,11 +110,11 @@ class Directory::Impl {
     if (!bad_scope_ && scope_.is_url()) only_ = service_at(where_text, deadline_);
   }
 
-  /// The one service, where the scope is its URL; null: it is to be found.
+  /// The service, if the scope is its URL; null: search for services.
   [[nodiscard]] Service* only() const noexcept { return only_.get(); }
 
-  /// Asks all services, several at a time, so that one that hangs holds up none of the others.
-  /// @errors   none answers
+  /// Asks all services, several at a time, so that one that hangs delays no other.
+  /// @errors   no service answers
   template <class Value, class Operation>
   [[nodiscard]] expected<Answers<Value>, DirectoryError> ask_all(MonotonicTime deadline,
                                                                  Operation operation) {
@@ -151,7 +151,7 @@ class Directory::Impl {
     return unexpected{nobody(silent_count, remedy)};
   }
 
-  /// The registry that takes changes.
+  /// The registry that makes changes.
   [[nodiscard]] expected<std::shared_ptr<Service>, DirectoryError> registry() {
     clear_notes();
     const auto asked = find(rt::now() + deadline_);
@@ -162,7 +162,7 @@ class Directory::Impl {
       if (each.found.is_of_this_host && !each.found.is_guess) return each.service;
       registries.push_back(each);
     }
-    // One at the usual place.
+    // The registry at the usual place.
     std::erase_if(registries, [](const Asked& each) {
       return each.found.is_guess && !each.service->contents({});
     });
@@ -185,7 +185,7 @@ class Directory::Impl {
         DirectoryError{{"several registries are found: " + urls, "", "give one by --registry"}}};
   }
 
-  /// Drops what can't be reached from here.
+  /// Drops names that this host cannot reach.
   void add(std::vector<Answer<NameEntry>>& to, NameEntry entry,
            const discovery::FoundService& found) {
     if (!found.is_of_this_host && is_loopback(entry.url)) {
@@ -197,8 +197,8 @@ class Directory::Impl {
     to.push_back({std::move(entry), found});
   }
 
-  /// Drops what a registry of another user has beside others, so that it takes no name from its
-  /// server; if only such ones have the name, they stay.
+  /// Drops the names that a registry of another user has if another service has them, too, so that
+  /// it takes no name from its server; if only such registries have the name, keeps them.
   void drop_untrusted(std::vector<Answer<NameEntry>>& entries) {
     std::vector<Answer<NameEntry>> trusted;
     for (const auto& entry : entries) {
@@ -235,7 +235,7 @@ class Directory::Impl {
     return std::make_shared<Service>(node_, url, deadline);
   }
 
-  /// Clients of services that are found again are kept, with their sessions.
+  /// Keeps the clients, with their sessions, of services that are found again.
   [[nodiscard]] expected<std::vector<Asked>, DirectoryError> find(MonotonicTime deadline) {
     if (bad_scope_) return unexpected{DirectoryError{*bad_scope_}};
     const std::lock_guard finding(finding_);
@@ -279,11 +279,11 @@ class Directory::Impl {
   discovery::Scope scope_{};
   std::optional<SetupError> bad_scope_{};
   std::shared_ptr<Service> only_{};
-  std::mutex finding_;  ///< Of what follows; not for real-time threads.
+  std::mutex finding_;  ///< Guards the members below; not for real-time threads.
   discovery::FoundServices found_{};
   MonotonicTime found_at_{};
   std::map<std::string, std::shared_ptr<Service>> services_{};
-  std::mutex mutex_;  ///< Of the notes.
+  std::mutex mutex_;  ///< Guards the notes.
   std::vector<std::string> notes_{};
 };
 
@@ -401,7 +401,8 @@ expected<NameEntry, DirectoryError> Directory::describe(std::string_view name,
 
 expected<FoundNames, DirectoryError> Directory::find(const NameQuery& query) {
   if (Service* const only = impl_->only()) return only->find(query);
-  // The preference orders names of all services, so that the texts are for all of them together.
+  // The preference orders the names of all services together, so the predicate and the preference
+  // are evaluated here.
   auto answers = impl_->ask_all<FoundNames>(
       kNever, [&](Service& service) { return service.find({.interface = query.interface}); });
   if (!answers) return unexpected{answers.error()};

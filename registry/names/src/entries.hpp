@@ -12,14 +12,14 @@ namespace rtpm::names {
 
 [[nodiscard]] inline Duration lease_left(const Record& record, MonotonicTime now) noexcept {
   if (record.is_permanent()) return Duration::max();
-  // A shared storage knows of later renewals, at other registries.
+  // A shared storage knows of later renewals at other registries.
   return record.expires > now ? record.expires - now : record.stay;
 }
 
-/// How much of a record a caller gets.
+/// How much of a record a caller receives.
 enum class EntryDetail : std::uint8_t { kBrief, kHost, kAll };
 
-/// A record as a caller gets it.
+/// A record as a caller receives it.
 [[nodiscard]] inline flatbuffers::Offset<Entry> write_entry(flatbuffers::FlatBufferBuilder& builder,
                                                             const Record& record, MonotonicTime now,
                                                             std::uint64_t caller_host,

@@ -22,7 +22,7 @@ namespace {
 
 constexpr std::size_t kThreadCountMax = 128;
 
-/// At which other users of this host have their registry.
+/// The URL at which other users of this host have their registry.
 discovery::FoundService usual_registry() {
   return {.url = "rtpm://127.0.0.1:" + std::to_string(discovery::kRegistryPort) + "/" +
                  std::string(discovery::kNamesPath),
@@ -31,7 +31,7 @@ discovery::FoundService usual_registry() {
           .is_guess = true};
 }
 
-/// Finds the services of a scope and asks each.
+/// Finds the services of a scope and asks each one.
 class Inquiry {
  public:
   /// Asks a service; called from several threads at the same time.
@@ -44,7 +44,7 @@ class Inquiry {
 
   void begin(const discovery::Scope& scope, const std::string& where);
 
-  /// Asks what is found in `scope`, as soon as it is found.
+  /// Asks the services in `scope`, each as soon as it is found.
   void find(const discovery::Scope& scope) {
     jobs_.add([this, scope] {
       auto found = discovery::find_services(scope, deadline_);
@@ -52,7 +52,7 @@ class Inquiry {
         for (const discovery::FoundService& service : found->services)
           ask(service, /*is_given=*/false);
       }
-      // After those that are known to be there.
+      // These come after those that are known to exist.
       if (!transport::has_own_runtime_folder()) ask(usual_registry(), /*is_given=*/false);
       const std::lock_guard lock(mutex_);
       if (!found && !error_) error_ = std::move(found.error());
@@ -83,7 +83,7 @@ class Inquiry {
   rpc::Node& node_;
   const MonotonicTime deadline_;
   const Question& question_;
-  std::mutex mutex_;  ///< Of what follows; not for real-time threads.
+  std::mutex mutex_;  ///< Guards the members below; not for real-time threads.
   std::set<std::string> asked_{};
   std::optional<SetupError> error_{};
   std::vector<std::string> notes_{};
@@ -96,7 +96,7 @@ void Inquiry::begin(const discovery::Scope& scope, const std::string& where) {
       ask({.url = url, .is_registry = true}, /*is_given=*/true);
     return;
   }
-  // The LAN takes its time, which the services of this host do not wait for.
+  // A query on the LAN takes time; the services of this host do not wait for it.
   find(discovery::Scope{});
   if (scope.is_of_lan()) find(scope);
 }
@@ -113,7 +113,8 @@ expected<void, SetupError> ask_every_service(rpc::Node& node, const std::string&
     FoundNames found;
     const auto read = service.read({}, deadline, found);
     if (!read && from.is_guess) return;
-    // A server of another host that serves its names itself has that host's view of addresses.
+    // A server of another host that serves its names itself returns addresses as its host sees
+    // them.
     if (!is_given && !from.is_registry && !from.is_of_this_host) {
       for (NameEntry& entry : found.entries)
         entry.is_of_other_host = true;
@@ -155,7 +156,7 @@ LapsedAnswer ask_for_lapsed(rpc::Node& node, const std::string& where, Monotonic
 }
 
 expected<void, DirectoryError> dismiss(rpc::Node& node, const LapsedName& lapsed) {
-  // Its revision counts, not the caller's identity.
+  // The revision identifies the holder; the caller's identity does not matter.
   const Owner anybody{.id = 1};
   return Directory(node, lapsed.service_url).unbind(lapsed.name, anybody, lapsed.revision);
 }

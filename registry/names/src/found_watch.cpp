@@ -17,12 +17,12 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// How often name services are looked for.
+/// Interval between searches for name services.
 constexpr Duration kHostInterval = 250ms;
 constexpr Duration kLanInterval = 5s;
-/// How long after a failure a service is tried again.
+/// Delay before a service that failed is tried again.
 constexpr Duration kRetryInterval = 2s;
-/// How long the names of a registry that ended, or answers no more, stay.
+/// How long the names of a registry stay after it ended or stopped answering.
 constexpr Duration kGrace = 2s;
 
 class FoundWatch final : public NameWatch::Impl {
@@ -85,7 +85,7 @@ class FoundWatch final : public NameWatch::Impl {
     std::unique_ptr<NameWatch> watch{};  ///< Null: it could not be started.
     bool is_registry = false;
     MonotonicTime tried{};
-    MonotonicTime seen{};  ///< When it was last there.
+    MonotonicTime seen{};  ///< When it was last found.
   };
 
   template <class Value>
@@ -111,7 +111,7 @@ class FoundWatch final : public NameWatch::Impl {
     }
   }
 
-  /// Starts watches of services that came, and ends those of services that went.
+  /// Starts watches of new services, and ends those of services that are gone.
   [[nodiscard]] expected<void, DirectoryError> look() {
     const auto found = discovery::find_services(scope_);
     if (!found) return unexpected{DirectoryError{found.error()}};
@@ -131,12 +131,12 @@ class FoundWatch final : public NameWatch::Impl {
     return {};
   }
 
-  /// @errors   of what is watched; that a service does not answer is none
+  /// @errors   of the watched services; a service that does not answer is no error
   [[nodiscard]] expected<void, DirectoryError> see(const discovery::FoundService& found,
                                                    MonotonicTime now) {
     const auto known = services_.find(found.url);
     if (known != services_.end() && known->second.watch) {
-      // One that answers no more is as one that ended; its watch goes on trying meanwhile.
+      // A service that no longer answers counts as ended; its watch keeps trying meanwhile.
       if (known->second.watch->is_connected() || now - known->second.seen > kGrace) {
         const bool is_lost = !known->second.watch->is_connected();
         known->second.seen = now;
@@ -221,13 +221,13 @@ class FoundWatch final : public NameWatch::Impl {
   rpc::Node& node_;
   const discovery::Scope scope_;
   const WatchHandlers handlers_;
-  // Of the starting thread, then of the watch's.
+  // Used by the starting thread, then by the watch's.
   std::set<std::string> said_{};
-  // All plain: no real-time thread takes them.
-  mutable std::mutex changing_;  ///< Of changes of services_ by the watch's thread.
+  // All are plain mutexes: no real-time thread locks them.
+  mutable std::mutex changing_;  ///< Guards changes of services_ by the watch's thread.
   std::map<std::string, Watched> services_{};
   std::mutex telling_;  ///< Handlers run one at a time.
-  std::mutex mutex_;    ///< Of what follows.
+  std::mutex mutex_;    ///< Guards the members below.
   std::condition_variable ending_;
   WatchConfig config_;
   NameViews views_{};

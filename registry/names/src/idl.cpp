@@ -58,7 +58,7 @@ std::vector<T> items_of(const PropertyList& list) {
   return items;
 }
 
-/// What of a table's fields a value takes.
+/// The fields of a table that a value fills.
 struct Fields {
   std::int64_t integer = 0;
   double real = 0;

@@ -12,10 +12,10 @@
 #include "rtpm/names/directory.hpp"
 #include "store.hpp"
 
-/// Between the library's types and those that the IDL generates.
+/// Conversion between the library's types and those that the IDL generates.
 namespace rtpm::names {
 
-/// Nanoseconds that came from outside, held within what a Duration can be.
+/// Nanoseconds from outside, clamped to the range of Duration.
 [[nodiscard]] inline Duration duration_of(std::uint64_t ns) noexcept {
   constexpr auto kMax = static_cast<std::uint64_t>(Duration::max().count());
   return Duration{static_cast<Duration::rep>(std::min(ns, kMax))};
@@ -42,9 +42,9 @@ namespace rtpm::names {
 
 using PropertyTables = flatbuffers::Vector<flatbuffers::Offset<PropertyEntry>>;
 
-/// nullopt: one has a type that is not known.
+/// nullopt: the type of one is unknown.
 [[nodiscard]] std::optional<std::vector<Property>> properties_of(const PropertyTables* tables);
-/// Null if there are none.
+/// Null if there are no properties.
 [[nodiscard]] flatbuffers::Offset<PropertyTables> write_properties(
     flatbuffers::FlatBufferBuilder& builder, std::span<const Property> properties);
 
@@ -57,7 +57,7 @@ using PropertyTables = flatbuffers::Vector<flatbuffers::Offset<PropertyEntry>>;
 
 [[nodiscard]] NameEntry entry_of(const Entry& entry, std::uint64_t stale_ns = 0);
 
-// The two lists of outcomes are one.
+// The two lists of outcomes are equal.
 static_assert(static_cast<Outcome>(OutcomeCode::Done) == Outcome::kDone);
 static_assert(static_cast<Outcome>(OutcomeCode::BadName) == Outcome::kBadName);
 static_assert(static_cast<Outcome>(OutcomeCode::NotFound) == Outcome::kNotFound);

@@ -8,7 +8,7 @@
 namespace rtpm::names {
 namespace {
 
-/// Waits for the disk with the last change only, which takes the earlier ones along.
+/// Waits for the disk with the last change only, which flushes the earlier ones, too.
 class DurableAtTheEnd final : public Storage {
  public:
   explicit DurableAtTheEnd(Storage& storage) noexcept : storage_(storage) {}
@@ -33,7 +33,7 @@ expected<std::size_t, SetupError> import_names(Storage& storage,
   if (!content) return unexpected{std::move(content.error())};
   if (!content->faults.empty()) return setup_error(content->faults.front());
   DurableAtTheEnd durable(storage);
-  // The limits of one server and one host are for callers, not for the operator.
+  // The limits per server and per host apply to callers, not to the operator.
   Limits own = limits;
   constexpr std::size_t kNone = std::numeric_limits<std::size_t>::max();
   own.name_count_per_owner_max = kNone;

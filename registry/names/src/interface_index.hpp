@@ -16,13 +16,13 @@ namespace rtpm::names {
 struct Record;
 
 /// The names of each interface, and the types of their properties.
-/// @ownership refers to records, which stay where they are until removed
+/// @ownership refers to records, which must not move until they are removed
 class InterfaceIndex {
  public:
   void add(const Record& record);
   void remove(const Record& record);
 
-  /// In the order of their names; an empty interface: all.
+  /// In alphabetical order; an empty interface: all names.
   template <class Function>
   void for_each(std::string_view interface, Function function) const {
     if (!interface.empty()) {
@@ -36,18 +36,18 @@ class InterfaceIndex {
       function(*record);
   }
 
-  /// The type that a property has in all names of the interface that have it; nullopt: it differs,
-  /// or none has it.
+  /// The type that a property has in all names of the interface that have it; nullopt: the types
+  /// differ, or no name has it.
   [[nodiscard]] std::optional<PropertyType> type_of(std::string_view interface,
                                                     std::string_view property) const;
   [[nodiscard]] bool has(std::string_view interface, std::string_view property) const;
   /// The properties of the interface's names.
   [[nodiscard]] std::vector<std::string> properties_of(std::string_view interface) const;
-  /// Interfaces with names.
+  /// Number of interfaces with names.
   [[nodiscard]] std::vector<std::string> interfaces() const;
 
  private:
-  /// How many names have a property of each type.
+  /// For each type, how many names have a property of that type.
   using TypeCounts = std::array<std::size_t, predicate::kTypeCount>;
   struct Interface {
     std::map<std::string_view, const Record*> records{};

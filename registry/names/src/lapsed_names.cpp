@@ -10,7 +10,7 @@ std::string LapsedNames::add(LapsedRecord record) {
   const auto of_host = std::ranges::count_if(records_, is_of_host);
   std::string displaced;
   if (records_.contains(record.name)) {
-    // It takes its own place.
+    // It replaces its own entry.
   } else if (static_cast<std::size_t>(of_host) >= kCountPerHostMax) {
     displaced = erase_oldest(is_of_host);
   } else if (records_.size() >= kCountMax) {

@@ -26,17 +26,17 @@ struct LapsedRecord {
 class LapsedNames {
  public:
   static constexpr std::size_t kCountMax = 1024;
-  /// Limit of one host, so that none displaces those of others.
+  /// Limit per host, so that no host displaces the names of another.
   static constexpr std::size_t kCountPerHostMax = 256;
 
-  /// @return the name that has given way to it; empty: none
+  /// @return the name that was dropped for it; empty: none
   std::string add(LapsedRecord record);
   void erase(std::string_view name);
-  /// Whether the name is here and may be dismissed: by its owner, or by any caller with the
+  /// Whether the name has lapsed and may be dismissed: by its owner, or by any caller with the
   /// revision of its last holder.
   [[nodiscard]] bool may_dismiss(std::string_view name, Owner owner,
                                  std::uint64_t holder_revision) const;
-  /// By name.
+  /// Keyed by name.
   [[nodiscard]] const std::map<std::string, LapsedRecord, std::less<>>& all() const noexcept {
     return records_;
   }

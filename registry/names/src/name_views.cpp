@@ -8,14 +8,14 @@ namespace rtpm::names {
 namespace {
 
 bool is_same(const NameEntry& one, const NameEntry& other) {
-  // Revisions of different services do not compare.
+  // Revisions of different services are not comparable.
   const bool is_same_holder =
       one.service_url != other.service_url || one.revision == other.revision;
   return is_same_holder && one.url == other.url && one.interface == other.interface &&
          one.properties == other.properties;
 }
 
-/// The other URL that the entries lead to; empty: there is one only.
+/// The second URL that the entries lead to; empty: there is only one.
 std::string second_url(const std::map<std::string, NameEntry>& entries) {
   for (const auto& [service, entry] : entries) {
     if (entry.url != entries.begin()->second.url) return entry.url;

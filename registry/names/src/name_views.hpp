@@ -9,21 +9,22 @@
 
 namespace rtpm::names {
 
-/// The names of several services as one: a name is told of once, however many have it.
+/// The names of several services as one view: a name is reported once, however many services have
+/// it.
 /// @threads  one at a time
 class NameViews {
  public:
-  /// What a change at a service is to the whole.
+  /// The effect of a service's change on the combined view.
   struct Told {
     std::optional<NameChange> change{};
-    std::string duplicate{};  ///< A sentence: the name began to lead to different URLs.
+    std::string duplicate{};  ///< Not empty: the name began to lead to different URLs; a sentence.
   };
   [[nodiscard]] Told take(const std::string& service_url, NameChange change);
-  /// The names that the service had, as it is no more.
+  /// The names of a service, to report them as gone when it ends.
   [[nodiscard]] std::vector<NameEntry> names_of(const std::string& service_url) const;
 
  private:
-  using Entries = std::map<std::string, NameEntry>;  ///< By the URLs of services.
+  using Entries = std::map<std::string, NameEntry>;  ///< Keyed by the URLs of services.
   std::map<std::string, Entries, std::less<>> names_{};
 };
 

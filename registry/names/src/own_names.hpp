@@ -14,13 +14,14 @@
 namespace rtpm::names {
 
 /// The name service of a program that serves its names itself: a registry in memory, in which only
-/// this program binds, on a server of its own with one blocking, time-shared lane. The program's
-/// registrations share it; it is found for as long as one of them has it.
+/// this program binds, on its own server with one blocking, time-shared lane. The program's
+/// registrations share it; it can be found for as long as one of them uses it.
 /// @threads  any
 class OwnNames {
  public:
-  /// That of this program at the host of `url`, the loopback address if that is none of this host.
-  /// @param security  whom it serves, if it is not there yet
+  /// The name service of this program at the host of `url`, or at the loopback address if this host
+  /// does not have that address.
+  /// @param security  the clients that it serves, if it does not exist yet
   /// @realtime set-up only
   /// @errors   as rpc::Server::create() and discovery::Announcement::create()
   [[nodiscard]] static expected<std::shared_ptr<OwnNames>, SetupError> at_host_of(

@@ -13,7 +13,7 @@ namespace rtpm::names {
 namespace {
 
 constexpr std::array<std::string_view, 4> kBuiltIn{"host", "interface", "name", "url"};
-/// Words that predicates use themselves.
+/// Words that the grammar of predicates reserves.
 constexpr std::array<std::string_view, 10> kReserved{"FALSE", "TRUE", "and", "exist", "exists",
                                                      "false", "in",   "not", "or",    "true"};
 
@@ -65,7 +65,7 @@ std::size_t size_of(const PropertyValue& value) noexcept {
   return sizeof(std::int64_t) + (text == nullptr ? 0 : text->size());
 }
 
-/// Of rtpm://host:port/path.
+/// The host of rtpm://host:port/path.
 std::string_view host_of(std::string_view url) noexcept {
   const std::size_t scheme = url.find("://");
   if (scheme == std::string_view::npos) return {};

@@ -11,17 +11,17 @@
 
 namespace rtpm::names {
 
-/// The number of the first property that is malformed, reserved, there twice or too many; nullopt:
-/// all are well-formed.
+/// The index of the first property that is malformed, reserved, duplicate or beyond the limit;
+/// nullopt: all are well-formed.
 [[nodiscard]] std::optional<std::size_t> first_bad_property(std::span<const Property> properties);
 
-/// What counts for the limits.
+/// The bytes that count towards the limits.
 [[nodiscard]] std::size_t byte_count(std::span<const Property> properties) noexcept;
 
-/// The names of what every binding has.
+/// The names of the built-in properties, which every binding has.
 [[nodiscard]] bool is_built_in(std::string_view name) noexcept;
 
-/// A binding's properties, built-in ones included.
+/// A binding's properties, including the built-in ones.
 /// @ownership refers to the record
 class RecordProperties final : public predicate::PropertySource {
  public:

@@ -15,33 +15,34 @@
 
 namespace rtpm::names {
 
-/// What find() looks for.
+/// The criteria of find().
 struct QueryTexts {
   std::string_view interface {};  ///< Empty: any.
   std::string_view predicate{};
   std::string_view preference{};
 };
 
-/// What it found, preferred records first.
+/// The result of find(), preferred records first.
 struct Found {
   std::vector<const Record*> records{};  ///< Valid until the next change.
-  std::size_t accepted_count = 0;        ///< With those left out.
-  std::string note{};                    ///< On properties that no name has; empty: none.
+  std::size_t accepted_count = 0;        ///< Includes those that exceed the limit.
+  std::string note{};                    ///< Names properties that no name has; empty: none.
 };
 
-/// Why a text is refused.
+/// Why a predicate or preference is refused.
 struct QueryError {
   Outcome outcome = Outcome::kBadPredicate;  ///< Or kBadPreference.
   predicate::TextError error{};
 };
 
-/// Checks types by the index. A property that no name has is no error: such a name may come.
-/// @errors   the predicate or the preference is malformed, or compares what has no comparison
+/// Checks types by the index. A property that no name has is no error: a name with it may still be
+/// bound.
+/// @errors   the predicate or the preference is malformed, or compares types that do not compare
 [[nodiscard]] expected<predicate::Predicate, QueryError> parse_predicate(
     const InterfaceIndex& index, std::string_view interface, std::string_view text);
 
-/// At most `count_max` records, of those that `caller` may_see(); `random` draws the order of the
-/// preference "random".
+/// Returns at most `count_max` of the records that `caller` may_see(); `random` draws the order of
+/// the preference "random".
 /// @errors   as parse_predicate()
 [[nodiscard]] expected<Found, QueryError> find(const InterfaceIndex& index, const QueryTexts& texts,
                                                std::size_t count_max, std::uint64_t random,

@@ -24,10 +24,10 @@ using namespace std::chrono_literals;
 
 /// How long a registration waits for the lease of a dead holder to end.
 constexpr Duration kHolderWaitMax = 5s;
-/// How long a program goes on serving a name that it has bound at a registry: those who watch look
-/// for registries every quarter of a second.
+/// How long a program continues to serve a name after binding it at a registry: watches look for
+/// registries every quarter of a second.
 constexpr Duration kOwnGrace = 1s;
-/// The least lease of a name at its own program.
+/// The shortest lease of a name at its own program.
 constexpr Duration kOwnLease = 10s;
 
 /// Shared by the registrations of a program.
@@ -40,7 +40,7 @@ bool is_held_by_another(const DirectoryError& error) {
   return error.outcome == Outcome::kAlreadyBound || error.outcome == Outcome::kStaleEpoch;
 }
 
-/// Whether the registry refused because of its own state, not because of what it was asked: others
+/// Whether the registry refused because of its own state, not because of the request: other names
 /// may end, and space may be freed.
 bool is_passing(const DirectoryError& error) {
   switch (error.outcome.value_or(Outcome::kDone)) {
@@ -86,14 +86,14 @@ class Registration::Impl {
     if (own_ && own_->is_bound) own_->seat.unbind(offer);
   }
 
-  /// Binds for the first time, waiting for the lease of a possibly dead holder.
+  /// Binds for the first time; waits for the lease of a holder that may be dead.
   [[nodiscard]] expected<void, SetupError> begin() {
     auto scope = discovery::parse_scope(where_);
     if (!scope) return unexpected{std::move(scope.error())};
     scope_ = std::move(*scope);
     if (auto bound = begin_at_registry(); !bound) {
       const DirectoryError& error = bound.error();
-      // A registry that refuses is there.
+      // A registry that refuses is running.
       const bool is_lasting = scope_.is_url() || error.outcome;
       if (is_lasting && !is_passing(error)) return unexpected{std::move(bound.error())};
       if (is_passing(error)) {
@@ -132,15 +132,15 @@ class Registration::Impl {
   }
 
  private:
-  /// Where the name is bound, or was.
+  /// A place where the name is bound, or was.
   struct Place {
     Place(rpc::Node& node, const std::string& url) : seat(node, url) {}
-    std::shared_ptr<OwnNames> names{};  ///< Null: it is a registry. Outlives its client.
+    std::shared_ptr<OwnNames> names{};  ///< Null: the place is a registry. Outlives its client.
     Seat seat;
     std::atomic<bool> is_bound = false;
   };
 
-  /// With a lease that outlasts attempts at a registry that hangs: the service ends with the
+  /// Uses a lease that outlasts attempts at a registry that hangs: the service ends with the
   /// program anyway.
   [[nodiscard]] Offer own_offer_now() {
     Offer offer = offer_now();
@@ -153,7 +153,7 @@ class Registration::Impl {
     return offer_;
   }
 
-  /// The registry to bind at; it may not be there. One of another user gets no names.
+  /// The registry to bind at; it may not be running. A registry of another user gets no names.
   [[nodiscard]] std::string registry_url() {
     if (scope_.is_url()) return where_;
     const auto found = discovery::find_services(discovery::Scope{});
@@ -196,7 +196,7 @@ class Registration::Impl {
     return {};
   }
 
-  /// On the LAN a server is found by its own names, whether its host has a registry or not.
+  /// On the LAN a server is found by its own names, with or without a registry on its host.
   [[nodiscard]] bool needs_own_names() const {
     return scope_.is_of_lan() || (!scope_.is_url() && !(registry_ && registry_->is_bound));
   }
@@ -223,7 +223,7 @@ class Registration::Impl {
     return {};
   }
 
-  /// As a registry would refuse a name that another server of this host holds.
+  /// Refuses, as a registry would, a name that another server of this host holds.
   [[nodiscard]] expected<void, SetupError> check_that_no_other_has_it() {
     const auto entry = Directory(node_, std::string(kThisHost)).resolve(offer_.name);
     if (!entry && entry.error().is_ambiguous) return unexpected{entry.error()};
@@ -233,7 +233,7 @@ class Registration::Impl {
                        "it leads to " + entry->url, "end that server, or give another name");
   }
 
-  /// Says once that the name leads to another server, too.
+  /// Reports once that the name leads to another server, too.
   void warn_of_duplicates() {
     const auto entry = Directory(node_, where_).resolve(offer_.name);
     std::string text;
@@ -253,7 +253,7 @@ class Registration::Impl {
     std::unique_lock lock(mutex_);
     MonotonicTime next = rt::now();
     for (;;) {
-      // A registry that comes or goes is seen in time, however long the lease is.
+      // Bounds how late a new or lost registry is noticed, however long the lease is.
       Duration lease =
           scope_.is_url() ? offer_.lease : std::min(offer_.lease, Registration::kDefaultLease);
       for (const auto& place : {registry_, own_}) {
@@ -288,7 +288,7 @@ class Registration::Impl {
   [[nodiscard]] expected<void, DirectoryError> keep_at_registry() {
     const std::string url = registry_url();
     if (registry_ && registry_->seat.url() != url) {
-      // It went; what replaces it may be another one.
+      // The registry is gone; its replacement may be another one.
       registry_->seat.unbind(offer_now());
       set(registry_, nullptr);
     }
@@ -306,7 +306,7 @@ class Registration::Impl {
     return kept;
   }
 
-  /// The registry is there, and another server has the name: then it leads to both.
+  /// The registry runs, and another server has the name: then the name leads to both.
   void warn_of_refusal(const DirectoryError& error) {
     report_once("the registry does not take the name '" + offer_.name +
                 "' from this server: " + error.reason());
@@ -314,7 +314,7 @@ class Registration::Impl {
 
   void keep_own_names(const expected<void, DirectoryError>& at_registry) {
     if (!needs_own_names()) {
-      // Clients that have not found the registry yet find the name here meanwhile.
+      // Meanwhile clients that have not found the registry yet find the name here.
       if (!own_) return;
       own_end_ = std::min(own_end_, rt::now() + kOwnGrace);
       if (rt::now() < own_end_) {
@@ -337,7 +337,7 @@ class Registration::Impl {
     if (std::exchange(is_to_look_for_duplicates_, false)) warn_of_duplicates();
   }
 
-  /// Empty: it is bound nowhere.
+  /// Empty: it is not bound anywhere.
   [[nodiscard]] std::string place_in_words() const {
     if (registry_ && registry_->is_bound) return registry_->seat.url();
     if (own_ && own_->is_bound) return own_->seat.url() + ", which this program serves itself";
@@ -351,11 +351,11 @@ class Registration::Impl {
   const Takeover takeover_;
   std::atomic<bool> is_bound_ = false;
   bool was_ever_bound_ = false;
-  // Of the starting thread, then of the lease's.
+  // Used by the starting thread, then by the lease's.
   bool is_to_look_for_duplicates_ = false;
   MonotonicTime own_end_ = kNever;  ///< When its own service of the name ends.
   std::string said_{};
-  // Plain: no real-time thread takes it. Guards what follows.
+  // Plain: no real-time thread locks it. Guards what follows.
   std::mutex mutex_;
   Offer offer_;
   std::shared_ptr<Place> registry_{};  ///< Null: there is none. Replaced by the lease's thread.

@@ -23,7 +23,7 @@ void Replica::on_restart(std::vector<StoredName> names, std::uint64_t revision, 
   {
     const std::lock_guard lock(mutex_);
     store_.apply_all(std::move(names), revision, rt::now());
-    // The same revision says something else now, also to a watch that resumes at another registry.
+    // The same revision now means another change, also to a watch that resumes at another registry.
     if (is_replaced) watches_.begin_history(rt::random_u64());
     watches_.wake();
   }
@@ -46,7 +46,7 @@ void Replica::on_trouble(const std::string& sentence) {
   report_(sentence);
 }
 
-// Less than before after a restart of a storage that was restored.
+// Lower than before after a restart of a storage that was restored.
 void Replica::reach(std::uint64_t revision) {
   {
     const std::lock_guard lock(progress_mutex_);

@@ -16,12 +16,12 @@
 
 namespace rtpm::names {
 
-/// A registry's names as a shared storage tells them.
+/// A registry's copy of the names in a shared storage.
 /// @threads  the storage's; wait_for() and trouble() any
 class Replica final : public SharedStorage::Follower {
  public:
-  /// `mutex` guards `store`, which has everything up to `revision`. `report` takes, a few a second,
-  /// sentences for the log, on the storage's thread.
+  /// `mutex` guards `store`, which is complete up to `revision`. `report` receives sentences for
+  /// the log, a few per second, on the storage's thread.
   Replica(rt::PiMutex& mutex, Store& store, Watches& watches, std::uint64_t revision,
           std::function<void(std::string_view)> report)
       : mutex_(mutex),
@@ -35,10 +35,10 @@ class Replica final : public SharedStorage::Follower {
   void on_current(MonotonicTime as_of) override;
   void on_trouble(const std::string& sentence) override;
 
-  /// Waits until the change of `revision` is here; false: not by `deadline`. Not with the mutex
-  /// locked.
+  /// Waits until the store has the change of `revision`; false: not by `deadline`. Call it without
+  /// the mutex locked.
   [[nodiscard]] bool wait_for(std::uint64_t revision, MonotonicTime deadline);
-  /// The last trouble in words; empty: there was none.
+  /// The last trouble in words; empty: none.
   [[nodiscard]] std::string trouble() const;
 
  private:
@@ -48,7 +48,7 @@ class Replica final : public SharedStorage::Follower {
   Store& store_;
   Watches& watches_;
   std::function<void(std::string_view)> report_;
-  mutable std::mutex progress_mutex_;  ///< Plain: no real-time thread takes it. Guards the rest.
+  mutable std::mutex progress_mutex_;  ///< Plain: no real-time thread locks it. Guards the rest.
   std::condition_variable progress_{};
   std::uint64_t applied_;
   std::string trouble_{};

@@ -32,7 +32,7 @@ std::uint64_t RegistryResolver::move_count() const {
   return move_count_;
 }
 
-// Watches the name and what is above it: either may be bound next.
+// Watches the name and the names above it: any of them may be bound next.
 void RegistryResolver::watch(std::string_view name, const NameEntry& entry,
                              MonotonicTime deadline) {
   std::vector<std::string> names;

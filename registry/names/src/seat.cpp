@@ -22,7 +22,7 @@ expected<void, DirectoryError> Seat::bind(const Offer& offer, bool allows_takeov
   if (!granted) return unexpected{granted.error()};
   const std::lock_guard lock(mutex_);
   first_lease_ = granted->lease > Duration{0} ? std::min(granted->lease, offer.lease) : offer.lease;
-  // After the registry did, so that this estimate is never early.
+  // Taken after the registry's own time, so that this estimate is never early.
   if (granted->revision != revision_ || bound_ == MonotonicTime{}) bound_ = rt::now();
   revision_ = granted->revision;
   return {};
@@ -32,7 +32,7 @@ expected<void, DirectoryError> Seat::renew(const Offer& offer) {
   // Two attempts may fail before the name is lost.
   const Duration deadline = std::min(lease(rt::now(), offer.lease) / 3, kDeadline);
   auto kept = service_.renew(offer.name, offer.owner, offer.lease, deadline);
-  // The registry restarted, the lease expired, or another owner took the name: bind() tells which.
+  // The registry restarted, the lease expired, or another owner took the name: bind() shows which.
   return !kept && kept.error().outcome ? bind(offer) : kept;
 }
 

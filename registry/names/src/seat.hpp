@@ -10,7 +10,7 @@
 
 namespace rtpm::names {
 
-/// What a registration binds.
+/// The binding that a registration offers.
 struct Offer {
   std::string name{};
   std::string url{};
@@ -21,31 +21,31 @@ struct Offer {
 };
 
 /// A name's binding at one name service.
-/// @threads  renew() and lease() one; the rest any
+/// @threads  renew() and lease(): one thread; the rest any
 class Seat {
  public:
-  /// How long a bind may take.
+  /// The time limit of a bind.
   static constexpr Duration kDeadline = std::chrono::seconds{1};
 
   Seat(rpc::Node& node, const std::string& service_url);
 
   [[nodiscard]] expected<void, DirectoryError> bind(const Offer& offer,
                                                     bool allows_takeover = false);
-  /// Binds again if the service does not have the name any more.
+  /// Renews the lease; binds again if the service no longer has the name.
   [[nodiscard]] expected<void, DirectoryError> renew(const Offer& offer);
-  /// Within 200 ms; else the lease expires by itself.
+  /// Unbinds within 200 ms; else the lease expires by itself.
   void unbind(const Offer& offer);
-  /// That the service grants for a renewal at `now`.
+  /// The lease that the service grants for a renewal at `now`.
   [[nodiscard]] Duration lease(MonotonicTime now, Duration wanted);
   [[nodiscard]] const std::string& url() const noexcept { return service_.url(); }
 
  private:
   rpc::Node& node_;
   Service service_;
-  std::mutex mutex_;  ///< Plain: no real-time thread takes it. Guards what follows.
+  std::mutex mutex_;  ///< Plain: no real-time thread locks it. Guards what follows.
   Duration first_lease_{};
   MonotonicTime bound_{};
-  std::uint64_t revision_ = 0;  ///< Of the bind at `bound_`.
+  std::uint64_t revision_ = 0;  ///< Revision of the bind at `bound_`.
 };
 
 }  // namespace rtpm::names

@@ -28,7 +28,7 @@
 namespace rtpm::names {
 namespace {
 
-/// Requests in the store's types.
+/// Conversion of requests to the store's types.
 template <class Request>
 Claim claim_of(const Request& request, rpc::CallerHost caller) {
   return {.name = view_of(request.name()),
@@ -52,7 +52,8 @@ bool is_of_storage(Outcome outcome) noexcept {
          outcome == Outcome::kNotStored || outcome == Outcome::kStoreUnreachable;
 }
 
-/// One sentence per second: its suffix, which counts those held back; nullopt: it is held back.
+/// Allows one sentence per second. Returns its suffix, which counts those suppressed; nullopt: this
+/// one is suppressed.
 std::optional<std::string> admit(LogLimit& limit, MonotonicTime now) {
   if (!limit.admit(now)) return std::nullopt;
   const std::uint64_t count = limit.take_all_suppressed();
@@ -83,7 +84,7 @@ constexpr std::size_t kEntrySizeMax =
 static_assert(kPageOverheadMax + kEntrySizeMax <= kPageSizeMax,
               "a page holds at least one entry, else list() would not end");
 
-/// Of a reply to find(): entries, and bytes after which no further entry is added.
+/// Limits of a reply to find(): entries, and bytes after which no further entry is added.
 constexpr std::size_t kFoundCountMax = 1000;
 constexpr std::size_t kFoundSizeMax = std::size_t{256} * 1024;
 
@@ -104,8 +105,8 @@ bool is_change(std::uint16_t method_id) noexcept {
   }
 }
 
-/// A change that a shared storage has not done by then is answered as kStoreUnreachable, while the
-/// caller still waits.
+/// A change that a shared storage has not made by then is answered with kStoreUnreachable, while
+/// the caller still waits.
 MonotonicTime answer_by(const rpc::CallContext& context) {
   if (context.deadline == kNever) return context.received + std::chrono::seconds{5};
   return context.deadline - (context.deadline - context.received) / 8;
@@ -138,13 +139,13 @@ class RegistryServant final : public NamesServant {
     queue_.stop();
   }
 
-  /// Begins to take what other registries change.
+  /// Begins to receive the changes of other registries.
   expected<void, SetupError> follow() {
     if (auto started = queue_.start(); !started) return started;
     return shared_storage_->follow(replica_);
   }
 
-  /// Changes in a shared storage wait for it on a thread of their own.
+  /// Changes in a shared storage wait for it on their own thread.
   rpc::DispatchResult dispatch(std::uint16_t method_id, ConstBytes request, MutableBytes reply,
                                const rpc::CallContext& context) override {
     if (!shared_storage_ || context.deferral == nullptr || !is_change(method_id)) {
@@ -401,7 +402,7 @@ class RegistryServant final : public NamesServant {
     auto record = allows(context, Operation::kResolve, view_of(request.name()))
                       ? store_.resolve(view_of(request.name()), now)
                       : expected<const Record*, Refusal>(unexpected{denied()});
-    // What a caller may not see is to it as if it was not there.
+    // A name that the caller may not see does not exist for it.
     if (!may_see(context.identity, view_of(request.name())))
       record = unexpected{Refusal{Outcome::kNotFound}};
     flatbuffers::FlatBufferBuilder& builder = reply.builder();
@@ -416,7 +417,7 @@ class RegistryServant final : public NamesServant {
     return {};
   }
 
-  /// Of a page those records that the caller may see; of the next pages, as long as there are none.
+  /// The records that the caller may see, of the page or, as long as there are none, of the next.
   expected<Page, Refusal> list_shown(std::string_view directory, std::string_view after,
                                      MonotonicTime now, const rpc::Caller* identity) {
     auto page = store_.list(directory, after, kPageCountMax, now);
@@ -430,7 +431,7 @@ class RegistryServant final : public NamesServant {
     return page;
   }
 
-  /// Fits a datagram together with all outcomes.
+  /// Must fit a datagram together with all outcomes.
   static constexpr std::size_t kReportedHostMax = 8;
   static constexpr std::size_t kReportedTroubleMax = 300;
 
@@ -488,7 +489,7 @@ class RegistryServant final : public NamesServant {
     return {};
   }
 
-  /// For those that only succeed or are refused.
+  /// Answers requests that have no result but success or a refusal.
   [[nodiscard]] Answer answer_of(const expected<void, SharedRefusal>& result) {
     if (result) return names::answer_of(Outcome::kDone);
     const Refusal& refusal = result.error().refusal;

@@ -25,7 +25,7 @@ DirectoryError refused(const Answer& answer, std::string_view name) {
   return {{outcome_text(outcome_of(answer), name, answer.component())}, outcome_of(answer)};
 }
 
-/// One request in a builder of its own.
+/// One request in its own builder.
 struct Request {
   flatbuffers::FlatBufferBuilder builder{512};
   template <class T>
@@ -60,7 +60,7 @@ class Service::Impl {
       const std::size_t which = (first + i) % registries_.size();
       const bool is_last = i + 1 == registries_.size();
       const Duration left = deadline - rt::now();
-      // Time is left for the next one.
+      // There is time left for the next one.
       auto reply = ask_at(registries_[which], rt::now() + (is_last ? left : left / 2), operation);
       if (is_last || !is_for_another(reply)) {
         preferred_ = which;
@@ -69,7 +69,7 @@ class Service::Impl {
     }
   }
 
-  /// ask() for an operation on `name` that only succeeds or is refused.
+  /// ask() for an operation on `name` without a result but success or a refusal.
   template <class Operation>
   [[nodiscard]] expected<void, DirectoryError> confirm(MonotonicTime end, std::string_view name,
                                                        Operation operation) {
@@ -103,7 +103,7 @@ class Service::Impl {
     return names::entry_of(*found.entry(), found.stale_ns());
   }
 
-  /// The registry's answer as an error; of one whose storage is not reached with that in words.
+  /// The registry's answer as an error; if its storage is unreachable, with that in words.
   [[nodiscard]] DirectoryError refused(const Answer& answer, std::string_view name) {
     DirectoryError error = names::refused(answer, name);
     const bool is_of_storage =
@@ -178,9 +178,9 @@ class Service::Impl {
     return Outcome::kDone;
   }
 
-  /// The client, bound on first use, and anew after a call without a reply: the registry may be at
-  /// another of its addresses by then. Concurrent first callers bind in parallel, so that none
-  /// waits for others' deadlines.
+  /// The client, bound on first use and again after a call without a reply, as the registry may
+  /// have moved to another of its addresses. Concurrent first callers bind in parallel, so that
+  /// none waits for another's deadline.
   [[nodiscard]] expected<std::shared_ptr<NamesClient>, DirectoryError> bound_client(
       Registry& registry, MonotonicTime deadline) {
     {
@@ -201,7 +201,7 @@ class Service::Impl {
     return registry.client;
   }
 
-  /// Has the next operation try the addresses of the registry anew.
+  /// Makes the next operation try the addresses of the registry again.
   void forget(Registry& registry, const std::shared_ptr<NamesClient>& client) {
     const std::lock_guard lock(mutex_);
     if (registry.client == client) registry.client = nullptr;
@@ -225,7 +225,7 @@ class Service::Impl {
   std::string registry_url_;
   Duration deadline_;
   std::atomic<std::size_t> preferred_ = 0;
-  std::mutex mutex_;  ///< Of the clients; not for real-time threads.
+  std::mutex mutex_;  ///< Guards the clients; not for real-time threads.
   std::deque<Registry> registries_{};
 };
 
@@ -334,7 +334,7 @@ expected<void, DirectoryError> Service::read(std::string_view directory, Monoton
     const std::size_t before = entries.size();
     if (page.entries() != nullptr) {
       for (const Entry* entry : *page.entries()) {
-        // Only ascending names, so that no registry can make this endless.
+        // Accepts only ascending names, so that no registry can make this endless.
         if (entries.empty() || entries.back().name < entry->name()->string_view()) {
           entries.push_back(names::entry_of(*entry, page.stale_ns()));
         }
@@ -366,7 +366,7 @@ expected<void, DirectoryError> Service::read_lapsed(MonotonicTime deadline,
     for (flatbuffers::uoffset_t i = 0; page.entries() != nullptr && i < page.entries()->size();
          ++i) {
       const LapsedEntry& entry = *page.entries()->Get(i);
-      // Only ascending names, as in read().
+      // Accepts only ascending names, as in read().
       if (entry.name()->string_view() <= last) continue;
       last = entry.name()->str();
       found.push_back({last, entry.url()->str(), entry.interface()->str(), entry.revision(),

@@ -11,8 +11,8 @@
 
 namespace rtpm::names {
 
-/// A client of one name service, or of registries that share their names: Directory's operations at
-/// one URL, or several with ',' between, with its errors.
+/// A client of one name service, or of registries that share their names: Directory's operations
+/// and errors at one URL, or at several separated by ','.
 /// @threads  any, several at once
 class Service {
  public:
@@ -23,7 +23,7 @@ class Service {
   ~Service();
 
   [[nodiscard]] expected<Granted, DirectoryError> bind(const Claim& claim, bool replaces);
-  /// Also ends by `deadline` from now.
+  /// Ends at the latest by `deadline` from now.
   [[nodiscard]] expected<void, DirectoryError> renew(std::string_view name, Owner owner,
                                                      Duration lease,
                                                      Duration deadline = Duration::max());
@@ -35,11 +35,11 @@ class Service {
   [[nodiscard]] expected<FoundNames, DirectoryError> find(const NameQuery& query);
   /// As Directory::contents().
   [[nodiscard]] expected<FoundNames, DirectoryError> contents(std::string_view directory);
-  /// The same by `deadline` in all, into `found`, which keeps what came before an error.
+  /// The same within `deadline` in total, into `found`, which keeps what came before an error.
   [[nodiscard]] expected<void, DirectoryError> read(std::string_view directory,
                                                     MonotonicTime deadline, FoundNames& found);
-  /// Adds the lapsed names to `found`, by `deadline` in all.
-  /// @errors   it keeps none
+  /// Adds the lapsed names to `found`, within `deadline` in total.
+  /// @errors   the service keeps no lapsed names
   [[nodiscard]] expected<void, DirectoryError> read_lapsed(MonotonicTime deadline,
                                                            std::vector<LapsedName>& found);
 

@@ -12,14 +12,14 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// How long a change that is stored waits to be seen here, too.
+// How long to wait until a change that is stored has arrived in the store, too.
 constexpr Duration kSeenWaitMax = 300ms;
-// Before a name is looked at again whose lease has ended and whose end is not yet told.
+// Pause before checking again a name whose lease has ended while its end is not reported yet.
 constexpr Duration kAgainPause = 20ms;
-// Attempts without that pause.
+// The number of attempts without that pause.
 constexpr int kQuickAttempts = 3;
 
-/// Whether it says who has the name, or that nobody has it.
+/// Whether the refusal says who holds the name, or that nobody holds it.
 bool is_of_holder(Outcome outcome) noexcept {
   return outcome == Outcome::kNotFound || outcome == Outcome::kAlreadyBound ||
          outcome == Outcome::kStaleEpoch || outcome == Outcome::kNotOwner ||
@@ -66,7 +66,7 @@ unexpected<SharedRefusal> SharedWriter::failed(const StorageError& error) {
   return unexpected{SharedRefusal{store_.refusal_of(error)}};
 }
 
-// A registry may be behind: what it refuses because of a name may be done at another one already.
+// A registry may lag behind: a change that it refuses because of a name may be valid at another.
 std::optional<SharedRefusal> SharedWriter::confirmed(std::string_view name,
                                                      const SharedRefusal& refusal, int attempt,
                                                      MonotonicTime deadline) {

@@ -15,21 +15,21 @@
 
 namespace rtpm::names {
 
-/// Why a change was refused, with the holder as it was then.
+/// Why a change was refused, with the holder at that time.
 struct SharedRefusal {
   Refusal refusal{};
   std::shared_ptr<const Record> holder{};
 };
 
-/// What a change was, and what it replaced.
+/// A change that was made, and the record that it replaced.
 struct SharedGrant {
   Granted granted{};
   std::shared_ptr<const Record> former{};
 };
 
 /// Changes names in a storage that registries share: plans by the store's rules, commits, and plans
-/// again where another registry was first. What is done is here when it returns, if that comes in
-/// time.
+/// again if another registry changed the name first. On return the store has the change, too,
+/// unless it did not arrive in time.
 /// @threads  any, several at once; they wait, at most until `deadline`
 class SharedWriter {
  public:
@@ -58,7 +58,7 @@ class SharedWriter {
   [[nodiscard]] bool waits_for_other(const StorageError& error, int attempt,
                                      MonotonicTime deadline);
   [[nodiscard]] unexpected<SharedRefusal> failed(const StorageError& error);
-  /// Whether the refusal holds, as the storage has it now; nullopt: to plan again.
+  /// Whether the refusal still holds in the storage; nullopt: plan again.
   [[nodiscard]] std::optional<SharedRefusal> confirmed(std::string_view name,
                                                        const SharedRefusal& refusal, int attempt,
                                                        MonotonicTime deadline);

@@ -13,7 +13,7 @@ unexpected<Refusal> refuse(Outcome outcome, std::size_t component = 0,
   return unexpected<Refusal>{{outcome, static_cast<std::uint8_t>(component), holder}};
 }
 
-// As rpc::CallerHost has it.
+// As in rpc::CallerHost.
 constexpr bool is_own_host(std::uint64_t host) noexcept {
   return host >> 24 == 127;
 }
@@ -22,7 +22,8 @@ std::size_t last_component(std::string_view name) {
   return static_cast<std::size_t>(std::count(name.begin(), name.end(), '/'));
 }
 
-/// What others may have written in a shared storage is no name where the rules would refuse it.
+/// Rejects content that another program wrote into a shared storage and that the rules would
+/// refuse.
 bool is_sound(const StoredName& stored) {
   return !first_bad_component(stored.name) && is_url(stored.url) &&
          is_interface(stored.interface) && stored.owner.id != 0 && stored.lease >= Duration{0} &&
@@ -65,7 +66,7 @@ void Store::restore_lapsed(std::vector<StoredLapse> lapsed) {
 void Store::keep_as_lapsed(const Record& record, MonotonicTime ended) {
   const std::string displaced = lapsed_.add({record.name, record.url, record.interface,
                                              record.owner, record.revision, record.host, ended});
-  // A storage that fails has it again after a restart.
+  // A storage that fails has the name again after a restart.
   if (!displaced.empty()) {
     static_cast<void>(commit({displaced, nullptr, next_revision_, /*is_durable=*/false}));
   }
@@ -264,7 +265,7 @@ void Store::apply(std::vector<SharedChange> changes, MonotonicTime now) {
     for (; i < end; ++i)
       apply(std::move(changes[i]), is_one, now);
     next_revision_ = std::max(next_revision_, revision + 1);
-    // Watches resume by revisions: what has the same one can't be told one by one.
+    // Watches resume by revisions: changes with the same revision cannot be reported one by one.
     if (!is_one) log_.restart(revision);
   }
 }
@@ -336,11 +337,11 @@ expected<Page, Refusal> Store::list(std::string_view directory, std::string_view
 }
 
 void Store::expire(MonotonicTime now) {
-  if (shared_ != nullptr) return;  // It does that.
+  if (shared_ != nullptr) return;  // The shared storage ends leases.
   while (!ends_.empty() && ends_.begin()->first <= now) {
     const auto place = records_.find(ends_.begin()->second);
-    // A storage that fails does not lengthen a lease. What it still has is leased again after a
-    // restart, and ends.
+    // A storage failure does not extend a lease. A name that the storage still has gets a new lease
+    // after a restart, and expires then.
     const Record& record = place->second;
     static_cast<void>(commit({.name = record.name,
                               .revision = next_revision_,
@@ -373,7 +374,7 @@ void Store::erase(Records::iterator place) {
   records_.erase(place);
 }
 
-// `kept`: the present record, if it is of this start of the owner.
+// `kept`: the present record, if this start of the owner made it.
 Record Store::record_of(const Claim& claim, const Record* kept, MonotonicTime now) const {
   const MonotonicTime bound = kept != nullptr ? kept->bound : now;
   const bool is_settled = now - bound >= limits_.first_lease_max;
@@ -397,7 +398,7 @@ Plan Store::plan_of(const Claim& claim, Records::iterator held, MonotonicTime no
   const Record* const kept =
       plan.former && plan.former->owner == claim.owner ? plan.former.get() : nullptr;
   plan.next = record_of(claim, kept, now);
-  // A bind that changes nothing but the lease is no change.
+  // A bind that changes only the lease is no change.
   plan.is_renewal =
       kept != nullptr && kept->url == plan.next.url && kept->interface == plan.next.interface &&
       kept->properties == plan.next.properties && kept->is_permanent() == plan.next.is_permanent();
@@ -491,7 +492,7 @@ expected<void, Refusal> Store::check_place(std::string_view name) const {
   return {};
 }
 
-// Checks limits, without `held`, the record to be replaced, if not null.
+// Checks limits, without counting `held`, the record to be replaced, if not null.
 expected<void, Refusal> Store::check_room(const Claim& claim, const Record* held) const {
   if (held == nullptr && records_.size() >= limits_.name_count_max) return refuse(Outcome::kFull);
   const auto owner = owners_.find(claim.owner.id);
@@ -507,7 +508,7 @@ expected<void, Refusal> Store::check_room(const Claim& claim, const Record* held
 expected<void, Refusal> Store::check_properties(const Claim& claim, const Record* held) const {
   const std::size_t wanted = byte_count(claim.properties);
   const std::size_t freed = held == nullptr ? 0 : byte_count(held->properties);
-  // Fewer than before are never too many.
+  // A smaller number than before is never too many.
   const bool is_own = held != nullptr && held->owner.id == claim.owner.id;
   if (wanted == 0 || (is_own && wanted <= freed)) return {};
   const auto owner = owners_.find(claim.owner.id);

@@ -25,7 +25,7 @@
 
 namespace rtpm::names {
 
-/// One bound name. What a renewal changes is not stored.
+/// One bound name. The storage does not store what a renewal changes.
 struct Record {
   std::string name;
   std::string url;
@@ -37,16 +37,17 @@ struct Record {
   MonotonicTime bound{};   ///< When this start of its owner bound it.
   std::uint64_t host = 0;  ///< See Claim::host.
   std::vector<Property> properties{};
-  /// Of the last change, other than a renewal; counted together with the holders' revisions.
+  /// Revision of the last change other than a renewal; counted together with the holders'
+  /// revisions.
   std::uint64_t change = 0;
   Duration lease{};  ///< As granted by the last bind; 0: it is permanent.
-  /// Of a shared storage: how long it at most stays once nobody renews it.
+  /// With a shared storage: how long the name stays at most once nobody renews it.
   Duration stay{};
 
   [[nodiscard]] bool is_permanent() const noexcept { return lease == Duration{0}; }
 };
 
-/// A host's number, as rpc::CallerHost has it; one for all loopback addresses.
+/// A host's number, as in rpc::CallerHost; one number for all loopback addresses.
 [[nodiscard]] constexpr std::uint64_t own_host_as_one(std::uint64_t host) noexcept {
   constexpr std::uint64_t kOwnHost = 0x7f00'0001;
   return host >> 24 == kOwnHost >> 24 ? kOwnHost : host;
@@ -55,18 +56,18 @@ struct Record {
 /// Why an operation was refused.
 struct Refusal {
   Outcome outcome = Outcome::kDone;
-  /// The offending component of the name, or property of kBadProperty, from 0.
+  /// The offending component of the name, or property for kBadProperty, from 0.
   std::uint8_t component = 0;
   /// The holder, for kAlreadyBound, kStaleEpoch and kNotOwner; valid until the next call.
   const Record* holder = nullptr;
 };
 
-/// What a claim comes to.
+/// The effect of a claim.
 struct Plan {
-  /// A revision, and a holder's, that are still to be given equal Store::next_revision().
+  /// Revisions that are not assigned yet, its own or the holder's, equal Store::next_revision().
   Record next{};
   std::shared_ptr<const Record> former{};  ///< Null: the name is not bound.
-  bool is_renewal = false;                 ///< Nothing changes but the end of the lease.
+  bool is_renewal = false;                 ///< Only the end of the lease changes.
   bool is_durable = false;
   [[nodiscard]] bool keeps_holder() const noexcept { return former && former->owner == next.owner; }
   [[nodiscard]] Granted granted() const noexcept;
@@ -76,58 +77,58 @@ struct Plan {
 struct Page {
   std::vector<const Record*>
       records{};        ///< In the order of their names; valid until the next call.
-  bool is_last = true;  ///< No further names.
+  bool is_last = true;  ///< There are no further names.
 };
 
-/// Bound names with their leases. No clock, no socket: every operation takes the time, which must
-/// not decrease, and first drops expired names. A lease that ends at `now` has ended.
+/// Bound names with their leases. It uses no clock and no socket: every operation takes the time,
+/// which must not decrease, and first drops expired names. A lease that ends at `now` has ended.
 /// @threads  one at a time
 class Store {
  public:
   /// Revisions count from `first_revision`; choose another range for each start of a registry.
-  /// A change happens only after `storage` has it; null: none keeps it.
+  /// A change is made only after `storage` has stored it; null: names are in memory only.
   explicit Store(Limits limits = {}, std::uint64_t first_revision = 1, Storage* storage = nullptr);
 
-  /// From now on a shared storage ends the leases, and apply() has all changes.
+  /// From now on a shared storage ends the leases, and apply() receives all changes.
   void share(const SharedStorage& storage, MonotonicTime now);
   [[nodiscard]] bool is_shared() const noexcept { return shared_ != nullptr; }
   /// Ends the record of a lapsed name for its owner, or for any caller with the revision of its
-  /// last holder. Whether it was there and might be.
+  /// last holder. Returns whether there was a record that this caller may end.
   /// @errors   of the storage
   [[nodiscard]] expected<bool, Refusal> dismiss(std::string_view name, Owner owner,
                                                 std::uint64_t holder_revision);
-  /// What a shared storage has told. Of several changes with one revision the log knows nothing.
+  /// Applies changes of a shared storage. The log does not keep changes that share one revision.
   void apply(std::vector<SharedChange> changes, MonotonicTime now);
-  /// The full content of a shared storage, in place of what was here.
+  /// Replaces everything with the full content of a shared storage.
   void apply_all(std::vector<StoredName> names, std::uint64_t revision, MonotonicTime now);
-  /// Everything that was stored before `as_of` is here.
+  /// The store has everything that was stored before `as_of`.
   void confirm(MonotonicTime as_of) noexcept;
-  /// How often it was confirmed.
+  /// How often the shared storage confirmed the content.
   [[nodiscard]] std::uint64_t confirm_count() const noexcept { return confirm_count_; }
-  /// For how long what is here may have been out of date; 0: it is not.
+  /// For how long the content may have been out of date; 0: it is up to date.
   [[nodiscard]] Duration stale_for(MonotonicTime now) const noexcept;
-  /// What bind() or rebind() would do, without doing it.
+  /// The effect that bind() or rebind() would have; changes nothing.
   [[nodiscard]] expected<Plan, Refusal> plan(const Claim& claim, bool replaces, MonotonicTime now);
-  /// What renew() would do: the record that is renewed, with its next lease.
+  /// The effect that renew() would have: the renewed record, with its next lease.
   [[nodiscard]] expected<Plan, Refusal> plan_renewal(std::string_view name, Owner owner,
                                                      Duration lease, MonotonicTime now);
-  /// What unbind() would remove; valid until the next call.
+  /// The record that unbind() would remove; valid until the next call.
   [[nodiscard]] expected<const Record*, Refusal> plan_unbind(std::string_view name, Owner owner,
                                                              MonotonicTime now,
                                                              std::uint64_t holder_revision);
-  /// A renewal of a shared storage has happened.
+  /// Notes that a shared storage renewed the name.
   void note_renewal(std::string_view name, MonotonicTime now);
-  /// What the next change gets, where no shared storage gives revisions.
+  /// The revision of the next change, unless a shared storage assigns revisions.
   [[nodiscard]] std::uint64_t next_revision() const noexcept { return next_revision_; }
-  /// Keeps the words of an error, for storage_trouble().
+  /// Keeps the error's text for storage_trouble().
   [[nodiscard]] Refusal refusal_of(const StorageError& error);
 
-  /// Binds what a storage had, before anything else, whatever the limits are. Leased names get a
-  /// lease as for a first bind, so that their owners have the time to renew them.
+  /// Binds the names of a storage, before anything else, regardless of the limits. Leased names get
+  /// a lease as for a first bind, so that their owners have time to renew them.
   void restore(std::vector<StoredName> names, MonotonicTime now);
-  /// What a storage had as lapsed, behind restore().
+  /// Restores the lapsed names of a storage, after restore().
   void restore_lapsed(std::vector<StoredLapse> lapsed);
-  /// Why the last change that was refused with kReadOnly, kStorageFull or kNotStored was, in words.
+  /// Why the last change was refused with kReadOnly, kStorageFull or kNotStored, in words.
   [[nodiscard]] const std::string& storage_trouble() const noexcept { return storage_trouble_; }
 
   /// Binds `claim.name`. If the same start of the owner holds it, replaces record and lease. A
@@ -155,13 +156,13 @@ class Store {
   [[nodiscard]] expected<const Record*, Refusal> resolve(std::string_view name, MonotonicTime now);
 
   /// Unbinds the name, for its owner or a later start of it; with `holder_revision` for any caller,
-  /// if the holder is that one. Of a lapsed name it ends the record.
+  /// if it is the holder's. Ends the record of a lapsed name.
   /// @errors   as renew() without a lease · kStaleRevision · of the storage
   [[nodiscard]] expected<void, Refusal> unbind(std::string_view name, Owner owner,
                                                MonotonicTime now,
                                                std::uint64_t holder_revision = 0);
 
-  /// Up to `count_max` records that are `directory` or below it (empty: all) and sort after
+  /// Returns up to `count_max` records that are `directory` or below it (empty: all) and sort after
   /// `after`, in byte order. To continue, pass the last name as `after`; concurrent changes affect
   /// no other names.
   /// @errors   kBadName, of either argument
@@ -174,8 +175,8 @@ class Store {
     return index_;
   }
 
-  /// Names whose lease ended without an unbind; drops expired ones first. Of a shared storage these
-  /// are the ones that were told since the start.
+  /// Names whose lease ended without an unbind; drops expired ones first. With a shared storage:
+  /// only those that were reported since the start.
   [[nodiscard]] const LapsedNames& lapsed(MonotonicTime now) {
     expire(now);
     return lapsed_;
@@ -183,7 +184,7 @@ class Store {
   /// The changes so far.
   [[nodiscard]] const ChangeLog& log() const noexcept { return log_; }
   /// Calls `visit` for the names that are `directory` or below it (empty: all) and sort after
-  /// `after`, in byte order, until it returns false; whether it got to the end.
+  /// `after`, in byte order, until it returns false. Returns whether it reached the end.
   template <class Visit>
   [[nodiscard]] bool for_each_after(std::string_view after, std::string_view directory,
                                     Visit visit) const {
@@ -203,7 +204,7 @@ class Store {
   /// Bound names, including those that expired since the last operation.
   [[nodiscard]] std::size_t size() const noexcept { return records_.size(); }
 
-  /// What a host holds.
+  /// The number of names and owners of a host.
   struct HostUse {
     std::uint64_t host = 0;
     std::size_t name_count = 0;
@@ -211,7 +212,7 @@ class Store {
   };
   /// The `count_max` hosts with the most names, most first.
   [[nodiscard]] std::vector<HostUse> hosts(std::size_t count_max) const;
-  /// Owners of names.
+  /// The number of owners of names.
   [[nodiscard]] std::size_t owner_count() const noexcept { return owners_.size(); }
   [[nodiscard]] const Limits& limits() const noexcept { return limits_; }
 
@@ -224,7 +225,7 @@ class Store {
   void erase(Records::iterator place);
   [[nodiscard]] Record record_of(const Claim& claim, const Record* kept, MonotonicTime now) const;
   [[nodiscard]] Plan plan_of(const Claim& claim, Records::iterator held, MonotonicTime now) const;
-  /// Does what was planned.
+  /// Carries out a plan.
   [[nodiscard]] expected<Granted, Refusal> put(Plan plan);
   void insert(Record record);
   void apply(SharedChange change, bool is_logged, MonotonicTime now);
@@ -246,20 +247,20 @@ class Store {
 
   Limits limits_;
   Records records_{};
-  /// By the end of the lease, so that expiry does not visit other names.
+  /// Ordered by the end of the lease, so that expiry does not visit other names.
   std::set<std::pair<MonotonicTime, std::string_view>> ends_{};
   struct OwnerUse {
     std::size_t name_count = 0;
     std::size_t property_byte_count = 0;
   };
-  std::unordered_map<std::uint64_t, OwnerUse> owners_{};  ///< Those of names.
+  std::unordered_map<std::uint64_t, OwnerUse> owners_{};  ///< The owners of names.
   std::size_t property_byte_count_ = 0;
   InterfaceIndex index_{};
   struct Host {
     std::size_t name_count = 0;
     std::unordered_map<std::uint64_t, std::size_t> count_of_owner{};
   };
-  std::unordered_map<std::uint64_t, Host> hosts_{};  ///< Those that hold names.
+  std::unordered_map<std::uint64_t, Host> hosts_{};  ///< The hosts that hold names.
   std::uint64_t next_revision_;
   ChangeLog log_;
   LapsedNames lapsed_{};
@@ -270,10 +271,10 @@ class Store {
   std::uint64_t confirm_count_ = 0;
 };
 
-/// As a storage keeps it.
+/// A record in the form that a storage keeps.
 [[nodiscard]] StoredName stored_name_of(const Record& record);
 
-/// What is here counts as out of date when a shared storage has not confirmed it for that long.
+/// The content counts as out of date when a shared storage has not confirmed it for that long.
 inline constexpr Duration kStaleAfter = std::chrono::seconds{2};
 
 }  // namespace rtpm::names

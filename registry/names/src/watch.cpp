@@ -23,9 +23,9 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// How long one poll of the stream waits, and so how soon the watch ends or takes other names.
+// How long one poll of the stream waits, which bounds how soon the watch ends or takes new names.
 constexpr Duration kPollMax = 50ms;
-// Between attempts to reach the registry; a restarted one usually is there within a second.
+// Pause between attempts to reach the registry; a restarted one is usually up within a second.
 constexpr Duration kRetryFirst = 20ms;
 constexpr Duration kRetryMax = 1s;
 
@@ -134,7 +134,7 @@ class OneWatch final : public NameWatch::Impl {
     }
   }
 
-  // Takes items until the stream ends: why, empty: for other names, or at the end.
+  // Takes items until the stream ends. Returns why; empty: to change names, or at the end.
   [[nodiscard]] std::string read() {
     is_connected_ = true;
     bool goes_on = take(*first_);
@@ -169,13 +169,13 @@ class OneWatch final : public NameWatch::Impl {
     }
   }
 
-  // Whether the watch goes on.
+  // Returns whether the watch continues.
   [[nodiscard]] bool take(const WatchItem& item) {
     if (item.phase() == WatchPhase::CutOff) return false;
     const bool is_state = item.phase() == WatchPhase::State || item.phase() == WatchPhase::StateEnd;
     if (is_state && !is_fresh_) {
       is_fresh_ = true;
-      history_ = 0;  // Resumes by the state until that is whole.
+      history_ = 0;  // Resumes with the state until that is complete.
     }
     if (item.changes() != nullptr) {
       for (const Change* change : *item.changes())
@@ -200,7 +200,8 @@ class OneWatch final : public NameWatch::Impl {
       told.kind = NameChange::Kind::kGone;
       known_.erase(known);
     } else {
-      // A change that the state had is no further one; revisions of another history do not compare.
+      // A change that is in the state is not reported again; revisions of another history do not
+      // compare.
       const bool is_same = is_known && known->second.history == now_history(is_state) &&
                            known->second.revision >= change.revision();
       if (is_same || (is_known && is_state && known->second.is_as(told.entry))) {
@@ -215,12 +216,12 @@ class OneWatch final : public NameWatch::Impl {
     if (handlers_.on_change) handlers_.on_change(told);
   }
 
-  // Counts states: revisions compare between changes since the same one.
+  // Counts states: revisions are comparable only between changes since the same state.
   [[nodiscard]] std::uint64_t now_history(bool is_state) const noexcept {
     return state_count_ + (is_state ? 1 : 0);
   }
 
-  // What is not in the state has gone.
+  // Names that are not in the state are gone.
   void end_state() {
     for (auto known = known_.begin(); known != known_.end();) {
       if (fresh_.contains(known->first)) {
@@ -252,14 +253,14 @@ class OneWatch final : public NameWatch::Impl {
   }
   [[nodiscard]] bool wants_other_names() {
     const std::lock_guard lock(mutex_);
-    if (has_new_names_) history_ = 0;  // The new ones' state is needed.
+    if (has_new_names_) history_ = 0;  // The state of the new names is needed.
     return has_new_names_;
   }
 
-  /// What the handlers know of a name.
+  /// A name as the handlers last received it.
   struct Known {
     NameEntry entry{};
-    std::uint64_t revision = 0;  ///< Of its last change.
+    std::uint64_t revision = 0;  ///< Revision of its last change.
     std::uint64_t history = 0;   ///< The number of the state that it belongs to.
     [[nodiscard]] bool is_as(const NameEntry& other) const {
       return entry.url == other.url && entry.interface == other.interface &&
@@ -272,18 +273,18 @@ class OneWatch final : public NameWatch::Impl {
   std::atomic<bool> is_connected_{false};
   rpc::Node& node_;
   const std::vector<std::string> registries_;
-  std::size_t which_ = 0;  ///< Of them is watched.
+  std::size_t which_ = 0;  ///< The one that is watched.
   const WatchHandlers handlers_;
-  // Of the starting thread, then of the watch's.
+  // Used by the starting thread, then by the watch's.
   std::optional<NamesClient> client_{};
   std::optional<Stream> stream_{};
-  const WatchItem* first_ = nullptr;  ///< Of the stream, until the next one is read.
+  const WatchItem* first_ = nullptr;  ///< The stream's first item, until the next one is read.
   std::uint64_t history_ = 0;
   std::map<std::string, Known, std::less<>> known_{};
   std::set<std::string, std::less<>> fresh_{};  ///< Names of the state so far.
   bool is_fresh_ = false;                       ///< A state is being read.
-  bool is_stale_ = false;                       ///< As the last item said.
-  // Plain: no real-time thread takes it. Guards what follows.
+  bool is_stale_ = false;                       ///< As in the last item.
+  // Plain: no real-time thread locks it. Guards what follows.
   std::mutex mutex_;
   std::condition_variable ending_;
   WatchConfig config_;

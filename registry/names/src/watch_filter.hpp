@@ -12,13 +12,14 @@ namespace rtpm::names {
 
 struct Record;
 
-/// Which names a watch is about; all conditions that are given must hold.
+/// The names that a watch selects; they meet all conditions that are given.
 struct WatchFilter {
   std::string directory{};                     ///< Empty: any.
   std::set<std::string, std::less<>> names{};  ///< Empty: any.
   std::string interface {};                    ///< Empty: any.
   predicate::Predicate predicate;
-  std::shared_ptr<const rpc::Caller> caller{};  ///< Whose grants must let it see the name; or null.
+  std::shared_ptr<const rpc::Caller>
+      caller{};  ///< Its grants must let it see the name; null: no check.
 
   [[nodiscard]] bool accepts(const Record& record) const;
 };

@@ -10,7 +10,7 @@
 
 namespace rtpm::names {
 
-/// A watch at one service, or at those that are found.
+/// A watch at one service, or at the services of a scope.
 class NameWatch::Impl {
  public:
   Impl() = default;

@@ -10,11 +10,11 @@
 namespace rtpm::names {
 namespace {
 
-// One place stays free for the item that cuts the watcher off.
+// One slot stays free for the item that cuts the watcher off.
 constexpr std::uint32_t kWaitingMax = wire::kStreamWindow - 2;
-// Further changes go into the next item, so that most items take one datagram.
+// Further changes go into the next item, so that most items fit one datagram.
 constexpr std::size_t kItemSizeFull = 800;
-// How much is done for one watcher before the next one has its turn.
+// The work done for one watcher before it is the next one's turn.
 constexpr int kItemCountPerTurn = 8;
 constexpr std::size_t kLookedAtPerItem = 256;
 
@@ -43,8 +43,8 @@ void Watcher::begin_state(const Store& store) {
   position_ = store.log().revision();
 }
 
-// Whether the revision to resume behind is still to come, from the storage that this registry
-// shares with the one that told it. A confirmation may have begun before that one.
+// Whether the revision to resume after has not arrived yet from the storage that this registry
+// shares with the one that reported it. A confirmation may have begun before that revision.
 bool Watcher::is_beyond(const Store& store) const noexcept {
   return store.is_shared() && position_ > store.log().revision();
 }
@@ -92,8 +92,8 @@ void Watcher::begin_item() {
   changes_.clear();
 }
 
-// Whether this is the end of the state. A record that changed since the watch began is sent as it
-// is now; its change, which follows, then has no later revision.
+// Returns whether this is the end of the state. A record that changed since the watch began is sent
+// in its current form; its change, which follows, then has no later revision.
 bool Watcher::fill_state(const Store& store, MonotonicTime now) {
   std::size_t looked_at = 0;
   const bool is_whole =
@@ -105,7 +105,7 @@ bool Watcher::fill_state(const Store& store, MonotonicTime now) {
   return is_whole;
 }
 
-// Whether these are all changes so far.
+// Returns whether these are all changes so far.
 bool Watcher::fill_changes(const Store& store, MonotonicTime now) {
   std::size_t looked_at = 0;
   while (const LoggedChange* const change = store.log().after(position_)) {

@@ -11,25 +11,25 @@
 
 namespace rtpm::names {
 
-/// The registry's end of a watch: its stream, and how far its watcher has got.
+/// The registry's end of a watch: its stream, and its progress.
 class Watcher {
  public:
   /// Result of pump().
   enum class Outcome : std::uint8_t {
     kDone,     ///< Everything was sent.
     kMore,     ///< There is more to send at once.
-    kBacklog,  ///< The watcher takes no more now.
+    kBacklog,  ///< The watcher accepts no more for now.
     kGone,     ///< It is gone.
     kTooSlow,  ///< It was cut off.
   };
 
-  /// @param history  the number of the registry's history at any time; outlives this
-  /// @param after    the revision to resume behind; nullopt: sends the state first
+  /// @param history  the current number of the registry's history; must outlive this
+  /// @param after    the revision after which to resume; nullopt: sends the state first
   Watcher(rpc::TableWriter<WatchItem> writer, WatchFilter filter, const std::uint64_t& history,
           std::optional<std::uint64_t> after, const Store& store, std::uint64_t host);
 
-  /// Sends some items. A watcher that takes none, with more than `backlog_max` changes to come, is
-  /// cut off.
+  /// Sends some items. Cuts off a watcher that accepts none while more than `backlog_max` changes
+  /// wait.
   [[nodiscard]] Outcome pump(const Store& store, std::size_t backlog_max, MonotonicTime now);
 
   [[nodiscard]] std::uint64_t host() const noexcept { return host_; }
@@ -49,17 +49,17 @@ class Watcher {
   const std::uint64_t& history_;
   std::uint64_t host_;
   bool is_in_state_;
-  bool is_welcome_due_ = true;   ///< The first item goes out, also without changes.
-  std::string state_cursor_{};   ///< The last name of the state that was looked at.
-  bool is_stale_ = false;        ///< As the last item said.
-  std::uint64_t restart_count_;  ///< Of the log, when the state was last begun.
-  std::uint64_t confirm_count_;  ///< Of the store, when the watch began.
+  bool is_welcome_due_ = true;   ///< The first item is sent even without changes.
+  std::string state_cursor_{};   ///< The last name of the state that was visited.
+  bool is_stale_ = false;        ///< As in the last item.
+  std::uint64_t restart_count_;  ///< The log's count, when the state was last begun.
+  std::uint64_t confirm_count_;  ///< The store's count, when the watch began.
   std::uint64_t position_;       ///< Every change up to this revision was sent, or is in the state.
   flatbuffers::FlatBufferBuilder builder_{};
   std::vector<flatbuffers::Offset<Change>> changes_{};
 };
 
-/// Tells the caller why it gets no watch.
+/// Tells the caller why its watch is refused.
 void refuse_watch(rpc::TableWriter<WatchItem>& writer, Outcome outcome,
                   const predicate::TextError& error = {});
 

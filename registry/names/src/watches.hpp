@@ -14,9 +14,9 @@
 
 namespace rtpm::names {
 
-/// The watchers of a registry. A time-shared thread "rtpm-watches", which the first one starts,
-/// sends them changes and ends leases in time.
-/// @threads  the constructor, add() and the destructor as said; wake() any
+/// The watchers of a registry. A time-shared thread "rtpm-watches", which starts with the first
+/// watcher, sends them changes and ends leases in time.
+/// @threads  wake(): any; the rest as stated
 class Watches {
  public:
   /// `mutex` guards `store`.
@@ -26,14 +26,14 @@ class Watches {
   Watches& operator=(const Watches&) = delete;
   ~Watches();
 
-  /// Takes a caller's stream, or refuses it there. Call it with the mutex locked.
-  /// `caller`: who sees only what its grants let it see; null: it sees all.
+  /// Accepts a caller's stream, or refuses it there. Call it with the mutex locked.
+  /// @param caller  sees only what its grants allow; null: sees all
   void add(const WatchRequest& request, rpc::TableWriter<WatchItem> writer, std::uint64_t host,
            std::shared_ptr<const rpc::Caller> caller = nullptr);
   /// Starts a new count of revisions. Watchers get its number, and a client that resumes by the
   /// former number gets the whole state. With the mutex locked.
   void begin_history(std::uint64_t history) noexcept { history_ = history; }
-  /// After a change.
+  /// Call it after a change.
   void wake() noexcept {
     if (thread_.is_running()) bell_.post();
   }

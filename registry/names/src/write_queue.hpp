@@ -15,12 +15,13 @@
 
 namespace rtpm::names {
 
-/// Changes that wait for a shared storage, done by time-shared threads "rtpm-names-w".
+/// Changes that wait for a shared storage, made by time-shared threads "rtpm-names-w".
 /// @threads  any
 class WriteQueue {
  public:
   static constexpr std::size_t kThreadCount = 4;
-  /// Changes that wait or are under way: in all, of one remote host, and of the registry's own.
+  /// Limits of changes that wait or are under way: in total, per remote host, and of the registry's
+  /// own.
   static constexpr std::size_t kCountMax = 256;
   static constexpr std::size_t kCountPerHostMax = 64;
   static constexpr std::size_t kCountOwnHostMax = 192;
@@ -31,12 +32,13 @@ class WriteQueue {
   ~WriteQueue() { stop(); }
 
   [[nodiscard]] expected<void, SetupError> start();
-  /// Waits for what is under way, and drops the rest.
+  /// Waits for changes under way, and drops the rest.
   void stop();
-  /// Reserves capacity for a change of `host`; false: there is none. Each add() takes one.
+  /// Reserves capacity for a change of `host`; false: there is none. Each add() uses one
+  /// reservation.
   [[nodiscard]] bool reserve(std::uint64_t host);
   void release(std::uint64_t host);
-  /// Runs `change` on one of the threads, then gives its capacity back.
+  /// Runs `change` on one of the threads, then releases its capacity.
   void add(std::uint64_t host, std::function<void()> change);
 
   [[nodiscard]] std::size_t count() const;

@@ -11,7 +11,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Of a seat's state.
+// The states of a seat.
 constexpr std::uint32_t kClaimed = 1;
 constexpr std::uint32_t kAwaited = 2;    // The consumer's own thread waits for it.
 constexpr std::uint32_t kLookAgain = 4;  // The reader came by while it was claimed.
@@ -38,7 +38,7 @@ Registry& registry() {
 }  // namespace
 
 void ReaderSeat::claim() noexcept {
-  // SYNC POINT reader-seat: a new holder sees what the last one did.
+  // SYNC POINT reader-seat: a new holder sees the writes of the last one.
   while ((state_.fetch_or(kClaimed, std::memory_order_acq_rel) & kClaimed) != 0) {
     if ((state_.fetch_or(kAwaited, std::memory_order_acq_rel) & kClaimed) != 0) {
       rest(rt::now() + kClaimLookInterval);

@@ -19,7 +19,7 @@ namespace rtpm::events {
 
 /// A consumer's seat at a common reader. The thread that has claimed it, the consumer's own or the
 /// reader's, reads for the consumer and calls its handler; the other waits or skips.
-/// @threads  those two
+/// @threads  the consumer's own and the reader's
 class ReaderSeat {
  public:
   /// The consumer, as the reader sees it.
@@ -28,7 +28,7 @@ class ReaderSeat {
     enum class Taking : std::uint8_t {
       kDelivered,
       kNothing,
-      kApart,  ///< Nothing; its own thread continues.
+      kApart,  ///< Nothing; the consumer's own thread continues.
     };
     virtual ~Member() = default;
     /// Passes one delivery to the handler. Requires the claimed seat.
@@ -40,7 +40,7 @@ class ReaderSeat {
 
   /// For the consumer's own thread: waits for the reader.
   void claim() noexcept;
-  /// For the reader: false if the consumer's thread has it, which then checks again.
+  /// For the reader: false if the consumer's thread has it; that thread then checks again.
   [[nodiscard]] bool try_claim() noexcept;
   /// Whether the other thread tried meanwhile, so that there may be more to do.
   [[nodiscard]] bool release() noexcept;
@@ -90,7 +90,7 @@ class CommonReader {
   /// Minimum number of consumers, unless the source must be fetched.
   static constexpr std::size_t kSeatCountMin = 2;
   static constexpr std::size_t kSeatCountMax = 1024;
-  /// A handler is slow if it often exceeds the first, or once the second.
+  /// A handler is slow if it often exceeds the first limit, or once the second.
   static constexpr Duration kQuickMax = std::chrono::microseconds{100};
   static constexpr Duration kTooLong = std::chrono::milliseconds{2};
   /// How long a seat stays slow: at first, and at most when repeated soon.
@@ -100,23 +100,23 @@ class CommonReader {
   /// Consumers with equal keys share a reader.
   struct Key {
     const void* node = nullptr;
-    std::uint64_t broadcast = 0;  ///< Id of ring or multicast.
-    std::string interface {};     ///< Of a multicast.
+    std::uint64_t broadcast = 0;  ///< Id of the ring or multicast.
+    std::string interface {};     ///< Interface of a multicast.
     std::optional<Priority> priority{};
     std::vector<int> cpus{};
     rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
     friend bool operator==(const Key&, const Key&) = default;
   };
   using MakeSource = std::function<std::shared_ptr<ReaderSource>()>;
-  /// The program's reader for `key`, created on demand. Null: no source, or no threads for one that
-  /// must be fetched.
+  /// The program's reader for `key`, created on demand. Null: there is no source, or no threads for
+  /// a source that must be fetched.
   /// @realtime set-up only
   [[nodiscard]] static std::shared_ptr<CommonReader> of(const Key& key, const MakeSource& make);
   CommonReader(const CommonReader&) = delete;
   CommonReader& operator=(const CommonReader&) = delete;
   ~CommonReader();
 
-  /// Adds or removes a consumer. For its own thread, with the seat claimed and not common.
+  /// Adds or removes a consumer. Called by its own thread, with the seat claimed and not common.
   /// @realtime set-up only
   void join(const std::shared_ptr<ReaderSeat>& seat);
   void leave(const std::shared_ptr<ReaderSeat>& seat);
@@ -138,13 +138,13 @@ class CommonReader {
 
   const Key key_;
   const std::shared_ptr<ReaderSource> source_;
-  /// Of what follows; never held while a handler runs.
+  /// Guards the members below; never held while a handler runs.
   rt::PiMutex mutex_;
   std::vector<std::shared_ptr<ReaderSeat>> seats_{};
-  bool has_failed_ = false;  ///< No threads.
+  bool has_failed_ = false;  ///< It could not start its threads.
   bool is_dispersed_ = false;
 
-  std::atomic<std::uint64_t> version_{1};  ///< Of seats_.
+  std::atomic<std::uint64_t> version_{1};  ///< Version of seats_.
   std::atomic<bool> serves_{false};
   std::atomic<std::uint32_t> wake_bits_{0};
   std::atomic<bool> is_stopping_{false};
@@ -152,7 +152,7 @@ class CommonReader {
   std::atomic<std::uint64_t> call_{0};
   /// The source's value before the last pass without a delivery.
   std::atomic<std::uint32_t> done_{0};
-  // Of the reader's thread:
+  // Used by the reader's thread only:
   std::vector<std::shared_ptr<ReaderSeat>> served_{};
   std::uint64_t served_version_ = 0;
   MonotonicTime last_time_{};

@@ -17,14 +17,14 @@ namespace rtpm::events {
 /// Bytes of a datagram; fits an Ethernet frame, even tunnelled.
 inline constexpr std::size_t kMulticastDatagramMax = 1400;
 inline constexpr std::size_t kMulticastHeaderSize = 32;
-inline constexpr std::size_t kMulticastOwnerCountMax = 256;  ///< Of one record.
+inline constexpr std::size_t kMulticastOwnerCountMax = 256;  ///< Per record.
 
 /// The header of a datagram.
 struct MulticastHeader {
   std::uint64_t id = 0;           ///< Differs for each start of the hub.
-  std::uint64_t sequence = 0;     ///< Of datagrams, from 0; of a heartbeat: the next.
+  std::uint64_t sequence = 0;     ///< The datagram's number, from 0; in a heartbeat: the next one.
   std::uint32_t record_size = 0;  ///< Bytes of the events; 0: a heartbeat.
-  std::uint32_t offset = 0;       ///< Of this datagram's bytes in the record.
+  std::uint32_t offset = 0;       ///< Offset of this datagram's bytes in the record.
   std::uint16_t owner_count = 0;  ///< At offset 0: number of owners.
   friend bool operator==(const MulticastHeader&, const MulticastHeader&) = default;
 };
@@ -91,9 +91,10 @@ class MulticastReader {
   /// Reads for subscription `owner`, from datagram `begin` on.
   MulticastReader(std::uint64_t id, std::uint32_t owner, std::uint64_t begin);
 
-  /// Takes a datagram, in any order, possibly duplicate; false if it is not of `id`.
+  /// Takes a datagram, in any order, possibly duplicate; false if its id differs from `id`.
   [[nodiscard]] bool take(ConstBytes datagram) noexcept;
-  /// The next record for the owner, in order; false: none. `events()` is valid until the next call.
+  /// The next record for the owner, in order; false: there is none. `events()` is valid until the
+  /// next call.
   [[nodiscard]] bool read();
   [[nodiscard]] ConstBytes events() const noexcept { return events_; }
 

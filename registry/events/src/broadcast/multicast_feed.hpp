@@ -75,7 +75,7 @@ class MulticastFeed final : public ReaderSource {
   std::unique_ptr<transport::WaitSet> wait_set_;
   transport::BroadcastBell bell_;
   std::atomic<bool> is_stopped_{false};
-  rt::PiMutex mutex_;  ///< Of the slots.
+  rt::PiMutex mutex_;  ///< Guards the slots.
   std::vector<Slot> slots_;
   std::atomic<std::uint64_t> end_{0};
 };

@@ -6,7 +6,7 @@
 
 namespace rtpm::events {
 
-/// What several consumers of a program read together, and how their threads wait for it.
+/// A source that several consumers of a program read together, and how their threads wait for it.
 /// @threads  any
 class ReaderSource {
  public:

@@ -25,7 +25,7 @@ class BroadcastSession {
   /// Replaces the policy; pending events stay as far as they fit.
   virtual void set_policy(const DeliveryPolicy& policy) = 0;
   /// Passes one delivery to `taker`.
-  /// @realtime alloc-free, but for asking
+  /// @realtime alloc-free, except for requesting repair
   [[nodiscard]] virtual Outcome take(const Taker& taker, Asking asking) = 0;
   /// Whether a repair is pending: call take() with kNow; wait() ends when it is due.
   [[nodiscard]] virtual bool is_lacking() const noexcept { return false; }

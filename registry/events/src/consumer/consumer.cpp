@@ -13,10 +13,10 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// How long one poll of the stream waits, and so how soon it stops. A stream must be polled at least
-// every second.
+// How long one poll of the stream waits, which bounds how soon it stops. A stream must be polled at
+// least every second.
 constexpr Duration kPollMax = 100ms;
-// Between attempts to resubscribe; a hub usually restarts within a second.
+// Pause between attempts to resubscribe; a hub usually restarts within a second.
 constexpr Duration kRetryFirst = 20ms;
 constexpr Duration kRetryMax = 500ms;
 // Items in flight with kKeepLatest: each one delays the newest.
@@ -160,7 +160,7 @@ Consumer::Impl::Opened Consumer::Impl::open() {
   rpc::StreamOptions options;
   options.call.priority = config_.priority;
   options.miss_count_max = config_.miss_count_max;
-  // A consumer always reads: a silent one is dead.
+  // A consumer always reads: one that is silent is dead.
   options.pause_max = config_.miss_count_max * wire::kStreamAskIntervalMax;
   if (is_latest) options.window = kLatestWindow;
   std::shared_ptr<CommonReader> reader;

@@ -57,7 +57,7 @@ class Consumer::Impl final : private ReaderSeat::Member {
   [[nodiscard]] bool resubscribe(Session& session);
   [[nodiscard]] Opened open();
   [[nodiscard]] SubscribeRequestT request() const;
-  /// The reader to share; null for a thread of its own.
+  /// The reader to share; null: use its own thread.
   [[nodiscard]] std::shared_ptr<CommonReader> reader_of(std::uint64_t broadcast,
                                                         const std::string& interface,
                                                         const CommonReader::MakeSource& make) const;
@@ -91,20 +91,20 @@ class Consumer::Impl final : private ReaderSeat::Member {
   const BroadcastSession::Taker taker_;
   Assembler assembler_;
 
-  mutable std::mutex mutex_;  ///< Of what follows; never held while the handler runs.
+  mutable std::mutex mutex_;  ///< Guards the members below; never held while the handler runs.
   std::condition_variable changed_;
   ConsumerConfig config_;  ///< Its filter and delivery change.
   std::shared_ptr<HubClient> control_client_{};
   bool has_begun_ = false;
   std::optional<SetupError> begin_error_{};
   ConsumerCounters counters_{};
-  Losses earlier_losses_{};  ///< Of earlier sessions.
+  Losses earlier_losses_{};  ///< From earlier sessions.
 
   MonotonicTime last_heard_{};
   std::uint64_t last_epoch_ = 0;
   std::atomic<bool> is_suspended_{false};
-  Losses hub_losses_{};  ///< Of this session, from the hub,
-  Losses own_losses_{};  ///< and on this side of ring or multicast.
+  Losses hub_losses_{};  ///< In this session, as reported by the hub.
+  Losses own_losses_{};  ///< In this session, on this side of ring or multicast.
   std::atomic<bool> reads_ring_{false};
   std::atomic<bool> receives_multicast_{false};
   std::atomic<bool> has_new_policy_{false};

@@ -15,7 +15,7 @@
 namespace rtpm::events {
 
 /// A consumer's end of a hub's multicast: receives, requests repair and queues.
-/// @ownership a socket or, with others, a feed; and a queue of its own
+/// @ownership a socket or, if shared, a feed; and its own queue
 class MulticastSession final : public BroadcastSession {
  public:
   /// A hub's multicast.
@@ -23,10 +23,10 @@ class MulticastSession final : public BroadcastSession {
     std::uint64_t id = 0;  ///< Differs for each start of the hub.
     transport::MulticastGroup group{};
   };
-  /// nullopt: the hub has none.
+  /// nullopt: the hub has no multicast.
   [[nodiscard]] static std::optional<Facts> ask(HubClient& client, const std::string& interface,
                                                 Duration deadline);
-  /// Joins the group with a socket of its own; null if the system refuses.
+  /// Joins the group with its own socket; null if the system refuses.
   [[nodiscard]] static std::unique_ptr<MulticastSession> open(const Facts& facts);
   /// Reads from the group's feed, from now on.
   MulticastSession(std::uint64_t id, std::shared_ptr<MulticastFeed> feed)

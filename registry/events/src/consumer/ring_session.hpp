@@ -29,7 +29,7 @@ class RingSource final : public ReaderSource {
 };
 
 /// A consumer's end of a hub's ring.
-/// @ownership the mapping, and a queue of its own
+/// @ownership the mapping, and its own queue
 class RingSession final : public BroadcastSession {
  public:
   /// Maps the hub's ring; null for a hub of another host or user.

@@ -38,7 +38,7 @@ enum class OfferError : std::uint8_t {
 /// Counters of a subscription.
 struct SubscriptionCounters {
   std::uint64_t accepted_count = 0;   ///< Deliveries that its filter accepted.
-  std::uint64_t omitted_count = 0;    ///< Of these, omitted by its policy.
+  std::uint64_t omitted_count = 0;    ///< Accepted, but omitted by its policy.
   std::uint64_t delivered_count = 0;  ///< Queued or broadcast.
   Losses losses{};
 };

@@ -127,7 +127,7 @@ Gate::Interval& Gate::interval_of(const EventRef& event, MonotonicTime now) noex
   }
   const Interval fresh{.type = header.type, .source = header.source};
   if (intervals_.size() < intervals_.capacity()) return intervals_.emplace_back(fresh);
-  // One that is open has nothing to remember.
+  // An interval that is open has nothing to remember: reuse it.
   if (idle != nullptr) return *idle = fresh;
   return intervals_.front();
 }

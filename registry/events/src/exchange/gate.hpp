@@ -71,11 +71,11 @@ class Gate {
   Duration interval_{0};
   bool is_trailing_ = true;
   std::vector<Band> bands_{};
-  std::vector<Last> lasts_{};  ///< Of fixed capacity.
+  std::vector<Last> lasts_{};  ///< Has a fixed capacity.
   std::size_t next_last_ = 0;
   std::uint32_t nth_ = 0;
   bool is_per_source_ = false;
-  /// The first is for all; the others, of fixed capacity, are a type and source's each.
+  /// The first is for all; the others, of fixed capacity, are for one type and source each.
   std::vector<Interval> intervals_{};
   MonotonicTime next_due_ = kNever;
   std::uint64_t omitted_count_ = 0;

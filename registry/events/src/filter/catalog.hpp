@@ -15,7 +15,7 @@ namespace rtpm::events {
 /// Limits of a catalog.
 struct CatalogLimits {
   std::size_t type_count_max = 1024;
-  std::size_t field_count_max = 256;        ///< Of one type.
+  std::size_t field_count_max = 256;        ///< Fields per type.
   std::size_t name_size_max = 200;          ///< Bytes of any name.
   std::size_t schema_size_max = 16 * 1024;  ///< Bytes; a longer one is not kept.
 };
@@ -33,7 +33,7 @@ class TypeCatalog final : public DescriptorSource {
   [[nodiscard]] expected<void, SetupError> add(const EventDescriptor& descriptor);
 
   [[nodiscard]] const EventDescriptor* find(EventType type) const noexcept override;
-  /// By number; they live as long as the catalog.
+  /// Ordered by number; they live as long as the catalog.
   [[nodiscard]] std::vector<const EventDescriptor*> list() const;
   [[nodiscard]] std::size_t size() const noexcept { return types_.size(); }
 

@@ -99,7 +99,7 @@ bool CompiledFilter::is_where(const Node& node, const EventHeader& header,
   return value && compare(*value, node.comparison, node.operand_bits);
 }
 
-// Whether a node without state accepts the event, given what its children did.
+// Whether a node without state accepts the event, given its children's results.
 bool CompiledFilter::evaluate(const Node& node, Bits accepted, const EventHeader& header,
                               ConstBytes payload) const noexcept {
   switch (node.kind) {
@@ -158,7 +158,7 @@ std::span<const CompiledFilter::Kept> CompiledFilter::kept_of(const Node& node) 
                                   static_cast<std::size_t>(std::popcount(node.children)));
 }
 
-// Keeps what a child accepted; true if this completes the conjunction.
+// Keeps the event that a child accepted; true if this completes the conjunction.
 bool CompiledFilter::fill(const Node& node, Bits accepted, const EventRef& event) noexcept {
   if ((accepted & node.children) == 0) return false;
   Kept* chosen = nullptr;
@@ -218,8 +218,8 @@ std::size_t CompiledFilter::delivered_count(std::size_t index, Bits accepted) co
   }
 }
 
-// Of the accepting children of "any", the first with the most events: each delivers the newest
-// event, so a completed conjunction delivers what a match beside it would, too.
+// Returns the first accepting child of "any" with the most events. Each delivers the newest event,
+// so a completed conjunction also delivers the event of a match beside it.
 std::size_t CompiledFilter::delivering_child(const Node& node, Bits accepted) const noexcept {
   std::size_t chosen = 0;
   std::size_t most = 0;
@@ -234,7 +234,7 @@ std::size_t CompiledFilter::delivering_child(const Node& node, Bits accepted) co
   return chosen;
 }
 
-// What an accepting node delivers. The compiler has bounded depth and size.
+// Collects the delivery of an accepting node. The compiler has bounded depth and size.
 void CompiledFilter::collect(std::size_t index, Bits accepted, const EventRef& event,
                              Group& group) const noexcept {
   const Node& node = nodes_[index];
@@ -262,7 +262,7 @@ void CompiledFilter::collect(std::size_t index, Bits accepted, const EventRef& e
   }
 }
 
-// Collects the delivery and resets conjunctions and silences; whether the root accepted.
+// Collects the delivery and resets conjunctions and silences. Returns whether the root accepted.
 bool CompiledFilter::finish(Bits accepted, const EventRef& event, MonotonicTime now,
                             Group& group) noexcept {
   const bool is_accepted = (accepted & bit(nodes_.size() - 1)) != 0;

@@ -13,7 +13,7 @@
 
 namespace rtpm::events {
 
-inline constexpr std::size_t kInterestCountMax = 64;  ///< Of a group.
+inline constexpr std::size_t kInterestCountMax = 64;  ///< Per group.
 
 /// The events of one delivery.
 /// @ownership holds its events
@@ -57,8 +57,8 @@ class CompiledFilter {
   /// Starts the timeouts.
   void start(MonotonicTime now) noexcept;
 
-  /// Whether the event is accepted; then `group`, empty before, has the delivery, or stays empty
-  /// for the event alone.
+  /// Whether the event is accepted; then `group`, which must be empty, receives the delivery, or
+  /// stays empty for the event alone.
   [[nodiscard]] bool on_event(const EventRef& event, MonotonicTime now, Group& group) noexcept;
   /// The same for a stateless filter.
   [[nodiscard]] bool accepts(const EventHeader& header, ConstBytes payload) const noexcept;
@@ -82,7 +82,7 @@ class CompiledFilter {
   [[nodiscard]] bool on_timeout(const Due& due, const EventRef& event, MonotonicTime now,
                                 Group& group) noexcept;
 
-  /// A superset of what it accepts.
+  /// A superset of the events that it accepts.
   [[nodiscard]] const std::vector<Interest>& interests() const noexcept { return interests_; }
   /// Whether it accepts every event that matches its interests.
   [[nodiscard]] bool is_decided_by_interest() const noexcept { return is_decided_by_interest_; }

@@ -51,7 +51,7 @@ bool covers(const Interest& wide, const Interest& narrow) {
   return (!wide.type || wide.type == narrow.type) && (!wide.source || wide.source == narrow.source);
 }
 
-// Adds the interests that are not covered, and removes those that are now.
+// Adds the interests that are not covered yet, and removes those that the new ones cover.
 void add_once(std::vector<Interest>& to, const std::vector<Interest>& from) {
   for (const Interest& each : from) {
     if (std::ranges::any_of(to, [&](const Interest& other) { return covers(other, each); })) {
@@ -77,7 +77,7 @@ bool is_decided_by_interest(const Match& match) {
          match.hops_min == 0;
 }
 
-// How is_listed() finds a match.
+// The order in which is_listed() finds a match.
 enum class MatchKind : std::uint8_t { kExact, kOfType, kMasked };
 
 MatchKind kind_of(const Match& match) {
@@ -242,8 +242,8 @@ Compiler::Result Compiler::make_listed(const Filter& filter, const std::string& 
     return std::tuple(kind_of(each), each.type, each.source, each.type_mask, each.source_mask,
                       each.hops_min);
   });
-  // Of matches that differ in hops only, the first has the fewest and covers the others. Not
-  // std::ranges::unique: Clang 14 rejects libstdc++'s.
+  // Among matches that differ only in hops, the first has the fewest and covers the others. Does
+  // not use std::ranges::unique, because Clang 14 rejects libstdc++'s.
   const auto all_but_hops = [](const Match& each) {
     return std::tuple(each.type, each.type_mask, each.source, each.source_mask);
   };
@@ -357,8 +357,8 @@ Compiler::Result Compiler::make_group(const Filter& filter, const std::string& p
   return made;
 }
 
-// The events that a group has to see: for "all" those of its most selective child, unless it
-// contains a conjunction; for "not" all events.
+// The events that a group must see: for "all" those of its most selective child, unless it contains
+// a conjunction; for "not" all events.
 std::vector<Interest> Compiler::interests_of(const Filter& filter, const Children& children) {
   if (filter.kind == Kind::kNot) return {{}};
   const bool keeps = std::ranges::any_of(children, &Made::keeps);

@@ -12,7 +12,7 @@ namespace rtpm::events {
 /// "event type 7", with its name if it has one.
 [[nodiscard]] std::string in_words(EventType type, const EventDescriptor* descriptor);
 
-/// The field, or why there is none, in words.
+/// The field, or in words why there is none.
 [[nodiscard]] expected<const FieldDescriptor*, SetupError> find_field(
     EventType type, std::string_view name, const DescriptorSource& types);
 
@@ -23,7 +23,7 @@ class Compiler {
   [[nodiscard]] expected<CompiledFilter, SetupError> compile(const Filter& filter);
 
  private:
-  /// What a parent needs of a compiled node.
+  /// The properties of a compiled node that its parent needs.
   struct Made {
     std::size_t index = 0;
     std::size_t group_size = 1;  ///< Maximum events of one delivery.

@@ -18,7 +18,7 @@ class SubscriptionIndex {
   explicit SubscriptionIndex(std::size_t interest_count_max);
 
   /// Adds `subscription` (below 2^30) under `interests`; false and unchanged if they do not fit.
-  /// `is_decided`: its filter accepts whatever matches the interests.
+  /// `is_decided`: its filter accepts all events that match the interests.
   [[nodiscard]] bool add(std::uint32_t subscription, std::span<const Interest> interests,
                          bool is_decided) noexcept;
   /// Undoes add().

@@ -31,12 +31,12 @@ std::optional<Scalar> parse_scalar(std::string_view text) {
   return std::visit([](auto value) { return Scalar::of(value); }, *number);
 }
 
-/// A field whose type is not known yet: where it stands, and where its node does in the tree.
+/// A field whose type is not known yet: its position in the text, and its node's place in the tree.
 bool is_unresolved(const Filter& filter) {
   return filter.kind == Kind::kWhere && filter.type == 0;
 }
 
-/// Recursive descent; each function leaves the token behind its part in `token_`.
+/// Recursive descent; after each function `token_` is the token behind the parsed part.
 class Parser : predicate::TokenReader {
  public:
   Parser(std::string_view text, std::span<const EventDescriptor* const> types)
@@ -269,7 +269,7 @@ class Parser : predicate::TokenReader {
     advance();
     filter.operand = *value;
     places_.push_back({field, operand});
-    // Until its type is resolved, the tag says which place is its own.
+    // Until its type is resolved, the tag identifies the node's place.
     filter.tag = static_cast<std::uint32_t>(places_.size() - 1);
     if (filter.type != 0) check_field(filter);
     return filter;
@@ -342,7 +342,7 @@ class Parser : predicate::TokenReader {
       check_depth(child, depth + 1);
   }
 
-  /// The type that the conditions beside a field state; 0: none, or several.
+  /// The type that the conditions beside a field state; 0: none, or several types.
   static EventType stated_type(const std::vector<Filter>& conditions) {
     for (const Filter& condition : conditions) {
       const bool is_type = condition.kind == Kind::kMatch && condition.type_mask == kWholeNumber;

@@ -12,7 +12,7 @@ namespace {
 
 using Kind = Filter::Kind;
 
-/// How strongly a text holds together; a weaker one stands in parentheses.
+/// Binding strength of a text; a weaker one is put in parentheses.
 enum class Strength : int { kCorrelation, kAny, kAll, kNot, kPrimary };
 
 struct Text {
@@ -106,8 +106,8 @@ class Printer {
   }
 
   [[nodiscard]] Text joined(const Filter& filter, const char* word, Strength strength) const {
-    // In parentheses also what is as strong: "a and (b and c)" is another tree than "a and b and
-    // c".
+    // Equally strong texts need parentheses, too: "a and (b and c)" is another tree than "a and b
+    // and c".
     const auto needed = static_cast<Strength>(static_cast<int>(strength) + 1);
     std::string text;
     for (const Filter& child : filter.children)

@@ -76,7 +76,7 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
  private:
   using Types = flatbuffers::Vector<flatbuffers::Offset<TypeEntry>>;
 
-  /// The interest of a subscription, and the hub that it is for.
+  /// The interest of a subscription, and the hub that requested it.
   struct InterestSet {
     std::vector<Match> matches{};
     std::uint64_t linking_hub = 0;
@@ -147,10 +147,11 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
 
   const std::unique_ptr<RingOutlet> ring_;            ///< Null: none. Written with mutex_ held.
   const std::unique_ptr<MulticastOutlet> multicast_;  ///< Likewise.
-  Broadcasts broadcasts_;                             ///< Of both; used if there is a multicast.
-  mutable rt::PiMutex mutex_;  ///< Of all that follows; held for at most kEventsPerTurn events.
+  Broadcasts broadcasts_;  ///< The ring and the multicast; used if there is a multicast.
+  mutable rt::PiMutex
+      mutex_;  ///< Guards all members below; held for at most kEventsPerTurn events.
   Exchange exchange_;
-  std::vector<Outlet> outlets_;  ///< By the subscription's number.
+  std::vector<Outlet> outlets_;  ///< Indexed by the subscription's number.
   Intake intake_;
   IntakeCounters intake_counters_{};
   std::array<LinkIntake, kLinkCountMax> link_intakes_{};
@@ -166,7 +167,8 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   std::atomic<bool> is_stopping_{false};
   rt::Thread thread_{};
 
-  /// Of interest_sets_, which is keyed by the subscription's id; never held together with mutex_.
+  /// Guards interest_sets_, which is keyed by the subscription's id; never held together with
+  /// mutex_.
   mutable rt::PiMutex interest_mutex_;
   std::map<std::uint64_t, InterestSet> interest_sets_{};
   mutable rt::PiMutex links_mutex_;

@@ -116,7 +116,7 @@ void HubImpl::change_interest_set(std::uint64_t id, std::vector<Match> matches) 
   {
     const std::lock_guard lock(interest_mutex_);
     const auto found = interest_sets_.find(id);
-    if (found == interest_sets_.end()) return;  // It has just ended.
+    if (found == interest_sets_.end()) return;  // The subscription has just ended.
     std::swap(found->second.matches, matches);
   }
   notify_links();

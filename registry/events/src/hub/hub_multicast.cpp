@@ -9,7 +9,7 @@
 namespace rtpm::events {
 namespace {
 
-// Of one reply; a consumer that misses more asks again.
+// Size of one reply; a consumer that misses more asks again.
 constexpr std::size_t kRepairSizeMax = std::size_t{32} * 1024;
 constexpr std::size_t kSizeSize = 4;
 

@@ -7,15 +7,15 @@
 #include "rtpm/events/filter.hpp"
 #include "rtpm/rpc/caller.hpp"
 
-/// Which events a caller of a hub may push and receive. A hub that asks nobody gives null for the
-/// caller, who may do everything.
+/// The rights of a hub's callers to push and receive events. A hub that does not authenticate
+/// passes null for the caller, who then has all rights.
 ///
 /// An event has the path "rtpm/events/TYPE/SOURCE", both in decimal digits. A role on the hub,
-/// "rtpm/events", or on "rtpm/events/TYPE" is one on all events below.
+/// "rtpm/events", or on "rtpm/events/TYPE" applies to all events below.
 namespace rtpm::events {
 
 /// Whether the caller has `role` on all events.
-/// @realtime as Caller::role_on(), once; the functions below thrice for each event or match at most
+/// @realtime as Caller::role_on(), once; the functions below at most three times per event or match
 [[nodiscard]] bool may_use_all(const rpc::Caller* caller, Role role) noexcept;
 /// On all events of a type.
 [[nodiscard]] bool may_use_type(const rpc::Caller* caller, Role role, EventType type) noexcept;

@@ -41,7 +41,7 @@ HubFacts HubImpl::facts() const noexcept {
           exchange_.store().payload_size_max()};
 }
 
-// The ring has all events.
+// Only callers that may observe all events learn of the ring, which receives all events.
 rpc::Result<HubFacts> HubImpl::about(const rpc::CallContext& context) {
   HubFacts about = facts();
   if (!may_use_all(context.identity, Role::kObserve)) {
@@ -66,11 +66,12 @@ expected<void, SetupError> HubImpl::add_types(const Types* types) {
   return {};
 }
 
-// Why the caller's grants do not let it have what the filter may accept; empty: they do.
+// Why the caller's grants do not let it receive the events that the filter may accept; empty: they
+// do.
 std::string HubImpl::refusal_of(const FilterNode& filter, const Types* types, bool is_broadcast,
                                 const rpc::Caller* caller) {
   const auto wanted = filter_of(filter);
-  // prepare() says why.
+  // prepare() reports the error.
   if (!wanted || may_use_all(caller, Role::kObserve)) return {};
   bool may_have = !is_broadcast && may_receive(caller, interest_set_of(*wanted));
   if (types != nullptr) {

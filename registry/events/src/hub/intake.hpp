@@ -27,7 +27,8 @@ class Intake {
   Intake(std::uint32_t supplier_count_max, const Quota& quota, std::uint64_t epoch)
       : quota_(quota), epoch_(epoch), suppliers_(std::max(supplier_count_max, 1U)) {}
 
-  /// The supplier with this id; a new one takes a free slot or that of the longest silent.
+  /// The supplier with this id. A new one takes a free slot, or that of the supplier silent
+  /// longest.
   [[nodiscard]] Supplier& find(std::uint64_t id, MonotonicTime now) noexcept {
     Supplier* oldest = &suppliers_.front();
     for (Supplier& each : suppliers_) {

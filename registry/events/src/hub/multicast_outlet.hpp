@@ -27,7 +27,7 @@ class MulticastOutlet final : public Broadcaster {
 
   [[nodiscard]] std::uint64_t id() const noexcept { return writer_.id(); }
   [[nodiscard]] const transport::MulticastGroup& group() const noexcept { return config_.group; }
-  /// Where events that do not fit the history are counted.
+  /// Counts the events that do not fit the history.
   void count_losses_in(Exchange& exchange) noexcept { exchange_ = &exchange; }
 
   void broadcast(std::span<const SubscriptionNumber> subscriptions,
@@ -63,7 +63,7 @@ class MulticastOutlet final : public Broadcaster {
   const MulticastConfig config_;
   transport::MulticastSender sender_;
   MulticastWriter writer_;
-  std::vector<Slot> slots_;             ///< By the subscription's number.
+  std::vector<Slot> slots_;             ///< Indexed by the subscription's number.
   std::vector<std::uint64_t> encoded_;  ///< Buffer of one delivery.
   Exchange* exchange_ = nullptr;
   MonotonicTime next_heartbeat_ = kNever;

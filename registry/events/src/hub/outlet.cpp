@@ -9,7 +9,8 @@
 namespace rtpm::events {
 namespace {
 
-// Maximum of an item besides its events: table, structs, padding, and the builder's scratch space.
+// Maximum size of an item besides its events: table, structs, padding, and the builder's scratch
+// space.
 constexpr std::size_t kItemOverheadMax = 256;
 constexpr std::size_t kItemMemory = wire::kStreamFrameSizeMax + 2 * kItemOverheadMax;
 // Items in flight before the consumer has taken one.

@@ -53,7 +53,7 @@ class Outlet {
   /// Result of pump().
   enum class Outcome : std::uint8_t {
     kDone,     ///< Everything was sent.
-    kBacklog,  ///< The consumer takes no more now.
+    kBacklog,  ///< The consumer takes no more for now.
     kGone,     ///< The consumer is gone.
   };
 
@@ -66,7 +66,7 @@ class Outlet {
   bool is_suspended = false;
   bool is_backlogged = false;
   bool is_dead = false;
-  DisconnectReason reason = DisconnectReason::kLeft;  ///< Of a dead one.
+  DisconnectReason reason = DisconnectReason::kLeft;  ///< Why it is dead.
 
   /// Sends from the queue until the consumer takes no more.
   [[nodiscard]] Outcome pump(DeliveryQueue& queue, Losses& losses, ItemBuilder& builder,
@@ -79,9 +79,9 @@ class Outlet {
                                                            MonotonicTime now) noexcept;
 
   Losses reported_{};
-  EventRef partial_{};  ///< The large event being sent in parts,
+  EventRef partial_{};  ///< The large event that is being sent in parts.
   bool is_partial_continued_ = false;
-  std::size_t partial_offset_ = 0;  ///< and the bytes of it already sent.
+  std::size_t partial_offset_ = 0;  ///< The number of its bytes that were sent.
 };
 
 }  // namespace rtpm::events

@@ -22,7 +22,7 @@
 
 namespace rtpm::events {
 
-/// What a consumer reports besides events.
+/// The kinds of notices, which a consumer reports besides events.
 enum class NoticeKind : std::uint8_t {
   kSubscribed,     ///< Events arrive from now on.
   kLosses,         ///< Events were lost; Notice::losses has the totals by cause.
@@ -36,15 +36,15 @@ struct Notice {
   NoticeKind kind = NoticeKind::kSubscribed;
   std::string_view text{};  ///< For people; valid during the call.
   Losses losses{};          ///< Since create(), across restarts of the hub.
-  Duration gap{0};          ///< kResubscribed: since the hub was last heard.
+  Duration gap{0};          ///< kResubscribed: time since the last word from the hub.
   bool has_hub_restarted = false;
-  std::uint64_t hub_epoch = 0;  ///< Of the hub that was heard last.
+  std::uint64_t hub_epoch = 0;  ///< Epoch of the latest hub.
 };
 
 /// Receives events. A call may unsubscribe, change or suspend its consumer, but not destroy it. An
 /// exception is counted and reported as kHandlerFailed.
-/// @threads  one call at a time, on the consumer's own thread or, without
-///           ConsumerConfig::has_own_thread, on one of the same priority and CPUs that serves
+/// @threads  one call at a time: on the consumer's own thread or, without
+///           ConsumerConfig::has_own_thread, on a thread of the same priority and CPUs that serves
 ///           several consumers
 class EventHandler {
  public:
@@ -57,17 +57,18 @@ class EventHandler {
 
 /// Configures a consumer.
 struct ConsumerConfig {
-  std::string name = "consumer";  ///< Of its thread, "ev-<name>", and in the hub's report.
+  std::string name =
+      "consumer";  ///< Names its thread, "ev-<name>", and its entry in the hub's report.
   Filter filter{};
   DeliveryPolicy delivery{};
-  Priority priority{};  ///< Of its thread and of the hub's sends to it.
+  Priority priority{};  ///< Priority of its thread and of the hub's sends to it.
   std::vector<int> cpus{};
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
   /// The types whose fields the filter compares. Constants of static lifetime.
   std::vector<const EventDescriptor*> types{};
   rpc::Transport transport = rpc::Transport::kAuto;
-  /// On the hub's host: reads the ring that the hub writes once for all consumers, instead of a
-  /// stream of its own.
+  /// On the hub's host: reads the ring that the hub writes once for all consumers, instead of its
+  /// own stream.
   bool shared_ring = true;
   /// Only its own thread calls its handler; for handlers that compute in parallel. By default one
   /// thread calls the handlers of all consumers of a node that read the same ring or multicast with
@@ -75,9 +76,9 @@ struct ConsumerConfig {
   /// ms (1 ms under continuous load) moves the other consumers to their own threads until it
   /// returns, and its own consumer for 1 s to 10 s more.
   bool has_own_thread = false;
-  /// Where it does not read the ring: receives the hub's multicast, if there is one, through the
+  /// If it does not read the ring: receives the hub's multicast, if there is one, through the
   /// interface with the address `multicast_interface` (empty: chosen by the routing table). With
-  /// has_own_thread through a socket of its own.
+  /// has_own_thread it uses its own socket.
   bool multicast = false;
   std::string multicast_interface{};
   /// Consecutive heartbeats, one per half second, after whose loss the hub drops the subscription
@@ -86,10 +87,11 @@ struct ConsumerConfig {
   std::uint32_t miss_count_max = rpc::kMissCountMax;
   /// The epoch of the hub that forwards these events; 0: none. Set by a hub's link only.
   std::uint64_t linking_hub = 0;
-  Duration deadline = std::chrono::seconds{1};  ///< Of create() and of each attempt to resubscribe.
+  Duration deadline =
+      std::chrono::seconds{1};  ///< Bounds create() and each attempt to resubscribe.
 };
 
-/// What a consumer received.
+/// Counters of what a consumer received.
 struct ConsumerCounters {
   std::uint64_t event_count = 0;
   std::uint64_t delivery_count = 0;
@@ -130,7 +132,7 @@ class Consumer {
   void unsubscribe();
 
   [[nodiscard]] bool is_subscribed() const noexcept;
-  /// Where its events come from; neither: its stream.
+  /// Whether its events come from the ring, or from the multicast; neither: from its stream.
   [[nodiscard]] bool reads_ring() const noexcept;
   [[nodiscard]] bool receives_multicast() const noexcept;
   [[nodiscard]] ConsumerCounters counters() const;

@@ -5,7 +5,7 @@
 
 namespace rtpm::events {
 
-/// Where rtpm-eventd listens by default.
+/// The URL at which rtpm-eventd listens by default.
 inline constexpr std::string_view kDefaultHubUrl = "rtpm://127.0.0.1:7421/rtpm/events";
 inline constexpr std::uint16_t kDefaultHubPort = 7421;
 /// Path of the hub in its server, and its default name at the registry.

@@ -9,19 +9,18 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/events/event.hpp"
 
-/// How a subscription receives accepted events: how many, and what happens when its consumer is too
-/// slow.
+/// How a subscription receives accepted events: how many, and the policy for a slow consumer.
 namespace rtpm::events {
 
 inline constexpr std::uint32_t kQueueCapacityMax = 4096;  ///< Events.
-/// Of a kKeepLatest queue, whose lookup is linear.
+/// Capacity of a kKeepLatest queue, whose lookup is linear.
 inline constexpr std::uint32_t kLatestQueueCapacityMax = 64;
 inline constexpr std::uint32_t kReplayMax = 64;
 inline constexpr std::size_t kDeadbandCountMax = 8;
-/// Types and sources of a subscription with an interval of their own.
+/// Pairs of type and source of a subscription that have their own interval.
 inline constexpr std::size_t kIntervalSourceMax = 256;
 
-/// What happens when a queue is full.
+/// The reaction to a full queue.
 enum class QueuePolicy : std::uint8_t {
   kDropOldest,  ///< Drops the oldest event.
   /// Keeps only the newest event of each type and source; if full nevertheless, drops the oldest.
@@ -47,10 +46,10 @@ struct DeliveryPolicy {
   QueuePolicy when_full = QueuePolicy::kDropOldest;
   std::uint32_t queue_capacity = 64;  ///< Events.
   /// How many of the latest accepted events of each type and source are replayed at the beginning,
-  /// as far as the hub has them; 1: the latched value.
+  /// if the hub still has them; 1: the latched value.
   std::uint32_t replay = 0;
-  /// `interval` counts for each type and source, instead of for all together; beyond
-  /// kIntervalSourceMax of them, those that are left share one.
+  /// `interval` applies to each type and source separately, instead of to all together; beyond
+  /// kIntervalSourceMax of them, the rest share one interval.
   bool is_interval_per_source = false;
 };
 

@@ -30,10 +30,10 @@ inline constexpr std::uint32_t kUncertaintyUnknown = std::numeric_limits<std::ui
 struct EventHeader {
   EventType type = 0;
   SourceId source = 0;
-  std::uint64_t sequence = 0;    ///< Of its supplier, type and source, from 1; 0: not counted.
+  std::uint64_t sequence = 0;    ///< Per supplier, type and source, from 1; 0: not counted.
   MonotonicTime origin{};        ///< When it happened, on the hub's clock.
-  MonotonicTime hub_received{};  ///< When the hub received it,
-  MonotonicTime hub_sent{};      ///< and sent it to this consumer.
+  MonotonicTime hub_received{};  ///< When the hub received it.
+  MonotonicTime hub_sent{};      ///< When the hub sent it to this consumer.
   std::uint64_t schema_id = 0;   ///< Fingerprint of the payload's schema; 0: none.
   std::uint32_t origin_uncertainty_ns = 0;  ///< Error bound of `origin`.
   Priority priority{};                      ///< The supplier's.

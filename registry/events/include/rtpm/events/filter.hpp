@@ -17,8 +17,8 @@ namespace rtpm::events {
 /// Limits of a filter.
 inline constexpr std::size_t kFilterDepthMax = 16;  ///< Nested nodes, including the root.
 inline constexpr std::size_t kFilterNodeCountMax = 64;
-inline constexpr std::size_t kGroupSizeMax = 32;     ///< Events of one delivery.
-inline constexpr std::size_t kMatchCountMax = 1024;  ///< Of a list.
+inline constexpr std::size_t kGroupSizeMax = 32;     ///< Events per delivery.
+inline constexpr std::size_t kMatchCountMax = 1024;  ///< Matches per list.
 /// Bounds of a timeout.
 inline constexpr Duration kTimeoutMin = std::chrono::microseconds{100};
 inline constexpr Duration kTimeoutMax = std::chrono::hours{24};
@@ -45,11 +45,11 @@ struct Match {
 ///           event of each child, and no event matches by having the type or source 0
 struct Filter {
   enum class Kind : std::uint8_t {
-    kNull,       ///< Accepts every event.
-    kMatch,      ///< Accepts by type and source.
-    kAny,        ///< Accepts what any child accepts; delivers the largest of their deliveries.
-    kAll,        ///< Accepts an event that all children accept.
-    kNot,        ///< Accepts the events that its child does not.
+    kNull,   ///< Accepts every event.
+    kMatch,  ///< Accepts by type and source.
+    kAny,    ///< Accepts an event that any child accepts; delivers the largest of their deliveries.
+    kAll,    ///< Accepts an event that all children accept.
+    kNot,    ///< Accepts the events that its child rejects.
     kCorrelate,  ///< Conjunction: delivers one event of each child together.
     kWhere,      ///< Accepts events of a type by comparing a payload field.
     kOnce,       ///< Timeout: once, relative to the subscription.
@@ -100,30 +100,30 @@ inline constexpr std::uint32_t kWholeNumber = 0xffff'ffff;  ///< The mask of all
           .source = source,
           .source_mask = source_mask};
 }
-/// Accepts what any of `matches` accepts; an empty list accepts nothing. Counts as one node; the
-/// lookup takes logarithmic time for masks of all bits or none.
+/// Accepts events that any of `matches` accepts; an empty list accepts nothing. Counts as one node;
+/// the lookup takes logarithmic time for masks of all bits or none.
 [[nodiscard]] inline Filter listed(std::vector<Match> matches) {
   return {.kind = Filter::Kind::kListed, .matches = std::move(matches)};
 }
-/// Accepts what any of `children` accepts. An event that completes a conjunction is delivered in
-/// it, once, also if another child accepts it alone; if it completes several, in the largest of
-/// them, of equal ones in the first. The others start over.
+/// Accepts events that any of `children` accepts. An event that completes a conjunction is
+/// delivered once, within it, even if another child accepts it alone. If it completes several, it
+/// is delivered in the largest or, of equally large ones, in the first. The others start over.
 [[nodiscard]] inline Filter any_of(std::vector<Filter> children) {
   return {.kind = Filter::Kind::kAny, .children = std::move(children)};
 }
-/// Accepts what all of `children` accept.
+/// Accepts events that all of `children` accept.
 [[nodiscard]] inline Filter all_of(std::vector<Filter> children) {
   return {.kind = Filter::Kind::kAll, .children = std::move(children)};
 }
-/// Accepts what `child` does not.
+/// Accepts events that `child` rejects.
 [[nodiscard]] inline Filter none_of(Filter child) {
   Filter filter{.kind = Filter::Kind::kNot};
   filter.children.push_back(std::move(child));
   return filter;
 }
 /// Conjunction: the newest event of each of `children`, with origins at most `skew` apart (0: any).
-/// An event goes to the first accepting child without one, else to the accepting child with the
-/// oldest. Delivers in the order of the children, then starts over.
+/// An event fills the first accepting child that has none; otherwise it replaces the oldest event
+/// among the accepting children. Delivers in the order of the children, then starts over.
 [[nodiscard]] inline Filter correlate(std::vector<Filter> children, Duration skew = Duration{0}) {
   return {.kind = Filter::Kind::kCorrelate, .span = skew, .children = std::move(children)};
 }

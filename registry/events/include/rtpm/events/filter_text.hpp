@@ -15,7 +15,7 @@
 ///     type(lab.Touched) and source(3) and force.z > 2 within 5ms of type(lab.Gaze)
 namespace rtpm::events {
 
-/// Bytes of a filter's text.
+/// Maximum size of a filter's text, bytes.
 inline constexpr std::size_t kFilterTextSizeMax = 16 * 1024;
 
 using FilterTextError = predicate::TextError;

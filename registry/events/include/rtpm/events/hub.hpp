@@ -37,8 +37,8 @@ struct MulticastConfig {
 /// Configures a hub.
 struct HubConfig {
   ExchangeLimits limits{};
-  Quota quota{};                             ///< Of each supplier.
-  std::uint32_t supplier_count_max = 256;    ///< A further one replaces the longest silent.
+  Quota quota{};                             ///< Applies to each supplier.
+  std::uint32_t supplier_count_max = 256;    ///< One more replaces the one that was silent longest.
   std::optional<Priority> priority{16'384};  ///< Of thread "rtpm-hub"; none: time-shared.
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
   /// Bytes of the ring for consumers on this host: 2^n, at least 64 Ki; 0: no ring, each consumer
@@ -48,7 +48,7 @@ struct HubConfig {
   std::optional<MulticastConfig> multicast{};
 };
 
-/// Outcome of the events of one supplier or of all.
+/// Counts the outcomes of events, of one supplier or of all.
 struct IntakeCounters {
   std::uint64_t taken_count = 0;
   std::uint64_t over_quota_count = 0;  ///< Refused: the supplier exceeds its quota.
@@ -100,9 +100,10 @@ inline constexpr std::size_t kDisconnectCountMax = 64;  ///< Kept by a hub.
 ///     auto server = rpc::Server::create(server_config_for(*hub)).value();
 ///     server->add(kHubPath, hub->servant(), {.checks_callers = true});
 ///
-/// In a server that asks for grants, a caller pushes events on whose path it has the role command,
-/// and receives those on whose path it has observe: "rtpm/events/TYPE/SOURCE", both in digits. A
-/// role on "rtpm/events" is one on all events, one on "rtpm/events/TYPE" on all of the type.
+/// In a server that checks grants, a caller may push events if it has the role command on their
+/// path, and receives events if it has observe on their path: "rtpm/events/TYPE/SOURCE", both in
+/// digits. A role on "rtpm/events" applies to all events, one on "rtpm/events/TYPE" to all of the
+/// type.
 /// @ownership must outlive the server's stop()
 /// @threads  any
 class Hub {
@@ -118,7 +119,7 @@ class Hub {
   virtual ~Hub() = default;
 
   [[nodiscard]] virtual rpc::Servant& servant() noexcept = 0;
-  /// Random, drawn at every start.
+  /// Random, new at every start.
   [[nodiscard]] virtual std::uint64_t epoch() const noexcept = 0;
 
   /// Takes encoded events from a supplier in this program; Supplier does this by itself.

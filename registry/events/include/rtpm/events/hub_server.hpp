@@ -24,18 +24,18 @@ struct HubServerConfig {
   HubConfig hub{};
   /// nullopt: server_config_for(hub), on a free port of the loopback interface.
   std::optional<rpc::ServerConfig> server{};
-  std::string name{kHubPath};  ///< At the registry; empty: none.
+  std::string name{kHubPath};  ///< Its name at the registry; empty: none.
   std::string registry{names::kThisHost};
 };
 
-/// Hub, server and name in one: a hub in this program that others find by name and tools can ask,
-/// like rtpm-eventd.
+/// Hub, server and name in one: a hub in this program that other programs find by name and tools
+/// can query, like rtpm-eventd.
 /// Suppliers of this program push without a call:
 ///
 ///     auto served = HubServer::create(node, {.name = "lab/events"}).value();
 ///     auto supplier = TouchedSupplier::create(served->hub());
 ///
-/// A program with a server of its own adds the hub to it instead:
+/// A program with its own server adds the hub to it instead:
 ///
 ///     server->add(kHubPath, hub->servant());
 ///     auto name = register_hub(node, *server, "lab/events");

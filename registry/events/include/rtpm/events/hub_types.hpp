@@ -11,21 +11,22 @@
 
 namespace rtpm::events {
 
-/// The types of events that a hub knows, because suppliers or consumers have registered them: what
-/// tools need that have no generated code.
+/// The types of events that a hub knows, because suppliers or consumers have registered them; for
+/// tools without generated code.
 /// @ownership owns the descriptors
 class HubTypes {
  public:
   /// Asks the hub at `target`, a URL or a name.
   /// @realtime set-up only
-  /// @errors   no hub answers there in time; one of an older release, which does not tell its types
+  /// @errors   no hub answers there in time; the hub is of an older release, which does not report
+  ///           types
   [[nodiscard]] static expected<HubTypes, SetupError> ask(
       rpc::Node& node, const std::string& target, Duration deadline = std::chrono::seconds{1});
   HubTypes(HubTypes&&) noexcept;
   HubTypes& operator=(HubTypes&&) noexcept;
   ~HubTypes();
 
-  /// By number.
+  /// Ordered by number.
   [[nodiscard]] const std::vector<const EventDescriptor*>& list() const noexcept { return list_; }
   /// nullptr: the hub does not know it.
   [[nodiscard]] const EventDescriptor* find(EventType type) const noexcept;

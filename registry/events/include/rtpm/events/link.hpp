@@ -22,13 +22,13 @@ namespace rtpm::events {
 /// No interest is forwarded over more links, however hubs are connected.
 /// @source   spec/events.md#ev-5.2-2
 inline constexpr std::uint8_t kLinkHopsMax = 8;
-inline constexpr std::size_t kLinkCountMax = 16;  ///< Of one hub.
+inline constexpr std::size_t kLinkCountMax = 16;  ///< Per hub.
 
 /// How a hub is linked to another.
 struct LinkConfig {
   std::string name =
       "link";  ///< Names its thread, "ev-<name>", and its entry in the other hub's report.
-  /// Of its thread and of the other hub's sends. Events keep their suppliers' priority.
+  /// Priority of its thread and of the other hub's sends. Events keep their suppliers' priority.
   Priority priority{};
   std::vector<int> cpus{};
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
@@ -38,7 +38,7 @@ struct LinkConfig {
   rpc::Transport transport = rpc::Transport::kAuto;
   bool shared_ring = true;                            ///< As ConsumerConfig::shared_ring.
   std::uint32_t miss_count_max = rpc::kMissCountMax;  ///< As ConsumerConfig::miss_count_max.
-  Duration deadline = std::chrono::seconds{1};        ///< Of each attempt to reach the other hub.
+  Duration deadline = std::chrono::seconds{1};  ///< Bounds each attempt to reach the other hub.
   /// Interval of checking the other hub, reading its clock and retrying.
   Duration attend_interval = std::chrono::milliseconds{250};
 };
@@ -58,7 +58,7 @@ struct LinkStatus {
   std::string target{};
   LinkState state = LinkState::kConnecting;
   std::string reason{};            ///< Why it is not linked; empty: linked.
-  std::uint64_t peer_epoch = 0;    ///< Of the other hub; 0: not known yet.
+  std::uint64_t peer_epoch = 0;    ///< Epoch of the other hub; 0: not known yet.
   std::size_t interest_count = 0;  ///< Types and sources requested from the other hub.
   std::uint64_t taken_count = 0;
   /// Duplicates: received before over another path, or pushed to this hub.

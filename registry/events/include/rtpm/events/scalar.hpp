@@ -38,9 +38,9 @@ inline constexpr int kScalarTypeCount = 11;
 struct Scalar {
   enum class Kind : std::uint8_t { kSigned, kUnsigned, kReal };
   Kind kind = Kind::kSigned;
-  std::int64_t integer = 0;   ///< Of kSigned,
-  std::uint64_t natural = 0;  ///< of kUnsigned,
-  double real = 0;            ///< of kReal.
+  std::int64_t integer = 0;   ///< For kSigned.
+  std::uint64_t natural = 0;  ///< For kUnsigned.
+  double real = 0;            ///< For kReal.
 
   [[nodiscard]] static constexpr Scalar of(std::int64_t value) noexcept {
     return {Kind::kSigned, value, 0, 0};

@@ -22,14 +22,14 @@ namespace rtpm::events {
 /// Configures a supplier.
 struct SupplierConfig {
   std::string name = "supplier";  ///< Shown in the hub's report.
-  Priority priority{};            ///< Of its events and of their matching.
+  Priority priority{};            ///< Priority of its events and of their matching.
   /// Types of its events, for filters on their fields. Constants of static lifetime.
   std::vector<const EventDescriptor*> types{};
   std::uint8_t hops = 1;  ///< How many further hubs may forward its events.
   /// Interval of reading the hub's counters and clock.
   Duration attend_interval = std::chrono::milliseconds{250};
   rpc::Transport transport = rpc::Transport::kAuto;
-  Duration deadline = std::chrono::seconds{1};  ///< Of create().
+  Duration deadline = std::chrono::seconds{1};  ///< Bounds create().
 };
 
 /// An event to push; the supplier adds sequence, priority and clock.
@@ -58,9 +58,9 @@ struct SupplierCounters {
 };
 
 /// Pushes events to a hub, remote or in this program. Never waits for a consumer or a reply;
-/// intake() has what the hub refused. After a restart of the hub it continues with the new one, and
-/// one push() returns kMaybeLost if events may be lost (see counters()). Events of one type and
-/// source arrive in order; UDP may lose some.
+/// intake() counts the events that the hub refused. After a restart of the hub it continues with
+/// the new one, and one push() returns kMaybeLost if events may be lost (see counters()). Events of
+/// one type and source arrive in order; UDP may lose some.
 /// @ownership refers to its node or hub, which must outlive it
 /// @threads  push(), add() and flush() from any; they wait for each other's copying
 class Supplier {
@@ -77,7 +77,7 @@ class Supplier {
   Supplier& operator=(const Supplier&) = delete;
   ~Supplier();
 
-  /// Pushes one event, after the batch that add() has gathered. The payload is copied.
+  /// Pushes one event, after the batch that add() has gathered. Copies the payload.
   /// @realtime alloc-free; one send, as any oneway call
   /// @errors   kTooLarge: larger than the hub takes · kMaybeLost: this batch was not sent and
   ///           earlier ones may be lost, see counters() · others: as any oneway call; retry with

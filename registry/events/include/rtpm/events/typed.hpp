@@ -13,9 +13,9 @@
 #include "rtpm/events/supplier.hpp"
 #include "rtpm/rpc/tables.hpp"
 
-/// Suppliers and consumers of one type of event, which generated code names: for the event
-/// `lab.Touched` of a schema, `lab::TouchedSupplier` and `lab::TouchedConsumer`. `Event` is what
-/// rtpmc makes of an event, `lab::TouchedEvent`: its number, schema id, payload and fields.
+/// Suppliers and consumers of one type of event. Generated code names them: for the event
+/// `lab.Touched` of a schema, `lab::TouchedSupplier` and `lab::TouchedConsumer`. `Event` is the
+/// type that rtpmc generates, `lab::TouchedEvent`: its number, schema id, payload and fields.
 namespace rtpm::events {
 
 /// Pushes events of one type and source; threads, real time and errors as Supplier.

@@ -10,7 +10,7 @@
 namespace rtpm::names {
 
 /// The owner of a name. A restart keeps the id and increases the epoch, so a restarted owner takes
-/// its names back at once, and no other does by accident.
+/// its names back at once, and no other owner does so by accident.
 struct Owner {
   std::uint64_t id = 0;  ///< Never 0.
   std::uint64_t epoch = 0;
@@ -24,21 +24,22 @@ struct Claim {
   std::string_view interface;
   Owner owner{};
   Duration lease{};
-  /// rebind() may take the name from the holder with this revision; 0: from none.
+  /// rebind() may take the name from the holder with this revision; 0: from no holder.
   std::uint64_t holder_revision = 0;
   /// rebind() may take the name from any holder.
   bool allows_takeover = false;
   /// Set by the registry: the calling host (rpc::CallerHost::number).
   std::uint64_t host = 0;
-  /// Replace those of an earlier bind.
+  /// Replace the properties of an earlier bind.
   std::span<const Property> properties{};
-  /// It has no lease, and stays until it is unbound, also over restarts of a registry with a file.
+  /// The name has no lease: it stays until it is unbound, also over restarts of a registry with a
+  /// file.
   bool is_permanent = false;
 };
 
 /// Result of a bind.
 struct Granted {
-  /// Duration::max() of a permanent name, else as requested, but at most Limits::first_lease_max
+  /// Permanent names: Duration::max(). Others: as requested, but at most Limits::first_lease_max
   /// until the name has been held for that long.
   Duration lease{};
   std::uint64_t revision = 0;

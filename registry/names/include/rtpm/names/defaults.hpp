@@ -5,11 +5,11 @@
 
 namespace rtpm::names {
 
-/// Where rtpm-registryd listens by default.
+/// The URL at which rtpm-registryd listens by default.
 inline constexpr std::string_view kDefaultRegistryUrl = "rtpm://127.0.0.1:7420/rtpm/names";
 inline constexpr std::uint16_t kDefaultRegistryPort = 7420;
-/// Where names are looked for by default: at the registry of this host, else where programs of this
-/// host serve them themselves.
+/// The default scope for look-ups: the registry of this host or, without one, programs of this host
+/// that serve their names themselves.
 inline constexpr std::string_view kThisHost = "host";
 /// Path of the registry in its server.
 inline constexpr std::string_view kRegistryPath = "rtpm/names";

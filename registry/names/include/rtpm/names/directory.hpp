@@ -24,23 +24,23 @@ struct NameEntry {
   std::string url;
   std::string interface;
   Duration lease_left{};               ///< At the time of the reply.
-  std::uint64_t revision = 0;          ///< Of its holder; see Claim::holder_revision.
-  std::vector<Property> properties{};  ///< Of describe(), find() and watches only.
-  bool is_permanent = false;           ///< It has no lease: lease_left says nothing.
-  /// For how long the registry has had no word from the storage that it shares with others, so that
-  /// the entry may be out of date; 0: it is not.
+  std::uint64_t revision = 0;          ///< Revision of its holder; see Claim::holder_revision.
+  std::vector<Property> properties{};  ///< Set by describe(), find() and watches only.
+  bool is_permanent = false;           ///< It has no lease: ignore lease_left.
+  /// How long ago the registry last heard from the storage that it shares with other registries:
+  /// the entry may be out of date by that long; 0: it is up to date.
   Duration stale_for{};
-  /// The host that bound it, in words; of resolve() and describe() only.
+  /// The host that bound it, in words; set by resolve() and describe() only.
   std::string bound_from{};
   /// It was bound from another host, as far as the registry can tell.
   bool is_of_other_host = false;
-  /// Where names are found, not by a URL: the name service that has it, and whether another one has
-  /// the name for another URL.
+  /// Only if name services were searched for, not given by a URL: the service that has the name,
+  /// and whether another service has it for another URL.
   std::string service_url{};
   bool is_duplicate = false;
 };
 
-/// What find() looks for. The grammar is in registry/predicate/README.md:
+/// The criteria of find(). The grammar is in registry/predicate/README.md:
 ///
 ///     {.interface = "rtpm.device.Device",
 ///      .predicate = "class == 'haptic' and force_newton_max >= 3",
@@ -48,22 +48,22 @@ struct NameEntry {
 struct NameQuery {
   std::string_view interface {};  ///< Empty: any.
   std::string_view predicate{};   ///< Empty: every name.
-  std::string_view preference{};  ///< Empty: the first in the order of the names.
+  std::string_view preference{};  ///< Empty: alphabetical order.
   std::uint32_t limit = 0;        ///< 0: as many as a reply takes.
 };
 
-/// What find() found, preferred names first.
+/// The result of find(), preferred names first.
 struct FoundNames {
   std::vector<NameEntry> entries{};
-  std::uint32_t accepted_count = 0;  ///< With those that exceed the limit.
-  /// Properties that no name of the interface has, and similar ones; empty: there are none.
+  std::uint32_t accepted_count = 0;  ///< Includes those that exceed the limit.
+  /// Properties that no name of the interface has, and similar ones; empty: none.
   std::string note{};
   Duration stale_for{};  ///< See NameEntry.
 };
 
 /// Why an operation on the registry failed.
 struct DirectoryError : SetupError {
-  /// The registry's answer; nullopt: none, and whether it acted is unknown.
+  /// The registry's answer; nullopt: it did not answer, and whether it acted is unknown.
   std::optional<Outcome> outcome{};
   /// The holder, for kAlreadyBound, kStaleEpoch and kStaleRevision.
   std::string holder_url{};
@@ -75,20 +75,20 @@ struct DirectoryError : SetupError {
   bool is_ambiguous = false;
 };
 
-/// A client of the registry: one request per operation. The next operation finds a restarted
-/// registry.
+/// A client of the registry: one request per operation. If the registry restarts, the next
+/// operation reaches it.
 ///
-/// Without the URL of one, it finds name services (discovery::parse_scope() has the forms) with
-/// each operation: the registry of this host, programs that serve their names themselves, and those
-/// of the LAN if the scope says so. It asks all of them and puts their names together. Each gets a
-/// quarter of the deadline, a registry all of it. bind(), rebind(), renew() and unbind() need a
-/// registry: that of this host, else the only one that is found. Names of other hosts that lead to
+/// Without a registry's URL, each operation searches for name services (discovery::parse_scope()
+/// has the forms): the registry of this host, programs that serve their names themselves, and those
+/// of the LAN if the scope says so. It asks all of them and merges their names. Each gets a quarter
+/// of the deadline, a registry all of it. bind(), rebind(), renew() and unbind() need a registry:
+/// that of this host or, without one, the only one that is found. Names of other hosts that lead to
 /// their loopback addresses are left out.
 /// @ownership refers to its node, which must outlive it
 /// @threads  any, several at once
 /// @realtime set-up only
-/// @errors   of all operations: the registry's URL is invalid; "no registry answers at …"; a
-/// refusal; nothing is found. Of look-ups: the name leads to different URLs (is_ambiguous)
+/// @errors   all operations: the registry's URL is invalid; "no registry answers at …"; a refusal;
+///           nothing is found. Look-ups also: the name leads to different URLs (is_ambiguous)
 class Directory {
  public:
   /// `deadline` bounds each request; list() may take several.
@@ -111,40 +111,41 @@ class Directory {
   /// @errors   kNotFound: bind again · kNotOwner, kStaleEpoch
   [[nodiscard]] expected<void, DirectoryError> renew(std::string_view name, Owner owner,
                                                      Duration lease);
-  /// Looks a name up. Also ends by `deadline`.
+  /// Looks a name up. Ends by `deadline` at the latest.
   /// @errors   kNotFound, kNotADirectory, kIsADirectory
   [[nodiscard]] expected<NameEntry, DirectoryError> resolve(std::string_view name,
                                                             MonotonicTime deadline = kNever);
   /// As resolve(), with the properties.
   [[nodiscard]] expected<NameEntry, DirectoryError> describe(std::string_view name,
                                                              MonotonicTime deadline = kNever);
-  /// Names by interface and properties. A name without a property that the predicate needs does not
-  /// fit.
+  /// Finds names by interface and properties. A name without a property that the predicate needs
+  /// does not match.
   /// @errors   kBadPredicate, kBadPreference: text_error says where
   [[nodiscard]] expected<FoundNames, DirectoryError> find(const NameQuery& query);
-  /// The URL that a name stands for, as reachable_url() gives it. Below a bound name that is the
-  /// object below that name's: "lab/arm0/config" is /config below the URL of "lab/arm0". Ends by
-  /// `deadline`.
+  /// The URL that a name stands for, as reachable_url() returns it. A path below a bound name
+  /// stands for the object below that name's URL: "lab/arm0/config" is /config below the URL of
+  /// "lab/arm0". Ends by `deadline`.
   /// @errors   kNotFound, kIsADirectory; the server serves its own host only
   [[nodiscard]] expected<std::string, DirectoryError> url_of(std::string_view name,
                                                              MonotonicTime deadline = kNever);
-  /// The entry of the name itself or, below a bound name, of that. Ends by `deadline`.
+  /// The entry of the name itself or, for a path below a bound name, of that name. Ends by
+  /// `deadline`.
   /// @errors   as url_of()
   [[nodiscard]] expected<NameEntry, DirectoryError> entry_of(std::string_view name,
                                                              MonotonicTime deadline = kNever);
-  /// Unbinds a name of this or an earlier start of the owner, or, with `holder_revision`, that
-  /// holder's, whose ever it is.
+  /// Unbinds a name of this or an earlier start of the owner or, with `holder_revision`, of that
+  /// holder, whichever owner it is.
   /// @errors   as renew(); kStaleRevision
   [[nodiscard]] expected<void, DirectoryError> unbind(std::string_view name, Owner owner,
                                                       std::uint64_t holder_revision = 0);
-  /// As list(), and whether the registry is out of date, also where nothing is bound.
+  /// As list(), and whether the registry is out of date, even if nothing is bound.
   [[nodiscard]] expected<FoundNames, DirectoryError> contents(std::string_view directory = {});
   /// All names that are `directory` or below it; empty: all.
   [[nodiscard]] expected<std::vector<NameEntry>, DirectoryError> list(
       std::string_view directory = {});
 
-  /// What the last operation left out, as sentences: services that did not answer, names that lead
-  /// nowhere from here.
+  /// The omissions of the last operation, as sentences: services that did not answer, names that
+  /// are unreachable from here.
   [[nodiscard]] std::vector<std::string> notes() const;
   [[nodiscard]] const std::string& where() const noexcept;
 

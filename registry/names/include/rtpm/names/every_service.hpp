@@ -15,24 +15,25 @@ namespace rtpm::names {
 
 /// The answer of one name service.
 struct ServiceAnswer {
-  std::string url{};               ///< Of the service.
+  std::string url{};               ///< URL of the service.
   std::vector<NameEntry> names{};  ///< As they are bound; with an error, those that came before it.
   std::vector<LapsedName> lapsed{};  ///< Names whose servers are lost, if it keeps them.
-  /// Why it did not answer, or not to the end.
+  /// Why it gave no answer, or an incomplete one.
   std::optional<DirectoryError> error{};
 };
 
-/// Asks every name service of a scope for all its names, each at the same time and by itself: for
-/// callers that must act on every binding of a name, such as an emergency stop. So, unlike a
-/// Directory, a name that is bound twice is no error, one that hangs delays no other, and the
-/// registry at the usual place of this host is asked also where the user has one of their own.
+/// Asks every name service of a scope for all its names, all at the same time and independently:
+/// for callers that must act on every binding of a name, such as an emergency stop. Unlike in a
+/// Directory, a name that is bound twice is no error, a service that hangs delays no other, and the
+/// registry at the usual place of this host is asked even if the user has their own registry.
 /// @param where     as Directory takes it
-/// @param deadline  by which it returns; later answers are lost
+/// @param deadline  the time by which it returns; later answers are lost
 /// @param take      called for each service, from several threads at the same time
 /// @threads  any
 /// @realtime set-up only; blocks
-/// @errors   of the scope: its text is none, no such interface, the folder of this host is unsafe;
-///           what could be asked was asked all the same
+/// @errors   of the scope: its text is malformed, no such interface, the folder of this host is
+///           unsafe;
+///           every service that could be asked was asked nevertheless
 [[nodiscard]] expected<void, SetupError> ask_every_service(
     rpc::Node& node, const std::string& where, MonotonicTime deadline,
     const std::function<void(ServiceAnswer)>& take);

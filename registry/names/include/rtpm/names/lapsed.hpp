@@ -10,10 +10,10 @@
 
 namespace rtpm::names {
 
-/// A name whose lease ended, and was not unbound before: its server hangs or is dead.
+/// A name whose lease ended without an unbind: its server hangs or is dead.
 struct LapsedName {
   std::string name{};
-  std::string url{};  ///< Where it led.
+  std::string url{};  ///< The URL that it led to.
   std::string interface {};
   std::uint64_t revision = 0;  ///< Directory::unbind() with it dismisses the name.
   Duration lapsed_for{};
@@ -24,13 +24,13 @@ struct LapsedName {
 /// The lapsed names that registries know.
 struct LapsedAnswer {
   std::vector<LapsedName> names{};
-  /// The registries that answered, and the scope if it is a list of which one did: a name that one
-  /// of them had, and has neither bound nor here, was unbound.
+  /// The registries that answered, and the scope, if it is a list of registries of which one
+  /// answered. A name that one of them had, and that is now neither bound nor lapsed, was unbound.
   std::vector<std::string> services{};
 };
 
 /// Asks every registry of a scope for its lapsed names, as ask_every_service() does. A registry
-/// with a database of its own keeps them there, any other from its start on.
+/// with its own database keeps them there; any other knows those since its start.
 /// @threads  any
 /// @realtime set-up only; blocks, until `deadline` at most
 [[nodiscard]] LapsedAnswer ask_for_lapsed(rpc::Node& node, const std::string& where,

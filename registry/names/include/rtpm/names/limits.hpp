@@ -11,21 +11,21 @@ namespace rtpm::names {
 struct Limits {
   std::size_t name_count_max = 4096;
   std::size_t name_count_per_owner_max = 256;
-  /// Of one remote host: its names, and owners of names.
+  /// Per remote host: its names, and owners of names.
   std::size_t name_count_per_host_max = 512;
   std::size_t owner_count_per_host_max = 128;
   /// The same for the registry's own host.
   std::size_t name_count_own_host_max = 2048;
   std::size_t owner_count_own_host_max = 512;
-  /// Bytes of the properties of one binding, of all bindings of an owner, and of all.
+  /// Bytes of the properties of one binding, of all bindings of an owner, and in total.
   std::size_t property_byte_max = std::size_t{4} * 1024;
   std::size_t property_byte_per_owner_max = std::size_t{256} * 1024;
   std::size_t property_byte_in_all_max = std::size_t{64} * 1024 * 1024;
-  /// Watches in all, and of one remote host.
+  /// Watches in total, and per remote host.
   std::size_t watch_count_max = 256;
   std::size_t watch_count_per_host_max = 64;
-  /// Changes that a watch may be behind before it is cut off; and those that the registry keeps, so
-  /// that it can resume.
+  /// The number of changes that a watch may lag behind before it is cut off, and the number that
+  /// the registry keeps so that a watch can resume.
   std::size_t watch_backlog_max = 4096;
   std::size_t history_count_max = 16384;
   std::size_t history_byte_max = std::size_t{16} * 1024 * 1024;

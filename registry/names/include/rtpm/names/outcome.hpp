@@ -10,23 +10,23 @@ namespace rtpm::names {
 /// @source   OutcomeCode in schema/idl/names.fbs; the distinctions are CosNaming's
 enum class Outcome : std::uint8_t {
   kDone = 0,
-  kBadName = 1,          ///< A component is malformed, or the name too long or deep.
-  kNotFound = 2,         ///< Nothing is bound at the component or below it.
-  kNotADirectory = 3,    ///< The component is itself a bound name.
-  kIsADirectory = 4,     ///< Names are bound below it.
-  kAlreadyBound = 5,     ///< Another owner holds the name until its lease ends.
-  kStaleEpoch = 6,       ///< A later start of the same owner holds the name.
-  kNotOwner = 7,         ///< Bound, but not by this start of this owner.
-  kBadLease = 8,         ///< The lease is outside the limits.
-  kBadUrl = 9,           ///< The URL is not of the form rtpm://host:port/path.
-  kBadInterface = 10,    ///< The interface is not a qualified name such as lab.Arm.
-  kBadOwner = 11,        ///< The owner is 0.
-  kFull = 12,            ///< The registry's limit of names.
-  kOwnerFull = 13,       ///< The owner's limit of names.
-  kHostFull = 14,        ///< The calling host's limit of names.
-  kHostOwnersFull = 15,  ///< The calling host's limit of owners.
-  kStaleRevision = 16,   ///< The holder is not the one with the given revision.
-  kBadProperty = 17,     ///< A property is malformed, reserved, twice there, or beyond a limit.
+  kBadName = 1,               ///< A component is malformed, or the name too long or deep.
+  kNotFound = 2,              ///< Nothing is bound at the component or below it.
+  kNotADirectory = 3,         ///< The component is itself a bound name.
+  kIsADirectory = 4,          ///< Names are bound below it.
+  kAlreadyBound = 5,          ///< Another owner holds the name until its lease ends.
+  kStaleEpoch = 6,            ///< A later start of the same owner holds the name.
+  kNotOwner = 7,              ///< Bound, but not by this start of this owner.
+  kBadLease = 8,              ///< The lease is outside the limits.
+  kBadUrl = 9,                ///< The URL is not of the form rtpm://host:port/path.
+  kBadInterface = 10,         ///< The interface is not a qualified name such as lab.Arm.
+  kBadOwner = 11,             ///< The owner is 0.
+  kFull = 12,                 ///< The registry's limit of names.
+  kOwnerFull = 13,            ///< The owner's limit of names.
+  kHostFull = 14,             ///< The calling host's limit of names.
+  kHostOwnersFull = 15,       ///< The calling host's limit of owners.
+  kStaleRevision = 16,        ///< The holder is not the one with the given revision.
+  kBadProperty = 17,          ///< A property is malformed, reserved, duplicate, or beyond a limit.
   kOwnerPropertiesFull = 18,  ///< The owner's limit of properties.
   kPropertiesFull = 19,       ///< The registry's limit of properties.
   kBadPredicate = 20,         ///< The text is no predicate.
@@ -39,8 +39,8 @@ enum class Outcome : std::uint8_t {
   kStoreUnreachable = 27,     ///< The registries' shared storage did not answer in time.
 };
 
-/// A clause for people: what is wrong with which component, and the remedy. `component` counts from
-/// 0; of kBadProperty it is the property.
+/// A clause for people: the component that is wrong, why, and the remedy. `component` counts from
+/// 0; for kBadProperty it is the property.
 /// @realtime set-up only
 [[nodiscard]] std::string outcome_text(Outcome outcome, std::string_view name,
                                        std::uint8_t component);

@@ -9,7 +9,7 @@
 
 namespace rtpm::names {
 
-/// What a caller asks of a registry.
+/// An operation that a caller asks of a registry.
 enum class Operation : std::uint8_t {
   kBind,  ///< Also a rebind.
   kRenew,
@@ -23,17 +23,18 @@ enum class Operation : std::uint8_t {
 struct Caller {
   rpc::CallerHost host{};
   std::uint64_t session = 0;              ///< The same number, the same caller.
-  Owner owner{};                          ///< That it claims to be; id 0: none.
-  const rpc::Caller* identity = nullptr;  ///< Null: the registry's server asks nobody.
+  Owner owner{};                          ///< The owner that it claims to be; id 0: none.
+  const rpc::Caller* identity = nullptr;  ///< Null: the registry's server authenticates no callers.
 };
 
-/// Whether a caller may know of a name: its grants have a role for it, or it is not asked.
+/// Whether a caller may know of a name: its grants have a role for it, or the server does not
+/// authenticate callers.
 [[nodiscard]] inline bool may_see(const rpc::Caller* identity, std::string_view name) {
   return identity == nullptr || identity->role_on(name) >= Role::kObserve;
 }
 
-/// Who may do what. Of the names that a reading operation gives, callers get those that they
-/// may_see(), whatever the policy says.
+/// The rights of callers. Reading operations return only the names that the caller may_see(),
+/// whatever the policy says.
 /// @threads  the registry's lanes, one at a time
 class Policy {
  public:
@@ -41,13 +42,14 @@ class Policy {
   Policy(const Policy&) = delete;
   Policy& operator=(const Policy&) = delete;
   virtual ~Policy() = default;
-  /// `name`: or directory; empty: all.
+  /// `name`: a name or directory; empty: all.
   [[nodiscard]] virtual bool allows(const Caller& caller, Operation operation,
                                     std::string_view name) const = 0;
 };
 
-/// Asks the caller's grants, if the server does: whoever changes a name needs the role administer
-/// on it. The report takes a role on the registry's own path. The rules of names still hold.
+/// Checks the caller's grants, if the server authenticates callers: changing a name requires the
+/// role administer on it. The report requires a role on the registry's own path. The rules of names
+/// still hold.
 class GrantPolicy final : public Policy {
  public:
   [[nodiscard]] bool allows(const Caller& caller, Operation operation,

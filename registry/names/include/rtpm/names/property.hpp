@@ -6,7 +6,7 @@
 
 namespace rtpm::names {
 
-/// A typed value that a binding has, for find(): {"force_newton_max", 3.3, "newton"}.
+/// A typed value of a binding, for find(): {"force_newton_max", 3.3, "newton"}.
 ///
 /// Its name has letters, digits, '_' and '.', and begins with no digit. A text, also in a list, has
 /// at most kPropertyTextSizeMax printable bytes of UTF-8; numbers are finite. Predicates also know
@@ -16,7 +16,7 @@ using PropertyList = predicate::List;
 using PropertyType = predicate::Type;
 using PropertyValue = predicate::Value;
 
-inline constexpr std::size_t kPropertyCountMax = 32;  ///< Of a binding.
+inline constexpr std::size_t kPropertyCountMax = 32;  ///< Per binding.
 inline constexpr std::size_t kPropertyNameSizeMax = 64;
 inline constexpr std::size_t kPropertyUnitSizeMax = 32;
 inline constexpr std::size_t kPropertyTextSizeMax = 256;

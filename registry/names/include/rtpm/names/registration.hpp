@@ -24,11 +24,11 @@ enum class Takeover : std::uint8_t {
 };
 
 /// Keeps a name bound for its own lifetime. A time-shared thread "rtpm-lease" renews at a third of
-/// the granted lease, and binds again when the registry restarted or was unreachable for a lease.
+/// the granted lease, and binds again if the registry restarted or was unreachable for a lease.
 ///
-/// Without a registry's URL it looks for the registry of this host at each renewal. Where there is
-/// none, the program serves its names itself, until one runs; on the LAN always. The name moves to
-/// a registry within a third of its lease, and stays at the program for a second more.
+/// Without a registry's URL it looks for the registry of this host at each renewal. Until one runs,
+/// the program serves its names itself; on the LAN it always does. The name moves to a registry
+/// within a third of its lease, and the program serves it for one more second.
 ///
 /// After a crash, a server at its old address takes its name back at once (see owner_of()). At
 /// another address create() waits for the old lease to end, by default 2 s.
@@ -45,8 +45,8 @@ class Registration {
   /// Binds `name` to the object at `url`, where Directory would look for it, and starts renewing.
   /// If another server holds the name, takes it with Takeover::kAllowed, else waits once, at most 5
   /// s, for its lease to end. `interface` is qualified, such as "lab.Arm"; `lease` is 100 ms to 1
-  /// h; an empty `report` writes to standard error. A registry that is full, or can't change its
-  /// storage, fails nothing: the bind is tried again, and reported.
+  /// h; an empty `report` writes to standard error. A registry that is full, or cannot change its
+  /// storage, is no error: the bind is reported and tried again.
   /// @realtime set-up only; blocks
   /// @errors   no registry answers; a living server holds the name (the text says where); a
   ///           malformed name, URL or interface
@@ -61,10 +61,10 @@ class Registration {
   /// a running renewal, at most a third of the lease and 1 s.
   ~Registration();
 
-  /// Replaces the properties, also for binds to come; blocks at most 1 s.
+  /// Replaces the properties, also for later binds; blocks at most 1 s.
   /// @threads  any
   /// @errors   a malformed property; a limit of the registry; it does not answer: then the next
-  ///           bind has them
+  ///           bind sets them
   [[nodiscard]] expected<void, SetupError> set_properties(std::vector<Property> properties);
 
   /// Whether the name was bound at the last renewal.

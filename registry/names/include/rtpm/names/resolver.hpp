@@ -14,7 +14,8 @@ namespace rtpm::names {
 
 /// Resolves a node's names at the registry: `node.use(resolver)`. It watches the names that it has
 /// resolved (NameWatch), so that bindings follow a server that moved or restarted as soon as the
-/// registry knows. Where the registry takes no further watch, they look when a call fails.
+/// registry knows. If the registry accepts no further watch, a binding looks its name up when a
+/// call fails.
 /// @ownership refers to its node, which must outlive it; when destroyed it detaches, and bindings
 ///            stay with their servers
 /// @threads  any, several at once
@@ -33,11 +34,11 @@ class RegistryResolver final : public rpc::Resolver {
   [[nodiscard]] expected<std::string, SetupError> resolve(std::string_view name,
                                                           MonotonicTime deadline) override;
 
-  /// How often a watched name was found to lead elsewhere.
+  /// How often a watched name began to lead elsewhere.
   [[nodiscard]] std::uint64_t move_count() const;
 
  private:
-  /// Where a bound name led when it was resolved or told.
+  /// The URL that a name led to when it was last resolved or reported.
   struct Lead {
     std::string url{};
     std::uint64_t revision = 0;
@@ -49,7 +50,7 @@ class RegistryResolver final : public rpc::Resolver {
 
   rpc::Node& node_;
   Directory directory_;
-  mutable std::mutex mutex_;  ///< Of what follows; not for real-time threads.
+  mutable std::mutex mutex_;  ///< Guards the members below; not for real-time threads.
   std::map<std::string, Lead, std::less<>> leads_{};  ///< By names that may be bound.
   std::uint64_t move_count_ = 0;
   std::mutex starting_;  ///< Held while the watch starts.

@@ -15,20 +15,20 @@ namespace rtpm::names {
 /// each kind per second, with the number of suppressed ones.
 using RegistryReport = std::function<void(std::string_view sentence)>;
 
-/// A registry's parts.
+/// The parts of a registry.
 struct RegistryConfig {
   Limits limits{};
   RegistryReport report{};  ///< Empty: writes to standard error.
   /// Null: names are in memory only.
   std::unique_ptr<Storage> storage{};
-  /// Instead of `storage`: names that several registries have together. Changes wait for it on
-  /// threads of their own, reads do not.
+  /// Instead of `storage`: names that several registries share. Changes wait for it on their own
+  /// threads; reads do not wait.
   std::unique_ptr<SharedStorage> shared_storage{};
   /// Null: GrantPolicy.
   std::unique_ptr<const Policy> policy{};
 };
 
-/// As make_servant(), with the names of a storage. What this lost is reported.
+/// As make_servant(), with the names of a storage. Reports what the storage lost.
 /// @errors   as Storage::load()
 [[nodiscard]] expected<std::unique_ptr<rpc::Servant>, SetupError> make_registry(
     RegistryConfig config);

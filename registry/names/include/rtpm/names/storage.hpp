@@ -21,10 +21,10 @@ struct StoredName {
   std::string url{};
   std::string interface {};
   Owner owner{};
-  std::uint64_t revision = 0;  ///< Of its holder,
-  std::uint64_t change = 0;    ///< and of its last change.
+  std::uint64_t revision = 0;  ///< Revision of its holder.
+  std::uint64_t change = 0;    ///< Revision of its last change.
   std::uint64_t host = 0;      ///< Claim::host
-  /// Of a leased one; 0: it is permanent.
+  /// 0: it is permanent.
   Duration lease{};
   std::vector<Property> properties{};
 
@@ -42,48 +42,48 @@ struct StoredLapse {
   MonotonicTime ended{};
 };
 
-/// What a registry finds when it starts.
+/// The content of a storage when a registry starts.
 struct StoredContent {
   std::vector<StoredName> names{};
   std::vector<StoredLapse> lapsed{};
-  /// Every revision that was ever used is below it.
+  /// Every revision that was ever used is lower.
   std::uint64_t first_revision = 1;
-  /// The lost parts, and why nothing can be changed now; empty: all is sound. A sentence each.
+  /// The lost parts, and why nothing can be changed now, a sentence each; empty: all is sound.
   std::vector<std::string> faults{};
 };
 
-/// Why a change was not stored. It has not happened then, but for kUnreachable.
+/// Why a change was not stored. Except with kUnreachable, it has not happened.
 struct StorageError : SetupError {
   enum class Kind : std::uint8_t {
     kFull,      ///< No space is left.
     kReadOnly,  ///< It was found damaged, failed before, or was deleted.
     kFailed,
-    kConflict,     ///< Another registry was first: see `revision`.
-    kUnreachable,  ///< A shared one did not answer in time: it may have happened, or not.
+    kConflict,     ///< Another registry changed it first: see `revision`.
+    kUnreachable,  ///< A shared storage did not answer in time: the change may have happened.
   };
   Kind kind = Kind::kFailed;
-  /// Of kConflict: of the change that was first, which the follower is told; then try again.
+  /// kConflict: the revision of the change that came first; try again once the follower has it.
   std::uint64_t revision = 0;
 };
 
 /// One change of one name.
 struct StoredChange {
   std::string_view name{};
-  const StoredName* stored = nullptr;  ///< Null: it goes.
+  const StoredName* stored = nullptr;  ///< Null: the name is removed.
   std::uint64_t revision = 0;
-  /// It must outlast a power cut once commit() has returned: permanent names. Others outlast the
-  /// end of the program.
+  /// The change must survive a power cut once commit() has returned: permanent names. Others
+  /// survive the end of the program only.
   bool is_durable = false;
-  /// StoredName::change that it replaces; 0: the name was not bound. A shared storage refuses the
-  /// change if that is not so any more.
+  /// The StoredName::change that it replaces; 0: the name was not bound. A shared storage refuses
+  /// the change if this is no longer the last one.
   std::uint64_t expected = 0;
-  MonotonicTime deadline = kNever;  ///< Of a shared one.
-  /// When the lease of a name that goes ended, of one whose lease did: a storage that is not shared
-  /// keeps it as lapsed until the next change of the name.
+  MonotonicTime deadline = kNever;  ///< For a shared storage only.
+  /// Set if the name is removed because its lease ended: when that was. A storage that is not
+  /// shared keeps the name as lapsed until its next change.
   std::optional<MonotonicTime> lapsed{};
 };
 
-/// Where a registry keeps its names. The registry has them in memory, too, and asks its storage
+/// The storage of a registry's names. The registry also has them in memory, and asks its storage
 /// only for changes.
 /// @threads  one at a time
 class Storage {
@@ -93,73 +93,73 @@ class Storage {
   Storage& operator=(const Storage&) = delete;
   virtual ~Storage() = default;
 
-  /// Everything that is stored; once, first.
-  /// @errors   it is another program's, of a newer release, or in use
+  /// Returns everything that is stored; called once, before all else.
+  /// @errors   the storage is another program's, of a newer release, or in use
   [[nodiscard]] virtual expected<StoredContent, SetupError> load() = 0;
   /// Stores a change as a whole or not at all. Returns its revision: `change.revision`, but a
-  /// shared one gives its own, also to a stored revision that equals `change.revision`.
+  /// shared storage assigns its own, also to a stored revision that equals `change.revision`.
   [[nodiscard]] virtual expected<std::uint64_t, StorageError> commit(
       const StoredChange& change) = 0;
 };
 
-/// A change that a shared storage has.
+/// A change in a shared storage.
 struct SharedChange {
   std::string name{};
   std::uint64_t revision = 0;
-  std::optional<StoredName> stored{};  ///< nullopt: it has gone.
-  bool has_lapsed = false;             ///< It has gone without an unbind.
+  std::optional<StoredName> stored{};  ///< nullopt: the name was removed.
+  bool has_lapsed = false;             ///< It was removed without an unbind.
 };
 
-/// A storage that several registries have at once. It orders their changes by revisions of its own,
-/// and ends the leases of names.
+/// A storage that several registries use at the same time. It orders their changes by its own
+/// revisions, and ends the leases of names.
 /// @threads  load(), follow() and stop() from one; the rest any, several at once
 class SharedStorage : public Storage {
  public:
-  /// What it tells a registry, on a thread of its own.
+  /// The registry's receiver of changes. The storage calls it on its own thread.
   class Follower {
    public:
     Follower() = default;
     Follower(const Follower&) = delete;
     Follower& operator=(const Follower&) = delete;
     virtual ~Follower() = default;
-    /// Changes, in the order of their revisions, whoever made them.
+    /// Changes of any registry, in the order of their revisions.
     virtual void on_changes(std::vector<SharedChange> changes) = 0;
-    /// Changes were missed: everything that is stored, as of `revision`. `is_replaced`: the storage
-    /// was restored or replaced, so that revisions that were told may have been forgotten, and come
-    /// again for other changes.
+    /// Changes were missed; `names` is everything that is stored, as of `revision`. `is_replaced`:
+    /// the storage was restored or replaced, so revisions that were reported may be lost, and may
+    /// be used again for other changes.
     virtual void on_restart(std::vector<StoredName> names, std::uint64_t revision,
                             bool is_replaced) = 0;
-    /// Everything that was stored before `as_of` has been told.
+    /// Everything that was stored before `as_of` has been reported.
     virtual void on_current(MonotonicTime as_of) = 0;
-    /// A sentence for the log: what of it is foreign, or that it is not reached.
+    /// A sentence for the log: which content is foreign, or that the storage is unreachable.
     virtual void on_trouble(const std::string& sentence) = 0;
   };
 
-  /// Tells `follower` all changes after load(), until stop().
+  /// Reports all changes after load() to `follower`, until stop().
   [[nodiscard]] virtual expected<void, SetupError> follow(Follower& follower) = 0;
-  /// Ends that, and fails what is under way.
+  /// Ends follow(), and fails all operations under way.
   virtual void stop() noexcept = 0;
-  /// Whether the last change of the name still is `change`; 0: it is not bound.
-  /// @errors   kConflict: it is another
+  /// Checks that `change` is still the last change of the name; 0: that it is not bound.
+  /// @errors   kConflict: the last change is another
   [[nodiscard]] virtual expected<void, StorageError> confirm(std::string_view name,
                                                              std::uint64_t change,
                                                              MonotonicTime deadline) = 0;
-  /// As confirm(), and begins another lease, as long as the stored one, if the name has any.
+  /// As confirm(), and begins another lease, as long as the stored one, if the name has a lease.
   /// @errors   kConflict: it has changed, or its lease has ended
   [[nodiscard]] virtual expected<void, StorageError> renew(std::string_view name,
                                                            std::uint64_t change,
                                                            MonotonicTime deadline) = 0;
-  /// How long a name with this lease at most stays after its last renewal.
+  /// How long a name with this lease stays at most after its last renewal.
   [[nodiscard]] virtual Duration stay_of(Duration lease) const noexcept = 0;
-  /// The same for all registries that have this storage, and for no other storage. After load().
+  /// A number that all registries with this storage share, and no other storage has. After load().
   [[nodiscard]] virtual std::uint64_t identity() const noexcept = 0;
-  /// Where it is, for people.
+  /// Its location, for people.
   [[nodiscard]] virtual std::string place() const = 0;
 };
 
-/// Binds permanent names in a storage that no registry has open, replacing those that are there.
-/// Stops at the first that a registry would refuse.
-/// @return how many were bound
+/// Binds permanent names in a storage that no registry has open, replacing existing ones. Stops at
+/// the first name that a registry would refuse.
+/// @return the number of names that were bound
 /// @errors   as Storage::load(); the storage is damaged; a name that the rules or limits refuse
 [[nodiscard]] expected<std::size_t, SetupError> import_names(Storage& storage,
                                                              const std::vector<StoredName>& names,

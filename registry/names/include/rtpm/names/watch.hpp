@@ -16,47 +16,47 @@ namespace rtpm::names {
 /// Names that a watch may list.
 inline constexpr std::size_t kWatchedNameCountMax = 512;
 
-/// Which names a watch is about; all conditions that are given must hold.
+/// The names that a watch selects; they meet all conditions that are given.
 struct WatchConfig {
   std::string directory{};                      ///< A name, and all below it; empty: any.
   std::vector<std::string> names{};             ///< At most kWatchedNameCountMax; empty: any.
   std::string interface {};                     ///< Empty: any.
   std::string predicate{};                      ///< As NameQuery::predicate; empty: any.
-  Duration deadline = std::chrono::seconds{1};  ///< Of start().
+  Duration deadline = std::chrono::seconds{1};  ///< Deadline of start().
 };
 
 /// A change of a name, as the watch's conditions see it.
 struct NameChange {
   enum class Kind : std::uint8_t {
-    kBound,    ///< Is bound, or fits now.
+    kBound,    ///< Is bound, or matches now.
     kChanged,  ///< Leads elsewhere, has another holder, or other properties.
-    kGone,     ///< Is not bound any more, or does not fit any more; with its last entry.
+    kGone,     ///< Is no longer bound, or no longer matches; with its last entry.
   };
   Kind kind = Kind::kBound;
   NameEntry entry{};
 };
 
-/// What a watch calls, each on its thread "rtpm-watch"; empty ones are left out.
+/// The handlers of a watch, each called on its thread "rtpm-watch"; empty ones are skipped.
 struct WatchHandlers {
-  /// First one kBound for each name that is bound, then changes in their order.
+  /// First one kBound for each name that is bound, then changes in order.
   std::function<void(const NameChange&)> on_change{};
-  /// The names that are bound have all been told.
+  /// All names that are bound have been reported.
   std::function<void()> on_state{};
-  /// The registry has had no word for that long from the storage that it shares with others; 0: it
-  /// is up to date again.
+  /// The registry has not heard from the storage that it shares with other registries for that
+  /// long; 0: it is up to date again.
   std::function<void(Duration stale_for)> on_stale{};
-  /// The registry is not reached, cut this watch off as too slow, or is there again; a sentence.
-  /// What changed meanwhile is told as changes, of which only the last of each name.
+  /// The registry is unreachable, is reachable again, or cut this watch off as too slow; a
+  /// sentence. on_change then receives only the last of each name's missed changes.
   std::function<void(std::string_view sentence)> on_notice{};
 };
 
-/// Follows names at the registry. It reconnects by itself and resumes where it was, or compares
-/// with the full state where the registry has forgotten that.
+/// Follows names at the registry. It reconnects by itself and resumes at its revision or, if the
+/// registry has forgotten that, compares with the full state.
 ///
-/// Without the URL of a registry it follows the name services of a scope, as Directory finds them,
-/// and looks for further ones every quarter of a second, on the LAN every 5 s. A name that moves
-/// from one to another and leads where it did has not changed. The names of a server that ended are
-/// gone at once, those of a registry when their lease of 2 s would have ended.
+/// Without a registry's URL it follows the name services of a scope, as Directory finds them, and
+/// searches for further ones every quarter of a second, on the LAN every 5 s. A name that moves
+/// from one service to another and keeps its URL counts as unchanged. The names of a server that
+/// ended are gone at once, those of a registry when their lease of 2 s would have ended.
 /// @ownership refers to its node, which must outlive it
 /// @threads  start and end from one thread; the rest any
 class NameWatch {
@@ -72,13 +72,13 @@ class NameWatch {
   /// Waits for a running handler.
   ~NameWatch();
 
-  /// Watches other names from soon on; for those that stay, nothing is lost.
+  /// Changes the names to watch, soon after the call; names that stay in the set miss no change.
   void set_names(std::vector<std::string> names);
-  /// Of the last change that was told.
+  /// Revision of the last change that was reported.
   [[nodiscard]] std::uint64_t revision() const noexcept;
-  /// How often the full state was compared, the first time included.
+  /// How often the full state was compared, including the first time.
   [[nodiscard]] std::uint64_t state_count() const noexcept;
-  /// Whether it is connected.
+  /// Whether the registry is connected.
   [[nodiscard]] bool is_connected() const noexcept;
 
   class Impl;
