@@ -24,8 +24,8 @@ constexpr const char* kLockRemedy =
     "raise RLIMIT_MEMLOCK (ulimit -l unlimited, or LimitMEMLOCK=infinity in a systemd unit), or "
     "say --realtime off.";
 
-// With all future memory locked, too, the limit is one of all memory. What is asked for here is
-// given back untouched.
+// With all future memory locked, too, the limit applies to all memory. The memory requested here is
+// released untouched.
 bool has_room_to_grow() noexcept {
   constexpr std::size_t kRoom = std::size_t{256} << 20;
   void* const room =
@@ -72,7 +72,7 @@ expected<void, SetupError> lock_memory(RealtimeMode mode) {
     note_setup({kLockSubject, Grant::kGranted, "what is touched stays in memory", ""});
     return {};
   } else {
-    // Worse than page faults: from here on the program would get no memory and no thread.
+    // Worse than page faults: from here on the program could get no memory and no thread.
     munlockall();
     cause = "there would be no room to grow";
   }

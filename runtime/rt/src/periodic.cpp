@@ -8,12 +8,13 @@ namespace {
 
 constexpr Duration kLeadMin = std::chrono::microseconds{10};
 constexpr Duration kLeadMax = std::chrono::microseconds{250};
-/// Less than this apart calls are of one turn, whatever the period.
+/// Calls closer together than this belong to one turn, whatever the period.
 constexpr Duration kTurnMin = std::chrono::microseconds{100};
-/// Of more jitter than this part of the period no rhythm can be made.
+/// A caller with more jitter than this part of the period has no usable rhythm.
 constexpr int kJitterShare = 8;
-/// At most this part of the period is spun through before a call, where waking up takes as long as
-/// it usually does: for a call now and then that finds its server asleep, the CPU is others'.
+/// At most this part of the period is spun through before a call, where waking up takes its usual
+/// time. An occasional call that finds its server asleep is the price of leaving the CPU to other
+/// threads.
 constexpr int kSpinShare = 16;
 
 Duration distance(Duration a, Duration b) noexcept {
@@ -32,7 +33,7 @@ void PeriodEstimator::on_arrival(MonotonicTime when) noexcept {
     last_ = when;
     return;
   }
-  // What was learned of further calls fades where turns have none.
+  // The estimate for further calls decays in turns that have none.
   if (!std::exchange(has_further_calls_, false)) patience_ = patience_ * 3 / 4;
   last_ = when;
   const MonotonicTime begun_before = begun_;
@@ -102,7 +103,7 @@ void ArrivalPredictor::on_arrival(std::uint64_t caller, MonotonicTime when) noex
 
 void ArrivalPredictor::on_woken(MonotonicTime wanted, MonotonicTime woken) noexcept {
   const Duration late = std::max(woken - wanted, Duration{0});
-  // What took longer than any waking was a hold-up, which no lead could make up for.
+  // A delay longer than any wake-up was a stall, which no lead could make up for.
   if (late > kLeadMax) return;
   lateness_deviation_ += (distance(late, lateness_) - lateness_deviation_) / 8;
   lateness_ += (late - lateness_) / 8;
@@ -119,12 +120,12 @@ Duration ArrivalPredictor::lead() const noexcept {
   return std::clamp<Duration>(lateness_ + 3 * lateness_deviation_, kLeadMin, kLeadMax);
 }
 
-// From when to when to spin for the caller's next turn.
+// The window in which to spin for the caller's next turn.
 std::optional<Expectation> ArrivalPredictor::window_of(
     const PeriodEstimator& estimator) const noexcept {
   const auto next = estimator.next();
   if (!next) return std::nullopt;
-  // A caller without a rhythm to speak of would only cost.
+  // Spinning for a caller without a usable rhythm would only cost CPU time.
   if (estimator.jitter() > estimator.period() / kJitterShare) return std::nullopt;
   const Duration early =
       std::min(lead() + estimator.jitter(), lateness_ + estimator.period() / kSpinShare);

@@ -15,7 +15,7 @@ namespace rtpm::rt {
 PiMutex::PiMutex() noexcept {
   pthread_mutexattr_t attributes;
   pthread_mutexattr_init(&attributes);
-  // Checked, because the plain kind answers its own mistakes by waiting for ever.
+  // Error-checking, because the plain kind deadlocks silently on misuse.
   pthread_mutexattr_settype(&attributes, PTHREAD_MUTEX_ERRORCHECK);
   const int error = pthread_mutexattr_setprotocol(&attributes, PTHREAD_PRIO_INHERIT);
   RTPM_ASSERT(error == 0, "the system has mutexes with priority inheritance");
@@ -28,7 +28,7 @@ PiMutex::~PiMutex() {
 }
 
 void PiMutex::lock() noexcept {
-  // What is free is taken without a look at the clock; the rest counts as sleep.
+  // A free mutex is taken without reading the clock; waiting counts as sleep.
   if (pthread_mutex_trylock(&mutex_) == 0) return;
   const AsleepScope asleep;
   const int error = pthread_mutex_lock(&mutex_);

@@ -23,7 +23,7 @@ void Semaphore::post() noexcept {
 }
 
 bool Semaphore::wait_until(MonotonicTime deadline) noexcept {
-  // What is there already is no sleep.
+  // A unit that is already available costs no sleep.
   if (sem_trywait(&semaphore_) == 0) return true;
   const AsleepScope asleep;
   if (deadline == kNever) {

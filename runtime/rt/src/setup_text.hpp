@@ -6,7 +6,7 @@
 
 namespace rtpm::rt {
 
-/// What the limit means, a clause, and what can be done about it.
+/// The effect of the limit, a clause, and its remedy.
 /// @realtime set-up only
 [[nodiscard]] std::string throttling_text(RealtimeLimit limit);
 [[nodiscard]] std::string throttling_remedy();

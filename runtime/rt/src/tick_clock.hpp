@@ -8,24 +8,24 @@
 
 namespace rtpm::rt {
 
-/// Tells the time between two looks at the system's clock by counting the processor's ticks, which
-/// takes a third of the time of such a look. It learns the ticks' rate from the looks, and is
-/// content only when two estimates in a row agree; so a count that jumps or changes its pace (a
-/// suspended machine) costs looks, and no wrong time beyond a window. Shapes: ticks of any fixed
+/// Interpolates between two reads of the system's clock by counting the processor's ticks, which
+/// takes a third of the time of such a read. It estimates the ticks' rate from the reads, and
+/// relies on it only when two estimates in a row agree; so a count that jumps or changes its pace
+/// (a suspended machine) costs reads, and no wrong time beyond a window. Shapes: ticks of any fixed
 /// rate from 1 MHz to 10 GHz; nanoseconds of the system's clock.
 /// @threads  one
 /// @realtime alloc-free, no syscall
 class TickClock {
  public:
-  /// How long a look is relied on. An error of the rate of 20 millionths, as short estimates have,
-  /// makes 20 ns in that time.
+  /// How long one read of the clock is relied on. A rate error of 20 millionths, typical of short
+  /// estimates, makes 20 ns in that time.
   static constexpr Duration kWindow = std::chrono::milliseconds{1};
 
-  /// Whether the last look still holds.
+  /// Whether the last read of the clock still covers `ticks`.
   [[nodiscard]] bool covers(std::uint64_t ticks) const noexcept {
     return ticks - anchor_ticks_ < window_ticks_;
   }
-  /// The time at `ticks`, which it covers. Never before one it has told.
+  /// The time at `ticks`, which covers() accepts. Never earlier than a time returned before.
   [[nodiscard]] std::int64_t time_at(std::uint64_t ticks) noexcept {
     return tell(anchor_ns_ + passed_ns(ticks - anchor_ticks_));
   }
@@ -34,7 +34,7 @@ class TickClock {
     return last_ns_ = std::max(last_ns_, ns);
   }
 
-  /// The system's clock showed `ns` at `ticks`: gives the time, which is never before one told.
+  /// The system's clock showed `ns` at `ticks`: returns the time, never earlier than one before.
   [[nodiscard]] std::int64_t anchor(std::uint64_t ticks, std::int64_t ns) noexcept {
     const std::int64_t time_ns = tell(ns);
     anchor_ticks_ = ticks;
@@ -61,7 +61,7 @@ class TickClock {
  private:
   static constexpr double kRateMin = 0.1;  ///< Nanoseconds for a tick.
   static constexpr double kRateMax = 1000;
-  /// So many ticks in so short a time are a jump, not a rate.
+  /// More ticks than this in so short a time are a jump, not a rate.
   static constexpr std::uint64_t kJump = 10 * kWindow.count();
 
   [[nodiscard]] std::int64_t passed_ns(std::uint64_t ticks) const noexcept {
@@ -69,11 +69,11 @@ class TickClock {
   }
 
   std::uint64_t anchor_ticks_ = 0;
-  std::uint64_t window_ticks_ = 0;  ///< 0: each time is a look.
+  std::uint64_t window_ticks_ = 0;  ///< 0: each call reads the clock.
   std::int64_t anchor_ns_ = 0;
   std::uint64_t rate_q32_ = 0;  ///< Nanoseconds for 2^32 ticks.
   std::int64_t last_ns_ = INT64_MIN;
-  std::uint64_t base_ticks_ = 0;  ///< The look that the next estimate starts from.
+  std::uint64_t base_ticks_ = 0;  ///< The read that the next estimate starts from.
   std::int64_t base_ns_ = 0;
   double rate_ = 0;
   bool is_based_ = false;

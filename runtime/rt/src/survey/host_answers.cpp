@@ -11,7 +11,7 @@
 #include "rtpm/rt/thread.hpp"
 #include "setup_text.hpp"
 
-// What the system answers when it is asked the way in which RTPM asks it.
+// The system's answers to the requests that RTPM makes.
 namespace rtpm::rt {
 namespace {
 

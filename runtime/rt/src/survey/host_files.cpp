@@ -7,7 +7,7 @@
 #include "survey/host_tree.hpp"
 #include "survey/judgements.hpp"
 
-// What the system's files tell of the host.
+// The facts about the host in the system's files.
 namespace rtpm::rt {
 namespace {
 
@@ -51,14 +51,14 @@ void read_idle_states(const HostTree& tree, HostFiles& files) {
   }
 }
 
-/// Of the file with the policy and the CPUs of a thread: whether it is SCHED_FIFO or SCHED_RR.
+/// Whether the thread's stat file gives its policy as SCHED_FIFO or SCHED_RR.
 bool is_realtime(const HostTree& tree, const std::string& thread) {
   const std::string stat = tree.text(thread + "/stat");
   // The name, in brackets, may hold anything.
   const std::size_t name_end = stat.rfind(')');
   if (name_end == std::string::npos) return false;
   const std::vector<std::string> fields = words_of(std::string_view(stat).substr(name_end + 1));
-  constexpr std::size_t kPolicy = 38;  // Field 41 of proc(5), of which two stand before.
+  constexpr std::size_t kPolicy = 38;  // Field 41 of proc(5); index 0 is field 3.
   return fields.size() > kPolicy && (fields[kPolicy] == "1" || fields[kPolicy] == "2");
 }
 
@@ -134,7 +134,7 @@ std::uint64_t swap_kib(const HostTree& tree) {
   return size;
 }
 
-/// The first of "0.24 0.18 0.11 1/512 4242".
+/// The first number of "0.24 0.18 0.11 1/512 4242".
 std::optional<double> load_in(const std::string& text) {
   double load = 0;
   const auto read = std::from_chars(text.data(), text.data() + text.size(), load);

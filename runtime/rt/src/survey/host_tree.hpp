@@ -14,11 +14,11 @@ class HostTree {
  public:
   explicit HostTree(std::string root) : root_(std::move(root)) {}
 
-  /// What the file holds, without the line's end; empty if it can't be read. At most 1 MiB.
+  /// The file's contents, without the line's end; empty if it can't be read. At most 1 MiB.
   [[nodiscard]] std::string text(const std::string& path) const;
   [[nodiscard]] std::optional<std::int64_t> number(const std::string& path) const;
   [[nodiscard]] bool has(const std::string& path) const;
-  /// Where the symbolic link points; empty: it is none.
+  /// The symbolic link's target; empty: it is not a link.
   [[nodiscard]] std::string link(const std::string& path) const;
   /// Names in the folder that begin with `prefix`, sorted: numbers by their value.
   [[nodiscard]] std::vector<std::string> entries(const std::string& path,
@@ -30,13 +30,13 @@ class HostTree {
   std::string root_;
 };
 
-/// The number that `text` is; nullopt: it is none.
+/// Parses `text` as a number; nullopt: it is not one.
 [[nodiscard]] std::optional<std::int64_t> number_of(std::string_view text, int base = 10) noexcept;
 /// Texts between white space.
 [[nodiscard]] std::vector<std::string> words_of(std::string_view text);
 [[nodiscard]] std::vector<std::string> lines_of(std::string_view text);
 
-/// CPUs as the kernel lists them: "0-3,5". What is no list is left out.
+/// Parses the kernel's CPU list: "0-3,5". Malformed parts are left out.
 [[nodiscard]] std::vector<int> parse_cpu_list(std::string_view text);
 [[nodiscard]] std::string cpu_list_text(const std::vector<int>& cpus);
 /// Ascending, each once.

@@ -3,11 +3,11 @@
 #include "setup_text.hpp"
 #include "survey/judgements.hpp"
 
-// What the system lets the process do.
+// Judges the rights that the system grants the process.
 namespace rtpm::rt {
 namespace {
 
-// For the user who pastes it. The limits of a session are set when it begins.
+// A line for the user to paste. A session's limits are set when it begins.
 std::string limit_line(const std::string& limit) {
   return "echo \"$USER - " + limit + "\" | sudo tee -a /etc/security/limits.d/90-rtpm.conf\n" +
          "then log in again; in a systemd unit: ";
@@ -48,7 +48,7 @@ Finding judge_throttling(const HostAnswers& answers) {
   const auto ms = [](Duration time) {
     return std::to_string(std::chrono::duration_cast<std::chrono::milliseconds>(time).count());
   };
-  // RTPM's own threads pause in time (budget.hpp).
+  // RTPM's own threads pause before the kernel throttles them (budget.hpp).
   return {"throttling", Severity::kNote, throttling_text(limit),
           "RTPM's threads pause 0.1 ms at a time before that; other real-time threads that never "
           "block stop them with themselves, for " +

@@ -8,7 +8,7 @@
 namespace rtpm::rt {
 namespace {
 
-/// An address "239.255.42.1" as /proc/net/route has it: the first number lowest.
+/// The address "239.255.42.1" in the byte order of /proc/net/route: the first number lowest.
 std::uint32_t address_of(const std::string& text) {
   std::uint32_t address = 0;
   int shift = 0;
@@ -23,7 +23,7 @@ std::uint32_t address_of(const std::string& text) {
 }
 
 InterfaceFacts interface_of(const HostTree& tree, const std::string& name) {
-  constexpr std::int64_t kUp = 0x1;  // Of netdevice(7).
+  constexpr std::int64_t kUp = 0x1;  // See netdevice(7).
   constexpr std::int64_t kLoopback = 0x8;
   constexpr std::int64_t kMulticast = 0x1000;
   std::string text = tree.text("/sys/class/net/" + name + "/flags");
@@ -32,7 +32,7 @@ InterfaceFacts interface_of(const HostTree& tree, const std::string& name) {
   return {name, (flags & kUp) != 0, (flags & kLoopback) != 0, (flags & kMulticast) != 0};
 }
 
-/// The interface of the most exact route.
+/// The interface of the most specific route.
 std::string route_of(const HostTree& tree, std::uint32_t address) {
   std::string best;
   std::int64_t best_mask_bits = -1;
@@ -55,7 +55,7 @@ std::string route_of(const HostTree& tree, std::uint32_t address) {
   return best;
 }
 
-/// The socket's inode, of a table of /proc/net, that listens at `port`; 0: none does.
+/// The inode of the socket that listens at `port`, from a table of /proc/net; 0: none does.
 std::int64_t listener_in(const HostTree& tree, const std::string& table, std::uint16_t port,
                          std::string_view state) {
   const std::vector<std::string> lines = lines_of(tree.text("/proc/net/" + table));
@@ -116,7 +116,7 @@ std::optional<PortHolder> holder_of_port(const std::string& root, std::uint16_t 
   struct Table {
     const char* name;
     const char* transport;
-    const char* state;  // Of the kernel's: a UDP socket without a peer is 7, a listener 10.
+    const char* state;  // The kernel's code: 7 for a UDP socket without a peer, 10 for a listener.
   };
   for (const Table& table : {Table{"udp", "UDP", "07"}, Table{"udp6", "UDP", "07"},
                              Table{"tcp", "TCP", "0A"}, Table{"tcp6", "TCP", "0A"}}) {

@@ -10,7 +10,7 @@ namespace rtpm::rt {
 /// How bad a finding is, the worst last.
 enum class Severity : std::uint8_t {
   kGood,     ///< Nothing to do.
-  kNote,     ///< Costs nothing by itself, or was not found out.
+  kNote,     ///< Costs nothing by itself, or could not be determined.
   kWarning,  ///< Costs latency, data or comfort.
   kProblem,  ///< Nothing bounds the latency, or something does not work at all.
 };
@@ -29,12 +29,12 @@ struct Setting {
 struct Finding {
   std::string id{};  ///< "socket-buffers": stays the same over releases.
   Severity severity = Severity::kGood;
-  std::string text{};    ///< What is so.
-  std::string cost{};    ///< What that costs, with a magnitude; empty: nothing.
-  std::string remedy{};  ///< Lines for a shell, or a clause; empty: there is nothing to do.
-  /// What is safe to set and to take back, until the host starts anew; empty: nothing.
+  std::string text{};    ///< The fact.
+  std::string cost{};    ///< Its cost, with a magnitude; empty: none.
+  std::string remedy{};  ///< Lines for a shell, or a clause; empty: none needed.
+  /// Settings that are safe to apply and to revert; they last until a reboot. Empty: none.
   std::vector<Setting> fixes{};
-  std::string lasting{};  ///< A line for a shell that makes `fixes` outlast a start of the host.
+  std::string lasting{};  ///< A line for a shell that makes `fixes` survive a reboot.
 
   [[nodiscard]] bool is_fixable() const noexcept { return !fixes.empty(); }
 };

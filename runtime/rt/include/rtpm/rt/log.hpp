@@ -9,14 +9,13 @@
 
 namespace rtpm::rt {
 
-/// Writes "who: text" as one line to standard error, with what no terminal should get from other
-/// programs escaped (printable()). For the sentence with which a program ends: it is not limited.
+/// Writes "who: text" as one line to standard error, with characters that are unsafe on a terminal
+/// escaped (printable()). For the last message of a program: it is not rate-limited.
 /// @realtime set-up only
 void print_error(std::string_view who, std::string_view text);
 
-/// The running log of a program, a line for each thing that happens: "who: text", escaped as by
-/// print_error(), and so many in a time at most. Of what is above it says only how many lines they
-/// were: "who: … and 17 more suppressed".
+/// The running log of a program, a line for each event: "who: text", escaped as by print_error(),
+/// and rate-limited. Lines above the limit are only counted: "who: … and 17 more suppressed".
 /// @threads  any, not real-time ones
 /// @realtime set-up only
 class Log {
@@ -24,11 +23,11 @@ class Log {
   explicit Log(std::string who, LogRate rate = {}, std::FILE* to = stderr);
   Log(const Log&) = delete;
   Log& operator=(const Log&) = delete;
-  /// Says how many lines are suppressed, if any are.
+  /// Reports the number of suppressed lines, if there are any.
   ~Log();
 
   void write(std::string_view text);
-  /// Says how many lines were suppressed, as soon as the rate allows. To be called now and then.
+  /// Reports the number of suppressed lines once the rate allows. Call it periodically.
   void tick();
 
  private:

@@ -11,25 +11,25 @@ namespace rtpm::rt {
 /// Locks all present and future memory of the process and keeps freed heap mapped, so that no lane
 /// meets a page fault.
 /// @realtime set-up only
-/// @errors   with kRequire, a memory-lock limit that is too small: also where it holds what is
-///           there now, but not 256 MiB more, since what is not locked can't be had at all then.
-///           With kPrefer such a program goes on without, and warns
+/// @errors   with kRequire, a memory-lock limit that is too small: also if it covers today's memory
+///           but not 256 MiB more, since further memory could not be allocated at all. With kPrefer
+///           such a program goes on without, and warns
 [[nodiscard]] expected<void, SetupError> lock_memory(RealtimeMode mode);
 
-/// Makes `memory` resident by touching each page; what it holds stays. Of use before a real-time
-/// thread touches it first, as memory is locked only once it is resident. Threads' stacks are made
-/// so by Thread::start.
+/// Makes `memory` resident by touching each page; its contents stay. Call it before a real-time
+/// thread touches the memory first, as memory is locked only once it is resident. Thread::start
+/// does this for threads' stacks.
 /// @threads  no other thread writes there meanwhile
 /// @realtime set-up only
 void prefault(MutableBytes memory) noexcept;
 
-/// Has the heap hold `size` bytes more that are resident and free, for set-up work that comes later
-/// and shall not wait for pages; freed heap stays mapped from here on. False without memory.
+/// Makes `size` more bytes of heap resident and free, so that later set-up work does not wait for
+/// pages; freed heap stays mapped from here on. False without memory.
 /// @realtime set-up only
 [[nodiscard]] bool prefault_heap(std::size_t size) noexcept;
 
-/// Says that the calling thread allocates nothing from here on. The thread itself is unchanged;
-/// the allocation guard that tests link looks at this and aborts on a breach.
+/// Declares that the calling thread allocates nothing from here on. The thread itself is unchanged;
+/// the allocation guard that tests link checks this and aborts on a breach.
 class NoAllocationScope {
  public:
   NoAllocationScope() noexcept;

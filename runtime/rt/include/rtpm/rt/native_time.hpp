@@ -14,13 +14,13 @@ namespace rtpm::rt {
   return {.tv_sec = duration.count() / kSecond, .tv_nsec = duration.count() % kSecond};
 }
 
-/// As CLOCK_MONOTONIC counts.
+/// On CLOCK_MONOTONIC.
 /// @realtime alloc-free
 [[nodiscard]] constexpr timespec to_timespec(MonotonicTime time) noexcept {
   return to_timespec(time.time_since_epoch());
 }
 
-/// What a clock shows.
+/// A clock's reading, as the time since its epoch.
 /// @realtime alloc-free
 [[nodiscard]] constexpr Duration to_duration(const timespec& time) noexcept {
   return std::chrono::seconds{time.tv_sec} + std::chrono::nanoseconds{time.tv_nsec};

@@ -7,7 +7,7 @@
 
 #include "rtpm/rt/finding.hpp"
 
-/// Of a host's network, what RTPM's defaults need: facts first, then judgements.
+/// The needs of RTPM's defaults from a host's network: facts first, then judgements.
 namespace rtpm::rt {
 
 /// A network interface.
@@ -19,7 +19,7 @@ struct InterfaceFacts {
   friend bool operator==(const InterfaceFacts&, const InterfaceFacts&) = default;
 };
 
-/// What a datagram to a group, sent and awaited on this host, came to.
+/// The result of sending a datagram to a group and receiving it on this host.
 enum class MulticastTrial : std::uint8_t { kReceived, kRefused, kNotSent, kNotReceived };
 
 struct MulticastFacts {
@@ -27,21 +27,21 @@ struct MulticastFacts {
   std::vector<InterfaceFacts> interfaces{};  ///< By name.
   std::string route{};                       ///< The interface for the group; empty: no route.
   MulticastTrial trial = MulticastTrial::kReceived;
-  std::string reason{};  ///< Of kRefused.
+  std::string reason{};  ///< Why, for kRefused.
 };
 
 /// The program that listens at a port.
 struct PortHolder {
   std::string transport{};  ///< "UDP" or "TCP".
-  std::string program{};    ///< Empty: the system does not tell this user.
+  std::string program{};    ///< Empty: this user may not see it.
   int process_id = 0;       ///< 0: likewise.
 };
 
 struct PortFacts {
   std::uint16_t port = 0;
-  std::string program{};  ///< Which has the port by default: "rtpm-registryd".
-  std::string option{};   ///< What gives it another: "--port".
-  bool answers = false;   ///< As a server of RTPM.
+  std::string program{};  ///< Listens there by default: "rtpm-registryd".
+  std::string option{};   ///< Chooses another port: "--port".
+  bool answers = false;   ///< As an RTPM server does.
   std::optional<PortHolder> holder{};
 };
 
@@ -49,7 +49,7 @@ struct PortFacts {
 /// is the caller's.
 /// @realtime set-up only
 [[nodiscard]] MulticastFacts read_multicast(const std::string& root, const std::string& group);
-/// Who listens at `port` by UDP or TCP; nullopt: nobody.
+/// The program that listens at `port` by UDP or TCP; nullopt: there is none.
 /// @realtime set-up only
 [[nodiscard]] std::optional<PortHolder> holder_of_port(const std::string& root, std::uint16_t port);
 

@@ -27,7 +27,7 @@ class ParallelJobs {
   ~ParallelJobs();
 
   void add(std::function<void()> job);
-  /// Waits until every job has run. Where no thread was left, it runs them itself.
+  /// Waits until every job has run. Runs them itself if no thread could start.
   void finish();
 
  private:
@@ -36,7 +36,7 @@ class ParallelJobs {
 
   const std::string name_;
   const std::size_t thread_count_max_;
-  std::mutex mutex_;  ///< Of what follows; not for real-time threads.
+  std::mutex mutex_;  ///< Guards the members below; not for real-time threads.
   std::condition_variable changed_;
   std::deque<std::function<void()>> jobs_{};
   std::size_t idle_count_ = 0;

@@ -6,8 +6,8 @@
 
 #include "rtpm/base/time.hpp"
 
-/// When a periodic caller will call next, and how much earlier to wake for it. Pure arithmetic on
-/// times that come in.
+/// Predicts when a periodic caller calls next, and how much earlier to wake for it. Pure arithmetic
+/// on the times passed in.
 namespace rtpm::rt {
 
 /// When something is expected: worth spinning for from `from` to `to`.
@@ -16,8 +16,8 @@ struct Expectation {
   MonotonicTime to{};
 };
 
-/// Learns the period, the phase and the jitter of one caller. A caller that calls several times in
-/// a row at each turn counts as one: what matters is when it begins.
+/// Estimates the period, the phase and the jitter of one caller. Several calls in a row in one turn
+/// count as one, at the time when the turn begins.
 /// @realtime alloc-free, a few ns
 class PeriodEstimator {
  public:
@@ -32,15 +32,15 @@ class PeriodEstimator {
 
   /// When the next call is expected to begin, if that can be said by now.
   [[nodiscard]] std::optional<MonotonicTime> next() const noexcept;
-  /// How far from it the call may come, by what was seen.
+  /// How far from next() the call may come, by the jitter observed so far.
   [[nodiscard]] Duration jitter() const noexcept { return 3 * deviation_; }
   [[nodiscard]] Duration period() const noexcept { return period_; }
   /// How long after a call another of the same turn may come; 0 if turns have one call only.
   [[nodiscard]] Duration patience() const noexcept { return patience_; }
 
  private:
-  static constexpr int kSteadyCount = 8;  ///< So many good periods in a row make a rhythm,
-  static constexpr int kMissedMax = 3;    ///< so many missed calls in a row its end.
+  static constexpr int kSteadyCount = 8;  ///< Good periods in a row that make a rhythm,
+  static constexpr int kMissedMax = 3;    ///< and missed calls in a row that end it.
 
   void learn(Duration interval) noexcept;
   void forget() noexcept;
@@ -55,21 +55,21 @@ class PeriodEstimator {
   int missed_count_ = 0;  ///< Since begun_.
 };
 
-/// Foresees the calls of a few callers at once, and learns how early its owner must wake.
-/// @ownership its own memory, bounded; a new caller takes the place of the one heard longest ago
+/// Predicts the calls of a few callers at once, and estimates how early its owner must wake.
+/// @ownership its own memory, bounded; a new caller replaces the one heard longest ago
 /// @threads  one
 /// @realtime alloc-free, some ten ns
 class ArrivalPredictor {
  public:
   static constexpr std::size_t kCallerCountMax = 16;
 
-  /// `caller` is any number that tells callers apart, not 0.
+  /// `caller` is any non-zero number that identifies the caller.
   void on_arrival(std::uint64_t caller, MonotonicTime when) noexcept;
   /// A sleep that was to end at `wanted` ended by itself at `woken`.
   void on_woken(MonotonicTime wanted, MonotonicTime woken) noexcept;
 
-  /// The next time worth spinning, or nothing while no caller has a rhythm. What has passed counts
-  /// as missed.
+  /// The next time worth spinning, or nothing while no caller has a rhythm. Expected calls before
+  /// `now` that did not come count as missed.
   [[nodiscard]] std::optional<Expectation> next(MonotonicTime now) noexcept;
   /// How long after a call it is worth spinning for another of the same turn.
   [[nodiscard]] Duration patience() const noexcept;
@@ -87,7 +87,7 @@ class ArrivalPredictor {
 
   std::array<Caller, kCallerCountMax> callers_{};
   std::size_t caller_count_ = 0;
-  Duration lateness_ = std::chrono::microseconds{60};  ///< Of waking, smoothed,
+  Duration lateness_ = std::chrono::microseconds{60};  ///< The lateness of wake-ups, smoothed,
   Duration lateness_deviation_ = std::chrono::microseconds{10};
 };
 

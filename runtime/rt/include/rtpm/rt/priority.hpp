@@ -8,8 +8,8 @@
 
 namespace rtpm::rt {
 
-/// The SCHED_FIFO levels that RTPM uses. The top ones are left to the kernel's own threads
-/// (migration and watchdog run at 99, and nothing of ours may keep them waiting).
+/// The SCHED_FIFO levels that RTPM uses. The top ones are left to the kernel's own threads:
+/// migration and watchdog run at 99, and RTPM must never delay them.
 inline constexpr int kNativeLowest = 1;
 inline constexpr int kNativeHighest = 89;
 
@@ -23,9 +23,9 @@ inline constexpr int kNativeHighest = 89;
 /// Turns a priority into a SCHED_FIFO level. It must not allocate, lock or throw.
 using PriorityMapping = int (*)(Priority priority);
 
-/// Has all threads of the program use another mapping than to_native(); null: that one again.
-/// Levels 1 to 98 are allowed, and a higher priority must not have a lower level. Set-up only:
-/// before the first thread with a priority.
+/// Makes all threads of the program use another mapping than to_native(); null restores
+/// to_native(). Levels 1 to 98 are allowed, and a higher priority must not have a lower level.
+/// Set-up only: before the first thread with a priority.
 /// @threads  one
 /// @errors   a level that is not allowed, with the priority that gets it; the mapping stays as it
 ///           was
@@ -42,13 +42,14 @@ using PriorityMapping = int (*)(Priority priority);
 
 /// Sets the calling thread's priority for its calls and, where the system allows, its SCHED_FIFO
 /// level; false where it does not (the calls carry the priority all the same).
-/// @realtime alloc-free, at most one syscall, none when the level is already right. What was set by
+/// @realtime alloc-free, at most one syscall, none when the level is already right. A level set by
 ///           other means than RTPM's is not noticed
 /// @source   RT-CORBA's RTCurrent::the_priority
 bool set_current_priority(Priority priority) noexcept;
 
 /// Lets the calling thread go on at another priority, as set_current_priority() does, but leaves a
-/// time-shared thread time-shared: its owner asked for that, or the system refused more.
+/// time-shared thread time-shared: its owner asked for that, or the system refused a real-time
+/// level.
 /// @realtime alloc-free; no syscall where the native level stays the same, else one
 void adopt_priority(Priority priority) noexcept;
 

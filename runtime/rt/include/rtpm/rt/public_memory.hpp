@@ -12,8 +12,8 @@ namespace rtpm::rt {
 
 /// Memory of this process that other processes of the same user, and root, can find by its name and
 /// read, whatever this process does: it need not answer, nor even run. It is an anonymous file that
-/// only this process holds, so that nothing is left of it however the process ends.
-/// @ownership unmaps at its end; readers keep what they have mapped
+/// only this process holds, so nothing of it remains however the process ends.
+/// @ownership unmaps at its end; readers keep their mappings
 /// @threads  as any memory
 class PublicMemory {
  public:
@@ -34,8 +34,8 @@ class PublicMemory {
   MutableBytes bytes_{};
 };
 
-/// Such memory of some process, as a reader has it. What is in it was written by the other process,
-/// which may be of any version, or hostile: it may change at any time, but stays readable.
+/// A reader's view of another process's public memory. That process may be of any version, or
+/// hostile: the contents may change at any time, but stay readable.
 /// @ownership unmaps at its end
 class PublicView {
  public:
@@ -54,13 +54,13 @@ class PublicView {
       : process_id_(process_id), process_folder_(process_folder), bytes_(bytes) {}
 
   int process_id_;
-  int process_folder_;  ///< Open: the number may be another process's later, this not.
+  int process_folder_;  ///< Open, as process numbers are reused.
   ConstBytes bytes_;
 };
 
 /// All memory of that name that the caller may read, of processes in ascending order of their
-/// numbers, each memory once. Left out is what could shrink under its reader, and what is larger
-/// than `size_max`.
+/// numbers, each memory once. Memory that its owner could shrink, or that is larger than
+/// `size_max`, is left out.
 /// @realtime set-up only
 [[nodiscard]] std::vector<PublicView> find_public_memory(std::string_view name,
                                                          std::size_t size_max);

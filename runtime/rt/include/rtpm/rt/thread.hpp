@@ -14,7 +14,7 @@
 
 namespace rtpm::rt {
 
-/// What happens when the operating system refuses real-time scheduling or memory locking.
+/// The reaction to the operating system's refusal of real-time scheduling or memory locking.
 enum class RealtimeMode : std::uint8_t {
   kPrefer,   ///< Warns once on standard error, with the remedy, and goes on time-shared.
   kRequire,  ///< Set-up fails, with the remedy.
@@ -24,13 +24,13 @@ enum class RealtimeMode : std::uint8_t {
 /// "prefer", "require" or "off".
 [[nodiscard]] std::string_view to_string(RealtimeMode mode) noexcept;
 
-/// Among whom the system shares the CPU out.
+/// Scheduling policy.
 enum class Schedule : std::uint8_t {
-  /// SCHED_FIFO: before all time-shared threads, and before those of lower priority. What keeps a
-  /// CPU busy there is subject to the kernel's throttling, see budget.hpp.
+  /// SCHED_FIFO: before all time-shared threads, and before those of lower priority. A thread that
+  /// keeps its CPU busy is subject to the kernel's throttling, see budget.hpp.
   kFifo,
-  /// With everything else on the machine, behind every real-time thread: for work that may fill a
-  /// CPU and is not urgent.
+  /// Shares the CPU with everything else on the machine, behind every real-time thread: for work
+  /// that may fill a CPU and is not urgent.
   kTimeShared,
 };
 
@@ -39,9 +39,9 @@ enum class Schedule : std::uint8_t {
 
 /// How a thread is to run.
 struct ThreadConfig {
-  std::string name;                    ///< Shown by the system; at most 15 bytes are.
+  std::string name;                    ///< The system shows its first 15 bytes.
   std::optional<Priority> priority{};  ///< SCHED_FIFO at its native level; none: time-shared.
-  std::vector<int> cpus{};             ///< To which it is confined; empty: its starter's.
+  std::vector<int> cpus{};             ///< CPUs that it is confined to; empty: its starter's.
   RealtimeMode realtime = RealtimeMode::kPrefer;
   /// kTimeShared: the priority is that of its calls only.
   Schedule schedule = Schedule::kFifo;
@@ -59,7 +59,7 @@ class Thread {
   ~Thread();
 
   /// Starts `body` with its name, scheduling and affinity already in force.
-  /// @errors   with kRequire, a right that the process lacks; a CPU that is not there; no thread
+  /// @errors   with kRequire, a right that the process lacks; a CPU that does not exist; no thread
   ///           left
   [[nodiscard]] static expected<Thread, SetupError> start(const ThreadConfig& config,
                                                           std::function<void()> body);
@@ -74,8 +74,8 @@ class Thread {
 /// @realtime set-up only
 [[nodiscard]] expected<void, SetupError> configure_this_thread(const ThreadConfig& config);
 
-/// Says what becomes of a thread that is to spin without end. Where the kernel throttles, one at
-/// SCHED_FIFO can't: it pauses as budget.hpp says, which setup_report() tells.
+/// Checks whether a thread may spin without end. Under the kernel's throttling a SCHED_FIFO thread
+/// can't: it pauses as budget.hpp describes, and setup_report() reports that.
 /// @realtime set-up only
 /// @errors   with kRequire, the throttling, as a pause is not what was asked for
 [[nodiscard]] expected<void, SetupError> check_spinning(const ThreadConfig& config);
