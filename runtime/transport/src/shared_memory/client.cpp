@@ -19,15 +19,15 @@
 namespace rtpm::transport {
 namespace {
 
-// How long a caller waits for a full ring before it gives the server up.
+// How long a caller waits for a full ring before it gives up the server.
 constexpr Duration kServerPatience = std::chrono::milliseconds{100};
 // Checks of the ring per receive(). They take several times as long as callers take between two
 // calls, such as to read the clock, so that most replies come during a check.
 constexpr int kCheckCount = 128;
-// After so many empty receives, about 20 µs, a spinning caller checks whether the server lives.
+// Empty receives, about 20 µs, after which a spinning caller checks whether the server lives.
 constexpr std::uint32_t kReceivesPerCheck = 128;
 
-// How often a sleeping caller checks. Waiting for the socket as well would delay its wake-up.
+// How often a sleeping caller checks that. Waiting for the socket too would delay its wake-up.
 constexpr Duration kCheckInterval = std::chrono::milliseconds{20};
 
 class SharedMemoryTransport final : public ClientTransport {
@@ -52,7 +52,7 @@ class SharedMemoryTransport final : public ClientTransport {
       return connection_.receive();
     }
     if (++fruitless_count_ % kReceivesPerCheck == 0) connection_.check_peer();
-    // hp-16.4-1: what the server wrote before it hung up is in the ring by now.
+    // hp-16.4-1: all that the server wrote before it hung up is in the ring by now.
     return connection_.receive();
   }
 
@@ -96,7 +96,7 @@ SetupError exhausted(const SharedMemoryAddress& address, int error) {
                      system_error(error));
 }
 
-// Why the server did not grant what was asked for.
+// The error for a refused request, with the server's reason.
 SetupError refused(const SharedMemoryAddress& address, const std::optional<SetupAnswer>& answer) {
   const SetupStatus status = answer ? answer->status : SetupStatus::kNotAllowed;
   if (status == SetupStatus::kNoMemory) {
@@ -109,7 +109,7 @@ SetupError refused(const SharedMemoryAddress& address, const std::optional<Setup
                      "run both as one user and of one release, or use another transport.");
 }
 
-// What the server granted.
+// The server's grant.
 struct Grant {
   Descriptor socket;
   Descriptor memory;
@@ -134,8 +134,8 @@ expected<Grant, SetupError> ask(const SharedMemoryAddress& address, const SetupR
                                   "start the server on this host, with shared memory, or use "
                                   "another transport.")};
   }
-  // hp-16.1-4: any user may take the name; only the own user's memory is trusted, and of users that
-  // the caller names.
+  // hp-16.1-4: any user may take the name; only memory of the process's own user, and of users that
+  // the caller names, is trusted.
   if (!is_trusted(socket, address.trusted_users)) {
     const std::string user = std::to_string(user_of(socket).value_or(0));
     return unexpected{not_reached(address, "the server is another user's, number " + user,

@@ -21,7 +21,7 @@ inline constexpr std::size_t kToClientSlotsOffset = kToServerSlotsOffset + kReco
 inline constexpr std::size_t kRingDataOffset = kToClientSlotsOffset + kRecordSlotsSize;
 inline constexpr std::size_t kToServerControlOffset = 0;
 inline constexpr std::size_t kToClientControlOffset = 256;
-/// What a server offers, and the bounds of what a client accepts.
+/// The sizes that a server offers, and the bounds that a client accepts.
 inline constexpr RingSizes kRingSizes{128 * 1024, 128 * 1024};
 inline constexpr std::uint32_t kRingSizeMin = 32 * 1024;
 inline constexpr std::uint32_t kRingSizeMax = 16 * 1024 * 1024;
@@ -34,12 +34,12 @@ inline constexpr std::uint32_t kRingSizeMax = 16 * 1024 * 1024;
 struct SetupRequest {
   static constexpr std::size_t kSize = 16;
   Priority priority{};
-  bool only_asks = false;  ///< Wants no memory, only to know whether it would be accepted.
+  bool only_asks = false;  ///< Asks only whether it would be accepted.
 };
 
 enum class SetupStatus : std::uint16_t {
   kOk = 0,
-  kNotAllowed = 1,          ///< The client is of another user.
+  kNotAllowed = 1,          ///< The client belongs to another user.
   kVersionUnsupported = 2,  ///< The server's own version is in the answer.
   kNoMemory = 3,            ///< Or no descriptor.
 };
@@ -52,7 +52,7 @@ struct SetupAnswer {
   RingSizes sizes{};
 };
 
-/// A decoded request; of another version only that fact.
+/// A decoded request; for another version only that fact.
 struct ReadRequest {
   bool is_our_version = false;
   SetupRequest request{};

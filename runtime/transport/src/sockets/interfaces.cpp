@@ -35,7 +35,8 @@ int prefix_size_of(const sockaddr* mask, int family) noexcept {
 
 using Addresses = std::vector<InterfaceAddress>;
 
-// The entry of this host's address, or one without an interface: it may come later, or be refused.
+// The entry of this host's address, or one without an interface: the address may appear later, or
+// be refused.
 InterfaceAddress entry_of(const SocketAddress& address, const Addresses& own) {
   const auto found = std::ranges::find_if(
       own, [&](const InterfaceAddress& each) { return each.address.is_same_host(address); });
@@ -66,7 +67,7 @@ Addresses loopback_addresses(const Addresses& own) {
   return found;
 }
 
-// What one part of the list stands for.
+// The addresses that one part of the list stands for.
 expected<Addresses, SetupError> addresses_for(const std::string& host, const Addresses& own,
                                               MonotonicTime deadline) {
   if (host == "localhost") return loopback_addresses(own);

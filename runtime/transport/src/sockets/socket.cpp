@@ -90,7 +90,7 @@ bool is_from_this_host(int socket) noexcept {
   SocketAddress peer;
   socklen_t size = SocketAddress::kSizeMax;
   if (getpeername(socket, peer.native(), &size) != 0) return false;
-  // Of a dual-stack socket an IPv4 address is mapped.
+  // A dual-stack socket reports IPv4 addresses as mapped ones.
   const auto address = SocketAddress::of(peer.peer());
   return address.is_loopback() ||
          address.is_same_host(SocketAddress::of(own_address(socket).peer()));

@@ -18,8 +18,8 @@
 namespace rtpm::transport {
 namespace {
 
-/// States of sockets, as the kernel's tables have them: a UDP socket that is not connected, and a
-/// TCP socket that listens.
+/// The kernel's codes for states of sockets: a UDP socket that is not connected, and a TCP socket
+/// that listens.
 constexpr std::string_view kUnconnected = "07";
 constexpr std::string_view kListening = "0A";
 
@@ -30,8 +30,8 @@ std::optional<std::uint32_t> hexadecimal(std::string_view text) noexcept {
   return read.ec == std::errc{} && read.ptr == end ? std::optional(number) : std::nullopt;
 }
 
-/// "0100007F:1CFC", or 32 digits and a port: each group of 8 is a number of the address's bytes, as
-/// this machine stores them.
+/// Parses "0100007F:1CFC", or 32 digits and a port: each group of 8 is a number of the address's
+/// bytes, in this machine's byte order.
 std::optional<SocketAddress> address_of(std::string_view text) {
   const std::size_t colon = text.find(':');
   if (colon != 8 && colon != 32) return std::nullopt;
@@ -47,7 +47,7 @@ std::optional<SocketAddress> address_of(std::string_view text) {
   if (colon == 8) return SocketAddress(in_addr{groups[0]}, number);
   in6_addr address{};
   std::memcpy(&address, groups.data(), sizeof address);
-  // An IPv4 address that is mapped into IPv6 is the IPv4 one.
+  // An IPv4 address mapped into IPv6 becomes IPv4.
   return SocketAddress::of(SocketAddress(address, 0, number).peer());
 }
 
@@ -64,7 +64,7 @@ std::vector<std::uint32_t> users_in_table(std::istream& table, bool is_tcp,
                                           const SocketAddress& address) {
   std::vector<std::uint32_t> users;
   std::string line;
-  std::getline(table, line);  // What the columns are.
+  std::getline(table, line);  // The columns' titles.
   while (std::getline(table, line)) {
     std::istringstream text(line);
     const std::vector<std::string> words{std::istream_iterator<std::string>(text), {}};
@@ -85,7 +85,7 @@ std::optional<std::vector<std::uint32_t>> users_at(const SocketAddress& address)
     // The network of this thread: /proc/net is that of the process's first thread.
     std::ifstream file(std::string("/proc/thread-self/net/") + name);
     const bool is_of_ipv6 = name[3] == '6';
-    // Without IPv6 in the kernel its tables are not there.
+    // Without IPv6 in the kernel its tables do not exist.
     if (!file && !is_of_ipv6) return std::nullopt;
     const auto found = users_in_table(file, name[0] == 't', address);
     users.insert(users.end(), found.begin(), found.end());

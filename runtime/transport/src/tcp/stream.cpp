@@ -14,12 +14,12 @@
 namespace rtpm::transport {
 namespace {
 
-// How much one system call moves. In a kernel without preemption a thread inside a system call
-// keeps its CPU from more urgent ones, so copying a whole large frame would delay a small call of a
-// higher band. Half of this would gain little more and cost large messages much.
+// The bytes that one system call moves at most. In a kernel without preemption a thread inside a
+// system call keeps its CPU from more urgent ones, so copying a whole large frame would delay a
+// small call of a higher band. Half of this would gain little more and cost large messages much.
 constexpr std::size_t kStepSizeMax = std::size_t{32} * 1024;
 
-// What Linux's default send buffer holds without waiting: a window of fragments.
+// The capacity of Linux's default send buffer without waiting: a window of fragments.
 constexpr std::size_t kUnsentMax =
     wire::kStreamFragmentWindow * std::size_t{wire::kStreamFrameSizeMax};
 
@@ -105,7 +105,7 @@ ssize_t FrameStream::fill(int flags) noexcept {
   return count;
 }
 
-// The socket's buffer holds more, which is left to frames that may not wait.
+// The socket's buffer holds more; the rest is left to frames that may not wait.
 bool FrameStream::has_spare_capacity(std::size_t size) noexcept {
   int waiting = 0;
   // The send reports a connection that has ended.

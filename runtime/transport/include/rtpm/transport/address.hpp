@@ -15,24 +15,24 @@
 
 namespace rtpm::transport {
 
-/// An IPv4 or IPv6 address with a port, as the system takes it.
+/// An IPv4 or IPv6 address with a port, in the form of the system's calls.
 class SocketAddress {
  public:
-  /// Of no family.
+  /// An address without a family.
   SocketAddress() noexcept : ipv4_{} {}
   SocketAddress(in_addr address, std::uint16_t port) noexcept;
   SocketAddress(const in6_addr& address, std::uint32_t zone, std::uint16_t port) noexcept;
-  /// A numeric address, "127.0.0.1", "::1", "fe80::1%eth0"; nothing if it is none.
+  /// A numeric address, "127.0.0.1", "::1", "fe80::1%eth0"; nothing if `host` is not numeric.
   /// @realtime set-up only
   [[nodiscard]] static std::optional<SocketAddress> parse(const std::string& host,
                                                           std::uint16_t port);
-  /// Takes what the system gave, of which it uses at most the size of its own.
+  /// Copies an address from the system, up to the size of its own.
   [[nodiscard]] static SocketAddress of(const sockaddr& address, socklen_t size) noexcept;
 
   [[nodiscard]] const sockaddr* native() const noexcept {
     return reinterpret_cast<const sockaddr*>(&ipv6_);
   }
-  /// To be filled in by the system, up to kSizeMax.
+  /// For the system to fill in, up to kSizeMax.
   [[nodiscard]] sockaddr* native() noexcept { return reinterpret_cast<sockaddr*>(&ipv6_); }
   static constexpr socklen_t kSizeMax = sizeof(sockaddr_in6);
   [[nodiscard]] socklen_t size() const noexcept {
@@ -44,7 +44,7 @@ class SocketAddress {
   void set_port(std::uint16_t port) noexcept { ipv4_.sin_port = htons(port); }
   [[nodiscard]] in_addr ipv4() const noexcept { return ipv4_.sin_addr; }
   [[nodiscard]] const in6_addr& ipv6() const noexcept { return ipv6_.sin6_addr; }
-  /// Of a link-local IPv6 address: the number of its interface.
+  /// The interface's number, for a link-local IPv6 address.
   [[nodiscard]] std::uint32_t zone() const noexcept { return is_ipv4() ? 0 : ipv6_.sin6_scope_id; }
 
   /// 127.0.0.0/8 or ::1.
@@ -64,7 +64,7 @@ class SocketAddress {
   /// @realtime set-up only
   [[nodiscard]] std::string text() const;
 
-  /// The same as the protocol has it. An IPv4 address that is mapped into IPv6 is the IPv4 one.
+  /// The same address in the protocol's form. An IPv4 address mapped into IPv6 becomes IPv4.
   [[nodiscard]] wire::PeerAddress peer() const noexcept {
     if (!is_ipv4()) return ipv6_peer();
     return {0, ipv4_.sin_addr.s_addr, ipv4_.sin_port};
@@ -78,7 +78,7 @@ class SocketAddress {
     address.ipv4_.sin_addr.s_addr = static_cast<in_addr_t>(peer.low);
     return address;
   }
-  /// As an IPv6 socket takes it: an IPv4 address as ::ffff:a.b.c.d.
+  /// The address in the form for an IPv6 socket: IPv4 becomes ::ffff:a.b.c.d.
   [[nodiscard]] SocketAddress mapped_into_ipv6() const noexcept;
   [[nodiscard]] SocketAddress for_family(int family) const noexcept {
     return family == AF_INET ? *this : mapped_into_ipv6();
@@ -99,14 +99,14 @@ class SocketAddress {
   [[nodiscard]] static SocketAddress of_ipv6_peer(const wire::PeerAddress& peer) noexcept;
 
   union {
-    sockaddr_in ipv4_;  ///< Family and port stand where those of ipv6_ do.
+    sockaddr_in ipv4_;  ///< Family and port have the same place as in ipv6_.
     sockaddr_in6 ipv6_;
   };
 };
 
 /// How long a name server may take if no deadline is given.
 inline constexpr Duration kResolvePatience = std::chrono::seconds{5};
-/// How many addresses of one name are used.
+/// The number of addresses of one name that are used at most.
 inline constexpr std::size_t kAddressCountMax = 8;
 
 /// The addresses of a numeric address or a host name, in the order in which the system would try
@@ -117,7 +117,7 @@ inline constexpr std::size_t kAddressCountMax = 8;
 [[nodiscard]] expected<std::vector<SocketAddress>, SetupError> addresses_of(const std::string& host,
                                                                             std::uint16_t port,
                                                                             MonotonicTime deadline);
-/// The first of them, within kResolvePatience.
+/// The first of addresses_of(), within kResolvePatience.
 [[nodiscard]] expected<SocketAddress, SetupError> address_of(const std::string& host,
                                                              std::uint16_t port);
 
@@ -125,7 +125,7 @@ inline constexpr std::size_t kAddressCountMax = 8;
 struct InterfaceAddress {
   std::string interface {};    ///< "eth0".
   SocketAddress address{};     ///< With port 0.
-  int prefix_size = 0;         ///< Bits of the network that its link has.
+  int prefix_size = 0;         ///< Bits of its network's prefix.
   bool has_multicast = false;  ///< Its interface passes multicast, and is no loopback.
 };
 
@@ -136,18 +136,17 @@ struct InterfaceAddress {
 [[nodiscard]] bool is_in_network_of(const InterfaceAddress& own,
                                     const SocketAddress& address) noexcept;
 
-/// What a server opens.
+/// The addresses that a server opens.
 struct HostsToServe {
-  bool is_any = false;                        ///< Every address, also one that comes later.
-  std::vector<InterfaceAddress> addresses{};  ///< With `is_any` those of now.
+  bool is_any = false;                        ///< Every address, also later ones.
+  std::vector<InterfaceAddress> addresses{};  ///< With `is_any` the present ones.
 };
 
-/// How many addresses a list may name.
+/// The number of addresses that a list may name.
 inline constexpr std::size_t kServedAddressCountMax = 16;
 
-/// What `hosts` stands for: a list with ',' between of IPv4 and IPv6 addresses, host names, names
-/// of interfaces, "localhost", which is 127.0.0.1 and ::1 as far as this host has them; or "any".
-/// @realtime set-up only
+/// Resolves `hosts`: a comma-separated list of IPv4 and IPv6 addresses, host names, names of
+/// interfaces, and "localhost", which is 127.0.0.1 and ::1 as far as this host has them; or "any".
 /// @errors   a name that is unknown or has no address, no answer by `deadline`, too many addresses
 [[nodiscard]] expected<HostsToServe, SetupError> hosts_to_serve(const std::string& hosts,
                                                                 MonotonicTime deadline);

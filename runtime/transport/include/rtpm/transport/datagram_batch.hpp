@@ -28,7 +28,7 @@ class DatagramBatch {
   [[nodiscard]] static DatagramBatch allocate() noexcept;
 
   /// Appends a copy of `frame`.
-  /// @return false: it does not fit behind the others, or, if the batch is empty, into any batch
+  /// @return false: it does not fit behind the earlier frames, or, if the batch is empty, into any
   [[nodiscard]] bool add(ConstBytes frame) noexcept;
   void clear() noexcept { size_ = frame_size_ = 0; }
 
@@ -67,11 +67,11 @@ class Datagrams {
       : bytes_(bytes), each_(each), peer_(peer), is_empty_(false) {}
 
   /// The next datagram, if there is one; valid until the following next(), aligned to 16 bytes if
-  /// the buffer is. One larger than a frame is cut to a byte more than a frame, so that it is
-  /// noticed.
+  /// the buffer is. A datagram larger than a frame is cut to a frame's size and a byte, which lets
+  /// the caller notice it.
   [[nodiscard]] std::optional<MutableBytes> next() noexcept;
   [[nodiscard]] bool is_empty() const noexcept { return is_empty_; }
-  /// What next() has not returned yet.
+  /// The bytes that next() has not returned yet.
   [[nodiscard]] ConstBytes bytes() const noexcept { return bytes_; }
   [[nodiscard]] bool are_several() const noexcept { return bytes_.size() > each_; }
   [[nodiscard]] const wire::PeerAddress& peer() const noexcept { return peer_; }
@@ -95,12 +95,12 @@ class BatchEstimator {
   /// Whether batches from before the last end may still be received.
   [[nodiscard]] bool may_be_left() const noexcept { return may_be_left_; }
 
-  /// To be called when nothing was received.
+  /// Call it when nothing was received.
   void on_nothing() noexcept {
     streak_ = 0;
     may_be_left_ = false;
   }
-  /// To be called when a batch, or one datagram, was received.
+  /// Call it when a batch, or one datagram, was received.
   [[nodiscard]] Change on_datagrams(const wire::PeerAddress& peer, bool is_batch,
                                     MonotonicTime now) noexcept;
 

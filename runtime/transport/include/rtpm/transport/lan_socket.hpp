@@ -20,10 +20,10 @@ struct NetworkInterface {
   std::string address{};  ///< "192.168.7.2".
 };
 
-/// The interfaces that are up, pass multicast and are no loopback, of this name or address; "any":
+/// The interfaces with this name or address that are up, pass multicast and are no loopback; "any":
 /// all of them.
 /// @realtime set-up only
-/// @errors   none is; the text lists those that there are
+/// @errors   there is no such interface; the text lists the existing ones
 [[nodiscard]] expected<std::vector<NetworkInterface>, SetupError> multicast_interfaces(
     std::string_view wanted);
 
@@ -41,21 +41,21 @@ struct LanPeer {
 /// "192.168.7.2:7423", or without the port.
 [[nodiscard]] std::string to_string(const LanPeer& peer);
 [[nodiscard]] std::string address_text(std::uint32_t ipv4);
-/// 0: it is no numeric address.
+/// 0: `text` is no numeric address.
 [[nodiscard]] std::uint32_t parse_address(const std::string& text) noexcept;
 
 /// @threads  one at a time
 class LanSocket {
  public:
-  /// Of this host's `address` ("0.0.0.0": all) at `port` (0: any free one), from which datagrams
-  /// also go to multicast groups, within the LAN (TTL 1). With a port, several programs of this
-  /// host may have one; a datagram goes to the latest.
+  /// A socket of this host's `address` ("0.0.0.0": all) at `port` (0: any free one), from which
+  /// datagrams also go to multicast groups, within the LAN (TTL 1). Several programs of this host
+  /// may open the same port; a datagram goes to the latest.
   /// @realtime set-up only
   /// @errors   the address is not this host's; no descriptor left
   [[nodiscard]] static expected<LanSocket, SetupError> open(const std::string& address,
                                                             std::uint16_t port = 0);
-  /// Takes what is sent to the group at `port` and arrives at one of the interfaces, as several
-  /// programs of a host may.
+  /// Receives the datagrams to the group at `port` that arrive at one of the interfaces. Several
+  /// programs of a host may join.
   /// @realtime set-up only
   /// @errors   an interface refuses; another program has the port for itself
   [[nodiscard]] static expected<LanSocket, SetupError> join(

@@ -16,8 +16,8 @@
 #include "rtpm/transport/socket.hpp"
 
 /// Frames through memory that client and server share: a ring in each direction, set up over a UNIX
-/// socket. The socket stays open as the bell, and reports at once that the other side is gone. The
-/// memory has no name, so nothing is left of it when both sides are gone, however they ended.
+/// socket. The socket stays open as the bell, and reports at once that the peer is gone. The memory
+/// has no name, so nothing of it remains when both sides are gone, however they ended.
 /// @source   spec/hprotocol.md#hp-16
 namespace rtpm::transport {
 
@@ -28,7 +28,7 @@ struct SharedMemoryAddress {
   std::string host;  ///< Numeric, "127.0.0.1", "::1".
   std::uint16_t port = 0;
   std::string folder{};
-  /// Of a caller: whose servers it trusts beside those of its own user and of the superuser.
+  /// For a caller: users whose servers it trusts, besides its own and the superuser.
   std::vector<std::uint32_t> trusted_users{};
 };
 
@@ -38,8 +38,8 @@ struct RingSizes {
   std::uint32_t to_client = 0;
 };
 
-/// One end of a connection through shared memory, on either side. What the peer writes is copied
-/// before it is checked, and never trusted.
+/// One end of a connection through shared memory, on either side. The peer's data is copied before
+/// it is checked, and never trusted.
 /// @ownership the socket, the mapping, and a buffer of one largest frame
 /// @threads  one at a time
 /// @realtime send() and receive(): alloc-free, no system call but one to wake a sleeping peer
@@ -73,7 +73,7 @@ class SharedMemoryConnection final : public Connection {
   /// Checks the socket, which receive() does not, for the peer's end; then receive() reports it.
   /// @realtime alloc-free, one system call
   void check_peer() noexcept { receive_bell(true); }
-  /// How many sent frames the peer has not read.
+  /// The number of sent frames that the peer has not read.
   [[nodiscard]] std::uint32_t unread_count() const noexcept { return writer_.unread_count(); }
 
  private:
@@ -91,7 +91,7 @@ class SharedMemoryConnection final : public Connection {
   RecordWriter writer_;
   RecordReader reader_;
   std::vector<CacheLine> lines_;
-  bool is_closed_ = false;  ///< The peer hung up; what it wrote before can still be read.
+  bool is_closed_ = false;  ///< The peer hung up; its earlier frames can still be read.
 };
 
 /// A server's UNIX socket.
@@ -123,7 +123,7 @@ struct SharedMemoryClient {
   int shortage = 0;  ///< The error number if no descriptor or memory was left, else 0.
 };
 
-/// Says with which users a server shares memory.
+/// Decides with which users a server shares memory.
 class UserPolicy {
  public:
   [[nodiscard]] virtual bool admits(std::uint32_t user) const noexcept = 0;
@@ -134,14 +134,14 @@ class UserPolicy {
 };
 
 /// Reads and answers the request of an accepted client. No connection: the client was refused, and
-/// knows why; only asked; or sent something else.
+/// has been told why; only asked; or sent something else.
 /// @param policy  null: this process's user and the superuser are admitted
 /// @realtime set-up only
 [[nodiscard]] SharedMemoryClient welcome_shared_memory_client(Descriptor socket,
                                                               const UserPolicy* policy = nullptr);
 
-/// Whether there is a server that shares memory with this process, and that it trusts: one of the
-/// same user, of the superuser, or of SharedMemoryAddress::trusted_users.
+/// Whether a server shares memory with this process, and this process trusts it: one of the same
+/// user, of the superuser, or of SharedMemoryAddress::trusted_users.
 /// @realtime set-up only; waits for its answer until `deadline`
 [[nodiscard]] bool is_shared_memory_served(const SharedMemoryAddress& address,
                                            MonotonicTime deadline) noexcept;

@@ -8,46 +8,46 @@
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/transport/socket.hpp"
 
-/// A folder of UNIX sockets by whose names the programs of one user find each other on a host.
-/// What there is to say stands in the file's name; whether its program lives is the kernel's
-/// record: a connect is refused as soon as the socket is closed, however its program ended. Nothing
-/// is ever sent, so that a program that hangs holds up nobody who looks.
+/// A folder of UNIX sockets by whose names the programs of one user find each other on a host. The
+/// file's name carries all the information; the kernel tells whether its program lives: a connect
+/// is refused as soon as the socket is closed, however its program ended. Nothing is ever sent, so
+/// a program that hangs delays no reader.
 namespace rtpm::transport {
 
-/// Where the programs of this user have their sockets: $RTPM_RUNTIME_FOLDER, else "rtpm-names" in
+/// The folder of this user's sockets: $RTPM_RUNTIME_FOLDER, else "rtpm-names" in
 /// $XDG_RUNTIME_DIR or /run/user/UID, else /tmp/rtpm-names-UID.
 /// @realtime set-up only
 [[nodiscard]] std::string runtime_folder();
 
-/// Whether that is $RTPM_RUNTIME_FOLDER.
+/// Whether runtime_folder() is $RTPM_RUNTIME_FOLDER.
 /// @realtime set-up only
 [[nodiscard]] bool has_own_runtime_folder();
 
-/// The number of this process's network namespace, in which its addresses mean something; 0 if the
-/// system does not tell.
+/// The number of this process's network namespace, in which its addresses are valid; 0 if it can't
+/// be determined.
 /// @realtime set-up only
 [[nodiscard]] std::uint64_t network_namespace();
-/// The number of this process.
+/// This process's id.
 [[nodiscard]] std::uint32_t process_id() noexcept;
 
-/// How many bytes a name in the folder has at most.
+/// The size of a name in the folder, at most, in bytes.
 inline constexpr std::size_t kFolderNameSizeMax = 80;
 
 /// A socket in the folder, for as long as this object lives.
 /// @threads  one at a time
 class FolderSocket {
  public:
-  /// Makes the folder too, for this user alone, if it is not there.
+  /// Creates the folder too, for this user alone, if it does not exist.
   /// @realtime set-up only
-  /// @errors   the folder is a link, is another user's, or is open to others; the name is there
-  ///           already, or has no place in a file name
+  /// @errors   the folder is a link, is another user's, or is open to other users; the name exists
+  ///           already, or is not possible as a file name
   [[nodiscard]] static expected<FolderSocket, SetupError> create(std::string folder,
                                                                  std::string name);
   FolderSocket(FolderSocket&&) noexcept = default;
   FolderSocket& operator=(FolderSocket&&) noexcept;
   ~FolderSocket();
 
-  /// Makes the file again if somebody removed it, as cleaners of /tmp do.
+  /// Creates the file again if it was removed, as by a cleaner of /tmp.
   /// @realtime set-up only
   void keep();
 
@@ -61,18 +61,18 @@ class FolderSocket {
   Descriptor socket_;
 };
 
-/// What a folder holds.
+/// The contents of a folder.
 struct FolderContent {
-  std::vector<std::string> names{};  ///< Of living sockets, sorted.
+  std::vector<std::string> names{};  ///< The names of living sockets, sorted.
   std::size_t stale_count = 0;       ///< Sockets of dead programs, which were removed.
   std::size_t foreign_count = 0;     ///< Other files, and those of other users, which stay.
-  bool is_cut_off = false;           ///< There were more files than anybody reads.
+  bool is_cut_off = false;           ///< There were more than kFolderFileCountMax files.
 };
 
-/// How many files of a folder are read.
+/// The number of files of a folder that are read at most.
 inline constexpr std::size_t kFolderFileCountMax = 4096;
 
-/// Reads the folder, and removes the sockets of dead programs. One that is not there is empty.
+/// Reads the folder, and removes the sockets of dead programs. A missing folder is empty.
 /// @realtime set-up only
 /// @errors   as FolderSocket::create()
 [[nodiscard]] expected<FolderContent, SetupError> read_socket_folder(const std::string& folder);

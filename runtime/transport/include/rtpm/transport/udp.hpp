@@ -20,14 +20,14 @@
 namespace rtpm::transport {
 
 struct UdpPortConfig {
-  /// Numeric, a name, or "any": every address of this host, also one that comes later. Then an
-  /// answer leaves from the address at which its request came.
+  /// Numeric, a name, or "any": every address of this host, also later ones. With "any" an answer
+  /// leaves from the address at which its request came.
   std::string host = "127.0.0.1";
   std::uint16_t port = 0;
-  Priority priority = 0;    ///< Of the traffic that it sends, see set_traffic_class().
+  Priority priority = 0;    ///< The traffic class of its datagrams, see set_traffic_class().
   Priority low = 0;         ///< The lowest priority that steer() gives it.
-  bool joins = false;       ///< A further socket of a server's port, not its first.
-  std::uint16_t index = 0;  ///< Of one of a lane's ports at several addresses, for index_of().
+  bool joins = false;       ///< A further socket of a server's port, not its first one.
+  std::uint16_t index = 0;  ///< One of a lane's ports at several addresses, for index_of().
 };
 
 /// A lane's UDP socket. All lanes of a server share one port; the kernel steers each datagram to
@@ -43,22 +43,22 @@ class UdpPort {
   /// Receives a datagram, or several that came together.
   /// @param buffer  of Datagrams::kSizeMax
   [[nodiscard]] expected<Datagrams, IoError> receive(MutableBytes buffer) noexcept;
-  /// Tells the BatchEstimator when receive() returned these.
+  /// Reports to the BatchEstimator when receive() returned these datagrams.
   /// @realtime a system call only if batches begin or end
   void note(const Datagrams& datagrams, MonotonicTime received) noexcept;
 
   /// Waits for datagrams, for kBlockTime at most, and receives them into `buffer`. The next
-  /// receive() returns them there, whatever its own buffer is. False: none came, or wake() ended
-  /// the wait.
+  /// receive() returns them from there, whatever its own buffer is. False: none came, or wake()
+  /// ended the wait.
   [[nodiscard]] bool await(MutableBytes buffer) noexcept;
   /// Whether await() received a datagram that receive() has not returned yet.
   [[nodiscard]] bool has_received() const noexcept { return awaited_.has_value(); }
-  /// Ends the await() of another thread, or the next one, by a datagram to this port. If that is
+  /// Ends the await() of another thread, or the next one, by a datagram to this port. If it is
   /// lost, as by a packet filter, await() ends in its time.
   /// @return false: the system did not take the datagram
   /// @threads  any
   bool wake() noexcept;
-  /// How many datagrams of wake() have arrived.
+  /// The number of datagrams of wake() that have arrived.
   [[nodiscard]] std::uint64_t woken_count() const noexcept { return woken_count_; }
   [[nodiscard]] expected<void, IoError> send(const wire::PeerAddress& peer,
                                              ConstBytes frame) noexcept;
@@ -71,17 +71,17 @@ class UdpPort {
   /// The host of a peer: this_host() if it called from the address that it called.
   /// @realtime a few ns
   [[nodiscard]] wire::PeerAddress host_of(const wire::PeerAddress& peer) const noexcept;
-  /// The port of a lane, of those at several addresses, that received from the peer: its
-  /// UdpPortConfig::index.
+  /// The index of the port that received from the peer, among a lane's ports at several addresses:
+  /// its UdpPortConfig::index.
   /// @realtime a few ns
   [[nodiscard]] static std::size_t index_of(const wire::PeerAddress& peer) noexcept {
     return peer.port >> kLocalShift;
   }
 
  private:
-  /// Above the port of a peer stands to which of our addresses it came.
+  /// The bits above a peer's port hold the address of ours at which its datagram came.
   static constexpr int kLocalShift = 16;
-  /// The addresses at which datagrams came to "any"; the first stands for those beyond.
+  /// The addresses at which datagrams came to "any"; the first stands for any beyond the 64th.
   using LocalAddresses = std::array<SocketAddress, 64>;
 
   UdpPort(Descriptor socket, const SocketAddress& own, const UdpPortConfig& config);
@@ -98,7 +98,7 @@ class UdpPort {
   Priority low_;
   SocketAddress own_;
   std::uint32_t index_;                       ///< In its place of a peer.
-  std::unique_ptr<LocalAddresses> locals_{};  ///< Of "any" only.
+  std::unique_ptr<LocalAddresses> locals_{};  ///< For "any" only.
   std::uint32_t local_count_ = 1;
   bool can_send_batches_ = true;
   BatchEstimator estimator_;
@@ -112,8 +112,7 @@ inline constexpr std::uint32_t kPriorityOffset = 4;
 /// Lets the kernel deliver each datagram to the lane that serves the priority in its header.
 /// @param any_lane   one of the lanes' ports
 /// @param lane_lows  the lowest priorities of the lanes, ascending from 0, in the order in which
-/// their
-///                   ports were opened
+///           their ports were opened
 /// @realtime set-up only
 /// @source   SO_ATTACH_REUSEPORT_CBPF, socket(7); the priority's offset is spec/hprotocol.md#hp-2's
 [[nodiscard]] expected<void, SetupError> steer(const UdpPort& any_lane,

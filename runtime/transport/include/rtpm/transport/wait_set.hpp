@@ -8,11 +8,11 @@
 
 namespace rtpm::transport {
 
-/// What a source is to its owner: each user of a wait set numbers its own kinds from 1 to 15.
+/// The owner's kind of a source: each user of a wait set numbers its own kinds from 1 to 15.
 enum class SourceKind : std::uint8_t { kDoorbell = 0 };
 
-/// Identifies a source in the result of a wait. The generation tells a slot's present source from
-/// earlier ones: compare whole tags before using the slot.
+/// Identifies a source in the result of a wait. The generation distinguishes a slot's present
+/// source from earlier ones: compare whole tags before using the slot.
 class SourceTag {
  public:
   /// Higher bits of a generation are ignored.
@@ -54,7 +54,7 @@ enum class Trigger : std::uint8_t {
   kEdge,   ///< Once per signal: for an eventfd that is never read, which saves a system call each.
 };
 
-/// As a time to wait until: do not block.
+/// A deadline in the past: do not block.
 inline constexpr MonotonicTime kAlready = MonotonicTime::min();
 
 /// A lock that a wait frees while it may block.
@@ -68,9 +68,8 @@ class WaitLock {
 };
 
 /// Everything that one thread waits for: descriptors, and a doorbell that other threads ring.
-/// @threads  ring() any; the others one at a time, by turns under one lock if several threads use
-///           the set; see wait()
-/// @realtime alloc-free
+/// @threads  ring() any; the other functions one at a time, by turns under one lock if several
+///           threads use the set; see wait()
 class WaitSet {
  public:
   WaitSet() = default;
@@ -78,23 +77,23 @@ class WaitSet {
   WaitSet& operator=(const WaitSet&) = delete;
   virtual ~WaitSet() = default;
 
-  /// Reports `descriptor` as `tag` from now on. A wait that is under way with a lock heeds it.
+  /// Reports `descriptor` as `tag` from now on, also in a wait that is under way with a lock.
   /// @param descriptor  stays open until remove()
   /// @param tag         of any kind but kDoorbell
   /// @return false: the set is full, has the descriptor, or the system refuses
   [[nodiscard]] virtual bool add(int descriptor, SourceTag tag, Trigger trigger) noexcept = 0;
-  /// Waits that begin later do not report it, and hold no reference to it. One under way may still
-  /// report its tag.
+  /// Waits that begin later do not report the descriptor, and hold no reference to it. A wait under
+  /// way may still report its tag.
   virtual void remove(int descriptor) noexcept = 0;
   /// Blocks until a source is ready, the doorbell has rung, or `until`.
   /// @param until  kNever: no limit; kAlready: do not block
-  /// @param ready  receives the tags; what exceeds it is reported by the next waits, in turn
+  /// @param ready  receives the tags; the next waits report those that exceed it, in turn
   /// @param held   null, or the caller's lock: free exactly while the wait may block
-  /// @return how many tags; 0 also if the wait ended early, as by a signal
+  /// @return the number of tags; 0 also if the wait ended early, as by a signal
   [[nodiscard]] virtual std::size_t wait(MonotonicTime until, std::span<SourceTag> ready,
                                          WaitLock* held = nullptr) noexcept = 0;
   /// Ends the wait that is under way, or the next one, which reports kDoorbell: once, however often
-  /// it rang. What the caller wrote before is visible after that wait.
+  /// it rang. The caller's earlier writes are visible after that wait.
   /// @realtime at most one system call
   virtual void ring() noexcept = 0;
 };
