@@ -8,7 +8,7 @@ namespace rtpm::access {
 namespace {
 
 constexpr unsigned kBitCount = 128;
-constexpr unsigned kMappedBitCount = 96;  // Of ::ffff:0:0/96, before an IPv4 address.
+constexpr unsigned kMappedBitCount = 96;  // The prefix ::ffff:0:0/96 before an IPv4 address.
 
 bool is_set(const NetworkAddress& address, unsigned bit) noexcept {
   return ((address[bit / 8] >> (7 - bit % 8)) & 1) != 0;

@@ -26,7 +26,7 @@ unexpected<SetupError> failed(const std::string& path, int error) {
   return setup_error(printable(path, kShownWhole) + " can't be changed", system_error(error));
 }
 
-/// Makes the folder of a file that is not there yet; the file itself, through links.
+/// Resolves links to the file itself; if the file does not exist yet, creates its folder.
 expected<std::string, SetupError> real_path_of(const std::string& path) {
   std::error_code error;
   const std::filesystem::path folder = std::filesystem::path(path).parent_path();
@@ -55,13 +55,13 @@ bool write_all(const File& file, std::string_view text) {
   return ::fsync(file.number()) == 0;
 }
 
-/// Puts `text` in the place of the locked file, with its mode and owner.
+/// Replaces the locked file with `text`, keeping its mode and owner.
 expected<void, SetupError> replace(const File& locked, const std::string& path,
                                    std::string_view text) {
   struct stat old {};
   if (::fstat(locked.number(), &old) != 0) return failed(path, errno);
   const std::string next = path + ".new";
-  ::unlink(next.c_str());  // Of a program that ended halfway: the lock is ours.
+  ::unlink(next.c_str());  // Left by a program that ended halfway: the lock is ours.
   constexpr int kFlags = O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW;
   const File file(::open(next.c_str(), kFlags, 0600));
   if (!file.is_open()) return failed(path, errno);
@@ -88,7 +88,7 @@ expected<void, SetupError> change_locked(const File& file, const std::string& pa
   return replace(file, path, *text);
 }
 
-/// Changes the file if nobody else has it locked, or has replaced it meanwhile.
+/// Changes the file unless another program holds its lock or has replaced it meanwhile.
 /// @return whether it did
 expected<bool, SetupError> try_change(const std::string& path, const FileChange& change) {
   const bool is_new = !stamp_of(path).is_of_file();
@@ -100,7 +100,7 @@ expected<bool, SetupError> try_change(const std::string& path, const FileChange&
   }
   if (!is_same_file(file, path)) return false;
   if (auto changed = change_locked(file, path, change); !changed) {
-    // An empty file of grants would ask servers for grants that nobody has.
+    // With an empty file of grants servers would require grants that nobody has.
     if (is_new) ::unlink(path.c_str());
     return unexpected{changed.error()};
   }

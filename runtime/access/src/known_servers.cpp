@@ -11,7 +11,7 @@
 namespace rtpm::access {
 namespace {
 
-constexpr std::size_t kHostSizeMax = 253;  // Of a name in the DNS.
+constexpr std::size_t kHostSizeMax = 253;  // The limit of names in the DNS.
 
 /// "host", "host:port", "[address]" or "[address]:port".
 bool read_place(std::string_view text, KnownServer& server) {
@@ -52,7 +52,7 @@ std::optional<LineFault> read_line(std::string_view line, KnownServer& server) {
   return std::nullopt;
 }
 
-/// "local uid:1001"; such a line begins with two words that no server has.
+/// Whether it is "local uid:1001"; no server's line begins with these two words.
 bool is_local(const std::vector<Word>& words) {
   return words.size() >= 2 && words[0].text == "local" && words[1].text.starts_with("uid:");
 }

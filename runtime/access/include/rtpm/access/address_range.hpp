@@ -11,13 +11,13 @@ namespace rtpm::access {
 /// A network address in IPv6's form; IPv4 as ::ffff:a.b.c.d.
 using NetworkAddress = std::array<std::uint8_t, 16>;
 
-/// A numeric IPv4 or IPv6 address without zone; nothing if `text` is none.
+/// Parses a numeric IPv4 or IPv6 address without zone; nothing if `text` is not one.
 [[nodiscard]] std::optional<NetworkAddress> parse_address(std::string_view text);
 
 /// The addresses that share a prefix: "192.168.7.0/24", "fd00::/8", or one: "192.168.7.4".
 class AddressRange {
  public:
-  /// Nothing if `text` is none, or has bits behind its prefix: a slip in most cases.
+  /// Nothing if `text` is no range, or has bits behind its prefix: a slip in most cases.
   [[nodiscard]] static std::optional<AddressRange> parse(std::string_view text);
 
   /// @realtime alloc-free
@@ -30,7 +30,7 @@ class AddressRange {
  private:
   std::string text_;
   NetworkAddress prefix_{};
-  unsigned bit_count_ = 0;  // Of the prefix in IPv6's form.
+  unsigned bit_count_ = 0;  // The prefix's, in IPv6's form.
 };
 
 }  // namespace rtpm::access

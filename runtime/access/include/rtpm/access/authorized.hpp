@@ -12,7 +12,7 @@
 
 namespace rtpm::access {
 
-/// What one line of `authorized` allows.
+/// The permissions of one line of `authorized`.
 struct Grant {
   Subject subject{};
   std::string name{};  ///< For logs and errors; empty: none was given.
@@ -27,19 +27,19 @@ struct Grant {
 struct LineFault {
   std::size_t line = 0;    ///< From 1,
   std::size_t column = 0;  ///< and from 1, in bytes.
-  std::string why{};       ///< With what would be right; foreign text in it is escaped.
+  std::string why{};       ///< With the correct form; foreign text in it is escaped.
   friend bool operator==(const LineFault&, const LineFault&) = default;
 };
 /// "authorized:3:14: unknown role 'comand'; did you mean 'command'?"
 [[nodiscard]] std::string to_text(const LineFault& fault, std::string_view file);
 
-/// The bounds of a file of grants. What is beyond allows nothing and is a fault.
+/// The bounds of a file of grants. Anything beyond them allows nothing and is a fault.
 inline constexpr std::size_t kGrantCountMax = 4096;
 inline constexpr std::size_t kGrantLineSizeMax = 4096;
 inline constexpr std::size_t kGrantItemCountMax = 32;  ///< Patterns, and ranges, of a line.
-inline constexpr std::size_t kFaultCountMax = 32;      ///< How many faults are told.
+inline constexpr std::size_t kFaultCountMax = 32;      ///< The faults that are reported.
 
-/// What a file of grants says.
+/// The contents of a file of grants.
 struct Authorized {
   std::vector<Grant> grants{};
   std::vector<LineFault> faults{};
@@ -52,7 +52,7 @@ struct Authorized {
 ///     uid:1001 name=logger role=observe on=**
 ///     anonymous role=observe on=public/** from=192.168.7.0/24
 ///
-/// `role` and `on` are required. A faulty line is left out as a whole, the others stay in force.
+/// `role` and `on` are required. A faulty line is left out as a whole, all others stay in force.
 /// @realtime set-up only
 /// @source   spec/security.md
 [[nodiscard]] Authorized parse_authorized(std::string_view text);

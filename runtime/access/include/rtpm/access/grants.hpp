@@ -9,10 +9,10 @@
 
 namespace rtpm::access {
 
-/// What a subject may do with one object.
+/// A subject's rights to one object.
 struct Permission {
   Role role = Role::kNone;
-  Priority ceiling{};  ///< The highest of any grant for the object.
+  Priority ceiling{};  ///< The highest priority of any grant for the object.
 };
 
 /// All grants in force. There are no denials: a subject may do what any of its grants allows.
@@ -24,7 +24,7 @@ class Grants {
   Grants() = default;
   explicit Grants(std::vector<Grant> grants);
 
-  /// Whether any grant is for it at that address: only then a server opens a session.
+  /// Whether the subject has any grant at that address: only then does a server open a session.
   [[nodiscard]] bool knows(const Subject& subject,
                            const std::optional<NetworkAddress>& address) const noexcept;
   /// The greatest role that its grants allow for the object at `path`.
@@ -37,8 +37,8 @@ class Grants {
                                  const std::optional<NetworkAddress>& address) const noexcept;
   /// The name that its grants give it; empty: none.
   [[nodiscard]] std::string_view name_of(const Subject& subject) const noexcept;
-  /// The subjects to which some grant of these allows what no single one of `after` does. One whose
-  /// grants were only divided otherwise may be among them.
+  /// The subjects for which a grant of these allows something that no single grant of `after` does.
+  /// A subject whose grants were only divided differently may be among them.
   /// @realtime set-up only
   [[nodiscard]] std::vector<Subject> narrowed_by(const Grants& after) const;
   [[nodiscard]] std::size_t size() const noexcept { return grants_.size(); }
@@ -51,7 +51,7 @@ class Grants {
   std::vector<Grant> grants_{};  // By subject.
 };
 
-/// The line of `authorized` that would allow it, for a refusal in the server's log.
+/// The line of `authorized` that would allow the request, for a refusal in the server's log.
 [[nodiscard]] std::string missing_line(const Subject& subject, Role role, std::string_view path);
 
 }  // namespace rtpm::access

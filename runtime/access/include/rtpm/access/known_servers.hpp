@@ -19,16 +19,17 @@ struct KnownServer {
   friend bool operator==(const KnownServer&, const KnownServer&) = default;
 };
 
-/// What a file of known servers says.
+/// The contents of a file of known servers.
 struct KnownServers {
   std::vector<KnownServer> servers{};
-  /// Users of this host whose servers are trusted to share memory, beside the own one and root.
+  /// Users of this host whose servers are trusted to share memory, besides its own user and root.
   std::vector<std::uint32_t> local_users{};
   std::vector<LineFault> faults{};
   std::size_t fault_count = 0;  ///< Also of those beyond kFaultCountMax.
 
   /// The keys for this server, those for the port before those for the host: a server may hold two
-  /// for a time. Empty: it is not known, and must not be called in plain either if others are.
+  /// for a time. Empty: the server is unknown, and must not be called in plain either if `servers`
+  /// is not empty.
   [[nodiscard]] std::vector<KnownServer> find(std::string_view host, std::uint16_t port) const;
 };
 
@@ -39,7 +40,7 @@ struct KnownServers {
 ///     [fd00::4]:7420 rtpm25519 BASE64
 ///     local uid:1001
 ///
-/// A faulty line is left out, the others stay in force.
+/// A faulty line is left out, the other lines stay in force.
 /// @realtime set-up only
 [[nodiscard]] KnownServers parse_known_servers(std::string_view text);
 

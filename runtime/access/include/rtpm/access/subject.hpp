@@ -9,20 +9,20 @@
 namespace rtpm::access {
 
 /// The number by which the kernel shows users that it can't name, such as those of another user
-/// namespace: nothing is granted to it.
+/// namespace: it never has grants.
 inline constexpr std::uint32_t kUnknownUser = 65534;
 
-/// Who asks, as far as it is proved: by a key in a sealed session, by the kernel on this host, or
-/// not at all.
+/// The identity of a caller, as far as it is proved: by a key in a sealed session, by the kernel on
+/// this host, or not at all.
 struct Subject {
   enum class Kind : std::uint8_t { kAnonymous, kLocalUser, kKey };
   Kind kind = Kind::kAnonymous;
-  std::uint32_t user = 0;  ///< The user's number, of a local user.
-  seal::PublicKey key{};   ///< Of a key.
+  std::uint32_t user = 0;  ///< The user's number, for kLocalUser.
+  seal::PublicKey key{};   ///< For kKey.
   friend bool operator==(const Subject&, const Subject&) noexcept = default;
 };
 
-/// As a line of `authorized` begins: "rtpm25519 BASE64", "uid:1000", "anonymous".
+/// The beginning of a line of `authorized`: "rtpm25519 BASE64", "uid:1000", "anonymous".
 /// @realtime set-up only
 [[nodiscard]] std::string to_text(const Subject& subject);
 
