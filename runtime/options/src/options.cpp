@@ -97,7 +97,7 @@ Setting enum_setting(Enum& value, const std::array<Enum, Count>& values) {
 }  // namespace
 
 struct Options::Impl {
-  /// Where names are: the registry's URL or, without, how to find them.
+  /// The place of names: the registry's URL or, without one, how to find them.
   struct NamesPlace {
     std::string* where = nullptr;  ///< Null: the program has no use for them.
     std::string registry{};
@@ -110,14 +110,14 @@ struct Options::Impl {
   std::string name;
   std::string description;
   std::vector<Setting> settings{};
-  std::vector<std::string> sources{};  ///< Of each setting: where its value came from.
+  std::vector<std::string> sources{};  ///< The source of each setting's value.
   std::vector<Positional> positionals{};
   std::vector<Verb> verbs{};
   std::string config_path{};
   std::vector<Group> groups{};
   bool is_adding_members = false;
   NamesPlace names_place{};
-  bool is_shared = false;  ///< What is added means the same in all programs.
+  bool is_shared = false;  ///< Added options mean the same in all programs.
 
   /// "RTPM_SERVO_RATE", or "RTPM_REGISTRY".
   [[nodiscard]] std::string variable_for(std::string_view key, bool is_for_all) const {
@@ -336,7 +336,7 @@ std::string Options::Impl::help_text(const Verb* verb) const {
 
 std::string Options::Impl::dump_text() {
   std::string text = "# " + name + " " RTPM_VERSION ": the configuration in force.\n";
-  // These are every program's, see runtime/transport and runtime/access.
+  // Every program reads these, see runtime/transport and runtime/access.
   std::vector<std::string> variables{"RTPM_RUNTIME_FOLDER", "RTPM_KEYS"};
   for (std::size_t i = 0; i < settings.size(); ++i) {
     const Setting& setting = settings[i];

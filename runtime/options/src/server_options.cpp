@@ -133,7 +133,7 @@ expected<rt::CpuLatencyRequest, SetupError> prepare(const ServerSettings& settin
 
 namespace {
 
-/// Says whom a server serves that asks for grants. What asks nobody says so itself.
+/// Reports whom a server that requires grants serves. A server without grants reports that itself.
 void show_callers(const rpc::Server& server, std::string_view program) {
   const rpc::ServedCallers callers = server.served_callers();
   if (callers.authorized_file.empty()) return;

@@ -14,20 +14,20 @@ namespace rtpm::options {
 /// One variable of a program: how to parse, format and document it.
 struct Setting {
   std::string key;
-  std::string variable{};  ///< Of the environment: "RTPM_PORT".
+  std::string variable{};  ///< The environment variable: "RTPM_PORT".
   std::string help;
   std::string placeholder;  ///< Stands for the value in --help: "NUMBER".
-  std::string expected;     ///< What a value must be: "a whole number from 0 to 65535".
+  std::string expected;     ///< The permitted values: "a whole number from 0 to 65535".
   bool is_switch = false;   ///< Its flag means true without a value.
   bool is_list = false;     ///< Its flag may be repeated.
   bool is_secret = false;   ///< Refused on the command line, and never printed.
-  /// Sets the variable from text; false, and no change, if the text is not what is expected.
+  /// Sets the variable from text; false, and no change, if the text is not valid.
   std::function<bool(std::string_view)> read{};
   /// The variable as text that `read` takes.
   std::function<std::string()> write{};
 };
 
-/// The setting of a variable, to which it refers.
+/// The setting of a variable; keeps a reference to it.
 /// @realtime set-up only
 [[nodiscard]] Setting setting_of(std::string& value);
 [[nodiscard]] Setting setting_of(bool& value);

@@ -32,7 +32,7 @@ enum class Presence : std::uint8_t { kOptional, kRequired };
 /// runtime/options/README.md.
 ///
 /// Programs share one environment, so a variable has one meaning: `--some-key` of `rtpm-servo` is
-/// RTPM_SERVO_SOME_KEY. What this library adds to several programs is the same in all,
+/// RTPM_SERVO_SOME_KEY. Options that this library adds to several programs are the same in all,
 /// RTPM_SOME_KEY.
 ///
 /// Every program also has --help, --version, --config and --dump-config, which prints the
@@ -78,7 +78,7 @@ class Options {
                        Range<Duration> range = {Duration{0}, Duration::max()});
   /// Adds a secret, such as a password. It comes from the environment or the file, is refused on
   /// the command line, which all users of the host can read, and is never printed.
-  /// @param file  where else it may stand: "the file of --config"
+  /// @param file  the other place where it may be: "the file of --config"
   void add_secret(std::string key, std::string& value, std::string help,
                   const std::string& file = "the file of --config");
   /// Adds a list of names, each with options of its own. parse() calls `add_members` once with
@@ -105,7 +105,7 @@ class Options {
   void add_verb(std::string name, std::string arguments, std::string help,
                 std::string details = {});
 
-  /// While it lives, the options that are added mean the same in every program that has them.
+  /// While it lives, the options that are added mean the same in every program that defines them.
   class Shared {
    public:
     explicit Shared(Options& options) noexcept;
@@ -124,12 +124,12 @@ class Options {
   void add_wait(rt::WaitConfig& wait, const std::string& prefix = {});
   /// Adds an option that is fifo or time-shared.
   void add_schedule(std::string key, rt::Schedule& schedule, std::string help);
-  /// Adds --registry URL and --discover HOW, which is for programs without the former; `where` gets
+  /// Adds --registry URL and --discover HOW, which is for programs without --registry; `where` gets
   /// the one that counts. Once.
   void add_registry(std::string& where);
 
   /// Reads file, environment and command line into the variables.
-  /// @return nothing to go on, else the exit code: 0 after --help, --version or --dump-config
+  /// @return nothing to continue, else the exit code: 0 after --help, --version or --dump-config
   /// @errors exit code 2, after one sentence on standard error; some variables may have changed
   [[nodiscard]] std::optional<int> parse(int argc, const char* const* argv);
 

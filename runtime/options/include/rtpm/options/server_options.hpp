@@ -17,9 +17,9 @@ namespace rtpm::options {
 struct ServerSettings {
   /// The program's defaults before add_server(). A lane's options use its name, without "lane-".
   rpc::ServerConfig server{};
-  std::optional<Duration> cpu_latency{};  ///< Longest wake-up of a CPU; none: no request.
+  std::optional<Duration> cpu_latency{};  ///< Longest wake-up of a CPU; nullopt: no request.
   bool shows_setup = false;               ///< Print what the system granted.
-  std::string known_servers_file{};       ///< Of the program's node, see add_caller().
+  std::string known_servers_file{};       ///< For the program's node, see add_caller().
   std::vector<std::string> lanes{};       ///< The lanes' names, set by add_server().
 };
 
@@ -33,10 +33,10 @@ struct ServerSettings {
 /// @realtime set-up only
 void add_server(Options& options, ServerSettings& settings);
 
-/// As add_caller() of caller_options.hpp, for a program that serves, too, after add_server(): its
-/// key and its key log are those of its server, so only --known-servers is added.
+/// Adds a caller's options to a program that also serves, after add_server(). Its key and its key
+/// log are those of its server, so only --known-servers is added; see caller_options.hpp.
 void add_caller(Options& options, ServerSettings& settings);
-/// What the node of such a program is given.
+/// The security settings of such a program's node.
 [[nodiscard]] rpc::NodeSecurity node_security(const ServerSettings& settings);
 
 /// Requests the configured CPU latency for the process, for the lifetime of the returned object.
@@ -44,9 +44,9 @@ void add_caller(Options& options, ServerSettings& settings);
 /// @errors   as rt::CpuLatencyRequest::open(), in the server's mode
 [[nodiscard]] expected<rt::CpuLatencyRequest, SetupError> prepare(const ServerSettings& settings);
 
-/// Prints on standard error what is served, a line for each address, if others than this host's
-/// programs can reach it; the key and the grants of a server that asks for them; and what the
-/// system granted, if so configured. Call it after the start.
+/// Prints on standard error the served addresses, a line each, if programs of other hosts can reach
+/// them; the key and the grants of a server that requires grants; and the rights that the system
+/// granted, if so configured. Call it after the start.
 /// @realtime set-up only
 void show_setup(const ServerSettings& settings, const rpc::Server& server,
                 std::string_view program);

@@ -8,14 +8,14 @@
 namespace rtpm::options {
 
 /// The signals that ask a program to end: SIGINT (Ctrl-C), SIGTERM, SIGHUP (its terminal is gone)
-/// and SIGQUIT. The latter two only unless they are ignored, as nohup and a shell's background jobs
-/// have them.
+/// and SIGQUIT. The latter two are left out if they are ignored, as under nohup and in a shell's
+/// background jobs.
 [[nodiscard]] std::vector<int> stop_signals();
 
-/// Whether a program goes on where it can't write to standard output any more.
+/// Whether a program goes on when it can't write to standard output any more.
 enum class LostOutput : std::uint8_t {
-  kGoesOn,       ///< It serves others.
-  kRequestsEnd,  ///< Nobody sees what it is for.
+  kGoesOn,       ///< It serves other programs.
+  kRequestsEnd,  ///< Its output is its only purpose.
 };
 
 /// The request to end the program: one of stop_signals().
@@ -39,9 +39,9 @@ class StopSignal {
   /// Blocks until a signal has arrived.
   /// @realtime alloc-free, one system call
   void wait() const noexcept;
-  /// Blocks until is_requested(), or `duration` has passed; negative counts as 0. What is
-  /// lost of the output meanwhile counts at the next call.
-  /// @return whether it is requested
+  /// Blocks until is_requested(), or `duration` has passed; negative counts as 0. Output that is
+  /// lost meanwhile counts at the next call.
+  /// @return whether the end is requested
   /// @realtime alloc-free, one system call
   [[nodiscard]] bool wait_for(Duration duration) const noexcept;
 
