@@ -12,9 +12,9 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::uint64_t kIndexBits = 0xffff;  // Of session numbers, as ServerSessions gives them.
-constexpr std::size_t kAtBudget = 40;         // In a header.
-/// hp-5.5-2: clients judge by what was 30 s ago.
+constexpr std::uint64_t kIndexBits = 0xffff;  // The index in a session number of ServerSessions.
+constexpr std::size_t kAtBudget = 40;         // The budget's offset in a header.
+/// hp-5.5-2: clients judge by the state 30 s ago.
 constexpr Duration kEndedMemory = 2 * wire::kSessionIdleMin;
 
 }  // namespace
@@ -84,7 +84,7 @@ void SealedServer::free(Entry& entry) noexcept {
   entry.has_welcome = entry.is_confirmed = false;
 }
 
-// Ends a session of ours in place of its client.
+// Ends a session in ServerSessions in place of its client.
 void SealedServer::close(Entry& entry, MonotonicTime now) noexcept {
   wire::Header header;
   header.kind = FrameKind::kClose;
@@ -109,7 +109,7 @@ SealedServer::Outcome SealedServer::drop(DropReason reason) noexcept {
 
 SealedServer::Outcome SealedServer::broken(DropReason reason) noexcept {
   Outcome outcome = drop(reason);
-  // sec-5-7, and who need not wait for an answer in vain.
+  // sec-5-7; the client need not wait for an answer in vain.
   if (config_.medium == wire::Medium::kStream) {
     outcome.verdict.action = wire::Verdict::Action::kHangUp;
   }
@@ -125,12 +125,12 @@ SealedServer::Outcome SealedServer::on_frame(MutableBytes frame, const wire::Pee
   wire::Header header;
   const auto read = wire::decode_frame(frame, config_.medium, header);
   if (read && header.kind == FrameKind::kHello) return on_hello(header, frame, peer, now);
-  // sec-4-4: what is not sealed does not reach a sealed session.
+  // sec-4-4: an unsealed frame does not reach a sealed session.
   if (read && find(header.session) != nullptr) return drop(DropReason::kUnsealed);
   return {.verdict = sessions_.on_frame(frame, peer, now)};
 }
 
-// sec-4-2: the session, its address, the counter, the tag; then the frame is as good as any.
+// sec-4-2: checks session, address, counter and tag; then the frame is treated like any other.
 SealedServer::Outcome SealedServer::on_sealed(MutableBytes frame, const wire::PeerAddress& peer,
                                               MonotonicTime now) noexcept {
   wire::Header header;
@@ -140,7 +140,7 @@ SealedServer::Outcome SealedServer::on_sealed(MutableBytes frame, const wire::Pe
   const MutableBytes plain = frame.first(frame.size() - seal::kTrailerSize);
   Entry* const entry = find(header.session);
   if (entry == nullptr || !entry->session) {
-    // Of a session that is not sealed, or has no keys yet.
+    // The session is not sealed, or has no keys yet.
     if (sessions_.is_known(header.session)) return drop(DropReason::kUnexpected);
     // The sessions refuse it: for the client that is a hint (sec-6-2).
     wire::unmark_sealed(frame.data());
@@ -184,7 +184,7 @@ std::optional<wire::Outgoing> SealedServer::review(std::uint32_t index,
     if (admission.keeps(nullptr, *peer, since)) return std::nullopt;
     return sessions_.close_at(index, now);
   }
-  // Read first: grants that change meanwhile are looked at again.
+  // Read first: if grants change meanwhile, the next review checks them again.
   const std::uint32_t generation = admission.generation();
   if (admission.keeps(&entry.client, entry.peer, entry.generation)) {
     entry.generation = generation;
@@ -222,7 +222,7 @@ bool SealedServer::is_held_back(Entry& entry, const wire::Header& header, Mutabl
   }
   const Duration left = std::chrono::microseconds{header.budget_us} - late;
   if (left > Duration{0}) {
-    // Where both read one clock the sessions know by themselves.
+    // If both sides read one clock, the sessions find out by themselves.
     if (!entry.has_our_clock) {
       store_le(frame.data() + kAtBudget, static_cast<std::uint32_t>(left / 1us));
     }
@@ -242,7 +242,7 @@ ConstBytes SealedServer::seal(ConstBytes frame) noexcept {
   }
   const auto index = static_cast<std::size_t>(header->session & kIndexBits);
   if (header->session == 0 || index >= entries().size() || entries()[index].id != header->session) {
-    // A refusal to a stranger, or of a session that is not sealed.
+    // A refusal to an unknown peer, or a frame of an unsealed session.
     const bool may_go = config_.takes_unsealed || (header && header->kind == FrameKind::kRefuse);
     return may_go ? frame : ConstBytes{};
   }

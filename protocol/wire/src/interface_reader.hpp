@@ -42,9 +42,9 @@ struct FieldText {
   bool is_required = false;
   bool is_optional = false;
   bool is_deprecated = false;
-  std::string_view default_value{};  ///< Of a number; else nothing.
+  std::string_view default_value{};  ///< A number's; else nothing.
   bool is_key = false;
-  std::string_view encodings{};  ///< The attributes that change what bytes mean.
+  std::string_view encodings{};  ///< The attributes that change the meaning of bytes.
   std::string_view unit{};
   std::string_view frame{};
 
@@ -54,7 +54,7 @@ struct FieldText {
 struct ValueText {
   std::string_view name{};
   std::string_view number{};
-  std::string_view type{};       ///< Of a union's: "object lab.Force".
+  std::string_view type{};       ///< A union's member's: "object lab.Force".
   std::string_view type_name{};  ///< "lab.Force", or nothing.
 };
 

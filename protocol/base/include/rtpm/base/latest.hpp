@@ -10,8 +10,8 @@
 
 namespace rtpm::inline base {
 
-/// What Latest does between two steps of a write: nothing. A test's own type stops the writer
-/// there.
+/// The default pause of Latest between two steps of a write: none. A test's own type stops the
+/// writer there.
 struct LatestNoPause {
   static void pause() noexcept {}
 };
@@ -68,7 +68,7 @@ class Latest {
     return std::nullopt;
   }
 
-  /// How many values were written.
+  /// The number of values that were written.
   [[nodiscard]] std::uint64_t count() const noexcept {
     return newest_.load(std::memory_order_acquire);
   }

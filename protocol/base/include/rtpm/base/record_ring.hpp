@@ -13,9 +13,9 @@
 
 namespace rtpm::inline base {
 
-/// What the two ends of a record ring share besides the records. Each side's words are on cache
-/// lines of their own, so that both cores keep a line while neither writes. Zero at the beginning;
-/// in the byte order of the host, which both ends are on.
+/// The words that the two ends of a record ring share besides the records. Each side's words are on
+/// cache lines of their own, so that both cores keep a line while neither writes. Zero at the
+/// beginning; in the byte order of the host, which runs both ends.
 /// @source   spec/hprotocol.md#hp-16.2
 struct RecordRingControl {
   /// Set by the writer: bytes ever written to the ring.
@@ -31,7 +31,7 @@ static_assert(sizeof(RecordRingControl) == 192);
 static_assert(std::atomic<std::uint64_t>::is_always_lock_free &&
               std::atomic<std::uint32_t>::is_always_lock_free);
 
-/// What the reader of a ring sleeps on.
+/// The object that the reader of a ring sleeps on.
 /// @source   spec/hprotocol.md#hp-16.3
 enum class RecordSleep : std::uint32_t {
   kAwake = 0,
@@ -57,7 +57,7 @@ inline constexpr std::size_t kShortRecordMax = kRecordSlotSize - kRecordWordSize
   return std::uint64_t{number % kRecordSlotCount} * kRecordSlotSize;
 }
 
-/// How many bytes of a ring a record of `size` bytes takes.
+/// The number of bytes of a ring that a record of `size` bytes takes.
 [[nodiscard]] constexpr std::size_t record_span(std::size_t size) noexcept {
   return (kRecordWordSize + size + kRecordAlignment - 1) / kRecordAlignment * kRecordAlignment;
 }
@@ -100,7 +100,7 @@ class RecordMemory {
     copy_in(record.first(first), begin + 1);
     copy_in(record.subspan(first), words_);
   }
-  /// As write(), for a record that does not wrap. Writes its first line last: the word, which is
+  /// Like write(), for a record that does not wrap. Writes its first line last: the word, which is
   /// written next, is on the same line.
   void write_backwards(std::uint64_t position, ConstBytes record) noexcept {
     std::uint64_t* const begin = word_at(position);
@@ -118,7 +118,7 @@ class RecordMemory {
   /// Prefetches the cache line at `position` for writing.
   void expect_write(std::uint64_t position) const noexcept {
 #if defined(__x86_64__)
-    // Compilers emit it only for processors that are sure to have it; on others it does nothing.
+    // Compilers emit it only for processors known to have it; elsewhere it does nothing.
     __asm__ volatile("prefetchw %0" : : "m"(*word_at(position)));
 #else
     __builtin_prefetch(word_at(position), 1);
@@ -179,7 +179,7 @@ struct RecordRingMemory {
   MutableBytes records;  ///< The ring: a power of two of bytes.
 };
 
-/// The writing end of a record ring. It never trusts what the reader wrote to the shared words.
+/// The writing end of a record ring. It never trusts the shared words that the reader wrote.
 /// @ownership refers to the memory, which must outlive it
 /// @threads  one
 /// @realtime wait-free, alloc-free
@@ -222,9 +222,9 @@ class RecordWriter {
     return is_there();
   }
   [[nodiscard]] std::atomic<std::uint32_t>& sleeping() const noexcept { return control_->sleeping; }
-  /// How many records were written and not read, by the reader's own count.
+  /// The number of records written and not read, by the reader's own count.
   [[nodiscard]] std::uint32_t unread_count() const noexcept {
-    // hp-16.2-2: a count beyond what was written is ignored.
+    // hp-16.2-2: a count beyond the records written is ignored.
     const std::uint32_t taken = control_->taken.load(std::memory_order_acquire);
     const bool is_possible = taken - taken_ <= number_ - 1 - taken_;
     return number_ - 1 - (is_possible ? taken : taken_);
@@ -233,7 +233,7 @@ class RecordWriter {
  private:
   /// Whether the next record's slot is known to be free.
   [[nodiscard]] bool has_slot() const noexcept { return number_ - taken_ <= kRecordSlotCount; }
-  /// hp-16.2-2: false if the reader's count is beyond what was written, or went back.
+  /// hp-16.2-2: false if the reader's count is beyond the records written, or went back.
   [[nodiscard]] bool learn_taken() noexcept {
     // SYNC POINT slot-free: the reader is done with this record and those before.
     const std::uint32_t taken = control_->taken.load(std::memory_order_acquire);
@@ -257,9 +257,9 @@ class RecordWriter {
     const std::size_t span = record_span(record.size());
     // hp-16.2-1
     if (tail_ + span - head_ > ring_.size()) {
-      // SYNC POINT record-free: the reader is done with what is before head.
+      // SYNC POINT record-free: the reader is done with the bytes before head.
       const std::uint64_t head = control_->head.load(std::memory_order_acquire);
-      // hp-16.2-2: it never goes back, nor beyond what was written.
+      // hp-16.2-2: it never goes back, nor beyond the bytes written.
       if (head - head_ > tail_ - head_ || head % kRecordAlignment != 0) return Outcome::kBroken;
       head_ = head;
       if (tail_ + span - head_ > ring_.size()) return Outcome::kFull;
@@ -271,7 +271,7 @@ class RecordWriter {
     control_->tail.store(tail_, std::memory_order_seq_cst);
     const Outcome outcome = wake();
     // The reader's core still holds these lines from the last round. Fetched now, they do not delay
-    // the next record, which is assumed to be as large.
+    // the next record, which is assumed to be of the same size.
     constexpr std::size_t kExpectedMax = 256;
     for (std::size_t ahead = 0; ahead < std::min(span, kExpectedMax); ahead += kRecordAlignment) {
       ring_.expect_write(tail_ + ahead);
@@ -300,7 +300,7 @@ class RecordWriter {
   RecordRingControl* control_;
   RecordMemory slots_;
   RecordMemory ring_;
-  std::uint32_t number_ = 1;  ///< Of the next record.
+  std::uint32_t number_ = 1;  ///< The next record's number.
   std::uint32_t taken_ = 0;   ///< The last record read, as last seen.
   std::uint64_t tail_ = 0;    ///< The shared word is a copy, never read back.
   std::uint64_t head_ = 0;    ///< The reader's, as last seen.
@@ -308,11 +308,11 @@ class RecordWriter {
 
 /// Why a record ring gave no record.
 enum class RecordError : std::uint8_t {
-  kEmpty,   ///< There is none now.
+  kEmpty,   ///< There is no record now.
   kBroken,  ///< The shared words are invalid. Stop using the ring.
 };
 
-/// The reading end of a record ring. It never trusts what the writer wrote to the shared words.
+/// The reading end of a record ring. It never trusts the shared words that the writer wrote.
 /// @ownership refers to the memory, which must outlive it
 /// @threads  one
 /// @realtime wait-free, alloc-free
@@ -343,14 +343,14 @@ class RecordReader {
         return unexpected{RecordError::kBroken};
       }
       tail_ = tail;
-      // The record before it may have come to its slot since the check above.
+      // The record before it may have arrived in its slot since the check above.
       if (has_slot(std::memory_order_acquire)) return read_slot(to);
     }
     return read_ring(to);
   }
 
   /// Announces that the reader is about to sleep.
-  /// @return false: there is a record by now, do not sleep
+  /// @return false: a record has arrived, do not sleep
   [[nodiscard]] bool announce_sleep(RecordSleep sleep) noexcept {
     // SYNC POINT record-sleep
     control_->sleeping.store(static_cast<std::uint32_t>(sleep), std::memory_order_seq_cst);
@@ -400,7 +400,7 @@ class RecordReader {
   RecordRingControl* control_;
   RecordMemory slots_;
   RecordMemory ring_;
-  std::uint32_t number_ = 1;  ///< Of the next record.
+  std::uint32_t number_ = 1;  ///< The next record's number.
   std::uint64_t head_ = 0;    ///< The shared word is a copy, never read back.
   std::uint64_t tail_ = 0;    ///< The writer's, as last seen.
 };

@@ -4,7 +4,7 @@
 
 namespace rtpm::inline base {
 
-/// What an identity may do with an object. Each role includes those before it.
+/// An identity's rights to an object. Each role includes those before it.
 enum class Role : std::uint8_t {
   kNone,
   kObserve,     ///< Reads, subscribes, describes.

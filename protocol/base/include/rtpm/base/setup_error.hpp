@@ -8,14 +8,14 @@
 
 namespace rtpm::inline base {
 
-/// Why set-up failed, each part as a clause.
+/// A failure of set-up, each part as a clause.
 struct SetupError {
-  std::string what;         ///< What failed: "UDP 127.0.0.1:4711 can't be served".
-  std::string why{};        ///< "Address already in use"; empty: `what` says it.
-  std::string remedy{};     ///< What to do: "choose another port"; empty: `why` says it.
-  std::error_code cause{};  ///< For programs: an errno or a CallError, if that is why.
+  std::string what;         ///< The failure: "UDP 127.0.0.1:4711 can't be served".
+  std::string why{};        ///< "Address already in use"; empty: `what` includes it.
+  std::string remedy{};     ///< "choose another port"; empty: `why` includes it.
+  std::error_code cause{};  ///< For programs: an errno or a CallError, if that is the reason.
 
-  /// What failed and why, as a clause.
+  /// The failure and its reason, as a clause.
   [[nodiscard]] std::string reason() const { return why.empty() ? what : what + ": " + why; }
   /// For people: "<what>: <why>. Remedy: <remedy>.", foreign text in it escaped.
   [[nodiscard]] std::string text() const;
@@ -25,12 +25,12 @@ struct SetupError {
                                                         std::string remedy = {}) {
   return {{std::move(what), std::move(why), std::move(remedy)}};
 }
-/// `why` is what `cause` says.
+/// Takes `why` from the message of `cause`.
 [[nodiscard]] inline unexpected<SetupError> setup_error(std::string what, std::error_code cause,
                                                         std::string remedy = {}) {
   return {{std::move(what), cause.message(), std::move(remedy), cause}};
 }
-/// `what` failed because of `error`, whose remedy and cause stay.
+/// `what` failed because of `error`; keeps its remedy and cause.
 [[nodiscard]] inline unexpected<SetupError> setup_error(std::string what, SetupError error) {
   return {{std::move(what), error.reason(), std::move(error.remedy), error.cause}};
 }

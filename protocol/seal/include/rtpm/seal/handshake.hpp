@@ -8,16 +8,16 @@
 
 namespace rtpm::seal {
 
-/// Why a message of a handshake was not taken. The handshake is over then; nothing is answered.
+/// Why a message of a handshake was rejected. The handshake is over then; no answer is sent.
 enum class HandshakeError : std::uint8_t {
   kBadSize,    ///< The message has a size that this handshake does not have.
-  kBadKey,     ///< A public key of small order: its secret would be known to everybody.
+  kBadKey,     ///< A public key of small order: its secret would be public.
   kNotSealed,  ///< Made with other keys, another prologue or suite, or changed on its way.
-  kOutOfTurn,  ///< This side has no such message to take or to give now.
+  kOutOfTurn,  ///< This side neither takes nor gives such a message now.
 };
 [[nodiscard]] std::string_view to_string(HandshakeError error) noexcept;
 
-/// What a handshake agrees on: a key for each direction, and a number for it.
+/// The result of a handshake: one key per direction, and the handshake hash.
 struct SessionKeys {
   Suite suite = Suite::kChaChaPoly;
   Secret send;
@@ -28,7 +28,7 @@ struct SessionKeys {
 /// 32 secret bytes that both sides have besides their keys; zeros: none.
 using PresharedKey = Secret;
 
-/// The size of message 1 and 2 with a payload of so many bytes.
+/// The size of messages 1 and 2 with a payload of `payload_size` bytes.
 [[nodiscard]] constexpr std::size_t message_1_size(std::size_t payload_size) noexcept {
   return 2 * kKeySize + kTagSize + payload_size + kTagSize;
 }
@@ -46,10 +46,10 @@ using PresharedKey = Secret;
 class Initiator {
  public:
   /// @param own        the client's long-lived key
-  /// @param server     the server's, known from before
+  /// @param server     the server's key, known in advance
   /// @param ephemeral  KeyPair::generate(); for this handshake alone, and never for a second
   ///                   message 1 that differs in any byte or in its prologue
-  /// @param prologue   what both sides must have seen alike, which the handshake checks
+  /// @param prologue   the bytes that both sides must have seen alike, as the handshake checks
   Initiator(Suite suite, KeyPair own, const PublicKey& server, PresharedKey preshared,
             KeyPair ephemeral, ConstBytes prologue) noexcept;
 
@@ -61,7 +61,7 @@ class Initiator {
   /// @param payload  receives message.size() - message_2_size(0) bytes
   [[nodiscard]] expected<void, HandshakeError> read_message_2(ConstBytes message,
                                                               MutableBytes payload) noexcept;
-  /// Of a handshake whose message 2 was read; once.
+  /// The keys of a handshake whose message 2 was read; once.
   [[nodiscard]] expected<SessionKeys, HandshakeError> keys() noexcept;
 
  private:
@@ -93,8 +93,8 @@ class Responder {
   [[nodiscard]] expected<void, HandshakeError> write_message_2(KeyPair ephemeral,
                                                                ConstBytes payload,
                                                                MutableBytes out) noexcept;
-  /// Of a handshake whose message 2 was written; once. The client is proved to take part only by
-  /// its first sealed frame.
+  /// The keys of a handshake whose message 2 was written; once. Only the client's first sealed
+  /// frame proves that it takes part.
   [[nodiscard]] expected<SessionKeys, HandshakeError> keys() noexcept;
 
  private:

@@ -11,7 +11,7 @@ namespace rtpm::seal {
 /// The name before a key's text: "rtpm25519 " and 44 characters of Base64 (RFC 4648, padded).
 inline constexpr std::string_view kKeyTextName = "rtpm25519";
 
-/// 32 bytes in Base64, as key files have them. Of a private key it is secret: wipe it.
+/// 32 bytes in Base64, as in key files. The text of a private key is secret: wipe it.
 using KeyText = std::array<char, 44>;
 
 /// @realtime alloc-free

@@ -10,7 +10,7 @@
 
 namespace rtpm::seal {
 
-/// What follows the sealed payload of a frame: its counter and its tag.
+/// The size of the trailer behind a frame's sealed payload: its counter and its tag.
 inline constexpr std::size_t kTrailerSize = 8 + kTagSize;
 
 /// The bounds of a session.
@@ -18,12 +18,12 @@ inline constexpr std::size_t kTrailerSize = 8 + kTagSize;
 struct SessionLimits {
   unsigned generation_bits = 22;                       ///< A key seals 2 to this many frames.
   std::uint64_t counter_end = std::uint64_t{1} << 48;  ///< The first counter that is never used.
-  std::uint64_t forged_max = std::uint64_t{1} << 36;   ///< So many forged frames end the session.
+  std::uint64_t forged_max = std::uint64_t{1} << 36;   ///< Forged frames that end the session.
 };
 
-/// How frames reach the other side.
+/// The order in which frames reach the other side.
 enum class Order : std::uint8_t {
-  kAny,    ///< Datagrams: lost, repeated, in any order.
+  kAny,    ///< Datagrams: may be lost, repeated or reordered.
   kExact,  ///< A stream: each counter is one more than the last.
 };
 
@@ -35,19 +35,18 @@ enum class SealError : std::uint8_t {
 
 /// Why a frame was not opened. Nothing changed but a count.
 enum class OpenError : std::uint8_t {
-  kEnded,     ///< As above.
+  kEnded,     ///< As SealError::kEnded.
   kTooShort,  ///< No space for header, counter and tag.
   kReplayed,  ///< Received before, older than the window, or on a stream out of order.
-  kBeyond,    ///< Of a key that is over, or more than one key ahead; or a counter without a key.
+  kBeyond,    ///< Uses an expired key, or one more than one ahead; or a counter without a key.
   kForged,    ///< Not sealed by the other side of this session, or changed on its way.
 };
 [[nodiscard]] std::string_view to_string(OpenError error) noexcept;
 
 /// Seals and opens the frames of one session, for one side. A sealed frame is
 /// header | sealed payload | counter, 8 bytes | tag, 16 bytes; the header is authenticated.
-/// @ownership never copied or moved: two of them would give one counter twice. In memory that is
-///            wiped on fork (MADV_WIPEONFORK) a child's session has ended
-/// @threads   one at a time
+/// @ownership never copied or moved: two copies would use one counter twice. In memory that is
+///           wiped on fork (MADV_WIPEONFORK) a child's session has ended
 /// @realtime  alloc-free; 200 ns for a call's frame with AES hardware, 500 ns without
 class SealedSession {
  public:
@@ -68,11 +67,11 @@ class SealedSession {
   /// @return the payload, a view of `frame`
   [[nodiscard]] expected<ConstBytes, OpenError> open(std::size_t header_size,
                                                      MutableBytes frame) noexcept;
-  /// Wipes the keys. Nothing can be sealed or opened any more.
+  /// Wipes the keys. No frame can be sealed or opened any more.
   void end() noexcept;
 
   [[nodiscard]] bool has_ended() const noexcept { return is_alive_ == 0; }
-  /// Whether an authentic frame was received: only then the other side is proved to be there.
+  /// Whether an authentic frame was received: only this proves that the other side is there.
   [[nodiscard]] bool is_confirmed() const noexcept { return window_.next() != 0; }
   /// The counter of the next frame to be sealed.
   [[nodiscard]] std::uint64_t send_counter() const noexcept { return send_counter_; }
@@ -96,12 +95,12 @@ class SealedSession {
   SessionLimits limits_;
   Order order_;
   std::uint64_t send_counter_ = 0;
-  std::uint64_t receive_generation_ = 0;  ///< Of the largest counter received.
+  std::uint64_t receive_generation_ = 0;  ///< The generation of the largest counter received.
   std::uint64_t forged_count_ = 0;
   ReplayWindow window_;
   Digest handshake_hash_;
-  std::array<AeadKey, 2> send_keys_;     ///< Of the generation at hand, and the next one.
-  std::array<AeadKey, 3> receive_keys_;  ///< Of the generation before, at hand, and next.
+  std::array<AeadKey, 2> send_keys_;     ///< For the current generation and the next.
+  std::array<AeadKey, 3> receive_keys_;  ///< For the previous, current and next generation.
 };
 
 }  // namespace rtpm::seal

@@ -17,7 +17,7 @@ namespace rtpm::sealed {
 struct SealedClientConfig {
   wire::Medium medium = wire::Medium::kDatagram;
   const seal::KeyPair* own = nullptr;             ///< The client's key.
-  seal::PublicKey server{};                       ///< Of the server, from the configuration.
+  seal::PublicKey server{};                       ///< The server's, from the configuration.
   const seal::PresharedKey* preshared = nullptr;  ///< Null: none.
   std::uint8_t suites = seal::suites_here();
   /// Random for each life of the program (hp-4-2).
@@ -29,18 +29,18 @@ struct SealedClientConfig {
   KeyListener key_listener{};
 };
 
-/// Stands between a wire::ClientChannel and its transport, and seals its session. The channel does
-/// not know: its buffer has kHeaderSize + sealed_payload_max() bytes at most, so that frames stay
-/// within their size.
+/// Stands between a wire::ClientChannel and its transport, and seals the channel's session. The
+/// channel is unaware of it: its buffer has kHeaderSize + sealed_payload_max() bytes at most, so
+/// that frames stay within their size.
 /// @ownership keeps the session's keys: place it in memory that is wiped on fork and not dumped.
 ///            The keys of the configuration outlive it
 /// @threads   one at a time
 /// @realtime  alloc-free but for construction; work() takes 100 µs, everything else about 1 µs
 class SealedClient {
  public:
-  /// What is to be done next. Valid until the next call.
+  /// The next action of the owner. Valid until the next call.
   struct Step {
-    ConstBytes send{};       ///< To be sent, unless it is empty.
+    ConstBytes send{};       ///< Send it, unless it is empty.
     ConstBytes deliver{};    ///< For ClientChannel::on_frame(), unless it is empty.
     bool is_broken = false;  ///< Stream only: end the connection.
   };
@@ -53,49 +53,50 @@ class SealedClient {
   [[nodiscard]] Step send(ConstBytes frame, MonotonicTime now) noexcept;
   /// Takes a received frame, which may be anything, and opens it in place.
   [[nodiscard]] Step receive(MutableBytes frame, MonotonicTime now) noexcept;
-  /// Whether work() has something to do. Look after each send() and receive().
+  /// Whether work() has something to do. Check it after each send() and receive().
   [[nodiscard]] bool has_work() const noexcept { return is_message_1_due_ || is_message_2_due_; }
   /// Does a handshake's work with public keys.
   [[nodiscard]] Step work(MonotonicTime now) noexcept;
-  /// To be called when the connection is gone.
+  /// Call it when the connection is gone.
   void reset() noexcept;
 
   /// Whether the session's keys are old, or near one of their limits: call renew().
   [[nodiscard]] bool is_renewal_due(MonotonicTime now) const noexcept;
-  /// Whether little is left until such a limit: get new keys before the next call.
+  /// Whether a limit is very near: get new keys before the next call.
   [[nodiscard]] bool is_renewal_urgent() const noexcept { return is_past(7, 8); }
-  /// Whether the session came to a limit: nothing is sent or received on it any more.
+  /// Whether the session reached a limit: no frame is sent or received on it any more.
   [[nodiscard]] bool has_ended() const noexcept {
     const bool is_replacing = is_opening_ && purpose_ == Purpose::kChannel;
     return !is_replacing && current().seal && current().seal->has_ended();
   }
   /// Begins a handshake beside the session, which goes on; a lost frame ends it silently, so call
-  /// it again after a second. Over a stream it goes on another connection to the server: what the
-  /// step and the work() behind it send goes there, as does the channel once it has moved.
+  /// it again after a second. Over a stream the handshake uses another connection to the server:
+  /// send the frames of this step and of the following work() there, and the channel's once it has
+  /// moved.
   [[nodiscard]] Step renew(MonotonicTime now) noexcept;
-  /// Whether a new session waits for the channel. It does for a second: as soon as the channel has
-  /// no open call, open() moves it there, without a frame. The server then ends the old session.
+  /// Whether a new session waits for the channel, as it does for a second: once the channel has no
+  /// open call, open() moves it there, without a frame. The server then ends the old session.
   [[nodiscard]] bool has_next(MonotonicTime now) const noexcept {
     return next().seal.has_value() && now < next_until_;
   }
 
   /// Whether the server's WELCOME was authentic and the session goes on.
   [[nodiscard]] bool has_session() const noexcept { return current().seal.has_value(); }
-  /// What an unsealed REFUSE or COOKIE of this handshake said, for the text of an error: nobody
-  /// vouches for it. kNotAllowed: perhaps the server does not admit this client's key;
+  /// The status in an unsealed REFUSE or COOKIE of this handshake, for the text of an error: it is
+  /// not authentic. kNotAllowed: perhaps the server does not admit this client's key;
   /// kVersionUnsupported: perhaps it knows no sealed sessions.
   [[nodiscard]] std::optional<wire::Status> hint() const noexcept { return hint_; }
-  /// The key that a COOKIE showed, if it is not the configured one; nobody vouches for it either.
+  /// The key in a COOKIE, if it is not the configured one; it is not authentic either.
   [[nodiscard]] const std::optional<wire::KeyBytes>& other_key() const noexcept {
     return other_key_;
   }
   [[nodiscard]] const wire::FrameCounters& counters() const noexcept { return counters_; }
 
  private:
-  /// Whether so much of what a session may send, or be sent that is forged, is used up.
+  /// Whether this share of the session's limit of sent frames, or of forged ones, is used up.
   [[nodiscard]] bool is_past(std::uint64_t part, std::uint64_t of) const noexcept;
 
-  /// What a handshake is for. The channel knows only of its own.
+  /// The purpose of a handshake. The channel knows only its own ones.
   enum class Purpose : std::uint8_t {
     kChannel,
     kProbe,    ///< After a hint: does the server still have the session?
@@ -105,7 +106,7 @@ class SealedClient {
   static constexpr std::size_t kSealedHelloSize = wire::kHeaderSize + wire::SealedHello::kSize;
   static constexpr std::size_t kWelcomeSize = wire::kHeaderSize + wire::SealedWelcome::kSize;
 
-  /// A session, and what its WELCOME granted.
+  /// A session, and the grants of its WELCOME.
   struct Session {
     std::optional<seal::SealedSession> seal;
     std::uint64_t id = 0;
@@ -139,10 +140,10 @@ class SealedClient {
   [[nodiscard]] Step drop(wire::DropReason reason) noexcept;
 
   SealedClientConfig config_;
-  std::array<Session, 2> sessions_;  ///< That of the channel, and the one that follows it.
+  std::array<Session, 2> sessions_;  ///< The channel's, and the one that follows it.
   std::size_t current_ = 0;
   MonotonicTime next_until_{};
-  std::uint64_t gone_session_ = 0;  ///< That the server has no more, as it said itself.
+  std::uint64_t gone_session_ = 0;  ///< One that the server reported as gone.
   wire::FrameCounters counters_{};
   std::optional<wire::Status> hint_;
   std::optional<wire::KeyBytes> other_key_;
@@ -153,17 +154,17 @@ class SealedClient {
   bool is_message_1_due_ = false;
   bool is_message_2_due_ = false;
   bool has_cookie_ = false;
-  bool has_sealed_hello_ = false;     ///< That of cookie_, in sealed_hello_.
-  std::uint32_t number_;              ///< Of the handshake, as the server sees it.
-  std::uint32_t channel_number_ = 0;  ///< As the channel counts.
+  bool has_sealed_hello_ = false;     ///< sealed_hello_ answers cookie_.
+  std::uint32_t number_;              ///< The handshake's number, as the server sees it.
+  std::uint32_t channel_number_ = 0;  ///< The number by the channel's count.
   seal::Suite suite_ = seal::Suite::kChaChaPoly;
   std::array<std::byte, wire::SealedCookie::kSize> cookie_{};
-  std::array<std::byte, kHelloSize> hello_{};  ///< The last one of the channel, as it was sent.
+  std::array<std::byte, kHelloSize> hello_{};  ///< The channel's last one, as it was sent.
   std::array<std::byte, kSealedHelloSize> sealed_hello_{};
   std::array<std::byte, kWelcomeSize> welcome_{};
   std::optional<seal::Initiator> initiator_;
 
-  // What a probe is about, and when another may begin.
+  // The refused frame that a probe is about, and when another may begin.
   wire::Header refused_{};
   MonotonicTime next_probe_{};
   Duration probe_interval_{};

@@ -12,7 +12,7 @@
 
 namespace rtpm::sealed {
 
-/// Who a server is, for all its lanes. It outlives them.
+/// A server's identity, for all its lanes. It outlives them.
 struct ServerIdentity {
   seal::KeyPair key;
   seal::PresharedKey preshared;  ///< Zeros: none.
@@ -20,18 +20,18 @@ struct ServerIdentity {
   RandomSource random{};
 };
 
-/// A server's work with public keys for one HELLO. The lane gives it out, a thread of its own calls
-/// run(), and the lane takes it back; so it goes twice, for each message once.
+/// A server's work with public keys for one HELLO. The lane gives it out, a separate thread calls
+/// run(), and the lane takes it back. This happens twice, once for each message.
 /// @threads  one at a time: passing it on synchronises
 class HandshakeJob {
  public:
-  /// Does what is due.
+  /// Does the work that is due.
   /// @realtime alloc-free, 100 to 140 µs: not on a lane
   void run() noexcept;
-  /// Whose handshake it is.
+  /// The address of the handshake's client.
   [[nodiscard]] const wire::PeerAddress& peer() const noexcept { return peer_; }
-  /// After a run() that wrote message 2 of a session that is new: its line for a key log. Nothing:
-  /// there is no such session.
+  /// After a run() that wrote message 2 of a new session: its line for a key log. Nothing: there is
+  /// no such session.
   /// @realtime set-up only: allocates
   [[nodiscard]] std::optional<std::string> key_log_line() const;
 
@@ -45,7 +45,7 @@ class HandshakeJob {
   };
   static constexpr std::size_t kHelloSize = wire::kHeaderSize + wire::SealedHello::kSize;
 
-  bool is_taken_ = false;  ///< Known to the lane alone, which looks at it while run() works.
+  bool is_taken_ = false;  ///< Used by the lane alone, also while run() works.
   State state_ = State::kReading;
   const ServerIdentity* identity_ = nullptr;
   wire::PeerAddress peer_{};

@@ -13,10 +13,10 @@
 
 namespace rtpm::sealed {
 
-/// A client of a session: its key, or null of one that is not sealed.
+/// A client of a session: its key; null if the session is not sealed.
 using ClientKey = const seal::PublicKey*;
 
-/// Says which clients a server admits, and with what.
+/// Decides which clients a server admits, and with which rights.
 /// @threads  a lane's; alloc-free
 class Admission {
  public:
@@ -26,17 +26,17 @@ class Admission {
   virtual ~Admission() = default;
   [[nodiscard]] virtual bool admits(const seal::PublicKey& client,
                                     const wire::PeerAddress& peer) noexcept = 0;
-  /// Whether there are unsealed sessions of that address, where there are any at all.
+  /// Whether that address may have unsealed sessions, if there are any at all.
   [[nodiscard]] virtual bool admits_unsealed(const wire::PeerAddress&) noexcept { return true; }
-  /// The highest priority that a session is granted, below the server's.
+  /// The highest priority that a session is granted; the server's own ceiling still applies.
   [[nodiscard]] virtual Priority ceiling(ClientKey, const wire::PeerAddress&) noexcept {
     return Priority::kHighest;
   }
-  /// Whether one more handshake may begin now, of all lanes.
+  /// Whether one more handshake may begin now, across all lanes.
   [[nodiscard]] virtual bool admits_handshake(MonotonicTime) noexcept { return true; }
-  /// Another number after each change of what is admitted.
+  /// A number that changes with each change of the rights.
   [[nodiscard]] virtual std::uint32_t generation() noexcept { return 0; }
-  /// Whether a session may go on that was judged last in generation `since`.
+  /// Whether a session that was last judged in generation `since` may go on.
   [[nodiscard]] virtual bool keeps(ClientKey client, const wire::PeerAddress& peer,
                                    std::uint32_t since) noexcept {
     static_cast<void>(since);
@@ -49,31 +49,32 @@ struct SealedServerConfig {
   wire::Medium medium = wire::Medium::kDatagram;
   const ServerIdentity* identity = nullptr;
   Admission* admission = nullptr;
-  SipKey key{};                                           ///< That of ServerSessionsConfig.
-  std::uint32_t session_count_max = 256;                  ///< Likewise.
+  SipKey key{};                                           ///< As in ServerSessionsConfig.
+  std::uint32_t session_count_max = 256;                  ///< As in ServerSessionsConfig.
   std::uint32_t job_count_max = 8;                        ///< Handshakes at a time.
   std::uint32_t job_burst = 32;                           ///< Handshakes of one host at once,
   Duration job_interval = std::chrono::milliseconds{20};  ///< then one in this time.
   bool takes_unsealed = false;  ///< Whether there may be unsealed sessions as well.
   seal::SessionLimits limits{};
-  /// Where keys are kept: memory_size() bytes, aligned to 64, wiped on fork, locked and not dumped.
-  /// The caller's. Empty: it is allocated as any memory.
+  /// The memory for keys: memory_size() bytes, aligned to 64, wiped on fork, locked and not dumped.
+  /// The caller's. Empty: it is allocated as ordinary memory.
   MutableBytes memory{};
 };
 
 /// Stands between a lane's wire::ServerSessions and its transport, and seals its sessions. The
-/// sessions do not know: their frame_payload_max is sealed_payload_max().
-/// After a fork the child's has no keys, if its memory is wiped then: it sends and takes nothing.
-/// @ownership takes 3 KiB for each session: memory_size(). What the configuration names outlives it
+/// sessions are unaware of it: their frame_payload_max is sealed_payload_max(). After a fork the
+/// child's has no keys if its memory is wiped on fork: it sends and takes nothing.
+/// @ownership takes 3 KiB for each session: memory_size(). The objects that the configuration
+///           refers to outlive it
 /// @threads   one, but for HandshakeJob::run()
 /// @realtime  alloc-free but for construction; no work with public keys
 class SealedServer {
  public:
-  /// What to do about a received frame or a job that was run.
+  /// The action for a received frame or a job that was run.
   struct Outcome {
-    wire::Verdict verdict{};      ///< As of ServerSessions; its frame is not sealed yet.
+    wire::Verdict verdict{};      ///< From ServerSessions; its frame is not sealed yet.
     HandshakeJob* job = nullptr;  ///< To be run elsewhere, then for on_job(); null: none.
-    wire::PeerAddress peer{};     ///< of on_job(): where its frame goes.
+    wire::PeerAddress peer{};     ///< From on_job(): where its frame goes.
   };
 
   /// For SealedServerConfig::memory.
@@ -89,10 +90,10 @@ class SealedServer {
                                  MonotonicTime now) noexcept;
   /// Takes back a job after its run().
   [[nodiscard]] Outcome on_job(HandshakeJob& job, MonotonicTime now) noexcept;
-  /// Takes back a job that is of no use any more, as its connection has ended.
+  /// Takes back a job that is no longer needed, as its connection has ended.
   void give_up(HandshakeJob& job) noexcept;
-  /// What to send in place of a frame that the sessions or an Outcome gave, valid until the next
-  /// call. Call it at the time of sending, once for each datagram.
+  /// Seals a frame from the sessions or an Outcome; the result is sent in its place and is valid
+  /// until the next call. Call it at the time of sending, once for each datagram.
   /// @return empty: nothing is to be sent
   [[nodiscard]] ConstBytes seal(ConstBytes frame) noexcept;
   /// Ends half-open sessions whose time is over.
@@ -100,8 +101,8 @@ class SealedServer {
   /// When on_time() may be due.
   [[nodiscard]] MonotonicTime next_time() const noexcept { return half_open_due_; }
   /// Ends the session in this place, 0…session_count_max − 1, if Admission does not keep it.
-  /// @return where it was, and the CLOSE to send, sealed already; an empty one: its client has no
-  ///         keys yet. Nothing: there is none, or it goes on
+  /// @return its address, and the CLOSE to send, already sealed; an empty one: its client has no
+  ///           keys yet. Nothing: there is no session, or it goes on
   [[nodiscard]] std::optional<wire::Outgoing> review(std::uint32_t index,
                                                      MonotonicTime now) noexcept;
   /// Ends all sessions that Admission does not keep, in silence.
@@ -110,7 +111,7 @@ class SealedServer {
   /// The client's key of a session; nothing if it is not sealed.
   [[nodiscard]] std::optional<seal::PublicKey> client_of(std::uint64_t session) noexcept;
   [[nodiscard]] std::uint32_t half_open_count() const noexcept;
-  /// What was dropped here. Frames that reach the sessions count there.
+  /// Counts the frames dropped here. Frames that reach the sessions count there.
   [[nodiscard]] const wire::FrameCounters& counters() const noexcept { return counters_; }
 
  private:
@@ -127,9 +128,9 @@ class SealedServer {
     seal::Digest hello_hash{};
     wire::Welcome granted{};
     MonotonicTime opened{};
-    MonotonicTime last_heard{};  ///< By an authentic frame.
+    MonotonicTime last_heard{};  ///< The time of the last authentic frame.
     Freshness freshness;
-    std::uint32_t generation = 0;  ///< Of the Admission that judged it last.
+    std::uint32_t generation = 0;  ///< The Admission's when it judged it last.
     bool has_our_clock = false;
     bool is_confirmed = false;  ///< Its client has sent an authentic frame.
     bool has_welcome = false;
@@ -195,15 +196,15 @@ class SealedServer {
   wire::ServerSessions& sessions_;
   wire::CookieJar cookies_;
   wire::RateLimiter job_limit_;
-  wire::RateLimiter refusal_limit_;    ///< As of strangers in the sessions.
-  std::vector<CacheLine> own_memory_;  ///< Where the configuration has none.
+  wire::RateLimiter refusal_limit_;    ///< As for unknown peers in the sessions.
+  std::vector<CacheLine> own_memory_;  ///< Used if the configuration has none.
   Guard* guard_ = nullptr;
   std::span<Entry> entries_;
   std::span<HandshakeJob> jobs_;
-  MonotonicTime half_open_due_ = kNever;  ///< No half-open session ends before.
-  std::uint32_t unsealed_generation_;     ///< In which unsealed sessions were judged last.
+  MonotonicTime half_open_due_ = kNever;  ///< No half-open session ends earlier.
+  std::uint32_t unsealed_generation_;     ///< When unsealed sessions were last judged.
   std::uint32_t reviewing_generation_;
-  MonotonicTime ended_until_{};  ///< So long calls of sessions that the server ended may be open.
+  MonotonicTime ended_until_{};  ///< Until then calls of ended sessions may be open.
   wire::FrameCounters counters_{};
   std::array<std::byte, kWelcomeSize> answer_{};
   std::vector<std::byte> sealed_frame_;

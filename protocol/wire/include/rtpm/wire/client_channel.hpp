@@ -20,9 +20,9 @@
 
 namespace rtpm::wire {
 
-/// Whether a call that was refused with unknown_session has certainly not run: the server still
-/// lives the epoch that opened the session, and would have kept a session that it heard since the
-/// call was `begun`.
+/// Whether a call that was refused with unknown_session has certainly not run: the server is still
+/// in the epoch that opened the session, and would have kept a session that it heard since the call
+/// was `begun`.
 /// @source   spec/hprotocol.md#hp-5.5-2
 [[nodiscard]] bool has_not_run(std::uint64_t lost_epoch, std::uint64_t epoch_now,
                                MonotonicTime begun, MonotonicTime now) noexcept;
@@ -35,8 +35,8 @@ struct ClientChannelConfig {
   std::uint64_t clock_domain = 0;
   std::uint32_t message_size_max = static_cast<std::uint32_t>(kDatagramPayloadSizeMax);
   std::uint16_t open_call_max = 1;  ///< Calls at a time, 1…kCallWindow, if the server grants them.
-  /// Random for each life of the program; the first handshake has the next number. So an answer to
-  /// an earlier life at the same address does not match (hp-4-2).
+  /// Random for each run of the program; the first handshake has the next number. So an answer to
+  /// an earlier run at the same address does not match (hp-4-2).
   std::uint32_t handshake_number = 0;
 };
 
@@ -47,7 +47,7 @@ enum class Delivery : std::uint8_t {
   kSent,     ///< At once: it may get lost. One frame only.
 };
 
-/// What a call carries besides its payload.
+/// The parameters of a call besides its payload.
 struct CallParameters {
   std::uint32_t service = 0;
   std::uint16_t method = 0;
@@ -55,13 +55,13 @@ struct CallParameters {
   std::uint64_t trace_id = 0;
   MonotonicTime deadline{};
   Delivery delivery = Delivery::kReply;
-  /// How many items a stream takes at a time, up to kStreamWindow; 0: the call is no stream.
+  /// The items that a stream takes at a time, up to kStreamWindow; 0: the call is no stream.
   std::uint32_t stream_window = 0;
-  /// Where a stream's items are collected.
+  /// The memory in which a stream's items are collected.
   IncomingStream::Buffers stream_buffers{};
   /// How long a stream's client keeps asking without an answer, at most kStreamSilence.
   Duration stream_silence = kStreamSilence;
-  /// How long the server keeps a stream without hearing its client; a value beyond the range of a
+  /// How long the server keeps a stream without hearing its client. A value beyond the range of a
   /// budget: as long as its connection lasts. Over datagrams at most kStreamLeaseMax.
   Duration stream_lease = kStreamLease;
 };
@@ -69,7 +69,7 @@ struct CallParameters {
 /// The slot of one of a channel's open calls, below open_call_max.
 using CallIndex = std::uint16_t;
 
-/// What happened to the channel's handshake or to one of its calls.
+/// A change of the channel's handshake or of one of its calls.
 struct ChannelEvent {
   enum class Kind : std::uint8_t {
     kNothing,  ///< Go on waiting.
@@ -84,7 +84,7 @@ struct ChannelEvent {
     kNeedBuffer,  ///< A reply of `reply_size` bytes comes: call set_reply_buffer(), then
                   ///< on_frame() again with the same frame.
     kTimeout,  ///< The deadline of the handshake or call passed, or a stream's server fell silent.
-    kBroken,   ///< Stream medium only: not our protocol; end the connection. The session is gone.
+    kBroken,   ///< Stream medium only: not this protocol; end the connection. The session is gone.
   };
   Kind kind = Kind::kNothing;
   CallIndex call = 0;  ///< The call, if the event is one of a call.
@@ -106,8 +106,8 @@ class ClientChannel {
   ClientChannel(const ClientChannel&) = delete;
   ClientChannel& operator=(const ClientChannel&) = delete;
 
-  /// Whether the path to the server stays on this host; else it may lose frames, so that calls are
-  /// repeated sooner. Call it before open().
+  /// Sets whether the path to the server stays on this host; else it may lose frames, so that calls
+  /// are repeated sooner. Call it before open().
   void set_on_host(bool is_on_host) noexcept {
     round_trip_.set_interval_min(is_on_host ? kRetransmitIntervalOnHost : kRetransmitIntervalMin);
   }
@@ -130,8 +130,8 @@ class ClientChannel {
   /// Further frames to send: fragments of requests, questions of streams. Call it after each
   /// call(), next_item() and event, until it is empty.
   [[nodiscard]] ConstBytes next_frame(MonotonicTime now) noexcept;
-  /// Sets where replies larger than a frame are collected, of this call and of later ones at its
-  /// index. The buffer must stay until the channel ends or another is set.
+  /// Sets the buffer for replies larger than a frame, for this call and later ones at its index.
+  /// The buffer must stay until the channel ends or another is set.
   void set_reply_buffer(MutableBytes buffer, CallIndex call = 0) noexcept;
   /// The next item of a stream, in order; valid until the next call. Nothing if there is none now.
   /// After the stream's kReply and its last item the index is free.
@@ -143,7 +143,7 @@ class ClientChannel {
   /// Ends the session.
   /// @return the frame to send
   [[nodiscard]] ConstBytes close(MonotonicTime now) noexcept;
-  /// To be called when the connection is gone: the next call needs a handshake.
+  /// Call it when the connection is gone: the next call needs a handshake.
   void reset() noexcept;
 
   [[nodiscard]] ChannelEvent on_frame(ConstBytes frame, MonotonicTime now) noexcept;
@@ -151,14 +151,14 @@ class ClientChannel {
   [[nodiscard]] ChannelEvent on_time(MonotonicTime now) noexcept;
   /// Repeats a call at once, without waiting for its time.
   [[nodiscard]] ChannelEvent repeat(MonotonicTime now, CallIndex call = 0) noexcept;
-  /// As repeat(), for the first open call, if there is one.
+  /// Like repeat(), for the first open call, if there is one.
   [[nodiscard]] ChannelEvent repeat_first(MonotonicTime now) noexcept;
   /// When on_time() is due, unless a frame comes first.
   [[nodiscard]] MonotonicTime next_time() const noexcept;
 
   [[nodiscard]] bool is_ready() const noexcept { return is_ready_; }
   [[nodiscard]] bool is_open(CallIndex call) const noexcept { return calls_[call].is_open; }
-  /// What the server granted in the last handshake.
+  /// The server's grants in the last handshake.
   [[nodiscard]] const Welcome& welcome() const noexcept { return welcome_; }
   [[nodiscard]] std::uint64_t session() const noexcept { return session_; }
   /// When the call was first sent.
@@ -179,7 +179,7 @@ class ClientChannel {
     bool has_answered = false;        ///< A stream whose server is known to have the call.
     bool is_credit_due = false;       ///< next_frame() sends a CREDIT.
     bool is_asking = false;           ///< That CREDIT wants an answer.
-    Status end_status = Status::kOk;  ///< Of a REPLY that came before the stream's last items.
+    Status end_status = Status::kOk;  ///< From a REPLY that came before the stream's last items.
     Header header{};
     ConstBytes payload{};
     OutgoingMessage request;  ///< Begun if the call goes in fragments.
@@ -188,7 +188,7 @@ class ClientChannel {
     IncomingStream items;
     std::uint32_t credit_sent = 0;  ///< The item limit of the last CREDIT.
     std::uint32_t bytes_sent = 0;   ///< The byte limit of the last CREDIT.
-    std::uint32_t freed_sent = 0;   ///< How many frames were freed at the last CREDIT.
+    std::uint32_t freed_sent = 0;   ///< Frames that were freed at the last CREDIT.
     Duration lease = kStreamLease;  ///< See CallParameters::stream_lease.
     Duration silence = kStreamSilence;
     MonotonicTime asked{};        ///< When the first question without an answer was sent.
@@ -256,7 +256,7 @@ class ClientChannel {
   Welcome welcome_{};
   std::uint64_t session_ = 0;
   std::uint32_t frame_payload_max_ = 0;
-  std::uint32_t call_id_ = 0;  ///< Of the call begun last.
+  std::uint32_t call_id_ = 0;  ///< The id of the call begun last.
   CallIndex last_call_ = 0;
   RoundTrip hello_trip_{};
   RetransmitTimer hello_timer_{hello_trip_};

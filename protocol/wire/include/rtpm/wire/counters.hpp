@@ -24,7 +24,7 @@ enum class DropReason : std::uint8_t {
   kStaleCall,         ///< A call that is older than its session's window.
   kDuplicateRunning,  ///< A repetition of a call that still runs.
   kUnexpected,        ///< A well-formed frame that fits no state, such as a stale answer.
-  kRateLimited,       ///< Of no session; its host used up its quota of answers (hp-4.4-5).
+  kRateLimited,       ///< Outside any session; its host used up its quota of answers (hp-4.4-5).
   kUnsealed,          ///< Not sealed, in a sealed session.
   kBadSeal,           ///< Not sealed by the peer of its session, or changed on its way.
   kReplayed,          ///< A sealed frame that was received before, or is older than the window.
@@ -34,7 +34,7 @@ inline constexpr std::size_t kDropReasonCount = 19;
 /// The name in the specification.
 [[nodiscard]] std::string_view to_string(DropReason reason) noexcept;
 
-/// What one side of the protocol received and dropped.
+/// Counts the frames that one side of the protocol received and dropped.
 struct FrameCounters {
   std::uint64_t received_count = 0;            ///< Frames, dropped ones included.
   std::uint64_t duplicate_answered_count = 0;  ///< Repeated calls answered from the reply cache.
@@ -44,7 +44,7 @@ struct FrameCounters {
   std::uint64_t session_evicted_count = 0;  ///< Sessions replaced by newer ones.
   std::uint64_t cancelled_count = 0;        ///< Calls that their callers cancelled in time.
   std::uint64_t orphaned_count = 0;         ///< Calls that ended without a peer to answer.
-  std::uint64_t large_evicted_count = 0;    ///< Silent large messages evicted for others.
+  std::uint64_t large_evicted_count = 0;    ///< Silent large messages evicted for new ones.
   std::uint64_t item_count = 0;             ///< Items of streams sent, without repetitions.
   std::uint64_t item_repeated_count = 0;    ///< Items sent again.
   std::array<std::uint64_t, kDropReasonCount> dropped{};  ///< By DropReason.

@@ -17,10 +17,10 @@ namespace rtpm::wire {
 class FragmentSet {
  public:
   void reset(std::uint16_t count) noexcept;
-  /// @return false: it is in the set already
+  /// @return false: the fragment is in the set already
   bool insert(std::uint16_t index) noexcept;
   [[nodiscard]] bool contains(std::uint16_t index) const noexcept;
-  /// count() if none is missing.
+  /// The first missing fragment; count() if none is missing.
   [[nodiscard]] std::uint16_t first_missing() const noexcept { return first_missing_; }
   [[nodiscard]] std::uint16_t count() const noexcept { return count_; }
   [[nodiscard]] bool is_complete() const noexcept { return first_missing_ == count_; }
@@ -66,7 +66,7 @@ class IncomingMessage {
   void clear() noexcept { buffer_ = {}; }
 
  private:
-  Header header_{};  ///< Of the first fragment that came.
+  Header header_{};  ///< The first received fragment's.
   MutableBytes buffer_{};
   std::uint32_t fragment_size_ = 0;
   FragmentSet arrived_;
@@ -86,14 +86,15 @@ class OutgoingMessage {
   /// @return the frame; empty: the window is full, or all is sent
   [[nodiscard]] ConstBytes next(MutableBytes to, std::uint32_t budget_us,
                                 MonotonicTime now) noexcept;
-  /// Writes the first fragment again and asks for an ACK: what became of a message that arrived?
+  /// Writes the first fragment again and asks for an ACK, to learn the state of a message that
+  /// arrived.
   [[nodiscard]] ConstBytes first_again(MutableBytes to, std::uint32_t budget_us,
                                        MonotonicTime now) noexcept;
   /// Takes the receiver's state.
   /// @param is_asked  the receiver heard nothing for a time: sends at least the first fragment that
   ///                  it lacks
   void on_ack(const FragmentAck& ack, bool is_asked = false) noexcept;
-  /// To be called if no ACK came in time: the first unacknowledged fragment is due again.
+  /// Call it if no ACK came in time: the first unacknowledged fragment is due again.
   void nudge() noexcept;
   [[nodiscard]] bool is_begun() const noexcept { return !message_.empty(); }
   [[nodiscard]] bool is_acknowledged() const noexcept { return acknowledged_.is_complete(); }

@@ -36,7 +36,7 @@ inline constexpr std::uint16_t kFlagAckWanted =
     2;                                            ///< On a fragment or CREDIT: asks for an answer.
 inline constexpr std::uint16_t kFlagNoReply = 4;  ///< On a CALL: a oneway without confirmation.
 inline constexpr std::uint16_t kFlagReplyOnReceipt = 8;  ///< On a CALL: reply before it runs.
-/// Of sealed sessions alone, see sealed.hpp: here it is a reserved bit.
+/// For sealed sessions alone, see sealed.hpp: a reserved bit in this header.
 inline constexpr std::uint16_t kFlagSealed = 16;
 inline constexpr std::uint16_t kFlagsKnown =
     kFlagRepeated | kFlagAckWanted | kFlagNoReply | kFlagReplyOnReceipt;
@@ -73,9 +73,9 @@ void encode(const Header& header, std::byte* to) noexcept;
 /// @errors   the reason under which to drop and count the frame
 [[nodiscard]] expected<Header, DropReason> decode(ConstBytes bytes) noexcept;
 
-/// As decode(), for a whole frame: checks that exactly payload_size bytes follow the header.
+/// Like decode(), for a whole frame: checks that exactly payload_size bytes follow the header.
 [[nodiscard]] expected<Header, DropReason> decode_frame(ConstBytes frame) noexcept;
-/// As above; checks also that the frame is not too large for `medium`.
+/// Like the above; checks also that the frame is not too large for `medium`.
 /// @param header  receives the header; unspecified after an error
 [[nodiscard]] expected<void, DropReason> decode_frame(ConstBytes frame, Medium medium,
                                                       Header& header) noexcept;
@@ -83,8 +83,8 @@ void encode(const Header& header, std::byte* to) noexcept;
 /// Sets kFlagRepeated in a frame that encode() wrote.
 void mark_repeated(std::byte* frame) noexcept;
 
-/// The header of an unfragmented frame about the call of `about`: it names the same call, all else
-/// has its default.
+/// The header of an unfragmented frame about the call of `about`: it names the same call; all other
+/// fields have their defaults.
 [[nodiscard]] Header header_about(const Header& about, FrameKind kind, std::size_t payload_size,
                                   MonotonicTime now) noexcept;
 

@@ -12,8 +12,8 @@
 #include "rtpm/wire/header.hpp"
 #include "rtpm/wire/medium.hpp"
 
-/// The bytes of sealed sessions: the longer payloads of their handshakes, and their frames. What is
-/// sealed in them is opaque here. encode(), decode_…() and the others are alloc-free.
+/// The bytes of sealed sessions: the longer payloads of their handshakes, and their frames. The
+/// sealed parts are opaque here. All functions are alloc-free.
 /// @source   spec/security.md
 namespace rtpm::wire {
 
@@ -30,7 +30,7 @@ struct SealedCookie {
   static constexpr std::size_t kSize = 56;
   Cookie cookie{};
   KeyBytes server_key{};     ///< Not authentic: the client knows the right one from elsewhere.
-  std::uint32_t suites = 0;  ///< Those that the server has; unknown bits are ignored.
+  std::uint32_t suites = 0;  ///< The server's; unknown bits are ignored.
 };
 
 /// The payload of a HELLO that has the handshake's first message.
@@ -42,35 +42,35 @@ struct SealedHello {
   std::span<const std::byte, kMessageSize> message;  ///< Views the payload.
 };
 
-/// What is sealed in the first message: the session that the client had before, or 0.
+/// The size of the first message's sealed payload: the client's earlier session, or 0.
 inline constexpr std::size_t kMessage1PayloadSize = 8;
 
-/// What became of the session that the first message names.
+/// The state of the session that the first message names.
 enum class FormerSession : std::uint8_t {
-  kNone = 0,   ///< It named none.
+  kNone = 0,   ///< The message named no session.
   kAlive = 1,  ///< The server still has it: the new session is not opened.
-  kGone = 2,   ///< The server has it no more, see hp-5.5-2.
-  kEnded = 3,  ///< Nor this one, which it may have ended while calls were open: they may have run.
+  kGone = 2,   ///< The server no longer has it, see hp-5.5-2.
+  kEnded = 3,  ///< As kGone, but open calls of it may have run: the server may have ended it.
 };
 
-/// What is sealed in the second message, which is the whole payload of a sealed WELCOME.
+/// The sealed part of the second message, which is the whole payload of a sealed WELCOME.
 /// @source   spec/security.md#sec-3.3
 struct SealedWelcome {
   static constexpr std::size_t kInnerSize = 64;
   static constexpr std::size_t kSize = 32 + kInnerSize + 16;
-  std::uint64_t session = 0;  ///< That of the header.
+  std::uint64_t session = 0;  ///< The same as in the header.
   Welcome welcome;
   FormerSession former = FormerSession::kNone;
 };
 
-/// What both sides of a handshake hash first, so that nobody changes it on the way.
+/// The bytes that both sides of a handshake hash first, so that any change on the way is noticed.
 /// @source   spec/security.md#sec-3.4
 inline constexpr std::size_t kPrologueSize = 16 + 2 + 4 + Hello::kSize + SealedCookie::kSize;
 using Prologue = std::array<std::byte, kPrologueSize>;
 /// @param header        of the HELLO that has the first message
 /// @param hello         the first 64 bytes of that HELLO's payload
-/// @param cookie        the payload of the COOKIE that it answers; empty over a stream where there
-///                      was none
+/// @param cookie        the payload of the COOKIE that it answers; empty over a stream without a
+///           COOKIE
 [[nodiscard]] Prologue prologue_of(const Header& header,
                                    std::span<const std::byte, Hello::kSize> hello,
                                    ConstBytes cookie) noexcept;
@@ -86,24 +86,24 @@ void encode(const SealedWelcome& inner, MutableBytes to) noexcept;
 [[nodiscard]] std::optional<SealedWelcome> decode_sealed_welcome(ConstBytes inner,
                                                                  std::uint32_t features) noexcept;
 
-/// What a sealed frame has behind its payload: the counter and the tag.
+/// The size of a sealed frame's trailer, behind its payload: the counter and the tag.
 inline constexpr std::size_t kSealedTrailerSize = 24;
 /// The largest payload of a sealed frame.
 [[nodiscard]] constexpr std::size_t sealed_payload_max(Medium medium) noexcept {
   return frame_payload_max(medium) - kSealedTrailerSize;
 }
 
-/// Whether a frame that begins with a whole header says that it is sealed.
+/// Whether a frame that begins with a whole header is marked as sealed.
 [[nodiscard]] bool is_sealed(ConstBytes frame) noexcept;
 /// The size of the frame that begins with these bytes, a whole header and perhaps more, sealed or
-/// not; 0: no header that a frame may have.
+/// not; 0: the header is invalid.
 [[nodiscard]] std::size_t frame_size(ConstBytes bytes) noexcept;
 /// Sets kFlagSealed in a frame that encode() wrote.
 void mark_sealed(std::byte* frame) noexcept;
-/// Takes kFlagSealed away: what is left is the header of an ordinary frame.
+/// Clears kFlagSealed: the header becomes that of an ordinary frame.
 void unmark_sealed(std::byte* frame) noexcept;
 
-/// Reads and checks the header of a whole sealed frame, as decode_frame() does that of others.
+/// Reads and checks the header of a whole sealed frame, as decode_frame() does for ordinary ones.
 /// Nothing in it is authentic before the frame is opened.
 /// @param header  receives the header, without kFlagSealed; unspecified after an error
 [[nodiscard]] expected<void, DropReason> decode_sealed_frame(ConstBytes frame, Medium medium,

@@ -31,7 +31,7 @@ struct ServerSessionsConfig {
   /// Secret, for cookies and session numbers; the same for all lanes of the server.
   SipKey key{};
   std::uint32_t lane = 0;                 ///< The lane's number, from 0 on.
-  std::uint32_t lane_count = 1;           ///< How many lanes the server has; at most 65536.
+  std::uint32_t lane_count = 1;           ///< The number of the server's lanes; at most 65536.
   std::uint32_t session_count_max = 256;  ///< 1…65535
   std::uint32_t message_size_max = static_cast<std::uint32_t>(kDatagramPayloadSizeMax);
   /// The largest payload of a frame, where the transport allows less than the medium.
@@ -69,7 +69,7 @@ struct Request {
   [[nodiscard]] bool wants_stream() const noexcept { return header.item > 0; }
 };
 
-/// What to do about a received frame.
+/// The action for a received frame.
 struct Verdict {
   enum class Action : std::uint8_t {
     kNothing,   ///< The frame was dropped and counted, or needs no answer.
@@ -124,7 +124,7 @@ class ServerSessions {
   /// @realtime linear in the buffers
   [[nodiscard]] MonotonicTime next_buffer_time(MonotonicTime now) const noexcept;
 
-  /// Sets a buffer aside for a reply of `size` bytes, to be written while other frames are taken.
+  /// Reserves a buffer for a reply of `size` bytes, to be written while other frames are taken.
   /// The request is not read any more.
   /// @return for complete(), which frees it unless it sends it; empty: the reply fits a frame, its
   ///         caller gave up, or is_short_of_buffers()
@@ -146,7 +146,7 @@ class ServerSessions {
                                     std::uint32_t payload_size, MonotonicTime now,
                                     MutableBytes reserved = {}) noexcept;
 
-  /// The receiver of what is sent for `request`; nothing once its session has ended.
+  /// The receiver of frames for `request`; nothing once its session has ended.
   [[nodiscard]] std::optional<PeerAddress> peer_of(const Request& request) const noexcept;
 
   /// Tags a request that will be completed later; next_cancelled() and Verdict::credit_tag report
@@ -181,7 +181,7 @@ class ServerSessions {
   /// @realtime linear in the sessions
   [[nodiscard]] bool has_session(const PeerAddress& peer) const noexcept;
   /// Stream only: the answer to the first frame of a connection for which no slot is free. REFUSE
-  /// overload to a HELLO, nothing to any other frame. Valid like a Verdict's frame.
+  /// overload to a HELLO, nothing to any other frame. Valid as long as a Verdict's frame.
   [[nodiscard]] ConstBytes turn_away(ConstBytes frame, MonotonicTime now) noexcept;
 
   /// Ends one session because the server stops.
@@ -213,10 +213,10 @@ class ServerSessions {
     bool is_evicted = false;    ///< An incomplete request was evicted.
     std::uint32_t call_id = 0;
     std::uint32_t newest_call_id = 0;      ///< A later call, refused while this one ran.
-    std::uint32_t frame_size = 0;          ///< Of the kept reply; 0: it is large, or not kept.
+    std::uint32_t frame_size = 0;          ///< The kept reply's; 0: it is large, or not kept.
     std::uint16_t large = kNoLargeBuffer;  ///< The buffer of a large request or reply.
-    std::uint16_t stream = kNoStream;      ///< Until all items have arrived.
-    std::uint32_t tag = 0;                 ///< By set_tag(), while it runs.
+    std::uint16_t stream = kNoStream;      ///< Kept until all items have arrived.
+    std::uint32_t tag = 0;                 ///< From set_tag(), while it runs.
   };
   /// Holds a message larger than a frame: one being received, served or sent.
   struct LargeBuffer {
@@ -245,7 +245,7 @@ class ServerSessions {
     std::uint32_t handshake_number = 0;
     MonotonicTime last_heard{};
     bool has_our_clock = false;
-    std::uint32_t message_size_max = 0;  ///< That the client takes.
+    std::uint32_t message_size_max = 0;  ///< The client's limit.
     std::array<Slot, kCallWindow> slots{};
   };
 
@@ -335,17 +335,17 @@ class ServerSessions {
   RateLimiter stranger_answers_;
   std::uint64_t session_serial_ = 0;
   std::uint32_t session_count_ = 0;
-  std::uint32_t payload_size_max_ = 0;  ///< Of one frame.
-  std::uint32_t item_size_max_ = 0;     ///< Of a stream.
+  std::uint32_t payload_size_max_ = 0;  ///< The limit for one frame.
+  std::uint32_t item_size_max_ = 0;     ///< The limit for a stream's item.
   std::vector<LargeBuffer> large_buffers_;
   std::uint32_t held_large_count_ = 0;  ///< Neither free nor the scratch.
   bool has_freed_buffer_ = false;
-  std::uint16_t scratch_ = kNoLargeBuffer;  ///< Where replies that may be large are written.
-  std::uint16_t sending_ = kNoLargeBuffer;  ///< Whose window next_frame() continues.
+  std::uint16_t scratch_ = kNoLargeBuffer;  ///< The buffer for replies that may be large.
+  std::uint16_t sending_ = kNoLargeBuffer;  ///< The buffer whose window next_frame() continues.
   std::vector<Stream> streams_;
   std::uint32_t open_stream_count_ = 0;
   MonotonicTime streams_due_ = kNever;    ///< No stream's deadline is before this.
-  std::uint16_t repairing_ = kNoStream;   ///< Whose lost items next_frame() repeats.
+  std::uint16_t repairing_ = kNoStream;   ///< The stream whose lost items next_frame() repeats.
   bool is_reply_due_ = false;             ///< The reply follows those items.
   std::vector<std::uint32_t> cancelled_;  ///< Tags for next_cancelled().
   std::vector<Session> sessions_;

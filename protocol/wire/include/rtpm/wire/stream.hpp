@@ -16,8 +16,8 @@
 /// @source   spec/hprotocol.md#hp-5.10
 namespace rtpm::wire {
 
-/// The payload of CREDIT: which frames have arrived, and how many bytes may come. The header says
-/// how many items.
+/// The payload of CREDIT: which frames have arrived, and how many bytes may come. The header holds
+/// the limit of items.
 struct StreamCredit {
   static constexpr std::size_t kSize = 16;
 
@@ -29,7 +29,7 @@ struct StreamCredit {
 void encode(const StreamCredit& credit, MutableBytes to) noexcept;
 [[nodiscard]] std::optional<StreamCredit> decode_credit(ConstBytes payload) noexcept;
 
-/// How many bytes of items a server may send before the first CREDIT (hp-5.10-9).
+/// The bytes of items that a server may send before the first CREDIT (hp-5.10-9).
 [[nodiscard]] constexpr std::uint32_t stream_bytes_first(Medium medium) noexcept {
   return medium == Medium::kDatagram ? kStreamBytesFirstDatagram : kStreamBytesFirstStream;
 }
@@ -45,8 +45,8 @@ class OutgoingStream {
     std::uint32_t fragment_size = 0;  ///< The largest payload of a frame; fits `frame_size`.
   };
   /// Begins the stream that the call `header` asks for.
-  /// @param first  the first frame's number: 0 on the wire (hp-5.10-1), others for tests of
-  /// wrapping
+  /// @param first  the first frame's number: 0 on the wire (hp-5.10-1); tests of wrapping use other
+  ///           numbers
   void begin(const Header& header, const Buffers& buffers, Medium medium,
              std::uint32_t first = 0) noexcept;
   void clear() noexcept { buffers_ = {}; }
@@ -72,7 +72,7 @@ class OutgoingStream {
   [[nodiscard]] bool is_kept() const noexcept { return medium_ == Medium::kDatagram; }
   [[nodiscard]] std::byte* frame_of(std::uint32_t number) const noexcept;
 
-  Header header_{};  ///< Of the next frame.
+  Header header_{};  ///< The next frame's.
   Buffers buffers_{};
   Medium medium_ = Medium::kDatagram;
   std::uint32_t window_ = 0;
@@ -94,18 +94,18 @@ class IncomingStream {
   enum class Taken : std::uint8_t {
     kNew,        ///< The next frame in order.
     kAhead,      ///< An earlier frame is missing.
-    kDuplicate,  ///< It had arrived before.
+    kDuplicate,  ///< The frame had arrived before.
     kForeign,    ///< Not asked for, too large, or no part of the current item.
   };
 
-  /// Where items are collected.
+  /// The memory in which items are collected.
   struct Buffers {
     MutableBytes frames{};          ///< See stream_frame_count().
     std::uint32_t frame_size = 0;   ///< The largest payload of a frame, a multiple of 16.
     MutableBytes item{};            ///< For one item larger than a frame: the largest allowed.
-    std::uint32_t byte_window = 0;  ///< How many bytes are accepted at a time.
+    std::uint32_t byte_window = 0;  ///< Bytes that are accepted at a time.
   };
-  /// @param window  how many items are accepted at a time: 1…kStreamWindow
+  /// @param window  items that are accepted at a time: 1…kStreamWindow
   /// @param first   the first frame's number, as in OutgoingStream
   void begin(const Buffers& buffers, std::uint32_t window, std::uint32_t first = 0) noexcept;
   void clear() noexcept { buffers_ = {}; }
@@ -115,7 +115,7 @@ class IncomingStream {
   /// the current item is dropped when its turn comes, see dropped_count().
   [[nodiscard]] Taken take(const Header& header, ConstBytes payload) noexcept;
   /// Takes the server's final count of frames.
-  /// @return false: it contradicts what came
+  /// @return false: it contradicts the frames received
   [[nodiscard]] bool end(std::uint32_t count) noexcept;
 
   /// The next item in order, valid until the next call; nothing if it is not complete yet.
@@ -126,7 +126,7 @@ class IncomingStream {
   /// Items below this number are accepted.
   [[nodiscard]] std::uint32_t limit() const noexcept { return item_count_ + window_; }
   [[nodiscard]] std::uint32_t dropped_count() const noexcept { return dropped_count_; }
-  /// How many frames were released.
+  /// The number of frames that were released.
   [[nodiscard]] std::uint32_t freed_count() const noexcept { return freed_; }
   [[nodiscard]] std::uint32_t byte_window() const noexcept { return buffers_.byte_window; }
   /// Whether the frame `number` would be the first one after a missing one.
@@ -138,7 +138,7 @@ class IncomingStream {
   [[nodiscard]] bool is_complete() const noexcept { return is_ended_ && first_missing_ == end_; }
 
  private:
-  /// What a frame's header says.
+  /// The fields of a frame's header that matter for reassembly.
   struct Part {
     std::uint32_t size = 0;
     std::uint32_t message_size = 0;
@@ -173,12 +173,12 @@ class IncomingStream {
   std::uint32_t freed_bytes_ = 0;  ///< Payload of the released frames.
   std::uint32_t filled_ = 0;       ///< Bytes of the item being reassembled.
   bool is_whole_ = false;          ///< That item is complete.
-  View view_ = View::kNone;        ///< What the reader views now.
+  View view_ = View::kNone;        ///< The memory that the reader views now.
   std::array<Part, kStreamFrameCountMax> parts_{};
 };
 
-/// How many frames an IncomingStream keeps for `window` items and `byte_window` bytes at a time:
-/// the items' last frames, and fragments no smaller than hp-5.10-11 says. At most
+/// The frames that an IncomingStream keeps for `window` items and `byte_window` bytes at a time:
+/// the items' last frames, and fragments no smaller than hp-5.10-11 requires. At most
 /// kStreamFrameCountMax.
 [[nodiscard]] constexpr std::uint32_t stream_frame_count(Medium medium, std::uint32_t window,
                                                          std::uint32_t byte_window) noexcept {
@@ -188,7 +188,7 @@ class IncomingStream {
   return window + (byte_window + least - 1) / least;
 }
 
-/// How many bytes of a stream a client accepts at a time, given a frame's payload: as many as
+/// The bytes of a stream that a client accepts at a time, given a frame's payload: as many as
 /// fragments of a message may be unacknowledged.
 [[nodiscard]] constexpr std::uint32_t stream_byte_window(Medium medium,
                                                          std::size_t frame_payload_max) noexcept {
