@@ -14,8 +14,8 @@ namespace rtpm::rpc {
 class ReplyLease;
 
 /// A call that was begun and whose reply is waited for later. No thread stands behind it: its
-/// holder sends repetitions and takes the reply while it asks or waits, on a call channel that is
-/// the call's own until this ends, or its pipeline's.
+/// holder repeats frames and takes the reply while it asks or waits, on a call channel that belongs
+/// to the call, or to its pipeline, until this ends.
 /// @ownership move-only; refers to its binding, and its pipeline, which must outlive it. Ends by
 ///           cancelling the call
 /// @threads  one at a time; see Pipeline for one of these
@@ -27,20 +27,20 @@ class PendingReply {
   PendingReply& operator=(PendingReply&& other) noexcept;
   ~PendingReply();
 
-  /// Whether take() would not wait; looks once. Call it now and then: it also repeats what got
-  /// lost.
+  /// Whether take() would return at once; polls once. Call it now and then: it also repeats lost
+  /// frames.
   /// @realtime at most two syscalls
   [[nodiscard]] bool is_done() noexcept;
-  /// Waits for the end, but not beyond `until`; true if it is there.
+  /// Waits for the end, but not beyond `until`; true if the call has ended.
   [[nodiscard]] bool wait(MonotonicTime until) noexcept;
   /// Waits for the end and gives the reply, once.
   /// @errors   as CallError says
   [[nodiscard]] expected<ReplyLease, CallError> take() noexcept;
-  /// Ends the call: the caller no longer waits for it. The server is told, once; it may have run,
-  /// or run yet: a lane with one thread and no buffer hears nothing while it runs a call, so a call
-  /// that waits for that runs before its cancellation is heard. A lane that receives meanwhile
-  /// (LaneConfig::static_threads, buffered_request_max) does not begin it any more; no lane does
-  /// after CallOptions::deadline. Nothing happens if it is done.
+  /// Ends the call: the caller no longer waits for it. The server is told, once; the call may have
+  /// run, or may still run: a lane with one thread and no buffer receives nothing while it runs a
+  /// call, so a call that waits for that one runs before its cancellation is read. A lane that
+  /// receives meanwhile (LaneConfig::static_threads, buffered_request_max) no longer begins it; no
+  /// lane does after CallOptions::deadline. Does nothing if the call has ended.
   void cancel() noexcept;
 
  private:
@@ -74,7 +74,7 @@ class ItemReader {
   /// until the next call. Without one: the stream has ended in order.
   /// @errors   kTimeout: none came in time, and is_open() tells whether more may; kStreamLost: the
   ///           reader was away for too long; kTooLarge: the servant had an item that is larger than
-  ///           caller and server both take; others: the stream ended because of it
+  ///           caller and server both take; other errors: the stream ended because of them
   [[nodiscard]] expected<std::optional<ConstBytes>, CallError> next(MonotonicTime until) noexcept;
   [[nodiscard]] bool is_open() const noexcept;
   /// Ends the stream; the server is told.

@@ -23,16 +23,16 @@
 
 namespace rtpm::rpc {
 
-/// What one call may state; every field has a default.
+/// The options of one call; every field has a default.
 struct CallOptions {
   /// The call's priority; default: the calling thread's current_priority(), else the object's.
   std::optional<Priority> priority{};
-  /// How long the caller waits, from now on; default: the method's, else the node's, but in a
-  /// method not longer than its own caller waits.
+  /// How long the caller waits, from now on. Default: the method's deadline, else the node's;
+  /// within a method never longer than that method's own caller waits.
   std::optional<Duration> deadline{};
-  /// Passed on to the servant, to follow one action across programs; in a method, 0 is its own's.
+  /// Passed on to the servant to trace one action across programs; in a method, 0: its caller's.
   std::uint64_t trace_id = 0;
-  /// Of begin_x(): the calls with which this one shares sessions. Others do not heed it.
+  /// For begin_x(): the pipeline whose sessions this call shares. Other calls ignore it.
   Pipeline* pipeline = nullptr;
 };
 
@@ -49,10 +49,10 @@ struct StreamOptions {
   /// How many answers in a row may be missing, kMissCountMin…kMissCountMax, until the stream ends.
   /// @source   spec/hprotocol.md#hp-5.10-7
   std::uint32_t miss_count_max = kMissCountMax;
-  /// How long the reader may do other things than call next(): what the server has not sent by then
-  /// waits there. After that the server ends the stream, which next() tells as kStreamLost.
-  /// Default: over TCP and shared memory, as long as the connection lasts; over UDP 10 s, where 30
-  /// s is the most.
+  /// How long the reader may go without calling next(); until then the server holds the items that
+  /// it has not sent. After that the server ends the stream, which next() reports as kStreamLost.
+  /// Default: over TCP and shared memory, as long as the connection lasts; over UDP 10 s, and 30 s
+  /// at most.
   std::optional<Duration> pause_max{};
 };
 
@@ -64,7 +64,7 @@ struct BindOptions {
   /// The priorities that calls will have: a channel of each band is opened now, so that the first
   /// call is as fast as the thousandth. Empty: all, up to the server's ceiling.
   std::vector<Priority> warm_up{};
-  /// The binding shares its channels with no other of the node.
+  /// The binding shares its channels with no other binding of the node.
   /// @source   RT-CORBA's private connections
   bool is_private = false;
 };
@@ -140,8 +140,7 @@ class Binding {
   /// the object has `interface`, and opens the channels of `options.warm_up`.
   /// @realtime set-up only
   /// @errors   no resolver, unknown name, no server there, refused, or an interface that differs
-  /// (the
-  ///           text says in which method)
+  ///           (the text says in which method)
   [[nodiscard]] static expected<Binding, SetupError> bind(Node& node, std::string_view target,
                                                           const InterfaceDescriptor& interface,
                                                           const BindOptions& options = {});
@@ -149,8 +148,9 @@ class Binding {
   Binding& operator=(Binding&&) noexcept;
   ~Binding();
 
-  /// Calls `method` with the encoded `request` and waits for the reply, on this thread, without any
-  /// other. At most one run on the server, however often the network loses or repeats.
+  /// Calls `method` with the encoded `request` and waits for the reply on this thread; no other
+  /// thread takes part. The server runs it at most once, however often the network loses or repeats
+  /// frames.
   /// @realtime alloc-free once the band of the priority is open; one send and one receive per try,
   ///           plus what the wait strategy needs to block
   /// @errors   as CallError says
@@ -159,42 +159,41 @@ class Binding {
                                                      const CallOptions& options = {}) noexcept;
 
   /// Calls `method`, which gives nothing back, and waits only as long as `delivery` says: not at
-  /// all (kSent), until the server has it and is about to run it, or until it ran. What does not
-  /// fit a frame is never merely sent, but confirmed. Of kSent, ok never says that the method ran:
+  /// all (kSent), until the server has it and is about to run it, or until it ran. A request that
+  /// does not fit a frame is always confirmed. With kSent, ok never means that the method ran:
   ///
-  /// - kSharedMemory: ok says that it is in the server's ring. The first send() later than 1 ms
-  ///   after the server's end tells the loss.
-  /// - kTcp: the kernel has it, and sends in order. The loss is told in the same way, once the
-  ///   kernel knows that the connection ended: of a host that vanished after 3 s.
-  /// - kUdp: it left, if the kernel did not drop it. The loss of a session is told when the
-  /// server's
-  ///   host, or the server's next life, answers that it is not there; that single datagrams got
-  ///   lost is never told.
-  /// - kLocal: it waits in the server's lane. What waits when the server stops ends with it.
+  /// - kSharedMemory: ok means that it is in the server's ring. The first send() later than 1 ms
+  ///   after the server's end reports the loss.
+  /// - kTcp: the kernel has it, and sends in order. The loss is reported in the same way, once the
+  ///   kernel knows that the connection ended: 3 s after a host vanished.
+  /// - kUdp: it left this host, if the kernel did not drop it. The loss of a session is reported
+  ///   when the server's host, or the server's next life, answers that it is not there; the loss of
+  ///   single datagrams is never reported.
+  /// - kLocal: it waits in the server's lane. Oneways that wait when the server stops end with it.
   ///
-  /// A loss is told by kMaybeLost, from the next send() of this binding or from check_oneways().
+  /// A loss is reported as kMaybeLost, by the next send() of this binding or by check_oneways().
   ///
   /// @realtime as call(); kSent takes one system call more each millisecond, over shared memory
   ///           each 50 µs while the server has not read what was sent
-  /// @errors   as call(), but kSent of one frame was not sent if there is an error; kMaybeLost:
-  ///           earlier ones may not have arrived either, see lost_oneway_count(); kOverload: the
-  ///           host's own buffer is full, or over kLocal ServerConfig::local_oneway_count_max wait
-  ///           or run already: send less often
+  /// @errors   as call(); a oneway of one frame by kSent was not sent if there is an error;
+  ///           kMaybeLost: earlier ones may not have arrived either, see lost_oneway_count();
+  ///           kOverload: the host's own buffer is full, or over kLocal as many oneways as
+  ///           ServerConfig::local_oneway_count_max wait or run already: send less often
   /// @source   spec/hprotocol.md#hp-5.8; CORBA's SyncScope
   [[nodiscard]] expected<void, CallError> send(const MethodDescriptor& method, ConstBytes request,
                                                wire::Delivery delivery,
                                                const CallOptions& options = {}) noexcept;
 
-  /// Looks, without sending, whether oneways that were merely sent may not have arrived: for a
-  /// caller that sends no further one. Channels that other threads use meanwhile are left out.
+  /// Checks, without sending, whether oneways that were merely sent may not have arrived: for a
+  /// caller that sends no more of them. Channels that other threads use meanwhile are left out.
   /// @realtime alloc-free, at most two syscalls per channel with unconfirmed oneways
   /// @errors   kMaybeLost, once
   [[nodiscard]] expected<void, CallError> check_oneways() noexcept;
-  /// How many oneways to the server were reported as sent and may not have arrived, because their
-  /// session ended: of all bindings of the node that share the channels (see
+  /// The number of oneways to the server that were reported as sent and may not have arrived,
+  /// because their session ended, over all bindings of the node that share the channels (see
   /// BindOptions::is_private). Over shared memory: those that the server had not read, and the one
   /// that it read last. Elsewhere: those since the server last answered a call over the same
-  /// channel. An upper bound always; it never falls.
+  /// channel. Always an upper bound; it never falls.
   /// @realtime alloc-free, no syscall
   [[nodiscard]] std::uint64_t lost_oneway_count() const noexcept;
 
@@ -214,9 +213,9 @@ class Binding {
                                                             const StreamOptions& options = {});
 
   /// Makes an empty call to the server itself, which shows that the path works in both directions
-  /// at the call's priority, and tells how the server's clock stands to ours: by this call and
-  /// those before it on the same channel. Where none of them tells, the uncertainty is
-  /// Duration::max().
+  /// at the call's priority, and estimates the offset of the server's clock from ours, from this
+  /// call and earlier ones on the same channel. If none of them gives an estimate, the uncertainty
+  /// is Duration::max().
   /// @realtime as call()
   /// @errors   as call()
   /// @source   spec/hprotocol.md#hp-6.2
@@ -226,16 +225,16 @@ class Binding {
   /// @realtime set-up only
   [[nodiscard]] expected<void, SetupError> warm_up(std::span<const Priority> priorities);
 
-  /// The life of the server that the last call or oneway went to: another number in each.
+  /// The epoch of the server that the last call or oneway went to; another number in each life.
   /// @realtime alloc-free
   [[nodiscard]] std::uint64_t server_epoch() const noexcept;
-  /// Where calls go by now: "rtpm://host:port/path".
+  /// Where calls go now: "rtpm://host:port/path".
   /// @realtime set-up only
   [[nodiscard]] std::string url() const;
-  /// Of a binding by name.
+  /// How a binding by name has followed the name so far.
   /// @realtime set-up only
   [[nodiscard]] FollowStatus follow_status() const;
-  /// Over what the calls go: what was asked for, or what was best.
+  /// The transport of the calls: the one that was asked for, or the best one.
   /// @realtime alloc-free
   [[nodiscard]] Transport transport() const noexcept;
 

@@ -8,21 +8,21 @@
 
 namespace rtpm::rpc {
 
-/// Who calls a method, as far as it is proved, and what it may do elsewhere than at the object that
-/// it calls: names, event types. Valid during the call only.
+/// The caller of a method, as far as it is proved, and its rights elsewhere than at the object that
+/// it calls: on names and event types. Valid during the call only.
 class Caller {
  public:
   Caller(const Caller&) = delete;
   Caller& operator=(const Caller&) = delete;
 
   [[nodiscard]] virtual const access::Subject& subject() const noexcept = 0;
-  /// What its grants call it; empty: nothing.
+  /// The name that its grants give it; empty: none.
   [[nodiscard]] virtual std::string_view name() const noexcept = 0;
-  /// The greatest role that its grants allow for `path`, which need be no object of the server.
+  /// The greatest role that its grants allow for `path`, which need not be an object of the server.
   /// @realtime alloc-free; takes a lock with priority inheritance, linear in the caller's grants
   [[nodiscard]] virtual Role role_on(std::string_view path) const noexcept = 0;
-  /// The same for later: for what a method leaves behind that goes on for this caller. Good beyond
-  /// the server's end. Whose grants are narrowed loses its sessions, and with them its streams.
+  /// A copy for work that goes on for this caller after the method. Valid beyond the server's end.
+  /// A caller whose grants are narrowed loses its sessions, and with them its streams.
   /// @realtime set-up only
   [[nodiscard]] virtual std::shared_ptr<const Caller> keep() const = 0;
 

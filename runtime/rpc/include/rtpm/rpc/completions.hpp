@@ -17,8 +17,8 @@ namespace rtpm::rpc {
 ///     completions.then(arm.begin_get_pose(), [&](const auto& pose) { show(pose); });
 ///     while (is_running) completions.wait(next_frame);
 ///
-/// The callback is given what take() gives: the reply, or the error, also that the call could not
-/// be begun. It runs once, in poll(), wait() or the end of this, and may add more calls.
+/// The callback gets the result of take(): the reply or the error, also the failure to begin the
+/// call. It runs once, in poll(), wait() or the end of this, and may add more calls.
 /// Each open call holds a call channel, so NodeConfig::channel_count_max is the limit.
 /// @ownership holds the calls and callbacks; refers to the bindings of the calls, which must
 ///           outlive it. Its end cancels what is open: the callbacks get kCancelled
@@ -31,18 +31,19 @@ class Completions {
   Completions& operator=(const Completions&) = delete;
   ~Completions();
 
-  /// Adds what a generated begin_x() gave, and what is to be done with its result.
+  /// Adds the result of a generated begin_x(), and the callback for the call's end.
   template <class Pending, class Callback>
   void then(expected<Pending, CallError> begun, Callback callback) {
     add(std::make_unique<Call<Pending, Callback>>(std::move(begun), std::move(callback)));
   }
 
-  /// Looks at each call once and runs the callbacks of those that ended; how many ended. It also
-  /// repeats what got lost, so call it now and then.
+  /// Polls each call once, runs the callbacks of those that ended, and returns how many ended. It
+  /// also repeats lost frames, so call it now and then.
   /// @realtime at most two syscalls a call
   std::size_t poll();
-  /// Waits until a call has ended, but not beyond `until`, and runs the callbacks; how many ended.
-  /// With several open calls it looks at each once a millisecond. Returns at once if none is open.
+  /// Waits until a call has ended, but not beyond `until`, runs the callbacks and returns how many
+  /// ended. With several open calls it polls each once a millisecond. Returns at once if none is
+  /// open.
   std::size_t wait(MonotonicTime until);
   /// Calls whose callback has not run yet.
   [[nodiscard]] std::size_t open_count() const noexcept { return open_.size(); }
@@ -95,9 +96,9 @@ class Completions {
 ///     auto thread = rpc::CompletionThread::start({.name = "replies"}).value();
 ///     thread->then(arm.begin_get_pose(), [](const auto& pose) { … });
 ///
-/// Callbacks run one after the other on that thread and must not wait long: others wait behind
-/// them. They may add calls.
-/// Real-time class: set-up. The thread looks at open calls once a millisecond; a loop that counts
+/// Callbacks run one after the other on that thread and must not wait long: other callbacks wait
+/// behind them. They may add calls.
+/// Real-time class: set-up. The thread polls open calls once a millisecond; a loop that counts
 /// microseconds holds the pending reply itself and waits for it.
 /// @ownership as Completions; its end cancels what is open and joins the thread
 /// @threads  then() from any

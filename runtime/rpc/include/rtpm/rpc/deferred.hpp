@@ -36,7 +36,7 @@ enum class CallEnding : std::uint8_t {
   kStopping,  ///< The server stops.
 };
 
-/// What the two kinds of unfinished call have in common; see those.
+/// The common part of the two kinds of unfinished call; see those.
 class UnfinishedCall {
  public:
   UnfinishedCall() noexcept = default;
@@ -47,8 +47,8 @@ class UnfinishedCall {
 
   /// False once it was ended, or moved away.
   [[nodiscard]] explicit operator bool() const noexcept { return call_ != nullptr; }
-  /// False once the caller has cancelled, gone, or been told that the server stops: what is still
-  /// done for it is in vain.
+  /// False once the caller has cancelled, gone, or been told that the server stops: further work
+  /// for it is in vain.
   /// @threads  any
   /// @realtime alloc-free
   [[nodiscard]] bool is_awaited() const noexcept;
@@ -56,7 +56,7 @@ class UnfinishedCall {
   /// @threads  any
   /// @realtime alloc-free
   [[nodiscard]] CallEnding ending() const noexcept;
-  /// After which the caller no longer waits. Of a stream: by when it had to begin.
+  /// When the caller no longer waits. For a stream: the time by which it had to begin.
   [[nodiscard]] MonotonicTime deadline() const noexcept;
 
  protected:
@@ -77,7 +77,7 @@ class UnfinishedCall {
 class DeferredReply : public UnfinishedCall {
  public:
   DeferredReply() noexcept = default;
-  /// Where the reply is to be written, aligned to 16 bytes. Its first use may touch new memory.
+  /// The memory for the reply, aligned to 16 bytes. Its first use may touch new memory.
   [[nodiscard]] MutableBytes buffer() noexcept;
   /// Ends the call with `size` bytes of the buffer.
   void complete(wire::Status status, std::uint32_t size = 0) noexcept { end(status, size); }
@@ -94,17 +94,17 @@ class DeferredReply : public UnfinishedCall {
 class ItemWriter : public UnfinishedCall {
  public:
   ItemWriter() noexcept = default;
-  /// The most bytes of an item: what caller and server both take, of their message_size_max.
+  /// The most bytes of an item: the smaller message_size_max of caller and server.
   [[nodiscard]] std::uint32_t item_size_max() const noexcept;
-  /// The most bytes of an item that goes in one frame, by the caller's transport: what arrives at
-  /// once or not at all.
+  /// The most bytes of an item that fits one frame of the caller's transport: it arrives as a whole
+  /// or not at all.
   [[nodiscard]] std::uint32_t item_frame_size_max() const noexcept;
-  /// How many items were written that the lane has not sent, as the caller takes no more now: who
-  /// prefers the newest writes only while it is 0.
+  /// How many items were written that the lane has not sent, as the caller takes no more now. A
+  /// writer that prefers the newest item writes only while it is 0.
   [[nodiscard]] std::uint32_t waiting_count() const noexcept;
   /// Gives the caller one more item. It is copied; the lane sends it as soon as the caller takes
-  /// more. 32 items may wait, with ServerConfig::stream_byte_max bytes together, or one that is
-  /// larger alone.
+  /// more. 32 items may wait, with ServerConfig::stream_byte_max bytes together, or a single larger
+  /// one.
   /// @errors   as StreamError says; the item was not taken. kTooLarge also above `size_max`
   [[nodiscard]] expected<void, StreamError> write(
       ConstBytes item, std::uint32_t size_max = std::numeric_limits<std::uint32_t>::max()) noexcept;
@@ -118,11 +118,11 @@ class ItemWriter : public UnfinishedCall {
                                                        std::uint32_t first_waiting) const noexcept;
 };
 
-/// What a method has to ask for if it shall not answer at once. The lane's, valid during the call.
+/// Lets a method answer later instead of at once. Belongs to the lane; valid during the call.
 class Deferral {
  public:
   virtual ~Deferral() = default;
-  /// Lets the method return without a result. Empty if as many calls are unfinished as may be
+  /// Lets the method return without a result. Empty if too many calls are unfinished
   /// (ServerConfig::deferred_call_count_max): answer overload.
   [[nodiscard]] virtual DeferredReply defer() noexcept = 0;
   /// Lets the method answer with a stream. Empty as above, or if the caller wants no stream.

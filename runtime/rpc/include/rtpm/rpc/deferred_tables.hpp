@@ -9,8 +9,8 @@
 #include "rtpm/rpc/deferred.hpp"
 #include "rtpm/rpc/tables.hpp"
 
-/// What generated code is made of where a call is begun and ends later, or a method answers later,
-/// with a stream, or not at all.
+/// The parts of generated code for calls that are begun and end later, and for methods that answer
+/// later, with a stream, or not at all.
 namespace rtpm::rpc {
 
 /// No `rtpm_max_size` in the schema.
@@ -28,10 +28,10 @@ inline constexpr std::uint32_t kAnySize = std::numeric_limits<std::uint32_t>::ma
 /// A call that was begun, whatever its reply is. See PendingReply for ownership and threads.
 class Pending {
  public:
-  /// Whether take() would not wait; looks once.
+  /// Whether take() would return at once; polls once.
   /// @realtime alloc-free, at most two syscalls
   [[nodiscard]] bool is_done() noexcept { return reply_.is_done(); }
-  /// Waits for the end, but not beyond `until`; true if it is there.
+  /// Waits for the end, but not beyond `until`; true if the call has ended.
   /// @realtime alloc-free
   [[nodiscard]] bool wait(MonotonicTime until) noexcept { return reply_.wait(until); }
   /// Ends the call: its caller no longer waits; it may have run.
@@ -159,9 +159,9 @@ template <class Stream, class... More>
   return Stream{std::move(*reader), more...};
 }
 
-/// What all handles for an answer that comes later have in common; Call is one of UnfinishedCall's
+/// The common part of all handles for an answer that comes later; Call is one of UnfinishedCall's
 /// kinds.
-/// @ownership move-only; what was not ended ends as failed
+/// @ownership move-only; a call that was not ended ends as failed
 /// @threads  one at a time, any
 template <class Call>
 class DeferredAnswer {
@@ -173,7 +173,7 @@ class DeferredAnswer {
   /// @realtime alloc-free
   [[nodiscard]] bool is_awaited() const noexcept { return call_.is_awaited(); }
   [[nodiscard]] CallEnding ending() const noexcept { return call_.ending(); }
-  /// After which the caller no longer waits.
+  /// The time after which the caller no longer waits.
   /// @realtime alloc-free
   [[nodiscard]] MonotonicTime deadline() const noexcept { return call_.deadline(); }
   /// False once it was ended, or moved away.
@@ -198,9 +198,9 @@ class StreamWriter : public DeferredAnswer<ItemWriter> {
   /// Ends the stream behind the items written so far.
   /// @realtime alloc-free, at most one syscall
   void finish() noexcept { call_.finish(); }
-  /// The most bytes of an item: what caller and server both take, of their message_size_max.
+  /// The most bytes of an item: the smaller message_size_max of caller and server.
   [[nodiscard]] std::uint32_t item_size_max() const noexcept { return call_.item_size_max(); }
-  /// The most bytes of an item that goes in one frame, by the caller's transport.
+  /// The most bytes of an item that fits one frame of the caller's transport.
   [[nodiscard]] std::uint32_t item_frame_size_max() const noexcept {
     return call_.item_frame_size_max();
   }
@@ -277,7 +277,7 @@ class DeferredTable : public DeferredAnswer<DeferredReply> {
   DeferredTable() noexcept = default;
   explicit DeferredTable(DeferredReply reply, std::uint32_t size_max = kAnySize) noexcept
       : DeferredAnswer(std::move(reply)), size_max_(size_max) {}
-  /// To build the answer in, in the memory that it is sent from; then complete() with it. What is
+  /// A builder for the answer, in the memory that it is sent from; pass it to complete(). An answer
   /// larger than the session or the schema's `rtpm_max_size` allows ends as kTooLarge.
   [[nodiscard]] ReplyBuilder<T> builder() noexcept {
     return ReplyBuilder<T>{at_most(call_.buffer(), size_max_)};
@@ -293,8 +293,8 @@ class DeferredTable : public DeferredAnswer<DeferredReply> {
   std::uint32_t size_max_ = kAnySize;
 };
 
-/// Has `method` run with a handle of type Deferred for its answer, made of `handle` and `more`;
-/// overload if there is none left.
+/// Runs `method` with a handle of type Deferred for its answer, made of `handle` and `more`;
+/// answers overload if there is no handle left.
 template <class Deferred, class Handle, class Method, class... More>
 [[nodiscard]] DispatchResult run_deferred(Handle handle, Method method, More... more) {
   if (!handle) return {wire::Status::kOverload, 0};

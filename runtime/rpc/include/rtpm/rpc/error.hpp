@@ -74,7 +74,7 @@ enum class CallError : std::uint8_t {
 /// A CallError as SetupError::cause, which compares with one.
 [[nodiscard]] std::error_code make_error_code(CallError error) noexcept;
 
-/// What a servant may answer instead of a result.
+/// A servant's answer in place of a result.
 enum class Refusal : std::uint8_t {
   kOverload,        ///< Not done: too much to do now.
   kBadRequest,      ///< Not done: a value in the request is outside what the method takes.
@@ -84,7 +84,7 @@ enum class Refusal : std::uint8_t {
   kFailed,          ///< Begun and failed.
 };
 
-/// What a servant's method returns.
+/// The result of a servant's method, or its refusal.
 template <class T>
 using Result = expected<T, Refusal>;
 

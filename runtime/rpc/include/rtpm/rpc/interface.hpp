@@ -10,7 +10,7 @@
 
 namespace rtpm::rpc {
 
-/// Who decides at which priority an object's methods run.
+/// The side that decides at which priority an object's methods run.
 enum class PriorityModel : std::uint8_t {
   kClientPropagated,  ///< The caller: its priority travels with the call. Without one: `priority`.
   kServerDeclared,    ///< The object: always `priority`, whatever the caller's is.
@@ -24,28 +24,28 @@ enum class PriorityModel : std::uint8_t {
 /// @source   RT-CORBA's priority transforms
 using PriorityTransform = Priority (*)(Priority priority, std::string_view path);
 
-/// What generated code says of one method.
+/// One method, as generated code describes it.
 struct MethodDescriptor {
   std::uint16_t id = 0;           ///< `rtpm_id` in the schema, 1…65535.
   std::string_view name{};        ///< As in the schema.
-  std::uint32_t fingerprint = 0;  ///< Of everything that both sides must agree on to call it.
+  std::uint32_t fingerprint = 0;  ///< Covers everything that both sides must agree on to call it.
   bool is_idempotent = false;     ///< `rtpm_idempotent`: running it twice does no harm.
   Duration default_deadline{0};   ///< `rtpm_deadline_us`; 0: the node's default.
   Role role = Role::kCommand;     ///< `rtpm_role`: which one a caller needs.
 };
 
-/// What generated code says of one rpc_service. Every instance is a constant of static life.
+/// One rpc_service, as generated code describes it. Every instance is a constant of static life.
 struct InterfaceDescriptor {
   std::string_view name{};              ///< Fully qualified, "lab.Arm".
-  std::uint64_t fingerprint = 0;        ///< Of all methods together.
-  std::string_view compiler_version{};  ///< Of the rtpmc that wrote this.
+  std::uint64_t fingerprint = 0;        ///< Covers all methods together.
+  std::string_view compiler_version{};  ///< The version of the rtpmc that wrote this.
   std::span<const MethodDescriptor> methods{};
   PriorityModel priority_model = PriorityModel::kClientPropagated;  ///< `rtpm_priority_model`.
   Priority priority = 0;                                            ///< `rtpm_priority`.
   /// The service's own schema, complete, for tools without generated code of it.
   std::string_view schema{};
-  /// What both sides must agree on, as a text in which two versions can be compared. Empty: only
-  /// equal fingerprints will do.
+  /// All that both sides must agree on, as a text in which two versions can be compared. Empty:
+  /// only equal fingerprints will do.
   /// @source   spec/hprotocol.md#hp-12.2
   std::string_view text{};
 };

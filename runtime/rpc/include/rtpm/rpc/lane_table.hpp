@@ -14,10 +14,10 @@
 #include "rtpm/rpc/counters.hpp"
 #include "rtpm/rt/public_memory.hpp"
 
-/// What every server shows of its lanes to other processes of the same user, in memory that they
-/// read without its help: a header and, one after the other, a slot per lane. `rtpm lanes` prints
-/// it. All numbers are of the machine's own byte order; a change of any struct here, or of
-/// ServerCounters, is a new kLaneTableVersion.
+/// The state of its lanes that every server publishes to other processes of the same user, in
+/// memory that they read without its help: a header and, one after the other, a slot per lane.
+/// `rtpm lanes` prints it. All numbers are of the machine's own byte order; a change of any struct
+/// here, or of ServerCounters, needs a new kLaneTableVersion.
 namespace rtpm::rpc {
 
 /// The name of the memory, as rt::find_public_memory() takes it.
@@ -25,12 +25,12 @@ inline constexpr std::string_view kLaneTableName = "lanes";
 inline constexpr std::uint64_t kLaneTableMagic = 0x5345'4e41'4c4d'5052;  // "RPMLANES"
 inline constexpr std::uint32_t kLaneTableVersion = 4;
 
-/// How many threads a lane has at most: 64 static ones, 64 dynamic ones, and who receives
+/// The most threads of a lane: 64 static ones, 64 dynamic ones, and the one that receives
 /// meanwhile.
 inline constexpr std::size_t kLaneThreadCountMax = 129;
 
-/// What a lane counts while it serves. A cycle is from when a frame was taken up to when its answer
-/// was written, the method included.
+/// The counts that a lane keeps while it serves. A cycle lasts from when a frame was taken until
+/// its answer was written, the method included.
 struct LaneSample {
   ServerCounters counters{};
   std::uint64_t cycle_count = 0;            ///< Frames that were taken and dealt with.
@@ -50,7 +50,7 @@ struct alignas(64) LaneSlot {
   std::uint16_t priority = 0;
   std::uint8_t wait = 0;      ///< rt::WaitStrategy.
   std::uint8_t schedule = 0;  ///< rt::Schedule.
-  /// Of each thread: when the call whose method it runs was received; 0: it runs none.
+  /// For each thread: when the call whose method it runs was received; 0: it runs none.
   std::array<std::atomic<std::int64_t>, kLaneThreadCountMax> busy_since_ns{};
   Latest<LaneSample> sample{};
 };
@@ -78,7 +78,7 @@ struct LaneReading {
   std::string wait{};            ///< "adaptive"; "unknown" if it is none that is known here.
   std::string schedule{};        ///< "fifo".
   std::uint32_t busy_count = 0;  ///< Threads that run methods.
-  MonotonicTime busy_since{};    ///< Since when the one does that runs longest; the epoch: none.
+  MonotonicTime busy_since{};    ///< When the longest call that runs was received; the epoch: none.
   /// None: nothing was served yet.
   std::optional<LaneSample> sample{};
 };
@@ -94,7 +94,7 @@ class LaneTable {
 
   [[nodiscard]] int process_id() const noexcept { return view_.process_id(); }
   [[nodiscard]] bool is_alive() const noexcept { return view_.is_alive(); }
-  /// False: its version is not spoken here, or it is not whole.
+  /// False: this program does not know its version, or it is not whole.
   [[nodiscard]] bool is_known() const noexcept { return slot_count_ > 0; }
   [[nodiscard]] std::uint32_t version() const noexcept { return version_; }
   [[nodiscard]] const std::string& server_name() const noexcept { return server_name_; }
@@ -102,7 +102,7 @@ class LaneTable {
   [[nodiscard]] std::uint16_t port() const noexcept { return port_; }
   /// Other hosts reach the server, and it asks nobody who they are.
   [[nodiscard]] bool is_open_to_network() const noexcept { return is_open_to_network_; }
-  /// What the lanes show now, whatever the process does.
+  /// The state of the lanes now, whatever the process does.
   [[nodiscard]] std::vector<LaneReading> read() const;
 
  private:

@@ -8,9 +8,9 @@
 
 namespace rtpm::rpc {
 
-/// Whether the node may rely on what listens at this loopback address: known_servers has a key for
-/// it, or its sockets are this user's, root's, or of the users in `local uid:` lines. Where nothing
-/// listens it may.
+/// Whether the node may rely on the server at this loopback address: known_servers has a key for
+/// it, or its sockets are this user's, root's, or of the users in `local uid:` lines. If nothing
+/// listens there, the node may.
 /// @threads  any
 /// @realtime set-up only
 /// @errors   it is another user's, with that user's number; the system does not tell whose it is

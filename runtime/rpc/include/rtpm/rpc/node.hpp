@@ -31,7 +31,7 @@ class Resolver {
                                                                   MonotonicTime deadline) = 0;
 };
 
-/// Over what a binding sends its calls.
+/// The transport over which a binding sends its calls.
 enum class Transport : std::uint8_t {
   /// The best that reaches the server: none in the same program, shared memory on one host, else
   /// UDP.
@@ -40,7 +40,7 @@ enum class Transport : std::uint8_t {
   kTcp,
   kSharedMemory,
   /// The server is in the same program: its lane runs the call, on memory that both sides see.
-  /// Said by Binding::transport(); what is asked for is kAuto.
+  /// Reported by Binding::transport(); to ask for it, ask for kAuto.
   kLocal,
 };
 
@@ -53,7 +53,7 @@ struct NodeConfig {
   Duration default_deadline = std::chrono::seconds{1};  ///< For methods and calls that state none.
   Transport transport = Transport::kAuto;               ///< For bindings that state none.
   PriorityTransform outbound_priority = nullptr;  ///< None: calls go out at their own priority.
-  /// Has calls to servers of the same program run without a transport, where none is asked for.
+  /// Runs calls to servers of the same program without a transport, unless one is asked for.
   bool collocates = true;
   std::uint32_t channel_count_max = 64;  ///< Call channels per server and band: calls at a time.
   std::uint32_t message_size_max = 16 * 1024 * 1024;  ///< Bytes of a request, reply or item.
@@ -61,7 +61,7 @@ struct NodeConfig {
   /// ServerConfig::shared_memory_folder.
   std::string shared_memory_folder{};
   NodeSecurity security{};
-  /// Whom servers serve that are made for this node, such as that of the program's own names.
+  /// For servers that are made for this node, such as the one of the program's own names.
   ServerSecurity served{};
 };
 
@@ -76,16 +76,16 @@ class Node {
   ~Node();
 
   /// Lets bindings by name ask `resolver`: when they are made, and whenever their server is gone.
-  /// It must outlive the node, or forget() comes before its end.
+  /// It must outlive the node, unless forget() is called before its end.
   /// @realtime set-up only
   void use(Resolver& resolver) noexcept;
-  /// `resolver` is asked no more when this returns, which takes as long as a question that is
-  /// under way, 1 s at most. Bindings by name stay with the servers that they have.
+  /// Stops asking `resolver`. Returns once a question that is under way has ended, after 1 s at
+  /// most. Bindings by name stay with the servers that they have.
   /// @realtime set-up only
   void forget(Resolver& resolver) noexcept;
 
   /// The name leads elsewhere now, or to another start of its server: its bindings, and those of
-  /// names below it, look it up at once, at most every 50 ms. Without bindings nothing happens.
+  /// names below it, look it up at once, at most every 50 ms. Does nothing without bindings.
   /// @threads  any
   /// @realtime set-up only
   void look_again(std::string_view name) noexcept;

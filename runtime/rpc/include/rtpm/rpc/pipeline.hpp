@@ -5,9 +5,9 @@
 
 namespace rtpm::rpc {
 
-/// Has calls over UDP share sessions, and go to their server together, as their replies come back:
-/// several times as many calls a second as where each goes by itself. Over TCP and shared memory
-/// each call has a session, and goes at once.
+/// Lets calls over UDP share sessions, and go to their server together, as their replies come back:
+/// several times as many calls a second as when each goes by itself. Over TCP and shared memory
+/// each call has a session of its own, and goes at once.
 ///
 ///     rpc::Pipeline pipeline;
 ///     std::vector<decltype(arm.begin_get_joint(0))> joints;
@@ -23,7 +23,7 @@ namespace rtpm::rpc {
 /// cancellation, each for itself.
 /// Limits: each session takes a call channel until the pipeline ends, so there are up to
 /// NodeConfig::channel_count_max of them per server and band, and over UDP up to wire::kCallWindow
-/// calls in each; a reply that is held counts. To begin the first call of a session waits for the
+/// calls in each; a reply that is held counts. Beginning the first call of a session waits for the
 /// server's handshake.
 /// @ownership must outlive its calls and their replies; the nodes of its calls must outlive it
 /// @threads  one at a time, together with all of its calls and their replies
@@ -36,10 +36,10 @@ class Pipeline {
   Pipeline& operator=(const Pipeline&) = delete;
   ~Pipeline();
 
-  /// Sends the calls that were begun and wait for more to go with.
+  /// Sends the begun calls that wait for others to go with them.
   /// @realtime alloc-free, one syscall for each session that has some
   void flush() noexcept;
-  /// Calls, and replies held, that are not over.
+  /// The number of calls that have not ended, and of replies that are held.
   /// @realtime alloc-free
   [[nodiscard]] std::size_t open_count() const noexcept;
 

@@ -43,13 +43,13 @@ class RangeCheck {
     is_float_ = std::is_same_v<T, float>;
     return find(number, field, limits);
   }
-  /// Whether an optional number is; one that is absent is.
+  /// The same for an optional number; an absent one is within its range.
   template <class T>
   [[nodiscard]] bool number(const flatbuffers::Optional<T>& value, double low, double high,
                             std::string_view field, std::string_view limits) noexcept {
     return !value || number(*value, low, high, field, limits);
   }
-  /// Whether each number of a vector or array is, if it is there.
+  /// The same for each number of a vector or array, if it is there.
   template <class Numbers>
   [[nodiscard]] bool numbers(const Numbers* numbers, double low, double high,
                              std::string_view field, std::string_view limits) noexcept {
@@ -66,7 +66,7 @@ class RangeCheck {
     }
     return true;
   }
-  /// The same of a vector of unions: `holds` is given each member's type and address.
+  /// The same for a vector of unions: `holds` is given each member's type and address.
   template <class Type, class Types, class Items, class Predicate>
   [[nodiscard]] bool members(const Types* types, const Items* items, std::string_view field,
                              Predicate holds) noexcept {
@@ -76,7 +76,7 @@ class RangeCheck {
     }
     return true;
   }
-  /// The number that was found is in this field.
+  /// Notes that the number that was found is in this field.
   /// @return false
   bool within(std::string_view field) noexcept;
 
@@ -100,8 +100,8 @@ class RangeCheck {
   double number_ = 0;
   bool is_float_ = false;  ///< The number has fewer digits.
   std::string_view limits_{};
-  /// The path to the number stands at its end, as it is found from within. Not initialised: a
-  /// call within the ranges does not pay for it.
+  /// The path to the number stands at the end of this, as it is built from the inside out. Not
+  /// initialised: a call within the ranges does not pay for it.
   std::array<char, 120> path_;
   std::size_t path_size_ = 0;
 };

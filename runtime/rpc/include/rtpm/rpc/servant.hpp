@@ -20,7 +20,7 @@ class Caller;
 /// The host that a call came from: over UDP the address that the session's cookie confirmed, over
 /// TCP the connection's, else 127.0.0.1, as for a caller that called from the address that it
 /// called. The addresses of a /64 of IPv6 are one host. Good for quotas, not for rights: several
-/// hosts may share an address (NAT), and whoever can change the traffic can forge it.
+/// hosts may share an address (NAT), and an attacker that can change the traffic can forge it.
 struct CallerHost {
   /// An IPv4 address, 127.0.0.1 being 0x7f000001, or else the first 64 bits of an IPv6 address; 0:
   /// not known, as in tests.
@@ -34,23 +34,23 @@ inline constexpr CallerHost kThisHost{0x7f00'0001};
 /// @realtime set-up only
 [[nodiscard]] std::string to_string(CallerHost host);
 
-/// What a servant's method may know of the call it serves. Valid during the call only.
+/// A servant's view of the call that it serves. Valid during the call only.
 struct CallContext {
-  Priority priority;           ///< At which the method runs.
-  MonotonicTime deadline;      ///< After which the caller no longer waits.
+  Priority priority;           ///< The priority at which the method runs.
+  MonotonicTime deadline;      ///< The time after which the caller no longer waits.
   MonotonicTime received;      ///< When the lane took the request up.
   std::uint64_t session = 0;   ///< The caller's session: the same number, the same caller.
   std::uint64_t trace_id = 0;  ///< Given by the caller, 0 if none.
   Deferral* deferral =
       nullptr;          ///< For methods that answer later, or with a stream; null in tests.
   CallerHost caller{};  ///< Where the call came from.
-  const Caller* identity = nullptr;  ///< Null: the server asks nobody who he is.
+  const Caller* identity = nullptr;  ///< Null: the server does not ask for identities.
 };
 
 /// How a dispatch ended; made by generated code.
 struct DispatchResult {
   wire::Status status = wire::Status::kOk;
-  std::uint32_t reply_size = 0;  ///< Bytes of the reply buffer in use, from its begin.
+  std::uint32_t reply_size = 0;  ///< Bytes of the reply buffer in use, from its beginning.
 };
 
 /// An object that serves calls. Generated skeletons derive from it; people derive from those.
@@ -63,18 +63,18 @@ class Servant {
 
   [[nodiscard]] virtual const InterfaceDescriptor& interface() const noexcept = 0;
 
-  /// Runs the method `method_id` with `request` and writes its result at the begin of `reply`. What
-  /// it returns counts for nothing if it has taken a reply to give later (CallContext::deferral).
+  /// Runs the method `method_id` with `request` and writes its result at the beginning of `reply`.
+  /// The return value is ignored if the method took a reply to give later (CallContext::deferral).
   /// Generated code implements it. `request` and `reply` are aligned to 16 bytes, live until it
   /// returns and do not overlap.
   /// @threads  every lane that serves the object calls it, so several at once where lanes differ
-  /// @realtime as the method that a person wrote; what it throws is counted and answered as
+  /// @realtime as the method that a person wrote; an exception is counted and answered as
   ///           kServantFailed
   virtual DispatchResult dispatch(std::uint16_t method_id, ConstBytes request, MutableBytes reply,
                                   const CallContext& context) = 0;
 };
 
-/// The wire's word for a servant's refusal.
+/// The wire's status for a servant's refusal.
 [[nodiscard]] constexpr wire::Status to_status(Refusal refusal) noexcept {
   switch (refusal) {
     case Refusal::kOverload:

@@ -35,9 +35,9 @@ namespace rtpm::rpc {
 ///     one       declared    any     if a band has the declared priority    lane       declared
 ///     one       propagated  any     if a band has the call's priority      lane       the call's
 ///
-/// What is illegal in itself is refused by Server::add(), a call outside of all bands with
-/// kWrongBand. Bands in one lane need one that keeps requests
-/// (LaneConfig::buffered_request_max), as others serve calls in the order in which they come.
+/// Server::add() refuses an illegal combination; a call outside of all bands fails with kWrongBand.
+/// Bands in one lane need a lane that keeps requests (LaneConfig::buffered_request_max), as other
+/// lanes serve calls in the order in which they come.
 /// @source   RT-CORBA's policies; here a priority need only lie within a lane's band, not be equal
 ///           to its own
 struct ObjectOptions {
@@ -45,27 +45,27 @@ struct ObjectOptions {
   Priority priority = 0;  ///< Declared, or the default for callers without one.
   /// The priorities that calls may have: at most 16 bands that do not overlap; empty: all.
   std::vector<Band> bands{};
-  /// The methods ask the callers' grants by themselves (CallContext::identity), such as for names
-  /// or event types: every caller for which there is any grant has the role observe on the object.
+  /// The methods check the callers' grants themselves (CallContext::identity), such as for names or
+  /// event types: every caller for which there is any grant has the role observe on the object.
   bool checks_callers = false;
 };
 
 /// One lane: its own sockets and its own threads that serve the priorities from `low` up to where
 /// the next lane begins.
 ///
-/// With one thread, as by default, calls run one after the other, and what comes meanwhile waits in
-/// the sockets. A lane of several threads, or with buffered requests, has one more that receives
-/// while the others run calls: it keeps what comes in the order of priority, and refuses with
-/// overload what it has no place for.
+/// With one thread, the default, calls run one after the other, and further calls wait in the
+/// sockets. A lane of several threads, or with buffered requests, has one more thread that receives
+/// while the others run calls: it orders requests by priority, and refuses those that find no slot
+/// with overload.
 struct LaneConfig {
-  std::string name{};     ///< Of the thread, at most 15 bytes; empty: "lane-<low>".
+  std::string name{};     ///< The thread's name, at most 15 bytes; empty: "lane-<low>".
   Priority low = 0;       ///< The lowest priority it serves. One lane must begin at 0.
-  Priority priority = 0;  ///< At least at which it waits and receives; raised to `low`.
+  Priority priority = 0;  ///< At which it waits and receives; raised to `low`.
   rt::WaitConfig wait{};  ///< How it waits for traffic.
-  /// To which it is confined; empty: the starter's. With one, and where the kernel throttles
-  /// real-time threads, a thread "rtpm-awake-<cpu>" at nice 19 keeps that CPU awake while a busy
-  /// lane rests lest it be throttled (rt/budget.hpp): else calls of more urgent lanes would wait
-  /// for the CPU to wake.
+  /// The CPUs to which it is confined; empty: the starter's. With one, and where the kernel
+  /// throttles real-time threads, a thread "rtpm-awake-<cpu>" at nice 19 keeps that CPU awake while
+  /// a busy lane pauses to avoid throttling (rt/budget.hpp): else calls of more urgent lanes would
+  /// wait for the CPU to wake.
   std::vector<int> cpus{};
   /// kTimeShared: behind every real-time thread, and outside the kernel's throttling. For lanes
   /// whose calls may keep a CPU busy and are not urgent: they can't hold the lanes above them up,
@@ -86,24 +86,24 @@ struct LaneConfig {
 /// How a server is set up.
 struct ServerConfig {
   std::string name = "server";  ///< Shown in errors and counters.
-  /// What is served: an IPv4 or IPv6 address, a host name, the name of a network interface,
-  /// "localhost", a list of those with ',' between, of at most 16 addresses; or "any", which is
+  /// The addresses to serve: an IPv4 or IPv6 address, a host name, the name of a network interface,
+  /// "localhost", a list of those, separated by ',', of at most 16 addresses; or "any", which is
   /// every address of this host. The network is an explicit choice.
   std::string host = "127.0.0.1";
   std::uint16_t port = 0;  ///< The same number for UDP and TCP; 0: the system chooses.
-  /// The addresses or host names that url() gives in place of those that are served, with ','
-  /// between: for a server in a container or behind NAT. Empty: those that are served, without
-  /// loopback ones if there are others.
+  /// The addresses or host names that url() gives in place of the served ones, separated by ',':
+  /// for a server in a container or behind NAT. Empty: the served ones, without loopback addresses
+  /// if there are others.
   std::string advertise{};
   std::vector<LaneConfig> lanes{};  ///< Empty: one lane for all priorities.
-  /// Lets a lane whose threads all run calls take one that rests in a lower lane, for one call at
-  /// that call's priority.
+  /// Lets a lane whose threads all run calls borrow a resting thread of a lower lane, for one call
+  /// at that call's priority.
   bool borrows = false;
   PriorityTransform inbound_priority = nullptr;  ///< None: methods run at their calls' priority.
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
   Priority ceiling = Priority::kHighest;  ///< The highest priority that sessions are granted.
   /// Sessions, and connections, per lane and transport. One host, or process in shared memory, has
-  /// at most three quarters of them. More replace the longest idle, if for 30 s.
+  /// at most three quarters of them. A further one replaces the longest idle, if for 30 s.
   std::uint32_t session_count_max = 256;
   std::uint32_t message_size_max = 16 * 1024 * 1024;  ///< Bytes of a request, reply or item.
   /// How many messages larger than a frame (UDP: 1344 bytes, TCP: 64 KiB, shared memory: 16 KiB) a
@@ -117,22 +117,22 @@ struct ServerConfig {
   std::uint32_t deferred_call_count_max = 32;
   /// How many of them may be streams, per transport; more are refused with overload; 0…1024.
   std::uint32_t stream_count_max = 16;
-  /// How many bytes of items a stream may hold that were written and not sent, as their caller
-  /// takes no more: beyond, write() says kFull. One item that is larger is held alone, so that
-  /// items may be as large as messages; 4 KiB…16 MiB. A stream takes as much memory as it held at
-  /// most: a lane's streams together deferred_call_count_max times this, or their largest items, if
-  /// those are larger.
+  /// The most bytes of items, written and not sent, that a stream holds while its caller takes no
+  /// more: beyond, write() gives kFull. A single larger item is held alone, so that items may be as
+  /// large as messages; 4 KiB…16 MiB. A stream takes as much memory as it held at most: a lane's
+  /// streams together deferred_call_count_max times this, or their largest items, if those are
+  /// larger.
   std::uint32_t stream_byte_max = 1024 * 1024;
   /// How many oneways of callers in the same program, of at most 1344 bytes each, may wait or run
   /// in a lane at a time, as over a wire they wait in the socket's buffer; 0…4096. More are refused
   /// with overload. Each lane takes the memory for them, 1.5 KiB each, once a caller in the same
-  /// program binds an object of the server. Larger ones, and with 0 all, take a call channel of
-  /// their caller each until they ran.
+  /// program binds an object of the server. Larger ones, and with 0 all of them, each take a call
+  /// channel of their caller until they ran.
   std::uint32_t local_oneway_count_max = 512;
   /// Serves callers of the same user on this host through shared memory, too.
   bool shared_memory = true;
-  /// Where the socket for it is: empty: an abstract name, which leaves no file and reaches as far
-  /// as the network namespace; else a folder, which containers can share that share nothing else.
+  /// The folder of the socket for it, which containers can share that share nothing else. Empty: an
+  /// abstract name, which leaves no file and reaches as far as the network namespace.
   std::string shared_memory_folder{};
   ServerSecurity security{};
 };
@@ -149,10 +149,10 @@ class Server {
  public:
   /// Opens the sockets; nothing is served before start().
   /// @realtime set-up only
-  /// @errors   an address in use or not this host's, a name without one, lanes that overlap or
-  /// leave out 0, a limit
-  ///           that is none of the protocol's; other hosts reach it, and it is not said whom it
-  ///           serves; keys or grants that can't be trusted
+  /// @errors   an address in use or not this host's, a name without an address, lanes that overlap
+  ///           or leave out 0, a limit outside the protocol's; other hosts reach it, and neither
+  ///           grants nor `is_insecure` say which callers it serves; keys or grants that can't be
+  ///           trusted
   [[nodiscard]] static expected<std::unique_ptr<Server>, SetupError> create(ServerConfig config);
 
   Server(const Server&) = delete;
@@ -186,14 +186,14 @@ class Server {
   /// Where callers find the object: "rtpm://127.0.0.1:4711/lab/arm0", with each host of a server
   /// that has several: "rtpm://10.0.0.7,[fd00::7]:4711/lab/arm0".
   [[nodiscard]] virtual std::string url(std::string_view path) const = 0;
-  /// What is served; of "any" as it was when the server was created.
+  /// The served addresses; for "any" as they were when the server was created.
   [[nodiscard]] virtual std::vector<ServedAddress> served_addresses() const = 0;
-  /// By which callers know the server, see access::known_servers; nothing: it asks nobody, and
-  /// seals nothing.
+  /// The key by which callers know the server, see access::known_servers; nothing: it asks nobody,
+  /// and seals nothing.
   [[nodiscard]] virtual std::optional<seal::PublicKey> public_key() const noexcept = 0;
-  /// Whom it serves.
+  /// The callers that it serves.
   [[nodiscard]] virtual ServedCallers served_callers() const = 0;
-  /// What was served and dropped so far, over all lanes.
+  /// The counts of all that was served and dropped so far, over all lanes.
   /// @realtime alloc-free
   [[nodiscard]] virtual ServerCounters counters() const noexcept = 0;
   /// Records the server's calls while it is on, see tap.hpp.

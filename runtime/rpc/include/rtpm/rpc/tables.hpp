@@ -13,7 +13,7 @@
 #include "rtpm/rpc/binding.hpp"
 #include "rtpm/rpc/servant.hpp"
 
-/// What generated code is made of: the one place where RTPM's calls meet FlatBuffers' types.
+/// The parts that generated code is made of: the one place where RTPM meets FlatBuffers' types.
 ///
 /// A method's request and reply are each of one of three kinds (DESIGN: the payload rule):
 ///   Empty   `rtpm.Empty`: no bytes;
@@ -38,8 +38,8 @@ class TableReply {
   ReplyLease lease_;
 };
 
-/// Lends a builder the memory it shall write in; what does not fit goes to the heap, so that an
-/// answer that grew too large ends as kTooLarge and not as a crash.
+/// The memory that a builder writes in; an answer that does not fit goes to the heap, so that it
+/// ends as kTooLarge and not as a crash.
 class LentMemory final : public flatbuffers::Allocator {
  public:
   explicit LentMemory(MutableBytes memory) noexcept : memory_(memory) {}
@@ -79,7 +79,7 @@ class ReplyBuilder {
     is_finished_ = true;
   }
 
-  /// Moves the finished reply to the begin of the memory. For generated code.
+  /// Moves the finished reply to the beginning of the memory. For generated code.
   [[nodiscard]] DispatchResult complete() noexcept {
     if (!is_finished_) return {wire::Status::kServantFailed, 0};
     const std::size_t size = builder_.GetSize();
@@ -105,7 +105,7 @@ struct TableLimits {
 };
 
 /// Whether the bytes are a T from end to end, so that reading it stays within them (hp-12-4). There
-/// is no size prefix, and a file identifier is not looked at (hp-12-5).
+/// is no size prefix, and a file identifier is not checked (hp-12-5).
 template <class T>
 [[nodiscard]] bool is_valid_table(ConstBytes bytes, TableLimits limits = {}) noexcept {
   if (bytes.size() < sizeof(flatbuffers::uoffset_t)) return false;
@@ -117,7 +117,7 @@ template <class T>
   return verifier.VerifyBuffer<T>(nullptr);
 }
 
-/// What a reply without content says.
+/// Reads a reply without content.
 [[nodiscard]] inline expected<void, CallError> read_nothing(
     const expected<ReplyLease, CallError>& reply) noexcept {
   if (!reply) return unexpected{reply.error()};
@@ -125,7 +125,7 @@ template <class T>
   return {};
 }
 
-/// The bare struct that a reply is.
+/// Reads a reply that is a bare struct.
 template <class T>
 [[nodiscard]] expected<T, CallError> read_struct(
     const expected<ReplyLease, CallError>& reply) noexcept {
@@ -137,7 +137,7 @@ template <class T>
   return value;
 }
 
-/// The table that a reply is, checked.
+/// Reads a reply that is a table, and verifies it.
 template <class T>
 [[nodiscard]] expected<TableReply<T>, CallError> read_table(expected<ReplyLease, CallError> reply,
                                                             TableLimits limits) noexcept {
@@ -179,7 +179,7 @@ template <class T>
   return std::as_bytes(std::span<const T, 1>(&value, 1));
 }
 
-/// The struct that a request is, read in place: its size was checked, and a server hands requests
+/// A request that is a struct, read in place: its size was checked, and a server hands requests
 /// over aligned to 16 bytes.
 template <class T>
 [[nodiscard]] const T& view_struct(ConstBytes request) noexcept {

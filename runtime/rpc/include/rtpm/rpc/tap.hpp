@@ -29,8 +29,8 @@ struct TapConfig {
   bool has_payloads = true;
   /// A larger payload is left out and counted. At most an eighth of the ring.
   std::uint32_t payload_byte_max = 64 * 1024;
-  /// Of a ring: a power of two, 4 KiB…256 MiB. A call that finds it full is dropped and counted. A
-  /// lane of one thread has one ring, a lane with a pool four.
+  /// The size of a ring: a power of two, 4 KiB…256 MiB. A call that finds it full is dropped and
+  /// counted. A lane of one thread has one ring, a lane with a pool four.
   std::uint32_t ring_byte_count = 1024 * 1024;
 };
 
@@ -45,17 +45,17 @@ enum class TapStage : std::uint8_t {
 /// One record of the tap.
 struct TappedCall {
   TapStage stage = TapStage::kWhole;
-  wire::Status status = wire::Status::kOk;  ///< Of a whole or ended call.
+  wire::Status status = wire::Status::kOk;  ///< The result of a whole or ended call.
   /// From 1; all records of a call have the same. Ascending in a lane of one thread; a server with
   /// one such lane leaves none out.
   std::uint64_t number = 0;
-  std::uint32_t service = 0;  ///< Of the object, as bound: the index in objects(), plus 1.
+  std::uint32_t service = 0;  ///< The object's number, as bound: the index in objects(), plus 1.
   std::uint16_t method = 0;
   Priority priority{};
   std::uint64_t session = 0;
   std::uint64_t trace_id = 0;
   MonotonicTime received{};
-  /// When the method had ended, or the item was sent; of a call that begins: when the method
+  /// When the method had ended, or the item was sent; for a call that begins: when the method
   /// returned.
   MonotonicTime finished{};
   std::uint32_t request_size = 0;  ///< Also where the payload was left out.
@@ -64,7 +64,7 @@ struct TappedCall {
   ConstBytes reply{};
 };
 
-/// What a tap lost since it was switched on.
+/// A tap's losses since it was switched on.
 struct TapLosses {
   std::uint64_t dropped_count = 0;  ///< Records that found the ring full, or all rings in use.
   std::uint64_t omitted_payload_count = 0;  ///< Payloads that were too long.
@@ -72,12 +72,12 @@ struct TapLosses {
 
 /// The tap of a server: while it is on, each lane copies its calls into rings of its own, from
 /// which one thread reads them. A lane never waits for it, allocates nothing and makes no system
-/// call. What the tap records are calls that reached a method, also those within the program;
-/// refused calls are in the server's counters.
+/// call. The tap records calls that reached a method, also those within the program; refused calls
+/// are in the server's counters.
 /// @ownership may outlive its server, whose end switches it off for good
 /// @threads  one at a time
-/// @realtime none of its own; of a lane: wait-free, alloc-free, no syscall; off: a load and a
-/// branch
+/// @realtime none of its own; in a lane: wait-free, alloc-free, no syscall; off: a load and a
+///           branch
 class CallTap {
  public:
   CallTap() = default;
@@ -85,10 +85,10 @@ class CallTap {
   CallTap& operator=(const CallTap&) = delete;
   virtual ~CallTap() = default;
 
-  /// Allocates the rings, and has the lanes record from now on.
+  /// Allocates the rings; from now on the lanes record.
   /// @errors   it is on already; the server has stopped; no such object; a size out of range
   [[nodiscard]] virtual expected<void, SetupError> switch_on(const TapConfig& config) = 0;
-  /// Frees the rings, after at most a second for lanes that just write there. Does nothing when
+  /// Frees the rings, after waiting at most a second for lanes that write there. Does nothing when
   /// off.
   virtual void switch_off() noexcept = 0;
   /// False also once the server has stopped.
