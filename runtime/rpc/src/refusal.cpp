@@ -8,7 +8,7 @@
 namespace rtpm::rpc {
 namespace {
 
-/// A sentence in a fixed place. What goes beyond is cut.
+/// A sentence in a fixed place, cut where that is full.
 class Sentence {
  public:
   Sentence& add(std::string_view text) noexcept {
@@ -74,7 +74,7 @@ bool RangeCheck::within(std::string_view field, std::uint32_t index) noexcept {
   return false;
 }
 
-// Of a path that is too long the outer end is told.
+// Keeps the outer end of a path that is too long.
 void RangeCheck::prepend(std::string_view text) noexcept {
   const std::size_t count = std::min(text.size(), path_.size());
   const std::size_t kept = std::min(path_size_, path_.size() - count);

@@ -7,8 +7,8 @@
 
 namespace rtpm::rpc {
 
-/// Gives the method that runs the means not to answer yet, where its call has, or finds, a place
-/// among the pending calls.
+/// Lets the method that runs answer later, if its call has, or finds, a place among the pending
+/// calls.
 class CallDeferral final : public Deferral {
  public:
   /// A call that must be answered at once.

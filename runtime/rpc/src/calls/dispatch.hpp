@@ -15,7 +15,7 @@ namespace rtpm::rpc {
 class CallDeferral;
 class RefusalNotes;
 
-/// What came of a method.
+/// The outcome of a method.
 struct Ran {
   DispatchResult result{};
   bool has_thrown = false;
@@ -27,7 +27,7 @@ struct Ran {
 class Dispatch {
  public:
   /// @param lane_priority  of methods whose objects have no priority model
-  /// @param refusals       null: they are not logged
+  /// @param lane_priority  for methods whose objects have no priority model
   Dispatch(const ObjectTable& objects, PriorityTransform transform, Priority lane_priority,
            const Lane& lane, LaneTap& tap, LaneRights& rights, RefusalNotes* refusals) noexcept
       : objects_(objects),
@@ -38,8 +38,8 @@ class Dispatch {
         rights_(rights),
         refusals_(refusals) {}
 
-  /// The object on which a method would run, or why none would: every call comes by here before it
-  /// runs, whatever its way was. `sessions`: those of the request; null: a call of this program.
+  /// The object on which a method would run, or why none would: every call passes here before it
+  /// runs, however it came. `sessions`: those of the request; null: a call of this program.
   /// @threads  with the lane's Lead; for calls of this program any
   [[nodiscard]] expected<Target, wire::Status> target_of(
       const wire::Request& request, const wire::ServerSessions* sessions) const noexcept;

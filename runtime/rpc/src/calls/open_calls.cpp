@@ -17,7 +17,7 @@ OpenCalls::OpenCalls(std::shared_ptr<PendingPool> pool, std::uint32_t call_count
 }
 
 bool OpenCalls::serve_ready(Lead& lead) noexcept {
-  // Callers have to wait for as many.
+  // A caller may have to wait for as many.
   constexpr int kCallsPerTurn = 32;
   if (!has_any()) return false;
   take_cancelled(lead, CallEnding::kLeft);
@@ -145,8 +145,8 @@ bool OpenCalls::must_wait_for_buffer(PendingCall& call, MonotonicTime now) noexc
   return waits;
 }
 
-// Sends the items that are there, as far as their caller takes them, its connection has room, and
-// the turn has time; false if some are left.
+// Sends the items that wait, until credit, connection or turn budget is exhausted; false if some
+// are left.
 bool OpenCalls::send_items(Lead& lead, PendingCall& call) noexcept {
   // SYNC POINT pending-items
   const std::uint32_t written = call.written_count.load(std::memory_order_acquire);
@@ -171,7 +171,7 @@ bool OpenCalls::send_items(Lead& lead, PendingCall& call) noexcept {
   return sent == written;
 }
 
-// Large replies for which there was no room: there may be one now.
+// Serves the large replies for which there was no room: there may be some now.
 void OpenCalls::serve_waiting_replies(Lead& lead) noexcept {
   waiting_reply_due_ = kNever;
   pool_->for_each_open([&](PendingCall& call) {

@@ -74,10 +74,10 @@ class OpenCalls {
   /// Streams with items for which a turn had no time left, the one that waits longest first. Sized
   /// once.
   std::vector<PendingCall*> backlog_;
-  std::size_t item_bytes_left_ = 0;           ///< That this turn may send of items.
+  std::size_t item_bytes_left_ = 0;           ///< Bytes of items that this turn may still send.
   MonotonicTime retry_time_ = kNever;         ///< When streams that are blocked are tried again.
   std::uint32_t waiting_reply_count_ = 0;     ///< Large ones for which there is no buffer yet.
-  MonotonicTime waiting_reply_due_ = kNever;  ///< No buffer gets free before, unless by a frame.
+  MonotonicTime waiting_reply_due_ = kNever;  ///< No buffer is freed before, unless by a frame.
 };
 
 }  // namespace rtpm::rpc

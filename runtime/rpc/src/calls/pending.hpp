@@ -31,17 +31,17 @@ struct PendingCall {
   wire::ServerSessions* sessions = nullptr;  ///< Null: a call of the same program, of `local`.
   LocalChannel* local = nullptr;
   std::uint32_t item_size_max = 0;        ///< 0: it is no stream.
-  std::uint32_t item_frame_size_max = 0;  ///< Of an item that goes in one frame.
+  std::uint32_t item_frame_size_max = 0;  ///< For an item that goes in one frame.
   bool is_blocked = false;                ///< Its connection has no room for items now.
   bool is_in_backlog = false;             ///< See OpenCalls::serve_backlog().
-  // Of a lane with a thread pool.
+  // In a lane with a thread pool:
   const Object* object = nullptr;
-  std::optional<CallOrigin> origin{};  ///< Of a secured server, once it was queued.
+  std::optional<CallOrigin> origin{};  ///< In a secured server, once it was queued.
   MutableBytes request_room{};
   bool is_running = false;      ///< Or waits for a thread: not to be ended yet.
   bool waits_for_room = false;  ///< It ended with a large reply for which there was no room yet.
-  bool is_deferred = false;     ///< It counts as such; of the method's thread while that runs.
-  TapMark tap_mark{};           ///< Of the thread that ran the method, then under the Lead.
+  bool is_deferred = false;     ///< Counts as deferred; the method's thread's while that runs.
+  TapMark tap_mark{};           ///< Written by the method's thread, then under the Lead.
 
   /// A call that came over a wire; the request's payload stays where it is.
   void take_in(const wire::Request& its_request, wire::ServerSessions& its_sessions) noexcept {
@@ -58,8 +58,8 @@ struct PendingCall {
     const ItemPlace& place = item_places[number % kItemCountMax];
     return ConstBytes(item_room).subspan(place.offset, place.size);
   }
-  /// A call of the same program, which is answered where it wants its reply, unless that has to be
-  /// `is_elsewhere`: where it comes later, its caller may be gone by then.
+  /// A call of the same program. It is answered where its caller wants the reply, unless that has
+  /// to be `is_elsewhere`: a reply that comes later may find its caller gone.
   void take_in(const wire::Request& its_request, LocalChannel& channel,
                bool is_elsewhere) noexcept {
     request = its_request;
@@ -80,9 +80,9 @@ struct PendingCall {
   std::uint32_t size = 0;
   MutableBytes reply{};
   MutableBytes reply_room{};
-  /// Where a stream's items are written one behind the other, from the beginning again at
-  /// `item_byte_max`; one that is larger has it alone. The same memory as reply_room: the reply of
-  /// a stream has no content.
+  /// The items of a stream, written one behind the other, from the beginning again at
+  /// `item_byte_max`; a larger one has it alone. The same memory as reply_room: the reply of a
+  /// stream has no content.
   MutableBytes item_room{};
   std::uint32_t item_byte_max = 0;
   struct ItemPlace {

@@ -15,15 +15,15 @@ class Doorbell {
  public:
   explicit Doorbell(transport::WaitSet& bell) noexcept : bell_(&bell) {}
 
-  /// What the lane is to see is in its list: either the lane sees it before it sleeps, or it is
-  /// seen asleep here.
+  /// The caller has put its work into a list of the lane before: either the lane sees it before it
+  /// sleeps, or this sees the lane asleep.
   void wake() noexcept {
     // SYNC POINT doorbell
     if (!is_asleep_.load(std::memory_order_seq_cst)) return;
     const std::lock_guard lock(ringing_);
     if (bell_ != nullptr) bell_->ring();
   }
-  /// From here on until end_sleep() a wake() rings. Look at the lists behind it.
+  /// From here on until end_sleep() a wake() rings. Check the lists after it.
   void announce_sleep() noexcept {
     // SYNC POINT doorbell
     is_asleep_.store(true, std::memory_order_seq_cst);
@@ -97,7 +97,7 @@ class ReadyList {
   }
 
   std::atomic<T*> first_{nullptr};
-  T* taken_ = nullptr;  ///< What came before that in first_.
+  T* taken_ = nullptr;  ///< The things that came before those in first_.
 };
 
 }  // namespace rtpm::rpc

@@ -15,7 +15,7 @@
 namespace rtpm::rpc {
 
 /// Why calls were refused or failed, for the server's log: lanes note it, the acceptor's thread
-/// writes it. Of very many only some are logged; the counters have all.
+/// writes it. If there are very many, only some are logged; the counters have all.
 /// @threads  note() any, several at once; the rest one at a time
 /// @realtime note() is alloc-free and lock-free, at most one syscall; the rest is set-up only
 class RefusalNotes {

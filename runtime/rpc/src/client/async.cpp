@@ -6,7 +6,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
 
-// The ways to call that a binding offers: and wait, send, begin, stream.
+// The ways to call that a binding offers: call and wait, send, begin, stream.
 namespace rtpm::rpc {
 
 expected<ReplyLease, CallError> Binding::call(const MethodDescriptor& method, ConstBytes request,
@@ -74,7 +74,7 @@ struct PendingReply::OwnState final : PendingReply::State {
     outcome = {.kind = CallOutcome::Kind::kFailed, .error = CallError::kCancelled};
   }
   void drop() noexcept override {
-    // It was made when the call was begun, which is set-up's right as much as the lane's not.
+    // Freeing it is allowed, as its allocation was when the call was begun.
     const rt::AllowAllocationScope is_allowed;
     delete this;
   }
@@ -205,7 +205,7 @@ bool ItemReader::is_open() const noexcept {
 expected<std::optional<ConstBytes>, CallError> ItemReader::next(MonotonicTime until) noexcept {
   RTPM_ASSERT(state_ != nullptr, "a stream was opened");
   while (true) {
-    // What is here comes before the end that may have come with it.
+    // Items that are here come before the end that may have come with them.
     if (const auto item = state_->channel->next_item()) return item;
     if (!is_open()) break;
     state_->outcome = state_->channel->finish(until, rt::now());

@@ -19,7 +19,7 @@ namespace {
 // Texts of a server, and of a registry, are foreign.
 constexpr std::size_t kDifferenceSizeMax = 1024;
 
-// "; most like it there: lab/arm0, lab/arm1", or nothing. What is no path is not printed.
+// "; most like it there: lab/arm0, lab/arm1", or nothing. A text that is no path ends the list.
 std::string similar_paths_of(const BindOutcome& outcome) {
   std::string list;
   ByteReader reader(ConstBytes(outcome.similar_paths).first(outcome.similar_paths_size));
@@ -81,10 +81,10 @@ expected<std::string, SetupError> url_of(Node& node, std::string_view target,
 // A server on this host answers such a question within microseconds, unless it is stopped.
 constexpr Duration kMemoryPatience = std::chrono::milliseconds{100};
 
-// How much of a bind's time may show whether a server that is silent over UDP answers over TCP.
+// The part of a bind's time that may show whether a server silent over UDP answers over TCP.
 constexpr Duration kTcpPatience = std::chrono::milliseconds{250};
 
-// Over what the server is reached, and where it has its socket for shared memory.
+// The transport to the server, and the folder of its socket for shared memory.
 ServerAddress address_of(Node& node, const BindOptions& options, const std::string& host,
                          std::uint16_t port, MonotonicTime deadline) {
   const Transport asked =
@@ -104,7 +104,7 @@ ServerAddress address_of(Node& node, const BindOptions& options, const std::stri
 // Where a URL may lead.
 struct Candidates {
   std::vector<ServerCandidate> addresses{};
-  SetupError error{};      ///< Of the last one that failed.
+  SetupError error{};      ///< The error of the last one that failed.
   std::string failures{};  ///< Each with its reason.
 
   /// Then its own error says it all.
@@ -115,7 +115,7 @@ struct Candidates {
   }
 };
 
-// The time for one of so many attempts that are left.
+// The time for one of `left` attempts.
 MonotonicTime part_of_time(MonotonicTime deadline, std::size_t left) noexcept {
   const MonotonicTime now = rt::now();
   return deadline <= now ? deadline : now + (deadline - now) / static_cast<int>(left);
@@ -192,7 +192,7 @@ expected<Binding::Impl::Opened, SetupError> Binding::Impl::open(const std::strin
     if (opened || candidates.is_single()) return opened;
     const SetupError& error = opened.error();
     candidates.note(candidate.address.text(), error.why.empty() ? error.what : error.why, error);
-    // What answers says more than what does not.
+    // An answer says more than silence.
     if (!refused && is_refusal(error.cause)) refused = error;
   }
   if (refused) return unexpected{std::move(*refused)};

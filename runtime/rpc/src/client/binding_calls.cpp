@@ -145,7 +145,7 @@ expected<ReplyLease, CallError> Binding::Impl::call_over_transport(const Plan& p
     Ready ready;
     if (auto made = make_ready(plan, now, ready); !made) return unexpected{made.error()};
     TakenChannel channel(ready.channel);
-    // Before it is sent: who finds its loss is to know that it was there.
+    // Set before it is sent, so that a thread that finds its loss knows that it was there.
     if (is_sent) sends_oneways.store(true, std::memory_order_relaxed);
     const CallOutcome outcome = channel->call(ready.parameters, request, ready.now);
     if (outcome.kind == CallOutcome::Kind::kReply) {
@@ -169,7 +169,7 @@ bool Binding::Impl::has_lost_oneways() noexcept {
   const Pin pin(*this);
   const std::uint64_t count = remembered().destination->lost_oneway_count();
   std::uint64_t told = lost_oneways_told.load(std::memory_order_relaxed);
-  // One of those that see it tells of it.
+  // Only one of the threads that see it reports it.
   while (told < count) {
     if (lost_oneways_told.compare_exchange_weak(told, count, std::memory_order_relaxed)) {
       return sends_oneways.load(std::memory_order_relaxed);

@@ -11,8 +11,8 @@
 namespace rtpm::rpc {
 namespace {
 
-// The first method of ours that the server has not, or has otherwise; null if all agree. What a
-// list that is not complete leaves out is not held against the server: a call will tell.
+// The first method of ours that the server lacks, or has otherwise; null if all agree. A method
+// that an incomplete list leaves out is not held against the server: a call will tell.
 const MethodDescriptor* first_difference(const InterfaceDescriptor& ours,
                                          const wire::BindReply& reply,
                                          ConstBytes payload) noexcept {
@@ -39,8 +39,8 @@ std::string words_of(const MethodDescriptor& method) {
          ") is missing or differs there";
 }
 
-// What keeps us from a server that differs in `method`: nothing if its text and ours agree.
-// Another server than the one of the bind is no obstacle: it will be asked when it is called.
+// The obstacle to a server that differs in `method`: nothing if its text and ours agree. Another
+// server than the one of the bind is no obstacle: it will be asked when it is called.
 std::string obstacle(const InterfaceDescriptor& ours, const MethodDescriptor& method,
                      const CallOutcome& described) {
   const bool is_there =
@@ -88,7 +88,7 @@ BindOutcome Binding::Impl::ask(const Destination& at, CallChannel& channel, Prio
                   reply->priority,
                   reply->is_server_declared,
                   reply->fingerprint};
-  // What was found to be good once is good in another life of the server, too.
+  // An interface that was found to be good once is good in another life of the server, too.
   const auto known = bound.read();
   // hp-6.1-6: 0 tells nothing.
   if (reply->fingerprint != 0 && (reply->fingerprint == interface.fingerprint ||

@@ -28,7 +28,7 @@ namespace rtpm::rpc {
 /// When a caller's patience ends, which may be longer than all time that is left.
 [[nodiscard]] MonotonicTime deadline_after(Duration patience, MonotonicTime now) noexcept;
 
-/// Whether a server that was reached will not serve this binding. It takes another one to help.
+/// Whether a server that was reached will not serve this binding: only another one could.
 [[nodiscard]] bool is_refusal(std::error_code cause) noexcept;
 
 /// Where a binding's object is, as far as calls ask. Constant once it is made.
@@ -54,17 +54,17 @@ struct Destination {
   }
 };
 
-/// What a bind learned; true as long as the server's epoch is the same.
+/// The result of a bind; true as long as the server's epoch is the same.
 struct Bound {
   const Destination* destination = nullptr;
   std::uint64_t server_epoch = 0;
   std::uint32_t service = 0;
   Priority priority{};
   bool is_server_declared = false;
-  std::uint64_t fingerprint = 0;  ///< Of the server's view of the interface.
+  std::uint64_t fingerprint = 0;  ///< That of the server's view of the interface.
 };
 
-/// What came of asking a server for an object. `what` is for a person.
+/// The outcome of asking a server for an object.
 struct BindOutcome {
   CallOutcome::Kind kind = CallOutcome::Kind::kFailed;
   CallError error = CallError::kTimeout;
@@ -72,7 +72,7 @@ struct BindOutcome {
   wire::Status status = wire::Status::kOk;
   std::string difference{};  ///< In the interface; empty: it is the same, or one that will do.
   std::array<char, 96> other_interface{};
-  /// Of an object that is not there: those that are most like it, as their server sent them.
+  /// If the object is not there: the paths most like its own, as the server sent them.
   std::array<std::byte, wire::kSimilarPathCountMax*(wire::kPathSizeMax + 2)> similar_paths{};
   std::size_t similar_paths_size = 0;
 };
@@ -142,18 +142,18 @@ class Binding::Impl {
   [[nodiscard]] expected<Bound, SetupError> open_session(Destination& at,
                                                          const InterfaceDescriptor& wanted,
                                                          MonotonicTime deadline);
-  /// Calls go there from now on.
+  /// Directs calls there from now on.
   void settle(Opened opened);
   /// Frees former destinations, unless a call that began before looks at them; true if none is
   /// left.
   [[nodiscard]] bool free_former() noexcept;
   [[nodiscard]] bool follows() const noexcept { return !name.empty(); }
-  /// What a call's failure before it was sent means: has the name asked for where its server may be
-  /// gone. Gives the error for the caller: the failure itself, or why the server that the name
-  /// leads to by now can't be called.
+  /// Handles a call's failure before it was sent: looks the name up if its server may be gone.
+  /// Gives the error for the caller: the failure itself, or why the server that the name leads to
+  /// by now can't be called.
   /// @realtime alloc-free; one syscall for the first of an outage
   CallError note_failure(CallError error) noexcept;
-  /// Has the node ask where the name leads.
+  /// Lets the node look up where the name leads.
   /// @realtime as note_failure()
   void ask_for_name() noexcept;
   /// Binds at `at_url`, to which the name leads; false if the server there does not answer, or is
@@ -163,9 +163,9 @@ class Binding::Impl {
   /// The name leads nowhere.
   /// @threads  the rebinder's
   void note_unresolved(std::string text);
-  /// Whom a call goes to.
+  /// The addressee of a call.
   enum class Target : std::uint8_t { kObject, kSession };
-  /// What a call goes out with.
+  /// The parameters with which a call goes out.
   struct Plan {
     std::uint16_t method = 0;
     bool is_idempotent = false;
@@ -196,8 +196,8 @@ class Binding::Impl {
   [[nodiscard]] expected<void, CallError> make_ready_on(CallChannel& channel, const Bound& last,
                                                         Priority priority, const Plan& plan,
                                                         Ready& ready) noexcept;
-  /// What a call that ended without reply means for its caller: whether it may be made again.
-  /// `begun`: when it was sent first.
+  /// Decides whether a call that ended without reply may be made again, and the error for its
+  /// caller. `begun`: when it was sent first.
   [[nodiscard]] expected<void, CallError> judge(const CallOutcome& outcome, const Ready& ready,
                                                 const Plan& plan, MonotonicTime begun) noexcept;
   [[nodiscard]] expected<ReplyLease, CallError> call(const Plan& plan, ConstBytes request) noexcept;
@@ -211,8 +211,8 @@ class Binding::Impl {
                                                                     ConstBytes request) noexcept;
   /// The priority with which a call goes out (hp-6.1-3).
   [[nodiscard]] Priority priority_of(const Plan& plan, const Bound& to) const noexcept;
-  /// Whether oneways to the server may have been lost since this last said so, and this binding has
-  /// sent some.
+  /// Whether oneways to the server may have been lost since this was last asked, and this binding
+  /// has sent some.
   /// @realtime alloc-free, no syscall
   [[nodiscard]] bool has_lost_oneways() noexcept;
   /// Calls through the door; nothing if the call has to go over a transport.
@@ -248,12 +248,12 @@ class Binding::Impl {
   const InterfaceDescriptor& interface;
   const Duration default_deadline;
   Latest<Bound> bound;
-  rt::PiMutex writing;                     ///< Of bound and current.
-  const Destination* current = nullptr;    ///< That of bound.
+  rt::PiMutex writing;                     ///< Guards bound and current.
+  const Destination* current = nullptr;    ///< The destination of bound.
   std::unique_ptr<Destination> settled{};  ///< The same.
   std::atomic<bool> has_door{false};       ///< It has one.
 
-  // Of a binding by name; written by the thread that binds and later by the rebinder's.
+  // For a binding by name; written by the thread that binds and later by the rebinder's.
   std::string name{};
   std::vector<std::unique_ptr<Destination>> former{};
   std::atomic<std::uint32_t> pin_count{0};
@@ -261,11 +261,11 @@ class Binding::Impl {
   /// The error of the server that the name leads to, if that can't be called; else kNoRefusal.
   std::atomic<int> refusal{kNoRefusal};
   static constexpr int kNoRefusal = -1;
-  rt::PiMutex telling;  ///< Of followed.
+  rt::PiMutex telling;  ///< Guards followed.
   FollowStatus followed{};
 
   std::atomic<bool> sends_oneways{false};
-  /// Of lost_oneway_count(), how many the binding's callers have been told.
+  /// How many of lost_oneway_count() the binding's callers have been told.
   std::atomic<std::uint64_t> lost_oneways_told{0};
 };
 

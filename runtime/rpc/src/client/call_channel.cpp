@@ -18,7 +18,7 @@
 namespace rtpm::rpc {
 namespace {
 
-// So often who only looks, and never waits, sees what a transport sees when it waits.
+// How often a caller that only polls checks whether its peer is gone.
 constexpr Duration kCheckInterval = std::chrono::milliseconds{10};
 
 // Else each wait for a server of this host would poll, with a timer.
@@ -144,7 +144,7 @@ bool CallChannel::has_open_call() const noexcept {
   return false;
 }
 
-// What is known of why is kept for a person.
+// Keeps what is known of the reason, for a person.
 unexpected<CallError> CallChannel::refused(CallError error) noexcept {
   const rt::AllowAllocationScope is_allowed;
   if (sealed_ != nullptr) {
@@ -194,7 +194,7 @@ CallOutcome CallChannel::call(const wire::CallParameters& parameters, ConstBytes
     return {.kind = is_unsent ? CallOutcome::Kind::kUnsent : CallOutcome::Kind::kFailed,
             .error = begun.error()};
   }
-  // What was merely sent is over.
+  // A oneway that was merely sent is over.
   if (!wire_.is_open(0)) return {.kind = CallOutcome::Kind::kReply};
   return finish(kNever, now);
 }
@@ -225,7 +225,7 @@ expected<void, CallError> CallChannel::begin_sent(wire::CallParameters parameter
     unconfirmed_count_.fetch_add(1, std::memory_order_relaxed);
     return {};
   }
-  // Nobody repeats it, so a full buffer is told, too.
+  // Nobody repeats it, so a full buffer is reported, too.
   if (transport_->medium() == wire::Medium::kDatagram &&
       sent.error() != transport::IoError::kRefused) {
     const bool is_full = sent.error() != transport::IoError::kFailed;
@@ -414,7 +414,7 @@ bool CallChannel::make_room(std::uint32_t size, wire::CallIndex call) noexcept {
   return !rooms_[call].bytes().empty();
 }
 
-// What is larger than a frame comes in many at a time.
+// Messages larger than a frame come in batches.
 void CallChannel::accept_batches() noexcept {
   if (std::exchange(accepts_batches_, true)) return;
   const rt::AllowAllocationScope is_allowed;
@@ -458,8 +458,8 @@ void CallChannel::wait_for_event(MonotonicTime now, bool may_spin, MonotonicTime
     const MonotonicTime wake = std::min(until, wire_.next_time());
     return may_spin && now < spin_end ? std::min(wake, now + rt::RealtimeBudget::kPause) : wake;
   };
-  // What a transport sees only when it waits, such as its server's end, a mere look sees now and
-  // then.
+  // Some events, such as its server's end, a transport sees only when it waits: a caller that
+  // merely polls waits now and then.
   if (now >= until && now - last_check_ >= kCheckInterval) {
     last_check_ = now;
     transport_->wait(until);

@@ -23,8 +23,8 @@ namespace rtpm::rpc {
 /// How a call ended on its channel.
 struct CallOutcome {
   enum class Kind : std::uint8_t {
-    kReply,   ///< The server answered: `status`, `payload`. Of a stream: it ended.
-    kItems,   ///< Of a stream: it has items, see next_item().
+    kReply,   ///< The server answered: `status`, `payload`. If a stream: it ended.
+    kItems,   ///< Only for a stream: it has items, see next_item().
     kGoing,   ///< Nothing yet.
     kFailed,  ///< `error` says why there is no answer.
     kLost,    ///< The server does not know the session any more: see Binding for what follows.
@@ -41,8 +41,7 @@ struct CallOutcome {
 /// time, or several for a pipeline. The calling thread sends and receives itself: no other thread
 /// stands between it and its reply.
 /// @threads  try_take(), serves() and has_unconfirmed() from any; everything else by the thread
-/// that
-///           took it
+///           that took it
 /// @realtime alloc-free, but for make_ready() without a session, and keep() as it grows
 class CallChannel {
  public:
@@ -76,7 +75,7 @@ class CallChannel {
     return address_.transport == Transport::kUdp ? Duration{wire::kStreamLease} : Duration::max();
   }
 
-  /// Has a session for `priority`, with a handshake if need be; without a syscall if not.
+  /// Ensures a session for `priority`, with a handshake if need be; without a syscall if not.
   [[nodiscard]] expected<void, CallError> make_ready(Priority priority,
                                                      MonotonicTime deadline) noexcept;
   /// Why the last make_ready() came to nothing, in words; empty: its error says it all.
@@ -87,13 +86,13 @@ class CallChannel {
   /// Sends the call and waits for its end. The payload of the outcome is valid until the next.
   [[nodiscard]] CallOutcome call(const wire::CallParameters& parameters, ConstBytes request,
                                  MonotonicTime now) noexcept;
-  /// The same in two steps. The request must live until the call's end; keep() makes it so. Of a
-  /// stream, the memory is the channel's own.
+  /// The same in two steps. The request must live until the call's end; keep() makes it so. The
+  /// channel itself has the memory for the items of a stream.
   /// @errors   kTooLarge, kDisconnected
   [[nodiscard]] expected<void, CallError> begin(const wire::CallParameters& parameters,
                                                 ConstBytes request, MonotonicTime now) noexcept;
-  /// Of a pipeline: begins a call and gives its index; where it is one of several, it goes out with
-  /// flush(), or before. The channel has a session and has_free_call().
+  /// For a pipeline: begins a call and gives its index; a call that is one of several goes out with
+  /// flush(), or before. The channel must have a session and has_free_call().
   /// @errors   as begin()
   [[nodiscard]] expected<wire::CallIndex, CallError> begin_held(
       const wire::CallParameters& parameters, ConstBytes request, MonotonicTime now) noexcept;
@@ -109,8 +108,7 @@ class CallChannel {
   }
   /// Waits for a call's end, or its items, but not beyond `until`: then the outcome is kGoing.
   [[nodiscard]] CallOutcome finish(MonotonicTime until, MonotonicTime now) noexcept;
-  /// Looks whether the session has ended under unconfirmed oneways; then
-  /// `lost_oneways` is raised.
+  /// Checks whether the session has ended under unconfirmed oneways; then `lost_oneways` is raised.
   /// @realtime at most two syscalls and one per frame that came
   void check_oneways(MonotonicTime now) noexcept;
   /// Whether check_oneways() would look.
@@ -153,8 +151,8 @@ class CallChannel {
                                                      MonotonicTime now) noexcept;
   void wait_for_event(MonotonicTime now, bool may_spin, MonotonicTime until) noexcept;
   void take(ConstBytes frame, MonotonicTime now) noexcept;
-  /// Has an event made where it stays: to copy what was just written field by field takes longer
-  /// than to write it.
+  /// Makes an event where it stays: copying what was just written field by field takes longer than
+  /// writing it.
   template <class Make>
   void set_event(Make make) noexcept {
     static_assert(std::is_trivially_destructible_v<wire::ChannelEvent>);
@@ -183,11 +181,11 @@ class CallChannel {
   std::atomic<std::uint32_t> band_{kNoBand};  // low << 16 | high
   std::unique_ptr<transport::ClientTransport> transport_;
   SealedTransport* sealed_ = nullptr;  ///< The same, where sessions are sealed.
-  SetupError transport_error_{};       ///< Of the last make_ready().
+  SetupError transport_error_{};       ///< The error of the last make_ready().
   std::vector<std::byte> buffer_;
-  transport::DatagramBatch held_;      // What is to go together. Has room once it was needed.
+  transport::DatagramBatch held_;      // Frames to send together. Has room once it was needed.
   std::vector<rt::LazyMemory> rooms_;  // For replies larger than a frame, of each call.
-  rt::LazyMemory items_;               // Of a stream.
+  rt::LazyMemory items_;               // The items of a stream.
   rt::LazyMemory kept_;                // A request that outlives its caller's.
   std::atomic<std::uint64_t>& lost_oneways_;
   /// Oneways sent over the session since the server last answered a call over it. Written by the

@@ -29,7 +29,7 @@ Completions::~Completions() {
 }
 
 std::size_t Completions::poll() {
-  // In the order in which they were added. Callbacks may add more, so they run behind this.
+  // In the order in which they were added. Callbacks may add more, so they run after this.
   std::vector<std::unique_ptr<Entry>> ended;
   const auto is_open = [](const std::unique_ptr<Entry>& entry) {
     return !entry->wait(MonotonicTime{});
@@ -79,7 +79,7 @@ class CompletionThread::Impl {
  private:
   /// Waits for a new call if none is open; false at the end.
   bool take_added(Completions& completions) {
-    // What was told more often than it was waited for makes a turn for nothing, at worst.
+    // A signal more than there were waits makes a turn for nothing, at worst.
     if (completions.open_count() == 0) news_.acquire();
     const std::lock_guard lock(mutex_);
     for (std::unique_ptr<Completions::Entry>& entry : added_)

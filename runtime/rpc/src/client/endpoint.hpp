@@ -15,7 +15,7 @@ namespace rtpm::rpc {
 /// @realtime alloc-free, but for take() where none is free, and try_end()
 class Endpoint {
  public:
-  /// As many bands as a server of ours has lanes at most.
+  /// The most bands: as many as a server of ours has lanes at most.
   static constexpr std::size_t kBandCountMax = 64;
 
   Endpoint(ServerAddress address, const NodeConfig& config, NodeKeys& keys,
@@ -27,7 +27,7 @@ class Endpoint {
   [[nodiscard]] expected<CallChannel*, CallError> take(Priority priority,
                                                        std::uint16_t call_count_max = 1) noexcept;
 
-  /// Looks at the channels that are free whether a session has ended under oneways.
+  /// Checks on the free channels whether a session has ended under oneways.
   void check_oneways(MonotonicTime now) noexcept;
   /// Oneways over the channels that were sent and may not have arrived, as their sessions ended.
   [[nodiscard]] std::uint64_t lost_oneway_count() const noexcept {

@@ -17,8 +17,8 @@ namespace {
 // How long a server may take to answer before the name is looked up again.
 constexpr Duration kFollowPatience = std::chrono::seconds{1};
 
-// Whether the server that the name led to may be gone, or another be in its place. What is the
-// caller's own (no channel, too large) and what a living server says of itself (overload) is not.
+// Whether the server that the name led to may be gone, or another be in its place. Errors of the
+// caller's own (no channel, too large) and of a living server (overload) do not show that.
 bool may_be_gone(CallError error) noexcept {
   switch (error) {
     case CallError::kTimeout:

@@ -17,7 +17,7 @@ class Node::Impl {
  public:
   explicit Impl(NodeConfig config);
 
-  /// So many endpoints that no binding uses are kept with their sessions, for bindings to come.
+  /// The most endpoints without a binding that are kept with their sessions, for bindings to come.
   static constexpr std::size_t kUnusedEndpointMax = 16;
 
   /// The endpoint of the address, made at its first use, until it is given back as often. A private

@@ -49,7 +49,7 @@ void PipelinePlace::end(const CallOutcome& outcome) noexcept {
   session_->by_call[call_] = nullptr;
   outcome_ = outcome;
   if (outcome.kind != CallOutcome::Kind::kReply) return;
-  // What it views is the channel's, for the next frame.
+  // The payload is in the channel's memory, which the next frame overwrites.
   if (const auto reply = keep_copy(reply_room_, outcome.payload)) {
     outcome_.payload = *reply;
   } else {

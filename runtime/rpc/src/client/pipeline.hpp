@@ -14,8 +14,8 @@ namespace rtpm::rpc {
 
 class PipelineSession;
 
-/// Where a pipeline has one of its calls, with copies of its request and reply, for as long as
-/// a caller asks for it or holds the reply.
+/// A pipeline's place for one of its calls, with copies of its request and reply, for as long as a
+/// caller asks for it or holds the reply.
 class PipelinePlace final : public PendingReply::State {
  public:
   [[nodiscard]] bool is_free() const noexcept { return !is_taken_; }
@@ -66,11 +66,11 @@ class PipelineSession {
   [[nodiscard]] bool has_held() const noexcept { return channel->has_held(); }
   /// No call of it is on its way.
   [[nodiscard]] bool is_idle() const noexcept;
-  /// Neither is a reply held.
+  /// No call is on its way, and no reply is held.
   [[nodiscard]] bool is_free() const noexcept;
   /// A call was begun, the first that waits for others or not; as many as can go together go.
   void note_held(bool is_first, MonotonicTime begun) noexcept;
-  /// Looks at what came together with what was taken last.
+  /// Takes the frames that came together with the one that was taken last.
   void take_buffered() noexcept;
   /// Gives the outcome to its call, or keeps it until that asks.
   void settle(const CallOutcome& outcome) noexcept;
@@ -96,7 +96,7 @@ class Pipeline::Impl {
                                                           const Binding::Impl::Plan& plan,
                                                           ConstBytes request) noexcept;
   void flush() noexcept;
-  /// Sends what has waited long enough for others to go with, and gives when there will be more.
+  /// Sends the calls that have waited long enough for others, and gives when more will have.
   [[nodiscard]] MonotonicTime flush_due(MonotonicTime now) noexcept;
   [[nodiscard]] std::size_t open_count() const noexcept;
 

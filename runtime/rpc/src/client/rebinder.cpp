@@ -10,7 +10,7 @@
 namespace rtpm::rpc {
 namespace {
 
-// How soon former destinations are looked at again that a call still uses.
+// How soon former destinations that a call still uses are checked again.
 constexpr Duration kFreeInterval = std::chrono::milliseconds{100};
 
 }  // namespace
@@ -93,7 +93,7 @@ void Rebinder::run() {
   }
 }
 
-// Looks up what is due; when there will be more to do.
+// Looks up the names that are due; gives when there will be more to do.
 MonotonicTime Rebinder::serve(Lock& lock) {
   MonotonicTime next = kNever;
   std::vector<std::string> due;

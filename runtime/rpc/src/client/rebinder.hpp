@@ -18,20 +18,20 @@
 
 namespace rtpm::rpc {
 
-/// Looks where the names of a node's bindings lead when their servers are gone, on a time-shared
+/// Looks up where the names of a node's bindings lead when their servers are gone, on a time-shared
 /// thread "rtpm-rebind", one name after the other. The bindings of a name share one look: the first
 /// comes at once, further ones after kFirstInterval, doubled up to kLongestInterval for as long as
 /// the name leads to no server that takes the binding.
 /// @threads  wake() any; the rest by threads that are not real-time
 class Rebinder {
  public:
-  /// A name is looked up at most so often,
+  /// The shortest interval between two looks for a name,
   static constexpr Duration kFirstInterval = std::chrono::seconds{1};
-  /// and in an outage at least so often.
+  /// and the longest one in an outage.
   static constexpr Duration kLongestInterval = std::chrono::seconds{4};
-  /// After so long without a look the next outage is a new one.
+  /// An outage that begins so long after the last look is a new one.
   static constexpr Duration kCalm = std::chrono::seconds{10};
-  /// A name that is known to lead elsewhere is looked up at most so often.
+  /// The shortest interval for a name that is known to lead elsewhere.
   static constexpr Duration kPromptInterval = std::chrono::milliseconds{50};
   /// How long one look may take, without the bind that follows.
   static constexpr Duration kResolveDeadline = std::chrono::seconds{1};
@@ -81,7 +81,7 @@ class Rebinder {
   rt::PiMutex working_;
   Names names_;
   bool is_stopping_ = false;
-  Binding::Impl* current_ = nullptr;  ///< Which the thread binds at the moment.
+  Binding::Impl* current_ = nullptr;  ///< The binding that the thread binds now.
   bool is_asking_ = false;            ///< The thread is in the resolver.
   rt::Thread thread_;
 };

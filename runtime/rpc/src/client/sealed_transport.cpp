@@ -26,7 +26,7 @@ constexpr Duration kRenewalPatience = std::chrono::milliseconds{100};
 constexpr Duration kRenewalPause = std::chrono::seconds{10};
 /// Callers that are seldom there to hear the answers get no new keys in the background.
 constexpr Duration kOverdue = std::chrono::seconds{10};
-/// What was sent over a connection whose session has moved to another is on its way so long.
+/// How long frames over a connection whose session has moved to another may be on their way.
 constexpr Duration kFormerMax = std::chrono::seconds{1};
 
 void hear_keys(void* context, std::uint64_t session, const seal::SessionKeys& keys) {
@@ -94,7 +94,7 @@ expected<void, IoError> SealedTransport::perform(sealed::SealedClient::Step step
   }
 }
 
-// What does not fit is as good as lost on the way.
+// A frame that does not fit is as good as lost on the way.
 void SealedTransport::keep(ConstBytes frame) noexcept {
   if (kept_count_ == kKeptMax || frame.size() > kKeptSizeMax) return;
   const std::size_t at = (kept_first_ + kept_count_++) % kKeptMax;
@@ -223,7 +223,7 @@ expected<MutableBytes, IoError> SealedTransport::open_frame(
   const MonotonicTime now = rt::now();
   sealed::SealedClient::Step step = client().receive(*frame, now);
   if (step.is_broken) return unexpected{IoError::kBroken};
-  // What was opened stays where it is.
+  // The opened frame stays where it is.
   const ConstBytes opened = std::exchange(step.deliver, {});
   static_cast<void>(perform(step, *within_, now));
   if (!opened.empty() && opened.data() == frame->data()) return frame->first(opened.size());

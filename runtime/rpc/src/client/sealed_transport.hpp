@@ -13,10 +13,10 @@
 
 namespace rtpm::rpc {
 
-/// A path to a known server on which only sealed frames go: a transport around another one. What
-/// is sent is sealed at that moment, what comes is opened; handshakes go on inside. For its channel
-/// the session is a plain one. In the child of a fork it fails, and leaves the parent's sessions
-/// be.
+/// A path to a known server on which only sealed frames go: a transport around another one. It
+/// seals frames as they are sent and opens them as they come; handshakes go on inside. To its
+/// channel the session is a plain one. In the child of a fork it fails, and leaves the parent's
+/// sessions alone.
 /// @threads  one at a time
 /// @realtime as the transport within, and 1 µs a frame; allocates at its opening and in renew().
 ///           A handshake's work, 200 µs, is done by the thread that sends or receives: when a
@@ -51,8 +51,8 @@ class SealedTransport final : public transport::ClientTransport {
 
   /// Whether the channel should go on with new keys: renew(), then open a session anew.
   [[nodiscard]] bool wants_renewal() const noexcept { return wants_renewal_; }
-  /// The channel has no open call. Shakes hands, over TCP on one more connection, unless that is
-  /// done already.
+  /// Shakes hands, over TCP on one more connection, unless that is done already. The channel must
+  /// have no open call.
   /// @return whether a session waits, to which the channel moves without a frame when it opens one;
   ///         false: it goes on with the old one
   /// @realtime set-up work, once a day: two round trips and more, 100 ms at most
@@ -64,7 +64,7 @@ class SealedTransport final : public transport::ClientTransport {
   [[nodiscard]] SetupError explain() const;
 
  private:
-  /// What a forked child finds to be zeros.
+  /// Memory that a forked child finds to be zeros.
   struct Secrets {
     explicit Secrets(const sealed::SealedClientConfig& config) : client(config) {}
     std::uint64_t is_here = 1;
@@ -95,11 +95,11 @@ class SealedTransport final : public transport::ClientTransport {
   const ServerAddress& address_;
   NodeKeys& keys_;
   std::unique_ptr<transport::ClientTransport> within_;
-  std::unique_ptr<transport::ClientTransport> next_within_;  ///< Of a stream's next session.
+  std::unique_ptr<transport::ClientTransport> next_within_;  ///< For a stream's next session.
   std::shared_ptr<const OwnKey> own_;
   rt::SecretMemory memory_;
   Priority priority_;
-  std::unique_ptr<transport::ClientTransport> former_;  ///< Of a stream's last session.
+  std::unique_ptr<transport::ClientTransport> former_;  ///< That of a stream's last session.
   MonotonicTime former_until_{};
   bool wants_renewal_ = false;
   MonotonicTime next_renewal_{};  ///< In the background,

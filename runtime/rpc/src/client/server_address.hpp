@@ -22,13 +22,13 @@ struct ServerCandidate {
   transport::SocketAddress address;
 };
 
-/// Where a server is and over what it is reached.
+/// A server's address, and the transport to it.
 struct ServerAddress {
   std::string host;
   std::uint16_t port = 0;
   Transport transport = Transport::kUdp;  ///< Not kAuto.
-  std::string memory_folder{};            ///< Of the socket for shared memory; empty: abstract.
-  /// Of a known server over UDP or TCP: its sessions are sealed, always.
+  std::string memory_folder{};            ///< The socket's, for shared memory; empty: abstract.
+  /// Only for a known server over UDP or TCP: its sessions are sealed, always.
   std::optional<seal::PublicKey> key{};
   friend auto operator<=>(const ServerAddress&, const ServerAddress&) = default;
 };

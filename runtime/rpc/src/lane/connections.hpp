@@ -19,9 +19,9 @@ struct Slot {
   /// Its `port` has the slot's index in the low bits, so that the slot is found at once, and the
   /// generation above.
   wire::PeerAddress peer{};
-  MonotonicTime heard{};         ///< When its last frame came, or it itself.
-  std::uint32_t generation = 0;  ///< Of the connections that stood here, one after the other.
-  std::optional<std::uint32_t> user{};  ///< Of a caller through memory, by the kernel.
+  MonotonicTime heard{};         ///< When its last frame, or it itself, came.
+  std::uint32_t generation = 0;  ///< Counts the connections that stood here, one after the other.
+  std::optional<std::uint32_t> user{};  ///< For a caller through memory, by the kernel.
   bool is_memory = false;
   bool is_from_this_host = false;
   bool has_leftovers = false;  ///< It stands among the leftovers.
@@ -49,7 +49,7 @@ class Connections {
   [[nodiscard]] SourceTag tag_of(const Slot& slot) const noexcept {
     return tag_of(slot, kConnectionKind);
   }
-  /// What a look at the source costs is no system call.
+  /// Whether a look at the source costs no system call.
   [[nodiscard]] bool is_memory(SourceTag tag) noexcept {
     const Slot* const slot = find(tag);
     return tag == kGateSource || (slot != nullptr && slot->is_memory);
@@ -59,7 +59,7 @@ class Connections {
   [[nodiscard]] bool add(std::unique_ptr<transport::Connection>& stream,
                          MonotonicTime now) noexcept;
   [[nodiscard]] std::unique_ptr<transport::Connection> remove(Slot& slot) noexcept;
-  /// Ends all; gives back how many.
+  /// Ends all; gives how many there were.
   std::size_t clear() noexcept;
 
   /// A frame of it is in its buffer, which wakes no wait.
@@ -76,7 +76,7 @@ class Connections {
   /// down; null if none has.
   [[nodiscard]] Slot* next_with_frame(std::size_t& left) noexcept;
 
-  /// Has the peers through memory ring when they call; false if one has called by now.
+  /// Lets the peers through memory ring when they call; false if one has called by now.
   [[nodiscard]] bool announce_sleep() noexcept;
   void end_sleep() noexcept;
 

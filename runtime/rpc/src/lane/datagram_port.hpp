@@ -18,7 +18,7 @@ namespace rtpm::rpc {
 /// @realtime alloc-free
 class DatagramPort {
  public:
-  /// @param seals  of the sessions; null: they are not sealed
+  /// @param seals  those of the sessions; null: they are not sealed
   DatagramPort(transport::UdpPort port, LaneReport& report, sealed::SealedServer* seals) noexcept
       : port_(std::move(port)), report_(report), seals_(seals) {}
 
@@ -54,10 +54,10 @@ class DatagramPort {
   std::optional<transport::UdpPort> port_;  ///< None once closed.
   LaneReport& report_;
   sealed::SealedServer* seals_;
-  transport::Datagrams batch_{};  ///< What is left in buffer_.
+  transport::Datagrams batch_{};  ///< The datagrams left in buffer_.
   transport::DatagramBatch answers_ = transport::DatagramBatch::allocate();
   wire::PeerAddress answers_peer_{};
-  std::uint32_t quick_service_ = wire::kSessionService;  ///< Whose last call took next to no time,
+  std::uint32_t quick_service_ = wire::kSessionService;  ///< The service whose last call was quick,
   std::uint16_t quick_method_ = 0;                       ///< and its method.
   alignas(64) std::array<std::byte, transport::Datagrams::kSizeMax> buffer_{};
 };

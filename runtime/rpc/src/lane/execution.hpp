@@ -13,7 +13,7 @@
 
 namespace rtpm::rpc {
 
-/// What the execution of a lane's calls uses of the lane.
+/// The parts of a lane that the execution of its calls uses.
 struct LaneParts {
   Lane& lane;
   const LaneConfig& config;
@@ -53,16 +53,16 @@ class Execution {
                                           const wire::Request& request) noexcept = 0;
   /// The same for a call of the same program, which it answers.
   virtual void accept(Lead&, LocalChannel& channel) noexcept = 0;
-  /// It runs no call in accept(), and so is to be given all there are.
+  /// Whether accept() runs no call, and so is to be given all there are.
   [[nodiscard]] virtual bool only_orders() const noexcept { return false; }
 
-  /// What the leader holds but for its sleep; null: nothing.
+  /// The lock that the leader holds but for its sleep; null: none.
   [[nodiscard]] virtual transport::WaitLock* lock() noexcept { return nullptr; }
   /// Whether the leader is to leave the lead to another thread, asked between turns.
   [[nodiscard]] virtual bool yields_lead(Lead&) noexcept { return false; }
   /// Sleeps without the lead, whatever comes.
   virtual void sleep(Lead&, MonotonicTime until) noexcept;
-  /// Calls of other lanes find the CPU as quick, while this one pauses, as if it worked on.
+  /// Lets calls of other lanes find the CPU as quick, while this one pauses, as if it worked on.
   void keep_cpu_awake(MonotonicTime until) const noexcept;
 
   /// The lane stops: calls that wait for a thread are told so.

@@ -12,7 +12,7 @@ namespace rtpm::rpc {
 /// A handshake's work on its way.
 struct HandshakeWork {
   sealed::HandshakeJob* job = nullptr;
-  bool is_stream = false;  ///< Of which of the lane's media.
+  bool is_stream = false;  ///< Whether it is of the lane's streams, else of its datagrams.
 };
 
 /// Handshakes on their way from a lane to the gatekeeper, and back.
@@ -20,7 +20,7 @@ struct HandshakeWork {
 /// @realtime alloc-free, lock-free
 class HandshakeExchange {
  public:
-  /// Of each medium. Over datagrams clients ask again.
+  /// The most jobs of each medium. Over datagrams clients ask again.
   static constexpr std::uint32_t kDatagramJobCountMax = 16;
   static constexpr std::uint32_t kStreamJobCountMax = 64;
 

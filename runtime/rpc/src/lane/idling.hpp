@@ -11,7 +11,7 @@
 
 namespace rtpm::rpc {
 
-/// What a lane does when it finds no work: poll on, or sleep, and until when. Pure arithmetic.
+/// Decides how a lane goes on that finds no work: poll, or sleep, and until when. Pure arithmetic.
 /// @threads  one at a time
 /// @realtime alloc-free, some ten ns
 class Idling {
@@ -19,7 +19,7 @@ class Idling {
   struct Next {
     bool polls = false;
     bool is_prediction = false;    ///< Sleeps until shortly before an expected call.
-    MonotonicTime until = kNever;  ///< Of a sleep, at the latest.
+    MonotonicTime until = kNever;  ///< The latest end of a sleep.
   };
 
   explicit Idling(const rt::WaitConfig& wait) noexcept : wait_(wait) {

@@ -13,10 +13,10 @@
 namespace rtpm::rpc {
 namespace {
 
-// So many connections through memory are asked in a turn without work, the next ones each time: a
-// caller that calls again at once is not to wait for a look at a thousand that are silent.
+// How many connections through memory a turn without work asks, the next ones each time: a caller
+// that calls again at once is not to wait for a look at a thousand that are silent.
 constexpr std::size_t kMemoryLooksPerTurn = 8;
-// So many of the others, each time that it is their turn while one has calls without end.
+// How many of the others it asks, each time that it is their turn while one has calls without end.
 constexpr std::size_t kMemoryLooksWhenDue = 64;
 // How long a lane that ends waits for methods that still run, before it tells their callers that it
 // stops.
@@ -46,7 +46,7 @@ bool watch_ports(transport::WaitSet& wait_set, const Media& media) noexcept {
   return true;
 }
 
-// As CallerHost has it.
+// The host's number, as CallerHost defines it.
 std::uint64_t host_number(const wire::PeerAddress& host) noexcept {
   return host.high != 0 ? host.high : ntohl(static_cast<std::uint32_t>(host.low));
 }
@@ -147,7 +147,7 @@ bool Lane::turn(Lead& lead) noexcept {
   if (Seals* const seals = media_.seals()) serve_seals(lead, *seals);
   const bool has_backlog = calls_.serve_backlog(lead);
   const bool has_open = calls_.serve_ready(lead);
-  // What the lane sends by itself must not keep calls waiting.
+  // Frames that the lane sends by itself must not keep calls waiting.
   if (has_backlog || (has_open && attention_.on_own_work())) {
     attention_.on_turn();
     if (gate_->has_calls()) static_cast<void>(serve_source(lead, kGateSource));
@@ -370,7 +370,7 @@ void Lane::obey(Lead& lead, const Pause& pause) noexcept {
   static_cast<void>(look(lead, std::min(pause.until, calls_.next_time())));
 }
 
-// What waits is told that the lane stops, what runs has some time.
+// Tells calls that wait that the lane stops, and gives those that run some time.
 void Lane::end(Lead& lead) noexcept {
   gate_->close();
   execution_->refuse_waiting(lead);

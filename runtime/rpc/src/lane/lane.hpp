@@ -61,12 +61,12 @@ class Lane {
   [[nodiscard]] const std::shared_ptr<LocalGate>& gate() const noexcept { return gate_; }
   /// On a thread that runs a method of this lane: runs another one inside of it.
   [[nodiscard]] DispatchResult run_nested(const LocalChannel& channel) noexcept;
-  /// Of a secured server: its handshakes' way to the gatekeeper.
+  /// The way of handshakes to the gatekeeper. Only in a secured server.
   [[nodiscard]] HandshakeExchange& handshakes() noexcept { return media_.seals()->exchange(); }
   /// Wakes it, as the grants have changed.
   /// @threads  any
   void ring() noexcept { wait_set_->ring(); }
-  /// Has it note which sessions have ended, of a secured server.
+  /// Lets it note which sessions have ended, in a secured server.
   /// @threads  any
   void sweep_sessions() noexcept {
     is_sweep_due_.store(true, std::memory_order_relaxed);

@@ -93,7 +93,7 @@ Media::Media(const LaneSetup& setup, std::vector<transport::UdpPort> ports,
 CallOrigin Media::origin_of(const wire::ServerSessions& sessions,
                             const wire::Request& request) noexcept {
   const auto peer = sessions.peer_of(request);
-  // Of one that is not known, ranges of addresses hold none.
+  // An unknown peer has no address, so no range of addresses holds it.
   if (!peer) return origin_of_user(std::nullopt);
   if (&sessions == &memory_.sessions) {
     const Slot* const slot = connections_.of_peer(*peer);

@@ -19,8 +19,8 @@ namespace rtpm::rpc {
 
 struct LaneSetup;
 
-/// The peers of a lane over its three media, and their sessions: frames in, frames out, and who may
-/// have a connection.
+/// The peers of a lane over its three media, and their sessions: frames in, frames out, and the
+/// peers that may have a connection.
 /// @threads  one at a time, with the lane's Lead
 /// @realtime alloc-free but for construction
 class Media {
@@ -60,14 +60,14 @@ class Media {
     return sessions_of(slot.is_memory);
   }
   static constexpr std::size_t kMediumCount = 3;
-  /// Which of the media these sessions are of, from 0 on.
+  /// The index of the medium of these sessions, from 0 on.
   [[nodiscard]] std::size_t index_of(const wire::ServerSessions& sessions) const noexcept {
     return &sessions == &datagrams_.sessions ? 0 : &sessions == &streams_.sessions ? 1 : 2;
   }
   [[nodiscard]] const wire::ServerSessions& sessions(std::size_t index) const noexcept {
     return (index == 0 ? datagrams_ : index == 1 ? streams_ : memory_).sessions;
   }
-  /// Who calls, as far as it is proved: through memory by the kernel, in a sealed session by its
+  /// The caller, as far as it is proved: through memory by the kernel, in a sealed session by its
   /// key, else not at all.
   [[nodiscard]] CallOrigin origin_of(const wire::ServerSessions& sessions,
                                      const wire::Request& request) noexcept;

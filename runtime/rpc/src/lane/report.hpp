@@ -12,7 +12,7 @@
 
 namespace rtpm::rpc {
 
-/// What a lane counts, and the slot of the lane table in which others read it.
+/// A lane's counts, and the slot of the lane table in which others read them.
 /// @threads  the leader's, but for what takes no Lead: any
 /// @realtime alloc-free
 class LaneReport {
@@ -29,7 +29,7 @@ class LaneReport {
     is_due_ = true;
     return sample_;
   }
-  /// What others fold in on publishing has changed.
+  /// Notes that counts have changed that `census` adds on publishing.
   void mark(Lead&) noexcept { is_due_ = true; }
   /// A call's answer was written.
   void on_answered(Lead&, MonotonicTime now) noexcept { answered_ = now; }
@@ -37,7 +37,7 @@ class LaneReport {
   void end_cycle(Lead&, MonotonicTime received) noexcept;
   /// A request was answered at `now`: counts it if that was too late.
   void on_end(Lead&, const wire::Request& request, wire::Status status, MonotonicTime now) noexcept;
-  /// So many of the expired calls that the sessions count are streams whose callers fell silent.
+  /// Notes that `count` of the sessions' expired calls are streams whose callers fell silent.
   void on_silent(Lead&, std::uint64_t count) noexcept { silent_stream_count_ += count; }
   /// A method was run inside of another one.
   void on_nested(bool has_thrown) noexcept;

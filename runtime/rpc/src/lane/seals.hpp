@@ -14,13 +14,13 @@ namespace rtpm::rpc {
 
 struct LaneSetup;
 
-/// What a lane of a secured server has beside its sessions over UDP and TCP: their seals, their
+/// The additions of a secured server's lane to its sessions over UDP and TCP: their seals, their
 /// handshakes, and an eye on the grants. Shared memory is not sealed.
 /// @threads  one at a time, with the lane's Lead
 /// @realtime alloc-free but for construction
 class Seals {
  public:
-  /// What is to be sent, or whose connection ends, by itself.
+  /// A frame to be sent, or a connection that ends, without a request.
   struct Event {
     wire::PeerAddress peer{};
     ConstBytes frame{};    ///< As it goes out; empty: nothing is sent.

@@ -23,7 +23,7 @@ class RefusalNotes;
   return port_count + 4 * std::size_t{session_count_max};
 }
 
-/// What a lane is built from.
+/// The parts that a lane is built from.
 struct LaneSetup {
   LaneConfig config{};
   Band band{};
@@ -35,12 +35,12 @@ struct LaneSetup {
   std::uint32_t stream_byte_max = 0;
   std::uint32_t local_oneway_count_max = 0;
   PriorityTransform inbound_priority = nullptr;
-  Lane* lower = nullptr;                    ///< Whose threads it may borrow.
+  Lane* lower = nullptr;                    ///< The lane whose threads it may borrow.
   bool borrows = false;                     ///< Or lends.
-  std::uint32_t lendable_thread_count = 0;  ///< Of all lanes below.
-  /// Of the thread that frees ended connections and starts threads.
+  std::uint32_t lendable_thread_count = 0;  ///< The sum over all lanes below.
+  /// The bell of the thread that frees ended connections and starts threads.
   transport::WaitSet* acceptor_bell = nullptr;
-  RefusalNotes* refusals = nullptr;       ///< That the same thread writes.
+  RefusalNotes* refusals = nullptr;       ///< Written by the same thread.
   LaneSlot* slot = nullptr;               ///< Where others see what it does.
   const AccessControl* access = nullptr;  ///< Null: the server asks nobody.
   // With `access`:

@@ -17,7 +17,7 @@ struct Pause {
   MonotonicTime until{};
 };
 
-/// Of a thread that polls in vain.
+/// The pause of a thread that polls in vain.
 template <class Budget>
 [[nodiscard]] Pause pause_while_polling(Budget& budget, MonotonicTime now) noexcept {
   if (!budget.must_pause(now)) return {};
@@ -25,8 +25,8 @@ template <class Budget>
   return {must_sleep ? Pause::Kind::kSleep : Pause::Kind::kWait, now + rt::RealtimeBudget::kPause};
 }
 
-/// Of a thread with so much work that it never comes to wait. `received`: when the last of it came;
-/// `clock` is read only where the budget may be spent.
+/// The pause of a thread with so much work that it never comes to wait. `received`: when the last
+/// of it came; `clock` is read only where the budget may be spent.
 template <class Budget, class Clock>
 [[nodiscard]] Pause pause_after_work(Budget& budget, MonotonicTime received, Clock clock) noexcept {
   if (budget.overdue(received) == Duration{0}) return {};

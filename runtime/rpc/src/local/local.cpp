@@ -22,7 +22,7 @@ constexpr int kLooksPerGlance = 32;
 struct Directory {
   rt::PiMutex mutex;
   std::map<std::uint64_t, std::weak_ptr<LocalDoor>> doors;
-  /// Of nodes that are gone while a lane still runs a call of theirs.
+  /// Channels of nodes that are gone while a lane still runs a call of theirs.
   std::vector<std::unique_ptr<LocalChannel>> orphans;
 };
 
@@ -42,7 +42,7 @@ LocalChannel::LocalChannel(std::uint32_t message_size_max)
       reply_(message_size_max),
       request_room_(request_.bytes()),
       reply_room_(reply_.bytes()) {
-  // What most calls use does not fault with the first.
+  // The part that most calls use does not fault with the first one.
   for (const MutableBytes bytes : {request_room_, reply_room_}) {
     if (!bytes.empty()) std::memset(bytes.data(), 0, std::min<std::size_t>(bytes.size(), 4096));
   }

@@ -25,15 +25,15 @@ namespace rtpm::rpc {
 class Lane;
 class LocalOneways;
 
-/// What a local call says beside its request.
+/// The parameters of a local call beside its request.
 struct LocalCallParameters {
   std::uint32_t service = 0;
   std::uint16_t method = 0;
   Priority priority{};
-  std::uint64_t session = 0;  ///< Of the binding: no number of a session on a wire.
+  std::uint64_t session = 0;  ///< The binding's number, which is no session's on a wire.
   std::uint64_t trace_id = 0;
   MonotonicTime deadline{};
-  std::uint32_t message_size_max = 0;  ///< Of the node and the server, the smaller.
+  std::uint32_t message_size_max = 0;  ///< The smaller limit of the node and the server.
 };
 
 /// The memory of one local call at a time. Its caller has it, then the lane, then the caller again;

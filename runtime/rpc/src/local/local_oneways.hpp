@@ -13,7 +13,7 @@
 namespace rtpm::rpc {
 
 /// The places in which oneways of a lane's own program wait and run: a bounded number, each with
-/// room for what fits a datagram. What is larger takes a call channel of its caller.
+/// room for a datagram's payload. A larger oneway takes a call channel of its caller.
 /// @threads  any; what its methods write into the room for replies is the lane's own thread's
 /// @realtime alloc-free, no lock, no syscall, but for construction
 class LocalOneways {
@@ -31,7 +31,7 @@ class LocalOneways {
   /// One for all, as it is never read; a lane of several threads has them write elsewhere.
   rt::LazyMemory replies_;
   std::deque<LocalChannel> places_;                    ///< Sized once, never moved.
-  std::vector<std::atomic<std::uint32_t>> next_free_;  ///< Of each place: as the low half below.
+  std::vector<std::atomic<std::uint32_t>> next_free_;  ///< For each place: as the low half below.
   /// Low half: the number of the first free place, from 1; 0: none. High half: how often it
   /// changed, so that one that was taken and given back meanwhile is not mistaken for untouched.
   alignas(64) std::atomic<std::uint64_t> first_free_{0};

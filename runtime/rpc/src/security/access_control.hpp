@@ -39,20 +39,20 @@ class AccessControl final : public transport::UserPolicy,
   /// Whether a session may go on that was judged last in generation `since`: some grant is for it,
   /// and none was narrowed since.
   [[nodiscard]] bool keeps(const CallOrigin& origin, std::uint32_t since) const noexcept;
-  /// What it may do with the object, name or type at `path`.
+  /// The rights at the object, name or type at `path`.
   [[nodiscard]] access::Permission permission(const CallOrigin& origin,
                                               std::string_view path) const noexcept;
   /// The highest priority that any grant gives it.
   [[nodiscard]] Priority ceiling(const CallOrigin& origin) const noexcept;
-  /// What its grants call it, cut to what `to` holds; empty: nothing.
+  /// The name that its grants give it, cut to the size of `to`; empty: none.
   [[nodiscard]] std::string_view name_of(const CallOrigin& origin,
                                          std::span<char> to) const noexcept;
-  /// Another number after each change of the grants: what was asked before holds no more.
+  /// Another number after each change of the grants: earlier answers hold no more.
   [[nodiscard]] std::uint32_t generation() const noexcept {
     return generation_.load(std::memory_order_acquire);
   }
-  /// Reads the file if it is another than before; true if grants have changed. What can't be read
-  /// leaves them in force, and is said on standard error, as are faulty lines.
+  /// Reads the file if it has changed; true if grants have changed. A file that can't be read
+  /// leaves them in force, and is reported on standard error, as are faulty lines.
   /// @realtime set-up only
   bool reload_if_changed();
 
@@ -62,9 +62,9 @@ class AccessControl final : public transport::UserPolicy,
   /// A subject that lost something by a reload.
   struct Narrowed {
     access::Subject subject{};
-    std::uint32_t generation = 0;  ///< That the reload began.
+    std::uint32_t generation = 0;  ///< The one that the reload began.
   };
-  /// So many generations are remembered: a lane that is further behind ends all its sessions.
+  /// How many generations are remembered: a lane that is further behind ends all its sessions.
   static constexpr std::uint32_t kGenerationCount = 8;
 
   [[nodiscard]] std::vector<Narrowed> narrowed_with(const access::Grants& after) const;
@@ -77,7 +77,7 @@ class AccessControl final : public transport::UserPolicy,
   std::string file_;
   rt::Log log_{"rtpm"};
   access::FileStamp stamp_{};
-  mutable rt::PiMutex mutex_;  ///< Of grants_ and narrowed_.
+  mutable rt::PiMutex mutex_;  ///< Guards grants_ and narrowed_.
   std::unique_ptr<const access::Grants> grants_ = std::make_unique<access::Grants>();
   std::vector<Narrowed> narrowed_{};
   std::atomic<std::uint32_t> generation_{1};

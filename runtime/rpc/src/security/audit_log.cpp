@@ -164,7 +164,7 @@ std::string AuditLog::line_of(const AuditNote& note) const {
   return line;
 }
 
-// What happened, to whom, why, and what to do.
+// Describes a refusal: what happened, to whom, why, and what to do.
 std::string AuditLog::refusal_of(const AuditNote& note) const {
   const CallOrigin& origin = note.origin;
   std::string who = who_text(origin.subject);
@@ -194,7 +194,7 @@ std::string AuditLog::refusal_of(const AuditNote& note) const {
 
 void AuditLog::write_line(const std::string& line) {
   if (!file_) return;
-  // What a full disk does not take is lost; the server goes on.
+  // A line that a full disk does not take is lost; the server goes on.
   if (auto written = file_->write_line(line); !written) log_.write(written.error().text());
 }
 

@@ -47,13 +47,13 @@ struct AuditNote {
   [[nodiscard]] std::string_view path() const noexcept { return {path_.data(), path_size_}; }
 
   Kind kind = Kind::kReloaded;
-  Role role = Role::kNone;  ///< That it takes.
+  Role role = Role::kNone;  ///< The role that it takes.
   CallOrigin origin{};
   MonotonicTime time{};
   Priority priority{};
   std::optional<wire::Status> result{};  ///< Nothing: the method answers later.
   std::uint32_t suppressed_count = 0;    ///< Notes like it since the last one.
-  std::string_view method{};             ///< Of static life.
+  std::string_view method{};             ///< Has static life.
 
  private:
   std::array<char, wire::kPathSizeMax> path_{};
@@ -84,7 +84,7 @@ class NoteLimit {
   std::uint32_t suppressed_count_ = 0;
 };
 
-/// What happened in a secured server: lanes note it, a time-shared thread writes it. Refusals also
+/// The events of a secured server: lanes note them, a time-shared thread writes them. Refusals also
 /// go to the server's log, with the line of `authorized` that would allow what was refused.
 ///
 /// A line of the file, which only its owner can read:

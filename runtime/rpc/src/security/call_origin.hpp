@@ -10,7 +10,7 @@
 
 namespace rtpm::rpc {
 
-/// Who calls, and from where.
+/// A caller, and the address that it calls from.
 struct CallOrigin {
   access::Subject subject{};
   std::optional<access::NetworkAddress> address{};  ///< Nothing: from this host, proved.
@@ -39,7 +39,7 @@ struct CallOrigin {
   return origin;
 }
 
-/// A user of this host, by the kernel; of one that is not known nobody, at no address.
+/// A user of this host, by the kernel; an unknown user is nobody, at no address.
 /// @realtime alloc-free
 [[nodiscard]] inline CallOrigin origin_of_user(std::optional<std::uint32_t> user) noexcept {
   CallOrigin origin;

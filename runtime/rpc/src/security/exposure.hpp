@@ -20,7 +20,7 @@ namespace rtpm::rpc {
 [[nodiscard]] expected<std::string, SetupError> grants_file_of(
     const ServerSecurity& security, const transport::HostsToServe& hosts);
 
-/// Says on standard error now, and once a minute, that a server serves whoever reaches it.
+/// Warns on standard error, now and once a minute, that a server serves every caller.
 /// @threads  one, not a lane's
 class OpenWarning {
  public:
@@ -29,7 +29,7 @@ class OpenWarning {
   /// @param subject  "server 'rtpm-deviced'"
   /// @param where    "10.0.0.7:7500"
   OpenWarning(std::string subject, const std::string& where);
-  /// Says it if it is due.
+  /// Warns if that is due.
   /// @return when it is due next
   MonotonicTime tick(MonotonicTime now);
 

@@ -9,7 +9,7 @@
 namespace rtpm::rpc {
 
 /// How many handshakes a server begins: a burst at once, then one in kInterval, over all lanes and
-/// hosts. What is beyond gets no answer; its client asks again.
+/// hosts. Further ones get no answer; their clients ask again.
 /// @threads  any
 /// @realtime alloc-free, lock-free
 /// @source   ATM Forum's generic cell rate algorithm, virtual scheduling

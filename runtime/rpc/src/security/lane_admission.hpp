@@ -7,7 +7,7 @@
 
 namespace rtpm::rpc {
 
-/// Whom a lane admits, by the grants.
+/// The clients that a lane admits, by the grants.
 /// @threads  one at a time, with the lane's Lead
 /// @realtime alloc-free; a look-up takes a lock with priority inheritance
 class LaneAdmission final : public sealed::Admission {

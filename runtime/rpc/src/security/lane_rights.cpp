@@ -16,9 +16,9 @@ using access::Permission;
 
 // Tables of the usual size do not fault with a session's first call.
 constexpr std::size_t kTouchedSizeMax = 1024 * 1024;
-// So often refusals of this program's own calls are noted.
+// The shortest interval between noted refusals of this program's own calls.
 constexpr Duration kOwnNoteInterval = std::chrono::milliseconds{100};
-// So many sessions are looked at by a sweep: a few µs.
+// The number of sessions that a sweep checks: a few µs.
 constexpr std::size_t kSweepCount = 256;
 
 std::uint64_t pack(std::uint32_t generation, const Permission& permission) noexcept {
@@ -188,7 +188,7 @@ void LaneRights::note_bind(const wire::Request& request, const wire::ServerSessi
                            wire::Status status) noexcept {
   Row& row = rows_[row_of(request, sessions)];
   const auto wanted = wire::decode_bind_request(request.payload);
-  // What is there and was not shown: its caller does not learn of it, the server's log does.
+  // The object is there and was not shown: its caller does not learn of it, the server's log does.
   const bool is_refused =
       wanted && status == wire::Status::kNoSuchObject && objects_.find(wanted->path) != nullptr;
   const auto suppressed = (is_refused ? row.refusals : row.binds).admit(request.received);

@@ -19,11 +19,11 @@ struct LaneSetup;
 /// A call that may run.
 struct Target {
   const Object* object = nullptr;
-  /// Whose call it is, valid until the lane takes the next frame; null: the server asks nobody.
+  /// The caller, valid until the lane takes the next frame; null: the server asks nobody.
   const CallOrigin* origin = nullptr;
 };
 
-/// What the sessions of a lane may do, and its own program. The rights of a session at an object
+/// The rights of a lane's sessions, and of its own program. The rights of a session at an object
 /// are looked up with its first call, and anew after each change of the grants; all other calls
 /// compare numbers.
 /// @threads  note_run() and judge() without sessions any; the rest with the lane's Lead
@@ -47,7 +47,7 @@ class LaneRights {
       const wire::Request& request, const Object& object,
       const wire::ServerSessions* sessions) noexcept;
 
-  /// Of which objects a session may know, and whose it is.
+  /// The objects that a session may know, and its caller.
   class View final : public ObjectView {
    public:
     View(LaneRights& rights, std::size_t row) noexcept : rights_(rights), row_(row) {}
@@ -62,17 +62,17 @@ class LaneRights {
     return {*this, row_of(request, sessions)};
   }
 
-  /// What came of a bind, for the audit log.
+  /// Notes the outcome of a bind, for the audit log.
   void note_bind(const wire::Request& request, const wire::ServerSessions& sessions,
                  wire::Status status) noexcept;
-  /// What came of a method, if it needs a role that is noted; nothing: it answers later.
+  /// Notes the outcome of a method, if it needs a role that is noted; nothing: it answers later.
   void note_run(const Target& target, const wire::Request& request,
                 std::optional<wire::Status> status) noexcept;
   /// Notes the end of sessions that are gone: looks at some, the next ones each time.
   void sweep() noexcept;
 
  private:
-  /// What was looked up, in one word: the generation above, then role and ceiling; 0: nothing yet.
+  /// The result of a look-up in one word: the generation above, then role and ceiling; 0: none yet.
   using Entry = std::uint64_t;
   struct Row {
     std::uint64_t session = 0;  ///< 0: none.
@@ -97,11 +97,11 @@ class LaneRights {
   Media& media_;
   std::size_t session_count_max_;
   std::size_t object_count_ = 0;
-  std::vector<Row> rows_{};  ///< Of the sessions of each medium.
+  std::vector<Row> rows_{};  ///< For the sessions of each medium.
   std::size_t next_swept_ = 0;
-  rt::LazyMemory entries_{};  ///< Of each row, of each object.
+  rt::LazyMemory entries_{};  ///< For each row, for each object.
   CallOrigin own_origin_{};
-  std::vector<std::atomic<Entry>> own_entries_{};  ///< Of each object.
+  std::vector<std::atomic<Entry>> own_entries_{};  ///< For each object.
   std::atomic<std::int64_t> own_noted_ns_{0};      ///< When a refusal of its own was noted.
 };
 

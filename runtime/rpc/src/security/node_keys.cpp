@@ -80,7 +80,7 @@ expected<std::vector<access::KnownServer>, SetupError> NodeKeys::keys_of(
   return found;
 }
 
-// A file that can't be trusted names nobody; whom it matters to is told by keys_of().
+// A file that can't be trusted names nobody; keys_of() reports it to callers that need it.
 std::vector<std::uint32_t> NodeKeys::trusted_users() {
   const std::lock_guard lock(mutex_);
   if (!read_known_servers()) return {};

@@ -70,7 +70,7 @@ class NodeKeys {
   /// Writes the keys of a session into the key log.
   void log(std::uint64_t session, const seal::SessionKeys& keys) noexcept;
 
-  // Of sessions to come; others than usual only in tests.
+  // For sessions to come; others than usual only in tests.
   seal::SessionLimits limits{};
   Duration renewal_interval = sealed::SealedClientConfig{}.renewal_interval;
 

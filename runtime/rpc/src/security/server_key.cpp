@@ -17,8 +17,8 @@ namespace {
 
 constexpr Duration kFirstRepetition = std::chrono::milliseconds{20};
 constexpr Duration kRepetitionMax = std::chrono::milliseconds{200};
-/// So often the host says that nobody has the port before that is believed: it may be an answer to
-/// an earlier program's datagram.
+/// How often the host must say that nobody has the port until that is believed: it may be an answer
+/// to an earlier program's datagram.
 constexpr int kRefusalCountMax = 3;
 
 using HelloFrame = std::array<std::byte, wire::kHeaderSize + wire::Hello::kSize>;
@@ -39,7 +39,7 @@ HelloFrame hello_of(std::uint32_t number) {
   return frame;
 }
 
-/// What a frame says about the server's key: nothing, that it has none, or the key.
+/// The content of a frame on the server's key: nothing, that it has none, or the key.
 enum class Answer : std::uint8_t { kNone, kNoKey, kKey };
 
 Answer answer_of(ConstBytes frame, std::uint32_t number, seal::PublicKey& key) {

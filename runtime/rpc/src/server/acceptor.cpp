@@ -136,7 +136,7 @@ void Acceptor::run() noexcept {
   }
 }
 
-// Waits for what the newcomer has to say.
+// Waits for the newcomer's first frame.
 void Acceptor::take_in(transport::Descriptor socket, bool is_memory) noexcept {
   Newcomer& newcomer = free_place(is_memory);
   const transport::SourceTag tag(kNewcomer,

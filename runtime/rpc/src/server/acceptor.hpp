@@ -40,10 +40,10 @@ class Acceptor {
            const transport::UserPolicy* users) noexcept;
 
   [[nodiscard]] transport::WaitSet& bell() noexcept { return *wait_set_; }
-  /// Whose note() is the lanes', and which its thread writes.
+  /// The lanes note refusals here, and the acceptor's thread writes them.
   [[nodiscard]] RefusalNotes& refusals() noexcept { return refusals_; }
 
-  /// Has its thread say the warning. Before start().
+  /// Lets its thread repeat the warning. Before start().
   void warn_each_minute(OpenWarning warning) { open_warning_.emplace(std::move(warning)); }
   /// `cpus`: to which it is confined; empty: the starter's.
   [[nodiscard]] expected<void, SetupError> start(std::vector<std::unique_ptr<Lane>>& lanes,

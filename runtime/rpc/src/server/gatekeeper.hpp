@@ -30,7 +30,7 @@ class Gatekeeper {
   [[nodiscard]] static expected<std::unique_ptr<Gatekeeper>, SetupError> open(
       const std::string& key_log_file, AccessControl& control, AuditLog& audit);
 
-  /// What lanes ring when they have work for it.
+  /// The bell that lanes ring when they have work for it.
   [[nodiscard]] transport::WaitSet& bell() noexcept { return *wait_set_; }
   /// How many handshakes all lanes may begin.
   [[nodiscard]] HandshakeRate& rate() noexcept { return rate_; }

@@ -14,7 +14,7 @@
 namespace rtpm::rpc {
 namespace {
 
-// A server has 64 lanes at most; what claims to be larger is none of ours.
+// A server has 64 lanes at most; a table that claims to be larger is none of ours.
 constexpr std::size_t kTableSizeMax = std::size_t{1} << 20;
 
 static_assert(std::is_trivially_copyable_v<LaneSample>);
@@ -22,7 +22,7 @@ static_assert(sizeof(LaneTableHeader) % alignof(LaneSlot) == 0, "the slots follo
 // Another layout needs another version: readers of the old one would misread it.
 static_assert(sizeof(LaneSample) == 8 * 50 && kLaneTableVersion == 4);
 
-// What is checked is what is used: the compiler may not look a second time.
+// Reads a value once, so that the checked value is used: the compiler may not look a second time.
 template <class T>
 T read_once(const T& value) noexcept {
   return *static_cast<const volatile T*>(&value);

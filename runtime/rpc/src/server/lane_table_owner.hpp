@@ -20,7 +20,7 @@ namespace rtpm::rpc {
                                                                      std::uint16_t port,
                                                                      bool is_open_to_network);
 [[nodiscard]] LaneSlot& slot_of(const rt::PublicMemory& table, std::size_t lane) noexcept;
-/// From here on others read it.
+/// Opens it to readers.
 void open_to_readers(const rt::PublicMemory& table) noexcept;
 
 /// Shows that the calling thread runs a method.

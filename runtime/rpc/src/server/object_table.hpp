@@ -15,7 +15,7 @@ struct Object {
   std::string path;
   Servant* servant = nullptr;
   ObjectOptions options{};
-  std::uint32_t number = 0;          ///< That a bind gives, from 1 on.
+  std::uint32_t number = 0;          ///< The number that a bind gives, from 1 on.
   std::vector<Role> method_roles{};  ///< Which one a caller needs, by the method's number.
 
   /// A method that the interface does not have takes what one without attribute takes.
@@ -24,7 +24,7 @@ struct Object {
   }
 };
 
-/// Says of which objects a caller may know.
+/// Decides which objects a caller may know.
 class ObjectView {
  public:
   [[nodiscard]] virtual bool shows(const Object& object) const noexcept = 0;
@@ -51,7 +51,7 @@ class ObjectTable {
   /// By number, the first being 1.
   [[nodiscard]] std::vector<std::string> paths() const;
   [[nodiscard]] std::size_t size() const noexcept { return objects_.size(); }
-  /// Answers a bind (spec/hprotocol.md#hp-6). What `view` does not show is not there.
+  /// Answers a bind (spec/hprotocol.md#hp-6). An object that `view` does not show is not there.
   [[nodiscard]] DispatchResult bind(ConstBytes request, MutableBytes reply,
                                     const ObjectView* view = nullptr) const noexcept;
   /// Answers a describe (spec/hprotocol.md#hp-6.3); likewise.

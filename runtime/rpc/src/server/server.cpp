@@ -152,7 +152,7 @@ class ServerImpl final : public Server {
   }
 
  private:
-  /// Of a lane, for each host in order.
+  /// The ports of a lane, for each host in order.
   using Ports = std::vector<transport::UdpPort>;
   struct Sockets {
     std::vector<transport::TcpListener> listeners{};
@@ -201,7 +201,7 @@ std::vector<std::string> hosts_for_callers(const transport::HostsToServe& hosts)
   std::vector<std::string> others;
   for (const transport::InterfaceAddress& each : hosts.addresses) {
     const transport::SocketAddress& address = each.address;
-    // Of "any" the link-local ones are as many as interfaces.
+    // With "any" the link-local ones are as many as interfaces.
     if (hosts.is_any && address.is_link_local()) continue;
     (is_for_any_caller(address) ? told : others).push_back(address.host());
   }
@@ -317,7 +317,7 @@ expected<void, SetupError> ServerImpl::open() {
   }
 }
 
-// Whom the server serves, and who is told of it.
+// Opens the grants, the audit log, the key and the gatekeeper of a server that asks its callers.
 expected<void, SetupError> ServerImpl::open_access() {
   const ServerSecurity& security = config_.security;
   auto grants_file = grants_file_of(security, hosts_);

@@ -70,7 +70,7 @@ constexpr std::uint32_t units_of(std::uint32_t size) noexcept {
   return number;
 }
 
-// Has `use` write to a track that no other thread writes to, if the tap is still on.
+// Lets `use` write to a track that no other thread writes to, if the tap is still on.
 template <class Use>
 [[gnu::always_inline]] inline void LaneTap::with_track(Use use) noexcept {
   for (Writer* writer = writers_.data(); writer != writers_.data() + writer_count_; ++writer) {

@@ -16,7 +16,7 @@ namespace rtpm::rpc {
 struct TapFilter {
   enum class Interest : std::uint8_t { kNone, kSome, kAll };
   std::vector<Interest> interests{};
-  std::vector<std::vector<std::uint16_t>> methods{};  ///< Of each object with kSome.
+  std::vector<std::vector<std::uint16_t>> methods{};  ///< For each object with kSome.
   bool has_payloads = true;
   std::uint32_t payload_byte_max = 0;  ///< 0 without payloads.
 
@@ -30,13 +30,13 @@ struct TapFilter {
   }
 };
 
-/// That a call which goes on after its method was tapped, and when.
+/// Notes that a call which goes on after its method was tapped, and when.
 struct TapMark {
   std::uint64_t number = 0;      ///< 0: it was not.
-  std::uint64_t generation = 0;  ///< Of the tap, which may have been off since.
+  std::uint64_t generation = 0;  ///< The tap's: it may have been off since.
 };
 
-/// What of a call is recorded.
+/// The parts of a call that are recorded.
 struct TapDraft {
   const wire::Request& request;
   TapStage stage;
@@ -47,7 +47,7 @@ struct TapDraft {
   MonotonicTime finished;
 };
 
-/// What one writer of a lane records while the tap is on.
+/// The records of one writer of a lane while the tap is on.
 /// @threads  write() one at a time; the rest any
 /// @realtime write(): wait-free, alloc-free
 struct TapTrack {

@@ -38,7 +38,7 @@ class ServerTap final : public CallTap {
   [[nodiscard]] bool wait_for_lanes() const noexcept;
   void disconnect() noexcept;
 
-  /// Of lanes_ and objects_ against close(), which comes from another thread.
+  /// Guards lanes_ and objects_ against close(), which comes from another thread.
   mutable rt::PiMutex mutex_;
   const ObjectTable* objects_;     ///< Null: the server has stopped.
   std::vector<LaneTap*> lanes_{};  ///< Empty then.
@@ -46,11 +46,11 @@ class ServerTap final : public CallTap {
   std::uint64_t generation_ = 0;
   std::vector<std::string> paths_{};
   TapFilter filter_{};
-  std::deque<TapTrack> tracks_{};  ///< Of each writer of each lane.
-  std::uint64_t next_number_ = 1;  ///< Of the next tap's first call.
+  std::deque<TapTrack> tracks_{};  ///< For each writer of each lane.
+  std::uint64_t next_number_ = 1;  ///< The number of the next tap's first call.
   std::uint64_t busy_count_ = 0;   ///< Records for which all writers of a lane were busy.
   std::size_t turn_ = 0;           ///< The track to be read next.
-  TapRing* held_ = nullptr;        ///< Whose record next() handed out.
+  TapRing* held_ = nullptr;        ///< The ring whose record next() handed out.
   const TapRecord* held_record_ = nullptr;
 };
 

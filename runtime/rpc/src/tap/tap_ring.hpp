@@ -11,9 +11,9 @@
 
 namespace rtpm::rpc {
 
-/// What stands in front of a record's payloads. Of padding only the first unit.
+/// The header in front of a record's payloads. Padding has only its first unit.
 struct alignas(16) TapRecord {
-  std::uint32_t unit_count = 0;  ///< Of the whole record.
+  std::uint32_t unit_count = 0;  ///< The size of the whole record.
   std::uint8_t stage = 0;
   std::uint8_t status = 0;
   bool has_request = false;

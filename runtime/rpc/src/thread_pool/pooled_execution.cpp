@@ -81,7 +81,7 @@ void PooledExecution::join() noexcept {
     worker.thread.join();
 }
 
-// What each thread does, from its beginning to its end.
+// Runs in each thread, from its beginning to its end.
 void PooledExecution::work(Worker& me) noexcept {
   const rt::NoAllocationScope no_allocation;
   Lead& lead = pool_.lock_as_follower();
@@ -120,14 +120,14 @@ void PooledExecution::sleep(Lead& lead, MonotonicTime until) noexcept {
   pool_.lock();
 }
 
-// All threads run calls: others may be had from elsewhere.
+// All threads run calls: looks for a thread elsewhere.
 void PooledExecution::find_help(Lead&) noexcept {
   if (pool_.ask_for_thread(rt::now())) acceptor_.ring();
   while (pool_.has_stuck_call() && borrow() == BorrowedThread::kGiven) {
   }
 }
 
-// Has a thread of a lower lane run the most urgent call that waits.
+// Lets a thread of a lower lane run the most urgent call that waits.
 BorrowedThread PooledExecution::borrow() noexcept {
   const BorrowRequest request{*this, number_, pool_.first(), pool_.queued_count()};
   BorrowedThread best = BorrowedThread::kNone;
@@ -153,7 +153,7 @@ PooledExecution* PooledExecution::next_borrower() noexcept {
   return lane;
 }
 
-// Has the calling thread run calls of a lane above: `call`, or what needs a thread there.
+// Lets the calling thread run calls of a lane above: `call`, or those that need a thread there.
 void PooledExecution::help(PooledExecution& borrower, PendingCall* call) noexcept {
   // Calls of this lane may wait for a thread that finds nothing to do.
   if (call == nullptr) pool_.expect_back();

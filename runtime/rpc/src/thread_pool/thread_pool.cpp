@@ -103,7 +103,7 @@ void ThreadPool::leave_lead() noexcept {
 }
 
 bool ThreadPool::rest(Worker& worker, Duration patience) noexcept {
-  // What is there for good shall rest the least, so that what is not may end.
+  // Static threads rest the least, so that dynamic ones may end.
   if (worker.is_dynamic) {
     resting_.insert(resting_.begin(), &worker);
   } else {

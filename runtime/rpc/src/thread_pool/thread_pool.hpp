@@ -43,7 +43,7 @@ struct BorrowRequest {
   PooledExecution& borrower;
   std::uint32_t borrower_number;  ///< The higher, the more urgent.
   PendingCall& call;              ///< The most urgent of those that wait.
-  std::uint32_t waiting_count;    ///< Of the borrower's calls, this one included.
+  std::uint32_t waiting_count;    ///< The borrower's waiting calls, this one included.
 };
 
 /// The threads of a lane that has several, and the calls that wait for one of them.
@@ -109,8 +109,8 @@ class ThreadPool final : public transport::WaitLock {
 
   /// Rests without the lock until woken; false: a dynamic thread was not, for `patience`.
   [[nodiscard]] bool rest(Worker& worker, Duration patience) noexcept;
-  /// Has a resting thread run a call of a lane above and come back. What is not given is remembered
-  /// per borrower, for take_borrower().
+  /// Lets a resting thread run a call of a lane above and come back. A request in vain is
+  /// remembered per borrower, for take_borrower().
   /// @threads  any, without the lock; never waits for it, so that whatever the leader of this lane
   ///           is busy with does not delay the lane above
   [[nodiscard]] BorrowedThread lend(const BorrowRequest& request) noexcept;
@@ -149,7 +149,7 @@ class ThreadPool final : public transport::WaitLock {
     Priority priority;
     std::uint64_t serial;
     std::size_t size;
-    // Of a heap that has the greatest in front.
+    // Orders a heap that has the greatest in front.
     friend bool operator<(const Waiting& a, const Waiting& b) noexcept {
       if (a.priority != b.priority) return a.priority < b.priority;
       return a.serial > b.serial;
@@ -172,7 +172,7 @@ class ThreadPool final : public transport::WaitLock {
   std::deque<Worker> workers_;                    ///< Sized once, never moved.
   std::vector<Worker*> resting_;                  ///< Newest last, but dynamic threads first.
   std::vector<Worker*> called_;                   ///< Woken, and not yet back with the lock.
-  std::atomic<std::uint32_t> spare_count_{0};     ///< Of both, for lend() without the lock.
+  std::atomic<std::uint32_t> spare_count_{0};     ///< Size of both, for lend() without the lock.
   std::atomic<std::uint64_t> borrowers_{0};       ///< Lanes that asked in vain: a bit per number.
   std::vector<Waiting> queue_;                    ///< A heap. Sized once.
   std::uint64_t serial_ = 0;
