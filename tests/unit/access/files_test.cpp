@@ -10,7 +10,7 @@
 namespace rtpm::access {
 namespace {
 
-/// A folder of its own, which goes at the end.
+/// A temporary folder, which is removed after the test.
 class Files : public testing::Test {
  protected:
   Files() {

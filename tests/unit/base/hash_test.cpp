@@ -26,7 +26,7 @@ TEST(Crc32, AgreesWithItsCheckValueAndGoesOn) {
 }
 
 // The vectors of the reference implementation: key 00 01 … 0f, input 00 01 … of growing length.
-// Those of 0…8 and of 15 bytes are here (15 is the worked example in the paper's appendix).
+// This list has those of 0…8 and of 15 bytes (15 is the worked example in the paper's appendix).
 TEST(SipHash, AgreesWithThePublishedVectors) {
   const SipKey key{.low = 0x0706050403020100ull, .high = 0x0f0e0d0c0b0a0908ull};
   std::array<std::byte, 64> input{};

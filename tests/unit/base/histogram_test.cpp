@@ -15,8 +15,8 @@ namespace {
 using std::chrono::hours;
 using std::chrono::nanoseconds;
 
-/// What percentile() stands for, taken from the samples themselves: the smallest sample that at
-/// least `percent` of them do not exceed.
+/// The value that percentile() approximates, computed from the samples themselves: the smallest
+/// sample that at least `percent` of them do not exceed.
 std::int64_t exact_percentile(std::vector<std::int64_t> samples, double percent) {
   std::sort(samples.begin(), samples.end());
   const auto wanted = static_cast<std::size_t>(
@@ -24,7 +24,7 @@ std::int64_t exact_percentile(std::vector<std::int64_t> samples, double percent)
   return samples[wanted - 1];
 }
 
-/// Samples from 1 ns to a second, evenly over the magnitudes.
+/// Samples from 1 ns to 1 s, with evenly distributed orders of magnitude.
 std::vector<std::int64_t> wide_samples(std::size_t count) {
   std::mt19937_64 random(20260);
   std::uniform_real_distribution<double> magnitude(0.0, 9.0);

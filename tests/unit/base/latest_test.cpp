@@ -13,7 +13,7 @@
 namespace rtpm {
 namespace {
 
-/// A state whose words must all be equal: a torn copy shows.
+/// A state whose words must all be equal, so that a torn copy shows.
 struct Sample {
   std::array<std::uint64_t, 13> words{};
   std::uint8_t tail = 0;
@@ -58,7 +58,7 @@ TEST(Latest, HoldsValuesSmallerThanAWord) {
   EXPECT_EQ(latest.read(), std::uint8_t{200});
 }
 
-/// Stops the writer between any two steps of a write, and lets the test look meanwhile.
+/// Stops the writer between any two steps of a write, so that the test can read meanwhile.
 struct Stop {
   static void pause() noexcept {
     if (look) look();
@@ -79,7 +79,7 @@ TEST(Latest, AWriterThatStoppedInTheMiddleLeavesTheValueBefore) {
   };
   latest.write(sample_of(1));
   EXPECT_EQ(look_count, kPauseCount);
-  // Often enough for every slot to be written twice.
+  // These writes fill every slot twice.
   for (std::uint64_t number = 2; number <= 2 * latest.kSlotCount + 1; ++number) {
     Stop::look = [&] {
       ++look_count;
@@ -131,7 +131,7 @@ TEST(Latest, SeveralReadersFindTheValueBeforeAtEveryStepOfTheWriter) {
 }
 
 TEST(Latest, AReaderThatIsOvertakenBeginsAgain) {
-  // Each word of the reader's copy may be of another write; only a whole value comes out.
+  // Each word of the reader's copy may come from another write; read() returns whole values only.
   constexpr int kReaderCount = 3;
   constexpr std::uint64_t kWriteCount = 100'000;
   Latest<Sample> latest;

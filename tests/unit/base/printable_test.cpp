@@ -18,7 +18,7 @@ TEST(Printable, LeavesWhatPeopleWrite) {
 TEST(Printable, EscapesWhatATerminalObeys) {
   EXPECT_EQ(printable("\x1b[2J\x1b]0;owned\x07"), "\\x1b[2J\\x1b]0;owned\\x07");
   EXPECT_EQ(printable("\x7f\0x\b"s), "\\x7f\\x00x\\x08");
-  // CSI as one character of C1, in UTF-8 and as a bare byte.
+  // CSI as a single C1 character, in UTF-8 and as a bare byte.
   EXPECT_EQ(printable("\xc2\x9b"
                       "31m"),
             "\\u{9b}31m");

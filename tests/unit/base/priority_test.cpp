@@ -19,7 +19,7 @@ TEST(Priority, OrdersByUrgency) {
 }
 
 TEST(PriorityDeathTest, AbortsOnANumberOutsideTheRange) {
-  // Read through a volatile, so that the compiler does not refuse it before the program can.
+  // A volatile read, so that the compiler does not reject the value at compile time.
   volatile int too_high = 32768;
   volatile int too_low = -1;
   EXPECT_DEATH((void)Priority{too_high}, "a priority is 0 to 32767");

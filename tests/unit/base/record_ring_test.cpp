@@ -63,7 +63,7 @@ class RecordRingTest : public testing::Test {
 TEST_F(RecordRingTest, GivesRecordsInTheOrderTheyCame) {
   expect_error(RecordError::kEmpty);
   std::vector<Bytes> records;
-  // Of these some are short and find a slot, some are not, and the last find none.
+  // Some of these records are short and find a slot, some are too long, and the last find no slot.
   for (const std::size_t size : {1u,   7u,   8u,   9u,   55u,  56u,  57u, 63u,  64u, 112u,
                                  120u, 121u, 247u, 248u, 249u, 256u, 1u,  900u, 1u,  248u}) {
     records.push_back(record_of(size, static_cast<std::uint32_t>(size)));
@@ -98,7 +98,7 @@ TEST_F(RecordRingTest, WhenFullItWritesNothing) {
   EXPECT_EQ(write(record), Outcome::kFull);
 }
 
-// hp-16.4-2: what may wait leaves room for what may not.
+// hp-16.4-2: records that may wait leave capacity for records that may not.
 TEST_F(RecordRingTest, SaysWhetherHalfOfItStaysFree) {
   const Bytes record = record_of(500, 1);  // 512 bytes of the ring.
   std::size_t count = 0;
@@ -116,7 +116,7 @@ TEST_F(RecordRingTest, SaysWhetherHalfOfItStaysFree) {
   EXPECT_TRUE(writer_.has_spare_capacity(kRingSize)) << "nonsense is for write() to tell";
 }
 
-// hp-16.2-1: the ring is for what is long, or comes while many are not read yet.
+// hp-16.2-1: the ring takes long records, and short ones while many are unread.
 TEST_F(RecordRingTest, PutsShortRecordsIntoSlots) {
   for (std::uint32_t i = 0; i < 100; ++i) {
     ASSERT_EQ(write(record_of(kShortRecordMax, i)), Outcome::kWritten);
@@ -132,7 +132,7 @@ TEST_F(RecordRingTest, PutsShortRecordsIntoSlots) {
   EXPECT_EQ(memory_->control.tail, 384u) << "the seventeenth goes to the ring";
 }
 
-// However reader and writer come one after the other, and whatever is in slots and ring.
+// Holds for any interleaving of reader and writer, and any content of slots and ring.
 TEST_F(RecordRingTest, KeepsTheOrderOfShortAndLongRecords) {
   std::mt19937_64 random(7);
   std::uint32_t written = 0;
@@ -176,7 +176,7 @@ TEST_F(RecordRingTest, NobodySleepsOnARecord) {
   reader_.end_sleep();
   ASSERT_EQ(write(record_of(10, 2)), Outcome::kWritten);
   expect_record(record_of(10, 1));
-  // The second is known from the first look.
+  // The reader knows the second record from its first look.
   EXPECT_TRUE(reader_.has_record());
   EXPECT_FALSE(reader_.announce_sleep(RecordSleep::kAtBell));
 }
@@ -210,7 +210,7 @@ TEST_F(RecordRingTest, CarriesRecordsFromThreadToThreadWithSleep) {
     }
     const int before = wake_count;
     if (reader_.announce_sleep(RecordSleep::kAtBell)) {
-      // Whoever sleeps is woken: nothing but that ends this.
+      // Only the writer's wake-up ends this loop.
       while (wake_count == before)
         std::this_thread::yield();
     }
@@ -295,7 +295,7 @@ TEST_F(RecordRingTest, TakesNoRecordOfAnotherNumber) {
     const auto given = reader.read(buffer_);
     ASSERT_FALSE(given) << number;
     EXPECT_EQ(given.error(), RecordError::kBroken) << number;
-    // What stands in a slot under another number is an earlier record, or nothing.
+    // A slot with another number holds an earlier record, or nothing.
     memory.control.tail = 0;
     std::memcpy(memory.slots.data() + kRecordSlotSize, &word, sizeof word);
     RecordReader other(memory.parts());
@@ -304,8 +304,8 @@ TEST_F(RecordRingTest, TakesNoRecordOfAnotherNumber) {
   }
 }
 
-// Somebody scribbles over all that is shared while both ends work. Whatever they are given, they
-// stay within the ring, which the sanitizers watch, and come to an end.
+// Another thread scribbles over all shared memory while both ends work. Whatever the ends read,
+// they stay within the ring, which the sanitizers check, and they terminate.
 TEST_F(RecordRingTest, SurvivesAnybodyWhoScribblesOverIt) {
   std::atomic<bool> is_over{false};
   std::thread scribbler([&] {
@@ -316,7 +316,7 @@ TEST_F(RecordRingTest, SurvivesAnybodyWhoScribblesOverIt) {
       const std::uint64_t noise = random();
       const std::uint64_t small = noise % (2 * kRecordSizeMax);
       const std::uint64_t word = small | random() % 200 << 32;
-      // Half of it hits the begin of a line, where the words are that matter.
+      // Half of the writes hit the start of a line, where the control words are.
       const std::size_t at = random() % ((kRecordSlotsSize + kRingSize) / 8);
       std::atomic_ref<std::uint64_t>(words[noise % 2 == 0 ? at : at - at % 8]).store(word);
       if (noise % 64 == 0) memory_->control.tail = random() % 8 == 0 ? random() : small * 64;
@@ -326,7 +326,7 @@ TEST_F(RecordRingTest, SurvivesAnybodyWhoScribblesOverIt) {
     }
   });
   int broken_count = 0;
-  // On a busy machine the scribbler may not come to it for long.
+  // On a busy machine the scribbler may not run for a long time.
   for (int round = 0; round < 2000 || (broken_count == 0 && round < 200'000); ++round) {
     RecordWriter writer(memory_->parts());
     RecordReader reader(memory_->parts());

@@ -10,7 +10,7 @@ namespace {
 
 using std::chrono::microseconds;
 
-/// A round of 1 … `count` µs, each times `scale`.
+/// A round of 1 … `count` µs, each multiplied by `scale`.
 void add_round(Samples& samples, int round, int count, int scale) {
   samples.begin_round(round);
   for (int i = count; i >= 1; --i)

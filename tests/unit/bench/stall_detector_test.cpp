@@ -13,7 +13,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// Takes a CPU for so long, from threads of every priority.
+/// Keeps threads of every priority off a CPU for `time`.
 void take_cpu(int cpu, Duration time) {
   auto thread = rt::Thread::start({.name = "test-taker", .cpus = {cpu}}, [time] {
     const sched_param parameter{.sched_priority = sched_get_priority_max(SCHED_FIFO)};

@@ -13,8 +13,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// What a CPU did for others, and that it slept, is not taken from it. A hypervisor may take some at
-// any time, but not each time.
+// The time that a CPU spends on other threads or asleep does not count as stolen. A hypervisor may
+// steal some at any time, but not in each attempt.
 TEST(StolenTime, IsNotWhatACpuWorkedOrSlept) {
   const std::array<int, 1> cpus{sched_getcpu()};
   if (!StolenTime(cpus).most()) GTEST_SKIP() << "no se.exec_start in /proc/thread-self/sched";
@@ -37,7 +37,7 @@ TEST(StolenTime, LeavesItsThreadWhereItWas) {
   EXPECT_TRUE(CPU_EQUAL(&before, &after));
 }
 
-// Nothing is known of a CPU that is not there.
+// A CPU that does not exist has no figures.
 TEST(StolenTime, KnowsNothingOfOtherCpus) {
   const std::array<int, 1> cpus{CPU_SETSIZE - 1};
   EXPECT_EQ(StolenTime(cpus).most(), std::nullopt);

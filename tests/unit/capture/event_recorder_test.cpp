@@ -7,7 +7,7 @@
 #include "rtpm/gvd/device_event.hpp"
 #include "rtpm/rt/clock.hpp"
 
-// What the recorder of events writes, read back.
+// The output of the event recorder, read back.
 namespace rtpm::capture {
 namespace {
 
@@ -21,7 +21,7 @@ class EventRecorderTest : public testing::Test {
     recorder_ = std::move(*created);
     events_.emplace(*recorder_);
   }
-  /// A button's change from `source`, the hub's clock a second behind this host's.
+  /// A button's change from `source`; the hub's clock is one second behind this host's.
   void record(events::SourceId source, std::uint64_t sequence, bool is_known = true) {
     const device::ButtonChange change(sequence, 2, true);
     const MonotonicTime now = rt::now() - std::chrono::seconds{1};
@@ -87,7 +87,7 @@ TEST_F(EventRecorderTest, KeepsTheOriginAsPublishTime) {
   }));
 }
 
-/// As of a program whose first events come before the hub has told its types.
+/// A program's first events may arrive before the hub has announced its types.
 TEST_F(EventRecorderTest, HoldsEventsBackUntilTheirTypeIsKnown) {
   record(3, 1, /*is_known=*/false);
   record(3, 2, /*is_known=*/false);

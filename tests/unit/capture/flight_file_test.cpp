@@ -7,7 +7,7 @@
 #include "../recording/recorded.hpp"
 #include "rtpm/rt/clock.hpp"
 
-// A flight record as a recording, read back.
+// A flight record written as a recording, and read back.
 namespace rtpm::capture {
 namespace {
 
@@ -19,7 +19,7 @@ std::int64_t wall_ns() {
 
 class FlightFile : public testing::Test {
  protected:
-  /// 100 cycles at 1 kHz, the last of them now.
+  /// 100 cycles at 1 kHz; the last one ends now.
   void SetUp() override {
     log_ = {.number = 2, .cause = gvd::FlightCause::kTooFast, .cycle = 90, .record_count = 100};
     const MonotonicTime end = rt::now();
@@ -88,7 +88,7 @@ TEST_F(FlightFile, HasTheCyclesTimesSince1970) {
   ASSERT_EQ(messages.size(), 100u);
   EXPECT_EQ(messages[99].log_time_ns - messages[0].log_time_ns, 99'000'000u);
   const auto first_ns = static_cast<std::int64_t>(messages[0].log_time_ns);
-  constexpr std::int64_t kAdjustment = 10'000'000'000;  // The wall clock may be set meanwhile.
+  constexpr std::int64_t kAdjustment = 10'000'000'000;  // The wall clock may be adjusted meanwhile.
   EXPECT_NEAR(static_cast<double>(first_ns - begin_ns), 0, static_cast<double>(kAdjustment));
 }
 

@@ -24,7 +24,7 @@ class LiveRecordingTest : public testing::Test {
     ASSERT_TRUE(started) << started.error().text();
     recording_ = std::move(*started);
   }
-  /// Waits, for 20 s at most, until so many messages were recorded.
+  /// Waits, for 20 s at most, until `count` messages were recorded.
   [[nodiscard]] bool has_recorded(std::uint64_t count) const {
     const MonotonicTime until = rt::now() + std::chrono::seconds{20};
     while (recording_->status().recorder.message_count < count) {

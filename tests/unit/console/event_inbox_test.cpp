@@ -23,7 +23,7 @@ TEST(EventInboxes, TellOnceThatSomethingWaits) {
   EXPECT_TRUE(inbox.push(event(EventStream::kSample, 3)));
 }
 
-// A flood of one stream costs no change of a device.
+// A flood of one stream does not drop a device's changes.
 TEST(EventInboxes, DropTheOldestOfTheirStreamOnly) {
   EventInbox inbox;
   static_cast<void>(inbox.push(event(EventStream::kChange, 7)));

@@ -63,9 +63,9 @@ TEST(FrameBudgets, LetBurstsPassAndLimitTheRest) {
     wait = budget.take(100, now);
     ++frame_count;
   }
-  // Half a second of 256 KiB/s, each frame with a kibibyte more.
+  // Half a second at 256 KiB/s; each frame counts one kibibyte more than its size.
   EXPECT_NEAR(frame_count, 117, 3);
-  // A client that waits as it is told sends no faster.
+  // A client that waits as told does not exceed the rate.
   std::size_t byte_count = 0;
   for (const MonotonicTime end = now + 10s; now < end; now += wait) {
     wait = budget.take(64 * 1024, now);

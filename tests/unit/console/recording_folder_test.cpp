@@ -10,7 +10,7 @@
 #include "recording/folder.hpp"
 #include "recording/replay_player.hpp"
 
-// The console's folder of recordings, with files that are there to harm it.
+// The console's folder of recordings, which also contains hostile files.
 namespace rtpm::console {
 namespace {
 
@@ -18,7 +18,7 @@ namespace foreign = recording::foreign;
 
 class FolderOfRecordings : public testing::Test {
  protected:
-  /// The names that are listed.
+  /// The names that the console lists.
   [[nodiscard]] std::vector<std::string> names() {
     std::vector<std::string> names;
     for (const RecordingFile& file : listed_.list())

@@ -34,7 +34,7 @@ TEST(RequestTargets, ThatAreMalformedAreRefused) {
 
 TEST(Hosts, AreThisServersOrRefused) {
   const std::vector<std::string> names{"robot.lab", "192.168.1.9"};
-  // Through an SSH tunnel the port is any.
+  // An SSH tunnel may use any port.
   for (const char* host :
        {"localhost", "localhost:8765", "localhost:9000", "127.0.0.1:8765", "LOCALHOST:8765",
         "[::1]:8765", "[::1]", "192.168.1.9:8765", "Robot.Lab:8765", "robot.lab"}) {

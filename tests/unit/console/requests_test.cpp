@@ -102,7 +102,7 @@ std::string with_nested_value(std::size_t depth) {
          std::string(depth, ']') + "}]}";
 }
 
-// 734 arrays in each other were too many for the stack of the web server's thread.
+// 734 nested arrays once overflowed the stack of the web server's thread.
 TEST(TextRequests, ThatNestTooDeeplyAreRefused) {
   constexpr std::size_t kAround = 3;
   EXPECT_TRUE(read_text(with_nested_value(kNestingMax - kAround), true));

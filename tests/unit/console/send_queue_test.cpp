@@ -43,7 +43,7 @@ TEST(SendQueues, BoundTheBytesOfData) {
     queue.push_data(frame(large + std::to_string(i)));
   EXPECT_EQ(queue.dropped_count(), 9U);
   EXPECT_EQ(popped(queue).back(), '9');
-  // One message alone may be larger than all of them together.
+  // A single message may exceed the limit on the sum.
   queue.push_data(frame(std::string(2 * SendQueue::kDataByteMax, 'y')));
   EXPECT_EQ(popped(queue).front(), 'y');
 }

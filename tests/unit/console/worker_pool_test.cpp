@@ -8,7 +8,7 @@
 namespace rtpm::console {
 namespace {
 
-/// Work that lasts until it is told to end.
+/// Work that lasts until the test ends it.
 struct Held {
   std::promise<void> end{};
   std::shared_future<void> until{end.get_future()};
@@ -25,7 +25,7 @@ TEST(WorkerPools, RunWorkOfOneTargetOnFewThreadsOnly) {
       held.until.wait();
     }));
   }
-  // Although five calls of the dead one came first, others are answered.
+  // The pool answers other targets although five calls of the dead one came first.
   std::promise<void> done;
   ASSERT_TRUE(pool.run("alive", [&done] { done.set_value(); }));
   done.get_future().wait();

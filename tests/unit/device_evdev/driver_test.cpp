@@ -40,7 +40,7 @@ class EvdevDriverTest : public testing::Test {
     sample_.faults = {};
     return driver_->exchange(command, sample_);
   }
-  /// Exchanges until `is_done`; the model's time stands still.
+  /// Exchanges until `is_done`; the model's time does not advance.
   bool exchange_until(const Command& command, const std::function<bool(ExchangeStatus)>& is_done) {
     for (int i = 0; i < 20'000; ++i) {
       if (is_done(exchange(command))) return true;
@@ -121,8 +121,8 @@ TEST_F(EvdevDriverTest, EndsTheForceWhenNoCommandsCome) {
   use(EvdevModel::wheel());
   start();
   ASSERT_TRUE(reaches(effort(1), {.effort = 16'383}));
-  // The hold of the last command begins when the writing thread sees it, which may be only after
-  // the first of these. An effect that nothing renews would end by itself after 500 ms.
+  // The last command's hold begins when the writing thread sees it, perhaps only after the first of
+  // these iterations. An effect that nothing renews would end by itself after 500 ms.
   for (int i = 0; i < 5 && !model_->is_still(); ++i) {
     model_->advance(milliseconds{31});
     for (int j = 0; j < 4'000 && !model_->is_still(); ++j)

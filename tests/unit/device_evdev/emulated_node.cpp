@@ -24,7 +24,7 @@ using device_evdev::EffectKind;
 
 namespace {
 
-/// What one ioctl brings back.
+/// The data that one ioctl returns.
 using Bytes = std::vector<std::uint8_t>;
 
 template <class T>
@@ -82,7 +82,7 @@ Bytes absinfo_of(const Capabilities& has, unsigned code) {
   return bytes_of(info);
 }
 
-/// What a reading ioctl of the input layer brings; nothing: an unknown one.
+/// The result of a reading ioctl of the input layer; nothing for an unknown one.
 std::optional<Bytes> answer_of(EvdevModel& model, unsigned number, std::size_t size) {
   constexpr unsigned kFirstAxis = _IOC_NR(EVIOCGABS(0));
   constexpr unsigned kFirstType = _IOC_NR(EVIOCGBIT(0, 0));
@@ -128,7 +128,7 @@ Effect from_kernel(const ff_effect& raw) {
   effect.length = std::chrono::milliseconds{raw.replay.length};
   switch (raw.type) {
     case FF_CONSTANT:
-      // 0xc000 is to the right.
+      // 0xc000 points to the right.
       effect.level = raw.direction == 0xc000 ? raw.u.constant.level : std::int16_t{-1};
       break;
     case FF_RUMBLE:
@@ -177,7 +177,7 @@ gboolean on_ioctl(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer cont
   } else if (const auto answer = answer_of(model, number, _IOC_SIZE(request))) {
     const IoctlMemory memory(client, _IOC_SIZE(request));
     memory.put(*answer);
-    // As the kernel: the size of texts and bit fields, 0 of everything else.
+    // Like the kernel: returns the size of texts and bit fields, and 0 for everything else.
     const bool has_size = number >= _IOC_NR(EVIOCGNAME(0)) && number < _IOC_NR(EVIOCGABS(0));
     complete(client, has_size ? static_cast<long>(answer->size()) : 0, 0);
   } else {
@@ -186,7 +186,7 @@ gboolean on_ioctl(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer cont
   return TRUE;
 }
 
-/// Events come through the node itself; only its end is made here.
+/// Events come through the node itself; this function only reports its end.
 gboolean on_read(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer context) {
   if (static_cast<EvdevModel*>(context)->is_plugged_in()) return FALSE;
   complete(client, 0, ENODEV);
@@ -205,7 +205,7 @@ gboolean on_write(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer cont
   return TRUE;
 }
 
-/// As udev describes the node and its device.
+/// udev's description of the node and its device.
 std::string description(const device_evdev::Unit& unit, const std::string& number) {
   const std::string input = "/devices/platform/input/input" + number;
   return "P: " + input + "\nE: SUBSYSTEM=input\nA: name=" + unit.name +

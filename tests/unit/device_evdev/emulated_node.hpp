@@ -8,8 +8,8 @@
 
 namespace rtpm::test {
 
-/// A machine of umockdev with one input device: its node, whose ioctls and writes are answered by a
-/// model, and what udev says of it.
+/// An umockdev machine with one input device: a model answers the ioctls and writes of its node,
+/// and udev describes the device.
 /// @threads  one at a time
 class EmulatedNode {
  public:
@@ -18,14 +18,14 @@ class EmulatedNode {
   EmulatedNode& operator=(const EmulatedNode&) = delete;
   ~EmulatedNode();
 
-  /// Makes the node of the model's unit; after unplug() it is another one.
+  /// Creates the node of the model's unit; after unplug() it is another node.
   void plug_in();
   void unplug();
-  /// A second device that is described as this one, at another port.
+  /// A second device with the same description, at another port.
   void add_twin();
-  /// Events as the kernel gives them, with the present time.
+  /// Sends events as the kernel does, with the present time.
   void send(const std::vector<device_evdev::Event>& events) const;
-  /// Part of an event, and later its rest.
+  /// Sends a part of an event, and in a later call the rest.
   void send_bytes(std::size_t count) const;
 
  private:

@@ -8,8 +8,8 @@
 #include "evdev_model.hpp"
 #include "rtpm/device_evdev/evdev_driver.hpp"
 
-/// Every fault of the model, from each of the first reads and writes on, with a pad and a wheel:
-/// no hang, no number out of range, no force left, and the status that fits.
+/// Every fault of the model, starting at each of the first reads and writes, with a pad and a
+/// wheel: no hang, no number out of range, no remaining force, and the right status.
 namespace rtpm::device_evdev {
 namespace {
 
@@ -61,7 +61,7 @@ class EvdevFaults : public testing::TestWithParam<Case> {
       std::this_thread::sleep_for(std::chrono::microseconds{60});
     }
   }
-  /// Faults of the reads and writes come while threads run; until then it waits.
+  /// Faults of reads and writes occur while the threads run; this waits for them.
   bool runs_until(ExchangeStatus status) {
     for (int i = 0; i < 400 && !seen_.contains(status); ++i)
       run(5);

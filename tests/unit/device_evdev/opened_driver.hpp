@@ -11,10 +11,10 @@
 
 namespace rtpm::device_evdev {
 
-/// A driver as open() makes it, in real time.
+/// A driver from open(), in real time.
 class OpenedDriver : public testing::Test {
  protected:
-  /// Before the device is gone.
+  /// The driver ends before the device does.
   void TearDown() override { driver_.reset(); }
   void start() {
     const auto configured = driver_->configure({.period = std::chrono::milliseconds{1}});

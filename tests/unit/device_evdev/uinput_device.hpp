@@ -12,8 +12,8 @@
 
 namespace rtpm::test {
 
-/// An input device of this machine's kernel that a program stands for, through /dev/uinput. A
-/// thread of its own answers the kernel's requests for effects.
+/// An input device of this machine's kernel that a program emulates through /dev/uinput. Its own
+/// thread answers the kernel's requests for effects.
 /// @threads  any, except construction and destruction
 class UinputDevice {
  public:
@@ -29,22 +29,22 @@ class UinputDevice {
     std::vector<std::uint16_t> effects{};
   };
 
-  /// Why this process can't have one; empty: it can.
+  /// The reason why this process can't create one; empty if it can.
   [[nodiscard]] static std::string obstacle();
 
-  /// Waits until its node is there, at most 2 s.
+  /// Waits until its node exists, at most 2 s.
   explicit UinputDevice(const Description& description);
   UinputDevice(const UinputDevice&) = delete;
   UinputDevice& operator=(const UinputDevice&) = delete;
   /// Unplugs it.
   ~UinputDevice();
 
-  /// "/dev/input/event5"; empty: the kernel made none.
+  /// "/dev/input/event5"; empty if the kernel created none.
   [[nodiscard]] const std::string& node() const noexcept { return node_; }
   void send(std::uint16_t type, std::uint16_t code, std::int32_t value) const;
 
-  /// Effects of `type` that play: their only level, that of a rumble's strong motor, or a
-  /// coefficient; 0: none plays.
+  /// The level of the playing effects of `type`: their only level, the strong motor's level of a
+  /// rumble, or a coefficient; 0 if none plays.
   [[nodiscard]] int level(std::uint16_t type) const;
   [[nodiscard]] std::size_t effect_count() const;
   [[nodiscard]] int gain() const { return gain_.load(); }

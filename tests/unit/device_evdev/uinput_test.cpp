@@ -11,8 +11,8 @@
 #include "rtpm/rt/clock.hpp"
 #include "uinput_device.hpp"
 
-/// The driver as a user opens it, before this machine's own kernel. Needs /dev/uinput and the right
-/// to it; udev need not run.
+/// The driver as a user opens it, on this machine's own kernel. Needs /dev/uinput and permission to
+/// use it; udev need not run.
 namespace rtpm::device_evdev {
 namespace {
 

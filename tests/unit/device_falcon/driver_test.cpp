@@ -8,8 +8,8 @@
 #include "rtpm/device_falcon/falcon_driver.hpp"
 #include "scripted_falcon.hpp"
 
-/// The driver with its thread, before a model of a unit whose time only that thread advances. The
-/// model is looked at only while no thread runs.
+/// The driver with its thread, and a model of a unit whose time only that thread advances. Tests
+/// access the model only while no thread runs.
 namespace rtpm::device_falcon {
 namespace {
 
@@ -49,7 +49,7 @@ class FalconDriverTest : public testing::Test {
     sample_.faults = {};
     return driver_->exchange(command, sample_);
   }
-  /// Exchanges until `is_done`; the unit's own time runs meanwhile.
+  /// Exchanges until `is_done`; the unit's own time advances meanwhile.
   bool exchange_until(const Vector3& force, const std::function<bool(ExchangeStatus)>& is_done) {
     for (int i = 0; i < 1'000'000; ++i) {
       if (is_done(exchange(force))) return true;
@@ -114,7 +114,7 @@ TEST_F(FalconDriverTest, HasNeitherPositionNorForceUntilItIsHomed) {
 
 TEST_F(FalconDriverTest, SaysWhenTheGripIsOutsideOfTheWorkspace) {
   make({});
-  model_->hold_at({0.3, 0, 0});  // Up to the model's stop.
+  model_->hold_at({0.3, 0, 0});  // Limited by the model's stop.
   ASSERT_TRUE(driver_->configure(kConfig));
   ASSERT_TRUE(driver_->activate());
   ASSERT_TRUE(exchange_until({}, [&](auto) { return sample_.pose.position_m.x > 0.0355; }));

@@ -21,7 +21,7 @@ namespace {
 
 constexpr std::size_t kSetupSize = 8;
 
-/// The bytes of a request block. Here the kernel's side shares the memory of the program.
+/// The bytes of a request block. Here the kernel's side shares the program's memory.
 std::span<std::byte> bytes_of(const usbdevfs_urb& urb) {
   return {static_cast<std::byte*>(urb.buffer), static_cast<std::size_t>(urb.buffer_length)};
 }
@@ -54,7 +54,7 @@ std::string hex_of(std::span<const std::byte> bytes) {
   return text;
 }
 
-/// One unit's node of usbfs: takes request blocks, has the model answer them.
+/// One unit's node of usbfs: takes request blocks and lets the model answer them.
 class Node {
  public:
   Node(std::shared_ptr<FalconModel> model, std::mutex& mutex)
@@ -188,7 +188,7 @@ std::string node_name(int address) {
   return name.data();
 }
 
-/// A device as umockdev's text format describes it, with the properties that udev would set.
+/// A device in umockdev's text format, with the properties that udev would set.
 std::string description(const std::string& path, int address, const std::string& descriptors,
                         const std::string& attributes) {
   const std::string node = node_name(address);
@@ -231,7 +231,7 @@ EmulatedBus::Lock::~Lock() {
 }
 
 EmulatedBus::EmulatedBus() : parts_(std::make_unique<Parts>()) {
-  // libusb needs the hub at the root to know the ports below it.
+  // libusb needs the root hub to know the ports below it.
   parts_->add(description(
       "/devices/usb1", 1,
       "12010002090001406b1d020006050302010109021900010100e0000904000001090000000705810304000c",

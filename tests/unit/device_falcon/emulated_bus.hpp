@@ -9,7 +9,7 @@
 namespace rtpm::test {
 
 /// A USB bus with models of Falcons, behind the real libusb: umockdev stands in for the kernel. The
-/// models' time is that of this machine; they are looked at under with_model() only.
+/// models run in this machine's time; access them in with_model() only.
 /// @threads  one at a time; umockdev answers from a thread of its own
 class EmulatedBus {
  public:
@@ -19,7 +19,7 @@ class EmulatedBus {
   ~EmulatedBus();
 
   /// @param port  from 1; the unit is then at "1-<port>"
-  /// @param address  of 2 and more, another one each time
+  /// @param address  at least 2, and different each time
   void plug_in(const std::shared_ptr<FalconModel>& model, int port, int address);
   void unplug(const std::shared_ptr<FalconModel>& model);
 
@@ -32,7 +32,7 @@ class EmulatedBus {
 
  private:
   struct Parts;
-  /// Keeps umockdev's thread from the models.
+  /// Keeps umockdev's thread off the models.
   class Lock {
    public:
     explicit Lock(EmulatedBus& bus);

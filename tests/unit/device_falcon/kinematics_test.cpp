@@ -47,7 +47,7 @@ TEST(FalconKinematics, MeetsTheReferencePositions) {
   }
 }
 
-/// Positions of the workspace, and somewhat beyond.
+/// Positions in the workspace, and slightly beyond it.
 class Positions {
  public:
   Vector3 next() {
@@ -160,7 +160,7 @@ TEST(FalconForce, IsNoneForANumberThatIsNotFiniteAndWhereNoLegReaches) {
   EXPECT_EQ(motor_force({1, 1, 1}, {0.5, 0, 0.1}, kForceMax, kScale).counts, LegCounts{});
 }
 
-/// Checks one force: within the motors' range, no sign flipped, the direction kept.
+/// Checks one force: it is within the motors' range, flips no sign, and keeps its direction.
 void expect_sound(const Vector3& force, const Vector3& at, double scale) {
   SCOPED_TRACE(testing::Message() << force.x << ' ' << force.y << ' ' << force.z << " at " << at.x
                                   << ' ' << at.y << ' ' << at.z << " scale " << scale);

@@ -8,7 +8,7 @@
 #include "rtpm/device_falcon/start_up.hpp"
 #include "rtpm/device_falcon/units.hpp"
 
-/// What an operator says, without any unit at hand.
+/// The operator's arguments, checked without any unit.
 namespace rtpm::device_falcon {
 namespace {
 

@@ -23,7 +23,7 @@ std::string text_of(std::span<const std::byte> bytes) {
   return text;
 }
 
-/// The reports in `text`, told apart by their first count.
+/// The reports in `text`, identified by their first count.
 std::vector<int> first_counts(PacketParser& parser, std::string_view text) {
   std::vector<int> found;
   parser.push(bytes_of(text),

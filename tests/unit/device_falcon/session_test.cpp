@@ -8,7 +8,7 @@
 #include "rtpm/device_falcon/start_up.hpp"
 #include "scripted_falcon.hpp"
 
-/// The cycle with a model of a unit, on its time line.
+/// The cycle with a model of a unit, on the model's time line.
 namespace rtpm::device_falcon {
 namespace {
 
@@ -37,7 +37,7 @@ struct Cycle {
     session.emplace(transport);
   }
 
-  /// Steps for `span` of the unit's time, with a new request each time; false: gone before.
+  /// Steps for `span` of the unit's time, with new requests; false if the unit goes first.
   bool run(const LegCounts& counts, Duration span) {
     const MonotonicTime end = model->now() + span;
     while (model->now() < end) {
@@ -201,7 +201,7 @@ TEST(FalconSession, ShowsNoMotionWhereTheMotorsDoNothing) {
   EXPECT_LT(distance(cycle.session->state().position_m, {0, 0, 0.125}), 1e-4) << "and is not moved";
 }
 
-/// Whether a session outlives a fault that does not end.
+/// Whether a session survives a fault that does not end.
 bool is_survived(FalconFault fault) {
   switch (fault) {
     case FalconFault::kNone:
@@ -228,7 +228,7 @@ class FalconSessionFaults : public testing::TestWithParam<FalconFault> {
     if (is_reachable) {
       EXPECT_FALSE(cycle.model->has_force());
     }
-    // Where it could not be told, the next contact ends the force.
+    // Where the session could not end the force, the next contact does.
     cycle.model->set_plan({});
     cycle.model->plug_in();
     EXPECT_TRUE(start_up(cycle.transport, {}));

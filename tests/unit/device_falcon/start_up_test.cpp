@@ -22,7 +22,7 @@ struct Unit {
   explicit Unit(const FalconModelConfig& config)
       : model(std::make_shared<FalconModel>(config)), transport(model) {}
 
-  /// How it went, and how long it took.
+  /// Starts the unit, and records the outcome and how long it took.
   bool start(std::span<const std::byte> firmware) {
     const MonotonicTime begin = model->now();
     const auto started = start_up(transport, firmware);
@@ -81,7 +81,7 @@ TEST(FalconStartUp, RepeatsALoadWhoseEchoIsWrong) {
 }
 
 TEST(FalconStartUp, DoesNotTakeAnEchoForAFirmware) {
-  // As of a boot loader that was left half loaded: what it is sent comes back unchanged.
+  // Like a half-loaded boot loader: it returns the bytes it is sent unchanged.
   class Echo final : public Transport {
    public:
     UsbStatus request(FtdiRequest, std::uint16_t) override { return UsbStatus::kOk; }
@@ -107,8 +107,8 @@ TEST(FalconStartUp, DoesNotTakeAnEchoForAFirmware) {
 
 class FalconStartUpFaults : public testing::TestWithParam<FaultAtStep> {};
 
-/// From one event on, for one or for all: it ends in time, without force, in words if it fails. A
-/// fault of the moment is overcome, and one that ends leaves nothing behind.
+/// A fault from one event on, for one event or for all: the start ends in time, without force, and
+/// says why if it fails. It overcomes a momentary fault; a fault that ends has no later effect.
 TEST_P(FalconStartUpFaults, AreSurvived) {
   const std::vector<std::byte> firmware = FalconModel::firmware();
   for (const std::uint64_t from : {0u, 7u, 60u, 120u}) {

@@ -12,8 +12,8 @@
 #include "rtpm/device_falcon/open.hpp"
 #include "umockdev.hpp"
 
-/// The driver with the real libusb, before models of units behind an emulated kernel. Functional
-/// only: each transfer takes several messages between threads.
+/// The driver with the real libusb, and models of units behind an emulated kernel. Functional only:
+/// each transfer takes several messages between threads.
 namespace rtpm::device_falcon {
 namespace {
 
@@ -56,7 +56,7 @@ class FalconUsb : public testing::Test {
     const auto configured = driver_->configure(kConfig);
     return configured && driver_->activate();
   }
-  /// As the device server does: a machine that is busy for 100 ms makes a unit gone.
+  /// Retries like the device server: a machine that is busy for 100 ms makes a unit look gone.
   void start() {
     bool is_started = false;
     for (int i = 0; i < 5 && !is_started; ++i)
@@ -83,7 +83,7 @@ class FalconUsb : public testing::Test {
     }
     return false;
   }
-  /// Soon: a machine that is busy makes single cycles late.
+  /// Allows for single late cycles on a busy machine.
   bool goes_on() {
     return exchange_until({}, [](auto status) { return status == ExchangeStatus::kOk; });
   }

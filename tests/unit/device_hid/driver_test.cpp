@@ -10,7 +10,7 @@
 #include "rtpm/device_hid/open.hpp"
 #include "scripted_hid.hpp"
 
-/// The driver with its threads, before models whose time only its reading advances.
+/// The driver with its threads, and models whose time only its reading advances.
 namespace rtpm::device_hid {
 namespace {
 

@@ -30,10 +30,10 @@ struct EmulatedHidraw::Node {
   std::mutex* mutex = nullptr;
   std::shared_ptr<HidModel> model{};
   int number = 0;
-  std::string device{};  ///< Below /sys.
+  std::string device{};  ///< A path below /sys.
   UMockdevIoctlBase* handler = umockdev_ioctl_base_new();
   int master = -1;
-  int slave = -1;  ///< Open to see how much was not read yet.
+  int slave = -1;  ///< Kept open to see how much is unread.
   std::atomic<int> read_count{0};
 
   Node() = default;
@@ -93,7 +93,7 @@ std::string text(const char* format, Values... values) {
   return buffer.data();
 }
 
-/// As udev describes the HID device and its node.
+/// udev's description of the HID device and its node.
 std::string description(const Node& node, const std::string& serial, const std::string& port) {
   const HidIdentity identity = node.model->identity();
   const int bus = identity.is_bluetooth ? 5 : 3;
@@ -114,8 +114,8 @@ bool has_unread(const Node& node) {
   return ::poll(&ready, 1, 0) == 1 && (ready.revents & POLLIN) != 0;
 }
 
-/// Writes the report and waits until it is read, so that no two run into one. If nothing reads, it
-/// is lost, as on hidraw.
+/// Writes the report and waits until it is read, so that no two reports merge. If nothing reads,
+/// the report is lost, as on hidraw.
 void hand_over(const Node& node, const HidReport& report) {
   const int read_count = node.read_count;
   if (::write(node.master, report.data(), report.size()) < 0) return;
@@ -128,7 +128,7 @@ void hand_over(const Node& node, const HidReport& report) {
   }
 }
 
-/// The node itself is read; the read is only counted.
+/// The reader reads the node itself; this function only counts the read.
 gboolean on_read(UMockdevIoctlBase*, UMockdevIoctlClient*, gpointer context) {
   ++static_cast<Node*>(context)->read_count;
   return FALSE;
@@ -186,13 +186,13 @@ void EmulatedHidraw::unplug(int number) {
   umockdev_testbed_remove_device(testbed_->bed,
                                  (device + "/hidraw/hidraw" + std::to_string(number)).c_str());
   umockdev_testbed_remove_device(testbed_->bed, device.c_str());
-  // Its openers may still call it.
+  // Programs that opened it may still call it.
   unplugged_.push_back(std::move(*found));
   nodes_.erase(found);
 }
 
-/// The models are not locked while a report is handed over: umockdev serves the reads of a node by
-/// the thread that also gives the models what is written.
+/// Hands reports over without the models' lock: the umockdev thread that serves a node's reads also
+/// passes written reports to the models.
 void EmulatedHidraw::run() {
   constexpr std::chrono::milliseconds kTick{4};
   while (!is_stopping_) {

@@ -12,8 +12,8 @@
 namespace rtpm::test {
 
 /// Device models as hidraw nodes of umockdev, behind the real hidapi, udev and system calls. A
-/// thread lets the models' time go on with the clock and hands their reports over one by one: a
-/// node is a pseudo-terminal, which keeps no boundaries between reports.
+/// thread advances the models' time with the clock and hands over their reports one by one: a node
+/// is a pseudo-terminal, which keeps no boundaries between reports.
 class EmulatedHidraw {
  public:
   EmulatedHidraw();
@@ -21,11 +21,11 @@ class EmulatedHidraw {
   EmulatedHidraw& operator=(const EmulatedHidraw&) = delete;
   ~EmulatedHidraw();
 
-  /// @param number  of the node: 3 is /dev/hidraw3
+  /// @param number  the node's number: 3 is /dev/hidraw3
   void plug(std::shared_ptr<HidModel> model, int number, const std::string& serial,
             const std::string& port);
   void unplug(int number);
-  /// Calls `use` with the model of that node, while nothing else does.
+  /// Calls `use` with the model of that node while nothing else uses it.
   template <class Use>
   auto with_model(int number, Use&& use) {
     HidModel& model = model_of(number);
@@ -40,8 +40,8 @@ class EmulatedHidraw {
   void run();
 
   struct Testbed;
-  std::mutex mutex_{};        ///< Of the models.
-  std::mutex nodes_mutex_{};  ///< Of the list of nodes; locked first.
+  std::mutex mutex_{};        ///< Guards the models.
+  std::mutex nodes_mutex_{};  ///< Guards the list of nodes; locked first.
   std::unique_ptr<Testbed> testbed_;
   std::vector<std::unique_ptr<Node>> nodes_{};
   std::vector<std::unique_ptr<Node>> unplugged_{};

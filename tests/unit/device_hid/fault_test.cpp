@@ -7,7 +7,7 @@
 #include "rtpm/device_hid/hid_driver.hpp"
 #include "scripted_hid.hpp"
 
-/// Every fault from every step of the conversation on, with every kind of device.
+/// Every fault starting at every step of the conversation, with every kind of device.
 namespace rtpm::device_hid {
 namespace {
 
@@ -28,7 +28,7 @@ class HidFaultTest : public testing::TestWithParam<std::tuple<int, HidFault>> {
     return kSubjects.at(static_cast<std::size_t>(std::get<0>(GetParam())));
   }
   static HidFault fault() { return std::get<1>(GetParam()); }
-  /// Reports of such a device come all the time.
+  /// Such a device sends reports continuously.
   static bool is_streaming() { return subject().kind >= 2; }
 };
 
@@ -46,7 +46,7 @@ ExchangeStatus use(HidDriver& driver, test::ScriptedHidPort& port, bool& was_cor
   MonotonicTime moved_at{};
   while (!is_last && status != ExchangeStatus::kGone) {
     is_last = port.now() >= end && move_count >= 20;
-    // A device that reports what changes must come to rest, or its time would stand still.
+    // A device that reports changes only must come to rest, or its time would stop.
     if (port.now() > moved_at + milliseconds{10}) {
       moved_at = port.now();
       is_moved = !is_moved;
@@ -117,13 +117,13 @@ TEST_P(HidFaultTest, IsSurvivedAtEachStep) {
         EXPECT_TRUE(was_corrupt || last == ExchangeStatus::kGone);
       }
     }
-    // What still listens is told to stop.
+    // deactivate() stops a device that still accepts reports.
     const bool listens = fault() != HidFault::kUnplugged && fault() != HidFault::kRefuses;
     driver.deactivate();
     if (listens) {
       EXPECT_TRUE(port->with_model([](test::HidModel& model) { return model.is_safe(); }));
     }
-    // And when the fault is over, the device works again.
+    // After the fault the device works again.
     port->set_fault(HidFault::kNone);
     ASSERT_TRUE(driver.configure({.period = milliseconds{1}}));
     ASSERT_TRUE(driver.activate());

@@ -9,11 +9,11 @@
 #include "rtpm/device_hid/open.hpp"
 #include "rtpm/device_hid/profiles.hpp"
 
-/// Devices that RTPM knows by their report descriptors only: report_descriptors.txt.
+/// Devices that RTPM knows by their report descriptors only; see report_descriptors.txt.
 namespace rtpm::device_hid {
 namespace {
 
-/// A paragraph of the file: values by their words.
+/// A paragraph of the file: its values by their keywords.
 using Entry = std::map<std::string, std::string>;
 
 std::vector<Entry> read_entries() {
@@ -39,7 +39,7 @@ std::vector<std::byte> bytes_of(const std::string& hex) {
   return bytes;
 }
 
-/// Its product is no maker's that the driver knows.
+/// The product belongs to no maker that the driver knows.
 Unit unit_of(const Entry& entry) {
   return {.vendor = 0x1209,
           .product = 1,

@@ -14,7 +14,7 @@
 #include "rtpm/device_hid/session.hpp"
 #include "scripted_hid.hpp"
 
-/// Each kind of device before its model, on a simulated time line.
+/// Each kind of device with its model, on a simulated time line.
 namespace rtpm::device_hid {
 namespace {
 
@@ -28,7 +28,7 @@ std::vector<std::byte> bytes(std::initializer_list<int> values) {
   return result;
 }
 
-/// A profile, begun, with its model behind it.
+/// An initialized profile with its model.
 struct Bench {
   explicit Bench(std::shared_ptr<HidModel> plugged, double torque = 0)
       : model(plugged), system(test::system_with(std::move(plugged))) {
@@ -63,7 +63,7 @@ TEST(HidSpaceMouse, ReadsBothLayoutsInItsOwnFrame) {
        {test::SpaceMouseModel::Layout::kTwoReports, test::SpaceMouseModel::Layout::kOneReport}) {
     Bench bench(std::make_shared<test::SpaceMouseModel>(layout));
     bench.model->move(0, 1);     // To the right.
-    bench.model->move(1, 0.5);   // To the user.
+    bench.model->move(1, 0.5);   // Toward the user.
     bench.model->move(2, -0.2);  // Up.
     bench.model->move(5, 1);     // About the downward axis.
     bench.run(milliseconds{40});
@@ -86,7 +86,7 @@ TEST(HidSpaceMouse, ReadsRecordedReports) {
   EXPECT_EQ(take(*profile, state, {3, 3, 0}), Verdict::kNew);
   EXPECT_EQ(state.buttons, 3u);
   EXPECT_EQ(take(*profile, state, {0x17, 80, 0}), Verdict::kForeign) << "the battery";
-  // Beyond the stated range, as caps go when pushed hard.
+  // Caps exceed the stated range when pushed hard.
   EXPECT_EQ(take(*profile, state, {1, 0xff, 0x7f, 0, 0x80, 0, 0}), Verdict::kNew);
   EXPECT_FLOAT_EQ(state.analogs[0], 0.0014F);
   EXPECT_FLOAT_EQ(state.analogs[2], -0.0014F);
@@ -105,7 +105,7 @@ TEST(HidSpaceMouse, KnowsTheKeysOfAPro) {
   EXPECT_EQ(pressed, (std::vector<std::string>{"menu", "1", "escape", "lock"}));
 }
 
-/// Whose keys may be above the first sixteen bits.
+/// A SpaceMouse Pro may report keys above the first sixteen bits.
 TEST(HidSpaceMouse, KnowsTheKeysOfAProBehindAUniversalReceiver) {
   for (const int product : {0xc652, 0xc633}) {
     const Unit unit{.vendor = 0x256f, .product = static_cast<std::uint16_t>(product)};

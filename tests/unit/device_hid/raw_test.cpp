@@ -12,7 +12,7 @@
 #include "scripted_hid.hpp"
 #include "umockdev.hpp"
 
-/// The driver with the real hidapi and udev, before models that umockdev shows as hidraw nodes.
+/// The driver with the real hidapi and udev, and models that umockdev shows as hidraw nodes.
 namespace rtpm::device_hid {
 namespace {
 
@@ -77,7 +77,7 @@ TEST_F(HidRawTest, FindsWhatIsPluggedIn) {
 }
 
 TEST_F(HidRawTest, ServesEachKind) {
-  int node = 0;  // umockdev takes a node's number once.
+  int node = 0;  // umockdev accepts a node's number only once.
   for (const bool is_bluetooth : {false, true}) {
     for (std::size_t kind = 0; kind < kKinds.size(); ++kind) {
       const bool has_bluetooth =

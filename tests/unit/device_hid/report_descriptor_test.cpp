@@ -15,7 +15,7 @@ std::vector<std::byte> bytes(std::initializer_list<int> values) {
   return result;
 }
 
-/// The begin of a SpaceNavigator's: two collections of axes, then buttons.
+/// The beginning of a SpaceNavigator's descriptor: two collections of axes, then buttons.
 std::vector<std::byte> navigator() {
   return bytes({0x05, 0x01, 0x09, 0x08, 0xA1, 0x01, 0xA1, 0x00, 0x85, 0x01, 0x16, 0xA2, 0xFE,
                 0x26, 0x5E, 0x01, 0x09, 0x30, 0x09, 0x31, 0x09, 0x32, 0x75, 0x10, 0x95, 0x03,
@@ -76,13 +76,13 @@ TEST(HidReportDescriptor, RestoresPushedStates) {
 TEST(HidReportDescriptor, RefusesWhatIsWrong) {
   const std::vector<std::vector<std::byte>> wrong{
       bytes({0x26, 0x01}),                                // Cut off.
-      bytes({0xC0}),                                      // An end without a begin.
-      bytes({0xA1, 0x01}),                                // A begin without an end.
+      bytes({0xC0}),                                      // An end without a beginning.
+      bytes({0xA1, 0x01}),                                // A beginning without an end.
       bytes({0xB4}),                                      // A pop without a push.
       bytes({0x85, 0x00}),                                // Report number 0.
       bytes({0xFE, 0x02, 0x00, 0x00, 0x00}),              // A long item.
       bytes({0xA9, 0x01}),                                // A delimiter without an end.
-      bytes({0xA9, 0x00}),                                // An end of one without a begin.
+      bytes({0xA9, 0x00}),                                // A delimiter's end without a beginning.
       bytes({0x76, 0x01, 0x01}),                          // A field of 257 bits.
       bytes({0x96, 0x01, 0x30}),                          // 12 289 fields.
       bytes({0x75, 0xff, 0x96, 0x00, 0x30, 0x81, 0x02}),  // A report of 381 kB.
@@ -92,7 +92,7 @@ TEST(HidReportDescriptor, RefusesWhatIsWrong) {
     EXPECT_FALSE(parse_report_descriptor(wrong[i])) << i;
 }
 
-/// So that no maker's block of bytes keeps a pad out.
+/// A maker's block of bytes must not keep a pad out.
 TEST(HidReportDescriptor, CountsWhatItDoesNotRead) {
   const auto descriptor = parse_report_descriptor(bytes(
       {0x06, 0x00, 0xff, 0x09, 0x01, 0x75, 0x08, 0x96, 0x00, 0x08, 0x81, 0x02,  // 2 048 bytes,

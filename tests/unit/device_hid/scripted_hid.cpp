@@ -32,8 +32,8 @@ class ScriptedTransport final : public device_hid::HidTransport {
  public:
   explicit ScriptedTransport(std::shared_ptr<ScriptedHidPort> port) : port_(std::move(port)) {}
   [[nodiscard]] device_hid::Received read(MutableBytes buffer, Duration patience) override {
-    // Simulated time is fast, and a wheel's driver reads at SCHED_FIFO: the others need the CPU,
-    // too.
+    // Simulated time is fast, and a wheel's driver reads at SCHED_FIFO: the other threads need the
+    // CPU, too.
     if (++read_count_ % 32 == 0) std::this_thread::sleep_for(std::chrono::microseconds{20});
     return port_->read(buffer, patience);
   }
@@ -73,7 +73,7 @@ void ScriptedHidPort::release_writes() {
   write_mutex_.unlock();
 }
 
-/// Puts what arrives instead of `report` into the queue.
+/// Queues the faulty data that arrives instead of `report`.
 void ScriptedHidPort::spoil(HidReport report) {
   const auto middle = static_cast<std::ptrdiff_t>(report.size() / 2);
   if (has(HidFault::kShort)) report.pop_back();

@@ -11,34 +11,34 @@
 
 namespace rtpm::test {
 
-/// What goes wrong with a HID device or on the way to it.
+/// Faults of a HID device, or of the connection to it.
 enum class HidFault : std::uint8_t {
   kNone,
   kShort,          ///< The last byte of each report is missing.
-  kLong,           ///< A byte too many follows each report.
-  kSplit,          ///< Each report comes as two.
-  kGlued,          ///< Two reports come as one.
-  kFlipped,        ///< A bit of each report is wrong, in its middle.
-  kGarbage,        ///< Each report is other bytes.
-  kStale,          ///< The last report again and again.
-  kSilent,         ///< No report comes any more.
-  kUnplugged,      ///< Nothing works any more.
+  kLong,           ///< Each report has one byte too many.
+  kSplit,          ///< Each report arrives in two parts.
+  kGlued,          ///< Two reports arrive as one.
+  kFlipped,        ///< A bit in the middle of each report is wrong.
+  kGarbage,        ///< Random bytes replace each report.
+  kStale,          ///< The last report repeats for ever.
+  kSilent,         ///< Reports stop.
+  kUnplugged,      ///< All accesses fail.
   kRefuses,        ///< Output and feature reports are refused.
   kFlipsFeatures,  ///< A bit of each feature report is wrong.
   kStuckButton,    ///< The first button stays pressed.
 };
 inline constexpr HidFault kLastHidFault = HidFault::kStuckButton;
 
-/// A port into which a device model is plugged. Its time goes on only where a report is awaited.
+/// A port with a device model plugged in. Its time advances only while a report is awaited.
 /// @threads  any
 class ScriptedHidPort {
  public:
   explicit ScriptedHidPort(std::shared_ptr<HidModel> model) : model_(std::move(model)) {}
 
-  /// @param from_step  the number of the report, of either direction, with which the fault begins
+  /// @param from_step  the index of the report, in either direction, at which the fault begins
   void set_fault(HidFault fault, std::uint64_t from_step = 0);
   [[nodiscard]] std::uint64_t step_count() const;
-  /// Calls `use` with the model, while nothing else does.
+  /// Calls `use` with the model while nothing else uses it.
   template <class Use>
   auto with_model(Use&& use) const {
     const std::lock_guard lock(mutex_);
@@ -49,7 +49,7 @@ class ScriptedHidPort {
   [[nodiscard]] bool write(ConstBytes report);
   [[nodiscard]] std::size_t read_feature(MutableBytes report);
   [[nodiscard]] MonotonicTime now() const;
-  /// The next writes last until release_writes().
+  /// Blocks the next writes until release_writes().
   void hold_writes();
   void release_writes();
 
@@ -92,7 +92,7 @@ class ScriptedHidSystem final : public device_hid::HidSystem {
 /// A system with one device in it.
 [[nodiscard]] std::shared_ptr<ScriptedHidSystem> system_with(std::shared_ptr<HidModel> model);
 
-/// A model of each kind, in the order of device_hid::kKinds; by Bluetooth where it has it.
+/// A model of each kind, in the order of device_hid::kKinds; over Bluetooth where available.
 [[nodiscard]] std::shared_ptr<HidModel> make_model(std::size_t kind, bool is_bluetooth = false);
 
 }  // namespace rtpm::test

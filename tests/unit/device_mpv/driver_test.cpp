@@ -7,7 +7,7 @@
 #include "rtpm/device_mpv/mpv_driver.hpp"
 #include "scripted_player.hpp"
 
-/// The driver with its thread, before a model of mpv whose time only that thread advances.
+/// The driver with its thread, and a model of mpv whose time only that thread advances.
 namespace rtpm::device_mpv {
 namespace {
 
@@ -19,7 +19,7 @@ using test::ScriptedPlayer;
 
 class MpvDriverTest : public testing::Test {
  protected:
-  /// Only the first player has the fault; one that follows it is sound.
+  /// Only the first player has the fault; the next one works.
   void start(PlayerFault fault, std::uint64_t faulty_from) {
     driver_ = std::make_unique<MpvDriver>(
         [fault, faulty_from]() mutable {
@@ -37,7 +37,7 @@ class MpvDriverTest : public testing::Test {
     command.outputs = {rate, seek_s};
     return driver_->exchange(command, sample_);
   }
-  /// Exchanges until `is_done`; the player's own time runs meanwhile.
+  /// Exchanges until `is_done`; the player's own time advances meanwhile.
   bool exchange_until(float rate, float seek_s,
                       const std::function<bool(ExchangeStatus)>& is_done) {
     for (int i = 0; i < 1'000'000; ++i) {

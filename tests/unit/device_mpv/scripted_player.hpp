@@ -11,19 +11,19 @@
 
 namespace rtpm::test {
 
-/// What goes wrong with a player.
+/// Faults of a player.
 enum class PlayerFault : std::uint8_t {
   kNone,
   kDies,           ///< The connection ends.
-  kHangs,          ///< It reads and never answers.
-  kGarbage,        ///< Each answer is text that is no JSON.
-  kWrongTypes,     ///< Each answer is JSON of another form.
-  kWrongIds,       ///< Each answer is to a request that nobody made.
+  kHangs,          ///< It reads, but never answers.
+  kGarbage,        ///< Each answer is text but not JSON.
+  kWrongTypes,     ///< Each answer is JSON with wrong types.
+  kWrongIds,       ///< Each answer names a request that was never made.
   kLate,           ///< Each answer comes kLateness later.
-  kLongLine,       ///< A line of 20 kB comes in front of each answer.
-  kSplit,          ///< Answers come one byte at a time.
-  kFull,           ///< It does not read, and there is no room for another command.
-  kNothingLoaded,  ///< Each property is unavailable, each seek refused.
+  kLongLine,       ///< A line of 20 kB precedes each answer.
+  kSplit,          ///< Answers arrive byte by byte.
+  kFull,           ///< It does not read, and its buffer is full.
+  kNothingLoaded,  ///< Each property is unavailable, and each seek fails.
 };
 inline constexpr PlayerFault kLastPlayerFault = PlayerFault::kNothingLoaded;
 
@@ -35,7 +35,7 @@ class ScriptedPlayer final : public device_mpv::Transport {
   static constexpr double kFrameSeconds = 0.04;
   static constexpr Duration kLateness = std::chrono::milliseconds{300};
 
-  /// @param faulty_from  the number of the command, from 0, with which the fault begins
+  /// @param faulty_from  the index of the command, from 0, at which the fault begins
   explicit ScriptedPlayer(PlayerFault fault = PlayerFault::kNone, std::uint64_t faulty_from = 0)
       : fault_(fault), faulty_from_(faulty_from) {}
 
@@ -43,14 +43,14 @@ class ScriptedPlayer final : public device_mpv::Transport {
   [[nodiscard]] device_mpv::Received receive(std::span<char> buffer, Duration patience) override;
   [[nodiscard]] MonotonicTime now() const override { return now_; }
 
-  /// The commands other than get_property, as "seek 5.0 absolute+exact".
+  /// The commands other than get_property, such as "seek 5.0 absolute+exact".
   [[nodiscard]] const std::vector<std::string>& commands() const noexcept { return commands_; }
   [[nodiscard]] double position_s() const noexcept { return position_s_; }
-  /// How long a seek shows the old picture.
+  /// Sets how long a seek shows the old picture.
   void set_seek_time(Duration time) noexcept { seek_time_ = time; }
-  /// Stops at the end, as mpv does with --keep-open.
+  /// Stops at the end of the film, as mpv does with --keep-open.
   void advance(Duration time);
-  /// The fault ends, or another begins.
+  /// Ends the fault, or begins another one.
   void set_fault(PlayerFault fault) noexcept { fault_ = fault; }
 
  private:

@@ -17,7 +17,7 @@ using test::ScriptedPlayer;
 constexpr Duration kPeriod = milliseconds{10};
 constexpr Duration kPatience = kPeriod / 4;
 
-/// Steps for `span` of the player's time; false if the player is gone before.
+/// Steps for `span` of the player's time; false if the player goes first.
 bool run(Session& session, ScriptedPlayer& player, const PlayerRequest& request, Duration span) {
   const MonotonicTime end = player.now() + span;
   while (player.now() < end) {
@@ -124,8 +124,8 @@ TEST(MpvSession, PlaysOnAfterASeekFromTheEnd) {
   EXPECT_NEAR(session.state().position_s, 4, 0.1);
 }
 
-/// Every fault from each command on: the session ends, or goes on, within a bounded time, and never
-/// states a number that no player stated.
+/// Every fault starting at each command: the session ends or goes on within a bounded time, and
+/// never reports a number that the player did not send.
 TEST(MpvSession, SurvivesEachFaultAtEachCommand) {
   for (auto fault = PlayerFault::kNone; fault <= test::kLastPlayerFault;
        fault = static_cast<PlayerFault>(static_cast<int>(fault) + 1)) {
@@ -134,7 +134,7 @@ TEST(MpvSession, SurvivesEachFaultAtEachCommand) {
                                       << " from command " << from);
       ScriptedPlayer player(fault, from);
       Session session(player, kPeriod);
-      // As the driver does, which gives a player longer to start than to answer.
+      // Like the driver, which gives a player longer to start than to answer.
       while (session.state().report_count == 0)
         ASSERT_TRUE(session.step(std::nullopt, kPatience));
       const PlayerRequest request{.rate = 0.5F, .seek_s = 3};

@@ -6,8 +6,8 @@
 #include <deque>
 #include <vector>
 
-// As much of Arduino's interface as the sketch uses, with a clock and pins that a test sets. Its
-// names are Arduino's. The sketch is compiled as it stands, by inclusion.
+// The part of Arduino's interface that the sketch uses, with a clock and pins that a test sets. Its
+// names are Arduino's. The sketch is compiled unchanged, by inclusion.
 
 inline constexpr std::uint8_t LOW = 0;
 inline constexpr std::uint8_t HIGH = 1;
@@ -21,8 +21,8 @@ namespace rtpm::test {
 
 struct FakeArduino {
   std::uint64_t time_us = 0;
-  std::array<int, 20> levels{};   ///< What analogRead() and digitalRead() find.
-  std::array<int, 20> written{};  ///< What analogWrite() and digitalWrite() left.
+  std::array<int, 20> levels{};   ///< The values that analogRead() and digitalRead() return.
+  std::array<int, 20> written{};  ///< The values that analogWrite() and digitalWrite() set.
   std::array<bool, 20> is_output{};
   std::deque<std::uint8_t> received{};
   std::vector<std::byte> sent{};

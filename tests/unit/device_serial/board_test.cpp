@@ -8,7 +8,7 @@
 #include "rtpm/device_serial/open.hpp"
 #include "vectors.hpp"
 
-/// What frames hold.
+/// The contents of frames.
 namespace rtpm::device_serial {
 namespace {
 

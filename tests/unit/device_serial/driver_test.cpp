@@ -10,7 +10,7 @@
 #include "rtpm/device_serial/open.hpp"
 #include "serial_model.hpp"
 
-/// The driver with a model of a board, with its thread. Tests here wait for what must come and
+/// The driver with its thread and a model of a board. Tests here wait for the expected state and
 /// assert no times.
 namespace rtpm::device_serial {
 namespace {
@@ -25,7 +25,7 @@ using test::SerialModel;
 
 constexpr Duration kPeriod = milliseconds{2};
 
-/// Its time line goes on by one period per exchange(), and else at most ten times as fast as real
+/// The time line advances by one period per exchange(), otherwise at most ten times as fast as real
 /// time, so that a request does not expire while the test sleeps.
 class PacedPort final : public Transport {
  public:
@@ -232,7 +232,7 @@ TEST_F(SerialDriverTest, RefusesAnotherBoardInWords) {
   EXPECT_NE(changed.error().text().find("other channels"), std::string::npos);
 }
 
-/// Of a cable that is pulled and plugged in again, as the device server does it.
+/// Like the device server after a cable is pulled and plugged in again.
 TEST_F(SerialDriverTest, ComesBackAfterItWasUnplugged) {
   model_ = std::make_shared<SerialModel>(SerialFault::kUnplugged, 60);
   SerialDriver driver(config());
@@ -250,7 +250,7 @@ TEST_F(SerialDriverTest, ComesBackAfterItWasUnplugged) {
 class SerialDriverFaults : public SerialDriverTest,
                            public ::testing::WithParamInterface<SerialFault> {};
 
-/// A sample stays as it was in a cycle without new data, and the board's effort ends as zero.
+/// Cycles without new data keep the last sample, and the board's effort ends at zero.
 TEST_P(SerialDriverFaults, LeaveTheSampleAndEndInZeroEffort) {
   model_ = std::make_shared<SerialModel>(GetParam(), 12);
   SerialDriver driver(config());

@@ -10,7 +10,7 @@
 #include "rtpm/base/hash.hpp"
 #include "vectors.hpp"
 
-/// The frames of devices/serial/FRAMES.md, of the host and of the firmware.
+/// The frames of devices/serial/FRAMES.md, as host and firmware implement them.
 namespace rtpm::device_serial {
 namespace {
 
@@ -41,12 +41,12 @@ Bytes encoded(const Frame& frame) {
   return wire;
 }
 
-/// Frame bytes as they are, without a checksum of their own.
+/// Encodes the given frame bytes, to which it appends a valid checksum.
 Bytes with_checksum(Bytes frame) {
   Bytes checksum(4);
   store_le(checksum.data(), crc32(frame));
   frame.insert(frame.end(), checksum.begin(), checksum.end());
-  // COBS, of fewer than 254 bytes.
+  // COBS for fewer than 254 bytes.
   Bytes wire{std::byte{0}};
   std::size_t code_at = 0;
   for (const std::byte byte : frame) {
@@ -101,7 +101,7 @@ TEST(SerialFrames, ComeBackAsTheyWereOfEveryLength) {
   EXPECT_TRUE(encoded({FrameType::kState, 0, Bytes(kPayloadSizeMax + 1)}).empty());
 }
 
-/// What the firmware writes the host reads, and the reverse.
+/// The host reads frames that the firmware writes, and the reverse.
 TEST(SerialFrames, OfHostAndFirmwareAreTheSame) {
   std::mt19937_64 random(9);
   FrameCutter cutter;

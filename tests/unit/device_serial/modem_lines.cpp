@@ -1,6 +1,6 @@
-// A pseudo terminal has no modem lines, and libserialport opens no port without. This ioctl(),
-// which the dynamic linker takes for the library's calls too, answers for them, as a USB adapter
-// does.
+// A pseudo terminal has no modem lines, and libserialport does not open a port without them. This
+// ioctl(), which the dynamic linker uses for the library's calls too, answers for them, like a USB
+// adapter.
 
 #include <sys/ioctl.h>
 #include <sys/syscall.h>

@@ -4,7 +4,7 @@
 
 #include "serial_model.hpp"
 
-/// The operator's words, and which port they mean.
+/// The operator's arguments, and the port that they select.
 namespace rtpm::device_serial {
 namespace {
 

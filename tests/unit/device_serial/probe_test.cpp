@@ -8,7 +8,7 @@
 #include "rtpm/device_serial/ports.hpp"
 #include "umockdev.hpp"
 
-/// What libserialport finds among USB devices that umockdev makes up.
+/// The ports that libserialport finds among emulated USB devices of umockdev.
 namespace rtpm::device_serial {
 namespace {
 
@@ -23,7 +23,7 @@ class SerialMockedUsb : public ::testing::Test {
       GTEST_SKIP() << obstacle;
     testbed_.reset(umockdev_testbed_new());
   }
-  /// A board with a port of its own, as the kernel's cdc_acm shows it.
+  /// A board with its own port, as the kernel's cdc_acm shows it.
   void add_board(const std::string& address, const std::string& node, const std::string& serial) {
     const std::string description = "P: /devices/pci/usb1/" + address +
                                     "\n"

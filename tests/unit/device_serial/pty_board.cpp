@@ -30,7 +30,7 @@ PtyBoard::PtyBoard(SerialFault fault, std::uint64_t faulty_from, bool resets)
   link_ = testing::TempDir() + "rtpm_board_" + std::to_string(::getpid()) + "_" +
           std::to_string(++count);
   std::filesystem::create_symlink(node.data(), link_);
-  // libserialport knows a node by the link of its name in /sys/class/tty. A name that leads to the
+  // libserialport finds a node by the link of its name in /sys/class/tty. A name that leads to the
   // same link from there and from /dev makes it open any terminal.
   port_ = "/dev/../../.." + link_;
   thread_ = std::thread([this] { run(); });
@@ -59,7 +59,7 @@ void PtyBoard::run() {
     if (!is_open) std::this_thread::sleep_for(std::chrono::milliseconds{1});
   }
   ::close(fd_);
-  // The board still has power from elsewhere, so that its watchdog runs.
+  // Another supply still powers the board, so that its watchdog runs.
   const MonotonicTime end = rt::now() + std::chrono::milliseconds{150};
   for (bool is_on = true; is_on && rt::now() < end;) {
     std::this_thread::sleep_for(std::chrono::milliseconds{1});

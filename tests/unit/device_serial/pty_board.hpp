@@ -18,12 +18,12 @@ class PtyBoard {
                     bool resets = false);
   PtyBoard(const PtyBoard&) = delete;
   PtyBoard& operator=(const PtyBoard&) = delete;
-  /// Unplugs.
+  /// Unplugs the board.
   ~PtyBoard();
 
   /// The port's name for the driver.
   [[nodiscard]] const std::string& port() const { return port_; }
-  /// Calls `use` with the model, between two turns of its loop.
+  /// Calls `use` with the model, between two iterations of its loop.
   void with(const std::function<void(SerialModel&)>& use);
   void unplug();
   /// Waits until the motor is off, at most 2 s.

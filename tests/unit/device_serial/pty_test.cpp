@@ -39,7 +39,7 @@ bool start(driver::Driver& driver) {
   return driver.configure({.period = kPeriod}) && driver.activate();
 }
 
-/// What cycles brought.
+/// The results of a run of cycles.
 struct Cycles {
   int ok_count = 0;
   ExchangeStatus last = ExchangeStatus::kLate;
@@ -47,7 +47,7 @@ struct Cycles {
   driver::Sample sample{};
 };
 
-/// Cycles at their times, until `span` is over or the board is gone, as it must be within 5 s.
+/// Runs cycles on schedule until `span` is over or the board is gone, which must be within 5 s.
 Cycles run(driver::Driver& driver, Duration span, double newton_metre) {
   Cycles cycles;
   MonotonicTime due = rt::now();
@@ -146,7 +146,7 @@ TEST(SerialPty, APortIsForOneProgram) {
   EXPECT_NE(second.error().text().find("other program"), std::string::npos);
 }
 
-/// As a board comes back at another node.
+/// The board comes back at another node.
 TEST(SerialPty, IsFoundAgainByItsSerialNumber) {
   std::vector<Port> ports;
   auto board = std::make_unique<PtyBoard>();
@@ -175,7 +175,7 @@ TEST(SerialPty, IsFoundAgainByItsSerialNumber) {
   EXPECT_GT(run(*driver, milliseconds{40}, 0.1).ok_count, 0);
 }
 
-/// Faults with which a session starts and goes on.
+/// The faults with which a session starts and goes on.
 bool is_survived(SerialFault fault) {
   switch (fault) {
     case SerialFault::kNoise:
@@ -192,7 +192,7 @@ bool is_survived(SerialFault fault) {
   }
 }
 
-/// What one fault came to.
+/// The outcome of one fault.
 struct Finding {
   SerialFault fault;
   bool is_started = false;
@@ -205,7 +205,7 @@ Finding find(SerialFault fault, std::uint64_t faulty_from) {
   PtyBoard board(fault, faulty_from);
   board.with([](SerialModel& model) { model.set_boot_time(milliseconds{100}); });
   const auto driver = make_driver({.port = board.port()});
-  // As often as the server would, on a machine that stalls.
+  // As many attempts as the server would make on a machine that stalls.
   const int attempt_count = is_survived(fault) ? 3 : 1;
   for (int i = 0; i < attempt_count && !finding.is_started; ++i)
     finding.is_started = start(*driver);
@@ -218,7 +218,7 @@ Finding find(SerialFault fault, std::uint64_t faulty_from) {
 
 class SerialPtyFaults : public ::testing::TestWithParam<std::uint64_t> {};
 
-/// Every fault from this frame on, each on a terminal of its own and all at the same time.
+/// Every fault starting at this frame, each on its own terminal and all at the same time.
 TEST_P(SerialPtyFaults, EndInZeroEffort) {
   std::vector<std::future<Finding>> findings;
   for (int i = 1; i <= static_cast<int>(test::kLastSerialFault); ++i)
@@ -235,8 +235,7 @@ TEST_P(SerialPtyFaults, EndInZeroEffort) {
     if (is_survived(finding.fault)) {
       EXPECT_TRUE(finding.is_started && !is_gone);
       EXPECT_TRUE(finding.cycles.ok_count > 0 || finding.fault == SerialFault::kLate);
-    } else if (GetParam() > 0 ||
-               !is_reset) {  // A board that was reset at the hello was greeted later.
+    } else if (GetParam() > 0 || !is_reset) {  // A reset at the hello delays the greeting.
       EXPECT_TRUE(!finding.is_started || is_gone);
     }
   }

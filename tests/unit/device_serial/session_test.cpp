@@ -19,7 +19,7 @@ using test::SerialModel;
 constexpr Duration kPeriod = milliseconds{2};
 constexpr SessionConfig kConfig{.period = kPeriod, .speed_baud = 1'000'000, .nonce = 77};
 
-/// A model and the session with it, greeted unless a fault prevents it.
+/// A model and its session, greeted unless a fault prevents it.
 struct Bench {
   explicit Bench(SerialFault fault = SerialFault::kNone, std::uint64_t faulty_from = 0,
                  bool resets = false)
@@ -31,7 +31,7 @@ struct Bench {
     session.begin();
     return true;
   }
-  /// Cycles for `span`, with a new request in each; false if the board is gone before.
+  /// Cycles for `span`, with a new request in each; false if the board goes first.
   bool run(Duration span, float newton_metre, float lamp = 0) {
     const MonotonicTime end = port.now() + span;
     while (port.now() < end) {
@@ -46,7 +46,7 @@ struct Bench {
     }
     return true;
   }
-  /// The board's own time goes on, without the host.
+  /// Advances the board's own time, without the host.
   void wait(Duration span) {
     const MonotonicTime end = model.now() + span;
     for (MonotonicTime now = model.now(); now < end; now += milliseconds{1})
@@ -112,7 +112,7 @@ TEST(SerialSession, UnwrapsTheBoardsClock) {
   ASSERT_TRUE(bench.greet());
   ASSERT_TRUE(bench.run(milliseconds{10}, 0));
   const Report before = bench.session.report();
-  // 32 bits of microseconds.
+  // The board counts microseconds in 32 bits.
   const MonotonicTime wrap{std::chrono::microseconds{std::int64_t{1} << 32}};
   ASSERT_GT(wrap, bench.port.now());
   bench.model.advance(wrap - milliseconds{4});
@@ -177,7 +177,7 @@ TEST(SerialSession, NeverHasMoreThanTwoCommandsUnanswered) {
   ASSERT_TRUE(bench.greet());
   ASSERT_TRUE(bench.run(milliseconds{60}, 0));
   const std::uint64_t sent = bench.model.host_frame_count();
-  // Two at once, and two more each time an answer is given up.
+  // Two at once, and two more each time the session gives up on an answer.
   EXPECT_LE(sent, 10u + 2 + 2 * (60 / 10));
   EXPECT_GT(bench.session.report().counters.unanswered, 0u);
 }
@@ -200,7 +200,7 @@ TEST(SerialSession, SaysWhyABoardDoesNotAnswer) {
   EXPECT_NE(why(SerialFault::kUnplugged).find("unplugged"), std::string::npos);
 }
 
-/// What becomes of a session in which a fault begins.
+/// The fate of a session in which a fault begins.
 enum class Outcome { kGoesOn, kEnds };
 
 Outcome outcome_of(SerialFault fault) {
@@ -233,8 +233,8 @@ class SerialSessionFaults : public ::testing::TestWithParam<FaultAtStep> {
   Bench bench_{fault_, std::get<1>(GetParam())};
 };
 
-/// From each frame on: the session ends or goes on within a bounded time, the board's effort is
-/// within its limit and zero in the end, and nothing is stated that no board stated.
+/// A fault starting at each frame: the session ends or goes on within a bounded time, the board's
+/// effort stays within its limit and ends at zero, and the session reports no invented value.
 TEST_P(SerialSessionFaults, EndInZeroEffort) {
   const MonotonicTime begin = bench_.port.now();
   if (!bench_.greet()) {
@@ -245,7 +245,7 @@ TEST_P(SerialSessionFaults, EndInZeroEffort) {
   }
   const MonotonicTime greeted = bench_.port.now();
   const bool lives = bench_.run(std::chrono::seconds{2}, 0.1F, 1);
-  // Greeted already, a reset at the hello is none of the session's.
+  // After the greeting a reset at the hello does not affect the session.
   const bool is_before = bench_.port.now() - begin > SerialModel::kBootTime &&
                          greeted - begin >= SerialModel::kBootTime;
   EXPECT_EQ(lives, is_before || outcome_of(fault_) == Outcome::kGoesOn);
@@ -255,7 +255,7 @@ TEST_P(SerialSessionFaults, EndInZeroEffort) {
   EXPECT_LE(std::abs(report.state.efforts[0]), 0.125F);
   EXPECT_LE(bench_.model.greatest_effort(), 0.1F);
   bench_.session.stop();
-  // Of a board that does not listen any more, its watchdog.
+  // If the board no longer listens, its watchdog ends the effort.
   bench_.wait(Session::kRequestMax + milliseconds{1});
   EXPECT_EQ(bench_.model.effort(), 0);
   EXPECT_EQ(bench_.model.lamp(), 0);

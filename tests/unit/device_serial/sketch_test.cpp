@@ -6,7 +6,7 @@
 #include "rtpm/device_serial/open.hpp"
 #include "rtpm/device_serial/session.hpp"
 
-// The sketch uses fewer warnings than this tree.
+// The sketch is compiled with fewer warnings than this tree.
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wconversion"
 #pragma GCC diagnostic ignored "-Wnon-virtual-dtor"
@@ -137,7 +137,7 @@ TEST_F(SerialSketch, IgnoresCommandsWithoutAHelloAndRepeatedOnes) {
   BoardCommand command{.is_on = true, .watchdog_ms = 100};
   command.efforts[0] = 0.1F;
   const std::size_t payload_size = write_command(command, board_.shape(), payload);
-  // A sequence that the session used already.
+  // The session has used this sequence before.
   const std::size_t size =
       encode({FrameType::kCommand, 2, ConstBytes(payload).first(payload_size)}, wire);
   static_cast<void>(port_.send(ConstBytes(wire).first(size)));

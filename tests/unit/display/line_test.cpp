@@ -11,7 +11,7 @@
 #include "rtpm/device_sim/player_driver.hpp"
 #include "rtpm/device_sim/sim_driver.hpp"
 
-/// One line suits every device: what it shows follows from the description.
+/// One line format suits every device: the description determines its contents.
 namespace rtpm::display {
 namespace {
 

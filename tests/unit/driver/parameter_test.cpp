@@ -102,7 +102,7 @@ TEST(Parameter, FaultsOfItsSpecificationAreNamed) {
   EXPECT_NE(fault_of(spec).find("elements"), std::string::npos);
 }
 
-/// A driver without parameters, as the interface's defaults make it.
+/// A driver without parameters, with the interface's default methods.
 class Plain final : public Driver {
  public:
   [[nodiscard]] Descriptor describe() const override { return {}; }

@@ -12,7 +12,7 @@ namespace {
 constexpr double kCount = 25e-6;
 constexpr Duration kPeriod = std::chrono::milliseconds{1};
 
-/// An encoder's reading.
+/// The reading of an encoder.
 double counted(double position) {
   return std::floor(position / kCount) * kCount;
 }

@@ -14,7 +14,7 @@
 #include "archive.hpp"
 #include "rtpm/rt/clock.hpp"
 
-/// A driver in a process of its own: the plug-in puppet.
+/// A driver in its own process: the plug-in puppet.
 namespace rtpm::driver_host {
 namespace {
 
@@ -134,7 +134,7 @@ TEST_F(Isolated, IsGoneWhenItCrashesAndComesBack) {
     reports_.clear();
     ASSERT_EQ(exchange(), ExchangeStatus::kOk);
     const Sample before = sample_;
-    // A process that has not quite ended is late before.
+    // A process that is still ending reports late first.
     ExchangeStatus status = exchange(fault);
     while (status == ExchangeStatus::kLate)
       status = exchange();
@@ -211,7 +211,7 @@ TEST_F(Isolated, ACalibrationFailsWithItsProcess) {
   ASSERT_TRUE(std::holds_alternative<driver::CalibrationFailed>(state));
 }
 
-/// A process that has lost its senses may send anything.
+/// A corrupted process may send anything.
 TEST(IsolatedArchive, RefusesForeignBytes) {
   driver::Descriptor descriptor;
   descriptor.model = "m";
@@ -234,7 +234,7 @@ TEST(IsolatedArchive, RefusesForeignBytes) {
     for (const int value : {0, 1, 0x7f, 0xff}) {
       std::vector<std::byte> changed = whole;
       changed[at] = static_cast<std::byte>(value);
-      static_cast<void>(is_taken(changed));  // It is refused, or it is another description.
+      static_cast<void>(is_taken(changed));  // The archive rejects it, or it differs.
     }
   }
   std::vector<std::byte> other_class = whole;

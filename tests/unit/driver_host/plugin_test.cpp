@@ -22,7 +22,7 @@ void expect_words(const SetupError& error, const std::vector<std::string>& words
   }
 }
 
-/// That the plug-in in `file` is refused with all of `words`.
+/// Expects the plug-in in `file` to be refused with all of `words`.
 void expect_refusal(const std::string& file, const std::string& arguments,
                     const std::vector<std::string>& words) {
   const auto driver = load_plugin(file, arguments);
@@ -135,7 +135,7 @@ TEST(Plugin, OfAnotherRtpmIsRefusedBeforeItRuns) {
   }
 }
 
-/// Else two plug-ins meet each other's classes where a program loads them with RTLD_GLOBAL.
+/// Otherwise plug-ins see each other's classes if a program loads them with RTLD_GLOBAL.
 TEST(Plugin, ExportsItsOneSymbol) {
   for (const std::string name : {"plugin", "puppet"}) {
     void* const handle = dlopen(plugin(name).c_str(), RTLD_NOW | RTLD_GLOBAL);

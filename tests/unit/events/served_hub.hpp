@@ -18,18 +18,18 @@
 #include "rtpm/test/os.hpp"
 #include "table.hpp"
 
-/// A hub behind a server, and handlers that write down what they get.
+/// A hub behind a server, and handlers that write down their deliveries.
 namespace rtpm::events::test {
 
 inline constexpr std::chrono::seconds kPatience{10};
 
-/// Waits until `is_so()`; false if it does not come to that.
+/// Waits until `is_so()`; false if that does not happen in time.
 template <class Condition>
 [[nodiscard]] bool await(Condition is_so) {
   return rtpm::test::await(is_so, kPatience);
 }
 
-/// A hub that a test may end and start again at the same address.
+/// A hub that a test may stop and start again at the same address.
 class ServedHub {
  public:
   explicit ServedHub(HubConfig config = {}) : config_(std::move(config)) {
@@ -73,7 +73,7 @@ class ServedHub {
   std::unique_ptr<rpc::Server> server_{};
 };
 
-/// Writes down deliveries as Table does, and notices.
+/// Writes down notices, and deliveries in Table's format.
 class Recorder : public EventHandler {
  public:
   void on_events(std::span<const EventView> events) override {
@@ -96,7 +96,7 @@ class Recorder : public EventHandler {
     changed_.notify_all();
   }
 
-  /// Waits until `is_so(*this)`, with the recorder locked; false if it does not come to that.
+  /// Waits until `is_so(*this)`, with the recorder locked; false if that does not happen in time.
   template <class Condition>
   [[nodiscard]] bool await(Condition is_so) {
     std::unique_lock lock(mutex_);
@@ -111,7 +111,7 @@ class Recorder : public EventHandler {
   [[nodiscard]] bool has(NoticeKind kind) const {
     return std::ranges::any_of(notices_, [&](const Notice& each) { return each.kind == kind; });
   }
-  /// All so far, with blanks between.
+  /// All deliveries so far, separated by blanks.
   [[nodiscard]] std::string text() {
     const std::lock_guard lock(mutex_);
     std::string text;
@@ -146,7 +146,7 @@ class Recorder : public EventHandler {
   std::condition_variable changed_{};
 };
 
-/// Holds its thread until the test lets it go.
+/// Blocks its thread until the test releases it.
 class Sleeper final : public Recorder {
  public:
   void on_events(std::span<const EventView> events) override {
@@ -164,7 +164,7 @@ class Sleeper final : public Recorder {
 
 inline constexpr EventDescriptor kPoseDescriptor{kPose, "lab.Pose", kPoseSchema, kPoseFields};
 
-/// Through memory and not straight into the hub's lane, which takes only so many calls at a time:
+/// Connects through memory instead of directly to the hub's lane, which limits concurrent calls:
 /// tests push as fast as they can.
 inline std::unique_ptr<Supplier> make_supplier(
     rpc::Node& node, const ServedHub& hub,
@@ -202,14 +202,14 @@ inline void push(Supplier& supplier, EventType type, SourceId source = 0,
   EXPECT_TRUE(pushed) << rpc::to_string(pushed.error());
 }
 
-/// Waits until the hub has taken so many events.
+/// Waits until the hub has taken `count` events.
 inline void await_taken(const Hub& hub, std::uint64_t count) {
   EXPECT_TRUE(await([&] { return hub.intake().taken_count >= count; }));
   EXPECT_EQ(hub.intake().taken_count, count);
 }
 
-/// Changes, suspends and resumes a subscription of poses between events: what arrives is the same
-/// by whatever way they come.
+/// Changes, suspends and resumes a subscription of poses between events: the deliveries are the
+/// same on every path.
 inline void change_suspend_and_resume(const Hub& hub, Supplier& supplier, Consumer& consumer,
                                       Recorder& recorder) {
   push(supplier, kPose);

@@ -14,8 +14,8 @@
 #include "exchange/exchange.hpp"
 #include "filter/catalog.hpp"
 
-/// What the tests of filters and deliveries share: a type of event, and a subscription that is
-/// shown events on a clock that the test keeps.
+/// The common parts of the tests of filters and deliveries: an event type, and a subscription that
+/// gets events on a clock that the test keeps.
 namespace rtpm::events::test {
 
 inline constexpr EventType kPose = 5;
@@ -58,7 +58,7 @@ inline std::string name_of(const EventHeader& header) {
          std::to_string(header.source) + "#" + std::to_string(header.sequence);
 }
 
-/// One subscription, and what it got: each delivery is "5.0#1", a group "5.0#1+6.0#1".
+/// One subscription and its deliveries: each is "5.0#1", a group "5.0#1+6.0#1".
 class Table {
  public:
   explicit Table(const Filter& filter, const DeliveryPolicy& policy = {},
@@ -75,7 +75,7 @@ class Table {
     return placed.value_or(0);
   }
 
-  /// Sets the clock, which lets the timeouts before it act each at its own time.
+  /// Sets the clock; earlier timeouts fire first, each at its own time.
   void advance(double ms) {
     while (exchange.next_time() <= at(ms)) {
       now = exchange.next_time();
@@ -101,7 +101,7 @@ class Table {
     push(type, source, payload);
   }
 
-  /// What came since it was last asked, with blanks between.
+  /// The deliveries since the last call, separated by blanks.
   std::string got() { return got(number); }
   std::string got(SubscriptionNumber of) {
     std::string text;

@@ -10,7 +10,7 @@
 #include "recording_vfs.hpp"
 #include "rtpm/file_store/file_storage.hpp"
 
-// Databases that were damaged, and disks that are full.
+// Damaged databases, and full disks.
 namespace rtpm::file_store {
 namespace {
 
@@ -32,7 +32,7 @@ class Damage : public testing::Test {
     file.seekp(static_cast<std::streamoff>(offset));
     file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
   }
-  /// What is left; it must be sound, and nothing can be changed.
+  /// The number of names left; they must be sound, and no change is possible.
   std::size_t sound_count() {
     const auto storage = make_file_storage(folder_.file());
     const auto content = storage->load();
@@ -95,7 +95,7 @@ TEST(FullDisk, RefusesAChangeAndGoesOnWhenThereIsSpace) {
   ASSERT_TRUE(put(*storage, permanent("lab/arm2", 3)));
 }
 
-// As after `kill -9`: its log is there, and the first write of the next start finds no space.
+// Like after `kill -9`: its log exists, and the first write of the next start finds no space.
 TEST(FullDisk, AtTheStartServesTheNamesAndChangesThemOnceThereIsSpace) {
   const Folder folder;
   RecordingVfs disk("rtpm-full-start");
@@ -157,7 +157,7 @@ TEST(Deleted, DatabaseTakesNoChangeAndSaysSo) {
   }
 }
 
-// A copy that was restored is another file.
+// A restored copy is another file.
 TEST(Deleted, ReplacedDatabaseTakesNoChange) {
   const Folder folder;
   const auto storage = make_file_storage(folder.file());

@@ -40,7 +40,7 @@ TEST(FileStorage, GivesBackWhatWasStored) {
     ASSERT_TRUE(put(*storage, permanent("lab/arm0", 10)));
     ASSERT_TRUE(put(*storage, permanent("lab/arm2", 11)));
     ASSERT_TRUE(put(*storage, leased));
-    ASSERT_TRUE(put(*storage, permanent("lab/arm0", 13)));  // Replaces.
+    ASSERT_TRUE(put(*storage, permanent("lab/arm0", 13)));  // Replaces the entry.
     ASSERT_TRUE(storage->commit({"lab/arm2", nullptr, 14, true}));
   }
   const auto storage = make_file_storage(folder.file());

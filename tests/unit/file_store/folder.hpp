@@ -7,7 +7,7 @@
 
 namespace rtpm::file_store {
 
-/// A folder that goes with this.
+/// A folder that the destructor removes.
 class Folder {
  public:
   Folder() {

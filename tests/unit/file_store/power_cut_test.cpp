@@ -11,7 +11,7 @@
 #include "recording_vfs.hpp"
 #include "rtpm/file_store/file_storage.hpp"
 
-// The power goes between any two writes: no acknowledged change is lost, none comes back.
+// The power fails between any two writes: no acknowledged change is lost, and none comes back.
 namespace rtpm::file_store {
 namespace {
 
@@ -19,7 +19,7 @@ using State = std::map<std::string, std::uint64_t>;  ///< Names with their chang
 
 constexpr int kChangeCount = 24;
 
-/// Binds and unbinds a few names; a mark in the log for each acknowledgement.
+/// Binds and unbinds a few names; writes a mark to the log for each acknowledgement.
 std::vector<State> run_changes(const std::string& path, RecordingVfs& vfs) {
   std::vector<State> states(1);
   std::mt19937 random(1);
@@ -41,7 +41,7 @@ std::vector<State> run_changes(const std::string& path, RecordingVfs& vfs) {
   return states;
 }
 
-/// What a registry finds that starts with these files.
+/// The state that a registry finds if it starts with these files.
 State found_in(const DiskImage::Files& files, const std::string& original) {
   const Folder folder;
   for (const auto& [path, bytes] : files) {
@@ -78,7 +78,7 @@ TEST(PowerCut, LosesNoAcknowledgedChangeAndBringsNoneBack) {
       const auto files = disk.after_power_cut(
           [&] { return variant == 0 ? false : variant == 1 || random() % 2 == 0; });
       const State found = found_in(files, folder.file());
-      // The change under way may be there or not.
+      // The change in progress may be stored or not.
       const bool is_next = acknowledged + 1 < states.size() && found == states[acknowledged + 1];
       ASSERT_TRUE(found == states[acknowledged] || is_next)
           << "variant " << variant << " after " << acknowledged << " acknowledged changes";

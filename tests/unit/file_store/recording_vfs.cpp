@@ -10,7 +10,7 @@ namespace {
 
 using Kind = FileOperation::Kind;
 
-/// SQLite's file, and behind it the system's own.
+/// SQLite's file, which wraps the system's own file.
 struct RecordedFile {
   sqlite3_file base;
   RecordingVfs* vfs;
@@ -43,7 +43,7 @@ int truncate(sqlite3_file* file, sqlite3_int64 size) {
   self.vfs->add({Kind::kTruncate, *self.path, static_cast<std::uint64_t>(size), {}});
   return real(file)->pMethods->xTruncate(real(file), size);
 }
-// The system's own is left out: the log alone says what would outlast a power cut.
+// Skips the system's own sync: only the log determines what survives a power cut.
 int sync(sqlite3_file* file, int) {
   RecordedFile& self = recorded(file);
   self.vfs->add({Kind::kSync, *self.path, 0, {}});
@@ -71,7 +71,7 @@ int device_characteristics(sqlite3_file* file) {
   return real(file)->pMethods->xDeviceCharacteristics(real(file));
 }
 
-// Version 1: without shared memory, which a database that one program locks does without.
+// Version 1 has no shared memory; a database that only one program opens needs none.
 const sqlite3_io_methods kMethods{.iVersion = 1,
                                   .xClose = close,
                                   .xRead = read,
@@ -108,7 +108,7 @@ int open(sqlite3_vfs* vfs, const char* path, sqlite3_file* file, int flags, int*
 
 int delete_file(sqlite3_vfs* vfs, const char* path, int is_synced) {
   auto* const self = static_cast<RecordingVfs*>(vfs->pAppData);
-  // With the folder's own sync it outlasts a power cut.
+  // After the folder's own sync the deletion survives a power cut.
   self->add({Kind::kDelete, path, is_synced != 0 ? std::uint64_t{1} : std::uint64_t{0}, {}});
   sqlite3_vfs* const system = sqlite3_vfs_find(nullptr);
   return system->xDelete(system, path, is_synced);

@@ -8,16 +8,16 @@
 
 namespace rtpm::file_store {
 
-/// One thing that a database did to its files, or a mark of the test.
+/// One operation of a database on its files, or a mark of the test.
 struct FileOperation {
   enum class Kind : std::uint8_t { kWrite, kTruncate, kSync, kDelete, kMark };
   Kind kind = Kind::kMark;
   std::string path{};
-  std::uint64_t offset = 0;  ///< Of a truncation: the size. Of a deletion: 1 if it is synced.
+  std::uint64_t offset = 0;  ///< For a truncation the size; for a deletion 1 if synced.
   std::string bytes{};
 };
 
-/// A file system for SQLite that passes everything to the system's, and keeps a log of it.
+/// A file system for SQLite that passes everything to the system's, and logs it.
 /// @threads  one at a time
 class RecordingVfs {
  public:
@@ -29,7 +29,7 @@ class RecordingVfs {
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
   [[nodiscard]] const std::vector<FileOperation>& log() const noexcept { return log_; }
   void add(FileOperation operation) { log_.push_back(std::move(operation)); }
-  /// The disk has no space left from now on, or has again.
+  /// Makes the disk full from now on, or not full.
   void set_full(bool is_full) noexcept { is_full_ = is_full; }
   [[nodiscard]] bool is_full() const noexcept { return is_full_; }
 
@@ -41,8 +41,8 @@ class RecordingVfs {
   std::unique_ptr<Registered> registered_;
 };
 
-/// The files after a power cut: what was synced, and of the rest `keep` decides for each sector of
-/// 512 bytes and each other operation.
+/// The files after a power cut: all synced data; for the rest `keep` decides for each sector of 512
+/// bytes and each other operation.
 class DiskImage {
  public:
   void apply(const FileOperation& operation);

@@ -1,4 +1,4 @@
-// A plug-in of which one fact, FOREIGN, differs from what this RTPM exports. It counts its calls.
+// A plug-in in which one fact, FOREIGN, differs from this RTPM's exports. It counts its calls.
 #include "rtpm/driver/plugin.hpp"
 
 extern "C" {

@@ -1,4 +1,4 @@
-// A plug-in that misbehaves where its argument says so, such as "activate" or "activate:int".
+// A plug-in that misbehaves at the step its argument names, such as "activate" or "activate:int".
 #include "rtpm/driver/plugin.hpp"
 
 #include <stdexcept>

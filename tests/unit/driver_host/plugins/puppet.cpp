@@ -1,6 +1,6 @@
-// A plug-in that does in exchange() what the command's first output says, counts its cycles as
-// edges of a button, shows its parameter as an analog, and writes what it is told to the file that
-// its argument names.
+// A plug-in whose exchange() does what the command's first output says. It counts its cycles as
+// edges of a button, shows its parameter as an analog, and logs its calls to the file that its
+// argument names.
 #include <unistd.h>
 
 #include <cstdlib>

@@ -7,7 +7,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// Why the filter is refused; fails the test if it is not.
+/// The reason why the filter is refused; fails the test if it is not.
 std::string refusal_of(const Filter& filter) {
   const TypeCatalog catalog = pose_catalog();
   const auto program = CompiledFilter::compile(filter, catalog);

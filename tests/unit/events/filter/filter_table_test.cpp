@@ -2,7 +2,7 @@
 
 #include "table.hpp"
 
-// Each sentence that filter.hpp says of a node or a timeout, as a row of events on a clock.
+// Each sentence of filter.hpp about a node or a timeout, as a row of events on a clock.
 namespace rtpm::events::test {
 namespace {
 
@@ -157,7 +157,7 @@ TEST(FilterTable, CorrelateDeliversOnlyWhatHappenedWithinItsSkew) {
   table.push_at(0, kPose);
   table.push_at(6, kGaze);
   EXPECT_EQ(table.got(), "");
-  // The gaze is kept, the newer pose is near it.
+  // The node keeps the gaze; the newer pose is near it.
   table.push_at(11, kPose);
   EXPECT_EQ(table.got(), "5.0#2+7.0#1");
 }
@@ -217,7 +217,7 @@ TEST(FilterTable, AnyDeliversTheLargestConjunctionThatItsEventCompletes) {
   EXPECT_EQ(table.got(), "5.0#1+6.0#1");
   table.push(kGaze);
   EXPECT_EQ(table.got(), "5.0#1+6.0#1+7.0#1");
-  // All started over, also those that were not delivered.
+  // All nodes start over, including those that were not delivered.
   table.push(kGaze);
   table.push(kPose);
   EXPECT_EQ(table.got(), "7.0#2+5.0#2");
@@ -251,7 +251,7 @@ TEST(FilterTable, AllUnitesTheGroupsOfItsChildren) {
   table.push(kButton);
   table.push(kPose, 0, {.step = 1});
   EXPECT_EQ(table.got(), "5.0#1+6.0#1");
-  // Complete, but by an event that the other child does not want.
+  // The event completes the node, but the other child does not accept it.
   table.push(kPose, 0, {.step = 1});
   table.push(kButton);
   EXPECT_EQ(table.got(), "");

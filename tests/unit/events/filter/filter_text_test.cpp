@@ -25,7 +25,7 @@ Filter parsed(const std::string& text) {
   return filter.value_or(Filter{});
 }
 
-/// Field by field, as Filter itself compares nothing.
+/// Compares field by field, because Filter has no comparison.
 void expect_equal(const Filter& a, const Filter& b, const std::string& where) {
   EXPECT_EQ(a.kind, b.kind) << where;
   EXPECT_EQ(a.type, b.type) << where;
@@ -112,7 +112,7 @@ TEST(FilterText, PrintsWhatReadsAsTheSame) {
             "type(lab.Pose) and source(3) or not all");
 }
 
-/// A filter of at most `depth`, as users might write it.
+/// A random filter of at most `depth`, as users might write it.
 Filter invented(std::mt19937& random, int depth) {
   const auto pick = [&random](int count) {
     return static_cast<int>(random() % static_cast<unsigned>(count));
@@ -162,7 +162,7 @@ TEST(FilterText, KeepsInventedFilters) {
           << read.error().picture(text);
       continue;
     }
-    // The text of what was read is the same but for what the reading joined.
+    // The text is the same except for nodes that the parser joined.
     const std::string again = to_text(*read, kTypes);
     const auto reread = parse_filter(again, kTypes);
     ASSERT_TRUE(reread) << again;

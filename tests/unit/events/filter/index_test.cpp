@@ -36,7 +36,7 @@ TEST(Index, RefusesWhatIsMoreThanItHoldsAndChangesNothing) {
   EXPECT_TRUE(index.add(2, std::array{Interest{6, 2}}, true));
 }
 
-// Whatever is added and taken away in whatever order, it finds what a plain search would.
+// After any sequence of additions and removals, the index finds what a plain search finds.
 TEST(Index, FindsWhatAPlainSearchFinds) {
   std::mt19937 random(7);
   SubscriptionIndex index(600);

@@ -55,7 +55,7 @@ TEST(Scalar, WhatATableLeavesOutHasItsDefault) {
             Scalar::of(77));
 }
 
-// Under the sanitizers, too: whatever the bytes say, nothing outside of them is read.
+// Whatever the bytes are, nothing outside of them is read; the sanitizers check this.
 TEST(Scalar, HostileBytesGiveNoValueOrAnyButHarmNobody) {
   Built built;
   build(built);
@@ -63,7 +63,7 @@ TEST(Scalar, HostileBytesGiveNoValueOrAnyButHarmNobody) {
   int count = 0;
   for (int round = 0; round < 20'000; ++round) {
     const std::size_t size = random() % (built.bytes().size() + 1);
-    // Of exactly this size on the heap, so that a read beyond it is seen.
+    // A heap block of exactly this size, so that the sanitizer sees a read beyond it.
     std::vector<std::byte> bytes(built.bytes().begin(),
                                  built.bytes().begin() + static_cast<std::ptrdiff_t>(size));
     for (int i = 0; i < 4 && size > 0; ++i)

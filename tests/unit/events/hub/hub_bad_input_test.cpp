@@ -7,7 +7,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "served_hub.hpp"
 
-// What programs should not do to a hub, and what consumers may do in their handlers.
+// Bad input from programs, and actions that consumers may take in their handlers.
 namespace rtpm::events::test {
 namespace {
 
@@ -68,7 +68,7 @@ TEST(HubBadInputLimits, EventBiggerThanTheRingIsLostAndTold) {
   EXPECT_EQ(second->counters().losses, Losses{});
 }
 
-/// Does something with its consumer in its first callback.
+/// Calls a function on its consumer in its first callback.
 class Doer final : public Recorder {
  public:
   explicit Doer(std::function<void(Consumer&)> act) : act_(std::move(act)) {}

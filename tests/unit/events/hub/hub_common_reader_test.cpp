@@ -14,14 +14,14 @@
 namespace rtpm::events::test {
 namespace {
 
-/// Notes by which thread it was called, and how often; and does what the test wants.
+/// Records the calling thread and the number of calls, and runs the test's function.
 class Noter final : public EventHandler {
  public:
   void on_events(std::span<const EventView> events) override {
     thread = std::this_thread::get_id();
     is_in_order = is_in_order && events[0].header.sequence > last;
     ++count;
-    // What is waited for comes last.
+    // Written last, because the test waits for it.
     last = events[0].header.sequence;
     if (act) act();
   }
@@ -130,7 +130,7 @@ TEST_P(HubCommonReader, BlockingHandlersDelayNoOther) {
   EXPECT_EQ(stuck.last, pushed_ - 99);
   shall_block = false;
   ASSERT_TRUE(await_number({&stuck, &stuck_too}, pushed_));
-  // Quick ones share a thread again, slow ones keep their own for some time.
+  // Fast consumers share a thread again, slow ones keep their own for some time.
   ASSERT_TRUE(await_common({&quick, &other}));
   ASSERT_TRUE(await_number({&stuck, &stuck_too}, pushed_));
   EXPECT_NE(stuck.thread.load(), quick.thread.load());

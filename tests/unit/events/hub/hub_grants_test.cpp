@@ -7,11 +7,11 @@
 #include "rtpm/access/files.hpp"
 #include "served_hub.hpp"
 
-// A hub whose server asks for grants: each event has those of the path of its type and source.
+// A hub whose server checks grants: each event needs those for the path of its type and source.
 namespace rtpm::events::test {
 namespace {
 
-/// A hub that one server serves to everybody, and another one by grants, here to this user.
+/// A hub that one server serves to all users, and another one by grants, here to this user.
 class GrantedHub : public testing::Test {
  protected:
   GrantedHub() : folder_((std::filesystem::temp_directory_path() / "rtpm-hub-XXXXXX").string()) {

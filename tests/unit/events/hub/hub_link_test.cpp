@@ -14,7 +14,7 @@ using namespace std::chrono_literals;
 
 class HubLinks : public testing::Test {
  protected:
-  /// `hub` asks `other` from now on.
+  /// Lets `hub` subscribe to `other` from now on.
   void link(ServedHub& hub, const ServedHub& other, bool shared_ring = false) {
     const auto linked = hub.hub().link(node_, other.url(),
                                        {.realtime = rt::RealtimeMode::kOff,
@@ -23,7 +23,7 @@ class HubLinks : public testing::Test {
                                         .attend_interval = 20ms});
     ASSERT_TRUE(linked) << linked.error().text();
   }
-  /// Waits until the link asks for so many types and sources.
+  /// Waits until the link asks for `count` types and sources.
   static void await_interest(ServedHub& hub, std::size_t count, std::size_t number = 0) {
     EXPECT_TRUE(await([&] {
       const LinkStatus status = hub.hub().links().at(number);
@@ -116,7 +116,7 @@ TEST_F(HubLinks, ForwardEventsAsFarAsTheirHopsAllow) {
   const auto goes_two = supply(first, 2);
   push(*stays, kPose, 0);
   push(*goes_one, kPose, 1);
-  // Suppliers have no order between them.
+  // There is no order between suppliers.
   ASSERT_TRUE(at_second.await_deliveries(1));
   push(*goes_two, kPose, 2);
   ASSERT_TRUE(at_second.await_deliveries(2));
@@ -153,7 +153,7 @@ TEST_F(HubLinks, DeliverOnceInARing) {
     hubs.push_back(std::make_unique<ServedHub>());
     recorders.push_back(std::make_unique<Recorder>());
   }
-  // Each asks both others: a ring in both directions.
+  // Each hub asks both others: a ring in both directions.
   for (std::size_t i = 0; i < 3; ++i) {
     link(*hubs[i], *hubs[(i + 1) % 3]);
     link(*hubs[i], *hubs[(i + 2) % 3]);

@@ -6,7 +6,7 @@
 #include "loopback_multicast.hpp"
 #include "served_hub.hpp"
 
-// Consumers of the hub's multicast over loopback behave as those of a stream, even with lost
+// Consumers of the hub's multicast over loopback behave like those of a stream, even with lost
 // datagrams (ev-7).
 namespace rtpm::events::test {
 namespace {
@@ -57,7 +57,7 @@ TEST_P(HubMulticast, EachConsumerGetsWhatItsFilterAccepts) {
   const auto first = join(hub, recorder_, where(kPose, "x", Comparison::kGreater, Scalar::of(1)));
   const auto second = join(hub, buttons, of_type(kButton));
   const auto third = join(hub, pairs, correlate({of_type(kButton), of_type(kPose)}));
-  // Beside them one that reads the ring.
+  // Another consumer reads the ring.
   const auto fourth =
       make_consumer(node_, hub, in_ring, of_type(kPose), {}, rpc::Transport::kAuto, true);
   EXPECT_TRUE(fourth->reads_ring());
@@ -145,8 +145,8 @@ TEST_P(HubMulticast, SleepingConsumerReportsEvictedEvents) {
   const auto quick = join(hub, recorder_, of_type(kPose), {.queue_capacity = 64});
   push(*supplier, kPose);
   ASSERT_TRUE(sleeper.await_deliveries(1));
-  // Less than a second, so that the sleeper is not taken for dead; in turns of less than the hub
-  // keeps, so that the other loses nothing.
+  // Less than a second, so that the sleeper does not count as dead; in batches smaller than the
+  // hub's history, so that the other consumer loses nothing.
   constexpr std::size_t kCount = 320;
   for (std::size_t i = 2; i <= kCount; ++i) {
     push(*supplier, kPose);

@@ -9,7 +9,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "served_hub.hpp"
 
-// Consumers that read the hub's ring behave as those of a stream.
+// Consumers that read the hub's ring behave like those of a stream.
 namespace rtpm::events::test {
 namespace {
 
@@ -148,7 +148,7 @@ TEST(HubRingLimits, OverrunConsumerReportsItsLosses) {
   const auto other = make_consumer(node, hub, quick, of_type(kPose));
   push(*supplier, kPose);
   ASSERT_TRUE(sleeper.await_deliveries(1));
-  // Large ones, a few times what the ring holds: the fewer, the sooner the sleeper is called on.
+  // Large events, a few times the ring's capacity: fewer events delay the sleeper less.
   constexpr std::size_t kCount = 100;
   const std::vector<std::byte> large(4000);
   for (std::size_t i = 2; i <= kCount; ++i) {
@@ -166,7 +166,7 @@ TEST(HubRingLimits, OverrunConsumerReportsItsLosses) {
   EXPECT_EQ(counters.event_count + counters.losses.total(), kCount + 1);
 }
 
-/// A hub in a process of its own, to be killed. Made before the test starts a thread.
+/// A hub in its own process, which the test kills. Created before the test starts a thread.
 class ChildHub {
  public:
   ChildHub() {

@@ -32,7 +32,7 @@ void expect_told_of_the_next_hub(rpc::Node& node, ServedHub& hub, rpc::Transport
     return is_told && pushed;
   }));
   const SupplierCounters counters = (*supplier)->counters();
-  // The ring may say that all but the last were read.
+  // The ring may report that all but the last were read.
   EXPECT_GE(counters.maybe_lost_count, 1U);
   EXPECT_GE(counters.unconfirmed_count, 1U);
   EXPECT_GE(counters.sent_count, counters.maybe_lost_count + counters.unconfirmed_count);
@@ -66,7 +66,7 @@ TEST_P(HubOn, DeliversWhatTheFilterAccepts) {
 // From any thread, concurrently with the supplier's other requests.
 TEST_P(HubOn, DeliversTheEventsOfASupplierInTheirOrder) {
   constexpr int kThreadCount = 3;
-  constexpr int kCount = 60;  // Of each: few enough for the buffer of a socket.
+  constexpr int kCount = 60;  // Per thread: few enough for the buffer of a socket.
   const auto supplier = make_supplier(node_, hub_, GetParam());
   const auto consumer = make_consumer(node_, hub_, recorder_, of_type(kPose),
                                       {.queue_capacity = kThreadCount * kCount}, GetParam());
@@ -175,7 +175,7 @@ INSTANTIATE_TEST_SUITE_P(Transports, HubOn,
                                          rpc::Transport::kSharedMemory),
                          [](const auto& each) { return std::string(to_string(each.param)); });
 
-// No connection ends there.
+// No connection ends in this case.
 TEST(HubInTheProgram, ReportsUnconfirmedEventsOfTheFormerHub) {
   ServedHub hub;
   rpc::Node node;
@@ -228,7 +228,7 @@ TEST_F(HubTest, SetsTheFieldsThatNoSupplierMay) {
   EXPECT_EQ(hub_.hub().intake().bad_count, 2U);
 }
 
-// ev-5.1-1: also of the supplier whose number is 0.
+// ev-5.1-1: this includes the supplier whose number is 0.
 TEST_F(HubTest, TagsTheEventsOfEverySupplier) {
   const auto consumer = make_consumer(node_, hub_, recorder_, everything());
   alignas(16) std::array<std::byte, kEventHeaderSize> memory{};
@@ -252,7 +252,7 @@ TEST_F(HubTest, LateJoinerGetsTheLatchedValue) {
   Recorder early;
   const auto other = make_consumer(node_, hub_, early, of_type(kButton));
   push(*supplier, kButton);
-  // The hub has stored what it delivered.
+  // The hub has stored the events that it delivered.
   ASSERT_TRUE(early.await_deliveries(1));
   const auto consumer = make_consumer(node_, hub_, recorder_, of_type(kPose), {.replay = 1});
   ASSERT_TRUE(recorder_.await_deliveries(1));
@@ -445,7 +445,7 @@ TEST_F(HubTest, ConsumerOfTheLatestGetsNoOldEvents) {
   sleeper.release();
   ASSERT_TRUE(
       sleeper.await([&](const Recorder& it) { return it.last_header_.sequence == kCount; }));
-  // Events delivered or in flight when it fell asleep; then the newest.
+  // The consumer gets events delivered or in flight when it fell asleep, then the newest.
   EXPECT_LE(sleeper.deliveries_.size(), 6U);
   EXPECT_EQ(slow->counters().event_count + slow->counters().losses.replaced_count, kCount);
 }

@@ -11,13 +11,13 @@ namespace rtpm::events::test {
 inline constexpr const char* kLoopback = "127.0.0.1";
 inline constexpr const char* kNeedsMulticast = "needs multicast on the loopback interface";
 
-/// A group of this test's own, so that tests that run beside it are not heard.
+/// A group for this test alone, so that it does not receive from tests that run beside it.
 inline transport::MulticastGroup group_of_mine() {
   static const auto kPort = static_cast<std::uint16_t>(20'000 + to_ns(rt::now()) / 1000 % 40'000);
   return {.group = "239.255.42.99", .port = kPort, .interface = kLoopback, .hops = 0};
 }
 
-/// Whether what is sent to the group comes.
+/// Whether datagrams sent to the group arrive.
 inline bool has_multicast() {
   const auto group = group_of_mine();
   auto receiver = transport::MulticastReceiver::open(group);

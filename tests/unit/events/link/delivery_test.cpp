@@ -58,7 +58,7 @@ TEST(Delivery, SourcesBeyondTheLimitShareAnInterval) {
   for (int source = 1; source <= kCount; ++source)
     table.push_at(0, kPose, static_cast<SourceId>(source));
   EXPECT_EQ(table.exchange.counters(table.number).omitted_count, 9u);
-  // Those that are open again make room.
+  // Sources whose interval is over free their slots.
   for (int source = kCount; source > 10; --source)
     table.push_at(10, kPose, static_cast<SourceId>(source));
   EXPECT_EQ(table.exchange.counters(table.number).omitted_count, 9u);

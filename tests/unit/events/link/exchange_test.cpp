@@ -109,7 +109,7 @@ TEST(Exchange, ReadySubscriptionsAreToldOnceHoweverManyEventsCame) {
   }
 }
 
-/// Writes down what is broadcast: "0,2:5.0#1".
+/// Writes down each broadcast: "0,2:5.0#1".
 class Listener final : public Broadcaster {
  public:
   void broadcast(std::span<const SubscriptionNumber> to,

@@ -5,7 +5,7 @@
 #include "rtpm/events/link.hpp"
 #include "table.hpp"
 
-// What a hub asks another for (ev-5.2).
+// The interest that a hub requests from another hub (ev-5.2).
 namespace rtpm::events::test {
 namespace {
 
@@ -31,7 +31,7 @@ TEST(InterestSet, HasTheTypesAndSourcesOfEachKindOfNode) {
   EXPECT_EQ(interest_set_of(all_of({everything(), pose})), InterestSet{of(kPose)});
   EXPECT_EQ(interest_set_of(none_of(pose)), InterestSet{Match{}});
   EXPECT_EQ(interest_set_of(correlate({pose, held})), (InterestSet{of(kPose), of(kGaze)}));
-  // A conjunction keeps also what the comparison beside it does not want.
+  // A conjunction also keeps events that the comparison beside it rejects.
   EXPECT_EQ(interest_set_of(all_of({held, correlate({pose})})),
             (InterestSet{of(kGaze), of(kPose)}));
   EXPECT_EQ(interest_set_of(listed({of(kPose), of(kGaze)})), (InterestSet{of(kPose), of(kGaze)}));

@@ -7,7 +7,7 @@
 #include <random>
 #include <string>
 
-// Datagrams to many, lost and repaired (ev-7).
+// Multicast datagrams, lost and repaired (ev-7).
 namespace rtpm::events {
 namespace {
 
@@ -29,7 +29,7 @@ Datagram content(std::size_t size, int seed = 1) {
 
 class Multicast : public testing::Test {
  protected:
-  /// Writes a record; its datagrams.
+  /// Writes a record and returns its datagrams.
   std::vector<Datagram> write(const Datagram& bytes, std::vector<std::uint32_t> owners = {kMe}) {
     std::vector<Datagram> sent;
     EXPECT_TRUE(
@@ -41,7 +41,7 @@ class Multicast : public testing::Test {
     for (const Datagram& each : datagrams)
       EXPECT_TRUE(reader.take(each));
   }
-  /// What can be read now, one event in each record.
+  /// All records that can be read now; each has one event.
   std::vector<Datagram> read() {
     std::vector<Datagram> records;
     while (reader.read()) {
@@ -51,7 +51,7 @@ class Multicast : public testing::Test {
     }
     return records;
   }
-  /// Asks the writer as a consumer asks its hub.
+  /// Requests missing datagrams from the writer, as a consumer does from its hub.
   void repair() {
     while (const auto gap = reader.gap()) {
       for (std::uint64_t i = 0; i <= 64; ++i) {
@@ -175,7 +175,7 @@ TEST_F(Multicast, WhatIsNoLongerKeptIsCountedAsLost) {
   EXPECT_TRUE(reader.take(writer.heartbeat()));
   repair();
   const std::size_t left = read().size();
-  // Of 100 datagrams 64 are kept, of which half are its own.
+  // The writer keeps 64 of the 100 datagrams; half of these are the reader's own.
   EXPECT_EQ(left, 32U);
   EXPECT_EQ(reader.missed_count(), 18U);
   take(write(content(77)));

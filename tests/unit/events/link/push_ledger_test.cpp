@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-// What a supplier may say of its events when connections and hubs end under them.
+// A supplier's account of its events when connections and hubs end.
 namespace rtpm::events {
 namespace {
 

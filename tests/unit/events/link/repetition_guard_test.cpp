@@ -27,7 +27,7 @@ TEST(RepetitionGuard, AdmitsWhatComesOutOfOrderWithinItsSpan) {
   EXPECT_TRUE(guard.admit(event(998)));
   EXPECT_TRUE(guard.admit(event(999)));
   EXPECT_FALSE(guard.admit(event(998)));
-  // Too old to be known.
+  // The event is too old for the guard's memory.
   EXPECT_FALSE(guard.admit(event(1000 - RepetitionGuard::kSpan)));
 }
 
@@ -62,7 +62,7 @@ TEST(RepetitionGuard, OfTooManyRowsForgetsTheLongestSilent) {
   RepetitionGuard guard(8);
   for (SourceId i = 0; i < 8; ++i)
     EXPECT_TRUE(guard.admit(event(1, 7, 5, i)));
-  EXPECT_FALSE(guard.admit(event(1, 7, 5, 0)));  // And is no longer the longest silent.
+  EXPECT_FALSE(guard.admit(event(1, 7, 5, 0)));  // Its source is no longer the longest silent.
   EXPECT_TRUE(guard.admit(event(1, 7, 5, 8)));
   EXPECT_FALSE(guard.admit(event(1, 7, 5, 0)));
   EXPECT_TRUE(guard.admit(event(1, 7, 5, 1)));

@@ -15,7 +15,7 @@ namespace {
 constexpr std::uint64_t kId = 77;
 constexpr std::uint64_t kOwner = 5;
 
-/// A ring with a writer, in memory of its own.
+/// A ring and its writer, in its own memory.
 struct Ring {
   struct alignas(4096) Page {
     std::byte bytes[4096];
@@ -40,7 +40,7 @@ std::string text_of(const RingReader& reader) {
   return {reinterpret_cast<const char*>(reader.events().data()), reader.events().size()};
 }
 
-/// What the reader gets until there is no more, with blanks between.
+/// Reads until the ring is empty; returns the events, separated by blanks.
 std::string rest_of(RingReader& reader) {
   std::string text;
   for (RingRead read = reader.read(); read != RingRead::kNothing; read = reader.read()) {
