@@ -16,7 +16,7 @@
 #include "rtpm/safety/parameters.hpp"
 #include "scripted_driver.hpp"
 
-/// A served device's parameters: changed between two cycles, by the device's thread.
+/// A served device's parameters: the device's thread changes them between two cycles.
 namespace rtpm::gvd {
 namespace {
 
@@ -25,7 +25,7 @@ using driver::ParameterValue;
 using std::chrono::milliseconds;
 using enum ConfigurationOutcome;
 
-/// A device with a gain in steps of 0.5, of at most 4, and a mode while inactive.
+/// A device with a gain in steps of 0.5, at most 4, and a switch that is writable while inactive.
 class TunedDriver final : public test::ScriptedDriver {
  public:
   [[nodiscard]] std::vector<driver::ParameterSpec> parameters() const override {
@@ -63,7 +63,7 @@ class TunedDriver final : public test::ScriptedDriver {
   std::thread::id thread{};
 };
 
-/// A cycle without thread and clock, whose device's thread is the test's.
+/// A cycle without thread and clock; the test's thread acts as the device's thread.
 class Cycled : public testing::Test {
  protected:
   Cycled() {
@@ -78,7 +78,7 @@ class Cycled : public testing::Test {
       if (cycle_.needs_maintenance(now_)) cycle_.maintain(now_);
     }
   }
-  /// Applies `settings` on another thread, while this one is between two cycles.
+  /// Applies `settings` on another thread, while this thread is between two cycles.
   expected<void, ConfigurationError> apply(std::vector<ParameterSetting>& settings,
                                            bool needs_inactive = false) {
     expected<void, ConfigurationError> outcome;
@@ -232,7 +232,7 @@ TEST(ConfiguredServer, ChangesAtOnceUnlessItRuns) {
   EXPECT_TRUE(configurable.is_active());
   expected<void, ConfigurationError> applied;
   const MonotonicTime until = rt::now() + std::chrono::seconds{10};
-  // Busy is the answer on a machine that does not run the device's thread for 100 ms.
+  // If the machine does not run the device's thread for 100 ms, the answer is busy.
   do {
     applied = configurable.apply(settings, false);
   } while (!applied && applied.error().outcome == kBusy && rt::now() < until);

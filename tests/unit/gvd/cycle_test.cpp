@@ -38,7 +38,7 @@ class Cycle : public ::testing::Test {
     cycle_.emplace(driver_, config, SipKey{1, 2});
     ASSERT_TRUE(cycle_->begin(now_));
   }
-  /// Lets `count` milliseconds go by.
+  /// Lets `count` milliseconds pass.
   void run(int count = 1, std::uint32_t missed_count = 0) {
     for (int i = 0; i < count; ++i) {
       now_ += milliseconds{1};
@@ -55,7 +55,7 @@ class Cycle : public ::testing::Test {
     ASSERT_TRUE(id);
     lease_ = *id;
   }
-  /// A force that stands at `newton`, soft start over.
+  /// Brings the force to `newton`, after the soft start.
   void reach(double newton) {
     for (int i = 0; i < 300; ++i) {
       ASSERT_TRUE(command(newton));
@@ -95,7 +95,7 @@ TEST_F(Cycle, TellsTheDriverTheTimeAndTheEndOfItsForce) {
       << "hold and ramp after the command came";
 }
 
-// The bound of the contract: hold + ramp + one period after the last command.
+// The contract's bound: hold + ramp + one period after the last command.
 TEST_F(Cycle, ForceIsZeroWithinItsBoundOnceTheClientIsGone) {
   acquire();
   reach(5);
@@ -214,7 +214,7 @@ TEST_F(Cycle, AHolderThatCommandsNowAndThenKeepsTheLease) {
 
 TEST_F(Cycle, AnOperatorTakesTheLeaseOver) {
   acquire();
-  // No multiple of the rate limit's step, which would pass through zero by chance.
+  // Not a multiple of the rate limit's step, which would pass through zero by chance.
   reach(4.3);
   const std::uint64_t former = lease_;
   const auto refused = cycle_->take_over(27999);
@@ -285,7 +285,7 @@ TEST_F(Cycle, AFormerHoldersRequestsCountForNothing) {
   EXPECT_TRUE(sample().faults.has(Fault::kCommandNotFinite)) << "nor the fault ended";
 }
 
-// Two clients that push in opposite directions, whatever way the lease changes hands.
+// Two clients push in opposite directions, however the lease changes hands.
 TEST_F(Cycle, NeverMixesTwoClientsForces) {
   CycleConfig config;
   config.lease = {milliseconds{30}, milliseconds{200}, milliseconds{5}, milliseconds{20}};
@@ -337,7 +337,7 @@ TEST_F(Cycle, NeverMixesTwoClientsForces) {
   }
 }
 
-/// A client of several threads that pushes in one direction whenever it has the lease.
+/// A client of several threads that pushes in one direction whenever it holds the lease.
 class Pusher {
  public:
   Pusher(DeviceCycle& cycle, double newton) noexcept : cycle_(cycle), newton_(newton) {}
@@ -393,7 +393,7 @@ TEST_F(Cycle, NeverMixesTwoClientsForcesWhateverTheirThreadsDo) {
   int turn_count = 0;
   int last_sign = 0;
   bool was_zero = true;
-  // The clients' threads may get little of the CPU: it goes on until they have taken turns.
+  // The clients' threads may get little CPU time: the loop runs until they have taken turns.
   for (int ms = 0; turn_count < 20 && ms < 2'000'000; ++ms) {
     run();
     clock = now_;

@@ -42,7 +42,7 @@ class HotPlug : public ::testing::Test {
     is_plugged_in_ = true;
     driver_.configure_error.clear();
   }
-  /// As DeviceServer::start() does with starts_without_device.
+  /// Starts like DeviceServer::start() with starts_without_device.
   void begin() {
     const auto begun = cycle_->begin(now_);
     if (!begun) cycle_->begin_without(now_, begun.error());
@@ -54,7 +54,7 @@ class HotPlug : public ::testing::Test {
       if (cycle_->needs_maintenance(now_)) cycle_->maintain(now_);
     }
   }
-  /// How many cycles it takes until the sample says that the device is active; 2000: it does not.
+  /// The number of cycles until the sample says that the device is active; 2000 if it never does.
   int cycles_until_active() {
     int count = 0;
     do {
@@ -136,7 +136,7 @@ TEST_F(HotPlug, ComesBackWithoutItsLeaseAndSoftly) {
   unplug();
   run(1);
   plug_in();
-  // The client goes on commanding as if nothing had happened.
+  // The client keeps commanding as if nothing had happened.
   for (int i = 0; i < 1000; ++i) {
     EXPECT_EQ(command(*lease, 5).error(), DeviceOutcome::kNotHolder);
     run(1);

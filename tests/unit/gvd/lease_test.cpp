@@ -18,7 +18,7 @@ MonotonicTime at(Duration time) {
   return MonotonicTime{seconds{1000}} + time;
 }
 
-/// A lease without limits but the one for silence; it changes hands once per step.
+/// A lease whose only limit is the one for silence; it changes hands once per step.
 LeaseConfig silent_after(Duration silence_max) {
   return {silence_max, std::chrono::hours{1}, Duration{0}, Duration{0}};
 }
@@ -270,7 +270,7 @@ TEST(Lease, HasOneHolderWhateverManyThreadsDo) {
         const auto id = i == 0 ? lease.take_over() : lease.acquire();
         if (!id) continue;
         const bool was_released = lease.release(*id);
-        // Released by this thread, or taken over by the first one.
+        // This thread released it, or the first one took it over.
         const LeaseState state = lease.state_of(*id);
         if (was_released ? state != LeaseState::kReleased && state != LeaseState::kUnknown
                          : state == LeaseState::kHeld || state == LeaseState::kReleased) {

@@ -62,7 +62,7 @@ TEST(Mailbox, HasNothingOfAWriterThatIsNotAllowed) {
   EXPECT_FALSE(mailbox.take());
 }
 
-// A writer asks whether it is allowed in the middle of its put: there the test stops it.
+// A writer checks its permission in the middle of its put: there the test stops it.
 
 TEST(Mailbox, AWriterThatStoppedInTheMiddleHoldsNobodyUp) {
   Mailbox<Letter> mailbox;
@@ -101,7 +101,7 @@ TEST(Mailbox, IsBusyOnlyWhenEverySlotIsInUse) {
   std::atomic<int> stopped_count{0};
   std::barrier go_on(kCount);
   std::vector<std::thread> writers;
-  // All but one slot belong to writers that stand still, and the last one to the value that waits.
+  // Stopped writers own all slots but one, and the waiting value has the last.
   for (std::uint32_t i = 1; i < kCount; ++i) {
     writers.emplace_back([&, i] {
       bool has_stopped = false;

@@ -21,7 +21,7 @@ using std::chrono::seconds;
 
 constexpr double kDepthMetre = 0.01;
 
-/// Material below z = 0: at kDepthMetre, 4 N.
+/// Material below z = 0: it pushes with 4 N at kDepthMetre.
 constexpr Plane kFloor{{}, {0, 0, 1}, 400, 0};
 
 class ModelsInTheCycle : public ::testing::Test {
@@ -54,7 +54,7 @@ class ModelsInTheCycle : public ::testing::Test {
       if (cycle_->needs_maintenance(now_)) cycle_->maintain(now_);
     }
   }
-  /// Runs `count` cycles as the holder that renews now and then, but commands nothing.
+  /// Runs `count` cycles as a holder that renews its lease now and then, but commands nothing.
   void run_renewed(int count) {
     for (int i = 0; i < count; ++i) {
       if (i % 100 == 0) {
@@ -70,7 +70,7 @@ class ModelsInTheCycle : public ::testing::Test {
     return cycle_->submit(
         {lease_, ++sequence_, milliseconds{10}, driver::Setpoint::with_wrench({newton, {}})}, now_);
   }
-  /// The floor at its full 4 N, soft start over.
+  /// Brings the floor to its full 4 N, after the soft start.
   void rest_on_the_floor() {
     ASSERT_TRUE(set({kFloor}));
     run_renewed(300);
@@ -224,7 +224,7 @@ TEST_F(ModelsInTheCycle, EndWithRecoverButThoseSetAfterItStay) {
   ASSERT_TRUE(cycle_->request(lease_, Release::kRecover));
   run_renewed(300);
   EXPECT_EQ(applied(), Vector3{});
-  // Both before one cycle, in either order.
+  // Both happen before one cycle, in either order.
   ASSERT_TRUE(set({kFloor}));
   ASSERT_TRUE(cycle_->request(lease_, Release::kRecover));
   run_renewed(300);
@@ -237,7 +237,7 @@ TEST_F(ModelsInTheCycle, EndWithRecoverButThoseSetAfterItStay) {
 
 TEST_F(ModelsInTheCycle, HideNoCommandThatIsNotFinite) {
   rest_on_the_floor();
-  // Over before the next cycle.
+  // The command ends before the next cycle.
   const auto setpoint =
       driver::Setpoint::with_wrench({{std::numeric_limits<double>::quiet_NaN(), 0, 0}, {}});
   ASSERT_FALSE(cycle_->submit({lease_, ++sequence_, Duration{0}, setpoint}, now_));
@@ -287,7 +287,7 @@ TEST_F(ModelsInTheCycle, OfADialBecomeItsEffort) {
   EXPECT_EQ(driver_.last_command.joints[0], 0);
 }
 
-// Random walls, fields and dampers under a random motion: no list gets beyond the device's limits.
+// Random walls, fields and dampers in a random motion: no list exceeds the device's limits.
 TEST_F(ModelsInTheCycle, OfAnyListKeepTheLimits) {
   std::mt19937_64 random(11);
   const auto between = [&random](double low, double high) {

@@ -23,7 +23,7 @@
 #include "rtpm/test/os.hpp"
 #include "scripted_driver.hpp"
 
-/// A device served and used in one process, over the loop-back network.
+/// A device served and used in one process, over the loopback network.
 namespace rtpm::gvd {
 namespace {
 
@@ -47,7 +47,7 @@ class Served : public ::testing::Test {
     prepare(std::move(driver), std::move(config));
     ASSERT_TRUE(server_->start());
   }
-  /// The device has its URL, but does not answer before the server is started.
+  /// The device has its URL, but does not answer before the server starts.
   void prepare(std::unique_ptr<driver::Driver> driver, DeviceServerConfig config) {
     auto device = DeviceServer::create(std::move(driver), std::move(config));
     ASSERT_TRUE(device) << device.error().text();
@@ -72,7 +72,7 @@ class Served : public ::testing::Test {
     RTPM_ASSERT(client.has_value(), "the device could not be opened");
     return std::move(*client);
   }
-  /// Sends `newton` along x every cycle until `condition` holds.
+  /// Sends `newton` along x in every cycle until `condition` holds.
   template <class Condition>
   bool command_until(DeviceClient& client, double newton, Condition condition) {
     return await([&] {
@@ -87,7 +87,7 @@ class Served : public ::testing::Test {
   rpc::Node node_{{.default_deadline = seconds{5}}};
 };
 
-/// Commands must arrive within their hold on a machine that is busy with other tests.
+/// Allows commands to arrive within their hold on a machine that is busy with other tests.
 rpc::CallOptions patient() {
   rpc::CallOptions options;
   options.deadline = seconds{5};

@@ -7,7 +7,7 @@
 #include "rtpm/gvd/setpoint_limiter.hpp"
 #include "scripted_driver.hpp"
 
-/// Commands that are not forces: motion, joints and outputs, and the emergency stop.
+/// Commands other than forces: motion, joints and outputs, and the emergency stop.
 namespace rtpm::gvd {
 namespace {
 
@@ -90,7 +90,7 @@ class Commanded : public ::testing::Test {
     for (int i = 0; i < count; ++i)
       cycle_->run(now_ += milliseconds{1}, 0);
   }
-  /// Sends `setpoint` until soft start is over.
+  /// Sends `setpoint` until the soft start is over.
   void reach(const Setpoint& setpoint) {
     for (int i = 0; i < 300; ++i) {
       ASSERT_TRUE(command(setpoint));

@@ -42,7 +42,7 @@ class Listener final : public DeviceListener {
 
 class KeptStops : public ::testing::Test {
  protected:
-  /// One life of a program with one device.
+  /// One run of a program with one device.
   struct Program {
     Program(const std::string& folder, Listener& listener, const std::string& serial = "s-1")
         : keeper({.folder = folder, .listener = &listener}) {
@@ -126,7 +126,7 @@ TEST_F(KeptStops, ThatCantBeReadCountAsStops) {
 }
 
 TEST_F(KeptStops, ThatCantBeWrittenAreReportedAndActAllTheSame) {
-  // A file in the folder's place.
+  // A file takes the folder's place.
   std::ofstream(folder_) << "no folder";
   Program program(folder_, listener_);
   program.server->emergency_stop();

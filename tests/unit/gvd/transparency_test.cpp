@@ -18,22 +18,22 @@
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/clock.hpp"
 
-/// I/O transparency: one piece of client code uses unlike devices, by their descriptions alone.
+/// I/O transparency: the same client code uses different devices, by their descriptions alone.
 namespace rtpm::gvd {
 namespace {
 
 using namespace std::chrono_literals;
 using driver::CommandMode;
 
-/// What the client code found out about a device.
+/// The client code's findings about a device.
 struct Findings {
-  std::size_t channel_count = 0;  ///< Whose values it has read.
+  std::size_t channel_count = 0;  ///< The channels whose values it has read.
   bool moves_by_itself = false;   ///< A value changed between two samples.
   std::vector<CommandMode> obeyed{};
-  DeviceOutcome refusal = DeviceOutcome::kDone;  ///< Of a mode that the device does not have.
+  DeviceOutcome refusal = DeviceOutcome::kDone;  ///< The refusal of an unsupported mode.
 };
 
-/// A tenth of what the device can do, in `mode`.
+/// A tenth of the device's range, in `mode`.
 driver::Setpoint gentle(const driver::Descriptor& device, CommandMode mode) {
   driver::Setpoint setpoint;
   setpoint.mode = mode;

@@ -25,7 +25,7 @@ using std::chrono::seconds;
 constexpr unsigned kTrialCount = 1000;
 constexpr Duration kPeriod = milliseconds{1};
 
-/// The arm, with a plug to pull and a record of what its motors did.
+/// The arm, with a plug to pull and a record of its motors' output.
 class RecordedArm final : public driver::Driver {
  public:
   explicit RecordedArm(std::unique_ptr<device_sim::SimDriver> arm) : arm_(std::move(arm)) {}
@@ -38,7 +38,7 @@ class RecordedArm final : public driver::Driver {
   [[nodiscard]] expected<void, SetupError> activate() override { return arm_->activate(); }
   [[nodiscard]] driver::ExchangeStatus exchange(const driver::Command& command,
                                                 driver::Sample& sample) noexcept override {
-    // An arm without a plug has no power.
+    // An unplugged arm has no power.
     if (is_unplugged) {
       newton = 0;
       return driver::ExchangeStatus::kGone;
@@ -58,7 +58,7 @@ class RecordedArm final : public driver::Driver {
   }
 
   bool is_unplugged = false;
-  double newton = 0;  ///< Of the last cycle.
+  double newton = 0;  ///< The force in the last cycle.
   double newton_max = 0;
   double velocity_max = 0;
 
@@ -84,7 +84,7 @@ class Trial {
     hold_ = milliseconds{5 + random_() % 120};
   }
 
-  /// The client commands for a while; a loss may come at any phase of a cycle.
+  /// Lets the client command for a while; a loss may come at any phase of a cycle.
   void push_for_a_while() {
     const int count = 50 + static_cast<int>(random_() % 250);
     for (int i = 0; i < count; ++i) {
@@ -92,7 +92,7 @@ class Trial {
       step();
     }
   }
-  /// A command on its way to the device.
+  /// Puts a command on its way to the device.
   void send() {
     const double newton = between(0, 15);
     Vector3 force{between(-1, 1), between(-1, 1), between(-1, 1)};
@@ -101,7 +101,7 @@ class Trial {
     link_.push_back({now_ + delay_ + microseconds{random_() % 500},
                      {lease_, ++sequence_, hold_, driver::Setpoint::with_wrench({force, {}})}});
   }
-  /// One cycle, up to 0.2 ms late, with what has arrived by then.
+  /// Runs one cycle, up to 0.2 ms late, with the commands that have arrived by then.
   void step() {
     now_ += kPeriod;
     const MonotonicTime begin = now_ + microseconds{random_() % 200};
@@ -116,7 +116,7 @@ class Trial {
     if (cycle_->needs_maintenance(begin)) cycle_->maintain(begin);
     last_cycle_ = begin;
   }
-  /// Goes on without new commands, and checks the bound.
+  /// Runs on without new commands, and checks the bound.
   void expect_the_force_ends(const std::string& what) {
     const Duration ramp = cycle_->safety().ramp;
     for (int i = 0; i < 200; ++i) {
@@ -152,7 +152,7 @@ class Trial {
   std::optional<DeviceCycle> cycle_{};
   MonotonicTime now_{seconds{1000}};
   MonotonicTime last_cycle_{};
-  MonotonicTime last_end_{};  ///< Of the last accepted command.
+  MonotonicTime last_end_{};  ///< The end of the last accepted command.
   std::uint64_t lease_ = Lease::kNobody;
   std::uint32_t sequence_ = 0;
   Duration delay_{};
@@ -163,7 +163,7 @@ std::string name_of(const char* loss, unsigned seed) {
   return std::string(loss) + ", seed " + std::to_string(seed);
 }
 
-/// How many trials had a force to lose, so that they show something.
+/// Returns how many trials had a force to lose, which shows that they test something.
 template <class Lose>
 unsigned run_trials(const char* loss, Lose lose) {
   unsigned with_force = 0;
@@ -179,7 +179,7 @@ unsigned run_trials(const char* loss, Lose lose) {
 
 TEST(AThousandTrials, OfAKilledClient) {
   const unsigned with_force = run_trials("killed", [](Trial& trial, const std::string& what) {
-    // What is on its way still arrives.
+    // Commands in flight still arrive.
     trial.expect_the_force_ends(what);
   });
   EXPECT_GT(with_force, kTrialCount * 9 / 10);
@@ -189,7 +189,7 @@ TEST(AThousandTrials, OfAStoppedClientThatGoesOnLater) {
   const unsigned with_force = run_trials("stopped", [](Trial& trial, const std::string& what) {
     trial.expect_the_force_ends(what);
     if (::testing::Test::HasFatalFailure()) return;
-    // It resumes, as after SIGCONT; then it is stopped for longer than its lease.
+    // It resumes, as after SIGCONT; later it is stopped for longer than its lease.
     trial.push_for_a_while();
     trial.expect_the_force_ends(what + ", again");
     for (int i = 0; i < 1200; ++i)
@@ -204,7 +204,7 @@ TEST(AThousandTrials, OfAStoppedClientThatGoesOnLater) {
 
 TEST(AThousandTrials, OfACutLink) {
   const unsigned with_force = run_trials("cut", [](Trial& trial, const std::string& what) {
-    // First it loses and reorders, then it is cut with everything on it.
+    // First the link loses and reorders; then it is cut, with everything in flight.
     for (int i = 0; i < 50; ++i) {
       trial.send();
       if (trial.random()() % 3 == 0) trial.link_.pop_back();
@@ -235,7 +235,7 @@ TEST(AThousandTrials, OfAnUnpluggedDevice) {
     trial.step();
     ASSERT_EQ(trial.cycle().lifecycle(), driver::Lifecycle::kFault) << what;
     trial.arm().is_unplugged = false;
-    // It is back within a second; the former client's commands have no effect.
+    // The device is back within a second; the former client's commands have no effect.
     int ms = 0;
     for (; ms < 1000 && trial.cycle().lifecycle() != driver::Lifecycle::kActive; ++ms) {
       trial.send();

@@ -13,7 +13,7 @@
 #include "rtpm/test/os.hpp"
 #include "scripted_driver.hpp"
 
-/// Two devices of one program, with real threads: what one's driver does, the other must not feel.
+/// Two devices of one program, with real threads: one driver's behaviour must not affect the other.
 /// Counted in cycles, because a busy machine may delay any thread.
 namespace rtpm::gvd {
 namespace {
@@ -38,8 +38,8 @@ std::unique_ptr<DeviceServer> start_device(test::ScriptedDriver::Script script) 
 
 TEST(TwoDevices, ADriverThatSleepsCostsTheOtherNoCycle) {
   const auto quick = start_device({});
-  // Another program's load may cost the quick device cycles in one exchange of the slow one. If the
-  // slow one itself did, it would in each.
+  // Another program's load may cost the quick device cycles during one exchange of the slow device.
+  // If the slow device itself cost cycles, it would do so in each.
   std::atomic<int> undisturbed_count{0};
   const auto slow = start_device([&](const driver::Command&, driver::Sample&) {
     const DeviceCounters before = quick->counters();
@@ -51,8 +51,7 @@ TEST(TwoDevices, ADriverThatSleepsCostsTheOtherNoCycle) {
     return ExchangeStatus::kOk;
   });
   EXPECT_TRUE(await([&] { return undisturbed_count >= 3; }));
-  // Each cycle but the first counts those that were missed before it; the loop begins at the
-  // second.
+  // Each cycle but the first counts the missed cycles before it; the loop begins at the second.
   const DeviceCounters counters = slow->counters();
   EXPECT_GE(counters.missed_count, 99 * (counters.cycle_count - 2)) << "its own cycles it misses";
 }

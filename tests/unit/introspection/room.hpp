@@ -12,7 +12,7 @@
 
 namespace rtpm::introspection::test {
 
-/// A light that remembers its colour and gives scenes back, named anew.
+/// A light that remembers its colour, and returns scenes under a new name.
 class Light final : public room::LightServant {
  public:
   rpc::Result<void> set(const room::Colour& request, const rpc::CallContext&) override {

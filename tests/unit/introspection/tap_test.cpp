@@ -10,7 +10,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/test/os.hpp"
 
-// The tap of a server's calls, as another program reads it.
+// The tap of a server's calls, read by another program.
 namespace rtpm::introspection::test {
 namespace {
 
@@ -20,7 +20,7 @@ using Stream = rpc::TableStream<TapBatch>;
 
 class TapOfARoom : public testing::Test {
  protected:
-  /// The stream behind its first item, which is in `first`.
+  /// The stream after its first item, which is stored in `first`.
   std::optional<Stream> open(const TapRequestT& request) {
     auto stream = tap_.tap(request);
     EXPECT_TRUE(stream);
@@ -110,7 +110,7 @@ TEST_F(TapOfARoom, IsOneClientsAtATime) {
   ASSERT_TRUE(refused);
   EXPECT_NE(first_.refusal.find("tapped already"), std::string::npos) << first_.refusal;
   EXPECT_TRUE(room_.server->tap()->is_on());
-  // It is off again, and free for the next, once its client has gone.
+  // Once its client has gone, the tap is off again, and free for the next client.
   stream->cancel();
   EXPECT_TRUE(await([&] { return !room_.server->tap()->is_on(); }));
   EXPECT_TRUE(await([&] {
@@ -141,7 +141,7 @@ TEST_F(TapOfARoom, EndsWithItsServer) {
   EXPECT_FALSE(room_.server->tap()->is_on());
 }
 
-// The numbers of both are the wire's.
+// Both enumerations have the wire's numbers.
 TEST(CallStatuses, HaveTheWiresNames) {
   for (std::uint16_t number = 0; number < wire::kStatusCount; ++number) {
     std::string name(to_string(static_cast<wire::Status>(number)));

@@ -6,7 +6,7 @@
 #include "room.hpp"
 #include "rtpm/test/process.hpp"
 
-// The program `rtpm`, which has no generated code of the objects that it calls.
+// The program `rtpm`, which has no generated code for the objects that it calls.
 namespace rtpm::introspection {
 namespace {
 

@@ -12,13 +12,13 @@
 #include <string>
 #include <vector>
 
-// What a laboratory's file means, and where its mistakes are told.
+// The meaning of a laboratory's file, and the places where its mistakes are reported.
 namespace rtpm::laboratory {
 namespace {
 
 using namespace std::chrono_literals;
 
-/// A folder with programs that do nothing, so that no test depends on what is installed.
+/// A folder of programs that do nothing, so that no test depends on installed programs.
 class File : public testing::Test {
  protected:
   void SetUp() override {
@@ -43,7 +43,7 @@ class File : public testing::Test {
                     << mistake.what;
     return {};
   }
-  /// Checks that the only mistake is there, and has all the words.
+  /// Expects exactly one mistake, at this position, whose text contains all the words.
   void expect_mistake(const std::string& text, std::uint32_t line, std::uint32_t column,
                       const std::vector<std::string>& words) const {
     const auto plan = parse(text);
@@ -56,7 +56,7 @@ class File : public testing::Test {
     for (const std::string& word : words)
       EXPECT_NE(told.find(word), std::string::npos) << word << " is not in: " << told;
   }
-  /// The same of a line in a program that is right otherwise; it is the fourth of the text.
+  /// Likewise for a line in an otherwise correct program; it is the fourth line of the text.
   void expect_mistake_in(const std::string& line, std::uint32_t column,
                          const std::vector<std::string>& words) const {
     expect_mistake("[[program]]\nname = \"a\"\nrun = [\"sh\"]\n" + line + "\n", 4, column, words);
@@ -295,7 +295,7 @@ TEST_F(File, IsToldByItsName) {
   EXPECT_NE(absent.error()[0].text().find("No such file"), std::string::npos);
 }
 
-/// The file in a document: its block that begins with ```toml.
+/// The file in a document: its block that starts with ```toml.
 std::string block_in(const std::string& path) {
   std::ifstream file(path);
   const std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
@@ -326,7 +326,7 @@ std::string times(std::size_t count, const std::string& text) {
   return all;
 }
 
-// Else the parser, or what destroys its tables, runs out of stack.
+// Otherwise the parser, or the destructor of its tables, overflows the stack.
 TEST_F(File, ThatNestsTooDeeplyIsRefused) {
   const std::vector<std::string> deep{
       "a" + times(20'000, ".a") + " = 1\n",

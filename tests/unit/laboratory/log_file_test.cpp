@@ -28,7 +28,7 @@ TEST_F(Log, IsReadByItsUserOnly) {
   auto log = LogFile::open(path_);
   ASSERT_TRUE(log) << log.error().text();
   EXPECT_EQ(fs::status(path_).permissions(), kOwn);
-  // Beyond its size it begins anew.
+  // A file that exceeds its size limit starts anew.
   const std::string line(LogFile::kSizeMax / 4, 'x');
   for (int i = 0; i < 5; ++i)
     log->write(line);

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <random>
 
-// In which order a laboratory's programs start.
+// The order in which a laboratory's programs start.
 namespace rtpm::laboratory {
 namespace {
 
@@ -40,7 +40,7 @@ TEST(Order, NamesTheProgramsOfACycleOnly) {
 TEST(Order, PutsEveryProgramBehindThoseItComesAfter) {
   std::mt19937 random(1);
   for (int turn = 0; turn < 200; ++turn) {
-    // Only on later ones, so that there is no cycle.
+    // Each depends on later ones only, so that there is no cycle.
     std::vector<Indices> after(8);
     for (std::size_t i = 0; i < after.size(); ++i) {
       for (std::size_t other = i + 1; other < after.size(); ++other) {

@@ -12,11 +12,11 @@
 #include "laboratory/guard.hpp"
 #include "laboratory/process_tree.hpp"
 
-// How programs of a laboratory are started, found and ended.
+// Starting, finding and ending programs of a laboratory.
 namespace rtpm::laboratory {
 namespace {
 
-/// What a shell prints, run as a laboratory runs programs.
+/// The output of a shell that runs like a laboratory's program.
 std::string output_of(const std::string& script) {
   auto pipe = make_pipe();
   if (!pipe) return {};
@@ -80,12 +80,12 @@ TEST(ProcessTree, TellsAProcessFromALaterOne) {
   EXPECT_FALSE(identity_of(-1));
 }
 
-/// Whether a process exists that is no zombie.
+/// Whether the process exists and is no zombie.
 bool is_alive(pid_t id) {
   return identity_of(id).has_value();
 }
 
-// Both processes die by SIGKILL, one after the other; nothing that they have started is left.
+// SIGKILL ends both processes, one after the other; none of their child processes remains.
 TEST(Guard, EndsWhatItsWorkLeavesBehind) {
   auto pipe = make_pipe();
   auto ready_pipe = make_pipe();
@@ -94,7 +94,7 @@ TEST(Guard, EndsWhatItsWorkLeavesBehind) {
   if (guard == 0) {
     const auto end = run_guarded(
         [&](int) {
-          // A grandchild in a session of its own, which ignores SIGTERM.
+          // A grandchild in its own session, which ignores SIGTERM.
           if (fork() == 0) {
             setsid();
             signal(SIGTERM, SIG_IGN);
@@ -104,7 +104,7 @@ TEST(Guard, EndsWhatItsWorkLeavesBehind) {
             for (;;)
               pause();
           }
-          // Only when it ignores SIGTERM.
+          // Reports ready only once it ignores SIGTERM.
           pid_t ready = 0;
           static_cast<void>(!read((*ready_pipe)[0].number(), &ready, sizeof ready));
           raise(SIGKILL);

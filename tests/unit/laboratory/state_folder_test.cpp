@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <fstream>
 
-// Where laboratories are recorded, and which of the records count.
+// The place where laboratories are recorded, and the records that count.
 namespace rtpm::laboratory {
 namespace {
 
@@ -75,7 +75,7 @@ TEST_F(Folder, KnowsALaboratoryAsLongAsItsRecordIsLocked) {
     EXPECT_NE(second.error().text().find("`rtpm down cell` ends it"), std::string::npos);
     EXPECT_TRUE(Record::create(folder, "other"));
   }
-  // As after kill -9: the file is there, the lock is not.
+  // Like after kill -9: the file exists, but nothing locks it.
   EXPECT_TRUE(fs::exists(folder.record_path("cell")));
   EXPECT_FALSE(folder.find("cell"));
   EXPECT_FALSE(fs::exists(folder.record_path("cell")));

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-// What becomes of a laboratory's programs, in virtual time and without processes.
+// The supervision of a laboratory's programs, in virtual time and without processes.
 namespace rtpm::laboratory {
 namespace {
 
@@ -20,7 +20,7 @@ constexpr ProcessEnd kSuccess{.exit_code = 0};
 constexpr ProcessEnd kFault{.exit_code = 3};
 constexpr ProcessEnd kTerminated{.exit_code = std::nullopt, .signal = SIGTERM};
 
-/// Programs that each come after the one before.
+/// Programs that each depend on the one before.
 Plan chain(std::size_t count) {
   Plan plan{.name = "cell"};
   for (std::size_t i = 0; i < count; ++i) {
@@ -41,7 +41,7 @@ class Supervised : public testing::Test {
   }
   Actions due() { return supervision_->due(now_); }
   void pass(Duration time) { now_ += time; }
-  /// Starts what is due, until nothing is.
+  /// Starts programs that are due, until none is.
   void start_all() {
     for (Actions actions = due(); !actions.empty(); actions = due()) {
       for (const Action& action : actions) {
@@ -149,7 +149,7 @@ TEST_F(Supervised, JudgesHowAProgramEndsThatWasAskedTo) {
   for (const auto& [end, is_right] : std::vector<std::pair<ProcessEnd, bool>>{
            {kSuccess, true},
            {kTerminated, true},
-           {{.exit_code = 143}, true},  // A shell's, of SIGTERM.
+           {{.exit_code = 143}, true},  // A shell's exit code for SIGTERM.
            {{.exit_code = 3}, false},
            {{.exit_code = std::nullopt, .signal = SIGSEGV}, false}}) {
     begin(chain(1));
@@ -214,7 +214,7 @@ TEST_F(Supervised, ForgetsRestartsBeyondTheWindow) {
   for (int turn = 0; turn < 5; ++turn) {
     exit(0, kSuccess);
     EXPECT_EQ(due(), Actions{});
-    EXPECT_EQ(supervision().next(), now_ + 200ms);  // The back-off, too, begins anew.
+    EXPECT_EQ(supervision().next(), now_ + 200ms);  // The back-off starts anew, too.
     pass(11s);
     start_all();
     ASSERT_EQ(state(0), State::kServing) << turn;

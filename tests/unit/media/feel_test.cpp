@@ -7,7 +7,7 @@
 #include "cycle.hpp"
 #include "rtpm/device_sim/knob_driver.hpp"
 
-/// The feel of each mode on the simulated knob, rendered by its own loop on a simulated time line.
+/// The feel of each mode on the simulated knob, rendered by its own loop in simulated time.
 namespace rtpm::media {
 namespace {
 
@@ -27,7 +27,7 @@ class FeltKnob {
     lease_ = *cycle_->lease().acquire();
   }
   void feel(Mode mode, const PlayerView& player) { control_.enter(mode, angle_rad(), player); }
-  /// The least and the greatest position in detents of the mode within `span`.
+  /// The least and greatest position within `span`, in detents of the mode.
   struct Range {
     double low = 1e9;
     double high = -1e9;
@@ -82,7 +82,7 @@ TEST(MediaFeel, HoldsAKnobThatAHandPushesLightly) {
 
 TEST(MediaFeel, StopsAtTheEndsOfTheClip) {
   FeltKnob knob(0.004);
-  constexpr double kDetents = 3;  // To either end.
+  constexpr double kDetents = 3;  // To either side.
   knob.feel(Mode::kScrub, {.position_s = kDetents * Control::kScrubDetentSeconds,
                            .duration_s = 2 * kDetents * Control::kScrubDetentSeconds + 0.04,
                            .frame_s = 0.04});

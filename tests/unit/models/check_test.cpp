@@ -21,7 +21,7 @@ expected<void, ModelError> checked(const Model& model) {
   return check(ModelList{std::vector{model}}, test::arm_limits());
 }
 
-/// The name of the refused field, "" if the model passed.
+/// The name of the rejected field, or "" if the model passed.
 std::string refused(const Model& model) {
   const auto result = checked(model);
   return result ? "" : std::string(result.error().field);

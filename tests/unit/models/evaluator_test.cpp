@@ -200,13 +200,13 @@ TEST(Evaluator, IsFiniteForEveryFiniteSample) {
       for (const double effort : forces.efforts)
         EXPECT_TRUE(std::isfinite(effort));
     }
-    // The state of a friction model survives it.
+    // A friction model's state survives it.
     EXPECT_TRUE(std::isfinite(evaluator.evaluate(sample_at({})).wrench.force_newton.x));
   }
 }
 
-// The stiffness that check() admits is the steepest slope of the field, at edges, too. A solid box
-// and the centre of a ball have edges within the material, see Box and Sphere.
+// The stiffness that check() admits is the steepest slope of the field, including its edges. A
+// solid box and the centre of a ball have edges within the material, see Box and Sphere.
 TEST(Evaluator, HasNoStepsAndNoSlopeAboveTheStiffnessThatWasChecked) {
   const ModelLimits limits = test::arm_limits();
   std::mt19937_64 random(8);

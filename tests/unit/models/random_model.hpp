@@ -12,7 +12,7 @@
 /// Random models that pass the check, for property tests.
 namespace rtpm::gvd::test {
 
-/// An arm of 9 N, and a motorised joint 0, at 1 kHz.
+/// An arm with 9 N and a motorised joint 0, at 1 kHz.
 inline driver::Descriptor arm() {
   driver::Descriptor descriptor;
   descriptor.modes = {driver::CommandMode::kForce, driver::CommandMode::kJointEffort};
@@ -80,7 +80,7 @@ inline Model random_model(std::mt19937_64& random) {
   }
 }
 
-/// One to ModelList::kCountMax of them.
+/// A list of one to ModelList::kCountMax random models.
 inline ModelList random_list(std::mt19937_64& random) {
   std::vector<Model> models;
   for (std::size_t count = 1 + random() % ModelList::kCountMax; count > 0; --count)

@@ -15,7 +15,7 @@
 #include "rtpm/test/process.hpp"
 #include "served_hub.hpp"
 
-// The bridge between a hub and a broker, with a mosquitto of the test's own (ev-6).
+// The bridge between a hub and a broker, with the test's own mosquitto (ev-6).
 namespace rtpm::mqtt {
 namespace {
 
@@ -29,7 +29,7 @@ using rtpm::test::Process;
 constexpr const char* kBrokerProgram = "/usr/sbin/mosquitto";
 constexpr const char* kOpensslProgram = "/usr/bin/openssl";
 
-/// A client of the broker that writes down what comes.
+/// A client of the broker that writes down the messages it receives.
 class Client final : public Broker::Listener {
  public:
   void start(std::uint16_t port, std::vector<std::string> subscriptions) {
@@ -71,7 +71,7 @@ class EventBridge : public testing::Test {
     for (const std::string& each : files_)
       unlink(each.c_str());
   }
-  /// A file of the test's own, which goes with it.
+  /// A file of this test, which is removed with it.
   [[nodiscard]] std::string file(const std::string& name) {
     return files_.emplace_back(testing::TempDir() + "rtpm-" + std::to_string(port_) + "-" + name);
   }
@@ -81,14 +81,14 @@ class EventBridge : public testing::Test {
                                  << more;
     process_.emplace(std::vector<std::string>{kBrokerProgram, "-c", configuration});
   }
-  /// Has openssl make a key and a certificate of it, for the host of that name or address.
+  /// Lets openssl create a key and a certificate for the host with that name or address.
   [[nodiscard]] bool make_certificate(const std::string& key, const std::string& certificate,
                                       const std::string& host) {
     Process program({kOpensslProgram, "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "1",
                      "-keyout", key, "-out", certificate, "-subj", "/CN=rtpm-test", "-addext",
                      "subjectAltName=" + host});
     const auto end = program.wait(kPatience);
-    // Mosquitto reads the key as a user of its own.
+    // Mosquitto reads the key as its own user.
     return end && end->exit_code == 0 && chmod(key.c_str(), 0644) == 0;
   }
   void stop_broker() {
@@ -110,7 +110,7 @@ class EventBridge : public testing::Test {
         << (*bridge)->broker().reason();
     return std::move(*bridge);
   }
-  /// As a client that knows nothing of RTPM.
+  /// Publishes like a client that knows nothing of RTPM.
   void publish_plainly(const std::string& topic, const std::string& text) const {
     mosquitto* const client = mosquitto_new(nullptr, true, nullptr);
     ASSERT_EQ(mosquitto_connect(client, "127.0.0.1", port_, 10), MOSQ_ERR_SUCCESS);
@@ -177,7 +177,7 @@ TEST_F(EventBridge, NeverFeedsBackWhatItBroughtItself) {
   ServedHub hub;
   Client client;
   client.start(port_, {"rtpm/#"});
-  // Events from the broker may go on, so that nothing but the rule keeps them.
+  // Events from the broker have hops left, so that only the rule keeps them back.
   const auto bridge = make_bridge(hub, {.hops = 5});
   const auto consumer = make_consumer(node_, hub, recorder_, everything());
   const auto supplier = make_supplier(node_, hub);
@@ -214,7 +214,7 @@ TEST_F(EventBridge, JoinsTwoSitesByOneHop) {
   ASSERT_TRUE(recorder_.await_deliveries(2)) << near->report() << "\n" << far->report();
   EXPECT_EQ(recorder_.text(), "5.1#1 5.2#1");
   EXPECT_EQ(recorder_.last_header_.hops_left, 1);
-  // What the far one brought it does not send back, though it might make one more hop.
+  // The far bridge does not return its own events to the broker, although they have a hop left.
   ASSERT_TRUE(await([&] { return far->counters().own_count == 1; }));
   EXPECT_EQ(far->counters().to_broker_count, 0U);
   Client client;
@@ -254,7 +254,7 @@ TEST_F(EventBridge, GoesOnWithAnotherLifeOfTheHub) {
     push(*supplier, kPose, 1);
     return client.count() > 0;
   })) << bridge->report();
-  // Its own events are recognized after the restart, too.
+  // The bridge recognizes its own events after the restart, too.
   ASSERT_TRUE(await([&] {
     publish_plainly("rtpm/6/1", "from elsewhere");
     return bridge->counters().own_count > 0;
@@ -294,7 +294,7 @@ class EventBridgeTls : public EventBridge {
     }
     stop_broker();
   }
-  /// Starts the broker with a certificate of its own, for `host`.
+  /// Starts the broker with its own certificate, for `host`.
   void start_secured(const std::string& host) {
     const std::string key = file("key.pem");
     certificate_ = file("certificate.pem");
@@ -322,7 +322,7 @@ TEST_F(EventBridgeTls, BridgesThroughAnEncryptedConnection) {
   const auto consumer = make_consumer(node_, hub, recorder_, everything());
   const auto other = connect(certificate_);
   ASSERT_TRUE(await([&] { return other->is_connected(); })) << other->reason();
-  // More than one record of TLS has room for.
+  // Larger than one TLS record.
   const std::vector<std::byte> large(40'000, std::byte{7});
   other->publish("rtpm/5/2", large, kPoseSchema, 2);
   ASSERT_TRUE(recorder_.await_deliveries(1)) << program.errors();
@@ -348,7 +348,7 @@ TEST_F(EventBridgeTls, RefusesABrokerThatItCannotTrust) {
 
 TEST_F(EventBridgeTls, RefusesACertificateOfAnotherHost) {
   start_secured("DNS:elsewhere.example");
-  // So that a refusal is not that of a broker that has yet to begin.
+  // Ensures that a refusal does not come from a broker that is still starting.
   ASSERT_TRUE(await([&] {
     mosquitto* const client = mosquitto_new(nullptr, true, nullptr);
     const int result = mosquitto_connect(client, "127.0.0.1", port_, 10);

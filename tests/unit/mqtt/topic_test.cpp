@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-// Topics and what they stand for (ev-6.1).
+// Topics and their meaning (ev-6.1).
 namespace rtpm::mqtt {
 namespace {
 

@@ -5,7 +5,7 @@
 
 #include "store.hpp"
 
-// The errors of the CosNaming service, as names have them. Contexts are implied by longer names.
+// The errors of the CosNaming service, mapped to names. Longer names imply contexts.
 namespace rtpm::names {
 namespace {
 
@@ -18,7 +18,7 @@ constexpr MonotonicTime kNow{1s};
 enum class Operation { kBind, kRebind, kResolve, kUnbind };
 
 struct Row {
-  const char* exception;  ///< CosNaming's.
+  const char* exception;  ///< The name in CosNaming.
   Operation operation;
   const char* name;
   Outcome outcome;

@@ -27,7 +27,7 @@ using namespace std::chrono_literals;
 constexpr Owner kArm{.id = 1, .epoch = 10};
 constexpr Owner kStranger{.id = 2, .epoch = 1};
 
-// Leases outlast every test, however slow its machine.
+// Leases outlast every test, even on a slow machine.
 Claim claim(std::string_view name, Owner owner = kArm) {
   return {.name = name,
           .url = "rtpm://127.0.0.1:4711/object",
@@ -154,7 +154,7 @@ TEST_P(DirectoryOver, SaysThatNoRegistryAnswers) {
   }
 }
 
-// That is no reason to look after the registry.
+// This error must not advise to start the registry.
 TEST(DirectoryWithoutDescriptors, SaysThatItCouldNotAsk) {
   const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
     rpc::Node node;
@@ -175,7 +175,7 @@ TEST(DirectoryWithoutDescriptors, SaysThatItCouldNotAsk) {
 
 TEST_P(DirectoryOver, SaysThatItsRegistryIsNoUrl) {
   for (const char* const wrong : {"", "lan:7", "lab/registry", "http://127.0.0.1:80/names"}) {
-    // A name could be looked up by this very resolver, for ever.
+    // The resolver could look up a name by itself, for ever.
     RegistryResolver resolver(node_, wrong);
     node_.use(resolver);
     const auto url = resolver.resolve("lab/arm0", kNever);
@@ -223,7 +223,7 @@ TEST_P(DirectoryOver, LeadsToTheObjectsBelowABoundName) {
 }
 
 TEST_P(DirectoryOver, AnswersAListInPagesThatFitADatagram) {
-  // Names of many lengths, so that pages end at many places.
+  // Names of many lengths, so that pages end at many positions.
   for (std::size_t i = 0; i < 150; ++i) {
     const std::string name = "n" + std::to_string(1000 + i) + std::string(i % 60, 'n');
     const std::string url = "rtpm://h:1/" + std::string(1 + i * 7 % 190, 'u');
@@ -254,7 +254,7 @@ TEST_P(DirectoryOver, AnswersAListInPagesThatFitADatagram) {
     is_last = page->is_last();
   }
   EXPECT_EQ(count, 150U);
-  // A datagram is put to use, too.
+  // Large pages use most of a datagram.
   EXPECT_GT(largest, wire::kDatagramPayloadSizeMax / 2);
 }
 
@@ -275,11 +275,11 @@ TEST_P(DirectoryOver, RefusesRequestsThatAreNone) {
     expect_bad_request(client->list_encoded(request));
     expect_bad_request(client->unbind_encoded(request));
   }
-  // A table that lacks what is required is none, either.
+  // A table that lacks a required field is malformed, too.
   flatbuffers::FlatBufferBuilder builder;
   builder.Finish(flatbuffers::Offset<BindRequest>(builder.EndTable(builder.StartTable())));
   expect_bad_request(client->bind_encoded(rpc::table_bytes(builder)));
-  // Every byte that a name may not have is refused by the store, and the registry lives on.
+  // The store refuses every byte that a name may not contain, and the registry survives.
   ResolveRequestT request;
   request.name = std::string("lab/\0\xff\x1b", 7);
   const auto reply = client->resolve(request);
@@ -292,7 +292,7 @@ TEST_P(DirectoryOver, RefusesRequestsThatAreNone) {
 }
 
 TEST(Directory, GivesUpOnARegistryThatIsSilent) {
-  // A socket that takes everything in and never answers.
+  // A socket that accepts everything and never answers.
   const int silent = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   sockaddr_in address{};
   address.sin_family = AF_INET;
@@ -317,7 +317,7 @@ TEST(Directory, ServesSeveralLanesAndCallersAtOnce) {
   callers.reserve(4);
   for (int caller = 0; caller < 4; ++caller) {
     callers.emplace_back([&directory, caller] {
-      // Two callers in either lane.
+      // Two callers in each lane.
       set_current_priority(Priority{caller * 10000});
       for (int i = 0; i < 25; ++i) {
         const std::string name = "caller" + std::to_string(caller) + "/" + std::to_string(i);
@@ -343,7 +343,7 @@ TEST(Directory, RefusesMoreNamesThanTheLimits) {
   EXPECT_EQ(directory.bind(claim("d", {3, 1})).error().outcome, Outcome::kFull);
 }
 
-/// Sentences of a registry.
+/// The messages of a registry.
 struct Sentences {
   RegistryReport taker() {
     return [this](std::string_view sentence) {

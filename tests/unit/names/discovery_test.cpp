@@ -1,4 +1,4 @@
-// Names without a registry: found on this host by the folder of sockets.
+// Names without a registry: the folder of sockets leads to them on this host.
 #include <gtest/gtest.h>
 #include <sched.h>
 #include <stdlib.h>
@@ -46,7 +46,7 @@ void expect_part(const std::string& text, std::string_view part) {
   EXPECT_NE(text.find(part), std::string::npos) << "'" << part << "' is not in: " << text;
 }
 
-/// Sentences of registrations and watches.
+/// The messages of registrations and watches.
 class Sentences {
  public:
   [[nodiscard]] std::function<void(std::string_view)> taker() {
@@ -67,7 +67,7 @@ class Sentences {
   std::vector<std::string> all_;
 };
 
-/// A folder that only this test's programs know, so that no registry at the default port is asked.
+/// A folder that only this test's programs use, so that no registry at the default port is asked.
 class Discovery : public testing::Test {
  protected:
   void SetUp() override {
@@ -86,7 +86,7 @@ class Discovery : public testing::Test {
     return Registration::create(node_, std::string(kThisHost), name, url, kInterface, 300ms,
                                 said_.taker(), Takeover::kRefused, std::move(properties));
   }
-  /// Has the served registry found.
+  /// Announces the served registry.
   [[nodiscard]] std::unique_ptr<discovery::Announcement> announce(ServedRegistry& registry,
                                                                   bool is_registry = true) {
     auto announced =
@@ -137,7 +137,7 @@ TEST_F(Discovery, EndsWithItsRegistrations) {
   EXPECT_TRUE(std::filesystem::is_empty(folder_));
 }
 
-// Others may look, but not change.
+// Other programs may read, but not change.
 TEST_F(Discovery, TakesNamesOfItsOwnProgramOnly) {
   const auto registration = create("lab/arm0", kUrl);
   ASSERT_TRUE(registration);
@@ -162,7 +162,7 @@ TEST_F(Discovery, RefusesANameThatAnotherServerOfThisHostHolds) {
   expect_part(registration.error().text(), kOtherUrl);
 }
 
-// Never silently one of two.
+// The finder never silently picks one of two.
 TEST_F(Discovery, SaysThatANameLeadsToTwoServers) {
   const auto registration = create("lab/arm0", kUrl);
   ASSERT_TRUE(registration);
@@ -193,7 +193,7 @@ TEST_F(Discovery, AsksTheRegistryWhoseSocketIsThere) {
   EXPECT_TRUE(directory_.bind({"lab/x", kUrl, kInterface, {7, 1}, 1s}));
 }
 
-// A registry that refuses a name is there: the name is not served beside it.
+// If a registry refuses a name, the name is not served beside it.
 TEST_F(Discovery, LeavesTheDecisionToTheRegistry) {
   ServedRegistry registry;
   const auto announced = announce(registry);
@@ -217,7 +217,7 @@ TEST_F(Discovery, MovesToARegistryThatAppearsAndBackWhenItGoes) {
   ServedRegistry registry;
   auto announced = announce(registry);
   EXPECT_TRUE(test::await([&] { return said_.have("is now bound at " + registry.url()); }));
-  // Its own service ends behind that; the name is found all the time.
+  // The program's own service ends afterwards; the name is found all the time.
   EXPECT_TRUE(test::await([&] {
     EXPECT_EQ(url_of("lab/arm0"), kUrl);
     return discovery::find_services({})->services.size() == 1;
@@ -243,7 +243,7 @@ TEST_F(Discovery, HasBindingsFollowANameWhoseServerMoves) {
   EXPECT_EQ(resolver.resolve("lab/arm0", rt::now() + 1s).value_or(""), kOtherUrl);
 }
 
-// A program that ended without a word, seen by the kernel alone.
+// A program that ended without a message; only the kernel shows it.
 TEST_F(Discovery, AsksNobodyWhoEnded) {
   ServedRegistry other;
   auto announced = announce(other, /*is_registry=*/false);
@@ -270,7 +270,7 @@ TEST_F(Discovery, AsksALimitedNumberOfServersAndSaysSo) {
   expect_part(found->notes.front(), "only 64 of this host's 65 servers");
 }
 
-// One that does not answer takes its share of the time, and is told of.
+// A server that does not answer takes its share of the time, and is reported.
 TEST_F(Discovery, SaysWhoDoesNotAnswer) {
   const auto registration = create("lab/arm0", kUrl);
   ASSERT_TRUE(registration);
@@ -290,14 +290,14 @@ TEST_F(Discovery, IsNotDoneInAnUnsafeFolder) {
   expect_part(listed.error().text(), "others may enter it");
 }
 
-/// A query and its answers, in a network of this process alone.
+/// A query and its answers, in a network namespace of this process.
 class Question {
  public:
   explicit Question(const std::string& address) : socket_(*transport::LanSocket::open(address)) {}
   void send(ConstBytes bytes, const std::string& to) {
     static_cast<void>(socket_.send(bytes, {transport::parse_address(to), discovery::kPort}));
   }
-  /// The answer to `bytes`; empty: none within a moment.
+  /// The answer to `bytes`; empty if none comes within a moment.
   [[nodiscard]] std::optional<discovery::Datagram> ask(ConstBytes bytes, const std::string& to) {
     send(bytes, to);
     std::array<std::byte, 2 * discovery::kDatagramSize> buffer{};
@@ -310,14 +310,14 @@ class Question {
     return std::nullopt;
   }
 
-  transport::LanPeer from{};  ///< Of the last answer.
+  transport::LanPeer from{};  ///< The sender of the last answer.
   std::size_t size = 0;
 
  private:
   transport::LanSocket socket_;
 };
 
-/// Whether the finder takes an answer with the number of its query plus `difference`.
+/// Whether the finder accepts an answer with the number of its query plus `difference`.
 bool takes_answer(std::uint64_t difference) {
   auto liar = transport::LanSocket::open("10.77.0.1", discovery::kPort);
   std::atomic<bool> is_over = false;
@@ -343,7 +343,7 @@ bool takes_answer(std::uint64_t difference) {
          });
 }
 
-/// What is wrong with a program that answers for 10.77.0.1 in domain 7; empty: nothing.
+/// The faults of a program that answers for 10.77.0.1 in domain 7; empty if there is none.
 std::string faults_of_answers() {
   const bool has_network =
       unshare(CLONE_NEWNET) == 0 &&
@@ -360,12 +360,12 @@ std::string faults_of_answers() {
   const auto query = [](std::uint8_t domain) {
     return discovery::encode({.domain = domain, .number = 42});
   };
-  // hp-10.1-3: what only this host reaches is not told of.
+  // hp-10.1-3: services that only this host reaches are not announced.
   if (!local || question.ask(query(7), "239.255.43.7")) return "a loopback address is told of";
   const auto announced = discovery::Announcement::create(*scope, {true, {"10.77.0.1"}, 5001});
   const auto second = discovery::Announcement::create(*scope, {false, {"10.77.0.1"}, 5002});
   if (!announced || !second) return announced.error().text();
-  // hp-10.1-4: each with its own service, from the served address, no larger than the query.
+  // hp-10.1-4: each has its own service, from the served address, no larger than the query.
   const auto answer = question.ask(query(7), "239.255.43.7");
   if (!answer || !answer->is_answer || answer->number != 42 || answer->services.size() != 1) {
     return "no answer to the group";

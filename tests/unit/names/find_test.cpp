@@ -7,7 +7,7 @@
 #include "rtpm/names/directory.hpp"
 #include "rtpm/names/registration.hpp"
 
-// Properties over the wire: to a registry with a bind, and back with describe() and find().
+// Properties over the wire: to a registry with a bind, and back by describe() and find().
 namespace rtpm::names {
 namespace {
 

@@ -14,7 +14,7 @@
 #include "rtpm/names/watch.hpp"
 #include "rtpm/test/os.hpp"
 
-// A registry whose server asks for grants: each name has those that its path has.
+// A registry whose server checks grants: each name has the grants of its path.
 namespace rtpm::names {
 namespace {
 
@@ -27,7 +27,7 @@ Claim leased(std::string_view name, Owner owner = kOwner) {
   return {name, "rtpm://10.0.0.1:1/p", "lab.Arm", owner, 20s};
 }
 
-/// A registry that one server serves to everybody, and another one by grants, here to this user.
+/// A registry that one server serves to all users, and another one by grants, here to this user.
 class Granted : public testing::Test {
  protected:
   Granted() : folder_((std::filesystem::temp_directory_path() / "rtpm-names-XXXXXX").string()) {

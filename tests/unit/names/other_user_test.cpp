@@ -1,4 +1,4 @@
-// A registry at the usual place that another user of this host has started.
+// A registry at the usual address that another user of this host has started.
 #include <gtest/gtest.h>
 #include <sys/syscall.h>
 #include <unistd.h>
@@ -29,7 +29,7 @@ constexpr const char* kUrl = "rtpm://127.0.0.1:4711/lab/arm0";
 constexpr const char* kOtherUrl = "rtpm://127.0.0.1:4712/lab/arm0";
 constexpr uid_t kStranger = 4242;
 
-/// Gives the calling thread, and no other one, another user.
+/// Changes the user of the calling thread only.
 void become(uid_t user) {
   ASSERT_EQ(syscall(SYS_setresuid, static_cast<uid_t>(-1), user, static_cast<uid_t>(-1)), 0);
 }
@@ -96,7 +96,7 @@ TEST_F(OtherUser, GetsNoNameOfAProgram) {
       << bound.error().text();
 }
 
-// It binds the name of a server that is there.
+// The foreign registry binds the name of an existing server.
 TEST_F(OtherUser, NeitherTakesANameNorKeepsItsServerFromStarting) {
   rpc::Node node(node_config());
   Directory at_stranger(node, strangers_->url());
@@ -121,7 +121,7 @@ TEST_F(OtherUser, GetsNamesWhereItIsTrusted) {
   EXPECT_TRUE(Directory(node).bind({"lab/x", kUrl, "lab.Arm", {7, 1}, 1s}));
 }
 
-// A name that is at a registry already comes back when that becomes another user's.
+// A name at a registry returns to its own program when that registry becomes another user's.
 TEST_F(OtherUser, WhoTakesTheUsualPlaceGetsNoNamesThatWereThere) {
   strangers_->stop();
   strangers_.emplace(discovery::kRegistryPort);

@@ -11,7 +11,7 @@
 #include "rtpm/names/policy.hpp"
 #include "store.hpp"
 
-// Permanent names, storages, and who may do what.
+// Permanent names, storages, and permissions.
 namespace rtpm::names {
 namespace {
 
@@ -82,7 +82,7 @@ TEST(Permanent, StaysWithoutALeaseUntilItIsUnbound) {
   EXPECT_TRUE(store.renew("lab/arm0", kOwner, 2s, at(24h)));
   EXPECT_TRUE(store.resolve("lab/arm0", at(24h * 3650)));
   EXPECT_EQ(outcome_of(store.bind(leased("lab/arm0", kOther), at(1s))), Outcome::kAlreadyBound);
-  // Its owner may give it a lease.
+  // Its owner may give the name a lease.
   ASSERT_TRUE(store.bind(leased("lab/arm0"), at(24h * 3650)));
   EXPECT_FALSE(store.resolve("lab/arm0", at(24h * 3651)));
 }
@@ -107,7 +107,7 @@ TEST(Stored, IsEveryChangeBeforeItHappens) {
   CountingStorage storage;
   Store store({}, 1, &storage);
   ASSERT_TRUE(store.bind(permanent("lab/arm0"), at(0s)));
-  ASSERT_TRUE(store.bind(permanent("lab/arm0"), at(0s)));  // Changes nothing.
+  ASSERT_TRUE(store.bind(permanent("lab/arm0"), at(0s)));  // This changes nothing.
   EXPECT_EQ(storage.durable_count, 1);
   ASSERT_TRUE(store.bind(leased("lab/arm1"), at(0s)));
   ASSERT_TRUE(store.renew("lab/arm1", kOwner, 2s, at(1s)));
@@ -195,7 +195,7 @@ TEST(Stored, KeepsNoMoreLapsedNamesThanTheRegistry) {
   EXPECT_TRUE(storage.lapsed.contains("noisy/10"));
 }
 
-// ---- what a shared storage tells ----------------------------------------------------------
+// ---- changes from a shared storage --------------------------------------------------------
 
 SharedChange told(std::string name, std::uint64_t revision, std::uint64_t holder = 0) {
   StoredName stored{.name = name,
@@ -210,7 +210,7 @@ SharedChange told(std::string name, std::uint64_t revision, std::uint64_t holder
 TEST(Told, ChangesAreHereUnderTheRevisionsOfTheStorage) {
   Store store({}, 10);
   store.apply({told("lab/arm0", 12), told("lab/arm1", 15)}, at(0s));
-  store.apply({told("lab/arm0", 16, 12)}, at(0s));  // The same but for its lease.
+  store.apply({told("lab/arm0", 16, 12)}, at(0s));  // Only its lease differs.
   EXPECT_EQ((*store.resolve("lab/arm0", at(0s)))->revision, 12u);
   EXPECT_EQ(store.log().revision(), 15u) << "nothing that a watcher sees";
   store.apply({{"lab/arm0", 17, std::nullopt}, {"lab/never", 18, std::nullopt}}, at(0s));
@@ -264,9 +264,9 @@ TEST(Told, NamesThatTheRulesRefuseAreLeftOut) {
   EXPECT_EQ(store.size(), 0u);
 }
 
-// ---- who may do what -----------------------------------------------------------------------
+// ---- permissions ---------------------------------------------------------------------------
 
-/// Lets owner 1 change names, and everybody but hosts elsewhere look.
+/// Lets owner 1 change names, and all callers of this host read.
 class OneOwner final : public Policy {
  public:
   bool allows(const Caller& caller, Operation operation, std::string_view name) const override {

@@ -9,7 +9,7 @@
 
 #include "query.hpp"
 
-// Properties of bindings: what is refused, and what counts for the limits.
+// Properties of bindings: the refused ones, and their sizes with respect to the limits.
 namespace rtpm::names {
 namespace {
 
@@ -41,7 +41,7 @@ TEST(Properties, AreGivenBackWithTheName) {
                                          {"axes", PropertyList{PropertyType::kText, {"x", "y"}}}};
   ASSERT_TRUE(store.bind(claim("lab/arm0", properties), kNow));
   EXPECT_EQ(store.resolve("lab/arm0", kNow).value()->properties, properties);
-  // The next bind of the same start replaces them, and the holder stays.
+  // The next bind of the same start replaces them, and the holder is unchanged.
   const auto revision = store.resolve("lab/arm0", kNow).value()->revision;
   const std::vector<Property> fewer{{"class", std::string("tracker")}};
   ASSERT_TRUE(store.bind(claim("lab/arm0", fewer), kNow));
@@ -105,7 +105,7 @@ TEST(Properties, AreBoundedPerBindingPerOwnerAndInAll) {
   EXPECT_EQ(outcome_of(store, claim("a", medium)), Outcome::kDone) << "no more than before";
   EXPECT_EQ(outcome_of(store, claim("d", medium, kStranger)), Outcome::kDone);
   EXPECT_EQ(outcome_of(store, claim("e", small, kStranger)), Outcome::kPropertiesFull);
-  // What goes makes room.
+  // A removed name frees capacity.
   ASSERT_TRUE(store.unbind("b", kArm, kNow));
   EXPECT_EQ(outcome_of(store, claim("e", small, kStranger)), Outcome::kDone);
   EXPECT_EQ(outcome_of(store, claim("f", medium)), Outcome::kPropertiesFull);
@@ -164,10 +164,10 @@ TEST_F(Query, ChecksTypesByTheNamesOfTheInterface) {
   const auto preference = find(store_.index(kNow), {"lab.Arm", "", "max is_free"}, 9, 1);
   ASSERT_FALSE(preference);
   EXPECT_EQ(preference.error().outcome, Outcome::kBadPreference);
-  // Of all interfaces the types differ: each name is compared as it is.
+  // Across interfaces the types differ: the predicate is compared with each name as it is.
   EXPECT_EQ(found({"", "force == 'none'"}), Names{"lab/eye"});
   EXPECT_EQ(found({"", "force > 7"}), Names{"lab/arm1"});
-  // The types go with the names.
+  // The types disappear with the names.
   for (const char* const name : {"lab/arm0", "lab/arm1", "lab/arm2"})
     ASSERT_TRUE(store_.unbind(name, kArm, kNow));
   EXPECT_EQ(found({"lab.Arm", "force == 'none'"}), Names{});

@@ -13,7 +13,7 @@ namespace {
 using transport::InterfaceAddress;
 using transport::SocketAddress;
 
-/// A host with two networks, and with the one that every host with containers has.
+/// A host with two networks, and with the one of every host that runs containers.
 std::vector<InterfaceAddress> own() {
   const auto at = [](const char* interface, const char* host, int prefix_size) {
     return InterfaceAddress{interface, *SocketAddress::parse(host, 0), prefix_size};

@@ -17,7 +17,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// How long a test waits for what must come; only a failing test waits that long.
+/// How long a test waits for an expected event; only a failing test waits that long.
 constexpr Duration kPatience = 20s;
 
 constexpr const char* kName = "lab/arm0";
@@ -26,7 +26,7 @@ constexpr const char* kInterface = "lab.Arm";
 constexpr Owner kStranger{.id = 7, .epoch = 1};
 constexpr const char* kStrangersUrl = "rtpm://127.0.0.1:4712/lab/arm0";
 
-/// The sentences that a registration reported.
+/// The messages of a registration.
 class Reports {
  public:
   Registration::Report taker() {
@@ -36,7 +36,7 @@ class Reports {
       changed_.notify_all();
     };
   }
-  /// The sentences so far, once there are `count`.
+  /// Waits for `count` messages; returns all so far.
   std::vector<std::string> await(std::size_t count) {
     std::unique_lock lock(mutex_);
     changed_.wait_for(lock, kPatience, [&] { return sentences_.size() >= count; });
@@ -71,7 +71,7 @@ class RegistrationTest : public testing::Test {
   Reports reports_;
 };
 
-// Other programs may have filled it: the server serves, and its name follows.
+// Other programs may have filled the registry: the server serves, and its name follows later.
 TEST(FullRegistry, KeepsNoServerFromStarting) {
   Limits limits;
   limits.owner_count_own_host_max = 1;
@@ -109,7 +109,7 @@ TEST_F(RegistrationTest, RenewsItsLease) {
   const auto registration = create(2s);
   ASSERT_TRUE(registration) << registration.error().text();
   Duration least = 2s;
-  // The remaining time grows only by a renewal.
+  // Only a renewal extends the remaining time.
   EXPECT_TRUE(test::await([&] {
     const auto entry = directory_.resolve(kName);
     if (!entry) return false;
@@ -284,8 +284,8 @@ class WilfulRegistry final : public NamesServant {
   std::atomic<std::uint64_t> granted_ns{100'000'000};
 };
 
-// The registry grants less at first; who renewed by the lease that it asked for would lose the
-// name.
+// The registry grants less at first; a registration that renewed by its requested lease would lose
+// the name.
 TEST(Registration, RenewsByTheLeaseThatItWasGranted) {
   WilfulRegistry servant;
   ServedRegistry registry(servant);

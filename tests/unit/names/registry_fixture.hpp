@@ -13,7 +13,7 @@
 
 namespace rtpm::names {
 
-/// A server with one object at the registry's path, which a test may end and start again at the
+/// A server with one object at the registry's path, which a test may stop and start again at the
 /// same address.
 class ServedRegistry {
  public:
@@ -21,9 +21,9 @@ class ServedRegistry {
       : limits_(limits), lanes_(std::move(lanes)) {
     start();
   }
-  /// At a port of one's own choice.
+  /// Serves at the given port.
   explicit ServedRegistry(std::uint16_t port) : port_(port) { start(); }
-  /// Serves `servant` in a registry's place; it must outlive this.
+  /// Serves `servant` instead of a registry; it must outlive this.
   explicit ServedRegistry(rpc::Servant& servant) : other_(&servant) { start(); }
 
   void start() {
@@ -43,7 +43,7 @@ class ServedRegistry {
     ASSERT_TRUE(started) << started.error().text();
     port_ = server_->port();
   }
-  /// Ends the server with all its names.
+  /// Stops the server, which loses all its names.
   void stop() {
     server_.reset();
     servant_.reset();
@@ -63,7 +63,7 @@ class ServedRegistry {
   std::unique_ptr<rpc::Server> server_;
 };
 
-/// A URL without a server: its port was free a moment ago.
+/// A URL without a server; its port was free a moment ago.
 [[nodiscard]] inline std::string unserved_url() {
   ServedRegistry registry;
   registry.stop();

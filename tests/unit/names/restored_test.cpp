@@ -1,4 +1,4 @@
-// Registries whose shared storage is restored from a backup while they run: simulated, with seeds.
+// Registries whose shared storage is restored from a backup at run time: simulated, with seeds.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -28,7 +28,7 @@ using NamesAndUrls = std::map<std::string, std::string>;
 
 constexpr Owner kOwner{.id = 1, .epoch = 1};
 
-/// The storage that registries share. Changes are told at once, a restoration when noticed.
+/// The registries' shared storage. It reports changes at once, and a restoration when noticed.
 class Cluster {
  public:
   struct State {
@@ -46,7 +46,7 @@ class Cluster {
     for (Told& each : followers_)
       each.has_noticed = false;
   }
-  /// The registry of this number notices that the storage was restored.
+  /// Makes the registry with this number notice that the storage was restored.
   void notice(std::size_t number) {
     const std::lock_guard lock(mutex_);
     Told& told = followers_.at(number);
@@ -158,7 +158,7 @@ class Site {
     }
   }
   void back_up() { backup_ = cluster_.state(); }
-  /// Some changes may be made before both registries have noticed.
+  /// Makes some changes, perhaps, before both registries have noticed.
   void restore() {
     if (!backup_) return;
     cluster_.restore(*backup_);
@@ -168,7 +168,7 @@ class Site {
       static_cast<void>(bind(registries_[first], "lab/n" + std::to_string(pick(6))));
     cluster_.notice(1 - first);
   }
-  /// The faults in the contents of registries and watches; empty: nothing.
+  /// The faults in the contents of registries and watches; empty if there are none.
   [[nodiscard]] std::string faults() {
     NamesAndUrls all;
     for (const auto& [name, stored] : cluster_.state().names)
@@ -187,7 +187,7 @@ class Site {
     }
     return {};
   }
-  /// Every name can be bound, and is seen by both.
+  /// Checks that every name can be bound, and that both registries see it.
   [[nodiscard]] std::string faults_of_binding() {
     for (int i = 0; i < 6; ++i) {
       const std::string name = "lab/n" + std::to_string(i);

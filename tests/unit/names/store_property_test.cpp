@@ -13,7 +13,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// What an operation gives: an outcome, a component, a list of names.
+/// The result of an operation: an outcome, a component, a list of names.
 struct Answer {
   Outcome outcome = Outcome::kDone;
   int component = 0;
@@ -27,7 +27,7 @@ struct Answer {
   }
 };
 
-/// The same semantics as the store's, by plain loops over a plain list.
+/// The store's semantics, implemented by plain loops over a plain list.
 class Model {
  public:
   static constexpr std::size_t kCountMax = 6;
@@ -190,7 +190,7 @@ class StoreProperty : public testing::TestWithParam<unsigned> {
   }
   Owner random_owner() { return {.id = 1 + below(3), .epoch = 1 + below(3)}; }
   std::string random_name() {
-    // Few names of few components, so that they meet; '-' sorts before '/', '0' after it.
+    // Few names of few components, so that they collide; '-' sorts before '/', '0' after it.
     return pick(std::array{"a", "a/a", "a/b", "a/b/c", "a-b", "a0", "b", "b/a", "b/a/a"});
   }
 

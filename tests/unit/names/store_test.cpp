@@ -23,14 +23,14 @@ Claim claim(std::string_view name, Owner owner = kArm, Duration lease = 2s) {
   return {name, "rtpm://127.0.0.1:4711/object", "lab.Arm", owner, lease};
 }
 
-/// The same, allowing any takeover.
+/// The same claim, but allowing any takeover.
 Claim takeover(std::string_view name, Owner owner) {
   Claim taking = claim(name, owner);
   taking.allows_takeover = true;
   return taking;
 }
 
-/// What an operation gave, in a form that tests compare and print.
+/// The result of an operation, in a form that tests compare and print.
 struct Ending {
   Outcome outcome = Outcome::kDone;
   int component = 0;
@@ -274,12 +274,12 @@ TEST(StoreLimits, RefusesMoreNamesThanItMayHold) {
   EXPECT_EQ(ending_of(store.bind(claim("c"), at(0s))), (Ending{Outcome::kOwnerFull, 0}));
   ASSERT_TRUE(store.bind(claim("c", kStranger), at(0s)));
   EXPECT_EQ(ending_of(store.bind(claim("d", {3, 1}), at(0s))), (Ending{Outcome::kFull, 0}));
-  // What is held can still be renewed, bound again and taken over.
+  // A full store still allows renewing, rebinding and taking over its names.
   EXPECT_EQ(ending_of(store.bind(claim("a"), at(0s))), kDone);
   EXPECT_EQ(ending_of(store.rebind(takeover("a", kStranger), at(0s))), kDone);
   EXPECT_EQ(ending_of(store.rebind(takeover("b", kStranger), at(0s))),
             (Ending{Outcome::kOwnerFull, 0}));
-  // The room of a name that is gone is free again, for the registry and for its owner.
+  // A removed name frees its capacity, for the registry and for its owner.
   ASSERT_TRUE(store.unbind("c", kStranger, at(0s)));
   EXPECT_EQ(ending_of(store.bind(claim("d", {3, 1}, 10s), at(0s))), kDone);
   EXPECT_EQ(ending_of(store.bind(claim("e", kArm), at(2s))), kDone);
@@ -316,7 +316,7 @@ TEST(StoreTakeover, NeedsTheHoldersRevisionOrLeave) {
   ASSERT_TRUE(taken);
   EXPECT_TRUE(taken->is_takeover);
   EXPECT_GT(taken->revision, first->revision);
-  // The former holder, in turn, knows no revision that would do.
+  // The former holder, in turn, does not know a suitable revision.
   Claim back = claim("lab/arm0");
   back.holder_revision = first->revision;
   EXPECT_EQ(ending_of(store.rebind(back, at(0s))), (Ending{Outcome::kStaleRevision, 1}));
@@ -333,7 +333,7 @@ TEST(StoreRevision, StaysWithItsHolder) {
   EXPECT_NE(store.bind(claim("lab/arm0", kArmRestarted), at(1s))->revision, later->revision);
 }
 
-// Anybody could claim to be a later start, so one from elsewhere has to wait.
+// Any program could claim to be a later start, so one from another host has to wait.
 TEST(StoreRestart, GetsItsNameBackAtOnceFromItsHostAndElseWithTheLease) {
   Store store;
   ASSERT_TRUE(store.bind(claim_from(kNearHost, "lab/arm0"), at(0s)));
@@ -364,7 +364,7 @@ TEST(StoreFirstLease, IsShortUntilTheNameHasBeenHeldForSo) {
   EXPECT_EQ(store.bind(claim("lab/arm0", kArmRestarted, 1h), at(11s))->lease, 10s);
 }
 
-// One host invents owners, each with a name; then owners with many names.
+// One host invents owners with a name each; then owners with many names.
 TEST(StoreHosts, HaveAShareOfTheNamesAndOwnersEach) {
   Store store;
   const Limits limits;
@@ -393,11 +393,11 @@ TEST(StoreHosts, HaveAShareOfTheNamesAndOwnersEach) {
   EXPECT_EQ(uses[0].name_count, limits.name_count_own_host_max);
   EXPECT_EQ(uses[1].host, kFarHost);
   EXPECT_EQ(uses[1].owner_count, 32u);
-  // Others find room, and those that are full renew what they have.
+  // Other hosts find free slots, and full ones renew their names.
   EXPECT_TRUE(store.bind(claim_from(0x0a00'0003, "lab/arm0", kArm), at(1s)));
   EXPECT_TRUE(store.renew("n167772161/0", {1'000, 1}, 2s, at(1s)));
   EXPECT_TRUE(store.bind(claim_from(kNearHost, "n167772161/0", {1'000, 2}), at(1s)));
-  // What is gone counts no more.
+  // Expired names no longer count.
   EXPECT_TRUE(store.bind(claim_from(kFarHost, "again"), at(2s)));
   EXPECT_EQ(store.hosts(9).size(), 3u);
 }
@@ -446,7 +446,7 @@ TEST(StoreList, GoesThroughHundredsOfNamesPageByPageWhileNamesComeAndGo) {
     }
     is_last = page->is_last;
     after = *seen.rbegin();
-    // Some that were not yet seen go, some come; the last seen one goes, too.
+    // Some names that were not yet seen go, some come; the last seen one goes, too.
     for (int i = 0; i < 500; i += 7) {
       std::array<char, 32> name{};
       std::snprintf(name.data(), name.size(), "lab/%03d/arm", i);
@@ -477,7 +477,7 @@ TEST(OutcomeText, NamesTheComponentAndTheRemedy) {
   EXPECT_NE(outcome_text(Outcome::kBadName, "", 0).find("empty"), std::string::npos);
   EXPECT_NE(outcome_text(Outcome::kNotADirectory, "lab/arm0/tip", 1).find("'lab/arm0' is itself"),
             std::string::npos);
-  // What others chose does not reach the terminal as it is.
+  // Texts of other programs are escaped before they reach the terminal.
   EXPECT_EQ(outcome_text(Outcome::kNotFound, "\x1b[2J\n", 0).find('\x1b'), std::string::npos);
   EXPECT_NE(outcome_text(static_cast<Outcome>(200), "a", 0).find("unknown outcome 200"),
             std::string::npos);

@@ -34,7 +34,7 @@ Claim claim(std::string_view name, std::string_view url = kUrl,
   return claimed;
 }
 
-/// What a watch told.
+/// The reports of a watch.
 class Told {
  public:
   WatchHandlers handlers() {
@@ -102,7 +102,7 @@ TEST_F(Watch, TellsTheStateAndThenEveryChangeInOrder) {
   bind("lab/arm2");
   bind("lab/arm0", kOtherUrl);
   bind("hall/arm0");
-  bind("lab/arm0", kOtherUrl);  // Changes nothing but the lease.
+  bind("lab/arm0", kOtherUrl);  // Changes only the lease.
   unbind("lab/arm1");
   bind("lab/arm1");
   ASSERT_TRUE(test::await([&] { return told.count() == 7; }));
@@ -191,7 +191,7 @@ TEST_F(Watch, ReachesAHundredWatchers) {
 class WatchStream : public Watch {
  protected:
   using Stream = rpc::TableStream<WatchItem>;
-  /// Opens a stream that resumes as said.
+  /// Opens a stream that resumes after the given revision of the given history.
   Stream open(std::uint64_t history, std::uint64_t after) {
     WatchRequestT request;
     request.history = history;
@@ -230,7 +230,7 @@ TEST_F(WatchStream, ResumesBehindARevisionOrSaysThatItIsTooOld) {
   EXPECT_EQ(changes->changes()->Get(0)->kind(), ChangeKind::Bound);
   EXPECT_EQ(changes->changes()->Get(1)->kind(), ChangeKind::Gone);
   EXPECT_EQ(changes->revision(), after + 2);
-  // Another history, and a revision that has not come, give the state.
+  // For another history, or a future revision, the stream sends the whole state.
   Stream foreign = open(history + 1, after);
   EXPECT_EQ(next(foreign)->phase(), WatchPhase::StateEnd);
   Stream early = open(history, after + 1000);
@@ -297,7 +297,7 @@ TEST(ChangeLog, IsBoundedByBytes) {
   EXPECT_TRUE(store.log().reaches(store.log().revision() - 20));
 }
 
-// ---- bindings that follow ------------------------------------------------------------------
+// ---- bindings that follow a name -----------------------------------------------------------
 
 TEST_F(Watch, LeadsBindingsToAServerThatMovedBeforeACallFails) {
   ServedRegistry first;
@@ -311,7 +311,7 @@ TEST_F(Watch, LeadsBindingsToAServerThatMovedBeforeACallFails) {
   auto client = NamesClient::bind(node_, "lab/names");
   ASSERT_TRUE(client) << client.error().text();
   EXPECT_EQ(client->binding().url(), here_url);
-  // No call is made, so only the registry can tell.
+  // There is no call, so only the registry can report the move.
   const std::string there_url = second.url();
   Claim there = here;
   there.url = there_url;

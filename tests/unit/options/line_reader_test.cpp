@@ -13,7 +13,7 @@ namespace {
 
 using Outcome = LineReader::Outcome;
 
-/// Standard input is a pipe that the test fills.
+/// Standard input is a pipe that the test writes to.
 class Lines : public testing::Test {
  protected:
   Lines() : saved_(dup(STDIN_FILENO)) {

@@ -14,7 +14,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// What a run of parse() gave back, and what it printed.
+/// The result and the output of a run of parse().
 struct Outcome {
   std::optional<int> exit_code;
   std::string out;
@@ -59,7 +59,7 @@ class OptionsTest : public testing::Test {
     setenv(name.c_str(), value.c_str(), 1);
   }
 
-  /// A file with `text`, that is gone after the test.
+  /// A file with `text`, which is removed after the test.
   std::string file_with(const std::string& text) {
     if (path_.empty()) {
       path_ = testing::TempDir() + "options_test_XXXXXX";
@@ -104,7 +104,7 @@ class OptionsTest : public testing::Test {
     return outcome;
   }
 
-  /// Expects an error that is one line and holds all of `parts`.
+  /// Expects an error of one line that contains all of `parts`.
   void expect_error(const std::vector<std::string>& arguments,
                     const std::vector<std::string>& parts) {
     const Outcome outcome = parse(arguments);
@@ -518,7 +518,7 @@ TEST_F(OptionsDeathTest, TakesAKeyOnceAndAWellFormedOneOnly) {
   EXPECT_DEATH(options.add("Key_2", value, "Malformed"), "lower-case");
 }
 
-/// The members with names at a registry that a group takes from `arguments`.
+/// The members with names at a registry that a group reads from `arguments`.
 class Members : public OptionsTest {
  protected:
   std::optional<int> take(const std::vector<std::string>& arguments) {
@@ -548,7 +548,7 @@ TEST_F(Members, HaveTheNamesThatRegistriesTake) {
   EXPECT_EQ(names_, (std::vector<std::string>{"Left_Arm.2", "Hand", "x-1"}));
   EXPECT_EQ(rates_, (std::vector<std::uint32_t>{7, 5, 9}));
   EXPECT_FALSE(take({"--members", std::string(64, 'a')})) << err_;
-  // The environment could not tell these apart.
+  // The environment could not distinguish these names.
   for (const std::string& names : {std::string("arm-1,Arm_1"), std::string("a/b"),
                                    std::string("a b"), std::string("a:1"), std::string(65, 'a')}) {
     EXPECT_EQ(take({"--members", names}), 2) << names;

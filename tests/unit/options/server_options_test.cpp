@@ -19,7 +19,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// A program with two lanes, as rtpm-deviced has them.
+/// A program with two lanes, like rtpm-deviced.
 class ServerOptions : public testing::Test {
  protected:
   ServerOptions() {

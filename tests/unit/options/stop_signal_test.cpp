@@ -16,8 +16,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// Runs `body` in a process of its own, whose signals are its alone, and gives its exit code; -1 if
-/// a signal ended it.
+/// Runs `body` in its own process, which alone receives its signals, and returns its exit code, or
+/// -1 if a signal ended it.
 template <class Body>
 int run_in_child(Body body) {
   const pid_t child = fork();
@@ -68,7 +68,7 @@ TEST(StopSignal, SurvivesASecondSignal) {
             }));
 }
 
-// nohup, and the background jobs of a script.
+// This covers nohup, and the background jobs of a script.
 TEST(StopSignal, LeavesIgnoredHangupsIgnored) {
   EXPECT_EQ(0, run_in_child([] {
               signal(SIGHUP, SIG_IGN);

@@ -10,7 +10,7 @@
 namespace rtpm::options {
 namespace {
 
-/// The width that a process sees whose standard output is that.
+/// The width that a process sees if `output` is its standard output.
 int width_seen_on(int output) {
   const pid_t child = fork();
   if (child == 0) {

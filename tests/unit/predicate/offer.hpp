@@ -19,7 +19,7 @@ class Offer final : public PropertySource {
     }
     return {};
   }
-  /// As a registry knows the types of the names that it has.
+  /// The types, as a registry knows them from its names.
   [[nodiscard]] TypeOfProperty types() const {
     return [this](std::string_view name) -> std::optional<Type> {
       for (const Property& property : properties_) {

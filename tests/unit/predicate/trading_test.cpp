@@ -11,7 +11,7 @@
 #include "rtpm/predicate/predicate.hpp"
 #include "rtpm/rt/memory.hpp"
 
-// The constraint language of the Trading Service, as far as predicates have it.
+// The Trading Service's constraint language, as far as predicates support it.
 namespace rtpm::predicate {
 namespace {
 
@@ -56,20 +56,20 @@ INSTANTIATE_TEST_SUITE_P(
         Case{"model == \"Falcon 2000\"", true}, Case{"model < 'Gecko'", true},
         Case{"is_free == TRUE", true}, Case{"is_free != false", true}, Case{"is_free", true},
         Case{"ppm == 0xc", true}, Case{"keys & 0x80", true}, Case{"keys & 0x7e", false},
-        // Exact, although a double does not hold the integer.
+        // Comparison is exact, although a double cannot represent the integer.
         Case{"big == 9223372036854775807", true}, Case{"big < 9223372036854775808.0", true},
         Case{"big == 9223372036854775808.0", false},
-        // Arithmetic, with the usual strengths.
+        // Arithmetic, with the usual precedence.
         Case{"ppm + 2 * 3 == 18", true}, Case{"(ppm + 2) * 3 == 42", true},
         Case{"ppm - 2 - 3 == 7", true}, Case{"ppm / 8 == 1.5", true}, Case{"-ppm == -12", true},
         Case{"cost * 4 <= ppm - 2", true}, Case{"ppm-2 == 10", true}, Case{"big + 1 > big", true},
-        // A sequence has a value.
+        // A sequence contains a value.
         Case{"'A4' in paper", true}, Case{"'A5' in paper", false}, Case{"2 in trays", true},
         Case{"2.0 in trays", true}, Case{"'A4' in empty", false},
         Case{"model in ('Gecko', 'Falcon 2000')", true}, Case{"ppm in (-12, 1.5)", false},
-        // The right text has the left one.
+        // The right text contains the left one.
         Case{"'con' ~ model", true}, Case{"'Con' ~ model", false}, Case{"'' ~ model", true},
-        // Whether there is a property.
+        // Whether a property exists.
         Case{"exist ppm", true}, Case{"exists dpi", false}, Case{"not exists dpi", true},
         // Not binds before and, and before or.
         Case{"not ppm == 13 and cost < 3", true}, Case{"is_free or ppm / 0 > 1 and false", true},
@@ -78,18 +78,18 @@ INSTANTIATE_TEST_SUITE_P(
 
 INSTANTIATE_TEST_SUITE_P(WithoutTheProperty, Trading,
                          testing::Values(
-                             // An offer without the property does not fit, whatever is asked of it.
+                             // An offer without the property does not match.
                              Case{"dpi > 3", false}, Case{"dpi == dpi", false},
                              Case{"not dpi > 3", false}, Case{"not (dpi > 3 and is_free)", false},
                              Case{"dpi + 1 == 2", false}, Case{"dpi in (1, 2)", false},
                              Case{"3 in dpi", false}, Case{"'x' ~ dpi", false}, Case{"dpi", false},
                              Case{"not dpi", false},
-                             // Unless another condition decides.
+                             // Another condition may decide.
                              Case{"dpi > 3 or is_free", true}, Case{"is_free or dpi > 3", true},
                              Case{"not (dpi > 3 and not is_free)", true},
                              Case{"not exists dpi or dpi > 3", true},
                              Case{"exists dpi and dpi > 3", false},
-                             // What is not defined does not fit, either.
+                             // An undefined value does not match, either.
                              Case{"ppm / 0 > 1", false}, Case{"not ppm / 0 > 1", false},
                              Case{"1e308 * 10 * ppm > 1", false}));
 
@@ -139,7 +139,7 @@ INSTANTIATE_TEST_SUITE_P(
                     BadCase{"3 ~ model", 0, "'~' takes text"}, BadCase{"cost & 1", 0, "no bits"},
                     BadCase{"ppm + 1", 0, "not of bool"},
                     BadCase{"-model == 1", 1, "takes numbers"},
-                    // Also of properties that nobody has.
+                    // This includes unknown properties.
                     BadCase{"dpi + 'a' == 1", 6, "'+' takes numbers"}));
 
 TEST(Predicate, BoundsItsTextPartsAndDepth) {
@@ -160,7 +160,7 @@ TEST(Predicate, BoundsItsTextPartsAndDepth) {
   }
 }
 
-// Whatever the text is, it is a predicate or an error with a place in it.
+// Any text is a predicate, or an error with a position in it.
 TEST(Predicate, TakesOrRefusesAnyText) {
   constexpr const char* kPieces[] = {
       "ppm", "cost", "model", "paper",  "dpi", "(",     ")",    ",", "and",    "or", "not",

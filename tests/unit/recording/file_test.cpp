@@ -72,7 +72,7 @@ TEST_F(Recording, IsReadByTimeAndChannel) {
   EXPECT_EQ(visited, 3) << "until the visitor has enough";
 }
 
-/// Sources are not in step: what was sent earlier may be recorded in a later chunk.
+/// Sources are not in step: a later chunk may contain messages that were sent earlier.
 TEST_F(Recording, IsReadInTheOrderOfTimeAcrossChunks) {
   const std::string path = folder_.fresh("file");
   {
@@ -121,7 +121,7 @@ TEST_F(Recording, IsNeverOverwritten) {
   EXPECT_FALSE(FileWriter::create("/no such folder/a.mcap"));
 }
 
-/// A limit of the file's size stands for the full disk; its signal ends no program.
+/// A limit of the file's size stands in for a full disk; its signal does not end the program.
 TEST_F(Recording, StaysReadableWhenTheDiskIsFull) {
   const std::string path = folder_.fresh("file");
   rlimit before{};

@@ -58,7 +58,7 @@ inline std::string message(std::uint64_t channel_id, std::uint64_t sequence,
   return record(
       5, u16(channel_id) + u32(sequence) + u64(log_time_ns) + u64(log_time_ns) + std::string(data));
 }
-/// @param size  as it states it of its uncompressed records
+/// @param size  the stated size of its uncompressed records
 inline std::string chunk(std::uint64_t begin_ns, std::uint64_t end_ns, std::string_view compression,
                          const std::string& records, std::uint64_t size) {
   return record(6, u64(begin_ns) + u64(end_ns) + u64(size) + u32(0) + text(compression) +
@@ -129,7 +129,7 @@ inline const std::vector<Content> kContents{{"NoData", 0, false, false, false},
                                             {"OneAttachment", 0, false, true, false},
                                             {"OneMetadata", 0, false, false, true}};
 
-/// Whether the set has such a vector: no feature without what it is of.
+/// Whether the set has such a vector: no feature without the records it applies to.
 inline bool is_combined(const Content& content, unsigned features) {
   const bool has_messages = content.message_count > 0;
   if (!has_messages && (features & (kChunks | kRepeatedChannels)) != 0) return false;

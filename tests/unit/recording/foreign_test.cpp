@@ -7,7 +7,7 @@
 #include "recorded.hpp"
 #include "rtpm/recording/repair.hpp"
 
-// Recordings of other writers: what the format allows is read, what harms its reader is refused.
+// Recordings of other writers: valid ones are read, harmful ones are rejected.
 namespace rtpm::recording {
 namespace {
 
@@ -21,7 +21,7 @@ class Foreign : public testing::Test {
     put_content(path, content);
     return path;
   }
-  /// Why it is not opened, or not read.
+  /// The reason why the file can't be opened or read.
   [[nodiscard]] static std::string refusal(const std::string& path) {
     const auto reader = FileReader::open(path, Incomplete::kRead);
     if (!reader) return reader.error().text();
@@ -31,7 +31,7 @@ class Foreign : public testing::Test {
   Folder folder_;
 };
 
-/// As the format's own conformance set, which combines the same features.
+/// Like the format's own conformance set, which combines the same features.
 class Conformance : public Foreign, public testing::WithParamInterface<Content> {
  protected:
   void expect_content(const std::string& path, const std::string& name) {
@@ -88,7 +88,7 @@ TEST_P(Conformance, CopiesEachCombinationOfFeatures) {
   }
 }
 
-// ---- what harms a reader ------------------------------------------------------------------------
+// ---- harmful recordings -------------------------------------------------------------------------
 
 TEST_F(Foreign, OtherThanARegularFileIsRefusedWithoutWaiting) {
   const std::string pipe = folder_.fresh("pipe");
@@ -100,7 +100,7 @@ TEST_F(Foreign, OtherThanARegularFileIsRefusedWithoutWaiting) {
   EXPECT_NE(refusal("/dev/zero").find("device"), std::string::npos);
 }
 
-/// 1 TB of holes behind an honest beginning: neither read nor held.
+/// 1 TB of holes after a valid beginning: neither read nor stored.
 TEST_F(Foreign, ThatIsAHoleOfATerabyteIsRefusedOrEndsAtTheHole) {
   constexpr off_t kTerabyte = 1'000'000'000'000;
   const std::string path =
@@ -112,7 +112,7 @@ TEST_F(Foreign, ThatIsAHoleOfATerabyteIsRefusedOrEndsAtTheHole) {
   ASSERT_TRUE(recovery);
   EXPECT_GT(recovery->cut_byte_count, 999'999'000'000u);
 
-  // A record, a chunk and a summary that take the whole of it.
+  // A record, a chunk and a summary whose size covers the whole hole.
   for (const char opcode : {'\x03', '\x05', '\x06', '\x09', '\x0c'}) {
     const std::string of_one = put(header() + opcode + u64(kTerabyte / 2));
     ASSERT_EQ(::truncate(of_one.c_str(), kTerabyte), 0);
@@ -144,14 +144,14 @@ TEST_F(Foreign, ChunkIsUnpackedOnlyAsFarAsItStates) {
   EXPECT_EQ(refusal(put(begin + chunk(5, 5, "zstd", packed, message_of_a_mebibyte.size()))), "");
   EXPECT_NE(refusal(put(begin + chunk(5, 5, "zstd", packed, 100))).find("decompressed"),
             std::string::npos);
-  // No memory for what the bytes can't hold.
+  // The reader allocates no memory for more than the bytes can hold.
   EXPECT_NE(refusal(put(begin + chunk(5, 5, "zstd", packed, (1 << 28)))).find("decompressed"),
             std::string::npos);
   EXPECT_NE(refusal(put(begin + chunk(5, 5, "zstd", packed, (1 << 28) + 1))).find("256 MiB"),
             std::string::npos);
 }
 
-/// Each chunk is small on disk and large in memory: work, but work that ends when it is told to.
+/// Each chunk is small on disk and large in memory: much work, but it stops on request.
 TEST_F(Foreign, IsLeftWhenProgressSaysSo) {
   const std::string big = message(1, 0, 5, std::string(1 << 22, 'x'));
   std::string content = header() + channel(1, 0, "a");
@@ -195,14 +195,14 @@ TEST_F(Foreign, IndexThatNamesAPlaceTwiceIsRefused) {
   EXPECT_EQ(refusal(put(file(data, stated + index))), "");
   EXPECT_NE(refusal(put(file(data, stated + index + index))).find("contradicts itself"),
             std::string::npos);
-  // Metadata and attachments likewise.
+  // The same holds for metadata and attachments.
   const std::string metadata = record(12, text("a") + texts({}));
   const std::string metadata_index =
       record(13, u64(header().size()) + u64(metadata.size()) + text("a"));
   EXPECT_EQ(refusal(put(file(metadata, statistics({.metadata = 1}, 0, 0, {}) + metadata_index))),
             "");
   EXPECT_NE(refusal(put(file(metadata, metadata_index + metadata_index))), "");
-  // A place of another kind is left out: @mcap/core writes such ones.
+  // The reader skips an index entry of another kind: @mcap/core writes such entries.
   EXPECT_EQ(refusal(put(file(data, metadata_index))), "");
 }
 

@@ -21,7 +21,7 @@ inline std::string text_of(ConstBytes bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-/// The running test's own folder, removed with it. In memory where that can be: closing a recording
+/// The running test's own folder, removed with it. In memory where possible: closing a recording
 /// waits for the disk.
 class Folder {
  public:
@@ -33,11 +33,11 @@ class Folder {
   Folder(const Folder&) = delete;
   Folder& operator=(const Folder&) = delete;
   ~Folder() { std::filesystem::remove_all(path_); }
-  /// A path in it.
+  /// A path in the folder.
   [[nodiscard]] std::string path(const std::string& name) const {
     return path_ + "/" + name + ".mcap";
   }
-  /// A path in it, where nothing is.
+  /// A path in the folder at which there is no file.
   [[nodiscard]] std::string fresh(const std::string& name) const {
     std::string free = path(name);
     std::filesystem::remove(free);
@@ -56,7 +56,7 @@ inline void put_content(const std::string& path, std::string_view content) {
   std::ofstream(path, std::ios::binary) << content;
 }
 
-/// A message as read, its bytes copied.
+/// A message as read, with a copy of its bytes.
 struct Read {
   std::uint16_t channel_id;
   std::uint32_t sequence;
@@ -77,7 +77,7 @@ inline std::vector<Read> read_all(FileReader& reader, const Query& query = {}) {
   return messages;
 }
 
-/// Two channels, one of them with a schema; `count` messages, 1 ms apart, in turns.
+/// Two channels, one with a schema; `count` messages, 1 ms apart, alternate between them.
 inline void write_messages(FileWriter& writer, int count) {
   const auto schema = writer.add_schema(
       {.name = "lab.Touched", .encoding = "flatbuffer", .data = std::vector(300, std::byte{7})});

@@ -13,7 +13,7 @@
 #include "rtpm/recording/repair.hpp"
 #include "rtpm/rt/clock.hpp"
 
-// Recording from real-time threads, which only copy.
+// Recording from real-time threads, which only copy the messages.
 namespace rtpm::recording {
 namespace {
 
@@ -33,7 +33,7 @@ std::uint16_t channel_of(Recorder& recorder, const std::string& topic) {
   return channel.value_or(0);
 }
 
-/// Puts `count` messages, each again until the ring takes it. @return how many were dropped
+/// Puts `count` messages, retrying each until the ring takes it. @return the number of retries
 std::uint64_t put_all(Recorder::Track& track, std::uint16_t channel, std::uint32_t count) {
   std::uint64_t drop_count = 0;
   for (std::uint32_t i = 0; i < count; ++i) {
@@ -172,7 +172,7 @@ TEST_F(RealtimeRecording, OfAKilledProgramRecoversUpToItsLastChunk) {
     auto reader = FileReader::open(saved);
     ASSERT_TRUE(reader) << reader.error().text();
     const auto messages = read_all(**reader);
-    // Without a gap: what is lost is the end.
+    // There is no gap: only the end is lost.
     for (std::uint32_t i = 0; i < messages.size(); ++i)
       ASSERT_EQ(messages[i].sequence, i) << "round " << round;
     recovered_count += messages.size();
@@ -180,7 +180,7 @@ TEST_F(RealtimeRecording, OfAKilledProgramRecoversUpToItsLastChunk) {
   EXPECT_GT(recovered_count, 50u * static_cast<unsigned>(kill_count));
 }
 
-/// RTPM_RECORD_SECONDS=60 is the long version.
+/// RTPM_RECORD_SECONDS=60 runs the long version.
 TEST_F(RealtimeRecording, Takes64ChannelsAtOneKilohertzWithoutADrop) {
   const char* const seconds = std::getenv("RTPM_RECORD_SECONDS");
   const std::uint32_t turn_count =

@@ -28,7 +28,7 @@ class Repair : public testing::Test {
       count += lost;
     return count;
   }
-  /// Expects the loss of write_recording()'s first chunk, and of nothing else.
+  /// Expects that only write_recording()'s first chunk is lost.
   void expect_loss_of_first_chunk(const Recovery& recovery) const {
     EXPECT_EQ(recovery.damaged_chunk_count, 1u);
     EXPECT_EQ(recovery.unknown_channel_count, 0u);
@@ -95,7 +95,7 @@ TEST_F(Repair, LeavesADamagedChunkOut) {
   EXPECT_EQ(recovery->cut_byte_count, 0u);
 }
 
-/// The chunk that has the channels and schemas is damaged; the summary has them, too.
+/// The chunk with the channels and schemas is damaged; the summary has them, too.
 TEST_F(Repair, KeepsChannelsOfADamagedChunkThatTheSummaryHas) {
   const std::string content = content_of(write_recording(Compression::kNone));
   for (const char* place : {"message 2", "lab/touched"}) {
@@ -109,7 +109,7 @@ TEST_F(Repair, KeepsChannelsOfADamagedChunkThatTheSummaryHas) {
   }
 }
 
-/// The size of a chunk's record is damaged: what follows is found by the summary.
+/// The size of a chunk's record is damaged: the summary leads to the records behind it.
 TEST_F(Repair, GoesOnBehindADamagedSize) {
   const std::string content = content_of(write_recording(Compression::kNone));
   const std::size_t header_size = 9 + static_cast<unsigned char>(content[9]);
@@ -123,7 +123,7 @@ TEST_F(Repair, GoesOnBehindADamagedSize) {
       put_content(damaged, bytes);
       const auto recovery = recover(damaged, folder_.fresh("recovered"));
       ASSERT_TRUE(recovery) << recovery.error().text();
-      // With a byte more, the chunk is whole: the format allows bytes behind its fields.
+      // With one more byte the chunk is complete: the format allows bytes behind its fields.
       if (recovery->message_count == static_cast<std::uint64_t>(kMessageCount)) continue;
       expect_loss_of_first_chunk(*recovery);
     }
@@ -131,7 +131,7 @@ TEST_F(Repair, GoesOnBehindADamagedSize) {
 }
 
 TEST_F(Repair, CountsWhatHasNoChannelOrSchemaAnyMore) {
-  // Neither the first chunk nor the summary is whole.
+  // Both the first chunk and the summary are damaged.
   std::string bytes = content_of(write_recording(Compression::kNone));
   bytes[bytes.find("lab/touched")] ^= 1;
   bytes[bytes.rfind("lab/touched")] ^= 1;
@@ -145,7 +145,7 @@ TEST_F(Repair, CountsWhatHasNoChannelOrSchemaAnyMore) {
   EXPECT_EQ(recovery->lost_counts.count("channel 1"), 1u);
 }
 
-/// No flipped bit goes unnoticed: every byte is under a checksum or in a field that is compared.
+/// Every flipped bit is found: each byte is under a checksum or in a field that is compared.
 TEST_F(Repair, FindsEachFlippedBit) {
   const std::string content = content_of(write_recording());
   const std::string damaged = folder_.fresh("damaged");

@@ -14,7 +14,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/thread.hpp"
 
-// What a client is promised of a device holds for a replayed one, too: each test runs with both.
+// A replayed device keeps a device's promises to its clients, too: each test runs with both.
 namespace rtpm::replay {
 namespace {
 

@@ -4,7 +4,7 @@
 
 #include "recorded_run.hpp"
 
-// Recordings, whole and strange, as they are read for playing.
+// Recordings, valid and odd, loaded for playing.
 namespace rtpm::replay {
 namespace {
 
@@ -13,7 +13,7 @@ using std::chrono::seconds;
 
 class Loading : public testing::Test {
  protected:
-  /// Loads; the test fails if that is refused.
+  /// Loads the recording; the test fails on a refusal.
   [[nodiscard]] Recorded loaded(const Selection& selection = {}) {
     auto recorded = load(file_, selection);
     EXPECT_TRUE(recorded) << recorded.error().text();
@@ -24,7 +24,7 @@ class Loading : public testing::Test {
     EXPECT_FALSE(recorded);
     return recorded ? "" : recorded.error().text();
   }
-  /// A lever whose samples are at these milliseconds.
+  /// Writes a lever with samples at these milliseconds.
   void write(const std::vector<std::int64_t>& times_ms) {
     RunWriter writer(file_);
     writer.describe("lab/lever");
@@ -163,7 +163,7 @@ TEST_F(Loading, ShortensAPauseInWhichTheClockLeapt) {
 }
 
 TEST_F(Loading, TellsThatTheClockWentBack) {
-  // Sorted by their times, the sequence numbers go back.
+  // Once sorted by time, the sequence numbers go backwards.
   write({100, 101, 102, 50, 51});
   const Recorded recorded = loaded();
   EXPECT_EQ(recorded.devices.at(0).samples.size(), 5u);
@@ -193,7 +193,7 @@ TEST_F(Loading, NamesTheRemedyForAFileThatWasCutOff) {
   EXPECT_NE(refusal().find("recover"), std::string::npos) << refusal();
 }
 
-/// Other writers' clocks may be anywhere in 64 bits.
+/// Other writers' clocks may have any 64-bit value.
 TEST_F(Loading, TakesStampsAtTheEndOfTime) {
   RunWriter writer(file_, UINT64_MAX - 2'000'000);
   writer.describe("lab/lever");

@@ -10,7 +10,7 @@
 #include "rtpm/gvd/client.hpp"
 #include "rtpm/rt/clock.hpp"
 
-// A player beside its clients, in one process.
+// A player and its clients in one process.
 namespace rtpm::replay {
 namespace {
 

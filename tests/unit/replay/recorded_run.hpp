@@ -52,7 +52,7 @@ inline std::string bytes_of(const device::Sample& sample) {
   return recording::text_of(rpc::struct_bytes(sample));
 }
 
-/// "lab/lever", with `count` samples from sequence 100 on, 1 ms apart.
+/// "lab/lever" with `count` samples from sequence 100 on, 1 ms apart.
 inline RecordedDevice lever(std::size_t count) {
   RecordedDevice device{.name = "lab/lever",
                         .description = description_of(test::ScriptedDriver{}.descriptor)};
@@ -63,7 +63,7 @@ inline RecordedDevice lever(std::size_t count) {
   return device;
 }
 
-/// Writes what rtpm::capture writes.
+/// Writes the same records as rtpm::capture.
 class RunWriter {
  public:
   static constexpr std::uint64_t kBeginNs = 1'700'000'000'000'000'000;

@@ -6,7 +6,7 @@
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/test/alloc_guard.hpp"
 
-// A replayed device by its methods, on a time line of the test's own.
+// A replayed device's methods, on the test's own time line.
 namespace rtpm::replay {
 namespace {
 

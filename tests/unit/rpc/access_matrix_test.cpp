@@ -14,8 +14,8 @@
 #include "rtpm/test/sealed_peer.hpp"
 #include "secured_server.hpp"
 
-// Who may do what, over every transport: identities × lines of `authorized` × objects × methods ×
-// ways to call. What comes of each call is what a model says that knows nothing but the lines.
+// Permissions over every transport: identities × lines of `authorized` × objects × methods × ways
+// to call. A model that knows only the lines predicts the result of each call.
 namespace rtpm::rpc {
 namespace {
 
@@ -34,7 +34,7 @@ constexpr uid_t kOtherUser = 12345;
 
 struct Line {
   std::string identity;
-  std::size_t role = 0;  ///< In kRoles.
+  std::size_t role = 0;  ///< The index in kRoles.
   std::string pattern;
 };
 
@@ -84,24 +84,24 @@ struct Model {
   }
 };
 
-// --- What callers try ---
+// --- The callers' attempts ---
 
 enum class Way : std::uint8_t { kCall, kReceipt, kOneway, kStream };
 constexpr std::array kWays{Way::kCall, Way::kReceipt, Way::kOneway, Way::kStream};
 
-/// What came of one object's bind, describe and calls.
+/// The results of one object's bind, describe and calls.
 struct Outcome {
   wire::Status bound{};
   wire::Status described{};
-  /// By method and way; of a oneway kOk.
+  /// By method and way; a oneway has kOk.
   std::array<std::array<wire::Status, kWays.size()>, kMethods.size()> called{};
 };
-/// What came of all, as a caller in another process can report it.
+/// All results, as a caller in another process can report them.
 struct Outcomes {
   bool is_open = false;
   bool is_alive = false;  ///< The session answers a ping at the end.
   std::array<Outcome, 5> objects{};
-  std::array<char, 512> similar{};  ///< What a bind of an unknown path told.
+  std::array<char, 512> similar{};  ///< The suggestions for a bind of an unknown path.
 };
 
 /// A caller that tries everything over one session, call by call.
@@ -151,7 +151,7 @@ class Prober {
   }
 };
 
-/// In a session that is not sealed.
+/// A caller in a session that is not sealed.
 class PlainProber final : public Prober {
  public:
   PlainProber(Transport transport, std::uint16_t port) : peer_(transport, port) {}
@@ -183,7 +183,7 @@ class PlainProber final : public Prober {
   std::uint32_t call_id_ = 0;
 };
 
-/// In a sealed session, with a key.
+/// A caller in a sealed session, with a key.
 class KeyProber final : public Prober {
  public:
   KeyProber(Transport transport, const Server& server, const seal::KeyPair& key)
@@ -203,7 +203,7 @@ class KeyProber final : public Prober {
     if (way == Way::kOneway) return {wire::Status::kOk, {}};
     const auto reply = peer_.await(rt::now() + std::chrono::seconds{10});
     EXPECT_EQ(reply.kind, wire::ChannelEvent::Kind::kReply);
-    // The call's place is free after the last item.
+    // The call's slot is free after the last item.
     while (way == Way::kStream && peer_.channel().next_item(peer_.channel().last_call())) {
     }
     return {reply.status, reply.payload};
@@ -213,7 +213,7 @@ class KeyProber final : public Prober {
   Bytes items_;
 };
 
-/// A caller of another user: a process that probes the port that it is told, again and again.
+/// A caller of another user: a process that probes the given ports one after the other.
 class OtherUser {
  public:
   OtherUser() {
@@ -266,7 +266,7 @@ class OtherUser {
 
 // --- The comparison ---
 
-/// How often each method of each object was to run, by the model.
+/// The number of expected runs of each method of each object, according to the model.
 using Runs = std::array<std::array<int, kMethods.size()>, 5>;
 
 void compare(const Model& model, const std::string& identity, const Outcomes& outcomes,
@@ -333,7 +333,7 @@ void compare_local(const Model& model, Server& server, Runs& runs) {
   }
 }
 
-/// Of two callers, and of a stranger that no line names.
+/// The keys of two callers, and of a stranger that no line names.
 using Keys = std::array<seal::KeyPair, 3>;
 
 std::string text_of(const seal::KeyPair& key) {
@@ -349,7 +349,7 @@ struct Round {
   bool has_strangers = false;
 };
 
-// Each identity meets each role on each pattern; then all lines at once, and none.
+// Tries each identity with each role on each pattern; then with all lines at once, and with none.
 std::vector<Round> rounds(const Keys& keys) {
   const std::string other = "uid:" + std::to_string(kOtherUser);
   const std::vector<std::string> identities{own_user(), other, "anonymous", text_of(keys[0]),
@@ -359,12 +359,12 @@ std::vector<Round> rounds(const Keys& keys) {
   for (std::size_t i = 0; i < count; ++i) {
     Round round;
     for (std::size_t who = 0; who < identities.size(); ++who) {
-      // Another cell for each, so that one's rights are not taken for another's.
+      // Each identity gets a different cell, so that a mix-up of rights shows.
       const std::size_t cell = (i + who * 11) % count;
       round.model.lines.push_back(
           {identities[who], cell % kRoles.size(), kPatterns[cell / kRoles.size()]});
     }
-    // Every third one by a lane of several threads.
+    // Every third round uses a lane of several threads.
     if (i % 3 == 2) round.config.lanes[0].buffered_request_max = 16;
     rounds.push_back(std::move(round));
   }
@@ -403,7 +403,7 @@ TEST(AccessMatrix, IsWhatTheLinesSayOverEveryTransport) {
       check("shared memory", "uid:" + std::to_string(kOtherUser), other->probe(port));
     }
     for (const seal::KeyPair& key : keys) {
-      // A stranger hears hints only, and waits for more in vain: not in each round.
+      // A stranger gets only hints, and waits for the rest in vain: not in each round.
       if (!model.knows(text_of(key)) && !round.has_strangers) continue;
       check("sealed UDP", text_of(key), KeyProber(Transport::kUdp, *secured.server, key).probe());
       check("sealed TCP", text_of(key), KeyProber(Transport::kTcp, *secured.server, key).probe());

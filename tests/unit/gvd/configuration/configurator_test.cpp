@@ -10,7 +10,7 @@
 
 #include "samples.hpp"
 
-// Transactions and calibrations over a device that the test plays, on a simulated time line.
+// Transactions and calibrations of a device that the test simulates, on a simulated time line.
 namespace rtpm::gvd {
 namespace {
 
@@ -171,7 +171,7 @@ class CalibrationTest : public ConfiguratorTest {
     EXPECT_TRUE(started);
     return started ? started->run : 0;
   }
-  /// A run with a result.
+  /// Starts a calibration and answers until it has a result; returns its run.
   [[nodiscard]] std::uint64_t finish() {
     const std::uint64_t run = start();
     EXPECT_TRUE(configurator_.answer(run, 1, "ready", now_));
@@ -239,7 +239,7 @@ TEST_F(CalibrationTest, LeftHalfwayIsDiscardedAndChangesNothing) {
   const std::uint64_t run = start();
   ASSERT_TRUE(configurator_.answer(run, 1, "ready", now_));
   const Settings before = device_.values;
-  // Samples go on, but no client asks.
+  // Samples continue, but no client asks.
   const MonotonicTime left = now_;
   while (now_ < left + CalibrationRun::kSilenceMax) {
     EXPECT_EQ(configurator_.open_run(), run);
@@ -296,7 +296,7 @@ TEST_F(CalibrationTest, FailsWithoutSamplesOfAnActiveDevice) {
   const MonotonicTime last = now_;
   while (now_ < last + CalibrationRun::kNoSampleMax) {
     ASSERT_EQ(status(run).phase, CalibrationPhase::kPrompt);
-    // The inactive device goes on publishing its last sample.
+    // The inactive device keeps publishing its last sample.
     driver::Sample sample = *device_.sample;
     sample.sequence = ++sequence_;
     sample.lifecycle = driver::Lifecycle::kInactive;

@@ -11,7 +11,7 @@
 
 namespace rtpm::test {
 
-/// One parameter of each type, "offset_m" only while inactive, "firmware" read-only.
+/// One parameter of each type; "offset_m" is writable only while inactive, "firmware" is read-only.
 inline std::vector<driver::ParameterSpec> sample_specs() {
   using driver::ParameterType;
   return {
@@ -48,7 +48,7 @@ inline std::vector<driver::ParameterSpec> sample_specs() {
   };
 }
 
-/// A calibration of the mean x of as many samples as asked for, after a prompt: twice.
+/// A calibration of the mean x over the requested number of samples, after a prompt: twice.
 class MeanCalibration final : public driver::Calibration {
  public:
   driver::CalibrationState step(const driver::Sample& sample,
@@ -119,7 +119,7 @@ class SampleDevice : public gvd::Configurable {
 
   driver::Descriptor described{};
   std::vector<driver::ParameterSpec> specs = sample_specs();
-  std::vector<driver::ParameterSetting> values{};  ///< What the device has.
+  std::vector<driver::ParameterSetting> values{};  ///< The device's present values.
   std::function<void(driver::ParameterSetting&)> read_back{};
   gvd::ConfigurationError error{gvd::ConfigurationOutcome::kDone};
   std::optional<driver::Sample> sample{};

@@ -14,7 +14,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "samples.hpp"
 
-// The manager's service and its client over a real server.
+// The manager's service and its client, connected by a real server.
 namespace rtpm::gvd {
 namespace {
 
@@ -160,7 +160,7 @@ TEST_F(ConfigurationService, CalibratesByDialogue) {
   EXPECT_EQ(offered->calibrations[0].name, "offset");
   driver::Sample sample;
   sample.lifecycle = driver::Lifecycle::kActive;
-  device_.sample = sample;  // Of sequence 0: the device's first one is still to come.
+  device_.sample = sample;  // Sequence 0: the device has sent no sample yet.
   auto status = client_->calibrate("offset");
   ASSERT_TRUE(status) << status.error().words.text();
   EXPECT_EQ(client_->calibrate("offset").error().outcome, kBusy);

@@ -83,7 +83,7 @@ TEST_F(SettingsFile, IsReplacedWhole) {
 TEST_F(SettingsFile, TruncatedAnywhereIsRefused) {
   save_sample();
   const std::string whole = content();
-  // The last two bytes are "}\n": without the line's end it is still whole.
+  // The last two bytes are "}\n": without the newline the text is still complete.
   for (std::size_t size = 0; size + 2 <= whole.size(); ++size) {
     write(whole.substr(0, size));
     expect_refused("truncated");

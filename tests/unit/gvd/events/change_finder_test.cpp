@@ -104,7 +104,7 @@ TEST_F(Changes, OfTheLeaseSayWhyItEnded) {
   record_.is_held = true;
   record_.lease_serial = 1;
   EXPECT_EQ(step(finder_, record_), (std::vector<CycleChange>{LeaseChange{LeaseState::kHeld}}));
-  // Another client at once.
+  // Another client takes the lease at once.
   record_.lease_serial = 2;
   record_.last_end = LeaseState::kTakenOver;
   EXPECT_EQ(step(finder_, record_), (std::vector<CycleChange>{LeaseChange{LeaseState::kTakenOver},

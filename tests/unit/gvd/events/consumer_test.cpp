@@ -22,7 +22,7 @@
 #include "scripted_driver.hpp"
 #include "served_hub.hpp"
 
-/// Devices that leave scripted cycles, a hub, and what consumers see of them.
+/// Devices that produce scripted cycles, a hub, and its consumers.
 namespace rtpm::gvd {
 namespace {
 
@@ -35,7 +35,7 @@ using events::test::ServedHub;
 const std::string kArm = "lab/arm0";
 const std::string kGaze = "lab/gaze0";
 
-/// What a consumer is told, one line per delivery: "arm0 pressed 0 + gaze0 sample 3".
+/// Writes down one line per delivery, such as "arm0 pressed 0 + gaze0 sample 3".
 class Listener final : public DeviceEventHandler {
  public:
   void on_events(std::span<const DeviceEvent> events) override {
@@ -55,7 +55,7 @@ class Listener final : public DeviceEventHandler {
     const std::lock_guard lock(mutex_);
     return lines_;
   }
-  /// Waits until it was told `count` lines; returns them.
+  /// Waits until there are `count` lines, and returns them.
   [[nodiscard]] std::vector<std::string> await_lines(std::size_t count) {
     std::unique_lock lock(mutex_);
     changed_.wait_for(lock, kPatience, [&] { return lines_.size() >= count; });
@@ -133,7 +133,7 @@ class DeviceEvents : public ::testing::Test {
     arm_ = std::make_unique<ScriptedDevice>(**publisher_->add(kArm));
     gaze_ = std::make_unique<ScriptedDevice>(**publisher_->add(kGaze));
     EXPECT_TRUE(publisher_->start());
-    // From here on changes are told.
+    // From here on the device reports changes.
     arm_->cycle(start_);
     gaze_->cycle(start_);
     EXPECT_TRUE(await([&] { return pushed() >= 4; }));
@@ -236,7 +236,7 @@ TEST_F(DeviceEvents, OfSamplesHappenedWhenTheyWereMeasured) {
   cycle(start_ + 22ms, start_ + 22ms - 5s);
   cycle(start_ + 23ms, start_ + 9ms, driver::Faults{1U << 19});
   ASSERT_TRUE(await([&] { return handler.origins().size() == 4; }));
-  // Its own clock is the hub's.
+  // The device's own clock is the hub's.
   const std::vector<MonotonicTime> origins = handler.origins();
   const auto near = [&](std::size_t i, Duration time) {
     return std::chrono::abs(origins[i] - (start_ + time)) < 1ms;
@@ -261,10 +261,10 @@ TEST_F(DeviceEvents, OfTwoDevicesAreCorrelatedAndTheirSilenceIsTold) {
   const auto look_at = [&](Duration time) {
     push_and_await(1, [&] { gaze_->cycle(start_ + time); });
   };
-  press_at(100ms);  // Pressed, and looked 3 ms later.
+  press_at(100ms);  // Pressed; a gaze sample follows 3 ms later.
   look_at(103ms);
   press_at(150ms);  // A release, which the filter does not accept.
-  press_at(200ms);  // Looked 8 ms later, and then 4 ms before the next press.
+  press_at(200ms);  // Gaze samples: 8 ms later, and 4 ms before the next press.
   look_at(208ms);
   press_at(300ms);  // Released.
   look_at(396ms);
@@ -276,7 +276,7 @@ TEST_F(DeviceEvents, OfTwoDevicesAreCorrelatedAndTheirSilenceIsTold) {
   EXPECT_EQ(lines[2], "silence 9");
 }
 
-// A sample that completes a pair comes in it, although the samples are also wanted alone.
+// A sample that completes a pair is delivered in it, although samples are also wanted alone.
 TEST_F(DeviceEvents, ComeAloneAndCorrelatedToOneConsumer) {
   Listener listener;
   const auto consumer = subscribe(
@@ -357,7 +357,7 @@ TEST(DevicePublisher, RefusesTwoDevicesOfOneName) {
   EXPECT_NE(again.error().text().find("rename one of them"), std::string::npos);
 }
 
-/// Without a hub: cycles go on, are not waited for, and allocate nothing.
+/// Without a hub: cycles run on, wait for nothing, and allocate nothing.
 TEST(DevicePublisher, NeverHoldsADeviceUp) {
   rpc::Node node;
   DevicePublisherConfig config;
@@ -392,7 +392,7 @@ TEST(DeviceConsumer, NeedsDevicesOrAFilter) {
 }
 
 TEST(DeviceSources, AreTheHashOfTheName) {
-  // The published vectors of FNV-1a, 32 bits.
+  // The published vectors of the 32-bit FNV-1a.
   EXPECT_EQ(source_of(""), 0x811c9dc5u);
   EXPECT_EQ(source_of("a"), 0xe40c292cu);
   EXPECT_EQ(source_of("foobar"), 0xbf9cf968u);

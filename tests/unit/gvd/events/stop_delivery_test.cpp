@@ -29,7 +29,7 @@ using events::test::ServedHub;
 
 constexpr const char* kDevice = "rtpm.device.Device";
 
-/// A server with one object, at an address that a test may give it again.
+/// A server with one object, at an address where a test may serve again.
 std::unique_ptr<rpc::Server> serve(rpc::Servant& servant, std::string_view path,
                                    std::uint16_t port = 0) {
   auto server = rpc::Server::create({.port = port, .realtime = rt::RealtimeMode::kOff});
@@ -53,7 +53,7 @@ class Arm {
     server_ = serve(device_->servant(), "arm", port);
     port_ = server_->port();
   }
-  /// As a server that was killed.
+  /// Ends like a server that was killed.
   void end() { server_.reset(); }
   [[nodiscard]] std::uint16_t port() const noexcept { return port_; }
   [[nodiscard]] std::string url() const {
@@ -73,7 +73,7 @@ class Arm {
   std::uint16_t port_ = 0;
 };
 
-/// A registry in which tests bind what they like.
+/// A registry in which tests bind any names.
 class Registry {
  public:
   Registry() : servant_(names::make_servant()), server_(serve(*servant_, names::kRegistryPath)) {}
@@ -102,7 +102,7 @@ class Registry {
   std::unique_ptr<rpc::Server> server_;
 };
 
-/// An address at which nothing ever answers, as at a process that hangs.
+/// An address that never answers, like a hanging process.
 class Silence {
  public:
   explicit Silence(std::uint16_t port = 0) : socket_(::socket(AF_INET, SOCK_DGRAM, 0)) {
@@ -130,7 +130,7 @@ class Silence {
 
 class Stops : public testing::Test {
  protected:
-  /// At both registries: as a list of registries, each is asked for itself.
+  /// Delivers to both registries, given as a list of URLs.
   [[nodiscard]] StopDeliveryConfig both() const {
     return {.where = mine_.url() + "," + other_.url()};
   }
@@ -256,7 +256,7 @@ TEST_F(Stops, FollowADeviceThatComesBackElsewhere) {
   EXPECT_TRUE(delivery.owed().empty()) << "nothing listens at the former address";
 }
 
-// Another server of the name does not stand for the one that hangs.
+// Another server with the same name does not substitute for the one that hangs.
 TEST_F(Stops, StayOwedToAServerThatHangsWhateverElseHasItsName) {
   const Silence hung;
   mine_.bind("lab/arm0", hung.url("arm"));

@@ -65,7 +65,7 @@ TEST_F(SystemStops, StopTheDevicesOfEveryProgramOnce) {
   my_stop->request();
   EXPECT_EQ(mine_.stop_count, 1) << "its own at once";
   EXPECT_TRUE(await([&] { return others_.stop_count > 0; }));
-  // It is repeated for 200 ms, and obeyed once.
+  // The request is repeated for 200 ms, and obeyed once.
   std::this_thread::sleep_for(300ms);
   EXPECT_EQ(others_.stop_count, 1);
   EXPECT_EQ(mine_.stop_count, 1);
@@ -87,13 +87,13 @@ TEST_F(SystemStops, ReachServersThatStartAfterTheRequestUntilItsDevicesAreRearme
   const auto my_stop = start(&mine_);
   my_stop->request();
   ASSERT_EQ(mine_.stop_count, 1);
-  // The request itself is repeated for 200 ms; longer only by the device that is still stopped.
+  // The request is repeated for 200 ms, and then only by the device that is still stopped.
   std::this_thread::sleep_for(400ms);
   const auto late_stop = start(&late);
   EXPECT_TRUE(await([&] { return late.stop_count == 1; })) << "the stop is still in force";
   mine_.rearm();
   late.rearm();
-  // Three times `remind`: then the hub's latched request is over, too.
+  // After three times `remind` the hub's latched request is over, too.
   std::this_thread::sleep_for(400ms);
   const auto later_stop = start(&later);
   ASSERT_TRUE(await([&] { return later_stop->is_subscribed(); }));
