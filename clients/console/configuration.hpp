@@ -18,13 +18,13 @@ struct Configuration {
   std::string registry{};
   rpc::NodeSecurity security{};
   std::string events{events::kHubPath};  ///< The hub's name or URL.
-  std::string page{};                    ///< The folder of the page; empty: the installed one.
+  std::string page{};                    ///< The page's folder; empty: the installed one.
   std::string recordings{};              ///< The folder of recordings; empty: none.
   bool is_read_only = false;
-  std::string token{};                    ///< Empty: a random one, or that of `token_file`.
-  std::string token_file{};               ///< Where the token is kept; empty: nowhere.
-  bool prints_token = false;              ///< Also where standard output is no terminal.
-  std::vector<std::string> host_names{};  ///< By which browsers may reach it.
+  std::string token{};                    ///< Empty: a random token, or that of `token_file`.
+  std::string token_file{};               ///< The file that keeps the token; empty: none.
+  bool prints_token = false;              ///< Prints it even where standard output is no terminal.
+  std::vector<std::string> host_names{};  ///< Names by which browsers may reach it.
   double seconds = 0;                     ///< 0: until a stop signal.
 };
 
@@ -32,7 +32,7 @@ struct Configuration {
 [[nodiscard]] std::optional<int> read_configuration(int argc, const char* const* argv,
                                                     Configuration& configuration);
 
-/// Whether only programs of this host reach `address`.
+/// Whether only programs on this host can reach `address`.
 [[nodiscard]] bool is_loopback(const std::string& address);
 
 }  // namespace rtpm::console

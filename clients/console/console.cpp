@@ -25,14 +25,14 @@ constexpr Duration kReportInterval = std::chrono::seconds{1};
 constexpr Duration kStateInterval = std::chrono::milliseconds{250};
 constexpr Duration kLatencyInterval = std::chrono::seconds{1};
 constexpr Duration kIdleInterval = std::chrono::seconds{1};
-/// Between attempts to deliver a stop, each of which takes up to a second.
+/// The interval between attempts to deliver a stop; each attempt takes up to a second.
 constexpr Duration kDeliverInterval = std::chrono::milliseconds{100};
 constexpr std::size_t kLostCountMax = 1024;
 constexpr Duration kRenewInterval = std::chrono::milliseconds{300};
 constexpr Duration kParameterInterval = std::chrono::seconds{2};
 constexpr std::size_t kGarbageCountMax = 10;
 
-/// A hub with a name is found with all others.
+/// A hub that is given by name is found together with all others.
 gvd::StopDeliveryConfig stop_config(const Configuration& configuration) {
   const bool is_url = configuration.events.starts_with("rtpm://");
   return {.where = configuration.registry, .hub = is_url ? configuration.events : ""};
@@ -273,7 +273,7 @@ void Console::take_objects(const ObjectsView& view) {
   objects_services_.set_objects(view.objects);
 }
 
-// A device whose name was unbound has ended in order; any other that is gone is lost until it is
+// A device whose name was unbound has ended in order; any other missing device is lost until it is
 // back or dismissed.
 void Console::take_lost(const ObjectsView& view) {
   const MonotonicTime now = rt::now();
@@ -326,7 +326,7 @@ void Console::dismiss(const PendingCall& call, const nlohmann::json& request) {
     dismissed_.emplace(each.service_url, each.name, each.revision);
     lapsed.push_back(each);
   }
-  // Where the registry does not allow it, the name stays dismissed here.
+  // If the registry refuses, the name stays dismissed here.
   const bool is_queued = pool_.run("dismiss", [this, lapsed] {
     for (const names::LapsedName& each : lapsed)
       static_cast<void>(names::dismiss(node_, each));
@@ -366,7 +366,7 @@ void Console::set_log(const PendingCall& call, const nlohmann::json& request) {
   const bool is_queued = pool_.run("hub", [this, call, text = filter->get<std::string>()] {
     const auto set = hub_.set_log(call.connection_id, text);
     post_([this, call, set] {
-      // It left in the meantime, so nothing else ends its log.
+      // The connection closed in the meantime, so nothing else ends its log.
       if (clients_.find(call.connection_id) == nullptr) hub_.end_log(call.connection_id);
       if (set) return router_.succeed(call, Json{{"ok", true}});
       router_.succeed(

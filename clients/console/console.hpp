@@ -32,7 +32,7 @@
 
 namespace rtpm::console {
 
-/// What stands behind the page: answers clients, and watches the system for them.
+/// The page's server side: answers clients, and watches the system for them.
 /// @ownership refers to its node
 /// @threads  the web server's, but for start() and stop()
 class Console final : public ConnectionHandler {
@@ -44,7 +44,7 @@ class Console final : public ConnectionHandler {
   /// @param every  runs work again and again on the web server's thread
   [[nodiscard]] expected<void, SetupError> start(
       const std::function<void(Duration, std::function<void()>)>& every);
-  /// Ends them, after the web server's thread has ended; gives leases back.
+  /// Ends the threads after the web server's thread has ended; gives leases back.
   void stop();
 
   void on_open(Connection& connection) override;
@@ -77,9 +77,9 @@ class Console final : public ConnectionHandler {
   ChannelTable channels_;
   EventChannels event_channels_;
   CallRouter router_;
-  WorkerPool pool_{};        ///< For those who may command.
-  WorkerPool background_{};  ///< For what the console and observers want to know.
-  WorkerPool urgent_{};      ///< For emergency stops.
+  WorkerPool pool_{};        ///< Work of clients that may command.
+  WorkerPool background_{};  ///< Work of the console itself and of observers.
+  WorkerPool urgent_{};      ///< Emergency stops.
   StopDesk stops_;
   OperatorDesk desk_;
   ObjectServices objects_services_;
@@ -87,8 +87,8 @@ class Console final : public ConnectionHandler {
   RecordDesk records_;
   HubWatch hub_;
   DeviceWatch device_watch_;
-  std::map<std::string, DeviceState> devices_{};  ///< Bound and lost ones.
-  std::set<std::string> device_names_{};          ///< Bound ones.
+  std::map<std::string, DeviceState> devices_{};  ///< Bound and lost devices.
+  std::set<std::string> device_names_{};          ///< Bound devices.
   /// Lapsed names that were dismissed: registry, name and revision.
   std::set<std::tuple<std::string, std::string, std::uint64_t>> dismissed_{};
   ObjectsView objects_{};

@@ -27,8 +27,8 @@ int fail(const SetupError& error) {
   return 1;
 }
 
-/// Says where the page is. The token goes to a terminal only: other output may be kept in a file
-/// that more people read than may command.
+/// Prints the page's address. The token goes to a terminal only: other output may be kept in a file
+/// that more people may read than may command.
 void print_urls(const Configuration& configuration, const WebServer& server) {
   const bool has_token = !configuration.is_read_only;
   const bool prints_token =
@@ -49,7 +49,7 @@ void print_urls(const Configuration& configuration, const WebServer& server) {
 }
 
 int serve(Configuration configuration) {
-  // Before any thread, which would else be ended by the signal.
+  // Created before any thread, so that all threads inherit its blocked signals.
   const options::StopSignal stop;
   if (configuration.token.empty()) {
     auto token =

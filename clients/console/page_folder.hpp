@@ -4,7 +4,7 @@
 
 namespace rtpm::console {
 
-/// Where the page is: installed beside the program, else where this build has it.
+/// The page's folder: the one installed beside the program, else that of this build.
 [[nodiscard]] std::filesystem::path default_page_folder();
 
 }  // namespace rtpm::console

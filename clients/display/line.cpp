@@ -17,7 +17,7 @@ using options::formatted;
 using driver::Descriptor;
 using driver::Sample;
 
-constexpr std::size_t kValueCountMax = 3;  ///< Of joints, analogs and outputs each.
+constexpr std::size_t kValueCountMax = 3;  ///< Limit for joints, analogs and outputs each.
 
 bool has_axis(const Descriptor& descriptor, std::string_view name) {
   return std::ranges::any_of(descriptor.axes, [name](const driver::Axis& axis) {
@@ -33,7 +33,7 @@ double force_newton(const Sample& sample) noexcept {
   return length(sample.wrench_applied.force_newton);
 }
 
-/// Where the frame's -z points, in degrees.
+/// The direction of the frame's -z axis, in degrees.
 struct Gaze {
   double right_deg = 0;
   double up_deg = 0;
@@ -67,7 +67,7 @@ void add(std::string& line, const std::string& part) {
   line += (line.empty() ? "" : "  ") + part;
 }
 
-/// "NAME value unit" of each of some channels.
+/// Appends "NAME value unit" of some channels.
 template <class Channels, class Values>
 void add_channels(std::string& line, const Channels& channels, const Values& values) {
   for (std::size_t i = 0; i < std::min(channels.size(), kValueCountMax); ++i) {

@@ -20,12 +20,12 @@ namespace rtpm::display {
 [[nodiscard]] std::string values_text(const driver::Descriptor& descriptor,
                                       const driver::Sample& sample);
 
-/// `values` as a curve of one row, from the least to the greatest of them; blocks of U+2581 to
-/// U+2588, one each.
+/// `values` as a curve of one row, scaled from the least to the greatest of them; one block of
+/// U+2581 to U+2588 for each.
 /// @realtime set-up only
 [[nodiscard]] std::string curve_text(std::span<const double> values);
 
-/// How many columns a text of ASCII, Latin and blocks takes.
+/// The number of columns that a text of ASCII, Latin and blocks takes.
 [[nodiscard]] std::size_t width_of(std::string_view text) noexcept;
 
 /// `text`, filled with blanks or cut to `width` columns.

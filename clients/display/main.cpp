@@ -21,7 +21,7 @@
 namespace rtpm::display {
 namespace {
 
-constexpr std::size_t kTerminalWidth = 80;  ///< If the terminal does not tell.
+constexpr std::size_t kTerminalWidth = 80;  ///< Used if the terminal does not report it.
 constexpr std::size_t kPrintedWidth = 100;
 constexpr std::size_t kCurveSize = 12;
 constexpr Duration kSilence = std::chrono::milliseconds{500};
@@ -117,7 +117,7 @@ void print_summary(const std::vector<Shown>& devices) {
 }
 
 int serve(const Configuration& configuration) {
-  // Before any thread, which would else be ended by the signal.
+  // Created before any thread, so that all threads inherit its blocked signals.
   const options::StopSignal stop(options::LostOutput::kRequestsEnd);
   rpc::Node node(
       {.wait = {.strategy = rt::WaitStrategy::kBlock}, .security = configuration.security});

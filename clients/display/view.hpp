@@ -13,10 +13,11 @@
 
 namespace rtpm::display {
 
-/// What a display has seen.
+/// The counts that a display keeps of a device.
 struct Sight {
-  std::uint64_t sample_count = 0;  ///< Shown; the hub has left the others out.
-  std::uint64_t cycle_count = 0;   ///< Of the device, from the first shown to the last.
+  std::uint64_t sample_count = 0;  ///< Shown samples; the hub has dropped the rest.
+  std::uint64_t cycle_count = 0;   ///< The device's cycles, from the first shown sample to the
+                                   ///< last.
   std::uint64_t press_count = 0;
   std::uint64_t contact_count = 0;
   std::uint64_t lease_count = 0;
@@ -24,11 +25,11 @@ struct Sight {
   std::uint64_t gap_count = 0;    ///< Times that the hub was lost.
 };
 
-/// What has arrived of one device.
+/// Collects the events of one device.
 /// @threads  any
 class View final : public gvd::DeviceEventHandler {
  public:
-  /// @param curve_size  of how many shown samples the curve is
+  /// @param curve_size  the number of shown samples that the curve has
   View(std::string name, driver::Descriptor descriptor, std::size_t curve_size)
       : name_(std::move(name)), descriptor_(std::move(descriptor)), curve_size_(curve_size) {}
 

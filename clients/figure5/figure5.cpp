@@ -78,5 +78,5 @@ int main(int argc, char** argv) {
       return fail("the force did not arrive: " + std::string(to_string(sent.error())));
     }
   }
-  return 0;  // The consumer stops and the device is closed by themselves.
+  return 0;  // The consumer stops and the device is closed by their destructors.
 }

@@ -6,15 +6,15 @@
 
 namespace rtpm::media {
 
-/// An uncompressed clip: a bar that goes once around, and a light that is on in each even second.
+/// An uncompressed clip: a bar that goes around once, and a light that is on in each even second.
 struct ClipConfig {
   int width = 160;  ///< In pixels, even.
-  int height = 90;  ///< Likewise.
+  int height = 90;  ///< In pixels, even.
   int frames_per_s = 25;
   int duration_s = 20;
 };
 
-/// Writes it to `path` as YUV4MPEG2 (.y4m), in which each frame can be sought at once.
+/// Writes the clip to `path` as YUV4MPEG2 (.y4m), in which a player can seek to each frame.
 /// @realtime set-up only
 /// @errors   the file can't be written
 /// @source   yuv4mpeg(5) of mjpegtools

@@ -20,7 +20,7 @@ struct Configuration {
   double seconds = 0;           ///< 0: until a stop signal.
   double rate_hz = 100;
   bool is_headless = false;
-  std::string clip{};  ///< Writes the example's clip here, and ends.
+  std::string clip{};  ///< The path to which the example's clip is written; the program then ends.
   Priority priority = 20000;
   Duration patience = std::chrono::seconds{2};
 

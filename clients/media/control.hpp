@@ -10,7 +10,7 @@
 
 namespace rtpm::media {
 
-/// What turning the knob does.
+/// The effect of turning the knob.
 enum class Mode : std::uint8_t {
   kSpeed = 0,  ///< The angle is the rate.
   kScrub = 1,  ///< The angle is the position.
@@ -22,14 +22,14 @@ inline constexpr std::uint8_t kModeCount = 3;
 /// The mode that a push of the knob's button chooses.
 [[nodiscard]] Mode next(Mode mode) noexcept;
 
-/// What the control asks of the player.
+/// The control's commands to the player.
 struct Request {
   double rate = 0;
-  double seek_s = -1;  ///< Below 0: nowhere.
+  double seek_s = -1;  ///< Below 0: no seek.
 };
 
-/// From the knob's angle to the player's rate and position, and what the knob feels like meanwhile.
-/// Pure: no clock, no device.
+/// Maps the knob's angle to the player's rate and position, and chooses how the knob feels. Pure:
+/// no clock, no device.
 ///
 /// | mode  | one turn                 | feel                                                     |
 /// |-------|--------------------------|----------------------------------------------------------|
@@ -47,16 +47,16 @@ class Control {
 
   Control(const KnobChannel& knob, double rate_max) noexcept : knob_(knob), rate_max_(rate_max) {}
 
-  /// Changes the mode: the knob's present angle is the player's present state.
+  /// Changes the mode; the knob's present angle then stands for the player's present state.
   void enter(Mode mode, double angle_rad, const PlayerView& player) noexcept;
   [[nodiscard]] Mode mode() const noexcept { return mode_; }
 
-  /// What the knob is to render from now on.
+  /// The models that the knob renders from now on.
   /// @realtime set-up only: allocates
   [[nodiscard]] std::vector<gvd::Model> models() const;
   /// @realtime alloc-free
   [[nodiscard]] Request step(double angle_rad) noexcept;
-  /// How far the knob is turned, in detents of the mode.
+  /// The knob's angle, in detents of the mode.
   [[nodiscard]] double notch(double angle_rad) const noexcept;
 
  private:
@@ -68,9 +68,9 @@ class Control {
   KnobChannel knob_;
   double rate_max_;
   Mode mode_ = Mode::kSpeed;
-  double origin_rad_ = 0;  ///< Of the detents.
-  PlayerView origin_{};    ///< The player there.
-  double notch_ = 0;       ///< The detent in which the knob is, with hysteresis.
+  double origin_rad_ = 0;  ///< The angle of the first detent.
+  PlayerView origin_{};    ///< The player's state at `origin_rad_`.
+  double notch_ = 0;       ///< The knob's present detent, with hysteresis.
 };
 
 }  // namespace rtpm::media

@@ -9,21 +9,21 @@
 
 namespace rtpm::media {
 
-/// Measures how long after a target was commanded the player shows it. Targets that the player
+/// Measures the time from a commanded target until the player shows it. Targets that the player
 /// skipped for newer ones count as skipped.
 /// @ownership about 16 KiB: not for a stack
 /// @threads  one at a time
 /// @realtime alloc-free
 class FollowMeter {
  public:
-  /// A position was commanded; one that is as the last one does not count.
+  /// Records a commanded position; one equal to the last does not count.
   void command(double target_s, MonotonicTime now) noexcept;
-  /// The player shows this position.
+  /// Records a position that the player shows.
   void show(double position_s, double frame_s, MonotonicTime now) noexcept;
 
   [[nodiscard]] const LatencyHistogram& followed() const noexcept { return followed_; }
   [[nodiscard]] std::uint64_t target_count() const noexcept { return target_count_; }
-  /// How far the player went while it followed.
+  /// The distance that the player went while it followed.
   [[nodiscard]] double forwards_s() const noexcept { return forwards_s_; }
   [[nodiscard]] double backwards_s() const noexcept { return backwards_s_; }
 
@@ -36,7 +36,7 @@ class FollowMeter {
 
   std::array<Target, kTargetCountMax> targets_{};
   std::uint64_t target_count_ = 0;
-  std::uint64_t done_count_ = 0;  ///< Of the targets: shown or skipped.
+  std::uint64_t done_count_ = 0;  ///< Targets that were shown or skipped.
   double last_target_s_ = -1;
   double shown_s_ = -1;
   double forwards_s_ = 0;

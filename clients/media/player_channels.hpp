@@ -10,7 +10,7 @@
 
 namespace rtpm::media {
 
-/// The player as the control sees it.
+/// The player's state as the control sees it.
 struct PlayerView {
   double position_s = 0;
   double duration_s = 0;
@@ -18,15 +18,15 @@ struct PlayerView {
   double rate = 0;
 };
 
-/// Where a player's descriptor has its channels.
+/// The indices of a player's channels in its descriptor.
 /// @ownership plain value
 class PlayerChannels {
  public:
-  /// @errors   a device that is no player with outputs "rate" and "seek" and an analog "position"
+  /// @errors   the device is not a player with outputs "rate" and "seek" and an analog "position"
   [[nodiscard]] static expected<PlayerChannels, SetupError> of(const std::string& name,
                                                                const driver::Descriptor& player);
   [[nodiscard]] PlayerView view(const driver::Sample& sample) const noexcept;
-  /// @param seek_s  below 0: nowhere
+  /// @param seek_s  below 0: no seek
   [[nodiscard]] driver::Setpoint setpoint(double rate, double seek_s) const noexcept;
   [[nodiscard]] double rate_max() const noexcept { return rate_max_; }
 
@@ -41,7 +41,7 @@ class PlayerChannels {
   double duration_max_s_ = 0;
 };
 
-/// The joint that turns, of a knob with a motor.
+/// The turning joint of a knob with a motor.
 struct KnobChannel {
   std::size_t joint = 0;
   double effort_newton_metre_max = 0;

@@ -24,7 +24,7 @@ class Session {
       rpc::Node& node, const Configuration& configuration);
 
   /// One cycle: reads both, commands the player, and keeps the knob's feel.
-  /// @errors   what went on for the patience, or what no further attempt ends
+  /// @errors   an error that lasted for the patience, or that no retry can cure
   [[nodiscard]] expected<void, SetupError> step();
 
   [[nodiscard]] std::string line() const;
@@ -33,7 +33,7 @@ class Session {
  private:
   Session(Configuration configuration, gvd::DeviceClient knob, gvd::DeviceClient player,
           KnobChannel knob_channel, PlayerChannels channels) noexcept;
-  /// Why a cycle failed: which device, and what it said.
+  /// The reason of a failed cycle: the device and its error.
   struct Failure {
     const std::string* device = nullptr;
     gvd::DeviceError error;
@@ -56,7 +56,7 @@ class Session {
   driver::Sample knob_sample_{};
   PlayerView view_{};
   std::uint16_t edges_ = 0;
-  double duration_s_ = -1;  ///< Of the file that the control knows; -1: of none.
+  double duration_s_ = -1;  ///< Length of the file that the control knows; -1: none.
   MonotonicTime next_models_{};
   std::optional<MonotonicTime> failing_since_{};
 };

@@ -30,7 +30,7 @@ class Canvas {
   void fill(const std::vector<Point>& polygon) {
     if (polygon.empty()) return;
     for (std::size_t y = 1; y < rows_ * kDotsDown; y += kDotsDown) {
-      // Every other column of each fourth row, so that lines stay in sight.
+      // Dots every other column of each fourth row, so that lines stay visible.
       for (std::size_t x = y / kDotsDown % 2; x < columns_ * kDotsAcross; x += kDotsAcross) {
         if (is_inside(polygon, point_at(x, y))) set(x, y, Ink::kSolid);
       }

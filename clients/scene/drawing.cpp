@@ -12,7 +12,7 @@ namespace {
 using driver::Vector3;
 
 constexpr double kMmPerMetre = 1e3;
-/// Above the face there is room for the hand and the forces.
+/// The hand and the forces need space above the face.
 constexpr double kAboveFaceMm = 24;
 constexpr int kCirclePointCount = 90;
 constexpr double kSurfaceStepMm = 0.5;
@@ -35,7 +35,7 @@ std::vector<Point> circle(const Point& centre) {
   return points;
 }
 
-/// Of plane and texture, from the left of the window to its right.
+/// The surface of plane and texture, from the window's left edge to its right edge.
 std::vector<Point> surface(const Scene& scene, const Panel& panel) {
   std::vector<Point> points;
   for (int i = 0; i <= static_cast<int>(kPanelWidthMm / kSurfaceStepMm); ++i) {
@@ -76,7 +76,7 @@ void add_front(Panel& panel, const Scene& scene) {
   }
 }
 
-/// Paths and forces, which `flat` puts into the panel.
+/// Draws paths and forces; `flat` projects them into the panel.
 template <class Flat>
 void add_story(Panel& panel, const Story& story, Flat flat) {
   Line device{Ink::kDevice};

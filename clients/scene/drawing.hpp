@@ -10,13 +10,13 @@
 /// A scene and what happened at it, as lines in two flat panels. No clock, no output.
 namespace rtpm::scene {
 
-/// What a line stands for.
+/// The meaning of a line.
 enum class Ink : std::uint8_t {
   kSolid = 0,   ///< The scene.
   kDevice = 1,  ///< The path of the device.
   kProxy = 2,   ///< The path of the proxy.
   kSpring = 3,  ///< From the device to the proxy.
-  kForce = 4,   ///< On the device, drawn from the proxy.
+  kForce = 4,   ///< The force on the device, drawn from the proxy.
 };
 inline constexpr std::uint8_t kInkCount = 5;
 
@@ -38,18 +38,18 @@ struct Panel {
   std::string up_axis{};
   Point low{};                 ///< The window's lower left corner.
   std::vector<Point> solid{};  ///< A closed polygon to fill; may be empty.
-  std::vector<Line> lines{};   ///< Later ones lie above.
+  std::vector<Line> lines{};   ///< Later lines are drawn over earlier ones.
 };
 inline constexpr double kPanelWidthMm = 90;
 inline constexpr double kPanelHeightMm = 60;
 /// The length of a force.
 inline constexpr double kMmPerNewton = 3;
 
-/// What is drawn.
+/// The input of a drawing.
 struct Story {
   std::span<const driver::Vector3> device_m{};
   std::span<const TouchReport> touches{};
-  /// Each so many touches one force, counted from the newest; 0: none.
+  /// Draws the force of every `force_stride`-th touch, counted from the newest; 0: none.
   std::size_t force_stride = 0;
 };
 

@@ -12,14 +12,14 @@ using driver::Vector3;
 
 constexpr int kTravelStepMax = 64;
 constexpr int kSlideStepMax = 32;
-/// In one call: at 1 kHz 5 m/s, faster than a hand strokes.
+/// The longest slide of one call: at 1 kHz 5 m/s, faster than a hand strokes.
 constexpr double kSlideMaxMetre = 0.005;
 /// Short beside the texture's ridges, so that the proxy follows them.
 constexpr double kStrideMaxMetre = 0.001;
 /// A shorter slide counts as standing still.
 constexpr double kStrideMinMetre = 1e-8;
-/// How far a slide is lifted off, of its length: above the rise of a hollow within one stride, and
-/// far below the smallest radius of a hollow, so that the lift itself meets nothing.
+/// The lift-off of a slide, as a share of its length: above the rise of a hollow within one stride,
+/// and far below a hollow's smallest radius, so that the lift itself hits nothing.
 constexpr double kLiftShare = 0.25;
 
 }  // namespace
@@ -51,7 +51,7 @@ Vector3 GodObject::force_newton(const Touch& touch, const Vector3& velocity) con
                                        material_.damping_newton_s_per_m * speed_m_per_s));
 }
 
-/// A point outside: `point_m`, or one above it on the surface.
+/// Returns a point outside the solid: `point_m`, or the one above it on the surface.
 Vector3 GodObject::lifted_out(Vector3 point_m) const noexcept {
   for (int i = 0; i < kTravelStepMax; ++i) {
     const double missing_m = 2 * kSkinMetre - scene_.clearance_m(point_m);
@@ -61,12 +61,12 @@ Vector3 GodObject::lifted_out(Vector3 point_m) const noexcept {
   return {point_m.x, point_m.y, scene_.face_m + 2 * kSkinMetre};
 }
 
-/// The last point outside on the straight way.
+/// Returns the last point outside the solid on the straight line from `from_m` to `to_m`.
 Vector3 GodObject::travel(Vector3 from_m, const Vector3& to_m) const noexcept {
   for (int i = 0; i < kTravelStepMax; ++i) {
     const Vector3 rest = difference(to_m, from_m);
     const double rest_m = length(rest);
-    // Nothing is nearer than the clearance, so this far the way is free.
+    // The surface is at least the clearance away, so the path is free up to there.
     const double free_m = scene_.clearance_m(from_m) - kSkinMetre;
     if (free_m >= rest_m) return to_m;
     if (free_m <= kSkinMetre / 10) return from_m;
@@ -75,7 +75,7 @@ Vector3 GodObject::travel(Vector3 from_m, const Vector3& to_m) const noexcept {
   return from_m;
 }
 
-/// From a point at the surface along it, downhill in the distance to the goal.
+/// Slides from a point at the surface along it, so that the distance to the goal decreases.
 Vector3 GodObject::slide(Vector3 from_m, const Vector3& goal_m) const noexcept {
   double stride_max_m = kStrideMaxMetre;
   double left_m = kSlideMaxMetre;

@@ -12,7 +12,7 @@ inline constexpr double kExtentMetre = 100;
 /// Whether a point is finite and within kExtentMetre. Alloc-free.
 [[nodiscard]] bool is_position(const driver::Vector3& point_m) noexcept;
 
-/// What the device feels of a solid.
+/// The solid's properties that the device feels.
 struct Material {
   double stiffness_newton_per_m = 0;
   double damping_newton_s_per_m = 0;
@@ -27,9 +27,10 @@ struct Touch {
 };
 
 /// A proxy that follows a device but never enters the solid, and a spring between the two. The
-/// proxy goes straight to the device; what stops it makes it slide, without friction, to where the
-/// device is nearest. So it remembers where the device entered: a device that jumps through a thin
-/// part is pushed back, not out behind it. It has no clock.
+/// A proxy that follows a device but never enters the solid, and a spring between the two. The
+/// proxy moves straight towards the device; at the surface it slides, without friction, to the
+/// point nearest to the device. It thus remembers where the device entered: a device that jumps
+/// through a thin part is pushed back, not out behind it. It has no clock.
 ///
 /// force = stiffness · (proxy − device) − damping · (velocity along that direction); it never
 /// pulls.
@@ -49,7 +50,7 @@ class GodObject {
   /// above. Where the device has no is_position(), the proxy stays, and there is no force.
   [[nodiscard]] Touch touch(const driver::Sample& sample) noexcept;
   [[nodiscard]] const Scene& scene() const noexcept { return scene_; }
-  /// From the next touch on.
+  /// Takes effect from the next touch on.
   void set_material(const Material& material) noexcept { material_ = material; }
 
  private:

@@ -26,7 +26,7 @@ namespace {
 
 constexpr std::size_t kPanelColumns = 38;
 constexpr std::size_t kPanelRows = 13;
-/// What a live frame shows of the past: 2 s at 60 Hz.
+/// The length of the trail in a live frame: 2 s at 60 Hz.
 constexpr std::size_t kTrailCount = 120;
 constexpr std::size_t kPictureForceStride = 10;
 
@@ -79,7 +79,7 @@ void print_frame(const View& view, const std::string& status, bool is_first) {
   std::fflush(stdout);
 }
 
-/// Draws until the end; returns how many frames.
+/// Draws until the end; returns the number of frames.
 std::uint64_t watch(const View& view, const Configuration& configuration,
                     const options::StopSignal& stop, MonotonicTime begin) {
   const auto length = [](double seconds) {
@@ -101,7 +101,7 @@ std::uint64_t watch(const View& view, const Configuration& configuration,
       next_line += std::chrono::seconds{1};
     }
     ++frame_count;
-    // A slow terminal leaves frames out.
+    // A slow terminal skips frames.
     due = std::max(due + length(1 / configuration.rate_hz), now);
   }
   if (is_drawing) std::puts("");
@@ -122,7 +122,7 @@ int fail(const SetupError& error) {
 }
 
 int serve(const Configuration& configuration) {
-  // Before any thread, which would else be ended by the signal.
+  // Created before any thread, so that all threads inherit its blocked signals.
   const options::StopSignal stop(options::LostOutput::kRequestsEnd);
   rpc::Node node(
       {.wait = {.strategy = rt::WaitStrategy::kBlock}, .security = configuration.security});

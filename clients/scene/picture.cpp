@@ -19,7 +19,7 @@ constexpr double kTitleHeight = 34;
 constexpr double kFootHeight = 92;
 constexpr double kGridMm = 10;
 
-/// A force that points at the viewer is too short for a head.
+/// The shortest force with an arrow head; one that points at the viewer is shorter.
 constexpr double kHeadedMm = 2.5;
 constexpr double kPointStepMm = 0.3;
 
@@ -65,7 +65,7 @@ double distance_mm(const Point& a, const Point& b) {
   return std::hypot(a.right_mm - b.right_mm, a.up_mm - b.up_mm);
 }
 
-/// Without points that are next to the one before.
+/// Leaves out points that coincide with the one before.
 std::string coordinates(const Panel& panel, const std::vector<Point>& points) {
   std::string list;
   const Point* before = nullptr;

@@ -6,7 +6,7 @@
 
 #include "rtpm/driver/geometry.hpp"
 
-/// What the haptic servo lets its user touch.
+/// The shapes that the haptic servo renders.
 namespace rtpm::scene {
 
 enum class Shape : std::uint8_t {
@@ -23,23 +23,25 @@ inline constexpr std::uint8_t kShapeCount = 3;
 /// @ownership a value
 /// @realtime alloc-free
 struct Scene {
-  static constexpr double kRadiusMetre = 0.03;         ///< Of the sphere.
-  static constexpr double kRidgeMetre = 0.003;         ///< Of the texture, from trough to crest.
-  static constexpr double kRidgeSpacingMetre = 0.015;  ///< From crest to crest.
-  /// Along x.
+  static constexpr double kRadiusMetre = 0.03;         ///< The sphere's radius.
+  static constexpr double kRidgeMetre = 0.003;         ///< The texture's height from trough to
+                                                       ///< crest.
+  static constexpr double kRidgeSpacingMetre = 0.015;  ///< The texture's period, from crest to
+                                                       ///< crest.
+  /// The texture's phase along x.
   static constexpr double kRidgeRadPerMetre = 2 * std::numbers::pi / kRidgeSpacingMetre;
 
   Shape shape = Shape::kPlane;
   double face_m = 0;
 
-  /// A lower bound of the distance to the surface, negative inside; 0 exactly at the surface. It
-  /// changes by at most the distance between two points.
+  /// A lower bound of the distance to the surface, negative inside; 0 exactly at the surface.
+  /// Between two points it changes by at most their distance.
   [[nodiscard]] double clearance_m(const driver::Vector3& point_m) const noexcept;
-  /// Where the clearance grows fastest, of length 1; +z in the sphere's centre.
+  /// The direction in which the clearance grows fastest, of length 1; +z in the sphere's centre.
   [[nodiscard]] driver::Vector3 normal(const driver::Vector3& point_m) const noexcept;
-  /// Of plane and texture: the surface's z.
+  /// The surface's z of plane and texture.
   [[nodiscard]] double height_m(double x_m) const noexcept;
-  /// Of the sphere.
+  /// The sphere's centre.
   [[nodiscard]] driver::Vector3 centre_m() const noexcept { return {0, 0, face_m - kRadiusMetre}; }
 
   friend constexpr bool operator==(const Scene&, const Scene&) noexcept = default;

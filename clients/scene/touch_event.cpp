@@ -9,7 +9,7 @@
 namespace rtpm::scene {
 namespace {
 
-/// Above what any force loop commands, and far from overflow where it is drawn.
+/// Above any force that a force loop commands, and far from overflow in a drawing.
 constexpr double kForceMaxNewton = 1e9;
 
 touch::Vector3 wire_of(const driver::Vector3& vector) noexcept {

@@ -23,7 +23,7 @@ struct TouchReport {
 };
 
 [[nodiscard]] touch::State to_wire(const TouchReport& report) noexcept;
-/// Nothing if it has an unknown shape, no is_position(), or no plausible force.
+/// @return  nullopt: an unknown shape, no is_position(), or no plausible force
 [[nodiscard]] std::optional<TouchReport> from_wire(const touch::State& state) noexcept;
 
 /// The source of a device's touches.
@@ -41,8 +41,8 @@ class TouchSupplier {
                                                                   const std::string& hub,
                                                                   std::string_view device);
 
-  /// Adds a touch to the batch of the next flush(). A failure loses it.
-  /// @realtime alloc-free; a send where the batch is full
+  /// Adds a touch to the batch of the next flush(). A touch that can't be sent is lost.
+  /// @realtime alloc-free; one send if the batch is full
   void add(const TouchReport& report) noexcept;
   /// Sends the batch.
   /// @realtime alloc-free; one send

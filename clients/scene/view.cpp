@@ -11,7 +11,7 @@ namespace {
 using options::formatted;
 
 constexpr Duration kSilence = std::chrono::milliseconds{500};
-/// How near to the surface a proxy in contact is.
+/// The greatest distance from the surface of a proxy in contact.
 constexpr double kSurfaceMetre = 1e-5;
 
 double to_s(Duration duration) {

@@ -14,7 +14,7 @@
 
 namespace rtpm::scene {
 
-/// How often something arrived.
+/// Measures how often something arrives.
 class Pace {
  public:
   void record(MonotonicTime now) noexcept {
@@ -22,7 +22,7 @@ class Pace {
     last_ = now;
   }
   [[nodiscard]] std::uint64_t count() const noexcept { return count_; }
-  /// From the first to the last.
+  /// The mean rate from the first arrival to the last.
   [[nodiscard]] double rate_hz() const noexcept;
   /// Whether nothing has arrived for half a second, or ever.
   [[nodiscard]] bool is_silent(MonotonicTime now) const noexcept;
@@ -33,12 +33,12 @@ class Pace {
   MonotonicTime last_{};
 };
 
-/// What a graphics node has seen.
+/// The counts and newest values that a graphics node received.
 struct Sight {
   Pace samples{};
   Pace touches{};
   std::uint64_t contact_count = 0;  ///< Touches inside the solid.
-  /// Contacts with the proxy at the surface; else it was in the solid or flew over it.
+  /// Contacts with the proxy at the surface; in the others it was in the solid or above it.
   std::uint64_t on_surface_count = 0;
   double force_newton_max = 0;
   double depth_m_max = 0;
@@ -46,17 +46,17 @@ struct Sight {
   std::optional<TouchReport> touch{};      ///< The newest.
 };
 
-/// What is drawn of a run.
+/// The part of a run that is drawn.
 struct History {
   std::vector<driver::Vector3> device_m{};
   std::vector<TouchReport> touches{};
 };
 
-/// Collects what arrives of a device and of its force node.
+/// Collects the samples of a device and the touches of its force node.
 /// @threads  any
 class View {
  public:
-  /// At 60 Hz over a minute; the oldest are dropped.
+  /// Over a minute at 60 Hz; the oldest are dropped.
   static constexpr std::size_t kHistoryMax = 4096;
 
   void see(const driver::Sample& sample, MonotonicTime now);

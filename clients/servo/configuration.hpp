@@ -29,7 +29,8 @@ struct Configuration {
   Wall wall{.face_m = 0, .stiffness_newton_per_m = 0, .damping_newton_s_per_m = 0.5};
   std::string scene = "plane";    ///< "plane", "sphere" or "texture".
   std::string render = "remote";  ///< "remote" or "local".
-  Duration delay{0};              ///< Of the link, artificial, each way; of a remote wall.
+  Duration delay{0};              ///< The link's artificial delay, each way; for a remote wall
+                                  ///< only.
   Duration hold = std::chrono::milliseconds{10};
   Duration deadline = std::chrono::milliseconds{10};
   Duration patience = std::chrono::seconds{1};
@@ -53,8 +54,8 @@ struct Configuration {
 /// Longest Configuration::delay.
 inline constexpr Duration kDelayMax = std::chrono::milliseconds{100};
 
-/// The stiffest wall of this damping that stays passive on this device as configured, in N/m; 0:
-/// none does.
+/// The stiffest wall with this damping that stays passive on this device as configured, in N/m; 0
+/// if there is none.
 /// @realtime set-up only
 [[nodiscard]] double stiffness_bound_of(const Configuration& configuration,
                                         const driver::Descriptor& device,

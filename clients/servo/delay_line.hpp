@@ -8,7 +8,7 @@
 namespace rtpm::servo {
 
 /// Gives values back a fixed time after they were put in.
-/// @ownership holds at most `Capacity` values in place; of more, the oldest are lost
+/// @ownership holds at most `Capacity` values in place; beyond that, the oldest are lost
 /// @threads  one at a time
 /// @realtime alloc-free
 template <class T, std::size_t Capacity>

@@ -8,13 +8,13 @@
 
 namespace rtpm::servo {
 
-/// How stiff a wall is felt: the force that the device applied against the depth that it measured.
+/// Estimates the stiffness that a wall has for the hand: the applied force over the measured depth.
 /// @ownership a value
 /// @threads  one at a time
 /// @realtime alloc-free
 class Feel {
  public:
-  /// Samples outside of the wall, and during soft start, do not count.
+  /// Ignores samples outside the wall and during soft start.
   void record(const scene::Touch& touch, const driver::Sample& sample) noexcept {
     if (touch.depth_m <= 0 || sample.faults.has(driver::Fault::kSoftStart)) return;
     force_by_depth_ +=
@@ -23,7 +23,7 @@ class Feel {
     depth_m_max_ = std::max(depth_m_max_, touch.depth_m);
   }
 
-  /// The straight line through 0 of force over depth that fits best, by least squares, in N/m; 0
+  /// The slope of the line through 0 that best fits force over depth, by least squares, in N/m; 0
   /// without contact.
   [[nodiscard]] double stiffness_newton_per_m() const noexcept {
     return depth_square_ > 0 ? force_by_depth_ / depth_square_ : 0;
@@ -31,8 +31,8 @@ class Feel {
   [[nodiscard]] double depth_m_max() const noexcept { return depth_m_max_; }
 
  private:
-  double force_by_depth_ = 0;  ///< Sum, in newton metre.
-  double depth_square_ = 0;    ///< Sum, in square metre.
+  double force_by_depth_ = 0;  ///< The sum, in N·m.
+  double depth_square_ = 0;    ///< The sum, in m².
   double depth_m_max_ = 0;
 };
 

@@ -24,13 +24,14 @@ inline constexpr Duration kPaperCall = std::chrono::microseconds{58};
 /// The paper's specification of a haptic process: 1 kHz.
 inline constexpr Duration kPaperCycle = std::chrono::milliseconds{1};
 
-/// Results of a run. Failed calls are counted but in no histogram: a call that is refused at once
-/// is not a fast one.
+/// Results of a run. Failed calls are counted but enter no histogram: a call that is refused at
+/// once is not a fast one.
 struct Statistics {
-  LatencyHistogram read{};  ///< One call each, until its reply.
+  LatencyHistogram read{};  ///< One call, until its reply.
   LatencyHistogram command{};
-  LatencyHistogram cycle{};         ///< Both calls and the wall between them; of a local wall one.
-  LatencyHistogram lateness{};      ///< From a cycle's due time to its begin.
+  LatencyHistogram cycle{};         ///< Both calls and the wall between them; with a local wall,
+                                    ///< one call.
+  LatencyHistogram lateness{};      ///< From a cycle's due time to its start.
   std::uint64_t cycle_count = 0;    ///< Cycles begun.
   std::uint64_t missed_count = 0;   ///< Cycles that ended after the next was due, or were skipped.
   std::uint64_t contact_count = 0;  ///< Cycles inside the wall.
@@ -38,7 +39,7 @@ struct Statistics {
   std::uint64_t failed_count = 0;   ///< Calls that failed.
   std::uint64_t call_within_paper_count = 0;   ///< Calls that succeeded within kPaperCall.
   std::uint64_t cycle_within_paper_count = 0;  ///< Cycles that succeeded within kPaperCycle.
-  double force_newton_max = 0;  ///< The greatest force commanded; of a local wall, applied.
+  double force_newton_max = 0;  ///< The greatest commanded force; with a local wall, applied force.
   Feel feel{};
 };
 
@@ -54,8 +55,8 @@ struct Live {
 /// Settings of the loop.
 struct LoopConfig {
   Wall wall{};
-  bool is_local = false;  ///< The device renders the wall, the loop only watches.
-  Duration delay{0};      ///< Artificial, of each sample and each command.
+  bool is_local = false;  ///< The device renders the wall; the loop only watches.
+  Duration delay{0};      ///< Artificial delay of each sample and each command.
   Duration period = std::chrono::milliseconds{1};
   Duration duration{0};               ///< 0: until stop().
   std::uint64_t cycle_count_max = 0;  ///< 0: no limit.
@@ -91,13 +92,13 @@ class Loop {
   /// The next unread touch. When 1024 are unread, newer ones are lost.
   [[nodiscard]] std::optional<scene::TouchReport> next_touch() noexcept { return touches_.pop(); }
 
-  /// Lets the loop render a wall of another stiffness and damping, from one cycle to the next.
-  /// @return  false: 4 changes wait, or the loop is over
+  /// Switches the loop to another stiffness and damping between two cycles.
+  /// @return  false: 4 changes are queued, or the loop is over
   /// @threads one
   [[nodiscard]] bool change(scene::Material material) noexcept {
     return is_running() && materials_.push(material);
   }
-  /// How many changes the loop has made.
+  /// The number of changes that the loop has made.
   /// @threads any
   [[nodiscard]] std::uint64_t change_count() const noexcept {
     // SYNC POINT material-changed
@@ -130,8 +131,8 @@ class Loop {
   LoopConfig config_;
   rpc::CallOptions call_{};
   scene::GodObject proxy_;
-  /// Each force depends on the samples up to its own: it arrives as late as if sample and command
-  /// were each delayed.
+  /// Each force depends only on samples up to its own, so one delay line has the same effect as
+  /// delaying sample and command separately.
   DelayLine<driver::Vector3, 2048> link_;
   Statistics statistics_{};
   Live view_{};

@@ -29,14 +29,15 @@ namespace {
 
 constexpr int kSetUpFailed = 1;
 constexpr int kDeviceLost = 3;
-constexpr std::size_t kTerminalWidth = 80;  ///< If the terminal does not tell.
+constexpr std::size_t kTerminalWidth = 80;  ///< Used if the terminal does not report it.
 
 int fail(int exit_code, std::string_view text) {
   rt::print_error("rtpm-servo", text);
   return exit_code;
 }
 
-/// How often a local wall is set again. That keeps the lease, which the wall's force needs.
+/// The interval at which a local wall is set again. That keeps the lease, which the wall's force
+/// needs.
 constexpr Duration kModelsInterval = std::chrono::milliseconds{200};
 
 /// Keeps the wall in the device's loop while this program runs.
@@ -46,7 +47,7 @@ class LocalWall {
   LocalWall(gvd::DeviceClient& device, const Wall& wall, Duration patience)
       : device_(device), model_(wall.as_plane()), patience_(patience) {}
 
-  /// Has the next keep() set another wall.
+  /// Makes the next keep() set another wall.
   void change(const Wall& wall) {
     const std::lock_guard lock(mutex_);
     model_ = wall.as_plane();
@@ -62,8 +63,8 @@ class LocalWall {
     }();
     return device_.set_models({&model, 1});
   }
-  /// Sets the wall again when it is time; returns the error that has lasted for the patience, or
-  /// that no further attempt ends.
+  /// Sets the wall again when it is due; returns an error that has lasted for the whole patience,
+  /// or that no retry can cure.
   [[nodiscard]] std::optional<gvd::DeviceError> keep(MonotonicTime now) {
     {
       const std::lock_guard lock(mutex_);
@@ -84,14 +85,14 @@ class LocalWall {
  private:
   gvd::DeviceClient& device_;
   std::mutex mutex_{};
-  gvd::Model model_;          ///< Guarded by `mutex_`,
-  bool has_changed_ = false;  ///< as this.
+  gvd::Model model_;          ///< Guarded by `mutex_`.
+  bool has_changed_ = false;  ///< Guarded by `mutex_`.
   Duration patience_;
   MonotonicTime next_{};
   std::optional<MonotonicTime> failing_since_{};
 };
 
-/// What the thread beside the loop attends to.
+/// The work of the thread beside the loop.
 struct Attended {
   LocalWall* wall = nullptr;  ///< May be null.
   std::optional<scene::TouchSupplier> touches{};
@@ -101,7 +102,7 @@ struct Attended {
 constexpr Duration kPublishInterval = std::chrono::milliseconds{4};
 constexpr Duration kAttendInterval = std::chrono::milliseconds{20};
 
-/// Sends the unread touches of the loop, which itself waits for no hub.
+/// Sends the loop's unread touches; the loop itself never waits for a hub.
 void publish(Loop& loop, scene::TouchSupplier& touches) {
   while (const auto touch = loop.next_touch())
     touches.add(*touch);
@@ -142,11 +143,11 @@ std::optional<gvd::DeviceError> watch(Loop& loop, Attended& attended,
   return loss;
 }
 
-/// How long a change of the wall waits for the loop.
+/// The time that a change of the wall waits for the loop.
 constexpr Duration kChangePatience = std::chrono::milliseconds{100};
 
 /// Renders another wall from one cycle to the next.
-/// @return false: the loop did not come to it in time
+/// @return false: the loop did not accept it in time
 bool change_wall(Loop& loop, LocalWall& local_wall, const Wall& wall) {
   const std::uint64_t count = loop.change_count();
   if (!loop.change(wall.material())) return false;
@@ -202,7 +203,7 @@ expected<void, SetupError> check_device(gvd::DeviceClient& device,
   return {};
 }
 
-/// Why the loop gave `device` up, in words.
+/// The reason why the loop gave `device` up, in words.
 std::string loss_text(gvd::DeviceClient& device, gvd::DeviceError loss) {
   std::string text = "was lost: " + std::string(to_string(loss));
   if (loss != gvd::DeviceOutcome::kNotHolder) return text;

@@ -13,7 +13,7 @@ namespace rtpm::servo {
 [[nodiscard]] std::string live_text(const Live& live, const LatencyHistogram& cycles,
                                     Duration since_start);
 
-/// One line: how the wall was rendered, and how stiff it was felt.
+/// One line: how the wall was rendered, and its measured stiffness.
 /// @realtime set-up only
 [[nodiscard]] std::string feel_text(const Feel& feel, const LoopConfig& config);
 

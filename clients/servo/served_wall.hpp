@@ -22,12 +22,13 @@ namespace rtpm::servo {
 inline constexpr std::string_view kStiffnessName = "wall.stiffness_newton_per_m";
 inline constexpr std::string_view kDampingName = "wall.damping_newton_s_per_m";
 
-/// The wall's stiffness and damping as parameters, within what stays passive on the device.
+/// The wall's stiffness and damping as parameters, within the range that stays passive on the
+/// device.
 /// @ownership refers to nothing
-/// @threads  as gvd::Configurable says
+/// @threads  as gvd::Configurable
 class WallParameters final : public gvd::Configurable {
  public:
-  /// Renders another wall from one cycle to the next; false: nothing has changed in time.
+  /// Renders another wall from one cycle to the next; false: the change did not happen in time.
   using Change = std::function<bool(const Wall&)>;
 
   WallParameters(const Configuration& configuration, const driver::Descriptor& device,
@@ -48,7 +49,7 @@ class WallParameters final : public gvd::Configurable {
  private:
   Configuration configuration_;
   driver::Descriptor device_;
-  driver::Descriptor own_{};  ///< Of this program, for whom asks.
+  driver::Descriptor own_{};  ///< This program's description, for clients that ask for it.
   Wall wall_;
   Change change_;
 };

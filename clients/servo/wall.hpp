@@ -18,9 +18,9 @@ struct Wall {
   [[nodiscard]] scene::Material material() const noexcept {
     return {stiffness_newton_per_m, damping_newton_s_per_m};
   }
-  /// What follows the end effector and computes the force on it. Alloc-free.
+  /// The proxy that follows the end effector and computes its force. Alloc-free.
   [[nodiscard]] scene::GodObject proxy() const noexcept;
-  /// The same wall for the device's own loop, of a plane. Alloc-free.
+  /// The same wall for the device's own loop; planes only. Alloc-free.
   [[nodiscard]] gvd::Plane as_plane() const noexcept;
 };
 

@@ -7,7 +7,7 @@
 namespace rtpm::console {
 namespace {
 
-/// Of one advertisement.
+/// The number of channels in one advertisement.
 constexpr std::size_t kBatchSize = 100;
 
 bool is_same(const foxglove::ChannelInfo& a, const foxglove::ChannelInfo& b) {
@@ -76,7 +76,7 @@ void ChannelTable::advertise_to(Client& client) const {
     batch.push_back(channel.info);
     if (batch.size() == kBatchSize) send();
   }
-  // Also an empty one: clients wait for it.
+  // An empty advertisement is sent, too: clients wait for it.
   if (!batch.empty() || channels_.empty()) send();
 }
 
@@ -126,7 +126,7 @@ void ChannelTable::publish(std::uint32_t channel_id, std::uint64_t log_time_ns,
   const auto channel = channels_.find(channel_id);
   if (channel == channels_.end() || channel->second.subscribers.empty()) return;
   const auto shared = std::make_shared<const std::string>(std::move(payload));
-  // A send may make a client leave, which changes the list.
+  // A send may disconnect a client, which changes the list.
   const auto subscribers = channel->second.subscribers;
   for (const auto& [connection, subscription] : subscribers) {
     if (Client* const client = clients_.find(connection)) {

@@ -12,19 +12,19 @@
 
 namespace rtpm::console {
 
-/// The advertised channels and who subscribes to them.
+/// The advertised channels and their subscribers.
 /// @ownership refers to the clients
 /// @threads  the web server's
 class ChannelTable {
  public:
   explicit ChannelTable(Clients& clients) noexcept : clients_(clients) {}
 
-  /// Advertises a channel; one of the same topic with another schema is replaced. The id of
-  /// `channel` is chosen here.
+  /// Advertises a channel; replaces one of the same topic with another schema. Chooses the id of
+  /// `channel`.
   /// @return the id
   std::uint32_t add(foxglove::ChannelInfo channel);
   void remove(const std::string& topic);
-  /// 0: no such channel.
+  /// 0: there is no such channel.
   [[nodiscard]] std::uint32_t find(const std::string& topic) const;
   [[nodiscard]] bool has_subscriber(std::uint32_t channel_id) const;
   [[nodiscard]] std::vector<std::string> topics() const;
@@ -33,17 +33,18 @@ class ChannelTable {
 
   /// Sends all channels to a new client.
   void advertise_to(Client& client) const;
-  /// @return what is wrong with some of them; empty: nothing. The others are subscribed.
+  /// @return the errors of channels that could not be subscribed; empty: none. The rest are
+  ///         subscribed.
   [[nodiscard]] std::vector<std::string> subscribe(Client& client,
                                                    const foxglove::Subscribe& request);
   [[nodiscard]] std::vector<std::string> unsubscribe(Client& client,
                                                      const foxglove::Unsubscribe& request);
-  /// Forgets a client that leaves.
+  /// Removes a client that disconnects.
   void remove_client(Client& client);
 
   /// Sends a message to all subscribers; the payload is shared.
   void publish(std::uint32_t channel_id, std::uint64_t log_time_ns, std::string payload);
-  /// To one subscriber.
+  /// Sends a message to one subscriber.
   void publish_to(std::uint64_t connection_id, std::uint32_t channel_id, std::uint64_t log_time_ns,
                   std::string payload);
 

@@ -13,7 +13,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// When it happened, by this host's clock: the hub's may be another's.
+/// The event's time by this host's clock; the hub may be on another host.
 std::uint64_t log_time_ns(const HubEvent& event) {
   return rt::utc_ns(event.arrived - (event.header.hub_sent - event.header.origin));
 }
@@ -83,7 +83,7 @@ void EventChannels::publish_generic(const HubEvent& event) {
     known->second.last = event.arrived;
     advertise(topic, event.header.type);
   } else {
-    // Its reflection has about the size of its text; base64 adds a third.
+    // The schema's reflection has about the size of its text; base64 adds a third.
     const std::size_t size = type->schema.size() * 4 / 3;
     if (generic_.size() >= kEventChannelCountMax ||
         schema_byte_count_ + size > kEventSchemaByteMax) {

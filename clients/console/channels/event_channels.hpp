@@ -16,12 +16,13 @@
 
 namespace rtpm::console {
 
-/// Channels of events other than devices', and the bytes of their schemas as they are advertised.
+/// Limits for channels of event types other than devices', and for the bytes of their advertised
+/// schemas.
 inline constexpr std::size_t kEventChannelCountMax = 128;
 inline constexpr std::size_t kEventSchemaByteMax = std::size_t{8} << 20;
 
-/// Events of the hub as messages of channels. A channel of another type than devices' is there from
-/// its first event until a minute after its last.
+/// Publishes events of the hub as messages of channels. A channel of a type other than devices'
+/// lasts from its first event until a minute after its last.
 /// @ownership refers to the channels
 /// @threads  the web server's
 class EventChannels {
@@ -43,7 +44,7 @@ class EventChannels {
 
  private:
   [[nodiscard]] const events::EventDescriptor* type_of(events::EventType type) const;
-  /// @return whether the channel is there
+  /// @return whether the channel exists
   bool advertise(const std::string& topic, events::EventType type);
   void publish_generic(const HubEvent& event);
   void publish_table(const std::string& topic, const HubEvent& event);
@@ -57,7 +58,7 @@ class EventChannels {
   std::map<std::string, std::uint64_t> advertised_{};  ///< Topic to schema id.
   /// A channel of another type than devices'.
   struct Generic {
-    MonotonicTime last{};  ///< When its newest event came.
+    MonotonicTime last{};  ///< The arrival of its newest event.
     std::size_t schema_byte_count = 0;
   };
   std::map<std::string, Generic> generic_{};  ///< By topic.

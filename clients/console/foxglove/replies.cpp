@@ -10,7 +10,7 @@ using Json = nlohmann::ordered_json;
 constexpr std::uint8_t kMessageOpcode = 1;
 constexpr std::uint8_t kServiceCallResponseOpcode = 3;
 
-/// Foreign text may be no UTF-8.
+/// Foreign text may be invalid UTF-8.
 std::string dumped(const Json& json) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
@@ -32,7 +32,7 @@ Json json_of(const PayloadInfo& payload) {
           {"schema", payload.schema}};
 }
 
-/// The entries that are new or have changed, each whole; one that is gone has no ids.
+/// The entries that are new or changed, each in full; a removed entry has no ids.
 Json changed(const Graph::Ids& before, const Graph::Ids& after, const char* key) {
   Json list = Json::array();
   for (const auto& [name, ids] : after) {

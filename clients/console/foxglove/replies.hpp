@@ -13,10 +13,10 @@
 
 #include "rtpm/base/bytes.hpp"
 
-/// What this server sends, as frames of the Foxglove WebSocket protocol.
+/// The frames of the Foxglove WebSocket protocol that this server sends.
 namespace rtpm::console::foxglove {
 
-/// The sub-protocols that are spoken, the preferred one first; they do not differ on the wire.
+/// The supported sub-protocols, the preferred one first; they do not differ on the wire.
 inline constexpr std::array<std::string_view, 2> kSubprotocols{"foxglove.sdk.v1",
                                                                "foxglove.websocket.v1"};
 
@@ -36,7 +36,7 @@ struct ChannelInfo {
   std::string topic{};
   std::string encoding{};
   std::string schema_name{};
-  std::string schema{};  ///< Base64 of a binary one.
+  std::string schema{};  ///< Base64 if the schema is binary.
   std::string schema_encoding{};
 };
 
@@ -62,7 +62,7 @@ struct ParameterInfo {
   std::string type{};  ///< "float64", "float64_array"; empty: as JSON says.
 };
 
-/// Who publishes, subscribes and provides what.
+/// The publishers, subscribers and service providers, by name.
 struct Graph {
   using Ids = std::map<std::string, std::set<std::string>>;
   Ids published_topics{};
@@ -79,7 +79,7 @@ struct Graph {
 [[nodiscard]] std::string unadvertise_services(std::span<const std::uint32_t> ids);
 [[nodiscard]] std::string parameter_values(std::span<const ParameterInfo> parameters,
                                            const std::optional<std::string>& id);
-/// What leads from `before` to `after`.
+/// The change from `before` to `after`.
 [[nodiscard]] std::string graph_update(const Graph& before, const Graph& after);
 [[nodiscard]] std::string service_call_failure(std::uint32_t service_id, std::uint32_t call_id,
                                                std::string_view message);

@@ -11,11 +11,11 @@
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/base/expected.hpp"
 
-/// What a client of the Foxglove WebSocket protocol sends, read from untrusted bytes.
+/// The frames that a client of the Foxglove WebSocket protocol sends, read from untrusted bytes.
 /// @source   the protocol's specification, version 1
 namespace rtpm::console::foxglove {
 
-/// At most so many entries are read of one list.
+/// The number of entries that are read from one list at most.
 inline constexpr std::size_t kListSizeMax = 4096;
 
 struct Subscription {
@@ -51,7 +51,7 @@ struct WatchParameters {
 struct WatchGraph {
   bool is_watching = true;
 };
-/// An operation of a capability that this server does not have.
+/// An operation of a capability that this server lacks.
 struct Unsupported {
   std::string op{};
 };
@@ -60,7 +60,7 @@ using TextRequest = std::variant<Subscribe, Unsubscribe, GetParameters, SetParam
                                  WatchParameters, WatchGraph, Unsupported>;
 
 /// Reads a text frame.
-/// @param may_command  else the values that parameters are set to are not read
+/// @param may_command  false: the values that parameters are set to are not read
 /// @errors   in words: no JSON, nested deeper than kNestingMax, no known operation, a field that is
 ///           missing or of a wrong type
 [[nodiscard]] expected<TextRequest, std::string> read_text(std::string_view text, bool may_command);

@@ -11,8 +11,8 @@
 
 namespace rtpm::console {
 
-/// Who publishes and subscribes the channels, and who provides the services.
-/// @param devices  names; the server of each publishes its channels
+/// The publishers and subscribers of the channels, and the providers of the services.
+/// @param devices  names; each device's server publishes its channels
 [[nodiscard]] foxglove::Graph connection_graph(const ChannelTable& channels,
                                                const CallRouter& router,
                                                const std::vector<ObjectView>& objects,

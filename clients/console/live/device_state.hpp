@@ -14,19 +14,19 @@
 
 namespace rtpm::console {
 
-/// What is known of a device, and how old it is.
+/// The known state of a device, and its age.
 /// @threads  the web server's
 class DeviceState {
  public:
   explicit DeviceState(std::string name) : name_(std::move(name)) {}
 
   void take(const DeviceProbe& probe, MonotonicTime now);
-  /// A sample that the hub delivered.
+  /// Takes a sample that the hub delivered.
   void take_sample(std::uint64_t sequence, MonotonicTime now);
   void take_lease(gvd::LeaseState state, MonotonicTime since);
-  /// Its name is bound, at this name service.
+  /// The device's name is bound at this name service.
   void set_bound(const std::string& service_url);
-  /// Its name has expired, so that its server hangs, is dead, or is cut off.
+  /// The device's name has expired: its server hangs, is dead, or is cut off.
   void set_lost(MonotonicTime since, const std::string& url);
 
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
@@ -47,10 +47,10 @@ class DeviceState {
   std::string problem_{"not asked yet"};
   std::shared_ptr<DeviceLink> link_{};
   std::shared_ptr<const driver::Descriptor> descriptor_{};
-  std::optional<driver::Sample> sample_{};  ///< Of the newest read.
-  std::uint64_t sequence_ = 0;              ///< The newest one,
-  std::optional<MonotonicTime> newest_{};   ///< and when it came here.
-  // For the rate: a sequence of about a second ago.
+  std::optional<driver::Sample> sample_{};  ///< The sample of the newest read.
+  std::uint64_t sequence_ = 0;              ///< The newest sequence.
+  std::optional<MonotonicTime> newest_{};   ///< The arrival of `sequence_`.
+  // For the rate: the sequence of about a second ago.
   std::uint64_t rate_sequence_ = 0;
   std::optional<MonotonicTime> rate_begin_{};
   double sample_per_s_ = 0;

@@ -17,19 +17,19 @@
 
 namespace rtpm::console {
 
-/// What a look at a device gave.
+/// The result of one read of a device.
 struct DeviceProbe {
   std::string name{};
-  std::string problem{};               ///< Why it was not read; empty: it was.
-  std::shared_ptr<DeviceLink> link{};  ///< Null: not bound.
+  std::string problem{};               ///< The reason why it was not read; empty: it was.
+  std::shared_ptr<DeviceLink> link{};  ///< Null: the device is not bound.
   std::shared_ptr<const driver::Descriptor> descriptor{};
   std::string url{};
   std::optional<driver::Sample> sample{};
-  std::optional<Duration> latency{};  ///< Of the read.
+  std::optional<Duration> latency{};  ///< The latency of the read.
 };
 
-/// Reads every device again and again, and measures how long that takes. A device that does not
-/// answer is asked less often, so that it holds up the others little.
+/// Reads every device again and again, and measures the latency. Polls a device that does not
+/// answer less often, so that it delays the rest little.
 /// @ownership refers to its node
 /// @threads  set_devices() any; look() one
 class DeviceWatch {
@@ -45,7 +45,7 @@ class DeviceWatch {
     std::optional<gvd::DeviceClient> client{};
     std::shared_ptr<DeviceLink> link{};
     std::shared_ptr<const driver::Descriptor> descriptor{};
-    MonotonicTime next{};  ///< When it is asked again.
+    MonotonicTime next{};  ///< The time of the next read.
   };
   [[nodiscard]] DeviceProbe read(const std::string& name, Device& device);
   [[nodiscard]] std::string open(const std::string& name, Device& device);

@@ -12,8 +12,9 @@
 
 namespace rtpm::console {
 
-/// Events on their way to the web server's thread. When it does not keep up, the oldest of their
-/// stream are dropped and counted, so that neither memory nor the thread's other work suffers.
+/// Events on their way to the web server's thread. When that thread falls behind, the oldest events
+/// of their stream are dropped and counted, so that neither memory nor the thread's other work
+/// suffers.
 /// @threads  any
 class EventInbox {
  public:
@@ -21,7 +22,7 @@ class EventInbox {
   static constexpr std::size_t kByteMax = std::size_t{4} << 20;
   static constexpr std::size_t kCountMax = 8192;
 
-  /// @return whether nothing waited before: pop() is to be called soon
+  /// @return whether the inbox was empty before: the caller then schedules pop()
   [[nodiscard]] bool push(HubEvent event) {
     const std::lock_guard lock(mutex_);
     Stream& stream = streams_[static_cast<std::size_t>(event.stream)];
@@ -35,7 +36,7 @@ class EventInbox {
     }
     return was_empty;
   }
-  /// The next event, changes of devices first; nothing: none waits.
+  /// The next event, changes of devices first; nullopt: none is queued.
   [[nodiscard]] std::optional<HubEvent> pop() {
     const std::lock_guard lock(mutex_);
     for (const EventStream next : kOrder) {

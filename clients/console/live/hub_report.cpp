@@ -26,7 +26,7 @@ HubReportView HubReport::look() {
   });
   const auto report = parse_bounded_json<nlohmann::json>(text);
   if (!called || !report.is_object()) {
-    // Another hub may have the name by now.
+    // Another hub may have taken the name.
     object_.reset();
     return view;
   }

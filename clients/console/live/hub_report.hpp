@@ -10,13 +10,13 @@
 
 namespace rtpm::console {
 
-/// What a hub tells of itself.
+/// A hub's report of itself.
 struct HubReportView {
   std::uint64_t consumer_count = 0;
-  double event_per_s = 0;  ///< Of all suppliers.
+  double event_per_s = 0;  ///< The rate of all suppliers together.
 };
 
-/// Asks a hub again and again for its report.
+/// Polls a hub for its report.
 /// @ownership refers to its node
 /// @threads  one
 class HubReport {

@@ -12,9 +12,9 @@ constexpr Duration kFrameInterval = std::chrono::milliseconds{16};
 constexpr Duration kHubDeadline = std::chrono::milliseconds{500};
 constexpr Duration kTypesInterval = std::chrono::seconds{1};
 constexpr std::uint32_t kQueueCapacity = 1024;
-/// Devices whose samples come from the hub; of the others those that the console reads itself.
+/// Limit of devices whose samples come from the hub; for the rest, the console's own reads serve.
 constexpr std::size_t kFollowedCountMax = events::kIntervalSourceMax;
-/// Events that the web server's thread takes before it does something else.
+/// Events that the web server's thread takes before it does other work.
 constexpr int kHandOverCount = 64;
 constexpr std::uint32_t kLogRateMax = 200;
 constexpr std::size_t kLogCountMax = 64;
@@ -101,7 +101,7 @@ class HubWatch::Tap final : public events::EventHandler {
     watch_.deliver(std::move(copy));
   }
 
-  /// At most kLogRateMax in each second.
+  /// Admits at most kLogRateMax events in each second.
   bool is_admitted() {
     const MonotonicTime now = rt::now();
     if (now - second_begin_ >= std::chrono::seconds{1}) {

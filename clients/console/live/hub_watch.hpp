@@ -20,17 +20,17 @@
 
 namespace rtpm::console {
 
-/// What the hub watch tells, on the thread of the web server.
+/// The hub watch's reports, called on the web server's thread.
 struct HubCallbacks {
   std::function<void(HubEvent)> on_event{};
   std::function<void(Standing)> on_standing{};
   std::function<void(std::shared_ptr<const events::HubTypes>)> on_types{};
 };
 
-/// Subscribes to a hub for all browsers together, three times however many devices and sources
-/// there are: to all changes of devices, to the samples of devices, and to events of other types,
-/// of which the hub lets 60 per second of each source through. A hub that is absent, ends or
-/// restarts is found again.
+/// Subscribes to a hub for all browsers together, with three subscriptions however many devices and
+/// sources there are: to all changes of devices, to the samples of devices, and to events of other
+/// types, of which the hub passes 60 per second of each source. Reconnects to a hub that is absent,
+/// ends or restarts.
 /// @ownership refers to its node
 /// @threads  look() and set_log() one each, blocking; set_devices() and end_log() any; stop() alone
 class HubWatch {
@@ -41,7 +41,7 @@ class HubWatch {
   ~HubWatch();
 
   void set_devices(std::vector<std::string> names);
-  /// Creates and ends subscriptions as needed. Call it again and again.
+  /// Creates and ends subscriptions as needed. Call it periodically.
   void look();
 
   /// Subscribes to the events that `filter` accepts, instead of the connection's former filter.
@@ -49,9 +49,9 @@ class HubWatch {
   [[nodiscard]] expected<void, events::FilterTextError> set_log(std::uint64_t connection_id,
                                                                 const std::string& filter);
   void end_log(std::uint64_t connection_id);
-  /// Events that the web server's thread was too busy for.
+  /// The number of events dropped because the web server's thread was too busy.
   [[nodiscard]] std::uint64_t dropped_count() const { return inbox_.dropped_count(); }
-  /// Ends all subscriptions: nothing is posted any more.
+  /// Ends all subscriptions; nothing is posted afterwards.
   void stop();
 
  private:
@@ -65,7 +65,7 @@ class HubWatch {
                                           events::ConsumerConfig config, std::string* problem);
   void set_standing(bool is_ok, const std::string& problem);
   void deliver(HubEvent event);
-  /// Hands some events over, and the rest after what else the web server's thread has to do.
+  /// Hands some events over; the rest follow after the web server's thread has done its other work.
   void hand_over();
 
   rpc::Node& node_;
@@ -81,7 +81,7 @@ class HubWatch {
   bool lacks_type_ = false;
   bool is_lost_ = false;       ///< The main subscription ended for good.
   bool was_restored_ = false;  ///< The hub is back, perhaps with other types.
-  // Of look()'s thread.
+  // Used by look()'s thread only.
   MonotonicTime next_types_{};
   std::vector<std::string> followed_{};  ///< The devices of `samples_`.
   std::unique_ptr<Tap> main_;

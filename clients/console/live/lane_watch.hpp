@@ -9,7 +9,7 @@
 
 namespace rtpm::console {
 
-/// A lane of a server on this host, with its rates since the look before.
+/// A lane of a server on this host, with its rates since the previous look.
 struct LaneView {
   std::string name{};
   int band_low = 0;

@@ -12,16 +12,16 @@ double us_of(Duration latency) {
   return static_cast<double>(latency.count()) / 1000;
 }
 
-/// By the nearest rank.
+/// The percentile by the nearest rank.
 double percentile(const std::vector<double>& sorted, double percent) {
   if (sorted.empty()) return 0;
-  // 99.9 % of 1000 is 999, whatever the last bit says.
+  // Absorbs rounding errors: 99.9 % of 1000 is 999.
   constexpr double kRounding = 1e-9;
   const double rank = std::ceil(percent / 100 * static_cast<double>(sorted.size()) - kRounding);
   return sorted[static_cast<std::size_t>(std::max(rank, 1.0)) - 1];
 }
 
-/// Bin 0 begins at 1 us and takes all that is below, too.
+/// Bin 0 begins at 1 us and also takes all values below.
 int bin_of(double us) {
   return us <= 1 ? 0 : static_cast<int>(std::floor(std::log10(us) * kBinsPerDecade));
 }

@@ -12,24 +12,24 @@
 
 namespace rtpm::console {
 
-/// An object that the registry names, or one below such.
+/// An object that the registry names, or one below such an object.
 struct ObjectView {
   std::string name{};
   std::string interface {};
   std::string url{};
-  std::string service_url{};  ///< The name service that has it.
+  std::string service_url{};  ///< The name service at which it is bound.
   friend bool operator==(const ObjectView&, const ObjectView&) = default;
 };
 
 struct ObjectsView {
   Standing registry{};
-  std::vector<ObjectView> objects{};  ///< By name; while the registry is gone, as it last said.
+  std::vector<ObjectView> objects{};  ///< By name; while the registry is gone, its last reply.
   std::vector<names::LapsedName> lapsed{};  ///< Names whose servers are lost.
-  /// Registries that keep such names: what one of them had and has no more was unbound.
+  /// Registries that report lapsed names: a name that vanishes there without lapsing was unbound.
   std::vector<std::string> lapsed_services{};
 };
 
-/// Looks at the registry and at the catalogs of the servers that it names.
+/// Polls the registry and the catalogs of the servers that it names.
 /// @ownership refers to its node
 /// @threads  one
 class ObjectWatch {
@@ -40,8 +40,9 @@ class ObjectWatch {
  private:
   struct Server {
     std::map<std::string, std::string> interfaces{};  ///< By path.
-    std::string fingerprint{};                        ///< Of the names that lead to it.
-    MonotonicTime next{};                             ///< When it is asked again.
+    std::string fingerprint{};                        ///< A fingerprint of the names that lead to
+                                                      ///< the server.
+    MonotonicTime next{};                             ///< The time of the next request.
   };
   void ask(Server& server, const std::string& url);
   void look_for_lapsed(bool has_changed);

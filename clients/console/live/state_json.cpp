@@ -11,11 +11,11 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// As clients/servo has them.
+/// The same figures as in clients/servo.
 constexpr double kPaperCallUs = 58;
 constexpr double kPaperCycleUs = 1000;
 
-/// Where the number stands in the payload, a bare struct of device_events.fbs or device.fbs.
+/// The sequence's offset in the payload, a bare struct of device_events.fbs or device.fbs.
 constexpr std::size_t kSequenceOffset = 0;
 constexpr std::size_t kLeaseStateOffset = 8;
 

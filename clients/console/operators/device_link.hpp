@@ -14,7 +14,7 @@
 
 namespace rtpm::console {
 
-/// A bound device with the lease that the console holds of it, for all threads.
+/// A bound device and the console's lease of it, shared by all threads.
 /// @ownership refers to the node
 /// @threads  any
 class DeviceLink {
@@ -36,9 +36,9 @@ class DeviceLink {
   }
 
   [[nodiscard]] device::DeviceClient& stub() noexcept { return stub_; }
-  /// Of a call that takes the lease over.
+  /// The priority of a call that takes the lease over.
   [[nodiscard]] Priority operator_priority() const noexcept { return operator_priority_; }
-  /// 0: the console holds none.
+  /// The console's lease; 0: none.
   [[nodiscard]] std::uint64_t lease() const noexcept { return lease_.load(); }
   void set_lease(std::uint64_t lease) noexcept { lease_.store(lease); }
 

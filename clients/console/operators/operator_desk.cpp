@@ -15,7 +15,7 @@ using gvd::DeviceOutcome;
 
 constexpr Duration kEffectPatience = std::chrono::milliseconds{500};
 constexpr Duration kEffectInterval = std::chrono::milliseconds{5};
-/// A connection without a close frame is seen to have ended so much later at most.
+/// A connection that ends without a close frame is noticed at most this much later.
 constexpr Duration kNoticeMax = std::chrono::seconds{7};
 using HolderMethod = expected<device::Outcome, rpc::CallError> (device::DeviceClient::*)(
     const device::Holder&, const rpc::CallOptions&) noexcept;
@@ -131,7 +131,7 @@ void OperatorDesk::run(const PendingCall& call, const nlohmann::json& request,
   if (const std::string why = refusal(call.connection_id, name, is_forced); !why.empty()) {
     return router_.fail(call, why);
   }
-  // From now on, so that a second browser does not come in between.
+  // Reserves the device at once, so that a second browser can't come in between.
   operators_[name] = {call.connection_id};
   const bool is_queued = pool_.run(name, [=, this] {
     DeviceError error = kDone;
@@ -195,7 +195,7 @@ void OperatorDesk::on_open(std::uint64_t connection_id, MonotonicTime now) {
 void OperatorDesk::on_close(std::uint64_t connection_id, MonotonicTime since) {
   browsers_.erase(connection_id);
   Operator next{connection_id, since};
-  // A page that is loaded again may come before its former connection is seen to have ended.
+  // A reloaded page may connect before the end of its former connection is noticed.
   if (!browsers_.empty()) {
     const auto& [newest, came] = *browsers_.rbegin();
     if (newest > connection_id && rt::now() - came <= kNoticeMax) next = {newest};

@@ -18,19 +18,19 @@
 
 namespace rtpm::console {
 
-/// The commands of operators: the leases that the console holds for browsers, and which connection
-/// operates which device.
-/// @ownership refers to all that it is given
+/// The commands of operators: the leases that the console holds for browsers, and the connection
+/// that operates each device.
+/// @ownership refers to all its arguments
 /// @threads  the web server's
 class OperatorDesk {
  public:
-  /// How long a browser that operates a device may be gone.
+  /// The time that a browser that operates a device may be absent.
   static constexpr Duration kGoneMax = std::chrono::seconds{5};
 
-  /// Where devices are found.
+  /// Access to the devices.
   struct Devices {
     std::function<std::vector<std::string>()> names{};
-    /// Null: there is no such device, or it was not bound yet.
+    /// Null: the device does not exist or has not been bound yet.
     std::function<std::shared_ptr<DeviceLink>(const std::string&)> link{};
   };
 
@@ -38,20 +38,20 @@ class OperatorDesk {
 
   /// Adds the services.
   void start();
-  /// Why a connection may not command a device just now; empty: it may.
+  /// The reason why a connection may not command a device now; empty: it may.
   [[nodiscard]] std::string refusal(std::uint64_t connection_id, const std::string& device,
                                     bool is_forced) const;
-  /// Keeps the leases, forgets those that have ended, and releases those whose browser has been
-  /// gone for kGoneMax. Call it a few times per second.
+  /// Renews the leases, removes those that have ended, and releases those whose browser has been
+  /// absent for kGoneMax. Call it a few times per second.
   void renew(MonotonicTime now);
-  /// A browser that may command is there: a page that was loaded again goes on with what it
+  /// A browser that may command has connected: a reloaded page resumes the devices that it
   /// operated.
   void on_open(std::uint64_t connection_id, MonotonicTime now);
-  /// The browser has kGoneMax to come back, or had before its end was noticed.
-  /// @param since  when it ended or was heard last
+  /// Starts the browser's kGoneMax to come back.
+  /// @param since  when it ended or was last heard
   void on_close(std::uint64_t connection_id, MonotonicTime since);
-  /// How long the console goes on holding the device's lease, of which the browser is gone;
-  /// nullopt: the browser is there, or none operates the device.
+  /// The time that the console goes on holding the device's lease after the browser is gone;
+  /// nullopt: the browser is connected, or none operates the device.
   [[nodiscard]] std::optional<Duration> left(const std::string& device, MonotonicTime now) const;
   /// Releases everything and waits for it, at the program's end.
   void release_all();
@@ -62,9 +62,9 @@ class OperatorDesk {
   using Effect = std::function<bool(const device::Sample&)>;
   struct Command {
     Step step{};
-    bool needs_lease = false;     ///< The console takes it over where it has none.
-    bool ends_operation = false;  ///< Other browsers may operate the device then.
-    Effect effect{};              ///< Empty: it is done when it was answered.
+    bool needs_lease = false;     ///< The console takes the lease over if it has none.
+    bool ends_operation = false;  ///< Other browsers may then operate the device.
+    Effect effect{};              ///< Empty: the step is done once it is answered.
   };
 
   void add(const char* name, Command command);
@@ -80,7 +80,8 @@ class OperatorDesk {
     std::optional<MonotonicTime> gone_since{};
   };
   std::map<std::string, Operator> operators_{};        ///< By device.
-  std::map<std::uint64_t, MonotonicTime> browsers_{};  ///< That may command, and when they came.
+  std::map<std::uint64_t, MonotonicTime> browsers_{};  ///< Those that may command, by connection,
+                                                       ///< with their start.
 };
 
 }  // namespace rtpm::console

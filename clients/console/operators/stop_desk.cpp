@@ -9,7 +9,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// A name counts as stopped when all servers that have it are.
+/// A name counts as stopped when all servers with that name are stopped.
 Json reply_of(const gvd::StopReport& report) {
   std::set<std::string> stopped;
   Json failed = Json::array();

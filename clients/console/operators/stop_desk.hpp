@@ -12,9 +12,9 @@
 
 namespace rtpm::console {
 
-/// Emergency stops that browsers ask for. A device that a stop did not reach is owed it, and told
-/// on the page, until it is delivered or an operator dismisses the device.
-/// @ownership refers to all that it is given
+/// Emergency stops that browsers request. A stop that did not reach its device stays pending, and
+/// the page shows it, until it is delivered or an operator dismisses the device.
+/// @ownership refers to all its arguments
 /// @threads  the web server's, but for deliver()
 class StopDesk {
  public:
@@ -24,14 +24,14 @@ class StopDesk {
 
   /// Adds the service console/estop.
   void start();
-  /// A device is at this URL: a stop goes there also when its name has expired.
+  /// Remembers the device's URL: a stop goes there even when its name has expired.
   void remember(const std::string& device, const std::string& url);
   void dismiss(const std::string& device);
-  /// Tries to deliver what is owed; blocks for a second at most.
+  /// Tries to deliver the pending stops; blocks for a second at most.
   /// @threads  one
   void deliver();
 
-  /// Devices that are owed a stop.
+  /// The devices with a pending stop.
   [[nodiscard]] std::set<std::string> owed_devices() const;
   /// `console/state`'s `not_stopped`.
   [[nodiscard]] nlohmann::ordered_json owed_json(MonotonicTime now) const;

@@ -15,7 +15,7 @@ constexpr std::string_view kReadOnly =
 struct ParameterDesk::Gathering {
   std::uint64_t connection_id = 0;
   std::optional<std::string> id{};
-  std::set<std::string> names{};  ///< Wanted; empty: all.
+  std::set<std::string> names{};  ///< The requested names; empty: all.
   bool answers = true;            ///< A change without an id is not answered.
   std::size_t left_count = 0;
   std::vector<foxglove::ParameterInfo> parameters{};
@@ -92,7 +92,7 @@ ParameterDesk::Found ParameterDesk::apply(
     const auto applied = link.client->apply(configuration->revision, settings);
     if (!applied) problem = object + ": " + applied.error().words.text();
   }
-  // As the device has them now, whatever became of the change.
+  // Reads the device's present values, whether or not the change succeeded.
   std::vector<std::string> names;
   for (const foxglove::ParameterRequest& request : parameters) {
     const std::string name = request.name.substr(object.size() + 1);
@@ -125,7 +125,7 @@ void ParameterDesk::get(Client& client, const foxglove::GetParameters& request) 
   std::set<std::string> objects;
   for (const std::string& name : request.names) {
     const ParameterName split = split_name(name, names_);
-    // The protocol leaves a parameter out that does not exist.
+    // The protocol omits parameters that do not exist.
     if (!split.object.empty()) objects.insert(split.object);
   }
   if (request.names.empty()) objects = {names_.begin(), names_.end()};
@@ -210,7 +210,7 @@ void ParameterDesk::publish(const std::vector<foxglove::ParameterInfo>& paramete
     const bool is_new = known == published_.end();
     if (!is_new && known->second == info.value) continue;
     published_[info.name] = info.value;
-    // What is seen for the first time has not changed.
+    // A parameter that is seen for the first time has not changed.
     if (!is_new) changed.push_back(info);
   }
   if (changed.empty()) return;
@@ -228,7 +228,7 @@ void ParameterDesk::publish(const std::vector<foxglove::ParameterInfo>& paramete
 void ParameterDesk::on_change(const std::string& object) {
   const auto link = links_.find(object);
   if (link == links_.end()) return;
-  // A server that does not answer is asked once at a time, however often a change is suspected.
+  // A server that does not answer gets one request at a time, however many changes are suspected.
   if (link->second->is_asked) {
     link->second->is_outdated = true;
     return;

@@ -21,36 +21,37 @@
 namespace rtpm::console {
 
 /// The parameters of all objects that have a configuration, as the protocol's parameters.
-/// @ownership refers to all that it is given
+/// @ownership refers to all its arguments
 /// @threads  the web server's
 class ParameterDesk {
  public:
-  /// @param pool        runs what those want who may command
+  /// @param pool        runs the work of clients that may command
   /// @param background  runs the rest
   ParameterDesk(rpc::Node& node, Clients& clients, WorkerPool& pool, WorkerPool& background,
                 Post post);
 
-  /// The names of objects whose configuration is served below them.
+  /// Sets the objects that serve a configuration below their name.
   void set_objects(std::vector<std::string> names);
   [[nodiscard]] bool has(const std::string& object) const;
 
   void get(Client& client, const foxglove::GetParameters& request);
   void set(Client& client, const foxglove::SetParameters& request);
   void watch(Client& client, const foxglove::WatchParameters& request);
-  /// Sends the changed parameters of an object to those that watch them.
+  /// Sends the changed parameters of an object to the clients that watch them.
   void on_change(const std::string& object);
-  /// Finds changes that no event told. Call it every few seconds.
+  /// Finds changes that no event reported. Call it every few seconds.
   void poll();
 
  private:
-  /// The configuration of an object, bound by the worker that needs it first.
+  /// The configuration of an object, bound by the first worker that needs it.
   struct Link {
     std::mutex mutex{};
     std::optional<gvd::ConfigurationClient> client{};  ///< Guarded by `mutex`.
-    bool is_asked = false;     ///< For changes; of the web server's thread, as the next.
-    bool is_outdated = false;  ///< It may have changed since it was asked.
+    bool is_asked = false;     ///< A request for changes is under way. Web server's thread only.
+    bool is_outdated = false;  ///< It may have changed since that request. Web server's thread
+                               ///< only.
   };
-  /// What a worker does with a bound configuration.
+  /// A worker's action on a bound configuration.
   struct Found {
     std::vector<foxglove::ParameterInfo> parameters{};
     std::string problem{};
@@ -73,7 +74,8 @@ class ParameterDesk {
   Post post_;
   std::vector<std::string> names_{};
   std::map<std::string, std::shared_ptr<Link>> links_{};
-  std::map<std::string, nlohmann::json> published_{};  ///< By full name: what watchers know.
+  std::map<std::string, nlohmann::json> published_{};  ///< The values that watchers know, by full
+                                                       ///< name.
 };
 
 }  // namespace rtpm::console

@@ -23,7 +23,7 @@ std::vector<foxglove::ParameterInfo> infos_of(
   for (const driver::ParameterSetting& setting : settings) {
     foxglove::ParameterInfo info{.name = object + "." + setting.name};
     info.value = std::visit([](const auto& one) { return Json(one); }, setting.value);
-    // JSON has one kind of number only: 3.0 is still no integer.
+    // JSON has only one kind of number, so the type tells clients that 3.0 is no integer.
     if (std::holds_alternative<double>(setting.value)) info.type = "float64";
     if (std::holds_alternative<std::vector<double>>(setting.value)) info.type = "float64_array";
     infos.push_back(std::move(info));
@@ -67,7 +67,7 @@ expected<ParameterValue, std::string> value_of(const gvd::Parameter& parameter, 
 }
 
 ParameterName split_name(const std::string& name, const std::vector<std::string>& objects) {
-  // A name may have dots itself, so the longest object that fits counts.
+  // Names may contain dots, so the longest object that fits counts.
   ParameterName split;
   for (const std::string& object : objects) {
     const bool fits =

@@ -18,12 +18,12 @@ namespace rtpm::console {
     const std::string& object, const std::vector<driver::ParameterSetting>& settings);
 
 /// The value that a client sent for `parameter`, in its type; its range is not checked.
-/// @errors   in words: no value of that type
+/// @errors   in words: the value has another type
 [[nodiscard]] expected<driver::ParameterValue, std::string> value_of(
     const gvd::Parameter& parameter, const nlohmann::json& value);
 
-/// The object and the parameter of "lab/arm0.safety.ramp_s": `objects` has the object's name.
-/// @return an empty object: none of them
+/// Splits "lab/arm0.safety.ramp_s" into object and parameter; `objects` has the objects' names.
+/// @return an empty object: no object fits
 struct ParameterName {
   std::string object{};
   std::string parameter{};

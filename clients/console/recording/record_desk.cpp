@@ -254,13 +254,13 @@ void RecordDesk::show_replay(const PendingCall& call, const std::string& file,
 }
 
 void RecordDesk::close_replay() {
-  ++replay_id_;  // What the former one still delivers is of no channel any more.
+  ++replay_id_;  // Messages that the former player still delivers then belong to no channel.
   if (!player_) return;
   for (const auto& [number, channel] : player_->channels())
     channels_.remove("replay/" + channel.topic);
   replay_channels_.clear();
   played_file_.clear();
-  // Its end waits for a chunk that is being read.
+  // The destructor waits for a chunk that is being read.
   std::shared_ptr<ReplayPlayer> ended = std::exchange(player_, nullptr);
   static_cast<void>(
       pool_.run("recordings", [ended = std::move(ended)]() mutable { ended.reset(); }));

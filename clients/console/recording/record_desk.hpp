@@ -21,20 +21,20 @@
 namespace rtpm::console {
 
 /// The services that record the hub's events and play recordings, for all browsers together.
-/// @ownership refers to all that it is given
+/// @ownership refers to all its arguments
 /// @threads  the web server's, but for stop_reading() and close()
 class RecordDesk {
  public:
   struct Config {
     std::string hub{};
-    std::string registry{};  ///< Where the names of devices are looked for.
+    std::string registry{};  ///< The registry with the names of devices.
     std::filesystem::path folder{};
   };
   RecordDesk(rpc::Node& node, Config config, CallRouter& router, ChannelTable& channels,
              WorkerPool& pool, Post post);
 
-  /// Adds the services, and starts the thread that reads files, for which nothing else waits.
-  /// @errors   no thread left
+  /// Adds the services, and starts a separate thread that reads files.
+  /// @errors   no thread could be started
   [[nodiscard]] expected<void, SetupError> start();
   [[nodiscard]] nlohmann::ordered_json recording_json() const;
   [[nodiscard]] nlohmann::ordered_json replay_json() const;
@@ -48,7 +48,7 @@ class RecordDesk {
   void start_recording(const PendingCall& call, const Json& request);
   void stop_recording(const PendingCall& call);
   void list(const PendingCall& call);
-  /// False when the desk ends, another recording was asked for, or it takes too long.
+  /// Becomes false when the desk ends, another recording is requested, or it takes too long.
   [[nodiscard]] recording::Progress patience(std::uint64_t replay_id);
   void open_replay(const PendingCall& call, const Json& request);
   void show_replay(const PendingCall& call, const std::string& file,
@@ -66,7 +66,7 @@ class RecordDesk {
   WorkerPool& pool_;
   Post post_;
   RecordingFolder folder_;
-  /// Files of unknown origin are read on a thread of its own: they may keep it busy.
+  /// Files of unknown origin may keep a thread busy, so they have one of their own.
   WorkerPool reading_{};
   std::atomic<bool> is_ending_{false};
   mutable std::mutex mutex_{};

@@ -12,17 +12,17 @@ constexpr Duration kFrameInterval = std::chrono::milliseconds{16};
 constexpr double kDenseRateHz = 100;
 constexpr double kSpeedMin = 0.01;
 constexpr double kSpeedMax = 100;
-/// How much before a sought time is shown, and how densely: enough for curves.
+/// The span before a sought time that is shown, and its density: enough for curves.
 constexpr std::uint64_t kHistoryNs = 30'000'000'000;
 constexpr std::uint64_t kHistoryStepNs = 150'000'000;
-/// Messages that are delivered at once: a browser's queue holds 256.
+/// Messages that are delivered in one batch: a browser's queue holds 256.
 constexpr int kHistoryBatch = 64;
 
 std::string text_of(ConstBytes bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-/// Why a page can't show it; empty: it can.
+/// The reason why a page can't show it; empty: it can.
 std::string excess_of(const recording::FileReader& reader) {
   std::size_t byte_count = 0;
   for (const auto& [number, schema] : reader.schemas())
@@ -193,7 +193,7 @@ void ReplayPlayer::play_on(std::uint64_t from_ns, std::uint64_t turn) {
       [&](std::uint64_t, std::uint64_t) { return is_present(turn); });
   const std::lock_guard lock(mutex_);
   if (is_interrupted || turn_ != turn) return;
-  // At the end, or where the file is damaged.
+  // The file is at its end, or damaged here.
   if (!read) status_.problem = read.error().reason();
   status_.is_playing = false;
   if (read) status_.time_ns = end_ns_;
@@ -202,7 +202,7 @@ void ReplayPlayer::play_on(std::uint64_t from_ns, std::uint64_t turn) {
 bool ReplayPlayer::wait_for(std::uint64_t log_time_ns, std::uint64_t turn) {
   std::unique_lock lock(mutex_);
   const auto ahead_ns = static_cast<double>(log_time_ns - std::min(log_time_ns, anchor_ns_));
-  // A file may state any time; what is due in years is due never.
+  // A file may state any time; a message that is due in years is never due.
   constexpr double kLongestNs = 1e18;
   const MonotonicTime due =
       anchor_ +

@@ -17,8 +17,8 @@
 
 namespace rtpm::console {
 
-/// Plays a recording at its own pace, or another, on a thread of its own. Of channels with many
-/// messages it gives at most 60 per second.
+/// Plays a recording at its own pace or another, on a separate thread. Channels with many messages
+/// are decimated to 60 per second.
 /// @threads  any
 class ReplayPlayer {
  public:
@@ -30,14 +30,14 @@ class ReplayPlayer {
     std::uint64_t time_ns = 0;
     double speed = 1;
     bool is_playing = false;
-    std::string problem{};  ///< Of the file, where it is damaged.
+    std::string problem{};  ///< The damage of the file; empty: none.
   };
 
-  /// The most that a page can show.
+  /// The limits of a page.
   static constexpr std::size_t kChannelCountMax = 1'000;
   static constexpr std::size_t kSchemaByteMax = 16 << 20;
 
-  /// Opens a recording, also one that was not ended. It does not play yet.
+  /// Opens a recording, even one that was not ended. It does not play yet.
   /// @param progress  may stop it
   /// @errors   as FileReader::open(); more channels or schemas than a page can show
   [[nodiscard]] static expected<std::unique_ptr<ReplayPlayer>, SetupError> open(
@@ -48,7 +48,7 @@ class ReplayPlayer {
 
   [[nodiscard]] std::uint64_t begin_ns() const noexcept { return begin_ns_; }
   [[nodiscard]] std::uint64_t end_ns() const noexcept { return end_ns_; }
-  /// What the file had when it was opened.
+  /// The file's channels at the time of opening.
   [[nodiscard]] const std::map<std::uint16_t, recording::Channel>& channels() const noexcept {
     return channels_;
   }
@@ -56,12 +56,12 @@ class ReplayPlayer {
     return schemas_;
   }
 
-  /// Plays on from the present time; from the beginning, if it is at its end.
+  /// Plays on from the present time, or from the beginning if it is at its end.
   /// @param speed  0.01 to 100
   void play(double speed);
   void pause();
-  /// Goes to a time; shows the newest message of each channel up to then, and before it some of the
-  /// half minute that leads there, for curves.
+  /// Seeks to a time; delivers the newest message of each channel up to then, and for curves some
+  /// of the half minute before it.
   void seek(std::uint64_t time_ns);
   [[nodiscard]] Status status() const;
 
@@ -69,10 +69,10 @@ class ReplayPlayer {
   ReplayPlayer(std::unique_ptr<recording::FileReader> reader, Deliver deliver);
   void run();
   void show_moment(std::uint64_t time_ns, std::uint64_t turn);
-  /// Lets what was delivered reach the browsers; false: something else is to be done.
+  /// Waits until browsers have had time to take the batch; false: another command is pending.
   [[nodiscard]] bool pause_delivery(std::uint64_t turn);
   void play_on(std::uint64_t from_ns, std::uint64_t turn);
-  /// Waits until the message is due; false: something else is to be done.
+  /// Waits until the message is due; false: another command is pending.
   [[nodiscard]] bool wait_for(std::uint64_t log_time_ns, std::uint64_t turn);
   [[nodiscard]] bool is_shown(std::uint16_t channel);
   /// Whether the turn still is the present one.
@@ -84,16 +84,16 @@ class ReplayPlayer {
   std::uint64_t end_ns_;
   std::map<std::uint16_t, recording::Channel> channels_;
   std::map<std::uint16_t, recording::Schema> schemas_;
-  std::map<std::uint16_t, bool> is_dense_{};        ///< Of the player's thread, as
-  std::map<std::uint16_t, MonotonicTime> shown_{};  ///< this.
+  std::map<std::uint16_t, bool> is_dense_{};        ///< Player's thread only.
+  std::map<std::uint16_t, MonotonicTime> shown_{};  ///< Player's thread only.
   mutable std::mutex mutex_{};
   std::condition_variable changed_{};
   // Guarded by `mutex_`.
   Status status_{};
-  std::uint64_t turn_ = 0;  ///< Counts changes of what is to be done.
+  std::uint64_t turn_ = 0;  ///< Counts commands.
   std::optional<std::uint64_t> sought_ns_{};
-  MonotonicTime anchor_{};       ///< When
-  std::uint64_t anchor_ns_ = 0;  ///< this time of the recording was played.
+  MonotonicTime anchor_{};       ///< The moment at which `anchor_ns_` was played.
+  std::uint64_t anchor_ns_ = 0;  ///< A time of the recording.
   bool is_stopping_ = false;
   rt::Thread thread_{};
 };

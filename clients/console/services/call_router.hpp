@@ -14,9 +14,9 @@
 
 namespace rtpm::console {
 
-/// Calls of one client that have no answer yet; more are refused.
+/// Limit of a client's unanswered calls; more are refused.
 inline constexpr std::size_t kOpenCallCountMax = 32;
-/// Limit of a client that may not command, which only reads parameters.
+/// Limit of a client that may not command; it only reads parameters.
 inline constexpr std::size_t kOpenReadCountMax = 4;
 
 /// A call to be answered.
@@ -27,19 +27,19 @@ struct PendingCall {
   std::string encoding{};  ///< "json" or "flatbuffer".
 };
 
-/// The services and their calls.
+/// The services and their pending calls.
 /// @ownership refers to the clients
 /// @threads  the web server's
 class CallRouter {
  public:
-  /// Begins a call; sooner or later succeed() or fail() answers it, once.
+  /// Begins a call; succeed() or fail() must answer it later, once.
   using Handler = std::function<void(const PendingCall& call, std::string payload)>;
-  /// The same of a service whose requests are JSON objects.
+  /// A handler of a service whose requests are JSON objects.
   using JsonHandler = std::function<void(const PendingCall& call, const nlohmann::json& request)>;
 
   explicit CallRouter(Clients& clients) noexcept : clients_(clients) {}
 
-  /// Advertises services; their ids are chosen here.
+  /// Advertises services and chooses their ids.
   /// @param handlers  one for each
   void add(std::vector<foxglove::ServiceInfo> services, std::vector<Handler> handlers);
   void add_json(const std::string& name, JsonHandler handler);

@@ -16,12 +16,12 @@ namespace rtpm::console {
 namespace {
 
 constexpr std::string_view kDeviceInterface = "rtpm.device.Device";
-/// From a failed attempt to open an object to the next.
+/// The interval between a failed attempt to open an object and the next.
 constexpr Duration kRetryInterval = std::chrono::seconds{5};
-/// No method of an object takes a worker for longer.
+/// The longest time that a method of an object occupies a worker.
 constexpr Duration kDeadlineMax = std::chrono::seconds{10};
 
-/// What a device does by these is an operator's matter.
+/// Methods that make a device act: they need an operator.
 bool is_command(std::string_view method) {
   constexpr std::array kCommands{"command",  "acquire",    "renew", "release",    "recover",
                                  "activate", "deactivate", "rearm", "set_models", "take_over"};
@@ -51,7 +51,7 @@ expected<std::vector<std::byte>, std::string> encoded(schema::Dynamic& dynamic,
     return unexpected{"the request is no FlatBuffer of " +
                       dynamic.model().objects[payload.table].name};
   }
-  // The schema's own parser takes declarations, too, so it gets nothing but JSON.
+  // The schema's own parser accepts declarations, too, so it is given nothing but JSON.
   const auto json = parse_bounded_json<nlohmann::json>(request.empty() ? "{}" : request);
   if (!json.is_object()) return unexpected{std::string("the request is no JSON object")};
   std::string error;
@@ -60,7 +60,7 @@ expected<std::vector<std::byte>, std::string> encoded(schema::Dynamic& dynamic,
   return unexpected{"the request does not fit the schema: " + error};
 }
 
-/// Puts the console's lease where the request has none.
+/// Fills in the console's lease where the request has none.
 std::vector<std::byte> with_lease(schema::Dynamic& dynamic, const schema::Payload& payload,
                                   std::vector<std::byte> bytes, std::uint64_t lease) {
   if (lease == 0 || payload.kind == schema::PayloadKind::kEmpty) return bytes;
@@ -119,7 +119,7 @@ void ObjectServices::open(Entry& entry) {
       opened->remote = std::move(*remote);
       schema::Dynamic& dynamic = opened->remote->dynamic();
       for (const schema::Method& method : dynamic.service().methods) {
-        // A stream is no call with one answer.
+        // A stream does not fit the pattern of one request and one reply.
         if (method.is_stream) continue;
         const std::string name = view.name + "/" + method.name;
         opened->methods.push_back(&method);

@@ -17,9 +17,9 @@
 
 namespace rtpm::console {
 
-/// Every method of every object at the registry as a service, by the schema that its server
-/// publishes.
-/// @ownership refers to all that it is given
+/// Serves every method of every object at the registry as a service, with the schema that its
+/// server publishes.
+/// @ownership refers to all its arguments
 /// @threads  the web server's
 class ObjectServices {
  public:
@@ -29,16 +29,16 @@ class ObjectServices {
                  WorkerPool& background, Post post,
                  std::function<std::shared_ptr<DeviceLink>(const std::string&)> links);
 
-  /// Opens the objects that are new, and forgets those that are gone.
+  /// Opens new objects and removes those that are gone.
   void set_objects(const std::vector<ObjectView>& objects);
 
  private:
-  /// An object that answers; its conversions are for one thread at a time.
+  /// An object that answers; one thread at a time may use its conversions.
   struct Opened {
     std::unique_ptr<dynamic::RemoteObject> remote{};
     std::mutex mutex{};
     std::vector<foxglove::ServiceInfo> services{};
-    std::vector<const schema::Method*> methods{};  ///< Of each service.
+    std::vector<const schema::Method*> methods{};  ///< The method of each service.
   };
   struct Entry {
     ObjectView view{};

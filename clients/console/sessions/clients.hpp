@@ -12,7 +12,7 @@
 
 namespace rtpm::console {
 
-/// What a connection has asked for.
+/// A connection's subscriptions and requests.
 struct Client {
   Connection* connection = nullptr;
   std::map<std::uint32_t, std::uint32_t> subscriptions{};  ///< Subscription to channel.
@@ -42,7 +42,7 @@ class Clients {
     left_dropped_count_ += found->second.connection->dropped_count();
     clients_.erase(found);
   }
-  /// nullptr: it has left.
+  /// nullptr: it has disconnected.
   [[nodiscard]] Client* find(std::uint64_t id) {
     const auto found = clients_.find(id);
     return found == clients_.end() ? nullptr : &found->second;
@@ -55,7 +55,7 @@ class Clients {
     return count;
   }
 
-  /// Calls `visit` for each client that is still there; `visit` may make clients leave.
+  /// Calls `visit` for each connected client; `visit` may disconnect clients.
   void for_each(const std::function<void(Client&)>& visit) {
     for (auto next = clients_.begin(); next != clients_.end();) {
       const std::uint64_t id = next->first;

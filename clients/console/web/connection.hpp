@@ -10,7 +10,7 @@
 
 namespace rtpm::console {
 
-/// Why a connection is closed; numbers of RFC 6455.
+/// The reason why a connection is closed; numbers of RFC 6455.
 enum class CloseCode : std::uint16_t {
   kGoingAway = 1001,
   kProtocolError = 1002,
@@ -18,7 +18,7 @@ enum class CloseCode : std::uint16_t {
   kTryAgainLater = 1013
 };
 
-/// A client, as what answers it sees it.
+/// A client, as its handler sees it.
 /// @threads  the web server's
 class Connection {
  public:
@@ -27,18 +27,18 @@ class Connection {
   Connection& operator=(const Connection&) = delete;
   virtual ~Connection() = default;
 
-  /// Counts from 1, never again the same.
+  /// Counts from 1; never repeats.
   [[nodiscard]] virtual std::uint64_t id() const noexcept = 0;
-  /// It came with the token.
+  /// The client came with the token.
   [[nodiscard]] virtual bool may_command() const noexcept = 0;
-  /// It came with another token.
+  /// The client came with another token.
   [[nodiscard]] virtual bool has_wrong_token() const noexcept = 0;
-  /// Messages that it missed because it reads too slowly.
+  /// Messages that were dropped because the client reads too slowly.
   [[nodiscard]] virtual std::uint64_t dropped_count() const noexcept = 0;
 
   /// Sends a text frame that must arrive. Disconnects a client that does not read.
   virtual void send_text(SharedText text) = 0;
-  /// Sends a binary frame that must arrive, likewise.
+  /// Sends a binary frame that must arrive. Disconnects a client that does not read.
   virtual void send_binary(SharedText bytes) = 0;
   /// Sends a message of a subscription; drops older ones if the client is slow.
   virtual void send_message(std::uint32_t subscription_id, std::uint64_t log_time_ns,
@@ -46,8 +46,8 @@ class Connection {
   virtual void close(CloseCode code, std::string_view reason) = 0;
 };
 
-/// What answers clients.
-/// @threads  called on the web server's
+/// Answers clients.
+/// @threads  called on the web server's thread
 class ConnectionHandler {
  public:
   ConnectionHandler() = default;
@@ -59,7 +59,7 @@ class ConnectionHandler {
   virtual void on_text(Connection& connection, std::string_view text) = 0;
   virtual void on_binary(Connection& connection, ConstBytes bytes) = 0;
   /// The connection is gone when this returns.
-  /// @param since  when it ended; of a silent one when it was heard last
+  /// @param since  when it ended; for a silent connection, when it was last heard
   virtual void on_close(Connection& connection, MonotonicTime since) = 0;
 };
 

@@ -12,14 +12,14 @@ namespace rtpm::console {
 /// @threads  one
 class FrameBudget {
  public:
-  /// Sustained; a frame counts as `kFrameCost` bytes more than it has.
+  /// The sustained rate; a frame counts as `kFrameCost` bytes more than its size.
   static constexpr double kBytesPerSecond = 256.0 * 1024;
   static constexpr std::size_t kFrameCost = 1024;
-  /// How far a burst may run ahead.
+  /// The length of a burst beyond the sustained rate.
   static constexpr Duration kBurst = std::chrono::milliseconds{500};
 
   /// Takes a frame of `size` bytes into account.
-  /// @return how long the next one has to wait
+  /// @return the time that the next frame has to wait
   [[nodiscard]] Duration take(std::size_t size, MonotonicTime now) noexcept {
     const double seconds = static_cast<double>(size + kFrameCost) / kBytesPerSecond;
     paid_until_ = std::max(paid_until_, now) + Duration{static_cast<Duration::rep>(seconds * 1e9)};

@@ -12,7 +12,8 @@
 namespace rtpm::console {
 
 /// The connections of one kind, at most `capacity`. A new one is always admitted: beyond the
-/// capacity the oldest of the peer that has most gives way, so that a peer displaces its own first.
+/// capacity, the peer with the most connections loses its oldest, so that a peer displaces its own
+/// first.
 /// @threads  one
 class PlaceTable {
  public:

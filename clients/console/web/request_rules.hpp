@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-/// Which HTTP requests are answered, as pure functions of untrusted texts.
+/// Decides which HTTP requests are answered, as pure functions of untrusted texts.
 namespace rtpm::console {
 
 /// The target of a request: "/app/x.js?token=…".
@@ -15,28 +15,29 @@ struct RequestTarget {
   std::string path{};   ///< Decoded.
   std::string token{};  ///< Empty: none.
 };
-/// @return nothing: malformed, or with a byte that no path has
+/// @return nullopt: malformed, or a byte that is invalid in a path
 [[nodiscard]] std::optional<RequestTarget> read_target(std::string_view target);
 
 /// Whether `host`, a Host header, names this server: localhost, a loopback address or one of
-/// `names`, with any port or none. Else a foreign name may have been made to lead here (DNS
+/// `names`, with any port or none. Any other name may have been made to resolve to this host (DNS
 /// rebinding). The port is not compared: behind an SSH tunnel it is the tunnel's.
 [[nodiscard]] bool is_own_host(std::string_view host, std::span<const std::string> names);
 
 /// Whether `origin`, an Origin header, is a page of this server, whose Host header is `host`.
 [[nodiscard]] bool is_own_origin(std::string_view origin, std::string_view host);
 
-/// The sub-protocol that answers `offered`, a Sec-WebSocket-Protocol header; empty: none is spoken.
+/// The sub-protocol that answers `offered`, a Sec-WebSocket-Protocol header; empty: none is
+/// supported.
 [[nodiscard]] std::string_view choose_subprotocol(std::string_view offered);
 
-/// The media type by the file's name; of an unknown one "application/octet-stream".
+/// The media type by the file's name; "application/octet-stream" if unknown.
 [[nodiscard]] std::string_view media_type(std::string_view file);
 
 /// The Content-Security-Policy of a page that talks to `host` only.
 [[nodiscard]] std::string content_security_policy(std::string_view host);
 
 /// The regular file that `path` names below `folder`; "/" and folders: their index.html.
-/// @return nothing: no such file, or it lies elsewhere, by "..", a link, or a hidden name
+/// @return nullopt: no such file, or one outside, by "..", a link, or a hidden name
 [[nodiscard]] std::optional<std::filesystem::path> find_page_file(
     const std::filesystem::path& folder, std::string_view path);
 

@@ -11,7 +11,7 @@
 
 namespace rtpm::console {
 
-/// Bytes that several connections send.
+/// Bytes that several connections share.
 using SharedText = std::shared_ptr<const std::string>;
 
 /// One frame to send: a head of its own, and a body that others may share.
@@ -22,8 +22,8 @@ struct OutgoingFrame {
   bool is_text = false;
 };
 
-/// What waits to be sent to a client. Data is worth less the older it is, so the oldest is dropped;
-/// of control frames none may be missing, so a client that does not read them is disconnected.
+/// A client's queue of outgoing frames. Old data is worth less, so the oldest is dropped; no
+/// control frame may be missing, so a client that does not read them is disconnected.
 /// @threads  one at a time
 class SendQueue {
  public:
@@ -46,7 +46,7 @@ class SendQueue {
       ++dropped_count_;
     }
   }
-  /// @return false: it is full, the client is to be disconnected
+  /// @return false: it is full; the caller disconnects the client
   [[nodiscard]] bool push_control(OutgoingFrame frame) {
     const std::size_t size = size_of(frame);
     const bool is_too_much = control_byte_count_ + size > kControlByteMax && !control_.empty();

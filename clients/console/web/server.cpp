@@ -33,11 +33,11 @@ namespace websocket = beast::websocket;
 using asio::ip::tcp;
 using beast::error_code;
 
-/// Of reading a request's head, and of writing a response.
+/// The time limit for reading a request's head, and for writing a response.
 constexpr auto kRequestTime = std::chrono::seconds{5};
 constexpr auto kResponseTime = std::chrono::seconds{20};
-/// A client that has not been heard for half of it is pinged, for all of it dropped: no operator
-/// who is gone holds a lease for longer than OperatorDesk::kGoneMax.
+/// A client that was silent for half of this time is pinged, after all of it dropped: an operator
+/// who is gone holds no lease for longer than OperatorDesk::kGoneMax.
 constexpr auto kSilenceMax = std::chrono::seconds{5};
 constexpr auto kHandshakeTime = std::chrono::seconds{5};
 constexpr auto kAcceptRetry = std::chrono::milliseconds{100};
@@ -45,9 +45,9 @@ constexpr auto kEndTime = std::chrono::milliseconds{500};
 constexpr std::uint32_t kHeaderSizeMax = 8 * 1024;
 constexpr std::uint64_t kBodySizeMax = 1024;
 constexpr std::uintmax_t kFileSizeMax = std::uintmax_t{64} << 20;
-/// More than any flood that the accepting thread does not keep up with; the system has its own cap.
+/// Enough for any flood that outruns the accepting thread; the system has its own cap.
 constexpr int kBacklog = 4096;
-/// Clients that were displaced, and have not answered the close frame yet.
+/// Limit of displaced clients that have not answered the close frame yet.
 constexpr std::size_t kLeavingCountMax = 32;
 /// Limit of the data queued for a client without the token.
 constexpr std::size_t kObserverDataByteMax = std::size_t{1} << 20;
@@ -56,8 +56,8 @@ std::string text_of(beast::string_view view) {
   return {view.data(), view.size()};
 }
 
-/// The peer: all loopback addresses count as one, and so does a network of IPv6 addresses, of
-/// which a host may have as many as it likes.
+/// The peer's key: all loopback addresses count as one, and so does a network of IPv6 addresses,
+/// because a host may have as many of them as it likes.
 std::string peer_of(const tcp::socket& socket) {
   error_code error;
   const tcp::endpoint endpoint = socket.remote_endpoint(error);
@@ -91,7 +91,8 @@ struct WebServer::Impl {
 
   WebConfig config;
   ConnectionHandler& handler;
-  // Outlive the context, which destroys the sessions that are left, and with them their places.
+  // The count and the tables outlive the context, whose destructor destroys the remaining sessions
+  // and their places.
   std::size_t socket_count = 0;
   PlaceTable requests{kRequestCountMax};
   PlaceTable observers{kObserverCountMax};
@@ -193,12 +194,12 @@ class WebSocketSession final : public Connection,
     end(rt::now());
     close_reason_.emplace(static_cast<websocket::close_code>(code));
     close_reason_->reason.assign(reason.data(), std::min<std::size_t>(reason.size(), 120));
-    // Behind what was sent before, which may say why.
+    // Queued behind earlier frames, which may state the reason.
     write();
   }
 
  private:
-  /// Says goodbye to a displaced client; when too many are doing so, without waiting for it.
+  /// Closes a displaced client; without the handshake when too many are closing.
   void give_way() {
     const auto self = shared_from_this();
     place_.emplace(server_.leaving, peer_, [this] { drop(); });
@@ -219,7 +220,7 @@ class WebSocketSession final : public Connection,
     read();
   }
 
-  /// The handler hears the end once, whatever caused it.
+  /// Reports the end to the handler once, whatever caused it.
   void end(MonotonicTime since) {
     if (!is_open_) return;
     is_open_ = false;
@@ -231,7 +232,7 @@ class WebSocketSession final : public Connection,
   void send_control(OutgoingFrame frame) {
     if (!is_open_) return;
     if (queue_.push_control(std::move(frame))) return write();
-    // It has not read for long: there is nobody to say goodbye to.
+    // The client has not read for long, so a close frame is pointless.
     drop();
   }
 
@@ -251,7 +252,7 @@ class WebSocketSession final : public Connection,
     }
     const std::size_t size = buffer_.size();
     buffer_.consume(size);
-    // Also after close(), until the client has answered it.
+    // Reads on after close(), until the client has answered it.
     const Duration wait = has_token_ ? Duration{0} : budget_.take(size, rt::now());
     if (wait == Duration{0}) return read();
     next_read_.expires_after(std::chrono::nanoseconds{wait});
@@ -295,10 +296,10 @@ class WebSocketSession final : public Connection,
   bool has_token_;
   bool has_wrong_token_;
   FrameBudget budget_{};
-  MonotonicTime last_heard_{};  ///< When a frame arrived last, an answer to a ping included.
+  MonotonicTime last_heard_{};  ///< The last arrival of a frame, including an answer to a ping.
   bool is_open_ = false;
   bool is_writing_ = false;
-  std::optional<websocket::close_reason> close_reason_{};  ///< Sent when nothing else waits.
+  std::optional<websocket::close_reason> close_reason_{};  ///< Sent when nothing else is queued.
   beast::flat_buffer buffer_{};
   SendQueue queue_;
   OutgoingFrame sending_{};
@@ -320,7 +321,7 @@ class HttpSession final : public std::enable_shared_from_this<HttpSession> {
     parser_.emplace();
     parser_->header_limit(kHeaderSizeMax);
     parser_->body_limit(kBodySizeMax);
-    // Of the whole request: one byte in a while keeps nothing open.
+    // The limit covers the whole request: a byte now and then keeps nothing open.
     stream_.expires_after(kRequestTime);
     http::async_read(
         stream_, buffer_, *parser_,
@@ -476,7 +477,7 @@ void WebServer::Impl::accept() {
       add_session(std::move(socket));
       return accept();
     }
-    // Out of descriptors: connections that end give some back.
+    // No descriptor is left: connections that end free some.
     retry.expires_after(kAcceptRetry);
     retry.async_wait([this](error_code aborted) {
       if (!aborted && !is_ending) accept();
@@ -533,7 +534,7 @@ WebServer::~WebServer() = default;
 
 std::string WebServer::url() const {
   std::string address = impl_->config.address;
-  // No browser opens the address that stands for all.
+  // Browsers can't open the wildcard address.
   if (address == "0.0.0.0") address = "127.0.0.1";
   if (address == "::") address = "::1";
   const bool is_v6 = address.find(':') != std::string::npos;

@@ -14,7 +14,7 @@
 namespace rtpm::console {
 
 /// Connections at a time: HTTP requests, clients without the token, clients with it. In the first
-/// two the oldest gives way to a new one; the third is reserved and displaced by nobody.
+/// two the oldest gives way to a new one; the third is reserved, and nothing displaces its clients.
 inline constexpr std::size_t kRequestCountMax = 128;
 inline constexpr std::size_t kObserverCountMax = 64;
 inline constexpr std::size_t kOperatorCountMax = 64;
@@ -28,12 +28,13 @@ struct WebConfig {
   std::filesystem::path page_folder{};
   std::string token{};
   bool is_read_only = false;
-  std::vector<std::string> host_names{};  ///< By which browsers may reach it, besides addresses.
+  std::vector<std::string> host_names{};  ///< Names by which browsers may reach it, besides
+                                          ///< addresses.
 };
 
 /// Serves the page over HTTP and clients over WebSocket, on one port and one thread.
 /// @ownership refers to its handler, which must outlive it
-/// @threads  run() on one; post() and stop() on any; every() before run() or on the same
+/// @threads  run() on one; post() and stop() on any; every() before run() or on its thread
 class WebServer {
  public:
   /// @errors   the address can't be served
@@ -43,15 +44,15 @@ class WebServer {
   WebServer& operator=(const WebServer&) = delete;
   ~WebServer();
 
-  /// "http://127.0.0.1:8765/": how a browser of this host reaches it.
+  /// The address for a browser on this host: "http://127.0.0.1:8765/".
   [[nodiscard]] std::string url() const;
   [[nodiscard]] std::uint16_t port() const noexcept;
 
   /// Serves until stop(), then closes all connections.
   void run();
-  /// Runs `work` soon on the thread of run(); never after its end.
+  /// Runs `work` soon on the thread of run(); never after run() has ended.
   void post(std::function<void()> work);
-  /// Runs `work` again and again on the thread of run().
+  /// Runs `work` periodically on the thread of run().
   void every(Duration period, std::function<void()> work);
   /// Ends run().
   void stop();

@@ -18,7 +18,7 @@ namespace {
 constexpr mode_t kForThisUser = 0600;
 constexpr mode_t kOfOthers = 077;
 
-/// Makes the file with `token`; false: it is there already.
+/// Makes the file with `token`; false: it exists already.
 expected<bool, SetupError> make_file(const std::string& path, const std::string& token) {
   const int file =
       ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, kForThisUser);
@@ -52,7 +52,7 @@ expected<std::string, SetupError> token_in_file(const std::string& path) {
   const auto is_made = make_file(path, *token);
   if (!is_made) return unexpected{is_made.error()};
   if (*is_made) return token;
-  // A pipe in its place must not hold up the start.
+  // A pipe instead of a file must not block the start.
   const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (file < 0) {
     return setup_error("the token file " + path + " can't be read", system_error(errno));

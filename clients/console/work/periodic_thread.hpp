@@ -11,7 +11,7 @@
 
 namespace rtpm::console {
 
-/// A time-shared thread that does something again and again until it is stopped.
+/// A time-shared thread that runs its work periodically until it is stopped.
 /// @threads  wake() from any; the rest from one
 class PeriodicThread {
  public:
@@ -23,9 +23,9 @@ class PeriodicThread {
   /// Runs `work`, then waits for `period` or wake(), and so on.
   [[nodiscard]] expected<void, SetupError> start(const std::string& name, Duration period,
                                                  std::function<void()> work);
-  /// Has the next run begin now.
+  /// Makes the next run begin now.
   void wake();
-  /// Waits for the run under way.
+  /// Waits for the present run.
   void stop();
 
  private:

@@ -14,8 +14,8 @@
 
 namespace rtpm::console {
 
-/// Runs blocking calls on a few threads. Work for one target never takes all of them, so that a
-/// server that does not answer holds up its own callers only.
+/// Runs blocking calls on a few threads. Work for one target never occupies all of them, so a
+/// server that does not answer delays only its own callers.
 /// @threads  any
 class WorkerPool {
  public:
@@ -32,10 +32,10 @@ class WorkerPool {
   WorkerPool& operator=(const WorkerPool&) = delete;
   ~WorkerPool() { stop(); }
 
-  /// Runs `work`, which ends within a bounded time, on one of the threads.
-  /// @return false: too much is queued, or the pool has stopped; `work` never runs
+  /// Runs `work`, which must end within a bounded time, on one of the threads.
+  /// @return false: the queue is full, or the pool has stopped; `work` never runs
   [[nodiscard]] bool run(const std::string& target, std::function<void()> work);
-  /// Waits for what runs, and drops what is queued.
+  /// Waits for running work, and drops queued work.
   void stop();
 
  private:
@@ -44,7 +44,7 @@ class WorkerPool {
     std::function<void()> work{};
   };
   void serve();
-  /// The first job whose target is not busy; the end: there is none.
+  /// The first job whose target is not busy; end() if there is none.
   [[nodiscard]] std::deque<Job>::iterator next();
 
   Config config_{};
