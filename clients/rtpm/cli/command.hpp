@@ -13,7 +13,7 @@
 namespace rtpm::tool {
 
 /// Adds a command to the program, or to a command that has several.
-/// @param summary  one clause: "List the registry's names"
+/// @param details  whole lines after the options in --help, with an example; may be empty
 /// @param details  whole lines behind the options in --help, with an example; may be empty
 CLI::App& add_command(CLI::App& parent, Context& context, const std::string& name,
                       const std::string& summary, const std::string& details, Run run);
@@ -34,7 +34,7 @@ CLI::Option& add_count(CLI::App& command, const std::string& name, Number& value
                        const std::string& help, Number low = 0,
                        Number high = std::numeric_limits<Number>::max()) {
   CLI::Option& option = *command.add_option(name, value, help)->capture_default_str();
-  // Before the conversion, which would take -1 for the largest number.
+  // Runs before the conversion, which would turn -1 into the largest number.
   option.check([](const std::string& text) {
     const bool is_whole = text.find_first_not_of("0123456789") == std::string::npos;
     return is_whole ? std::string{} : "'" + text + "' is no whole number";
@@ -47,7 +47,7 @@ CLI::Option& add_count(CLI::App& command, const std::string& name, Number& value
 /// registry's names.
 CLI::Option& add_target(CLI::App& command, std::string& target, const std::string& name = "TARGET");
 
-/// Ends the parsing: the command line is wrong, as this clause says.
+/// Ends the parsing; `clause` states what is wrong with the command line.
 [[noreturn]] void refuse(const std::string& clause);
 
 }  // namespace rtpm::tool

@@ -9,7 +9,7 @@ namespace rtpm::tool {
 /// An option or argument, as completion and manual page show it.
 struct OptionFacts {
   std::string name;   ///< "--json", "TARGET".
-  std::string value;  ///< "TIME"; empty: takes none, or an argument.
+  std::string value;  ///< "TIME"; empty for a flag or an argument.
   std::string help;
   std::vector<std::string> choices{};  ///< Empty: any value.
   bool is_positional = false;
@@ -17,7 +17,7 @@ struct OptionFacts {
   bool is_list = false;
 };
 
-/// A command with those below it.
+/// A command with its subcommands.
 struct CommandFacts {
   std::string path;  ///< "config list"; empty: the program.
   std::string name;
@@ -32,10 +32,10 @@ struct CommandFacts {
   [[nodiscard]] bool takes_file() const;
 };
 
-/// What the program takes.
+/// The program's commands and options.
 [[nodiscard]] CommandFacts facts_of(const CLI::App& program);
 
-/// A command and all those below it, in order.
+/// A command and all its subcommands, in order.
 [[nodiscard]] std::vector<const CommandFacts*> flattened(const CommandFacts& command);
 
 }  // namespace rtpm::tool

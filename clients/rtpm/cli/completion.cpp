@@ -9,7 +9,7 @@
 namespace rtpm::tool {
 namespace {
 
-/// What prints the registry's names, soon even if there is none.
+/// A shell command that prints the registry's names; it ends soon even without a registry.
 constexpr const char* kNames = "$(rtpm list --deadline 300ms 2>/dev/null | cut -d' ' -f1)";
 
 struct Candidate {
@@ -17,7 +17,7 @@ struct Candidate {
   std::string help;
 };
 
-/// What may follow the words of a command: its commands, choices and options, and those of all.
+/// The words that may follow a command: its commands, choices and options, and the common ones.
 std::vector<Candidate> candidates_of(const CommandFacts& program, const CommandFacts& command) {
   std::vector<Candidate> list;
   for (const CommandFacts& below : command.commands)
@@ -46,7 +46,7 @@ std::string steps_of(const CommandFacts& program) {
   return patterns;
 }
 
-/// In single quotes of a shell.
+/// The text in single quotes, for a shell.
 std::string quoted(const std::string& text) {
   std::string safe = "'";
   for (const char byte : text)
@@ -54,7 +54,7 @@ std::string quoted(const std::string& text) {
   return safe + "'";
 }
 
-/// The word of a zsh candidate, whose end a colon marks.
+/// Escapes the colons of a word, because in zsh a colon ends the candidate.
 std::string without_colons(std::string text) {
   for (std::size_t at = text.find(':'); at != std::string::npos; at = text.find(':', at + 2))
     text.insert(at, "\\");

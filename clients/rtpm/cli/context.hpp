@@ -18,10 +18,10 @@
 
 namespace rtpm::tool {
 
-/// "lab/arm0: …".
+/// Puts the subject before the error: "lab/arm0: …".
 [[nodiscard]] SetupError named(const std::string& subject, SetupError error);
 
-/// How the program ends.
+/// The program's exit codes.
 enum ExitCode : int {
   kDone = 0,
   kFailed = 1,      ///< It failed, or the answer is no.
@@ -30,37 +30,37 @@ enum ExitCode : int {
 };
 
 class Context;
-/// Does what a command says. @return the exit code
+/// Runs a command. @return the exit code
 using Run = std::function<int(Context&)>;
 
-/// What every command is given: the options that all have, and the way to other programs.
+/// The environment of every command: the common options, and access to other programs.
 /// @threads  one
 class Context {
  public:
-  /// Where names are looked for: a registry's URL, or the scope of discovery.
+  /// The source of names: a registry's URL, or the scope of discovery.
   std::string registry{names::kThisHost};
   bool json = false;                   ///< Prints JSON, a document per line.
-  std::optional<Duration> deadline{};  ///< Of a call; none: the schema's, else 1 s.
-  std::optional<Priority> priority{};  ///< Of a call; none: the schema's.
-  rpc::NodeSecurity security{};        ///< Who the user is to servers, and which are known.
+  std::optional<Duration> deadline{};  ///< A call's deadline; none: the schema's, else 1 s.
+  std::optional<Priority> priority{};  ///< A call's priority; none: the schema's.
+  rpc::NodeSecurity security{};        ///< The user's identity at servers, and the known servers.
   Run chosen{};                        ///< The command that was parsed.
 
-  /// The node of this program, made at the first call. It resolves names by the registry.
+  /// This program's node, made at the first call. It resolves names through the registry.
   [[nodiscard]] rpc::Node& node();
-  /// Ctrl-C and the like. From the first call on they only ask to stop, so call it before node()
-  /// where the command ends by itself.
+  /// Stop signals such as Ctrl-C. From the first call on they only request an end, so call it
+  /// before node() where the command then ends by itself.
   [[nodiscard]] const options::StopSignal& stop();
   [[nodiscard]] rpc::CallOptions call_options() const;
 
-  /// Says on standard error why a command ends: a sentence, with --json {"error": {…}}.
+  /// Reports on standard error why a command ends: a sentence, with --json {"error": {…}}.
   /// @return `code`
   int fail(const SetupError& error, ExitCode code = kFailed) const;
   int fail(std::string_view what, ExitCode code = kFailed) const;
-  /// Tells a mistake in `text`, which is a `what` such as "filter", with its place.
+  /// Reports a mistake in `text`, which is a `what` such as "filter", with its position.
   int fail_at(std::string_view what, const std::string& text,
               const predicate::TextError& error) const;
-  /// As fail(), for a target that was not found or does not answer.
-  /// Where this process lacks memory or descriptors for it, it just failed.
+  /// As fail(), for a target that was not found or does not answer. If this process lacks memory or
+  /// descriptors, the code is kFailed.
   int not_reached(const SetupError& error) const;
 
  private:

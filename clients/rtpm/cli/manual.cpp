@@ -8,7 +8,7 @@
 namespace rtpm::tool {
 namespace {
 
-/// Text that roff takes as it is: a dot or quote at a line's begin would be a request.
+/// Escapes text for roff: a dot or quote at the start of a line would be a request.
 std::string roff(const std::string& text) {
   std::string safe;
   for (const char byte : text) {

@@ -9,22 +9,22 @@ namespace rtpm::tool {
 
 using Json = nlohmann::ordered_json;
 
-/// Prints a document as one line of standard output, and flushes it. Bytes that are no UTF-8 are
-/// replaced.
+/// Prints a document as one line of standard output, and flushes it. Replaces bytes that are not
+/// UTF-8.
 void print_json(const Json& document);
 
-/// Prints a line, or several, and flushes them. Foreign parts are escaped beforehand.
+/// Prints one or more lines, and flushes them. The caller escapes foreign parts.
 void print_line(std::string_view text);
 
-/// Whether people look at standard output.
+/// Whether standard output is a terminal.
 [[nodiscard]] bool is_terminal();
-/// Whether people look at standard error, where progress goes.
+/// Whether standard error, which gets the progress, is a terminal.
 [[nodiscard]] bool is_error_terminal();
-/// Columns of the terminal, 100 where people do not look, never fewer than 40.
+/// Columns of the terminal, never fewer than 40; 100 without a terminal.
 [[nodiscard]] std::size_t terminal_width();
 
 enum class Colour { kRed, kGreen, kYellow, kGrey, kBold };
-/// `text` in a colour if people look at it, and NO_COLOR is not set (https://no-color.org).
+/// `text` in a colour, if the output is a terminal and NO_COLOR is not set (https://no-color.org).
 [[nodiscard]] std::string coloured(std::string_view text, Colour colour);
 
 }  // namespace rtpm::tool

@@ -70,7 +70,7 @@ void add_common_options(CLI::App& program, Context& context) {
       ->type_name("0..32767");
 }
 
-/// The command that the arguments reached.
+/// The innermost command that the arguments selected.
 const CLI::App& innermost(const CLI::App& program) {
   const CLI::App* app = &program;
   while (!app->get_subcommands().empty())
@@ -83,7 +83,7 @@ std::string name_of(const CLI::App& app) {
   return (parent == nullptr ? "" : name_of(*parent) + " ") + app.get_name();
 }
 
-/// " (did you mean 'list'?)", for a word that is no command or option of `app`.
+/// Returns " (did you mean 'list'?)" for a word that is no command or option of `app`.
 std::string similar(const CLI::App& app, const std::string& word) {
   std::vector<std::string> names;
   if (!word.starts_with("-")) {
@@ -100,7 +100,7 @@ std::string similar(const CLI::App& app, const std::string& word) {
   return options::suggestion(word.substr(0, word.find('=')), names);
 }
 
-/// What is wrong with the arguments, as a clause.
+/// Describes the mistake in the arguments, as a clause.
 std::string clause_of(const CLI::App& program, const CLI::ParseError& error) {
   const CLI::App& app = innermost(program);
   const std::vector<std::string> extras = program.remaining(true);
@@ -132,7 +132,7 @@ std::unique_ptr<CLI::App> make_program(Context& context) {
   program->set_version_flag("--version", "rtpm " RTPM_VERSION, "Print the version");
   program->footer(kFooter);
   program->require_subcommand(1);
-  program->fallthrough();  // The common options may stand behind the command.
+  program->fallthrough();  // The common options may follow the command.
   program->get_formatter()->column_width(34);
   program->get_formatter()->label("Positionals", "Arguments");
   program->get_formatter()->label("SUBCOMMAND", "COMMAND");

@@ -7,7 +7,7 @@
 
 namespace rtpm::tool {
 
-/// The program with all its commands. What it parses goes to `context`.
+/// The program with all its commands. The parsed options go to `context`.
 [[nodiscard]] std::unique_ptr<CLI::App> make_program(Context& context);
 
 /// Parses the command line and runs its command.

@@ -13,7 +13,7 @@ namespace {
 constexpr int kWidth = 40;
 
 void put(std::string_view text) {
-  // To standard error, which has no buffer. That nobody sees a bar is no failure.
+  // Writes to standard error, which has no buffer. A bar that can't be shown is no failure.
   static_cast<void>(!::write(STDERR_FILENO, text.data(), text.size()));
 }
 
@@ -29,7 +29,7 @@ ProgressBar::~ProgressBar() {
 }
 
 bool ProgressBar::show(std::uint64_t done, std::uint64_t whole) {
-  // A damaged file may state less than it has.
+  // A damaged file may state a smaller size than it has.
   const int percent =
       done >= whole
           ? 100

@@ -7,7 +7,7 @@
 
 namespace rtpm::tool {
 
-/// A bar on standard error while people look at it; Ctrl-C asks the work to stop.
+/// A bar on standard error if that is a terminal; Ctrl-C asks the work to stop.
 /// @ownership refers to its context
 /// @threads  one
 class ProgressBar {
@@ -18,7 +18,7 @@ class ProgressBar {
   /// Clears the bar.
   ~ProgressBar();
 
-  /// Shows how much is done. @return false: stop
+  /// Shows the progress. @return false: stop
   bool show(std::uint64_t done, std::uint64_t whole);
 
  private:
@@ -28,7 +28,7 @@ class ProgressBar {
   int percent_ = -1;
 };
 
-/// A line on standard error that changes, while people look at it.
+/// A changing line on standard error, if that is a terminal.
 class StatusLine {
  public:
   explicit StatusLine(const Context& context);

@@ -13,7 +13,7 @@ namespace {
 using gvd::CalibrationPhase;
 using gvd::CalibrationStatus;
 
-/// Between two questions about the run's state; it is discarded after 30 s without one.
+/// The interval of polls of the run's state; the server discards a run after 30 s without one.
 constexpr Duration kPollInterval = std::chrono::milliseconds{50};
 constexpr int kProgressStepPercent = 10;
 
@@ -71,7 +71,7 @@ CalibrationDialogue::Next CalibrationDialogue::go_on(const CalibrationStatus& st
 
 CalibrationDialogue::Next CalibrationDialogue::answer_prompt(const CalibrationStatus& status) {
   if (answered_prompt_ == status.prompt) {
-    // The answer is on its way to the device's next sample.
+    // The device takes the answer at its next sample.
     static_cast<void>(stop_.wait_for(kPollInterval));
     return std::nullopt;
   }
@@ -146,7 +146,7 @@ int CalibrationDialogue::discard(const CalibrationStatus& status) {
 
 int CalibrationDialogue::give_up(const CalibrationStatus& status, const std::string& why) {
   print("\n");
-  // If this fails, too, the server does it after 30 s.
+  // If this fails, too, the server discards the run after 30 s.
   const bool is_discarded = client_.discard(status.run).has_value();
   return fail("the calibration has no result" +
               std::string(is_discarded ? ", nothing has changed: " : ": ") + why);

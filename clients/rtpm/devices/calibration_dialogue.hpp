@@ -12,15 +12,15 @@
 
 namespace rtpm::tool {
 
-/// What an operator may say beforehand.
+/// The answers that an operator may give in advance.
 struct DialogueOptions {
-  std::vector<std::string> answers{};  ///< To the prompts; the last stands for more.
-  bool keeps = false;                  ///< The result, without asking,
-  bool discards = false;               ///< or not.
+  std::vector<std::string> answers{};  ///< Answers to the prompts; the last one is repeated.
+  bool keeps = false;                  ///< Keeps the result without asking.
+  bool discards = false;               ///< Discards the result without asking.
 };
 
 /// A calibration with an operator: prints prompts, progress and result, and reads answers from the
-/// options, then from standard input. A run that it leaves is discarded.
+/// options, then from standard input. A run that it abandons is discarded.
 /// @ownership refers to its arguments
 /// @threads  one
 class CalibrationDialogue {
@@ -33,12 +33,12 @@ class CalibrationDialogue {
         options_(options),
         stop_(context.stop()) {}
 
-  /// Plays the calibration `name`.
-  /// @return the exit code: 0 the result was kept, or discarded as told; 1 there is none
+  /// Runs the calibration `name`.
+  /// @return the exit code: 0 the result was kept, or discarded on request; 1 there is no result
   [[nodiscard]] int run(const std::string& name);
 
  private:
-  /// What to do next; an exit code ends the dialogue.
+  /// The next step: none to go on, an exit code to end the dialogue.
   using Next = std::optional<int>;
 
   [[nodiscard]] Next go_on(const gvd::CalibrationStatus& status);
@@ -57,10 +57,10 @@ class CalibrationDialogue {
   const DialogueOptions& options_;
   const options::StopSignal& stop_;
   options::LineReader input_{};
-  std::size_t answer_count_ = 0;       ///< Of the options', given.
-  std::uint32_t shown_prompt_ = 0;     ///< The prompt that was printed last,
-  std::uint32_t answered_prompt_ = 0;  ///< and answered.
-  bool is_asked_ = false;              ///< Whether to keep the result.
+  std::size_t answer_count_ = 0;       ///< The number of the options' answers that were given.
+  std::uint32_t shown_prompt_ = 0;     ///< The last prompt that was printed.
+  std::uint32_t answered_prompt_ = 0;  ///< The last prompt that was answered.
+  bool is_asked_ = false;              ///< The operator was asked whether to keep the result.
   int shown_percent_ = 0;
 };
 

@@ -19,11 +19,12 @@ using driver::ParameterSetting;
 using gvd::ConfigurationClient;
 using gvd::DeviceConfiguration;
 
-/// What follows `rtpm config ACTION`.
+/// The arguments of `rtpm config ACTION`.
 struct ConfigRequest {
   std::string device{};
-  std::vector<std::string> names{};  ///< Or NAME=VALUE.
-  std::uint64_t revision = 0;        ///< What a change is based on; 0: the present one.
+  std::vector<std::string> names{};  ///< Names, or NAME=VALUE.
+  std::uint64_t revision = 0;        ///< The revision that a change is based on; 0: the present
+                                     ///< one.
   DialogueOptions dialogue{};
 };
 
@@ -39,7 +40,7 @@ struct Task {
   [[nodiscard]] int fail(const SetupError& error) const {
     return context.fail(named(request.device, error));
   }
-  /// What a change is based on.
+  /// The revision that a change is based on.
   [[nodiscard]] std::uint64_t revision_of(const DeviceConfiguration& configuration) const {
     return request.revision != 0 ? request.revision : configuration.revision;
   }
@@ -53,7 +54,7 @@ std::string unknown(const DeviceConfiguration& configuration, const std::string&
          "; 'rtpm config list' shows all";
 }
 
-/// The error for the first of `names` that no parameter has; empty if all are there.
+/// The error for the first of `names` that is no parameter; empty if all exist.
 std::string first_unknown(const DeviceConfiguration& configuration,
                           const std::vector<std::string>& names) {
   for (const std::string& name : names) {
@@ -103,7 +104,7 @@ int get(Task& task) {
   return kDone;
 }
 
-/// Prints what a change gave.
+/// Prints the result of a change.
 int show(const Task& task, const expected<gvd::RevisedSettings, gvd::ConfigurationError>& applied) {
   if (!applied) return task.fail(applied.error().words);
   print_settings(task, applied->settings);
@@ -178,7 +179,7 @@ int calibrate(Task& task) {
 }
 
 int run(Context& context, const ConfigRequest& request, int (*action)(Task&)) {
-  // Before the node has threads: Ctrl-C discards the run then, and ends no program.
+  // Called before the node has threads: Ctrl-C then discards the run instead of ending the program.
   if (action == &calibrate) static_cast<void>(context.stop());
   auto client = open_configuration(context, request.device);
   if (!client) return context.not_reached(named(request.device, client.error()));
@@ -186,7 +187,7 @@ int run(Context& context, const ConfigRequest& request, int (*action)(Task&)) {
   return action(task);
 }
 
-/// Of NAME=VALUE.
+/// The error for a text that is not NAME=VALUE; empty if it is.
 std::string why_no_setting(const std::string& text) {
   const std::size_t sign = text.find('=');
   const bool is_setting = sign != std::string::npos && sign != 0;

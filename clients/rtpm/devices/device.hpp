@@ -8,7 +8,7 @@
 namespace rtpm::tool {
 
 /// Opens a device by its name or URL, within --deadline.
-/// @errors   as gvd::DeviceClient::open(), named, with the names most like one that is not bound
+/// @errors   as gvd::DeviceClient::open(), with the name; for an unbound name, also similar names
 [[nodiscard]] expected<gvd::DeviceClient, SetupError> open_device(Context& context,
                                                                   const std::string& name);
 

@@ -18,7 +18,7 @@
 namespace rtpm::tool {
 namespace {
 
-/// Between attempts at what was not reached; each takes up to StopDeliveryConfig::patience.
+/// The interval between attempts to deliver a stop; each takes up to StopDeliveryConfig::patience.
 constexpr Duration kRetryInterval = std::chrono::milliseconds{100};
 
 struct EstopRequest {
@@ -40,7 +40,7 @@ const Scope& scope_of(const EstopRequest& request) {
   return *std::ranges::find(kScopes, request.scope, &Scope::name);
 }
 
-/// Prints what a stop has reached and what not.
+/// Prints which devices a stop has reached and which not.
 class Teller {
  public:
   Teller(const Context& context, const EstopRequest& request)
@@ -92,7 +92,7 @@ class Teller {
   const EstopRequest& request_;
 };
 
-/// Says why there was nothing to stop.
+/// Reports that there was nothing to stop, and why.
 int tell_none(Context& context, const std::string& device, const gvd::StopReport& report) {
   if (report.search_error) {
     return context.not_reached(named(device.empty() ? "the system" : device, *report.search_error));
@@ -106,7 +106,7 @@ int tell_none(Context& context, const std::string& device, const gvd::StopReport
   return context.fail("the system: the registry names no device");
 }
 
-/// Goes on until all are stopped, the time is over, or Ctrl-C.
+/// Retries until all are stopped, the time is over, or Ctrl-C.
 void retry(Context& context, const EstopRequest& request, gvd::StopDelivery& delivery,
            Teller& teller) {
   const MonotonicTime end = rt::now() + request.wait;
@@ -123,7 +123,7 @@ void retry(Context& context, const EstopRequest& request, gvd::StopDelivery& del
 }
 
 int estop(Context& context, const EstopRequest& request) {
-  // Before any thread, so that Ctrl-C ends the waiting in order.
+  // Called before any thread starts, so that Ctrl-C ends the waiting in order.
   static_cast<void>(context.stop());
   gvd::StopDelivery delivery(context.node(), {.where = context.registry});
   const gvd::StopReport report = delivery.stop(request.device, scope_of(request).scope);

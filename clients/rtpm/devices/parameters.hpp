@@ -11,7 +11,7 @@
 // The parameters of a device, for people and machines.
 namespace rtpm::tool {
 
-/// Every parameter: a row each, below a head.
+/// A table of all parameters: a row each, below a header.
 [[nodiscard]] std::string table_of(const gvd::DeviceConfiguration& configuration);
 /// The same as comments of a schema.
 [[nodiscard]] std::string as_comment(const gvd::DeviceConfiguration& configuration);
@@ -26,8 +26,8 @@ namespace rtpm::tool {
 [[nodiscard]] expected<gvd::ConfigurationClient, SetupError> open_configuration(
     Context& context, const std::string& device);
 
-/// The configuration of the object at `url`; nothing if it has none.
-/// @errors   the server's configuration gives no answer
+/// The configuration of the object at `url`; nullopt if it has none.
+/// @errors   the server's configuration does not answer
 [[nodiscard]] expected<std::optional<gvd::DeviceConfiguration>, SetupError> configuration_of(
     Context& context, const std::string& url);
 

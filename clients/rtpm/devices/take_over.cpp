@@ -75,7 +75,7 @@ std::string why_not(const gvd::DeviceClient& device, gvd::DeviceError error) {
   return "was not taken over: " + std::string(to_string(error));
 }
 
-/// The device's state, for people.
+/// The device's state, as text for a user.
 std::string standing_of(const driver::Sample& sample) {
   return "it is " + std::string(to_string(sample.lifecycle)) +
          ", faults: " + to_text(sample.faults);
@@ -131,7 +131,7 @@ int hold(Context& context, gvd::DeviceClient& device, const TakeOverRequest& req
 }
 
 int take_over(Context& context, const TakeOverRequest& request) {
-  // Ctrl-C gives the lease back from here on.
+  // From here on, Ctrl-C releases the lease.
   static_cast<void>(context.stop());
   auto device = open_device(context, request.device);
   if (!device) return context.not_reached(device.error());

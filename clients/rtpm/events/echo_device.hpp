@@ -8,7 +8,7 @@
 
 namespace rtpm::tool {
 
-/// Which samples `rtpm echo DEVICE` prints.
+/// The samples that `rtpm echo DEVICE` prints.
 struct DeviceEchoRequest {
   std::string device{};
   double rate_hz = 60;
@@ -16,7 +16,7 @@ struct DeviceEchoRequest {
   std::optional<Duration> time{};  ///< None: until Ctrl-C.
 };
 
-/// Prints the samples of a device as polls find them. @return the exit code
+/// Prints the samples of a device as it polls them. @return the exit code
 int echo_device(Context& context, const DeviceEchoRequest& request);
 
 }  // namespace rtpm::tool

@@ -6,7 +6,7 @@
 
 namespace rtpm::tool {
 
-/// A payload by its schema; without one its numbers by their names; of an unknown type
+/// A payload by its schema; without a schema, its numbers by their names; for an unknown type
 /// {"payload": hexadecimal digits}.
 [[nodiscard]] Json payload_json(capture::EventSchemas& schemas, ConstBytes payload,
                                 const events::EventDescriptor* type);

@@ -21,7 +21,7 @@ struct PubRequest {
   std::string type{};
   std::string json{};
   events::SourceId source = 0;
-  double rate_hz = 0;       ///< 0: once.
+  double rate_hz = 0;       ///< 0: one event.
   std::uint64_t count = 0;  ///< With a rate; 0: until Ctrl-C.
 };
 
@@ -33,7 +33,7 @@ std::string unknown_type(const events::HubTypes& types, const std::string& name)
          "; it learns them from suppliers and consumers";
 }
 
-/// Pushes in the rate's rhythm. @return how many were pushed, or why no more could be
+/// Pushes at the rate. @return the number of pushed events, or why no more could be pushed
 expected<std::uint64_t, SetupError> push(Context& context, events::Supplier& supplier,
                                          const PubRequest& request,
                                          const events::EventDraft& draft) {

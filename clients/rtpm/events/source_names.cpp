@@ -8,7 +8,7 @@
 namespace rtpm::tool {
 namespace {
 
-/// Sources beyond it are not asked for.
+/// Limit of unnamed sources that are looked up.
 constexpr std::size_t kUnnamedMax = 10'000;
 
 }  // namespace

@@ -10,15 +10,15 @@
 
 namespace rtpm::tool {
 
-/// Which devices events come from. A device's source is a number made of its name.
+/// Maps sources of events to devices. A device's source is a number made of its name.
 /// @ownership refers to its context
 /// @threads  any; care() one
 class SourceNames {
  public:
-  /// Asks the registry. Where none answers, sources keep their numbers.
+  /// Asks the registry. If none answers, sources keep their numbers.
   explicit SourceNames(Context& context);
 
-  /// Asks again, if there was a source without a name since the last time.
+  /// Asks again if a source without a name has appeared since the last time.
   void care();
   /// "lab/arm0"; empty: no device.
   [[nodiscard]] std::string name_of(events::SourceId source);

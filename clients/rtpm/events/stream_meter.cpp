@@ -11,7 +11,7 @@ void StreamMeter::add(std::uint64_t sequence, MonotonicTime origin, Duration lat
   } else if (sequence > newest_) {
     go_on(sequence, origin);
   } else if (sequence < newest_ && origin > newest_origin_) {
-    // An old number of a new event: the source began anew.
+    // Newer event, lower sequence: the source restarted.
     ++restart_count_;
     begin(sequence, origin);
   } else if (missing_.erase(sequence) > 0) {

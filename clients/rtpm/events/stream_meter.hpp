@@ -9,8 +9,8 @@
 
 namespace rtpm::tool {
 
-/// Rate, jitter and loss of one source's events, from their sequence numbers and origin times
-/// alone. So a slow or delayed reader tells the same as a quick one.
+/// Rate, jitter and loss of one source's events, from their sequence numbers and origin times only.
+/// A slow or delayed reader thus gets the same result as a fast one.
 /// @threads  one
 class StreamMeter {
  public:
@@ -25,12 +25,12 @@ class StreamMeter {
     return late_count_;
   }  ///< Out of order.
   [[nodiscard]] std::uint64_t restart_count() const noexcept { return restart_count_; }
-  /// Origins that went back although the sequence went on.
+  /// Origin times that went back although the sequence advanced.
   [[nodiscard]] std::uint64_t clock_jump_count() const noexcept { return clock_jump_count_; }
 
-  /// As the source sent: also what was lost counts. 0 until there are two.
+  /// The source's sending rate: lost events count, too. 0 until there are two events.
   [[nodiscard]] double rate_hz() const noexcept;
-  /// Of the time between two consecutive events: how far it was from the mean one.
+  /// The deviation of the time between two consecutive events from its mean.
   struct Jitter {
     Duration mean{};  ///< The mean time between events.
     double rms_ns = 0;
@@ -44,21 +44,22 @@ class StreamMeter {
   void go_on(std::uint64_t sequence, MonotonicTime origin);
   void add_interval(Duration interval) noexcept;
 
-  static constexpr std::size_t kMissingMax = 100'000;  ///< That may still come.
+  static constexpr std::size_t kMissingMax = 100'000;  ///< Limit of missing events that may still
+                                                       ///< arrive.
 
   std::uint64_t count_ = 0;
   std::uint64_t duplicate_count_ = 0;
   std::uint64_t late_count_ = 0;
   std::uint64_t restart_count_ = 0;
   std::uint64_t clock_jump_count_ = 0;
-  std::uint64_t given_up_ = 0;  ///< Missing ones beyond kMissingMax.
+  std::uint64_t given_up_ = 0;  ///< Missing events beyond kMissingMax.
   std::set<std::uint64_t> missing_{};
   std::uint64_t newest_ = 0;
   MonotonicTime newest_origin_{};
-  /// Over the steps forward of all lives of the source.
+  /// Steps forward, summed over all restarts of the source.
   std::uint64_t step_count_ = 0;
   Duration step_time_{0};
-  /// Of intervals between consecutive events.
+  /// Intervals between consecutive events.
   std::uint64_t interval_count_ = 0;
   Duration interval_min_ = Duration::max();
   Duration interval_max_{0};

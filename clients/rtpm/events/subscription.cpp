@@ -89,7 +89,7 @@ void Subscription::with_types(const std::function<void(const events::HubTypes&)>
 }
 
 void Subscription::end() {
-  consumer_.reset();  // It calls until then.
+  consumer_.reset();  // Until this returns, it may call the observer.
 }
 
 std::uint64_t Subscription::lost_count() const {

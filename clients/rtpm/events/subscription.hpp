@@ -13,7 +13,7 @@
 
 namespace rtpm::tool {
 
-/// Which events a command wants.
+/// The events that a command selects.
 struct EventRequest {
   std::string hub{events::kHubPath};
   std::string filter = "all";
@@ -32,24 +32,24 @@ class Subscription final : public events::EventHandler {
   class Observer {
    public:
     virtual ~Observer() = default;
-    /// One event; `type` is null while the hub has not told it.
+    /// One event; `type` is null until the hub has described it.
     virtual void on_event(const events::EventView& event, const events::EventDescriptor* type) = 0;
   };
 
-  /// @return null after the error was told, with its exit code in `exit_code`
+  /// @return null after the error was reported, with its exit code in `exit_code`
   [[nodiscard]] static std::unique_ptr<Subscription> open(Context& context,
                                                           const EventRequest& request,
                                                           Observer& observer, int& exit_code);
   ~Subscription() override;
 
-  /// Learns types that came since, and tells losses and interruptions. Call it now and then.
+  /// Fetches new types, and reports losses and interruptions. Call it periodically.
   void care();
   /// Asks the hub for its types now.
   void learn_types();
-  /// The types that are known, while no event is handed out.
+  /// Calls `use` with the known types; no event is handed out meanwhile.
   void with_types(const std::function<void(const events::HubTypes&)>& use);
   [[nodiscard]] std::uint64_t lost_count() const;
-  /// Hands out no more events. lost_count() may not be called then.
+  /// Hands out no more events. lost_count() must not be called afterwards.
   void end();
 
   void on_events(std::span<const events::EventView> events) override;

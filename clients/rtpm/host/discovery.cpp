@@ -45,7 +45,7 @@ Finding survey_discovery_folder() {
   return {"discovery-folder", Severity::kGood, std::move(text)};
 }
 
-/// Whether a datagram to the group comes back to this host through the interface.
+/// Whether a datagram to the group returns to this host through the interface.
 bool passes_multicast(const transport::NetworkInterface& interface) {
   // A domain's group, but not its port: no program takes the datagram.
   constexpr const char* kGroup = "239.255.43.255";
@@ -65,7 +65,7 @@ bool passes_multicast(const transport::NetworkInterface& interface) {
 
 void survey_interfaces(const discovery::Scope& scope, std::vector<Finding>& findings) {
   const auto interfaces = transport::multicast_interfaces(scope.interface);
-  if (!interfaces) return;  // find_services() says so.
+  if (!interfaces) return;  // find_services() reports the error.
   for (const transport::NetworkInterface& interface : *interfaces) {
     const std::string name = interface.name + " (" + interface.address + ")";
     if (passes_multicast(interface)) {

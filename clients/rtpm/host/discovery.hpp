@@ -7,7 +7,7 @@
 
 namespace rtpm::tool {
 
-/// What discovery finds: the folder of this host's programs, and, where --discover says so, the LAN
+/// Surveys discovery: the folder of this host's programs and, if --discover includes it, the LAN
 /// and whether its interface passes multicast. Takes at most a second.
 [[nodiscard]] std::vector<rt::Finding> survey_discovery(Context& context);
 

@@ -15,8 +15,8 @@ using rt::Severity;
 
 constexpr std::array<Severity, 4> kWorstFirst{Severity::kProblem, Severity::kWarning,
                                               Severity::kNote, Severity::kGood};
-constexpr std::size_t kIndent = 9;  // Behind the severity.
-constexpr std::size_t kLabel = 8;   // Behind "remedy".
+constexpr std::size_t kIndent = 9;  // The width of the severity.
+constexpr std::size_t kLabel = 8;   // The width of "remedy".
 
 Colour colour_of(Severity severity) {
   switch (severity) {
@@ -36,7 +36,7 @@ std::string padded(std::string_view text, std::size_t width) {
   return std::string(text) + std::string(width - std::min(width, text.size()), ' ');
 }
 
-/// Text in lines, the first behind `head`, the others below its text.
+/// Text in lines, the first after `head`, the rest aligned below its text.
 std::string hanging(const std::string& head, std::size_t indent, std::string_view text,
                     std::size_t width) {
   std::string all;
@@ -49,7 +49,7 @@ std::string label(const char* name) {
   return std::string(kIndent, ' ') + coloured(padded(name, kLabel), Colour::kGrey);
 }
 
-/// A line for a shell is printed whole, so that it can be pasted.
+/// Prints a line for a shell unbroken, so that it can be pasted.
 std::string remedy_text(const std::string& remedy, std::size_t width) {
   std::string text;
   std::istringstream lines(remedy);

@@ -9,21 +9,21 @@
 
 namespace rtpm::tool {
 
-/// What `rtpm doctor` shows of findings.
+/// The contents of `rtpm doctor`'s report.
 struct FindingReport {
   std::vector<rt::Finding> findings{};
-  std::vector<rt::Change> changes{};     ///< Of --fix.
-  std::vector<std::string> fixed_ids{};  ///< Findings that are good since then.
-  std::vector<std::string> lastings{};   ///< Lines for a shell that make the changes last.
+  std::vector<rt::Change> changes{};     ///< The changes of --fix.
+  std::vector<std::string> fixed_ids{};  ///< Findings that these changes made good.
+  std::vector<std::string> lastings{};   ///< Lines for a shell that make the changes permanent.
   bool is_dry = false;                   ///< The changes were only printed.
 };
 
-/// Lines for people: counts, then what is wrong, the worst first, each with what it costs and its
-/// remedy, then what is good.
-/// @param shows_all  what is good in a line each, else by its names only
+/// Lines for users: counts, then the problems, the worst first, each with its cost and its remedy,
+/// then the good findings.
+/// @param shows_all  shows good findings in a line each, else by their names only
 [[nodiscard]] std::string text_of(const std::vector<rt::Finding>& findings, bool shows_all,
                                   std::size_t width);
-/// What --fix changed from what to what, and how to make it last; empty: nothing was to change.
+/// The changes of --fix, with old and new value, and how to make them permanent; empty: none.
 [[nodiscard]] std::string text_of_changes(const FindingReport& report);
 
 [[nodiscard]] Json json_of_findings(const FindingReport& report);

@@ -23,7 +23,7 @@ std::string text_of_faults(const std::vector<access::LineFault>& faults, std::si
   return text;
 }
 
-/// A file that is not used, and what that costs.
+/// Marks a file as unused, and states what that costs.
 void set_unused(Finding& finding, const SetupError& error, std::string cost) {
   finding.severity = Severity::kProblem;
   finding.text = error.reason();

@@ -7,10 +7,10 @@
 
 namespace rtpm::tool {
 
-/// A time in the unit that suits it: "12.3 us".
+/// A time in a suitable unit: "12.3 us".
 [[nodiscard]] std::string time_text(std::int64_t ns);
 
-/// Frames that were dropped, for whatever reason.
+/// The number of dropped frames, for all reasons together.
 [[nodiscard]] std::uint64_t dropped_count(const wire::FrameCounters& frames);
 
 /// "lab-devices@127.0.0.1:4711", safe to print.

@@ -23,7 +23,7 @@ constexpr Duration kWatchInterval = std::chrono::seconds{1};
 const Row kHead{"PROCESS", "SERVER", "LANE",    "BAND", "WAIT",   "CALLS", "PER-S", "LONGEST",
                 "QUEUE",   "OPEN",   "DROPPED", "LATE", "COPIES", "RESTS", "RUNS",  "FOR"};
 
-/// A lane's previous call count, from which its rate follows.
+/// A lane's previous call count, for its rate.
 struct Earlier {
   MonotonicTime when{};
   std::uint64_t call_count = 0;
@@ -68,7 +68,7 @@ Row row_of(const rpc::LaneTable& table, const rpc::LaneReading& lane, History& h
           busy_ns > 0 ? time_text(busy_ns) : "-"};
 }
 
-/// Details below the table: why frames were dropped and calls failed.
+/// Details below the table: the reasons of dropped frames and failed calls.
 std::string remarks_of(const rpc::LaneReading& lane) {
   if (!lane.sample) return {};
   std::string text;
@@ -161,7 +161,7 @@ int lanes(Context& context, bool is_watch) {
       continue;
     }
     const std::string picture = picture_of_lanes(history);
-    // From the top of an empty screen.
+    // Clears the screen and draws from its top.
     std::printf("%s%s", is_watch && is_terminal() ? "\x1b[H\x1b[2J" : "", picture.c_str());
     std::fflush(stdout);
   } while (is_watch && !context.stop().wait_for(kWatchInterval));

@@ -27,7 +27,7 @@ constexpr Duration kMulticastPatience = std::chrono::milliseconds{500};
 transport::MulticastGroup trial_group() {
   transport::MulticastGroup group;
   group.port = static_cast<std::uint16_t>(0xc000U | (rt::random_u64() & 0x3fffU));
-  group.hops = 0;  // It stays on this host.
+  group.hops = 0;  // The datagram stays on this host.
   return group;
 }
 

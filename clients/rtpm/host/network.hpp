@@ -7,8 +7,8 @@
 
 namespace rtpm::tool {
 
-/// Whether the default group of multicast and the default ports of RTPM can be used on this host. A
-/// datagram to the group goes out, but not beyond this host. Takes at most some seconds.
+/// Whether the default multicast group and the default ports of RTPM can be used on this host.
+/// Sends a datagram to the group that does not leave this host. Takes at most some seconds.
 [[nodiscard]] std::vector<rt::Finding> survey_network(Context& context);
 
 }  // namespace rtpm::tool

@@ -18,11 +18,11 @@ using rt::Finding;
 using rt::Severity;
 
 struct Interface {
-  std::map<std::uint64_t, std::string> names{};  ///< By fingerprint: one object of each.
+  std::map<std::uint64_t, std::string> names{};  ///< By fingerprint: one object each.
 };
 struct Peers {
   std::map<std::string, Interface> interfaces{};
-  std::map<std::string, std::string> compilers{};  ///< By version: one object of each.
+  std::map<std::string, std::string> compilers{};  ///< By version: one object each.
   std::vector<Finding> findings{};
 };
 
@@ -47,7 +47,7 @@ void ask(Context& context, const names::NameEntry& entry, Peers& peers) {
   introspection::DescribeRequestT request;
   request.path = parts->path;
   const auto description = catalog->describe(request);
-  if (!description) return;  // An object that its server does not describe.
+  if (!description) return;  // The server does not describe this object.
   peers.interfaces[entry.interface].names.emplace((*description)->fingerprint(), entry.name);
   peers.compilers.emplace((*description)->compiler_version()->str(), entry.name);
 }

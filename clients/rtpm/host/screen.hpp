@@ -6,7 +6,7 @@
 
 namespace rtpm::tool {
 
-/// The whole terminal, by ncurses.
+/// The whole terminal, through ncurses.
 /// @ownership one per program
 /// @threads  one
 class Screen {
@@ -14,12 +14,12 @@ class Screen {
   Screen();
   Screen(const Screen&) = delete;
   Screen& operator=(const Screen&) = delete;
-  /// Gives the terminal back as it was.
+  /// Restores the terminal.
   ~Screen();
 
-  /// Shows the picture, as much as there is room for; `footer` is the last line.
+  /// Shows as much of the picture as fits; `footer` is the last line.
   void show(const TopPicture& picture, const std::string& header, const std::string& footer);
-  /// A key that was pressed, within `time`; 0: none.
+  /// Waits up to `time` for a key; 0: none was pressed.
   [[nodiscard]] int key(Duration time);
 };
 

@@ -16,11 +16,11 @@
 
 namespace rtpm::tool {
 
-/// By what the lanes are sorted, the highest first.
+/// The quantity by which the lanes are sorted, the highest first.
 enum class SortKey : std::uint8_t { kCalls, kLongest, kDrops, kServer };
 [[nodiscard]] std::string_view to_string(SortKey key) noexcept;
 
-/// A lane of a server on this host, with its rates since the look before.
+/// A lane of a server on this host, with its rates since the previous look.
 struct TopLane {
   std::string server{};
   std::string lane{};
@@ -30,23 +30,23 @@ struct TopLane {
   double drops_per_s = 0;
 };
 
-/// A device that the registry names, as read just now.
+/// A device that the registry names, with its latest sample.
 struct TopDevice {
   std::string name{};
-  std::string problem{};  ///< Why it was not read; empty: it was.
+  std::string problem{};  ///< The reason why it was not read; empty: it was.
   driver::Sample sample{};
   double cycles_per_s = 0;
-  LatencyHistogram read_time{};  ///< Of all reads so far.
+  LatencyHistogram read_time{};  ///< The times of all reads so far.
 };
 
-/// What `rtpm top` shows.
+/// The contents of `rtpm top`.
 struct TopState {
   std::vector<TopLane> lanes{};
   std::vector<TopDevice> devices{};
   std::string registry_problem{};  ///< Empty: it answers.
 };
 
-/// Looks at lanes and devices again and again, and forms the rates.
+/// Polls lanes and devices, and computes the rates.
 /// @ownership refers to its context
 /// @threads  one
 class TopObserver {
@@ -74,7 +74,7 @@ class TopObserver {
   std::map<std::string, Device> devices_{};
 };
 
-/// The state as lines for people; the first line of each table is its head.
+/// The state as lines for users; the first line of each table is its header.
 struct TopPicture {
   std::string summary{};
   std::vector<std::string> lanes{};

@@ -10,20 +10,20 @@
 
 namespace rtpm::tool {
 
-/// How late a thread wakes that sleeps until a time.
+/// The lateness of a thread that sleeps until a given time.
 struct WakeUps {
   LatencyHistogram lateness{};
-  bool is_realtime = false;  ///< At SCHED_FIFO; else with everybody else.
+  bool is_realtime = false;  ///< Measured at SCHED_FIFO; else time-shared.
 };
 
-/// Measures at 1 kHz for `time`, or until the signal to stop, at SCHED_FIFO where that is granted.
-/// @errors   no thread is left
+/// Measures at 1 kHz for `time`, or until the stop signal, at SCHED_FIFO if that is granted.
+/// @errors   no thread could be started
 [[nodiscard]] expected<WakeUps, SetupError> measure_wake_ups(Duration time,
                                                              const options::StopSignal& stop);
 
-/// Whether that is good enough for a loop of 1 kHz.
+/// Whether the lateness is good enough for a loop of 1 kHz.
 [[nodiscard]] rt::Finding judge(const WakeUps& wake_ups);
-/// A sentence, and a row of bars for each power of two.
+/// A sentence, and a histogram with a row for each power of two.
 [[nodiscard]] std::string text_of(const WakeUps& wake_ups);
 [[nodiscard]] Json json_of(const WakeUps& wake_ups);
 

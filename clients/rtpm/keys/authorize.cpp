@@ -13,7 +13,7 @@
 #include "rtpm/access/fingerprint.hpp"
 #include "rtpm/base/printable.hpp"
 
-// Who may do what at the servers of this user.
+// The grants at this user's servers.
 namespace rtpm::tool {
 namespace {
 
@@ -32,7 +32,8 @@ struct RevokeRequest {
   std::string file{};
 };
 
-/// The grant that the options say. They become one line, so that its rules are those of the file.
+/// The grant that the options describe. They are joined into one line, so that the file's rules
+/// apply.
 expected<access::Grant, SetupError> grant_of(const AuthorizeRequest& request) {
   const std::string subject = joined(request.subject);
   const auto key = access::parse_public_key(subject);
@@ -96,7 +97,7 @@ int authorize(Context& context, const AuthorizeRequest& request) {
   return kDone;
 }
 
-/// Whether `who`, as a person writes it, is the subject of the grant.
+/// Whether `who`, as a user writes it, is the subject of the grant.
 bool is_of(const access::Grant& grant, const std::string& who) {
   if (!grant.name.empty() && grant.name == who) return true;
   const access::Subject& subject = grant.subject;

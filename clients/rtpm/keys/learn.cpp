@@ -22,7 +22,7 @@
 #include "rtpm/transport/address.hpp"
 #include "rtpm/wire/url.hpp"
 
-// Which servers this user's programs know, by their keys.
+// The servers that this user's programs know, by their keys.
 namespace rtpm::tool {
 namespace {
 
@@ -47,7 +47,7 @@ expected<Place, SetupError> place_in_url(const std::string& text) {
                      "lab/arm0");
 }
 
-/// What HOST[:PORT] says; without a port that of the registry.
+/// Parses HOST[:PORT]; without a port it takes the registry's.
 expected<Place, SetupError> place_of_host(const std::string& text) {
   const std::string port = ":" + std::to_string(names::kDefaultRegistryPort);
   const bool is_bare_ipv6 = wire::is_ipv6_address(text);
@@ -56,7 +56,7 @@ expected<Place, SetupError> place_of_host(const std::string& text) {
   return place_in_url("rtpm://" + host + (has_port ? "" : port) + "/any");
 }
 
-/// Where the target is: by its URL, its host, or its name, which has a '/'.
+/// Locates the target by its URL, its host, or its name, which has a '/'.
 expected<Place, SetupError> place_of(Context& context, const std::string& target) {
   if (wire::is_url(target)) return place_in_url(target);
   if (target.find('/') == std::string::npos) return place_of_host(target);
@@ -66,7 +66,7 @@ expected<Place, SetupError> place_of(Context& context, const std::string& target
   return place_in_url(*url);
 }
 
-/// How bindings may name this host: as given, and by its addresses, which names lead to.
+/// The names that a binding may use for this host: as given, and its resolved addresses.
 std::vector<std::string> hosts_named(const Place& place, MonotonicTime deadline) {
   std::vector<std::string> hosts = place.hosts;
   for (const std::string& host : place.hosts) {
@@ -90,7 +90,7 @@ struct Shown {
   std::vector<access::KnownServer> servers{};
 };
 
-/// Asks at each of the hosts.
+/// Asks each host for its key.
 expected<Shown, SetupError> ask(Context& context, const Place& place, bool is_port_only) {
   const Duration patience = context.deadline.value_or(kAskPatience);
   Shown shown;
@@ -105,7 +105,7 @@ expected<Shown, SetupError> ask(Context& context, const Place& place, bool is_po
       return setup_error("the hosts of " + place.authority() + " show different keys", "",
                          "learn each by itself: HOST:PORT");
     shown.key = *key;
-    // All programs of a user on a host have one key; this host's own may be of many users.
+    // On another host, all programs of a user have one key; on this host they may have many users.
     const bool has_port = is_port_only || is_loopback(host);
     shown.servers.push_back({host, has_port ? place.port : std::uint16_t{0}, *key, 0});
   }
@@ -113,7 +113,7 @@ expected<Shown, SetupError> ask(Context& context, const Place& place, bool is_po
   return shown;
 }
 
-/// The line that is in force for the server with another key than it shows; nothing: none.
+/// The valid line that states another key for the server than it shows; nullptr: none.
 const access::KnownServer* contradicting(const std::vector<access::KnownServer>& known,
                                          const access::KnownServer& shown) {
   const auto is_for_same = [&](const access::KnownServer& each) {
@@ -139,7 +139,7 @@ SetupError other_key(const std::string& file, const access::KnownServer& known,
               place + ", then learn again; if it is a second server on that host: --port-only"};
 }
 
-/// The servers of `shown` that the file does not have yet.
+/// The servers of `shown` that are not in the file yet.
 expected<std::vector<access::KnownServer>, SetupError> new_ones(const std::string& file,
                                                                 const std::string& text,
                                                                 const Shown& shown) {
@@ -160,7 +160,7 @@ constexpr const char* kHowToCompare =
     "compare the fingerprint with what `rtpm key show` prints at the server, as the user who runs "
     "it";
 
-/// Whether a person says yes.
+/// Asks the user; returns whether the answer is yes.
 bool asks_and_hears_yes(Context& context) {
   std::fputs("Is it the same there? [yes | no] ", stdout);
   std::fflush(stdout);
@@ -174,7 +174,7 @@ bool asks_and_hears_yes(Context& context) {
   return false;
 }
 
-/// Whether the shown key is the right one, as far as options or a person say.
+/// Checks the shown key against the options, or asks the user.
 expected<void, SetupError> confirm(Context& context, const LearnRequest& request,
                                    const seal::PublicKey& key) {
   const std::string fingerprint = access::fingerprint(key);
@@ -254,7 +254,7 @@ int learn(Context& context, const LearnRequest& request) {
   return kDone;
 }
 
-/// The numbers of the lines for a host, or for one of its ports.
+/// The lines for a host, or for one of its ports.
 std::vector<access::KnownServer> known_at(const std::string& text, const std::string& target) {
   std::vector<access::KnownServer> found;
   for (const access::KnownServer& each : access::parse_known_servers(text).servers) {

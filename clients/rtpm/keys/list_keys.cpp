@@ -12,11 +12,11 @@
 #include "rtpm/base/printable.hpp"
 #include "rtpm/wire/url.hpp"
 
-// All that is in the key folder, for people who look for what is wrong.
+// Lists everything in the key folder, for users who look for a fault.
 namespace rtpm::tool {
 namespace {
 
-/// The files, and what is wrong with them.
+/// The files and their faults.
 struct Listing {
   Json json = Json::object();
   std::string text{};
@@ -87,7 +87,7 @@ std::string short_text(const access::Subject& subject) {
   return is_key ? access::fingerprint(subject.key) : access::to_text(subject);
 }
 
-/// The line without its subject and name.
+/// The grant's line without its subject and name.
 std::string what_of(const access::Grant& grant) {
   const std::string line = access::to_line(grant);
   return line.substr(line.find("role=") + 5);

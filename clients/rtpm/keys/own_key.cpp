@@ -28,7 +28,7 @@ Json key_json(const std::string& file, const seal::PublicKey& key, const std::st
           {"comment", comment}};
 }
 
-/// What makes the key useful: at servers that it calls, and here.
+/// The next steps with the key: at servers that the user calls, and on this host.
 std::string next_steps(const std::string& line) {
   return "\nTo call a server with it: at that server, as the user who runs it,\n  " +
          authorize_command(line) +

@@ -7,7 +7,7 @@
 #include "cli/context.hpp"
 #include "rtpm/access/authorized.hpp"
 
-// The commands of `rtpm key`, and what several of them use.
+// The commands of `rtpm key`, and their common parts.
 namespace rtpm::tool {
 
 void add_key_new(CLI::App& group, Context& context);
@@ -18,23 +18,23 @@ void add_key_authorize(CLI::App& group, Context& context);
 void add_key_revoke(CLI::App& group, Context& context);
 void add_key_list(CLI::App& group, Context& context);
 
-/// Words with blanks between them, as a shell splits what is not quoted.
+/// Joins the words into which a shell splits an unquoted text.
 [[nodiscard]] std::string joined(const std::vector<std::string>& words);
 
-/// The comment behind the key in the line of a public key, "alice@lab"; empty: nothing.
+/// The comment after the key in a public key's line, "alice@lab"; empty: none.
 [[nodiscard]] std::string comment_of(const std::string& public_line);
-/// The text as a name of a grant, which a shell takes as it is: "Hans-Meier".
+/// The text as a name of a grant, which needs no quotes in a shell: "Hans-Meier".
 [[nodiscard]] std::string as_name(std::string text);
 
-/// A grant, and its line in its file.
+/// A grant and its line number in the file.
 struct GrantLine {
   std::size_t number = 0;
   access::Grant grant{};
 };
-/// The grants that are understood, with their lines.
+/// The valid grants, with their lines.
 [[nodiscard]] std::vector<GrantLine> grant_lines_of(const std::string& text);
 
-/// The command with which a server lets this key in: `rtpm key authorize '…' …`.
+/// The command that makes a server accept this key: `rtpm key authorize '…' …`.
 [[nodiscard]] std::string authorize_command(const std::string& public_line);
 
 }  // namespace rtpm::tool

@@ -29,10 +29,10 @@ using laboratory::Record;
 using laboratory::RunningLaboratory;
 using laboratory::StateFolder;
 
-/// Between the signal to stop and the front's exit, for what it has to do besides.
+/// The time that the front has for its own work between the stop signal and its exit.
 constexpr int kTurnMs = 100;
 
-/// A view that also keeps the laboratory's record, and lets the front go when all serves.
+/// A view that also keeps the laboratory's record, and releases the front when everything serves.
 class RecordingView final : public LaboratoryView {
  public:
   RecordingView(const Plan& plan, bool as_json, bool is_quiet, const Record& record,
@@ -65,7 +65,7 @@ class RecordingView final : public LaboratoryView {
   }
 
  private:
-  /// For a log; then the front ends.
+  /// Continues in a log; the front then ends.
   void leave() {
     std::remove(log_path_.c_str());
     if (auto log = laboratory::LogFile::open(log_path_)) move_to(std::move(*log));
@@ -82,7 +82,7 @@ class RecordingView final : public LaboratoryView {
   bool is_up_ = false;
 };
 
-/// What the supervising process does.
+/// The work of the supervising process.
 int supervise(Context& context, const Plan& plan, const BringUpOptions& how, const Record& record,
               const std::string& log_path, int lifeline, Handle report) {
   RunningLaboratory facts{
@@ -102,7 +102,7 @@ int supervise(Context& context, const Plan& plan, const BringUpOptions& how, con
   if (!supervisor) return context.fail(supervisor.error());
   const bool is_well = (*supervisor)->run();
   view.finish();
-  // The process above does so, unless it was killed.
+  // The process above removes it, unless it was killed.
   if (laboratory::identity_of(::getppid()) != facts.supervisor) record.remove();
   if (how.must_end_before && (*supervisor)->has_run_out_of_time()) {
     return context.fail("the laboratory '" + plan.name + "' has not ended by itself within " +
@@ -129,7 +129,7 @@ int guard(Context& context, const Plan& plan, const BringUpOptions& options,
                        "see the system's log (dmesg)"});
 }
 
-/// Waits until the background process says that all serves, or ends.
+/// Waits until the background process reports that everything serves, or ends.
 int await_background(Context& context, const Plan& plan, const StateFolder& folder,
                      pid_t background, int report) {
   const options::StopSignal& stop = context.stop();

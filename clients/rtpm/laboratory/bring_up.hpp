@@ -10,18 +10,18 @@ namespace rtpm::tool {
 
 struct BringUpOptions {
   bool is_detached = false;        ///< Returns when everything serves.
-  std::optional<Duration> time{};  ///< After it, the laboratory ends.
-  bool must_end_before = false;    ///< Else it has failed then.
+  std::optional<Duration> time{};  ///< The laboratory ends after this time.
+  bool must_end_before = false;    ///< A laboratory that is still running then has failed.
 };
 
-/// Brings a laboratory up, shows it, and ends it when it is asked to, or when all its main programs
-/// have ended.
+/// Brings a laboratory up, shows it, and ends it on request, or when all its main programs have
+/// ended.
 /// @threads  before any other thread starts
 /// @return the exit code
 [[nodiscard]] int bring_up(Context& context, const laboratory::Plan& plan,
                            const BringUpOptions& options);
 
-/// Tells every mistake of a laboratory's file. @return the exit code
+/// Reports every mistake of a laboratory's file. @return the exit code
 [[nodiscard]] int refuse_file(const Context& context, const std::vector<SetupError>& errors);
 
 }  // namespace rtpm::tool

@@ -22,11 +22,11 @@ namespace rtpm::tool {
 namespace {
 
 constexpr const char* kFile = "demo.toml";
-/// Where its console is, if the port is free.
+/// The console's port, if it is free.
 constexpr std::uint16_t kConsolePort = 8766;
-/// Besides the time that the programs are given.
+/// Time for start and end, added to the programs' own.
 constexpr Duration kStartAndEndTime = std::chrono::seconds{15};
-/// Where nobody could press Ctrl-C.
+/// The demo's length without a terminal, where nobody can press Ctrl-C.
 constexpr int kSecondsWithoutTerminal = 10;
 
 struct DemoRequest {
@@ -48,7 +48,7 @@ bool is_free(std::uint16_t port) {
   return ::bind(socket.number(), at, sizeof address) == 0 && ::listen(socket.number(), 1) == 0;
 }
 
-/// The user's folder for what outlives programs; empty: there is none.
+/// The user's folder for persistent files; empty: none.
 std::string kept_folder() {
   const char* const state = std::getenv("XDG_STATE_HOME");
   const char* const home = std::getenv("HOME");
@@ -66,7 +66,7 @@ std::string kept_folder() {
   return error ? std::string() : folder.string();
 }
 
-/// Has the console at the same URL at each start, so that a bookmark works.
+/// Serves the console at the same URL at each start, so that a bookmark works.
 void keep_url(laboratory::FileContext& file) {
   if (is_free(kConsolePort)) file.variables["console_port"] = std::to_string(kConsolePort);
   if (const std::string folder = kept_folder(); !folder.empty()) {
@@ -96,7 +96,7 @@ int demo(Context& context, const DemoRequest& request) {
   }
   if (!request.host.empty()) {
     file.variables["host"] = request.host;
-    // Where callers of other hosts look for it.
+    // The port at which callers of other hosts look for it.
     file.variables["port"] = std::to_string(names::kDefaultRegistryPort);
   }
   if (is_watched) {

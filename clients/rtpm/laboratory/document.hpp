@@ -9,13 +9,13 @@
 
 namespace rtpm::laboratory {
 
-/// In a file, both from 1.
+/// A position in a file; both count from 1.
 struct Position {
   std::uint32_t line = 1;
   std::uint32_t column = 1;
 };
 
-/// Something wrong in a file, there.
+/// A mistake and its position in a file.
 struct Mistake {
   Position position{};
   std::string what{};
@@ -28,16 +28,16 @@ struct Value {
 
   Kind kind = Kind::kOther;
   Position position{};
-  std::string text{};  ///< Of kOther: its kind, "a date".
+  std::string text{};  ///< For kOther: the kind, "a date".
   std::int64_t integer = 0;
   bool boolean = false;
-  std::vector<Value> items{};  ///< Of a list or a table; a table's are sorted by key.
-  std::string key{};           ///< In its table.
+  std::vector<Value> items{};  ///< The items of a list or a table; a table's are sorted by key.
+  std::string key{};           ///< Its key in its table.
   Position key_position{};
 
-  /// The table's value of that key; nullptr: it has none.
+  /// The table's value for that key; nullptr: none.
   [[nodiscard]] const Value* find(std::string_view wanted) const;
-  /// "a text", "a list", for messages.
+  /// The kind for messages: "a text", "a list".
   [[nodiscard]] std::string kind_text() const;
 };
 

@@ -20,7 +20,7 @@ using laboratory::RunningLaboratory;
 using laboratory::StateFolder;
 
 constexpr Duration kTurn = std::chrono::milliseconds{20};
-/// Besides the patience with the programs.
+/// Time allowed beyond the patience with the programs.
 constexpr Duration kGrace = std::chrono::seconds{5};
 
 std::string joined(const std::vector<std::string>& words) {
@@ -49,14 +49,16 @@ void print_list(const Context& context, const std::vector<RunningLaboratory>& la
   std::fputs(aligned(rows, 4).c_str(), stdout);
 }
 
-/// Waits until no process of it is left.
+/// Waits until none of its processes is left.
 int await_end(Context& context, const StateFolder& folder, const RunningLaboratory& laboratory) {
   const options::StopSignal& stop = context.stop();
   const Duration patience = laboratory.stop_patience + kGrace;
   const MonotonicTime end = rt::now() + patience;
   StatusLine progress(context);
   while (const auto running = folder.find(laboratory.name)) {
-    if (running->supervisor != laboratory.supervisor) break;  // Another one was brought up.
+    if (running->supervisor != laboratory.supervisor)
+      break;  // Another laboratory of this name was
+              // brought up.
     const auto& programs = running->programs;
     progress.show(laboratory.name + " ends" +
                   (programs.empty() ? "" : ", still running: " + joined(programs)));
@@ -74,7 +76,7 @@ int await_end(Context& context, const StateFolder& folder, const RunningLaborato
 
 int end_laboratory(Context& context, const StateFolder& folder,
                    const RunningLaboratory& laboratory) {
-  // Without its supervisor, which was killed then, its other processes end by themselves.
+  // If the supervisor was killed meanwhile, its other processes end by themselves.
   laboratory::send_signal(laboratory.supervisor, SIGTERM);
   if (const int exit_code = await_end(context, folder, laboratory); exit_code != kDone)
     return exit_code;

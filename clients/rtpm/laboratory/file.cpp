@@ -97,7 +97,7 @@ class PlanReader {
     scope_.variables["laboratory.folder"] = folder_;
   }
 
-  /// The programs without those optional ones that are not installed.
+  /// The programs without optional ones that are not installed.
   Value without_missing(Value programs) {
     std::erase_if(programs.items, [this](const Value& item) {
       const Value* const optional = item.find("optional");
@@ -200,7 +200,7 @@ class PlanReader {
     check(reader, table, program);
   }
 
-  /// What no key alone is wrong with.
+  /// Checks the combinations of keys.
   void check(TableReader& reader, const Value& table, const ProgramPlan& program) {
     if (program.restart == Restart::kAlways && program.readiness == Readiness::kExit) {
       reader.refuse(table.find("restart")->position,
@@ -381,7 +381,7 @@ class PlanReader {
     return std::nullopt;
   }
 
-  /// Of a text that must be known before any program runs.
+  /// Expands a text that must be known before any program runs.
   std::optional<std::string> literal(TableReader& reader, const Value& value) {
     const auto text = expanded(reader, value);
     if (!text) return std::nullopt;
@@ -409,7 +409,7 @@ class PlanReader {
   Plan plan_{};
   Scope scope_{};
   Environment environment_{};
-  std::vector<Position> positions_{};  ///< Of each program, or of its 'after'.
+  std::vector<Position> positions_{};  ///< The position of each program, or of its 'after'.
   std::vector<Mistake> mistakes_{};
 };
 

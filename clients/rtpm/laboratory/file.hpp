@@ -15,26 +15,26 @@ namespace rtpm::laboratory {
 inline constexpr std::size_t kFileSizeMax = std::size_t{1024} * 1024;
 inline constexpr std::size_t kProgramCountMax = 64;
 
-/// What a laboratory's file refers to besides itself.
+/// The surroundings of a laboratory's file.
 struct FileContext {
   ProgramFolders folders{};
-  std::map<std::string, std::string> variables{};  ///< In place of those in the file.
+  std::map<std::string, std::string> variables{};  ///< Replace those in the file.
 };
 
-/// Reads the laboratory in the text of the file at `path`, whose folder relative paths refer to.
+/// Parses the text of the file at `path`; relative paths in it refer to that file's folder.
 /// @errors   every mistake, in the order of the file
 /// @realtime set-up only
 [[nodiscard]] expected<Plan, std::vector<Mistake>> parse_plan(std::string_view text,
                                                               const std::string& path,
                                                               const FileContext& context);
 
-/// As parse_plan(), of a file.
+/// As parse_plan(), but reads a file.
 /// @errors   "cell.toml:3:8: …", one for each mistake; the file can't be read
 [[nodiscard]] expected<Plan, std::vector<SetupError>> read_plan(const std::string& path,
                                                                 const FileContext& context);
 
-/// Whether a laboratory or a program may be called so: letters, digits, '-', '_' and '.'; a letter
-/// or digit first; at most 32.
+/// Whether a laboratory or a program may have this name: letters, digits, '-', '_' and '.'; a
+/// letter or digit first; at most 32 characters.
 [[nodiscard]] bool is_name(std::string_view name);
 
 }  // namespace rtpm::laboratory

@@ -18,7 +18,7 @@
 namespace rtpm::laboratory {
 namespace {
 
-/// How the process ended; nothing: it has not.
+/// The end of the process; nullopt: it still runs.
 std::optional<GuardedEnd> end_of(pid_t id) {
   int status = 0;
   pid_t ended = 0;
@@ -30,7 +30,7 @@ std::optional<GuardedEnd> end_of(pid_t id) {
   return GuardedEnd{.exit_code = 1, .was_killed = true};
 }
 
-/// Waits for the end of the work; passes signals on meanwhile.
+/// Waits for the end of the work; forwards signals meanwhile.
 GuardedEnd watch(pid_t work, int signals, int lifeline) {
   for (;;) {
     if (const auto end = end_of(work)) return *end;
@@ -61,7 +61,7 @@ expected<GuardedEnd, SetupError> run_guarded(const std::function<int(int lifelin
                        "raise the limit of open files (ulimit -n)");
   }
   adopt_orphans();
-  std::fflush(nullptr);  // What is buffered is this process's, not both's.
+  std::fflush(nullptr);  // Otherwise both processes would write the buffered output.
   const pid_t id = ::fork();
   if (id < 0) return setup_error("the supervisor does not start", system_error(errno));
   if (id == 0) {

@@ -13,7 +13,7 @@ namespace rtpm::laboratory {
 namespace {
 
 Handle opened(const std::string& path) {
-  // Programs may print lines that only their user may read, such as the URL of a console.
+  // Programs may print lines that only their user may read, such as a console's URL.
   constexpr mode_t kMode = 0600;
   Handle file(::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, kMode));
   if (file.is_open()) static_cast<void>(::fchmod(file.number(), kMode));

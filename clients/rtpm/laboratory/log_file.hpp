@@ -9,14 +9,13 @@
 
 namespace rtpm::laboratory {
 
-/// A file of lines that does not grow without end: beyond `kSizeMax` it becomes FILE.1, in place of
-/// the former, and begins anew.
+/// A log of bounded size: beyond `kSizeMax` the file replaces FILE.1, and an empty one follows it.
 /// @threads  one
 class LogFile {
  public:
   static constexpr std::size_t kSizeMax = std::size_t{8} * 1024 * 1024;
 
-  /// Appends to the file, or makes it with its folder.
+  /// Opens the file to append, or makes it with its folder.
   [[nodiscard]] static expected<LogFile, SetupError> open(const std::string& path);
 
   /// Writes a line; a full disk loses it.

@@ -11,23 +11,23 @@
 
 namespace rtpm::laboratory {
 
-/// Asks a registry for its names again and again, on a thread of its own, because a registry that
-/// does not answer must not keep the caller.
+/// Polls a registry for its names on a separate thread, because a registry that does not answer
+/// must not block the caller.
 /// @threads  one
 class NamesProbe {
  public:
-  using Revisions = std::map<std::string, std::uint64_t>;  ///< Of each bound name.
+  using Revisions = std::map<std::string, std::uint64_t>;  ///< The revision of each bound name.
 
   NamesProbe();
   NamesProbe(const NamesProbe&) = delete;
   NamesProbe& operator=(const NamesProbe&) = delete;
   ~NamesProbe();
 
-  /// Asks the registry at `url` from now on; empty: none.
+  /// From now on polls the registry at `url`; empty: none.
   void ask(const std::string& url);
-  /// A descriptor that is readable when an answer has come since take().
+  /// A descriptor that is readable when an answer has arrived since take().
   [[nodiscard]] int event() const noexcept { return event_.number(); }
-  /// The latest answer of the registry that is asked.
+  /// The polled registry's latest answer.
   [[nodiscard]] Revisions take();
 
  private:

@@ -5,7 +5,7 @@
 namespace rtpm::laboratory {
 namespace {
 
-/// The programs of a cycle, found by walking from one that can't start to one that it waits for.
+/// The programs of a cycle, found by walking from a program that can't start to one it waits for.
 std::vector<std::size_t> cycle_among(const std::vector<ProgramPlan>& programs,
                                      const std::vector<bool>& is_placed) {
   std::vector<std::size_t> path;

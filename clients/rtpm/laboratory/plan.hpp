@@ -12,18 +12,18 @@
 
 namespace rtpm::laboratory {
 
-/// Text with parts that are known only when another program serves: "--registry=${registry.url}".
+/// Text with parts that become known when another program serves: "--registry=${registry.url}".
 class Text {
  public:
   Text() = default;
   explicit Text(std::string literal);
 
   void append(std::string literal);
-  /// The URL of that program stands here.
+  /// Appends a reference to that program's URL.
   void append_url_of(std::size_t program);
 
   [[nodiscard]] std::vector<std::size_t> programs() const;
-  /// @param urls  of all programs, in the order of the file
+  /// @param urls  the URLs of all programs, in the order of the file
   [[nodiscard]] std::string resolved(const std::vector<std::string>& urls) const;
 
  private:
@@ -34,7 +34,7 @@ class Text {
   std::vector<Piece> pieces_{};
 };
 
-/// When a program counts as serving.
+/// The condition under which a program counts as serving.
 enum class Readiness : std::uint8_t {
   kStart,  ///< At once.
   kUrl,    ///< With the first line of standard output that has "rtpm://".
@@ -45,9 +45,9 @@ enum class Readiness : std::uint8_t {
 
 enum class Restart : std::uint8_t { kNever, kOnFailure, kAlways };
 
-/// What becomes of what a program prints.
+/// The treatment of a program's output.
 enum class Output : std::uint8_t {
-  kLines,     ///< Shown as it comes, behind the program's name.
+  kLines,     ///< Shown at once, after the program's name.
   kErrors,    ///< Likewise, but of standard error only.
   kEnd,       ///< Shown when the laboratory has ended.
   kTerminal,  ///< The program has the terminal.
@@ -57,12 +57,12 @@ enum class Output : std::uint8_t {
 /// A program of a laboratory, as its file describes it.
 struct ProgramPlan {
   std::string name{};
-  std::string path{};  ///< Of the executable.
+  std::string path{};  ///< The path of the executable.
   std::vector<Text> command{};
   std::vector<std::pair<std::string, Text>> environment{};
   std::string folder{};
   std::vector<std::size_t> after{};  ///< Programs that must serve before this one starts.
-  std::vector<std::size_t> uses{};   ///< Those of them whose URL it is given.
+  std::vector<std::size_t> uses{};   ///< Those of `after` whose URL it is given.
   Readiness readiness = Readiness::kStart;
   std::string ready_line{};
   std::vector<std::string> names{};
@@ -86,29 +86,29 @@ struct Plan {
   std::string file{};
   std::string log_folder{};  ///< Empty: no files.
   std::optional<std::size_t> registry_program{};
-  std::string registry_url{};           ///< Without a program of that kind; empty: the caller's.
+  std::string registry_url{};           ///< Used without a registry program; empty: the caller's.
   std::vector<ProgramPlan> programs{};  ///< In the order of the file.
-  std::vector<std::size_t> order{};     ///< Of start.
+  std::vector<std::size_t> order{};     ///< The order of start.
   std::vector<std::string> left_out{};  ///< Optional programs that are not installed.
 
   [[nodiscard]] bool has_terminal() const;
-  /// How long an orderly end takes at most, of all programs one after the other.
+  /// The longest time of an orderly end, for all programs one after the other.
   [[nodiscard]] Duration stop_patience() const;
-  /// The longest patience with a program.
+  /// The longest time that a single program may take to end.
   [[nodiscard]] Duration longest_stop_patience() const;
 };
 
-/// The variable of programs that has the registry's URL.
+/// The environment variable with the registry's URL.
 inline constexpr const char* kRegistryVariable = "RTPM_REGISTRY";
-/// The one that says how names are found without.
+/// The environment variable that says how names are found without a registry.
 inline constexpr const char* kDiscoverVariable = "RTPM_DISCOVER";
 
-/// Adds what programs need of each other without saying so: whose URL a program is given, it comes
-/// after, and it uses; the registry's is given to all that the registry does not come after.
+/// Adds implicit dependencies: a program comes after each program whose URL it is given, and uses
+/// it; all programs that the registry does not come after are given the registry's URL.
 void connect(Plan& plan);
 
-/// The order of start: each program behind those in its `after`, else as in the file.
-/// @return empty: `cycle` has the programs that wait for each other
+/// The order of start: each program after those in its `after`, else as in the file.
+/// @return empty: `cycle` has programs that wait for each other
 [[nodiscard]] std::vector<std::size_t> start_order(const std::vector<ProgramPlan>& programs,
                                                    std::vector<std::size_t>& cycle);
 

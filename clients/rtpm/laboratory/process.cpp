@@ -14,13 +14,13 @@
 namespace rtpm::laboratory {
 namespace {
 
-/// What the new process could not do, told through a pipe that exec closes.
+/// The failed step of the new process, reported through a pipe that exec closes.
 struct Failure {
   int number = 0;
   bool is_folder = false;
 };
 
-/// All that exec takes, made before fork(): after it, nothing may be allocated.
+/// All arguments of exec, made before fork(): after it, nothing may be allocated.
 struct Prepared {
   const Launch& launch;
   std::vector<char*> arguments{};
@@ -31,7 +31,7 @@ std::vector<char*> pointers_to(const std::vector<std::string>& texts) {
   std::vector<char*> pointers;
   pointers.reserve(texts.size() + 1);
   for (const std::string& text : texts)
-    pointers.push_back(const_cast<char*>(text.c_str()));  // exec does not write there.
+    pointers.push_back(const_cast<char*>(text.c_str()));  // exec does not write to the text.
   pointers.push_back(nullptr);
   return pointers;
 }
@@ -46,7 +46,7 @@ void reset_signals() {
   ::sigprocmask(SIG_SETMASK, &none, nullptr);
 }
 
-/// Descriptors that are wanted as 0, 1 and 2, moved out of each other's way before.
+/// Places descriptors as 0, 1 and 2; first moves them out of each other's way.
 bool place_streams(const Launch& launch) {
   std::array<int, 3> streams{launch.input, launch.output, launch.errors};
   for (int& stream : streams) {
@@ -61,14 +61,14 @@ bool place_streams(const Launch& launch) {
   return true;
 }
 
-/// In the new process. Async-signal-safe calls only.
+/// Runs in the new process. Async-signal-safe calls only.
 [[noreturn]] void run(const Prepared& prepared, pid_t parent, int report) {
   const Launch& launch = prepared.launch;
   Failure failure;
   if (launch.has_own_group) ::setpgid(0, 0);
   reset_signals();
   ::prctl(PR_SET_PDEATHSIG, SIGTERM);
-  if (::getppid() != parent) ::_exit(1);  // It ended before the line above.
+  if (::getppid() != parent) ::_exit(1);  // The parent ended before the line above.
   if (place_streams(launch)) {
     if (::chdir(launch.folder.c_str()) == 0) {
       ::close_range(STDERR_FILENO + 1, ~0U, CLOSE_RANGE_CLOEXEC);
@@ -104,7 +104,7 @@ expected<pid_t, SetupError> launch(const Launch& launch) {
   const pid_t id = ::fork();
   if (id < 0) return setup_error(launch.path + " does not start", system_error(errno));
   if (id == 0) run(prepared, parent, (*report)[1].number());
-  // Also here, as whichever of the two runs first has to have done it.
+  // Both processes set the group, because either may run first.
   if (launch.has_own_group) ::setpgid(id, id);
   (*report)[1].reset();
   Failure failure;

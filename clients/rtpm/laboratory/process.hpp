@@ -11,7 +11,7 @@
 
 namespace rtpm::laboratory {
 
-/// A file descriptor that is closed with it.
+/// Owns a file descriptor and closes it.
 class Handle {
  public:
   explicit Handle(int number = -1) noexcept : number_(number) {}
@@ -35,25 +35,25 @@ class Handle {
 /// A program to be started.
 struct Launch {
   std::string path{};
-  std::vector<std::string> arguments{};    ///< Its name first.
+  std::vector<std::string> arguments{};    ///< The program's name first.
   std::vector<std::string> environment{};  ///< "NAME=value".
   std::string folder{};
   int input = -1;  ///< In place of standard input; -1: this process's.
   int output = -1;
   int errors = -1;
-  bool has_own_group = true;  ///< So that Ctrl-C at the terminal is this process's only.
+  bool has_own_group = true;  ///< Ctrl-C at the terminal then reaches only this process.
 };
 
-/// Starts it: no signal blocked or ignored, no descriptor but the three. It gets SIGTERM when the
-/// calling thread ends.
-/// @threads  one that lasts as long as the program may
-/// @errors   the system's, with what it is about
+/// Starts the program: no signal blocked or ignored, no descriptor but the three. The system sends
+/// it SIGTERM when the calling thread ends.
+/// @threads  one that lasts at least as long as the program
+/// @errors   the system's, with the failed step
 [[nodiscard]] expected<pid_t, SetupError> launch(const Launch& launch);
 
-/// Puts /dev/null in place of this process's standard streams.
+/// Replaces this process's standard streams by /dev/null.
 void leave_terminal();
 
-/// The environment of this process, each variable of `changes` in place of the former.
+/// This process's environment, with the variables of `changes` replaced or added.
 [[nodiscard]] std::vector<std::string> environment_with(
     const std::vector<std::pair<std::string, std::string>>& changes);
 

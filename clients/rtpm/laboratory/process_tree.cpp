@@ -38,7 +38,7 @@ struct Stat {
 std::optional<Stat> stat_of(pid_t id) {
   std::ifstream file("/proc/" + std::to_string(id) + "/stat");
   const std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-  // The command in parentheses may itself have blanks and parentheses.
+  // The command in parentheses may contain blanks and parentheses.
   const std::size_t command_end = text.rfind(')');
   if (command_end == std::string::npos) return std::nullopt;
   std::istringstream fields(text.substr(command_end + 1));
@@ -108,7 +108,7 @@ std::vector<ProcessIdentity> descendants_of(pid_t id) {
 
 bool send_signal(const ProcessIdentity& process, int signal) {
   const Handle handle(static_cast<int>(::syscall(SYS_pidfd_open, process.id, 0)));
-  // The descriptor keeps to the process that has the number now; is it still that one?
+  // The descriptor refers to the process that has the number now; it may be another one.
   if (!handle.is_open() || identity_of(process.id) != process) return false;
   return ::syscall(SYS_pidfd_send_signal, handle.number(), signal, nullptr, 0) == 0;
 }
@@ -125,7 +125,7 @@ bool end_descendants(Duration patience) {
   while (reap()) {
     const MonotonicTime now = rt::now();
     if (now >= end) return false;
-    // Each turn, as a process may have begun others meanwhile.
+    // Repeated, because a process may have started others meanwhile.
     if (now >= kill_time) signal_descendants(SIGKILL);
     static_cast<void>(::poll(nullptr, 0, kTurnMs));
   }

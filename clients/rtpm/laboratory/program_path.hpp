@@ -7,22 +7,22 @@
 
 namespace rtpm::laboratory {
 
-/// Where programs are looked for.
+/// The folders that are searched for programs.
 struct ProgramFolders {
-  std::string own{};                ///< Where `rtpm` is.
-  std::vector<std::string> path{};  ///< Those of PATH.
+  std::string own{};                ///< The folder of `rtpm`.
+  std::vector<std::string> path{};  ///< The folders of PATH.
 
-  /// Those of this process.
+  /// This process's folders.
   [[nodiscard]] static ProgramFolders of_this_process();
 
-  /// The executable of that name: beside `rtpm`, else in PATH. A name with a slash is a file's,
+  /// Finds an executable: beside `rtpm`, else in PATH. A name with a slash is a file's path,
   /// relative to `folder`.
-  /// @errors   where it was looked for, as a clause
+  /// @errors   the places that were searched, as a clause
   [[nodiscard]] expected<std::string, std::string> find(const std::string& name,
                                                         const std::string& folder) const;
 };
 
-/// The file `name` among those that come with RTPM; empty: it is not installed.
+/// The path of `name` among RTPM's installed files; empty: it is not installed.
 [[nodiscard]] std::string shipped_file(const ProgramFolders& folders, const std::string& name);
 
 }  // namespace rtpm::laboratory

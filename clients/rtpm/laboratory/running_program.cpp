@@ -13,7 +13,7 @@
 namespace rtpm::laboratory {
 namespace {
 
-constexpr std::size_t kLineSizeMax = 4096;  // A longer one comes in parts.
+constexpr std::size_t kLineSizeMax = 4096;  // Longer lines are split.
 constexpr std::size_t kReadSizeMax = std::size_t{64} * 1024;
 
 Launch launch_of(const ProgramPlan& plan, const std::vector<std::string>& urls,
@@ -45,7 +45,7 @@ expected<RunningProgram, SetupError> RunningProgram::start(const ProgramPlan& pl
   Launch description = launch_of(plan, urls, registry_url);
   std::array<Handle, 3> theirs{Handle(), Handle(), Handle()};
   if (plan.output == Output::kTerminal && has_terminal) {
-    // In this process's group, as only that may read from the terminal.
+    // The program joins this process's group, because only that group may read from the terminal.
     program.has_own_group_ = false;
     description.has_own_group = false;
   } else {
@@ -53,7 +53,7 @@ expected<RunningProgram, SetupError> RunningProgram::start(const ProgramPlan& pl
     for (std::size_t i = 0; i < 2; ++i) {
       auto pipe = make_pipe();
       if (!pipe) return unexpected{pipe.error()};
-      // Only this end, as programs expect theirs to block.
+      // Only this end: programs expect theirs to block.
       ::fcntl((*pipe)[0].number(), F_SETFL, O_NONBLOCK);
       program.streams_[i].handle = std::move((*pipe)[0]);
       theirs[i + 1] = std::move((*pipe)[1]);

@@ -12,27 +12,27 @@
 
 namespace rtpm::laboratory {
 
-/// One life of a program: its process, and the lines that it prints.
+/// One run of a program: its process, and the lines that it prints.
 /// @threads  one
 class RunningProgram {
  public:
   /// Receives a line without its end.
   using TakeLine = std::function<void(bool is_error, std::string_view line)>;
 
-  /// @param has_terminal  the program may have it, if its plan says so
+  /// @param has_terminal  the program may use the terminal, if its plan says so
   [[nodiscard]] static expected<RunningProgram, SetupError> start(
       const ProgramPlan& plan, const std::vector<std::string>& urls,
       const std::string& registry_url, bool has_terminal);
 
   [[nodiscard]] int process() const noexcept { return process_; }
-  /// To read from: standard output and standard error; -1: ended, or not read.
+  /// Descriptors of standard output and standard error to read; -1: ended, or not read.
   [[nodiscard]] std::array<int, 2> streams() const noexcept;
-  /// Gives all whole lines that have come, at most 64 KiB of each stream.
+  /// Reads all complete lines that have arrived, at most 64 KiB of each stream.
   void read(const TakeLine& take);
-  /// Gives all that has come, also a last line without an end.
+  /// Reads everything that has arrived, including a last line without an end.
   void read_rest(const TakeLine& take);
 
-  /// To its process, and to those that it has started.
+  /// Signals its process and the processes that it has started.
   void send_signal(int signal) const;
 
  private:

@@ -44,7 +44,7 @@ std::int64_t integer_in(const Json& json, const char* key) {
   return found != json.end() && found->is_number_integer() ? found->get<std::int64_t>() : 0;
 }
 
-/// A record that is being written reads as one without facts.
+/// A record that is still being written has no facts yet.
 RunningLaboratory parsed(const std::string& name, const std::string& text) {
   RunningLaboratory laboratory{.name = name};
   const Json json = parse_bounded_json<Json>(text);
@@ -110,8 +110,8 @@ std::optional<RunningLaboratory> StateFolder::find(const std::string& name) cons
   if (::flock(file.number(), LOCK_EX | LOCK_NB) != 0) {
     return parsed(name, text_in(file.number()));
   }
-  // It is not locked, so its processes were killed. While it is locked here, no other
-  // process takes it over.
+  // The record is not locked, so its processes were killed. This lock keeps other processes from
+  // taking it over meanwhile.
   if (is_at(file.number(), path)) ::unlink(path.c_str());
   return std::nullopt;
 }
@@ -164,7 +164,7 @@ void Record::write(const RunningLaboratory& laboratory) const {
            {"programs", laboratory.programs}}
           .dump(-1, ' ', false, Json::error_handler_t::replace) +
       "\n";
-  // A record that is not complete is read as one without facts; the lock is what counts.
+  // An incomplete record is read as one without facts; only the lock matters.
   static_cast<void>(::ftruncate(file_.number(), 0));
   static_cast<void>(!::pwrite(file_.number(), text.data(), text.size(), 0));
 }

@@ -12,29 +12,30 @@
 
 namespace rtpm::laboratory {
 
-/// A laboratory that runs on this host, as its record says.
+/// A laboratory that runs on this host, from its record.
 struct RunningLaboratory {
   std::string name{};
   std::string file{};
   ProcessIdentity supervisor{};
-  Duration stop_patience{};             ///< How long its orderly end takes at most.
-  std::vector<std::string> programs{};  ///< Those that run now.
+  Duration stop_patience{};             ///< The longest time of its orderly end.
+  std::vector<std::string> programs{};  ///< The running programs.
 };
 
-/// Where the laboratories of this user are recorded: $XDG_RUNTIME_DIR/rtpm, else /tmp/rtpm-UID.
-/// Each has a file that its processes lock as long as they run. A file without a lock is stale.
+/// The folder with the records of this user's laboratories: $XDG_RUNTIME_DIR/rtpm, else
+/// /tmp/rtpm-UID. A laboratory's processes lock its file while they run. A file without a lock is
+/// stale.
 /// @ownership none
 /// @threads  any
 class StateFolder {
  public:
-  /// Makes the folder where there is none.
-  /// @errors   the system's; it belongs to another user, or others may write there
+  /// Makes the folder if it does not exist.
+  /// @errors   the system's; the folder belongs to another user, or other users may write to it
   [[nodiscard]] static expected<StateFolder, SetupError> open();
 
   [[nodiscard]] const std::string& path() const noexcept { return path_; }
-  /// Sorted by name. Removes stale records.
+  /// The running laboratories by name. Removes stale records.
   [[nodiscard]] std::vector<RunningLaboratory> list() const;
-  /// Nothing: no laboratory of that name runs.
+  /// Nullopt: no laboratory of that name runs.
   [[nodiscard]] std::optional<RunningLaboratory> find(const std::string& name) const;
   [[nodiscard]] std::string record_path(const std::string& name) const;
   [[nodiscard]] std::string log_path(const std::string& name) const;
@@ -44,17 +45,17 @@ class StateFolder {
   std::string path_;
 };
 
-/// The record of a laboratory that this process brings up, and its lock. Processes made by fork()
-/// share the lock, which ends with the last of them.
+/// The record of a laboratory that this process brings up, and its lock. Child processes share the
+/// lock; it ends with the last of them.
 /// @threads  one
 class Record {
  public:
   /// @errors   a laboratory of that name runs
   [[nodiscard]] static expected<Record, SetupError> create(const StateFolder& folder,
                                                            const std::string& name);
-  /// Tells other processes of this one.
+  /// Publishes the laboratory's facts to other processes.
   void write(const RunningLaboratory& laboratory) const;
-  /// Removes the file; the lock stays.
+  /// Removes the file; keeps the lock.
   void remove() const;
 
  private:

@@ -59,7 +59,7 @@ std::vector<std::string> status_table(const laboratory::Plan& plan,
                     span_text(now - status.since), std::to_string(status.restart_count),
                     printable(status.note.empty() ? status.url : status.note)});
   }
-  // The last column flush left, behind those that are flush right.
+  // The last column is flush left, after columns that are flush right.
   std::vector<std::string> notes;
   for (Row& row : rows) {
     notes.push_back(std::move(row.back()));

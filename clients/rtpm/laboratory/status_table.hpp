@@ -10,14 +10,14 @@
 
 namespace rtpm::tool {
 
-/// A table of a laboratory's programs, a line each behind a header: program, state, process, how
-/// long it is in the state, restarts, where it serves or why it is in the state.
-/// @param width  of a line at most; 0: no limit
+/// A table of a laboratory's programs, a line each below a header: program, state, process, time in
+/// the state, restarts, and its URL or the reason of its state.
+/// @param width  the greatest width of a line; 0: no limit
 [[nodiscard]] std::vector<std::string> status_table(const laboratory::Plan& plan,
                                                     const laboratory::Supervision& supervision,
                                                     MonotonicTime now, std::size_t width);
 
-/// Of a state.
+/// The colour of a state.
 [[nodiscard]] Colour colour_of(laboratory::State state);
 
 /// "0.3 s", "12 s", "3 min 5 s", "2 h 10 min".

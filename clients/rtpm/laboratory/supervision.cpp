@@ -11,7 +11,7 @@
 namespace rtpm::laboratory {
 namespace {
 
-/// A shell that a signal ended has this exit code and the signal's number.
+/// A shell ends with this exit code plus the number of the signal that ended its command.
 constexpr int kShellSignalBase = 128;
 
 std::string signal_name(int signal) {
@@ -24,7 +24,7 @@ bool ended_as_asked(ProcessEnd end, int stop_signal) {
   return end.signal == stop_signal;
 }
 
-/// Doubles with each of the latest restarts.
+/// The delay doubles with each recent restart.
 Duration back_off(const ProgramPlan& plan, std::size_t restart_count) {
   Duration delay = plan.restart_delay;
   for (std::size_t i = 0; i < restart_count && delay < plan.restart_delay_max; ++i)
@@ -95,7 +95,7 @@ MonotonicTime Supervision::next() const {
 }
 
 std::vector<Supervision::Action> Supervision::due(MonotonicTime now) {
-  // One program's end may let another go on, so until nothing happens any more.
+  // The end of one program may let another proceed, so this repeats until nothing happens.
   std::vector<Action> actions = std::exchange(pending_, {});
   const auto count_events = [&] {
     return actions.size() + changes_.size() + std::size_t{is_stopping_};
@@ -203,7 +203,7 @@ void Supervision::has_url(std::size_t index, const std::string& url, MonotonicTi
   if (plan_.programs[index].readiness == Readiness::kUrl) program.is_condition_met = true;
   serve_if_ready(index, now);
   if (!is_new || is_stopping_) return;
-  // What was started with the former URL would look for it there for ever.
+  // Programs that were started with the former URL would use it for ever.
   for (std::size_t i = 0; i < programs_.size(); ++i) {
     const auto& uses = plan_.programs[i].uses;
     const State state = programs_[i].status.state;
@@ -272,7 +272,7 @@ void Supervision::end_while_stopping(std::size_t index, ProcessEnd end, Monotoni
   }
 }
 
-/// Decides what follows the end of a program that was not asked for.
+/// Decides the consequence of an unrequested end of a program.
 void Supervision::judge(std::size_t index, bool is_success, const std::string& how,
                         MonotonicTime now) {
   Program& program = programs_[index];
@@ -315,7 +315,7 @@ void Supervision::enter(std::size_t index, State state, std::string note, Monoto
   changes_.push_back(index);
 }
 
-/// What follows for the laboratory.
+/// Decides the consequences for the laboratory.
 void Supervision::settle(MonotonicTime now) {
   if (!is_up_ && std::ranges::all_of(programs_, [](const Program& program) {
         return program.status.state == State::kServing || program.status.state == State::kDone;

@@ -13,39 +13,39 @@
 namespace rtpm::laboratory {
 
 enum class State : std::uint8_t {
-  kWaiting,   ///< For the programs that it comes after.
+  kWaiting,   ///< Waits for the programs that it comes after.
   kStarting,  ///< It runs, but does not serve yet.
   kServing,
   kPausing,   ///< Between its end and its restart.
-  kStopping,  ///< Asked to end.
-  kDone,      ///< Ended by itself, with success.
+  kStopping,  ///< Was asked to end.
+  kDone,      ///< Has ended by itself, with success.
   kFailed,
-  kEnded,  ///< Because the laboratory ends.
+  kEnded,  ///< Has ended because the laboratory ends.
 };
 
 /// "waiting", "starting", …
 [[nodiscard]] std::string_view to_string(State state) noexcept;
 
-/// How a process ended.
+/// The end of a process.
 struct ProcessEnd {
   std::optional<int> exit_code{};
-  int signal = 0;  ///< That ended it, without an exit code.
+  int signal = 0;  ///< The signal that ended it; there is no exit code then.
 
   /// "exit code 1", "SIGKILL".
   [[nodiscard]] std::string text() const;
 };
 
-/// What is known of a program of a laboratory.
+/// The status of a laboratory's program.
 struct ProgramStatus {
   State state = State::kWaiting;
-  MonotonicTime since{};  ///< Of the state.
+  MonotonicTime since{};  ///< The start of the state.
   int process = 0;        ///< 0: it does not run.
   std::size_t restart_count = 0;
-  std::string url{};   ///< Where it serves, as it printed.
-  std::string note{};  ///< Why it is in this state, a clause; may be empty.
+  std::string url{};   ///< The URL that it printed.
+  std::string note{};  ///< The reason of this state, a clause; may be empty.
 };
 
-/// Decides what is to be done with a laboratory's programs, from what has happened to them: order,
+/// Decides the next actions on a laboratory's programs from the events that it is given: order,
 /// readiness, restarts with back-off, an orderly end. It has no clock and starts nothing.
 /// @ownership refers to its plan, which must outlive it
 /// @threads  one
@@ -60,42 +60,42 @@ class Supervision {
 
   Supervision(const Plan& plan, MonotonicTime now);
 
-  /// What is to be done now; each action is given once.
+  /// The actions that are due now; each action is returned once.
   [[nodiscard]] std::vector<Action> due(MonotonicTime now);
-  /// When due() has something to do without an event; kNever: only with one.
+  /// The time at which due() next has work without an event; kNever: an event must come first.
   [[nodiscard]] MonotonicTime next() const;
 
   void started(std::size_t index, int process, MonotonicTime now);
-  /// It could not be started, as `why` says.
+  /// The program could not be started; `why` states the reason.
   void not_started(std::size_t index, const std::string& why, MonotonicTime now);
-  /// It printed where it serves.
+  /// The program printed its URL.
   void has_url(std::size_t index, const std::string& url, MonotonicTime now);
-  /// Its line was printed, or its names are bound.
+  /// The program's line was printed, or its names are bound.
   void is_ready(std::size_t index, MonotonicTime now);
   void exited(std::size_t index, ProcessEnd end, MonotonicTime now);
   /// Ends the laboratory in order.
   void stop(MonotonicTime now);
-  /// Ends it at once.
+  /// Ends the laboratory at once.
   void kill(MonotonicTime now);
 
   [[nodiscard]] const ProgramStatus& status(std::size_t index) const;
   /// The programs whose status has changed since the last call, in the order of the changes.
   [[nodiscard]] std::vector<std::size_t> take_changes();
-  /// Everything serves, or has done so: true from then on.
+  /// Everything serves, or has served before.
   [[nodiscard]] bool is_up() const noexcept { return is_up_; }
   [[nodiscard]] bool is_stopping() const noexcept { return is_stopping_; }
   [[nodiscard]] bool is_over() const;
   [[nodiscard]] bool has_failed() const noexcept { return has_failed_; }
 
  private:
-  /// Why a program is stopped while the laboratory runs.
+  /// The reason why a program is stopped while the laboratory runs.
   enum class StopReason : std::uint8_t { kLaboratory, kNotReady, kNewUrl };
   struct Program {
     ProgramStatus status{};
-    MonotonicTime deadline = kNever;  ///< Of the state.
-    bool is_condition_met = false;    ///< But its URL may not be known yet.
-    bool has_url = false;             ///< Of this life.
-    bool is_killed = false;           ///< As its patience was over.
+    MonotonicTime deadline = kNever;  ///< The deadline of the state.
+    bool is_condition_met = false;    ///< Its URL may still be missing.
+    bool has_url = false;             ///< In this run.
+    bool is_killed = false;           ///< Killed because its patience was over.
     bool is_forced = false;           ///< Killed on request.
     StopReason stop_reason = StopReason::kLaboratory;
     std::vector<MonotonicTime> restarts{};

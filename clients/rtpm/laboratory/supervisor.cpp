@@ -19,7 +19,7 @@ namespace rtpm::laboratory {
 namespace {
 
 constexpr Duration kTurn = std::chrono::milliseconds{250};
-/// One request may come twice: from the terminal, and from the process above.
+/// One request may arrive twice: from the terminal, and from the process above.
 constexpr Duration kSecondRequest = std::chrono::milliseconds{500};
 
 ProcessEnd end_of(int status) {
@@ -56,7 +56,7 @@ expected<std::unique_ptr<Supervisor>, SetupError> Supervisor::create(
     ::sigaddset(&signals, signal);
   for (const int signal : {SIGCHLD, SIGWINCH})
     ::sigaddset(&signals, signal);
-  // Before the thread that asks for names, which inherits it.
+  // Blocked before the thread that polls names starts, so that it inherits the mask.
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   std::unique_ptr<Supervisor> supervisor(new Supervisor(plan, observer, options));
   supervisor->signals_ = Handle(::signalfd(-1, &signals, SFD_CLOEXEC | SFD_NONBLOCK));
@@ -94,7 +94,7 @@ bool Supervisor::run() {
     take_names();
     take_ends();
   }
-  // What programs have left behind in sessions of their own.
+  // Ends processes that programs have left behind in sessions of their own.
   const bool is_clean = end_descendants(Duration{0});
   return is_clean && !supervision_.has_failed();
 }
@@ -108,7 +108,7 @@ void Supervisor::act(MonotonicTime now) {
       } else if (running_[program]) {
         const bool is_stop = order == Supervision::Order::kStop;
         running_[program]->send_signal(is_stop ? plan_.programs[program].stop_signal : SIGKILL);
-        // A process that is stopped (SIGSTOP) takes no other signal.
+        // A process that is stopped (SIGSTOP) handles no other signal but SIGKILL.
         running_[program]->send_signal(SIGCONT);
       }
     }
@@ -195,7 +195,7 @@ void Supervisor::request_stop(std::string_view why) {
 void Supervisor::take_ends() {
   for (;;) {
     siginfo_t ended{};
-    // Not yet reaped, so that the number of its group stays its own.
+    // The process is not reaped yet, so its group's number can't be reused.
     if (::waitid(P_ALL, 0, &ended, WEXITED | WNOHANG | WNOWAIT) != 0 || ended.si_pid == 0) return;
     const auto found = std::ranges::find_if(running_, [&](const auto& program) {
       return program && program->process() == ended.si_pid;
@@ -206,7 +206,7 @@ void Supervisor::take_ends() {
       continue;
     }
     const auto program = static_cast<std::size_t>(found - running_.begin());
-    (*found)->send_signal(SIGKILL);  // To what it has left behind in its group.
+    (*found)->send_signal(SIGKILL);  // Kills the processes that it has left behind in its group.
     ::waitpid(ended.si_pid, &status, 0);
     (*found)->read_rest(
         [&](bool is_error, std::string_view line) { take_line(program, is_error, line); });

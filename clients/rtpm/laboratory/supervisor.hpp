@@ -17,7 +17,7 @@
 
 namespace rtpm::laboratory {
 
-/// Is told what happens in a laboratory, on the supervisor's thread.
+/// Receives the events of a laboratory, on the supervisor's thread.
 class Observer {
  public:
   Observer() = default;
@@ -27,37 +27,38 @@ class Observer {
 
   virtual void on_change(std::size_t program, const ProgramStatus& status) = 0;
   virtual void on_output(std::size_t program, bool is_error, std::string_view line) = 0;
-  /// Every program serves, for the first time.
+  /// Every program serves for the first time.
   virtual void on_up() = 0;
-  /// The laboratory was asked to end, as this clause says.
+  /// The laboratory was asked to end; `why` is a clause.
   virtual void on_stop(std::string_view why) = 0;
-  /// Several times a second, and after each event.
+  /// Called several times a second, and after each event.
   virtual void on_turn(const Supervision& supervision) = 0;
 };
 
 struct SupervisorOptions {
-  std::string registry_url{};      ///< For programs of a file that has no registry.
-  bool has_terminal = true;        ///< A program may have it.
-  int lifeline = -1;               ///< A byte asks to stop, and so does the other end's end.
-  std::optional<Duration> time{};  ///< After it, the laboratory ends.
+  std::string registry_url{};      ///< For programs of a file without a registry.
+  bool has_terminal = true;        ///< A program may use the terminal.
+  int lifeline = -1;               ///< A byte requests a stop, and so does the close of the other
+                                   ///< end.
+  std::optional<Duration> time{};  ///< The laboratory ends after this time.
 };
 
-/// Runs a laboratory: starts, watches and ends its processes as Supervision says.
+/// Runs a laboratory: starts, watches and ends its processes as Supervision decides.
 /// @ownership refers to plan and observer, which must outlive it
 /// @threads  one, which lasts as long as the programs
 /// @realtime set-up only
 class Supervisor {
  public:
   /// Blocks options::stop_signals(), SIGCHLD and SIGWINCH from here on.
-  /// @errors   no descriptor is left; a log can't be written
+  /// @errors   no descriptor is free; a log can't be written
   [[nodiscard]] static expected<std::unique_ptr<Supervisor>, SetupError> create(
       const Plan& plan, Observer& observer, const SupervisorOptions& options);
   ~Supervisor();
 
-  /// Until the laboratory has ended. No process that it started is left then.
+  /// Runs until the laboratory has ended. No process that it started is left then.
   /// @return whether nothing failed
   [[nodiscard]] bool run();
-  /// Whether it was ended because its time was over.
+  /// Whether its time limit ended it.
   [[nodiscard]] bool has_run_out_of_time() const noexcept { return has_run_out_of_time_; }
 
  private:
@@ -85,7 +86,8 @@ class Supervisor {
   NamesProbe names_{};
   std::vector<std::optional<RunningProgram>> running_{};
   std::vector<std::optional<LogFile>> logs_{};
-  /// Of each program's names when it last served. A name with this revision is the former life's.
+  /// The names of each program when it last served. A name with this revision is from the former
+  /// run.
   std::vector<NamesProbe::Revisions> former_names_{};
   MonotonicTime end_ = kNever;
   std::optional<MonotonicTime> stop_time_{};

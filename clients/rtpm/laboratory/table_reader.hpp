@@ -12,8 +12,7 @@
 
 namespace rtpm::laboratory {
 
-/// Reads a table with known keys. What is wrong goes to a list of mistakes; the variable then
-/// keeps its default.
+/// Reads a table with known keys. Adds mistakes to a list; the variable then keeps its default.
 /// @ownership refers to the table and the list
 /// @threads  one
 class TableReader {
@@ -21,21 +20,21 @@ class TableReader {
   /// @param where  for messages: "program 'devices'"
   TableReader(const Value& table, std::string where, std::vector<Mistake>& mistakes);
 
-  /// The value of a key, which is from now on known; nullptr: absent.
+  /// The value of a key, which then counts as known; nullptr: absent.
   [[nodiscard]] const Value* take(std::string_view key);
-  /// Likewise, of that kind; nullptr: absent or, which is a mistake, of another.
-  /// @param form  what it must be: "a text"
+  /// As above, for one kind; nullptr: absent, or of another kind, which is a mistake.
+  /// @param form  the required form, for the message: "a text"
   [[nodiscard]] const Value* take(std::string_view key, Value::Kind kind, const std::string& form);
 
-  /// @return the value, if it was there and right
+  /// @return the value, if it is present and valid
   const Value* read(std::string_view key, std::string& text);
   const Value* read(std::string_view key, bool& value);
   const Value* read(std::string_view key, std::size_t& value, options::Range<std::size_t> range);
   const Value* read(std::string_view key, Duration& value, options::Range<Duration> range);
-  /// A list of texts.
+  /// Reads a list of texts.
   const Value* read(std::string_view key, std::vector<std::string>& texts);
 
-  /// One of `choices`, by its word.
+  /// Reads one of `choices`, by its word.
   template <class T>
   const Value* read(std::string_view key, T& value,
                     const std::vector<std::pair<std::string, T>>& choices) {
@@ -56,7 +55,7 @@ class TableReader {
     return nullptr;
   }
 
-  /// Refuses keys that are not known.
+  /// Reports unknown keys as mistakes.
   void refuse_unknown();
   void refuse(Position position, std::string what, std::string remedy = {});
 

@@ -47,7 +47,7 @@ class Scanner {
     ++at_;
     position_ = {position_.line + 1, 1};
     if (!open_.empty()) return;
-    // A header's parts count for all keys below it.
+    // The parts of a header count for all keys below it.
     if (is_header_) header_ = dots_ + 1;
     is_header_ = false;
     dots_ = 0;
@@ -56,7 +56,7 @@ class Scanner {
     is_line_begin_ = true;
   }
 
-  /// A dot of a number or a time is none of a key's, and adds nothing beyond its value.
+  /// A dot in a number or a time belongs to no key, and its count ends with the value.
   void begin_value(char c) {
     if (c == '=') is_value_ = true;
     if (c == ',' && !open_.empty()) {
@@ -83,7 +83,8 @@ class Scanner {
     open_.pop_back();
   }
 
-  /// Skips a text of one line, or of several between three marks. An endless one ends the scan.
+  /// Skips a text of one line, or of several between three marks. An unterminated text ends the
+  /// scan.
   void skip_text(char mark) {
     is_line_begin_ = false;
     const bool is_long = text_.substr(at_, 3) == std::string_view(mark == '"' ? "\"\"\"" : "'''");
@@ -111,10 +112,10 @@ class Scanner {
   std::size_t nesting_max_;
   std::size_t at_ = 0;
   Position position_{};
-  std::vector<std::size_t> open_{};  ///< Of each open bracket, the dots of the present key in it.
-  std::size_t dots_ = 0;             ///< Of the key outside of brackets, or of the header.
-  std::size_t header_ = 0;           ///< Parts of the table that keys belong to.
-  std::size_t depth_ = 0;            ///< Of all of these together.
+  std::vector<std::size_t> open_{};  ///< For each open bracket, the dots of its present key.
+  std::size_t dots_ = 0;             ///< The dots of the key outside brackets, or of the header.
+  std::size_t header_ = 0;           ///< The parts of the present table's name.
+  std::size_t depth_ = 0;            ///< The sum of all of these.
   bool is_line_begin_ = true;
   bool is_header_ = false;
   bool is_value_ = false;

@@ -56,7 +56,7 @@ void print_plan(const Context& context, const Plan& plan) {
   std::fputs(aligned(rows, 3).c_str(), stdout);
 }
 
-/// "NAME=VALUE" in pieces.
+/// Splits each "NAME=VALUE".
 std::map<std::string, std::string> variables_in(const std::vector<std::string>& settings) {
   std::map<std::string, std::string> variables;
   for (const std::string& setting : settings) {

@@ -10,14 +10,14 @@
 
 namespace rtpm::laboratory {
 
-/// What `${…}` may name in a laboratory's file.
+/// The names that `${…}` may use in a laboratory's file.
 struct Scope {
   std::map<std::string, std::string> variables{};
   std::vector<std::string> programs{};  ///< ${NAME.url}, in the order of the file.
 };
 
 /// `text` with its variables replaced: ${NAME}, ${environment.NAME}, ${PROGRAM.url}. $$ is one $.
-/// @errors   what is wrong, as a clause
+/// @errors   the mistake, as a clause
 [[nodiscard]] expected<Text, std::string> expand(std::string_view text, const Scope& scope);
 
 }  // namespace rtpm::laboratory

@@ -23,7 +23,7 @@ using laboratory::State;
 constexpr std::size_t kHiddenLineMax = 10;
 constexpr std::size_t kKeptSizeMax = std::size_t{256} * 1024;
 constexpr Duration kDrawPeriod = std::chrono::seconds{1};
-/// A program that prints without end is shown that often.
+/// The shortest interval of redraws, for a program that prints without end.
 constexpr Duration kDrawPause = std::chrono::milliseconds{50};
 
 struct Extent {
@@ -83,7 +83,7 @@ void LaboratoryView::on_change(std::size_t program, const ProgramStatus& status)
   shown.note = status.note;
   const std::string& name = plan_.programs[program].name;
   const std::string state(to_string(status.state));
-  // A process has been started before it is known by its number.
+  // A process is started before its number is known.
   if (status.state == State::kStarting && status.process == 0) return;
   if (is_json_) {
     print_event({{"event", "state"},
@@ -138,7 +138,7 @@ void LaboratoryView::hide(std::size_t program, std::string_view line) {
   if (hidden.size() > kHiddenLineMax) hidden.pop_front();
 }
 
-/// What a program said last is what its failure is understood by.
+/// Shows the last lines of a failed program, because they usually explain its failure.
 void LaboratoryView::show_hidden(std::size_t program) {
   for (const std::string& line : std::exchange(shown_[program].hidden, {}))
     print(plan_.programs[program].name + " | " + line);
@@ -171,7 +171,7 @@ void LaboratoryView::on_turn(const laboratory::Supervision& supervision) {
 void LaboratoryView::draw(const laboratory::Supervision& supervision, MonotonicTime now) {
   const Extent extent = terminal_extent();
   std::vector<std::string> lines = status_table(plan_, supervision, now, extent.columns - 1);
-  // A table that is higher than the screen could not be drawn over.
+  // A table that is higher than the screen could not be redrawn in place.
   if (lines.size() + 1 >= extent.rows) lines.resize(std::max<std::size_t>(1, extent.rows - 2));
   std::string text;
   if (table_height_ > 0) text += "\r\x1b[" + std::to_string(table_height_) + "A\x1b[J";

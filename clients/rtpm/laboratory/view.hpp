@@ -15,8 +15,8 @@
 
 namespace rtpm::tool {
 
-/// Shows a laboratory: on a terminal a table below what its programs print, else a line for each
-/// change, with --json a document. Where a program has the terminal, only what goes wrong.
+/// Shows a laboratory: on a terminal a table below the programs' output, else a line for each
+/// change, with --json a document. If a program has the terminal, shows only problems.
 /// @ownership refers to its plan
 /// @threads  one
 class LaboratoryView : public laboratory::Observer {
@@ -29,9 +29,9 @@ class LaboratoryView : public laboratory::Observer {
   void on_stop(std::string_view why) override;
   void on_turn(const laboratory::Supervision& supervision) override;
 
-  /// From now on, all goes there, as lines.
+  /// From now on, all output goes to `log`, as lines.
   void move_to(laboratory::LogFile log);
-  /// Prints the output that was kept.
+  /// Prints the output that was held back.
   void finish();
   /// "devices (exit code 1), servo (SIGKILL)"; empty: none.
   [[nodiscard]] std::string failed_programs() const;
@@ -63,7 +63,7 @@ class LaboratoryView : public laboratory::Observer {
   MonotonicTime next_draw_{};
   bool must_draw_ = true;
   std::vector<Shown> shown_;
-  std::string pending_{};  ///< Lines to stand above the table.
+  std::string pending_{};  ///< Lines to print above the table.
   std::size_t table_height_ = 0;
   std::optional<laboratory::LogFile> log_{};
 };

@@ -15,7 +15,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
 
-// Permanent names: bound and unbound by people, and looked up.
+// Permanent names, which users bind, unbind and look up.
 namespace rtpm::tool {
 namespace {
 
@@ -42,7 +42,7 @@ expected<names::Property, SetupError> property_of(const std::string& text) {
                          colon == std::string::npos ? "" : name.substr(colon + 1)};
 }
 
-/// What is bound now, for a change by its revision; 0: nothing is.
+/// The revision of the present binding, for a change; 0: the name is not bound.
 std::uint64_t revision_of(names::Directory& directory, const std::string& name) {
   const auto entry = directory.resolve(name);
   return entry ? entry->revision : 0;
@@ -56,7 +56,7 @@ int bind(Context& context, const BindOptions& wanted) {
     properties.push_back(std::move(*property));
   }
   names::Directory directory(context.node(), context.registry);
-  // A person has no start that comes back: each bind is an owner of its own.
+  // A user has no restarts to recognize, so each bind is a separate owner.
   names::Claim claim{wanted.name, wanted.url, wanted.interface, {rt::random_u64(), 1}};
   claim.properties = properties;
   claim.is_permanent = true;

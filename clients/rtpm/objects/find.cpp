@@ -28,14 +28,14 @@ bool fits(const std::string& pattern, const std::string& text) {
   return ::fnmatch(pattern.c_str(), text.c_str(), 0) == 0;
 }
 
-/// Whether one of its hosts fits.
+/// Whether one of its hosts matches.
 bool is_at(const std::string& pattern, const names::NameEntry& entry) {
   const auto parts = wire::parse_url(entry.url);
   return parts && std::ranges::any_of(parts->hosts,
                                       [&](const std::string& host) { return fits(pattern, host); });
 }
 
-/// " (did you mean 'rtpm.device.Device'?)", where no interface fits.
+/// Returns " (did you mean 'rtpm.device.Device'?)" if no interface matches.
 std::string similar_interface(const std::vector<names::NameEntry>& entries,
                               const std::string& wanted) {
   std::vector<std::string> interfaces;
@@ -50,7 +50,7 @@ bool has_wildcard(const std::string& pattern) {
   return pattern.find_first_of("*?[\\") != std::string::npos;
 }
 
-/// Asks the registry, which evaluates predicate and preference; patterns are this program's.
+/// Asks the registry, which evaluates predicate and preference; this program matches the patterns.
 expected<std::vector<names::NameEntry>, int> ask(Context& context, const FindOptions& wanted) {
   names::Directory directory(context.node(), context.registry);
   if (wanted.predicate.empty() && wanted.preference.empty()) {
@@ -91,7 +91,7 @@ int find(Context& context, const FindOptions& wanted) {
   if (wanted.limit != 0 && found.size() > wanted.limit) found.resize(wanted.limit);
   print_entries(found, context.json);
   if (!found.empty()) return kDone;
-  // The predicate has left out names, so all are counted anew.
+  // The predicate has excluded names, so this fetches all of them.
   const auto all = names::Directory(context.node(), context.registry).contents();
   if (!all) return context.not_reached(all.error());
   const std::size_t count = all->entries.size();

@@ -31,7 +31,7 @@ Json method_json(const schema::Method& method) {
   return json;
 }
 
-/// Those of the name; of a URL there are none.
+/// The properties of a name; a URL has none.
 std::vector<names::Property> bound_properties_of(Context& context, const std::string& target) {
   if (wire::is_url(target)) return {};
   names::Directory directory(context.node(), context.registry);
@@ -65,7 +65,7 @@ Json object_json(const std::string& url, dynamic::RemoteObject& object,
   return json;
 }
 
-// Of the registry, where the target is a name; says so, too.
+// The staleness of the registry, if the target is a name; also warns about it.
 Duration staleness_of(Context& context, const std::string& target) {
   if (wire::parse_url(target)) return {};
   const auto entry = names::Directory(context.node(), context.registry).entry_of(target);

@@ -31,7 +31,7 @@ struct Trips {
   std::vector<Duration> times{};
   std::uint64_t lost_count = 0;
 
-  /// The time that so much of them does not exceed; times are sorted.
+  /// The quantile of the sorted round-trip times.
   [[nodiscard]] Duration at(double fraction) const {
     return times[static_cast<std::size_t>(fraction * static_cast<double>(times.size() - 1) + 0.5)];
   }

@@ -6,12 +6,12 @@
 
 namespace rtpm::tool {
 
-/// Why `target` was not reached: `error` or, where the registry does not have the name or does not
-/// answer, what it says of it, with the names most like it. Of a lost name, since when.
+/// Explains why `target` was not reached: `error`, or the registry's answer if it does not have the
+/// name or does not answer, with similar names. For a lost name, states since when.
 [[nodiscard]] SetupError with_similar_names(Context& context, const std::string& target,
                                             SetupError error);
 
-/// Why a name is not bound: `error`, or that its server is lost.
+/// Explains why a name is not bound: `error`, or that its server is lost.
 [[nodiscard]] SetupError with_loss(Context& context, const std::string& name, SetupError error);
 
 }  // namespace rtpm::tool

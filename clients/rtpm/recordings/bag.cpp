@@ -36,7 +36,7 @@ double seconds_of(std::uint64_t ns) {
   return static_cast<double>(ns) * 1e-9;
 }
 
-/// In UTC, as RFC 3339 has it: "2026-11-24T08:15:30.250Z".
+/// The time in UTC, in the format of RFC 3339: "2026-11-24T08:15:30.250Z".
 std::string time_text(std::uint64_t ns) {
   const auto whole_s = static_cast<std::time_t>(ns / 1'000'000'000);
   std::tm utc{};
@@ -48,7 +48,7 @@ std::string time_text(std::uint64_t ns) {
 
 struct ChannelFacts {
   std::string topic;
-  std::string type;  ///< Of its schema; empty: none.
+  std::string type;  ///< The name of its schema; empty: none.
   std::string encoding;
   std::uint64_t count = 0;
   double rate_hz = 0;  ///< 0: the recording has no length.
@@ -124,7 +124,7 @@ std::string text_of(FileReader& reader, const std::string& path,
   return text;
 }
 
-/// Opens it with a bar, as a file without summary is read as a whole.
+/// Opens the file with a progress bar, because a file without a summary is read as a whole.
 expected<std::unique_ptr<FileReader>, SetupError> open(Context& context, const BagRequest& request,
                                                        recording::Incomplete incomplete) {
   ProgressBar bar(context, "reading");
@@ -149,7 +149,7 @@ int info(Context& context, const BagRequest& request) {
   return kDone;
 }
 
-/// The losses that a recovered recording states; empty: nothing.
+/// The losses that a recovered recording states; empty: none.
 std::string recovered_text(const std::string& file) {
   const auto reader = FileReader::open(file);
   const auto metadata = reader ? (*reader)->read_metadata() : std::vector<recording::Metadata>{};
@@ -219,7 +219,7 @@ int recover(Context& context, const BagRequest& request) {
   return kDone;
 }
 
-/// The numbers of the channels that are meant; the error names the topic that has none.
+/// The numbers of the selected channels; the error names the topic that has no channel.
 expected<std::vector<std::uint16_t>, SetupError> channels_of(FileReader& reader,
                                                              const BagRequest& request) {
   std::vector<std::uint16_t> numbers;
@@ -238,7 +238,7 @@ expected<std::vector<std::uint16_t>, SetupError> channels_of(FileReader& reader,
   return numbers;
 }
 
-/// `begin_ns` and so much later; the end of all times, where there is no such time.
+/// `begin_ns` plus `time`; the greatest time if that overflows.
 std::uint64_t later(std::uint64_t begin_ns, Duration time) {
   const auto ns = static_cast<std::uint64_t>(std::max(time, Duration{0}).count());
   return begin_ns > UINT64_MAX - ns ? UINT64_MAX : begin_ns + ns;

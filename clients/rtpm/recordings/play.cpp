@@ -84,7 +84,8 @@ int tell_end(const Context& context, const PlayRequest& request, const replay::R
   return kDone;
 }
 
-/// The hub that gets the events; empty: none. Where nobody asked for one, none is no error.
+/// The hub that receives the events; empty: none. A missing hub is an error only if it was
+/// requested.
 expected<std::string, SetupError> hub_of(Context& context, const PlayRequest& request,
                                          const replay::Recorded& recorded) {
   if (recorded.events.empty() || request.hub == kNoHub) return std::string{};
@@ -120,8 +121,8 @@ void tell_begin(const Context& context, const replay::Recorded& recorded,
     print_line("serving " + printable(served.name) + " at " + served.url);
 }
 
-/// Why the registry that was named is not there. Of a scope none is needed: there the player serves
-/// its names itself.
+/// The reason why the named registry does not answer. A scope needs no registry: the player then
+/// serves its names itself.
 std::optional<SetupError> missing_registry(Context& context) {
   const auto scope = discovery::parse_scope(context.registry);
   if (!scope) return scope.error();
@@ -176,7 +177,7 @@ int play(Context& context, const PlayRequest& request) {
   const int exit_code = play_into(context, request, *recorded, output->get());
   if (exit_code != kDone && (*output)->status().message_count == 0) {
     output->reset();
-    static_cast<void>(std::remove(request.output.c_str()));  // It has nothing.
+    static_cast<void>(std::remove(request.output.c_str()));  // The file is empty.
   }
   return exit_code;
 }

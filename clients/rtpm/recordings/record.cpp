@@ -82,7 +82,7 @@ void tell_end(const Context& context, const RecordRequest& request, Duration tim
   print_json(json);
 }
 
-/// Until Ctrl-C, the end of the time, a file that takes no more, or the end of a source.
+/// Waits for Ctrl-C, the end of the time, a write error, or the end of a source.
 /// @return the exit code
 int wait_for_end(Context& context, const RecordRequest& request, recording::Recorder& recorder,
                  Sources& sources, MonotonicTime begin) {
@@ -107,7 +107,7 @@ int record(Context& context, RecordRequest& request) {
   if (const int exit_code = sources.open(); exit_code != kDone) {
     sources.end();
     recorder->reset();
-    static_cast<void>(std::remove(request.file.c_str()));  // It has nothing.
+    static_cast<void>(std::remove(request.file.c_str()));  // The file is empty.
     return exit_code;
   }
   const MonotonicTime begin = rt::now();

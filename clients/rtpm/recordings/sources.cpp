@@ -22,9 +22,9 @@ class HubSource final : public Source, private Subscription::Observer {
   HubSource(Context& context, recording::Recorder& recorder, capture::DeviceRecorder& devices)
       : context_(context), devices_(devices), events_(recorder, /*names_devices=*/true) {}
 
-  /// @return whether it is open; else it was told why
+  /// @return whether it is open; if not, the error was reported
   bool open(const EventRequest& request, int& exit_code) {
-    // Before their first events come.
+    // The devices are named before their first events arrive.
     const auto unnamed = name_devices();
     subscription_ = Subscription::open(context_, request, *this, exit_code);
     if (subscription_ == nullptr) return false;
@@ -67,7 +67,7 @@ class HubSource final : public Source, private Subscription::Observer {
       }
     }
   }
-  /// @return why the names are not known
+  /// @return the reason why the names are unknown; nullopt: they are known
   std::optional<SetupError> name_devices() {
     const auto names = device_names(context_);
     if (!names) return names.error();
@@ -133,7 +133,7 @@ Sources::Sources(Context& context, const SourceRequest& request, recording::Reco
 int Sources::open() {
   if (const int exit_code = open_calls(); exit_code != kDone) return exit_code;
   if (const int exit_code = poll_devices(); exit_code != kDone) return exit_code;
-  // Calls alone are a recording, and devices alone where no hub answers.
+  // Calls alone make a recording, and so do devices alone if no hub answers.
   if (!request_.needs_hub()) {
     if (!request_.calls.empty()) return kDone;
     if (!request_.devices.empty() && !events::HubTypes::ask(context_.node(), request_.hub)) {
@@ -143,7 +143,7 @@ int Sources::open() {
   return open_hub();
 }
 
-// A server has one tap, for all of its objects.
+// A server has one tap for all its objects.
 int Sources::open_calls() {
   std::map<std::string, std::vector<std::string>> urls;
   for (const std::string& target : request_.calls) {

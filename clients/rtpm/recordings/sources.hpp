@@ -13,57 +13,57 @@
 
 namespace rtpm::tool {
 
-/// What is recorded.
+/// The sources to record.
 struct SourceRequest : EventRequest {
   bool is_hub_given = false;
-  std::vector<std::string> devices{};  ///< To be polled, by name.
+  std::vector<std::string> devices{};  ///< Devices to poll, by name.
   double poll_rate_hz = 60;
   std::vector<std::string> calls{};  ///< Objects whose calls are tapped, by name or URL.
 
-  /// Whether events are asked for, not only taken along.
+  /// Whether events were requested explicitly.
   [[nodiscard]] bool needs_hub() const { return is_hub_given || filter != "all"; }
 };
 
-/// What the sources of a recording did so far.
+/// The counts of a recording's sources so far.
 struct SourceCounts {
-  std::uint64_t lost = 0;  ///< Messages that did not come as far as the recorder.
+  std::uint64_t lost = 0;  ///< Messages that did not reach the recorder.
   std::uint64_t calls = 0;
   std::uint64_t omitted_payloads = 0;
   std::uint64_t unreadable_payloads = 0;
 };
 
-/// What puts messages into a recording, beside others.
+/// A source of messages for a recording.
 class Source {
  public:
   Source() = default;
   Source(const Source&) = delete;
   Source& operator=(const Source&) = delete;
   virtual ~Source() = default;
-  /// Attends to it and tells what went wrong. Called now and then.
+  /// Does periodic work and reports problems. Called periodically.
   virtual void care() {}
   virtual void add_to(SourceCounts&) const {}
-  /// Why nothing comes from it any more.
+  /// The reason why the source has ended; nullopt: it has not.
   [[nodiscard]] virtual std::optional<SetupError> problem() const { return std::nullopt; }
-  /// Takes what is there, and ends it; its counts stay.
+  /// Takes the remaining messages, and ends the source; its counts stay.
   virtual void end() {}
 };
 
-/// All that goes into a recording.
+/// All sources of a recording.
 /// @ownership refers to context, request and recorder
 /// @threads  one
 class Sources {
  public:
   Sources(Context& context, const SourceRequest& request, recording::Recorder& recorder);
 
-  /// Opens all that is asked for.
-  /// @return kDone, or the exit code of the error that was told
+  /// Opens all requested sources.
+  /// @return kDone, or the exit code of the reported error
   [[nodiscard]] int open();
-  /// Attends to them and tells what went wrong. Call it now and then.
+  /// Does the sources' periodic work and reports problems. Call it periodically.
   void care();
   [[nodiscard]] SourceCounts counts() const;
-  /// Why one of them ended by itself.
+  /// The reason why a source ended by itself; nullopt: none did.
   [[nodiscard]] std::optional<SetupError> problem() const;
-  /// Takes what is there, and ends them; their counts stay.
+  /// Takes the remaining messages, and ends the sources; their counts stay.
   void end();
 
  private:
