@@ -20,7 +20,7 @@ namespace {
 // default strings and vectors. A schema with others was made by a newer parser.
 constexpr std::uint64_t kKnownFeatureBits = 0xF;
 
-// A payload begins at a multiple of 16 bytes, so nothing in it can be aligned to more.
+// A payload begins at a multiple of 16 bytes, so no part of it can have a larger alignment.
 constexpr std::size_t kAlignmentMax = 16;
 
 constexpr std::uint32_t kMethodIdMax = 65535;
@@ -56,7 +56,7 @@ class Checker {
          "use a newer rtpmc, or do without the feature", std::nullopt});
   }
 
-  /// Into the order of the text: the reflection sorts by name.
+  /// Restores the order of the text: the reflection sorts by name.
   void sort_services() {
     std::map<std::string, std::size_t> places;
     for (std::size_t i = 0; i < text_.outline().services.size(); ++i)
@@ -216,7 +216,7 @@ class Checker {
     }
   }
 
-  /// A struct that a payload reaches and that is aligned to more than a payload.
+  /// A struct that a payload reaches and whose alignment exceeds a payload's.
   [[nodiscard]] const Object* find_overaligned(std::size_t index) const {
     if (!has_overaligned_) return nullptr;
     Reach reach;
@@ -237,7 +237,8 @@ class Checker {
   Diagnostics& errors_;
   const bool has_overaligned_ = std::ranges::any_of(model_.objects, is_overaligned);
   std::uint32_t largest_id_ = 0;        // In the current service.
-  std::uint32_t missing_id_count_ = 0;  // In the current service, so that each gets its own hint.
+  std::uint32_t missing_id_count_ = 0;  // For the current service, so that each method gets another
+                                        // hint.
 };
 
 }  // namespace

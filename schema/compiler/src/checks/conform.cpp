@@ -12,7 +12,7 @@
 namespace rtpm::schema {
 namespace {
 
-/// Which types are used where, by name.
+/// The uses of types, by name.
 struct Uses {
   std::set<std::string> in_requests{};
   std::set<std::string> in_replies{};
@@ -74,7 +74,7 @@ class Comparison {
   std::vector<Change> run() {
     compare_types(before_.objects, after_.objects);
     compare_types(before_.enums, after_.enums);
-    // A change of a type breaks its users; a change of a service sets itself what it breaks.
+    // A change of a type breaks its users; a change of a service has its own verdict already.
     for (Change& change : changes_)
       judge(change);
     compare_services();
@@ -115,7 +115,7 @@ class Comparison {
         comparison.compare(*type, *now->second);
       } else if (type->declaration_file == before_.declaration_file &&
                  uses_.elsewhere.contains(name)) {
-        // Where a method of this file used it, the method's change reports it.
+        // If a method of this file used it, the method's change reports it.
         add(ChangeKind::kTypeRemoved, name, type->location,
             "type `" + name + "` is removed, and other schemas may use it", "keep it");
         changes_.back().reading = {.new_reads_old = false, .is_by_meaning = true};
@@ -198,7 +198,8 @@ class Comparison {
     }
   }
 
-  /// A method with the same name and another number is one change, not one removed and one added.
+  /// Treats a method with the same name and another number as one change, not as a removal and an
+  /// addition.
   void match_by_name(const Service& before, const Service& after,
                      std::map<std::uint16_t, const Method*>& old_methods,
                      std::map<std::uint16_t, const Method*>& new_methods) {

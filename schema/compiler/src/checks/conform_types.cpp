@@ -19,7 +19,7 @@ constexpr Reading kMeaningFails{
     .new_reads_old = false, .old_reads_new = false, .is_by_meaning = true};
 constexpr Reading kNothingFails{};
 
-/// Whether it is the field of types that FlatBuffers adds to a union or vector of unions.
+/// Whether it is the type field that FlatBuffers adds to a union or vector of unions.
 bool is_companion(const Field& field) noexcept {
   return field.type.innermost() == BaseType::kUnionType;
 }
@@ -116,7 +116,7 @@ void TypeComparison::compare_structs(const Object& before, const Object& after) 
   if (!is_whole || before.byte_size != after.byte_size || before.alignment != after.alignment) {
     const bool is_after = same < after.fields.size();
     const bool is_before = same < before.fields.size();
-    // A field in the place of padding does not move the others.
+    // A field that replaces padding does not move the other fields.
     Reading reading = kBytesFail;
     reading.is_by_meaning = before.byte_size == after.byte_size && same == count;
     report(ChangeKind::kStructLayout, reading, after.name,
@@ -157,7 +157,7 @@ void TypeComparison::compare_tables(const Object& before, const Object& after) {
   }
 }
 
-/// Whether all fields kept their slots. However many moved, that is reported as one change.
+/// Whether all fields kept their slots. Any number of moved fields is reported as one change.
 bool TypeComparison::compare_places(const Object& before, const Object& after) {
   std::unordered_map<std::string_view, const Field*> old_fields;
   for (const Field& field : before.fields)
@@ -223,7 +223,7 @@ bool TypeComparison::compare_types(const Object& owner, const Field& before, con
   const std::string old_reference = referred_name(before_, before.type);
   const std::string new_reference = referred_name(after_, after.type);
   const bool is_same_reference = old_reference == new_reference;
-  // A change of an enum's own type is reported there.
+  // A change of an enum's underlying type is reported with the enum.
   const bool is_enum = !old_reference.empty() && is_same_reference &&
                        before.type.innermost() != BaseType::kObject &&
                        after.type.innermost() != BaseType::kObject;
@@ -274,7 +274,7 @@ void TypeComparison::compare_defaults(const Object& owner, const Field& before,
   if (!is_scalar || after.is_deprecated || before.is_deprecated) return;
   const std::string old_default = default_text(before_, before);
   const std::string new_default = default_text(after_, after);
-  // A renamed or renumbered value of an enum is reported there.
+  // A renamed or renumbered value of an enum is reported with the enum.
   const bool is_same_number = after.type.index && !after.is_optional && !before.is_optional &&
                               after.default_integer == before.default_integer;
   if (old_default == new_default || is_same_number) return;
@@ -359,7 +359,7 @@ void TypeComparison::compare(const Enum& before, const Enum& after) {
   }
   const ValueIndex old_values(before);
   const ValueIndex new_values(after);
-  // Removing a value in the middle renumbers all later ones: that is reported as one change.
+  // Removing a value in the middle renumbers all later ones, so it is reported as one change.
   for (const EnumValue& value : before.values) {
     const auto named = new_values.by_name.find(value.name);
     if (named == new_values.by_name.end() || named->second->value == value.value) continue;

@@ -63,7 +63,7 @@ double default_of(const Field& field) noexcept {
 }
 
 constexpr std::size_t kStructSizeMax = 65535;  // Bytes.
-// Numbers of devices and recordings: spec/events.md, section 1.
+// The range of numbers of devices and recordings: spec/events.md, section 1.
 constexpr std::uint32_t kOwnEventMin = 1380974592;
 constexpr std::uint32_t kOwnEventMax = 1380975615;
 
@@ -88,7 +88,7 @@ class TypeChecker {
     }
   }
 
-  /// Structs nest at most so deep that code may walk them recursively.
+  /// Limits the nesting of structs, so that code may walk them recursively.
   void check_nesting() {
     std::vector<std::size_t> depths(model_.objects.size(), 1);
     const Object* deep = nullptr;
@@ -146,7 +146,7 @@ class TypeChecker {
       }
       check_field(*field->second, object.is_struct, owner, member, text);
     }
-    // Its fields have offsets of 16 bits.
+    // The fields have offsets of 16 bits.
     if (object.is_struct && object.byte_size > kStructSizeMax) {
       reader.report(outline.at,
                     owner + " has " + std::to_string(object.byte_size) + " bytes, and at most " +
@@ -242,7 +242,7 @@ class TypeChecker {
     }
   }
 
-  /// RTPM has no attributes of enums and unions.
+  /// Refuses all of RTPM's attributes on enums and unions.
   void check_enum_attributes(const TypeOutline& outline, const SchemaText& text) {
     const AttributeReader reader(text, errors_);
     const std::string owner = outline.kind + " `" + short_name(outline.name) + "`";

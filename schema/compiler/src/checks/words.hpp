@@ -20,7 +20,7 @@ namespace rtpm::schema {
 /// "0x00c0ffee".
 [[nodiscard]] std::string hexadecimal(std::uint64_t value, std::size_t digits);
 
-/// The hint for a struct in the place of a table.
+/// The hint for a struct where a table is required.
 [[nodiscard]] std::string wrap_struct_hint(const std::string& type);
 
 }  // namespace rtpm::schema

@@ -47,7 +47,7 @@ class CppBackEnd final : public BackEnd {
   }
 
  private:
-  /// flatc writes names of data as they are.
+  /// Refuses macros as names of data, because flatc writes these names unchanged.
   static void check_macro(const char* kind, const std::string& name, const Location& place,
                           Diagnostics& errors) {
     if (!cpp::is_macro(name)) return;
@@ -99,7 +99,7 @@ class CppBackEnd final : public BackEnd {
     }
   }
 
-  /// Included files' events, too: their classes may have names of this file's types.
+  /// Includes the events of included files: their classes may have the names of this file's types.
   static void check_events(const Model& model, Diagnostics& errors) {
     std::map<std::string, const Object*> classes;
     for (const Object& object : model.objects) {
@@ -110,7 +110,7 @@ class CppBackEnd final : public BackEnd {
         const std::size_t error_count = errors.size();
         check_class(model, "event `" + object.name + '`', "event", object.location, name, errors);
         const auto [other, is_new] = classes.emplace(name, &object);
-        // Two that share several names are reported once.
+        // A pair that shares several names is reported once.
         if (!is_new && is_free) {
           errors.push_back({object.location,
                             "event `" + object.name + "` becomes the class `" + short_name(name) +
@@ -132,7 +132,7 @@ class CppBackEnd final : public BackEnd {
     const auto check = [&](const Method& method, const std::string& member) {
       const auto [other, is_new] = members.emplace(member, &method);
       if (is_new || other->second == &method) return;
-      // Two that share several names are reported once.
+      // A pair that shares several names is reported once.
       if (!reported.insert(std::minmax({other->second, &method})).second) return;
       errors.push_back(
           {other->second->location,

@@ -19,7 +19,7 @@
 namespace rtpm::schema::cpp {
 namespace {
 
-// The depth to which a hub reads payloads, and the number of fields it takes per event.
+// The depth to which a hub reads payloads, and the number of fields that it reads per event.
 constexpr std::size_t kSlotCountMax = 4;
 constexpr std::size_t kFieldCountMax = 256;
 
@@ -113,7 +113,7 @@ class Numbers {
       return "::std::uint64_t{" +
              std::to_string(static_cast<std::uint64_t>(field.default_integer)) + "u}";
     }
-    // C++ has no literal for it.
+    // C++ has no literal for the smallest integer.
     if (field.default_integer == std::numeric_limits<std::int64_t>::min()) {
       return "::std::numeric_limits<::std::int64_t>::min()";
     }

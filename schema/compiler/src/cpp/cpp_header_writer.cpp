@@ -21,7 +21,7 @@ std::string data_includes(const Model& model) {
     stems.insert(std::filesystem::path(model.objects[index].declaration_file).stem().string());
   };
   for (const Object& object : model.objects) {
-    // flatc writes types only for a file that declares any.
+    // flatc writes types only for a file that declares some.
     if (object.declaration_file == model.declaration_file) stems.insert(model.file_stem);
   }
   for (const Enum& enumeration : model.enums) {
@@ -126,7 +126,7 @@ std::string begin_methods(const Model& model, const Service& service, const Meth
   return text + function(head, "  ");
 }
 
-/// What success means for a oneway without confirmation.
+/// The comment on the meaning of success for a oneway method without confirmation.
 Documentation promise(const Method& method) {
   if (method.oneway != OnewayLevel::kSent) return {};
   return {"@return ok: sent, and may still get lost; see ::rtpm::rpc::Binding::send()",
@@ -342,7 +342,7 @@ std::string servant_result(const Model& model, const Method& method) {
   return "::rtpm::rpc::Result<" + (is_struct ? payload_type(model, method.reply) : "void") + '>';
 }
 
-/// A compiler that reads an older language says that in one sentence, and no more.
+/// Makes a compiler of an older language print one sentence instead of many errors.
 constexpr const char* kLanguageCheck =
     "#if __cplusplus < 202002L && !(defined(_MSVC_LANG) && _MSVC_LANG >= 202002L)\n"
     "#error \"RTPM needs C++20: compile with -std=c++20, or set CMAKE_CXX_STANDARD to 20\"\n"

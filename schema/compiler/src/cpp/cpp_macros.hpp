@@ -4,7 +4,7 @@
 
 namespace rtpm::schema::cpp {
 
-/// Whether compilers or the headers that generated code includes may take `name` as a macro: EOF,
+/// Whether `name` may be a macro of compilers or of the headers that generated code includes: EOF,
 /// NULL, errno, assert, and with GNU extensions linux and unix.
 [[nodiscard]] bool is_macro(std::string_view name) noexcept;
 

@@ -9,7 +9,7 @@
 namespace rtpm::schema::cpp {
 namespace {
 
-// Of C++20.
+// The keywords of C++20.
 constexpr std::string_view kKeywords[] = {
     "alignas",       "alignof",     "and",
     "and_eq",        "asm",         "auto",
@@ -45,7 +45,7 @@ constexpr std::string_view kKeywords[] = {
 };
 static_assert(std::is_sorted(std::begin(kKeywords), std::end(kKeywords)));
 
-// The words to which flatc adds an underscore differ from the keywords in these.
+// The words to which flatc adds an underscore are the keywords and these.
 constexpr std::array<std::string_view, 6> kOnlyFlatcEscapes{
     "atomic_cancel", "atomic_commit", "atomic_noexcept", "import", "module", "synchronized"};
 constexpr std::array<std::string_view, 3> kFlatcLeaves{"char8_t", "consteval", "constinit"};

@@ -6,14 +6,13 @@
 
 #include "rtpm/schema/model.hpp"
 
-/// Names of a schema in C++.
+/// The C++ names of a schema's declarations.
 namespace rtpm::schema::cpp {
 
 [[nodiscard]] bool is_keyword(std::string_view name) noexcept;
 
 /// A method's name. C++ keywords, macros of C's headers and names that the generated classes use
-/// (`binding`, `interface`, `dispatch`, the class names) get a trailing underscore, as flatc does
-/// it.
+/// (`binding`, `interface`, `dispatch`, the class names) get a trailing underscore, as in flatc.
 [[nodiscard]] std::string method_name(const Service& service, const Method& method);
 
 /// The classes generated for an event's table, such as "lab.Touched".
@@ -33,7 +32,7 @@ struct EventNames {
 /// "lab::arms" of "lab.arms".
 [[nodiscard]] std::string namespace_name(const std::string& namespace_with_dots);
 
-/// A function's declaration, for laying it out in lines of at most 100 columns.
+/// A function's declaration, to be laid out in lines of at most 100 columns.
 struct Function {
   std::string lead{};  ///< "[[nodiscard]] ", "virtual " or nothing.
   std::string result{};

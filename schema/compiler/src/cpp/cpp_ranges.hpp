@@ -14,10 +14,10 @@ class Ranges {
  public:
   explicit Ranges(const Model& model);
 
-  /// Whether a request has numbers with a range, at any depth.
+  /// Whether a request contains numbers with a range, at any depth.
   [[nodiscard]] bool are_in(const Payload& request) const;
-  /// Functions `rtpm_in_range(value, check)` in an anonymous namespace, for each such type that requests
-  /// reach; empty if there is none.
+  /// Functions `rtpm_in_range(value, check)` in an anonymous namespace, one for each type with
+  /// ranges that requests reach; empty if there is no such type.
   [[nodiscard]] std::string functions() const;
 
  private:

@@ -26,7 +26,7 @@ std::string priority(const Service& service) {
          ",\n    .priority = " + std::to_string(*service.priority);
 }
 
-/// The role's member of a method's descriptor, which has kCommand by itself.
+/// The role's member of a method's descriptor; empty for kCommand, the default.
 std::string role(const Method& method) {
   switch (method.role) {
     case Role::kObserve:

@@ -33,7 +33,7 @@ bool begins_body(std::string text) {
   for (std::size_t at = 0; (at = text.find(kGlobal, at)) != std::string::npos;)
     text.erase(at, 2);
   std::string_view line = text;
-  // A constructor's initializers stand on the lines behind it.
+  // A constructor's initializers follow on the next lines.
   if (!line.starts_with(kInline) || !(line.ends_with('{') || line.ends_with(')'))) return false;
   line.remove_prefix(kInline.size());
   constexpr std::string_view kOffset = "flatbuffers::Offset<";

@@ -12,7 +12,7 @@
 
 namespace rtpm::schema {
 
-/// All of `text` as a decimal number; nothing if it is no number, or too large.
+/// All of `text` as a decimal number; nullopt if it is no number, or too large.
 [[nodiscard]] std::optional<std::uint64_t> to_number(std::string_view text);
 
 /// Reads attributes and reports wrong ones.
@@ -24,7 +24,7 @@ class AttributeReader {
     errors_.push_back({text_.locate(span), std::move(message), std::move(hint), std::nullopt});
   }
 
-  /// `number` is that of a number, the index of a choice, else 1.
+  /// `number` is the value of a number, the index of a choice, else 1.
   struct Value {
     std::uint64_t number = 0;
     std::string text{};

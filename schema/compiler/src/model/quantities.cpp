@@ -12,7 +12,7 @@
 namespace rtpm::schema {
 namespace {
 
-// More would hide the method's own comment.
+// More lines would hide the method's own comment.
 constexpr std::size_t kLineMax = 40;
 
 class Quantities {
@@ -21,7 +21,7 @@ class Quantities {
 
   void add(std::size_t index, const std::string& path) {
     if (!says_something(index)) return;
-    // A table that contains itself is described once.
+    // Describes a table that contains itself only once.
     if (std::find(open_.begin(), open_.end(), index) != open_.end()) return;
     open_.push_back(index);
     for (const Field& field : model_.objects[index].fields) {

@@ -12,7 +12,7 @@ namespace rtpm::schema {
 [[nodiscard]] Documentation quantities(const Model& model, const Payload& payload,
                                        const std::string& role);
 
-/// Of one field: "newton, -20 to 20, in the frame base"; empty if it has none.
+/// The quantity of one field: "newton, -20 to 20, in the frame base"; empty if it has none.
 [[nodiscard]] std::string quantity(const Field& field);
 
 }  // namespace rtpm::schema

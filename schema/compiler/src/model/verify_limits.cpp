@@ -6,10 +6,10 @@
 namespace rtpm::schema {
 namespace {
 
-// Above this, the message's size is the bound.
+// Above this count, the message's size is the bound.
 constexpr std::uint64_t kCountMax = 65536;
 
-// Bounds the verifier's recursion, and so its stack.
+// Limits the recursion of the verifier, and so its stack.
 constexpr std::uint32_t kDepthMax = 64;
 
 /// Computes a table's limits from those of its fields, each table once.
@@ -45,7 +45,7 @@ class LimitsWalk {
     bool is_done = false;
   };
 
-  /// Depth 0: no table.
+  /// Depth 0 means no table.
   VerifyLimits limits_of(const Type& type) {
     if (!type.index) return {0, 0};
     if (type.has_object()) {

@@ -7,13 +7,13 @@
 
 namespace rtpm::schema {
 
-/// Bounds that every valid message of a table keeps.
+/// Bounds of every valid message of a table.
 struct VerifyLimits {
   std::uint32_t depth = 1;   ///< Nested tables, the root included.
   std::uint32_t tables = 1;  ///< 0: only the message's size bounds them.
 };
 
-/// Of a table that may contain itself.
+/// The depth limit of a table that may contain itself.
 inline constexpr std::uint32_t kRecursiveDepth = 32;
 
 /// The limits for the table `index` of Model::objects.

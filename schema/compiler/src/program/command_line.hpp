@@ -7,15 +7,16 @@
 
 namespace rtpm::schema {
 
-/// What rtpmc was asked to do.
+/// The arguments of rtpmc.
 struct Command {
   bool is_check = false;  ///< The verb check: nothing is generated.
   std::vector<std::string> include_paths{};
   std::vector<std::string> languages{};  ///< Names of back ends; none to check.
-  std::string output_folder{};           ///< Empty: standard output, of one file.
+  std::string output_folder{};           ///< Empty: standard output, for a single file.
   std::string dependency_file{};         ///< Empty: none.
   std::string conform{};                 ///< The older schema; empty: none.
-  bool is_strict = false;                ///< Also what needs the servers first is an error.
+  bool is_strict = false;                ///< A change that needs the servers first is an error,
+                                         ///< too.
   std::string schema{};
 };
 
@@ -24,17 +25,17 @@ struct UsageError {
   std::string text{};
 };
 
-/// --help or --version: print this and end well.
+/// The text to print for --help or --version; rtpmc then ends with success.
 struct Answer {
   std::string text{};
 };
 
-/// Reads the arguments behind the program's name.
+/// Parses the arguments after the program's name.
 [[nodiscard]] std::variant<Command, UsageError, Answer> read_command_line(
     std::span<const char* const> arguments, const std::string& version);
 
-/// Where RTPM's own schemas are: beside an installed rtpmc, else in the tree that it was built
-/// from. Empty: in neither place.
+/// The folder of RTPM's own schemas: beside an installed rtpmc, else in the source tree that it was
+/// built from. Empty: neither exists.
 [[nodiscard]] std::string idl_folder();
 
 }  // namespace rtpm::schema

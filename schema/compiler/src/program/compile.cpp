@@ -31,7 +31,7 @@ CompileResult failure(const std::string& file, std::string message, std::string 
   return failure({Location{.file = file}, std::move(message), std::move(hint), std::nullopt});
 }
 
-// Larger files are not schemas.
+// A larger file is not a schema.
 constexpr std::size_t kSchemaSizeMax = 16 * 1024 * 1024;
 
 /// Reads the file itself; FlatBuffers' parser reads included files.
@@ -116,7 +116,7 @@ std::optional<Model> read_binary(const SourceFile& source, std::deque<SchemaText
   return model;
 }
 
-/// Whether both readers of a text found the same services; check() relies on it.
+/// Whether both readers of a text found the same services; check() relies on that.
 bool has_services_of(const Outline& outline, const Model& model) {
   std::map<std::string, std::size_t> method_counts;
   for (const ServiceOutline& service : outline.services)

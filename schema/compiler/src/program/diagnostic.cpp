@@ -24,7 +24,7 @@ std::string excerpt(const Location& location) {
   number.insert(0, number.size() < 5 ? 5 - number.size() : 0, ' ');
   std::string text = number + " | " + location.line_text + '\n';
   text += std::string(number.size(), ' ') + " | ";
-  // Tabs stay tabs, so that the mark is below its text at any tab width.
+  // Keeps tabs, so that the mark is below its text at any tab width.
   std::size_t column = 1;
   for (const char byte : location.line_text) {
     if (column >= location.column) break;

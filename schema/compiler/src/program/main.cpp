@@ -30,7 +30,7 @@ int fail(const Diagnostics& errors) {
   return kSchemaError;
 }
 
-/// Reports how `model` differs from the older schema.
+/// Reports the differences between `model` and the older schema.
 /// @return whether programs built from the two work together
 bool conforms(const Command& command, const Model& model, const Model& older) {
   const std::vector<Change> changes = compare(older, model);
@@ -73,7 +73,7 @@ int write(const Command& command, const Model& model) {
   return 0;
 }
 
-/// The checks of every language: an accepted schema can be generated.
+/// The checks of all languages, so that code can be generated from every accepted schema.
 Diagnostics check(const Model& model) {
   Diagnostics errors;
   for (const BackEndEntry& entry : back_ends()) {

@@ -4,9 +4,9 @@
 
 namespace rtpm::schema {
 
-/// Parses a schema or JSON without opening any file: an `include` in it finds nothing.
+/// Parses a schema or JSON without opening any file: each `include` in it fails.
 [[nodiscard]] inline bool parse_closed(flatbuffers::Parser& parser, const char* text) {
-  const char* no_paths[] = {nullptr};  // No list at all would stand for the current folder.
+  const char* no_paths[] = {nullptr};  // A null list would stand for the current folder.
   return parser.Parse(text, no_paths, /*source_filename=*/nullptr);
 }
 

@@ -20,7 +20,7 @@ bool is_control(char c) noexcept {
 }
 
 /// The first character after which FlatBuffers' tokens and tokenize()'s could differ: a control
-/// character, such as a carriage return inside of a comment, which ends it for FlatBuffers only.
+/// character, such as a carriage return in a comment, which ends the comment only for FlatBuffers.
 std::optional<std::size_t> find_control(std::string_view text) noexcept {
   for (std::size_t i = 0; i < text.size(); ++i) {
     if (!is_control(text[i]) || text[i] == '\n' || text[i] == '\t') continue;
@@ -41,7 +41,7 @@ bool is_number(std::string_view text) noexcept {
   return error == std::errc{} && end == text.data() + text.size();
 }
 
-/// Recursion-free: the grammar nests nothing.
+/// Parses without recursion: the grammar has no nesting.
 class ForeignReader {
  public:
   explicit ForeignReader(const SourceFile& source) : source_(source), tokens_(tokenize(source)) {}
@@ -115,7 +115,7 @@ class ForeignReader {
     if (take("enum")) return read_values(true);
     if (take("union")) return read_values(false);
     if (take("namespace") || take("root_type")) {
-      // `namespace ;` is the global one.
+      // `namespace ;` names the global namespace.
       if (!keyword.is("namespace") || !token().is(";")) require_dotted_name();
     } else if (take("attribute") || take("file_identifier") || take("file_extension")) {
       if (keyword.is("attribute") && token().is_identifier()) {
@@ -177,7 +177,7 @@ class ForeignReader {
     if (token().kind == TokenKind::kString) return require_string();
     if (token().kind == TokenKind::kNumber) return require_number();
     if (take("[")) return require("]");
-    if (!take("-")) take("+");  // Of an infinity.
+    if (!take("-")) take("+");  // The sign of an infinity.
     require_dotted_name();
   }
 

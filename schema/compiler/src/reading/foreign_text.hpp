@@ -8,24 +8,23 @@
 
 namespace rtpm::schema {
 
-/// Limits of a schema that another program sent. They bound the time and the memory that reading it
-/// takes.
+/// Limits of a schema that another program sent. They bound the time and memory of reading it.
 struct ForeignLimits {
   static constexpr std::size_t kByteMax = 256 * 1024;
   static constexpr std::size_t kStatementMax = 2048;  ///< Types, services, namespaces, attributes.
   static constexpr std::size_t kMemberMax = 8192;     ///< Fields, enum values and methods in all.
-  static constexpr std::size_t kEnumValueMax = 1024;  ///< Of one enum or union.
-  static constexpr std::size_t kMethodMax = 512;      ///< Of all services.
-  static constexpr std::size_t kNameSizeMax = 128;    ///< Bytes of one word.
+  static constexpr std::size_t kEnumValueMax = 1024;  ///< In one enum or union.
+  static constexpr std::size_t kMethodMax = 512;      ///< In all services.
+  static constexpr std::size_t kNameSizeMax = 128;    ///< Bytes in one word.
   static constexpr std::size_t kNamePartMax = 16;     ///< Components of a dotted name.
-  static constexpr std::size_t kAttributeMax = 32;    ///< Of one declaration.
+  static constexpr std::size_t kAttributeMax = 32;    ///< On one declaration.
 };
 
-/// Why FlatBuffers' parser must not see `source`, a schema that another program sent; nothing if it
-/// may.
+/// The reason to keep `source`, a schema that another program sent, from FlatBuffers' parser;
+/// nullopt if there is none.
 ///
-/// Accepts declarations of types and services, and nothing else that the parser would take:
-/// no includes, no data, no other languages.
+/// Accepts only declarations of types and services, although the parser would accept more: no
+/// includes, no data, no other languages.
 [[nodiscard]] std::optional<Diagnostic> refuse_foreign(const SourceFile& source);
 
 }  // namespace rtpm::schema

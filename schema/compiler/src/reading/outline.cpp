@@ -39,7 +39,7 @@ class OutlineReader {
     next();
     return true;
   }
-  /// Skips the next `what`, too, if there is one.
+  /// Skips up to and including the next `what`, if there is one.
   void skip_past(std::string_view what) {
     while (token().kind != TokenKind::kEnd && !token().is(what))
       next();

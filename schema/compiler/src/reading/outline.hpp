@@ -69,7 +69,7 @@ struct Outline {
 
 [[nodiscard]] Outline outline(const SourceFile& source);
 
-/// Of a model without a text; nothing has a position.
+/// The outline of a model without a text; nothing in it has a position.
 [[nodiscard]] Outline outline(const Model& model);
 
 /// A schema file's text and outline; for a .bfbs, which has no text, only its name and outline.

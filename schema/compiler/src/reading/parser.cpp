@@ -21,9 +21,9 @@ flatbuffers::IDLOptions parser_options() {
   flatbuffers::IDLOptions options;
   options.binary_schema_comments = true;
   options.binary_schema_builtins = true;
-  // With a root the reflection has each declaration's file; with this one, by absolute path.
+  // With this root, the reflection has each declaration's file, by absolute path.
   options.project_root = "/";
-  // The language decides which features the parser accepts: the same as flatc --cpp.
+  // The language decides which features the parser accepts; it is the same as for flatc --cpp.
   options.lang_to_generate = flatbuffers::IDLOptions::kCpp;
   // flatc prints the same warnings when it generates the data types.
   options.no_warnings = true;
@@ -52,7 +52,7 @@ RawError take_apart(const flatbuffers::Parser& parser) {
   return error;
 }
 
-/// Where `file` was included.
+/// The place of the `include` of `file`.
 std::optional<Note> place_of_include(const flatbuffers::Parser& parser, const std::string& file) {
   for (const auto& [includer, included_files] : parser.files_included_per_file_) {
     for (const flatbuffers::IncludedFile& included : included_files) {

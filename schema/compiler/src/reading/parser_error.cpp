@@ -18,14 +18,14 @@
 namespace rtpm::schema {
 namespace {
 
-/// How many tokens before the error its subject may stand.
+/// The greatest number of tokens between an error and its subject before it.
 constexpr std::size_t kSubjectDistanceMax = 12;
 
 constexpr std::string_view kScalarNames[] = {
     "bool",   "byte",   "ubyte", "short", "ushort", "int",    "uint",  "long",   "ulong", "float",
     "double", "string", "int8",  "uint8", "int16",  "uint16", "int32", "uint32", "int64", "uint64"};
 
-/// A type's name as the text must have it at the error.
+/// A type's name as it must be written at the place of the error.
 std::string as_written_here(const flatbuffers::Parser& parser,
                             const flatbuffers::Definition& type) {
   if (type.defined_namespace == nullptr || type.defined_namespace == parser.current_namespace_) {
@@ -52,13 +52,13 @@ std::string similar_type(const flatbuffers::Parser& parser, const std::string& t
   return found == written.end() ? similar : found->second;
 }
 
-/// The part of `message` behind `prefix`; nothing if it begins otherwise.
+/// The part of `message` after `prefix`; nullopt if it begins otherwise.
 std::optional<std::string> after(std::string_view prefix, const std::string& message) {
   if (!message.starts_with(prefix)) return std::nullopt;
   return message.substr(prefix.size());
 }
 
-/// What a message names, in quotes or at its end; empty: nothing.
+/// The subject of a message, in quotes or at its end; empty: none.
 std::string subject_of(const std::string& message) {
   if (const std::size_t quote = message.find('"'); quote != std::string::npos) {
     return message.substr(quote + 1, message.find('"', quote + 1) - quote - 1);
@@ -67,7 +67,8 @@ std::string subject_of(const std::string& message) {
   return colon == std::string::npos ? std::string{} : message.substr(colon + 2);
 }
 
-/// The place of `subject` where it was read just before the error; else that of the error's token.
+/// The place of `subject` if it was read just before the error; else the place of the error's
+/// token.
 Location place_of(const RawError& error, const SourceFile& source, const std::string& subject) {
   const std::vector<Token> tokens = tokenize(source);
   const std::size_t cursor = source.offset_of(error.line, error.column_byte);
@@ -81,7 +82,7 @@ Location place_of(const RawError& error, const SourceFile& source, const std::st
   return source.locate(tokens[at].span());
 }
 
-/// The use of the type `name` on `line` of `source`, or the last one before: the parser reads a
+/// The use of the type `name` on `line` of `source`, or the last one before it: the parser reads a
 /// token ahead, and so may be on a later line.
 std::optional<Location> use_of_type(const std::string& name, const SourceFile& source,
                                     std::size_t line) {
@@ -99,7 +100,7 @@ std::optional<Location> use_of_type(const std::string& name, const SourceFile& s
   return found;
 }
 
-/// `rest` is "TYPE, originally at: FILE:LINE". The parser says so after it has read all files.
+/// `rest` is "TYPE, originally at: FILE:LINE". The parser reports this after it has read all files.
 Diagnostic undefined_type(const std::string& rest, const SourceFile& source,
                           const flatbuffers::Parser& parser) {
   constexpr std::string_view kOrigin = ", originally at: ";

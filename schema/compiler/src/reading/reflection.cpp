@@ -38,12 +38,12 @@ std::vector<Attribute> read_attributes(
   return attributes;
 }
 
-/// A type in `slot`, read as a number: in untrusted bytes it may be outside of the enumeration, for
-/// which the reflection's own accessor is undefined.
+/// Reads the type in `slot` as a number: in untrusted bytes it may be outside the enumeration, and
+/// then the reflection's own accessor has undefined behaviour.
 BaseType read_base_type(const reflection::Type& type, flatbuffers::voffset_t slot) {
   const auto* table = reinterpret_cast<const flatbuffers::Table*>(&type);
   const auto number = table->GetField<std::uint8_t>(slot, reflection::None);
-  // Since 23.5.26: a vector with a 64-bit size. AttributeReader refuses its attribute.
+  // A vector with a 64-bit size, since 23.5.26. AttributeReader refuses its attribute.
   constexpr std::uint8_t kVector64 = 18;
   return number == kVector64 ? BaseType::kVector : static_cast<BaseType>(number);
 }
@@ -94,7 +94,7 @@ Object read_object(const reflection::Object& object) {
     // 2.0.8 calls an array of a struct optional; a struct's fields are always present.
     result.fields.back().is_optional &= !result.is_struct;
   }
-  // The reflection sorts them by name.
+  // The reflection sorts fields by name.
   std::sort(result.fields.begin(), result.fields.end(),
             [](const Field& a, const Field& b) { return a.id < b.id; });
   return result;
@@ -155,7 +155,7 @@ bool is_valid(const Type& type, const Model& model) {
   return *type.index < (type.has_object() ? model.objects.size() : model.enums.size());
 }
 
-/// Whether all types are valid and refer to existing ones; later code relies on it.
+/// Whether all types are valid and refer to existing ones; later code relies on that.
 bool is_closed(const Model& model) {
   for (const Object& object : model.objects) {
     for (const Field& field : object.fields) {
@@ -179,10 +179,10 @@ std::string main_file(const reflection::Schema& schema) {
                                        : to_text(schema.objects()->Get(0)->declaration_file());
 }
 
-/// @param declaration_file  nullptr: all services, and main_file() is the compiled file
+/// @param declaration_file  nullptr: takes all services, and main_file() is the compiled file
 std::optional<Model> read_schema(std::span<const std::uint8_t> bytes,
                                  const std::string* declaration_file) {
-  // Generous: a type is visited once for every method that uses it.
+  // Generous, because a type is visited once for every method that uses it.
   flatbuffers::Verifier verifier(bytes.data(), bytes.size(), /*max_depth=*/64,
                                  /*max_tables=*/1'000'000'000);
   if (!reflection::VerifySchemaBuffer(verifier)) return std::nullopt;

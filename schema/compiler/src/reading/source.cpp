@@ -10,13 +10,13 @@
 namespace rtpm::schema {
 namespace {
 
-/// Characters of UTF-8 text: its bytes without the continuation bytes.
+/// The number of characters of UTF-8 text: its bytes without the continuation bytes.
 std::size_t character_count(std::string_view text) {
   return static_cast<std::size_t>(
       std::count_if(text.begin(), text.end(), [](char byte) { return (byte & 0xC0) != 0x80; }));
 }
 
-/// Longer lines are not shown: a model has a copy for each of its names.
+/// Longer lines are not shown, because a model has a copy for each of its names.
 constexpr std::size_t kShownLineMax = 1000;
 
 }  // namespace

@@ -15,7 +15,7 @@ bool is_word(char c) {
   return is_word_start(c) || is_digit(c);
 }
 
-/// The offset behind the white space and comments that begin at `at`.
+/// The offset after the white space and comments that begin at `at`.
 std::size_t skip_space(std::string_view text, std::size_t at) {
   while (at < text.size()) {
     if (text[at] == ' ' || text[at] == '\t' || text[at] == '\r' || text[at] == '\n') {

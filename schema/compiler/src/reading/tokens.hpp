@@ -20,7 +20,7 @@ struct Token {
   [[nodiscard]] bool is_identifier() const noexcept { return kind == TokenKind::kIdentifier; }
   [[nodiscard]] std::size_t end() const noexcept { return offset + text.size(); }
   [[nodiscard]] Span span() const noexcept { return {offset, text.size()}; }
-  /// The text, of a string without its quotes.
+  /// The text; for a string, without its quotes.
   [[nodiscard]] std::string_view value() const noexcept;
 };
 

@@ -22,14 +22,14 @@ namespace {
 
 constexpr const char* kFileName = "schema";
 
-/// Nested tables in a payload.
+/// Limit of nested tables in a payload.
 constexpr flatbuffers::uoffset_t kDepthMax = 64;
-/// A root and its vtable.
+/// The size of a root and its vtable, in bytes.
 constexpr std::size_t kTableSizeMin = 8;
-/// Bytes of JSON.
+/// Limit of the JSON, in bytes.
 constexpr std::size_t kTextSizeMax = std::size_t{64} * 1024 * 1024;
 
-/// Lets the parser read and write nested buffers as the bytes that they are: it would follow their
+/// Makes the parser read and write nested buffers as plain bytes: otherwise it would follow their
 /// offsets, which nothing verifies.
 void keep_nested_bytes(const flatbuffers::Parser& parser) {
   for (const flatbuffers::StructDef* type : parser.structs_.vec) {
@@ -46,7 +46,7 @@ std::unique_ptr<flatbuffers::Parser> make_parser(const std::string& text) {
   options.strict_json = false;
   options.indent_step = -1;
   options.output_default_scalars_in_json = true;
-  // The language decides which features the parser accepts: the same as the compiler's.
+  // The language decides which features the parser accepts; it is the same as the compiler's.
   options.lang_to_generate = flatbuffers::IDLOptions::kCpp;
   auto parser = std::make_unique<flatbuffers::Parser>(options);
   if (!parse_closed(*parser, text.c_str())) return nullptr;
@@ -54,14 +54,14 @@ std::unique_ptr<flatbuffers::Parser> make_parser(const std::string& text) {
   return parser;
 }
 
-/// The parser's "2: 5: error: …" as of the text without its first line.
+/// Renumbers the parser's "2: 5: error: …" for the text without its first line.
 std::string without_first_line(const std::string& error) {
   const std::size_t end = error.find_first_not_of("0123456789");
   if (end == 0 || end > 6 || end == std::string::npos) return error;
   return std::to_string(std::stoul(error.substr(0, end)) - 1) + error.substr(end);
 }
 
-/// Where "2: 5: error: …" is in the text; past its end if the error says no place.
+/// The offset of "2: 5: error: …" in the text; past its end if the error states no place.
 std::size_t offset_in(std::string_view text, const std::string& error) {
   unsigned line = 0;
   unsigned column = 0;
@@ -72,11 +72,11 @@ std::size_t offset_in(std::string_view text, const std::string& error) {
   return std::min(begin + column, text.size());
 }
 
-/// The parser's error with the field that it is about.
+/// The parser's error, with the field that caused it.
 std::string with_field(const Model& model, std::size_t object, const std::string& error,
                        std::string_view text) {
   const auto is_about = [&](const char* what) { return error.find(what) != std::string::npos; };
-  if (is_about("unknown field")) return error;  // It is named there.
+  if (is_about("unknown field")) return error;  // The error names the field itself.
   const JsonOutline whole = outline_of(text);
   if (is_about("wrong number of initializers")) {
     const std::string lacking = lacking_fields(model, object, whole);
@@ -111,7 +111,7 @@ class Dynamic::Impl {
   [[nodiscard]] bool is_valid(const Payload& payload, std::span<const std::byte> bytes) const {
     if (bytes.size() < kTableSizeMin) return false;
     const auto* data = static_cast<const std::uint8_t*>(static_cast<const void*>(bytes.data()));
-    // A table has at least the offset of its vtable, so more of them share their bytes.
+    // A table has at least a 4-byte offset of its vtable, so more tables must share bytes.
     const auto table_max = static_cast<flatbuffers::uoffset_t>(bytes.size() / 4);
     return flatbuffers::Verify(*reflection::GetSchema(reflection.data()), object(payload), data,
                                bytes.size(), kDepthMax, table_max);
@@ -119,7 +119,7 @@ class Dynamic::Impl {
   [[nodiscard]] const Field& only_field(const Payload& payload) const {
     return model.objects[payload.table].fields.front();
   }
-  /// Whether the JSON of a bare struct is that of its table, as the schema's text has it.
+  /// Whether the JSON of a bare struct is that of its table, as in the schema's text.
   [[nodiscard]] bool is_in_its_table(const Payload& payload, std::string_view json) const {
     const std::string& name = only_field(payload).name;
     const std::vector<Field>& fields = model.objects[*payload.struct_index].fields;
@@ -209,7 +209,7 @@ std::optional<std::vector<std::byte>> Dynamic::encode(const Payload& payload, st
   const std::string given(json.empty() ? "{}" : json);
   const bool is_struct = payload.kind == PayloadKind::kStruct;
   const bool is_bare = is_struct && !impl_->is_in_its_table(payload, given);
-  // Positions in errors are those of the caller's text.
+  // The name has a line of its own, so that errors have the columns of the caller's text.
   const std::string text =
       is_bare ? "{ " + impl_->only_field(payload).name + ":\n" + given + " }" : given;
   flatbuffers::Parser& parser = *impl_->parser;
@@ -280,7 +280,7 @@ std::optional<std::vector<std::byte>> Dynamic::from_table(const Payload& payload
 
 std::vector<std::byte> Dynamic::reflection_of(const Payload& payload) const {
   const auto parser = make_parser(schema_text(impl_->model, impl_->model.objects[payload.table]));
-  if (!parser) return {};  // Never: the text is made from what the parser took.
+  if (!parser) return {};  // Can't fail: the text is made from one that the parser accepted.
   parser->Serialize();
   const auto view =
       std::as_bytes(std::span(parser->builder_.GetBufferPointer(), parser->builder_.GetSize()));
@@ -292,7 +292,7 @@ std::optional<std::string> Dynamic::decode(const Payload& payload,
   if (payload.kind == PayloadKind::kEmpty) {
     return bytes.empty() ? std::optional<std::string>("{}") : std::nullopt;
   }
-  // FlatBuffers prints no struct alone.
+  // FlatBuffers can't print a bare struct.
   const auto table = as_table(payload, bytes);
   if (!table) return std::nullopt;
   return print(payload, static_cast<const std::uint8_t*>(static_cast<const void*>(table->data())));
@@ -306,7 +306,7 @@ std::optional<std::string> Dynamic::print(const Payload& payload, const std::uin
   }
   parser.opts.strict_json = true;
   std::string text;
-  // Returns whether it worked or, since 23.5.8, the error's text.
+  // Returns true on success or, since 23.5.8, the text of an error.
 #if FLATBUFFERS_VERSION_MAJOR == 23 && FLATBUFFERS_VERSION_REVISION == 26
   const auto result = flatbuffers::GenText(parser, data, &text);  // 23.5.26 has no other name.
 #else
@@ -317,7 +317,7 @@ std::optional<std::string> Dynamic::print(const Payload& payload, const std::uin
     return std::nullopt;
   text = with_null_for_no_number(text);
   if (payload.kind != PayloadKind::kStruct) return text;
-  // Of `{"field": {…}}` only the struct.
+  // Keeps only the struct of `{"field": {…}}`.
   const std::size_t begin = text.find(':', impl_->only_field(payload).name.size() + 2);
   if (begin == std::string::npos || text.size() < begin + 2) return std::nullopt;
   const std::size_t first = text.find_first_not_of(' ', begin + 1);

@@ -10,8 +10,7 @@
 #include "rtpm/schema/back_end.hpp"
 #include "rtpm/schema/fingerprint.hpp"
 
-// The form is described in schema/model.md; a change that a reader would misread raises the
-// version.
+// schema/model.md describes the form; a change that a reader would misread raises the version.
 namespace rtpm::schema {
 namespace {
 
@@ -19,7 +18,7 @@ using Json = nlohmann::ordered_json;
 
 constexpr int kFormatVersion = 1;
 
-/// JSON has no infinity and no NaN: they are texts, as FlatBuffers writes them.
+/// JSON has no infinity and no NaN, so they are written as texts, as in FlatBuffers.
 Json number_of(double value) {
   return std::isfinite(value) ? Json(value) : Json(number_text(value));
 }
@@ -55,7 +54,7 @@ class ModelWriter {
   }
 
  private:
-  /// The attributes are all of them, RTPM's own and FlatBuffers' too, as they are in the schema.
+  /// Adds all attributes as they are in the schema, including RTPM's own and FlatBuffers'.
   static void add_notes(Json& json, const Documentation& lines,
                         const std::vector<Attribute>& attributes = {}) {
     if (!lines.empty()) json["documentation"] = lines;

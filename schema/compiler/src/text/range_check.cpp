@@ -37,7 +37,7 @@ std::optional<double> number_at(BaseType type, const std::uint8_t* data) {
   }
 }
 
-/// Walks a buffer until it finds a number that is outside.
+/// Walks a buffer until it finds a number outside its range.
 class RangeCheck {
  public:
   explicit RangeCheck(const Model& model) : model_(model) {}
@@ -47,7 +47,7 @@ class RangeCheck {
     const auto& table = *reinterpret_cast<const flatbuffers::Table*>(data);
     for (const Field& field : model_.objects[index].fields) {
       const std::uint8_t* const at = table.GetAddressOf(slot_of(field.id));
-      if (at == nullptr) continue;  // The default is within the range.
+      if (at == nullptr) continue;  // An absent field has its default, which is within the range.
       const std::string found = field.type.base == BaseType::kUnion
                                     ? union_of(table, field, follow(at), path)
                                     : value(field, at, path + field.name);
@@ -66,7 +66,7 @@ class RangeCheck {
     return {};
   }
 
-  /// The type of a union stands in the slot before its value.
+  /// The slot before a union's value has its type.
   [[nodiscard]] std::string union_of(const flatbuffers::Table& table, const Field& field,
                                      const std::uint8_t* data, const std::string& path) const {
     const auto type = table.GetField<std::uint8_t>(slot_of(field.id - std::size_t{1}), 0);
@@ -121,7 +121,7 @@ class RangeCheck {
                                           const std::string& name) {
     if (!field.range) return {};
     const auto number = number_at(type, at);
-    // NaN is within no range.
+    // NaN is outside every range.
     if (!number || (*number >= field.range->low && *number <= field.range->high)) return {};
     const std::string unit = field.unit.empty() ? "" : " " + field.unit;
     return name + " is " + number_text(*number) + ", but must be " + number_text(field.range->low) +

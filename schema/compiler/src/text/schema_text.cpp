@@ -65,7 +65,7 @@ class TextWriter {
 
  private:
   void write_types(const Reach& reach) {
-    // FlatBuffers needs enums, unions and structs before their use; tables may come in any order.
+    // FlatBuffers needs enums, unions and structs before their use; tables may have any order.
     for (const bool is_union : {false, true}) {
       for (const std::size_t index : reach.enums) {
         if (model_.enums[index].is_union == is_union) write_enum(model_.enums[index]);
@@ -118,7 +118,7 @@ class TextWriter {
     text_ += comment(object.documentation, "") + (object.is_struct ? "struct " : "table ") +
              short_name(object.name) + attributes.str() + " {\n";
     for (const Field& field : object.fields) {
-      // The union adds the field of its type itself.
+      // The union itself implies the field of its type.
       if (field.type.innermost() == BaseType::kUnionType) continue;
       write_field(object, field);
     }
@@ -146,7 +146,7 @@ class TextWriter {
              attributes.str() + ";\n";
   }
 
-  /// Nothing for a default that the language has by itself.
+  /// Empty if the default is that of the language.
   [[nodiscard]] std::string default_of(const Field& field) const {
     if (field.type.base > BaseType::kDouble) return {};
     const std::string text = default_text(model_, field);

@@ -7,7 +7,7 @@
 
 #include "rtpm/schema/model.hpp"
 
-/// The bytes of a FlatBuffer that was verified.
+/// Access to the bytes of a verified FlatBuffer.
 namespace rtpm::schema {
 
 /// The place of a table's field in its vtable.
@@ -15,12 +15,12 @@ namespace rtpm::schema {
   return static_cast<flatbuffers::voffset_t>(4 + 2 * id);
 }
 
-/// Where the offset at `offset` leads.
+/// Follows the offset that is stored at `offset`.
 [[nodiscard]] inline const std::uint8_t* follow(const std::uint8_t* offset) noexcept {
   return offset + flatbuffers::ReadScalar<flatbuffers::uoffset_t>(offset);
 }
 
-/// Bytes of a number.
+/// The size of a number, in bytes.
 [[nodiscard]] inline std::size_t size_of(BaseType type) noexcept {
   switch (type) {
     case BaseType::kInt16:

@@ -11,12 +11,12 @@ namespace {
 
 using flatbuffers::ReadScalar;
 
-/// Quotation marks, a colon, a comma and blanks around a name or a value.
+/// The space around a name or a value: quotation marks, a colon, a comma and blanks.
 constexpr std::size_t kAround = 8;
-/// A byte of a text, written as \u00ff.
+/// The size of a byte of a text that is escaped as \u00ff.
 constexpr std::size_t kEscaped = 6;
 
-/// Adds up what is printed, until it is too much.
+/// Adds up the size of the printed text until it exceeds the limit.
 class TextSize {
  public:
   TextSize(const Model& model, std::size_t size_max)
@@ -34,7 +34,7 @@ class TextSize {
       add(field.name.size() + kAround);
       const std::uint8_t* const at = table.GetAddressOf(slot_of(field.id));
       if (field.type.base <= BaseType::kDouble) {
-        add(number_size(field.type));  // Also of an absent one.
+        add(number_size(field.type));  // Absent fields are printed, too.
       } else if (at != nullptr && field.type.base == BaseType::kUnion) {
         const auto type = table.GetField<std::uint8_t>(slot_of(field.id - std::size_t{1}), 0);
         union_value(model_.enums[*field.type.index], type, follow(at));
@@ -50,7 +50,7 @@ class TextSize {
     left_ -= std::min(size, left_);
   }
 
-  /// The names of all flags that a value may have.
+  /// The size of the names of all flags that a value may have.
   [[nodiscard]] static std::size_t enum_size(const Enum& enumeration) {
     std::size_t longest = 20;
     for (const EnumValue& value : enumeration.values)
@@ -58,7 +58,7 @@ class TextSize {
     return longest * 8 * size_of(enumeration.underlying);
   }
 
-  /// Size of a number, or of an element that is one.
+  /// The size of a number, or of an element that is one.
   [[nodiscard]] std::size_t number_size(const Type& type) const {
     constexpr std::size_t kDigitMax = 28;
     return (type.index ? numbers_[*type.index] : kDigitMax) + kAround;
@@ -85,7 +85,7 @@ class TextSize {
     add(std::size_t{ReadScalar<flatbuffers::uoffset_t>(data)} * kEscaped + kAround);
   }
 
-  /// Where `at` is an offset's place, or that of a number or struct.
+  /// Adds a value; `at` is the place of an offset, or of a number or struct itself.
   void value(const Type& type, const std::uint8_t* at) {
     if (type.is_many()) return many(type, at);
     if (type.base == BaseType::kString) return string(follow(at));
@@ -120,7 +120,7 @@ class TextSize {
   const Model& model_;
   std::size_t left_;
   bool is_exceeded_ = false;
-  std::vector<std::size_t> numbers_;  // Of each enum's value.
+  std::vector<std::size_t> numbers_;  // The number size of each enum.
 };
 
 }  // namespace

@@ -8,9 +8,9 @@
 namespace rtpm::schema {
 
 /// Whether the JSON of a table has at most `size_max` bytes, estimated from above. Parts of a
-/// FlatBuffer may be shared and fields may be absent, so that a few bytes can stand for gigabytes
-/// of text.
-/// @param table   the index in the model of the table that `buffer` has as its root
+/// FlatBuffer may be shared and fields may be absent, so a few bytes can stand for gigabytes of
+/// text.
+/// @param table   the index in the model of the root table of `buffer`
 /// @param buffer  a FlatBuffer that was verified
 [[nodiscard]] bool has_text_of_at_most(std::size_t size_max, const Model& model, std::size_t table,
                                        const std::uint8_t* buffer);

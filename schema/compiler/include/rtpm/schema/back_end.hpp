@@ -29,11 +29,11 @@ class BackEnd {
   BackEnd& operator=(const BackEnd&) = delete;
   virtual ~BackEnd() = default;
 
-  /// What the language cannot express, such as two methods that would get the same name.
+  /// Reports everything that the language cannot express, such as two methods with the same name.
   [[nodiscard]] virtual Diagnostics check(const Model& model) const = 0;
 
   /// The files of `model`, the main one first; the same on every machine.
-  /// @param model  check() found no error in it
+  /// @param model  a model without errors of check()
   [[nodiscard]] virtual std::vector<GeneratedFile> generate(const Model& model) const = 0;
 };
 

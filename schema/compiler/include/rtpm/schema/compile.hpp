@@ -24,12 +24,12 @@ struct CompileResult {
 /// Reads a schema, checks it against RTPM's rules and returns its model with fingerprints.
 /// @threads  any, concurrently
 /// @realtime set-up only
-/// @errors   FlatBuffers' parser stops at its first error; of RTPM's rules, every breach is
-/// reported
+/// @errors   FlatBuffers' parser stops at its first error; all breaches of RTPM's rules are
+///           reported
 [[nodiscard]] CompileResult compile(const CompileRequest& request);
 
-/// As compile(), of a text that another program sent. It opens no file, and refuses a text that is
-/// too large or has more than declarations of types and services.
+/// As compile(), for a text that another program sent. Opens no file, and refuses a text that is
+/// too large or has anything but declarations of types and services.
 /// @param name   the file name in errors
 /// @source       schema/README.md, "Schemas of other programs"
 [[nodiscard]] CompileResult compile_text(const std::string& text, const std::string& name);

@@ -14,11 +14,11 @@ namespace rtpm::schema {
 enum class ChangeKind : std::uint8_t {
   kServiceAdded,
   kServiceRemoved,
-  kPriorityChanged,  ///< Of a service: its model or its number.
+  kPriorityChanged,  ///< The service's priority model or its number.
   kMethodAdded,
   kMethodRemoved,
-  kMethodRenamed,     ///< The number stays.
-  kMethodRenumbered,  ///< The name stays.
+  kMethodRenamed,     ///< The number is the same.
+  kMethodRenumbered,  ///< The name is the same.
   kPayloadReplaced,   ///< The request or reply is another table.
   kPayloadKind,       ///< Its encoding changed: bare struct, FlatBuffer, nothing.
   kIdempotentAdded,
@@ -62,11 +62,11 @@ enum class ChangeKind : std::uint8_t {
 /// "field-added" of kFieldAdded.
 [[nodiscard]] std::string_view name_of(ChangeKind kind) noexcept;
 
-/// What a change does to data.
+/// The effect of a change on data.
 struct Reading {
   bool new_reads_old = true;  ///< A newer reader understands an older writer's data.
   bool old_reads_new = true;  ///< An older reader understands a newer writer's data.
-  /// Where that fails, the bytes still pass verification, with another meaning.
+  /// In a failing direction, the bytes still pass verification, but with another meaning.
   bool is_by_meaning = false;
 };
 
@@ -79,16 +79,16 @@ enum class Verdict : std::uint8_t {
 struct Change {
   ChangeKind kind{};
   Verdict verdict = Verdict::kCompatible;
-  bool breaks_old_clients = false;  ///< With a new server.
-  bool breaks_new_clients = false;  ///< With an old server.
-  Reading reading{};                ///< Of changes to types.
+  bool breaks_old_clients = false;  ///< Old clients fail with a new server.
+  bool breaks_new_clients = false;  ///< New clients fail with an old server.
+  Reading reading{};                ///< For changes of types.
   std::string owner{};              ///< The type or service, fully qualified.
   Diagnostic diagnostic{};          ///< Its hint says how to avoid the change.
 };
 
-/// All changes from `before` to `after`, which may be of different files.
+/// All changes from `before` to `after`, which may be models of different files.
 ///
-/// Clients write requests and read replies, servers the reverse. In an event, and in a type of the
+/// Clients write requests and read replies, servers the reverse. For an event, or a type of the
 /// file that no method uses, a failure in either direction is incompatible.
 [[nodiscard]] std::vector<Change> compare(const Model& before, const Model& after);
 

@@ -14,7 +14,7 @@ struct Note {
   std::string text{};
 };
 
-/// One reason why a schema is refused.
+/// A reason to refuse a schema.
 struct Diagnostic {
   Location location{};
   std::string message{};  ///< One sentence without its full stop: "method `a` has no rtpm_id".
@@ -32,7 +32,7 @@ using Diagnostics = std::vector<Diagnostic>;
 ///     hint: give it a number …
 [[nodiscard]] std::string render(const Diagnostic& diagnostic);
 
-/// At most 20 in the order of their places, and how many more there are.
+/// At most 20 in the order of their places, and the number of further ones.
 [[nodiscard]] std::string render(Diagnostics diagnostics);
 
 }  // namespace rtpm::schema

@@ -17,20 +17,20 @@ namespace rtpm::schema {
 /// tools without generated code.
 ///
 /// The JSON is an object of the table's fields or, for a payload that is a bare struct, of the
-/// struct's: `{x: 1, y: 2}`, also in its table's field: `{force: {x: 1, y: 2}}`. Names need no
-/// quotation marks; absent fields of tables have their defaults, those of structs none. Printed,
-/// null stands for numbers that JSON does not have.
-/// @ownership holds all it needs
+/// struct's fields: `{x: 1, y: 2}`, which may also be in the table's field: `{force: {x: 1, y:
+/// 2}}`. Names need no quotation marks. Absent fields of tables have their defaults; those of
+/// structs have none. Output has null for numbers that JSON lacks.
+/// @ownership owns all its data
 /// @threads  one at a time
 /// @realtime set-up only
 class Dynamic {
  public:
-  /// For the service `name` of `schema`, a text without includes, such as schema_text() returns. It
-  /// may be another program's: see compile_text().
+  /// For the service `name` of `schema`, a text without includes, such as schema_text() returns.
+  /// The text may come from another program: see compile_text().
   /// @errors nullptr and the reason in `error`: not a schema, or no such service
   [[nodiscard]] static std::unique_ptr<Dynamic> make(const std::string& schema,
                                                      std::string_view name, std::string& error);
-  /// For the event `name` of `schema`, such as EventDescriptor::schema has.
+  /// For the event `name` of `schema`, such as a text in EventDescriptor::schema.
   /// @errors nullptr and the reason in `error`: not a schema, or no such event
   [[nodiscard]] static std::unique_ptr<Dynamic> make_for_event(const std::string& schema,
                                                                std::string_view name,
@@ -40,21 +40,21 @@ class Dynamic {
   ~Dynamic();
 
   [[nodiscard]] const Model& model() const noexcept;
-  /// Of a service's.
+  /// The service; only after make().
   [[nodiscard]] const Service& service() const noexcept;
-  /// Of an event's: what its payload is.
+  /// The event's payload; only after make_for_event().
   [[nodiscard]] const Payload& event() const noexcept;
   /// nullptr if there is no such method.
   [[nodiscard]] const Method* find(std::string_view method) const noexcept;
 
-  /// The bytes on the wire.
+  /// Encodes `json` as the bytes on the wire.
   /// @errors nothing and the reason in `error`: `json` does not match the schema, with its line,
   ///         column and field; a struct lacks fields, which are named; a number is outside its
   ///         `rtpm_range`
   [[nodiscard]] std::optional<std::vector<std::byte>> encode(const Payload& payload,
                                                              std::string_view json,
                                                              std::string& error);
-  /// Strict JSON in one line, of at most 64 MiB.
+  /// Decodes `bytes` to strict JSON in one line, of at most 64 MiB.
   /// @errors nothing: the bytes do not match, have values that the schema has no name for, or give
   ///         a longer text
   [[nodiscard]] std::optional<std::string> decode(const Payload& payload,
@@ -63,12 +63,13 @@ class Dynamic {
   /// @errors nothing: the bytes do not match
   [[nodiscard]] std::optional<std::vector<std::byte>> as_table(const Payload& payload,
                                                                std::span<const std::byte> bytes);
-  /// What as_table() was given: the bytes on the wire of a FlatBuffer whose root is the table. Of a
-  /// payload of nothing, also of no bytes.
+  /// The reverse of as_table(): the bytes on the wire of a FlatBuffer whose root is the payload's
+  /// table. For an empty payload, `bytes` may also be empty.
   /// @errors nothing: the bytes do not match
   [[nodiscard]] std::optional<std::vector<std::byte>> from_table(const Payload& payload,
                                                                  std::span<const std::byte> bytes);
-  /// As reflection(), of the payload's table and what it contains only, with the table as root.
+  /// As reflection(), reduced to the payload's table and the types that it contains, with it as
+  /// root.
   [[nodiscard]] std::vector<std::byte> reflection_of(const Payload& payload) const;
   /// The schema as FlatBuffers' own reflection, the content of a .bfbs.
   [[nodiscard]] std::span<const std::byte> reflection() const noexcept;

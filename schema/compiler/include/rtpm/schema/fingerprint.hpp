@@ -5,8 +5,8 @@
 
 #include "rtpm/schema/model.hpp"
 
-/// A fingerprint is a hash (FNV-1a, 64 bits) of a canonical text of all that both sides of a call
-/// must agree on.
+/// A fingerprint is a hash (FNV-1a, 64 bits) of a canonical text of everything on which both sides
+/// of a call must agree.
 ///
 /// The text has, for each method: id, name, idempotent (clients repeat such calls, so both sides
 /// must agree), oneway and its level, stream, the kinds and tables of request and reply, and every
@@ -18,7 +18,7 @@
 ///   enums    underlying type, each value's name and number; unions: also each value's type.
 /// Names count because types of the same layout can differ in meaning: Force{x,y}, Torque{x,y}.
 ///
-/// Not part: comments, file names, the order of declarations, other methods, what each side decides
+/// Not part: comments, file names, the order of declarations, other methods, decisions of one side
 /// alone (rtpm_deadline_us, rtpm_deferred, rtpm_priority), limits (rtpm_range, rtpm_max_size),
 /// attributes of other tools.
 namespace rtpm::schema {
@@ -28,8 +28,8 @@ namespace rtpm::schema {
 /// The text of a service: its name, then the texts of its methods by id.
 [[nodiscard]] std::string canonical_text(const Model& model, const Service& service);
 
-/// The text that a server sends so that clients of other versions can compare it with theirs: as
-/// the text of the service, but with each type once, after all methods.
+/// The text that a server sends so that clients of other versions can compare it with theirs: the
+/// text of the service, but with each type once, after all methods.
 /// @source spec/hprotocol.md#hp-12.2
 [[nodiscard]] std::string interface_text(const Model& model, const Service& service);
 

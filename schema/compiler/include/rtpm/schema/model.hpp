@@ -44,7 +44,7 @@ enum class BaseType : std::uint8_t {
 /// The type of a field, or of a union's member.
 struct Type {
   BaseType base = BaseType::kNone;
-  BaseType element = BaseType::kNone;  ///< Of a vector or array.
+  BaseType element = BaseType::kNone;  ///< The element type of a vector or array.
   /// In Model::objects for a table or struct, else in Model::enums.
   std::optional<std::size_t> index{};
   std::uint16_t fixed_length = 0;  ///< Elements of an array.
@@ -52,7 +52,7 @@ struct Type {
   [[nodiscard]] bool is_many() const noexcept {
     return base == BaseType::kVector || base == BaseType::kArray;
   }
-  /// Of a vector or array the type of its elements, else the type itself.
+  /// The element type of a vector or array; for other types, the type itself.
   [[nodiscard]] BaseType innermost() const noexcept { return is_many() ? element : base; }
   [[nodiscard]] bool has_object() const noexcept { return innermost() == BaseType::kObject; }
 };
@@ -79,7 +79,8 @@ struct Field {
   std::optional<Range> range{};  ///< `rtpm_range`.
   std::vector<Attribute> attributes{};
   Documentation documentation{};
-  Location location{};  ///< Of the name. All locations have line 0 if the model is from a .bfbs.
+  Location location{};  ///< The name's place. All locations have line 0 if the model is from a
+                        ///< .bfbs.
 };
 
 /// A table or a struct.
@@ -87,14 +88,14 @@ struct Object {
   std::string name{};  ///< Fully qualified, with dots.
   bool is_struct = false;
   std::size_t alignment = 1;                ///< Bytes.
-  std::size_t byte_size = 0;                ///< Of a struct.
+  std::size_t byte_size = 0;                ///< The size of a struct.
   std::vector<Field> fields{};              ///< By id.
   std::optional<std::uint32_t> event_id{};  ///< `rtpm_event`, of a table that is an event.
-  std::uint64_t event_fingerprint = 0;      ///< Of an event.
+  std::uint64_t event_fingerprint = 0;      ///< The fingerprint of an event.
   std::vector<Attribute> attributes{};
   Documentation documentation{};
   std::string declaration_file{};  ///< Absolute, links resolved.
-  Location location{};             ///< Of the name.
+  Location location{};             ///< The name's place.
 };
 
 struct EnumValue {
@@ -113,7 +114,7 @@ struct Enum {
   std::vector<EnumValue> values{};  ///< By value.
   Documentation documentation{};
   std::string declaration_file{};
-  Location location{};  ///< Of the name.
+  Location location{};  ///< The name's place.
 };
 
 /// How a request or reply is encoded.
@@ -127,17 +128,17 @@ enum class PayloadKind : std::uint8_t {
 struct Payload {
   PayloadKind kind = PayloadKind::kEmpty;
   std::size_t table = 0;                      ///< In Model::objects.
-  std::optional<std::size_t> struct_index{};  ///< In Model::objects, of kStruct.
+  std::optional<std::size_t> struct_index{};  ///< For kStruct: index in Model::objects.
 };
 
-/// What a caller of a oneway method waits for.
+/// The progress that a caller of a oneway method waits for.
 enum class OnewayLevel : std::uint8_t {
   kSent,      ///< "sent": the caller's system has the request; it may get lost.
   kReceived,  ///< "received": the server has the request.
   kDone,      ///< "done": the servant's method has returned.
 };
 
-/// Which role a caller needs, each including those before it.
+/// The role that a caller needs; each role includes those before it.
 enum class Role : std::uint8_t {
   kObserve,     ///< "observe"
   kCommand,     ///< "command"
@@ -197,7 +198,7 @@ struct Model {
   std::vector<Service> services{};  ///< Those that the file itself declares, in its order.
   std::vector<NamespaceName> namespaces{};
   std::uint64_t feature_bits = 0;  ///< FlatBuffers' `advanced_features`.
-  /// The file and all that it includes, by the paths they were found at.
+  /// The file and its included files, by the paths at which they were found.
   std::vector<std::string> source_files{};
 };
 
