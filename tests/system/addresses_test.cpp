@@ -37,7 +37,7 @@ class Caller {
   Caller(const Caller&) = delete;
   Caller& operator=(const Caller&) = delete;
 
-  /// Whether so many more calls succeed, in time.
+  /// Whether this many more calls succeed in time.
   [[nodiscard]] bool succeeds(int more) {
     const int aim = good_count_ + more;
     return test::await([&] { return good_count_ >= aim; });
@@ -46,7 +46,7 @@ class Caller {
     is_ending_ = true;
     if (thread_.joinable()) thread_.join();
   }
-  /// After finish().
+  /// Valid after finish().
   void report(const std::string& title) const {
     int failed_count = 0;
     for (const auto& [reason, count] : failures_) {
@@ -151,7 +151,7 @@ class MovedServer : public testing::TestWithParam<Network> {
   std::optional<Daemon> registry_;
 };
 
-// "Done when" of addresses as people have them: the client goes on by itself.
+// The client of a server whose address changes goes on by itself.
 TEST_P(MovedServer, IsFollowedByAClientThatCallsIt) {
   auto arm = start_arm(*first_);
   ASSERT_TRUE(arm);
@@ -159,7 +159,7 @@ TEST_P(MovedServer, IsFollowedByAClientThatCallsIt) {
   ASSERT_TRUE(caller.succeeds(50));
   arm->process.send_signal(SIGKILL);
   ASSERT_TRUE(arm->process.wait(kPatience));
-  // It waits for the lease of the one that died.
+  // It waits for the lease of the server that died.
   arm = start_arm(*second_);
   ASSERT_TRUE(arm);
   EXPECT_TRUE(caller.succeeds(50)) << "after kill -9";
@@ -198,7 +198,7 @@ class ServerOfThreeNetworks : public testing::Test {
     const std::string missing = missing_for_hosts();
     if (!missing.empty()) GTEST_SKIP() << missing;
     server_.emplace("s");
-    // The same at every host, as containers have it.
+    // The same at every host, as in containers.
     const auto add_bridge = [](const Host& host) {
       host.run("link add docker0 type bridge");
       host.use("docker0", "172.17.0.1/16");
@@ -221,7 +221,7 @@ class ServerOfThreeNetworks : public testing::Test {
     device_ = server_->start("rtpm-deviced", arguments);
     return device_.has_value();
   }
-  /// Of `rtpm` with the registry as the caller reaches it.
+  /// Runs `rtpm` with the registry's address as the caller reaches it.
   [[nodiscard]] test::Process::End run_at(std::size_t caller,
                                           std::vector<std::string> arguments) const {
     arguments.insert(arguments.begin(), {"--registry", registry_at(in_url(kLinks[caller].server))});
@@ -272,7 +272,7 @@ TEST_F(ServerOfThreeNetworks, ThatServesItsOwnHostOnlySaysSoToOthers) {
     for (const char* part : {"serves its own host only", "start its server with --host any"})
       EXPECT_NE(refused.errors.find(part), std::string::npos) << refused.errors;
   }
-  // By one of its own addresses, too, it is the same host.
+  // One of the host's own addresses leads to the same host, too.
   for (const auto& [server, caller, prefix_size] : kLinks) {
     const auto here = server_->run_tool(
         {"--registry", registry_at(in_url(server)), "call", "lab/arm0", "read", "{}"});

@@ -12,7 +12,7 @@
 #include "programs.hpp"
 #include "rtpm/test/os.hpp"
 
-// Whatever is wrong around a program, it says so in one sentence with the remedy, and ends.
+// Whatever is wrong around a program, it reports it in one sentence with the remedy, and ends.
 namespace rtpm::system_test {
 namespace {
 
@@ -51,7 +51,7 @@ INSTANTIATE_TEST_SUITE_P(Programs, EveryProgram,
 
 // All programs of a shell share its environment.
 TEST(Variables, HaveOneMeaningInAllPrograms) {
-  std::map<std::string, std::string> meanings;  // Of each variable, and whose that is.
+  std::map<std::string, std::string> meanings;  // By variable; each with its program.
   for (const char* program : {"rtpm-registryd", "rtpm-deviced", "rtpm-eventd", "rtpm-servo",
                               "rtpm-display", "rtpm-figure5"}) {
     std::istringstream lines(run_program(program, {"--dump-config"}).output);
@@ -69,14 +69,14 @@ TEST(Variables, HaveOneMeaningInAllPrograms) {
   EXPECT_FALSE(meanings.contains("RTPM_DEADLINE")) << "that is the tool's";
 }
 
-/// A command in front of a program that leaves it so many bytes of addresses.
+/// A command in front of a program that limits its address space to this many bytes.
 std::vector<std::string> with_memory(std::size_t size_max, std::vector<std::string> command) {
   command.insert(command.begin(), {"prlimit", "--core=0", "--as=" + std::to_string(size_max)});
   return command;
 }
 
 constexpr std::size_t kMiB = std::size_t{1} << 20;
-constexpr int kNotLoaded = 127;  // The exit code where the system can't load a program's libraries.
+constexpr int kNotLoaded = 127;  // The exit code if the system can't load a program's libraries.
 constexpr const char* kSanitizersTakeAllAddresses = "sanitizers take all addresses for themselves";
 
 TEST(OutOfMemory, EndsADaemonWithItsRemedy) {
@@ -164,7 +164,7 @@ TEST_F(FewDescriptors, AreNamedWhereTheyKeepAProgramFromItsWork) {
       std::vector<std::string> whole{"prlimit", "--nofile=" + std::to_string(count)};
       whole.insert(whole.end(), command.begin(), command.end());
       test::Process process(whole);
-      if (process.wait_for_output("rtpm://", kPatience)) break;  // There are enough.
+      if (process.wait_for_output("rtpm://", kPatience)) break;  // The descriptors suffice.
       const auto end = process.wait(kPatience);
       ASSERT_TRUE(end);
       if (end->exit_code == 0) break;
@@ -183,7 +183,7 @@ TEST(BadSurroundings, ABusyPortIsNamed) {
 }
 
 TEST(BadSurroundings, AMissingRegistryIsNamed) {
-  // A port that was free a moment ago; nobody serves it.
+  // A port that was free a moment ago; no program serves it.
   const std::string url = [] {
     const auto registry = start_daemon("rtpm-registryd", {"--port", "0", "--realtime", "off"});
     return registry ? registry->url : std::string();
@@ -214,7 +214,7 @@ TEST(BadSurroundings, ABrokenRecordingIsNamedWithItsLine) {
   std::filesystem::remove(file);
 }
 
-/// A command in front of a program that takes its right to SCHED_FIFO and to lock memory away.
+/// A command in front of a program that takes away its right to SCHED_FIFO and to locked memory.
 std::vector<std::string> without_rights(const std::vector<std::string>& command) {
   std::vector<std::string> whole;
   if (geteuid() == 0) {

@@ -6,7 +6,7 @@
 
 #include "programs.hpp"
 
-// That rtpm-bench runs and says what it promises; what it measures is not judged here.
+// rtpm-bench runs and reports what it promises; its figures are not judged here.
 namespace rtpm::system_test {
 namespace {
 
@@ -112,7 +112,7 @@ TEST(Bench, ComparesTheLoadedServerWithTheIdleOne) {
   }
 }
 
-// Two sockets and two threads are what a program has without RTPM, whatever RTPM goes over.
+// A program without RTPM has two sockets and two threads, whatever transport RTPM uses.
 TEST(Bench, IsolatesOverSharedMemoryBesideSocketsAndBesideRings) {
   const auto end = run_program(
       "rtpm-bench", {"run", "isolation", "--samples", "40", "--rounds", "2", "--low-callers", "2",

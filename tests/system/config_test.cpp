@@ -59,7 +59,7 @@ class Configured : public testing::Test {
     arguments.insert(arguments.end(), {"--registry", registry_->url, "--deadline", "20s"});
     return arguments;
   }
-  /// `rtpm config …`; again while the machine did not run the device's thread in time.
+  /// Runs `rtpm config …`; repeats it while the machine did not run the device's thread in time.
   [[nodiscard]] test::Process::End config(const std::vector<std::string>& arguments) const {
     test::Process::End end;
     for (int i = 0; i < 20; ++i) {
@@ -75,7 +75,7 @@ class Configured : public testing::Test {
     EXPECT_EQ(end.errors, "");
     return end.output;
   }
-  /// `rtpm config …` with what an operator types.
+  /// Runs `rtpm config …` with an operator's input.
   [[nodiscard]] test::Process::End typed(const std::string& lines,
                                          const std::vector<std::string>& arguments) const {
     std::vector<std::string> command{"sh", "-c", "printf '" + lines + "' | \"$0\" \"$@\"",
@@ -303,7 +303,7 @@ TEST_F(Configured, CtrlCCancelsACalibration) {
   EXPECT_EQ(next.exit_code, 0) << "it is free at once: " << next.errors;
 }
 
-/// A device whose words would clear a terminal's screen.
+/// A device whose texts would clear a terminal's screen.
 class HostileDevice final : public test::SampleDevice {
  public:
   HostileDevice() {

@@ -98,7 +98,7 @@ TEST_F(Devices, GoOnWhileTheirHubIsKilledAndComesBack) {
   const std::string before = display.output();
   ASSERT_TRUE(test::await(
       [&] {
-        // A line without the mark, behind those that have it.
+        // A line without the mark, after those that have it.
         static_cast<void>(display.wait_for_output("never printed", std::chrono::milliseconds{100}));
         const std::string& output = display.output();
         return output.size() > before.size() && output.rfind("dial ") > output.rfind("no hub");
@@ -265,7 +265,7 @@ TEST_F(Devices, ShowAndConfirmWhatAnOperatorRequests) {
   EXPECT_NE(transition("activate").find("lab/arm0 is active"), std::string::npos);
 }
 
-// A name that two registries bind is stopped at both servers.
+// A device whose name is bound in two registries is stopped at both servers.
 TEST_F(Devices, AreStoppedByANameThatIsBoundTwice) {
   const auto devices = host("arm0", {"--events", "none"});
   ASSERT_TRUE(devices);

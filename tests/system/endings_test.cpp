@@ -10,8 +10,8 @@
 
 #include "programs.hpp"
 
-// How programs end: in order on every signal that asks them to, and with an exit code that says
-// whether all that they printed was written.
+// How programs end: in order on every signal that asks for it, and with an exit code that shows
+// whether all output was written.
 namespace rtpm::system_test {
 namespace {
 
@@ -72,7 +72,7 @@ INSTANTIATE_TEST_SUITE_P(Signals, EndSignal, testing::Values(SIGHUP, SIGINT, SIG
                            return "Signal" + std::to_string(parameter.param);
                          });
 
-/// Runs `program` with its standard output sent there.
+/// Runs `program` with its standard output redirected there.
 test::Process::End run_into(const std::string& output, const std::string& program,
                             const std::vector<std::string>& arguments) {
   std::vector<std::string> command{"sh", "-c", "exec \"$0\" \"$@\" " + output, path_of(program)};
@@ -93,7 +93,7 @@ TEST_P(LostOutput, FailsTheProgram) {
     expect_one_sentence(
         run_into(">/dev/full", program, {option}), 1,
         {program, "standard output can't be written: No space left on device. Remedy"});
-    // Not into the first file or socket that the program opens.
+    // The output must not go into the first file or socket that the program opens.
     expect_one_sentence(run_into(">&-", program, {option}), 1, {"Bad file descriptor"});
   }
 }

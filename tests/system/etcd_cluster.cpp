@@ -23,12 +23,12 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// Runs a command of ip or nft, and reports if it fails.
+/// Runs a command of ip or nft; the test fails if that fails.
 void run_command(const std::string& command) {
   EXPECT_EQ(std::system((command + " >/dev/null 2>&1").c_str()), 0) << command;
 }
 
-/// What a node answers; null: nothing in time.
+/// Returns a node's answer; null: nothing came in time.
 nlohmann::json ask(const std::string& address, const std::string& path, const std::string& body) {
   static const std::atomic<bool> kNeverStopping = false;
   etcd_store::HttpClient client(kNeverStopping);

@@ -11,13 +11,13 @@
 namespace rtpm::system_test {
 
 /// Three nodes of etcd, each a host of its own: a network namespace behind a bridge in this
-/// thread's, which is a new one, too, until this ends.
+/// thread's namespace, which is a new one, too, as long as this object lives.
 /// @threads  one; threads that it starts are in the same network
 class EtcdCluster {
  public:
   static constexpr int kNodeCount = 3;
 
-  /// Why there can be none here; nothing if there can.
+  /// Why no cluster can run here; nothing if one can.
   [[nodiscard]] static std::optional<std::string> missing();
 
   EtcdCluster();
@@ -27,22 +27,22 @@ class EtcdCluster {
 
   /// "etcd://10.99.0.1:2379,…", for `--store`.
   [[nodiscard]] std::string url() const;
-  /// Waits until there is a leader, and all nodes follow it; -1: that does not come.
+  /// Waits until there is a leader, and all nodes follow it; -1: not in time.
   [[nodiscard]] int await_leader();
-  /// The leader as most nodes know it now; -1: none.
+  /// The leader that most nodes know now; -1: none.
   [[nodiscard]] int leader() const;
 
   void kill(int node);
   void start(int node);
   void freeze(int node);
   void thaw(int node);
-  /// No packet gets to the node or from it.
+  /// Drops all packets to and from the node.
   void cut_off(int node);
-  /// No packet gets from it to other nodes or back; registries still reach it.
+  /// Drops all packets between it and the other nodes; registries still reach it.
   void part_from_nodes(int node);
   void heal(int node);
 
-  /// Forgets all former changes of names, as a site's own compaction does.
+  /// Drops all former changes of names, like a site's own compaction.
   void compact();
 
  private:

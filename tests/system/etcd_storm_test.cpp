@@ -24,7 +24,7 @@
 #include "rtpm/test/os.hpp"
 
 // Two registries in front of three nodes of etcd, which are killed, stopped and cut off under load:
-// nothing acknowledged is lost, none comes back, and both registries end with the same names.
+// no acknowledged change is lost, none comes back, and both registries end with the same names.
 namespace rtpm::system_test {
 namespace {
 
@@ -33,17 +33,17 @@ using namespace std::chrono_literals;
 constexpr int kRegistryCount = 2;
 constexpr Duration kFaultTime = 2500ms;
 
-/// Rounds of the storm: RTPM_ETCD_ROUNDS, else three of the four faults.
+/// Rounds of the storm: RTPM_ETCD_ROUNDS, otherwise three of the four faults.
 int round_count() {
   const char* const text = std::getenv("RTPM_ETCD_ROUNDS");
   return text == nullptr ? 3 : std::atoi(text);
 }
 
 using State = std::map<std::string, std::string>;  ///< URLs of names.
-/// Of each name: its URLs, one after the other; empty: it has gone.
+/// The URLs of each name, one after the other; an empty URL: the name was unbound.
 using History = std::map<std::string, std::vector<std::string>>;
 
-/// A registry that follows etcd, with what a watch at it has told.
+/// A registry that follows etcd, with the reports of a watch at it.
 class WatchedRegistry {
  public:
   explicit WatchedRegistry(const std::string& store) { start(store); }
@@ -128,7 +128,7 @@ class Callers {
   static constexpr int kNamesPerCaller = 6;
   static constexpr std::size_t kLeasedCount = 3;
 
-  /// `before`: what an earlier round has left.
+  /// `before`: the names left by an earlier round.
   Callers(std::array<std::string, kRegistryCount> urls, const State& before, History& history,
           int round)
       : urls_(std::move(urls)), before_(before), history_(history), round_(round) {
@@ -137,7 +137,7 @@ class Callers {
     threads_.emplace_back([this] { keep_leases(); });
   }
   ~Callers() { end(); }
-  /// Ends them once all they asked for is acknowledged.
+  /// Ends them once all requested changes are acknowledged.
   void end() {
     is_ending_ = true;
     for (std::thread& thread : threads_)
@@ -161,7 +161,7 @@ class Callers {
     return made;
   }
 
-  /// Asks registry after registry until one has an outcome.
+  /// Asks registry after registry until one returns an outcome.
   template <class Operation>
   std::optional<names::Outcome> insist(Directories& directories, std::mt19937_64& random,
                                        Operation operation) {
@@ -198,7 +198,7 @@ class Callers {
           ++tries;
           return directory.unbind(name, owner);
         });
-        // An earlier try, which had no answer, may have done it.
+        // An earlier try without an answer may have done it.
         EXPECT_TRUE(outcome == names::Outcome::kDone ||
                     (outcome == names::Outcome::kNotFound && tries > 1))
             << name << " after " << tries << " tries";
@@ -302,7 +302,7 @@ void strike(EtcdCluster& cluster, int round, std::mt19937_64& random) {
   ASSERT_GE(cluster.await_leader(), 0) << "no leader after the fault";
 }
 
-/// What a watch told of a name, and what was acknowledged of it.
+/// Checks that a watch reported the changes of a name that were acknowledged.
 void expect_same(const std::string& name, const std::vector<std::string>& told,
                  const std::vector<std::string>& acknowledged) {
   std::size_t i = 0;
@@ -345,7 +345,7 @@ TEST(EtcdStorm, LosesNothingAcknowledgedAndRegistriesEndAlike) {
     EXPECT_EQ(callers.lost_lease_count(), 0u) << "a leased name went though it was renewed";
     const State expected = callers.acknowledged();
     before = expected;
-    // The watch settles; then both have what was acknowledged, and nothing else.
+    // The watch settles; then both have exactly the acknowledged names.
     std::array<State, kRegistryCount> found{};
     for (std::size_t i = 0; i < found.size(); ++i) {
       static_cast<void>(test::await([&] {
@@ -366,7 +366,7 @@ TEST(EtcdStorm, LosesNothingAcknowledgedAndRegistriesEndAlike) {
     EXPECT_EQ(registries[0].listed(), expected);
     EXPECT_EQ(registries[1].listed(), expected);
   }
-  // Both have told the same changes in the same order, and of each name what was acknowledged.
+  // Both have reported the same changes in the same order, and for each name the acknowledged ones.
   if (registries[0].state_count() == 1 && registries[1].state_count() == 1) {
     for (WatchedRegistry& registry : registries) {
       const MonotonicTime give_up = rt::now() + 3s;  // Before the leases end.
@@ -417,7 +417,7 @@ TEST(EtcdRegistries, StandInForEachOtherAndSayWhenEtcdIsGone) {
   WatchedRegistry first(cluster.url());
   WatchedRegistry second(cluster.url());
   second.watch();
-  // What one registry is told the other has, too, under the same revision.
+  // One registry's changes reach the other under the same revision.
   const auto bound = first.directory().bind(permanent("lab/camera"));
   ASSERT_TRUE(bound) << bound.error().text();
   ASSERT_TRUE(test::await([&] { return second.told().contains("lab/camera"); }));
@@ -425,7 +425,7 @@ TEST(EtcdRegistries, StandInForEachOtherAndSayWhenEtcdIsGone) {
   const auto refused = second.directory().bind(permanent("lab/camera/lens"));
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().outcome, names::Outcome::kNotADirectory);
-  // Clients that know both registries go on at the other one.
+  // Clients that know both registries continue at the other one.
   const std::string both = first.url() + "," + second.url();
   rpc::Node client{{.wait = {.strategy = rt::WaitStrategy::kBlock}}};
   std::vector<std::string> reports;
@@ -451,19 +451,19 @@ TEST(EtcdRegistries, StandInForEachOtherAndSayWhenEtcdIsGone) {
   EXPECT_EQ(resumed->phase, names::WatchPhase::Changes);
   ASSERT_EQ(resumed->changes.size(), 1u);
   EXPECT_EQ(resumed->changes[0]->entry->name, "lab/arm");
-  // The owner of the leased name renews it where it can.
+  // The owner of the leased name renews it at the other registry.
   for (int i = 0; i < 8; ++i) {
     const auto renewed = second.directory().renew("lab/arm", {5, 1}, 2s);
     ASSERT_TRUE(renewed) << renewed.error().text();
     rt::sleep_until(rt::now() + 500ms);
   }
-  // Unless it does not: then etcd ends the lease.
+  // Without a renewal, etcd ends the lease.
   EXPECT_TRUE(test::await([&] { return !second.told().contains("lab/arm"); }));
   EXPECT_TRUE(test::await([&] { return arm_count == 2; })) << "bound and gone, each told once";
   EXPECT_EQ((*watch)->state_count(), 1u) << "it resumed where it was";
   EXPECT_TRUE((*registration)->is_bound());
   EXPECT_EQ(reports, std::vector<std::string>{}) << "the name was never lost";
-  // Changes that were compacted before a registry saw them: it reads all again.
+  // Changes were compacted before a registry saw them: it reads all names again.
   WatchedRegistry third(cluster.url());
   third.watch();
   third.freeze();
@@ -479,7 +479,7 @@ TEST(EtcdRegistries, StandInForEachOtherAndSayWhenEtcdIsGone) {
   const State left{{"lab/late", "rtpm://10.0.0.1:1/x"}, {"lab/screen", "rtpm://10.0.0.1:1/s"}};
   EXPECT_TRUE(test::await([&] { return third.listed() == left && third.told() == left; }));
   EXPECT_EQ(third.state_count(), 2u) << "what changed meanwhile was not known one by one";
-  // Without etcd reads go on, marked; changes fail in words.
+  // Without etcd, reads continue, marked as stale; changes fail with a reason.
   for (int node = 0; node < EtcdCluster::kNodeCount; ++node)
     cluster.kill(node);
   ASSERT_TRUE(test::await([&] { return second.is_stale(); }));
@@ -498,7 +498,7 @@ TEST(EtcdRegistries, StandInForEachOtherAndSayWhenEtcdIsGone) {
   for (int node = 0; node < EtcdCluster::kNodeCount; ++node)
     cluster.start(node);
   EXPECT_TRUE(test::await([&] { return second.listed() == left; })) << "it is up to date again";
-  // The daemon's own ways with etcd.
+  // The daemon's own behaviour with etcd.
   const auto dumped = run_program("rtpm-registryd", {"--store", cluster.url(), "--dump"});
   EXPECT_NE(dumped.output.find("\"lab/late\""), std::string::npos) << dumped.errors;
   expect_one_sentence(run_program("rtpm-registryd", {"--store", "etcd://10.99.0.77:1"}), 1,

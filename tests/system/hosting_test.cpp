@@ -25,7 +25,7 @@ std::vector<std::string> alone(std::vector<std::string> arguments) {
   return arguments;
 }
 
-/// That rtpm-deviced refuses `arguments`.
+/// Checks that rtpm-deviced refuses `arguments`.
 void expect_refusal(const std::vector<std::string>& arguments, int exit_code,
                     const std::vector<std::string_view>& words) {
   const auto end = run_program("rtpm-deviced", alone(arguments));
@@ -110,7 +110,7 @@ TEST(BadDevices, ADeviceNeedsADriver) {
                  {"the device lever has no driver", "--device-lever-driver", "arm, biometric"});
 }
 
-/// It is not served; the arm beside it is.
+/// The device is not served; the arm beside it is.
 void expect_own_device_is_lost(const std::string& behaviour,
                                const std::vector<std::string>& words) {
   SCOPED_TRACE(behaviour);
@@ -205,7 +205,7 @@ class BlockedDriver : public testing::Test {
                                                 "--realtime", "off", "--seconds", "0.3"});
     EXPECT_EQ(end.exit_code, 0) << end.errors;
   }
-  /// That the server ends in bounded time on SIGTERM, and names the lever.
+  /// Checks that the server ends in bounded time on SIGTERM, and names the lever.
   void expect_bounded_end() {
     device_->process.send_signal(SIGTERM);
     const auto end = device_->process.wait(std::chrono::seconds{15});
@@ -281,7 +281,7 @@ TEST_F(BlockedDriver, InConfigureDoesNotKeepOthersFromBeingServed) {
   expect_bounded_end();
 }
 
-/// A server with the simulated arm and a lever whose driver crashes once a file is there.
+/// A server with the simulated arm and a lever whose driver crashes once a file exists.
 class CrashingDriver : public testing::Test {
  protected:
   void SetUp() override {
@@ -323,7 +323,7 @@ TEST_F(CrashingDriver, IsNamedWithItsThreadAndDevice) {
   }
 }
 
-/// Which then also has the device when the server is killed.
+/// The isolated driver also deactivates its device when the server is killed.
 TEST_F(CrashingDriver, DeactivatesItsDeviceWhenItsServerIsKilled) {
   serve({"--device-lever-isolated"}, "mark:");
   EXPECT_FALSE(std::filesystem::exists(trigger_));

@@ -85,8 +85,7 @@ TEST_F(Laboratory, ARecordedHandMovesTheArm) {
 }
 
 TEST_F(Laboratory, AClientKilledInMidCallLeavesTheServerServing) {
-  // The device frees itself of a silent client when that one's lease is over, so a successor may
-  // have to ask again.
+  // The device drops a silent client when its lease is over, so a successor may have to ask again.
   for (int i = 0; i < 3; ++i) {
     auto victim = start_servo(60);
     ASSERT_TRUE(victim);

@@ -25,17 +25,17 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// Rounds of the storm: RTPM_STORM_ROUNDS, else a few.
+/// Rounds of the storm: RTPM_STORM_ROUNDS, otherwise a few.
 int round_count() {
   const char* const text = std::getenv("RTPM_STORM_ROUNDS");
   return text == nullptr ? 20 : std::atoi(text);
 }
 
-/// What one caller knows of its own name: the acknowledged state, and the one that it has asked for
-/// since without an answer.
+/// One caller's knowledge of its own name: the acknowledged state, and the state that it has since
+/// asked for without an answer.
 struct Known {
   std::string acknowledged{};              ///< URL; empty: not bound.
-  std::optional<std::string> asked_for{};  ///< Nothing is under way without it.
+  std::optional<std::string> asked_for{};  ///< Empty: nothing is under way.
 };
 
 class Storm {
@@ -43,7 +43,7 @@ class Storm {
   static constexpr int kCallerCount = 3;
   static constexpr int kNamesPerCaller = 8;
 
-  /// Binds and unbinds until the registry does not answer any more.
+  /// Binds and unbinds until the registry no longer answers.
   void run(const std::string& registry_url, std::uint64_t seed) {
     std::vector<std::thread> callers;
     for (int caller = 0; caller < kCallerCount; ++caller) {
@@ -59,7 +59,7 @@ class Storm {
       caller.join();
   }
 
-  /// Compares with what the registry has now, which is then what is known.
+  /// Compares with the registry's current names, which become the known state.
   void check(const std::string& registry_url) {
     rpc::Node node{{.wait = {.strategy = rt::WaitStrategy::kBlock}}};
     names::Directory directory(node, registry_url);
@@ -83,7 +83,7 @@ class Storm {
   [[nodiscard]] std::uint64_t acknowledged_count() const { return acknowledged_count_; }
 
  private:
-  /// Whether it was acknowledged.
+  /// Whether the change was acknowledged.
   bool change_one(names::Directory& directory, int caller, std::mt19937_64& random) {
     const std::string name =
         "c" + std::to_string(caller) + "/n" + std::to_string(random() % kNamesPerCaller);
@@ -193,7 +193,7 @@ TEST(LostNames, AreStillLostWhenTheRegistryWasKilledUntilTheyAreDismissed) {
   std::filesystem::remove_all(folder);
 }
 
-// The daemon's own ways with a database.
+// The daemon's own behaviour with a database.
 TEST(RegistryDaemon, DumpsAndLoadsAndKeepsPermanentNames) {
   std::string folder = (std::filesystem::temp_directory_path() / "rtpm-dump-XXXXXX").string();
   ASSERT_NE(::mkdtemp(folder.data()), nullptr);

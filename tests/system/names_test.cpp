@@ -12,7 +12,7 @@
 #include "rtpm/names/resolver.hpp"
 #include "rtpm/test/os.hpp"
 
-// Names that lead elsewhere after a while, and programs that want more of them than their share.
+// Names whose target changes after a while, and programs that want more names than their share.
 namespace rtpm::system_test {
 namespace {
 
@@ -69,7 +69,7 @@ TEST_F(Names, LeadDisplaysAndClientsToADeviceThatCameBackAtAnotherPort) {
   const std::string former = arm->url();
   kill_device();
   EXPECT_FALSE(arm->read());
-  // Its name is held by the one that was killed until the lease ends, which it waits for.
+  // The killed server's name stays bound until its lease ends, which the new server waits for.
   device_ = start_daemon("rtpm-deviced", device_arguments({"--port", "0"}));
   ASSERT_TRUE(device_);
   ASSERT_NE(device_->url, former);
@@ -77,7 +77,7 @@ TEST_F(Names, LeadDisplaysAndClientsToADeviceThatCameBackAtAnotherPort) {
   EXPECT_TRUE(test::await([&] { return arm->read().has_value(); }));
   EXPECT_EQ(arm->url(), device_->url);
   EXPECT_TRUE(test::await([&] { return sink.count > count + 1; }));
-  // What commands is another's affair: this one's lease was the former server's.
+  // Commands need a new lease: the client's lease was the former server's.
   const auto refused = arm->set_force({});
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error(), gvd::DeviceOutcome::kNotHolder);
@@ -114,7 +114,7 @@ TEST_F(Names, AreTakenFromALivingServerOnlyOnDemandAndTheRegistryTells) {
       << told;
 }
 
-// As many owners as there are names, each for an hour.
+// As many owners as names, each for an hour.
 TEST_F(Names, OfInventedServersLeaveRoomAndAreGoneSoon) {
   std::size_t bound_count = 0;
   std::size_t refused_count = 0;
@@ -138,7 +138,7 @@ TEST_F(Names, OfInventedServersLeaveRoomAndAreGoneSoon) {
   EXPECT_EQ(report.exit_code, 0) << report.errors;
   for (const std::string_view word : {"HostOwnersFull", "127.0.0.1", "name_count"})
     EXPECT_NE(report.output.find(word), std::string::npos) << report.output;
-  // What is held goes on, and what nobody renews is gone after its first lease.
+  // Held names live on, and a name that nobody renews is gone after its first lease.
   EXPECT_EQ(run_servo({"--seconds", "0.5"}).exit_code, 0);
   EXPECT_TRUE(test::await([&] {
     const auto names = directory_->list();

@@ -18,7 +18,7 @@
 // Hosts, as network namespaces.
 namespace rtpm::system_test {
 
-/// Why network namespaces can't be made here, or nothing.
+/// Why network namespaces can't be created here, or nothing.
 [[nodiscard]] inline std::string missing_for_hosts() {
   if (geteuid() != 0) return "network namespaces take root";
   if (std::system("command -v ip >/dev/null") != 0) return "the program 'ip' is missing";
@@ -26,13 +26,13 @@ namespace rtpm::system_test {
   return end && end->exit_code == 0 ? "" : "network namespaces take the right CAP_SYS_ADMIN";
 }
 
-/// Runs a command of ip(8); the test fails if that does.
+/// Runs a command of ip(8); the test fails if the command fails.
 inline void ip(const std::string& command) {
   const int status = std::system(("ip " + command).c_str());
   EXPECT_EQ(status, 0) << "ip " << command;
 }
 
-/// A network namespace with a name of this process, which goes with it.
+/// A network namespace with a name of this process, which is removed with this object.
 class Host {
  public:
   /// @param keys  the folder of its user's keys; empty: the test's
@@ -56,7 +56,7 @@ class Host {
     other.use(its_interface, its_address);
   }
   void use(const std::string& interface, const std::string& address) const {
-    // Without waiting for another host to have the same address.
+    // Does not wait for another host to have the same address.
     const bool is_ipv6 = address.find(':') != std::string::npos;
     if (!address.empty()) {
       run("address add " + address + " dev " + interface + (is_ipv6 ? " nodad" : ""));
@@ -80,7 +80,7 @@ class Host {
     command.insert(command.end(), arguments.begin(), arguments.end());
     return test::run(command, kPatience).value_or(test::Process::End{});
   }
-  /// Takes the calling thread, and those that it starts, to this host.
+  /// Moves the calling thread, and threads that it starts, to this host.
   void enter() const {
     const int file = open(("/run/netns/" + name_).c_str(), O_RDONLY | O_CLOEXEC);
     ASSERT_EQ(setns(file, CLONE_NEWNET), 0);

@@ -9,11 +9,11 @@
 
 #include "programs.hpp"
 
-// That each peer that is built answers calls, and that its results have what is promised.
+// Each peer that is built answers calls, and its results have the promised fields.
 namespace rtpm::system_test {
 namespace {
 
-/// The results of the one peer that a run was asked for.
+/// The results of the single peer of a run.
 std::vector<nlohmann::json> lines_of_peer(const std::string& output, const std::string& peer) {
   std::vector<nlohmann::json> lines;
   std::istringstream stream(output);
@@ -65,7 +65,7 @@ TEST_P(EventPeer, BringsEventsToEveryConsumer) {
   EXPECT_GE(lines.size(), 1U) << end.errors;
   for (const auto& line : lines) {
     EXPECT_EQ(line.at("n"), 200) << line;
-    // Nobody promises all of them, and the machine may be busy.
+    // Not all of them are guaranteed, and the machine may be busy.
     EXPECT_LE(line.at("missing"), 60) << line;
     EXPECT_GE(line.at("last_p50_us"), line.at("each_p50_us")) << line;
     EXPECT_GT(line.at("rtpm_over_peer_last_p999"), 0) << line;

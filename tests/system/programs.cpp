@@ -82,7 +82,7 @@ test::Process::End Laboratory::run_servo_until_it_succeeds() const {
 std::optional<test::Process> Laboratory::start_servo(int seconds) const {
   test::Process servo({path_of("rtpm-servo"), "--registry", registry_->url, "--realtime", "off",
                        "--live", "lines", "--seconds", std::to_string(seconds)});
-  // The first live line says that the loop runs.
+  // The first live line shows that the loop runs.
   if (servo.wait_for_output("\n", kPatience)) return servo;
   ADD_FAILURE() << "rtpm-servo does not run: " << servo.errors();
   return std::nullopt;

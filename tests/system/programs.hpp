@@ -19,7 +19,7 @@ inline constexpr Duration kPatience = std::chrono::seconds{30};
 
 [[nodiscard]] std::string path_of(std::string_view program);
 
-/// A program that said where it serves.
+/// A program that has announced its address.
 struct Daemon {
   test::Process process;
   std::string url;
@@ -32,12 +32,12 @@ struct Daemon {
                                                  std::vector<std::string> arguments,
                                                  const std::vector<std::string>& before = {});
 
-/// Runs `program` to its end; the test fails if that does not come.
+/// Runs `program` to its end; the test fails if it does not end.
 [[nodiscard]] test::Process::End run_program(std::string_view program,
                                              std::vector<std::string> arguments);
 
-/// Checks that a program ended with `exit_code` and one sentence on standard error, which has all
-/// of `words`.
+/// Checks that a program ended with `exit_code` and one sentence on standard error, which contains
+/// all of `words`.
 void expect_one_sentence(const test::Process::End& end, int exit_code,
                          const std::vector<std::string_view>& words);
 
@@ -47,7 +47,8 @@ class Laboratory : public testing::Test {
   void SetUp() override;
 
   [[nodiscard]] test::Process::End run_servo(std::vector<std::string> arguments) const;
-  /// As run_servo(), again and again until it succeeds or patience is over; the last try's end.
+  /// Like run_servo(), again and again until it succeeds or patience is over; returns the last
+  /// result.
   [[nodiscard]] test::Process::End run_servo_until_it_succeeds() const;
   /// Starts a force loop of `seconds` and returns when it runs. Failing that, the test fails, and
   /// so must its caller.

@@ -11,23 +11,22 @@
 
 #include "programs.hpp"
 
-// What rtpm-bench's cases over a network promise whatever the machine: that no call runs twice,
-// that each has an end that is stated, and that nothing is left behind. How long it takes is not
-// judged.
+// The promises of rtpm-bench's cases over a network, which no machine changes: no call runs twice,
+// each call has a stated end, and nothing is left behind. How long it takes is not judged.
 namespace rtpm::system_test {
 namespace {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-/// Why network namespaces can't be made here, or nothing.
+/// Why network namespaces can't be created here, or nothing.
 std::string missing_for_two_nodes() {
   for (const char* program : {"ip", "nft"}) {
     if (std::system((std::string("command -v ") + program + " >/dev/null").c_str()) != 0) {
       return std::string("the program '") + program + "' is missing";
     }
   }
-  // In a process of its own, so that this one stays where it is.
+  // In a process of its own, so that this process stays in its namespace.
   const auto end = test::run({"/usr/bin/unshare", "--net", "true"}, kPatience);
   if (!end || end->exit_code != 0) return "network namespaces take the right CAP_SYS_ADMIN";
   return {};
@@ -100,7 +99,7 @@ TEST_F(TwoNodeBench, LeavesNoNamespaceBehindWhenInterrupted) {
     test::Process bench({path_of("rtpm-bench"), "run", "two-node", "--drop", "5", "--calls",
                          "10000000", "--realtime", "off", "--transport", "udp"});
     const auto give_up = std::chrono::steady_clock::now() + kPatience;
-    // Its own, the server's and the caller's.
+    // rtpm-bench's own, the server's and the caller's.
     while (network_namespaces().size() < before.size() + 3 &&
            std::chrono::steady_clock::now() < give_up) {
       sched_yield();
@@ -109,7 +108,7 @@ TEST_F(TwoNodeBench, LeavesNoNamespaceBehindWhenInterrupted) {
     bench.send_signal(SIGINT);
     ASSERT_TRUE(bench.wait(kPatience));
   }
-  // Its servers are ended by the kernel, soon.
+  // The kernel ends its servers soon.
   const auto give_up = std::chrono::steady_clock::now() + kPatience;
   while (network_namespaces() != before && std::chrono::steady_clock::now() < give_up)
     sched_yield();

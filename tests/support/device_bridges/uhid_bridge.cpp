@@ -22,7 +22,7 @@ void copy_text(const std::string& text, void* into, std::size_t size) {
   std::memcpy(into, text.data(), std::min(text.size(), size - 1));
 }
 
-/// How many bytes of at most UHID_DATA_MAX it copied.
+/// Returns the number of bytes copied, at most UHID_DATA_MAX.
 __u16 copy_report(std::span<const std::byte> bytes, void* into) {
   const std::size_t size = std::min<std::size_t>(bytes.size(), UHID_DATA_MAX);
   if (size > 0) std::memcpy(into, bytes.data(), size);
@@ -72,7 +72,7 @@ expected<void, SetupError> UhidBridge::plug() {
 
 void UhidBridge::unplug() noexcept {
   if (handle_ < 0) return;
-  // While the kernel ends the device it may still wait for answers, which the thread gives.
+  // While the kernel ends the device it may still wait for answers, which the thread sends.
   uhid_event event{};
   event.type = UHID_DESTROY;
   static_cast<void>(send(handle_, event));

@@ -26,8 +26,8 @@ struct HidIdentity {
   std::string serial_number{};  ///< At most 63 bytes.
 };
 
-/// What a HID device does. All functions are called from the bridge's thread, one at a time; a
-/// function that is missing refuses.
+/// The behaviour of a HID device. All functions are called from the bridge's thread, one at a time;
+/// a missing function refuses.
 struct HidModel {
   HidIdentity identity{};
   std::vector<std::byte> report_descriptor{};  ///< At most 4096 bytes.
@@ -42,8 +42,8 @@ struct HidModel {
   std::function<bool(std::span<const std::byte> report)> on_set_feature_report{};
 };
 
-/// Puts a model behind the kernel's HID stack by /dev/uhid, so that hidraw, evdev and hidapi see it
-/// as hardware.
+/// Puts a model behind the kernel's HID stack through /dev/uhid, so that hidraw, evdev and hidapi
+/// see it as hardware.
 /// @threads  one; the model's functions run on the bridge's own
 /// @source   the kernel's Documentation/hid/uhid.rst
 class UhidBridge {
@@ -59,7 +59,7 @@ class UhidBridge {
   /// Makes the device appear. The kernel goes on to set it up after this returns.
   /// @errors   no /dev/uhid, no right to it, or the kernel refuses the device
   [[nodiscard]] expected<void, SetupError> plug();
-  /// Makes it disappear, in use or not. The model stays as it is. No effect if not plugged in.
+  /// Unplugs the device, in use or not. The model keeps its state. No effect if not plugged in.
   void unplug() noexcept;
 
   /// Calls `function` while no function of the model runs.

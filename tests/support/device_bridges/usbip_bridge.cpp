@@ -21,7 +21,7 @@ constexpr std::uint32_t kSubmit = 1;
 constexpr std::uint32_t kUnlink = 2;
 constexpr std::uint32_t kSubmitReply = 3;
 constexpr std::uint32_t kUnlinkReply = 4;
-/// Where the fields of a header begin; all are of 32 bits, big-endian.
+/// The offsets of a header's fields, each of 32 bits, big-endian.
 constexpr std::size_t kCommandAt = 0;
 constexpr std::size_t kSequenceAt = 4;
 constexpr std::size_t kDirectionAt = 12;
@@ -30,7 +30,7 @@ constexpr std::size_t kUnlinkSequenceAt = 20;
 constexpr std::size_t kStatusAt = 20;
 constexpr std::size_t kSizeAt = 24;
 constexpr std::size_t kSetupAt = 40;
-/// More than any transfer of these tests: a header that says so is damaged.
+/// More than any transfer of these tests: a header with a larger size is damaged.
 constexpr std::uint32_t kTransferMax = 1U << 20U;
 
 constexpr std::uint8_t kGetStatus = 0;
@@ -56,7 +56,7 @@ void write_u32(Header& header, std::size_t at, std::uint32_t value) {
     header[at + i] = static_cast<std::byte>(value >> (24U - 8U * static_cast<unsigned>(i)));
 }
 
-/// Of a setup packet, which is little-endian.
+/// Reads from a setup packet, which is little-endian.
 std::uint16_t read_u16(std::span<const std::byte> bytes, std::size_t at) {
   return static_cast<std::uint16_t>(std::to_integer<unsigned>(bytes[at]) |
                                     std::to_integer<unsigned>(bytes[at + 1]) << 8U);
@@ -117,7 +117,7 @@ expected<void, SetupError> UsbipBridge::plug() {
       attach >= 0 && ::write(attach, text.data(), text.size()) == static_cast<ssize_t>(text.size());
   const int error = errno;
   if (attach >= 0) ::close(attach);
-  // The kernel holds its end of its own.
+  // The kernel holds its own reference to its end.
   ::close(ends[1]);
   if (!is_attached) {
     ::close(ends[0]);
@@ -256,7 +256,7 @@ UsbAnswer UsbipBridge::descriptor(const UsbSetup& setup) const {
   if (kind != kStringDescriptor || index > model_.strings.size()) return {UsbStatus::kStall};
   std::vector<std::byte> text{std::byte{0}, std::byte{kStringDescriptor}};
   if (index == 0) {
-    // The one language there is: English (United States).
+    // The only language: English (United States).
     text.insert(text.end(), {std::byte{0x09}, std::byte{0x04}});
   } else {
     for (const char letter : model_.strings[index - 1])

@@ -30,21 +30,21 @@ struct UsbSetup {
 
 enum class UsbStatus : std::uint8_t {
   kDone,
-  kNotReady,  ///< Asked again within a millisecond, as a device that answers NAK.
+  kNotReady,  ///< Asked again within a millisecond, like a device that answers NAK.
   kStall,
 };
 
-/// What a USB device says to a transfer; `data` for those to the host.
+/// A USB device's answer to a transfer; `data` for transfers to the host.
 struct UsbAnswer {
   UsbStatus status = UsbStatus::kDone;
   std::vector<std::byte> data{};
 };
 
-/// As the kernel numbers them.
+/// The kernel's numbers.
 enum class UsbSpeed : std::uint8_t { kLow = 1, kFull = 2, kHigh = 3 };
 
-/// What a USB device does. All functions are called from the bridge's thread, one at a time; a
-/// function that is missing stalls. The bridge itself answers the standard requests.
+/// The behaviour of a USB device. All functions are called from the bridge's thread, one at a time;
+/// a missing function stalls. The bridge itself answers the standard requests.
 struct UsbModel {
   UsbSpeed speed = UsbSpeed::kFull;
   std::array<std::byte, 18> device_descriptor{};
@@ -52,7 +52,7 @@ struct UsbModel {
   std::vector<std::byte> configuration_descriptor{};
   /// From index 1 on.
   std::vector<std::string> strings{};
-  /// Class and vendor requests. `data` is what came along with it.
+  /// Class and vendor requests; `data` comes with the request.
   std::function<UsbAnswer(const UsbSetup& setup, std::span<const std::byte> data)> on_control{};
   /// A bulk or interrupt transfer to the device.
   std::function<UsbAnswer(std::uint8_t endpoint, std::span<const std::byte> data)> on_out{};
@@ -75,7 +75,7 @@ class UsbipBridge {
   /// Plugs the device into a free port. The kernel goes on to set it up after this returns.
   /// @errors   no vhci_hcd, no right to it, or no port is free
   [[nodiscard]] expected<void, SetupError> plug();
-  /// Pulls it out, in use or not. The model stays as it is. No effect if not plugged in.
+  /// Unplugs the device, in use or not. The model keeps its state. No effect if not plugged in.
   void unplug() noexcept;
 
   /// Calls `function` while no function of the model runs.
@@ -99,7 +99,7 @@ class UsbipBridge {
   [[nodiscard]] bool take_command();
   void take_submit(std::span<const std::byte, 48> header, std::vector<std::byte> data);
   void take_unlink(std::span<const std::byte, 48> header);
-  /// Asks the model for each pending transfer, of each endpoint the oldest first.
+  /// Asks the model for each pending transfer, the oldest of each endpoint first.
   void try_pending();
   [[nodiscard]] UsbAnswer answer_to(const Transfer& transfer);
   [[nodiscard]] UsbAnswer answer_to_control(const Transfer& transfer);

@@ -124,8 +124,8 @@ void EvdevModel::push(std::uint16_t type, std::uint16_t code, std::int32_t value
   if (is_plugged_in_) events_.push_back({now_, type, code, value});
 }
 
-/// What libevdev gives after SYN_DROPPED: it is asked for by the kernel's state, whatever the
-/// events said.
+/// Reports as libevdev does after SYN_DROPPED: the kernel's current state, whatever the events
+/// said.
 void EvdevModel::push_state() {
   push(EV_SYN, SYN_DROPPED, 0);
   for (const auto& [axis, value] : axes_)
@@ -313,7 +313,7 @@ void EvdevModel::spoil_events() {
 
 ReadResult EvdevModel::read(std::span<Event> events) {
   Lock lock(mutex_);
-  // A bound and no clock: the driver's threads are real.
+  // A bound and no clock, because the driver's threads are real.
   if (events_.empty() && is_plugged_in_) changed_.wait_for(lock, std::chrono::microseconds{200});
   ++read_count_;
   if (!is_plugged_in_ || is_faulty_read(EvdevFault::kGone)) return {ReadStatus::kGone, 0};
@@ -337,7 +337,7 @@ ReadResult EvdevModel::read(std::span<Event> events) {
   return {ReadStatus::kOk, count};
 }
 
-/// @return `error` if `fault` has begun, or that of another fault; 0: the write is done
+/// @return `error` if its fault has begun, or another fault's error; 0: the write is done
 int EvdevModel::begin_write(Lock& lock, EvdevFault fault, int error) {
   changed_.wait(lock, [this] { return !is_blocked_; });
   ++write_count_;

@@ -13,7 +13,7 @@
 
 namespace rtpm::test {
 
-/// What goes wrong with an input device.
+/// The faults of an input device.
 enum class EvdevFault : std::uint8_t {
   kNone,
   kShortRead,    ///< Each read gives part of an event.
@@ -33,8 +33,8 @@ enum class EvdevFault : std::uint8_t {
 };
 inline constexpr EvdevFault kLastEvdevFault = EvdevFault::kGone;
 
-/// A model of one input device and of the kernel's side of its node, with faults. Its time is set
-/// by the test only. It outlives its unplugging, and the transports that the driver opens.
+/// A model of one input device and of the kernel's side of its node, with faults. Only the test
+/// sets its time. It outlives its unplugging, and the transports that the driver opens.
 /// @threads  any
 class EvdevModel {
  public:
@@ -44,14 +44,14 @@ class EvdevModel {
 
   explicit EvdevModel(Capabilities capabilities);
 
-  /// A game pad with rumble, as the kernel's driver xpad has it.
+  /// A game pad with rumble, as the kernel's driver xpad reports it.
   [[nodiscard]] static Capabilities pad();
   /// A steering wheel with motor, pedals and paddles.
   [[nodiscard]] static Capabilities wheel();
   /// A dial that turns without end and can be pushed.
   [[nodiscard]] static Capabilities dial();
 
-  /// What its user does. Nothing is reported before report().
+  /// The user's actions. Nothing is reported before report().
   void move(std::uint16_t axis, std::int32_t value);
   void turn(std::uint16_t relative_axis, std::int32_t step);
   void press(std::uint16_t key, bool is_down);
@@ -60,17 +60,17 @@ class EvdevModel {
   void advance(Duration time);
   /// @param from  the number of the read and of the write, from 0, with which the fault begins
   void set_fault(EvdevFault fault, std::uint64_t from = 0);
-  /// Its node is another one after unplug() and plug_in().
+  /// After unplug() and plug_in() it has another node.
   void unplug();
   void plug_in();
-  /// Writes wait from now on, until this is called again with false.
+  /// Lets writes block until this is called again with false.
   void set_blocked(bool is_blocked);
 
-  /// What its actuators do now: the sum of the effects that play.
+  /// The actuators' current levels: the sum of the playing effects.
   [[nodiscard]] Levels levels() const;
   [[nodiscard]] bool is_still() const { return levels() == Levels{}; }
-  /// Effects that are uploaded, and how many its kernel had to erase because a program closed the
-  /// node without doing so.
+  /// The number of uploaded effects, and of those that the kernel had to erase because a program
+  /// closed the node without doing so.
   [[nodiscard]] std::size_t effect_count() const;
   [[nodiscard]] std::size_t abandoned_count() const;
   /// Whether a program closed the node while an effect played.
@@ -85,7 +85,7 @@ class EvdevModel {
 
   [[nodiscard]] device_evdev::Unit unit() const;
   void set_unit(const device_evdev::Unit& unit);
-  /// A machine that has this device alone.
+  /// A machine with this device alone.
   [[nodiscard]] device_evdev::Access access();
 
   // The kernel's side, for a transport.

@@ -152,14 +152,14 @@ UsbAnswer FalconModel::standard_request(const UsbSetup& setup, std::span<std::by
   return {UsbReply::kOk, size};
 }
 
-/// False: a request that the chip does not have.
+/// False: the chip does not know the request.
 bool FalconModel::vendor_request(const UsbSetup& setup) {
   switch (static_cast<FtdiRequest>(setup.request)) {
     case FtdiRequest::kReset:
       if (setup.value == device_falcon::kPurgeReceived) pending_.clear();
       return setup.value <= 2;
     case FtdiRequest::kModemControl:
-      // The edge resets the processor into its boot loader; a firmware is lost.
+      // The edge resets the processor into its boot loader; the firmware is lost.
       if (setup.value == device_falcon::kDtrHigh && !is_dtr_high_) {
         mode_ = Mode::kBoot;
         received_.clear();
@@ -233,7 +233,7 @@ void FalconModel::load(std::span<const std::byte> bytes) {
   answer({bytes.begin(), bytes.end()}, bytes);
 }
 
-/// The firmware takes packets out of the stream as they come, in whatever pieces.
+/// The firmware takes packets out of the stream, however it is split.
 void FalconModel::run(std::span<const std::byte> bytes) {
   for (const std::byte byte : bytes) {
     if (byte == std::byte{'<'}) received_.clear();
@@ -314,8 +314,8 @@ void FalconModel::answer(std::vector<std::byte> bytes, std::span<const std::byte
   pending_.push_back(std::move(pending));
 }
 
-/// The bytes take their time on the wire both ways; fewer than fill a USB packet wait for the
-/// chip's latency timer.
+/// The bytes take time on the wire both ways; fewer than fill a USB packet wait for the chip's
+/// latency timer.
 MonotonicTime FalconModel::due_of(std::size_t size) const {
   // The high bits are eighths, which do not matter here.
   const double byte_s = kBitsPerByte * std::max(divisor_ & 0x3fff, 1) / kChipHertz;

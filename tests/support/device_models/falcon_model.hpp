@@ -16,7 +16,7 @@
 
 namespace rtpm::test {
 
-/// What goes wrong with a Falcon.
+/// The faults of a Falcon.
 enum class FalconFault : std::uint8_t {
   kNone,
   kNoAnswer,       ///< Nothing comes, not even status bytes.
@@ -24,13 +24,13 @@ enum class FalconFault : std::uint8_t {
   kShort,          ///< The last byte of each answer is missing.
   kSplit,          ///< Each answer comes in two transfers.
   kGlued,          ///< An answer waits for the next one: both come in one transfer.
-  kFlippedByte,    ///< A byte of each answer is another one.
-  kNoStartMark,    ///< The first byte of each answer is another one.
-  kNoEndMark,      ///< The last byte of each answer is another one.
-  kWrongEcho,      ///< The answer is the bytes that the host sent, all of them changed.
+  kFlippedByte,    ///< One byte of each answer is wrong.
+  kNoStartMark,    ///< The first byte of each answer is wrong.
+  kNoEndMark,      ///< The last byte of each answer is wrong.
+  kWrongEcho,      ///< The answer has the host's bytes, all changed.
   kStatusOnly,     ///< The chip sends its status, and no answers.
   kStall,          ///< The device refuses every transfer.
-  kOverflow,       ///< Each answer is lost, since it is more than fits.
+  kOverflow,       ///< Each answer is lost, being larger than the buffer.
   kNoDevice,       ///< Unplugged.
   kEncoderJump,    ///< The encoders read kJumpCounts more.
   kHomedBitLost,   ///< One leg has lost its reference.
@@ -44,8 +44,8 @@ enum class FalconStep : std::uint8_t {
   kRequest,   ///< A vendor request.
   kGreeting,  ///< To the boot loader.
   kPrompt,    ///< 'A', in front of the firmware.
-  kFirmware,  ///< A block of it.
-  kPacket,    ///< Of a firmware that runs.
+  kFirmware,  ///< A block of the firmware.
+  kPacket,    ///< To or from running firmware.
 };
 inline constexpr FalconStep kLastFalconStep = FalconStep::kPacket;
 inline constexpr std::uint64_t kForGood = std::numeric_limits<std::uint64_t>::max();
@@ -75,19 +75,19 @@ struct UsbAnswer {
   std::size_t size = 0;  ///< Bytes to the host.
 };
 
-/// What a model is made with.
+/// The options of a model.
 struct FalconModelConfig {
   std::string serial = "FALCON01";
   bool has_firmware = true;
   bool is_homed = true;
-  /// The device's clock is faster by so much.
+  /// The device's clock is faster by this much.
   double drift_ppm = 0;
   FalconFaultPlan plan{};
 };
 
 /// A Novint Falcon as its USB port shows it: descriptors, the FTDI chip, the boot loader, the
-/// firmware's packets, and the grip in a hand that holds it softly. Only advance() lets time go on.
-/// After an unplugging the motors hold, since nothing is known of the real ones.
+/// firmware's packets, and the grip in a hand that holds it softly. Only advance() moves time on.
+/// After an unplugging the motors hold, since the real device's behaviour is unknown.
 /// @threads  one at a time
 class FalconModel {
  public:
@@ -116,7 +116,7 @@ class FalconModel {
   [[nodiscard]] static std::span<const std::byte> configuration_descriptor();
 
   [[nodiscard]] const std::string& serial() const noexcept { return config_.serial; }
-  /// What the motors were last told.
+  /// The last command that the motors got.
   [[nodiscard]] const device_falcon::LegCounts& motor_counts() const noexcept { return motors_; }
   [[nodiscard]] bool has_force() const noexcept { return motors_ != device_falcon::LegCounts{}; }
   [[nodiscard]] std::uint8_t leds() const noexcept { return flags_ & 0b1110; }
@@ -128,15 +128,15 @@ class FalconModel {
   /// The grip, in the mechanism's frame.
   [[nodiscard]] const driver::Vector3& position_m() const noexcept { return position_m_; }
 
-  /// Where the hand holds the grip, relative to the middle of the workspace.
+  /// The hand's position of the grip, relative to the middle of the workspace.
   void hold_at(const driver::Vector3& hand_m) noexcept { hand_m_ = hand_m; }
   void press(std::uint8_t buttons) noexcept { buttons_ = buttons; }
   void set_homed(std::uint8_t homed) noexcept { homed_ = homed; }
-  /// The fault ends, or another begins, with the next event.
+  /// Ends the fault, or begins another, with the next event.
   void set_plan(const FalconFaultPlan& plan) noexcept;
   [[nodiscard]] bool is_plugged_in() const noexcept { return is_plugged_in_; }
   void unplug() noexcept { is_plugged_in_ = false; }
-  /// Back on the bus, at another address; its power was never off.
+  /// Plugs it in again, at another address; its power was never off.
   void plug_in() noexcept;
 
  private:

@@ -18,9 +18,9 @@ struct HidIdentity {
   std::string name{};
 };
 
-/// A HID device without hardware, clock and transport: what it says of itself, its input reports
-/// as time goes on, and what it does with the reports that it gets. It fits behind a scripted
-/// transport, umockdev and uhid.
+/// A HID device without hardware, clock and transport: its descriptors, its input reports over
+/// time, and its reaction to the reports that it gets. It fits behind a scripted transport,
+/// umockdev and uhid.
 /// @threads  one at a time
 class HidModel {
  public:
@@ -31,14 +31,14 @@ class HidModel {
 
   [[nodiscard]] virtual HidIdentity identity() const = 0;
   [[nodiscard]] virtual HidReport report_descriptor() const = 0;
-  /// Time goes on: the device queues the input reports of this time.
+  /// Moves time on: the device queues the input reports of this time.
   virtual void advance(std::chrono::nanoseconds time) = 0;
   /// Takes an output report; `report[0]` is its number, 0 without numbers.
   /// @return false: the device refuses it
   virtual bool write(const HidReport& report) = 0;
   /// @return the feature report, its number first; empty: there is none
   [[nodiscard]] virtual HidReport read_feature(std::uint8_t) { return {}; }
-  /// No vibration, no light, no torque.
+  /// Whether there is no vibration, no light and no torque.
   [[nodiscard]] virtual bool is_safe() const = 0;
 
   /// The operator presses or releases a button.
@@ -55,7 +55,7 @@ class HidModel {
   }
 
  protected:
-  /// As Linux, which keeps the newest 64 of an opener that does not read.
+  /// Like Linux, which keeps the newest 64 for an opener that does not read.
   void queue(HidReport report) {
     if (inputs_.size() == 64) inputs_.pop_front();
     inputs_.push_back(std::move(report));

@@ -6,8 +6,8 @@
 
 namespace rtpm::test {
 
-/// OpenFFBoard with one axis: a wheel that its operator turns, and a motor whose torque is that of
-/// the running constant-force effects.
+/// OpenFFBoard with one axis: a wheel that its operator turns, and a motor with the torque of the
+/// running constant-force effects.
 class OpenFfBoardModel final : public PeriodicHidModel {
  public:
   static constexpr std::int64_t kRangeDegrees = 900;
@@ -20,7 +20,7 @@ class OpenFfBoardModel final : public PeriodicHidModel {
   /// Axis 0 is the wheel: ±1 are the ends of its range.
   void move(int axis, double share) override;
 
-  /// Of the motor's greatest torque: -1 to 1.
+  /// The torque as a share of the motor's greatest: -1 to 1.
   [[nodiscard]] double torque_share() const;
   [[nodiscard]] int effect_count() const;
 

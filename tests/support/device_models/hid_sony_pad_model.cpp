@@ -26,7 +26,7 @@ struct FeatureSize {
   std::uint8_t id;
   std::size_t size;
 };
-// What Linux's own driver asks for when it binds: calibration, pairing, firmware.
+// The features that Linux's own driver reads when it binds: calibration, pairing, firmware.
 constexpr std::array kFeatures{FeatureSize{0x02, 37}, FeatureSize{0x05, 41}, FeatureSize{0x09, 20},
                                FeatureSize{0x12, 16}, FeatureSize{0x20, 64}, FeatureSize{0xa3, 49}};
 
@@ -38,7 +38,7 @@ void add_report(HidReport& descriptor, std::uint8_t id, std::uint8_t main, std::
 
 }  // namespace
 
-/// The reports' sizes are the device's; what they hold is vendor-defined here.
+/// The reports' sizes are the device's; their contents are vendor-defined here.
 HidReport SonyPadModel::report_descriptor() const {
   constexpr std::uint8_t kInput = 0x81;
   constexpr std::uint8_t kOutput = 0x91;

@@ -6,8 +6,8 @@
 
 namespace rtpm::test {
 
-/// What DualShock 4 and DualSense share: a report every 4 ms, checksums by Bluetooth, where only
-/// the minimal report comes until the calibration is read.
+/// The common part of DualShock 4 and DualSense: a report every 4 ms, checksums over Bluetooth,
+/// where only the minimal report comes until the calibration is read.
 class SonyPadModel : public PeriodicHidModel {
  public:
   SonyPadModel(bool is_bluetooth, std::uint8_t bluetooth_id)
@@ -26,7 +26,7 @@ class SonyPadModel : public PeriodicHidModel {
 
  protected:
   void send_period() override;
-  /// Fills the block that USB and Bluetooth have in common.
+  /// Fills the block that USB and Bluetooth reports share.
   virtual void fill(HidReport& report, std::size_t at) const = 0;
   [[nodiscard]] bool is_checked(const HidReport& report) const;
 

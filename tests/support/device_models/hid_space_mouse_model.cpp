@@ -6,7 +6,7 @@
 namespace rtpm::test {
 namespace {
 
-/// Of a SpaceNavigator, as recorded.
+/// The descriptor of a SpaceNavigator, as recorded.
 const HidReport kTwoReportDescriptor{
     0x05, 0x01, 0x09, 0x08, 0xa1, 0x01, 0xa1, 0x00, 0x85, 0x01, 0x16, 0xa2, 0xfe, 0x26, 0x5e, 0x01,
     0x36, 0x88, 0xfa, 0x46, 0x78, 0x05, 0x55, 0x0c, 0x65, 0x11, 0x09, 0x30, 0x09, 0x31, 0x09, 0x32,
@@ -63,7 +63,7 @@ void SpaceMouseModel::press(int button, bool is_pressed) {
 void SpaceMouseModel::move(int axis, double share) {
   counts_[static_cast<std::size_t>(axis)] =
       static_cast<std::int16_t>(std::lround(share * kCountMax));
-  reports_left_ = 6;  // After the last change the device goes on for three pairs.
+  reports_left_ = 6;  // After the last change the device sends three more pairs.
 }
 
 void SpaceMouseModel::send_period() {

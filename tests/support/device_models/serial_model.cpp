@@ -88,7 +88,7 @@ SerialModel::SerialModel(SerialFault fault, std::uint64_t faulty_from)
 SerialModel::~SerialModel() = default;
 
 bool SerialModel::is_faulty() const noexcept {
-  // A port has its fault before it takes the frame, a board when it has it.
+  // A port has its fault before it takes the frame, a board once it has the frame.
   const bool is_ports = fault_ == SerialFault::kStuck || fault_ == SerialFault::kUnplugged;
   return fault_ != SerialFault::kNone &&
          (is_ports ? host_frame_count_ >= faulty_from_ : host_frame_count_ > faulty_from_);
@@ -104,7 +104,7 @@ void SerialModel::open(MonotonicTime now, bool resets) {
   if (resets) reset(true);
 }
 
-/// A board that starts has no effort and knows no session.
+/// A board that restarts applies no effort and knows no session.
 void SerialModel::reset(bool is_announced) {
   paddle_ = std::make_unique<Paddle>(*this);
   arriving_.clear();
@@ -160,7 +160,7 @@ void SerialModel::queue(std::vector<std::byte> bytes, Duration lateness) {
 
 namespace {
 
-/// The frame changed, and with a checksum that fits unless `breaks_checksum`.
+/// The changed frame, with a checksum that fits unless `breaks_checksum`.
 template <class Change>
 std::vector<std::byte> changed(const std::vector<std::byte>& wire, Change&& change,
                                bool breaks_checksum = false) {

@@ -16,20 +16,20 @@
 
 namespace rtpm::test {
 
-/// What goes wrong with a board or its line.
+/// The faults of a board or its line.
 enum class SerialFault : std::uint8_t {
   kNone,
-  kSilent,          ///< The board hears, but nothing of what it says arrives.
+  kSilent,          ///< The board hears, but none of its bytes arrive.
   kDeaf,            ///< The board does not hear, so that it does not answer.
   kGarbage,         ///< Random bytes arrive in place of each frame.
   kNoise,           ///< Random bytes, and a delimiter, arrive in front of each frame.
   kSplit,           ///< Bytes arrive one at a time.
   kGlued,           ///< Frames arrive three at a time.
-  kFlippedBit,      ///< One bit of each frame is another one.
+  kFlippedBit,      ///< One bit of each frame is flipped.
   kTruncated,       ///< Every other frame is cut in half, its delimiter missing.
   kWrongVersion,    ///< Frames are of version 2.
-  kWrongChecksum,   ///< Frames have another checksum.
-  kWrongLength,     ///< Frames state another length.
+  kWrongChecksum,   ///< Frames have a wrong checksum.
+  kWrongLength,     ///< Frames state a wrong length.
   kWrongSize,       ///< Payloads are a byte too short.
   kNotFinite,       ///< The first number of each payload is not a number.
   kDuplicate,       ///< Each frame arrives twice.
@@ -38,15 +38,15 @@ enum class SerialFault : std::uint8_t {
   kLate,            ///< Each frame arrives kLateness later.
   kReset,           ///< The board starts again, once, and boots for kBootTime.
   kResetUnnoticed,  ///< Likewise, and its announcement is lost.
-  kStuck,           ///< The port takes no bytes any more.
+  kStuck,           ///< The port accepts no more bytes.
   kHalfStuck,       ///< The port takes three bytes at a time.
   kUnplugged,       ///< The port closes.
 };
 inline constexpr SerialFault kLastSerialFault = SerialFault::kUnplugged;
 [[nodiscard]] const char* to_string(SerialFault fault) noexcept;
 
-/// A board with a paddle, as the firmware in devices/serial has it, and a line with a fault. The
-/// board's side of the frames is the firmware's own. It has no clock: every call states the time.
+/// A board with a paddle, like the firmware in devices/serial, and a line with a fault. The board's
+/// side of the frames is the firmware's own. It has no clock: every call states the time.
 /// @threads  one at a time
 class SerialModel {
  public:
@@ -58,16 +58,16 @@ class SerialModel {
   explicit SerialModel(SerialFault fault = SerialFault::kNone, std::uint64_t faulty_from = 0);
   ~SerialModel();
 
-  /// The port is opened, which resets a board whose opening does.
+  /// Opens the port, which resets a board that resets on opening.
   void open(MonotonicTime now, bool resets);
-  /// How many bytes the port takes at once.
+  /// The number of bytes that the port accepts at once.
   [[nodiscard]] std::size_t capacity() const;
   /// Takes bytes from the host.
-  /// @return how many the port takes
+  /// @return how many the port accepts
   std::size_t take(ConstBytes bytes, MonotonicTime now);
   /// The bytes for the host that have arrived by now.
   std::size_t give(MutableBytes buffer, MonotonicTime now);
-  /// When give() next has something; kNever: not by itself.
+  /// The time when give() next returns bytes; kNever: not by itself.
   [[nodiscard]] MonotonicTime next_give() const;
   /// Runs the board's loop until now.
   void advance(MonotonicTime now);
@@ -81,14 +81,14 @@ class SerialModel {
   /// Turns the paddle by hand.
   void set_position(float rad);
   void press(bool is_pressed);
-  /// Of the next description.
+  /// Sets the serial number in the next description.
   void set_serial(std::string serial);
   void set_joint_name(std::string name);
 
-  /// What the motor really applies.
+  /// The effort that the motor really applies.
   [[nodiscard]] float effort() const;
   [[nodiscard]] float lamp() const;
-  /// The greatest magnitude of effort() ever.
+  /// The greatest magnitude that effort() ever had.
   [[nodiscard]] float greatest_effort() const;
   /// Frames that the host sent.
   [[nodiscard]] std::uint64_t host_frame_count() const;
@@ -117,9 +117,9 @@ class SerialModel {
   std::string serial_ = kSerial;
   std::string joint_name_ = "paddle";
   std::deque<Arriving> arriving_{};
-  std::vector<std::byte> held_{};  ///< Of kGlued.
+  std::vector<std::byte> held_{};  ///< For kGlued.
   std::size_t held_count_ = 0;
-  std::vector<std::byte> former_{};  ///< Of kStale.
+  std::vector<std::byte> former_{};  ///< For kStale.
   std::uint64_t board_frame_count_ = 0;
   std::mt19937_64 random_{1};
   float position_rad_ = 0.1F;

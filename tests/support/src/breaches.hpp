@@ -22,8 +22,8 @@
 
 namespace rtpm::test {
 
-/// What a guard does where a thread breaks its promise: it ends the program with the stack, or, for
-/// as long as a test wants no more, counts.
+/// A guard's reaction to a thread that breaks its promise: it ends the program with the stack, or
+/// counts, as long as a test asks for no more.
 /// Threads: any.
 class Breaches {
  public:

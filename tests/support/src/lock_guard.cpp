@@ -19,7 +19,7 @@ Breaches breaches;
 constexpr std::string_view kCrime =
     " was called by a real-time thread for a lock without priority inheritance";
 
-// The protocol stands in the kind, as the C library keeps it; there is no function to ask for it.
+// The protocol is in the mutex's kind, where the C library keeps it; no function returns it.
 bool inherits_priority(const pthread_mutex_t& mutex) noexcept {
   constexpr int kInherit = 32;
   constexpr int kProtect = 64;
@@ -30,7 +30,7 @@ void check(const pthread_mutex_t& mutex, std::string_view function) noexcept {
   if (rt::is_allocation_forbidden() && !inherits_priority(mutex)) breaches.add(function, kCrime);
 }
 
-// The C library's own function behind the one that stands here.
+// The C library's own function, which the one here replaces.
 template <class Function>
 Function* original(std::atomic<Function*>& known, const char* name) noexcept {
   Function* function = known.load(std::memory_order_acquire);

@@ -23,7 +23,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-/// The pointers that exec takes, into `texts`.
+/// The pointers into `texts` that exec takes.
 std::vector<char*> pointers_to(std::vector<std::string>& texts) {
   std::vector<char*> pointers;
   pointers.reserve(texts.size() + 1);
@@ -33,7 +33,7 @@ std::vector<char*> pointers_to(std::vector<std::string>& texts) {
   return pointers;
 }
 
-/// A folder that goes with the test's process.
+/// A folder that is removed with the test's process.
 const std::string& folder_of_this_test() {
   struct Folder {
     std::string path = std::filesystem::temp_directory_path() / "rtpm-test-XXXXXX";
@@ -49,15 +49,15 @@ const std::string& folder_of_this_test() {
   return folder.path;
 }
 
-/// "NAME=VALUE", as this process has it, else a folder of this test's own.
+/// "NAME=VALUE" from this process's environment, or a folder of this test's own.
 std::string with_folder(const char* variable) {
   const char* const own = std::getenv(variable);
   return std::string(variable) + "=" + (own != nullptr ? std::string(own) : folder_of_this_test());
 }
 
 std::vector<std::string> clean_environment() {
-  // In one, programs find each other, and no others of this host; in the others are their keys and
-  // what they keep.
+  // In the first folder, programs find each other and no others of this host; the others hold their
+  // keys and their state.
   std::vector<std::string> variables{with_folder("RTPM_RUNTIME_FOLDER"), with_folder("RTPM_KEYS"),
                                      with_folder("XDG_STATE_HOME")};
   for (char** variable = environ; *variable != nullptr; ++variable) {
@@ -165,7 +165,7 @@ void Process::take(Stream& stream) {
   }
 }
 
-/// Reads what comes first, or nothing within `patience`.
+/// Reads the next bytes, or nothing within `patience`.
 void Process::read_for(Duration patience) {
   const auto end = Clock::now() + patience;
   // poll() passes over negative handles, which are those of streams that ended.

@@ -10,7 +10,7 @@
 namespace rtpm::test {
 
 std::string umockdev_obstacle() {
-  // umockdev_in_mock_environment() says no on some machines where all else works.
+  // umockdev_in_mock_environment() returns false on some machines where all else works.
   std::ifstream maps("/proc/self/maps");
   const std::string text{std::istreambuf_iterator<char>(maps), {}};
   if (text.find("libumockdev-preload") != std::string::npos) return {};
@@ -35,8 +35,8 @@ void IoctlMemory::put(std::vector<std::uint8_t> bytes) const {
 
 }  // namespace rtpm::test
 
-/// Starts this program again with umockdev's library in front of the system's, as umockdev-wrapper
-/// does.
+/// Starts this program again with umockdev's library in front of the system's, like
+/// umockdev-wrapper.
 int main(int argc, char** argv) {
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
   if (!rtpm::test::umockdev_obstacle().empty() && std::getenv("RTPM_TEST_PRELOADED") == nullptr) {

@@ -7,11 +7,11 @@
 #include <string>
 #include <vector>
 
-/// umockdev stands in for the kernel by a library that comes before the system's. The main() that
+/// umockdev replaces the kernel by a library that is loaded before the system's. The main() that
 /// comes with this header starts the program again with that library.
 namespace rtpm::test {
 
-/// Why umockdev does not stand in for the kernel here; empty: it does.
+/// Why umockdev does not replace the kernel here; empty: it does.
 [[nodiscard]] std::string umockdev_obstacle();
 
 /// Memory of the program that called an ioctl.

@@ -16,7 +16,7 @@
 #include "foreign.hpp"
 
 // Under each attack on rtpm-console, a client with the token gets in and stops the devices, and a
-// browser that was there before keeps its connection.
+// browser that was connected before keeps its connection.
 namespace rtpm::system_test {
 namespace {
 
@@ -50,7 +50,7 @@ class Attack {
 
 class Attacks : public ConsoleSystem {
  protected:
-  /// Stops the arm under the attack by a browser that was there before, and by a new one.
+  /// Stops the arm under the attack by a browser that was connected before, and by a new one.
   void expect_stops(const std::function<void()>& step) {
     const auto before = connect_to_arm();
     const Attack attack(step);
@@ -114,7 +114,7 @@ TEST_F(Attacks, ByDeeplyNestedFrames) {
       observer.send_text(nested);
     static_cast<void>(observer.next(std::chrono::milliseconds{20}));
   });
-  // With the token the requests of calls are parsed, too.
+  // With the token, the requests of calls are parsed, too.
   const auto client = connect();
   ASSERT_TRUE(client->await_service("lab/arm0/config/apply"));
   const std::string deep = std::string(10'000, '[') + std::string(10'000, ']');
@@ -160,7 +160,7 @@ TEST_F(Attacks, ByARecordingThatUnpacksWithoutEnd) {
     static_cast<void>(reader->begin_call("console/recordings", Json::object()));
     reader->read_one(std::chrono::milliseconds{20});
   });
-  // It was still being read.
+  // The recording was still being read.
   EXPECT_FALSE(reader->call("console/replay_close", Json::object()).contains("failure"));
   const std::string why = reader->answer_of(open).value("failure", "");
   EXPECT_NE(why.find("it was stopped"), std::string::npos) << why;

@@ -18,7 +18,7 @@
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/test/os.hpp"
 
-// What rtpm-console promises to a page, with real daemons.
+// The promises of rtpm-console to a page, with real daemons.
 namespace rtpm::system_test {
 namespace {
 
@@ -94,7 +94,7 @@ TEST_F(Consoles, GiveSamplesAndRepliesByTheAdvertisedSchema) {
   const auto by_tool = rtpm({"call", "lab/arm0", "describe"});
   EXPECT_EQ(by_console, Json::parse(by_tool.output, nullptr, false));
   EXPECT_EQ(client->call("lab/arm0/renew", {{"lease", 0}}), Json({{"code", "NotHolder"}}));
-  // It has ranges without ends, for which JSON has no number.
+  // It has unbounded ranges, for which JSON has no number.
   EXPECT_GE(client->call("lab/arm0/config/list", Json::object())["parameters"].size(), 9u);
 }
 
@@ -135,10 +135,10 @@ TEST_F(Consoles, StopDevicesAndArmThemAgain) {
       [](const Json& state) { return device_in(state, "lab/arm0")["lease"]["state"] == "free"; }));
 }
 
-// A duplicate name at another's registry is no reason not to stop.
+// A duplicate name at another registry does not prevent a stop.
 TEST_F(Consoles, StopWhateverElseIsAtTheRegistry) {
   const auto client = connect_to_arm();
-  // It leads to a server that does not answer.
+  // The name leads to a server that does not answer.
   ASSERT_EQ(rtpm({"bind", "lab/ghost", "rtpm://127.0.0.1:1/lab/ghost", "--interface",
                   "rtpm.device.Device"})
                 .exit_code,
@@ -151,8 +151,8 @@ TEST_F(Consoles, StopWhateverElseIsAtTheRegistry) {
   EXPECT_EQ(client->call("console/estop", {{"device", 3}}).contains("failure"), true);
 }
 
-// It hangs until its names have expired: then it is lost, the stop is owed, and comes through when
-// it goes on.
+// A device server hangs until its names have expired: then it is lost, the stop is pending, and is
+// executed when the server goes on.
 TEST_F(Consoles, DeliverAStopToADeviceThatHung) {
   const auto client = connect_to_arm();
   devices_->process.send_signal(SIGSTOP);
@@ -190,7 +190,7 @@ TEST_F(Consoles, ListADeadDeviceAsLostUntilItIsDismissed) {
     return device.is_object() && device["lost_for_s"].is_number();
   };
   static_cast<void>(client->await_state(is_lost));
-  // As another console sees it, which has never seen the device.
+  // The view of another console, which has never seen the device.
   auto second = start_console(console_arguments());
   ASSERT_TRUE(second);
   ConsoleClient other(second->port, second->target);
@@ -223,7 +223,7 @@ TEST_F(Consoles, LetOneBrowserOperateADeviceAtATime) {
       second->call("console/deactivate", {{"device", "lab/arm0"}}).value("failure", "");
   EXPECT_NE(why.find("another browser (connection "), std::string::npos) << why;
   EXPECT_TRUE(second->call("lab/arm0/recover", {{"lease", 0}}).contains("failure"));
-  // Stopping is everybody's.
+  // Every client may stop a device.
   EXPECT_EQ(second->call("console/estop", {{"device", "lab/arm0"}})["stopped"],
             Json::array({"lab/arm0"}));
   EXPECT_EQ(second->call("console/rearm", {{"device", "lab/arm0"}, {"force", true}}),
@@ -278,7 +278,7 @@ TEST_F(Consoles, ReleaseWhatABrowserOperatedWhenItHasBeenGoneForFiveSeconds) {
     return device_in(state, "lab/arm0")["lease"]["state"] != "held by this console" &&
            state["clients"]["count"] == 1;
   }));
-  // Without `force`: nobody operates it. Two take-overs within a second are too many.
+  // Without `force`: no client operates it. Two take-overs within a second are too many.
   Json taken;
   do {
     taken = watcher->call("console/take_over", {{"device", "lab/arm0"}});
@@ -314,7 +314,7 @@ TEST_F(Consoles, ReadChangeAndWatchParameters) {
   EXPECT_NE(client->statuses().back()["message"].get<std::string>().find("out of range"),
             std::string::npos);
 
-  // What another program changes is told, too.
+  // Changes by another program are reported, too.
   EXPECT_EQ(rtpm({"config", "set", "lab/arm0", "safety.ramp_s=0.015"}).exit_code, 0);
   EXPECT_EQ(watcher->await_parameters("")[ramp], 0.015);
 }
@@ -327,7 +327,7 @@ TEST_F(Consoles, LetThoseWithoutTheTokenOnlyLook) {
     EXPECT_EQ(observer.info()["metadata"]["rtpm.access"], "observe");
     EXPECT_EQ(std::ranges::count(observer.info()["capabilities"], "services"), 0);
     EXPECT_TRUE(observer.services().empty());
-    // It guesses ids.
+    // The client guesses ids.
     for (char id = 1; id < 30; ++id)
       observer.web().send_binary(std::string("\x02", 1) + id + std::string(3, '\0') + id +
                                  std::string("\0\0\0\4\0\0\0json{}", 13));
@@ -374,7 +374,7 @@ TEST_F(Consoles, ShowTheLogOfAFilter) {
   EXPECT_EQ(line["type"], "rtpm.device.Sampled");
   EXPECT_EQ(line["device"], "lab/arm0");
   EXPECT_TRUE(line["payload"].contains("position_m")) << line;
-  // A kilohertz is above what is shown, and that is told.
+  // A kilohertz is above the shown rate, and the console reports that.
   line =
       client->await_message("console/log", [](const Json& one) { return one.contains("omitted"); });
   EXPECT_GT(line["omitted"], 0);
@@ -424,7 +424,7 @@ TEST_F(Consoles, RecordAndPlayRecordings) {
     }));
     EXPECT_EQ(client->call("console/replay_seek", {{"time_ns", opened["begin_ns"]}}),
               Json::object());
-    // Some of what leads to a sought time comes, too, oldest first, so that plots are not empty.
+    // Some messages before a sought time come, too, oldest first, so that plots are not empty.
     EXPECT_EQ(client->call("console/replay_seek", {{"time_ns", opened["end_ns"]}}), Json::object());
     auto last_ns = client->next_message(topic).log_time_ns;
     int risen_count = 0;
@@ -439,7 +439,7 @@ TEST_F(Consoles, RecordAndPlayRecordings) {
   }
 }
 
-// Each source had a subscription with memory and a thread of its own once.
+// A source used to have a subscription with memory and a thread of its own.
 TEST_F(Consoles, ServeManyEventSourcesWithinLimits) {
   using Event = touch::TouchedEvent;
   const auto client = connect_to_arm();
@@ -533,7 +533,7 @@ TEST_F(Consoles, StayUpWithoutARegistry) {
           .empty());
 }
 
-// SIGSTOP is the worst of all servers: it takes connections, and answers nothing.
+// SIGSTOP makes the worst of all servers: it takes connections, and answers nothing.
 TEST_F(Consoles, AnswerWhileADeviceServerIsStopped) {
   const auto client = connect();
   client->subscribe("console/state");
@@ -602,7 +602,7 @@ TEST_F(Consoles, SayWhenTheirPortIsTaken) {
                       {std::to_string(console_->port), "another --port"});
 }
 
-// Else it would stand in the log that a supervisor keeps of the output.
+// Otherwise it would be in the log that a supervisor keeps of the output.
 TEST_F(Consoles, KeepTheirTokenFromOutputThatIsNoTerminal) {
   const std::string file = folder_ + "/token";
   std::vector<std::string> arguments = console_arguments();

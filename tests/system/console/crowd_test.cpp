@@ -21,7 +21,7 @@ namespace {
 constexpr int kReaderCount = 40;
 constexpr int kDeafCount = 10;
 /// A machine of two CPUs lets the loop miss more deadlines when forty readers want CPU time, too:
-/// the factor allows for these, the constant for the noise of few. Failed calls there are none.
+/// the factor allows for these, the constant for noise in small counts. No call may fail.
 constexpr double kMissedFactor = 3;
 constexpr double kMissedShare = 0.01;
 
@@ -95,7 +95,7 @@ TEST_F(Crowds, DoNotDisturbAForceLoop) {
     sum.missed_count += more.missed_count;
     sum.failed_count += more.failed_count;
   };
-  // In turns, so that other work on the machine meets both.
+  // In turns, so that other work on the machine affects both.
   for (int turn = 0; turn < 2; ++turn) {
     console_.reset();
     add(alone, run_servo());

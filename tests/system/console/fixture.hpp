@@ -23,14 +23,14 @@ using Json = nlohmann::json;
 struct ConsoleProcess {
   test::Process process;
   std::uint16_t port = 0;
-  std::string target{};  ///< "/?token=…", what its URL has.
+  std::string target{};  ///< "/?token=…", from its URL.
 };
 
-/// Starts rtpm-console and waits until it serves. Failing that, the test fails, and so must its
+/// Starts rtpm-console and waits until it serves. If that fails, the test fails, and so must its
 /// caller.
 [[nodiscard]] std::optional<ConsoleProcess> start_console(std::vector<std::string> arguments);
 
-/// A client that knows what the console advertises.
+/// A client that knows the channels and services that the console advertises.
 /// @threads  one
 class ConsoleClient {
  public:
@@ -49,7 +49,7 @@ class ConsoleClient {
   [[nodiscard]] const std::map<std::string, Json>& services() const noexcept { return services_; }
   [[nodiscard]] const std::vector<Json>& statuses() const noexcept { return statuses_; }
 
-  /// Reads until `is_met`, which is asked after each frame; false: not in time.
+  /// Reads until `is_met`, which is checked after each frame; false: not in time.
   [[nodiscard]] bool read_until(const std::function<bool()>& is_met);
   [[nodiscard]] bool await_channel(const std::string& topic);
   [[nodiscard]] bool await_service(const std::string& name);
@@ -67,19 +67,19 @@ class ConsoleClient {
   /// The answer to a call whose request need not be JSON; nothing if it failed.
   [[nodiscard]] std::optional<std::string> call_text(const std::string& service,
                                                      const std::string& request);
-  /// Sends a request without waiting for its answer; the call's number for answer_of().
+  /// Sends a request without waiting for its answer; returns the call's number for answer_of().
   [[nodiscard]] std::uint32_t begin_call(const std::string& service, const Json& request);
-  /// The answer as of call(); the test fails if none comes.
+  /// The answer, like call()'s; the test fails if none comes.
   [[nodiscard]] Json answer_of(std::uint32_t call);
-  /// Takes the next frame, if one comes in time; false: none did.
+  /// Takes the next frame if one comes in time; false: none did.
   bool read_one(Duration patience);
-  /// The bytes that a call with the encoding flatbuffer answers.
+  /// The bytes of the answer to a call with the encoding flatbuffer.
   [[nodiscard]] std::optional<std::string> call_bytes(const std::string& service,
                                                       const std::string& payload);
   void send(const Json& request) { web_.send_text(request.dump()); }
   /// The values that the next parameterValues with this id has; the test fails if none comes.
   [[nodiscard]] std::map<std::string, Json> await_parameters(const std::string& id);
-  /// Another op's next text frame.
+  /// The next text frame of another op.
   [[nodiscard]] Json await_op(const std::string& op);
 
  private:
@@ -87,7 +87,7 @@ class ConsoleClient {
                                                    const std::string& encoding,
                                                    const std::string& payload,
                                                    std::string& failure);
-  /// Of an advertised service.
+  /// Calls an advertised service.
   [[nodiscard]] std::uint32_t send_call(const std::string& service, const std::string& encoding,
                                         const std::string& payload);
   [[nodiscard]] std::optional<std::string> take_answer(std::uint32_t call, std::string& failure);
@@ -122,7 +122,7 @@ class ConsoleSystem : public testing::Test {
   [[nodiscard]] test::Process::End rtpm(std::vector<std::string> arguments) const;
 
   std::string folder_{};
-  std::string realtime_ = "off";  ///< Of the daemons.
+  std::string realtime_ = "off";  ///< The mode of the daemons.
   std::optional<Daemon> registry_{};
   std::optional<Daemon> devices_{};
   std::optional<ConsoleProcess> console_{};

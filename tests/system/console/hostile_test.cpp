@@ -10,7 +10,7 @@
 #include "fixture.hpp"
 #include "rtpm/base/bytes.hpp"
 
-// What clients may do to rtpm-console, and what then holds: another client is served as before.
+// Hostile clients of rtpm-console: whatever they do, another client is served as before.
 namespace rtpm::system_test {
 namespace {
 
@@ -21,7 +21,7 @@ class HostileClients : public ConsoleSystem {
     ConsoleSystem::TearDown();
   }
 
-  /// A decent client gets the state.
+  /// A well-behaved client gets the state.
   void expect_service() const {
     const auto client = connect();
     ASSERT_TRUE(client->web().is_accepted()) << client->web().answer();
@@ -96,7 +96,7 @@ TEST_F(HostileClients, ThatAskSlowlyAreClosed) {
   EXPECT_TRUE(is_closed);
 }
 
-// The console serves 128 HTTP requests and 64 clients without the token; the oldest gives way.
+// The console serves 128 HTTP requests and 64 clients without the token, and drops the oldest.
 TEST_F(HostileClients, ThatFloodItWithConnectionsGetNoMoreThanItsLimit) {
   std::vector<Socket> sockets;
   for (int i = 0; i < 200; ++i)
@@ -150,7 +150,7 @@ TEST_F(HostileClients, WithGarbageAreToldAndAfterTenFramesClosed) {
   WebClient client(console_->port, {.target = console_->target});
   for (int i = 0; i < 9; ++i)
     client.send_text("{garbage");
-  // One decent frame in between starts the count again.
+  // One valid frame in between restarts the count.
   client.send_text(R"({"op":"subscribeConnectionGraph"})");
   for (int i = 0; i < 5; ++i)
     client.send_binary("\x09");
@@ -236,7 +236,7 @@ TEST_F(HostileClients, WithGarbageInCallsAreToldSo) {
   EXPECT_EQ(described["serial"], "sim-arm0") << described;
 }
 
-// At most so many calls of a client are under way; the others are refused, not queued.
+// A client may have a limited number of calls under way; more are refused, not queued.
 TEST_F(HostileClients, WithTooManyCallsAreRefused) {
   const auto client = connect();
   ASSERT_TRUE(client->await_service("lab/arm0/describe"));
@@ -258,9 +258,9 @@ TEST_F(HostileClients, WithTooManyCallsAreRefused) {
     ASSERT_TRUE(frame) << refused_count;
     refused_count += frame->payload.find("too many calls") != std::string::npos ? 1U : 0U;
   }
-  // A stop is not among them: it is tried, however many calls are open.
+  // A stop does not count among them: it is tried, however many calls are open.
   EXPECT_TRUE(client->call("console/estop", Json::object()).contains("failed"));
-  // Others are not held up by it.
+  // Other clients are not delayed.
   const auto other = connect();
   EXPECT_TRUE(other->call("console/recordings", Json::object()).contains("files"));
   devices_->process.send_signal(SIGCONT);
@@ -276,7 +276,7 @@ TEST_F(HostileClients, ThatReadNothingLoseDataOnly) {
     for (const char* topic : {"console/state", "lab/arm0/sample", "console/latency"})
       deaf.back()->subscribe(topic);
   }
-  // They answer no ping, so that at last nobody serves them.
+  // They answer no ping, so that finally they are no longer served.
   const Json state =
       watcher->await_state([](const Json& one) { return one["clients"]["count"] == 1; });
   EXPECT_EQ(is_live(state, "lab/arm0"), true);

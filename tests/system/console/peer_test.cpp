@@ -23,7 +23,7 @@ test::Process::End run_shell(const std::string& command) {
   return end.value_or(test::Process::End{});
 }
 
-/// Installs the peer in the build folder, once; whether it is there.
+/// Installs the peer in the build folder, once; returns whether it is installed.
 bool install_peer() {
   const std::string folder = RTPM_PEER;
   const std::string own = folder + "." + std::to_string(::getpid());
@@ -47,7 +47,7 @@ class FoxglovePeer : public ConsoleSystem {
   std::vector<Json> samples_{};
 };
 
-/// The positions that a recording has of each sequence number.
+/// The recorded positions of each sequence number.
 std::map<std::uint64_t, std::vector<double>> recorded_positions(const std::string& path) {
   std::map<std::uint64_t, std::vector<double>> positions;
   const auto reader = recording::FileReader::open(path);
@@ -56,7 +56,7 @@ std::map<std::uint64_t, std::vector<double>> recorded_positions(const std::strin
   const auto read = (*reader)->read({}, [&](const recording::Message& message) {
     const std::string topic = (*reader)->channels().at(message.channel_id).topic;
     if (topic != "lab/arm0/sampled") return true;
-    // The table's only field is the struct at its end: the root's vtable says where.
+    // The table's only field is the struct at its end: the root's vtable has its place.
     const auto* const data = message.data.data();
     const auto root = load_le<std::uint32_t>(data);
     const auto vtable = root - load_le<std::uint32_t>(data + root);
@@ -95,7 +95,7 @@ TEST_F(FoxglovePeer, SubscribesCallsAndSetsParameters) {
     samples_.insert(samples_.end(), seen["samples"].begin(), seen["samples"].end());
   }
   EXPECT_GT(client->call("console/record_stop", Json::object())["message_count"], 0);
-  // What the peer decoded is what the devices published.
+  // The samples that the peer decoded are those that the devices published.
   const auto recorded = recorded_positions(folder_ + "/recordings/run.mcap");
   ASSERT_GE(samples_.size(), 10u);
   std::size_t found_count = 0;

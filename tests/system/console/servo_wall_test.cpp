@@ -5,7 +5,7 @@
 
 #include "fixture.hpp"
 
-// The wall of a running rtpm-servo is changed by the tool and by a page.
+// The tool and a page change the wall of a running rtpm-servo.
 namespace rtpm::system_test {
 namespace {
 

@@ -120,7 +120,7 @@ bool WebClient::send(std::uint8_t opcode, std::string_view payload) {
   frame += static_cast<char>(0x80 | (is_small ? payload.size() : is_large ? 127U : 126U));
   for (int shift = is_small ? -8 : is_large ? 56 : 8; shift >= 0; shift -= 8)
     frame += static_cast<char>(payload.size() >> shift & 0xff);
-  frame += std::string(4, '\0');  // This mask changes nothing.
+  frame += std::string(4, '\0');  // This mask changes no byte.
   return socket_.send(frame.append(payload));
 }
 

@@ -8,7 +8,7 @@
 
 #include "rtpm/base/time.hpp"
 
-/// A small client of HTTP and WebSocket that also does what a decent one never does.
+/// A small client of HTTP and WebSocket that can also break the rules.
 namespace rtpm::system_test {
 
 /// A TCP connection to this host.
@@ -21,11 +21,11 @@ class Socket {
   ~Socket();
 
   [[nodiscard]] bool is_open() const noexcept { return handle_ >= 0; }
-  /// Sends all; false: the other end has closed.
+  /// Sends all bytes; false: the other end has closed.
   bool send(std::string_view bytes);
-  /// What arrives within `patience`, at least a byte; empty: nothing, or the end.
+  /// Receives at least a byte within `patience`; empty: nothing came, or the end.
   [[nodiscard]] std::string receive(Duration patience);
-  /// Whether the other end has closed within `patience`; drops what it sends before.
+  /// Whether the other end closes within `patience`; drops its bytes before that.
   [[nodiscard]] bool is_closed_within(Duration patience);
 
  private:
@@ -44,7 +44,7 @@ struct WebFrame {
   std::string payload{};
 
   [[nodiscard]] bool is_text() const noexcept { return opcode == 1; }
-  /// Of a close frame; 0: none.
+  /// The code of a close frame; 0: none.
   [[nodiscard]] int close_code() const noexcept;
 };
 
@@ -66,7 +66,7 @@ class WebClient {
 
   bool send_text(std::string_view text) { return send(1, text); }
   bool send_binary(std::string_view bytes) { return send(2, bytes); }
-  /// A frame, masked as clients must.
+  /// Sends a frame, masked as clients must.
   bool send(std::uint8_t opcode, std::string_view payload);
   /// The next frame other than a ping; nothing: none came in time, or the end.
   [[nodiscard]] std::optional<WebFrame> next(Duration patience);

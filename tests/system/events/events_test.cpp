@@ -11,8 +11,8 @@
 
 #include <events.rtpm.hpp>
 
-// A hub, suppliers and consumers as processes, of which some stop or die. Each way of delivery: by
-// a stream of the consumer's own, and by the ring that all on the hub's host share.
+// A hub, suppliers and consumers as processes, of which some stop or die. Both ways of delivery: by
+// a consumer's own stream, and by the ring that all consumers on the hub's host share.
 namespace rtpm::system_test {
 namespace {
 
@@ -34,14 +34,14 @@ class Events : public testing::TestWithParam<const char*> {
     return start_daemon("rtpm-eventd", {"--port", std::to_string(port), "--registry",
                                         registry_->url, "--realtime", "off"});
   }
-  /// A consumer that has got its first event.
+  /// A consumer that has received its first event.
   [[nodiscard]] test::Process start_consumer(const std::string& hub = kHub) const {
     test::Process consumer({path_of("events-peer"), "consume", registry_->url, hub, GetParam()});
     EXPECT_TRUE(consumer.wait_for_output("event ", kPatience))
         << consumer.output() << consumer.errors();
     return consumer;
   }
-  /// Waits until it gets `count` further events.
+  /// Waits until it receives `count` more events.
   static void expect_events(test::Process& consumer, int count) {
     const std::size_t begin = consumer.output().size();
     const MonotonicTime give_up = rt::now() + kPatience;
@@ -58,7 +58,7 @@ class Events : public testing::TestWithParam<const char*> {
     const std::string& text = consumer.output();
     for (std::size_t at = text.find("event "); at != std::string::npos;
          at = text.find("event ", at + 1)) {
-      // The last line may be half there.
+      // The last line may be incomplete.
       if (text.find('\n', at) == std::string::npos) break;
       const std::uint64_t sequence = std::stoull(text.substr(at + 6));
       EXPECT_TRUE(last == 0 || sequence == last + 1) << last << " then " << sequence;
@@ -91,7 +91,7 @@ TEST_P(Events, StoppedConsumerCostsNobodyAnEventAndComesBack) {
   EXPECT_TRUE(hub_->process.wait_for_errors("was dropped: it missed too many", kPatience))
       << hub_->process.errors();
   stopped.send_signal(SIGCONT);
-  // It was away for longer than a stream is kept: it subscribes anew by itself.
+  // It was away for longer than a stream is kept: it subscribes again by itself.
   EXPECT_TRUE(stopped.wait_for_output("resubscribed\n", kPatience)) << stopped.output();
   expect_events(stopped, 10);
 }
@@ -137,7 +137,7 @@ TEST_P(Events, KilledSupplierIsReplaced) {
 INSTANTIATE_TEST_SUITE_P(Deliveries, Events, testing::Values("stream", "ring"),
                          [](const auto& each) { return std::string(each.param); });
 
-/// A second hub that asks the first, which has the supplier, for what its own consumers want.
+/// A second hub that gets its own consumers' events from the first, which has the supplier.
 class LinkedEvents : public Events {
  protected:
   void SetUp() override {

@@ -19,19 +19,19 @@
 
 #include <events.rtpm.hpp>
 
-// Names and texts of other programs on the terminals of ours: they neither steer a terminal, nor
-// forge a line, nor flood a log.
+// Names and texts of other programs on our programs' terminals: they neither control a terminal,
+// nor forge a line, nor flood a log.
 namespace rtpm::system_test {
 namespace {
 
 using namespace std::chrono_literals;
 
 constexpr std::string_view kForged = "rtpm-eventd: all is well";
-/// Clears the screen, sets the title, forges a line, and is no UTF-8.
+/// Clears the screen, sets the title, forges a line, and is not valid UTF-8.
 const std::string kHostile =
     "\x1b[2J\x1b]0;owned\x07\n" + std::string(kForged) + "\r\xff\xc2\x9b" + "31m";
 
-/// Nothing but lines of printable characters, none of them forged.
+/// Whether a text has only lines of printable characters, none of them forged.
 void expect_harmless(std::string_view text) {
   for (const char each : text)
     EXPECT_TRUE(each == '\n' || each == '\t' ||
@@ -52,7 +52,7 @@ class ForeignNames : public testing::Test {
     ASSERT_TRUE(client) << client.error().text();
     client_ = std::make_unique<events::HubClient>(std::move(*client));
   }
-  /// Subscribes by that name, and is gone.
+  /// Subscribes by that name, and disconnects.
   void come_and_go(const std::string& name) {
     events::SubscribeRequestT request;
     request.name = name;
@@ -94,7 +94,7 @@ TEST_F(ForeignNames, DoNotFloodTheHubsLog) {
   const MonotonicTime begin = rt::now();
   for (int i = 0; i < kCount && !HasFailure(); ++i) {
     come_and_go("flooder" + std::to_string(i));
-    // So that the hub looks between two, as it does four times a second.
+    // Lets the hub check between two of them, as it does four times a second.
     if (i % 40 == 39) std::this_thread::sleep_for(300ms);
   }
   EXPECT_TRUE(hub_->process.wait_for_errors("more suppressed\n", kPatience))
@@ -103,7 +103,7 @@ TEST_F(ForeignNames, DoNotFloodTheHubsLog) {
   EXPECT_LE(test::line_count(hub_->process.errors()), 20 + seconds + 2) << hub_->process.errors();
 }
 
-/// An object whose every text is hostile.
+/// An object whose texts are all hostile.
 class HostileServant final : public rpc::Servant {
  public:
   const rpc::InterfaceDescriptor& interface() const noexcept override { return interface_; }

@@ -19,8 +19,8 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/test/os.hpp"
 
-// What a supplier knows of its events when its hub is killed, over each transport, and what a
-// consumer sees of it.
+// A supplier's view of its events when its hub is killed, over each transport, and a consumer's
+// view of it.
 namespace rtpm::system_test {
 namespace {
 
@@ -29,7 +29,7 @@ using rtpm::test::await;
 
 constexpr events::EventType kTick = 5;
 
-/// Writes down the numbers of events.
+/// Records the numbers of events.
 class Numbers final : public events::EventHandler {
  public:
   void on_events(std::span<const events::EventView> some) override {
@@ -94,7 +94,7 @@ class HubRestart : public testing::TestWithParam<rpc::Transport> {
       ASSERT_TRUE(pushed) << to_string(pushed.error());
     }
   }
-  /// Pushes until that is refused.
+  /// Pushes until a push is refused.
   [[nodiscard]] rpc::CallError push_until_refused() {
     std::optional<rpc::CallError> error;
     EXPECT_TRUE(await([&] {
@@ -104,7 +104,7 @@ class HubRestart : public testing::TestWithParam<rpc::Transport> {
     }));
     return error.value_or(rpc::CallError::kTimeout);
   }
-  /// What is said of events once the hub has counted the last of them.
+  /// The counters once the hub has counted the last of the events.
   [[nodiscard]] events::SupplierCounters settled() {
     EXPECT_TRUE(await([&] { return supplier_->counters().unconfirmed_count == 0; }));
     return supplier_->counters();
@@ -113,7 +113,7 @@ class HubRestart : public testing::TestWithParam<rpc::Transport> {
     const auto counters = supplier_->counters();
     return counters.sent_count + counters.failed_count;
   }
-  /// Of the numbers up to the last.
+  /// The missing ones among the numbers up to the last.
   [[nodiscard]] std::uint64_t missing_count() const {
     const auto numbers = numbers_.numbers();
     EXPECT_TRUE(std::ranges::is_sorted(numbers));
@@ -155,7 +155,7 @@ TEST_P(HubRestart, IsNoLossWhereTheHubHadCountedAll) {
   ASSERT_TRUE(await([&] { return numbers_.last() == 100; }));
   EXPECT_EQ(settled().maybe_lost_count, 0U);
   restart_hub();
-  // Only over UDP events are sent to find that the hub is another.
+  // Only over UDP does a supplier send events before it notices that the hub is another one.
   ASSERT_TRUE(await([&] {
     const bool is_pushed = push().has_value();
     EXPECT_TRUE(is_pushed || GetParam() == rpc::Transport::kUdp);
@@ -176,7 +176,7 @@ TEST_P(HubRestart, IsToldToASupplierThatPushesNothingMore) {
   hub_->process.stop();
   push_all(20);
   restart_hub();
-  // Nothing is on its way over UDP that a host could refuse; so the count stays open.
+  // No UDP datagram is in flight that a host could refuse, so the count stays open.
   if (GetParam() == rpc::Transport::kUdp) {
     EXPECT_EQ(supplier_->counters().unconfirmed_count, 20U);
     return;

@@ -61,7 +61,7 @@ int supply(rtpm::rpc::Node& node, const std::string& hub) {
   std::uint64_t pushed = 0;
   std::uint64_t failed = 0;
   while (!stop.wait_for(1ms)) {
-    // A hub that is away is no reason to end: the next one may be.
+    // A missing hub is no reason to end: another one may start.
     ++((*supplier)->push({.type = kTick}) ? pushed : failed);
   }
   const auto counters = (*supplier)->counters();
@@ -77,7 +77,7 @@ int consume(rtpm::rpc::Node& node, const std::string& hub, bool shared_ring) {
   auto consumer = Consumer::create(
       node, hub,
       {.filter = of_type(kTick),
-       // Room for seconds: a busy machine may keep a time-shared process waiting so long.
+       // Holds seconds of events: a busy machine may delay a time-shared process that long.
        .delivery = {.queue_capacity = kQueueCapacityMax},
        .realtime = rtpm::rt::RealtimeMode::kOff,
        .shared_ring = shared_ring,

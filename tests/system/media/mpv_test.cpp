@@ -12,7 +12,7 @@
 #include "rtpm/device_sim/knob_driver.hpp"
 #include "rtpm/rt/clock.hpp"
 
-/// The driver on the real mpv.
+/// The driver with the real mpv.
 namespace rtpm::system_test {
 namespace {
 
@@ -109,7 +109,7 @@ TEST_F(RealMpv, IsGoneWhenItHangs) {
   EXPECT_LT(rt::now() - begin, device_mpv::Session::kGoneAfter + milliseconds{2000});
 }
 
-/// The value in the middle.
+/// The median.
 Duration median(std::vector<Duration> times) {
   std::ranges::nth_element(times, times.begin() + static_cast<long>(times.size() / 2));
   return times[times.size() / 2];
@@ -118,7 +118,7 @@ double to_ms(Duration time) {
   return std::chrono::duration<double, std::milli>(time).count();
 }
 
-/// The simulated knob, whose hand turns it to and fro, on its own time line, and what it asks for.
+/// The simulated knob, which a hand turns to and fro on its own time line, and its requests.
 class TurnedKnob {
  public:
   TurnedKnob() {
@@ -128,7 +128,7 @@ class TurnedKnob {
     control_.enter(media::Mode::kScrub, sample_.joints[0],
                    {.position_s = 10, .duration_s = 20, .frame_s = 0.04});
   }
-  /// Turns until it asks for another picture than before.
+  /// Turns until it requests another picture than before.
   double next_target_s() {
     const double before_s = control_.step(sample_.joints[0]).seek_s;
     for (int i = 0; i < 10'000; ++i) {

@@ -79,7 +79,7 @@ void WithMpv::start_mpv() {
                                         "--input-ipc-server=" + socket_, clip_});
   ASSERT_TRUE(test::await([&] { return device_mpv::open_mpv({.socket = socket_})().has_value(); },
                           kPatience));
-  // It listens before it has loaded its file, and refuses to seek until then.
+  // mpv listens before it has loaded its file, and refuses to seek until then.
   Observer mpv = observe();
   ASSERT_TRUE(test::await(
       [&] { return mpv.ask("get_property", {"duration"}).number.value_or(0) > 0; }, kPatience));

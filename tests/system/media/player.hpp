@@ -10,10 +10,10 @@
 #include "rtpm/device_mpv/transport.hpp"
 #include "rtpm/test/process.hpp"
 
-/// The real mpv, and its own word for where it is.
+/// The real mpv, and its own report of its position.
 namespace rtpm::system_test {
 
-/// Where mpv is installed; empty: nowhere.
+/// The path of mpv; empty: it is not installed.
 [[nodiscard]] std::string mpv_path();
 
 /// A connection of the test's own to mpv.

@@ -71,7 +71,7 @@ TEST_F(Media, ChangesItsModeByTheKnobsButton) {
   }
 }
 
-/// A player that nothing but the plug-in makes a device: its server and its supplier of events.
+/// A player that only the plug-in makes a device: its server and its supplier of events.
 TEST_F(Media, DrivesAPlayerThatHasTheDeviceInside) {
 #ifndef RTPM_MPV_PLUGIN
   GTEST_SKIP() << "libmpv-dev is not installed, so that the plug-in was not built";

@@ -1,7 +1,8 @@
-// A plug-in that does what its argument says: "exchange", "first" or "configure" block for ever in
-// exchange(), in its first call, or in configure(); "error", "timeless", "buttons" and "describe"
-// are wrong at set-up; "crash:FILE" writes to no memory once FILE is there; "hold:FILE" does not
-// return from exchange() while FILE is there; "mark:FILE" makes FILE when it is deactivated.
+// A plug-in whose behaviour its argument selects: "exchange", "first" or "configure" block for ever
+// in exchange(), in its first call, or in configure(); "error", "timeless", "buttons" and
+// "describe" are wrong at set-up; "crash:FILE" writes to unmapped memory once FILE exists;
+// "hold:FILE" does not return from exchange() while FILE exists; "mark:FILE" creates FILE when it
+// is deactivated.
 #include <poll.h>
 #include <unistd.h>
 
@@ -63,7 +64,7 @@ class Stubborn final : public Driver {
     int* volatile nowhere = nullptr;
     *nowhere = 1;
   }
-  /// The file of "PREFIX:FILE"; null: it behaves otherwise.
+  /// The file of "PREFIX:FILE"; null: another behaviour is selected.
   [[nodiscard]] const char* file_after(std::string_view prefix) const noexcept {
     return behaviour_.starts_with(prefix) ? behaviour_.c_str() + prefix.size() : nullptr;
   }

@@ -62,7 +62,7 @@ class Observer final : public gvd::SampleSink {
                          [time](const Seen& one) { return one.time > time; });
     return later;
   }
-  /// Waits until so many samples with force, or without, were measured after `time`.
+  /// Waits until this many samples with force, or without, were measured after `time`.
   [[nodiscard]] bool await(MonotonicTime time, bool has_force, std::ptrdiff_t count) const {
     return test::await(
         [&] {
@@ -167,7 +167,7 @@ TEST_P(TouchedScene, IsDrawnFromAllItsUpdates) {
   const std::size_t at = end->output.find("  cycles ");
   ASSERT_NE(at, std::string::npos) << end->output;
   ASSERT_EQ(std::sscanf(end->output.c_str() + at, "  cycles %lu", &cycle_count), 1);
-  // 2000 in the 2 s that were drawn; generous, as this machine may be busy.
+  // 2000 in the 2 s of drawing; generous, as this machine may be busy.
   EXPECT_GE(cycle_count, 500u) << end->output;
 
   std::ifstream file(picture);
@@ -207,7 +207,7 @@ TEST_F(ThreeNodes, TheDevicesForceEndsInItsBoundWithoutTheForceNode) {
         << " ms after the force node's end";
   }
   ASSERT_TRUE(graphics.wait_for_output("force is silent", kPatience)) << graphics.output();
-  // The lease of the one that died ends first, then another may command.
+  // The dead client's lease ends first, then another client may command.
   EXPECT_TRUE(test::await(
       [&] {
         test::Process successor = start_force("sphere", "0.2");

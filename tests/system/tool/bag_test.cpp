@@ -92,7 +92,7 @@ TEST_F(Bag, RecoverSavesWhatIsWhole) {
   expect_one_sentence(bag({"recover", broken}), 2, {"--output is required"});
 }
 
-/// The chunk that has the channels is damaged; the summary has them, too.
+/// The chunk with the channels is damaged; the summary has them, too.
 TEST_F(Bag, RecoverKeepsTheChannelsAndTellsWhatIsLost) {
   std::string content = recording::content_of(file_);
   const std::string head("\x06", 1);

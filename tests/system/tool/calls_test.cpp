@@ -35,7 +35,7 @@ class Calls : public testing::Test {
   [[nodiscard]] test::Process::End rtpm(const std::vector<std::string>& arguments) const {
     return run_program("rtpm", command(arguments));
   }
-  /// Calls until the recording has calls, and then once more, and ends it by Ctrl-C.
+  /// Calls until the recording has calls, calls once more, and ends it by Ctrl-C.
   [[nodiscard]] test::Process::End record_calls(std::vector<std::string> arguments) {
     arguments = command(std::move(arguments));
     arguments.insert(arguments.begin(), {path_of("rtpm"), "record", file_});
@@ -44,14 +44,14 @@ class Calls : public testing::Test {
       EXPECT_EQ(rtpm({"call", "lab/arm0", "read"}).exit_code, 0);
       return has_calls();
     }));
-    // It may have no record to give.
+    // The server may have no record to return.
     static_cast<void>(rtpm({"call", "lab/arm0", "read_flight_record", "{}"}));
     process.send_signal(SIGINT);
     const auto end = process.wait(kPatience);
     EXPECT_TRUE(end);
     return end.value_or(test::Process::End{});
   }
-  /// Whether calls are in the file, which gets them each second.
+  /// Whether the file has calls, which are written to it each second.
   [[nodiscard]] bool has_calls() const {
     const auto reader = recording::FileReader::open(file_, recording::Incomplete::kRead);
     if (!reader) return false;

@@ -25,11 +25,11 @@ using Arguments = std::vector<std::string>;
 /// A command and three ways to run it.
 struct Case {
   std::string path;     ///< "config list".
-  std::string run;      ///< What succeeds, behind the path.
-  std::string words;    ///< In its text.
-  std::string failing;  ///< What fails, behind the path.
-  int exit_code = 1;    ///< Of what fails.
-  std::string why;      ///< In its error.
+  std::string run;      ///< The words behind the path that succeed.
+  std::string words;    ///< Part of its text.
+  std::string failing;  ///< The words behind the path that fail.
+  int exit_code = 1;    ///< After `failing`.
+  std::string why;      ///< Part of its error.
 };
 
 /// A device or a server did not run in time; the cycles that follow a stop are not over; a lease
@@ -43,10 +43,10 @@ const std::string kAlice = "# people\n" + kOtherKey + " name=alice role=command 
 
 constexpr const char* kSampled = "--filter type(rtpm.device.Sampled)";
 
-/// In an order in which one command prepares for the next. RUN is a whole recording, DEVICES
-/// one of a device, BROKEN the first half of RUN, LABORATORY a file for `rtpm up`, NEW1 and NONE
-/// paths where nothing is, KEY a key, SERVER one that shows its key, OTHERS known servers with
-/// another key for it, GRANTS lets alice in.
+/// The cases, in an order that lets one command prepare for the next. RUN is a whole recording,
+/// DEVICES one of a device, BROKEN the first half of RUN, LABORATORY a file for `rtpm up`, NEW1 and
+/// NONE paths without a file, KEY a key, SERVER a server that shows its key, OTHERS known servers
+/// with another key for it, GRANTS lets alice in.
 std::vector<Case> cases() {
   const std::string sampled = kSampled;
   return {
@@ -139,7 +139,7 @@ class Commands : public testing::Test {
                            "run = [\"rtpm-registryd\"]\n");
   }
 
-  /// With the names of the table's files replaced.
+  /// Returns the arguments with the names of the table's files replaced.
   [[nodiscard]] Arguments arguments_of(const std::string& path, const std::string& rest) const {
     Arguments arguments = words_of(path + " " + rest);
     for (std::string& word : arguments) {
@@ -167,7 +167,7 @@ class Commands : public testing::Test {
     ::chmod(path.c_str(), 0600);
     return path;
   }
-  /// Again while the machine is too busy for it, or it comes too early.
+  /// Repeats it while the machine is too busy for it, or it comes too early.
   [[nodiscard]] static test::Process::End run(const Arguments& arguments) {
     test::Process::End end;
     for (int i = 0; i < 300; ++i) {
@@ -195,7 +195,7 @@ class Commands : public testing::Test {
       EXPECT_FALSE(Json::parse(line, nullptr, false).is_discarded()) << line;
     expect_code(c, end);
   }
-  /// Of the doctor, the machine decides.
+  /// The doctor's exit code depends on the machine.
   static void expect_code(const Case& c, const test::Process::End& end) {
     if (c.path == "doctor") {
       EXPECT_LE(end.exit_code, 1) << end.errors;
@@ -232,7 +232,7 @@ TEST(CommandTable, HasEveryCommandOfTheProgramOnce) {
   for (const std::string& command : commands_below("")) {
     if (commands_below(command).empty()) known.insert(command);
   }
-  // What they end is there once: laboratory_test.cpp and objects_test.cpp.
+  // These end a thing that is there once: see laboratory_test.cpp and objects_test.cpp.
   for (const char* ending : {"down", "unbind"})
     EXPECT_EQ(known.erase(ending), 1u) << ending;
   EXPECT_EQ(tested, known) << "the table above has a row for each command";

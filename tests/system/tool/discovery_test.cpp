@@ -28,13 +28,13 @@ Words device_options(const std::string& name) {
           "--flight-records", "",    "--devices", name};
 }
 
-/// Programs of one host that share nothing but the folder of their sockets.
+/// Programs of one host that share only the folder of their sockets.
 class WithoutRegistry : public testing::Test {
  protected:
   [[nodiscard]] static test::Process::End rtpm(const Words& arguments) {
     return run_program("rtpm", arguments);
   }
-  /// Whether `rtpm list` shows these, and no others, before patience is over.
+  /// Whether `rtpm list` shows exactly these before patience is over.
   [[nodiscard]] static bool lists(const std::vector<std::string>& names) {
     return test::await([&] {
       const auto end = rtpm({"list", "--json"});
@@ -83,7 +83,7 @@ TEST_F(WithoutRegistry, NamesOfOneHostAreFoundAndFollowWhatComesAndGoes) {
   ASSERT_TRUE(lists({"lab/arm0"})) << "the server serves its name itself again";
 }
 
-// A program that hangs costs those who look a share of their deadline, and is told of.
+// A program that hangs costs searchers a share of their deadline, and is reported.
 TEST_F(WithoutRegistry, AServerThatHangsHoldsNobodyUp) {
   const auto arm = start_daemon("rtpm-deviced", device_options("arm0"));
   const auto gaze = start_daemon("rtpm-deviced", device_options("gaze0"));
@@ -116,7 +116,7 @@ TEST_F(WithoutRegistry, DoctorSaysWhatDiscoveryFinds) {
                       "all 1 names"});
 }
 
-/// Hosts a and b in a LAN of this test's own, c behind a router, which passes no multicast.
+/// Hosts a and b in a LAN of this test's own, c behind a router, which forwards no multicast.
 class OnTheLan : public testing::Test {
  protected:
   void SetUp() override {
@@ -169,7 +169,7 @@ class OnTheLan : public testing::Test {
   [[nodiscard]] static test::Process::End rtpm_on(const std::string& host, const Words& arguments) {
     return test::run(command(host, "rtpm", arguments), kPatience).value_or(test::Process::End{});
   }
-  /// A device server; it has printed what it serves.
+  /// Starts a device server; it has printed its addresses.
   [[nodiscard]] static test::Process device_on(const std::string& host, Words arguments) {
     const Words others = device_options("arm0");
     arguments.insert(arguments.end(), others.begin(), others.end());
@@ -200,7 +200,7 @@ TEST_F(OnTheLan, AServerIsFoundInItsDomainByThoseWhoAskForIt) {
                {"eth0 (10.77.1.1) sends multicast", "and 1 on the LAN"});
 }
 
-// Never silently one of two.
+// A duplicate name never resolves silently.
 TEST_F(OnTheLan, ANameOfTwoHostsIsNeitherOfThem) {
   const test::Process first = device_on("b", {"--host", "10.77.1.2", "--discover", "lan:7@eth0"});
   test::Process second = device_on("a", {"--host", "10.77.1.1", "--discover", "lan:7@eth0"});
@@ -222,7 +222,7 @@ TEST_F(OnTheLan, AListOfHostsWorksWhereMulticastDoesNot) {
       rtpm_on("a", {"call", "lab/arm0", "read", "--discover", "10.77.1.2,10.77.2.2"}).exit_code, 0);
 }
 
-// It registers names that lead to its own loopback address.
+// The server registers names that lead to its own loopback address.
 TEST_F(OnTheLan, NamesThatLeadNowhereFromHereAreLeftOutInWords) {
   test::Process registry(
       command("b", "rtpm-registryd",

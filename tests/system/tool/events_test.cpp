@@ -130,7 +130,7 @@ TEST_F(Events, ArePushedAsJsonAndEchoedAsPushed) {
                       "--registry", registry_->url});
   const std::vector<std::string> pub{"pub", "rtpm.device.ButtonChanged",
                                      "{cycle: 9, button: 2, is_pressed: true}", "--source", "77"};
-  // The subscription comes about at some time.
+  // Pushes until the subscription exists.
   for (int i = 0; i < 300 && echo.output().find("\"sequence\"") == std::string::npos; ++i)
     ASSERT_EQ(rtpm(pub).exit_code, 0);
   std::vector<std::string> several = pub;
@@ -208,7 +208,7 @@ TEST_F(Events, OfARecordingAreReadByFlatBuffersAlone) {
   EXPECT_EQ(json["sample"]["position_m"].size(), 3u) << json;
 }
 
-/// Ctrl-C, an order to end, and a terminal or session that closes.
+/// Ctrl-C, SIGTERM, and a terminal or session that closes.
 TEST_F(Events, OfARecordingThatASignalEndsAreKept) {
   const recording::Folder folder;
   for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT}) {
@@ -227,7 +227,7 @@ TEST_F(Events, OfARecordingThatASignalEndsAreKept) {
   }
 }
 
-/// As on a full disk: a sentence, and what is there stays whole.
+/// Like on a full disk: it reports one sentence, and the written part stays whole.
 TEST_F(Events, OfARecordingThatReachesTheFileSizeLimitAreKept) {
   const recording::Folder folder;
   const std::string file = folder.fresh("run");
@@ -242,7 +242,7 @@ TEST_F(Events, OfARecordingThatReachesTheFileSizeLimitAreKept) {
   EXPECT_TRUE(reader) << reader.error().text();
 }
 
-/// A hub that just began knows neither the types nor the names of a program whose events it sends.
+/// A new hub knows neither the types nor the names of a program whose events it forwards.
 TEST_F(Events, OfProgramsThatStartLaterAreRecordedByTypeAndName) {
   const recording::Folder folder;
   const std::string file = folder.fresh("run");

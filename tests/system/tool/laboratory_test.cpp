@@ -42,7 +42,7 @@ class Up : public testing::Test {
     fs::remove_all(folder_);
     fs::create_directories(folder_ / "run");
     ::setenv("XDG_RUNTIME_DIR", (folder_ / "run").c_str(), 1);
-    // Inherited by all that a test starts, wherever it goes.
+    // Inherited by all processes that a test starts, in any session.
     mark_ = "LABORATORY_TEST_MARK=" + folder_.string() + "/" +
             std::to_string(Clock::now().time_since_epoch().count());
     ::setenv("LABORATORY_TEST_MARK", mark_.substr(mark_.find('=') + 1).c_str(), 1);
@@ -64,7 +64,7 @@ class Up : public testing::Test {
     arguments.insert(arguments.begin(), path_of("rtpm"));
     return test::Process(arguments);
   }
-  /// Brings it up and waits for that.
+  /// Brings the laboratory up and waits until it is.
   test::Process start_up(const std::string& text, const std::string& name = "cell.toml") const {
     test::Process up = start({"up", file(text, name), "--json"});
     EXPECT_TRUE(up.wait_for_output("\"event\":\"up\"", kPatience)) << up.output() << up.errors();
@@ -77,7 +77,7 @@ class Up : public testing::Test {
     }
     return condition();
   }
-  /// All that this test has started and that has not ended, this process aside.
+  /// All processes that this test has started and that have not ended, except this one.
   [[nodiscard]] std::vector<pid_t> processes() const {
     std::vector<pid_t> found;
     for (const auto& entry : fs::directory_iterator("/proc")) {
@@ -110,7 +110,7 @@ class Up : public testing::Test {
     }
     return found;
   }
-  /// Of the program's latest life.
+  /// The process of the program's latest life.
   static pid_t process_of(const std::string& output, const std::string& program) {
     pid_t process = 0;
     for (const Json& event : events_in(output)) {
@@ -285,7 +285,7 @@ TEST_F(Up, KillsAllAtASecondRequest) {
   up.send_signal(SIGTERM);
   ASSERT_TRUE(up.wait_for_output("\"state\":\"stopping\"", kPatience));
   std::optional<test::Process::End> end;
-  // The second within half a second counts as the first.
+  // A second signal within half a second does not count.
   EXPECT_TRUE(waits_until([&] {
     up.send_signal(SIGTERM);
     end = up.wait(std::chrono::milliseconds{100});

@@ -7,7 +7,7 @@
 
 #include "programs.hpp"
 
-// Commands that look at servers, beside a registry and a device server.
+// Commands that inspect servers, beside a registry and a device server.
 namespace rtpm::system_test {
 namespace {
 
@@ -23,7 +23,7 @@ class Objects : public Laboratory {
     arguments.insert(arguments.end(), {"--registry", registry_->url});
     return run_program("rtpm", arguments);
   }
-  /// What `rtpm … --json` prints; it must succeed.
+  /// The output of `rtpm … --json`; it must succeed.
   [[nodiscard]] Json json_of(std::vector<std::string> arguments) const {
     arguments.emplace_back("--json");
     const auto end = rtpm(arguments);
@@ -75,9 +75,9 @@ TEST_F(Objects, AreFoundByPatterns) {
   }
   expect_one_sentence(rtpm({"find", "--interface", "rtpm.device.Devise"}), 1,
                       {"none of the 1 names fits", "'rtpm.device.Device'"});
-  // A predicate leaves none to the patterns.
+  // The predicate leaves no name for the patterns.
   expect_one_sentence(rtpm({"find", "--where", "rate_hz > 1e9"}), 1, {"none of the 1 names fits"});
-  // The first sentence of two says that no such name has the property.
+  // The first of two sentences says that no such name has the property.
   const auto none = rtpm({"find", "--interface", "rtpm.device.Devise", "--where", "rate_hz > 1"});
   EXPECT_EQ(none.exit_code, 1);
   EXPECT_NE(none.errors.find("none of the 1 names fits (did you mean 'rtpm.device.Device'"),

@@ -55,7 +55,7 @@ class Play : public testing::Test {
     arguments.insert(arguments.end(), {"--registry", registry_->url});
     return run_program("rtpm", arguments);
   }
-  /// Plays on until it is ended. Failing that, the test fails, and so must its caller.
+  /// Plays until it is ended. If that fails, the test fails, and so must its caller.
   [[nodiscard]] std::optional<Daemon> start_play(std::vector<std::string> arguments) const {
     arguments.insert(arguments.begin(), {"play", file_});
     arguments.insert(arguments.end(), {"--registry", registry_->url});

@@ -15,7 +15,7 @@
 #include "rtpm/test/os.hpp"
 
 // Two machines, as network namespaces: README's section "Let another machine in", word for word,
-// and what each wrong step says.
+// and the message of each wrong step.
 namespace rtpm::system_test {
 namespace {
 
@@ -36,7 +36,7 @@ std::vector<std::string> commands_of_readme(const std::string& title) {
   return commands;
 }
 
-/// What stands between `before` and `after`, with both; empty: nothing.
+/// The text from `before` to `after`, both included; empty: there is none.
 std::string part(const std::string& text, const std::string& before, const std::string& after) {
   const std::size_t begin = text.find(before);
   const std::size_t end = begin == text.npos ? begin : text.find(after, begin + before.size());
@@ -59,7 +59,7 @@ class TwoMachines : public testing::Test {
     if (!folder_.empty()) std::filesystem::remove_all(folder_);
   }
 
-  /// The command as a shell of that host gets it, with RTPM's programs in PATH.
+  /// The command as that host's shell gets it, with RTPM's programs in PATH.
   [[nodiscard]] static std::vector<std::string> in_shell(const Host& host,
                                                          const std::string& command) {
     std::vector<std::string> words = host.inside();
@@ -104,7 +104,7 @@ TEST_F(TwoMachines, AreSetUpByWhatReadmeSays) {
 
   const auto made = at_caller(commands[0]);
   EXPECT_EQ(made.exit_code, 0) << made.errors;
-  // It is pasted at the other machine, and is README's but for the key.
+  // A user pastes it at the other machine; it is README's but for the key.
   const std::string authorize = part(made.output, "rtpm key authorize ", "'**'");
   const auto without_key = [](const std::string& command) {
     return command.substr(0, command.find('\'')) + command.substr(command.find("' --role"));
@@ -119,7 +119,7 @@ TEST_F(TwoMachines, AreSetUpByWhatReadmeSays) {
   const std::string fingerprint = part(demo.output() + demo.errors(), "fingerprint ", "\n");
   ASSERT_NE(fingerprint, "") << demo.output() << demo.errors();
 
-  // A person compares and says yes; here the option does.
+  // A user compares and confirms; here the option does.
   const auto learned = at_caller(commands[3] + " --fingerprint " + fingerprint.substr(12, 24));
   EXPECT_EQ(learned.exit_code, 0) << learned.errors;
   const auto called = at_caller(commands[4] + "; " + commands[5]);
@@ -128,7 +128,7 @@ TEST_F(TwoMachines, AreSetUpByWhatReadmeSays) {
   std::printf("from `rtpm key new` to the first call: %.1f s\n",
               std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
 
-  // Without the key it does not work.
+  // Without the key it fails.
   std::filesystem::rename(caller_file("key"), caller_file("key.away"));
   expect_words(at_caller(commands[4] + "; " + commands[5]), {"rtpm key new"});
 }
@@ -148,7 +148,7 @@ TEST_F(TwoMachines, DoNotBeginByAccident) {
 }
 
 TEST_F(TwoMachines, SayWhatToDoAtEachWrongStep) {
-  // Somebody is let in, so that it starts.
+  // One key has a grant, so that it starts.
   ASSERT_EQ(at_server("rtpm key authorize uid:7 --role observe --on '**'").exit_code, 0);
   test::Process registry(in_shell(*server_, "exec rtpm-registryd --realtime off --host any"));
   ASSERT_TRUE(registry.wait_for_output("rtpm://", kPatience)) << registry.errors();
@@ -184,7 +184,7 @@ TEST_F(TwoMachines, SayWhatToDoAtEachWrongStep) {
   ASSERT_EQ(at_server("rtpm key revoke alice").exit_code, 0);
   EXPECT_TRUE(test::await([&] { return list().exit_code != 0; }));
 
-  // Another server shows itself at the address.
+  // Another server presents itself at the address.
   registry.send_signal(SIGTERM);
   ASSERT_TRUE(registry.wait(kPatience));
   std::filesystem::remove(folder_ + "/server/key");

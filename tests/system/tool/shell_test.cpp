@@ -8,7 +8,7 @@
 #include "programs.hpp"
 #include "shell_help.hpp"
 
-// What the shell sees of `rtpm`: its help, completion and manual page, from one source.
+// The shell's view of `rtpm`: its help, completion and manual page, from one source.
 namespace rtpm::system_test {
 namespace {
 
@@ -40,7 +40,7 @@ TEST(Shell, CompletesEveryCommand) {
   }
 }
 
-/// What bash offers for the last of `words`.
+/// Bash's completions for the last of `words`.
 std::string completed(const std::string& words) {
   const auto script = std::filesystem::path(testing::TempDir()) / "rtpm-completion.bash";
   std::ofstream(script) << output_of({"completion", "bash"});

@@ -3,16 +3,16 @@
 #include <cstdint>
 
 /// The proof that real-time code allocates nothing. A test binary that links rtpm::alloc_guard has
-/// malloc, its relatives and operator new replaced: where the calling thread stands inside an
-/// rt::NoAllocationScope (as lanes and device threads do once they run), taking or giving back
-/// memory is a breach: it is counted and, unless a test asks otherwise, ends the process with a
-/// message and the stack.
+/// malloc, its relatives and operator new replaced: if the calling thread is inside an
+/// rt::NoAllocationScope (like running lanes and device threads), allocating or freeing memory is a
+/// breach: it is counted and, unless a test asks otherwise, ends the process with a message and the
+/// stack.
 ///
 /// Threads: all of this from any thread.   RT: alloc-free.
 namespace rtpm::test {
 
-/// False under AddressSanitizer and ThreadSanitizer, which need malloc for themselves: breaches are
-/// then not seen. Tests that rely on the guard skip, saying so:
+/// False under AddressSanitizer and ThreadSanitizer, which need malloc for themselves: the guard
+/// then sees no breaches. Tests that rely on it skip:
 ///
 ///     if (!is_alloc_guard_active()) GTEST_SKIP() << kAllocGuardInactive;
 [[nodiscard]] bool is_alloc_guard_active() noexcept;
@@ -23,8 +23,8 @@ inline constexpr const char* kAllocGuardInactive =
 /// Breaches by any thread since the process began.
 [[nodiscard]] std::uint64_t allocation_breach_count() noexcept;
 
-/// Blocks taken by the calling thread since it began, inside a scope or not: to count what a
-/// stretch of set-up costs.
+/// Blocks that the calling thread has allocated since it began, inside a scope or not: to count the
+/// cost of a stretch of set-up.
 [[nodiscard]] std::uint64_t thread_allocation_count() noexcept;
 
 /// While this lives, breaches are counted but do not abort: for tests of the guard itself.

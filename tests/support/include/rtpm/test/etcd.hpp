@@ -15,7 +15,7 @@ struct EtcdNodeOptions {
   std::string log_file{};
 };
 
-/// What starts the node, which logs fatal errors only.
+/// The command that starts the node, which logs fatal errors only.
 [[nodiscard]] inline std::vector<std::string> etcd_command(const EtcdNodeOptions& node) {
   return {"etcd",
           "--name",

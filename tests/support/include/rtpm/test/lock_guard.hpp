@@ -2,18 +2,17 @@
 
 #include <cstdint>
 
-/// The proof that a real-time thread never waits for a less urgent one that something in between
-/// keeps from running. In a test binary that links rtpm::lock_guard, a thread inside an
-/// rt::NoAllocationScope (as lanes and device threads stand in once they run) that locks a mutex
-/// without priority inheritance, or a read-write lock, which has none at all, is a breach: it is
-/// counted and, unless a test asks otherwise, ends the process with a message and the stack.
-/// Waiting on a condition takes such a mutex, too.
+/// The proof that a real-time thread never waits for a less urgent one that a third thread
+/// preempts. In a test binary that links rtpm::lock_guard, a thread inside an rt::NoAllocationScope
+/// (like running lanes and device threads) that locks a mutex without priority inheritance, or a
+/// read-write lock, which has none at all, is a breach: it is counted and, unless a test asks
+/// otherwise, ends the process with a message and the stack. Waiting on a condition takes such a
+/// mutex, too.
 ///
 /// Threads: all of this from any thread.   RT: alloc-free.
 namespace rtpm::test {
 
-/// False under sanitizers, which replace the same functions. Tests that rely on the guard skip,
-/// saying so:
+/// False under sanitizers, which replace the same functions. Tests that rely on the guard skip:
 ///
 ///     if (!is_lock_guard_active()) GTEST_SKIP() << kLockGuardInactive;
 [[nodiscard]] bool is_lock_guard_active() noexcept;

@@ -11,10 +11,10 @@
 
 namespace rtpm::test {
 
-/// A program that a test runs, with what it prints; killed with this object at the latest. It has
-/// the test's environment without RTPM_… variables and an empty standard input. By names it finds
-/// this test's programs only, in the test's own RTPM_RUNTIME_FOLDER if there is one; its keys are
-/// in RTPM_KEYS, or there.
+/// A program that a test runs, with its output; killed with this object at the latest. It has the
+/// test's environment without RTPM_… variables and an empty standard input. It finds only this
+/// test's programs by name, in the test's own RTPM_RUNTIME_FOLDER if there is one; its keys are in
+/// RTPM_KEYS, or there.
 /// Threads: one.
 class Process {
  public:
@@ -34,7 +34,7 @@ class Process {
 
   /// Reads on until standard output has `text`; false if it ends, or `patience` is over, before.
   [[nodiscard]] bool wait_for_output(std::string_view text, Duration patience);
-  /// The same of standard error.
+  /// The same for standard error.
   [[nodiscard]] bool wait_for_errors(std::string_view text, Duration patience);
   /// Waits until it ends; nothing if it does not within `patience`.
   [[nodiscard]] std::optional<End> wait(Duration patience);
@@ -42,12 +42,12 @@ class Process {
   /// Stops it by SIGSTOP, and waits until the system has done so.
   void stop() const;
 
-  /// What it printed so far, as far as it was read.
+  /// Its output so far, as far as it was read.
   [[nodiscard]] const std::string& output() const noexcept { return output_.text; }
   [[nodiscard]] const std::string& errors() const noexcept { return errors_.text; }
 
  private:
-  /// One end of a pipe and what came through it.
+  /// One end of a pipe and the bytes read from it.
   struct Stream {
     int handle = -1;
     std::string text;
@@ -61,11 +61,11 @@ class Process {
   Stream errors_{};
 };
 
-/// Runs `command` to its end; nothing if that does not come within `patience`.
+/// Runs `command` to its end; nothing if it does not end within `patience`.
 [[nodiscard]] std::optional<Process::End> run(const std::vector<std::string>& command,
                                               Duration patience);
 
-/// How many lines `text` has.
+/// The number of lines in `text`.
 [[nodiscard]] int line_count(std::string_view text);
 
 }  // namespace rtpm::test

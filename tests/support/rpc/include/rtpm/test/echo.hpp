@@ -33,7 +33,7 @@ inline constexpr std::array kMethods{kEcho, kEchoOnce, kWhere,    kFail,     kRe
                                      kHold, kGrow,     kAllocate, kImpatient};
 inline constexpr rpc::InterfaceDescriptor kInterface{"test.Echo", 4711, "by hand", kMethods};
 
-/// What `where` says of the run: the servant's context, and what the system says of its thread.
+/// The reply of `where` about its run: the servant's context, and the system's view of its thread.
 struct Place {
   std::int32_t priority;
   std::int32_t current_priority;  ///< -1: none.
@@ -47,7 +47,7 @@ struct Place {
   std::array<char, 16> thread_name;
 };
 
-/// Lets calls of `hold` in and keeps them until they are let go.
+/// Lets calls of `hold` enter, and keeps them until they are released.
 class Gate {
  public:
   void pass() noexcept {
@@ -57,7 +57,7 @@ class Gate {
     static_cast<void>(await([&] { return let_go_count_.load() > ticket; }));
     inside_count_.fetch_sub(1);
   }
-  /// Lets the next one go, or the one that is inside.
+  /// Releases the next call, or the one that is inside.
   void let_one_go() noexcept { let_go_count_.fetch_add(1); }
   void open() noexcept { let_go_count_.store(1 << 30); }
   [[nodiscard]] int inside_count() const noexcept { return inside_count_.load(); }
@@ -90,10 +90,10 @@ class Servant final : public rpc::Servant {
         return give(std::as_bytes(std::span(&place, 1)), reply);
       }
       case kFail.id:
-        // Out of range, as a person's mistake would be.
+        // Out of range, like a user's mistake.
         return {wire::Status::kOk, static_cast<std::uint32_t>(std::string().at(request.size()))};
       case kRefuse.id:
-        // With the rest of the request as its reason.
+        // The rest of the request is the reason.
         return rpc::refuse(rpc::to_status(static_cast<rpc::Refusal>(request.front())),
                            {reinterpret_cast<const char*>(request.data()) + 1, request.size() - 1},
                            reply);
@@ -104,7 +104,7 @@ class Servant final : public rpc::Servant {
         return {wire::Status::kOk, size};
       }
       case kAllocate.id: {
-        // Volatile, so that no compiler leaves the pair out.
+        // Volatile, so that no compiler removes the pair.
         char* volatile block = new char[100];
         delete[] block;
         return {};
@@ -115,7 +115,7 @@ class Servant final : public rpc::Servant {
     }
   }
 
-  /// How many methods were begun.
+  /// The number of methods that have begun.
   [[nodiscard]] int run_count() const noexcept { return run_count_.load(); }
   [[nodiscard]] Gate& gate() noexcept { return gate_; }
 

@@ -31,54 +31,54 @@ using rtpm::test::await;
 using rtpm::test::Bytes;
 using rtpm::test::RawPeer;
 
-/// Whether a call ended because its time was over. Either side may see that first.
+/// Whether a call ended because its time was over. Either side may notice that first.
 [[nodiscard]] constexpr bool is_late(CallError error) noexcept {
   return error == CallError::kTimeout || error == CallError::kExpired;
 }
 
-/// Suites run for each kind of lane: with one thread that does all, or with a pool, where the
-/// environment's RTPM_TEST_BUFFERED_REQUESTS says how many requests its buffer holds.
+/// Suites run for each kind of lane: with a single thread, or with a pool, for which the
+/// environment's RTPM_TEST_BUFFERED_REQUESTS sets the size of the request buffer.
 [[nodiscard]] inline std::uint32_t buffered_requests() {
   const char* const text = std::getenv("RTPM_TEST_BUFFERED_REQUESTS");
   return text == nullptr ? 0 : static_cast<std::uint32_t>(std::atoi(text));
 }
 
-/// Not a transport of RTPM's: UDP over a network that loses, repeats, delays and reorders.
+/// Not one of RTPM's transports: UDP over a network that loses, repeats, delays and reorders.
 inline constexpr Transport kFaultyUdp{100};
 
-/// Nor these: UDP and TCP with sealed sessions.
+/// These are none either: UDP and TCP with sealed sessions.
 inline constexpr Transport kSealedUdp{101};
 inline constexpr Transport kSealedTcp{102};
 [[nodiscard]] constexpr bool is_sealed(Transport transport) noexcept {
   return transport == kSealedUdp || transport == kSealedTcp;
 }
 
-/// Whether the servers of the running test ask for grants, and their callers know them.
+/// Whether the servers of the running test require grants that their callers have.
 [[nodiscard]] inline bool& are_sessions_sealed() noexcept {
   static bool is_sealed = false;
   return is_sealed;
 }
-/// The files of both sides, in a folder that goes with the program.
+/// The files of both sides, in a folder that is removed with the program.
 [[nodiscard]] inline const SealedFiles& sealed_files() {
   static const SealedFiles files;
   return files;
 }
 
-/// Whether the servers of the running test are behind such a network.
+/// Whether the servers of the running test are behind a faulty network.
 [[nodiscard]] inline bool& is_network_faulty() noexcept {
   static bool is_faulty = false;
   return is_faulty;
 }
-/// Suites that run for both kinds of lane run for both families of addresses, too: for pools by
-/// IPv6, where this host has it, at which callers find the server first. The relay that makes a
-/// network faulty knows IPv4 only.
+/// Suites that run for both kinds of lane also run for both address families: for pools over IPv6,
+/// where this host has it, which callers try first. The relay that makes a network faulty knows
+/// IPv4 only.
 [[nodiscard]] inline std::string test_hosts() {
   static const bool has_ipv6 = transport::TcpListener::open("::1", 0).has_value();
   const bool is_by_ipv6 = buffered_requests() > 0 && has_ipv6 && !is_network_faulty();
   return is_by_ipv6 ? "::1,127.0.0.1" : "127.0.0.1";
 }
 
-/// Lanes that block at once and are not real-time: what a test needs that is not about time.
+/// Lanes that block at once and are not real-time, for tests that are not about time.
 [[nodiscard]] inline LaneConfig quiet_lane(Priority low = 0) {
   return {.low = low,
           .wait = {.strategy = rt::WaitStrategy::kBlock},
@@ -94,7 +94,7 @@ inline constexpr Transport kSealedTcp{102};
   return config;
 }
 
-/// What it does, by the seed RTPM_SEED if the environment has one.
+/// The relay's faults, by the seed RTPM_SEED if the environment has one.
 [[nodiscard]] inline rtpm::test::FaultyRelay::Faults faults() {
   rtpm::test::FaultyRelay::Faults faults;
   if (const char* const seed = std::getenv("RTPM_SEED")) faults.seed = std::stoull(seed);
@@ -119,7 +119,7 @@ struct EchoServer {
   }
   EchoServer(const EchoServer&) = delete;
   EchoServer& operator=(const EchoServer&) = delete;
-  /// Where callers of this test find the servant.
+  /// The address at which callers of this test find the servant.
   [[nodiscard]] std::string url() const {
     const std::string straight = server->url("echo");
     if (!is_network_faulty()) return straight;
@@ -134,7 +134,7 @@ struct EchoServer {
 
 [[nodiscard]] inline NodeConfig quiet_node(Transport transport = Transport::kUdp) {
   NodeConfig config;
-  // That is what comes of kAuto where the server is in the same program.
+  // kAuto gives this transport where the server is in the same program.
   config.transport = transport == Transport::kLocal ? Transport::kAuto : transport;
   if (transport == kFaultyUdp || transport == kSealedUdp) config.transport = Transport::kUdp;
   if (transport == kSealedTcp) config.transport = Transport::kTcp;
@@ -160,7 +160,7 @@ struct EchoServer {
   return {reinterpret_cast<const char*>(reply.bytes().data()), reply.bytes().size()};
 }
 
-/// Where the servant says that it ran; fails the test if the call did.
+/// The servant's report of where it ran; fails the test if the call failed.
 [[nodiscard]] inline echo::Place place_of(Binding& binding, const CallOptions& options = {}) {
   const auto reply = binding.call(echo::kWhere, {}, options);
   EXPECT_TRUE(reply) << to_string(reply.error());

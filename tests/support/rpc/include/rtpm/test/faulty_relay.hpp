@@ -20,18 +20,18 @@
 
 namespace rtpm::test {
 
-/// The network between a caller and a server, as bad as it may be: it loses, repeats, delays and
-/// reorders datagrams in both directions, by a seed. Its faults can't be told from those of a real
-/// one, except that the very same are made each time.
+/// A bad network between a caller and a server: it loses, repeats, delays and reorders datagrams in
+/// both directions, by a seed. Its faults look like those of a real network, but repeat exactly for
+/// the same seed.
 /// Threads: one of its own, which ends with it.
 class FaultyRelay {
  public:
   struct Faults {
     double loss = 0.05;
     double repetition = 0.05;
-    double delay = 0.10;  ///< Until the next one has gone, which changes their order.
+    double delay = 0.10;  ///< Until the next datagram has gone, which reorders them.
     std::uint64_t seed = 1;
-    /// What an attacker sends to a client before a datagram of its server.
+    /// The datagrams that an attacker sends to a client before a datagram of its server.
     std::function<std::vector<std::vector<char>>(const std::vector<char>& datagram)> forge{};
   };
 
@@ -53,7 +53,7 @@ class FaultyRelay {
   }
 
   [[nodiscard]] std::uint16_t port() const noexcept { return port_; }
-  /// How many datagrams it lost.
+  /// The number of datagrams that it lost.
   [[nodiscard]] int lost_count() const noexcept { return lost_count_.load(); }
 
  private:

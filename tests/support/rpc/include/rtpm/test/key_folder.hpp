@@ -10,7 +10,7 @@
 
 namespace rtpm::rpc::test {
 
-/// A folder that goes with the test, and files in it that only this user can write.
+/// A folder that is removed with the test, and files in it that only this user can write.
 class KeyFolder {
  public:
   KeyFolder() : path_((std::filesystem::temp_directory_path() / "rtpm-access-XXXXXX").string()) {
@@ -21,7 +21,7 @@ class KeyFolder {
   ~KeyFolder() { std::filesystem::remove_all(path_); }
 
   [[nodiscard]] std::string file(const std::string& name) const { return path_ + "/" + name; }
-  /// In place of the former one, as a whole.
+  /// Replaces the former file as a whole.
   std::string write(const std::string& name, const std::string& text) const {
     const std::string whole = file(name);
     std::ofstream(whole + ".new") << text;

@@ -22,7 +22,7 @@ using Bytes = std::vector<std::byte>;
 
 inline constexpr Duration kPatience = std::chrono::seconds{20};
 
-/// A client that sends what it is told to, frame by frame, right or wrong.
+/// A client that sends the frames that a test gives it, valid or not.
 class RawPeer {
  public:
   RawPeer(rpc::Transport transport, std::uint16_t port, Priority priority = 0)
@@ -58,7 +58,7 @@ class RawPeer {
     return true;
   }
 
-  /// A call's frame; the object is number 1, the first that a server was given.
+  /// A call's frame; the object is number 1, the server's first.
   [[nodiscard]] Bytes call_frame(std::uint32_t call_id, std::uint16_t method,
                                  std::string_view payload = {}, std::uint32_t service = 1) const {
     wire::Header header;

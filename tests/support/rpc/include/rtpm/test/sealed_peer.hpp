@@ -17,13 +17,13 @@
 
 namespace rtpm::test {
 
-/// A client with a key, of one channel, with nothing of RTPM's own clients but the protocol's half.
+/// A client with a key and one channel, which uses only the protocol's half of RTPM's clients.
 class SealedPeer {
  public:
   using Kind = wire::ChannelEvent::Kind;
   /// How a call ended.
   struct Reply {
-    Kind kind = Kind::kNothing;  ///< kNothing: it did not.
+    Kind kind = Kind::kNothing;  ///< kNothing: it did not end.
     wire::Status status = wire::Status::kOk;
     Bytes payload{};
     [[nodiscard]] bool is_ok() const { return kind == Kind::kReply && status == wire::Status::kOk; }
@@ -71,13 +71,13 @@ class SealedPeer {
     if (delivery == wire::Delivery::kSent) return {Kind::kReply};
     return await(rt::now() + patience);
   }
-  /// Begins a call of the object that the server was given first.
+  /// Begins a call of the server's first object.
   [[nodiscard]] bool begin(wire::CallParameters parameters, ConstBytes payload,
                            Duration patience = kPatience) {
     parameters.service = 1;
     return begin_any(parameters, payload, patience);
   }
-  /// The same of any object.
+  /// The same for any object.
   [[nodiscard]] bool begin_any(wire::CallParameters parameters, ConstBytes payload,
                                Duration patience = kPatience) {
     payload_.assign(payload.begin(), payload.end());
@@ -136,7 +136,7 @@ class SealedPeer {
     return reply;
   }
 
-  /// Sends what may be anything.
+  /// Sends any bytes, valid or not.
   void send_raw(ConstBytes frame) { static_cast<void>(transport_->send(frame)); }
   [[nodiscard]] const Bytes& last_sent() const noexcept { return last_sent_; }
   [[nodiscard]] const Bytes& last_frame() const noexcept { return last_frame_; }

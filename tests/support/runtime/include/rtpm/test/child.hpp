@@ -9,10 +9,10 @@
 #include <cerrno>
 #include <string>
 
-/// Processes for what a test can't do to itself: lose its rights, or die.
+/// Processes for actions that a test can't do to itself: losing its rights, or dying.
 namespace rtpm::test {
 
-/// Reads all that comes out of the descriptor and closes it.
+/// Reads from the descriptor to its end and closes it.
 [[nodiscard]] inline std::string read_all(int descriptor) {
   std::string text;
   std::array<char, 4096> part;
@@ -27,12 +27,12 @@ namespace rtpm::test {
 }
 
 struct ChildResult {
-  std::string said;    ///< What the body gave back.
-  std::string errors;  ///< What it wrote to standard error.
-  int status = 0;      ///< As of waitpid().
+  std::string said;    ///< The text that the body returned.
+  std::string errors;  ///< Its output to standard error.
+  int status = 0;      ///< As waitpid() sets it.
 };
 
-/// Runs `body`, which gives a text back, in a process of its own, and waits for its end.
+/// Runs `body`, which returns a text, in a process of its own, and waits for its end.
 template <class Body>
 [[nodiscard]] ChildResult run_in_child(Body body) {
   std::array<int, 2> said{};

@@ -20,7 +20,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/native_time.hpp"
 
-/// What the operating system itself says of a thread, for tests that do not take RTPM's word.
+/// The operating system's own view of a thread, for tests that do not rely on RTPM's.
 namespace rtpm::test {
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
@@ -33,14 +33,14 @@ inline constexpr bool kHasSanitizer = false;
 #endif
 inline constexpr const char* kSanitizersLockNothing = "sanitizers make locking memory a no-op";
 
-/// How much time of a CPU this process has had.
+/// The CPU time that this process has used.
 [[nodiscard]] inline Duration process_cpu_time() {
   timespec time{};
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
   return rt::to_duration(time);
 }
 
-/// How the calling thread is scheduled by the system.
+/// The system's scheduling of the calling thread.
 struct Scheduling {
   int policy = 0;
   int level = 0;
@@ -69,7 +69,7 @@ inline constexpr Scheduling kTimeShared{SCHED_OTHER, 0};
   return name.data();
 }
 
-/// The threads of this process whose name begins so.
+/// The threads of this process whose names begin with `begin`.
 [[nodiscard]] inline std::vector<pid_t> threads_named(std::string_view begin) {
   std::vector<pid_t> found;
   std::error_code gone;
@@ -92,8 +92,8 @@ inline constexpr Scheduling kTimeShared{SCHED_OTHER, 0};
   return cpus;
 }
 
-/// The SCHED_FIFO level at which thread `id` runs at this moment, what it inherited from a waiter
-/// included; 0 or less: it is time-shared.
+/// The SCHED_FIFO level at which thread `id` runs at this moment, including a level inherited from
+/// a waiter; 0 or less: it is time-shared.
 [[nodiscard]] inline int effective_level(pid_t id) {
   std::ifstream file("/proc/self/task/" + std::to_string(id) + "/stat");
   const std::string text{std::istreambuf_iterator<char>(file), {}};
@@ -118,7 +118,7 @@ inline constexpr Scheduling kTimeShared{SCHED_OTHER, 0};
 inline constexpr const char* kNoRealtimeRight =
     "no right to SCHED_FIFO here: run as root, with CAP_SYS_NICE, or with an rtprio limit of 90";
 
-/// Waits until `is_so()`; false if it did not come true for so long that something is wrong.
+/// Waits until `is_so()`; false if it stays false for so long that something is wrong.
 template <class Condition>
 [[nodiscard]] bool await(Condition is_so, Duration patience = std::chrono::seconds{20}) {
   const MonotonicTime end = rt::now() + patience;

@@ -19,7 +19,7 @@
 // runs.   Source: seccomp_unotify(2).
 namespace rtpm::test {
 
-/// Has the kernel report the calling thread's system calls to a descriptor; -1 where it may not.
+/// Lets the kernel report the calling thread's system calls to a descriptor; -1 if it may not.
 inline int report_this_thread() {
   if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) return -1;
   std::array<sock_filter, 1> all{sock_filter{BPF_RET | BPF_K, 0, 0, SECCOMP_RET_USER_NOTIF}};
@@ -28,23 +28,23 @@ inline int report_this_thread() {
       syscall(SYS_seccomp, SECCOMP_SET_MODE_FILTER, SECCOMP_FILTER_FLAG_NEW_LISTENER, &program));
 }
 
-/// Counts what is reported, on a thread of its own that is not reported itself: a watched thread
-/// gets no system call through without it.
+/// Counts the reported calls, on a thread of its own that is not reported itself: without it no
+/// system call of a watched thread completes.
 class SyscallCounter {
  public:
   SyscallCounter() : thread_([this] { run(); }) {}
   SyscallCounter(const SyscallCounter&) = delete;
   SyscallCounter& operator=(const SyscallCounter&) = delete;
-  /// Needs that the watched thread has ended.
+  /// Requires that the watched thread has ended.
   ~SyscallCounter() {
     thread_.join();
     close(descriptor_);
   }
 
-  /// Of the calling thread, for good.
+  /// Watches the calling thread, for good.
   void watch_this_thread() { descriptor_ = report_this_thread(); }
   [[nodiscard]] bool may_watch() const { return descriptor_ != -1; }
-  /// From here on they count, or no more.
+  /// Starts or stops the counting.
   void count(bool is_on) { is_counting_ = is_on; }
   [[nodiscard]] int total() const { return total_; }
   [[nodiscard]] std::string text(const std::string& name) const {
