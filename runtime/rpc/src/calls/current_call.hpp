@@ -8,8 +8,8 @@ namespace rtpm::rpc {
 
 class Lane;
 
-/// The call that the calling thread serves, so that the calls that its method makes inherit what is
-/// left of its time.
+/// The call that the calling thread serves, so that the calls that its method makes inherit the
+/// rest of its time.
 /// @threads  each its own
 /// @realtime alloc-free, no syscall
 class CurrentCall {

@@ -17,7 +17,7 @@ OpenCalls::OpenCalls(std::shared_ptr<PendingPool> pool, std::uint32_t call_count
 }
 
 bool OpenCalls::serve_ready(Lead& lead) noexcept {
-  // A caller may have to wait for as many.
+  // A new call waits for at most this many of them.
   constexpr int kCallsPerTurn = 32;
   if (!has_any()) return false;
   take_cancelled(lead, CallEnding::kLeft);
@@ -297,7 +297,7 @@ void OpenCalls::publish(Lead& lead) noexcept {
 // A local call whose method has ended it.
 void OpenCalls::serve_local(PendingCall& call) noexcept {
   LocalChannel* const channel = call.local;
-  // Without, its caller was told that the lane stops.
+  // Without a channel, its caller was told that the lane stops.
   if (channel != nullptr && channel->is_place()) {
     channel->finish(call.status, 0);
   } else if (channel != nullptr) {

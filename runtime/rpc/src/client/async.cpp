@@ -20,7 +20,7 @@ expected<wire::PeerClock, CallError> Binding::ping(const CallOptions& options) n
   plan.target = Impl::Target::kSession;
   const auto reply = impl_->call(plan, {});
   if (!reply) return unexpected{reply.error()};
-  // A ping that had to be repeated tells no time, and may be the first call of its channel.
+  // A ping that had to be repeated gives no time, and may be the first call of its channel.
   constexpr wire::PeerClock kNotKnown{.uncertainty = Duration::max()};
   return reply->channel_->peer_clock(rt::now()).value_or(kNotKnown);
 }

@@ -90,7 +90,7 @@ BindOutcome Binding::Impl::ask(const Destination& at, CallChannel& channel, Prio
                   reply->fingerprint};
   // An interface that was found to be good once is good in another life of the server, too.
   const auto known = bound.read();
-  // hp-6.1-6: 0 tells nothing.
+  // hp-6.1-6: 0 says nothing.
   if (reply->fingerprint != 0 && (reply->fingerprint == interface.fingerprint ||
                                   (known && known->fingerprint == reply->fingerprint))) {
     return result;

@@ -31,7 +31,7 @@ namespace rtpm::rpc {
 /// Whether a server that was reached will not serve this binding: only another one could.
 [[nodiscard]] bool is_refusal(std::error_code cause) noexcept;
 
-/// Where a binding's object is, as far as calls ask. Constant once it is made.
+/// A binding's object as calls reach it. Constant once it is made.
 struct Destination {
   Destination(Node& node_in, Endpoint& endpoint_in, std::string path_in, std::string url_in)
       : node(node_in), endpoint(endpoint_in), path(std::move(path_in)), url(std::move(url_in)) {}
@@ -61,7 +61,7 @@ struct Bound {
   std::uint32_t service = 0;
   Priority priority{};
   bool is_server_declared = false;
-  std::uint64_t fingerprint = 0;  ///< That of the server's view of the interface.
+  std::uint64_t fingerprint = 0;  ///< The server's fingerprint of the interface.
 };
 
 /// The outcome of asking a server for an object.

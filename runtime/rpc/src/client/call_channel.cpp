@@ -231,7 +231,7 @@ expected<void, CallError> CallChannel::begin_sent(wire::CallParameters parameter
     const bool is_full = sent.error() != transport::IoError::kFailed;
     return unexpected{is_full ? CallError::kOverload : CallError::kUnreachable};
   }
-  // A datagram socket tells in this way that nobody took an earlier frame: the server has ended.
+  // In this way a datagram socket reports that an earlier frame was refused: the server has ended.
   drop_transport();
   return unexpected{CallError::kDisconnected};
 }
@@ -328,7 +328,7 @@ void CallChannel::count_lost_oneways() noexcept {
   std::uint64_t count = unconfirmed_count_.exchange(0, std::memory_order_relaxed);
   if (count == 0) return;
   const auto unread = transport_ ? transport_->unread_count() : std::nullopt;
-  // The frame that was read last may not have been looked at.
+  // The frame that was read last may not have been handled.
   if (unread) count = std::min(count, std::uint64_t{*unread} + 1);
   // SYNC POINT lost-oneways
   lost_oneways_.fetch_add(count, std::memory_order_release);
@@ -451,7 +451,8 @@ void CallChannel::wait_for_event(MonotonicTime now, bool may_spin, MonotonicTime
   const MonotonicTime spin_end =
       config_.wait.strategy == rt::WaitStrategy::kSpin ? kNever : now + config_.wait.spin;
   int refusal_count = 0;
-  // One that fills a CPU at a real-time level blocks now and then, lest the kernel stop it.
+  // A caller that fills a CPU at a real-time level blocks now and then, so that it is not
+  // throttled.
   rt::RealtimeBudget& budget = rt::this_thread_budget();
   bool is_spinning = may_spin && !budget.must_pause(now);
   const auto wake_time = [&] {
@@ -470,8 +471,8 @@ void CallChannel::wait_for_event(MonotonicTime now, bool may_spin, MonotonicTime
     if (must_sleep) rt::sleep_until(now + rt::RealtimeBudget::kPause);
     auto frame = may_block && !must_sleep ? transport_->await(wake_time()) : transport_->receive();
     if (!frame && frame.error() == transport::IoError::kRefused) {
-      // The system tells a refusal before what came earlier, such as the CLOSE of a server that
-      // stopped.
+      // The system reports a refusal before frames that came earlier, such as the CLOSE of a server
+      // that stopped.
       if (auto earlier = transport_->receive()) frame = earlier;
     }
     now = rt::now();

@@ -102,7 +102,7 @@ class CallChannel {
   [[nodiscard]] bool has_held() const noexcept { return !held_.is_empty(); }
   /// Sends what is held; when that fails there is no session any more.
   void flush() noexcept;
-  /// Whether finish() has a frame to look at without a syscall.
+  /// Whether finish() has a frame to read without a syscall.
   [[nodiscard]] bool has_buffered() const noexcept {
     return transport_ && transport_->has_buffered();
   }

@@ -13,7 +13,7 @@
 namespace rtpm::rpc {
 namespace {
 
-// How long one call may keep the others, and new ones, waiting to be looked at.
+// How long one call may keep the others, and new ones, from being polled.
 constexpr Duration kLookInterval = std::chrono::milliseconds{1};
 
 }  // namespace

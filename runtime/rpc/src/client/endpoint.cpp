@@ -8,7 +8,7 @@
 namespace rtpm::rpc {
 namespace {
 
-// Numbers the channels of the whole program, so that each is told apart by servers.
+// Numbers the channels of the whole program, so that servers tell them apart.
 std::atomic<std::uint64_t> channel_serial{0};
 
 // The channel that this thread took last: most likely free and warm in its cache.
@@ -64,7 +64,7 @@ void Endpoint::check_oneways(MonotonicTime now) noexcept {
   const std::size_t count = channel_count_.load(std::memory_order_acquire);
   for (std::size_t i = 0; i < count; ++i) {
     CallChannel& channel = *channels_[i];
-    // The others are left to callers, who would open one more for each that is taken.
+    // The other channels are left to callers, which would open one more for each that is taken.
     if (!channel.has_unconfirmed() || !channel.try_take()) continue;
     channel.check_oneways(now);
     channel.release();

@@ -10,13 +10,13 @@
 namespace rtpm::rpc {
 namespace {
 
-// A call does not wait longer for others to go with while its caller begins more, or waits. Were it
-// to go at once whenever its caller waits, replies that came one by one would have the next calls
-// go one by one for ever.
+// The longest time that a call waits for others to go with, while its caller begins more or waits.
+// If calls went at once whenever the caller waits, replies that come one by one would make the next
+// calls go one by one for ever.
 constexpr Duration kHoldTimeMax = std::chrono::microseconds{200};
 
-// How many calls share a session. Over a connection, the reply to one that nobody takes yet would
-// stand in the way of the others', until the server gives the connection up (hp-16.4-2).
+// How many calls share a session. Over a connection, a reply that its caller does not take yet
+// would block the others' replies, until the server gives the connection up (hp-16.4-2).
 std::uint16_t calls_per_session(Transport transport) noexcept {
   return transport == Transport::kUdp ? wire::kCallWindow : 1;
 }
@@ -121,7 +121,7 @@ void PipelineSession::note_held(bool is_first, MonotonicTime begun) noexcept {
     held_since = begun;
     held_count = 0;
   }
-  // Not when the last place is taken: that would have a call go alone wherever one was freed.
+  // Not when the last place is taken: then a call would go alone wherever one was freed.
   if (++held_count == channel->call_count_max() || begun - held_since > kHoldTimeMax)
     channel->flush();
 }

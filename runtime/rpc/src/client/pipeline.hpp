@@ -28,14 +28,14 @@ class PipelinePlace final : public PendingReply::State {
                                                 const Binding::Impl::Plan& plan,
                                                 const Binding::Impl::Ready& ready,
                                                 ConstBytes request) noexcept;
-  /// It is over.
+  /// Ends the call here.
   void end(const CallOutcome& outcome) noexcept;
 
   [[nodiscard]] bool wait(MonotonicTime until) noexcept override;
   [[nodiscard]] expected<ReplyLease, CallError> take() noexcept override;
   void cancel() noexcept override;
   void drop() noexcept override;
-  /// The reply is no longer held.
+  /// Frees the reply, which is no longer held.
   void release() noexcept;
 
  private:
@@ -96,7 +96,7 @@ class Pipeline::Impl {
                                                           const Binding::Impl::Plan& plan,
                                                           ConstBytes request) noexcept;
   void flush() noexcept;
-  /// Sends the calls that have waited long enough for others, and gives when more will have.
+  /// Sends the calls that have waited long enough for others; gives when the next ones are due.
   [[nodiscard]] MonotonicTime flush_due(MonotonicTime now) noexcept;
   [[nodiscard]] std::size_t open_count() const noexcept;
 

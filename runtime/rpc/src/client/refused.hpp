@@ -6,11 +6,11 @@
 
 namespace rtpm::rpc {
 
-/// The error that a status other than ok is to a caller.
+/// The caller's error for a status other than ok.
 /// @realtime alloc-free
 [[nodiscard]] CallError error_of(wire::Status status) noexcept;
 
-/// The same for the thread that is told of it, with the server's words for refusal_text().
+/// The same for the calling thread's call, with the server's words for refusal_text().
 /// @realtime alloc-free
 [[nodiscard]] CallError refused(wire::Status status, ConstBytes text) noexcept;
 

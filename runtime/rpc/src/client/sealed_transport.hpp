@@ -99,7 +99,7 @@ class SealedTransport final : public transport::ClientTransport {
   std::shared_ptr<const OwnKey> own_;
   rt::SecretMemory memory_;
   Priority priority_;
-  std::unique_ptr<transport::ClientTransport> former_;  ///< That of a stream's last session.
+  std::unique_ptr<transport::ClientTransport> former_;  ///< For a stream's last session.
   MonotonicTime former_until_{};
   bool wants_renewal_ = false;
   MonotonicTime next_renewal_{};  ///< In the background,

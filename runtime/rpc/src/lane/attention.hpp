@@ -7,8 +7,9 @@
 
 namespace rtpm::rpc {
 
-/// Which source of a lane is asked next, so that none waits long for another. The source of the
-/// last frame, which is hot, is asked first: that spares a system call a frame. Pure arithmetic.
+/// Decides which source of a lane is asked next, so that none waits long for another. The source of
+/// the last frame, which is hot, is asked first: that spares a system call a frame. Pure
+/// arithmetic.
 /// @threads  one at a time
 /// @realtime alloc-free, a few ns
 class Attention {

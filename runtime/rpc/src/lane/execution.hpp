@@ -62,10 +62,10 @@ class Execution {
   [[nodiscard]] virtual bool yields_lead(Lead&) noexcept { return false; }
   /// Sleeps without the lead, whatever comes.
   virtual void sleep(Lead&, MonotonicTime until) noexcept;
-  /// Lets calls of other lanes find the CPU as quick, while this one pauses, as if it worked on.
+  /// Keeps the CPU awake while this lane pauses, so that calls of other lanes find it as quick.
   void keep_cpu_awake(MonotonicTime until) const noexcept;
 
-  /// The lane stops: calls that wait for a thread are told so.
+  /// The lane stops: refuses the calls that wait for a thread.
   virtual void refuse_waiting(Lead&) noexcept {}
   /// Whether methods still run.
   [[nodiscard]] virtual bool is_running(Lead&) const noexcept { return false; }

@@ -18,8 +18,8 @@ namespace {
 constexpr std::size_t kMemoryLooksPerTurn = 8;
 // How many of the others it asks, each time that it is their turn while one has calls without end.
 constexpr std::size_t kMemoryLooksWhenDue = 64;
-// How long a lane that ends waits for methods that still run, before it tells their callers that it
-// stops.
+// How long a lane that ends waits for methods that still run, before it reports to their callers
+// that it stops.
 constexpr Duration kStopPatience = std::chrono::seconds{1};
 
 // How many calls may be unfinished: waiting, running, or deferred.
@@ -244,7 +244,7 @@ bool Lane::serve_ready(Lead& lead, SourceTag source) noexcept {
   return has_served;
 }
 
-// Asks the next so many connections through memory, and serves one frame of each that has some.
+// Asks the next `look_count` connections through memory, and serves a frame of each that has one.
 bool Lane::serve_memory(Lead& lead, std::size_t look_count) noexcept {
   Connections& connections = media_.connections();
   bool has_served = false;

@@ -61,7 +61,7 @@ class Lane {
   [[nodiscard]] const std::shared_ptr<LocalGate>& gate() const noexcept { return gate_; }
   /// On a thread that runs a method of this lane: runs another one inside of it.
   [[nodiscard]] DispatchResult run_nested(const LocalChannel& channel) noexcept;
-  /// The way of handshakes to the gatekeeper. Only in a secured server.
+  /// Passes handshakes to the gatekeeper and back. Only in a secured server.
   [[nodiscard]] HandshakeExchange& handshakes() noexcept { return media_.seals()->exchange(); }
   /// Wakes it, as the grants have changed.
   /// @threads  any

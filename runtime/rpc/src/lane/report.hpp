@@ -29,7 +29,7 @@ class LaneReport {
     is_due_ = true;
     return sample_;
   }
-  /// Notes that counts have changed that `census` adds on publishing.
+  /// Notes a change of counts that `census` adds on publishing.
   void mark(Lead&) noexcept { is_due_ = true; }
   /// A call's answer was written.
   void on_answered(Lead&, MonotonicTime now) noexcept { answered_ = now; }

@@ -7,7 +7,7 @@
 namespace rtpm::rpc {
 namespace {
 
-// Each takes a look at the grants, below a microsecond.
+// Each takes a look-up in the grants, below a microsecond.
 constexpr std::uint32_t kReviewsPerTurn = 32;
 
 // A program may open as many connections at once. A handshake too many ends its connection.

@@ -3,7 +3,7 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/rt/budget.hpp"
 
-// When a lane's thread pauses, lest the kernel throttle it and the more urgent with it; see
+// When a lane's thread pauses, so that the kernel throttles neither it nor more urgent ones; see
 // rt/budget.hpp. Orders only: the lane obeys. The budget is an rt::RealtimeBudget, but in tests.
 namespace rtpm::rpc {
 

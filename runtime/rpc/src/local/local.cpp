@@ -16,7 +16,7 @@
 namespace rtpm::rpc {
 namespace {
 
-// A look at the clock takes longer than one at the state.
+// Reading the clock takes longer than reading the state.
 constexpr int kLooksPerGlance = 32;
 
 struct Directory {

@@ -82,7 +82,7 @@ class LocalChannel {
   }
   /// A place for oneways: what is written into reply() is no one's.
   [[nodiscard]] bool is_place() const noexcept { return home_ != nullptr; }
-  /// It is the caller's again, or free.
+  /// Gives it back to the caller, or frees it.
   void finish(wire::Status status, std::uint32_t size) noexcept;
 
   std::atomic<LocalChannel*> next_ready{nullptr};

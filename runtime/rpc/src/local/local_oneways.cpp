@@ -18,7 +18,7 @@ constexpr std::uint64_t head_after(std::uint64_t head, std::uint32_t number) noe
 LocalOneways::LocalOneways(std::uint32_t count, std::uint32_t message_size_max)
     : requests_(count * kSizeMax), replies_(message_size_max), next_free_(count) {
   const MutableBytes requests = requests_.bytes();
-  // Without memory there are no places, which their callers are told as overload.
+  // Without memory there are no places, which callers see as overload.
   if (requests.size() < count * kSizeMax || replies_.bytes().empty()) return;
   // None faults with its first use.
   if (!requests.empty()) std::memset(requests.data(), 0, requests.size());

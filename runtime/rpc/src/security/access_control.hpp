@@ -62,7 +62,7 @@ class AccessControl final : public transport::UserPolicy,
   /// A subject that lost something by a reload.
   struct Narrowed {
     access::Subject subject{};
-    std::uint32_t generation = 0;  ///< The one that the reload began.
+    std::uint32_t generation = 0;  ///< The generation that the reload began.
   };
   /// How many generations are remembered: a lane that is further behind ends all its sessions.
   static constexpr std::uint32_t kGenerationCount = 8;

@@ -97,7 +97,7 @@ class NoteLimit {
 /// @realtime note() is alloc-free and lock-free; the rest is set-up only
 class AuditLog {
  public:
-  static constexpr std::size_t kNoteCountMax = 1024;  ///< That wait to be written; more are lost.
+  static constexpr std::size_t kNoteCountMax = 1024;  ///< More that wait to be written are lost.
 
   /// @param file     empty: none is written
   /// @param control  outlives the log

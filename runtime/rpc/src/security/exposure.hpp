@@ -8,7 +8,7 @@
 #include "rtpm/rpc/security.hpp"
 #include "rtpm/transport/address.hpp"
 
-// Which servers are open to other hosts, and which of these ask nobody.
+// Decides which servers are open to other hosts, and which of these ask nobody.
 namespace rtpm::rpc {
 
 /// Whether programs of other hosts can reach what is served.

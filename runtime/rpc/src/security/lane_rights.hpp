@@ -68,7 +68,7 @@ class LaneRights {
   /// Notes the outcome of a method, if it needs a role that is noted; nothing: it answers later.
   void note_run(const Target& target, const wire::Request& request,
                 std::optional<wire::Status> status) noexcept;
-  /// Notes the end of sessions that are gone: looks at some, the next ones each time.
+  /// Notes the end of sessions that are gone: checks some, the next ones each time.
   void sweep() noexcept;
 
  private:

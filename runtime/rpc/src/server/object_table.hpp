@@ -16,7 +16,7 @@ struct Object {
   Servant* servant = nullptr;
   ObjectOptions options{};
   std::uint32_t number = 0;          ///< The number that a bind gives, from 1 on.
-  std::vector<Role> method_roles{};  ///< Which one a caller needs, by the method's number.
+  std::vector<Role> method_roles{};  ///< The role that a caller needs, by the method's number.
 
   /// A method that the interface does not have takes what one without attribute takes.
   [[nodiscard]] Role role_for(std::uint16_t method) const noexcept {

@@ -201,7 +201,7 @@ std::vector<std::string> hosts_for_callers(const transport::HostsToServe& hosts)
   std::vector<std::string> others;
   for (const transport::InterfaceAddress& each : hosts.addresses) {
     const transport::SocketAddress& address = each.address;
-    // With "any" the link-local ones are as many as interfaces.
+    // With "any" there are as many link-local ones as interfaces.
     if (hosts.is_any && address.is_link_local()) continue;
     (is_for_any_caller(address) ? told : others).push_back(address.host());
   }
@@ -459,8 +459,8 @@ expected<void, SetupError> ServerImpl::start() {
   return {};
 }
 
-// Where a lane's threads may have to rest lest the kernel throttle them, and on one CPU: its
-// keeper.
+// The keeper of a lane's CPU, where its threads may have to pause before the kernel throttles them,
+// and on one CPU.
 rt::CpuKeeper* ServerImpl::keeper_of(const LaneConfig& lane) {
   const bool may_rest = config_.realtime != rt::RealtimeMode::kOff &&
                         lane.schedule == rt::Schedule::kFifo && rt::realtime_limit().is_limited();

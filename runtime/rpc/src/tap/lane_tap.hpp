@@ -12,7 +12,7 @@
 
 namespace rtpm::rpc {
 
-/// Which calls are wanted, of each object by its number. Constant while lanes use it.
+/// The calls that are wanted, of each object by its number. Constant while lanes use it.
 struct TapFilter {
   enum class Interest : std::uint8_t { kNone, kSome, kAll };
   std::vector<Interest> interests{};
@@ -47,7 +47,7 @@ struct TapDraft {
   MonotonicTime finished;
 };
 
-/// The records of one writer of a lane while the tap is on.
+/// The filter and the ring of one writer of a lane while the tap is on.
 /// @threads  write() one at a time; the rest any
 /// @realtime write(): wait-free, alloc-free
 struct TapTrack {

@@ -103,7 +103,7 @@ void PooledExecution::work(Worker& me) noexcept {
   }
   pool_.sign_off(me);
   pool_.unlock();
-  // So that it is joined.
+  // The acceptor joins it.
   if (me.is_dynamic) acceptor_.ring();
 }
 

@@ -119,7 +119,7 @@ class ThreadPool final : public transport::WaitLock {
   /// A thread that was lent is about to come back, so that calls may wait for it.
   /// @threads  any
   void expect_back() noexcept { coming_back_.fetch_add(1, std::memory_order_relaxed); }
-  /// It is back, or stays away after all.
+  /// The thread is back, or stays away after all.
   /// @threads  any
   void end_expecting() noexcept { coming_back_.fetch_sub(1, std::memory_order_relaxed); }
 

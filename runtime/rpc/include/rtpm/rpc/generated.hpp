@@ -12,8 +12,8 @@
 
 namespace rtpm::rpc {
 
-/// Which form of generated code fits these headers: code of an rtpmc that writes another one does
-/// not compile, and says why.
+/// The form of generated code that fits these headers: code of an rtpmc that writes another one
+/// does not compile, and says why.
 inline constexpr int kGeneratedForm = 2;
 
 }  // namespace rtpm::rpc

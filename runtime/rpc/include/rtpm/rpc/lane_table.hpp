@@ -88,8 +88,8 @@ struct LaneReading {
 /// @realtime set-up only
 class LaneTable {
  public:
-  /// The tables of all servers that the caller may look at. A table of another version is there
-  /// too, but has no lanes: see is_known().
+  /// The tables of all servers that the caller may read. A table of another version is listed, too,
+  /// but has no lanes: see is_known().
   [[nodiscard]] static std::vector<LaneTable> find();
 
   [[nodiscard]] int process_id() const noexcept { return view_.process_id(); }
@@ -100,7 +100,7 @@ class LaneTable {
   [[nodiscard]] const std::string& server_name() const noexcept { return server_name_; }
   [[nodiscard]] const std::string& host() const noexcept { return host_; }
   [[nodiscard]] std::uint16_t port() const noexcept { return port_; }
-  /// Other hosts reach the server, and it asks nobody who they are.
+  /// Whether other hosts reach the server, and it does not ask for their identity.
   [[nodiscard]] bool is_open_to_network() const noexcept { return is_open_to_network_; }
   /// The state of the lanes now, whatever the process does.
   [[nodiscard]] std::vector<LaneReading> read() const;

@@ -21,7 +21,7 @@ struct TappedObject {
   std::vector<std::uint16_t> methods{};  ///< By number; empty: all.
 };
 
-/// Which calls are tapped, and how much of them.
+/// The calls that are tapped, and how much of them.
 struct TapConfig {
   std::vector<TappedObject> objects{};  ///< Empty: all.
   /// Never tapped: the object that sends the calls on would otherwise record itself.
