@@ -32,7 +32,7 @@ constexpr Duration kRenewInterval = std::chrono::milliseconds{300};
 constexpr Duration kParameterInterval = std::chrono::seconds{2};
 constexpr std::size_t kGarbageCountMax = 10;
 
-/// A hub that is given by name is found together with all others.
+/// A hub that is given by name is found together with all other hubs.
 gvd::StopDeliveryConfig stop_config(const Configuration& configuration) {
   const bool is_url = configuration.events.starts_with("rtpm://");
   return {.where = configuration.registry, .hub = is_url ? configuration.events : ""};

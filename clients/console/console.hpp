@@ -41,7 +41,7 @@ class Console final : public ConnectionHandler {
   ~Console() override;
 
   /// Starts the threads that watch the system.
-  /// @param every  runs work again and again on the web server's thread
+  /// @param every  runs work periodically on the web server's thread
   [[nodiscard]] expected<void, SetupError> start(
       const std::function<void(Duration, std::function<void()>)>& every);
   /// Ends the threads after the web server's thread has ended; gives leases back.

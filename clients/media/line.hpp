@@ -12,8 +12,7 @@ namespace rtpm::media {
 /// @realtime set-up only
 [[nodiscard]] std::string line_text(Mode mode, const PlayerView& player, double angle_rad);
 
-/// A summary of the followed targets: "followed 231 targets, 12.4 s forwards and 10.3 s backwards;
-/// …".
+/// A summary of the targets: "followed 231 targets, 12.4 s forwards and 10.3 s backwards; …".
 /// @realtime set-up only
 [[nodiscard]] std::string follow_text(const FollowMeter& meter);
 

@@ -8,8 +8,7 @@
 namespace rtpm::media {
 namespace {
 
-/// The interval at which the models are set again. That keeps the lease, which the knob's feel
-/// needs.
+/// The interval of setting the models again. That keeps the lease, which the knob's feel needs.
 constexpr Duration kModelsInterval = std::chrono::milliseconds{200};
 /// The hold of a command to the player: ten cycles bridge a hiccup.
 constexpr Duration kHold = std::chrono::milliseconds{100};

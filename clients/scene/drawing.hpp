@@ -7,7 +7,7 @@
 #include "rtpm/driver/geometry.hpp"
 #include "touch_event.hpp"
 
-/// A scene and what happened at it, as lines in two flat panels. No clock, no output.
+/// A scene and its touches, as lines in two flat panels. No clock, no output.
 namespace rtpm::scene {
 
 /// The meaning of a line.

@@ -38,7 +38,7 @@ struct Sight {
   Pace samples{};
   Pace touches{};
   std::uint64_t contact_count = 0;  ///< Touches inside the solid.
-  /// Contacts with the proxy at the surface; in the others it was in the solid or above it.
+  /// Contacts with the proxy at the surface; otherwise it was in the solid or above it.
   std::uint64_t on_surface_count = 0;
   double force_newton_max = 0;
   double depth_m_max = 0;

@@ -29,8 +29,7 @@ struct Configuration {
   Wall wall{.face_m = 0, .stiffness_newton_per_m = 0, .damping_newton_s_per_m = 0.5};
   std::string scene = "plane";    ///< "plane", "sphere" or "texture".
   std::string render = "remote";  ///< "remote" or "local".
-  Duration delay{0};              ///< The link's artificial delay, each way; for a remote wall
-                                  ///< only.
+  Duration delay{0};              ///< The link's artificial delay, each way; remote walls only.
   Duration hold = std::chrono::milliseconds{10};
   Duration deadline = std::chrono::milliseconds{10};
   Duration patience = std::chrono::seconds{1};

@@ -85,8 +85,7 @@ void Loop::publish(const driver::Sample& sample, scene::Touch touch,
   static_cast<void>(touches_.push(report));  // When full, only displays lose it.
 }
 
-/// Commands the wall's force and returns it; with a local wall, returns the force that the device
-/// applies.
+/// Commands the wall's force and returns it; with a local wall, returns the device's force.
 expected<driver::Vector3, gvd::DeviceError> Loop::render(const driver::Sample& sample,
                                                          const scene::Touch& touch,
                                                          MonotonicTime now) noexcept {

@@ -29,8 +29,7 @@ inline constexpr Duration kPaperCycle = std::chrono::milliseconds{1};
 struct Statistics {
   LatencyHistogram read{};  ///< One call, until its reply.
   LatencyHistogram command{};
-  LatencyHistogram cycle{};         ///< Both calls and the wall between them; with a local wall,
-                                    ///< one call.
+  LatencyHistogram cycle{};         ///< Both calls and the wall between them; local: one call.
   LatencyHistogram lateness{};      ///< From a cycle's due time to its start.
   std::uint64_t cycle_count = 0;    ///< Cycles begun.
   std::uint64_t missed_count = 0;   ///< Cycles that ended after the next was due, or were skipped.

@@ -36,8 +36,7 @@ int fail(int exit_code, std::string_view text) {
   return exit_code;
 }
 
-/// The interval at which a local wall is set again. That keeps the lease, which the wall's force
-/// needs.
+/// The interval of setting a local wall again. That keeps the lease, which its force needs.
 constexpr Duration kModelsInterval = std::chrono::milliseconds{200};
 
 /// Keeps the wall in the device's loop while this program runs.

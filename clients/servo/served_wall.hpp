@@ -22,8 +22,7 @@ namespace rtpm::servo {
 inline constexpr std::string_view kStiffnessName = "wall.stiffness_newton_per_m";
 inline constexpr std::string_view kDampingName = "wall.damping_newton_s_per_m";
 
-/// The wall's stiffness and damping as parameters, within the range that stays passive on the
-/// device.
+/// The wall's stiffness and damping as parameters, limited to what stays passive on the device.
 /// @ownership refers to nothing
 /// @threads  as gvd::Configurable
 class WallParameters final : public gvd::Configurable {

@@ -4,7 +4,7 @@
 
 namespace rtpm::console::foxglove {
 
-/// Turns FlatBuffers' JSON into standard JSON: numbers without a JSON form (inf, -inf, nan) become
+/// Turns FlatBuffers' JSON into strict JSON: numbers without a JSON form (inf, -inf, nan) become
 /// null.
 [[nodiscard]] std::string strict_json(const std::string& text);
 

@@ -28,8 +28,8 @@ struct DeviceProbe {
   std::optional<Duration> latency{};  ///< The latency of the read.
 };
 
-/// Reads every device again and again, and measures the latency. Polls a device that does not
-/// answer less often, so that it delays the rest little.
+/// Reads every device periodically, and measures the latency. Polls a device that does not answer
+/// less often, so that it delays the rest little.
 /// @ownership refers to its node
 /// @threads  set_devices() any; look() one
 class DeviceWatch {

@@ -40,8 +40,8 @@ class ObjectWatch {
  private:
   struct Server {
     std::map<std::string, std::string> interfaces{};  ///< By path.
-    std::string fingerprint{};                        ///< A fingerprint of the names that lead to
-                                                      ///< the server.
+    std::string fingerprint{};                        ///< Hash of the names that lead to the
+                                                      ///< server.
     MonotonicTime next{};                             ///< The time of the next request.
   };
   void ask(Server& server, const std::string& url);

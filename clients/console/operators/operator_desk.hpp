@@ -44,10 +44,10 @@ class OperatorDesk {
   /// Renews the leases, removes those that have ended, and releases those whose browser has been
   /// absent for kGoneMax. Call it a few times per second.
   void renew(MonotonicTime now);
-  /// A browser that may command has connected: a reloaded page resumes the devices that it
+  /// A browser that may command has connected. A reloaded page resumes the devices that it
   /// operated.
   void on_open(std::uint64_t connection_id, MonotonicTime now);
-  /// Starts the browser's kGoneMax to come back.
+  /// Gives the browser kGoneMax to come back.
   /// @param since  when it ended or was last heard
   void on_close(std::uint64_t connection_id, MonotonicTime since);
   /// The time that the console goes on holding the device's lease after the browser is gone;

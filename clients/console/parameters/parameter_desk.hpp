@@ -48,8 +48,7 @@ class ParameterDesk {
     std::mutex mutex{};
     std::optional<gvd::ConfigurationClient> client{};  ///< Guarded by `mutex`.
     bool is_asked = false;     ///< A request for changes is under way. Web server's thread only.
-    bool is_outdated = false;  ///< It may have changed since that request. Web server's thread
-                               ///< only.
+    bool is_outdated = false;  ///< It may have changed since then. Web server's thread only.
   };
   /// A worker's action on a bound configuration.
   struct Found {
@@ -74,8 +73,7 @@ class ParameterDesk {
   Post post_;
   std::vector<std::string> names_{};
   std::map<std::string, std::shared_ptr<Link>> links_{};
-  std::map<std::string, nlohmann::json> published_{};  ///< The values that watchers know, by full
-                                                       ///< name.
+  std::map<std::string, nlohmann::json> published_{};  ///< The values that watchers know.
 };
 
 }  // namespace rtpm::console

@@ -7,8 +7,8 @@
 
 namespace rtpm::console {
 
-/// Limits how fast the frames of a client without the token are read, so that the work they cause
-/// leaves the web server's thread to others.
+/// Limits the rate at which frames of a client without the token are read, so that they leave the
+/// web server's thread enough time for other work.
 /// @threads  one
 class FrameBudget {
  public:

@@ -26,8 +26,7 @@ struct RequestTarget {
 /// Whether `origin`, an Origin header, is a page of this server, whose Host header is `host`.
 [[nodiscard]] bool is_own_origin(std::string_view origin, std::string_view host);
 
-/// The sub-protocol that answers `offered`, a Sec-WebSocket-Protocol header; empty: none is
-/// supported.
+/// The sub-protocol that answers `offered`, a Sec-WebSocket-Protocol header; empty: unsupported.
 [[nodiscard]] std::string_view choose_subprotocol(std::string_view offered);
 
 /// The media type by the file's name; "application/octet-stream" if unknown.

@@ -14,7 +14,7 @@ namespace rtpm::console {
 /// Bytes that several connections share.
 using SharedText = std::shared_ptr<const std::string>;
 
-/// One frame to send: a head of its own, and a body that others may share.
+/// One frame to send: a head of its own, and a body that several frames may share.
 struct OutgoingFrame {
   std::array<std::byte, 16> head{};
   std::size_t head_size = 0;

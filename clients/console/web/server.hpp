@@ -28,8 +28,7 @@ struct WebConfig {
   std::filesystem::path page_folder{};
   std::string token{};
   bool is_read_only = false;
-  std::vector<std::string> host_names{};  ///< Names by which browsers may reach it, besides
-                                          ///< addresses.
+  std::vector<std::string> host_names{};  ///< Names by which browsers may reach it.
 };
 
 /// Serves the page over HTTP and clients over WebSocket, on one port and one thread.

@@ -19,8 +19,7 @@ inline constexpr std::string_view kTokenForm = "16 to 256 of A-Z a-z 0-9 - _ . ~
 /// @errors   the system gives no random numbers
 [[nodiscard]] expected<std::string, SetupError> make_token();
 
-/// The token in the file `path`; if the file does not exist, makes it with a new token, for this
-/// user alone.
+/// The token in the file `path`. Makes a missing file with a new token, for this user alone.
 /// @errors   the file can't be read or made, other users may read it, or it has no token
 [[nodiscard]] expected<std::string, SetupError> token_in_file(const std::string& path);
 

@@ -14,7 +14,7 @@ namespace rtpm::tool {
 
 /// Adds a command to the program, or to a command that has several.
 /// @param details  whole lines after the options in --help, with an example; may be empty
-/// @param details  whole lines behind the options in --help, with an example; may be empty
+/// @param details  whole lines after the options in --help, with an example; may be empty
 CLI::App& add_command(CLI::App& parent, Context& context, const std::string& name,
                       const std::string& summary, const std::string& details, Run run);
 
@@ -47,7 +47,7 @@ CLI::Option& add_count(CLI::App& command, const std::string& name, Number& value
 /// registry's names.
 CLI::Option& add_target(CLI::App& command, std::string& target, const std::string& name = "TARGET");
 
-/// Ends the parsing; `clause` states what is wrong with the command line.
+/// Ends the parsing with an error; `clause` describes it.
 [[noreturn]] void refuse(const std::string& clause);
 
 }  // namespace rtpm::tool

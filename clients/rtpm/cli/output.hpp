@@ -9,8 +9,7 @@ namespace rtpm::tool {
 
 using Json = nlohmann::ordered_json;
 
-/// Prints a document as one line of standard output, and flushes it. Replaces bytes that are not
-/// UTF-8.
+/// Prints a document as one line of standard output, and flushes it. Replaces invalid UTF-8.
 void print_json(const Json& document);
 
 /// Prints one or more lines, and flushes them. The caller escapes foreign parts.

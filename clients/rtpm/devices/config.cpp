@@ -23,8 +23,7 @@ using gvd::DeviceConfiguration;
 struct ConfigRequest {
   std::string device{};
   std::vector<std::string> names{};  ///< Names, or NAME=VALUE.
-  std::uint64_t revision = 0;        ///< The revision that a change is based on; 0: the present
-                                     ///< one.
+  std::uint64_t revision = 0;        ///< The base of a change; 0: the present revision.
   DialogueOptions dialogue{};
 };
 

@@ -44,8 +44,7 @@ class StreamMeter {
   void go_on(std::uint64_t sequence, MonotonicTime origin);
   void add_interval(Duration interval) noexcept;
 
-  static constexpr std::size_t kMissingMax = 100'000;  ///< Limit of missing events that may still
-                                                       ///< arrive.
+  static constexpr std::size_t kMissingMax = 100'000;  ///< Limit of missing events.
 
   std::uint64_t count_ = 0;
   std::uint64_t duplicate_count_ = 0;

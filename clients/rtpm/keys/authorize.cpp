@@ -32,8 +32,7 @@ struct RevokeRequest {
   std::string file{};
 };
 
-/// The grant that the options describe. They are joined into one line, so that the file's rules
-/// apply.
+/// Parses the options as a grant. They are joined into one line, so that the file's rules apply.
 expected<access::Grant, SetupError> grant_of(const AuthorizeRequest& request) {
   const std::string subject = joined(request.subject);
   const auto key = access::parse_public_key(subject);

@@ -14,7 +14,7 @@ struct BringUpOptions {
   bool must_end_before = false;    ///< A laboratory that is still running then has failed.
 };
 
-/// Brings a laboratory up, shows it, and ends it on request, or when all its main programs have
+/// Brings a laboratory up and shows it. Ends it on request, or when all its main programs have
 /// ended.
 /// @threads  before any other thread starts
 /// @return the exit code

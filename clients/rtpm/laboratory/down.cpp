@@ -56,9 +56,7 @@ int await_end(Context& context, const StateFolder& folder, const RunningLaborato
   const MonotonicTime end = rt::now() + patience;
   StatusLine progress(context);
   while (const auto running = folder.find(laboratory.name)) {
-    if (running->supervisor != laboratory.supervisor)
-      break;  // Another laboratory of this name was
-              // brought up.
+    if (running->supervisor != laboratory.supervisor) break;  // Another one was brought up.
     const auto& programs = running->programs;
     progress.show(laboratory.name + " ends" +
                   (programs.empty() ? "" : ", still running: " + joined(programs)));

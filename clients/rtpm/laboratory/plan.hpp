@@ -48,7 +48,7 @@ enum class Restart : std::uint8_t { kNever, kOnFailure, kAlways };
 /// The treatment of a program's output.
 enum class Output : std::uint8_t {
   kLines,     ///< Shown at once, after the program's name.
-  kErrors,    ///< Likewise, but of standard error only.
+  kErrors,    ///< As kLines, but standard error only.
   kEnd,       ///< Shown when the laboratory has ended.
   kTerminal,  ///< The program has the terminal.
   kNone,
@@ -112,7 +112,7 @@ void connect(Plan& plan);
 [[nodiscard]] std::vector<std::size_t> start_order(const std::vector<ProgramPlan>& programs,
                                                    std::vector<std::size_t>& cycle);
 
-/// Whether `program` starts only after `other`, directly or through others.
+/// Whether `program` starts only after `other`, directly or indirectly.
 [[nodiscard]] bool comes_after(const std::vector<ProgramPlan>& programs, std::size_t program,
                                std::size_t other);
 

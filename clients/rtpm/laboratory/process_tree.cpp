@@ -125,7 +125,7 @@ bool end_descendants(Duration patience) {
   while (reap()) {
     const MonotonicTime now = rt::now();
     if (now >= end) return false;
-    // Repeated, because a process may have started others meanwhile.
+    // Repeated, because a process may have started other processes meanwhile.
     if (now >= kill_time) signal_descendants(SIGKILL);
     static_cast<void>(::poll(nullptr, 0, kTurnMs));
   }

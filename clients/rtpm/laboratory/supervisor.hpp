@@ -38,8 +38,7 @@ class Observer {
 struct SupervisorOptions {
   std::string registry_url{};      ///< For programs of a file without a registry.
   bool has_terminal = true;        ///< A program may use the terminal.
-  int lifeline = -1;               ///< A byte requests a stop, and so does the close of the other
-                                   ///< end.
+  int lifeline = -1;               ///< A byte requests a stop, as does closing its other end.
   std::optional<Duration> time{};  ///< The laboratory ends after this time.
 };
 
@@ -86,8 +85,7 @@ class Supervisor {
   NamesProbe names_{};
   std::vector<std::optional<RunningProgram>> running_{};
   std::vector<std::optional<LogFile>> logs_{};
-  /// The names of each program when it last served. A name with this revision is from the former
-  /// run.
+  /// The names of each program when it last served. A name with this revision is out of date.
   std::vector<NamesProbe::Revisions> former_names_{};
   MonotonicTime end_ = kNever;
   std::optional<MonotonicTime> stop_time_{};

@@ -83,8 +83,7 @@ class Scanner {
     open_.pop_back();
   }
 
-  /// Skips a text of one line, or of several between three marks. An unterminated text ends the
-  /// scan.
+  /// Skips a text of one line, or of several between three marks. An open text ends the scan.
   void skip_text(char mark) {
     is_line_begin_ = false;
     const bool is_long = text_.substr(at_, 3) == std::string_view(mark == '"' ? "\"\"\"" : "'''");

@@ -237,8 +237,7 @@ class Checker {
   Diagnostics& errors_;
   const bool has_overaligned_ = std::ranges::any_of(model_.objects, is_overaligned);
   std::uint32_t largest_id_ = 0;        // In the current service.
-  std::uint32_t missing_id_count_ = 0;  // For the current service, so that each method gets another
-                                        // hint.
+  std::uint32_t missing_id_count_ = 0;  // In the current service; numbers the hints.
 };
 
 }  // namespace

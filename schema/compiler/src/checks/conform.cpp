@@ -198,8 +198,7 @@ class Comparison {
     }
   }
 
-  /// Treats a method with the same name and another number as one change, not as a removal and an
-  /// addition.
+  /// Treats a method with the same name and another number as one change.
   void match_by_name(const Service& before, const Service& after,
                      std::map<std::uint16_t, const Method*>& old_methods,
                      std::map<std::uint16_t, const Method*>& new_methods) {

@@ -15,8 +15,7 @@ struct Command {
   std::string output_folder{};           ///< Empty: standard output, for a single file.
   std::string dependency_file{};         ///< Empty: none.
   std::string conform{};                 ///< The older schema; empty: none.
-  bool is_strict = false;                ///< A change that needs the servers first is an error,
-                                         ///< too.
+  bool is_strict = false;                ///< A need to update servers first is an error.
   std::string schema{};
 };
 

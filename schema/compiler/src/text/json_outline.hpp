@@ -22,8 +22,7 @@ struct JsonOutline {
   std::vector<JsonOutline> members{};  ///< The members of an object, or an array's elements.
 };
 
-/// The outline of a text; of invalid JSON, up to its mistake. Leaves out values that are nested
-/// deeper than 64.
+/// The outline of a text; of invalid JSON, up to its mistake. Omits values nested deeper than 64.
 [[nodiscard]] JsonOutline outline_of(std::string_view text);
 
 /// The name of the only member of an object such as `{name: {…}}`; empty: it has another form.

@@ -68,8 +68,7 @@ class Dynamic {
   /// @errors nothing: the bytes do not match
   [[nodiscard]] std::optional<std::vector<std::byte>> from_table(const Payload& payload,
                                                                  std::span<const std::byte> bytes);
-  /// As reflection(), reduced to the payload's table and the types that it contains, with it as
-  /// root.
+  /// As reflection(), reduced to the payload's table, which is the root, and its types.
   [[nodiscard]] std::vector<std::byte> reflection_of(const Payload& payload) const;
   /// The schema as FlatBuffers' own reflection, the content of a .bfbs.
   [[nodiscard]] std::span<const std::byte> reflection() const noexcept;
