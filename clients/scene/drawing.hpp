@@ -20,7 +20,7 @@ enum class Ink : std::uint8_t {
 };
 inline constexpr std::uint8_t kInkCount = 5;
 
-/// In a panel.
+/// A position in a panel.
 struct Point {
   double right_mm = 0;
   double up_mm = 0;
@@ -53,10 +53,10 @@ struct Story {
   std::size_t force_stride = 0;
 };
 
-/// Across the surface: x to the right, z up.
+/// The view across the surface: x to the right, z up.
 /// @realtime set-up only
 [[nodiscard]] Panel section_panel(const Story& story);
-/// As the operator sees it: x to the right, y up.
+/// The operator's view: x to the right, y up.
 /// @realtime set-up only
 [[nodiscard]] Panel front_panel(const Story& story);
 

@@ -15,7 +15,7 @@ namespace {
 using OrderedJson = nlohmann::ordered_json;
 
 constexpr Duration kHubDeadline = std::chrono::milliseconds{500};
-/// How long opening a recording may take; one without a summary is read as a whole.
+/// The time limit for opening a recording; one without a summary is read as a whole.
 constexpr Duration kOpenTimeMax = std::chrono::seconds{20};
 
 /// "run-20260131-235959.mcap".

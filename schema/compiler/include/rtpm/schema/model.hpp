@@ -117,7 +117,7 @@ struct Enum {
   Location location{};  ///< The name's place.
 };
 
-/// How a request or reply is encoded.
+/// The encoding of a request or reply.
 enum class PayloadKind : std::uint8_t {
   kEmpty,   ///< `rtpm.Empty`: no bytes.
   kStruct,  ///< A table whose only field is one required struct: the bare struct.
