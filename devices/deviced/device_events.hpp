@@ -52,7 +52,7 @@ class DeviceEvents final : public gvd::EmergencyStops {
   [[nodiscard]] bool stop_system() noexcept override;
 
  private:
-  /// Logs what becomes of the hub, or of kept stops.
+  /// Logs changes of the hub and of kept stops.
   class Reporter final : public gvd::DeviceListener {
    public:
     void report(std::string_view text) override { log_.write(std::string(text)); }

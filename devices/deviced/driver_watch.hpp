@@ -12,12 +12,12 @@
 
 namespace rtpm::deviced {
 
-/// Logs when a driver does not return, and when it has returned: its own thread can't.
+/// Logs when a driver does not return, and when it has returned: the driver's own thread can't.
 /// @ownership refers to the devices' servers, which must outlive it
 /// @threads  set-up from one
 class DriverWatch {
  public:
-  /// From then on a driver counts as blocked.
+  /// Time without a return after which a driver counts as blocked.
   static constexpr Duration kBlockedMin = std::chrono::seconds{1};
 
   DriverWatch() = default;
@@ -25,7 +25,7 @@ class DriverWatch {
   DriverWatch(const DriverWatch&) = delete;
   DriverWatch& operator=(const DriverWatch&) = delete;
 
-  /// Before start().
+  /// Adds a device. Call before start().
   void add(std::string device, const gvd::DeviceServer& server) {
     devices_.push_back({std::move(device), &server, Duration{0}});
   }

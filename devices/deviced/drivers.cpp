@@ -17,7 +17,7 @@
   [](const DeviceSettings& device) -> Made { return part::open(device.arguments, device.name); }, \
       [] { return part::probe(); }
 
-// A driver whose library was not found is not built, and its header not in sight.
+// A driver whose library was not found is not built, and its header is not included.
 #if __has_include("rtpm/device_evdev/open.hpp")
 #include "rtpm/device_evdev/open.hpp"
 #define RTPM_EVDEV RTPM_HARDWARE(device_evdev)
@@ -48,7 +48,7 @@ namespace {
 
 using Made = expected<std::unique_ptr<driver::Driver>, SetupError>;
 
-/// As of a real arm that was not calibrated.
+/// The error of a real arm that was not calibrated.
 constexpr double kEncoderErrorMetres = 1e-3;
 
 device_sim::TwinConfig twin_of(const DeviceSettings& device) {

@@ -15,21 +15,21 @@ namespace rtpm::deviced {
 
 /// A driver that this program has without a plug-in.
 struct DriverInfo {
-  const char* name;     ///< As --device-NAME-driver takes it.
-  const char* devices;  ///< Which it serves, for people.
+  const char* name;     ///< The value of --device-NAME-driver.
+  const char* devices;  ///< The devices it serves, for people.
   /// Null: left out of this build for want of `package`.
   expected<std::unique_ptr<driver::Driver>, SetupError> (*make)(const DeviceSettings&);
-  std::vector<device_io::FoundDevice> (*probe)();  ///< Null: there is nothing to look for.
+  std::vector<device_io::FoundDevice> (*probe)();  ///< Null: it has no hardware to probe.
   const char* package;  ///< Debian's, which its build needs; empty: none.
 };
 
-/// All of them, also those left out.
+/// All drivers, also those left out of this build.
 [[nodiscard]] std::span<const DriverInfo> drivers();
 
 /// Their names, comma-separated.
 [[nodiscard]] std::string driver_names();
 
-/// Whether one of them has this name.
+/// Whether a driver has this name.
 [[nodiscard]] bool is_driver(std::string_view name);
 
 /// Makes the driver that the settings name, or a plug-in's.

@@ -47,7 +47,7 @@ class HostedDevice {
   /// As gvd::DeviceServer::request_stop() and stop().
   void request_stop() noexcept { server_->request_stop(); }
   [[nodiscard]] bool stop(Duration patience) noexcept { return server_->stop(patience); }
-  /// Whether its driver has returned from setting it up.
+  /// Whether its driver has returned from the set-up.
   [[nodiscard]] bool has_sample() const noexcept { return server_->newest().has_value(); }
 
   [[nodiscard]] const gvd::DeviceServer& server() const noexcept { return *server_; }

@@ -17,8 +17,8 @@ namespace rtpm::deviced {
 /// @realtime set-up only: asks the hardware
 [[nodiscard]] std::vector<device_io::FoundDevice> probe(std::span<const DriverInfo> drivers);
 
-/// A paragraph per device: what it is, how to serve it, which right is missing; then the udev rules
-/// that give the rights. The devices' own words are escaped.
+/// A paragraph per device: its model, how to serve it, the missing right; then the udev rules that
+/// give the rights. The devices' own words are escaped.
 [[nodiscard]] std::string probe_text(const std::vector<device_io::FoundDevice>& devices);
 
 }  // namespace rtpm::deviced

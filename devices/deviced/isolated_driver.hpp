@@ -12,7 +12,7 @@ namespace rtpm::deviced {
 
 /// The command of the process for `device`'s driver.
 /// @param name    the device's at the registry, for its messages
-/// @param thread  that calls the driver there
+/// @param thread  the thread that calls the driver there
 [[nodiscard]] std::vector<std::string> isolated_command(const DeviceSettings& device,
                                                         const std::string& name,
                                                         const rt::ThreadConfig& thread);
@@ -29,7 +29,7 @@ struct IsolatedDriver {
                                                                   const char* const* argv);
 
 /// Runs the driver that the arguments name, until the process that started this one ends it.
-/// Nothing: the arguments are other ones.
+/// Returns nothing if the arguments are other ones.
 /// @return the exit code
 [[nodiscard]] std::optional<int> serve_isolated(int argc, const char* const* argv);
 

@@ -71,7 +71,7 @@ class StopAtEnd {
   const Devices& devices_;
 };
 
-/// Ends what refers to the devices, such as the system-wide stop, before they are gone.
+/// Ends the objects that refer to the devices, such as the system-wide stop, before the devices.
 class LeaveAtEnd {
  public:
   explicit LeaveAtEnd(DeviceEvents& events) noexcept : events_(events) {}
@@ -83,7 +83,7 @@ class LeaveAtEnd {
   DeviceEvents& events_;
 };
 
-/// A device that can't be made is left out with its sentence: a driver's mistake costs no other.
+/// A device that can't be made is logged and left out: a driver's mistake costs no other device.
 Devices create_devices(const Configuration& configuration, DeviceEvents& events) {
   Devices devices;
   for (const DeviceSettings& settings : configuration.devices) {
@@ -160,8 +160,8 @@ int serve(const Configuration& configuration) {
   std::fflush(stdout);
 
   stop.wait();
-  // The names first, so that no client finds a server about to end; then calls. Devices and their
-  // events follow at the end of the scope.
+  // Removes the names first, so that no client finds a server about to end; then ends calls. The
+  // devices and their events end with the scope.
   for (const auto& device : devices)
     device->unbind();
   (*server)->stop();

@@ -57,7 +57,7 @@ class HangGuard {
   rt::Thread thread_{};
 };
 
-/// At the rate that it states, or 1 kHz if it states none.
+/// The period of the rate that the driver states, or 1 ms if it states none.
 Duration period_of(const driver::Descriptor& descriptor) {
   const bool is_rate = descriptor.rate_hz >= 10 && descriptor.rate_hz <= 50'000;
   const double rate_hz = is_rate ? descriptor.rate_hz : 1000;

@@ -47,7 +47,7 @@ Accumulator::Accumulator(const Layout& layout, const Capabilities& capabilities,
   complete_ = pending_;
 }
 
-/// Counts at once: a report whose end is lost is counted, too.
+/// Counts in the complete state at once, as the end of the report may be lost.
 void Accumulator::count(std::uint64_t State::*counter) noexcept {
   complete_.*counter = ++(pending_.*counter);
 }
@@ -71,7 +71,7 @@ void Accumulator::apply(const Event& event, MonotonicTime now) noexcept {
       }
       break;
     default:
-      // Events of other types, such as scan codes and the echo of effects, are none of ours.
+      // Ignores events of other types, such as scan codes and the echo of effects.
       if (event.type < EV_CNT) return;
   }
   count(&State::corrupt_count);

@@ -13,7 +13,7 @@ constexpr std::array kNamesOfKinds{"a constant force", "a rumble", "a spring", "
 
 constexpr int kStopAttemptMax = 3;
 
-/// Sets the level of `effect`; whether that is above zero.
+/// Sets the level of `effect`; returns whether the level is above zero.
 bool set_level(Effect& effect, const Levels& levels) noexcept {
   switch (effect.kind) {
     case EffectKind::kConstant:
@@ -125,7 +125,7 @@ void EffectBank::note_applied(const Slot& slot) noexcept {
   }
 }
 
-/// Stops all before it erases any: the force ends first.
+/// Stops all effects before it erases any, so that the force ends first.
 void EffectBank::stop() noexcept {
   const auto insist = [](auto&& write) {
     for (int attempt = 0; attempt < kStopAttemptMax && write() != 0; ++attempt) {

@@ -13,7 +13,7 @@ namespace {
 using driver::CommandMode;
 using driver::ExchangeStatus;
 
-// So long may deactivate() wait for each thread.
+// How long deactivate() waits for each thread at most.
 constexpr Duration kReadPatience = std::chrono::milliseconds{20};
 constexpr Duration kWritePatience = std::chrono::milliseconds{10};
 
@@ -81,7 +81,7 @@ expected<void, SetupError> EvdevDriver::configure(const driver::DriverConfig& co
                        "it could not be read when this program started",
                        "start this program again");
   }
-  // The descriptor stays as it was, the model included.
+  // The descriptor stays unchanged, the model included.
   layout.descriptor = layout_.descriptor;
   layout_ = std::move(layout);
   known_ = *unit;
@@ -123,7 +123,7 @@ expected<void, SetupError> EvdevDriver::start_threads() {
                        [this] { return write_step(); });
 }
 
-/// The force ends before the reading thread is waited for.
+/// Ends the force before it waits for the reading thread.
 void EvdevDriver::stop() noexcept {
   writer_.request_stop();
   wake_writer_.post();
@@ -149,7 +149,7 @@ bool EvdevDriver::read_step() noexcept {
   return result.status != ReadStatus::kGone;
 }
 
-/// A device that floods gets no more than its share of a CPU.
+/// Bounds the CPU share of a device that floods.
 void EvdevDriver::limit_flood(std::size_t event_count) noexcept {
   const MonotonicTime now = rt::now();
   if (now - flood_since_ >= period_) {

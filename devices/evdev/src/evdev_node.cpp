@@ -19,7 +19,7 @@
 namespace rtpm::device_evdev {
 namespace {
 
-/// A descriptor that is closed with it. The kernel then erases the effects.
+/// Owns a file descriptor. When it is closed, the kernel erases the effects.
 class Handle {
  public:
   explicit Handle(int number) noexcept : number_(number) {}

@@ -63,7 +63,7 @@ bool is_one_sided(const Capabilities& capabilities, const AbsoluteAxis& axis) {
   }
 }
 
-/// Unit and scale, where the kernel defines what the resolution means.
+/// Unit and scale of an axis whose resolution the kernel defines.
 struct UnitScale {
   const char* unit = "1";
   double scale = 0;
@@ -88,9 +88,9 @@ void append(std::string& text, std::string_view separator, std::string_view more
   text += more;
 }
 
-/// The axes, buttons and effects that are in no channel, for people.
+/// The axes, buttons and effects that no channel has, for people.
 struct LeftOut {
-  std::string analogs{};  ///< The names of those beyond a sample's.
+  std::string analogs{};  ///< Axes beyond a sample's capacity.
   std::string joints{};
   std::size_t button_count = 0;
   std::string without_range{};

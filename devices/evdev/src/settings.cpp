@@ -17,7 +17,7 @@ struct Number {
   std::string_view name;
   double low;
   double high;
-  double unit;  ///< That one of the word's units has in ours.
+  double unit;  ///< Value of one of the word's units in ours.
   double* to;
 };
 
@@ -55,8 +55,8 @@ bool is_meant(const Unit& unit, const Settings& settings) {
          (settings.names_one() || unit.is_joystick);
 }
 
-/// By its serial number, or by its port where it has none or the operator gave one; never by the
-/// node, which changes.
+/// Matches by serial number, or by port if the unit has no serial number or the operator gave the
+/// port; never by the node, which changes.
 bool is_same_unit(const Unit& unit, const Unit& known, const Settings& settings) {
   const bool goes_by_path = known.serial.empty() || !settings.path.empty();
   return unit.name == known.name && unit.vendor == known.vendor && unit.product == known.product &&

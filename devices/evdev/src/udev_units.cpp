@@ -76,7 +76,7 @@ std::vector<FoundUnit> list_units() {
   for (; entry != nullptr; entry = udev_list_entry_get_next(entry)) {
     const Handle<udev_device> device(
         udev_device_new_from_syspath(context.get(), udev_list_entry_get_name(entry)));
-    // A device has its properties only where udev runs, so none of them is asked for here.
+    // Devices have properties only where udev runs, so this selects by none of them.
     if (device && udev_device_get_devnode(device.get()) != nullptr) {
       found.push_back(found_unit(device.get()));
     }

@@ -68,7 +68,7 @@ expected<void, SetupError> FalconDriver::configure(const driver::DriverConfig& c
 expected<void, SetupError> FalconDriver::activate() {
   if (!transport_ || is_active_) return setup_error("the Falcon's driver is not configured");
   session_.emplace(*transport_);
-  // So that the first exchange() has a sample, and a unit that is homed is known to be.
+  // Waits so that the first exchange() has a sample and knows whether the unit is homed.
   while (session_->state().report_count < Session::kHomedPacketCount) {
     if (session_->step({}, kPatience)) continue;
     session_->stop();

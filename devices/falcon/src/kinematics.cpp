@@ -9,7 +9,7 @@ namespace rtpm::device_falcon {
 namespace {
 
 constexpr double kRadianPerDegree = std::numbers::pi / 180;
-/// Where an encoder reads zero.
+/// Angle at which an encoder reads zero.
 constexpr double kZeroCountsRadian = 35 * kRadianPerDegree;
 
 // The mechanism's lengths in metres, by the letters of its source.
@@ -87,7 +87,7 @@ bool invert_leg(const LegDirection& leg, const driver::Vector3& at, double& uppe
   return std::isfinite(upper);
 }
 
-/// `force` no longer than `longest`, in its direction.
+/// `force`, shortened to `longest` in its direction.
 Eigen::Vector3d shortened(const Eigen::Vector3d& force, double longest) noexcept {
   // In two steps, since the square of a large number overflows.
   const double scale = force.cwiseAbs().maxCoeff();
@@ -148,7 +148,7 @@ std::optional<driver::Vector3> forward(const std::array<double, 3>& upper,
   for (int attempt = 0; attempt <= kNewtonStepMax; ++attempt) {
     const auto angles = inverse(to_driver(at));
     if (!angles) {
-      // The step went beyond the legs' reach: half of it may not.
+      // The step went beyond the legs' reach: tries half of it.
       if (step.isZero(0)) return std::nullopt;
       step /= 2;
       at -= step;

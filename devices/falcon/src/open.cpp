@@ -30,7 +30,7 @@ expected<std::vector<std::byte>, SetupError> read_firmware(const std::string& pa
   return bytes;
 }
 
-/// The choice that means this unit, wherever it is plugged in next.
+/// A choice that matches this unit, wherever it is plugged in next.
 UnitChoice choice_of(const Unit& unit, const UnitChoice& choice) {
   if (!choice.serial.empty() || !choice.port.empty()) return choice;
   if (!unit.serial.empty()) return {.serial = unit.serial};

@@ -10,7 +10,7 @@ namespace rtpm::device_falcon {
 namespace {
 
 constexpr driver::Vector3 kStartMetres{0, 0, kZeroCountsZMetres};
-/// After a longer gap a leg may not have moved further: else a leap that lasts would be taken.
+/// Longer gaps do not extend a leg's possible movement: else a lasting leap would be accepted.
 constexpr std::int64_t kGapMillisecondMax = 2;
 /// A unit that refuses does so at once, so that time alone does not end the attempts.
 constexpr int kStopAttemptMax = 25;
@@ -53,7 +53,7 @@ bool Session::step(const ForceRequest& request, Duration patience) {
     const std::uint64_t corrupt_count = parser_.corrupt_count();
     parser_.push(bytes.first(strip_status(bytes)),
                  [&](const EncoderReport& report) { take(report, received.time); });
-    // A damaged answer is one, too: the next packet need not wait.
+    // A damaged answer is an answer, too: the next packet need not wait.
     if (parser_.corrupt_count() != corrupt_count) is_awaiting_ = false;
   }
   state_.corrupt_count = parser_.corrupt_count() + refused_count_;
@@ -95,7 +95,7 @@ void Session::take(const EncoderReport& report, MonotonicTime time) {
   ++state_.report_count;
 }
 
-/// A damaged byte may claim anything: the loss counts at once, the gain when it is repeated.
+/// A damaged byte may hold any bits: a lost homed state counts at once, a gained one on repetition.
 void Session::take_homed(bool is_homed) {
   homed_packet_count_ = is_homed ? std::min(homed_packet_count_ + 1, kHomedPacketCount) : 0;
   state_.is_homed = homed_packet_count_ == kHomedPacketCount;

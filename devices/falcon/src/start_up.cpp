@@ -19,7 +19,7 @@ enum class Outcome : std::uint8_t {
   kStalled,
   kSilent,      ///< No packets: no firmware runs.
   kBootSilent,  ///< The boot loader does not greet.
-  kWrongEcho,   ///< The boot loader did not receive what was sent.
+  kWrongEcho,   ///< The boot loader received other bytes than sent.
 };
 
 constexpr int kPacketAttemptMax = 20;
@@ -48,7 +48,7 @@ class StartUp {
   StartUp(Transport& transport, std::span<const std::byte> firmware)
       : transport_(transport), firmware_(firmware) {}
 
-  /// Any failure but a unit that is gone may be one of the moment, so that all of it is repeated.
+  /// Repeats everything after any failure except a unit that is gone: failures may be transient.
   [[nodiscard]] Outcome run() {
     Outcome outcome = begin_packets();
     for (int i = 0; i < kLoadAttemptMax; ++i) {
@@ -98,7 +98,7 @@ class StartUp {
     return Outcome::kStalled;
   }
 
-  /// Appends what comes, at most one transfer.
+  /// Appends received bytes, at most one transfer.
   [[nodiscard]] Outcome receive(Duration patience) {
     const Received received = transport_.receive(transfer_, patience);
     if (received.status == UsbStatus::kGone) return Outcome::kGone;
@@ -149,7 +149,7 @@ class StartUp {
       bool is_answered = false;
       PacketParser parser;
       parser.push(received_, [&](const EncoderReport& report) {
-        // A boot loader that was left half loaded gives the request back.
+        // A half-loaded boot loader echoes the request.
         const bool is_echo =
             report.counts == LegCounts{} && report.buttons == request.flags && report.homed == 0;
         is_answered = is_answered || !is_echo;

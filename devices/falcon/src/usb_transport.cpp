@@ -89,7 +89,7 @@ std::string node_of(libusb_device* device) {
   return name.data();
 }
 
-/// From the kernel, which has it already: asking the device would take a right.
+/// Reads the kernel's copy: asking the device would take a right.
 std::string serial_at(const std::string& port) {
   std::ifstream file("/sys/bus/usb/devices/" + port + "/serial");
   std::string serial;
@@ -169,7 +169,7 @@ class UsbTransport final : public Transport {
   Transfer out_{};
   std::array<std::byte, kTransferSize> out_bytes_{};
   bool is_out_under_way_ = false;
-  /// Slots with data, oldest first, then those without that no transfer has.
+  /// Slots with data, oldest first, then empty slots that no transfer uses.
   std::array<std::size_t, kSlotCount - kInCount> order_{};
   std::size_t ready_count_ = 0;
   UsbStatus failure_ = UsbStatus::kOk;
@@ -244,8 +244,8 @@ void UsbTransport::on_in(libusb_transfer* transfer) {
   }
 }
 
-/// Gives the transfer another slot and submits it, then queues what came. A full queue loses its
-/// oldest transfer.
+/// Gives the transfer another slot and submits it, then queues the received data. A full queue
+/// loses its oldest transfer.
 void UsbTransport::take(InTransfer& in) {
   const std::size_t filled = in.slot;
   Slot& slot = slots_[filled];

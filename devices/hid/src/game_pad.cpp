@@ -59,7 +59,7 @@ Direction direction_of(const Field& field, std::int64_t value) noexcept {
   return kDirections[static_cast<std::size_t>((value - field.logical_low) * 8 / count)];
 }
 
-/// "" of the first control of a usage, "_2" of the second.
+/// "" for the first control of a usage, "_2" for the second.
 std::string suffix_of(std::size_t index) {
   return index == 0 ? "" : "_" + std::to_string(index + 1);
 }
@@ -70,7 +70,7 @@ std::string in_hex(std::uint32_t number) {
   return text.data();
 }
 
-/// The parts of a report descriptor that are in no channel, for people.
+/// The parts of a report descriptor that no channel has, for people.
 class LeftOut {
  public:
   void add_field(const Field& field) {
@@ -159,7 +159,7 @@ GamePad::GamePad(const Unit* unit) {
   bind(*descriptor);
 }
 
-/// As Linux, which makes an input device of each application.
+/// Follows Linux, which makes an input device from each application.
 std::uint32_t GamePad::served_application(const ReportDescriptor& descriptor) {
   const auto is_served = [](const Field& field) {
     return is_button(field) || (is_usable(field) && axis_name(field.usage) != nullptr);
@@ -187,7 +187,7 @@ bool GamePad::add_button(std::uint32_t usage) {
   return true;
 }
 
-/// A usage that comes again is a further control, such as the second of two sliders.
+/// A repeated usage is a further control, such as the second of two sliders.
 bool GamePad::add_analog(std::uint32_t usage) {
   const char* const name = axis_name(usage);
   const std::size_t needed = usage == kHat ? 2 : 1;

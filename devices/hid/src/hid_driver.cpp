@@ -19,7 +19,7 @@ std::string serial_of(const Unit* unit, std::string_view device_name) {
   return "hid-" + std::string(device_name);
 }
 
-/// Force must not wait for time-shared work; who moves a cap or a stick does not see it.
+/// Force must not wait for time-shared work; a cap or stick needs no such priority.
 rt::ThreadConfig thread_config(const char* name, const driver::Descriptor& descriptor) {
   rt::ThreadConfig config{.name = name};
   if (!descriptor.joints.empty()) config.priority = Priority{24'000};
@@ -176,7 +176,7 @@ Request HidDriver::request_of(const driver::Command& command) const noexcept {
 }
 
 void HidDriver::give_order(const driver::Command& command, const Request& request) noexcept {
-  // The command's times may be of a simulated clock; how long it holds is not.
+  // The command's times may be those of a simulated clock; its hold is real time.
   MonotonicTime valid_until = kNever;
   if (command.deadline != kNever) {
     valid_until = rt::now() + std::max(command.deadline - command.cycle_time, Duration{0});

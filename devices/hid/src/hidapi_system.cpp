@@ -54,7 +54,7 @@ class HidapiTransport final : public HidTransport {
   DeviceHandle writing_;
 };
 
-/// The ASCII part of what the device says; its other letters become '?'.
+/// The device's text in ASCII; other letters become '?'.
 std::string narrow(const wchar_t* text) {
   std::string narrowed;
   for (; text != nullptr && *text != 0; ++text)
@@ -98,7 +98,7 @@ class HidapiSystem final : public HidSystem {
     std::vector<Unit> found;
     for (const auto* info = first.get(); info != nullptr; info = info->next) {
       const std::string node = info->path != nullptr ? info->path : "";
-      // A device with several top-level collections comes once for each.
+      // A device is listed once for each of its top-level collections.
       if (node.empty() || std::ranges::count(found, node, &Unit::node) > 0) continue;
       const std::string maker = narrow(info->manufacturer_string);
       const std::string product = narrow(info->product_string);

@@ -22,7 +22,7 @@ enum class CommandType : std::uint8_t {
 
 struct Command {
   CommandType type{};
-  std::uint16_t handler = 0;  ///< The class of the board's that takes it.
+  std::uint16_t handler = 0;  ///< The board's class that takes it.
   std::uint32_t number = 0;
   std::int64_t value = 0;
   std::int64_t address = 0;
@@ -67,7 +67,7 @@ std::optional<Command> command_of(ConstBytes report) noexcept {
 }
 
 /// Sends a command until it is answered.
-/// @return the answer's value; nothing: none came, or a refusal
+/// @return the answer's value; nothing: no answer, or a refusal
 std::optional<std::int64_t> ask(HidTransport& transport, const Command& command) {
   std::array<std::byte, kReportSizeMax> buffer{};
   for (int i = 0; i < kAttemptCount; ++i) {
@@ -152,7 +152,7 @@ expected<void, SetupError> OpenFfBoard::begin(HidTransport& transport, const Uni
   return {};
 }
 
-/// The reset ends what a driver that was killed left behind.
+/// The reset ends the effects of a driver that was killed.
 expected<void, SetupError> OpenFfBoard::begin_effect(HidTransport& transport) {
   std::optional<std::int64_t> effect;
   if (send(transport, {CommandType::kRequest, kEffects, kEffectsReset})) {
@@ -197,7 +197,7 @@ Verdict OpenFfBoard::take(ConstBytes report, MonotonicTime now, State& state) no
   return Verdict::kNew;
 }
 
-/// Over at least kWindow, so that one step of the encoder in 1 ms is not taken for a speed.
+/// Measures over at least kWindow, so that one encoder step in 1 ms does not count as a speed.
 void OpenFfBoard::set_velocity(MonotonicTime now, State& state) noexcept {
   constexpr Duration kWindow = std::chrono::milliseconds{8};
   const Duration elapsed = now - reference_time_;

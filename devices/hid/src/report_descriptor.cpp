@@ -58,7 +58,7 @@ struct Item {
 
 class Parser {
  public:
-  /// @return what is wrong; null: nothing
+  /// @return the fault; null: none
   [[nodiscard]] const char* take(const Item& item) {
     switch (item.type) {
       case ItemType::kMain:
@@ -104,8 +104,8 @@ class Parser {
     return problem;
   }
 
-  /// A usage has the page of the item before it, unless a later page follows the last usages: then
-  /// these have that one, back to the first usage that has it already.
+  /// A usage has the page of the item before it. If another page follows the last usages, these
+  /// get that page, back to the first usage that has it already.
   void complete_usages() noexcept {
     for (std::size_t i = usages_.size(); i > 0; --i) {
       UsageRange& range = usages_[i - 1];
@@ -130,7 +130,7 @@ class Parser {
     if (bits == 0 && globals_.report_id != 0) bits = 8;
     const std::uint64_t added = std::uint64_t{globals_.report_size} * globals_.report_count;
     if (bits + added > kReportBitsMax) return "a report that is too long";
-    // Without a usage it is padding, whatever its flags say.
+    // A field without a usage is padding, whatever its flags.
     const bool has_values =
         (flags & kConstant) == 0 && !usages_.empty() && globals_.report_size > 0;
     if (has_values) add_fields(flags, bits);
@@ -153,7 +153,7 @@ class Parser {
     std::uint32_t index = 0;
     for (std::size_t i = 0; i < usages_.size() && index < globals_.report_count; ++i) {
       const UsageRange& range = usages_[i];
-      // The last usage goes for all fields that follow.
+      // The last usage applies to all following fields.
       const bool is_last = i + 1 == usages_.size();
       const std::uint32_t end =
           is_last ? globals_.report_count : std::min(index + range.count, globals_.report_count);
@@ -242,7 +242,7 @@ class Parser {
     if (opens) ++delimiter_count_;
     return nullptr;
   }
-  /// From a higher to a lower one is a range without end, as for Linux.
+  /// A range from a higher to a lower usage has no end, as in Linux.
   [[nodiscard]] const char* add_usages(std::uint32_t low, std::uint32_t high, bool is_short) {
     const std::uint32_t capacity = kUsageCountMax - usage_count_;
     if (capacity == 0) return "too many usages of a field";
@@ -256,7 +256,7 @@ class Parser {
   std::vector<Globals> stack_{};
   std::vector<std::uint32_t> collections_{};  ///< The application of each.
   std::vector<UsageRange> usages_{};
-  std::uint32_t usage_count_ = 0;  ///< In all of usages_.
+  std::uint32_t usage_count_ = 0;  ///< In all entries of usages_.
   std::uint32_t usage_low_ = 0;
   int delimiter_count_ = 0;
   bool is_in_delimiter_ = false;

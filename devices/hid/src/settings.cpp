@@ -79,7 +79,7 @@ expected<const Unit*, SetupError> choose(const std::vector<Unit>& units, const S
                                         (settings.node.empty() || unit.node == settings.node);
     if (is_asked_for && kind_for(settings, unit)) fitting.push_back(&unit);
   }
-  // Two units of one serial number: it is the one at the same port.
+  // If two units have one serial number, the one at the same port is meant.
   if (known != nullptr && fitting.size() > 1) {
     std::erase_if(fitting, [&](const Unit* unit) {
       return known->port.empty() ? unit->node != known->node : unit->port != known->port;

@@ -15,13 +15,13 @@ constexpr std::size_t kUsbSize = 64;
 constexpr std::size_t kBluetoothSize = 78;
 constexpr std::uint8_t kUsbReport = 0x01;
 
-// By Bluetooth a CRC-32 ends each report, over the first byte of the transaction and the report.
+// On Bluetooth a CRC-32 ends each report, over the first byte of the transaction and the report.
 constexpr std::byte kInputSeed{0xa1};
 constexpr std::byte kOutputSeed{0xa2};
 constexpr std::byte kFeatureSeed{0xa3};
 
-/// The calibration, of which only the side effect is wanted: by Bluetooth a pad sends its full
-/// reports from then on.
+/// The calibration. Reading it makes a pad on Bluetooth send its full reports from then on; the
+/// driver needs only this side effect.
 constexpr std::uint8_t kCalibrationReport = 0x05;
 constexpr std::size_t kCalibrationSize = 41;
 
@@ -42,7 +42,7 @@ float trigger(std::uint8_t value) noexcept {
   return static_cast<float>(value) / 255;
 }
 
-/// Sticks, triggers and the hat, from where the two models have them.
+/// Sticks, triggers and the hat, at the positions of the two models.
 void take_analogs(ConstBytes common, std::size_t triggers, std::uint8_t hat,
                   State& state) noexcept {
   for (std::size_t i = 0; i < 4; ++i)
@@ -103,7 +103,7 @@ OutputReport dualsense_report(Bus bus, std::uint8_t sequence, const Request& req
     report.bytes[2] = std::byte{0x10};
   }
   const std::span<std::byte> to = std::span(report.bytes).subspan(common);
-  to[0] = std::byte{0x03};  // Vibration as of a DualShock 4 is valid, and selected.
+  to[0] = std::byte{0x03};  // DualShock 4 vibration is valid, and selected.
   to[1] = std::byte{0x04};  // So is the light bar.
   to[2] = to_byte(request.outputs[kWeak]);
   to[3] = to_byte(request.outputs[kStrong]);

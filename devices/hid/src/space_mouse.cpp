@@ -26,8 +26,8 @@ constexpr std::array kProKeys{
     Key{"roll", 8},    Key{"1", 12},   Key{"2", 13},     Key{"3", 14},       Key{"4", 15},
     Key{"escape", 22}, Key{"alt", 23}, Key{"shift", 24}, Key{"control", 25}, Key{"lock", 26}};
 
-/// An Enterprise has the keys of a Pro at the same bits, and others. Behind a Universal Receiver
-/// there may be a Pro, or a model with two buttons, which are a Pro's first.
+/// An Enterprise has a Pro's keys at the same bits, and further ones. A Universal Receiver may
+/// serve a Pro, or a model with two buttons, which are a Pro's first two.
 constexpr std::uint16_t kEnterprise = 0xc633;
 constexpr std::uint16_t kUniversalReceiver = 0xc652;
 
@@ -126,7 +126,7 @@ Verdict SpaceMouse::take(ConstBytes report, MonotonicTime, State& state) noexcep
   }
 }
 
-/// Its size differs from model to model, not always as the report descriptor says.
+/// The report's size differs between models, and not always as the report descriptor states.
 Verdict SpaceMouse::take_buttons(ConstBytes report, State& state) const noexcept {
   const std::size_t bytes_max =
       product_ == kEnterprise ? kEnterpriseButtonBytesMax : kButtonBytesMax;

@@ -90,7 +90,7 @@ class Service {
   std::unique_ptr<names::Registration> registration_{};
 };
 
-/// mpv's events are waited for, so that its end is seen at once; its state is looked at this often.
+/// Period of polling mpv's state. The thread waits for mpv's events, so it sees mpv's end at once.
 constexpr double kTurnSeconds = 0.0025;
 
 int run(mpv_handle* handle) {

@@ -34,7 +34,7 @@ expected<void, SetupError> MpvDriver::configure(const driver::DriverConfig& conf
   return {};
 }
 
-/// Without a command, so that the player is as it was.
+/// Sends no command, so that the player stays as it was.
 bool MpvDriver::await_report() {
   const auto wait = [this](Duration longest, auto is_done) {
     const MonotonicTime end = transport_->now() + longest;

@@ -24,7 +24,7 @@ namespace {
 
 using Opened = expected<std::unique_ptr<Transport>, SetupError>;
 
-/// A file descriptor that is closed with it.
+/// Owns a file descriptor.
 class Handle {
  public:
   explicit Handle(int number) noexcept : number_(number) {}
@@ -76,7 +76,7 @@ class SocketTransport final : public Transport {
   bool send(std::string_view bytes) override {
     const ssize_t sent =
         ::send(socket_.number(), bytes.data(), bytes.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
-    // A part of a line would spoil the next one, so that this is the end of the connection.
+    // A partial line would corrupt the next one, so the connection ends here.
     return sent == static_cast<ssize_t>(bytes.size());
   }
   Received receive(std::span<char> buffer, Duration patience) override {

@@ -19,7 +19,7 @@ Session::Session(Transport& transport, Duration period)
 
 bool Session::step(const std::optional<PlayerRequest>& request, Duration patience) {
   const MonotonicTime now = transport_.now();
-  // One that was only just started may take longer.
+  // A player that has just started may take longer.
   if (state_.report_count > 0 && now - reported_at_ > kGoneAfter) return false;
   if (request && !send_changes(*request, now)) return false;
   if (!ask(now)) return false;

@@ -25,7 +25,7 @@ void put_float(ByteWriter& writer, float value) noexcept {
   writer.put(std::bit_cast<std::uint32_t>(value));
 }
 
-/// Reads a description from the start; the first thing that is wrong stays.
+/// Reads a description from the start, and keeps the first fault.
 class DescriptionReader {
  public:
   explicit DescriptionReader(ConstBytes payload) : reader_(payload) {}
@@ -115,7 +115,7 @@ class DescriptionReader {
     return output;
   }
 
-  /// Equal ends are a joint that turns without end.
+  /// Equal ends mean a joint that turns without end.
   static bool is_range(double low, double high) {
     return std::isfinite(low) && std::isfinite(high) && low <= high;
   }

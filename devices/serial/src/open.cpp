@@ -8,7 +8,7 @@
 namespace rtpm::device_serial {
 namespace {
 
-/// Nothing if the board is not there, or does not answer: configure() says why.
+/// Nothing if the board is not plugged in, or does not answer: configure() reports why.
 std::optional<BoardDescription> ask(const PortSettings& settings,
                                     const OpenTransport& open_transport) {
   const auto transport = open_transport(settings);
@@ -20,7 +20,7 @@ std::optional<BoardDescription> ask(const PortSettings& settings,
   return std::move(*board);
 }
 
-/// The first that there is of: the operator's word, the USB serial number, the board's own, the
+/// The first available one of the operator's word, the USB serial number, the board's own, the
 /// port.
 std::string serial_of(const PortSettings& settings, const Port* port,
                       const BoardDescription& board) {
@@ -83,7 +83,7 @@ expected<std::unique_ptr<driver::Driver>, SetupError> open(std::string_view argu
                       .board = board.value_or(fallback_board()),
                       .frame = std::string(device_name) + "/base"};
   config.serial = serial_of(*settings, port ? &*port : nullptr, config.board);
-  // Found again by its serial number, also at another port.
+  // The serial number finds it again, also at another port.
   if (settings->port.empty() && port) settings->serial = port->serial;
   config.port = std::move(*settings);
   return std::make_unique<SerialDriver>(std::move(config));

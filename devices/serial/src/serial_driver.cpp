@@ -18,7 +18,7 @@ namespace {
 constexpr int kThreadPriority = 24'000;
 constexpr double kScaleMax = 1e6;
 
-/// Elements of a parameter as wide as the device has channels.
+/// The elements of a parameter, one for each of the device's channels.
 struct VectorParameter {
   const char* name;
   std::size_t size;
@@ -144,7 +144,7 @@ expected<void, SetupError> SerialDriver::activate() {
   return {};
 }
 
-/// Within the board's ranges, whatever the command says; in any mode that it does not have, off.
+/// The command's request, within the board's ranges; off in a mode that the board does not have.
 Request SerialDriver::request_of(const driver::Command& command) noexcept {
   Request request;
   request.number = ++request_number_;
@@ -184,7 +184,7 @@ ExchangeStatus SerialDriver::exchange(const driver::Command& command,
     return ExchangeStatus::kLate;
   }
   device_io::take_buttons(sample, report->state.buttons, before.button_edges, report->button_edges);
-  // A clock of a test's own may be ahead of the cycle's.
+  // A test's own clock may be ahead of the cycle's.
   sample.host_time = std::max(sample.host_time, std::min(report->received_at, command.cycle_time));
   fill(sample, *report);
   if (has_corrupt) sample.faults.set(driver::Fault::kDeviceCorrupt);

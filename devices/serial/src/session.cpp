@@ -25,7 +25,7 @@ std::uint16_t step_from(std::uint16_t last, std::uint16_t sequence) noexcept {
 
 constexpr std::uint16_t kStepMax = 0x7fff;
 
-/// A host that does not run hears nothing, which says nothing of the board.
+/// Silence while this host does not run proves nothing about the board.
 constexpr Duration kListenMax = milliseconds{50};
 
 }  // namespace
@@ -139,7 +139,7 @@ bool Session::send_due(const Request& request, MonotonicTime now) {
     report_.counters.unanswered += unanswered();
     answered_sequence_ = sent_sequence_;
   }
-  // Without requests it asks for states at a slower pace, out of step with them.
+  // Without new requests it polls for states at a lower rate, out of step with requests.
   const bool is_due = is_request_new_ || now - sent_at_ >= config_.period * 3 / 2;
   if (!is_due || unanswered() >= kWindow) return true;
   return send_command(request, now);
@@ -178,7 +178,7 @@ void Session::take_description(const Frame& frame) {
   }
   const auto nonce = load_le<std::uint32_t>(frame.payload.data());
   if (!is_greeting_) {
-    // A board that started again has lost the session, and where its encoders were.
+    // A restarted board has lost the session, and its encoders' positions.
     is_gone_ = is_gone_ || nonce != config_.nonce;
     return;
   }
@@ -227,7 +227,7 @@ void Session::stop() {
   const MonotonicTime end = transport_.now() + kStopMax + answer_max_;
   const Request off{.number = request_number_ + 1};
   const auto first_off = static_cast<std::uint16_t>(sent_sequence_ + 1);
-  // Also to a board that is gone, because it may be its answers only that are lost.
+  // Also sent to a board that is gone, because only its answers may be lost.
   while (!is_closed_ && transport_.now() < end) {
     transfer(off, milliseconds{1});
     const bool is_confirmed =

@@ -10,11 +10,11 @@
 
 namespace rtpm::device_serial {
 
-/// Finds what the board reads of its joints in their zero position: the mean over some samples.
+/// Finds the board's readings of its joints in their zero position: the mean over some samples.
 class ZeroCalibration final : public driver::Calibration {
  public:
   static constexpr std::size_t kSampleCount = 50;
-  /// In rad or m; a hand that holds a paddle moves it by less.
+  /// Largest movement of a held paddle, in rad or m.
   static constexpr double kMovementMax = 0.02;
 
   /// The greatest zero position, in rad or m.

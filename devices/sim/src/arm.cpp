@@ -71,7 +71,7 @@ void Arm::stop_at_workspace() noexcept {
   for (Eigen::Index axis = 0; axis < 3; ++axis) {
     const double stopped_m = std::clamp(motion_.position_m[axis], low_m[axis], high_m[axis]);
     if (stopped_m == motion_.position_m[axis]) continue;
-    // A stop swallows the motion into it, it does not throw the arm back.
+    // A stop absorbs the motion into it: the arm does not bounce.
     motion_.position_m[axis] = stopped_m;
     motion_.velocity_m_per_s[axis] = 0;
     is_at_stop_ = true;

@@ -57,7 +57,7 @@ driver::CalibrationState EncoderOffsetCalibration::step(const driver::Sample& sa
 }
 
 driver::CalibrationState EncoderOffsetCalibration::result() const {
-  // A sample is what the encoders read, less the present correction.
+  // A sample is the encoders' reading, less the present correction.
   const Eigen::Vector3d error_m = rounded(sum_m_ / static_cast<double>(count_));
   const Eigen::Vector3d offset_m = rounded(offset_m_ + error_m);
   if (offset_m.cwiseAbs().maxCoeff() > kOffsetMaxMetres) {

@@ -8,11 +8,11 @@
 
 namespace rtpm::device_sim {
 
-/// Finds what the encoders read in the home position, the origin: the mean over some samples.
+/// Finds the encoders' readings in the home position, the origin: the mean over some samples.
 class EncoderOffsetCalibration final : public driver::Calibration {
  public:
   static constexpr std::size_t kSampleCount = 50;
-  /// A hand that rests on the arm moves it by less.
+  /// Largest movement by a hand that rests on the arm.
   static constexpr double kMovementMaxMetres = 5e-4;
   /// The greatest offset that encoders have.
   static constexpr double kOffsetMaxMetres = 0.02;
@@ -35,7 +35,7 @@ class EncoderOffsetCalibration final : public driver::Calibration {
 /// Finds the space that the arm can reach: the extremes of an operator's tour.
 class WorkspaceCalibration final : public driver::Calibration {
  public:
-  /// In each direction; less is no tour.
+  /// Smallest extent of a tour in each direction.
   static constexpr double kExtentMinMetres = 0.02;
 
   /// @param low_m,high_m  the range of the parameters

@@ -15,16 +15,16 @@ class NinePointCalibration final : public driver::Calibration {
  public:
   static constexpr std::size_t kSampleCount = 20;  ///< Samples per point.
   static constexpr std::size_t kSettleCount = 5;   ///< First samples of a point, ignored.
-  /// An eye that fixates moves by less.
+  /// Largest movement of a fixating eye.
   static constexpr double kMovementMaxRad = 0.02;
   /// The greatest error of a fit, as a root mean square.
   static constexpr double kErrorMaxRad = 0.02;
 
   /// @param correction  the present one, which samples contain
-  /// @param subject     the simulated person, who does what the prompts say
+  /// @param subject     the simulated person, who follows the prompts
   NinePointCalibration(const GazeCorrection& correction, std::shared_ptr<GazeSubject> subject)
       : correction_(correction), subject_(std::move(subject)) {}
-  /// The person looks at will again.
+  /// Lets the person look at will again.
   ~NinePointCalibration() override { subject_->look_at(-1); }
   [[nodiscard]] driver::CalibrationState step(const driver::Sample& sample,
                                               std::optional<std::string_view> answer) override;

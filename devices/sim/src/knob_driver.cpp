@@ -9,7 +9,7 @@
 namespace rtpm::device_sim {
 namespace {
 
-// Their product is the stiffness in a detent, which a step of kStepMax must bear.
+// Their product is the stiffness in a detent, which must be stable with a step of kStepMax.
 constexpr std::int64_t kDetentCountMax = 36;
 constexpr double kDetentNewtonMetreMax = 0.01;
 

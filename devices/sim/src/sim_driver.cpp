@@ -163,7 +163,7 @@ void SimDriver::deactivate() noexcept {
 }
 
 bool SimDriver::is_in_workspace(const Eigen::Vector3d& position_m) const noexcept {
-  // Encoders that are not calibrated read beyond the stops.
+  // Uncalibrated encoders read beyond the stops.
   const double tolerance_m = config_.encoder_error_m + config_.arm.resolution_m;
   return (position_m.array() >= workspace_low_m_.array() - tolerance_m).all() &&
          (position_m.array() <= workspace_high_m_.array() + tolerance_m).all();
@@ -226,7 +226,7 @@ expected<void, SetupError> SimDriver::set_parameters(std::span<driver::Parameter
   workspace_high_m_ = high_m;
   const Eigen::Vector3d offset_before_m = encoder_offset_m_;
   take_vector(settings, "encoder.offset_m", encoder_offset_m_);
-  // A corrected position is no motion.
+  // A change of the correction is no motion.
   if (encoder_offset_m_ != offset_before_m) velocity_ = VelocityEstimator(velocity_window_);
   auto window = static_cast<std::int64_t>(velocity_window_);
   take(settings, "velocity.cycle_count", window);

@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::string_view kHeader = "t_s,x_m,y_m,z_m";
 constexpr std::array<std::string_view, 4> kColumns{"t_s", "x_m", "y_m", "z_m"};
-/// Longer lines are no four numbers; the bound keeps error texts short.
+/// Longest line of four numbers; the bound keeps error texts short.
 constexpr std::size_t kShownTextMax = 40;
 
 std::string_view trimmed(std::string_view text) {
@@ -42,7 +42,7 @@ std::string without_spaces(std::string_view text) {
   return bare;
 }
 
-/// The line's four numbers, or what is wrong with it.
+/// The line's four numbers, or its fault.
 expected<std::array<double, 4>, SetupError> numbers_of(std::string_view line) {
   std::array<double, 4> numbers{};
   for (std::size_t column = 0; column < numbers.size(); ++column) {
@@ -155,7 +155,7 @@ Motion Trajectory::at(double time_s) const noexcept {
     direction = -1;
   }
   const double wanted_s = points_.front().time_s + phase_s;
-  // The first point after the wanted time ends the stretch; the last stretch serves its own end.
+  // The first point after the wanted time ends the segment; the last segment includes its end.
   auto end = std::upper_bound(points_.begin() + 1, points_.end() - 1, wanted_s,
                               [](double time, const Point& point) { return time < point.time_s; });
   const Point& from = *(end - 1);

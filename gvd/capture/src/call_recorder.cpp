@@ -30,7 +30,7 @@ constexpr Duration kLookInterval = std::chrono::milliseconds{100};
 /// A server reads its rings each 5 ms.
 constexpr Duration kRestTime = std::chrono::milliseconds{30};
 constexpr Duration kNoteInterval = std::chrono::seconds{1};
-/// With its table around it, a payload is to fit a message of the recorder.
+/// A payload with its table around it must fit a message of the recorder.
 constexpr std::size_t kTableByteMax = 1024;
 
 /// Binds the tap of the server, or says why it can't be.
@@ -109,7 +109,7 @@ expected<void, SetupError> CallRecorder::Impl::open(rpc::Node& node,
   return begin(std::move(request));
 }
 
-// Waits for the first item, which says whether the tap is on.
+// Waits for the first item, which shows whether the tap is on.
 expected<void, SetupError> CallRecorder::Impl::begin(introspection::TapRequestT request) {
   auto opened = client->tap(request);
   if (!opened) return setup_error("the tap of " + server, opened.error());
@@ -207,7 +207,7 @@ void CallRecorder::Impl::learn_clock() {
   if (clock && clock->uncertainty < Duration::max()) offset = clock->offset;
 }
 
-// Puts the counts into the file, where they have changed.
+// Writes the counts into the file, if they have changed.
 void CallRecorder::Impl::note_losses() {
   CallRecorderStatus now;
   {
@@ -225,7 +225,7 @@ void CallRecorder::Impl::note_losses() {
                  {"dropped", std::to_string(now.dropped_count)},
                  {"omitted_payloads", std::to_string(now.omitted_payload_count)},
                  {"unreadable_payloads", std::to_string(now.unreadable_count)}}});
-  // A file that takes no more says so by the recorder's status.
+  // The recorder's status shows when the file takes no more.
   if (written) noted_status = now;
 }
 

@@ -35,7 +35,7 @@ void EventRecorder::record(const events::EventView& event, const events::EventDe
   const Key key{header.type, header.source};
   const MonotonicTime now = rt::now();
   const bool is_settled_now = is_settled(header, type);
-  // An event whose type has a channel has waited in vain before.
+  // If the type has a channel already, an earlier event waited for the name in vain.
   const bool may_wait = !is_settled_now && !channels_.contains(key) &&
                         held_byte_count_ + cost_of(event.payload) <= kHeldByteMax;
   if (may_wait) return hold(event, now);
@@ -103,7 +103,7 @@ void EventRecorder::put(const events::EventHeader& header, ConstBytes payload,
       .channel_id = channel->number,
       .sequence = static_cast<std::uint32_t>(header.sequence),
       .log_time_ns = recorder_.log_time_ns(received),
-      // The hub's clock may be another's, so only its difference counts.
+      // The hub's clock may be another host's, so only differences of its times count.
       .publish_time_ns = recorder_.log_time_ns(received - (header.hub_sent - header.origin)),
       .data = payload};
   std::optional<std::vector<std::byte>> table;
@@ -147,7 +147,7 @@ EventRecorder::ChannelOfEvents* EventRecorder::channel_of(const events::EventHea
                                                           const events::EventDescriptor* type) {
   const auto known = channels_.find({header.type, header.source});
   const std::string* const device = device_of(header);
-  // Schema and name may become known later: then the source goes on in a channel that has them.
+  // Schema and name may become known later: then the source continues in a channel with them.
   const bool has_schema = type != nullptr && !type->schema.empty();
   const bool is_known = known != channels_.end();
   const bool keeps_name = is_known && known->second.is_named == (device != nullptr);

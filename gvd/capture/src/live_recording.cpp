@@ -20,7 +20,7 @@
 namespace rtpm::capture {
 namespace {
 
-/// How often types and names that are not known yet are asked for.
+/// Interval at which the hub is asked for unknown types and names.
 constexpr Duration kPeriod = std::chrono::milliseconds{200};
 
 }  // namespace

@@ -21,12 +21,12 @@ namespace rtpm::gvd {
 /// @realtime set-up only
 class CalibrationRun {
  public:
-  /// Ends a run that no client asks about.
+  /// Time after which a run ends that no client asks about.
   static constexpr Duration kSilenceMax = std::chrono::seconds{30};
-  /// Ends a run of a device that is not active.
+  /// Time after which a run ends whose device is not active.
   static constexpr Duration kNoSampleMax = std::chrono::seconds{5};
 
-  /// @param revision  of the parameters that the calibration is based on
+  /// @param revision  the revision of the parameters that the calibration is based on
   CalibrationRun(std::unique_ptr<driver::Calibration> calibration, std::string name,
                  std::uint64_t number, std::uint64_t revision, MonotonicTime now);
 
@@ -34,10 +34,10 @@ class CalibrationRun {
   [[nodiscard]] std::uint64_t revision() const noexcept { return revision_; }
   [[nodiscard]] bool is_open() const noexcept { return gvd::is_open(status_.phase); }
 
-  /// Takes the newest sample, if it is new and of the active device, and ends a run that waits for
+  /// Takes the newest sample, if it is new and the device is active, and ends a run that waits for
   /// too long.
   void step(const std::optional<driver::Sample>& newest, MonotonicTime now);
-  /// A client has asked about the run.
+  /// Notes that a client has asked about the run.
   void note_question(MonotonicTime now) noexcept { last_question_ = now; }
   /// Leaves the answer to prompt number `prompt` for the next sample.
   /// @errors   kWrongAnswer

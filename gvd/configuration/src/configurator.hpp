@@ -55,11 +55,11 @@ class Configurator {
   /// Loads the saved settings and applies them; returns a sentence for each that was ignored.
   /// @errors   as SettingsStore::load(); the device refuses
   [[nodiscard]] expected<std::vector<std::string>, SetupError> load();
-  /// Applies `settings` to the device; the values as it has taken them.
+  /// Applies `settings` to the device; returns the values as it has taken them.
   /// @errors   as ParameterTable::check_revision() and check(), and Configurable::apply()
   [[nodiscard]] expected<RevisedSettings, ConfigurationError> apply(
       std::uint64_t revision, std::vector<driver::ParameterSetting> settings);
-  /// Sets parameters to their defaults; of no names all.
+  /// Sets parameters to their defaults; without names all.
   /// @errors   as apply()
   [[nodiscard]] expected<RevisedSettings, ConfigurationError> reset(
       std::uint64_t revision, std::span<const std::string> names);
@@ -83,7 +83,7 @@ class Configurator {
                                                                        std::uint32_t prompt,
                                                                        std::string_view text,
                                                                        MonotonicTime now);
-  /// Applies the result. Refused, it stays, and may be kept or discarded later.
+  /// Applies the result. A refused result stays, and may be kept or discarded later.
   /// @errors   kNoSuchRun · kNoResult · as apply()
   [[nodiscard]] expected<CalibrationStatus, ConfigurationError> keep(std::uint64_t run,
                                                                      MonotonicTime now);

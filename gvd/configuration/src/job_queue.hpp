@@ -21,7 +21,7 @@ class Job {
   Job& operator=(const Job&) = delete;
   virtual ~Job() = default;
   virtual void run(Configurator& configurator, MonotonicTime now) = 0;
-  /// Instead of run(), if the queue is full.
+  /// Called instead of run() if the queue is full.
   virtual void refuse() = 0;
 };
 

@@ -14,7 +14,7 @@
 namespace rtpm::gvd {
 namespace {
 
-/// Between two samples for a calibration.
+/// Interval between two samples for a calibration.
 constexpr Duration kCalibrationPeriod = std::chrono::milliseconds{5};
 
 /// Different at each start, so that a revision of an earlier life is stale.

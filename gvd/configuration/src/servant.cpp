@@ -39,14 +39,14 @@ configuration::CalibrationReplyT reply_of(const CalibrationResult& result) {
   return reply;
 }
 
-/// Completes a reply with what `work` returns.
+/// Completes a reply with the result of `work`.
 template <class Table, class Work>
 class DeferredJob final : public Job {
  public:
   DeferredJob(rpc::DeferredTable<Table> reply, Work work)
       : reply_(std::move(reply)), work_(std::move(work)) {}
   void run(Configurator& configurator, MonotonicTime now) override {
-    // A caller that has stopped waiting must not be surprised by a change later.
+    // No change may happen after the caller has stopped waiting.
     if (!reply_.is_awaited() || now >= reply_.deadline()) return refuse();
     const auto object = work_(configurator, now);
     auto builder = reply_.builder();

@@ -7,8 +7,8 @@
 
 namespace rtpm::gvd {
 
-/// The service rtpm.configuration.Configuration. Reads run on the lane; all else waits for device
-/// or disk, and so runs on the manager's thread, which completes the deferred reply.
+/// The service rtpm.configuration.Configuration. Reads run on the lane; all other calls wait for
+/// device or disk, and so run on the manager's thread, which completes the deferred reply.
 /// @ownership refers to configurator and queue, which must outlive it
 /// @threads  any lane
 /// @realtime set-up only
@@ -49,7 +49,7 @@ class ConfigurationServant final : public configuration::ConfigurationServant {
                const rpc::CallContext& context) override;
 
  private:
-  /// Has the manager's thread complete `reply` with what `work` returns.
+  /// Lets the manager's thread complete `reply` with the result of `work`.
   template <class Table, class Work>
   void defer(rpc::DeferredTable<Table> reply, Work work);
 

@@ -138,7 +138,7 @@ expected<StoredSettings, SetupError> SettingsStore::load(std::span<const Paramet
   if (auto fault = fault_of(document); !fault.empty()) return refused(std::move(fault));
   const std::string model = text_in(document, "model");
   const std::string serial = text_in(document, "serial");
-  // As they were written, which replaces what is no UTF-8.
+  // As they were written: writing replaces bytes that are not UTF-8.
   if (json(model) != parse_bounded_json<json>(dump(json(model_))) ||
       json(serial) != parse_bounded_json<json>(dump(json(serial_)))) {
     return refused("it is of the device " + model + ", serial number " + serial +
@@ -179,7 +179,7 @@ expected<void, SetupError> SettingsStore::save(std::span<const ParameterSetting>
                 {"model", model_},
                 {"serial", serial_},
                 {"parameters", std::move(parameters)}};
-  // As it will be read.
+  // The form in which it will be read.
   document = parse_bounded_json<json>(dump(document));
   document["checksum"] = checksum_of(document);
   std::error_code error;

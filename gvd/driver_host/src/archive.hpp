@@ -132,8 +132,8 @@ class Writer {
   std::vector<std::byte> bytes_{};
 };
 
-/// Takes values from the bytes of a process that may have lost its senses: past their end, or with
-/// a number out of its range, ok() is false for good.
+/// Takes values from the bytes of another process, which may be corrupt: past their end, or after
+/// a number out of its range, ok() stays false.
 /// @ownership views its bytes
 class Reader {
  public:
@@ -143,7 +143,7 @@ class Reader {
   void operator()(T&... values) {
     (take(values), ...);
   }
-  /// Whether all was there, and nothing more.
+  /// Whether all values were present, and no bytes are left.
   [[nodiscard]] bool is_whole() const noexcept { return ok_ && bytes_.empty(); }
 
  private:

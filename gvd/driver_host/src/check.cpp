@@ -249,7 +249,7 @@ void starts_again_after_its_end(DriverTrial& trial) {
     trial.driver->deactivate();
     trial.driver->deactivate();
   }
-  // And may be destroyed while it is active.
+  // A driver may be destroyed while it is active.
   trial.start();
 }
 
@@ -318,7 +318,7 @@ bool DriverTrial::start() {
 ExchangeStatus DriverTrial::exchange(const driver::Setpoint& setpoint) {
   now_ += period;
   if (pace_ == CheckPace::kReal) {
-    // A pause of the check stays one for the driver; it does not wait for hours.
+    // The driver sees a pause of the check as a pause, but does not wait for hours.
     if (now_ - rt::now() < std::chrono::seconds{1}) rt::sleep_until(now_);
     now_ = std::max(now_, rt::now());
   }

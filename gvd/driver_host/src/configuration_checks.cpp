@@ -21,7 +21,7 @@ using driver::ParameterType;
 using driver::ParameterValue;
 using driver::ValueFault;
 
-/// The ends of its range, or its choices, and its default.
+/// The ends of a parameter's range, or its choices, and its default.
 std::vector<ParameterValue> values_of(const ParameterSpec& spec) {
   std::vector<ParameterValue> values;
   for (const double end : {spec.low, spec.high}) {
@@ -39,7 +39,7 @@ std::vector<ParameterValue> values_of(const ParameterSpec& spec) {
   return values;
 }
 
-/// Sets one parameter; checks what comes back.
+/// Sets one parameter, and checks the value that the driver returns.
 void set(DriverTrial& trial, const ParameterSpec& spec, const ParameterValue& value) {
   std::vector<ParameterSetting> settings{{spec.name, value}};
   const auto done = trial.driver->set_parameters(settings);
@@ -81,7 +81,7 @@ void expect_valid(DriverTrial& trial, const std::vector<ParameterSetting>& setti
   }
 }
 
-/// Whether that was its last step; gives an answer to a prompt.
+/// Answers a prompt, if there is one; returns whether this was the last step.
 bool is_end(DriverTrial& trial, const std::string& name, const driver::CalibrationState& state,
             std::optional<std::string>& answer) {
   if (const auto* prompt = std::get_if<driver::CalibrationPrompt>(&state)) {

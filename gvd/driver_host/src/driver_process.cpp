@@ -34,7 +34,7 @@ unexpected<SetupError> not_started(const std::string& what) {
                      "close programs, or raise the limits of open files and processes (ulimit)");
 }
 
-/// Above the numbers that the process gets, so that none is overwritten on its way.
+/// Above the descriptor numbers that the process gets, so that dup2() overwrites none of them.
 Handle lifted(Handle handle) {
   return Handle(::fcntl(handle.number(), F_DUPFD_CLOEXEC, kMemoryHandle + 1));
 }
@@ -114,8 +114,8 @@ std::optional<Frame> DriverProcess::receive_facts(MonotonicTime deadline) {
 }
 
 std::optional<Frame> DriverProcess::call(FrameKind kind, ConstBytes bytes, MonotonicTime deadline) {
-  // The driver's thread reads from the socket only after the bell: a call may be longer than what a
-  // socket holds.
+  // The driver's thread reads from the socket only after the doorbell: a call may be longer than
+  // the socket's buffer.
   memory_->call_count.fetch_add(1, std::memory_order_release);
   memory_->has_request.ring();
   if (!send_frame(control_, kind, bytes, deadline)) return std::nullopt;
@@ -143,7 +143,7 @@ void DriverProcess::kill() noexcept {
   reap();
 }
 
-/// One that is stuck in the kernel stays a zombie: nothing waits for it without a bound.
+/// A process that is stuck in the kernel stays a zombie: no call waits for it without a bound.
 void DriverProcess::reap() noexcept {
   int status = 0;
   status_ = ::waitpid(number_, &status, WNOHANG) == number_ ? status : SIGKILL;

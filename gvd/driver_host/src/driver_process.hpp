@@ -29,14 +29,14 @@ class DriverProcess {
   [[nodiscard]] CycleMemory& memory() noexcept { return *memory_; }
   /// The frame that comes by itself at the start.
   [[nodiscard]] std::optional<Frame> receive_facts(MonotonicTime deadline);
-  /// Has the driver's thread run a call; nothing: it has ended, or did not answer by `deadline`.
+  /// Lets the driver's thread run a call; nothing: it has ended, or did not answer by `deadline`.
   [[nodiscard]] std::optional<Frame> call(FrameKind kind, ConstBytes bytes, MonotonicTime deadline);
   /// Likewise a calibration's, on a thread of its own.
   [[nodiscard]] std::optional<Frame> call_calibration(FrameKind kind, ConstBytes bytes,
                                                       MonotonicTime deadline);
   /// @realtime alloc-free, one system call
   [[nodiscard]] bool has_ended() const noexcept { return wait_for_end(Duration{0}); }
-  /// Whether it ends within `patience`.
+  /// Whether the process ends within `patience`.
   [[nodiscard]] bool wait_for_end(Duration patience) const noexcept;
   void kill() noexcept;
   /// How it ended, after that: "signal 11 (Segmentation fault)", "exit code 1".

@@ -14,7 +14,7 @@ using driver::ParameterSetting;
 
 constexpr Duration kCallPatience = std::chrono::seconds{1};
 constexpr Duration kStuckPatience = std::chrono::milliseconds{100};
-/// How often a long wait for a reply looks whether the process has ended.
+/// Interval at which a long wait for a reply checks whether the process has ended.
 constexpr Duration kLookPeriod = std::chrono::milliseconds{5};
 constexpr Duration kStepPatience = std::chrono::seconds{5};
 
@@ -191,7 +191,7 @@ std::optional<CycleReply> IsolatedDriver::wait_for_reply(MonotonicTime deadline)
   for (;;) {
     const auto reply = memory.replies.read();
     if (reply && reply->number == request_number_) return reply;
-    // The clock is asked each time: the other process may ring as it likes, or not at all.
+    // Reads the clock each time: the other process may ring at any time, or not at all.
     const MonotonicTime now = rt::now();
     if (now >= deadline) return reply;
     if (!memory.has_reply.wait_until(std::min(deadline, now + kLookPeriod)) &&
@@ -232,7 +232,7 @@ void IsolatedDriver::deactivate() noexcept {
   if (was_active) make_safe();
 }
 
-/// Its device may still apply what it was told last; configure() and deactivate() end that.
+/// Its device may still apply the last command; configure() and deactivate() end that.
 void IsolatedDriver::make_safe() noexcept {
   const Duration patience = std::exchange(config_.set_up_patience, kCallPatience);
   Writer write;

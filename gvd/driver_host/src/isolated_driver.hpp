@@ -19,7 +19,7 @@ class IsolatedDriver final : public driver::Driver {
   explicit IsolatedDriver(IsolationConfig config) : config_(std::move(config)) {}
   ~IsolatedDriver() override { IsolatedDriver::deactivate(); }
 
-  /// Starts the process, and asks it for what is constant of its driver.
+  /// Starts the process, and asks it for its driver's constant properties.
   [[nodiscard]] expected<void, SetupError> start();
 
   [[nodiscard]] driver::Descriptor describe() const override { return facts_.descriptor; }
@@ -48,7 +48,7 @@ class IsolatedDriver final : public driver::Driver {
   [[nodiscard]] expected<std::vector<std::byte>, SetupError> send_parameters(
       const std::vector<driver::ParameterSetting>& settings);
   [[nodiscard]] std::optional<CycleReply> wait_for_reply(MonotonicTime deadline) noexcept;
-  /// Kills what is left of the process, reports how it ended, and returns that.
+  /// Kills the process if it still runs, and reports and returns how it ended.
   std::string lose(const char* place);
   void make_safe() noexcept;
   void report(const std::string& text) const;
@@ -57,7 +57,7 @@ class IsolatedDriver final : public driver::Driver {
   std::shared_ptr<DriverProcess> process_{};
   Facts facts_{};
   std::vector<std::byte> fact_bytes_{};
-  std::map<std::string, driver::ParameterValue> parameters_{};  ///< That were set.
+  std::map<std::string, driver::ParameterValue> parameters_{};  ///< The ones that were set.
   driver::DriverConfig driver_config_{};
   Duration patience_{};  ///< Time limit of exchange().
   bool is_active_ = false;

@@ -17,7 +17,7 @@
 /// Shared by both processes of an isolated driver: memory for cycles, sockets for the rest.
 namespace rtpm::driver_host {
 
-/// A file descriptor that is closed with it.
+/// Owns a file descriptor.
 class Handle {
  public:
   explicit Handle(int number = -1) noexcept : number_(number) {}
@@ -36,7 +36,7 @@ class Handle {
   int number_;
 };
 
-// Where the driver's process finds its ends.
+// The descriptor numbers in the driver's process.
 inline constexpr int kControlHandle = 3;      ///< Calls of the thread that calls the driver.
 inline constexpr int kCalibrationHandle = 4;  ///< Calls of calibrations, from any thread.
 inline constexpr int kMemoryHandle = 5;       ///< CycleMemory.
@@ -68,7 +68,7 @@ struct CycleReply {
   driver::Sample sample{};   ///< With kOk.
 };
 
-/// Memory of both processes. Each side takes the other's for hostile: copies, then checks.
+/// Memory of both processes. Each side treats the other's data as hostile: copies, then checks.
 struct CycleMemory {
   Latest<CycleRequest> requests{};
   Latest<CycleReply> replies{};

@@ -10,7 +10,7 @@
 
 namespace rtpm::driver_host {
 
-/// A loaded shared library, whose code has a name for a crash in it; unloads it at its end.
+/// A loaded shared library; crash reports name its code. Unloads the library on destruction.
 /// @threads  any
 class Library {
  public:

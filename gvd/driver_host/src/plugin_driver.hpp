@@ -47,7 +47,7 @@ class PluginDriver final : public driver::Driver {
       std::string_view name) override;
 
  private:
-  /// Calls into the plug-in, with what it throws as an error and a note for a crash.
+  /// Calls into the plug-in, turns an exception into an error, and leaves a note for a crash.
   template <class Call>
   [[nodiscard]] auto guarded_call(const char* place, Call&& call);
 

@@ -80,7 +80,7 @@ class DriverLoop {
     driver_.deactivate();
     has_ended_.post();
   }
-  /// Has the loop deactivate the device and end; false: the driver does not return.
+  /// Lets the loop deactivate the device and end; false: the driver does not return.
   [[nodiscard]] bool end() {
     is_ending_.store(true, std::memory_order_release);
     memory_.has_request.ring();
@@ -125,7 +125,7 @@ class DriverLoop {
     return answer(FrameKind::kFailed, write);
   }
 
-  /// False: the other process is gone, or talks nonsense.
+  /// False: the other process is gone, or sent a malformed frame.
   [[nodiscard]] bool handle_call() {
     const auto frame = receive_frame(control_, rt::now() + kFramePatience);
     if (!frame) return false;
@@ -158,7 +158,7 @@ class DriverLoop {
     const auto activated = driver_.activate();
     is_active_ = activated.has_value();
     is_first_ = true;
-    // Requests of a former session.
+    // Skip requests of a former session.
     if (const auto request = memory_.requests.read()) handled_request_ = request->number;
     return answer(activated);
   }
@@ -224,7 +224,7 @@ bool send_facts(const Handle& control, const driver::Driver& driver) {
   return send_frame(control, FrameKind::kFacts, write.bytes(), rt::now() + kFramePatience);
 }
 
-/// This process ends with the one that started it, and not by a signal to both.
+/// Makes this process end with the one that started it, and not by a signal to both.
 void block_signals() {
   sigset_t signals;
   sigemptyset(&signals);
@@ -253,7 +253,7 @@ int serve_driver(expected<std::unique_ptr<driver::Driver>, SetupError> driver,
   if (!started) return send_error(control, started.error());
   if (!send_facts(control, **driver)) return kExitFailed;
   serve_calibrations(calibration, calibrations);
-  // Nothing that a driver uses which does not return may be destroyed.
+  // If the driver does not return, nothing that it uses may be destroyed.
   if (!loop.end()) std::_Exit(kExitDriverBlocks);
   return 0;
 }

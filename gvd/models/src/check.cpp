@@ -91,7 +91,7 @@ class Checker {
            limits_.stiffness_newton_per_m_max);
     damping("damping_newton_s_per_m", model.damping_newton_s_per_m, model.stiffness_newton_per_m);
   }
-  /// Damping has what the stiffness leaves of the passive range.
+  /// Damping may use the part of the passive range that the stiffness leaves.
   void damping(std::string_view field, double value, double stiffness_newton_per_m) noexcept {
     number(field, value, 0,
            rest(limits_.damping_newton_s_per_m_max, stiffness_newton_per_m,

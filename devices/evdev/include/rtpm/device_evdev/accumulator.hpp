@@ -15,7 +15,7 @@ struct State {
   std::array<float, driver::kAnalogCountMax> analogs{};
   std::array<double, driver::kJointCountMax> joints{};
   std::array<double, driver::kJointCountMax> velocities{};       ///< When the joint last moved.
-  std::array<MonotonicTime, driver::kJointCountMax> moved_at{};  ///< When that was.
+  std::array<MonotonicTime, driver::kJointCountMax> moved_at{};  ///< Times of these moves.
   std::uint32_t buttons = 0;
   std::array<std::uint16_t, driver::kButtonCountMax> edges{};
   MonotonicTime time{};             ///< The newest report's time.
@@ -25,13 +25,13 @@ struct State {
   std::uint64_t lost_count = 0;     ///< How often the kernel dropped events.
 };
 
-/// Adds events up to a state. A report's events take effect together, with its SYN_REPORT. After
-/// SYN_DROPPED the next SYN_REPORT ends the events by which libevdev catches up with the kernel.
+/// Accumulates events into a state. A report's events take effect together, with its SYN_REPORT.
+/// After SYN_DROPPED, libevdev catches up with the kernel by events up to the next SYN_REPORT.
 /// @threads  one at a time
 /// @realtime alloc-free, except construction
 class Accumulator {
  public:
-  /// A joint that last moved longer ago stands still.
+  /// A joint that has not moved for longer stands still.
   static constexpr Duration kStillAfter = std::chrono::milliseconds{50};
   /// A larger step of a relative axis in one event is clamped to it.
   static constexpr std::int32_t kStepMax = 32'767;
@@ -68,7 +68,7 @@ class Accumulator {
   State complete_{};
 };
 
-/// Fills what the layout names.
+/// Fills the channels that the layout names.
 /// @param now  the present cycle's time
 /// @realtime alloc-free
 void fill(driver::Sample& sample, const State& state, const Layout& layout,

@@ -28,7 +28,7 @@ struct Effect {
   std::uint16_t strong = 0;
   std::uint16_t weak = 0;
   std::int16_t coefficient = 0;  ///< For kSpring and kDamper, from 0.
-  Duration length{0};            ///< After which it ends by itself.
+  Duration length{0};            ///< It ends by itself after this time.
 };
 
 /// The actuators' levels, in the kernel's steps.
@@ -59,14 +59,14 @@ enum class EffectStatus : std::uint8_t {
 class EffectBank {
  public:
   static constexpr Duration kLength = std::chrono::milliseconds{500};
-  /// How often an effect that plays is started anew, far less than kLength.
+  /// Interval at which a playing effect is restarted, far less than kLength.
   static constexpr Duration kRefresh = std::chrono::milliseconds{100};
   static constexpr int kRefusalMax = 20;
 
   EffectBank(Transport& transport, std::span<const EffectKind> kinds);
 
   /// Uploads all effects, none of them playing.
-  /// @param gain  of the device, 0 to 1; below 0: it has none
+  /// @param gain  the device's gain, 0 to 1; below 0: it has none
   /// @errors   in words; nothing stays uploaded
   [[nodiscard]] expected<void, SetupError> start(double gain, bool has_autocenter);
   /// Brings the effects to `levels`.

@@ -37,7 +37,7 @@ struct JointChannel {
   std::optional<AbsoluteAxis> axis{};  ///< A wheel's; nothing: a relative axis, which adds up.
 };
 
-/// Which channel of the descriptor each axis, key and effect is.
+/// Maps each axis, key and effect to a channel of the descriptor.
 struct Layout {
   driver::Descriptor descriptor{};  ///< Without serial and frame.
   std::vector<AnalogChannel> analogs{};
@@ -46,7 +46,7 @@ struct Layout {
   std::vector<EffectKind> effects{};
   bool has_gain = false;
   bool has_autocenter = false;
-  /// Axes, keys and effects of the device that are in no channel, for people; empty: none.
+  /// Axes, keys and effects of the device that no channel has, for people; may be empty.
   std::string left_out{};
 };
 
@@ -56,8 +56,8 @@ struct Layout {
 /// @realtime set-up only
 [[nodiscard]] Layout make_layout(const Capabilities& capabilities, const Scales& scales);
 
-/// The layout of a device that was not there to be asked: the game pad of the kernel's
-/// documentation, with two sticks, two triggers, a cross, eleven buttons and rumble.
+/// The layout of a device that is not plugged in: the game pad of the kernel's documentation, with
+/// two sticks, two triggers, a cross, eleven buttons and rumble.
 /// @source   Linux, Documentation/input/gamepad.rst
 [[nodiscard]] Layout game_pad_layout();
 

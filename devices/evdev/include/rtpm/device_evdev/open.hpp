@@ -12,11 +12,11 @@
 namespace rtpm::device_evdev {
 
 /// A driver of an input device of this machine. Its channels are those of the device as it is now;
-/// of one that is not plugged in, those of a game pad.
+/// if the device is not plugged in, those of a game pad.
 /// @param arguments    as read_settings() takes them
 /// @param device_name  "wheel0"; its frame is "wheel0/base"
 /// @realtime set-up only
-/// @errors   of the arguments, in words with the remedy
+/// @errors   faults of the arguments, in words with the remedy
 [[nodiscard]] expected<std::unique_ptr<driver::Driver>, SetupError> open(
     std::string_view arguments, std::string_view device_name);
 

@@ -11,7 +11,7 @@
 
 namespace rtpm::device_evdev {
 
-/// Which device, and what the kernel does not say of it, as an operator says it.
+/// An operator's choice of a device, and the properties of it that the kernel does not know.
 struct Settings {
   std::string serial{};
   std::string path{};
@@ -21,7 +21,7 @@ struct Settings {
   double gain = 1;  ///< For all effects, 0 to 1.
   Scales scales{};
 
-  /// Whether it says which device; otherwise the only joystick is meant.
+  /// Whether the settings choose a device; otherwise the only joystick is meant.
   [[nodiscard]] bool names_one() const noexcept {
     return !(serial.empty() && path.empty() && node.empty() && name.empty());
   }
@@ -33,8 +33,8 @@ struct Settings {
 
 /// The unit that `settings` means. Among several matches it takes the only joystick, as game pads
 /// have further nodes for their motion sensors.
-/// @param known  the unit as it was found before: then it is the same one again, by its serial
-///               number or else its port, also at another node
+/// @param known  the unit as it was found before: finds the same one again, by its serial number
+///               or else its port, also at another node
 /// @errors   no unit matches, or several are alike, in words
 [[nodiscard]] expected<Unit, SetupError> choose(std::span<const Unit> units,
                                                 const Settings& settings,

@@ -36,8 +36,8 @@ class Transport {
   virtual ~Transport() = default;
 
   [[nodiscard]] virtual const Capabilities& capabilities() const = 0;
-  /// Waits for events, at most `patience`. After SYN_DROPPED come the differences to the present
-  /// state and a SYN_REPORT.
+  /// Waits for events, at most `patience`. SYN_DROPPED is followed by the differences to the
+  /// present state and a SYN_REPORT.
   [[nodiscard]] virtual ReadResult read(std::span<Event> events, Duration patience) noexcept = 0;
   /// Uploads a new effect, and sets its id, or changes one.
   /// @return an errno, 0: done
@@ -47,10 +47,10 @@ class Transport {
   /// Starts or stops an effect.
   /// @return an errno, 0: done
   [[nodiscard]] virtual int play(int effect_id, bool is_on) noexcept = 0;
-  /// @param share  of the full gain, 0 to 1
+  /// @param share  share of the full gain, 0 to 1
   /// @return an errno, 0: done
   [[nodiscard]] virtual int set_gain(double share) noexcept = 0;
-  /// Sets the spring that the device has of its own to zero.
+  /// Sets the device's own centring spring to zero.
   /// @return an errno, 0: done
   [[nodiscard]] virtual int disable_autocenter() noexcept = 0;
   /// The present time; never decreases.

@@ -16,7 +16,7 @@
 
 namespace rtpm::device_falcon {
 
-/// How a unit appears, and what it is started with.
+/// A unit's identity, and its firmware and thread.
 struct FalconConfig {
   std::string serial;                 ///< The descriptor's; not empty.
   std::string frame = "falcon/base";  ///< The descriptor's.
@@ -25,15 +25,15 @@ struct FalconConfig {
 };
 
 /// A Novint Falcon: three axes with force, four buttons. Positions are relative to the middle of
-/// the workspace. Until the operator has homed it, by pulling the grip out and pushing it in, there
-/// is no position and no force.
+/// the workspace. It has no position and no force until the operator has homed it, by pulling the
+/// grip out and pushing it in.
 /// @threads  a thread of its own talks to the unit, from activate() to deactivate()
 class FalconDriver final : public driver::Driver {
  public:
   static constexpr double kForceMaxNewton = 8;
   static constexpr double kRadiusMetres = 0.04;
   static constexpr double kCountsPerNewtonMetre = 10'000;
-  /// The thread has hung, or gets no CPU, if it reports nothing for so long.
+  /// Without a report for this long, the thread has hung, or gets no CPU.
   static constexpr Duration kStuckAfter = std::chrono::seconds{1};
 
   FalconDriver(FalconConfig config, OpenTransport open);

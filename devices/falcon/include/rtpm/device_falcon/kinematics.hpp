@@ -26,7 +26,7 @@ struct LegAngles {
 /// Angle of the driven arm per encoder count: 1280 counts per turn of a drum of 14.25 mm, which
 /// drives one of 110 mm.
 inline constexpr double kRadianPerCount = 14.25 / 110 * 2 * std::numbers::pi / 1280;
-/// The grip's position where all encoders read zero.
+/// The grip's position at which all encoders read zero.
 inline constexpr double kZeroCountsZMetres = 0.13460243;
 /// The middle of the workspace.
 inline constexpr driver::Vector3 kCentreMetres{0, 0, 0.125};
@@ -55,7 +55,7 @@ inline constexpr double kResolutionMetres = 4.6e-5;
 struct MotorForce {
   LegCounts counts{};
   driver::Vector3 applied_newton{};
-  bool is_saturated = false;  ///< Less than was asked for.
+  bool is_saturated = false;  ///< Less than the request.
 };
 
 /// The motors' counts for a force at a position. A force above `force_newton_max`, or beyond a

@@ -10,9 +10,9 @@
 
 namespace rtpm::device_falcon {
 
-/// A driver for the unit that `arguments` names: "serial=FALCON01", "port=1-2.3", and
-/// "firmware=FILE", whose value takes the rest of the text. Without serial and port, for the only
-/// unit that is plugged in; it stays with that one.
+/// A driver for the unit that `arguments` name: "serial=FALCON01", "port=1-2.3", and
+/// "firmware=FILE", whose value takes the rest of the text. Without serial and port it takes the
+/// only unit that is plugged in, and stays with that one.
 /// @realtime set-up only
 /// @errors   an unknown word, a file that can't be read or is no firmware; a unit that is not
 ///           plugged in is an error of configure() only

@@ -21,7 +21,7 @@ using LegCounts = std::array<std::int16_t, 3>;
 using Packet = std::array<std::byte, kPacketSize>;
 
 /// Flags of a packet to the device.
-/// @source   libnifalcon's code; the comment in its header has them otherwise
+/// @source   libnifalcon's code; the comment in its header differs
 inline constexpr std::uint8_t kHomingFlag = 0x01;
 inline constexpr std::uint8_t kGreenLedFlag = 0x02;
 inline constexpr std::uint8_t kBlueLedFlag = 0x04;
@@ -43,7 +43,7 @@ struct MotorRequest {
   std::uint8_t flags = 0;
 };
 
-/// Counts beyond kMotorCountMax are cut to it: no value wraps.
+/// Limits counts to kMotorCountMax, so that no value wraps.
 /// @realtime alloc-free
 [[nodiscard]] Packet encode(const MotorRequest& request) noexcept;
 /// The packet of a device, as its model sends it.
@@ -73,7 +73,7 @@ class PacketParser {
       if (const auto report = push(byte)) on_report(*report);
     }
   }
-  /// Forgets a packet that is not complete.
+  /// Discards an incomplete packet.
   void reset() noexcept { size_ = 0; }
   /// How many times bytes were dropped, a run of them counted once.
   [[nodiscard]] std::uint64_t corrupt_count() const noexcept { return corrupt_count_; }

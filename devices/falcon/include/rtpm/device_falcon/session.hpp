@@ -24,13 +24,13 @@ struct ForceRequest {
   MonotonicTime deadline{};  ///< When the force must have ended.
 };
 
-/// The unit as it last said, in the mechanism's frame.
+/// The unit's newest state, in the mechanism's frame.
 /// @ownership plain value, trivially copyable
 struct FalconState {
   std::uint64_t report_count = 0;   ///< Packets that were taken.
-  std::uint64_t corrupt_count = 0;  ///< Packets, and runs of other bytes, that were not.
+  std::uint64_t corrupt_count = 0;  ///< Dropped packets, and runs of other bytes.
   MonotonicTime time{};             ///< When the last one came.
-  bool is_homed = false;            ///< Else position and velocity mean nothing.
+  bool is_homed = false;            ///< False: position and velocity are invalid.
   driver::Vector3 position_m{};
   driver::Vector3 velocity_m_per_s{};
   std::uint8_t buttons = 0;
@@ -55,9 +55,9 @@ class VelocityWindow {
   std::size_t size_ = 0;
 };
 
-/// The conversation with a unit whose firmware runs: one packet there, one back, without end. There
-/// is force only while the unit is homed, its last packet was sound, and the request is live. Time
-/// is the transport's, so that a test needs no clock.
+/// The conversation with a unit whose firmware runs: one packet there, one back, repeatedly. The
+/// unit applies force only while it is homed, its last packet was sound, and the request is live.
+/// The transport provides the time, so that a test needs no clock.
 /// @ownership refers to its transport, which must outlive it
 /// @threads  one at a time
 /// @realtime alloc-free
@@ -67,7 +67,7 @@ class Session {
   static constexpr Duration kRepeatAfter = std::chrono::milliseconds{10};
   static constexpr Duration kLateAfter = std::chrono::milliseconds{5};
   static constexpr Duration kGoneAfter = std::chrono::milliseconds{100};
-  /// A request without an earlier deadline ends then.
+  /// A request without an earlier deadline ends after this time.
   static constexpr Duration kRequestLife = std::chrono::milliseconds{100};
   /// How long stop() tries to reach the unit.
   static constexpr Duration kStopPatience = std::chrono::milliseconds{50};
@@ -75,7 +75,7 @@ class Session {
   static constexpr int kCountsPerMillisecondMax = 250;
   /// Beyond the stops of the mechanism, about the middle of the workspace.
   static constexpr double kReachMetres = 0.065;
-  /// Packets in a row that say so before the unit counts as homed.
+  /// Packets in a row with the homed bits before the unit counts as homed.
   static constexpr std::uint32_t kHomedPacketCount = 10;
 
   explicit Session(Transport& transport);
@@ -106,7 +106,7 @@ class Session {
   std::array<std::byte, kTransferSize> transfer_{};
   bool is_awaiting_ = false;
   bool is_stopped_ = false;
-  /// The last packet may be used: no force goes out on a position that is in doubt.
+  /// Whether the last packet may be used: a doubtful position gets no force.
   bool is_sound_ = false;
   MonotonicTime sent_at_{};
   MonotonicTime answered_at_;
@@ -115,7 +115,7 @@ class Session {
   std::uint32_t homed_packet_count_ = 0;
   std::uint8_t last_buttons_ = 0;
   std::uint64_t refused_count_ = 0;
-  /// The last good ones; nothing: any are.
+  /// The last good counts; nothing: any counts are accepted.
   std::optional<LegCounts> counts_{};
 };
 

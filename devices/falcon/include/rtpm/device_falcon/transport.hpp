@@ -16,7 +16,7 @@ namespace rtpm::device_falcon {
 enum class UsbStatus : std::uint8_t {
   kOk,
   kTimeout,   ///< Nothing came within the patience.
-  kBusy,      ///< The former bytes are still on their way.
+  kBusy,      ///< The former bytes are still in transfer.
   kStalled,   ///< The device refuses.
   kOverflow,  ///< The device sent more than fits: the bytes are lost.
   kGone,      ///< The device is unplugged, or the bus has failed.
@@ -29,10 +29,10 @@ struct Received {
   MonotonicTime time{};  ///< When it was complete.
 };
 
-/// A transfer to the host is at most so long, so that no device can overflow it.
+/// Longest transfer to the host, so that no device can overflow it.
 inline constexpr std::size_t kTransferSize = 512;
 
-/// The USB connection to one unit, and the clock by which it is awaited.
+/// The USB connection to one unit, and the clock for waiting on it.
 /// @threads  one at a time
 class Transport {
  public:
@@ -49,7 +49,7 @@ class Transport {
   /// @return kBusy: nothing was sent
   [[nodiscard]] virtual UsbStatus send(std::span<const std::byte> bytes) = 0;
   /// Waits for one transfer from the device, at most `patience`.
-  /// @param buffer  of kTransferSize
+  /// @param buffer  kTransferSize bytes
   [[nodiscard]] virtual Received receive(std::span<std::byte> buffer, Duration patience) = 0;
   /// The present time; never decreases.
   [[nodiscard]] virtual MonotonicTime now() const = 0;

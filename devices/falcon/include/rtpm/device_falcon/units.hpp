@@ -11,11 +11,11 @@ namespace rtpm::device_falcon {
 /// A Falcon on this machine's USB.
 struct Unit {
   std::string serial;  ///< Empty: it has none, or it can't be read.
-  std::string port;    ///< Where it is plugged in, as the kernel names it: "1-2.3".
+  std::string port;    ///< The kernel's name of its port: "1-2.3".
   std::string node;    ///< "/dev/bus/usb/001/004"; another one each time it is plugged in.
 };
 
-/// Which unit is meant. Empty words say nothing.
+/// The choice of a unit. Empty members match any unit.
 struct UnitChoice {
   std::string serial{};
   std::string port{};

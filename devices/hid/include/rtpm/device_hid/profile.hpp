@@ -56,7 +56,7 @@ struct OutputReport {
 
 /// One kind of device: its channels and the reports that carry them.
 /// @threads  take() by one thread, encode() by one that may be another, which it does not disturb;
-///           the others while neither is called
+///           the other members while neither is called
 class Profile {
  public:
   Profile() = default;
@@ -81,7 +81,7 @@ class Profile {
   /// Ends what begin() began; the outputs are at their safe values already.
   /// @realtime set-up only
   virtual void end(HidTransport&) noexcept {}
-  /// Controls of the unit beside its channels, for people; empty: nothing, or not known.
+  /// Controls of the unit beside its channels, for people; empty: none, or not known.
   [[nodiscard]] virtual std::string left_out() const { return {}; }
   /// Longest silence of a healthy device; nothing: the device reports only changes.
   [[nodiscard]] virtual std::optional<Duration> silence_max() const { return std::nullopt; }
@@ -95,8 +95,8 @@ inline constexpr std::array kKinds{Kind::kSpaceMouse, Kind::kGamePad, Kind::kDua
 [[nodiscard]] std::string_view to_string(Kind kind) noexcept;
 /// The kind of that name.
 [[nodiscard]] std::optional<Kind> kind_named(std::string_view name) noexcept;
-/// The kind of a unit by vendor and product, of a game pad by its report descriptor; nothing: no
-/// device for this driver, such as a mouse.
+/// The kind of a unit by vendor and product, or by its report descriptor for a game pad; nothing:
+/// no device for this driver, such as a mouse.
 [[nodiscard]] std::optional<Kind> kind_of(const Unit& unit);
 
 /// Why a unit that could be a game pad is not served, as a clause; empty: kind_of() takes it, or it

@@ -32,7 +32,7 @@ struct Field {
   bool has_null = false;  ///< Values outside of the logical range say "none".
 };
 
-/// Fields that are not in ReportDescriptor::inputs: of other pages, in arrays, of more than 32
+/// Fields that are not in ReportDescriptor::inputs: on other pages, in arrays, with more than 32
 /// bits, or beyond kFieldCountMax.
 /// @ownership plain value
 struct UnreadFields {
@@ -43,7 +43,7 @@ struct UnreadFields {
 
 /// @ownership a value
 struct ReportDescriptor {
-  /// Variable fields of up to 32 bits of the pages above, in their order; at most kFieldCountMax.
+  /// Variable fields of up to 32 bits on the pages above, in their order; at most kFieldCountMax.
   std::vector<Field> inputs{};
   /// One entry per application and page; at most kUnreadCountMax.
   std::vector<UnreadFields> unread{};
@@ -58,7 +58,7 @@ inline constexpr std::size_t kUnreadCountMax = 64;
 
 /// Reads a report descriptor. Foreign data: any bytes give a descriptor or an error. Accepts what
 /// Linux accepts; unread fields take their space only.
-/// @errors   what is wrong, as a clause
+/// @errors   the fault, as a clause
 /// @source   Linux, drivers/hid/hid-core.c
 [[nodiscard]] expected<ReportDescriptor, std::string> parse_report_descriptor(ConstBytes bytes);
 

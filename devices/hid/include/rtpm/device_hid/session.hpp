@@ -8,7 +8,7 @@
 
 namespace rtpm::device_hid {
 
-/// Takes what a device sends. The newest report wins; of the buttons each edge counts.
+/// Takes a device's reports. The newest report wins; each edge of a button counts.
 /// @ownership refers to all three, which must outlive it
 /// @threads  one at a time
 /// @realtime set-up only
@@ -22,12 +22,12 @@ class Reader {
   /// Waits for a report, at most `patience`, and takes all that have come.
   /// @return false: the device is gone
   [[nodiscard]] bool step(Duration patience);
-  /// Silent for longer than a healthy device is.
+  /// Whether the device is silent for longer than a healthy one.
   [[nodiscard]] bool is_late() const;
   [[nodiscard]] std::uint64_t report_count() const noexcept { return report_count_; }
   [[nodiscard]] std::uint64_t corrupt_count() const noexcept { return corrupt_count_; }
-  /// When the last understood report came; nothing: none, or the device reports only changes, so
-  /// that its state is that of any later time, too.
+  /// When the last understood report came; nothing: none came, or the device reports only changes,
+  /// so that its state holds at any later time, too.
   [[nodiscard]] std::optional<MonotonicTime> measured_at() const;
 
  private:

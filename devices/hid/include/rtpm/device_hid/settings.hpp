@@ -9,7 +9,7 @@
 
 namespace rtpm::device_hid {
 
-/// Which device, as an operator says it.
+/// An operator's choice of a device.
 struct Settings {
   std::optional<Kind> kind{};      ///< Nothing: the device's own.
   std::string serial{};            ///< Empty: any.
@@ -21,7 +21,7 @@ struct Settings {
 /// @errors   an unknown word or kind; a torque that is no number
 [[nodiscard]] expected<Settings, SetupError> read_settings(std::string_view arguments);
 
-/// By what a unit is found again after it was plugged in again.
+/// Identifies a unit after it was plugged in again.
 struct Identity {
   std::string serial{};
   std::string port{};
@@ -34,7 +34,7 @@ struct Identity {
 [[nodiscard]] std::optional<Kind> kind_for(const Settings& settings, const Unit& unit);
 
 /// The one unit of `units` that is asked for.
-/// @param known  null: the first time; else only this unit will do, wherever it is plugged in
+/// @param known  null: the first time; else only this unit matches, wherever it is plugged in
 /// @return null: it is not plugged in
 /// @errors   several units fit, by name
 [[nodiscard]] expected<const Unit*, SetupError> choose(const std::vector<Unit>& units,

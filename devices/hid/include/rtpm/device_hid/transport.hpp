@@ -12,18 +12,18 @@
 
 namespace rtpm::device_hid {
 
-/// No report of a device that this driver takes is longer, its number included.
+/// Longest report of any device that this driver takes, its number included.
 inline constexpr std::size_t kReportSizeMax = 256;
 
 /// Result of HidTransport::read().
 struct Received {
-  std::size_t size = 0;    ///< Bytes of the report; 0: none came within the patience.
+  std::size_t size = 0;    ///< Bytes of the report; 0: no report within the patience.
   bool is_closed = false;  ///< The device is gone.
 };
 
-/// Reports to and from one device, and the clock by which they are awaited. The first byte of a
-/// report that is written, and of a feature report, is its number; 0: the device numbers none. A
-/// report that is read begins with its number only if the device numbers its reports.
+/// Reports to and from one device, and the clock for waiting on them. The first byte of a written
+/// report, and of a feature report, is its number; 0: the device numbers none. A report that is
+/// read begins with its number only if the device numbers its reports.
 /// @threads  read() and now() by one, the others by one that may be another
 /// @realtime set-up only
 class HidTransport {
@@ -57,7 +57,7 @@ struct Unit {
   Bus bus = Bus::kUsb;
   std::string model{};   ///< The maker's name for it.
   std::string serial{};  ///< Empty: it has none.
-  std::string port{};    ///< Where it is plugged in: "usb-0000:00:14.0-2/input0"; empty: unknown.
+  std::string port{};    ///< Its port: "usb-0000:00:14.0-2/input0"; empty: unknown.
   std::string node{};    ///< "/dev/hidraw0"; another one after it was plugged in again.
   std::vector<std::byte> report_descriptor{};  ///< Empty: unreadable.
 };

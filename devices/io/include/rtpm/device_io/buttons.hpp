@@ -17,9 +17,9 @@ inline void count_edges(std::uint32_t before, std::uint32_t after,
     edges[i] = static_cast<std::uint16_t>(edges[i] + ((before ^ after) >> i & 1U));
 }
 
-/// Gives the sample the buttons, and the edges that were counted since its last ones. A button that
-/// differs although an even number was counted changed while the device was gone: that is one more.
-/// @param edges_before, edges_now  of one counter, and of equal size
+/// Sets the sample's buttons, and adds the edges counted since the last sample. A button that
+/// differs despite an even count changed while the device was gone: that counts as one more edge.
+/// @param edges_before, edges_now  two readings of one counter, of equal size
 inline void take_buttons(driver::Sample& sample, std::uint32_t buttons,
                          std::span<const std::uint16_t> edges_before,
                          std::span<const std::uint16_t> edges_now) noexcept {

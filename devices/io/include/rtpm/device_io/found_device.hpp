@@ -6,18 +6,18 @@
 
 namespace rtpm::device_io {
 
-/// Where a udev rule goes.
+/// The file for a udev rule.
 inline constexpr const char* kUdevRulesFile = "/etc/udev/rules.d/70-rtpm.rules";
 
 /// A device that a driver's probe() found on this machine. The device's own words are not escaped.
 struct FoundDevice {
-  std::string driver{};         ///< That takes it: "hid".
+  std::string driver{};         ///< The driver that takes it: "hid".
   std::string model{};          ///< "3Dconnexion SpaceNavigator".
   std::string serial{};         ///< Empty: it has none.
-  std::string node{};           ///< Which is opened: "/dev/hidraw0".
-  std::string arguments{};      ///< For the driver, so that it takes this one: "node=/dev/hidraw0".
-  std::string missing_right{};  ///< As missing_right() says; empty: this process may open it.
-  std::string udev_rule{};      ///< That gives the right to the user at the machine.
+  std::string node{};           ///< The node to open: "/dev/hidraw0".
+  std::string arguments{};      ///< Make the driver take this one: "node=/dev/hidraw0".
+  std::string missing_right{};  ///< See missing_right(); empty: this process may open it.
+  std::string udev_rule{};      ///< Gives the right to the user at the machine.
   std::string left_out{};       ///< The device's controls beside its channels; may be empty.
   std::string refusal{};        ///< Why the driver does not take it; empty: it does.
 };
@@ -28,13 +28,13 @@ struct FoundDevice {
 [[nodiscard]] std::string missing_right(const std::string& node);
 
 /// The udev rule that gives the nodes of a USB device to the user at the machine.
-/// @param subsystem  of the node: "usb", "hidraw", "tty", "input"
+/// @param subsystem  the node's: "usb", "hidraw", "tty", "input"
 /// @realtime set-up only
 /// @source   systemd's manual pages udev(7) and sd-login(3), the tag uaccess
 [[nodiscard]] std::string udev_rule(std::string_view subsystem, std::uint16_t vendor,
                                     std::uint16_t product);
 
-/// For the error of a device that this user may not open: what to do with its rule.
+/// The remedy for a device that this user may not open: how to install its rule.
 /// @realtime set-up only
 [[nodiscard]] std::string rule_remedy(const std::string& udev_rule);
 

@@ -20,13 +20,13 @@ class IoThread {
   ~IoThread() { stop(); }
 
   /// Calls `step` until it returns false or stop() is called. `step` waits for its hardware, with a
-  /// deadline of at most some 100 ms: so long may stop() take.
+  /// deadline of at most some 100 ms, which stop() may take, too.
   /// @param step  throws nothing
   /// @errors   as of rt::Thread::start()
   [[nodiscard]] expected<void, SetupError> start(const rt::ThreadConfig& config,
                                                  std::function<bool()> step);
-  /// Has the thread end once `step` has returned, without waiting for it. A `step` that waits for
-  /// more than its hardware is woken after this, and before stop().
+  /// Makes the thread end once `step` has returned, without waiting for it. If `step` waits for
+  /// more than its hardware, wake it after this call and before stop().
   void request_stop() noexcept { is_stopping_.store(true, std::memory_order_relaxed); }
   /// Waits until `step` has returned. No effect if not started.
   void stop() noexcept;

@@ -12,8 +12,8 @@
 
 namespace rtpm::device_mpv {
 
-/// A media player, with the channels of player_descriptor(). It pauses without a command, also a
-/// player that it joined.
+/// A media player, with the channels of player_descriptor(). Without a command it pauses the
+/// player, even one that it joined.
 /// @threads  the player is talked to by a thread of its own, from activate() to deactivate()
 class MpvDriver final : public driver::Driver {
  public:
@@ -21,7 +21,7 @@ class MpvDriver final : public driver::Driver {
   static constexpr Duration kStartMax = std::chrono::seconds{5};
   static constexpr Duration kLoadMax = std::chrono::seconds{2};
 
-  /// @param serial  of the descriptor; not empty
+  /// @param serial  the descriptor's; not empty
   MpvDriver(OpenTransport open, std::string serial, std::string frame);
   ~MpvDriver() override;
 

@@ -7,13 +7,13 @@
 #include "rtpm/driver/descriptor.hpp"
 #include "rtpm/driver/sample.hpp"
 
-/// The device that mpv is, however it is reached.
+/// mpv as a device, however it is reached.
 namespace rtpm::device_mpv {
 
 inline constexpr float kRateMax = 4;
 inline constexpr double kLengthMaxSeconds = 86'400;
 
-/// The player as it last said.
+/// The player's newest state.
 /// @ownership plain value, trivially copyable
 struct PlayerState {
   double position_s = 0;  ///< The shown picture's.
@@ -37,11 +37,11 @@ struct PlayerRequest {
 /// @realtime set-up only
 [[nodiscard]] driver::Descriptor player_descriptor(std::string serial, std::string frame);
 
-/// Within the descriptor's ranges, whatever the command says; in any other mode a pause.
+/// The command's request, within the descriptor's ranges; in any other mode a pause.
 /// @realtime alloc-free
 [[nodiscard]] PlayerRequest request_of(const driver::Command& command) noexcept;
 
-/// Fills what the descriptor names, within its ranges, whatever the player says.
+/// Fills the descriptor's channels within their ranges, whatever the player reports.
 /// @realtime alloc-free
 void fill(driver::Sample& sample, const PlayerState& player, const PlayerRequest& request) noexcept;
 

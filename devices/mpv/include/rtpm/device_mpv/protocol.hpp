@@ -18,11 +18,11 @@ inline constexpr std::size_t kLineSizeMax = 8192;
 /// mpv's answer to one command.
 struct Reply {
   std::int64_t request_id = 0;
-  bool is_success = false;         ///< False, for instance: there is no such property now.
+  bool is_success = false;         ///< False, for instance: no such property exists now.
   std::optional<double> number{};  ///< The data, if it is a number.
   std::optional<bool> flag{};      ///< The data, if it is true or false.
 };
-/// Something happened in mpv. The driver asks instead, and needs none.
+/// An event of mpv. The driver polls instead, and ignores events.
 struct Event {};
 /// A line that is neither.
 struct Unreadable {};
@@ -38,14 +38,14 @@ using Word = std::variant<const char*, double, bool>;
 [[nodiscard]] std::string command_line(std::int64_t request_id, std::string_view name,
                                        std::initializer_list<Word> arguments);
 
-/// Cuts a stream of bytes into lines. It holds at most kLineSizeMax bytes: of a longer line, and of
-/// nothing else, the bytes are dropped, and the line counts as overlong.
+/// Cuts a stream of bytes into lines. It holds at most kLineSizeMax bytes: it drops a longer line,
+/// and only that line, and counts it as overlong.
 /// @ownership holds one line
 /// @threads  one at a time
 /// @realtime alloc-free
 class LineCutter {
  public:
-  /// Calls `on_line` with each line that `bytes` completes. The line stands until it returns.
+  /// Calls `on_line` with each line that `bytes` completes. The line is valid until it returns.
   template <class OnLine>
   void push(std::string_view bytes, OnLine&& on_line) {
     for (const char byte : bytes) {

@@ -11,9 +11,9 @@
 
 namespace rtpm::device_mpv {
 
-/// The conversation with one player: asks for its state once per period, sends what changed in the
-/// request. The newest request wins: while the player seeks, no further seek is sent. Time is the
-/// transport's, so that a test needs no clock.
+/// The conversation with one player: asks for its state once per period, sends changes of the
+/// request. The newest request wins: while the player seeks, no further seek is sent. The transport
+/// provides the time, so that a test needs no clock.
 /// @ownership refers to its transport, which must outlive it
 /// @threads  one at a time
 /// @realtime set-up only
@@ -75,7 +75,7 @@ class Session {
   std::optional<bool> sent_backwards_{};
   float sent_seek_s_ = -1;
   std::optional<MonotonicTime> seeking_since_{};
-  /// Rounds asked before the seek was sent do not say that it has ended.
+  /// Rounds asked before the seek was sent do not show that it has ended.
   std::int64_t seek_id_ = 0;
 };
 

@@ -8,8 +8,8 @@
 
 namespace rtpm::device_mpv {
 
-/// Which player, as an operator says it: "headless=yes file=CLIP" starts mpv, "socket=PATH" joins
-/// one. `file` and `socket` take the rest of the words, spaces included.
+/// An operator's choice of a player: "headless=yes file=CLIP" starts mpv, "socket=PATH" joins one.
+/// `file` and `socket` take the rest of the words, spaces included.
 struct Settings {
   std::string file{};        ///< To play; empty: joins `socket`.
   std::string socket{};      ///< A running mpv's, from its option --input-ipc-server.

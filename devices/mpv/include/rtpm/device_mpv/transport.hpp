@@ -17,7 +17,7 @@ struct Received {
   bool is_closed = false;  ///< The player is gone.
 };
 
-/// A stream of bytes to and from one player, and the clock by which it is awaited.
+/// A stream of bytes to and from one player, and the clock for waiting on it.
 /// @threads  one at a time
 /// @realtime set-up only
 class Transport {
@@ -29,7 +29,7 @@ class Transport {
   virtual ~Transport() = default;
 
   /// Sends all of `bytes`, without waiting.
-  /// @return false: the player is gone, or has not read for so long that there is no room
+  /// @return false: the player is gone, or has not read for so long that the buffer is full
   [[nodiscard]] virtual bool send(std::string_view bytes) = 0;
   /// Waits for bytes, at most `patience`.
   [[nodiscard]] virtual Received receive(std::span<char> buffer, Duration patience) = 0;

@@ -18,10 +18,10 @@ namespace rtpm::device_serial {
 
 inline constexpr std::size_t kBoardTextSizeMax = 31;  ///< In bytes.
 inline constexpr double kBoardRateMaxHz = 4000;
-/// The longest time for which a command may be in force.
+/// Longest life of a command.
 inline constexpr std::uint16_t kWatchdogMaxMs = 1000;
 
-/// How many channels of each kind: what the size of a state and a command depends on.
+/// The number of channels of each kind, which fixes the size of a state and a command.
 struct BoardShape {
   std::size_t joint_count = 0;
   std::size_t analog_count = 0;
@@ -45,9 +45,9 @@ struct BoardDescription {
   [[nodiscard]] bool has_channels_of(const BoardDescription& other) const;
 };
 
-/// @param payload  of a frame kDescription
+/// @param payload  payload of a frame kDescription
 /// @realtime set-up only
-/// @errors   what is wrong with it, as a clause
+/// @errors   its fault, as a clause
 [[nodiscard]] expected<BoardDescription, std::string> parse_description(ConstBytes payload);
 
 /// A board as it was when it took a measurement. Every number is finite.
@@ -66,7 +66,7 @@ struct BoardState {
   std::array<float, driver::kOutputCountMax> outputs{};
 };
 
-/// @param payload  of a frame kState
+/// @param payload  payload of a frame kState
 /// @return nothing: another size, a number that is not finite, a button that the board does not
 ///         have
 /// @realtime alloc-free

@@ -21,8 +21,8 @@ inline constexpr std::size_t kWireSizeMax = kFrameSizeMax + kFrameSizeMax / 254 
 /// Wire numbers.
 enum class FrameType : std::uint8_t {
   kHello = 1,        ///< Host to board: opens a session.
-  kDescription = 2,  ///< Board to host: what the board is.
-  kCommand = 3,      ///< Host to board: what to apply, and for how long.
+  kDescription = 2,  ///< Board to host: the board's channels.
+  kCommand = 3,      ///< Host to board: values to apply, and for how long.
   kState = 4,        ///< Board to host: the answer to one command.
 };
 
@@ -57,21 +57,21 @@ enum class FrameFault : std::uint8_t {
 [[nodiscard]] expected<Frame, FrameFault> decode(
     ConstBytes stuffed, std::array<std::byte, kFrameSizeMax>& buffer) noexcept;
 
-/// Cuts a stream of bytes into frames at its delimiters, so that it is in step again after the next
-/// delimiter, whatever came before.
+/// Cuts a stream of bytes into frames at its delimiters, so that it is synchronized again after the
+/// next delimiter, whatever came before.
 /// @ownership holds one frame
 /// @threads  one at a time
 /// @realtime alloc-free
 class FrameCutter {
  public:
   /// Calls `on_frame` with the frame or fault that each delimiter in `bytes` completes. A frame's
-  /// payload stands until `on_frame` returns.
+  /// payload is valid until `on_frame` returns.
   template <class OnFrame>
   void push(ConstBytes bytes, OnFrame&& on_frame) {
     for (const std::byte byte : bytes) {
       if (byte != std::byte{0}) {
         append(byte);
-      } else if (size_ > 0) {  // Two delimiters in a row hold nothing.
+      } else if (size_ > 0) {  // Two adjacent delimiters enclose no frame.
         on_frame(finish());
       }
     }

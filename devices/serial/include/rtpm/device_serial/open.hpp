@@ -19,16 +19,16 @@ namespace rtpm::device_serial {
 /// @errors   an unknown word, a speed that is no number
 [[nodiscard]] expected<PortSettings, SetupError> read_settings(std::string_view arguments);
 
-/// The driver of one board. If it is plugged in, it is asked what it is, which takes up to 5 s;
-/// else it is taken for fallback_board().
+/// The driver of one board. If it is plugged in, it is asked for its description, which takes up to
+/// 5 s; else it is taken for fallback_board().
 /// @param arguments    "port=/dev/ttyACM0 speed=115200 serial=12345", each word optional
 /// @param device_name  in front of the frame's name
 /// @realtime set-up only
-/// @errors   as of read_settings()
+/// @errors   as read_settings()
 [[nodiscard]] expected<std::unique_ptr<driver::Driver>, SetupError> open(
     std::string_view arguments, std::string_view device_name);
 
-/// Likewise, with ports and transport of a test's own.
+/// Likewise, with a test's own ports and transport.
 [[nodiscard]] expected<std::unique_ptr<driver::Driver>, SetupError> open(
     std::string_view arguments, std::string_view device_name, const ListPorts& list,
     const OpenTransport& open_transport);

@@ -34,7 +34,7 @@ using ListPorts = std::function<std::vector<Port>()>;
 
 /// Chooses the port and opens it with libserialport: 8 bits, no parity, one stop bit, no flow
 /// control, DTR set.
-/// @errors   of the result: as of choose_port(), no right to the node, in use, no such speed
+/// @errors   the result's: as choose_port(), no right to the node, in use, no such speed
 [[nodiscard]] OpenTransport open_serial_port(ListPorts list = &list_ports);
 
 }  // namespace rtpm::device_serial

@@ -69,7 +69,7 @@ class SerialDriver final : public driver::Driver {
   std::uint64_t request_number_ = 0;
   bool is_active_ = false;
 
-  // Parameters, of kAnalogCountMax or kJointCountMax elements.
+  // Parameters, with kAnalogCountMax or kJointCountMax elements.
   std::vector<double> analog_offset_{};
   std::vector<double> analog_scale_{};
   std::vector<double> joint_zero_{};

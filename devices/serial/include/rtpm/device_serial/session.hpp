@@ -17,17 +17,17 @@ namespace rtpm::device_serial {
 struct Request {
   std::uint64_t number = 0;  ///< Differs from cycle to cycle.
   bool is_on = false;
-  Duration time_left{0};  ///< For which it may stay in force.
+  Duration time_left{0};  ///< Time for which it may stay in force.
   std::array<float, driver::kJointCountMax> efforts{};
   std::array<float, driver::kOutputCountMax> outputs{};
 };
 
 /// Counters of faults on the line since greet().
 struct LineCounters {
-  std::uint64_t corrupt = 0;     ///< Bytes that were no frame, and frames with impossible contents.
+  std::uint64_t corrupt = 0;     ///< Bytes that were no frame, and frames with invalid contents.
   std::uint64_t lost = 0;        ///< States that the board sent and that did not arrive.
-  std::uint64_t duplicate = 0;   ///< States that came again.
-  std::uint64_t stale = 0;       ///< States older than one that came before them.
+  std::uint64_t duplicate = 0;   ///< States that arrived again.
+  std::uint64_t stale = 0;       ///< States older than one that arrived before them.
   std::uint64_t unanswered = 0;  ///< Commands whose answer did not come in time.
 };
 
@@ -45,7 +45,7 @@ struct Report {
   bool is_gone = false;
 };
 
-/// A board that its port's opening resets runs its boot loader for up to 2 s.
+/// Opening the port resets some boards, whose boot loader then runs for up to 2 s.
 inline constexpr Duration kGreetingMax = std::chrono::seconds{5};
 
 /// A nonce that distinguishes the session that begins at `now` from others; not zero.
@@ -62,8 +62,8 @@ struct SessionConfig {
 
 /// The conversation with one board: greets it, sends each request as a command, takes the newest
 /// state. At most kWindow commands are unanswered, so that a slow line never fills up. A request
-/// that is not renewed ends by itself, on the host and by the board's watchdog. Time is the
-/// transport's.
+/// that is not renewed ends by itself, on the host and by the board's watchdog. The transport
+/// provides the time.
 /// @ownership refers to its transport, which must outlive it
 /// @threads  one at a time
 class Session {
@@ -78,11 +78,12 @@ class Session {
 
   Session(Transport& transport, const SessionConfig& config);
 
-  /// Asks the board what it is, again and again for the greeting's time. Its efforts are zero then.
+  /// Asks the board for its description, repeatedly for the greeting's time. Its efforts are zero
+  /// meanwhile.
   /// @realtime set-up only
   /// @errors   in words: silence, other bytes, another version, an impossible description
   [[nodiscard]] expected<BoardDescription, SetupError> greet();
-  /// Starts the clock of late and gone. After greet().
+  /// Starts the clock of late and gone. Call it after greet().
   void begin();
   /// Sends what is due and takes what came; waits for at most `patience`.
   /// @return false: the board is gone
@@ -139,7 +140,7 @@ class Session {
   std::uint16_t board_sequence_ = 0;
   Report report_{};
   MonotonicTime stepped_at_{};
-  Duration silence_{};  ///< For which it listened in vain.
+  Duration silence_{};  ///< Time for which it received nothing.
   bool has_accepted_ = false;
   bool is_closed_ = false;  ///< The port.
   bool is_gone_ = false;    ///< The board.

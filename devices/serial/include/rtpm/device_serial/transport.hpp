@@ -18,7 +18,7 @@ struct Transferred {
   bool is_closed = false;  ///< The port is gone.
 };
 
-/// A stream of bytes to and from one board, and the clock by which it is awaited.
+/// A stream of bytes to and from one board, and the clock for waiting on it.
 /// @threads  one at a time; wake() any
 class Transport {
  public:
@@ -41,7 +41,7 @@ class Transport {
   [[nodiscard]] virtual MonotonicTime now() const = 0;
 };
 
-/// Which board, and the speed of its line.
+/// The choice of a board, and the speed of its line.
 struct PortSettings {
   std::string port{};    ///< "/dev/ttyACM0", or a link to it; empty: by the serial number.
   std::string serial{};  ///< The board's USB interface's; empty: the only one plugged in.

@@ -11,8 +11,8 @@
 
 namespace rtpm::device_sim {
 
-/// The mechanics and electronics of the simulated arm. The defaults lie between the desktop arms
-/// that laboratories have.
+/// The mechanics and electronics of the simulated arm. The defaults lie between those of common
+/// desktop arms.
 struct ArmConfig {
   double mass_kg = 0.15;                ///< Moving mass, at the end effector.
   double damping_newton_s_per_m = 2.5;  ///< Damping of joints and transmission.

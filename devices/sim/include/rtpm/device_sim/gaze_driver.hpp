@@ -37,9 +37,9 @@ class GazeSubject {
 
 /// A gaze tracker and its subject: the pose's orientation turns -z to where the subject looks, in
 /// the frame of the head; analog "pupil" is the pupil's diameter; button "blink" is pressed for
-/// 0.15 s every 4 s. The subject looks at one of nine points after the other, with the tremor of an
-/// eye, or where look_at() or a prompt says. The optics have an offset and a gain of their own,
-/// which the calibration "nine_points" finds and the parameters "correction." take out.
+/// 0.15 s every 4 s. The subject looks at nine points in turn, with the tremor of an eye, or at the
+/// point that look_at() or a prompt names. The optics have an offset and a gain of their own, which
+/// the calibration "nine_points" finds and the parameters "correction." remove.
 class GazeDriver final : public Twin {
  public:
   /// Nine points: three by three, this far from each other.
@@ -79,7 +79,7 @@ class GazeDriver final : public Twin {
   std::shared_ptr<GazeSubject> subject_ = std::make_shared<GazeSubject>();
 };
 
-/// The direction of gaze that a sample's orientation stands for.
+/// The direction of gaze that a sample's orientation means.
 [[nodiscard]] Gaze gaze_of(const driver::Quaternion& orientation) noexcept;
 
 }  // namespace rtpm::device_sim

@@ -35,13 +35,13 @@ class Twin : public driver::Driver {
   /// Class, model, serial and frame.
   [[nodiscard]] driver::Descriptor identity(driver::DeviceClass device_class,
                                             const char* model) const;
-  /// Back to the start.
+  /// Returns to the start.
   virtual void reset() noexcept = 0;
-  /// Advances by `elapsed_s`, 0 to kStepMax, and fills what it measures.
+  /// Advances by `elapsed_s`, 0 to kStepMax, and fills the measured values.
   virtual void step(const driver::Command& command, double elapsed_s,
                     driver::Sample& sample) noexcept = 0;
 
-  /// Since activate(), at the end of this step.
+  /// Time since activate(), at the end of this step.
   [[nodiscard]] double time_s() const noexcept { return time_s_; }
   [[nodiscard]] const TwinConfig& config() const noexcept { return config_; }
 

@@ -16,9 +16,9 @@ namespace rtpm::capture {
 struct CallRecorderStatus {
   std::uint64_t call_count = 0;             ///< Calls that ended while they were recorded.
   std::uint64_t dropped_count = 0;          ///< Records that the server reported as dropped.
-  std::uint64_t omitted_payload_count = 0;  ///< Payloads that were too long, by the server.
+  std::uint64_t omitted_payload_count = 0;  ///< Payloads that the server left out as too long.
   std::uint64_t unreadable_count = 0;       ///< Payloads that did not match their schema.
-  std::optional<std::string> problem{};     ///< Why no more calls come.
+  std::optional<std::string> problem{};     ///< Why the recording ended.
 };
 
 /// Records the calls of objects of one server, by its tap, without generated code: requests and
@@ -34,7 +34,7 @@ struct CallRecorderStatus {
 class CallRecorder {
  public:
   /// Begins to record, once the server has switched its tap on.
-  /// @param urls  of the objects, all of one server
+  /// @param urls  the objects' URLs, all of one server
   /// @realtime set-up only
   /// @errors   no server, no such object, an object without a published schema, a server without a
   ///           tap or with one in use, the file's
@@ -46,8 +46,8 @@ class CallRecorder {
   /// As stop().
   ~CallRecorder();
 
-  /// Records what has ended until now, and ends the tap. May be called twice.
-  /// @threads  that of open()
+  /// Records the calls that have ended until now, and ends the tap. May be called twice.
+  /// @threads  the one that called open()
   void stop() noexcept;
   [[nodiscard]] CallRecorderStatus status() const;
 

@@ -16,7 +16,7 @@ inline constexpr const char* kSourceKey = "rtpm.source";       ///< The event's 
 inline constexpr const char* kSchemaIdKey = "rtpm.schema_id";  ///< The schema's fingerprint.
 inline constexpr const char* kPriorityKey = "rtpm.priority";
 inline constexpr const char* kDeviceKey = "rtpm.device";  ///< Its name, "lab/arm0".
-/// The payload was a bare struct of so many bytes, which is now the only field of its table.
+/// Size in bytes of a payload that was a bare struct, which is now the only field of its table.
 inline constexpr const char* kStructSizeKey = "rtpm.struct_size";
 
 /// Values of kKindKey.
@@ -28,7 +28,7 @@ inline constexpr const char* kCommandKind = "command";          ///< A CommandRe
 /// Whether events of this type are a device's own, so that their source is the device.
 [[nodiscard]] bool is_device_event(events::EventType type) noexcept;
 
-/// "lab/arm0/button_changed", of "lab/arm0" and "rtpm.device.ButtonChanged".
+/// "lab/arm0/button_changed", from "lab/arm0" and "rtpm.device.ButtonChanged".
 [[nodiscard]] std::string device_topic(std::string_view device, std::string_view type);
 
 }  // namespace rtpm::capture

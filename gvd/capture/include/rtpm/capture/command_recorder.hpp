@@ -13,7 +13,7 @@ namespace rtpm::capture {
 
 /// Records the commands that a device accepted: topic "lab/arm0/command", a CommandRequest each.
 /// The message's sequence is that of the sample which the device showed then. The lease's number,
-/// by which its holder is known, stays out of the file.
+/// which identifies its holder, stays out of the file.
 /// @ownership refers to its recorder
 /// @threads  any
 class CommandRecorder {

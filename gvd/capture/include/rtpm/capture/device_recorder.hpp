@@ -25,7 +25,7 @@ class DeviceRecorder {
   /// Ends the polling.
   ~DeviceRecorder();
 
-  /// Asks the device of that name for its description, and records that.
+  /// Asks the device of that name for its description, and records the description.
   /// @errors   no such device; it does not answer
   [[nodiscard]] expected<void, SetupError> describe(const std::string& name);
   /// describe(), then records each new sample that `rate_hz` polls per second find.
@@ -34,7 +34,7 @@ class DeviceRecorder {
   /// Ends the polling.
   void stop() noexcept;
 
-  /// Polls that failed, by device, where there are some.
+  /// Failed polls by device, without devices that had none.
   [[nodiscard]] std::map<std::string, std::uint64_t> failed_counts() const;
 
  private:

@@ -22,10 +22,10 @@ namespace rtpm::capture {
 /// The descriptors that are known, as events::HubTypes::list() has them.
 using KnownTypes = std::span<const events::EventDescriptor* const>;
 
-/// Records events, each type and source in a channel of its own: topic "lab.Touched/3", of a device
-/// whose name is known "lab/arm0/sampled", the schema embedded. The payload is a FlatBuffer whose
-/// root is the event's table. Sequence and origin are the message's sequence and publish time; the
-/// log time is when it came here.
+/// Records events, each type and source in a channel of its own, with its schema: topic
+/// "lab.Touched/3", or "lab/arm0/sampled" for a device whose name is known. The payload is a
+/// FlatBuffer whose root is the event's table. Sequence and origin are the message's sequence and
+/// publish time; the log time is the time of arrival.
 ///
 /// The first events of a program may come before its types and names are known here. They are held
 /// back, at most kHoldTimeMax and kHeldByteMax in all, so that they get into the right channel.
@@ -34,7 +34,7 @@ using KnownTypes = std::span<const events::EventDescriptor* const>;
 class EventRecorder {
  public:
   static constexpr Duration kHoldTimeMax = std::chrono::seconds{3};
-  /// As much as a track takes at once, so that what is held is not dropped when it is let go.
+  /// As much as a track takes at once, so that no held event is dropped when it is recorded.
   static constexpr std::size_t kHeldByteMax = 2 << 20;
 
   /// Takes a track of its own.
@@ -59,15 +59,15 @@ class EventRecorder {
   void name_devices(std::span<const std::string> names);
   /// The named devices whose first event came since the last call.
   [[nodiscard]] std::vector<std::string> take_new_devices();
-  /// Whether names of devices are looked for: events wait for one, or an event of a device without
-  /// a name came since the last call, the first of its source.
+  /// Whether device names are missing: events wait for one, or the first event of a device without
+  /// a name came since the last call.
   [[nodiscard]] bool take_new_unnamed();
 
  private:
   struct ChannelOfEvents {
     std::uint16_t number = 0;
     schema::Dynamic* dynamic = nullptr;  ///< Null: the payload is recorded as it is.
-    bool is_named = false;               ///< By its device.
+    bool is_named = false;               ///< The channel's topic has the device's name.
   };
   using Key = std::pair<events::EventType, events::SourceId>;
   struct Held {
@@ -92,7 +92,7 @@ class EventRecorder {
                                            const events::EventDescriptor* type,
                                            const schema::Dynamic* dynamic,
                                            const std::string* device);
-  /// Null: no device's, or of one without a name.
+  /// Null: the source is no device, or a device without a name.
   const std::string* device_of(const events::EventHeader& header);
 
   mutable rt::PiMutex mutex_{};

@@ -17,7 +17,7 @@ enum class Existing : std::uint8_t {
 /// Writes a device's flight record as a recording: a channel `DEVICE/flight` with a message per
 /// cycle, a FlatBuffer whose root is the table rtpm.device.FlightCycle. A message's log and publish
 /// time are the cycle's, mapped to 1970 by the wall clock of now. The metadata "rtpm.flight" has
-/// device, cause, number, fault_cycle and cycle_count. No file is left of one that failed.
+/// device, cause, number, fault_cycle and cycle_count. A failed write leaves no file.
 /// @realtime never
 /// @errors   in words: it exists, no such folder, no right, the disk is full
 [[nodiscard]] expected<void, SetupError> write_flight_file(const std::string& path,

@@ -18,7 +18,7 @@ namespace rtpm::capture {
 /// Settings for LiveRecording::start().
 struct LiveRecordingConfig {
   std::string hub{events::kHubPath};            ///< By name or URL.
-  std::string registry{names::kThisHost};       ///< Where the names of devices are looked for.
+  std::string registry{names::kThisHost};       ///< Name service of the devices.
   Duration deadline = std::chrono::seconds{1};  ///< For calls to the hub.
   recording::RecorderConfig recorder{};
 };
@@ -28,12 +28,12 @@ struct LiveRecordingStatus {
   Duration time{};
   recording::RecorderStatus recorder{};
   std::uint64_t lost_count = 0;  ///< Events that did not reach the recorder.
-  /// Devices that did not say what they are: they are recorded, but can't be played.
+  /// Devices that gave no description: they are recorded, but can't be played.
   std::vector<std::string> undescribed_devices{};
 };
 
-/// Records all events of a hub in a file while the program goes on: what `rtpm record` does, in
-/// process. Devices have topics by their names, and are described, so that `rtpm play` plays them.
+/// Records all events of a hub in a file while the program goes on, like `rtpm record`, in process.
+/// Devices have topics by their names, and descriptions, so that `rtpm play` plays them.
 /// @ownership owns the file and a thread "rtpm-record"; refers to its node, which must outlive it
 /// @threads  any
 /// @realtime set-up only, but for recorder().add_track()'s Track::put()
@@ -44,17 +44,17 @@ class LiveRecording {
       rpc::Node& node, const std::string& file, LiveRecordingConfig config = {});
   LiveRecording(const LiveRecording&) = delete;
   LiveRecording& operator=(const LiveRecording&) = delete;
-  /// As stop(), without its answer.
+  /// Calls stop(), and ignores its result.
   ~LiveRecording();
 
   /// Records a remark at the present time, in the topic "annotations".
   /// @return   false: it was too long, or the recorder takes no more; it is counted as dropped
   bool annotate(std::string_view text);
-  /// For channels of the program's own.
+  /// The recorder, for the program's own channels.
   [[nodiscard]] recording::Recorder& recorder() noexcept;
   [[nodiscard]] LiveRecordingStatus status() const;
   /// Ends the recording. No other call may follow.
-  /// @errors   the file's, also an earlier one; what was written until then is whole
+  /// @errors   the file's, also an earlier one; everything written until then is whole
   [[nodiscard]] expected<void, SetupError> stop();
 
  private:

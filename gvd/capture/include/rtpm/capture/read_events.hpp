@@ -26,7 +26,7 @@ struct RecordedEventOf {
 };
 
 /// The channels that have events of this type.
-/// @errors   one that was recorded with another version of the type's schema
+/// @errors   a channel was recorded with another version of the type's schema
 [[nodiscard]] expected<std::vector<std::uint16_t>, SetupError> channels_of_event(
     const recording::FileReader& reader, const events::EventDescriptor& type);
 

@@ -18,7 +18,7 @@
 
 namespace rtpm::gvd {
 
-/// Where the configuration of a device is served: "lab/arm0/config" of "lab/arm0". A URL's
+/// The name of a device's configuration: "lab/arm0/config" for "lab/arm0". A URL is treated
 /// likewise.
 [[nodiscard]] inline std::string configuration_path(std::string_view device) {
   return std::string(device) + "/config";
@@ -64,7 +64,7 @@ struct ConfigurationClientOptions {
 ///     const auto after = client->apply(before->revision, {{"safety.ramp_s", 0.01}});
 ///     if (!after) … after.error().words.text() …
 ///
-/// All methods give ConfigurationOutcome::kCallFailed if the call had no reply: then read before
+/// All methods return ConfigurationOutcome::kCallFailed if the call had no reply: then read before
 /// repeating a change.
 /// @ownership refers to its node, which must outlive it
 /// @threads  any, several at once
@@ -80,7 +80,7 @@ class ConfigurationClient {
   ~ConfigurationClient();
 
   [[nodiscard]] expected<DeviceConfiguration, ConfigurationError> list();
-  /// Values of the named parameters; of no names: all.
+  /// Values of the named parameters; without names: all.
   /// @errors   kUnknownParameter
   [[nodiscard]] expected<RevisedSettings, ConfigurationError> get(
       const std::vector<std::string>& names = {});
@@ -90,7 +90,7 @@ class ConfigurationClient {
   ///           kWrongType · kOutOfRange · kWrongState · kRefusedByDevice · kBusy: repeat
   [[nodiscard]] expected<RevisedSettings, ConfigurationError> apply(
       std::uint64_t revision, const std::vector<driver::ParameterSetting>& settings);
-  /// Sets the named parameters to their defaults; of no names: all that may change.
+  /// Sets the named parameters to their defaults; without names: all that may change.
   /// @errors   as apply()
   [[nodiscard]] expected<RevisedSettings, ConfigurationError> reset(
       std::uint64_t revision, const std::vector<std::string>& names = {});

@@ -5,8 +5,8 @@
 
 namespace rtpm::gvd {
 
-/// The path of what `folder` keeps of one device: "FOLDER/MODEL@SERIAL" and `ending`. Distinct
-/// devices have distinct paths.
+/// The path of a device's file in `folder`: "FOLDER/MODEL@SERIAL" and `ending`. Distinct devices
+/// have distinct paths.
 /// @realtime set-up only
 [[nodiscard]] std::string device_file(const std::string& folder, std::string_view model,
                                       std::string_view serial, std::string_view ending);

@@ -8,8 +8,8 @@
 
 namespace rtpm::gvd {
 
-/// Outcome of a request to a device's configuration; wire numbers. With all but kDone nothing has
-/// changed.
+/// Outcome of a request to a device's configuration; wire numbers. With all outcomes but kDone
+/// nothing has changed.
 enum class ConfigurationOutcome : std::uint8_t {
   kDone = 0,
   kUnknownParameter = 1,
@@ -38,7 +38,7 @@ inline constexpr std::uint8_t kConfigurationOutcomeCount = 16;
 struct ConfigurationError {
   ConfigurationOutcome outcome = ConfigurationOutcome::kCallFailed;
   std::string parameter{};  ///< Its name, if it is about one.
-  SetupError words{};       ///< For people: what, why, and the caller's next move.
+  SetupError words{};       ///< For people: the problem, its cause, and the remedy.
 };
 
 }  // namespace rtpm::gvd

@@ -30,14 +30,13 @@ class ConfigurationManager {
   /// Loads the saved settings and applies them to `device`, then starts. Create it before the
   /// device's thread starts, so that no cycle sees other values.
   /// @realtime set-up only
-  /// @errors   an invalid parameter; a settings file that is refused, see SettingsStore::load();
-  /// the
-  ///           device refuses its values
+  /// @errors   an invalid parameter; a refused settings file, see SettingsStore::load(); the device
+  ///           refuses its values
   [[nodiscard]] static expected<std::unique_ptr<ConfigurationManager>, SetupError> create(
       Configurable& device, const ConfigurationManagerConfig& config = {});
   ConfigurationManager(const ConfigurationManager&) = delete;
   ConfigurationManager& operator=(const ConfigurationManager&) = delete;
-  /// Ends the thread, behind a running request. Stop the rpc::Server before.
+  /// Ends the thread after a running request. Stop the rpc::Server before.
   ~ConfigurationManager();
 
   /// The object for an rpc::Server, at configuration_path() of the device's; lives as long as this.

@@ -13,8 +13,8 @@
 
 namespace rtpm::gvd {
 
-/// A device's parameters with their values and revision: what a change must satisfy, without
-/// device, thread and clock.
+/// A device's parameters with their values and revision, and the checks of a change. It has no
+/// device, thread or clock.
 /// @ownership a value
 /// @threads  one at a time
 /// @realtime set-up only
@@ -33,7 +33,7 @@ class ParameterTable {
   /// Increases with each change of a value.
   [[nodiscard]] std::uint64_t revision() const noexcept { return revision_; }
 
-  /// Values by name; of no names: all.
+  /// Values by name; without names: all.
   /// @errors   kUnknownParameter
   [[nodiscard]] expected<std::vector<driver::ParameterSetting>, ConfigurationError> settings(
       std::span<const std::string> names = {}) const;
@@ -50,7 +50,7 @@ class ParameterTable {
   [[nodiscard]] expected<void, ConfigurationError> check_revision(std::uint64_t revision) const;
   /// Whether every one of `settings` may be applied in this state.
   /// @errors   kUnknownParameter, kRepeatedParameter, kReadOnly, kWrongType, kOutOfRange,
-  ///           kWrongState, of the first that may not
+  ///           kWrongState, for the first that may not
   [[nodiscard]] expected<void, ConfigurationError> check(
       std::span<const driver::ParameterSetting> settings, bool is_active) const;
   /// Whether one of `settings`, which check() accepts, needs an inactive device.

@@ -16,7 +16,7 @@ namespace rtpm::driver {
 /// The words that a driver takes.
 struct KnownWords {
   std::vector<std::string_view> names{};
-  /// Their values go on to the end of the text, spaces included, such as a file's name.
+  /// Words whose values extend to the end of the text, spaces included, such as a file's name.
   std::vector<std::string_view> names_to_the_end{};
 };
 
@@ -24,7 +24,7 @@ struct KnownWords {
 using Words = std::map<std::string, std::string, std::less<>>;
 
 /// Reads a driver's arguments as an operator gives them: "port=/dev/ttyACM0 speed=115200", words
-/// apart by spaces.
+/// separated by spaces.
 /// @param driver  for the errors: "serial"
 /// @errors   a word without '=' or value, an unknown or repeated one: in words with those it takes
 [[nodiscard]] expected<Words, SetupError> read_words(std::string_view driver, std::string_view text,

@@ -10,10 +10,10 @@
 
 namespace rtpm::driver {
 
-/// Class of a device; wire numbers. It says what a device is for; what it has, the channels say.
+/// Class of a device; wire numbers. It states the device's purpose; the channels state its parts.
 enum class DeviceClass : std::uint8_t {
   kHaptic = 0,   ///< Measures a position and applies a force.
-  kTracker = 1,  ///< Measures a pose: of a body, a head or a gaze, whose ray is the frame's -z.
+  kTracker = 1,  ///< Measures the pose of a body, a head or a gaze; a gaze's ray is the frame's -z.
   kInput = 2,    ///< Buttons and analog inputs.
   kDial = 3,     ///< A joint that turns without end, with or without a motor.
   kVibrotactile = 4,  ///< Vibrates: outputs in pairs, amplitude and frequency.
@@ -44,7 +44,7 @@ struct Analog {
 /// One joint, gripper or dial.
 struct Joint {
   std::string name;         ///< "elbow", "gripper", "dial".
-  std::string unit;         ///< "rad", or "m" of a joint that slides.
+  std::string unit;         ///< "rad", or "m" for a joint that slides.
   double low = 0;           ///< Minimum position; equal to `high`: it turns without end.
   double high = 0;          ///< Maximum position.
   double velocity_max = 0;  ///< In units per second; 0: no command moves it.
@@ -91,7 +91,7 @@ struct Descriptor {
   std::vector<Analog> analogs{};       ///< At most kAnalogCountMax.
   std::vector<Joint> joints{};         ///< At most kJointCountMax.
   std::vector<Output> outputs{};       ///< At most kOutputCountMax.
-  std::vector<CommandMode> modes{};    ///< That it takes, besides kOff; none: it only measures.
+  std::vector<CommandMode> modes{};    ///< Modes besides kOff; empty: it only measures.
   Limits limits{};
   Workspace workspace{};
   double rate_hz = 1000;             ///< Rate of exchange().

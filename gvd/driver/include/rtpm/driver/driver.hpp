@@ -71,10 +71,10 @@ class Driver {
   /// Gives the device its command and takes its newest sample: the only real-time call, once per
   /// cycle. Waits for the hardware at most a fraction of the period. On entry `sample` holds the
   /// last cycle's values, so that counters can go on from there, and no faults. With kOk it holds
-  /// every value that the device has and the driver's own fault bits; sequence, success_rate and
-  /// lifecycle are the server's. With any other status it is as it was on entry.
-  /// Whatever the command says, the driver applies no more than the descriptor's limits, and zero
-  /// for a mode that it does not know.
+  /// every value that the device has and the driver's own fault bits; the server sets sequence,
+  /// success_rate and lifecycle. With any other status it is unchanged.
+  /// Whatever the command contains, the driver applies no more than the descriptor's limits, and
+  /// zero for a mode that it does not know.
   /// @realtime alloc-free, throws nothing, takes no lock that a time-shared thread may hold
   /// @errors   as ExchangeStatus says
   [[nodiscard]] virtual ExchangeStatus exchange(const Command& command,

@@ -24,13 +24,13 @@ struct Quaternion {
   friend constexpr bool operator==(const Quaternion&, const Quaternion&) noexcept = default;
 };
 
-/// Where the end effector is and how it is turned.
+/// Position and orientation of the end effector.
 struct Pose {
   Vector3 position_m{};
   Quaternion orientation{};
 };
 
-/// How the end effector moves.
+/// Velocity of the end effector.
 struct Twist {
   Vector3 linear_m_per_s{};
   Vector3 angular_rad_per_s{};

@@ -33,8 +33,8 @@ inline constexpr std::uint8_t kMutabilityCount = 3;
 /// "any time", "inactive", "read-only".
 [[nodiscard]] std::string_view to_string(Mutability mutability) noexcept;
 
-/// A value: of kBool bool, of kInteger std::int64_t, of kReal double, of kText and kChoice
-/// std::string, of kVector std::vector<double>.
+/// A value: bool for kBool, std::int64_t for kInteger, double for kReal, std::string for kText and
+/// kChoice, std::vector<double> for kVector.
 using ParameterValue = std::variant<bool, std::int64_t, double, std::string, std::vector<double>>;
 
 inline constexpr std::size_t kParameterCountMax = 128;       ///< Per device.

@@ -46,8 +46,8 @@ enum class Fault : std::uint32_t {
   kPowerLimited = 1u << 16,      ///< The command would give its user more power than the limit.
   kBraked = 1u << 17,            ///< The passivity guard brakes.
   kHeatLimited = 1u << 18,       ///< The force is shortened for the motors' heat.
-  /// A pose or time that can't be: beyond 1 km, a rotation that is no unit quaternion, a host_time
-  /// in the future or before the device was opened. The values are as the driver gave them.
+  /// An impossible pose or time: beyond 1 km, a rotation that is no unit quaternion, a host_time in
+  /// the future or before the device was opened. The values are as the driver gave them.
   kImplausible = 1u << 19,
 };
 
@@ -73,7 +73,7 @@ class Faults {
   std::uint32_t bits_ = 0;
 };
 
-/// The bits that a driver sets; others that it sets do not count.
+/// The bits that a driver may set; its other bits are ignored.
 inline constexpr Faults kDriverFaults{0xff};
 
 /// The faults in words, "command lost, soft start", or "none".   Set-up only: allocates.

@@ -7,9 +7,9 @@
 
 namespace rtpm::driver {
 
-/// The velocity of an axis from its measured positions: the slope over as long a time as these lie
-/// on a line within the measurement's resolution. So a slow motion is smooth, and a quick change is
-/// followed at once.
+/// The velocity of an axis from its measured positions: the slope over the longest time for which
+/// the positions lie on a line within the resolution. So a slow motion is smooth, and the velocity
+/// follows a quick change at once.
 /// @ownership a value
 /// @threads  one at a time
 /// @realtime alloc-free, at most kWindow² / 2 steps
@@ -17,7 +17,7 @@ namespace rtpm::driver {
 ///           estimation", IEEE Transactions on Control Systems Technology 8 (6), 2000
 class VelocityFilter {
  public:
-  /// Most positions that are looked back.
+  /// Maximum number of positions in the window.
   static constexpr std::size_t kWindow = 16;
 
   /// @param resolution  step of the position, in its unit: an encoder's count
@@ -28,7 +28,7 @@ class VelocityFilter {
   double add(MonotonicTime time, double position) noexcept;
   /// The newest velocity; 0 before the second position.
   [[nodiscard]] double velocity() const noexcept { return velocity_; }
-  /// Forgets all positions, such as of a device that was gone.
+  /// Discards all positions, such as after the device was gone.
   void reset() noexcept;
 
  private:
@@ -41,7 +41,7 @@ class VelocityFilter {
     return window_[(newest_ + kWindow - age) % kWindow];
   }
   [[nodiscard]] double slope_to(std::size_t age) const noexcept;
-  /// Whether all positions in between are near the line from the newest to that one.
+  /// Whether all positions in between are near the line from the newest to the one of `age`.
   [[nodiscard]] bool is_line(std::size_t age, double slope) const noexcept;
 
   double resolution_;

@@ -10,10 +10,10 @@
 #include "rtpm/driver/driver.hpp"
 #include "rtpm/rt/thread.hpp"
 
-/// A driver in a process of its own: what it crashes, hangs or overwrites there is its own.
+/// A driver in a process of its own: it can crash, hang or overwrite that process only.
 namespace rtpm::driver_host {
 
-/// Hears what becomes of a driver's process.
+/// Receives the state changes of a driver's process.
 /// @threads  the thread that calls the driver
 class IsolationListener {
  public:
@@ -32,11 +32,11 @@ struct IsolationConfig {
   IsolationListener* listener = nullptr;  ///< May be null.
 };
 
-/// Starts `config.command` and gives its driver, as if that were in this process.
+/// Starts `config.command` and returns its driver, as if that were in this process.
 ///
-/// exchange() waits for its answer no longer than its patience: an answer that comes later counts
-/// in the next cycle, one that does not come is kLate, and a process that has ended is kGone at
-/// once. deactivate() kills a process that ended its cycles, and starts it again: its configure()
+/// exchange() waits for its answer no longer than its patience: a later answer counts in the next
+/// cycle, a missing answer is kLate, and a process that has ended is kGone at once. deactivate()
+/// kills a process that no longer runs cycles, and starts it again: its configure()
 /// and deactivate() make the device safe before the next configure(). A process that gets no newer
 /// command until Command::deadline takes the force away itself, and deactivates the device when
 /// this process has ended, however that ended.
@@ -47,7 +47,7 @@ struct IsolationConfig {
 
 /// The other process's side: serves `driver`, or its error, to the process that started this one
 /// by isolate(), until that ends it. Returns the exit code.
-/// @param thread  that calls the driver: as the device's
+/// @param thread  the thread that calls the driver; configured as the device's
 /// @realtime set-up only
 [[nodiscard]] int serve_driver(expected<std::unique_ptr<driver::Driver>, SetupError> driver,
                                const rt::ThreadConfig& thread);

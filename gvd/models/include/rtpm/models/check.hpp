@@ -15,7 +15,7 @@ namespace rtpm::gvd {
 
 /// The most that a model may ask of a device. Stiffness K and damping B of one model share what a
 /// loop of this period keeps passive: K / stiffness max + B / damping max ≤ 1. Models that overlap
-/// add up: bounding that is left to the safety filter.
+/// add up: the safety filter bounds the sum.
 /// @ownership a value
 struct ModelLimits {
   /// Furthest position and longest length, far beyond any workspace, so that no force overflows.
