@@ -46,7 +46,7 @@ std::error_code read_all(const File& file, std::string& text) {
   return {};
 }
 
-/// @param forbidden  the permissions that the file must not give
+/// @param forbidden  the permission bits that the file must not have
 expected<void, SetupError> check(const File& file, const std::string& path, mode_t forbidden) {
   const std::string what = printable(path, kShownWhole) + " is not used";
   struct stat status {};
@@ -65,7 +65,7 @@ expected<void, SetupError> check(const File& file, const std::string& path, mode
 
 expected<void, SetupError> write_secret(const std::string& path, std::string_view text) {
   const std::string what = printable(path, kShownWhole) + " can't be made";
-  // O_EXCL: a key that is there is never replaced, and no link is followed.
+  // O_EXCL: an existing key is never replaced, and no link is followed.
   const File file(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600));
   if (!file.is_open()) {
     if (errno == EEXIST)

@@ -12,7 +12,7 @@ namespace {
 constexpr std::size_t kByteCount = 10;
 constexpr std::size_t kGroupSize = 4;  // In digits.
 
-/// The digits of a fingerprint, small and without dashes.
+/// The digits of a fingerprint, in lower case and without dashes.
 std::string digits_of(std::string_view text) {
   std::string digits;
   for (const char each : text) {

@@ -7,7 +7,7 @@
 namespace rtpm::access {
 namespace {
 
-/// An order of subjects, for no purpose but finding them.
+/// An order of subjects, only for finding them.
 struct BySubject {
   static auto key(const Subject& subject) noexcept {
     return std::tie(subject.kind, subject.user, subject.key);

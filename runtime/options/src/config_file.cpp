@@ -19,7 +19,7 @@ std::string_view trimmed(std::string_view text) {
   return text.substr(begin, text.find_last_not_of(kBlanks) - begin + 1);
 }
 
-/// The text before a comment: before a `#` that stands first or after a blank.
+/// The text before a comment: before a `#` at the beginning or after a blank.
 std::string_view without_comment(std::string_view text) {
   for (std::size_t at = text.find('#'); at != std::string_view::npos; at = text.find('#', at + 1)) {
     if (at == 0 || kBlanks.find(text[at - 1]) != std::string_view::npos) return text.substr(0, at);
@@ -27,7 +27,7 @@ std::string_view without_comment(std::string_view text) {
   return text;
 }
 
-/// Takes one escape sequence, whose backslash is gone, from the begin of `text`.
+/// Takes one escape sequence, without its backslash, from the beginning of `text`.
 std::optional<char> take_escaped(std::string_view& text) {
   if (text.starts_with('\\') || text.starts_with('"')) {
     const char character = text.front();
@@ -42,7 +42,7 @@ std::optional<char> take_escaped(std::string_view& text) {
   return static_cast<char>(byte);
 }
 
-/// The value that begins with a quote, or what is wrong with it.
+/// The value that begins with a quote, or its fault.
 expected<std::string, SetupError> unquoted(std::string_view text) {
   text.remove_prefix(1);
   std::string value;

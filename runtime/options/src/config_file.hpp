@@ -25,7 +25,7 @@ inline constexpr std::size_t kConfigSizeMax = std::size_t{1024} * 1024;
 [[nodiscard]] expected<std::vector<ConfigLine>, SetupError> read_config_file(
     const std::string& path);
 
-/// `value` as a file spells it, quoted if necessary.
+/// `value` in the form of a file, quoted if necessary.
 /// @realtime set-up only
 [[nodiscard]] std::string config_value_text(std::string_view value);
 

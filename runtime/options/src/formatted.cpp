@@ -13,7 +13,7 @@ std::string formatted(const char* format, ...) {
   va_copy(again, arguments);
   const int size = std::vsnprintf(nullptr, 0, format, arguments);
   va_end(arguments);
-  // One more for the zero that it ends with.
+  // One more for the terminating zero.
   std::string text(static_cast<std::size_t>(std::max(size, 0)) + 1, '\0');
   std::vsnprintf(text.data(), text.size(), format, again);
   va_end(again);

@@ -10,7 +10,7 @@
 #include <typeinfo>
 
 // Part of every program of RTPM, see rtpm_program() in cmake/RtpmTargets.cmake, and of no library:
-// a program that embeds RTPM decides by itself what becomes of an exception.
+// a program that embeds RTPM decides itself how to handle an exception.
 namespace {
 
 std::terminate_handler handler_before = nullptr;
@@ -22,7 +22,7 @@ bool has_memory() noexcept {
   return little != nullptr;
 }
 
-// On whatever thread the exception was thrown, and also where nothing may be thrown. There may be
+// Runs on the thread that threw the exception, and also where throwing is impossible. There may be
 // no memory for a stream.
 [[noreturn]] void say_if_out_of_memory() noexcept {
   const std::type_info* const thrown = abi::__cxa_current_exception_type();

@@ -14,7 +14,7 @@ namespace {
 
 constexpr Range<int> kCpus{0, 1023};
 
-/// The number that is all of `text`, if it is one and in the range.
+/// Parses all of `text` as a number; nothing if it is not one or out of range.
 template <class T>
 std::optional<T> read_number(std::string_view text, Range<T> range) {
   T number{};
@@ -76,8 +76,8 @@ std::optional<std::vector<std::string>> read_list(std::string_view text) {
   return items;
 }
 
-/// How many letters must be put in, left out, replaced or swapped with their neighbour to make `to`
-/// of `from` (the distance of Damerau and Levenshtein, restricted form).
+/// The number of letters to insert, delete, replace or swap with their neighbour to turn `from`
+/// into `to` (the distance of Damerau and Levenshtein, restricted form).
 std::size_t slip_count(std::string_view from, std::string_view to) {
   std::vector<std::vector<std::size_t>> cost(from.size() + 1,
                                              std::vector<std::size_t>(to.size() + 1));
@@ -142,7 +142,7 @@ Setting setting_of(double& value, Range<double> range) {
 
 namespace {
 
-/// The bounds that there are, to stand behind what a time is.
+/// The bounds of `range`, as text behind the description of a time.
 std::string in_words(Range<Duration> range) {
   std::string text;
   if (range.low > Duration{0}) text += ", of at least " + duration_text(range.low);
@@ -239,7 +239,7 @@ Setting setting_of(std::optional<Duration>& value, Range<Duration> range) {
 
 namespace {
 
-/// Equal for names that a variable of the environment can't tell apart.
+/// Equal for names that an environment variable's name can't distinguish.
 std::string folded(std::string name) {
   for (char& c : name) {
     if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');

@@ -8,11 +8,11 @@
 #include <cstring>
 
 // Part of every program of RTPM, as out_of_memory.cpp: output that can't be written ends the
-// program with an exit code that says so.
+// program with an exit code that shows it.
 namespace {
 
-/// Else the next file or socket would take the number of a stream, and what is printed would go
-/// there. Opened so that a use of the stream fails.
+/// Else the next file or socket would take the number of a stream, and the program's output would
+/// go there. Opened so that a use of the stream fails.
 void occupy_closed_streams() noexcept {
   for (int stream = STDIN_FILENO; stream <= STDERR_FILENO; ++stream) {
     if (fcntl(stream, F_GETFD) >= 0 || errno != EBADF) continue;
@@ -27,12 +27,12 @@ void check_output() noexcept {
   errno = 0;
   if (std::fflush(stdout) == 0) {
     if (!has_failed_before) return;
-    // The reason is forgotten; another write has the same.
+    // The reason is no longer known; another write fails with the same one.
     errno = 0;
     static_cast<void>(!write(STDOUT_FILENO, "\n", 1));
   }
   const int error = errno;
-  // A reader that left, such as head, has read all that it wanted.
+  // A reader that has exited, such as head, has read all that it wanted.
   if (error != EPIPE) {
     dprintf(STDERR_FILENO,
             "%s: standard output can't be written%s%s. Remedy: free space on its disk, or send it "

@@ -80,7 +80,7 @@ std::optional<RealtimeLimit> limit_of_group() noexcept {
   return limit_in(runtime_path.data(), period_path.data());
 }
 
-// How long the calling thread has had a CPU.
+// The CPU time of the calling thread.
 Duration run_time() noexcept {
   timespec time{};
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
@@ -144,7 +144,7 @@ void RealtimeBudget::on_slept(MonotonicTime begin, MonotonicTime end,
   if (!is_limited()) return;
   const bool was_spent = is_spent(begin);
   const Duration off = std::max(slept.value_or(end - begin - kWakeCost), Duration{0});
-  // A rest of seconds earns no more than one of milliseconds; in double it does not overflow.
+  // A sleep of seconds earns no more than one of milliseconds; in double it does not overflow.
   const double earned = std::min(static_cast<double>(off.count()) * earned_per_slept_, 1e10);
   // The sleep itself is not spent.
   spent_ = std::min(spent_ + off + Duration{static_cast<Duration::rep>(earned)}, end + kBurst);

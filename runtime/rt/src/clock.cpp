@@ -22,15 +22,15 @@ std::int64_t system_time_ns() noexcept {
 #if defined(__x86_64__)
 
 constinit thread_local TickClock thread_clock;
-// How many ticks a look at the system's clock may take to be one without an interrupt in between.
+// Ticks that a read of the system's clock takes at most if no interrupt came in between.
 constinit thread_local std::uint64_t look_ticks_max = 256;
 
 std::uint64_t ticks() noexcept {
   return __builtin_ia32_rdtsc();
 }
 
-// The kernel keeps to the processor's ticks itself only where they have one rate, never stop, and
-// are the same on all CPUs.
+// The kernel keeps time by the processor's ticks only if they have one rate, never stop, and are
+// the same on all CPUs.
 bool is_ticking() noexcept {
   static const bool is_used_by_kernel = [] {
     std::array<char, 32> buffer{};
@@ -40,7 +40,7 @@ bool is_ticking() noexcept {
   return is_used_by_kernel;
 }
 
-// Looks at the system's clock, and at the ticks just before and after.
+// Reads the system's clock, and the ticks just before and after.
 [[gnu::noinline]] std::int64_t look() noexcept {
   if (!is_ticking()) return system_time_ns();
   constexpr int kTryCount = 3;
@@ -53,7 +53,7 @@ bool is_ticking() noexcept {
       look_ticks_max = std::min(look_ticks_max, 2 * passed);
       return thread_clock.anchor(before + passed / 2, time_ns);
     }
-    // It may be a slow machine, too.
+    // The machine may also just be slow.
     look_ticks_max += look_ticks_max / 8;
   }
   return thread_clock.tell(time_ns);

@@ -9,7 +9,7 @@
 namespace rtpm::rt {
 namespace {
 
-// A sentence of ours, and a few foreign names in it.
+// A sentence of RTPM's with a few foreign names in it.
 constexpr std::size_t kLineSizeMax = 4096;
 
 // In one piece, so that lines of several threads or processes do not mix.

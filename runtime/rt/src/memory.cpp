@@ -63,8 +63,8 @@ expected<void, SetupError> lock_memory(RealtimeMode mode) {
   // Memory that malloc returned to the kernel would fault, unlocked, when it is needed again.
   mallopt(M_TRIM_THRESHOLD, -1);
   mallopt(M_MMAP_MAX, 0);
-  // On fault: what was touched stays, and memory kept for large messages costs nothing before one
-  // comes. Threads touch their stacks when they start, and containers their elements.
+  // On fault: touched memory stays, and memory kept for large messages costs nothing before the
+  // first one. Threads touch their stacks when they start, and containers their elements.
   std::string cause;
   if (mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) != 0) {
     cause = std::strerror(errno);

@@ -10,7 +10,7 @@ bool set_native_level(int level) noexcept;
 /// The SCHED_FIFO level that the calling thread is known to have; 0: time-shared, or not known.
 [[nodiscard]] int native_level() noexcept;
 
-/// Says at which priority the calling thread was started, and whether the system granted it.
+/// Records the priority at which the calling thread was started, and whether it was granted.
 void note_thread_priority(Priority priority, bool is_fifo) noexcept;
 
 }  // namespace rtpm::rt

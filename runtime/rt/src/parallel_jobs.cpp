@@ -24,7 +24,7 @@ void ParallelJobs::add(std::function<void()> job) {
     if (idle_count_ < jobs_.size() && threads_.size() < thread_count_max_) {
       auto thread =
           Thread::start({.name = name_, .realtime = RealtimeMode::kOff}, [this] { serve(); });
-      // Then the threads that are there take it, or finish() does.
+      // Without a new thread, the existing ones take the job, or finish() does.
       if (thread) threads_.push_back(std::move(*thread));
     }
   }

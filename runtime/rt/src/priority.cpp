@@ -12,7 +12,7 @@
 namespace rtpm::rt {
 namespace {
 
-// Set before there are threads.
+// Set before threads start.
 PriorityMapping priority_mapping = nullptr;
 
 thread_local std::optional<Priority> thread_priority;

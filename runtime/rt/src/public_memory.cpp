@@ -100,7 +100,7 @@ expected<PublicMemory, SetupError> PublicMemory::create(std::string_view name, s
   }
   memory.bytes_ = {static_cast<std::byte*>(begin), size};
   prefault(memory.bytes_);
-  // Before Linux 5.1 others of the same user could write there, which no reader's safety rests on.
+  // Before Linux 5.1 other processes of the user could write there; no reader's safety needs this.
   constexpr int kSeals = F_SEAL_SHRINK | F_SEAL_GROW;
   if (fcntl(memory.file_, F_ADD_SEALS, kSeals | F_SEAL_FUTURE_WRITE | F_SEAL_SEAL) != 0) {
     static_cast<void>(fcntl(memory.file_, F_ADD_SEALS, kSeals | F_SEAL_SEAL));

@@ -22,12 +22,12 @@ namespace rtpm::rt {
 namespace {
 
 #if defined(__SANITIZE_THREAD__)
-// ThreadSanitizer keeps what it knows of a thread at the end of its stack: half a megabyte.
+// ThreadSanitizer keeps its state of a thread at the end of its stack: half a megabyte.
 constexpr std::size_t kStackSize = std::size_t{4096} * 1024;
 #else
 constexpr std::size_t kStackSize = std::size_t{512} * 1024;
 #endif
-// How much of it is made resident before a thread begins: more than anything of ours needs.
+// The part of it that is made resident before a thread begins: more than RTPM's code needs.
 constexpr std::size_t kStackPrefaultSize = std::size_t{128} * 1024;
 
 // Memory is locked as it is touched, so that a stack is touched before it matters.
@@ -58,7 +58,7 @@ SetupError scheduling_refusal(const ThreadConfig& config, int level, int error) 
           cause};
 }
 
-// Which CPUs the thread has and how it is scheduled, for the report.
+// The thread's CPUs and scheduling, for the report.
 void note_scheduling(const ThreadConfig& config, Grant grant, const std::string& how,
                      const std::string& remedy) {
   std::string text = how;
@@ -88,7 +88,7 @@ expected<void, SetupError> set_affinity(const ThreadConfig& config) {
     list += std::to_string(cpu);
   }
   int error = is_possible ? pthread_setaffinity_np(pthread_self(), sizeof cpus, &cpus) : EINVAL;
-  // The system leaves out, without a word, those that the machine has not.
+  // The system silently leaves out CPUs that the machine does not have.
   cpu_set_t granted;
   if (error == 0) error = pthread_getaffinity_np(pthread_self(), sizeof granted, &granted);
   if (error == 0 && !CPU_EQUAL(&cpus, &granted)) error = EINVAL;
@@ -218,7 +218,7 @@ expected<Thread, SetupError> Thread::start(const ThreadConfig& config, std::func
   pthread_attr_init(&attributes);
   // With memory locked, the whole stack is resident: the system's 8 MiB would be waste.
   pthread_attr_setstacksize(&attributes, kStackSize);
-  // Else it would begin, and without a priority of its own stay, at its starter's level.
+  // Else it would begin at its starter's level, and stay there if it has no priority of its own.
   const sched_param time_shared{};
   pthread_attr_setinheritsched(&attributes, PTHREAD_EXPLICIT_SCHED);
   pthread_attr_setschedpolicy(&attributes, SCHED_OTHER);

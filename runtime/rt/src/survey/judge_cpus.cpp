@@ -24,7 +24,7 @@ std::string cpus_text(const std::vector<int>& cpus) {
   return (cpus.size() == 1 ? "CPU " : "CPUs ") + cpu_list_text(cpus);
 }
 
-/// The others, for what has to run somewhere.
+/// The other CPUs, for work that has to run somewhere.
 std::vector<int> other_cpus(const HostFiles& files) {
   return without(files.online_cpus, kept_cpus(files));
 }

@@ -84,7 +84,7 @@ expected<BroadcastDoor, SetupError> BroadcastDoor::open(std::uint64_t id) {
 void BroadcastDoor::let_in(const BroadcastMemory& memory) noexcept {
   while (true) {
     const Accepted accepted = accept_or_turn_away(socket_.number(), spare_);
-    // A reader that is turned away gets its events otherwise.
+    // A reader that is turned away gets its events by another path.
     if (accepted.shortage != 0 && !accepted.still_waits) continue;
     const Descriptor& asking = accepted.socket;
     if (!asking.is_open()) return;

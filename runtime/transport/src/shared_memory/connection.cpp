@@ -16,7 +16,7 @@
 namespace rtpm::transport {
 namespace {
 
-// How often a full ring is checked: its reader works, or is about to be found dead.
+// The interval between checks of a full ring: its reader is busy or dead.
 constexpr Duration kSpaceCheckInterval = std::chrono::microseconds{50};
 
 using Side = SharedMemoryConnection::Side;
@@ -109,7 +109,7 @@ void SharedMemoryConnection::wait_for_frame(MonotonicTime until) noexcept {
   reader_.end_sleep();
 }
 
-// Takes one bell at a time; others keep the socket readable and wake spuriously (hp-16.3-2).
+// Takes one bell at a time; further ones keep the socket readable: spurious wake-ups (hp-16.3-2).
 void SharedMemoryConnection::receive_bell(bool is_peek) noexcept {
   std::byte bell{};
   const int flags = MSG_DONTWAIT | (is_peek ? MSG_PEEK : 0);

@@ -11,14 +11,14 @@
 // on a word of them, which std::atomic::wait does not do. Source: memfd_create(2), futex(2).
 namespace rtpm::transport {
 
-/// A file of `size` zeros; not open if the system refuses, errno says why.
+/// A file of `size` zeros; not open if the system refuses, with the reason in errno.
 [[nodiscard]] Descriptor make_memory(const char* name, std::size_t size) noexcept;
 
 /// Fixes the size for good, so that no access to a mapping can fail (hp-16.1-5).
 /// @param more_seals  see F_ADD_SEALS in fcntl(2)
 [[nodiscard]] bool seal_memory(int memory, int more_seals = 0) noexcept;
 
-/// The size of a file that cannot shrink; 0: it can, or is no such file.
+/// The size of a file that cannot shrink; 0: the file can shrink, or is no such file.
 [[nodiscard]] std::size_t sealed_size(int memory) noexcept;
 
 inline constexpr std::uint32_t kAnyBit = 0xffff'ffff;

@@ -90,7 +90,7 @@ ReceivedMessage receive_message(int socket, MutableBytes to) noexcept {
       message.descriptors[i] = Descriptor(number);
     }
   }
-  // A peer of ours sends no more than fit: a truncation is a lack of descriptors.
+  // An RTPM peer sends no more than fit: a truncation is a lack of descriptors.
   message.lacks_descriptors = (header.msg_flags & MSG_CTRUNC) != 0;
   message.size = static_cast<std::size_t>(size);
   return message;

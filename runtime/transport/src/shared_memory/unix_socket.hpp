@@ -26,10 +26,10 @@ namespace rtpm::transport {
 /// @source   spec/hprotocol.md#hp-16.1
 [[nodiscard]] bool is_trusted(int socket, std::span<const std::uint32_t> others = {}) noexcept;
 
-/// How many descriptors a message has at most.
+/// The number of descriptors that a message has at most.
 inline constexpr std::size_t kDescriptorCountMax = 2;
 
-/// Sends one message with descriptors; false if it did not go whole.
+/// Sends one message with descriptors; false if it was not sent as a whole.
 [[nodiscard]] bool send_message(int socket, ConstBytes message,
                                 std::span<const int> descriptors) noexcept;
 

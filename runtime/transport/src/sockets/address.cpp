@@ -108,7 +108,7 @@ wire::PeerAddress SocketAddress::ipv6_peer() const noexcept {
     return {0, mapped, ipv6_.sin6_port};
   }
   std::uint64_t network = network_at(bytes);
-  // The rest of a link-local network is 0, and an address says nothing without its link.
+  // The rest of a link-local network is 0, and an address is ambiguous without its link.
   if (network == kLinkLocalNetwork) network |= ipv6_.sin6_scope_id;
   return {network, rest_at(bytes + 8), ipv6_.sin6_port};
 }

@@ -24,7 +24,7 @@
 namespace rtpm::transport {
 namespace {
 
-// How long a caller waits for space in a stream's buffer before it gives the peer up.
+// How long a caller waits for space in a stream's buffer before it gives up the peer.
 constexpr Duration kSendPatience = std::chrono::milliseconds{100};
 
 SetupError no_socket(const std::string& host, std::uint16_t port, int error) {
@@ -48,7 +48,7 @@ SetupError no_answer(std::string_view protocol, const std::string& host, std::ui
 }
 
 // Whether the system gave a socket the very port that it connects to, as may happen if no server
-// has it: the socket would talk to itself.
+// has that port: the socket would talk to itself.
 bool is_its_own_peer(int socket, const SocketAddress& peer) noexcept {
   return own_address(socket) == peer;
 }
@@ -154,7 +154,7 @@ class TcpTransport final : public ClientTransport {
   FrameStream stream_;
 };
 
-// Whether what a connected socket sends stays on this host.
+// Whether the frames of a connected socket stay on this host.
 bool is_on_host(int socket, const SocketAddress& peer) noexcept {
   return peer.is_loopback() || own_address(socket).is_same_host(peer);
 }

@@ -9,13 +9,13 @@
 // The system's calls on sockets, without casts and sizes.
 namespace rtpm::transport {
 
-/// As setsockopt(2); false if the system refuses.
+/// Calls setsockopt(2); false if the system refuses.
 template <class T>
 bool set_option(int socket, int level, int option, const T& value) noexcept {
   return setsockopt(socket, level, option, &value, sizeof value) == 0;
 }
 
-/// Beyond the system's limit where the process has the right; else the limit applies.
+/// Goes beyond the system's limit if the process has the right; else the limit applies.
 inline void enlarge_receive_buffer(int socket, int size) noexcept {
   if (!set_option(socket, SOL_SOCKET, SO_RCVBUFFORCE, size)) {
     set_option(socket, SOL_SOCKET, SO_RCVBUF, size);
@@ -37,17 +37,17 @@ inline void enlarge_receive_buffer(int socket, int size) noexcept {
   return own;
 }
 
-/// The host that stands for every address in the opening of a port.
+/// The host name that means every address of this host.
 inline constexpr const char* kAnyHost = "any";
 
-/// Where a port of a server is opened: `host` numeric, a name, or kAnyHost, which is both families
-/// where this host has IPv6.
+/// Resolves the address to bind a server's port to: `host` is numeric, a name, or kAnyHost, which
+/// is both families if this host has IPv6.
 [[nodiscard]] expected<SocketAddress, SetupError> address_to_open(const std::string& host,
                                                                   std::uint16_t port);
-/// Lets an IPv6 socket take IPv4 traffic, too, if it is for every address; else not.
+/// Lets an IPv6 socket take IPv4 traffic, too, if and only if it is for every address.
 void set_dual_stack(int socket, const SocketAddress& address) noexcept;
 
-/// How many connections may wait to be accepted, unless net.core.somaxconn is less.
+/// The connections that may wait to be accepted, unless net.core.somaxconn is less.
 inline constexpr int kBacklog = 1024;
 
 /// A descriptor to close when no other is left.

@@ -7,12 +7,12 @@
 
 namespace rtpm::transport {
 
-/// hp-4-7: whatever its address, a caller of this host is of one host: as the protocol counts a /64
-/// of IPv6 addresses as one, these get one that nobody has, 0:0:0:1::/64 of the reserved ::/8.
-/// SocketAddress::of() gives back the address itself.
+/// hp-4-7: all callers of this host count as one host, whatever their addresses. As the protocol
+/// counts a /64 of IPv6 addresses as one, they get an unused one, 0:0:0:1::/64 of the reserved
+/// ::/8. SocketAddress::of() gives back the address itself.
 inline constexpr std::uint64_t kOwnHostNetwork = 1;
 
-/// A peer that called `called`. IPv6 addresses but ::1 stay with their /64.
+/// A peer that called the address `called`. IPv6 addresses except ::1 stay in their /64.
 /// @realtime alloc-free
 [[nodiscard]] inline wire::PeerAddress counted(wire::PeerAddress peer,
                                                const SocketAddress& called) noexcept {

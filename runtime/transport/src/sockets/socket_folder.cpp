@@ -46,8 +46,7 @@ unexpected<SetupError> failed(const std::string& folder, int error) {
   return unusable(folder, std::strerror(error), remedy);
 }
 
-/// The folder, held open, so that nobody puts another in its place meanwhile. Not open: there is
-/// none.
+/// The folder, held open, so that it can't be replaced meanwhile. Not open: it does not exist.
 expected<Descriptor, SetupError> open_folder(const std::string& folder, bool makes) {
   if (makes && mkdir(folder.c_str(), kOwnerOnly) != 0 && errno != EEXIST) {
     return failed(folder, errno);

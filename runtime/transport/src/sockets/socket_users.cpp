@@ -51,7 +51,7 @@ std::optional<SocketAddress> address_of(std::string_view text) {
   return SocketAddress::of(SocketAddress(address, 0, number).peer());
 }
 
-/// "::" takes IPv4 as well, as far as can be seen from outside.
+/// "::" counts as taking IPv4 as well: whether it does is not visible from outside.
 bool is_at(const SocketAddress& socket, const SocketAddress& address) noexcept {
   if (socket.port() != address.port()) return false;
   if (socket.is_unspecified()) return !socket.is_ipv4() || address.is_ipv4();

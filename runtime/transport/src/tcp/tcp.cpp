@@ -34,7 +34,7 @@ expected<TcpListener, SetupError> TcpListener::open(const std::string& host, std
   const std::string name = wire::host_and_port(host, port);
   Descriptor socket(::socket(address->family(), SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (!socket.is_open()) return unexpected{no_descriptor("a TCP socket for " + name, errno)};
-  // Lets a restarted server have its port while old connections are still ending.
+  // Lets a restarted server bind its port while old connections are still ending.
   set_option(socket.number(), SOL_SOCKET, SO_REUSEADDR, 1);
   set_dual_stack(socket.number(), *address);
   if (bind_to(socket.number(), *address) != 0 || listen(socket.number(), kBacklog) != 0) {

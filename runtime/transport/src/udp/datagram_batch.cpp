@@ -44,7 +44,7 @@ std::optional<MutableBytes> Datagrams::next() noexcept {
 
 BatchEstimator::Change BatchEstimator::on_datagrams(const wire::PeerAddress& peer, bool is_batch,
                                                     MonotonicTime now) noexcept {
-  // Less than a reply and its caller's next call take through the kernel.
+  // Shorter than the way of a reply and its caller's next call through the kernel.
   constexpr Duration kPause = std::chrono::microseconds{12};
   constexpr std::uint32_t kStreakMin = 3;
   constexpr std::uint32_t kLoneCountMax = 256;

@@ -86,7 +86,7 @@ T value_of(const cmsghdr& entry) noexcept {
 SocketAddress destination_of(const in6_pktinfo& information) noexcept {
   const SocketAddress address(information.ipi6_addr, 0, 0);
   if (IN6_IS_ADDR_V4MAPPED(&information.ipi6_addr)) return SocketAddress::of(address.peer());
-  // Others are the same on every interface.
+  // Other addresses are the same on every interface.
   if (!address.is_link_local()) return address;
   return {information.ipi6_addr, information.ipi6_ifindex, 0};
 }

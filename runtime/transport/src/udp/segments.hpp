@@ -8,11 +8,11 @@
 #include "rtpm/transport/datagram_batch.hpp"
 #include "rtpm/transport/error.hpp"
 
-// Batches of datagrams on a socket. All is alloc-free, one system call each.
+// Batches of datagrams on a socket. All functions are alloc-free, one system call each.
 namespace rtpm::transport {
 
-/// Lets the socket receive the datagrams of a batch together, or no longer; batches that came
-/// before stay as they came. A kernel that refuses delivers them one by one.
+/// Lets the socket receive the datagrams of a batch together, or stops that; batches received
+/// before stay as they are. A kernel that refuses delivers them one by one.
 void accept_segments(int socket, bool is_on) noexcept;
 
 /// As sendmsg(2), for several datagrams.
@@ -20,7 +20,7 @@ void accept_segments(int socket, bool is_on) noexcept;
 /// @param from  the own address that they leave from; null: the socket's, or by the route
 [[nodiscard]] ssize_t send_segments(int socket, const SocketAddress* to, const SocketAddress* from,
                                     const DatagramBatch& batch) noexcept;
-/// The same for one.
+/// The same for one datagram.
 [[nodiscard]] ssize_t send_from(int socket, const SocketAddress& to, const SocketAddress& from,
                                 ConstBytes datagram) noexcept;
 /// Whether an error of send_segments() means that the path takes no batches but may take datagrams.
@@ -43,7 +43,7 @@ template <class Send>
 
 /// As recvfrom(2), or as recvmsg(2) if the socket accepts segments or gives destinations.
 /// @param from  may be null
-/// @param to    null: not wanted; of no family if the system does not say
+/// @param to    null: not wanted; without a family if the system does not report it
 /// @param each  receives the size of each datagram but the last
 [[nodiscard]] ssize_t receive_datagrams(int socket, bool are_segments, MutableBytes buffer,
                                         SocketAddress* from, SocketAddress* to, int flags,

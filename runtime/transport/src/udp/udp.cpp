@@ -19,7 +19,7 @@ namespace {
 // For a burst of small calls while the lane runs a long one.
 constexpr int kReceiveBufferSize = 1 << 20;
 
-// Each call says whether it blocks.
+// The socket is blocking: each call decides by its flags.
 Descriptor make_socket(int family) noexcept {
   return Descriptor(::socket(family, SOCK_DGRAM | SOCK_CLOEXEC, 0));
 }

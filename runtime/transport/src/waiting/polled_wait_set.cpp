@@ -79,7 +79,7 @@ expected<void, SetupError> PolledWaitSet::open_descriptors() {
       !register_source({doorbell_.number(), Trigger::kLevel, kDoorbell})) {
     return unexpected{no_descriptor("an epoll instance for a thread's sockets", errno)};
   }
-  // Asked once, as a wait that fails later could only end the program.
+  // Checked once, as a wait that fails later could only end the program.
   epoll_event none{};
   const timespec at_once{};
   if (epoll_pwait2(epoll_.number(), &none, 1, &at_once, nullptr) < 0 && errno != EINTR) {
@@ -162,7 +162,7 @@ std::size_t PolledWaitSet::wait(MonotonicTime until, std::span<SourceTag> ready,
                                 WaitLock* held) noexcept {
   RTPM_ASSERT(!ready.empty(), "a wait reports at least one source");
   was_rung_ = false;
-  // At half the number, so that one source that comes and goes moves the others seldom.
+  // At half the number, so that one source that comes and goes rarely moves the other ones.
   if (is_in_epoll_ && edge_count_ == 0 && sources_.size() <= (kFewMax + 1) / 2) leave_epoll();
   return is_in_epoll_ ? wait_for_many(until, ready, held) : wait_for_few(until, ready, held);
 }
@@ -229,7 +229,7 @@ bool PolledWaitSet::is_present(const pollfd& entry, SourceTag tag) noexcept {
   return false;
 }
 
-// The doorbell's descriptor can be read: whether that is for a ring that was not heard yet.
+// The doorbell's descriptor is readable: whether that is for a ring not yet reported.
 bool PolledWaitSet::has_rung() noexcept {
   clear_doorbell();
   return take_rings();
@@ -252,7 +252,7 @@ void PolledWaitSet::clear_doorbell() noexcept {
 void PolledWaitSet::signal_doorbell() noexcept {
   const std::uint64_t one = 1;
   const ssize_t size = write(doorbell_.number(), &one, sizeof one);
-  static_cast<void>(size);  // A full counter can be read already.
+  static_cast<void>(size);  // A full counter is already readable.
 }
 
 void PolledWaitSet::ring() noexcept {

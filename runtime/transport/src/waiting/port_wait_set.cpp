@@ -60,7 +60,7 @@ bool PortWaitSet::may_receive(MonotonicTime until) noexcept {
 std::size_t PortWaitSet::wait_by_receiving(std::span<SourceTag> ready) noexcept {
   const std::uint64_t sent_count = sent_count_.load(std::memory_order_acquire);
   const std::uint64_t come_count = port_->woken_count();
-  // SYNC POINT wait-set-rings: ring() counts first and looks for the receiver then, so either it
+  // SYNC POINT wait-set-rings: ring() counts first and then checks for the receiver, so either it
   // ends the receive, or it is counted by now.
   receiving_.store(port_, std::memory_order_seq_cst);
   bool has_datagram = false;

@@ -11,15 +11,15 @@
 
 namespace rtpm::access {
 
-/// Gives what a file of grants or known servers shall contain, from what it contains.
+/// Returns the new contents of a file of grants or known servers, from its present ones.
 using FileChange = std::function<expected<std::string, SetupError>(const std::string& text)>;
 
 /// Changes a file of grants or known servers as a whole: a reader sees the old content or the new.
-/// Several programs may do so at once. A file that is not there is made, mode 0600, and its folder,
-/// mode 0700; one that is there keeps its mode.
+/// Several programs may do so at once. A missing file is created with mode 0600, and its folder
+/// with mode 0700; an existing one keeps its mode.
 /// @realtime set-up only: waits for the disk, and up to 5 s for another program that changes it
-/// @errors   as read_trusted_file(); what `change` says; what the system says. The file is as it
-/// was
+/// @errors   as read_trusted_file(); the error of `change`; the system's error. The file is
+///           unchanged
 [[nodiscard]] expected<void, SetupError> change_trusted_file(const std::string& path,
                                                              const FileChange& change);
 

@@ -27,14 +27,14 @@ inline constexpr std::string_view kKnownServersFile = "known_servers";
 [[nodiscard]] expected<std::string, SetupError> key_file_path(const std::string& given,
                                                               std::string_view name);
 
-/// How much of a file is read at most; a longer one is refused.
+/// The size of the largest file that is read; a larger one is refused.
 inline constexpr std::size_t kFileSizeMax = 1024 * 1024;
 
-/// Makes a key and its file, "rtpm25519 BASE64 comment", which only its owner can read. The folder
-/// is made, too, mode 0700.
+/// Makes a key and its file, "rtpm25519 BASE64 comment", which only its owner can read. Creates the
+/// folder, too, with mode 0700.
 /// @param comment  one line, such as "alice@lab"
 /// @realtime set-up only: waits for the disk
-/// @errors   there is a file already: it stays; what the system says
+/// @errors   the file exists already: it stays; the system's error
 [[nodiscard]] expected<seal::KeyPair, SetupError> make_key(const std::string& path,
                                                            std::string_view comment);
 
@@ -54,7 +54,7 @@ inline constexpr std::size_t kFileSizeMax = 1024 * 1024;
 ///           file; more than kFileSizeMax bytes
 [[nodiscard]] expected<std::string, SetupError> read_trusted_file(const std::string& path);
 
-/// Tells one content of a file from the next without reading it.
+/// Identifies a file's content without reading it.
 struct FileStamp {
   std::uint64_t file_number = 0;  ///< The inode; 0: there is no file.
   std::int64_t changed_ns = 0;

@@ -17,10 +17,10 @@ namespace rtpm::access {
 /// Whether `text` is the fingerprint of `key`; capitals and missing dashes do not matter.
 [[nodiscard]] bool is_fingerprint_of(std::string_view text, const seal::PublicKey& key);
 
-/// "rtpm25519 BASE64", as files and command lines have a public key.
+/// "rtpm25519 BASE64", the form of a public key in files and on command lines.
 /// @realtime set-up only
 [[nodiscard]] std::string public_key_text(const seal::PublicKey& key);
-/// The reverse; what follows the key, such as its comment, is left out. Nothing: no key.
+/// The reverse; text behind the key, such as its comment, is ignored. Nothing: no key.
 [[nodiscard]] std::optional<seal::PublicKey> parse_public_key(std::string_view text);
 
 }  // namespace rtpm::access

@@ -9,23 +9,23 @@
 
 namespace rtpm::access {
 
-/// A file of lines that only its owner can read, mode 0600, and of a bounded size: then it gets its
-/// name with ".1" behind it, in place of an older one, and a new one begins.
+/// A file of lines that only its owner can read, mode 0600. At its maximal size it is renamed to
+/// its name with ".1", replacing an older one, and a new file begins.
 /// @threads  one at a time
 /// @realtime set-up only
 class LogFile {
  public:
   static constexpr std::uint64_t kSizeMax = 16 * 1024 * 1024;
 
-  /// Opens it to append, or makes it.
-  /// @errors   it can't be opened, is no regular file, is another user's, or others may use it
+  /// Opens the file to append, or creates it.
+  /// @errors   it can't be opened, is no regular file, is another user's, or is open to other users
   [[nodiscard]] static expected<LogFile, SetupError> open(std::string path,
                                                           std::uint64_t size_max = kSizeMax);
   LogFile(LogFile&& other) noexcept;
   LogFile& operator=(LogFile&&) = delete;
   ~LogFile();
 
-  /// @errors   what the system says, as of a full disk: the line is lost
+  /// @errors   the system's error, such as a full disk: the line is lost
   [[nodiscard]] expected<void, SetupError> write_line(std::string_view line);
 
  private:

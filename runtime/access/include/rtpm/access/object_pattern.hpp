@@ -6,11 +6,11 @@
 
 namespace rtpm::access {
 
-/// Which objects a grant covers: a path of which a component may be `*`, any one component, or
+/// The objects that a grant covers: a path in which a component may be `*`, any one component, or
 /// `**`, any number of components, also none.
 class ObjectPattern {
  public:
-  /// Nothing if `text` is no path but for its stars: `*` and `**` stand alone in a component.
+  /// Nothing if `text` is no path apart from its stars: `*` and `**` must be whole components.
   [[nodiscard]] static std::optional<ObjectPattern> parse(std::string_view text);
 
   /// @param path  of an object, "lab/arm0"

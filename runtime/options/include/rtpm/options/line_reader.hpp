@@ -17,8 +17,8 @@ class LineReader {
 
   enum class Outcome : std::uint8_t {
     kLine,
-    kNone,  ///< None has come in time.
-    kEnd,   ///< There are no more.
+    kNone,  ///< No line has come in time.
+    kEnd,   ///< There are no more lines.
   };
   /// Waits for a line, at most `duration`, and gives it without its end in `line`.
   [[nodiscard]] Outcome read_for(Duration duration, std::string& line);

@@ -4,8 +4,8 @@
 
 namespace rtpm::options {
 
-/// How many columns the terminal has that standard output is; `otherwise`, if it is none or does
-/// not tell.
+/// The columns of the terminal at standard output; `otherwise` if standard output is no terminal or
+/// its width is unknown.
 /// @threads  any
 /// @realtime alloc-free, one system call
 [[nodiscard]] std::size_t terminal_width(std::size_t otherwise) noexcept;

@@ -4,9 +4,9 @@
 
 namespace rtpm::rt {
 
-/// The time on CLOCK_MONOTONIC, to within 0.1 µs: where the kernel keeps time by the processor's
-/// ticks, they are counted between two looks at its clock, a millisecond apart at most. Never goes
-/// back on one thread; between two, only what is further apart than that has an order.
+/// The time on CLOCK_MONOTONIC, to within 0.1 µs: if the kernel keeps time by the processor's
+/// ticks, they are counted between two reads of its clock, a millisecond apart at most. Never goes
+/// back on one thread; between two threads, only times further apart than that are ordered.
 /// @realtime alloc-free, no syscall where the vDSO has the clock; the first call in a process reads
 ///           a file
 [[nodiscard]] MonotonicTime now() noexcept;

@@ -16,17 +16,17 @@ class CpuLatencyRequest {
  public:
   /// No request.
   CpuLatencyRequest() noexcept = default;
-  /// Asks for waking within `latency`, of which the kernel takes whole µs; 0: no sleep at all. With
-  /// kOff nothing is asked.
+  /// Asks for waking within `latency`, which the kernel rounds to whole µs; 0: no sleep at all.
+  /// Asks nothing with kOff.
   /// @errors   with kRequire, a right that the process lacks, or a system without such requests.
-  ///           With kPrefer those are warned of once
+  ///           With kPrefer it warns once instead
   [[nodiscard]] static expected<CpuLatencyRequest, SetupError> open(Duration latency,
                                                                     RealtimeMode mode);
   CpuLatencyRequest(CpuLatencyRequest&& other) noexcept;
   CpuLatencyRequest& operator=(CpuLatencyRequest&& other) noexcept;
   ~CpuLatencyRequest();
 
-  /// Whether the system holds a request of this.
+  /// Whether the system granted the request.
   [[nodiscard]] bool is_granted() const noexcept { return file_ >= 0; }
 
  private:

@@ -2,10 +2,10 @@
 
 #include <cstddef>
 
-/// The line that a crash leaves: which thread, and what it was doing.
+/// The line that a crash prints: the thread, and its notes on its current work.
 namespace rtpm::rt {
 
-/// Says what the calling thread is doing, for as long as this lives. Notes nest.
+/// Notes the calling thread's current work, for as long as this lives. Notes nest.
 /// @ownership refers to `text`
 /// @realtime alloc-free, no system call
 class CrashNote {
@@ -24,7 +24,7 @@ class CrashNote {
 /// Names loaded code, such as a plug-in's, for a crash in it on any thread.
 /// @ownership refers to `name`
 /// @threads  any
-/// @realtime alloc-free; the code named beyond 64 at a time goes without
+/// @realtime alloc-free; at most 64 names at a time, further ones are ignored
 class CodeName {
  public:
   CodeName(const void* begin, std::size_t size, const char* name) noexcept;
@@ -36,8 +36,8 @@ class CodeName {
   std::size_t slot_;
 };
 
-/// From now on SIGSEGV, SIGBUS, SIGILL, SIGFPE and SIGABRT print one line before they end the
-/// process as ever: the program, the thread, its notes and the named code. A signal that has a
+/// Makes SIGSEGV, SIGBUS, SIGILL, SIGFPE and SIGABRT print one line before they end the process as
+/// usual: the program, the thread, its notes and the named code. A signal that already has a
 /// handler, such as a sanitizer's, keeps it.
 /// @param program, remedy  texts of static life; an empty remedy is left out
 /// @realtime set-up only

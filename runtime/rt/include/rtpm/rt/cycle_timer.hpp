@@ -32,7 +32,7 @@ class CycleTimer {
 
   /// When the current cycle is due, or was.
   [[nodiscard]] MonotonicTime due() const noexcept { return due_; }
-  /// Cycles that ended after the next one was due, and those that were skipped for it.
+  /// Cycles that ended after the next one was due, and cycles that were skipped as a result.
   [[nodiscard]] std::uint64_t overrun_count() const noexcept { return overrun_count_; }
 
   /// Sleeps until the current cycle is due.

@@ -8,12 +8,12 @@
 
 namespace rtpm::rt {
 
-/// Replaces the content of the file at `path`, or makes the file, so that after a crash or a power
-/// failure it has either the old or the new content, and the new one once this has returned.
-/// Writes `path`.new beside it first.
+/// Replaces the content of the file at `path`, or creates the file. After a crash or a power
+/// failure the file has either the old or the new content, and the new one once this has returned.
+/// Writes `path`.new first.
 /// @threads  one per path at a time
 /// @realtime set-up only: waits for the disk
-/// @errors   the operating system's; the old file is still there
+/// @errors   the operating system's; the old file is unchanged
 [[nodiscard]] expected<void, std::error_code> replace_file(const std::string& path,
                                                            std::string_view content);
 

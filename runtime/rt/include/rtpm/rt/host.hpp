@@ -6,14 +6,14 @@
 
 namespace rtpm::rt {
 
-/// The number of the monotonic clock that a process reads which finds these bytes in
-/// /proc/sys/kernel/random/boot_id, and this text in the link /proc/self/ns/time, empty if there is
-/// no such link (hp-4.1-7).
+/// The number of the monotonic clock of a process with these bytes in
+/// /proc/sys/kernel/random/boot_id, and with this text in the link /proc/self/ns/time, empty if
+/// there is no such link (hp-4.1-7).
 [[nodiscard]] std::uint64_t clock_domain_of(std::string_view boot_id,
                                             std::string_view time_namespace) noexcept;
 
-/// A number that processes share if and only if their monotonic clocks are the same clock: drawn
-/// from the kernel's boot id and time namespace. 0 when the system does not tell.
+/// A number that processes share if and only if their monotonic clocks are the same clock: derived
+/// from the kernel's boot id and time namespace. 0 if it can't be determined.
 /// @realtime set-up only
 [[nodiscard]] std::uint64_t clock_domain() noexcept;
 
@@ -25,7 +25,7 @@ namespace rtpm::rt {
 /// @realtime set-up only
 [[nodiscard]] std::vector<int> usable_cpus();
 
-/// How many CPUs the calling thread may run on.
+/// The number of CPUs that the calling thread may run on.
 /// @realtime set-up only
 [[nodiscard]] int usable_cpu_count() noexcept;
 

@@ -6,8 +6,8 @@
 
 namespace rtpm::rt {
 
-/// A mutex with priority inheritance: who holds it runs at the priority of the most urgent waiter,
-/// so that a lower lane can't keep a higher one waiting behind a middle one. Works with
+/// A mutex with priority inheritance: its holder runs at the priority of the most urgent waiter, so
+/// that a lower lane can't keep a higher one waiting behind a middle one. Works with
 /// std::lock_guard.
 /// @threads  any
 /// @realtime alloc-free; no syscall without a second thread
@@ -19,8 +19,8 @@ class PiMutex {
   ~PiMutex();
   void lock() noexcept;
   [[nodiscard]] bool try_lock() noexcept;
-  /// Waits for it, but no longer than until `deadline` of the monotonic clock, which nobody can
-  /// set; true if the caller has it.
+  /// Waits for the mutex, at most until `deadline` of the monotonic clock, which can't be set; true
+  /// if the caller has it.
   [[nodiscard]] bool try_lock_until(MonotonicTime deadline) noexcept;
   void unlock() noexcept;
 

@@ -6,8 +6,8 @@
 
 namespace rtpm::rt {
 
-/// A count that one thread raises and another waits for: how a thread that rests is called. Unlike
-/// a condition variable it holds no lock of its own that could keep a more urgent thread waiting.
+/// A count that one thread raises and another waits for, to wake a sleeping thread. Unlike a
+/// condition variable it holds no lock of its own that could keep a more urgent thread waiting.
 /// @threads  any
 /// @realtime alloc-free; post() is one syscall where a thread waits, else none
 class Semaphore {
@@ -17,7 +17,7 @@ class Semaphore {
   Semaphore& operator=(const Semaphore&) = delete;
   ~Semaphore();
   void post() noexcept;
-  /// Waits until the count is above 0, and lowers it; false if it was not by `deadline`.
+  /// Waits until the count is above 0, and lowers it; false if it is still 0 at `deadline`.
   [[nodiscard]] bool wait_until(MonotonicTime deadline) noexcept;
 
  private:

@@ -23,9 +23,9 @@ enum class WaitStrategy : std::uint8_t {
 /// A wait strategy with its bound.
 struct WaitConfig {
   WaitStrategy strategy = WaitStrategy::kAdaptive;
-  /// How long kAdaptive spins before it blocks: about what it costs to block, where a sleeping CPU
-  /// of a virtual machine takes up to 0.1 ms to come back. To block earlier costs
-  /// twice for replies that take a little longer than usual.
+  /// How long kAdaptive spins before it blocks: about the cost of a block, since a sleeping CPU of
+  /// a virtual machine takes up to 0.1 ms to wake. Blocking earlier costs twice for replies that
+  /// take a little longer than usual.
   Duration spin = std::chrono::microseconds{100};
 };
 

@@ -14,15 +14,15 @@
 #include "rtpm/transport/socket.hpp"
 
 /// Memory that one process writes and many read. No reader can write it, not even a malicious one,
-/// and the writer never loads what a reader could change. It has no name, so nothing is left of it.
-/// Readers get it over a UNIX socket.
+/// and the writer never loads a value that a reader could change. It has no name, so nothing of it
+/// remains. Readers get it over a UNIX socket.
 ///
 /// The bell is a separate word that readers sleep on and may write: the kernel's futex is slow for
 /// a word that cannot be written, by a fifth of a reader's cost per event. A malicious reader can
 /// wake others spuriously, or let them sleep for kBellLookInterval at most.
 namespace rtpm::transport {
 
-/// The longest sleep on a bell, after which a reader checks the memory by itself.
+/// The longest sleep on a bell, after which a reader checks the memory unprompted.
 inline constexpr Duration kBellLookInterval = std::chrono::milliseconds{100};
 
 /// This process's mapping of a bell.
@@ -39,11 +39,11 @@ class BroadcastBell {
   /// Wakes all threads that sleep for one of `bits`, the most urgent first.
   /// @realtime alloc-free, one system call, never blocks
   void ring(std::uint32_t bits) noexcept;
-  /// For sleep(): take it before the last check of what the caller would sleep for.
+  /// For sleep(): take it before the last check of the condition that the caller would sleep for.
   [[nodiscard]] std::uint32_t value() const noexcept {
     return word().load(std::memory_order_seq_cst);
   }
-  /// Sleeps until the bell rings for one of `bits`, or until `until`. Does not sleep if the bell
+  /// Sleeps until the bell rings for one of `bits`, or until `until`. Returns at once if the bell
   /// rang since value() gave `seen`. May wake spuriously.
   /// @realtime alloc-free, one system call
   void sleep(std::uint32_t seen, std::uint32_t bits, MonotonicTime until) noexcept;
@@ -63,8 +63,8 @@ class BroadcastBell {
 class BroadcastMemory {
  public:
   /// `size` bytes of zeros, all resident.
-  /// @errors   no memory or descriptor left; the kernel lacks F_SEAL_FUTURE_WRITE (before
-  /// Linux 5.1)
+  /// @errors   no memory or descriptor left; the kernel lacks F_SEAL_FUTURE_WRITE (before Linux
+  ///           5.1)
   [[nodiscard]] static expected<BroadcastMemory, SetupError> make(std::size_t size);
 
   [[nodiscard]] MutableBytes bytes() const noexcept { return mapping_.bytes(); }
@@ -86,8 +86,8 @@ class BroadcastMemory {
   BroadcastBell bell_;
 };
 
-/// Where readers on this host ask for the memory `id`: an abstract UNIX socket, which reaches as
-/// far as the network namespace.
+/// The socket at which readers on this host ask for the memory `id`: an abstract UNIX socket, which
+/// is visible within the network namespace.
 /// @threads  one at a time
 /// @realtime set-up only
 class BroadcastDoor {
@@ -97,7 +97,7 @@ class BroadcastDoor {
   /// Readable while a reader asks.
   [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
   /// Gives the memory to all readers of the same user that ask now, without waiting for one. Turns
-  /// away those for which no descriptor is left.
+  /// away readers for which no descriptor is left.
   void let_in(const BroadcastMemory& memory) noexcept;
 
  private:

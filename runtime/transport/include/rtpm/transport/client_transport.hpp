@@ -42,21 +42,21 @@ class ClientTransport {
   /// Whether receive() has a frame that came together with an earlier one.
   [[nodiscard]] virtual bool has_buffered() const noexcept { return false; }
 
-  /// Waits until receive() may have something or until `until`, or shorter. To be called after
+  /// Waits until receive() may have something, or until `until`, or shorter. Call it after
   /// receive() had nothing: frames that came together end only one wait.
   /// @realtime at most two system calls
   virtual void wait(MonotonicTime until) noexcept;
-  /// The next frame; waits as wait() does if there is none.
+  /// The next frame; if there is none, waits as wait() does.
   /// @realtime one system call where the transport can, else three
   [[nodiscard]] virtual expected<MutableBytes, IoError> await(MonotonicTime until) noexcept;
   /// The socket. Through shared memory it reports only that the server is gone.
   [[nodiscard]] virtual int descriptor() const noexcept = 0;
   [[nodiscard]] virtual wire::Medium medium() const noexcept = 0;
-  /// How many sent frames the server has not taken; nothing where no memory is shared. Stays valid
-  /// after the server's end.
+  /// The number of sent frames that the server has not taken; nothing if no memory is shared. Stays
+  /// valid after the server's end.
   /// @realtime no system call
   [[nodiscard]] virtual std::optional<std::uint32_t> unread_count() const noexcept { return {}; }
-  /// Checks whether the server hung up, where receive() alone would not notice soon; then receive()
+  /// Checks whether the server hung up, if receive() alone would not notice soon; then receive()
   /// reports it.
   /// @realtime at most one system call
   virtual void check_peer() noexcept {}

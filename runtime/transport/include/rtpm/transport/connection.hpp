@@ -9,7 +9,7 @@
 namespace rtpm::transport {
 
 /// A server lane's end of one client's connection: whole frames in both directions, in order,
-/// without loss. A poll reports what comes, except where noted.
+/// without loss. A poll reports incoming frames, except where noted.
 /// @threads  one at a time
 /// @realtime alloc-free
 class Connection {
@@ -22,8 +22,8 @@ class Connection {
   /// Sends one whole frame; waits while the buffer is full, until `until`.
   [[nodiscard]] virtual expected<void, IoError> send(ConstBytes frame,
                                                      MonotonicTime until) noexcept = 0;
-  /// Whether the buffer takes a frame of `size` bytes that may wait, and keeps as much again for
-  /// frames that may not, such as replies.
+  /// Whether the buffer takes a frame of `size` bytes that may wait, and has as much capacity again
+  /// for frames that may not, such as replies.
   /// @realtime at most one system call
   [[nodiscard]] virtual bool has_spare_capacity(std::size_t size) noexcept = 0;
   /// One whole frame, if it has arrived; aligned to 16 bytes, valid until the next receive(), and
@@ -43,7 +43,7 @@ class Connection {
   /// A second descriptor that reports frames, by Trigger::kEdge and without on_ready(); negative:
   /// none.
   [[nodiscard]] virtual int event() const noexcept { return -1; }
-  /// To be called when a poll reported the descriptor.
+  /// Call it when a poll reported the descriptor.
   /// @realtime at most one system call
   virtual void on_ready() noexcept {}
   /// From now until end_sleep() a poll reports frames.

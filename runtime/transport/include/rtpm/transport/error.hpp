@@ -8,7 +8,7 @@ namespace rtpm::transport {
 
 /// Why nothing was sent or received.
 enum class IoError : std::uint8_t {
-  kNothing,  ///< Nothing is there now. Wait, then try again.
+  kNothing,  ///< Nothing has arrived. Wait, then try again.
   kFull,     ///< The system's buffer is full; nothing was sent. On a stream: end the connection.
   kRefused,  ///< The host answered that no socket has the port.
   kClosed,   ///< The peer closed the stream, or it broke. Open another.

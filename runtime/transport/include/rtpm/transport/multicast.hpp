@@ -25,7 +25,7 @@ struct MulticastGroup {
 /// @threads  one at a time
 class MulticastSender {
  public:
-  /// Programs on this host receive what is sent, too.
+  /// Programs on this host receive the datagrams, too.
   /// @realtime set-up only
   /// @errors   no such group, no such interface, no descriptor left
   [[nodiscard]] static expected<MulticastSender, SetupError> open(const MulticastGroup& group);
@@ -43,7 +43,7 @@ class MulticastSender {
 /// @threads  one
 class MulticastReceiver {
  public:
-  /// Joins the group, as several programs of a host may.
+  /// Joins the group. Several programs of a host may do so.
   /// @realtime set-up only
   /// @errors   no such group, no such interface, another program has the port
   [[nodiscard]] static expected<MulticastReceiver, SetupError> open(const MulticastGroup& group);
@@ -52,7 +52,7 @@ class MulticastReceiver {
   [[nodiscard]] ConstBytes receive(MutableBytes buffer) noexcept;
   /// Readable while there is a datagram.
   [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
-  /// Waits for a datagram, or until `until`; false: it was the time.
+  /// Waits for a datagram, or until `until`; false: none came in time.
   /// @realtime alloc-free, one system call
   bool wait(MonotonicTime until) noexcept { return wait_readable(socket_.number(), until); }
 

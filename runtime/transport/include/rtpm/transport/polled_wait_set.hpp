@@ -14,14 +14,14 @@ struct pollfd;
 
 namespace rtpm::transport {
 
-/// Waits by ppoll(2) for few sources and by epoll for many or edge-triggered ones. Sources in epoll
-/// cost a callback per frame in or out, waited for or not: a tenth of what a datagram costs.
+/// Waits by ppoll(2) for few sources and by epoll for many or edge-triggered ones. A source in
+/// epoll costs a callback per frame in or out, even without a wait: a tenth of a datagram's cost.
 /// @realtime alloc-free, one system call per wait; one more if the doorbell rang
 class PolledWaitSet : public WaitSet {
  public:
   static constexpr std::size_t kFewMax = 5;
 
-  /// @param source_count_max  how many sources it holds, besides the doorbell
+  /// @param source_count_max  the number of sources that it holds, besides the doorbell
   /// @errors  no descriptor left; the system has no epoll_pwait2
   [[nodiscard]] static expected<std::unique_ptr<PolledWaitSet>, SetupError> open(
       std::size_t source_count_max);

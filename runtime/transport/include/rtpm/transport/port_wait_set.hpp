@@ -23,8 +23,8 @@ class PortWaitSet final : public PolledWaitSet {
       std::size_t source_count_max);
 
   /// Adds the port as a level-triggered source.
-  /// @param port    stays where it is until remove() of its descriptor
-  /// @param buffer  where a wait receives, of Datagrams::kSizeMax, for the next UdpPort::receive()
+  /// @param port    not moved until remove() of its descriptor
+  /// @param buffer  for a wait's datagrams, Datagrams::kSizeMax bytes; see UdpPort::await()
   [[nodiscard]] bool add_port(UdpPort& port, MutableBytes buffer, SourceTag tag) noexcept;
   void remove(int descriptor) noexcept override;
   [[nodiscard]] std::size_t wait(MonotonicTime until, std::span<SourceTag> ready,
@@ -45,7 +45,7 @@ class PortWaitSet final : public PolledWaitSet {
   SourceTag tag_{};
   bool only_polls_ = false;
   bool is_in_doubt_ = false;  ///< A doorbell datagram had not come when a receive ended,
-  std::uint64_t come_count_in_doubt_ = 0;                 ///< after so many that had come.
+  std::uint64_t come_count_in_doubt_ = 0;                 ///< after this number that had come.
   alignas(64) std::atomic<UdpPort*> receiving_{nullptr};  ///< The port, while a wait receives.
   std::atomic<std::uint64_t> sent_count_{0};              ///< Doorbell datagrams.
 };

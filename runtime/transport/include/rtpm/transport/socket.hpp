@@ -38,12 +38,12 @@ struct Accepted {
   bool still_waits = false;  ///< It could not even be closed, and keeps waking its acceptor.
 };
 
-/// That the system gave no descriptor or memory for `what`, with cause and remedy by its error
-/// number.
+/// The error that the system gave no descriptor or memory for `what`, with cause and remedy by its
+/// error number.
 [[nodiscard]] SetupError no_descriptor(const std::string& what, int error);
 /// "raise the limit of open files (ulimit -n; …)." by the error number of a shortage.
 [[nodiscard]] const char* remedy_for_shortage(int error) noexcept;
-/// Whether the error says that the system or the process has no descriptor or memory left.
+/// Whether the error means that the system or the process has no descriptor or memory left.
 [[nodiscard]] bool is_shortage(int error) noexcept;
 
 /// The peer of a connected socket, without a port: its host; for a UNIX socket its process, by the
@@ -64,7 +64,8 @@ struct Accepted {
 /// 127.0.0.1, as a peer.
 [[nodiscard]] wire::PeerAddress this_host() noexcept;
 
-/// That `what` cannot be served, with cause and remedy by the error of bind(2) or listen(2).
+/// The error that `what` cannot be served, with cause and remedy by the error of bind(2) or
+/// listen(2).
 [[nodiscard]] SetupError not_served(const std::string& what, int error);
 
 /// Marks the socket's traffic by its priority: DSCP EF for the top quarter, then AF41, AF21, best
@@ -78,11 +79,11 @@ void set_traffic_class(int socket, Priority priority) noexcept;
 bool wait_readable(int descriptor, MonotonicTime until) noexcept;
 bool wait_writable(int descriptor, MonotonicTime until) noexcept;
 
-/// About how long a blocking receive waits, and by how much longer at most: the kernel counts ticks
-/// of up to 10 ms. Such a receive saves a poll and its timer where the end need not be precise.
+/// The approximate wait of a blocking receive, and the largest excess: the kernel counts ticks of
+/// up to 10 ms. Such a receive saves a poll and its timer if the end need not be precise.
 inline constexpr Duration kBlockTime = std::chrono::milliseconds{40};
 inline constexpr Duration kBlockTimeError = std::chrono::milliseconds{20};
-/// The same for a caller with work of its own soon.
+/// The same for a caller that soon has other work.
 inline constexpr Duration kBlockTimeShort = std::chrono::milliseconds{4};
 /// Lets receives without MSG_DONTWAIT block for `time`. Set-up only.
 void limit_blocking(int socket, Duration time = kBlockTime) noexcept;

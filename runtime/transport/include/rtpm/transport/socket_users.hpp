@@ -11,7 +11,7 @@
 namespace rtpm::transport {
 
 /// The users, each once, with a socket of this host that takes datagrams or connections to the
-/// address: at the address itself, or at all. nullopt: the system does not tell.
+/// address: at the address itself, or at all addresses. nullopt: the system does not show them.
 /// @realtime set-up only
 [[nodiscard]] std::optional<std::vector<std::uint32_t>> users_at(const SocketAddress& address);
 
@@ -20,7 +20,7 @@ namespace rtpm::transport {
 [[nodiscard]] bool is_trusted_user(std::uint32_t user,
                                    std::span<const std::uint32_t> others) noexcept;
 
-/// The same of one table as /proc/net has it, of TCP's sockets or of UDP's.
+/// The same for one table of /proc/net, of TCP's sockets or of UDP's.
 /// @realtime set-up only
 [[nodiscard]] std::vector<std::uint32_t> users_in_table(std::istream& table, bool is_tcp,
                                                         const SocketAddress& address);

@@ -24,7 +24,7 @@ class FrameStream final : public Connection {
   bool has_spare_capacity(std::size_t size) noexcept override;
   /// Passes malformed bytes on as they are.
   expected<MutableBytes, IoError> receive() noexcept override;
-  /// As receive(), but waits for about kBlockTime if there is nothing.
+  /// Like receive(), but waits for about kBlockTime if there is no frame.
   [[nodiscard]] expected<MutableBytes, IoError> await() noexcept;
   bool has_buffered() const noexcept override;
   int descriptor() const noexcept override { return socket_.number(); }

@@ -38,8 +38,8 @@ void prepare_stream(int socket) noexcept;
 /// Lets polls report the stream only once `size` bytes have arrived, or its end. The default is 1.
 void report_from(int socket, std::size_t size) noexcept;
 
-/// Copies what has arrived to `to` without taking it from the stream. Never blocks.
-/// @return how many bytes; 0: none, or the stream's end
+/// Copies the bytes that have arrived to `to` without taking them from the stream. Never blocks.
+/// @return the number of bytes; 0: none, or the stream's end
 [[nodiscard]] std::size_t peek(int socket, MutableBytes to) noexcept;
 
 }  // namespace rtpm::transport
