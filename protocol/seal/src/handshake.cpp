@@ -13,8 +13,7 @@ PublicKey key_at(ConstBytes message, std::size_t offset) noexcept {
   return key;
 }
 
-// Noise, 7.1: a DH token. sec-2-3: secrets that a point of small order makes are known to
-// everybody.
+// Noise, 7.1: a DH token. sec-2-3: the secret from a point of small order is public.
 [[nodiscard]] bool mix_shared(Symmetric& symmetric, const PrivateKey& ours,
                               const PublicKey& theirs) noexcept {
   Secret shared;
@@ -84,7 +83,7 @@ expected<void, HandshakeError> Initiator::write_message_1(ConstBytes payload,
   return {};
 }
 
-// <- e, ee, se, psk. sec-3-4: tried on a copy, as anybody may have sent it.
+// <- e, ee, se, psk. sec-3-4: tried on a copy, as any host may have sent it.
 expected<void, HandshakeError> Initiator::read_message_2(ConstBytes message,
                                                          MutableBytes payload) noexcept {
   if (state_ != State::kSent) return fail(HandshakeError::kOutOfTurn);

@@ -90,7 +90,7 @@ bool is_equal(const Digest& one, const Digest& other) noexcept {
 }
 
 std::uint8_t suites_here() noexcept {
-  // Which instructions there are is known only after sodium_init().
+  // The CPU's instructions are known only after sodium_init().
   static const bool kHasAes = sodium_init() >= 0 && crypto_aead_aes256gcm_is_available() == 1;
   const auto chacha = static_cast<unsigned>(Suite::kChaChaPoly);
   const auto aes = kHasAes ? static_cast<unsigned>(Suite::kAesGcm) : 0U;
@@ -160,7 +160,7 @@ bool AeadKey::open_with_nonce(std::span<const std::byte, kNonceSize> nonce, Cons
                               ConstBytes sealed, std::span<const std::byte, kTagSize> tag,
                               MutableBytes plain) const noexcept {
   RTPM_ASSERT(sealed.size() == plain.size(), "opening keeps the size");
-  // As above; and without an output it would only check the tag.
+  // As above; also, without an output it would only check the tag.
   unsigned char none = 0;
   unsigned char* const to = plain.empty() ? &none : raw(plain);
   const unsigned char* const from = sealed.empty() ? &none : raw(sealed);

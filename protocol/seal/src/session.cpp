@@ -37,7 +37,7 @@ expected<void, SealError> SealedSession::seal(ConstBytes header, ConstBytes payl
   if (out.size() != header.size() + payload.size() + kTrailerSize) {
     return unexpected{SealError::kBadSize};
   }
-  // sec-5-1, sec-5-2: the counter never repeats, so the session ends where there is no further one.
+  // sec-5-1, sec-5-2: the counter never repeats, so the session ends with the last one.
   const std::uint64_t counter = send_counter_;
   if (counter >= limits_.counter_end) {
     end();
@@ -58,7 +58,7 @@ void SealedSession::advance_send() noexcept {
   const std::uint64_t before = generation_of(send_counter_);
   const std::uint64_t after = generation_of(++send_counter_);
   if (after == before) return;
-  // The key at hand has become the former one; its place takes the one after the next.
+  // The current key has become the former one; the key after the next takes its place.
   send_keys_[(after + 1) % send_keys_.size()].set_next_of(send_keys_[after % send_keys_.size()]);
 }
 
@@ -98,7 +98,7 @@ void SealedSession::accept(std::uint64_t counter) noexcept {
   window_.add(counter);
   const std::uint64_t generation = generation_of(counter);
   if (generation <= receive_generation_) return;
-  // One ahead at most: what was the next key is at hand, and the former one's place gets the next.
+  // One ahead at most: the next key becomes current, and a new next key replaces the former one.
   receive_generation_ = generation;
   receive_key(generation + 1).set_next_of(receive_key(generation));
 }

@@ -11,11 +11,11 @@ using namespace std::chrono_literals;
 using wire::DropReason;
 using wire::FrameKind;
 
-/// At most one handshake because of hints in this time (sec-6-2), and twice it after each that came
-/// to nothing.
+/// At most one handshake because of hints in this time (sec-6-2), and twice it after each handshake
+/// without a result.
 constexpr Duration kProbeIntervalMin = 100ms;
 constexpr Duration kProbeIntervalMax = 1s;
-/// A new session waits so long for the channel; at the server half-open ones live longer.
+/// How long a new session waits for the channel; at the server half-open ones live longer.
 constexpr Duration kNextMax = 1s;
 
 constexpr std::size_t kAtFeatures = wire::kHeaderSize + 4;
@@ -80,10 +80,10 @@ SealedClient::Step SealedClient::send(ConstBytes frame, MonotonicTime now) noexc
   const auto header = wire::decode(frame);
   RTPM_ASSERT(header, "a channel gives frames");
   if (header->kind == FrameKind::kHello) return send_hello(*header, frame, now);
-  // The server said that this session is gone, and the channel learns it call by call.
+  // The server reported this session as gone; the channel learns this call by call.
   const bool asks = header->kind == FrameKind::kCall || header->kind == FrameKind::kCredit;
   if (asks && gone_session_ != 0 && header->session == gone_session_) return tell_lost(*header);
-  // Nothing of a session leaves unsealed: what has no keys is as good as lost on the way.
+  // No frame of a session leaves unsealed: one without keys counts as lost on the way.
   if (!is_current(header->session)) return {};
   RTPM_ASSERT(frame.size() + seal::kTrailerSize <= sealed_frame_.size(),
               "a channel's frames leave space for the seal");
@@ -113,7 +113,7 @@ void SealedClient::begin_handshake(Purpose purpose) noexcept {
   hint_.reset();
 }
 
-// The channel's HELLO as the server gets it: under our number, with our features.
+// The channel's HELLO in the server's view: with this client's number and features.
 void SealedClient::write_hello(ConstBytes frame, std::uint32_t features) noexcept {
   std::ranges::copy(frame, hello_.begin());
   store_le(hello_.data() + kAtCallId, number_);
@@ -146,7 +146,7 @@ SealedClient::Step SealedClient::send_hello(const wire::Header& header, ConstByt
     static_cast<void>(begin_message_1());
     return {};
   }
-  // hp-4-5: a repetition. sec-3-1: the one with message 1 is the same bytes.
+  // hp-4-5: a repetition. sec-3-1: the HELLO with message 1 repeats the same bytes.
   if (has_sealed_hello_) return {.send = sealed_hello_};
   if (!has_cookie_) return {.send = first_hello()};
   static_cast<void>(begin_message_1());
@@ -169,7 +169,7 @@ SealedClient::Step SealedClient::work(MonotonicTime now) noexcept {
   return {};
 }
 
-// sec-3-1: an ephemeral key of its own for each.
+// sec-3-1: each message 1 has its own ephemeral key.
 SealedClient::Step SealedClient::message_1() noexcept {
   wire::Header header = *wire::decode(hello_);
   header.flags = 0;
@@ -180,7 +180,7 @@ SealedClient::Step SealedClient::message_1() noexcept {
   initiator_.emplace(suite_, config_.own->clone(), config_.server,
                      config_.preshared != nullptr ? config_.preshared->clone() : seal::Secret{},
                      config_.random.draw_key(), prologue);
-  // sec-6-3: the server says what became of the session that this client still has keys for.
+  // sec-6-3: asks for the state of the session that this client still has keys for.
   const bool has_former =
       purpose_ != Purpose::kRenewal && current().seal && !current().seal->has_ended();
   std::array<std::byte, wire::kMessage1PayloadSize> former{};
@@ -192,7 +192,7 @@ SealedClient::Step SealedClient::message_1() noexcept {
           ->write_message_1(former,
                             MutableBytes(sealed_hello_).last(wire::SealedHello::kMessageSize))
           .has_value();
-  if (!has_sealed_hello_) return {};  // The configured key is of small order: nobody has it.
+  if (!has_sealed_hello_) return {};  // The configured key is of small order.
   return {.send = sealed_hello_};
 }
 
@@ -264,7 +264,7 @@ SealedClient::Step SealedClient::on_cookie(const wire::Header& header,
     static_cast<void>(begin_message_1());
     return {};
   }
-  // hp-4.2-4: the channel says whether this one is answered at once; then it gives its HELLO.
+  // hp-4.2-4: the channel decides whether to answer this one at once, and then gives its HELLO.
   wire::Header plain;
   plain.kind = FrameKind::kCookie;
   plain.priority = header.priority;
@@ -285,7 +285,7 @@ SealedClient::Step SealedClient::on_welcome(const wire::Header& header, ConstByt
   return {};
 }
 
-// sec-3-4: one that can't be opened changes nothing.
+// sec-3-4: a message that can't be opened changes nothing.
 SealedClient::Step SealedClient::message_2(MonotonicTime now) noexcept {
   if (!is_opening_ || !has_sealed_hello_) return {};
   std::array<std::byte, wire::SealedWelcome::kInnerSize> inner{};
@@ -324,7 +324,7 @@ SealedClient::Step SealedClient::message_2(MonotonicTime now) noexcept {
   if (purpose_ == Purpose::kChannel) return welcome_channel();
   if (purpose_ == Purpose::kRenewal) return {};
   if (granted->former == wire::FormerSession::kEnded) return tell_closed();
-  // sec-6-3: gone, says the server itself.
+  // sec-6-3: the server itself reported it as gone.
   gone_session_ = refused_.session;
   end(current());
   return tell_lost(refused_);
@@ -344,7 +344,7 @@ SealedClient::Step SealedClient::welcome_channel() noexcept {
   return {.deliver = plain_};
 }
 
-// sec-6-6: for the channel that is the server's CLOSE.
+// sec-6-6: the channel takes this as the server's CLOSE.
 SealedClient::Step SealedClient::tell_closed() noexcept {
   wire::Header plain;
   plain.kind = FrameKind::kClose;
@@ -366,7 +366,7 @@ SealedClient::Step SealedClient::tell_lost(const wire::Header& about) noexcept {
   return {.deliver = ConstBytes(plain_).first(wire::kHeaderSize)};
 }
 
-// sec-6-2: a REFUSE that nobody sealed ends nothing. It is a reason to ask.
+// sec-6-2: an unsealed REFUSE ends nothing. It is a reason for a probe.
 SealedClient::Step SealedClient::on_refuse(const wire::Header& header, MonotonicTime now) noexcept {
   counters_.drop(DropReason::kUnsealed);
   if (header.payload_size != 0) return {};

@@ -109,7 +109,7 @@ SealedServer::Outcome SealedServer::drop(DropReason reason) noexcept {
 
 SealedServer::Outcome SealedServer::broken(DropReason reason) noexcept {
   Outcome outcome = drop(reason);
-  // sec-5-7; the client need not wait for an answer in vain.
+  // sec-5-7; the client then does not wait for an answer that never comes.
   if (config_.medium == wire::Medium::kStream) {
     outcome.verdict.action = wire::Verdict::Action::kHangUp;
   }

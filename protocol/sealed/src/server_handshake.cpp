@@ -11,10 +11,10 @@ using namespace std::chrono_literals;
 using wire::DropReason;
 using wire::FrameKind;
 
-/// sec-6-1: a session whose client was not heard lives so long.
+/// sec-6-1: how long a session lives without a frame from its client.
 constexpr Duration kHalfOpenMax = 2s;
 
-constexpr std::size_t kAtChannel = 16;  // In the payload of HELLO.
+constexpr std::size_t kAtChannel = 16;  // The channel's offset in HELLO's payload.
 
 }  // namespace
 
@@ -44,7 +44,7 @@ SealedServer::Outcome SealedServer::on_hello(const wire::Header& header, ConstBy
   return on_unsealed_hello(header, frame, peer, now);
 }
 
-// The session of nobody in particular, if there may be one.
+// Opens a session without an identity, if such sessions are allowed.
 SealedServer::Outcome SealedServer::on_unsealed_hello(const wire::Header& header, ConstBytes frame,
                                                       const wire::PeerAddress& peer,
                                                       MonotonicTime now) noexcept {
@@ -71,7 +71,7 @@ SealedServer::Outcome SealedServer::on_unsealed_hello(const wire::Header& header
   return outcome;
 }
 
-// Lets the sessions judge a HELLO as one without message 1.
+// Passes a HELLO to the sessions as one without message 1.
 wire::Verdict SealedServer::pass_hello(const wire::Header& header, ConstBytes hello,
                                        const wire::PeerAddress& peer, MonotonicTime now) noexcept {
   std::array<std::byte, wire::kHeaderSize + wire::Hello::kSize> frame;
@@ -82,7 +82,7 @@ wire::Verdict SealedServer::pass_hello(const wire::Header& header, ConstBytes he
   return sessions_.on_frame(frame, peer, now);
 }
 
-// sec-3.1-1: never a session. The sessions count strangers, and refuse what can't be served.
+// sec-3.1-1: never opens a session. The sessions count unknown peers, and refuse bad requests.
 SealedServer::Outcome SealedServer::give_cookie(const wire::Header& header, ConstBytes hello,
                                                 const wire::PeerAddress& peer,
                                                 MonotonicTime now) noexcept {
@@ -99,7 +99,7 @@ SealedServer::Outcome SealedServer::give_cookie(const wire::Header& header, Cons
     cookie_header = *answer;
     std::ranges::copy(verdict.frame.subspan(wire::kHeaderSize), cookie.cookie.begin());
   } else {
-    // Not zero, so that the next HELLO shows that there was one.
+    // Not zero, so that the next HELLO shows that there was a cookie.
     cookie.cookie = cookies_.give(peer, load_le<std::uint64_t>(hello.data() + 8), now);
     cookie_header = wire::header_about(header, FrameKind::kCookie, 0, now);
   }
@@ -158,7 +158,7 @@ SealedServer::Outcome SealedServer::begin_job(const wire::Header& header, ConstB
                                               MonotonicTime now) noexcept {
   const bool is_stream = config_.medium == wire::Medium::kStream;
   for (const HandshakeJob& job : jobs_) {
-    // It is at work already. A connection has one handshake at a time.
+    // The job is at work already. A connection has one handshake at a time.
     if (job.is_taken_ && job.peer_ == peer && (is_stream || job.frame_hash_ == hash)) {
       return drop(DropReason::kUnexpected);
     }
@@ -225,11 +225,11 @@ void SealedServer::give_up(HandshakeJob& job) noexcept {
 
 SealedServer::Outcome SealedServer::open_session(HandshakeJob& job, MonotonicTime now) noexcept {
   if (!job.client_) {
-    // sec-3.2-2: silence for everybody who did not prove a key.
+    // sec-3.2-2: no answer to a client that did not prove a key.
     give_up(job);
     return drop(DropReason::kBadSeal);
   }
-  // Read first: grants that change meanwhile are looked at again.
+  // Read first: if grants change meanwhile, the next review checks them again.
   const std::uint32_t generation = config_.admission->generation();
   if (!config_.admission->admits(*job.client_, job.peer_)) {
     return refuse(job, wire::Status::kNotAllowed, now);
@@ -238,7 +238,7 @@ SealedServer::Outcome SealedServer::open_session(HandshakeJob& job, MonotonicTim
   job.granted_.former = job.former_ == 0     ? wire::FormerSession::kNone
                         : now < ended_until_ ? wire::FormerSession::kEnded
                                              : wire::FormerSession::kGone;
-  // sec-6-3, sec-6-4: nothing is opened where the client's session goes on.
+  // sec-6-3, sec-6-4: no session is opened if the client's own goes on.
   if (former != nullptr && former->session && former->client == *job.client_ &&
       former->peer == job.peer_ && former->granted.band.contains(job.header_.priority)) {
     job.granted_.former = wire::FormerSession::kAlive;
@@ -252,7 +252,7 @@ SealedServer::Outcome SealedServer::open_session(HandshakeJob& job, MonotonicTim
       return drop(DropReason::kUnexpected);
     }
     if (!make_place(*job.client_, now)) return refuse(job, wire::Status::kOverload, now);
-    // sec-6-1: for the sessions each handshake is a channel of its own, so that it replaces none.
+    // sec-6-1: the sessions see each handshake as a separate channel, so that it replaces none.
     std::array<std::byte, wire::Hello::kSize> hello;
     std::ranges::copy(ConstBytes(job.frame_).subspan(wire::kHeaderSize, hello.size()),
                       hello.begin());
@@ -369,7 +369,7 @@ void SealedServer::on_time(MonotonicTime now) noexcept {
     } else if (!entry.is_confirmed && now - entry.opened > kHalfOpenMax) {
       close(entry, now);
     } else if (!entry.is_confirmed) {
-      // The clock is past it then.
+      // One nanosecond later, so that the comparison above then holds.
       half_open_due_ = std::min(half_open_due_, entry.opened + kHalfOpenMax + Duration{1});
     }
   }

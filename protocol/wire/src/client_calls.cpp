@@ -405,7 +405,7 @@ ChannelEvent ClientChannel::on_stream_end(Call& call, const Header& header, Cons
   hear_of_items(call, now);
   if (is_given_up || call.items.is_complete()) {
     ChannelEvent end = end_of_stream(call, now);
-    // hp-7-1: a stream that was refused, and gave nothing, says why.
+    // hp-7-1: the refusal of a stream without items carries the reason.
     if (header.item == 0) end.payload = payload;
     return end;
   }

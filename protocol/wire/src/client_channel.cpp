@@ -191,7 +191,7 @@ ChannelEvent ClientChannel::on_welcome(const Header& header, ConstBytes payload,
 }
 
 ChannelEvent ClientChannel::on_refuse(const Header& header, ConstBytes payload) noexcept {
-  // hp-4.4-3: taken as an answer, it would say that a method ran.
+  // hp-4.4-3: taken as an answer, it would mean that a method ran.
   if (header.status == Status::kOk) return drop(DropReason::kUnexpected);
   // hp-4.4-2
   if (!payload.empty()) return drop(DropReason::kBadPayload);

@@ -57,7 +57,7 @@ void IncomingMessage::begin(const Header& header, MutableBytes buffer) noexcept 
 }
 
 IncomingMessage::Taken IncomingMessage::take(const Header& header, ConstBytes payload) noexcept {
-  // hp-5.6-9: a later fragment cannot change what the first one stated.
+  // hp-5.6-9: a later fragment cannot change the values of the first one.
   constexpr std::uint16_t kOfTheMessage = kFlagNoReply | kFlagReplyOnReceipt;
   if (header.message_size != buffer_.size() || header.fragment_count != arrived_.count() ||
       fragment_size_of(header) != fragment_size_ || header.service != header_.service ||

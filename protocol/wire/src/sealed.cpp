@@ -15,7 +15,7 @@ std::uint16_t flags_of(ConstBytes frame) noexcept {
   return load_le<std::uint16_t>(frame.data() + kFlagsOffset);
 }
 
-// sec-3-2: the suite's bit stands beside the one of sealing.
+// sec-3-2: the suite's bit comes with the bit of sealing.
 bool has_good_features(std::uint32_t features) noexcept {
   return (features & kFeatureSealed) != 0 && (features & ~kFeaturesKnown) == 0;
 }

@@ -243,7 +243,7 @@ ConstBytes ServerSessions::write_reply(const Request& request, Slot& slot, Statu
   header.status = status;
   header.budget_us = to_us(now - request.received);
   if (slot.stream != kNoStream) {
-    // hp-5.10-6: tells the caller what it lacks. The stream is kept until all has arrived.
+    // hp-5.10-6: shows the caller which frames it lacks. The stream is kept until all have arrived.
     header.item = streams_[slot.stream].items.count();
     if (streams_[slot.stream].items.is_acknowledged()) free_stream(slot);
   }

@@ -114,7 +114,7 @@ ServerSessions::Answer ServerSessions::on_kind(Request& request, const PeerAddre
   return drop(DropReason::kBadKind);
 }
 
-// A refusal is a bare header, so that it is never larger than what it answers (hp-4.4-2).
+// A refusal is a bare header, so that it is never larger than its request (hp-4.4-2).
 ServerSessions::Answer ServerSessions::refuse(const Header& about, Status status,
                                               MonotonicTime now) noexcept {
   ++counters_.refused_count;
@@ -129,7 +129,7 @@ ServerSessions::Answer ServerSessions::refuse(const Header& about, Status status
   return {Verdict::Action::kSend, ConstBytes(answer_).first(kHeaderSize), {}};
 }
 
-// hp-4.1-2, hp-4.1-3, hp-4.1-5: refuses early what cannot be served.
+// hp-4.1-2, hp-4.1-3, hp-4.1-5: refuses early a HELLO that cannot be served.
 std::optional<Status> ServerSessions::fault_of(const Header& header,
                                                const Hello& hello) const noexcept {
   if (hello.version_min > kVersion || hello.version_max < kVersion) {

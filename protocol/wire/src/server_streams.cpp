@@ -114,7 +114,7 @@ ServerSessions::Answer ServerSessions::on_credit(const Header& header, ConstByte
     }
     ++counters_.duplicate_answered_count;
   } else if (is_asked && answer.frame.empty() && slot.stream != kNoStream) {
-    // hp-5.10-5: nothing is missing; the ACK says so.
+    // hp-5.10-5: the ACK reports that no frame is missing.
     FragmentAck ack;
     ack.first_missing = 1;
     answer.frame = acknowledge(header, ack, streams_[slot.stream].items.count(), now).frame;

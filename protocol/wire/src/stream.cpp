@@ -95,7 +95,7 @@ ConstBytes OutgoingStream::push(ConstBytes item, MonotonicTime now) noexcept {
 
 void OutgoingStream::on_credit(const StreamCredit& credit, std::uint32_t item_limit,
                                bool is_asked) noexcept {
-  // hp-5.10-8: a client that acknowledges what was never sent is ignored.
+  // hp-5.10-8: an acknowledgement of frames that were never sent is ignored.
   if (!is_begun() || ahead(credit.first_missing, count_) > 0) return;
   if (ahead(item_limit, item_limit_) > 0) item_limit_ = item_limit;
   if (ahead(credit.byte_limit, byte_limit_) > 0) byte_limit_ = credit.byte_limit;
@@ -231,7 +231,7 @@ void IncomingStream::free_first() noexcept {
 }
 
 // Moves fragments in order to the buffer of their item, which frees slots for more of it. Stops at
-// what the reader views.
+// memory that the reader views.
 void IncomingStream::put_together() noexcept {
   while (!is_whole_ && view_ == View::kNone && freed_ != first_missing_) {
     const Part& part = parts_[freed_slot_];

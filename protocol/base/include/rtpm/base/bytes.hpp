@@ -66,7 +66,7 @@ class ByteReader {
     return field;
   }
   /// Skips `count` reserved bytes.
-  /// @return whether they are there and all zero
+  /// @return whether they exist and are all zero
   [[nodiscard]] bool take_zeros(std::size_t count) noexcept {
     const ConstBytes field = take_bytes(count);
     return ok_ && std::ranges::all_of(field, [](std::byte b) { return b == std::byte{0}; });

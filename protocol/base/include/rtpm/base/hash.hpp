@@ -18,8 +18,8 @@ namespace rtpm::inline base {
   return hash;
 }
 
-/// CRC-32 as of IEEE 802.3 and zlib, for the packets of devices; `crc` is that of the bytes before
-/// these.
+/// CRC-32 as in IEEE 802.3 and zlib, for the packets of devices; `crc` is the CRC of the preceding
+/// bytes.
 /// @realtime alloc-free, some 3 ns per byte
 [[nodiscard]] std::uint32_t crc32(std::span<const std::byte> bytes, std::uint32_t crc = 0) noexcept;
 

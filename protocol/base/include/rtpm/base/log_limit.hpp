@@ -8,7 +8,7 @@
 
 namespace rtpm::inline base {
 
-/// How many lines a log accepts.
+/// The rate at which a log accepts lines.
 struct LogRate {
   std::uint32_t burst = 20;                     ///< Lines at once; at least 2.
   Duration interval = std::chrono::seconds{1};  ///< One more line per interval.
@@ -24,7 +24,7 @@ class LogLimit {
   /// Whether a line may be written now; if not, it counts as suppressed.
   [[nodiscard]] bool admit(MonotonicTime now) noexcept {
     refill(now);
-    // The last token is for the line that reports how many were suppressed.
+    // The last token is for the line that reports the number of suppressed ones.
     if (tokens_ > 1) {
       --tokens_;
       return true;
@@ -32,7 +32,7 @@ class LogLimit {
     ++suppressed_count_;
     return false;
   }
-  /// How many lines were suppressed since the last report; 0 while the rate allows no report.
+  /// The lines suppressed since the last report; 0 while the rate allows no report.
   [[nodiscard]] std::uint64_t take_suppressed(MonotonicTime now) noexcept {
     refill(now);
     if (suppressed_count_ == 0 || tokens_ == 0) return 0;

@@ -5,12 +5,12 @@
 
 namespace rtpm::inline base {
 
-/// How deeply another program's text may nest. Its parsers, and what copies, prints and destroys
-/// their trees, recurse; threads have small stacks.
+/// The depth to which another program's text may nest. Parsing, copying, printing and destroying
+/// its tree recurse; threads have small stacks.
 inline constexpr std::size_t kNestingMax = 64;
 
 /// Whether the arrays and objects of a JSON text nest at most `nesting_max` deep. Needs no memory
-/// and does not recurse; a text that is no JSON may give either.
+/// and does not recurse; the result for a text that is no JSON is unspecified.
 /// @realtime alloc-free
 [[nodiscard]] constexpr bool is_json_nested_within(std::string_view text,
                                                    std::size_t nesting_max) noexcept {

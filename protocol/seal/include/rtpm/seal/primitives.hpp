@@ -6,7 +6,7 @@
 
 #include "rtpm/base/bytes.hpp"
 
-/// All of cryptography that RTPM uses, and the only place that knows libsodium.
+/// All the cryptography that RTPM uses, and the only code that uses libsodium.
 namespace rtpm::seal {
 
 inline constexpr std::size_t kKeySize = 32;
@@ -14,7 +14,7 @@ inline constexpr std::size_t kTagSize = 16;
 inline constexpr std::size_t kHashSize = 32;
 inline constexpr std::size_t kNonceSize = 12;
 
-/// Overwrites `bytes` with zeros in a way that no compiler leaves out.
+/// Overwrites `bytes` with zeros in a way that no compiler optimizes away.
 void wipe(MutableBytes bytes) noexcept;
 
 /// 32 secret bytes. They are wiped at the end, and copied only by name.
@@ -73,7 +73,7 @@ void fill_random(MutableBytes bytes) noexcept;
 /// HMAC-SHA-256 of both texts, one behind the other.
 void hmac_sha256(ConstBytes key, ConstBytes first, ConstBytes second, Secret& out) noexcept;
 
-/// Compares without telling by its time where two values differ.
+/// Compares in constant time.
 [[nodiscard]] bool is_equal(const Digest& one, const Digest& other) noexcept;
 
 /// How frames are sealed. The numbers are the bits in COOKIE's payload.
@@ -90,8 +90,8 @@ enum class Suite : std::uint8_t {
   return has_aes ? Suite::kAesGcm : Suite::kChaChaPoly;
 }
 
-/// A key of authenticated encryption, expanded ahead where that makes frames cheaper. Its caller
-/// never gives one number twice to seal().
+/// A key of authenticated encryption, expanded in advance if that makes frames cheaper. Its caller
+/// never passes one number twice to seal().
 /// @realtime alloc-free
 class AeadKey {
  public:
@@ -119,7 +119,7 @@ class AeadKey {
                           std::span<const std::byte, kTagSize> tag,
                           MutableBytes plain) const noexcept;
 
-  /// As above, under any nonce.
+  /// Like seal(), under any nonce.
   void seal_with_nonce(std::span<const std::byte, kNonceSize> nonce, ConstBytes associated,
                        ConstBytes plain, MutableBytes sealed,
                        std::span<std::byte, kTagSize> tag) const noexcept;

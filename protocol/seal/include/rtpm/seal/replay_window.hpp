@@ -5,7 +5,7 @@
 
 namespace rtpm::seal {
 
-/// Which of the last kSize counters of a session were received, in constant memory.
+/// Records which of the last kSize counters of a session were received, in constant memory.
 /// @threads  one at a time
 /// @realtime alloc-free, a few ns
 /// @source   RFC 6479: blocks of bits that a jump ahead clears one by one
@@ -13,7 +13,7 @@ class ReplayWindow {
  public:
   static constexpr std::uint64_t kSize = 1024;
 
-  /// Whether `counter` was not received, as far as the window knows: older ones count as received.
+  /// Whether `counter` was not received; counters older than the window count as received.
   [[nodiscard]] bool is_new(std::uint64_t counter) const noexcept;
   /// Notes that `counter` was received. Call it for an authentic frame with an is_new() counter.
   void add(std::uint64_t counter) noexcept;

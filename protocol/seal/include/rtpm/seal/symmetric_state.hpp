@@ -10,7 +10,7 @@
 
 namespace rtpm::seal {
 
-/// SHA-256, the hash of RTPM's handshakes, as SymmetricState takes it.
+/// SHA-256, the hash of RTPM's handshakes, in the form for SymmetricState.
 struct Sha256 {
   static constexpr std::size_t kSize = kHashSize;
   using Value = std::array<std::byte, kSize>;
@@ -24,8 +24,8 @@ struct Sha256 {
   }
 };
 
-/// Noise's SymmetricState: what both sides of a handshake hash and derive. It is a template of the
-/// hash so that the public vectors of other hashes test it, too.
+/// Noise's SymmetricState: the hashing and key derivation of both sides of a handshake. It is a
+/// template of the hash so that the public vectors of other hashes test it, too.
 /// @realtime alloc-free
 /// @source   The Noise Protocol Framework, revision 34, 5.1 and 5.2
 template <class Hash>
@@ -46,7 +46,7 @@ class SymmetricState {
   SymmetricState& operator=(const SymmetricState&) = delete;
   ~SymmetricState() { wipe(chaining_key_); }
 
-  /// Continues from where `other` stands. Only one of the two encrypts.
+  /// Continues from the state of `other`. Only one of the two encrypts.
   void copy_from(const SymmetricState& other) noexcept {
     hash_ = other.hash_;
     chaining_key_ = other.chaining_key_;
@@ -72,7 +72,7 @@ class SymmetricState {
     take_key(derived.values[2]);
   }
 
-  /// How many bytes more than the plain text the next encrypt_and_hash() gives.
+  /// The bytes that the next encrypt_and_hash() adds to the plain text.
   [[nodiscard]] std::size_t overhead() const noexcept { return has_key_ ? kTagSize : 0; }
 
   /// @param out  plain.size() + overhead() bytes

@@ -13,7 +13,7 @@ namespace rtpm::sealed {
 [[nodiscard]] std::string key_log_line(std::uint64_t session, seal::Suite suite,
                                        const seal::Secret& client, const seal::Secret& server);
 
-/// Hears of the keys of each session that opens, for a key log. `hear` null: nobody does.
+/// Is called with the keys of each new session, for a key log. `hear` null: no listener.
 struct KeyListener {
   void (*hear)(void* context, std::uint64_t session, const seal::SessionKeys& keys) = nullptr;
   void* context = nullptr;

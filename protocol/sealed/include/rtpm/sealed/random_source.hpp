@@ -4,7 +4,7 @@
 
 namespace rtpm::sealed {
 
-/// Where ephemeral keys come from. Only a simulation has another than the kernel's.
+/// The source of ephemeral keys. Only a simulation replaces the kernel's.
 struct RandomSource {
   void (*fill)(void* context, MutableBytes bytes) = nullptr;
   void* context = nullptr;

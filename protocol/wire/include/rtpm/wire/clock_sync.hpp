@@ -34,7 +34,7 @@ class ClockEstimator {
   void add(const ClockProbe& probe) noexcept;
   /// Nothing before the first probe.
   [[nodiscard]] std::optional<PeerClock> estimate(MonotonicTime now) const noexcept;
-  /// For another peer, or another life of it.
+  /// Call it for another peer, or after the peer's restart.
   void clear() noexcept { *this = ClockEstimator{}; }
 
  private:

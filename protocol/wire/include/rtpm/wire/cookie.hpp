@@ -8,7 +8,7 @@
 
 namespace rtpm::wire {
 
-/// Where a frame came from, opaque to the protocol: equal values mean the same peer. `high` and
+/// The origin of a frame, opaque to the protocol: equal values mean the same peer. `high` and
 /// `low` identify its host, or its process in shared memory; `port` distinguishes the peers of a
 /// host. Where `high` is not 0 it is the first 64 bits of an IPv6 address: a /64 counts as one
 /// host, because a host can take any address of its /64.

@@ -21,9 +21,9 @@ struct Hello {
   std::uint16_t version_min = kVersion;  ///< The lowest version that the client supports.
   std::uint16_t version_max = kVersion;  ///< The highest one.
   std::uint32_t features = 0;            ///< Optional features that the client offers.
-  std::uint64_t client_epoch = 0;        ///< Random for each life of the client.
+  std::uint64_t client_epoch = 0;        ///< Random for each run of the client.
   std::uint64_t channel = 0;             ///< Distinguishes the channels of one client.
-  std::uint64_t clock_domain = 0;        ///< Equal on both sides: one clock. 0: not known.
+  std::uint64_t clock_domain = 0;        ///< Equal on both sides: one clock. 0: unknown.
   std::uint32_t message_size_max = 0;    ///< The largest message the client takes.
   Cookie cookie{};                       ///< Zero at first.
 };
@@ -38,7 +38,7 @@ struct Welcome {
   Priority ceiling{};  ///< Calls above it are refused.
   std::uint32_t features = 0;
   std::uint16_t window = kCallWindow;  ///< Calls that may be open at a time.
-  std::uint64_t server_epoch = 0;      ///< Random for each life of the server.
+  std::uint64_t server_epoch = 0;      ///< Random for each run of the server.
   std::uint64_t clock_domain = 0;
   std::uint32_t message_size_max = 0;  ///< The largest message the server takes.
 };

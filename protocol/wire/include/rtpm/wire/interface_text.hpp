@@ -11,9 +11,8 @@ namespace rtpm::wire {
 /// only the writer knows is ignored; one that only the reader knows must be optional.
 /// @param client  this program's own text
 /// @param server  any bytes; refused if they are no interface's text
-/// @return nothing: it can; else what differs, beginning with the method: "method `get` (id 4):
-/// field
-///         1 of table `lab.Reply` is `x: int32` there …"
+/// @return nothing: it can; else the difference, beginning with the method: "method `get` (id 4):
+///           field 1 of table `lab.Reply` is `x: int32` there …"
 /// @threads  any
 /// @realtime set-up only: allocates an index of both texts
 /// @source   spec/hprotocol.md#hp-12.2

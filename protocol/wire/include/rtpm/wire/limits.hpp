@@ -29,15 +29,15 @@ inline constexpr std::size_t kStreamPayloadSizeMax = kStreamFrameSizeMax - kHead
 inline constexpr std::size_t kSharedFrameSizeMax = std::size_t{16} * 1024;
 inline constexpr std::size_t kSharedPayloadSizeMax = kSharedFrameSizeMax - kHeaderSize;
 
-/// The bounds of what a side may state as its largest message on a stream.
+/// The bounds of the largest message that a side may state on a stream.
 inline constexpr std::uint32_t kMessageSizeFloor = 1024;
 inline constexpr std::uint32_t kMessageSizeCeiling = 16 * 1024 * 1024;
 
-/// How many calls of a session the server keeps with their replies, hence how many may be open at a
-/// time. A power of two.
+/// The calls of a session that the server keeps with their replies, hence the calls that may be
+/// open at a time. A power of two.
 inline constexpr std::uint16_t kCallWindow = 8;
 
-/// How many fragments of a message may be unacknowledged: 44 KiB of datagrams, which fit every
+/// The fragments of a message that may be unacknowledged: 44 KiB of datagrams, which fit every
 /// socket's buffer and fill a gigabit link over a round trip of 350 µs.
 inline constexpr std::uint16_t kFragmentWindow = 32;
 /// The same on a stream: 256 KiB, which Linux's default send buffer holds without waiting.
@@ -46,7 +46,7 @@ inline constexpr std::uint16_t kStreamFragmentWindow = 4;
 inline constexpr std::uint16_t kFragmentCountMax = 12'544;
 static_assert(kFragmentCountMax * kDatagramPayloadSizeMax >= kMessageSizeCeiling);
 
-/// An incomplete large message, or an unacknowledged large reply, may be evicted after so long
+/// An incomplete large message, or an unacknowledged large reply, may be evicted after this time
 /// without a frame (hp-5.6-10): three repetitions at the longest interval.
 inline constexpr Duration kLargeMessageSilenceMax = std::chrono::seconds{3};
 
@@ -55,15 +55,15 @@ inline constexpr Duration kLargeMessageSilenceMax = std::chrono::seconds{3};
   return count - count / 4;
 }
 
-/// How many datagrams of no session are answered for one host at once (hp-4.4-5).
+/// The datagrams outside sessions that are answered for one host at once (hp-4.4-5).
 inline constexpr std::uint32_t kStrangerAnswerBurst = 256;
 /// After that burst, one is answered per interval.
 inline constexpr Duration kStrangerAnswerInterval = std::chrono::milliseconds{2};
 
-/// How many items of a stream may wait for their reader, and how many of its datagrams may be in
-/// flight. At most 64.
+/// The items of a stream that may wait for their reader, and its datagrams that may be in flight.
+/// At most 64.
 inline constexpr std::uint32_t kStreamWindow = 32;
-/// How many bytes of items a server may send before the first CREDIT: a window of datagrams.
+/// The bytes of items that a server may send before the first CREDIT: a window of datagrams.
 inline constexpr std::uint32_t kStreamBytesFirstDatagram = 32 * kDatagramPayloadSizeMax;
 /// The same on a stream: one largest frame, which is half of a ring in shared memory.
 inline constexpr std::uint32_t kStreamBytesFirstStream = kStreamPayloadSizeMax;
@@ -72,8 +72,8 @@ inline constexpr std::uint32_t kStreamFrameCountMax = 80;
 /// How long a client keeps asking after a stream without an answer.
 inline constexpr Duration kStreamSilence = std::chrono::seconds{3};
 /// How long a server keeps a stream over datagrams without hearing its client: a client's default,
-/// and the most that a server grants, which is as long as it keeps a session (hp-5.5-1). A
-/// connection reports its client's end by itself.
+/// and the most that a server grants, which is as long as it keeps a session (hp-5.5-1). A closed
+/// connection reports its client's end.
 inline constexpr Duration kStreamLease = std::chrono::seconds{10};
 inline constexpr Duration kStreamLeaseMax = std::chrono::seconds{30};
 /// A budget that means: as long as the connection lasts.
@@ -84,8 +84,8 @@ inline constexpr Duration kStreamAskIntervalMax = std::chrono::milliseconds{500}
 /// that a reader of frequent items sets no timer.
 inline constexpr Duration kStreamAskIntervalConnected = std::chrono::milliseconds{100};
 
-/// A session is not replaced before it was silent for so long (hp-5.5-1). A waiting caller repeats
-/// at least every kRetransmitIntervalMax, so it is never silent that long.
+/// A session is not replaced before it was silent for this time (hp-5.5-1). A waiting caller
+/// repeats at least every kRetransmitIntervalMax, so it is never silent that long.
 inline constexpr Duration kSessionIdleMin = std::chrono::seconds{30};
 
 /// A cookie is valid for one to two such spans.

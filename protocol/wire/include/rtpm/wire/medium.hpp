@@ -16,7 +16,7 @@ enum class Medium : std::uint8_t { kDatagram, kStream };
   return medium == Medium::kDatagram ? kDatagramPayloadSizeMax : kStreamPayloadSizeMax;
 }
 
-/// How many fragments of a message may be unacknowledged.
+/// The fragments of a message that may be unacknowledged.
 [[nodiscard]] constexpr std::uint16_t window_of(Medium medium) noexcept {
   return medium == Medium::kDatagram ? kFragmentWindow : kStreamFragmentWindow;
 }

@@ -10,9 +10,9 @@
 
 namespace rtpm::wire {
 
-/// Limits how often something is done for each host: `burst` times at once, then once per
-/// `interval`. A fixed table of token buckets; hosts whose keyed hashes collide share one, so that
-/// no number of hosts takes more memory.
+/// Limits the rate of an action for each host: `burst` times at once, then once per `interval`. A
+/// fixed table of token buckets; hosts whose keyed hashes collide share one, so that memory does
+/// not grow with the number of hosts.
 /// @threads  one
 /// @realtime alloc-free
 /// @source   ATM Forum's generic cell rate algorithm, virtual scheduling

@@ -43,25 +43,24 @@ class RetransmitTimer {
  public:
   explicit RetransmitTimer(RoundTrip& path) noexcept : path_(&path) {}
 
-  /// To be called when the call is first sent.
+  /// Call it when the call is first sent.
   void begin(MonotonicTime now) noexcept;
-  /// To be called when it is sent again.
+  /// Call it when the call is sent again.
   void repeat(MonotonicTime now) noexcept;
-  /// To be called when part of the answer or an acknowledgement came: restarts the wait; the call
-  /// is not measured.
+  /// Call it when part of the answer or an acknowledgement came: restarts the wait; the call is not
+  /// measured.
   void progress(MonotonicTime now) noexcept;
   /// Sets the next repetition to `wait` from now; later waits double from there.
   void wait(MonotonicTime now, Duration wait) noexcept;
-  /// To be called when the answer came. Measures the round trip, unless the call was repeated: it
-  /// is not known which transmission was answered (Karn's rule), only that the total is an upper
-  /// bound.
+  /// Call it when the answer came. Measures the round trip, unless the call was repeated: it is not
+  /// known which transmission was answered (Karn's rule), only that the total is an upper bound.
   void end(MonotonicTime now) noexcept;
 
   /// When to repeat; kNever: not at all.
   [[nodiscard]] MonotonicTime due() const noexcept { return due_; }
   /// The current wait, doubled with each repetition.
   [[nodiscard]] Duration current() const noexcept { return current_; }
-  /// How often the call was repeated.
+  /// The number of repetitions of the call.
   [[nodiscard]] int repeat_count() const noexcept { return repeat_count_; }
 
  private:

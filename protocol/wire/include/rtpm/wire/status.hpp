@@ -14,7 +14,7 @@ enum class Status : std::uint16_t {
   kExpired = 2,              ///< Not run: the caller's deadline passed before the servant began.
   kNoSuchMethod = 3,         ///< Not run: the object has no method of that id.
   kNoSuchObject = 4,         ///< Not run: no object has that path or number.
-  kBadRequest = 5,           ///< Not run: the payload is not what the method takes.
+  kBadRequest = 5,           ///< Not run: the payload is not valid for the method.
   kNotLeaseHolder = 6,       ///< Not run: another client holds the lease that the method needs.
   kGone = 7,                 ///< Not run: the object was removed from its server.
   kServantFailed = 8,        ///< The servant ran and failed.

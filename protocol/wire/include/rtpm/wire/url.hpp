@@ -9,7 +9,7 @@
 
 namespace rtpm::wire {
 
-/// How many hosts a URL may name.
+/// The number of hosts that a URL may name.
 inline constexpr std::size_t kUrlHostCountMax = 8;
 
 /// The parts of "rtpm://host:port/path". Several hosts are one server's, "rtpm://a,b:port/path": a
@@ -28,7 +28,7 @@ struct Url {
   [[nodiscard]] std::string text() const;
 };
 
-/// A host as a URL has it: "10.0.0.7", "[::1]", "[fe80::1%25eth0]".
+/// A host in the form of a URL: "10.0.0.7", "[::1]", "[fe80::1%25eth0]".
 /// @realtime set-up only
 [[nodiscard]] std::string host_in_url(std::string_view host);
 /// The same with its port: "10.0.0.7:4711", "[::1]:4711".
@@ -48,11 +48,11 @@ struct Url {
 /// Whether `path` can be an object's: 1…200 bytes, components of [A-Za-z0-9._-], single slashes.
 [[nodiscard]] bool is_valid_path(std::string_view path) noexcept;
 
-/// How many similar paths a server suggests for an unknown one.
+/// The similar paths that a server suggests for an unknown one, at most.
 /// @source   spec/hprotocol.md#hp-6.1
 inline constexpr std::size_t kSimilarPathCountMax = 4;
 
-/// How many bytes two paths have in common at their beginnings and ends: a measure of how likely
+/// The bytes that two paths have in common at their beginnings and ends: a measure of how likely
 /// one is a misspelling of the other.
 /// @realtime alloc-free, linear in the shorter one
 [[nodiscard]] std::size_t similarity(std::string_view path, std::string_view other) noexcept;
