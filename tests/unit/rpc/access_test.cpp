@@ -4,7 +4,7 @@
 #include "security/access_control.hpp"
 #include "security/handshake_rate.hpp"
 
-// A server that asks its callers for grants, beyond the matrix of who may do what.
+// A server that checks its callers' grants, beyond the matrix of permissions.
 namespace rtpm::rpc {
 namespace {
 
@@ -58,7 +58,7 @@ TEST(SecuredServer, DoesNotStartOnAFileThatOthersCanWrite) {
   expect_text(created.error().text(), {"server 'test'", "others can write it", "chmod"});
 }
 
-// A caller through memory, and one without key: what they were allowed is taken away.
+// A caller through memory and one without a key lose their grants.
 TEST(SecuredServer, EndsUnsealedSessionsWhoseGrantsAreTakenAway) {
   for (const Transport transport : {Transport::kSharedMemory, Transport::kUdp, Transport::kTcp}) {
     const KeyFolder folder;
@@ -96,7 +96,7 @@ TEST(AccessControl, EndsSessionsThatWereNotLookedAtForManyReloads) {
   EXPECT_TRUE((*control)->keeps(origin, (*control)->generation()));
 }
 
-// The server's own user may do everything, until a line says what it may do.
+// The server's own user may do everything, until a line limits its rights.
 TEST(AccessControl, NarrowsItsOwnUserWhoIsNamedAtLast) {
   const KeyFolder folder;
   auto control = AccessControl::open(folder.write("authorized", "uid:7 role=command on=a\n"));
@@ -122,7 +122,7 @@ TEST(HandshakeRate, LetsABurstThroughAndThenOneInAnInterval) {
   EXPECT_FALSE(rate.admit(now + HandshakeRate::kInterval));
 }
 
-// The log has what happened, once the gatekeeper has written it, and no line for ordinary calls.
+// The log contains the events once the gatekeeper has written it, but no line for ordinary calls.
 TEST(AuditLog, HasSessionsBindsRefusalsAndConfiguration) {
   const KeyFolder folder;
   {

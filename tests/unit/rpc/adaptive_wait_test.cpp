@@ -10,7 +10,7 @@ namespace {
 using namespace std::chrono_literals;
 using namespace test;
 
-// What rt::SpinEstimator promises, of a lane.
+// A lane keeps the promise of rt::SpinEstimator.
 TEST(AdaptiveLane, SpinsInVainForNoCallerThatAlwaysComesLater) {
   LaneConfig lane;
   lane.wait = {.strategy = rt::WaitStrategy::kAdaptive, .spin = 5ms};

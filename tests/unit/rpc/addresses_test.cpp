@@ -14,7 +14,7 @@
 #include "rtpm/transport/udp.hpp"
 #include "rtpm/wire/url.hpp"
 
-// Servers at other addresses than one of IPv4, and clients with several to choose from.
+// Servers at addresses other than a single IPv4 one, and clients with several to choose from.
 namespace rtpm::rpc {
 namespace {
 
@@ -76,7 +76,7 @@ TEST(ServerAtSeveralAddresses, ServesTheseAndNoOthers) {
   EXPECT_TRUE(transport::UdpPort::open({.host = "127.0.0.4", .port = port}));
 }
 
-// One address without a pause must not keep another one waiting.
+// A busy address must not keep another one waiting.
 TEST(ServerAtSeveralAddresses, ServesAllOfThemAtATime) {
   const EchoServer server(config_at("127.0.0.2,127.0.0.3"));
   Node node(quiet_node());
@@ -115,7 +115,7 @@ TEST(ServerSetUp, TellsCallersTheAddressesThatOthersCanReach) {
 TEST(ClientOfSeveralHosts, TakesTheFirstThatAnswers) {
   const EchoServer server(config_at("127.0.0.3"));
   const std::uint16_t port = server.server->port();
-  // The second one is there and silent: it costs its part of the deadline, and no more.
+  // The second server is silent: it costs its share of the deadline, and no more.
   const auto silent = transport::UdpPort::open({.host = "127.0.0.2", .port = port});
   Node node(quiet_node());
   const auto echo = Binding::bind(node, url_at("127.0.0.4,127.0.0.2,127.0.0.3", port),
@@ -147,7 +147,7 @@ TEST(ClientOfSeveralHosts, HearsOfTheRefusalThatItGot) {
   EXPECT_EQ(other.error().cause, CallError::kNoSuchObject);
 }
 
-// A firewall that drops datagrams and lets connections pass.
+// A firewall drops datagrams, but passes connections.
 TEST(ClientOverUdp, SaysThatTheServerAnswersOnlyOverTcp) {
   const rtpm::test::OtherHosts hosts;
   if (!hosts.is_there()) GTEST_SKIP() << rtpm::test::OtherHosts::kMissing;
@@ -169,7 +169,7 @@ TEST(ClientOverUdp, SaysThatTheServerAnswersOnlyOverTcp) {
   EXPECT_EQ(echo.error().cause, CallError::kTimeout);
 }
 
-// The system takes connections for a server that hangs.
+// The system accepts connections for a server that hangs.
 TEST(ClientOverUdp, SaysNothingOfTcpWhereNobodyAnswers) {
   const rtpm::test::OtherHosts hosts;
   if (!hosts.is_there()) GTEST_SKIP() << rtpm::test::OtherHosts::kMissing;

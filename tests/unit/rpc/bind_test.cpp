@@ -16,7 +16,7 @@
 #include "rtpm/transport/udp.hpp"
 #include "rtpm/wire/limits.hpp"
 
-// What a person is told when a binding can't be had.
+// The error texts of failed bindings.
 namespace rtpm::rpc {
 namespace {
 
@@ -61,7 +61,7 @@ TEST_P(BindErrors, SayThatNobodyIsThere) {
               {"'echo'", "rtpm://127.0.0.1:" + port, cause});
 }
 
-// Nobody knows whether the server is there.
+// The client cannot know whether the server is there.
 TEST_P(BindErrors, SayThatNoDescriptorIsLeft) {
   const rtpm::test::ChildResult child = rtpm::test::run_in_child([this]() -> std::string {
     const rlimit few{64, 64};
@@ -157,7 +157,7 @@ TEST_P(BindErrors, SayThatEveryChannelIsInUse) {
   expect_text(error_of(node, server.url()), {"'echo'", "NodeConfig::channel_count_max"});
 }
 
-// Somebody has the port who says nothing.
+// A silent program occupies the port.
 TEST(BindDeadline, EndsTheWaitForASilentServer) {
   const std::uint16_t port = free_port();
   const auto silent_udp = transport::UdpPort::open({.port = port});
@@ -230,7 +230,7 @@ TEST(BindByName, SaysThatTheResolversAnswerIsNoUrl) {
   expect_text(error_of(node, "lab/echo"), {"'nonsense'", "no RTPM URL", "Remedy"});
 }
 
-// Servers come and go at ports of their own; what a node keeps of them is bounded.
+// Servers come and go at their own ports; a node keeps a bounded number of their endpoints.
 TEST(BindEndpoints, OfServersThatAreGoneAreGivenUp) {
   Node node(quiet_node(Transport::kTcp));
   constexpr std::size_t kServerCount = 3 * Node::Impl::kUnusedEndpointMax;
@@ -245,7 +245,7 @@ TEST(BindEndpoints, OfServersThatAreGoneAreGivenUp) {
   EXPECT_TRUE(stays.call(echo::kEcho, {}));
 }
 
-// One that is bound again soon needs no new session.
+// A server that is bound again soon needs no new session.
 TEST(BindEndpoints, KeepTheirSessionsBetweenBindings) {
   const EchoServer server;
   Node node(quiet_node());
@@ -257,7 +257,7 @@ TEST(BindEndpoints, KeepTheirSessionsBetweenBindings) {
   EXPECT_EQ(session_of(), session);
 }
 
-/// A servant whose interface has so many methods that no datagram holds their list.
+/// A servant whose interface has too many methods for a list in one datagram.
 class LargeServant final : public Servant {
  public:
   explicit LargeServant(std::span<const MethodDescriptor> methods)
@@ -271,7 +271,7 @@ class LargeServant final : public Servant {
   InterfaceDescriptor descriptor_;
 };
 
-// Those beyond the list are taken on trust, and a call tells.
+// The client trusts that methods beyond the list exist; a call shows whether they do.
 TEST(BindMethodList, MayEndBeforeTheInterfaceDoes) {
   std::vector<MethodDescriptor> methods;
   for (std::uint16_t id = 1; id <= 400; ++id)

@@ -14,15 +14,15 @@
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
 
-// What a caller meets when the other side does what it should not, or comes and goes.
+// Calls to servers that misbehave, or that come and go.
 namespace rtpm::rpc {
 namespace {
 
 using namespace test;
 using namespace std::chrono_literals;
 
-/// A server made by hand that serves one TCP connection: it shakes hands, answers a bind, and then
-/// does with each call what the test says.
+/// A handmade server for one TCP connection: it shakes hands, answers a bind, and then treats each
+/// call as the test says.
 class FakeServer {
  public:
   using OnCall = std::function<void(transport::FrameStream& stream, const wire::Header& call)>;
@@ -104,7 +104,7 @@ Binding bind_to(Node& node, const FakeServer& server) {
   return std::move(*bound);
 }
 
-// Whatever comes in, a call ends at its deadline.
+// Whatever arrives, a call ends at its deadline.
 TEST(Call, EndsAtItsDeadlineThroughAFloodOfForeignFrames) {
   std::optional<FakeServer> server;
   server.emplace([&server](transport::FrameStream& stream, wire::Header header) {
@@ -128,7 +128,7 @@ TEST(Call, EndsAtItsDeadlineThroughAFloodOfForeignFrames) {
   EXPECT_EQ(reply.error(), CallError::kTimeout);
 }
 
-// A reply that came in one segment with another frame wakes no poll of its own.
+// A reply in one segment with another frame does not wake a poll again.
 TEST(Call, FindsItsReplyBehindAForeignFrame) {
   FakeServer server([](transport::FrameStream& stream, wire::Header header) {
     header.kind = wire::FrameKind::kReply;
@@ -157,7 +157,7 @@ TEST(Call, IsBrokenByGarbageOnItsConnection) {
   EXPECT_EQ(reply.error(), CallError::kDisconnected);
 }
 
-/// The error with which a call ends that the server answers with `status`.
+/// The error of a call that the server answers with `status`.
 std::optional<CallError> error_for(wire::Status status) {
   FakeServer server([status](transport::FrameStream& stream, wire::Header header) {
     header.kind = wire::FrameKind::kReply;
@@ -190,14 +190,14 @@ TEST(Call, TellsWhatTheServersStatusMeans) {
   EXPECT_EQ(error_for(Status::kUnknownSession), CallError::kRefused);
 }
 
-// A status of a later version: nobody can promise that the servant did not run.
+// A status of a later version: the client cannot promise that the servant did not run.
 TEST(Call, PromisesNothingForAStatusThatNobodyKnows) {
   // hp-5.1-7
   EXPECT_EQ(error_for(static_cast<wire::Status>(wire::kStatusCount)), CallError::kBadReply);
   EXPECT_EQ(error_for(static_cast<wire::Status>(0xffff)), CallError::kBadReply);
 }
 
-// hp-4.5-2: a call that was open may have run, also where the server goes on in the same life.
+// hp-4.5-2: an open call may have run, even if the server goes on in the same life.
 TEST(Call, IsNotRepeatedAfterTheServerClosedItsSession) {
   std::atomic<int> count{0};
   FakeServer server([&](transport::FrameStream& stream, const wire::Header& call) {
@@ -230,14 +230,14 @@ TEST(Call, WithoutAnyTimeIsNotRun) {
   for (const Duration none : {Duration{0}, Duration{-1}, Duration::min()}) {
     const auto reply = binding.call(echo::kEchoOnce, {}, {.deadline = none});
     ASSERT_FALSE(reply);
-    // Who sees it first, the caller or the server.
+    // Either the caller or the server notices it first.
     EXPECT_TRUE(is_late(reply.error())) << to_string(reply.error());
   }
   EXPECT_TRUE(binding.call(echo::kEcho, {}));
   EXPECT_EQ(server.servant.run_count(), 1);
 }
 
-// Callers of one band that use up their channels leave those of the others alone.
+// Callers of one band that use up their channels do not affect those of other bands.
 TEST(Channels, AreCountedPerBand) {
   EchoServer server(quiet_config({quiet_lane(0), quiet_lane(20'000)}));
   NodeConfig config = quiet_node();
@@ -259,7 +259,7 @@ TEST(Channels, AreCountedPerBand) {
   low.join();
 }
 
-// The time that bind() may take includes the opening of all channels.
+// bind()'s deadline includes opening all channels.
 TEST(BindDeadline, CoversTheWarmUp) {
   EchoServer server(quiet_config({quiet_lane(0), quiet_lane(20'000)}));
   RawPeer peer(Transport::kUdp, server.server->port(), 20'000);

@@ -20,7 +20,7 @@ transport::HostsToServe at(const std::string& hosts) {
   return found ? *found : transport::HostsToServe{};
 }
 
-/// Of no host: it is not opened.
+/// An address of no host, so that nothing is opened there.
 transport::HostsToServe at_another_address() {
   transport::HostsToServe hosts;
   hosts.addresses = {{"eth0", *transport::SocketAddress::parse("192.0.2.7", 0)}};

@@ -2,17 +2,17 @@
 
 #include "scripted_lane.hpp"
 
-// A lane's duty cycle, turn by turn, in virtual time.
+// A lane's duty cycle, iteration by iteration, in virtual time.
 namespace rtpm::rpc {
 namespace {
 
 using namespace test;
 using namespace std::chrono_literals;
 
-// What a look at the clock takes.
+// The time that one look at the clock takes.
 constexpr Duration kLook = 100ns;
 
-// One source that has frames without end, and 63 with one each.
+// One source with endless frames, and 63 with one frame each.
 TEST(LaneLoop, ServesEachOfItsSourcesHoweverBusyOneIs) {
   for (const rt::WaitStrategy strategy : {rt::WaitStrategy::kSpin, rt::WaitStrategy::kBlock}) {
     VirtualTime::start(kLook);
@@ -72,7 +72,7 @@ TEST(LaneLoop, HearsARingThatComesAsItGoesToSleep) {
   ScriptedLane scripted(rt::WaitStrategy::kBlock);
   int sleep_count = 0;
   scripted.wait_set->on_sleep = [&](MonotonicTime) {
-    // Nobody rings a second time for what was handed over now.
+    // There is no second ring for the connection that is handed over now.
     if (++sleep_count < 100) {
       scripted.connect();
     } else {
@@ -85,7 +85,7 @@ TEST(LaneLoop, HearsARingThatComesAsItGoesToSleep) {
   scripted.lane->close();
 }
 
-/// Answers with a stream that it never ends.
+/// Answers with a stream that never ends.
 class Streaming final : public Servant {
  public:
   const InterfaceDescriptor& interface() const noexcept override { return echo::kInterface; }
@@ -101,8 +101,7 @@ class Streaming final : public Servant {
   bool has_item = false;
 };
 
-// Readers that fall silent: the lane wakes by itself when the patience of each ends, and not
-// before.
+// Readers fall silent: the lane wakes by itself when each reader's patience ends, and not before.
 TEST(LaneLoop, SleepsUntilTheNextOpenCallIsDue) {
   VirtualTime::start(0ns);
   ScriptedLane scripted(rt::WaitStrategy::kBlock);
@@ -173,7 +172,7 @@ TEST(LaneLoop, CountsACallThatEndsAtItsDeadlineAsLate) {
   scripted.lane->close();
 }
 
-// All slots are taken: a connection without a session goes for a new one after two seconds.
+// All slots are taken: a new connection replaces one without a session after two seconds.
 TEST(LaneLoop, ReplacesAConnectionThatIsSilentForTooLong) {
   constexpr std::uint64_t kCount = 128;
   VirtualTime::start(0ns);
@@ -207,7 +206,7 @@ TEST(LaneLoop, ReplacesAConnectionThatIsSilentForTooLong) {
   scripted.lane->close();
 }
 
-/// Calls one method every `period`, `count` times, and notes which calls found the lane asleep.
+/// Calls one method every `period`, `count` times, and records which calls found the lane asleep.
 class SteadyCaller {
  public:
   SteadyCaller(ScriptedLane& scripted, Duration period, int count)
@@ -235,7 +234,7 @@ class SteadyCaller {
   ScriptedClient client_;
 };
 
-// At 1 kHz: it sleeps most of the time, and is awake when the call comes.
+// At 1 kHz the lane sleeps most of the time, and is awake when the call comes.
 TEST(LaneLoop, OfAPeriodicLaneIsAwakeWhenItsCallerCalls) {
   if (rt::usable_cpu_count() == 1) GTEST_SKIP() << "one CPU: such a lane blocks";
   VirtualTime::start(kLook);

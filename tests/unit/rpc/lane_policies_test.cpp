@@ -6,7 +6,7 @@
 #include "lane/idling.hpp"
 #include "lane/throttling.hpp"
 
-// What a lane decides, without threads, sockets or a clock.
+// A lane's decisions, without threads, sockets or a clock.
 namespace rtpm::rpc {
 namespace {
 
@@ -22,8 +22,8 @@ TEST(Attention, AsksThePortFirstAndThenTheSourceOfTheLastFrame) {
   EXPECT_EQ(attention.hot(), kSome);
 }
 
-// However long frames take: the others wait for 16 of them, or for 200 us and the frame that is
-// being served.
+// For any frame duration, other sources wait for at most 16 frames, or for 200 us and the current
+// frame.
 TEST(Attention, BoundsHowLongABusySourceKeepsTheOthersWaiting) {
   std::mt19937_64 random(1);
   for (const bool is_memory_hot : {false, true}) {
@@ -113,7 +113,7 @@ TEST(Idling, OfAnAdaptiveLanePollsForAWhileAfterWork) {
   EXPECT_TRUE(idling.on_idle(kStart + 2ms + 1us).polls);
 }
 
-// A caller at 1 kHz: the lane sleeps until shortly before each call, and polls until it comes.
+// A caller at 1 kHz: the lane sleeps until shortly before each call, then polls for it.
 TEST(Idling, OfAPeriodicLaneWakesAheadOfItsCaller) {
   if (rt::usable_cpu_count() == 1) GTEST_SKIP() << "one CPU: such a lane blocks";
   Idling idling(wait_of(rt::WaitStrategy::kPeriodic, 0us));
@@ -135,7 +135,7 @@ TEST(Idling, OfAPeriodicLaneWakesAheadOfItsCaller) {
   EXPECT_GT(ahead_count, 80);
 }
 
-/// What a thread's budget says, as a test wants it.
+/// A thread's budget with the answers that a test sets.
 struct FakeBudget {
   bool is_spent = false;
   bool is_in_vain = false;

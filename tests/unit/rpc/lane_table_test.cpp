@@ -21,7 +21,7 @@ namespace {
 
 using namespace test;
 
-/// The table of the server at this port in this process.
+/// The table of this process's server at this port.
 std::optional<LaneTable> own_table(std::uint16_t port) {
   for (LaneTable& table : LaneTable::find()) {
     if (table.process_id() == getpid() && table.port() == port) return std::move(table);
@@ -67,7 +67,7 @@ TEST(LaneTable, ShowsEachLaneAndWhatItDid) {
   EXPECT_EQ(lanes[1].priority, 20'000);
   EXPECT_EQ(lanes[1].wait, "block");
   EXPECT_EQ(lanes[1].schedule, "fifo");
-  // A lane tells of a call once its answer is out, so that the last one may be missing yet.
+  // A lane counts a call after sending its answer, so the last call may still be missing.
   ASSERT_TRUE(await([&] {
     const auto sample = table->read()[1].sample;
     return sample && sample->counters.call_count == 5;
@@ -150,7 +150,7 @@ TEST(LaneTable, IsReadWithoutItsServersHelp) {
   close(port_pipe[1]);
 }
 
-// What another program shows under the same name must not harm who reads it.
+// A table that another program publishes under the same name must not harm its readers.
 class ForeignTable : public testing::Test {
  protected:
   static constexpr std::size_t kSize = sizeof(LaneTableHeader) + 2 * sizeof(LaneSlot);
@@ -168,7 +168,7 @@ class ForeignTable : public testing::Test {
       new (&slots_[i]) LaneSlot;
     header_->magic = kLaneTableMagic;
   }
-  /// The table as a reader finds it, which reads what it can of it.
+  /// The table as a reader finds it; reads as much of it as possible.
   static LaneTable found() {
     for (LaneTable& table : LaneTable::find()) {
       if (table.process_id() != getpid()) continue;
@@ -217,7 +217,7 @@ TEST_F(ForeignTable, HasNoTextThatATerminalObeys) {
   EXPECT_EQ(table.read()[0].wait, "unknown");
 }
 
-/// Lets the test look at the table while its writer stands in the middle of a write.
+/// Lets the test read the table while its writer is in the middle of a write.
 struct Look {
   static void pause() noexcept { at_pause(); }
   static std::function<void()> at_pause;

@@ -26,7 +26,7 @@ namespace {
 using namespace test;
 using namespace std::chrono_literals;
 
-/// Keeps the server's lane busy until it is let go.
+/// Keeps the server's lane busy until the test releases it.
 class BusyLane {
  public:
   explicit BusyLane(EchoServer& server)
@@ -49,8 +49,8 @@ Bytes together(const std::vector<Bytes>& frames) {
   return all;
 }
 
-// What lies in a connection's buffer wakes no poll: a lane that turned to another connection in
-// between must come back to it before it sleeps.
+// Frames in a connection's buffer do not wake a poll: a lane that turned to another connection must
+// come back to the first one before it sleeps.
 TEST(Lane, ServesAllFramesThatCameTogetherOnSeveralConnections) {
   EchoServer server;
   std::vector<std::unique_ptr<RawPeer>> peers;
@@ -74,7 +74,7 @@ TEST(Lane, ServesAllFramesThatCameTogetherOnSeveralConnections) {
   }
 }
 
-// A lane waits in other ways for its port alone, for few connections and for many.
+// A lane has different ways to wait for its port alone, for few connections and for many.
 TEST(Lane, ServesAnyNumberOfCallersWhileItGrowsAndShrinks) {
   EchoServer server;
   RawPeer datagrams(Transport::kUdp, server.server->port());
@@ -102,13 +102,13 @@ TEST(Lane, ServesAnyNumberOfCallersWhileItGrowsAndShrinks) {
       ASSERT_TRUE(streams.back()->open());
     }
     expect_all_served();
-    // Down again, one after the other.
+    // The number shrinks again, one by one.
     for (; !streams.empty(); streams.pop_back())
       expect_all_served();
   }
 }
 
-// It looks at some of them at a time.
+// The lane checks some of the callers at a time.
 TEST(Lane, HearsEveryCallerThroughMemoryHoweverManyAreSilent) {
   for (const rt::WaitStrategy wait :
        {rt::WaitStrategy::kSpin, rt::WaitStrategy::kAdaptive, rt::WaitStrategy::kBlock}) {
@@ -127,7 +127,7 @@ TEST(Lane, HearsEveryCallerThroughMemoryHoweverManyAreSilent) {
     const auto call = [&](RawPeer& peer) {
       peer.send(peer.call_frame(call_id, echo::kEcho.id, "hello"));
     };
-    // One by one and all at once, also with those that are left when some have gone.
+    // One by one and all at once, also for the rest after some have gone.
     for (int i = 0; i < 3; ++i) {
       ++call_id;
       for (const auto& peer : peers) {
@@ -144,7 +144,7 @@ TEST(Lane, HearsEveryCallerThroughMemoryHoweverManyAreSilent) {
   }
 }
 
-// Datagrams that came together are one source like any other.
+// A batch of datagrams is a source like any other.
 TEST(Lane, ServesOthersWhileABatchOfDatagramsTakesLong) {
   constexpr std::uint32_t kBatch = 40;
   NotingServant servant;
@@ -158,7 +158,7 @@ TEST(Lane, ServesOthersWhileABatchOfDatagramsTakesLong) {
     many.send(many.call_frame(call_id, echo::kHold.id));
     ASSERT_TRUE(await([&] { return servant.gate.inside_count() == 1; }));
   };
-  // Datagrams that come without a pause have the port take them together.
+  // Datagrams without a pause make the port receive batches.
   hold(1);
   const Bytes garbage(wire::kHeaderSize, std::byte{0x55});
   for (int i = 0; i < 100; ++i)
@@ -184,7 +184,7 @@ TEST(Lane, ServesOthersWhileABatchOfDatagramsTakesLong) {
   server->stop();
 }
 
-// An overloaded server is the one that people look at.
+// An overloaded server is the one that people investigate.
 TEST(Lane, TellsItsCountersWhileItNeverRests) {
   EchoServer server;
   RawPeer peer(Transport::kUdp, server.server->port());
@@ -200,7 +200,7 @@ TEST(Lane, TellsItsCountersWhileItNeverRests) {
   }
 }
 
-/// A lane by itself, without an acceptor that would take connections back.
+/// A lane by itself, without an acceptor that takes connections back.
 class LaneAlone {
  public:
   explicit LaneAlone(std::uint32_t session_count_max, rt::WaitStrategy wait) {
@@ -225,7 +225,7 @@ class LaneAlone {
   LaneAlone(const LaneAlone&) = delete;
   LaneAlone& operator=(const LaneAlone&) = delete;
 
-  /// Gives the lane a connection; the far end of it.
+  /// Gives the lane a connection; returns its far end.
   transport::Descriptor connect() {
     std::array<int, 2> ends{};
     EXPECT_EQ(socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, ends.data()), 0);
@@ -249,7 +249,7 @@ bool is_hung_up(const transport::Descriptor& far_end) {
   return recv(far_end.number(), &byte, 1, MSG_DONTWAIT) == 0;
 }
 
-// More connections than the lane has places for, and nobody who takes them back.
+// More connections than the lane has slots, and no acceptor that takes them back.
 TEST(Lane, EndsConnectionsThatAreTooManyHoweverManyTheyAre) {
   constexpr int kConnectionCount = 400;
   LaneAlone alone(/*session_count_max=*/1, rt::WaitStrategy::kBlock);
@@ -263,13 +263,13 @@ TEST(Lane, EndsConnectionsThatAreTooManyHoweverManyTheyAre) {
   }));
 }
 
-// The bell may ring at any moment of a lane's turn, the last before it sleeps included.
+// The doorbell may ring at any moment of a lane's iteration, even the last before it sleeps.
 TEST(Lane, IsNeverDeafToItsBell) {
   LaneAlone alone(/*session_count_max=*/1, rt::WaitStrategy::kBlock);
   const transport::Descriptor served = alone.connect();
   std::mt19937_64 random(1);
   for (int round = 0; round < 5000; ++round) {
-    // Two that are too many; the second rings while the lane is on its way back to sleep.
+    // Two surplus connections; the second rings while the lane is about to sleep again.
     const transport::Descriptor first = alone.connect();
     const MonotonicTime moment = rt::now() + Duration{static_cast<int>(random() % 60'000)};
     while (rt::now() < moment) {
@@ -280,7 +280,7 @@ TEST(Lane, IsNeverDeafToItsBell) {
       }
       return is_hung_up(first) && is_hung_up(second);
     };
-    // Looks without sleeping for the usual case, so that the rounds are many.
+    // Polls without sleeping in the usual case, for more rounds.
     const MonotonicTime soon = rt::now() + 5ms;
     while (!are_ended() && rt::now() < soon) {
     }
@@ -324,7 +324,7 @@ TEST(Lane, HearsEverySourceBesideItsOnlyConnection) {
     call_often();
     ASSERT_TRUE(local->call(echo::kEcho, {}));
     call_often();
-    // It ends at once, with what it has.
+    // The server stops at once, with all its connections.
     server.server->stop();
   }
 }
@@ -333,13 +333,13 @@ TEST(Lane, TakesOverEveryConnectionThatItIsGiven) {
   LaneAlone alone(/*session_count_max=*/8, rt::WaitStrategy::kSpin);
   const Bytes garbage(wire::kHeaderSize, std::byte{0x55});
   for (int round = 0; round < 200; ++round) {
-    // Two in quick succession: the second comes while the lane takes over the first.
+    // Two in quick succession: the second arrives while the lane takes over the first.
     std::array far_ends{alone.connect(), alone.connect()};
     for (const transport::Descriptor& far_end : far_ends) {
       ASSERT_EQ(send(far_end.number(), garbage.data(), garbage.size(), MSG_NOSIGNAL),
                 static_cast<ssize_t>(garbage.size()));
     }
-    // Only a lane that took it over ends a connection for its garbage.
+    // Only a lane that took a connection over ends it because of garbage.
     ASSERT_TRUE(await([&] {
       while (alone.lane().take_back() != nullptr) {
       }

@@ -22,7 +22,7 @@
 #include "rtpm/test/other_hosts.hpp"
 #include "rtpm/wire/limits.hpp"
 
-// What one host, or one process, can take of a server, over real sockets.
+// The share of a server that one host, or one process, can take, over real sockets.
 namespace rtpm::rpc {
 namespace {
 
@@ -49,7 +49,7 @@ transport::Descriptor connect_from(const char* host, std::uint16_t port) {
   return socket;
 }
 
-/// "127.0.5.7": one of many addresses that any program of this host may call from.
+/// "127.0.5.7": one of many addresses from which any program of this host may call.
 std::string of_loopback(int index) {
   return "127.0." + std::to_string(index / 250) + "." + std::to_string(index % 250 + 1);
 }
@@ -65,7 +65,7 @@ transport::Descriptor connect_to_memory(std::uint16_t port) {
   return socket;
 }
 
-/// What the server answers to a HELLO on the connection.
+/// The server's answer to a HELLO on the connection.
 wire::Header answer_to_hello(int socket) {
   std::array<std::byte, wire::kHeaderSize + wire::Hello::kSize> frame{};
   wire::Header header;
@@ -89,7 +89,7 @@ ServerConfig small_config(std::uint32_t session_count_max) {
   return config;
 }
 
-// hp-4-8: many that say nothing neither keep others out, nor push out those of other hosts.
+// hp-4-8: many silent connections neither keep others out, nor push out those of other hosts.
 TEST(Newcomers, ThatSayNothingKeepNobodyOut) {
   const rtpm::test::OtherHosts hosts;
   if (!hosts.is_there()) GTEST_SKIP() << rtpm::test::OtherHosts::kMissing;
@@ -106,7 +106,7 @@ TEST(Newcomers, ThatSayNothingKeepNobodyOut) {
   EXPECT_EQ(answer_to_hello(patient.number()).kind, wire::FrameKind::kWelcome);
 }
 
-// hp-4-8: the same in shared memory, which what comes over TCP does not touch.
+// hp-4-8: the same for shared memory, which connections over TCP do not affect.
 TEST(Newcomers, ThatSayNothingKeepNobodyOutOfSharedMemory) {
   EchoServer server;
   const std::uint16_t port = server.server->port();
@@ -120,7 +120,7 @@ TEST(Newcomers, ThatSayNothingKeepNobodyOutOfSharedMemory) {
   EXPECT_TRUE(binding.call(echo::kEcho, bytes_of("here")));
 }
 
-// hp-4-7: a host has three quarters of the connections, and hears that it has them.
+// hp-4-7: a host may have three quarters of the connections, and is told when it reaches them.
 TEST(Connections, OfOneHostLeaveSomeToOthers) {
   const rtpm::test::OtherHosts hosts;
   if (!hosts.is_there()) GTEST_SKIP() << rtpm::test::OtherHosts::kMissing;
@@ -143,7 +143,7 @@ TEST(Connections, OfOneHostLeaveSomeToOthers) {
   EXPECT_EQ(answer_to_hello(connect_from("10.77.0.2", port).number()).status,
             wire::Status::kOverload);
   EXPECT_TRUE(await([&] { return server.server->counters().connection_refused_count == 2; }));
-  // One that ends makes place.
+  // A connection that ends frees a slot.
   taken.erase(taken.begin());
   EXPECT_TRUE(await([&] {
     const transport::Descriptor again = connect_from("127.0.0.1", port);
@@ -151,7 +151,7 @@ TEST(Connections, OfOneHostLeaveSomeToOthers) {
   }));
 }
 
-// hp-4-7: a process likewise; it keeps no other local one out.
+// hp-4-7: the same for a process; it keeps no other local process out.
 TEST(Connections, OfOneProcessLeaveSomeToOthers) {
   EchoServer server(small_config(4));
   const std::uint16_t port = server.server->port();
@@ -169,7 +169,7 @@ TEST(Connections, OfOneProcessLeaveSomeToOthers) {
   EXPECT_EQ(other.said, "served");
 }
 
-// A connection whose first frame opens no session is as good as a silent one.
+// A connection whose first frame opens no session counts as silent.
 TEST(Connections, WithoutASessionGiveWaySoon) {
   EchoServer server(small_config(1));
   const std::uint16_t port = server.server->port();
@@ -187,7 +187,7 @@ TEST(Connections, WithoutASessionGiveWaySoon) {
     return answer_to_hello(next.number()).kind == wire::FrameKind::kWelcome;
   }));
   EXPECT_EQ(recv(stray.number(), frame.data(), frame.size(), 0), 0) << "it was ended";
-  // One with a session stays.
+  // A connection with a session stays.
   EXPECT_EQ(answer_to_hello(connect_from("127.0.0.1", port).number()).status,
             wire::Status::kOverload);
 }
@@ -212,7 +212,7 @@ TEST(Strangers, AreNotAnsweredWithoutEnd) {
                 counters.dropped_for(wire::DropReason::kUnknownSession));
 }
 
-/// A server with two rooms for large messages, which others have left taken.
+/// A server with two buffers for large messages, both of which are taken.
 class LargeMessages : public testing::Test {
  protected:
   static constexpr std::uint32_t kSize = 5000;
@@ -223,7 +223,7 @@ class LargeMessages : public testing::Test {
     config.deferred_call_count_max = deferred_count_max;
     return config;
   }
-  /// Has two replies made that nobody fetches.
+  /// Makes the servant produce two replies that are never fetched.
   static void take_rooms(EchoServer& server, RawPeer& peer) {
     ASSERT_TRUE(peer.open());
     for (std::uint32_t call_id = 1; call_id <= 2; ++call_id) {
@@ -238,8 +238,8 @@ class LargeMessages : public testing::Test {
   }
 };
 
-// hp-5.6-5, hp-5.6-10: a reply that was made is not lost because there is no room for it; it waits
-// until one that nobody fetches gives way.
+// hp-5.6-5, hp-5.6-10: a finished reply is not lost for lack of a buffer; it waits until the server
+// evicts one that is not fetched.
 TEST_F(LargeMessages, WaitForARoomOnceTheyWereMade) {
   EchoServer server(config());
   RawPeer silent(Transport::kUdp, server.server->port());
@@ -252,7 +252,7 @@ TEST_F(LargeMessages, WaitForARoomOnceTheyWereMade) {
     EXPECT_EQ(reply->bytes().size(), kSize);
   });
   ASSERT_TRUE(await([&] { return server.servant.run_count() == 3; }));
-  // Meanwhile small calls are served like any others.
+  // Meanwhile the server answers small calls as usual.
   const auto small = binding.call(echo::kEcho, bytes_of("small"));
   ASSERT_TRUE(small);
   EXPECT_EQ(text_of(*small), "small");
@@ -262,7 +262,7 @@ TEST_F(LargeMessages, WaitForARoomOnceTheyWereMade) {
   EXPECT_TRUE(await([&] { return server.server->counters().frames.large_evicted_count == 1; }));
 }
 
-// A caller that does not wait that long is not answered, and leaves nothing behind.
+// A caller with a shorter deadline gets no answer, and leaves nothing behind.
 TEST_F(LargeMessages, WaitNoLongerThanTheirCallers) {
   EchoServer server(config(1));
   RawPeer silent(Transport::kUdp, server.server->port());
@@ -279,7 +279,7 @@ TEST_F(LargeMessages, WaitNoLongerThanTheirCallers) {
   EXPECT_TRUE(grow(binding)) << "the place where replies wait is free again";
 }
 
-// A caller that cancels does not leave the lane with a time at which there is nothing to do.
+// A cancelled call must not leave the lane with a wake-up time at which there is nothing to do.
 TEST_F(LargeMessages, ThatAreCancelledLetTheLaneSleep) {
   EchoServer server(config());
   RawPeer silent(Transport::kUdp, server.server->port());
@@ -291,7 +291,7 @@ TEST_F(LargeMessages, ThatAreCancelledLetTheLaneSleep) {
     ASSERT_TRUE(pending);
     ASSERT_TRUE(await([&] { return server.servant.run_count() == 3; }));
   }
-  // Past the time when the rooms could have been had.
+  // Waits past the time when a buffer would have been free.
   const MonotonicTime end = rt::now() + wire::kLargeMessageSilenceMax + 100ms;
   ASSERT_TRUE(await([&] { return rt::now() >= end; }));
   const std::clock_t before = std::clock();
@@ -300,7 +300,7 @@ TEST_F(LargeMessages, ThatAreCancelledLetTheLaneSleep) {
   EXPECT_LT(std::clock() - before, CLOCKS_PER_SEC / 20) << "no thread was busy meanwhile";
 }
 
-// Where a reply could not wait either, the call is refused before it runs.
+// If a reply could not wait either, the server refuses the call before it runs.
 TEST_F(LargeMessages, AreRefusedBeforeTheyRun) {
   EchoServer server(config(0));
   RawPeer silent(Transport::kUdp, server.server->port());
@@ -327,7 +327,7 @@ constexpr MethodDescriptor kLater{1, "later", 201, false, {}};
 constexpr std::array kDeferredMethods{kLater};
 constexpr InterfaceDescriptor kDeferredInterface{"test.Late", 4712, "by hand", kDeferredMethods};
 
-/// Answers when its caller has gone.
+/// Answers after its caller has gone.
 class DeferringServant final : public Servant {
  public:
   const InterfaceDescriptor& interface() const noexcept override { return kDeferredInterface; }
@@ -348,7 +348,7 @@ class DeferringServant final : public Servant {
   DeferredReply reply_;
 };
 
-// Whether a lane keeps requests or not, and whatever a call's time was spent on.
+// Holds whether a lane buffers requests or not, and whatever used up a call's time.
 TEST(LateCalls, AreCountedInEveryLane) {
   for (const std::uint32_t buffered_request_max : {0U, 8U}) {
     LaneConfig lane = quiet_lane();
@@ -367,7 +367,7 @@ TEST(LateCalls, AreCountedInEveryLane) {
     late.answer();
     EXPECT_TRUE(await([&] { return server->counters().late_count == 1; })) << "deferred";
     {
-      // Two channels with sessions, so that a call's time passes in the lane.
+      // Two channels with sessions, so that a call's time runs out in the lane.
       const auto first = binding->call(echo::kEcho, {});
       const auto second = binding->call(echo::kEcho, {});
       ASSERT_TRUE(first && second);
@@ -377,7 +377,7 @@ TEST(LateCalls, AreCountedInEveryLane) {
     EXPECT_TRUE(await([&] { return server->counters().late_count == 2; })) << "it ran too long";
     std::thread holder([&] { EXPECT_TRUE(binding->call(echo::kHold, {})); });
     ASSERT_TRUE(await([&] { return servant.gate().inside_count() == 1; }));
-    // Time enough to be sent on a busy machine, too.
+    // Enough time to be sent, even on a busy machine.
     EXPECT_FALSE(binding->call(echo::kEchoOnce, {}, {.deadline = 100ms}));
     servant.gate().let_one_go();
     holder.join();

@@ -11,7 +11,7 @@
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/test/os.hpp"
 
-// Calls to a server of the same program. What every call keeps, TransportSuite says of these, too.
+// Calls to a server in the same program. TransportSuite covers the guarantees of every call.
 namespace rtpm::rpc {
 namespace {
 
@@ -26,7 +26,7 @@ TEST(LocalCalls, AreMadeWithoutATransportUnlessOneIsAskedFor) {
   const auto frames = [&] { return server.server->counters().frames.received_count; };
   const auto calls = [&] { return server.server->counters().call_count; };
   EXPECT_TRUE(binding.call(echo::kEcho, {}));
-  // What a lane has done shows a moment after its reply.
+  // A lane updates its counters a moment after its reply.
   EXPECT_TRUE(await([&] { return calls() == 1; }));
   const auto frames_before = frames();
   for (int i = 0; i < 100; ++i)
@@ -117,7 +117,7 @@ TEST(LocalCalls, OfAMethodToItsOwnLaneRunInsideOfIt) {
   }
 }
 
-/// Answers when the test does.
+/// Answers when the test says so.
 class DeferringServant final : public Servant {
  public:
   const InterfaceDescriptor& interface() const noexcept override { return echo::kInterface; }
@@ -219,7 +219,7 @@ TEST(LocalCalls, AreSentWithoutWaiting) {
   EXPECT_TRUE(await([&] { return server.servant.run_count() == 6; }));
 }
 
-// A node may go while a lane still has a call of it.
+// A node may be destroyed while a lane still has one of its calls.
 TEST(LocalCalls, MayOutliveTheirNode) {
   EchoServer server;
   {

@@ -20,9 +20,9 @@
 #include "rtpm/test/sealed_peer.hpp"
 #include "secured_server.hpp"
 
-// A call allocates nothing on either side: lanes stand in a NoAllocationScope by themselves, the
-// caller does here, and the guard that this binary links aborts on a breach by either. So does the
-// one for locks: whatever of this takes a lock takes one with priority inheritance.
+// A call allocates nothing on either side: each lane, and here the caller, runs in a
+// NoAllocationScope, and the guard that this binary links aborts on any breach. The guard for locks
+// aborts, too: every lock taken here must have priority inheritance.
 namespace rtpm::rpc {
 namespace {
 
@@ -56,7 +56,7 @@ class NoAllocation : public testing::TestWithParam<Row> {
     config.wait.strategy = GetParam().wait;
     return config;
   }
-  /// Calls with a bare struct, there and back; gives how many calls did not come back right.
+  /// Calls with a bare struct, there and back; returns how many calls failed.
   static int call_many(Binding& binding, const CallOptions& options) {
     int failure_count = 0;
     const rt::NoAllocationScope no_allocation;
@@ -92,7 +92,7 @@ INSTANTIATE_TEST_SUITE_P(All, NoAllocation,
 TEST_P(NoAllocation, InAThousandCalls) {
   EchoServer server(server_config());
   Node node(node_config());
-  // From the very first call on, because the bands were opened by the bind.
+  // Allocation-free from the first call on, because the bind opened the bands.
   Binding binding = bind_echo(node, server, {.warm_up = {100, 25'000}});
   EXPECT_EQ(call_many(binding, {.priority = 100}), 0);
   EXPECT_EQ(call_many(binding, {.priority = 25'000}), 0);
@@ -117,7 +117,7 @@ TEST_P(NoAllocation, InAThousandCallsOfAPipeline) {
       failure_count += begun ? 0 : 1;
     }
   };
-  // Once there are as many sessions as it takes.
+  // All sessions are open by now.
   run(kInFlight);
   {
     const rt::NoAllocationScope no_allocation;
@@ -136,7 +136,7 @@ TEST_P(NoAllocation, InAThousandOneways) {
     for (int i = 0; i < kCallCount; ++i) {
       const auto sent = binding.send(echo::kEcho, {}, wire::Delivery::kSent, {.priority = 100});
       sent_count += sent ? 1 : 0;
-      // What is sent faster than it runs may be refused, or lost.
+      // A oneway that is sent faster than it runs may be refused or lost.
       if (i % 16 == 0) static_cast<void>(binding.call(echo::kEcho, {}, {.priority = 100}));
     }
   }
@@ -163,7 +163,7 @@ TEST_P(NoAllocation, InCallsThatFail) {
                                 CallError::kTooLarge}));
 }
 
-// Rights are looked up, kept and refused, and noted for the audit log.
+// The server looks up, caches and denies rights, and writes them to the audit log.
 TEST_P(NoAllocation, InCallsToASecuredServer) {
   const bool is_sealed =
       GetParam().transport == Transport::kUdp || GetParam().transport == Transport::kTcp;
@@ -210,7 +210,7 @@ TEST_P(NoAllocation, OnSeveralThreads) {
   other.join();
 }
 
-// The proof of the proof: a servant that allocates is seen, on the lane's thread.
+// Checks the check: it detects a servant that allocates on the lane's thread.
 TEST_P(NoAllocation, IsBrokenByAServantThatAllocates) {
   EchoServer server(server_config());
   Node node(node_config());
@@ -222,7 +222,7 @@ TEST_P(NoAllocation, IsBrokenByAServantThatAllocates) {
       << "one block, taken and given back";
 }
 
-/// A servant that takes a lock as any program has them.
+/// A servant that takes an ordinary lock.
 class LockingServant final : public Servant {
  public:
   [[nodiscard]] const InterfaceDescriptor& interface() const noexcept override {
@@ -257,7 +257,7 @@ class StreamingServant final : public Servant {
 TEST_P(NoAllocation, WithStreamsOfLargeItems) {
   StreamingServant servant;
   ServerConfig config = server_config();
-  // Every call that the lane has room for is a stream that waits for its turn.
+  // Every call that the lane accepts is a stream that waits for its turn.
   config.deferred_call_count_max = 1;
   const auto server = std::move(*Server::create(config));
   ASSERT_TRUE(server->add("echo", servant));
@@ -321,7 +321,7 @@ TEST(NoAllocationDeathTest, EndsTheProgramOfAServantThatAllocates) {
       testing::KilledBySignal(SIGABRT), "was called by a thread that allocates nothing any more");
 }
 
-/// Leads to one server, and later nowhere.
+/// Resolves to one server, and later to none.
 class OneName final : public Resolver {
  public:
   explicit OneName(std::string url) : url_(std::move(url)) {}
@@ -337,7 +337,7 @@ class OneName final : public Resolver {
   std::string url_;
 };
 
-// The first calls of an outage have the name looked up, by another thread.
+// The first calls of an outage make another thread look up the name.
 TEST_P(NoAllocation, InCallsByNameNorInTheirOutage) {
   std::optional<EchoServer> server(std::in_place, server_config());
   OneName name(server->url());
@@ -357,8 +357,8 @@ TEST_P(NoAllocation, InCallsByNameNorInTheirOutage) {
   EXPECT_TRUE(await([&] { return name.look_count >= 2; })) << "one was the bind's";
 }
 
-// Handshakes, sealed calls in one frame and in many, refusals of strangers and forged frames, and
-// the end of a session whose grant is taken away: lanes allocate for none of them.
+// Handshakes, sealed calls in one frame and in many, rejected strangers and forged frames, and the
+// end of a session whose grant is revoked: lanes allocate for none of them.
 class NoAllocationOfLanes : public testing::TestWithParam<Transport> {};
 INSTANTIATE_TEST_SUITE_P(Sealed, NoAllocationOfLanes,
                          testing::Values(Transport::kUdp, Transport::kTcp));

@@ -10,7 +10,7 @@
 
 namespace rtpm::rpc::test {
 
-/// Notes at which priorities its calls run, and in which order; each takes `pace`.
+/// Records the priority and the order in which its calls run; each takes `pace`.
 class NotingServant final : public Servant {
  public:
   const InterfaceDescriptor& interface() const noexcept override { return echo::kInterface; }

@@ -14,7 +14,7 @@
 #include "rtpm/transport/tcp.hpp"
 #include "thread_pool/thread_pool.hpp"
 
-// How calls that have ended are answered while other threads may have the lane's lock.
+// Answering calls that have ended while other threads may hold the lane's lock.
 namespace rtpm::rpc {
 namespace {
 
@@ -22,7 +22,7 @@ using namespace wire::test;
 
 constexpr std::uint32_t kMessageSize = 16 * 1024;
 
-/// The lock, and what other threads do while it is free.
+/// The lock, and other threads' actions while it is free.
 class ScriptedLock final : public transport::WaitLock {
  public:
   void lock() noexcept override {}
@@ -51,7 +51,7 @@ class OpenCallsTest : public testing::Test {
     setup.slot = &slot_;
     return setup;
   }
-  /// A call that its method has ended with a reply of so many bytes.
+  /// A call that its method has ended with a reply of `size` bytes.
   PendingCall& ended_call(std::uint32_t call_id, std::uint32_t size) {
     const wire::Verdict verdict =
         media_.datagrams().on_frame(peer_.call_frame(call_id), peer_.address, rt::now());
@@ -123,7 +123,7 @@ TEST_F(OpenCallsTest, KeepNoBufferOfACallWhoseSessionEndsMeanwhile) {
   }
 }
 
-// A handle of an unfinished call may outlast the lane, and its wait set.
+// The handle of an unfinished call may outlive the lane, and its wait set.
 TEST(ADoorbell, MayBeRungWhenItsLaneIsGone) {
   auto wait_set = std::move(*transport::PolledWaitSet::open(1));
   Doorbell doorbell(*wait_set);

@@ -14,7 +14,7 @@
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/test/os.hpp"
 
-// Which combinations of lanes, priority models and bands are legal, and at which priority each
+// The legal combinations of lanes, priority models and bands, and the priority at which each
 // receives and runs: the table of ObjectOptions.
 namespace rtpm::rpc {
 namespace {
@@ -98,7 +98,7 @@ TEST_P(PolicyTable, HoldsForARow) {
   EXPECT_TRUE(lane.starts_with(row.has_lanes ? "lane-20000" : "lane-0")) << lane;
   if (has_right) {
     EXPECT_EQ(place.level, rt::to_native(expected));
-    // The other thread of the lane has received nothing but at the lane's own priority.
+    // The lane's other thread has received only at the lane's own priority.
     int level = 100;
     for (const pid_t id : rtpm::test::threads_named(row.has_lanes ? "lane-20000" : "lane-0")) {
       level = std::min(level, rtpm::test::effective_level(id));
@@ -146,7 +146,7 @@ TEST(Policy, WantsALaneThatKeepsRequestsForBandsWithoutLanes) {
               {"in the order in which they come", "buffered_request_max"});
 }
 
-// hp-5.8: who sends without waiting for a result is told as well.
+// hp-5.8: a caller that sends without waiting for a result gets the error, too.
 TEST(Policy, RefusesAReceiptOutsideOfAllBands) {
   EchoServer server(config_of(true, false), {PriorityModel::kClientPropagated, 0, kBands});
   Node node(quiet_node());
@@ -157,7 +157,7 @@ TEST(Policy, RefusesAReceiptOutsideOfAllBands) {
   EXPECT_EQ(server.servant.run_count(), 0);
 }
 
-// With lanes and without, with bands and without: what is urgent never waits behind what is not.
+// With and without lanes, with and without bands: an urgent call never waits for a less urgent one.
 TEST(Policy, InvertsInNoneOfTheFourConfigurations) {
   for (const bool has_lanes : {false, true}) {
     for (const bool has_bands : {false, true}) {
@@ -220,7 +220,7 @@ TEST(PriorityTransforms, ChangeWhereAMethodRunsAndWithWhatACallGoesOut) {
   EXPECT_STREQ(outbound.thread_name.data(), "lane-20000");
 }
 
-/// Calls another object and gives back what that says of itself.
+/// Calls another object and returns its report about itself.
 class NestingServant final : public Servant {
  public:
   explicit NestingServant(Binding& inner) : inner_(inner) {}
@@ -257,7 +257,7 @@ TEST(NestedCalls, InheritPriorityTraceAndWhatIsLeftOfTheDeadline) {
         place_of(*outer, {.priority = 12'345, .deadline = std::chrono::seconds{5}, .trace_id = 77});
     EXPECT_EQ(place.priority, 12'345);
     EXPECT_EQ(place.trace_id, 77);
-    // What travels is the time that is left, so it loses what the way takes, and is never more.
+    // The frame carries the remaining time, so transit time reduces it, and it never grows.
     EXPECT_GT(place.deadline_ns, 0);
     EXPECT_LE(place.deadline_ns, outer_servant.deadline_ns.load() + 1'000'000);
     outer_server->stop();

@@ -19,10 +19,10 @@
 #include "rtpm/wire/client_channel.hpp"
 #include "virtual_time.hpp"
 
-// A lane whose sources and time are a script's: nothing is left to the system or to chance.
+// A lane with scripted sources and time: nothing depends on the system or on chance.
 namespace rtpm::rpc::test {
 
-/// One peer's connection, without a socket: the script says which frames have come.
+/// One peer's connection, without a socket: the script says which frames have arrived.
 class ScriptedConnection final : public transport::Connection {
  public:
   ScriptedConnection(int number, int& lane_taken_count)
@@ -50,12 +50,12 @@ class ScriptedConnection final : public transport::Connection {
   }
   int descriptor() const noexcept override { return number_; }
 
-  std::deque<Bytes> received;  ///< Frames that the lane has not taken.
+  std::deque<Bytes> received;  ///< Frames that the lane has not read.
   std::vector<Bytes> sent;
-  bool is_endless = false;   ///< The first frame comes again and again.
+  bool is_endless = false;   ///< The first frame repeats for ever.
   bool has_capacity = true;  ///< For items.
   int taken_count = 0;
-  int last_taken = 0;  ///< Which of all frames of the lane it was.
+  int last_taken = 0;  ///< Its index among all of the lane's frames.
 
  private:
   int number_;
@@ -63,8 +63,8 @@ class ScriptedConnection final : public transport::Connection {
   Bytes current_;
 };
 
-/// Reports the connections that have frames, in the order in which they were added. Where a lane
-/// would sleep, `on_sleep` may change everything; then the virtual time goes on to the next event.
+/// Reports the connections that have frames, in the order of their addition. Where a lane would
+/// sleep, `on_sleep` may change everything; then virtual time advances to the next event.
 class ScriptedWaitSet final : public transport::WaitSet {
  public:
   bool add(int descriptor, SourceTag tag, transport::Trigger) noexcept override {
@@ -152,7 +152,7 @@ class ScriptedLane {
     EXPECT_TRUE(lane->start(rt::RealtimeMode::kOff, nullptr));
     lane->join();
   }
-  /// A connection that the lane takes over; the test sees it for as long as the lane has it.
+  /// A connection that the lane takes over; the test may use it as long as the lane has it.
   ScriptedConnection& connect() {
     const int number = 1'000'000 + static_cast<int>(wait_set->connections.size());
     auto connection = std::make_unique<ScriptedConnection>(number, taken_count_);
@@ -190,7 +190,7 @@ class ScriptedClient {
         channel_.open(Priority{0}, rt::now() + rtpm::test::kPatience, rt::now());
     connection.received.emplace_back(hello.begin(), hello.end());
   }
-  /// Once the lane has answered. Each call has the next number.
+  /// Begins a call, once the lane has answered the HELLO. Each call has the next number.
   void begin(std::uint16_t method, std::uint32_t stream_window = 0,
              std::uint32_t budget_us = 60'000'000, std::uint32_t service = 1) {
     if (call_id_ == 0) {

@@ -15,14 +15,14 @@
 #include "rtpm/wire/control.hpp"
 #include "secured_server.hpp"
 
-// Our own client over sealed sessions, against a real server.
+// RTPM's client over sealed sessions, with a real server.
 namespace rtpm::rpc {
 namespace {
 
 using namespace test;
 using namespace std::chrono_literals;
 
-/// Counts how often each number ran.
+/// Counts how often each number was called.
 class NumberServant final : public Servant {
  public:
   const InterfaceDescriptor& interface() const noexcept override { return echo::kInterface; }
@@ -189,7 +189,7 @@ TEST_P(SealedClientTest, WithoutAKeyABindSaysHowToMakeOne) {
   expect_text(error_of_bind(node, server.url()).text(), {folder_.file("none"), "others"});
 }
 
-// A file that others may write could name the attacker's key, or no server at all.
+// A file that other users may write could name the attacker's key, or no server at all.
 TEST_P(SealedClientTest, AnUntrustedFileOfServersFailsBindsToOtherHosts) {
   EchoServer server;
   know_server();
@@ -213,7 +213,7 @@ TEST_P(SealedClientTest, AFaultyLineLeavesTheOthersInForceAndAChangeIsSeen) {
   EXPECT_TRUE(binding.call(echo::kEcho, bytes_of("a")));
 }
 
-// Each session seals 200 frames at most, and then there must be another.
+// Each session seals 200 frames at most; then the client needs another one.
 TEST_P(SealedClientTest, KeysAreRenewedWithoutAFailedCall) {
   EchoServer server(server_config());
   know_server();
@@ -228,7 +228,7 @@ TEST_P(SealedClientTest, KeysAreRenewedWithoutAFailedCall) {
   EXPECT_GE(server.server->counters().frames.session_opened_count, 6u);
 }
 
-// No time is left for new keys: the call may have run, and the next one has a session of its own.
+// There is no time for new keys: the call may have run, and the next one gets a new session.
 TEST_P(SealedClientTest, ASessionThatEndsInMidCallFailsThatCallAtOnce) {
   EchoServer server(server_config());
   know_server();
@@ -318,7 +318,7 @@ TEST_P(SealedClientTest, TheKeyLogOfTheClientIsThatOfTheServer) {
             std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
 }
 
-// sec-5-2: a child has none of its parent's keys, and does not disturb its sessions.
+// sec-5-2: a child process has none of its parent's keys, and does not disturb its sessions.
 TEST_P(SealedClientTest, AForkedChildFailsAndItsParentGoesOn) {
   EchoServer server(server_config());
   know_server();
@@ -340,7 +340,7 @@ TEST_P(SealedClientTest, AForkedChildFailsAndItsParentGoesOn) {
   EXPECT_EQ(server.server->counters().frames.session_opened_count, 1u);
 }
 
-/// What an attacker on the path sends who has seen this datagram of the server.
+/// The forgeries of an attacker on the path who has seen this datagram of the server.
 std::vector<std::vector<char>> forged_about(const std::vector<char>& datagram) {
   const auto seen = wire::decode(std::as_bytes(std::span(datagram)));
   if (!seen) return {};

@@ -13,7 +13,7 @@
 #include "rtpm/test/sealed_peer.hpp"
 #include "secured_server.hpp"
 
-// Sealed sessions of a real server under attack, and what goes on in them while grants change.
+// Sealed sessions of a real server under attack, and while their grants change.
 namespace rtpm::rpc {
 namespace {
 
@@ -27,7 +27,7 @@ constexpr MethodDescriptor kLater{2, "later", 202, false, {}};
 constexpr std::array kMethods{kWatch, kLater};
 constexpr InterfaceDescriptor kSlowly{"test.Slowly", 4712, "by hand", kMethods};
 
-/// Keeps each call open: the test says what comes of it.
+/// Keeps each call open; the test ends it.
 class SlowServant final : public Servant {
  public:
   [[nodiscard]] const InterfaceDescriptor& interface() const noexcept override { return kSlowly; }
@@ -46,7 +46,7 @@ class SlowServant final : public Servant {
   std::atomic<bool> has_call{false};
 };
 
-/// A server of one object, for one key.
+/// A server with one object, for one key.
 class SealedLoad : public testing::TestWithParam<Transport> {
  protected:
   void serve(Servant& first, ServerConfig config = quiet_config()) {
@@ -105,7 +105,7 @@ TEST_P(SealedLoad, ItemsOfAllSizesComeThrough) {
   EXPECT_TRUE(client.await().is_ok());
 }
 
-// Its writer learns of it, and nothing more of the device goes to who must not see it any more.
+// The writer learns of it, and a client without a grant gets no more of the device's data.
 TEST_P(SealedLoad, AStreamEndsWithTheGrant) {
   serve(slow_);
   SealedPeer client = peer();
@@ -132,7 +132,7 @@ TEST_P(SealedLoad, ADeferredCallEndsWithTheGrant) {
   allow("role=observe on=slow");
   EXPECT_EQ(client.await(rt::now() + 1500ms).kind, Kind::kClosed);
   EXPECT_TRUE(await([&] { return !slow_.reply.is_awaited(); }));
-  // What comes of it is nobody's.
+  // The reply no longer has a recipient.
   slow_.reply.complete(wire::Status::kOk, 0);
   EXPECT_TRUE(await([&] { return server_->counters().frames.orphaned_count == 1; }));
 }
@@ -150,8 +150,8 @@ TEST_P(SealedLoad, APoolEndsTheSessionsThatItsThreadsServe) {
   EXPECT_EQ(client.await(rt::now() + 1500ms).kind, Kind::kClosed);
 }
 
-/// One host (test::OtherHosts) that sends HELLOs with a cookie that is its own, and a message 1
-/// that nobody made: each costs the server a handshake's first half.
+/// One host (test::OtherHosts) that sends HELLOs with its own valid cookie and a random message 1:
+/// each costs the server the first half of a handshake.
 class Storm {
  public:
   Storm(std::uint16_t port, std::uint32_t host) : file_(socket(AF_INET, SOCK_DGRAM, 0)) {
@@ -170,7 +170,7 @@ class Storm {
   Storm& operator=(const Storm&) = delete;
   ~Storm() { close(file_); }
 
-  /// Gets a cookie; false without.
+  /// Gets a cookie; false if there is none.
   [[nodiscard]] bool prove() {
     send(/*has_message=*/false);
     std::array<std::byte, 2048> answer{};
@@ -208,7 +208,7 @@ class Storm {
   }();
 };
 
-// 1000 HELLOs a second, of one address and of many: the session that is there makes its calls.
+// 1000 HELLOs per second, from one address and from many: the existing session makes its calls.
 class HelloStorm : public SealedLoad {};
 INSTANTIATE_TEST_SUITE_P(Udp, HelloStorm, testing::Values(Transport::kUdp),
                          [](const auto&) { return "Udp"; });
@@ -257,8 +257,8 @@ TEST_P(HelloStorm, KeepsNoCallFromRunning) {
   }
 }
 
-// What somebody on the way can send: frames of the session from its own address, with a counter
-// that is due, and from another one. RTPM_FORGED_FRAMES says how many; 1 000 000 take 10 s.
+// Forgeries by an attacker on the path: frames of the session with a valid counter, from its own
+// address and from another one. RTPM_FORGED_FRAMES sets their number; 1 000 000 take 10 s.
 TEST_P(HelloStorm, OfForgedFramesFailsNoCall) {
   const char* const wanted = std::getenv("RTPM_FORGED_FRAMES");
   const std::uint64_t forged_count = wanted == nullptr ? 20'000 : std::stoull(wanted);
@@ -282,12 +282,12 @@ TEST_P(HelloStorm, OfForgedFramesFailsNoCall) {
   }
   EXPECT_EQ(failure_count, 0);
   const auto frames = server_->counters().frames;
-  // The system drops what does not fit into the socket's buffer.
+  // The system drops frames that do not fit into the socket's buffer.
   EXPECT_GT(frames.dropped_for(wire::DropReason::kBadSeal), forged_count / 100);
   EXPECT_GT(frames.dropped_for(wire::DropReason::kForeignAddress), forged_count / 100);
 }
 
-// Over TCP no HELLO is repeated: each connection's handshake is taken, or the connection ends.
+// HELLOs are not repeated over TCP: the server accepts a handshake, or closes its connection.
 TEST_P(SealedLoad, ManyClientsAtOnceAllGetSessions) {
   serve(slow_);
   constexpr int kClientCount = 40;
@@ -304,7 +304,7 @@ TEST_P(SealedLoad, ManyClientsAtOnceAllGetSessions) {
   EXPECT_EQ(open_count, kClientCount);
 }
 
-// One connection takes no more than one handshake at a time, one host no more than its share.
+// One connection has at most one handshake at a time, one host at most its share.
 TEST_P(SealedLoad, AHostThatConnectsAgainAndAgainIsCutOff) {
   if (GetParam() != Transport::kTcp) GTEST_SKIP() << "HelloStorm has that";
   serve(slow_);

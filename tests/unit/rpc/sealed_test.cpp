@@ -7,7 +7,7 @@
 #include "rtpm/test/sealed_peer.hpp"
 #include "secured_server.hpp"
 
-// Sealed sessions of a real server, seen by a client that is nothing but the protocol.
+// Sealed sessions of a real server, used by a minimal client of the protocol.
 namespace rtpm::rpc {
 namespace {
 
@@ -118,7 +118,7 @@ TEST_P(Sealed, AForgedFrameIsDroppedAndEndsAStreamOnly) {
   ASSERT_TRUE(client.open());
   ASSERT_TRUE(client.call(echo::kEcho.id, bytes_of("a")).is_ok());
   Bytes forged = client.last_sent();
-  forged[forged.size() - 24] = std::byte{9};  // Its counter.
+  forged[forged.size() - 24] = std::byte{9};  // The counter.
   forged.back() ^= std::byte{1};
   client.send_raw(forged);
   if (GetParam() == Transport::kUdp) {
@@ -131,7 +131,7 @@ TEST_P(Sealed, AForgedFrameIsDroppedAndEndsAStreamOnly) {
   }
 }
 
-// Within about a second of the file's change, in the middle of a call.
+// Within about a second after the file's change, in the middle of a call.
 TEST_P(Sealed, AClientWhoseGrantIsTakenAwayLosesItsSession) {
   serve();
   SealedPeer client = peer();

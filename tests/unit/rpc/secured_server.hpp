@@ -15,7 +15,7 @@
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/test/key_folder.hpp"
 
-// A server that asks its callers for grants, and an interface with a method of each role.
+// A server that checks its callers' grants, and an interface with a method for each role.
 namespace rtpm::rpc::test {
 
 [[nodiscard]] inline std::string own_user() {
@@ -39,7 +39,7 @@ inline constexpr InterfaceDescriptor kInterface{
     .text = "vault",
 };
 
-/// Counts its calls, and keeps what the last one's identity says.
+/// Counts its calls, and records the last caller's identity.
 class Vault final : public Servant {
  public:
   const InterfaceDescriptor& interface() const noexcept override { return kInterface; }
@@ -61,7 +61,7 @@ class Vault final : public Servant {
     }
     return {};
   }
-  // Of the last caller.
+  // The identity of the last caller.
   [[nodiscard]] access::Subject subject() const {
     const std::lock_guard lock(mutex_);
     return last_subject_;
@@ -88,7 +88,7 @@ class Vault final : public Servant {
 
 }  // namespace vault
 
-/// A started server that asks the grants of `folder`'s file `authorized`, with a vault at each
+/// A started server that reads its grants from `folder`'s file `authorized`, with a vault at each
 /// path.
 struct SecuredServer {
   SecuredServer(const KeyFolder& folder, const std::string& grants,

@@ -30,7 +30,7 @@ namespace {
 using namespace test;
 using namespace std::chrono_literals;
 
-/// The text with which the set-up fails; empty if it does not.
+/// The error text of a failed set-up; empty if it succeeds.
 std::string error_of(ServerConfig config) {
   const auto server = Server::create(std::move(config));
   return server ? "" : server.error().text();
@@ -57,7 +57,7 @@ TEST(ServerSetUp, ServesTheAddressesOfAHostName) {
   expect_text(error_of(config), {"server 'test'", "host 'no-such-host.invalid'", "Remedy"});
 }
 
-// Each caller that is turned away learns nothing more: the server's own user is to hear of it.
+// Rejected callers learn nothing more, so the server must inform its own user.
 TEST(ServerLife, WarnsOnceThatNoDescriptorIsLeftForItsCallers) {
   const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
     EchoServer server;
@@ -74,7 +74,7 @@ TEST(ServerLife, WarnsOnceThatNoDescriptorIsLeftForItsCallers) {
     for (int held_next = dup(STDERR_FILENO); held_next >= 0; held_next = dup(STDERR_FILENO))
       held.push_back(held_next);
     for (int i = 0; i < 4; ++i) {
-      // For the caller's end, which is in this process, too.
+      // Frees a descriptor for the caller's end, which is in this process, too.
       close(held.back());
       held.pop_back();
       if (!open()) return "no caller";
@@ -144,7 +144,7 @@ TEST(ServerSetUp, HasALimitOfLanes) {
   expect_text(error_of(quiet_config(lanes)), {"server 'test'", "64 lanes", "Remedy"});
 }
 
-// What a person writes into a file is a person's mistake, and no bug.
+// A bad value in a configuration file is a user's mistake, not a bug.
 TEST(ServerSetUp, WantsItsLimitsWithinTheProtocols) {
   for (const std::uint32_t bad :
        {0u, wire::kMessageSizeFloor - 1, wire::kMessageSizeCeiling + 1, ~std::uint32_t{0}}) {
@@ -172,7 +172,7 @@ TEST(ServerSetUp, WantsItsLimitsWithinTheProtocols) {
 
 class ServerObjects : public testing::Test {
  protected:
-  /// The text with which adding fails; empty if it does not.
+  /// The error text of a failed add(); empty if it succeeds.
   std::string error_of_adding(const std::string& path, ObjectOptions options = {}) {
     const auto added = server_->add(path, servant_, options);
     return added ? "" : added.error().text();
@@ -224,7 +224,7 @@ TEST(ServerLife, MayEndWithoutABegin) {
   EXPECT_EQ((*server)->counters().call_count, 0u);
 }
 
-/// The CPUs of this process's thread of that name.
+/// The CPUs of the thread with that name in this process.
 std::vector<int> cpus_of_thread(const std::string& name) {
   for (const auto& task : std::filesystem::directory_iterator("/proc/self/task")) {
     std::ifstream file(task.path() / "comm");
@@ -244,7 +244,7 @@ std::vector<int> cpus_of_thread(const std::string& name) {
   return {};
 }
 
-// Behind a lane that spins at SCHED_FIFO nobody would ever be let in.
+// Behind a lane that spins at SCHED_FIFO the acceptor would never run.
 TEST(ServerLife, KeepsItsAcceptorOffCpusWhereALaneSpins) {
   std::vector<int> cpus = rt::usable_cpus();
   if (cpus.size() < 2) GTEST_SKIP() << "there is one CPU only";
@@ -260,13 +260,13 @@ TEST(ServerLife, KeepsItsAcceptorOffCpusWhereALaneSpins) {
   EXPECT_EQ(cpus_of_thread("rtpm-accept"), cpus);
 }
 
-// Those included that keep CPUs awake where lanes rest for the kernel's sake.
+// This includes the threads that keep CPUs awake while lanes pause for the kernel's limit.
 TEST(ServerLife, LeavesNoThreadBehindWhenItHasStopped) {
   const auto thread_count = [] {
     const std::filesystem::directory_iterator tasks("/proc/self/task");
     return std::distance(begin(tasks), end(tasks));
   };
-  // ThreadSanitizer starts a thread of its own with the program's first, for good.
+  // ThreadSanitizer starts its own permanent thread with the program's first.
   std::thread([] {}).join();
   const auto before = thread_count();
   LaneConfig lane = quiet_lane();
@@ -276,7 +276,7 @@ TEST(ServerLife, LeavesNoThreadBehindWhenItHasStopped) {
   EchoServer server(config);
   EXPECT_GT(thread_count(), before);
   server.server->stop();
-  // A thread that was joined stays in the list for a moment.
+  // A joined thread stays in the list for a moment.
   EXPECT_TRUE(await([&] { return thread_count() == before; }));
 }
 
@@ -305,7 +305,7 @@ TEST(ServerWithoutTheRight, DoesNotStartWhenRealTimeIsRequired) {
   EXPECT_EQ(child.status, 0) << child.errors;
 }
 
-// What the kernel throttles does not spin; whoever requires it is told.
+// A lane that the kernel throttles does not spin; a server that requires spinning fails to start.
 TEST(ServerSetUp, RefusesASpinningLaneWhereTheKernelStopsItIfThatIsRequired) {
   if (!rtpm::test::has_realtime_right()) GTEST_SKIP() << rtpm::test::kNoRealtimeRight;
   if (!rt::realtime_limit().is_limited()) GTEST_SKIP() << "the kernel throttles nothing here";
@@ -329,7 +329,7 @@ TEST(ServerSetUp, RefusesASpinningLaneWhereTheKernelStopsItIfThatIsRequired) {
   EXPECT_EQ(std::ranges::count(rt::setup_report(), "spin of 'greedy'", &rt::SetupNote::subject), 1);
 }
 
-// Here, as an exception allocates, which the guards of the tap's own tests forbid.
+// Tested here because an exception allocates, which the guards of the tap's own tests forbid.
 TEST(Server, TapsAMethodThatThrows) {
   EchoServer server;
   Node node(quiet_node());

@@ -12,12 +12,12 @@
 #include "../transport/raw_shared_client.hpp"
 #include "rtpm/test/echo_server.hpp"
 
-// How servers and callers use shared memory, beyond what every transport keeps
+// Servers and callers on shared memory, beyond the guarantees of every transport
 // (tests/conformance/transport).
 namespace rtpm::rpc {
 namespace {
 
-// As if the server were another program.
+// Makes the node treat the server as another program.
 NodeConfig apart(Transport transport) {
   NodeConfig config = test::quiet_node(transport);
   config.collocates = false;
@@ -88,7 +88,7 @@ TEST(SharedMemoryChoice, FindsAServerInAFolderAndOtherServersBesideIt) {
   fs::remove_all(name);
 }
 
-// A server that is killed and one that nobody has started are told apart from one that is there.
+// Errors distinguish a killed server, a server that never started, and a running one.
 TEST(SharedMemoryChoice, SaysWhatIsInTheWay) {
   EchoServer server;
   const auto other = transport::SharedMemoryListener::open(
@@ -113,7 +113,7 @@ TEST(SharedMemoryLane, CountsAPeerThatWritesNonsenseAndGoesOn) {
   const transport::test::RawMemory memory(std::move(answer.descriptor), 128 * 1024);
   ASSERT_TRUE(await([&] { return server.server->counters().connection_count == 2; }));
   memory.to_server_tail() = 12'345;
-  // The lane sleeps, so it has to be told.
+  // The lane sleeps, so it needs a wake-up.
   transport::test::write_all(socket, Bytes(1));
   EXPECT_TRUE(await([&] { return server.server->counters().broken_memory_count == 1; }));
   EXPECT_TRUE(await([&] { return server.server->counters().connection_lost_count == 1; }));
@@ -128,7 +128,7 @@ TEST(SharedMemoryLane, GivesUpACallerThatDoesNotTakeItsReplies) {
   Binding binding = bind_echo(node, server);
   RawPeer peer(Transport::kSharedMemory, server.server->port());
   ASSERT_TRUE(peer.open());
-  // Of 128 KiB twelve such replies leave no room for a further one.
+  // Twelve such replies fill a ring of 128 KiB, so that a further one does not fit.
   const std::string large(10'000, 'x');
   for (std::uint32_t call = 1; call <= 13; ++call) {
     EXPECT_EQ(server.server->counters().send_failure_count, 0u);
@@ -140,7 +140,7 @@ TEST(SharedMemoryLane, GivesUpACallerThatDoesNotTakeItsReplies) {
   EXPECT_TRUE(binding.call(echo::kEcho, {}));
 }
 
-// One lane serves memory, datagrams and streams at a time, however it waits, and forgets nobody.
+// One lane serves memory, datagrams and streams together, in any waiting mode, and skips no caller.
 TEST(SharedMemoryLane, ServesCallersOfAllTransportsTogether) {
   for (const rt::WaitStrategy wait :
        {rt::WaitStrategy::kBlock, rt::WaitStrategy::kAdaptive, rt::WaitStrategy::kSpin}) {

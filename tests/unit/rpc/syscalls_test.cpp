@@ -14,15 +14,15 @@
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/test/syscall_counter.hpp"
 
-// What a call costs in system calls. They are counted in a process of its own: a filter stays as
-// long as its thread.
+// The system calls of an RTPM call. They are counted in a separate process, because a filter lasts
+// as long as its thread.
 namespace rtpm::rpc {
 namespace {
 
 using namespace test;
 using rtpm::test::SyscallCounter;
 
-/// A servant that has its lane's thread watched when it is first called.
+/// A servant that starts to watch its lane's thread when it is first called.
 class WatchingServant final : public Servant {
  public:
   explicit WatchingServant(SyscallCounter& counter) : counter_(counter) {}
@@ -44,7 +44,7 @@ class WatchingServant final : public Servant {
 constexpr int kCallCount = 200;
 constexpr const char* kMayNot = "seccomp's notifications are not to be had here";
 
-/// The system calls of kCallCount calls, a line for each kind.
+/// The system calls of kCallCount RTPM calls, one line for each kind.
 std::string count_in_this_process(Transport transport, rt::WaitStrategy wait) {
   auto& of_caller = *new SyscallCounter;
   auto& of_lane = *new SyscallCounter;
@@ -94,7 +94,7 @@ class Syscalls : public testing::Test {
     }
   }
 
-  /// No calls but of these kinds.
+  /// Expects only system calls of these kinds.
   void expect_only(const std::map<int, int>& counts, const std::set<int>& kinds) const {
     for (const auto& [number, times] : counts)
       EXPECT_TRUE(kinds.contains(number)) << "system call " << number << " in\n" << text_;
@@ -107,7 +107,7 @@ class Syscalls : public testing::Test {
 
 TEST_F(Syscalls, AreNoneOfACallThroughMemoryThatIsSpunFor) {
   count(Transport::kSharedMemory, rt::WaitStrategy::kSpin);
-  // Both look at their sockets now and then, however many calls there are.
+  // Both check their sockets now and then, independently of the number of calls.
   caller_.erase(SYS_recvfrom);
   lane_.erase(SYS_epoll_pwait2);
   EXPECT_TRUE(caller_.empty()) << text_;
@@ -118,12 +118,12 @@ TEST_F(Syscalls, OfACallThroughMemoryThatBlocksAreOneWakeUpASide) {
   count(Transport::kSharedMemory, rt::WaitStrategy::kBlock);
   EXPECT_LE(caller_[SYS_sendto], kCallCount) << text_;
   EXPECT_GT(lane_[SYS_epoll_pwait2], 0) << "or nothing was counted";
-  // The caller may have its answer, and begin to count, before the lane comes to wake it.
+  // The caller may have its answer, and begin to count, before the lane wakes it.
   EXPECT_LE(lane_[SYS_futex], kCallCount + 1) << text_;
   EXPECT_EQ(lane_[SYS_sendto], 0) << text_;
 }
 
-// A late answer makes a caller send again, which it may where the counting takes so long.
+// A caller resends when an answer is late, which may happen because counting is slow.
 constexpr int kAboutOneEach = kCallCount + kCallCount / 4;
 
 TEST_F(Syscalls, OfACallOverUdpThatIsSpunForAreASendASideAndReceives) {

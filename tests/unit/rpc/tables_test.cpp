@@ -15,7 +15,7 @@ namespace {
 
 using namespace test;
 
-/// table Note { weight: double; text: string; }, as flatc would write it.
+/// table Note { weight: double; text: string; }, in flatc's layout.
 struct Note : private flatbuffers::Table {
   static constexpr flatbuffers::voffset_t kWeight = 4;
   static constexpr flatbuffers::voffset_t kText = 6;
@@ -44,7 +44,7 @@ flatbuffers::Offset<Note> create_note(flatbuffers::FlatBufferBuilder& builder,
   return flatbuffers::Offset<Note>(builder.EndTable(start));
 }
 
-/// A lane's reply buffer with a fence behind it.
+/// A lane's reply buffer with guard bytes behind it.
 class ReplyMemory {
  public:
   explicit ReplyMemory(std::size_t size) : size_(size) {
@@ -77,7 +77,7 @@ TEST(ReplyBuilder, BuildsInTheMemoryThatItIsLent) {
   EXPECT_EQ(reinterpret_cast<std::uintptr_t>(note->weight_address()) % 8, 0u);
 }
 
-// Small or large, odd or even: what fits is whole, what does not is refused, nothing is overrun.
+// For any size: a reply that fits is complete, a larger one is refused, and nothing is overrun.
 TEST(ReplyBuilder, TellsThatAReplyIsTooLarge) {
   for (const std::size_t room : {1024u, 1031u, 1344u}) {
     bool was_too_large = false;
@@ -130,7 +130,7 @@ TEST(ValidTable, IsNeverWhatWasCutOrSpoilt) {
     Bytes bytes = good;
     for (int i = 0; i < 3; ++i)
       bytes[random() % bytes.size()] = static_cast<std::byte>(random());
-    // What passes may be read without fear.
+    // Bytes that pass verification are safe to read.
     if (is_valid_table<Note>(bytes)) {
       EXPECT_LE(flatbuffers::GetRoot<Note>(bytes.data())->text().size(), bytes.size());
     }

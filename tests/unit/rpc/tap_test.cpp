@@ -16,14 +16,14 @@
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/test/lock_guard.hpp"
 
-// The tap of a server. The guards that this binary links abort where a lane allocates, or takes a
-// lock without priority inheritance.
+// The tap of a server. The guards that this binary links abort if a lane allocates, or takes a lock
+// without priority inheritance.
 namespace rtpm::rpc {
 namespace {
 
 using namespace test;
 
-/// A record that outlives its place in the ring.
+/// A copy of a record that outlives its slot in the ring.
 struct Kept {
   explicit Kept(const TappedCall& record) : call(record), request(text(call.request)) {
     reply = text(call.reply);
@@ -44,7 +44,7 @@ std::vector<Kept> read_all(CallTap& tap) {
   return list;
 }
 
-/// The next `count` records, waiting for them.
+/// Waits for the next `count` records.
 std::vector<Kept> read(CallTap& tap, std::size_t count) {
   std::vector<Kept> list;
   EXPECT_TRUE(await([&] {
@@ -172,7 +172,7 @@ TEST(Tap, CountsWhatAFullRingDrops) {
   Binding binding = bind_echo(node, server);
   const auto tap = server.server->tap();
   ASSERT_TRUE(tap->switch_on({.payload_byte_max = 512, .ring_byte_count = 4096}));
-  // With 40 bytes each way, records of 160 bytes: 25 fit, and end behind each other in many ways.
+  // With 40 bytes each way, records have 160 bytes: 25 fit, and wrap around in many ways.
   constexpr std::uint64_t kCallCount = 100;
   std::uint64_t read_count = 0;
   for (unsigned round = 0; round < 5; ++round) {
@@ -190,7 +190,7 @@ TEST(Tap, CountsWhatAFullRingDrops) {
   }
 }
 
-/// Answers later: method 1 with a reply, method 2 with a stream.
+/// Defers its answers: method 1 with a reply, method 2 with a stream.
 class LateServant final : public Servant {
  public:
   static constexpr MethodDescriptor kDefer{1, "defer", 101, false, {}};
@@ -280,7 +280,7 @@ TEST_P(TapOfDeferredReplies, RecordsTheItemsOfAStream) {
   EXPECT_EQ(ended.call.status, wire::Status::kGone);
 }
 
-// Its request is not in the new tap, nor its number.
+// The new tap has neither its request nor its number.
 TEST_P(TapOfDeferredReplies, LeavesOutACallOfAnEarlierTap) {
   ASSERT_TRUE(tap_->switch_on({}));
   std::thread caller([&] { EXPECT_TRUE(binding_->call(LateServant::kDefer, bytes_of("old"))); });
@@ -322,7 +322,7 @@ class TapOfTwoObjects : public testing::Test {
     outer_.binding = &*to_inner_;
   }
   void TearDown() override { server_->stop(); }
-  /// The paths of what a tap with this configuration records of two calls.
+  /// The paths that a tap with this configuration records for two calls.
   std::vector<std::string> recorded(const TapConfig& config) {
     const auto tap = server_->tap();
     EXPECT_TRUE(tap->switch_on(config));
@@ -388,7 +388,7 @@ TEST(Tap, OutlivesItsServer) {
   expect_text(late.error().text(), {"stopped"});
 }
 
-/// Callers over all ways at once, of two lanes.
+/// Callers of two lanes over all transports at once.
 class Load {
  public:
   Load() {
@@ -425,11 +425,11 @@ class Load {
 TEST(Tap, IsSwitchedOnAndOffUnderLoad) {
   Load load;
   const auto tap = load.server().server->tap();
-  std::map<bool, std::uint64_t> last_numbers;  ///< Of each lane.
+  std::map<bool, std::uint64_t> last_numbers;  ///< By lane.
   std::uint64_t read_count = 0;
   for (int round = 0; round < 100; ++round) {
     ASSERT_TRUE(tap->switch_on({.payload_byte_max = 512, .ring_byte_count = 4096}));
-    // Some rounds end with all that is there unread.
+    // Some rounds end without reading any record.
     const std::size_t count = round % 4 == 0 ? 0 : 50;
     for (const Kept& call : read(*tap, count)) {
       EXPECT_EQ(call.request, call.reply);

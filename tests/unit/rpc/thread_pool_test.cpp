@@ -14,7 +14,7 @@
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/test/os.hpp"
 
-// Lanes of several threads: how many calls run at a time, what waits, and what is refused.
+// Lanes of several threads: concurrent calls, queued calls, and refused calls.
 namespace rtpm::rpc {
 namespace {
 
@@ -28,7 +28,7 @@ LaneConfig lane_of(std::uint32_t threads, std::uint32_t buffered = 0, Priority l
   return lane;
 }
 
-/// Calls that are inside `hold`, each from a thread of its own.
+/// Calls that are inside `hold`, each from its own thread.
 class Holders {
  public:
   Holders(EchoServer& server, Binding& binding) : server_(server), binding_(binding) {}
@@ -112,7 +112,7 @@ TEST(ThreadPool, KeepsNoMoreBytesWaitingThanItMay) {
   EXPECT_TRUE(binding.call(echo::kEchoOnce, large)) << "what need not wait has no such bound";
 }
 
-// One lane for all priorities must not serve them in the order in which they came.
+// A single lane for all priorities must not serve them in the order of arrival.
 TEST(ThreadPool, RunsTheMostUrgentFirst) {
   NotingServant servant;
   auto server = std::move(*Server::create(quiet_config({lane_of(1, 16)})));
@@ -145,7 +145,7 @@ TEST(ThreadPool, DropsWhatWaitedTooLong) {
   Binding binding = bind_echo(node, server);
   Holders holders(server, binding);
   holders.add_inside(1);
-  // Time enough to be queued on a busy machine, too: else it is late before the lane has it.
+  // Enough time to be queued on a busy machine: otherwise it expires before the lane has it.
   EXPECT_EQ(error_of_call(binding, {.deadline = 100ms}), CallError::kTimeout);
   holders.end();
   EXPECT_TRUE(await([&] { return server.server->counters().late_count == 1; }));
@@ -209,7 +209,7 @@ TEST(ThreadPool, LendsNothingUpwardsToALowerLane) {
   EXPECT_TRUE(binding.call(echo::kEcho, {}, {.priority = 30'000}));
 }
 
-/// Keeps the lowest lane's receiving thread at work, which holds the lane's lock meanwhile.
+/// Keeps the lowest lane's receiving thread busy, which holds the lane's lock meanwhile.
 class BusyLeader {
  public:
   static Priority transform(Priority priority, std::string_view) {
@@ -231,7 +231,7 @@ class BusyLeader {
   static inline std::atomic<bool> is_inside_{false};
 };
 
-/// Lanes of one thread each that lend upwards, where one more call may wait.
+/// Lanes of one thread each that lend it upwards, with a queue for one more call.
 class Borrowing : public testing::Test {
  protected:
   void open(const std::vector<std::uint16_t>& lows) {
@@ -276,13 +276,13 @@ class Borrowing : public testing::Test {
 
   NotingServant servant_;
   std::unique_ptr<Server> server_;
-  /// Repeats nothing: over UDP a lane that forgot a call would be reminded of it.
+  /// Over TCP nothing is repeated; over UDP a repetition would hide that a lane forgot a call.
   Node node_{quiet_node(Transport::kTcp)};
   std::optional<Binding> binding_;
   std::vector<std::thread> threads_;
 };
 
-// No lane that asked in vain is forgotten because another asked, too.
+// A lane that asked in vain is not forgotten when another one asks.
 TEST_F(Borrowing, LendsTheNextFreeThreadToTheMostUrgentLaneThatAsked) {
   open({0, 10'000, 20'000});
   for (const Priority priority : {Priority{100}, Priority{10'000}, Priority{20'000}})
@@ -296,7 +296,7 @@ TEST_F(Borrowing, LendsTheNextFreeThreadToTheMostUrgentLaneThatAsked) {
   EXPECT_TRUE(await([&] { return server_->counters().borrowed_count == 2; }));
 }
 
-// A large reply in a low lane, say, must not hold up the lane above that looks for a thread.
+// For example, a large reply in a low lane must not delay a higher lane that needs a thread.
 TEST_F(Borrowing, NeverWaitsForTheLowerLanesLeader) {
   open({0, 20'000});
   BusyLeader leader;
@@ -312,7 +312,7 @@ TEST_F(Borrowing, NeverWaitsForTheLowerLanesLeader) {
   ASSERT_TRUE(await([&] { return servant_.order().size() == 2; })) << "the low lane's thread came";
 }
 
-// A servant that blocks for ever hurts only its lane.
+// A servant that blocks for ever affects only its lane.
 TEST(ThreadPool, ServesOtherLanesWhileAllThreadsOfOneAreStuck) {
   EchoServer server(quiet_config({lane_of(2, 1, 0), lane_of(1, 1, 20'000)}));
   Node node(quiet_node());
@@ -401,8 +401,8 @@ TEST(ThreadPoolSetUp, RefusesNumbersOutOfRange) {
   expect_text(error_of([](LaneConfig& lane) { lane.buffered_request_max = 4097; }), {"4096"});
 }
 
-/// Cancels two calls that wait for one that runs, the second of which also has a deadline, and lets
-/// that pass. How many of them the servant began.
+/// Cancels two calls that wait behind a running one; the second also has a deadline, which passes.
+/// Returns how many of the two the servant began.
 int begun_of_cancelled(LaneConfig lane) {
   EchoServer server(quiet_config({lane}));
   Node node(quiet_node());
@@ -413,7 +413,7 @@ int begun_of_cancelled(LaneConfig lane) {
     return std::move(*call);
   };
   {
-    // While the lane is busy nobody gets a session.
+    // A busy lane opens no session.
     std::array<PendingReply, 3> sessions;
     for (PendingReply& session : sessions)
       session = begin(echo::kEcho, 20s);
@@ -441,7 +441,7 @@ TEST(Cancellation, RecallsACallThatWaitsWhereTheLaneReceivesMeanwhile) {
   EXPECT_EQ(begun_of_cancelled(lane_of(1, 4)), 0);
 }
 
-// It hears of it behind the call itself: only the deadline keeps the other one from running.
+// The lane reads CANCEL after the call itself: only the deadline stops the other call.
 TEST(Cancellation, IsHeardTooLateByALaneThatReceivesNothingMeanwhile) {
   EXPECT_EQ(begun_of_cancelled(lane_of(1)), 1);
 }

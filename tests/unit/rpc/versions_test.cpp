@@ -14,7 +14,7 @@ namespace {
 
 using namespace test;
 
-/// An interface with one method that answers with its request, in the version of `text`.
+/// An interface of version `text` with one method, which returns its request.
 struct Version {
   Version(std::string_view text, std::uint32_t number)
       : methods{{{.id = 1, .name = "get", .fingerprint = number}}}, interface {
@@ -121,7 +121,7 @@ TEST_P(Versions, WithoutATextMustBeEqual) {
   EXPECT_FALSE(bind(telling, kSilent));
 }
 
-// hp-6.1-6: 0 tells nothing, so that the methods decide.
+// hp-6.1-6: fingerprint 0 says nothing, so that the methods decide.
 TEST_P(Versions, WithoutAFingerprintAreComparedByTheirMethods) {
   Version server_side{"", 5};
   server_side.interface.fingerprint = 0;
@@ -151,7 +151,7 @@ TEST_P(Versions, AreNotJudgedByTheServer) {
   }
 }
 
-// hp-6.1-4: the next life of a server may be of another version.
+// hp-6.1-4: a restarted server may have another version.
 TEST_P(Versions, MayChangeWhileAClientStays) {
   auto server = std::make_unique<VersionServer>(kOld);
   const std::uint16_t port = server->server->port();
@@ -161,7 +161,7 @@ TEST_P(Versions, MayChangeWhileAClientStays) {
   const auto restart = [&](const Version& version) {
     server.reset();
     server = std::make_unique<VersionServer>(version, port);
-    // The first call may meet what is left of the former life.
+    // The first call may still find the former life.
     std::string text;
     EXPECT_TRUE(await([&] {
       text = text_of_call(*binding, kOld);

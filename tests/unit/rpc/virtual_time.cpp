@@ -13,8 +13,7 @@ namespace rtpm::rpc::test {
 namespace {
 
 struct State {
-  std::recursive_mutex
-      mutex{};  ///< The lane's thread and the one that starts it look at the clock.
+  std::recursive_mutex mutex{};  ///< The lane's thread and the one that starts it read the clock.
   MonotonicTime time{};
   Duration look{};
   std::multimap<MonotonicTime, std::function<void()>> events{};
@@ -26,7 +25,7 @@ State& state() {
   return the_state;
 }
 
-// Moves the time to `when`, and runs what is due on the way.
+// Advances the time to `when`, and runs the events that are due on the way.
 void move_to(MonotonicTime when) {
   State& s = state();
   const std::lock_guard lock(s.mutex);
@@ -64,7 +63,7 @@ void VirtualTime::sleep(MonotonicTime until, const std::function<bool()>& is_wok
 
 }  // namespace rtpm::rpc::test
 
-// In place of the library's own.
+// Replaces the library's functions.
 namespace rtpm::rt {
 
 MonotonicTime now() noexcept {

@@ -46,7 +46,7 @@ TEST(RealtimeBudget, IsSpentAfterABurst) {
   EXPECT_TRUE(budget.is_spent(kStart + RealtimeBudget::kBurst));
 }
 
-// The promise to the kernel: in no second more than the runtime, whenever the second begins.
+// The promise to the kernel: the thread never exceeds the runtime in any second.
 TEST(RealtimeBudget, KeepsAThreadThatPausesWhenItIsSpentBelowTheLimit) {
   RealtimeBudget budget(kUsual, kStart);
   constexpr Duration kStep = 10us;
@@ -78,7 +78,7 @@ TEST(RealtimeBudget, EarnsNothingByCallsThatReturnAtOnce) {
   MonotonicTime now = kStart;
   for (; now < kStart + 200ms; now += 10us)
     budget.on_slept(now, now + 4us);
-  // What the calls took is not spent, either.
+  // The time that the calls themselves take does not count as spent, either.
   EXPECT_TRUE(budget.is_spent(now));
 }
 
@@ -118,7 +118,7 @@ TEST(RealtimeBudget, IsLimitedForThreadsAtARealtimeLevelOnly) {
   EXPECT_EQ(is_limited_for({.name = "fifo", .priority = 5}), realtime_limit().is_limited());
 }
 
-// A method may block in its own way: that is no time awake, and no reason to make its lane sleep.
+// A method may block by itself: that does not count as awake, and must not make its lane sleep.
 TEST(RealtimeBudget, IsNotSpentByWhatBlocksWithoutAWord) {
   if (!test::has_realtime_right()) GTEST_SKIP() << test::kNoRealtimeRight;
   bool was_spent = false;
@@ -141,7 +141,7 @@ TEST(RealtimeBudget, IsSpentByWhatRuns) {
   bool must_pause = false;
   auto thread = Thread::start({.name = "runner", .priority = 5}, [&] {
     this_thread_budget() = RealtimeBudget(kUsual, now());
-    // It may have to go on for longer, as others of the machine take the CPU away.
+    // It may have to run longer, because other processes take the CPU away.
     const MonotonicTime end = now() + 20s;
     while (!must_pause && now() < end)
       must_pause = this_thread_budget().must_pause(now());
@@ -157,7 +157,7 @@ TEST(AsleepScope, CreditsTheThreadsSleep) {
   bool was_spent = false;
   bool is_spent_after_sleep = true;
   auto thread = Thread::start({.name = "sleeper", .priority = 5}, [&] {
-    // As if it had run for long.
+    // Simulates a thread that has run for a long time.
     this_thread_budget() = RealtimeBudget(kUsual, now() - RealtimeBudget::kBurst);
     was_spent = this_thread_budget().is_spent(now());
     sleep_until(now() + 5ms);

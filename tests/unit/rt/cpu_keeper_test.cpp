@@ -17,7 +17,7 @@ std::unique_ptr<CpuKeeper> a_keeper() {
   return keeper ? std::move(*keeper) : nullptr;
 }
 
-// How much of it is used in 10 ms in which this thread does nothing.
+// The CPU time used in 10 ms in which this thread sleeps.
 Duration used_while_asleep() {
   const Duration before = test::process_cpu_time();
   sleep_until(now() + 10ms);
@@ -27,7 +27,7 @@ Duration used_while_asleep() {
 TEST(CpuKeeper, WorksWhileItIsToldTo) {
   const auto keeper = a_keeper();
   ASSERT_TRUE(keeper);
-  // On a busy machine it may be left without any of its CPU, for a while.
+  // On a busy machine the keeper may get no CPU time for a while.
   EXPECT_TRUE(test::await([&] {
     keeper->keep_until(now() + 10ms);
     return used_while_asleep() > 2ms;
@@ -39,7 +39,7 @@ TEST(CpuKeeper, RestsWhenItsTimeIsOver) {
   ASSERT_TRUE(keeper);
   keeper->keep_until(now() + 20ms);
   EXPECT_TRUE(test::await([&] { return used_while_asleep() < 1ms; }));
-  // And can be called again.
+  // The keeper can be called again.
   EXPECT_TRUE(test::await([&] {
     keeper->keep_until(now() + 10ms);
     return used_while_asleep() > 2ms;

@@ -16,7 +16,7 @@ TEST(CycleTimer, WaitsUntilACycleIsDue) {
   EXPECT_GE(now(), begin);
 }
 
-// A period too long to be missed.
+// This period is too long to be missed.
 TEST(CycleTimer, CountsNoOverrunOfCyclesInTime) {
   const MonotonicTime begin = now();
   CycleTimer cycle(1h, begin);
@@ -29,9 +29,9 @@ TEST(CycleTimer, CountsNoOverrunOfCyclesInTime) {
 TEST(CycleTimer, SkipsAndCountsWhatALateCycleMissed) {
   const MonotonicTime begin = now() - 10h - 30min;
   CycleTimer cycle(1h, begin);
-  cycle.wait();  // The time is over: it returns at once.
+  cycle.wait();  // The deadline has passed: it returns at once.
   cycle.finish();
-  // It ended after the next ten were due, and the last of these still runs.
+  // The wait ended after the next ten were due, and the last of these is still current.
   EXPECT_EQ(cycle.due(), begin + 10h);
   EXPECT_EQ(cycle.overrun_count(), 10u);
   cycle.wait();

@@ -8,7 +8,7 @@
 
 namespace rtpm::rt {
 
-/// A folder with files of a made-up /proc and /sys.
+/// A folder with the files of a fake /proc and /sys.
 class FakeHost {
  public:
   FakeHost() {

@@ -23,7 +23,7 @@
 namespace rtpm::rt {
 namespace {
 
-/// What the system counts of the process's memory under that word.
+/// The value of `wanted` in the system's account of the process's memory.
 std::size_t status_kib(const std::string& wanted) {
   std::ifstream status("/proc/self/status");
   std::string word;
@@ -48,9 +48,9 @@ TEST(LockMemory, LocksWhatIsThereAndWhatComes) {
     const auto locked = lock_memory(RealtimeMode::kRequire);
     if (!locked) return "refused: " + locked.error().text();
     const std::size_t before = locked_kib();
-    // Some of it may come from what the heap has, locked, already.
+    // Some of it may come from heap memory that is already locked.
     std::vector<std::byte> block(8 << 20);
-    // A compiler may leave out what nobody looks at.
+    // Without a reader, a compiler may remove the block.
     prefault(block);
     return before > 100 && locked_kib() >= before + (4 << 10) ? "" : "not locked";
   });
@@ -75,7 +75,7 @@ TEST(LockMemory, FailsWithTheRemedyWhenRequired) {
   EXPECT_EQ(child.errors, "");
 }
 
-// A limit just above what is there would have all memory that is asked for later refused.
+// A limit just above the present size would make all later allocations fail.
 TEST(LockMemory, LeavesRoomToGrow) {
   if (test::kHasSanitizer) GTEST_SKIP() << test::kSanitizersLockNothing;
   const test::ChildResult child = test::run_in_child([]() -> std::string {
@@ -215,12 +215,12 @@ TEST(SecretMemory, IsZerosInAChild) {
   EXPECT_EQ(std::ranges::count(notes, "memory of keys", &SetupNote::subject), 1);
 }
 
-// What is refused is said, and the memory serves all the same.
+// A refused lock is reported, and the memory is usable all the same.
 TEST(SecretMemory, SaysThatItIsNotLocked) {
   const auto child = test::run_in_child([] {
     const rlimit none{0, 0};
     setrlimit(RLIMIT_MEMLOCK, &none);
-    // The superuser is not bound by the limit.
+    // The limit does not apply to the superuser.
     if (geteuid() == 0 && setresuid(65533, 65533, 65533) != 0) return std::string("skip");
     const SecretMemory memory(4096);
     const auto notes = setup_report();

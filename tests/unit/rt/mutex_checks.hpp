@@ -6,7 +6,7 @@
 #include <thread>
 #include <vector>
 
-/// What every kind of mutex keeps.
+/// The guarantees of every kind of mutex.
 namespace rtpm::rt {
 
 template <class Mutex>

@@ -10,7 +10,7 @@ namespace {
 
 TEST(ParallelJobs, RunAtTheSameTime) {
   ParallelJobs jobs("test", 8);
-  // Each ends only when all have begun.
+  // Each job ends only when all have begun.
   std::latch begun(8);
   std::atomic<int> done_count = 0;
   for (int i = 0; i < 8; ++i) {

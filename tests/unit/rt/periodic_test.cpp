@@ -12,7 +12,7 @@ using namespace std::chrono_literals;
 constexpr MonotonicTime kStart = time_from_ns(5'000'000'000);
 constexpr std::uint64_t kCaller = 7;
 
-/// Calls at a pace; every call off by up to `jitter`.
+/// Calls at a steady pace; each call is late by up to `jitter`.
 MonotonicTime call(ArrivalPredictor& predictor, MonotonicTime begin, Duration period, int count,
                    Duration jitter = Duration{0}, std::uint64_t caller = kCaller) {
   std::mt19937_64 random(1);
@@ -25,7 +25,7 @@ MonotonicTime call(ArrivalPredictor& predictor, MonotonicTime begin, Duration pe
     predictor.on_arrival(caller, due + off);
     due += period;
   }
-  return due;  // When the next would come.
+  return due;  // The time of the next call.
 }
 
 TEST(ArrivalPredictor, SeesNothingBeforeThereIsARhythm) {
@@ -54,7 +54,7 @@ TEST(ArrivalPredictor, FollowsACallerThatDrifts) {
     const auto window = predictor.next(due - 300us);
     if (i >= 20 && window && window->from <= due && due <= window->to) ++hit_count;
     predictor.on_arrival(kCaller, due);
-    period += 500ns;  // A fifth slower in the end.
+    period += 500ns;  // A fifth slower at the end.
     due += period;
   }
   EXPECT_GT(hit_count, 370);
@@ -87,7 +87,7 @@ TEST(ArrivalPredictor, ForgetsACallerThatStopped) {
   const MonotonicTime next = call(predictor, kStart, 1ms, 30);
   EXPECT_TRUE(predictor.next(next + 1ms)) << "one missed call is none";
   EXPECT_FALSE(predictor.next(next + 20ms));
-  // And comes to know it again.
+  // Then it learns the period again.
   const MonotonicTime again = call(predictor, next + 1s, 1ms, 30);
   EXPECT_TRUE(predictor.next(again - 500us));
 }

@@ -60,7 +60,7 @@ TEST(PiMutex, IsWaitedForUntilADeadline) {
   EXPECT_TRUE(had_it);
 }
 
-// Else a middle thread could keep the holder, and with it the most urgent waiter, from running.
+// Otherwise a thread of middle priority could preempt the holder, and so block the urgent waiter.
 TEST(PiMutex, RaisesItsHolderToTheMostUrgentWaiter) {
   if (!test::has_realtime_right()) GTEST_SKIP() << test::kNoRealtimeRight;
   constexpr Priority kLow{1'000};
@@ -94,7 +94,7 @@ TEST(PiMutex, RaisesItsHolderToTheMostUrgentWaiter) {
 
 using PiMutexDeathTest = testing::Test;
 
-// The alarm ends a mutex that waits for itself instead.
+// An alarm ends a mutex that deadlocks with itself instead.
 TEST(PiMutexDeathTest, LockedTwiceByOneThreadIsABug) {
   EXPECT_EXIT(
       {

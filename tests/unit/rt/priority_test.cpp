@@ -17,7 +17,7 @@ using test::fifo;
 using test::kTimeShared;
 using test::scheduling_of_this_thread;
 
-/// Runs `body` on a thread of its own, which ends with whatever priority it has then.
+/// Runs `body` on its own thread, which ends with the priority that it has then.
 template <class Body>
 void on_a_thread(Body body) {
   std::thread(body).join();

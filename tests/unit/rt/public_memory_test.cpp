@@ -19,7 +19,7 @@ namespace {
 
 constexpr std::size_t kSizeMax = std::size_t{1} << 20;
 
-// Of this very run, as other tests of this program may run beside it.
+// Includes the process id, because other tests of this program may run at the same time.
 std::string own_name() {
   return "test-" + std::to_string(getpid());
 }
@@ -54,7 +54,7 @@ TEST(PublicMemory, OfAnotherNameOrTooLargeIsLeftOut) {
   EXPECT_EQ(find_public_memory(own_name() + "-more", 3 * 4096).size(), 1u);
 }
 
-// A file that can shrink would end its reader with a signal.
+// A file that can shrink could end its reader with a signal.
 TEST(PublicMemory, OfAForeignKindIsLeftOut) {
   const std::string name = "rtpm-" + own_name();
   const int file = memfd_create(name.c_str(), MFD_CLOEXEC | MFD_ALLOW_SEALING);
@@ -84,7 +84,7 @@ TEST(PublicMemory, IsNotWrittenByOthers) {
   EXPECT_EQ(tried_count, 1);
 }
 
-// The child of a process that serves shows its parent's memory once, not twice.
+// A forked child shows its parent's memory once, not twice.
 TEST(PublicMemory, OfAForkedProcessCountsOnce) {
   const auto memory = PublicMemory::create(own_name(), 4096);
   ASSERT_TRUE(memory);

@@ -9,10 +9,10 @@ using namespace std::chrono_literals;
 
 constexpr Duration kSpin = 100us;
 
-/// A thread whose pauses are told, one by one.
+/// A thread whose pauses the test reports one by one.
 class SpinEstimatorTest : public testing::Test {
  protected:
-  /// Whether it spins at the begin of a pause that lasts so long.
+  /// Whether the thread spins at the start of a pause of this length.
   bool spins(Duration pause) {
     const bool does = sense_.on_idle(now_, kSpin);
     now_ += pause;
@@ -20,7 +20,7 @@ class SpinEstimatorTest : public testing::Test {
     now_ += 5us;
     return does;
   }
-  /// How many of the next pauses, each so long, it spins in.
+  /// In how many of the next pauses of this length the thread spins.
   int count(int pauses, Duration pause) {
     int spun = 0;
     for (int i = 0; i < pauses; ++i)
@@ -63,7 +63,7 @@ TEST_F(SpinEstimatorTest, SpinsForACallerThatCallsTwiceInARow) {
 TEST_F(SpinEstimatorTest, TakesWorkOfBeforeForNothingNew) {
   SpinEstimator sense;
   MonotonicTime now{1s};
-  // A bell that rings and then a look that finds nothing: the last work is still the old one.
+  // A ring without work: the time of the last work is still the old one.
   for (int i = 0; i < 100; ++i) {
     const MonotonicTime work = now;
     now += 5us;

@@ -4,7 +4,7 @@
 #include "rtpm/rt/survey.hpp"
 #include "survey/host_tree.hpp"
 
-// What is read from a host's files, of which the tests make some up.
+// Facts from a host's files, some of which the tests make up.
 namespace rtpm::rt {
 namespace {
 
@@ -17,7 +17,7 @@ class HostFilesTest : public testing::Test {
   }
   void put_thread(const std::string& thread, const std::string& policy,
                   const std::string& cpus) const {
-    // The name holds what may mislead a reader; the policy is field 41.
+    // The name contains characters that may mislead a parser; the policy is field 41.
     std::string stat = "7 (a) b (c) S";
     for (int field = 4; field <= 40; ++field)
       stat += " 0";

@@ -73,7 +73,7 @@ TEST_F(Multicast, ThatIsRefusedNotSentOrLostIsTold) {
   facts_.trial = MulticastTrial::kRefused;
   facts_.reason = "multicast group 239.255.42.1:7422 can't be used: No such device";
   expect_finding(Severity::kNote, "No such device", "see which system calls are allowed");
-  // The same refusal has other causes, each with its own remedy.
+  // The same error has other causes, each with its own remedy.
   facts_.interfaces = {{"lo", true, true, false}};
   facts_.route = "";
   expect_finding(Severity::kNote, "no route", "sudo ip route add 239.0.0.0/8 dev lo");

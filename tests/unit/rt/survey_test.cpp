@@ -8,7 +8,7 @@
 #include "rtpm/test/child.hpp"
 #include "rtpm/test/os.hpp"
 
-// What is made of a host's facts: each judgement in each of its branches.
+// The judgements on a host's facts: each in every branch.
 namespace rtpm::rt {
 namespace {
 
@@ -23,7 +23,7 @@ class Judgement : public testing::Test {
     EXPECT_NE(found, all.end()) << id;
     return found == all.end() ? Finding{} : *found;
   }
-  /// Whatever is not good has a cost and a remedy.
+  /// Every finding that is not good has a cost and a remedy.
   void expect_finding(const std::string& id, Severity severity, const std::string& text,
                       const std::string& remedy = "") const {
     const Finding found = finding(id);
@@ -132,8 +132,8 @@ TEST_F(Judgement, OfIsolationNamesACpuWhereThereAreEnough) {
 
 TEST_F(Judgement, OfInterruptsCountsThoseThatLandOnKeptCpus) {
   files_.interrupts = {{36, "disk", {3}, {{3, 7}}},
-                       {37, "eth0", {0, 3}, {{0, 9}}},  // Never came to CPU 3.
-                       {38, "usb", {0}, {{3, 5}}}};     // Moved away since.
+                       {37, "eth0", {0, 3}, {{0, 9}}},  // It never interrupted CPU 3.
+                       {38, "usb", {0}, {{3, 5}}}};     // It has moved away since.
   expect_finding("interrupts", Severity::kWarning, "1 interrupt lands on CPU 3: 36 (disk, 7 times)",
                  "echo 0-2 | sudo tee /proc/irq/36/smp_affinity_list");
   files_.isolated_cpus = {};

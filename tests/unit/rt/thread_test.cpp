@@ -19,7 +19,7 @@ using test::fifo;
 using test::kTimeShared;
 using test::scheduling_of_this_thread;
 
-/// What a thread sees of itself at the begin of its body.
+/// A thread's own state at the beginning of its body.
 struct Seen {
   std::string name;
   test::Scheduling scheduling{};
@@ -32,7 +32,7 @@ Seen look_at_this_thread() {
           current_priority()};
 }
 
-/// Starts a thread with `config` and gives what its body saw; fails the test if it did not start.
+/// Starts a thread with `config` and returns what its body saw; fails the test if it did not start.
 Seen seen_by(const ThreadConfig& config) {
   Seen seen;
   auto thread = Thread::start(config, [&] { seen = look_at_this_thread(); });
@@ -138,7 +138,7 @@ TEST(Thread, IsNotStartedOnCpusThatAreNotThere) {
   }
 }
 
-// What people see who lack the right. A process of its own gives it up.
+// The result for users without real-time rights. A separate process drops them.
 TEST(ThreadWithoutTheRight, IsTimeSharedAndWarnsOnceWhenRealTimeIsPreferred) {
   const test::ChildResult child = test::run_in_child([]() -> std::string {
     test::drop_realtime_rights();

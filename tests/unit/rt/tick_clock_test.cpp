@@ -7,7 +7,7 @@
 namespace rtpm::rt {
 namespace {
 
-/// A machine whose ticks and whose clock a test moves.
+/// A machine whose ticks and clock a test sets.
 struct Machine {
   double ns_per_tick = 0.4;
   double ticks = 5e9;
@@ -19,7 +19,7 @@ struct Machine {
   }
 };
 
-/// Asks the clock as rt::now() does; counts the looks.
+/// Reads the clock as rt::now() does; counts the readings of the system's clock.
 class TickClockTest : public testing::Test {
  protected:
   std::int64_t now() {
@@ -67,7 +67,7 @@ TEST_F(TickClockTest, FollowsARateThatIsSteered) {
   machine_.ns_per_tick *= 1 + 100e-6;
   for (int i = 0; i < 100'000; ++i) {
     machine_.pass(1000);
-    // As much as the change makes in one window.
+    // At most the change's effect in one window.
     ASSERT_NEAR(error_ns(), 0, 102);
   }
   run(10e6, 1000);
@@ -75,7 +75,7 @@ TEST_F(TickClockTest, FollowsARateThatIsSteered) {
 
 TEST_F(TickClockTest, TrustsNoTicksThatJumped) {
   run(10e6, 1000);
-  // The machine slept: its ticks went on, its clock did not.
+  // The machine slept: its ticks advanced, its clock did not.
   machine_.ticks += 1e10;
   look_count_ = 0;
   run(10e6, 1000);

@@ -35,7 +35,7 @@ SafetyConfig config() {
   return config;
 }
 
-/// Without soft start and rate limit, to look at one rule at a time.
+/// Without soft start and rate limit, to test one rule at a time.
 SafetyConfig plain_config() {
   SafetyConfig plain = config();
   plain.soft_start = Duration{0};
@@ -55,7 +55,7 @@ SafetyFilter stepped(const SafetyConfig& config) {
   return filter;
 }
 
-/// Runs the filter once per millisecond with a command that never ends; gives the last output.
+/// Runs the filter once per millisecond with an endless command; returns the last output.
 Wrench settle(SafetyFilter& filter, const Wrench& request, int& ms, int count) {
   Wrench output;
   for (int i = 0; i < count; ++i, ++ms) {
@@ -96,7 +96,7 @@ TEST(Safety, RisesNoFasterThanTheRateByTheTimeThatReallyWentBy) {
   EXPECT_TRUE(filter.faults().has(Fault::kForceRateLimited));
   EXPECT_NEAR(filter.step(at(milliseconds{5}), command(milliseconds{5})).force_newton.x, 0.5,
               1e-12);
-  // After a pause of the thread it does not jump: ten milliseconds count at most.
+  // After a pause of the thread the force does not jump: at most ten milliseconds count.
   EXPECT_NEAR(filter.step(at(seconds{2}), command(seconds{2})).force_newton.x, 1.5, 1e-12);
 }
 
@@ -189,7 +189,7 @@ TEST(Watchdog, ForceEndsWhenNobodyMayCommandAnyMore) {
   SafetyFilter filter = stepped(plain_config());
   const WrenchCommand only = force(6, 0, 0, Duration{0}, milliseconds{100});
   EXPECT_EQ(filter.step(at(Duration{0}), only).force_newton.x, 6);
-  // The lease was given back: the rest of the command's life does not matter.
+  // The client released the lease: the rest of the command's life does not matter.
   EXPECT_GT(filter.step(at(milliseconds{1}), std::nullopt).force_newton.x, 5);
   EXPECT_NEAR(filter.step(at(milliseconds{11}), std::nullopt).force_newton.x, 3, 1e-9);
   EXPECT_EQ(filter.step(at(milliseconds{21}), std::nullopt).force_newton.x, 0);
@@ -237,7 +237,7 @@ TEST(Safety, ANumberThatIsNoneTakesTheForceAwayAndStaysTillRecovery) {
   }
 }
 
-/// A hostile client: wild values, wild lifetimes, wild pauses, from a seed.
+/// A hostile client: extreme values, lifetimes and pauses, from a seed.
 class HostileSafety : public ::testing::TestWithParam<unsigned> {};
 
 double wild_number(std::mt19937& random) {

@@ -6,7 +6,7 @@
 
 #include "rtpm/safety/filter.hpp"
 
-/// Each mechanism alone, and the chain with the device's motion.
+/// Each mechanism alone, and the whole chain, with the device's motion.
 namespace rtpm::gvd {
 namespace {
 
@@ -126,7 +126,7 @@ TEST(HeatLimit, FallsToTheContinuousForceAndCoolsDown) {
   EXPECT_EQ(hold(10, 100), 10);
 }
 
-/// The filter with every mechanism on.
+/// The filter with every mechanism enabled.
 class Chain : public ::testing::Test {
  protected:
   static SafetyConfig defaults() {
@@ -177,7 +177,7 @@ TEST_F(Chain, TellsWhichMechanismActs) {
 }
 
 TEST_F(Chain, KeepsTheLimitWhateverTheMechanismsAdd) {
-  // The command pushes in with all it may, and the wall pushes, too.
+  // The command pushes in with its maximum, and the wall pushes, too.
   EXPECT_EQ(run(10, {.position_m = {-0.5, 0, 0}}, 500), force(10));
 }
 

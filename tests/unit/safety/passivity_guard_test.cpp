@@ -15,8 +15,8 @@ using driver::Wrench;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-/// A mass with a little damping on a simulated time line of 1 kHz, and a hand that presses it with
-/// a constant force against a virtual wall at zero, which is rendered with a delay.
+/// A mass with slight damping on a simulated time line of 1 kHz. A hand presses it with a constant
+/// force against a virtual wall at zero, which is rendered with a delay.
 class Rig {
  public:
   static constexpr double kMassKg = 0.1;
@@ -32,7 +32,7 @@ class Rig {
     for (int i = 0; i < ms; ++i)
       cycle();
   }
-  /// The greatest speed within `ms`, which it runs.
+  /// Runs for `ms`; returns the greatest speed.
   double greatest_speed(int ms) {
     double greatest = 0;
     for (int i = 0; i < ms; ++i) {
@@ -59,7 +59,7 @@ class Rig {
             .step(now_, WrenchCommand{{{wall_newton, 0, 0}, {}}, now_, now_ + milliseconds{10}},
                   motion)
             .force_newton.x;
-    // The mechanics go on between two cycles, the force does not.
+    // Between two cycles the mechanics move on, but the force stays.
     for (int step = 0; step < kStepCount; ++step) {
       const double total_newton =
           applied_newton_ - kPressNewton - kDampingNewtonSPerM * velocity_m_per_s_;
@@ -88,7 +88,7 @@ SafetyConfig safety(bool has_guard) {
   return config;
 }
 
-/// The stiffest wall that comes to rest without the guard.
+/// The stiffest wall at which the mass comes to rest without the guard.
 double stable_stiffness(int delay_ms) {
   double stable = 1;
   double unstable = 5000;
@@ -132,11 +132,11 @@ TEST(PassivityGuard, BrakesByJustWhatIsMissing) {
   config.passivity_watt = 0;
   config.passivity_newton_s_per_m_max = 100;
   PassivityGuard guard;
-  // One second of 2 N at 0.1 m/s has given nothing yet: the wanted force would.
+  // The reserve is empty, so the guard removes a force that would give energy.
   Wrench wrench{{2, 0, 0}, {}};
   EXPECT_TRUE(guard.apply(config, milliseconds{1}, {.twist = {{0.1, 0, 0}, {}}}, wrench));
   EXPECT_NEAR(wrench.force_newton.x, 0, 1e-12);
-  // What was taken may be given back.
+  // The device may return the energy that it absorbed.
   wrench = {};
   const Motion pressed{.twist = {{-0.1, 0, 0}, {}}, .wrench_applied = {{2, 0, 0}, {}}};
   EXPECT_FALSE(guard.apply(config, milliseconds{10}, pressed, wrench));

@@ -26,7 +26,7 @@ SafetyConfig config_of(WatchdogPolicy policy) {
   return config;
 }
 
-/// A filter that followed 6 N along x until 0 ms, when the command ended.
+/// A filter that applied 6 N along x until 0 ms, when the command ended.
 SafetyFilter lost(const SafetyConfig& config, WrenchCommand& last) {
   SafetyFilter filter{config};
   last = {{{6, 0, 0}, {}}, at(-10), at(0)};
@@ -66,7 +66,7 @@ TEST(WatchdogPolicy, BrakesTheMotionThenIsOff) {
   EXPECT_EQ(forces[0], -1);
   EXPECT_EQ(forces[49], -1);
   EXPECT_EQ(forces[50], 0);
-  // However fast it moves, within the limit.
+  // Within the limit, at any speed.
   EXPECT_EQ(after_the_loss(WatchdogPolicy::kDamp, -100, 1)[0], 9);
 }
 

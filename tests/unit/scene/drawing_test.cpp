@@ -70,7 +70,7 @@ TEST(Panels, HaveNoSolidBeforeTheFirstTouch) {
 
 TEST(BrailleRows, DrawADotWhereALineIs) {
   Panel panel{.low = {0, 0}};
-  // Two by one characters are four dots by four.
+  // Two by one characters have four by four dots.
   panel.lines = {{Ink::kProxy, {{1, 59}}}};
   EXPECT_EQ(braille_rows(panel, 2, 1, false), std::vector<std::string>{"\u2801"
                                                                        "\u2800"})

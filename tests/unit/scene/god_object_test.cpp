@@ -27,7 +27,7 @@ driver::Sample sample_at(const Vector3& position_m, const Vector3& velocity = {}
   return sample;
 }
 
-/// Outside, and what a spring between device and proxy gives.
+/// The proxy is outside, and the force is that of a spring between device and proxy.
 void expect_lawful(const GodObject& object, const Touch& touch) {
   ASSERT_TRUE(is_finite(touch.proxy_m) && is_finite(touch.force_newton));
   ASSERT_GE(object.scene().clearance_m(touch.proxy_m), 0) << "the proxy is in the solid";
@@ -47,7 +47,7 @@ INSTANTIATE_TEST_SUITE_P(Of, AnyScene,
 TEST_P(AnyScene, IsNeverEnteredByTheProxyOnAnyPath) {
   for (unsigned seed = 1; seed <= 200; ++seed) {
     std::mt19937 random(seed);
-    // From tremor to jumps through the whole scene.
+    // Steps range from tremor to jumps through the whole scene.
     const double reach_m = std::pow(10.0, std::uniform_real_distribution(-5.0, -1.0)(random));
     std::normal_distribution<double> step(0, reach_m);
     GodObject object(scene(), kSpring);
@@ -200,7 +200,7 @@ TEST(Sphere, ChangesItsForceContinuously) {
 TEST(Sphere, PushesADeviceBackThatJumpedThroughIt) {
   GodObject object({Shape::kSphere, 0}, kSpring);
   static_cast<void>(object.touch(sample_at({0.02, 0, -0.001})));
-  // Near the edge the ball is only some millimetres thin.
+  // Near the edge the ball is only a few millimetres thick.
   const Touch jumped = object.touch(sample_at({0.027, 0, -0.05}));
   EXPECT_GT(jumped.depth_m, 0.01);
   EXPECT_GT(jumped.force_newton.z, 0) << "back to where it came from";
@@ -209,7 +209,7 @@ TEST(Sphere, PushesADeviceBackThatJumpedThroughIt) {
 TEST(Texture, KeepsADeviceFromJumpingThroughARidge) {
   const Scene scene{Shape::kTexture, 0};
   GodObject object(scene, kSpring);
-  // From one trough to the next, below the crest between them.
+  // Moves from one trough to the next, below the crest between them.
   const double trough_m = Scene::kRidgeSpacingMetre / 2;
   static_cast<void>(object.touch(sample_at({-trough_m, 0, -0.0028})));
   const Touch jumped = object.touch(sample_at({trough_m, 0, -0.0028}));

@@ -9,7 +9,7 @@ namespace {
 
 const Bytes kPrologue{std::byte{7}, std::byte{8}};
 
-/// A client and a server that know each other, up to where a test begins.
+/// A client and a server that know each other, at the point where a test begins.
 class Handshake {
  public:
   explicit Handshake(Suite suite, std::uint64_t seed = 1)
@@ -130,7 +130,7 @@ TEST_P(HandshakeTest, NothingFitsAnotherPrologueServerSecretOrSuite) {
     if (other == GetParam()) continue;
     expect_refused(Responder(other, handshake.server_key.clone(), Secret{}, kPrologue));
   }
-  // Another pre-shared key shows only in message 2.
+  // Only message 2 reveals a different pre-shared key.
   handshake.responder.emplace(GetParam(), handshake.server_key.clone(),
                               random_secret(handshake.random), kPrologue);
   ASSERT_TRUE(handshake.responder->read_message_1(message, {}));
@@ -151,7 +151,7 @@ TEST_P(HandshakeTest, KeysOfSmallOrderEndIt) {
   EXPECT_EQ(read.error(), HandshakeError::kBadKey);
 }
 
-// sec-3-1: no second message of one ephemeral key.
+// sec-3-1: an ephemeral key sends no second message.
 TEST_P(HandshakeTest, MessagesHaveTheirSizeAndTheirTurn) {
   Handshake handshake(GetParam());
   Bytes message(message_1_size(4) - 1);
@@ -170,7 +170,7 @@ TEST_P(HandshakeTest, MessagesHaveTheirSizeAndTheirTurn) {
   EXPECT_EQ(handshake.responder->keys().error(), HandshakeError::kOutOfTurn);
 }
 
-// A server that is asked twice with the same message 1 gives other keys each time.
+// A server that gets the same message 1 twice creates different keys each time.
 TEST_P(HandshakeTest, ReplayedMessage1GivesOtherKeys) {
   Handshake handshake(GetParam());
   const Bytes message = handshake.write_1();

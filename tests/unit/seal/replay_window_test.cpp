@@ -46,7 +46,7 @@ TEST(ReplayWindow, ForgetsNothingWithinItsSizeAcrossAnyJump) {
   }
 }
 
-// Against a set of all counters that were received.
+// Compared with a set of all received counters.
 TEST(ReplayWindow, AgreesWithASetInAnyOrder) {
   std::mt19937_64 random(3);
   for (int round = 0; round < 20; ++round) {

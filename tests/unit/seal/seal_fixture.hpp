@@ -24,7 +24,7 @@ inline KeyPair random_pair(Random& random) {
   return KeyPair::of(random_secret(random));
 }
 
-/// Both suites, or the one that this machine has.
+/// Both suites, or the only one that this machine supports.
 inline std::vector<Suite> all_suites() {
   std::vector<Suite> suites{Suite::kChaChaPoly};
   if (best_suite(suites_here(), suites_here()) == Suite::kAesGcm) suites.push_back(Suite::kAesGcm);

@@ -16,14 +16,14 @@
 namespace rtpm::seal::test {
 namespace {
 
-// sec-5: one session can't become two that count alike.
+// sec-5: one session can't become two with the same counters.
 static_assert(!std::is_copy_constructible_v<SealedSession> &&
               !std::is_move_constructible_v<SealedSession> &&
               !std::is_copy_assignable_v<SealedSession> &&
               !std::is_move_assignable_v<SealedSession>);
 
 constexpr std::size_t kHeader = 64;
-/// As few frames to a key as a window allows, so that tests reach many keys.
+/// The smallest number of frames per key that a window allows, so that tests reach many keys.
 constexpr SessionLimits kShort{.generation_bits = 10};
 
 class Pair {
@@ -42,7 +42,7 @@ class Pair {
     return frame;
   }
   Bytes sealed() { return sealed(random_bytes(random, random() % 40)); }
-  /// @return whether it was opened, else why not
+  /// @return nothing if the frame was opened, else the error
   std::optional<OpenError> open(Bytes frame) {
     auto payload = server->open(kHeader, frame);
     if (payload) return std::nullopt;
@@ -79,7 +79,7 @@ TEST_P(SessionTest, OpensWhatTheOtherSideSealed) {
     EXPECT_TRUE(std::ranges::equal(*opened, payload));
   }
   EXPECT_TRUE(pair.server->is_confirmed());
-  // Nothing that a side sealed fits itself.
+  // A side cannot open frames that it sealed itself.
   Bytes own = pair.sealed();
   EXPECT_EQ(pair.client->open(kHeader, own).error(), OpenError::kForged);
 }
@@ -98,7 +98,7 @@ TEST_P(SessionTest, SealsInPlace) {
   EXPECT_TRUE(std::ranges::equal(*opened, ConstBytes(text).subspan(kHeader)));
 }
 
-// sec-5-3: each bit of header, payload, counter and tag; and the session is as before.
+// sec-5-3: each bit of header, payload, counter and tag; the session does not change.
 TEST_P(SessionTest, AnyFlippedBitIsRefusedAndChangesNothing) {
   Pair pair(GetParam());
   const Bytes frame = pair.sealed(random_bytes(pair.random, 20));
@@ -130,7 +130,7 @@ TEST_P(SessionTest, CutAndLengthenedFramesAreRefused) {
   EXPECT_FALSE(pair.open(frame));
 }
 
-// sec-5-2: also at the edges of keys, and the counter is the frame's.
+// sec-5-2: this holds at the edges of keys, too, and the counter is the frame's.
 TEST_P(SessionTest, CountersNeverRepeat) {
   Pair pair(GetParam(), kShort);
   std::set<std::uint64_t> counters;
@@ -140,14 +140,14 @@ TEST_P(SessionTest, CountersNeverRepeat) {
     EXPECT_EQ(load_le<std::uint64_t>(frame.data() + frame.size() - kTrailerSize), next);
     EXPECT_TRUE(counters.insert(next).second);
   }
-  // A frame that does not fit its buffer uses up none, as nothing was sealed.
+  // A frame that does not fit its buffer uses up no counter, because nothing was sealed.
   Bytes small(kHeader);
   const std::uint64_t next = pair.client->send_counter();
   EXPECT_EQ(pair.client->seal(Bytes(kHeader), Bytes(3), small).error(), SealError::kBadSize);
   EXPECT_EQ(pair.client->send_counter(), next);
 }
 
-// sec-5-4, sec-5-5: reordered by up to a window, across many keys, with losses and copies.
+// sec-5-4, sec-5-5: reordered by up to a window, across many keys, with losses and duplicates.
 TEST_P(SessionTest, EdgesOfKeysHoldUnderReordering) {
   for (std::uint64_t seed = 1; seed <= 4; ++seed) {
     Pair pair(GetParam(), kShort, Order::kAny, seed);
@@ -182,7 +182,7 @@ TEST_P(SessionTest, EdgesOfKeysHoldUnderReordering) {
   }
 }
 
-// sec-5-5: exactly the former, the present and the next key.
+// sec-5-5: exactly the previous, the present and the next key.
 TEST_P(SessionTest, OneKeyAheadIsOpenedAndTwoAreNot) {
   const std::uint64_t keyed = std::uint64_t{1} << kShort.generation_bits;
   for (const std::uint64_t skipped : {keyed - 1, keyed, 2 * keyed - 1, 2 * keyed, 3 * keyed}) {
@@ -235,7 +235,7 @@ TEST_P(SessionTest, EndsAfterTooManyForgeries) {
   for (int i = 0; i < 99; ++i)
     EXPECT_EQ(pair.open(bad), OpenError::kForged);
   EXPECT_FALSE(pair.open(good));
-  // A copy of what was opened is no forgery, whatever its tag.
+  // A duplicate of an opened frame is no forgery, whatever its tag.
   EXPECT_EQ(pair.open(bad), OpenError::kReplayed);
   Bytes last = pair.sealed();
   last.back() ^= std::byte{1};
@@ -268,7 +268,7 @@ TEST_P(SessionTest, NothingIsSealedOrOpenedAfterItsEnd) {
   EXPECT_EQ(pair.server->seal(Bytes(kHeader), {}, out).error(), SealError::kEnded);
 }
 
-// A child that goes on sealing would repeat its parent's counters.
+// A child process that continued to seal would repeat its parent's counters.
 TEST_P(SessionTest, AChildProcessHasNoSessionWhereItsMemoryIsWipedOnFork) {
   const std::size_t size = (sizeof(SealedSession) + 4095) / 4096 * 4096;
   void* const pages =

@@ -28,7 +28,7 @@ class Pressed {
     auto driver = device_sim::SimDriver::create({});
     RTPM_ASSERT(driver.has_value(), "the default arm exists");
     driver_ = std::move(*driver);
-    // The guard would brake the wall that is too late, which hides how soft it is.
+    // The guard would brake the late wall, which hides how soft it is.
     gvd::CycleConfig config;
     config.safety = gvd::SafetyConfig::for_device(driver_->describe());
     config.safety->has_passivity_guard = false;
@@ -38,8 +38,8 @@ class Pressed {
     lease_ = *cycle_->lease().acquire();
   }
 
-  /// Ten seconds, five presses. The client's force of a sample reaches the device `delay` after
-  /// the command was sent, whose sample was `delay` old.
+  /// Ten seconds with five presses. The client computes its force from a sample that is `delay`
+  /// old, and the command takes another `delay` to the device.
   Feel render_remotely(Duration delay) {
     DelayLine<driver::Vector3, 2048> link(2 * delay);
     for (int i = 0; i < 10'000; ++i) {
@@ -51,8 +51,8 @@ class Pressed {
     }
     return feel_;
   }
-  /// Likewise; the client's models arrive `delay` after they were sent, at the beginning and then
-  /// every 200 ms.
+  /// The same, but the client sends models, at the beginning and then every 200 ms; they take
+  /// `delay` to arrive.
   Feel render_locally(Duration delay) {
     const std::vector<gvd::Model> models{kWall.as_plane()};
     for (int i = 0; i < 10'000; ++i) {

@@ -67,7 +67,7 @@ TEST_F(WallParametersTest, RefuseAWallThatWouldBuzzWithItsDamping) {
   EXPECT_EQ(refused.error().outcome, ConfigurationOutcome::kRefusedByDevice);
   EXPECT_NE(refused.error().words.text().find("800"), std::string::npos);
   EXPECT_TRUE(walls_.empty());
-  // Without damping the same is passive: both are judged together.
+  // Without damping the same wall is passive: damping and stiffness are judged together.
   EXPECT_TRUE(
       apply({{"wall.stiffness_newton_per_m", 950.0}, {"wall.damping_newton_s_per_m", 0.0}}));
 }

@@ -39,7 +39,7 @@ TEST(StiffnessBound, FollowsItsFormula) {
 }
 
 /// Presses a mass against the wall with 1 N, over a loop with the delays that stiffness_bound()
-/// counts; gives the fastest motion of the fourth second, in m/s: nothing once it rests.
+/// counts; returns the fastest motion in the fourth second, in m/s: zero once it rests.
 double buzz(const Wall& wall, double device_damping) {
   constexpr double kMassKg = 0.15;
   constexpr double kSliceSeconds = 0.00002;
@@ -51,7 +51,7 @@ double buzz(const Wall& wall, double device_damping) {
   driver::Vector3 waiting{};
   scene::GodObject proxy = wall.proxy();
   for (int cycle = 0; cycle < 4000; ++cycle) {
-    // The device takes the force of the last cycle and measures; the loop sees the former sample.
+    // The device applies the last cycle's force and measures; the loop gets the previous sample.
     const double applied_newton = waiting.z;
     waiting = proxy.touch(measured).force_newton;
     measured = sample_at(z_m, velocity);

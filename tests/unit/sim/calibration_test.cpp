@@ -9,7 +9,7 @@
 #include "rtpm/device_sim/gaze_driver.hpp"
 #include "rtpm/device_sim/sim_driver.hpp"
 
-/// The calibrations of arm and gaze tracker, played through the driver interface.
+/// The calibrations of arm and gaze tracker, through the driver interface.
 namespace rtpm::device_sim {
 namespace {
 
@@ -144,7 +144,7 @@ TEST(ArmParameters, TheVelocityIsAMeanOverAsManyCyclesAsSet) {
   EXPECT_GT(velocity_after(1), velocity_after(8)) << "it accelerates: the shorter, the newer";
 }
 
-/// Root mean square of a tracker's error over the nine points.
+/// The root mean square of a tracker's error over the nine points.
 double error_rad(GazeDriver& tracker, Cycles& cycles) {
   double sum = 0;
   for (int i = 0; i < GazeDriver::kPointCount; ++i) {
@@ -171,7 +171,7 @@ TEST(GazeCalibration, NinePointsTakeTheOpticsOut) {
   ASSERT_TRUE(tracker.set_parameters(found));
   EXPECT_LT(error_rad(tracker, cycles), before_rad / 30);
   EXPECT_NEAR(tracker.correction().gain.right_rad, 1 / GazeDriver::kOpticsGain.right_rad, 2e-3);
-  // A second calibration of the corrected tracker finds the same.
+  // A second calibration of the corrected tracker gives the same result.
   auto again = test::result_of(cycles.calibrate("nine_points"));
   ASSERT_TRUE(tracker.set_parameters(again));
   EXPECT_LT(error_rad(tracker, cycles), before_rad / 30);

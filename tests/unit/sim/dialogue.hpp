@@ -15,7 +15,7 @@
 
 namespace rtpm::test {
 
-/// Runs a driver in cycles of a millisecond, and calibrations through its interface.
+/// Runs a driver in cycles of a millisecond, and its calibrations through its interface.
 class Cycles {
  public:
   /// Configures and activates `driver`.
@@ -35,14 +35,14 @@ class Cycles {
     return sample_;
   }
 
-  /// What an operator does at a prompt, before the answer: moves the device, looks somewhere.
+  /// The operator's action at a prompt, before the answer: moves the device, or looks somewhere.
   using Act = std::function<void(int prompt)>;
   struct End {
     driver::CalibrationState state{};
     int prompt_count = 0;
   };
-  /// Plays the calibration `name` to its end, or until `prompt_max` prompts have come; answers each
-  /// with the first of its answers.
+  /// Plays the calibration `name` to its end, or until `prompt_max` prompts have appeared; gives
+  /// each prompt its first answer.
   End calibrate(std::string_view name, const Act& act = {}, int prompt_max = 100) {
     const auto calibration = driver_.make_calibration(name);
     EXPECT_NE(calibration, nullptr);
@@ -64,7 +64,7 @@ class Cycles {
     ADD_FAILURE() << "the calibration does not end";
     return end;
   }
-  /// Moves the device within an Act: the calibration sees the samples.
+  /// Moves the device within an Act, so that the calibration sees the samples.
   void move(int cycle_count, const driver::Setpoint& setpoint) {
     for (int i = 0; i < cycle_count; ++i) {
       static_cast<void>(calibrating_->step(run(1, setpoint), std::nullopt));
@@ -78,7 +78,7 @@ class Cycles {
   driver::Calibration* calibrating_ = nullptr;
 };
 
-/// The result of a calibration that is done; its test fails if it is not.
+/// The result of a finished calibration; the test fails if it is not finished.
 inline std::vector<driver::ParameterSetting> result_of(const Cycles::End& end) {
   if (const auto* done = std::get_if<driver::CalibrationDone>(&end.state)) return done->settings;
   const auto* failed = std::get_if<driver::CalibrationFailed>(&end.state);
@@ -86,7 +86,7 @@ inline std::vector<driver::ParameterSetting> result_of(const Cycles::End& end) {
   return {};
 }
 
-/// Checks that a calibration failed with words in which `part` occurs.
+/// Checks that a calibration failed with a message that contains `part`.
 inline void expect_failure(const Cycles::End& end, std::string_view part) {
   const auto* failed = std::get_if<driver::CalibrationFailed>(&end.state);
   ASSERT_NE(failed, nullptr) << "it did not fail";

@@ -12,7 +12,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-/// Runs `cycle_count` cycles of 1 ms with a wall at z = 0 and gives all samples.
+/// Runs `cycle_count` cycles of 1 ms with a wall at z = 0 and returns all samples.
 std::vector<driver::Sample> run(SimDriver& sim, int cycle_count, double stiffness_newton_per_m) {
   EXPECT_TRUE(sim.configure({.period = milliseconds{1}}));
   EXPECT_TRUE(sim.activate());

@@ -36,7 +36,7 @@ TEST(Trajectory, ReadsWithAndWithoutHeaderCommentsAndSpaces) {
 }
 
 TEST(Trajectory, GoesStraightBetweenPointsAtAnyRate) {
-  // Times begin where the recorder began, and the steps differ.
+  // Times begin at the recorder's start, and the steps differ.
   const auto trajectory = parse("100,0,0,0\n100.1,0.01,0,0\n102.1,0.01,0.04,0\n");
   ASSERT_TRUE(trajectory);
   EXPECT_TRUE(trajectory->at(0.05).position_m.isApprox(Eigen::Vector3d(0.005, 0, 0)));
@@ -100,7 +100,7 @@ TEST(TrajectoryErrors, NameFileLineAndWhatIsWrong) {
   EXPECT_EQ(error_of("0,0,0,0\n1,35,0,0\n"),
             "hand.csv:2: x_m is 35, outside the arm's workspace of -0.1 to 0.1 m; positions are in "
             "metres");
-  // A header is the first line or none.
+  // Only the first line may be a header.
   EXPECT_EQ(error_of("0,0,0,0\nt_s,x_m,y_m,z_m\n"),
             "hand.csv:2: t_s is \"t_s\", which is not a number (a decimal point, no unit)");
 }

@@ -9,14 +9,14 @@
 #include "rtpm/device_sim/knob_driver.hpp"
 #include "rtpm/device_sim/player_driver.hpp"
 
-/// The simulated devices beside the arm, on a simulated time line.
+/// The simulated devices other than the arm, on a simulated time line.
 namespace rtpm::device_sim {
 namespace {
 
 using driver::CommandMode;
 using std::chrono::milliseconds;
 
-/// Runs a twin for a number of cycles of a millisecond with one command.
+/// Runs a twin for `count` cycles of a millisecond with one command.
 template <class Driver>
 class Played {
  public:

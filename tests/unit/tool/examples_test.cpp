@@ -13,15 +13,15 @@
 #include "rtpm/schema/dynamic.hpp"
 #include "rtpm/schema/schema_text.hpp"
 
-// Every example of `rtpm` in a README, in the manual and in a command's help: the command exists,
-// takes these options, and a call has a method and a request that its object takes.
+// Checks every example of `rtpm` in a README, in the manual and in a command's help: the command
+// exists and takes these options, and a call has a method and a request that its object accepts.
 namespace rtpm::tool {
 namespace {
 
 namespace fs = std::filesystem;
 
 struct Example {
-  std::string place;  ///< "clients/rtpm/README.md", or the command whose help it is.
+  std::string place;  ///< "clients/rtpm/README.md", or the command with this help.
   std::string text;   ///< The line without its comment.
 };
 
@@ -54,7 +54,7 @@ std::string stripped(const std::string& line) {
   const std::size_t begin = line.find_first_not_of(' ');
   const std::string text = begin == std::string::npos ? std::string() : line.substr(begin);
   const std::string command = text.starts_with("$ ") ? text.substr(2) : text;
-  return command.substr(0, command.find("   "));  // A help's words about it follow.
+  return command.substr(0, command.find("   "));  // In a help, an explanation follows.
 }
 
 void take_lines(const std::string& place, const std::string& text, std::vector<Example>& examples) {
@@ -93,7 +93,7 @@ std::vector<Example> examples() {
   return found;
 }
 
-/// "rtpm::schema::Dynamic" of a service of RTPM's own, or of a golden.
+/// The rtpm::schema::Dynamic of a service of RTPM's own, or of a golden.
 std::unique_ptr<schema::Dynamic> service(const char* file, std::string_view name) {
   const fs::path folder = fs::path(RTPM_SOURCE) / "schema";
   const auto compiled = schema::compile(
@@ -105,7 +105,7 @@ std::unique_ptr<schema::Dynamic> service(const char* file, std::string_view name
   return schema::Dynamic::make(schema::schema_text(*compiled.model, *found), name, error);
 }
 
-/// The object that an example calls: a device of rtpm-deviced, if nothing else is said.
+/// The object that an example calls; by default a device of rtpm-deviced.
 std::unique_ptr<schema::Dynamic> object_of(const Example& example, const std::string& target) {
   if (target.ends_with("rtpm/names")) return service("idl/names.fbs", "rtpm.names.Names");
   if (target.ends_with("rtpm/events")) return service("idl/events.fbs", "rtpm.events.Hub");
@@ -135,7 +135,7 @@ TEST(Examples, OfCallsHaveAMethodAndARequestThatTheObjectTakes) {
   std::size_t count = 0;
   for (const Example& example : examples()) {
     const std::vector<std::string> words = words_of(example.text);
-    // The tutorial's own service is tried by the tutorial's test.
+    // The tutorial's test covers the tutorial's own service.
     if (words.size() < 4 || words[1] != "call" || example.place == "schema/TUTORIAL.md") continue;
     const auto object = object_of(example, words[2]);
     ASSERT_NE(object, nullptr) << example.place << ": " << example.text;

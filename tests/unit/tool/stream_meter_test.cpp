@@ -6,7 +6,7 @@
 #include <random>
 #include <vector>
 
-// What `rtpm hz` tells of a stream whose rate, losses and jitter are known.
+// The report of `rtpm hz` on a stream with known rate, losses and jitter.
 namespace rtpm::tool {
 namespace {
 
@@ -19,7 +19,7 @@ struct Event {
   MonotonicTime origin{};
 };
 
-/// Every event of `count`, each second one late by `shift`.
+/// `count` events; every second one is late by `shift`.
 std::vector<Event> stream(std::uint64_t count, Duration shift = 0ns, std::uint64_t first = 1) {
   std::vector<Event> events;
   for (std::uint64_t i = 0; i < count; ++i) {
@@ -70,7 +70,7 @@ TEST(StreamMeter, TellsLossesExactlyAndTheRateAsSent) {
 }
 
 TEST(StreamMeter, TellsJitterExactly) {
-  // Intervals are 110 us and 90 us in turns.
+  // Intervals alternate between 110 us and 90 us.
   const StreamMeter meter = measured(stream(100'001, 10us));
   EXPECT_EQ(meter.jitter()->mean, kPeriod);
   EXPECT_EQ(meter.jitter()->max, 10us);
@@ -81,7 +81,7 @@ TEST(StreamMeter, CountsDuplicatesAndDisorderAndLosesNothingByThem) {
   std::vector<Event> events = stream(1'000);
   events.insert(events.begin() + 500, events[499]);  // A duplicate.
   events.insert(events.begin() + 500, events[10]);   // An old one.
-  std::swap(events[700], events[705]);               // One comes too early, one late.
+  std::swap(events[700], events[705]);               // One arrives too early, one late.
   const StreamMeter meter = measured(events);
   EXPECT_EQ(meter.count(), 1'000u);
   EXPECT_EQ(meter.lost_count(), 0u);

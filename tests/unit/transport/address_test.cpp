@@ -52,7 +52,7 @@ TEST(SocketAddress, IsTheSameAsAPeerAndBack) {
   EXPECT_EQ(numeric("10.0.0.7", 1).mapped_into_ipv6().host(), "::ffff:10.0.0.7");
 }
 
-// Quotas are per host, and per /64 of IPv6 addresses: hp-4-7.
+// hp-4-7: quotas apply per IPv4 host, and per /64 of IPv6 addresses.
 TEST(SocketAddress, OfOneNetworkOfIpv6IsOfOneHost) {
   const auto are_same = [](const char* a, const char* b) {
     return wire::is_same_host(numeric(a, 1).peer(), numeric(b, 2).peer());
@@ -100,7 +100,7 @@ TEST(Host, WhoseNameNobodyKnowsIsNamed) {
               {"host 'no-such-host.invalid'", "Remedy: check the name, or give a numeric address"});
 }
 
-// Whatever the name server does meanwhile.
+// Holds whatever the name server does meanwhile.
 TEST(Host, IsNotWaitedForBeyondTheDeadline) {
   const auto address = addresses_of("no-such-host.invalid", 1, rt::now() - 1s);
   ASSERT_FALSE(address);
@@ -148,7 +148,7 @@ TEST(HostsToServe, SayWhatIsWrong) {
   expect_text(error_of(many), {"18 addresses", "at most 16"});
 }
 
-/// Sends from a client at `host`, as a datagram or several that go together, and answers.
+/// A client at `host` sends, in one datagram and in a batch, and gets answers.
 void expect_answer_from_where_it_called(UdpPort& port, const std::string& host,
                                         std::uint16_t number) {
   auto client = open_udp_transport(host, number, 0);
@@ -163,7 +163,7 @@ void expect_answer_from_where_it_called(UdpPort& port, const std::string& host,
   DatagramBatch batch = DatagramBatch::allocate();
   ASSERT_TRUE(batch.add(frame_of(2)) && batch.add(frame_of(2)));
   ASSERT_TRUE(port.send_batch(datagrams->peer(), batch));
-  // The client is connected: the system gives it nothing that comes from elsewhere.
+  // The client is connected: the system passes it no datagram from another address.
   for (int i = 0; i < 3; ++i)
     ASSERT_TRUE(rtpm::test::await([&] { return (*client)->receive().has_value(); })) << host << i;
 }

@@ -20,7 +20,7 @@ using namespace std::chrono_literals;
 
 constexpr std::size_t kSize = 8192;
 
-/// Memory, a door to it, and a thread that lets readers in.
+/// Memory, a door to it, and a thread that admits readers.
 class Broadcast : public testing::Test {
  protected:
   void SetUp() override {
@@ -31,7 +31,7 @@ class Broadcast : public testing::Test {
     ASSERT_TRUE(door) << door.error().text();
     door_.emplace(std::move(*door));
   }
-  /// A view, with the door opened for it meanwhile.
+  /// A view; the door is open for it meanwhile.
   expected<BroadcastView, SetupError> view() {
     std::thread porter([this] {
       static_cast<void>(wait_readable(door_->descriptor(), rt::now() + 10s));
@@ -60,7 +60,7 @@ TEST_F(Broadcast, ReaderThatMeansHarmCannotWriteIt) {
   EXPECT_EQ(mmap(nullptr, kSize, PROT_READ | PROT_WRITE, MAP_SHARED, descriptor, 0), MAP_FAILED);
   EXPECT_LT(write(descriptor, "x", 1), 0);
   EXPECT_NE(ftruncate(descriptor, 0), 0);
-  // Not even through the way by which a process opens its own descriptors anew.
+  // Reopening the descriptor through /proc does not help, either.
   const std::string path = "/proc/self/fd/" + std::to_string(descriptor);
   const Descriptor again(::open(path.c_str(), O_RDWR | O_CLOEXEC));
   if (again.is_open()) {
@@ -101,7 +101,7 @@ TEST_F(Broadcast, NobodySleepsWhoMissedTheBell) {
 TEST_F(Broadcast, SleeperWakesByItselfWhereThePeerSpoiltTheBell) {
   auto seen = view();
   ASSERT_TRUE(seen);
-  // As if the word had been set back behind the writer's back: it rang, and nobody can tell.
+  // Simulates a peer that resets the word after the writer's ring, so that the ring is invisible.
   const MonotonicTime begin = rt::now();
   seen->bell().sleep(seen->bell().value(), 2, kNever);
   EXPECT_GE(rt::now() - begin, Duration{0}) << "and it returned";

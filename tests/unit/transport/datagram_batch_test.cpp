@@ -114,7 +114,7 @@ TEST(Datagrams, AreCutWhereTheyAreLongerThanAFrame) {
   EXPECT_FALSE(datagrams.next());
 }
 
-// A caller that waits for its reply leaves a pause; who does not is one for batches.
+// A caller that waits for its reply pauses; one that does not pause can use batches.
 TEST(BatchEstimator, BeginsWhereOnePeerSendsWithoutAPause) {
   using Change = BatchEstimator::Change;
   BatchEstimator sense;
@@ -154,7 +154,7 @@ TEST(BatchEstimator, EndsWhereNoneComeForLong) {
   EXPECT_FALSE(sense.may_be_left());
 }
 
-/// A port and a client to it.
+/// A port and a client connected to it.
 struct Ends {
   Ends() {
     const auto listener = TcpListener::open(kHere, 0);
@@ -163,7 +163,7 @@ struct Ends {
     port.emplace(std::move(*opened));
     client = std::move(*open_udp_transport(kHere, listener->port(), 0));
   }
-  /// The next datagrams at the port, at most `count`; the last of their peers is kept.
+  /// The next datagrams at the port, at most `count`; remembers the last sender.
   std::vector<Bytes> receive(std::size_t count) {
     std::vector<Bytes> frames;
     while (frames.size() < count && wait_readable(port->descriptor(), rt::now() + 20s)) {
@@ -177,7 +177,7 @@ struct Ends {
     }
     return frames;
   }
-  /// The next at the client.
+  /// The next datagrams at the client.
   std::vector<Bytes> receive_at_client(std::size_t count) {
     std::vector<Bytes> frames;
     while (frames.size() < count) {
@@ -222,7 +222,7 @@ TEST(UdpBatch, ArrivesWholeAtAClientThatAcceptsBatches) {
     EXPECT_EQ(ends.receive_at_client(8), replies);
     EXPECT_EQ(ends.buffered_count, 7) << "or the system has no batches";
   }
-  // A single one goes on as ever.
+  // A single datagram is sent as before.
   ASSERT_TRUE(ends.port->send(ends.peer, frame_of(9)));
   EXPECT_EQ(ends.receive_at_client(1), std::vector<Bytes>{frame_of(9)});
 }
@@ -238,8 +238,8 @@ TEST(UdpBatch, ArrivesWholeAtAPortThatExpectsBatches) {
   EXPECT_EQ(ends.receive_count, 1);
 }
 
-// Between the last look and the end of batches one may come, and then nobody says how long its
-// datagrams are but these themselves.
+// A batch may arrive between the last look and the end of batches; then only its datagrams' own
+// headers say how long they are.
 TEST(UdpBatch, IsNotLostWhereBatchesHaveJustEnded) {
   Ends ends;
   const auto requests = frames_of(4, 50, 50);

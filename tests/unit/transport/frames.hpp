@@ -14,7 +14,7 @@
 #include "rtpm/transport/socket.hpp"
 #include "rtpm/wire/header.hpp"
 
-/// What the tests of the transports send.
+/// Frames for the tests of the transports.
 namespace rtpm::transport {
 
 inline void PrintTo(IoError error, std::ostream* out) {
@@ -31,7 +31,7 @@ using Bytes = std::vector<std::byte>;
   return {bytes.begin(), bytes.end()};
 }
 
-/// A call of `priority` with a payload of `size` bytes that tell it from others.
+/// A call of `priority` whose payload of `size` bytes identifies it.
 [[nodiscard]] inline Bytes frame_of(std::size_t size, Priority priority = 0,
                                     std::uint32_t call_id = 1) {
   wire::Header header;

@@ -35,7 +35,7 @@ using namespace test;
 using namespace std::chrono_literals;
 
 constexpr const char* kHere = "127.0.0.1";
-// A block of addresses that nobody has (RFC 5737).
+// A reserved block of addresses without hosts (RFC 5737).
 constexpr const char* kNobodysAddress = "192.0.2.1";
 
 UdpPort open_udp(std::uint16_t port, bool joins = false) {
@@ -44,7 +44,7 @@ UdpPort open_udp(std::uint16_t port, bool joins = false) {
   return std::move(*opened);
 }
 
-/// The next datagram, for which it waits.
+/// Waits for the next datagram.
 std::optional<Bytes> await_datagram(UdpPort& port, std::size_t room = 2000) {
   Bytes buffer(room);
   std::optional<Bytes> bytes;
@@ -92,7 +92,7 @@ TEST(TcpListener, AcceptsWithoutWaiting) {
   EXPECT_TRUE(listener->accept().socket.is_open());
 }
 
-// Left waiting they would wake the acceptor for ever.
+// Waiting connections would wake the acceptor for ever.
 TEST(TcpListener, TurnsConnectionsAwayWhenNoDescriptorIsLeft) {
   const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
     auto listener = TcpListener::open(kHere, 0);
@@ -123,7 +123,7 @@ TEST(TcpListener, TurnsConnectionsAwayWhenNoDescriptorIsLeft) {
   EXPECT_EQ(child.status, 0) << child.errors;
 }
 
-// Nobody may be called to it again and again meanwhile.
+// The acceptor must not be woken repeatedly meanwhile.
 TEST(TcpListener, SaysThatAConnectionStillWaits) {
   const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
     const auto listener = TcpListener::open(kHere, 0);
@@ -214,7 +214,7 @@ TEST(Host, WithoutAWayToItIsNotTakenForAShortage) {
   EXPECT_FALSE(is_shortage(client.error().cause.value()));
 }
 
-// Each says so, with the remedy, instead of that nobody is there.
+// Each error says so, with the remedy, instead of claiming that there is no server.
 TEST(Descriptors, ThatAreUsedUpAreNamed) {
   const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
     const rlimit few{64, 64};
@@ -324,7 +324,7 @@ TEST(UdpTransport, KnowsWhetherItsFramesStayHere) {
   EXPECT_FALSE((*away)->is_on_host());
 }
 
-// Where it may block in the receive itself, it ends in time all the same, and takes what comes.
+// If await() may block in the receive itself, it still ends in time, and takes arriving datagrams.
 TEST(UdpTransport, AwaitsForAsLongAsItIsTold) {
   const std::uint16_t number = free_port();
   UdpPort port = open_udp(number);
@@ -368,7 +368,7 @@ TEST(TcpTransport, SaysThatNobodyIsThere) {
                "Remedy"});
 }
 
-// A listener that takes nobody off its queue, which holds one: further ones get no answer.
+// A listener that never accepts, with a queue of one: further connections get no answer.
 TEST(TcpTransport, GivesUpAtItsDeadline) {
   const Descriptor listener(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
   ASSERT_EQ(bind_to(listener.number(), *address_of(kHere, 0)), 0);
@@ -406,8 +406,8 @@ TEST(TcpTransport, CarriesFramesBothWays) {
   EXPECT_EQ(copy_of(*(*client)->receive()), frame_of(3));
 }
 
-// A lane sends the window of a large reply without waiting, and gives up a peer that has no room
-// for it. That must not befall a client that is only a little late, on a system with the usual
+// A lane sends the window of a large reply without waiting, and drops a peer whose buffers are
+// full. That must not happen to a client that is only slightly late, on a system with the usual
 // limits.
 TEST(TcpTransport, HasRoomForAWindowOfALargeMessage) {
   auto listener = TcpListener::open(kHere, 0);
@@ -417,7 +417,7 @@ TEST(TcpTransport, HasRoomForAWindowOfALargeMessage) {
   ASSERT_TRUE(late_reader);
   ASSERT_TRUE(wait_readable(listener->descriptor(), rt::now() + 20s));
   Descriptor socket = listener->accept().socket;
-  // What Linux allows by default (net.core.wmem_max), wherever this runs.
+  // Linux's default limit (net.core.wmem_max), wherever this runs.
   const int usual_limit = 212'992;
   ASSERT_EQ(setsockopt(socket.number(), SOL_SOCKET, SO_SNDBUF, &usual_limit, sizeof usual_limit),
             0);
@@ -448,10 +448,10 @@ TEST(TrafficClass, FollowsThePriority) {
   }
 }
 
-// The system hands a client the port of a server that is gone, sooner or later.
+// Sooner or later the system gives a client the port of a server that has ended.
 TEST(ClientTransport, IsNeverItsOwnPeer) {
   const std::uint16_t number = free_port();
-  constexpr int kTryCountMax = 400'000;  // It has some 28 000 ports to hand out.
+  constexpr int kTryCountMax = 400'000;  // The system has some 28 000 ports.
   int count = 0;
   while (count < kTryCountMax && open_udp_transport(kHere, number, 0))
     ++count;

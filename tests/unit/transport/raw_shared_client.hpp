@@ -15,14 +15,14 @@
 #include "frames.hpp"
 #include "rtpm/rt/clock.hpp"
 
-/// A client of shared memory by the specification alone, without RTPM's code, that can do all that
-/// it forbids.   Source: spec/hprotocol.md#hp-16.
+/// A client of shared memory that implements the specification without RTPM's code, and can violate
+/// it.   Source: spec/hprotocol.md#hp-16.
 namespace rtpm::transport::test {
 
 inline constexpr std::size_t kRequestSize = 16;
 inline constexpr std::size_t kAnswerSize = 32;
 
-/// hp-16.1-1: connects to the abstract name; not open if nobody is there.
+/// hp-16.1-1: connects to the abstract name; returns no open descriptor if there is no server.
 [[nodiscard]] inline Descriptor connect_to_name(const std::string& name) {
   Descriptor socket(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0));
   sockaddr_un address{};
@@ -43,13 +43,13 @@ inline constexpr std::size_t kAnswerSize = 32;
   return request;
 }
 
-/// What came as one message, with the descriptors that came with it.
+/// The bytes and descriptors of one message.
 struct RawMessage {
   Bytes bytes;
   Descriptor descriptor;
   Descriptor second;
 };
-/// Waits for a message; empty: the end.
+/// Waits for a message; an empty one means the end.
 [[nodiscard]] inline RawMessage take_message(int socket) {
   RawMessage message;
   message.bytes.resize(256);
@@ -75,7 +75,7 @@ struct RawMessage {
   return message;
 }
 
-/// The memory of a connection, as either side has it.
+/// The memory of a connection, as each side sees it.
 class RawMemory {
  public:
   RawMemory() = default;
@@ -117,8 +117,7 @@ class RawMemory {
   [[nodiscard]] std::size_t size() const { return size_; }
   [[nodiscard]] int descriptor() const { return memory_.number(); }
 
-  /// Writes the first record to the server, which may state another size or number than it has:
-  /// into the ring,
+  /// Writes the first record to the server, which may state a wrong size or number: into the ring,
   void write_first(const Bytes& frame, std::uint64_t stated_size,
                    std::uint64_t stated_number = 1) const {
     write_at(to_server_data(), frame, stated_size, stated_number);

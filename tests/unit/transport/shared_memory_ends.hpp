@@ -17,12 +17,12 @@
 #include "rtpm/test/os.hpp"
 #include "rtpm/transport/shared_memory.hpp"
 
-/// Both ends of a connection through shared memory, or one and a client that does what it likes.
+/// Both ends of a connection through shared memory, or one end and a misbehaving client.
 namespace rtpm::transport::test {
 
 using rtpm::test::await;
 
-/// An address of this test process alone.
+/// An address for this test process alone.
 inline SharedMemoryAddress own_address(std::string folder = {}) {
   static std::atomic<int> serial{0};
   return {"test-" + std::to_string(getpid()) + "-" + std::to_string(++serial), 4711,
@@ -36,7 +36,7 @@ inline MonotonicTime soon() {
   return rt::now() + std::chrono::seconds{20};
 }
 
-/// The listener of a server that takes clients when it is told to.
+/// The listener of a server that accepts clients on request.
 struct Host {
   explicit Host(SharedMemoryAddress its_address = own_address())
       : address(std::move(its_address)), listener(open(address)) {}
@@ -81,7 +81,7 @@ struct Pair {
   Priority given_priority{};
 };
 
-/// A server's end, and a client's by the specification alone.
+/// A server's end, and a client that implements only the specification.
 class RawPair {
  public:
   explicit RawPair(Host& host) {
@@ -97,7 +97,7 @@ class RawPair {
     event = std::move(answer.second);
     EXPECT_TRUE(event.is_open());
   }
-  /// How many bells wait.
+  /// The number of pending rings.
   int take_bells() const {
     int count = 0;
     std::byte bell{};

@@ -21,7 +21,7 @@ constexpr SourceTag kEvent(SourceKind{1}, 7);
 
 // ---- the rings ----------------------------------------------------------------------------------
 
-// hp-16.2-1: by the specification alone, in both directions.
+// hp-16.2-1: checked against the specification alone, in both directions.
 TEST(SharedMemoryRings, HasItsWordsWhereTheSpecificationSays) {
   Host host;
   RawPair pair(host);
@@ -119,8 +119,8 @@ TEST(SharedMemoryRings, GivesUpAPeerThatWritesNonsense) {
   EXPECT_EQ(sent.error(), IoError::kBroken) << "nobody took what was not written";
 }
 
-// hp-16.2-3: whatever a peer does to the memory, the other end stays alive and within its bounds,
-// which the sanitizers watch.
+// hp-16.2-3: whatever a peer writes to the memory, the other end survives and stays within its
+// bounds, which the sanitizers check.
 TEST(SharedMemoryRings, SurvivesAPeerThatScribbles) {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     Host host;
@@ -187,7 +187,7 @@ TEST(SharedMemoryRings, RingsOnceForASleeper) {
   EXPECT_EQ(pair.memory->to_client_sleeping(), 0u);
 }
 
-// hp-16.3-1: by the specification alone.
+// hp-16.3-1: checked against the specification alone.
 TEST(SharedMemoryRings, WakesAServerByTheEventThatCameWithTheAnswer) {
   Host host;
   RawPair pair(host);
@@ -255,7 +255,7 @@ TEST(SharedMemoryRings, EndsAWaitWhenAFrameComes) {
   Pair pair(host);
   std::thread server([&] {
     for (std::uint32_t i = 0; i < 200; ++i) {
-      // Before, while and after the client goes to sleep.
+      // The ring comes before, while and after the client goes to sleep.
       rt::sleep_until(rt::now() + std::chrono::microseconds{i});
       ASSERT_TRUE(pair.connection->send(frame_of(48, 0, i), rt::now()));
     }

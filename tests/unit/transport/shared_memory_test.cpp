@@ -59,7 +59,7 @@ TEST(SharedMemory, SendsNothingLargerThanAFrameMayBe) {
   expect_error(*pair.connection, IoError::kNothing);
 }
 
-// hp-16.1-1: the very bytes.
+// hp-16.1-1: the exact bytes.
 TEST(SharedMemory, AnswersAsTheSpecificationSays) {
   Host host;
   Descriptor socket = connect_to_name(abstract_name(host.address));
@@ -143,7 +143,7 @@ TEST(SharedMemory, IsNotForOtherUsers) {
   std::thread server([&] { given = host.welcome(); });
   const auto child = rtpm::test::run_in_child([&] {
     rtpm::test::drop_realtime_rights();
-    // The superuser's server is trusted; it is the server that refuses.
+    // The client trusts the superuser's server; the server refuses.
     const auto client = open_shared_memory_transport(host.address, 0, soon());
     return client ? std::string("it was taken") : client.error().text();
   });
@@ -152,7 +152,7 @@ TEST(SharedMemory, IsNotForOtherUsers) {
   expect_text(child.said, {"the server refused", "Remedy: run both as one user"});
 }
 
-// hp-16.1-4: anybody may take a name.
+// hp-16.1-4: any user may take a name.
 TEST(SharedMemory, TrustsNoServerOfAnotherUser) {
   if (geteuid() != 0) GTEST_SKIP() << "only root can be another user";
   const SharedMemoryAddress address = own_address();
@@ -188,7 +188,7 @@ TEST(SharedMemory, CanNotBeShrunkByThePeer) {
   EXPECT_NE(ftruncate(pair.memory->descriptor(), 1 << 30), 0);
 }
 
-/// Answers the next client with the given sizes and memory, as a server should not.
+/// Answers the next client with the given sizes and memory, as a bad server would.
 void answer_badly(const SharedMemoryListener& listener, std::uint32_t ring_size, int memory) {
   ASSERT_TRUE(wait_readable(listener.descriptor(), soon()));
   const Descriptor socket(accept4(listener.descriptor(), nullptr, nullptr, SOCK_CLOEXEC));
@@ -300,7 +300,7 @@ TEST(SharedMemory, TellsTheEndAfterTheLastFrame) {
     if (is_waiting) pair.client->wait(soon());
     expect_frame(*pair.client, frame_of(1));
     expect_frame(*pair.client, frame_of(2));
-    // A reader that spins asks now and then.
+    // A reader that spins checks now and then.
     EXPECT_TRUE(await(
         [&] {
           if (is_waiting) pair.client->wait(soon());
@@ -322,7 +322,7 @@ TEST(SharedMemory, TellsAServerThatItsClientIsGone) {
   expect_error(*pair.connection, IoError::kClosed);
 }
 
-/// What of this process refers to shared memory or sockets.
+/// The number of this process's descriptors for shared memory or sockets.
 std::size_t count_of_descriptors() {
   std::size_t count = 0;
   for (const auto& entry : fs::directory_iterator("/proc/self/fd")) {
@@ -362,7 +362,7 @@ TEST(SharedMemory, LeavesNothingBehindInItsProcess) {
   EXPECT_FALSE(is_name_there(abstract_name(address)));
 }
 
-// hp-16.4-1: however it ends.
+// hp-16.4-1: this holds for any kind of end.
 TEST(SharedMemory, IsGoneWithAServerThatIsKilled) {
   for (const bool is_waiting : {false, true}) {
     const SharedMemoryAddress address = own_address();

@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A folder of its own, which the first socket makes.
+/// A separate folder, which the first socket creates.
 class SocketFolderTest : public testing::Test {
  protected:
   void SetUp() override {
@@ -31,7 +31,7 @@ class SocketFolderTest : public testing::Test {
   [[nodiscard]] expected<FolderSocket, SetupError> create(std::string name) {
     return FolderSocket::create(folder_, std::move(name));
   }
-  /// As a program that was killed leaves it: nobody removes the file.
+  /// Like a program that was killed: its file remains.
   void leave_stale(const std::string& name) {
     auto socket = create("living");
     ASSERT_TRUE(socket) << socket.error().text();
@@ -91,7 +91,7 @@ TEST_F(SocketFolderTest, LeavesWhatIsNoneOfItsOwn) {
   EXPECT_TRUE(fs::exists(folder_ + "/file"));
 }
 
-// A reader looks at a bounded number of files, however many there are.
+// A reader examines a bounded number of files, however many exist.
 TEST_F(SocketFolderTest, IsReadUpToALimit) {
   const auto living = create("living");
   for (std::size_t i = 0; i < kFolderFileCountMax; ++i)

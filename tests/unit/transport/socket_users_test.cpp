@@ -12,7 +12,7 @@
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
 
-// Whose sockets take what is sent to an address.
+// The users whose sockets receive at an address.
 namespace rtpm::transport {
 namespace {
 
@@ -62,7 +62,7 @@ TEST(SocketUsers, AreFoundInTheSystem) {
   const auto udp = UdpPort::open({.host = "127.0.0.1", .port = tcp->port()});
   ASSERT_TRUE(udp);
   EXPECT_EQ(users_at(*address), std::optional(Users{geteuid()})) << "each once";
-  // Port 1 is served nowhere.
+  // There is no server at port 1.
   EXPECT_EQ(users_at(*SocketAddress::parse("127.0.0.1", 1)), std::optional(Users{}));
 }
 

@@ -36,7 +36,7 @@ class Lanes {
     transport_ = std::move(*open_udp_transport(called, number_, 0));
   }
 
-  /// The lane that gets the datagram; none if nobody does.
+  /// The lane that gets the datagram; nothing if none does.
   std::optional<std::size_t> lane_of(ConstBytes datagram) {
     EXPECT_TRUE(transport_->send(datagram));
     std::optional<std::size_t> lane;
@@ -52,13 +52,13 @@ class Lanes {
   std::optional<std::size_t> lane_of_priority(int priority) {
     return lane_of(frame_of(48, priority));
   }
-  /// Whether a lane's wake() reaches it, and it alone.
+  /// Expects that a lane's wake() reaches this lane only.
   void expect_woken(std::size_t lane) {
     ports_[lane].wake();
     for (std::size_t i = 0; i < ports_.size(); ++i) {
       ASSERT_TRUE(transport_->send(frame_of(48, lows_[i])));
       Bytes buffer(2000);
-      // Datagrams keep their order, so that the wake-up comes before this one.
+      // Datagrams keep their order, so that the wake-up precedes this one.
       if (i == lane) {
         EXPECT_FALSE(ports_[i].await(buffer)) << lane << " was not woken";
       }
@@ -120,7 +120,7 @@ TEST(Steering, WorksForTheMostLanes) {
   }
 }
 
-// Garbage is the least urgent thing there is.
+// Garbage has the lowest priority.
 TEST(Steering, GivesWhatHasNoPriorityToTheLowestLane) {
   Lanes lanes({0, 100, 20'000});
   for (std::size_t size = 0; size < 6; ++size) {

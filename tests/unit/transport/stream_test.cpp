@@ -24,7 +24,7 @@ class FrameStreamTest : public testing::Test {
  protected:
   FrameStreamTest() : FrameStreamTest(stream_pair()) {}
 
-  /// What receive() gives: a frame's bytes, or the reason why not.
+  /// The result of receive(): a frame's bytes, or the error.
   expected<Bytes, IoError> receive() {
     const auto frame = stream_.receive();
     if (!frame) return unexpected{frame.error()};
@@ -93,7 +93,7 @@ TEST_F(FrameStreamTest, TakesApartWhatCameTogether) {
   expect_nothing();
 }
 
-// A poll tells when the rest comes, so it is nothing that would be overlooked.
+// A poll reports when the rest arrives, so that the frame cannot be overlooked.
 TEST_F(FrameStreamTest, CountsNoPartOfAFrameAsBuffered) {
   const Bytes frame = frame_of(20);
   for (const std::size_t part : {1u, 63u, 64u, 83u}) {
@@ -108,7 +108,7 @@ TEST_F(FrameStreamTest, CountsNoPartOfAFrameAsBuffered) {
   }
 }
 
-// sec-4: behind the payload stand the counter and the tag, also of the largest message.
+// sec-4: counter and tag follow the payload, even for the largest message.
 TEST_F(FrameStreamTest, TakesSealedFramesWithTheirTrailer) {
   for (const std::uint32_t size : {0u, 20u, kMessageSizeMax}) {
     Bytes frame = frame_of(size);
@@ -121,7 +121,7 @@ TEST_F(FrameStreamTest, TakesSealedFramesWithTheirTrailer) {
   }
 }
 
-// hp-2-2: where no frame may be sealed, a header that says so is malformed, and is not waited for.
+// hp-2-2: where no frame may be sealed, a sealed header is malformed; the reader does not wait.
 TEST_F(FrameStreamTest, DoesNotWaitForTheTrailerWhereNoFrameIsSealed) {
   auto [far, near] = stream_pair();
   FrameStream plain(std::move(near), kMessageSizeMax, /*takes_sealed=*/false);
@@ -204,7 +204,7 @@ TEST_F(FrameStreamTest, SendsWholeFrames) {
   EXPECT_EQ(copy_of(*given), frame);
 }
 
-/// Sends until the system's buffer is full; gives how much it took.
+/// Sends until the system's buffer is full; returns the number of bytes accepted.
 std::size_t fill(FrameStream& stream) {
   const Bytes frame = frame_of(kMessageSizeMax);
   std::size_t size = 0;

@@ -56,7 +56,7 @@ std::string name_of(const testing::TestParamInfo<Way>& way) {
          (way.param.is_held ? "WithALock" : "");
 }
 
-/// Counts how often it was freed, and by whom it is held.
+/// Counts how often it was released, and records its holder.
 class CountingLock final : public WaitLock {
  public:
   void lock() noexcept override {
@@ -132,7 +132,7 @@ class WaitSetTest : public testing::TestWithParam<Way> {
     }
   }
 
-  /// The tags of what is ready, sorted; at most `room` of them.
+  /// The sorted tags of at most `room` ready sources.
   Tags wait(MonotonicTime until, std::size_t room = 16) {
     std::vector<SourceTag> ready(room);
     if (GetParam().is_held) lock_.lock();
@@ -148,7 +148,7 @@ class WaitSetTest : public testing::TestWithParam<Way> {
     return tags;
   }
   Tags poll(std::size_t room = 16) { return wait(kAlready, room); }
-  /// As a lane does, which waits again where a wait ended early.
+  /// Waits again when a wait ends early, like a lane.
   Tags await_some() {
     Tags tags;
     for (const MonotonicTime end = rt::now() + 10s; tags.empty() && rt::now() < end;)
@@ -156,7 +156,7 @@ class WaitSetTest : public testing::TestWithParam<Way> {
     return tags;
   }
   [[nodiscard]] bool receive() { return port_->receive(buffer_).has_value(); }
-  /// Takes what datagrams are there.
+  /// Receives all pending datagrams.
   void drain() {
     while (port_ && receive()) {
     }
@@ -205,7 +205,7 @@ TEST_P(WaitSetTest, EndsByTheRingOfAnotherThread) {
   other.join();
 }
 
-// A stop, too, is a ring: it ends a wait in any state.
+// A stop is a ring, too: it ends a wait in any state.
 TEST_P(WaitSetTest, EndsWithinMillisecondsOfARing) {
   constexpr int kCount = 30;
   int late_count = 0;
@@ -226,7 +226,7 @@ TEST_P(WaitSetTest, EndsWithinMillisecondsOfARing) {
   EXPECT_LT(late_count, kCount / 2) << "a busy machine may delay some";
 }
 
-// Rings at any offset into a wait, each after the one before was heard. RTPM_RINGS: how many.
+// Rings at any offset into a wait, each after the previous one was heard. RTPM_RINGS: how many.
 TEST_P(WaitSetTest, HearsEachOfManyRandomRings) {
   const int ring_count = ring_count_of_a_run();
   std::atomic<int> heard_count = 0;
@@ -261,8 +261,8 @@ TEST_P(WaitSetTest, HearsEachOfManyRandomRings) {
   EXPECT_LT(overslept_count, ring_count / 10) << "rings were heard when a receive was over";
 }
 
-// What is pushed before a flag is read is seen: push, then look at the flag; set the flag, then
-// look at what was pushed. Ten times RTPM_RINGS.
+// Neither side misses the other: one pushes, then reads the flag; the other sets the flag, then
+// checks for pushes. Ten times RTPM_RINGS.
 TEST_P(WaitSetTest, LosesNoPushToAWaiterThatAnnouncesItsSleep) {
   const int push_count = 10 * ring_count_of_a_run();
   std::atomic<int> pushed = 0;
@@ -362,7 +362,7 @@ TEST_P(WaitSetTest, ReportsMoreThanThereIsRoomForInTurn) {
     set_->remove(pair.first.number());
 }
 
-// One that can always be read does not keep the others from being reported.
+// A source that is always readable does not keep the others from being reported.
 TEST_P(WaitSetTest, ReportsAFewEvenWhereThereIsRoomForOne) {
   std::vector<std::pair<Descriptor, Descriptor>> pairs;
   for (std::uint32_t i = 0; i < 3; ++i) {
@@ -390,7 +390,7 @@ TEST_P(WaitSetTest, ReportsNothingThatWasRemoved) {
   set_->remove(near.number());
 }
 
-// A descriptor's number is used again at once by the next one.
+// The next descriptor reuses a closed descriptor's number at once.
 TEST_P(WaitSetTest, TellsADescriptorFromTheOneThatHadItsNumber) {
   std::optional<std::pair<Descriptor, Descriptor>> pair = stream_pair();
   const int number = pair->first.number();
@@ -408,7 +408,7 @@ TEST_P(WaitSetTest, TellsADescriptorFromTheOneThatHadItsNumber) {
   set_->remove(number);
 }
 
-// The index of a source that is in a batch goes to another one before its turn in the batch comes.
+// A new source takes over the index of one in a batch before its turn in the batch comes.
 TEST_P(WaitSetTest, TellsASourceFromOneThatHasItsIndexWithinABatch) {
   auto [near, far] = stream_pair();
   auto [other_near, other_far] = stream_pair();
@@ -449,7 +449,7 @@ TEST_P(WaitSetTest, TakesOneSystemCall) {
   EXPECT_EQ(counter.total(), kCount);
 }
 
-// The thread's real-time budget earns while it may block, and only then.
+// The thread's real-time budget recovers while it may block, and only then.
 TEST_P(WaitSetTest, CountsAsAsleepWhileItMayBlock) {
   const MonotonicTime begin = rt::now();
   rt::RealtimeBudget& budget = rt::this_thread_budget();
@@ -527,7 +527,7 @@ TEST_P(WaitSetWithALock, FreesItOnlyWhereItMayBlock) {
   EXPECT_EQ(lock_.unlock_count - before, 3) << "and the wait's";
 }
 
-// From one source to many and back, each time with a ring and all sources ready.
+// From one source to many and back, each time with a ring and with all sources ready.
 TEST_P(WaitSetTest, KeepsWhatIsReadyWhileSourcesComeAndGo) {
   std::vector<std::pair<Descriptor, Descriptor>> pairs;
   const auto expect_all = [&] {
@@ -597,7 +597,7 @@ TEST_P(WaitSetTest, RefusesWhatItCannotHold) {
     set_->remove(event.number());
 }
 
-// A packet filter that drops the doorbell's datagrams costs one late ring, and not each.
+// A packet filter that drops the doorbell's datagrams delays one ring, not all.
 TEST_P(WaitSetThatReceives, OnlyPollsOnceADoorbellDatagramWasLost) {
   std::array<sock_filter, 1> none{sock_filter{BPF_RET | BPF_K, 0, 0, 0}};
   const sock_fprog program{static_cast<unsigned short>(none.size()), none.data()};

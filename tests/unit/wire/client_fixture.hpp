@@ -5,7 +5,7 @@
 
 #include "frames.hpp"
 
-/// A channel under test and a server made by hand for it.
+/// A channel under test and a handmade server for it.
 namespace rtpm::wire::test {
 
 inline constexpr std::uint64_t kSession = 0xabcdef0000;
@@ -24,7 +24,7 @@ class ClientChannelTest : public testing::Test {
                   .open_call_max = open_call_max},
                  buffer_) {}
 
-  /// An answer to `sent`, as a server makes it.
+  /// An answer to `sent`, as a server creates it.
   static Header answer_header(ConstBytes sent, FrameKind kind) {
     Header header = header_of(sent);
     header.kind = kind;
@@ -71,7 +71,7 @@ class ClientChannelTest : public testing::Test {
     const Bytes hello = copy_of(channel_.open(120, now + std::chrono::seconds{1}, now));
     ASSERT_EQ(channel_.on_frame(welcome_frame(hello, welcome()), now).kind, Kind::kReady);
   }
-  /// Begins a call; gives a copy of its frame.
+  /// Begins a call; returns a copy of its frame.
   Bytes begin_call(MonotonicTime now, Duration deadline = std::chrono::seconds{1}) {
     const auto frame = channel_.call(parameters(now + deadline), request_, now);
     EXPECT_TRUE(frame);

@@ -18,7 +18,7 @@
 #include "rtpm/wire/header.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 
-/// What the tests of the protocol build and take apart frames with.
+/// Builds and parses frames for the tests of the protocol.
 namespace rtpm::wire {
 
 inline void PrintTo(DropReason reason, std::ostream* out) {
@@ -45,7 +45,7 @@ namespace test {
 
 using Bytes = std::vector<std::byte>;
 
-/// A point on the tests' time line, which begins well after 0 as a host's does.
+/// A point on the tests' time line, which starts well after 0, like a host's.
 [[nodiscard]] constexpr MonotonicTime at(Duration since_begin) noexcept {
   return time_from_ns(1'000'000'000'000) + since_begin;
 }
@@ -58,8 +58,8 @@ using Bytes = std::vector<std::byte>;
   return copy_of(std::as_bytes(std::span(text)));
 }
 
-/// A whole frame: `header` with its sizes set to those of `payload`, and the payload. The block is
-/// exactly as long as the frame, so that a sanitizer sees a read past its end.
+/// A whole frame: `header` with its sizes set to those of `payload`, and the payload. The block has
+/// exactly the frame's length, so that a sanitizer sees a read past its end.
 [[nodiscard]] inline Bytes frame_of(Header header, ConstBytes payload = {}) {
   header.payload_size = header.message_size = static_cast<std::uint32_t>(payload.size());
   Bytes frame(kHeaderSize);
@@ -85,8 +85,8 @@ using Bytes = std::vector<std::byte>;
   return {.first_missing = first_missing, .byte_limit = 1U << 30, .later = later};
 }
 
-/// The frames of `item` as fragments of `fragment_size`; `header` is of an ITEM, with the number of
-/// the first.
+/// The frames of `item` as fragments of `fragment_size`; `header` belongs to an ITEM, with the
+/// number of the first fragment.
 [[nodiscard]] inline std::vector<Bytes> item_frames(Header header, ConstBytes item,
                                                     std::size_t fragment_size) {
   std::vector<Bytes> frames;

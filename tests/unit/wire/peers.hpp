@@ -5,7 +5,7 @@
 
 #include "frames.hpp"
 
-/// A client made by hand and the configuration of a server for it, for the tests of ServerSessions.
+/// A handmade client and a server configuration for it, for the tests of ServerSessions.
 namespace rtpm::wire::test {
 
 inline constexpr std::uint64_t kServerEpoch = 0x5e12;
@@ -21,7 +21,7 @@ inline constexpr std::uint64_t kServerClock = 0xc10c;
   return config;
 }
 
-/// One channel of a client, each field to be set as the test needs it.
+/// One channel of a client; the test sets each field.
 struct Peer {
   PeerAddress address{.high = 0, .low = 0x7f00'0001, .port = 4711};
   std::uint64_t epoch = 77;
@@ -50,7 +50,7 @@ struct Peer {
     return frame_of(header, payload);
   }
   [[nodiscard]] Bytes hello_frame() const { return hello_frame(hello()); }
-  /// The HELLO with the cookie that the server gives for it.
+  /// The HELLO with the cookie that the server issues for it.
   [[nodiscard]] Bytes proven_hello_frame(ServerSessions& server, MonotonicTime now) const {
     const Verdict verdict = server.on_frame(hello_frame(), address, now);
     Hello proven = hello();
@@ -59,8 +59,8 @@ struct Peer {
     std::ranges::copy(cookie, proven.cookie.begin());
     return hello_frame(proven);
   }
-  /// Shakes hands as far as the medium needs; gives the header of the server's last answer and
-  /// keeps the session that it names.
+  /// Shakes hands as far as the medium needs; returns the header of the server's last answer and
+  /// stores the session that it names.
   Header open(ServerSessions& server, MonotonicTime now, Medium medium = Medium::kDatagram) {
     const Bytes frame =
         medium == Medium::kDatagram ? proven_hello_frame(server, now) : hello_frame();
@@ -86,7 +86,7 @@ struct Peer {
   }
 };
 
-/// Ends `request` with `text` as its reply, as a lane does.
+/// Completes `request` with `text` as its reply, like a lane.
 [[nodiscard]] inline Bytes answer(ServerSessions& server, const Request& request,
                                   std::string_view text, MonotonicTime now,
                                   Status status = Status::kOk) {

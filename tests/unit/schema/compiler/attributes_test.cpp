@@ -7,7 +7,7 @@
 #include "rtpm/schema/fingerprint.hpp"
 #include "scratch_folder.hpp"
 
-// Attributes of a schema in the model.
+// The attributes of a schema in the model.
 namespace rtpm::schema {
 namespace {
 
@@ -87,7 +87,7 @@ TEST(Attributes, TheFingerprintHasWhatBothSidesMustAgreeOn) {
             test::model_of(with("\"received\"", "\"done\"")).services[0].methods[0].fingerprint);
   EXPECT_NE(before.methods[2].fingerprint,
             test::model_of(with(", rtpm_stream", "")).services[0].methods[2].fingerprint);
-  // What each side decides alone, and limits.
+  // Limits, and attributes that each side decides alone, do not change the fingerprint.
   for (const auto& [what, instead] :
        {std::pair{"-0.5..0.5", "-1..1"}, {"rtpm_deferred, ", ""}, {"256", "512"}, {"24000", "1"}}) {
     EXPECT_EQ(before.fingerprint, test::model_of(with(what, instead)).services[0].fingerprint)
@@ -138,7 +138,7 @@ TEST(VerifyLimits, FollowFromTheSchema) {
   }
 }
 
-// Types that contain the next one twice have 2^40 paths through them.
+// Types that contain the next one twice, which gives 2^40 paths.
 TEST(VerifyLimits, DeepSchemasAreWalkedOnce) {
   std::string types = "include \"rtpm.fbs\"; table L0 { x:int (rtpm_unit: \"volt\"); }\n";
   for (int i = 1; i <= 40; ++i) {

@@ -326,7 +326,7 @@ TEST(Dynamic, ConvertsUnionsAndOptionalsBothWays) {
   }
 }
 
-// What tools exchange that know FlatBuffers only: the root is always the table.
+// The format of tools that know only FlatBuffers: the root is always the table.
 TEST(DynamicTables, BecomeThePayloadsThatTheyWereMadeOf) {
   std::size_t count = 0;
   const auto dynamic = make(lab::ArmClient::interface());

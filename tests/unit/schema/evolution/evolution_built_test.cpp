@@ -162,7 +162,7 @@ int expect_as_reported(const std::vector<EvolutionSample>& samples, bool are_cli
     const bool is_bound = bind->second.what == "bound";
     const std::string words = "sample " + std::to_string(i) + ", " +
                               std::string(name_of(samples[i].kind)) + ": " + bind->second.rest;
-    // What a bind cannot detect is judged by the calls alone.
+    // The calls alone judge changes that a bind cannot detect.
     if (!is_limit) {
       EXPECT_EQ(is_bound, !is_reported_to_break) << words;
     }

@@ -27,7 +27,7 @@ class Side {
   /// A message of `table` with random values.
   [[nodiscard]] std::string write(const std::string& table, PayloadKind kind, Random& random);
 
-  /// What this side reads in the bytes, member by member; nothing if it rejects `verified`.
+  /// This side's reading of the bytes, member by member; nothing if it rejects `verified`.
   /// @param verified     the bytes without what generated code's verifier judges differently from
   ///                     the reflection's; empty: no verification
   /// @param union_types  if given, gets the positions of unions' types

@@ -19,7 +19,7 @@ struct EvolutionSample {
 /// One edit of each kind; the same in every program.
 [[nodiscard]] std::vector<EvolutionSample> evolution_samples();
 
-/// What `side` writes as a method's request or reply; the same in every program.
+/// The request or reply of a method as `side` writes it; the same in every program.
 [[nodiscard]] std::string sample_message(Side& side, const Payload& payload, std::uint16_t method,
                                          bool is_request);
 

@@ -33,8 +33,8 @@ struct FieldText {
 struct TypeText {
   std::string kind{};  ///< "enum", "struct", "union", "table".
   std::string name{};
-  std::string underlying{};         ///< Of an enum.
-  std::vector<FieldText> fields{};  ///< Of an enum: a value each, its number in default_value.
+  std::string underlying{};         ///< The underlying type of an enum.
+  std::vector<FieldText> fields{};  ///< For an enum: its values, with numbers in default_value.
   std::uint32_t event = 0;
 };
 

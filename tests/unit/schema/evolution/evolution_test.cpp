@@ -178,7 +178,7 @@ TEST(Evolution, SeveralEditsAreAsCompatibleAsTheWorst) {
         << describe(before, after, changes);
     ASSERT_TRUE(predicted.breaks_old_clients || can_bind(before, after)) << "seed " << seed;
     ASSERT_TRUE(predicted.breaks_new_clients || can_bind(after, before)) << "seed " << seed;
-    // What binds despite the verdict is understood as far as bytes show.
+    // Versions that bind despite the verdict understand each other as far as bytes show.
     ASSERT_TRUE(!can_bind(before, after) || can_call(before, after, random))
         << "seed " << seed << '\n'
         << describe(before, after, changes);

@@ -11,10 +11,10 @@
 #include "rtpm/seal/symmetric_state.hpp"
 #include "vectors.hpp"
 
-/// Any pattern of Noise, played by both sides on RTPM's symmetric state.
+/// Any Noise pattern, played by both sides on RTPM's symmetric state.
 namespace rtpm::seal::test {
 
-/// A hash of HMAC's usual construction, for those that libsodium has without HMAC.
+/// HMAC's usual construction, for hashes that libsodium has without HMAC.
 template <class Plain, std::size_t kBlockSize>
 struct WithHmac : Plain {
   using Value = typename Plain::Value;
@@ -63,7 +63,7 @@ struct PlainBlake2b {
 };
 using Blake2b = WithHmac<PlainBlake2b, 128>;
 
-/// A pattern: what is known before, and the tokens of each message.
+/// A pattern: the keys known in advance, and the tokens of each message.
 struct Pattern {
   bool knows_initiator = false;
   bool knows_responder = false;
@@ -116,7 +116,7 @@ inline const std::map<std::string, std::string>& patterns() {
   return kPatterns;
 }
 
-/// The pattern of a name such as "IKpsk2" or "NNpsk0".
+/// The pattern with a name such as "IKpsk2" or "NNpsk0".
 inline Pattern pattern_named(const std::string& name) {
   const std::size_t psk = name.find("psk");
   const std::string plain = name.substr(0, psk);
@@ -144,7 +144,7 @@ inline Pattern pattern_named(const std::string& name) {
   return pattern;
 }
 
-/// One side of a handshake by any pattern.
+/// One side of a handshake with any pattern.
 template <class Hash>
 class PatternSide {
  public:

@@ -6,7 +6,7 @@
 namespace rtpm::seal::test {
 namespace {
 
-/// "Noise_IKpsk2_25519_AESGCM_SHA256" in its parts.
+/// The parts of "Noise_IKpsk2_25519_AESGCM_SHA256".
 struct Name {
   explicit Name(const std::string& text) {
     std::istringstream parts(text);
@@ -63,8 +63,8 @@ void expect_plays(const NoiseVector& vector) {
   }
 }
 
-// Our own objects, which know one pattern: what the interpreter above proves of the symmetric state
-// they must give, too.
+// RTPM's own objects, which know one pattern, must give the same results that the interpreter above
+// proves for the symmetric state.
 void expect_plays_ours(const NoiseVector& vector) {
   const Suite suite = Name(vector.protocol_name).suite();
   const auto secret = [](const Bytes& bytes) {
@@ -106,7 +106,7 @@ void expect_plays_ours(const NoiseVector& vector) {
   EXPECT_TRUE(std::ranges::equal(their_keys->handshake_hash, vector.handshake_hash));
 }
 
-// How many vectors were played, and how many not, by the reason.
+// The number of vectors played, and of those skipped, by reason.
 using Counts = std::map<std::string, int>;
 
 Counts play(const std::vector<NoiseVector>& vectors) {
@@ -144,7 +144,7 @@ TEST(PublicNoiseVectors, OfCacophony) {
   const auto vectors = read_cacophony();
   if (!vectors) GTEST_SKIP() << "RTPM_PUBLIC_VECTORS has no cacophony.txt, see tests/unit/seal";
   Counts counts = play(*vectors);
-  // 59 patterns; the curve 448 and BLAKE2s are not in libsodium.
+  // 59 patterns; libsodium has neither the curve 448 nor BLAKE2s.
   EXPECT_EQ(counts["played"], has_aes() ? 59 * 6 : 59 * 3);
   EXPECT_EQ(counts["played with RTPM's handshake"], has_aes() ? 2 : 1);
   EXPECT_EQ(counts["curve 448"], 59 * 8);

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-/// Public test vectors of others, as plain values. Their files are no part of this tree: see
-/// README.md beside this file's folder.
+/// Public test vectors as plain values. Their files are not part of this tree: see README.md beside
+/// this file's folder.
 namespace rtpm::seal::test {
 
 using Bytes = std::vector<std::byte>;
@@ -18,7 +18,7 @@ struct NoiseMessage {
   Bytes ciphertext;
 };
 
-/// A handshake with all its keys, and what it says.
+/// A handshake with all its keys and its messages.
 struct NoiseVector {
   std::string protocol_name;  ///< "Noise_IKpsk2_25519_AESGCM_SHA256"
   Bytes prologue;
@@ -27,9 +27,9 @@ struct NoiseVector {
   std::optional<Bytes> responder_static;
   std::optional<Bytes> responder_ephemeral;
   std::vector<Bytes> preshared;
-  Bytes handshake_hash;  ///< Empty: not given.
+  Bytes handshake_hash;  ///< Empty if not given.
   std::vector<NoiseMessage> messages;
-  /// Whether the initiator says the first message after the handshake, whoever spoke last.
+  /// Whether the initiator sends the first transport message, whichever side sent last.
   bool initiator_begins_transport = false;
 };
 
@@ -53,7 +53,7 @@ struct SealVector {
   Bytes tag;
 };
 
-/// Nothing: the file is not on this machine.
+/// Returns nothing if the file is not on this machine.
 [[nodiscard]] std::optional<std::vector<NoiseVector>> read_cacophony();
 [[nodiscard]] std::optional<std::vector<NoiseVector>> read_flynn();
 [[nodiscard]] std::optional<std::vector<KeyAgreementVector>> read_key_agreement();

@@ -14,8 +14,8 @@ void expect_seals_as(Suite suite, const std::vector<SealVector>& vectors, int ex
   }
   int played_count = 0;
   for (const SealVector& vector : vectors) {
-    // RTPM has one size of key and of nonce, and its nonces are four zero bytes and a counter: the
-    // others can't be said at our interface. They are played to libsodium itself, by its own tests.
+    // RTPM has a single size of key and of nonce, and its nonces are four zero bytes and a counter:
+    // its interface cannot express the others. libsodium's own tests cover them.
     if (vector.key_bits != 256 || vector.nonce_bits != 96) continue;
     SCOPED_TRACE(vector.id);
     ++played_count;

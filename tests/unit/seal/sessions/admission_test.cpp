@@ -6,7 +6,7 @@
 #include "rtpm/rt/secret_memory.hpp"
 #include "rtpm/test/child.hpp"
 
-// What a server's grants say of its sessions, and what a child of a fork has of them.
+// The effect of a server's grants on its sessions, and a forked child's view of them.
 namespace rtpm::sealed::test {
 namespace {
 
@@ -15,7 +15,7 @@ using Kind = wire::ChannelEvent::Kind;
 
 constexpr MonotonicTime kNow = MonotonicTime{} + 1000s;
 
-// sec-6.2-1: what the server's grants say of nobody in particular.
+// sec-6.2-1: the server's grants for unnamed clients.
 TEST(SealedSessions, OfNobodyAreRefusedWhereNoGrantIsForAll) {
   Server server(wire::Medium::kDatagram, 3, /*takes_unsealed=*/true);
   server.door.is_open_for_all = false;
@@ -52,7 +52,7 @@ TEST(SealedSessions, AreGrantedAPriorityNoHigherThanTheirGrants) {
   EXPECT_EQ(plain.welcome().ceiling, Priority{1500});
 }
 
-// hp-4.5-2: a client learns at once that its session was ended, by a frame that nobody forges.
+// hp-4.5-2: an unforgeable frame tells a client at once that its session was closed.
 TEST(SealedSessions, AreClosedUnderTheirKeysWhenTheirGrantIsTakenAway) {
   Server server(wire::Medium::kDatagram, 3, /*takes_unsealed=*/true);
   Client client(server.identity.key.public_key);
@@ -85,7 +85,7 @@ TEST(SealedSessions, WaitForTimeToShakeHands) {
   EXPECT_TRUE(client.channel.is_ready());
 }
 
-// sec-5-2: as in the child of a fork, whose memory of keys is zeros.
+// sec-5-2: like in a forked child, whose memory of keys is zeros.
 TEST(SealedSessions, AWipedServerSendsAndTakesNothing) {
   Server server(wire::Medium::kDatagram, 3, /*takes_unsealed=*/true);
   Client client(server.identity.key.public_key);
@@ -129,7 +129,7 @@ TEST(SealedSessions, AChildOfAForkHasNoKeys) {
   server.sealed.reset();
 }
 
-// What did not come about by the grants is not sent as it is either.
+// A server of sealed sessions only must not send a frame unsealed, either.
 TEST(SealedSessions, NoFrameOfASessionWithoutKeysLeavesAServerOfSealedOnesOnly) {
   Server server;
   wire::Header header;

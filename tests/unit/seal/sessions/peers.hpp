@@ -11,7 +11,7 @@
 #include "rtpm/sealed/client.hpp"
 #include "rtpm/sealed/server.hpp"
 
-/// A client and a server of sealed sessions, with the wire between them in the test's hand.
+/// A client and a server of sealed sessions; the test controls the wire between them.
 namespace rtpm::sealed::test {
 
 using Bytes = std::vector<std::byte>;
@@ -54,7 +54,7 @@ class Door : public Admission {
   std::optional<seal::PublicKey> asked_for;
 };
 
-/// A lane that answers each call with its own payload.
+/// A lane that answers each call with the call's own payload.
 class Server {
  public:
   explicit Server(wire::Medium medium = wire::Medium::kDatagram, std::uint8_t suites = 3,
@@ -66,7 +66,7 @@ class Server {
     identity.key = seal::KeyPair::generate();
     restart();
   }
-  /// Another life, with the same key.
+  /// Starts another life of the server, with the same key.
   void restart() {
     sealed.reset();
     wire::ServerSessionsConfig config;
@@ -88,7 +88,7 @@ class Server {
     sealing.memory = secrets.empty() ? std::as_writable_bytes(std::span(memory)) : secrets;
     sealed = std::make_unique<SealedServer>(sealing, *sessions);
   }
-  /// What the server sends because of `frame`.
+  /// Returns the frames that the server sends in response to `frame`.
   std::vector<Bytes> receive(Bytes frame, MonotonicTime now,
                              const wire::PeerAddress& peer = kClientAddress) {
     std::vector<Bytes> sent;
@@ -121,8 +121,8 @@ class Server {
   };
   ServerIdentity identity;
   Door door;
-  std::vector<Line> memory;  ///< Where all keys of sessions are,
-  MutableBytes secrets{};    ///< unless they are here, from restart() on.
+  std::vector<Line> memory;  ///< Holds all session keys,
+  MutableBytes secrets{};    ///< unless these do, after restart().
   std::unique_ptr<wire::ServerSessions> sessions;
   std::unique_ptr<SealedServer> sealed;
   int run_count = 0;
@@ -195,8 +195,8 @@ class Client {
  public:
   wire::ClientChannel channel;
   SealedClient sealed;
-  std::deque<Bytes> sent;                        ///< What is on its way to the server.
-  std::vector<wire::ChannelEvent::Kind> events;  ///< What the channel reported.
+  std::deque<Bytes> sent;                        ///< Frames in flight to the server.
+  std::vector<wire::ChannelEvent::Kind> events;  ///< The channel's reports.
   std::string reply;                             ///< The last one.
   bool is_broken = false;
 
@@ -217,7 +217,7 @@ class Client {
   Bytes payload_;
 };
 
-/// Lets both talk until nothing is on its way.
+/// Exchanges frames until none is in flight.
 inline void talk(Client& client, Server& server, MonotonicTime now) {
   while (!client.sent.empty()) {
     const Bytes frame = client.sent.front();

@@ -4,9 +4,9 @@
 
 #include "peers.hpp"
 
-// What an attacker makes of a recorded conversation: every bit changed, every frame again at any
-// later time, in other sessions, the other way and after restarts; and all kinds of frames in all
-// states of a session.
+// An attacker's uses of a recorded conversation: every bit changed, every frame replayed at any
+// later time, in other sessions, in the other direction and after restarts; and all kinds of frames
+// in all states of a session.
 namespace rtpm::sealed::test {
 namespace {
 
@@ -36,7 +36,7 @@ struct Recording {
       }
     }
   }
-  /// What a client or a server may not have changed by others' frames.
+  /// Expects that foreign frames have not changed the state of client and server.
   void expect_unchanged(std::string_view what) {
     EXPECT_EQ(server.run_count, 3) << what;
     EXPECT_EQ(server.sealed->client_of(client.channel.session()), client.key.public_key) << what;
@@ -63,8 +63,8 @@ Bytes with_flipped(Bytes frame, std::size_t bit) {
   return frame;
 }
 
-// sec-5-3, sec-3.4-1: a changed bit anywhere, header included, is never accepted. Frames of a
-// handshake are no exception: at most the server answers by a COOKIE or a half-open session.
+// sec-5-3, sec-3.4-1: a frame with a changed bit, even in the header, is never accepted. This
+// includes frames of a handshake: at most the server answers with a COOKIE or a half-open session.
 TEST(RecordedSessions, NoBitCanBeChanged) {
   Recording recording;
   ASSERT_EQ(recording.to_server.size(), 5u);
@@ -84,13 +84,13 @@ TEST(RecordedSessions, NoBitCanBeChanged) {
   recording.expect_that_all_goes_on();
 }
 
-// The same before the frame itself has come: what is lost so comes by repetition.
+// The same before the genuine frame arrives: repetition repairs this kind of loss.
 TEST(RecordedSessions, AChangedFrameDoesNotUseUpItsCounter) {
   Recording recording;
   recording.client.call("four", kNow);
   const Bytes call = recording.client.sent.front();
   for (std::size_t bit = 0; bit < 8 * call.size(); ++bit) {
-    // Of a session that is not there the server says so.
+    // The server refuses frames of an unknown session.
     for (const Bytes& answer : recording.server.receive(with_flipped(call, bit), kNow))
       EXPECT_EQ(header_of(answer).kind, FrameKind::kRefuse) << bit;
   }
@@ -105,7 +105,7 @@ TEST(RecordedSessions, AChangedFrameDoesNotUseUpItsCounter) {
   EXPECT_EQ(recording.client.reply, "four");
 }
 
-// sec-5-4, sec-5-7: at any later time, and both ways.
+// sec-5-4, sec-5-7: at any later time, and in both directions.
 TEST(RecordedSessions, NoFrameIsTakenAgain) {
   Recording recording;
   for (const Duration later : {0ns, Duration{1ms}, Duration{1s}, Duration{20min}}) {
@@ -157,7 +157,7 @@ TEST(RecordedSessions, NoFrameIsTakenElsewhere) {
   for (Bytes frame : recording.to_server) {
     static_cast<void>(other.server.receive(frame, kNow));
     if (!wire::is_sealed(frame)) continue;
-    // Its number replaced by that of the other session.
+    // The session number is replaced by the other session's.
     store_le(frame.data() + 8, other.client.channel.session());
     static_cast<void>(other.server.receive(frame, kNow));
   }
@@ -175,7 +175,7 @@ TEST(RecordedSessions, NoFrameIsTakenElsewhere) {
 enum class State { kNone, kHalfOpen, kConfirmed, kReplaced };
 enum class Seal { kNone, kGarbage, kOldKey };
 
-/// Brings a server and a client into a state; gives the session that a frame is to be of.
+/// Brings a server and a client into a state; returns the session for the frame.
 std::uint64_t bring_to(State state, Client& client, Server& server) {
   if (state == State::kNone) return std::uint64_t{77} << 48;
   client.open(kNow);
@@ -193,7 +193,7 @@ std::uint64_t bring_to(State state, Client& client, Server& server) {
   return first;
 }
 
-/// A bare frame of any kind, sealed by nobody, by noise or by a key of another session.
+/// A bare frame of any kind: unsealed, or sealed with noise or with a key of another session.
 Bytes frame_of(FrameKind kind, Seal seal, std::uint64_t session, Client& old_client) {
   wire::Header header;
   header.kind = kind;
@@ -221,13 +221,13 @@ Bytes frame_of(FrameKind kind, Seal seal, std::uint64_t session, Client& old_cli
   return frame;
 }
 
-/// What the page says that the server makes of it.
+/// The server's reaction according to the specification.
 std::optional<DropReason> expected_drop(State state, Seal seal, FrameKind kind) {
   if (seal == Seal::kNone) {
     // sec-4-4. A bare HELLO has no good payload in any state.
     if (kind == FrameKind::kHello) return DropReason::kBadPayload;
     if (state == State::kHalfOpen || state == State::kConfirmed) return DropReason::kUnsealed;
-    return std::nullopt;  // As on the page of the H-Protocol.
+    return std::nullopt;  // As the H-Protocol's page says.
   }
   // sec-4-1
   if (kind <= FrameKind::kWelcome) return DropReason::kReservedSet;
@@ -235,8 +235,8 @@ std::optional<DropReason> expected_drop(State state, Seal seal, FrameKind kind) 
   return std::nullopt;
 }
 
-// sec-4-1, sec-4-4, sec-6-1: no kind of frame in no state makes a server do what only the keys of
-// the session allow.
+// sec-4-1, sec-4-4, sec-6-1: in no state does any kind of frame make a server do something that
+// requires the session's keys.
 TEST(SessionStates, TakeNoKindOfFrameWithoutTheirKeys) {
   for (const State state : {State::kNone, State::kHalfOpen, State::kConfirmed, State::kReplaced}) {
     for (const Seal seal : {Seal::kNone, Seal::kGarbage, Seal::kOldKey}) {
@@ -262,7 +262,7 @@ TEST(SessionStates, TakeNoKindOfFrameWithoutTheirKeys) {
         }
         EXPECT_EQ(server.run_count, run_count);
         EXPECT_EQ(server.sessions->session_count(), session_count);
-        // A client takes none of them for its server's.
+        // A client does not accept any of them as its server's.
         client.events.clear();
         client.receive(frame, kNow);
         EXPECT_TRUE(client.events.empty());

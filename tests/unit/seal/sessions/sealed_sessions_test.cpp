@@ -26,7 +26,7 @@ Bytes forged(const Bytes& like, FrameKind kind, wire::Status status, std::size_t
   return frame;
 }
 
-// sec-3.1-1, sec-3.2-2, sec-2-4: the sizes are those of the page, and no round trip is added.
+// sec-3.1-1, sec-3.2-2, sec-2-4: the sizes are those of the page, without an extra round trip.
 TEST(SealedSessions, OpenInTwoRoundTripsAndCarryCalls) {
   Server server;
   Client client(server.identity.key.public_key);
@@ -80,7 +80,7 @@ TEST(SealedSessions, UseTheSuiteThatBothHave) {
   }
 }
 
-// sec-3-3: the same bytes get the same answer, without any work; other bytes new keys.
+// sec-3-3: the same bytes get the same answer, without any work; other bytes get new keys.
 TEST(SealedSessions, CopiesOfAHelloGetTheSameWelcome) {
   Server server;
   Client client(server.identity.key.public_key);
@@ -93,7 +93,7 @@ TEST(SealedSessions, CopiesOfAHelloGetTheSameWelcome) {
   EXPECT_EQ(again, welcome);
   EXPECT_EQ(server.job_count, 1);
   EXPECT_EQ(server.sessions->session_count(), 1u);
-  // sec-3-1: the client's own copy is the same bytes, too.
+  // sec-3-1: the client's own repetition has the same bytes, too.
   client.sent.clear();
   client.on_time(kNow + 5ms);
   ASSERT_EQ(client.sent.size(), 1u);
@@ -113,7 +113,7 @@ TEST(SealedSessions, AHelloWithoutAGoodCookieCostsNoWorkWithKeys) {
   EXPECT_EQ(server.job_count, 0);
 }
 
-// sec-3.2-2: silence for who did not prove a key; a word for who did.
+// sec-3.2-2: a client that did not prove a key gets no answer; one that did gets a refusal.
 TEST(SealedSessions, OnlyProvenClientsAreRefused) {
   Server server;
   server.door.is_open = false;
@@ -128,14 +128,14 @@ TEST(SealedSessions, OnlyProvenClientsAreRefused) {
   ASSERT_EQ(refused.size(), 1u);
   EXPECT_EQ(header_of(refused[0]).status, wire::Status::kNotAllowed);
   EXPECT_EQ(server.sessions->session_count(), 0u);
-  // sec-6-2: for the client a hint, as anybody may have said so.
+  // sec-6-2: the client takes it as a hint, because anyone may have sent it.
   client.receive(refused[0], kNow);
   EXPECT_TRUE(client.events.empty() || client.events.back() != Kind::kRefused);
   EXPECT_EQ(client.sealed.hint(), wire::Status::kNotAllowed);
 }
 
-// sec-3.2-2: an admitted client's public key alone gets the same silence as any other, and the same
-// work: nobody asks whom the server admits before the key is proved.
+// sec-3.2-2: an admitted client's public key alone gets the same silence as any other, at the same
+// cost: the server checks admission only after the key is proved.
 TEST(SealedSessions, APublicKeyWithoutItsPrivateKeyLearnsNothing) {
   for (const bool is_open : {false, true}) {
     Server server;
@@ -153,7 +153,7 @@ TEST(SealedSessions, APublicKeyWithoutItsPrivateKeyLearnsNothing) {
   }
 }
 
-// sec-2-4, sec-3.1-2: neither a server without level S nor another key gets the client to talk.
+// sec-2-4, sec-3.1-2: a client talks neither to a server without level S nor to another key.
 TEST(SealedSessions, NothingMakesAClientGoOnUnsealedOrWithAnotherKey) {
   wire::ServerSessionsConfig config;
   config.epoch = 1;
@@ -177,7 +177,7 @@ TEST(SealedSessions, NothingMakesAClientGoOnUnsealedOrWithAnotherKey) {
   EXPECT_EQ(other.sessions->session_count(), 0u);
 }
 
-// sec-6-2, sec-6-3: whoever says that the session is unknown, its server is asked.
+// sec-6-2, sec-6-3: whoever claims that the session is unknown, the client asks its server.
 TEST(SealedSessions, AForgedRefusalLosesNothing) {
   Server server;
   Client client(server.identity.key.public_key);
@@ -189,7 +189,7 @@ TEST(SealedSessions, AForgedRefusalLosesNothing) {
   client.events.clear();
   client.receive(forged(call, FrameKind::kRefuse, wire::Status::kUnknownSession), kNow);
   EXPECT_EQ(client.sent.size(), 1u) << "a handshake in the background";
-  // At most one every 100 ms.
+  // The client asks at most once every 100 ms.
   client.receive(forged(call, FrameKind::kRefuse, wire::Status::kUnknownSession), kNow + 99ms);
   EXPECT_EQ(client.sent.size(), 1u);
   for (const FrameKind kind : {FrameKind::kClose, FrameKind::kReply, FrameKind::kAck}) {
@@ -206,7 +206,7 @@ TEST(SealedSessions, AForgedRefusalLosesNothing) {
   EXPECT_EQ(client.sealed.counters().dropped_for(DropReason::kUnsealed), 5u);
 }
 
-// sec-6-3: said by the server itself, under its key.
+// sec-6-3: the server itself says so, under its key.
 TEST(SealedSessions, ARestartedServerIsFoundByItsRefusal) {
   Server server;
   Client client(server.identity.key.public_key);
@@ -219,7 +219,7 @@ TEST(SealedSessions, ARestartedServerIsFoundByItsRefusal) {
   talk(client, server, kNow);
   ASSERT_FALSE(client.events.empty());
   EXPECT_EQ(client.events.back(), Kind::kLost);
-  // The next handshake is done already.
+  // The next handshake is already done.
   client.open(kNow);
   EXPECT_TRUE(client.sent.empty());
   ASSERT_TRUE(client.channel.is_ready());
@@ -229,7 +229,7 @@ TEST(SealedSessions, ARestartedServerIsFoundByItsRefusal) {
   EXPECT_EQ(client.reply, "two");
 }
 
-/// The handshake of `key` by hand, after `client` got its COOKIE; message 1 names `former`.
+/// A handmade handshake of `key` after `client` got its COOKIE; message 1 names `former`.
 std::optional<wire::SealedWelcome> welcome_of(const Client& client, const seal::KeyPair& key,
                                               std::uint64_t former, Server& server) {
   Bytes hello = client.sent.back();
@@ -280,7 +280,7 @@ TEST(SealedSessions, AServerTellsOfASessionOnlyToItsClient) {
   const auto of_none = welcome_of(stranger, client.key, 0, server);
   ASSERT_TRUE(of_none);
   EXPECT_EQ(of_none->former, wire::FormerSession::kNone);
-  // All the while its session goes on.
+  // The client's session goes on all the while.
   client.call("two", kNow);
   talk(client, server, kNow);
   EXPECT_EQ(client.reply, "two");
@@ -296,14 +296,14 @@ TEST(SealedSessions, HandshakesAtATimeAreLimited) {
     Bytes hello = client.sent.back();
     const auto outcome = server.sealed->on_frame(hello, kClientAddress, kNow);
     if (outcome.job != nullptr) jobs.push_back(outcome.job);
-    // A copy of what is at work already is no further work.
+    // A duplicate of a handshake in progress causes no further work.
     EXPECT_EQ(server.sealed->on_frame(hello, kClientAddress, kNow).job, nullptr);
   }
   EXPECT_EQ(jobs.size(), 8u);
   EXPECT_EQ(server.sealed->counters().dropped_for(DropReason::kRateLimited), 2u);
 }
 
-// sec-6-1: a session that nobody proved to want replaces none, and does not stay.
+// sec-6-1: a session that its client did not confirm replaces no other one, and does not stay.
 TEST(SealedSessions, HalfOpenSessionsReplaceNothingAndEnd) {
   Server server;
   Client client(server.identity.key.public_key);
@@ -315,7 +315,7 @@ TEST(SealedSessions, HalfOpenSessionsReplaceNothingAndEnd) {
   EXPECT_EQ(server.sealed->half_open_count(), 0u);
   const std::uint64_t session = client.channel.session();
 
-  // The same client forgets its keys and begins again; its WELCOME gets lost.
+  // The same client loses its keys and starts again; its WELCOME is lost.
   client.sealed.reset();
   client.open(kNow);
   while (!client.sent.empty()) {
@@ -344,7 +344,7 @@ TEST(SealedSessions, HalfOpenSessionsLeaveMostOfTheTableToOthers) {
   EXPECT_EQ(server.sealed->half_open_count(), 2u);
 }
 
-/// Plays one call whose frame is held for `held`; gives whether it ran. The clocks differ by a day.
+/// Plays one call delayed by `held`; returns whether it ran. The clocks differ by a day.
 bool runs_after(Duration held, Duration budget, Client& client, Server& server, MonotonicTime now) {
   client.call("held", now, budget);
   const Bytes call = client.sent.front();
@@ -370,7 +370,7 @@ void open_far_away(Client& client, Server& server, MonotonicTime now) {
   EXPECT_TRUE(runs_after(0ns, 10ms, client, server, now));
 }
 
-// sec-6.1-1: over both transports, and whatever the clocks show.
+// sec-6.1-1: over both transports, and for any clock readings.
 TEST(SealedSessions, CallsThatWereHeldBackLongerThanTheirCallersWaitDoNotRun) {
   for (const wire::Medium medium : {wire::Medium::kDatagram, wire::Medium::kStream}) {
     Server server(medium);
@@ -381,7 +381,7 @@ TEST(SealedSessions, CallsThatWereHeldBackLongerThanTheirCallersWaitDoNotRun) {
     for (const Duration held : {1ms, 5ms, 10ms, 50ms, 500ms, 2'000ms, 9'000ms}) {
       for (const Duration budget : {1ms, 10ms, 100ms, 3'000ms}) {
         now += 10s;
-        // A fast one, so that 200 ppm of the pause between two do not count.
+        // A fast one, so that 200 ppm of the pause between the two do not matter.
         EXPECT_TRUE(runs_after(0ns, 10ms, client, server, now));
         now += 2ms;
         const bool is_late = held > budget + 1ms;
@@ -394,7 +394,7 @@ TEST(SealedSessions, CallsThatWereHeldBackLongerThanTheirCallersWaitDoNotRun) {
   }
 }
 
-// sec-6.1-1: what is left of a budget is what its caller still waits.
+// sec-6.1-1: transit time is subtracted from the call's budget.
 TEST(SealedSessions, TheTimeOnTheWayIsTakenOffABudget) {
   Server server;
   Client client(server.identity.key.public_key);
@@ -406,7 +406,7 @@ TEST(SealedSessions, TheTimeOnTheWayIsTakenOffABudget) {
   EXPECT_GT(server.last_deadline, kNow + 24h + 120ms);
 }
 
-// sec-6.1: two clocks drift apart by 200 ppm and no more.
+// sec-6.1: two clocks drift apart by 200 ppm at most.
 TEST(SealedSessions, DriftingClocksHoldNothingBack) {
   for (const int parts_per_million : {-200, 200}) {
     Server server;
@@ -420,7 +420,7 @@ TEST(SealedSessions, DriftingClocksHoldNothingBack) {
   }
 }
 
-// sec-6.1-2, sec-6-6: after a suspend the first call ends the session, and the next one gets a new.
+// sec-6.1-2, sec-6-6: after a suspend the first call ends the session; the next opens another.
 TEST(SealedSessions, AClientWhoseClockStoodStillGetsANewSession) {
   Server server;
   Client client(server.identity.key.public_key);
@@ -468,9 +468,9 @@ TEST(SealedSessions, ACallDoesNotRunAgainAfterItsSessionWasTakenAway) {
   EXPECT_EQ(server.run_count, 2);
 }
 
-// sec-6-7: what one key has too much, it takes from itself.
+// sec-6-7: a key that exceeds its share evicts only its own sessions.
 TEST(SealedSessions, OneKeyDoesNotTakeTheWholeTable) {
-  Server server;  // Of 8 sessions.
+  Server server;  // Room for 8 sessions.
   const seal::KeyPair key = seal::KeyPair::generate();
   std::vector<std::unique_ptr<Client>> clients;
   const auto add = [&](seal::KeyPair own, MonotonicTime now) -> Client& {
@@ -498,14 +498,14 @@ TEST(SealedSessions, OneKeyDoesNotTakeTheWholeTable) {
   EXPECT_EQ(add(key.clone(), kNow + 10s).sealed.hint(), wire::Status::kOverload);
   EXPECT_EQ(server.sessions->session_count(), 6u);
   EXPECT_EQ(add(seal::KeyPair::generate(), kNow + 10s).reply, "one");
-  // The first one has been silent for long enough.
+  // The first session has been silent long enough.
   const std::uint64_t first = clients[0]->channel.session();
   EXPECT_EQ(add(key.clone(), kNow + 31s).reply, "one");
   EXPECT_FALSE(server.sessions->is_known(first));
   EXPECT_EQ(server.sessions->session_count(), 7u);
 }
 
-// sec-6-7: of 16 sessions 4 may be half-open, 3 of them of one key.
+// sec-6-7: of 16 sessions 4 may be half-open, and 3 of them may belong to one key.
 TEST(SealedSessions, HalfOpenSessionsOfOneKeyLeaveSomeToOthers) {
   Server server(wire::Medium::kDatagram, 3, false, 16);
   std::vector<std::unique_ptr<Client>> clients;
@@ -525,7 +525,7 @@ TEST(SealedSessions, HalfOpenSessionsOfOneKeyLeaveSomeToOthers) {
   EXPECT_EQ(server.sealed->half_open_count(), 4u);
 }
 
-// sec-4-4: a sealed session takes nothing unsealed; unsealed ones may live beside it.
+// sec-4-4: a sealed session accepts no unsealed frame; unsealed sessions may exist beside it.
 TEST(SealedSessions, StandBesideUnsealedOnesWhereTheServerAllowsIt) {
   for (const bool takes_unsealed : {false, true}) {
     Server server(wire::Medium::kDatagram, 3, takes_unsealed);
@@ -555,7 +555,7 @@ TEST(SealedSessions, StandBesideUnsealedOnesWhereTheServerAllowsIt) {
     ASSERT_EQ(replies.size(), 1u);
     EXPECT_EQ(channel.on_frame(replies[0], kNow).kind, Kind::kReply);
     EXPECT_EQ(server.sealed->client_of(channel.session()), std::nullopt);
-    // The flag alone makes no frame of an unsealed session a sealed one.
+    // The flag alone does not turn a frame of an unsealed session into a sealed one.
     Bytes flagged = copy_of(*plain_call);
     flagged.resize(flagged.size() + 24);
     wire::mark_sealed(flagged.data());
@@ -563,8 +563,8 @@ TEST(SealedSessions, StandBesideUnsealedOnesWhereTheServerAllowsIt) {
   }
 }
 
-// sec-6-1, sec-6.2-2: over a stream a HELLO replaces the session of its connection (hp-4-4), but no sealed
-// one.
+// sec-6-1, sec-6.2-2: over a stream a HELLO replaces the session of its connection (hp-4-4), but no
+// sealed one.
 TEST(SealedSessions, AForgedHelloEndsNoSessionOfAStream) {
   Server server(wire::Medium::kStream, 3, /*takes_unsealed=*/true);
   Client client(server.identity.key.public_key, wire::Medium::kStream);
@@ -596,7 +596,7 @@ TEST(SealedSessions, AStreamEndsAtTheFirstFrameThatDoesNotFit) {
     ASSERT_TRUE(client.channel.is_ready());
     client.call("one", kNow);
     Bytes call = client.sent.front();
-    if (fault == 0) talk(client, server, kNow);  // Then it is a copy.
+    if (fault == 0) talk(client, server, kNow);  // In this case the frame is a duplicate.
     if (fault == 1) call.back() ^= std::byte{1};
     if (fault == 2) call[call.size() - 24] ^= std::byte{1};
     EXPECT_TRUE(server.receive(call, kNow).empty());
@@ -606,7 +606,7 @@ TEST(SealedSessions, AStreamEndsAtTheFirstFrameThatDoesNotFit) {
   }
 }
 
-// sec-6-5: the old session goes on until the channel moves to the new one, which costs it no frame.
+// sec-6-5: the old session goes on until the channel moves to the new one, which loses no frame.
 TEST(SealedSessions, KeysAreRenewedBeforeTheOldOnesEnd) {
   Server server;
   Client client(server.identity.key.public_key);
@@ -634,7 +634,7 @@ TEST(SealedSessions, KeysAreRenewedBeforeTheOldOnesEnd) {
   EXPECT_FALSE(server.sessions->is_known(old));
 }
 
-// A new session that its channel does not take is forgotten by both.
+// Both sides drop a new session that its channel does not adopt.
 TEST(SealedSessions, ARenewalThatNobodyTakesUpChangesNothing) {
   Server server;
   Client client(server.identity.key.public_key);
@@ -667,8 +667,8 @@ TEST(SealedSessions, HandshakesOfOneHostAreRationed) {
   EXPECT_EQ(job_count, 32);
 }
 
-// Cut, lengthened and changed frames of all kinds, and noise: no state is left by which the session
-// would suffer.
+// Truncated, extended and changed frames of all kinds, and noise: none leaves a state that would
+// harm the session.
 TEST(SealedSessions, AnyBytesAreTaken) {
   for (const wire::Medium medium : {wire::Medium::kDatagram, wire::Medium::kStream}) {
     Server server(medium);
@@ -691,7 +691,7 @@ TEST(SealedSessions, AnyBytesAreTaken) {
       Bytes frame = recorded[random() % recorded.size()];
       if (random() % 3 == 0) frame.resize(random() % (frame.size() + 40));
       for (auto count = random() % 3; count > 0 && !frame.empty(); --count) {
-        // Mostly in the fields that are looked at first.
+        // Mostly in the fields that are checked first.
         frame[random() % std::min<std::size_t>(frame.size(), random() % 2 == 0 ? 64 : 2000)] ^=
             static_cast<std::byte>(random());
       }

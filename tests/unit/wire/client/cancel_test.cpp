@@ -3,7 +3,7 @@
 #include "client_fixture.hpp"
 #include "peers.hpp"
 
-// Calls for which nobody waits any more: spec/hprotocol.md#hp-5.9.
+// Cancelled calls: spec/hprotocol.md#hp-5.9.
 namespace rtpm::wire {
 namespace {
 
@@ -31,7 +31,7 @@ class ServerCancel : public testing::Test {
   Peer peer_;
 };
 
-// hp-5.9-2: a method that runs is told, and ends as it likes; no REPLY is sent.
+// hp-5.9-2: a running method is notified, and ends at will; the server sends no REPLY.
 TEST_F(ServerCancel, TellsACallThatRuns) {
   const Verdict verdict = call(1);
   ASSERT_EQ(verdict.action, Action::kDispatch);
@@ -76,7 +76,7 @@ TEST_F(ServerCancel, ThatOvertookItsCallKeepsItFromRunning) {
   EXPECT_EQ(call(1 + kCallWindow).action, Action::kDispatch) << "and the next in its place";
 }
 
-// hp-5.9-2: an older call may still have the place.
+// hp-5.9-2: an older call may still hold the slot.
 TEST_F(ServerCancel, ThatOvertookItsCallHoldsWhileAnOlderOneRuns) {
   const Verdict older = call(1);
   EXPECT_EQ(receive(cancel_frame(1 + kCallWindow)).action, Action::kNothing);
@@ -117,7 +117,7 @@ TEST_F(ServerCancel, FromElsewhereIsDropped) {
   EXPECT_EQ(dropped(DropReason::kUnknownSession), 1u);
 }
 
-// hp-5.9-2: a request that is only half there does not run when the rest comes.
+// hp-5.9-2: a request of which only half has arrived does not run when the rest arrives.
 TEST(ServerCancelOfALargeCall, ForgetsWhatCame) {
   Bytes large(3 * 8192);
   ServerSessionsConfig config = server_config();
@@ -144,7 +144,7 @@ TEST(ServerCancelOfALargeCall, ForgetsWhatCame) {
   EXPECT_EQ(fragment(1, 1).action, Action::kNothing);
   EXPECT_EQ(fragment(1, 0).action, Action::kNothing);
   EXPECT_EQ(server.counters().dropped_for(DropReason::kStaleCall), 2u);
-  // The room is free again: two large requests come at a time.
+  // The buffer is free again: two large requests fit at a time.
   for (const std::uint32_t call_id : {2u, 3u}) {
     EXPECT_EQ(fragment(call_id, 0).action, Action::kNothing);
   }
@@ -158,7 +158,7 @@ class ClientCancel : public ClientChannelTest {
   void SetUp() override { make_ready(at(0s)); }
 };
 
-// hp-5.9: the client's call is over at once.
+// hp-5.9: the client's call ends at once.
 TEST_F(ClientCancel, EndsTheCallAndTellsTheServer) {
   const Bytes call = begin_call(at(0s));
   const CallIndex index = channel_.last_call();
@@ -181,7 +181,7 @@ TEST_F(ClientCancel, EndsTheCallAndTellsTheServer) {
   EXPECT_TRUE(channel_.cancel(index, at(3ms)).empty()) << "there is no call";
 }
 
-// hp-5.3-2: copies were made of it, in fragments, too; CANCEL is a bare header.
+// hp-5.3-2: the call was repeated, in fragments, too; CANCEL is a bare header.
 TEST_F(ClientCancel, OfALargeCallIsABareHeader) {
   const Bytes large(1500);
   ASSERT_TRUE(channel_.call(parameters(at(1s)), large, at(0s)));
@@ -191,7 +191,7 @@ TEST_F(ClientCancel, OfALargeCallIsABareHeader) {
   EXPECT_TRUE(channel_.next_frame(at(1ms)).empty()) << "no more fragments";
 }
 
-// hp-5.9-3: an earlier CANCEL got lost.
+// hp-5.9-3: an earlier CANCEL was lost.
 TEST_F(ClientCancel, AnswersItemsThatNobodyTakes) {
   const Bytes call = begin_call(at(0s));
   static_cast<void>(channel_.cancel(channel_.last_call(), at(0s)));

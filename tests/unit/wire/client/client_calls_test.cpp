@@ -5,7 +5,7 @@
 
 #include "client_fixture.hpp"
 
-// How a client calls: spec/hprotocol.md#hp-5.
+// A client's calls: spec/hprotocol.md#hp-5.
 namespace rtpm::wire {
 namespace {
 
@@ -179,7 +179,7 @@ TEST_F(ClientCalls, MeasureTheRoundTrip) {
   EXPECT_EQ(channel_.next_time(), at(kRetransmitIntervalMin));
 }
 
-// hp-5.3-1: nothing is lost on the way to a server on the same host, so a late one is not hurried.
+// hp-5.3-1: no frame is lost between processes of one host, so a late server is not hurried.
 TEST_F(ClientCalls, AreRepeatedLaterWhereNoFrameLeavesTheHost) {
   channel_.set_on_host(true);
   static_cast<void>(begin_call(at(0s)));
@@ -221,7 +221,7 @@ TEST_F(ClientCalls, EndWithARefusalAsWithAReply) {
   EXPECT_TRUE(channel_.is_ready());
 }
 
-// hp-4.4-4: another lane of the server says so; the session is good.
+// hp-4.4-4: another lane of the server says so; the session is valid.
 TEST_F(ClientCalls, ThatReachedAnotherLaneLoseNoSession) {
   const Bytes call = begin_call(at(0s));
   const ChannelEvent event = channel_.on_frame(refuse_frame(call, Status::kWrongBand), at(1ms));
@@ -254,7 +254,7 @@ TEST(LostCalls, HaveNotRunOnlyIfTheServerWouldRememberTheirSession) {
   EXPECT_FALSE(has_not_run(7, 8, at(1s), at(1s))) << "another life may have run it";
 }
 
-// hp-4.4-3: taken for a reply it would tell the caller that a method ran which did not.
+// hp-4.4-3: taken as a reply, it would tell the caller that a method ran which did not.
 TEST_F(ClientCalls, AreNotEndedByARefusalWithoutAReason) {
   const Bytes call = begin_call(at(0s));
   EXPECT_EQ(channel_.on_frame(refuse_frame(call, Status::kOk), at(1ms)).kind, Kind::kNothing);
@@ -284,7 +284,7 @@ TEST_F(ClientCalls, TooLargeForTheServerAreNotBegun) {
   EXPECT_TRUE(channel_.call(parameters(at(1s)), largest, at(0s)));
 }
 
-// hp-5.6: what the buffer does not hold as one frame goes in several.
+// hp-5.6: a frame larger than the buffer is sent in fragments.
 TEST_F(ClientCalls, TooLargeForTheBufferGoInFragments) {
   Welcome generous = welcome();
   generous.message_size_max = kMessageSizeCeiling;
@@ -317,7 +317,7 @@ TEST_F(ClientCalls, TellTheServersClockUnlessTheyWereRepeated) {
   EXPECT_FALSE(channel_.peer_clock(at(100ms)));
 
   const Bytes once = begin_call(at(200ms));
-  // 100 us there, 300 us at the server, 100 us back.
+  // 100 us to the server, 300 us in it, 100 us back.
   ASSERT_EQ(channel_.on_frame(answered_at(once, at(200ms + 400us + 1h)), at(200ms + 500us)).kind,
             Kind::kReply);
   const auto clock = channel_.peer_clock(at(200ms + 500us));
@@ -350,12 +350,12 @@ TEST_F(ClientCalls, AreNotDisturbedByGarbage) {
     Bytes frame = random_bytes(random, random() % 200);
     if (random() % 2 == 0) {
       Header header = random_header(random);
-      // A CLOSE of the session itself is none.
+      // A CLOSE of the session itself is not a foreign frame.
       if (random() % 2 == 0 && header.kind != FrameKind::kClose) header.session = kSession;
       frame = frame_of(header, frame);
     }
     const ChannelEvent event = channel_.on_frame(frame, at(1ms));
-    // hp-5.9-3: whoever sends items that nobody asked for is asked to stop.
+    // hp-5.9-3: a server that sends unrequested items is asked to stop.
     const bool is_cancel = event.kind == Kind::kSend &&
                            header_of(event.frame).kind == FrameKind::kCancel &&
                            header_of(frame).kind == FrameKind::kItem;
@@ -390,7 +390,7 @@ Bytes reply_fragment(ConstBytes call, std::uint32_t message_size, std::uint32_t 
   return frame;
 }
 
-// Another buffer would take the first one away from under it.
+// Another buffer would take the first one away from the reply in progress.
 TEST_F(ClientCalls, AskForNoOtherBufferOnceAReplyHasBegun) {
   const Bytes call = begin_call(at(0s));
   const Bytes first = reply_fragment(call, 2000, 1000, 0);
@@ -407,7 +407,7 @@ TEST_F(ClientCalls, AskForNoOtherBufferOnceAReplyHasBegun) {
   EXPECT_EQ(event.payload.size(), 2000u);
 }
 
-// Whatever a server says of its clock, no arithmetic goes wrong over it.
+// Any clock value from a server must be safe to compute with.
 TEST_F(ClientCalls, SurviveEveryTimeThatAServerMayState) {
   Welcome other_clock = welcome();
   other_clock.clock_domain = 10;

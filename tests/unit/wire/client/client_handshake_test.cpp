@@ -81,7 +81,7 @@ TEST_F(ClientHandshake, RepeatsItsHelloAtDoubledTimes) {
   }
 }
 
-// hp-4.2-4: else whoever forges COOKIEs could keep it sending.
+// hp-4.2-4: otherwise forged COOKIEs could make it send for ever.
 TEST_F(ClientHandshake, AnswersOneCookieForEachHelloOfItsOwn) {
   const Bytes first = copy_of(channel_.open(120, at(1s), at(0s)));
   EXPECT_EQ(channel_.on_frame(cookie_frame(first, std::byte{7}), at(1ms)).kind, Kind::kSend);
@@ -203,7 +203,7 @@ TEST_F(ClientHandshake, EndsAnEarlierSession) {
   EXPECT_FALSE(channel_.is_ready());
 }
 
-// hp-4-2: a client that starts anew at its former address must not be given its former session.
+// hp-4-2: a client that restarts at its former address must not get its former session.
 TEST_F(ClientHandshake, IsNumberedFromWhereItsLifeBegan) {
   alignas(16) std::array<std::byte, 256> buffer{};
   const auto number_of_first = [&](std::uint32_t drawn) {

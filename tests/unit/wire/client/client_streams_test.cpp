@@ -5,7 +5,7 @@
 #include "client_fixture.hpp"
 #include "rtpm/wire/stream.hpp"
 
-// How a client takes items: spec/hprotocol.md#hp-5.10.
+// A client's streams: spec/hprotocol.md#hp-5.10.
 namespace rtpm::wire {
 namespace {
 
@@ -28,7 +28,7 @@ class ClientStreams : public ClientChannelTest {
                              .item = {},
                              .byte_window = stream_bytes_first(medium_)};
   }
-  /// Begins a call that takes `window` items at a time.
+  /// Begins a call that accepts `window` items at a time.
   void begin(std::uint32_t window = 4, Duration patience = 1h, Duration lease = kStreamLease,
              Duration silence = kStreamSilence) {
     CallParameters wanted = parameters(at(0s) + patience);
@@ -62,7 +62,7 @@ class ClientStreams : public ClientChannelTest {
     encode(all, payload);
     return channel_.on_frame(frame_of(header, payload), now);
   }
-  /// Takes all items that are there, from the number `from`; gives how many.
+  /// Takes all available items, from number `from` on; returns how many.
   std::uint32_t drain(std::uint32_t from) {
     std::uint32_t count = 0;
     for (auto item = channel_.next_item(index_); item; item = channel_.next_item(index_)) {
@@ -71,7 +71,7 @@ class ClientStreams : public ClientChannelTest {
     }
     return count;
   }
-  /// That `frame` is a CREDIT of the stream's, which says this.
+  /// Expects that `frame` is a CREDIT of the stream with these values.
   void expect_credit(ConstBytes frame, std::uint32_t first_missing, std::uint64_t later,
                      std::uint32_t limit, bool is_asking) {
     ASSERT_FALSE(frame.empty());
@@ -188,7 +188,7 @@ TEST_F(ClientStreams, AskWhenNothingCame) {
   EXPECT_GE(last, at(2s)) << "the test went on long enough";
 }
 
-// hp-5.10-5: a stream at 10 Hz is not asked after every few milliseconds.
+// hp-5.10-5: at 10 Hz the client does not ask every few milliseconds.
 TEST_F(ClientStreams, AskInTheStreamsOwnTime) {
   begin(4);
   MonotonicTime now = at(0s);
@@ -202,7 +202,7 @@ TEST_F(ClientStreams, AskInTheStreamsOwnTime) {
   EXPECT_LE(channel_.next_time() - now, Duration{500ms});
 }
 
-// hp-5.10-5: nothing is lost on the way, so the next item is waited for without a timer.
+// hp-5.10-5: no frame is lost on this path, so the client waits for the next item without a timer.
 TEST_F(ClientStreams, AskLaterWhereNoFrameLeavesTheHost) {
   channel_.set_on_host(true);
   begin(4);
@@ -211,7 +211,7 @@ TEST_F(ClientStreams, AskLaterWhereNoFrameLeavesTheHost) {
   EXPECT_EQ(channel_.next_time(), at(1ms) + kRetransmitIntervalOnHost);
 }
 
-// hp-5.10-5: what rests costs next to nothing, however quick its items came before.
+// hp-5.10-5: an idle stream costs next to nothing, however fast it was before.
 TEST_F(ClientStreams, AskLessAndLessWhileNothingIsMissing) {
   begin(32);
   MonotonicTime now = at(0s);
@@ -231,7 +231,7 @@ TEST_F(ClientStreams, AskLessAndLessWhileNothingIsMissing) {
   EXPECT_LT(channel_.next_time(), now + 150ms) << "it runs again, so it is asked sooner";
 }
 
-// hp-5.10-5: that the call had to be repeated, ever later, is no reason to ask as late.
+// hp-5.10-5: the back-off of repeated calls does not delay the stream's questions.
 TEST_F(ClientStreams, AskInTimeHoweverOftenTheCallWasRepeated) {
   begin(4);
   MonotonicTime now = at(0s);
@@ -245,7 +245,7 @@ TEST_F(ClientStreams, AskInTimeHoweverOftenTheCallWasRepeated) {
   EXPECT_LE(channel_.next_time() - now, Duration{501ms});
 }
 
-// hp-5.10-7: asks may get lost, and still none takes the other for silent.
+// hp-5.10-7: questions may be lost, and still neither side considers the other silent.
 TEST_F(ClientStreams, AskSeveralTimesWithinAShortLease) {
   begin(4, 1h, 200ms, 200ms);
   for (int i = 0; i < 100; ++i) {
@@ -273,12 +273,12 @@ TEST_F(ClientStreams, AreLostWhenNothingIsHeardForThreeSeconds) {
   EXPECT_FALSE(channel_.is_open(index_));
 }
 
-// hp-5.10-7: a reader that does other things asks nothing, so nobody owes it an answer.
+// hp-5.10-7: a reader that is busy elsewhere asks nothing, so it is owed no answer.
 TEST_F(ClientStreams, OutliveAReaderThatDoesOtherThings) {
   begin(4);
   static_cast<void>(item(0, at(1ms)));
   EXPECT_EQ(drain(0), 1u);
-  // A question was asked, and its answer got lost; then nobody looked for long.
+  // The client asked, and the answer was lost; then the reader was away for long.
   ASSERT_EQ(channel_.on_time(channel_.next_time()).kind, Kind::kSend);
   const ChannelEvent event = channel_.on_time(at(9s));
   ASSERT_EQ(event.kind, Kind::kSend);
@@ -309,7 +309,7 @@ TEST_F(ClientStreams, PutLargeItemsTogetherAndGrantTheirBytesMeanwhile) {
   EXPECT_EQ(copy_of(*item), large);
 }
 
-// hp-5.10-10: as it says in its HELLO.
+// hp-5.10-10: the limit that its HELLO states.
 TEST_F(ClientStreams, DropItemsAboveTheirLimit) {
   begin(4);
   const auto frames = item_frames(answer_header(call_, FrameKind::kItem), Bytes(3001), 1024);
@@ -317,7 +317,7 @@ TEST_F(ClientStreams, DropItemsAboveTheirLimit) {
   EXPECT_EQ(dropped(DropReason::kBadLength), 1u);
 }
 
-// hp-5.10-11, hp-8-1: what came ahead is found out when its turn comes.
+// hp-5.10-11, hp-8-1: a fragment that arrived early is checked when its turn comes.
 TEST_F(ClientStreams, DropFragmentsThatBelongToNoItem) {
   begin(4);
   Header header = answer_header(call_, FrameKind::kItem);
@@ -376,7 +376,7 @@ TEST_F(ClientStreams, EndWithTheReplyWhenAllItemsAreHere) {
   EXPECT_EQ(end(3, at(3ms)).kind, Kind::kNothing) << "a copy of the reply";
 }
 
-// hp-5.10-6: the REPLY overtook an item, or that was lost.
+// hp-5.10-6: the REPLY overtook an item, or the item was lost.
 TEST_F(ClientStreams, WaitForTheItemsThatTheReplyOvertook) {
   begin(8);
   static_cast<void>(item(0, at(1ms)));
@@ -418,7 +418,7 @@ TEST_F(ClientStreams, EndWithARefusal) {
             Kind::kLost);
 }
 
-// The last CREDIT may meet a server that has forgotten the stream, or all of the session.
+// The last CREDIT may reach a server that no longer has the stream, or the session.
 TEST_F(ClientStreams, EndOnce) {
   for (const Status status : {Status::kExpired, Status::kUnknownSession}) {
     make_ready(at(0s));
@@ -468,7 +468,7 @@ TEST_F(ClientStreams, TakeNoItemThatWasNotGranted) {
   EXPECT_EQ(item(0, at(1ms)).kind, Kind::kItems);
 }
 
-// hp-5.10-4: a CREDIT for each copy would bring more copies.
+// hp-5.10-4: a CREDIT for each duplicate would cause more duplicates.
 TEST_F(ClientStreams, CountCopiesAndDoNotAnswerThem) {
   begin(8);
   static_cast<void>(item(0, at(1ms)));
@@ -480,7 +480,7 @@ TEST_F(ClientStreams, CountCopiesAndDoNotAnswerThem) {
   EXPECT_EQ(dropped(DropReason::kUnexpected), 4u);
 }
 
-// hp-5.10-4: another gap is told although the first is still open; one that was told is not.
+// hp-5.10-4: a new gap is reported although the first is still open; a reported one is not.
 TEST_F(ClientStreams, TellEachGapOnce) {
   begin(8);
   static_cast<void>(item(0, at(1ms)));
@@ -494,7 +494,7 @@ TEST_F(ClientStreams, TellEachGapOnce) {
   EXPECT_TRUE(channel_.next_frame(at(3ms)).empty()) << "item 3 is on its way again";
 }
 
-// hp-5.9-3: items of a call that is open, but no stream.
+// hp-5.9-3: items of a call that is open, but not a stream.
 TEST_F(ClientStreams, AreNotMadeOfAnOrdinaryCall) {
   call_ = begin_call(at(0s));
   EXPECT_EQ(item(0, at(1ms)).kind, Kind::kNothing);
@@ -519,7 +519,7 @@ TEST_F(ClientStreams, CanBeCancelled) {
   EXPECT_EQ(header_of(item(1, at(3ms)).frame).kind, FrameKind::kCancel) << "hp-5.9-3";
 }
 
-// A request in fragments may ask for a stream; only when it is there does the stream begin.
+// A request in fragments may ask for a stream, which begins when the request is complete.
 TEST_F(ClientStreams, MayHaveALargeRequest) {
   const Bytes large(1500);
   CallParameters wanted = parameters(at(1h));
@@ -530,7 +530,7 @@ TEST_F(ClientStreams, MayHaveALargeRequest) {
   index_ = channel_.last_call();
   EXPECT_EQ(header_of(call_).item, 4u);
   EXPECT_EQ(header_of(channel_.next_frame(at(0s))).item, 4u);
-  // The ACK of the fragments has the shape of the stream's.
+  // The ACK of the fragments has the same form as the stream's.
   Header header = header_of(call_);
   header.kind = FrameKind::kAck;
   header.item = 0;
@@ -547,7 +547,7 @@ TEST_F(ClientStreams, MayHaveALargeRequest) {
   expect_credit(event.frame, 0, 0, 4, true);
 }
 
-// hp-5.10-5: this holds on TCP, too, where nothing is repeated.
+// hp-5.10-5: this holds on TCP, too, which needs no repetition.
 TEST_F(ClientStreamsOnAStream, AskAndRepeatNothing) {
   begin(4);
   for (int i = 0; i < 3; ++i) {

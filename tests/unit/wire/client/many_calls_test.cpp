@@ -6,7 +6,7 @@
 
 #include "client_fixture.hpp"
 
-// Several calls of one channel at a time: spec/hprotocol.md#hp-4.3, #hp-5.1.
+// Several concurrent calls of one channel: spec/hprotocol.md#hp-4.3, #hp-5.1.
 namespace rtpm::wire {
 namespace {
 
@@ -17,14 +17,14 @@ class ManyCalls : public ClientChannelTest {
  protected:
   ManyCalls() : ClientChannelTest(Medium::kDatagram, kCallWindow) {}
 
-  /// Opens the channel at a server that grants `window` calls at a time.
+  /// Opens the channel to a server that grants `window` calls at a time.
   void make_ready_with(std::uint16_t window, std::uint64_t session = kSession) {
     Welcome granted = welcome();
     granted.window = window;
     const Bytes hello = copy_of(channel_.open(120, at(1s), at(0s)));
     ASSERT_EQ(channel_.on_frame(welcome_frame(hello, granted, session), at(0s)).kind, Kind::kReady);
   }
-  /// Begins calls until there is no room.
+  /// Begins calls until the window is full.
   std::vector<Bytes> fill() {
     std::vector<Bytes> calls;
     while (channel_.has_free_call())
@@ -73,7 +73,7 @@ TEST_F(ManyCalls, EndInTheOrderOfTheirReplies) {
   }
 }
 
-// hp-5.1-3: each part of the answer must be of one and the same call.
+// hp-5.1-3: all parts of the answer must belong to the same call.
 TEST_F(ManyCalls, TakeNoReplyThatMixesTwoOfThem) {
   make_ready_with(8);
   const Bytes one = begin_call(at(0s));
@@ -86,7 +86,7 @@ TEST_F(ManyCalls, TakeNoReplyThatMixesTwoOfThem) {
   EXPECT_EQ(dropped(DropReason::kUnexpected), 1u);
 }
 
-// hp-4.3-2, hp-5.1-1: numbers are left out whose place at the server is taken.
+// hp-4.3-2, hp-5.1-1: the client skips numbers whose slot at the server is taken.
 TEST_F(ManyCalls, LeaveOutNumbersWhosePlaceIsTaken) {
   for (const std::uint16_t window : {std::uint16_t{1}, std::uint16_t{2}, std::uint16_t{4},
                                      std::uint16_t{8}, std::uint16_t{256}}) {
@@ -136,7 +136,7 @@ TEST_F(ManyCalls, AreRepeatedAndTimeOutEachForItself) {
   EXPECT_TRUE(channel_.is_open(first_index));
 }
 
-// What is due at the same time is told one by one.
+// Calls that expire at the same time are reported one by one.
 TEST_F(ManyCalls, TellAllThatIsDue) {
   make_ready_with(8);
   for (int i = 0; i < 8; ++i)
@@ -150,7 +150,7 @@ TEST_F(ManyCalls, TellAllThatIsDue) {
   EXPECT_EQ(ended.size(), 8u);
 }
 
-// hp-5.5-2: the others are over, too; which of them may be sent again follows from when each began.
+// hp-5.5-2: all calls are over; the start of each decides whether it may be sent again.
 TEST_F(ManyCalls, AreAllLostWithTheSession) {
   make_ready_with(8);
   const std::vector<Bytes> calls = fill();
@@ -164,7 +164,7 @@ TEST_F(ManyCalls, AreAllLostWithTheSession) {
   EXPECT_EQ(channel_.on_frame(reply_frame(calls[0], ""), at(2ms)).kind, Kind::kNothing);
 }
 
-// A refusal of a oneway, or of a call that is over, does not end what is open.
+// A refusal of a oneway, or of a finished call, does not end the open calls.
 TEST_F(ManyCalls, AreNotLostByTheRefusalOfOneThatIsOver) {
   make_ready_with(8);
   const Bytes over = begin_call(at(0s), 1ms);
@@ -210,7 +210,7 @@ TEST_F(ManyCalls, AreAllOverWhenTheServerCloses) {
   EXPECT_EQ(channel_.on_frame(frame_of(close), at(2ms)).kind, Kind::kNothing) << "a copy";
 }
 
-// hp-4.5-2: without a session there is nothing to close, whatever a stray CLOSE names.
+// hp-4.5-2: without a session there is nothing to close, whatever session a stray CLOSE names.
 TEST_F(ManyCalls, TakeNoCloseWithoutASession) {
   Header close;
   close.kind = FrameKind::kClose;
@@ -220,7 +220,7 @@ TEST_F(ManyCalls, TakeNoCloseWithoutASession) {
   EXPECT_EQ(dropped(DropReason::kUnexpected), 2u);
 }
 
-// Requests in fragments share the way: each has its own window, and all are sent.
+// Requests in fragments share the path: each has its own window, and all are sent.
 TEST_F(ManyCalls, SendTheirFragmentsSideBySide) {
   Welcome generous = welcome();
   generous.message_size_max = kMessageSizeCeiling;
@@ -241,7 +241,7 @@ TEST_F(ManyCalls, SendTheirFragmentsSideBySide) {
     EXPECT_EQ(count, 3) << call_id;
 }
 
-// Each large reply needs a room of its own.
+// Each large reply needs its own buffer.
 TEST_F(ManyCalls, CollectTheirLargeRepliesSideBySide) {
   make_ready_with(8);
   Bytes buffers[2]{Bytes(2000), Bytes(2000)};

@@ -3,7 +3,7 @@
 #include "client_fixture.hpp"
 #include "peers.hpp"
 
-// Oneways of both kinds, from both ends: spec/hprotocol.md#hp-5.8.
+// Both kinds of oneways, on both sides: spec/hprotocol.md#hp-5.8.
 namespace rtpm::wire {
 namespace {
 
@@ -41,7 +41,7 @@ TEST_F(ServerOneways, WithoutReplyRunAndAreNotAnswered) {
   EXPECT_EQ(server_.counters().orphaned_count, 0u) << "it ended as it should";
 }
 
-// hp-5.8-1, hp-5.2-1: whatever comes of it, nothing is said.
+// hp-5.8-1, hp-5.2-1: the server sends nothing, whatever the result.
 TEST_F(ServerOneways, WithoutReplyAreNeverAnswered) {
   EXPECT_EQ(receive(oneway(1, kFlagNoReply, 0)).action, Action::kNothing) << "expired";
   EXPECT_EQ(server_.counters().expired_count, 1u);
@@ -65,7 +65,7 @@ TEST_F(ServerOneways, WithoutReplyAreNeverAnswered) {
       << "nor is it run later";
 }
 
-// hp-4.4-1: this alone is said, so that the client does not call into the void for ever.
+// hp-4.4-1: the server sends only this, so that the client does not call in vain for ever.
 TEST_F(ServerOneways, WithoutReplyOfAnUnknownSessionAreRefused) {
   ++peer_.session;
   const Verdict verdict = receive(oneway(1, kFlagNoReply));
@@ -161,7 +161,7 @@ class ClientOneways : public ClientChannelTest {
   }
 };
 
-// hp-5.8: the caller goes on when it is sent.
+// hp-5.8: the caller continues as soon as the frame is sent.
 TEST_F(ClientOneways, WithoutReplyAreOverWhenTheyAreSent) {
   for (int i = 0; i < 20; ++i) {
     const auto frame = channel_.call(oneway(Delivery::kSent), request_, at(0s));
@@ -199,13 +199,13 @@ TEST_F(ClientOneways, HaveNumbersOfTheirOwn) {
 }
 
 TEST_F(ClientOneways, LeaveACallThatIsOpenAlone) {
-  // The only place is the call's: there is none for a oneway.
+  // The call holds the only slot: there is none for a oneway.
   const Bytes call = begin_call(at(0s));
   EXPECT_FALSE(channel_.has_free_call());
   EXPECT_EQ(channel_.on_frame(reply_frame(call, ""), at(1ms)).kind, Kind::kReply);
 }
 
-// hp-5.5-2: of a oneway nobody knows whether it ran; the next call makes a handshake.
+// hp-5.5-2: the client cannot know whether a oneway ran; the next call makes a handshake.
 TEST_F(ClientOneways, OfAnUnknownSessionEndTheSessionAlone) {
   const Bytes frame = copy_of(*channel_.call(oneway(Delivery::kSent), request_, at(0s)));
   EXPECT_EQ(channel_.on_frame(refuse_frame(frame, Status::kUnknownSession), at(1ms)).kind,
@@ -228,7 +228,7 @@ TEST_F(ClientOneways, WithReceiptAreRepeatedUntilTheServerHasThem) {
   EXPECT_EQ(channel_.next_time(), kNever);
 }
 
-// hp-5.8: a large request with *reply on receipt* says so in each of its fragments, copies too.
+// hp-5.8: each fragment of a large request, repeated or not, has the flag *reply on receipt*.
 TEST_F(ClientOneways, WithReceiptSayItInEachFragment) {
   const Bytes large(1500);
   const auto first = channel_.call(oneway(Delivery::kReceipt), large, at(0s));

@@ -20,7 +20,7 @@ void measure(RetransmitTimer& timer, Duration round_trip, int call_count) {
   }
 }
 
-/// What the timer waits for before it repeats a call for the first time.
+/// The timer's wait before it repeats a call for the first time.
 Duration first_wait(RetransmitTimer& timer) {
   timer.begin(at(0s));
   return timer.due() - at(0s);
@@ -98,7 +98,7 @@ TEST(RetransmitTimer, IsBoundedOnBothSides) {
   EXPECT_EQ(first_wait(timer), kRetransmitIntervalMax);
 }
 
-// Karn: nobody knows which copy was answered.
+// Karn: it is unknown which copy was answered.
 TEST(RetransmitTimer, DoesNotMeasureARepeatedCall) {
   RoundTrip path;
   RetransmitTimer timer(path);
@@ -150,8 +150,8 @@ TEST(RetransmitTimer, ForgetsTheDoubledWaitOnceACallIsAnsweredAtOnce) {
   EXPECT_LE(first_wait(timer), usual);
 }
 
-// On a link that loses packets now and then, calls with a short deadline need their repetitions
-// soon: after each loss the next call begins anew.
+// On a link with occasional losses, calls with a short deadline need early repetitions: after each
+// loss the next call starts with a fresh wait.
 TEST(RetransmitTimer, DoesNotWaitLongerAfterOneLoss) {
   RoundTrip path;
   RetransmitTimer timer(path);
@@ -162,7 +162,7 @@ TEST(RetransmitTimer, DoesNotWaitLongerAfterOneLoss) {
   EXPECT_EQ(first_wait(timer), usual);
 }
 
-// The answer came so long after the first copy at most, whichever it answers.
+// The answer came at most this long after any copy.
 TEST(RetransmitTimer, DoesNotWaitMuchLongerThanTheLastCallTook) {
   RoundTrip path;
   RetransmitTimer timer(path);

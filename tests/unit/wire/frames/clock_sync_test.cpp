@@ -3,7 +3,7 @@
 #include "frames.hpp"
 #include "rtpm/wire/clock_sync.hpp"
 
-// What calls tell of the peer's clock: spec/hprotocol.md#hp-5.7.
+// The peer's clock, estimated from calls: spec/hprotocol.md#hp-5.7.
 namespace rtpm::wire {
 namespace {
 
@@ -49,7 +49,7 @@ TEST_F(ClockSync, CoversTheErrorOfAnUnevenPath) {
   probe(at(0s), 10us, 0us, 990us);
   expect_covered(at(1ms));
   EXPECT_GE(estimator.estimate(at(1ms))->uncertainty, 490us);
-  // A quick probe among slow ones is the one that counts.
+  // A quick probe among slow ones determines the estimate.
   probe(at(10ms), 20us, 0us, 30us);
   probe(at(20ms), 500us, 0us, 20us);
   expect_covered(at(21ms));

@@ -136,7 +136,7 @@ TEST(BindReply, ThatCanNotBeMeantIsNotRead) {
   EXPECT_FALSE(decode_bind_reply(bytes)) << "a flag that nobody knows";
 }
 
-// The reserved bytes of a bind's reply are zero as all others are (hp-6.1-5).
+// The reserved bytes of a bind's reply must be zero, like all reserved bytes (hp-6.1-5).
 TEST(BindReply, WithAReservedByteSetIsNotRead) {
   BindReply reply;
   reply.service = 1;

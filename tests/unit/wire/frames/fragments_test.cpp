@@ -86,13 +86,13 @@ TEST(OutgoingMessage, SendsOneWindowAndAsksHowFarItGot) {
 
   FragmentAck ack;
   ack.first_missing = 10;
-  ack.later[0] = 1U << 4U;  // 15 is there, 10 to 14 are not.
+  ack.later[0] = 1U << 4U;  // 15 has arrived, 10 to 14 have not.
   outgoing.on_ack(ack);
   std::vector<int> indices;
   for (ConstBytes sent; !(sent = outgoing.next(frame, 1, at(0s))).empty();) {
     indices.push_back(header_of(sent).fragment_index);
   }
-  // hp-5.6-6: those before one that arrived are lost; then the window moves by ten.
+  // hp-5.6-6: fragments before one that arrived are lost; then the window moves by ten.
   EXPECT_EQ(indices,
             (std::vector<int>{10, 11, 12, 13, 14, 32, 33, 34, 35, 36, 37, 38, 39, 40, 41}));
   outgoing.nudge();
@@ -111,7 +111,7 @@ TEST(OutgoingMessage, LearnsNothingFromAnAckOfWhatItNeverSent) {
   EXPECT_FALSE(outgoing.is_acknowledged());
 }
 
-// hp-5.6-6: whatever is lost, doubled or overtaken, the message arrives, byte for byte.
+// hp-5.6-6: despite loss, duplication and reordering the message arrives, byte for byte.
 TEST(Messages, ArriveWholeWhateverHappensOnTheWay) {
   for (std::uint64_t seed = 1; seed <= 50; ++seed) {
     Random random(seed);
@@ -163,7 +163,7 @@ TEST(IncomingMessage, TakesNoFragmentOfAnother) {
   EXPECT_EQ(incoming.take(part(1, 3, 100, 250), Bytes(100)), Taken::kLast);
 }
 
-// hp-5.6-9: what was judged by the first fragment, a priority above all, stays as it was.
+// hp-5.6-9: the properties that the first fragment was judged by, such as priority, are fixed.
 TEST(IncomingMessage, TakesNoFragmentThatSaysOtherwise) {
   Bytes buffer(1000);
   IncomingMessage incoming;
@@ -241,14 +241,14 @@ TEST_F(LargeCalls, RunOnceWithTheWholeMessage) {
     EXPECT_EQ(copy_of(verdict.request.payload), message);
   }
   EXPECT_EQ(run_count, 1);
-  // hp-5.2-1, hp-5.6-4: while it runs, a copy is told that nothing is missing.
+  // hp-5.2-1, hp-5.6-4: while the call runs, a duplicate is answered with a complete ACK.
   const Verdict verdict = receive(fragments(1, message).back());
   ASSERT_EQ(verdict.action, Action::kSend);
   EXPECT_EQ(header_of(verdict.frame).kind, FrameKind::kAck);
   EXPECT_EQ(decode_ack(verdict.frame.subspan(kHeaderSize))->first_missing, 8u);
 }
 
-// hp-5.6-9: a session's ceiling can't be passed by by a later fragment.
+// hp-5.6-9: a later fragment can't bypass a session's ceiling.
 TEST_F(LargeCalls, KeepThePriorityThatWasJudged) {
   std::vector<Bytes> all = fragments(1, pattern(2000));
   ASSERT_EQ(all.size(), 2u);
@@ -285,7 +285,7 @@ TEST_F(LargeCalls, AreAnsweredInWindowsUntilAllHasArrived) {
   EXPECT_EQ(take(receive(ack_frame(1, incoming.ack())).frame), 49 - kFragmentWindow);
   EXPECT_TRUE(incoming.is_complete());
   EXPECT_EQ(copy_of(incoming.message()), reply);
-  // hp-5.6-7: a copy of the call fetches what is not acknowledged yet.
+  // hp-5.6-7: a duplicate of the call fetches the fragments that are not acknowledged yet.
   EXPECT_GE(take(receive(peer_.call_frame(1, "small")).frame), 1);
   // hp-5.6-8
   EXPECT_EQ(receive(ack_frame(1, incoming.ack())).action, Action::kNothing);
@@ -298,20 +298,20 @@ TEST_F(LargeCalls, AreRefusedAboveTheLimitAndWithoutRoom) {
   const Verdict too_large = receive(fragments(1, pattern(kLarge + 1)).front());
   ASSERT_EQ(too_large.action, Action::kSend);
   EXPECT_EQ(header_of(too_large.frame).status, Status::kTooLarge);
-  // Two rooms besides the one for replies.
+  // Two buffers besides the one for replies.
   EXPECT_EQ(receive(fragments(2, pattern(5000)).front()).action, Action::kNothing);
   EXPECT_EQ(receive(fragments(3, pattern(5000)).front()).action, Action::kNothing);
   const Verdict full = receive(fragments(4, pattern(5000)).front());
   ASSERT_EQ(full.action, Action::kSend);
   EXPECT_EQ(header_of(full.frame).status, Status::kOverload);
-  // When nobody waits for a half message any more its room is free again.
+  // The buffer of a half message is free again once its caller no longer waits.
   EXPECT_EQ(receive(fragments(5, pattern(5000)).front(), at(2s)).action, Action::kNothing);
   EXPECT_EQ(receive(fragments(2, pattern(5000)).back(), at(2s)).action, Action::kNothing);
   EXPECT_EQ(server_.counters().dropped_for(DropReason::kStaleCall), 1u)
       << "the rest of the old one";
 }
 
-/// A client and a server with a large reply between them, on which some frames get lost.
+/// A client and a server that exchange a large reply over a lossy path.
 class LargeExchange : public ClientChannelTest {
  protected:
   LargeExchange() : large_(3 * kLarge), buffer_(kLarge), server_(config()) {}
@@ -330,7 +330,7 @@ class LargeExchange : public ClientChannelTest {
     config.large_memory = large_;
     return config;
   }
-  /// All frames of the reply of `size` bytes to a new call.
+  /// All frames of a reply of `size` bytes to a new call.
   std::vector<Bytes> reply_to_a_call(std::size_t size) {
     const Verdict verdict = server_.on_frame(begin_call(at(0s), 10s), kAddress, at(0s));
     EXPECT_EQ(verdict.action, Action::kDispatch);
@@ -348,7 +348,7 @@ class LargeExchange : public ClientChannelTest {
   ServerSessions server_;
 };
 
-// hp-5.6-7: no later fragment shows that the last ones were lost; the client's question does.
+// hp-5.6-7: no later fragment reveals that the last ones were lost; the client's question does.
 TEST_F(LargeExchange, RepairsATailThatWasLost) {
   std::vector<Bytes> frames = reply_to_a_call(2900);
   ASSERT_EQ(frames.size(), 3u);
@@ -373,7 +373,7 @@ TEST_F(LargeExchange, RepairsATailThatWasLost) {
       << "all is there";
 }
 
-// hp-5.6-6, hp-5.6-7: the answer to a question repairs what it shows to be missing.
+// hp-5.6-6, hp-5.6-7: the sender repairs the gaps that the answer to its question shows.
 TEST_F(LargeExchange, RepairsAllThatAQuestionShows) {
   std::vector<Bytes> frames = reply_to_a_call(2900);
   ASSERT_EQ(frames.size(), 3u);
@@ -411,7 +411,7 @@ TEST_F(LargeReplies, AskForRoomAndAreAcknowledged) {
   Bytes buffer(2900);
   channel_.set_reply_buffer(buffer);
   EXPECT_EQ(channel_.on_frame(all[1], at(1ms)).kind, Kind::kNothing);
-  // hp-5.6-7: when nothing more comes it says how far it is.
+  // hp-5.6-7: when no more fragments arrive, the client reports its progress.
   const ChannelEvent late = channel_.on_time(channel_.next_time());
   ASSERT_EQ(late.kind, Kind::kSend);
   EXPECT_EQ(header_of(late.frame).kind, FrameKind::kAck);

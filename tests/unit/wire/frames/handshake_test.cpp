@@ -165,7 +165,7 @@ TEST(Welcome, ThatCanNotBeMeantIsNotRead) {
   }
 }
 
-// What is read says all that the bytes said: encoding it gives them back.
+// Decoding loses nothing: encoding the result gives the same bytes.
 TEST(Handshake, RandomPayloadsAreReadWhollyOrNotAtAll) {
   Random random(7);
   for (int round = 0; round < 5000; ++round) {

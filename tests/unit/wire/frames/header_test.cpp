@@ -14,7 +14,7 @@ namespace {
 
 using namespace test;
 
-/// The reason for which `frame` is dropped; none if it is taken.
+/// The reason for which `frame` is dropped; nothing if it is accepted.
 std::optional<DropReason> reason_for(ConstBytes frame) {
   const auto header = decode_frame(frame);
   if (header) return std::nullopt;
@@ -68,8 +68,8 @@ TEST(Header, TakesTheEndsOfEachRange) {
   EXPECT_EQ(reason_for(bytes), DropReason::kBadLength) << "but the header alone is no frame";
 }
 
-/// One way to break a frame, and the reason under which it is then dropped. In the order in which
-/// the fields are to be checked (hp-2-1).
+/// One way to break a frame, and the resulting drop reason. In the order in which the fields must
+/// be checked (hp-2-1).
 struct Break {
   const char* what;
   DropReason reason;
@@ -123,7 +123,7 @@ TEST(Header, IsDroppedForTheFieldThatIsBroken) {
   }
 }
 
-/// Why a frame of `kind` with these flags and this item is dropped; nothing if it is taken.
+/// The drop reason of a frame of `kind` with these flags and this item; nothing if it is accepted.
 std::optional<DropReason> reason_for(FrameKind kind, std::uint16_t flags, std::uint32_t item) {
   Header header;
   header.kind = kind;
@@ -197,7 +197,7 @@ TEST(Header, OfFragmentsIsACallsAReplysOrAnItems) {
   }
 }
 
-// hp-2-1: so that a frame with several faults is counted alike everywhere.
+// hp-2-1: the order ensures that a frame with several faults is counted alike everywhere.
 TEST(Header, IsDroppedForTheFirstOfSeveralFaults) {
   const Bytes good = frame_of({}, bytes_of("sixteen bytes of"));
   for (std::size_t first = 0; first < breaks().size(); ++first) {
@@ -222,7 +222,7 @@ TEST(Header, IsTooShortBelow64BytesWhateverTheyAre) {
   EXPECT_EQ(reason_for({}), DropReason::kTooShort);
 }
 
-/// The first bytes, and zeros behind them.
+/// The first `size` bytes, padded with zeros.
 Bytes resized(const Bytes& bytes, std::size_t size) {
   Bytes result(size);
   std::copy_n(bytes.begin(), std::min(size, bytes.size()), result.begin());
@@ -238,8 +238,8 @@ TEST(Frame, IsOfBadLengthUnlessThePayloadIsAllThatFollows) {
   EXPECT_TRUE(decode(frame)) << "on a stream more bytes may follow or be on their way";
 }
 
-/// Bytes that are taken must be the very bytes that encoding what was read gives: two byte strings
-/// never mean the same header, and no bit goes unread.
+/// Accepted bytes must equal the encoding of the decoded header: two byte strings never mean the
+/// same header, and no bit is ignored.
 void check_bytes(const Bytes& bytes) {
   const auto header = decode_frame(bytes);
   if (!header) return;
@@ -255,7 +255,7 @@ TEST(Frame, OfRandomBytesIsNeverTakenWrongly) {
   for (int round = 0; round < 20'000; ++round) {
     Bytes bytes = random_bytes(random, random() % 200);
     check_bytes(bytes);
-    // Most random bytes fail at the magic: help them over it, and over ever more of the checks.
+    // Most random bytes fail at the magic: this lets them pass more and more of the checks.
     bytes = frame_of(random_header(random), bytes);
     const std::size_t change_count = random() % 3;
     for (std::size_t i = 0; i < change_count; ++i) {

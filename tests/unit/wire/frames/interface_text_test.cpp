@@ -5,7 +5,7 @@
 #include <random>
 #include <string>
 
-// What is said of two versions of an interface; which of them will do is in the spec's vectors.
+// The explanations for two versions of an interface; the spec's vectors say which versions fit.
 namespace rtpm::wire {
 namespace {
 
@@ -48,7 +48,7 @@ TEST(FindObstacle, TellsTheMethodAndBothSides) {
   EXPECT_EQ(find_obstacle(kText, "hello"), "the text of its interface cannot be read");
 }
 
-// hp-6.3-2: whatever a server sends ends in an answer.
+// hp-6.3-2: any bytes from a server yield an answer.
 TEST(FindObstacle, TakesAnyBytes) {
   std::mt19937 random(7);
   const auto below = [&](std::size_t count) {

@@ -8,7 +8,7 @@
 
 #include "frames.hpp"
 
-// The two ends of a stream by themselves: spec/hprotocol.md#hp-5.10.
+// The two ends of a stream in isolation: spec/hprotocol.md#hp-5.10.
 namespace rtpm::wire {
 namespace {
 
@@ -61,18 +61,18 @@ class Source {
                   .fragment_size = static_cast<std::uint32_t>(kFragmentSize)},
                  is_kept ? Medium::kDatagram : Medium::kStream, first);
   }
-  /// The frame of the next item; empty if its taker takes none.
+  /// The frame of the next item; empty if the receiver accepts none.
   Bytes push(MonotonicTime now = at(0s)) {
     return copy_of(stream.push(bytes_of("item " + std::to_string(stream.count())), now));
   }
-  /// How many items it gives before its taker takes no more.
+  /// The number of items that it sends before the receiver accepts no more.
   int push_all() {
     int count = 0;
     while (!push().empty())
       ++count;
     return count;
   }
-  /// The numbers of the items that are to be sent again.
+  /// The numbers of the items to be repeated.
   std::vector<std::uint32_t> repairs() {
     std::vector<std::uint32_t> numbers;
     for (ConstBytes frame; !(frame = stream.next()).empty();) {
@@ -130,7 +130,7 @@ TEST(OutgoingStream, HasAtMost32ItemsOnTheirWayWhereTheyMayGetLost) {
   EXPECT_EQ(source.push_all(), 32);
   source.stream.on_credit(credit(10, 0), 1000, false);
   EXPECT_EQ(source.push_all(), 10);
-  // All but one are there, but that one is kept, and so are those behind it.
+  // All items but one have arrived; that one is kept, and so are those behind it.
   source.stream.on_credit(credit(10, ~std::uint64_t{0}), 1000, false);
   EXPECT_EQ(source.push_all(), 0);
   Source over_a_connection(1000, false);
@@ -147,7 +147,7 @@ TEST(OutgoingStream, RepeatsWhatIsMissingBeforeAnItemThatIsThere) {
   }();
   while (!source.push().empty()) {
   }
-  // 0 is there, 1 is missing, 2 there, 3 missing, 4 there; of 5 to 7 nobody knows.
+  // 0, 2 and 4 have arrived, 1 and 3 are missing; 5 to 7 are unknown.
   source.stream.on_credit(credit(1, 0b101), 8, false);
   Bytes again = copy_of(source.stream.next());
   Bytes expected = second;
@@ -181,7 +181,7 @@ TEST(OutgoingStream, BelievesNoCreditForWhatWasNeverSent) {
   EXPECT_FALSE(source.stream.is_acknowledged());
   source.stream.on_credit(credit(0xffff'ffff, ~std::uint64_t{0}), 100, true);
   EXPECT_EQ(source.repairs(), Numbers{});
-  // Bits beyond what was sent name nothing that could be repeated.
+  // Bits beyond the last sent item name nothing that could be repeated.
   source.stream.on_credit(credit(2, ~std::uint64_t{1}), 4, true);
   EXPECT_EQ(source.repairs(), (Numbers{2, 3}));
   source.stream.on_credit(credit(4, ~std::uint64_t{0}), 4, true);
@@ -217,7 +217,7 @@ class Sink {
   Taken take(std::uint32_t number) {
     return take(number, bytes_of("item " + std::to_string(number)));
   }
-  /// Takes all items that are there, in order; gives how many.
+  /// Takes all available items, in order; returns how many.
   std::uint32_t drain() {
     std::uint32_t count = 0;
     for (auto item = stream.next(); item; item = stream.next()) {
@@ -261,7 +261,7 @@ TEST(IncomingStream, TakesEachItemOnce) {
   EXPECT_EQ(sink.take(0), Taken::kDuplicate) << "when it was taken, too";
 }
 
-// hp-5.10-2: what was not granted is not taken, so that nobody fills memory from outside.
+// hp-5.10-2: items that were not granted are dropped, so that a sender cannot exhaust memory.
 TEST(IncomingStream, TakesNothingBeyondItsWindow) {
   for (const std::uint32_t window : {1u, 2u, 3u, 7u, 32u}) {
     Sink sink(window);
@@ -333,7 +333,7 @@ TEST(IncomingStream, BelievesNoEndThatContradictsWhatCame) {
   EXPECT_TRUE(empty.stream.is_complete());
 }
 
-// hp-5.10-1: numbers go on from the largest with 0, whatever the window is.
+// hp-5.10-1: after the largest number comes 0, for any window.
 TEST(Streams, GoOnWhereTheNumbersEnd) {
   constexpr std::uint32_t kFirst = 0u - 100;
   for (const std::uint32_t window : {1u, 3u, 5u, 8u, 31u, 32u}) {
@@ -364,7 +364,7 @@ TEST(Streams, GoOnWhereTheNumbersEnd) {
   }
 }
 
-/// A random channel between the two ends: loss, copies, disorder in both directions.
+/// A random channel between the two ends: loss, duplicates and reordering in both directions.
 class LossyStream {
  public:
   explicit LossyStream(std::uint64_t seed)
@@ -374,7 +374,7 @@ class LossyStream {
         source_(window_),
         sink_(window_, 64) {}
 
-  /// Runs until all items were taken in order; false if it never comes to that.
+  /// Runs until all items were taken in order; false if that never happens.
   bool run() {
     for (int step = 0; step < 100'000; ++step) {
       if (source_.stream.count() < wanted_) put(items_, source_.push());
@@ -473,8 +473,8 @@ TEST(IncomingStream, PutsFragmentsTogetherInWhateverOrderTheyCome) {
   EXPECT_EQ(sink.stream.limit(), 6u);
 }
 
-// hp-5.10-9: what is put together makes room, so that an item may be larger than the byte window;
-// while the reader looks at an item, the next one waits within that.
+// hp-5.10-9: a completed item frees its bytes, so that an item may be larger than the byte window;
+// while the reader uses an item, the next one waits within the window.
 TEST(IncomingStream, TakesNoMoreBytesThanItGranted) {
   Random random(5);
   const Bytes large = random_bytes(random, 16 * LargeSink::kPart);
@@ -499,7 +499,7 @@ TEST(IncomingStream, TakesNoMoreBytesThanItGranted) {
   EXPECT_EQ(copy_of(*sink.stream.next()), large);
 }
 
-// hp-5.10-11: a frame that does not go on where the one before it ended is none of the item's.
+// hp-5.10-11: a fragment that does not continue where the previous one ended is not the item's.
 TEST(IncomingStream, TakesNoFragmentOfAnotherItem) {
   const Bytes large(5000);
   LargeSink sink(4);
@@ -570,7 +570,7 @@ class LossyLargeStream {
   static constexpr std::uint32_t kPart = LargeSink::kPart;
   std::uint32_t window() { return 1 + static_cast<std::uint32_t>(random_() % kStreamWindow); }
   void put(const Bytes& frame) {
-    // A network holds only so much.
+    // A network has a limited capacity.
     if (frame.empty() || way_.size() > 100) return;
     for (std::uint64_t copies = random_() % 10 < 3 ? 0 : 1 + random_() % 2; copies > 0; --copies) {
       const auto place = static_cast<std::ptrdiff_t>(random_() % (way_.size() + 1));

@@ -49,7 +49,7 @@ TEST(CookieJar, TakesNoCookieWithABitTurned) {
   }
 }
 
-// Good for one to two spans: at least one whatever the moment in the span, and never after two.
+// A cookie is valid for one to two spans: at least one at any moment in the span, and never two.
 TEST(CookieJar, LetsCookiesExpire) {
   const CookieJar jar(kKey);
   for (Duration given = 0s; given < kCookieSpan; given += 700ms) {

@@ -76,7 +76,7 @@ TEST_F(DeferredOnAStream, EndAsLateAsTheyLikeInAnyOrder) {
   EXPECT_EQ(payload_of(answer(server_, first, "first", at(2ms))), bytes_of("first"));
 }
 
-// Its reply goes to nobody, least of all to who has the session's place now.
+// Its reply has no recipient, least of all the client that has the session's slot now.
 TEST_F(Deferred, AreOrphansOnceTheirSessionIsClosed) {
   const Request request = run(1);
   server_.set_tag(request, 3);
@@ -126,7 +126,7 @@ TEST_F(DeferredOnAStream, AreOrphansOnceTheirConnectionEnds) {
   EXPECT_TRUE(answer(server_, request, "late", at(1ms)).empty());
 }
 
-// A reply that is kept must not be written over by one that is not sent.
+// A reply that is not sent must not overwrite one that is kept.
 TEST_F(Deferred, DoNotSpoilTheReplyThatHasTheirPlace) {
   Header oneway = peer_.call_header(1);
   oneway.flags = kFlagNoReply;
@@ -139,7 +139,7 @@ TEST_F(Deferred, DoNotSpoilTheReplyThatHasTheirPlace) {
   EXPECT_EQ(payload_of(copy.frame), bytes_of("kept"));
 }
 
-// Of several large replies each has a room of its own until it has arrived.
+// Each of several large replies has its own buffer until it has arrived.
 TEST_F(Deferred, MayEndWithLargeReplies) {
   std::vector<Request> requests{run(1), run(2), run(3)};
   std::vector<Header> first_frames;
@@ -155,14 +155,14 @@ TEST_F(Deferred, MayEndWithLargeReplies) {
       ++more_count;
     EXPECT_EQ(more_count, 2);
   }
-  // A copy of the first call brings its reply, not the other's.
+  // A duplicate of the first call fetches its reply, not the other's.
   const Verdict copy = server_.on_frame(peer_.call_frame(1), peer_.address, at(2ms));
   ASSERT_EQ(copy.action, Action::kSend);
   EXPECT_EQ(header_of(copy.frame).call_id, 1u);
   EXPECT_EQ(copy.frame[kHeaderSize], std::byte{1});
 }
 
-// Nobody waits for a large reply beyond the deadline: its room may go to the next at once.
+// After the deadline a large reply has no reader: its buffer may go to the next one at once.
 TEST_F(Deferred, ThatEndLargeAfterTheirDeadlineHarmNobody) {
   const Request request = run(1);
   for (int round = 0; round < 10; ++round) {
@@ -189,7 +189,7 @@ TEST_F(Deferred, TellThatTheyWereCancelledEachOnce) {
   EXPECT_EQ(told, (std::vector<std::uint32_t>{101, 102, 103, 104, 105, 106, 107, 108}));
 }
 
-// hp-4.5-2: each session gets its CLOSE, then there is none.
+// hp-4.5-2: each session gets its CLOSE; then there is no session.
 TEST(ServerStop, ClosesEverySession) {
   ServerSessionsConfig config = server_config();
   config.band = {50, 200};

@@ -2,7 +2,7 @@
 
 #include "peers.hpp"
 
-// The lanes of one server, which share a key and no state: spec/hprotocol.md#hp-4.4.
+// The lanes of one server, which share a key but no state: spec/hprotocol.md#hp-4.4.
 namespace rtpm::wire {
 namespace {
 
@@ -104,7 +104,7 @@ TEST_F(Lanes, KnowNoSessionOfAnotherLife) {
   }
 }
 
-// hp-4.4-1: nearly no number that no lane gave is taken for another lane's.
+// hp-4.4-1: almost no random number is mistaken for another lane's session.
 TEST(LaneNumbers, AreNotGuessed) {
   Random random(1);
   ServerSessions lane(lane_config(1, 64));

@@ -4,7 +4,7 @@
 
 #include "peers.hpp"
 
-// Who may hold the rooms for large messages, and for how long.
+// The holders of the buffers for large messages, and how long they may keep them.
 namespace rtpm::wire {
 namespace {
 
@@ -13,12 +13,12 @@ using namespace std::chrono_literals;
 using Action = Verdict::Action;
 
 constexpr std::uint32_t kLarge = 8 * 1024;
-/// Longer than any silence: the time after which a message has to go is not its caller's deadline.
+/// Longer than any silence, so that the caller's deadline does not end a message.
 constexpr std::uint32_t kForEver = 0xffff'ffff;
 
 class LargeBuffers : public testing::Test {
  protected:
-  /// A server with so many rooms, besides the one where replies are written.
+  /// A server with `buffer_count` buffers, besides the one in which replies are written.
   void serve(std::size_t buffer_count, Medium medium = Medium::kDatagram) {
     memory_.resize((buffer_count + 1) * kLarge);
     medium_ = medium;
@@ -29,7 +29,7 @@ class LargeBuffers : public testing::Test {
     config.frame_payload_max = kDatagramPayloadSizeMax;
     server_ = std::make_unique<ServerSessions>(config);
   }
-  /// A client on the host of that number.
+  /// A client on the host with that number.
   Peer peer_of(std::uint64_t host) {
     Peer peer;
     peer.address = {.low = host, .port = ++port_};
@@ -49,7 +49,7 @@ class LargeBuffers : public testing::Test {
     encode(header, frame.data());
     return server_->on_frame(frame, peer.address, now);
   }
-  /// Whether a request of which nothing was heard before is taken.
+  /// Whether the server accepts a new large request.
   bool takes(const Peer& peer, std::uint32_t call_id, MonotonicTime now) {
     const Header answer = header_of(fragment(peer, call_id, 0, now).frame);
     EXPECT_TRUE(answer.kind == FrameKind::kAck || answer.status == Status::kOverload);
@@ -85,7 +85,7 @@ class LargeBuffers : public testing::Test {
   std::uint32_t port_ = 0;
 };
 
-// hp-5.6-10: what a sender left unfinished does not keep others out until its deadline.
+// hp-5.6-10: a sender's unfinished message does not keep others out until its deadline.
 TEST_F(LargeBuffers, AreTakenFromRequestsThatFellSilent) {
   serve(2);
   const Peer silent = peer_of(1);
@@ -97,7 +97,7 @@ TEST_F(LargeBuffers, AreTakenFromRequestsThatFellSilent) {
   EXPECT_TRUE(takes(other, 2, at(kLargeMessageSilenceMax)));
   EXPECT_EQ(server_->large_message_count(at(kLargeMessageSilenceMax)), 2u);
   EXPECT_EQ(server_->counters().large_evicted_count, 1u);
-  // hp-5.6-10, hp-5.1-5: its sender may be alive after all, and may send it anew.
+  // hp-5.6-10, hp-5.1-5: the sender may be alive after all, and may send it again.
   const Verdict late = fragment(silent, 1, 1, at(5s));
   ASSERT_EQ(late.action, Action::kSend);
   EXPECT_EQ(header_of(late.frame).kind, FrameKind::kRefuse);
@@ -107,8 +107,8 @@ TEST_F(LargeBuffers, AreTakenFromRequestsThatFellSilent) {
   }
 }
 
-// hp-5.6-10, hp-5.3-3: copies are at most 1 s apart, so that a network that loses two in a row, or
-// every ACK, costs nobody a message.
+// hp-5.6-10, hp-5.3-3: repetitions are at most 1 s apart, so that a network that loses two in a
+// row, or every ACK, costs no message.
 TEST_F(LargeBuffers, StayWithASenderThatIsHeardNowAndThen) {
   serve(2);
   const Peer slow = peer_of(1);
@@ -140,19 +140,19 @@ TEST_F(LargeBuffers, GoFromTheMessageThatWasSilentLongest) {
   EXPECT_EQ(header_of(fragment(silent, 2, 0, at(10s)).frame).kind, FrameKind::kRefuse);
 }
 
-// hp-5.6-10: the same of replies whose callers do not fetch them.
+// hp-5.6-10: the same for replies that their callers do not fetch.
 TEST_F(LargeBuffers, AreTakenFromRepliesThatNobodyFetches) {
   serve(2);
   const Peer silent = peer_of(1);
   const Peer fetching = peer_of(2);
   reply_large(small_call(silent, 1, at(0s)), at(0s));
   reply_large(small_call(fetching, 1, at(0s)), at(0s));
-  // Two of the server's replies are held; a third has no room, and its caller a frame's.
+  // The server holds two replies; a third gets no large buffer, and its caller gets one frame.
   const Request third = small_call(fetching, 2, at(1s));
   EXPECT_TRUE(server_->is_short_of_buffers(third, at(1s)));
   EXPECT_EQ(server_->reply_buffer(third, at(1s)).size(), kDatagramPayloadSizeMax);
   EXPECT_EQ(server_->next_buffer_time(at(1s)), at(kLargeMessageSilenceMax));
-  // Its ACKs, and copies of its call, show that a caller is there.
+  // ACKs, and repetitions of the call, show that the caller is alive.
   EXPECT_EQ(acknowledge(fetching, 1, 1, at(2s)).action, Action::kNothing);
   EXPECT_FALSE(server_->is_short_of_buffers(third, at(kLargeMessageSilenceMax)));
   reply_large(third, at(kLargeMessageSilenceMax));
@@ -164,7 +164,7 @@ TEST_F(LargeBuffers, AreTakenFromRepliesThatNobodyFetches) {
   EXPECT_EQ(server_->large_message_count(at(4s)), 1u);
 }
 
-// hp-5.6-11: three quarters are one host's at most, over a connection as well.
+// hp-5.6-11: one host may have three quarters at most, also over connections.
 TEST_F(LargeBuffers, AreSharedAmongHosts) {
   for (const Medium medium : {Medium::kDatagram, Medium::kStream}) {
     serve(8, medium);
@@ -174,7 +174,7 @@ TEST_F(LargeBuffers, AreSharedAmongHosts) {
     EXPECT_TRUE(takes(peer_of(2), 1, at(0s)));
     EXPECT_TRUE(takes(peer_of(3), 1, at(0s)));
     EXPECT_FALSE(takes(peer_of(3), 1, at(1s))) << "all are taken";
-    // Others' silence does not give the first more than its share.
+    // The silence of other hosts does not give the first one more than its share.
     const Peer first = peer_of(1);
     EXPECT_TRUE(takes(first, 1, at(10s)));
     EXPECT_EQ(server_->counters().large_evicted_count, 1u);
@@ -182,7 +182,7 @@ TEST_F(LargeBuffers, AreSharedAmongHosts) {
   }
 }
 
-// However many rooms are taken: a request that has one leaves it to its reply.
+// However many buffers are taken, a request passes its own buffer on to its reply.
 TEST_F(LargeBuffers, SufficeForTheReplyToALargeRequest) {
   serve(2);
   const Peer peer = peer_of(1);
@@ -197,7 +197,7 @@ TEST_F(LargeBuffers, SufficeForTheReplyToALargeRequest) {
   }
 }
 
-// A small reply needs no room, and what nobody waits for is kept nowhere.
+// A small reply needs no large buffer, and a reply without a waiting caller is not kept.
 TEST_F(LargeBuffers, AreNotMissedBySmallReplies) {
   serve(2);
   const Peer peer = peer_of(1);

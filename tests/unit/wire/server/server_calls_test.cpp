@@ -9,7 +9,7 @@
 
 #include "peers.hpp"
 
-// How a server takes calls: spec/hprotocol.md#hp-5.
+// A server's calls: spec/hprotocol.md#hp-5.
 namespace rtpm::wire {
 namespace {
 
@@ -27,7 +27,7 @@ class ServerCalls : public testing::Test {
   Verdict call(std::uint32_t call_id, MonotonicTime now = at(0s)) {
     return receive(peer_.call_frame(call_id, "request " + std::to_string(call_id)), now);
   }
-  /// Calls and answers at once; gives the reply.
+  /// Calls and answers at once; returns the reply.
   Bytes call_and_answer(std::uint32_t call_id, MonotonicTime now = at(0s)) {
     const Verdict verdict = call(call_id, now);
     EXPECT_EQ(verdict.action, Action::kDispatch);
@@ -40,7 +40,7 @@ class ServerCalls : public testing::Test {
   Peer peer_;
 };
 
-/// That `verdict` answers the call of `peer` without running it, for the reason `status`.
+/// Expects that `verdict` answers the call of `peer` with `status`, without running it.
 void expect_not_run(const Verdict& verdict, const Peer& peer, std::uint32_t call_id,
                     Status status) {
   ASSERT_EQ(verdict.action, Action::kSend);
@@ -169,7 +169,7 @@ TEST_F(ServerCalls, BeyondTheWindowAreRefusedWithOverload) {
   EXPECT_EQ(payload_of(answer(server_, first.request, "first", at(0s))), bytes_of("first"));
 }
 
-// Overload promises that the call was not run: a copy that comes later must not be either.
+// Overload promises that the call did not run: a later copy must not run, either.
 TEST_F(ServerCalls, BeyondTheWindowAreNeverRunOnceRefused) {
   const Verdict first = call(1);
   ASSERT_EQ(call(1 + kCallWindow).action, Action::kSend);
@@ -270,7 +270,7 @@ TEST_F(ServerCalls, AboveTheCeilingAreTakenIfTheyArePings) {
       << "an object's method 2 is no ping";
 }
 
-// hp-2-6: also where the message would fit.
+// hp-2-6: this holds even if the message would fit.
 TEST_F(ServerCalls, InADatagramThatIsTooLargeAreDropped) {
   std::array<std::byte, 4 * 4096> memory{};
   ServerSessionsConfig config = server_config();
@@ -336,8 +336,8 @@ TEST_F(ServerCalls, WithoutTimeLeftAreNotRun) {
   EXPECT_EQ(receive(frame_of(header)).action, Action::kDispatch);
 }
 
-/// When a call of 100 µs, sent at `sent` on the client's clock, is received at `received`: its
-/// deadline; nothing if it is expired.
+/// The deadline of a call with a budget of 100 µs that is sent at `sent` on the client's clock and
+/// received at `received`; nothing if it has expired.
 std::optional<MonotonicTime> deadline_of(std::uint64_t client_clock, std::uint64_t server_clock,
                                          MonotonicTime sent, MonotonicTime received) {
   ServerSessionsConfig config = server_config();
@@ -386,7 +386,7 @@ TEST(ServerDeadline, HoldsForTheLargestBudget) {
   EXPECT_EQ(verdict.request.deadline, at(std::chrono::microseconds{~std::uint32_t{0}}));
 }
 
-// hp-5.3-4: nothing is repeated on a stream, so a copy is a fault of the client's.
+// hp-5.3-4: a stream needs no repetition, so a copy is the client's fault.
 TEST(ServerStream, DropsCopies) {
   ServerSessions server(server_config(Medium::kStream));
   Peer peer;
@@ -398,7 +398,7 @@ TEST(ServerStream, DropsCopies) {
   EXPECT_EQ(server.counters().dropped_for(DropReason::kStaleCall), 1u);
 }
 
-/// Random calls, copies and late ends of calls on one session, against what the spec promises.
+/// Random calls, copies and late ends of calls in one session, compared with the spec's promises.
 class CallHistory {
  public:
   explicit CallHistory(std::uint64_t seed) : random_(seed) {

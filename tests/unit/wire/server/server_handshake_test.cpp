@@ -12,7 +12,7 @@ using namespace test;
 using namespace std::chrono_literals;
 using Action = Verdict::Action;
 
-/// The server's answer to the HELLO, a refusal, and its status.
+/// Expects that the server refuses the HELLO with `status`.
 void expect_refusal(const Verdict& verdict, const Peer& peer, Status status) {
   ASSERT_EQ(verdict.action, Action::kSend);
   EXPECT_EQ(verdict.frame.size(), kHeaderSize);
@@ -138,7 +138,7 @@ TEST(ServerHandshake, GivesEachChannelClientAndAddressItsOwnSession) {
 
 // hp-4.1-6
 TEST(ServerHandshake, ReplacesTheSessionOfItsChannel) {
-  // Numbers go on with 0 behind the largest.
+  // After the largest number comes 0.
   for (const std::uint32_t number : {5u, 0x7fff'ffffu, 0xffff'ffffu}) {
     ServerSessions server(server_config());
     Peer peer;
@@ -155,7 +155,7 @@ TEST(ServerHandshake, ReplacesTheSessionOfItsChannel) {
   }
 }
 
-// hp-4.1-6: a copy that the network delivers late must not cost the client its session.
+// hp-4.1-6: a late duplicate must not cost the client its session.
 TEST(ServerHandshake, DropsALateHelloOfItsChannel) {
   ServerSessions server(server_config());
   Peer peer;
@@ -168,7 +168,7 @@ TEST(ServerHandshake, DropsALateHelloOfItsChannel) {
   EXPECT_EQ(server.on_frame(peer.call_frame(1), peer.address, at(1s)).action, Action::kDispatch);
 }
 
-// hp-4.1-6: a client that never gets a WELCOME must not fill the table by itself.
+// hp-4.1-6: a client that never receives a WELCOME must not fill the table by itself.
 TEST(ServerHandshake, OfOneChannelTakesOnePlaceHoweverOftenItIsTried) {
   ServerSessions server(server_config());
   Peer peer;
@@ -255,7 +255,7 @@ TEST(ServerHandshake, RefusesPrioritiesOutsideTheBand) {
   }
 }
 
-// hp-4.1-5: each of these HELLOs has the fault that is looked for, and all that come behind it.
+// hp-4.1-5: each of these HELLOs has the expected fault, and all faults that come after it.
 TEST(ServerHandshake, JudgesAHelloInOneOrder) {
   ServerSessionsConfig config = server_config();
   config.band = {100, 200};
@@ -318,13 +318,13 @@ TEST(ServerHandshake, DropsAHelloThatItCanNotRead) {
   EXPECT_EQ(server.counters().received_count, 3u);
 }
 
-/// A host of its own for each number.
+/// A separate host for each number.
 PeerAddress host(std::uint64_t number) {
   return {.high = 0, .low = 0x0a00'0000 + number, .port = 4711};
 }
 
-/// As many peers with sessions as the server takes, each on its own host, opened one second after
-/// the other.
+/// As many peers with sessions as the server accepts, each on its own host, opened one second
+/// apart.
 std::vector<Peer> fill(ServerSessions& server, std::uint32_t count) {
   std::vector<Peer> peers(count);
   for (std::uint32_t i = 0; i < count; ++i) {
@@ -367,7 +367,7 @@ TEST(ServerSessionTable, ReplacesTheSessionThatWasSilentLongest) {
   EXPECT_EQ(status_of_call(newcomer), Status::kOk);
 }
 
-// hp-5.5-1: whoever still repeats a call keeps the session.
+// hp-5.5-1: a client that still repeats a call keeps its session.
 TEST(ServerSessionTable, KeepsASessionThatCallsOrRepeats) {
   ServerSessions server(server_config());
   const std::vector<Peer> peers = fill(server, 4);
@@ -386,7 +386,7 @@ TEST(ServerSessionTable, KeepsASessionThatCallsOrRepeats) {
   EXPECT_EQ(header_of(lost.frame).status, Status::kUnknownSession);
 }
 
-/// Peers on one host, until the server takes no more of them.
+/// Peers on one host, until the server accepts no more of them.
 std::vector<Peer> fill_from_one_host(ServerSessions& server, PeerAddress address) {
   std::vector<Peer> peers;
   for (std::uint32_t i = 0; i < 100; ++i) {
@@ -434,7 +434,7 @@ TEST(ServerSessionTable, LetsAHostWithItsShareReplaceOnlyItsOwn) {
   EXPECT_EQ(is_known(peers[1]) + is_known(peers[2]), 1) << "one of these made place";
 }
 
-// hp-4-7: a connection's address does not name a host; the acceptor counts them.
+// hp-4-7: a connection's address does not identify a host; the acceptor counts hosts.
 TEST(ServerSessionTable, GivesConnectionsAllPlaces) {
   ServerSessions server(server_config(Medium::kStream));
   for (std::uint32_t i = 0; i < 4; ++i) {
@@ -549,7 +549,7 @@ TEST(ServerFrames, WithABadHeaderEndAStreamButNoDatagramPort) {
   EXPECT_EQ(stream.counters().dropped_for(DropReason::kBadMagic), 1u);
 }
 
-/// A frame such as anybody may send: of any kind, with or without faults.
+/// A frame that any stranger may send: of any kind, with or without faults.
 Bytes any_frame(Random& random, const Peer& peer) {
   switch (random() % 4) {
     case 0:
@@ -568,7 +568,7 @@ Bytes any_frame(Random& random, const Peer& peer) {
   }
 }
 
-// hp-4.2-1, hp-4.4-2: whoever forges an address gets its owner no more bytes than he sends.
+// hp-4.2-1, hp-4.4-2: a forged address gets no more bytes than the forger sends.
 TEST(ServerFrames, FromAnUnprovenAddressAreNeverAnsweredWithMoreBytes) {
   Random random(1);
   ServerSessionsConfig config = server_config();

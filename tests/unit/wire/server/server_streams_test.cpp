@@ -6,7 +6,7 @@
 #include "peers.hpp"
 #include "rtpm/wire/stream.hpp"
 
-// How a server gives items: spec/hprotocol.md#hp-5.10.
+// A server's streams: spec/hprotocol.md#hp-5.10.
 namespace rtpm::wire {
 namespace {
 
@@ -44,7 +44,7 @@ class ServerStreams : public testing::Test {
     EXPECT_TRUE(verdict.request.wants_stream());
     return verdict.request;
   }
-  /// Gives one item; empty if the caller takes none now.
+  /// Sends one item; empty if the caller accepts none now.
   Bytes push(const Request& request, std::string_view text = "item", MonotonicTime now = at(0s)) {
     return copy_of(server_.push_item(request, bytes_of(text), now));
   }
@@ -65,7 +65,7 @@ class ServerStreams : public testing::Test {
     encode(credit, payload);
     return frame_of(header, payload);
   }
-  /// All frames that `verdict` has to be sent.
+  /// All frames that `verdict` asks to send.
   std::vector<Bytes> sent(const Verdict& verdict) {
     std::vector<Bytes> frames;
     if (verdict.action == Action::kSend) frames.push_back(copy_of(verdict.frame));
@@ -118,7 +118,7 @@ TEST_F(ServerStreams, GiveItemsAsLargeAsTheirOwnOrTheirClientsLimit) {
   EXPECT_EQ(server_.item_size_max(verdict.request), kMessageSizeFloor);
 }
 
-// hp-5.10-2: memory for two streams, and no more.
+// hp-5.10-2: there is memory for two streams only.
 TEST_F(ServerStreams, AreRefusedWhereThereIsNoRoom) {
   static_cast<void>(begin(1, 3));
   const Request second = begin(2, 3);
@@ -157,7 +157,7 @@ TEST_F(ServerStreams, TellWhoFeedsThemThatThereIsCredit) {
   EXPECT_EQ(receive(credit_frame(1, credit(2, 0), 6)).credit_tag, 0u) << "it has ended";
 }
 
-// hp-5.10-5: who asks is always answered.
+// hp-5.10-5: the server always answers a question.
 TEST_F(ServerStreams, AnswerWhoAsks) {
   const Request request = begin(1, 8);
   std::vector<Bytes> frames = sent(receive(credit_frame(1, credit(0, 0), 8, true)));
@@ -260,7 +260,7 @@ TEST_F(ServerStreams, EndWhereTheirCallerFellSilent) {
             Status::kLost);
 }
 
-// hp-5.10-7: what a newer frame promised is not taken back by a late copy of an older one.
+// hp-5.10-7: a stale frame does not revoke the credit of a newer one.
 TEST_F(ServerStreams, OutliveAStaleCredit) {
   static_cast<void>(begin(1, 8, at(0s)));
   static_cast<void>(receive(credit_frame(1, credit(0, 0), 8, false, 3'000'000), at(1s)));
@@ -269,7 +269,7 @@ TEST_F(ServerStreams, OutliveAStaleCredit) {
   EXPECT_EQ(server_.next_time(), at(4s));
 }
 
-// hp-5.10-7: items are kept for who is still to fetch them, but not for ever.
+// hp-5.10-7: items are kept for a client that has yet to fetch them, but not for ever.
 TEST_F(ServerStreams, ForgetTheirItemsWhenNobodyFetchesThem) {
   const Request request = begin(1, 8);
   static_cast<void>(push(request));
@@ -346,7 +346,7 @@ TEST_F(ServerStreams, OfNoCallAreLostForWhoAsks) {
   EXPECT_EQ(dropped(DropReason::kUnexpected), 1u);
 }
 
-// hp-5.10-5: on TCP nothing is repeated, but who asks is answered.
+// hp-5.10-5: on TCP nothing is repeated, but questions are answered.
 TEST_F(ServerStreamsOnAStream, RepeatNothingAndAnswerWhoAsks) {
   const Request request = begin(1, 100);
   EXPECT_EQ(push_all(request), 100) << "the window is for what may get lost";
@@ -370,7 +370,7 @@ TEST_F(ServerStreamsOnAStream, EndWhereTheirCallerFellSilent) {
   EXPECT_EQ(header_of(receive(credit_frame(1, credit(0, 0), 8, true)).frame).status, Status::kLost);
 }
 
-// hp-5.10-7: over a connection nobody has to be heard, as its end tells.
+// hp-5.10-7: over a connection silence is allowed, because the connection's end is reported.
 TEST_F(ServerStreamsOnAStream, LastAsLongAsTheirConnectionWhereTheirCallerSaysSo) {
   Header header = stream_header(1, 4);
   header.budget_us = kBudgetUnlimited;
@@ -385,7 +385,7 @@ TEST_F(ServerStreamsOnAStream, LastAsLongAsTheirConnectionWhereTheirCallerSaysSo
   EXPECT_EQ(server_.next_cancelled(), 6u);
 }
 
-// hp-5.10-7: nobody may take room for longer than a session.
+// hp-5.10-7: a stream may not hold memory for longer than a session.
 TEST_F(ServerStreams, EndAfterHalfAMinuteWhateverTheirCallerStates) {
   Header header = stream_header(1, 4);
   header.budget_us = kBudgetUnlimited;
@@ -426,7 +426,7 @@ TEST_F(ServerStreams, CutLargeItemsAndSendNoMoreThanTheirBytes) {
   EXPECT_EQ(server_.counters().item_count, 1u);
 }
 
-// hp-5.10-9: the bytes that a call grants by itself.
+// hp-5.10-9: the bytes that a call itself grants.
 TEST_F(ServerStreamsOnAStream, SendOneLargeFrameBeforeTheirFirstCredit) {
   const Bytes large(200'000);
   const Request request = begin(1, 8);

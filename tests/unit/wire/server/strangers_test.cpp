@@ -1,7 +1,7 @@
 #include "peers.hpp"
 #include "rtpm/wire/rate_limiter.hpp"
 
-// Datagrams of no session: how many of them are answered.
+// Datagrams without a session: how many of them are answered.
 namespace rtpm::wire {
 namespace {
 
@@ -19,7 +19,7 @@ TEST(RateLimiter, GivesABurstAndThenOneEachInterval) {
   EXPECT_FALSE(limiter.admit(kHost, at(10ms - 1ns)));
   EXPECT_TRUE(limiter.admit(kHost, at(10ms)));
   EXPECT_FALSE(limiter.admit(kHost, at(10ms)));
-  // What is saved up is no more than a burst.
+  // An idle host saves up one burst at most.
   for (int i = 0; i < 3; ++i)
     EXPECT_TRUE(limiter.admit(kHost, at(10s)));
   EXPECT_FALSE(limiter.admit(kHost, at(10s)));
@@ -32,7 +32,7 @@ TEST(RateLimiter, KeepsHostsApartAndTheirPortsTogether) {
   // hp-4-7
   EXPECT_TRUE(limiter.admit({.high = 7, .low = 1}, at(0s)));
   EXPECT_FALSE(limiter.admit({.high = 7, .low = 2}, at(0s))) << "of the same /64";
-  // They share a fixed table, so that a few of many meet.
+  // Hosts share a fixed table, so that a few of many collide.
   int admitted_count = 0;
   for (std::uint64_t host = 2; host < 34; ++host)
     admitted_count += limiter.admit({.low = host}, at(0s)) ? 1 : 0;
@@ -51,7 +51,7 @@ class Strangers : public testing::Test {
   ServerSessions server_{server_config()};
 };
 
-// hp-4.4-5: a flood of calls of unknown sessions costs the lane no more than to look at them.
+// hp-4.4-5: calls of unknown sessions cost the lane only a look at them, even in a flood.
 TEST_F(Strangers, AreAnsweredOnlySoOften) {
   for (std::uint32_t i = 0; i < kStrangerAnswerBurst; ++i) {
     const Verdict verdict = call({.low = 1, .port = i}, at(0s));
@@ -69,7 +69,7 @@ TEST_F(Strangers, AreAnsweredOnlySoOften) {
   EXPECT_EQ(call({.low = 2, .port = 1}, at(0s)).action, Action::kSend) << "of another host";
 }
 
-// hp-4.4-5: what a session's own frames get is not counted.
+// hp-4.4-5: answers to a session's own frames do not count.
 TEST_F(Strangers, TakeNothingFromSessionsOfTheirHost) {
   Peer peer;
   peer.open(server_, at(0s));
@@ -80,7 +80,7 @@ TEST_F(Strangers, TakeNothingFromSessionsOfTheirHost) {
   EXPECT_EQ(payload_of(answer(server_, verdict.request, "here", at(0s))), bytes_of("here"));
 }
 
-// hp-4.4-5, hp-4-5: the same of HELLOs without a good cookie. One with a cookie is always answered.
+// hp-4.4-5, hp-4-5: the same for HELLOs, except that one with a good cookie is always answered.
 TEST_F(Strangers, AskForCookiesOnlySoOften) {
   Peer peer;
   const Bytes proven = peer.proven_hello_frame(server_, at(0s));
@@ -94,7 +94,7 @@ TEST_F(Strangers, AskForCookiesOnlySoOften) {
   EXPECT_EQ(server_.on_frame(peer.hello_frame(), peer.address, at(5ms)).action, Action::kSend);
 }
 
-// Over a connection nobody repeats, and nobody forges the address.
+// Over a connection there are no repetitions and no forged addresses.
 TEST(StrangersOnAStream, AreAlwaysAnswered) {
   ServerSessions server(server_config(Medium::kStream));
   Peer peer;
@@ -104,7 +104,7 @@ TEST(StrangersOnAStream, AreAlwaysAnswered) {
   }
 }
 
-// hp-4.1-5: where there is no place for a connection its client is told so, or what else is wrong.
+// hp-4.1-5: a client of a full server is told so, or that its HELLO has another fault.
 TEST(Newcomers, AreToldThatThereIsNoPlace) {
   ServerSessions server(server_config(Medium::kStream));
   Peer peer;
