@@ -1,6 +1,6 @@
-// A client's channel with up to three calls under any frames and times: it takes no answer but its
-// own calls', keeps items in order, asks for nothing after its deadlines, and always has a next
-// time while something is open.
+// A client's channel with up to three calls under any frames and times: it accepts only its own
+// calls' answers, keeps items in order, requests nothing after its deadlines, and always has a next
+// time while a call is open.
 
 #include <algorithm>
 #include <array>
@@ -19,7 +19,7 @@ namespace {
 constexpr std::uint64_t kSession = 0x123456789a0000;
 constexpr std::uint16_t kCallMax = 3;
 constexpr std::uint32_t kLarge = 4096;
-constexpr std::uint32_t kItemSize = 96;  // Of one that goes in a frame.
+constexpr std::uint32_t kItemSize = 96;  // An item that fits in a frame.
 constexpr std::uint32_t kByteWindow = 20 * kItemSize;
 constexpr std::size_t kItemMemory = (kStreamWindow + 20) * std::size_t{kItemSize};
 
@@ -162,7 +162,7 @@ class World {
     take(receive(ConstBytes(frame).first(kHeaderSize + size)));
   }
 
-  /// A fragment of a reply or item, or an ACK, whose numbers the input chooses.
+  /// A fragment of a reply or item, or an ACK, with numbers from the input.
   void answer_in_parts(std::uint8_t index, std::uint8_t count, std::uint16_t size,
                        std::uint32_t message_size, FrameKind kind) {
     std::array<std::byte, kHeaderSize + 2048> frame{};
@@ -215,7 +215,7 @@ class World {
     check();
   }
 
-  /// The session is over: what is left is the items of streams that had ended.
+  /// The session is over: only the items of streams that had ended are left.
   void end_all() {
     for (CallIndex i = 0; i < kCallMax; ++i)
       open_[i] = open_[i] && ended_[i];
@@ -247,9 +247,9 @@ class World {
   ClientChannel channel_;
   bool is_opening_ = false;
   std::array<bool, kCallMax> open_{};
-  std::array<bool, kCallMax> ended_{};  ///< Streams whose reply was told; items may be left.
+  std::array<bool, kCallMax> ended_{};  ///< Streams whose reply was reported; items may be left.
   std::uint32_t handshake_ = 0;
-  std::uint32_t call_id_ = 0;  ///< Of the call begun last.
+  std::uint32_t call_id_ = 0;  ///< The latest call's.
 };
 
 }  // namespace

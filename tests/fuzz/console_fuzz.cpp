@@ -1,4 +1,4 @@
-// What a browser sends to rtpm-console: a frame, as text and as bytes, and the target of a request.
+// A browser's input to rtpm-console: a frame, as text and as bytes, and the target of a request.
 
 #include <cstdint>
 #include <filesystem>

@@ -1,7 +1,7 @@
-// A client and a server against each other, through a network that the input controls: what is
-// lost, doubled, delayed, reordered and, in some runs, corrupted. Where nothing is corrupted, every
-// call runs at most once, its caller gets its own reply or none, what was refused never runs, and
-// items come in order without a gap. Where bytes are corrupted, neither side breaks.
+// A client and a server against each other, through a network that the input controls: it loses,
+// doubles, delays, reorders and, in some runs, corrupts frames. Without corruption, every call runs
+// at most once, its caller gets its own reply or none, a refused call never runs, and items come in
+// order without a gap. With corruption, neither side breaks.
 
 #include <algorithm>
 #include <array>
@@ -126,14 +126,14 @@ class World {
     hear_of_cancels();
   }
 
-  /// One of the methods that run ends, or gives an item.
+  /// Lets one of the running methods end, or write an item.
   void go_on(std::uint8_t which, std::uint32_t size, bool is_item) {
     if (running_.empty()) return;
     const auto one =
         std::next(running_.begin(), static_cast<std::ptrdiff_t>(which % running_.size()));
     const Running running = one->second;
     if (is_item && running.request.wants_stream()) return give_item(one->second);
-    // What was begun is not left.
+    // A partly written item has to be completed.
     if (server_->is_item_midway(running.request)) return give_item(one->second);
     running_.erase(one);
     const MutableBytes room = server_->reply_buffer(running.request, now_);
@@ -168,7 +168,7 @@ class World {
     if (const auto outgoing = server_->close_next(now_)) put(to_client_, outgoing->frame);
     hear_of_cancels();
   }
-  /// Another life of the server: what ran is not there any more.
+  /// Restarts the server: the running calls are gone.
   void restart() {
     ServerSessionsConfig config;
     config.medium = medium_;
@@ -239,14 +239,14 @@ class World {
     server_->set_tag(request, ++tag_);
     running_[tag_] = {request, serial};
   }
-  /// Each seventh is larger than a frame.
+  /// Every seventh is larger than a frame.
   static Frame item_of(std::uint32_t serial, std::uint32_t number) {
     Frame item(number % 7 == 6 ? 4000 + number % 4000 : 8, static_cast<std::byte>(serial));
     store_le(item.data(), serial);
     store_le(item.data() + 4, number);
     return item;
   }
-  /// Gives an item, or goes on with one, as far as it is taken.
+  /// Writes an item, or continues with one, as far as it is accepted.
   void give_item(Running& running) {
     const Frame item = item_of(running.serial, running.item_count);
     bool is_midway = true;

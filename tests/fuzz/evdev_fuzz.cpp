@@ -13,7 +13,7 @@ using namespace rtpm;
 
 namespace {
 
-/// Numbers of sixteen bits more often than those of all 32.
+/// Chooses numbers of 16 bits more often than those of all 32.
 std::int32_t value_of(fuzz::Script& script) {
   const std::uint32_t number = script.number();
   return static_cast<std::int32_t>((number & 0x8000'0000u) != 0 ? number : number & 0xffffu);
@@ -73,7 +73,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   while (script.has_more()) {
     now += Duration{script.byte() * 10'000};
     const std::uint32_t head = script.number();
-    // Half of the events have a type that is known.
+    // Half of the events have a known type.
     const std::uint32_t type = (head & 0x8000u) != 0 ? head & 0xffffu : head & 0x3u;
     const auto code = static_cast<std::uint16_t>(head >> 16);
     const device_evdev::Event event{now + Duration{value_of(script)},

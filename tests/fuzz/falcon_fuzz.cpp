@@ -13,7 +13,7 @@ using namespace rtpm;
 
 namespace {
 
-/// A unit that says what the fuzzer says: a byte of length, then a transfer of so many bytes.
+/// A unit whose answers come from the fuzzer: a byte of length, then a transfer of that many bytes.
 class FuzzedUnit final : public device_falcon::Transport {
  public:
   explicit FuzzedUnit(std::span<const std::byte> script) : script_(script) {}

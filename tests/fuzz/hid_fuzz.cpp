@@ -1,5 +1,5 @@
-// Any bytes are a report descriptor or an error, and any reports of any device leave a state that
-// is within the device's description.
+// Any bytes are a report descriptor or an error, and any reports of any device lead to a state
+// within the device's description.
 
 #include <array>
 #include <cmath>
@@ -15,7 +15,8 @@ using namespace rtpm::device_hid;
 
 namespace {
 
-/// A device that answers nothing; a fuzzer's own calibration by Bluetooth can't have its checksum.
+/// A device that answers nothing; a fuzzer's own calibration over Bluetooth can't have its
+/// checksum.
 class SilentTransport final : public HidTransport {
  public:
   [[nodiscard]] Received read(MutableBytes, Duration patience) override {

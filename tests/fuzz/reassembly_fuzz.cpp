@@ -1,5 +1,5 @@
-// Messages in fragments and streams, each end by itself, under numbers that the input chooses: what
-// is put together is what came, nothing is written outside its room, and no more is on its way than
+// Messages in fragments and streams, each end by itself, with numbers from the input: a reassembled
+// message equals the sent one, nothing is written outside its buffer, and no more is in flight than
 // the window allows.
 
 #include <algorithm>
@@ -84,7 +84,7 @@ void take_apart(fuzz::Script& script) {
       word = script.number();
     outgoing.on_ack(ack, script.byte() % 2 == 0);
     if (ack.first_missing > sent) continue;
-    // Fragments behind the first missing one may be there, too.
+    // Fragments after the first missing one may have arrived, too.
     acknowledged = static_cast<std::uint32_t>(message.size());
     if (script.byte() % 4 == 0) outgoing.nudge();
   }
@@ -92,7 +92,7 @@ void take_apart(fuzz::Script& script) {
 
 constexpr std::uint32_t kPart = 16;
 
-/// A stream of items by a rule: of each five, four go in a frame, and the fifth in three.
+/// A stream of items by a rule: of every five, four fit in a frame, and the fifth takes three.
 constexpr std::uint32_t kItemsPerRound = 5;
 constexpr std::uint32_t kFramesPerRound = 7;
 
@@ -130,7 +130,7 @@ void give_items(fuzz::Script& script) {
   OutgoingStream stream;
   stream.begin(call, {.memory = memory, .frame_size = kFrameSize, .fragment_size = kPart},
                is_kept ? Medium::kDatagram : Medium::kStream, first);
-  std::uint32_t there = first;  // What the other end is known to have.
+  std::uint32_t there = first;  // The other end is known to have all before this.
   std::uint32_t item = 0;
   while (script.has_more()) {
     for (int i = 0; i < 40; ++i) {

@@ -1,4 +1,4 @@
-// Recordings of unknown origin: opened, read, checked and recovered. What is recovered is whole.
+// Recordings of unknown origin: opened, read, checked and recovered. A recovered one is whole.
 
 #include <sys/mman.h>
 #include <unistd.h>
@@ -55,7 +55,7 @@ void read_all(const std::string& path, recording::Incomplete incomplete) {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static const MemoryFile file;
-  // In memory where that can be: closing a recording waits for the disk.
+  // In memory where possible: closing a recording waits for the disk.
   static const std::filesystem::path kMemory = "/dev/shm";
   static const std::filesystem::path kFolder =
       std::filesystem::is_directory(kMemory) ? kMemory : std::filesystem::temp_directory_path();

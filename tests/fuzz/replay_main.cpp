@@ -1,5 +1,5 @@
-// Stands in for libFuzzer where it is not there: every file of the corpus, then mutations of them
-// by a fixed seed. The fuzzed code aborts on a breach.
+// Replaces libFuzzer where it is missing: runs every file of the corpus, then mutations of them by
+// a fixed seed. The fuzzed code aborts on a breach.
 
 #include <algorithm>
 #include <cstdint>

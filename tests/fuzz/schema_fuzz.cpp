@@ -1,5 +1,5 @@
 // A schema and a payload of another program: any text is a schema or refused, any bytes are a
-// payload of it or refused, and what is printed is read again as the same.
+// payload of it or refused, and a printed payload is read again as the same.
 
 #include <algorithm>
 #include <cstddef>

@@ -8,7 +8,7 @@
 
 namespace rtpm::fuzz {
 
-/// Takes a fuzzer's input apart: numbers, and frames as a u16 length with that many bytes.
+/// Splits a fuzzer's input: numbers, and frames as a u16 length with that many bytes.
 class Script {
  public:
   Script(const std::uint8_t* data, std::size_t size) noexcept

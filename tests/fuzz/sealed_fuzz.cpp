@@ -1,8 +1,8 @@
-// A client and a lane with sealed sessions, and an attacker between them who plays what the input
-// says: raw bytes, forged frames of every kind, recorded frames again, elsewhere or changed.
-// Nothing runs that the client did not seal, or twice, tables keep their sizes, and a session goes
-// on as if nobody had been there. In some runs the peers themselves lie: their plain frames are
-// changed before they are sealed. Then neither side breaks.
+// A client and a lane with sealed sessions, and an attacker between them, controlled by the input:
+// raw bytes, forged frames of every kind, recorded frames again, elsewhere or changed. No call runs
+// that the client did not seal, and none twice; tables keep their sizes, and a session continues as
+// if there were no attacker. In some runs the peers themselves lie: their plain frames are changed
+// before they are sealed. Then neither side breaks.
 
 #include <algorithm>
 #include <array>
@@ -50,7 +50,7 @@ struct Draw {
   [[nodiscard]] RandomSource source() { return {&fill, &state}; }
 };
 
-/// Admits every key, as long as the input lets it.
+/// Admits every key, as long as the input allows it.
 struct Door : Admission {
   bool admits(const seal::PublicKey&, const PeerAddress&) noexcept override { return is_open; }
   bool is_open = true;
@@ -113,7 +113,7 @@ class World {
     follow(client_->renew(now_));
     talk();
   }
-  /// A call of the honest client; gives whether it was answered.
+  /// Makes a call of the honest client; returns whether it was answered.
   bool call() {
     if (!channel_->has_free_call()) return false;
     const std::uint64_t serial = ++serial_;
@@ -128,7 +128,7 @@ class World {
     talk();
     return replied_ == serial;
   }
-  /// The attacker gives something to a side.
+  /// Lets the attacker send a frame to a side.
   void attack(ConstBytes frame, bool is_to_server, const PeerAddress& from) {
     if (frame.size() > wire::kStreamFrameSizeMax) return;
     is_attack_ = true;
@@ -139,14 +139,14 @@ class World {
       follow(client_->receive(opened, now_));
     }
     is_attack_ = false;
-    // What the client sends because of it arrives.
+    // The client's frames in response arrive.
     talk();
   }
   [[nodiscard]] const Frame& recorded(std::uint8_t which) const {
     static const Frame kNone;
     return recorded_.empty() ? kNone : recorded_[which % recorded_.size()];
   }
-  /// A header of any kind around the session that there is.
+  /// A header of any kind around the current session.
   [[nodiscard]] Frame forged(std::uint8_t kind, std::uint8_t flags, ConstBytes payload,
                              bool has_seal) const {
     wire::Header header;
@@ -169,7 +169,7 @@ class World {
     }
     return frame;
   }
-  /// A peer with keys sends a frame of its own making.
+  /// Lets a peer with keys send a frame of its own making.
   void lie(const Frame& plain, bool is_to_server) {
     if (!wire::decode(plain) ||
         plain.size() > wire::kHeaderSize + wire::sealed_payload_max(medium_))
@@ -230,8 +230,8 @@ class World {
     }
     if (client_->has_work()) follow(client_->work(now_));
   }
-  /// Handshakes go on over frames that anybody can send; and what the server says of a lost session
-  /// is its own.
+  /// Handshakes use frames that anybody can send; and only the server itself can report a lost
+  /// session.
   [[nodiscard]] static bool may_deliver(ConstBytes frame) {
     const auto header = wire::decode(frame);
     return header && header->kind <= FrameKind::kWelcome;
@@ -321,7 +321,7 @@ class World {
   std::unique_ptr<SealedClient> client_;
   std::deque<Frame> sent_;
   std::vector<Frame> recorded_;
-  std::set<Frame> sealed_;  ///< What the client sealed, and has not run.
+  std::set<Frame> sealed_;  ///< Sealed by the client, and not yet run.
   std::uint64_t serial_ = 0;
   std::uint64_t replied_ = 0;
   std::uint64_t session_ = 0;

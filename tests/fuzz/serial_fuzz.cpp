@@ -1,5 +1,5 @@
-// Any bytes from a serial line are cut into frames and faults, and what frames hold is within its
-// limits. The firmware's reader takes the same frames for frames.
+// Any bytes from a serial line are cut into frames and faults, and the frames' contents are within
+// their limits. The firmware's reader accepts the same frames.
 
 #include <cmath>
 #include <cstdint>
@@ -43,7 +43,7 @@ void check_state(ConstBytes payload) {
   RTPM_ASSERT(state->buttons <= 1, "a board has the buttons that it described");
 }
 
-/// What was decoded is the same when it is encoded and decoded again.
+/// A decoded frame stays the same when it is encoded and decoded again.
 void check_round_trip(const Frame& frame) {
   std::array<std::byte, kWireSizeMax> wire{};
   const std::size_t size = encode(frame, wire);
@@ -76,12 +76,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   for (std::size_t i = 0; i < size; ++i) {
     if (reader.take(data[i]) != rtpm_board::Reader::kFrame) continue;
     RTPM_ASSERT(reader.payload_size() <= RTPM_PAYLOAD_SIZE_MAX, "payloads have a limit");
-    // Types are the board's to sort out.
+    // The board checks the types.
     if (reader.type() >= rtpm_board::kHello && reader.type() <= rtpm_board::kState)
       ++board_frame_count;
   }
   RTPM_ASSERT(board_frame_count == frame_count, "host and firmware agree on what is a frame");
-  // Payloads that no checksum protects.
+  // Payloads without the protection of a checksum.
   check_description(bytes);
   check_state(bytes);
   return 0;

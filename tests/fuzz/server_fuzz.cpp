@@ -1,7 +1,7 @@
 // A server's sessions under any frames from three peers on two hosts: raw bytes, and well-formed
-// handshakes, calls, streams and cancels whose fields the input chooses; its methods end at once or
+// handshakes, calls, streams and cancels with fields from the input; its methods end at once or
 // later, in any order. It never sends more to an unproven address than came from it, runs no call
-// twice, answers nobody who is not there any more, and keeps within its tables.
+// twice, answers no peer that has gone, and keeps within its tables.
 
 #include <algorithm>
 #include <array>
@@ -67,7 +67,7 @@ class World {
 
   ConstBytes complete(const Request& request, std::uint8_t how_it_ends) {
     const MutableBytes room = sessions_.reply_buffer(request, now_);
-    // At times more than a frame.
+    // Sometimes more than a frame.
     const std::uint32_t wanted = how_it_ends < 128 ? how_it_ends : 30U * how_it_ends;
     const auto size = std::min<std::uint32_t>(wanted, static_cast<std::uint32_t>(room.size()));
     std::ranges::fill(room.first(size), std::byte{how_it_ends});
@@ -81,7 +81,7 @@ class World {
     return answer;
   }
 
-  /// One of those that run ends, or gives an item.
+  /// Lets one of the running calls end, or write an item.
   void go_on(std::uint8_t which, std::uint8_t how) {
     if (running_.empty()) return;
     const auto one =
@@ -94,7 +94,8 @@ class World {
     send(complete(request, how), {}, peer.value_or(PeerAddress{}));
   }
 
-  /// Gives an item, at times a large one, or goes on with the one at hand, as far as it is taken.
+  /// Writes an item, sometimes a large one, or continues with the current one, as far as it is
+  /// accepted.
   void give_item(std::uint32_t tag, std::uint8_t how) {
     const Request request = running_[tag];
     const std::uint32_t size_max = sessions_.item_size_max(request);
@@ -164,7 +165,7 @@ class World {
     feed(ConstBytes(frame).first(kHeaderSize + size), peer, size);
   }
 
-  /// One fragment of a call, whose numbers the input chooses.
+  /// One fragment of a call, with numbers from the input.
   void call_in_parts(const PeerAddress& peer, std::uint32_t call_id, std::uint8_t index,
                      std::uint8_t count, std::uint16_t size, std::uint32_t message_size) {
     std::array<std::byte, kHeaderSize + 2048> frame{};
@@ -172,7 +173,7 @@ class World {
     header.priority = 100;
     header.session = session_of_[peer.port];
     header.call_id = call_id;
-    // Some are waited for for ever, and may be left unfinished.
+    // Some have no deadline, and may be left unfinished.
     header.budget_us = message_size >= 1U << 31 ? 0xffff'ffff : 1'000'000;
     header.flags = kFlagAckWanted;
     header.fragment_index = index;
@@ -183,7 +184,7 @@ class World {
     feed(ConstBytes(frame).first(kHeaderSize + header.payload_size), peer, count);
   }
 
-  /// CANCEL, or CLOSE.
+  /// Sends CANCEL, or CLOSE.
   void bare(FrameKind kind, const PeerAddress& peer, std::uint32_t call_id) {
     std::array<std::byte, kHeaderSize> frame{};
     Header header;
@@ -265,7 +266,7 @@ class World {
   MonotonicTime now_ = time_from_ns(1'000'000'000'000);
   std::vector<std::byte> large_ = std::vector<std::byte>((kRoomCount + 1) * kLarge);
   std::vector<std::byte> stream_memory_;
-  std::map<std::uint32_t, std::vector<std::byte>> items_;  ///< By tag: the one at hand.
+  std::map<std::uint32_t, std::vector<std::byte>> items_;  ///< By tag: the current one.
   ServerSessions sessions_;
   std::map<std::uint32_t, std::uint64_t> session_of_;
   std::map<std::uint32_t, Cookie> cookie_of_;
@@ -292,8 +293,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         world.hello(peer, script.byte(), script.byte());
         break;
       case 2:
-        // A client that runs once around the circle of numbers may meet its own calls again; that
-        // takes 2^32 calls, so the input chooses among fewer.
+        // A client that wraps around the circle of numbers may meet its own calls again; that takes
+        // 2^32 calls, so the input chooses among fewer.
         world.call(peer, script.number() % 1000, script.number(), script.byte(), 0, 0);
         break;
       case 3:

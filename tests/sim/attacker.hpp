@@ -6,15 +6,15 @@
 
 namespace rtpm::sim {
 
-/// Someone on the way who sees all datagrams, and sends copies, changed ones and forged ones under
-/// any address. He holds some back, and takes features out of handshakes; what else is dropped and
-/// delayed is the network's part.
+/// An attacker on the path who sees all datagrams, and sends copies, changed ones and forged ones
+/// under any address. He holds some back, and removes features from handshakes; other losses and
+/// delays are the network's part.
 class Attacker {
  public:
   Attacker(Scheduler& scheduler, Random& random, Network& network)
       : scheduler_(scheduler), random_(random), network_(network) {}
 
-  /// Looks at a datagram; false: he keeps it.
+  /// Inspects a datagram; false: he keeps it.
   [[nodiscard]] bool on_datagram(std::uint32_t from_port, std::uint32_t to_port, ConstBytes frame);
   [[nodiscard]] std::uint64_t forged_count() const { return forged_count_; }
   [[nodiscard]] std::uint64_t held_count() const { return held_count_; }

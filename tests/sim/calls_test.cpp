@@ -15,7 +15,7 @@
 #include "sim_server.hpp"
 
 // Whole conversations of the protocol on a simulated network and clock: the shipped code, no
-// socket. One seed makes one history; a seed that fails says how to see it again.
+// socket. One seed makes one history; a failing seed reports how to replay it.
 namespace rtpm::sim {
 namespace {
 
@@ -24,8 +24,8 @@ using wire::DropReason;
 
 constexpr NetworkProfile kQuietNetwork{.delay_min = 20us, .delay_max = 40us};
 
-/// What all seeds together came across, so that nobody trusts a simulation in which nothing
-/// happens.
+/// The events that all seeds together covered; the test checks it, so that a simulation in which
+/// nothing happens does not pass.
 struct Coverage {
   wire::FrameCounters frames{};
   std::uint64_t done_count = 0;
@@ -48,14 +48,14 @@ struct Coverage {
   std::uint64_t revoked_count = 0;
 };
 
-/// What happens in the middle of a conversation: a side dies and starts anew, or a client loses its
+/// The disaster in the middle of a conversation: a side dies and restarts, or a client loses its
 /// grant for a moment.
 enum class Disaster { kServer, kClient, kGrant };
 
-/// Whether sessions are sealed, and somebody attacks them.
+/// Whether sessions are sealed, and attacked.
 enum class Wire { kOpen, kSealed, kAttacked };
 
-/// One server, some clients and a network, all of a seed.
+/// One server, some clients and a network, all from a seed.
 class Conversation {
  public:
   Conversation(std::uint64_t seed, bool is_told, bool has_checksum = true, Wire wire = Wire::kOpen,
@@ -96,7 +96,7 @@ class Conversation {
     history_.finish();
   }
 
-  /// Plays on a quiet network; gives whether so many datagrams were sent.
+  /// Plays on a quiet network; returns whether this many datagrams were sent.
   bool play_with(Disaster disaster, int step) {
     int count = 0;
     network_.set_tap([this, disaster, step, &count](std::uint32_t, std::uint32_t, ConstBytes) {
@@ -115,11 +115,11 @@ class Conversation {
   }
 
   [[nodiscard]] const History& history() const { return history_; }
-  /// Clients whose call in peace did not come through.
+  /// The number of clients whose call failed after the disasters.
   [[nodiscard]] int stuck_count() const { return stuck_count_; }
-  /// Some call never ended.
+  /// Whether some call never ended.
   [[nodiscard]] bool is_hanging() const { return is_hanging_; }
-  /// What the server still held when all was quiet.
+  /// The resources that the server still held when all was quiet.
   [[nodiscard]] std::uint32_t leaked_count() const { return leaked_count_; }
   void add_to(Coverage& coverage) const {
     coverage.frames.add(server_->counters());
@@ -244,7 +244,7 @@ class Conversation {
     }
   }
 
-  /// A client loses its grant at any time, and has it back a while later.
+  /// A client loses its grant at any time, and gets it back a while later.
   void plan_revocations() {
     for (auto count = random_.between(0, 3); count > 0; --count) {
       const MonotonicTime when = scheduler_.now() + random_.between(Duration{1ms}, Duration{20s});
@@ -277,21 +277,21 @@ class Conversation {
     return std::ranges::all_of(clients_, [](const auto& client) { return client->is_done(); });
   }
 
-  /// When all disasters are over and the late copies have come, every client gets through.
+  /// After all disasters, when the late copies have arrived, every client gets through.
   void make_peace() {
     network_.set_profile(kQuietNetwork);
     network_.set_partitioned(false);
     network_.set_tap(nullptr);
     run_for(150s);
     for (const auto& client : clients_) {
-      // The first call may only learn that the server is another one.
+      // The first call may only find that the server is another one.
       for (int attempt = 0; attempt < 2; ++attempt) {
         client->call_once_more(10s);
         run_for(20s);
         if (client->last_outcome() == Outcome::kDone) break;
       }
       if (client->last_outcome() != Outcome::kDone) ++stuck_count_;
-      // So long that its session may be replaced by the next one's.
+      // So long that the next client's session may replace its own.
       run_for(wire::kSessionIdleMin + 1s);
     }
     leaked_count_ = server_->held_count();
@@ -333,9 +333,9 @@ bool survives(std::uint64_t seed, Disaster disaster, int step) {
   return is_reached;
 }
 
-/// Plays the seed and fails the test if a promise was broken; gives the history's hash.
+/// Plays the seed and fails the test if a promise was broken; returns the history's hash.
 std::uint64_t play(std::uint64_t seed, bool is_told, Coverage& coverage, Wire wire = Wire::kOpen) {
-  // What an attacker changes has the right checksum.
+  // An attacker's changed datagrams have the right checksum.
   Conversation conversation(seed, is_told, wire != Wire::kAttacked, wire);
   conversation.play();
   conversation.add_to(coverage);
@@ -384,8 +384,8 @@ void expect_that_much_happened(const Coverage& coverage) {
   }
 }
 
-/// The seeds are played in portions, so that several cores can share them. RTPM_SEEDS says how many
-/// there are in all; RTPM_SEED plays one alone and tells what happens.
+/// The seeds are played in portions, so that several cores can share them. RTPM_SEEDS sets their
+/// total number; RTPM_SEED plays one alone and prints its history.
 class Calls : public testing::TestWithParam<std::uint64_t> {
  protected:
   static constexpr std::uint64_t kPortionCount = 10;
@@ -409,14 +409,14 @@ TEST_P(Calls, KeepThePromisesWhateverTheNetworkDoes) {
 
 INSTANTIATE_TEST_SUITE_P(Portions, Calls, testing::Range(std::uint64_t{0}, std::uint64_t{10}));
 
-/// A quarter of the sealed conversations has the network alone as its enemy.
+/// In a quarter of the sealed conversations the network is the only enemy.
 Wire wire_of(std::uint64_t seed) {
   return seed % 8 < 2 ? Wire::kSealed : Wire::kAttacked;
 }
 
-/// As above, with sealed sessions: nothing that is dropped, held back, repeated, changed or forged
-/// on the way makes a call run twice, or a caller be told what is not so. RTPM_SEALED_SEEDS says
-/// how many seeds there are.
+/// Like above, with sealed sessions: no datagram that is dropped, held back, repeated, changed or
+/// forged on the path makes a call run twice, or a caller get a false outcome. RTPM_SEALED_SEEDS
+/// sets the number of seeds.
 class SealedCalls : public testing::TestWithParam<std::uint64_t> {
  protected:
   static constexpr std::uint64_t kPortionCount = 2;
@@ -472,8 +472,8 @@ TEST(Seeds, GiveTheSameHistoryEachTime) {
   }
 }
 
-// Where even the datagrams' checksum is missing nobody can keep the promises of a call. But nothing
-// breaks, hangs or stays behind.
+// Without the datagrams' checksum the promises of a call can't be kept. But nothing breaks, hangs
+// or stays behind.
 TEST(Corruption, NeitherBreaksNorLeavesAnythingBehind) {
   const std::uint64_t seed_count = number_from_environment("RTPM_SEEDS").value_or(2000) / 5;
   for (std::uint64_t seed = 0; seed < seed_count && !testing::Test::HasFailure(); ++seed) {
@@ -484,7 +484,7 @@ TEST(Corruption, NeitherBreaksNorLeavesAnythingBehind) {
   }
 }
 
-// The checker itself: a history that breaks a promise is found out.
+// The checker itself: it detects a history that breaks a promise.
 TEST(History, FindsEveryBrokenPromise) {
   const auto fault_of = [](auto tell) {
     History history(/*is_told=*/false);

@@ -13,18 +13,18 @@ namespace rtpm::sim {
 
 inline constexpr std::uint64_t kServerClock = 0xc10c;
 
-/// What a caller was told at the end of its call.
+/// The outcome that a caller was given at the end of its call.
 enum class Outcome : std::uint8_t {
   kOpen,        ///< Nothing yet.
   kDone,        ///< It ran; here is its result.
   kNotRun,      ///< It did not run and never will.
-  kMayHaveRun,  ///< Nobody knows.
+  kMayHaveRun,  ///< Unknown.
   kReceived,    ///< The server has it and was about to run it.
-  kSent,        ///< A oneway that nobody asks after.
+  kSent,        ///< A oneway without confirmation.
 };
 
-/// All that happened, checked against what the protocol promises: a call runs at most once, a reply
-/// is its own call's, "not run" means not run, and nothing is begun after its deadline.
+/// All events, checked against the protocol's promises: a call runs at most once, a reply is its
+/// own call's, "not run" means not run, and no call begins after its deadline.
 class History {
  public:
   using Token = std::uint64_t;
@@ -35,24 +35,25 @@ class History {
   /// `deadline`.
   [[nodiscard]] Token begin(MonotonicTime now, std::uint32_t client, bool is_idempotent,
                             MonotonicTime deadline);
-  /// The servant runs the call; gives how often it has.
+  /// The servant runs the call; returns how often it has.
   /// @param tolerance  how late it may be; nothing: the server can't know the deadline
   std::uint32_t run(MonotonicTime now, Token token,
                     std::optional<Duration> tolerance = std::chrono::microseconds{1});
-  /// The call's reply is here and says that it answers `replied`, run for the `run_number`th time.
+  /// The call's reply has arrived and states that it answers `replied`, run for the `run_number`th
+  /// time.
   void reply(MonotonicTime now, Token token, Token replied, std::uint32_t run_number);
-  /// The servant gives the stream one more item; gives its number.
+  /// The servant writes one more item to the stream; returns its number.
   std::uint32_t give_item(Token token);
-  /// The stream ended in order, after so many items.
+  /// The stream ended in order, after this many items.
   void end_stream(MonotonicTime now, Token token, std::uint32_t item_count);
   void end(MonotonicTime now, Token token, Outcome outcome, std::string_view why);
-  /// The call broke a promise that its caller or its servant found out itself.
+  /// The call broke a promise, which its caller or its servant detected itself.
   void broken(MonotonicTime now, Token token, const std::string& what) { fault(now, token, what); }
-  /// A promise that is no call's was broken.
+  /// A promise that belongs to no call was broken.
   void broken(MonotonicTime now, const std::string& what);
-  /// Something else worth telling.
+  /// Records another event.
   void note(MonotonicTime now, const std::string& what);
-  /// After all: checks what could not be checked before.
+  /// Makes the checks that are possible only at the end.
   void finish();
 
   [[nodiscard]] const std::vector<std::string>& faults() const noexcept { return faults_; }

@@ -3,7 +3,7 @@
 namespace rtpm::sim {
 namespace {
 
-// RFC 1071's sum, which UDP carries.
+// RFC 1071's sum, which UDP uses.
 std::uint32_t checksum(const Bytes& bytes) {
   std::uint32_t sum = 0;
   for (std::size_t i = 0; i < bytes.size(); ++i) {
@@ -31,7 +31,7 @@ bool Network::is_lost() {
   return random_.chance(profile_.lost_per_mille);
 }
 
-// Changes two neighbouring bytes at times. False if the receiver's system finds that out.
+// Sometimes changes two neighbouring bytes. False if the receiver's system detects that.
 bool Network::arrives_whole(Bytes& frame) {
   if (frame.size() < 2 || !random_.chance(profile_.corrupted_per_mille)) return true;
   const std::uint32_t before = checksum(frame);

@@ -12,22 +12,22 @@ namespace rtpm::sim {
 
 using Bytes = std::vector<std::byte>;
 
-/// What the network does to datagrams.
+/// The network's treatment of datagrams.
 struct NetworkProfile {
   std::uint64_t lost_per_mille = 0;
   std::uint64_t doubled_per_mille = 0;
   std::uint64_t late_per_mille = 0;  ///< These come up to `late_max` later.
-  /// These come with up to two neighbouring bytes changed, which UDP's checksum always finds out.
+  /// These come with up to two neighbouring bytes changed, which UDP's checksum always detects.
   std::uint64_t corrupted_per_mille = 0;
   bool has_checksum = true;
   std::uint64_t burst_per_mille = 0;  ///< A loss that is followed by others, for up to
-  Duration burst_max{};               ///< so long.
+  Duration burst_max{};               ///< this long.
   Duration delay_min{};
   Duration delay_max{};
   Duration late_max{};
 };
 
-/// Which of three hosts has the port.
+/// Returns which of three hosts has the port.
 [[nodiscard]] constexpr wire::PeerAddress address_of(std::uint32_t port) noexcept {
   return {.high = 0, .low = 0x7f00'0001 + port % 3, .port = port};
 }
@@ -40,12 +40,12 @@ class Network {
   Network(Scheduler& scheduler, Random& random, const NetworkProfile& profile)
       : scheduler_(scheduler), random_(random), profile_(profile) {}
 
-  /// From now on `receiver` gets what is sent to `port`; null: nobody does.
+  /// From now on `receiver` gets the datagrams for `port`; null: they are dropped.
   void listen(std::uint32_t port, Receiver receiver) { receivers_[port] = std::move(receiver); }
   void send(std::uint32_t from_port, std::uint32_t to_port, ConstBytes frame);
 
   void set_profile(const NetworkProfile& profile) { profile_ = profile; }
-  /// `tap` sees each datagram that is sent, and takes it if it gives false; null: nobody does.
+  /// `tap` sees each datagram that is sent, and takes it if it returns false; null: no tap.
   void set_tap(std::function<bool(std::uint32_t, std::uint32_t, ConstBytes)> tap) {
     tap_ = std::move(tap);
   }

@@ -31,7 +31,7 @@ class Random {
   std::mt19937_64 engine_;
 };
 
-/// Simulated time: does what was asked for, in the order of the times asked for.
+/// Simulated time: runs the scheduled actions, in the order of their times.
 class Scheduler {
  public:
   [[nodiscard]] MonotonicTime now() const noexcept { return now_; }
@@ -39,7 +39,7 @@ class Scheduler {
     actions_.emplace(std::pair{std::max(when, now_), ++serial_}, std::move(action));
   }
   void after(Duration delay, std::function<void()> action) { at(now_ + delay, std::move(action)); }
-  /// Does the next thing; false if there is none before `until`, which it then is.
+  /// Runs the next action; false if there is none before `until`, which is then the time.
   [[nodiscard]] bool step(MonotonicTime until) {
     if (actions_.empty() || actions_.begin()->first.first > until) {
       now_ = std::max(now_, until);

@@ -12,17 +12,17 @@
 
 namespace rtpm::sim {
 
-/// The keys of a conversation whose sessions are sealed, and a look at every sealed frame: no key
-/// may seal two frames under one counter.
+/// The keys of a conversation with sealed sessions, and a check of every sealed frame: no key may
+/// seal two frames under one counter.
 class Sealing : public sealed::Admission {
  public:
   Sealing(Random& random, History& history) : random_(random), history_(history) {
     identity_.random = source();
     identity_.key = source().draw_key();
     if (random.chance(300)) source().fill(&random_, identity_.preshared.bytes());
-    // Not all have hardware for AES.
+    // Not all machines have hardware for AES.
     if (random.chance(300)) identity_.suites = 1;
-    // Few frames to a key, so that keys change all the time.
+    // Few frames per key, so that keys change all the time.
     limits_.generation_bits = random.chance(500) ? 10 : 22;
   }
 
@@ -47,12 +47,12 @@ class Sealing : public sealed::Admission {
     }
     return false;
   }
-  /// Takes the grant of a client away, or gives it back.
+  /// Revokes the grant of a client, or restores it.
   void set_revoked(std::uint32_t number, bool is_revoked) {
     is_revoked ? void(revoked_.insert(number)) : void(revoked_.erase(number));
   }
 
-  /// Looks at a frame that one side hands to its transport.
+  /// Checks a frame that one side hands to its transport.
   void on_sent(MonotonicTime now, bool is_client, ConstBytes frame) {
     const auto kind = std::to_integer<unsigned>(frame[3]);
     const bool is_handshake = kind <= static_cast<unsigned>(wire::FrameKind::kRefuse);

@@ -58,7 +58,7 @@ void SimClient::restart() {
   make_channel();
   is_opening_ = false;
   ++wait_number_;
-  // Whoever waited in its former life is told nothing any more, and so may believe anything.
+  // The waiting calls of its former life get no reply any more, so any outcome is possible.
   while (!jobs_.empty())
     end(jobs_.begin(), Outcome::kMayHaveRun, "the client died");
 }
@@ -92,7 +92,7 @@ void SimClient::pause() {
       });
 }
 
-// New keys at times, which the channel takes when it has no call open.
+// Sometimes new keys, which the channel adopts when it has no call open.
 void SimClient::renew() {
   if (jobs_.empty() && sealed_->has_next(local_now())) {
     ++renewal_count_;
@@ -121,7 +121,7 @@ void SimClient::begin_job(Duration deadline, bool is_plain) {
                              scheduler_.now() + deadline);
   job.deadline = local_now() + deadline;
   const bool is_small = job.delivery == wire::Delivery::kSent;
-  // In peace there is room for large messages, whatever was left unfinished before.
+  // In peace there is memory for large messages, whatever was left unfinished before.
   const std::uint64_t large_per_mille =
       is_plain && profile_.large_per_mille > 0 ? 1000 : profile_.large_per_mille;
   job.payload.resize(is_small ? std::size_t{32} : message_size(large_per_mille));
@@ -130,8 +130,7 @@ void SimClient::begin_job(Duration deadline, bool is_plain) {
   pump();
 }
 
-// Leaves the server with half a request, or with a large reply, that would be waited for for an
-// hour.
+// Leaves the server with half a request, or with a large reply, that it would keep for an hour.
 void SimClient::begin_abandoned_job() {
   begin_job(std::chrono::hours{1}, /*is_plain=*/true);
   scheduler_.after(random_.between(Duration{0}, Duration{20'000'000}),
@@ -151,7 +150,7 @@ void SimClient::plan_cancel(std::uint64_t number) {
   });
 }
 
-// Sends what can be sent: a HELLO, or calls.
+// Sends all that is possible: a HELLO, or calls.
 void SimClient::pump() {
   const auto is_waiting = [](const Job& job) { return job.is_waiting; };
   if (!channel_->is_ready()) {
@@ -201,7 +200,7 @@ void SimClient::begin_call(Jobs::iterator job) {
                                  .byte_window = kByteWindow};
   }
   const auto frame = channel_->call(parameters, job->payload, local_now());
-  // The server said in WELCOME how much it takes.
+  // WELCOME states how much the server accepts.
   if (!frame) return end(job, Outcome::kNotRun, to_string(frame.error()));
   job->is_waiting = false;
   job->begun = local_now();
@@ -210,7 +209,8 @@ void SimClient::begin_call(Jobs::iterator job) {
   if (job->delivery == wire::Delivery::kSent) end(job, Outcome::kSent, "sent");
 }
 
-// Mostly one frame; else up to some dozens, more than a window, unless the server takes none.
+// Mostly one frame; otherwise up to some dozens, more than a window, unless the server accepts
+// none.
 std::uint32_t SimClient::message_size(std::uint64_t large_per_mille) {
   const bool is_refused =
       channel_->is_ready() && channel_->welcome().message_size_max < kMessageSizeMax;
@@ -237,7 +237,7 @@ void SimClient::transmit(ConstBytes frame) {
   network_.send(port_, kServerPort, frame);
 }
 
-// What the seal of the session makes of a frame, until nothing is left to do.
+// Executes the sealed session's steps for a frame, until there are none.
 void SimClient::follow(sealed::SealedClient::Step step) {
   transmit(step.send);
   if (!step.deliver.empty()) {
@@ -267,7 +267,7 @@ void SimClient::take(ConstBytes frame) {
   wait();
 }
 
-// Wakes up when the channel has something to do; a little late, as threads do.
+// Wakes up when the channel has work; a little late, as threads do.
 void SimClient::wait() {
   const MonotonicTime next = channel_->next_time();
   if (next == kNever) return;
@@ -417,7 +417,7 @@ void SimClient::on_closed() {
   pump();
 }
 
-// The handshake failed: whoever can't wait longer gives up.
+// The handshake failed: calls that can't wait longer give up.
 void SimClient::on_no_session(const wire::ChannelEvent& event) {
   is_opening_ = false;
   for (auto job = jobs_.begin(); job != jobs_.end();) {

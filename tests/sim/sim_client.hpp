@@ -16,27 +16,27 @@ namespace rtpm::sim {
 struct ClientProfile {
   std::uint32_t number = 1;
   std::uint64_t clock_domain = 0;  ///< The server's: both read one clock.
-  Duration clock_offset{};         ///< Of another clock.
+  Duration clock_offset{};         ///< If it has another clock.
   int call_count = 50;
   std::uint16_t open_call_max = 1;  ///< Calls at a time.
   Duration deadline_min{};
   Duration deadline_max{};
   Duration pause_max{};                     ///< Between two calls, usually;
-  std::uint64_t long_pause_per_mille = 10;  ///< at times it is so long that sessions are replaced.
+  std::uint64_t long_pause_per_mille = 10;  ///< sometimes so long that sessions are replaced.
   std::uint64_t idempotent_per_mille = 200;
   std::uint64_t close_per_mille = 0;  ///< Sessions that it closes between two calls.
-  std::uint64_t large_per_mille = 0;  ///< Requests and, apart from them, replies in fragments.
-  /// Of the calls: large ones with plenty of time, of which it dies before they end.
+  std::uint64_t large_per_mille = 0;  ///< Requests, and separately replies, in fragments.
+  /// Calls that are large and have plenty of time; it dies before they end.
   std::uint64_t abandoned_per_mille = 0;
-  std::uint64_t oneway_per_mille = 0;      ///< Of the calls: merely sent, or confirmed on receipt.
-  std::uint64_t stream_per_mille = 0;      ///< Of the calls.
-  std::uint64_t cancel_per_mille = 0;      ///< Of the calls: cancelled at some time.
-  std::uint64_t slow_taker_per_mille = 0;  ///< Of the streams: items are left for a while.
+  std::uint64_t oneway_per_mille = 0;      ///< Calls that are merely sent, or confirmed on receipt.
+  std::uint64_t stream_per_mille = 0;      ///< Calls of streams.
+  std::uint64_t cancel_per_mille = 0;      ///< Calls that it cancels at some time.
+  std::uint64_t slow_taker_per_mille = 0;  ///< Streams whose items are left for a while.
   Sealing* sealing = nullptr;              ///< Null: its sessions are not sealed.
 };
 
-/// One ClientChannel behind a socket, and above it the rule of rpc::Binding for what to do when a
-/// session is lost (hp-5.5-2), mirrored here because it is not the channel's.
+/// One ClientChannel behind a socket, and above it rpc::Binding's rule for a lost session
+/// (hp-5.5-2), mirrored here because it is not the channel's.
 class SimClient {
  public:
   SimClient(Scheduler& scheduler, Random& random, Network& network, History& history,
@@ -47,15 +47,15 @@ class SimClient {
   /// Begins its calls.
   void start();
   [[nodiscard]] bool is_done() const noexcept { return calls_left_ == 0 && jobs_.empty(); }
-  /// Dies with all its calls and starts anew, under another epoch but at the same address.
+  /// Dies with all its calls and restarts, under another epoch but at the same address.
   void restart();
-  /// One more call with plenty of time, when all is well again.
+  /// Makes one more call with plenty of time, when all is well again.
   void call_once_more(Duration deadline);
   [[nodiscard]] Outcome last_outcome() const noexcept { return last_outcome_; }
-  /// Replies in fragments that came whole.
+  /// The number of replies in fragments that came whole.
   [[nodiscard]] std::uint64_t large_reply_count() const noexcept { return large_reply_count_; }
   [[nodiscard]] std::uint64_t lost_count() const noexcept { return lost_count_; }
-  /// Streams that came to their end, and their items.
+  /// The number of streams that came to their end, and of their items.
   [[nodiscard]] std::uint64_t stream_count() const noexcept { return stream_count_; }
   [[nodiscard]] std::uint64_t item_count() const noexcept { return item_count_; }
   [[nodiscard]] std::uint64_t large_item_count() const noexcept { return large_item_count_; }
@@ -68,7 +68,7 @@ class SimClient {
   [[nodiscard]] std::uint64_t cancelled_count() const noexcept { return cancelled_count_; }
 
  private:
-  static constexpr int kRoundCountMax = 4;  // As in rpc::Binding.
+  static constexpr int kRoundCountMax = 4;  // Like rpc::Binding.
 
   /// A call from its caller's begin to its end, over several sessions if need be.
   struct Job {
@@ -89,7 +89,7 @@ class SimClient {
     std::vector<std::byte> items;
     std::vector<std::byte> large_item;
     std::uint32_t item_count = 0;
-    bool is_over = false;  ///< A stream whose end came; items may be left.
+    bool is_over = false;  ///< A stream that has ended; items may be left.
     wire::Status end_status = wire::Status::kOk;
   };
   using Jobs = std::list<Job>;
@@ -138,7 +138,7 @@ class SimClient {
   int calls_left_;
   bool is_opening_ = false;
   bool is_pausing_ = false;
-  std::uint64_t wait_number_ = 0;  ///< A wake-up of an earlier wait is none.
+  std::uint64_t wait_number_ = 0;  ///< A wake-up of an earlier wait does not count.
   Outcome last_outcome_ = Outcome::kOpen;
   std::uint64_t lost_count_ = 0;
   std::uint64_t large_reply_count_ = 0;

@@ -147,7 +147,7 @@ void SimServer::learn_of_cancelled() {
       continue;
     }
     job->second.is_cancelled = true;
-    // A stream that waits for its caller would do so for ever.
+    // A stream that waits for its caller would wait for ever.
     if (!job->second.request.wants_stream()) continue;
     scheduler_.after(random_.between(Duration{0}, Duration{100'000}), [this, tag, life = life_] {
       if (life == life_) give_items(tag);
@@ -155,7 +155,7 @@ void SimServer::learn_of_cancelled() {
   }
 }
 
-// Streams end by themselves when nobody asks after them.
+// Streams end by themselves when no caller asks for them.
 void SimServer::plan_time() {
   const MonotonicTime next = sessions_->next_time();
   if (next >= planned_) return;
@@ -178,8 +178,8 @@ void SimServer::serve_next() {
   }
 }
 
-// How late a call may be. sec-6.1: by a millisecond, and by what the fastest call of its session
-// took, which the server takes for no time at all.
+// How late a call may be. sec-6.1: by a millisecond, and by the duration of the fastest call of its
+// session, which the server takes for zero.
 std::optional<Duration> SimServer::tolerance_of(const wire::Request& request,
                                                 const wire::PeerAddress& from) {
   constexpr Duration kRounding = std::chrono::microseconds{2};
@@ -198,7 +198,7 @@ std::optional<Duration> SimServer::tolerance_of(const wire::Request& request,
 
 void SimServer::run(const wire::Request& request, const wire::PeerAddress& from) {
   if (request.wants_receipt()) {
-    // Some calls are for an object that is not there.
+    // Some calls are for a missing object.
     const bool is_refused = random_.chance(50);
     const auto status = is_refused ? wire::Status::kNoSuchObject : wire::Status::kOk;
     send(from, sessions_->accept(request, status, scheduler_.now()));
@@ -235,8 +235,8 @@ void SimServer::run(const wire::Request& request, const wire::PeerAddress& from)
   });
 }
 
-// Gives the stream an item, if its caller takes one; then the next, after a while. Whoever stopped
-// because of the caller goes on when that has told that it takes more.
+// Writes an item to the stream if its caller accepts one; then the next, after a while. A stream
+// that stopped because of its caller continues when the caller reports more credit.
 void SimServer::give_items(std::uint32_t tag) {
   const auto found = jobs_.find(tag);
   if (found == jobs_.end()) return;
@@ -250,8 +250,8 @@ void SimServer::give_items(std::uint32_t tag) {
   });
 }
 
-// Sends as much of the item at hand, or of the next one, as its caller takes; false if it is not at
-// its end then.
+// Sends as much of the current item, or of the next one, as its caller accepts; false if the item
+// is not complete then.
 bool SimServer::send_item(Job& job) {
   const std::size_t size_max = sessions_->item_size_max(job.request);
   if (size_max == 0) return false;
@@ -284,7 +284,7 @@ void SimServer::finish(std::uint32_t tag) {
   jobs_.erase(tag);
   const auto peer = sessions_->peer_of(job.request);
   const MutableBytes room = sessions_->reply_buffer(job.request, scheduler_.now());
-  // Where all rooms are taken there may be place for one frame only.
+  // With all buffers taken, one frame may still fit.
   std::size_t size = std::min<std::size_t>(job.reply_size, room.size());
   if (job.request.wants_stream()) size = 0;
   if (size > 0) Message{job.token, job.run_number, 0}.write(room.first(size));

@@ -20,23 +20,23 @@ inline constexpr std::uint32_t kMessageSizeMax = 64 * 1024;
 /// How a simulated server works.
 struct ServerProfile {
   std::uint32_t session_count_max = 8;
-  /// True: as a lane does, which takes up no frame while a servant runs. False: all replies are
-  /// deferred, and frames are taken up while calls run.
+  /// True: like a lane, which receives no frame while a servant runs. False: all replies are
+  /// deferred, and frames are received while calls run.
   bool is_lane = true;
   Duration service_max{};                  ///< The longest that a servant runs.
   std::uint64_t failing_per_mille = 20;    ///< Calls that the servant runs and fails.
   std::size_t queue_max = 64;              ///< Datagrams in the socket's buffer.
-  std::size_t large_count = 3;             ///< Rooms for large messages; 0: it takes none.
+  std::size_t large_count = 3;             ///< Buffers for large messages; 0: it takes none.
   std::size_t stream_count = 4;            ///< Streams at a time.
-  std::uint32_t item_count_max = 100;      ///< Of one stream.
-  std::uint64_t large_item_per_mille = 0;  ///< Of the items: in fragments.
+  std::uint32_t item_count_max = 100;      ///< Per stream.
+  std::uint64_t large_item_per_mille = 0;  ///< Items that take fragments.
   Sealing* sealing = nullptr;              ///< Null: its sessions are not sealed.
   /// How far the clock of the client at a port is ahead; nothing: it reads the server's clock.
   std::function<std::optional<Duration>(std::uint32_t port)> clock_offset;
 };
 
 /// One ServerSessions behind a socket, with a servant that answers each call with its own token; it
-/// can be killed and started anew, or stopped in order.
+/// can be killed and restarted, or stopped in order.
 class SimServer {
  public:
   SimServer(Scheduler& scheduler, Random& random, Network& network, History& history,
@@ -44,12 +44,13 @@ class SimServer {
 
   void start();
   void kill();
-  /// Some client has lost its grant.
+  /// Reports that some client has lost its grant.
   void on_revoked();
-  /// Says good-bye to its clients, then is gone.
+  /// Closes its clients' sessions, then is gone.
   void stop();
   [[nodiscard]] wire::FrameCounters counters() const;
-  /// What is held for calls for which somebody may still wait; 0 when all is quiet.
+  /// The number of resources held for calls that may still have a waiting caller; 0 when all is
+  /// quiet.
   [[nodiscard]] std::uint32_t held_count() const;
 
  private:
@@ -65,9 +66,9 @@ class SimServer {
     std::uint32_t reply_size = 0;
     wire::Status status = wire::Status::kOk;
     std::uint32_t items_left = 0;
-    Bytes item{};  ///< That is being given; empty: none.
+    Bytes item{};  ///< Being written; empty: none.
     std::uint32_t item_number = 0;
-    bool is_midway = false;  ///< Some of it was sent.
+    bool is_midway = false;  ///< Part of it was sent.
     bool is_cancelled = false;
   };
   void on_datagram(const Bytes& frame, const wire::PeerAddress& from);
@@ -95,18 +96,18 @@ class SimServer {
   std::vector<std::byte> streams_;
   std::unique_ptr<wire::ServerSessions> sessions_;
   std::unique_ptr<sealed::SealedServer> sealed_;
-  /// The fastest call of a sealed session, by what both clocks really show.
+  /// The fastest call of a sealed session, by the real time of both clocks.
   struct Fastest {
     Duration age{};
     MonotonicTime at{};
   };
   std::map<std::uint64_t, Fastest> fastest_;
-  std::uint64_t life_ = 0;  ///< Counts starts; what was begun in a former life comes to nothing.
+  std::uint64_t life_ = 0;  ///< Counts starts; work of a former life is discarded.
   bool is_busy_ = false;
   std::deque<Datagram> queue_;
   std::map<std::uint32_t, Job> jobs_;  ///< By tag.
   std::uint32_t last_tag_ = 0;
-  MonotonicTime planned_ = kNever;  ///< When time will be told to the sessions.
+  MonotonicTime planned_ = kNever;  ///< When the sessions next get the time.
   wire::FrameCounters former_lives_{};
 };
 

@@ -10,8 +10,8 @@
 namespace rtpm::tidy {
 namespace {
 
-/// A part of the house: where its files are, what its headers' folder under rtpm/ is called, and
-/// what it may include besides itself. Floor by floor, from the ground up.
+/// A part of the project: its folder, the name of its headers' folder under rtpm/, and the parts
+/// that it may include besides itself. In layers, from the bottom up.
 struct Part {
   std::string_view folder;
   std::string_view name;
@@ -107,7 +107,7 @@ const std::vector<Part>& parts() {
   return kParts;
 }
 
-/// Headers of others and the parts that may know them; bench/ and tests/ may know all.
+/// Headers of other projects and the parts that may know them; bench/ and tests/ may know all.
 struct Foreign {
   std::regex header;
   std::string_view what;
@@ -180,7 +180,7 @@ std::optional<Include> include_in(const std::string& line) {
   return Include{match[2], match[1] == "\""};
 }
 
-/// What is wrong with `include` in a file of `part`, empty if nothing is.
+/// Returns why `include` is wrong in a file of `part`, empty if it is right.
 std::string check_own(const Part& part, std::string_view header) {
   if (part.may_include_everything || !header.starts_with("rtpm/")) return {};
   const std::string_view rest = header.substr(5);

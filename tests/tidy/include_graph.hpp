@@ -6,9 +6,9 @@
 
 namespace rtpm::tidy {
 
-/// Every include in `files` that the floors forbid: one of a part above or beside, one of a library
-/// that belongs to other parts, one of the operating system outside the parts that may know it, and
-/// one of another part's private header.
+/// Finds every include in `files` that the layers forbid: one of a part above or beside, one of a
+/// library that belongs to other parts, one of the operating system outside the parts that may know
+/// it, and one of another part's private header.
 [[nodiscard]] std::vector<Fault> find_forbidden_includes(const std::vector<SourceFile>& files);
 
 }  // namespace rtpm::tidy

@@ -14,19 +14,19 @@ struct Exemption {
   std::string_view reason;
 };
 
-/// What the tree is excused of today.
+/// The exemptions that the tree has today.
 [[nodiscard]] const std::vector<Exemption>& exemptions();
 
-/// Words that have no place where they stand: what blocks, throws or prints on real-time paths,
-/// deferred work, paths of one machine.
+/// Finds words that are forbidden at their place: those that block, throw or print on real-time
+/// paths, deferred work, paths of one machine.
 [[nodiscard]] std::vector<Fault> find_banned_words(const std::vector<SourceFile>& files,
                                                    const std::vector<Exemption>& excused);
 
-/// Headers without `#pragma once` or with `using namespace`, files that grew past 800 lines,
+/// Finds headers without `#pragma once` or with `using namespace`, files that grew past 800 lines,
 /// sources that no CMakeLists.txt names, and folders that none adds.
 [[nodiscard]] std::vector<Fault> find_misshapen_files(const std::vector<SourceFile>& files);
 
-/// Tests whose body asserts nothing.
+/// Finds tests whose body asserts nothing.
 [[nodiscard]] std::vector<Fault> find_empty_tests(const std::vector<SourceFile>& files);
 
 }  // namespace rtpm::tidy

@@ -29,7 +29,7 @@ SourceFile read(const fs::path& root, const fs::path& path) {
           std::string(std::istreambuf_iterator<char>(stream), {})};
 }
 
-/// Walks C++ text and blanks what is not code; newlines stay, so that line numbers do.
+/// Walks C++ text and blanks all but code; newlines stay, so that line numbers do.
 class Blanker {
  public:
   explicit Blanker(std::string_view text) : text_(text), code_(text) {}
@@ -101,7 +101,7 @@ std::vector<SourceFile> read_tree(const fs::path& root) {
   for (const std::string_view folder : kFolders) {
     if (!fs::exists(root / folder)) continue;
     for (fs::recursive_directory_iterator entry(root / folder); entry != fs::end(entry); ++entry) {
-      // What npm installs beside the console's page for work on it.
+      // The packages that npm installs beside the console's page for work on it.
       if (entry->path().filename() == "node_modules") entry.disable_recursion_pending();
       if (entry->is_regular_file() && is_text(entry->path())) {
         files.push_back(read(root, entry->path()));

@@ -16,8 +16,8 @@ struct SourceFile {
 /// A breach of a rule, as a compiler would print it: "path:line: what is wrong, and the remedy".
 using Fault = std::string;
 
-/// Every text file that people wrote: the source folders and the files at the root, without what
-/// builds and version control leave there.
+/// Every text file that people wrote: the source folders and the files at the root, without the
+/// files that builds and version control leave there.
 [[nodiscard]] std::vector<SourceFile> read_tree(const std::filesystem::path& root);
 
 /// The lines of `text`, without their ends.

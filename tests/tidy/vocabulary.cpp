@@ -43,12 +43,12 @@ const std::map<std::string_view, std::string_view>& terms() {
 
 // Names that are not RTPM's to choose.
 bool is_given(std::string_view identifier) {
-  return identifier == "RepairWish" ||  // Of spec/idl/events.fbs, and part of its fingerprint.
+  return identifier == "RepairWish" ||  // From spec/idl/events.fbs, and part of its fingerprint.
          identifier == "SO_LINGER" || identifier == "ZMQ_LINGER" ||
          identifier.starts_with("libusb_");
 }
 
-// The term in whose place `word` stands, a plural or past form included; empty if it may stand.
+// The term that `word` should be, a plural or past form included; empty if it may stand.
 std::string_view term_for(const std::string& word) {
   for (const std::string_view ending : {"", "s", "es", "ed", "ing", "er", "ers"}) {
     if (!word.ends_with(ending)) continue;

@@ -6,8 +6,8 @@
 
 namespace rtpm::tidy {
 
-/// Identifiers and file names that use a home-made word where the field has a term. Comments and
-/// texts are not read.
+/// Finds identifiers and file names that use a home-made word where the field has a term. Comments
+/// and texts are not read.
 [[nodiscard]] std::vector<Fault> find_home_made_words(const std::vector<SourceFile>& files);
 
 }  // namespace rtpm::tidy

@@ -23,7 +23,7 @@ namespace {
 using device_bridges::UsbStatus;
 using driver::Lifecycle;
 
-/// A model and how it is wired to the bridge.
+/// A model and its wiring to the bridge.
 struct Wiring {
   test::FalconModel model{};
   std::optional<MonotonicTime> last{};
@@ -93,7 +93,7 @@ class Falcon : public HostedDevice {
     const auto plugged = bridge_.plug();
     ASSERT_TRUE(plugged) << plugged.error().text();
   }
-  /// Moves the hand along x, and sees the client read the grip there.
+  /// Moves the hand along x, and checks that the client reads the grip there.
   void expect_motion(double x_m) {
     bridge_.with_model([&] { wiring_.model.hold_at({x_m, 0, 0}); });
     EXPECT_TRUE(await_sample([&](const driver::Sample& sample) {
@@ -142,7 +142,7 @@ TEST_F(Falcon, HasNoForceWhenItComesBack) {
   ASSERT_TRUE(host("falcon", ""));
   ASSERT_TRUE(await_lifecycle(Lifecycle::kActive));
   command_force();
-  // The model is one whose motors go on as they were.
+  // The model's motors go on as before.
   bridge_.unplug();
   EXPECT_TRUE(await_lifecycle(Lifecycle::kFault));
   const std::uint64_t before = force_count();

@@ -7,13 +7,13 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/rt/clock.hpp"
 
-/// What the tests of the guest share.
+/// The helpers that the tests of the guest share.
 namespace rtpm::vm_test {
 
-/// Software emulation is slow; nothing waits so long when all is well.
+/// Software emulation is slow; in a good run no wait takes that long.
 inline constexpr Duration kPatience = std::chrono::seconds{10};
 
-/// Waits until `is_so()`; false after kPatience. Between two looks it pauses for long: each costs
+/// Waits until `is_so()`; false after kPatience. It pauses for long between two checks: each costs
 /// the emulated CPU some milliseconds of the host's time, while a pause costs none.
 template <class Condition>
 [[nodiscard]] bool await(Condition is_so) {
@@ -29,7 +29,7 @@ template <class Condition>
 /// The node of the HID device with this serial number, "/dev/hidraw0"; empty: there is none.
 [[nodiscard]] std::string hidraw_node(const std::string& serial_number);
 
-/// As hidraw_node(), but waits until udev has finished with the device; empty after kPatience.
+/// Like hidraw_node(), but waits until udev has finished with the device; empty after kPatience.
 [[nodiscard]] std::string wait_for_hidraw_node(const std::string& serial_number);
 
 /// Why a test has to skip: this machine has no /dev/uhid or no vhci_hcd. Empty: it has.

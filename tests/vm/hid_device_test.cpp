@@ -39,7 +39,7 @@ test::HidReport to_report(std::span<const std::byte> bytes) {
   return report;
 }
 
-/// A model and how it is wired to the bridge.
+/// A model and its wiring to the bridge.
 struct Wiring {
   std::unique_ptr<test::HidModel> model;
   std::optional<MonotonicTime> last{};
@@ -108,7 +108,7 @@ class HidDevice : public HostedDevice, public testing::WithParamInterface<Case> 
     ASSERT_TRUE(plugged) << plugged.error().text();
     ASSERT_NE(wait_for_hidraw_node(kSerialNumber), "");
   }
-  /// Moves an axis and presses a button, and sees the client read both.
+  /// Moves an axis and presses a button, and checks that the client reads both.
   void expect_input() {
     bridge_.with_model([&] {
       wiring_.model->move(0, 0.75);
@@ -140,9 +140,9 @@ class HidDevice : public HostedDevice, public testing::WithParamInterface<Case> 
   Wiring wiring_{.model = GetParam().make()};
   device_bridges::UhidBridge bridge_{bridged(wiring_)};
 };
-/// Of devices that have outputs.
+/// Devices that have outputs.
 class HidOutputs : public HidDevice {};
-/// As the kernel's input layer shows it.
+/// Devices as the kernel's input layer shows them.
 class InputDevice : public HidDevice {
  protected:
   void SetUp() override { set_up("evdev"); }
@@ -182,7 +182,7 @@ TEST_P(HidOutputs, AreOffWhenTheirCommandEnds) {
 
 TEST_P(HidOutputs, AreOffWhenTheDeviceComesBack) {
   command_output();
-  // The model is one that keeps its power and its outputs.
+  // The model keeps its power and its outputs.
   bridge_.unplug();
   EXPECT_TRUE(await_lifecycle(Lifecycle::kFault));
   const std::uint64_t before = unsafe_count();

@@ -16,7 +16,7 @@ namespace rtpm::vm_test {
 /// A device that rtpm-deviced serves as lab/unit by a driver of hardware, and its client.
 class HostedDevice : public testing::Test {
  protected:
-  /// Starts the programs and opens the client. Failing that, the test fails, and so must its
+  /// Starts the programs and opens the client. If that fails, the test fails, and so must its
   /// caller.
   [[nodiscard]] bool host(const std::string& driver, const std::string& arguments) {
     registry_ = system_test::start_daemon("rtpm-registryd", {"--port", "0"});
@@ -50,7 +50,7 @@ class HostedDevice : public testing::Test {
     return await_sample(
         [&](const driver::Sample& sample) { return sample.lifecycle == lifecycle; });
   }
-  /// Sends the setpoint again and again until `is_so`, as a client's loop does.
+  /// Sends the setpoint repeatedly until `is_so`, as a client's loop does.
   template <class Condition>
   [[nodiscard]] bool command_until(const driver::Setpoint& setpoint, Condition is_so) {
     return await([&] {

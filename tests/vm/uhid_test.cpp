@@ -160,7 +160,7 @@ TEST_F(Uhid, AnUnpluggedDeviceIsGoneAndComesBack) {
     const Node node(node_);
     ASSERT_TRUE(node.read());
     bridge_.unplug();
-    // What had arrived is still read; then the node says that it is gone.
+    // Reports that had arrived are still read; then the node reports that it is gone.
     ASSERT_TRUE(await([&] { return !node.read(); }));
     constexpr Report kOutput{kOutputNumber, 1, 0, 0};
     EXPECT_LT(::write(node.handle(), kOutput.data(), kOutput.size()), 0);

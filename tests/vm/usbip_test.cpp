@@ -34,7 +34,7 @@ std::array<std::byte, Size> bytes_of(const std::array<int, Size>& values) {
   return bytes;
 }
 
-/// What the device has got and not yet sent back.
+/// The packets that the device has received and not yet sent back.
 struct Echo {
   std::deque<std::vector<std::byte>> packets{};
   std::uint16_t value = 0;

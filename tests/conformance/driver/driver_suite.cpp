@@ -111,7 +111,7 @@ double product(const Vector3& a, const Vector3& b) {
   return a.x * b.x + a.y * b.y + a.z * b.z;
 }
 
-/// What a client that holds `lease` commands in every cycle, and what the device applied then.
+/// A client that holds `lease` commands this force; returns the force that the device applied.
 Vector3 push(gvd::DeviceCycle& cycle, std::uint64_t lease, std::uint32_t sequence, double newton,
              MonotonicTime now) {
   const Vector3 force{newton, newton, newton};
@@ -123,7 +123,7 @@ Vector3 push(gvd::DeviceCycle& cycle, std::uint64_t lease, std::uint32_t sequenc
 
 TEST_P(DriverConformance, PassesThroughNoForceWhenAnOperatorTakesItOver) {
   const double newton = driver_->describe().limits.force_newton_max / 4;
-  // Neither the wall nor the guard, whose forces are nobody's, for a device that flies away.
+  // Ignores the wall and the guard, whose forces belong to no client, for a device that flies away.
   gvd::CycleConfig config;
   config.safety = gvd::SafetyConfig::for_device(driver_->describe());
   config.safety->wall_newton_per_m = 0;

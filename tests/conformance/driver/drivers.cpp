@@ -26,7 +26,7 @@ std::unique_ptr<driver::Driver> make_sim(device_sim::SimConfig config) {
   return std::move(*sim);
 }
 
-/// A recording of the running test's own, since tests run at the same time.
+/// A recording for the running test alone, since tests run at the same time.
 std::string recorded_hand() {
   std::string name = testing::UnitTest::GetInstance()->current_test_info()->name();
   std::replace(name.begin(), name.end(), '/', '_');
@@ -35,7 +35,7 @@ std::string recorded_hand() {
   return path;
 }
 
-/// Of this file's drivers; a file of its own adds one whose library may be missing.
+/// The drivers in this file; another file adds one whose library may be missing.
 std::vector<DriverUnderTest>& drivers() {
   static std::vector<DriverUnderTest> drivers{
       {"SimHeld", [] { return make_sim({}); }},

@@ -6,7 +6,7 @@
 namespace rtpm::test {
 namespace {
 
-/// A paddle whose port its opening resets.
+/// A paddle that resets when its port is opened.
 std::unique_ptr<driver::Driver> make_serial() {
   const auto model = std::make_shared<SerialModel>();
   auto opened = device_serial::open(

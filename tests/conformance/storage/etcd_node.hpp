@@ -11,20 +11,20 @@ namespace rtpm::storage_test {
 /// A cluster of one node.
 class EtcdNode {
  public:
-  /// That of the tests of this program; each takes a prefix of its own. Null: etcd is not installed
-  /// here, or does not start.
+  /// The node that all tests of this program share; each takes a prefix of its own. Null: etcd is
+  /// not installed here, or does not start.
   [[nodiscard]] static EtcdNode* shared();
-  /// One that a test has for itself; null likewise.
+  /// A node for one test alone; null likewise.
   [[nodiscard]] static std::unique_ptr<EtcdNode> own();
 
-  /// Copies what it has stored, while it is stopped for a moment.
+  /// Copies its stored data, while it is stopped for a moment.
   void back_up();
-  /// Stops it, gives it what back_up() has copied, or nothing, and starts it again.
+  /// Stops it, restores the copy of back_up(), or nothing, and starts it again.
   void restore_backup();
   /// @param token  another one makes it another cluster
   void restore_nothing(const std::string& token);
 
-  /// For make_etcd_storage(), with a prefix that nobody had before.
+  /// A URL for make_etcd_storage(), with an unused prefix.
   [[nodiscard]] std::string fresh_url();
 
   ~EtcdNode();

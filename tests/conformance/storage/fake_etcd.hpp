@@ -10,10 +10,10 @@
 
 namespace rtpm::storage_test {
 
-/// An endpoint that answers what a test makes up: HTTP of one request per connection.
+/// An endpoint with a test's own answers: HTTP of one request per connection.
 class FakeEtcd {
  public:
-  /// The body that a request gets; empty: none, the connection stays open.
+  /// The body that answers a request; empty: none, the connection stays open.
   using Handler = std::function<std::string(const std::string& path, const std::string& body)>;
 
   explicit FakeEtcd(Handler handler);

@@ -14,7 +14,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "stored_value.hpp"
 
-// Answers that no etcd in order gives.
+// Answers that no healthy etcd gives.
 namespace rtpm::storage_test {
 namespace {
 
@@ -30,7 +30,7 @@ std::unique_ptr<names::SharedStorage> storage_at(const std::string& endpoints) {
   return std::move(*storage);
 }
 
-/// Why it is not read.
+/// The reason why it is not read.
 std::string refusal_of(const std::string& answer) {
   const FakeEtcd fake([&](const std::string&, const std::string&) { return answer; });
   const auto content = storage_at(fake.endpoint())->load();
@@ -157,7 +157,7 @@ TEST(Gateway, KnowsItsOwnChangeAgainThatWasDoneWithoutAnAnswer) {
   const auto bound = bind_at(*storage);
   ASSERT_TRUE(bound) << bound.error().text();
   EXPECT_EQ(*bound, 12u);
-  // Another's is a conflict, and says with which change.
+  // Another registry's change is a conflict, which names the change.
   done = etcd_store::to_base64(etcd_store::to_text({stored(), 1}));
   const FakeEtcd others([&](const std::string& path, const std::string&) -> std::string {
     if (path == "/v3/kv/range") return kEmpty;

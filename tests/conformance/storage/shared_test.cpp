@@ -15,7 +15,7 @@
 #include "rtpm/etcd_store/etcd_storage.hpp"
 #include "rtpm/rt/clock.hpp"
 
-// What a shared storage promises the registries that have it.
+// The promises of a shared storage to the registries that use it.
 namespace rtpm::storage_test {
 namespace {
 
@@ -25,7 +25,7 @@ using names::SharedStorage;
 using names::StoredName;
 using Kind = names::StorageError::Kind;
 
-/// Keeps what it is told.
+/// Records its notifications.
 class Followed final : public SharedStorage::Follower {
  public:
   void on_changes(std::vector<SharedChange> changes) override {
@@ -52,7 +52,7 @@ class Followed final : public SharedStorage::Follower {
     told_.wait_for(lock, 10s, [&] { return changes_.size() >= count; });
     return changes_;
   }
-  /// The contents that it was told to begin with anew.
+  /// The contents that it was given at each new start.
   struct Restart {
     std::vector<StoredName> names{};
     std::uint64_t revision = 0;
@@ -116,7 +116,7 @@ class Shared : public testing::Test {
   }
 
   std::string url_{};
-  Followed told_{};  ///< Both outlive the storages that tell them.
+  Followed told_{};  ///< Both outlive the storages that notify them.
   Followed told_second_{};
   std::unique_ptr<SharedStorage> first_{};
   std::unique_ptr<SharedStorage> second_{};
@@ -203,7 +203,7 @@ TEST_F(Shared, EndsTheLeaseOfANameThatNoRegistryRenews) {
   const auto bound = put(*first_, "lab/arm0", seen, 0, 100ms);
   ASSERT_TRUE(bound);
   ASSERT_EQ(told_.wait_for(1).size(), 1u);
-  // A registry that came later renews, too.
+  // A registry that joined later renews, too.
   static_cast<void>(revision_now(*second_));
   const auto renewed = second_->renew("lab/arm0", *bound, kNever);
   EXPECT_TRUE(renewed) << renewed.error().text();
@@ -272,7 +272,7 @@ class Restored : public testing::Test {
   }
 
   std::unique_ptr<EtcdNode> node_{};
-  Followed told_{};  ///< Outlives the storage that tells it.
+  Followed told_{};  ///< Outlives the storage that notifies it.
   std::string url_{};
   std::unique_ptr<SharedStorage> storage_{};
   std::uint64_t seen_ = 0;
@@ -290,7 +290,7 @@ TEST_F(Restored, IsReadAgainWhenItsRevisionWentBack) {
   ASSERT_EQ(restart->names.size(), 1u);
   EXPECT_EQ(restart->names[0].name, "lab/cam1");
   EXPECT_LT(restart->revision, last_);
-  // A name that it has lost can be bound again, and is told.
+  // A lost name can be bound again, and is reported.
   const auto bound = put(*storage_, "lab/cam5", restart->revision);
   ASSERT_TRUE(bound) << bound.error().text();
   const auto changes = told_.wait_for(6);
@@ -300,7 +300,7 @@ TEST_F(Restored, IsReadAgainWhenItsRevisionWentBack) {
   EXPECT_TRUE(told_.is_current_since(rt::now()));
 }
 
-// Others have changed it meanwhile, so that its revision does not show it.
+// Other registries have changed it meanwhile, so that its revision does not show it.
 TEST_F(Restored, IsReadAgainWhenOthersHaveUsedTheSameRevisions) {
   bind_more();
   static_cast<void>(loaded(*storage_));

@@ -20,7 +20,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/test/os.hpp"
 
-// Whatever keeps a registry's names, its callers see the same.
+// Callers see the same behaviour, whatever storage keeps a registry's names.
 namespace rtpm::storage_test {
 namespace {
 
@@ -42,7 +42,7 @@ Claim leased(std::string_view name, names::Owner owner = kOwner) {
   return {name, kUrl, "lab.Arm", owner, 2s};
 }
 
-/// Makes registries on one and the same storage.
+/// Makes registries on the same storage.
 class Place {
  public:
   explicit Place(const std::string& kind) : kind_(kind) {
@@ -191,7 +191,7 @@ TEST_P(EveryStorage, EndsALeaseThatNobodyRenews) {
     return !directory_->resolve("lab/left");
   }));
   EXPECT_TRUE(directory_->resolve("lab/renewed"));
-  // Another owner gets it then, and its former one does not renew it any more.
+  // Another owner then gets it, and its former owner no longer renews it.
   ASSERT_TRUE(directory_->bind(leased("lab/left", kOther)));
   EXPECT_EQ(outcome_of(directory_->renew("lab/left", kOwner, 2s)), Outcome::kNotOwner);
 }

@@ -6,7 +6,7 @@
 
 #include "suite.hpp"
 
-// Calls that find their servant, and those that are told why they do not.
+// Calls that find their servant, and calls that are refused with a reason.
 namespace rtpm::rpc::test {
 namespace {
 
@@ -28,7 +28,7 @@ TEST_P(TransportSuite, CarriesMessagesOfAllSizes) {
   std::vector<std::size_t> sizes{0, 1, 2, 15, 16, 17, 47, 48, 49, 63, 64, 65, 1000};
   for (std::size_t size = 2000; size < 2 * 1024 * 1024; size *= 2)
     sizes.push_back(size);
-  // Around the largest that goes in one frame, and the largest of all.
+  // Sizes around the largest in one frame, and the largest of all.
   for (const std::size_t size :
        {frame_payload_max() - 1, frame_payload_max(), frame_payload_max() + 1,
         2 * frame_payload_max(), message_size_max()}) {
@@ -113,7 +113,7 @@ TEST_P(TransportSuite, CarriesLargeMessagesOfSeveralCallersAtATime) {
       for (std::uint32_t round = 0; round < 10; ++round) {
         const std::string text = text_of_size(100'000 + 1000 * i, round);
         const auto reply = binding.call(echo::kEcho, bytes_of(text), {.deadline = 30s});
-        // Where all rooms are taken the server says so, and the caller may try again.
+        // With all buffers taken, the server refuses, and the caller may try again.
         const bool is_refused = !reply && reply.error() == CallError::kOverload;
         if (!is_refused && (!reply || text_of(*reply) != text)) ++wrong_count;
       }
@@ -186,7 +186,7 @@ TEST_P(TransportSuite, CarriesTheWordsOfARefusal) {
   EXPECT_EQ(describe(CallError::kTimeout), to_string(CallError::kTimeout)) << "is no refusal";
   refuse_with("\033[2J");
   EXPECT_EQ(describe(CallError::kBadRequest).find('\033'), std::string::npos) << "escaped";
-  // A character of two bytes stands where the text is cut.
+  // The text is cut at a character of two bytes.
   refuse_with(std::string(wire::kRefusalTextSizeMax - 1, 'x') + "\u00b5N");
   EXPECT_EQ(refusal_text(), std::string(wire::kRefusalTextSizeMax - 1, 'x'));
   refuse_with("");
@@ -199,7 +199,7 @@ TEST_P(TransportSuite, EndsACallAtItsDeadline) {
   Node node(node_config());
   Binding binding = bind_echo(node, server);
   const MonotonicTime begin = rt::now();
-  // Time enough to be inside on a busy machine, too: else the server refuses it as late.
+  // Enough time to enter on a busy machine, too: otherwise the server refuses it as late.
   expect_error(binding.call(echo::kHold, bytes_of("late"), {.deadline = 100ms}),
                CallError::kTimeout);
   EXPECT_GE(rt::now() - begin, Duration{100ms});
@@ -245,7 +245,7 @@ TEST_P(TransportSuite, RunsNoCallWhoseTimeIsOver) {
   }
   std::thread holder([&] { EXPECT_TRUE(binding.call(echo::kHold, {})); });
   await_inside(server);
-  // Over a network that loses frames, one alone may never arrive.
+  // Over a network that loses frames, a single one may never arrive.
   for (int i = 0; i < 4; ++i)
     expect_late(binding.call(echo::kEchoOnce, {}, {.deadline = 5ms}));
   server.servant.gate().let_one_go();
@@ -257,10 +257,10 @@ TEST_P(TransportSuite, RunsNoCallWhoseTimeIsOver) {
   EXPECT_EQ(server.servant.run_count(), 3) << "the last is the one that held the lane";
 }
 
-// hp-5.6-5: what there is no room for is refused before it runs, or waits; and by default there is
-// room for many.
+// hp-5.6-5: a call without a free buffer is refused before it runs, or waits; and by default there
+// are many buffers.
 TEST_P(TransportSuite, TakesLargeCallsSideBySideOrSaysThatThereAreTooMany) {
-  // Three rooms each at most, a former reply's among them: a host's share of the default.
+  // At most three buffers each, including a former reply's: a host's share of the default.
   constexpr int kThreadCount = 8;
   constexpr int kCallCount = 8;
   for (const std::uint32_t room_count : {2U, ServerConfig{}.large_message_count_max}) {
@@ -405,7 +405,7 @@ TEST_P(TransportSuite, WaitsInEveryWay) {
   }
 }
 
-/// A servant that notes where its calls came from.
+/// A servant that records its callers' addresses.
 class CallerNotingServant final : public Servant {
  public:
   const InterfaceDescriptor& interface() const noexcept override { return echo::kInterface; }

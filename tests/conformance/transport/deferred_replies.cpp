@@ -103,7 +103,7 @@ TEST_P(DeferredReplies, TimeOutLikeAnyOther) {
   EXPECT_TRUE(binding_->call(kNote, {}));
 }
 
-// What the schema says of priorities holds where whoever adds the object says nothing.
+// The schema's priority applies if the caller that adds the object gives none.
 TEST_P(DeferredReplies, RunAtThePriorityOfTheirInterface) {
   class Declared final : public Servant {
    public:
@@ -191,7 +191,7 @@ TEST_P(DeferredReplies, StreamsGoNoFasterThanTheyAreTaken) {
   ASSERT_TRUE(reader);
   ItemWriter writer = servant_.writer();
   std::uint32_t count = 0;
-  // The writer's own buffer, and what may be on its way.
+  // The writer's own buffer, and the items in flight.
   while (writer.write(bytes_of("x")))
     ++count;
   EXPECT_GE(count, 32u);
@@ -199,7 +199,7 @@ TEST_P(DeferredReplies, StreamsGoNoFasterThanTheyAreTaken) {
   EXPECT_EQ(writer.write(bytes_of("x")).error(), StreamError::kFull);
   EXPECT_EQ(text_of_next(*reader), "x");
   EXPECT_TRUE(await([&] {
-    // Items are asked for when half of the window has been taken.
+    // Items are requested when half of the window has been taken.
     EXPECT_EQ(text_of_next(*reader), "x");
     return writer.write(bytes_of("y")).has_value();
   }));
@@ -237,7 +237,7 @@ TEST_P(DeferredReplies, StreamsMayBeLeftWithItemsUntaken) {
     write(writer, "two");
     writer.finish();
     EXPECT_EQ(text_of_next(*reader), "one");
-    // The end may be here by now; the second item is left.
+    // The end may have arrived by now; the second item is left.
     static_cast<void>(binding_->call(kNote, {}));
   }
   EXPECT_TRUE(binding_->call(kNote, {})) << "their channel serves other calls again";

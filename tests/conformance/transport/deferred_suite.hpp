@@ -18,7 +18,7 @@
 #include "rtpm/rt/memory.hpp"
 #include "suite.hpp"
 
-/// What the tests of deferred replies and of streams have in common.
+/// The common part of the tests of deferred replies and of streams.
 namespace rtpm::rpc::test {
 
 inline constexpr MethodDescriptor kLater{1, "later", 201, false, {}};
@@ -28,7 +28,7 @@ inline constexpr std::array kDeferredMethods{kLater, kCount, kNote};
 inline constexpr InterfaceDescriptor kDeferredInterface{"test.Late", 4712, "by hand",
                                                         kDeferredMethods};
 
-/// Answers when the test does.
+/// Answers when the test asks for it.
 class DeferringServant final : public Servant {
  public:
   const InterfaceDescriptor& interface() const noexcept override { return kDeferredInterface; }
@@ -107,7 +107,7 @@ class DeferredReplies : public TransportSuite {
   }
   static void write(ItemWriter& writer, std::string_view text) {
     expected<void, StreamError> written;
-    // What the caller has not taken yet stands in the way for a while.
+    // Items that the caller has not taken yet fill the window for a while.
     EXPECT_TRUE(await([&] {
       written = writer.write(bytes_of(text));
       return written || written.error() != StreamError::kFull;

@@ -16,7 +16,7 @@
 #include "suite.hpp"
 #include "victim.hpp"
 
-// Servers and clients that end, and traffic that nobody should send.
+// Servers and clients that end, and invalid traffic.
 namespace rtpm::rpc::test {
 namespace {
 
@@ -29,7 +29,7 @@ ServerConfig config_at(std::uint16_t port) {
   return config;
 }
 
-/// A server in a process of its own, which tells its port, and then that somebody is inside `hold`.
+/// A server in a process of its own, which reports its port, and then that a call is inside `hold`.
 void serve_until_killed(const std::function<void(std::uint16_t)>& tell) {
   EchoServer server;
   tell(server.server->port());
@@ -179,7 +179,7 @@ TEST_P(TransportSuite, RunsAnIdempotentCallInFlightAgainWhenTheServerRestarts) {
     server.emplace(config_at(port));
     server->servant.gate().open();
   });
-  // Between the two lives the address is nobody's, which ends a try; a caller tries again.
+  // Between the two lives no server has the address, which ends a try; a caller tries again.
   auto reply = binding->call(idempotent(echo::kHold), bytes_of("held"));
   while (!reply && reply.error() == CallError::kUnreachable) {
     reply = binding->call(idempotent(echo::kHold), bytes_of("held"));
@@ -221,7 +221,7 @@ TEST_P(LosslessSuite, EndsCallsThatWaitWhenTheServerStops) {
   std::thread waiting([&] {
     const MonotonicTime deadline = rt::now() + rtpm::test::kPatience;
     const auto reply = binding.call(echo::kEchoOnce, {}, {.deadline = rtpm::test::kPatience});
-    // The lane may have taken it up before it stopped.
+    // The lane may have received it before it stopped.
     EXPECT_TRUE(reply || reply.error() == CallError::kStopped) << to_string(reply.error());
     EXPECT_LT(rt::now(), deadline) << "it is told, and does not wait for nothing";
   });
@@ -376,7 +376,7 @@ TEST_P(WireSuite, SurvivesRandomBytes) {
     Bytes noise(random() % 1500);
     for (std::byte& byte : noise)
       byte = static_cast<std::byte>(random());
-    // The first bytes of some are a header's.
+    // Some begin like a header.
     if (random() % 2 == 0) {
       const Bytes frame = peer.call_frame(1, 1, std::string(random() % 100, 'x'));
       std::copy_n(frame.begin(), std::min(frame.size(), noise.size()), noise.begin());

@@ -12,8 +12,8 @@
 #include "suite.hpp"
 #include "victim.hpp"
 
-// What a caller learns of a server whose process is killed or stopped: of a oneway above all, which
-// nobody answers.
+// A caller's view of a server whose process is killed or stopped: above all of a oneway, which has
+// no answer.
 namespace rtpm::rpc::test {
 namespace {
 
@@ -25,7 +25,7 @@ constexpr MethodDescriptor kTicks{3, "ticks", 403, false, {}};
 constexpr std::array kMethods{kNote, kPing, kTicks};
 constexpr InterfaceDescriptor kInterface{"test.Killed", 4714, "by hand", kMethods};
 
-/// Memory of the test and the processes that it forks.
+/// Memory shared by the test and the processes that it forks.
 class SharedCount {
  public:
   SharedCount()
@@ -42,7 +42,7 @@ class SharedCount {
   std::atomic<int>* count_;
 };
 
-/// Counts the notes where the test sees it, and begins a stream that never has an item.
+/// Counts the notes in memory shared with the test, and begins a stream that never has an item.
 class CountingServant final : public Servant {
  public:
   explicit CountingServant(std::atomic<int>& count) : count_(count) {}
@@ -62,7 +62,7 @@ class CountingServant final : public Servant {
   ItemWriter writer_;
 };
 
-/// A server of it.
+/// A server of that servant.
 struct CountingServer {
   CountingServer(std::atomic<int>& count, std::uint16_t port) : servant(count) {
     ServerConfig config = quiet_config();
@@ -101,7 +101,7 @@ class KilledPeers : public TransportSuite {
     static const Bytes payload(wire::kSharedPayloadSizeMax);
     return binding.send(kNote, ConstBytes(payload).first(size), wire::Delivery::kSent);
   }
-  /// Sends until one is refused; how many were not.
+  /// Sends until one is refused; returns the number of those before it.
   int note_until_refused(CallError& error, std::size_t size = 8) {
     for (int count = 0;; ++count) {
       const auto sent = note(*binding_, size);
@@ -110,7 +110,7 @@ class KilledPeers : public TransportSuite {
       return count;
     }
   }
-  /// Stops the server, so that nothing that is sent from here on is read, and sends so many.
+  /// Stops the server, so that it reads nothing from here on, and sends `count` oneways.
   void note_unread(int count) {
     ASSERT_TRUE(binding_->call(kPing, {}));
     victim_.stop();
@@ -236,7 +236,7 @@ TEST_P(KilledPeers, AreFoundByACheckThatSendsNothing) {
   EXPECT_TRUE(binding_->check_oneways()) << "it is told once";
 }
 
-// Datagrams to a stopped server are dropped by the kernel, of which nobody tells.
+// The kernel drops datagrams to a stopped server, and no side reports it.
 TEST_P(KilledPeers, ThatAreOnlyStoppedRefuseOnewaysWhenNoMoreFits) {
   if (is_udp()) GTEST_SKIP() << "UDP tells nothing";
   note_unread(1);

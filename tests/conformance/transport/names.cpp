@@ -18,7 +18,7 @@ using namespace std::chrono_literals;
 
 constexpr const char* kName = "lab/echo";
 
-/// Names as a registry has them, which the test changes.
+/// Names as in a registry, which the test changes.
 class NameTable final : public Resolver {
  public:
   explicit NameTable(std::string url) { lead_to(std::move(url)); }
@@ -28,7 +28,7 @@ class NameTable final : public Resolver {
     if (name == kName && !url_.empty()) return url_;
     return setup_error("name '" + std::string(name) + "' is not bound");
   }
-  /// Empty: nowhere.
+  /// Empty: the name is unbound.
   void lead_to(std::string url) {
     const std::lock_guard lock(mutex_);
     url_ = std::move(url);
@@ -59,7 +59,7 @@ class OtherServant final : public Servant {
   InterfaceDescriptor interface_;
 };
 
-/// What a caller of a server that is gone may be told.
+/// The errors that a caller of a vanished server may get.
 [[nodiscard]] bool is_of_an_outage(CallError error) {
   return error == CallError::kUnreachable || error == CallError::kDisconnected ||
          error == CallError::kPeerRestarted || error == CallError::kStopped;
@@ -86,12 +86,12 @@ class NameSuite : public LosslessSuite {
     EXPECT_TRUE(bound) << bound.error().text();
     return std::move(*bound);
   }
-  /// Ends the first server; the name leads to `url` from now on.
+  /// Ends the first server; from now on the name leads to `url`.
   void move_to(std::string url) {
     first_.reset();
     table_->lead_to(std::move(url));
   }
-  /// Calls until one comes through; what was told meanwhile is of an outage.
+  /// Calls until one succeeds; all errors before are those of an outage.
   [[nodiscard]] bool call_until_it_comes_through(Binding& binding,
                                                  const MethodDescriptor& method = echo::kEcho) {
     return await([&] {
@@ -140,7 +140,7 @@ TEST_P(NameSuite, GoesOnWithAServerThatCameBackAtAnotherPort) {
   EXPECT_EQ(status.trouble, "");
 }
 
-// Also where nobody calls meanwhile: the first call of the outage is enough.
+// Also without further calls: the first call of the outage is enough.
 TEST_P(NameSuite, FindsTheServerWithoutFurtherCalls) {
   Binding binding = bind();
   ASSERT_TRUE(binding.call(echo::kEcho, {}));
@@ -167,7 +167,7 @@ TEST_P(NameSuite, RunsNoCallTwiceWhileItsServerMoves) {
   }
   ASSERT_TRUE(await([&] { return success_count > 10; }));
   EchoServer second;
-  // The end of the first lets its calls end, but for replies that are lost with it.
+  // The end of the first lets its calls end, except for replies that are lost with it.
   first_->server->stop();
   const int first_count = first_->servant.run_count();
   EXPECT_LE(success_count, first_count);
@@ -252,7 +252,7 @@ TEST_P(NameSuite, SaysThatTheNameIsGone) {
   EXPECT_EQ(binding.follow_status().move_count, 0u);
 }
 
-// The address is another's now, which has the object, too: the name decides.
+// Another server has the address now, and also has the object: the name decides.
 TEST_P(NameSuite, LeavesAnAddressWhereAnotherServerStandsIn) {
   Binding binding = bind();
   ASSERT_TRUE(binding.call(echo::kEcho, {}));
@@ -275,7 +275,7 @@ TEST_P(NameSuite, LooksANameUpOnceASecondAtMostForAllOfItsBindings) {
   const std::size_t bind_count = table_->looks().size();
   EXPECT_EQ(bind_count, 3u);
   move_to("");
-  // Three looks take more than a second and two: the waits are 1 s, 2 s, then 4 s.
+  // Three look-ups take more than a second and two: the waits are 1 s, 2 s, then 4 s.
   ASSERT_TRUE(await([&] {
     for (Binding& binding : bindings)
       EXPECT_FALSE(binding.call(echo::kEcho, {}));
@@ -288,7 +288,7 @@ TEST_P(NameSuite, LooksANameUpOnceASecondAtMostForAllOfItsBindings) {
     EXPECT_LE(binding.follow_status().resolve_count, table_->looks().size() - bind_count);
 }
 
-// As programs end: the resolver first, then what was bound with it, then the node.
+// The order in which programs end: the resolver first, then its bindings, then the node.
 TEST_P(NameSuite, OutlivesItsResolver) {
   Binding binding = bind();
   move_to("");
@@ -298,7 +298,7 @@ TEST_P(NameSuite, OutlivesItsResolver) {
   EXPECT_FALSE(binding.call(echo::kEcho, {}));
 }
 
-// The bind, too, keeps to its own time.
+// The bind, too, keeps its own deadline.
 TEST_P(NameSuite, EndsWithItsBindingsInMidOutage) {
   {
     Binding binding = bind();

@@ -17,7 +17,7 @@ constexpr MethodDescriptor kLater{3, "later", 303, false, {}};
 constexpr std::array kMethods{kHold, kNote, kLater};
 constexpr InterfaceDescriptor kInterface{"test.Notes", 4713, "by hand", kMethods};
 
-/// Notes the numbers that it is sent.
+/// Records the numbers that it receives.
 class NumberServant final : public Servant {
  public:
   const InterfaceDescriptor& interface() const noexcept override { return kInterface; }
@@ -37,7 +37,7 @@ class NumberServant final : public Servant {
     int number = 0;
     std::memcpy(&number, request.data(), std::min(request.size(), sizeof number));
     numbers_.push_back(number);
-    // A reply that nobody reads must not disturb what waits.
+    // An unread reply must not disturb waiting requests.
     std::ranges::fill(reply.first(100), std::byte{0xff});
     return {wire::Status::kOk, 100};
   }
@@ -63,7 +63,7 @@ std::vector<int> numbers_up_to(int count) {
   return numbers;
 }
 
-/// A lane that has place for all that the tests send, whatever its kind.
+/// A lane with space for all that the tests send, whatever its kind.
 LaneConfig roomy_lane(Priority low = 0) {
   LaneConfig lane = quiet_lane(low);
   if (buffered_requests() > 0) lane.buffered_request_max = 4096;
@@ -104,7 +104,8 @@ class Oneways : public TransportSuite {
     return binding_->send(kNote, std::as_bytes(std::span(&number, 1)), wire::Delivery::kSent,
                           options);
   }
-  /// How many of so many are sent, beginning with number 0, until one is refused.
+  /// Sends up to `count` of them, from number 0 on, until one is refused; returns how many were
+  /// sent.
   [[nodiscard]] int send_up_to(int count, CallError& error) {
     for (int i = 0; i < count; ++i) {
       if (const auto sent = send(i); !sent) {
@@ -160,7 +161,7 @@ TEST_P(Oneways, OfManyThreadsRunOnceEach) {
   EXPECT_EQ(numbers, numbers_up_to(kThreadCount * kCount));
 }
 
-/// What the same program promises besides, which has a place for each instead of a socket's buffer.
+/// A further promise within a program, which has a queue of oneways instead of a socket's buffer.
 class LocalOneways : public Oneways {
  protected:
   static ServerConfig config_of(std::uint32_t count_max) {

@@ -10,7 +10,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "suite.hpp"
 
-// Calls that are on their way together.
+// Calls that are in flight together.
 namespace rtpm::rpc::test {
 namespace {
 
@@ -22,7 +22,7 @@ std::string numbered(std::size_t number, std::size_t size = 20) {
   return text;
 }
 
-/// Begins the call, which is not to fail yet.
+/// Begins the call, which must not fail yet.
 PendingReply begin(Binding& binding, Pipeline& pipeline, std::string_view text,
                    const MethodDescriptor& method = echo::kEcho, CallOptions options = {}) {
   options.pipeline = &pipeline;
@@ -31,7 +31,7 @@ PendingReply begin(Binding& binding, Pipeline& pipeline, std::string_view text,
   return begun ? std::move(*begun) : PendingReply{};
 }
 
-/// Begins so many calls, each with its number.
+/// Begins this many calls, each with its number.
 std::vector<PendingReply> begin_numbered(Binding& binding, Pipeline& pipeline, std::size_t count) {
   std::vector<PendingReply> calls;
   for (std::size_t i = 0; i < count; ++i)
@@ -50,7 +50,8 @@ void expect_numbered(std::vector<PendingReply>& calls) {
     expect_numbered(calls[i], i);
 }
 
-/// Has the sessions that so many calls take, which nobody gives while the only thread runs a call.
+/// Opens the sessions that this many calls take, which no lane gives while its only thread runs a
+/// call.
 void open_sessions(Binding& binding, Pipeline& pipeline, std::size_t count) {
   std::vector<PendingReply> calls = begin_numbered(binding, pipeline, count);
   expect_numbered(calls);
@@ -90,7 +91,7 @@ TEST_P(TransportSuite, GivesTheRepliesOfAPipelineInAnyOrder) {
     expect_numbered(calls[i], i);
 }
 
-// Larger than a frame, and than all that goes together; small ones between them.
+// Larger than a frame, and than all that is sent together; small ones between them.
 TEST_P(TransportSuite, CarriesMessagesOfAllSizesInAPipeline) {
   EchoServer server;
   Node node(node_config());
@@ -141,7 +142,7 @@ TEST_P(LosslessSuite, SendsWhatAPipelineHoldsWithAFlush) {
   EXPECT_EQ(text_of(*reply), "flushed");
 }
 
-// A caller that only looks, and one that waits for another call, have it go out all the same.
+// A caller that only polls, and one that waits for another call, still send it.
 TEST_P(LosslessSuite, SendsWhatAPipelineHoldsWhenItIsAskedFor) {
   EchoServer server;
   Node node(node_config());
@@ -160,7 +161,7 @@ TEST_P(LosslessSuite, SendsWhatAPipelineHoldsWhenItIsAskedFor) {
   EXPECT_TRUE(behind.take());
 }
 
-// They come together, but who answers the first is not to wait for the second.
+// They arrive together, but the answer to the first must not wait for the second.
 TEST_P(LosslessSuite, AnswersACallOfAPipelineBeforeOneThatTakesLong) {
   EchoServer server;
   Node node(node_config());
@@ -207,7 +208,7 @@ TEST_P(LosslessSuite, CancelsOneCallOfAPipeline) {
   const auto reply = other.take();
   ASSERT_TRUE(reply) << to_string(reply.error());
   EXPECT_EQ(text_of(*reply), "other");
-  // Nobody asks for this one any more, and it has not gone out yet.
+  // This one is no longer wanted, and has not been sent yet.
   { auto dropped = begin(binding, pipeline, "dropped"); }
   EXPECT_TRUE(begin(binding, pipeline, "last").take());
   EXPECT_EQ(pipeline.open_count(), 1u) << "the reply is still held";
@@ -247,7 +248,7 @@ TEST_P(TransportSuite, LimitsAPipelineToItsChannels) {
     if (!call) error = call.error();
   }
   EXPECT_EQ(error, CallError::kNoChannel);
-  // The other channel is the bind's, and that of whoever calls by itself.
+  // The other channel is the bind's, and that of single calls.
   EXPECT_EQ(calls.size(), is_udp() ? std::size_t{wire::kCallWindow} : std::size_t{2});
   EXPECT_TRUE(calls.front().take());
   EXPECT_TRUE(begin(binding, pipeline, "one more").take()) << "a place is free again";

@@ -5,14 +5,14 @@
 #include "rtpm/test/os.hpp"
 #include "suite.hpp"
 
-// At which priority and on whose thread a call runs.   Source: spec/hprotocol.md#hp-11.
+// The priority and the thread with which a call runs.   Source: spec/hprotocol.md#hp-11.
 namespace rtpm::rpc::test {
 namespace {
 
 constexpr int kLow = 1'000;
 constexpr int kHigh = 25'000;
 
-/// Three lanes, the urgent ones named by a person and by default.
+/// Three lanes; of the urgent ones, one has its own name and one the default.
 ServerConfig three_lanes(rt::RealtimeMode mode = rt::RealtimeMode::kOff) {
   LaneConfig urgent = quiet_lane(20'000);
   urgent.name = "urgent";
@@ -21,13 +21,13 @@ ServerConfig three_lanes(rt::RealtimeMode mode = rt::RealtimeMode::kOff) {
   return config;
 }
 
-// The further threads of a lane have a number behind its name.
+// The further threads of a lane have a number after its name.
 std::string_view lane_name(const echo::Place& place) {
   const std::string_view name = place.thread_name.data();
   return name.substr(0, name.find('/'));
 }
 
-/// The system's word for where the servant ran.
+/// The system's report of where the servant ran.
 rtpm::test::Scheduling scheduling(const echo::Place& place) {
   return {place.policy, place.level};
 }
@@ -97,7 +97,7 @@ TEST_P(TransportSuite, GivesACallerWithoutAPriorityTheObjects) {
   EXPECT_EQ(place_of(binding, {.priority = kHigh}).priority, kHigh);
 }
 
-// hp-6.1-3: the lane shows at which priority the client sent it.
+// hp-6.1-3: the lane shows the priority with which the client sent it.
 TEST_P(TransportSuite, RunsADeclaredObjectAtItsOwnPriority) {
   const bool has_right = rtpm::test::has_realtime_right();
   EchoServer server(three_lanes(has_right ? rt::RealtimeMode::kRequire : rt::RealtimeMode::kOff),

@@ -13,7 +13,7 @@
 #include "rtpm/wire/client_channel.hpp"
 #include "rtpm/wire/control.hpp"
 
-// Streams with items of all sizes, with readers that are slow, and servers that go.
+// Streams with items of all sizes, with slow readers, and with servers that end.
 namespace rtpm::rpc::test {
 namespace {
 
@@ -35,7 +35,7 @@ class Streams : public DeferredReplies {
  protected:
   explicit Streams(ServerConfig config = quiet_config()) : DeferredReplies(std::move(config)) {}
 
-  /// Writes items until `count` are written, as the reader takes them.
+  /// Writes items until `count` are written, as the reader accepts them.
   static void write_all(ItemWriter& writer, std::uint32_t count, std::size_t size) {
     for (std::uint32_t number = 0; number < count; ++number) {
       const auto item = item_of(number, size);
@@ -47,7 +47,7 @@ class Streams : public DeferredReplies {
       ASSERT_TRUE(written) << to_string(written.error());
     }
   }
-  /// Writes items until the caller keeps up no more; gives how many.
+  /// Writes items until the caller no longer keeps up; returns their number.
   static std::uint32_t write_until_full(ItemWriter& writer, std::size_t size) {
     for (std::uint32_t number = 0;; ++number) {
       const auto written = writer.write(item_of(number, size));
@@ -141,7 +141,7 @@ TEST_P(Streams, TakeItemsAsLargeAsTheirReadersLimit) {
   read_all(*reader, 1, 70'000);
 }
 
-// hp-16.4-2: more than the ring holds waits at the server.
+// hp-16.4-2: items beyond the ring's capacity wait at the server.
 TEST_P(Streams, WaitForASlowReader) {
   for (const std::size_t size : {std::size_t{100}, std::size_t{4000}, std::size_t{9000},
                                  std::size_t{20'000}, std::size_t{300'000}}) {
@@ -211,7 +211,7 @@ TEST_P(Streams, AreLostForAReaderThatIsAwayForTooLong) {
   EXPECT_FALSE(reader->is_open());
 }
 
-// What the lane sends by itself waits for calls, and not the other way round.
+// The lane's own sending waits for calls, and not the other way round.
 TEST_P(Streams, LetCallsOfTheirLaneThrough) {
   auto reader = binding_->open_stream(kCount, {});
   ASSERT_TRUE(reader);
@@ -245,7 +245,7 @@ INSTANTIATE_TEST_SUITE_P(SealedUdp, Streams, testing::Values(kSealedUdp));
 INSTANTIATE_TEST_SUITE_P(SealedTcp, Streams, testing::Values(kSealedTcp));
 INSTANTIATE_TEST_SUITE_P(SharedMemory, Streams, testing::Values(Transport::kSharedMemory));
 
-/// A client that has eight streams on one connection, and takes what comes when the test says so.
+/// A client with eight streams on one connection, which reads when the test asks for it.
 class StreamsOfOneConnection : public DeferredReplies {
  protected:
   using Kind = wire::ChannelEvent::Kind;
@@ -289,7 +289,7 @@ class StreamsOfOneConnection : public DeferredReplies {
     send(*channel_.call(wanted, {}, rt::now()));
     return channel_.last_call();
   }
-  /// Something that is neither nothing nor merely to be sent.
+  /// The next event that is neither nothing nor merely a frame to send.
   wire::ChannelEvent next_event() {
     while (rt::now() < soon()) {
       const auto frame = client_->receive();
@@ -329,7 +329,7 @@ TEST_P(StreamsOfOneConnection, WaitForItsRoom) {
       ASSERT_TRUE(writer.write(item_of(number, kItemSize)));
     writer.finish();
   }
-  // Nobody reads for a while.
+  // The client does not read for a while.
   std::this_thread::sleep_for(50ms);
   int ended = 0;
   while (ended < kStreamCount) {
@@ -404,7 +404,7 @@ class StreamingProcess {
 
 class StreamsOfAnotherProcess : public TransportSuite {
  protected:
-  /// Reads until there is no more, or until `until`; why.
+  /// Reads to the end, or until `until`; returns the reason.
   static CallError read_to_the_end(ItemReader& reader, MonotonicTime until) {
     while (true) {
       const auto item = reader.next(until);

@@ -9,8 +9,8 @@
 #include "rtpm/wire/medium.hpp"
 #include "rtpm/wire/sealed.hpp"
 
-/// What every transport keeps, seen from a caller and a server. A transport takes part by one line
-/// in transports_test.cpp.
+/// The promises of every transport, seen from a caller and a server. A transport takes part by one
+/// line in transports_test.cpp.
 namespace rtpm::rpc::test {
 
 class TransportSuite : public testing::TestWithParam<Transport> {
@@ -18,7 +18,7 @@ class TransportSuite : public testing::TestWithParam<Transport> {
   void SetUp() override {
     is_network_faulty() = transport() == kFaultyUdp;
     are_sessions_sealed() = is_sealed(transport());
-    // Before a test forks: both sides are to have the same keys.
+    // Before a test forks, so that both sides have the same keys.
     if (are_sessions_sealed()) static_cast<void>(sealed_files());
   }
   void TearDown() override { is_network_faulty() = are_sessions_sealed() = false; }
@@ -33,7 +33,7 @@ class TransportSuite : public testing::TestWithParam<Transport> {
     // sec-4-3: sealed fragments are smaller.
     return transport() == kSealedUdp ? frame_payload_max() * wire::kFragmentCountMax : size;
   }
-  /// The largest that goes in one frame.
+  /// The largest that fits in one frame.
   [[nodiscard]] static std::size_t frame_payload_max() {
     if (transport() == Transport::kSharedMemory) return wire::kSharedPayloadSizeMax;
     const wire::Medium medium = is_udp() ? wire::Medium::kDatagram : wire::Medium::kStream;
@@ -47,24 +47,24 @@ class TransportSuite : public testing::TestWithParam<Transport> {
     EXPECT_EQ(reply.error(), error);
   }
 
-  /// The error of a call whose time passes before a servant has it: the caller sees that first, or
-  /// the server, where the caller's thread had to wait before it could send.
+  /// The error of a call whose time passes before a servant has it: either the caller notices
+  /// first, or the server, if the caller's thread had to wait before it could send.
   static void expect_late(const expected<ReplyLease, CallError>& reply) {
     ASSERT_FALSE(reply);
     EXPECT_TRUE(is_late(reply.error())) << to_string(reply.error());
   }
 
-  /// Waits until somebody is inside `hold`.
+  /// Waits until `count` calls are inside `hold`.
   static void await_inside(EchoServer& server, int count = 1) {
     ASSERT_TRUE(await([&] { return server.servant.gate().inside_count() == count; }));
   }
 };
 
-/// What those keep whose network swallows nothing: the end of a server that the system tells of,
-/// and calls that arrive though nobody asks for them yet, and so repeats them.
+/// The promises of transports whose network loses nothing: the system reports a server's end, and
+/// calls arrive although no caller waits for them yet, which would repeat them.
 class LosslessSuite : public TransportSuite {};
 
-/// What those keep that have frames; the tests that speak with their own.
+/// The promises of transports with frames; the tests send frames of their own.
 class WireSuite : public TransportSuite {};
 
 }  // namespace rtpm::rpc::test

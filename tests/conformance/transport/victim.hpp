@@ -12,7 +12,7 @@
 
 namespace rtpm::rpc::test {
 
-/// A process that does `body` until it is killed; the body tells numbers to the test.
+/// A process that runs `body` until it is killed; the body sends numbers to the test.
 class Victim {
  public:
   template <class Body>
@@ -37,7 +37,7 @@ class Victim {
   Victim(const Victim&) = delete;
   Victim& operator=(const Victim&) = delete;
 
-  /// Waits for the next number that the body tells.
+  /// Waits for the next number from the body.
   std::uint16_t await_number() const {
     std::uint16_t number = 0;
     const ssize_t size = read(told_, &number, sizeof number);
@@ -53,7 +53,7 @@ class Victim {
     EXPECT_TRUE(WIFSTOPPED(status));
   }
   void go_on() const { EXPECT_EQ(::kill(child_, SIGCONT), 0); }
-  /// Ends it as `kill -9` does, and waits until the system has done so.
+  /// Ends it like `kill -9`, and waits until the system has done so.
   void kill() {
     if (child_ <= 0) return;
     ::kill(child_, SIGKILL);

@@ -1,7 +1,7 @@
-// RTPM's real server as a program under test of spec/conform that is told nothing: method 2 of its
-// object answers with how often it has run.
+// RTPM's real server as a program under test of spec/conform that gets no instructions: method 2 of
+// its object answers with the number of its runs.
 //   counting_server [AUTHORIZED KEY]
-// With these files it asks its callers for grants, and its sessions are sealed.
+// With these files it requires grants of its callers, and its sessions are sealed.
 
 #include <unistd.h>
 

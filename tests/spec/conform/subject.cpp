@@ -15,10 +15,10 @@
 namespace rtpm::spec {
 namespace {
 
-/// `sees run`, `does call` and so on stand in lines that end with a line feed.
+/// Reads lines such as `sees run` and `does call`, which end with a line feed.
 class LineInput {
  public:
-  /// Reads what is there; false at the end.
+  /// Reads the available bytes; false at the end.
   bool read_more() {
     char buffer[65536];
     const ssize_t size = ::read(STDIN_FILENO, buffer, sizeof buffer);

@@ -14,8 +14,8 @@
 #include "rtpm/wire/counters.hpp"
 #include "rtpm/wire/medium.hpp"
 
-/// RTPM's client and server as programs under test of spec/conform, whose README.md has the lines
-/// that they read and write.
+/// RTPM's client and server as programs under test of spec/conform, whose README.md describes the
+/// lines that they read and write.
 namespace rtpm::spec {
 
 /// `does call c1 payload=01` as {does, call, c1} and {payload: 01}.
@@ -24,7 +24,7 @@ struct Line {
   std::map<std::string, std::string> values;
 
   [[nodiscard]] std::string word(std::size_t index) const;
-  /// "" if it is not there.
+  /// "" if it is missing.
   [[nodiscard]] std::string value(const std::string& name) const;
   [[nodiscard]] std::uint64_t number(const std::string& name) const;
 };
@@ -39,24 +39,24 @@ void say(const std::string& line);
 [[nodiscard]] std::string text_of(const sockaddr_in& address);
 [[nodiscard]] MonotonicTime monotonic_now();
 
-/// Which fault the subject shall have, to see that the tool finds it.
+/// The subject's deliberate faults, which the tool has to find.
 struct Faults {
   bool runs_copies = false;       ///< A server runs a copy of a call again.
-  bool swaps_numbers = false;     ///< A server writes call_id and service in each other's place.
+  bool swaps_numbers = false;     ///< A server swaps call_id and service.
   bool states_no_budget = false;  ///< A client's budget_us is 0.
   bool shifts_cookie = false;     ///< A client writes the cookie 8 bytes too late.
-  bool hides_address = false;     ///< A client does not tell its address before it is heard.
+  bool hides_address = false;     ///< A client hides its address until it is heard.
   bool hangs_on = false;          ///< A client stays connected where the stream is broken.
   bool repeats_rarely = false;    ///< A client does not repeat a call sooner than after 2 s.
-  bool clears_flags = false;      ///< Either side looks at no flag but the first two.
+  bool clears_flags = false;      ///< Either side ignores all flags but the first two.
 };
-/// What is taken instead of `frame`.
+/// Returns the frame that is read instead of `frame`.
 [[nodiscard]] std::vector<std::byte> as_read(ConstBytes frame, const Faults& faults);
-/// What is sent instead of `frame`.
+/// Returns the frame that is sent instead of `frame`.
 [[nodiscard]] std::vector<std::byte> with_faults(ConstBytes frame, const Faults& faults);
 
-/// Frames out of a stream of bytes, by the sizes in their headers. A header that is none comes with
-/// all that is behind it.
+/// Splits a stream of bytes into frames by the sizes in their headers. An invalid header comes with
+/// all bytes behind it.
 class FrameSplitter {
  public:
   explicit FrameSplitter(const Faults& faults = {}) : faults_(faults) {}
@@ -82,13 +82,13 @@ class Side {
   virtual void on_time() = 0;
   [[nodiscard]] virtual MonotonicTime next_time() const = 0;
 };
-/// Set up by the line `setup`; says `ready`.
+/// Set up by the line `setup`; prints `ready`.
 [[nodiscard]] std::unique_ptr<Side> make_server(const Line& setup, const Faults& faults);
 [[nodiscard]] std::unique_ptr<Side> make_client(const Line& setup, const Faults& faults);
-/// A client that looks after sessions by itself (level=bindings). It has no faults to offer.
+/// A client that manages sessions by itself (level=bindings). It has no faults to offer.
 [[nodiscard]] std::unique_ptr<Side> make_binding(const Line& setup);
 
-/// The medium that a line `setup` names.
+/// The medium named in a line `setup`.
 [[nodiscard]] wire::Medium medium_of(const Line& setup);
 /// Answers the line `counters`.
 void say_counters(const wire::FrameCounters& counters);

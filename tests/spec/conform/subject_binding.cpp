@@ -9,8 +9,8 @@
 namespace rtpm::spec {
 namespace {
 
-/// RTPM's client as applications have it: a binding looks after sessions by itself. It does one
-/// thing at a time, and reads no line meanwhile.
+/// RTPM's client as applications use it: a binding manages sessions by itself. It does one thing at
+/// a time, and reads no line meanwhile.
 class BindingSide final : public Side {
  public:
   explicit BindingSide(const Line& setup)

@@ -169,7 +169,7 @@ class ClientSide final : public Side {
     }
     return open;
   }
-  /// hp-5.5-2: what the application may do with the calls of the lost session.
+  /// hp-5.5-2: reports which calls of the lost session may have run.
   void judge_lost() {
     for (const LostCall& call : std::exchange(lost_, {})) {
       const bool has_not_run = wire::has_not_run(call.server_epoch, channel_.welcome().server_epoch,

@@ -325,7 +325,7 @@ class ServerSide final : public Side {
     if (peer) send_all(sessions, *peer, frame);
   }
 
-  /// Gives as much of the call's item as its caller takes; false if that is nothing.
+  /// Writes as much of the call's item as its caller accepts; false if that is nothing.
   bool give_item(std::uint32_t run) {
     const auto item = items_.find(run);
     const auto running = running_.find(run);
@@ -343,7 +343,7 @@ class ServerSide final : public Side {
     items_.erase(item);
     return true;
   }
-  /// A frame, and what the sessions have to send behind it.
+  /// Sends a frame, and then the frames that the sessions have to send.
   void send_all(wire::ServerSessions& sessions, const wire::PeerAddress& peer, ConstBytes frame) {
     for (; !frame.empty(); frame = sessions.next_frame(monotonic_now()))
       send_to(peer, frame);
@@ -374,7 +374,7 @@ class ServerSide final : public Side {
 
   wire::Medium medium_;
   Faults faults_;
-  std::map<std::uint32_t, std::vector<std::byte>> items_;  ///< That were not given in whole yet.
+  std::map<std::uint32_t, std::vector<std::byte>> items_;  ///< Items not yet written completely.
   wire::ServerSessionsConfig config_;
   std::vector<Lane> lanes_;
   int socket_ = -1;

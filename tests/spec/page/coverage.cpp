@@ -12,7 +12,7 @@ namespace {
 constexpr std::string_view kPages[] = {"spec/hprotocol.md", "spec/events.md", "spec/security.md"};
 constexpr std::string_view kExemptions = "spec/exemptions.txt";
 
-/// Where a citation counts.
+/// The places where a citation counts.
 enum class Place { kCode, kTest };
 constexpr Place kPlaces[] = {Place::kCode, Place::kTest};
 
@@ -38,7 +38,7 @@ bool ends_rule(std::string_view line) {
 struct Page {
   std::vector<Rule> rules;
   std::set<std::string> sections;   ///< Anchors of headings.
-  std::vector<std::size_t> strays;  ///< Lines with a MUST that no anchor is for.
+  std::vector<std::size_t> strays;  ///< Lines with a MUST outside any anchor's rule.
 };
 
 Page read_page(std::string_view text) {
@@ -46,7 +46,7 @@ Page read_page(std::string_view text) {
   static const std::regex kSection(R"(\{#((?:hp|ev|sec)-[0-9.]+)\})");
   Page page;
   bool is_in_rule = false;
-  bool is_in_section = false;  // What stands before the first one says what MUST means.
+  bool is_in_section = false;  // The text before the first section only defines MUST.
   const std::vector<std::string> lines = tidy::lines_of(text);
   for (std::size_t i = 0; i < lines.size(); ++i) {
     std::smatch match;
@@ -83,7 +83,7 @@ bool is_code(const SourceFile& file) {
          file.path.starts_with("registry/");
 }
 
-// This check's own files speak of anchors without testing any rule.
+// This check's own files mention anchors without testing any rule.
 bool is_test(const SourceFile& file) {
   return file.path.starts_with("tests/") && !file.path.starts_with("tests/spec/page/coverage");
 }
@@ -92,7 +92,7 @@ bool is_vector(const SourceFile& file) {
   return file.path.starts_with("spec/vectors/") && file.path.ends_with(".json");
 }
 
-/// The part of a line in which a citation may stand: C++ comments, and all of a vector.
+/// The part of a line that may have a citation: C++ comments, and all of a vector.
 std::string citing_part(const SourceFile& file, const std::string& line) {
   if (is_vector(file)) return line;
   const std::size_t comment = line.find("//");
@@ -185,7 +185,7 @@ std::vector<Fault> find_uncovered(const std::vector<SourceFile>& files) {
   Citations citations = read_citations(files, known);
   std::ranges::move(citations.faults, std::back_inserter(faults));
 
-  // What is missing, taken away as exemptions excuse it.
+  // The missing citations; exemptions remove theirs.
   std::map<std::pair<std::string, std::string>, std::pair<const SourceFile*, std::size_t>> missing;
   for (const auto& [file, page] : pages) {
     for (const Rule& rule : page.rules) {

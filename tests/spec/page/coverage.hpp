@@ -7,9 +7,9 @@
 
 #include "source_tree.hpp"
 
-/// Whether the code and the tests keep up with the pages spec/hprotocol.md, spec/events.md and
+/// Checks that the code and the tests follow the pages spec/hprotocol.md, spec/events.md and
 /// spec/security.md: each rule with MUST is cited by its anchor where the code obeys it and where a
-/// test shows that it does.
+/// test shows that.
 ///
 /// A citation is the anchor in a comment, such as `// hp-X-1: why`. In the code it counts in
 /// protocol/, runtime/ and registry/; as a test in tests/, and in the `rules` of a vector in
@@ -23,13 +23,13 @@ using tidy::SourceFile;
 struct Rule {
   std::string anchor;  ///< "hp-", "ev-" or "sec-", and the number of its section, then its own.
   std::size_t line_index = 0;
-  bool is_must = false;  ///< Says MUST or MUST NOT, and not only SHOULD or MAY.
+  bool is_must = false;  ///< Has MUST or MUST NOT, and not only SHOULD or MAY.
 };
 
 /// The rules of the page, in its order.
 [[nodiscard]] std::vector<Rule> rules_of(std::string_view page);
 
-/// What the page, the code, the tests and the exemptions are to each other but should not be:
+/// Finds the mismatches of the page, the code, the tests and the exemptions:
 ///   a MUST outside a rule with an anchor, an anchor that stands twice;
 ///   a rule with MUST that no code or no test cites and that is not exempt;
 ///   a citation of an anchor that the page does not have;

@@ -4,8 +4,8 @@
 
 #include <algorithm>
 
-// Each MUST of spec/hprotocol.md and spec/events.md has code and a test, and this check itself sees
-// what is planted.
+// Each MUST of spec/hprotocol.md and spec/events.md has code and a test, and this check itself
+// finds planted faults.
 namespace rtpm::spec {
 namespace {
 
@@ -29,7 +29,7 @@ constexpr const char* kPlantedPage =
     "### 2.1 More {#hp-2.1}\n"
     "- `[hp-2.1-1]` A side MUST do more.\n";
 
-/// A small tree in which all is well, with `extra` in it.
+/// A small tree without faults, plus `extra`.
 std::vector<SourceFile> planted(const std::vector<SourceFile>& extra = {}) {
   std::vector<SourceFile> files{
       {"spec/hprotocol.md", kPlantedPage},

@@ -1,5 +1,5 @@
-// The worked example of spec/hprotocol.md#hp-15, read from that page: the code must make and read
-// these very bytes.
+// The worked example of spec/hprotocol.md#hp-15, read from that page: the code must write and read
+// exactly these bytes.
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
-// spec/layouts.json against RTPM's code: what it writes stands at the offsets that the pages state,
-// and what stands there it reads.
+// spec/layouts.json against RTPM's code: the code writes and reads each field at the offset that
+// the pages state.
 
 #include <gtest/gtest.h>
 
@@ -37,7 +37,7 @@ Json layout_named(const std::string& name) {
   return {};
 }
 
-/// The number that stands at a field's place, as far as 8 bytes go.
+/// The number at a field's offset, up to 8 bytes.
 std::uint64_t number_at(const Bytes& bytes, const Json& field) {
   const std::size_t offset = field.at("offset");
   const std::size_t size = std::min(field.at("size").get<std::size_t>(), std::size_t{8});
@@ -66,7 +66,7 @@ void expect_layout(const std::string& name, const Bytes& bytes, Values values) {
   EXPECT_TRUE(values.empty()) << "the layout has no field " << values.begin()->first;
 }
 
-/// Bytes in which each field stands where the layout says.
+/// Bytes with each field at its offset in the layout.
 Bytes laid_out(const std::string& name, const Values& values, std::size_t size) {
   Bytes bytes(size);
   const Json layout = layout_named(name);

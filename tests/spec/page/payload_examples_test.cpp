@@ -1,5 +1,5 @@
-// The worked payloads of spec/payloads.md, read from that page: RTPM's generated code makes and
-// reads these very bytes, and the page's tables tell each of them.
+// The worked payloads of spec/payloads.md, read from that page: RTPM's generated code writes and
+// reads exactly these bytes, and the page's tables describe each of them.
 
 #include <gtest/gtest.h>
 
@@ -27,12 +27,12 @@ Octets octets_of(const std::string& text) {
   return octets;
 }
 
-/// What the page has of one payload: its block of bytes, and the rows of the table behind it.
+/// The page's text of one payload: its block of bytes, and the rows of the table behind it.
 struct Example {
   Octets block;
   Octets in_rows;
   std::vector<std::size_t> offsets;  ///< As stated by the rows,
-  std::vector<std::size_t> begins;   ///< and as they are.
+  std::vector<std::size_t> begins;   ///< and their real ones.
 };
 
 Example example(const std::string& name) {
@@ -64,7 +64,7 @@ Octets finished(flatbuffers::FlatBufferBuilder& builder) {
   return {builder.GetBufferPointer(), builder.GetBufferPointer() + builder.GetSize()};
 }
 
-/// The root table of type T; null if the bytes are none.
+/// The root table of type T; null if the bytes are invalid.
 template <class T>
 const T* root_of(const Octets& octets) {
   flatbuffers::Verifier verifier(octets.data(), octets.size());

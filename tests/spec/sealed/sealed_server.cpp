@@ -1,6 +1,6 @@
-// A server of sealed sessions over UDP, for clients that were written from spec/security.md: it
-// answers each call with the bytes of its request in reverse, and those of method 2 with how many
-// of them have run. It prints its port and its key, and ends with its standard input.
+// A server of sealed sessions over UDP, for clients written from spec/security.md: it answers each
+// call with the bytes of its request in reverse, and those of method 2 with their number of runs.
+// It prints its port and its key, and ends with its standard input.
 //   sealed_server [PRE-SHARED KEY IN HEX]
 
 #include <arpa/inet.h>

@@ -1,4 +1,4 @@
-// A server of RTPM with the grants and the key of a folder, for clients that were written from
+// A server of RTPM with the grants and the key of a folder, for clients written from
 // spec/security.md: its object, number 1, answers each call of method 1 with the bytes of its
 // request in reverse. It prints its port, its suites and its key, and ends with its standard input.
 //   secured_server FOLDER

@@ -14,14 +14,14 @@
 #include "free_bytes.hpp"
 #include "rtpm/rpc/binding.hpp"
 
-// spec/vectors/conversations/ of level `bindings`: our bindings, over a UDP socket, do what the
-// vectors say.
+// spec/vectors/conversations/ of level `bindings`: our bindings, over a UDP socket, follow the
+// vectors.
 namespace rtpm::spec {
 namespace {
 
 constexpr std::chrono::seconds kPatience{20};
-/// Where what differs from run to run stands in a frame: the low byte of flags (*repeated*),
-/// budget_us, sender_time_ns, and in HELLO what tells clients apart and what they take.
+/// The parts of a frame that differ from run to run: the low byte of flags (*repeated*), budget_us,
+/// sender_time_ns, and in HELLO the client's identity and limits.
 constexpr std::size_t kAtFlags = 6;
 struct Range {
   std::size_t begin, end;
@@ -29,7 +29,7 @@ struct Range {
 constexpr std::array<Range, 2> kFree{{{40, 44}, {48, 56}}};
 constexpr Range kFreeInHello{wire::kHeaderSize + 8, wire::kHeaderSize + 36};
 
-/// A frame, or the pattern of one, without what differs from run to run.
+/// A frame, or the pattern of one, without the parts that differ from run to run.
 std::string masked(const std::string& pattern, const Json& free) {
   constexpr std::size_t kAtKind = 3;
   const bool is_hello = pattern.substr(2 * kAtKind, 2) == "01";
@@ -54,7 +54,7 @@ std::string masked(const std::string& pattern, const Json& free) {
   return text;
 }
 
-/// The server's socket: it answers whoever was heard last.
+/// The server's socket: it answers the latest sender.
 class Port {
  public:
   Port() : socket_(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
@@ -107,7 +107,7 @@ class Application {
     doing_ = std::async(std::launch::async,
                         [this, step, what] { return what == "bind" ? bind(step) : call(step); });
   }
-  /// What the application sees at the end of what it does.
+  /// The application's result at the end of its action.
   [[nodiscard]] Json end() {
     if (!doing_.valid() || doing_.wait_for(kPatience) != std::future_status::ready) {
       return {{"client_sees", "nothing"}};
@@ -156,13 +156,13 @@ class Application {
   std::future<Json> doing_;
 };
 
-/// The server's part of a conversation, as the vector has it.
+/// Plays the server's part of a conversation, as in the vector.
 class BindingPlayer {
  public:
   explicit BindingPlayer(const Json& conversation)
       : free_(conversation.at("free")), bytes_(free_, Role::kClient) {}
 
-  /// What is wrong, "" if nothing is.
+  /// Returns the mistake, "" if there is none.
   std::string take(const Json& step) {
     if (step.contains("client_does")) {
       application_.act(step);
@@ -188,7 +188,7 @@ class BindingPlayer {
         taken_.push_back(there);
         return {};
       }
-      // The client may repeat what was lost for all that it knows.
+      // The client may repeat frames, since it cannot know which were lost.
       if (std::ranges::find(taken_, there) == taken_.end()) {
         return "wanted: " + wanted + "\nsent:   " + there;
       }

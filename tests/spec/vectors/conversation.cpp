@@ -21,7 +21,7 @@ std::string_view other_name(Role role) {
   return role == Role::kClient ? "server" : "client";
 }
 
-/// What the tested side did: a frame that it sent, or a step without its time.
+/// The tested side's output: a frame that it sent, or a step without its time.
 struct Output {
   std::optional<std::string> frame_hex;
   Json step;
@@ -49,7 +49,7 @@ class Side {
   virtual ~Side() = default;
   /// `is_foreign`: from another address than the client's.
   virtual Outputs receive(const Bytes& frame, bool is_foreign, MonotonicTime now) = 0;
-  /// Does what the step says its application does.
+  /// Does the step's action of its application.
   virtual Outputs act(const Json& step, const FreeBytes& free, MonotonicTime now) = 0;
 };
 
@@ -167,7 +167,7 @@ class ServerSide final : public Side {
          now);
   }
 
-  /// Gives as much of the call's item as its caller takes; false if that is nothing.
+  /// Writes as much of the call's item as its caller accepts; false if that is nothing.
   bool give_item(Outputs& outputs, std::uint32_t call_id, MonotonicTime now) {
     const auto item = items_.find(call_id);
     const auto running = running_.find(call_id);
@@ -183,7 +183,7 @@ class ServerSide final : public Side {
     items_.erase(item);
     return true;
   }
-  /// Takes note of a frame and of what the server has to send behind it.
+  /// Records a frame and the further frames that the server has to send.
   static void send(Outputs& outputs, wire::ServerSessions& sessions, ConstBytes frame,
                    MonotonicTime now) {
     for (; !frame.empty(); frame = sessions.next_frame(now))
@@ -253,7 +253,7 @@ class ServerSide final : public Side {
   wire::ServerSessionsConfig config_;
   std::vector<Lane> lanes_;
   std::map<std::uint32_t, Running> running_;
-  std::map<std::uint32_t, Bytes> items_;  ///< That were not given in whole yet.
+  std::map<std::uint32_t, Bytes> items_;  ///< Items not yet written completely.
   std::map<std::uint32_t, std::uint32_t> call_of_tag_;
   std::uint64_t connection_number_ = 1;
 };
@@ -331,7 +331,7 @@ class ClientSide final : public Side {
     }
     return open;
   }
-  /// hp-5.5-2, hp-5.5-3: what its application may do with the calls of the lost session.
+  /// hp-5.5-2, hp-5.5-3: reports which calls of the lost session may have run.
   void judge_lost(Outputs& outputs, MonotonicTime now) {
     for (const LostCall& call : std::exchange(lost_, {})) {
       const bool is_safe =
@@ -374,7 +374,7 @@ class ClientSide final : public Side {
     }
     return outputs;
   }
-  /// Takes all items of a stream that are there.
+  /// Takes all available items of a stream.
   Outputs take(const Json& step, const FreeBytes& free, MonotonicTime now) {
     Outputs outputs;
     const wire::CallIndex index = index_of(step, free);
@@ -401,7 +401,7 @@ class ClientSide final : public Side {
             setup.at("message_size_max"),
             wire::kCallWindow};
   }
-  /// What the application is told, and what is sent with it.
+  /// The application's report, and the frame that is sent with it.
   Outputs outputs_of(const ChannelEvent& event) {
     Outputs outputs = told_of(event);
     if (!event.frame.empty()) outputs.push_back({hex_of(event.frame), {}});
@@ -412,7 +412,7 @@ class ClientSide final : public Side {
     switch (event.kind) {
       case ChannelEvent::Kind::kNothing:
       case ChannelEvent::Kind::kSend:
-      case ChannelEvent::Kind::kItems:  // Its application takes them when the vector says so.
+      case ChannelEvent::Kind::kItems:  // Its application takes them when the vector asks for it.
         return {};
       case ChannelEvent::Kind::kReady:
         return {{{}, {{"client_sees", "ready"}}}};
@@ -442,7 +442,7 @@ class ClientSide final : public Side {
   }
 
   alignas(64) std::array<std::byte, 4096> buffer_{};
-  std::deque<Bytes> payloads_;  ///< Of the calls, which view them.
+  std::deque<Bytes> payloads_;  ///< The calls' payloads, which they view.
   std::deque<std::vector<std::byte>> rooms_;
   std::map<std::uint32_t, wire::CallIndex> indices_;
   std::map<wire::CallIndex, std::uint32_t> call_ids_;
@@ -452,7 +452,7 @@ class ClientSide final : public Side {
   wire::ClientChannel channel_;
 };
 
-/// What a step is to the tested side.
+/// A step's meaning to the tested side.
 enum class StepIs { kInput, kOutput, kNothing };
 
 StepIs judge(const Json& step, Role role) {
@@ -484,7 +484,7 @@ class Player {
     }
   }
 
-  /// What is wrong, "" if nothing is.
+  /// Returns the mistake, "" if there is none.
   std::string take(const Json& step) {
     switch (judge(step, role_)) {
       case StepIs::kNothing:
@@ -522,7 +522,7 @@ class Player {
       if (step.contains("frame") != output.frame_hex.has_value()) return false;
       if (output.frame_hex) return free_.matches(step.at("hex"), *output.frame_hex);
       Json there = output.step;
-      // Where one call only is open, a vector need not say which.
+      // With a single open call, a vector need not name it.
       if (!wanted.contains("call_id")) there.erase("call_id");
       return there == wanted;
     });

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <set>
 
-// spec/vectors/conversations/: our client and our server each do what the vectors say.
+// spec/vectors/conversations/: our client and our server each follow the vectors.
 namespace rtpm::spec {
 namespace {
 
@@ -51,7 +51,7 @@ INSTANTIATE_TEST_SUITE_P(Vectors, Conversations, testing::ValuesIn(all_parts()),
                                   (part.param.role == Role::kClient ? "_as_client" : "_as_server");
                          });
 
-// A player that went blind would take everything: each of these is a lie about our code.
+// A blind player would accept everything: each of these is a lie about our code.
 class ConversationPlayer : public testing::TestWithParam<const char*> {};
 
 INSTANTIATE_TEST_SUITE_P(Vectors, ConversationPlayer,
@@ -115,7 +115,7 @@ TEST(Vectors, HaveEveryKindStatusAndReason) {
   for (std::size_t i = 0; i < wire::kStatusCount; ++i) {
     EXPECT_TRUE(statuses.contains(std::string(to_string(static_cast<wire::Status>(i))))) << i;
   }
-  // How many are answered is each server's own choice (hp-4.4-5).
+  // Each server decides how many are answered (hp-4.4-5).
   reasons.insert(std::string(to_string(wire::DropReason::kRateLimited)));
   for (std::size_t i = 0; i < wire::kDropReasonCount; ++i) {
     EXPECT_TRUE(reasons.contains(std::string(to_string(static_cast<wire::DropReason>(i))))) << i;

@@ -38,7 +38,7 @@ TEST(DiscoveryVectors, BadOnesAreDropped) {
     EXPECT_FALSE(discovery::decode(bytes_of_hex(vector.at("hex")))) << vector.at("name");
 }
 
-// Whatever comes, it is read within its bounds and written as it was.
+// Any bytes are read within their bounds, and written as they were.
 TEST(DiscoveryVectors, ReadsWhateverComes) {
   const Bytes good = bytes_of_hex(read_vectors("discovery.json").at("good").back().at("hex"));
   std::uint64_t random = 1;

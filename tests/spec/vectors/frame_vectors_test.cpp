@@ -62,7 +62,7 @@ TEST(HeaderVectors, GoodOnesAreTakenAsTheySay) {
   }
 }
 
-/// What a side does with a frame that it is to drop.
+/// The reaction of a side to a frame that it has to drop.
 struct Outcome {
   std::string dropped_as;
   bool is_answered = false;

@@ -13,8 +13,8 @@ namespace rtpm::spec {
   return role == Role::kClient ? "client" : "server";
 }
 
-/// The bytes that one side is free to choose: `<name>` in a vector's hex. Those of the side that is
-/// tested are learned from the first frame in which they stand; the other's are the examples.
+/// The bytes that one side is free to choose: `<name>` in a vector's hex. Those of the tested side
+/// are learned from the first frame that contains them; the other's are the examples.
 class FreeBytes {
  public:
   FreeBytes(const Json& free, Role role) {
@@ -34,8 +34,7 @@ class FreeBytes {
     });
     return hex;
   }
-  /// Whether a frame of the tested side is as the pattern says; learns what stands there for the
-  /// first time.
+  /// Whether a frame of the tested side matches the pattern; learns names when they first occur.
   [[nodiscard]] bool matches(const std::string& pattern, const std::string& hex) {
     std::map<std::string, std::string> learned;
     std::size_t at = 0;
@@ -54,7 +53,7 @@ class FreeBytes {
       learn(name, value);
     return true;
   }
-  /// A number that stands as itself or as "<name>".
+  /// A number, written as itself or as "<name>".
   [[nodiscard]] std::uint64_t number(const Json& value) const {
     if (value.is_number()) return value;
     return little_endian(fill_in(value));
@@ -90,7 +89,7 @@ class FreeBytes {
     }
     known_[name] = value;
   }
-  /// Calls `take(part, is_name)` for the stretches of a pattern until it gives false.
+  /// Calls `take(part, is_name)` for the stretches of a pattern until it returns false.
   template <class Take>
   static bool for_each_part(const std::string& pattern, const Take& take) {
     for (std::size_t at = 0; at < pattern.size();) {

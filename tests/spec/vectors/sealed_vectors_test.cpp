@@ -1,5 +1,5 @@
-// spec/vectors/sealed.json: handshakes, frames, windows and keys of sealed sessions, as a client
-// written from spec/security.md alone made them.
+// spec/vectors/sealed.json: handshakes, frames, windows and keys of sealed sessions, made by a
+// client written from spec/security.md alone.
 
 #include <gtest/gtest.h>
 
@@ -16,7 +16,7 @@ Json sealed_vectors(const char* key) {
   return read_vectors("sealed.json").at(key);
 }
 
-/// Nothing: this machine lacks the hardware for it.
+/// Nothing if this machine lacks the hardware for it.
 std::optional<seal::Suite> suite_of(const Json& vector) {
   for (const seal::Suite suite : {seal::Suite::kChaChaPoly, seal::Suite::kAesGcm}) {
     if (vector.at("suite") != seal::protocol_name(suite)) continue;
@@ -183,7 +183,7 @@ TEST(SealedVectors, FramesAreSealedAndOpened) {
     }
     const Bytes header = bytes_at(vector, "header");
     const Bytes payload = bytes_at(vector, "payload");
-    // What sealing adds to the header is the flag alone.
+    // Sealing changes only a flag of the header.
     Bytes plain = header;
     wire::unmark_sealed(plain.data());
     EXPECT_TRUE(wire::decode(plain));

@@ -10,7 +10,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The first of `count` values that is called `name`; fails the test if there is none.
+/// The first of `count` values with this name; fails the test if there is none.
 template <class T>
 T named(const std::string& name, std::size_t first, std::size_t count) {
   for (std::size_t i = first; i < first + count; ++i) {

@@ -14,8 +14,8 @@
 #include "rtpm/wire/server_sessions.hpp"
 #include "rtpm/wire/status.hpp"
 
-/// What the tests read spec/vectors/ with. A vector that can't be read fails its test by an
-/// exception that names the place.
+/// The helpers with which the tests read spec/vectors/. A vector that can't be read fails its test
+/// by an exception that names the place.
 namespace rtpm::spec {
 
 using Json = nlohmann::json;
@@ -26,11 +26,11 @@ using Bytes = std::vector<std::byte>;
 /// The names of all conversations, such as "lost-call".
 [[nodiscard]] std::vector<std::string> conversation_names();
 
-/// The bytes of "48500105…". The block is as long as the bytes are, so that a sanitizer sees a read
-/// past their end.
+/// The bytes of "48500105…". The block is exactly as long as the bytes, so that a sanitizer detects
+/// a read past their end.
 [[nodiscard]] Bytes bytes_of_hex(const std::string& hex);
 [[nodiscard]] std::string hex_of(ConstBytes bytes);
-/// A number that stands as "0x…" because readers of JSON would round it.
+/// A number, written as "0x…" because JSON readers would round it.
 [[nodiscard]] std::uint64_t wide_number(const Json& text);
 
 [[nodiscard]] wire::FrameKind kind_named(const std::string& name);
@@ -38,8 +38,8 @@ using Bytes = std::vector<std::byte>;
 [[nodiscard]] wire::DropReason reason_named(const std::string& name);
 [[nodiscard]] wire::Medium medium_named(const std::string& name);
 
-/// The one reason that `after` counts once more than `before` does; "" if nothing was dropped, and
-/// a list of them where there are several.
+/// The single reason that `after` counts once more than `before`; "" if nothing was dropped, and a
+/// list if there are several reasons.
 [[nodiscard]] std::string newly_dropped(const wire::FrameCounters& before,
                                         const wire::FrameCounters& after);
 

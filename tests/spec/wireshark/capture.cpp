@@ -81,7 +81,7 @@ std::string text_of(const std::string& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-/// `line` at its tabs.
+/// Splits `line` at its tabs.
 std::vector<std::string> cells_of(const std::string& line) {
   std::vector<std::string> cells(1);
   for (const char character : line) {
@@ -94,7 +94,7 @@ std::vector<std::string> cells_of(const std::string& line) {
   return cells;
 }
 
-/// What is not the warning that it should not run as root.
+/// Returns the text without the warning not to run as root.
 std::string complaints_in(const std::string& text) {
   std::istringstream lines(text);
   std::string complaints;
@@ -115,7 +115,7 @@ void Capture::add_packet(End from, End to, std::uint8_t protocol, ConstBytes con
   put_u32(packet, 0x00004000);  // Not to be fragmented.
   put_u8(packet, 64);
   put_u8(packet, protocol);
-  put_u16(packet, 0);  // No checksum, as where the network card makes it.
+  put_u16(packet, 0);  // No checksum, as if the network card made it.
   put_address(packet, from);
   put_address(packet, to);
   put_bytes(packet, content);
@@ -184,7 +184,7 @@ std::vector<Row> dissect(const Capture& capture, const std::vector<std::string>&
                          const std::string& key_log) {
   const ScratchFolder folder;
   capture.write(folder.file("capture.pcap"));
-  // With a home of its own, so that nobody's settings and scripts take part.
+  // With a home of its own, so that no user's settings and scripts interfere.
   std::string command = "HOME='" + folder.file("") + "' XDG_CONFIG_HOME='" + folder.file("") +
                         "' tshark -2 -n -X 'lua_script:" RTPM_SPEC_DIR
                         "/wireshark/hprotocol.lua' -r '" +

@@ -8,7 +8,7 @@
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/base/time.hpp"
 
-/// Captures of traffic that never was on a network, and what tshark reads in them.
+/// Captures of traffic that never was on a network, and tshark's reading of them.
 namespace rtpm::spec {
 
 /// One end of a datagram or connection: an IPv4 address in the test network 192.0.2.0/24.
@@ -23,7 +23,7 @@ class Capture {
   void add_datagram(End from, End to, ConstBytes payload, MonotonicTime when);
   /// The next bytes of the connection in this direction.
   void add_segment(End from, End to, ConstBytes payload, MonotonicTime when);
-  /// How many packets there are; the number of the last one, as Wireshark counts.
+  /// The number of packets, which is the last one's number in Wireshark.
   [[nodiscard]] std::size_t count() const noexcept { return count_; }
   void write(const std::string& path) const;
 
@@ -35,16 +35,15 @@ class Capture {
   std::map<std::uint64_t, std::uint32_t> next_sequence_;  ///< By direction of a connection.
 };
 
-/// The values of the fields that were asked for, of one packet. A field that stands several times
-/// has its values parted by commas; one that is not there is "".
+/// The values of the requested fields, of one packet. A repeated field has its values separated by
+/// commas; a missing one is "".
 using Row = std::map<std::string, std::string>;
 
 /// Why tshark can't be used here; "" if it can.
 [[nodiscard]] std::string why_no_tshark();
 
-/// Runs tshark with spec/wireshark/hprotocol.lua over `capture`; one row for each packet. What
-/// tshark says on its standard error beside the fields, but for its warning of root, fails the
-/// test.
+/// Runs tshark with spec/wireshark/hprotocol.lua over `capture`; one row for each packet. Any other
+/// output of tshark on its standard error, except its warning of root, fails the test.
 /// @param key_log  the text of the file that the preference `key_log` names
 [[nodiscard]] std::vector<Row> dissect(const Capture& capture,
                                        const std::vector<std::string>& fields,

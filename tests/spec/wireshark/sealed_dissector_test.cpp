@@ -11,8 +11,8 @@
 #include "talk.hpp"
 #include "vectors.hpp"
 
-// Sealed frames in spec/wireshark/hprotocol.lua: what it shows of them without keys, and what with
-// those of a key log.
+// Sealed frames in spec/wireshark/hprotocol.lua: the fields that it shows without keys, and those
+// with a key log.
 namespace rtpm::spec {
 namespace {
 
@@ -156,7 +156,7 @@ TEST_F(SealedDissector, OpensFramesByAKeyLog) {
   }
 }
 
-// A whole conversation of our client and lane, by the line that the server gives for its key log.
+// A whole conversation of our client and lane, with the line that the server writes to its key log.
 TEST_F(SealedDissector, OpensASessionByTheLineOfItsServer) {
   sealed::test::Server server;
   sealed::test::Client client(server.identity.key.public_key);
@@ -204,7 +204,7 @@ TEST_F(SealedDissector, ShowsWhatIsReadableWithoutKeys) {
   }
 }
 
-// The vectors' frames, and their faults as far as they show without a key.
+// The vectors' frames, and those of their faults that show without a key.
 TEST_F(SealedDissector, SaysWhichFramesAreDropped) {
   const Json document = read_vectors("sealed.json");
   Capture capture;
@@ -218,7 +218,7 @@ TEST_F(SealedDissector, SaysWhichFramesAreDropped) {
   for (const Json& vector : document.at("bad_frames")) {
     const std::string drop = vector.at("drop");
     const bool needs_key = drop == "bad_seal" || drop == "replayed";
-    // That its session is sealed, a frame without the flag does not say.
+    // A frame without the flag does not show that its session is sealed.
     if (drop == "unsealed") continue;
     add(bytes_of_hex(vector.at("hex")), needs_key ? "" : drop);
   }

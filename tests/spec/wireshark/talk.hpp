@@ -88,7 +88,7 @@ class Talk {
   void to_client(const Bytes& frame, Duration when) {
     EXPECT_EQ(client_.on_frame(frame, at(when)).kind, wire::ChannelEvent::Kind::kReply);
   }
-  /// A call that is answered 300 µs later, 200 of them at the server; gives the reply.
+  /// A call that is answered 300 µs later, 200 of them at the server; returns the reply.
   Bytes exchange(std::uint32_t service, std::uint16_t method, const Bytes& request,
                  const Bytes& reply, Duration when) {
     const wire::Verdict verdict =
@@ -104,7 +104,7 @@ class Talk {
   void sent_by_server(const Bytes& frame, Duration when) {
     send(server_end_, kClient, frame, when);
   }
-  /// Bytes of a stream, whatever frames they are parts of.
+  /// Bytes of a stream, regardless of frame boundaries.
   void segment_by_client(ConstBytes bytes, Duration when) {
     capture.add_segment(kClient, server_end_, bytes, at(when));
   }

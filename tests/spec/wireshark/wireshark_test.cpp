@@ -10,7 +10,7 @@
 #include "talk.hpp"
 #include "vectors.hpp"
 
-// spec/wireshark/hprotocol.lua, run by tshark over captures that our code and the vectors make.
+// spec/wireshark/hprotocol.lua, run by tshark over captures of our code and of the vectors.
 namespace rtpm::spec {
 namespace {
 
@@ -75,7 +75,7 @@ void talk_over_udp(Talk& talk) {
 }
 
 TEST_F(Dissector, ReadsAConversationOverUdp) {
-  // On its own port, and on another, where it is found by what it looks like.
+  // On its own port, and on another, where its content identifies it.
   for (const std::uint16_t port : {kDefaultPort, std::uint16_t{4242}}) {
     SCOPED_TRACE("port " + std::to_string(port));
     Talk talk(wire::Medium::kDatagram, port);
@@ -198,8 +198,8 @@ TEST_F(Dissector, PutsFramesOfAStreamTogether) {
   }
 }
 
-// A bind that is larger than a frame would not be legal; but the fragments of any call are put
-// together, and what they are becomes readable.
+// A bind larger than a frame would not be legal; but the fragments of any call are reassembled, and
+// the whole becomes readable.
 TEST_F(Dissector, PutsFragmentsTogether) {
   Talk talk(wire::Medium::kDatagram, kDefaultPort);
   talk.open(0us);
@@ -305,7 +305,8 @@ TEST_F(Dissector, SaysWhyAHeaderIsDropped) {
   wire::Header sealed;
   for (const Json& vector : document.at("vectors")) {
     const Bytes frame = bytes_of_hex(vector.at("hex"));
-    // A frame for the other side is an ordinary one; of an empty datagram Wireshark asks nobody.
+    // A frame for the other side is an ordinary one; Wireshark calls no dissector for an empty
+    // datagram.
     if (vector.at("receiver") != "any" || frame.empty()) continue;
     capture.add_datagram(kClient, {.host = 2, .port = kDefaultPort}, frame, at(0us));
     // The dissector knows bit 4 (sec-4-1), but there is no trailer.
@@ -375,7 +376,7 @@ TEST_F(Dissector, SaysWhichPayloadsAreDropped) {
     for (const Json& vector : document.at("good"))
       add(header_for(vector), vector.at("hex"), "");
     for (const Json& vector : document.at("bad")) {
-      // Which priority the client asked for, the frame does not show.
+      // The frame does not show the client's requested priority.
       const std::string name = vector.at("name");
       if (name == "a band below the priority" || name == "a band above the priority") continue;
       add(header_for(vector), vector.at("hex"), vector.at("drop"));
@@ -392,7 +393,7 @@ TEST_F(Dissector, SaysWhichPayloadsAreDropped) {
 // Whatever the conversation, the script itself never fails.
 TEST_F(Dissector, ReadsEveryConversationOfTheVectors) {
   Capture capture;
-  std::uint16_t port = 50000;  // Where no other protocol is looked for.
+  std::uint16_t port = 50000;  // No other protocol is expected there.
   std::size_t dropped_count = 0;
   for (const std::string& name : conversation_names()) {
     const Json document = read_vectors("conversations/" + name + ".json");
