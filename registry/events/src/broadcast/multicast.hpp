@@ -136,8 +136,9 @@ class MulticastReader {
   std::uint64_t read_count_ = 0;
   std::uint64_t missed_count_ = 0;
   bool has_lost_ = false;
-  std::optional<std::uint64_t> known_at_{};  ///< Once all below is read, `known_written_` says how
-  std::uint64_t known_written_ = 0;          ///< many it should have been.
+  /// Once all datagrams below it are read, the owner should have had `known_written_` events.
+  std::optional<std::uint64_t> known_at_{};
+  std::uint64_t known_written_ = 0;
 };
 
 }  // namespace rtpm::events

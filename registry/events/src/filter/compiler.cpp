@@ -77,7 +77,7 @@ bool is_decided_by_interest(const Match& match) {
          match.hops_min == 0;
 }
 
-// The order in which is_listed() finds a match.
+// How is_listed() finds a match.
 enum class MatchKind : std::uint8_t { kExact, kOfType, kMasked };
 
 MatchKind kind_of(const Match& match) {

@@ -13,8 +13,8 @@
 namespace rtpm::events {
 
 /// The hub's end of the ring for consumers on its host.
-/// @threads  broadcast() and take_wake_bits() with the hub's lock; wake() from any; let_in() from
-///           one
+/// @threads  broadcast() and take_wake_bits(): with the hub's lock; wake(): any; let_in(): one
+///           thread
 class RingOutlet final : public Broadcaster {
  public:
   /// `size` bytes of records, for events of up to `payload_size_max`.
@@ -23,7 +23,7 @@ class RingOutlet final : public Broadcaster {
       std::uint32_t size, std::uint32_t payload_size_max);
 
   [[nodiscard]] std::uint64_t id() const noexcept { return id_; }
-  /// Where events that do not fit the ring are counted.
+  /// Counts the events that do not fit the ring.
   void count_losses_in(Exchange& exchange) noexcept { exchange_ = &exchange; }
 
   void broadcast(std::span<const SubscriptionNumber> subscriptions,

@@ -39,7 +39,7 @@ void sort_out(std::vector<Match>& interest) {
     return std::tuple(each.type, each.source, each.type_mask, each.source_mask, each.hops_min);
   };
   std::ranges::sort(interest, {}, key);
-  // Not std::ranges::unique: Clang 14 does not take what GCC's library gives back.
+  // Not std::ranges::unique: Clang 14 rejects libstdc++'s.
   interest.erase(std::unique(interest.begin(), interest.end()), interest.end());
   // An exact entry covers at most its twin with more hops, which follows it.
   std::vector<Match> wide;
@@ -105,7 +105,7 @@ std::vector<Match> interest_set_of(const Filter& filter) {
 }
 
 std::vector<Match> unite_interest(std::vector<Match> interest) {
-  // ev-5.2-2: where hubs are linked in a ring, interest that no subscription has any more expires
+  // ev-5.2-2: where hubs are linked in a ring, interest that no subscription has any longer expires
   // by its hop count.
   std::erase_if(interest, [](const Match& each) { return each.hops_min >= kLinkHopsMax; });
   for (Match& each : interest)

@@ -187,7 +187,7 @@ void Link::subscribe() {
   wanted.name = config_.name;
   asked_ = host_.interest_set_without(status().peer_epoch);
   wanted.filter = listed(asked_);
-  // ev-5.4-1: events that this hub does not take wait there, in a bounded queue.
+  // ev-5.4-1: events that this hub does not accept wait there, in a bounded queue.
   wanted.delivery = {.queue_capacity = config_.queue_capacity};
   wanted.priority = config_.priority;
   wanted.cpus = config_.cpus;

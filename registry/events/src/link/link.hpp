@@ -59,16 +59,16 @@ class Link final : private EventHandler {
   const std::string target_;
   const LinkConfig config_;
 
-  // Of the thread:
+  // Used by the thread only:
   std::optional<HubClient> client_{};
   std::vector<Match> asked_{};
   std::unique_ptr<Consumer> consumer_{};
 
   Latest<PeerTime> peer_time_{};
-  mutable std::mutex mutex_;  ///< Of what follows.
+  mutable std::mutex mutex_;  ///< Guards the members below.
   std::condition_variable changed_;
   LinkStatus status_{};
-  Losses earlier_losses_{};  ///< Of earlier consumers.
+  Losses earlier_losses_{};  ///< From earlier consumers.
   bool has_changed_ = false;
   bool has_ended_ = false;  ///< The consumer ended: create another.
   bool is_stopping_ = false;

@@ -13,7 +13,7 @@ namespace rtpm::events {
 /// @realtime alloc-free
 void write_link_report(const LinkReport& report, MutableBytes to) noexcept;
 
-/// What a link needs of its hub.
+/// The interface of a hub that a link uses.
 /// @threads  any
 class LinkHost {
  public:

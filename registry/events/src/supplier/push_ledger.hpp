@@ -34,17 +34,17 @@ class PushLedger {
   [[nodiscard]] std::uint64_t unconfirmed() const noexcept;
   void begin_life(std::uint64_t hub_epoch) noexcept;
 
-  std::uint64_t sent_before_ = 0;  ///< To earlier hubs.
+  std::uint64_t sent_before_ = 0;  ///< Sent to earlier hubs.
   std::uint64_t lost_before_ = 0;
   std::uint64_t failed_ = 0;
-  // To this hub:
+  // Counts for this hub:
   std::uint64_t hub_epoch_ = 0;
   std::uint64_t sent_ = 0;
-  std::uint64_t counted_ = 0;       ///< By the hub,
-  std::uint64_t counted_base_ = 0;  ///< before it last evicted the supplier.
-  std::uint64_t read_ = 0;          ///< Over ended connections, before their last frames.
+  std::uint64_t counted_ = 0;       ///< Counted by the hub.
+  std::uint64_t counted_base_ = 0;  ///< Counted before the hub last evicted the supplier.
+  std::uint64_t read_ = 0;          ///< Read over ended connections, before their last frames.
   std::uint64_t doubtful_ = 0;      ///< Unconfirmed when the last connection ended.
-  // Over this connection:
+  // Counts over this connection:
   std::uint64_t sent_over_it_ = 0;
   std::uint64_t frame_count_ = 0;
   std::array<std::uint32_t, kFrameCountMax> frames_{};  ///< Events of each of the last frames.

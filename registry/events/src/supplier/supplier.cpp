@@ -43,8 +43,8 @@ bool may_have_run(rpc::CallError error) noexcept {
          error == rpc::CallError::kPeerRestarted || error == rpc::CallError::kStopped;
 }
 
-/// Events have a channel of their own: channels have no order between them, and a call could occupy
-/// a shared one.
+/// Events use their own channel: channels have no order between them, and a call could occupy a
+/// shared one.
 struct Clients {
   HubClient asking;
   HubClient pushing;
@@ -154,7 +154,7 @@ class Supplier::Impl {
     return pushed;
   }
 
-  rt::PiMutex mutex;  ///< Of add() and flush().
+  rt::PiMutex mutex;  ///< Guards add() and flush().
 
  private:
   struct Counter {
@@ -229,7 +229,7 @@ class Supplier::Impl {
     is_loss_unreported_ = true;
   }
 
-  // Registers with the hub and reads its counters; returns why it refused, or does not answer.
+  // Registers with the hub and reads its counters; returns why the hub refused or did not answer.
   [[nodiscard]] std::string attend() {
     AttendRequestT request;
     request.supplier = id_;
@@ -304,15 +304,16 @@ class Supplier::Impl {
   struct alignas(16) Line {
     std::byte bytes[16];
   };
-  std::vector<Line> memory_{};        ///< The batch,
-  std::size_t size_ = 0;              ///< in bytes,
-  std::uint32_t gathered_count_ = 0;  ///< and in events.
+  std::vector<Line> memory_{};        ///< The batch.
+  std::size_t size_ = 0;              ///< Size of the batch, bytes.
+  std::uint32_t gathered_count_ = 0;  ///< Number of events in the batch.
   std::vector<Line> request_{};
   std::array<Counter, kSequenceCountMax> counters_{};
   std::size_t counter_count_ = 0;
   PushLedger ledger_{};
-  std::uint64_t lost_frames_noted_ = 0;  ///< Of the pushing binding's lost_oneway_count().
-  bool is_loss_unreported_ = false;      ///< The next flush() returns kMaybeLost.
+  std::uint64_t lost_frames_noted_ =
+      0;                             ///< The pushing binding's lost_oneway_count() when last read.
+  bool is_loss_unreported_ = false;  ///< The next flush() returns kMaybeLost.
 
   Latest<HubClock> clock_;
   Latest<IntakeCounters> intake_;

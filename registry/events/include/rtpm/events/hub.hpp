@@ -39,7 +39,7 @@ struct HubConfig {
   ExchangeLimits limits{};
   Quota quota{};                             ///< Applies to each supplier.
   std::uint32_t supplier_count_max = 256;    ///< One more replaces the one that was silent longest.
-  std::optional<Priority> priority{16'384};  ///< Of thread "rtpm-hub"; none: time-shared.
+  std::optional<Priority> priority{16'384};  ///< For the thread "rtpm-hub"; none: time-shared.
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
   /// Bytes of the ring for consumers on this host: 2^n, at least 64 Ki; 0: no ring, each consumer
   /// has a stream.
