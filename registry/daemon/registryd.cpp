@@ -47,7 +47,7 @@ void report(std::string_view sentence) {
   rtpm::rt::print_error("rtpm-registryd", sentence);
 }
 
-/// Where the names of one registry are, or of several; neither: in memory.
+/// The storage of one registry's names, or of several registries'; neither: names are in memory.
 struct Storages {
   std::unique_ptr<rtpm::names::Storage> own{};
   std::unique_ptr<rtpm::names::SharedStorage> shared{};
@@ -163,9 +163,9 @@ int main(int argc, char** argv) {
   rtpm::rpc::ServerConfig& server = configuration.settings.server;
   server.name = "registry";
   server.port = rtpm::names::kDefaultRegistryPort;
-  // One blocking lane: names are not resolved in real-time loops.
+  // One blocking lane, because names are not resolved in real-time loops.
   server.lanes = {{.name = "registry", .wait = {.strategy = rtpm::rt::WaitStrategy::kBlock}}};
-  // Each watch is a stream; changes in etcd wait for it.
+  // Each watch is a stream; changes in etcd wait for etcd.
   server.deferred_call_count_max = static_cast<std::uint32_t>(limits.watch_count_max) + 288;
   server.stream_count_max = static_cast<std::uint32_t>(limits.watch_count_max);
   server.stream_byte_max = 64 * 1024;

@@ -25,10 +25,10 @@ namespace {
 using transport::LanPeer;
 using transport::LanSocket;
 
-/// How many datagrams are taken before the others have their turn.
+/// Datagrams taken from one socket before it is the others' turn.
 constexpr int kTurn = 64;
 
-/// Whether an answer may go there at all.
+/// Whether an answer may be sent to that address at all.
 bool is_answerable(const LanPeer& peer) noexcept {
   const std::uint32_t first = peer.ipv4 >> 24;
   return peer.port != 0 && first != 0 && first < 224;
@@ -78,7 +78,7 @@ class Announcement::Impl {
     if (!socket) return unexpected{std::move(socket.error())};
     socket_.emplace(std::move(*socket));
     if (!scope.is_of_lan()) return {};
-    // hp-10.1-3: what only this host reaches is none of the LAN's.
+    // hp-10.1-3: addresses that only this host reaches are not announced on the LAN.
     if (!is_of_network(host_)) {
       say_once("no answers to the LAN: " + host_ +
                " is no IPv4 address of a network; serve one with --host");
@@ -95,7 +95,7 @@ class Announcement::Impl {
  private:
   [[nodiscard]] expected<void, SetupError> answer(const Scope& scope) {
     domain_ = scope.domain;
-    // Answers go out here, so that they come from the served address.
+    // Answers are sent from this socket, so that they come from the served address.
     auto unicast = LanSocket::open(host_, kPort);
     if (!unicast) return unexpected{std::move(unicast.error())};
     sockets_.push_back(std::move(*unicast));
@@ -152,7 +152,7 @@ class Announcement::Impl {
         ++suppressed_;
         log_.write("gave no answer to " + transport::to_string(from) + ", which asks too often");
       } else {
-        // hp-10.1-4: an answer is as large as its query.
+        // hp-10.1-4: an answer has the size of its query.
         const DatagramBytes reply =
             encode({.is_answer = true,
                     .domain = query->domain,
@@ -168,7 +168,7 @@ class Announcement::Impl {
     return {service_.port, service_.is_registry, process_id_};
   }
 
-  /// A query to the host reaches one of its programs, which answers for all of this user.
+  /// A query to the host reaches only one of its programs, which answers for all of this user.
   [[nodiscard]] std::vector<AnsweredService> services_of_this_address() const {
     std::vector<AnsweredService> services{own_service()};
     const auto content = transport::read_socket_folder(transport::runtime_folder());
@@ -185,7 +185,7 @@ class Announcement::Impl {
   }
 
   const AnnouncedService service_;
-  std::string host_{};  ///< The announced one.
+  std::string host_{};  ///< The host that is announced.
   const std::uint32_t process_id_;
   std::optional<transport::FolderSocket> socket_{};
   std::uint8_t domain_ = 0;

@@ -8,7 +8,7 @@
 
 namespace rtpm::discovery {
 
-/// How many answers a program gives: to a host, and in all.
+/// Limits the answers that a program gives: to a host, and in total.
 /// @source   spec/hprotocol.md#hp-10.1
 /// @threads  one
 class AnswerLimit {
@@ -16,17 +16,17 @@ class AnswerLimit {
   static constexpr std::uint32_t kPerHostAndSecond = 20;
   static constexpr std::uint32_t kInAllPerSecond = 200;
 
-  /// Whether the host may be answered now.
+  /// Whether the host may be answered now; if so, counts the answer.
   [[nodiscard]] bool admit(std::uint32_t host, MonotonicTime now) noexcept;
 
  private:
-  /// So many in the second that began then.
+  /// The number of answers in the second that began at `begin`.
   struct Count {
     std::uint32_t count = 0;
     MonotonicTime begin{};
     [[nodiscard]] bool admit(std::uint32_t count_max, MonotonicTime now) noexcept;
   };
-  /// Further hosts share a place with others.
+  /// Additional hosts share an entry with others.
   std::array<Count, 256> hosts_{};
   Count all_{};
 };

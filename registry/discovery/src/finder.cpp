@@ -20,7 +20,7 @@ namespace {
 using transport::LanPeer;
 using transport::LanSocket;
 
-/// When the first query and its repetitions go out.
+/// The times of the first query and its repetitions.
 constexpr std::array<Duration, 3> kQueryTimes{Duration{0}, std::chrono::milliseconds{60},
                                               std::chrono::milliseconds{150}};
 
@@ -28,7 +28,7 @@ std::string url_at(const std::string& host, std::uint16_t port) {
   return "rtpm://" + host + ":" + std::to_string(port) + "/" + std::string(kNamesPath);
 }
 
-/// The services that are found, each once.
+/// The services that were found, without duplicates.
 class Finds {
  public:
   explicit Finds(FoundServices& found) : found_(found) {}
@@ -51,7 +51,7 @@ expected<void, SetupError> find_on_this_host(Finds& finds) {
   bool has_registry = false;
   for (const std::string& text : content->names) {
     const auto name = parse_folder_name(text);
-    // An address of another network namespace leads elsewhere here.
+    // An address of another network namespace leads elsewhere from here.
     if (!name || name->network != network) continue;
     FoundService service{name->url(), name->is_registry, name->process_id, true};
     has_registry |= service.is_registry;
@@ -61,7 +61,7 @@ expected<void, SetupError> find_on_this_host(Finds& finds) {
       servers.push_back(std::move(service));
     }
   }
-  // One of another user. A folder of one's own is for those who want to meet nobody else.
+  // The registry of another user. A user with their own folder does not want other users' services.
   if (!has_registry && !transport::has_own_runtime_folder())
     finds.add({url_at("127.0.0.1", kRegistryPort), true, 0, true, true});
   const std::size_t count = std::min(servers.size(), kLocalServiceCountMax);
@@ -76,7 +76,7 @@ expected<void, SetupError> find_on_this_host(Finds& finds) {
   return {};
 }
 
-/// Sends a query from `sockets`, each to its peers, and takes the answers.
+/// Sends a query from `sockets`, each to its peers, and receives the answers.
 class Inquiry {
  public:
   explicit Inquiry(std::uint8_t domain) : number_(rt::random_u64()) {
@@ -88,7 +88,7 @@ class Inquiry {
     peers_.push_back(std::move(peers));
   }
 
-  /// Calls `take` with each answer's origin and content, until the time is over or `is_done`.
+  /// Calls `take` with each answer's origin and content, until the deadline or `is_done`.
   template <class Take, class IsDone>
   void run(MonotonicTime deadline, Take take, IsDone is_done) {
     const MonotonicTime begin = rt::now();
@@ -116,7 +116,7 @@ class Inquiry {
   void receive(Take& take) {
     std::array<std::byte, kDatagramSize> buffer;
     for (LanSocket& socket : sockets_) {
-      // A flood does not hold this up: the time is looked at after so many.
+      // A flood does not delay this: the time is checked after 64 datagrams.
       for (int i = 0; i < 64; ++i) {
         LanPeer from;
         const ConstBytes bytes = socket.receive(buffer, from);
@@ -134,7 +134,7 @@ class Inquiry {
   std::vector<std::vector<LanPeer>> peers_{};
 };
 
-/// Takes the services of answers, up to their limit.
+/// Adds the services of answers, up to their limit.
 class Answers {
  public:
   explicit Answers(Finds& finds) : finds_(finds) {}
@@ -150,7 +150,7 @@ class Answers {
   Answers(const Answers&) = delete;
   Answers& operator=(const Answers&) = delete;
 
-  // hp-10.1-4: the services are at the address that the answer came from.
+  // hp-10.1-4: the services are at the address that sent the answer.
   void take(const LanPeer& from, const Datagram& answer) {
     hosts_.insert(from.ipv4);
     const std::string host = transport::address_text(from.ipv4);

@@ -10,7 +10,7 @@ namespace {
 constexpr std::string_view kRegistry = "registry";
 constexpr std::string_view kNames = "names";
 
-/// Cuts the text off up to the next '@'.
+/// Removes and returns the text up to the next '@'.
 std::string_view take_part(std::string_view& text) {
   const std::size_t at = text.find('@');
   const std::string_view part = text.substr(0, at);

@@ -7,9 +7,9 @@
 
 namespace rtpm::discovery {
 
-/// What the name of a socket in the folder says of the name service it stands for:
+/// The description of a name service in the name of its socket in the folder:
 /// "registry@192.168.7.2:7420@4711@4026531840@9f8e7d6c", with the process, the network namespace
-/// and a random number, by which no two files have ever the same name.
+/// and a random number, which makes each file name unique.
 struct FolderName {
   bool is_registry = false;
   std::string host{};

@@ -8,16 +8,16 @@
 
 namespace rtpm::discovery {
 
-/// "239.255.43.7" for domain 7.
+/// The multicast address of a domain: "239.255.43.7" for domain 7.
 /// @source   spec/hprotocol.md#hp-10.1
 [[nodiscard]] std::string group_of(std::uint8_t domain);
 
-/// The interfaces of a scope of kind kLan; says which they are, once in a program.
+/// The interfaces of a scope of kind kLan; reports them once per program.
 /// @errors   as multicast_interfaces()
 [[nodiscard]] expected<std::vector<transport::NetworkInterface>, SetupError> interfaces_of(
     const Scope& scope);
 
-/// Says a sentence on standard error, once in a program.
+/// Writes a sentence to standard error, once per program.
 void say_once(const std::string& sentence);
 
 }  // namespace rtpm::discovery

@@ -24,7 +24,7 @@ expected<Scope, SetupError> lan_of(std::string_view text) {
     return no_scope(text, "the interface is missing; '@any' takes all");
   }
   scope.interface = text.substr(at + 1);
-  // Behind "lan".
+  // The part after "lan".
   std::string_view domain = text.substr(3, at - 3);
   if (domain.empty()) return scope;
   domain.remove_prefix(1);
@@ -34,7 +34,7 @@ expected<Scope, SetupError> lan_of(std::string_view text) {
   return scope;
 }
 
-/// A host and port fit if a URL of them does.
+/// A host and port are valid if their URL is.
 std::optional<ListedHost> listed_host_of(std::string_view text) {
   ListedHost listed{std::string(text)};
   if (const std::size_t colon = text.find(':'); colon != std::string_view::npos) {

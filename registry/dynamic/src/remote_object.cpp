@@ -14,7 +14,7 @@
 namespace rtpm::dynamic {
 namespace {
 
-// "; most like it: lab/arm0, lab/arm1", or nothing.
+// "; most like it: lab/arm0, lab/arm1", or empty.
 std::string similar_names(names::Directory& directory, const std::string& name) {
   const auto bound = directory.list();
   if (!bound) return {};
@@ -33,7 +33,7 @@ std::string similar_names(names::Directory& directory, const std::string& name) 
   return text;
 }
 
-/// With the server's words.
+/// Contains the server's words.
 unexpected<SetupError> call_failed(std::string what, rpc::CallError error) {
   return {{std::move(what), rpc::describe(error), {}, error}};
 }
@@ -49,7 +49,7 @@ SetupError not_in_catalog(rpc::Node& node, const std::string& url) {
           "add it there (rtpm::introspection::Catalog::add)"};
 }
 
-// Why the server was not asked for its catalog.
+// Explains why the server was not asked for its catalog.
 SetupError not_asked(const wire::Url& url, SetupError error) {
   const auto is = [&](rpc::CallError cause) { return error.cause == cause; };
   const bool is_silence = is(rpc::CallError::kUnreachable) || is(rpc::CallError::kTimeout) ||
@@ -60,7 +60,7 @@ SetupError not_asked(const wire::Url& url, SetupError error) {
   return error;
 }
 
-// How often a silent stream checks whether it is to end.
+// How often a silent stream checks whether to end.
 constexpr Duration kLookInterval = std::chrono::milliseconds{100};
 
 wire::Delivery delivery_of(schema::OnewayLevel level) noexcept {

@@ -20,7 +20,7 @@ bool is_letter(char c) noexcept {
          c == '_' || c == '-';
 }
 
-/// "host:port", or "host" at etcd's own port.
+/// "host:port", or "host" if the port is etcd's default.
 bool take_endpoint(std::string_view text, std::vector<std::string>& endpoints) {
   const std::size_t colon = text.find(':');
   const std::string_view host = text.substr(0, colon);

@@ -8,15 +8,15 @@
 
 namespace rtpm::etcd_store {
 
-/// Where a cluster is, and where in it names are.
+/// The endpoints of a cluster, and the prefix of names in it.
 struct Address {
   std::vector<std::string> endpoints{};  ///< "host:port".
-  std::string prefix{};                  ///< Of all keys, without a '/' at its end.
+  std::string prefix{};                  ///< Prefix of all keys, without a '/' at its end.
 
   [[nodiscard]] std::string text() const;  ///< "etcd://host:port,host:port/prefix"
 };
 
-/// @errors   it is not as make_etcd_storage() says
+/// @errors   the text does not have the form in make_etcd_storage()
 [[nodiscard]] expected<Address, SetupError> parse_address(std::string_view url);
 
 }  // namespace rtpm::etcd_store

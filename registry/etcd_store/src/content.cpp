@@ -7,7 +7,7 @@
 namespace rtpm::etcd_store {
 namespace {
 
-/// So that a page stays far below kReplySizeMax: 512 names with all their properties take 5 MiB.
+/// Keeps a page far below kReplySizeMax: 512 names with all their properties take 5 MiB.
 constexpr int kPageSize = 512;
 constexpr std::uint64_t kFenceCount = 64;
 

@@ -13,19 +13,19 @@
 
 namespace rtpm::etcd_store {
 
-/// Where a cluster has the names of registries.
+/// The keys of registries' names in a cluster.
 class Keys {
  public:
   explicit Keys(const std::string& prefix)
       : names_(prefix + "/names/"), fences_(prefix + "/fences/") {}
-  /// All names: a key and the end of a range, as etcd takes them.
+  /// The range of all names: a key and the end of the range, in etcd's form.
   [[nodiscard]] Json all() const;
   [[nodiscard]] std::string key_of(std::string_view name) const {
     return names_ + std::string(name);
   }
-  /// nullopt: it is no name's.
+  /// nullopt: it is not the key of a name.
   [[nodiscard]] std::optional<std::string> name_of(std::string_view key) const;
-  /// Changed by every unbind of the name, and of others.
+  /// Key that changes with every unbind of the name, and of other names.
   [[nodiscard]] std::string fence_of(std::string_view name) const;
 
  private:
@@ -33,22 +33,22 @@ class Keys {
   std::string fences_;
 };
 
-/// A key and its value as a name.
+/// A key and its value, decoded as a name.
 struct ReadName {
   KnownName known{};
-  std::optional<names::StoredName> stored{};  ///< nullopt: it is foreign.
+  std::optional<names::StoredName> stored{};  ///< nullopt: the value is foreign.
 };
 [[nodiscard]] ReadName read_name(const std::string& name, const KeyValue& key_value);
 
-/// Everything that is stored, at one moment.
+/// Everything that is stored at one revision.
 struct Content {
   std::vector<names::StoredName> names{};
   NameMap known{};
   std::uint64_t revision = 0;
-  std::size_t foreign_count = 0;  ///< Keys that are no names.
+  std::size_t foreign_count = 0;  ///< Number of keys that are no names.
 };
-/// @param revision  whose content is read; 0: the last one's
-/// @errors   kOutOfRange: there is no such revision yet, or none any more
+/// @param revision  the revision to read; 0: the latest
+/// @errors   kOutOfRange: the revision does not exist yet, or no longer
 [[nodiscard]] expected<Content, GatewayError> read_content(Gateway& gateway, const Keys& keys,
                                                            MonotonicTime deadline,
                                                            std::uint64_t revision = 0);

@@ -23,14 +23,14 @@ using names::StoredChange;
 using Kind = StorageError::Kind;
 
 constexpr Duration kLoadPatience = 5s;
-// Of changes without a deadline, as --load makes them.
+// Time limit of changes without a deadline, such as those of --load.
 constexpr Duration kCommitPatience = 5s;
 // etcd grants no shorter leases with its usual election timeout of 1 s.
 constexpr std::uint64_t kLeaseSecondsMin = 2;
-// etcd looks for leases that have ended every half second.
+// etcd checks every half second for leases that have ended.
 constexpr Duration kEndingMax = 1s;
 
-/// etcd's leases have whole seconds.
+/// etcd's leases are in whole seconds.
 std::uint64_t seconds_of(Duration lease) noexcept {
   const auto seconds = static_cast<std::uint64_t>((lease + 999'999'999ns) / 1s);
   return std::max(seconds, kLeaseSecondsMin);
@@ -117,7 +117,7 @@ class EtcdStorage final : public names::SharedStorage {
   [[nodiscard]] std::string place() const override { return gateway_.address().text(); }
 
  private:
-  /// A lease of etcd's, and whether it is this change's own.
+  /// A lease of etcd, and whether this change created it.
   struct EtcdLease {
     std::uint64_t id = 0;
     bool is_new = false;
@@ -145,7 +145,7 @@ class EtcdStorage final : public names::SharedStorage {
             is_full ? Kind::kFull : Kind::kFailed};
   }
 
-  /// Whether the lease was still there.
+  /// Returns whether the lease still existed.
   [[nodiscard]] expected<bool, GatewayError> keep_alive(std::uint64_t lease,
                                                         MonotonicTime deadline) {
     const Json request{{"ID", std::to_string(lease)}};
@@ -154,7 +154,7 @@ class EtcdStorage final : public names::SharedStorage {
     return number_at(*answer, "TTL") != 0;
   }
 
-  /// The lease that a name is to have: the present one of the same holder, or a new one.
+  /// The lease to use for a name: the present one of the same holder, or a new one.
   [[nodiscard]] expected<EtcdLease, GatewayError> lease_for(const StoredChange& change,
                                                             const std::optional<KnownName>& known,
                                                             MonotonicTime deadline) {
@@ -192,16 +192,16 @@ class EtcdStorage final : public names::SharedStorage {
                : expected<std::uint64_t, StorageError>(unexpected{failure(answer.error())});
     const bool is_lease_over = !answer && answer.error().code == GatewayError::kNotFound;
     if (is_lease_over) revision = unexpected{conflict(0)};
-    // Where it is unknown what happened the new lease may be in use.
+    // If the result is unknown, the new lease may be in use.
     const bool is_unused = !revision && revision.error().kind != Kind::kUnreachable;
     if (lease->is_new && is_unused) known_.add_unused(lease->id);
     if (revision && known && known->etcd_lease != lease->id) known_.add_unused(known->etcd_lease);
     return revision;
   }
 
-  // What must be so that the change is made: that nobody else has changed the name; of one that was
-  // not bound also that nothing is bound above or below it, and that it was not unbound since: a
-  // request that a stopped node carries out late must not bring a name back.
+  // The conditions of a change: nobody else has changed the name. If it was not bound, also:
+  // nothing is bound above or below it, and it was not unbound since, because a request that a
+  // stopped node carries out late must not restore the name.
   [[nodiscard]] Json conditions_of(const StoredChange& change,
                                    const std::optional<KnownName>& known) const {
     const std::string name(change.name);
@@ -220,7 +220,7 @@ class EtcdStorage final : public names::SharedStorage {
     return conditions;
   }
 
-  // What is read where a condition does not hold.
+  // The ranges to read if a condition does not hold.
   [[nodiscard]] Json looks_of(const StoredChange& change) const {
     const std::string name(change.name);
     Json looks = Json::array({range_of(keys_.key_of(name))});
@@ -261,8 +261,8 @@ class EtcdStorage final : public names::SharedStorage {
     return revision;
   }
 
-  // The revision of a change that was made, also if only an earlier request of the same change
-  // was told so; else the last change that was found instead.
+  // The revision of the change if it was made, even if only an earlier request of the same change
+  // succeeded; else the last change that was found instead.
   [[nodiscard]] expected<std::uint64_t, StorageError> revision_of(const Json& answer,
                                                                   const std::string& name,
                                                                   std::uint64_t write) const {

@@ -14,12 +14,12 @@ using namespace std::chrono_literals;
 
 constexpr Duration kProbeInterval = 500ms;
 constexpr Duration kProbePatience = 1s;
-// How long a new watch may take to begin.
+// How long a new watch may take to start.
 constexpr Duration kBeginPatience = 1s;
 constexpr Duration kReadPatience = 5s;
 constexpr Duration kPauseMax = 500ms;
 constexpr int kEndedLeasesPerProbe = 64;
-// Probes in a row that find what the watch has not told, before all is read again.
+// Number of consecutive probes that find unreported changes before everything is read again.
 constexpr int kUnmetMax = 4;
 constexpr const char* kCompacted = "the changes since are not kept any more";
 constexpr const char* kReplaced =
@@ -51,7 +51,7 @@ void Follow::run() {
     if (gateway_.is_stopping()) break;
     if (gateway_.adopt_other_cluster())
       static_cast<void>(read_again(History::kReplaced, kReplaced));
-    // The next watch begins behind what was read.
+    // The next watch begins after the content that was read.
     const bool was_read = std::exchange(was_read_again_, false);
     is_to_check_history_ = !was_read;
     ++failure_count_;
@@ -59,7 +59,7 @@ void Follow::run() {
       gateway_.avoid(endpoint);
       note_trouble(endpoint, why);
     }
-    // Each endpoint is tried once without a pause.
+    // Tries each endpoint once without a pause.
     const std::size_t round = failure_count_ / gateway_.address().endpoints.size();
     if (round > 0) pause(std::min<Duration>(round * 50ms, kPauseMax));
   }
@@ -72,7 +72,7 @@ void Follow::pause(Duration duration) {
     rt::sleep_until(std::min(end, rt::now() + 20ms));
 }
 
-// Until the watch breaks: why.
+// Runs until the watch breaks. Returns why.
 std::string Follow::follow_at(std::size_t endpoint) {
   fragments_.clear();
   probe_.reset();
@@ -105,7 +105,7 @@ std::string Follow::follow_at(std::size_t endpoint) {
   return {};
 }
 
-// A line of the watch; why it can't go on.
+// Handles a line of the watch; returns why it cannot continue.
 std::optional<std::string> Follow::take(std::size_t endpoint, const std::string& line) {
   if (line.empty()) return std::nullopt;
   const auto result = gateway_.parse(line, 200);
@@ -119,22 +119,23 @@ std::optional<std::string> Follow::take(std::size_t endpoint, const std::string&
   if (result->value("canceled", Json()) == true) return "it ended the watch";
   if (result->value("created", Json()) == true) is_created_ = true;
   if (auto why = take_events(endpoint, object_at(*result, "events"))) return why;
-  // A change may come in several parts.
+  // A change may arrive in several parts.
   if (result->value("fragment", Json()) == true || fragments_.empty()) return std::nullopt;
   revision_ = fragments_.back().revision;
   follower_->on_changes(std::exchange(fragments_, {}));
   return std::nullopt;
 }
 
-// Whether the name went at `revision` because its lease ended: an unbind changes its fence, too.
+// Whether the name was removed at `revision` because its lease ended: an unbind also changes its
+// fence.
 expected<bool, GatewayError> Follow::has_lapsed(std::size_t endpoint, const std::string& name,
                                                 std::uint64_t revision) {
-  // The watch has told the revision at this endpoint, so the endpoint has it.
+  // The watch has reported the revision at this endpoint, so the endpoint has it.
   const Json request{{"key", to_base64(keys_.fence_of(name))},
                      {"revision", std::to_string(revision)},
                      {"serializable", true}};
   const auto answer = gateway_.ask_at(endpoint, "/v3/kv/range", request, kProbePatience);
-  // It is compacted, so nothing proves an unbind.
+  // The revision is compacted, so nothing proves an unbind.
   if (!answer && answer.error().code == GatewayError::kOutOfRange) return true;
   if (!answer) return unexpected{answer.error()};
   const Json& fences = object_at(*answer, "kvs");
@@ -170,7 +171,7 @@ std::optional<std::string> Follow::take_events(std::size_t endpoint, const Json&
   return std::nullopt;
 }
 
-// Reads through the leader what the watch must have told soon.
+// Reads through the leader the state that the watch must report soon.
 std::optional<std::string> Follow::probe(std::size_t endpoint) {
   Json request = keys_.all();
   request["limit"] = 1;
@@ -183,7 +184,7 @@ std::optional<std::string> Follow::probe(std::size_t endpoint) {
   next.count = number_at(*answer, "count");
   for (const Json& each : object_at(*answer, "kvs"))
     next.last_change = number_at(each, "mod_revision");
-  // It counts all changes of the cluster, and never goes back.
+  // The revision counts all changes of the cluster, and never decreases.
   if (number_at(object_at(*answer, "header"), "revision") < revision_) {
     return read_again(History::kReplaced, kReplaced);
   }
@@ -198,15 +199,15 @@ std::optional<std::string> Follow::probe(std::size_t endpoint) {
 void Follow::check_probe() {
   if (!probe_ || probe_->is_met) return;
   if (revision_ < probe_->last_change) return;
-  // What changed since may explain another number of names.
+  // Changes since the probe may explain another number of names.
   if (known_.size() != probe_->count && revision_ == probe_->revision) return;
   probe_->is_met = true;
   note_reached();
   follower_->on_current(probe_->begun);
 }
 
-// Whether what was told up to the last revision is what the cluster had then. A revision that it
-// does not have any more proves nothing.
+// Checks that the changes reported up to the last revision match the cluster's content at that
+// revision. A revision that the cluster no longer has proves nothing.
 std::optional<std::string> Follow::check_history() {
   const auto then = read_content(gateway_, keys_, rt::now() + kReadPatience, revision_);
   const bool is_unknown = !then && then.error().code == GatewayError::kOutOfRange;
@@ -217,7 +218,7 @@ std::optional<std::string> Follow::check_history() {
   return std::nullopt;
 }
 
-// Why the watch can't go on: a further one begins behind what was read.
+// Returns why the watch cannot continue; the next watch begins after the content read here.
 std::string Follow::read_again(History history, std::string why) {
   const MonotonicTime begun = rt::now();
   auto content = read_content(gateway_, keys_, rt::now() + kReadPatience);
@@ -236,7 +237,7 @@ std::string Follow::read_again(History history, std::string why) {
   return why;
 }
 
-// Leases that lost their names end by themselves, but the longest after an hour.
+// Revokes leases without names. They also end by themselves, but the longest only after an hour.
 void Follow::end_unused_leases(std::size_t endpoint) {
   for (int i = 0; i < kEndedLeasesPerProbe; ++i) {
     const auto lease = known_.take_unused();
@@ -252,7 +253,7 @@ void Follow::note_reached() {
   follower_->on_trouble("The names in " + gateway_.address().text() + " are followed again.");
 }
 
-// Once for all endpoints, as a single one is no trouble.
+// Reports once for all endpoints, because the failure of one endpoint does no harm.
 void Follow::note_trouble(std::size_t endpoint, const std::string& why) {
   if (is_told_ || failure_count_ < gateway_.address().endpoints.size()) return;
   is_told_ = true;

@@ -17,9 +17,10 @@ namespace rtpm::etcd_store {
 
 /// Follows the names of a cluster by a watch at one endpoint, on a time-shared thread "rtpm-etcd".
 /// Every half second it reads at the same endpoint, through the leader, which changes the watch
-/// must have told: so what a registry has is known to be current. Where that fails it goes on at
-/// the next endpoint, behind the last revision, once it has seen that the cluster still had at that
-/// revision what it has told: a restored one gives other changes the same revisions again.
+/// must have reported: this proves that a registry's content is current. If that fails, it
+/// continues at the next endpoint, after the last revision, once it has checked that the cluster's
+/// content at that revision matches the reported one: a restored cluster uses the same revisions
+/// again for other changes.
 /// @threads  start and stop from one
 class Follow {
  public:
@@ -29,20 +30,22 @@ class Follow {
   Follow& operator=(const Follow&) = delete;
   ~Follow() { stop(); }
 
-  /// Tells `follower` what comes behind `revision`.
+  /// Reports the changes after `revision` to `follower`.
   [[nodiscard]] expected<void, SetupError> start(names::SharedStorage::Follower& follower,
                                                  std::uint64_t revision);
   void stop() noexcept;
 
  private:
-  /// What a read through the leader has shown.
+  /// The result of a read through the leader.
   struct Probe {
     MonotonicTime begun{};
-    std::uint64_t last_change = 0;  ///< Of those that are there; of what has gone nothing is known.
-    std::uint64_t count = 0;        ///< Of names.
-    std::uint64_t revision = 0;     ///< That the watch had told then.
+    std::uint64_t last_change =
+        0;                    ///< The last change of existing names; removed names are not visible.
+    std::uint64_t count = 0;  ///< Number of names.
+    std::uint64_t revision = 0;  ///< The last revision that the watch had reported by then.
     bool is_met = false;
-    int unmet_count = 0;  ///< How many before found the same, and the watch told nothing.
+    int unmet_count =
+        0;  ///< How many earlier probes found the same while the watch reported nothing.
   };
 
   void run();
@@ -55,7 +58,7 @@ class Follow {
   [[nodiscard]] std::optional<std::string> probe(std::size_t endpoint);
   void check_probe();
   [[nodiscard]] std::optional<std::string> check_history();
-  /// Whether revisions that were told stay what they are.
+  /// Whether revisions that were reported remain valid.
   enum class History : std::uint8_t { kSame, kReplaced };
   [[nodiscard]] std::string read_again(History history, std::string why);
   void end_unused_leases(std::size_t endpoint);
@@ -68,14 +71,14 @@ class Follow {
   KnownNames& known_;
   names::SharedStorage::Follower* follower_ = nullptr;
   HttpStream stream_{};
-  std::uint64_t revision_ = 0;  ///< Of the last change that was told.
+  std::uint64_t revision_ = 0;  ///< Revision of the last change that was reported.
   std::vector<names::SharedChange> fragments_{};
   bool is_created_ = false;
-  bool is_to_check_history_ = true;  ///< At the beginning, and when a watch has broken.
-  bool was_read_again_ = false;      ///< And that is why the watch ended.
+  bool is_to_check_history_ = true;  ///< Set at the beginning, and when a watch has broken.
+  bool was_read_again_ = false;      ///< The watch ended because everything was read again.
   std::optional<Probe> probe_{};
-  bool is_told_ = false;           ///< That it is not reached.
-  std::size_t failure_count_ = 0;  ///< One after the other.
+  bool is_told_ = false;           ///< It was reported that etcd is unreachable.
+  std::size_t failure_count_ = 0;  ///< Consecutive failures.
   rt::Thread thread_{};
 };
 

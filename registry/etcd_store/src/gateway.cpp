@@ -15,12 +15,12 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// An endpoint that hangs leaves time for the next one.
+// Bounds one endpoint's share, so that one that hangs leaves time for the next one.
 constexpr Duration kPatienceMin = 100ms;
-// Before all endpoints are asked again: an election takes one or two seconds.
+// Pause before all endpoints are asked again: an election takes one or two seconds.
 constexpr Duration kRoundPause = 50ms;
 
-/// A code of the answer that is worth asking another endpoint.
+/// Whether an answer with this code makes it worth asking another endpoint.
 bool is_passing(int code) noexcept {
   constexpr int kCancelled = 1;
   constexpr int kUnknown = 2;
@@ -29,7 +29,7 @@ bool is_passing(int code) noexcept {
          code == kUnknown;
 }
 
-/// {"error": "…", "code": 14}, or of a stream {"error": {"grpc_code": 14, "message": "…"}}.
+/// Formats: {"error": "…", "code": 14}; in a stream {"error": {"grpc_code": 14, "message": "…"}}.
 std::optional<GatewayError> error_of(const Json& json) {
   const auto error = json.find("error");
   if (error == json.end()) return std::nullopt;
@@ -158,7 +158,7 @@ expected<Json, GatewayError> Gateway::ask(std::string_view path, const Json& bod
                                           MonotonicTime deadline) {
   std::vector<std::string> why_of(address_.endpoints.size());
   bool was_sent = false;
-  std::size_t lasting_count = 0;  // Of this round through the endpoints.
+  std::size_t lasting_count = 0;  // In this round through the endpoints.
   const auto failed = [&] {
     std::string why;
     for (std::size_t i = 0; i < why_of.size(); ++i) {
@@ -181,7 +181,7 @@ expected<Json, GatewayError> Gateway::ask(std::string_view path, const Json& bod
       error.why = address_.endpoints[endpoint] + ": " + error.why;
       return reply;
     }
-    // At the end no time is left to find out more than before.
+    // An attempt that the deadline cuts off explains less than an earlier one: keep its reason.
     if (why_of[endpoint].empty() || rt::now() < deadline) why_of[endpoint] = error.why;
     lasting_count += error.is_lasting ? 1 : 0;
     avoid(endpoint);

@@ -19,21 +19,21 @@ namespace rtpm::etcd_store {
 
 using Json = nlohmann::json;
 
-/// Why etcd gave no result.
+/// Why etcd returned no result.
 struct GatewayError {
-  /// gRPC's codes, of those that etcd answers with.
+  /// gRPC's codes that etcd answers with.
   static constexpr int kNotFound = 5;
   static constexpr int kExhausted = 8;
   static constexpr int kOutOfRange = 11;
   static constexpr int kUnavailable = 14;
   std::string why{};
   int code = kUnavailable;
-  bool was_sent = true;             ///< It may have been done.
-  bool is_lasting = false;          ///< The same endpoint would answer so again.
-  std::uint64_t other_cluster = 0;  ///< The cluster that answered is this one.
+  bool was_sent = true;             ///< etcd may have carried out the request.
+  bool is_lasting = false;          ///< The same endpoint would fail again in the same way.
+  std::uint64_t other_cluster = 0;  ///< The id of the cluster that answered, if it is another one.
 };
 
-/// A key's value, as etcd gives it.
+/// A key's value, in etcd's form.
 struct KeyValue {
   std::string key{};
   std::string value{};
@@ -49,27 +49,27 @@ class Gateway {
       : address_(std::move(address)), other_clusters_(address_.endpoints.size()) {}
 
   [[nodiscard]] const Address& address() const noexcept { return address_; }
-  /// Asks the preferred endpoint, and then each other until one answers or `deadline` is over. A
-  /// request that is sent twice must do no harm.
+  /// Asks the preferred endpoint, then each other one, until one answers or `deadline` is over. The
+  /// request must be safe to send twice.
   [[nodiscard]] expected<Json, GatewayError> ask(std::string_view path, const Json& body,
                                                  MonotonicTime deadline);
-  /// Asks one endpoint, which is checked to be of the cluster that answered first.
+  /// Asks one endpoint, and checks that it belongs to the cluster that answered first.
   [[nodiscard]] expected<Json, GatewayError> ask_at(std::size_t endpoint, std::string_view path,
                                                     const Json& body, Duration patience);
-  /// The same checks of a line of a stream.
+  /// Applies the same checks to a line of a stream.
   [[nodiscard]] expected<Json, GatewayError> parse(const std::string& text, long status);
 
   [[nodiscard]] std::string url(std::size_t endpoint, std::string_view path) const;
   /// The endpoint that is asked first.
   [[nodiscard]] std::size_t preferred() const noexcept { return preferred_; }
-  /// Prefers the next one, unless another caller did.
+  /// Prefers the next endpoint, unless another caller has changed the preference.
   void avoid(std::size_t endpoint) noexcept;
-  /// The endpoint answered as of another cluster; 0: as of the known one.
+  /// Notes that the endpoint answered as a member of the cluster `other`; 0: of the known one.
   void note_cluster(std::size_t endpoint, std::uint64_t other);
-  /// Takes another cluster for the known one once most endpoints are of it: the cluster was
-  /// replaced, as by restoring it under a new token. Whether it did.
+  /// Makes another cluster the known one once most endpoints belong to it: the cluster was
+  /// replaced, for instance by restoring it under a new token. Returns whether it did.
   [[nodiscard]] bool adopt_other_cluster();
-  /// 0: none has answered yet.
+  /// 0: no cluster has answered yet.
   [[nodiscard]] std::uint64_t cluster() const noexcept { return cluster_; }
   /// Ends requests that are under way.
   void stop() noexcept { is_stopping_ = true; }
@@ -83,16 +83,16 @@ class Gateway {
   std::atomic<std::size_t> preferred_ = 0;
   std::atomic<std::uint64_t> cluster_ = 0;
   std::atomic<bool> is_stopping_ = false;
-  std::mutex mutex_;  ///< Plain. Guards what follows.
+  std::mutex mutex_;  ///< Plain: no real-time thread locks it. Guards what follows.
   std::vector<std::unique_ptr<HttpClient>> idle_{};
-  std::vector<std::uint64_t> other_clusters_;  ///< By endpoints; 0: none.
+  std::vector<std::uint64_t> other_clusters_;  ///< Indexed by endpoint; 0: none.
 };
 
-/// A whole number of etcd's JSON, where 64-bit ones are texts, and zeros are left out.
+/// A whole number in etcd's JSON, which writes 64-bit numbers as texts and omits zeros.
 [[nodiscard]] std::uint64_t number_at(const Json& json, const char* key);
 /// An object in an object; null if there is none.
 [[nodiscard]] const Json& object_at(const Json& json, const char* key);
-/// @return nullopt: `json` is no key with a value
+/// @return nullopt: `json` is not a key with a value
 [[nodiscard]] std::optional<KeyValue> key_value_of(const Json& json);
 
 }  // namespace rtpm::etcd_store

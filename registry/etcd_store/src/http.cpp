@@ -15,7 +15,7 @@ using namespace std::chrono_literals;
 
 constexpr Duration kConnectPatience = 500ms;
 
-/// Once in a program, before any other use.
+/// Called once per program, before any other use.
 void prepare_curl() {
   static const CURLcode prepared = curl_global_init(CURL_GLOBAL_NOTHING);
   static_cast<void>(prepared);
@@ -42,7 +42,7 @@ Headers json_headers() {
   return Headers(curl_slist_append(first, "Expect:"));
 }
 
-/// What every request has: no proxy from the environment, no redirection, no signals.
+/// Sets the options of every request: no proxy from the environment, no redirection, no signals.
 void set_common(CURL* handle, const curl_slist* headers, const std::string& url,
                 const std::string& body) {
   curl_easy_setopt(handle, CURLOPT_URL, url.c_str());
@@ -115,7 +115,7 @@ struct HttpStream::Impl {
   Handle handle{};
   Headers headers = json_headers();
   std::string received{};
-  std::size_t searched = 0;  ///< Bytes of it that have no end of a line.
+  std::size_t searched = 0;  ///< The leading bytes of it that contain no end of line.
   std::atomic<bool> is_woken = false;
 
   std::optional<std::string> take_line() {
@@ -129,7 +129,7 @@ struct HttpStream::Impl {
     searched = 0;
     return line;
   }
-  /// What ended the transfer; nullopt: nothing has.
+  /// Why the transfer ended; nullopt: it is still running.
   std::optional<std::string> end() {
     int left = 0;
     while (const CURLMsg* const message = curl_multi_info_read(multi.get(), &left)) {

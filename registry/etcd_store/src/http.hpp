@@ -9,14 +9,14 @@
 #include "rtpm/base/expected.hpp"
 #include "rtpm/base/time.hpp"
 
-/// What is used of libcurl: JSON by POST over plain HTTP.
+/// The used part of libcurl: JSON by POST over plain HTTP.
 namespace rtpm::etcd_store {
 
 /// Why there is no reply.
 struct HttpError {
   std::string why{};
   bool was_sent = true;     ///< The other side may have acted.
-  bool is_lasting = false;  ///< It would be so again.
+  bool is_lasting = false;  ///< A retry would fail in the same way.
 };
 
 struct HttpReply {
@@ -24,14 +24,14 @@ struct HttpReply {
   std::string body{};
 };
 
-/// Bytes of a reply, or of a line of a stream, that are taken.
+/// Maximum size of a reply, or of a line of a stream, in bytes.
 inline constexpr std::size_t kReplySizeMax = std::size_t{32} * 1024 * 1024;
 
-/// Requests, one after the other, over kept connections.
+/// Sends requests, one after the other, over persistent connections.
 /// @threads  one at a time
 class HttpClient {
  public:
-  /// Ends requests early once `is_stopping`, which must outlive it.
+  /// Ends requests early once `is_stopping` is set; it must outlive this.
   explicit HttpClient(const std::atomic<bool>& is_stopping);
   HttpClient(const HttpClient&) = delete;
   HttpClient& operator=(const HttpClient&) = delete;
@@ -44,7 +44,7 @@ class HttpClient {
   std::unique_ptr<Impl> impl_;
 };
 
-/// A request whose reply goes on, line by line.
+/// A request whose reply continues, line by line.
 /// @threads  one; wake() any
 class HttpStream {
  public:
@@ -53,13 +53,13 @@ class HttpStream {
   HttpStream& operator=(const HttpStream&) = delete;
   ~HttpStream();
 
-  /// Begins it, in place of the former one.
+  /// Begins a request; ends the former one.
   void open(const std::string& url, const std::string& body);
-  /// The next line; nullopt: none by `until`, or after wake().
-  /// @errors   it has ended, or a line is too long
+  /// The next line; nullopt: none arrived by `until`, or wake() was called.
+  /// @errors   the stream has ended, or a line is too long
   [[nodiscard]] expected<std::optional<std::string>, HttpError> next_line(MonotonicTime until);
   void close();
-  /// Ends a next_line() that waits.
+  /// Ends a waiting next_line().
   void wake() noexcept;
 
  private:

@@ -12,20 +12,20 @@
 
 namespace rtpm::etcd_store {
 
-/// A key of a name, as the watch has told it.
+/// A key of a name, as the watch reported it.
 struct KnownName {
-  std::uint64_t revision = 0;    ///< Of its last change.
+  std::uint64_t revision = 0;    ///< Revision of its last change.
   std::uint64_t etcd_lease = 0;  ///< 0: none.
-  Duration lease{};              ///< Of the name.
-  bool is_foreign = false;       ///< Its value was not written by a registry: it is no name.
+  Duration lease{};              ///< Lease of the name.
+  bool is_foreign = false;       ///< Its value was not written by a registry, so it is no name.
   std::uint64_t value_hash = 0;
   friend bool operator==(const KnownName&, const KnownName&) = default;
 };
 
 using NameMap = std::map<std::string, KnownName, std::less<>>;
 
-/// The keys of names, with what registries do not know of them; and leases that have no key any
-/// more.
+/// The keys of names, with the data that registries do not know; and leases that no longer have a
+/// key.
 /// @threads  any
 class KnownNames {
  public:
@@ -57,7 +57,7 @@ class KnownNames {
     return names_.size();
   }
 
-  /// Beyond the bound they end by themselves.
+  /// Leases beyond the bound end by themselves.
   void add_unused(std::uint64_t lease) {
     const std::lock_guard lock(mutex_);
     if (lease != 0 && unused_.size() < kUnusedLeaseCountMax) unused_.push_back(lease);
@@ -71,7 +71,7 @@ class KnownNames {
   }
 
  private:
-  mutable std::mutex mutex_;  ///< Plain: no real-time thread takes it.
+  mutable std::mutex mutex_;  ///< Plain: no real-time thread locks it.
   NameMap names_{};
   std::vector<std::uint64_t> unused_{};
 };

@@ -10,7 +10,7 @@
 
 namespace rtpm::etcd_store {
 
-/// A name as its key's value has it, in JSON, so that etcdctl shows it:
+/// The value of a name's key, in JSON, so that etcdctl shows it:
 ///
 ///     {"version": 1, "url": "rtpm://…", "interface": "lab.Arm", "owner": ["12", "3"],
 ///      "holder": "0", "host": 2130706433, "where": "77", "lease_ns": "2000000000", "write":
@@ -19,13 +19,13 @@ namespace rtpm::etcd_store {
 struct StoredValue {
   /// Without name and change, which the key has; revision 0: the key's revision is the holder's.
   names::StoredName stored{};
-  std::uint64_t write = 0;  ///< Identifies the write, to tell one's own from another's.
+  std::uint64_t write = 0;  ///< Identifies the write, to tell the own write from another's.
   /// The host of the registry that wrote it: rt::clock_domain().
   std::uint64_t where = rt::clock_domain();
 };
 
 [[nodiscard]] std::string to_text(const StoredValue& value);
-/// nullopt: it was not written so.
+/// nullopt: the text has another form.
 [[nodiscard]] std::optional<StoredValue> parse_value(std::string_view text);
 
 }  // namespace rtpm::etcd_store

@@ -13,7 +13,7 @@ void Statement::bind(int number, std::int64_t value) noexcept {
 }
 
 void Statement::bind(int number, std::string_view text) noexcept {
-  // An empty text, not null.
+  // An empty text instead of null.
   const char* const data = text.empty() ? "" : text.data();
   static_cast<void>(
       sqlite3_bind_text64(statement_.get(), number, data, text.size(), nullptr, SQLITE_UTF8));
@@ -67,7 +67,7 @@ bool Database::has_moved() {
   int has_moved = 0;
   static_cast<void>(
       sqlite3_file_control(database_.get(), "main", SQLITE_FCNTL_HAS_MOVED, &has_moved));
-  // SQLite only tells whether there is a log by that name.
+  // SQLite only reports whether there is a log by that name.
   const std::string log = std::string(sqlite3_db_filename(database_.get(), "main")) + "-wal";
   sqlite3_vfs* vfs = nullptr;
   int is_there = 1;

@@ -16,7 +16,7 @@ struct FinalizeStatement {
   void operator()(sqlite3_stmt* statement) const noexcept { sqlite3_finalize(statement); }
 };
 
-/// A prepared statement. Columns and parameters count as SQLite does: from 0 and from 1.
+/// A prepared statement. As in SQLite, columns count from 0 and parameters from 1.
 class Statement {
  public:
   Statement() = default;
@@ -24,12 +24,12 @@ class Statement {
   [[nodiscard]] explicit operator bool() const noexcept { return statement_ != nullptr; }
 
   void bind(int number, std::int64_t value) noexcept;
-  /// @ownership `text` must stay until reset()
+  /// @ownership `text` must stay valid until reset()
   void bind(int number, std::string_view text) noexcept;
-  /// SQLITE_ROW, SQLITE_DONE or an error.
+  /// Returns SQLITE_ROW, SQLITE_DONE or an error.
   [[nodiscard]] int step() noexcept;
   void reset() noexcept;
-  /// Runs a statement without rows: SQLITE_DONE or an error.
+  /// Runs a statement without rows. Returns SQLITE_DONE or an error.
   [[nodiscard]] int run() noexcept;
 
   [[nodiscard]] std::int64_t integer(int column) const noexcept;
@@ -42,7 +42,7 @@ class Statement {
 /// An open database.
 class Database {
  public:
-  /// SQLITE_OK or an error; text() has it in words either way.
+  /// Returns SQLITE_OK or an error; text() has it in words.
   [[nodiscard]] int open(const std::string& path, const std::string& vfs);
   void close() noexcept { database_.reset(); }
   [[nodiscard]] bool is_open() const noexcept { return database_ != nullptr; }
@@ -50,9 +50,9 @@ class Database {
 
   [[nodiscard]] int execute(const char* sql) noexcept;
   [[nodiscard]] Statement prepare(const char* sql) { return {database_.get(), sql}; }
-  /// The integer that a query gives in its only row, else `otherwise`.
+  /// The integer in the only row of a query; without a row, `otherwise`.
   [[nodiscard]] std::int64_t integer_of(const char* sql, std::int64_t otherwise);
-  /// After a write: whether its file is no more where it was opened, or its log has gone.
+  /// Call after a write: whether its file is no longer at its path, or its log is gone.
   [[nodiscard]] bool has_moved();
   /// The last error in words.
   [[nodiscard]] std::string text() const;

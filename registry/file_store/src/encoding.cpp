@@ -55,7 +55,7 @@ std::optional<Item> item_of(std::string_view text, PropertyType type) {
   }
 }
 
-/// Takes what stands before `end`, and that.
+/// Takes the text before `end`, and `end`.
 std::optional<std::string_view> take(std::string_view& text, char end) {
   const std::size_t size = text.find(end);
   if (size == std::string_view::npos) return std::nullopt;

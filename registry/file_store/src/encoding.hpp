@@ -9,10 +9,10 @@
 
 namespace rtpm::file_store {
 
-/// Properties as a row has them: quick to read, as a registry reads all of them when it starts.
-/// Control characters separate them, which no text of a property has.
+/// The form of properties in a row: fast to read, because a registry reads all of them when it
+/// starts. They are separated by control characters, which no text of a property contains.
 [[nodiscard]] std::string encode(const std::vector<names::Property>& properties);
-/// nullopt: they were not written so.
+/// nullopt: the text has another form.
 [[nodiscard]] std::optional<std::vector<names::Property>> decode(std::string_view text);
 
 }  // namespace rtpm::file_store

@@ -17,16 +17,16 @@ namespace {
 using names::StorageError;
 using names::StoredName;
 
-/// "RTPM", so that no other program's database is taken.
+/// "RTPM", so that no other program's database is accepted.
 constexpr std::int64_t kApplicationId = 0x5254'504d;
 constexpr std::int64_t kSchemaVersion = 1;
-/// Revisions of leased names that a power cut lost stay unused.
+/// Skips the revisions of leased names that a power cut may have lost.
 constexpr std::uint64_t kRevisionsPerStart = std::uint64_t{1} << 20;
-/// How many rows are tried behind a damaged page.
+/// The number of rows to try behind a damaged page.
 constexpr int kSkippedRowMax = 100'000;
 
-/// Leased names whose lease ended, with when, in nanoseconds since 1970. Made by the first change,
-/// as databases of earlier releases have none.
+/// Leased names whose lease ended, and when, in nanoseconds since 1970. The first change creates
+/// the table, because databases of earlier releases do not have it.
 constexpr const char* kCreateLapsed =
     "CREATE TABLE IF NOT EXISTS lapsed(id INTEGER PRIMARY KEY, name TEXT UNIQUE NOT NULL, "
     "url TEXT NOT NULL, interface TEXT NOT NULL, owner_id INTEGER NOT NULL, "
@@ -69,7 +69,7 @@ class FileStorage final : public names::Storage {
     content.first_revision += kRevisionsPerStart;
     is_read_only_ = !content.faults.empty();
     if (is_read_only_) {
-      // Nothing is written to it any more, when it is closed neither.
+      // From now on nothing is written to it, not even when it is closed.
       static_cast<void>(database_.execute("PRAGMA query_only = 1"));
       static_cast<void>(
           sqlite3_db_config(database_.get(), SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr));
@@ -103,7 +103,7 @@ class FileStorage final : public names::Storage {
       roll_back();
       return unexpected{failure(result, why)};
     }
-    // Changes written to a file that has gone are lost with this program.
+    // Changes written to a deleted file are lost when this program ends.
     if (database_.has_moved()) {
       return unexpected{
           StorageError{{"the database " + printable(path_) + " can't be changed",
@@ -122,21 +122,22 @@ class FileStorage final : public names::Storage {
     return {"the database " + printable(path_) + " can't be used", why, remedy};
   }
 
-  // Opens the database, creating its tables in an empty one.
+  // Opens the database, and creates its tables if it is empty.
   expected<void, SetupError> open(names::StoredContent& content) {
     int result = database_.open(path_, vfs_);
     if (result == SQLITE_OK) {
-      // First: without it reading what a killed program has left takes space for shared memory.
+      // Must come first: otherwise reading the data of a killed program takes space for shared
+      // memory.
       static_cast<void>(database_.execute("PRAGMA locking_mode = EXCLUSIVE"));
-      // The check of its structure goes through all of it in any order: 64 MiB.
+      // The check of its structure reads everything in any order: use 64 MiB.
       static_cast<void>(database_.execute("PRAGMA cache_size = -65536"));
-      // The journal of the change to write-ahead logging must be gone for good before the log has
-      // a commit: after a power cut it would take that back.
+      // The journal of the change to write-ahead logging must be gone from the disk before the
+      // first commit to the log: otherwise it would undo that commit after a power cut.
       set_durable(true);
       result = database_.execute("PRAGMA journal_mode = WAL");
     }
     if (result == SQLITE_OK) {
-      // The first read takes the lock for good.
+      // The first read takes the lock permanently.
       result = database_.execute("BEGIN IMMEDIATE; COMMIT");
     }
     const int primary = result & 0xff;
@@ -187,8 +188,8 @@ class FileStorage final : public names::Storage {
     }
   }
 
-  // All rows that can be read, and whose checksum is right. Leased ones of an earlier start of the
-  // machine are over.
+  // Reads all rows that are readable and have the right checksum. Leased names of an earlier boot
+  // of the machine have ended.
   void read_names(names::StoredContent& content) {
     const bool is_same_boot =
         clock() != 0 && database_.integer_of("SELECT clock FROM facts", 0) == clock();
@@ -212,7 +213,7 @@ class FileStorage final : public names::Storage {
         }
         continue;
       }
-      // A damaged page: goes on behind its next row.
+      // A damaged page: continue after its next row.
       if (++skipped_count > kSkippedRowMax) break;
       rows.reset();
       rows.bind(1, ++last);
@@ -230,7 +231,7 @@ class FileStorage final : public names::Storage {
   void read_lapsed(names::StoredContent& content) {
     const std::string sql = "SELECT " + std::string(kColumns) + ", ended_ns FROM lapsed";
     Statement rows = database_.prepare(sql.c_str());
-    if (!rows) return;  // There is no such table yet.
+    if (!rows) return;  // The table does not exist yet.
     const MonotonicTime now = rt::now();
     const auto now_ns = static_cast<std::int64_t>(rt::utc_ns(now));
     int damaged_count = 0;
@@ -249,14 +250,14 @@ class FileStorage final : public names::Storage {
     }
   }
 
-  // Ends a transaction that failed and that SQLite has not ended itself.
+  // Ends a transaction that failed, unless SQLite has ended it.
   void roll_back() {
     if (sqlite3_get_autocommit(database_.get()) == 0) {
       static_cast<void>(database_.execute("ROLLBACK"));
     }
   }
 
-  // The statements of changes.
+  // Prepares the statements of changes.
   bool prepare() {
     begin_ = database_.prepare("BEGIN IMMEDIATE");
     commit_ = database_.prepare("COMMIT");
@@ -273,7 +274,7 @@ class FileStorage final : public names::Storage {
     return begin_ && commit_ && put_ && erase_ && advance_;
   }
 
-  // Notes this start before its first change, once: SQLITE_DONE or an error.
+  // Records this start before its first change, once. Returns SQLITE_DONE or an error.
   int note_start() {
     if (is_start_noted_) return SQLITE_DONE;
     const bool is_same_boot = database_.integer_of("SELECT clock FROM facts", 0) == clock();
@@ -293,7 +294,7 @@ class FileStorage final : public names::Storage {
     return is_start_noted_ ? SQLITE_DONE : SQLITE_ERROR;
   }
 
-  /// SQLITE_DONE or an error.
+  /// Returns SQLITE_DONE or an error.
   int write(const names::StoredChange& change) {
     set_durable(change.is_durable);
     if (const int begun = begin_.run(); begun != SQLITE_DONE) return begun;
@@ -313,7 +314,7 @@ class FileStorage final : public names::Storage {
     return commit_.run();
   }
 
-  // Keeps a name whose lease ended, before it goes; any other change ends what was kept.
+  // Keeps a name whose lease ended, before it is removed; any other change drops the kept one.
   int write_lapse(const names::StoredChange& change) {
     if (!change.lapsed) {
       dismiss_.bind(1, change.name);
@@ -324,7 +325,7 @@ class FileStorage final : public names::Storage {
     return lapse_.run();
   }
 
-  // Whether a commit waits for the disk.
+  // Sets whether a commit waits for the disk.
   void set_durable(bool is_durable) {
     if (is_durable_ == is_durable) return;
     static_cast<void>(database_.execute(is_durable ? "PRAGMA synchronous = EXTRA"
@@ -338,7 +339,7 @@ class FileStorage final : public names::Storage {
     if (primary == SQLITE_FULL) {
       return {{what, why, "free some space"}, StorageError::Kind::kFull};
     }
-    // What the disk has after a failed write is unknown: the next start finds out.
+    // After a failed write the content of the disk is unknown: the next start checks it.
     if (primary == SQLITE_IOERR || primary == SQLITE_CORRUPT) is_failed_ = true;
     return {{what, why, "check the disk, and start again"}, StorageError::Kind::kFailed};
   }

@@ -8,7 +8,7 @@
 namespace rtpm::file_store {
 namespace {
 
-// SQLite's integers have a sign.
+// SQLite's integers are signed.
 std::int64_t as_signed(std::uint64_t value) noexcept {
   return static_cast<std::int64_t>(value);
 }

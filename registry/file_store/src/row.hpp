@@ -8,18 +8,18 @@
 
 namespace rtpm::file_store {
 
-/// What a row of the table `names` holds, in the order of its columns.
+/// The columns of a row of the table `names`, in order.
 inline constexpr const char* kColumns =
     "name, url, interface, owner_id, owner_epoch, revision, change, host, lease_ns, properties, "
     "checksum";
 inline constexpr int kColumnCount = 11;
 
-/// The row's texts and numbers, as parameters from `first` on. `properties` must stay until
-/// reset().
+/// Binds the row's texts and numbers as parameters, beginning with `first`. `properties` must stay
+/// valid until reset().
 void bind_row(Statement& statement, const names::StoredName& stored, const std::string& properties);
 
-/// The row that a statement stands at, whose columns begin with `first`; nullopt: its checksum says
-/// that it was changed, or it has no valid properties.
+/// Reads a statement's current row, whose columns begin with `first`; nullopt: its checksum is
+/// wrong, or its properties are invalid.
 [[nodiscard]] std::optional<names::StoredName> read_row(const Statement& statement, int first);
 
 }  // namespace rtpm::file_store

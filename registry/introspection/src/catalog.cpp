@@ -65,7 +65,7 @@ rpc::Result<void> Catalog::describe(const DescribeRequest& request,
   return {};
 }
 
-// What a caller may not see is to it as if it was not there.
+// An object that the caller may not see does not exist for it.
 const rpc::InterfaceDescriptor* Catalog::find(const DescribeRequest& request,
                                               const rpc::Caller* caller) const {
   if (request.path() != nullptr) {

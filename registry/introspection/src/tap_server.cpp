@@ -10,12 +10,12 @@
 namespace rtpm::introspection {
 namespace {
 
-/// How often the rings are read, and how often an item comes at least.
+/// The interval of reading the rings, and the longest interval between items.
 constexpr Duration kPeriod = std::chrono::milliseconds{5};
 constexpr Duration kQuietPeriod = std::chrono::milliseconds{500};
-/// An item is sent when it has so much.
+/// An item is sent when it has this size.
 constexpr std::size_t kItemByteMin = std::size_t{32} * 1024;
-/// A request names at most so many objects and methods.
+/// Maximum number of objects and methods in a request.
 constexpr std::size_t kSelectionMax = 1024;
 
 std::optional<rpc::TapConfig> config_of(const TapRequest& request) {
@@ -92,7 +92,7 @@ void TapServer::run() noexcept {
   }
 }
 
-// Until the client has gone, or one of the two servers ends.
+// Runs until the client is gone, or one of the two servers ends.
 void TapServer::serve(Client client) noexcept {
   if (const auto switched = tap_->switch_on(client.config); !switched) {
     return refuse(client.items, switched.error().text());
@@ -114,7 +114,7 @@ void TapServer::serve(Client client) noexcept {
   payloads_ = {};
 }
 
-// While the client takes no more, calls stay in the rings, which count what they have to drop.
+// While the client takes no more, calls stay in the rings, which count the calls that they drop.
 void TapServer::send_calls(rpc::TableWriter<TapBatch>& items) noexcept {
   if (!calls_.empty() && !send(items, /*is_first=*/false)) return;
   while (const auto call = tap_->next()) {
@@ -140,7 +140,7 @@ void TapServer::collect(const rpc::TappedCall& call) {
                       call.reply.size() == call.reply_size);
 }
 
-// What was collected and the losses; false if the client takes no more now.
+// Sends the collected calls and the losses; false if the client takes no more for now.
 bool TapServer::send(rpc::TableWriter<TapBatch>& items, bool is_first) noexcept {
   builder_.Clear();
   flatbuffers::Offset<flatbuffers::Vector<flatbuffers::Offset<flatbuffers::String>>> objects;

@@ -15,9 +15,9 @@
 
 namespace rtpm::introspection {
 
-/// Streams the calls of a server to one client at a time. A thread of its own, which sleeps while
-/// there is no client, switches the tap on and off and reads it.
-/// @threads  its methods any lane; start() and the end one
+/// Streams the calls of a server to one client at a time. Its own thread, which sleeps while there
+/// is no client, switches the tap on and off and reads it.
+/// @threads  its methods: any lane; start() and the destructor: one
 /// @realtime none
 class TapServer final : public TapServant {
  public:
@@ -44,14 +44,14 @@ class TapServer final : public TapServant {
 
   std::shared_ptr<rpc::CallTap> tap_;
   rt::PiMutex mutex_{};
-  std::optional<Client> arriving_{};  ///< Under the mutex.
+  std::optional<Client> arriving_{};  ///< Guarded by the mutex.
   std::atomic<bool> is_busy_{false};  ///< A client arrives or is served.
   std::atomic<bool> is_ending_{false};
   rt::Semaphore wake_{};
-  // The thread's own.
+  // Used by the thread only.
   std::vector<TappedCall> calls_{};
   std::vector<std::uint8_t> payloads_{};
-  std::uint64_t too_large_count_ = 0;  ///< Calls in items that the client's limit forbids.
+  std::uint64_t too_large_count_ = 0;  ///< Calls in items that exceed the client's limit.
   flatbuffers::FlatBufferBuilder builder_{};
   rt::Thread thread_{};
 };

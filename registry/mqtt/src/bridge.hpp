@@ -15,18 +15,19 @@
 
 namespace rtpm::mqtt {
 
-/// Direction of events.
+/// The direction in which events pass.
 enum class Direction : std::uint8_t { kToBroker, kFromBroker, kBoth };
 
 /// Configures a bridge.
 struct BridgeConfig {
   std::string hub{};
-  std::string prefix = "rtpm";  ///< Of all topics.
+  std::string prefix = "rtpm";  ///< First part of all topics.
   Direction direction = Direction::kBoth;
   std::vector<WantedOrigin> wanted{};  ///< Published to the broker; empty: everything.
   std::vector<TopicMapping> mappings{};
-  Priority priority{};    ///< Of events from the broker and of the hub's sends to the bridge.
-  std::uint8_t hops = 0;  ///< Of events from other clients of the broker.
+  Priority
+      priority{};  ///< Priority of events from the broker and of the hub's sends to the bridge.
+  std::uint8_t hops = 0;  ///< Further hops of events from other clients of the broker.
   events::DeliveryPolicy delivery{.queue_capacity = events::kQueueCapacityMax};
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
   Duration deadline = std::chrono::seconds{1};

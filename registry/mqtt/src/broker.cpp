@@ -273,7 +273,7 @@ void Broker::talk() {
   }
 }
 
-// While the connection takes them at once: messages wait in the bounded queue here.
+// Sends while the connection accepts at once: messages wait in the bounded queue here.
 void Broker::publish_waiting() {
   Message message;
   while (!mosquitto_want_write(client_.get())) {

@@ -28,7 +28,7 @@ struct BrokerConfig {
   std::string host = "127.0.0.1";
   std::uint16_t port = 1883;
   std::string user{};      ///< Empty: none.
-  std::string password{};  ///< Of `user`.
+  std::string password{};  ///< Password of `user`.
   std::string ca_file{};   ///< Trusted certificates; empty: no TLS.
   std::vector<std::string> subscriptions{};
   std::uint32_t queue_capacity = 1024;  ///< Messages.
@@ -50,7 +50,7 @@ struct Message {
 struct BrokerCounters {
   std::uint64_t published_count = 0;
   std::uint64_t overflow_count = 0;  ///< Dropped from the full queue.
-  std::uint64_t refused_count = 0;   ///< By libmosquitto: too large for the broker.
+  std::uint64_t refused_count = 0;   ///< Refused by libmosquitto: too large for the broker.
   std::uint64_t received_count = 0;
   std::uint64_t connection_count = 0;
 };
@@ -81,9 +81,9 @@ class Broker {
   void publish(const std::string& topic, ConstBytes payload, std::uint64_t schema_id,
                std::uint8_t hops);
   [[nodiscard]] BrokerCounters counters() const;
-  /// Connected, and subscribed.
+  /// Whether it is connected and subscribed.
   [[nodiscard]] bool is_connected() const noexcept { return is_connected_; }
-  /// Why it is not connected; empty: it is.
+  /// Why it is not connected; empty: it is connected.
   [[nodiscard]] std::string reason() const;
   /// See BrokerConfig::id.
   [[nodiscard]] const std::string& id() const noexcept { return id_; }
@@ -112,7 +112,7 @@ class Broker {
 
   std::size_t missing_count_ = 0;  ///< Subscriptions not granted yet.
 
-  mutable rt::PiMutex mutex_;  ///< Of what follows.
+  mutable rt::PiMutex mutex_;  ///< Guards the members below.
   std::vector<Message> queue_;
   std::size_t queue_begin_ = 0;
   std::size_t queue_size_ = 0;

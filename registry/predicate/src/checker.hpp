@@ -11,7 +11,7 @@ namespace rtpm::predicate {
 
 /// The type of the whole; nullopt: it depends on properties whose type `type_of_property` does not
 /// know.
-/// @errors   an operator has an operand of a type that it does not take
+/// @errors   an operand has a type that its operator does not accept
 [[nodiscard]] expected<std::optional<Type>, TextError> check_types(
     const Nodes& nodes, const TypeOfProperty& type_of_property);
 

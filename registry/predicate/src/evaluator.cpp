@@ -30,7 +30,7 @@ std::optional<double> real_of(const Operand& operand) noexcept {
   return real == nullptr ? std::nullopt : std::optional(*real);
 }
 
-// Exact, although a double does not hold every integer.
+// Exact, although double cannot hold every integer.
 std::partial_ordering order(std::int64_t integer, double real) noexcept {
   if (std::isnan(real)) return std::partial_ordering::unordered;
   if (real >= 0x1p63) return std::partial_ordering::less;
@@ -70,7 +70,7 @@ Truth compare(Comparison comparison, const Operand& left, const Operand& right) 
   }
 }
 
-// Of integers, where the result is one.
+// Calculates with integers; nullopt: an overflow or a division.
 std::optional<std::int64_t> calculate(Kind kind, std::int64_t left, std::int64_t right) noexcept {
   std::int64_t result = 0;
   bool has_overflow = true;

@@ -27,14 +27,14 @@ struct Node {
     kMultiply,
     kDivide,
     kIn,
-    kContained,  ///< The left text is a part of the right one.
+    kContained,  ///< The right text contains the left one.
   };
   Kind kind = Kind::kConstant;
   std::size_t offset = 0;  ///< In the text.
   Comparison comparison = Comparison::kEqual;
   Value constant{};
   std::string property{};
-  std::uint32_t left = 0;  ///< Operands, by their numbers; unary operators have the left one.
+  std::uint32_t left = 0;  ///< Operands, by their indexes; unary operators use the left one.
   std::uint32_t right = 0;
 };
 
@@ -42,7 +42,7 @@ struct Node {
 using Nodes = std::vector<Node>;
 
 /// The value of the whole. Undefined: a property is missing or of another type, or a division is by
-/// 0. `and` and `or` are defined where one side decides.
+/// 0. `and` and `or` are defined if one side decides.
 /// @realtime alloc-free
 [[nodiscard]] Operand evaluate(const Nodes& nodes, const PropertySource& properties) noexcept;
 

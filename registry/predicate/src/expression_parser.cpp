@@ -14,10 +14,10 @@ namespace rtpm::predicate {
 namespace {
 
 using Kind = Node::Kind;
-/// The number of a node.
+/// The index of a node.
 using Index = std::uint32_t;
 
-/// Recursive descent; each function appends its nodes and returns the last one's number.
+/// Recursive descent; each function appends its nodes and returns the index of the last one.
 class ExpressionParser : TokenReader {
  public:
   explicit ExpressionParser(std::string_view text) : TokenReader(text, Minus::kSymbol) {}

@@ -9,7 +9,7 @@
 
 namespace rtpm::predicate {
 
-/// Reads an expression; an empty text gives no nodes.
+/// Reads an expression; an empty text results in no nodes.
 /// @errors   the text is malformed, or exceeds a limit of predicates
 [[nodiscard]] expected<Nodes, TextError> parse_expression(std::string_view text);
 

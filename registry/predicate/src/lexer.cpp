@@ -24,7 +24,7 @@ std::size_t word_size(std::string_view rest) noexcept {
   return static_cast<std::size_t>(std::ranges::find_if_not(rest, is_in_word) - rest.begin());
 }
 
-// From its sign, if it has one, to what is no part of it.
+// The size of a number, including its sign if it has one.
 std::size_t number_size(std::string_view rest) noexcept {
   const bool is_hex = rest.substr(rest.front() == '-' ? 1 : 0).starts_with("0x");
   std::size_t size = rest.front() == '-' ? 1 : 0;
@@ -36,7 +36,8 @@ std::size_t number_size(std::string_view rest) noexcept {
   return size;
 }
 
-// With both quotes; 0: the closing one is missing. A backslash keeps the next character.
+// The size of a text with both quotes; 0: the closing one is missing. A backslash keeps the next
+// character.
 std::size_t quoted_size(std::string_view rest) noexcept {
   for (std::size_t size = 1; size < rest.size(); ++size) {
     if (rest[size] == '\\') {

@@ -7,7 +7,7 @@
 namespace rtpm::predicate {
 namespace {
 
-/// The number that all of `text` is.
+/// The number, if it spans all of `text`.
 template <class T, class... Base>
 std::optional<T> parse_whole(std::string_view text, Base... base) noexcept {
   T value{};

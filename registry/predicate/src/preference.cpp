@@ -83,7 +83,7 @@ std::vector<std::size_t> Preference::order(const std::vector<const PropertySourc
   const auto undefined = std::ranges::stable_partition(numbers, is_defined);
   if (kind_ == Kind::kWith) return numbers;
   std::stable_sort(numbers.begin(), undefined.begin(), [&](std::size_t a, std::size_t b) {
-    // Numbers before texts, where offers differ.
+    // Numbers come before texts, if candidates have different types.
     const bool is_text_a = std::holds_alternative<std::string_view>(values[a]);
     const bool is_text_b = std::holds_alternative<std::string_view>(values[b]);
     if (is_text_a != is_text_b) return is_text_b;

@@ -5,7 +5,7 @@
 
 namespace rtpm::predicate {
 
-/// `text` in single quotes; these and backslashes have a backslash before them.
+/// `text` in single quotes; single quotes and backslashes are escaped by a backslash.
 [[nodiscard]] inline std::string quoted_text(std::string_view text) {
   std::string quoted = "'";
   for (const char byte : text) {

@@ -50,7 +50,7 @@ std::optional<Item> parse_item(std::string_view text) {
   return Item(std::string(text));
 }
 
-/// ('x', 'y'), of items of one type; an integer among reals is one.
+/// ('x', 'y'), with items of one type; an integer among reals counts as real.
 std::optional<Value> parse_list(std::string_view text) {
   List list;
   Lexer lexer(text.substr(1));

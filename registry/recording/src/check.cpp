@@ -8,10 +8,10 @@ namespace rtpm::recording {
 namespace {
 
 constexpr std::size_t kProblemCountMax = 100;
-/// How many records go by between two reports of progress.
+/// The number of records between two reports of progress.
 constexpr std::uint64_t kProgressStep = 1024;
 
-/// Looks through one recording.
+/// Checks one recording.
 class Examination {
  public:
   Examination(const InputFile& file, const Progress& progress)
@@ -20,7 +20,7 @@ class Examination {
           return !is_stopped_;
         }) {}
 
-  /// Nothing: it was stopped.
+  /// nullopt: it was stopped.
   std::optional<std::vector<std::string>> run() {
     const auto contents = read_contents(file_, Incomplete::kRead, progress_);
     if (contents) {
@@ -54,7 +54,7 @@ class Examination {
   std::uint64_t unknown_count_ = 0;
 };
 
-/// Where DataEnd is; nothing: the data section has no end.
+/// The place of DataEnd; nullopt: the data section has no end.
 std::optional<RecordPlace> Examination::find_data_end() const {
   std::optional<RecordPlace> found;
   std::uint64_t count = 0;
@@ -65,7 +65,7 @@ std::optional<RecordPlace> Examination::find_data_end() const {
   return found;
 }
 
-/// @return what is wrong; empty: nothing
+/// @return the error; empty: none
 std::string Examination::check_data_crc() const {
   const auto data_end = find_data_end();
   if (!data_end) return "it has no end of its data";

@@ -9,13 +9,14 @@
 
 namespace rtpm::recording {
 
-/// As a chunk states it: "", "lz4" or "zstd".
+/// In a chunk's spelling: "", "lz4" or "zstd".
 [[nodiscard]] std::string_view to_string(Compression compression) noexcept;
 
-/// Replaces `compressed` by `bytes` in that form. kLz4 is LZ4's frame format, as MCAP demands.
+/// Replaces `compressed` by `bytes` in compressed form. kLz4 is LZ4's frame format, as MCAP
+/// demands.
 void compress(Compression compression, ConstBytes bytes, std::vector<std::byte>& compressed);
 
-/// The uncompressed bytes; nothing: an unknown compression, damaged bytes, or another size.
+/// The uncompressed bytes; nullopt: an unknown compression, damaged bytes, or another size.
 /// @param size  stated by the chunk, and already limited by the caller
 [[nodiscard]] std::optional<std::vector<std::byte>> decompress(std::string_view compression,
                                                                ConstBytes compressed,

@@ -8,7 +8,7 @@ namespace {
 
 /// Longest block outside of chunks.
 constexpr std::uint64_t kLooseByteMax = 1 << 20;
-/// How many records go by between two reports of progress.
+/// The number of records between two reports of progress.
 constexpr std::uint64_t kProgressStep = 1024;
 constexpr std::uint64_t kTailSize = kRecordHeaderSize + kFooterContentSize + kMagicSize;
 
@@ -68,7 +68,7 @@ expected<Contents, SetupError> Finder::find(Incomplete incomplete) {
   return std::move(found_);
 }
 
-/// Whether the messages are found through it.
+/// Reads the summary. Returns whether it leads to all messages.
 expected<bool, SetupError> Finder::take_summary(const SummaryPlace& place) {
   const auto summary = read_summary(file_, place);
   if (!summary) return unexpected{summary.error()};
@@ -90,13 +90,13 @@ expected<bool, SetupError> Finder::take_summary(const SummaryPlace& place) {
   return false;
 }
 
-/// Whether the record is sound, and so is the place that it points to.
+/// Returns whether the record is sound, and its place exists.
 bool Finder::take_of_summary(Opcode opcode, ConstBytes content) {
   if (opcode == Opcode::kChunkIndex) {
     auto index = parse_chunk_index(content);
     const auto place = index ? file_.record_at(index->chunk_offset) : std::nullopt;
     if (!place || place->opcode != Opcode::kChunk) return false;
-    // A chunk without a stated time may have any.
+    // The messages of a chunk without stated times may have any time.
     if (index->begin_ns == 0 && index->end_ns == 0) index->end_ns = UINT64_MAX;
     found_.blocks.push_back(
         {.begin_ns = index->begin_ns, .end_ns = index->end_ns, .chunk = *place});
@@ -112,7 +112,8 @@ bool Finder::take_of_summary(Opcode opcode, ConstBytes content) {
     ByteReader reader(content);
     const auto place = file_.record_at(reader.take<std::uint64_t>());
     if (!reader.ok()) return false;
-    // @mcap/core names a wrong place where it writes no chunks: complete() searches for these.
+    // @mcap/core states a wrong place if it writes no chunks: complete() searches for these
+    // records.
     if (place && place->opcode == (is_metadata ? Opcode::kMetadata : Opcode::kAttachment)) {
       (is_metadata ? found_.metadata : found_.attachments).push_back(*place);
     }
@@ -122,7 +123,7 @@ bool Finder::take_of_summary(Opcode opcode, ConstBytes content) {
   return check_limits().has_value();
 }
 
-/// Whether all places are in the data, each once, so that no record is read again and again.
+/// Whether all places are in the data and do not overlap, so that no record is read repeatedly.
 bool Finder::has_sound_places(std::uint64_t summary_begin) const {
   std::vector<std::pair<std::uint64_t, std::uint64_t>> places;
   for (const Block& block : found_.blocks)
@@ -140,7 +141,8 @@ bool Finder::has_sound_places(std::uint64_t summary_begin) const {
   return true;
 }
 
-/// The summary may leave out what the chunks have. What remains lacking then is in no chunk.
+/// The summary may omit descriptions that the chunks have. Descriptions that are still missing
+/// after reading the chunks do not exist.
 bool Finder::lacks_descriptions() const {
   if (stated_ && stated_->channels > found_.channels.size()) return true;
   if (stated_ && stated_->schemas > found_.schemas.size()) return true;
@@ -188,7 +190,7 @@ expected<void, SetupError> Finder::complete_descriptions() {
   return {};
 }
 
-/// Metadata and attachments that no index names.
+/// Finds the metadata and attachments that no index names.
 expected<void, SetupError> Finder::find_extras() {
   found_.metadata.clear();
   found_.attachments.clear();
@@ -269,7 +271,7 @@ expected<void, SetupError> Finder::scan_chunk(const RecordPlace& chunk) {
   return {};
 }
 
-/// Takes a record about the recording, or about the block that it is in.
+/// Takes a record about the recording, or about the block that contains it.
 void Finder::take(Opcode opcode, ConstBytes content, Block& block) {
   if (opcode != Opcode::kMessage) return describe(opcode, content);
   const auto message = parse_message(content);

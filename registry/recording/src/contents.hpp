@@ -10,16 +10,16 @@
 
 namespace rtpm::recording {
 
-/// Records that are read at once: a chunk, or consecutive ones outside of chunks.
+/// Records that are read together: a chunk, or consecutive ones outside of chunks.
 struct Block {
-  /// Bounds of the log times of its messages, as the index states them or as they were found.
+  /// Bounds of the log times of its messages, as stated by the index or as found.
   std::uint64_t begin_ns = 0;
   std::uint64_t end_ns = 0;
   RecordPlace chunk{};
   bool is_chunk = true;
-  std::uint64_t begin = 0;  ///< If it is no chunk.
+  std::uint64_t begin = 0;  ///< For records outside of chunks.
   std::uint64_t end = 0;
-  /// In the file.
+  /// Offset in the file.
   [[nodiscard]] std::uint64_t place() const noexcept { return is_chunk ? chunk.offset : begin; }
 };
 
@@ -29,7 +29,7 @@ struct Contents {
   std::map<std::uint16_t, Channel> channels{};
   Statistics statistics{};
   bool is_complete = false;
-  std::vector<Block> blocks{};  ///< In the order of `begin_ns`.
+  std::vector<Block> blocks{};  ///< Ordered by `begin_ns`.
   std::vector<RecordPlace> metadata{};
   std::vector<RecordPlace> attachments{};
 };
@@ -37,13 +37,13 @@ struct Contents {
 /// "the recording … is damaged: `why`", with the remedy.
 [[nodiscard]] unexpected<SetupError> damaged(const InputFile& file, const std::string& why);
 
-/// Where the summary of a file is that its writer ended.
+/// The place of the summary in a file that its writer completed.
 struct SummaryPlace {
   std::uint64_t begin = 0;
-  std::uint64_t end = 0;  ///< As `begin`: there is none.
+  std::uint64_t end = 0;  ///< Equal to `begin`: there is none.
 };
-/// @return   nothing: it was not ended
-/// @errors   a summary that is not in the file
+/// @return   nullopt: the file is incomplete
+/// @errors   the summary is not within the file
 [[nodiscard]] expected<std::optional<SummaryPlace>, SetupError> find_summary(const InputFile& file);
 
 /// The bytes of a summary.
@@ -51,7 +51,7 @@ struct SummaryPlace {
 [[nodiscard]] expected<std::vector<std::byte>, SetupError> read_summary(const InputFile& file,
                                                                         const SummaryPlace& place);
 
-/// Finds what is in a file: by its summary; what that lacks, in the chunks.
+/// Finds the contents of a file: by its summary and, if that is incomplete, in the chunks.
 /// @errors   as FileReader::open()
 [[nodiscard]] expected<Contents, SetupError> read_contents(const InputFile& file,
                                                            Incomplete incomplete,

@@ -10,7 +10,7 @@
 namespace rtpm::recording {
 namespace {
 
-/// Copies the messages of a query, and the channels that have some.
+/// Copies the messages that a query selects, and their channels.
 class Selection {
  public:
   Selection(FileReader& reader, FileWriter& writer) noexcept : reader_(reader), writer_(writer) {}
@@ -23,7 +23,7 @@ class Selection {
   }
 
  private:
-  /// In the new file.
+  /// Number in the new file.
   expected<std::uint16_t, SetupError> number_of(std::uint16_t channel_id) {
     if (const auto known = numbers_.find(channel_id); known != numbers_.end()) return known->second;
     const auto found = reader_.channels().find(channel_id);
@@ -62,7 +62,7 @@ expected<void, SetupError> copy_extras(FileReader& reader, FileWriter& writer) {
   return {};
 }
 
-/// How many messages go by between two reports of progress.
+/// The number of messages between two reports of progress.
 constexpr std::uint64_t kProgressStep = 4096;
 
 }  // namespace

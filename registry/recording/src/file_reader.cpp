@@ -12,14 +12,14 @@ namespace {
 /// A message of an open block.
 struct Entry {
   std::uint64_t log_time_ns = 0;
-  std::uint64_t offset = 0;  ///< Of its record, in the block.
+  std::uint64_t offset = 0;  ///< Offset of its record in the block.
 };
 
 /// A block whose messages are being visited.
 struct OpenBlock {
   std::uint64_t place = 0;
   std::vector<std::byte> records{};
-  std::vector<Entry> entries{};  ///< In the order of time, those of one time in that of writing.
+  std::vector<Entry> entries{};  ///< Ordered by time, then by position.
   std::size_t next = 0;
 
   [[nodiscard]] std::uint64_t byte_count() const noexcept {
@@ -32,7 +32,7 @@ struct OpenBlock {
   }
 };
 
-/// Puts the block on top whose message is next.
+/// Orders the heap: the block with the next message is on top.
 bool is_later(const std::unique_ptr<OpenBlock>& a, const std::unique_ptr<OpenBlock>& b) {
   return std::pair(a->entries[a->next].log_time_ns, a->place) >
          std::pair(b->entries[b->next].log_time_ns, b->place);
@@ -91,7 +91,7 @@ class Merge {
       const auto message = parse_message(content);
       if (!message) return true;
       const std::uint64_t time_ns = message->log_time_ns;
-      // Then messages come too late, or are not found by their time.
+      // Such messages come too late, or their time does not lead to them.
       is_outside =
           is_outside || time_ns < block.begin_ns || (time_ns > block.end_ns && query_.from_ns > 0);
       if (is_wanted_[message->channel_id] && time_ns >= query_.from_ns && time_ns <= query_.to_ns) {

@@ -26,11 +26,12 @@ std::size_t hash_of(const Channel& channel) {
   return std::hash<std::string>{}(channel.topic) + channel.schema_id;
 }
 
-/// Values with numbers from 1.
+/// Values, numbered from 1.
 template <class T>
 class Numbered {
  public:
-  /// The number of `value`, which is added if need be, and whether it was; 0: there is no room.
+  /// The number of `value`, which is added if necessary, and whether it was added; 0: all numbers
+  /// are used.
   std::pair<std::uint16_t, bool> number_of(const T& value) {
     const std::size_t hash = hash_of(value);
     const auto [first, last] = numbers_.equal_range(hash);
@@ -47,7 +48,7 @@ class Numbered {
 
  private:
   std::vector<T> values_{};
-  std::unordered_multimap<std::size_t, std::uint16_t> numbers_{};  ///< By hash.
+  std::unordered_multimap<std::size_t, std::uint16_t> numbers_{};  ///< Keyed by hash.
 };
 
 }  // namespace
@@ -67,14 +68,14 @@ struct FileWriter::Impl {
   OutputFile file;
   WriterConfig config;
   std::uint32_t data_crc = 0;
-  /// Records that the next append() puts into the file.
+  /// Records that the next append() writes to the file.
   std::vector<std::byte> bytes{};
 
   Numbered<Schema> schemas{};
   Numbered<Channel> channels{};
   Statistics statistics{};
 
-  /// The chunk under way: its uncompressed records.
+  /// The uncompressed records of the current chunk.
   std::vector<std::byte> chunk{};
   MessageIndexes indexes{};
   std::uint64_t chunk_begin_ns = 0;
@@ -122,7 +123,7 @@ void FileWriter::Impl::write_indexes(std::uint64_t chunk_offset, const ChunkHead
   ++statistics.chunk_count;
 }
 
-/// From the summary on; `bytes` is empty before.
+/// The bytes from the summary on; `bytes` must be empty.
 void FileWriter::Impl::write_summary() {
   RecordWriter out(bytes);
   const std::uint64_t begin = file.size();
@@ -166,7 +167,7 @@ void FileWriter::Impl::write_summary() {
   for (const Group& group : groups)
     out.summary_offset(group.opcode, group.begin, group.size);
 
-  // The sum covers the footer up to itself.
+  // The checksum covers the footer up to itself.
   out.footer({.summary_begin = begin, .summary_offsets_begin = offsets_begin});
   const std::size_t crc_offset = bytes.size() - sizeof(std::uint32_t);
   store_le(bytes.data() + crc_offset, crc32(ConstBytes(bytes).first(crc_offset)));
@@ -211,7 +212,7 @@ expected<void, SetupError> FileWriter::write(const Message& message) {
   if (message.channel_id == 0 || message.channel_id > impl_->channels.values().size()) {
     return setup_error("a message has a channel that was not added");
   }
-  // Begin and end are those of messages; a chunk may begin with schemas and channels.
+  // Begin and end are times of messages; a chunk may begin with schemas and channels.
   if (impl_->indexes.empty()) impl_->chunk_begin_ns = impl_->chunk_end_ns = message.log_time_ns;
   impl_->chunk_begin_ns = std::min(impl_->chunk_begin_ns, message.log_time_ns);
   impl_->chunk_end_ns = std::max(impl_->chunk_end_ns, message.log_time_ns);

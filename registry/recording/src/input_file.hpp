@@ -9,22 +9,22 @@
 
 namespace rtpm::recording {
 
-/// What to do with a damaged recording.
+/// The remedy for a damaged recording.
 inline constexpr const char* kRepair = "save what is whole: rtpm bag recover";
 
 /// A record in the file.
 struct RecordPlace {
   Opcode opcode{};
-  std::uint64_t offset = 0;  ///< Of its opcode.
+  std::uint64_t offset = 0;  ///< Offset of its opcode.
   std::uint64_t content_size = 0;
   [[nodiscard]] std::uint64_t content_offset() const noexcept { return offset + kRecordHeaderSize; }
   [[nodiscard]] std::uint64_t end() const noexcept { return content_offset() + content_size; }
 };
 
-/// The error of a function that `progress` has stopped.
+/// The error of a function that `progress` stopped.
 [[nodiscard]] SetupError stopped(const std::string& what);
 
-/// A regular file that is read at any place. It may shrink meanwhile: what is read is checked.
+/// A regular file with random access. It may shrink while it is open: every read is checked.
 /// @ownership owns the descriptor
 class InputFile {
  public:
@@ -34,11 +34,11 @@ class InputFile {
   InputFile& operator=(InputFile&&) = delete;
   ~InputFile();
 
-  /// @errors   fewer bytes are there; more than a chunk may have; the disk
+  /// @errors   the file has fewer bytes; more than a chunk may have; a disk error
   [[nodiscard]] expected<std::vector<std::byte>, SetupError> read(std::uint64_t offset,
                                                                   std::uint64_t size) const;
-  /// The record at `offset`; nothing: it does not lie whole in the file, or has the opcode 0, which
-  /// the format does not have but a file with holes is full of.
+  /// The record at `offset`; nullopt: it is not completely within the file, or has the opcode 0,
+  /// which the format does not define, but which fills the holes of a file.
   [[nodiscard]] std::optional<RecordPlace> record_at(std::uint64_t offset) const;
   [[nodiscard]] expected<std::vector<std::byte>, SetupError> content(
       const RecordPlace& record) const;
@@ -56,7 +56,7 @@ class InputFile {
 
 /// A chunk with its uncompressed records.
 struct UnpackedChunk {
-  std::uint64_t begin_ns = 0;  ///< As the chunk states it.
+  std::uint64_t begin_ns = 0;  ///< As stated in the chunk.
   std::uint64_t end_ns = 0;
   std::vector<std::byte> records{};
 };
@@ -66,7 +66,7 @@ struct UnpackedChunk {
                                                          const RecordPlace& chunk);
 
 /// Calls `visit(opcode, content, offset)` for each record in `records`, until it returns false.
-/// @return whether all of them are whole
+/// @return whether all of them are complete
 template <class Visit>
 bool for_each_record(ConstBytes records, const Visit& visit) {
   std::uint64_t offset = 0;
@@ -81,9 +81,9 @@ bool for_each_record(ConstBytes records, const Visit& visit) {
   return true;
 }
 
-/// Calls `visit(place)` for each whole record from the file's beginning to the end of its data,
-/// that included, until it returns false.
-/// @return where the last one ends
+/// Calls `visit(place)` for each complete record from the file's beginning to the end of its data,
+/// inclusive, until it returns false.
+/// @return the end of the last record
 template <class Visit>
 std::uint64_t for_each_record(const InputFile& file, const Visit& visit) {
   std::uint64_t offset = kMagicSize;

@@ -9,19 +9,19 @@
 
 namespace rtpm::recording {
 
-/// A new recording under another name until it is whole.
+/// A new recording that has a temporary name until it is complete.
 /// @ownership owns its file, and removes it unless finish() was called
 class NewRecording {
  public:
-  /// @errors   the file exists, or can't be written
+  /// @errors   the file exists, or cannot be written
   [[nodiscard]] static expected<NewRecording, SetupError> create(const std::string& path);
   NewRecording(NewRecording&&) noexcept = default;
   NewRecording& operator=(NewRecording&&) = delete;
   ~NewRecording();
 
   [[nodiscard]] FileWriter& writer() noexcept { return *writer_; }
-  /// Gives it its name.
-  /// @return   how many messages it has
+  /// Renames the file to its final name.
+  /// @return   the number of messages that it has
   [[nodiscard]] expected<std::uint64_t, SetupError> finish();
 
  private:

@@ -8,8 +8,8 @@
 
 namespace rtpm::recording {
 
-/// A file that grows at its end. What an append could not write whole is cut off again, so that the
-/// file ends behind a whole record.
+/// A file that grows at its end. If an append fails, its incomplete part is cut off, so that the
+/// file ends after a complete record.
 /// @ownership owns the descriptor
 class OutputFile {
  public:
@@ -18,9 +18,9 @@ class OutputFile {
   OutputFile& operator=(OutputFile&&) = delete;
   ~OutputFile();
 
-  /// @errors   the disk is full, …; then every further append fails with the same
+  /// @errors   the disk is full, …; then every further append fails with the same error
   [[nodiscard]] expected<void, SetupError> append(ConstBytes bytes);
-  /// Hands all to the disk and closes.
+  /// Flushes everything to the disk and closes the file.
   [[nodiscard]] expected<void, SetupError> close();
 
   [[nodiscard]] std::uint64_t size() const noexcept { return size_; }

@@ -18,12 +18,12 @@
 namespace rtpm::recording {
 namespace {
 
-/// How often the rings are emptied, and how often the file gets a chunk.
+/// The intervals of emptying the rings, and of ending a chunk of the file.
 constexpr Duration kPeriod = std::chrono::milliseconds{5};
 constexpr Duration kChunkPeriod = std::chrono::seconds{1};
 constexpr std::size_t kChannelCountMax = 65'536;
 
-/// What stands in front of a message's bytes in a ring.
+/// The head of a message in a ring; its bytes follow.
 struct Head {
   std::uint64_t log_time_ns = 0;
   std::uint64_t publish_time_ns = 0;
@@ -33,7 +33,7 @@ struct Head {
 };
 static_assert(sizeof(Head) == 24);
 
-/// Memory of a ring, from a cache line on.
+/// Memory of a ring, aligned to a cache line.
 class RingMemory {
  public:
   explicit RingMemory(std::size_t size)
@@ -69,7 +69,7 @@ struct Recorder::Track::Impl {
   RingMemory memory;
   RecordWriter writer;
   RecordReader reader;
-  std::vector<std::byte> draft;  ///< Of the putting thread.
+  std::vector<std::byte> draft;  ///< Used by the putting thread.
   DropCounts& drop_counts;
 };
 
@@ -104,7 +104,7 @@ struct Recorder::Impl {
     wall_offset_ns = static_cast<std::int64_t>(rt::utc_ns(now)) - to_ns(now);
   }
 
-  /// Until close(): empties the rings, and ends a chunk each second.
+  /// Runs until close(): empties the rings, and ends a chunk each second.
   void run() {
     MonotonicTime chunk_end = rt::now() + kChunkPeriod;
     std::unique_lock lock(mutex);
@@ -160,7 +160,7 @@ struct Recorder::Impl {
     return counts;
   }
 
-  /// Puts the counts into the file, where they have changed.
+  /// Writes the counts into the file, if they have changed.
   void note_drops() {
     auto now = drops();
     if (now == noted_drops || problem) return;

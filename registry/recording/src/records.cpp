@@ -265,7 +265,7 @@ std::optional<std::pair<std::uint16_t, Schema>> parse_schema(ConstBytes content)
   found.second.encoding = take_string(reader);
   const ConstBytes data = reader.take_bytes(reader.take<std::uint32_t>());
   found.second.data.assign(data.begin(), data.end());
-  // The number 0 says that a channel has no schema.
+  // The number 0 means that a channel has no schema.
   if (found.first == 0) return std::nullopt;
   return if_ok(reader, std::move(found));
 }

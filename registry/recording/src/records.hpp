@@ -11,8 +11,8 @@
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/recording/mcap.hpp"
 
-/// MCAP's records as bytes. Numbers are little-endian; a string has its size, 32 bits, in front; a
-/// list or map has the size of all its entries in bytes, 32 bits.
+/// MCAP's records as bytes. Numbers are little-endian; a string begins with its size, 32 bits; a
+/// list or map begins with the size of all its entries in bytes, 32 bits.
 /// @source   https://mcap.dev/spec, "Records"
 namespace rtpm::recording {
 
@@ -64,7 +64,7 @@ struct ChunkIndex {
   std::uint64_t uncompressed_size = 0;
 };
 
-/// Where an attachment or metadata is.
+/// The place of an attachment or metadata.
 struct RecordIndex {
   std::uint64_t offset = 0;
   std::uint64_t size = 0;
@@ -86,7 +86,7 @@ struct Footer {
   std::uint32_t summary_crc = 0;  ///< 0: none.
 };
 
-/// Numbers of records that the summary states besides Statistics.
+/// Numbers of records that the summary states in addition to Statistics.
 struct RecordCounts {
   std::uint16_t schemas = 0;
   std::uint32_t channels = 0;
@@ -124,7 +124,7 @@ class RecordWriter {
   void data_end(std::uint32_t data_crc);
 
  private:
-  /// Writes the head of a record and, by end(), the size of what came after it.
+  /// Writes the head of a record; end() fills in the size of the content.
   std::size_t begin(Opcode opcode);
   void end(std::size_t content_offset);
   template <std::unsigned_integral T>
@@ -137,8 +137,8 @@ class RecordWriter {
   std::vector<std::byte>& bytes_;
 };
 
-/// The contents of records, from untrusted bytes; nothing: they are too short or contradict
-/// themselves. Bytes behind the known fields are skipped, as the format demands.
+/// The contents of records, from untrusted bytes; nullopt: they are too short or inconsistent.
+/// Bytes after the known fields are skipped, as the format demands.
 [[nodiscard]] std::optional<std::pair<std::uint16_t, Schema>> parse_schema(ConstBytes content);
 [[nodiscard]] std::optional<std::pair<std::uint16_t, Channel>> parse_channel(ConstBytes content);
 [[nodiscard]] std::optional<Message> parse_message(ConstBytes content);
@@ -153,7 +153,8 @@ class RecordWriter {
 /// Counts a message.
 void add(const Message& message, Statistics& statistics);
 
-/// CRC-32 of ISO-HDLC, as zlib computes it, going on from `crc`. zlib's, as a recording is large.
+/// Continues the CRC-32 of ISO-HDLC from `crc`. It uses zlib's fast one, because recordings are
+/// large.
 [[nodiscard]] std::uint32_t crc32(ConstBytes bytes, std::uint32_t crc = 0) noexcept;
 
 }  // namespace rtpm::recording

@@ -12,7 +12,7 @@
 namespace rtpm::recording {
 namespace {
 
-/// Copies records into a new recording, where schemas and channels have other numbers.
+/// Copies records into a new recording, which numbers schemas and channels anew.
 class Copy {
  public:
   Copy(FileWriter& writer, Recovery& recovery) noexcept : writer_(writer), recovery_(recovery) {}
@@ -30,7 +30,7 @@ class Copy {
     }
     return {};
   }
-  /// "lab/arm0/sampled"; "channel 7": no whole record has it.
+  /// "lab/arm0/sampled"; "channel 7": no intact record has the channel.
   [[nodiscard]] std::string topic_of(std::uint16_t channel) const {
     const auto found = topics_.find(channel);
     return found == topics_.end() ? "channel " + std::to_string(channel) : found->second;
@@ -51,7 +51,7 @@ class Copy {
   expected<void, SetupError> take_channel(ConstBytes content) {
     auto channel = parse_channel(content);
     if (!channel) return {};
-    // A channel whose schema was in a damaged chunk goes on without it.
+    // If its schema was in a damaged chunk, a channel is copied without it.
     const std::uint16_t wanted = channel->second.schema_id;
     const auto schema = schemas_.find(wanted);
     const bool is_typed = wanted == 0 || schema != schemas_.end();
@@ -112,10 +112,10 @@ class Rescue {
 
  private:
   expected<void, SetupError> learn_summary();
-  /// Takes what is at `offset`.
-  /// @return   where to go on; 0: at the end
+  /// Takes the record at `offset`.
+  /// @return   the offset at which to continue; 0: at the end
   expected<std::uint64_t, SetupError> step(std::uint64_t offset);
-  /// The same where no record is whole.
+  /// The same if there is no complete record at the offset.
   std::uint64_t skip(std::uint64_t offset, std::optional<std::uint64_t> next);
   expected<void, SetupError> take_chunk(const UnpackedChunk& chunk);
   void lose_chunk(std::uint64_t end);
@@ -127,12 +127,13 @@ class Rescue {
   Recovery recovery_{};
   Copy copy_;
   std::uint64_t data_end_ = file_.size();
-  std::set<std::uint64_t> places_{};                     ///< Of records that the summary knows.
-  std::map<std::uint64_t, std::uint64_t> chunk_ends_{};  ///< By the places of chunks among them.
-  std::map<std::uint16_t, std::uint64_t> lost_{};        ///< Messages by channel.
+  std::set<std::uint64_t> places_{};  ///< Places of records that the summary lists.
+  std::map<std::uint64_t, std::uint64_t>
+      chunk_ends_{};                               ///< Keyed by the places of chunks among them.
+  std::map<std::uint16_t, std::uint64_t> lost_{};  ///< Messages, keyed by channel.
 };
 
-/// Channels and schemas first: a damaged chunk may be the only one to have them.
+/// Takes channels and schemas first: a damaged chunk may be the only other one to have them.
 expected<void, SetupError> Rescue::learn_summary() {
   const auto place = find_summary(file_);
   if (!place || !*place || (*place)->begin == (*place)->end) return {};
@@ -206,7 +207,7 @@ expected<void, SetupError> Rescue::take_chunk(const UnpackedChunk& chunk) {
   return copied;
 }
 
-/// Counts what the indexes behind a chunk say was in it.
+/// Counts the messages that a chunk had, from the indexes after it.
 void Rescue::lose_chunk(std::uint64_t end) {
   ++recovery_.damaged_chunk_count;
   constexpr std::uint64_t kHeadSize = 6;

@@ -183,7 +183,7 @@ bool CompiledFilter::is_complete(const Node& node) const noexcept {
   for (const Kept& kept : kept_of(node)) {
     if (!kept.is_filled) return false;
     for (const EventRef& event : kept.events) {
-      // A timeout has no origin of its own.
+      // A timeout has no origin.
       if (event.header().type == kTimeoutType) continue;
       first = std::min(first, event.header().origin);
       last = std::max(last, event.header().origin);

@@ -10,27 +10,28 @@
 
 namespace rtpm::discovery {
 
-/// A name service that others are to find.
+/// A name service to announce.
 struct AnnouncedService {
   bool is_registry = false;
-  /// The numeric addresses that it serves. One of them is announced: the first IPv4 one that the
-  /// scope's interfaces have; else the first IPv4 one of a network; else the first.
+  /// The numeric addresses that it serves. One of them is announced: the first IPv4 address that
+  /// the scope's interfaces have or, without one, the first IPv4 address of a network or, without
+  /// one, the first address.
   std::vector<std::string> hosts{};
   std::uint16_t port = 0;
 };
 
-/// What became of the datagrams that came from the LAN. What is malformed or suppressed is said on
-/// standard error, too, a line every 10 s at most.
+/// Counts of the datagrams from the LAN. Malformed and suppressed ones are also reported on
+/// standard error, at most one line every 10 s.
 struct AnswerCounts {
   std::uint64_t answered = 0;
-  std::uint64_t malformed = 0;     ///< No query.
-  std::uint64_t other_domain = 0;  ///< Of another domain: no answer.
+  std::uint64_t malformed = 0;     ///< Not a query.
+  std::uint64_t other_domain = 0;  ///< For another domain: not answered.
   std::uint64_t suppressed = 0;    ///< Beyond the limits of answers.
 };
 
-/// Lets a name service be found, for as long as this lives: on this host by a socket in the user's
-/// folder, and, with a scope of the LAN and an address other than loopback, by answers to queries,
-/// on a time-shared thread "rtpm-discovery". What it does is said on standard error.
+/// Makes a name service discoverable during its own lifetime: on this host by a socket in the
+/// user's folder, and, with a scope of the LAN and an address other than loopback, by answers to
+/// queries, on a time-shared thread "rtpm-discovery". It reports its actions on standard error.
 /// @threads  create, keep and end from one thread; counts from any
 class Announcement {
  public:
@@ -42,7 +43,7 @@ class Announcement {
   Announcement& operator=(const Announcement&) = delete;
   ~Announcement();
 
-  /// Makes the socket again if a cleaner of files removed it. To be called now and then.
+  /// Recreates the socket if a cleaner of files removed it. Call it periodically.
   void keep();
   [[nodiscard]] AnswerCounts counts() const noexcept;
 

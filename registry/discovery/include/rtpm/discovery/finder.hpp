@@ -11,31 +11,32 @@
 
 namespace rtpm::discovery {
 
-/// How many servers' own name services of this host are asked, and services of the LAN.
+/// Maximum number of this host's servers that are asked for their own names, and of services of the
+/// LAN.
 inline constexpr std::size_t kLocalServiceCountMax = 64;
 inline constexpr std::size_t kLanServiceCountMax = 256;
-/// How long answers from the LAN are awaited.
+/// How long to wait for answers from the LAN.
 inline constexpr Duration kLanPatience = std::chrono::milliseconds{250};
 
-/// An object with the interface of names, not yet asked.
+/// An object with the interface of names that was not asked yet.
 struct FoundService {
   std::string url{};
   bool is_registry = false;
-  std::uint32_t process_id = 0;  ///< On its host; 0: not known.
+  std::uint32_t process_id = 0;  ///< On its host; 0: unknown.
   bool is_of_this_host = false;
-  /// Nobody said so: it may be there because this is its usual place.
+  /// Not announced: it may run, because this is its usual place.
   bool is_guess = false;
 };
 
 struct FoundServices {
-  std::vector<FoundService> services{};  ///< Registries first; each once.
-  /// What was left out and why, as sentences.
+  std::vector<FoundService> services{};  ///< Registries first, without duplicates.
+  /// The services that were left out and why, as sentences.
   std::vector<std::string> notes{};
 };
 
-/// The name services of the scope, as they are now. On the LAN it sends queries and waits for
-/// kLanPatience, for host names up to 1 s, or until `deadline`. The interfaces that it uses are
-/// said on standard error, once in a program.
+/// The name services of the scope at present. On the LAN it sends queries and waits for
+/// kLanPatience, for host names up to 1 s, or until `deadline`. It reports the interfaces that it
+/// uses on standard error, once per program.
 /// @threads  any, several at once
 /// @realtime set-up only; blocks
 /// @errors   the folder of this host is not safe to use; no such interface

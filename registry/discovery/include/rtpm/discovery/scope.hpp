@@ -11,30 +11,31 @@ namespace rtpm::discovery {
 
 /// The default scope.
 inline constexpr std::string_view kThisHost = "host";
-/// Where a registry listens by default; its object there.
+/// The port at which a registry listens by default, and the path of its object.
 inline constexpr std::uint16_t kRegistryPort = 7420;
 inline constexpr std::string_view kNamesPath = "rtpm/names";
-/// How many hosts a list has at most.
+/// Maximum number of hosts in a list.
 inline constexpr std::size_t kListedHostCountMax = 32;
 
 /// A host of a unicast list.
 struct ListedHost {
   std::string host{};
-  std::uint16_t port = 0;  ///< Of its name service; 0: those that its servers say, or 7420.
+  std::uint16_t port =
+      0;  ///< Port of its name service; 0: the ports that its servers report, or 7420.
 };
 
-/// Where name services are looked for.
+/// The places to search for name services.
 struct Scope {
   enum class Kind : std::uint8_t {
-    kUrl,    ///< One registry and nothing else.
+    kUrl,    ///< Only this registry.
     kHost,   ///< This host.
-    kLan,    ///< And those that answer in a domain of the LAN, by multicast.
-    kHosts,  ///< This host and listed ones.
+    kLan,    ///< This host, and those that answer in a domain of the LAN, by multicast.
+    kHosts,  ///< This host and the listed ones.
   };
   Kind kind = Kind::kHost;
   std::string url{};
   std::uint8_t domain = 0;
-  std::string interface {};  ///< Its name or address, or "any".
+  std::string interface {};  ///< Name or address of the interface, or "any".
   std::vector<ListedHost> hosts{};
 
   [[nodiscard]] bool is_url() const noexcept { return kind == Kind::kUrl; }
@@ -43,9 +44,9 @@ struct Scope {
   }
 };
 
-/// Of "rtpm://host:port/path", "host", "lan[:DOMAIN]@INTERFACE" or "HOST[:PORT],HOST[:PORT]…".
+/// Parses "rtpm://host:port/path", "host", "lan[:DOMAIN]@INTERFACE" or "HOST[:PORT],HOST[:PORT]…".
 /// @realtime set-up only
-/// @errors   none of these; the text lists them
+/// @errors   the text has none of these forms, which the error lists
 [[nodiscard]] expected<Scope, SetupError> parse_scope(std::string_view text);
 
 }  // namespace rtpm::discovery

@@ -32,14 +32,15 @@ class RemoteObject {
   [[nodiscard]] const std::string& compiler_version() const noexcept { return compiler_version_; }
   [[nodiscard]] rpc::Binding& binding() noexcept { return *binding_; }
 
-  /// Calls `method`, one of dynamic().service(), that gives no stream, with the bytes on the wire;
-  /// returns those of the reply, of a oneway none. `options` without a deadline: the method's.
+  /// Calls `method`, one of dynamic().service() without a stream, with the bytes on the wire;
+  /// returns those of the reply, or none for a oneway. Without a deadline in `options`, the
+  /// method's applies.
   /// @threads  any, several at once, unlike the rest
   /// @errors   as rpc::Binding::call()
   [[nodiscard]] expected<std::vector<std::byte>, rpc::CallError> call_bytes(
       const schema::Method& method, ConstBytes request, const rpc::CallOptions& options);
 
-  /// Receives the reply, or each item of a stream, in JSON; at times an empty text while none
+  /// Receives the reply, or each item of a stream, in JSON; at times an empty text while no item
   /// arrives. Returns false to end the stream.
   using Print = std::function<bool(std::string_view json)>;
 
@@ -74,7 +75,7 @@ class RemoteObject {
                                                        const std::string& registry_url,
                                                        const std::string& target);
 
-/// The URL of the catalog at the server of `url`; empty if that is no URL.
+/// The URL of the catalog at the server of `url`; empty if `url` is malformed.
 [[nodiscard]] std::string catalog_url(const std::string& url);
 
 }  // namespace rtpm::dynamic

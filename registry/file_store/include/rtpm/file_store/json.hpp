@@ -15,17 +15,17 @@
 ///       "properties": [{"name": "force", "type": "real", "value": 3.5, "unit": "newton"}]}]}
 namespace rtpm::file_store {
 
-/// The permanent ones of `names`.
+/// Writes the permanent ones of `names`.
 [[nodiscard]] std::string to_json(const std::vector<names::StoredName>& names);
 
-/// Names to be bound: without revisions, of the owner `owner`.
-/// @errors   the text is no JSON of this form; the sentence says where
+/// Reads names to be bound: without revisions, with the owner `owner`.
+/// @errors   the text is not JSON of this form; the sentence says where
 [[nodiscard]] expected<std::vector<names::StoredName>, SetupError> parse_json(std::string_view text,
                                                                               names::Owner owner);
 
-/// Properties alone, as the list that such JSON has.
+/// Writes properties only, as the list in such JSON.
 [[nodiscard]] std::string properties_to_json(const std::vector<names::Property>& properties);
-/// nullopt: it is no such list.
+/// nullopt: the text is not such a list.
 [[nodiscard]] std::optional<std::vector<names::Property>> properties_from_json(
     std::string_view text);
 

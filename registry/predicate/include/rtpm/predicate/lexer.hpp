@@ -11,23 +11,24 @@ struct Token {
   enum class Kind : unsigned char {
     kEnd,
     kWord,     ///< A name or a keyword; may have dots.
-    kNumber,   ///< Digits, with what follows without a space: "12", "0x1f", "2.5e3", "5ms".
+    kNumber,   ///< Digits, with the characters that follow without a space: "12", "0x1f", "2.5e3",
+               ///< "5ms".
     kText,     ///< In single or double quotes, which are part of it.
     kSymbol,   ///< A comparison, or one of ( ) , / : * & + - ~.
-    kUnknown,  ///< A character of none of these.
+    kUnknown,  ///< Any other character.
   };
   Kind kind = Kind::kEnd;
   std::string_view text{};
   std::size_t offset = 0;
 };
 
-/// What a '-' before a digit is.
+/// The meaning of a '-' before a digit.
 enum class Minus : std::uint8_t {
-  kSign,    ///< The number's: "-1" is one token.
+  kSign,    ///< A sign: "-1" is one token.
   kSymbol,  ///< Arithmetic: "-1" is two tokens.
 };
 
-/// Cuts a text into tokens.
+/// Splits a text into tokens.
 /// @ownership refers to the text
 class Lexer {
  public:

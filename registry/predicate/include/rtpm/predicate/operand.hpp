@@ -22,7 +22,7 @@ class PropertySource {
   PropertySource(const PropertySource&) = delete;
   PropertySource& operator=(const PropertySource&) = delete;
   virtual ~PropertySource() = default;
-  /// std::monostate: it has no such property.
+  /// std::monostate: there is no such property.
   [[nodiscard]] virtual Operand find(std::string_view name) const noexcept = 0;
 };
 

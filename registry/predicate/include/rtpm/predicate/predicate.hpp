@@ -19,7 +19,7 @@ inline constexpr std::size_t kPredicateSizeMax = 4096;  ///< Bytes of a text.
 inline constexpr std::size_t kPredicateNodeCountMax = 256;
 inline constexpr std::size_t kListSizeMax = 64;  ///< Items of a list in a predicate.
 
-/// The type of the properties of a name; nullopt: not known, or not the same everywhere.
+/// The type of a property by its name; nullopt: unknown, or it differs between names.
 using TypeOfProperty = std::function<std::optional<Type>(std::string_view name)>;
 
 /// A parsed expression over properties.
@@ -29,15 +29,15 @@ class Expression {
  public:
   /// Reads a text; an empty one is true. Grammar: registry/predicate/README.md.
   /// @realtime set-up only
-  /// @errors   malformed; a limit; an operator with an operand of a type that it does not take, as
-  ///           far as `type_of_property` knows the types
+  /// @errors   malformed; a limit; an operand whose type its operator does not accept, as far as
+  ///           `type_of_property` knows the types
   [[nodiscard]] static expected<Expression, TextError> parse(
       std::string_view text, const TypeOfProperty& type_of_property);
 
   /// Undefined: a property is missing or of another type, or a division is by 0.
   /// @realtime alloc-free
   [[nodiscard]] Operand value(const PropertySource& properties) const noexcept;
-  /// nullopt: it depends on properties whose type is not known.
+  /// nullopt: the type depends on properties whose type is unknown.
   [[nodiscard]] std::optional<Type> type() const noexcept;
 
   /// A property that the text names.
@@ -53,13 +53,13 @@ class Expression {
   std::shared_ptr<const Parsed> parsed_;
 };
 
-/// An expression that is true or not.
+/// An expression whose value is true or false.
 class Predicate {
  public:
-  /// @errors   as Expression::parse(); the whole is not of bool
+  /// @errors   as Expression::parse(); the type of the whole is not bool
   [[nodiscard]] static expected<Predicate, TextError> parse(
       std::string_view text, const TypeOfProperty& type_of_property = {});
-  /// Whether it is true; undefined is not, also behind `not`.
+  /// Whether it is true; an undefined result is not, even behind `not`.
   /// @realtime alloc-free
   [[nodiscard]] bool accepts(const PropertySource& properties) const noexcept;
   [[nodiscard]] const Expression& expression() const noexcept { return expression_; }

@@ -11,23 +11,23 @@
 
 namespace rtpm::predicate {
 
-/// Which of what a predicate accepts comes first: "min EXPRESSION", "max EXPRESSION",
-/// "with PREDICATE", "random", "first".
+/// The order of the candidates that a predicate accepts: "min EXPRESSION", "max EXPRESSION", "with
+/// PREDICATE", "random", "first".
 class Preference {
  public:
   /// Reads a text; an empty one is "first".
   /// @realtime set-up only
   /// @errors   no such preference; as Expression::parse(), with offsets into `text`; min and max
-  ///           of what is no number or text, with of what is no bool
+  ///           of an expression that is no number or text, with of one that is no bool
   [[nodiscard]] static expected<Preference, TextError> parse(
       std::string_view text, const TypeOfProperty& type_of_property = {});
 
-  /// The order of the candidates, as their numbers. Those with equal values keep their order; those
-  /// for which the expression is undefined come last.
+  /// The order of the candidates, as their indexes. Candidates with equal values keep their order;
+  /// those for which the expression is undefined come last.
   /// @param random  draws the order of "random"
   [[nodiscard]] std::vector<std::size_t> order(const std::vector<const PropertySource*>& candidates,
                                                std::uint64_t random) const;
-  /// Whether the first candidates found are the ones wanted.
+  /// Whether the preference is "first", so that the first candidates found are the preferred ones.
   [[nodiscard]] bool is_first() const noexcept { return kind_ == Kind::kFirst; }
 
  private:

@@ -9,12 +9,12 @@
 
 namespace rtpm::predicate {
 
-/// What parsers by recursive descent share: the current token, the first error, which ends the
-/// parsing (from then on the token is kEnd), and the operators `or`, `and`, `not` and parentheses.
-/// Predicates of names and filters of events derive from it.
+/// The common base of recursive-descent parsers, for predicates of names and filters of events: the
+/// current token, the first error, which ends the parsing (from then on the token is kEnd), and the
+/// operators `or`, `and`, `not` and parentheses.
 class TokenReader {
  protected:
-  /// Parentheses and "not" in each other: the parser's own depth.
+  /// Maximum nesting of parentheses and "not", which bounds the parser's recursion.
   static constexpr int kNestingMax = 100;
 
   explicit TokenReader(std::string_view text, Minus minus = Minus::kSign) noexcept
@@ -29,11 +29,11 @@ class TokenReader {
   [[nodiscard]] bool is_at(std::string_view text) const;
   bool take(std::string_view text);
   void require(std::string_view text);
-  /// Takes `word`; refuses `symbol`, which users of other languages try.
+  /// Takes `word`; refuses `symbol`, the spelling of other languages.
   bool take_operator(std::string_view word, std::string_view symbol);
   /// Takes "not"; refuses "!".
   bool take_not();
-  /// Calls `inner` behind `begin`, which opens a nested part, unless that would be too deep.
+  /// Calls `inner` after `begin`, which opens a nested part, unless that is nested too deep.
   template <class Inner>
   auto nested(const Token& begin, Inner inner) -> decltype(inner()) {
     if (++nesting_ > kNestingMax) fail(begin, "it is nested too deeply");

@@ -56,17 +56,17 @@ using Value = std::variant<bool, std::int64_t, double, std::string, List>;
 [[nodiscard]] Type type_of(const Item& item) noexcept;
 [[nodiscard]] Type type_of(const Value& value) noexcept;
 
-/// As a predicate's text has it: 'haptic', 3, 2.5, true, ('x', 'y').
+/// In the syntax of predicates: 'haptic', 3, 2.5, true, ('x', 'y').
 [[nodiscard]] std::string to_text(const Value& value);
-/// The value of a constant's text, without quotes where it is no other: true, 3, 2.5, arm, 'arm',
-/// ('x', 'y'). An empty list is one of texts.
+/// The value of a constant's text; unquoted words are texts: true, 3, 2.5, arm, 'arm', ('x', 'y').
+/// An empty list is a list of texts.
 [[nodiscard]] std::optional<Value> parse_value(std::string_view text);
 
 /// A named value.
 struct Property {
   std::string name{};
   Value value{};
-  std::string unit{};  ///< Of numbers: "newton"; empty: not stated.
+  std::string unit{};  ///< For numbers: "newton"; empty: not stated.
   friend bool operator==(const Property&, const Property&) = default;
 };
 

@@ -15,36 +15,36 @@ struct WriterConfig {
   std::string profile{};                 ///< "rtpm"; empty: none.
 };
 
-/// Writes a recording: messages in compressed, indexed chunks, and at the end a summary. Each chunk
-/// is in the file when it is full or end_chunk() is called, so a program that dies loses at most
-/// one.
+/// Writes a recording: messages in compressed, indexed chunks, and at the end a summary. A chunk
+/// reaches the file when it is full or end_chunk() is called, so a program that dies loses at most
+/// one chunk.
 /// @ownership owns the file
 /// @threads  one at a time
 /// @realtime never: compresses and writes
 class FileWriter {
  public:
   /// Creates the file.
-  /// @errors   in words: it exists already, no such folder, no right
+  /// @errors   in words: it exists already, no such folder, no permission
   [[nodiscard]] static expected<std::unique_ptr<FileWriter>, SetupError> create(
       const std::string& path, WriterConfig config = {});
   FileWriter(const FileWriter&) = delete;
   FileWriter& operator=(const FileWriter&) = delete;
-  /// Closes.
+  /// Closes the file.
   ~FileWriter();
 
-  /// Gives a schema a number, from 1; an equal one keeps its own.
-  /// @errors   more than 65535 of them
+  /// Returns the schema's number, from 1; reuses it for an equal schema.
+  /// @errors   more than 65535 schemas
   [[nodiscard]] expected<std::uint16_t, SetupError> add_schema(const Schema& schema);
-  /// Gives a channel a number, from 1; an equal one keeps its own.
-  /// @errors   more than 65535 of them; a schema that was not added
+  /// Returns the channel's number, from 1; reuses it for an equal channel.
+  /// @errors   more than 65535 channels; a schema that was not added
   [[nodiscard]] expected<std::uint16_t, SetupError> add_channel(const Channel& channel);
 
-  /// @errors   a channel that was not added; the disk is full, or another error of the file: what
-  ///           was written until then stays readable, and all further calls fail likewise
+  /// @errors   a channel that was not added; the disk is full, or another error of the file: then
+  ///           the data written so far stays readable, and all further calls fail likewise
   [[nodiscard]] expected<void, SetupError> write(const Message& message);
   [[nodiscard]] expected<void, SetupError> write(const Attachment& attachment);
   [[nodiscard]] expected<void, SetupError> write(const Metadata& metadata);
-  /// Puts into the file what was written. Call it once per second, so that no more is lost.
+  /// Ends the chunk, so that all messages reach the file. Call it once per second, to bound losses.
   [[nodiscard]] expected<void, SetupError> end_chunk();
   /// Writes the summary and closes the file. No other call may follow.
   [[nodiscard]] expected<void, SetupError> close();

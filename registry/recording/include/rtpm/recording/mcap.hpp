@@ -15,7 +15,7 @@ namespace rtpm::recording {
 /// How chunks are compressed.
 enum class Compression : std::uint8_t { kNone, kLz4, kZstd };
 
-/// How the payloads of a channel are to be read.
+/// How to read the payloads of a channel.
 /// @ownership a value
 struct Schema {
   std::string name;             ///< "lab.Touched".
@@ -38,9 +38,9 @@ struct Channel {
 /// @ownership views its bytes
 struct Message {
   std::uint16_t channel_id = 0;
-  std::uint32_t sequence = 0;         ///< The sender's count; 0: it has none.
+  std::uint32_t sequence = 0;         ///< The sender's count; 0: the sender does not count.
   std::uint64_t log_time_ns = 0;      ///< When it was recorded, since 1970 in UTC.
-  std::uint64_t publish_time_ns = 0;  ///< When it was sent; the log time if that is unknown.
+  std::uint64_t publish_time_ns = 0;  ///< When it was sent; the log time if unknown.
   ConstBytes data{};
 };
 
@@ -63,14 +63,14 @@ struct Attachment {
   friend bool operator==(const Attachment&, const Attachment&) = default;
 };
 
-/// What a recording holds.
+/// A recording's counts and times.
 /// @ownership a value
 struct Statistics {
   std::uint64_t message_count = 0;
   std::uint32_t chunk_count = 0;
   std::uint64_t begin_ns = 0;  ///< Log time of the first message; 0: there is none.
-  std::uint64_t end_ns = 0;    ///< Of the last one.
-  std::map<std::uint16_t, std::uint64_t> message_counts{};  ///< By channel.
+  std::uint64_t end_ns = 0;    ///< Log time of the last message.
+  std::map<std::uint16_t, std::uint64_t> message_counts{};  ///< Keyed by channel.
 };
 
 }  // namespace rtpm::recording

@@ -17,35 +17,37 @@ namespace rtpm::recording {
 struct RecorderConfig {
   WriterConfig writer{};
   std::size_t message_byte_max = 64 * 1024;  ///< A longer message is dropped and counted.
-  std::size_t ring_byte_count = 4 << 20;     ///< Of each track; a power of two.
+  std::size_t ring_byte_count = 4 << 20;     ///< For each track; a power of two.
 };
 
-/// What a recorder did so far.
+/// Counters of a recorder.
 struct RecorderStatus {
   std::uint64_t message_count = 0;  ///< Written.
   std::uint64_t byte_count = 0;     ///< In the file.
   std::uint64_t drop_count = 0;     ///< Not recorded: the ring was full, or the message too long.
-  std::map<std::uint16_t, std::uint64_t> drop_counts{};  ///< By channel, where there are some.
-  std::optional<SetupError> problem{};  ///< Why it stopped writing; all further messages drop.
+  std::map<std::uint16_t, std::uint64_t>
+      drop_counts{};  ///< Keyed by channel; only those with drops.
+  std::optional<SetupError>
+      problem{};  ///< Why it stopped writing; all further messages are dropped.
 };
 
-/// Records messages of real-time threads: these only copy into rings, and a thread of its own
+/// Records messages of real-time threads: these only copy into rings; the recorder's own thread
 /// compresses and writes. A program that dies loses at most the last second, and one chunk.
 ///
-/// The file's metadata "rtpm.recorder" says what was dropped, each second in which there was
-/// something, and at the end.
+/// The file's metadata "rtpm.recorder" lists the dropped messages: each second in which there were
+/// some, and at the end.
 /// @ownership owns the file and its thread
 /// @threads  any
 class Recorder {
  public:
-  /// The way of one thread into the recording.
+  /// One thread's access to the recording.
   class Track {
    public:
     Track(const Track&) = delete;
     Track& operator=(const Track&) = delete;
     ~Track();
-    /// Copies a message. Of one thread at a time, the same for all calls.
-    /// @param message  its channel was added; log times that rise make the file quick to read
+    /// Copies a message. All calls must come from the same thread.
+    /// @param message  its channel must exist; rising log times make the file quick to read
     /// @return false: it was dropped and counted
     /// @realtime wait-free, alloc-free, no system call
     bool put(const Message& message) noexcept;
@@ -58,35 +60,35 @@ class Recorder {
   };
 
   /// @realtime set-up only
-  /// @errors   as FileWriter::create(); no thread is left
+  /// @errors   as FileWriter::create(); no thread could be started
   [[nodiscard]] static expected<std::unique_ptr<Recorder>, SetupError> create(
       const std::string& path, RecorderConfig config = {});
   Recorder(const Recorder&) = delete;
   Recorder& operator=(const Recorder&) = delete;
-  /// As close(), without its answer.
+  /// As close(), without its result.
   ~Recorder();
 
   /// As FileWriter's.
   /// @realtime set-up only
   [[nodiscard]] expected<std::uint16_t, SetupError> add_schema(const Schema& schema);
   [[nodiscard]] expected<std::uint16_t, SetupError> add_channel(const Channel& channel);
-  /// Puts metadata into the file, behind the messages that were written until now.
+  /// Writes metadata into the file, after the messages that were written until now.
   /// @errors   as FileWriter's; also an earlier one
   [[nodiscard]] expected<void, SetupError> write(const Metadata& metadata);
-  /// The longest message.
+  /// Maximum size of a message.
   [[nodiscard]] std::size_t message_byte_max() const noexcept;
-  /// A track, which lives as long as the recorder. Allocates its ring.
+  /// Adds a track, which lives as long as the recorder. Allocates its ring.
   /// @realtime set-up only
   [[nodiscard]] Track& add_track();
 
   /// A time of this host's monotonic clock as a log time: since 1970, by the wall clock at
-  /// create(). So it never goes back, whatever becomes of the wall clock.
+  /// create(). It never goes back, even if the wall clock does.
   /// @realtime alloc-free
   [[nodiscard]] std::uint64_t log_time_ns(MonotonicTime time) const noexcept;
 
   [[nodiscard]] RecorderStatus status() const;
-  /// Writes what the rings still hold, and the end. No put() may follow.
-  /// @errors   the file's, also an earlier one; what was written until then is whole
+  /// Writes the messages in the rings, and the end of the file. No put() may follow.
+  /// @errors   of the file, also an earlier one; the data written so far is intact
   [[nodiscard]] expected<void, SetupError> close();
 
  private:

@@ -10,49 +10,49 @@
 
 namespace rtpm::recording {
 
-/// What recover() did.
+/// The result of recover().
 struct Recovery {
   std::uint64_t message_count = 0;        ///< In the new file.
   std::uint64_t damaged_chunk_count = 0;  ///< Left out.
-  /// At the end of the old file, of a record that was not whole, or between records.
+  /// Bytes left out: at the end of the old file, of an incomplete record, or between records.
   std::uint64_t cut_byte_count = 0;
-  /// Messages of damaged chunks, by topic, as their indexes count them; where these are damaged,
-  /// too, it is not known.
+  /// Messages of damaged chunks, by topic, as their indexes count them; if these are damaged, too,
+  /// the number is unknown.
   std::map<std::string, std::uint64_t> lost_counts{};
   std::uint64_t unknown_channel_count =
       0;  ///< Messages left out: no whole record has their channel.
   std::vector<std::string> untyped_topics{};  ///< Their schema is in no whole record.
 
-  /// Whether the new file has all that the old one had.
+  /// Whether the new file has everything that the old one had.
   [[nodiscard]] bool is_without_loss() const noexcept {
     return damaged_chunk_count == 0 && cut_byte_count == 0 && unknown_channel_count == 0 &&
            untyped_topics.empty();
   }
 };
 
-/// The metadata in which a recovered recording says what it lost.
+/// The metadata in which a recovered recording lists what it lost.
 inline constexpr const char* kRecoveryMetadata = "rtpm.recovery";
 
-/// Writes a new recording of all that is whole in a truncated or damaged one, with the channels and
-/// schemas of its summary, where that is whole. Behind a damaged place it goes on where the summary
-/// knows of a record. What was lost is said in the new file, too. It has its name when it is whole.
-/// @errors   no MCAP file; the new file exists, or can't be written; it was stopped
+/// Writes a new recording of everything that is intact in a truncated or damaged one, with the
+/// channels and schemas of its summary, if that is intact. After a damaged place it continues at
+/// the next record that the summary knows. The new file also lists what was lost. It gets its name
+/// when it is complete.
+/// @errors   no MCAP file; the new file exists, or cannot be written; it was stopped
 /// @realtime never
 [[nodiscard]] expected<Recovery, SetupError> recover(const std::string& from, const std::string& to,
                                                      const Progress& progress = {});
 
-/// Writes a new recording of the messages that `query` names, with their channels, and all metadata
-/// and attachments. It has its name when it is whole.
-/// @return   how many messages it has
-/// @errors   as FileReader::open() and read(); the new file exists, or can't be written; it was
+/// Writes a new recording of the messages that `query` selects, with their channels, and all
+/// metadata and attachments. It gets its name when it is complete.
+/// @return   the number of messages that it has
+/// @errors   as FileReader::open() and read(); the new file exists, or cannot be written; it was
 ///           stopped
 /// @realtime never
 [[nodiscard]] expected<std::uint64_t, SetupError> cut(const std::string& from,
                                                       const std::string& to, const Query& query,
                                                       const Progress& progress = {});
 
-/// Reads all of a recording and says what is wrong with it, a clause each, at most 100; empty:
-/// nothing.
+/// Reads all of a recording and lists its errors, a clause each, at most 100; empty: it has none.
 /// @errors   no such file; no MCAP file; it was stopped
 /// @realtime never
 [[nodiscard]] expected<std::vector<std::string>, SetupError> check(const std::string& path,
