@@ -39,13 +39,13 @@ class Follow {
   /// The result of a read through the leader.
   struct Probe {
     MonotonicTime begun{};
-    std::uint64_t last_change =
-        0;                    ///< The last change of existing names; removed names are not visible.
-    std::uint64_t count = 0;  ///< Number of names.
+    /// The last change of existing names; removed names are not visible.
+    std::uint64_t last_change = 0;
+    std::uint64_t count = 0;     ///< Number of names.
     std::uint64_t revision = 0;  ///< The last revision that the watch had reported by then.
     bool is_met = false;
-    int unmet_count =
-        0;  ///< How many earlier probes found the same while the watch reported nothing.
+    /// How many earlier probes found the same while the watch reported nothing.
+    int unmet_count = 0;
   };
 
   void run();

@@ -25,8 +25,8 @@ struct BridgeConfig {
   Direction direction = Direction::kBoth;
   std::vector<WantedOrigin> wanted{};  ///< Published to the broker; empty: everything.
   std::vector<TopicMapping> mappings{};
-  Priority
-      priority{};  ///< Priority of events from the broker and of the hub's sends to the bridge.
+  /// Priority of events from the broker and of the hub's sends to the bridge.
+  Priority priority{};
   std::uint8_t hops = 0;  ///< Further hops of events from other clients of the broker.
   events::DeliveryPolicy delivery{.queue_capacity = events::kQueueCapacityMax};
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;

@@ -18,8 +18,8 @@ struct WatchFilter {
   std::set<std::string, std::less<>> names{};  ///< Empty: any.
   std::string interface {};                    ///< Empty: any.
   predicate::Predicate predicate;
-  std::shared_ptr<const rpc::Caller>
-      caller{};  ///< Its grants must let it see the name; null: no check.
+  /// Its grants must let it see the name; null: no check.
+  std::shared_ptr<const rpc::Caller> caller{};
 
   [[nodiscard]] bool accepts(const Record& record) const;
 };

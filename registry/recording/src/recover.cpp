@@ -128,8 +128,8 @@ class Rescue {
   Copy copy_;
   std::uint64_t data_end_ = file_.size();
   std::set<std::uint64_t> places_{};  ///< Places of records that the summary lists.
-  std::map<std::uint64_t, std::uint64_t>
-      chunk_ends_{};                               ///< Keyed by the places of chunks among them.
+  /// Ends of the chunks among them, keyed by their places.
+  std::map<std::uint64_t, std::uint64_t> chunk_ends_{};
   std::map<std::uint16_t, std::uint64_t> lost_{};  ///< Messages, keyed by channel.
 };
 

@@ -148,8 +148,8 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   const std::unique_ptr<RingOutlet> ring_;            ///< Null: none. Written with mutex_ held.
   const std::unique_ptr<MulticastOutlet> multicast_;  ///< Likewise.
   Broadcasts broadcasts_;  ///< The ring and the multicast; used if there is a multicast.
-  mutable rt::PiMutex
-      mutex_;  ///< Guards all members below; held for at most kEventsPerTurn events.
+  /// Guards all members below; held for at most kEventsPerTurn events.
+  mutable rt::PiMutex mutex_;
   Exchange exchange_;
   std::vector<Outlet> outlets_;  ///< Indexed by the subscription's number.
   Intake intake_;

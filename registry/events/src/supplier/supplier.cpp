@@ -311,8 +311,8 @@ class Supplier::Impl {
   std::array<Counter, kSequenceCountMax> counters_{};
   std::size_t counter_count_ = 0;
   PushLedger ledger_{};
-  std::uint64_t lost_frames_noted_ =
-      0;                             ///< The pushing binding's lost_oneway_count() when last read.
+  /// The pushing binding's lost_oneway_count() when last read.
+  std::uint64_t lost_frames_noted_ = 0;
   bool is_loss_unreported_ = false;  ///< The next flush() returns kMaybeLost.
 
   Latest<HubClock> clock_;

@@ -20,8 +20,8 @@ inline constexpr std::size_t kListedHostCountMax = 32;
 /// A host of a unicast list.
 struct ListedHost {
   std::string host{};
-  std::uint16_t port =
-      0;  ///< Port of its name service; 0: the ports that its servers report, or 7420.
+  /// Port of its name service; 0: the ports that its servers report, or 7420.
+  std::uint16_t port = 0;
 };
 
 /// The places to search for name services.

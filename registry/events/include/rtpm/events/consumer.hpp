@@ -57,8 +57,8 @@ class EventHandler {
 
 /// Configures a consumer.
 struct ConsumerConfig {
-  std::string name =
-      "consumer";  ///< Names its thread, "ev-<name>", and its entry in the hub's report.
+  /// Names its thread, "ev-<name>", and its entry in the hub's report.
+  std::string name = "consumer";
   Filter filter{};
   DeliveryPolicy delivery{};
   Priority priority{};  ///< Priority of its thread and of the hub's sends to it.
@@ -87,8 +87,8 @@ struct ConsumerConfig {
   std::uint32_t miss_count_max = rpc::kMissCountMax;
   /// The epoch of the hub that forwards these events; 0: none. Set by a hub's link only.
   std::uint64_t linking_hub = 0;
-  Duration deadline =
-      std::chrono::seconds{1};  ///< Bounds create() and each attempt to resubscribe.
+  /// Bounds create() and each attempt to resubscribe.
+  Duration deadline = std::chrono::seconds{1};
 };
 
 /// Counters of what a consumer received.

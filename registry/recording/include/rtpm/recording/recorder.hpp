@@ -25,10 +25,10 @@ struct RecorderStatus {
   std::uint64_t message_count = 0;  ///< Written.
   std::uint64_t byte_count = 0;     ///< In the file.
   std::uint64_t drop_count = 0;     ///< Not recorded: the ring was full, or the message too long.
-  std::map<std::uint16_t, std::uint64_t>
-      drop_counts{};  ///< Keyed by channel; only those with drops.
-  std::optional<SetupError>
-      problem{};  ///< Why it stopped writing; all further messages are dropped.
+  /// Keyed by channel; only those with drops.
+  std::map<std::uint16_t, std::uint64_t> drop_counts{};
+  /// Why it stopped writing; all further messages are dropped.
+  std::optional<SetupError> problem{};
 };
 
 /// Records messages of real-time threads: these only copy into rings; the recorder's own thread
