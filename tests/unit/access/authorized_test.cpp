@@ -41,7 +41,7 @@ TEST(Authorized, LinesAreReadAsTheyAreWritten) {
 struct Faulty {
   std::string line;
   std::size_t column;
-  std::string why;  ///< A part of it.
+  std::string why;  ///< A part of the reason.
 };
 class FaultyLines : public testing::TestWithParam<Faulty> {};
 

@@ -316,7 +316,7 @@ TEST(StoreTakeover, NeedsTheHoldersRevisionOrLeave) {
   ASSERT_TRUE(taken);
   EXPECT_TRUE(taken->is_takeover);
   EXPECT_GT(taken->revision, first->revision);
-  // The former holder, in turn, does not know a suitable revision.
+  // The former holder's revision is stale now.
   Claim back = claim("lab/arm0");
   back.holder_revision = first->revision;
   EXPECT_EQ(ending_of(store.rebind(back, at(0s))), (Ending{Outcome::kStaleRevision, 1}));

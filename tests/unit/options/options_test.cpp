@@ -548,7 +548,7 @@ TEST_F(Members, HaveTheNamesThatRegistriesTake) {
   EXPECT_EQ(names_, (std::vector<std::string>{"Left_Arm.2", "Hand", "x-1"}));
   EXPECT_EQ(rates_, (std::vector<std::uint32_t>{7, 5, 9}));
   EXPECT_FALSE(take({"--members", std::string(64, 'a')})) << err_;
-  // The environment could not distinguish these names.
+  // Names that collide in the environment, have bad characters, or are too long.
   for (const std::string& names : {std::string("arm-1,Arm_1"), std::string("a/b"),
                                    std::string("a b"), std::string("a:1"), std::string(65, 'a')}) {
     EXPECT_EQ(take({"--members", names}), 2) << names;

@@ -202,7 +202,7 @@ TEST_F(Foreign, IndexThatNamesAPlaceTwiceIsRefused) {
   EXPECT_EQ(refusal(put(file(metadata, statistics({.metadata = 1}, 0, 0, {}) + metadata_index))),
             "");
   EXPECT_NE(refusal(put(file(metadata, metadata_index + metadata_index))), "");
-  // The reader skips an index entry of another kind: @mcap/core writes such entries.
+  // The reader skips an entry that points to another kind of record: @mcap/core writes such ones.
   EXPECT_EQ(refusal(put(file(data, metadata_index))), "");
 }
 

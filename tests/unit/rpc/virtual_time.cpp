@@ -13,7 +13,7 @@ namespace rtpm::rpc::test {
 namespace {
 
 struct State {
-  std::recursive_mutex mutex{};  ///< The lane's thread and the one that starts it read the clock.
+  std::recursive_mutex mutex{};  ///< For two threads: the lane's and the one that starts it.
   MonotonicTime time{};
   Duration look{};
   std::multimap<MonotonicTime, std::function<void()>> events{};

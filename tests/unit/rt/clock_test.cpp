@@ -30,7 +30,7 @@ MonotonicTime system_time() {
 
 TEST(Clock, IsTheSystemsMonotonicOne) {
   constexpr Duration kTolerance = 100ns;
-  // Longer than the clock relies on one reading of the system's clock.
+  // Runs longer than the clock relies on one reading of the system's clock.
   for (const MonotonicTime end = system_time() + 20ms; system_time() < end;) {
     const MonotonicTime before = system_time();
     const MonotonicTime between = now();

@@ -23,8 +23,7 @@ ConstBytes bytes_of(std::string_view text) {
   return std::as_bytes(std::span(text));
 }
 
-// RFC 7748, 5.2: its first test, and the first round of its iterated test, whose 9 is also the
-// base.
+// RFC 7748, 5.2: its first test, and the first round of its iterated test (9 is also the base).
 TEST(Primitives, AgreeAsInRfc7748) {
   Secret shared;
   ASSERT_TRUE(agree(secret_of("a546e36bf0527c9d3b16154b82465edd62144c0ac1fc5a18506a2244ba449ac4"),

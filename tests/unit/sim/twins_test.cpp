@@ -16,7 +16,7 @@ namespace {
 using driver::CommandMode;
 using std::chrono::milliseconds;
 
-/// Runs a twin for `count` cycles of a millisecond with one command.
+/// Runs a twin in cycles of a millisecond; each run() repeats one command.
 template <class Driver>
 class Played {
  public:

@@ -148,7 +148,7 @@ TEST(HostsToServe, SayWhatIsWrong) {
   expect_text(error_of(many), {"18 addresses", "at most 16"});
 }
 
-/// A client at `host` sends, in one datagram and in a batch, and gets answers.
+/// A client at `host` sends a datagram, and gets answers, one alone and two in a batch.
 void expect_answer_from_where_it_called(UdpPort& port, const std::string& host,
                                         std::uint16_t number) {
   auto client = open_udp_transport(host, number, 0);

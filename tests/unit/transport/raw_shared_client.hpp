@@ -117,13 +117,13 @@ class RawMemory {
   [[nodiscard]] std::size_t size() const { return size_; }
   [[nodiscard]] int descriptor() const { return memory_.number(); }
 
-  /// Writes the first record to the server, which may state a wrong size or number: into the ring,
+  /// Writes the first record to the server into the ring; its size and number may be false.
   void write_first(const Bytes& frame, std::uint64_t stated_size,
                    std::uint64_t stated_number = 1) const {
     write_at(to_server_data(), frame, stated_size, stated_number);
     to_server_tail() = (8 + frame.size() + 63) / 64 * 64;
   }
-  /// or into its slot.
+  /// Writes the first record to the server into its slot; its size and number may be false.
   void write_to_slot(const Bytes& frame, std::uint64_t stated_size,
                      std::uint64_t stated_number = 1) const {
     write_at(to_server_slot(1), frame, stated_size, stated_number);

@@ -121,8 +121,8 @@ class Server {
   };
   ServerIdentity identity;
   Door door;
-  std::vector<Line> memory;  ///< Holds all session keys,
-  MutableBytes secrets{};    ///< unless these do, after restart().
+  std::vector<Line> memory;  ///< Holds the session keys before restart().
+  MutableBytes secrets{};    ///< Holds the session keys from restart() on.
   std::unique_ptr<wire::ServerSessions> sessions;
   std::unique_ptr<SealedServer> sealed;
   int run_count = 0;

@@ -162,7 +162,7 @@ TEST(RetransmitTimer, DoesNotWaitLongerAfterOneLoss) {
   EXPECT_EQ(first_wait(timer), usual);
 }
 
-// The answer came at most this long after any copy.
+// The last call's total time bounds its round trip, whichever copy was answered.
 TEST(RetransmitTimer, DoesNotWaitMuchLongerThanTheLastCallTook) {
   RoundTrip path;
   RetransmitTimer timer(path);

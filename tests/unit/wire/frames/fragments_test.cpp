@@ -373,7 +373,7 @@ TEST_F(LargeExchange, RepairsATailThatWasLost) {
       << "all is there";
 }
 
-// hp-5.6-6, hp-5.6-7: the sender repairs the gaps that the answer to its question shows.
+// hp-5.6-6, hp-5.6-7: the server repairs the gaps that the client's question shows.
 TEST_F(LargeExchange, RepairsAllThatAQuestionShows) {
   std::vector<Bytes> frames = reply_to_a_call(2900);
   ASSERT_EQ(frames.size(), 3u);

@@ -49,7 +49,7 @@ TEST(CookieJar, TakesNoCookieWithABitTurned) {
   }
 }
 
-// A cookie is valid for one to two spans: at least one at any moment in the span, and never two.
+// A cookie is good for at least one span, wherever in a span it was given, and never after two.
 TEST(CookieJar, LetsCookiesExpire) {
   const CookieJar jar(kKey);
   for (Duration given = 0s; given < kCookieSpan; given += 700ms) {
