@@ -55,7 +55,7 @@ expected<void, std::string> measure_memory(const Settings& settings, const DuelC
   return {};
 }
 
-/// Measures with one bound client, which called once and no more.
+/// Measures with one bound client, which called once.
 expected<void, std::string> measure_idle(const Settings& settings, const DuelConfig& config,
                                          Report& report) {
   const auto server = start(settings, config, Standalone::kRtpm);

@@ -7,8 +7,8 @@
 #include "sides/floor.hpp"
 #include "sides/standalone.hpp"
 
-// The time from nothing to the first answer: a server's program is started, it says where it
-// serves, the caller binds there and calls once. The floor's program opens a socket instead.
+// The time from process start to the first answer: a server's program is started and announces its
+// address, the caller binds there and calls once. The floor's program opens a socket instead.
 namespace rtpm::bench {
 namespace {
 

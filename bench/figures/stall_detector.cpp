@@ -25,7 +25,7 @@ expected<void, std::string> StallDetector::start(std::span<const int> cpus) {
 void StallDetector::run() noexcept {
   const sched_param parameter{.sched_priority = sched_get_priority_max(SCHED_FIFO)};
   if (sched_setscheduler(0, SCHED_FIFO, &parameter) != 0) return;
-  // No multiple of any caller's period, so that it does not meet the same call each time.
+  // Not a multiple of any caller's period, so that it does not meet the same call each time.
   constexpr Duration kPeriod = std::chrono::microseconds{1730};
   MonotonicTime due = rt::now() + kPeriod;
   while (!is_over_.load(std::memory_order_relaxed)) {

@@ -5,10 +5,10 @@
 
 #include "peer.hpp"
 
-// Cap'n Proto's RPC, through EzRpc as its documentation has it: an event loop for each thread,
-// which reads and answers without handing anything to another one. There is nothing to tune: it
-// sets TCP_NODELAY by itself and has no pools. A connection belongs to the event loop of the thread
-// that made it, so a caller connects at the first call of the thread that uses it.
+// Cap'n Proto's RPC, through EzRpc, as documented: an event loop for each thread, which reads and
+// answers without handing work to another thread. There is nothing to tune: it sets TCP_NODELAY by
+// itself and has no pools. A connection belongs to the event loop of the thread that made it, so a
+// caller connects at the first call of the thread that uses it.
 namespace rtpm::bench {
 namespace {
 

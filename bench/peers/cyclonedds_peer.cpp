@@ -5,14 +5,14 @@
 
 #include "topics.hpp"
 
-// Cyclone DDS: a request and a reply topic for each caller, reliable, of which the last sample
-// counts, as its own round-trip example has it, and wait sets as there. Samples are delivered by
-// the thread that receives them, which is the default for such topics. Only the loopback interface
-// is used, without multicast. Threads of a domain are those of the process, started by the first
-// lane's participant, with the high priority; each lane's thread answers its own requests. Shared
-// memory would need iceoryx's daemon, RouDi, beside the peer's programs, and is not used.
+// Cyclone DDS: a request and a reply topic for each caller, reliable, where only the last sample
+// counts, and wait sets, like its own round-trip example. Samples are delivered by the thread that
+// receives them, which is the default for such topics. Only the loopback interface is used, without
+// multicast. A domain's threads are those of the process, started by the first lane's participant,
+// with the high priority; each lane's thread answers its own requests. Shared memory would need
+// iceoryx's daemon, RouDi, beside the peer's programs, and is not used.
 // Its events have no broker: each goes straight from the supplier to the consumers. The supplier is
-// of another domain of the same program, which outside has the same number: within one domain,
+// in another domain of the same program, which has the same number outside: within one domain,
 // samples would be passed on without any transport.
 namespace rtpm::bench {
 namespace {

@@ -4,13 +4,13 @@
 
 #include "peer.hpp"
 
-// gRPC. Its performance guide for C++: no synchronous server where latency counts, but completion
-// queues, with as many threads as queues; so a lane is a server with one queue that the lane's
-// thread takes from. Callers use the synchronous stub, which reads its reply on the calling thread,
-// and a channel of their own, as gRPC would else share one connection among them. Deadlines are
-// set, as gRPC's guide asks of everybody: long enough for its own threads, which have no priority
-// and get a CPU that real-time threads keep busy only when the kernel throttles these, once a
-// second. gRPC sets TCP_NODELAY by itself.
+// gRPC. Its performance guide for C++ recommends completion queues instead of a synchronous server
+// where latency counts, with as many threads as queues; so a lane is a server with one queue that
+// the lane's thread takes from. Callers use the synchronous stub, which reads its reply on the
+// calling thread, and a channel of their own, as gRPC would otherwise share one connection among
+// them. Deadlines are set, as gRPC's guide asks: long enough for its own threads, which have no
+// priority and get a CPU that real-time threads keep busy only when the kernel throttles these,
+// once a second. gRPC sets TCP_NODELAY by itself.
 namespace rtpm::bench {
 namespace {
 
@@ -21,7 +21,7 @@ class ServedCall {
       : service_(service), queue_(queue) {
     wait_for_request();
   }
-  /// The queue has something for it: a request, or that the answer is on its way.
+  /// The queue has an event for it: a request, or that the answer is on its way.
   void go_on() {
     if (std::exchange(has_answered_, true)) return wait_for_request();
     answer(request_.work_ns());

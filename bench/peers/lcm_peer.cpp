@@ -6,9 +6,9 @@
 #include "topics.hpp"
 
 // LCM: a request and a reply channel for each caller. It has one transport between programs, UDP
-// multicast, here of a time-to-live of 0, which stays within the host; nothing is repeated that
-// gets lost, and nothing can be tuned but the receive buffer. Each lane, caller and consumer has an
-// instance of its own, with its own thread that receives and so has the lane's priority.
+// multicast, here with a time-to-live of 0, which stays within the host. Lost messages are not
+// repeated, and only the receive buffer can be tuned. Each lane, caller and consumer has an
+// instance of its own, with its own receiving thread, which so has the lane's priority.
 // Its events have no broker: the kernel takes each datagram to every consumer's instance.
 namespace rtpm::bench {
 namespace {
@@ -29,7 +29,7 @@ struct Lcm {
     lcm_t* lcm = lcm_create("udpm://239.255.76.97:7697?ttl=0&recv_buf_size=1048576");
   };
 
-  /// The handler of a channel leaves one sample, which is taken before the next is handled.
+  /// A channel's handler leaves one sample, which is taken before the next is handled.
   template <class Sample>
   struct Reader {
     Reader(const Context& context, const std::string& topic, int) : lcm(context.lcm) {

@@ -4,15 +4,15 @@
 
 #include "peer.hpp"
 
-// MQTT by Eclipse Mosquitto, with QoS 0, the quickest: no acknowledgements, nothing stored. As
-// mosquitto.conf(5) and libmosquitto's documentation have it: set_tcp_nodelay on at both ends, no
-// persistence, no log. Each consumer is a client of its own with a thread of its own. The supplier
-// runs without a network thread, so that a publication is sent by the thread that publishes.
+// MQTT by Eclipse Mosquitto, with QoS 0, the quickest: no acknowledgements, nothing stored. Tuned
+// as mosquitto.conf(5) and libmosquitto's documentation recommend: set_tcp_nodelay on at both ends,
+// no persistence, no log. Each consumer is a client of its own with a thread of its own. The
+// supplier runs without a network thread, so that a publication is sent by the publishing thread.
 namespace rtpm::bench {
 namespace {
 
 constexpr const char* kTopic = "rtpm/bench";
-/// Nothing may come in between: a client that is stopped between its turns cannot ping.
+/// The longest there can be: a client that is stopped between its turns cannot ping.
 constexpr int kKeepAliveS = 65'535;
 
 auto failure(const char* what, int error) {
@@ -33,7 +33,7 @@ BrokerProgram broker_program(const PeerLane& lane) {
           .path = path};
 }
 
-/// A connected client, when the broker has confirmed it.
+/// Connects a client, and returns it when the broker has confirmed it.
 expected<mosquitto*, std::string> connect(const std::string& address, Note* note) {
   mosquitto_lib_init();
   mosquitto* const client = mosquitto_new(nullptr, true, note);
@@ -41,7 +41,7 @@ expected<mosquitto*, std::string> connect(const std::string& address, Note* note
   mosquitto_message_callback_set(client, [](mosquitto*, void* user, const mosquitto_message* got) {
     (*static_cast<const Note*>(user))(got->payload, static_cast<std::size_t>(got->payloadlen));
   });
-  // A path says that it is a socket's.
+  // An address that is a path belongs to a socket.
   const bool is_path = address.starts_with('/');
   int error = mosquitto_connect(client, is_path ? address.c_str() : "127.0.0.1",
                                 is_path ? 0 : std::stoi(address), kKeepAliveS);

@@ -29,7 +29,7 @@ expected<natsConnection*, std::string> connect(const std::string& address) {
   natsOptions_SetURL(options, address.c_str());
   natsOptions_SetSendAsap(options, true);
   natsOptions_UseGlobalMessageDelivery(options, false);
-  // One that is stopped between its turns cannot answer pings.
+  // A connection that is stopped between its turns cannot answer pings.
   natsOptions_SetPingInterval(options, 3'600'000);
   const natsStatus status = natsConnection_Connect(&connection, options);
   natsOptions_Destroy(options);

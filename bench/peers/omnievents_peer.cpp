@@ -7,14 +7,14 @@
 #include "corba.hpp"
 #include "peer.hpp"
 
-// omniEvents: CORBA's event service, push at both ends. Its README has one thing to tune for
-// latency: CyclePeriod_ns, the time between two transfers of the events that came in, 0.1 s unless
-// the channel's creator says otherwise. For the ORB see omniorb_peer.cpp. All consumers are objects
-// of one ORB, as it is with CORBA; it may open a connection for each.
+// omniEvents: CORBA's event service, push at both ends. Its README names one option for latency:
+// CyclePeriod_ns, the time between two transfers of the received events, 0.1 s unless the channel's
+// creator sets another. For the ORB see omniorb_peer.cpp. All consumers are objects of one ORB, as
+// usual with CORBA; it may open a connection for each.
 namespace rtpm::bench {
 namespace {
 
-/// A channel that transfers more often would hardly let anything else on its CPU.
+/// A channel that transfers more often would hardly leave time on its CPU for other threads.
 constexpr CORBA::ULong kCyclePeriodNs = 20'000;
 using Octets = CORBA::OctetSeq;
 

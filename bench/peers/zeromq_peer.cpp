@@ -4,8 +4,8 @@
 
 #include "sockets.hpp"
 
-// ZeroMQ: REQ and REP sockets, which are its calls. Tuning, as the guide and zmq_setsockopt(3) have
-// it: nothing is batched on the wire (ZeroMQ sets TCP_NODELAY by itself), one I/O thread per
+// ZeroMQ: REQ and REP sockets, which are its calls. Tuned as the guide and zmq_setsockopt(3)
+// recommend: nothing is batched on the wire (ZeroMQ sets TCP_NODELAY by itself), one I/O thread per
 // context, and no lingering. Each lane has a context of its own, so that its I/O thread has the
 // lane's priority: a context's threads are started by its first socket, and inherit. Events go
 // through zmq_proxy between XSUB and XPUB, which is the guide's own broker. Supplier and consumers

@@ -18,7 +18,7 @@ constexpr const char* kPath = "bench/relay";
 constexpr rt::WaitConfig kBlock{.strategy = rt::WaitStrategy::kBlock};
 constexpr Duration kPatience = 10s;
 
-/// A side that has nothing but its supplier.
+/// A side that has only its supplier.
 class CallSide final : public EventSide {
  public:
   using Push = std::function<expected<void, std::string>(const EventStamp&)>;
@@ -29,7 +29,7 @@ class CallSide final : public EventSide {
   Push push_;
 };
 
-/// Notes each stamp, or passes it to the next object once that is known.
+/// Records each stamp, or passes it to the next object once that is known.
 class RelayServantImpl final : public RelayServant {
  public:
   explicit RelayServantImpl(EventBoard* board) : board_(board) {}
@@ -40,7 +40,7 @@ class RelayServantImpl final : public RelayServant {
     if (board_ != nullptr) {
       board_->note(0, std::as_bytes(std::span<const Stamp, 1>(&request, 1)), rt::now());
     }
-    // An object that is not there yet misses it: the first stamps are no measured ones.
+    // A missing object misses it: the first stamps are not measured.
     if (RelayClient* const to = next.load(std::memory_order_acquire); to != nullptr) {
       static_cast<void>(to->pass(request));
     }
@@ -53,7 +53,7 @@ class RelayServantImpl final : public RelayServant {
   EventBoard* board_;
 };
 
-/// Looks for the object until it is there.
+/// Looks for the object until it exists.
 expected<RelayClient, std::string> bind_relay(rpc::Node& node, const std::string& url) {
   for (const MonotonicTime give_up = rt::now() + kPatience;; rt::sleep_until(rt::now() + 10ms)) {
     auto client = RelayClient::bind(

@@ -8,7 +8,7 @@
 namespace rtpm::bench {
 namespace {
 
-/// More calls than a turn has time for, so that none is left out.
+/// More calls than a turn has time for, so that every latency is recorded.
 constexpr std::size_t kLatencyCountMax = 200'000;
 constexpr Duration kBeginTimeout = std::chrono::seconds{5};
 

@@ -13,7 +13,7 @@
 namespace rtpm::bench {
 
 /// Callers of low priority that call without pause, each on a thread of its own, on the CPU of the
-/// measured caller, which their priority keeps out of its way.
+/// measured caller, which preempts them by its priority.
 /// Threads: one.   Set-up only.
 class LowLoad {
  public:
@@ -22,8 +22,7 @@ class LowLoad {
 
   /// Starts the first `caller_count` callers and returns when each has had its first answer.
   [[nodiscard]] expected<void, std::string> start(int caller_count);
-  /// Ends the callers' calling and gives back what they met: the latencies of their calls, or why
-  /// one of them failed.
+  /// Ends the calls and returns their latencies, or why one of the callers failed.
   [[nodiscard]] expected<std::vector<Duration>, std::string> stop();
 
  private:

@@ -19,8 +19,8 @@ namespace rtpm::bench {
 /// @realtime set-up only
 class MemoryFloor {
  public:
-  /// For lanes with so many callers each. Rings have as many bytes as RTPM's have; those of other
-  /// payloads than the usual have one slot.
+  /// For lanes with this many callers each. Rings have as many bytes as RTPM's; those of unusual
+  /// payloads have one slot.
   /// @errors no memory left
   [[nodiscard]] static expected<std::unique_ptr<MemoryFloor>, std::string> create(
       const std::vector<int>& caller_counts, std::size_t payload_size = kPayloadSize);
@@ -28,7 +28,7 @@ class MemoryFloor {
   MemoryFloor(const MemoryFloor&) = delete;
   MemoryFloor& operator=(const MemoryFloor&) = delete;
 
-  /// Starts a thread per lane, which echo until the process ends, as start_floor_server() says.
+  /// Starts a thread per lane, which echoes until the process ends, like start_floor_server().
   [[nodiscard]] expected<void, std::string> serve(const std::vector<FloorLaneConfig>& lanes,
                                                   rt::RealtimeMode realtime);
   /// The next caller of a lane.

@@ -51,11 +51,11 @@ class RawSocket {
     ::getsockname(handle_, reinterpret_cast<sockaddr*>(&address), &size);
     return ntohs(address.sin_port);
   }
-  /// So that a blocked receive gives up, too.
+  /// Sets the time after which a blocked receive gives up.
   void set_patience(timeval patience) const noexcept {
     ::setsockopt(handle_, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
   }
-  /// `to`: null where the socket is connected.
+  /// `to`: null if the socket is connected.
   bool send(ConstBytes bytes, const sockaddr_in* to = nullptr) const noexcept {
     return ::sendto(handle_, bytes.data(), bytes.size(), MSG_NOSIGNAL,
                     reinterpret_cast<const sockaddr*>(to), to == nullptr ? 0 : sizeof *to) >= 0;

@@ -8,8 +8,8 @@
 
 namespace rtpm::bench {
 
-/// The keys of a server and its callers, in a folder that goes with this: the server admits the
-/// callers for everything, and they know the server.
+/// The keys of a server and its callers, in a folder that is removed with this object: the server
+/// admits the callers for everything, and they know the server.
 /// @threads  any
 class SealedKeys {
  public:

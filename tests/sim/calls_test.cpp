@@ -260,7 +260,7 @@ class Conversation {
     }
   }
 
-  /// Strangers send noise to everybody.
+  /// Other senders send noise to all sides.
   void plan_garbage() {
     for (int i = 0; i < 50; ++i) {
       scheduler_.after(random_.between(Duration{0}, Duration{20s}), [this] {

@@ -49,7 +49,7 @@ class Network {
   void set_tap(std::function<bool(std::uint32_t, std::uint32_t, ConstBytes)> tap) {
     tap_ = std::move(tap);
   }
-  /// Gives `frame` to the receiver now, whoever sent it.
+  /// Delivers `frame` to the receiver now, as if it came from `from_port`.
   void deliver(std::uint32_t from_port, std::uint32_t to_port, const Bytes& frame);
   void set_partitioned(bool is_partitioned) { is_partitioned_ = is_partitioned; }
 

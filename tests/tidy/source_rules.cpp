@@ -30,7 +30,7 @@ const std::vector<std::string_view>& realtime_folders() {
   return kFolders;
 }
 
-// Patterns of words that stand for themselves are cut in two, so that this file does not break the
+// Patterns of words that match themselves are cut in two, so that this file does not break the
 // rules that it states.
 const std::vector<Rule>& rules() {
   static const std::vector<Rule> kRules{

@@ -30,7 +30,7 @@ struct Rule {
 [[nodiscard]] std::vector<Rule> rules_of(std::string_view page);
 
 /// Finds the mismatches of the page, the code, the tests and the exemptions:
-///   a MUST outside a rule with an anchor, an anchor that stands twice;
+///   a MUST outside a rule with an anchor, an anchor that occurs twice;
 ///   a rule with MUST that no code or no test cites and that is not exempt;
 ///   a citation of an anchor that the page does not have;
 ///   an exemption without a reason, or that is not needed.
