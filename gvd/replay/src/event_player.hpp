@@ -18,21 +18,21 @@ namespace rtpm::replay {
 /// The name under which a recorded device is played.
 [[nodiscard]] std::string played_name(const std::string& folder, const std::string& recorded_name);
 
-/// Pushes recorded events to a hub in their order: type, payload and schema as recorded; the
-/// source, too, but of a renamed device. Sequence numbers are this supplier's own, without the gaps
-/// of the recording, and origins are of this host's clock: so filters and consumers work as with a
-/// live supplier.
+/// Pushes recorded events to a hub in their order: type, payload and schema as recorded, and the
+/// source, too, except for a renamed device. Sequence numbers are this supplier's own, without the
+/// gaps of the recording, and origins are on this host's clock: filters and consumers work as with
+/// a live supplier.
 /// @ownership refers to what its arguments refer to
 /// @threads  one
 class EventPlayer {
  public:
-  /// @param folder  of played_name()
+  /// @param folder  folder for played_name()
   /// @errors   no hub answers there
   [[nodiscard]] static expected<std::unique_ptr<EventPlayer>, SetupError> create(
       rpc::Node& node, const std::string& hub, const Recorded& recorded, const std::string& folder);
 
-  /// Pushes what is due at `position`, which is `now`.
-  /// @param speed  of the recording's time; nullopt: it is no steady one, and origins are `now`
+  /// Pushes the events due at `position`, which is `now`.
+  /// @param speed  speed of the recording's time; nullopt: not steady, and origins are `now`
   void advance(const Pace::Position& position, MonotonicTime now, std::optional<double> speed);
 
   [[nodiscard]] std::uint64_t pushed_count() const noexcept { return pushed_count_; }

@@ -27,7 +27,7 @@ std::string value_of(const Channel& channel, const char* key) {
   return found == channel.metadata.end() ? std::string{} : found->second;
 }
 
-/// 0: there is no number.
+/// The text as a number; 0: it is no number.
 std::uint64_t number_of(const Channel& channel, const char* key) {
   const std::string text = value_of(channel, key);
   std::uint64_t number = 0;
@@ -35,7 +35,7 @@ std::uint64_t number_of(const Channel& channel, const char* key) {
   return read.ec == std::errc{} ? number : 0;
 }
 
-/// `begin_ns` and so much later; the end of all times, where there is no such time.
+/// `begin_ns` plus the duration, saturating at the largest time.
 std::uint64_t later(std::uint64_t begin_ns, Duration time) {
   const auto ns = static_cast<std::uint64_t>(std::max(time, Duration{0}).count());
   return begin_ns > UINT64_MAX - ns ? UINT64_MAX : begin_ns + ns;
@@ -208,7 +208,7 @@ class Loader {
     if (!selection_.topics.empty()) {
       return std::ranges::count(selection_.topics, channel.topic) > 0;
     }
-    // A choice of devices is one of their events, too.
+    // A choice of devices also chooses their events.
     return has_device || selection_.devices.empty();
   }
 
@@ -224,7 +224,8 @@ class Loader {
             .device = device ? recorded_.devices[*device].name : std::string{}};
   }
 
-  /// A device that was polled and pushed its samples, too, has them twice: the pushed ones are all.
+  /// A device that was polled and also pushed has its samples twice: keeps the pushed ones, which
+  /// are complete.
   void leave_out_polled() {
     for (auto& [number, target] : channels_) {
       if (!target.device || !is_kind(reader_.channels().at(number), capture::kSampleKind)) continue;

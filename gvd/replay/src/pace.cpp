@@ -5,7 +5,7 @@
 namespace rtpm::replay {
 namespace {
 
-/// Between the last message of a round and the first one of the next.
+/// Pause between the last message of a round and the first one of the next.
 constexpr Duration kBetweenRounds = std::chrono::milliseconds{1};
 
 }  // namespace

@@ -148,7 +148,7 @@ struct Player::Impl final : gvd::EmergencyStops {
   }
 
   void stop() noexcept {
-    // The names first, so that no client finds a server that is about to end.
+    // Unbinds the names first, so that no client finds a server that is about to end.
     registrations.clear();
     is_stopping.store(true, std::memory_order_relaxed);
     if (thread.is_running()) thread.join();

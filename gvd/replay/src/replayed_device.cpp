@@ -18,7 +18,7 @@ const device::Description& description_of(const RecordedDevice& recorded) {
   return *flatbuffers::GetRoot<device::Description>(recorded.description.data());
 }
 
-/// As a device server shows a device that was unplugged.
+/// Like a device server's sample of an unplugged device.
 device::Sample gone(const device::Sample& last) noexcept {
   driver::Sample sample = gvd::from_wire(last);
   sample.lifecycle = driver::Lifecycle::kFault;
@@ -70,7 +70,7 @@ const device::Sample* ReplayedDevice::last_shown(MonotonicTime now) const noexce
   if (!is_stepped()) return sample_at(now);
   const std::uint64_t count = recorded_.samples.size();
   const std::uint64_t step = step_count();
-  // Before the first step it stands at the first sample.
+  // Before the first step the device stands at the first sample.
   if (step == 0) return &recorded_.samples.front();
   if (config_.end == End::kLoop) return &recorded_.samples[(step - 1) % count];
   return &recorded_.samples[std::min(step, count) - 1];

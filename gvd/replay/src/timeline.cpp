@@ -17,10 +17,10 @@ std::string seconds(Duration time) {
   return options::formatted("%.3f s", std::chrono::duration<double>(time).count());
 }
 
-/// By less an origin may go back because messages take different times to the recorder.
+/// An origin may go back by less, because messages take different times to the recorder.
 constexpr Duration kJitterMax = std::chrono::milliseconds{10};
 
-/// Times that only rise, and what had to be done for it.
+/// Makes times that never fall, and counts the corrections.
 class Rising {
  public:
   explicit Rising(std::string what) : what_(std::move(what)) {}
@@ -59,7 +59,7 @@ std::vector<Duration> all_times(const Recorded& recorded) {
   return times;
 }
 
-/// By how much times from a certain one on are earlier.
+/// The amount by which times are earlier from a certain time on.
 class Cuts {
  public:
   Cuts(Recorded& recorded, const std::vector<Duration>& times) {
@@ -91,7 +91,7 @@ Duration time_of(std::uint64_t log_time_ns, std::uint64_t publish_time_ns,
   const bool is_plausible =
       publish_time_ns <= log_time_ns && log_time_ns - publish_time_ns <= kDelayMaxNs;
   const std::uint64_t time_ns = is_plausible ? publish_time_ns : log_time_ns;
-  // Far below what a sum of two of them could not hold.
+  // Small enough that a sum of two of them can't overflow.
   constexpr std::uint64_t kMost = std::uint64_t{1} << 62;
   const bool is_before = time_ns < begin_ns;
   const std::uint64_t distance_ns = is_before ? begin_ns - time_ns : time_ns - begin_ns;

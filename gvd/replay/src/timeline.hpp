@@ -9,7 +9,7 @@
 namespace rtpm::replay {
 
 /// A message's time since `begin_ns`, the first log time of its recording: its publish time, or the
-/// log time where that is not plausible. Stamps may be any; what is out of range is at its end.
+/// log time if that is not plausible. Stamps may have any value; out of range, they are clamped.
 [[nodiscard]] Duration time_of(std::uint64_t log_time_ns, std::uint64_t publish_time_ns,
                                std::uint64_t begin_ns) noexcept;
 

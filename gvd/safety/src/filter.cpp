@@ -47,7 +47,7 @@ driver::Wrench SafetyFilter::step(MonotonicTime now, const std::optional<WrenchC
       is_lost_ = newest.has_value();
       if (is_lost_) ++counters_.lost_count;
     }
-    // A loss ends with a new command, or when no client may command.
+    // A loss ends with a new command, or once no client may command.
     if (!newest) is_lost_ = false;
     const double share =
         watchdog_.fall(config_, now, ends, elapsed, newest.has_value(), motion, output_);

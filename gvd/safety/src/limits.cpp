@@ -11,7 +11,7 @@ namespace {
 
 using driver::Vector3;
 
-/// From which fill on the heat limit is below the maximum.
+/// Fill above which the heat limit is below the maximum.
 constexpr double kWarmFill = 0.5;
 
 /// Moves `from` towards `to` by at most `way_max`; true if that was not enough.

@@ -75,7 +75,7 @@ driver::ParameterSpec spec_of(const char* name, const char* unit, double configu
   return spec;
 }
 
-/// The configured policy, or off at once: whatever else would lengthen the force's life.
+/// The configured policy, or off at once: any other policy would lengthen the force's life.
 driver::ParameterSpec watchdog_spec(const SafetyConfig& configured) {
   driver::ParameterSpec spec;
   spec.name = std::string(kSafetyGroup) + kWatchdog;
@@ -87,8 +87,8 @@ driver::ParameterSpec watchdog_spec(const SafetyConfig& configured) {
   return spec;
 }
 
-/// A corner of the workspace, which a client makes smaller. Its range is the same for each axis:
-/// the least and the greatest coordinate of the configured one.
+/// A corner of the workspace, which a client may make smaller. Its range is the same for each axis:
+/// the least and the greatest coordinate of the configured workspace.
 driver::ParameterSpec corner_spec(const char* name, const SafetyConfig& configured,
                                   const driver::Vector3& corner) {
   const driver::Vector3& low_m = configured.workspace.low_m;

@@ -28,14 +28,14 @@ bool PassivityGuard::apply(const SafetyConfig& config, Duration elapsed, const M
 
 bool PassivityGuard::guard(const SafetyConfig& config, double elapsed_s, double applied_newton,
                            double velocity_m_per_s, Axis& axis, double& force_newton) noexcept {
-  // Observer: what the last force has taken, and the refill, which never makes up for more than
-  // was given.
+  // Observer: the energy that the last force took, and the refill, which never exceeds the energy
+  // that was given.
   axis.energy_joule = std::min(axis.energy_joule - applied_newton * velocity_m_per_s * elapsed_s,
                                config.passivity_store_joule);
   if (axis.energy_joule < 0) {
     axis.energy_joule = std::min(0.0, axis.energy_joule + config.passivity_watt * elapsed_s);
   }
-  // Controller: what the wanted force will have given by the next cycle, if the motion goes on.
+  // Controller: the energy that the wanted force gives by the next cycle, if the motion continues.
   const double after_joule = axis.energy_joule + config.passivity_reserve_joule -
                              force_newton * velocity_m_per_s * elapsed_s;
   if (after_joule >= 0 || std::abs(velocity_m_per_s) < kVelocityMin) return false;

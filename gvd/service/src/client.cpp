@@ -18,7 +18,7 @@ namespace {
 constexpr Duration kAcquireRetry = std::chrono::milliseconds{20};
 constexpr Duration kOpenRetry = std::chrono::milliseconds{100};
 
-/// Whether a device that could not be opened may be opened later as it is.
+/// Whether opening the device may succeed later.
 bool may_come(const SetupError& error) noexcept {
   return error.cause != rpc::CallError::kWrongInterface &&
          error.cause != rpc::CallError::kNotAllowed;
@@ -173,7 +173,7 @@ expected<FlightLog, DeviceError> DeviceClient::flight_record() {
     const auto reply = impl_->stub.read_flight_record(request);
     if (!reply) return unexpected{reply.error()};
     const device::FlightRecordReply& part = **reply;
-    // Another fault came meanwhile: its record from the beginning.
+    // Another fault came meanwhile: reads its record from the beginning.
     if (log.number != 0 && part.number() != log.number) {
       log = {};
       continue;

@@ -121,7 +121,7 @@ std::uint64_t Lease::step(MonotonicTime now) noexcept {
   seen_holder_ = current;
   seen_renewed_count_ = renewed_count;
   seen_used_count_ = used_count;
-  // A concurrent release() and acquire() by another is left alone.
+  // A concurrent release() and acquire() by another client stays in force.
   if (now >= expires_) {
     if (end(current, LeaseState::kSilent)) expired_count_.fetch_add(1, std::memory_order_relaxed);
   } else if (now >= idles_) {

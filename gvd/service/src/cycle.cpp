@@ -24,8 +24,8 @@ constexpr std::uint32_t kBlindCycleMax = 20;
 /// Life of the models' force, should the device's thread stop: ten cycles at 1 kHz.
 constexpr Duration kModelHold = std::chrono::milliseconds{10};
 
-/// A setpoint has one mode: a wrench goes before efforts, and both before nothing. A client's
-/// motion goes before the models.
+/// A setpoint has one mode: a wrench has precedence over efforts, and both over no command. A
+/// client's motion has precedence over the models.
 void add(const ModelForces& forces, driver::Setpoint& setpoint) noexcept {
   const bool is_idle = setpoint.mode == CommandMode::kOff || setpoint.mode == CommandMode::kOutputs;
   if (is_idle && forces.wrench != driver::Wrench{}) {
@@ -49,7 +49,7 @@ constexpr std::uint16_t number_of(Request request) noexcept {
   return static_cast<std::uint16_t>(static_cast<int>(request) + 1);
 }
 
-/// As a wrench that latches the filter's fault.
+/// A wrench that latches the filter's fault.
 constexpr driver::Wrench kNotFinite{{std::numeric_limits<double>::quiet_NaN(), 0, 0}, {}};
 
 driver::Wrench wrench_of(const driver::Setpoint& setpoint) noexcept {
@@ -59,7 +59,7 @@ driver::Wrench wrench_of(const driver::Setpoint& setpoint) noexcept {
 
 struct Request {
   std::uint16_t what = 0;         ///< 0: none.
-  std::uint32_t stop_number = 0;  ///< EmergencyLatch::number() when it was left.
+  std::uint32_t stop_number = 0;  ///< EmergencyLatch::number() at the request.
 };
 
 /// `what` is not 0.
@@ -68,7 +68,7 @@ constexpr std::uint64_t request_of(std::uint64_t lease, Request request) noexcep
          request.what;
 }
 
-/// The pending request, if the holder left it: a former holder's is void.
+/// The pending request, if the holder made it: a former holder's is void.
 Request take_request(std::atomic<std::uint64_t>& request, std::uint64_t holder) noexcept {
   if (request.load(std::memory_order_relaxed) == 0) return {};
   const std::uint64_t taken = request.exchange(0, std::memory_order_acq_rel);
@@ -372,7 +372,7 @@ bool DeviceCycle::needs_maintenance(MonotonicTime now) const noexcept {
          (lifecycle() == Lifecycle::kFault && now >= retry_at_);
 }
 
-// Reporting may take long without an exchange: the force is off before.
+// Reporting may take long without an exchange: the force is off before it begins.
 bool DeviceCycle::has_lease_report() const noexcept {
   return filter_.is_off() && (lease_.taken_over_count() != reported_taken_over_count_ ||
                               lease_.idle_count() != reported_idle_count_);
@@ -481,7 +481,7 @@ expected<void, DeviceOutcome> DeviceCycle::submit(const ClientCommand& command,
       command.lease, command.setpoint, {wrench_of(command.setpoint), received, received + hold}};
   const MailStamp stamp{Lease::serial_of(command.lease), command.sequence};
   const auto is_allowed = [&] { return lease_.holder() == command.lease; };
-  // One with a NaN or an infinity is for the filter, whatever its mode.
+  // A setpoint with a NaN or an infinity goes to the filter, whatever its mode.
   const bool has_outputs_only =
       command.setpoint.mode == CommandMode::kOutputs && is_finite(command.setpoint);
   const MailOutcome outcome =
@@ -504,7 +504,7 @@ expected<void, DeviceOutcome> DeviceCycle::submit(const ClientCommand& command,
   }
   static_cast<void>(lease_.use(command.lease));
   command_count_.fetch_add(1, std::memory_order_relaxed);
-  // The filter sees it, too: zero force and a latched fault.
+  // The filter sees this setpoint, too: zero force and a latched fault.
   if (!is_finite(command.setpoint)) return unexpected{DeviceOutcome::kNotFinite};
   return {};
 }

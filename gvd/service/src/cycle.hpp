@@ -56,8 +56,8 @@ class SuccessRate {
   std::size_t good_count_ = 0;
 };
 
-/// A device's loop without thread and clock: what happens in a cycle, and wait-free access for
-/// other threads.
+/// A device's loop without thread and clock: the work of a cycle, and wait-free access for other
+/// threads.
 /// @ownership refers to its driver, which must outlive it
 /// @threads  as grouped below
 /// @realtime alloc-free and without a wait, but for begin(), maintain() and end(), which are set-up
@@ -98,14 +98,14 @@ class DeviceCycle {
   /// @errors   kNotHolder
   [[nodiscard]] expected<void, DeviceOutcome> request(std::uint64_t lease,
                                                       Transition transition) noexcept;
-  /// Leaves the request to end a latched state, likewise.
+  /// Leaves a request to end a latched state, likewise.
   /// @errors   kNotHolder
   [[nodiscard]] expected<void, DeviceOutcome> request(std::uint64_t lease,
                                                       Release release) noexcept;
   /// Leaves the lease's models for the next cycle, in place of its former ones.
   /// @errors   as the service's method `set_models` says in device.fbs
   [[nodiscard]] expected<void, ModelsRefusal> set_models(const ClientModels& models) noexcept;
-  /// No force from the next cycle on, and no commands, until Release::kRearm.
+  /// Stops the device: no force from the next cycle on, and no commands, until Release::kRearm.
   void emergency_stop() noexcept;
   [[nodiscard]] bool is_stopped() const noexcept { return emergency_.is_set(); }
   /// Takes the lease for a call of `priority`; returns its number. The force goes to zero before
@@ -200,7 +200,7 @@ class DeviceCycle {
   FlightRecord flight_{};   ///< The command of this cycle; publish() adds the rest.
   std::array<double, driver::kJointCountMax> efforts_{};  ///< Last followed, limited.
   std::uint64_t last_holder_ = Lease::kNobody;
-  std::uint64_t shown_holder_ = Lease::kNobody;  ///< To the observer.
+  std::uint64_t shown_holder_ = Lease::kNobody;  ///< The holder shown to the observer.
   LeaseState shown_end_ = LeaseState::kUnknown;
   SuccessRate success_{};
   DeviceCounters counters_{};
@@ -209,7 +209,7 @@ class DeviceCycle {
   MonotonicTime bad_since_{};          ///< the first of them.
   BadCycle lost_by_ = BadCycle::kNone;
   std::string_view not_finite_field_{};  ///< In the last sample that was kNotFinite.
-  std::optional<Transition> wanted_{};   ///< For the next maintain().
+  std::optional<Transition> wanted_{};   ///< A task of the next maintain().
   std::uint64_t reported_idle_count_ = 0;
   std::uint64_t reported_taken_over_count_ = 0;
   bool is_to_close_ = false;

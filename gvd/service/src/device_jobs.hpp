@@ -10,8 +10,8 @@
 
 namespace rtpm::gvd {
 
-/// Lets other threads do something with the device between two of its cycles: on the device's
-/// thread while there is one, else at once.
+/// Lets other threads run a job on the device between two of its cycles: on the device's thread
+/// while it runs, else at once.
 /// @threads  is_waiting() and run() from the device's, the rest from any
 /// @realtime is_waiting() alloc-free, one load; run() never waits, but takes its job's time; the
 ///           rest set-up only
@@ -20,12 +20,12 @@ class DeviceJobs {
   /// How long a job waits for the device's thread.
   static constexpr Duration kPatience = std::chrono::milliseconds{100};
 
-  /// From now on jobs are the device's thread's. Waits for one that runs without it.
+  /// From now on the device's thread runs all jobs. Waits for a job that runs without it.
   void begin();
   /// The device's thread has ended.
   void end();
   /// Calls `work` and returns true, or false if the device's thread has not begun it within
-  /// `patience`: then it never happens. One that has begun is waited for.
+  /// `patience`: then it never happens. Waits for the end of a job that has begun.
   template <class Work>
   [[nodiscard]] bool perform(Work&& work, Duration patience = kPatience) {
     struct WorkJob final : Job {

@@ -12,7 +12,7 @@
 namespace rtpm::gvd {
 
 /// The outputs that the lease's holder commands, beside its force or motion: a command of either
-/// leaves the other as it is, so that two threads command without knowing of each other.
+/// leaves the other unchanged, so that two threads can command independently.
 /// @ownership a value, not copied
 /// @threads  put() from any, the rest from the device's
 /// @realtime as Mailbox
@@ -36,8 +36,8 @@ class HeldOutputs {
   void take() noexcept {
     if (const auto newest = mailbox_.take()) held_ = *newest;
   }
-  /// A command of force or motion has come. Its outputs, all zero, stay as they are: they last as
-  /// long as it does.
+  /// Notes a command of force or motion. If its outputs are all zero, the held outputs stay
+  /// unchanged, and last as long as the command.
   void follow(MonotonicTime now, std::uint64_t lease, const driver::Setpoint& setpoint,
               MonotonicTime deadline) noexcept {
     if (setpoint.mode == driver::CommandMode::kOff) {

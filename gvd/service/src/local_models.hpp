@@ -47,7 +47,7 @@ class LocalModels {
 
   /// Takes the newest list, and drops it unless `holder` set it.
   void take_for(std::uint64_t holder) noexcept;
-  /// Drops the list, but one that came after the release request.
+  /// Drops the list, unless it came after the release request.
   void drop_before_release() noexcept;
   void drop() noexcept;
   [[nodiscard]] bool is_empty() const noexcept { return evaluator_.is_empty(); }

@@ -71,8 +71,8 @@ class Mailbox {
   }
 
  private:
-  // The newest: from the lowest bit on its slot + 1, or 0 once it was taken; whether anything was
-  // ever put; and its stamp, which stays when it is taken.
+  // The newest value: from the lowest bit on its slot + 1, or 0 once it was taken; whether a value
+  // was ever put; and its stamp, which stays when it is taken.
   static constexpr std::uint64_t kSlotMask = 0xff;
   static constexpr std::uint64_t kStamped = 0x100;
 

@@ -11,14 +11,14 @@ namespace rtpm::gvd {
 /// @realtime alloc-free
 [[nodiscard]] std::string_view not_finite_field(const driver::Sample& sample) noexcept;
 
-/// When a sample may have been measured.
+/// The interval in which a sample may have been measured.
 struct MeasurementTimes {
-  MonotonicTime opened{};  ///< The device.
-  MonotonicTime cycle{};   ///< The one that took the sample.
+  MonotonicTime opened{};  ///< When the device was opened.
+  MonotonicTime cycle{};   ///< When the cycle took the sample.
   Duration period{};
 };
 
-/// Whether pose and time of a finite sample can be, see driver::Fault::kImplausible.
+/// Whether pose and time of a finite sample are plausible, see driver::Fault::kImplausible.
 /// @realtime alloc-free
 [[nodiscard]] bool is_plausible(const driver::Sample& sample,
                                 const MeasurementTimes& times) noexcept;

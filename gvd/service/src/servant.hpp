@@ -10,8 +10,7 @@ namespace rtpm::gvd {
 /// @ownership refers to the cycle and the descriptor, which must outlive it
 /// @threads  any lane
 /// @realtime as each method of the cycle; describe(), set_models() and read_flight_record() build
-/// their replies in the lane's buffer and are
-///           set-up only
+///           their replies in the lane's buffer and are set-up only
 class DeviceServant final : public device::DeviceServant {
  public:
   DeviceServant(DeviceCycle& cycle, const driver::Descriptor& descriptor, Duration period) noexcept

@@ -20,7 +20,7 @@ namespace {
 
 constexpr Duration kPeriodMin = std::chrono::microseconds{20};
 constexpr Duration kPeriodMax = std::chrono::milliseconds{100};
-/// How long start() waits for a driver that sets its device up, where it need not.
+/// How long start() waits for a driver that sets its device up, if it need not succeed.
 constexpr std::chrono::seconds kStartPatience{2};
 
 expected<void, SetupError> check(const LeaseConfig& lease) {

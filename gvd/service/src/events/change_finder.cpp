@@ -9,7 +9,7 @@ namespace {
 using driver::Fault;
 using driver::Faults;
 
-/// Edges that are reported of one button between two records; of more, the last ones.
+/// Maximum of edges reported for one button between two records; the last ones are reported.
 constexpr std::uint16_t kEdgeCountMax = 8;
 
 }  // namespace

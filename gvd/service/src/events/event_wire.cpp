@@ -28,7 +28,7 @@ expected<void, rpc::CallError> add(events::Supplier& supplier, const EventStamp&
                        .origin = stamp.time});
 }
 
-/// Adds the change that `visit` is called with.
+/// A visitor that adds a change to the batch.
 struct Adder {
   events::Supplier& supplier;
   const EventStamp& stamp;
@@ -60,7 +60,7 @@ struct Adder {
   }
 };
 
-/// The payload of an event that is of type `Event` and of this version; null: it is not.
+/// The payload of an event of type `Event` and of this version; null: another type or version.
 template <class Event>
 const typename Event::Payload* payload_of(const events::EventView& event) noexcept {
   using Payload = typename Event::Payload;

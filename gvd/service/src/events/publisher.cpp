@@ -24,7 +24,7 @@ constexpr Duration kAbsenceUntold = std::chrono::seconds{3};
 constexpr std::string_view kNoHubRemedy =
     "start rtpm-eventd, or name another hub; devices work without";
 
-/// One device: its thread's end of the ring.
+/// One device: the end of the ring that its thread writes.
 class Source final : public CycleObserver {
  public:
   Source(std::string name, double contact_force_newton)
@@ -51,11 +51,11 @@ class Source final : public CycleObserver {
   std::atomic<std::uint64_t> overrun_count_{0};
 };
 
-/// A sample that is older was not measured then: the device reports changes only, and has reported
+/// An older sample was not measured in its cycle: the device reports changes only, and has reported
 /// none.
 constexpr Duration kLatencyMax = std::chrono::seconds{1};
 
-/// When the sample was measured, by its device if that can be.
+/// When the sample was measured, by the device's time if that is plausible.
 MonotonicTime measured_at(const CycleRecord& record) noexcept {
   const MonotonicTime measured = record.sample.host_time;
   const bool is_measured = !record.sample.faults.has(driver::Fault::kImplausible) &&
@@ -118,7 +118,7 @@ struct DevicePublisher::Impl {
   }
 
   void push(Source& source, const CycleRecord& record) {
-    // Changes are told from one hub to the next, so the finder sees every record.
+    // The finder sees every record, even without a hub: a later hub gets only later changes.
     const auto changes = source.finder().step(record);
     if (!supplier) {
       count(no_hub_count);
@@ -206,7 +206,7 @@ void DevicePublisher::publish_configuration(std::string_view name, std::uint64_t
                                             std::span<const std::string> names) {
   const std::lock_guard lock(impl_->mutex);
   auto& left = impl_->configurations;
-  // The newest ones count: each has the present revision.
+  // The newest changes count: each has the present revision.
   if (left.size() == kConfigurationCountMax) left.erase(left.begin());
   left.push_back({source_of(name), rt::now(), {revision, {names.begin(), names.end()}}});
 }

@@ -18,7 +18,7 @@ constexpr std::string_view kDeviceInterface = "rtpm.device.Device";
 
 using Tried = std::map<StopTarget, StopRound::Tried>;
 
-/// `device` where it is bound, or below what is bound there.
+/// The target of `device`, if `entry` binds it or a name above it.
 std::optional<StopTarget> target_of(const names::NameEntry& entry, const std::string& device) {
   if (entry.name == device) return StopTarget{device, entry.url};
   if (!device.starts_with(entry.name + "/")) return std::nullopt;
@@ -42,10 +42,10 @@ struct StopDelivery::Impl {
     StopScope scope{};
     std::map<StopTarget, StopResult> missing{};
     std::set<StopTarget> stopped{};  ///< These are not stopped again: they may be rearmed by now.
-    bool has_new_server = false;     ///< One came after the stop was asked for, and was stopped.
+    bool has_new_server = false;     ///< A server came after the request, and was stopped.
   };
 
-  /// Moves what became of a round into what is owed.
+  /// Updates the owed stops with a round's results.
   /// @return the results that count
   std::vector<StopResult> settle(const Tried& tried, StopScope scope, MonotonicTime begin,
                                  bool is_retry) {

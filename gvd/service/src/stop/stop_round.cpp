@@ -18,7 +18,7 @@ namespace {
 constexpr std::string_view kHubInterface = "rtpm.events.Hub";
 /// How many of a name service's servers are called at the same time.
 constexpr std::size_t kThreadCountMax = 64;
-/// The share of the whole time in which name services may answer.
+/// Share of the whole time in which name services may answer.
 constexpr double kSearchShare = 0.6;
 constexpr std::size_t kNoteCountMax = 64;
 constexpr std::size_t kTargetCountMax = 4 * kRememberedDeviceCountMax;
@@ -76,7 +76,7 @@ void StopRound::take(names::ServiceAnswer answer) {
     has_answer_ = true;
   }
   rt::ParallelJobs& jobs = jobs_of(answer.url);
-  // A server that hangs may go on as soon as it is asked, or later.
+  // A server that hangs may continue when the call arrives, or later.
   for (const names::LapsedName& lapsed : answer.lapsed) {
     names::NameEntry entry{.name = lapsed.name, .url = lapsed.url, .interface = lapsed.interface};
     entry.is_of_other_host = lapsed.is_of_other_host;
@@ -126,7 +126,7 @@ void StopRound::serve(const std::string& authority) {
     if (!tried.is_stopped && left_until(config_.deadline) == Duration{0}) in_vain = tried;
     lock.lock();
     Tried& known = tried_[target];
-    // By another of its addresses it may have been reached.
+    // The server may have been reached at another of its addresses.
     if (known.is_stopped) continue;
     tried.is_listed = known.is_listed;
     known = std::move(tried);
@@ -165,7 +165,7 @@ StopRound::Tried StopRound::attempt(const std::string& url, StopScope scope) {
 }
 
 void StopRound::tell(const std::string& hub) {
-  // Binding it, asking it, and the last word of the end.
+  // The steps of binding the hub, of calling it, and of ending the supplier.
   constexpr int kStepCount = 3;
   auto supplier = events::Supplier::create(node_, hub,
                                            {.name = "emergency stop",

@@ -23,7 +23,7 @@ struct StopRoundConfig {
   MonotonicTime begin{};
   MonotonicTime deadline{};
   bool tells_hubs = false;
-  /// The target that a binding is, if it is to be stopped. Called from several threads.
+  /// The target of a binding, if it shall be stopped. Called from several threads.
   std::function<std::optional<StopTarget>(const names::NameEntry&)> choose{};
   std::function<StopScope(const std::string& device)> scope_of{};
 };
@@ -47,11 +47,11 @@ class StopRound {
   void run();
 
   [[nodiscard]] const std::map<StopTarget, Tried>& tried() const noexcept { return tried_; }
-  /// All but the devices.
+  /// The report without the devices.
   [[nodiscard]] StopReport take_report() { return std::move(report_); }
 
  private:
-  /// Attempts at one server follow each other: where one is in vain, so are the others.
+  /// Attempts at one server run one after the other: if one fails, so do the others.
   struct Server {
     std::deque<std::pair<StopTarget, std::string>> left{};
     bool is_served = false;
@@ -77,7 +77,7 @@ class StopRound {
   std::set<std::string> hubs_{};
   bool has_answer_ = false;
   StopReport report_{};
-  /// Each service has threads of its own: what one lists does not hold up another's devices.
+  /// Each service has threads of its own, so that one service's devices do not delay another's.
   std::map<std::string, std::unique_ptr<rt::ParallelJobs>> jobs_{};
 };
 

@@ -18,7 +18,7 @@ constexpr std::string_view kFirstLine = "rtpm-stop 1";
 constexpr std::string_view kStopped = "stopped";
 constexpr std::string_view kRearmed = "rearmed";
 constexpr std::string_view kObeyed = "obeyed ";
-/// Larger than any that save() writes.
+/// Larger than any file that save() writes.
 constexpr std::size_t kFileSizeMax = std::size_t{64} * 1024;
 
 /// Removes and returns the next line of `text`; nullopt: `text` has no complete line.
@@ -39,7 +39,7 @@ std::optional<std::uint64_t> request_in(std::string_view line) {
   return id;
 }
 
-/// nullopt: it is no such text, or not a whole one.
+/// nullopt: the text has another format, or is truncated.
 std::optional<StopState> parse(std::string_view text) {
   StopState state;
   if (take_line(text) != kFirstLine) return std::nullopt;

@@ -18,7 +18,7 @@ namespace {
 constexpr Duration kWriteRetry = std::chrono::seconds{1};
 constexpr std::uint64_t kNoRequest = 0;
 
-/// One device: its stop in memory, and what its file has.
+/// One device: its stop in memory and in its file.
 class KeptStop final : public StopMemory {
  public:
   KeptStop(std::string name, StopFile file, StopState loaded, rt::Semaphore& has_changed)
@@ -39,7 +39,7 @@ class KeptStop final : public StopMemory {
   bool obey(std::uint64_t id) noexcept {
     if (knows(id)) return false;
     device_->emergency_stop();
-    // Behind the stop, so that write() does not take it for one that was rearmed.
+    // Comes after the stop, so that write() does not take the stop for a rearmed one.
     in_force_.store(id, std::memory_order_release);
     remember(id);
     has_changed_.post();
@@ -142,7 +142,7 @@ struct StopKeeper::Impl {
   StopKeeperConfig config;
   rt::Semaphore has_changed{};
   std::vector<std::unique_ptr<KeptStop>> devices{};
-  std::unique_ptr<KeptStop> added{};  ///< Without a server yet, which may fail to be made.
+  std::unique_ptr<KeptStop> added{};  ///< It has no server yet, which may fail to be made.
   std::atomic<bool> is_stopping{false};
   rt::Thread thread{};
 };

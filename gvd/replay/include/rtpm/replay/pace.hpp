@@ -13,8 +13,8 @@ namespace rtpm::replay {
 /// @realtime alloc-free, without waiting
 class Pace {
  public:
-  /// @param length  of the recording
-  /// @param speed   how many seconds of it are played per second
+  /// @param length  the recording's length
+  /// @param speed   seconds of the recording that are played per second
   Pace(Duration length, double speed, bool loops) noexcept
       : length_(length), speed_(speed), loops_(loops) {}
 
@@ -22,11 +22,11 @@ class Pace {
 
   /// A place in the recording.
   struct Position {
-    Duration at{};            ///< Since its begin.
+    Duration at{};            ///< Since its start.
     std::uint64_t round = 0;  ///< Counts repetitions from 0.
     bool is_over = false;     ///< Only without `loops`.
   };
-  /// Before start(): its begin.
+  /// The place at `now`; before start() the recording's start.
   [[nodiscard]] Position position(MonotonicTime now) const noexcept;
 
  private:

@@ -18,8 +18,8 @@ namespace rtpm::replay {
 
 /// Settings of a player.
 struct PlayerConfig {
-  std::string registry{};   ///< Where the devices' names are bound; empty: nowhere.
-  std::string hub{};        ///< That gets the events, a name or a URL; empty: none does.
+  std::string registry{};   ///< Registry of the devices' names; empty: no names.
+  std::string hub{};        ///< The events' hub, a name or a URL; empty: no events.
   std::string folder{};     ///< Put before each name: "replay" makes replay/lab/arm0 of lab/arm0.
   double speed = 1;         ///< Seconds of the recording per second; 0.001 to 1000.
   bool is_stepped = false;  ///< Each read of a device gets its next sample; `speed` is not used.
@@ -33,7 +33,7 @@ struct PlayerConfig {
 
 /// Progress of a player.
 struct PlayerStatus {
-  Duration at{};            ///< In the recording; in steps, of the sample that is farthest on.
+  Duration at{};            ///< In the recording; in steps, the time of the farthest sample.
   std::uint64_t round = 0;  ///< Repetitions.
   std::uint64_t read_count = 0;
   std::uint64_t command_count = 0;  ///< Accepted.
@@ -43,13 +43,13 @@ struct PlayerStatus {
 };
 
 /// Plays a recording: serves its devices under their names, and pushes its events to a hub. In
-/// steps, events follow the device that is farthest on. It ends behind the last sample and event;
-/// in steps, once each device has shown its last sample. With End::kHold or kLoop it does not end.
+/// steps, events follow the device that is farthest on. It ends after the last sample and event; in
+/// steps, once each device has shown its last sample. With End::kHold or kLoop it does not end.
 /// @ownership refers to its node and recording, which must outlive it
 /// @threads  any
 class Player {
  public:
-  /// Serves the devices; the time begins with start().
+  /// Serves the devices; the playing time begins with start().
   /// @realtime set-up only; waits for a name that another server held
   /// @errors   a speed out of range; a name that is bound already; no registry, or no hub, answers
   [[nodiscard]] static expected<std::unique_ptr<Player>, SetupError> create(

@@ -54,11 +54,11 @@ struct Recorded {
   std::vector<RecordedSource> sources{};
   std::vector<RecordedEvent> events{};  ///< In the order of their times.
   std::vector<std::byte> payloads{};
-  /// Sentences about what was left out or mended: broken messages, a clock that jumps.
+  /// Sentences about omissions and corrections: broken messages, a clock that jumps.
   std::vector<std::string> notes{};
 };
 
-/// Which part of a recording is read.
+/// Selects the part of a recording that is read.
 struct Selection {
   std::vector<std::string> devices{};  ///< By name; empty: all.
   std::vector<std::string> topics{};   ///< The events' topics; empty: all.
@@ -66,15 +66,15 @@ struct Selection {
   std::optional<Duration> to{};
 };
 
-/// Bytes of samples and payloads that load() takes; of more it names the remedy.
+/// Bytes of samples and payloads that load() takes; beyond, its error names the remedy.
 inline constexpr std::size_t kLoadByteMax = std::size_t{1} << 30;
-/// A pause in which nothing at all was recorded, beyond which it is shortened, to kPauseLeft.
+/// Longest pause without any record; a longer one is shortened to kPauseLeft.
 inline constexpr Duration kPauseMax = std::chrono::minutes{1};
 inline constexpr Duration kPauseLeft = std::chrono::seconds{1};
 
-/// Reads the devices and events of a recording that rtpm::capture wrote. A message takes its place
-/// in time by its publish time, which is the origin's: what came late to the recorder is played as
-/// it happened.
+/// Reads the devices and events of a recording that rtpm::capture wrote. A message's publish time,
+/// which is the origin's, gives its place in time: a message that reached the recorder late is
+/// played at its origin's time.
 /// @realtime set-up only
 /// @errors   as recording::FileReader::open(), with the remedy for one that was cut off; it has no
 ///           device and no event; a device or topic that it does not have; one that was recorded

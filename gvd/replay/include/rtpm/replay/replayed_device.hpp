@@ -34,14 +34,14 @@ class CommandSink {
   CommandSink(const CommandSink&) = delete;
   CommandSink& operator=(const CommandSink&) = delete;
   virtual ~CommandSink() = default;
-  /// @param sample_sequence  of the sample that the device showed then
+  /// @param sample_sequence  sequence of the sample that the device showed then
   virtual void take(const device::Command& command, std::uint64_t sample_sequence) noexcept = 0;
 };
 
 /// Settings of a replayed device.
 struct ReplayedDeviceConfig {
-  /// Which sample a read() gets: the one of the present time; null: each read() the next one, so
-  /// that a loop which reads once per cycle sees each sample once, whatever its timing.
+  /// Selects the sample that a read() gets: the one of the present time; null: each read() gets the
+  /// next one, so that a loop with one read per cycle sees each sample once, whatever its timing.
   const Pace* pace = nullptr;
   End end = End::kGone;
   gvd::LeaseConfig lease{};
@@ -61,11 +61,11 @@ class ReplayedDevice final : public device::DeviceServant {
   /// @param recorded  has a sample and a description that is valid
   ReplayedDevice(const RecordedDevice& recorded, const ReplayedDeviceConfig& config);
 
-  /// To be called each millisecond: ends the lease that is over.
+  /// Ends an expired lease. Call it each millisecond.
   void attend(MonotonicTime now) noexcept;
-  /// No force and no commands until rearm().
+  /// Stops the device: no force and no commands until rearm().
   void emergency_stop() noexcept { emergency_.stop(); }
-  /// From now on it is lost.
+  /// From now on the device is lost.
   void lose() noexcept { is_gone_.store(true, std::memory_order_release); }
 
   struct Counters {
@@ -74,7 +74,7 @@ class ReplayedDevice final : public device::DeviceServant {
     std::uint64_t refused_count = 0;  ///< Commands.
   };
   [[nodiscard]] Counters counters() const noexcept;
-  /// How many of the samples were shown, in steps.
+  /// The number of samples shown, in steps.
   [[nodiscard]] std::uint64_t step_count() const noexcept {
     return step_count_.load(std::memory_order_acquire);
   }
@@ -122,7 +122,7 @@ class ReplayedDevice final : public device::DeviceServant {
   [[nodiscard]] const device::Sample* last_shown(MonotonicTime now) const noexcept;
   [[nodiscard]] gvd::DeviceOutcome submit(const device::Command& command,
                                           MonotonicTime now) noexcept;
-  /// Whether the lease's holder has a newest command older than this one, which then is the newest.
+  /// Whether this command is newer than the holder's newest one; if so, it becomes the newest.
   [[nodiscard]] bool is_newest(std::uint64_t lease, std::uint32_t sequence) noexcept;
   [[nodiscard]] bool is_active(MonotonicTime now) const noexcept;
   [[nodiscard]] device::Outcome use(const device::Holder& holder) noexcept;
@@ -135,7 +135,7 @@ class ReplayedDevice final : public device::DeviceServant {
   gvd::EmergencyLatch emergency_{};
   std::atomic<bool> is_gone_{false};
   std::atomic<bool> is_deactivated_{false};
-  /// Its lease's serial number and sequence; bit 63: there is one.
+  /// The newest command's lease serial number and sequence; bit 63: a command exists.
   std::atomic<std::uint64_t> newest_command_{0};
   std::atomic<std::uint64_t> step_count_{0};
   std::atomic<std::uint64_t> read_count_{0};

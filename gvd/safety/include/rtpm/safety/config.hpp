@@ -20,7 +20,7 @@ enum class WatchdogPolicy : std::uint8_t {
 inline constexpr std::uint8_t kWatchdogPolicyCount = 4;
 /// "ramp", "hold", "damp", "off".
 [[nodiscard]] std::string_view to_string(WatchdogPolicy policy) noexcept;
-/// The policy of that name; of any other kOff.
+/// The policy of that name; kOff for any other name.
 [[nodiscard]] WatchdogPolicy watchdog_policy_of(std::string_view name) noexcept;
 
 /// Limits of the safety filter, which can't be turned off as a whole. Where 0 stands for "none",
@@ -39,23 +39,23 @@ struct SafetyConfig {
   Duration watchdog_span = std::chrono::milliseconds{100};  ///< For kHold and kDamp.
   double watchdog_newton_s_per_m = 0;                       ///< The damping of kDamp.
 
-  double power_watt_max = 0;           ///< That the device may give its user; 0: none.
+  double power_watt_max = 0;           ///< Most that the device may give its user; 0: none.
   double velocity_m_per_s_max = 0;     ///< Faster, the force is off until recover(); 0: none.
   driver::Workspace workspace{};       ///< Where the soft wall begins; no wall on an empty axis.
   double wall_newton_per_m = 0;        ///< Stiffness of the wall; 0: no wall.
   double wall_newton_s_per_m = 0;      ///< Its damping.
-  double force_newton_continuous = 0;  ///< That the motors endure for ever; 0: any.
+  double force_newton_continuous = 0;  ///< Force that the motors endure for ever; 0: any.
   Duration heat_time = std::chrono::seconds{30};  ///< How long they endure force_newton_max.
 
   bool has_passivity_guard = false;
-  double passivity_reserve_joule = 0.05;    ///< That may be given before it was taken.
-  double passivity_store_joule = 1;         ///< That counts at most of what was taken.
-  double passivity_watt = 0.001;            ///< At which the reserve refills.
+  double passivity_reserve_joule = 0.05;    ///< Energy that may be given before any was taken.
+  double passivity_store_joule = 1;         ///< Most of the taken energy that counts.
+  double passivity_watt = 0.001;            ///< Power at which the reserve refills.
   double passivity_newton_s_per_m_max = 0;  ///< Greatest damping that the guard adds.
 
   /// The defaults, with every mechanism on, as far as the device's description allows.
   [[nodiscard]] static SafetyConfig for_device(const driver::Descriptor& device) noexcept;
-  /// How long a force lasts behind the end of its command.
+  /// How long a force lasts after the end of its command.
   [[nodiscard]] Duration rest() const noexcept;
   /// Whether every value is valid.
   /// @realtime set-up only

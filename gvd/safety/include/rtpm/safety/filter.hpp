@@ -18,7 +18,8 @@ namespace rtpm::gvd {
 struct WrenchCommand {
   driver::Wrench wrench{};
   MonotonicTime received{};  ///< Time of receipt.
-  /// Lost from then on unless a newer one came; at most SafetyConfig::hold_max after `received`.
+  /// The command counts as lost from then on, unless a newer one came; at most
+  /// SafetyConfig::hold_max after `received`.
   MonotonicTime deadline{};
 };
 
@@ -58,11 +59,11 @@ class SafetyFilter {
   explicit SafetyFilter(const SafetyConfig& config) noexcept : config_(config) {}
 
   /// One cycle at time `now`: filters the newest command, or none if no client may command. A
-  /// decreasing time counts as the last one. `motion` is of the last cycle.
+  /// decreasing time counts as the last one. `motion` is the last cycle's.
   [[nodiscard]] driver::Wrench step(MonotonicTime now, const std::optional<WrenchCommand>& offered,
                                     const Motion& motion = {}) noexcept;
 
-  /// Ends what recover() ends; the force returns by soft start.
+  /// Ends the latched faults; the force returns by soft start.
   void recover() noexcept;
   /// Call before another client's commands, or none: the force first falls to zero as after a loss,
   /// then returns by soft start.
@@ -82,7 +83,7 @@ class SafetyFilter {
   [[nodiscard]] double gain() const noexcept { return soft_start_.share(); }
   /// Whether the last step's output was zero.
   [[nodiscard]] bool is_off() const noexcept { return output_ == driver::Wrench{}; }
-  /// Whether no force comes until recover().
+  /// Whether the force stays off until recover().
   [[nodiscard]] bool is_latched() const noexcept { return not_finite_.is_set() || trip_.is_set(); }
   /// When the output will be zero without a newer command; in the past if it is.
   [[nodiscard]] MonotonicTime zero_at() const noexcept { return watchdog_.zero_at(); }

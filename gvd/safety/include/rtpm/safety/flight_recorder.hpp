@@ -16,8 +16,8 @@
 
 namespace rtpm::gvd {
 
-/// One cycle of a device: what was measured, asked for and applied, and what the mechanisms of the
-/// safety filter decided.
+/// One cycle of a device: the measured, requested and applied values, and the decisions of the
+/// safety filter's mechanisms.
 /// @ownership plain value, trivially copyable
 struct FlightRecord {
   std::uint64_t cycle = 0;
@@ -49,7 +49,7 @@ enum class FlightCause : std::uint8_t {
 struct FlightLog {
   std::uint64_t number = 0;  ///< Counts a device's faults from 1; 0: there was none.
   FlightCause cause = FlightCause::kNone;
-  std::uint64_t cycle = 0;              ///< The one of the fault.
+  std::uint64_t cycle = 0;              ///< The fault's cycle.
   std::size_t record_count = 0;         ///< In the whole log.
   std::vector<FlightRecord> records{};  ///< Oldest first; perhaps a part of it.
   /// The monotonic clock of their times minus this host's; not 0 only if another host has the
@@ -82,7 +82,7 @@ class FlightRecorder {
     return number_.load(std::memory_order_acquire);
   }
   /// The newest frozen log.
-  /// @param first, count  of its records, oldest first
+  /// @param first, count  range of its records, oldest first
   [[nodiscard]] FlightLog newest(std::size_t first = 0, std::size_t count = kCycleCount) const;
 
  private:
@@ -92,7 +92,7 @@ class FlightRecorder {
 
   std::array<Ring, 2> rings_;
   std::uint64_t count_ = 0;  ///< Records in the ring that is being written.
-  std::size_t writing_ = 0;  ///< The ring that is.
+  std::size_t writing_ = 0;  ///< The ring that is being written.
   driver::Faults last_faults_{};
   FlightCause pending_cause_ = FlightCause::kNone;
   std::uint64_t pending_cycle_ = 0;

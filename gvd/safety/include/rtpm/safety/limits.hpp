@@ -5,8 +5,8 @@
 #include "rtpm/safety/config.hpp"
 #include "rtpm/safety/motion.hpp"
 
-/// The limits of what a command may ask, one class each. All are values without clock, thread and
-/// heap; times and motions are arguments. @realtime alloc-free, all of them
+/// The limits of a command, one class each. All are values without clock, thread and heap; times
+/// and motions are arguments. @realtime alloc-free, all of them
 namespace rtpm::gvd {
 
 /// A NaN or an infinity in a command: no force until recover(), however good later commands are.
@@ -24,7 +24,7 @@ class NotFiniteLatch {
 /// Shortens force and torque to their maximum magnitude; directions stay.
 class Clamp {
  public:
-  /// True if something was too long.
+  /// True if force or torque was too long.
   static bool apply(const SafetyConfig& config, driver::Wrench& wrench) noexcept;
 };
 
@@ -46,7 +46,7 @@ class SoftStart {
 /// Moves the output towards the wanted wrench, no faster than the maximum rates of change.
 class RateLimit {
  public:
-  /// True if `output` did not get there.
+  /// True if `output` did not reach the wanted wrench.
   static bool approach(const SafetyConfig& config, Duration elapsed, const driver::Wrench& wanted,
                        driver::Wrench& output) noexcept;
 };
@@ -72,8 +72,8 @@ class VelocityTrip {
   bool is_set_ = false;
 };
 
-/// Outside of the workspace, axis by axis: whatever pushes further out is left off, and a spring
-/// with a damper pushes back, with half of the maximum force at most. It only pushes, never pulls.
+/// Outside of the workspace, axis by axis: removes any force that pushes further out, and adds a
+/// spring with a damper that pushes back, with at most half of the maximum force. It never pulls.
 class SoftWall {
  public:
   /// True if the position is outside.

@@ -8,9 +8,9 @@
 namespace rtpm::gvd {
 
 /// A passivity observer and controller in the time domain, axis by axis. The observer adds up the
-/// energy that the device takes from its user, and a small reserve that refills with time. Where
-/// more would be given than was taken, the controller brakes the motion with just the damping that
-/// makes up for it: a wall that is too stiff or too late for its loop stays bounded instead of
+/// energy that the device takes from its user, and a small reserve that refills with time. If the
+/// device would give more than it took, the controller brakes the motion with just the damping that
+/// compensates: a wall that is too stiff or too late for its loop stays bounded instead of
 /// oscillating.
 /// @ownership a value
 /// @realtime alloc-free
@@ -22,9 +22,9 @@ class PassivityGuard {
   /// `elapsed`.
   bool apply(const SafetyConfig& config, Duration elapsed, const Motion& motion,
              driver::Wrench& wrench) noexcept;
-  /// For a force that begins anew.
+  /// Resets the guard for a force that begins anew.
   void restart() noexcept { axes_ = {}; }
-  /// The least of the axes: what may still be given, with the reserve.
+  /// The lowest energy of the axes; with the reserve, the energy that may still be given.
   [[nodiscard]] double energy_joule() const noexcept;
 
  private:

@@ -14,14 +14,14 @@ namespace rtpm::gvd {
 /// @realtime alloc-free
 class Watchdog {
  public:
-  /// A live command that ends at `ends`.
+  /// Notes a live command that ends at `ends`.
   void follow(const SafetyConfig& config, MonotonicTime ends) noexcept;
   /// Turns `output` into the force that remains at `now`; live commands ended at `ends`. Without a
   /// client, whose lease has ended, the force lasts for the ramp at most, whatever the policy.
   /// @return the factor by which the ramp scaled the force, 0 to 1
   double fall(const SafetyConfig& config, MonotonicTime now, MonotonicTime ends, Duration elapsed,
               bool has_client, const Motion& motion, driver::Wrench& output) noexcept;
-  /// As if commands had ended long ago.
+  /// Continues as if commands had ended long ago.
   void go_off(MonotonicTime now) noexcept { zero_at_ = now; }
   [[nodiscard]] MonotonicTime zero_at() const noexcept { return zero_at_; }
 

@@ -29,7 +29,7 @@ struct DeviceClientOptions {
   rpc::BindOptions bind{};
   /// Life of a command without a newer one: ten cycles of a 1 kHz loop bridge a hiccup.
   Duration hold = std::chrono::milliseconds{10};
-  /// How long open() waits for a device that is not there yet.
+  /// How long open() waits for a device that does not exist yet.
   Duration patience{0};
 };
 
@@ -75,7 +75,8 @@ class DeviceClient {
   /// Its present URL, "rtpm://host:port/path".
   /// @realtime set-up only
   [[nodiscard]] std::string url() const;
-  /// Its own worst case: how long after the last command its force is zero, its period included.
+  /// The device's worst case: how long after the last command its force is zero, its period
+  /// included.
   [[nodiscard]] Duration force_end() const noexcept;
 
   /// The minimum priority of take_over(), as of open().
@@ -96,18 +97,17 @@ class DeviceClient {
   [[nodiscard]] DeviceResult set_wrench(const driver::Wrench& wrench,
                                         const rpc::CallOptions& options = {}) noexcept;
 
-  /// Sets whatever the device takes: wrench, pose, velocity, joints or outputs, by
-  /// Setpoint::mode, until the next command or the end of `hold`; then force and efforts fall to
-  /// zero, motion stops, and outputs go to their safe values. CommandMode::kOutputs leaves force
-  /// and motion as they are, and these leave the outputs: one thread commands a force, another one
-  /// a vibration.
+  /// Sets wrench, pose, velocity, joints or outputs, by Setpoint::mode, until the next command or
+  /// the end of `hold`; then force and efforts fall to zero, motion stops, and outputs go to their
+  /// safe values. CommandMode::kOutputs leaves force and motion unchanged, and their modes leave
+  /// the outputs unchanged: one thread can command a force and another one a vibration.
   /// @realtime as rpc::Binding::call()
   /// @errors   kNotHolder · kNotActive · kWrongMode · kSuperseded · kNotFinite · kTooMany ·
   ///           kEmergencyStop · kCallFailed
   [[nodiscard]] DeviceResult set(const driver::Setpoint& setpoint,
                                  const rpc::CallOptions& options = {}) noexcept;
 
-  /// Has the device's own loop render `models`, at most ModelList::kCountMax, in place of the
+  /// Makes the device's own loop render `models`, at most ModelList::kCountMax, in place of the
   /// former ones, from one cycle to the next. Their force is added to the commands' and passes the
   /// same limits; it needs no command and no link, but the lease, with which it ends by the ramp:
   /// when this client falls silent, after LeaseConfig::silence_max (1 s), not after `hold`. Call
@@ -119,7 +119,7 @@ class DeviceClient {
   ///           kCallFailed; the former models stay
   [[nodiscard]] expected<void, ModelsError> set_models(std::span<const Model> models);
 
-  /// The cycles around the device's newest fault; its number is 0 if there was none. Times are
+  /// The cycles around the device's newest fault; its number is 0 if it had no fault. Times are
   /// those of the device's host.
   /// @realtime set-up only
   /// @errors   kCallFailed
@@ -163,7 +163,7 @@ class DeviceClient {
   /// @realtime set-up only
   /// @errors   kNotHolder · kCallFailed
   [[nodiscard]] DeviceResult deactivate();
-  /// Takes the force away at once and refuses commands until rearm(), of each device in `scope`.
+  /// Takes the force of each device in `scope` away at once, and refuses commands until rearm().
   /// Needs no lease.
   /// @realtime set-up only
   /// @errors   kNotInSystem, with kSystem · kCallFailed

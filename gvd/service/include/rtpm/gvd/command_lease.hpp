@@ -30,13 +30,13 @@ class RateGate {
   std::optional<MonotonicTime> opens_{};
 };
 
-/// A key for a device's leases, of the system's randomness.
+/// A key for a device's leases, from the system's random source.
 /// @realtime set-up only
 [[nodiscard]] SipKey random_lease_key();
 
 /// The right to command a device, held by one client at a time. Ends when released, silent or idle
-/// for too long, or taken over; that of an operator, who took it over, is never idle. Its holder is
-/// identified by an unguessable number.
+/// for too long, or taken over; an operator's lease, which was taken over, is never idle. An
+/// unguessable number identifies its holder.
 /// @ownership a value, not copied
 /// @threads  step() and revoke() from the device's thread, everything else from any
 /// @realtime alloc-free, never waits, reads no clock

@@ -21,8 +21,8 @@ struct DeviceConsumerConfig {
   std::string hub{events::kHubPath};  ///< A name or a URL.
   /// The devices that DeviceEvent::device names.
   std::vector<std::string> devices{};
-  /// Filter, delivery, priority and all else of the subscription. Without a filter it receives the
-  /// samples and changes of `devices`. The fields of devices' events need no `types`.
+  /// Filter, delivery, priority and further settings of the subscription. Without a filter it
+  /// receives the samples and changes of `devices`. The fields of devices' events need no `types`.
   events::ConsumerConfig subscription{.name = "devices"};
 };
 
@@ -71,7 +71,7 @@ class DeviceConsumer {
   /// Unsubscribes, and waits until the handler has returned.
   ~DeviceConsumer();
 
-  /// To change, suspend or end the subscription, and for its counters.
+  /// The events consumer, to change, suspend or end the subscription, and for its counters.
   [[nodiscard]] events::Consumer& subscription() noexcept;
   /// Events omitted because they are malformed, of another version, or of no device.
   [[nodiscard]] std::uint64_t unreadable_count() const noexcept;

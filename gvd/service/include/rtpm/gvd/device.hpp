@@ -33,8 +33,8 @@ struct CycleConfig {
   /// clients.
   Priority operator_priority{28000};
   Duration retry = std::chrono::milliseconds{500};  ///< Between attempts to reach a lost device.
-  /// A device whose cycles are late or corrupt for so long, and for more than twenty cycles, counts
-  /// as gone. Its force goes to zero after twenty cycles.
+  /// A device whose cycles are late or corrupt for this time, and for more than twenty cycles,
+  /// counts as gone. Its force goes to zero after twenty cycles.
   Duration gone_after = std::chrono::milliseconds{200};
   /// Limits of the safety filter; nullopt: SafetyConfig::for_device().
   std::optional<SafetyConfig> safety{};

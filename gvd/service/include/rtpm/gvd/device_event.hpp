@@ -37,9 +37,9 @@ inline constexpr events::EventType kConfigurationChanged = 1380974600;
 
 /// Samples of a device.
 [[nodiscard]] events::Filter samples_of(std::string_view device);
-/// Everything of a device but its samples.
+/// All changes of a device, without its samples.
 [[nodiscard]] events::Filter changes_of(std::string_view device);
-/// Presses, or releases, of one of its buttons.
+/// Presses, or releases, of one of the device's buttons.
 [[nodiscard]] events::Filter pressed(std::string_view device, std::size_t button);
 [[nodiscard]] events::Filter released(std::string_view device, std::size_t button);
 
@@ -88,9 +88,9 @@ struct Timeout {
 /// One event.
 /// @ownership a value, but for `device`
 struct DeviceEvent {
-  /// One of DeviceConsumerConfig::devices; empty: of none, or a timeout.
+  /// One of DeviceConsumerConfig::devices; empty: another device's event, or a timeout.
   std::string_view device{};
-  std::uint64_t cycle = 0;  ///< Sample::sequence of its cycle; 0: of none.
+  std::uint64_t cycle = 0;  ///< Sample::sequence of its cycle; 0: it has no cycle.
   /// With origin and flags, such as is_replayed.
   events::EventHeader header{};
   std::variant<Timeout, driver::Sample, ButtonChange, ContactChange, LifecycleChange, FaultChange,

@@ -23,8 +23,8 @@ class EmergencyStops {
   virtual ~EmergencyStops() = default;
   /// Stops every device of this program.
   virtual void stop_devices() noexcept = 0;
-  /// Stops them and requests the same of every other program, see SystemStop; false: it takes no
-  /// part in that, and stopped only its own.
+  /// Stops them and requests the same from every other program, see SystemStop; false: the program
+  /// takes no part in that, and stopped only its own devices.
   [[nodiscard]] virtual bool stop_system() noexcept = 0;
 };
 
@@ -37,10 +37,10 @@ class StopMemory {
   StopMemory(const StopMemory&) = delete;
   StopMemory& operator=(const StopMemory&) = delete;
   virtual ~StopMemory() = default;
-  /// Whether the device was stopped when its last server ended: then it begins so.
+  /// Whether the device was stopped when its last server ended: then it begins stopped.
   [[nodiscard]] virtual bool was_stopped() const noexcept = 0;
-  /// The device was stopped or rearmed, which already has its effect; DeviceServer::is_stopped()
-  /// says which. Does not wait for a disk.
+  /// Notes that the device was stopped or rearmed, which already has its effect;
+  /// DeviceServer::is_stopped() tells which. Does not wait for a disk.
   virtual void on_change() noexcept = 0;
 };
 

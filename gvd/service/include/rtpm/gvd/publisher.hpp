@@ -22,13 +22,13 @@ namespace rtpm::gvd {
 struct DevicePublisherConfig {
   std::string hub{events::kHubPath};  ///< A name or a URL.
   events::Hub* own_hub = nullptr;     ///< A hub in this program, instead of `hub`.
-  /// Interval of pushing what devices left, as one batch.
+  /// Interval at which the devices' cycles are pushed as one batch.
   Duration interval = std::chrono::milliseconds{1};
   Duration retry = std::chrono::milliseconds{500};  ///< Between attempts to reach the hub.
   double contact_force_newton = 0.05;  ///< Where contact begins; it ends below half of it.
   /// Its priority, if any, is also that of its events.
   rt::ThreadConfig thread{.name = "publisher", .priority = Priority{12000}};
-  DeviceListener* listener = nullptr;  ///< May be null. Hears of the hub, on this thread.
+  DeviceListener* listener = nullptr;  ///< May be null. Receives the hub's changes, here.
 };
 
 /// Counters of a publisher.
@@ -40,8 +40,8 @@ struct DevicePublisherCounters {
 };
 
 /// Pushes the samples and changes of a program's devices to a hub of events: the device as the
-/// paper's supplier. A device's thread leaves each cycle in a ring and never waits; this thread
-/// finds what has changed and pushes it. The hub may be absent at the start and may restart.
+/// paper's supplier. A device's thread leaves each cycle in a ring and never waits; the publisher's
+/// thread finds the changes and pushes them. The hub may be absent at the start and may restart.
 /// @ownership refers to its node and hub, which must outlive it; must outlive the devices' servers
 /// @threads  add(), start() and stop() from one thread; the rest from any
 class DevicePublisher {
@@ -60,7 +60,7 @@ class DevicePublisher {
   /// @realtime set-up only
   /// @errors   no thread; missing real-time rights with RealtimeMode::kRequire
   [[nodiscard]] expected<void, SetupError> start();
-  /// Pushes what is left, and ends the thread. May be repeated.
+  /// Pushes the remaining cycles, and ends the thread. May be repeated.
   void stop() noexcept;
 
   /// Pushes that parameters of the device `name` have changed; as ParameterListener::on_change().

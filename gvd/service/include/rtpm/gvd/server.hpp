@@ -20,8 +20,8 @@ namespace rtpm::gvd {
 /// Configures a device's server.
 struct DeviceServerConfig {
   CycleConfig cycle{};
-  /// start() succeeds without the device, which is then reached for like a lost one; and without
-  /// its driver's answer after 2 s, until which there is no sample.
+  /// Lets start() succeed without the device, which the server then retries like a lost one, and
+  /// without its driver's answer after 2 s; until that answer the device has no sample.
   bool starts_without_device = false;
   /// The device's thread, of higher priority than every lane, so that no caller can delay it.
   rt::ThreadConfig thread{.name = "device", .priority = Priority{30000}};
@@ -52,8 +52,8 @@ class DeviceServer {
   /// Stops. Waits without a bound for a driver that does not return: call stop() before.
   ~DeviceServer();
 
-  /// Configures and activates the device and starts its thread, which from then on is the only one
-  /// to call the driver.
+  /// Configures and activates the device and starts its thread, which from then on alone calls the
+  /// driver.
   /// @realtime set-up only
   /// @errors   the device can't be set up; missing real-time rights with RealtimeMode::kRequire
   [[nodiscard]] expected<void, SetupError> start();

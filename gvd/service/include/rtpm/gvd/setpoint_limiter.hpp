@@ -23,7 +23,7 @@ class SetpointLimiter {
 
   /// Whether the device takes commands of `mode`; every device takes kOff.
   [[nodiscard]] bool takes(driver::CommandMode mode) const noexcept;
-  /// `setpoint`, which is finite, within the limits. Channels that the device lacks are zero.
+  /// Limits `setpoint`, which is finite. Channels that the device lacks are zero.
   [[nodiscard]] driver::Setpoint limit(const driver::Setpoint& setpoint) const noexcept;
   /// The outputs without a command.
   [[nodiscard]] const std::array<float, driver::kOutputCountMax>& safe_outputs() const noexcept {

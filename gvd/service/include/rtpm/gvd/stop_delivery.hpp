@@ -16,7 +16,7 @@
 
 namespace rtpm::gvd {
 
-/// Devices that are remembered; further ones are stopped as long as a name service has them.
+/// Maximum of remembered devices; further ones are stopped as long as a name service has them.
 inline constexpr std::size_t kRememberedDeviceCountMax = 4096;
 
 /// A device at one of the servers to which its name leads.
@@ -30,7 +30,7 @@ struct StopTarget {
 struct StopResult {
   StopTarget target{};
   bool is_stopped = false;
-  /// Why it is not known to be stopped; of a stopped one: why its system was not told.
+  /// Why it is not known to be stopped; for a stopped one: why its system was not notified.
   std::string why{};
   MonotonicTime asked{};  ///< When the stop was first asked for.
 };
@@ -54,12 +54,12 @@ struct StopDeliveryConfig {
   Duration patience = std::chrono::milliseconds{900};  ///< Time limit of stop() and retry().
 };
 
-/// Stops devices from outside: each at its own server and through every hub, at the same time, at
-/// every server to which any name service of the scope lets a name lead, or did until its lease
-/// ended, and at those where a device was seen before. So neither a name that is bound twice nor a
-/// server, registry or hub that hangs keeps a stop from the others. A device that was not reached
-/// is owed its stop: it stays so, also when its name expires, until retry() has delivered it or the
-/// device is dismissed.
+/// Stops devices from outside: each at its own server and through every hub, at the same time. It
+/// tries every server to which a name leads in any name service of the scope, or led until its
+/// lease ended, and the servers where a device was seen before. So neither a name that is bound
+/// twice nor a server, registry or hub that hangs keeps a stop from the other devices. A device
+/// that was not reached is owed its stop, also when its name expires, until retry() has delivered
+/// it or the device is dismissed.
 /// @ownership refers to its node, which must outlive it
 /// @threads  any; stop() and retry() may run at the same time
 /// @realtime set-up only
@@ -72,11 +72,11 @@ class StopDelivery {
 
   /// Notes where a device is seen, so that a stop goes there also when its name has expired.
   void remember(const StopTarget& target);
-  /// Ends what is remembered of a device, and the stop that it is owed.
+  /// Drops the remembered targets of a device, and the stop that it is owed.
   void dismiss(std::string_view device);
 
-  /// Stops `device`, a name or a URL, and what `scope` says besides; an empty one: every device,
-  /// where `scope` does not count. Blocks for StopDeliveryConfig::patience at most.
+  /// Stops `device`, a name or a URL, and the further devices of `scope`. An empty `device` stops
+  /// every device, whatever `scope`. Blocks for StopDeliveryConfig::patience at most.
   [[nodiscard]] StopReport stop(std::string_view device = {}, StopScope scope = StopScope::kDevice);
 
   /// Tries to deliver the stops that are owed, at the servers where the devices were and at those

@@ -16,7 +16,7 @@ namespace rtpm::gvd {
 
 /// Configures a keeper of stops.
 struct StopKeeperConfig {
-  /// Where stops are kept, a file per device. Empty: nowhere, and they end with the program.
+  /// The folder of the stops, a file per device. Empty: stops end with the program.
   std::string folder{};
   DeviceListener* listener = nullptr;  ///< May be null; must outlive the keeper.
 };
@@ -34,18 +34,18 @@ class StopKeeper final : public SystemStopDevices {
   StopKeeper& operator=(const StopKeeper&) = delete;
   ~StopKeeper() override;
 
-  /// Reads what is kept of the device. The result is for CycleConfig::stop_memory; without an
-  /// attach() it lives until the next add().
+  /// Reads the device's kept stop. The result is for CycleConfig::stop_memory; without an attach()
+  /// it lives until the next add().
   /// @realtime set-up only
   [[nodiscard]] StopMemory& add(std::string_view name, const driver::Descriptor& descriptor);
-  /// `device` is the server of the device that was added last.
+  /// Attaches `device`, the server of the device that was added last.
   void attach(DeviceServer& device) noexcept;
   /// Begins to write. Call before the rpc::Server starts.
   /// @realtime set-up only
   /// @errors   no thread left
   [[nodiscard]] expected<void, SetupError> start();
-  /// Writes what is left, and ends the thread. Call after the rpc::Server has stopped, before the
-  /// devices are destroyed. May be repeated.
+  /// Writes the remaining changes, and ends the thread. Call after the rpc::Server has stopped,
+  /// before the devices are destroyed. May be repeated.
   void stop() noexcept;
 
   /// Stops every device.

@@ -19,7 +19,7 @@ namespace rtpm::gvd {
 inline constexpr events::EventType kStopAllRequested = 1380974601;
 inline constexpr events::SourceId kStopAllSource = 0;
 
-/// The devices of a program, as the system-wide emergency stop sees them.
+/// The system-wide emergency stop's view of a program's devices.
 /// @threads  any
 /// @realtime alloc-free
 class SystemStopDevices {
@@ -60,7 +60,7 @@ struct SystemStopConfig {
 /// @threads  request() from any
 class SystemStop {
  public:
-  /// Starts; the hub is reached for in the background.
+  /// Starts, and connects to the hub in the background.
   /// @param devices  this program's; null: a program without devices, such as a panic button's
   /// @realtime set-up only
   /// @errors   no thread left
@@ -70,10 +70,10 @@ class SystemStop {
   SystemStop& operator=(const SystemStop&) = delete;
   ~SystemStop();
 
-  /// Stops this program's devices at once, and asks all others to.
+  /// Stops this program's devices at once, and asks all other programs to stop theirs.
   /// @realtime alloc-free
   void request() noexcept;
-  /// Whether requests of others would arrive now.
+  /// Whether requests of other programs would arrive now.
   [[nodiscard]] bool is_subscribed() const noexcept;
   /// Requests that were made, or that a device obeyed.
   [[nodiscard]] std::uint64_t stop_count() const noexcept;

@@ -32,7 +32,7 @@ namespace rtpm::gvd {
 /// The reply to a client that got the lease `id`,
 /// @realtime alloc-free
 [[nodiscard]] device::Lease granted_to_wire(std::uint64_t id, const LeaseConfig& config) noexcept;
-/// and to one that did not.
+/// and the reply to a client that did not.
 /// @realtime alloc-free
 [[nodiscard]] device::Lease refused_to_wire(DeviceOutcome outcome) noexcept;
 
