@@ -29,7 +29,12 @@ export async function launch(path) {
 
 /** A page of the console, with what its program complained of. */
 export async function open(browser, url, options = {}) {
-  const context = await browser.newContext({viewport: kSizes.desktop, ...options});
+  const context = await browser.newContext({
+    viewport: kSizes.desktop,
+    // Software draws the scene: a quarter of the pixels takes a quarter of the time.
+    deviceScaleFactor: process.env.RTPM_PICTURES ? 1 : 0.5,
+    ...options,
+  });
   const page = await context.newPage();
   page.setDefaultTimeout(kPatienceMs);
   page.faults = [];

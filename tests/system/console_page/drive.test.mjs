@@ -301,7 +301,12 @@ describe('looks', {concurrency: 2}, () => {
   for (const size of Object.keys(kSizes)) {
     const schemes = kColourSizes.includes(size) ? ['light', 'dark'] : ['light'];
     it(`well in ${schemes.join(' and ')}, ${size}, and to everybody`, async () => {
-      const options = {viewport: kSizes[size], hasTouch: size !== 'desktop'};
+      const options = {
+        viewport: kSizes[size],
+        hasTouch: size !== 'desktop',
+        // No colour is on its way to another one.
+        reducedMotion: 'reduce',
+      };
       await visit(browser, system.url, options, async (other) => {
         for (const scheme of schemes) {
           await other.emulateMedia({colorScheme: scheme});

@@ -70,8 +70,8 @@ Lane::Lane(const LaneSetup& setup, std::vector<transport::UdpPort> ports,
       gate_(std::make_shared<LocalGate>(doorbell_, *this, setup.local_oneway_count_max,
                                         setup.sessions.message_size_max)),
       rights_(setup, media_),
-      dispatch_(*setup.objects, setup.inbound_priority, setup.config.priority, *this, tap_,
-                rights_, setup.refusals),
+      dispatch_(*setup.objects, setup.inbound_priority, setup.config.priority, *this, tap_, rights_,
+                setup.refusals),
       idling_(setup.config.wait) {
   const LaneParts parts{*this,  config_, is_stopping_, *setup.slot, dispatch_,
                         calls_, report_, idling_,      *wait_set_};
