@@ -167,6 +167,22 @@ TEST(Vocabulary, IsNotReadInCommentsAndTexts) {
         "// a train of words\nauto a = \"crew\"; int bone; RepairWish w;\n"}}));
 }
 
+TEST(Comments, BeginWithTheirSubject) {
+  expect_no_fault(find_comments_without_subject(tree()));
+}
+
+TEST(Comments, WithoutSubjectAreFound) {
+  const auto faults = find_comments_without_subject(
+      {{"a.hpp", "/// What a lane is.\nint x;  ///< Of the lane.\n// It is. Who calls, waits.\n"},
+       {"b.cpp", "/// @param x  So many are kept.\n"},
+       {"c.cpp", "// A part\n// Of what it has.\nauto a = \"// What\";\n// As http://a.b/What\n"}});
+  expect_fault(faults, "a.hpp:1:", "'What'");
+  expect_fault(faults, "a.hpp:2:", "'Of'");
+  expect_fault(faults, "a.hpp:3:", "'Who'");
+  expect_fault(faults, "b.cpp:1:", "subject, verb, object");
+  EXPECT_EQ(faults.size(), 4u);
+}
+
 TEST(Files, AreInShape) {
   expect_no_fault(find_misshapen_files(tree()));
 }

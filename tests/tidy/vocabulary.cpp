@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cctype>
 #include <map>
+#include <optional>
 #include <regex>
 #include <string>
 #include <string_view>
@@ -81,7 +82,42 @@ void check_name(const SourceFile& file, std::size_t line, const std::string& nam
   }
 }
 
+/// The comment that ends a line, without its slashes and its label; nothing if there is none.
+std::optional<std::string> comment_of(const std::string& line) {
+  static const std::regex kLabel("^@\\w+ +(\\w+  +)?");
+  const std::size_t at = line.find("//");
+  if (at == std::string::npos) return std::nullopt;
+  // In a text, or in an address.
+  if (at > 0 && (line[at - 1] == ':' || line[at - 1] == '"')) return std::nullopt;
+  const std::size_t begin = line.find_first_not_of("/!< ", at);
+  if (begin == std::string::npos) return std::string{};
+  return std::regex_replace(line.substr(begin), kLabel, "");
+}
+
 }  // namespace
+
+std::vector<Fault> find_comments_without_subject(const std::vector<SourceFile>& files) {
+  static const std::regex kBegin("(^|[.:!?] +)(What|Of|Who|Whoever|Whose|So many|That which)\\b");
+  std::vector<Fault> faults;
+  for (const SourceFile& file : files) {
+    if (!is_cpp(file)) continue;
+    const std::vector<std::string> lines = lines_of(file.text);
+    bool is_at_begin = true;
+    for (std::size_t i = 0; i < lines.size(); ++i) {
+      const auto comment = comment_of(lines[i]);
+      std::smatch found;
+      if (comment && std::regex_search(*comment, found, kBegin) &&
+          (found.position() > 0 || is_at_begin)) {
+        faults.push_back(fault_at(
+            file, i,
+            "a sentence begins with '" + found[2].str() + "'; write subject, verb, object"));
+      }
+      is_at_begin = !comment || comment->empty() ||
+                    std::string_view(".:!?").find(comment->back()) != std::string_view::npos;
+    }
+  }
+  return faults;
+}
 
 std::vector<Fault> find_home_made_words(const std::vector<SourceFile>& files) {
   static const std::regex kIdentifier("[A-Za-z_][A-Za-z0-9_]*");

@@ -10,4 +10,8 @@ namespace rtpm::tidy {
 /// and texts are not read.
 [[nodiscard]] std::vector<Fault> find_home_made_words(const std::vector<SourceFile>& files);
 
+/// Finds sentences of comments that begin with "What", "Of" or "Who": they name no subject.
+[[nodiscard]] std::vector<Fault> find_comments_without_subject(
+    const std::vector<SourceFile>& files);
+
 }  // namespace rtpm::tidy
