@@ -16,8 +16,8 @@ enum class WaitStrategy : std::uint8_t {
               ///< is awake, spinning, when each comes: spinning's latency for some per cent of a
               ///< core. For servers; elsewhere it is kAdaptive.
   kSpin,      ///< Never blocks: least latency for a whole core, which must be the thread's own.
-          ///< Where the kernel throttles real-time threads, one at SCHED_FIFO blocks for some per
-          ///< cent of the time all the same, a little at a time: see budget.hpp.
+              ///< Where the kernel throttles real-time threads, one at SCHED_FIFO blocks for some
+              ///< per cent of the time all the same, a little at a time: see budget.hpp.
 };
 
 /// A wait strategy with its bound.
