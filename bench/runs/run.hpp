@@ -17,13 +17,13 @@ namespace rtpm::bench {
 
 /// How a run measures its contenders.
 struct RunPlan {
-  std::uint64_t sample_count = 0;   ///< For each contender, if the settings do not say.
+  std::uint64_t sample_count = 0;   ///< For each contender, unless the settings have it.
   std::uint64_t warm_up_count = 0;  ///< Before each turn.
   std::uint64_t turn_size = 0;      ///< Calls of one contender before the next one's turn.
   /// A round is one turn of each contender, instead of the settings' length: where the machine
   /// stood still, little is lost.
   bool is_round_a_turn = false;
-  double rest_part = 0;  ///< The part of a turn's time for which the CPUs rest after it.
+  double rest_part = 0;  ///< The pause after each turn, as a fraction of the turn's time.
   /// Starts of the servers in a run. The place of a process's memory, and its cores of the host,
   /// move the figures of shared memory by a third; with one start that would affect all rounds.
   int part_count = 1;

@@ -8,7 +8,7 @@
 namespace rtpm::media {
 namespace {
 
-/// The interval of setting the models again. That keeps the lease, which the knob's feel needs.
+/// How often the models are set again, which keeps the lease; without it the knob loses its feel.
 constexpr Duration kModelsInterval = std::chrono::milliseconds{200};
 /// The hold of a command to the player: ten cycles bridge a hiccup.
 constexpr Duration kHold = std::chrono::milliseconds{100};

@@ -200,7 +200,7 @@ void SimClient::begin_call(Jobs::iterator job) {
                                  .byte_window = kByteWindow};
   }
   const auto frame = channel_->call(parameters, job->payload, local_now());
-  // WELCOME states how much the server accepts.
+  // Only WELCOME says how large a message the server accepts.
   if (!frame) return end(job, Outcome::kNotRun, to_string(frame.error()));
   job->is_waiting = false;
   job->begun = local_now();

@@ -55,7 +55,7 @@ class SimClient {
   /// The number of replies in fragments that came whole.
   [[nodiscard]] std::uint64_t large_reply_count() const noexcept { return large_reply_count_; }
   [[nodiscard]] std::uint64_t lost_count() const noexcept { return lost_count_; }
-  /// The number of streams that came to their end, and of their items.
+  /// The number of streams that ended in order, and of the items that came.
   [[nodiscard]] std::uint64_t stream_count() const noexcept { return stream_count_; }
   [[nodiscard]] std::uint64_t item_count() const noexcept { return item_count_; }
   [[nodiscard]] std::uint64_t large_item_count() const noexcept { return large_item_count_; }
@@ -70,7 +70,7 @@ class SimClient {
  private:
   static constexpr int kRoundCountMax = 4;  // Like rpc::Binding.
 
-  /// A call from its caller's begin to its end, over several sessions if need be.
+  /// A call as its caller sees it, from start to end. It may span several sessions.
   struct Job {
     std::uint64_t number = 0;
     History::Token token = 0;

@@ -124,7 +124,7 @@ class StartUp {
     return otherwise;
   }
 
-  /// Packets at 1.5 Mbaud: whether a firmware answers them.
+  /// Switches to 1.5 Mbaud and sends packets until a firmware answers one.
   [[nodiscard]] Outcome begin_packets() {
     Outcome outcome = set({{FtdiRequest::kDataBits, kEightBitsNoParity},
                            {FtdiRequest::kFlowControl, kNoFlowControl},

@@ -226,7 +226,7 @@ expected<void, SetupError> SimDriver::set_parameters(std::span<driver::Parameter
   workspace_high_m_ = high_m;
   const Eigen::Vector3d offset_before_m = encoder_offset_m_;
   take_vector(settings, "encoder.offset_m", encoder_offset_m_);
-  // A change of the correction is no motion.
+  // A new encoder offset shifts the position without a motion.
   if (encoder_offset_m_ != offset_before_m) velocity_ = VelocityEstimator(velocity_window_);
   auto window = static_cast<std::int64_t>(velocity_window_);
   take(settings, "velocity.cycle_count", window);

@@ -221,7 +221,7 @@ ServerSessions::Session* ServerSessions::find_or_open(const Hello& hello,
       best = &session;
       break;
     }
-    // hp-4-7: a host that has used its quota replaces only its own.
+    // hp-4-7: a host that has used up its quota replaces only its own sessions.
     if (!has_capacity && (session.id == 0 || !is_same_host(session.peer, peer))) continue;
     if (session.id == 0) {
       if (best == nullptr || best->id != 0) best = &session;

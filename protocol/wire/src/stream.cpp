@@ -230,8 +230,8 @@ void IncomingStream::free_first() noexcept {
   ++freed_;
 }
 
-// Moves fragments in order to the buffer of their item, which frees slots for more of it. Stops at
-// memory that the reader views.
+// Copies the fragments, in sequence, into the buffer of their item, which frees their slots for
+// further fragments. Does nothing while the reader still views an item.
 void IncomingStream::put_together() noexcept {
   while (!is_whole_ && view_ == View::kNone && freed_ != first_missing_) {
     const Part& part = parts_[freed_slot_];

@@ -4,8 +4,8 @@
 
 #include "rtpm/base/time.hpp"
 
-// Defines rt::now() and rt::sleep_until() for the program that it is linked into, in place of the
-// library's: only the script and reading the clock advance the time.
+// Replaces the library's rt::now() and rt::sleep_until() in the program that links it. The time is
+// virtual: it advances when the clock is read or a thread sleeps, and runs the events of at().
 namespace rtpm::rpc::test {
 
 /// @threads  set() and at() before the lane's thread starts or on it, everything else on it

@@ -31,7 +31,7 @@ TEST(CycleTimer, SkipsAndCountsWhatALateCycleMissed) {
   CycleTimer cycle(1h, begin);
   cycle.wait();  // The deadline has passed: it returns at once.
   cycle.finish();
-  // The wait ended after the next ten were due, and the last of these is still current.
+  // Ten more cycles became due during the wait, and the tenth is still current.
   EXPECT_EQ(cycle.due(), begin + 10h);
   EXPECT_EQ(cycle.overrun_count(), 10u);
   cycle.wait();

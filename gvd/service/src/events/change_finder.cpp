@@ -22,7 +22,7 @@ std::span<const CycleChange> ChangeFinder::step(const CycleRecord& record) {
   }
   find_lease(before, record);
   find_faults(before.sample.faults, record.sample.faults);
-  // Buttons that were pressed before the server began were not pressed now.
+  // The first record has no predecessor: buttons that were down before are not reported as new.
   if (last_) find_buttons(before.sample, record.sample);
   find_contact(record.sample);
   last_ = record;

@@ -18,7 +18,7 @@ class BroadcastSession {
   using Outcome = SessionOutcome;
   /// Receives one delivery.
   using Taker = std::function<void(std::span<const EventView>)>;
-  /// Whether take() may request a due repair, which waits for the hub.
+  /// Whether take() may request a due repair now. The request blocks until the hub replies.
   enum class Asking : std::uint8_t { kNow, kLater };
 
   virtual ~BroadcastSession() = default;

@@ -136,7 +136,7 @@ bool OpenCalls::must_wait_for_buffer(PendingCall& call, MonotonicTime now) noexc
   const bool waits = may_wait && call.size > sessions.reply_buffer(call.request, now).size();
   const bool has_waited = std::exchange(call.waits_for_room, waits);
   waiting_reply_count_ = waiting_reply_count_ - (has_waited ? 1 : 0) + (waits ? 1 : 0);
-  // A time that matters no longer would keep the lane from sleeping.
+  // A stale due time would keep the lane from sleeping.
   if (waiting_reply_count_ == 0) waiting_reply_due_ = kNever;
   if (waits) {
     waiting_reply_due_ =

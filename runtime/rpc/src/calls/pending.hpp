@@ -31,7 +31,7 @@ struct PendingCall {
   wire::ServerSessions* sessions = nullptr;  ///< Null: a call of the same program, of `local`.
   LocalChannel* local = nullptr;
   std::uint32_t item_size_max = 0;        ///< 0: it is no stream.
-  std::uint32_t item_frame_size_max = 0;  ///< For an item that goes in one frame.
+  std::uint32_t item_frame_size_max = 0;  ///< The largest item of a single frame.
   bool is_blocked = false;                ///< Its connection has no room for items now.
   bool is_in_backlog = false;             ///< See OpenCalls::serve_backlog().
   // In a lane with a thread pool:

@@ -164,7 +164,7 @@ expected<ReplyLease, CallError> Binding::Impl::call_over_transport(const Plan& p
   return unexpected{is_sent ? CallError::kUnreachable : CallError::kPeerRestarted};
 }
 
-// Whether oneways were lost, maybe ours, since this was last asked.
+// Whether oneways to the server were lost since the last check, and this binding has sent some.
 bool Binding::Impl::has_lost_oneways() noexcept {
   const Pin pin(*this);
   const std::uint64_t count = remembered().destination->lost_oneway_count();

@@ -14,7 +14,7 @@ namespace rtpm::schema {
 /// A value and its members.
 /// @ownership views the text
 struct JsonOutline {
-  std::string_view name{};  ///< Empty: the whole text, or an array's element.
+  std::string_view name{};  ///< The member's; empty for the whole text and in arrays.
   std::size_t begin = 0;
   std::size_t end = 0;
   std::string_view word{};  ///< A value that is no object or array, unquoted.

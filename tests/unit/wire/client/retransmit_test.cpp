@@ -43,7 +43,7 @@ TEST(RetransmitTimer, WaitsTheFirstIntervalWhileNothingIsMeasured) {
   EXPECT_EQ(path.smoothed(), Duration{0});
 }
 
-// RFC 6298, 2.2: after the first measurement R, mean R and deviation R/2: R + 4·R/2.
+// RFC 6298, 2.2: the first measurement R makes the mean R and the deviation R/2, so R + 4·R/2 = 3R.
 TEST(RetransmitTimer, WaitsThreeRoundTripsAfterTheFirst) {
   RoundTrip path;
   RetransmitTimer timer(path);

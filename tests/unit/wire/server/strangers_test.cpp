@@ -80,7 +80,7 @@ TEST_F(Strangers, TakeNothingFromSessionsOfTheirHost) {
   EXPECT_EQ(payload_of(answer(server_, verdict.request, "here", at(0s))), bytes_of("here"));
 }
 
-// hp-4.4-5, hp-4-5: the same for HELLOs, except that one with a good cookie is always answered.
+// hp-4.4-5, hp-4-5: answers to HELLOs are limited, too, but one with a valid cookie gets its own.
 TEST_F(Strangers, AskForCookiesOnlySoOften) {
   Peer peer;
   const Bytes proven = peer.proven_hello_frame(server_, at(0s));

@@ -62,7 +62,8 @@ struct Box {
   friend constexpr bool operator==(const Box&, const Box&) noexcept = default;
 };
 
-/// A spring to a point: stiffness · (anchor − x), shortened to force_newton_max, − damping · v.
+/// A damped spring to a point: stiffness · (anchor − x), limited to force_newton_max, minus
+/// damping · v.
 struct Spring {
   driver::Vector3 anchor_m{};
   double stiffness_newton_per_m = 0;
