@@ -249,7 +249,7 @@ class World {
   std::array<bool, kCallMax> open_{};
   std::array<bool, kCallMax> ended_{};  ///< Streams whose reply was reported; items may be left.
   std::uint32_t handshake_ = 0;
-  std::uint32_t call_id_ = 0;  ///< The latest call's.
+  std::uint32_t call_id_ = 0;  ///< The id of the latest call.
 };
 
 }  // namespace

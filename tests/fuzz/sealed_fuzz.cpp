@@ -95,7 +95,7 @@ class World {
                                                                 .limits = {.generation_bits = 10}});
   }
 
-  /// 0: no session; 1: half-open; 2: confirmed; 3: its keys renewed, and the old ones gone.
+  /// @param state  0 no session, 1 half-open, 2 confirmed, 3 keys renewed and the old ones gone
   void begin(std::uint8_t state) {
     if (state == 0) return;
     open();

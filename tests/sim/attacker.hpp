@@ -14,7 +14,7 @@ class Attacker {
   Attacker(Scheduler& scheduler, Random& random, Network& network)
       : scheduler_(scheduler), random_(random), network_(network) {}
 
-  /// Inspects a datagram; false: he keeps it.
+  /// Inspects a datagram; false if the attacker keeps it.
   [[nodiscard]] bool on_datagram(std::uint32_t from_port, std::uint32_t to_port, ConstBytes frame);
   [[nodiscard]] std::uint64_t forged_count() const { return forged_count_; }
   [[nodiscard]] std::uint64_t held_count() const { return held_count_; }

@@ -31,12 +31,12 @@ class History {
 
   explicit History(bool is_told) : is_told_(is_told) {}
 
-  /// A caller begins a call, which must not run twice unless it is idempotent, nor be begun after
+  /// A caller begins a call, which must not run twice unless it is idempotent, or start after
   /// `deadline`.
   [[nodiscard]] Token begin(MonotonicTime now, std::uint32_t client, bool is_idempotent,
                             MonotonicTime deadline);
   /// The servant runs the call; returns how often it has.
-  /// @param tolerance  how late it may be; nothing: the server can't know the deadline
+  /// @param tolerance  how late the call may start; nullopt if the server can't know the deadline
   std::uint32_t run(MonotonicTime now, Token token,
                     std::optional<Duration> tolerance = std::chrono::microseconds{1});
   /// The call's reply has arrived and states that it answers `replied`, run for the `run_number`th

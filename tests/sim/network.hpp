@@ -40,12 +40,12 @@ class Network {
   Network(Scheduler& scheduler, Random& random, const NetworkProfile& profile)
       : scheduler_(scheduler), random_(random), profile_(profile) {}
 
-  /// From now on `receiver` gets the datagrams for `port`; null: they are dropped.
+  /// From now on `receiver` gets the datagrams for `port`; if it is null, they are dropped.
   void listen(std::uint32_t port, Receiver receiver) { receivers_[port] = std::move(receiver); }
   void send(std::uint32_t from_port, std::uint32_t to_port, ConstBytes frame);
 
   void set_profile(const NetworkProfile& profile) { profile_ = profile; }
-  /// `tap` sees each datagram that is sent, and takes it if it returns false; null: no tap.
+  /// `tap` sees each datagram that is sent, and takes it if it returns false. Null removes the tap.
   void set_tap(std::function<bool(std::uint32_t, std::uint32_t, ConstBytes)> tap) {
     tap_ = std::move(tap);
   }

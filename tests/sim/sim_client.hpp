@@ -60,7 +60,7 @@ class SimClient {
   [[nodiscard]] std::uint64_t item_count() const noexcept { return item_count_; }
   [[nodiscard]] std::uint64_t large_item_count() const noexcept { return large_item_count_; }
   [[nodiscard]] std::uint64_t renewal_count() const noexcept { return renewal_count_; }
-  /// How far its clock is ahead of the server's; nothing: both read one clock, and know it.
+  /// How far its clock is ahead of the server's; nullopt if both know that they read one clock.
   [[nodiscard]] std::optional<Duration> clock_offset() const noexcept {
     if (profile_.clock_domain == kServerClock) return std::nullopt;
     return profile_.clock_offset;
@@ -77,9 +77,9 @@ class SimClient {
     wire::Delivery delivery = wire::Delivery::kReply;
     bool is_stream = false;
     bool is_idempotent = false;
-    bool may_have_run = false;  ///< In a former life of the server.
+    bool may_have_run = false;  ///< Before the server restarted.
     bool is_resending = false;  ///< The session was lost; sends again if the server is the same.
-    bool is_waiting = true;     ///< For a session, or a free place in it.
+    bool is_waiting = true;     ///< Waits for a session or for a free slot in it.
     int round = 0;
     MonotonicTime deadline{};
     MonotonicTime begun{};

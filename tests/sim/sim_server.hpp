@@ -26,12 +26,12 @@ struct ServerProfile {
   Duration service_max{};                  ///< The longest that a servant runs.
   std::uint64_t failing_per_mille = 20;    ///< Calls that the servant runs and fails.
   std::size_t queue_max = 64;              ///< Datagrams in the socket's buffer.
-  std::size_t large_count = 3;             ///< Buffers for large messages; 0: it takes none.
+  std::size_t large_count = 3;             ///< Buffers for large messages; 0 if it takes none.
   std::size_t stream_count = 4;            ///< Streams at a time.
   std::uint32_t item_count_max = 100;      ///< Per stream.
   std::uint64_t large_item_per_mille = 0;  ///< Items that take fragments.
-  Sealing* sealing = nullptr;              ///< Null: its sessions are not sealed.
-  /// How far the clock of the client at a port is ahead; nothing: it reads the server's clock.
+  Sealing* sealing = nullptr;              ///< Null if its sessions are not sealed.
+  /// How far the clock of the client at a port is ahead; nullopt if it reads the server's clock.
   std::function<std::optional<Duration>(std::uint32_t port)> clock_offset;
 };
 
@@ -66,7 +66,7 @@ class SimServer {
     std::uint32_t reply_size = 0;
     wire::Status status = wire::Status::kOk;
     std::uint32_t items_left = 0;
-    Bytes item{};  ///< Being written; empty: none.
+    Bytes item{};  ///< The item being written; empty if none is.
     std::uint32_t item_number = 0;
     bool is_midway = false;  ///< Part of it was sent.
     bool is_cancelled = false;

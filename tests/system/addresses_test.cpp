@@ -198,7 +198,7 @@ class ServerOfThreeNetworks : public testing::Test {
     const std::string missing = missing_for_hosts();
     if (!missing.empty()) GTEST_SKIP() << missing;
     server_.emplace("s");
-    // The same at every host, as in containers.
+    // Every host gets the same bridge address, as container hosts do.
     const auto add_bridge = [](const Host& host) {
       host.run("link add docker0 type bridge");
       host.use("docker0", "172.17.0.1/16");

@@ -28,7 +28,7 @@ void run_command(const std::string& command) {
   EXPECT_EQ(std::system((command + " >/dev/null 2>&1").c_str()), 0) << command;
 }
 
-/// Returns a node's answer; null: nothing came in time.
+/// Returns a node's answer; null if none comes in time.
 nlohmann::json ask(const std::string& address, const std::string& path, const std::string& body) {
   static const std::atomic<bool> kNeverStopping = false;
   etcd_store::HttpClient client(kNeverStopping);

@@ -34,8 +34,8 @@ int round_count() {
 /// One caller's knowledge of its own name: the acknowledged state, and the state that it has since
 /// asked for without an answer.
 struct Known {
-  std::string acknowledged{};              ///< URL; empty: not bound.
-  std::optional<std::string> asked_for{};  ///< Empty: nothing is under way.
+  std::string acknowledged{};              ///< URL; empty if not bound.
+  std::optional<std::string> asked_for{};  ///< nullopt if nothing is under way.
 };
 
 class Storm {

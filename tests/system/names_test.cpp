@@ -114,7 +114,7 @@ TEST_F(Names, AreTakenFromALivingServerOnlyOnDemandAndTheRegistryTells) {
       << told;
 }
 
-// As many owners as names, each for an hour.
+// Each name has an owner of its own and is bound for an hour.
 TEST_F(Names, OfInventedServersLeaveRoomAndAreGoneSoon) {
   std::size_t bound_count = 0;
   std::size_t refused_count = 0;

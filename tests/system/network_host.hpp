@@ -35,7 +35,7 @@ inline void ip(const std::string& command) {
 /// A network namespace with a name of this process, which is removed with this object.
 class Host {
  public:
-  /// @param keys  the folder of its user's keys; empty: the test's
+  /// @param keys  the folder of its user's keys; if empty, the test's keys
   explicit Host(const std::string& name, std::string keys = {})
       : name_("rtpm" + std::to_string(getpid()) + name), keys_(std::move(keys)) {
     ip("netns add " + name_);

@@ -26,7 +26,7 @@ template <class Condition>
   return true;
 }
 
-/// The node of the HID device with this serial number, "/dev/hidraw0"; empty: there is none.
+/// The node of the HID device with this serial number, "/dev/hidraw0"; empty if there is none.
 [[nodiscard]] std::string hidraw_node(const std::string& serial_number);
 
 /// Like hidraw_node(), but waits until udev has finished with the device; empty after kPatience.

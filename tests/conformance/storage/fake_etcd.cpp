@@ -11,7 +11,7 @@
 namespace rtpm::storage_test {
 namespace {
 
-/// Path and body of a request; false: the connection ended.
+/// Reads the path and body of a request; false if the connection ended.
 bool read_request(int connection, std::string& path, std::string& body) {
   std::string text;
   std::array<char, 4096> part{};

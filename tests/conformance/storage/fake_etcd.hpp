@@ -13,7 +13,7 @@ namespace rtpm::storage_test {
 /// An endpoint with a test's own answers: HTTP of one request per connection.
 class FakeEtcd {
  public:
-  /// The body that answers a request; empty: none, the connection stays open.
+  /// Returns the body that answers a request; empty to send none and keep the connection open.
   using Handler = std::function<std::string(const std::string& path, const std::string& body)>;
 
   explicit FakeEtcd(Handler handler);

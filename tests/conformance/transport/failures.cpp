@@ -40,7 +40,7 @@ void serve_until_killed(const std::function<void(std::uint16_t)>& tell) {
     pause();
 }
 
-/// The same method as another schema might declare it.
+/// Returns `method` declared idempotent, as another schema might declare it.
 MethodDescriptor idempotent(MethodDescriptor method) {
   method.is_idempotent = true;
   return method;

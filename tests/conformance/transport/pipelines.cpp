@@ -208,7 +208,7 @@ TEST_P(LosslessSuite, CancelsOneCallOfAPipeline) {
   const auto reply = other.take();
   ASSERT_TRUE(reply) << to_string(reply.error());
   EXPECT_EQ(text_of(*reply), "other");
-  // This one is no longer wanted, and has not been sent yet.
+  // This call is dropped before it is sent.
   { auto dropped = begin(binding, pipeline, "dropped"); }
   EXPECT_TRUE(begin(binding, pipeline, "last").take());
   EXPECT_EQ(pipeline.open_count(), 1u) << "the reply is still held";
@@ -248,7 +248,7 @@ TEST_P(TransportSuite, LimitsAPipelineToItsChannels) {
     if (!call) error = call.error();
   }
   EXPECT_EQ(error, CallError::kNoChannel);
-  // The other channel is the bind's, and that of single calls.
+  // The bind and single calls use the other channel.
   EXPECT_EQ(calls.size(), is_udp() ? std::size_t{wire::kCallWindow} : std::size_t{2});
   EXPECT_TRUE(calls.front().take());
   EXPECT_TRUE(begin(binding, pipeline, "one more").take()) << "a place is free again";

@@ -61,7 +61,7 @@ class TransportSuite : public testing::TestWithParam<Transport> {
 };
 
 /// The promises of transports whose network loses nothing: the system reports a server's end, and
-/// calls arrive although no caller waits for them yet, which would repeat them.
+/// calls arrive although no caller waits for them yet; a waiting caller would repeat them.
 class LosslessSuite : public TransportSuite {};
 
 /// The promises of transports with frames; the tests send frames of their own.

@@ -185,7 +185,7 @@ std::vector<Fault> find_uncovered(const std::vector<SourceFile>& files) {
   Citations citations = read_citations(files, known);
   std::ranges::move(citations.faults, std::back_inserter(faults));
 
-  // The missing citations; exemptions remove theirs.
+  // The missing citations; an exemption removes the citations that it covers.
   std::map<std::pair<std::string, std::string>, std::pair<const SourceFile*, std::size_t>> missing;
   for (const auto& [file, page] : pages) {
     for (const Rule& rule : page.rules) {

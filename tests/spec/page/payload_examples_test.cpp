@@ -31,8 +31,8 @@ Octets octets_of(const std::string& text) {
 struct Example {
   Octets block;
   Octets in_rows;
-  std::vector<std::size_t> offsets;  ///< As stated by the rows,
-  std::vector<std::size_t> begins;   ///< and their real ones.
+  std::vector<std::size_t> offsets;  ///< The offsets that the rows state.
+  std::vector<std::size_t> begins;   ///< The rows' real offsets.
 };
 
 Example example(const std::string& name) {

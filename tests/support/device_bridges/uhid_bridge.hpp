@@ -36,9 +36,9 @@ struct HidModel {
   std::function<std::vector<std::byte>(MonotonicTime now)> next_input_report{};
   /// An output report, its number (0: not numbered) first.
   std::function<void(std::span<const std::byte> report)> on_output_report{};
-  /// A feature report, its number first; empty: refused.
+  /// Returns a feature report, its number first; empty to refuse.
   std::function<std::vector<std::byte>(std::uint8_t number)> on_get_feature_report{};
-  /// Takes a feature report, its number first; false: refused.
+  /// Takes a feature report, its number first; false to refuse it.
   std::function<bool(std::span<const std::byte> report)> on_set_feature_report{};
 };
 

@@ -337,7 +337,7 @@ ReadResult EvdevModel::read(std::span<Event> events) {
   return {ReadStatus::kOk, count};
 }
 
-/// @return `error` if its fault has begun, or another fault's error; 0: the write is done
+/// @return `error` if its fault has begun, or another fault's error; 0 if the write is done
 int EvdevModel::begin_write(Lock& lock, EvdevFault fault, int error) {
   changed_.wait(lock, [this] { return !is_blocked_; });
   ++write_count_;

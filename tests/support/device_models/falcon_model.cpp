@@ -96,7 +96,7 @@ void FalconModel::plug_in() noexcept {
   pending_.clear();
 }
 
-/// Counts the event; false: the device is not there, or refuses it.
+/// Counts the event; false if the device is absent or refuses it.
 bool FalconModel::begin_event(FalconStep step) {
   const std::uint64_t number = event_counts_[static_cast<std::size_t>(step)]++;
   const FalconFaultPlan& plan = config_.plan;

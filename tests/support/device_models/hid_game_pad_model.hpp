@@ -17,7 +17,7 @@ class GamePadModel final : public HidModel {
   [[nodiscard]] bool is_safe() const override { return true; }
   void press(int button, bool is_pressed) override;
   void move(int axis, double share) override;
-  /// 0 to 7 clockwise from away from the user; 15: the centre.
+  /// @param direction  0 to 7, clockwise; 0 points away from the user; 15 is the centre
   void set_hat(std::uint8_t direction);
 
  private:

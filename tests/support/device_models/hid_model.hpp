@@ -34,9 +34,9 @@ class HidModel {
   /// Moves time on: the device queues the input reports of this time.
   virtual void advance(std::chrono::nanoseconds time) = 0;
   /// Takes an output report; `report[0]` is its number, 0 without numbers.
-  /// @return false: the device refuses it
+  /// @return false if the device refuses it
   virtual bool write(const HidReport& report) = 0;
-  /// @return the feature report, its number first; empty: there is none
+  /// @return the feature report, its number first; empty if there is none
   [[nodiscard]] virtual HidReport read_feature(std::uint8_t) { return {}; }
   /// Whether there is no vibration, no light and no torque.
   [[nodiscard]] virtual bool is_safe() const = 0;
@@ -46,7 +46,7 @@ class HidModel {
   /// The operator moves the axis: -1 to 1.
   virtual void move(int axis, double share) = 0;
 
-  /// Takes the oldest input report out of the queue; false: there is none.
+  /// Takes the oldest input report out of the queue; false if there is none.
   [[nodiscard]] bool take_input(HidReport& report) {
     if (inputs_.empty()) return false;
     report = std::move(inputs_.front());

@@ -38,7 +38,7 @@ void add_report(HidReport& descriptor, std::uint8_t id, std::uint8_t main, std::
 
 }  // namespace
 
-/// The reports' sizes are the device's; their contents are vendor-defined here.
+/// The reports have the device's sizes; their contents are vendor-defined here.
 HidReport SonyPadModel::report_descriptor() const {
   constexpr std::uint8_t kInput = 0x81;
   constexpr std::uint8_t kOutput = 0x91;

@@ -37,7 +37,7 @@ enum class SerialFault : std::uint8_t {
   kLost,            ///< Every other frame is missing.
   kLate,            ///< Each frame arrives kLateness later.
   kReset,           ///< The board starts again, once, and boots for kBootTime.
-  kResetUnnoticed,  ///< Likewise, and its announcement is lost.
+  kResetUnnoticed,  ///< The board resets, and its announcement is lost.
   kStuck,           ///< The port accepts no more bytes.
   kHalfStuck,       ///< The port takes three bytes at a time.
   kUnplugged,       ///< The port closes.
@@ -67,7 +67,7 @@ class SerialModel {
   std::size_t take(ConstBytes bytes, MonotonicTime now);
   /// The bytes for the host that have arrived by now.
   std::size_t give(MutableBytes buffer, MonotonicTime now);
-  /// The time when give() next returns bytes; kNever: not by itself.
+  /// The time when give() next returns bytes; kNever if something must happen first.
   [[nodiscard]] MonotonicTime next_give() const;
   /// Runs the board's loop until now.
   void advance(MonotonicTime now);
@@ -117,9 +117,9 @@ class SerialModel {
   std::string serial_ = kSerial;
   std::string joint_name_ = "paddle";
   std::deque<Arriving> arriving_{};
-  std::vector<std::byte> held_{};  ///< For kGlued.
+  std::vector<std::byte> held_{};  ///< The bytes that kGlued holds back.
   std::size_t held_count_ = 0;
-  std::vector<std::byte> former_{};  ///< For kStale.
+  std::vector<std::byte> former_{};  ///< The older frame that kStale repeats.
   std::uint64_t board_frame_count_ = 0;
   std::mt19937_64 random_{1};
   float position_rad_ = 0.1F;

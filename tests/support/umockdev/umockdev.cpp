@@ -10,7 +10,7 @@
 namespace rtpm::test {
 
 std::string umockdev_obstacle() {
-  // umockdev_in_mock_environment() returns false on some machines where all else works.
+  // umockdev_in_mock_environment() returns false on some machines where umockdev works.
   std::ifstream maps("/proc/self/maps");
   const std::string text{std::istreambuf_iterator<char>(maps), {}};
   if (text.find("libumockdev-preload") != std::string::npos) return {};

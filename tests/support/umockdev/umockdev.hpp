@@ -11,7 +11,7 @@
 /// comes with this header starts the program again with that library.
 namespace rtpm::test {
 
-/// Why umockdev does not replace the kernel here; empty: it does.
+/// Why umockdev does not replace the kernel here; empty if it does.
 [[nodiscard]] std::string umockdev_obstacle();
 
 /// Memory of the program that called an ioctl.

@@ -49,7 +49,7 @@ class ConsoleClient {
   [[nodiscard]] const std::map<std::string, Json>& services() const noexcept { return services_; }
   [[nodiscard]] const std::vector<Json>& statuses() const noexcept { return statuses_; }
 
-  /// Reads until `is_met`, which is checked after each frame; false: not in time.
+  /// Reads until `is_met`, which is checked after each frame; false if that takes too long.
   [[nodiscard]] bool read_until(const std::function<bool()>& is_met);
   [[nodiscard]] bool await_channel(const std::string& topic);
   [[nodiscard]] bool await_service(const std::string& name);
@@ -71,7 +71,7 @@ class ConsoleClient {
   [[nodiscard]] std::uint32_t begin_call(const std::string& service, const Json& request);
   /// The answer, like call()'s; the test fails if none comes.
   [[nodiscard]] Json answer_of(std::uint32_t call);
-  /// Takes the next frame if one comes in time; false: none did.
+  /// Takes the next frame; false if none comes in time.
   bool read_one(Duration patience);
   /// The bytes of the answer to a call with the encoding flatbuffer.
   [[nodiscard]] std::optional<std::string> call_bytes(const std::string& service,
@@ -112,12 +112,12 @@ class ConsoleSystem : public testing::Test {
  protected:
   void SetUp() override;
   void TearDown() override;
-  /// Starts `registry_`, whose URL may be a list; false: the test has failed.
+  /// Starts `registry_`, whose URL may be a list; false if the test has failed.
   [[nodiscard]] virtual bool start_registry();
   [[nodiscard]] std::vector<std::string> console_arguments() const;
   [[nodiscard]] std::optional<Daemon> start_devices(std::uint16_t port = 0) const;
   [[nodiscard]] std::unique_ptr<ConsoleClient> connect() const;
-  /// The same, and waits until the console reads the arm and hears the hub.
+  /// Connects, and waits until the console reads the arm and hears the hub.
   [[nodiscard]] std::unique_ptr<ConsoleClient> connect_to_arm() const;
   [[nodiscard]] test::Process::End rtpm(std::vector<std::string> arguments) const;
 
@@ -128,9 +128,9 @@ class ConsoleSystem : public testing::Test {
   std::optional<ConsoleProcess> console_{};
 };
 
-/// The device of this name in a State; null: it is not there.
+/// The device of this name in a State; null if it is not there.
 [[nodiscard]] Json device_in(const Json& state, const std::string& name);
-/// Whether it is there and `ok`.
+/// Whether the device is there and `ok`.
 [[nodiscard]] bool is_live(const Json& state, const std::string& name);
 
 }  // namespace rtpm::system_test

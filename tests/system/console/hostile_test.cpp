@@ -276,7 +276,7 @@ TEST_F(HostileClients, ThatReadNothingLoseDataOnly) {
     for (const char* topic : {"console/state", "lab/arm0/sample", "console/latency"})
       deaf.back()->subscribe(topic);
   }
-  // They answer no ping, so that finally they are no longer served.
+  // These clients do not answer pings, so the console disconnects them in the end.
   const Json state =
       watcher->await_state([](const Json& one) { return one["clients"]["count"] == 1; });
   EXPECT_EQ(is_live(state, "lab/arm0"), true);

@@ -21,9 +21,9 @@ class Socket {
   ~Socket();
 
   [[nodiscard]] bool is_open() const noexcept { return handle_ >= 0; }
-  /// Sends all bytes; false: the other end has closed.
+  /// Sends all bytes; false if the other end has closed.
   bool send(std::string_view bytes);
-  /// Receives at least a byte within `patience`; empty: nothing came, or the end.
+  /// Receives at least a byte; empty if nothing comes within `patience` or the other end closes.
   [[nodiscard]] std::string receive(Duration patience);
   /// Whether the other end closes within `patience`; drops its bytes before that.
   [[nodiscard]] bool is_closed_within(Duration patience);
@@ -44,7 +44,7 @@ struct WebFrame {
   std::string payload{};
 
   [[nodiscard]] bool is_text() const noexcept { return opcode == 1; }
-  /// The code of a close frame; 0: none.
+  /// The code of a close frame; 0 if it has none.
   [[nodiscard]] int close_code() const noexcept;
 };
 
@@ -68,7 +68,7 @@ class WebClient {
   bool send_binary(std::string_view bytes) { return send(2, bytes); }
   /// Sends a frame, masked as clients must.
   bool send(std::uint8_t opcode, std::string_view payload);
-  /// The next frame other than a ping; nothing: none came in time, or the end.
+  /// The next frame other than a ping; nullopt if none comes in time or the connection ends.
   [[nodiscard]] std::optional<WebFrame> next(Duration patience);
 
  private:

@@ -19,8 +19,8 @@
 
 #include <events.rtpm.hpp>
 
-// Names and texts of other programs on our programs' terminals: they neither control a terminal,
-// nor forge a line, nor flood a log.
+// Names and texts of other programs on our programs' terminals: they do not control a terminal,
+// forge a line or flood a log.
 namespace rtpm::system_test {
 namespace {
 

@@ -13,7 +13,7 @@
 /// The real mpv, and its own report of its position.
 namespace rtpm::system_test {
 
-/// The path of mpv; empty: it is not installed.
+/// The path of mpv; empty if it is not installed.
 [[nodiscard]] std::string mpv_path();
 
 /// A connection of the test's own to mpv.

@@ -64,7 +64,7 @@ class Stubborn final : public Driver {
     int* volatile nowhere = nullptr;
     *nowhere = 1;
   }
-  /// The file of "PREFIX:FILE"; null: another behaviour is selected.
+  /// The file of "PREFIX:FILE"; null if another behaviour is selected.
   [[nodiscard]] const char* file_after(std::string_view prefix) const noexcept {
     return behaviour_.starts_with(prefix) ? behaviour_.c_str() + prefix.size() : nullptr;
   }

@@ -85,7 +85,7 @@ TEST_F(Host, IsFixedAndJudgedAgain) {
   if (!namespaces || namespaces->exit_code != 0) {
     GTEST_SKIP() << "needs the right to make a mount namespace (unshare -rm)";
   }
-  // Files that replace the system's, seen by this one program.
+  // These files replace the system's for this one program.
   const recording::Folder folder;
   const std::string buffer = folder.fresh("rmem_max");
   recording::put_content(buffer, "212992\n");

@@ -19,7 +19,7 @@
 namespace rtpm::system_test {
 namespace {
 
-constexpr const char* kServerAddress = "192.168.7.4";  // As in README.
+constexpr const char* kServerAddress = "192.168.7.4";  // The address in README.
 constexpr const char* kRegistry = "rtpm://192.168.7.4:7420/rtpm/names";
 
 /// The commands of a section of README, without their comments.
@@ -36,7 +36,7 @@ std::vector<std::string> commands_of_readme(const std::string& title) {
   return commands;
 }
 
-/// The text from `before` to `after`, both included; empty: there is none.
+/// The text from `before` to `after`, both included; empty if there is none.
 std::string part(const std::string& text, const std::string& before, const std::string& after) {
   const std::size_t begin = text.find(before);
   const std::size_t end = begin == text.npos ? begin : text.find(after, begin + before.size());

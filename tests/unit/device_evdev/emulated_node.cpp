@@ -177,7 +177,7 @@ gboolean on_ioctl(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer cont
   } else if (const auto answer = answer_of(model, number, _IOC_SIZE(request))) {
     const IoctlMemory memory(client, _IOC_SIZE(request));
     memory.put(*answer);
-    // Like the kernel: returns the size of texts and bit fields, and 0 for everything else.
+    // Like the kernel, returns the size of texts and bit fields, and 0 for all other requests.
     const bool has_size = number >= _IOC_NR(EVIOCGNAME(0)) && number < _IOC_NR(EVIOCGABS(0));
     complete(client, has_size ? static_cast<long>(answer->size()) : 0, 0);
   } else {

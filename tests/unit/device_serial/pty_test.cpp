@@ -205,7 +205,7 @@ Finding find(SerialFault fault, std::uint64_t faulty_from) {
   PtyBoard board(fault, faulty_from);
   board.with([](SerialModel& model) { model.set_boot_time(milliseconds{100}); });
   const auto driver = make_driver({.port = board.port()});
-  // As many attempts as the server would make on a machine that stalls.
+  // On a machine that stalls, the server would try again, too.
   const int attempt_count = is_survived(fault) ? 3 : 1;
   for (int i = 0; i < attempt_count && !finding.is_started; ++i)
     finding.is_started = start(*driver);

@@ -13,7 +13,7 @@ struct FileOperation {
   enum class Kind : std::uint8_t { kWrite, kTruncate, kSync, kDelete, kMark };
   Kind kind = Kind::kMark;
   std::string path{};
-  std::uint64_t offset = 0;  ///< For a truncation the size; for a deletion 1 if synced.
+  std::uint64_t offset = 0;  ///< The size if truncated; 1 if deleted and synced.
   std::string bytes{};
 };
 

@@ -56,7 +56,7 @@ class File : public testing::Test {
     for (const std::string& word : words)
       EXPECT_NE(told.find(word), std::string::npos) << word << " is not in: " << told;
   }
-  /// Likewise for a line in an otherwise correct program; it is the fourth line of the text.
+  /// Like expect_mistake(), for the fourth line of an otherwise correct program.
   void expect_mistake_in(const std::string& line, std::uint32_t column,
                          const std::vector<std::string>& words) const {
     expect_mistake("[[program]]\nname = \"a\"\nrun = [\"sh\"]\n" + line + "\n", 4, column, words);

@@ -40,7 +40,7 @@ TEST(Order, NamesTheProgramsOfACycleOnly) {
 TEST(Order, PutsEveryProgramBehindThoseItComesAfter) {
   std::mt19937 random(1);
   for (int turn = 0; turn < 200; ++turn) {
-    // Each depends on later ones only, so that there is no cycle.
+    // Each program depends on later programs only, so that there is no cycle.
     std::vector<Indices> after(8);
     for (std::size_t i = 0; i < after.size(); ++i) {
       for (std::size_t other = i + 1; other < after.size(); ++other) {

@@ -80,7 +80,7 @@ TEST(ProcessTree, TellsAProcessFromALaterOne) {
   EXPECT_FALSE(identity_of(-1));
 }
 
-/// Whether the process exists and is no zombie.
+/// Whether the process exists and is not a zombie.
 bool is_alive(pid_t id) {
   return identity_of(id).has_value();
 }

@@ -23,7 +23,7 @@ Claim claim(std::string_view name, Owner owner = kArm, Duration lease = 2s) {
   return {name, "rtpm://127.0.0.1:4711/object", "lab.Arm", owner, lease};
 }
 
-/// The same claim, but allowing any takeover.
+/// Like claim(), but allows any takeover.
 Claim takeover(std::string_view name, Owner owner) {
   Claim taking = claim(name, owner);
   taking.allows_takeover = true;

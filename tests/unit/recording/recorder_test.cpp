@@ -192,7 +192,7 @@ TEST_F(RealtimeRecording, Takes64ChannelsAtOneKilohertzWithoutADrop) {
   for (std::size_t i = 0; i < kChannelCount; ++i)
     channels.push_back(channel_of(**recorder, "device" + std::to_string(i)));
   Recorder::Track& track = (*recorder)->add_track();
-  std::vector<std::byte> sample(480);  // As large as a device's sample.
+  std::vector<std::byte> sample(480);  // The size of a device's sample.
   const MonotonicTime begin = rt::now();
   std::uint64_t missed_count = 0;
   for (std::uint32_t turn = 0; turn < turn_count; ++turn) {

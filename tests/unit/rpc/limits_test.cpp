@@ -89,7 +89,7 @@ ServerConfig small_config(std::uint32_t session_count_max) {
   return config;
 }
 
-// hp-4-8: many silent connections neither keep others out, nor push out those of other hosts.
+// hp-4-8: many silent connections do not keep other hosts out, or push out their connections.
 TEST(Newcomers, ThatSayNothingKeepNobodyOut) {
   const rtpm::test::OtherHosts hosts;
   if (!hosts.is_there()) GTEST_SKIP() << rtpm::test::OtherHosts::kMissing;

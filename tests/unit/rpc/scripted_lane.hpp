@@ -53,7 +53,7 @@ class ScriptedConnection final : public transport::Connection {
   std::deque<Bytes> received;  ///< Frames that the lane has not read.
   std::vector<Bytes> sent;
   bool is_endless = false;   ///< The first frame repeats for ever.
-  bool has_capacity = true;  ///< For items.
+  bool has_capacity = true;  ///< Whether items can be sent.
   int taken_count = 0;
   int last_taken = 0;  ///< Its index among all of the lane's frames.
 

@@ -77,7 +77,7 @@ TEST(ReplyBuilder, BuildsInTheMemoryThatItIsLent) {
   EXPECT_EQ(reinterpret_cast<std::uintptr_t>(note->weight_address()) % 8, 0u);
 }
 
-// For any size: a reply that fits is complete, a larger one is refused, and nothing is overrun.
+// A reply that fits is complete, a larger one is refused, and no buffer overruns, for any size.
 TEST(ReplyBuilder, TellsThatAReplyIsTooLarge) {
   for (const std::size_t room : {1024u, 1031u, 1344u}) {
     bool was_too_large = false;

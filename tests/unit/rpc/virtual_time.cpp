@@ -13,7 +13,7 @@ namespace rtpm::rpc::test {
 namespace {
 
 struct State {
-  std::recursive_mutex mutex{};  ///< For two threads: the lane's and the one that starts it.
+  std::recursive_mutex mutex{};  ///< Taken by the lane's thread and the thread that starts it.
   MonotonicTime time{};
   Duration look{};
   std::multimap<MonotonicTime, std::function<void()>> events{};

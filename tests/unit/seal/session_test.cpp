@@ -42,7 +42,7 @@ class Pair {
     return frame;
   }
   Bytes sealed() { return sealed(random_bytes(random, random() % 40)); }
-  /// @return nothing if the frame was opened, else the error
+  /// @return nullopt if the frame was opened, otherwise the error
   std::optional<OpenError> open(Bytes frame) {
     auto payload = server->open(kHeader, frame);
     if (payload) return std::nullopt;
@@ -235,7 +235,7 @@ TEST_P(SessionTest, EndsAfterTooManyForgeries) {
   for (int i = 0; i < 99; ++i)
     EXPECT_EQ(pair.open(bad), OpenError::kForged);
   EXPECT_FALSE(pair.open(good));
-  // A duplicate of an opened frame is no forgery, whatever its tag.
+  // A duplicate of an opened frame is not a forgery, whatever its tag.
   EXPECT_EQ(pair.open(bad), OpenError::kReplayed);
   Bytes last = pair.sealed();
   last.back() ^= std::byte{1};

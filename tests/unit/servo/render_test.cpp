@@ -51,8 +51,8 @@ class Pressed {
     }
     return feel_;
   }
-  /// The same, but the client sends models, at the beginning and then every 200 ms; they take
-  /// `delay` to arrive.
+  /// Like render_remotely(), but the client sends models, at the beginning and then every
+  /// 200 ms; they take `delay` to arrive.
   Feel render_locally(Duration delay) {
     const std::vector<gvd::Model> models{kWall.as_plane()};
     for (int i = 0; i < 10'000; ++i) {

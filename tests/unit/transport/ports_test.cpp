@@ -214,7 +214,7 @@ TEST(Host, WithoutAWayToItIsNotTakenForAShortage) {
   EXPECT_FALSE(is_shortage(client.error().cause.value()));
 }
 
-// Each error says so, with the remedy, instead of claiming that there is no server.
+// Each error names the shortage and its remedy, instead of claiming that there is no server.
 TEST(Descriptors, ThatAreUsedUpAreNamed) {
   const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
     const rlimit few{64, 64};

@@ -236,7 +236,7 @@ TEST_F(DeviceEvents, OfSamplesHappenedWhenTheyWereMeasured) {
   cycle(start_ + 22ms, start_ + 22ms - 5s);
   cycle(start_ + 23ms, start_ + 9ms, driver::Faults{1U << 19});
   ASSERT_TRUE(await([&] { return handler.origins().size() == 4; }));
-  // The device's own clock is the hub's.
+  // The device and the hub read the same clock.
   const std::vector<MonotonicTime> origins = handler.origins();
   const auto near = [&](std::size_t i, Duration time) {
     return std::chrono::abs(origins[i] - (start_ + time)) < 1ms;

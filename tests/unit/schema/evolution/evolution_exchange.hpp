@@ -29,7 +29,7 @@ class Side {
 
   /// This side's reading of the bytes, member by member; nothing if it rejects `verified`.
   /// @param verified     the bytes without what generated code's verifier judges differently from
-  ///                     the reflection's; empty: no verification
+  ///                     the reflection's; if empty, nothing is verified
   /// @param union_types  if given, gets the positions of unions' types
   [[nodiscard]] std::optional<nlohmann::json> read(
       const std::string& table, PayloadKind kind, const std::string& bytes,

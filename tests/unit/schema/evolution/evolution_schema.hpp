@@ -34,7 +34,7 @@ struct TypeText {
   std::string kind{};  ///< "enum", "struct", "union", "table".
   std::string name{};
   std::string underlying{};         ///< The underlying type of an enum.
-  std::vector<FieldText> fields{};  ///< For an enum: its values, with numbers in default_value.
+  std::vector<FieldText> fields{};  ///< An enum's values have numbers in default_value.
   std::uint32_t event = 0;
 };
 

@@ -84,7 +84,7 @@ class GeneratedAsync : public testing::Test {
              const CallContext&) {
             const rtpm::rt::AllowAllocationScope is_allowed;
             auto builder = reply.builder();
-            // As long as requested.
+            // The request states the length.
             const std::string text(std::stoul(request.text()->str()), 'x');
             builder.finish(deferred::CreateNoteDirect(builder.builder(), text.c_str()));
             reply.complete(builder);

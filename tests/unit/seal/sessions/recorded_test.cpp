@@ -84,7 +84,7 @@ TEST(RecordedSessions, NoBitCanBeChanged) {
   recording.expect_that_all_goes_on();
 }
 
-// The same before the genuine frame arrives: repetition repairs this kind of loss.
+// The changed frames arrive before the genuine one: repetition repairs this kind of loss.
 TEST(RecordedSessions, AChangedFrameDoesNotUseUpItsCounter) {
   Recording recording;
   recording.client.call("four", kNow);
@@ -227,7 +227,7 @@ std::optional<DropReason> expected_drop(State state, Seal seal, FrameKind kind) 
     // sec-4-4. A bare HELLO has no good payload in any state.
     if (kind == FrameKind::kHello) return DropReason::kBadPayload;
     if (state == State::kHalfOpen || state == State::kConfirmed) return DropReason::kUnsealed;
-    return std::nullopt;  // As the H-Protocol's page says.
+    return std::nullopt;  // The H-Protocol's own rules apply.
   }
   // sec-4-1
   if (kind <= FrameKind::kWelcome) return DropReason::kReservedSet;

@@ -34,7 +34,7 @@ class Process {
 
   /// Reads on until standard output has `text`; false if it ends, or `patience` is over, before.
   [[nodiscard]] bool wait_for_output(std::string_view text, Duration patience);
-  /// The same for standard error.
+  /// Like wait_for_output(), but for standard error.
   [[nodiscard]] bool wait_for_errors(std::string_view text, Duration patience);
   /// Waits until it ends; nothing if it does not within `patience`.
   [[nodiscard]] std::optional<End> wait(Duration patience);

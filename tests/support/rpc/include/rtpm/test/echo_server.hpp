@@ -46,7 +46,7 @@ using rtpm::test::RawPeer;
 /// Not one of RTPM's transports: UDP over a network that loses, repeats, delays and reorders.
 inline constexpr Transport kFaultyUdp{100};
 
-/// These are none either: UDP and TCP with sealed sessions.
+/// UDP and TCP with sealed sessions; not RTPM's transports either.
 inline constexpr Transport kSealedUdp{101};
 inline constexpr Transport kSealedTcp{102};
 [[nodiscard]] constexpr bool is_sealed(Transport transport) noexcept {

@@ -17,7 +17,7 @@
 
 namespace rtpm::test {
 
-/// A socket that answers each datagram with the result of `answer`; empty: no answer.
+/// A socket that answers each datagram with the result of `answer`, unless it is empty.
 class HelloResponder {
  public:
   using Bytes = std::vector<std::byte>;

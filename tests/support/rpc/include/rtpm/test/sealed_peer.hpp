@@ -77,7 +77,7 @@ class SealedPeer {
     parameters.service = 1;
     return begin_any(parameters, payload, patience);
   }
-  /// The same for any object.
+  /// Like begin(), but for any object.
   [[nodiscard]] bool begin_any(wire::CallParameters parameters, ConstBytes payload,
                                Duration patience = kPatience) {
     payload_.assign(payload.begin(), payload.end());

@@ -29,7 +29,7 @@ namespace rtpm::test {
 struct ChildResult {
   std::string said;    ///< The text that the body returned.
   std::string errors;  ///< Its output to standard error.
-  int status = 0;      ///< As waitpid() sets it.
+  int status = 0;      ///< The status that waitpid() returns.
 };
 
 /// Runs `body`, which returns a text, in a process of its own, and waits for its end.

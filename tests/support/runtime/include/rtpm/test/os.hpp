@@ -93,7 +93,7 @@ inline constexpr Scheduling kTimeShared{SCHED_OTHER, 0};
 }
 
 /// The SCHED_FIFO level at which thread `id` runs at this moment, including a level inherited from
-/// a waiter; 0 or less: it is time-shared.
+/// a waiter; 0 or less if it is time-shared.
 [[nodiscard]] inline int effective_level(pid_t id) {
   std::ifstream file("/proc/self/task/" + std::to_string(id) + "/stat");
   const std::string text{std::istreambuf_iterator<char>(file), {}};
