@@ -18,12 +18,12 @@ struct Configuration {
   std::string registry{};
   rpc::NodeSecurity security{};
   std::string events{events::kHubPath};  ///< The hub's name or URL.
-  std::string page{};                    ///< The page's folder; empty: the installed one.
-  std::string recordings{};              ///< The folder of recordings; empty: none.
+  std::string page{};                    ///< The page's folder; if empty, the installed one.
+  std::string recordings{};              ///< The folder of recordings; empty if there is none.
   bool is_read_only = false;
-  std::string token{};                    ///< Empty: a random token, or that of `token_file`.
-  std::string token_file{};               ///< The file that keeps the token; empty: none.
-  bool prints_token = false;              ///< Prints it even where standard output is no terminal.
+  std::string token{};        ///< Empty: a random token, or that of `token_file`.
+  std::string token_file{};   ///< The file that keeps the token; empty if there is none.
+  bool prints_token = false;  ///< Prints it even if standard output is not a terminal.
   std::vector<std::string> host_names{};  ///< Names by which browsers may reach it.
   double seconds = 0;                     ///< 0: until a stop signal.
 };

@@ -16,7 +16,7 @@ namespace rtpm::display {
 /// The counts that a display keeps of a device.
 struct Sight {
   std::uint64_t sample_count = 0;  ///< Shown samples; the hub has dropped the rest.
-  std::uint64_t cycle_count = 0;   ///< The device's, from the first shown to the last.
+  std::uint64_t cycle_count = 0;   ///< The device's cycles, from the first shown to the last.
   std::uint64_t press_count = 0;
   std::uint64_t contact_count = 0;
   std::uint64_t lease_count = 0;

@@ -56,7 +56,7 @@ class Session {
   driver::Sample knob_sample_{};
   PlayerView view_{};
   std::uint16_t edges_ = 0;
-  double duration_s_ = -1;  ///< Length of the file that the control knows; -1: none.
+  double duration_s_ = -1;  ///< Length of the file that the control knows; -1 if none.
   MonotonicTime next_models_{};
   std::optional<MonotonicTime> failing_since_{};
 };

@@ -17,7 +17,7 @@ struct Configuration {
   double seconds = 0;  ///< 0: until a stop signal.
   double rate_hz = 60;
   std::string live = "rewrite";  ///< "rewrite", "lines" or "off".
-  std::string picture{};         ///< An SVG file; empty: none.
+  std::string picture{};         ///< An SVG file to write; empty if there is none.
 };
 
 /// Reads file, environment and flags into `configuration`; as options::Options::parse().

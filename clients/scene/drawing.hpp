@@ -49,7 +49,7 @@ inline constexpr double kMmPerNewton = 3;
 struct Story {
   std::span<const driver::Vector3> device_m{};
   std::span<const TouchReport> touches{};
-  /// Draws the force of every `force_stride`-th touch, counted from the newest; 0: none.
+  /// Draws the force of every `force_stride`-th touch, counted from the newest; 0 draws none.
   std::size_t force_stride = 0;
 };
 

@@ -23,7 +23,7 @@ struct Configuration {
   std::string serve = "none";   ///< The name below which the wall's parameters are served; "none".
   std::string events = "none";  ///< The hub that gets the touches, by name or URL; "none".
   double seconds = 10;          ///< 0: until a stop signal.
-  std::uint64_t cycle_count_max = 0;  ///< 0: no limit.
+  std::uint64_t cycle_count_max = 0;  ///< No limit if 0.
   double rate_hz = 1000;
   Priority priority = 24000;
   Wall wall{.face_m = 0, .stiffness_newton_per_m = 0, .damping_newton_s_per_m = 0.5};

@@ -29,7 +29,7 @@ inline constexpr Duration kPaperCycle = std::chrono::milliseconds{1};
 struct Statistics {
   LatencyHistogram read{};  ///< One call, until its reply.
   LatencyHistogram command{};
-  LatencyHistogram cycle{};         ///< Both calls and the wall between them; local: one call.
+  LatencyHistogram cycle{};         ///< Both calls and the wall between them; one call if local.
   LatencyHistogram lateness{};      ///< From a cycle's due time to its start.
   std::uint64_t cycle_count = 0;    ///< Cycles begun.
   std::uint64_t missed_count = 0;   ///< Cycles that ended after the next was due, or were skipped.
@@ -58,7 +58,7 @@ struct LoopConfig {
   Duration delay{0};      ///< Artificial delay of each sample and each command.
   Duration period = std::chrono::milliseconds{1};
   Duration duration{0};               ///< 0: until stop().
-  std::uint64_t cycle_count_max = 0;  ///< 0: no limit.
+  std::uint64_t cycle_count_max = 0;  ///< No limit if 0.
   Duration deadline = std::chrono::milliseconds{10};
   Duration patience = std::chrono::seconds{1};
   rt::ThreadConfig thread{.name = "servo"};

@@ -27,7 +27,7 @@ inline constexpr std::string_view kDampingName = "wall.damping_newton_s_per_m";
 /// @threads  as gvd::Configurable
 class WallParameters final : public gvd::Configurable {
  public:
-  /// Renders another wall from one cycle to the next; false: the change did not happen in time.
+  /// Renders another wall from one cycle to the next; false if the change did not happen in time.
   using Change = std::function<bool(const Wall&)>;
 
   WallParameters(const Configuration& configuration, const driver::Descriptor& device,

@@ -20,7 +20,7 @@ struct Wall {
   }
   /// The proxy that follows the end effector and computes its force. Alloc-free.
   [[nodiscard]] scene::GodObject proxy() const noexcept;
-  /// The same wall for the device's own loop; planes only. Alloc-free.
+  /// This wall as a plane for the device's own loop; planes only. Alloc-free.
   [[nodiscard]] gvd::Plane as_plane() const noexcept;
 };
 

@@ -47,7 +47,7 @@ void report(std::string_view sentence) {
   rtpm::rt::print_error("rtpm-registryd", sentence);
 }
 
-/// The storage of one registry's names, or of several registries'; neither: names are in memory.
+/// The storage of one registry's names, or of several registries'; if neither, names are in memory.
 struct Storages {
   std::unique_ptr<rtpm::names::Storage> own{};
   std::unique_ptr<rtpm::names::SharedStorage> shared{};

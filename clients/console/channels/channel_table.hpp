@@ -24,7 +24,7 @@ class ChannelTable {
   /// @return the id
   std::uint32_t add(foxglove::ChannelInfo channel);
   void remove(const std::string& topic);
-  /// 0: there is no such channel.
+  /// The id of the channel of `topic`; 0 if there is no such channel.
   [[nodiscard]] std::uint32_t find(const std::string& topic) const;
   [[nodiscard]] bool has_subscriber(std::uint32_t channel_id) const;
   [[nodiscard]] std::vector<std::string> topics() const;
@@ -33,8 +33,8 @@ class ChannelTable {
 
   /// Sends all channels to a new client.
   void advertise_to(Client& client) const;
-  /// @return the errors of channels that could not be subscribed; empty: none. The rest are
-  ///         subscribed.
+  /// @return the errors of channels that could not be subscribed; empty if all were. The
+  ///         others are subscribed.
   [[nodiscard]] std::vector<std::string> subscribe(Client& client,
                                                    const foxglove::Subscribe& request);
   [[nodiscard]] std::vector<std::string> unsubscribe(Client& client,

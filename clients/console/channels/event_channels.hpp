@@ -16,7 +16,7 @@
 
 namespace rtpm::console {
 
-/// Limits for channels of event types other than devices', and for the bytes of their advertised
+/// Limits for channels of event types that no device sends, and for the bytes of their advertised
 /// schemas.
 inline constexpr std::size_t kEventChannelCountMax = 128;
 inline constexpr std::size_t kEventSchemaByteMax = std::size_t{8} << 20;
@@ -39,7 +39,7 @@ class EventChannels {
   void drop_idle(MonotonicTime now);
   /// The page's view of these limits, as JSON.
   [[nodiscard]] nlohmann::ordered_json state() const;
-  /// nullptr: no device has this source.
+  /// The device with this source; nullptr if there is none.
   [[nodiscard]] const std::string* device_of(events::SourceId source) const;
 
  private:
@@ -56,7 +56,7 @@ class EventChannels {
   std::shared_ptr<const events::HubTypes> types_{};
   capture::EventSchemas schemas_{};
   std::map<std::string, std::uint64_t> advertised_{};  ///< Topic to schema id.
-  /// A channel of another type than devices'.
+  /// A channel of an event type that no device sends.
   struct Generic {
     MonotonicTime last{};  ///< The arrival of its newest event.
     std::size_t schema_byte_count = 0;

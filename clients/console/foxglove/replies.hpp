@@ -59,7 +59,7 @@ struct ServiceInfo {
 struct ParameterInfo {
   std::string name{};
   nlohmann::json value{};
-  std::string type{};  ///< "float64", "float64_array"; empty: as JSON says.
+  std::string type{};  ///< "float64", "float64_array"; if empty, the type of the JSON value.
 };
 
 /// The publishers, subscribers and service providers, by name.

@@ -31,21 +31,21 @@ struct Unsubscribe {
   std::vector<std::uint32_t> subscription_ids{};
 };
 struct GetParameters {
-  std::vector<std::string> names{};  ///< Empty: all.
+  std::vector<std::string> names{};  ///< All if empty.
   std::optional<std::string> id{};
 };
 /// A parameter as clients set it.
 struct ParameterRequest {
   std::string name{};
   nlohmann::json value{};  ///< null: absent, which asks to unset it, or not read.
-  std::string type{};      ///< "float64", "float64_array", "byte_array"; empty: not stated.
+  std::string type{};      ///< "float64", "float64_array", "byte_array"; empty if not stated.
 };
 struct SetParameters {
   std::vector<ParameterRequest> parameters{};
   std::optional<std::string> id{};
 };
 struct WatchParameters {
-  std::vector<std::string> names{};  ///< Empty: all.
+  std::vector<std::string> names{};  ///< All if empty.
   bool is_watching = true;
 };
 struct WatchGraph {

@@ -26,8 +26,8 @@ enum class EventStream : std::uint8_t {
 /// An event of the hub with its own copy of the payload.
 struct HubEvent {
   EventStream stream = EventStream::kChange;
-  std::uint64_t connection_id = 0;  ///< For kLog: the filter's connection.
-  std::uint64_t omitted_count = 0;  ///< For kLog: events that the rate limit dropped just before.
+  std::uint64_t connection_id = 0;  ///< The connection of a kLog filter.
+  std::uint64_t omitted_count = 0;  ///< Events that the rate limit of kLog dropped just before.
   events::EventHeader header{};
   MonotonicTime arrived{};
   std::vector<std::byte> payload{};

@@ -50,7 +50,7 @@ class DeviceState {
   std::optional<driver::Sample> sample_{};  ///< The sample of the newest read.
   std::uint64_t sequence_ = 0;              ///< The newest sequence.
   std::optional<MonotonicTime> newest_{};   ///< The arrival of `sequence_`.
-  // For the rate: the sequence of about a second ago.
+  // The sequence of about a second ago, from which the rate is computed.
   std::uint64_t rate_sequence_ = 0;
   std::optional<MonotonicTime> rate_begin_{};
   double sample_per_s_ = 0;

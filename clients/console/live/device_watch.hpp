@@ -20,7 +20,7 @@ namespace rtpm::console {
 /// The result of one read of a device.
 struct DeviceProbe {
   std::string name{};
-  std::string problem{};               ///< The reason why it was not read; empty: it was.
+  std::string problem{};               ///< The reason why it was not read; empty if it was.
   std::shared_ptr<DeviceLink> link{};  ///< Null: the device is not bound.
   std::shared_ptr<const driver::Descriptor> descriptor{};
   std::string url{};

@@ -36,7 +36,7 @@ class EventInbox {
     }
     return was_empty;
   }
-  /// The next event, changes of devices first; nullopt: none is queued.
+  /// The next event, changes of devices first; nullopt if none is queued.
   [[nodiscard]] std::optional<HubEvent> pop() {
     const std::lock_guard lock(mutex_);
     for (const EventStream next : kOrder) {

@@ -45,7 +45,7 @@ class HubWatch {
   void look();
 
   /// Subscribes to the events that `filter` accepts, instead of the connection's former filter.
-  /// @errors  where and why the text is no filter; offset 0: no hub
+  /// @errors  where and why the text is not a filter; offset 0 if there is no hub
   [[nodiscard]] expected<void, events::FilterTextError> set_log(std::uint64_t connection_id,
                                                                 const std::string& filter);
   void end_log(std::uint64_t connection_id);

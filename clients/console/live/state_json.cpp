@@ -11,7 +11,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// The same figures as in clients/servo.
+/// The paper's figures, equal to those in clients/servo.
 constexpr double kPaperCallUs = 58;
 constexpr double kPaperCycleUs = 1000;
 

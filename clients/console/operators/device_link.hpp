@@ -38,7 +38,7 @@ class DeviceLink {
   [[nodiscard]] device::DeviceClient& stub() noexcept { return stub_; }
   /// The priority of a call that takes the lease over.
   [[nodiscard]] Priority operator_priority() const noexcept { return operator_priority_; }
-  /// The console's lease; 0: none.
+  /// The console's lease; 0 if it has none.
   [[nodiscard]] std::uint64_t lease() const noexcept { return lease_.load(); }
   void set_lease(std::uint64_t lease) noexcept { lease_.store(lease); }
 

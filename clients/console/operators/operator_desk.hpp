@@ -38,7 +38,7 @@ class OperatorDesk {
 
   /// Adds the services.
   void start();
-  /// The reason why a connection may not command a device now; empty: it may.
+  /// The reason why a connection may not command a device now; empty if it may.
   [[nodiscard]] std::string refusal(std::uint64_t connection_id, const std::string& device,
                                     bool is_forced) const;
   /// Renews the leases, removes those that have ended, and releases those whose browser has been
@@ -51,7 +51,7 @@ class OperatorDesk {
   /// @param since  when it ended or was last heard
   void on_close(std::uint64_t connection_id, MonotonicTime since);
   /// The time that the console goes on holding the device's lease after the browser is gone;
-  /// nullopt: the browser is connected, or none operates the device.
+  /// nullopt if the browser is connected, or none operates the device.
   [[nodiscard]] std::optional<Duration> left(const std::string& device, MonotonicTime now) const;
   /// Releases everything and waits for it, at the program's end.
   void release_all();

@@ -15,7 +15,7 @@ constexpr std::string_view kReadOnly =
 struct ParameterDesk::Gathering {
   std::uint64_t connection_id = 0;
   std::optional<std::string> id{};
-  std::set<std::string> names{};  ///< The requested names; empty: all.
+  std::set<std::string> names{};  ///< The requested names; if empty, all are requested.
   bool answers = true;            ///< A change without an id is not answered.
   std::size_t left_count = 0;
   std::vector<foxglove::ParameterInfo> parameters{};

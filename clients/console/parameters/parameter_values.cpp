@@ -23,7 +23,7 @@ std::vector<foxglove::ParameterInfo> infos_of(
   for (const driver::ParameterSetting& setting : settings) {
     foxglove::ParameterInfo info{.name = object + "." + setting.name};
     info.value = std::visit([](const auto& one) { return Json(one); }, setting.value);
-    // JSON has only one kind of number, so the type tells clients that 3.0 is no integer.
+    // JSON has only one kind of number, so the type tells clients that 3.0 is not an integer.
     if (std::holds_alternative<double>(setting.value)) info.type = "float64";
     if (std::holds_alternative<std::vector<double>>(setting.value)) info.type = "float64_array";
     infos.push_back(std::move(info));

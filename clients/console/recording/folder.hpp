@@ -28,7 +28,7 @@ class RecordingFolder {
  public:
   explicit RecordingFolder(std::filesystem::path folder) : folder_(std::move(folder)) {}
 
-  /// The recordings, by name; at most 200. Omits files that are no recording or not regular.
+  /// The recordings, by name; at most 200. Omits files that are not recordings or not regular.
   [[nodiscard]] std::vector<RecordingFile> list();
   /// The path of a file that a browser names.
   /// @errors   a name with other characters than letters, digits, '.', '_', '-'; not "….mcap"

@@ -22,7 +22,7 @@ std::string text_of(ConstBytes bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-/// The reason why a page can't show it; empty: it can.
+/// The reason why a page can't show it; empty if it can.
 std::string excess_of(const recording::FileReader& reader) {
   std::size_t byte_count = 0;
   for (const auto& [number, schema] : reader.schemas())

@@ -30,7 +30,7 @@ class ReplayPlayer {
     std::uint64_t time_ns = 0;
     double speed = 1;
     bool is_playing = false;
-    std::string problem{};  ///< The damage of the file; empty: none.
+    std::string problem{};  ///< The damage of the file; empty if there is none.
   };
 
   /// The limits of a page.
@@ -69,10 +69,10 @@ class ReplayPlayer {
   ReplayPlayer(std::unique_ptr<recording::FileReader> reader, Deliver deliver);
   void run();
   void show_moment(std::uint64_t time_ns, std::uint64_t turn);
-  /// Waits until browsers have had time to take the batch; false: another command is pending.
+  /// Waits until browsers have had time to take the batch; false if another command is pending.
   [[nodiscard]] bool pause_delivery(std::uint64_t turn);
   void play_on(std::uint64_t from_ns, std::uint64_t turn);
-  /// Waits until the message is due; false: another command is pending.
+  /// Waits until the message is due; false if another command is pending.
   [[nodiscard]] bool wait_for(std::uint64_t log_time_ns, std::uint64_t turn);
   [[nodiscard]] bool is_shown(std::uint16_t channel);
   /// Whether the turn still is the present one.

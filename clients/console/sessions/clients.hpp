@@ -42,7 +42,7 @@ class Clients {
     left_dropped_count_ += found->second.connection->dropped_count();
     clients_.erase(found);
   }
-  /// nullptr: it has disconnected.
+  /// The client with this id; nullptr if it has disconnected.
   [[nodiscard]] Client* find(std::uint64_t id) {
     const auto found = clients_.find(id);
     return found == clients_.end() ? nullptr : &found->second;

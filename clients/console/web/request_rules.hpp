@@ -13,7 +13,7 @@ namespace rtpm::console {
 /// The target of a request: "/app/x.js?token=…".
 struct RequestTarget {
   std::string path{};   ///< Decoded.
-  std::string token{};  ///< Empty: none.
+  std::string token{};  ///< Empty if none.
 };
 /// @return nullopt: malformed, or a byte that is invalid in a path
 [[nodiscard]] std::optional<RequestTarget> read_target(std::string_view target);
@@ -26,7 +26,8 @@ struct RequestTarget {
 /// Whether `origin`, an Origin header, is a page of this server, whose Host header is `host`.
 [[nodiscard]] bool is_own_origin(std::string_view origin, std::string_view host);
 
-/// The sub-protocol that answers `offered`, a Sec-WebSocket-Protocol header; empty: unsupported.
+/// The sub-protocol that answers `offered`, a Sec-WebSocket-Protocol header; empty if RTPM supports
+/// none of them.
 [[nodiscard]] std::string_view choose_subprotocol(std::string_view offered);
 
 /// The media type by the file's name; "application/octet-stream" if unknown.

@@ -18,7 +18,7 @@ namespace {
 constexpr mode_t kForThisUser = 0600;
 constexpr mode_t kOfOthers = 077;
 
-/// Makes the file with `token`; false: it exists already.
+/// Makes the file with `token`; false if the file exists already.
 expected<bool, SetupError> make_file(const std::string& path, const std::string& token) {
   const int file =
       ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, kForThisUser);

@@ -19,7 +19,7 @@ struct OptionFacts {
 
 /// A command with its subcommands.
 struct CommandFacts {
-  std::string path;  ///< "config list"; empty: the program.
+  std::string path;  ///< "config list"; empty for the program itself.
   std::string name;
   std::string summary;
   std::string details;

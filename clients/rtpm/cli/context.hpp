@@ -40,8 +40,8 @@ class Context {
   /// The source of names: a registry's URL, or the scope of discovery.
   std::string registry{names::kThisHost};
   bool json = false;                   ///< Prints JSON, a document per line.
-  std::optional<Duration> deadline{};  ///< A call's deadline; none: the schema's, else 1 s.
-  std::optional<Priority> priority{};  ///< A call's priority; none: the schema's.
+  std::optional<Duration> deadline{};  ///< A call's deadline; if unset, the schema's, or 1 s.
+  std::optional<Priority> priority{};  ///< A call's priority; if unset, the schema's.
   rpc::NodeSecurity security{};        ///< The user's identity at servers, and the known servers.
   Run chosen{};                        ///< The command that was parsed.
 
@@ -59,8 +59,8 @@ class Context {
   /// Reports a mistake in `text`, which is a `what` such as "filter", with its position.
   int fail_at(std::string_view what, const std::string& text,
               const predicate::TextError& error) const;
-  /// As fail(), for a target that was not found or does not answer. If this process lacks memory or
-  /// descriptors, the code is kFailed.
+  /// Reports a target that was not found or does not answer, like fail(). If this process lacks
+  /// memory or descriptors, the code is kFailed.
   int not_reached(const SetupError& error) const;
 
  private:

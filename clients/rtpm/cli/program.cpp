@@ -83,7 +83,7 @@ std::string name_of(const CLI::App& app) {
   return (parent == nullptr ? "" : name_of(*parent) + " ") + app.get_name();
 }
 
-/// Returns " (did you mean 'list'?)" for a word that is no command or option of `app`.
+/// Returns " (did you mean 'list'?)" for a word that is not a command or option of `app`.
 std::string similar(const CLI::App& app, const std::string& word) {
   std::vector<std::string> names;
   if (!word.starts_with("-")) {

@@ -13,7 +13,7 @@ namespace {
 constexpr int kWidth = 40;
 
 void put(std::string_view text) {
-  // Writes to standard error, which has no buffer. A bar that can't be shown is no failure.
+  // Writes to standard error, which has no buffer. A bar that can't be shown is not a failure.
   static_cast<void>(!::write(STDERR_FILENO, text.data(), text.size()));
 }
 

@@ -23,7 +23,7 @@ using gvd::DeviceConfiguration;
 struct ConfigRequest {
   std::string device{};
   std::vector<std::string> names{};  ///< Names, or NAME=VALUE.
-  std::uint64_t revision = 0;        ///< The base of a change; 0: the present revision.
+  std::uint64_t revision = 0;        ///< The base of a change; 0 means the present revision.
   DialogueOptions dialogue{};
 };
 
@@ -53,7 +53,7 @@ std::string unknown(const DeviceConfiguration& configuration, const std::string&
          "; 'rtpm config list' shows all";
 }
 
-/// The error for the first of `names` that is no parameter; empty if all exist.
+/// The error for the first of `names` that is not a parameter; empty if all exist.
 std::string first_unknown(const DeviceConfiguration& configuration,
                           const std::vector<std::string>& names) {
   for (const std::string& name : names) {

@@ -13,7 +13,7 @@ namespace rtpm::tool {
 
 /// A table of all parameters: a row each, below a header.
 [[nodiscard]] std::string table_of(const gvd::DeviceConfiguration& configuration);
-/// The same as comments of a schema.
+/// The table as comments of a schema.
 [[nodiscard]] std::string as_comment(const gvd::DeviceConfiguration& configuration);
 [[nodiscard]] Json json_of(const gvd::DeviceConfiguration& configuration);
 

@@ -17,7 +17,7 @@ namespace {
 constexpr Duration kPrintPeriod = std::chrono::milliseconds{50};
 
 struct EchoRequest : EventRequest {
-  std::uint64_t count = 0;  ///< 0: no limit.
+  std::uint64_t count = 0;  ///< No limit if 0.
   std::string device{};     ///< Empty: the events of the hub.
   double rate_hz = 60;
 };

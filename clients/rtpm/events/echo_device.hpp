@@ -12,7 +12,7 @@ namespace rtpm::tool {
 struct DeviceEchoRequest {
   std::string device{};
   double rate_hz = 60;
-  std::uint64_t count = 0;         ///< 0: no limit.
+  std::uint64_t count = 0;         ///< No limit if 0.
   std::optional<Duration> time{};  ///< None: until Ctrl-C.
 };
 

@@ -22,7 +22,7 @@ struct PubRequest {
   std::string json{};
   events::SourceId source = 0;
   double rate_hz = 0;       ///< 0: one event.
-  std::uint64_t count = 0;  ///< With a rate; 0: until Ctrl-C.
+  std::uint64_t count = 0;  ///< Number of events at a rate; 0: until Ctrl-C.
 };
 
 std::string unknown_type(const events::HubTypes& types, const std::string& name) {

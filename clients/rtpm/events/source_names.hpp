@@ -20,7 +20,7 @@ class SourceNames {
 
   /// Asks again if a source without a name has appeared since the last time.
   void care();
-  /// "lab/arm0"; empty: no device.
+  /// "lab/arm0"; empty if it is not a device.
   [[nodiscard]] std::string name_of(events::SourceId source);
 
  private:

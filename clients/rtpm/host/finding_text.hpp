@@ -20,10 +20,10 @@ struct FindingReport {
 
 /// Lines for users: counts, then the problems, the worst first, each with its cost and its remedy,
 /// then the good findings.
-/// @param shows_all  shows good findings in a line each, else by their names only
+/// @param shows_all  shows good findings in a line each; otherwise only their names
 [[nodiscard]] std::string text_of(const std::vector<rt::Finding>& findings, bool shows_all,
                                   std::size_t width);
-/// The changes of --fix, with old and new value, and how to make them permanent; empty: none.
+/// The changes of --fix, with old and new value, and how to make them permanent; empty if none.
 [[nodiscard]] std::string text_of_changes(const FindingReport& report);
 
 [[nodiscard]] Json json_of_findings(const FindingReport& report);

@@ -19,7 +19,7 @@ class Screen {
 
   /// Shows as much of the picture as fits; `footer` is the last line.
   void show(const TopPicture& picture, const std::string& header, const std::string& footer);
-  /// Waits up to `time` for a key; 0: none was pressed.
+  /// Waits up to `time` for a key; 0 if none was pressed.
   [[nodiscard]] int key(Duration time);
 };
 

@@ -33,7 +33,7 @@ struct TopLane {
 /// A device that the registry names, with its latest sample.
 struct TopDevice {
   std::string name{};
-  std::string problem{};  ///< The reason why it was not read; empty: it was.
+  std::string problem{};  ///< The reason why it was not read; empty if it was.
   driver::Sample sample{};
   double cycles_per_s = 0;
   LatencyHistogram read_time{};  ///< The times of all reads so far.

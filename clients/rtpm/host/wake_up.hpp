@@ -13,7 +13,7 @@ namespace rtpm::tool {
 /// The lateness of a thread that sleeps until a given time.
 struct WakeUps {
   LatencyHistogram lateness{};
-  bool is_realtime = false;  ///< Measured at SCHED_FIFO; else time-shared.
+  bool is_realtime = false;  ///< Measured at SCHED_FIFO; if false, time-shared.
 };
 
 /// Measures at 1 kHz for `time`, or until the stop signal, at SCHED_FIFO if that is granted.

@@ -113,7 +113,7 @@ expected<Shown, SetupError> ask(Context& context, const Place& place, bool is_po
   return shown;
 }
 
-/// The valid line that states another key for the server than it shows; nullptr: none.
+/// The valid line that states another key for the server than it shows; nullptr if none.
 const access::KnownServer* contradicting(const std::vector<access::KnownServer>& known,
                                          const access::KnownServer& shown) {
   const auto is_for_same = [&](const access::KnownServer& each) {

@@ -21,7 +21,7 @@ void add_key_list(CLI::App& group, Context& context);
 /// Joins the words into which a shell splits an unquoted text.
 [[nodiscard]] std::string joined(const std::vector<std::string>& words);
 
-/// The comment after the key in a public key's line, "alice@lab"; empty: none.
+/// The comment after the key in a public key's line, "alice@lab"; empty if there is none.
 [[nodiscard]] std::string comment_of(const std::string& public_line);
 /// The text as a name of a grant, which needs no quotes in a shell: "Hans-Meier".
 [[nodiscard]] std::string as_name(std::string text);

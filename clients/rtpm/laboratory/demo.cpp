@@ -48,7 +48,7 @@ bool is_free(std::uint16_t port) {
   return ::bind(socket.number(), at, sizeof address) == 0 && ::listen(socket.number(), 1) == 0;
 }
 
-/// The user's folder for persistent files; empty: none.
+/// The user's folder for persistent files; empty if there is none.
 std::string kept_folder() {
   const char* const state = std::getenv("XDG_STATE_HOME");
   const char* const home = std::getenv("HOME");

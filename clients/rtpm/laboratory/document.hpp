@@ -28,14 +28,14 @@ struct Value {
 
   Kind kind = Kind::kOther;
   Position position{};
-  std::string text{};  ///< For kOther: the kind, "a date".
+  std::string text{};  ///< The text, or the kind of a kOther: "a date".
   std::int64_t integer = 0;
   bool boolean = false;
   std::vector<Value> items{};  ///< The items of a list or a table; a table's are sorted by key.
   std::string key{};           ///< Its key in its table.
   Position key_position{};
 
-  /// The table's value for that key; nullptr: none.
+  /// The table's value for that key; nullptr if there is none.
   [[nodiscard]] const Value* find(std::string_view wanted) const;
   /// The kind for messages: "a text", "a list".
   [[nodiscard]] std::string kind_text() const;

@@ -28,7 +28,7 @@ struct FileContext {
                                                               const std::string& path,
                                                               const FileContext& context);
 
-/// As parse_plan(), but reads a file.
+/// Reads a file and parses it with parse_plan().
 /// @errors   "cell.toml:3:8: …", one for each mistake; the file can't be read
 [[nodiscard]] expected<Plan, std::vector<SetupError>> read_plan(const std::string& path,
                                                                 const FileContext& context);

@@ -18,7 +18,7 @@
 namespace rtpm::laboratory {
 namespace {
 
-/// The end of the process; nullopt: it still runs.
+/// The end of the process; nullopt while it runs.
 std::optional<GuardedEnd> end_of(pid_t id) {
   int status = 0;
   pid_t ended = 0;

@@ -23,7 +23,7 @@ class NamesProbe {
   NamesProbe& operator=(const NamesProbe&) = delete;
   ~NamesProbe();
 
-  /// From now on polls the registry at `url`; empty: none.
+  /// From now on polls the registry at `url`; if empty, stops polling.
   void ask(const std::string& url);
   /// A descriptor that is readable when an answer has arrived since take().
   [[nodiscard]] int event() const noexcept { return event_.number(); }

@@ -48,7 +48,7 @@ enum class Restart : std::uint8_t { kNever, kOnFailure, kAlways };
 /// The treatment of a program's output.
 enum class Output : std::uint8_t {
   kLines,     ///< Shown at once, after the program's name.
-  kErrors,    ///< As kLines, but standard error only.
+  kErrors,    ///< Like kLines, but standard error only.
   kEnd,       ///< Shown when the laboratory has ended.
   kTerminal,  ///< The program has the terminal.
   kNone,
@@ -86,7 +86,7 @@ struct Plan {
   std::string file{};
   std::string log_folder{};  ///< Empty: no files.
   std::optional<std::size_t> registry_program{};
-  std::string registry_url{};           ///< Used without a registry program; empty: the caller's.
+  std::string registry_url{};  ///< Used without a registry program; if empty, the caller's.
   std::vector<ProgramPlan> programs{};  ///< In the order of the file.
   std::vector<std::size_t> order{};     ///< The order of start.
   std::vector<std::string> left_out{};  ///< Optional programs that are not installed.
@@ -107,7 +107,7 @@ inline constexpr const char* kDiscoverVariable = "RTPM_DISCOVER";
 /// it; all programs that the registry does not come after are given the registry's URL.
 void connect(Plan& plan);
 
-/// The order of start: each program after those in its `after`, else as in the file.
+/// The order of start: each program after those in its `after`, otherwise the file's order.
 /// @return empty: `cycle` has programs that wait for each other
 [[nodiscard]] std::vector<std::size_t> start_order(const std::vector<ProgramPlan>& programs,
                                                    std::vector<std::size_t>& cycle);

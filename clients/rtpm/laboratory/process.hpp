@@ -38,7 +38,7 @@ struct Launch {
   std::vector<std::string> arguments{};    ///< The program's name first.
   std::vector<std::string> environment{};  ///< "NAME=value".
   std::string folder{};
-  int input = -1;  ///< In place of standard input; -1: this process's.
+  int input = -1;  ///< Standard input; -1 to inherit this process's.
   int output = -1;
   int errors = -1;
   bool has_own_group = true;  ///< Ctrl-C at the terminal then reaches only this process.

@@ -17,7 +17,7 @@ struct ProcessIdentity {
   friend bool operator==(const ProcessIdentity&, const ProcessIdentity&) = default;
 };
 
-/// The process with that number; nullopt: there is none, or it is a zombie.
+/// The process with that number; nullopt if there is none, or it is a zombie.
 [[nodiscard]] std::optional<ProcessIdentity> identity_of(pid_t id);
 
 /// All descendants of that process that this user can see.

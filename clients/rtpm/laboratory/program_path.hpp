@@ -22,7 +22,7 @@ struct ProgramFolders {
                                                         const std::string& folder) const;
 };
 
-/// The path of `name` among RTPM's installed files; empty: it is not installed.
+/// The path of `name` among RTPM's installed files; empty if it is not installed.
 [[nodiscard]] std::string shipped_file(const ProgramFolders& folders, const std::string& name);
 
 }  // namespace rtpm::laboratory

@@ -53,7 +53,7 @@ expected<RunningProgram, SetupError> RunningProgram::start(const ProgramPlan& pl
     for (std::size_t i = 0; i < 2; ++i) {
       auto pipe = make_pipe();
       if (!pipe) return unexpected{pipe.error()};
-      // Only this end: programs expect theirs to block.
+      // Only this end does not block: programs expect their end to block.
       ::fcntl((*pipe)[0].number(), F_SETFL, O_NONBLOCK);
       program.streams_[i].handle = std::move((*pipe)[0]);
       theirs[i + 1] = std::move((*pipe)[1]);

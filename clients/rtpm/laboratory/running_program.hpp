@@ -25,7 +25,7 @@ class RunningProgram {
       const std::string& registry_url, bool has_terminal);
 
   [[nodiscard]] int process() const noexcept { return process_; }
-  /// Descriptors of standard output and standard error to read; -1: ended, or not read.
+  /// Descriptors of standard output and standard error to read; -1 if ended or not read.
   [[nodiscard]] std::array<int, 2> streams() const noexcept;
   /// Reads all complete lines that have arrived, at most 64 KiB of each stream.
   void read(const TakeLine& take);

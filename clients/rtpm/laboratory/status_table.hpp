@@ -12,7 +12,7 @@ namespace rtpm::tool {
 
 /// A table of a laboratory's programs, a line each below a header: program, state, process, time in
 /// the state, restarts, and its URL or the reason of its state.
-/// @param width  the greatest width of a line; 0: no limit
+/// @param width  the greatest width of a line; 0 for no limit
 [[nodiscard]] std::vector<std::string> status_table(const laboratory::Plan& plan,
                                                     const laboratory::Supervision& supervision,
                                                     MonotonicTime now, std::size_t width);

@@ -62,7 +62,7 @@ class Supervision {
 
   /// The actions that are due now; each action is returned once.
   [[nodiscard]] std::vector<Action> due(MonotonicTime now);
-  /// The time at which due() next has work without an event; kNever: an event must come first.
+  /// The time at which due() next has work without an event; kNever if only an event brings work.
   [[nodiscard]] MonotonicTime next() const;
 
   void started(std::size_t index, int process, MonotonicTime now);

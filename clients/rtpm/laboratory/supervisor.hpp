@@ -36,7 +36,7 @@ class Observer {
 };
 
 struct SupervisorOptions {
-  std::string registry_url{};      ///< For programs of a file without a registry.
+  std::string registry_url{};      ///< Used if the file has no registry.
   bool has_terminal = true;        ///< A program may use the terminal.
   int lifeline = -1;               ///< A byte requests a stop, as does closing its other end.
   std::optional<Duration> time{};  ///< The laboratory ends after this time.

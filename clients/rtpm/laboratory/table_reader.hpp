@@ -20,9 +20,9 @@ class TableReader {
   /// @param where  for messages: "program 'devices'"
   TableReader(const Value& table, std::string where, std::vector<Mistake>& mistakes);
 
-  /// The value of a key, which then counts as known; nullptr: absent.
+  /// The value of a key, which then counts as known; nullptr if absent.
   [[nodiscard]] const Value* take(std::string_view key);
-  /// As above, for one kind; nullptr: absent, or of another kind, which is a mistake.
+  /// Takes a value of one kind; nullptr if absent, or of another kind, which is a mistake.
   /// @param form  the required form, for the message: "a text"
   [[nodiscard]] const Value* take(std::string_view key, Value::Kind kind, const std::string& form);
 

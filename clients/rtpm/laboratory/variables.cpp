@@ -21,7 +21,7 @@ std::string unknown(const std::string& name, const Scope& scope) {
          "; there are variables, ${PROGRAM.url} and ${environment.NAME}";
 }
 
-/// Appends the value of `name`. @return the mistake; empty: none
+/// Appends the value of `name`. @return the mistake; empty if there is none
 std::string append_named(Text& text, const std::string& name, const Scope& scope) {
   if (const auto found = scope.variables.find(name); found != scope.variables.end()) {
     text.append(found->second);

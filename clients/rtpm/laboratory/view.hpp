@@ -33,7 +33,7 @@ class LaboratoryView : public laboratory::Observer {
   void move_to(laboratory::LogFile log);
   /// Prints the output that was held back.
   void finish();
-  /// "devices (exit code 1), servo (SIGKILL)"; empty: none.
+  /// "devices (exit code 1), servo (SIGKILL)"; empty if there are none.
   [[nodiscard]] std::string failed_programs() const;
 
  protected:

@@ -42,7 +42,7 @@ expected<names::Property, SetupError> property_of(const std::string& text) {
                          colon == std::string::npos ? "" : name.substr(colon + 1)};
 }
 
-/// The revision of the present binding, for a change; 0: the name is not bound.
+/// The revision of the present binding, for a change; 0 if the name is not bound.
 std::uint64_t revision_of(names::Directory& directory, const std::string& name) {
   const auto entry = directory.resolve(name);
   return entry ? entry->revision : 0;
@@ -76,7 +76,7 @@ int bind(Context& context, const BindOptions& wanted) {
   return kDone;
 }
 
-/// Ends the record of a name whose server is lost; nullopt: it is not lost.
+/// Ends the record of a name whose server is lost; nullopt if it is not lost.
 std::optional<int> dismiss(Context& context, const std::string& name) {
   std::optional<std::uint64_t> revision;
   const auto lost =

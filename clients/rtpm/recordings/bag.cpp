@@ -48,7 +48,7 @@ std::string time_text(std::uint64_t ns) {
 
 struct ChannelFacts {
   std::string topic;
-  std::string type;  ///< The name of its schema; empty: none.
+  std::string type;  ///< The name of its schema; empty if it has none.
   std::string encoding;
   std::uint64_t count = 0;
   double rate_hz = 0;  ///< 0: the recording has no length.
@@ -149,7 +149,7 @@ int info(Context& context, const BagRequest& request) {
   return kDone;
 }
 
-/// The losses that a recovered recording states; empty: none.
+/// The losses that a recovered recording states; empty if there are none.
 std::string recovered_text(const std::string& file) {
   const auto reader = FileReader::open(file);
   const auto metadata = reader ? (*reader)->read_metadata() : std::vector<recording::Metadata>{};

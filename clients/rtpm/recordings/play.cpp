@@ -84,7 +84,8 @@ int tell_end(const Context& context, const PlayRequest& request, const replay::R
   return kDone;
 }
 
-/// The hub for the events; empty: none. A missing hub is an error only if it was requested.
+/// The hub for the events; empty if there is none. A missing hub is an error only if it was
+/// requested.
 expected<std::string, SetupError> hub_of(Context& context, const PlayRequest& request,
                                          const replay::Recorded& recorded) {
   if (recorded.events.empty() || request.hub == kNoHub) return std::string{};

@@ -67,7 +67,7 @@ class HubSource final : public Source, private Subscription::Observer {
       }
     }
   }
-  /// @return the reason why the names are unknown; nullopt: they are known
+  /// @return the reason why the names are unknown; nullopt if they are known
   std::optional<SetupError> name_devices() {
     const auto names = device_names(context_);
     if (!names) return names.error();

@@ -42,7 +42,7 @@ class Source {
   /// Does periodic work and reports problems. Called periodically.
   virtual void care() {}
   virtual void add_to(SourceCounts&) const {}
-  /// The reason why the source has ended; nullopt: it has not.
+  /// The reason why the source has ended; nullopt if it has not.
   [[nodiscard]] virtual std::optional<SetupError> problem() const { return std::nullopt; }
   /// Takes the remaining messages, and ends the source; its counts stay.
   virtual void end() {}
@@ -61,7 +61,7 @@ class Sources {
   /// Does the sources' periodic work and reports problems. Call it periodically.
   void care();
   [[nodiscard]] SourceCounts counts() const;
-  /// The reason why a source ended by itself; nullopt: none did.
+  /// The reason why a source ended by itself; nullopt if none did.
   [[nodiscard]] std::optional<SetupError> problem() const;
   /// Takes the remaining messages, and ends the sources; their counts stay.
   void end();

@@ -21,7 +21,7 @@ struct FolderName {
 };
 
 [[nodiscard]] std::string to_text(const FolderName& name, std::uint32_t random);
-/// @return nullopt: `text` is no such name
+/// @return nullopt if `text` is not such a name
 [[nodiscard]] std::optional<FolderName> parse_folder_name(std::string_view text);
 
 }  // namespace rtpm::discovery

@@ -23,7 +23,7 @@ class Keys {
   [[nodiscard]] std::string key_of(std::string_view name) const {
     return names_ + std::string(name);
   }
-  /// nullopt: it is not the key of a name.
+  /// The name of this key; nullopt if it is not the key of a name.
   [[nodiscard]] std::optional<std::string> name_of(std::string_view key) const;
   /// Key that changes with every unbind of the name, and of other names.
   [[nodiscard]] std::string fence_of(std::string_view name) const;
@@ -45,9 +45,9 @@ struct Content {
   std::vector<names::StoredName> names{};
   NameMap known{};
   std::uint64_t revision = 0;
-  std::size_t foreign_count = 0;  ///< Number of keys that are no names.
+  std::size_t foreign_count = 0;  ///< Number of keys that are not names.
 };
-/// @param revision  the revision to read; 0: the latest
+/// @param revision  the revision to read; 0 for the latest
 /// @errors   kOutOfRange: the revision does not exist yet, or no longer
 [[nodiscard]] expected<Content, GatewayError> read_content(Gateway& gateway, const Keys& keys,
                                                            MonotonicTime deadline,

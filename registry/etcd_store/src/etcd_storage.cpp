@@ -262,7 +262,7 @@ class EtcdStorage final : public names::SharedStorage {
   }
 
   // The revision of the change if it was made, even if only an earlier request of the same change
-  // succeeded; else the last change that was found instead.
+  // succeeded; otherwise the last change that was found instead.
   [[nodiscard]] expected<std::uint64_t, StorageError> revision_of(const Json& answer,
                                                                   const std::string& name,
                                                                   std::uint64_t write) const {

@@ -64,12 +64,12 @@ class Gateway {
   [[nodiscard]] std::size_t preferred() const noexcept { return preferred_; }
   /// Prefers the next endpoint, unless another caller has changed the preference.
   void avoid(std::size_t endpoint) noexcept;
-  /// Notes that the endpoint answered as a member of the cluster `other`; 0: of the known one.
+  /// Notes that the endpoint answered as a member of the cluster `other`; 0 for the known one.
   void note_cluster(std::size_t endpoint, std::uint64_t other);
   /// Makes another cluster the known one once most endpoints belong to it: the cluster was
   /// replaced, for instance by restoring it under a new token. Returns whether it did.
   [[nodiscard]] bool adopt_other_cluster();
-  /// 0: no cluster has answered yet.
+  /// The id of the known cluster; 0 until one has answered.
   [[nodiscard]] std::uint64_t cluster() const noexcept { return cluster_; }
   /// Ends requests that are under way.
   void stop() noexcept { is_stopping_ = true; }
@@ -85,7 +85,7 @@ class Gateway {
   std::atomic<bool> is_stopping_ = false;
   std::mutex mutex_;  ///< Plain: no real-time thread locks it. Guards what follows.
   std::vector<std::unique_ptr<HttpClient>> idle_{};
-  std::vector<std::uint64_t> other_clusters_;  ///< Indexed by endpoint; 0: none.
+  std::vector<std::uint64_t> other_clusters_;  ///< Indexed by endpoint; 0 if it has none.
 };
 
 /// A whole number in etcd's JSON, which writes 64-bit numbers as texts and omits zeros.

@@ -129,7 +129,7 @@ struct HttpStream::Impl {
     searched = 0;
     return line;
   }
-  /// Why the transfer ended; nullopt: it is still running.
+  /// Why the transfer ended; nullopt while it is running.
   std::optional<std::string> end() {
     int left = 0;
     while (const CURLMsg* const message = curl_multi_info_read(multi.get(), &left)) {

@@ -55,7 +55,7 @@ class HttpStream {
 
   /// Begins a request; ends the former one.
   void open(const std::string& url, const std::string& body);
-  /// The next line; nullopt: none arrived by `until`, or wake() was called.
+  /// The next line; nullopt if none arrived by `until`, or if wake() was called.
   /// @errors   the stream has ended, or a line is too long
   [[nodiscard]] expected<std::optional<std::string>, HttpError> next_line(MonotonicTime until);
   void close();

@@ -15,9 +15,9 @@ namespace rtpm::etcd_store {
 /// A key of a name, as the watch reported it.
 struct KnownName {
   std::uint64_t revision = 0;    ///< Revision of its last change.
-  std::uint64_t etcd_lease = 0;  ///< 0: none.
+  std::uint64_t etcd_lease = 0;  ///< 0 if none.
   Duration lease{};              ///< Lease of the name.
-  bool is_foreign = false;       ///< Its value was not written by a registry, so it is no name.
+  bool is_foreign = false;       ///< Its value was not written by a registry, so it is not a name.
   std::uint64_t value_hash = 0;
   friend bool operator==(const KnownName&, const KnownName&) = default;
 };

@@ -25,7 +25,7 @@ struct StoredValue {
 };
 
 [[nodiscard]] std::string to_text(const StoredValue& value);
-/// nullopt: the text has another form.
+/// nullopt if the text has another form.
 [[nodiscard]] std::optional<StoredValue> parse_value(std::string_view text);
 
 }  // namespace rtpm::etcd_store

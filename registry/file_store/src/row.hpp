@@ -18,8 +18,8 @@ inline constexpr int kColumnCount = 11;
 /// valid until reset().
 void bind_row(Statement& statement, const names::StoredName& stored, const std::string& properties);
 
-/// Reads a statement's current row, whose columns begin with `first`; nullopt: its checksum is
-/// wrong, or its properties are invalid.
+/// Reads a statement's current row, whose columns begin with `first`; nullopt if its checksum
+/// is wrong, or its properties are invalid.
 [[nodiscard]] std::optional<names::StoredName> read_row(const Statement& statement, int first);
 
 }  // namespace rtpm::file_store

@@ -23,7 +23,7 @@ struct BridgeConfig {
   std::string hub{};
   std::string prefix = "rtpm";  ///< First part of all topics.
   Direction direction = Direction::kBoth;
-  std::vector<WantedOrigin> wanted{};  ///< Published to the broker; empty: everything.
+  std::vector<WantedOrigin> wanted{};  ///< Published to the broker; everything if empty.
   std::vector<TopicMapping> mappings{};
   /// Priority of events from the broker and of the hub's sends to the bridge.
   Priority priority{};

@@ -27,9 +27,9 @@ struct BrokerConfig {
   std::string id{};
   std::string host = "127.0.0.1";
   std::uint16_t port = 1883;
-  std::string user{};      ///< Empty: none.
+  std::string user{};      ///< Empty if none.
   std::string password{};  ///< Password of `user`.
-  std::string ca_file{};   ///< Trusted certificates; empty: no TLS.
+  std::string ca_file{};   ///< Trusted certificates; no TLS if empty.
   std::vector<std::string> subscriptions{};
   std::uint32_t queue_capacity = 1024;  ///< Messages.
   bool retains = false;                 ///< The broker keeps the last message of each topic.
@@ -83,7 +83,7 @@ class Broker {
   [[nodiscard]] BrokerCounters counters() const;
   /// Whether it is connected and subscribed.
   [[nodiscard]] bool is_connected() const noexcept { return is_connected_; }
-  /// Why it is not connected; empty: it is connected.
+  /// Why it is not connected; empty if it is.
   [[nodiscard]] std::string reason() const;
   /// See BrokerConfig::id.
   [[nodiscard]] const std::string& id() const noexcept { return id_; }

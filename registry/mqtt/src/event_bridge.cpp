@@ -64,7 +64,7 @@ void add_options(rtpm::options::Options& options, Configuration& its) {
   options.add("report", its.report, "Interval of printing the counters, 0s: only at the end");
 }
 
-/// The error in the options; empty: none.
+/// The error in the options; empty if there is none.
 std::string finish(Configuration& its) {
   if (!is_topic(its.bridge.prefix)) return "--prefix is no topic";
   its.bridge.hops = static_cast<std::uint8_t>(its.hops);

@@ -9,7 +9,7 @@ namespace rtpm::names {
 
 struct Record;
 
-/// One change of a name: its former and its new record; null: not bound.
+/// One change of a name: its former and its new record, null where it is not bound.
 struct LoggedChange {
   std::uint64_t revision = 0;
   std::shared_ptr<const Record> before{};
@@ -30,7 +30,7 @@ class ChangeLog {
   [[nodiscard]] bool reaches(std::uint64_t revision) const noexcept {
     return revision >= forgotten_ && revision <= newest_;
   }
-  /// The first change after `revision`; null: there is none yet.
+  /// The first change after `revision`; null if there is none yet.
   [[nodiscard]] const LoggedChange* after(std::uint64_t revision) const noexcept;
   /// How many changes there are after `revision`.
   [[nodiscard]] std::size_t count_after(std::uint64_t revision) const noexcept;

@@ -110,7 +110,7 @@ class Directory::Impl {
     if (!bad_scope_ && scope_.is_url()) only_ = service_at(where_text, deadline_);
   }
 
-  /// The service, if the scope is its URL; null: search for services.
+  /// The service, if the scope is its URL; if null, services are searched for.
   [[nodiscard]] Service* only() const noexcept { return only_.get(); }
 
   /// Asks all services, several at a time, so that one that hangs delays no other.

@@ -131,7 +131,7 @@ class FoundWatch final : public NameWatch::Impl {
     return {};
   }
 
-  /// @errors   of the watched services; a service that does not answer is no error
+  /// @errors   of the watched services; a service that does not answer is not an error
   [[nodiscard]] expected<void, DirectoryError> see(const discovery::FoundService& found,
                                                    MonotonicTime now) {
     const auto known = services_.find(found.url);

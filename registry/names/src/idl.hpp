@@ -42,7 +42,7 @@ namespace rtpm::names {
 
 using PropertyTables = flatbuffers::Vector<flatbuffers::Offset<PropertyEntry>>;
 
-/// nullopt: the type of one is unknown.
+/// nullopt if the type of one is unknown.
 [[nodiscard]] std::optional<std::vector<Property>> properties_of(const PropertyTables* tables);
 /// Null if there are no properties.
 [[nodiscard]] flatbuffers::Offset<PropertyTables> write_properties(

@@ -29,7 +29,7 @@ class LapsedNames {
   /// Limit per host, so that no host displaces the names of another.
   static constexpr std::size_t kCountPerHostMax = 256;
 
-  /// @return the name that was dropped for it; empty: none
+  /// @return the name that was dropped for it; empty if none was
   std::string add(LapsedRecord record);
   void erase(std::string_view name);
   /// Whether the name has lapsed and may be dismissed: by its owner, or by any caller with the

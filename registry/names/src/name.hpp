@@ -18,7 +18,7 @@ inline constexpr std::size_t kUrlSizeMax = 560;
 inline constexpr std::size_t kInterfaceSizeMax = 128;
 
 /// The first component, counted from 0, that is malformed or with which `name` exceeds a limit;
-/// nullopt: the name is well-formed.
+/// nullopt if the name is well-formed.
 /// @realtime alloc-free
 [[nodiscard]] std::optional<std::uint8_t> first_bad_component(std::string_view name) noexcept;
 

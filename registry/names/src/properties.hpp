@@ -12,7 +12,7 @@
 namespace rtpm::names {
 
 /// The index of the first property that is malformed, reserved, duplicate or beyond the limit;
-/// nullopt: all are well-formed.
+/// nullopt if all are well-formed.
 [[nodiscard]] std::optional<std::size_t> first_bad_property(std::span<const Property> properties);
 
 /// The bytes that count towards the limits.

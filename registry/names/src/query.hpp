@@ -17,7 +17,7 @@ namespace rtpm::names {
 
 /// The criteria of find().
 struct QueryTexts {
-  std::string_view interface {};  ///< Empty: any.
+  std::string_view interface {};  ///< Any if empty.
   std::string_view predicate{};
   std::string_view preference{};
 };
@@ -26,7 +26,7 @@ struct QueryTexts {
 struct Found {
   std::vector<const Record*> records{};  ///< Valid until the next change.
   std::size_t accepted_count = 0;        ///< Includes those that exceed the limit.
-  std::string note{};                    ///< Names properties that no name has; empty: none.
+  std::string note{};                    ///< Names properties that no name has; empty if none.
 };
 
 /// Why a predicate or preference is refused.
@@ -35,8 +35,8 @@ struct QueryError {
   predicate::TextError error{};
 };
 
-/// Checks types by the index. A property that no name has is no error: a name with it may still be
-/// bound.
+/// Checks types by the index. A property that no name has is not an error: a name with it may still
+/// be bound.
 /// @errors   the predicate or the preference is malformed, or compares types that do not compare
 [[nodiscard]] expected<predicate::Predicate, QueryError> parse_predicate(
     const InterfaceIndex& index, std::string_view interface, std::string_view text);

@@ -358,7 +358,7 @@ class Registration::Impl {
   // Plain: no real-time thread locks it. Guards what follows.
   std::mutex mutex_;
   Offer offer_;
-  std::shared_ptr<Place> registry_{};  ///< Null: there is none. Replaced by the lease's thread.
+  std::shared_ptr<Place> registry_{};  ///< Null: there is none. Replaced by the lease thread.
   std::shared_ptr<Place> own_{};       ///< Null: this program serves no names itself. Likewise.
   std::condition_variable ending_;
   bool is_ending_ = false;

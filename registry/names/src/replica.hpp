@@ -35,10 +35,10 @@ class Replica final : public SharedStorage::Follower {
   void on_current(MonotonicTime as_of) override;
   void on_trouble(const std::string& sentence) override;
 
-  /// Waits until the store has the change of `revision`; false: not by `deadline`. Call it without
-  /// the mutex locked.
+  /// Waits until the store has the change of `revision`; false if not by `deadline`. Call it
+  /// without the mutex locked.
   [[nodiscard]] bool wait_for(std::uint64_t revision, MonotonicTime deadline);
-  /// The last trouble in words; empty: none.
+  /// The last trouble in words; empty if there is none.
   [[nodiscard]] std::string trouble() const;
 
  private:

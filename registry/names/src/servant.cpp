@@ -52,8 +52,8 @@ bool is_of_storage(Outcome outcome) noexcept {
          outcome == Outcome::kNotStored || outcome == Outcome::kStoreUnreachable;
 }
 
-/// Allows one sentence per second. Returns its suffix, which counts those suppressed; nullopt: this
-/// one is suppressed.
+/// Allows one sentence per second. Returns its suffix, which counts those suppressed; nullopt if
+/// this one is suppressed.
 std::optional<std::string> admit(LogLimit& limit, MonotonicTime now) {
   if (!limit.admit(now)) return std::nullopt;
   const std::uint64_t count = limit.take_all_suppressed();

@@ -33,9 +33,10 @@ class Service {
                                                             bool has_properties,
                                                             MonotonicTime deadline);
   [[nodiscard]] expected<FoundNames, DirectoryError> find(const NameQuery& query);
-  /// As Directory::contents().
+  /// See Directory::contents().
   [[nodiscard]] expected<FoundNames, DirectoryError> contents(std::string_view directory);
-  /// The same within `deadline` in total, into `found`, which keeps what came before an error.
+  /// Reads the contents within `deadline` in total, into `found`, which keeps what came before an
+  /// error.
   [[nodiscard]] expected<void, DirectoryError> read(std::string_view directory,
                                                     MonotonicTime deadline, FoundNames& found);
   /// Adds the lapsed names to `found`, within `deadline` in total.

@@ -13,7 +13,7 @@ unexpected<Refusal> refuse(Outcome outcome, std::size_t component = 0,
   return unexpected<Refusal>{{outcome, static_cast<std::uint8_t>(component), holder}};
 }
 
-// As in rpc::CallerHost.
+// Loopback addresses, in the form of rpc::CallerHost.
 constexpr bool is_own_host(std::uint64_t host) noexcept {
   return host >> 24 == 127;
 }
@@ -398,7 +398,7 @@ Plan Store::plan_of(const Claim& claim, Records::iterator held, MonotonicTime no
   const Record* const kept =
       plan.former && plan.former->owner == claim.owner ? plan.former.get() : nullptr;
   plan.next = record_of(claim, kept, now);
-  // A bind that changes only the lease is no change.
+  // A bind that changes only the lease does not count as a change.
   plan.is_renewal =
       kept != nullptr && kept->url == plan.next.url && kept->interface == plan.next.interface &&
       kept->properties == plan.next.properties && kept->is_permanent() == plan.next.is_permanent();

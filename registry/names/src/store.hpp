@@ -40,7 +40,7 @@ struct Record {
   /// Revision of the last change other than a renewal; counted together with the holders'
   /// revisions.
   std::uint64_t change = 0;
-  Duration lease{};  ///< As granted by the last bind; 0: it is permanent.
+  Duration lease{};  ///< Granted by the last bind; 0 if permanent.
   /// With a shared storage: how long the name stays at most once nobody renews it.
   Duration stay{};
 
@@ -77,7 +77,7 @@ struct Plan {
 struct Page {
   std::vector<const Record*>
       records{};        ///< In the order of their names; valid until the next call.
-  bool is_last = true;  ///< There are no further names.
+  bool is_last = true;  ///< No further names follow.
 };
 
 /// Bound names with their leases. It uses no clock and no socket: every operation takes the time,
@@ -86,7 +86,7 @@ struct Page {
 class Store {
  public:
   /// Revisions count from `first_revision`; choose another range for each start of a registry.
-  /// A change is made only after `storage` has stored it; null: names are in memory only.
+  /// A change is made only after `storage` has stored it; if null, names are in memory only.
   explicit Store(Limits limits = {}, std::uint64_t first_revision = 1, Storage* storage = nullptr);
 
   /// From now on a shared storage ends the leases, and apply() receives all changes.
@@ -105,7 +105,7 @@ class Store {
   void confirm(MonotonicTime as_of) noexcept;
   /// How often the shared storage confirmed the content.
   [[nodiscard]] std::uint64_t confirm_count() const noexcept { return confirm_count_; }
-  /// For how long the content may have been out of date; 0: it is up to date.
+  /// How long the content may have been out of date; 0 if it is up to date.
   [[nodiscard]] Duration stale_for(MonotonicTime now) const noexcept;
   /// The effect that bind() or rebind() would have; changes nothing.
   [[nodiscard]] expected<Plan, Refusal> plan(const Claim& claim, bool replaces, MonotonicTime now);
@@ -139,8 +139,8 @@ class Store {
   ///           kBadName, kBadUrl, kBadInterface, kBadOwner, kBadLease, kBadProperty
   [[nodiscard]] expected<Granted, Refusal> bind(const Claim& claim, MonotonicTime now);
 
-  /// As bind(), but takes the name from another owner if the claim names its revision or allows any
-  /// takeover. An older start of the same owner still gets kStaleEpoch.
+  /// Binds like bind(), but takes the name from another owner if the claim names its revision or
+  /// allows any takeover. An older start of the same owner still gets kStaleEpoch.
   /// @errors   as bind(), with kAlreadyBound if the claim allows no takeover · kStaleRevision with
   ///           the holder
   [[nodiscard]] expected<Granted, Refusal> rebind(const Claim& claim, MonotonicTime now);
@@ -162,9 +162,9 @@ class Store {
                                                MonotonicTime now,
                                                std::uint64_t holder_revision = 0);
 
-  /// Returns up to `count_max` records that are `directory` or below it (empty: all) and sort after
-  /// `after`, in byte order. To continue, pass the last name as `after`; concurrent changes affect
-  /// no other names.
+  /// Returns up to `count_max` records that are `directory` or below it (all if empty) and sort
+  /// after `after`, in byte order. To continue, pass the last name as `after`; concurrent changes
+  /// affect no other names.
   /// @errors   kBadName, of either argument
   [[nodiscard]] expected<Page, Refusal> list(std::string_view directory, std::string_view after,
                                              std::size_t count_max, MonotonicTime now);
@@ -183,7 +183,7 @@ class Store {
   }
   /// The changes so far.
   [[nodiscard]] const ChangeLog& log() const noexcept { return log_; }
-  /// Calls `visit` for the names that are `directory` or below it (empty: all) and sort after
+  /// Calls `visit` for the names that are `directory` or below it (all if empty) and sort after
   /// `after`, in byte order, until it returns false. Returns whether it reached the end.
   template <class Visit>
   [[nodiscard]] bool for_each_after(std::string_view after, std::string_view directory,

@@ -134,7 +134,7 @@ class OneWatch final : public NameWatch::Impl {
     }
   }
 
-  // Takes items until the stream ends. Returns why; empty: to change names, or at the end.
+  // Takes items until the stream ends. Returns why; empty if to change names, or at the end.
   [[nodiscard]] std::string read() {
     is_connected_ = true;
     bool goes_on = take(*first_);
@@ -283,7 +283,7 @@ class OneWatch final : public NameWatch::Impl {
   std::map<std::string, Known, std::less<>> known_{};
   std::set<std::string, std::less<>> fresh_{};  ///< Names of the state so far.
   bool is_fresh_ = false;                       ///< A state is being read.
-  bool is_stale_ = false;                       ///< As in the last item.
+  bool is_stale_ = false;                       ///< Value in the last item.
   // Plain: no real-time thread locks it. Guards what follows.
   std::mutex mutex_;
   std::condition_variable ending_;

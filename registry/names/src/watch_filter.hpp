@@ -14,11 +14,11 @@ struct Record;
 
 /// The names that a watch selects; they meet all conditions that are given.
 struct WatchFilter {
-  std::string directory{};                     ///< Empty: any.
-  std::set<std::string, std::less<>> names{};  ///< Empty: any.
-  std::string interface {};                    ///< Empty: any.
+  std::string directory{};                     ///< Any if empty.
+  std::set<std::string, std::less<>> names{};  ///< Any if empty.
+  std::string interface {};                    ///< Any if empty.
   predicate::Predicate predicate;
-  /// Its grants must let it see the name; null: no check.
+  /// Its grants must let it see the name; null disables the check.
   std::shared_ptr<const rpc::Caller> caller{};
 
   [[nodiscard]] bool accepts(const Record& record) const;

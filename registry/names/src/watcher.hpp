@@ -24,7 +24,7 @@ class Watcher {
   };
 
   /// @param history  the current number of the registry's history; must outlive this
-  /// @param after    the revision after which to resume; nullopt: sends the state first
+  /// @param after    the revision after which to resume; if nullopt, sends the state first
   Watcher(rpc::TableWriter<WatchItem> writer, WatchFilter filter, const std::uint64_t& history,
           std::optional<std::uint64_t> after, const Store& store, std::uint64_t host);
 
@@ -51,8 +51,8 @@ class Watcher {
   bool is_in_state_;
   bool is_welcome_due_ = true;   ///< The first item is sent even without changes.
   std::string state_cursor_{};   ///< The last name of the state that was visited.
-  bool is_stale_ = false;        ///< As in the last item.
-  std::uint64_t restart_count_;  ///< The log's count, when the state was last begun.
+  bool is_stale_ = false;        ///< Value in the last item.
+  std::uint64_t restart_count_;  ///< The log's count, when the state was last started.
   std::uint64_t confirm_count_;  ///< The store's count, when the watch began.
   std::uint64_t position_;       ///< Every change up to this revision was sent, or is in the state.
   flatbuffers::FlatBufferBuilder builder_{};

@@ -27,7 +27,7 @@ class Watches {
   ~Watches();
 
   /// Accepts a caller's stream, or refuses it there. Call it with the mutex locked.
-  /// @param caller  sees only what its grants allow; null: sees all
+  /// @param caller  sees only what its grants allow; all if null
   void add(const WatchRequest& request, rpc::TableWriter<WatchItem> writer, std::uint64_t host,
            std::shared_ptr<const rpc::Caller> caller = nullptr);
   /// Starts a new count of revisions. Watchers get its number, and a client that resumes by the

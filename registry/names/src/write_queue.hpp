@@ -34,7 +34,7 @@ class WriteQueue {
   [[nodiscard]] expected<void, SetupError> start();
   /// Waits for changes under way, and drops the rest.
   void stop();
-  /// Reserves capacity for a change of `host`; false: there is none. Each add() uses one
+  /// Reserves capacity for a change of `host`; false if there is none. Each add() uses one
   /// reservation.
   [[nodiscard]] bool reserve(std::uint64_t host);
   void release(std::uint64_t host);

@@ -70,7 +70,7 @@ Truth compare(Comparison comparison, const Operand& left, const Operand& right) 
   }
 }
 
-// Calculates with integers; nullopt: an overflow or a division.
+// Calculates with integers; nullopt on overflow, and for a division.
 std::optional<std::int64_t> calculate(Kind kind, std::int64_t left, std::int64_t right) noexcept {
   std::int64_t result = 0;
   bool has_overflow = true;

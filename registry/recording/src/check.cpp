@@ -20,7 +20,7 @@ class Examination {
           return !is_stopped_;
         }) {}
 
-  /// nullopt: it was stopped.
+  /// Returns the errors; nullopt if the check was stopped.
   std::optional<std::vector<std::string>> run() {
     const auto contents = read_contents(file_, Incomplete::kRead, progress_);
     if (contents) {
@@ -54,7 +54,7 @@ class Examination {
   std::uint64_t unknown_count_ = 0;
 };
 
-/// The place of DataEnd; nullopt: the data section has no end.
+/// The place of DataEnd; nullopt if the data section has no end.
 std::optional<RecordPlace> Examination::find_data_end() const {
   std::optional<RecordPlace> found;
   std::uint64_t count = 0;
@@ -65,7 +65,7 @@ std::optional<RecordPlace> Examination::find_data_end() const {
   return found;
 }
 
-/// @return the error; empty: none
+/// @return the error; empty if there is none
 std::string Examination::check_data_crc() const {
   const auto data_end = find_data_end();
   if (!data_end) return "it has no end of its data";

@@ -16,7 +16,7 @@ namespace rtpm::recording {
 /// demands.
 void compress(Compression compression, ConstBytes bytes, std::vector<std::byte>& compressed);
 
-/// The uncompressed bytes; nullopt: an unknown compression, damaged bytes, or another size.
+/// The uncompressed bytes; nullopt for an unknown compression, damaged bytes, or another size.
 /// @param size  stated by the chunk, and already limited by the caller
 [[nodiscard]] std::optional<std::vector<std::byte>> decompress(std::string_view compression,
                                                                ConstBytes compressed,

@@ -17,7 +17,7 @@ struct Block {
   std::uint64_t end_ns = 0;
   RecordPlace chunk{};
   bool is_chunk = true;
-  std::uint64_t begin = 0;  ///< For records outside of chunks.
+  std::uint64_t begin = 0;  ///< Offset of records outside chunks.
   std::uint64_t end = 0;
   /// Offset in the file.
   [[nodiscard]] std::uint64_t place() const noexcept { return is_chunk ? chunk.offset : begin; }
@@ -40,9 +40,9 @@ struct Contents {
 /// The place of the summary in a file that its writer completed.
 struct SummaryPlace {
   std::uint64_t begin = 0;
-  std::uint64_t end = 0;  ///< Equal to `begin`: there is none.
+  std::uint64_t end = 0;  ///< Equal to `begin` if there is none.
 };
-/// @return   nullopt: the file is incomplete
+/// @return   nullopt if the file is incomplete
 /// @errors   the summary is not within the file
 [[nodiscard]] expected<std::optional<SummaryPlace>, SetupError> find_summary(const InputFile& file);
 

@@ -30,8 +30,8 @@ std::size_t hash_of(const Channel& channel) {
 template <class T>
 class Numbered {
  public:
-  /// The number of `value`, which is added if necessary, and whether it was added; 0: all numbers
-  /// are used.
+  /// The number of `value`, which is added if necessary, and whether it was added; 0 if all
+  /// numbers are used.
   std::pair<std::uint16_t, bool> number_of(const T& value) {
     const std::size_t hash = hash_of(value);
     const auto [first, last] = numbers_.equal_range(hash);

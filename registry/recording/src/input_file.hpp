@@ -37,8 +37,8 @@ class InputFile {
   /// @errors   the file has fewer bytes; more than a chunk may have; a disk error
   [[nodiscard]] expected<std::vector<std::byte>, SetupError> read(std::uint64_t offset,
                                                                   std::uint64_t size) const;
-  /// The record at `offset`; nullopt: it is not completely within the file, or has the opcode 0,
-  /// which the format does not define, but which fills the holes of a file.
+  /// The record at `offset`; nullopt if it is not completely within the file, or has the opcode
+  /// 0, which the format does not define, but which fills the holes of a file.
   [[nodiscard]] std::optional<RecordPlace> record_at(std::uint64_t offset) const;
   [[nodiscard]] expected<std::vector<std::byte>, SetupError> content(
       const RecordPlace& record) const;
@@ -56,7 +56,7 @@ class InputFile {
 
 /// A chunk with its uncompressed records.
 struct UnpackedChunk {
-  std::uint64_t begin_ns = 0;  ///< As stated in the chunk.
+  std::uint64_t begin_ns = 0;  ///< Stated in the chunk.
   std::uint64_t end_ns = 0;
   std::vector<std::byte> records{};
 };

@@ -47,7 +47,7 @@ struct ChunkHead {
   std::uint64_t begin_ns = 0;
   std::uint64_t end_ns = 0;
   std::uint64_t uncompressed_size = 0;
-  std::uint32_t uncompressed_crc = 0;  ///< 0: none.
+  std::uint32_t uncompressed_crc = 0;  ///< 0 if none.
   std::string compression;             ///< "", "lz4" or "zstd".
   ConstBytes records;                  ///< Compressed.
 };
@@ -83,7 +83,7 @@ struct MetadataIndex : RecordIndex {
 struct Footer {
   std::uint64_t summary_begin = 0;  ///< 0: no summary.
   std::uint64_t summary_offsets_begin = 0;
-  std::uint32_t summary_crc = 0;  ///< 0: none.
+  std::uint32_t summary_crc = 0;  ///< 0 if none.
 };
 
 /// Numbers of records that the summary states in addition to Statistics.
@@ -137,7 +137,7 @@ class RecordWriter {
   std::vector<std::byte>& bytes_;
 };
 
-/// The contents of records, from untrusted bytes; nullopt: they are too short or inconsistent.
+/// The contents of records, from untrusted bytes; nullopt if too short or inconsistent.
 /// Bytes after the known fields are skipped, as the format demands.
 [[nodiscard]] std::optional<std::pair<std::uint16_t, Schema>> parse_schema(ConstBytes content);
 [[nodiscard]] std::optional<std::pair<std::uint16_t, Channel>> parse_channel(ConstBytes content);

@@ -113,9 +113,9 @@ class Rescue {
  private:
   expected<void, SetupError> learn_summary();
   /// Takes the record at `offset`.
-  /// @return   the offset at which to continue; 0: at the end
+  /// @return   the offset at which to continue; 0 at the end
   expected<std::uint64_t, SetupError> step(std::uint64_t offset);
-  /// The same if there is no complete record at the offset.
+  /// Skips the incomplete record at `offset`. @return as step()
   std::uint64_t skip(std::uint64_t offset, std::optional<std::uint64_t> next);
   expected<void, SetupError> take_chunk(const UnpackedChunk& chunk);
   void lose_chunk(std::uint64_t end);

@@ -38,13 +38,13 @@ class ReaderSeat {
   ReaderSeat(Member& member, std::uint32_t wake_bits) noexcept
       : member_(member), wake_bits_(wake_bits) {}
 
-  /// For the consumer's own thread: waits for the reader.
+  /// Claims the seat for the consumer's own thread; waits for the reader.
   void claim() noexcept;
-  /// For the reader: false if the consumer's thread has it; that thread then checks again.
+  /// Claims the seat for the reader; false if the consumer's thread has it and then checks again.
   [[nodiscard]] bool try_claim() noexcept;
-  /// Whether the other thread tried meanwhile, so that there may be more to do.
+  /// Releases the seat. Returns whether the other thread tried meanwhile: there may be more to do.
   [[nodiscard]] bool release() noexcept;
-  /// For the consumer's own thread: sleeps until call() or `until`.
+  /// Lets the consumer's own thread sleep until call() or `until`.
   void rest(MonotonicTime until) noexcept { static_cast<void>(call_.wait_until(until)); }
   void call() noexcept { call_.post(); }
 

@@ -23,7 +23,7 @@ inline constexpr std::size_t kMulticastOwnerCountMax = 256;  ///< Per record.
 struct MulticastHeader {
   std::uint64_t id = 0;           ///< Differs for each start of the hub.
   std::uint64_t sequence = 0;     ///< The datagram's number, from 0; in a heartbeat: the next one.
-  std::uint32_t record_size = 0;  ///< Bytes of the events; 0: a heartbeat.
+  std::uint32_t record_size = 0;  ///< Bytes of the events; 0 for a heartbeat.
   std::uint32_t offset = 0;       ///< Offset of this datagram's bytes in the record.
   std::uint16_t owner_count = 0;  ///< At offset 0: number of owners.
   friend bool operator==(const MulticastHeader&, const MulticastHeader&) = default;
@@ -93,7 +93,7 @@ class MulticastReader {
 
   /// Takes a datagram, in any order, possibly duplicate; false if its id differs from `id`.
   [[nodiscard]] bool take(ConstBytes datagram) noexcept;
-  /// The next record for the owner, in order; false: there is none. `events()` is valid until the
+  /// Reads the owner's next record, in order; false if there is none. `events()` is valid until the
   /// next call.
   [[nodiscard]] bool read();
   [[nodiscard]] ConstBytes events() const noexcept { return events_; }

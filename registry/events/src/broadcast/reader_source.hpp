@@ -21,8 +21,8 @@ class ReaderSource {
 
   /// Whether a reader's thread must fetch arrivals.
   [[nodiscard]] virtual bool must_be_fetched() const noexcept { return false; }
-  /// As sleep() without a deadline; also fetches arrivals, if necessary, which wakes sleepers. One
-  /// thread at a time fetches; others wait for it.
+  /// Sleeps like sleep(), without a deadline; also fetches arrivals, if necessary, which wakes
+  /// sleepers. One thread at a time fetches; other threads wait for it.
   virtual void fetch(std::uint32_t seen, std::uint32_t bits) noexcept { sleep(seen, bits, kNever); }
   /// Makes the fetching thread return, now or when it begins.
   virtual void interrupt_fetch() noexcept {}

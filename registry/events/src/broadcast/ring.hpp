@@ -30,7 +30,7 @@ struct RingControl {
   alignas(64) std::atomic<std::uint64_t> reserved{0};
   /// Events written for each slot.
   alignas(64) std::atomic<std::uint64_t> counts[kRingSlotCountMax]{};
-  /// The subscription of each slot; 0: none.
+  /// The subscription of each slot; 0 if none.
   std::atomic<std::uint64_t> owners[kRingSlotCountMax]{};
 };
 static_assert(std::atomic<std::uint64_t>::is_always_lock_free);

@@ -12,7 +12,7 @@ using namespace std::chrono_literals;
 // The stream only reports losses and the end, and must be kept alive.
 constexpr Duration kStreamPollInterval = 50ms;
 
-// Why the session ended; nullopt: it has not.
+// Why the session ended; nullopt if it has not.
 std::optional<std::string> in_words(SessionOutcome outcome) {
   switch (outcome) {
     case SessionOutcome::kFallenBehind:

@@ -57,7 +57,7 @@ class Consumer::Impl final : private ReaderSeat::Member {
   [[nodiscard]] bool resubscribe(Session& session);
   [[nodiscard]] Opened open();
   [[nodiscard]] SubscribeRequestT request() const;
-  /// The reader to share; null: use its own thread.
+  /// The reader to share; if null, the consumer uses its own thread.
   [[nodiscard]] std::shared_ptr<CommonReader> reader_of(std::uint64_t broadcast,
                                                         const std::string& interface,
                                                         const CommonReader::MakeSource& make) const;
@@ -112,7 +112,7 @@ class Consumer::Impl final : private ReaderSeat::Member {
   std::atomic<bool> is_stopping_{false};
   std::atomic<std::thread::id> own_thread_{};
   std::atomic<std::thread::id>
-      common_thread_{};  ///< The common reader's, while it calls the handler.
+      common_thread_{};  ///< The common reader's thread, while it calls the handler.
   // Require the claimed seat:
   BroadcastSession* broadcast_ = nullptr;
   std::optional<SessionOutcome> broadcast_end_{};

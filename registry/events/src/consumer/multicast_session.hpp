@@ -23,7 +23,7 @@ class MulticastSession final : public BroadcastSession {
     std::uint64_t id = 0;  ///< Differs for each start of the hub.
     transport::MulticastGroup group{};
   };
-  /// nullopt: the hub has no multicast.
+  /// nullopt if the hub has no multicast.
   [[nodiscard]] static std::optional<Facts> ask(HubClient& client, const std::string& interface,
                                                 Duration deadline);
   /// Joins the group with its own socket; null if the system refuses.

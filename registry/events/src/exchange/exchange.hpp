@@ -96,13 +96,13 @@ class Exchange {
   /// Matches and queues a supplier's event; its header has the time of receipt.
   [[nodiscard]] expected<void, OfferError> offer(const EventView& event,
                                                  MonotonicTime now) noexcept;
-  /// The same for an event of the hub itself, of a type above kEventTypeMax.
+  /// Offers an event of the hub itself, of a type above kEventTypeMax.
   /// @errors   as offer()
   [[nodiscard]] expected<void, OfferError> publish(const EventView& event,
                                                    MonotonicTime now) noexcept;
   /// Runs the timeouts that are due.
   void on_time(MonotonicTime now) noexcept;
-  /// When on_time() is due; kNever: not before another call. Linear in the subscriptions with
+  /// When on_time() is due; kNever if not before another call. Linear in the subscriptions with
   /// timeouts or intervals.
   [[nodiscard]] MonotonicTime next_time() const noexcept;
 

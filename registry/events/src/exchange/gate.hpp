@@ -75,7 +75,7 @@ class Gate {
   std::size_t next_last_ = 0;
   std::uint32_t nth_ = 0;
   bool is_per_source_ = false;
-  /// The first is for all; the others, of fixed capacity, are for one type and source each.
+  /// The first is for all; the others, of fixed capacity, serve one type and source each.
   std::vector<Interval> intervals_{};
   MonotonicTime next_due_ = kNever;
   std::uint64_t omitted_count_ = 0;

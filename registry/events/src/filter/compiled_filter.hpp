@@ -34,7 +34,7 @@ class Group {
   std::size_t size_ = 0;
 };
 
-/// A type and source that a filter may accept; nullopt: any.
+/// A type and source that a filter may accept; nullopt means any.
 struct Interest {
   std::optional<EventType> type{};
   std::optional<SourceId> source{};
@@ -60,14 +60,14 @@ class CompiledFilter {
   /// Whether the event is accepted; then `group`, which must be empty, receives the delivery, or
   /// stays empty for the event alone.
   [[nodiscard]] bool on_event(const EventRef& event, MonotonicTime now, Group& group) noexcept;
-  /// The same for a stateless filter.
+  /// Whether a stateless filter accepts this event.
   [[nodiscard]] bool accepts(const EventHeader& header, ConstBytes payload) const noexcept;
   [[nodiscard]] bool is_stateless() const noexcept { return is_stateless_; }
   [[nodiscard]] bool has_timeouts() const noexcept { return !timers_.empty(); }
   /// Releases the events that conjunctions keep.
   void release_events() noexcept;
 
-  /// When the next timeout is due; kNever: none.
+  /// When the next timeout is due; kNever if there is none.
   [[nodiscard]] MonotonicTime next_time() const noexcept;
   /// A due timeout.
   struct Due {
@@ -78,7 +78,7 @@ class CompiledFilter {
   };
   /// Takes and rearms the earliest due timeout; call until nullopt.
   [[nodiscard]] std::optional<Due> take_due(MonotonicTime now) noexcept;
-  /// As on_event(), for the timeout's `event`; fills the group even for a single event.
+  /// Takes the timeout's `event` like on_event(); fills the group even for a single event.
   [[nodiscard]] bool on_timeout(const Due& due, const EventRef& event, MonotonicTime now,
                                 Group& group) noexcept;
 

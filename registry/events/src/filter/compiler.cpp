@@ -86,7 +86,7 @@ MatchKind kind_of(const Match& match) {
   return match.source_mask == 0 ? MatchKind::kOfType : MatchKind::kMasked;
 }
 
-// As add_once(), for long lists.
+// Does for long lists what add_once() does for short ones.
 std::vector<Interest> interests_in(const std::vector<Match>& matches) {
   std::vector<Interest> all;
   all.reserve(matches.size());

@@ -68,7 +68,7 @@ Scalar decode(const std::byte* at, ScalarType type) noexcept {
   return Scalar::of(std::bit_cast<double>(load_le<std::uint64_t>(at)));
 }
 
-// Offset of a table's field; 0: absent; nullopt: the table is malformed.
+// Offset of a table's field; 0 if absent, nullopt if the table is malformed.
 std::optional<std::uint64_t> field_of(ConstBytes bytes, std::uint64_t table,
                                       std::uint16_t slot) noexcept {
   const auto back = load_at<std::uint32_t>(bytes, table);

@@ -17,7 +17,7 @@ namespace {
 using Kind = Filter::Kind;
 using predicate::Token;
 
-/// A number of a type or source with its mask; mask 0: any.
+/// A number of a type or source with its mask; mask 0 means any.
 struct Masked {
   std::uint32_t value = 0;
   std::uint32_t mask = 0;
@@ -342,7 +342,7 @@ class Parser : predicate::TokenReader {
       check_depth(child, depth + 1);
   }
 
-  /// The type that the conditions beside a field state; 0: none, or several types.
+  /// The type that the conditions beside a field state; 0 if none, or several types.
   static EventType stated_type(const std::vector<Filter>& conditions) {
     for (const Filter& condition : conditions) {
       const bool is_type = condition.kind == Kind::kMatch && condition.type_mask == kWholeNumber;

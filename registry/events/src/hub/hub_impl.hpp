@@ -145,8 +145,8 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   mutable rt::PiMutex types_mutex_;
   TypeCatalog types_{};
 
-  const std::unique_ptr<RingOutlet> ring_;            ///< Null: none. Written with mutex_ held.
-  const std::unique_ptr<MulticastOutlet> multicast_;  ///< Likewise.
+  const std::unique_ptr<RingOutlet> ring_;            ///< Null if none. Written with mutex_ held.
+  const std::unique_ptr<MulticastOutlet> multicast_;  ///< Null if none. Written with mutex_ held.
   Broadcasts broadcasts_;  ///< The ring and the multicast; used if there is a multicast.
   /// Guards all members below; held for at most kEventsPerTurn events.
   mutable rt::PiMutex mutex_;
@@ -155,7 +155,7 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   Intake intake_;
   IntakeCounters intake_counters_{};
   std::array<LinkIntake, kLinkCountMax> link_intakes_{};
-  std::unique_ptr<RepetitionGuard> guard_{};  ///< Null: no links.
+  std::unique_ptr<RepetitionGuard> guard_{};  ///< Null if there are no links.
   ItemBuilder builder_{};
   bool has_backlog_ = false;
   bool has_dead_ = false;

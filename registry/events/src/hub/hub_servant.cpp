@@ -66,8 +66,8 @@ expected<void, SetupError> HubImpl::add_types(const Types* types) {
   return {};
 }
 
-// Why the caller's grants do not let it receive the events that the filter may accept; empty: they
-// do.
+// Why the caller's grants do not let it receive the events that the filter may accept; empty if
+// they do.
 std::string HubImpl::refusal_of(const FilterNode& filter, const Types* types, bool is_broadcast,
                                 const rpc::Caller* caller) {
   const auto wanted = filter_of(filter);

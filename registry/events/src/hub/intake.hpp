@@ -15,7 +15,7 @@ namespace rtpm::events {
 /// @ownership its memory, allocated when built
 class Intake {
  public:
-  /// Any id is valid; tag 0: the slot is free.
+  /// Any id is valid; a slot with tag 0 is free.
   struct Supplier {
     std::uint64_t id = 0;
     std::uint32_t tag = 0;  ///< Its supplier_tag at this hub.

@@ -19,7 +19,8 @@ namespace rtpm::events {
 /// @realtime alloc-free; a syscall for each datagram
 class MulticastOutlet final : public Broadcaster {
  public:
-  /// For payloads of up to `payload_size_max` and `subscription_count_max` subscriptions.
+  /// Opens the sender, for payloads of up to `payload_size_max` and `subscription_count_max`
+  /// subscriptions.
   /// @errors   as transport::MulticastSender::open()
   [[nodiscard]] static expected<std::unique_ptr<MulticastOutlet>, SetupError> make(
       const MulticastConfig& config, std::uint32_t payload_size_max,
@@ -44,7 +45,7 @@ class MulticastOutlet final : public Broadcaster {
   }
   [[nodiscard]] const MulticastWriter& writer() const noexcept { return writer_; }
 
-  /// When on_time() is due; kNever: not before the next event.
+  /// When on_time() is due; kNever if not before the next event.
   [[nodiscard]] MonotonicTime next_time() const noexcept { return next_heartbeat_; }
   /// Sends a heartbeat, which exposes the loss of the last datagram, at increasing intervals.
   void on_time(MonotonicTime now) noexcept;

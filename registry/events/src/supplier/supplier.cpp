@@ -37,7 +37,7 @@ std::uint64_t total_of(const IntakeCounters& intake) noexcept {
          intake.no_memory_count;
 }
 
-// For errors of confirmed calls.
+// Whether a confirmed call that failed with `error` may have run.
 bool may_have_run(rpc::CallError error) noexcept {
   return error == rpc::CallError::kTimeout || error == rpc::CallError::kDisconnected ||
          error == rpc::CallError::kPeerRestarted || error == rpc::CallError::kStopped;
@@ -221,7 +221,7 @@ class Supplier::Impl {
     ledger_.note_end(lost - std::exchange(lost_frames_noted_, lost));
     return true;
   }
-  // For an idle supplier: checks whether its last frames may be lost.
+  // Checks whether the last frames of an idle supplier may be lost.
   void check_pushed() noexcept {
     const std::lock_guard lock(mutex);
     if (ledger_.unconfirmed_count() == 0 || clients_->pushing.binding().check_oneways()) return;

@@ -216,7 +216,7 @@ class Checker {
     }
   }
 
-  /// A struct that a payload reaches and whose alignment exceeds a payload's.
+  /// A struct that a payload reaches and whose alignment exceeds that of a payload.
   [[nodiscard]] const Object* find_overaligned(std::size_t index) const {
     if (!has_overaligned_) return nullptr;
     Reach reach;

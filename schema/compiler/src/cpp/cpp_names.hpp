@@ -21,8 +21,8 @@ struct EventNames {
   std::string supplier{};    ///< "lab.TouchedSupplier".
   std::string consumer{};    ///< "lab.TouchedConsumer".
 };
-/// For a table whose name ends with "Event", such as "lab.TouchedEvent": "lab.TouchedEventTraits",
-/// "lab.TouchedSupplier" and "lab.TouchedConsumer".
+/// The names for a table whose name ends with "Event", such as "lab.TouchedEvent":
+/// "lab.TouchedEventTraits", "lab.TouchedSupplier" and "lab.TouchedConsumer".
 [[nodiscard]] EventNames event_names(const std::string& table);
 
 /// "::lab::Force" of "lab.Force", the type that flatc generates.

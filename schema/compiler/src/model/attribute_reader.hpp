@@ -12,7 +12,7 @@
 
 namespace rtpm::schema {
 
-/// All of `text` as a decimal number; nullopt if it is no number, or too large.
+/// All of `text` as a decimal number; nullopt if it is not a number, or too large.
 [[nodiscard]] std::optional<std::uint64_t> to_number(std::string_view text);
 
 /// Reads attributes and reports wrong ones.

@@ -69,7 +69,7 @@ inline constexpr std::array kKnownAttributes{
 [[nodiscard]] inline bool is_known_attribute(std::string_view name) noexcept {
   return find_attribute(name) != nullptr;
 }
-/// For errors: "a method of an rpc_service".
+/// The place in words, for errors: "a method of an rpc_service".
 [[nodiscard]] std::string_view words_of(AttributePlace place) noexcept;
 /// How to write the value of RTPM's attribute `name`; empty if there is no such attribute.
 [[nodiscard]] std::string value_hint(std::string_view name);

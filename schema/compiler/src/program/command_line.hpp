@@ -13,8 +13,8 @@ struct Command {
   std::vector<std::string> include_paths{};
   std::vector<std::string> languages{};  ///< Names of back ends; none to check.
   std::string output_folder{};           ///< Empty: standard output, for a single file.
-  std::string dependency_file{};         ///< Empty: none.
-  std::string conform{};                 ///< The older schema; empty: none.
+  std::string dependency_file{};         ///< Empty if none.
+  std::string conform{};                 ///< The older schema; empty if there is none.
   bool is_strict = false;                ///< A need to update servers first is an error.
   std::string schema{};
 };

@@ -48,7 +48,7 @@ struct MemberOutline {
 
 /// A table, struct, enum or union.
 struct TypeOutline {
-  std::string kind{};  ///< As in the text: "table".
+  std::string kind{};  ///< The keyword in the text: "table".
   std::string name{};  ///< Fully qualified, with dots.
   Span at{};
   std::vector<AttributeUse> attributes{};

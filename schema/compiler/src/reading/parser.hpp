@@ -21,8 +21,8 @@ struct ParseResult {
 /// Parses `source` with FlatBuffers' parser, which stops at the first error.
 [[nodiscard]] ParseResult parse(const SourceFile& source, const CompileRequest& request);
 
-/// As parse(), for a text that another program sent. Opens no file; `declaration_file` and
-/// `source_files` stay empty.
+/// Parses a text that another program sent. Opens no file; `declaration_file` and `source_files`
+/// stay empty.
 /// @param source  a text that refuse_foreign() accepts
 [[nodiscard]] ParseResult parse_foreign(const SourceFile& source);
 

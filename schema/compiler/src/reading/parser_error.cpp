@@ -34,7 +34,7 @@ std::string as_written_here(const flatbuffers::Parser& parser,
   return type.defined_namespace->GetFullyQualifiedName(type.name);
 }
 
-/// The type with the most similar name, a wrong namespace included; empty: none is similar.
+/// The type with the most similar name, a wrong namespace included; empty if none is similar.
 std::string similar_type(const flatbuffers::Parser& parser, const std::string& type) {
   std::vector<std::string_view> names(std::begin(kScalarNames), std::end(kScalarNames));
   std::map<std::string, std::string, std::less<>> written;
@@ -58,7 +58,7 @@ std::optional<std::string> after(std::string_view prefix, const std::string& mes
   return message.substr(prefix.size());
 }
 
-/// The subject of a message, in quotes or at its end; empty: none.
+/// The subject of a message, in quotes or at its end; empty if none.
 std::string subject_of(const std::string& message) {
   if (const std::size_t quote = message.find('"'); quote != std::string::npos) {
     return message.substr(quote + 1, message.find('"', quote + 1) - quote - 1);
@@ -128,7 +128,7 @@ Diagnostic undefined_type(const std::string& rest, const SourceFile& source,
           std::nullopt};
 }
 
-/// Advice on RTPM's own rules; empty: none.
+/// Advice on RTPM's own rules; empty if none.
 std::string hint_for(const std::string& message) {
   if (const auto name = after("user define attributes must be declared before use: ", message)) {
     return is_known_attribute(*name)

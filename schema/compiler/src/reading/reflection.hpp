@@ -16,8 +16,8 @@ namespace rtpm::schema {
 [[nodiscard]] std::optional<Model> read_reflection(std::span<const std::uint8_t> bytes,
                                                    const std::string& declaration_file);
 
-/// As above, with all services. The compiled file is assumed to be that of the first service, or of
-/// the first type if there is no service.
+/// Reads a model with all services. The compiled file is assumed to be that of the first service,
+/// or of the first type if there is no service.
 [[nodiscard]] std::optional<Model> read_reflection(std::span<const std::uint8_t> bytes);
 
 /// The encoding of a table as a request or reply.

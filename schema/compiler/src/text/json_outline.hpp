@@ -14,10 +14,10 @@ namespace rtpm::schema {
 /// A value and its members.
 /// @ownership views the text
 struct JsonOutline {
-  std::string_view name{};  ///< The member's; empty for the whole text and in arrays.
+  std::string_view name{};  ///< The member's name; empty for the whole text and in arrays.
   std::size_t begin = 0;
   std::size_t end = 0;
-  std::string_view word{};  ///< A value that is no object or array, unquoted.
+  std::string_view word{};  ///< A value that is neither object nor array, unquoted.
   bool is_object = false;
   std::vector<JsonOutline> members{};  ///< The members of an object, or an array's elements.
 };
@@ -25,21 +25,21 @@ struct JsonOutline {
 /// The outline of a text; of invalid JSON, up to its mistake. Omits values nested deeper than 64.
 [[nodiscard]] JsonOutline outline_of(std::string_view text);
 
-/// The name of the only member of an object such as `{name: {…}}`; empty: it has another form.
+/// The name of the only member of an object such as `{name: {…}}`; empty if it has another form.
 [[nodiscard]] std::string_view only_name(std::string_view text);
 
 /// The field whose value ends before `offset`, with at most one token between: "force.x",
-/// "points[2].z"; empty: none.
+/// "points[2].z"; empty if none.
 [[nodiscard]] std::string field_before(const JsonOutline& whole, std::string_view text,
                                        std::size_t offset);
 
-/// The fields that the first incomplete struct lacks, as a sentence; empty: none is incomplete.
+/// The fields that the first incomplete struct lacks, as a sentence; empty if none is incomplete.
 /// @param object  the index in the model's objects of the type of `whole`
 [[nodiscard]] std::string lacking_fields(const Model& model, std::size_t object,
                                          const JsonOutline& whole);
 
-/// The first field whose number does not fit its type, or whose array has the wrong length; empty:
-/// none. FlatBuffers' parser notices these only at the end of their table.
+/// The first field whose number does not fit its type, or whose array has the wrong length; empty
+/// if none. FlatBuffers' parser notices these only at the end of their table.
 /// @param object  the index in the model's objects of the type of `whole`
 [[nodiscard]] std::string misfit_field(const Model& model, std::size_t object,
                                        const JsonOutline& whole);

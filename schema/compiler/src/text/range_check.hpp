@@ -9,7 +9,7 @@
 namespace rtpm::schema {
 
 /// The first number of a table that is outside its field's `rtpm_range`: "force.x is 30, but must
-/// be -20 to 20"; empty: none. Does not examine vectors of unions.
+/// be -20 to 20"; empty if none. Does not examine vectors of unions.
 /// @param table   the index in the model of the root table of `buffer`
 /// @param buffer  a FlatBuffer that was verified, or made by this program
 [[nodiscard]] std::string out_of_range(const Model& model, std::size_t table,

@@ -24,9 +24,9 @@ struct AnnouncedService {
 /// standard error, at most one line every 10 s.
 struct AnswerCounts {
   std::uint64_t answered = 0;
-  std::uint64_t malformed = 0;     ///< Not a query.
-  std::uint64_t other_domain = 0;  ///< For another domain: not answered.
-  std::uint64_t suppressed = 0;    ///< Beyond the limits of answers.
+  std::uint64_t malformed = 0;     ///< Datagrams that are not a query.
+  std::uint64_t other_domain = 0;  ///< Queries for another domain, not answered.
+  std::uint64_t suppressed = 0;    ///< Answers beyond the limits.
 };
 
 /// Makes a name service discoverable during its own lifetime: on this host by a socket in the

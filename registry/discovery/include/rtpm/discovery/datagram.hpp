@@ -20,7 +20,7 @@ inline constexpr std::size_t kAnsweredServiceCountMax = 30;
 struct AnsweredService {
   std::uint16_t port = 0;
   bool is_registry = false;
-  std::uint32_t process_id = 0;  ///< 0: unknown.
+  std::uint32_t process_id = 0;  ///< 0 if unknown.
   friend bool operator==(const AnsweredService&, const AnsweredService&) = default;
 };
 
@@ -36,7 +36,7 @@ using DatagramBytes = std::array<std::byte, kDatagramSize>;
 /// Services that do not fit are left out.
 [[nodiscard]] DatagramBytes encode(const Datagram& datagram) noexcept;
 
-/// @return nullopt: `bytes` is no such datagram, or has another version
+/// @return nullopt if `bytes` is not such a datagram, or has another version
 /// @realtime set-up only
 [[nodiscard]] std::optional<Datagram> decode(ConstBytes bytes);
 

@@ -22,7 +22,7 @@ inline constexpr Duration kLanPatience = std::chrono::milliseconds{250};
 struct FoundService {
   std::string url{};
   bool is_registry = false;
-  std::uint32_t process_id = 0;  ///< On its host; 0: unknown.
+  std::uint32_t process_id = 0;  ///< On its host; 0 if unknown.
   bool is_of_this_host = false;
   /// Not announced: it may run, because this is its usual place.
   bool is_guess = false;

@@ -20,7 +20,7 @@ inline constexpr std::size_t kListedHostCountMax = 32;
 /// A host of a unicast list.
 struct ListedHost {
   std::string host{};
-  /// Port of its name service; 0: the ports that its servers report, or 7420.
+  /// Port of its name service; if 0, the ports that its servers report, or 7420.
   std::uint16_t port = 0;
 };
 

@@ -34,7 +34,7 @@ enum class NoticeKind : std::uint8_t {
 
 struct Notice {
   NoticeKind kind = NoticeKind::kSubscribed;
-  std::string_view text{};  ///< For people; valid during the call.
+  std::string_view text{};  ///< Text for users; valid during the call.
   Losses losses{};          ///< Since create(), across restarts of the hub.
   Duration gap{0};          ///< kResubscribed: time since the last word from the hub.
   bool has_hub_restarted = false;
@@ -77,7 +77,7 @@ struct ConsumerConfig {
   /// returns, and its own consumer for 1 s to 10 s more.
   bool has_own_thread = false;
   /// If it does not read the ring: receives the hub's multicast, if there is one, through the
-  /// interface with the address `multicast_interface` (empty: chosen by the routing table). With
+  /// interface with the address `multicast_interface` (if empty, the routing table chooses). With
   /// has_own_thread it uses its own socket.
   bool multicast = false;
   std::string multicast_interface{};
@@ -85,7 +85,7 @@ struct ConsumerConfig {
   /// and the consumer considers the hub gone: rpc::kMissCountMin…kMissCountMax. A handler that
   /// takes longer has the same effect.
   std::uint32_t miss_count_max = rpc::kMissCountMax;
-  /// The epoch of the hub that forwards these events; 0: none. Set by a hub's link only.
+  /// The epoch of the hub that forwards these events; 0 if none. Set by a hub's link only.
   std::uint64_t linking_hub = 0;
   /// Bounds create() and each attempt to resubscribe.
   Duration deadline = std::chrono::seconds{1};
@@ -132,7 +132,7 @@ class Consumer {
   void unsubscribe();
 
   [[nodiscard]] bool is_subscribed() const noexcept;
-  /// Whether its events come from the ring, or from the multicast; neither: from its stream.
+  /// Whether its events come from the ring, or from the multicast; if neither, from its stream.
   [[nodiscard]] bool reads_ring() const noexcept;
   [[nodiscard]] bool receives_multicast() const noexcept;
   [[nodiscard]] ConsumerCounters counters() const;

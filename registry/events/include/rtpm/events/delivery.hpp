@@ -39,14 +39,14 @@ struct Deadband {
 /// Selects and buffers the accepted events of a subscription.
 struct DeliveryPolicy {
   std::uint32_t every_nth = 1;  ///< Delivers the first accepted event, then every n-th.
-  Duration interval{0};         ///< At most one delivery per interval; 0: all.
+  Duration interval{0};         ///< At most one delivery per interval; 0 delivers all.
   /// Delivers the last omitted event at the end of `interval`, so that the final state is not lost.
   bool is_trailing = true;
   std::vector<Deadband> deadbands{};
   QueuePolicy when_full = QueuePolicy::kDropOldest;
   std::uint32_t queue_capacity = 64;  ///< Events.
   /// How many of the latest accepted events of each type and source are replayed at the beginning,
-  /// if the hub still has them; 1: the latched value.
+  /// if the hub still has them; 1 replays the latched value.
   std::uint32_t replay = 0;
   /// `interval` applies to each type and source separately, instead of to all together; beyond
   /// kIntervalSourceMax of them, the rest share one interval.

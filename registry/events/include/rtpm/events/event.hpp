@@ -30,13 +30,13 @@ inline constexpr std::uint32_t kUncertaintyUnknown = std::numeric_limits<std::ui
 struct EventHeader {
   EventType type = 0;
   SourceId source = 0;
-  std::uint64_t sequence = 0;    ///< Per supplier, type and source, from 1; 0: not counted.
+  std::uint64_t sequence = 0;    ///< Per supplier, type and source, from 1; 0 if not counted.
   MonotonicTime origin{};        ///< When it happened, on the hub's clock.
   MonotonicTime hub_received{};  ///< When the hub received it.
   MonotonicTime hub_sent{};      ///< When the hub sent it to this consumer.
-  std::uint64_t schema_id = 0;   ///< Fingerprint of the payload's schema; 0: none.
+  std::uint64_t schema_id = 0;   ///< Fingerprint of the payload's schema; 0 if none.
   std::uint32_t origin_uncertainty_ns = 0;  ///< Error bound of `origin`.
-  Priority priority{};                      ///< The supplier's.
+  Priority priority{};                      ///< The supplier's priority.
   std::uint8_t hops_left = 0;               ///< How many further hubs may forward it.
   bool is_replayed = false;                 ///< Older than the subscription.
   /// The next event belongs to the same delivery of a conjunction.

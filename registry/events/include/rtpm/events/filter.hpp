@@ -91,7 +91,7 @@ inline constexpr std::uint32_t kWholeNumber = 0xffff'ffff;  ///< The mask of all
           .source = source,
           .source_mask = kWholeNumber};
 }
-/// Events whose type and source equal these in the bits of the masks; mask 0: any.
+/// Events whose type and source equal these in the bits of the masks; mask 0 means any.
 [[nodiscard]] inline Filter masked(EventType type, std::uint32_t type_mask, SourceId source,
                                    std::uint32_t source_mask) {
   return {.kind = Filter::Kind::kMatch,
@@ -121,9 +121,9 @@ inline constexpr std::uint32_t kWholeNumber = 0xffff'ffff;  ///< The mask of all
   filter.children.push_back(std::move(child));
   return filter;
 }
-/// Conjunction: the newest event of each of `children`, with origins at most `skew` apart (0: any).
-/// An event fills the first accepting child that has none; otherwise it replaces the oldest event
-/// among the accepting children. Delivers in the order of the children, then starts over.
+/// Conjunction: the newest event of each of `children`, with origins at most `skew` apart (any
+/// if 0). An event fills the first accepting child that has none; otherwise it replaces the oldest
+/// event among the accepting children. Delivers in the order of the children, then starts over.
 [[nodiscard]] inline Filter correlate(std::vector<Filter> children, Duration skew = Duration{0}) {
   return {.kind = Filter::Kind::kCorrelate, .span = skew, .children = std::move(children)};
 }

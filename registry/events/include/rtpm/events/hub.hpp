@@ -30,7 +30,7 @@ struct MulticastConfig {
   transport::MulticastGroup group{};
   /// Datagrams of up to 1400 bytes kept for repair; at least 8.
   std::uint32_t history_count = 4096;
-  /// For tests of repair: omits every n-th datagram; 0: none.
+  /// Omits every n-th datagram, to test repair; 0 omits none.
   std::uint32_t lose_every = 0;
 };
 
@@ -39,12 +39,12 @@ struct HubConfig {
   ExchangeLimits limits{};
   Quota quota{};                             ///< Applies to each supplier.
   std::uint32_t supplier_count_max = 256;    ///< One more replaces the one that was silent longest.
-  std::optional<Priority> priority{16'384};  ///< For the thread "rtpm-hub"; none: time-shared.
+  std::optional<Priority> priority{16'384};  ///< Thread "rtpm-hub"; time-shared if unset.
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
-  /// Bytes of the ring for consumers on this host: 2^n, at least 64 Ki; 0: no ring, each consumer
-  /// has a stream.
+  /// Bytes of the ring for consumers on this host: 2^n, at least 64 Ki. With 0 there is
+  /// no ring, and each consumer has a stream.
   std::uint32_t ring_size = 4 * 1024 * 1024;
-  /// nullopt: no multicast.
+  /// nullopt disables multicast.
   std::optional<MulticastConfig> multicast{};
 };
 
@@ -75,7 +75,7 @@ enum class DisconnectReason : std::uint8_t {
 /// A subscription that ended.
 struct Disconnect {
   std::uint64_t number = 0;  ///< Consecutive per hub, from 1.
-  std::string name{};        ///< The consumer's.
+  std::string name{};        ///< The consumer's name.
   DisconnectReason reason = DisconnectReason::kLeft;
   MonotonicTime time{};
 };

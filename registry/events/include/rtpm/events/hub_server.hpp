@@ -22,9 +22,9 @@ namespace rtpm::events {
 /// Configures a HubServer.
 struct HubServerConfig {
   HubConfig hub{};
-  /// nullopt: server_config_for(hub), on a free port of the loopback interface.
+  /// If unset, server_config_for(hub), on a free port of the loopback interface.
   std::optional<rpc::ServerConfig> server{};
-  std::string name{kHubPath};  ///< Its name at the registry; empty: none.
+  std::string name{kHubPath};  ///< Its name at the registry; empty to bind none.
   std::string registry{names::kThisHost};
 };
 
@@ -53,7 +53,7 @@ class HubServer {
   ~HubServer();
 
   [[nodiscard]] Hub& hub() noexcept { return *hub_; }
-  /// For instance "rtpm://127.0.0.1:4711/rtpm/events".
+  /// The hub's URL, such as "rtpm://127.0.0.1:4711/rtpm/events".
   [[nodiscard]] std::string url() const { return server_->url(kHubPath); }
 
  private:

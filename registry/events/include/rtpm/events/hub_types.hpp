@@ -28,7 +28,7 @@ class HubTypes {
 
   /// Ordered by number.
   [[nodiscard]] const std::vector<const EventDescriptor*>& list() const noexcept { return list_; }
-  /// nullptr: the hub does not know it.
+  /// The descriptor of `type`; nullptr if the hub does not know it.
   [[nodiscard]] const EventDescriptor* find(EventType type) const noexcept;
 
  private:

@@ -19,7 +19,7 @@ struct StoreConfig {
 /// Capacities of an exchange, allocated when it is built.
 struct ExchangeLimits {
   std::uint32_t subscription_count_max = 1024;
-  std::uint32_t interest_count_max = 8192;  ///< For all subscriptions together.
+  std::uint32_t interest_count_max = 8192;  ///< Total over all subscriptions.
   std::uint32_t history_key_count_max = 512;
   std::uint32_t history_depth = 8;  ///< Events per type and source for late joiners.
   StoreConfig store{};

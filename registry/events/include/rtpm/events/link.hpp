@@ -36,8 +36,8 @@ struct LinkConfig {
   /// reported.
   std::uint32_t queue_capacity = kQueueCapacityMax;
   rpc::Transport transport = rpc::Transport::kAuto;
-  bool shared_ring = true;                            ///< As ConsumerConfig::shared_ring.
-  std::uint32_t miss_count_max = rpc::kMissCountMax;  ///< As ConsumerConfig::miss_count_max.
+  bool shared_ring = true;                            ///< See ConsumerConfig::shared_ring.
+  std::uint32_t miss_count_max = rpc::kMissCountMax;  ///< See ConsumerConfig::miss_count_max.
   Duration deadline = std::chrono::seconds{1};  ///< Bounds each attempt to reach the other hub.
   /// Interval of checking the other hub, reading its clock and retrying.
   Duration attend_interval = std::chrono::milliseconds{250};
@@ -57,8 +57,8 @@ enum class LinkState : std::uint8_t {
 struct LinkStatus {
   std::string target{};
   LinkState state = LinkState::kConnecting;
-  std::string reason{};            ///< Why it is not linked; empty: linked.
-  std::uint64_t peer_epoch = 0;    ///< Epoch of the other hub; 0: not known yet.
+  std::string reason{};            ///< Why it is not linked; empty if it is.
+  std::uint64_t peer_epoch = 0;    ///< Epoch of the other hub; 0 until known.
   std::size_t interest_count = 0;  ///< Types and sources requested from the other hub.
   std::uint64_t taken_count = 0;
   /// Duplicates: received before over another path, or pushed to this hub.
@@ -76,8 +76,8 @@ struct LinkStatus {
 struct LinkReport {
   LinkState state = LinkState::kConnecting;
   bool has_peer_restarted = false;  ///< The other hub has restarted.
-  Duration gap{0};  ///< kLinked: length of the interruption; 0: linked for the first time.
-  std::uint64_t lost_count = 0;  ///< Since the link was made, without interruptions.
+  Duration gap{0};                  ///< kLinked: length of the interruption; 0 for the first link.
+  std::uint64_t lost_count = 0;     ///< Since the link was made, without interruptions.
   friend bool operator==(const LinkReport&, const LinkReport&) = default;
 };
 inline constexpr std::size_t kLinkReportSize = 24;

@@ -28,7 +28,7 @@ enum class ScalarType : std::uint8_t {
 };
 inline constexpr int kScalarTypeCount = 11;
 
-/// As a schema spells it: "bool", "int8", …, "double".
+/// The type as a schema spells it: "bool", "int8", …, "double".
 [[nodiscard]] std::string_view to_string(ScalarType type) noexcept;
 [[nodiscard]] bool is_real(ScalarType type) noexcept;
 [[nodiscard]] bool is_signed(ScalarType type) noexcept;
@@ -38,9 +38,9 @@ inline constexpr int kScalarTypeCount = 11;
 struct Scalar {
   enum class Kind : std::uint8_t { kSigned, kUnsigned, kReal };
   Kind kind = Kind::kSigned;
-  std::int64_t integer = 0;   ///< For kSigned.
-  std::uint64_t natural = 0;  ///< For kUnsigned.
-  double real = 0;            ///< For kReal.
+  std::int64_t integer = 0;   ///< The value of a kSigned.
+  std::uint64_t natural = 0;  ///< The value of a kUnsigned.
+  double real = 0;            ///< The value of a kReal.
 
   [[nodiscard]] static constexpr Scalar of(std::int64_t value) noexcept {
     return {Kind::kSigned, value, 0, 0};
@@ -89,7 +89,7 @@ struct EventDescriptor {
   std::string_view name{};  ///< Fully qualified, "lab.Pose".
   std::uint64_t schema_id = 0;
   std::span<const FieldDescriptor> fields{};  ///< Every number, in any order.
-  /// A FlatBuffers schema without includes, whose root type is the event; empty: not known.
+  /// A FlatBuffers schema without includes, whose root type is the event; empty if unknown.
   std::string_view schema{};
 };
 

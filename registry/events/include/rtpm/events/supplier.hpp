@@ -38,7 +38,7 @@ struct EventDraft {
   SourceId source = 0;
   std::uint64_t schema_id = 0;
   ConstBytes payload{};
-  std::optional<MonotonicTime> origin{};  ///< On this host's clock; nullopt: now.
+  std::optional<MonotonicTime> origin{};  ///< On this host's clock; nullopt means now.
   std::optional<std::uint8_t> hops{};     ///< nullopt: SupplierConfig::hops.
 };
 
@@ -70,7 +70,7 @@ class Supplier {
   /// @errors   no hub answers; the hub knows a type by another schema
   [[nodiscard]] static expected<std::unique_ptr<Supplier>, SetupError> create(
       rpc::Node& node, const std::string& target, const SupplierConfig& config = {});
-  /// For a hub in this program: pushes without a call.
+  /// Creates a supplier for a hub in this program, which pushes without a call.
   [[nodiscard]] static expected<std::unique_ptr<Supplier>, SetupError> create(
       Hub& hub, const SupplierConfig& config = {});
   Supplier(const Supplier&) = delete;

@@ -33,7 +33,7 @@ class TypedSupplier {
                                                                   SupplierConfig config = {}) {
     return of(Supplier::create(node, target, with_type(std::move(config))), source);
   }
-  /// The same for a hub in this program.
+  /// Creates a supplier for a hub in this program.
   [[nodiscard]] static expected<TypedSupplier, SetupError> create(Hub& hub, SourceId source = 0,
                                                                   SupplierConfig config = {}) {
     return of(Supplier::create(hub, with_type(std::move(config))), source);
@@ -42,7 +42,7 @@ class TypedSupplier {
   TypedSupplier(std::shared_ptr<Supplier> supplier, SourceId source) noexcept
       : supplier_(std::move(supplier)), source_(source) {}
 
-  /// Pushes one event that happened at `origin`; nullopt: now.
+  /// Pushes one event that happened at `origin`; nullopt means now.
   /// @realtime as Supplier::push()
   /// @errors   as Supplier::push()
   [[nodiscard]] expected<void, rpc::CallError> push(
@@ -73,7 +73,7 @@ class TypedSupplier {
   /// @errors   as Supplier::flush()
   [[nodiscard]] expected<void, rpc::CallError> flush() noexcept { return supplier_->flush(); }
 
-  /// For its counters.
+  /// The untyped supplier, for instance for its counters.
   [[nodiscard]] Supplier& supplier() noexcept { return *supplier_; }
 
  private:

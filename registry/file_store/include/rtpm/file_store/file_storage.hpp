@@ -13,7 +13,7 @@ namespace rtpm::file_store {
 ///
 /// Opening checks the structure, and each row by its checksum. Damaged content is left out and
 /// reported in StoredContent::faults; then every change is refused, so that nothing is overwritten.
-/// @param vfs  the SQLite file system to use; empty: the default
+/// @param vfs  the SQLite file system to use; empty for the default
 /// @ownership locks the database for its lifetime
 /// @realtime set-up only
 [[nodiscard]] std::unique_ptr<names::Storage> make_file_storage(std::string path,

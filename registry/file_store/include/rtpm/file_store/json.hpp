@@ -25,7 +25,7 @@ namespace rtpm::file_store {
 
 /// Writes properties only, as the list in such JSON.
 [[nodiscard]] std::string properties_to_json(const std::vector<names::Property>& properties);
-/// nullopt: the text is not such a list.
+/// Reads such a list; nullopt if the text is not one.
 [[nodiscard]] std::optional<std::vector<names::Property>> properties_from_json(
     std::string_view text);
 

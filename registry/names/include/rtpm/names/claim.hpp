@@ -24,7 +24,7 @@ struct Claim {
   std::string_view interface;
   Owner owner{};
   Duration lease{};
-  /// rebind() may take the name from the holder with this revision; 0: from no holder.
+  /// rebind() may take the name from the holder with this revision; 0 forbids that.
   std::uint64_t holder_revision = 0;
   /// rebind() may take the name from any holder.
   bool allows_takeover = false;

@@ -28,7 +28,7 @@ struct NameEntry {
   std::vector<Property> properties{};  ///< Set by describe(), find() and watches only.
   bool is_permanent = false;           ///< It has no lease: ignore lease_left.
   /// How long ago the registry last heard from the storage that it shares with other registries:
-  /// the entry may be out of date by that long; 0: it is up to date.
+  /// the entry may be out of date by that long; 0 if it is up to date.
   Duration stale_for{};
   /// The host that bound it, in words; set by resolve() and describe() only.
   std::string bound_from{};
@@ -46,7 +46,7 @@ struct NameEntry {
 ///      .predicate = "class == 'haptic' and force_newton_max >= 3",
 ///      .preference = "max force_newton_max"}
 struct NameQuery {
-  std::string_view interface {};  ///< Empty: any.
+  std::string_view interface {};  ///< Any if empty.
   std::string_view predicate{};   ///< Empty: every name.
   std::string_view preference{};  ///< Empty: alphabetical order.
   std::uint32_t limit = 0;        ///< 0: as many as a reply takes.
@@ -56,20 +56,20 @@ struct NameQuery {
 struct FoundNames {
   std::vector<NameEntry> entries{};
   std::uint32_t accepted_count = 0;  ///< Includes those that exceed the limit.
-  /// Properties that no name of the interface has, and similar ones; empty: none.
+  /// Properties that no name of the interface has, and similar ones; empty if there are none.
   std::string note{};
   Duration stale_for{};  ///< See NameEntry.
 };
 
 /// Why an operation on the registry failed.
 struct DirectoryError : SetupError {
-  /// The registry's answer; nullopt: it did not answer, and whether it acted is unknown.
+  /// The registry's answer; nullopt if it did not answer: whether it acted is then unknown.
   std::optional<Outcome> outcome{};
   /// The holder, for kAlreadyBound, kStaleEpoch and kStaleRevision.
   std::string holder_url{};
   Duration holder_lease_left{};
   std::uint64_t holder_revision = 0;
-  /// For kBadPredicate and kBadPreference: where in the text, and why.
+  /// Set with kBadPredicate and kBadPreference: where in the text the mistake is, and why.
   std::optional<predicate::TextError> text_error{};
   /// Several name services have the name, for different URLs.
   bool is_ambiguous = false;
@@ -104,7 +104,7 @@ class Directory {
   /// same host takes the name at once; from another host it waits for the lease to end.
   /// @errors   kAlreadyBound, kStaleEpoch: held by another · kFull and other limits
   [[nodiscard]] expected<Granted, DirectoryError> bind(const Claim& claim);
-  /// As bind(), but may also take the name from another holder, as the claim allows.
+  /// Binds like bind(), but may also take the name from another holder, if the claim allows it.
   /// @errors   kStaleRevision: the holder is not the one that the claim names
   [[nodiscard]] expected<Granted, DirectoryError> rebind(const Claim& claim);
   /// Extends the lease to `lease` from now.
@@ -115,7 +115,7 @@ class Directory {
   /// @errors   kNotFound, kNotADirectory, kIsADirectory
   [[nodiscard]] expected<NameEntry, DirectoryError> resolve(std::string_view name,
                                                             MonotonicTime deadline = kNever);
-  /// As resolve(), with the properties.
+  /// Resolves like resolve(), and adds the properties.
   [[nodiscard]] expected<NameEntry, DirectoryError> describe(std::string_view name,
                                                              MonotonicTime deadline = kNever);
   /// Finds names by interface and properties. A name without a property that the predicate needs
@@ -138,9 +138,9 @@ class Directory {
   /// @errors   as renew(); kStaleRevision
   [[nodiscard]] expected<void, DirectoryError> unbind(std::string_view name, Owner owner,
                                                       std::uint64_t holder_revision = 0);
-  /// As list(), and whether the registry is out of date, even if nothing is bound.
+  /// Lists like list(), and says whether the registry is out of date, even if nothing is bound.
   [[nodiscard]] expected<FoundNames, DirectoryError> contents(std::string_view directory = {});
-  /// All names that are `directory` or below it; empty: all.
+  /// All names that are `directory` or below it; all names if it is empty.
   [[nodiscard]] expected<std::vector<NameEntry>, DirectoryError> list(
       std::string_view directory = {});
 

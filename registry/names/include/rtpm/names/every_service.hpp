@@ -15,8 +15,8 @@ namespace rtpm::names {
 
 /// The answer of one name service.
 struct ServiceAnswer {
-  std::string url{};               ///< URL of the service.
-  std::vector<NameEntry> names{};  ///< As they are bound; with an error, those that came before it.
+  std::string url{};                 ///< URL of the service.
+  std::vector<NameEntry> names{};    ///< Bound names; with an error, those that came before it.
   std::vector<LapsedName> lapsed{};  ///< Names whose servers are lost, if it keeps them.
   /// Why it gave no answer, or an incomplete one.
   std::optional<DirectoryError> error{};
@@ -24,8 +24,9 @@ struct ServiceAnswer {
 
 /// Asks every name service of a scope for all its names, all at the same time and independently:
 /// for callers that must act on every binding of a name, such as an emergency stop. Unlike in a
-/// Directory, a name that is bound twice is no error, a service that hangs delays no other, and the
-/// registry at the usual place of this host is asked even if the user has their own registry.
+/// Directory, a name that is bound twice is not an error, a service that hangs delays no other
+/// service, and the registry at the usual place of this host is asked even if the user has
+/// their own registry.
 /// @param where     as Directory takes it
 /// @param deadline  the time by which it returns; later answers are lost
 /// @param take      called for each service, from several threads at the same time

@@ -17,7 +17,7 @@ struct LapsedName {
   std::string interface {};
   std::uint64_t revision = 0;  ///< Directory::unbind() with it dismisses the name.
   Duration lapsed_for{};
-  bool is_of_other_host = false;  ///< As NameEntry::is_of_other_host.
+  bool is_of_other_host = false;  ///< See NameEntry::is_of_other_host.
   std::string service_url{};      ///< The registry that had it.
 };
 

@@ -14,7 +14,7 @@ struct Limits {
   /// Per remote host: its names, and owners of names.
   std::size_t name_count_per_host_max = 512;
   std::size_t owner_count_per_host_max = 128;
-  /// The same for the registry's own host.
+  /// The limits for the registry's own host.
   std::size_t name_count_own_host_max = 2048;
   std::size_t owner_count_own_host_max = 512;
   /// Bytes of the properties of one binding, of all bindings of an owner, and in total.

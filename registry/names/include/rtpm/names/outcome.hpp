@@ -29,8 +29,8 @@ enum class Outcome : std::uint8_t {
   kBadProperty = 17,          ///< A property is malformed, reserved, duplicate, or beyond a limit.
   kOwnerPropertiesFull = 18,  ///< The owner's limit of properties.
   kPropertiesFull = 19,       ///< The registry's limit of properties.
-  kBadPredicate = 20,         ///< The text is no predicate.
-  kBadPreference = 21,        ///< The text is no preference.
+  kBadPredicate = 20,         ///< The text is not a predicate.
+  kBadPreference = 21,        ///< The text is not a preference.
   kTooManyWatches = 22,       ///< The registry's or the host's limit of watches.
   kReadOnly = 23,             ///< The registry's storage is damaged or gone: nothing changes.
   kStorageFull = 24,          ///< The registry's storage has no space left.

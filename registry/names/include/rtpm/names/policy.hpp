@@ -22,8 +22,8 @@ enum class Operation : std::uint8_t {
 /// The caller of an operation.
 struct Caller {
   rpc::CallerHost host{};
-  std::uint64_t session = 0;              ///< The same number, the same caller.
-  Owner owner{};                          ///< The owner that it claims to be; id 0: none.
+  std::uint64_t session = 0;              ///< Equal for all requests of one caller.
+  Owner owner{};                          ///< The owner that it claims to be; id 0 if none.
   const rpc::Caller* identity = nullptr;  ///< Null: the registry's server authenticates no callers.
 };
 
@@ -42,7 +42,7 @@ class Policy {
   Policy(const Policy&) = delete;
   Policy& operator=(const Policy&) = delete;
   virtual ~Policy() = default;
-  /// `name`: a name or directory; empty: all.
+  /// `name`: a name or directory; all names if empty.
   [[nodiscard]] virtual bool allows(const Caller& caller, Operation operation,
                                     std::string_view name) const = 0;
 };

@@ -19,7 +19,7 @@ namespace rtpm::names {
 /// @errors   the server is on another host, and serves its loopback addresses only
 [[nodiscard]] expected<std::string, SetupError> reachable_url(
     const NameEntry& entry, std::span<const transport::InterfaceAddress> own);
-/// The same, with this host's current addresses.
+/// The reachable URL for this host's current addresses.
 [[nodiscard]] expected<std::string, SetupError> reachable_url(const NameEntry& entry);
 
 }  // namespace rtpm::names

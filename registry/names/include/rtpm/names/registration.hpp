@@ -43,10 +43,10 @@ class Registration {
   using Report = std::function<void(std::string_view sentence)>;
 
   /// Binds `name` to the object at `url`, where Directory would look for it, and starts renewing.
-  /// If another server holds the name, takes it with Takeover::kAllowed, else waits once, at most 5
-  /// s, for its lease to end. `interface` is qualified, such as "lab.Arm"; `lease` is 100 ms to 1
-  /// h; an empty `report` writes to standard error. A registry that is full, or cannot change its
-  /// storage, is no error: the bind is reported and tried again.
+  /// If another server holds the name, takes it with Takeover::kAllowed; otherwise waits once, at
+  /// most 5 s, for its lease to end. `interface` is qualified, such as "lab.Arm"; `lease` is 100 ms
+  /// to 1 h; an empty `report` writes to standard error. A registry that is full, or cannot change
+  /// its storage, is not an error: the bind is reported and tried again.
   /// @realtime set-up only; blocks
   /// @errors   no registry answers; a living server holds the name (the text says where); a
   ///           malformed name, URL or interface
@@ -57,8 +57,8 @@ class Registration {
 
   Registration(const Registration&) = delete;
   Registration& operator=(const Registration&) = delete;
-  /// Unbinds the name if the registry answers within 200 ms, else lets the lease expire. Waits for
-  /// a running renewal, at most a third of the lease and 1 s.
+  /// Unbinds the name if the registry answers within 200 ms; otherwise lets the lease expire. Waits
+  /// for a running renewal, at most a third of the lease and 1 s.
   ~Registration();
 
   /// Replaces the properties, also for later binds; blocks at most 1 s.

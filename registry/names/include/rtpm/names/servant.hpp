@@ -28,7 +28,7 @@ struct RegistryConfig {
   std::unique_ptr<const Policy> policy{};
 };
 
-/// As make_servant(), with the names of a storage. Reports what the storage lost.
+/// Makes a servant like make_servant(), with the names of a storage. Reports what the storage lost.
 /// @errors   as Storage::load()
 [[nodiscard]] expected<std::unique_ptr<rpc::Servant>, SetupError> make_registry(
     RegistryConfig config);

@@ -24,7 +24,7 @@ struct StoredName {
   std::uint64_t revision = 0;  ///< Revision of its holder.
   std::uint64_t change = 0;    ///< Revision of its last change.
   std::uint64_t host = 0;      ///< Claim::host
-  /// 0: it is permanent.
+  /// 0 if the name is permanent.
   Duration lease{};
   std::vector<Property> properties{};
 
@@ -48,7 +48,7 @@ struct StoredContent {
   std::vector<StoredLapse> lapsed{};
   /// Every revision that was ever used is lower.
   std::uint64_t first_revision = 1;
-  /// The lost parts, and why nothing can be changed now, a sentence each; empty: all is sound.
+  /// The lost parts, and why nothing can be changed now, a sentence each; empty if all is sound.
   std::vector<std::string> faults{};
 };
 
@@ -74,10 +74,10 @@ struct StoredChange {
   /// The change must survive a power cut once commit() has returned: permanent names. Others
   /// survive the end of the program only.
   bool is_durable = false;
-  /// The StoredName::change that it replaces; 0: the name was not bound. A shared storage refuses
-  /// the change if this is no longer the last one.
+  /// The StoredName::change that it replaces; 0 if the name was not bound. A shared storage
+  /// refuses the change if this is no longer the last one.
   std::uint64_t expected = 0;
-  MonotonicTime deadline = kNever;  ///< For a shared storage only.
+  MonotonicTime deadline = kNever;  ///< Used by a shared storage only.
   /// Set if the name is removed because its lease ended: when that was. A storage that is not
   /// shared keeps the name as lapsed until its next change.
   std::optional<MonotonicTime> lapsed{};
@@ -139,12 +139,13 @@ class SharedStorage : public Storage {
   [[nodiscard]] virtual expected<void, SetupError> follow(Follower& follower) = 0;
   /// Ends follow(), and fails all operations under way.
   virtual void stop() noexcept = 0;
-  /// Checks that `change` is still the last change of the name; 0: that it is not bound.
+  /// Checks that `change` is still the last change of the name; if 0, that it is not bound.
   /// @errors   kConflict: the last change is another
   [[nodiscard]] virtual expected<void, StorageError> confirm(std::string_view name,
                                                              std::uint64_t change,
                                                              MonotonicTime deadline) = 0;
-  /// As confirm(), and begins another lease, as long as the stored one, if the name has a lease.
+  /// Confirms like confirm(), and starts another lease, as long as the stored one, if the name has
+  /// a lease.
   /// @errors   kConflict: it has changed, or its lease has ended
   [[nodiscard]] virtual expected<void, StorageError> renew(std::string_view name,
                                                            std::uint64_t change,

@@ -18,10 +18,10 @@ inline constexpr std::size_t kWatchedNameCountMax = 512;
 
 /// The names that a watch selects; they meet all conditions that are given.
 struct WatchConfig {
-  std::string directory{};                      ///< A name, and all below it; empty: any.
-  std::vector<std::string> names{};             ///< At most kWatchedNameCountMax; empty: any.
-  std::string interface {};                     ///< Empty: any.
-  std::string predicate{};                      ///< As NameQuery::predicate; empty: any.
+  std::string directory{};                      ///< A name, and all below it; any if empty.
+  std::vector<std::string> names{};             ///< At most kWatchedNameCountMax; any if empty.
+  std::string interface {};                     ///< Any if empty.
+  std::string predicate{};                      ///< See NameQuery::predicate; any if empty.
   Duration deadline = std::chrono::seconds{1};  ///< Deadline of start().
 };
 
@@ -43,7 +43,7 @@ struct WatchHandlers {
   /// All names that are bound have been reported.
   std::function<void()> on_state{};
   /// The registry has not heard from the storage that it shares with other registries for that
-  /// long; 0: it is up to date again.
+  /// long; 0 if it is up to date again.
   std::function<void(Duration stale_for)> on_stale{};
   /// The registry is unreachable, is reachable again, or cut this watch off as too slow; a
   /// sentence. on_change then receives only the last of each name's missed changes.

@@ -17,7 +17,7 @@ enum class Comparison : std::uint8_t {
   kHasAnyBit,  ///< Integers: any bit of the right one is set in the left one.
 };
 
-/// The comparison that this text denotes; nullopt: none.
+/// The comparison that this text denotes; nullopt if none.
 [[nodiscard]] std::optional<Comparison> comparison_of(std::string_view symbol) noexcept;
 /// "==", "!=", "<", "<=", ">", ">=" or "&".
 [[nodiscard]] std::string_view symbol_of(Comparison comparison) noexcept;

@@ -19,7 +19,7 @@ inline constexpr std::size_t kPredicateSizeMax = 4096;  ///< Bytes of a text.
 inline constexpr std::size_t kPredicateNodeCountMax = 256;
 inline constexpr std::size_t kListSizeMax = 64;  ///< Items of a list in a predicate.
 
-/// The type of a property by its name; nullopt: unknown, or it differs between names.
+/// The type of a property by its name; nullopt if unknown, or if it differs between names.
 using TypeOfProperty = std::function<std::optional<Type>(std::string_view name)>;
 
 /// A parsed expression over properties.
@@ -37,7 +37,7 @@ class Expression {
   /// Undefined: a property is missing or of another type, or a division is by 0.
   /// @realtime alloc-free
   [[nodiscard]] Operand value(const PropertySource& properties) const noexcept;
-  /// nullopt: the type depends on properties whose type is unknown.
+  /// nullopt if the type depends on properties whose type is unknown.
   [[nodiscard]] std::optional<Type> type() const noexcept;
 
   /// A property that the text names.

@@ -66,7 +66,7 @@ using Value = std::variant<bool, std::int64_t, double, std::string, List>;
 struct Property {
   std::string name{};
   Value value{};
-  std::string unit{};  ///< For numbers: "newton"; empty: not stated.
+  std::string unit{};  ///< Unit of a number: "newton"; empty if not stated.
   friend bool operator==(const Property&, const Property&) = default;
 };
 

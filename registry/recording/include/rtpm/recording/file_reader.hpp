@@ -34,7 +34,7 @@ using Progress = std::function<bool(std::uint64_t done, std::uint64_t whole)>;
 struct Query {
   std::uint64_t from_ns = 0;  ///< Log time, inclusive.
   std::uint64_t to_ns = UINT64_MAX;
-  std::vector<std::uint16_t> channel_ids{};  ///< Empty: all.
+  std::vector<std::uint16_t> channel_ids{};  ///< All if empty.
 };
 
 /// How open() handles a file that has no summary, because its writer died.

@@ -12,7 +12,7 @@ namespace rtpm::recording {
 struct WriterConfig {
   Compression compression = Compression::kZstd;
   std::size_t chunk_byte_max = 1 << 20;  ///< Uncompressed; a larger message gets its own chunk.
-  std::string profile{};                 ///< "rtpm"; empty: none.
+  std::string profile{};                 ///< "rtpm"; empty if none.
 };
 
 /// Writes a recording: messages in compressed, indexed chunks, and at the end a summary. A chunk

@@ -18,8 +18,8 @@ enum class Compression : std::uint8_t { kNone, kLz4, kZstd };
 /// How to read the payloads of a channel.
 /// @ownership a value
 struct Schema {
-  std::string name;             ///< "lab.Touched".
-  std::string encoding;         ///< "flatbuffer" of a reflection.Schema, "jsonschema"; empty: none.
+  std::string name;      ///< "lab.Touched".
+  std::string encoding;  ///< "flatbuffer" of a reflection.Schema, "jsonschema"; empty if none.
   std::vector<std::byte> data;  ///< In that encoding.
   friend bool operator==(const Schema&, const Schema&) = default;
 };
@@ -27,7 +27,7 @@ struct Schema {
 /// One sequence of messages.
 /// @ownership a value
 struct Channel {
-  std::uint16_t schema_id = 0;  ///< 0: none.
+  std::uint16_t schema_id = 0;  ///< 0 if none.
   std::string topic;
   std::string message_encoding;  ///< "flatbuffer", "json".
   std::map<std::string, std::string> metadata{};
@@ -38,7 +38,7 @@ struct Channel {
 /// @ownership views its bytes
 struct Message {
   std::uint16_t channel_id = 0;
-  std::uint32_t sequence = 0;         ///< The sender's count; 0: the sender does not count.
+  std::uint32_t sequence = 0;         ///< The sender's count; 0 if it does not count.
   std::uint64_t log_time_ns = 0;      ///< When it was recorded, since 1970 in UTC.
   std::uint64_t publish_time_ns = 0;  ///< When it was sent; the log time if unknown.
   ConstBytes data{};
@@ -58,7 +58,7 @@ struct Attachment {
   std::string name;
   std::string media_type;  ///< "text/plain".
   std::uint64_t log_time_ns = 0;
-  std::uint64_t create_time_ns = 0;  ///< 0: unknown.
+  std::uint64_t create_time_ns = 0;  ///< 0 if unknown.
   std::vector<std::byte> data;
   friend bool operator==(const Attachment&, const Attachment&) = default;
 };
@@ -68,7 +68,7 @@ struct Attachment {
 struct Statistics {
   std::uint64_t message_count = 0;
   std::uint32_t chunk_count = 0;
-  std::uint64_t begin_ns = 0;  ///< Log time of the first message; 0: there is none.
+  std::uint64_t begin_ns = 0;  ///< Log time of the first message; 0 if there is none.
   std::uint64_t end_ns = 0;    ///< Log time of the last message.
   std::map<std::uint16_t, std::uint64_t> message_counts{};  ///< Keyed by channel.
 };

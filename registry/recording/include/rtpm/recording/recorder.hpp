@@ -17,7 +17,7 @@ namespace rtpm::recording {
 struct RecorderConfig {
   WriterConfig writer{};
   std::size_t message_byte_max = 64 * 1024;  ///< A longer message is dropped and counted.
-  std::size_t ring_byte_count = 4 << 20;     ///< For each track; a power of two.
+  std::size_t ring_byte_count = 4 << 20;     ///< Size per track; a power of two.
 };
 
 /// Counters of a recorder.
@@ -65,10 +65,10 @@ class Recorder {
       const std::string& path, RecorderConfig config = {});
   Recorder(const Recorder&) = delete;
   Recorder& operator=(const Recorder&) = delete;
-  /// As close(), without its result.
+  /// Closes the recording like close(), without its result.
   ~Recorder();
 
-  /// As FileWriter's.
+  /// Adds a schema; see FileWriter::add_schema().
   /// @realtime set-up only
   [[nodiscard]] expected<std::uint16_t, SetupError> add_schema(const Schema& schema);
   [[nodiscard]] expected<std::uint16_t, SetupError> add_channel(const Channel& channel);

@@ -52,7 +52,7 @@ inline constexpr const char* kRecoveryMetadata = "rtpm.recovery";
                                                       const std::string& to, const Query& query,
                                                       const Progress& progress = {});
 
-/// Reads all of a recording and lists its errors, a clause each, at most 100; empty: it has none.
+/// Reads all of a recording and lists its errors, a clause each, at most 100; empty if it has none.
 /// @errors   no such file; no MCAP file; it was stopped
 /// @realtime never
 [[nodiscard]] expected<std::vector<std::string>, SetupError> check(const std::string& path,

@@ -39,7 +39,7 @@ class BackEnd {
 
 struct BackEndEntry {
   std::string_view name{};     ///< The value of --emit.
-  std::string_view summary{};  ///< For --help.
+  std::string_view summary{};  ///< The summary in --help.
   std::unique_ptr<BackEnd> (*make)(std::string compiler_version) = nullptr;
 };
 

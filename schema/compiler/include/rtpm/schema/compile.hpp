@@ -28,8 +28,8 @@ struct CompileResult {
 ///           reported
 [[nodiscard]] CompileResult compile(const CompileRequest& request);
 
-/// As compile(), for a text that another program sent. Opens no file, and refuses a text that is
-/// too large or has anything but declarations of types and services.
+/// Compiles a text that another program sent. Opens no file, and refuses a text that is too large
+/// or has anything but declarations of types and services.
 /// @param name   the file name in errors
 /// @source       schema/README.md, "Schemas of other programs"
 [[nodiscard]] CompileResult compile_text(const std::string& text, const std::string& name);

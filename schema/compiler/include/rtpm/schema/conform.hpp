@@ -30,7 +30,7 @@ enum class ChangeKind : std::uint8_t {
   kMaxSizeLowered,
   kTypeAdded,
   kTypeRemoved,
-  kTypeKind,      ///< For example, a table became a struct.
+  kTypeKind,      ///< Another kind of type: a table became a struct.
   kStructLayout,  ///< A struct's fields or their offsets changed.
   kEventAdded,
   kEventChanged,  ///< The event number changed or was removed.
@@ -81,7 +81,7 @@ struct Change {
   Verdict verdict = Verdict::kCompatible;
   bool breaks_old_clients = false;  ///< Old clients fail with a new server.
   bool breaks_new_clients = false;  ///< New clients fail with an old server.
-  Reading reading{};                ///< For changes of types.
+  Reading reading{};                ///< The effect on readers of changed types.
   std::string owner{};              ///< The type or service, fully qualified.
   Diagnostic diagnostic{};          ///< Its hint says how to avoid the change.
 };

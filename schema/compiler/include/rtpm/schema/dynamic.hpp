@@ -25,12 +25,12 @@ namespace rtpm::schema {
 /// @realtime set-up only
 class Dynamic {
  public:
-  /// For the service `name` of `schema`, a text without includes, such as schema_text() returns.
+  /// Loads the service `name` of `schema`, a text without includes, such as schema_text() returns.
   /// The text may come from another program: see compile_text().
   /// @errors nullptr and the reason in `error`: not a schema, or no such service
   [[nodiscard]] static std::unique_ptr<Dynamic> make(const std::string& schema,
                                                      std::string_view name, std::string& error);
-  /// For the event `name` of `schema`, such as a text in EventDescriptor::schema.
+  /// Loads the event `name` of `schema`, such as a text in EventDescriptor::schema.
   /// @errors nullptr and the reason in `error`: not a schema, or no such event
   [[nodiscard]] static std::unique_ptr<Dynamic> make_for_event(const std::string& schema,
                                                                std::string_view name,
@@ -68,7 +68,7 @@ class Dynamic {
   /// @errors nothing: the bytes do not match
   [[nodiscard]] std::optional<std::vector<std::byte>> from_table(const Payload& payload,
                                                                  std::span<const std::byte> bytes);
-  /// As reflection(), reduced to the payload's table, which is the root, and its types.
+  /// The reflection() reduced to the payload's table, which is the root, and its types.
   [[nodiscard]] std::vector<std::byte> reflection_of(const Payload& payload) const;
   /// The schema as FlatBuffers' own reflection, the content of a .bfbs.
   [[nodiscard]] std::span<const std::byte> reflection() const noexcept;

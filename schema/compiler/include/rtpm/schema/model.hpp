@@ -74,8 +74,8 @@ struct Field {
   bool is_optional = false;
   bool is_deprecated = false;
   bool is_key = false;
-  std::string unit{};            ///< `rtpm_unit`; empty: not stated.
-  std::string frame{};           ///< `rtpm_frame`; empty: not stated.
+  std::string unit{};            ///< `rtpm_unit`; empty if not stated.
+  std::string frame{};           ///< `rtpm_frame`; empty if not stated.
   std::optional<Range> range{};  ///< `rtpm_range`.
   std::vector<Attribute> attributes{};
   Documentation documentation{};
@@ -127,8 +127,8 @@ enum class PayloadKind : std::uint8_t {
 /// A method's request or reply.
 struct Payload {
   PayloadKind kind = PayloadKind::kEmpty;
-  std::size_t table = 0;                      ///< In Model::objects.
-  std::optional<std::size_t> struct_index{};  ///< For kStruct: index in Model::objects.
+  std::size_t table = 0;                      ///< Index in Model::objects.
+  std::optional<std::size_t> struct_index{};  ///< Index in Model::objects of a kStruct.
 };
 
 /// The progress that a caller of a oneway method waits for.
@@ -148,8 +148,8 @@ enum class Role : std::uint8_t {
 
 /// The priority at which a service's methods run.
 enum class PriorityModel : std::uint8_t {
-  kClientPropagated,  ///< The caller's, or the service's if the caller states none.
-  kServerDeclared,    ///< The service's.
+  kClientPropagated,  ///< The caller's priority, or the service's if the caller states none.
+  kServerDeclared,    ///< The service's priority.
 };
 
 struct Method {
@@ -173,7 +173,7 @@ struct Method {
 struct Service {
   std::string name{};  ///< Fully qualified, with dots.
   std::uint64_t fingerprint = 0;
-  std::vector<Method> methods{};                                    ///< As declared.
+  std::vector<Method> methods{};  ///< In the order of declaration.
   PriorityModel priority_model = PriorityModel::kClientPropagated;  ///< `rtpm_priority_model`.
   std::optional<std::uint16_t> priority{};                          ///< `rtpm_priority`.
   std::vector<Attribute> attributes{};
@@ -189,7 +189,7 @@ struct NamespaceName {
 
 /// A compiled schema file.
 struct Model {
-  std::string file{};       ///< As named on the command line.
+  std::string file{};       ///< The name on the command line.
   std::string file_stem{};  ///< "haptic" of "dir/haptic.fbs".
   /// The file as in Object::declaration_file: absolute, links resolved.
   std::string declaration_file{};

@@ -11,7 +11,7 @@ namespace rtpm::schema {
 /// Leaves out attributes of other tools.
 [[nodiscard]] std::string schema_text(const Model& model, const Service& service);
 
-/// As above, for a table such as an event; it is the root type.
+/// The schema of a table such as an event, which is the root type.
 /// @param table  one of the model's objects
 [[nodiscard]] std::string schema_text(const Model& model, const Object& table);
 

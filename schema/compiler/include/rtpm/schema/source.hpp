@@ -10,7 +10,7 @@ namespace rtpm::schema {
 /// A place in a schema, with the text of its line. `line` and `column` count from 1, columns in
 /// characters; line 0 means the whole file.
 struct Location {
-  std::string file{};  ///< As named on the command line.
+  std::string file{};  ///< The name on the command line.
   std::size_t line = 0;
   std::size_t column = 0;
   std::size_t length = 0;   ///< In characters, for the underline; ends with the line.
