@@ -22,8 +22,8 @@ struct Settings {
   std::vector<Carrier> carriers{Carrier::kUdp, Carrier::kTcp, Carrier::kSharedMemory};
   std::vector<rt::WaitStrategy> waits{rt::WaitStrategy::kAdaptive};
   Duration spin = rt::WaitConfig{}.spin;
-  std::uint64_t sample_count = 0;              ///< Per contender and result; 0: the case's own.
-  std::vector<std::size_t> payload_sizes{48};  ///< As in the paper.
+  std::uint64_t sample_count = 0;              ///< Per contender and result; 0 for the case's own.
+  std::vector<std::size_t> payload_sizes{48};  ///< The paper's payload size.
   bool tells_latencies = false;
   int round_count = 40;
   double rate_hz = 1000;
@@ -36,11 +36,11 @@ struct Settings {
   bool is_sealed = false;
   Duration work = std::chrono::microseconds{200};
   std::uint32_t in_flight = 64;
-  std::uint64_t call_count = 0;  ///< For two-node; 0: sample_count, else the case's own.
+  std::uint64_t call_count = 0;  ///< Calls of two-node; 0 for sample_count or the default.
   Duration deadline = std::chrono::milliseconds{20};
   double drop_percent = 0;
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
-  std::vector<std::string> peers{};  ///< By name, or kAllPeers; none: RTPM and the floor alone.
+  std::vector<std::string> peers{};  ///< By name, or kAllPeers; may be empty.
 
   /// The number of calls or events that take this long at the run's rate, at least one.
   [[nodiscard]] std::uint64_t paced_count(double seconds) const {

@@ -9,7 +9,7 @@
 /// The code that the peers omniORB and omniEvents share.
 namespace rtpm::bench {
 
-/// As Peer::guard.
+/// Runs `body` and turns its exceptions into errors, as Peer::guard does.
 inline Outcome guard_corba(const std::function<Outcome()>& body) {
   try {
     return body();

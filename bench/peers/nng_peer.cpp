@@ -17,7 +17,7 @@ namespace {
 
 struct Nng {
   using Socket = nng_socket;
-  static constexpr bool kConnectsAtHighPriority = true;  ///< As the ends in listen_for_calls().
+  static constexpr bool kConnectsAtHighPriority = true;  ///< See listen_for_calls().
   static inline thread_local int error = 0;
 
   static auto failure(const char* what) { return failure_of("nng", what, nng_strerror(error)); }

@@ -42,7 +42,7 @@ inline void answer(std::uint64_t work_ns) noexcept {
 struct PeerLane {
   std::size_t index = 0;
   std::string transport{};
-  std::string folder{};      ///< For sockets with names.
+  std::string folder{};      ///< Holds the sockets with names.
   int connection_count = 1;  ///< How many callers will connect.
   int caller = 0;            ///< The index of the one that connects.
   Priority priority{};       ///< The priority of the thread that serves or calls it.
@@ -70,7 +70,7 @@ struct Note {
 /// A broker that is not part of a library. It replaces the peer's program.
 struct BrokerProgram {
   std::vector<std::string> command;  ///< With its path first.
-  std::string address;               ///< For connect_supplier() and connect_consumer().
+  std::string address;               ///< Passed to connect_supplier() and connect_consumer().
   std::uint16_t port = 0;            ///< It serves once this accepts connections,
   std::string path{};                ///< or, if not empty, the socket of this name.
 };

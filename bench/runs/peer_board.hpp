@@ -39,12 +39,12 @@ struct BoardText {
 /// which the server writes before the client starts.
 struct PeerSetting {
   BoardText<32> transport{};
-  BoardText<64> folder{};  ///< For sockets and configuration; removed after the run.
+  BoardText<64> folder{};  ///< Holds sockets and configuration; removed after the run.
   Placement placement{};
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
   std::int32_t low_caller_count = 0;  ///< Above 0: the server has a second lane.
   std::int64_t work_ns = 0;           ///< How long a call of low priority computes.
-  std::int32_t consumer_count = 0;    ///< For events.
+  std::int32_t consumer_count = 0;    ///< Consumers of events.
   std::array<BoardText<2048>, kPeerLaneCount> addresses{};
 };
 
@@ -53,10 +53,10 @@ struct PeerBoard {
   sem_t asked;     ///< The client shall run `plan`.
   sem_t answered;  ///< The client did, and wrote the fields below.
   TurnPlan plan;
-  BoardText<512> error;  ///< Empty: all went well.
+  BoardText<512> error;  ///< Empty if all went well.
   std::uint64_t high_count = 0;
   std::uint64_t low_count = 0;
-  std::uint64_t missing_count = 0;  ///< For events: deliveries that did not come in time.
+  std::uint64_t missing_count = 0;  ///< Deliveries of events that did not come in time.
   std::array<std::int64_t, kPeerSampleMax> high_ns;
   std::array<std::int64_t, kPeerSampleMax> low_ns;
 

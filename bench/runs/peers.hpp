@@ -18,8 +18,8 @@ namespace rtpm::bench {
 /// Another middleware that RTPM can be measured with. Its program is rtpm-peer-NAME.
 struct PeerEntry {
   std::string_view name;
-  std::string_view packages;         ///< Debian's, by which it is built and runs.
-  std::string_view call_transports;  ///< Separated by blanks; empty: it makes no calls.
+  std::string_view packages;         ///< Debian packages that it needs to build and run.
+  std::string_view call_transports;  ///< Separated by blanks; empty if it makes no calls.
   std::string_view event_transports;
   bool has_broker = false;  ///< Its events pass through a process of their own.
 

@@ -17,7 +17,7 @@ namespace rtpm::bench {
 
 /// How a run measures its contenders.
 struct RunPlan {
-  std::uint64_t sample_count = 0;   ///< For each contender, unless the settings have it.
+  std::uint64_t sample_count = 0;   ///< Per contender, unless the settings state it.
   std::uint64_t warm_up_count = 0;  ///< Before each turn.
   std::uint64_t turn_size = 0;      ///< Calls of one contender before the next one's turn.
   /// A round is one turn of each contender, instead of the settings' length: where the machine
@@ -27,10 +27,10 @@ struct RunPlan {
   /// Starts of the servers in a run. The place of a process's memory, and its cores of the host,
   /// move the figures of shared memory by a third; with one start that would affect all rounds.
   int part_count = 1;
-  double rate_hz = 0;  ///< 0: one call after the other.
+  double rate_hz = 0;  ///< 0 if calls follow one another without pause.
   CountFrom count_from = CountFrom::kSent;
   std::vector<int> loads{0};  ///< Numbers of callers that load the server, each measured by itself.
-  std::string load_field{};   ///< The name of that number in a result; empty: there is no load.
+  std::string load_field{};   ///< The load's name in a result; empty without a load.
   /// The names of a Finding's distributions in results; the second one of calls is the load's.
   std::vector<std::string> names{""};
 };
@@ -59,8 +59,8 @@ class Run {
 
  private:
   struct Entrant {
-    std::string peer{};       ///< Empty: RTPM or the floor.
-    std::string transport{};  ///< A peer's.
+    std::string peer{};       ///< The peer's name; empty for RTPM and the floor.
+    std::string transport{};  ///< The peer's transport.
     std::map<int, Finding> findings{};
     std::unique_ptr<Contender> contender{};  ///< Within a part.
   };

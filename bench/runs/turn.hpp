@@ -24,7 +24,7 @@ struct TurnPlan {
   std::uint64_t warm_up_count = 0;  ///< Untimed calls: the first meet a server that was stopped.
   std::uint64_t count = 0;          ///< Timed calls.
   /// The period of the calls, which are due at fixed times, so that a slow call cannot hide those
-  /// that had to wait for it; 0: one after the other.
+  /// that had to wait for it. 0 if calls follow one another without pause.
   std::int64_t period_ns = 0;
   CountFrom count_from = CountFrom::kSent;
   std::int32_t low_caller_count = 0;  ///< Callers of low priority that load the server meanwhile.

@@ -174,7 +174,7 @@ class ServedHub final : public EventHub {
  public:
   [[nodiscard]] std::string url() const override { return server->url(events::kHubPath); }
 
-  std::unique_ptr<rpc::Node> link_node{};  ///< For a hub that takes events of another hub.
+  std::unique_ptr<rpc::Node> link_node{};  ///< The node of a hub that takes another's events.
   std::unique_ptr<events::Hub> hub{};
   std::unique_ptr<rpc::Server> server{};
 };

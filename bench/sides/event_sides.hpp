@@ -28,9 +28,9 @@ struct EventSetting {
   /// sends to each.
   bool is_multicast = false;
   std::uint32_t type = 1;   ///< The type of the events pushed and subscribed to.
-  std::string pushed_to{};  ///< Another hub that the supplier pushes to; empty: the consumers'.
-  std::string linked_to{};  ///< Another hub, whose events this one takes; empty: none.
-  /// Two hosts: the hub and the relay on one, supplier and consumers on the other. Null: this one.
+  std::string pushed_to{};  ///< The supplier's hub; empty if it is the consumers'.
+  std::string linked_to{};  ///< The hub whose events this one takes; may be empty.
+  /// Two hosts: hub and relay on one, supplier and consumers on the other. Null for a single host.
   const NetworkPair* network = nullptr;
   Placement placement{};
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;

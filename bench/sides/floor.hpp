@@ -90,7 +90,7 @@ class FloorSeal {
 
 using FloorFrame = std::vector<std::byte>;
 
-/// As callers send it: zeros where RTPM has its header, then bytes that differ.
+/// A frame as callers send it: zeros in place of RTPM's header, then bytes that differ.
 [[nodiscard]] inline FloorFrame make_floor_frame(std::size_t size) {
   FloorFrame frame(size);
   for (std::size_t i = wire::kHeaderSize; i < size; ++i)

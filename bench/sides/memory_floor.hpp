@@ -19,7 +19,7 @@ namespace rtpm::bench {
 /// @realtime set-up only
 class MemoryFloor {
  public:
-  /// For lanes with this many callers each. Rings have as many bytes as RTPM's; those of unusual
+  /// Makes a lane per entry, with that many callers. Rings have RTPM's size; those of unusual
   /// payloads have one slot.
   /// @errors no memory left
   [[nodiscard]] static expected<std::unique_ptr<MemoryFloor>, std::string> create(

@@ -15,7 +15,7 @@ namespace {
 /// A component of a name at a registry.
 constexpr std::size_t kDeviceNameSizeMax = 64;
 
-/// "arm" for "arm0", if that is a driver's name; else empty.
+/// "arm" for "arm0", if that is a driver's name; empty otherwise.
 std::string driver_named_like(const std::string& name) {
   const std::string word = name.substr(0, name.find_last_not_of("0123456789") + 1);
   return is_driver(word) ? word : "";
@@ -128,7 +128,7 @@ void add_service(options::Options& options, Configuration& configuration) {
   options::add_caller(options, configuration.settings);
 }
 
-/// The default of --stops; empty: the environment names no folder.
+/// The default of --stops; empty if the environment names no folder.
 std::string default_stops_folder() {
   const auto variable = [](const char* name) -> std::string {
     const char* value = std::getenv(name);  // NOLINT(concurrency-mt-unsafe): set-up.

@@ -18,22 +18,22 @@ namespace rtpm::deviced {
 struct DeviceSettings {
   std::string name{};        ///< In options and, behind the folder, at the registry.
   std::string driver{};      ///< One of drivers(), or a plug-in's file.
-  std::string arguments{};   ///< For a real device or a plug-in.
-  std::string serial{};      ///< A simulated device's; empty: made of its name.
-  std::string hand{};        ///< For the arm: a recorded hand; empty: PressingPath.
-  bool is_free = false;      ///< For the arm: no hand.
-  std::uint64_t seed = 1;    ///< A simulated device's.
+  std::string arguments{};   ///< Passed to a real device's driver or a plug-in.
+  std::string serial{};      ///< A simulated device's; by default made of its name.
+  std::string hand{};        ///< File of the arm's recorded hand; empty for PressingPath.
+  bool is_free = false;      ///< No hand holds the arm.
+  std::uint64_t seed = 1;    ///< The seed of a simulated device.
   bool is_isolated = false;  ///< Its driver runs in a process of its own.
-  double rate_hz = 0;        ///< 0: the driver's.
+  double rate_hz = 0;        ///< 0 for the driver's own rate.
   Priority priority = 30000;
   std::vector<int> cpus{};
-  double force_max_newton = 0;  ///< 0: the device's limit.
+  double force_max_newton = 0;  ///< 0 for the device's limit.
   Duration gone_after = gvd::CycleConfig{}.gone_after;
   Duration hold_max = std::chrono::milliseconds{100};
   Duration ramp = std::chrono::milliseconds{20};
   Duration soft_start = std::chrono::milliseconds{200};
-  std::string watchdog = "ramp";  ///< As gvd::to_string(WatchdogPolicy).
-  double power_max_watt = 0;      ///< Here and below, 0: the default for the device.
+  std::string watchdog = "ramp";  ///< A word of gvd::to_string(WatchdogPolicy).
+  double power_max_watt = 0;      ///< Here and below, 0 for the device's default.
   double velocity_max_m_per_s = 0;
   double force_continuous_newton = 0;
   double passivity_watt = 0;
@@ -44,17 +44,17 @@ struct Configuration {
   bool lists_drivers = false;       ///< Prints them and ends.
   bool probes = false;              ///< Prints the devices at this machine and ends.
   std::string checked{};            ///< A plug-in's file: checks its driver and ends.
-  std::string checked_arguments{};  ///< For that driver.
+  std::string checked_arguments{};  ///< Passed to that driver.
   std::string folder = "lab";
   std::vector<std::string> names{"arm0"};  ///< The devices' names.
   std::vector<DeviceSettings> devices{};   ///< One per name.
-  options::ServerSettings settings{};      ///< The server's.
-  std::string settings_folder{};           ///< For the devices' parameters; empty: not saved.
-  std::string stops_folder{};              ///< For emergency stops; after reading, empty: not kept.
-  std::string flight_folder{};             ///< For flight records; empty: not written.
+  options::ServerSettings settings{};      ///< The options of the server.
+  std::string settings_folder{};           ///< Keeps the devices' parameters; empty if not saved.
+  std::string stops_folder{};              ///< Keeps emergency stops; once read, empty if not kept.
+  std::string flight_folder{};             ///< Takes flight records; empty if they are not written.
   std::string registry{};
   std::string events{events::kHubPath};  ///< The hub's name or URL.
-  bool serves_events = false;            ///< The hub is this program's.
+  bool serves_events = false;            ///< This program runs the hub.
   bool allows_takeover = false;          ///< Takes its names over from a live server.
   gvd::LeaseConfig lease{};
   Priority operator_priority = gvd::CycleConfig{}.operator_priority;

@@ -31,7 +31,7 @@ class DeviceEvents final : public gvd::EmergencyStops {
   [[nodiscard]] static expected<std::unique_ptr<DeviceEvents>, SetupError> create(
       rpc::Node& node, const Configuration& configuration);
 
-  /// The observer of the device that is bound as `name`; null: events are off.
+  /// The observer of the device that is bound as `name`; null if events are off.
   /// @errors   as gvd::DevicePublisher::add()
   [[nodiscard]] expected<gvd::CycleObserver*, SetupError> observe(std::string_view name);
   /// Keeps the device's emergency stops, and its server, before the rpc::Server starts.
@@ -45,7 +45,7 @@ class DeviceEvents final : public gvd::EmergencyStops {
   /// Call before the devices end.
   void stop() noexcept;
 
-  /// As gvd::DevicePublisher::publish_configuration().
+  /// Publishes a change of parameters, as gvd::DevicePublisher::publish_configuration() does.
   void publish_configuration(std::string_view name, std::uint64_t revision,
                              std::span<const std::string> names);
   void stop_devices() noexcept override;
@@ -63,7 +63,7 @@ class DeviceEvents final : public gvd::EmergencyStops {
 
   explicit DeviceEvents(const Configuration& configuration);
 
-  std::string hub_url_;  ///< Or its name; empty: events are off.
+  std::string hub_url_;  ///< The hub's URL or name; empty if events are off.
   rt::RealtimeMode realtime_;
   Reporter reporter_{};
   std::unique_ptr<events::HubServer> hub_{};

@@ -36,7 +36,7 @@ class DriverWatch {
   struct Device {
     std::string name{};
     const gvd::DeviceServer* server = nullptr;
-    Duration blocked{};  ///< As last seen; 0: it is not.
+    Duration blocked{};  ///< How long its driver was last seen blocked; 0 if not.
   };
   void look_at(Device& device);
 

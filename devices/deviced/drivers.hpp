@@ -17,10 +17,10 @@ namespace rtpm::deviced {
 struct DriverInfo {
   const char* name;     ///< The value of --device-NAME-driver.
   const char* devices;  ///< The devices it serves, for people.
-  /// Null: left out of this build for want of `package`.
+  /// Null if this build was made without `package`, and so without the driver.
   expected<std::unique_ptr<driver::Driver>, SetupError> (*make)(const DeviceSettings&);
-  std::vector<device_io::FoundDevice> (*probe)();  ///< Null: it has no hardware to probe.
-  const char* package;  ///< Debian's, which its build needs; empty: none.
+  std::vector<device_io::FoundDevice> (*probe)();  ///< Null if it has no hardware to probe.
+  const char* package;  ///< The Debian package that its build needs; may be empty.
 };
 
 /// All drivers, also those left out of this build.

@@ -44,7 +44,7 @@ class HostedDevice {
                                                 const Configuration& configuration);
   /// Removes the name, so that no client finds a server about to end.
   void unbind() noexcept { registration_.reset(); }
-  /// As gvd::DeviceServer::request_stop() and stop().
+  /// Stops the device's server, as gvd::DeviceServer::request_stop() and stop() do.
   void request_stop() noexcept { server_->request_stop(); }
   [[nodiscard]] bool stop(Duration patience) noexcept { return server_->stop(patience); }
   /// Whether its driver has returned from the set-up.

@@ -18,7 +18,7 @@ std::string padded(std::string_view text) {
   return cell;
 }
 
-/// For a shell, in single quotes.
+/// The text in single quotes, as one word for a shell.
 std::string quoted(std::string_view text) {
   std::string word = "'";
   for (const char letter : text)

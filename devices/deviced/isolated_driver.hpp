@@ -24,7 +24,7 @@ struct IsolatedDriver {
   std::string name{};
   rt::ThreadConfig thread{};
 };
-/// Nothing: the arguments are no isolated_command().
+/// Reads the arguments; nullopt if they are not an isolated_command().
 [[nodiscard]] std::optional<IsolatedDriver> read_isolated_command(int argc,
                                                                   const char* const* argv);
 

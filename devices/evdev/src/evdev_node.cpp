@@ -75,7 +75,7 @@ Capabilities capabilities_of(const libevdev* device, int node) {
   return capabilities;
 }
 
-/// The same on both sides of the centre.
+/// A condition that is the same on both sides of the centre.
 ff_condition_effect condition(std::int16_t coefficient) {
   ff_condition_effect condition{};
   condition.right_saturation = condition.left_saturation = 0xffff;
@@ -172,7 +172,7 @@ int EvdevNode::write(std::uint16_t code, std::int32_t value) noexcept {
   return size == sizeof event ? 0 : EIO;
 }
 
-/// @return an errno; 0: `event` is the next; EAGAIN: no event is waiting
+/// @return an errno; 0 if `event` is the next; EAGAIN if no event is waiting
 int EvdevNode::next(Event& event) noexcept {
   input_event raw{};
   while (true) {

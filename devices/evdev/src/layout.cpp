@@ -218,7 +218,7 @@ driver::DeviceClass class_of(const Layout& layout, bool has_motor) {
   return is_dial ? driver::DeviceClass::kDial : driver::DeviceClass::kInput;
 }
 
-/// The axis that the motor of a wheel or joystick turns; null: it has no motor.
+/// The axis that the motor of a wheel or joystick turns; null if it has no motor.
 const AbsoluteAxis* motor_axis(const Capabilities& capabilities) {
   const bool has_motor = has(capabilities.force_feedback, FF_CONSTANT) ||
                          has(capabilities.force_feedback, FF_SPRING) ||

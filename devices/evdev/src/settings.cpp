@@ -17,7 +17,7 @@ struct Number {
   std::string_view name;
   double low;
   double high;
-  double unit;  ///< Value of one of the word's units in ours.
+  double unit;  ///< Factor from the word's unit to that of `to`.
   double* to;
 };
 

@@ -64,7 +64,7 @@ driver::Vector3 to_driver(const Eigen::Vector3d& vector) noexcept {
   return {vector.x(), vector.y(), vector.z()};
 }
 
-/// One leg's angles; false: it does not reach.
+/// Sets the angles of one leg; false if it does not reach.
 bool invert_leg(const LegDirection& leg, const driver::Vector3& at, double& upper, double& lower,
                 double& sideways) noexcept {
   const double u = leg.cosine * at.x + leg.sine * at.y - kR;

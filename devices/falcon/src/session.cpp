@@ -10,7 +10,7 @@ namespace rtpm::device_falcon {
 namespace {
 
 constexpr driver::Vector3 kStartMetres{0, 0, kZeroCountsZMetres};
-/// Longer gaps do not extend a leg's possible movement: else a lasting leap would be accepted.
+/// Longer gaps do not extend a leg's possible movement: otherwise a lasting leap would be accepted.
 constexpr std::int64_t kGapMillisecondMax = 2;
 /// A unit that refuses does so at once, so that time alone does not end the attempts.
 constexpr int kStopAttemptMax = 25;

@@ -67,7 +67,7 @@ std::optional<Command> command_of(ConstBytes report) noexcept {
 }
 
 /// Sends a command until it is answered.
-/// @return the answer's value; nothing: no answer, or a refusal
+/// @return the answer's value; nullopt without an answer, or after a refusal
 std::optional<std::int64_t> ask(HidTransport& transport, const Command& command) {
   std::array<std::byte, kReportSizeMax> buffer{};
   for (int i = 0; i < kAttemptCount; ++i) {

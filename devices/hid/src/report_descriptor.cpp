@@ -6,7 +6,7 @@
 namespace rtpm::device_hid {
 namespace {
 
-// As of Linux, drivers/hid/hid-core.c, but for kStackMax, which is 4 there.
+// The limits of Linux, drivers/hid/hid-core.c, but for kStackMax, which is 4 there.
 constexpr std::size_t kStackMax = 8;
 constexpr std::uint32_t kUsageCountMax = 12'288;  ///< Per main item.
 constexpr std::uint32_t kReportSizeMax = 256;     ///< Bits of one field.
@@ -58,7 +58,7 @@ struct Item {
 
 class Parser {
  public:
-  /// @return the fault; null: none
+  /// @return the fault, or null
   [[nodiscard]] const char* take(const Item& item) {
     switch (item.type) {
       case ItemType::kMain:
@@ -264,7 +264,7 @@ class Parser {
   ReportDescriptor descriptor_{};
 };
 
-/// Takes the next item off `bytes`; nothing: it is cut off.
+/// Takes the next item off `bytes`; nullopt if it is cut off.
 std::optional<Item> next_item(ConstBytes& bytes) noexcept {
   const auto prefix = std::to_integer<std::uint8_t>(bytes[0]);
   const std::size_t size = (prefix & 3) == 3 ? 4 : prefix & 3;

@@ -31,7 +31,7 @@ constexpr std::array kProKeys{
 constexpr std::uint16_t kEnterprise = 0xc633;
 constexpr std::uint16_t kUniversalReceiver = 0xc652;
 
-/// How many plain buttons a model has; 0: the keys of a Pro.
+/// The number of plain buttons of a model; 0 if it has the keys of a Pro.
 std::size_t button_count(std::uint16_t product) noexcept {
   constexpr std::array<std::uint16_t, 6> kPro{0xc62b, 0xc631,      0xc632,
                                               0xc638, kEnterprise, kUniversalReceiver};

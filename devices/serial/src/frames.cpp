@@ -30,7 +30,7 @@ std::size_t stuff(ConstBytes from, MutableBytes to) noexcept {
   return size;
 }
 
-/// @return the size; 0: no COBS, or larger than `to`
+/// @return the size; 0 if it is not COBS, or larger than `to`
 std::size_t unstuff(ConstBytes from, MutableBytes to) noexcept {
   std::size_t size = 0;
   std::size_t at = 0;

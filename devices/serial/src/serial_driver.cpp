@@ -184,7 +184,7 @@ ExchangeStatus SerialDriver::exchange(const driver::Command& command,
     return ExchangeStatus::kLate;
   }
   device_io::take_buttons(sample, report->state.buttons, before.button_edges, report->button_edges);
-  // A test's own clock may be ahead of the cycle's.
+  // The clock of a test may be ahead of the cycle's clock.
   sample.host_time = std::max(sample.host_time, std::min(report->received_at, command.cycle_time));
   fill(sample, *report);
   if (has_corrupt) sample.faults.set(driver::Fault::kDeviceCorrupt);

@@ -9,7 +9,7 @@
 
 namespace rtpm::device_sim {
 
-/// The value of the parameter `name`, if it is one of `settings`, else null. It is of its type.
+/// The value of the parameter `name`, which has its type; null if it is not one of `settings`.
 template <class Value>
 [[nodiscard]] const Value* find(std::span<const driver::ParameterSetting> settings,
                                 std::string_view name) {

@@ -74,7 +74,7 @@ expected<std::array<double, 4>, SetupError> numbers_of(std::string_view line) {
   return numbers;
 }
 
-/// The fault of a position that the arm can't reach; nullopt: it can.
+/// The fault of a position that the arm can't reach; nullopt if it can.
 std::optional<std::string> outside(const Eigen::Vector3d& position_m,
                                    const driver::Workspace& workspace) {
   const std::array<double, 3> low{workspace.low_m.x, workspace.low_m.y, workspace.low_m.z};

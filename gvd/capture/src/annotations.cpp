@@ -11,7 +11,7 @@ namespace {
 constexpr std::string_view kSchema =
     R"({"type": "object", "properties": {"text": {"type": "string"}}})";
 
-/// As the text of a JSON string. Bytes above ASCII stay as they are.
+/// The text as a JSON string. Bytes above ASCII stay as they are.
 std::string quoted(std::string_view text) {
   std::string json = "\"";
   for (const char c : text) {

@@ -39,9 +39,9 @@ class CallChannels {
                std::unique_ptr<dynamic::RemoteObject> object) noexcept;
   [[nodiscard]] expected<void, SetupError> add_record_channel();
   [[nodiscard]] const schema::Method* method_of(std::uint16_t id) const noexcept;
-  /// Nothing: the file takes no more channels.
+  /// Finds or adds the channel of a method's part; nullopt if the file takes no more channels.
   [[nodiscard]] std::optional<std::uint16_t> channel_of(const schema::Method& method, Part part);
-  /// False: the payload does not match.
+  /// Records a payload; false if it does not match its schema.
   bool record_payload(const schema::Method& method, Part part, ConstBytes payload,
                       recording::Message message);
   void record_end(const introspection::TappedCall& call, const schema::Method* method,

@@ -75,7 +75,7 @@ struct CallRecorder::Impl {
   std::optional<TapClient> client{};
   std::optional<TapStream> stream{};
   std::map<std::string, std::unique_ptr<CallChannels>> objects{};
-  std::vector<CallChannels*> by_number{};  ///< As the server counts its objects.
+  std::vector<CallChannels*> by_number{};  ///< Indexed by the server's numbers of its objects.
   Duration offset{};                       ///< The server's clock minus this host's.
   mutable rt::PiMutex mutex{};
   CallRecorderStatus status{};        ///< Under the mutex.

@@ -18,7 +18,7 @@ std::size_t cost_of(ConstBytes payload) {
   return payload.size() + kOverhead;
 }
 
-/// Null: it is not known.
+/// Finds a type among `types`; null if it is not known.
 const events::EventDescriptor* find_in(KnownTypes types, events::EventType type) {
   const auto found = std::ranges::find(types, type, &events::EventDescriptor::type);
   return found == types.end() ? nullptr : *found;

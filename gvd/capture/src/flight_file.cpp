@@ -78,7 +78,7 @@ expected<void, SetupError> write_flight_file(const std::string& path, const std:
   const bool replaces = existing == Existing::kReplace;
   const std::string draft = replaces ? path + ".part" : path;
   std::error_code error;
-  if (replaces) std::filesystem::remove(draft, error);  // A dead program's.
+  if (replaces) std::filesystem::remove(draft, error);  // Left by a dead program.
   auto file = recording::FileWriter::create(draft, {.profile = "rtpm"});
   if (!file) return unexpected{std::move(file.error())};
   auto written = write_all(**file, device, log);

@@ -69,7 +69,7 @@ class Configurator {
   [[nodiscard]] const std::vector<driver::CalibrationInfo>& calibrations() const noexcept {
     return calibrations_;
   }
-  /// The open run; 0: none.
+  /// The open run; 0 if there is none.
   [[nodiscard]] std::uint64_t open_run() const noexcept;
   /// Starts a run; it is in the state of its first sample, if there is one.
   /// @errors   kUnknownCalibration · kBusy

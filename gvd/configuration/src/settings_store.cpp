@@ -75,7 +75,7 @@ std::optional<ParameterValue> value_of(ParameterType type, const json& stored) {
   return std::nullopt;
 }
 
-/// The file's text; nullopt: there is no file.
+/// The file's text; nullopt if there is no file.
 expected<std::optional<std::string>, std::string> read(const std::string& path) {
   std::error_code error;
   const auto status = std::filesystem::status(path, error);
@@ -95,13 +95,13 @@ expected<std::optional<std::string>, std::string> read(const std::string& path) 
   return text;
 }
 
-/// The text of a member; empty if it is no text.
+/// The text of a member; empty if it is not text.
 std::string text_in(const json& document, const char* key) {
   const auto found = document.find(key);
   return found != document.end() && found->is_string() ? found->get<std::string>() : std::string{};
 }
 
-/// The fault of the document, whichever device it belongs to; empty: it has none.
+/// The fault of the document, whichever device it belongs to; empty if it has none.
 std::string fault_of(const json& document) {
   if (document.is_discarded()) return "it is truncated, or no JSON";
   if (!document.is_object() || text_in(document, "format") != kFormat) {
@@ -138,7 +138,7 @@ expected<StoredSettings, SetupError> SettingsStore::load(std::span<const Paramet
   if (auto fault = fault_of(document); !fault.empty()) return refused(std::move(fault));
   const std::string model = text_in(document, "model");
   const std::string serial = text_in(document, "serial");
-  // As they were written: writing replaces bytes that are not UTF-8.
+  // Compares them as written: writing replaces bytes that are not UTF-8.
   if (json(model) != parse_bounded_json<json>(dump(json(model_))) ||
       json(serial) != parse_bounded_json<json>(dump(json(serial_)))) {
     return refused("it is of the device " + model + ", serial number " + serial +

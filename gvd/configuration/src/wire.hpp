@@ -9,7 +9,7 @@
 #include "rtpm/configuration/error.hpp"
 #include "rtpm/driver/parameter.hpp"
 
-/// Conversions between the driver's types and the schema's.
+/// Converts between the types of drivers and those of the schema.
 /// @realtime set-up only
 namespace rtpm::gvd {
 
@@ -27,7 +27,7 @@ using WireSettings = std::vector<std::unique_ptr<configuration::SettingT>>;
 /// An unknown type reads as kText, an unknown mutability as kReadOnly.
 [[nodiscard]] driver::ParameterSpec spec_from_wire(const configuration::ParameterT& wire);
 
-/// Null: done.
+/// The answer to a request; `error` is null if it was carried out.
 [[nodiscard]] std::unique_ptr<configuration::AnswerT> to_wire(const ConfigurationError* error);
 /// An unknown outcome reads as kCallFailed.
 [[nodiscard]] ConfigurationError from_wire(const configuration::AnswerT& wire);

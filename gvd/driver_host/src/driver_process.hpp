@@ -29,9 +29,9 @@ class DriverProcess {
   [[nodiscard]] CycleMemory& memory() noexcept { return *memory_; }
   /// The frame that comes by itself at the start.
   [[nodiscard]] std::optional<Frame> receive_facts(MonotonicTime deadline);
-  /// Lets the driver's thread run a call; nothing: it has ended, or did not answer by `deadline`.
+  /// Lets the driver's thread run a call; nullopt if it ended, or did not answer by `deadline`.
   [[nodiscard]] std::optional<Frame> call(FrameKind kind, ConstBytes bytes, MonotonicTime deadline);
-  /// Likewise a calibration's, on a thread of its own.
+  /// Lets the calibrations' thread run a call; nullopt as with call().
   [[nodiscard]] std::optional<Frame> call_calibration(FrameKind kind, ConstBytes bytes,
                                                       MonotonicTime deadline);
   /// @realtime alloc-free, one system call
@@ -53,7 +53,7 @@ class DriverProcess {
   Handle calibration_{};
   CycleMemory* memory_ = nullptr;
   rt::PiMutex calibration_mutex_{};
-  std::optional<int> status_{};  ///< As of waitpid().
+  std::optional<int> status_{};  ///< The status that waitpid() gave.
 };
 
 }  // namespace rtpm::driver_host

@@ -48,7 +48,7 @@ class SharedDoorbell {
  public:
   SharedDoorbell() noexcept { sem_init(&semaphore_, /*pshared=*/1, 0); }
   void ring() noexcept { static_cast<void>(sem_post(&semaphore_)); }
-  /// False: it was not rung by `deadline`.
+  /// False if it was not rung by `deadline`.
   [[nodiscard]] bool wait_until(MonotonicTime deadline) noexcept;
 
  private:
@@ -97,11 +97,11 @@ struct Frame {
   std::vector<std::byte> bytes{};
 };
 
-/// False: the other end is gone, or did not take it by `deadline`.
+/// Sends a frame; false if the other end is gone, or did not take it by `deadline`.
 /// @realtime set-up only
 [[nodiscard]] bool send_frame(const Handle& socket, FrameKind kind, ConstBytes bytes,
                               MonotonicTime deadline);
-/// Nothing: the other end is gone, sent no frame by `deadline`, or one above 4 MiB.
+/// Nullopt if the other end is gone, sent no frame by `deadline`, or one above 4 MiB.
 /// @realtime set-up only
 [[nodiscard]] std::optional<Frame> receive_frame(const Handle& socket, MonotonicTime deadline);
 

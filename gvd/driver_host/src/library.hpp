@@ -19,7 +19,7 @@ class Library {
   Library& operator=(const Library&) = delete;
   ~Library() { dlclose(handle_); }
 
-  /// Null: it exports none of that name.
+  /// The exported symbol `name`; null if there is none of that name.
   [[nodiscard]] void* symbol(const char* name) const noexcept { return dlsym(handle_, name); }
   /// Names its code, of which `symbol` is a part.
   void name_code_around(const void* symbol);

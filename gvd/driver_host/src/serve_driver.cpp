@@ -80,7 +80,7 @@ class DriverLoop {
     driver_.deactivate();
     has_ended_.post();
   }
-  /// Lets the loop deactivate the device and end; false: the driver does not return.
+  /// Lets the loop deactivate the device and end; false if the driver does not return.
   [[nodiscard]] bool end() {
     is_ending_.store(true, std::memory_order_release);
     memory_.has_request.ring();
@@ -125,7 +125,7 @@ class DriverLoop {
     return answer(FrameKind::kFailed, write);
   }
 
-  /// False: the other process is gone, or sent a malformed frame.
+  /// Handles one call; false if the other process is gone, or sent a malformed frame.
   [[nodiscard]] bool handle_call() {
     const auto frame = receive_frame(control_, rt::now() + kFramePatience);
     if (!frame) return false;

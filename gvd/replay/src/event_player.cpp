@@ -10,7 +10,7 @@
 namespace rtpm::replay {
 namespace {
 
-/// This program's descriptor of a device's event; null: `type` is not a device's event.
+/// This program's descriptor of a device's event; null if `type` is not a device's event.
 const events::EventDescriptor* own_type(events::EventType type) {
   static constexpr const events::EventDescriptor* kTypes[] = {
       &device::SampledEvent::kDescriptor,        &device::ButtonChangedEvent::kDescriptor,

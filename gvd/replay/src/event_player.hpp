@@ -32,7 +32,7 @@ class EventPlayer {
       rpc::Node& node, const std::string& hub, const Recorded& recorded, const std::string& folder);
 
   /// Pushes the events due at `position`, which is `now`.
-  /// @param speed  speed of the recording's time; nullopt: not steady, and origins are `now`
+  /// @param speed  speed of the recording's time; nullopt if not steady: origins are `now`
   void advance(const Pace::Position& position, MonotonicTime now, std::optional<double> speed);
 
   [[nodiscard]] std::uint64_t pushed_count() const noexcept { return pushed_count_; }

@@ -27,7 +27,7 @@ std::string value_of(const Channel& channel, const char* key) {
   return found == channel.metadata.end() ? std::string{} : found->second;
 }
 
-/// The text as a number; 0: it is no number.
+/// The text as a number; 0 if it is not a number.
 std::uint64_t number_of(const Channel& channel, const char* key) {
   const std::string text = value_of(channel, key);
   std::uint64_t number = 0;
@@ -45,7 +45,7 @@ bool is_kind(const Channel& channel, std::string_view kind) {
   return value_of(channel, capture::kKindKey) == kind;
 }
 
-/// This program's fingerprint of a type of devices' events; 0: `type` is no such type.
+/// This program's fingerprint of a type of devices' events; 0 for any other type.
 std::uint64_t known_schema_id(std::uint64_t type) {
   switch (type) {
     case gvd::kSampled:

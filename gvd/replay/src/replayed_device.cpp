@@ -244,7 +244,7 @@ rpc::Result<void> ReplayedDevice::set_models(const device::SetModelsRequest& req
 rpc::Result<void> ReplayedDevice::read_flight_record(
     const device::FlightRecordRequest&, rpc::ReplyBuilder<device::FlightRecordReply>& reply,
     const rpc::CallContext&) {
-  // For people: it had no fault of its own.
+  // People read it, so it may allocate. The log is empty: a replayed device has no faults.
   const rt::AllowAllocationScope set_up;
   flatbuffers::FlatBufferBuilder& builder = reply.builder();
   const auto none = builder.CreateVectorOfStructs<device::FlightRecord>({});

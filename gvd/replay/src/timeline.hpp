@@ -13,7 +13,7 @@ namespace rtpm::replay {
 [[nodiscard]] Duration time_of(std::uint64_t log_time_ns, std::uint64_t publish_time_ns,
                                std::uint64_t begin_ns) noexcept;
 
-/// Turns times since the file's begin into times since the first of them, and mends clocks that
+/// Makes times relative to the first of them, not to the start of the file, and mends clocks that
 /// jump: a time that goes back within a track becomes the one before, a pause of more than
 /// kPauseMax in all tracks is shortened. Reports both in `recorded.notes`, and sorts the events.
 void mend_times(Recorded& recorded);

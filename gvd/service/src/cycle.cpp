@@ -58,7 +58,7 @@ driver::Wrench wrench_of(const driver::Setpoint& setpoint) noexcept {
 }
 
 struct Request {
-  std::uint16_t what = 0;         ///< 0: none.
+  std::uint16_t what = 0;         ///< 0 if there is no request.
   std::uint32_t stop_number = 0;  ///< EmergencyLatch::number() at the request.
 };
 

@@ -116,8 +116,8 @@ class DeviceCycle {
   [[nodiscard]] Lease& lease() noexcept { return lease_; }
   /// The newest sample; nullopt before the first cycle.
   [[nodiscard]] std::optional<driver::Sample> newest() const noexcept { return published_.read(); }
-  /// The same at `now`: kDeviceLate is set if an active device has not completed a cycle for more
-  /// than twenty periods, such as in a driver that does not return; these count as bad ones.
+  /// The newest sample at `now`: kDeviceLate is set if an active device has not completed a cycle
+  /// for more than twenty periods, such as in a driver that does not return; these count as bad.
   [[nodiscard]] std::optional<driver::Sample> newest(MonotonicTime now) const noexcept;
   /// How long an active device has not completed a cycle.
   [[nodiscard]] Duration silence(MonotonicTime now) const noexcept;
@@ -182,7 +182,7 @@ class DeviceCycle {
   Latest<driver::Sample> published_{};
   Latest<DeviceCounters> published_counters_{};
   std::atomic<MonotonicTime> published_at_{};
-  /// A holder's request, packed by request_of(); 0: none.
+  /// A holder's request, packed by request_of(), or 0.
   std::atomic<std::uint64_t> transition_request_{0};
   std::atomic<std::uint64_t> release_request_{0};
   EmergencyLatch emergency_{};

@@ -11,7 +11,7 @@
 namespace rtpm::gvd {
 
 /// Lets other threads run a job on the device between two of its cycles: on the device's thread
-/// while it runs, else at once.
+/// while it runs, otherwise at once.
 /// @threads  is_waiting() and run() from the device's, the rest from any
 /// @realtime is_waiting() alloc-free, one load; run() never waits, but takes its job's time; the
 ///           rest set-up only

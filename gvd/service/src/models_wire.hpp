@@ -9,7 +9,7 @@
 #include "rtpm/base/expected.hpp"
 #include "rtpm/models/model.hpp"
 
-/// Conversions between models and the schema's.
+/// Converts between models and their types in the schema.
 namespace rtpm::gvd {
 
 /// @realtime set-up only

@@ -7,7 +7,7 @@
 
 namespace rtpm::gvd {
 
-/// The first field of `sample` with a number that is a NaN or an infinity: "twist"; empty: none.
+/// The first field of `sample` that has a NaN or an infinity: "twist". Empty if there is none.
 /// @realtime alloc-free
 [[nodiscard]] std::string_view not_finite_field(const driver::Sample& sample) noexcept;
 

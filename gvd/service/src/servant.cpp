@@ -126,7 +126,7 @@ rpc::Result<void> DeviceServant::set_models(const device::SetModelsRequest& requ
 rpc::Result<void> DeviceServant::read_flight_record(
     const device::FlightRecordRequest& request, rpc::ReplyBuilder<device::FlightRecordReply>& reply,
     const rpc::CallContext&) {
-  // For people, after a fault.
+  // People read the record after a fault, so the call may allocate.
   const rt::AllowAllocationScope set_up;
   reply.finish(
       to_wire(cycle_.flight_recorder().newest(request.first(), kFlightPageSize), reply.builder()));

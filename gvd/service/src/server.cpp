@@ -165,7 +165,7 @@ struct DeviceServer::Impl {
 
   void request_stop() noexcept { is_stopping.store(true, std::memory_order_relaxed); }
 
-  /// False: the driver has not returned by `deadline`, and its thread goes on.
+  /// False if the driver has not returned by `deadline`: its thread goes on.
   bool stop(MonotonicTime deadline) noexcept {
     if (!device_thread.is_running()) return true;
     request_stop();

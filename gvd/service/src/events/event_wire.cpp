@@ -60,7 +60,7 @@ struct Adder {
   }
 };
 
-/// The payload of an event of type `Event` and of this version; null: another type or version.
+/// The payload of an event of type `Event` and of this version; null if it has another.
 template <class Event>
 const typename Event::Payload* payload_of(const events::EventView& event) noexcept {
   using Payload = typename Event::Payload;

@@ -37,7 +37,7 @@ struct EventStamp {
                                                        const EventStamp& stamp,
                                                        const ConfigurationChange& change);
 
-/// Reads an event, whose `device` remains empty; nullopt: of another type or version, or malformed.
+/// Reads an event, but not its `device`; nullopt if of another type or version, or malformed.
 [[nodiscard]] std::optional<DeviceEvent> read_event(const events::EventView& event);
 
 }  // namespace rtpm::gvd

@@ -21,7 +21,7 @@ constexpr std::string_view kObeyed = "obeyed ";
 /// Larger than any file that save() writes.
 constexpr std::size_t kFileSizeMax = std::size_t{64} * 1024;
 
-/// Removes and returns the next line of `text`; nullopt: `text` has no complete line.
+/// Removes and returns the next line of `text`; nullopt if it has no complete line.
 std::optional<std::string_view> take_line(std::string_view& text) {
   const std::size_t end = text.find('\n');
   if (end == std::string_view::npos) return std::nullopt;

@@ -49,7 +49,7 @@ class KeptStop final : public StopMemory {
     return device_->is_stopped() ? in_force_.load(std::memory_order_acquire) : kNoRequest;
   }
 
-  /// Brings the file up to date, on the keeper's thread; false: it could not be written.
+  /// Brings the file up to date, on the keeper's thread; false if it could not be written.
   bool write(DeviceListener* listener) {
     std::uint64_t in_force = in_force_.load(std::memory_order_acquire);
     StopState state = present();
@@ -106,7 +106,7 @@ class KeptStop final : public StopMemory {
 
   std::string name_;
   StopFile file_;
-  StopState written_;  ///< The keeper thread's, like `has_failed_`.
+  StopState written_;  ///< Used by the keeper thread only, like `has_failed_`.
   bool has_failed_ = false;
   bool was_stopped_;
   rt::Semaphore& has_changed_;

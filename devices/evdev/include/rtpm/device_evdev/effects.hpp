@@ -24,10 +24,10 @@ enum class EffectKind : std::uint8_t {
 struct Effect {
   EffectKind kind = EffectKind::kConstant;
   int id = -1;             ///< −1: not yet uploaded, and the kernel assigns one.
-  std::int16_t level = 0;  ///< For kConstant; positive: towards larger values of the axis.
+  std::int16_t level = 0;  ///< kConstant: above 0 towards larger values of the axis.
   std::uint16_t strong = 0;
   std::uint16_t weak = 0;
-  std::int16_t coefficient = 0;  ///< For kSpring and kDamper, from 0.
+  std::int16_t coefficient = 0;  ///< kSpring and kDamper: from 0.
   Duration length{0};            ///< It ends by itself after this time.
 };
 

@@ -76,19 +76,19 @@ class EvdevDriver : public driver::Driver {
   std::unique_ptr<Transport> transport_{};
   std::optional<Accumulator> accumulator_{};
   std::optional<EffectBank> effects_{};
-  /// As of the last deactivate().
+  /// The state at the last deactivate().
   State before_{};
   bool is_active_ = false;
   std::uint64_t seen_corrupt_count_ = 0;
   std::uint64_t seen_lost_count_ = 0;
   std::uint64_t seen_report_count_ = 0;
 
-  // The reading thread's.
+  // Used by the reading thread only.
   std::array<Event, 64> events_{};
   std::uint64_t unreadable_count_ = 0;
   std::size_t flood_count_ = 0;
   MonotonicTime flood_since_{};
-  // The writing thread's.
+  // Used by the writing thread only.
   std::uint64_t seen_request_count_ = 0;
   MonotonicTime requested_at_{};
 

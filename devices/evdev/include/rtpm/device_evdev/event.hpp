@@ -6,7 +6,7 @@
 
 #include "rtpm/base/time.hpp"
 
-/// Numbers of types and codes are the kernel's.
+/// Types and codes of events have the kernel's numbers.
 /// @source   linux/input-event-codes.h
 namespace rtpm::device_evdev {
 
@@ -25,7 +25,7 @@ struct AbsoluteAxis {
   std::int32_t minimum = 0;
   std::int32_t maximum = 0;
   std::int32_t flat = 0;        ///< Values this close to the centre are the centre.
-  std::int32_t resolution = 0;  ///< Counts per unit; 0: unknown.
+  std::int32_t resolution = 0;  ///< Counts per unit; 0 if unknown.
   std::int32_t value = 0;       ///< When it was opened.
 
   friend bool operator==(const AbsoluteAxis&, const AbsoluteAxis&) = default;

@@ -17,8 +17,8 @@ struct Scales {
   /// A steering wheel's range from end to end. Most wheels with a motor have 900°.
   double wheel_range_rad = 5 * std::numbers::pi;
   double effort_newton_metre_max = 2;  ///< At the full level.
-  double counts_per_m = 39'370;        ///< For relative axes in m: 1000 counts per inch.
-  double counts_per_turn = 24;         ///< For relative axes in rad.
+  double counts_per_m = 39'370;        ///< Scale of relative axes in m: 1000 counts per inch.
+  double counts_per_turn = 24;         ///< Scale of relative axes in rad.
   bool is_reversed = false;            ///< A positive effort turns towards smaller positions.
 };
 
@@ -26,7 +26,7 @@ struct Scales {
 struct AnalogChannel {
   AbsoluteAxis axis{};
   double scale = 0;
-  bool is_one_sided = false;  ///< Normalised to 0 to 1, such as a trigger; else to −1 to 1.
+  bool is_one_sided = false;  ///< Normalised to 0 to 1, such as a trigger; otherwise to −1 to 1.
 };
 
 /// An axis as a joint.
@@ -34,7 +34,7 @@ struct JointChannel {
   std::uint16_t code = 0;
   double scale = 0;                    ///< In the joint's unit per count.
   double end_rad = 0;                  ///< A wheel's position at its maximum.
-  std::optional<AbsoluteAxis> axis{};  ///< A wheel's; nothing: a relative axis, which adds up.
+  std::optional<AbsoluteAxis> axis{};  ///< A wheel's axis; nullopt if relative: its counts add up.
 };
 
 /// Maps each axis, key and effect to a channel of the descriptor.

@@ -18,7 +18,7 @@ struct Settings {
   std::string node{};
   std::string name{};
   bool is_grabbed = false;
-  double gain = 1;  ///< For all effects, 0 to 1.
+  double gain = 1;  ///< Scales all effects, 0 to 1.
   Scales scales{};
 
   /// Whether the settings choose a device; otherwise the only joystick is meant.

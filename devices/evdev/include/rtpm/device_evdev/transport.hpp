@@ -40,18 +40,18 @@ class Transport {
   /// present state and a SYN_REPORT.
   [[nodiscard]] virtual ReadResult read(std::span<Event> events, Duration patience) noexcept = 0;
   /// Uploads a new effect, and sets its id, or changes one.
-  /// @return an errno, 0: done
+  /// @return 0, or an errno
   [[nodiscard]] virtual int upload(Effect& effect) noexcept = 0;
-  /// @return an errno, 0: done
+  /// @return 0, or an errno
   [[nodiscard]] virtual int erase(int effect_id) noexcept = 0;
   /// Starts or stops an effect.
-  /// @return an errno, 0: done
+  /// @return 0, or an errno
   [[nodiscard]] virtual int play(int effect_id, bool is_on) noexcept = 0;
   /// @param share  share of the full gain, 0 to 1
-  /// @return an errno, 0: done
+  /// @return 0, or an errno
   [[nodiscard]] virtual int set_gain(double share) noexcept = 0;
   /// Sets the device's own centring spring to zero.
-  /// @return an errno, 0: done
+  /// @return 0, or an errno
   [[nodiscard]] virtual int disable_autocenter() noexcept = 0;
   /// The present time; never decreases.
   [[nodiscard]] virtual MonotonicTime now() const noexcept = 0;
@@ -61,8 +61,8 @@ class Transport {
 struct Unit {
   std::string node;    ///< "/dev/input/event5".
   std::string name;    ///< The device's own words.
-  std::string serial;  ///< Empty: it has none.
-  std::string path;    ///< The port's: "pci-0000:00:14.0-usb-0:2:1.0"; empty: unknown.
+  std::string serial;  ///< Empty if it has none.
+  std::string path;    ///< Its port, "pci-0000:00:14.0-usb-0:2:1.0"; empty if unknown.
   std::uint16_t vendor = 0;
   std::uint16_t product = 0;
   bool is_joystick = false;  ///< A joystick, game pad or wheel to udev.

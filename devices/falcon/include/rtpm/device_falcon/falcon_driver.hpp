@@ -18,9 +18,9 @@ namespace rtpm::device_falcon {
 
 /// A unit's identity, and its firmware and thread.
 struct FalconConfig {
-  std::string serial;                 ///< The descriptor's; not empty.
-  std::string frame = "falcon/base";  ///< The descriptor's.
-  std::vector<std::byte> firmware{};  ///< From the user's file; empty: the unit must have it.
+  std::string serial;                 ///< The descriptor's serial number; not empty.
+  std::string frame = "falcon/base";  ///< The descriptor's frame.
+  std::vector<std::byte> firmware{};  ///< The user's file; empty if the unit runs it already.
   rt::ThreadConfig thread{.name = "falcon", .priority = Priority{24'000}};
 };
 

@@ -21,8 +21,8 @@ enum class FtdiRequest : std::uint8_t {
   kLatencyTimer = 9,  ///< In milliseconds, after which the chip sends what it has.
 };
 
-inline constexpr std::uint16_t kPurgeReceived = 1;     ///< For kReset: bytes for the host.
-inline constexpr std::uint16_t kPurgeTransmitted = 2;  ///< For kReset: bytes for the device.
+inline constexpr std::uint16_t kPurgeReceived = 1;     ///< kReset drops the bytes for the host.
+inline constexpr std::uint16_t kPurgeTransmitted = 2;  ///< kReset drops the bytes for the device.
 inline constexpr std::uint16_t kDtrLow = 0x0100;
 inline constexpr std::uint16_t kDtrHigh = 0x0101;
 inline constexpr std::uint16_t kRtsLow = 0x0200;

@@ -18,9 +18,9 @@ using Matrix3 = std::array<std::array<double, 3>, 3>;  ///< Rows.
 
 /// The angles of the legs, in radian.
 struct LegAngles {
-  std::array<double, 3> upper{};     ///< The driven arm's, as the encoder measures it.
-  std::array<double, 3> lower{};     ///< The parallelogram's, in the leg's plane.
-  std::array<double, 3> sideways{};  ///< The parallelogram's, out of the leg's plane.
+  std::array<double, 3> upper{};     ///< Angles of the driven arms, as the encoders measure them.
+  std::array<double, 3> lower{};     ///< Angles of the parallelograms in their leg's plane.
+  std::array<double, 3> sideways{};  ///< Angles of the parallelograms out of their leg's plane.
 };
 
 /// Angle of the driven arm per encoder count: 1280 counts per turn of a drum of 14.25 mm, which
@@ -37,7 +37,7 @@ inline constexpr double kResolutionMetres = 4.6e-5;
 /// The inverse of upper_angles(), not rounded.
 [[nodiscard]] std::array<double, 3> encoder_counts(const std::array<double, 3>& upper) noexcept;
 
-/// The angles at a position; nothing: no leg reaches it, or it is not finite.
+/// The angles at a position; nullopt if no leg reaches it, or it is not finite.
 /// @realtime alloc-free
 [[nodiscard]] std::optional<LegAngles> inverse(const driver::Vector3& position_m) noexcept;
 
@@ -59,7 +59,7 @@ struct MotorForce {
 };
 
 /// The motors' counts for a force at a position. A force above `force_newton_max`, or beyond a
-/// motor's range, is shortened and keeps its direction. The result is no force if the mechanism
+/// motor's range, is shortened and keeps its direction. The result is zero if the mechanism
 /// can't reach the position, or the force is not finite.
 /// @param counts_per_newton_metre  above zero
 /// @realtime alloc-free

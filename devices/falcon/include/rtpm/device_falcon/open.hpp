@@ -14,7 +14,7 @@ namespace rtpm::device_falcon {
 /// "firmware=FILE", whose value takes the rest of the text. Without serial and port it takes the
 /// only unit that is plugged in, and stays with that one.
 /// @realtime set-up only
-/// @errors   an unknown word, a file that can't be read or is no firmware; a unit that is not
+/// @errors   an unknown word, a file that can't be read or is not firmware; a unit that is not
 ///           plugged in is an error of configure() only
 [[nodiscard]] expected<std::unique_ptr<driver::Driver>, SetupError> open(
     std::string_view arguments, std::string_view device_name);

@@ -48,7 +48,7 @@ struct MotorRequest {
 [[nodiscard]] Packet encode(const MotorRequest& request) noexcept;
 /// The packet of a device, as its model sends it.
 [[nodiscard]] Packet encode(const EncoderReport& report) noexcept;
-/// Reads one packet; nothing: the bytes are no packet.
+/// Reads one packet; nullopt if the bytes are not a packet.
 /// @realtime alloc-free
 [[nodiscard]] std::optional<EncoderReport> decode_report(
     std::span<const std::byte, kPacketSize> packet) noexcept;

@@ -19,7 +19,7 @@ inline constexpr std::size_t kButtonCount = 4;
 /// The motors' commands until the next request.
 /// @ownership plain value, trivially copyable
 struct ForceRequest {
-  std::uint64_t number = 0;  ///< Differs from the last request's. 0: no request yet.
+  std::uint64_t number = 0;  ///< Differs from the last request's; 0 before the first.
   LegCounts counts{};
   MonotonicTime deadline{};  ///< When the force must have ended.
 };
@@ -30,7 +30,7 @@ struct FalconState {
   std::uint64_t report_count = 0;   ///< Packets that were taken.
   std::uint64_t corrupt_count = 0;  ///< Dropped packets, and runs of other bytes.
   MonotonicTime time{};             ///< When the last one came.
-  bool is_homed = false;            ///< False: position and velocity are invalid.
+  bool is_homed = false;            ///< If false, position and velocity are invalid.
   driver::Vector3 position_m{};
   driver::Vector3 velocity_m_per_s{};
   std::uint8_t buttons = 0;
@@ -115,7 +115,7 @@ class Session {
   std::uint32_t homed_packet_count_ = 0;
   std::uint8_t last_buttons_ = 0;
   std::uint64_t refused_count_ = 0;
-  /// The last good counts; nothing: any counts are accepted.
+  /// The last good counts; nullopt if any counts are accepted.
   std::optional<LegCounts> counts_{};
 };
 

@@ -16,7 +16,7 @@ inline constexpr int kLoadAttemptMax = 3;
 
 /// Sets the FTDI chip up, and loads the firmware if none runs. The motors get no force. Takes below
 /// 0.1 s if a firmware runs, some 3 s to load one, and at most 20 s if every attempt fails.
-/// @param firmware  contents of the user's file; empty: none
+/// @param firmware  contents of the user's file; may be empty
 /// @realtime set-up only
 /// @errors   in words with the remedy: unplugged, no firmware, a file that does not run, no answer
 [[nodiscard]] expected<void, SetupError> start_up(Transport& transport,

@@ -25,7 +25,7 @@ enum class UsbStatus : std::uint8_t {
 /// Result of Transport::receive().
 struct Received {
   UsbStatus status = UsbStatus::kTimeout;
-  std::size_t size = 0;  ///< The transfer's, FTDI's status bytes included.
+  std::size_t size = 0;  ///< Bytes of the transfer, FTDI's status bytes included.
   MonotonicTime time{};  ///< When it was complete.
 };
 

@@ -10,7 +10,7 @@ namespace rtpm::device_falcon {
 
 /// A Falcon on this machine's USB.
 struct Unit {
-  std::string serial;  ///< Empty: it has none, or it can't be read.
+  std::string serial;  ///< Empty if it has none, or it can't be read.
   std::string port;    ///< The kernel's name of its port: "1-2.3".
   std::string node;    ///< "/dev/bus/usb/001/004"; another one each time it is plugged in.
 };

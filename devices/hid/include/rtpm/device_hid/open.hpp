@@ -23,7 +23,7 @@ namespace rtpm::device_hid {
 /// @realtime set-up only
 [[nodiscard]] std::vector<device_io::FoundDevice> found_among(const std::vector<Unit>& units);
 
-/// The same for the units that are plugged in now.
+/// The result of found_among() for the units that are plugged in now.
 /// @realtime set-up only
 [[nodiscard]] std::vector<device_io::FoundDevice> probe();
 

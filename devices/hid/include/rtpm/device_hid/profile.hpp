@@ -18,7 +18,7 @@ namespace rtpm::device_hid {
 /// @ownership plain value, trivially copyable
 struct State {
   std::array<float, driver::kAnalogCountMax> analogs{};
-  double joint = 0;           ///< For a device with one joint, in its unit.
+  double joint = 0;           ///< Position of a device with one joint, in its unit.
   double joint_velocity = 0;  ///< In that unit per second.
   std::uint32_t buttons = 0;
   std::array<std::uint16_t, driver::kButtonCountMax> button_edges{};
@@ -34,7 +34,7 @@ struct State {
 /// @ownership plain value, trivially copyable
 struct Request {
   std::array<float, driver::kOutputCountMax> outputs{};
-  double effort = 0;  ///< For a device with one joint, in N m.
+  double effort = 0;  ///< Effort of a device with one joint, in N m.
   friend bool operator==(const Request&, const Request&) noexcept = default;
 };
 
@@ -50,7 +50,7 @@ enum class Verdict : std::uint8_t {
 /// @ownership plain value
 struct OutputReport {
   std::array<std::byte, 80> bytes{};
-  std::size_t size = 0;  ///< 0: none.
+  std::size_t size = 0;  ///< 0 if there is no report.
   [[nodiscard]] ConstBytes view() const noexcept { return ConstBytes(bytes).first(size); }
 };
 
@@ -81,9 +81,9 @@ class Profile {
   /// Ends what begin() began; the outputs are at their safe values already.
   /// @realtime set-up only
   virtual void end(HidTransport&) noexcept {}
-  /// Controls of the unit beside its channels, for people; empty: none, or not known.
+  /// Controls of the unit beside its channels, for people; empty if there are none, or unknown.
   [[nodiscard]] virtual std::string left_out() const { return {}; }
-  /// Longest silence of a healthy device; nothing: the device reports only changes.
+  /// Longest silence of a healthy device; nullopt if the device reports only changes.
   [[nodiscard]] virtual std::optional<Duration> silence_max() const { return std::nullopt; }
 };
 
@@ -95,16 +95,16 @@ inline constexpr std::array kKinds{Kind::kSpaceMouse, Kind::kGamePad, Kind::kDua
 [[nodiscard]] std::string_view to_string(Kind kind) noexcept;
 /// The kind of that name.
 [[nodiscard]] std::optional<Kind> kind_named(std::string_view name) noexcept;
-/// The kind of a unit by vendor and product, or by its report descriptor for a game pad; nothing:
-/// no device for this driver, such as a mouse.
+/// The kind of a unit by vendor and product, or by its report descriptor for a game pad;
+/// nullopt if it is not a device for this driver, such as a mouse.
 [[nodiscard]] std::optional<Kind> kind_of(const Unit& unit);
 
-/// Why a unit that could be a game pad is not served, as a clause; empty: kind_of() takes it, or it
-/// is a device of another kind, such as a mouse.
+/// Why a unit that could be a game pad is not served, as a clause; empty if kind_of() takes
+/// it, or it is a device of another kind, such as a mouse.
 [[nodiscard]] std::string refusal_of(const Unit& unit);
 
-/// @param unit  the unit to describe; null: it is not plugged in, see README.md
-/// @param torque_newton_metre_max  a force wheel's motor's; 0: unknown, it applies no effort
+/// @param unit  the unit to describe; null if it is not plugged in, see README.md
+/// @param torque_newton_metre_max  of a force wheel's motor; 0 if unknown: it applies no effort
 [[nodiscard]] std::unique_ptr<Profile> make_profile(Kind kind, const Unit* unit,
                                                     double torque_newton_metre_max);
 

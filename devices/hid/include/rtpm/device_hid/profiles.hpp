@@ -30,7 +30,7 @@ class SpaceMouse final : public Profile {
   std::uint16_t product_;
   std::vector<std::string> names_{};
   std::vector<std::uint8_t> bits_{};  ///< One per button, in report 3.
-  std::size_t axes_size_ = 0;         ///< The size of report 1; 0: unknown.
+  std::size_t axes_size_ = 0;         ///< The size of report 1; 0 if unknown.
 };
 
 /// Whether an application collection of this usage is a joystick, game pad or multi-axis
@@ -56,7 +56,7 @@ class GamePad final : public Profile {
     std::uint32_t usage = 0;
     std::size_t index = 0;  ///< Among the fields of this usage.
     Part part = Part::kWhole;
-    std::optional<Field> field{};  ///< Nothing: the unit that is plugged in lacks it.
+    std::optional<Field> field{};  ///< Nullopt if the unit lacks it.
   };
 
   [[nodiscard]] static std::uint32_t served_application(const ReportDescriptor& descriptor);
@@ -103,7 +103,7 @@ class SonyPad final : public Profile {
   Model model_;
   Bus bus_ = Bus::kUsb;
   bool has_report_ = false;
-  std::uint32_t counter_ = 0;  ///< The last report's.
+  std::uint32_t counter_ = 0;  ///< The counter of the last report.
   std::uint32_t ticks_ = 0;    ///< Its time on the device's clock.
   std::uint8_t output_sequence_ = 0;
 };
@@ -128,7 +128,7 @@ class OpenFfBoard final : public Profile {
 
   double torque_max_;
   double range_rad_ = 0;
-  std::int64_t effect_ = -1;  ///< Its number on the board; -1: none.
+  std::int64_t effect_ = -1;  ///< The effect's number on the board, or -1.
   ReportDescriptor layout_{};
   std::optional<Field> wheel_{};
   std::array<std::optional<Field>, driver::kAnalogCountMax> axes_{};

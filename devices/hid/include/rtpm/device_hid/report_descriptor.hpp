@@ -23,7 +23,7 @@ inline constexpr std::uint32_t kButtonPage = 0x0009'0000;
 struct Field {
   std::uint32_t usage = 0;        ///< Page and number.
   std::uint32_t application = 0;  ///< Usage of the application collection around it.
-  std::uint8_t report_id = 0;     ///< 0: the device numbers no reports.
+  std::uint8_t report_id = 0;     ///< 0 if the device numbers no reports.
   std::uint32_t bit_offset = 0;   ///< From the start of the report, its number included.
   std::uint8_t bit_size = 0;      ///< 1 to 32.
   std::int64_t logical_low = 0;
@@ -37,7 +37,7 @@ struct Field {
 /// @ownership plain value
 struct UnreadFields {
   std::uint32_t application = 0;
-  std::uint32_t page = 0;  ///< As in usages: 0xff00'0000 and above are a maker's own.
+  std::uint32_t page = 0;  ///< The usage page; a maker's own from 0xff00'0000 on.
   std::uint32_t count = 0;
 };
 
@@ -48,11 +48,11 @@ struct ReportDescriptor {
   /// One entry per application and page; at most kUnreadCountMax.
   std::vector<UnreadFields> unread{};
   bool has_report_ids = false;
-  /// Bytes of the input report of each number, the number included; 0: no such report.
+  /// Bytes of the input report of each number, the number included; 0 if there is no such report.
   std::array<std::uint16_t, 256> input_sizes{};
 };
 
-inline constexpr std::size_t kDescriptorSizeMax = 4096;  ///< As of Linux.
+inline constexpr std::size_t kDescriptorSizeMax = 4096;  ///< The limit of Linux.
 inline constexpr std::size_t kFieldCountMax = 512;
 inline constexpr std::size_t kUnreadCountMax = 64;
 
@@ -62,8 +62,8 @@ inline constexpr std::size_t kUnreadCountMax = 64;
 /// @source   Linux, drivers/hid/hid-core.c
 [[nodiscard]] expected<ReportDescriptor, std::string> parse_report_descriptor(ConstBytes bytes);
 
-/// The value of `field` in `report`, sign-extended where its range goes below zero; nothing: the
-/// report is another one, or too short.
+/// The value of `field` in `report`, sign-extended where its range goes below zero; nullopt if
+/// the report is another one, or too short.
 /// @realtime alloc-free
 [[nodiscard]] std::optional<std::int64_t> value_of(const Field& field, ConstBytes report) noexcept;
 

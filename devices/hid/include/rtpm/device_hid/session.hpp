@@ -26,8 +26,8 @@ class Reader {
   [[nodiscard]] bool is_late() const;
   [[nodiscard]] std::uint64_t report_count() const noexcept { return report_count_; }
   [[nodiscard]] std::uint64_t corrupt_count() const noexcept { return corrupt_count_; }
-  /// When the last understood report came; nothing: none came, or the device reports only changes,
-  /// so that its state holds at any later time, too.
+  /// When the last understood report came; nullopt if none came, or if the device reports only
+  /// changes, so that its state holds at any later time, too.
   [[nodiscard]] std::optional<MonotonicTime> measured_at() const;
 
  private:

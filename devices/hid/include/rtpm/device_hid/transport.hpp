@@ -17,13 +17,13 @@ inline constexpr std::size_t kReportSizeMax = 256;
 
 /// Result of HidTransport::read().
 struct Received {
-  std::size_t size = 0;    ///< Bytes of the report; 0: no report within the patience.
+  std::size_t size = 0;    ///< Bytes of the report; 0 if none came within the patience.
   bool is_closed = false;  ///< The device is gone.
 };
 
 /// Reports to and from one device, and the clock for waiting on them. The first byte of a written
-/// report, and of a feature report, is its number; 0: the device numbers none. A report that is
-/// read begins with its number only if the device numbers its reports.
+/// report, and of a feature report, is its number, or 0 if the device numbers none. A report that
+/// is read begins with its number only if the device numbers its reports.
 /// @threads  read() and now() by one, the others by one that may be another
 /// @realtime set-up only
 class HidTransport {
@@ -37,10 +37,10 @@ class HidTransport {
   /// Takes the oldest report that was not read yet; waits for one at most `patience`.
   [[nodiscard]] virtual Received read(MutableBytes buffer, Duration patience) = 0;
   /// Sends an output report and waits until the device has taken it, for seconds if it hangs.
-  /// @return false: refused, or the device is gone
+  /// @return false if refused, or if the device is gone
   [[nodiscard]] virtual bool write(ConstBytes report) = 0;
   /// Asks for the feature report whose number is in `report[0]`.
-  /// @return its size, its number included; 0: refused, or the device is gone
+  /// @return its size, its number included; 0 if refused, or if the device is gone
   [[nodiscard]] virtual std::size_t read_feature(MutableBytes report) = 0;
   /// The present time; never decreases.
   [[nodiscard]] virtual MonotonicTime now() const = 0;
@@ -56,10 +56,10 @@ struct Unit {
   std::uint16_t product = 0;
   Bus bus = Bus::kUsb;
   std::string model{};   ///< The maker's name for it.
-  std::string serial{};  ///< Empty: it has none.
-  std::string port{};    ///< Its port: "usb-0000:00:14.0-2/input0"; empty: unknown.
+  std::string serial{};  ///< Empty if it has none.
+  std::string port{};    ///< Its port, "usb-0000:00:14.0-2/input0"; empty if unknown.
   std::string node{};    ///< "/dev/hidraw0"; another one after it was plugged in again.
-  std::vector<std::byte> report_descriptor{};  ///< Empty: unreadable.
+  std::vector<std::byte> report_descriptor{};  ///< Empty if it can't be read.
 };
 
 /// The HID devices of a machine.
@@ -79,7 +79,7 @@ class HidSystem {
       const Unit& unit) = 0;
 };
 
-/// This machine's, through hidapi and udev.
+/// The HID devices of this machine, through hidapi and udev.
 /// @source   hidapi 0.13, hidraw backend
 [[nodiscard]] std::unique_ptr<HidSystem> make_hid_system();
 

@@ -13,17 +13,17 @@ inline constexpr const char* kUdevRulesFile = "/etc/udev/rules.d/70-rtpm.rules";
 struct FoundDevice {
   std::string driver{};         ///< The driver that takes it: "hid".
   std::string model{};          ///< "3Dconnexion SpaceNavigator".
-  std::string serial{};         ///< Empty: it has none.
+  std::string serial{};         ///< Empty if it has none.
   std::string node{};           ///< The node to open: "/dev/hidraw0".
   std::string arguments{};      ///< Make the driver take this one: "node=/dev/hidraw0".
-  std::string missing_right{};  ///< See missing_right(); empty: this process may open it.
+  std::string missing_right{};  ///< See missing_right(); empty if this process may open it.
   std::string udev_rule{};      ///< Gives the right to the user at the machine.
   std::string left_out{};       ///< The device's controls beside its channels; may be empty.
-  std::string refusal{};        ///< Why the driver does not take it; empty: it does.
+  std::string refusal{};        ///< Why the driver does not take it; empty if it does.
 };
 
 /// The right that this process lacks to read and write `node`: "reading and writing /dev/hidraw0",
-/// "/dev/hidraw0, which is gone"; empty: it has the right.
+/// "/dev/hidraw0, which is gone". Empty if it has the right.
 /// @realtime set-up only
 [[nodiscard]] std::string missing_right(const std::string& node);
 

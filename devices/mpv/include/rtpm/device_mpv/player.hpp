@@ -16,10 +16,10 @@ inline constexpr double kLengthMaxSeconds = 86'400;
 /// The player's newest state.
 /// @ownership plain value, trivially copyable
 struct PlayerState {
-  double position_s = 0;  ///< The shown picture's.
-  double duration_s = 0;  ///< 0: nothing is loaded, or the length is unknown.
-  double speed = 1;       ///< As set, also while paused.
-  double frame_s = 0;     ///< Length of a frame; 0: no video.
+  double position_s = 0;  ///< The time of the shown picture.
+  double duration_s = 0;  ///< 0 if nothing is loaded, or the length is unknown.
+  double speed = 1;       ///< The chosen speed, also while paused.
+  double frame_s = 0;     ///< Length of a frame; 0 without video.
   bool is_paused = true;
   bool is_backwards = false;
   std::uint64_t report_count = 0;
@@ -28,8 +28,8 @@ struct PlayerState {
 /// A client's request to the player.
 /// @ownership plain value, trivially copyable
 struct PlayerRequest {
-  float rate = 0;     ///< 0: pause; below 0: backwards.
-  float seek_s = -1;  ///< Below 0: nowhere.
+  float rate = 0;     ///< 0 pauses; below 0 it plays backwards.
+  float seek_s = -1;  ///< Below 0 it does not seek.
 };
 
 /// Outputs "rate" (1 plays, 0 pauses, negative plays backwards) and "seek" (jumps there when it

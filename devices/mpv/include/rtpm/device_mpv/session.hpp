@@ -64,7 +64,7 @@ class Session {
   LineCutter cutter_{};
   PlayerState state_{};
   std::int64_t last_id_ = 0;
-  /// The request of kPosition of the round under way; the others follow it. 0: none.
+  /// The request of kPosition of the round under way; the others follow it. 0 between rounds.
   std::int64_t round_id_ = 0;
   std::array<std::optional<Reply>, kQuestionCount> answers_{};
   MonotonicTime next_round_;

@@ -11,8 +11,8 @@ namespace rtpm::device_mpv {
 /// An operator's choice of a player: "headless=yes file=CLIP" starts mpv, "socket=PATH" joins one.
 /// `file` and `socket` take the rest of the words, spaces included.
 struct Settings {
-  std::string file{};        ///< To play; empty: joins `socket`.
-  std::string socket{};      ///< A running mpv's, from its option --input-ipc-server.
+  std::string file{};        ///< The file to play; if empty, it joins `socket`.
+  std::string socket{};      ///< The --input-ipc-server of a running mpv.
   bool is_headless = false;  ///< Starts mpv without window and sound.
 };
 

@@ -13,7 +13,7 @@ namespace rtpm::device_mpv {
 
 /// Result of Transport::receive().
 struct Received {
-  std::size_t size = 0;    ///< Bytes; 0: nothing came within the patience.
+  std::size_t size = 0;    ///< Bytes; 0 if none came within the patience.
   bool is_closed = false;  ///< The player is gone.
 };
 

@@ -31,10 +31,10 @@ struct BoardShape {
 
 /// A board's own description. Its numbers are finite, its counts within the driver's limits.
 struct BoardDescription {
-  std::uint32_t nonce = 0;  ///< The nonce of the answered hello; 0: the board has just started.
+  std::uint32_t nonce = 0;  ///< The answered hello's nonce; 0 if the board has just started.
   double rate_hz = 0;       ///< Commands per second that the board answers.
   std::string name{};
-  std::string serial{};  ///< Empty: it has none.
+  std::string serial{};  ///< Empty if it has none.
   std::vector<driver::Joint> joints{};
   std::vector<driver::Analog> analogs{};
   std::vector<std::string> buttons{};
@@ -76,7 +76,7 @@ struct BoardState {
 /// The outputs and efforts that a board shall apply.
 /// @ownership plain value, trivially copyable
 struct BoardCommand {
-  bool is_on = false;             ///< False: efforts are zero and outputs safe, whatever follows.
+  bool is_on = false;             ///< If false, efforts are 0 and outputs safe, whatever follows.
   std::uint16_t watchdog_ms = 1;  ///< 1 to kWatchdogMaxMs.
   std::array<float, driver::kJointCountMax> efforts{};
   std::array<float, driver::kOutputCountMax> outputs{};

@@ -34,7 +34,7 @@ struct Frame {
   ConstBytes payload{};
 };
 
-/// Why bytes between two delimiters are no frame of this version.
+/// Why bytes between two delimiters are not a frame of this version.
 enum class FrameFault : std::uint8_t {
   kStuffing,  ///< Not COBS, or too long.
   kShort,     ///< Shorter than a header and a checksum.
@@ -47,7 +47,7 @@ enum class FrameFault : std::uint8_t {
 /// Writes a frame as it goes over the line, with its delimiter.
 /// @param payload  at most kPayloadSizeMax bytes
 /// @param wire     kWireSizeMax bytes are always enough
-/// @return bytes written; 0: payload or frame are too large
+/// @return bytes written; 0 if payload or frame are too large
 /// @realtime alloc-free
 [[nodiscard]] std::size_t encode(const Frame& frame, MutableBytes wire) noexcept;
 

@@ -16,11 +16,11 @@ namespace rtpm::device_serial {
 /// board that is not plugged in when its driver is made.
 [[nodiscard]] BoardDescription fallback_board();
 
-/// @errors   an unknown word, a speed that is no number
+/// @errors   an unknown word, a speed that is not a number
 [[nodiscard]] expected<PortSettings, SetupError> read_settings(std::string_view arguments);
 
 /// The driver of one board. If it is plugged in, it is asked for its description, which takes up to
-/// 5 s; else it is taken for fallback_board().
+/// 5 s; otherwise it is taken for fallback_board().
 /// @param arguments    "port=/dev/ttyACM0 speed=115200 serial=12345", each word optional
 /// @param device_name  in front of the frame's name
 /// @realtime set-up only
@@ -28,7 +28,7 @@ namespace rtpm::device_serial {
 [[nodiscard]] expected<std::unique_ptr<driver::Driver>, SetupError> open(
     std::string_view arguments, std::string_view device_name);
 
-/// Likewise, with a test's own ports and transport.
+/// The driver of one board, with the ports and transport of a test.
 [[nodiscard]] expected<std::unique_ptr<driver::Driver>, SetupError> open(
     std::string_view arguments, std::string_view device_name, const ListPorts& list,
     const OpenTransport& open_transport);

@@ -16,8 +16,8 @@ struct Port {
   bool is_usb = false;
   std::uint16_t usb_vendor = 0;
   std::uint16_t usb_product = 0;
-  std::string model{};   ///< "Arduino Uno"; empty: it states none.
-  std::string serial{};  ///< The USB interface's; empty: it has none.
+  std::string model{};   ///< "Arduino Uno"; empty if it states none.
+  std::string serial{};  ///< The USB interface's serial number; may be empty.
 };
 
 /// Lists the ports of this machine.

@@ -19,10 +19,10 @@ struct SerialConfig {
   OpenTransport open;        ///< The port.
   PortSettings port{};       ///< Until the parameters say otherwise.
   BoardDescription board{};  ///< The expected board. With a serial number: that board only.
-  std::string serial{};      ///< The descriptor's; not empty.
+  std::string serial{};      ///< The descriptor's serial number; not empty.
   std::string frame{};
   Duration greeting_max = kGreetingMax;  ///< How long configure() waits for the board.
-  rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;  ///< The thread's.
+  rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;  ///< The mode of its thread.
 };
 
 /// A microcontroller board that speaks the frames of FRAMES.md. Without a command its efforts are
@@ -65,7 +65,7 @@ class SerialDriver final : public driver::Driver {
   std::optional<Session> session_{};
   Latest<Report> reports_{};
   Latest<Request> requests_{};
-  Report last_{};  ///< As exchange() last saw it.
+  Report last_{};  ///< The report that exchange() last saw.
   std::uint64_t request_number_ = 0;
   bool is_active_ = false;
 

@@ -24,7 +24,7 @@ struct Request {
 
 /// Counters of faults on the line since greet().
 struct LineCounters {
-  std::uint64_t corrupt = 0;     ///< Bytes that were no frame, and frames with invalid contents.
+  std::uint64_t corrupt = 0;     ///< Bytes outside of frames, and frames with invalid contents.
   std::uint64_t lost = 0;        ///< States that the board sent and that did not arrive.
   std::uint64_t duplicate = 0;   ///< States that arrived again.
   std::uint64_t stale = 0;       ///< States older than one that arrived before them.
@@ -56,7 +56,7 @@ inline constexpr Duration kGreetingMax = std::chrono::seconds{5};
 struct SessionConfig {
   Duration period{};  ///< The requests' period.
   std::int64_t speed_baud = 115'200;
-  std::uint32_t nonce = 1;  ///< As of nonce_at(); not zero.
+  std::uint32_t nonce = 1;  ///< Made by nonce_at(); not zero.
   Duration greeting_max = kGreetingMax;
 };
 

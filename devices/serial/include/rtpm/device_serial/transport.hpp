@@ -43,8 +43,8 @@ class Transport {
 
 /// The choice of a board, and the speed of its line.
 struct PortSettings {
-  std::string port{};    ///< "/dev/ttyACM0", or a link to it; empty: by the serial number.
-  std::string serial{};  ///< The board's USB interface's; empty: the only one plugged in.
+  std::string port{};    ///< "/dev/ttyACM0", or a link; if empty, `serial` selects.
+  std::string serial{};  ///< The USB interface's; if empty, the only board is taken.
   std::int64_t speed_baud = 115'200;
 };
 

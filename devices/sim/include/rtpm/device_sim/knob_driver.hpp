@@ -13,7 +13,7 @@ struct KnobConfig {
   double inertia_kg_m2 = 1e-4;
   double damping_newton_metre_s_per_rad = 5e-4;
   double effort_newton_metre_max = 0.05;
-  double hand_newton_metre = 0.004;  ///< Greatest torque of the fingers; 0: no hand.
+  double hand_newton_metre = 0.004;  ///< Greatest torque of the fingers; 0 without a hand.
   double resolution_rad = 1e-4;      ///< Step of the encoder.
 };
 

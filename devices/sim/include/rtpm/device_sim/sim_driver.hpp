@@ -18,9 +18,9 @@ namespace rtpm::device_sim {
 struct SimConfig {
   ArmConfig arm{};
   HandConfig hand{};
-  bool is_held = true;      ///< False: no hand, only the motors move it.
-  std::string hand_file{};  ///< A recorded hand, see Trajectory; empty: PressingPath.
-  std::uint64_t seed = 1;   ///< For PressingPath and the encoders' error.
+  bool is_held = true;      ///< If false, only the motors move it.
+  std::string hand_file{};  ///< A recorded hand's file; PressingPath if empty.
+  std::uint64_t seed = 1;   ///< Seeds PressingPath and the encoders' error.
   /// Maximum error of each encoder until it is calibrated.
   double encoder_error_m = 0;
   std::string serial = "sim-1";

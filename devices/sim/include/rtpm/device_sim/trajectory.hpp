@@ -21,7 +21,7 @@ struct Motion {
 
 /// A recorded path: positions over time, straight lines between them.
 ///
-/// As a file it is text, one point per line, "t_s,x_m,y_m,z_m": seconds and metres, at any rate,
+/// Its file is text, one point per line, "t_s,x_m,y_m,z_m": seconds and metres, at any rate,
 /// the times growing from line to line. Spaces, empty lines and lines that begin with # are
 /// skipped. The first line may be the header "t_s,x_m,y_m,z_m"; anything else that is not four
 /// numbers is an error. At most kPointCountMax points.
@@ -36,12 +36,12 @@ class Trajectory {
   /// @errors   an unreadable or empty file, a malformed line: the text begins with "file:line: "
   [[nodiscard]] static expected<Trajectory, SetupError> load(const std::filesystem::path& path,
                                                              const driver::Workspace& workspace);
-  /// The same from `text`; `name` replaces the file's in errors. Set-up only.
+  /// Reads `text` as load() reads a file; errors call it `name`. Set-up only.
   [[nodiscard]] static expected<Trajectory, SetupError> parse(std::istream& text,
                                                               std::string_view name,
                                                               const driver::Workspace& workspace);
 
-  /// From the first point's time to the last's, in seconds; 0 for a single point.
+  /// The time from the first point to the last, in seconds; 0 for a single point.
   [[nodiscard]] double duration_s() const noexcept {
     return points_.back().time_s - points_.front().time_s;
   }

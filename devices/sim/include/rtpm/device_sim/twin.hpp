@@ -12,7 +12,7 @@ namespace rtpm::device_sim {
 struct TwinConfig {
   std::string serial = "sim-1";
   std::string frame = "sim/base";
-  std::uint64_t seed = 1;  ///< For everything random; the same seed gives the same samples.
+  std::uint64_t seed = 1;  ///< Equal seeds give equal samples.
 };
 
 /// Base of the simulated devices without a force in space: a life cycle, and a time that is the sum

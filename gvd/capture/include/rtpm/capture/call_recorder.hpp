@@ -43,7 +43,7 @@ class CallRecorder {
       Duration deadline = std::chrono::seconds{1});
   CallRecorder(const CallRecorder&) = delete;
   CallRecorder& operator=(const CallRecorder&) = delete;
-  /// As stop().
+  /// Stops as stop() does.
   ~CallRecorder();
 
   /// Records the calls that have ended until now, and ends the tap. May be called twice.

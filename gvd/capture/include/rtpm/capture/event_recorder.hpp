@@ -34,7 +34,7 @@ using KnownTypes = std::span<const events::EventDescriptor* const>;
 class EventRecorder {
  public:
   static constexpr Duration kHoldTimeMax = std::chrono::seconds{3};
-  /// As much as a track takes at once, so that no held event is dropped when it is recorded.
+  /// The size that a track takes at once, so that no held event is dropped when it is recorded.
   static constexpr std::size_t kHeldByteMax = 2 << 20;
 
   /// Takes a track of its own.
@@ -66,7 +66,7 @@ class EventRecorder {
  private:
   struct ChannelOfEvents {
     std::uint16_t number = 0;
-    schema::Dynamic* dynamic = nullptr;  ///< Null: the payload is recorded as it is.
+    schema::Dynamic* dynamic = nullptr;  ///< If null, the payload is recorded as it is.
     bool is_named = false;               ///< The channel's topic has the device's name.
   };
   using Key = std::pair<events::EventType, events::SourceId>;
@@ -85,14 +85,14 @@ class EventRecorder {
   void let_go_if(KnownTypes types, bool is_end);
   void put(const events::EventHeader& header, ConstBytes payload, MonotonicTime received,
            const events::EventDescriptor* type);
-  /// Null: the file takes no more channels.
+  /// Finds or adds the channel of an event; null if the file takes no more channels.
   ChannelOfEvents* channel_of(const events::EventHeader& header,
                               const events::EventDescriptor* type);
   std::optional<std::uint16_t> add_channel(const events::EventHeader& header,
                                            const events::EventDescriptor* type,
                                            const schema::Dynamic* dynamic,
                                            const std::string* device);
-  /// Null: the source is no device, or a device without a name.
+  /// The name of the device that is the source; null if it is not a device, or has no name.
   const std::string* device_of(const events::EventHeader& header);
 
   mutable rt::PiMutex mutex_{};

@@ -19,7 +19,7 @@ namespace rtpm::capture {
 struct LiveRecordingConfig {
   std::string hub{events::kHubPath};            ///< By name or URL.
   std::string registry{names::kThisHost};       ///< Name service of the devices.
-  Duration deadline = std::chrono::seconds{1};  ///< For calls to the hub.
+  Duration deadline = std::chrono::seconds{1};  ///< The deadline of calls to the hub.
   recording::RecorderConfig recorder{};
 };
 

@@ -41,20 +41,20 @@ struct DeviceConfiguration {
   bool is_unsaved = false;     ///< A value has changed since it was saved or loaded.
   std::vector<Parameter> parameters{};
 
-  /// Null: no such parameter.
+  /// Null if there is no such parameter.
   [[nodiscard]] const Parameter* find(std::string_view name) const noexcept;
 };
 
 /// The calibrations that a device offers.
 struct DeviceCalibrations {
   std::vector<driver::CalibrationInfo> calibrations{};
-  std::uint64_t open_run = 0;  ///< The run that is not over; 0: none.
+  std::uint64_t open_run = 0;  ///< The run that is not over; 0 if there is none.
 };
 
 /// Configures a configuration client.
 struct ConfigurationClientOptions {
   rpc::BindOptions bind{};
-  rpc::CallOptions call{};  ///< For all calls; by default the methods' own deadlines.
+  rpc::CallOptions call{};  ///< Options of all calls; by default the methods' deadlines.
 };
 
 /// The parameters and calibrations of a remote device as a local object.
@@ -99,7 +99,7 @@ class ConfigurationClient {
   [[nodiscard]] expected<void, ConfigurationError> save();
 
   [[nodiscard]] expected<DeviceCalibrations, ConfigurationError> calibrations();
-  /// Starts a calibration. Ask calibration() for its state at least every 30 s, else it is
+  /// Starts a calibration. Ask calibration() for its state at least every 30 s, or it is
   /// discarded.
   /// @errors   kUnknownCalibration · kBusy: another is not over
   [[nodiscard]] expected<CalibrationStatus, ConfigurationError> calibrate(std::string_view name);

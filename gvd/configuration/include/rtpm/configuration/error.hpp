@@ -38,7 +38,7 @@ inline constexpr std::uint8_t kConfigurationOutcomeCount = 16;
 struct ConfigurationError {
   ConfigurationOutcome outcome = ConfigurationOutcome::kCallFailed;
   std::string parameter{};  ///< Its name, if it is about one.
-  SetupError words{};       ///< For people: the problem, its cause, and the remedy.
+  SetupError words{};       ///< The problem, its cause and the remedy, for people.
 };
 
 }  // namespace rtpm::gvd

@@ -14,7 +14,7 @@ namespace rtpm::gvd {
 /// Configures a configuration manager.
 struct ConfigurationManagerConfig {
   /// Where settings are saved; it and the folder above it, which must exist, must be writable.
-  /// Empty: nowhere, and save() is refused.
+  /// If empty, nothing is saved, and save() is refused.
   std::string settings_folder{};
   ParameterListener* listener = nullptr;  ///< May be null; must outlive the manager.
   rt::ThreadConfig thread{.name = "configuration", .realtime = rt::RealtimeMode::kOff};

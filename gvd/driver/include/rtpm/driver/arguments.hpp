@@ -30,10 +30,10 @@ using Words = std::map<std::string, std::string, std::less<>>;
 [[nodiscard]] expected<Words, SetupError> read_words(std::string_view driver, std::string_view text,
                                                      const KnownWords& known);
 
-/// Empty: it was not given.
+/// The value of the word `name`; empty if it was not given.
 [[nodiscard]] std::string value_of(const Words& words, std::string_view name);
 
-/// All of `text` as a number; nothing: it is not one, or T can't hold it.
+/// All of `text` as a number; nullopt if it is not one, or T can't hold it.
 template <class T>
 [[nodiscard]] std::optional<T> to_number(std::string_view text) {
   T number{};

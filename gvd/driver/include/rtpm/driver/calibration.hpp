@@ -13,7 +13,7 @@ namespace rtpm::driver {
 
 /// A calibration that a device offers.
 struct CalibrationInfo {
-  std::string name;         ///< As a parameter's: "encoder_offset".
+  std::string name;         ///< Follows the rules of a parameter's name: "encoder_offset".
   std::string description;  ///< Its result and the operator's task, one sentence.
 };
 

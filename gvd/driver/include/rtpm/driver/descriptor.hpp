@@ -45,10 +45,10 @@ struct Analog {
 struct Joint {
   std::string name;         ///< "elbow", "gripper", "dial".
   std::string unit;         ///< "rad", or "m" for a joint that slides.
-  double low = 0;           ///< Minimum position; equal to `high`: it turns without end.
+  double low = 0;           ///< Minimum position; equal to `high` if it turns without end.
   double high = 0;          ///< Maximum position.
-  double velocity_max = 0;  ///< In units per second; 0: no command moves it.
-  double effort_max = 0;    ///< In newton or newton metre; 0: no motor.
+  double velocity_max = 0;  ///< In units per second; 0 if no command moves it.
+  double effort_max = 0;    ///< In newton or newton metre; 0 without a motor.
 };
 
 /// One output: an analog value, a lamp, an amplitude.
@@ -60,17 +60,17 @@ struct Output {
   double safe = 0;   ///< Its value without a command.
 };
 
-/// Limits of a device; 0: it has no such actuators.
+/// Limits of a device; 0 if it has no such actuators.
 struct Limits {
   double force_newton_max = 0;         ///< Maximum magnitude in any direction.
-  double torque_newton_metre_max = 0;  ///< Likewise of the torque.
+  double torque_newton_metre_max = 0;  ///< Maximum magnitude of the torque.
   /// The stiffest wall that stays passive when rendered in the device's own loop at `rate_hz`.
   double stiffness_newton_per_m_max = 0;
   /// The mechanics' own damping, which bounds rendering in a remote loop: stiffness × (period / 2 +
   /// delay) must stay below it.
   double damping_newton_s_per_m = 0;
-  double velocity_m_per_s_max = 0;    ///< Limit of commanded motion; 0: no command moves it.
-  double velocity_rad_per_s_max = 0;  ///< Likewise of commanded turning.
+  double velocity_m_per_s_max = 0;    ///< Limit of commanded motion; 0 if no command moves it.
+  double velocity_rad_per_s_max = 0;  ///< Limit of commanded turning; 0 if no command turns it.
 };
 
 /// The box in which the end effector moves.
@@ -91,11 +91,11 @@ struct Descriptor {
   std::vector<Analog> analogs{};       ///< At most kAnalogCountMax.
   std::vector<Joint> joints{};         ///< At most kJointCountMax.
   std::vector<Output> outputs{};       ///< At most kOutputCountMax.
-  std::vector<CommandMode> modes{};    ///< Modes besides kOff; empty: it only measures.
+  std::vector<CommandMode> modes{};    ///< Modes besides kOff; empty if it only measures.
   Limits limits{};
   Workspace workspace{};
   double rate_hz = 1000;             ///< Rate of exchange().
-  double position_resolution_m = 0;  ///< Step of the position; 0: none.
+  double position_resolution_m = 0;  ///< Step of the position; 0 if there is none.
 };
 
 }  // namespace rtpm::driver

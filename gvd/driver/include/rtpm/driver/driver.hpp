@@ -102,8 +102,8 @@ class Driver {
   /// @realtime set-up only
   [[nodiscard]] virtual std::vector<CalibrationInfo> calibrations() const { return {}; }
 
-  /// Makes a run of the calibration `name`, based on the present values of the parameters; null: no
-  /// such calibration. Called between two exchange().
+  /// Makes a run of the calibration `name`, based on the present values of the parameters; null if
+  /// there is no such calibration. Called between two exchange().
   /// @realtime set-up only
   [[nodiscard]] virtual std::unique_ptr<Calibration> make_calibration(std::string_view name);
 };

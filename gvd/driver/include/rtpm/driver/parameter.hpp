@@ -50,13 +50,13 @@ struct ParameterSpec {
   /// "encoder.offset_m". "safety." is the device server's own group.
   std::string name;
   ParameterType type = ParameterType::kReal;
-  std::string unit{};  ///< SI, "1" for a ratio; empty: has none.
+  std::string unit{};  ///< SI, "1" for a ratio; empty if it has none.
   /// Range of an integer, a real, and each element of a vector; both ends included. The ends of an
   /// integer's range are whole numbers of at most 2^53.
   double low = -std::numeric_limits<double>::infinity();
   double high = std::numeric_limits<double>::infinity();
-  std::vector<std::string> choices{};  ///< For kChoice.
-  std::size_t vector_size = 0;         ///< For kVector.
+  std::vector<std::string> choices{};  ///< The words of a kChoice.
+  std::size_t vector_size = 0;         ///< The size of a kVector.
   /// Its value until the first change. It has the stated type and lies within the range.
   ParameterValue default_value{};
   std::string description{};  ///< One sentence.
@@ -79,7 +79,7 @@ enum class ValueFault : std::uint8_t {
 /// Whether `value` suits `spec`; ignores its mutability.
 [[nodiscard]] ValueFault check(const ParameterSpec& spec, const ParameterValue& value) noexcept;
 
-/// The fault of a specification, as a clause; empty: it has none.
+/// The fault of a specification, as a clause; empty if it has none.
 /// @realtime set-up only
 [[nodiscard]] std::string fault_of(const ParameterSpec& spec);
 

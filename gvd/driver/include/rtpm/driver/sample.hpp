@@ -46,8 +46,8 @@ enum class Fault : std::uint32_t {
   kPowerLimited = 1u << 16,      ///< The command would give its user more power than the limit.
   kBraked = 1u << 17,            ///< The passivity guard brakes.
   kHeatLimited = 1u << 18,       ///< The force is shortened for the motors' heat.
-  /// An impossible pose or time: beyond 1 km, a rotation that is no unit quaternion, a host_time in
-  /// the future or before the device was opened. The values are as the driver gave them.
+  /// An impossible pose or time: beyond 1 km, a rotation that is not a unit quaternion, a host_time
+  /// in the future or before the device was opened. The values are as the driver gave them.
   kImplausible = 1u << 19,
 };
 
@@ -90,7 +90,7 @@ struct Sample {
   /// Time of measurement on the host's clock. A driver without a timestamp copies
   /// Command::cycle_time.
   MonotonicTime host_time{};
-  /// The same on the device's own clock; 0: it has none.
+  /// Time of measurement on the device's clock; 0 if it has none.
   Duration device_time{0};
   Pose pose{};
   Twist twist{};

@@ -36,7 +36,7 @@ class VelocityFilter {
     MonotonicTime time{};
     double position = 0;
   };
-  /// `age` 0: the newest.
+  /// The measurement `age` steps before the newest.
   [[nodiscard]] const Measured& at(std::size_t age) const noexcept {
     return window_[(newest_ + kWindow - age) % kWindow];
   }

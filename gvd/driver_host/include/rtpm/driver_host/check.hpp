@@ -21,7 +21,7 @@ class DriverMaker {
 
 /// How time passes for the driver under test.
 enum class CheckPace : std::uint8_t {
-  kSimulated,  ///< As fast as it goes: for drivers whose device is a model.
+  kSimulated,  ///< Without waiting, for drivers whose device is a model.
   kReal,       ///< One exchange() per period.
 };
 
@@ -36,7 +36,7 @@ struct DriverCheck {
 
 /// Runs `check` with a driver of its own. It commands the greatest forces: keep hands off the
 /// device.
-/// @return the breaches, at most ten; none: the driver keeps the promise
+/// @return the breaches, at most ten; empty if the driver keeps the promise
 /// @realtime set-up only
 [[nodiscard]] std::vector<std::string> run_check(const DriverCheck& check, DriverMaker& maker,
                                                  Duration period, CheckPace pace);

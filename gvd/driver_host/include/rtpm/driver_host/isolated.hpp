@@ -25,7 +25,7 @@ class IsolationListener {
 struct IsolationConfig {
   /// The program of the driver's process, and its arguments. It calls serve_driver().
   std::vector<std::string> command{};
-  /// How long exchange() waits for the other process; nothing: half of the period.
+  /// How long exchange() waits for the other process; by default half of the period.
   std::optional<Duration> exchange_patience{};
   /// How long the process may take to make the driver, and configure() and activate() each.
   Duration set_up_patience = std::chrono::seconds{30};

@@ -21,10 +21,10 @@ struct ModelLimits {
   /// Furthest position and longest length, far beyond any workspace, so that no force overflows.
   static constexpr double kExtentMaxMetre = 100;
 
-  double force_newton_max = 0;  ///< 0: the device takes no force.
+  double force_newton_max = 0;  ///< 0 if the device takes no force.
   double stiffness_newton_per_m_max = 0;
   double damping_newton_s_per_m_max = 0;
-  /// The limit of each joint; 0: it does not turn, or takes no efforts.
+  /// The limit of each joint; 0 if it does not turn, or takes no efforts.
   std::array<double, driver::kJointCountMax> efforts_newton_metre_max{};
   std::array<double, driver::kJointCountMax> stiffness_newton_metre_per_rad_max{};
   std::array<double, driver::kJointCountMax> damping_newton_metre_s_per_rad_max{};
@@ -45,8 +45,8 @@ struct ModelLimits {
 /// Why a list was refused: a field of one of its models is outside of its range.
 /// @ownership a value; the name is static
 struct ModelError {
-  std::size_t index = 0;     ///< The model's, from 0.
-  std::string_view kind{};   ///< As to_string(Model).
+  std::size_t index = 0;     ///< The index of the model, from 0.
+  std::string_view kind{};   ///< A word of to_string(Model).
   std::string_view field{};  ///< "stiffness_newton_per_m".
   double value = 0;          ///< May be a NaN. For a direction: its length.
   double low = 0;            ///< The range, bounds included.

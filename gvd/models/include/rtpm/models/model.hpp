@@ -68,7 +68,7 @@ struct Spring {
   driver::Vector3 anchor_m{};
   double stiffness_newton_per_m = 0;
   double damping_newton_s_per_m = 0;
-  double force_newton_max = 0;  ///< The spring's, without the damper.
+  double force_newton_max = 0;  ///< Limits the spring's force, without the damper's.
   friend constexpr bool operator==(const Spring&, const Spring&) noexcept = default;
 };
 
@@ -93,7 +93,7 @@ struct AffineField {
 /// @source   Hayward and Armstrong, "A new computational model of friction applied to haptic
 ///           rendering" (2000), with constant stiffness
 struct Friction {
-  double force_newton = 0;            ///< While sliding; 0: viscosity only.
+  double force_newton = 0;            ///< The force while sliding; 0 for viscosity only.
   double stiffness_newton_per_m = 0;  ///< While sticking; above 0 with force_newton.
   double viscosity_newton_s_per_m = 0;
   friend constexpr bool operator==(const Friction&, const Friction&) noexcept = default;

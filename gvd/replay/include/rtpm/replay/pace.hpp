@@ -7,7 +7,7 @@
 
 namespace rtpm::replay {
 
-/// Maps this host's time to the recording's.
+/// Maps this host's time to the time of the recording.
 /// @ownership a value, not copied
 /// @threads  start() once, before the others; the rest from any
 /// @realtime alloc-free, without waiting

@@ -18,8 +18,8 @@ namespace rtpm::replay {
 
 /// Settings of a player.
 struct PlayerConfig {
-  std::string registry{};   ///< Registry of the devices' names; empty: no names.
-  std::string hub{};        ///< The events' hub, a name or a URL; empty: no events.
+  std::string registry{};   ///< Registry of the devices' names; empty without names.
+  std::string hub{};        ///< The events' hub, a name or a URL; empty without events.
   std::string folder{};     ///< Put before each name: "replay" makes replay/lab/arm0 of lab/arm0.
   double speed = 1;         ///< Seconds of the recording per second; 0.001 to 1000.
   bool is_stepped = false;  ///< Each read of a device gets its next sample; `speed` is not used.

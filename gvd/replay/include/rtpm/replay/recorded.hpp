@@ -22,14 +22,14 @@ struct RecordedDevice {
   std::string name;                      ///< "lab/arm0".
   std::vector<std::byte> description{};  ///< A finished Description.
   std::vector<device::Sample> samples{};
-  std::vector<Duration> times{};  ///< The samples', since the recording's start; never falls.
+  std::vector<Duration> times{};  ///< Each sample's, since the recording's start; never falls.
 };
 
 /// The source of recorded events.
 /// @ownership a value
 struct RecordedSource {
   std::string topic;
-  std::string type_name{};  ///< "lab.Touched"; empty: it was not known.
+  std::string type_name{};  ///< "lab.Touched"; empty if it was not known.
   events::EventType type = 0;
   events::SourceId source = 0;
   std::uint64_t schema_id = 0;
@@ -60,8 +60,8 @@ struct Recorded {
 
 /// Selects the part of a recording that is read.
 struct Selection {
-  std::vector<std::string> devices{};  ///< By name; empty: all.
-  std::vector<std::string> topics{};   ///< The events' topics; empty: all.
+  std::vector<std::string> devices{};  ///< By name; empty for all.
+  std::vector<std::string> topics{};   ///< The events' topics; empty for all.
   Duration from{0};                    ///< Since the file's first message.
   std::optional<Duration> to{};
 };

@@ -40,19 +40,19 @@ class CommandSink {
 
 /// Settings of a replayed device.
 struct ReplayedDeviceConfig {
-  /// Selects the sample that a read() gets: the one of the present time; null: each read() gets the
-  /// next one, so that a loop with one read per cycle sees each sample once, whatever its timing.
+  /// Selects the sample of the present time for each read(). If null, each read() gets the next
+  /// sample, so that a loop with one read per cycle sees each sample once, whatever its timing.
   const Pace* pace = nullptr;
   End end = End::kGone;
   gvd::LeaseConfig lease{};
   SipKey lease_key{};
   CommandSink* commands = nullptr;                 ///< May be null.
-  gvd::EmergencyStops* emergency_stops = nullptr;  ///< Its program's; may be null.
+  gvd::EmergencyStops* emergency_stops = nullptr;  ///< The stops of its program; may be null.
 };
 
 /// A recorded device as an object again. Description and samples are the recorded ones, bit by bit.
-/// Lease and commands follow the rules of a real device, and refusals are its own; but a command,
-/// a fault's end, activate and deactivate move nothing that a sample shows. It renders no models.
+/// Lease and commands follow the rules of a real device, and so do refusals; but a command, the
+/// end of a fault, activate and deactivate change no sample. It renders no models.
 /// @ownership refers to what its arguments refer to
 /// @threads  attend() and lose() from one; the methods from any lane
 /// @realtime alloc-free, but for describe(), set_models() and read_flight_record()
@@ -116,7 +116,7 @@ class ReplayedDevice final : public device::DeviceServant {
                                        const rpc::CallContext& context) override;
 
  private:
-  /// The sample that a read at `now` gets, or would get; null: there is none yet.
+  /// The sample that a read at `now` gets, or would get; null if there is none yet.
   [[nodiscard]] const device::Sample* sample_at(MonotonicTime now) const noexcept;
   [[nodiscard]] const device::Sample* next_sample() noexcept;
   [[nodiscard]] const device::Sample* last_shown(MonotonicTime now) const noexcept;

@@ -27,24 +27,24 @@ inline constexpr std::uint8_t kWatchdogPolicyCount = 4;
 /// for_device() gives a limit.
 /// @ownership a value
 struct SafetyConfig {
-  double force_newton_max = 0;                           ///< Maximum magnitude; 0: no force.
-  double torque_newton_metre_max = 0;                    ///< Likewise.
+  double force_newton_max = 0;                           ///< Maximum magnitude; 0 for no force.
+  double torque_newton_metre_max = 0;                    ///< Maximum magnitude; 0 for no torque.
   double force_newton_per_s_max = 1000;                  ///< Maximum rate of change.
-  double torque_newton_metre_per_s_max = 50;             ///< Likewise.
+  double torque_newton_metre_per_s_max = 50;             ///< Maximum rate of change.
   Duration hold_max = std::chrono::milliseconds{100};    ///< Maximum life of a command.
   Duration ramp = std::chrono::milliseconds{20};         ///< From full force to zero, after a loss.
   Duration soft_start = std::chrono::milliseconds{200};  ///< From zero to full force.
 
   WatchdogPolicy watchdog = WatchdogPolicy::kRamp;
-  Duration watchdog_span = std::chrono::milliseconds{100};  ///< For kHold and kDamp.
+  Duration watchdog_span = std::chrono::milliseconds{100};  ///< How long kHold and kDamp last.
   double watchdog_newton_s_per_m = 0;                       ///< The damping of kDamp.
 
-  double power_watt_max = 0;           ///< Most that the device may give its user; 0: none.
-  double velocity_m_per_s_max = 0;     ///< Faster, the force is off until recover(); 0: none.
-  driver::Workspace workspace{};       ///< Where the soft wall begins; no wall on an empty axis.
-  double wall_newton_per_m = 0;        ///< Stiffness of the wall; 0: no wall.
-  double wall_newton_s_per_m = 0;      ///< Its damping.
-  double force_newton_continuous = 0;  ///< Force that the motors endure for ever; 0: any.
+  double power_watt_max = 0;        ///< Most that the device may give its user; 0 for no limit.
+  double velocity_m_per_s_max = 0;  ///< Faster, the force is off until recover(); 0 for no limit.
+  driver::Workspace workspace{};    ///< Where the soft wall begins; no wall on an empty axis.
+  double wall_newton_per_m = 0;     ///< Stiffness of the wall; 0 without a wall.
+  double wall_newton_s_per_m = 0;   ///< Its damping.
+  double force_newton_continuous = 0;  ///< Force that the motors endure for ever; 0 for no limit.
   Duration heat_time = std::chrono::seconds{30};  ///< How long they endure force_newton_max.
 
   bool has_passivity_guard = false;

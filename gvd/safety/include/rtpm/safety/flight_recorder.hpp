@@ -24,7 +24,7 @@ struct FlightRecord {
   MonotonicTime time{};
   driver::Vector3 position_m{};
   driver::Vector3 velocity_m_per_s{};
-  driver::Wrench received{};  ///< The command with its models; zero: none.
+  driver::Wrench received{};  ///< The command with its models; zero if there is none.
   driver::Wrench applied{};   ///< The wrench that the driver was given.
   driver::Faults faults{};    ///< The mechanisms that acted, one bit each.
   bool has_command = false;
@@ -47,12 +47,12 @@ enum class FlightCause : std::uint8_t {
 
 /// The last cycles around a fault.
 struct FlightLog {
-  std::uint64_t number = 0;  ///< Counts a device's faults from 1; 0: there was none.
+  std::uint64_t number = 0;  ///< Counts a device's faults from 1; 0 if there was none.
   FlightCause cause = FlightCause::kNone;
   std::uint64_t cycle = 0;              ///< The fault's cycle.
   std::size_t record_count = 0;         ///< In the whole log.
   std::vector<FlightRecord> records{};  ///< Oldest first; perhaps a part of it.
-  /// The monotonic clock of their times minus this host's; not 0 only if another host has the
+  /// The clock of the records' times minus this host's clock; not 0 only if another host has the
   /// device.
   Duration clock_offset{0};
 };
@@ -77,7 +77,7 @@ class FlightRecorder {
 
   /// Adds a cycle. Its faults that latch and were not set in the last cycle begin a flight log.
   void record(const FlightRecord& record) noexcept;
-  /// The number of the newest frozen log; 0: none.
+  /// The number of the newest frozen log; 0 if there is none.
   [[nodiscard]] std::uint64_t number() const noexcept {
     return number_.load(std::memory_order_acquire);
   }
@@ -98,7 +98,7 @@ class FlightRecorder {
   std::uint64_t pending_cycle_ = 0;
   std::size_t cycles_left_ = 0;
 
-  // The frozen log's; written while is_swapping_ only.
+  // State of the frozen log; written while is_swapping_ only.
   FlightCause cause_ = FlightCause::kNone;
   std::uint64_t cycle_ = 0;
   std::uint64_t frozen_count_ = 0;

@@ -39,8 +39,8 @@ using DeviceResult = expected<void, DeviceError>;
 /// Why a device does not render a list of models.
 struct ModelsError {
   DeviceError error;
-  /// For people; with kOutOfRange "model 2 (plane): stiffness_newton_per_m is 1e+09; choose 0 to
-  /// 1667".
+  /// A message for people; with kOutOfRange "model 2 (plane): stiffness_newton_per_m is 1e+09;
+  /// choose 0 to 1667".
   std::string text{};
 };
 
@@ -93,7 +93,7 @@ class DeviceClient {
   /// @errors   as set()
   [[nodiscard]] DeviceResult set_force(const driver::Vector3& force_newton,
                                        const rpc::CallOptions& options = {}) noexcept;
-  /// As set_force(), with torque.
+  /// Sets force and torque, as set_force() does.
   [[nodiscard]] DeviceResult set_wrench(const driver::Wrench& wrench,
                                         const rpc::CallOptions& options = {}) noexcept;
 
@@ -112,8 +112,8 @@ class DeviceClient {
   /// same limits; it needs no command and no link, but the lease, with which it ends by the ramp:
   /// when this client falls silent, after LeaseConfig::silence_max (1 s), not after `hold`. Call
   /// set_models() again, or command, to keep the lease; renew() alone keeps it for 10 s. The models
-  /// also end with a lost device, deactivate(), an emergency stop and recover(). None: removes
-  /// them.
+  /// also end with a lost device, deactivate(), an emergency stop and recover(). An empty list
+  /// removes them.
   /// @realtime set-up only
   /// @errors   kNotHolder · kNotActive · kOutOfRange · kSuperseded · kTooMany · kEmergencyStop ·
   ///           kCallFailed; the former models stay
@@ -130,7 +130,7 @@ class DeviceClient {
   /// @realtime set-up only
   /// @errors   kHeld · kTooSoon · kCallFailed
   [[nodiscard]] DeviceResult acquire(Duration patience = std::chrono::seconds{2});
-  /// For a client whose call failed with kNotHolder: acquires the lease again, as acquire(), unless
+  /// Call it after a call failed with kNotHolder: acquires the lease again, as acquire(), unless
   /// an operator took it over: then only acquire() asks for it. Does nothing while it is held.
   /// @realtime set-up only
   /// @errors   kNotHolder: an operator took it over · as acquire()

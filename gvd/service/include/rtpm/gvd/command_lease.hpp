@@ -62,7 +62,7 @@ class Lease {
   [[nodiscard]] std::optional<std::uint64_t> take_over() noexcept;
   /// True if `id` holds the lease; counts as a heartbeat from the next step on.
   bool renew(std::uint64_t id) noexcept;
-  /// The same; also counts as a use.
+  /// True if `id` holds the lease; counts as a heartbeat, and as a use.
   bool use(std::uint64_t id) noexcept;
   /// Releases the lease; false if `id` does not hold it.
   bool release(std::uint64_t id) noexcept;

@@ -51,7 +51,7 @@ class DeviceEventHandler {
 ///     auto consumer = DeviceConsumer::start(node, config, handler);
 ///
 /// It subscribes again by itself when the hub restarts, and reports the gap. A device that is
-/// absent is no error: its events come when it does.
+/// absent is not an error: its events come when it does.
 /// @ownership refers to its node and handler, which must outlive it
 /// @threads  any
 class DeviceConsumer {

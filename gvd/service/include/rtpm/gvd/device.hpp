@@ -27,8 +27,8 @@ class DeviceListener {
 
 /// Configures a device.
 struct CycleConfig {
-  Duration period = std::chrono::milliseconds{1};  ///< The device loop's.
-  LeaseConfig lease{};                             ///< For the right to command.
+  Duration period = std::chrono::milliseconds{1};  ///< The period of the device's loop.
+  LeaseConfig lease{};                             ///< The rules of the right to command.
   /// Minimum priority of a call that takes the lease over: below the device's thread, above its
   /// clients.
   Priority operator_priority{28000};
@@ -36,13 +36,13 @@ struct CycleConfig {
   /// A device whose cycles are late or corrupt for this time, and for more than twenty cycles,
   /// counts as gone. Its force goes to zero after twenty cycles.
   Duration gone_after = std::chrono::milliseconds{200};
-  /// Limits of the safety filter; nullopt: SafetyConfig::for_device().
+  /// Limits of the safety filter; by default those of SafetyConfig::for_device().
   std::optional<SafetyConfig> safety{};
   DeviceListener* listener = nullptr;  ///< May be null; must outlive the device's server.
-  CycleObserver* observer = nullptr;   ///< Likewise.
-  /// The stops of the program that hosts the device; likewise. Null: it hosts no other device.
+  CycleObserver* observer = nullptr;   ///< May be null; must outlive the device's server.
+  /// The stops of the hosting program; must outlive the server. Null if it hosts no other device.
   EmergencyStops* emergency_stops = nullptr;
-  /// Likewise. Null: an emergency stop ends with the device's server.
+  /// Must outlive the server. If null, an emergency stop ends with the device's server.
   StopMemory* stop_memory = nullptr;
 };
 

@@ -65,7 +65,7 @@ struct FaultChange {
   friend bool operator==(const FaultChange&, const FaultChange&) = default;
 };
 struct LeaseChange {
-  /// kHeld: a client holds it now; else why it ended.
+  /// kHeld while a client holds it; otherwise why it ended.
   LeaseState state = LeaseState::kUnknown;
   friend bool operator==(const LeaseChange&, const LeaseChange&) = default;
 };
@@ -81,16 +81,16 @@ struct ConfigurationChange {
 };
 /// A timeout of the subscription's filter.
 struct Timeout {
-  std::uint32_t tag = 0;  ///< As the filter's.
+  std::uint32_t tag = 0;  ///< The tag of the filter.
   friend bool operator==(const Timeout&, const Timeout&) = default;
 };
 
 /// One event.
 /// @ownership a value, but for `device`
 struct DeviceEvent {
-  /// One of DeviceConsumerConfig::devices; empty: another device's event, or a timeout.
+  /// One of DeviceConsumerConfig::devices; empty for another device's event, or a timeout.
   std::string_view device{};
-  std::uint64_t cycle = 0;  ///< Sample::sequence of its cycle; 0: it has no cycle.
+  std::uint64_t cycle = 0;  ///< Sample::sequence of its cycle; 0 if it has none.
   /// With origin and flags, such as is_replayed.
   events::EventHeader header{};
   std::variant<Timeout, driver::Sample, ButtonChange, ContactChange, LifecycleChange, FaultChange,

@@ -23,8 +23,8 @@ class EmergencyStops {
   virtual ~EmergencyStops() = default;
   /// Stops every device of this program.
   virtual void stop_devices() noexcept = 0;
-  /// Stops them and requests the same from every other program, see SystemStop; false: the program
-  /// takes no part in that, and stopped only its own devices.
+  /// Stops them and requests the same from every other program, see SystemStop. False if this
+  /// program takes no part in that, and so stopped only its own devices.
   [[nodiscard]] virtual bool stop_system() noexcept = 0;
 };
 

@@ -12,7 +12,7 @@ namespace rtpm::gvd {
 /// @ownership a value, trivially copyable
 struct CycleRecord {
   MonotonicTime time{};                        ///< The cycle's time.
-  driver::Sample sample{};                     ///< As published.
+  driver::Sample sample{};                     ///< The published sample.
   std::uint16_t lease_serial = 0;              ///< Differs between consecutive leases.
   bool is_held = false;                        ///< A client holds the lease.
   LeaseState last_end = LeaseState::kUnknown;  ///< Why the lease before this one ended.

@@ -59,7 +59,7 @@ class DevicePoller {
   /// @threads  any
   /// @realtime alloc-free
   [[nodiscard]] DevicePollerCounters counters() const noexcept;
-  /// Why the last poll failed; nullopt: it did not.
+  /// Why the last poll failed; nullopt if it did not.
   /// @threads  any
   /// @realtime alloc-free
   [[nodiscard]] std::optional<rpc::CallError> last_error() const noexcept;

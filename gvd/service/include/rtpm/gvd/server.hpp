@@ -69,7 +69,7 @@ class DeviceServer {
   /// @realtime set-up only
   bool stop(Duration patience = std::chrono::seconds{2}) noexcept;
 
-  /// As DeviceClient::emergency_stop() of this device, in the same process.
+  /// Stops this device as DeviceClient::emergency_stop() does, but in the same process.
   /// @threads  any
   /// @realtime alloc-free
   void emergency_stop() noexcept;
@@ -81,7 +81,7 @@ class DeviceServer {
   /// The object for an rpc::Server; lives as long as this.
   [[nodiscard]] rpc::Servant& servant() noexcept;
   /// The device's parameters and calibrations, for a ConfigurationManager; lives as long as this.
-  /// Changes happen between two cycles of a started device, else at once on the caller's thread.
+  /// Changes happen between two cycles if it has started; otherwise at once on the caller's thread.
   /// @threads  any
   [[nodiscard]] Configurable& configurable() noexcept;
   [[nodiscard]] const driver::Descriptor& descriptor() const noexcept;

@@ -22,7 +22,7 @@ inline constexpr std::size_t kRememberedDeviceCountMax = 4096;
 /// A device at one of the servers to which its name leads.
 struct StopTarget {
   std::string device{};
-  std::string url{};  ///< As it is bound.
+  std::string url{};  ///< The URL at which it is bound.
   friend auto operator<=>(const StopTarget&, const StopTarget&) = default;
 };
 
@@ -49,8 +49,8 @@ struct StopReport {
 
 /// Configures a StopDelivery.
 struct StopDeliveryConfig {
-  std::string where{names::kThisHost};  ///< As names::Directory takes it.
-  std::string hub{};                    ///< The URL of a hub that no name service has; empty: none.
+  std::string where{names::kThisHost};  ///< A place for names::Directory.
+  std::string hub{};                    ///< URL of a hub without a name; may be empty.
   Duration patience = std::chrono::milliseconds{900};  ///< Time limit of stop() and retry().
 };
 

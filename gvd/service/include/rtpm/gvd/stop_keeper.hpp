@@ -16,7 +16,7 @@ namespace rtpm::gvd {
 
 /// Configures a keeper of stops.
 struct StopKeeperConfig {
-  /// The folder of the stops, a file per device. Empty: stops end with the program.
+  /// The folder of the stops, a file per device. If empty, stops end with the program.
   std::string folder{};
   DeviceListener* listener = nullptr;  ///< May be null; must outlive the keeper.
 };

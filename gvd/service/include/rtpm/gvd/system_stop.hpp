@@ -32,7 +32,7 @@ class SystemStopDevices {
   /// server.
   /// @return whether there was such a device
   virtual bool obey(std::uint64_t id) noexcept = 0;
-  /// The newest request that one of them obeyed and that was not rearmed since; 0: none.
+  /// The newest request that one of them obeyed and that was not rearmed since, or 0.
   [[nodiscard]] virtual std::uint64_t obeyed() const noexcept = 0;
 };
 
@@ -61,7 +61,7 @@ struct SystemStopConfig {
 class SystemStop {
  public:
   /// Starts, and connects to the hub in the background.
-  /// @param devices  this program's; null: a program without devices, such as a panic button's
+  /// @param devices  this program's; null in a program without devices, such as a panic button's
   /// @realtime set-up only
   /// @errors   no thread left
   [[nodiscard]] static expected<std::unique_ptr<SystemStop>, SetupError> start(

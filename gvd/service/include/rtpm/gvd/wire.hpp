@@ -9,7 +9,7 @@
 #include "rtpm/gvd/error.hpp"
 #include "rtpm/gvd/lease.hpp"
 
-/// Conversions between the driver's types and the schema's.
+/// Converts between the types of drivers and those of the schema.
 namespace rtpm::gvd {
 
 [[nodiscard]] device::Vector3 to_wire(const driver::Vector3& vector) noexcept;
