@@ -239,7 +239,7 @@ class World {
     server_->set_tag(request, ++tag_);
     running_[tag_] = {request, serial};
   }
-  /// Every seventh is larger than a frame.
+  /// Every seventh item is larger than a frame.
   static Frame item_of(std::uint32_t serial, std::uint32_t number) {
     Frame item(number % 7 == 6 ? 4000 + number % 4000 : 8, static_cast<std::byte>(serial));
     store_le(item.data(), serial);

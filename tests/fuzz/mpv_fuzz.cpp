@@ -14,7 +14,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::string_view bytes(reinterpret_cast<const char*>(data), size);
   device_mpv::LineCutter cutter;
   std::size_t line_size = 0;
-  // In two pieces, as a socket may split them.
+  // The bytes come in two pieces, as a socket may split them.
   for (const std::string_view piece : {bytes.substr(0, size / 2), bytes.substr(size / 2)}) {
     cutter.push(piece, [&](std::string_view line) {
       line_size += line.size();

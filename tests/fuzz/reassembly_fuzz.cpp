@@ -130,7 +130,7 @@ void give_items(fuzz::Script& script) {
   OutgoingStream stream;
   stream.begin(call, {.memory = memory, .frame_size = kFrameSize, .fragment_size = kPart},
                is_kept ? Medium::kDatagram : Medium::kStream, first);
-  std::uint32_t there = first;  // The other end is known to have all before this.
+  std::uint32_t there = first;  // The other end has all fragments before this one.
   std::uint32_t item = 0;
   while (script.has_more()) {
     for (int i = 0; i < 40; ++i) {

@@ -55,7 +55,7 @@ void read_all(const std::string& path, recording::Incomplete incomplete) {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static const MemoryFile file;
-  // In memory where possible: closing a recording waits for the disk.
+  // The file is in memory where possible: closing a recording waits for the disk.
   static const std::filesystem::path kMemory = "/dev/shm";
   static const std::filesystem::path kFolder =
       std::filesystem::is_directory(kMemory) ? kMemory : std::filesystem::temp_directory_path();
@@ -66,7 +66,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   read_all(file.path(), recording::Incomplete::kRead);
   static_cast<void>(recording::read_outline(file.path()));
   static_cast<void>(recording::check(file.path()));
-  // Every other one: this takes longer than all the rest.
+  // Recovers only every second input, because this takes longer than all the rest.
   if (size % 2 == 1) return 0;
   std::filesystem::remove(saved);
   if (const auto recovery = recording::recover(file.path(), saved)) {

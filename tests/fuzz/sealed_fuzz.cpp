@@ -262,7 +262,7 @@ class World {
     SealedServer::Outcome outcome = server_->on_frame(opened, from, now_);
     while (true) {
       if (outcome.verdict.action == wire::Verdict::Action::kDispatch) {
-        // Once for each frame that the client sealed, whichever side delivers it.
+        // A call runs once for each frame that the client sealed, whichever side delivers it.
         RTPM_ASSERT(sealed_.erase(frame) == 1, "only what the client sealed runs, and only once");
         run(outcome.verdict.request);
       } else if (outcome.verdict.action == wire::Verdict::Action::kSend) {

@@ -67,7 +67,7 @@ class World {
 
   ConstBytes complete(const Request& request, std::uint8_t how_it_ends) {
     const MutableBytes room = sessions_.reply_buffer(request, now_);
-    // Sometimes more than a frame.
+    // The reply is sometimes larger than a frame.
     const std::uint32_t wanted = how_it_ends < 128 ? how_it_ends : 30U * how_it_ends;
     const auto size = std::min<std::uint32_t>(wanted, static_cast<std::uint32_t>(room.size()));
     std::ranges::fill(room.first(size), std::byte{how_it_ends});
@@ -173,7 +173,7 @@ class World {
     header.priority = 100;
     header.session = session_of_[peer.port];
     header.call_id = call_id;
-    // Some have no deadline, and may be left unfinished.
+    // Some calls have no deadline, and may be left unfinished.
     header.budget_us = message_size >= 1U << 31 ? 0xffff'ffff : 1'000'000;
     header.flags = kFlagAckWanted;
     header.fragment_index = index;
@@ -266,12 +266,12 @@ class World {
   MonotonicTime now_ = time_from_ns(1'000'000'000'000);
   std::vector<std::byte> large_ = std::vector<std::byte>((kRoomCount + 1) * kLarge);
   std::vector<std::byte> stream_memory_;
-  std::map<std::uint32_t, std::vector<std::byte>> items_;  ///< By tag: the current one.
+  std::map<std::uint32_t, std::vector<std::byte>> items_;  ///< The current item by tag.
   ServerSessions sessions_;
   std::map<std::uint32_t, std::uint64_t> session_of_;
   std::map<std::uint32_t, Cookie> cookie_of_;
   std::set<std::pair<std::uint64_t, std::uint32_t>> run_;
-  std::map<std::uint32_t, Request> running_;  ///< By tag.
+  std::map<std::uint32_t, Request> running_;  ///< Running calls by tag.
   std::set<std::uint32_t> cancelled_;
   std::uint32_t tag_ = 0;
 };
@@ -283,7 +283,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   World world(script.byte() % 2 == 0 ? Medium::kDatagram : Medium::kStream);
   while (script.has_more()) {
     const std::uint8_t step = script.byte();
-    // Two on one host, and one on another.
+    // Two peers are on one host, and one is on another.
     const PeerAddress peer{0, 1 + step % 3U / 2, step % 3U};
     switch (step / 3 % 10) {
       case 0:

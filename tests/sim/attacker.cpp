@@ -18,7 +18,7 @@ constexpr std::size_t kAtFeatures = wire::kHeaderSize + 4;
 constexpr std::size_t kCookieSize = wire::kHeaderSize + wire::SealedCookie::kSize;
 constexpr std::size_t kAtSuites = wire::kHeaderSize + 48;
 
-/// A header like `like`, of another kind, with this many bytes behind it.
+/// A header like `like`, but of this kind and with this many bytes behind it.
 Bytes frame_like(ConstBytes like, wire::FrameKind kind, wire::Status status, std::size_t size) {
   Bytes frame(wire::kHeaderSize + size);
   std::ranges::copy(like.first(wire::kHeaderSize), frame.begin());
@@ -95,7 +95,7 @@ void Attacker::record(std::uint32_t from_port, std::uint32_t to_port, ConstBytes
   }
 }
 
-// At any later time, sometimes to its sender, or from another address.
+// The copy arrives at any later time, sometimes at its sender, or from another address.
 void Attacker::replay() {
   if (recorded_.empty()) return;
   const Recorded& recorded = recorded_[random_.between(std::size_t{0}, recorded_.size() - 1)];
@@ -119,7 +119,7 @@ void Attacker::forge(std::uint32_t from_port, std::uint32_t to_port, ConstBytes 
   const bool is_to_client = from_port == kServerPort;
   switch (random_.between(0, 5)) {
     case 0:
-      // A server's answer if it did not know the session.
+      // The answer of a server that does not know the session.
       send(is_to_client ? from_port : to_port, is_to_client ? to_port : from_port,
            frame_like(frame, FrameKind::kRefuse, Status::kUnknownSession, 0));
       return;

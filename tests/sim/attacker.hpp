@@ -6,9 +6,9 @@
 
 namespace rtpm::sim {
 
-/// An attacker on the path who sees all datagrams, and sends copies, changed ones and forged ones
-/// under any address. He holds some back, and removes features from handshakes; other losses and
-/// delays are the network's part.
+/// An attacker on the path that sees all datagrams, and sends copies, changed ones and forged ones
+/// under any address. It holds some back, and removes features from handshakes; the network causes
+/// all other losses and delays.
 class Attacker {
  public:
   Attacker(Scheduler& scheduler, Random& random, Network& network)

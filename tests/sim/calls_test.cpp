@@ -156,7 +156,7 @@ class Conversation {
     };
     profile.session_count_max = static_cast<std::uint32_t>(random_.between(1, 6));
     profile.is_lane = is_lane;
-    // Long enough in a deferring server that a client leaves a whole window of calls behind.
+    // Calls take so long in a deferring server that a client leaves a whole window of them behind.
     profile.large_count = random_.chance(900) ? random_.between(std::size_t{2}, std::size_t{6}) : 0;
     profile.stream_count = random_.between(std::size_t{0}, std::size_t{6});
     profile.large_item_per_mille = random_.chance(500) ? 100 : 10;
@@ -291,7 +291,7 @@ class Conversation {
         if (client->last_outcome() == Outcome::kDone) break;
       }
       if (client->last_outcome() != Outcome::kDone) ++stuck_count_;
-      // So long that the next client's session may replace its own.
+      // Waits so long that the next client's session may replace this client's session.
       run_for(wire::kSessionIdleMin + 1s);
     }
     leaked_count_ = server_->held_count();

@@ -15,16 +15,16 @@ inline constexpr std::uint64_t kServerClock = 0xc10c;
 
 /// The outcome that a caller was given at the end of its call.
 enum class Outcome : std::uint8_t {
-  kOpen,        ///< Nothing yet.
-  kDone,        ///< It ran; here is its result.
+  kOpen,        ///< No outcome yet.
+  kDone,        ///< It ran, and its result arrived.
   kNotRun,      ///< It did not run and never will.
-  kMayHaveRun,  ///< Unknown.
+  kMayHaveRun,  ///< It may have run or not.
   kReceived,    ///< The server has it and was about to run it.
   kSent,        ///< A oneway without confirmation.
 };
 
-/// All events, checked against the protocol's promises: a call runs at most once, a reply is its
-/// own call's, "not run" means not run, and no call begins after its deadline.
+/// All events, checked against the protocol's promises: a call runs at most once, a reply answers
+/// its own call, "not run" means not run, and no call starts after its deadline.
 class History {
  public:
   using Token = std::uint64_t;
@@ -49,7 +49,7 @@ class History {
   void end(MonotonicTime now, Token token, Outcome outcome, std::string_view why);
   /// The call broke a promise, which its caller or its servant detected itself.
   void broken(MonotonicTime now, Token token, const std::string& what) { fault(now, token, what); }
-  /// A promise that belongs to no call was broken.
+  /// A promise that does not concern a single call was broken.
   void broken(MonotonicTime now, const std::string& what);
   /// Records another event.
   void note(MonotonicTime now, const std::string& what);

@@ -16,8 +16,8 @@ using Bytes = std::vector<std::byte>;
 struct NetworkProfile {
   std::uint64_t lost_per_mille = 0;
   std::uint64_t doubled_per_mille = 0;
-  std::uint64_t late_per_mille = 0;  ///< These come up to `late_max` later.
-  /// These come with up to two neighbouring bytes changed, which UDP's checksum always detects.
+  std::uint64_t late_per_mille = 0;  ///< Datagrams that come up to `late_max` later.
+  /// Datagrams with up to two neighbouring bytes changed, which UDP's checksum always detects.
   std::uint64_t corrupted_per_mille = 0;
   bool has_checksum = true;
   std::uint64_t burst_per_mille = 0;  ///< A loss that is followed by others, for up to

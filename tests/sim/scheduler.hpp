@@ -16,7 +16,7 @@ class Random {
   explicit Random(std::uint64_t seed) : engine_(seed) {}
   /// A number from `low` to `high`, both included.
   [[nodiscard]] std::uint64_t between(std::uint64_t low, std::uint64_t high) {
-    // Not std::uniform_int_distribution, whose numbers differ from library to library.
+    // The numbers of std::uniform_int_distribution would differ from library to library.
     return low + engine_() % (high - low + 1);
   }
   [[nodiscard]] Duration between(Duration low, Duration high) {

@@ -36,7 +36,7 @@ class Sealing : public sealed::Admission {
   }
   [[nodiscard]] const sealed::ServerIdentity& identity() const { return identity_; }
   [[nodiscard]] const seal::SessionLimits& limits() const { return limits_; }
-  /// The key of a client, the same in all its lives.
+  /// The key of a client, which stays the same when it restarts.
   [[nodiscard]] const seal::KeyPair& client_key(std::uint32_t number) {
     return clients_.try_emplace(number, source().draw_key()).first->second;
   }

@@ -58,7 +58,7 @@ void SimClient::restart() {
   make_channel();
   is_opening_ = false;
   ++wait_number_;
-  // The waiting calls of its former life get no reply any more, so any outcome is possible.
+  // Calls that waited before the restart get no reply any more, so any outcome is possible.
   while (!jobs_.empty())
     end(jobs_.begin(), Outcome::kMayHaveRun, "the client died");
 }
@@ -92,7 +92,7 @@ void SimClient::pause() {
       });
 }
 
-// Sometimes new keys, which the channel adopts when it has no call open.
+// Sometimes makes new keys, which the channel adopts when it has no open call.
 void SimClient::renew() {
   if (jobs_.empty() && sealed_->has_next(local_now())) {
     ++renewal_count_;
@@ -121,7 +121,7 @@ void SimClient::begin_job(Duration deadline, bool is_plain) {
                              scheduler_.now() + deadline);
   job.deadline = local_now() + deadline;
   const bool is_small = job.delivery == wire::Delivery::kSent;
-  // In peace there is memory for large messages, whatever was left unfinished before.
+  // After the disasters there is memory for large messages, whatever was left unfinished before.
   const std::uint64_t large_per_mille =
       is_plain && profile_.large_per_mille > 0 ? 1000 : profile_.large_per_mille;
   job.payload.resize(is_small ? std::size_t{32} : message_size(large_per_mille));
@@ -241,7 +241,7 @@ void SimClient::transmit(ConstBytes frame) {
 void SimClient::follow(sealed::SealedClient::Step step) {
   transmit(step.send);
   if (!step.deliver.empty()) {
-    // Not at once: the channel may be in the middle of sending.
+    // Delivers the frame later: the channel may be in the middle of sending.
     scheduler_.after(Duration{0}, [this, frame = Bytes(step.deliver.begin(), step.deliver.end()),
                                    epoch = epoch_] {
       if (epoch == epoch_) take(frame);
@@ -361,7 +361,7 @@ void SimClient::on_reply(const wire::ChannelEvent& event) {
   end(job, job->may_have_run ? Outcome::kMayHaveRun : Outcome::kNotRun, to_string(event.status));
 }
 
-// Checks that items come in order, none left out, each its own.
+// Checks that items come in order and without a gap, each with its own contents.
 void SimClient::take_items(Jobs::iterator job) {
   while (const auto item = channel_->next_item(job->index)) {
     const Message message = Message::read(*item);

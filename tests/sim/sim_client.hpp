@@ -15,13 +15,13 @@ namespace rtpm::sim {
 /// How a simulated client works.
 struct ClientProfile {
   std::uint32_t number = 1;
-  std::uint64_t clock_domain = 0;  ///< The server's: both read one clock.
-  Duration clock_offset{};         ///< If it has another clock.
+  std::uint64_t clock_domain = 0;  ///< By default the server's: both read one clock.
+  Duration clock_offset{};         ///< Applies if it has another clock.
   int call_count = 50;
   std::uint16_t open_call_max = 1;  ///< Calls at a time.
   Duration deadline_min{};
   Duration deadline_max{};
-  Duration pause_max{};                     ///< Between two calls, usually;
+  Duration pause_max{};                     ///< The usual pause between two calls;
   std::uint64_t long_pause_per_mille = 10;  ///< sometimes so long that sessions are replaced.
   std::uint64_t idempotent_per_mille = 200;
   std::uint64_t close_per_mille = 0;  ///< Sessions that it closes between two calls.
@@ -32,11 +32,11 @@ struct ClientProfile {
   std::uint64_t stream_per_mille = 0;      ///< Calls of streams.
   std::uint64_t cancel_per_mille = 0;      ///< Calls that it cancels at some time.
   std::uint64_t slow_taker_per_mille = 0;  ///< Streams whose items are left for a while.
-  Sealing* sealing = nullptr;              ///< Null: its sessions are not sealed.
+  Sealing* sealing = nullptr;              ///< Null if its sessions are not sealed.
 };
 
 /// One ClientChannel behind a socket, and above it rpc::Binding's rule for a lost session
-/// (hp-5.5-2), mirrored here because it is not the channel's.
+/// (hp-5.5-2), mirrored here because the channel does not implement it.
 class SimClient {
  public:
   SimClient(Scheduler& scheduler, Random& random, Network& network, History& history,
@@ -68,7 +68,7 @@ class SimClient {
   [[nodiscard]] std::uint64_t cancelled_count() const noexcept { return cancelled_count_; }
 
  private:
-  static constexpr int kRoundCountMax = 4;  // Like rpc::Binding.
+  static constexpr int kRoundCountMax = 4;  // The limit of rpc::Binding.
 
   /// A call as its caller sees it, from start to end. It may span several sessions.
   struct Job {

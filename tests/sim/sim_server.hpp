@@ -20,7 +20,7 @@ inline constexpr std::uint32_t kMessageSizeMax = 64 * 1024;
 /// How a simulated server works.
 struct ServerProfile {
   std::uint32_t session_count_max = 8;
-  /// True: like a lane, which receives no frame while a servant runs. False: all replies are
+  /// If true, receives no frame while a servant runs, like a lane. Otherwise all replies are
   /// deferred, and frames are received while calls run.
   bool is_lane = true;
   Duration service_max{};                  ///< The longest that a servant runs.
@@ -96,16 +96,16 @@ class SimServer {
   std::vector<std::byte> streams_;
   std::unique_ptr<wire::ServerSessions> sessions_;
   std::unique_ptr<sealed::SealedServer> sealed_;
-  /// The fastest call of a sealed session, by the real time of both clocks.
+  /// The duration of the fastest call of a sealed session, by the real time of both clocks.
   struct Fastest {
     Duration age{};
     MonotonicTime at{};
   };
   std::map<std::uint64_t, Fastest> fastest_;
-  std::uint64_t life_ = 0;  ///< Counts starts; work of a former life is discarded.
+  std::uint64_t life_ = 0;  ///< Counts starts; work begun before a restart is discarded.
   bool is_busy_ = false;
   std::deque<Datagram> queue_;
-  std::map<std::uint32_t, Job> jobs_;  ///< By tag.
+  std::map<std::uint32_t, Job> jobs_;  ///< Running calls by tag.
   std::uint32_t last_tag_ = 0;
   MonotonicTime planned_ = kNever;  ///< When the sessions next get the time.
   wire::FrameCounters former_lives_{};

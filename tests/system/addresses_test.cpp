@@ -46,7 +46,7 @@ class Caller {
     is_ending_ = true;
     if (thread_.joinable()) thread_.join();
   }
-  /// Valid after finish().
+  /// Reports the results; to be called after finish().
   void report(const std::string& title) const {
     int failed_count = 0;
     for (const auto& [reason, count] : failures_) {
@@ -92,7 +92,7 @@ class Caller {
   std::atomic<int> good_count_{0};
   std::atomic<bool> is_ending_{false};
   std::map<std::string, int> failures_{};
-  std::vector<std::string> urls_{};  ///< In their order.
+  std::vector<std::string> urls_{};  ///< The URLs that the calls used, in order.
   Duration longest_outage_{};
   std::thread thread_;
 };
@@ -159,7 +159,7 @@ TEST_P(MovedServer, IsFollowedByAClientThatCallsIt) {
   ASSERT_TRUE(caller.succeeds(50));
   arm->process.send_signal(SIGKILL);
   ASSERT_TRUE(arm->process.wait(kPatience));
-  // It waits for the lease of the server that died.
+  // The new server waits for the lease of the server that died.
   arm = start_arm(*second_);
   ASSERT_TRUE(arm);
   EXPECT_TRUE(caller.succeeds(50)) << "after kill -9";
@@ -272,7 +272,7 @@ TEST_F(ServerOfThreeNetworks, ThatServesItsOwnHostOnlySaysSoToOthers) {
     for (const char* part : {"serves its own host only", "start its server with --host any"})
       EXPECT_NE(refused.errors.find(part), std::string::npos) << refused.errors;
   }
-  // One of the host's own addresses leads to the same host, too.
+  // A call from this host to one of its own addresses works, too.
   for (const auto& [server, caller, prefix_size] : kLinks) {
     const auto here = server_->run_tool(
         {"--registry", registry_at(in_url(server)), "call", "lab/arm0", "read", "{}"});

@@ -12,7 +12,7 @@
 #include "programs.hpp"
 #include "rtpm/test/os.hpp"
 
-// Whatever is wrong around a program, it reports it in one sentence with the remedy, and ends.
+// A program reports anything wrong in its environment in one sentence with the remedy, and ends.
 namespace rtpm::system_test {
 namespace {
 
@@ -51,7 +51,7 @@ INSTANTIATE_TEST_SUITE_P(Programs, EveryProgram,
 
 // All programs of a shell share its environment.
 TEST(Variables, HaveOneMeaningInAllPrograms) {
-  std::map<std::string, std::string> meanings;  // By variable; each with its program.
+  std::map<std::string, std::string> meanings;  // The variables' meanings, each with its program.
   for (const char* program : {"rtpm-registryd", "rtpm-deviced", "rtpm-eventd", "rtpm-servo",
                               "rtpm-display", "rtpm-figure5"}) {
     std::istringstream lines(run_program(program, {"--dump-config"}).output);
@@ -164,7 +164,7 @@ TEST_F(FewDescriptors, AreNamedWhereTheyKeepAProgramFromItsWork) {
       std::vector<std::string> whole{"prlimit", "--nofile=" + std::to_string(count)};
       whole.insert(whole.end(), command.begin(), command.end());
       test::Process process(whole);
-      if (process.wait_for_output("rtpm://", kPatience)) break;  // The descriptors suffice.
+      if (process.wait_for_output("rtpm://", kPatience)) break;  // The program serves.
       const auto end = process.wait(kPatience);
       ASSERT_TRUE(end);
       if (end->exit_code == 0) break;

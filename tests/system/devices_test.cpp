@@ -98,7 +98,7 @@ TEST_F(Devices, GoOnWhileTheirHubIsKilledAndComesBack) {
   const std::string before = display.output();
   ASSERT_TRUE(test::await(
       [&] {
-        // A line without the mark, after those that have it.
+        // A line without the mark follows the lines that have it.
         static_cast<void>(display.wait_for_output("never printed", std::chrono::milliseconds{100}));
         const std::string& output = display.output();
         return output.size() > before.size() && output.rfind("dial ") > output.rfind("no hub");
@@ -246,7 +246,7 @@ TEST_F(Devices, ShowAndConfirmWhatAnOperatorRequests) {
   const auto devices = host("arm0", {"--events", "none"});
   ASSERT_TRUE(devices);
   EXPECT_EQ(run_tool({"estop", "lab/arm0"}).exit_code, 0);
-  // Each ends by itself, and take-overs are at least a second apart.
+  // Each stop ends by itself, and take-overs are at least a second apart.
   const auto transition = [&](const char* word) {
     test::Process::End end;
     EXPECT_TRUE(test::await(

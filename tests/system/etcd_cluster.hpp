@@ -10,14 +10,14 @@
 
 namespace rtpm::system_test {
 
-/// Three nodes of etcd, each a host of its own: a network namespace behind a bridge in this
-/// thread's namespace, which is a new one, too, as long as this object lives.
+/// Three nodes of etcd, each on its own host: a network namespace behind a bridge. The bridge is in
+/// this thread's namespace, which is also new, as long as this object lives.
 /// @threads  one; threads that it starts are in the same network
 class EtcdCluster {
  public:
   static constexpr int kNodeCount = 3;
 
-  /// Why no cluster can run here; nothing if one can.
+  /// Why no cluster can run here; nullopt if one can.
   [[nodiscard]] static std::optional<std::string> missing();
 
   EtcdCluster();
@@ -27,9 +27,9 @@ class EtcdCluster {
 
   /// "etcd://10.99.0.1:2379,…", for `--store`.
   [[nodiscard]] std::string url() const;
-  /// Waits until there is a leader, and all nodes follow it; -1: not in time.
+  /// Waits until there is a leader that all nodes follow; returns -1 if that takes too long.
   [[nodiscard]] int await_leader();
-  /// The leader that most nodes know now; -1: none.
+  /// The leader that most nodes know now; -1 if there is none.
   [[nodiscard]] int leader() const;
 
   void kill(int node);

@@ -40,7 +40,7 @@ int round_count() {
 }
 
 using State = std::map<std::string, std::string>;  ///< URLs of names.
-/// The URLs of each name, one after the other; an empty URL: the name was unbound.
+/// The successive URLs of each name; an empty URL means that the name was unbound.
 using History = std::map<std::string, std::vector<std::string>>;
 
 /// A registry that follows etcd, with the reports of a watch at it.
@@ -128,7 +128,7 @@ class Callers {
   static constexpr int kNamesPerCaller = 6;
   static constexpr std::size_t kLeasedCount = 3;
 
-  /// `before`: the names left by an earlier round.
+  /// @param before  the names left by an earlier round
   Callers(std::array<std::string, kRegistryCount> urls, const State& before, History& history,
           int round)
       : urls_(std::move(urls)), before_(before), history_(history), round_(round) {
@@ -137,7 +137,7 @@ class Callers {
     threads_.emplace_back([this] { keep_leases(); });
   }
   ~Callers() { end(); }
-  /// Ends them once all requested changes are acknowledged.
+  /// Ends the callers once all requested changes are acknowledged.
   void end() {
     is_ending_ = true;
     for (std::thread& thread : threads_)
@@ -145,7 +145,7 @@ class Callers {
     threads_.clear();
   }
 
-  /// Valid after end().
+  /// The results are valid after end().
   [[nodiscard]] const State& acknowledged() const { return acknowledged_; }
   [[nodiscard]] std::uint64_t change_count() const { return change_count_; }
   [[nodiscard]] std::uint64_t unknown_count() const { return unknown_count_; }
@@ -198,7 +198,7 @@ class Callers {
           ++tries;
           return directory.unbind(name, owner);
         });
-        // An earlier try without an answer may have done it.
+        // An earlier attempt without an answer may have unbound the name.
         EXPECT_TRUE(outcome == names::Outcome::kDone ||
                     (outcome == names::Outcome::kNotFound && tries > 1))
             << name << " after " << tries << " tries";
@@ -366,10 +366,10 @@ TEST(EtcdStorm, LosesNothingAcknowledgedAndRegistriesEndAlike) {
     EXPECT_EQ(registries[0].listed(), expected);
     EXPECT_EQ(registries[1].listed(), expected);
   }
-  // Both have reported the same changes in the same order, and for each name the acknowledged ones.
+  // Both reported the same changes in the same order; those of each name are the acknowledged ones.
   if (registries[0].state_count() == 1 && registries[1].state_count() == 1) {
     for (WatchedRegistry& registry : registries) {
-      const MonotonicTime give_up = rt::now() + 3s;  // Before the leases end.
+      const MonotonicTime give_up = rt::now() + 3s;  // This is before the leases end.
       while (registry.history() != acknowledged && rt::now() < give_up)
         rt::sleep_until(rt::now() + 10ms);
       const History told = registry.history();

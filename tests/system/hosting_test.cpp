@@ -110,7 +110,7 @@ TEST(BadDevices, ADeviceNeedsADriver) {
                  {"the device lever has no driver", "--device-lever-driver", "arm, biometric"});
 }
 
-/// The device is not served; the arm beside it is.
+/// Checks that the device is not served, but the arm beside it is.
 void expect_own_device_is_lost(const std::string& behaviour,
                                const std::vector<std::string>& words) {
   SCOPED_TRACE(behaviour);

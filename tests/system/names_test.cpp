@@ -12,7 +12,7 @@
 #include "rtpm/names/resolver.hpp"
 #include "rtpm/test/os.hpp"
 
-// Names whose target changes after a while, and programs that want more names than their share.
+// Names whose target changes after a while, and programs that request more names than their quota.
 namespace rtpm::system_test {
 namespace {
 

@@ -18,7 +18,7 @@
 // Hosts, as network namespaces.
 namespace rtpm::system_test {
 
-/// Why network namespaces can't be created here, or nothing.
+/// Why network namespaces can't be created here; empty if they can.
 [[nodiscard]] inline std::string missing_for_hosts() {
   if (geteuid() != 0) return "network namespaces take root";
   if (std::system("command -v ip >/dev/null") != 0) return "the program 'ip' is missing";

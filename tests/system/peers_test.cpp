@@ -65,7 +65,7 @@ TEST_P(EventPeer, BringsEventsToEveryConsumer) {
   EXPECT_GE(lines.size(), 1U) << end.errors;
   for (const auto& line : lines) {
     EXPECT_EQ(line.at("n"), 200) << line;
-    // Not all of them are guaranteed, and the machine may be busy.
+    // Not all of these results are guaranteed, and the machine may be busy.
     EXPECT_LE(line.at("missing"), 60) << line;
     EXPECT_GE(line.at("last_p50_us"), line.at("each_p50_us")) << line;
     EXPECT_GT(line.at("rtpm_over_peer_last_p999"), 0) << line;

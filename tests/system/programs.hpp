@@ -14,7 +14,7 @@
 /// RTPM's own programs, as tests of the whole system start them.
 namespace rtpm::system_test {
 
-/// Enough for a machine that is busy with other tests; nothing waits so long when all is well.
+/// Long enough for a machine that is busy with other tests; no wait lasts that long if all is well.
 inline constexpr Duration kPatience = std::chrono::seconds{30};
 
 [[nodiscard]] std::string path_of(std::string_view program);
@@ -26,8 +26,8 @@ struct Daemon {
   [[nodiscard]] std::uint16_t port() const;
 };
 
-/// Starts `program` and waits until it serves. Failing that, the test fails, and so must its
-/// caller. `before`: a command that runs it, as in another network namespace.
+/// Starts `program` and waits until it serves. If that fails, the test fails, and so must its
+/// caller. `before` is a command that runs it, for example in another network namespace.
 [[nodiscard]] std::optional<Daemon> start_daemon(std::string_view program,
                                                  std::vector<std::string> arguments,
                                                  const std::vector<std::string>& before = {});
@@ -50,7 +50,7 @@ class Laboratory : public testing::Test {
   /// Like run_servo(), again and again until it succeeds or patience is over; returns the last
   /// result.
   [[nodiscard]] test::Process::End run_servo_until_it_succeeds() const;
-  /// Starts a force loop of `seconds` and returns when it runs. Failing that, the test fails, and
+  /// Starts a force loop of `seconds` and returns when it runs. If that fails, the test fails, and
   /// so must its caller.
   [[nodiscard]] std::optional<test::Process> start_servo(int seconds) const;
 

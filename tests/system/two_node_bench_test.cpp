@@ -11,7 +11,7 @@
 
 #include "programs.hpp"
 
-// The promises of rtpm-bench's cases over a network, which no machine changes: no call runs twice,
+// The promises of rtpm-bench's cases over a network, on any machine: no call runs twice,
 // each call has a stated end, and nothing is left behind. How long it takes is not judged.
 namespace rtpm::system_test {
 namespace {
@@ -19,14 +19,14 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-/// Why network namespaces can't be created here, or nothing.
+/// Why network namespaces can't be created here; empty if they can.
 std::string missing_for_two_nodes() {
   for (const char* program : {"ip", "nft"}) {
     if (std::system((std::string("command -v ") + program + " >/dev/null").c_str()) != 0) {
       return std::string("the program '") + program + "' is missing";
     }
   }
-  // In a process of its own, so that this process stays in its namespace.
+  // Runs in a separate process, so that this process stays in its namespace.
   const auto end = test::run({"/usr/bin/unshare", "--net", "true"}, kPatience);
   if (!end || end->exit_code != 0) return "network namespaces take the right CAP_SYS_ADMIN";
   return {};
@@ -99,7 +99,7 @@ TEST_F(TwoNodeBench, LeavesNoNamespaceBehindWhenInterrupted) {
     test::Process bench({path_of("rtpm-bench"), "run", "two-node", "--drop", "5", "--calls",
                          "10000000", "--realtime", "off", "--transport", "udp"});
     const auto give_up = std::chrono::steady_clock::now() + kPatience;
-    // rtpm-bench's own, the server's and the caller's.
+    // Waits for the namespaces of rtpm-bench itself, the server and the caller.
     while (network_namespaces().size() < before.size() + 3 &&
            std::chrono::steady_clock::now() < give_up) {
       sched_yield();
@@ -108,7 +108,7 @@ TEST_F(TwoNodeBench, LeavesNoNamespaceBehindWhenInterrupted) {
     bench.send_signal(SIGINT);
     ASSERT_TRUE(bench.wait(kPatience));
   }
-  // The kernel ends its servers soon.
+  // The kernel soon ends the servers of rtpm-bench.
   const auto give_up = std::chrono::steady_clock::now() + kPatience;
   while (network_namespaces() != before && std::chrono::steady_clock::now() < give_up)
     sched_yield();

@@ -114,7 +114,7 @@ TEST_F(Daemons, RunCyclesWhoseNumberAndLatenessAreNoted) {
   ASSERT_TRUE(arm) << arm.error().text();
   const auto first = arm->read({.deadline = 1s});
   ASSERT_TRUE(first);
-  // The wake-up latency of a thread of the device's priority, measured in this process.
+  // Measures the wake-up latency of a thread of the device's priority in this process.
   constexpr int kCycles = 1000;
   const auto lateness = std::make_unique<LatencyHistogram>();
   auto thread = rt::Thread::start(

@@ -32,7 +32,7 @@ template <class Condition>
 /// Like hidraw_node(), but waits until udev has finished with the device; empty after kPatience.
 [[nodiscard]] std::string wait_for_hidraw_node(const std::string& serial_number);
 
-/// Why a test has to skip: this machine has no /dev/uhid or no vhci_hcd. Empty: it has.
+/// Why a test has to skip: this machine lacks /dev/uhid or vhci_hcd. Empty if it has both.
 [[nodiscard]] std::string missing_uhid();
 [[nodiscard]] std::string missing_vhci();
 

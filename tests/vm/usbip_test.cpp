@@ -106,7 +106,7 @@ class Usbip : public testing::Test {
     if (device_ != nullptr) libusb_close(device_);
     device_ = nullptr;
   }
-  /// Sends or receives; libusb's error, or how many bytes it were.
+  /// Sends or receives; returns libusb's error or the number of bytes.
   [[nodiscard]] int transfer(std::uint8_t endpoint, std::span<std::uint8_t> bytes,
                              unsigned patience_ms = kPatienceMs) const {
     int count = 0;
@@ -154,7 +154,7 @@ TEST_F(Usbip, AStallIsAPipeError) {
 TEST_F(Usbip, ATransferWithoutAnAnswerIsTakenBack) {
   std::array<std::uint8_t, 64> received{};
   EXPECT_EQ(transfer(kIn, received, 50), LIBUSB_ERROR_TIMEOUT);
-  // The one taken back has not swallowed the next packet.
+  // The cancelled transfer has not swallowed the next packet.
   std::array<std::uint8_t, 3> sent{1, 2, 3};
   ASSERT_EQ(transfer(kOut, sent), 3);
   EXPECT_EQ(transfer(kIn, received), 3);

@@ -21,7 +21,7 @@ void PrintTo(const DriverCheck& check, std::ostream* out) {
 }  // namespace rtpm::driver_host
 
 /// The promises of rtpm/driver/driver.hpp, on a simulated time line: the checks that
-/// `rtpm-deviced --check` runs on a plug-in, and those that need RTPM's own inside.
+/// `rtpm-deviced --check` runs on a plug-in, and those that need access to RTPM's internals.
 namespace rtpm::test {
 namespace {
 
@@ -123,7 +123,7 @@ Vector3 push(gvd::DeviceCycle& cycle, std::uint64_t lease, std::uint32_t sequenc
 
 TEST_P(DriverConformance, PassesThroughNoForceWhenAnOperatorTakesItOver) {
   const double newton = driver_->describe().limits.force_newton_max / 4;
-  // Ignores the wall and the guard, whose forces belong to no client, for a device that flies away.
+  // Switches off the wall and the guard, because no client commands their forces.
   gvd::CycleConfig config;
   config.safety = gvd::SafetyConfig::for_device(driver_->describe());
   config.safety->wall_newton_per_m = 0;

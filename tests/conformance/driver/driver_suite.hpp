@@ -9,7 +9,7 @@
 
 namespace rtpm::test {
 
-/// One driver for the suite of driver_suite.cpp. To add yours: a line in drivers.cpp.
+/// One driver for the suite of driver_suite.cpp. To add your driver, add a line to drivers.cpp.
 struct DriverUnderTest {
   std::string name;  ///< Letters and digits.
   std::function<std::unique_ptr<driver::Driver>()> make;

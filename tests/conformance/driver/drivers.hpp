@@ -9,7 +9,7 @@ namespace rtpm::test {
 /// Every driver of this build.
 [[nodiscard]] std::vector<DriverUnderTest> drivers_under_test();
 
-/// Adds one before main(): `const bool kIsAdded = add_driver({"Falcon", …});`
+/// Adds a driver before main(): `const bool kIsAdded = add_driver({"Falcon", …});`
 bool add_driver(DriverUnderTest driver);
 
 }  // namespace rtpm::test

@@ -11,17 +11,17 @@ namespace rtpm::storage_test {
 /// A cluster of one node.
 class EtcdNode {
  public:
-  /// The node that all tests of this program share; each takes a prefix of its own. Null: etcd is
-  /// not installed here, or does not start.
+  /// The node that all tests of this program share; each takes a prefix of its own. Null if etcd
+  /// is not installed here, or does not start.
   [[nodiscard]] static EtcdNode* shared();
-  /// A node for one test alone; null likewise.
+  /// A node for one test alone; null if etcd is missing or does not start.
   [[nodiscard]] static std::unique_ptr<EtcdNode> own();
 
   /// Copies its stored data, while it is stopped for a moment.
   void back_up();
   /// Stops it, restores the copy of back_up(), or nothing, and starts it again.
   void restore_backup();
-  /// @param token  another one makes it another cluster
+  /// @param token  names the cluster; another token makes another cluster
   void restore_nothing(const std::string& token);
 
   /// A URL for make_etcd_storage(), with an unused prefix.

@@ -82,7 +82,7 @@ void FakeEtcd::serve(int connection) {
     const std::string reply = handler_(path, body);
     if (reply.empty()) {
       char ignored = 0;
-      static_cast<void>(::recv(connection, &ignored, 1, 0));  // Until the other side gives up.
+      static_cast<void>(::recv(connection, &ignored, 1, 0));  // The other side gives up.
     } else {
       const std::string text = "HTTP/1.1 200 OK\r\nConnection: close\r\nContent-Length: " +
                                std::to_string(reply.size()) + "\r\n\r\n" + reply;

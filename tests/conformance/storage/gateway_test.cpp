@@ -30,7 +30,7 @@ std::unique_ptr<names::SharedStorage> storage_at(const std::string& endpoints) {
   return std::move(*storage);
 }
 
-/// The reason why it is not read.
+/// The reason why the answer is refused.
 std::string refusal_of(const std::string& answer) {
   const FakeEtcd fake([&](const std::string&, const std::string&) { return answer; });
   const auto content = storage_at(fake.endpoint())->load();

@@ -156,7 +156,7 @@ TEST_F(Shared, BindsNothingAboveOrBelowABoundName) {
   EXPECT_TRUE(put(*second_, "lab/arm", seen, 0));
 }
 
-// A stopped node may carry a request out long after it was repeated at another one.
+// A stopped node may execute a request long after it was repeated at another node.
 TEST_F(Shared, BringsNoNameBackByALateRequest) {
   const std::uint64_t seen = revision_now(*first_);
   const auto bound = put(*first_, "lab/arm0", seen, 0);

@@ -20,7 +20,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/test/os.hpp"
 
-// Callers see the same behaviour, whatever storage keeps a registry's names.
+// Callers see the same behaviour with every storage of a registry's names.
 namespace rtpm::storage_test {
 namespace {
 

@@ -28,7 +28,7 @@ TEST_P(TransportSuite, CarriesMessagesOfAllSizes) {
   std::vector<std::size_t> sizes{0, 1, 2, 15, 16, 17, 47, 48, 49, 63, 64, 65, 1000};
   for (std::size_t size = 2000; size < 2 * 1024 * 1024; size *= 2)
     sizes.push_back(size);
-  // Sizes around the largest in one frame, and the largest of all.
+  // The sizes are around the largest in one frame, and the largest of all.
   for (const std::size_t size :
        {frame_payload_max() - 1, frame_payload_max(), frame_payload_max() + 1,
         2 * frame_payload_max(), message_size_max()}) {
@@ -199,7 +199,7 @@ TEST_P(TransportSuite, EndsACallAtItsDeadline) {
   Node node(node_config());
   Binding binding = bind_echo(node, server);
   const MonotonicTime begin = rt::now();
-  // Enough time to enter on a busy machine, too: otherwise the server refuses it as late.
+  // The call must enter in time on a busy machine, too: otherwise the server refuses it as late.
   expect_error(binding.call(echo::kHold, bytes_of("late"), {.deadline = 100ms}),
                CallError::kTimeout);
   EXPECT_GE(rt::now() - begin, Duration{100ms});
@@ -260,7 +260,7 @@ TEST_P(TransportSuite, RunsNoCallWhoseTimeIsOver) {
 // hp-5.6-5: a call without a free buffer is refused before it runs, or waits; and by default there
 // are many buffers.
 TEST_P(TransportSuite, TakesLargeCallsSideBySideOrSaysThatThereAreTooMany) {
-  // At most three buffers each, including a former reply's: a host's share of the default.
+  // Each takes at most three buffers, including a former reply's: a host's share of the default.
   constexpr int kThreadCount = 8;
   constexpr int kCallCount = 8;
   for (const std::uint32_t room_count : {2U, ServerConfig{}.large_message_count_max}) {
@@ -382,7 +382,7 @@ TEST_P(TransportSuite, TellsTheServantWhoCallsAndHowLongItHas) {
   EXPECT_EQ(place_of(binding).session, place.session) << "the same caller";
   EXPECT_GE(place.received_ns, to_ns(before));
   EXPECT_LE(place.received_ns, to_ns(after));
-  // One host, one clock: the deadline is the caller's, up to the rounding of its budget.
+  // Both read one clock: the deadline is the caller's, up to the rounding of its budget.
   EXPECT_GE(place.deadline_ns, to_ns(before + 10s));
   EXPECT_LE(place.deadline_ns, to_ns(after + 10s + 1us));
 }

@@ -93,7 +93,7 @@ TEST_P(DeferredReplies, EndWithTheServer) {
   EXPECT_FALSE(held.is_awaited());
   expect_error(call->take(), CallError::kStopped);
   server_.reset();
-  // The servant may be slower than the server's end.
+  // The servant may answer after the server has ended.
   answer(std::move(held), "too late");
 }
 
@@ -237,7 +237,7 @@ TEST_P(DeferredReplies, StreamsMayBeLeftWithItemsUntaken) {
     write(writer, "two");
     writer.finish();
     EXPECT_EQ(text_of_next(*reader), "one");
-    // The end may have arrived by now; the second item is left.
+    // The end of the stream may have arrived by now; the second item is left.
     static_cast<void>(binding_->call(kNote, {}));
   }
   EXPECT_TRUE(binding_->call(kNote, {})) << "their channel serves other calls again";

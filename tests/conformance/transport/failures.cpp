@@ -64,7 +64,7 @@ TEST_P(LosslessSuite, GoesOnWithARestartedServer) {
   }
 }
 
-// The caller can't know whether its call ran in the server's former life.
+// The caller can't know whether its call ran before the server restarted.
 TEST_P(LosslessSuite, TellsOnceThatTheServerRestartedWhereACallMustNotRunTwice) {
   std::optional<EchoServer> server(std::in_place);
   const std::uint16_t port = server->server->port();
@@ -157,7 +157,7 @@ TEST_P(LosslessSuite, TellsThatACallInFlightMayHaveRunWhenTheServerRestarts) {
   const auto reply = binding->call(echo::kHold, {});
   restarter.join();
   ASSERT_FALSE(reply);
-  // Over UDP it depends on whether the port was free for a moment.
+  // Over UDP the error depends on whether the port was free for a moment.
   EXPECT_TRUE(reply.error() == CallError::kDisconnected ||
               (is_udp() && reply.error() == CallError::kPeerRestarted))
       << to_string(reply.error());
@@ -179,7 +179,7 @@ TEST_P(TransportSuite, RunsAnIdempotentCallInFlightAgainWhenTheServerRestarts) {
     server.emplace(config_at(port));
     server->servant.gate().open();
   });
-  // Between the two lives no server has the address, which ends a try; a caller tries again.
+  // No server has the address during the restart, which ends an attempt; a caller tries again.
   auto reply = binding->call(idempotent(echo::kHold), bytes_of("held"));
   while (!reply && reply.error() == CallError::kUnreachable) {
     reply = binding->call(idempotent(echo::kHold), bytes_of("held"));
@@ -376,7 +376,7 @@ TEST_P(WireSuite, SurvivesRandomBytes) {
     Bytes noise(random() % 1500);
     for (std::byte& byte : noise)
       byte = static_cast<std::byte>(random());
-    // Some begin like a header.
+    // Some of the frames begin like a header.
     if (random() % 2 == 0) {
       const Bytes frame = peer.call_frame(1, 1, std::string(random() % 100, 'x'));
       std::copy_n(frame.begin(), std::min(frame.size(), noise.size()), noise.begin());

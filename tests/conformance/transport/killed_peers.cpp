@@ -12,7 +12,7 @@
 #include "suite.hpp"
 #include "victim.hpp"
 
-// A caller's view of a server whose process is killed or stopped: above all of a oneway, which has
+// Callers of a server whose process is killed or stopped, above all callers of oneways, which have
 // no answer.
 namespace rtpm::rpc::test {
 namespace {

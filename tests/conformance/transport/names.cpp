@@ -28,7 +28,7 @@ class NameTable final : public Resolver {
     if (name == kName && !url_.empty()) return url_;
     return setup_error("name '" + std::string(name) + "' is not bound");
   }
-  /// Empty: the name is unbound.
+  /// Sets the name's URL; empty unbinds the name.
   void lead_to(std::string url) {
     const std::lock_guard lock(mutex_);
     url_ = std::move(url);
@@ -140,7 +140,7 @@ TEST_P(NameSuite, GoesOnWithAServerThatCameBackAtAnotherPort) {
   EXPECT_EQ(status.trouble, "");
 }
 
-// Also without further calls: the first call of the outage is enough.
+// The binding recovers without further calls: the first call of the outage is enough.
 TEST_P(NameSuite, FindsTheServerWithoutFurtherCalls) {
   Binding binding = bind();
   ASSERT_TRUE(binding.call(echo::kEcho, {}));
@@ -167,7 +167,7 @@ TEST_P(NameSuite, RunsNoCallTwiceWhileItsServerMoves) {
   }
   ASSERT_TRUE(await([&] { return success_count > 10; }));
   EchoServer second;
-  // The end of the first lets its calls end, except for replies that are lost with it.
+  // When the first server stops, its calls end, except for replies that are lost with it.
   first_->server->stop();
   const int first_count = first_->servant.run_count();
   EXPECT_LE(success_count, first_count);
@@ -217,7 +217,7 @@ TEST_P(NameSuite, SaysThatTheNameLeadsToAnotherInterface) {
     EXPECT_NE(trouble.find(part), std::string::npos) << part << " is not in: " << trouble;
   }
   EXPECT_EQ(other.run_count, 0);
-  // The right one is found later.
+  // The right server is found later.
   EchoServer second;
   table_->lead_to(second.url());
   EXPECT_TRUE(await([&] { return binding.call(echo::kEcho, {}).has_value(); }));
@@ -288,7 +288,7 @@ TEST_P(NameSuite, LooksANameUpOnceASecondAtMostForAllOfItsBindings) {
     EXPECT_LE(binding.follow_status().resolve_count, table_->looks().size() - bind_count);
 }
 
-// The order in which programs end: the resolver first, then its bindings, then the node.
+// Programs end in this order: the resolver first, then its bindings, then the node.
 TEST_P(NameSuite, OutlivesItsResolver) {
   Binding binding = bind();
   move_to("");

@@ -89,7 +89,7 @@ class Oneways : public TransportSuite {
                                {.deadline = rtpm::test::kPatience});
     ASSERT_TRUE(bound) << bound.error().text();
     binding_.emplace(std::move(*bound));
-    // Two channels, as none could be opened while the lane is busy.
+    // Opens two channels now, because none can be opened while the lane is busy.
     const auto first = binding_->call(kNote, {});
     const auto second = binding_->call(kNote, {});
     ASSERT_TRUE(first && second);
@@ -161,7 +161,7 @@ TEST_P(Oneways, OfManyThreadsRunOnceEach) {
   EXPECT_EQ(numbers, numbers_up_to(kThreadCount * kCount));
 }
 
-/// A further promise within a program, which has a queue of oneways instead of a socket's buffer.
+/// A promise of calls within a program only: a queue of oneways replaces the socket's buffer.
 class LocalOneways : public Oneways {
  protected:
   static ServerConfig config_of(std::uint32_t count_max) {

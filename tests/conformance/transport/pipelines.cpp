@@ -91,7 +91,7 @@ TEST_P(TransportSuite, GivesTheRepliesOfAPipelineInAnyOrder) {
     expect_numbered(calls[i], i);
 }
 
-// Larger than a frame, and than all that is sent together; small ones between them.
+// Some are larger than a frame, or than all that is sent together; small ones are between them.
 TEST_P(TransportSuite, CarriesMessagesOfAllSizesInAPipeline) {
   EchoServer server;
   Node node(node_config());
@@ -142,7 +142,7 @@ TEST_P(LosslessSuite, SendsWhatAPipelineHoldsWithAFlush) {
   EXPECT_EQ(text_of(*reply), "flushed");
 }
 
-// A caller that only polls, and one that waits for another call, still send it.
+// A caller that only polls, or that waits for another call, still sends it.
 TEST_P(LosslessSuite, SendsWhatAPipelineHoldsWhenItIsAskedFor) {
   EchoServer server;
   Node node(node_config());
@@ -161,7 +161,7 @@ TEST_P(LosslessSuite, SendsWhatAPipelineHoldsWhenItIsAskedFor) {
   EXPECT_TRUE(behind.take());
 }
 
-// They arrive together, but the answer to the first must not wait for the second.
+// The calls arrive together, but the answer to the first must not wait for the second.
 TEST_P(LosslessSuite, AnswersACallOfAPipelineBeforeOneThatTakesLong) {
   EchoServer server;
   Node node(node_config());
@@ -289,7 +289,7 @@ TEST_P(LosslessSuite, TellsAllCallsOfAPipelineThatTheServerStopped) {
   pipeline.flush();
   await_inside(server);
   std::thread stopper([&] { server.server->stop(); });
-  // It waits for the call that runs.
+  // stop() waits for the call that runs.
   std::this_thread::sleep_for(20ms);
   server.servant.gate().open();
   stopper.join();

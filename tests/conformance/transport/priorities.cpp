@@ -50,7 +50,7 @@ TEST_P(TransportSuite, RunsACallAtTheCallersFifoLevel) {
   EchoServer server(three_lanes(rt::RealtimeMode::kRequire));
   Node node(node_config());
   Binding binding = bind_echo(node, server);
-  // Up and down, within a lane and from lane to lane.
+  // Priorities go up and down, within a lane and from lane to lane.
   for (const int priority : {0, kLow, 9'999, kLow, 20'000, kHigh, 32'767, kHigh, 0, 32'767}) {
     const echo::Place place = place_of(binding, {.priority = priority});
     EXPECT_EQ(scheduling(place), rtpm::test::fifo(rt::to_native(priority))) << priority;

@@ -66,7 +66,7 @@ class Streams : public DeferredReplies {
   }
 };
 
-// A camera's frames.   hp-5.10-9
+// The items are a camera's frames.   hp-5.10-9
 TEST_P(Streams, BringLargeItemsWholeAndInOrder) {
   constexpr std::uint32_t kItemCount = 30;
   constexpr std::size_t kSize = std::size_t{256} * 1024;
@@ -151,7 +151,7 @@ TEST_P(Streams, WaitForASlowReader) {
     ItemWriter writer = servant_.writer();
     std::uint32_t count = write_until_full(writer, size);
     EXPECT_GT(count, 1U);
-    // Until nothing moves any more.
+    // Waits until nothing moves any more.
     std::this_thread::sleep_for(20ms);
     while (writer.write(item_of(count, size)))
       ++count;
@@ -187,7 +187,7 @@ TEST_P(Streams, OutliveAReaderThatDoesOtherThings) {
   ItemWriter writer = servant_.writer();
   ASSERT_TRUE(writer.write(item_of(0, 100)));
   read_all(*reader, 1, 100);
-  // A question is on its way when the reader leaves.
+  // The reader's question is on its way when its wait ends.
   EXPECT_EQ(reader->next(rt::now() + 150ms).error(), CallError::kTimeout);
   std::this_thread::sleep_for(1600ms);
   EXPECT_TRUE(writer.is_awaited());
@@ -197,7 +197,7 @@ TEST_P(Streams, OutliveAReaderThatDoesOtherThings) {
   read_all(*reader, 1, 100);
 }
 
-// hp-5.10-7: a stream that ran does not claim that it did not.
+// hp-5.10-7: a stream that ran is not reported as "not run".
 TEST_P(Streams, AreLostForAReaderThatIsAwayForTooLong) {
   auto reader = binding_->open_stream(kCount, {}, {.pause_max = 200ms});
   ASSERT_TRUE(reader);
@@ -289,7 +289,7 @@ class StreamsOfOneConnection : public DeferredReplies {
     send(*channel_.call(wanted, {}, rt::now()));
     return channel_.last_call();
   }
-  /// The next event that is neither nothing nor merely a frame to send.
+  /// The next event, except nothing and frames to send.
   wire::ChannelEvent next_event() {
     while (rt::now() < soon()) {
       const auto frame = client_->receive();

@@ -18,7 +18,7 @@ class TransportSuite : public testing::TestWithParam<Transport> {
   void SetUp() override {
     is_network_faulty() = transport() == kFaultyUdp;
     are_sessions_sealed() = is_sealed(transport());
-    // Before a test forks, so that both sides have the same keys.
+    // Done before a test forks, so that both sides have the same keys.
     if (are_sessions_sealed()) static_cast<void>(sealed_files());
   }
   void TearDown() override { is_network_faulty() = are_sessions_sealed() = false; }
@@ -33,7 +33,7 @@ class TransportSuite : public testing::TestWithParam<Transport> {
     // sec-4-3: sealed fragments are smaller.
     return transport() == kSealedUdp ? frame_payload_max() * wire::kFragmentCountMax : size;
   }
-  /// The largest that fits in one frame.
+  /// The largest payload that fits in one frame.
   [[nodiscard]] static std::size_t frame_payload_max() {
     if (transport() == Transport::kSharedMemory) return wire::kSharedPayloadSizeMax;
     const wire::Medium medium = is_udp() ? wire::Medium::kDatagram : wire::Medium::kStream;

@@ -44,7 +44,7 @@ class Victim {
     EXPECT_EQ(size, static_cast<ssize_t>(sizeof number)) << "the process ended before";
     return number;
   }
-  /// Stops it, and waits until the system has done so.
+  /// Stops the process, and waits until the system has done so.
   void stop() const {
     EXPECT_EQ(::kill(child_, SIGSTOP), 0);
     int status = 0;
@@ -53,7 +53,7 @@ class Victim {
     EXPECT_TRUE(WIFSTOPPED(status));
   }
   void go_on() const { EXPECT_EQ(::kill(child_, SIGCONT), 0); }
-  /// Ends it like `kill -9`, and waits until the system has done so.
+  /// Ends the process like `kill -9`, and waits until the system has done so.
   void kill() {
     if (child_ <= 0) return;
     ::kill(child_, SIGKILL);

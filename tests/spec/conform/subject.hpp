@@ -18,13 +18,13 @@
 /// lines that they read and write.
 namespace rtpm::spec {
 
-/// `does call c1 payload=01` as {does, call, c1} and {payload: 01}.
+/// Splits `does call c1 payload=01` into {does, call, c1} and {payload: 01}.
 struct Line {
   std::vector<std::string> words;
   std::map<std::string, std::string> values;
 
   [[nodiscard]] std::string word(std::size_t index) const;
-  /// "" if it is missing.
+  /// The value of `name`; "" if it is missing.
   [[nodiscard]] std::string value(const std::string& name) const;
   [[nodiscard]] std::uint64_t number(const std::string& name) const;
 };
@@ -82,7 +82,7 @@ class Side {
   virtual void on_time() = 0;
   [[nodiscard]] virtual MonotonicTime next_time() const = 0;
 };
-/// Set up by the line `setup`; prints `ready`.
+/// Makes the side that the line `setup` describes; prints `ready`.
 [[nodiscard]] std::unique_ptr<Side> make_server(const Line& setup, const Faults& faults);
 [[nodiscard]] std::unique_ptr<Side> make_client(const Line& setup, const Faults& faults);
 /// A client that manages sessions by itself (level=bindings). It has no faults to offer.

@@ -36,7 +36,7 @@ std::optional<wire::Status> status_named(const std::string& name) {
   return std::nullopt;
 }
 
-/// "0-16383,16384-32767"
+/// Parses bands such as "0-16383,16384-32767".
 std::vector<Band> bands_of(const std::string& text) {
   std::vector<Band> bands;
   std::istringstream parts(text);
@@ -145,7 +145,7 @@ class ServerSide final : public Side {
       ++config_.lane;
     }
   }
-  /// hp-11-2: over UDP each frame's priority chooses, over TCP that of a connection's first.
+  /// hp-11-2: over UDP each frame's priority selects its lane, over TCP the first frame's priority.
   wire::ServerSessions& lane_of(ConstBytes frame, const wire::PeerAddress& peer) {
     const auto connection = connections_.find(peer.high);
     const bool is_connected = connection != connections_.end();

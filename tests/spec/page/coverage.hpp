@@ -21,7 +21,7 @@ using tidy::SourceFile;
 
 /// One rule of the page.
 struct Rule {
-  std::string anchor;  ///< "hp-", "ev-" or "sec-", and the number of its section, then its own.
+  std::string anchor;  ///< "hp-", "ev-" or "sec-", and the numbers of its section and rule.
   std::size_t line_index = 0;
   bool is_must = false;  ///< Has MUST or MUST NOT, and not only SHOULD or MAY.
 };

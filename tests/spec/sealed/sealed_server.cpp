@@ -50,7 +50,7 @@ class Socket {
 
   [[nodiscard]] bool is_bound() const { return is_bound_; }
   [[nodiscard]] int port() const { return port_; }
-  /// The next datagram; nothing once the standard input has ended.
+  /// The next datagram; empty once the standard input has ended.
   [[nodiscard]] MutableBytes receive(MutableBytes into, sockaddr_in& from) const {
     std::array<pollfd, 2> files{{{file_, POLLIN, 0}, {STDIN_FILENO, POLLIN, 0}}};
     if (poll(files.data(), files.size(), -1) <= 0 || files[1].revents != 0) return {};

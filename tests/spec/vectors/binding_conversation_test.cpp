@@ -73,7 +73,7 @@ class Port {
     EXPECT_EQ(getsockname(socket_, reinterpret_cast<sockaddr*>(&own), &size), 0);
     return ntohs(own.sin_port);
   }
-  /// The next frame; nothing if none comes.
+  /// The next frame; nullopt if none comes.
   [[nodiscard]] std::optional<std::string> receive() {
     pollfd readable{socket_, POLLIN, 0};
     if (poll(&readable, 1, std::chrono::milliseconds(kPatience).count()) <= 0) return std::nullopt;

@@ -47,9 +47,9 @@ class Side {
   Side(const Side&) = delete;
   Side& operator=(const Side&) = delete;
   virtual ~Side() = default;
-  /// `is_foreign`: from another address than the client's.
+  /// @param is_foreign  whether the frame comes from another address than the client's
   virtual Outputs receive(const Bytes& frame, bool is_foreign, MonotonicTime now) = 0;
-  /// Does the step's action of its application.
+  /// Performs the step's action of the side's application.
   virtual Outputs act(const Json& step, const FreeBytes& free, MonotonicTime now) = 0;
 };
 
@@ -221,7 +221,7 @@ class ServerSide final : public Side {
     wire::ServerSessions* sessions = nullptr;
   };
 
-  /// Begins a life of the server: its lanes share the key and the epoch.
+  /// Starts or restarts the server: its lanes share the key and the epoch.
   void start() {
     lanes_.clear();
     lanes_.resize(bands_.size());
@@ -237,7 +237,7 @@ class ServerSide final : public Side {
       lane.sessions = std::make_unique<wire::ServerSessions>(config);
     }
   }
-  /// hp-11-2: the frame's priority chooses, wherever its session is.
+  /// hp-11-2: the frame's priority selects the lane, wherever its session is.
   wire::ServerSessions& lane_of(const Bytes& frame) {
     if (frame.size() >= wire::kHeaderSize) {
       const auto priority = load_le<std::uint16_t>(frame.data() + 4);
@@ -401,7 +401,7 @@ class ClientSide final : public Side {
             setup.at("message_size_max"),
             wire::kCallWindow};
   }
-  /// The application's report, and the frame that is sent with it.
+  /// Returns the application's report, and the frame that is sent with it.
   Outputs outputs_of(const ChannelEvent& event) {
     Outputs outputs = told_of(event);
     if (!event.frame.empty()) outputs.push_back({hex_of(event.frame), {}});
@@ -452,7 +452,7 @@ class ClientSide final : public Side {
   wire::ClientChannel channel_;
 };
 
-/// A step's meaning to the tested side.
+/// The kind of a step, as the tested side sees it.
 enum class StepIs { kInput, kOutput, kNothing };
 
 StepIs judge(const Json& step, Role role) {

@@ -26,7 +26,7 @@ std::vector<Part> all_parts() {
   std::vector<Part> parts;
   for (const std::string& name : conversation_names()) {
     const Json conversation = read(name);
-    // binding_conversation_test.cpp plays those.
+    // binding_conversation_test.cpp plays these conversations.
     if (conversation.contains("level")) continue;
     for (const std::string role : conversation.at("roles")) {
       parts.push_back({name, role == "client" ? Role::kClient : Role::kServer});

@@ -91,7 +91,7 @@ Outcome at_a_client(const Bytes& frame, Medium medium) {
           event.kind == wire::ChannelEvent::Kind::kBroken};
 }
 
-// hp-8-1: under this reason and no other; by both sides alike unless the vector names one.
+// hp-8-1: the frame counts under this reason only, at both sides unless the vector names one.
 TEST(HeaderVectors, BadOnesAreDroppedForTheirReason) {
   const Json document = read_vectors("headers-bad.json");
   EXPECT_FALSE(document.at("vectors").empty());

@@ -13,8 +13,9 @@ namespace rtpm::spec {
   return role == Role::kClient ? "client" : "server";
 }
 
-/// The bytes that one side is free to choose: `<name>` in a vector's hex. Those of the tested side
-/// are learned from the first frame that contains them; the other's are the examples.
+/// The bytes that one side is free to choose: `<name>` in a vector's hex. The bytes of
+/// the tested side are learned from the first frame that contains them; the other side's bytes are
+/// the examples.
 class FreeBytes {
  public:
   FreeBytes(const Json& free, Role role) {

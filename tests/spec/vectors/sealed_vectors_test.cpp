@@ -16,7 +16,7 @@ Json sealed_vectors(const char* key) {
   return read_vectors("sealed.json").at(key);
 }
 
-/// Nothing if this machine lacks the hardware for it.
+/// The vector's suite; nullopt if this machine lacks the hardware for it.
 std::optional<seal::Suite> suite_of(const Json& vector) {
   for (const seal::Suite suite : {seal::Suite::kChaChaPoly, seal::Suite::kAesGcm}) {
     if (vector.at("suite") != seal::protocol_name(suite)) continue;

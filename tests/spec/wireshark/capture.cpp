@@ -57,7 +57,7 @@ struct CloseFile {
   void operator()(std::FILE* file) const { std::fclose(file); }
 };
 
-/// A folder for one run, gone at its end.
+/// A folder for one run, which the destructor removes.
 class ScratchFolder {
  public:
   ScratchFolder() {
@@ -112,7 +112,7 @@ void Capture::add_packet(End from, End to, std::uint8_t protocol, ConstBytes con
   std::vector<std::byte> packet;
   put_u16(packet, 0x4500);  // Version 4, five words of header.
   put_u16(packet, kIpHeaderSize + content.size());
-  put_u32(packet, 0x00004000);  // Not to be fragmented.
+  put_u32(packet, 0x00004000);  // Must not be fragmented.
   put_u8(packet, 64);
   put_u8(packet, protocol);
   put_u16(packet, 0);  // No checksum, as if the network card made it.
@@ -184,7 +184,7 @@ std::vector<Row> dissect(const Capture& capture, const std::vector<std::string>&
                          const std::string& key_log) {
   const ScratchFolder folder;
   capture.write(folder.file("capture.pcap"));
-  // With a home of its own, so that no user's settings and scripts interfere.
+  // tshark gets its own home, so that no user's settings and scripts interfere.
   std::string command = "HOME='" + folder.file("") + "' XDG_CONFIG_HOME='" + folder.file("") +
                         "' tshark -2 -n -X 'lua_script:" RTPM_SPEC_DIR
                         "/wireshark/hprotocol.lua' -r '" +

@@ -8,7 +8,7 @@
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/base/time.hpp"
 
-/// Captures of traffic that never was on a network, and tshark's reading of them.
+/// Captures of traffic that was never on a network, and the output of tshark for them.
 namespace rtpm::spec {
 
 /// One end of a datagram or connection: an IPv4 address in the test network 192.0.2.0/24.
@@ -32,7 +32,7 @@ class Capture {
 
   std::vector<std::byte> records_;
   std::size_t count_ = 0;
-  std::map<std::uint64_t, std::uint32_t> next_sequence_;  ///< By direction of a connection.
+  std::map<std::uint64_t, std::uint32_t> next_sequence_;  ///< The next number by direction.
 };
 
 /// The values of the requested fields, of one packet. A repeated field has its values separated by

@@ -55,7 +55,7 @@ class Talk {
              Duration patience = std::chrono::milliseconds{20}) {
     return call({service, method, kPriority, 0x7ace, at(when + patience)}, payload, when);
   }
-  /// With all frames of a large request.
+  /// Makes a call with a large request, and captures all its frames.
   Bytes call(wire::CallParameters parameters, const Bytes& payload, Duration when) {
     parameters.stream_buffers = {.frames = items_,
                                  .frame_size = wire::kDatagramPayloadSizeMax,

@@ -75,7 +75,7 @@ void talk_over_udp(Talk& talk) {
 }
 
 TEST_F(Dissector, ReadsAConversationOverUdp) {
-  // On its own port, and on another, where its content identifies it.
+  // The traffic is on its own port, and on another port, where its content identifies it.
   for (const std::uint16_t port : {kDefaultPort, std::uint16_t{4242}}) {
     SCOPED_TRACE("port " + std::to_string(port));
     Talk talk(wire::Medium::kDatagram, port);
@@ -163,7 +163,7 @@ TEST_F(Dissector, PutsFramesOfAStreamTogether) {
     SCOPED_TRACE("port " + std::to_string(port));
     Talk talk(wire::Medium::kStream, port);
     talk.open(0us);
-    // One call over three segments, of which the first ends within the header.
+    // One call spans three segments, the first of which ends within the header.
     Talk unsent(wire::Medium::kStream, port);
     unsent.open(0us);
     const Bytes call = unsent.call(7, 2, Bytes(1500, std::byte{1}), 1ms);
@@ -172,7 +172,7 @@ TEST_F(Dissector, PutsFramesOfAStreamTogether) {
     talk.segment_by_client(ConstBytes(call).subspan(1010), 3ms);
     const Bytes reply = unsent.complete(unsent.to_server(call, 3ms), Bytes(5, std::byte{2}), 4ms);
     talk.sent_by_server(reply, 4ms);
-    // Two calls in one segment.
+    // One segment has two calls.
     unsent.to_client(reply, 4ms);
     const Bytes second = unsent.call(7, 3, {}, 5ms);
     const Bytes second_reply = unsent.complete(unsent.to_server(second, 5ms), {}, 5ms);
@@ -206,7 +206,7 @@ TEST_F(Dissector, PutsFragmentsTogether) {
   Bytes message(1500, std::byte{0xab});
   message.back() = std::byte{0xcd};
   static_cast<void>(talk.call(7, 2, message, 1ms));
-  // The copy of the first, as if its ACK were lost.
+  // Repeats the first fragment, as if its ACK were lost.
   static_cast<void>(talk.repeat(10ms));
   const auto rows = dissect(talk.capture, {"rtpm.fragment_index", "rtpm.whole_in", "rtpm.message",
                                            "rtpm.copy_of", "rtpm.drop", "rtpm.expert.gap"});
@@ -231,7 +231,7 @@ TEST_F(Dissector, LinksAStreamToItsCall) {
   for (int i = 0; i < 3; ++i) {
     items.push_back(Talk::copy_of(talk.server().push_item(verdict.request, Bytes(5), at(2ms))));
   }
-  // The second is lost, and repeated.
+  // The second item is lost, and repeated.
   for (const std::size_t i : {0u, 2u}) {
     talk.sent_by_server(items[i], 3ms);
     EXPECT_EQ(talk.client().on_frame(items[i], at(3ms)).kind, wire::ChannelEvent::Kind::kItems);
@@ -390,7 +390,7 @@ TEST_F(Dissector, SaysWhichPayloadsAreDropped) {
   EXPECT_EQ(column(rows, "rtpm.drop"), wanted);
 }
 
-// Whatever the conversation, the script itself never fails.
+// The script itself never fails, in any conversation.
 TEST_F(Dissector, ReadsEveryConversationOfTheVectors) {
   Capture capture;
   std::uint16_t port = 50000;  // No other protocol is expected there.

@@ -32,9 +32,9 @@ struct HidModel {
   HidIdentity identity{};
   std::vector<std::byte> report_descriptor{};  ///< At most 4096 bytes.
   /// The input report that is due, as it goes over the bus: its number first if reports are
-  /// numbered. Empty: none is due.
+  /// numbered. Empty if none is due.
   std::function<std::vector<std::byte>(MonotonicTime now)> next_input_report{};
-  /// An output report, its number (0: not numbered) first.
+  /// An output report, its number first (0 if reports are not numbered).
   std::function<void(std::span<const std::byte> report)> on_output_report{};
   /// Returns a feature report, its number first; empty to refuse.
   std::function<std::vector<std::byte>(std::uint8_t number)> on_get_feature_report{};
@@ -44,7 +44,7 @@ struct HidModel {
 
 /// Puts a model behind the kernel's HID stack through /dev/uhid, so that hidraw, evdev and hidapi
 /// see it as hardware.
-/// @threads  one; the model's functions run on the bridge's own
+/// @threads  one; the model's functions run on the bridge's own thread
 /// @source   the kernel's Documentation/hid/uhid.rst
 class UhidBridge {
  public:

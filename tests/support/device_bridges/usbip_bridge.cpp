@@ -185,7 +185,7 @@ void UsbipBridge::take_unlink(std::span<const std::byte, 48> header) {
   Header reply{};
   write_u32(reply, kCommandAt, kUnlinkReply);
   write_u32(reply, kSequenceAt, read_u32(header, kSequenceAt));
-  // 0: it was answered before.
+  // 0 means that it was answered before.
   write_u32(reply, kStatusAt, static_cast<std::uint32_t>(removed > 0 ? -ECONNRESET : 0));
   write_all(socket_, reply);
 }

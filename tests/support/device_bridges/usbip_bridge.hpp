@@ -40,7 +40,7 @@ struct UsbAnswer {
   std::vector<std::byte> data{};
 };
 
-/// The kernel's numbers.
+/// A device's speed, with the kernel's numbers.
 enum class UsbSpeed : std::uint8_t { kLow = 1, kFull = 2, kHigh = 3 };
 
 /// The behaviour of a USB device. All functions are called from the bridge's thread, one at a time;
@@ -48,9 +48,9 @@ enum class UsbSpeed : std::uint8_t { kLow = 1, kFull = 2, kHigh = 3 };
 struct UsbModel {
   UsbSpeed speed = UsbSpeed::kFull;
   std::array<std::byte, 18> device_descriptor{};
-  /// With its interfaces and endpoints.
+  /// The configuration descriptor, with its interfaces and endpoints.
   std::vector<std::byte> configuration_descriptor{};
-  /// From index 1 on.
+  /// The string descriptors, from index 1 on.
   std::vector<std::string> strings{};
   /// Class and vendor requests; `data` comes with the request.
   std::function<UsbAnswer(const UsbSetup& setup, std::span<const std::byte> data)> on_control{};
@@ -62,7 +62,7 @@ struct UsbModel {
 
 /// Puts a model behind the kernel's USB stack: it is a USB/IP server at the other end of a socket
 /// that vhci_hcd holds, so that libusb and kernel drivers see it as hardware. No network is used.
-/// @threads  one; the model's functions run on the bridge's own
+/// @threads  one; the model's functions run on the bridge's own thread
 /// @source   the kernel's Documentation/usb/usbip_protocol.rst
 class UsbipBridge {
  public:

@@ -313,7 +313,7 @@ void EvdevModel::spoil_events() {
 
 ReadResult EvdevModel::read(std::span<Event> events) {
   Lock lock(mutex_);
-  // A bound and no clock, because the driver's threads are real.
+  // Real time bounds the wait, because the driver's threads are real.
   if (events_.empty() && is_plugged_in_) changed_.wait_for(lock, std::chrono::microseconds{200});
   ++read_count_;
   if (!is_plugged_in_ || is_faulty_read(EvdevFault::kGone)) return {ReadStatus::kGone, 0};

@@ -124,7 +124,7 @@ UsbAnswer FalconModel::control(const UsbSetup& setup, std::span<std::byte> data)
 UsbAnswer FalconModel::standard_request(const UsbSetup& setup, std::span<std::byte> data) const {
   constexpr std::uint8_t kGetDescriptor = 6;
   constexpr std::uint8_t kToHost = 0x80;
-  if ((setup.type & kToHost) == 0) return {};  // Configurations, interfaces, halts: none is left.
+  if ((setup.type & kToHost) == 0) return {};  // The model ignores what the host sets.
   if (setup.request != kGetDescriptor) {
     std::ranges::fill(data, std::byte{0});
     return {UsbReply::kOk, data.size()};
@@ -152,7 +152,7 @@ UsbAnswer FalconModel::standard_request(const UsbSetup& setup, std::span<std::by
   return {UsbReply::kOk, size};
 }
 
-/// False: the chip does not know the request.
+/// Handles a vendor request; false if the chip does not know it.
 bool FalconModel::vendor_request(const UsbSetup& setup) {
   switch (static_cast<FtdiRequest>(setup.request)) {
     case FtdiRequest::kReset:

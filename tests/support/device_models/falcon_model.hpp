@@ -42,10 +42,10 @@ inline constexpr FalconFault kLastFalconFault = FalconFault::kTorqueIgnored;
 /// Steps of the protocol. Each counts its own events.
 enum class FalconStep : std::uint8_t {
   kRequest,   ///< A vendor request.
-  kGreeting,  ///< To the boot loader.
+  kGreeting,  ///< A greeting to the boot loader.
   kPrompt,    ///< 'A', in front of the firmware.
   kFirmware,  ///< A block of the firmware.
-  kPacket,    ///< To or from running firmware.
+  kPacket,    ///< A packet to or from running firmware.
 };
 inline constexpr FalconStep kLastFalconStep = FalconStep::kPacket;
 inline constexpr std::uint64_t kForGood = std::numeric_limits<std::uint64_t>::max();
@@ -93,7 +93,7 @@ class FalconModel {
  public:
   using Config = FalconModelConfig;
   static constexpr Duration kLateness = std::chrono::milliseconds{12};
-  /// So few that the mechanism would reach the position.
+  /// The jump is so small that the mechanism could reach the position.
   static constexpr std::int16_t kJumpCounts = 700;
   static constexpr std::size_t kFirmwareSize = 7500;
   static constexpr double kCountsPerNewtonMetre = 10'000;
@@ -104,12 +104,12 @@ class FalconModel {
   [[nodiscard]] UsbAnswer control(const UsbSetup& setup, std::span<std::byte> data);
   /// A transfer to endpoint 2.
   [[nodiscard]] UsbAnswer write(std::span<const std::byte> bytes);
-  /// A transfer from endpoint 1. kNothingYet: ask again later.
+  /// A transfer from endpoint 1; kNothingYet if the host must ask again later.
   [[nodiscard]] UsbAnswer read(std::span<std::byte> buffer);
   void advance(Duration time);
   [[nodiscard]] MonotonicTime now() const noexcept { return now_; }
 
-  /// The firmware that the boot loader takes: made for tests, and none of a real device.
+  /// The firmware that the boot loader takes, which is made for tests and not a real device's.
   [[nodiscard]] static std::vector<std::byte> firmware();
   /// The device and configuration descriptors, as a USB host reads them.
   [[nodiscard]] static std::span<const std::byte> device_descriptor();

@@ -55,7 +55,7 @@ class HidModel {
   }
 
  protected:
-  /// Like Linux, which keeps the newest 64 for an opener that does not read.
+  /// Linux, too, keeps the newest 64 for an opener that does not read.
   void queue(HidReport report) {
     if (inputs_.size() == 64) inputs_.pop_front();
     inputs_.push_back(std::move(report));

@@ -322,7 +322,7 @@ device_serial::Transferred ScriptedSerialPort::receive(MutableBytes buffer, Dura
   }
   const std::size_t size = model_.give(buffer, now_);
   if (size > 0) return {size, false};
-  // In steps of the board's own loop, so that its watchdog acts in time.
+  // Time advances in steps of the board's own loop, so that its watchdog acts in time.
   const Duration step = std::min<Duration>(patience, milliseconds{1});
   now_ = std::max(now_ + Duration{1}, std::min(now_ + step, model_.next_give()));
   model_.advance(now_);

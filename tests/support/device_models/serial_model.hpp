@@ -131,7 +131,7 @@ class SerialModel {
 /// A port to a model on a simulated time line, which only receive() advances.
 class ScriptedSerialPort final : public device_serial::Transport {
  public:
-  /// @param resets  opening it resets the board
+  /// @param resets  whether opening it resets the board
   explicit ScriptedSerialPort(SerialModel& model, bool resets = false)
       : model_(model), now_(model.now()) {
     model_.open(now_, resets);

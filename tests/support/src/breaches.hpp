@@ -27,7 +27,7 @@ namespace rtpm::test {
 /// Threads: any.
 class Breaches {
  public:
-  /// `crime`: what is wrong about calling `function`.
+  /// @param crime  the reason why calling `function` is wrong
   void add(std::string_view function, std::string_view crime) noexcept {
     count_.fetch_add(1, std::memory_order_relaxed);
     if (count_only_depth_.load(std::memory_order_relaxed) == 0) report_and_abort(function, crime);

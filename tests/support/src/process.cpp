@@ -56,8 +56,8 @@ std::string with_folder(const char* variable) {
 }
 
 std::vector<std::string> clean_environment() {
-  // In the first folder, programs find each other and no others of this host; the others hold their
-  // keys and their state.
+  // In the first folder, programs find each other, but not this host's other programs; the other
+  // folders hold their keys and their state.
   std::vector<std::string> variables{with_folder("RTPM_RUNTIME_FOLDER"), with_folder("RTPM_KEYS"),
                                      with_folder("XDG_STATE_HOME")};
   for (char** variable = environ; *variable != nullptr; ++variable) {
@@ -71,7 +71,7 @@ std::vector<std::string> clean_environment() {
 std::array<int, 2> make_pipe() {
   std::array<int, 2> ends{};
   if (pipe2(ends.data(), O_CLOEXEC | O_NONBLOCK) != 0) std::abort();
-  // The program's own end blocks, as programs expect.
+  // The program's own end of the pipe blocks, as programs expect.
   fcntl(ends[1], F_SETFL, 0);
   return ends;
 }
@@ -168,7 +168,7 @@ void Process::take(Stream& stream) {
 /// Reads the next bytes, or nothing within `patience`.
 void Process::read_for(Duration patience) {
   const auto end = Clock::now() + patience;
-  // poll() passes over negative handles, which are those of streams that ended.
+  // poll() skips negative handles; streams that have ended have them.
   std::array<pollfd, 2> waiting{{{.fd = output_.handle, .events = POLLIN, .revents = 0},
                                  {.fd = errors_.handle, .events = POLLIN, .revents = 0}}};
   poll(waiting.data(), waiting.size(), milliseconds_until(end));

@@ -22,7 +22,7 @@ class IoctlMemory {
   IoctlMemory(const IoctlMemory&) = delete;
   IoctlMemory& operator=(const IoctlMemory&) = delete;
   ~IoctlMemory();
-  /// Null: the program gave none.
+  /// Null if the program gave no memory.
   [[nodiscard]] const std::uint8_t* data() const noexcept;
   void put(std::vector<std::uint8_t> bytes) const;
 

@@ -85,7 +85,7 @@ TEST_F(Consoles, GiveSamplesAndRepliesByTheAdvertisedSchema) {
   const auto first = client->next_message("lab/arm0/sample");
   const auto second = client->next_message("lab/arm0/sample");
   EXPECT_GT(second.log_time_ns, first.log_time_ns);
-  // Schema and message as Foxglove would read them.
+  // Calls with the encoding flatbuffer, as Foxglove would.
   const auto reply = client->call_bytes("lab/arm0/read", "");
   ASSERT_TRUE(reply);
   EXPECT_GT(reply->size(), 400u);
@@ -94,7 +94,7 @@ TEST_F(Consoles, GiveSamplesAndRepliesByTheAdvertisedSchema) {
   const auto by_tool = rtpm({"call", "lab/arm0", "describe"});
   EXPECT_EQ(by_console, Json::parse(by_tool.output, nullptr, false));
   EXPECT_EQ(client->call("lab/arm0/renew", {{"lease", 0}}), Json({{"code", "NotHolder"}}));
-  // It has unbounded ranges, for which JSON has no number.
+  // The list has unbounded ranges, for which JSON has no number.
   EXPECT_GE(client->call("lab/arm0/config/list", Json::object())["parameters"].size(), 9u);
 }
 
@@ -190,7 +190,7 @@ TEST_F(Consoles, ListADeadDeviceAsLostUntilItIsDismissed) {
     return device.is_object() && device["lost_for_s"].is_number();
   };
   static_cast<void>(client->await_state(is_lost));
-  // The view of another console, which has never seen the device.
+  // Another console has never seen the device.
   auto second = start_console(console_arguments());
   ASSERT_TRUE(second);
   ConsoleClient other(second->port, second->target);
@@ -251,7 +251,7 @@ TEST_F(Consoles, ReleaseWhatASilentBrowserOperatedAfterFiveSecondsInAll) {
   const auto is_held = [](const Json& state) {
     return device_in(state, "lab/arm0")["lease"]["state"] == "held by this console";
   };
-  // From now on it answers no ping, and its connection stays open.
+  // From now on the client does not answer pings, and its connection stays open.
   const auto silent = connect();
   ASSERT_EQ(silent->call("console/take_over", {{"device", "lab/arm0"}}), Json({{"ok", true}}));
   static_cast<void>(watcher->await_state(is_held));
@@ -278,7 +278,7 @@ TEST_F(Consoles, ReleaseWhatABrowserOperatedWhenItHasBeenGoneForFiveSeconds) {
     return device_in(state, "lab/arm0")["lease"]["state"] != "held by this console" &&
            state["clients"]["count"] == 1;
   }));
-  // Without `force`: no client operates it. Two take-overs within a second are too many.
+  // No client operates it, so `force` is not needed. Two take-overs within a second are too many.
   Json taken;
   do {
     taken = watcher->call("console/take_over", {{"device", "lab/arm0"}});
@@ -522,7 +522,7 @@ TEST_F(Consoles, StayUpWithoutARegistry) {
   const Json state =
       client->await_state([](const Json& one) { return one["registry"]["ok"] == false; });
   EXPECT_FALSE(state["registry"]["problem"].get<std::string>().empty());
-  // Its sessions with devices last.
+  // The console's sessions with devices last.
   EXPECT_EQ(is_live(state, "lab/arm0"), true);
   const auto lonely = start_console({"--port", "0", "--registry", "rtpm://127.0.0.1:9/rtpm/names"});
   ASSERT_TRUE(lonely);
@@ -533,7 +533,7 @@ TEST_F(Consoles, StayUpWithoutARegistry) {
           .empty());
 }
 
-// SIGSTOP makes the worst of all servers: it takes connections, and answers nothing.
+// SIGSTOP makes the worst of all servers: it accepts connections, but answers nothing.
 TEST_F(Consoles, AnswerWhileADeviceServerIsStopped) {
   const auto client = connect();
   client->subscribe("console/state");
@@ -602,7 +602,7 @@ TEST_F(Consoles, SayWhenTheirPortIsTaken) {
                       {std::to_string(console_->port), "another --port"});
 }
 
-// Otherwise it would be in the log that a supervisor keeps of the output.
+// Otherwise the token would be in the log that a supervisor keeps of the output.
 TEST_F(Consoles, KeepTheirTokenFromOutputThatIsNoTerminal) {
   const std::string file = folder_ + "/token";
   std::vector<std::string> arguments = console_arguments();

@@ -95,7 +95,7 @@ TEST_F(Crowds, DoNotDisturbAForceLoop) {
     sum.missed_count += more.missed_count;
     sum.failed_count += more.failed_count;
   };
-  // In turns, so that other work on the machine affects both.
+  // The runs take turns, so that other work on the machine affects both.
   for (int turn = 0; turn < 2; ++turn) {
     console_.reset();
     add(alone, run_servo());

@@ -64,7 +64,7 @@ class ConsoleClient {
   [[nodiscard]] Json await_state(const std::function<bool(const Json&)>& is_met);
   /// The answer to a call; {"failure": "…"} if it failed.
   [[nodiscard]] Json call(const std::string& service, const Json& request);
-  /// The answer to a call whose request need not be JSON; nothing if it failed.
+  /// The answer to a call whose request need not be JSON; nullopt if the call failed.
   [[nodiscard]] std::optional<std::string> call_text(const std::string& service,
                                                      const std::string& request);
   /// Sends a request without waiting for its answer; returns the call's number for answer_of().
@@ -79,7 +79,7 @@ class ConsoleClient {
   void send(const Json& request) { web_.send_text(request.dump()); }
   /// The values that the next parameterValues with this id has; the test fails if none comes.
   [[nodiscard]] std::map<std::string, Json> await_parameters(const std::string& id);
-  /// The next text frame of another op.
+  /// The next text frame whose op is `op`.
   [[nodiscard]] Json await_op(const std::string& op);
 
  private:
@@ -102,7 +102,7 @@ class ConsoleClient {
   std::vector<Message> messages_{};
   std::vector<Json> texts_{};
   std::vector<Json> statuses_{};
-  std::map<std::uint32_t, std::pair<bool, std::string>> answers_{};  ///< By call.
+  std::map<std::uint32_t, std::pair<bool, std::string>> answers_{};  ///< Answers by call.
   std::uint32_t last_subscription_ = 0;
   std::uint32_t last_call_ = 0;
 };

@@ -104,7 +104,7 @@ TEST_F(HostileClients, ThatFloodItWithConnectionsGetNoMoreThanItsLimit) {
   for (std::size_t i = 0; i < 200 - 128; ++i)
     EXPECT_TRUE(sockets[i].is_closed_within(kPatience)) << i;
   EXPECT_FALSE(sockets.back().is_closed_within(std::chrono::milliseconds{1}));
-  // The idle ones are closed soon.
+  // The idle connections are closed soon.
   for (Socket& socket : sockets)
     EXPECT_TRUE(socket.is_closed_within(kPatience));
 }
@@ -130,11 +130,11 @@ TEST_F(HostileClients, WithHugeFramesAreClosed) {
   ASSERT_TRUE(client.is_accepted());
   client.send_text(std::string((std::size_t{1} << 20) + 1, ' '));
   EXPECT_EQ(close_code_of(client), 1009);
-  // A length that is only claimed.
+  // The frame claims a length that it does not have.
   WebClient liar(console_->port, {.target = console_->target});
   liar.socket().send(std::string("\x82\xff\x7f\xff\xff\xff\xff\xff\xff\xff\0\0\0\0", 14));
   EXPECT_NE(close_code_of(liar), 0);
-  // Just below the limit it is answered.
+  // A request just below the limit is answered.
   WebClient large(console_->port, {.target = console_->target});
   large.send_text(R"({"op":"getParameters","parameterNames":[],"id":"x","pad":")" +
                   std::string(std::size_t{1'000'000}, 'x') + "\"}");
@@ -188,9 +188,9 @@ TEST_F(HostileClients, WithWrongIdsAreTold) {
          {"subscriptions", Json::array({{{"id", subscription}, {"channelId", channel}}})}});
   };
   subscribe(1, id);
-  subscribe(1, client->channels().at("console/log")["id"]);  // In use.
-  subscribe(2, id);                                          // Twice.
-  subscribe(3, 4'000'000);                                   // No such channel.
+  subscribe(1, client->channels().at("console/log")["id"]);  // The id is in use.
+  subscribe(2, id);                                          // This channel is subscribed twice.
+  subscribe(3, 4'000'000);                                   // There is no such channel.
   client->send({{"op", "unsubscribe"}, {"subscriptionIds", {77}}});
   client->send({{"op", "advertise"}, {"channels", Json::array()}});
   EXPECT_TRUE(client->read_until([&] { return client->statuses().size() >= 5; }));
@@ -258,7 +258,7 @@ TEST_F(HostileClients, WithTooManyCallsAreRefused) {
     ASSERT_TRUE(frame) << refused_count;
     refused_count += frame->payload.find("too many calls") != std::string::npos ? 1U : 0U;
   }
-  // A stop does not count among them: it is tried, however many calls are open.
+  // A stop does not count among these calls: it is tried, however many are open.
   EXPECT_TRUE(client->call("console/estop", Json::object()).contains("failed"));
   // Other clients are not delayed.
   const auto other = connect();

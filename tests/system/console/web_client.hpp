@@ -55,7 +55,7 @@ class WebClient {
   struct Options {
     std::string target = "/";
     std::string subprotocol = "foxglove.sdk.v1";
-    std::string headers{};  ///< Further lines.
+    std::string headers{};  ///< Further header lines.
   };
   WebClient(std::uint16_t port, const Options& options);
 

@@ -91,7 +91,7 @@ TEST_P(Events, StoppedConsumerCostsNobodyAnEventAndComesBack) {
   EXPECT_TRUE(hub_->process.wait_for_errors("was dropped: it missed too many", kPatience))
       << hub_->process.errors();
   stopped.send_signal(SIGCONT);
-  // It was away for longer than a stream is kept: it subscribes again by itself.
+  // The consumer was away for longer than a stream is kept: it subscribes again by itself.
   EXPECT_TRUE(stopped.wait_for_output("resubscribed\n", kPatience)) << stopped.output();
   expect_events(stopped, 10);
 }

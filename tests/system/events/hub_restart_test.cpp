@@ -19,8 +19,8 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/test/os.hpp"
 
-// A supplier's view of its events when its hub is killed, over each transport, and a consumer's
-// view of it.
+// When a hub is killed: a supplier's view of its events, over each transport, and a consumer's view
+// of the hub.
 namespace rtpm::system_test {
 namespace {
 
@@ -113,7 +113,7 @@ class HubRestart : public testing::TestWithParam<rpc::Transport> {
     const auto counters = supplier_->counters();
     return counters.sent_count + counters.failed_count;
   }
-  /// The missing ones among the numbers up to the last.
+  /// The numbers that are missing up to the last one.
   [[nodiscard]] std::uint64_t missing_count() const {
     const auto numbers = numbers_.numbers();
     EXPECT_TRUE(std::ranges::is_sorted(numbers));

@@ -61,7 +61,7 @@ int supply(rtpm::rpc::Node& node, const std::string& hub) {
   std::uint64_t pushed = 0;
   std::uint64_t failed = 0;
   while (!stop.wait_for(1ms)) {
-    // A missing hub is no reason to end: another one may start.
+    // Pushes fail without a hub, but another one may start.
     ++((*supplier)->push({.type = kTick}) ? pushed : failed);
   }
   const auto counters = (*supplier)->counters();

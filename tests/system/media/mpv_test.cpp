@@ -109,7 +109,7 @@ TEST_F(RealMpv, IsGoneWhenItHangs) {
   EXPECT_LT(rt::now() - begin, device_mpv::Session::kGoneAfter + milliseconds{2000});
 }
 
-/// The median.
+/// The median of `times`.
 Duration median(std::vector<Duration> times) {
   std::ranges::nth_element(times, times.begin() + static_cast<long>(times.size() / 2));
   return times[times.size() / 2];
@@ -151,7 +151,7 @@ class TurnedKnob {
   MonotonicTime now_{std::chrono::seconds{1000}};
 };
 
-/// mpv's own position follows within one sample period plus mpv's answer time.
+/// The position that mpv reports follows within one sample period plus mpv's answer time.
 TEST_F(RealMpv, FollowsTheKnobForwardsAndBackwards) {
   constexpr int kTargetCount = 200;
   start_mpv();
@@ -187,7 +187,7 @@ TEST_F(RealMpv, FollowsTheKnobForwardsAndBackwards) {
       "%.2f ms, %.2f ms\n",
       to_ms(median(answers)), to_ms(std::ranges::max(answers)), to_ms(median(follows)),
       to_ms(std::ranges::max(follows)));
-  // Generous: this machine may be busy with other tests.
+  // The limit is generous: this machine may be busy with other tests.
   EXPECT_LE(median(follows), kPeriod + 4 * median(answers) + milliseconds{5});
 }
 

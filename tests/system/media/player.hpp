@@ -16,7 +16,7 @@ namespace rtpm::system_test {
 /// The path of mpv; empty if it is not installed.
 [[nodiscard]] std::string mpv_path();
 
-/// A connection of the test's own to mpv.
+/// The test's own connection to mpv.
 class Observer {
  public:
   explicit Observer(std::unique_ptr<device_mpv::Transport> transport)
@@ -24,7 +24,7 @@ class Observer {
 
   /// mpv's answer; the test fails without one.
   device_mpv::Reply ask(std::string_view command, std::initializer_list<device_mpv::Word> words);
-  /// The position of the picture that mpv shows; nothing while it seeks.
+  /// The position of the picture that mpv shows; nullopt while it seeks.
   [[nodiscard]] std::optional<double> shown_s();
   /// How long mpv takes until it shows `position_s`; kNever's distance if it never does.
   [[nodiscard]] Duration time_until_shown(double position_s);

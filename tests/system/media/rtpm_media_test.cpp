@@ -80,7 +80,7 @@ TEST_F(Media, DrivesAPlayerThatHasTheDeviceInside) {
       start_daemon("rtpm-deviced", {"--port", "0", "--registry", registry_->url, "--realtime",
                                     "off", "--devices", "knob0", "--serve-events"});
   ASSERT_TRUE(devices);
-  // Not --no-terminal, with which mpv leaves SIGTERM to the system, and does not end in order.
+  // With --no-terminal, mpv would leave SIGTERM to the system, and not end in order.
   mpv_.emplace(std::vector<std::string>{
       mpv_path(), "--no-config", "--quiet", "--vo=null", "--ao=null", "--idle=yes", "--pause",
       "--keep-open=yes", "--script=" RTPM_MPV_PLUGIN,

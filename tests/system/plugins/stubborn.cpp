@@ -59,7 +59,7 @@ class Stubborn final : public Driver {
       pause();
   }
 
-  /// In a function of its own, so that it is not optimised away.
+  /// The write is in its own function, so that it is not optimised away.
   [[gnu::noinline]] static void crash() noexcept {
     int* volatile nowhere = nullptr;
     *nowhere = 1;

@@ -26,7 +26,7 @@ test::Process::End run_shell(const std::string& command) {
 /// Installs the peer in the build folder, once; returns whether it is installed.
 bool install_peer() {
   const std::string folder = RTPM_PEER;
-  // Completed in a folder of this process's own, because tests run at the same time.
+  // The installation is completed in this process's own folder, because tests run at the same time.
   const std::string own = folder + "." + std::to_string(::getpid());
   if (!std::filesystem::exists(folder)) {
     static_cast<void>(run_shell("cp -r '" RTPM_PEER_SOURCE "' '" + own + "' && cd '" + own +
@@ -99,7 +99,7 @@ TEST_F(McapPeer, ReadsOurRecordings) {
     EXPECT_EQ(read["messages"][42]["data"], "{\"force\":42}");
     EXPECT_EQ(read["metadata"][0]["metadata"]["cores"], "2");
     EXPECT_EQ(read["attachments"][0]["data"], "xxx");
-    // Streamed from end to end, with each checksum.
+    // The peer streams the file from end to end, and checks each checksum.
     EXPECT_EQ(read["streamed_count"], 100);
     EXPECT_EQ(read["is_done"], true);
   }

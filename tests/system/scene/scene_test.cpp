@@ -84,7 +84,7 @@ class Observer final : public gvd::SampleSink {
 class ThreeNodes : public testing::Test {
  protected:
   void SetUp() override {
-    // It presses 10 mm deep, and stays.
+    // The hand presses 10 mm deep, and stays.
     std::ofstream(hand_) << "0,0.004,0,0.01\n0.3,0.004,0,-0.01\n600,0.004,0,-0.01\n";
     registry_ = start_daemon("rtpm-registryd", {"--port", "0", "--realtime", "off"});
     ASSERT_TRUE(registry_);
@@ -167,7 +167,7 @@ TEST_P(TouchedScene, IsDrawnFromAllItsUpdates) {
   const std::size_t at = end->output.find("  cycles ");
   ASSERT_NE(at, std::string::npos) << end->output;
   ASSERT_EQ(std::sscanf(end->output.c_str() + at, "  cycles %lu", &cycle_count), 1);
-  // 2000 in the 2 s of drawing; generous, as this machine may be busy.
+  // There are 2000 in the 2 s of drawing; the limit is generous, as this machine may be busy.
   EXPECT_GE(cycle_count, 500u) << end->output;
 
   std::ifstream file(picture);

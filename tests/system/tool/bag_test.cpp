@@ -98,7 +98,7 @@ TEST_F(Bag, RecoverKeepsTheChannelsAndTellsWhatIsLost) {
   const std::string head("\x06", 1);
   const std::size_t chunk = 8 + 9 + static_cast<unsigned char>(content[9]);
   ASSERT_EQ(content.substr(chunk, 1), head);
-  content[chunk + 70] ^= 1;  // In its compressed records.
+  content[chunk + 70] ^= 1;  // This byte is in its compressed records.
   const std::string damaged = folder_.fresh("damaged");
   recording::put_content(damaged, content);
   const std::string saved = folder_.fresh("saved");

@@ -28,7 +28,7 @@ struct Case {
   std::string run;      ///< The words behind the path that succeed.
   std::string words;    ///< Part of its text.
   std::string failing;  ///< The words behind the path that fail.
-  int exit_code = 1;    ///< After `failing`.
+  int exit_code = 1;    ///< The exit code after `failing`.
   std::string why;      ///< Part of its error.
 };
 
@@ -167,7 +167,7 @@ class Commands : public testing::Test {
     ::chmod(path.c_str(), 0600);
     return path;
   }
-  /// Repeats it while the machine is too busy for it, or it comes too early.
+  /// Repeats the command while the machine is too busy for it, or it comes too early.
   [[nodiscard]] static test::Process::End run(const Arguments& arguments) {
     test::Process::End end;
     for (int i = 0; i < 300; ++i) {
@@ -232,7 +232,7 @@ TEST(CommandTable, HasEveryCommandOfTheProgramOnce) {
   for (const std::string& command : commands_below("")) {
     if (commands_below(command).empty()) known.insert(command);
   }
-  // These end a thing that is there once: see laboratory_test.cpp and objects_test.cpp.
+  // These end something that exists only once: see laboratory_test.cpp and objects_test.cpp.
   for (const char* ending : {"down", "unbind"})
     EXPECT_EQ(known.erase(ending), 1u) << ending;
   EXPECT_EQ(tested, known) << "the table above has a row for each command";
@@ -303,7 +303,7 @@ TEST(GrantsOfKeys, HaveNamesThatTheyAreRevokedBy) {
   EXPECT_EQ(run_program("rtpm", authorize).exit_code, 0);
   EXPECT_EQ(run_program("rtpm", {"key", "revoke", "Hans-Meier", "--file", file}).exit_code, 0);
 
-  // A comment with blanks, such as a host's name, and with quotation marks.
+  // The comment has blanks, as in a host's name, and quotation marks.
   const auto made = run_program(
       "rtpm", {"key", "new", "--comment", "Hans O'Meier", "--file", folder.fresh("key")});
   EXPECT_NE(made.output.find(" Hans-O-Meier' --role"), std::string::npos) << made.output;

@@ -34,7 +34,7 @@ class WithoutRegistry : public testing::Test {
   [[nodiscard]] static test::Process::End rtpm(const Words& arguments) {
     return run_program("rtpm", arguments);
   }
-  /// Whether `rtpm list` shows exactly these before patience is over.
+  /// Whether `rtpm list` shows exactly these names before patience is over.
   [[nodiscard]] static bool lists(const std::vector<std::string>& names) {
     return test::await([&] {
       const auto end = rtpm({"list", "--json"});
@@ -116,7 +116,7 @@ TEST_F(WithoutRegistry, DoctorSaysWhatDiscoveryFinds) {
                       "all 1 names"});
 }
 
-/// Hosts a and b in a LAN of this test's own, c behind a router, which forwards no multicast.
+/// Hosts a and b in this test's own LAN, and c behind a router that does not forward multicast.
 class OnTheLan : public testing::Test {
  protected:
   void SetUp() override {

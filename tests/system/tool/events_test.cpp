@@ -227,7 +227,7 @@ TEST_F(Events, OfARecordingThatASignalEndsAreKept) {
   }
 }
 
-/// Like on a full disk: it reports one sentence, and the written part stays whole.
+/// The disk is full: the tool reports one sentence, and the written part stays whole.
 TEST_F(Events, OfARecordingThatReachesTheFileSizeLimitAreKept) {
   const recording::Folder folder;
   const std::string file = folder.fresh("run");
@@ -242,7 +242,7 @@ TEST_F(Events, OfARecordingThatReachesTheFileSizeLimitAreKept) {
   EXPECT_TRUE(reader) << reader.error().text();
 }
 
-/// A new hub knows neither the types nor the names of a program whose events it forwards.
+/// A new hub does not know the types or names of a program whose events it forwards.
 TEST_F(Events, OfProgramsThatStartLaterAreRecordedByTypeAndName) {
   const recording::Folder folder;
   const std::string file = folder.fresh("run");

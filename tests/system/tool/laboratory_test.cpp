@@ -42,7 +42,7 @@ class Up : public testing::Test {
     fs::remove_all(folder_);
     fs::create_directories(folder_ / "run");
     ::setenv("XDG_RUNTIME_DIR", (folder_ / "run").c_str(), 1);
-    // Inherited by all processes that a test starts, in any session.
+    // All processes that a test starts inherit this variable, in any session.
     mark_ = "LABORATORY_TEST_MARK=" + folder_.string() + "/" +
             std::to_string(Clock::now().time_since_epoch().count());
     ::setenv("LABORATORY_TEST_MARK", mark_.substr(mark_.find('=') + 1).c_str(), 1);
@@ -98,7 +98,7 @@ class Up : public testing::Test {
       events.push_back(Json::parse(line, nullptr, false));
     return events;
   }
-  /// "registry serving", …, in their order.
+  /// The changes to one of `states`, in order, such as "registry serving".
   static std::vector<std::string> states_in(const std::string& output,
                                             const std::vector<std::string>& states) {
     std::vector<std::string> found;
@@ -110,7 +110,7 @@ class Up : public testing::Test {
     }
     return found;
   }
-  /// The process of the program's latest life.
+  /// The process of the program's latest start.
   static pid_t process_of(const std::string& output, const std::string& program) {
     pid_t process = 0;
     for (const Json& event : events_in(output)) {
@@ -215,7 +215,7 @@ output = "none"
 }
 
 TEST_F(Up, WaitsForNamesAtTheRegistry) {
-  // The one-shot behind sees the name, by the registry of its environment.
+  // The one-shot program finds the name through the registry in its environment.
   const auto end = run_program("rtpm", {"up", file(std::string(kDaemons) + R"(
 [[program]]
 name = "look"

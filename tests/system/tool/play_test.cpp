@@ -39,7 +39,7 @@ class Play : public testing::Test {
                                       "off", "--devices", "arm0,gaze0", "--serve-events"});
     ASSERT_TRUE(devices_);
   }
-  /// Ends them, so that their names are free.
+  /// Ends the device server, so that its names are free.
   void end_devices() {
     devices_->process.send_signal(SIGTERM);
     ASSERT_TRUE(devices_->process.wait(kPatience));
@@ -67,7 +67,7 @@ class Play : public testing::Test {
     EXPECT_TRUE(end);
     return end ? *end : test::Process::End{};
   }
-  /// The messages of a topic, in their order.
+  /// The messages of a topic, in order.
   static std::vector<recording::Read> messages_of(const std::string& file,
                                                   const std::string& topic) {
     const auto reader = recording::FileReader::open(file);

@@ -104,7 +104,7 @@ TEST_F(TwoMachines, AreSetUpByWhatReadmeSays) {
 
   const auto made = at_caller(commands[0]);
   EXPECT_EQ(made.exit_code, 0) << made.errors;
-  // A user pastes it at the other machine; it is README's but for the key.
+  // A user pastes this command on the other machine; it is README's except for the key.
   const std::string authorize = part(made.output, "rtpm key authorize ", "'**'");
   const auto without_key = [](const std::string& command) {
     return command.substr(0, command.find('\'')) + command.substr(command.find("' --role"));
@@ -119,7 +119,7 @@ TEST_F(TwoMachines, AreSetUpByWhatReadmeSays) {
   const std::string fingerprint = part(demo.output() + demo.errors(), "fingerprint ", "\n");
   ASSERT_NE(fingerprint, "") << demo.output() << demo.errors();
 
-  // A user compares and confirms; here the option does.
+  // A user compares and confirms; here the option replaces the user.
   const auto learned = at_caller(commands[3] + " --fingerprint " + fingerprint.substr(12, 24));
   EXPECT_EQ(learned.exit_code, 0) << learned.errors;
   const auto called = at_caller(commands[4] + "; " + commands[5]);
@@ -128,7 +128,7 @@ TEST_F(TwoMachines, AreSetUpByWhatReadmeSays) {
   std::printf("from `rtpm key new` to the first call: %.1f s\n",
               std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
 
-  // Without the key it fails.
+  // The command fails without the key.
   std::filesystem::rename(caller_file("key"), caller_file("key.away"));
   expect_words(at_caller(commands[4] + "; " + commands[5]), {"rtpm key new"});
 }
@@ -148,7 +148,7 @@ TEST_F(TwoMachines, DoNotBeginByAccident) {
 }
 
 TEST_F(TwoMachines, SayWhatToDoAtEachWrongStep) {
-  // One key has a grant, so that it starts.
+  // One key has a grant, so that the server starts.
   ASSERT_EQ(at_server("rtpm key authorize uid:7 --role observe --on '**'").exit_code, 0);
   test::Process registry(in_shell(*server_, "exec rtpm-registryd --realtime off --host any"));
   ASSERT_TRUE(registry.wait_for_output("rtpm://", kPatience)) << registry.errors();

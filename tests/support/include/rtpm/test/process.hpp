@@ -14,13 +14,13 @@ namespace rtpm::test {
 /// A program that a test runs, with its output; killed with this object at the latest. It has the
 /// test's environment without RTPM_… variables and an empty standard input. It finds only this
 /// test's programs by name, in the test's own RTPM_RUNTIME_FOLDER if there is one; its keys are in
-/// RTPM_KEYS, or there.
+/// RTPM_KEYS, or in that folder.
 /// Threads: one.
 class Process {
  public:
   /// How a program ended.
   struct End {
-    std::optional<int> exit_code{};  ///< Nothing if a signal ended it.
+    std::optional<int> exit_code{};  ///< nullopt if a signal ended it.
     std::string output;
     std::string errors;
   };
@@ -36,13 +36,13 @@ class Process {
   [[nodiscard]] bool wait_for_output(std::string_view text, Duration patience);
   /// Like wait_for_output(), but for standard error.
   [[nodiscard]] bool wait_for_errors(std::string_view text, Duration patience);
-  /// Waits until it ends; nothing if it does not within `patience`.
+  /// Waits until the program ends; nullopt if it does not within `patience`.
   [[nodiscard]] std::optional<End> wait(Duration patience);
   void send_signal(int signal) const;
-  /// Stops it by SIGSTOP, and waits until the system has done so.
+  /// Stops the program by SIGSTOP, and waits until the system has done so.
   void stop() const;
 
-  /// Its output so far, as far as it was read.
+  /// The program's output, as far as it was read.
   [[nodiscard]] const std::string& output() const noexcept { return output_.text; }
   [[nodiscard]] const std::string& errors() const noexcept { return errors_.text; }
 
@@ -61,7 +61,7 @@ class Process {
   Stream errors_{};
 };
 
-/// Runs `command` to its end; nothing if it does not end within `patience`.
+/// Runs `command` to its end; nullopt if it does not end within `patience`.
 [[nodiscard]] std::optional<Process::End> run(const std::vector<std::string>& command,
                                               Duration patience);
 

@@ -36,7 +36,7 @@ inline constexpr rpc::InterfaceDescriptor kInterface{"test.Echo", 4711, "by hand
 /// The reply of `where` about its run: the servant's context, and the system's view of its thread.
 struct Place {
   std::int32_t priority;
-  std::int32_t current_priority;  ///< -1: none.
+  std::int32_t current_priority;  ///< -1 if there is none.
   std::int32_t policy;
   std::int32_t level;
   std::int32_t thread;
@@ -90,7 +90,7 @@ class Servant final : public rpc::Servant {
         return give(std::as_bytes(std::span(&place, 1)), reply);
       }
       case kFail.id:
-        // Out of range, like a user's mistake.
+        // Throws std::out_of_range, like a servant with a mistake.
         return {wire::Status::kOk, static_cast<std::uint32_t>(std::string().at(request.size()))};
       case kRefuse.id:
         // The rest of the request is the reason.

@@ -23,13 +23,13 @@ namespace rtpm::test {
 /// A bad network between a caller and a server: it loses, repeats, delays and reorders datagrams in
 /// both directions, by a seed. Its faults look like those of a real network, but repeat exactly for
 /// the same seed.
-/// Threads: one of its own, which ends with it.
+/// Threads: the relay runs on a thread of its own.
 class FaultyRelay {
  public:
   struct Faults {
     double loss = 0.05;
     double repetition = 0.05;
-    double delay = 0.10;  ///< Until the next datagram has gone, which reorders them.
+    double delay = 0.10;  ///< A datagram is held until the next one has gone.
     std::uint64_t seed = 1;
     /// The datagrams that an attacker sends to a client before a datagram of its server.
     std::function<std::vector<std::vector<char>>(const std::vector<char>& datagram)> forge{};
@@ -143,7 +143,7 @@ class FaultyRelay {
             ? send(client.to_server.number(), datagram.bytes.data(), datagram.bytes.size(), 0)
             : sendto(front_.number(), datagram.bytes.data(), datagram.bytes.size(), 0,
                      as_any(client.address), sizeof client.address);
-    static_cast<void>(size);  // Lost on the way, like others.
+    static_cast<void>(size);  // A datagram that can't be sent is one more loss.
   }
 
   sockaddr_in server_;

@@ -62,7 +62,7 @@ class HelloResponder {
 };
 
 /// A COOKIE that shows a key of 32 equal bytes; empty if the HELLO offers no sealed session.
-/// @param number_offset  0; otherwise the answer is to another handshake
+/// @param number_offset  if not 0, the answer is to another handshake
 inline std::vector<std::byte> sealed_cookie(ConstBytes hello, unsigned char key,
                                             std::uint32_t number_offset) {
   const auto about = wire::decode_frame(hello);

@@ -23,7 +23,7 @@ class SealedPeer {
   using Kind = wire::ChannelEvent::Kind;
   /// How a call ended.
   struct Reply {
-    Kind kind = Kind::kNothing;  ///< kNothing: it did not end.
+    Kind kind = Kind::kNothing;  ///< kNothing if it did not end.
     wire::Status status = wire::Status::kOk;
     Bytes payload{};
     [[nodiscard]] bool is_ok() const { return kind == Kind::kReply && status == wire::Status::kOk; }
@@ -163,7 +163,7 @@ class SealedPeer {
     }
     if (sealed_->has_work()) follow(sealed_->work(rt::now()));
   }
-  // False: nothing happened.
+  // False means that nothing happened.
   bool take(const wire::ChannelEvent& event) {
     Reply reply{event.kind, event.status, {event.payload.begin(), event.payload.end()}};
     send_all(event.frame);
