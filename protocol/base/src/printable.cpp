@@ -7,7 +7,7 @@
 namespace rtpm::inline base {
 namespace {
 
-/// A character and its size in bytes; size 0: the bytes are no UTF-8.
+/// A character and its size in bytes; the size is 0 if the bytes are not UTF-8.
 struct Character {
   std::uint32_t code = 0;
   std::size_t size = 0;

@@ -200,7 +200,7 @@ void SealedServer::end_unadmitted(MonotonicTime now) noexcept {
     static_cast<void>(review(index, now));
 }
 
-// Empty: there are no keys yet.
+// The result is empty while there are no keys.
 ConstBytes SealedServer::seal_close(Entry& entry, MonotonicTime now) noexcept {
   if (!entry.session) return {};
   wire::Header header;

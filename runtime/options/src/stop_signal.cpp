@@ -20,8 +20,8 @@
 namespace rtpm::options {
 namespace {
 
-/// Whether the descriptor became readable within `timeout`; null: wait for ever. The data is never
-/// read: the signal stays pending, so every thread that asks sees it, now and later.
+/// Whether the descriptor became readable within `timeout`; if null, waits for ever. The data is
+/// never read: the signal stays pending, so every thread that asks sees it, now and later.
 bool is_pending(int signals, const timespec* timeout) noexcept {
   pollfd wanted{.fd = signals, .events = POLLIN, .revents = 0};
   return ppoll(&wanted, 1, timeout, nullptr) > 0;

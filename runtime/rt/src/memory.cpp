@@ -91,7 +91,7 @@ void prefault(MutableBytes memory) noexcept {
 }
 
 bool prefault_heap(std::size_t size) noexcept {
-  // Else the block would be a mapping of its own, which goes back to the system when it is freed.
+  // Otherwise the block would be a separate mapping, which the system takes back when it is freed.
   mallopt(M_TRIM_THRESHOLD, -1);
   mallopt(M_MMAP_MAX, 0);
   auto* const block = static_cast<std::byte*>(std::malloc(size));

@@ -16,7 +16,7 @@ namespace {
 PriorityMapping priority_mapping = nullptr;
 
 thread_local std::optional<Priority> thread_priority;
-// The SCHED_FIFO level the thread is known to have; 0: not known, ask the system.
+// The SCHED_FIFO level that the thread is known to have; 0 if only the system knows it.
 thread_local int thread_level = 0;
 
 }  // namespace

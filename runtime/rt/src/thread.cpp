@@ -218,7 +218,7 @@ expected<Thread, SetupError> Thread::start(const ThreadConfig& config, std::func
   pthread_attr_init(&attributes);
   // With memory locked, the whole stack is resident: the system's 8 MiB would be waste.
   pthread_attr_setstacksize(&attributes, kStackSize);
-  // Else it would begin at its starter's level, and stay there if it has no priority of its own.
+  // Otherwise it would begin at its starter's level, and stay there if it has no priority.
   const sched_param time_shared{};
   pthread_attr_setinheritsched(&attributes, PTHREAD_EXPLICIT_SCHED);
   pthread_attr_setschedpolicy(&attributes, SCHED_OTHER);

@@ -38,8 +38,8 @@ class Dispatch {
         rights_(rights),
         refusals_(refusals) {}
 
-  /// The object on which a method would run, or why none would: every call passes here before it
-  /// runs, however it came. `sessions`: those of the request; null: a call of this program.
+  /// The object on which a method would run, or why there is none: every call passes here before it
+  /// runs, however it came. `sessions` has the request; null for a call of this program.
   /// @threads  with the lane's Lead; for calls of this program any
   [[nodiscard]] expected<Target, wire::Status> target_of(
       const wire::Request& request, const wire::ServerSessions* sessions) const noexcept;

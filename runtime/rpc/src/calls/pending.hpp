@@ -30,7 +30,7 @@ struct PendingCall {
   bool is_taken = false;
   wire::ServerSessions* sessions = nullptr;  ///< Null: a call of the same program, of `local`.
   LocalChannel* local = nullptr;
-  std::uint32_t item_size_max = 0;        ///< 0: it is no stream.
+  std::uint32_t item_size_max = 0;        ///< 0 if it is not a stream.
   std::uint32_t item_frame_size_max = 0;  ///< The largest item of a single frame.
   bool is_blocked = false;                ///< Its connection has no room for items now.
   bool is_in_backlog = false;             ///< See OpenCalls::serve_backlog().
@@ -108,12 +108,12 @@ class PendingPool {
   PendingPool(std::uint32_t count, std::uint32_t deferred_count_max, std::uint32_t message_size_max,
               std::uint32_t stream_byte_max, bool keeps_requests, std::shared_ptr<Doorbell> bell);
 
-  /// Whether the system gave its memory; else there are no places, or some without items.
+  /// Whether the system gave its memory; if not, there are no places, or some lack items.
   [[nodiscard]] bool has_memory() const noexcept { return has_memory_; }
 
   /// A free place, or null.
   [[nodiscard]] PendingCall* take() noexcept;
-  /// The same for a call that came over a wire and may outlast its frame.
+  /// A free place, or null, for a call that came over a wire and may outlast its frame.
   [[nodiscard]] PendingCall* keep(wire::ServerSessions& sessions,
                                   const wire::Request& request) noexcept;
   void give_back(PendingCall& call) noexcept;

@@ -59,7 +59,7 @@ class ReadyList {
   [[nodiscard]] bool is_empty() const noexcept {
     return taken_ == nullptr && first_.load(std::memory_order_relaxed) == nullptr;
   }
-  /// The same, in one order with Doorbell::announce_sleep().
+  /// Whether the list is empty, in one order with Doorbell::announce_sleep().
   [[nodiscard]] bool is_empty_before_sleep() const noexcept {
     return taken_ == nullptr && first_.load(std::memory_order_seq_cst) == nullptr;
   }

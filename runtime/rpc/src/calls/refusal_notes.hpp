@@ -23,7 +23,7 @@ class RefusalNotes {
   /// @param bell  of the thread that calls write_due()
   explicit RefusalNotes(transport::WaitSet& bell) noexcept : bell_(bell) {}
 
-  /// @param text  as the caller gets it; empty: none
+  /// @param text  as the caller gets it; may be empty
   void note(const Object& object, const wire::Request& request, wire::Status status,
             std::string_view text) noexcept;
   /// Writes what was noted, some times a second.

@@ -19,7 +19,7 @@ namespace {
 // Texts of a server, and of a registry, are foreign.
 constexpr std::size_t kDifferenceSizeMax = 1024;
 
-// "; most like it there: lab/arm0, lab/arm1", or nothing. A text that is no path ends the list.
+// "; most like it there: lab/arm0, lab/arm1", or nothing. The list ends at a malformed path.
 std::string similar_paths_of(const BindOutcome& outcome) {
   std::string list;
   ByteReader reader(ConstBytes(outcome.similar_paths).first(outcome.similar_paths_size));
@@ -31,7 +31,7 @@ std::string similar_paths_of(const BindOutcome& outcome) {
   return list;
 }
 
-// `transport_error`: what kept from asking at all; empty: nothing, or it is in the outcome.
+// `transport_error`: why the server was not asked; empty if it was, or if the outcome says why.
 SetupError explain(const BindOutcome& outcome, const InterfaceDescriptor& interface,
                    const std::string& path, const std::string& url,
                    const SetupError& transport_error = {}) {
@@ -126,7 +126,7 @@ Candidates candidates_of(const wire::Url& url, MonotonicTime deadline) {
   Candidates candidates;
   std::size_t left = url.hosts.size();
   for (const std::string& host : url.hosts) {
-    // Where there are others, half of the time is theirs.
+    // If there are several hosts, the hosts after this one keep half of the time.
     const std::size_t parts = url.hosts.size() == 1 ? 1 : 2 * left;
     const auto addresses = transport::addresses_of(host, url.port, part_of_time(deadline, parts));
     --left;
@@ -264,7 +264,7 @@ expected<Binding::Impl::Opened, SetupError> Binding::Impl::open_by(const ServerA
     at.door = LocalDoor::find(answer->server_epoch);
   }
   std::vector<Priority> priorities = bind_options.warm_up;
-  // Calls without a priority of their own go at the object's.
+  // Calls without a priority of their own use the object's priority.
   if (answer->is_server_declared) priorities = {answer->priority};
   if (at.door) at.door->open_places(priorities);
   SetupError transport_error;

@@ -43,7 +43,7 @@ struct Destination {
   Endpoint& endpoint;
   std::string path;
   std::string url;
-  /// Where the object's server is in this program; else null.
+  /// Null unless the object's server is in this program.
   std::shared_ptr<LocalDoor> door{};
   // Oneways lost on the way to the binding's former destinations, and of the endpoint's those that
   // were lost before the binding came to it.
@@ -70,7 +70,7 @@ struct BindOutcome {
   CallError error = CallError::kTimeout;
   Bound bound{};
   wire::Status status = wire::Status::kOk;
-  std::string difference{};  ///< In the interface; empty: it is the same, or one that will do.
+  std::string difference{};  ///< In the interface; empty if it is the same or compatible.
   std::array<char, 96> other_interface{};
   /// If the object is not there: the paths most like its own, as the server sent them.
   std::array<std::byte, wire::kSimilarPathCountMax*(wire::kPathSizeMax + 2)> similar_paths{};
@@ -191,8 +191,8 @@ class Binding::Impl {
   /// Takes a channel and binds again where the server is another one.
   [[nodiscard]] expected<void, CallError> make_ready(const Plan& plan, MonotonicTime now,
                                                      Ready& ready) noexcept;
-  /// The same on a channel that the caller has taken, for what was bound last. `ready` keeps its
-  /// null channel where the session was lost meanwhile: try again.
+  /// Does so on a channel that the caller has taken, for the last bind. `ready` keeps its null
+  /// channel if the session was lost meanwhile: try again.
   [[nodiscard]] expected<void, CallError> make_ready_on(CallChannel& channel, const Bound& last,
                                                         Priority priority, const Plan& plan,
                                                         Ready& ready) noexcept;
@@ -201,8 +201,8 @@ class Binding::Impl {
   [[nodiscard]] expected<void, CallError> judge(const CallOutcome& outcome, const Ready& ready,
                                                 const Plan& plan, MonotonicTime begun) noexcept;
   [[nodiscard]] expected<ReplyLease, CallError> call(const Plan& plan, ConstBytes request) noexcept;
-  /// The same, for what is left of the time, after a call that was begun ended without reply, if it
-  /// may be made again: see judge().
+  /// Makes a call again in the time that is left, if it ended without reply and may be made again:
+  /// see judge().
   [[nodiscard]] expected<ReplyLease, CallError> call_again(const CallOutcome& outcome,
                                                            const Ready& ready, const Plan& plan,
                                                            MonotonicTime begun,
@@ -223,7 +223,7 @@ class Binding::Impl {
                                                          std::span<const Priority> priorities,
                                                          MonotonicTime deadline,
                                                          SetupError& transport_error);
-  /// The same for each band that the server has.
+  /// Does what warm_up() does, for each band that the server has.
   [[nodiscard]] static expected<void, CallError> warm_up_all(Endpoint& endpoint,
                                                              MonotonicTime deadline,
                                                              SetupError& transport_error);
@@ -250,15 +250,15 @@ class Binding::Impl {
   Latest<Bound> bound;
   rt::PiMutex writing;                     ///< Guards bound and current.
   const Destination* current = nullptr;    ///< The destination of bound.
-  std::unique_ptr<Destination> settled{};  ///< The same.
-  std::atomic<bool> has_door{false};       ///< It has one.
+  std::unique_ptr<Destination> settled{};  ///< Owns the destination of bound.
+  std::atomic<bool> has_door{false};       ///< Whether the destination has a door.
 
-  // For a binding by name; written by the thread that binds and later by the rebinder's.
+  // Used only by a binding by name. Written by the thread that binds, later by the Rebinder.
   std::string name{};
   std::vector<std::unique_ptr<Destination>> former{};
   std::atomic<std::uint32_t> pin_count{0};
   std::atomic<bool> asks_for_name{false};
-  /// The error of the server that the name leads to, if that can't be called; else kNoRefusal.
+  /// The error of the server that the name leads to, if that can't be called; kNoRefusal otherwise.
   std::atomic<int> refusal{kNoRefusal};
   static constexpr int kNoRefusal = -1;
   rt::PiMutex telling;  ///< Guards followed.

@@ -21,7 +21,7 @@ namespace {
 // How often a caller that only polls checks whether its peer is gone.
 constexpr Duration kCheckInterval = std::chrono::milliseconds{10};
 
-// Else each wait for a server of this host would poll, with a timer.
+// Otherwise each wait for a server of this host would poll, with a timer.
 static_assert(wire::kRetransmitIntervalOnHost >
               transport::kBlockTimeShort + transport::kBlockTimeError);
 static_assert(wire::kStreamAskIntervalConnected >

@@ -34,7 +34,7 @@ struct CallOutcome {
   CallError error = CallError::kTimeout;
   wire::Status status = wire::Status::kOk;
   ConstBytes payload{};
-  wire::CallIndex call = 0;  ///< Which of the channel's. Without a session, it ended all of them.
+  wire::CallIndex call = 0;  ///< The call's index. Without a session, all calls ended.
 };
 
 /// A transport and a session on it. Carries the calls of the thread that has taken it: one at a
@@ -78,7 +78,7 @@ class CallChannel {
   /// Ensures a session for `priority`, with a handshake if need be; without a syscall if not.
   [[nodiscard]] expected<void, CallError> make_ready(Priority priority,
                                                      MonotonicTime deadline) noexcept;
-  /// Why the last make_ready() came to nothing, in words; empty: its error says it all.
+  /// Why the last make_ready() failed, in words; empty if its error says it all.
   [[nodiscard]] const SetupError& transport_error() const noexcept { return transport_error_; }
   [[nodiscard]] bool is_ready(Priority priority) const noexcept {
     return wire_.is_ready() && serves(priority) && !is_renewal_due();
@@ -86,13 +86,13 @@ class CallChannel {
   /// Sends the call and waits for its end. The payload of the outcome is valid until the next.
   [[nodiscard]] CallOutcome call(const wire::CallParameters& parameters, ConstBytes request,
                                  MonotonicTime now) noexcept;
-  /// The same in two steps. The request must live until the call's end; keep() makes it so. The
-  /// channel itself has the memory for the items of a stream.
+  /// Sends the call; finish() waits for its end. The request must live until then, see keep().
+  /// The channel itself has the memory for the items of a stream.
   /// @errors   kTooLarge, kDisconnected
   [[nodiscard]] expected<void, CallError> begin(const wire::CallParameters& parameters,
                                                 ConstBytes request, MonotonicTime now) noexcept;
-  /// For a pipeline: begins a call and gives its index; a call that is one of several goes out with
-  /// flush(), or before. The channel must have a session and has_free_call().
+  /// Begins a call of a pipeline and gives its index; one of several calls goes out with flush(),
+  /// or before. The channel must have a session and has_free_call().
   /// @errors   as begin()
   [[nodiscard]] expected<wire::CallIndex, CallError> begin_held(
       const wire::CallParameters& parameters, ConstBytes request, MonotonicTime now) noexcept;
@@ -180,21 +180,21 @@ class CallChannel {
   std::atomic<bool> is_taken_{false};
   std::atomic<std::uint32_t> band_{kNoBand};  // low << 16 | high
   std::unique_ptr<transport::ClientTransport> transport_;
-  SealedTransport* sealed_ = nullptr;  ///< The same, where sessions are sealed.
+  SealedTransport* sealed_ = nullptr;  ///< `transport_` if sessions are sealed.
   SetupError transport_error_{};       ///< The error of the last make_ready().
   std::vector<std::byte> buffer_;
   transport::DatagramBatch held_;      // Frames to send together. Has room once it was needed.
-  std::vector<rt::LazyMemory> rooms_;  // For replies larger than a frame, of each call.
+  std::vector<rt::LazyMemory> rooms_;  // Hold each call's reply larger than a frame.
   rt::LazyMemory items_;               // The items of a stream.
-  rt::LazyMemory kept_;                // A request that outlives its caller's.
+  rt::LazyMemory kept_;                // The copy of a request that outlives the caller's.
   std::atomic<std::uint64_t>& lost_oneways_;
   /// Oneways sent over the session since the server last answered a call over it. Written by the
   /// thread that took the channel.
   std::atomic<std::uint64_t> unconfirmed_count_{0};
   MonotonicTime last_look_{};
-  MonotonicTime last_check_{};  ///< For what its transport sees only when it waits.
+  MonotonicTime last_check_{};  ///< When finish() last checked for the peer's end.
   wire::ChannelEvent event_{};  ///< The last.
-  bool lacks_memory_ = false;   ///< For the reply of a call: why the connection was given up.
+  bool lacks_memory_ = false;   ///< No memory for a reply: the connection was given up.
   wire::ClientChannel wire_;
 };
 

@@ -48,7 +48,7 @@ class Rebinder {
   /// A binding asks for its name.
   /// @realtime alloc-free, at most one syscall
   void wake() noexcept { bell_.post(); }
-  /// As Node::look_again().
+  /// Does the work of Node::look_again().
   void look_again(std::string_view name) noexcept;
   /// Takes another resolver, null for none, and waits until no one asks the former.
   void use(Resolver* resolver) noexcept;

@@ -10,7 +10,7 @@ namespace rtpm::rpc {
 /// @realtime alloc-free
 [[nodiscard]] CallError error_of(wire::Status status) noexcept;
 
-/// The same for the calling thread's call, with the server's words for refusal_text().
+/// The error of the calling thread's call; keeps the server's words for refusal_text().
 /// @realtime alloc-free
 [[nodiscard]] CallError refused(wire::Status status, ConstBytes text) noexcept;
 

@@ -233,7 +233,7 @@ expected<MutableBytes, IoError> SealedTransport::open_frame(
 }
 
 expected<MutableBytes, IoError> SealedTransport::receive() noexcept {
-  // A child would take what is its parent's.
+  // A child process would take its parent's frames.
   if (!is_here()) return unexpected{IoError::kFailed};
   if (kept_count_ > 0) return take_kept();
   if (client().has_ended()) return unexpected{IoError::kBroken};

@@ -70,7 +70,7 @@ class SealedTransport final : public transport::ClientTransport {
     std::uint64_t is_here = 1;
     sealed::SealedClient client;
   };
-  /// As many as calls share a channel.
+  /// The number of calls that share a channel.
   static constexpr std::size_t kKeptMax = wire::kCallWindow;
   static constexpr std::size_t kKeptSizeMax = wire::kHeaderSize + wire::Welcome::kSize;
 
@@ -95,11 +95,11 @@ class SealedTransport final : public transport::ClientTransport {
   const ServerAddress& address_;
   NodeKeys& keys_;
   std::unique_ptr<transport::ClientTransport> within_;
-  std::unique_ptr<transport::ClientTransport> next_within_;  ///< For a stream's next session.
+  std::unique_ptr<transport::ClientTransport> next_within_;  ///< Carries a stream's next session.
   std::shared_ptr<const OwnKey> own_;
   rt::SecretMemory memory_;
   Priority priority_;
-  std::unique_ptr<transport::ClientTransport> former_;  ///< For a stream's last session.
+  std::unique_ptr<transport::ClientTransport> former_;  ///< Carries a stream's last session.
   MonotonicTime former_until_{};
   bool wants_renewal_ = false;
   MonotonicTime next_renewal_{};  ///< In the background,

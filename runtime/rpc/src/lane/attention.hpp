@@ -45,7 +45,7 @@ class Attention {
     const bool is_time = since_look(received) >= kLookIntervalMax;
     return ++streak_ >= kStreakMax ? is_time || !is_memory_hot : is_time;
   }
-  /// The same when there was none.
+  /// Whether to ask the system, while no frame comes.
   [[nodiscard]] bool is_idle_look_due() noexcept { return since_look(idle_) >= look_interval_; }
   /// The system is asked, or waited for.
   void on_look() noexcept {

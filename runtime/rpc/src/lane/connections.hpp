@@ -21,7 +21,7 @@ struct Slot {
   wire::PeerAddress peer{};
   MonotonicTime heard{};         ///< When its last frame, or it itself, came.
   std::uint32_t generation = 0;  ///< Counts the connections that stood here, one after the other.
-  std::optional<std::uint32_t> user{};  ///< For a caller through memory, by the kernel.
+  std::optional<std::uint32_t> user{};  ///< A shared-memory caller's user, by the kernel.
   bool is_memory = false;
   bool is_from_this_host = false;
   bool has_leftovers = false;  ///< It stands among the leftovers.

@@ -18,7 +18,7 @@ namespace rtpm::rpc {
 /// @realtime alloc-free
 class DatagramPort {
  public:
-  /// @param seals  those of the sessions; null: they are not sealed
+  /// @param seals  the seals of the sessions; null if they are not sealed
   DatagramPort(transport::UdpPort port, LaneReport& report, sealed::SealedServer* seals) noexcept
       : port_(std::move(port)), report_(report), seals_(seals) {}
 

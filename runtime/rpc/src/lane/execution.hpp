@@ -38,7 +38,7 @@ class Execution {
 
   /// Starts the threads.
   /// @realtime set-up only
-  /// @param keeper  keeps the CPU awake through their pauses; null: it may sleep
+  /// @param keeper  keeps the CPU awake through their pauses; null if it may sleep
   /// @errors  as rt::Thread::start()
   [[nodiscard]] expected<void, SetupError> start(rt::RealtimeMode realtime, rt::CpuKeeper* keeper);
   /// After the lane's stop: waits until the threads have ended.
@@ -48,15 +48,15 @@ class Execution {
   virtual void maintain_threads() noexcept {}
 
   /// Runs a call that came over a wire, keeps it, or refuses it.
-  /// @return the frame to answer with; empty: none, or later
+  /// @return the frame to answer with; empty if there is none, or later
   [[nodiscard]] virtual ConstBytes accept(Lead&, wire::ServerSessions& sessions,
                                           const wire::Request& request) noexcept = 0;
-  /// The same for a call of the same program, which it answers.
+  /// Runs, keeps or refuses a call of the same program, and answers it.
   virtual void accept(Lead&, LocalChannel& channel) noexcept = 0;
   /// Whether accept() runs no call, and so is to be given all there are.
   [[nodiscard]] virtual bool only_orders() const noexcept { return false; }
 
-  /// The lock that the leader holds but for its sleep; null: none.
+  /// The lock that the leader holds but for its sleep; null if there is none.
   [[nodiscard]] virtual transport::WaitLock* lock() noexcept { return nullptr; }
   /// Whether the leader is to leave the lead to another thread, asked between turns.
   [[nodiscard]] virtual bool yields_lead(Lead&) noexcept { return false; }

@@ -114,7 +114,7 @@ class Media {
   /// @return likewise
   [[nodiscard]] bool send_frame(Lead&, Slot& slot, ConstBytes frame) noexcept;
   /// Sends one frame as it is.
-  /// @param slot  the peer's connection; null: the peer is one over datagrams
+  /// @param slot  the peer's connection; null for a peer over datagrams
   /// @return likewise
   [[nodiscard]] bool send_as_is(Lead&, Slot* slot, const wire::PeerAddress& peer,
                                 ConstBytes frame) noexcept;

@@ -23,8 +23,8 @@ class Seals {
   /// A frame to be sent, or a connection that ends, without a request.
   struct Event {
     wire::PeerAddress peer{};
-    ConstBytes frame{};    ///< As it goes out; empty: nothing is sent.
-    Slot* slot = nullptr;  ///< The connection; null: the peer is one over datagrams.
+    ConstBytes frame{};    ///< The frame to send; empty if there is none.
+    Slot* slot = nullptr;  ///< The connection; null for a peer over datagrams.
     bool ends_connection = false;
   };
 

@@ -27,7 +27,7 @@ class RefusalNotes;
 struct LaneSetup {
   LaneConfig config{};
   Band band{};
-  wire::ServerSessionsConfig sessions{};  ///< For streams; the others differ in medium and size.
+  wire::ServerSessionsConfig sessions{};  ///< Those of streams; others differ in medium and size.
   const ObjectTable* objects = nullptr;
   std::uint32_t large_message_count_max = 0;
   std::uint32_t deferred_call_count_max = 0;

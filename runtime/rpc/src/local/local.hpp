@@ -30,7 +30,7 @@ struct LocalCallParameters {
   std::uint32_t service = 0;
   std::uint16_t method = 0;
   Priority priority{};
-  std::uint64_t session = 0;  ///< The binding's number, which is no session's on a wire.
+  std::uint64_t session = 0;  ///< The binding's number, not a session on a wire.
   std::uint64_t trace_id = 0;
   MonotonicTime deadline{};
   std::uint32_t message_size_max = 0;  ///< The smaller limit of the node and the server.
@@ -74,13 +74,13 @@ class LocalChannel {
   [[nodiscard]] wire::Status status() const noexcept { return status_; }
   [[nodiscard]] ConstBytes result() const noexcept { return reply_room_.first(size_); }
 
-  // The lane's.
+  // The lane calls the functions below.
   [[nodiscard]] const LocalCallParameters& parameters() const noexcept { return parameters_; }
   [[nodiscard]] ConstBytes request() const noexcept { return request_room_.first(request_size_); }
   [[nodiscard]] MutableBytes reply() const noexcept {
     return reply_room_.first(parameters_.message_size_max);
   }
-  /// A place for oneways: what is written into reply() is no one's.
+  /// Whether it is a place for oneways: nobody reads its reply().
   [[nodiscard]] bool is_place() const noexcept { return home_ != nullptr; }
   /// Gives it back to the caller, or frees it.
   void finish(wire::Status status, std::uint32_t size) noexcept;
@@ -91,14 +91,14 @@ class LocalChannel {
   enum class State : std::uint8_t {
     kFree,
     kTaken,
-    kSubmitted,  ///< The lane's; the caller looks at it.
-    kWaiting,    ///< The lane's; the caller sleeps.
-    kLeft,       ///< The lane's; its caller no longer waits.
+    kSubmitted,  ///< The lane has it; the caller polls.
+    kWaiting,    ///< The lane has it; the caller sleeps.
+    kLeft,       ///< The lane has it; its caller no longer waits.
     kDone,
   };
 
   LocalCallParameters parameters_{};
-  rt::LazyMemory request_;  ///< Its own, unless it is a place.
+  rt::LazyMemory request_;  ///< The channel's memory, unless it is a place.
   rt::LazyMemory reply_;
   MutableBytes request_room_;
   MutableBytes reply_room_;
@@ -162,7 +162,7 @@ class LocalGate {
   std::uint32_t message_size_max_;
   rt::PiMutex opening_;
   std::unique_ptr<LocalOneways> places_;
-  std::atomic<LocalOneways*> open_places_{nullptr};  ///< The same, once they are whole.
+  std::atomic<LocalOneways*> open_places_{nullptr};  ///< `places_`, once complete.
 };
 
 /// A server as callers of the same program see it, found by its epoch while it runs.

@@ -31,8 +31,8 @@ class LocalOneways {
   /// One for all, as it is never read; a lane of several threads has them write elsewhere.
   rt::LazyMemory replies_;
   std::deque<LocalChannel> places_;                    ///< Sized once, never moved.
-  std::vector<std::atomic<std::uint32_t>> next_free_;  ///< For each place: as the low half below.
-  /// Low half: the number of the first free place, from 1; 0: none. High half: how often it
+  std::vector<std::atomic<std::uint32_t>> next_free_;  ///< The next free place of each place.
+  /// Low half: the number of the first free place, from 1; 0 if none. High half: how often it
   /// changed, so that one that was taken and given back meanwhile is not mistaken for untouched.
   alignas(64) std::atomic<std::uint64_t> first_free_{0};
 };

@@ -44,7 +44,7 @@ class AccessControl final : public transport::UserPolicy,
                                               std::string_view path) const noexcept;
   /// The highest priority that any grant gives it.
   [[nodiscard]] Priority ceiling(const CallOrigin& origin) const noexcept;
-  /// The name that its grants give it, cut to the size of `to`; empty: none.
+  /// The name that its grants give it, cut to the size of `to`; empty if they give none.
   [[nodiscard]] std::string_view name_of(const CallOrigin& origin,
                                          std::span<char> to) const noexcept;
   /// Another number after each change of the grants: earlier answers hold no more.
@@ -71,7 +71,7 @@ class AccessControl final : public transport::UserPolicy,
   explicit AccessControl(std::string file) : file_(std::move(file)) {}
   void say_faults(const access::Authorized& read);
   [[nodiscard]] bool is_owner(const CallOrigin& origin) const noexcept;
-  /// As knows(), where the lock is held.
+  /// The same as knows(), for a caller that holds the lock.
   [[nodiscard]] bool is_known(const CallOrigin& origin) const noexcept;
 
   std::string file_;

@@ -67,7 +67,7 @@ class NoteLimit {
  public:
   NoteLimit(std::uint32_t burst, Duration interval) noexcept
       : interval_(interval), tolerance_(interval * (burst - 1)) {}
-  /// How many did not pass since the last one that did; nothing: this one does not.
+  /// How many did not pass since the last one that did; nothing if this one does not.
   [[nodiscard]] std::optional<std::uint32_t> admit(MonotonicTime now) noexcept {
     if (full_at_ > now + tolerance_) {
       ++suppressed_count_;

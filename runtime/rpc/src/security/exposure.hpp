@@ -14,7 +14,7 @@ namespace rtpm::rpc {
 /// Whether programs of other hosts can reach what is served.
 [[nodiscard]] bool is_for_other_hosts(const transport::HostsToServe& hosts) noexcept;
 
-/// The file of grants that a server asks; empty: it asks nobody.
+/// The file of grants that a server asks; empty if it asks nobody.
 /// @realtime set-up only
 /// @errors   other hosts reach it, and neither grants nor `is_insecure` say whom it serves
 [[nodiscard]] expected<std::string, SetupError> grants_file_of(

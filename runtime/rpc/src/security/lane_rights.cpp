@@ -163,7 +163,7 @@ LaneRights::Entry LaneRights::look_up(const CallOrigin& origin,
   return pack(generation, permission);
 }
 
-// As NoteLimit::admit(), for threads that hold no lead.
+// Does the same as NoteLimit::admit(), for threads that hold no lead.
 std::optional<std::uint32_t> LaneRights::admit_own(MonotonicTime now) noexcept {
   std::int64_t before = own_noted_ns_.load(std::memory_order_relaxed);
   const std::int64_t now_ns = now.time_since_epoch().count();

@@ -19,7 +19,7 @@ struct LaneSetup;
 /// A call that may run.
 struct Target {
   const Object* object = nullptr;
-  /// The caller, valid until the lane takes the next frame; null: the server asks nobody.
+  /// The caller, valid until the lane takes the next frame; null if the server asks nobody.
   const CallOrigin* origin = nullptr;
 };
 
@@ -33,7 +33,7 @@ class LaneRights {
  public:
   LaneRights(const LaneSetup& setup, Media& media);
 
-  /// Makes the tables, once all objects are there; false: the system gives no memory.
+  /// Makes the tables, once all objects are there; false without memory.
   /// @realtime set-up only
   [[nodiscard]] bool prepare();
   /// False: everybody may do everything, and nothing else here is to be called.
@@ -41,7 +41,7 @@ class LaneRights {
   [[nodiscard]] const AccessControl* control() const noexcept { return control_; }
 
   /// Whether the call may run, and whose it is. A refusal is noted.
-  /// @param sessions  the request's; null: it is of this program
+  /// @param sessions  the request's sessions; null for a call of this program
   /// @errors   kNotAllowed, kPriorityNotAllowed
   [[nodiscard]] expected<const CallOrigin*, wire::Status> judge(
       const wire::Request& request, const Object& object,
@@ -65,17 +65,17 @@ class LaneRights {
   /// Notes the outcome of a bind, for the audit log.
   void note_bind(const wire::Request& request, const wire::ServerSessions& sessions,
                  wire::Status status) noexcept;
-  /// Notes the outcome of a method, if it needs a role that is noted; nothing: it answers later.
+  /// Notes the outcome of a method, if it needs a role that is noted; nullopt if it answers later.
   void note_run(const Target& target, const wire::Request& request,
                 std::optional<wire::Status> status) noexcept;
   /// Notes the end of sessions that are gone: checks some, the next ones each time.
   void sweep() noexcept;
 
  private:
-  /// The result of a look-up in one word: the generation above, then role and ceiling; 0: none yet.
+  /// The result of a look-up in one word: generation, role and ceiling, from the top; 0 before it.
   using Entry = std::uint64_t;
   struct Row {
-    std::uint64_t session = 0;  ///< 0: none.
+    std::uint64_t session = 0;  ///< 0 if there is none.
     CallOrigin origin{};
     NoteLimit refusals{8, std::chrono::seconds{1}};
     NoteLimit binds{16, std::chrono::milliseconds{100}};
@@ -97,11 +97,11 @@ class LaneRights {
   Media& media_;
   std::size_t session_count_max_;
   std::size_t object_count_ = 0;
-  std::vector<Row> rows_{};  ///< For the sessions of each medium.
+  std::vector<Row> rows_{};  ///< The rows of the sessions of each medium.
   std::size_t next_swept_ = 0;
-  rt::LazyMemory entries_{};  ///< For each row, for each object.
+  rt::LazyMemory entries_{};  ///< One entry for each row and object.
   CallOrigin own_origin_{};
-  std::vector<std::atomic<Entry>> own_entries_{};  ///< For each object.
+  std::vector<std::atomic<Entry>> own_entries_{};  ///< One entry for each object.
   std::atomic<std::int64_t> own_noted_ns_{0};      ///< When a refusal of its own was noted.
 };
 

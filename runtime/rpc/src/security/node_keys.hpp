@@ -70,7 +70,7 @@ class NodeKeys {
   /// Writes the keys of a session into the key log.
   void log(std::uint64_t session, const seal::SessionKeys& keys) noexcept;
 
-  // For sessions to come; others than usual only in tests.
+  // The limits of later sessions; only tests change them.
   seal::SessionLimits limits{};
   Duration renewal_interval = sealed::SealedClientConfig{}.renewal_interval;
 

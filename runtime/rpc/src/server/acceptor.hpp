@@ -33,7 +33,7 @@ class Acceptor {
 
   /// @param listeners  at least one
   /// @param wait_set   takes wait_source_count() sources
-  /// @param users      with whom memory is shared; null: the server's own user and the superuser
+  /// @param users      with whom memory is shared; null for the server's own user and the superuser
   Acceptor(std::vector<transport::TcpListener> listeners,
            std::vector<transport::SharedMemoryListener> memory_listeners,
            std::unique_ptr<transport::WaitSet> wait_set, std::uint32_t message_size_max,
@@ -45,7 +45,7 @@ class Acceptor {
 
   /// Lets its thread repeat the warning. Before start().
   void warn_each_minute(OpenWarning warning) { open_warning_.emplace(std::move(warning)); }
-  /// `cpus`: to which it is confined; empty: the starter's.
+  /// @param cpus  the CPUs to which it is confined; empty for the starter's
   [[nodiscard]] expected<void, SetupError> start(std::vector<std::unique_ptr<Lane>>& lanes,
                                                  std::vector<int> cpus);
   /// Ends the thread and closes the port and the connections that no lane has yet.
@@ -77,7 +77,7 @@ class Acceptor {
   void maintain_lanes() noexcept;
 
   std::vector<transport::TcpListener> listeners_;                  ///< None once stopped.
-  std::vector<transport::SharedMemoryListener> memory_listeners_;  ///< Likewise; or not wanted.
+  std::vector<transport::SharedMemoryListener> memory_listeners_;  ///< May be empty.
   std::unique_ptr<transport::WaitSet> wait_set_;
   RefusalNotes refusals_{*wait_set_};
   std::uint32_t message_size_max_;

@@ -53,7 +53,8 @@ void Gatekeeper::run() {
   audit_.write_notes();
 }
 
-// One handshake's step of each lane, so that none waits for another's storm; false: there is none.
+// Runs one handshake step of each lane, so that no lane waits for another's storm; false if there
+// is none.
 bool Gatekeeper::work_once() {
   bool has_worked = false;
   for (const auto& lane : *lanes_) {

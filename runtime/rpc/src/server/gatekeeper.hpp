@@ -35,7 +35,7 @@ class Gatekeeper {
   /// How many handshakes all lanes may begin.
   [[nodiscard]] HandshakeRate& rate() noexcept { return rate_; }
 
-  /// `cpus`: to which it is confined; empty: the starter's.
+  /// @param cpus  the CPUs to which it is confined; empty for the starter's
   [[nodiscard]] expected<void, SetupError> start(std::vector<std::unique_ptr<Lane>>& lanes,
                                                  std::vector<int> cpus);
   /// Ends the thread. Handshakes that are under way come to nothing.

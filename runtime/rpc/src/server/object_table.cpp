@@ -65,7 +65,7 @@ const Object* ObjectTable::find(std::string_view path) const noexcept {
 
 namespace {
 
-// As much of the list of methods as the frame holds: the client compares it with its own.
+// Writes as many methods as the frame holds: the client compares them with its interface.
 std::uint32_t write_bind_reply(std::uint32_t service, const Object& object,
                                MutableBytes to) noexcept {
   const InterfaceDescriptor& interface = object.servant->interface();

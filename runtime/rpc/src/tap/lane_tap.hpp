@@ -16,7 +16,7 @@ namespace rtpm::rpc {
 struct TapFilter {
   enum class Interest : std::uint8_t { kNone, kSome, kAll };
   std::vector<Interest> interests{};
-  std::vector<std::vector<std::uint16_t>> methods{};  ///< For each object with kSome.
+  std::vector<std::vector<std::uint16_t>> methods{};  ///< The methods of each object with kSome.
   bool has_payloads = true;
   std::uint32_t payload_byte_max = 0;  ///< 0 without payloads.
 
@@ -60,12 +60,12 @@ struct TapTrack {
         number_step(its_number_step),
         ring(ring_byte_count) {}
 
-  /// @return the call's number; 0: nothing was written
+  /// @return the call's number; 0 if nothing was written
   std::uint64_t write(const TapDraft& draft) noexcept;
 
   const TapFilter& filter;
   std::uint64_t generation;
-  std::uint64_t next_number;  ///< The writer's.
+  std::uint64_t next_number;  ///< Used by the writer only.
   std::uint64_t number_step;
   TapRing ring;
   std::atomic<std::uint64_t> dropped_count{0};

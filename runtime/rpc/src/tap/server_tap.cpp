@@ -136,7 +136,7 @@ void ServerTap::switch_off() noexcept {
   const std::lock_guard lock(mutex_);
   held_ = nullptr;
   disconnect();
-  // Else the next switch_on() frees them, once the lanes are done.
+  // If lanes still use them, the next switch_on() frees them.
   if (!wait_for_lanes()) return;
   for (const TapTrack& track : tracks_)
     next_number_ = std::max(next_number_, track.next_number);

@@ -46,7 +46,7 @@ class ServerTap final : public CallTap {
   std::uint64_t generation_ = 0;
   std::vector<std::string> paths_{};
   TapFilter filter_{};
-  std::deque<TapTrack> tracks_{};  ///< For each writer of each lane.
+  std::deque<TapTrack> tracks_{};  ///< One track for each writer of each lane.
   std::uint64_t next_number_ = 1;  ///< The number of the next tap's first call.
   std::uint64_t busy_count_ = 0;   ///< Records for which all writers of a lane were busy.
   std::size_t turn_ = 0;           ///< The track to be read next.

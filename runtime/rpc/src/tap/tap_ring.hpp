@@ -37,7 +37,7 @@ static_assert(sizeof(TapRecord) == 64);
 class TapRing {
  public:
   static constexpr std::uint32_t kUnit = 16;
-  /// The stage of what is no record, but padding up to the ring's end.
+  /// The stage of padding up to the ring's end.
   static constexpr std::uint8_t kPadding = 255;
 
   /// @param byte_count  a power of two
@@ -95,7 +95,7 @@ class TapRing {
     known_head_ = head_.load(std::memory_order_acquire);
     return tail_.load(std::memory_order_relaxed) + unit_count - known_head_ <= units_.size();
   }
-  /// As reserve(), behind padding up to the ring's end.
+  /// Reserves at the ring's beginning, and pads up to the ring's end.
   [[nodiscard, gnu::noinline]] TapRecord* reserve_at_begin(std::uint32_t unit_count) noexcept {
     const auto size = static_cast<std::uint32_t>(units_.size());
     const std::uint32_t index = tail_.load(std::memory_order_relaxed) & (size - 1);
@@ -109,7 +109,7 @@ class TapRing {
 
   std::vector<Unit> units_;
   alignas(64) std::atomic<std::uint32_t> tail_{0};  ///< Units ever written, modulo 2^32.
-  std::uint32_t known_head_ = 0;                    ///< The writer's: as last seen.
+  std::uint32_t known_head_ = 0;                    ///< `head_` as the writer last saw it.
   alignas(64) std::atomic<std::uint32_t> head_{0};  ///< Units ever freed, modulo 2^32.
 };
 

@@ -24,10 +24,10 @@ class PooledExecution;
 struct Worker {
   rt::Semaphore wake;  ///< Without the lock.
   bool is_dynamic = false;
-  PooledExecution* borrower = nullptr;  ///< The lane for which it runs `lent_call`; null: its own.
+  PooledExecution* borrower = nullptr;  ///< The lane for which it runs `lent_call`; or null.
   PendingCall* lent_call = nullptr;
-  rt::Thread thread;                   ///< The acceptor's.
-  bool is_started = false;             ///< The acceptor's.
+  rt::Thread thread;                   ///< Used by the acceptor only.
+  bool is_started = false;             ///< Used by the acceptor only.
   std::atomic<bool> has_ended{false};  ///< Without the lock.
 };
 
@@ -60,7 +60,7 @@ class ThreadPool final : public transport::WaitLock {
   /// @param leader          what the leader waits with
   ThreadPool(const LaneConfig& config, std::uint32_t call_count_max, transport::WaitSet& leader);
 
-  /// Whether the lane needs a pool; else one thread does all.
+  /// Whether the lane needs a pool; if not, one thread does all.
   [[nodiscard]] static bool is_wanted(const LaneConfig& config, bool borrows) noexcept {
     return borrows || config.static_threads > 1 || config.dynamic_threads > 0 ||
            config.buffered_request_max > 0;
@@ -107,7 +107,7 @@ class ThreadPool final : public transport::WaitLock {
   /// Gives it up, and wakes a resting thread to take it.
   void leave_lead() noexcept;
 
-  /// Rests without the lock until woken; false: a dynamic thread was not, for `patience`.
+  /// Rests without the lock until woken; false if a dynamic thread was not for `patience`.
   [[nodiscard]] bool rest(Worker& worker, Duration patience) noexcept;
   /// Lets a resting thread run a call of a lane above and come back. A request in vain is
   /// remembered per borrower, for take_borrower().

@@ -18,7 +18,7 @@ class HostTree {
   [[nodiscard]] std::string text(const std::string& path) const;
   [[nodiscard]] std::optional<std::int64_t> number(const std::string& path) const;
   [[nodiscard]] bool has(const std::string& path) const;
-  /// The symbolic link's target; empty: it is not a link.
+  /// The symbolic link's target; empty if it is not a link.
   [[nodiscard]] std::string link(const std::string& path) const;
   /// Names in the folder that begin with `prefix`, sorted: numbers by their value.
   [[nodiscard]] std::vector<std::string> entries(const std::string& path,
@@ -30,7 +30,7 @@ class HostTree {
   std::string root_;
 };
 
-/// Parses `text` as a number; nullopt: it is not one.
+/// Parses `text` as a number; nullopt if it is not one.
 [[nodiscard]] std::optional<std::int64_t> number_of(std::string_view text, int base = 10) noexcept;
 /// Texts between white space.
 [[nodiscard]] std::vector<std::string> words_of(std::string_view text);

@@ -33,7 +33,7 @@ namespace rtpm::rt {
 [[nodiscard]] Finding judge_huge_pages(const HostFiles& files);
 [[nodiscard]] Finding judge_swap(const HostFiles& files, const HostAnswers& answers);
 
-/// The word in brackets of "always [madvise] never"; empty: there is none.
+/// The word in brackets of "always [madvise] never"; empty if there is none.
 [[nodiscard]] std::string chosen_of(const std::string& text);
 
 }  // namespace rtpm::rt

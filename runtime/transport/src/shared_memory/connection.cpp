@@ -117,7 +117,7 @@ void SharedMemoryConnection::receive_bell(bool is_peek) noexcept {
   if (size == 0 || (size < 0 && errno != EAGAIN && errno != EINTR)) is_closed_ = true;
 }
 
-// Pauses for a moment; false: the peer is gone.
+// Pauses for a moment; false if the peer is gone.
 bool SharedMemoryConnection::await_space(MonotonicTime until) noexcept {
   pollfd entry{socket_.number(), 0, 0};
   const Duration pause = std::clamp<Duration>(until - rt::now(), Duration{0}, kSpaceCheckInterval);

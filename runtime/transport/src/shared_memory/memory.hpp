@@ -18,7 +18,7 @@ namespace rtpm::transport {
 /// @param more_seals  see F_ADD_SEALS in fcntl(2)
 [[nodiscard]] bool seal_memory(int memory, int more_seals = 0) noexcept;
 
-/// The size of a file that cannot shrink; 0: the file can shrink, or is no such file.
+/// The size of a file that cannot shrink; 0 if it can shrink or is not such a file.
 [[nodiscard]] std::size_t sealed_size(int memory) noexcept;
 
 inline constexpr std::uint32_t kAnyBit = 0xffff'ffff;

@@ -13,7 +13,7 @@ struct sockaddr_un;
 /// UNIX sockets for shared memory.
 namespace rtpm::transport {
 
-/// The file of a server's socket; empty: it has an abstract name.
+/// The file of a server's socket; empty if it has an abstract name.
 [[nodiscard]] std::string socket_file_of(const SharedMemoryAddress& address);
 /// "UNIX socket @rtpm/127.0.0.1:4711", for people.
 [[nodiscard]] std::string in_words(const SharedMemoryAddress& address);

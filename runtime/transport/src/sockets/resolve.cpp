@@ -29,7 +29,7 @@ struct Lookup {
 void look_up(Lookup& lookup) noexcept {
   addrinfo hints{};
   hints.ai_family = AF_UNSPEC;
-  hints.ai_socktype = SOCK_DGRAM;  // Else each address comes once for each type.
+  hints.ai_socktype = SOCK_DGRAM;  // Otherwise each address comes once for each type.
   addrinfo* found = nullptr;
   lookup.error = getaddrinfo(lookup.host.c_str(), nullptr, &hints, &found);
   for (const addrinfo* each = found; each != nullptr; each = each->ai_next) {

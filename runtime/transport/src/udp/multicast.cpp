@@ -13,7 +13,7 @@
 namespace rtpm::transport {
 namespace {
 
-// For a burst while the receiver's program is busy.
+// Holds a burst while the receiver's program is busy.
 constexpr int kBurstBufferSize = 4 << 20;
 
 std::string name_of(const MulticastGroup& group) {

@@ -15,12 +15,12 @@ namespace rtpm::transport {
 /// before stay as they are. A kernel that refuses delivers them one by one.
 void accept_segments(int socket, bool is_on) noexcept;
 
-/// As sendmsg(2), for several datagrams.
-/// @param to    null: the socket is connected
-/// @param from  the own address that they leave from; null: the socket's, or by the route
+/// Sends several datagrams, as sendmsg(2) does one.
+/// @param to    null if the socket is connected
+/// @param from  the own address that they leave from; null for the socket's, or by the route
 [[nodiscard]] ssize_t send_segments(int socket, const SocketAddress* to, const SocketAddress* from,
                                     const DatagramBatch& batch) noexcept;
-/// The same for one datagram.
+/// Sends one datagram from the own address `from`.
 [[nodiscard]] ssize_t send_from(int socket, const SocketAddress& to, const SocketAddress& from,
                                 ConstBytes datagram) noexcept;
 /// Whether an error of send_segments() means that the path takes no batches but may take datagrams.
@@ -38,12 +38,12 @@ template <class Send>
 }
 
 /// Lets receive_datagrams() give the address to which a datagram came.
-/// @return false: the system refuses
+/// @return false if the system refuses
 [[nodiscard]] bool receive_destinations(int socket, const SocketAddress& own) noexcept;
 
-/// As recvfrom(2), or as recvmsg(2) if the socket accepts segments or gives destinations.
+/// Receives as recvfrom(2), or recvmsg(2) if the socket accepts segments or gives destinations.
 /// @param from  may be null
-/// @param to    null: not wanted; without a family if the system does not report it
+/// @param to    null if not wanted; without a family if the system does not report it
 /// @param each  receives the size of each datagram but the last
 [[nodiscard]] ssize_t receive_datagrams(int socket, bool are_segments, MutableBytes buffer,
                                         SocketAddress* from, SocketAddress* to, int flags,

@@ -16,7 +16,7 @@
 namespace rtpm::transport {
 namespace {
 
-// For a burst of small calls while the lane runs a long one.
+// Holds a burst of small calls while the lane runs a long one.
 constexpr int kReceiveBufferSize = 1 << 20;
 
 // The socket is blocking: each call decides by its flags.
@@ -157,7 +157,7 @@ void UdpPort::note(const Datagrams& datagrams, MonotonicTime received) noexcept 
 }
 
 bool UdpPort::wake() noexcept {
-  // As much of a header as steer() reads.
+  // The part of a header that steer() reads.
   std::array<std::byte, kPriorityOffset + sizeof(std::uint16_t)> call{};
   store_le(call.data() + kPriorityOffset, low_.value());
   // A full socket has datagrams, which wake as well.

@@ -82,7 +82,7 @@ class Latest {
     std::array<std::atomic<std::uint64_t>, kWordCount> words{};
   };
 
-  /// The number of the newest complete value; 0: there is none.
+  /// The number of the newest complete value; 0 if there is none.
   alignas(64) std::atomic<std::uint64_t> newest_{0};
   std::array<Slot, kSlotCount> slots_{};
 };

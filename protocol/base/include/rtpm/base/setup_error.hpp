@@ -11,7 +11,7 @@ namespace rtpm::inline base {
 /// A failure of set-up, each part as a clause.
 struct SetupError {
   std::string what;         ///< The failure: "UDP 127.0.0.1:4711 can't be served".
-  std::string why{};        ///< "Address already in use"; empty: `what` includes it.
+  std::string why{};        ///< "Address already in use"; empty if `what` includes it.
   std::string remedy{};     ///< The next step, "choose another port"; empty if `why` names it.
   std::error_code cause{};  ///< For programs: an errno or a CallError, if that is the reason.
 

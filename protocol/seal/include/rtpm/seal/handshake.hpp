@@ -25,7 +25,7 @@ struct SessionKeys {
   Digest handshake_hash{};  ///< Public; differs for each handshake.
 };
 
-/// 32 secret bytes that both sides have besides their keys; zeros: none.
+/// 32 secret bytes that both sides have besides their keys; all zeros if there is no such secret.
 using PresharedKey = Secret;
 
 /// The size of messages 1 and 2 with a payload of `payload_size` bytes.

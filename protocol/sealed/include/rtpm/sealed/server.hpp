@@ -49,15 +49,15 @@ struct SealedServerConfig {
   wire::Medium medium = wire::Medium::kDatagram;
   const ServerIdentity* identity = nullptr;
   Admission* admission = nullptr;
-  SipKey key{};                                           ///< As in ServerSessionsConfig.
-  std::uint32_t session_count_max = 256;                  ///< As in ServerSessionsConfig.
+  SipKey key{};                                           ///< See ServerSessionsConfig.
+  std::uint32_t session_count_max = 256;                  ///< See ServerSessionsConfig.
   std::uint32_t job_count_max = 8;                        ///< Handshakes at a time.
   std::uint32_t job_burst = 32;                           ///< Handshakes of one host at once,
   Duration job_interval = std::chrono::milliseconds{20};  ///< then one in this time.
   bool takes_unsealed = false;  ///< Whether there may be unsealed sessions as well.
   seal::SessionLimits limits{};
   /// The memory for keys: memory_size() bytes, aligned to 64, wiped on fork, locked and not dumped.
-  /// The caller's. Empty: it is allocated as ordinary memory.
+  /// The caller owns it. If it is empty, ordinary memory is allocated.
   MutableBytes memory{};
 };
 
@@ -73,11 +73,11 @@ class SealedServer {
   /// The action for a received frame or a job that was run.
   struct Outcome {
     wire::Verdict verdict{};      ///< From ServerSessions; its frame is not sealed yet.
-    HandshakeJob* job = nullptr;  ///< To be run elsewhere, then for on_job(); null: none.
+    HandshakeJob* job = nullptr;  ///< To be run elsewhere, then for on_job(); or null.
     wire::PeerAddress peer{};     ///< From on_job(): where its frame goes.
   };
 
-  /// For SealedServerConfig::memory.
+  /// The bytes that SealedServerConfig::memory needs.
   [[nodiscard]] static std::size_t memory_size(const SealedServerConfig& config) noexcept;
 
   SealedServer(const SealedServerConfig& config, wire::ServerSessions& sessions);
@@ -101,8 +101,8 @@ class SealedServer {
   /// When on_time() may be due.
   [[nodiscard]] MonotonicTime next_time() const noexcept { return half_open_due_; }
   /// Ends the session in this place, 0…session_count_max − 1, if Admission does not keep it.
-  /// @return its address, and the CLOSE to send, already sealed; an empty one: its client has no
-  ///           keys yet. Nothing: there is no session, or it goes on
+  /// @return its address, and the CLOSE to send, already sealed: empty if its client has no
+  ///           keys yet. Nothing if there is no session, or it goes on
   [[nodiscard]] std::optional<wire::Outgoing> review(std::uint32_t index,
                                                      MonotonicTime now) noexcept;
   /// Ends all sessions that Admission does not keep, in silence.
@@ -196,7 +196,7 @@ class SealedServer {
   wire::ServerSessions& sessions_;
   wire::CookieJar cookies_;
   wire::RateLimiter job_limit_;
-  wire::RateLimiter refusal_limit_;    ///< As for unknown peers in the sessions.
+  wire::RateLimiter refusal_limit_;    ///< Limits refusals to unknown peers.
   std::vector<CacheLine> own_memory_;  ///< Used if the configuration has none.
   Guard* guard_ = nullptr;
   std::span<Entry> entries_;

@@ -55,7 +55,7 @@ struct CallParameters {
   std::uint64_t trace_id = 0;
   MonotonicTime deadline{};
   Delivery delivery = Delivery::kReply;
-  /// The items that a stream takes at a time, up to kStreamWindow; 0: the call is no stream.
+  /// The items that a stream takes at a time, up to kStreamWindow; 0 if it is not a stream.
   std::uint32_t stream_window = 0;
   /// The memory in which a stream's items are collected.
   IncomingStream::Buffers stream_buffers{};

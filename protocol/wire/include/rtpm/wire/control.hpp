@@ -15,7 +15,7 @@ namespace rtpm::wire {
 struct BindRequest {
   std::string_view path{};        ///< "lab/arm0"
   std::string_view interface {};  ///< "lab.Arm"
-  std::uint64_t fingerprint = 0;  ///< For the client's view of the interface.
+  std::uint64_t fingerprint = 0;  ///< The fingerprint of the client's interface.
 };
 
 /// The server's answer. `method_count` MethodEntry follow it.
@@ -25,7 +25,7 @@ struct BindReply {
   std::uint32_t service = 0;            ///< The object's number, as long as the server runs.
   bool is_server_declared = false;      ///< The object's priority applies, not the caller's.
   Priority priority{};                  ///< Declared, or the default for callers without one.
-  std::uint64_t fingerprint = 0;        ///< For the server's view of the interface.
+  std::uint64_t fingerprint = 0;        ///< The fingerprint of the server's interface.
   std::uint16_t method_count = 0;       ///< Entries that follow.
   bool is_method_list_complete = true;  ///< False: not all entries fit the frame.
 };
@@ -37,7 +37,7 @@ struct MethodEntry {
   std::uint32_t fingerprint = 0;
 };
 
-/// @return the encoded size; 0: a text is too long, or `to` too small
+/// @return the encoded size; 0 if a text is too long or `to` is too small
 [[nodiscard]] std::size_t encode(const BindRequest& request, MutableBytes to) noexcept;
 [[nodiscard]] std::optional<BindRequest> decode_bind_request(ConstBytes payload) noexcept;
 

@@ -83,7 +83,7 @@ class OutgoingMessage {
              std::uint16_t window) noexcept;
   /// Writes the next frame that may be sent now to the beginning of `to`, which holds a header and
   /// a fragment.
-  /// @return the frame; empty: the window is full, or all is sent
+  /// @return the frame; empty if the window is full or all is sent
   [[nodiscard]] ConstBytes next(MutableBytes to, std::uint32_t budget_us,
                                 MonotonicTime now) noexcept;
   /// Writes the first fragment again and asks for an ACK, to learn the state of a message that

@@ -36,7 +36,7 @@ inline constexpr std::uint16_t kFlagAckWanted =
     2;                                            ///< On a fragment or CREDIT: asks for an answer.
 inline constexpr std::uint16_t kFlagNoReply = 4;  ///< On a CALL: a oneway without confirmation.
 inline constexpr std::uint16_t kFlagReplyOnReceipt = 8;  ///< On a CALL: reply before it runs.
-/// For sealed sessions alone, see sealed.hpp: a reserved bit in this header.
+/// Marks a frame of a sealed session, see sealed.hpp; elsewhere this bit is reserved.
 inline constexpr std::uint16_t kFlagSealed = 16;
 inline constexpr std::uint16_t kFlagsKnown =
     kFlagRepeated | kFlagAckWanted | kFlagNoReply | kFlagReplyOnReceipt;
@@ -57,7 +57,7 @@ struct Header {
   std::uint16_t fragment_count = 1;  ///< Only CALL, REPLY and ITEM come in several.
   std::uint32_t message_size = 0;    ///< Bytes of the whole message.
   std::uint32_t budget_us = 0;       ///< CALL: time left. REPLY: time the server took.
-  /// CALL: items that the caller takes at first; 0: no stream. ITEM: the frame's number. CREDIT:
+  /// CALL: items that the caller takes at first, 0 if no stream. ITEM: the frame's number. CREDIT:
   /// items below this number may come. REPLY and ACK of a stream: frames sent. Otherwise 0.
   std::uint32_t item = 0;
   std::uint64_t sender_time_ns = 0;  ///< The sender's monotonic clock when it sent.

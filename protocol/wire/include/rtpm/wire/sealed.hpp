@@ -96,7 +96,7 @@ inline constexpr std::size_t kSealedTrailerSize = 24;
 /// Whether a frame that begins with a whole header is marked as sealed.
 [[nodiscard]] bool is_sealed(ConstBytes frame) noexcept;
 /// The size of the frame that begins with these bytes, a whole header and perhaps more, sealed or
-/// not; 0: the header is invalid.
+/// not; 0 if the header is invalid.
 [[nodiscard]] std::size_t frame_size(ConstBytes bytes) noexcept;
 /// Sets kFlagSealed in a frame that encode() wrote.
 void mark_sealed(std::byte* frame) noexcept;

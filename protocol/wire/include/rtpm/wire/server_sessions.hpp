@@ -80,7 +80,7 @@ struct Verdict {
   Action action = Action::kNothing;
   ConstBytes frame{};  ///< Valid until the next call on the same ServerSessions; there may be more.
   Request request{};
-  /// The tag of a stream (see set_tag) that may take more items now; 0: none.
+  /// The tag of a stream (see set_tag) that may take more items now; 0 if there is none.
   std::uint32_t credit_tag = 0;
 };
 
@@ -126,8 +126,8 @@ class ServerSessions {
 
   /// Reserves a buffer for a reply of `size` bytes, to be written while other frames are taken.
   /// The request is not read any more.
-  /// @return for complete(), which frees it unless it sends it; empty: the reply fits a frame, its
-  ///         caller gave up, or is_short_of_buffers()
+  /// @return the buffer for complete(), which frees it unless it sends it; empty if the reply fits
+  ///         a frame, its caller gave up, or is_short_of_buffers()
   [[nodiscard]] MutableBytes reserve_reply(const Request& request, std::uint32_t size,
                                            MonotonicTime now) noexcept;
 
@@ -139,9 +139,9 @@ class ServerSessions {
 
   /// Ends `request` with `payload_size` bytes of the reply buffer. Each request is completed once,
   /// in any order.
-  /// @param reserved  from reserve_reply(), with the payload; empty: it is in the reply buffer
-  /// @return the frame to send, valid until the session's next request takes the same slot; empty:
-  ///         the call wants no reply, was cancelled, or its session has ended, which is counted
+  /// @param reserved  from reserve_reply(), with the payload; empty if the reply buffer has it
+  /// @return the frame to send, valid until the session's next request takes the same slot; empty
+  ///         if the call wants no reply, was cancelled, or its session has ended, which is counted
   [[nodiscard]] ConstBytes complete(const Request& request, Status status,
                                     std::uint32_t payload_size, MonotonicTime now,
                                     MutableBytes reserved = {}) noexcept;
@@ -153,17 +153,17 @@ class ServerSessions {
   /// the tag.
   /// @param tag  not 0
   void set_tag(const Request& request, std::uint32_t tag) noexcept;
-  /// The tag of a request whose caller gave up, once; 0: there is none. The request must still be
+  /// The tag of a request whose caller gave up, once; 0 if there is none. It must still be
   /// completed. Call it after on_frame(), on_time() and end_connection(), until it gives 0.
   [[nodiscard]] std::uint32_t next_cancelled() noexcept;
 
-  /// The largest item of the stream `request`; 0: it is no stream, or its caller gave up.
+  /// The largest item of the stream `request`; 0 if it is not a stream or its caller gave up.
   [[nodiscard]] std::uint32_t item_size_max(const Request& request) noexcept;
-  /// The largest item that fits one frame; 0 as above.
+  /// The largest item that fits one frame; 0 where item_size_max() is 0.
   [[nodiscard]] std::uint32_t item_frame_size_max(const Request& request) noexcept;
   /// The next frame of `item`, to be sent before the next call.
   /// @param item  at most item_size_max() bytes, the same until is_item_midway() is false
-  /// @return empty: the caller takes no more now, or has given up
+  /// @return empty if the caller takes no more now, or has given up
   [[nodiscard]] ConstBytes push_item(const Request& request, ConstBytes item,
                                      MonotonicTime now) noexcept;
   /// Whether push_item() has more frames of the last item.
@@ -185,9 +185,9 @@ class ServerSessions {
   [[nodiscard]] ConstBytes turn_away(ConstBytes frame, MonotonicTime now) noexcept;
 
   /// Ends one session because the server stops.
-  /// @return the CLOSE to send; nothing: no session is left
+  /// @return the CLOSE to send; nothing if no session is left
   [[nodiscard]] std::optional<Outgoing> close_next(MonotonicTime now) noexcept;
-  /// The peer of the session in this place, 0…session_count_max − 1; nothing: there is none.
+  /// The peer of the session in this place, 0…session_count_max − 1; nothing if there is none.
   [[nodiscard]] std::optional<PeerAddress> peer_at(std::uint32_t index) const noexcept;
   /// Ends the session in this place, which has one.
   /// @return the CLOSE to send

@@ -22,7 +22,7 @@ struct StreamCredit {
   static constexpr std::size_t kSize = 16;
 
   std::uint32_t first_missing = 0;  ///< All frames before it have arrived.
-  std::uint32_t byte_limit = 0;     ///< For the payloads of all frames of the stream.
+  std::uint32_t byte_limit = 0;     ///< The bytes that all frames of the stream may carry.
   std::uint64_t later = 0;          ///< Bit i: frame first_missing + 1 + i has arrived.
 };
 
@@ -54,7 +54,7 @@ class OutgoingStream {
 
   /// Writes the next frame of `item`.
   /// @param item  the same from call to call while is_midway()
-  /// @return the frame to send; empty: the caller takes no more now
+  /// @return the frame to send; empty if the caller takes no more now
   [[nodiscard]] ConstBytes push(ConstBytes item, MonotonicTime now) noexcept;
   /// Whether a part of an item was pushed, but not the rest.
   [[nodiscard]] bool is_midway() const noexcept { return header_.fragment_index > 0; }
@@ -102,7 +102,7 @@ class IncomingStream {
   struct Buffers {
     MutableBytes frames{};          ///< See stream_frame_count().
     std::uint32_t frame_size = 0;   ///< The largest payload of a frame, a multiple of 16.
-    MutableBytes item{};            ///< For one item larger than a frame: the largest allowed.
+    MutableBytes item{};            ///< Holds one item larger than a frame.
     std::uint32_t byte_window = 0;  ///< Bytes that are accepted at a time.
   };
   /// @param window  items that are accepted at a time: 1…kStreamWindow

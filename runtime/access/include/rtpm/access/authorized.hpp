@@ -15,7 +15,7 @@ namespace rtpm::access {
 /// The permissions of one line of `authorized`.
 struct Grant {
   Subject subject{};
-  std::string name{};  ///< For logs and errors; empty: none was given.
+  std::string name{};  ///< The name in logs and errors; may be empty.
   Role role = Role::kNone;
   std::vector<ObjectPattern> objects{};
   Priority ceiling = Priority::kHighest;

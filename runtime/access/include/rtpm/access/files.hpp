@@ -44,7 +44,7 @@ inline constexpr std::size_t kFileSizeMax = 1024 * 1024;
 ///           or root; no regular file; no key in it
 [[nodiscard]] expected<seal::KeyPair, SetupError> read_key(const std::string& path);
 
-/// The comment behind the key of a file; empty: it has none, or read_key() refuses it.
+/// The comment behind the key of a file; empty if there is none or read_key() refuses it.
 /// @realtime set-up only
 [[nodiscard]] std::string key_comment(const std::string& path);
 
@@ -56,7 +56,7 @@ inline constexpr std::size_t kFileSizeMax = 1024 * 1024;
 
 /// Identifies a file's content without reading it.
 struct FileStamp {
-  std::uint64_t file_number = 0;  ///< The inode; 0: there is no file.
+  std::uint64_t file_number = 0;  ///< The inode; 0 if there is no file.
   std::int64_t changed_ns = 0;
   std::int64_t size = 0;
   [[nodiscard]] bool is_of_file() const noexcept { return file_number != 0; }

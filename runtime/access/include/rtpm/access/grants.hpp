@@ -35,7 +35,7 @@ class Grants {
   /// The highest priority of any of its grants, for the session as a whole.
   [[nodiscard]] Priority ceiling(const Subject& subject,
                                  const std::optional<NetworkAddress>& address) const noexcept;
-  /// The name that its grants give it; empty: none.
+  /// The name that its grants give it; empty if they give none.
   [[nodiscard]] std::string_view name_of(const Subject& subject) const noexcept;
   /// The subjects for which a grant of these allows something that no single grant of `after` does.
   /// A subject whose grants were only divided differently may be among them.

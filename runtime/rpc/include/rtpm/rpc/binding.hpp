@@ -25,14 +25,14 @@ namespace rtpm::rpc {
 
 /// The options of one call; every field has a default.
 struct CallOptions {
-  /// The call's priority; default: the calling thread's current_priority(), else the object's.
+  /// The call's priority. By default the calling thread's current_priority(), or the object's.
   std::optional<Priority> priority{};
   /// How long the caller waits, from now on. Default: the method's deadline, else the node's;
   /// within a method never longer than that method's own caller waits.
   std::optional<Duration> deadline{};
   /// Passed on to the servant to trace one action across programs; in a method, 0: its caller's.
   std::uint64_t trace_id = 0;
-  /// For begin_x(): the pipeline whose sessions this call shares. Other calls ignore it.
+  /// The pipeline whose sessions a begin_x() shares. Other calls ignore it.
   Pipeline* pipeline = nullptr;
 };
 
@@ -41,7 +41,7 @@ inline constexpr std::uint32_t kMissCountMax = 6;
 
 /// How a stream is taken.
 struct StreamOptions {
-  /// As for any call; the deadline is the whole stream's. Default: none.
+  /// The options of the call. The deadline is the whole stream's; there is none by default.
   CallOptions call{};
   /// How many items may be on their way at a time, 1…32: how far the server may be ahead.
   std::uint32_t window = 16;

@@ -16,7 +16,7 @@ class Caller {
   Caller& operator=(const Caller&) = delete;
 
   [[nodiscard]] virtual const access::Subject& subject() const noexcept = 0;
-  /// The name that its grants give it; empty: none.
+  /// The name that its grants give it; empty if they give none.
   [[nodiscard]] virtual std::string_view name() const noexcept = 0;
   /// The greatest role that its grants allow for `path`, which need not be an object of the server.
   /// @realtime alloc-free; takes a lock with priority inheritance, linear in the caller's grants

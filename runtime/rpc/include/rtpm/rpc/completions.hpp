@@ -91,7 +91,7 @@ class Completions {
   std::vector<std::unique_ptr<Entry>> open_{};
 };
 
-/// The same with a thread of its own that waits and runs the callbacks:
+/// Completions with a thread that waits and runs the callbacks:
 ///
 ///     auto thread = rpc::CompletionThread::start({.name = "replies"}).value();
 ///     thread->then(arm.begin_get_pose(), [](const auto& pose) { … });
@@ -113,7 +113,7 @@ class CompletionThread {
   CompletionThread& operator=(const CompletionThread&) = delete;
   ~CompletionThread();
 
-  /// As Completions::then(); the callback runs on this object's thread.
+  /// Does the same as Completions::then(), but the callback runs on this object's thread.
   template <class Pending, class Callback>
   void then(expected<Pending, CallError> begun, Callback callback) {
     add(std::make_unique<Completions::Call<Pending, Callback>>(std::move(begun),

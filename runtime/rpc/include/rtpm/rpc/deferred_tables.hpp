@@ -112,9 +112,9 @@ class StructStream : public OpenStream {
  public:
   explicit StructStream(ItemReader reader) noexcept : OpenStream(std::move(reader)) {}
 
-  /// The next item, waiting until `until` at most; without one: the stream has ended in order.
+  /// The next item, waiting until `until` at most; nullopt once the stream has ended in order.
   /// @realtime alloc-free
-  /// @errors   kTimeout: none came in time; kBadReply: an item is none; others: the stream ended
+  /// @errors   kTimeout: none came in time; kBadReply: not a T; other errors: the stream ended
   [[nodiscard]] expected<std::optional<T>, CallError> next(MonotonicTime until) noexcept {
     const auto item = reader_.next(until);
     if (!item) return unexpected{item.error()};
@@ -133,8 +133,8 @@ class TableStream : public OpenStream {
   TableStream(ItemReader reader, TableLimits limits) noexcept
       : OpenStream(std::move(reader)), limits_(limits) {}
 
-  /// The next item, valid until the next call; null: the stream has ended in order. Errors and
-  /// RT class as StructStream::next().
+  /// The next item, valid until the next call; null once the stream has ended in order. Errors
+  /// and RT class as StructStream::next().
   [[nodiscard]] expected<const T*, CallError> next(MonotonicTime until) noexcept {
     const auto item = reader_.next(until);
     if (!item) return unexpected{item.error()};

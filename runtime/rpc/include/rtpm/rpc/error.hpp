@@ -60,8 +60,8 @@ enum class CallError : std::uint8_t {
 [[nodiscard]] std::string_view to_string(CallError error) noexcept;
 
 /// The server's own words on why this thread's last call failed with kBadRequest or kServantFailed,
-/// "force.x is 30, but must be -20 to 20 N"; empty: it gave none. They are another program's:
-/// describe() has them ready to be shown.
+/// "force.x is 30, but must be -20 to 20 N"; empty if it gave none. Another program wrote
+/// them: describe() has them ready to be shown.
 /// @ownership valid until a call of this thread fails
 /// @realtime alloc-free
 [[nodiscard]] std::string_view refusal_text() noexcept;

@@ -27,10 +27,10 @@ using PriorityTransform = Priority (*)(Priority priority, std::string_view path)
 /// One method, as generated code describes it.
 struct MethodDescriptor {
   std::uint16_t id = 0;           ///< `rtpm_id` in the schema, 1…65535.
-  std::string_view name{};        ///< As in the schema.
+  std::string_view name{};        ///< The method's name in the schema.
   std::uint32_t fingerprint = 0;  ///< Covers everything that both sides must agree on to call it.
   bool is_idempotent = false;     ///< `rtpm_idempotent`: running it twice does no harm.
-  Duration default_deadline{0};   ///< `rtpm_deadline_us`; 0: the node's default.
+  Duration default_deadline{0};   ///< `rtpm_deadline_us`; 0 for the node's default.
   Role role = Role::kCommand;     ///< `rtpm_role`: which one a caller needs.
 };
 

@@ -35,11 +35,11 @@ struct LaneSample {
   ServerCounters counters{};
   std::uint64_t cycle_count = 0;            ///< Frames that were taken and dealt with.
   std::int64_t longest_cycle_ns = 0;        ///< The longest of these.
-  std::int64_t last_cycle_end_ns = 0;       ///< On CLOCK_MONOTONIC; 0: none yet.
+  std::int64_t last_cycle_end_ns = 0;       ///< On CLOCK_MONOTONIC; 0 before the first.
   std::uint64_t queued_count = 0;           ///< Calls that wait for a thread, now.
   std::uint64_t open_call_count = 0;        ///< Calls that are deferred, or streams, now.
   std::uint64_t open_connection_count = 0;  ///< Over TCP and through memory, now.
-  std::uint64_t pause_count = 0;  ///< Pauses lest the kernel throttle it, see rt/budget.hpp.
+  std::uint64_t pause_count = 0;            ///< Pauses to avoid throttling, see rt/budget.hpp.
 };
 
 /// One lane. All but the atomics is written before the table can be found, and stays.
@@ -50,7 +50,7 @@ struct alignas(64) LaneSlot {
   std::uint16_t priority = 0;
   std::uint8_t wait = 0;      ///< rt::WaitStrategy.
   std::uint8_t schedule = 0;  ///< rt::Schedule.
-  /// For each thread: when the call whose method it runs was received; 0: it runs none.
+  /// When the call that each thread runs was received; 0 if the thread runs none.
   std::array<std::atomic<std::int64_t>, kLaneThreadCountMax> busy_since_ns{};
   Latest<LaneSample> sample{};
 };
@@ -78,7 +78,7 @@ struct LaneReading {
   std::string wait{};            ///< "adaptive"; "unknown" if it is none that is known here.
   std::string schedule{};        ///< "fifo".
   std::uint32_t busy_count = 0;  ///< Threads that run methods.
-  MonotonicTime busy_since{};    ///< When the longest call that runs was received; the epoch: none.
+  MonotonicTime busy_since{};    ///< When the longest running call was received; or the epoch.
   /// None: nothing was served yet.
   std::optional<LaneSample> sample{};
 };

@@ -50,8 +50,8 @@ enum class Transport : std::uint8_t {
 /// How a program calls others.
 struct NodeConfig {
   rt::WaitConfig wait{};                                ///< How a caller waits for its reply.
-  Duration default_deadline = std::chrono::seconds{1};  ///< For methods and calls that state none.
-  Transport transport = Transport::kAuto;               ///< For bindings that state none.
+  Duration default_deadline = std::chrono::seconds{1};  ///< Applies if method and call state none.
+  Transport transport = Transport::kAuto;               ///< Applies if a binding states none.
   PriorityTransform outbound_priority = nullptr;  ///< None: calls go out at their own priority.
   /// Runs calls to servers of the same program without a transport, unless one is asked for.
   bool collocates = true;
@@ -61,7 +61,7 @@ struct NodeConfig {
   /// ServerConfig::shared_memory_folder.
   std::string shared_memory_folder{};
   NodeSecurity security{};
-  /// For servers that are made for this node, such as the one of the program's own names.
+  /// The security of servers made for this node, such as the one of the program's own names.
   ServerSecurity served{};
 };
 

@@ -43,13 +43,13 @@ class RangeCheck {
     is_float_ = std::is_same_v<T, float>;
     return find(number, field, limits);
   }
-  /// The same for an optional number; an absent one is within its range.
+  /// Whether an optional number is absent or within its range.
   template <class T>
   [[nodiscard]] bool number(const flatbuffers::Optional<T>& value, double low, double high,
                             std::string_view field, std::string_view limits) noexcept {
     return !value || number(*value, low, high, field, limits);
   }
-  /// The same for each number of a vector or array, if it is there.
+  /// Whether each number of a vector or array is within its range; true if it is absent.
   template <class Numbers>
   [[nodiscard]] bool numbers(const Numbers* numbers, double low, double high,
                              std::string_view field, std::string_view limits) noexcept {
@@ -66,7 +66,7 @@ class RangeCheck {
     }
     return true;
   }
-  /// The same for a vector of unions: `holds` is given each member's type and address.
+  /// Checks a vector of unions like items(): `holds` is given each member's type and address.
   template <class Type, class Types, class Items, class Predicate>
   [[nodiscard]] bool members(const Types* types, const Items* items, std::string_view field,
                              Predicate holds) noexcept {

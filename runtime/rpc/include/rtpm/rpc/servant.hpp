@@ -36,14 +36,13 @@ inline constexpr CallerHost kThisHost{0x7f00'0001};
 
 /// A servant's view of the call that it serves. Valid during the call only.
 struct CallContext {
-  Priority priority;           ///< The priority at which the method runs.
-  MonotonicTime deadline;      ///< The time after which the caller no longer waits.
-  MonotonicTime received;      ///< When the lane took the request up.
-  std::uint64_t session = 0;   ///< The caller's session: the same number, the same caller.
-  std::uint64_t trace_id = 0;  ///< Given by the caller, 0 if none.
-  Deferral* deferral =
-      nullptr;          ///< For methods that answer later, or with a stream; null in tests.
-  CallerHost caller{};  ///< Where the call came from.
+  Priority priority;             ///< The priority at which the method runs.
+  MonotonicTime deadline;        ///< The time after which the caller no longer waits.
+  MonotonicTime received;        ///< When the lane took the request up.
+  std::uint64_t session = 0;     ///< The caller's session: the same number, the same caller.
+  std::uint64_t trace_id = 0;    ///< Given by the caller, 0 if none.
+  Deferral* deferral = nullptr;  ///< Lets a method answer later, or with a stream; null in tests.
+  CallerHost caller{};           ///< Where the call came from.
   const Caller* identity = nullptr;  ///< Null: the server does not ask for identities.
 };
 

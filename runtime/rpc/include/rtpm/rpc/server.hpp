@@ -43,7 +43,7 @@ namespace rtpm::rpc {
 struct ObjectOptions {
   PriorityModel model = PriorityModel::kClientPropagated;
   Priority priority = 0;  ///< Declared, or the default for callers without one.
-  /// The priorities that calls may have: at most 16 bands that do not overlap; empty: all.
+  /// The priorities that calls may have: at most 16 bands that do not overlap. Empty for all.
   std::vector<Band> bands{};
   /// The methods check the callers' grants themselves (CallContext::identity), such as for names or
   /// event types: every caller for which there is any grant has the role observe on the object.
@@ -58,14 +58,14 @@ struct ObjectOptions {
 /// while the others run calls: it orders requests by priority, and refuses those that find no slot
 /// with overload.
 struct LaneConfig {
-  std::string name{};     ///< The thread's name, at most 15 bytes; empty: "lane-<low>".
+  std::string name{};     ///< The thread's name, at most 15 bytes; by default "lane-<low>".
   Priority low = 0;       ///< The lowest priority it serves. One lane must begin at 0.
   Priority priority = 0;  ///< At which it waits and receives; raised to `low`.
   rt::WaitConfig wait{};  ///< How it waits for traffic.
-  /// The CPUs to which it is confined; empty: the starter's. With one, and where the kernel
+  /// The CPUs to which it is confined; by default the starter's. With one, and where the kernel
   /// throttles real-time threads, a thread "rtpm-awake-<cpu>" at nice 19 keeps that CPU awake while
-  /// a busy lane pauses to avoid throttling (rt/budget.hpp): else calls of more urgent lanes would
-  /// wait for the CPU to wake.
+  /// a busy lane pauses to avoid throttling (rt/budget.hpp): otherwise calls of more urgent lanes
+  /// would wait for the CPU to wake.
   std::vector<int> cpus{};
   /// kTimeShared: behind every real-time thread, and outside the kernel's throttling. For lanes
   /// whose calls may keep a CPU busy and are not urgent: they can't hold the lanes above them up,
@@ -90,7 +90,7 @@ struct ServerConfig {
   /// "localhost", a list of those, separated by ',', of at most 16 addresses; or "any", which is
   /// every address of this host. The network is an explicit choice.
   std::string host = "127.0.0.1";
-  std::uint16_t port = 0;  ///< The same number for UDP and TCP; 0: the system chooses.
+  std::uint16_t port = 0;  ///< The port of UDP and TCP; 0 lets the system choose.
   /// The addresses or host names that url() gives in place of the served ones, separated by ',':
   /// for a server in a container or behind NAT. Empty: the served ones, without loopback addresses
   /// if there are others.
@@ -140,7 +140,7 @@ struct ServerConfig {
 /// An address at which a server serves.
 struct ServedAddress {
   std::string host{};        ///< "10.0.0.7", "[fd00::7]".
-  std::string interface {};  ///< "eth0"; empty: not known.
+  std::string interface {};  ///< "eth0"; empty if not known.
 };
 
 /// Serves objects to callers over UDP, TCP and shared memory, each lane on a thread of its own.
@@ -166,7 +166,7 @@ class Server {
   ///           options that contradict one another or the lanes
   [[nodiscard]] virtual expected<void, SetupError> add(std::string_view path, Servant& servant,
                                                        ObjectOptions options) = 0;
-  /// The same, with the priority model and the priority of the servant's schema.
+  /// Serves `servant` with the priority model and the priority of its schema.
   [[nodiscard]] expected<void, SetupError> add(std::string_view path, Servant& servant) {
     const InterfaceDescriptor& interface = servant.interface();
     return add(path, servant, {interface.priority_model, interface.priority, {}});
@@ -188,8 +188,8 @@ class Server {
   [[nodiscard]] virtual std::string url(std::string_view path) const = 0;
   /// The served addresses; for "any" as they were when the server was created.
   [[nodiscard]] virtual std::vector<ServedAddress> served_addresses() const = 0;
-  /// The key by which callers know the server, see access::known_servers; nothing: it asks nobody,
-  /// and seals nothing.
+  /// The key by which callers know the server, see access::known_servers. Nothing if it asks
+  /// nobody and seals nothing.
   [[nodiscard]] virtual std::optional<seal::PublicKey> public_key() const noexcept = 0;
   /// The callers that it serves.
   [[nodiscard]] virtual ServedCallers served_callers() const = 0;

@@ -18,7 +18,7 @@ namespace rtpm::rpc {
 /// An object whose calls are tapped.
 struct TappedObject {
   std::string path{};
-  std::vector<std::uint16_t> methods{};  ///< By number; empty: all.
+  std::vector<std::uint16_t> methods{};  ///< By number; empty for all.
 };
 
 /// The calls that are tapped, and how much of them.
@@ -55,7 +55,7 @@ struct TappedCall {
   std::uint64_t session = 0;
   std::uint64_t trace_id = 0;
   MonotonicTime received{};
-  /// When the method had ended, or the item was sent; for a call that begins: when the method
+  /// When the method had ended, or the item was sent. For a call that begins, when the method
   /// returned.
   MonotonicTime finished{};
   std::uint32_t request_size = 0;  ///< Also where the payload was left out.
@@ -76,8 +76,8 @@ struct TapLosses {
 /// are in the server's counters.
 /// @ownership may outlive its server, whose end switches it off for good
 /// @threads  one at a time
-/// @realtime none of its own; in a lane: wait-free, alloc-free, no syscall; off: a load and a
-///           branch
+/// @realtime none for its own methods; a lane's part is wait-free, alloc-free and without syscall,
+///           and costs a load and a branch while the tap is off
 class CallTap {
  public:
   CallTap() = default;

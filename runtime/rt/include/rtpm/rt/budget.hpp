@@ -70,7 +70,7 @@ class RealtimeBudget {
   [[nodiscard]] bool is_exact(MonotonicTime now) const noexcept {
     return is_limited() && now >= spent_ - kBurst / 2;
   }
-  /// The thread blocked, and was off its CPU for `slept` of the time; none: about all of it.
+  /// The thread blocked, and was off its CPU for `slept` of the time; nullopt if about all of it.
   void on_slept(MonotonicTime begin, MonotonicTime end,
                 std::optional<Duration> slept = std::nullopt) noexcept;
 
@@ -85,15 +85,15 @@ class RealtimeBudget {
   [[nodiscard]] bool is_spent_indeed(MonotonicTime now) noexcept;
 
   MonotonicTime spent_ = kNever;  ///< When the budget is spent if the thread stays awake.
-  double earned_per_slept_ = 0;   ///< Time awake for time asleep; 0: no limit.
+  double earned_per_slept_ = 0;   ///< Time awake for time asleep; 0 if unlimited.
   bool is_block_in_vain_ = false;
   MonotonicTime compared_{};  ///< When the account was last compared with the thread's own time,
   Duration run_time_{0};      ///< that time then,
   Duration slept_{0};         ///< and how much sleep was entered since.
 };
 
-/// The calling thread's. It has a limit while RTPM keeps the thread at a real-time level; a level
-/// set by other means is not noticed.
+/// The calling thread's budget. It has a limit while RTPM keeps the thread at a real-time level; a
+/// level set by other means is not noticed.
 /// @realtime alloc-free
 [[nodiscard]] RealtimeBudget& this_thread_budget() noexcept;
 

@@ -16,7 +16,7 @@ class CpuLatencyRequest {
  public:
   /// No request.
   CpuLatencyRequest() noexcept = default;
-  /// Asks for waking within `latency`, which the kernel rounds to whole µs; 0: no sleep at all.
+  /// Asks for waking within `latency`, which the kernel rounds to whole µs; 0 forbids sleep.
   /// Asks nothing with kOff.
   /// @errors   with kRequire, a right that the process lacks, or a system without such requests.
   ///           With kPrefer it warns once instead

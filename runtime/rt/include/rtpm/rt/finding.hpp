@@ -30,8 +30,8 @@ struct Finding {
   std::string id{};  ///< "socket-buffers": stays the same over releases.
   Severity severity = Severity::kGood;
   std::string text{};    ///< The fact.
-  std::string cost{};    ///< Its cost, with a magnitude; empty: none.
-  std::string remedy{};  ///< Lines for a shell, or a clause; empty: none needed.
+  std::string cost{};    ///< Its cost, with a magnitude; may be empty.
+  std::string remedy{};  ///< Lines for a shell, or a clause; empty if none is needed.
   /// Settings that are safe to apply and to revert; they last until a reboot. Empty: none.
   std::vector<Setting> fixes{};
   std::string lasting{};  ///< A line for a shell that makes `fixes` survive a reboot.

@@ -7,7 +7,7 @@
 namespace rtpm::rt {
 
 /// Memory that costs nothing until it is used: pages are allocated at their first touch and stay.
-/// For large messages, to which a lane's real-time guarantees do not apply.
+/// Holds large messages, to which a lane's real-time guarantees do not apply.
 /// @ownership unmaps at its end
 /// @threads  as any memory. Set-up only; a first touch faults
 class LazyMemory {

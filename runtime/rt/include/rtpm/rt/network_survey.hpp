@@ -25,7 +25,7 @@ enum class MulticastTrial : std::uint8_t { kReceived, kRefused, kNotSent, kNotRe
 struct MulticastFacts {
   std::string group{};                       ///< "239.255.42.1".
   std::vector<InterfaceFacts> interfaces{};  ///< By name.
-  std::string route{};                       ///< The interface for the group; empty: no route.
+  std::string route{};                       ///< The interface for the group, if there is one.
   MulticastTrial trial = MulticastTrial::kReceived;
   std::string reason{};  ///< Why, for kRefused.
 };
@@ -33,15 +33,15 @@ struct MulticastFacts {
 /// The program that listens at a port.
 struct PortHolder {
   std::string transport{};  ///< "UDP" or "TCP".
-  std::string program{};    ///< Empty: this user may not see it.
-  int process_id = 0;       ///< 0: likewise.
+  std::string program{};    ///< Empty if this user may not see it.
+  int process_id = 0;       ///< 0 if this user may not see it.
 };
 
 struct PortFacts {
   std::uint16_t port = 0;
   std::string program{};  ///< Listens there by default: "rtpm-registryd".
   std::string option{};   ///< Chooses another port: "--port".
-  bool answers = false;   ///< As an RTPM server does.
+  bool answers = false;   ///< Whether an RTPM server answers there.
   std::optional<PortHolder> holder{};
 };
 
@@ -49,7 +49,7 @@ struct PortFacts {
 /// is the caller's.
 /// @realtime set-up only
 [[nodiscard]] MulticastFacts read_multicast(const std::string& root, const std::string& group);
-/// The program that listens at `port` by UDP or TCP; nullopt: there is none.
+/// The program that listens at `port` by UDP or TCP; nullopt if there is none.
 /// @realtime set-up only
 [[nodiscard]] std::optional<PortHolder> holder_of_port(const std::string& root, std::uint16_t port);
 

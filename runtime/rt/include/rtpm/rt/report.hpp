@@ -26,7 +26,7 @@ struct SetupNote {
   std::string subject;  ///< "thread 'lane-0'", "memory lock".
   Grant grant = Grant::kGranted;
   std::string text;    ///< The result, a clause.
-  std::string remedy;  ///< The user's remedy; empty: none needed.
+  std::string remedy;  ///< The user's remedy; empty if none is needed.
 };
 
 /// The number of subjects that are kept at most; later ones are dropped.

@@ -39,9 +39,9 @@ struct InterruptFacts {
 struct HostFiles {
   bool is_realtime_kernel = false;
   bool is_virtual_machine = false;
-  std::string clock_source{};                 ///< "tsc"; empty: unknown.
+  std::string clock_source{};                 ///< "tsc"; empty if unknown.
   std::vector<FrequencyFacts> frequencies{};  ///< One for each CPU that has a governor.
-  std::string idle_driver{};                  ///< "intel_idle"; empty: none.
+  std::string idle_driver{};                  ///< "intel_idle"; empty if there is none.
   std::vector<IdleStateFacts> idle_states{};  ///< The states of all CPUs, each once.
   std::vector<int> online_cpus{};
   std::vector<int> isolated_cpus{};  ///< By isolcpus or a cpuset's partition.
@@ -51,9 +51,9 @@ struct HostFiles {
   bool has_irqbalance = false;             ///< It runs.
   std::optional<std::int64_t> rmem_max{};  ///< Bytes of a socket's buffers.
   std::optional<std::int64_t> wmem_max{};
-  /// How many threads ran or wanted to, on average over the last minute; nullopt: unknown.
+  /// How many threads ran or wanted to, on average over the last minute; nullopt if unknown.
   std::optional<double> load{};
-  std::string huge_pages{};  ///< "always", "madvise", "never"; empty: none.
+  std::string huge_pages{};  ///< "always", "madvise", "never"; empty if there are none.
   std::uint64_t swap_kib = 0;
 };
 
@@ -70,7 +70,7 @@ struct HostAnswers {
   bool is_clock_synchronised = false;
   std::int64_t clock_error_us = 0;
   std::optional<std::uint64_t>
-      shared_memory_size{};              ///< Bytes of /dev/shm; nullopt: there is none.
+      shared_memory_size{};              ///< Bytes of /dev/shm; nullopt if there is none.
   std::uint64_t shared_memory_free = 0;  ///< Bytes.
 };
 
@@ -96,7 +96,7 @@ struct Change {
   std::string path;
   std::string from;
   std::string to;
-  std::string problem{};  ///< Why it was not made; empty: it was, or would be.
+  std::string problem{};  ///< Why it was not made; empty if it was, or would be.
 };
 
 /// Writes a setting, and reads it back. nullopt if the file has the value already.

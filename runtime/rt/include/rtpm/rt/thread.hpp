@@ -40,8 +40,8 @@ enum class Schedule : std::uint8_t {
 /// How a thread is to run.
 struct ThreadConfig {
   std::string name;                    ///< The system shows its first 15 bytes.
-  std::optional<Priority> priority{};  ///< SCHED_FIFO at its native level; none: time-shared.
-  std::vector<int> cpus{};             ///< CPUs that it is confined to; empty: its starter's.
+  std::optional<Priority> priority{};  ///< SCHED_FIFO at its native level; nullopt if time-shared.
+  std::vector<int> cpus{};             ///< CPUs that it is confined to; by default its starter's.
   RealtimeMode realtime = RealtimeMode::kPrefer;
   /// kTimeShared: the priority is that of its calls only.
   Schedule schedule = Schedule::kFifo;

@@ -12,7 +12,7 @@ enum class WaitStrategy : std::uint8_t {
   kAdaptive,  ///< Spins for a bounded time, then blocks: fast while busy, idle when idle. A lane
               ///< whose next call seldom comes within that time blocks at once.
   kBlock,     ///< Blocks at once: no wasted cycle, the wake-up's latency each time.
-  kPeriodic,  ///< As kAdaptive, but where callers come at a steady pace it sleeps between them and
+  kPeriodic,  ///< Like kAdaptive, but if callers come at a steady pace it sleeps between them and
               ///< is awake, spinning, when each comes: spinning's latency for some per cent of a
               ///< core. For servers; elsewhere it is kAdaptive.
   kSpin,      ///< Never blocks: least latency for a whole core, which must be the thread's own.

@@ -26,13 +26,13 @@ class SocketAddress {
   /// @realtime set-up only
   [[nodiscard]] static std::optional<SocketAddress> parse(const std::string& host,
                                                           std::uint16_t port);
-  /// Copies an address from the system, up to the size of its own.
+  /// Copies an address from the system, kSizeMax bytes at most.
   [[nodiscard]] static SocketAddress of(const sockaddr& address, socklen_t size) noexcept;
 
   [[nodiscard]] const sockaddr* native() const noexcept {
     return reinterpret_cast<const sockaddr*>(&ipv6_);
   }
-  /// For the system to fill in, up to kSizeMax.
+  /// Lets the system fill the address in, up to kSizeMax.
   [[nodiscard]] sockaddr* native() noexcept { return reinterpret_cast<sockaddr*>(&ipv6_); }
   static constexpr socklen_t kSizeMax = sizeof(sockaddr_in6);
   [[nodiscard]] socklen_t size() const noexcept {
@@ -126,7 +126,7 @@ struct InterfaceAddress {
   std::string interface {};    ///< "eth0".
   SocketAddress address{};     ///< With port 0.
   int prefix_size = 0;         ///< Bits of its network's prefix.
-  bool has_multicast = false;  ///< Its interface passes multicast, and is no loopback.
+  bool has_multicast = false;  ///< Its interface passes multicast, and is not loopback.
 };
 
 /// The addresses of this host's interfaces that are up, in the system's order.

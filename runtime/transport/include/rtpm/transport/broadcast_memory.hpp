@@ -32,14 +32,14 @@ class BroadcastBell {
   /// A new bell and its descriptor, for readers.
   /// @realtime set-up only
   [[nodiscard]] static std::optional<std::pair<BroadcastBell, Descriptor>> make() noexcept;
-  /// Maps the bell of a descriptor; nothing if it is no bell.
+  /// Maps the bell of a descriptor; nothing if it is not a bell.
   /// @realtime set-up only
   [[nodiscard]] static std::optional<BroadcastBell> map(int descriptor) noexcept;
 
   /// Wakes all threads that sleep for one of `bits`, the most urgent first.
   /// @realtime alloc-free, one system call, never blocks
   void ring(std::uint32_t bits) noexcept;
-  /// For sleep(): take it before the last check of the condition that the caller would sleep for.
+  /// The value for sleep(): take it before the last check of the condition to sleep for.
   [[nodiscard]] std::uint32_t value() const noexcept {
     return word().load(std::memory_order_seq_cst);
   }
@@ -68,7 +68,7 @@ class BroadcastMemory {
   [[nodiscard]] static expected<BroadcastMemory, SetupError> make(std::size_t size);
 
   [[nodiscard]] MutableBytes bytes() const noexcept { return mapping_.bytes(); }
-  /// For readers: it can be mapped for reading only.
+  /// The descriptor for readers, which they can map for reading only.
   [[nodiscard]] int descriptor() const noexcept { return descriptor_.number(); }
   [[nodiscard]] int bell_descriptor() const noexcept { return bell_descriptor_.number(); }
   [[nodiscard]] BroadcastBell& bell() noexcept { return bell_; }

@@ -41,7 +41,7 @@ struct LanPeer {
 /// "192.168.7.2:7423", or without the port.
 [[nodiscard]] std::string to_string(const LanPeer& peer);
 [[nodiscard]] std::string address_text(std::uint32_t ipv4);
-/// 0: `text` is no numeric address.
+/// 0 if `text` is not a numeric address.
 [[nodiscard]] std::uint32_t parse_address(const std::string& text) noexcept;
 
 /// @threads  one at a time
@@ -64,8 +64,8 @@ class LanSocket {
 
   /// @return whether the system took it
   bool send(ConstBytes datagram, const LanPeer& to) noexcept;
-  /// The next datagram, a view of `buffer`, and where it came from; empty: there is none, or one
-  /// that does not fit, then `from.port` is not 0.
+  /// The next datagram, a view of `buffer`, and where it came from. Empty if there is none, or if
+  /// it does not fit: then `from.port` is not 0.
   [[nodiscard]] ConstBytes receive(MutableBytes buffer, LanPeer& from) noexcept;
   [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
   /// Its own address and port.

@@ -17,9 +17,9 @@ namespace rtpm::transport {
 struct MulticastGroup {
   std::string group = "239.255.42.1";  ///< 224.0.0.0/4; 239/8 stays within a site.
   std::uint16_t port = 7422;
-  /// The address of the network interface; empty: by the system's routes.
+  /// The address of the network interface; if empty, the system's routes choose one.
   std::string interface {};
-  std::uint8_t hops = 1;  ///< The sender's TTL. 1: within the LAN; 0: on this host.
+  std::uint8_t hops = 1;  ///< The sender's TTL: 1 for the LAN, 0 for this host.
 };
 
 /// @threads  one at a time
@@ -47,12 +47,12 @@ class MulticastReceiver {
   /// @realtime set-up only
   /// @errors   no such group, no such interface, another program has the port
   [[nodiscard]] static expected<MulticastReceiver, SetupError> open(const MulticastGroup& group);
-  /// The next datagram, a view of `buffer`; empty: there is none.
+  /// The next datagram, a view of `buffer`; empty if there is none.
   /// @realtime alloc-free, one system call
   [[nodiscard]] ConstBytes receive(MutableBytes buffer) noexcept;
   /// Readable while there is a datagram.
   [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
-  /// Waits for a datagram, or until `until`; false: none came in time.
+  /// Waits for a datagram, or until `until`; false if none came in time.
   /// @realtime alloc-free, one system call
   bool wait(MonotonicTime until) noexcept { return wait_readable(socket_.number(), until); }
 

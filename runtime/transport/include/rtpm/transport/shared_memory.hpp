@@ -28,7 +28,7 @@ struct SharedMemoryAddress {
   std::string host;  ///< Numeric, "127.0.0.1", "::1".
   std::uint16_t port = 0;
   std::string folder{};
-  /// For a caller: users whose servers it trusts, besides its own and the superuser.
+  /// The users whose servers a caller trusts, besides its own user and the superuser.
   std::vector<std::uint32_t> trusted_users{};
 };
 
@@ -118,7 +118,7 @@ class SharedMemoryListener {
 
 /// A client that has its rings.
 struct SharedMemoryClient {
-  Priority priority{};  ///< As requested; chooses the lane.
+  Priority priority{};  ///< The requested priority; chooses the lane.
   std::unique_ptr<Connection> connection{};
   int shortage = 0;  ///< The error number if no descriptor or memory was left, else 0.
 };

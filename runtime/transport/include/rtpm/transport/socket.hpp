@@ -73,8 +73,8 @@ struct Accepted {
 /// the traffic stays best effort, which shows only on a busy link.
 void set_traffic_class(int socket, Priority priority) noexcept;
 
-/// Blocks until the descriptor is readable (writable), or until `until`; false: the time or a
-/// signal.
+/// Blocks until the descriptor is readable (writable), or until `until`; false at that time or
+/// after a signal.
 /// @realtime alloc-free, one system call
 bool wait_readable(int descriptor, MonotonicTime until) noexcept;
 bool wait_writable(int descriptor, MonotonicTime until) noexcept;
@@ -83,7 +83,7 @@ bool wait_writable(int descriptor, MonotonicTime until) noexcept;
 /// up to 10 ms. Such a receive saves a poll and its timer if the end need not be precise.
 inline constexpr Duration kBlockTime = std::chrono::milliseconds{40};
 inline constexpr Duration kBlockTimeError = std::chrono::milliseconds{20};
-/// The same for a caller that soon has other work.
+/// The wait of a blocking receive whose caller soon has other work.
 inline constexpr Duration kBlockTimeShort = std::chrono::milliseconds{4};
 /// Lets receives without MSG_DONTWAIT block for `time`. Set-up only.
 void limit_blocking(int socket, Duration time = kBlockTime) noexcept;

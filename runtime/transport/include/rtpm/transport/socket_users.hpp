@@ -20,7 +20,7 @@ namespace rtpm::transport {
 [[nodiscard]] bool is_trusted_user(std::uint32_t user,
                                    std::span<const std::uint32_t> others) noexcept;
 
-/// The same for one table of /proc/net, of TCP's sockets or of UDP's.
+/// The users at an address in one table of /proc/net, of TCP's sockets or of UDP's.
 /// @realtime set-up only
 [[nodiscard]] std::vector<std::uint32_t> users_in_table(std::istream& table, bool is_tcp,
                                                         const SocketAddress& address);

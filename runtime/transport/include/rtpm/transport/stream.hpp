@@ -30,7 +30,7 @@ class FrameStream final : public Connection {
   int descriptor() const noexcept override { return socket_.number(); }
 
  private:
-  /// The size of the frame at that offset of the buffer; 0: it is not complete.
+  /// The size of the frame at that offset of the buffer; 0 if it is not complete.
   [[nodiscard]] std::size_t complete_size(std::size_t at) const noexcept;
   [[nodiscard]] MutableBytes buffer() noexcept;
   [[nodiscard]] expected<MutableBytes, IoError> receive(int flags) noexcept;

@@ -39,7 +39,7 @@ void prepare_stream(int socket) noexcept;
 void report_from(int socket, std::size_t size) noexcept;
 
 /// Copies the bytes that have arrived to `to` without taking them from the stream. Never blocks.
-/// @return the number of bytes; 0: none, or the stream's end
+/// @return the number of bytes; 0 if there are none, or at the stream's end
 [[nodiscard]] std::size_t peek(int socket, MutableBytes to) noexcept;
 
 }  // namespace rtpm::transport

@@ -24,7 +24,7 @@ struct UdpPortConfig {
   /// leaves from the address at which its request came.
   std::string host = "127.0.0.1";
   std::uint16_t port = 0;
-  Priority priority = 0;    ///< For the datagrams that it sends, see set_traffic_class().
+  Priority priority = 0;    ///< The priority of what it sends, see set_traffic_class().
   Priority low = 0;         ///< The lowest priority that steer() gives it.
   bool joins = false;       ///< A further socket of a server's port, not its first one.
   std::uint16_t index = 0;  ///< One of a lane's ports at several addresses, for index_of().
@@ -98,7 +98,7 @@ class UdpPort {
   Priority low_;
   SocketAddress own_;
   std::uint32_t index_;                       ///< In its place of a peer.
-  std::unique_ptr<LocalAddresses> locals_{};  ///< For "any" only.
+  std::unique_ptr<LocalAddresses> locals_{};  ///< Null unless the host is "any".
   std::uint32_t local_count_ = 1;
   bool can_send_batches_ = true;
   BatchEstimator estimator_;

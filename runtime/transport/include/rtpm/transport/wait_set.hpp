@@ -18,7 +18,7 @@ class SourceTag {
   /// Higher bits of a generation are ignored.
   static constexpr std::uint32_t kGenerationMax = (std::uint32_t{1} << 28) - 1;
 
-  /// The doorbell's.
+  /// The tag of the doorbell.
   constexpr SourceTag() noexcept = default;
   constexpr explicit SourceTag(SourceKind kind, std::uint32_t index = 0,
                                std::uint32_t generation = 0) noexcept
