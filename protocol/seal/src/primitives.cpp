@@ -160,7 +160,7 @@ bool AeadKey::open_with_nonce(std::span<const std::byte, kNonceSize> nonce, Cons
                               ConstBytes sealed, std::span<const std::byte, kTagSize> tag,
                               MutableBytes plain) const noexcept {
   RTPM_ASSERT(sealed.size() == plain.size(), "opening keeps the size");
-  // As above; also, without an output it would only check the tag.
+  // libsodium takes no null pointer here either; without an output it would only check the tag.
   unsigned char none = 0;
   unsigned char* const to = plain.empty() ? &none : raw(plain);
   const unsigned char* const from = sealed.empty() ? &none : raw(sealed);

@@ -52,7 +52,7 @@ bool has_good_flags(const Header& header) noexcept {
   if ((header.flags & ~kFlagsKnown) != 0) return false;
   switch (header.kind) {
     case FrameKind::kCall:
-      // A oneway has one of both flags, and is no stream.
+      // A oneway has one of both flags, and is not a stream.
       return (header.flags & kOneway) == 0 ||
              ((header.flags & kOneway) != kOneway && header.item == 0);
     case FrameKind::kReply:

@@ -42,7 +42,7 @@ struct FieldText {
   bool is_required = false;
   bool is_optional = false;
   bool is_deprecated = false;
-  std::string_view default_value{};  ///< A number's; else nothing.
+  std::string_view default_value{};  ///< A number's default; otherwise empty.
   bool is_key = false;
   std::string_view encodings{};  ///< The attributes that change the meaning of bytes.
   std::string_view unit{};

@@ -160,7 +160,7 @@ ServerSessions::Answer ServerSessions::refuse_call(const Request& request, Statu
   return {Verdict::Action::kSend, frame};
 }
 
-// Null: the request is completed, its session has ended, or the slot is another call's.
+// Null if the request is completed, its session has ended, or the slot is another call's.
 ServerSessions::Slot* ServerSessions::slot_of(const Request& request) noexcept {
   Session& session = sessions_[request.session_index];
   Slot& slot = session.slots[request.slot_index];

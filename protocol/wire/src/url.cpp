@@ -12,7 +12,7 @@ namespace {
 constexpr std::string_view kScheme = "rtpm://";
 // RFC 6874: a '%' in a URL is written so.
 constexpr std::string_view kZoneMark = "%25";
-// As long as a name of an interface.
+// The longest name of a network interface.
 constexpr std::size_t kZoneSizeMax = 15;
 
 bool is_path_character(char c) noexcept {

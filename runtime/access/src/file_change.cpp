@@ -61,7 +61,7 @@ expected<void, SetupError> replace(const File& locked, const std::string& path,
   struct stat old {};
   if (::fstat(locked.number(), &old) != 0) return failed(path, errno);
   const std::string next = path + ".new";
-  ::unlink(next.c_str());  // Left by a program that ended halfway: the lock is ours.
+  ::unlink(next.c_str());  // Left by a program that ended halfway: this process has the lock.
   constexpr int kFlags = O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW;
   const File file(::open(next.c_str(), kFlags, 0600));
   if (!file.is_open()) return failed(path, errno);

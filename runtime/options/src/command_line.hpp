@@ -29,7 +29,7 @@ struct CommandLine {
 /// `--key`. Arguments after `--`, those without a leading `-`, negative numbers and `-` are
 /// positionals.
 /// @realtime set-up only
-/// @errors   an unknown flag, a flag without its value, a repeated flag that is no list
+/// @errors   an unknown flag, a flag without its value, a repeated flag that is not a list
 [[nodiscard]] expected<CommandLine, SetupError> parse_command_line(
     const std::vector<std::string_view>& arguments, const std::vector<Setting>& settings);
 

@@ -99,7 +99,7 @@ Setting enum_setting(Enum& value, const std::array<Enum, Count>& values) {
 struct Options::Impl {
   /// The place of names: the registry's URL or, without one, how to find them.
   struct NamesPlace {
-    std::string* where = nullptr;  ///< Null: the program has no use for them.
+    std::string* where = nullptr;  ///< Null if the program has no use for them.
     std::string registry{};
     std::string discover{};
     [[nodiscard]] const std::string& chosen() const {

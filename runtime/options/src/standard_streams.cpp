@@ -7,12 +7,12 @@
 #include <cstdlib>
 #include <cstring>
 
-// Part of every program of RTPM, as out_of_memory.cpp: output that can't be written ends the
+// Part of every program of RTPM, like out_of_memory.cpp: output that can't be written ends the
 // program with an exit code that shows it.
 namespace {
 
-/// Else the next file or socket would take the number of a stream, and the program's output would
-/// go there. Opened so that a use of the stream fails.
+/// Opens closed streams so that their use fails. Otherwise the next file or socket would take the
+/// number of a stream, and the program's output would go there.
 void occupy_closed_streams() noexcept {
   for (int stream = STDIN_FILENO; stream <= STDERR_FILENO; ++stream) {
     if (fcntl(stream, F_GETFD) >= 0 || errno != EBADF) continue;

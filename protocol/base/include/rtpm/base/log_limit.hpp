@@ -39,7 +39,7 @@ class LogLimit {
     --tokens_;
     return std::exchange(suppressed_count_, 0);
   }
-  /// The same without the rate limit: for the log's end.
+  /// The lines suppressed since the last report, whatever the rate: for the log's end.
   [[nodiscard]] std::uint64_t take_all_suppressed() noexcept {
     return std::exchange(suppressed_count_, 0);
   }

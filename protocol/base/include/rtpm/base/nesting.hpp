@@ -10,7 +10,7 @@ namespace rtpm::inline base {
 inline constexpr std::size_t kNestingMax = 64;
 
 /// Whether the arrays and objects of a JSON text nest at most `nesting_max` deep. Needs no memory
-/// and does not recurse; the result for a text that is no JSON is unspecified.
+/// and does not recurse; the result for a text that is not JSON is unspecified.
 /// @realtime alloc-free
 [[nodiscard]] constexpr bool is_json_nested_within(std::string_view text,
                                                    std::size_t nesting_max) noexcept {

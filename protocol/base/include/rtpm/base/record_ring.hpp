@@ -303,7 +303,7 @@ class RecordWriter {
   std::uint32_t number_ = 1;  ///< The next record's number.
   std::uint32_t taken_ = 0;   ///< The last record read, as last seen.
   std::uint64_t tail_ = 0;    ///< The shared word is a copy, never read back.
-  std::uint64_t head_ = 0;    ///< The reader's, as last seen.
+  std::uint64_t head_ = 0;    ///< The reader's head, as last seen.
 };
 
 /// Why a record ring gave no record.
@@ -350,7 +350,7 @@ class RecordReader {
   }
 
   /// Announces that the reader is about to sleep.
-  /// @return false: a record has arrived, do not sleep
+  /// @return false if a record has arrived: do not sleep
   [[nodiscard]] bool announce_sleep(RecordSleep sleep) noexcept {
     // SYNC POINT record-sleep
     control_->sleeping.store(static_cast<std::uint32_t>(sleep), std::memory_order_seq_cst);
@@ -402,7 +402,7 @@ class RecordReader {
   RecordMemory ring_;
   std::uint32_t number_ = 1;  ///< The next record's number.
   std::uint64_t head_ = 0;    ///< The shared word is a copy, never read back.
-  std::uint64_t tail_ = 0;    ///< The writer's, as last seen.
+  std::uint64_t tail_ = 0;    ///< The writer's tail, as last seen.
 };
 
 }  // namespace rtpm::inline base

@@ -19,7 +19,7 @@ requires(std::has_single_bit(Capacity) && std::is_default_constructible_v<T> &&
          std::is_nothrow_move_constructible_v<T> &&
          std::is_nothrow_move_assignable_v<T>) class SpscRing {
  public:
-  /// @return false: the ring is full; `value` is unchanged and stays the caller's
+  /// @return false if the ring is full; `value` is unchanged and stays the caller's
   [[nodiscard]] bool push(T& value) noexcept {
     const std::size_t tail = tail_.load(std::memory_order_relaxed);
     // SYNC POINT ring-free: the consumer is done with the slot.

@@ -17,7 +17,7 @@ using KeyText = std::array<char, 44>;
 /// @realtime alloc-free
 void encode_key(std::span<const std::byte, kKeySize> key, KeyText& text) noexcept;
 /// @param key  receives 32 bytes; unspecified after false
-/// @return false: not 44 characters of Base64 for 32 bytes
+/// @return false if not 44 characters of Base64 for 32 bytes
 /// @realtime alloc-free
 [[nodiscard]] bool decode_key(std::string_view text, std::span<std::byte, kKeySize> key) noexcept;
 

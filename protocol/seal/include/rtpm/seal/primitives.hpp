@@ -64,7 +64,7 @@ struct KeyPair {
 void fill_random(MutableBytes bytes) noexcept;
 
 /// X25519.
-/// @return false: the result is all zeros, because `theirs` is a point of small order; refuse it
+/// @return false if the result is all zeros, because `theirs` is a point of small order; refuse it
 /// @realtime alloc-free, 50 µs: not on a lane
 [[nodiscard]] bool agree(const PrivateKey& ours, const PublicKey& theirs, Secret& shared) noexcept;
 
@@ -114,7 +114,7 @@ class AeadKey {
             std::span<std::byte, kTagSize> tag) const noexcept;
   /// The reverse.
   /// @param plain  as many bytes as `sealed`, at the same place or apart from it; zeros after false
-  /// @return false: not sealed under this key and number with this tag and associated data
+  /// @return false if not sealed under this key and number with this tag and associated data
   [[nodiscard]] bool open(std::uint64_t number, ConstBytes associated, ConstBytes sealed,
                           std::span<const std::byte, kTagSize> tag,
                           MutableBytes plain) const noexcept;

@@ -35,7 +35,7 @@ enum class SealError : std::uint8_t {
 
 /// Why a frame was not opened. Nothing changed but a count.
 enum class OpenError : std::uint8_t {
-  kEnded,     ///< As SealError::kEnded.
+  kEnded,     ///< The reasons of SealError::kEnded.
   kTooShort,  ///< No space for header, counter and tag.
   kReplayed,  ///< Received before, older than the window, or on a stream out of order.
   kBeyond,    ///< Uses an expired key, or one more than one ahead; or a counter without a key.
@@ -99,8 +99,8 @@ class SealedSession {
   std::uint64_t forged_count_ = 0;
   ReplayWindow window_;
   Digest handshake_hash_;
-  std::array<AeadKey, 2> send_keys_;     ///< For the current generation and the next.
-  std::array<AeadKey, 3> receive_keys_;  ///< For the previous, current and next generation.
+  std::array<AeadKey, 2> send_keys_;     ///< The keys of the current generation and the next.
+  std::array<AeadKey, 3> receive_keys_;  ///< Those of the previous, current and next one.
 };
 
 }  // namespace rtpm::seal

@@ -87,7 +87,7 @@ class SymmetricState {
     mix_hash(out);
   }
   /// @param out  text.size() - overhead() bytes
-  /// @return false: not authentic; nothing changed
+  /// @return false if not authentic; nothing changed then
   [[nodiscard]] bool decrypt_and_hash(ConstBytes text, MutableBytes out) noexcept {
     if (has_key_) {
       const ConstBytes tag = text.last(kTagSize);

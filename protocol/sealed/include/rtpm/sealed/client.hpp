@@ -17,8 +17,8 @@ namespace rtpm::sealed {
 struct SealedClientConfig {
   wire::Medium medium = wire::Medium::kDatagram;
   const seal::KeyPair* own = nullptr;             ///< The client's key.
-  seal::PublicKey server{};                       ///< The server's, from the configuration.
-  const seal::PresharedKey* preshared = nullptr;  ///< Null: none.
+  seal::PublicKey server{};                       ///< The server's key, from the configuration.
+  const seal::PresharedKey* preshared = nullptr;  ///< May be null.
   std::uint8_t suites = seal::suites_here();
   /// Random for each life of the program (hp-4-2).
   std::uint32_t handshake_number = 0;
@@ -41,7 +41,7 @@ class SealedClient {
   /// The next action of the owner. Valid until the next call.
   struct Step {
     ConstBytes send{};       ///< Send it, unless it is empty.
-    ConstBytes deliver{};    ///< For ClientChannel::on_frame(), unless it is empty.
+    ConstBytes deliver{};    ///< Give it to ClientChannel::on_frame(), unless it is empty.
     bool is_broken = false;  ///< Stream only: end the connection.
   };
 
@@ -140,7 +140,7 @@ class SealedClient {
   [[nodiscard]] Step drop(wire::DropReason reason) noexcept;
 
   SealedClientConfig config_;
-  std::array<Session, 2> sessions_;  ///< The channel's, and the one that follows it.
+  std::array<Session, 2> sessions_;  ///< The channel's session, and the next one.
   std::size_t current_ = 0;
   MonotonicTime next_until_{};
   std::uint64_t gone_session_ = 0;  ///< One that the server reported as gone.
@@ -169,7 +169,7 @@ class SealedClient {
   MonotonicTime next_probe_{};
   Duration probe_interval_{};
 
-  std::array<std::byte, wire::kHeaderSize + wire::Welcome::kSize> plain_{};  ///< For the channel.
+  std::array<std::byte, wire::kHeaderSize + wire::Welcome::kSize> plain_{};  ///< To be delivered.
   std::vector<std::byte> sealed_frame_;
 };
 

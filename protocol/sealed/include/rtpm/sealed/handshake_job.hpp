@@ -15,7 +15,7 @@ namespace rtpm::sealed {
 /// A server's identity, for all its lanes. It outlives them.
 struct ServerIdentity {
   seal::KeyPair key;
-  seal::PresharedKey preshared;  ///< Zeros: none.
+  seal::PresharedKey preshared;  ///< All zeros if there is none.
   std::uint8_t suites = seal::suites_here();
   RandomSource random{};
 };
@@ -57,7 +57,7 @@ class HandshakeJob {
   wire::Prologue prologue_{};
   std::optional<seal::Responder> responder_;
   std::optional<seal::SessionKeys> keys_;  ///< After message 2.
-  std::optional<seal::PublicKey> client_;  ///< Nothing: message 1 was not authentic.
+  std::optional<seal::PublicKey> client_;  ///< Nothing if message 1 was not authentic.
   std::uint64_t former_ = 0;               ///< The session that message 1 names.
   wire::SealedWelcome granted_{};
   std::array<std::byte, wire::SealedWelcome::kSize> message_2_{};

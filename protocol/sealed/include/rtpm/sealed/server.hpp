@@ -94,7 +94,7 @@ class SealedServer {
   void give_up(HandshakeJob& job) noexcept;
   /// Seals a frame from the sessions or an Outcome; the result is sent in its place and is valid
   /// until the next call. Call it at the time of sending, once for each datagram.
-  /// @return empty: nothing is to be sent
+  /// @return empty if nothing is to be sent
   [[nodiscard]] ConstBytes seal(ConstBytes frame) noexcept;
   /// Ends half-open sessions whose time is over.
   void on_time(MonotonicTime now) noexcept;
@@ -119,7 +119,7 @@ class SealedServer {
 
   /// The seal of the session with the same index.
   struct Entry {
-    std::uint64_t id = 0;  ///< 0: free, or the session is not sealed.
+    std::uint64_t id = 0;  ///< 0 if free, or if the session is not sealed.
     wire::PeerAddress peer{};
     std::uint64_t client_epoch = 0;
     std::uint64_t channel = 0;

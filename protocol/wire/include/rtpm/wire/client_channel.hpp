@@ -30,7 +30,7 @@ namespace rtpm::wire {
 /// How a channel is set up.
 struct ClientChannelConfig {
   Medium medium = Medium::kDatagram;
-  std::uint64_t client_epoch = 0;  ///< The program's; not 0.
+  std::uint64_t client_epoch = 0;  ///< The program's epoch; not 0.
   std::uint64_t channel = 0;       ///< Different for each channel of the program.
   std::uint64_t clock_domain = 0;
   std::uint32_t message_size_max = static_cast<std::uint32_t>(kDatagramPayloadSizeMax);
@@ -106,7 +106,7 @@ class ClientChannel {
   ClientChannel(const ClientChannel&) = delete;
   ClientChannel& operator=(const ClientChannel&) = delete;
 
-  /// Sets whether the path to the server stays on this host; else it may lose frames, so that calls
+  /// Sets whether the path to the server stays on this host; if not, it may lose frames, and calls
   /// are repeated sooner. Call it before open().
   void set_on_host(bool is_on_host) noexcept {
     round_trip_.set_interval_min(is_on_host ? kRetransmitIntervalOnHost : kRetransmitIntervalMin);

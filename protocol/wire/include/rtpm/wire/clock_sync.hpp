@@ -11,9 +11,9 @@ namespace rtpm::wire {
 /// The four times of one call: when each side sent its frame and received the other's.
 struct ClockProbe {
   MonotonicTime request_sent{};      ///< On the client's clock.
-  MonotonicTime request_received{};  ///< On the server's.
-  MonotonicTime reply_sent{};        ///< On the server's.
-  MonotonicTime reply_received{};    ///< On the client's.
+  MonotonicTime request_received{};  ///< On the server's clock.
+  MonotonicTime reply_sent{};        ///< On the server's clock.
+  MonotonicTime reply_received{};    ///< On the client's clock.
 };
 
 /// An estimate of the peer's clock.

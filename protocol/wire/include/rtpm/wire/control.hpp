@@ -27,7 +27,7 @@ struct BindReply {
   Priority priority{};                  ///< Declared, or the default for callers without one.
   std::uint64_t fingerprint = 0;        ///< The fingerprint of the server's interface.
   std::uint16_t method_count = 0;       ///< Entries that follow.
-  bool is_method_list_complete = true;  ///< False: not all entries fit the frame.
+  bool is_method_list_complete = true;  ///< False if not all entries fit the frame.
 };
 
 /// One method of the object.

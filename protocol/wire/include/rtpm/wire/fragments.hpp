@@ -17,7 +17,7 @@ namespace rtpm::wire {
 class FragmentSet {
  public:
   void reset(std::uint16_t count) noexcept;
-  /// @return false: the fragment is in the set already
+  /// @return false if the fragment is in the set already
   bool insert(std::uint16_t index) noexcept;
   [[nodiscard]] bool contains(std::uint16_t index) const noexcept;
   /// The first missing fragment; count() if none is missing.
@@ -66,7 +66,7 @@ class IncomingMessage {
   void clear() noexcept { buffer_ = {}; }
 
  private:
-  Header header_{};  ///< The first received fragment's.
+  Header header_{};  ///< The header of the first received fragment.
   MutableBytes buffer_{};
   std::uint32_t fragment_size_ = 0;
   FragmentSet arrived_;

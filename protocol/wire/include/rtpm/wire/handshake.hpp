@@ -23,7 +23,7 @@ struct Hello {
   std::uint32_t features = 0;            ///< Optional features that the client offers.
   std::uint64_t client_epoch = 0;        ///< Random for each run of the client.
   std::uint64_t channel = 0;             ///< Distinguishes the channels of one client.
-  std::uint64_t clock_domain = 0;        ///< Equal on both sides: one clock. 0: unknown.
+  std::uint64_t clock_domain = 0;        ///< Equal on both sides for one clock; 0 if unknown.
   std::uint32_t message_size_max = 0;    ///< The largest message the client takes.
   Cookie cookie{};                       ///< Zero at first.
 };
@@ -48,7 +48,7 @@ struct Welcome {
 void encode(const Hello& hello, MutableBytes to) noexcept;
 void encode(const Welcome& welcome, MutableBytes to) noexcept;
 
-/// @return nothing: the size or a reserved byte is wrong
+/// @return nothing if the size or a reserved byte is wrong
 /// @realtime alloc-free
 [[nodiscard]] std::optional<Hello> decode_hello(ConstBytes payload) noexcept;
 /// @param features  bits that the client offered; others are wrong

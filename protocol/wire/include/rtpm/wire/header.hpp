@@ -45,7 +45,7 @@ inline constexpr std::uint16_t kFlagsKnown =
 /// @source   spec/hprotocol.md#hp-2
 struct Header {
   FrameKind kind = FrameKind::kCall;
-  Priority priority{};  ///< The call's; it steers the frame to its lane.
+  Priority priority{};  ///< The call's priority; it steers the frame to its lane.
   std::uint16_t flags = 0;
   std::uint64_t session = 0;  ///< Given by WELCOME; 0 before.
   std::uint32_t call_id = 0;  ///< Counts a channel's calls, or its handshakes.

@@ -10,8 +10,8 @@ namespace rtpm::wire {
 /// both. In a request the client writes and the server reads; in a reply, the reverse. A field that
 /// only the writer knows is ignored; one that only the reader knows must be optional.
 /// @param client  this program's own text
-/// @param server  any bytes; refused if they are no interface's text
-/// @return nothing: it can; else the difference, beginning with the method: "method `get` (id 4):
+/// @param server  any bytes; refused if they are not an interface's text
+/// @return nothing if it can, or the difference, beginning with the method: "method `get` (id 4):
 ///           field 1 of table `lab.Reply` is `x: int32` there …"
 /// @threads  any
 /// @realtime set-up only: allocates an index of both texts

@@ -40,7 +40,7 @@ inline constexpr std::uint16_t kCallWindow = 8;
 /// The fragments of a message that may be unacknowledged: 44 KiB of datagrams, which fit every
 /// socket's buffer and fill a gigabit link over a round trip of 350 µs.
 inline constexpr std::uint16_t kFragmentWindow = 32;
-/// The same on a stream: 256 KiB, which Linux's default send buffer holds without waiting.
+/// The unacknowledged fragments on a stream: 256 KiB, which fit Linux's default send buffer.
 inline constexpr std::uint16_t kStreamFragmentWindow = 4;
 /// The most fragments of a message: 16 MiB in datagrams. A multiple of 64.
 inline constexpr std::uint16_t kFragmentCountMax = 12'544;
@@ -65,7 +65,7 @@ inline constexpr Duration kStrangerAnswerInterval = std::chrono::milliseconds{2}
 inline constexpr std::uint32_t kStreamWindow = 32;
 /// The bytes of items that a server may send before the first CREDIT: a window of datagrams.
 inline constexpr std::uint32_t kStreamBytesFirstDatagram = 32 * kDatagramPayloadSizeMax;
-/// The same on a stream: one largest frame, which is half of a ring in shared memory.
+/// The bytes before the first CREDIT on a stream: one largest frame, half of a shared-memory ring.
 inline constexpr std::uint32_t kStreamBytesFirstStream = kStreamPayloadSizeMax;
 /// The most frames of a stream that a client keeps, see stream_frame_count().
 inline constexpr std::uint32_t kStreamFrameCountMax = 80;
@@ -95,9 +95,9 @@ inline constexpr Duration kCookieSpan = std::chrono::seconds{10};
 inline constexpr Duration kRetransmitIntervalFirst = std::chrono::milliseconds{5};
 /// No repetition comes sooner: a busy server would be asked twice without need.
 inline constexpr Duration kRetransmitIntervalMin = std::chrono::microseconds{500};
-/// The same where no frame leaves the host: a frame is lost only if its receiver's buffer is full
-/// or the receiver has died. Long enough for a caller to wait without a precise timer, which costs
-/// more than a system call.
+/// The least wait where no frame leaves the host: a frame is lost only if its receiver's buffer is
+/// full or the receiver has died. Long enough for a caller to wait without a precise timer, which
+/// costs more than a system call.
 inline constexpr Duration kRetransmitIntervalOnHost = std::chrono::milliseconds{30};
 /// The bound of the doubled wait (hp-5.3-3).
 inline constexpr Duration kRetransmitIntervalMax = std::chrono::seconds{1};

@@ -21,7 +21,7 @@ class RoundTrip {
 
   /// How long to wait for an answer.
   [[nodiscard]] Duration interval() const noexcept;
-  /// The same after the first transmission of a call.
+  /// How long to wait after the first transmission of a call.
   [[nodiscard]] Duration first_interval() const noexcept;
   /// The smoothed round trip, 0 before the first measurement.
   [[nodiscard]] Duration smoothed() const noexcept { return smoothed_; }

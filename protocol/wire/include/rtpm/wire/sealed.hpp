@@ -30,7 +30,7 @@ struct SealedCookie {
   static constexpr std::size_t kSize = 56;
   Cookie cookie{};
   KeyBytes server_key{};     ///< Not authentic: the client knows the right one from elsewhere.
-  std::uint32_t suites = 0;  ///< The server's; unknown bits are ignored.
+  std::uint32_t suites = 0;  ///< The server's suites; unknown bits are ignored.
 };
 
 /// The payload of a HELLO that has the handshake's first message.
@@ -50,7 +50,7 @@ enum class FormerSession : std::uint8_t {
   kNone = 0,   ///< The message named no session.
   kAlive = 1,  ///< The server still has it: the new session is not opened.
   kGone = 2,   ///< The server no longer has it, see hp-5.5-2.
-  kEnded = 3,  ///< As kGone, but open calls of it may have run: the server may have ended it.
+  kEnded = 3,  ///< Like kGone, but its open calls may have run: the server may have ended it.
 };
 
 /// The sealed part of the second message, which is the whole payload of a sealed WELCOME.
@@ -58,7 +58,7 @@ enum class FormerSession : std::uint8_t {
 struct SealedWelcome {
   static constexpr std::size_t kInnerSize = 64;
   static constexpr std::size_t kSize = 32 + kInnerSize + 16;
-  std::uint64_t session = 0;  ///< The same as in the header.
+  std::uint64_t session = 0;  ///< The session in the header.
   Welcome welcome;
   FormerSession former = FormerSession::kNone;
 };
@@ -79,7 +79,7 @@ using Prologue = std::array<std::byte, kPrologueSize>;
 void encode(const SealedCookie& cookie, MutableBytes to) noexcept;
 void encode(const SealedWelcome& inner, MutableBytes to) noexcept;
 
-/// @return nothing: the size, a reserved byte or a feature is wrong
+/// @return nothing if the size, a reserved byte or a feature is wrong
 [[nodiscard]] std::optional<SealedCookie> decode_sealed_cookie(ConstBytes payload) noexcept;
 [[nodiscard]] std::optional<SealedHello> decode_sealed_hello(ConstBytes payload) noexcept;
 /// @param features  those of the client's HELLO, which the WELCOME repeats

@@ -26,7 +26,7 @@ struct ServerSessionsConfig {
   Medium medium = Medium::kDatagram;
   Band band{};                            ///< The lane's priorities.
   Priority ceiling = Priority::kHighest;  ///< Granted to every session.
-  std::uint64_t epoch = 0;                ///< The server's; not 0.
+  std::uint64_t epoch = 0;                ///< The server's epoch; not 0.
   std::uint64_t clock_domain = 0;
   /// Secret, for cookies and session numbers; the same for all lanes of the server.
   SipKey key{};
@@ -59,7 +59,7 @@ struct Request {
   MonotonicTime received{};
   std::uint32_t session_index = 0;
   std::uint32_t slot_index = 0;
-  std::uint64_t caller_host = 0;  ///< For the lane's servants; the protocol does not use it.
+  std::uint64_t caller_host = 0;  ///< Passed to the servants; the protocol does not use it.
 
   /// Whether the caller is answered before the method runs: call accept() first.
   [[nodiscard]] bool wants_receipt() const noexcept {
@@ -238,7 +238,7 @@ class ServerSessions {
     OutgoingStream items;      ///< Begun while in use.
   };
   struct Session {
-    std::uint64_t id = 0;  ///< 0: free.
+    std::uint64_t id = 0;  ///< 0 if free.
     PeerAddress peer{};
     std::uint64_t client_epoch = 0;
     std::uint64_t channel = 0;
@@ -357,7 +357,7 @@ class ServerSessions {
   }
   std::vector<CacheLine> frames_;
   std::vector<CacheLine> fragment_frame_;  ///< One frame of a large reply, as it is sent.
-  std::vector<CacheLine> unsent_frame_;    ///< For replies that are not sent.
+  std::vector<CacheLine> unsent_frame_;    ///< Takes replies that are not sent.
   alignas(64) std::array<std::byte, 256> answer_{};
   FrameCounters counters_{};
 };

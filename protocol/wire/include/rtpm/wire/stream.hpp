@@ -72,7 +72,7 @@ class OutgoingStream {
   [[nodiscard]] bool is_kept() const noexcept { return medium_ == Medium::kDatagram; }
   [[nodiscard]] std::byte* frame_of(std::uint32_t number) const noexcept;
 
-  Header header_{};  ///< The next frame's.
+  Header header_{};  ///< The next frame's header.
   Buffers buffers_{};
   Medium medium_ = Medium::kDatagram;
   std::uint32_t window_ = 0;
@@ -115,7 +115,7 @@ class IncomingStream {
   /// the current item is dropped when its turn comes, see dropped_count().
   [[nodiscard]] Taken take(const Header& header, ConstBytes payload) noexcept;
   /// Takes the server's final count of frames.
-  /// @return false: it contradicts the frames received
+  /// @return false if it contradicts the frames received
   [[nodiscard]] bool end(std::uint32_t count) noexcept;
 
   /// The next item in order, valid until the next call; nothing if it is not complete yet.
@@ -142,7 +142,7 @@ class IncomingStream {
   struct Part {
     std::uint32_t size = 0;
     std::uint32_t message_size = 0;
-    std::uint32_t fragment_size = 0;  ///< 0: the frame is a whole item.
+    std::uint32_t fragment_size = 0;  ///< 0 if the frame is a whole item.
     std::uint16_t index = 0;
     std::uint16_t count = 1;
   };

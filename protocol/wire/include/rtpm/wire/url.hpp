@@ -31,7 +31,7 @@ struct Url {
 /// A host in the form of a URL: "10.0.0.7", "[::1]", "[fe80::1%25eth0]".
 /// @realtime set-up only
 [[nodiscard]] std::string host_in_url(std::string_view host);
-/// The same with its port: "10.0.0.7:4711", "[::1]:4711".
+/// A host in the form of a URL, with its port: "10.0.0.7:4711", "[::1]:4711".
 /// @realtime set-up only
 [[nodiscard]] std::string host_and_port(std::string_view host, std::uint16_t port);
 

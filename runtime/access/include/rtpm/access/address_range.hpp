@@ -17,7 +17,7 @@ using NetworkAddress = std::array<std::uint8_t, 16>;
 /// The addresses that share a prefix: "192.168.7.0/24", "fd00::/8", or one: "192.168.7.4".
 class AddressRange {
  public:
-  /// Nothing if `text` is no range, or has bits behind its prefix: a slip in most cases.
+  /// Nothing if `text` is not a range, or has bits behind its prefix: a slip in most cases.
   [[nodiscard]] static std::optional<AddressRange> parse(std::string_view text);
 
   /// @realtime alloc-free
@@ -30,7 +30,7 @@ class AddressRange {
  private:
   std::string text_;
   NetworkAddress prefix_{};
-  unsigned bit_count_ = 0;  // The prefix's, in IPv6's form.
+  unsigned bit_count_ = 0;  // The length of the prefix in IPv6's form.
 };
 
 }  // namespace rtpm::access

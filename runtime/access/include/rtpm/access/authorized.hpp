@@ -19,7 +19,7 @@ struct Grant {
   Role role = Role::kNone;
   std::vector<ObjectPattern> objects{};
   Priority ceiling = Priority::kHighest;
-  std::vector<AddressRange> from{};  ///< Empty: any address, and this host.
+  std::vector<AddressRange> from{};  ///< Empty for any address, and this host.
   friend bool operator==(const Grant&, const Grant&) = default;
 };
 

@@ -12,8 +12,8 @@ namespace rtpm::access {
 
 /// A server whose key the client has pinned.
 struct KnownServer {
-  std::string host{};      ///< As in its URL: a name or a numeric address, IPv6 without brackets.
-  std::uint16_t port = 0;  ///< 0: all of that host.
+  std::string host{};      ///< From its URL: a name or a numeric address, IPv6 without brackets.
+  std::uint16_t port = 0;  ///< 0 for all ports of that host.
   seal::PublicKey key{};
   std::size_t line = 0;  ///< In its file, from 1.
   friend bool operator==(const KnownServer&, const KnownServer&) = default;
@@ -28,8 +28,8 @@ struct KnownServers {
   std::size_t fault_count = 0;  ///< Also of those beyond kFaultCountMax.
 
   /// The keys for this server, those for the port before those for the host: a server may hold two
-  /// for a time. Empty: the server is unknown, and must not be called in plain either if `servers`
-  /// is not empty.
+  /// for a time. Empty if the server is unknown, and must not be called in plain either unless
+  /// `servers` is empty.
   [[nodiscard]] std::vector<KnownServer> find(std::string_view host, std::uint16_t port) const;
 };
 

@@ -18,7 +18,7 @@ class LogFile {
   static constexpr std::uint64_t kSizeMax = 16 * 1024 * 1024;
 
   /// Opens the file to append, or creates it.
-  /// @errors   it can't be opened, is no regular file, is another user's, or is open to other users
+  /// @errors   it can't be opened, is not a regular file, is another user's, or open to others
   [[nodiscard]] static expected<LogFile, SetupError> open(std::string path,
                                                           std::uint64_t size_max = kSizeMax);
   LogFile(LogFile&& other) noexcept;

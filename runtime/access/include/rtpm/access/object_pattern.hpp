@@ -10,7 +10,7 @@ namespace rtpm::access {
 /// `**`, any number of components, also none.
 class ObjectPattern {
  public:
-  /// Nothing if `text` is no path apart from its stars: `*` and `**` must be whole components.
+  /// Nothing if `text` is not a path apart from its stars: `*` and `**` must be whole components.
   [[nodiscard]] static std::optional<ObjectPattern> parse(std::string_view text);
 
   /// @param path  of an object, "lab/arm0"

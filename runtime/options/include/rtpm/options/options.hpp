@@ -137,7 +137,7 @@ class Options {
   /// checks of its options. `what` is a clause without a full stop.
   /// @return 2, the exit code
   [[nodiscard]] int usage_error(std::string_view what) const;
-  /// The same for wrong arguments of a verb: "<program>: usage: <program> <verb> …; run …".
+  /// Reports wrong arguments of a verb: "<program>: usage: <program> <verb> …; run …".
   [[nodiscard]] int usage_error_of_verb(std::string_view verb) const;
 
  private:

@@ -19,7 +19,7 @@ struct ServerSettings {
   rpc::ServerConfig server{};
   std::optional<Duration> cpu_latency{};  ///< Longest wake-up of a CPU; nullopt if not limited.
   bool shows_setup = false;               ///< Print what the system granted.
-  std::string known_servers_file{};       ///< For the program's node, see add_caller().
+  std::string known_servers_file{};       ///< Used by the program's node, see add_caller().
   std::vector<std::string> lanes{};       ///< The lanes' names, set by add_server().
 };
 

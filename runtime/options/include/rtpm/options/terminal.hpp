@@ -4,7 +4,7 @@
 
 namespace rtpm::options {
 
-/// The columns of the terminal at standard output; `otherwise` if standard output is no terminal or
+/// The columns of the terminal at standard output; `otherwise` if it is not a terminal or
 /// its width is unknown.
 /// @threads  any
 /// @realtime alloc-free, one system call
