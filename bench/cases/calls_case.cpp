@@ -17,7 +17,7 @@ namespace {
 /// Call counts by payload size: how many are worth their time, and how many one side makes before
 /// the other's turn. A turn is short enough that both sides see the same minutes, and that none
 /// fills a second, after which the kernel throttles real-time threads. RTPM's threads avoid that
-/// throttling, the floor's do not: hence the rest after each turn.
+/// throttling, the floor's do not: so each turn is followed by a pause.
 struct Amount {
   std::size_t payload_size_max;
   std::uint64_t sample_count;

@@ -18,7 +18,7 @@ constexpr std::uint64_t kWarmUpCount = 50;
 struct Outcomes {
   std::uint64_t call_count = 0;
   std::uint64_t answered_count = 0;
-  std::map<std::string_view, std::uint64_t> failures{};  ///< By the error's name.
+  std::map<std::string_view, std::uint64_t> failures{};  ///< Counts by the error's name.
   std::uint64_t repeat_count = 0;
   std::uint64_t next_number = 0;  ///< Also counts the warm-up's calls: they, too, might run twice.
   NumberedRuns runs{};            ///< The server's record.

@@ -34,7 +34,7 @@ class Excursion {
 };
 
 // Returns how far this CPU's task clock is behind. The kernel updates it when a thread gets the
-// CPU, hence the sleep.
+// CPU, so this thread sleeps first.
 std::optional<Duration> read_behind() {
   rt::sleep_until(rt::now() + std::chrono::microseconds{10});
   timespec now{};

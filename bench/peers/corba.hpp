@@ -9,7 +9,7 @@
 /// The code that the peers omniORB and omniEvents share.
 namespace rtpm::bench {
 
-/// Runs `body` and turns its exceptions into errors, as Peer::guard does.
+/// Runs `body` and turns CORBA's exceptions into errors, for Peer::guard.
 inline Outcome guard_corba(const std::function<Outcome()>& body) {
   try {
     return body();

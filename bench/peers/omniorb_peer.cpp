@@ -42,7 +42,7 @@ struct Server {
   std::array<std::string, kPeerLaneCount> addresses{};
 };
 
-/// With the ends of both lanes.
+/// Starts the ORB with the ends of both lanes.
 Server start_server(PeerLane lane) {
   Server server;
   std::vector<std::pair<std::string, std::string>> ends;

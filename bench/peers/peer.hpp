@@ -69,7 +69,7 @@ struct Note {
 
 /// A broker that is not part of a library. It replaces the peer's program.
 struct BrokerProgram {
-  std::vector<std::string> command;  ///< With its path first.
+  std::vector<std::string> command;  ///< The program's path and arguments.
   std::string address;               ///< Passed to connect_supplier() and connect_consumer().
   std::uint16_t port = 0;            ///< It serves once this accepts connections,
   std::string path{};                ///< or, if not empty, the socket of this name.

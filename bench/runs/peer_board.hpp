@@ -42,7 +42,7 @@ struct PeerSetting {
   BoardText<64> folder{};  ///< Holds sockets and configuration; removed after the run.
   Placement placement{};
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
-  std::int32_t low_caller_count = 0;  ///< Above 0: the server has a second lane.
+  std::int32_t low_caller_count = 0;  ///< If above 0, the server has a second lane.
   std::int64_t work_ns = 0;           ///< How long a call of low priority computes.
   std::int32_t consumer_count = 0;    ///< Consumers of events.
   std::array<BoardText<2048>, kPeerLaneCount> addresses{};

@@ -23,9 +23,9 @@ struct PeerEntry {
   std::string_view event_transports;
   bool has_broker = false;  ///< Its events pass through a process of their own.
 
-  /// The transports for `verb` ("call" or "events") that are measured beside that carrier of
-  /// RTPM's: TCP beside UDP and TCP, UDP beside UDP, and those within the host ("ipc", "unix",
-  /// "shm") beside shared memory.
+  /// The transports for `verb` ("call" or "events") that are measured beside RTPM on `carrier`:
+  /// TCP beside UDP and TCP, UDP beside UDP, and the ones within the host ("ipc", "unix", "shm")
+  /// beside shared memory.
   [[nodiscard]] std::vector<std::string> transports(std::string_view verb, Carrier carrier) const;
 };
 

@@ -18,7 +18,7 @@ namespace rtpm::bench {
 /// How a run measures its contenders.
 struct RunPlan {
   std::uint64_t sample_count = 0;   ///< Per contender, unless the settings state it.
-  std::uint64_t warm_up_count = 0;  ///< Before each turn.
+  std::uint64_t warm_up_count = 0;  ///< Untimed calls before each turn.
   std::uint64_t turn_size = 0;      ///< Calls of one contender before the next one's turn.
   /// A round is one turn of each contender, instead of the settings' length: where the machine
   /// stood still, little is lost.

@@ -16,7 +16,7 @@ namespace rtpm::bench {
 
 /// How both sides are set up.
 struct EventSetting {
-  Carrier carrier = Carrier::kSharedMemory;  ///< RTPM's; the floor has UDP.
+  Carrier carrier = Carrier::kSharedMemory;  ///< The carrier of RTPM; the floor uses UDP.
   rt::WaitConfig wait{};                     ///< The hub's lane and the relay use it.
   int consumer_count = 1;
   /// The hub and its users run in this program: no transport between them.
@@ -34,7 +34,7 @@ struct EventSetting {
   const NetworkPair* network = nullptr;
   Placement placement{};
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
-  bool has_own_threads = false;  ///< Like events::ConsumerConfig::has_own_thread.
+  bool has_own_threads = false;  ///< See events::ConsumerConfig::has_own_thread.
 };
 
 /// Supplier and consumers of one side. Threads: push() from one.

@@ -52,7 +52,7 @@ class FloorSeal {
   explicit FloorSeal(bool is_client) noexcept;
   /// @param sealed  wire::kSealedTrailerSize bytes larger than `frame`
   void seal(const std::vector<std::byte>& frame, std::vector<std::byte>& sealed) noexcept;
-  /// @return false: the other side did not seal it
+  /// @return false if the other side did not seal it
   [[nodiscard]] bool open(const std::vector<std::byte>& sealed,
                           std::vector<std::byte>& frame) const noexcept;
 

@@ -44,7 +44,7 @@ class NetworkPair {
   /// Runs a program on a host. @return its output
   [[nodiscard]] expected<std::string, std::string> run(Host host, const std::string& command) const;
 
-  std::array<int, 2> namespaces_{-1, -1};  ///< By Host.
+  std::array<int, 2> namespaces_{-1, -1};  ///< Indexed by Host.
 };
 
 /// One of the counters that the network namespace of the calling thread keeps (Udp OutDatagrams,

@@ -16,7 +16,7 @@ namespace rtpm::deviced {
 
 /// The options of one hosted device.
 struct DeviceSettings {
-  std::string name{};        ///< In options and, behind the folder, at the registry.
+  std::string name{};        ///< Its name in options and, after the folder, at the registry.
   std::string driver{};      ///< One of drivers(), or a plug-in's file.
   std::string arguments{};   ///< Passed to a real device's driver or a plug-in.
   std::string serial{};      ///< A simulated device's; by default made of its name.
@@ -41,13 +41,13 @@ struct DeviceSettings {
 
 /// The options of rtpm-deviced.
 struct Configuration {
-  bool lists_drivers = false;       ///< Prints them and ends.
+  bool lists_drivers = false;       ///< Prints the drivers and ends.
   bool probes = false;              ///< Prints the devices at this machine and ends.
   std::string checked{};            ///< A plug-in's file: checks its driver and ends.
   std::string checked_arguments{};  ///< Passed to that driver.
   std::string folder = "lab";
   std::vector<std::string> names{"arm0"};  ///< The devices' names.
-  std::vector<DeviceSettings> devices{};   ///< One per name.
+  std::vector<DeviceSettings> devices{};   ///< One entry per name.
   options::ServerSettings settings{};      ///< The options of the server.
   std::string settings_folder{};           ///< Keeps the devices' parameters; empty if not saved.
   std::string stops_folder{};              ///< Keeps emergency stops; once read, empty if not kept.

@@ -18,7 +18,7 @@ namespace rtpm::deviced {
 /// @threads  set-up from one
 class FlightFiles {
  public:
-  /// Per device; later ones replace the oldest.
+  /// Files per device; later files replace the oldest.
   static constexpr std::uint64_t kFileCountMax = 16;
 
   explicit FlightFiles(std::string folder) : folder_(std::move(folder)) {}

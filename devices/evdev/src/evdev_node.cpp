@@ -186,7 +186,7 @@ int EvdevNode::next(Event& event) noexcept {
   }
 }
 
-/// @return false: the device is gone
+/// @return false if the device is gone
 bool EvdevNode::await(Duration patience) noexcept {
   pollfd waiting{.fd = node_.number(), .events = POLLIN, .revents = 0};
   const auto ms = std::chrono::ceil<std::chrono::milliseconds>(patience);

@@ -159,7 +159,7 @@ expected<void, SetupError> SonyPad::begin(HidTransport& transport, const Unit& u
 }
 
 /// Adds the time since the last report.
-/// @return false: the pad repeats its counter and its time, so it has nothing new
+/// @return false if the pad repeats its counter and its time, so it has nothing new
 bool SonyPad::advance(const Clock& clock, std::uint32_t counter, std::uint32_t ticks,
                       State& state) noexcept {
   if (has_report_) {

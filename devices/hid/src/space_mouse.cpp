@@ -9,7 +9,7 @@ namespace {
 constexpr int kCountMax = 350;
 /// ±350 counts are ±1400 · 10^-4 cm.
 constexpr float kDisplacementMaxMetres = 0.0014F;
-constexpr std::uint8_t kTranslationReport = 1;  // In newer models with the rotation in it.
+constexpr std::uint8_t kTranslationReport = 1;  // Newer models put the rotation into it, too.
 constexpr std::uint8_t kRotationReport = 2;
 constexpr std::uint8_t kButtonReport = 3;
 constexpr std::size_t kTripleSize = 7;

@@ -16,8 +16,8 @@ namespace rtpm::mpv_plugin {
 /// @threads  each side from one
 /// @realtime wait-free
 struct Exchange {
-  Latest<device_mpv::PlayerState> state{};      ///< By the plug-in's thread.
-  Latest<device_mpv::PlayerRequest> request{};  ///< By the device's thread.
+  Latest<device_mpv::PlayerState> state{};      ///< Written by the plug-in's thread.
+  Latest<device_mpv::PlayerRequest> request{};  ///< Written by the device's thread.
   std::atomic<bool> is_over{false};             ///< mpv ends.
 };
 

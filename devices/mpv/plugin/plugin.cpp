@@ -90,7 +90,7 @@ class Service {
   std::unique_ptr<names::Registration> registration_{};
 };
 
-/// Period of polling mpv's state. The thread waits for mpv's events, so it sees mpv's end at once.
+/// Period of polling mpv's state. The thread waits for mpv's events, so it sees mpv end at once.
 constexpr double kTurnSeconds = 0.0025;
 
 int run(mpv_handle* handle) {

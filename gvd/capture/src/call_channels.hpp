@@ -23,7 +23,7 @@ struct CallTimes {
 /// @threads  one
 class CallChannels {
  public:
-  /// @errors  the file's
+  /// @errors  an error of the file
   [[nodiscard]] static expected<std::unique_ptr<CallChannels>, SetupError> create(
       recording::Recorder& recorder, recording::Recorder::Track& track, std::string path,
       std::unique_ptr<dynamic::RemoteObject> object);

@@ -78,8 +78,8 @@ struct CallRecorder::Impl {
   std::vector<CallChannels*> by_number{};  ///< Indexed by the server's numbers of its objects.
   Duration offset{};                       ///< The server's clock minus this host's.
   mutable rt::PiMutex mutex{};
-  CallRecorderStatus status{};        ///< Under the mutex.
-  CallRecorderStatus noted_status{};  ///< In the file.
+  CallRecorderStatus status{};        ///< Guarded by the mutex.
+  CallRecorderStatus noted_status{};  ///< The status last written to the file.
   std::atomic<bool> is_stopping{false};
   rt::Thread thread{};
 };

@@ -12,7 +12,7 @@ namespace rtpm::capture {
 
 namespace {
 
-/// Bytes that a held event costs, its place in memory counted.
+/// Bytes that a held event takes, with its bookkeeping.
 std::size_t cost_of(ConstBytes payload) {
   constexpr std::size_t kOverhead = 128;
   return payload.size() + kOverhead;

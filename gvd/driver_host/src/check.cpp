@@ -118,7 +118,7 @@ void expect_channels(DriverTrial& trial, const driver::Descriptor& descriptor) {
   }
 }
 
-/// Whatever the numbers.
+/// Whatever numbers a command contains, joints and outputs stay in range.
 void keeps_joints_and_outputs_within_its_descriptor(DriverTrial& trial) {
   if (!trial.start()) return;
   const driver::Descriptor descriptor = trial.driver->describe();

@@ -39,7 +39,7 @@ class DriverProcess {
   /// Whether the process ends within `patience`.
   [[nodiscard]] bool wait_for_end(Duration patience) const noexcept;
   void kill() noexcept;
-  /// How it ended, after that: "signal 11 (Segmentation fault)", "exit code 1".
+  /// How it has ended: "signal 11 (Segmentation fault)", "exit code 1".
   [[nodiscard]] std::string end_text();
   [[nodiscard]] pid_t number() const noexcept { return number_; }
 

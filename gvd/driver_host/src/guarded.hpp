@@ -11,7 +11,7 @@ namespace rtpm::driver_host {
 /// Calls into a plug-in; an exception becomes the text of `to_result`.
 template <class Call, class ToResult>
 auto guarded_by(Call&& call, ToResult&& to_result) -> decltype(call()) {
-  // The text is copied out before the exception's end: its type may be the plug-in's own.
+  // Copies the text before the exception is destroyed: its type may belong to the plug-in.
   try {
     return std::forward<Call>(call)();
   } catch (const std::exception& exception) {

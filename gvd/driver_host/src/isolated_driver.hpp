@@ -57,7 +57,7 @@ class IsolatedDriver final : public driver::Driver {
   std::shared_ptr<DriverProcess> process_{};
   Facts facts_{};
   std::vector<std::byte> fact_bytes_{};
-  std::map<std::string, driver::ParameterValue> parameters_{};  ///< The ones that were set.
+  std::map<std::string, driver::ParameterValue> parameters_{};  ///< Parameters that were set.
   driver::DriverConfig driver_config_{};
   Duration patience_{};  ///< Time limit of exchange().
   bool is_active_ = false;

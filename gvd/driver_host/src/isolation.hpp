@@ -59,13 +59,13 @@ class SharedDoorbell {
 struct CycleRequest {
   std::uint64_t number = 0;
   driver::Command command{};
-  driver::Sample sample{};  ///< With which the first exchange() after activate() begins.
+  driver::Sample sample{};  ///< The sample that the first exchange() after activate() gets.
 };
 /// @ownership plain value
 struct CycleReply {
   std::uint64_t number = 0;  ///< The request's number.
   std::uint8_t status = 0;   ///< An ExchangeStatus.
-  driver::Sample sample{};   ///< With kOk.
+  driver::Sample sample{};   ///< Valid with kOk.
 };
 
 /// Memory of both processes. Each side treats the other's data as hostile: copies, then checks.

@@ -52,7 +52,7 @@ class EventPlayer {
   const Recorded& recorded_;
   events::HubTypes types_;
   std::map<Priority, std::unique_ptr<events::Supplier>> suppliers_{};
-  std::vector<events::SourceId> sources_{};  ///< By RecordedEvent::source.
+  std::vector<events::SourceId> sources_{};  ///< Indexed by RecordedEvent::source.
   std::vector<std::string> unknown_types_{};
   std::size_t next_ = 0;
   std::uint64_t round_ = 0;

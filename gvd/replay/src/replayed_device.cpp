@@ -114,7 +114,7 @@ bool ReplayedDevice::is_newest(std::uint64_t lease, std::uint32_t sequence) noex
   return true;
 }
 
-// In the order in which a real device checks.
+// Checks in the order of a real device.
 DeviceOutcome ReplayedDevice::submit(const device::Command& request, MonotonicTime now) noexcept {
   const gvd::ClientCommand command = gvd::from_wire(request);
   if (!lease_.renew(command.lease)) return DeviceOutcome::kNotHolder;

@@ -68,7 +68,7 @@ class DeviceCycle {
   // The device's thread.
 
   /// Configures and activates the device.
-  /// @errors   as the driver's
+  /// @errors   those of the driver
   [[nodiscard]] expected<void, SetupError> begin(MonotonicTime now);
   /// Begins without the device, which begin() did not reach for the reason `error`: reports that,
   /// and tries again as for a lost one.
@@ -98,7 +98,7 @@ class DeviceCycle {
   /// @errors   kNotHolder
   [[nodiscard]] expected<void, DeviceOutcome> request(std::uint64_t lease,
                                                       Transition transition) noexcept;
-  /// Leaves a request to end a latched state, likewise.
+  /// Leaves a request to end a latched state for the next cycle.
   /// @errors   kNotHolder
   [[nodiscard]] expected<void, DeviceOutcome> request(std::uint64_t lease,
                                                       Release release) noexcept;

@@ -39,7 +39,7 @@ std::optional<std::uint64_t> request_in(std::string_view line) {
   return id;
 }
 
-/// nullopt: the text has another format, or is truncated.
+/// Reads a stop file; nullopt if the text has another format, or is truncated.
 std::optional<StopState> parse(std::string_view text) {
   StopState state;
   if (take_line(text) != kFirstLine) return std::nullopt;

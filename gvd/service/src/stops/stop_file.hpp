@@ -30,12 +30,12 @@ class StopFile {
   StopFile(const std::string& folder, std::string_view model, std::string_view serial);
 
   [[nodiscard]] const std::string& path() const noexcept { return path_; }
-  /// Without a file the device is not stopped.
+  /// Reads the file. If there is none, the device is not stopped.
   /// @errors   names file, cause and remedy: it can't be read, or is not one of these files. The
   ///           device then counts as stopped.
   [[nodiscard]] expected<StopState, SetupError> load() const;
   /// Replaces the file, atomically and durably. Makes the folder.
-  /// @errors   the operating system's, with the file's name
+  /// @errors   an error of the operating system, with the file's name
   [[nodiscard]] expected<void, SetupError> save(const StopState& state) const;
 
  private:

@@ -66,7 +66,7 @@ class EffectBank {
   EffectBank(Transport& transport, std::span<const EffectKind> kinds);
 
   /// Uploads all effects, none of them playing.
-  /// @param gain  the device's gain, 0 to 1; below 0: it has none
+  /// @param gain  the device's gain, 0 to 1; below 0 if it has none
   /// @errors   in words; nothing stays uploaded
   [[nodiscard]] expected<void, SetupError> start(double gain, bool has_autocenter);
   /// Brings the effects to `levels`.

@@ -16,7 +16,7 @@ namespace rtpm::device_evdev {
 struct Scales {
   /// A steering wheel's range from end to end. Most wheels with a motor have 900°.
   double wheel_range_rad = 5 * std::numbers::pi;
-  double effort_newton_metre_max = 2;  ///< At the full level.
+  double effort_newton_metre_max = 2;  ///< The motor's effort at the full level.
   double counts_per_m = 39'370;        ///< Scale of relative axes in m: 1000 counts per inch.
   double counts_per_turn = 24;         ///< Scale of relative axes in rad.
   bool is_reversed = false;            ///< A positive effort turns towards smaller positions.
@@ -32,14 +32,14 @@ struct AnalogChannel {
 /// An axis as a joint.
 struct JointChannel {
   std::uint16_t code = 0;
-  double scale = 0;                    ///< In the joint's unit per count.
+  double scale = 0;                    ///< Units of the joint per count.
   double end_rad = 0;                  ///< A wheel's position at its maximum.
   std::optional<AbsoluteAxis> axis{};  ///< A wheel's axis; nullopt if relative: its counts add up.
 };
 
 /// Maps each axis, key and effect to a channel of the descriptor.
 struct Layout {
-  driver::Descriptor descriptor{};  ///< Without serial and frame.
+  driver::Descriptor descriptor{};  ///< Complete but for serial and frame.
   std::vector<AnalogChannel> analogs{};
   std::vector<JointChannel> joints{};
   std::vector<std::uint16_t> buttons{};

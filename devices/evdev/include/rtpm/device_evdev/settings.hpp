@@ -34,7 +34,7 @@ struct Settings {
 /// The unit that `settings` means. Among several matches it takes the only joystick, as game pads
 /// have further nodes for their motion sensors.
 /// @param known  the unit as it was found before: finds the same one again, by its serial number
-///               or else its port, also at another node
+///               otherwise by its port, also at another node
 /// @errors   no unit matches, or several are alike, in words
 [[nodiscard]] expected<Unit, SetupError> choose(std::span<const Unit> units,
                                                 const Settings& settings,

@@ -46,7 +46,7 @@ inline constexpr double kResolutionMetres = 4.6e-5;
 [[nodiscard]] Matrix3 jacobian(const LegAngles& angles) noexcept;
 
 /// The position of given upper angles, by Newton's method from `start_m`, to 1e-9 rad.
-/// @return nothing: it did not converge in 10 steps, so that no such position is near
+/// @return nullopt if it did not converge in 10 steps, so that no such position is near
 /// @realtime alloc-free, at most 10 steps
 [[nodiscard]] std::optional<driver::Vector3> forward(const std::array<double, 3>& upper,
                                                      const driver::Vector3& start_m) noexcept;

@@ -81,7 +81,7 @@ class Session {
   explicit Session(Transport& transport);
 
   /// Sends what is due and takes what came; waits for at most `patience`.
-  /// @return false: the unit is gone
+  /// @return false if the unit is gone
   [[nodiscard]] bool step(const ForceRequest& request, Duration patience);
   /// Sets the force to zero, if the unit still takes commands. Only once.
   void stop();

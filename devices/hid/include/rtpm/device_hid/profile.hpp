@@ -41,7 +41,7 @@ struct Request {
 /// The verdict on a report.
 enum class Verdict : std::uint8_t {
   kNew,      ///< Understood.
-  kStale,    ///< By its counter the former report again: no proof that the device lives.
+  kStale,    ///< The former report again, by its counter: no sign of life.
   kForeign,  ///< Says nothing about the channels, such as a battery's.
   kCorrupt,  ///< Too short, too long, a wrong checksum: nothing was taken.
 };

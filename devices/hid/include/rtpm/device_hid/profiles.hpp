@@ -41,7 +41,7 @@ class SpaceMouse final : public Profile {
 /// has several applications, the first one of a pad is served.
 class GamePad final : public Profile {
  public:
-  /// @param unit  null: a usual pad is described, see README.md
+  /// @param unit  if null, a usual pad is described, see README.md
   explicit GamePad(const Unit* unit);
   [[nodiscard]] driver::Descriptor describe() const override;
   [[nodiscard]] std::string left_out() const override { return left_out_; }
@@ -54,7 +54,7 @@ class GamePad final : public Profile {
   struct Channel {
     std::string name;
     std::uint32_t usage = 0;
-    std::size_t index = 0;  ///< Among the fields of this usage.
+    std::size_t index = 0;  ///< Index among the fields of this usage.
     Part part = Part::kWhole;
     std::optional<Field> field{};  ///< Nullopt if the unit lacks it.
   };
@@ -62,7 +62,7 @@ class GamePad final : public Profile {
   [[nodiscard]] static std::uint32_t served_application(const ReportDescriptor& descriptor);
   [[nodiscard]] static std::size_t count_of(const std::vector<Channel>& channels,
                                             std::uint32_t usage, Part part);
-  /// False, here and below: no channel has its kind, or no channel is left.
+  /// False, here and below, if no channel has its kind, or no channel is left.
   [[nodiscard]] bool take_field(const Field& field);
   [[nodiscard]] bool add_analog(std::uint32_t usage);
   [[nodiscard]] bool add_button(std::uint32_t usage);

@@ -20,7 +20,7 @@ class Reader {
   Reader(HidTransport& transport, Profile& profile, State& state);
 
   /// Waits for a report, at most `patience`, and takes all that have come.
-  /// @return false: the device is gone
+  /// @return false if the device is gone
   [[nodiscard]] bool step(Duration patience);
   /// Whether the device is silent for longer than a healthy one.
   [[nodiscard]] bool is_late() const;

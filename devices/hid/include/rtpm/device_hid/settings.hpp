@@ -25,7 +25,7 @@ struct Settings {
 struct Identity {
   std::string serial{};
   std::string port{};
-  std::string node{};  ///< Counts only for a unit with neither.
+  std::string node{};  ///< Counts only for a unit without serial and port.
 };
 [[nodiscard]] Identity identity_of(const Unit& unit);
 

@@ -21,7 +21,7 @@ class MpvDriver final : public driver::Driver {
   static constexpr Duration kStartMax = std::chrono::seconds{5};
   static constexpr Duration kLoadMax = std::chrono::seconds{2};
 
-  /// @param serial  the descriptor's; not empty
+  /// @param serial  the descriptor's serial number; not empty
   MpvDriver(OpenTransport open, std::string serial, std::string frame);
   ~MpvDriver() override;
 

@@ -28,8 +28,8 @@ class Session {
   Session(Transport& transport, Duration period);
 
   /// Sends what is due and takes what came; waits for at most `patience`.
-  /// @param request  nothing: only asks
-  /// @return false: the player is gone
+  /// @param request  nullopt only asks for the state
+  /// @return false if the player is gone
   [[nodiscard]] bool step(const std::optional<PlayerRequest>& request, Duration patience);
 
   [[nodiscard]] const PlayerState& state() const noexcept { return state_; }

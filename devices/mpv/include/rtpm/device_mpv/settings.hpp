@@ -21,7 +21,7 @@ struct Settings {
 
 /// Returns a function that opens a transport to that player. The transport owns the process that it
 /// starts: mpv ends with it, also when this program is killed.
-/// @errors   the function's: mpv is not installed, no such file, no mpv listens at the socket
+/// @errors   (of that function) mpv is not installed, no such file, no mpv listens at the socket
 [[nodiscard]] OpenTransport open_mpv(Settings settings);
 
 }  // namespace rtpm::device_mpv

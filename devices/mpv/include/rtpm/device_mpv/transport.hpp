@@ -29,7 +29,7 @@ class Transport {
   virtual ~Transport() = default;
 
   /// Sends all of `bytes`, without waiting.
-  /// @return false: the player is gone, or has not read for so long that the buffer is full
+  /// @return false if the player is gone, or has not read for so long that the buffer is full
   [[nodiscard]] virtual bool send(std::string_view bytes) = 0;
   /// Waits for bytes, at most `patience`.
   [[nodiscard]] virtual Received receive(std::span<char> buffer, Duration patience) = 0;

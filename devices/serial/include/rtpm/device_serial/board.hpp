@@ -67,8 +67,8 @@ struct BoardState {
 };
 
 /// @param payload  payload of a frame kState
-/// @return nothing: another size, a number that is not finite, a button that the board does not
-///         have
+/// @return nullopt for another size, a number that is not finite, or a button that the board
+///         does not have
 /// @realtime alloc-free
 [[nodiscard]] std::optional<BoardState> parse_state(ConstBytes payload,
                                                     const BoardShape& shape) noexcept;

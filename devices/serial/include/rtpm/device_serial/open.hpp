@@ -22,7 +22,7 @@ namespace rtpm::device_serial {
 /// The driver of one board. If it is plugged in, it is asked for its description, which takes up to
 /// 5 s; otherwise it is taken for fallback_board().
 /// @param arguments    "port=/dev/ttyACM0 speed=115200 serial=12345", each word optional
-/// @param device_name  in front of the frame's name
+/// @param device_name  begins the name of the frame
 /// @realtime set-up only
 /// @errors   as read_settings()
 [[nodiscard]] expected<std::unique_ptr<driver::Driver>, SetupError> open(

@@ -54,7 +54,7 @@ inline constexpr Duration kGreetingMax = std::chrono::seconds{5};
 }
 
 struct SessionConfig {
-  Duration period{};  ///< The requests' period.
+  Duration period{};  ///< The period of the requests.
   std::int64_t speed_baud = 115'200;
   std::uint32_t nonce = 1;  ///< Made by nonce_at(); not zero.
   Duration greeting_max = kGreetingMax;
@@ -86,7 +86,7 @@ class Session {
   /// Starts the clock of late and gone. Call it after greet().
   void begin();
   /// Sends what is due and takes what came; waits for at most `patience`.
-  /// @return false: the board is gone
+  /// @return false if the board is gone
   /// @realtime alloc-free
   [[nodiscard]] bool step(const Request& request, Duration patience);
   /// Switches the board off, and waits for its confirmation at most kStopMax longer than for an

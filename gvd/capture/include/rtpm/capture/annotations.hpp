@@ -28,7 +28,7 @@ class Annotations {
   ~Annotations() = default;
 
   /// Records `text` at the present time.
-  /// @return   false: it was too long, or the recorder takes no more; it is counted as dropped
+  /// @return   false if it was too long, or the recorder takes no more; it is counted as dropped
   bool annotate(std::string_view text);
 
  private:

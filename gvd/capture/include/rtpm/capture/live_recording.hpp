@@ -48,13 +48,13 @@ class LiveRecording {
   ~LiveRecording();
 
   /// Records a remark at the present time, in the topic "annotations".
-  /// @return   false: it was too long, or the recorder takes no more; it is counted as dropped
+  /// @return   false if it was too long, or the recorder takes no more; it is counted as dropped
   bool annotate(std::string_view text);
   /// The recorder, for the program's own channels.
   [[nodiscard]] recording::Recorder& recorder() noexcept;
   [[nodiscard]] LiveRecordingStatus status() const;
   /// Ends the recording. No other call may follow.
-  /// @errors   the file's, also an earlier one; everything written until then is whole
+  /// @errors   an error of the file, also an earlier one; everything written until then is whole
   [[nodiscard]] expected<void, SetupError> stop();
 
  private:

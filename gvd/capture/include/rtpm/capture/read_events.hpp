@@ -31,7 +31,7 @@ struct RecordedEventOf {
     const recording::FileReader& reader, const events::EventDescriptor& type);
 
 /// The struct in a table whose only field it is, as events of bare structs are recorded.
-/// @return   empty: the bytes are broken
+/// @return   empty if the bytes are broken
 [[nodiscard]] ConstBytes struct_in_table(ConstBytes table, std::size_t size) noexcept;
 
 /// Calls `visit(event)` for each event of a type, `lab::TouchedEvent` of `<lab.rtpm.events.hpp>`,

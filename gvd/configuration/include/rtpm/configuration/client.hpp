@@ -18,8 +18,8 @@
 
 namespace rtpm::gvd {
 
-/// The name of a device's configuration: "lab/arm0/config" for "lab/arm0". A URL is treated
-/// likewise.
+/// The name of a device's configuration: "lab/arm0/config" for "lab/arm0". A URL gets
+/// the same suffix.
 [[nodiscard]] inline std::string configuration_path(std::string_view device) {
   return std::string(device) + "/config";
 }
@@ -37,7 +37,7 @@ struct DeviceConfiguration {
   std::string serial{};
   std::uint64_t revision = 0;
   bool is_active = false;      ///< Parameters with Mutability::kInactive can't change.
-  bool is_persistent = false;  ///< save() has a folder.
+  bool is_persistent = false;  ///< The server has a folder for save().
   bool is_unsaved = false;     ///< A value has changed since it was saved or loaded.
   std::vector<Parameter> parameters{};
 

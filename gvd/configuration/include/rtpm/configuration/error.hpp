@@ -20,7 +20,7 @@ enum class ConfigurationOutcome : std::uint8_t {
   kRepeatedParameter = 6,  ///< The request names a parameter twice.
   kStaleRevision = 7,      ///< Another client changed a parameter first.
   kBusy = 8,               ///< Too many requests, no cycle in time, or a calibration runs.
-  kRefusedByDevice = 9,    ///< The driver's own check.
+  kRefusedByDevice = 9,    ///< The driver refused the values.
   kNotPersistent = 10,     ///< The device's server has no folder to save to.
   kStorageFailed = 11,     ///< The operating system could not save.
   kUnknownCalibration = 12,

@@ -31,14 +31,14 @@ class SettingsStore {
 
   [[nodiscard]] const std::string& path() const noexcept { return path_; }
 
-  /// Reads the file; without one there are no settings. Parameters that `specs` lacks are kept for
-  /// the next save().
+  /// Reads the file; if it is missing, there are no settings. Parameters that `specs` lacks are
+  /// kept for the next save().
   /// @errors   names file, cause and remedy: unreadable, truncated, damaged or edited, of a later
   ///           version, of another model or serial number
   [[nodiscard]] expected<StoredSettings, SetupError> load(
       std::span<const driver::ParameterSpec> specs);
   /// Replaces the file, atomically and durably. Makes the folder if only that is missing.
-  /// @errors   the operating system's, with the file's name
+  /// @errors   an error of the operating system, with the file's name
   [[nodiscard]] expected<void, SetupError> save(
       std::span<const driver::ParameterSetting> settings) const;
 

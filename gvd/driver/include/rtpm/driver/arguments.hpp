@@ -26,7 +26,7 @@ using Words = std::map<std::string, std::string, std::less<>>;
 /// Reads a driver's arguments as an operator gives them: "port=/dev/ttyACM0 speed=115200", words
 /// separated by spaces.
 /// @param driver  for the errors: "serial"
-/// @errors   a word without '=' or value, an unknown or repeated one: in words with those it takes
+/// @errors   a word without '=' or value, an unknown or repeated word; names the known words
 [[nodiscard]] expected<Words, SetupError> read_words(std::string_view driver, std::string_view text,
                                                      const KnownWords& known);
 

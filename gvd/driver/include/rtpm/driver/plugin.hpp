@@ -31,7 +31,7 @@ struct Plugin {
 }  // namespace rtpm::driver
 
 /// Makes a shared library a plug-in for rtpm-deviced: once, in one of its sources, outside any
-/// namespace. `function` is as Plugin::create.
+/// namespace. `function` becomes Plugin::create.
 // NOLINTNEXTLINE(cppcoreguidelines-macro-usage)
 #define RTPM_DRIVER_PLUGIN(function)                \
   extern "C" __attribute__((visibility("default"))) \

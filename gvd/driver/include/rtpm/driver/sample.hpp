@@ -98,7 +98,7 @@ struct Sample {
   Wrench wrench_applied{};
   /// Positions of Descriptor::joints in their units; a joint that turns without end counts turns.
   std::array<double, kJointCountMax> joints{};
-  /// In units per second.
+  /// Velocities of the joints in these units per second.
   std::array<double, kJointCountMax> joint_velocities{};
   /// The efforts that the joints' motors really apply, in newton or newton metre.
   std::array<double, kJointCountMax> efforts_applied{};

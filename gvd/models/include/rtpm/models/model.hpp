@@ -106,7 +106,7 @@ struct Detents {
   driver::Vector3 origin_m{};          ///< One of the detents.
   driver::Vector3 direction{1, 0, 0};  ///< Length 1.
   double spacing_m = 0;                ///< Above 0.
-  double force_newton = 0;             ///< The greatest, a quarter of a spacing from a detent.
+  double force_newton = 0;             ///< Greatest force, a quarter of a spacing from a detent.
   double damping_newton_s_per_m = 0;
   friend constexpr bool operator==(const Detents&, const Detents&) noexcept = default;
 };
@@ -120,7 +120,7 @@ struct DialDetents {
   double spacing_rad = 0;  ///< Above 0.
   double effort_newton_metre = 0;
   double damping_newton_metre_s_per_rad = 0;
-  double low_rad = 0;  ///< Equal to `high_rad`: no end stops.
+  double low_rad = 0;  ///< Equal to `high_rad` without end stops.
   double high_rad = 0;
   double end_stiffness_newton_metre_per_rad = 0;
   friend constexpr bool operator==(const DialDetents&, const DialDetents&) noexcept = default;

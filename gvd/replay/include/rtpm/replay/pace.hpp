@@ -22,7 +22,7 @@ class Pace {
 
   /// A place in the recording.
   struct Position {
-    Duration at{};            ///< Since its start.
+    Duration at{};            ///< Time since the recording's start.
     std::uint64_t round = 0;  ///< Counts repetitions from 0.
     bool is_over = false;     ///< Only without `loops`.
   };

@@ -33,11 +33,11 @@ struct PlayerConfig {
 
 /// Progress of a player.
 struct PlayerStatus {
-  Duration at{};            ///< In the recording; in steps, the time of the farthest sample.
+  Duration at{};            ///< Time in the recording; in steps, of the farthest sample.
   std::uint64_t round = 0;  ///< Repetitions.
   std::uint64_t read_count = 0;
-  std::uint64_t command_count = 0;  ///< Accepted.
-  std::uint64_t refused_count = 0;  ///< Commands.
+  std::uint64_t command_count = 0;  ///< Commands accepted.
+  std::uint64_t refused_count = 0;  ///< Commands refused.
   std::uint64_t pushed_count = 0;   ///< Events.
   std::uint64_t failed_count = 0;   ///< Events that the connection to the hub refused.
 };

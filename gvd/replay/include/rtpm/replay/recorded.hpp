@@ -22,7 +22,7 @@ struct RecordedDevice {
   std::string name;                      ///< "lab/arm0".
   std::vector<std::byte> description{};  ///< A finished Description.
   std::vector<device::Sample> samples{};
-  std::vector<Duration> times{};  ///< Each sample's, since the recording's start; never falls.
+  std::vector<Duration> times{};  ///< The samples' times since the recording's start; never falls.
 };
 
 /// The source of recorded events.
@@ -41,8 +41,8 @@ struct RecordedSource {
 /// @ownership a value
 struct RecordedEvent {
   std::size_t source = 0;  ///< Index in Recorded::sources.
-  Duration at{};           ///< Since the recording's start.
-  std::size_t offset = 0;  ///< In Recorded::payloads.
+  Duration at{};           ///< Time since the recording's start.
+  std::size_t offset = 0;  ///< Where its payload begins in Recorded::payloads.
   std::size_t size = 0;
 };
 
@@ -60,9 +60,9 @@ struct Recorded {
 
 /// Selects the part of a recording that is read.
 struct Selection {
-  std::vector<std::string> devices{};  ///< By name; empty for all.
+  std::vector<std::string> devices{};  ///< Names of devices; empty for all.
   std::vector<std::string> topics{};   ///< The events' topics; empty for all.
-  Duration from{0};                    ///< Since the file's first message.
+  Duration from{0};                    ///< Time since the file's first message.
   std::optional<Duration> to{};
 };
 

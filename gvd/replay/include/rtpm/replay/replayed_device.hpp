@@ -65,13 +65,13 @@ class ReplayedDevice final : public device::DeviceServant {
   void attend(MonotonicTime now) noexcept;
   /// Stops the device: no force and no commands until rearm().
   void emergency_stop() noexcept { emergency_.stop(); }
-  /// From now on the device is lost.
+  /// The device is lost from now on.
   void lose() noexcept { is_gone_.store(true, std::memory_order_release); }
 
   struct Counters {
     std::uint64_t read_count = 0;
-    std::uint64_t command_count = 0;  ///< Accepted.
-    std::uint64_t refused_count = 0;  ///< Commands.
+    std::uint64_t command_count = 0;  ///< Commands accepted.
+    std::uint64_t refused_count = 0;  ///< Commands refused.
   };
   [[nodiscard]] Counters counters() const noexcept;
   /// The number of samples shown, in steps.

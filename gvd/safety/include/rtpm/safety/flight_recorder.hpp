@@ -50,7 +50,7 @@ struct FlightLog {
   std::uint64_t number = 0;  ///< Counts a device's faults from 1; 0 if there was none.
   FlightCause cause = FlightCause::kNone;
   std::uint64_t cycle = 0;              ///< The fault's cycle.
-  std::size_t record_count = 0;         ///< In the whole log.
+  std::size_t record_count = 0;         ///< Records in the whole log.
   std::vector<FlightRecord> records{};  ///< Oldest first; perhaps a part of it.
   /// The clock of the records' times minus this host's clock; not 0 only if another host has the
   /// device.

@@ -9,7 +9,7 @@ namespace rtpm::gvd {
 struct Motion {
   driver::Vector3 position_m{};
   driver::Twist twist{};
-  driver::Wrench wrench_applied{};  ///< By the actuators.
+  driver::Wrench wrench_applied{};  ///< The wrench that the actuators apply.
 };
 
 }  // namespace rtpm::gvd

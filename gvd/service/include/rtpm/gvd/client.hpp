@@ -70,7 +70,7 @@ class DeviceClient {
   DeviceClient& operator=(DeviceClient&&) noexcept;
   ~DeviceClient();
 
-  /// The device's descriptor, as of open().
+  /// The device's descriptor, as read by open().
   [[nodiscard]] const driver::Descriptor& descriptor() const noexcept;
   /// Its present URL, "rtpm://host:port/path".
   /// @realtime set-up only
@@ -79,7 +79,7 @@ class DeviceClient {
   /// included.
   [[nodiscard]] Duration force_end() const noexcept;
 
-  /// The minimum priority of take_over(), as of open().
+  /// The minimum priority of take_over(), as read by open().
   [[nodiscard]] Priority operator_priority() const noexcept;
 
   /// The device's newest sample.
@@ -159,7 +159,7 @@ class DeviceClient {
   /// @realtime set-up only
   /// @errors   kNotHolder · kCallFailed
   [[nodiscard]] DeviceResult activate();
-  /// Deactivates the device, likewise.
+  /// Deactivates the device; Sample::lifecycle shows the result.
   /// @realtime set-up only
   /// @errors   kNotHolder · kCallFailed
   [[nodiscard]] DeviceResult deactivate();

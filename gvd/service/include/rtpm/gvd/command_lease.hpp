@@ -42,12 +42,12 @@ class RateGate {
 /// @realtime alloc-free, never waits, reads no clock
 class Lease {
  public:
-  /// No holder.
+  /// The holder's number while there is no holder.
   static constexpr std::uint64_t kNobody = 0;
   /// How many of the newest leases state_of() remembers.
   static constexpr std::size_t kRememberedCount = 16;
 
-  /// `key`, random, generates the numbers.
+  /// The random `key` generates the leases' numbers.
   Lease(const LeaseConfig& config, SipKey key) noexcept
       : config_(config),
         key_(key),

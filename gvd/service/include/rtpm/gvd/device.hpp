@@ -32,7 +32,7 @@ struct CycleConfig {
   /// Minimum priority of a call that takes the lease over: below the device's thread, above its
   /// clients.
   Priority operator_priority{28000};
-  Duration retry = std::chrono::milliseconds{500};  ///< Between attempts to reach a lost device.
+  Duration retry = std::chrono::milliseconds{500};  ///< Pause between retries of a lost device.
   /// A device whose cycles are late or corrupt for this time, and for more than twenty cycles,
   /// counts as gone. Its force goes to zero after twenty cycles.
   Duration gone_after = std::chrono::milliseconds{200};

@@ -15,7 +15,7 @@
 /// Events of devices: samples, and changes between two of them.
 namespace rtpm::gvd {
 
-/// Their types.
+/// The types of these events.
 /// @source   schema/idl/device_events.fbs
 inline constexpr events::EventType kSampled = 1380974593;
 inline constexpr events::EventType kButtonChanged = 1380974594;
@@ -91,7 +91,7 @@ struct DeviceEvent {
   /// One of DeviceConsumerConfig::devices; empty for another device's event, or a timeout.
   std::string_view device{};
   std::uint64_t cycle = 0;  ///< Sample::sequence of its cycle; 0 if it has none.
-  /// With origin and flags, such as is_replayed.
+  /// The event's header, with origin and flags such as is_replayed.
   events::EventHeader header{};
   std::variant<Timeout, driver::Sample, ButtonChange, ContactChange, LifecycleChange, FaultChange,
                LeaseChange, StopChange, ConfigurationChange>

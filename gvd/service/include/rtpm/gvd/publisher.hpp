@@ -24,11 +24,11 @@ struct DevicePublisherConfig {
   events::Hub* own_hub = nullptr;     ///< A hub in this program, instead of `hub`.
   /// Interval at which the devices' cycles are pushed as one batch.
   Duration interval = std::chrono::milliseconds{1};
-  Duration retry = std::chrono::milliseconds{500};  ///< Between attempts to reach the hub.
+  Duration retry = std::chrono::milliseconds{500};  ///< Pause between attempts to reach the hub.
   double contact_force_newton = 0.05;  ///< Where contact begins; it ends below half of it.
   /// Its priority, if any, is also that of its events.
   rt::ThreadConfig thread{.name = "publisher", .priority = Priority{12000}};
-  DeviceListener* listener = nullptr;  ///< May be null. Receives the hub's changes, here.
+  DeviceListener* listener = nullptr;  ///< May be null. Notified when the hub is absent or back.
 };
 
 /// Counters of a publisher.

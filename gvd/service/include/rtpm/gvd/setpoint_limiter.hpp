@@ -12,8 +12,8 @@ namespace rtpm::gvd {
 [[nodiscard]] bool is_finite(const driver::Setpoint& setpoint) noexcept;
 
 /// Keeps setpoints within a device's descriptor: positions in workspace and joint ranges,
-/// velocities and efforts below their limits, outputs in their ranges. The wrench is the safety
-/// filter's.
+/// velocities and efforts below their limits, outputs in their ranges. The safety
+/// filter limits the wrench.
 /// @ownership a value
 /// @threads  const methods from any
 /// @realtime alloc-free, but for the constructor

@@ -39,7 +39,7 @@ class SystemStopDevices {
 /// Configures a part of the system-wide emergency stop.
 struct SystemStopConfig {
   std::string hub{events::kHubPath};  ///< A name or a URL; the same in the whole system.
-  Duration retry = std::chrono::milliseconds{500};   ///< Between attempts to reach the hub.
+  Duration retry = std::chrono::milliseconds{500};   ///< Pause between attempts to reach the hub.
   Duration repeat = std::chrono::milliseconds{100};  ///< Interval of a request's pushes.
   Duration repeat_for = std::chrono::seconds{5};     ///< How long it is pushed.
   /// Interval at which an obeyed request is repeated, until it is rearmed: for servers that
@@ -50,8 +50,8 @@ struct SystemStopConfig {
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
 };
 
-/// The system-wide emergency stop, as a program takes part in it: obeys requests of others by
-/// stopping its own devices, and requests it of all. A request is repeated until `repeat_for` after
+/// The system-wide emergency stop, as a program takes part in it: obeys requests of other
+/// programs by stopping its own devices. A request of its own is repeated until `repeat_for` after
 /// a hub took it, so it reaches servers that are subscribing again just then; while there is no hub
 /// it waits. A stopped device stays stopped, whatever becomes of the hub. As long as one of its
 /// devices is not rearmed, a program repeats the request, so that a server that starts only now is
