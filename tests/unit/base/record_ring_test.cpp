@@ -84,7 +84,7 @@ TEST_F(RecordRingTest, GoesRoundWithRecordsOfAllSizes) {
 }
 
 TEST_F(RecordRingTest, WhenFullItWritesNothing) {
-  const Bytes record = record_of(120, 1);  // A slot, or two lines.
+  const Bytes record = record_of(120, 1);  // The record takes a slot, or two lines.
   std::size_t count = 0;
   while (write(record) == Outcome::kWritten)
     ++count;
@@ -100,7 +100,7 @@ TEST_F(RecordRingTest, WhenFullItWritesNothing) {
 
 // hp-16.4-2: records that may wait leave capacity for records that may not.
 TEST_F(RecordRingTest, SaysWhetherHalfOfItStaysFree) {
-  const Bytes record = record_of(500, 1);  // 512 bytes of the ring.
+  const Bytes record = record_of(500, 1);  // The record takes 512 bytes of the ring.
   std::size_t count = 0;
   while (writer_.has_spare_capacity(record.size())) {
     ASSERT_EQ(write(record), Outcome::kWritten);
@@ -132,7 +132,7 @@ TEST_F(RecordRingTest, PutsShortRecordsIntoSlots) {
   EXPECT_EQ(memory_->control.tail, 384u) << "the seventeenth goes to the ring";
 }
 
-// Holds for any interleaving of reader and writer, and any content of slots and ring.
+// This holds for any interleaving of reader and writer, and any content of slots and ring.
 TEST_F(RecordRingTest, KeepsTheOrderOfShortAndLongRecords) {
   std::mt19937_64 random(7);
   std::uint32_t written = 0;
@@ -235,7 +235,7 @@ TEST_F(RecordRingTest, TakesNoImpossibleTail) {
 
 // hp-16.2-2
 TEST_F(RecordRingTest, TakesNoImpossibleHead) {
-  const Bytes record = record_of(504, 1);  // Eight lines.
+  const Bytes record = record_of(504, 1);  // The record takes eight lines.
   for (std::size_t i = 0; i < kRingSize / 512; ++i)
     ASSERT_EQ(write(record), Outcome::kWritten);
   for (const std::uint64_t head :

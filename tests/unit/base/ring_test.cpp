@@ -13,7 +13,7 @@ namespace {
 TEST(SpscRing, GivesValuesInTheOrderTheyCame) {
   SpscRing<int, 4> ring;
   EXPECT_FALSE(ring.pop());
-  // More than three times around the ring, so that every slot is reused.
+  // Goes more than three times around the ring, so that every slot is reused.
   for (int first = 0; first < 14; first += 2) {
     int one = first;
     int two = first + 1;

@@ -82,7 +82,7 @@ Bytes absinfo_of(const Capabilities& has, unsigned code) {
   return bytes_of(info);
 }
 
-/// The result of a reading ioctl of the input layer; nothing for an unknown one.
+/// The result of a reading ioctl of the input layer; nullopt for an unknown ioctl.
 std::optional<Bytes> answer_of(EvdevModel& model, unsigned number, std::size_t size) {
   constexpr unsigned kFirstAxis = _IOC_NR(EVIOCGABS(0));
   constexpr unsigned kFirstType = _IOC_NR(EVIOCGBIT(0, 0));

@@ -18,7 +18,7 @@ class EmulatedNode {
   EmulatedNode& operator=(const EmulatedNode&) = delete;
   ~EmulatedNode();
 
-  /// Creates the node of the model's unit; after unplug() it is another node.
+  /// Creates the node of the model's unit; after unplug() this is another node.
   void plug_in();
   void unplug();
   /// A second device with the same description, at another port.

@@ -60,7 +60,7 @@ UinputDevice::UinputDevice(const Description& description)
     setup.absinfo.maximum = axis.maximum;
     RTPM_ASSERT(::ioctl(file_, UI_ABS_SETUP, &setup) == 0, "the kernel takes the range");
   }
-  // The port, by which the driver finds the device again.
+  // The driver finds the device again by its port.
   RTPM_ASSERT(::ioctl(file_, UI_SET_PHYS, "rtpm/test") == 0, "the kernel takes the port");
   uinput_setup setup{};
   setup.id = {.bustype = BUS_USB, .vendor = 0x1209, .product = 0x0001, .version = 1};

@@ -37,7 +37,7 @@ struct Cycle {
     session.emplace(transport);
   }
 
-  /// Steps for `span` of the unit's time, with new requests; false if the unit goes first.
+  /// Steps for `span` of the unit's time, with new requests; false if the unit is gone before.
   bool run(const LegCounts& counts, Duration span) {
     const MonotonicTime end = model->now() + span;
     while (model->now() < end) {

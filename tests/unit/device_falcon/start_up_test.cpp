@@ -81,7 +81,7 @@ TEST(FalconStartUp, RepeatsALoadWhoseEchoIsWrong) {
 }
 
 TEST(FalconStartUp, DoesNotTakeAnEchoForAFirmware) {
-  // Like a half-loaded boot loader: it returns the bytes it is sent unchanged.
+  // A half-loaded boot loader behaves like this: it returns the bytes it is sent unchanged.
   class Echo final : public Transport {
    public:
     UsbStatus request(FtdiRequest, std::uint16_t) override { return UsbStatus::kOk; }

@@ -28,7 +28,7 @@ class HidFaultTest : public testing::TestWithParam<std::tuple<int, HidFault>> {
     return kSubjects.at(static_cast<std::size_t>(std::get<0>(GetParam())));
   }
   static HidFault fault() { return std::get<1>(GetParam()); }
-  /// Such a device sends reports continuously.
+  /// Whether devices of this kind send reports continuously.
   static bool is_streaming() { return subject().kind >= 2; }
 };
 

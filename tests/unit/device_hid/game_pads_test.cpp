@@ -39,7 +39,7 @@ std::vector<std::byte> bytes_of(const std::string& hex) {
   return bytes;
 }
 
-/// The product belongs to no maker that the driver knows.
+/// The product does not belong to a maker that the driver knows.
 Unit unit_of(const Entry& entry) {
   return {.vendor = 0x1209,
           .product = 1,

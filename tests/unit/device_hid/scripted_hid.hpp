@@ -70,7 +70,7 @@ class ScriptedHidPort {
   HidReport last_{};
 };
 
-/// A machine with such ports.
+/// A machine with ScriptedHid ports.
 /// @threads  one at a time
 class ScriptedHidSystem final : public device_hid::HidSystem {
  public:

@@ -17,7 +17,7 @@ using test::ScriptedPlayer;
 constexpr Duration kPeriod = milliseconds{10};
 constexpr Duration kPatience = kPeriod / 4;
 
-/// Steps for `span` of the player's time; false if the player goes first.
+/// Steps for `span` of the player's time; false if the player is gone before.
 bool run(Session& session, ScriptedPlayer& player, const PlayerRequest& request, Duration span) {
   const MonotonicTime end = player.now() + span;
   while (player.now() < end) {
@@ -134,7 +134,7 @@ TEST(MpvSession, SurvivesEachFaultAtEachCommand) {
                                       << " from command " << from);
       ScriptedPlayer player(fault, from);
       Session session(player, kPeriod);
-      // Like the driver, which gives a player longer to start than to answer.
+      // The driver, too, gives a player longer to start than to answer.
       while (session.state().report_count == 0)
         ASSERT_TRUE(session.step(std::nullopt, kPatience));
       const PlayerRequest request{.rate = 0.5F, .seek_s = 3};

@@ -232,7 +232,7 @@ TEST_F(SerialDriverTest, RefusesAnotherBoardInWords) {
   EXPECT_NE(changed.error().text().find("other channels"), std::string::npos);
 }
 
-/// Like the device server after a cable is pulled and plugged in again.
+/// The test opens a new driver, as the device server does after a cable is plugged in again.
 TEST_F(SerialDriverTest, ComesBackAfterItWasUnplugged) {
   model_ = std::make_shared<SerialModel>(SerialFault::kUnplugged, 60);
   SerialDriver driver(config());

@@ -13,7 +13,7 @@ namespace rtpm::test {
 /// A model of a board at the far end of a pseudo terminal, in real time.
 class PtyBoard {
  public:
-  /// @param resets  opening the port resets the board
+  /// @param resets  whether opening the port resets the board
   explicit PtyBoard(SerialFault fault = SerialFault::kNone, std::uint64_t faulty_from = 0,
                     bool resets = false);
   PtyBoard(const PtyBoard&) = delete;

@@ -31,7 +31,7 @@ struct Bench {
     session.begin();
     return true;
   }
-  /// Cycles for `span`, with a new request in each; false if the board goes first.
+  /// Cycles for `span`, with a new request in each; false if the board is gone before.
   bool run(Duration span, float newton_metre, float lamp = 0) {
     const MonotonicTime end = port.now() + span;
     while (port.now() < end) {
@@ -177,7 +177,7 @@ TEST(SerialSession, NeverHasMoreThanTwoCommandsUnanswered) {
   ASSERT_TRUE(bench.greet());
   ASSERT_TRUE(bench.run(milliseconds{60}, 0));
   const std::uint64_t sent = bench.model.host_frame_count();
-  // Two at once, and two more each time the session gives up on an answer.
+  // The session sends two at once, and two more each time it gives up on an answer.
   EXPECT_LE(sent, 10u + 2 + 2 * (60 / 10));
   EXPECT_GT(bench.session.report().counters.unanswered, 0u);
 }

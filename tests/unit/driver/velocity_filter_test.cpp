@@ -17,7 +17,7 @@ double counted(double position) {
   return std::floor(position / kCount) * kCount;
 }
 
-/// The largest error of the filter and of the plain difference at a steady velocity.
+/// The largest errors of the filter and of the plain difference at a steady velocity.
 struct Errors {
   double filter = 0;
   double difference = 0;

@@ -95,7 +95,7 @@ TEST(FullDisk, RefusesAChangeAndGoesOnWhenThereIsSpace) {
   ASSERT_TRUE(put(*storage, permanent("lab/arm2", 3)));
 }
 
-// Like after `kill -9`: its log exists, and the first write of the next start finds no space.
+// As after `kill -9`, the log exists, and the first write of the next start finds no space.
 TEST(FullDisk, AtTheStartServesTheNamesAndChangesThemOnceThereIsSpace) {
   const Folder folder;
   RecordingVfs disk("rtpm-full-start");

@@ -95,7 +95,7 @@ TEST_F(Cycle, TellsTheDriverTheTimeAndTheEndOfItsForce) {
       << "hold and ramp after the command came";
 }
 
-// The contract's bound: hold + ramp + one period after the last command.
+// The contract requires zero force at hold + ramp + one period after the last command.
 TEST_F(Cycle, ForceIsZeroWithinItsBoundOnceTheClientIsGone) {
   acquire();
   reach(5);
@@ -214,7 +214,7 @@ TEST_F(Cycle, AHolderThatCommandsNowAndThenKeepsTheLease) {
 
 TEST_F(Cycle, AnOperatorTakesTheLeaseOver) {
   acquire();
-  // Not a multiple of the rate limit's step, which would pass through zero by chance.
+  // A multiple of the rate limit's step would pass through zero by chance.
   reach(4.3);
   const std::uint64_t former = lease_;
   const auto refused = cycle_->take_over(27999);

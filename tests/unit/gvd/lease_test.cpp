@@ -270,7 +270,7 @@ TEST(Lease, HasOneHolderWhateverManyThreadsDo) {
         const auto id = i == 0 ? lease.take_over() : lease.acquire();
         if (!id) continue;
         const bool was_released = lease.release(*id);
-        // This thread released it, or the first one took it over.
+        // This thread released the lease, or the first thread took it over.
         const LeaseState state = lease.state_of(*id);
         if (was_released ? state != LeaseState::kReleased && state != LeaseState::kUnknown
                          : state == LeaseState::kHeld || state == LeaseState::kReleased) {

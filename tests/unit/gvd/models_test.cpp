@@ -162,7 +162,7 @@ TEST_F(ModelsInTheCycle, AreTheHoldersAlone) {
   EXPECT_EQ(old.error().outcome, DeviceOutcome::kSuperseded);
 }
 
-// The bound: ramp + one period after the lease's end.
+// The force must be zero one ramp and one period after the lease's end.
 TEST_F(ModelsInTheCycle, EndByTheRampWhenTheHolderReleases) {
   rest_on_the_floor();
   ASSERT_TRUE(cycle_->lease().release(lease_));

@@ -38,7 +38,7 @@ class ScriptedDriver : public driver::Driver {
   driver::Descriptor descriptor = describe_lever();
   Script script{};
   std::string configure_error{};
-  std::function<bool()> is_reachable{};  ///< Asked by configure(); if empty, it is reachable.
+  std::function<bool()> is_reachable{};  ///< configure() calls it; always reachable if empty.
   driver::Command last_command{};
   int configure_count = 0;
   int exchange_count = 0;

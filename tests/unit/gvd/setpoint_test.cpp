@@ -7,7 +7,7 @@
 #include "rtpm/gvd/setpoint_limiter.hpp"
 #include "scripted_driver.hpp"
 
-/// Commands other than forces: motion, joints and outputs, and the emergency stop.
+/// Commands other than forces (motion, joints and outputs), and the emergency stop.
 namespace rtpm::gvd {
 namespace {
 

@@ -189,7 +189,7 @@ TEST(AThousandTrials, OfAStoppedClientThatGoesOnLater) {
   const unsigned with_force = run_trials("stopped", [](Trial& trial, const std::string& what) {
     trial.expect_the_force_ends(what);
     if (::testing::Test::HasFatalFailure()) return;
-    // It resumes, as after SIGCONT; later it is stopped for longer than its lease.
+    // The client resumes, as after SIGCONT; later it is stopped for longer than its lease.
     trial.push_for_a_while();
     trial.expect_the_force_ends(what + ", again");
     for (int i = 0; i < 1200; ++i)

@@ -326,7 +326,7 @@ std::string times(std::size_t count, const std::string& text) {
   return all;
 }
 
-// Otherwise the parser, or the destructor of its tables, overflows the stack.
+// Deeper nesting would overflow the stack in the parser or in the destructor of its tables.
 TEST_F(File, ThatNestsTooDeeplyIsRefused) {
   const std::vector<std::string> deep{
       "a" + times(20'000, ".a") + " = 1\n",

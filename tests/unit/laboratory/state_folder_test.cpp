@@ -75,7 +75,7 @@ TEST_F(Folder, KnowsALaboratoryAsLongAsItsRecordIsLocked) {
     EXPECT_NE(second.error().text().find("`rtpm down cell` ends it"), std::string::npos);
     EXPECT_TRUE(Record::create(folder, "other"));
   }
-  // Like after kill -9: the file exists, but nothing locks it.
+  // As after kill -9, the file exists, but no process locks it.
   EXPECT_TRUE(fs::exists(folder.record_path("cell")));
   EXPECT_FALSE(folder.find("cell"));
   EXPECT_FALSE(fs::exists(folder.record_path("cell")));

@@ -82,7 +82,7 @@ TEST(MediaFeel, HoldsAKnobThatAHandPushesLightly) {
 
 TEST(MediaFeel, StopsAtTheEndsOfTheClip) {
   FeltKnob knob(0.004);
-  constexpr double kDetents = 3;  // To either side.
+  constexpr double kDetents = 3;  // The range to either side.
   knob.feel(Mode::kScrub, {.position_s = kDetents * Control::kScrubDetentSeconds,
                            .duration_s = 2 * kDetents * Control::kScrubDetentSeconds + 0.04,
                            .frame_s = 0.04});

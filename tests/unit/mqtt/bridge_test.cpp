@@ -294,7 +294,7 @@ class EventBridgeTls : public EventBridge {
     }
     stop_broker();
   }
-  /// Starts the broker with its own certificate, for `host`.
+  /// Starts the broker with a certificate of its own for `host`.
   void start_secured(const std::string& host) {
     const std::string key = file("key.pem");
     certificate_ = file("certificate.pem");
@@ -322,7 +322,7 @@ TEST_F(EventBridgeTls, BridgesThroughAnEncryptedConnection) {
   const auto consumer = make_consumer(node_, hub, recorder_, everything());
   const auto other = connect(certificate_);
   ASSERT_TRUE(await([&] { return other->is_connected(); })) << other->reason();
-  // Larger than one TLS record.
+  // The event is larger than one TLS record.
   const std::vector<std::byte> large(40'000, std::byte{7});
   other->publish("rtpm/5/2", large, kPoseSchema, 2);
   ASSERT_TRUE(recorder_.await_deliveries(1)) << program.errors();

@@ -317,7 +317,7 @@ TEST(Directory, ServesSeveralLanesAndCallersAtOnce) {
   callers.reserve(4);
   for (int caller = 0; caller < 4; ++caller) {
     callers.emplace_back([&directory, caller] {
-      // Two callers in each lane.
+      // Each lane gets two callers.
       set_current_priority(Priority{caller * 10000});
       for (int i = 0; i < 25; ++i) {
         const std::string name = "caller" + std::to_string(caller) + "/" + std::to_string(i);

@@ -137,7 +137,7 @@ TEST_F(Discovery, EndsWithItsRegistrations) {
   EXPECT_TRUE(std::filesystem::is_empty(folder_));
 }
 
-// Other programs may read, but not change.
+// Other programs may read the program's names, but not change them.
 TEST_F(Discovery, TakesNamesOfItsOwnProgramOnly) {
   const auto registration = create("lab/arm0", kUrl);
   ASSERT_TRUE(registration);
@@ -162,7 +162,7 @@ TEST_F(Discovery, RefusesANameThatAnotherServerOfThisHostHolds) {
   expect_part(registration.error().text(), kOtherUrl);
 }
 
-// The finder never silently picks one of two.
+// The finder never silently picks one of two servers.
 TEST_F(Discovery, SaysThatANameLeadsToTwoServers) {
   const auto registration = create("lab/arm0", kUrl);
   ASSERT_TRUE(registration);
@@ -243,7 +243,7 @@ TEST_F(Discovery, HasBindingsFollowANameWhoseServerMoves) {
   EXPECT_EQ(resolver.resolve("lab/arm0", rt::now() + 1s).value_or(""), kOtherUrl);
 }
 
-// A program that ended without a message; only the kernel shows it.
+// A program has ended without a message; only the kernel shows that.
 TEST_F(Discovery, AsksNobodyWhoEnded) {
   ServedRegistry other;
   auto announced = announce(other, /*is_registry=*/false);
@@ -365,7 +365,7 @@ std::string faults_of_answers() {
   const auto announced = discovery::Announcement::create(*scope, {true, {"10.77.0.1"}, 5001});
   const auto second = discovery::Announcement::create(*scope, {false, {"10.77.0.1"}, 5002});
   if (!announced || !second) return announced.error().text();
-  // hp-10.1-4: each has its own service, from the served address, no larger than the query.
+  // hp-10.1-4: each answer has its own service, from the served address, no larger than the query.
   const auto answer = question.ask(query(7), "239.255.43.7");
   if (!answer || !answer->is_answer || answer->number != 42 || answer->services.size() != 1) {
     return "no answer to the group";

@@ -284,8 +284,8 @@ class WilfulRegistry final : public NamesServant {
   std::atomic<std::uint64_t> granted_ns{100'000'000};
 };
 
-// The registry grants less at first; a registration that renewed by its requested lease would lose
-// the name.
+// The registry grants a shorter lease at first; a registration that renewed by its requested lease
+// would lose the name.
 TEST(Registration, RenewsByTheLeaseThatItWasGranted) {
   WilfulRegistry servant;
   ServedRegistry registry(servant);

@@ -348,7 +348,7 @@ TEST(StoreRestart, GetsItsNameBackAtOnceFromItsHostAndElseWithTheLease) {
 }
 
 TEST(StoreFirstLease, IsShortUntilTheNameHasBeenHeldForSo) {
-  Store store;  // 10 s
+  Store store;  // The default first lease is 10 s.
   const auto granted = store.bind(claim("lab/arm0", kArm, 1h), at(0s));
   ASSERT_TRUE(granted);
   EXPECT_EQ(granted->lease, 10s);
@@ -446,7 +446,7 @@ TEST(StoreList, GoesThroughHundredsOfNamesPageByPageWhileNamesComeAndGo) {
     }
     is_last = page->is_last;
     after = *seen.rbegin();
-    // Some names that were not yet seen go, some come; the last seen one goes, too.
+    // Some unseen names go, and some come; the name that was seen last goes, too.
     for (int i = 0; i < 500; i += 7) {
       std::array<char, 32> name{};
       std::snprintf(name.data(), name.size(), "lab/%03d/arm", i);

@@ -47,7 +47,7 @@ TEST_P(Trading, AcceptsAnOffer) {
 INSTANTIATE_TEST_SUITE_P(
     Constraints, Trading,
     testing::Values(
-        // All offers, and constants.
+        // The empty predicate fits all offers; constants.
         Case{"", true}, Case{"TRUE", true}, Case{"FALSE", false}, Case{"true", true},
         // Comparison: numbers, texts, and truths for equality.
         Case{"ppm == 12", true}, Case{"ppm != 12", false}, Case{"ppm < 12.5", true},
@@ -69,7 +69,7 @@ INSTANTIATE_TEST_SUITE_P(
         Case{"model in ('Gecko', 'Falcon 2000')", true}, Case{"ppm in (-12, 1.5)", false},
         // The right text contains the left one.
         Case{"'con' ~ model", true}, Case{"'Con' ~ model", false}, Case{"'' ~ model", true},
-        // Whether a property exists.
+        // A property exists or not.
         Case{"exist ppm", true}, Case{"exists dpi", false}, Case{"not exists dpi", true},
         // Not binds before and, and before or.
         Case{"not ppm == 13 and cost < 3", true}, Case{"is_free or ppm / 0 > 1 and false", true},

@@ -58,7 +58,7 @@ inline std::string message(std::uint64_t channel_id, std::uint64_t sequence,
   return record(
       5, u16(channel_id) + u32(sequence) + u64(log_time_ns) + u64(log_time_ns) + std::string(data));
 }
-/// @param size  the stated size of its uncompressed records
+/// @param size  the size that the chunk states for its uncompressed records
 inline std::string chunk(std::uint64_t begin_ns, std::uint64_t end_ns, std::string_view compression,
                          const std::string& records, std::uint64_t size) {
   return record(6, u64(begin_ns) + u64(end_ns) + u64(size) + u32(0) + text(compression) +
@@ -139,7 +139,7 @@ inline bool is_combined(const Content& content, unsigned features) {
   return content.has_metadata || (features & kMetadataIndex) == 0;
 }
 
-/// "OneMessage-ch-chx-mx-st".
+/// The name of a vector, such as "OneMessage-ch-chx-mx-st".
 inline std::string name_of(const Content& content, unsigned features) {
   std::string name = content.name;
   const std::vector<std::pair<Feature, const char*>> words{
@@ -169,7 +169,7 @@ class Vector {
 
  private:
   [[nodiscard]] bool has(Feature feature) const { return (features_ & feature) != 0; }
-  /// With bytes behind its fields.
+  /// Adds bytes behind a record's fields, if the vector has them.
   [[nodiscard]] std::string padded(const std::string& whole) const {
     if (!has(kPadding)) return whole;
     return record(whole[0], whole.substr(9) + "\x01\x02\x03");

@@ -31,7 +31,7 @@ class Foreign : public testing::Test {
   Folder folder_;
 };
 
-/// Like the format's own conformance set, which combines the same features.
+/// Combines the same features as the format's own conformance set.
 class Conformance : public Foreign, public testing::WithParamInterface<Content> {
  protected:
   void expect_content(const std::string& path, const std::string& name) {
@@ -100,7 +100,7 @@ TEST_F(Foreign, OtherThanARegularFileIsRefusedWithoutWaiting) {
   EXPECT_NE(refusal("/dev/zero").find("device"), std::string::npos);
 }
 
-/// 1 TB of holes after a valid beginning: neither read nor stored.
+/// 1 TB of holes after a valid beginning, which is not read or stored.
 TEST_F(Foreign, ThatIsAHoleOfATerabyteIsRefusedOrEndsAtTheHole) {
   constexpr off_t kTerabyte = 1'000'000'000'000;
   const std::string path =
@@ -195,7 +195,7 @@ TEST_F(Foreign, IndexThatNamesAPlaceTwiceIsRefused) {
   EXPECT_EQ(refusal(put(file(data, stated + index))), "");
   EXPECT_NE(refusal(put(file(data, stated + index + index))).find("contradicts itself"),
             std::string::npos);
-  // The same holds for metadata and attachments.
+  // The reader treats metadata and attachments in the same way.
   const std::string metadata = record(12, text("a") + texts({}));
   const std::string metadata_index =
       record(13, u64(header().size()) + u64(metadata.size()) + text("a"));

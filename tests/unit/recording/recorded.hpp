@@ -21,8 +21,8 @@ inline std::string text_of(ConstBytes bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-/// The running test's own folder, removed with it. In memory where possible: closing a recording
-/// waits for the disk.
+/// The running test's own folder, removed with it. It is in memory where possible, because closing
+/// a recording waits for the disk.
 class Folder {
  public:
   Folder() {

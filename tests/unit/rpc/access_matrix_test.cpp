@@ -93,13 +93,13 @@ constexpr std::array kWays{Way::kCall, Way::kReceipt, Way::kOneway, Way::kStream
 struct Outcome {
   wire::Status bound{};
   wire::Status described{};
-  /// By method and way; a oneway has kOk.
+  /// The calls' statuses by method and way; a oneway has kOk.
   std::array<std::array<wire::Status, kWays.size()>, kMethods.size()> called{};
 };
 /// All results, as a caller in another process can report them.
 struct Outcomes {
   bool is_open = false;
-  bool is_alive = false;  ///< The session answers a ping at the end.
+  bool is_alive = false;  ///< Whether the session answers a ping at the end.
   std::array<Outcome, 5> objects{};
   std::array<char, 512> similar{};  ///< The suggestions for a bind of an unknown path.
 };
@@ -403,7 +403,7 @@ TEST(AccessMatrix, IsWhatTheLinesSayOverEveryTransport) {
       check("shared memory", "uid:" + std::to_string(kOtherUser), other->probe(port));
     }
     for (const seal::KeyPair& key : keys) {
-      // A stranger gets only hints, and waits for the rest in vain: not in each round.
+      // A stranger gets only hints, and waits in vain for answers, so it skips most rounds.
       if (!model.knows(text_of(key)) && !round.has_strangers) continue;
       check("sealed UDP", text_of(key), KeyProber(Transport::kUdp, *secured.server, key).probe());
       check("sealed TCP", text_of(key), KeyProber(Transport::kTcp, *secured.server, key).probe());

@@ -9,10 +9,10 @@ namespace {
 using namespace test;
 using namespace std::chrono_literals;
 
-// The time that one look at the clock takes.
+// The time that one reading of the clock takes.
 constexpr Duration kLook = 100ns;
 
-// One source with endless frames, and 63 with one frame each.
+// One source has endless frames, and 63 sources have one frame each.
 TEST(LaneLoop, ServesEachOfItsSourcesHoweverBusyOneIs) {
   for (const rt::WaitStrategy strategy : {rt::WaitStrategy::kSpin, rt::WaitStrategy::kBlock}) {
     VirtualTime::start(kLook);

@@ -102,7 +102,7 @@ TEST(Lane, ServesAnyNumberOfCallersWhileItGrowsAndShrinks) {
       ASSERT_TRUE(streams.back()->open());
     }
     expect_all_served();
-    // The number shrinks again, one by one.
+    // The number of connections shrinks again, one by one.
     for (; !streams.empty(); streams.pop_back())
       expect_all_served();
   }
@@ -127,7 +127,7 @@ TEST(Lane, HearsEveryCallerThroughMemoryHoweverManyAreSilent) {
     const auto call = [&](RawPeer& peer) {
       peer.send(peer.call_frame(call_id, echo::kEcho.id, "hello"));
     };
-    // One by one and all at once, also for the rest after some have gone.
+    // Callers call one by one and all at once; after some have gone, so does the rest.
     for (int i = 0; i < 3; ++i) {
       ++call_id;
       for (const auto& peer : peers) {
@@ -249,7 +249,7 @@ bool is_hung_up(const transport::Descriptor& far_end) {
   return recv(far_end.number(), &byte, 1, MSG_DONTWAIT) == 0;
 }
 
-// More connections than the lane has slots, and no acceptor that takes them back.
+// The lane gets more connections than it has slots, and no acceptor takes them back.
 TEST(Lane, EndsConnectionsThatAreTooManyHoweverManyTheyAre) {
   constexpr int kConnectionCount = 400;
   LaneAlone alone(/*session_count_max=*/1, rt::WaitStrategy::kBlock);
@@ -333,7 +333,7 @@ TEST(Lane, TakesOverEveryConnectionThatItIsGiven) {
   LaneAlone alone(/*session_count_max=*/8, rt::WaitStrategy::kSpin);
   const Bytes garbage(wire::kHeaderSize, std::byte{0x55});
   for (int round = 0; round < 200; ++round) {
-    // Two in quick succession: the second arrives while the lane takes over the first.
+    // Two connections come in quick succession: one arrives while the lane takes over the other.
     std::array far_ends{alone.connect(), alone.connect()};
     for (const transport::Descriptor& far_end : far_ends) {
       ASSERT_EQ(send(far_end.number(), garbage.data(), garbage.size(), MSG_NOSIGNAL),

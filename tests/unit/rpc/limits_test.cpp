@@ -49,7 +49,7 @@ transport::Descriptor connect_from(const char* host, std::uint16_t port) {
   return socket;
 }
 
-/// "127.0.5.7": one of many addresses from which any program of this host may call.
+/// One of many addresses from which any program of this host may call, such as "127.0.5.7".
 std::string of_loopback(int index) {
   return "127.0." + std::to_string(index / 250) + "." + std::to_string(index % 250 + 1);
 }
@@ -106,7 +106,7 @@ TEST(Newcomers, ThatSayNothingKeepNobodyOut) {
   EXPECT_EQ(answer_to_hello(patient.number()).kind, wire::FrameKind::kWelcome);
 }
 
-// hp-4-8: the same for shared memory, which connections over TCP do not affect.
+// hp-4-8: silent clients of shared memory do not, either, and TCP connections do not affect it.
 TEST(Newcomers, ThatSayNothingKeepNobodyOutOfSharedMemory) {
   EchoServer server;
   const std::uint16_t port = server.server->port();
@@ -151,7 +151,7 @@ TEST(Connections, OfOneHostLeaveSomeToOthers) {
   }));
 }
 
-// hp-4-7: the same for a process; it keeps no other local process out.
+// hp-4-7: a process may have no more than its share, and does not keep other processes out.
 TEST(Connections, OfOneProcessLeaveSomeToOthers) {
   EchoServer server(small_config(4));
   const std::uint16_t port = server.server->port();
@@ -377,7 +377,7 @@ TEST(LateCalls, AreCountedInEveryLane) {
     EXPECT_TRUE(await([&] { return server->counters().late_count == 2; })) << "it ran too long";
     std::thread holder([&] { EXPECT_TRUE(binding->call(echo::kHold, {})); });
     ASSERT_TRUE(await([&] { return servant.gate().inside_count() == 1; }));
-    // Enough time to be sent, even on a busy machine.
+    // The deadline is long enough to send the call, even on a busy machine.
     EXPECT_FALSE(binding->call(echo::kEchoOnce, {}, {.deadline = 100ms}));
     servant.gate().let_one_go();
     holder.join();

@@ -177,7 +177,7 @@ class ScriptedLane {
 /// The client's end of a scripted connection.
 class ScriptedClient {
  public:
-  /// Sends its HELLO.
+  /// Sends the client's HELLO.
   explicit ScriptedClient(ScriptedConnection& connection)
       : connection_(connection),
         buffer_(wire::kHeaderSize + 1024),

@@ -105,7 +105,7 @@ TEST_P(SealedLoad, ItemsOfAllSizesComeThrough) {
   EXPECT_TRUE(client.await().is_ok());
 }
 
-// The writer learns of it, and a client without a grant gets no more of the device's data.
+// The writer is notified, and a client without a grant gets no more of the device's data.
 TEST_P(SealedLoad, AStreamEndsWithTheGrant) {
   serve(slow_);
   SealedPeer client = peer();

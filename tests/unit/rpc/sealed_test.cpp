@@ -131,7 +131,7 @@ TEST_P(Sealed, AForgedFrameIsDroppedAndEndsAStreamOnly) {
   }
 }
 
-// Within about a second after the file's change, in the middle of a call.
+// The session ends within about a second after the file's change, in the middle of a call.
 TEST_P(Sealed, AClientWhoseGrantIsTakenAwayLosesItsSession) {
   serve();
   SealedPeer client = peer();

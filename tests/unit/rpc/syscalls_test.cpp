@@ -107,7 +107,7 @@ class Syscalls : public testing::Test {
 
 TEST_F(Syscalls, AreNoneOfACallThroughMemoryThatIsSpunFor) {
   count(Transport::kSharedMemory, rt::WaitStrategy::kSpin);
-  // Both check their sockets now and then, independently of the number of calls.
+  // Lane and caller check their sockets now and then, independently of the number of calls.
   caller_.erase(SYS_recvfrom);
   lane_.erase(SYS_epoll_pwait2);
   EXPECT_TRUE(caller_.empty()) << text_;

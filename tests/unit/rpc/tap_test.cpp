@@ -280,7 +280,7 @@ TEST_P(TapOfDeferredReplies, RecordsTheItemsOfAStream) {
   EXPECT_EQ(ended.call.status, wire::Status::kGone);
 }
 
-// The new tap has neither its request nor its number.
+// The new tap does not have the call's request or number.
 TEST_P(TapOfDeferredReplies, LeavesOutACallOfAnEarlierTap) {
   ASSERT_TRUE(tap_->switch_on({}));
   std::thread caller([&] { EXPECT_TRUE(binding_->call(LateServant::kDefer, bytes_of("old"))); });
@@ -425,7 +425,7 @@ class Load {
 TEST(Tap, IsSwitchedOnAndOffUnderLoad) {
   Load load;
   const auto tap = load.server().server->tap();
-  std::map<bool, std::uint64_t> last_numbers;  ///< By lane.
+  std::map<bool, std::uint64_t> last_numbers;  ///< The last number of each lane.
   std::uint64_t read_count = 0;
   for (int round = 0; round < 100; ++round) {
     ASSERT_TRUE(tap->switch_on({.payload_byte_max = 512, .ring_byte_count = 4096}));

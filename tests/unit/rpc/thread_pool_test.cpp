@@ -145,7 +145,7 @@ TEST(ThreadPool, DropsWhatWaitedTooLong) {
   Binding binding = bind_echo(node, server);
   Holders holders(server, binding);
   holders.add_inside(1);
-  // Enough time to be queued on a busy machine: otherwise it expires before the lane has it.
+  // The call must be queued in time on a busy machine, too: otherwise it expires before that.
   EXPECT_EQ(error_of_call(binding, {.deadline = 100ms}), CallError::kTimeout);
   holders.end();
   EXPECT_TRUE(await([&] { return server.server->counters().late_count == 1; }));

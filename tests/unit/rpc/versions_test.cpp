@@ -110,7 +110,7 @@ TEST_P(Versions, ThatDoNotAreToldWhatDiffers) {
                "`0 a: double = 0` there", "`0 a: int32 = 0` here", "Remedy"});
 }
 
-// hp-6.1-2: without a text on both sides, only equal fingerprints will do.
+// hp-6.1-2: unless both sides have a text, only equal fingerprints will do.
 TEST_P(Versions, WithoutATextMustBeEqual) {
   const VersionServer server(kSilent);
   const auto newer = bind(server, kNew);
@@ -161,7 +161,7 @@ TEST_P(Versions, MayChangeWhileAClientStays) {
   const auto restart = [&](const Version& version) {
     server.reset();
     server = std::make_unique<VersionServer>(version, port);
-    // The first call may still find the former life.
+    // The first call may still use the session with the server before its restart.
     std::string text;
     EXPECT_TRUE(await([&] {
       text = text_of_call(*binding, kOld);

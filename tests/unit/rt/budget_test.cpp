@@ -141,7 +141,7 @@ TEST(RealtimeBudget, IsSpentByWhatRuns) {
   bool must_pause = false;
   auto thread = Thread::start({.name = "runner", .priority = 5}, [&] {
     this_thread_budget() = RealtimeBudget(kUsual, now());
-    // It may have to run longer, because other processes take the CPU away.
+    // The test may have to run longer, because other processes take the CPU away.
     const MonotonicTime end = now() + 20s;
     while (!must_pause && now() < end)
       must_pause = this_thread_budget().must_pause(now());

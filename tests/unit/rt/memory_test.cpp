@@ -48,7 +48,7 @@ TEST(LockMemory, LocksWhatIsThereAndWhatComes) {
     const auto locked = lock_memory(RealtimeMode::kRequire);
     if (!locked) return "refused: " + locked.error().text();
     const std::size_t before = locked_kib();
-    // Some of it may come from heap memory that is already locked.
+    // Some of the block may come from heap memory that is already locked.
     std::vector<std::byte> block(8 << 20);
     // Without a reader, a compiler may remove the block.
     prefault(block);

@@ -54,7 +54,7 @@ TEST(ArrivalPredictor, FollowsACallerThatDrifts) {
     const auto window = predictor.next(due - 300us);
     if (i >= 20 && window && window->from <= due && due <= window->to) ++hit_count;
     predictor.on_arrival(kCaller, due);
-    period += 500ns;  // A fifth slower at the end.
+    period += 500ns;  // The period is a fifth longer at the end.
     due += period;
   }
   EXPECT_GT(hit_count, 370);
@@ -87,7 +87,7 @@ TEST(ArrivalPredictor, ForgetsACallerThatStopped) {
   const MonotonicTime next = call(predictor, kStart, 1ms, 30);
   EXPECT_TRUE(predictor.next(next + 1ms)) << "one missed call is none";
   EXPECT_FALSE(predictor.next(next + 20ms));
-  // Then it learns the period again.
+  // Then the predictor learns the period again.
   const MonotonicTime again = call(predictor, next + 1s, 1ms, 30);
   EXPECT_TRUE(predictor.next(again - 500us));
 }

@@ -20,7 +20,7 @@ class SpinEstimatorTest : public testing::Test {
     now_ += 5us;
     return does;
   }
-  /// In how many of the next pauses of this length the thread spins.
+  /// The number of the next pauses of this length in which the thread spins.
   int count(int pauses, Duration pause) {
     int spun = 0;
     for (int i = 0; i < pauses; ++i)
@@ -63,7 +63,7 @@ TEST_F(SpinEstimatorTest, SpinsForACallerThatCallsTwiceInARow) {
 TEST_F(SpinEstimatorTest, TakesWorkOfBeforeForNothingNew) {
   SpinEstimator sense;
   MonotonicTime now{1s};
-  // A ring without work: the time of the last work is still the old one.
+  // The ring brings no work: the time of the last work stays the same.
   for (int i = 0; i < 100; ++i) {
     const MonotonicTime work = now;
     now += 5us;

@@ -67,7 +67,7 @@ TEST_F(TickClockTest, FollowsARateThatIsSteered) {
   machine_.ns_per_tick *= 1 + 100e-6;
   for (int i = 0; i < 100'000; ++i) {
     machine_.pass(1000);
-    // At most the change's effect in one window.
+    // The error is at most the change's effect in one window.
     ASSERT_NEAR(error_ns(), 0, 102);
   }
   run(10e6, 1000);

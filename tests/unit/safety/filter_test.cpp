@@ -35,7 +35,7 @@ SafetyConfig config() {
   return config;
 }
 
-/// Without soft start and rate limit, to test one rule at a time.
+/// A configuration without soft start and rate limit, to test one rule at a time.
 SafetyConfig plain_config() {
   SafetyConfig plain = config();
   plain.soft_start = Duration{0};
@@ -237,7 +237,7 @@ TEST(Safety, ANumberThatIsNoneTakesTheForceAwayAndStaysTillRecovery) {
   }
 }
 
-/// A hostile client: extreme values, lifetimes and pauses, from a seed.
+/// A hostile client, with extreme values, lifetimes and pauses from a seed.
 class HostileSafety : public ::testing::TestWithParam<unsigned> {};
 
 double wild_number(std::mt19937& random) {

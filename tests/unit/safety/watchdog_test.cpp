@@ -66,7 +66,7 @@ TEST(WatchdogPolicy, BrakesTheMotionThenIsOff) {
   EXPECT_EQ(forces[0], -1);
   EXPECT_EQ(forces[49], -1);
   EXPECT_EQ(forces[50], 0);
-  // Within the limit, at any speed.
+  // The force is within the limit, at any speed.
   EXPECT_EQ(after_the_loss(WatchdogPolicy::kDamp, -100, 1)[0], 9);
 }
 

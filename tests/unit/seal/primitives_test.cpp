@@ -119,7 +119,7 @@ TEST(Primitives, KeysAreTextAndBack) {
   }
   PublicKey key;
   EXPECT_TRUE(decode_key("AAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAA=", key));
-  // Short, long, unpadded, not Base64, and 33 bytes.
+  // The texts are short, long, unpadded, not Base64, and of 33 bytes.
   for (const char* bad : {"", "AAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAA==",
                           "AAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAA==",
                           "AAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAA",

@@ -39,7 +39,7 @@ TEST(StiffnessBound, FollowsItsFormula) {
 }
 
 /// Presses a mass against the wall with 1 N, over a loop with the delays that stiffness_bound()
-/// counts; returns the fastest motion in the fourth second, in m/s: zero once it rests.
+/// counts; returns the fastest motion in the fourth second, in m/s; zero if the mass rests.
 double buzz(const Wall& wall, double device_damping) {
   constexpr double kMassKg = 0.15;
   constexpr double kSliceSeconds = 0.00002;

@@ -88,7 +88,7 @@ TEST(Arm, IsPulledToTheHand) {
       << "it begins where the hand is";
   for (int ms = 0; ms < 2000; ++ms)
     arm.step({1.5, 0, 0}, milliseconds{1});
-  // Motor and hand in balance: 1.5 N over 300 N/m.
+  // Motor and hand are in balance: 1.5 N over 300 N/m.
   EXPECT_NEAR(arm.motion().position_m.x(), 0.01 + 1.5 / 300, 1e-5);
   EXPECT_NEAR(arm.hand_newton().x(), -1.5, 1e-3);
 }

@@ -14,7 +14,7 @@ TEST(PressingPath, PressesThroughThePlaneAgainAndAgain) {
   for (int ms = 0; ms < 10000; ++ms) {
     const bool is_below = path.at(ms * 0.001).position_m.z() < -0.002;
     if (is_below && !was_below) ++press_count;
-    // A margin between the two levels, so that tremor does not count as a press.
+    // The two levels have a margin between them, so that tremor does not count as a press.
     if (is_below || path.at(ms * 0.001).position_m.z() > 0.002) was_below = is_below;
   }
   EXPECT_EQ(press_count, 5) << "one every two seconds";

@@ -93,7 +93,7 @@ std::vector<Example> examples() {
   return found;
 }
 
-/// The rtpm::schema::Dynamic of a service of RTPM's own, or of a golden.
+/// The rtpm::schema::Dynamic of one of RTPM's services, or of a golden.
 std::unique_ptr<schema::Dynamic> service(const char* file, std::string_view name) {
   const fs::path folder = fs::path(RTPM_SOURCE) / "schema";
   const auto compiled = schema::compile(

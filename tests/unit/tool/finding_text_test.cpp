@@ -86,7 +86,7 @@ TEST(Changes, AreInJsonWithTheFindingsTheyFixed) {
   EXPECT_EQ(json_of_changes(report)[0]["is_made"], false);
 }
 
-/// Wake-ups of which one in a hundred was late by `late`.
+/// Wake-ups, one in a hundred of which was late by `late`.
 WakeUps wake_ups(Duration late) {
   WakeUps measured;
   for (int i = 0; i < 1000; ++i)

@@ -80,7 +80,7 @@ TEST(StreamMeter, TellsJitterExactly) {
 TEST(StreamMeter, CountsDuplicatesAndDisorderAndLosesNothingByThem) {
   std::vector<Event> events = stream(1'000);
   events.insert(events.begin() + 500, events[499]);  // A duplicate.
-  events.insert(events.begin() + 500, events[10]);   // An old one.
+  events.insert(events.begin() + 500, events[10]);   // An old event.
   std::swap(events[700], events[705]);               // One arrives too early, one late.
   const StreamMeter meter = measured(events);
   EXPECT_EQ(meter.count(), 1'000u);

@@ -114,7 +114,7 @@ TEST(Datagrams, AreCutWhereTheyAreLongerThanAFrame) {
   EXPECT_FALSE(datagrams.next());
 }
 
-// A caller that waits for its reply pauses; one that does not pause can use batches.
+// A caller that waits for its reply pauses; a caller that does not pause can use batches.
 TEST(BatchEstimator, BeginsWhereOnePeerSendsWithoutAPause) {
   using Change = BatchEstimator::Change;
   BatchEstimator sense;
@@ -222,7 +222,7 @@ TEST(UdpBatch, ArrivesWholeAtAClientThatAcceptsBatches) {
     EXPECT_EQ(ends.receive_at_client(8), replies);
     EXPECT_EQ(ends.buffered_count, 7) << "or the system has no batches";
   }
-  // A single datagram is sent as before.
+  // A single datagram is sent as without batches.
   ASSERT_TRUE(ends.port->send(ends.peer, frame_of(9)));
   EXPECT_EQ(ends.receive_at_client(1), std::vector<Bytes>{frame_of(9)});
 }

@@ -417,7 +417,7 @@ TEST(TcpTransport, HasRoomForAWindowOfALargeMessage) {
   ASSERT_TRUE(late_reader);
   ASSERT_TRUE(wait_readable(listener->descriptor(), rt::now() + 20s));
   Descriptor socket = listener->accept().socket;
-  // Linux's default limit (net.core.wmem_max), wherever this runs.
+  // Sets Linux's default limit (net.core.wmem_max), even if this machine has another one.
   const int usual_limit = 212'992;
   ASSERT_EQ(setsockopt(socket.number(), SOL_SOCKET, SO_SNDBUF, &usual_limit, sizeof usual_limit),
             0);
@@ -428,7 +428,7 @@ TEST(TcpTransport, HasRoomForAWindowOfALargeMessage) {
   }
 }
 
-// By quarters of the range: best effort, AF21, AF41, EF (hp-11).
+// The quarters of the range are best effort, AF21, AF41 and EF (hp-11).
 TEST(TrafficClass, FollowsThePriority) {
   struct Row {
     int priority, dscp, queue;

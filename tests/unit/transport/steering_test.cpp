@@ -36,7 +36,7 @@ class Lanes {
     transport_ = std::move(*open_udp_transport(called, number_, 0));
   }
 
-  /// The lane that gets the datagram; nothing if none does.
+  /// The lane that gets the datagram; nullopt if none does.
   std::optional<std::size_t> lane_of(ConstBytes datagram) {
     EXPECT_TRUE(transport_->send(datagram));
     std::optional<std::size_t> lane;

@@ -226,7 +226,7 @@ TEST_P(WaitSetTest, EndsWithinMillisecondsOfARing) {
   EXPECT_LT(late_count, kCount / 2) << "a busy machine may delay some";
 }
 
-// Rings at any offset into a wait, each after the previous one was heard. RTPM_RINGS: how many.
+// Rings at any offset into a wait, each after the previous one was heard. RTPM_RINGS sets how many.
 TEST_P(WaitSetTest, HearsEachOfManyRandomRings) {
   const int ring_count = ring_count_of_a_run();
   std::atomic<int> heard_count = 0;
@@ -527,7 +527,7 @@ TEST_P(WaitSetWithALock, FreesItOnlyWhereItMayBlock) {
   EXPECT_EQ(lock_.unlock_count - before, 3) << "and the wait's";
 }
 
-// From one source to many and back, each time with a ring and with all sources ready.
+// Goes from one source to many and back, each time with a ring and with all sources ready.
 TEST_P(WaitSetTest, KeepsWhatIsReadyWhileSourcesComeAndGo) {
   std::vector<std::pair<Descriptor, Descriptor>> pairs;
   const auto expect_all = [&] {

@@ -156,7 +156,7 @@ TEST(FilterText, KeepsInventedFilters) {
     const Filter filter = invented(random, 4);
     const std::string text = to_text(filter, kTypes);
     const auto read = parse_filter(text, kTypes);
-    if (!read) {  // Too many parts.
+    if (!read) {  // The filter has too many parts.
       ASSERT_NE(read.error().what.find("at most"), std::string::npos)
           << seed << ": " << read.error().what << "\n"
           << read.error().picture(text);

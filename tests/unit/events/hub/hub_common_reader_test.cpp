@@ -9,8 +9,8 @@
 #include "rtpm/rt/clock.hpp"
 #include "served_hub.hpp"
 
-// Consumers of one program that share a thread for the hub's ring or multicast: none affects the
-// others.
+// Consumers of one program that share a thread for the hub's ring or multicast do not affect each
+// other.
 namespace rtpm::events::test {
 namespace {
 

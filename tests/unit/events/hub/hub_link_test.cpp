@@ -153,7 +153,7 @@ TEST_F(HubLinks, DeliverOnceInARing) {
     hubs.push_back(std::make_unique<ServedHub>());
     recorders.push_back(std::make_unique<Recorder>());
   }
-  // Each hub asks both others: a ring in both directions.
+  // Each hub asks both other hubs: a ring in both directions.
   for (std::size_t i = 0; i < 3; ++i) {
     link(*hubs[i], *hubs[(i + 1) % 3]);
     link(*hubs[i], *hubs[(i + 2) % 3]);
@@ -197,7 +197,7 @@ TEST_F(HubLinks, DeliverOnceInARing) {
   }
 }
 
-// Two links, one in each direction.
+// There are two links, one in each direction.
 TEST_F(HubLinks, DeliverOnceInBothDirections) {
   ServedHub left;
   ServedHub right;

@@ -63,10 +63,10 @@ TEST_P(HubOn, DeliversWhatTheFilterAccepts) {
   EXPECT_LE(recorder_.last_header_.hub_received, recorder_.last_header_.hub_sent);
 }
 
-// From any thread, concurrently with the supplier's other requests.
+// Pushes come from any thread, concurrently with the supplier's other requests.
 TEST_P(HubOn, DeliversTheEventsOfASupplierInTheirOrder) {
   constexpr int kThreadCount = 3;
-  constexpr int kCount = 60;  // Per thread: few enough for the buffer of a socket.
+  constexpr int kCount = 60;  // The number per thread is small enough for a socket's buffer.
   const auto supplier = make_supplier(node_, hub_, GetParam());
   const auto consumer = make_consumer(node_, hub_, recorder_, of_type(kPose),
                                       {.queue_capacity = kThreadCount * kCount}, GetParam());

@@ -11,7 +11,7 @@ namespace rtpm::events::test {
 inline constexpr const char* kLoopback = "127.0.0.1";
 inline constexpr const char* kNeedsMulticast = "needs multicast on the loopback interface";
 
-/// A group for this test alone, so that it does not receive from tests that run beside it.
+/// A multicast group for this test alone, so that it gets no events of tests that run beside it.
 inline transport::MulticastGroup group_of_mine() {
   static const auto kPort = static_cast<std::uint16_t>(20'000 + to_ns(rt::now()) / 1000 % 40'000);
   return {.group = "239.255.42.99", .port = kPort, .interface = kLoopback, .hops = 0};

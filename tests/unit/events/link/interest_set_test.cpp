@@ -52,7 +52,7 @@ TEST(InterestSet, OmitsCoveredEntries) {
 // ev-5.2-2
 TEST(InterestSet, AddsOneHopUpToTheMaximum) {
   EXPECT_EQ(unite_interest({of(kPose, 2), of(kPose, 5)}), InterestSet{of(kPose, 3)});
-  // An entry with fewer hops does not cover a wider one with more: both stay.
+  // An entry with fewer hops does not cover a wider entry with more hops: both stay.
   EXPECT_EQ(unite_interest({of(kPose, 3, 0), of(kPose, 4)}),
             (InterestSet{of(kPose, 5), of(kPose, 3, 1)}));
   EXPECT_EQ(unite_interest({of(kPose, kLinkHopsMax - 1)}), InterestSet{of(kPose, kLinkHopsMax)});

@@ -46,7 +46,7 @@ TEST_F(Changes, OfAButtonAreToldEdgeByEdge) {
   record_.sample.buttons = 0b10;
   record_.sample.button_edges[1] = 1;
   EXPECT_EQ(step(finder_, record_), (std::vector<CycleChange>{ButtonChange{1, true}}));
-  // Released and pressed again between two records.
+  // The button is released and pressed again between two records.
   record_.sample.button_edges[1] = 3;
   EXPECT_EQ(step(finder_, record_),
             (std::vector<CycleChange>{ButtonChange{1, false}, ButtonChange{1, true}}));

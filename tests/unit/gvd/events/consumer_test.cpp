@@ -357,7 +357,7 @@ TEST(DevicePublisher, RefusesTwoDevicesOfOneName) {
   EXPECT_NE(again.error().text().find("rename one of them"), std::string::npos);
 }
 
-/// Without a hub: cycles run on, wait for nothing, and allocate nothing.
+/// Without a hub, cycles go on without waiting or allocating.
 TEST(DevicePublisher, NeverHoldsADeviceUp) {
   rpc::Node node;
   DevicePublisherConfig config;

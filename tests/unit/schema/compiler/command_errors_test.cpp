@@ -10,7 +10,7 @@
 #include "rtpmc_program.hpp"
 
 // rtpmc's errors about command lines, files and folders, with reviewed texts in goldens/commands.
-// Those about a schema's content are in goldens/errors.
+// The errors about a schema's content are in goldens/errors.
 namespace rtpm::schema::test {
 namespace {
 
@@ -94,7 +94,7 @@ TEST(RtpmcErrors, OfOutputThatCannotBeWritten) {
   folder.write("arm.fbs", kGood);
   folder.write("file", "a file where a folder should be");
   expect_error(folder, "folder_is_a_file", idl_flag() + "--cpp -o file arm.fbs");
-  // The last file cannot be written, so none is.
+  // The last file cannot be written, so no file is.
   fs::create_directories(folder.path() / "half/arm.rtpm.cpp");
   expect_error(folder, "file_is_a_folder", idl_flag() + "--cpp -o half arm.fbs");
   EXPECT_EQ(names_in(folder.path() / "half"), std::vector<std::string>{"arm.rtpm.cpp"});
@@ -131,7 +131,7 @@ TEST(RtpmcErrors, OfAnOlderLanguageAreOneSentence) {
   EXPECT_EQ(errors.find("error:"), errors.rfind("error:")) << errors;
 }
 
-// Generated code and RTPM's headers of different versions.
+// The versions of generated code and of RTPM's headers differ.
 TEST(RtpmcErrors, OfCodeForAnotherRuntime) {
   const ScratchFolder folder;
   folder.write("arm.fbs", kGood);

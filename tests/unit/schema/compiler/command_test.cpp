@@ -78,7 +78,7 @@ TEST(Rtpmc, UnwritableOutputLeavesNoFile) {
   EXPECT_EQ(result.exit_code, 1);
   EXPECT_TRUE(result.errors.starts_with("rtpmc: error: cannot")) << result.errors;
 
-  // The second file cannot be written, so none is.
+  // The second file cannot be written, so no file is.
   fs::create_directories(folder.path() / "half/arm.rtpm.cpp");
   result = run(folder, idl_flag() + "--cpp -o half arm.fbs");
   EXPECT_EQ(result.exit_code, 1);
@@ -199,7 +199,7 @@ TEST(Rtpmc, PrintsTheModelOrWritesIt) {
   EXPECT_EQ(names_in(folder.path() / "out").size(), 5u);
 }
 
-// With quotation marks, backslashes and control characters.
+// The comment has quotation marks, backslashes and control characters.
 TEST(Rtpmc, JsonEscapesAnyComment) {
   const ScratchFolder folder;
   folder.write("arm.fbs", "/// a \"quoted\" back\\slash\tand \x01\ntable T { x:double = inf; }\n");

@@ -31,7 +31,7 @@ std::unique_ptr<Dynamic> make(const rpc::InterfaceDescriptor& interface) {
   return dynamic;
 }
 
-// So a tool that compiles the text can bind.
+// Equal fingerprints let a tool that compiles the text bind.
 TEST(SchemaText, HasTheFingerprintsOfTheSchemaItComesFrom) {
   std::size_t count = 0;
   for (const fs::path folder : {RTPM_GOLDEN_FOLDER, RTPM_IDL_FOLDER}) {
@@ -54,7 +54,7 @@ TEST(SchemaText, HasTheFingerprintsOfTheSchemaItComesFrom) {
   EXPECT_GE(count, 9u);
 }
 
-// So a recording that holds the text says which version of the event it has.
+// The fingerprint shows which version of the event a recording with the text has.
 TEST(SchemaText, OfAnEventHasItsFingerprintAndRoot) {
   std::size_t count = 0;
   for (const fs::path folder : {RTPM_GOLDEN_FOLDER, RTPM_IDL_FOLDER}) {
@@ -259,7 +259,7 @@ TEST(Dynamic, PrintsNullForWhatJsonHasNoNumberFor) {
   EXPECT_NE(text->find("\\\"nan, inf\\\\\""), std::string::npos) << *text;
 }
 
-// Nested deeper than any stack, and torn at each place.
+// The texts are nested deeper than any stack, and cut off at each place.
 TEST(Dynamic, RefusesAnyTextWithAnError) {
   const auto scene = make(lab::quantities::SceneClient::interface());
   const Payload& payload = scene->find("echo")->request;
@@ -326,7 +326,7 @@ TEST(Dynamic, ConvertsUnionsAndOptionalsBothWays) {
   }
 }
 
-// The format of tools that know only FlatBuffers: the root is always the table.
+// Tools that know only FlatBuffers use this format: the root is always the table.
 TEST(DynamicTables, BecomeThePayloadsThatTheyWereMadeOf) {
   std::size_t count = 0;
   const auto dynamic = make(lab::ArmClient::interface());

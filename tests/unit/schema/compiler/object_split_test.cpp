@@ -5,8 +5,8 @@
 #include <string>
 #include <string_view>
 
-// Which functions of flatc's header move to a source file. All code that is built from schemas
-// shows that the two together are complete.
+// The functions of flatc's header that move to a source file. All code that is built from schemas
+// shows that header and source file together are complete.
 namespace rtpm::schema {
 namespace {
 

@@ -135,8 +135,8 @@ class ValueReader {
     return {{"value", value(*field.type(), address)}, {"is_set", true}};
   }
 
-  /// Unpacking and packing keeps the number of an unknown member of a union and loses the member;
-  /// nothing for a known one.
+  /// Unpacking and packing keeps the number of an unknown member of a union and loses the member.
+  /// Null if the member is known.
   json lost_union(const reflection::Object& object, const reflection::Field& field,
                   const flatbuffers::Table& table) const {
     if (field.type()->base_type() != reflection::Union) return nullptr;
@@ -172,7 +172,7 @@ class ValueReader {
     return named(*field.type(), field.default_integer());
   }
 
-  /// A number without a name, and the existing names.
+  /// The JSON for a number without a name, with the existing names.
   template <class Values>
   static json unknown(const Values& values) {
     json names = json::array();

@@ -27,7 +27,7 @@ class Side {
   /// A message of `table` with random values.
   [[nodiscard]] std::string write(const std::string& table, PayloadKind kind, Random& random);
 
-  /// This side's reading of the bytes, member by member; nothing if it rejects `verified`.
+  /// Reads the bytes, member by member; nullopt if this side rejects `verified`.
   /// @param verified     the bytes without what generated code's verifier judges differently from
   ///                     the reflection's; if empty, nothing is verified
   /// @param union_types  if given, gets the positions of unions' types

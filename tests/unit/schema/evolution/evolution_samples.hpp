@@ -16,10 +16,10 @@ struct EvolutionSample {
   SchemaText after{};
 };
 
-/// One edit of each kind; the same in every program.
+/// One edit of each kind; all programs get equal edits.
 [[nodiscard]] std::vector<EvolutionSample> evolution_samples();
 
-/// The request or reply of a method as `side` writes it; the same in every program.
+/// The request or reply of a method as `side` writes it; equal in all programs.
 [[nodiscard]] std::string sample_message(Side& side, const Payload& payload, std::uint16_t method,
                                          bool is_request);
 

@@ -19,7 +19,7 @@ bool is_number(const std::string& type) {
 }
 
 /// A field of a table, of any kind.
-/// @param tables  those defined before it
+/// @param tables  the tables that are defined before the field
 FieldText random_field(Random& random, const std::string& name,
                        const std::vector<std::string>& tables) {
   FieldText field{.name = name};
@@ -318,7 +318,7 @@ Outcome add_method(const Edit& edit) {
   return Kind::kMethodAdded;
 }
 Outcome remove_method(const Edit& edit) {
-  // A method whose types other methods use, too.
+  // Other methods use the method's types, too.
   edit.schema.methods.pop_back();
   return Kind::kMethodRemoved;
 }

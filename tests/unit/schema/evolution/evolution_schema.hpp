@@ -21,7 +21,7 @@ using Random = std::mt19937;
 struct FieldText {
   std::string name{};
   std::string type{};
-  std::string default_value{};  ///< Empty: none is written.
+  std::string default_value{};  ///< Empty if none is written.
   bool is_required = false;
   bool is_deprecated = false;
   bool is_key = false;
@@ -62,7 +62,7 @@ struct SchemaText {
 /// A schema with every kind of type, all reached from methods.
 [[nodiscard]] SchemaText random_schema(Random& random);
 
-/// Applies a random edit to `schema` and describes it; nothing if the edit does not fit the schema.
+/// Applies a random edit to `schema` and describes it; nullopt if it does not fit the schema.
 [[nodiscard]] std::optional<ChangeKind> edit(SchemaText& schema, Random& random);
 
 }  // namespace rtpm::schema::test

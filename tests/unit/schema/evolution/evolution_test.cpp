@@ -22,7 +22,7 @@ using test::Side;
 struct Prediction {
   bool breaks_old_clients = false;
   bool breaks_new_clients = false;
-  bool is_by_meaning = false;  ///< Need not show in bytes.
+  bool is_by_meaning = false;  ///< The change need not show in bytes.
 };
 
 /// Changes that an exchange of bytes cannot show: promises, and the meaning of numbers.
@@ -145,7 +145,7 @@ TEST(Evolution, VerdictsMatchWhatOldAndNewUnderstand) {
     ++edits[*kind];
     shown[*kind] += !old_clients_work || !new_clients_work ? 1 : 0;
   }
-  // Most kinds of change were among them.
+  // The edits include most kinds of change.
   EXPECT_GE(edits.size(), 28u);
   for (const auto& [kind, number] : edits) {
     RecordProperty(std::string(name_of(kind)),

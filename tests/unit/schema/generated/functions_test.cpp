@@ -25,7 +25,7 @@ const CallContext kContext{.priority = 0, .deadline = rtpm::kNever, .received = 
 struct Dispatch {
   alignas(16) std::array<std::byte, 4096> request{};
   alignas(16) std::array<std::byte, 4096> reply{};
-  std::string text{};  ///< The last reply, or why there is none.
+  std::string text{};  ///< The last reply, or the reason why there is none.
 
   Status run(rtpm::rpc::Servant& servant, SceneMethodId id, rtpm::ConstBytes bytes) {
     std::ranges::copy(bytes, request.begin());

@@ -302,7 +302,7 @@ TEST(GeneratedDescriptor, ServicesInNamespacesHaveDescriptors) {
   EXPECT_EQ(static_cast<int>(HouseMethodId::look), 1);
 }
 
-// The types of a client's calls.
+// These are the types of a client's calls.
 using lab::ArmClient;
 template <class T>
 using Reply = rtpm::expected<T, CallError>;

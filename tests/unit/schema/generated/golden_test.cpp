@@ -126,7 +126,7 @@ TEST(Golden, ErrorsAreAsReviewed) {
 TEST(Golden, EveryFileHasItsSchema) {
   for (const auto& entry : fs::recursive_directory_iterator(RTPM_GOLDEN_FOLDER)) {
     fs::path path = entry.path();
-    // Their schemas are in tests.
+    // The schemas of these files are in tests.
     const std::string folder = path.parent_path().filename().string();
     if (folder == "conform" || folder == "commands") continue;
     if (path.extension() == ".golden") {

@@ -144,7 +144,7 @@ TEST(PublicNoiseVectors, OfCacophony) {
   const auto vectors = read_cacophony();
   if (!vectors) GTEST_SKIP() << "RTPM_PUBLIC_VECTORS has no cacophony.txt, see tests/unit/seal";
   Counts counts = play(*vectors);
-  // 59 patterns; libsodium has neither the curve 448 nor BLAKE2s.
+  // 59 patterns; libsodium does not have the curve 448 or BLAKE2s.
   EXPECT_EQ(counts["played"], has_aes() ? 59 * 6 : 59 * 3);
   EXPECT_EQ(counts["played with RTPM's handshake"], has_aes() ? 2 : 1);
   EXPECT_EQ(counts["curve 448"], 59 * 8);

@@ -53,7 +53,7 @@ struct SealVector {
   Bytes tag;
 };
 
-/// Returns nothing if the file is not on this machine.
+/// Returns nullopt if the file is not on this machine.
 [[nodiscard]] std::optional<std::vector<NoiseVector>> read_cacophony();
 [[nodiscard]] std::optional<std::vector<NoiseVector>> read_flynn();
 [[nodiscard]] std::optional<std::vector<KeyAgreementVector>> read_key_agreement();

@@ -85,7 +85,7 @@ TEST(SealedSessions, WaitForTimeToShakeHands) {
   EXPECT_TRUE(client.channel.is_ready());
 }
 
-// sec-5-2: like in a forked child, whose memory of keys is zeros.
+// sec-5-2: the memory of keys is zeros, as in a forked child.
 TEST(SealedSessions, AWipedServerSendsAndTakesNothing) {
   Server server(wire::Medium::kDatagram, 3, /*takes_unsealed=*/true);
   Client client(server.identity.key.public_key);

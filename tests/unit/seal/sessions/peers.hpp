@@ -66,7 +66,7 @@ class Server {
     identity.key = seal::KeyPair::generate();
     restart();
   }
-  /// Starts another life of the server, with the same key.
+  /// Restarts the server with the same key.
   void restart() {
     sealed.reset();
     wire::ServerSessionsConfig config;
@@ -197,7 +197,7 @@ class Client {
   SealedClient sealed;
   std::deque<Bytes> sent;                        ///< Frames in flight to the server.
   std::vector<wire::ChannelEvent::Kind> events;  ///< The channel's reports.
-  std::string reply;                             ///< The last one.
+  std::string reply;                             ///< The last reply.
   bool is_broken = false;
 
  private:

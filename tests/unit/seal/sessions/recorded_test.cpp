@@ -105,7 +105,7 @@ TEST(RecordedSessions, AChangedFrameDoesNotUseUpItsCounter) {
   EXPECT_EQ(recording.client.reply, "four");
 }
 
-// sec-5-4, sec-5-7: at any later time, and in both directions.
+// sec-5-4, sec-5-7: frames are replayed at any later time, and in both directions.
 TEST(RecordedSessions, NoFrameIsTakenAgain) {
   Recording recording;
   for (const Duration later : {0ns, Duration{1ms}, Duration{1s}, Duration{20min}}) {
@@ -157,7 +157,7 @@ TEST(RecordedSessions, NoFrameIsTakenElsewhere) {
   for (Bytes frame : recording.to_server) {
     static_cast<void>(other.server.receive(frame, kNow));
     if (!wire::is_sealed(frame)) continue;
-    // The session number is replaced by the other session's.
+    // The frame gets the number of the other session.
     store_le(frame.data() + 8, other.client.channel.session());
     static_cast<void>(other.server.receive(frame, kNow));
   }
@@ -262,7 +262,7 @@ TEST(SessionStates, TakeNoKindOfFrameWithoutTheirKeys) {
         }
         EXPECT_EQ(server.run_count, run_count);
         EXPECT_EQ(server.sessions->session_count(), session_count);
-        // A client does not accept any of them as its server's.
+        // A client does not accept any of these frames as its server's frame.
         client.events.clear();
         client.receive(frame, kNow);
         EXPECT_TRUE(client.events.empty());

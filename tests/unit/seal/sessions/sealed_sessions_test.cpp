@@ -128,7 +128,7 @@ TEST(SealedSessions, OnlyProvenClientsAreRefused) {
   ASSERT_EQ(refused.size(), 1u);
   EXPECT_EQ(header_of(refused[0]).status, wire::Status::kNotAllowed);
   EXPECT_EQ(server.sessions->session_count(), 0u);
-  // sec-6-2: the client takes it as a hint, because anyone may have sent it.
+  // sec-6-2: the client takes the refusal as a hint, because anyone may have sent it.
   client.receive(refused[0], kNow);
   EXPECT_TRUE(client.events.empty() || client.events.back() != Kind::kRefused);
   EXPECT_EQ(client.sealed.hint(), wire::Status::kNotAllowed);
@@ -153,7 +153,7 @@ TEST(SealedSessions, APublicKeyWithoutItsPrivateKeyLearnsNothing) {
   }
 }
 
-// sec-2-4, sec-3.1-2: a client talks neither to a server without level S nor to another key.
+// sec-2-4, sec-3.1-2: a client does not talk to a server without level S or with another key.
 TEST(SealedSessions, NothingMakesAClientGoOnUnsealedOrWithAnotherKey) {
   wire::ServerSessionsConfig config;
   config.epoch = 1;
@@ -177,7 +177,7 @@ TEST(SealedSessions, NothingMakesAClientGoOnUnsealedOrWithAnotherKey) {
   EXPECT_EQ(other.sessions->session_count(), 0u);
 }
 
-// sec-6-2, sec-6-3: whoever claims that the session is unknown, the client asks its server.
+// sec-6-2, sec-6-3: if a frame claims that the session is unknown, the client asks its server.
 TEST(SealedSessions, AForgedRefusalLosesNothing) {
   Server server;
   Client client(server.identity.key.public_key);
@@ -206,7 +206,7 @@ TEST(SealedSessions, AForgedRefusalLosesNothing) {
   EXPECT_EQ(client.sealed.counters().dropped_for(DropReason::kUnsealed), 5u);
 }
 
-// sec-6-3: the server itself says so, under its key.
+// sec-6-3: the server itself says under its key that the session is unknown.
 TEST(SealedSessions, ARestartedServerIsFoundByItsRefusal) {
   Server server;
   Client client(server.identity.key.public_key);
@@ -332,7 +332,7 @@ TEST(SealedSessions, HalfOpenSessionsReplaceNothingAndEnd) {
   EXPECT_TRUE(server.sessions->is_known(session));
 }
 
-// sec-6-1: a quarter of the table.
+// sec-6-1: half-open sessions take at most a quarter of the table.
 TEST(SealedSessions, HalfOpenSessionsLeaveMostOfTheTableToOthers) {
   Server server;
   std::vector<std::unique_ptr<Client>> clients;
@@ -381,7 +381,7 @@ TEST(SealedSessions, CallsThatWereHeldBackLongerThanTheirCallersWaitDoNotRun) {
     for (const Duration held : {1ms, 5ms, 10ms, 50ms, 500ms, 2'000ms, 9'000ms}) {
       for (const Duration budget : {1ms, 10ms, 100ms, 3'000ms}) {
         now += 10s;
-        // A fast one, so that 200 ppm of the pause between the two do not matter.
+        // This call is fast, so that 200 ppm of the pause between the two calls do not matter.
         EXPECT_TRUE(runs_after(0ns, 10ms, client, server, now));
         now += 2ms;
         const bool is_late = held > budget + 1ms;

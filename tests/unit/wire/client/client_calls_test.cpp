@@ -221,7 +221,7 @@ TEST_F(ClientCalls, EndWithARefusalAsWithAReply) {
   EXPECT_TRUE(channel_.is_ready());
 }
 
-// hp-4.4-4: another lane of the server says so; the session is valid.
+// hp-4.4-4: another lane of the server refuses the call; the session is valid.
 TEST_F(ClientCalls, ThatReachedAnotherLaneLoseNoSession) {
   const Bytes call = begin_call(at(0s));
   const ChannelEvent event = channel_.on_frame(refuse_frame(call, Status::kWrongBand), at(1ms));

@@ -309,7 +309,7 @@ TEST_F(ClientStreams, PutLargeItemsTogetherAndGrantTheirBytesMeanwhile) {
   EXPECT_EQ(copy_of(*item), large);
 }
 
-// hp-5.10-10: the limit that its HELLO states.
+// hp-5.10-10: the client's HELLO states the limit.
 TEST_F(ClientStreams, DropItemsAboveTheirLimit) {
   begin(4);
   const auto frames = item_frames(answer_header(call_, FrameKind::kItem), Bytes(3001), 1024);
@@ -494,7 +494,7 @@ TEST_F(ClientStreams, TellEachGapOnce) {
   EXPECT_TRUE(channel_.next_frame(at(3ms)).empty()) << "item 3 is on its way again";
 }
 
-// hp-5.9-3: items of a call that is open, but not a stream.
+// hp-5.9-3: the items belong to a call that is open, but not a stream.
 TEST_F(ClientStreams, AreNotMadeOfAnOrdinaryCall) {
   call_ = begin_call(at(0s));
   EXPECT_EQ(item(0, at(1ms)).kind, Kind::kNothing);
@@ -566,7 +566,7 @@ TEST_F(ClientStreamsOnAStream, StateNoLimitWhereTheConnectionTells) {
   EXPECT_EQ(header_of(call_).budget_us, kBudgetUnlimited);
 }
 
-// hp-5.10-9: more than at first, as soon as the server has the call.
+// hp-5.10-9: the client grants more bytes as soon as the server has the call.
 TEST_F(ClientStreamsOnAStream, GrantTheBytesThatTheyTake) {
   CallParameters wanted = parameters(at(1h));
   set_reply_buffer(wanted, 4);

@@ -86,7 +86,7 @@ TEST(OutgoingMessage, SendsOneWindowAndAsksHowFarItGot) {
 
   FragmentAck ack;
   ack.first_missing = 10;
-  ack.later[0] = 1U << 4U;  // 15 has arrived, 10 to 14 have not.
+  ack.later[0] = 1U << 4U;  // Fragment 15 has arrived, 10 to 14 have not.
   outgoing.on_ack(ack);
   std::vector<int> indices;
   for (ConstBytes sent; !(sent = outgoing.next(frame, 1, at(0s))).empty();) {

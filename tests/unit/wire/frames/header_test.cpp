@@ -14,7 +14,7 @@ namespace {
 
 using namespace test;
 
-/// The reason for which `frame` is dropped; nothing if it is accepted.
+/// The reason for which `frame` is dropped; nullopt if it is accepted.
 std::optional<DropReason> reason_for(ConstBytes frame) {
   const auto header = decode_frame(frame);
   if (header) return std::nullopt;
@@ -68,8 +68,8 @@ TEST(Header, TakesTheEndsOfEachRange) {
   EXPECT_EQ(reason_for(bytes), DropReason::kBadLength) << "but the header alone is no frame";
 }
 
-/// One way to break a frame, and the resulting drop reason. In the order in which the fields must
-/// be checked (hp-2-1).
+/// One way to break a frame, and the resulting drop reason. The faults are in the order in which
+/// the fields must be checked (hp-2-1).
 struct Break {
   const char* what;
   DropReason reason;
@@ -123,7 +123,7 @@ TEST(Header, IsDroppedForTheFieldThatIsBroken) {
   }
 }
 
-/// The drop reason of a frame of `kind` with these flags and this item; nothing if it is accepted.
+/// The drop reason of a frame of `kind` with these flags and this item; nullopt if it is accepted.
 std::optional<DropReason> reason_for(FrameKind kind, std::uint16_t flags, std::uint32_t item) {
   Header header;
   header.kind = kind;

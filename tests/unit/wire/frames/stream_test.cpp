@@ -130,7 +130,7 @@ TEST(OutgoingStream, HasAtMost32ItemsOnTheirWayWhereTheyMayGetLost) {
   EXPECT_EQ(source.push_all(), 32);
   source.stream.on_credit(credit(10, 0), 1000, false);
   EXPECT_EQ(source.push_all(), 10);
-  // All items but one have arrived; that one is kept, and so are those behind it.
+  // All items but one have arrived; the sender keeps that item and the items behind it.
   source.stream.on_credit(credit(10, ~std::uint64_t{0}), 1000, false);
   EXPECT_EQ(source.push_all(), 0);
   Source over_a_connection(1000, false);
@@ -147,7 +147,7 @@ TEST(OutgoingStream, RepeatsWhatIsMissingBeforeAnItemThatIsThere) {
   }();
   while (!source.push().empty()) {
   }
-  // 0, 2 and 4 have arrived, 1 and 3 are missing; 5 to 7 are unknown.
+  // Items 0, 2 and 4 have arrived, 1 and 3 are missing, and 5 to 7 are unknown.
   source.stream.on_credit(credit(1, 0b101), 8, false);
   Bytes again = copy_of(source.stream.next());
   Bytes expected = second;

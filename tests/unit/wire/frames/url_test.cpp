@@ -108,7 +108,7 @@ TEST(Path, IsTheMoreSimilarTheMoreItsEndsAgree) {
   EXPECT_EQ(similarity("", "lab"), 0u);
 }
 
-// Each of the 256 bytes alone: the alphabet is exactly the spec's (hp-10).
+// Tests each of the 256 bytes alone: the alphabet is exactly the spec's (hp-10).
 TEST(Path, HasTheSpecsAlphabet) {
   const std::string alphabet = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
   for (int c = 0; c < 256; ++c) {

@@ -76,7 +76,7 @@ TEST_F(DeferredOnAStream, EndAsLateAsTheyLikeInAnyOrder) {
   EXPECT_EQ(payload_of(answer(server_, first, "first", at(2ms))), bytes_of("first"));
 }
 
-// Its reply has no recipient, least of all the client that has the session's slot now.
+// An orphan's reply has no recipient, least of all the client that has the session's slot now.
 TEST_F(Deferred, AreOrphansOnceTheirSessionIsClosed) {
   const Request request = run(1);
   server_.set_tag(request, 3);

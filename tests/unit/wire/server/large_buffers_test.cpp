@@ -140,7 +140,7 @@ TEST_F(LargeBuffers, GoFromTheMessageThatWasSilentLongest) {
   EXPECT_EQ(header_of(fragment(silent, 2, 0, at(10s)).frame).kind, FrameKind::kRefuse);
 }
 
-// hp-5.6-10: the same for replies that their callers do not fetch.
+// hp-5.6-10: replies that their callers do not fetch do not keep others out, either.
 TEST_F(LargeBuffers, AreTakenFromRepliesThatNobodyFetches) {
   serve(2);
   const Peer silent = peer_of(1);

@@ -337,7 +337,7 @@ TEST_F(ServerCalls, WithoutTimeLeftAreNotRun) {
 }
 
 /// The deadline of a call with a budget of 100 µs that is sent at `sent` on the client's clock and
-/// received at `received`; nothing if it has expired.
+/// received at `received`; nullopt if it has expired.
 std::optional<MonotonicTime> deadline_of(std::uint64_t client_clock, std::uint64_t server_clock,
                                          MonotonicTime sent, MonotonicTime received) {
   ServerSessionsConfig config = server_config();

@@ -323,8 +323,7 @@ PeerAddress host(std::uint64_t number) {
   return {.high = 0, .low = 0x0a00'0000 + number, .port = 4711};
 }
 
-/// As many peers with sessions as the server accepts, each on its own host, opened one second
-/// apart.
+/// Opens `count` peers' sessions one second apart, each on its own host; `server` accepts no more.
 std::vector<Peer> fill(ServerSessions& server, std::uint32_t count) {
   std::vector<Peer> peers(count);
   for (std::uint32_t i = 0; i < count; ++i) {

@@ -426,7 +426,7 @@ TEST_F(ServerStreams, CutLargeItemsAndSendNoMoreThanTheirBytes) {
   EXPECT_EQ(server_.counters().item_count, 1u);
 }
 
-// hp-5.10-9: the bytes that a call itself grants.
+// hp-5.10-9: a call itself grants bytes.
 TEST_F(ServerStreamsOnAStream, SendOneLargeFrameBeforeTheirFirstCredit) {
   const Bytes large(200'000);
   const Request request = begin(1, 8);

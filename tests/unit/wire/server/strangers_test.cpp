@@ -51,7 +51,7 @@ class Strangers : public testing::Test {
   ServerSessions server_{server_config()};
 };
 
-// hp-4.4-5: calls of unknown sessions cost the lane only a look at them, even in a flood.
+// hp-4.4-5: calls of unknown sessions cost the lane only a check, even in a flood.
 TEST_F(Strangers, AreAnsweredOnlySoOften) {
   for (std::uint32_t i = 0; i < kStrangerAnswerBurst; ++i) {
     const Verdict verdict = call({.low = 1, .port = i}, at(0s));
