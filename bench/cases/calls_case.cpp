@@ -75,7 +75,7 @@ expected<void, std::string> measure_paced(const Settings& settings, const DuelCo
   // The floor spins where RTPM predicts the caller's period, too.
   const bool is_spun = config.wait.strategy == rt::WaitStrategy::kSpin ||
                        config.wait.strategy == rt::WaitStrategy::kPeriodic;
-  // A server that was stopped learns a caller's period anew in each turn.
+  // A server that was stopped has to estimate a caller's period anew in each turn.
   Run run(settings,
           {.sample_count = 10'000,
            .warm_up_count = 5,
@@ -94,7 +94,7 @@ expected<void, std::string> measure_paced(const Settings& settings, const DuelCo
   return {};
 }
 
-/// Returns the floors to compare a carrier with: its own raw floor (nothing means the same
+/// Returns the floors to compare a carrier with: its own raw floor (nullopt means the same
 /// carrier), and for shared memory also two raw sockets, as a program without RTPM would use for
 /// two priorities.
 std::vector<std::optional<Carrier>> floors_beside(const Settings& settings, Carrier carrier) {

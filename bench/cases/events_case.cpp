@@ -149,7 +149,7 @@ expected<void, std::string> measure_crowd(const Settings& settings, EventSetting
   head["slow"] = kSlow;
   const Json found = run.result(head);
   Json result = Json::object();
-  // Run calls it the floor: the same hub while all consumers are well.
+  // In a Run, the same hub with only healthy consumers counts as the floor.
   for (const auto& [key, value] : found.items()) {
     std::string name = key;
     if (key.starts_with("floor_")) name = "well_" + key.substr(6);

@@ -89,7 +89,7 @@ struct Peer {
   /// library can't connect otherwise.
   bool connects_at_high_priority = false;
 
-  /// The broker between supplier and consumers: a program, or like serve(). Null both: no broker.
+  /// The broker between supplier and consumers: a program, or like serve(). Both null if unused.
   BrokerProgram (*broker_program)(const PeerLane& lane) = nullptr;
   Outcome (*serve_events)(const PeerLane& lane, const Announce& announce) = nullptr;
   /// `address`: the broker's. It may have two words: the supplier's address and the consumers'.
@@ -114,7 +114,7 @@ inline constexpr int kEventQueueMax = 1024;
 [[nodiscard]] std::uint16_t free_port();
 /// Replaces this program, which has no other thread yet, by the broker. `report` is called in
 /// a process of its own, as soon as the broker serves or ten seconds passed.
-/// @return only if it fails
+/// @return an error; does not return if it succeeds
 [[nodiscard]] Outcome become_broker(BrokerProgram broker, const rt::ThreadConfig& config,
                                     void (*report)(const Outcome&));
 

@@ -29,10 +29,10 @@ struct DuelConfig {
   std::optional<Carrier> floor_carrier{};   ///< The raw floor's carrier, if different.
   rt::WaitConfig wait{};                    ///< The wait of the measured callers and of their lane.
   std::size_t payload_size = kPayloadSize;  ///< The payload of the measured calls.
-  int low_caller_count = 0;  ///< Above 0: both servers have a second lane, for low priorities.
-  std::string host = "127.0.0.1";            ///< The servers' address; numeric.
-  Job enter_server_host{};                   ///< Runs first in a server's process, if not empty.
-  std::uint32_t session_count_max = 256;     ///< Sessions of RTPM's server, per lane.
+  int low_caller_count = 0;                 ///< If above 0, both servers have a second lane.
+  std::string host = "127.0.0.1";           ///< The servers' address; numeric.
+  Job enter_server_host{};                  ///< Runs first in a server's process, if not empty.
+  std::uint32_t session_count_max = 256;    ///< Sessions of RTPM's server, per lane.
   std::shared_ptr<const SealedKeys> keys{};  ///< Seal the sessions; null for plain ones.
   /// A caller of low priority sends HELLOs to RTPM's server instead of calls, and as many frames to
   /// the floor's second thread.

@@ -39,7 +39,7 @@ struct PeerEntry {
 /// report lacks those that were asked for by name.
 void say_missing_peers(const Settings& settings, Report& report);
 
-/// The path of a peer's program, which is built beside rtpm-bench; nothing if it is not there.
+/// The path of a peer's program, which is built beside rtpm-bench; nullopt if it is not there.
 /// @realtime set-up only
 [[nodiscard]] std::optional<std::string> find_program(const PeerEntry& peer);
 

@@ -57,7 +57,7 @@ class RelaySide final : public EventSide {
     is_stopping_ = true;
     threads_.clear();
   }
-  /// `relay`: nothing if there is none.
+  /// `relay` is nullopt if there is none.
   [[nodiscard]] expected<void, std::string> begin(const EventSetting& setting,
                                                   const std::optional<sockaddr_in>& relay,
                                                   EventBoard& board) {

@@ -79,7 +79,7 @@ class HubSide final : public EventSide {
     return {};
   }
 
-  /// `board`: null if no arrival is recorded.
+  /// `board` is null if no arrival is recorded.
   [[nodiscard]] expected<void, std::string> add_consumers(const EventSetting& setting,
                                                           const std::string& hub, int count,
                                                           std::uint32_t capacity,

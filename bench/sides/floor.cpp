@@ -47,12 +47,12 @@ class Frames {
   Frames(Carrier carrier, RawSocket socket, const rt::WaitConfig& wait, Duration give_up)
       : carrier_(carrier), socket_(std::move(socket)), strategy_(wait.strategy) {
     if (strategy_ == rt::WaitStrategy::kAdaptive) spin_ = wait.spin;
-    // No raw side predicts its callers; spinning is as quick.
+    // A raw side does not predict its callers; spinning is as quick.
     if (strategy_ == rt::WaitStrategy::kPeriodic) strategy_ = rt::WaitStrategy::kSpin;
     if (strategy_ == rt::WaitStrategy::kSpin) spin_ = give_up;
   }
 
-  /// Sends one datagram per part, or a stream at once. `to`: null if the socket is connected.
+  /// Sends one datagram per part, or a stream at once. `to` is null if the socket is connected.
   bool send(const FloorFrame& frame, const sockaddr_in* to) const noexcept {
     const std::size_t part_max =
         carrier_ == Carrier::kUdp ? wire::kDatagramFrameSizeMax : frame.size();

@@ -55,7 +55,7 @@ class RawSocket {
   void set_patience(timeval patience) const noexcept {
     ::setsockopt(handle_, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
   }
-  /// `to`: null if the socket is connected.
+  /// `to` is null if the socket is connected.
   bool send(ConstBytes bytes, const sockaddr_in* to = nullptr) const noexcept {
     return ::sendto(handle_, bytes.data(), bytes.size(), MSG_NOSIGNAL,
                     reinterpret_cast<const sockaddr*>(to), to == nullptr ? 0 : sizeof *to) >= 0;

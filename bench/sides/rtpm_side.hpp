@@ -66,8 +66,8 @@ class NumberedCaller {
  public:
   virtual ~NumberedCaller() = default;
 
-  /// Sends 48 bytes that begin with `number` and waits until they come back; kBadReply: different
-  /// bytes came.   RT: alloc-free.
+  /// Sends 48 bytes that begin with `number` and waits until they come back; kBadReply if
+  /// different bytes came.   RT: alloc-free.
   [[nodiscard]] virtual expected<void, rpc::CallError> call(std::uint64_t number,
                                                             Duration deadline) noexcept = 0;
   /// Asks for the server's record so far.

@@ -13,7 +13,7 @@ namespace rtpm::bench {
 /// @threads  any
 class SealedKeys {
  public:
-  /// @param host  the server's, numeric
+  /// @param host  the server's address, numeric
   /// @realtime set-up only
   [[nodiscard]] static expected<std::shared_ptr<const SealedKeys>, std::string> make(
       const std::string& host);

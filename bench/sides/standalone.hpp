@@ -17,7 +17,7 @@ namespace rtpm::bench {
 
 /// The kind of server.
 enum class Standalone : std::uint8_t { kRtpm, kFloor };
-/// Parses "rtpm" or "floor"; nothing for any other text.
+/// Parses "rtpm" or "floor"; nullopt for any other text.
 [[nodiscard]] std::optional<Standalone> standalone_of(std::string_view text) noexcept;
 
 /// Serves in this process as `rtpm-bench serve WHO` asks, with the first of the settings' carriers

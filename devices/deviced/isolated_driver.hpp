@@ -29,7 +29,7 @@ struct IsolatedDriver {
                                                                   const char* const* argv);
 
 /// Runs the driver that the arguments name, until the process that started this one ends it.
-/// Returns nothing if the arguments are other ones.
+/// Returns nullopt if the arguments are not such a command.
 /// @return the exit code
 [[nodiscard]] std::optional<int> serve_isolated(int argc, const char* const* argv);
 

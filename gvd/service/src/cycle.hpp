@@ -198,22 +198,22 @@ class DeviceCycle {
   HeldCommand held_{};
   HeldCommand rendered_{};  ///< The held command with the models' forces.
   FlightRecord flight_{};   ///< The command of this cycle; publish() adds the rest.
-  std::array<double, driver::kJointCountMax> efforts_{};  ///< Last followed, limited.
+  std::array<double, driver::kJointCountMax> efforts_{};  ///< The efforts last followed, limited.
   std::uint64_t last_holder_ = Lease::kNobody;
   std::uint64_t shown_holder_ = Lease::kNobody;  ///< The holder shown to the observer.
   LeaseState shown_end_ = LeaseState::kUnknown;
   SuccessRate success_{};
   DeviceCounters counters_{};
   MonotonicTime opened_at_{};
-  std::uint32_t bad_cycle_count_ = 0;  ///< In a row,
-  MonotonicTime bad_since_{};          ///< the first of them.
+  std::uint32_t bad_cycle_count_ = 0;  ///< Bad cycles in a row, and
+  MonotonicTime bad_since_{};          ///< the time of the first one.
   BadCycle lost_by_ = BadCycle::kNone;
   std::string_view not_finite_field_{};  ///< In the last sample that was kNotFinite.
-  std::optional<Transition> wanted_{};   ///< A task of the next maintain().
+  std::optional<Transition> wanted_{};   ///< The next maintain() carries it out.
   std::uint64_t reported_idle_count_ = 0;
   std::uint64_t reported_taken_over_count_ = 0;
   bool is_to_close_ = false;
-  bool is_rearmed_ = false;  ///< Since the last maintain().
+  bool is_rearmed_ = false;  ///< Rearmed since the last maintain().
   MonotonicTime retry_at_{};
 };
 

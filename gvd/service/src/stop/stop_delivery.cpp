@@ -41,7 +41,7 @@ struct StopDelivery::Impl {
   struct Owed {
     StopScope scope{};
     std::map<StopTarget, StopResult> missing{};
-    std::set<StopTarget> stopped{};  ///< These are not stopped again: they may be rearmed by now.
+    std::set<StopTarget> stopped{};  ///< Not stopped again: they may be rearmed by now.
     bool has_new_server = false;     ///< A server came after the request, and was stopped.
   };
 

@@ -104,7 +104,7 @@ class SonyPad final : public Profile {
   Bus bus_ = Bus::kUsb;
   bool has_report_ = false;
   std::uint32_t counter_ = 0;  ///< The counter of the last report.
-  std::uint32_t ticks_ = 0;    ///< Its time on the device's clock.
+  std::uint32_t ticks_ = 0;    ///< The time of that report on the device's clock.
   std::uint8_t output_sequence_ = 0;
 };
 

@@ -16,7 +16,7 @@ namespace rtpm::device_serial {
 
 /// Configures a driver of a board.
 struct SerialConfig {
-  OpenTransport open;        ///< The port.
+  OpenTransport open;        ///< Opens the port.
   PortSettings port{};       ///< Holds until the parameters select another port.
   BoardDescription board{};  ///< The expected board. With a serial number: that board only.
   std::string serial{};      ///< The descriptor's serial number; not empty.

@@ -142,8 +142,8 @@ class Session {
   MonotonicTime stepped_at_{};
   Duration silence_{};  ///< Time for which it received nothing.
   bool has_accepted_ = false;
-  bool is_closed_ = false;  ///< The port.
-  bool is_gone_ = false;    ///< The board.
+  bool is_closed_ = false;  ///< The port is closed.
+  bool is_gone_ = false;    ///< The board is gone.
 };
 
 }  // namespace rtpm::device_serial

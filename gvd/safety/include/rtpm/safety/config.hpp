@@ -43,7 +43,7 @@ struct SafetyConfig {
   double velocity_m_per_s_max = 0;  ///< Faster, the force is off until recover(); 0 for no limit.
   driver::Workspace workspace{};    ///< Where the soft wall begins; no wall on an empty axis.
   double wall_newton_per_m = 0;     ///< Stiffness of the wall; 0 without a wall.
-  double wall_newton_s_per_m = 0;   ///< Its damping.
+  double wall_newton_s_per_m = 0;   ///< Damping of the wall.
   double force_newton_continuous = 0;  ///< Force that the motors endure for ever; 0 for no limit.
   Duration heat_time = std::chrono::seconds{30};  ///< How long they endure force_newton_max.
 
