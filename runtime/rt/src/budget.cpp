@@ -63,7 +63,7 @@ std::string_view group_folder(std::array<char, 512>& folder) noexcept {
   return {};
 }
 
-// Nothing: no control group rations real-time work.
+// Nothing if no control group rations real-time work.
 std::optional<RealtimeLimit> limit_of_group() noexcept {
   std::array<char, 512> folder{};
   const std::string_view group = group_folder(folder);

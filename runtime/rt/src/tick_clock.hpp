@@ -69,7 +69,7 @@ class TickClock {
   }
 
   std::uint64_t anchor_ticks_ = 0;
-  std::uint64_t window_ticks_ = 0;  ///< 0: each call reads the clock.
+  std::uint64_t window_ticks_ = 0;  ///< 0 if each call reads the clock.
   std::int64_t anchor_ns_ = 0;
   std::uint64_t rate_q32_ = 0;  ///< Nanoseconds for 2^32 ticks.
   std::int64_t last_ns_ = INT64_MIN;

@@ -193,7 +193,7 @@ bool OpenCalls::send_item_frame(Lead& lead, PendingCall& call, std::uint32_t num
                                std::min<std::size_t>(item.size(), call.item_frame_size_max) +
                                wire::kSealedTrailerSize;
   if (slot != nullptr && !slot->stream->has_spare_capacity(size_max)) {
-    // hp-16.4-2: a reader that is slow is no reason to end the connection.
+    // hp-16.4-2: a slow reader is not a reason to end the connection.
     constexpr Duration kRetryInterval = std::chrono::milliseconds{1};
     call.is_blocked = true;
     if (retry_time_ == kNever) {

@@ -70,7 +70,7 @@ class OpenCalls {
   LaneReport& report_;
   Doorbell& doorbell_;
   LaneTap& tap_;
-  transport::WaitLock* lock_ = nullptr;  ///< Null: the lane has one thread.
+  transport::WaitLock* lock_ = nullptr;  ///< Null if the lane has one thread.
   /// Streams with items for which a turn had no time left, the one that waits longest first. Sized
   /// once.
   std::vector<PendingCall*> backlog_;

@@ -28,7 +28,7 @@ struct PendingCall {
   // Under the Lead.
   wire::Request request{};
   bool is_taken = false;
-  wire::ServerSessions* sessions = nullptr;  ///< Null: a call of the same program, of `local`.
+  wire::ServerSessions* sessions = nullptr;  ///< Null if `local` has the call.
   LocalChannel* local = nullptr;
   std::uint32_t item_size_max = 0;        ///< 0 if it is not a stream.
   std::uint32_t item_frame_size_max = 0;  ///< The largest item of a single frame.

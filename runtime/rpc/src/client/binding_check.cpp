@@ -11,7 +11,7 @@
 namespace rtpm::rpc {
 namespace {
 
-// The first method of ours that the server lacks, or has otherwise; null if all agree. A method
+// The first method that the server lacks or has in another form; null if all agree. A method
 // that an incomplete list leaves out is not held against the server: a call will tell.
 const MethodDescriptor* first_difference(const InterfaceDescriptor& ours,
                                          const wire::BindReply& reply,
@@ -39,8 +39,8 @@ std::string words_of(const MethodDescriptor& method) {
          ") is missing or differs there";
 }
 
-// The obstacle to a server that differs in `method`: nothing if its text and ours agree. Another
-// server than the one of the bind is no obstacle: it will be asked when it is called.
+// The obstacle to a server that differs in `method`: nothing if both texts agree. Another server
+// than the one of the bind is not an obstacle: it will be asked when it is called.
 std::string obstacle(const InterfaceDescriptor& ours, const MethodDescriptor& method,
                      const CallOutcome& described) {
   const bool is_there =

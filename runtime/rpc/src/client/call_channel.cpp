@@ -512,7 +512,7 @@ void CallChannel::take(ConstBytes frame, MonotonicTime now) noexcept {
     }
     set_event([&] { return wire_.on_frame(frame, now); });
   }
-  // Frames that are none of ours may come without end; the deadline counts all the same.
+  // Foreign frames may come without end; the deadline applies all the same.
   if (event_.kind == wire::ChannelEvent::Kind::kNothing) {
     set_event([&] { return wire_.on_time(now); });
   }

@@ -15,7 +15,7 @@ namespace rtpm::rpc {
 /// @realtime alloc-free, but for take() where none is free, and try_end()
 class Endpoint {
  public:
-  /// The most bands: as many as a server of ours has lanes at most.
+  /// The most bands: an RTPM server has no more lanes.
   static constexpr std::size_t kBandCountMax = 64;
 
   Endpoint(ServerAddress address, const NodeConfig& config, NodeKeys& keys,

@@ -18,7 +18,7 @@ namespace {
 
 using transport::IoError;
 
-/// A handshake for new keys that came to nothing is tried again after this.
+/// A failed handshake for new keys is tried again after this.
 constexpr Duration kRenewalInterval = std::chrono::seconds{1};
 /// How long a call may have to wait for new keys,
 constexpr Duration kRenewalPatience = std::chrono::milliseconds{100};

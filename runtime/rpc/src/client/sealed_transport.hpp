@@ -58,8 +58,8 @@ class SealedTransport final : public transport::ClientTransport {
   /// @realtime set-up work, once a day: two round trips and more, 100 ms at most
   [[nodiscard]] bool renew() noexcept;
 
-  /// Why no session came about, as far as anything was heard; nobody vouches for it. Empty: no
-  /// more is known than the channel knows.
+  /// Why there is no session, as far as the peer said; that is not authenticated. Empty if no more
+  /// is known than the channel knows.
   /// @realtime set-up only
   [[nodiscard]] SetupError explain() const;
 

@@ -15,7 +15,7 @@ namespace rtpm::rpc {
 
 /// A connection of a lane, or room for one.
 struct Slot {
-  std::unique_ptr<transport::Connection> stream;  ///< Null: free.
+  std::unique_ptr<transport::Connection> stream;  ///< Null if free.
   /// Its `port` has the slot's index in the low bits, so that the slot is found at once, and the
   /// generation above.
   wire::PeerAddress peer{};
@@ -55,7 +55,7 @@ class Connections {
     return tag == kGateSource || (slot != nullptr && slot->is_memory);
   }
 
-  /// False: the system refuses; the connection is still the caller's.   Needs a free slot.
+  /// False if the system refuses; then the caller keeps the connection. Needs a free slot.
   [[nodiscard]] bool add(std::unique_ptr<transport::Connection>& stream,
                          MonotonicTime now) noexcept;
   [[nodiscard]] std::unique_ptr<transport::Connection> remove(Slot& slot) noexcept;

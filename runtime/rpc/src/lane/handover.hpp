@@ -19,7 +19,7 @@ class Handover {
   Handover(transport::WaitSet& lane, transport::WaitSet& acceptor) noexcept
       : lane_(lane), acceptor_(acceptor) {}
 
-  /// False: too many wait already; the connection is still the caller's.
+  /// False if too many wait already; then the caller keeps the connection.
   [[nodiscard]] bool offer(std::unique_ptr<transport::Connection>& stream) noexcept {
     if (!arriving_.push(stream)) return false;
     lane_.ring();

@@ -12,7 +12,7 @@ namespace rtpm::rpc {
 /// A handshake's work on its way.
 struct HandshakeWork {
   sealed::HandshakeJob* job = nullptr;
-  bool is_stream = false;  ///< Whether it is of the lane's streams, else of its datagrams.
+  bool is_stream = false;  ///< Whether it is of the lane's streams or of its datagrams.
 };
 
 /// Handshakes on their way from a lane to the gatekeeper, and back.

@@ -58,7 +58,7 @@ class Idling {
   /// The sleep that `slept` asked for ended at `now`; with work on_work() follows.
   void on_woken(const Next& slept, MonotonicTime now, bool has_work) noexcept {
     if (has_work) return;
-    // A sleep that ended with nothing is no reason to poll anew.
+    // A sleep that ended with nothing is not a reason to poll anew.
     if (!slept.is_prediction) polling_end_ = MonotonicTime::min();
     if (slept.is_prediction && now >= slept.until) predictor_.on_woken(slept.until, now);
   }

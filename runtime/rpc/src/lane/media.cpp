@@ -30,7 +30,7 @@ void leave_space_for_seals(const LaneSetup& setup, wire::ServerSessionsConfig& c
   config.frame_payload_max = static_cast<std::uint32_t>(wire::sealed_payload_max(config.medium));
 }
 
-// Each medium has a secret of its own, so that a session number of one is none of another's.
+// Each medium has a secret of its own, so that a session number of one is not valid in another.
 wire::ServerSessionsConfig datagram_config(const LaneSetup& setup) noexcept {
   wire::ServerSessionsConfig config = setup.sessions;
   config.medium = wire::Medium::kDatagram;
@@ -130,8 +130,8 @@ void Media::admit(Lead& lead, std::unique_ptr<transport::Connection> stream) noe
   ++report_.counters(lead).connection_count;
 }
 
-// Whether the host may have one more connection, for which the one that was silent longest may have
-// to go: of its own, once it has its share. Half of the slots are for memory.
+// Whether the host may have one more connection. It may replace the one that was silent longest, of
+// the same host once that host has its share. Half of the slots are for memory.
 bool Media::make_room_for(Lead& lead, const transport::Connection& stream,
                           MonotonicTime now) noexcept {
   const wire::PeerAddress host = stream.host();
@@ -156,8 +156,8 @@ bool Media::make_room_for(Lead& lead, const transport::Connection& stream,
   return longest != nullptr;
 }
 
-// Over TCP the first frame came with the connection, so that its client can be told; else it sees
-// that the connection ends.
+// Over TCP the first frame came with the connection, so that its client can be told. Otherwise
+// the client sees that the connection ends.
 void Media::turn_away(Lead& lead, std::unique_ptr<transport::Connection> stream,
                       MonotonicTime now) noexcept {
   if (const auto frame = stream->receive()) {

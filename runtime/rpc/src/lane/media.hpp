@@ -29,7 +29,7 @@ class Media {
   Media(const LaneSetup& setup, std::vector<transport::UdpPort> ports, transport::WaitSet& wait_set,
         LaneReport& report);
 
-  /// False: the system gave no memory for large messages or streams.
+  /// False if the system gave no memory for large messages or streams.
   [[nodiscard]] bool has_memory() const noexcept { return has_memory_; }
 
   [[nodiscard]] Handover& handover() noexcept { return handover_; }
@@ -77,7 +77,7 @@ class Media {
     for (Medium* medium : {&datagrams_, &streams_, &memory_})
       visit(medium->sessions);
   }
-  /// Null: no session is sealed, as the server asks nobody.
+  /// Null if no session is sealed, as the server asks nobody.
   [[nodiscard]] Seals* seals() noexcept { return seals_.get(); }
   /// Takes a received frame, which may be anything, and may be opened in place.
   [[nodiscard]] wire::Verdict on_datagram(MutableBytes frame, const wire::PeerAddress& peer,
@@ -107,7 +107,7 @@ class Media {
     return &sessions == &datagrams_.sessions ? nullptr : connections_.of_peer(peer);
   }
   /// Sends a frame that answers the one at hand, and what `sessions` has behind it.
-  /// @return false: the peer does not take its frames; retire it
+  /// @return false if the peer does not take its frames: retire it
   [[nodiscard]] bool send(Lead&, wire::ServerSessions& sessions, Slot& slot,
                           ConstBytes frame) noexcept;
   /// Sends one frame of a session to its connection, sealed if the session is.

@@ -13,7 +13,7 @@
 namespace rtpm::rpc {
 
 /// A lane's counts, and the slot of the lane table in which others read them.
-/// @threads  the leader's, but for what takes no Lead: any
+/// @threads  the leader; functions without a Lead: any
 /// @realtime alloc-free
 class LaneReport {
  public:

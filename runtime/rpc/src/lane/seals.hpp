@@ -31,7 +31,7 @@ class Seals {
   Seals(const LaneSetup& setup, wire::ServerSessions& datagrams, wire::ServerSessions& streams,
         transport::WaitSet& wait_set);
 
-  /// False: the system gave no memory for keys.
+  /// False if the system gave no memory for keys.
   [[nodiscard]] bool has_memory() const noexcept { return datagrams_.server && streams_.server; }
   [[nodiscard]] HandshakeExchange& exchange() noexcept { return exchange_; }
   [[nodiscard]] sealed::SealedServer& datagrams() noexcept { return *datagrams_.server; }
@@ -51,7 +51,7 @@ class Seals {
   void begin_turn(MonotonicTime now) noexcept;
   /// Steps of handshakes that the gatekeeper worked on, and sessions that the grants do not allow
   /// any more, some in each turn.
-  /// @return nothing: no more in this turn. Valid until the next call
+  /// @return nothing if there is no more in this turn. Valid until the next call
   [[nodiscard]] std::optional<Event> next_event(Connections& connections,
                                                 MonotonicTime now) noexcept;
   /// Whether a handshake went on, or a session ended, since this was last asked.

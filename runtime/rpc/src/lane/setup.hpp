@@ -42,7 +42,7 @@ struct LaneSetup {
   transport::WaitSet* acceptor_bell = nullptr;
   RefusalNotes* refusals = nullptr;       ///< Written by the same thread.
   LaneSlot* slot = nullptr;               ///< Where others see what it does.
-  const AccessControl* access = nullptr;  ///< Null: the server asks nobody.
+  const AccessControl* access = nullptr;  ///< Null if the server asks nobody.
   // With `access`:
   AuditLog* audit = nullptr;
   const sealed::ServerIdentity* identity = nullptr;

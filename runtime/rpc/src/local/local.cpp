@@ -22,7 +22,7 @@ constexpr int kLooksPerGlance = 32;
 struct Directory {
   rt::PiMutex mutex;
   std::map<std::uint64_t, std::weak_ptr<LocalDoor>> doors;
-  /// Channels of nodes that are gone while a lane still runs a call of theirs.
+  /// Channels of nodes that are gone while a lane still runs one of their calls.
   std::vector<std::unique_ptr<LocalChannel>> orphans;
 };
 

@@ -39,7 +39,7 @@ struct LocalCallParameters {
 /// The memory of one local call at a time. Its caller has it, then the lane, then the caller again;
 /// if the caller gives up meanwhile, the lane has it until it is done. That of a oneway is the
 /// lane's from the beginning.
-/// @threads  try_take() any; what is the lane's, the lane's; the rest by the one that took it
+/// @threads  try_take() any; the lane's part the lane's; the rest the thread that took it
 /// @realtime alloc-free but for construction; at most one syscall a side, to wake or to wait
 class LocalChannel {
  public:
@@ -112,8 +112,7 @@ class LocalChannel {
 };
 
 /// Where local calls enter a lane. It may outlive the lane.
-/// @threads  submit(), take_place() and open_places() any; the rest, but for is_closed(), the
-///           lane's
+/// @threads  submit(), take_place(), open_places() and is_closed() any; the rest the lane's
 /// @realtime alloc-free but for open_places()
 class LocalGate {
  public:

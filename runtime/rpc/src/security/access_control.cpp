@@ -57,7 +57,7 @@ bool AccessControl::reload_if_changed() {
   return true;
 }
 
-// Those of the last generations, and of the next one.
+// The narrowed rights of the last generations, and of the next one.
 std::vector<AccessControl::Narrowed> AccessControl::narrowed_with(
     const access::Grants& after) const {
   const std::uint32_t next = generation() + 1;

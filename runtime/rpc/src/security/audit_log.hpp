@@ -51,7 +51,7 @@ struct AuditNote {
   CallOrigin origin{};
   MonotonicTime time{};
   Priority priority{};
-  std::optional<wire::Status> result{};  ///< Nothing: the method answers later.
+  std::optional<wire::Status> result{};  ///< Nothing if the method answers later.
   std::uint32_t suppressed_count = 0;    ///< Notes like it since the last one.
   std::string_view method{};             ///< Has static life.
 

@@ -13,7 +13,7 @@ namespace rtpm::rpc {
 /// A caller, and the address that it calls from.
 struct CallOrigin {
   access::Subject subject{};
-  std::optional<access::NetworkAddress> address{};  ///< Nothing: from this host, proved.
+  std::optional<access::NetworkAddress> address{};  ///< Nothing if provably this host.
 };
 
 /// The address of a peer, without its port.
@@ -26,7 +26,7 @@ struct CallOrigin {
   return address;
 }
 
-/// A peer over a network: with a key in a sealed session, else nobody in particular.
+/// A peer over a network: with a key in a sealed session, otherwise anonymous.
 /// @param client  null: the session is not sealed
 /// @realtime alloc-free
 [[nodiscard]] inline CallOrigin origin_at(const seal::PublicKey* client,

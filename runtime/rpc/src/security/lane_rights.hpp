@@ -36,7 +36,7 @@ class LaneRights {
   /// Makes the tables, once all objects are there; false without memory.
   /// @realtime set-up only
   [[nodiscard]] bool prepare();
-  /// False: everybody may do everything, and nothing else here is to be called.
+  /// False if everybody may do everything: then call no other function of this class.
   [[nodiscard]] bool is_asked() const noexcept { return control_ != nullptr; }
   [[nodiscard]] const AccessControl* control() const noexcept { return control_; }
 

@@ -52,8 +52,8 @@ class NodeKeys {
  public:
   explicit NodeKeys(const NodeSecurity& files) : files_(files) {}
 
-  /// The keys that this server may have, by the host as its URL has it, else by its address; then
-  /// the node's own key is there, too. Empty: the server is not known.
+  /// The keys that this server may have, by the host in its URL, or by its address; then the node's
+  /// own key is there, too. Empty if the server is not known.
   /// @errors   known_servers can't be trusted: then no other host is called over a network; the own
   ///           key is not there or can't be trusted, and the server is known
   [[nodiscard]] expected<std::vector<access::KnownServer>, SetupError> keys_of(

@@ -120,7 +120,7 @@ void Acceptor::run() noexcept {
     }
     const std::size_t count = wait_set_->wait(until, ready);
     const auto events = std::span(ready).first(count);
-    // First those that have spoken: what is taken in afterwards may get a place of theirs.
+    // First connections that have sent a frame: newer ones may get their places afterwards.
     for (const transport::SourceTag tag : events) {
       if (tag.kind() == kNewcomer) place(newcomers_[tag.index()]);
     }
@@ -146,8 +146,8 @@ void Acceptor::take_in(transport::Descriptor socket, bool is_memory) noexcept {
   newcomer = {std::move(socket), is_memory, rt::now() + kFirstFramePatience, host};
 }
 
-// hp-4-8: a place for one more. Where all are taken, the oldest newcomer of the host that has most
-// goes: so a host that opens connections and says nothing keeps out only its own.
+// hp-4-8: a place for one more. If all are taken, the oldest newcomer of the host that has most
+// goes: so a host that opens connections and sends nothing keeps out only itself.
 Acceptor::Newcomer& Acceptor::free_place(bool is_memory) noexcept {
   const auto places =
       std::span(newcomers_).subspan(is_memory ? kNewcomerCountMax : 0, kNewcomerCountMax);

@@ -14,7 +14,7 @@
 namespace rtpm::rpc {
 namespace {
 
-// A server has 64 lanes at most; a table that claims to be larger is none of ours.
+// A server has 64 lanes at most; a table that claims more is not RTPM's.
 constexpr std::size_t kTableSizeMax = std::size_t{1} << 20;
 
 static_assert(std::is_trivially_copyable_v<LaneSample>);

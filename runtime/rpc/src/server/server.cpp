@@ -117,7 +117,7 @@ expected<void, SetupError> check_limits(const ServerConfig& config) {
 }
 
 // The CPUs that no lane takes for itself: a thread that got stuck behind one that spins at
-// SCHED_FIFO would wait until the system moves it, which can take seconds. Empty: any.
+// SCHED_FIFO would wait until the system moves it, which can take seconds. Empty for any CPU.
 std::vector<int> cpus_left_by(const std::vector<LaneConfig>& lanes) {
   std::vector<int> cpus = rt::usable_cpus();
   for (const LaneConfig& lane : lanes) {
@@ -172,7 +172,7 @@ class ServerImpl final : public Server {
   wire::Url url_{};  ///< Without a path.
   ObjectTable objects_;
   std::shared_ptr<ServerTap> tap_ = std::make_shared<ServerTap>(objects_);
-  std::shared_ptr<AccessControl> access_;  ///< Null: the server asks nobody.
+  std::shared_ptr<AccessControl> access_;  ///< Null if the server asks nobody.
   // With access_:
   std::unique_ptr<AuditLog> audit_;
   std::unique_ptr<SecretIdentity> identity_;

@@ -32,8 +32,8 @@ struct TapFilter {
 
 /// Notes that a call which goes on after its method was tapped, and when.
 struct TapMark {
-  std::uint64_t number = 0;      ///< 0: it was not.
-  std::uint64_t generation = 0;  ///< The tap's: it may have been off since.
+  std::uint64_t number = 0;      ///< 0 if it was not tapped.
+  std::uint64_t generation = 0;  ///< The tap's generation: it may have been off since.
 };
 
 /// The parts of a call that are recorded.
@@ -43,7 +43,7 @@ struct TapDraft {
   wire::Status status;
   ConstBytes request_payload;
   ConstBytes reply_payload;
-  std::uint64_t number;  ///< 0: the next.
+  std::uint64_t number;  ///< 0 for the next one.
   MonotonicTime finished;
 };
 
@@ -111,7 +111,7 @@ class LaneTap {
  private:
   struct alignas(64) Writer {
     std::atomic<bool> is_busy{false};
-    std::atomic<TapTrack*> track{nullptr};  ///< Null: the tap is off.
+    std::atomic<TapTrack*> track{nullptr};  ///< Null if the tap is off.
   };
   template <class Use>
   void with_track(Use use) noexcept;

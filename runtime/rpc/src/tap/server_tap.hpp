@@ -40,7 +40,7 @@ class ServerTap final : public CallTap {
 
   /// Guards lanes_ and objects_ against close(), which comes from another thread.
   mutable rt::PiMutex mutex_;
-  const ObjectTable* objects_;     ///< Null: the server has stopped.
+  const ObjectTable* objects_;     ///< Null once the server has stopped.
   std::vector<LaneTap*> lanes_{};  ///< Empty then.
   std::atomic<bool> is_on_{false};
   std::uint64_t generation_ = 0;

@@ -20,7 +20,7 @@ namespace rtpm::rpc {
 
 class PooledExecution;
 
-/// One thread of a pool, or room for one. Under the pool's lock but for what says otherwise.
+/// One thread of a pool, or a slot for one. Guarded by the pool's lock unless stated otherwise.
 struct Worker {
   rt::Semaphore wake;  ///< Without the lock.
   bool is_dynamic = false;

@@ -34,7 +34,7 @@ inline constexpr std::size_t kDescriptorCountMax = 2;
                                 std::span<const int> descriptors) noexcept;
 
 struct ReceivedMessage {
-  std::size_t size = 0;  ///< 0: none, or the end.
+  std::size_t size = 0;  ///< 0 if there is none, or at the end.
   std::array<Descriptor, kDescriptorCountMax> descriptors;
   bool lacks_descriptors = false;  ///< Some were lost: this process had none left.
 };

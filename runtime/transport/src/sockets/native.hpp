@@ -15,7 +15,7 @@ bool set_option(int socket, int level, int option, const T& value) noexcept {
   return setsockopt(socket, level, option, &value, sizeof value) == 0;
 }
 
-/// Goes beyond the system's limit if the process has the right; else the limit applies.
+/// Goes beyond the system's limit if the process has the right; otherwise the limit applies.
 inline void enlarge_receive_buffer(int socket, int size) noexcept {
   if (!set_option(socket, SOL_SOCKET, SO_RCVBUFFORCE, size)) {
     set_option(socket, SOL_SOCKET, SO_RCVBUF, size);

@@ -42,7 +42,7 @@ void look_up(Lookup& lookup) noexcept {
   lookup.done.post();
 }
 
-// Begins a lookup on a detached thread. Null: too many are under way, or no thread is left.
+// Begins a lookup on a detached thread. Null if too many are under way or no thread is left.
 std::shared_ptr<Lookup> begin_lookup(const std::string& host) {
   if (lookup_count.fetch_add(1) >= kLookupCountMax) {
     lookup_count.fetch_sub(1);

@@ -141,7 +141,7 @@ bool PolledWaitSet::register_source(const Source& source) noexcept {
   return epoll_ctl(epoll_.number(), EPOLL_CTL_ADD, source.descriptor, &event) == 0;
 }
 
-// False: the system refuses one, and all stay out.
+// False if the system refuses one: then all stay out.
 bool PolledWaitSet::enter_epoll() noexcept {
   for (const Source& source : sources_) {
     if (register_source(source)) continue;

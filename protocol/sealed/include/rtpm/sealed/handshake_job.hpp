@@ -30,8 +30,8 @@ class HandshakeJob {
   void run() noexcept;
   /// The address of the handshake's client.
   [[nodiscard]] const wire::PeerAddress& peer() const noexcept { return peer_; }
-  /// After a run() that wrote message 2 of a new session: its line for a key log. Nothing: there is
-  /// no such session.
+  /// After a run() that wrote message 2 of a new session: its line for a key log. Nothing if
+  /// there is no such session.
   /// @realtime set-up only: allocates
   [[nodiscard]] std::optional<std::string> key_log_line() const;
 

@@ -20,7 +20,7 @@ namespace rtpm::access {
 /// "rtpm25519 BASE64", the form of a public key in files and on command lines.
 /// @realtime set-up only
 [[nodiscard]] std::string public_key_text(const seal::PublicKey& key);
-/// The reverse; text behind the key, such as its comment, is ignored. Nothing: no key.
+/// Parses such a text; ignores what follows the key, such as its comment. Nothing if it has no key.
 [[nodiscard]] std::optional<seal::PublicKey> parse_public_key(std::string_view text);
 
 }  // namespace rtpm::access

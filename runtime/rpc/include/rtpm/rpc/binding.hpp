@@ -27,10 +27,10 @@ namespace rtpm::rpc {
 struct CallOptions {
   /// The call's priority. By default the calling thread's current_priority(), or the object's.
   std::optional<Priority> priority{};
-  /// How long the caller waits, from now on. Default: the method's deadline, else the node's;
+  /// How long the caller waits, from now on. By default the method's deadline, or the node's;
   /// within a method never longer than that method's own caller waits.
   std::optional<Duration> deadline{};
-  /// Passed on to the servant to trace one action across programs; in a method, 0: its caller's.
+  /// Passed on to the servant to trace one action across programs. In a method, 0 is its caller's.
   std::uint64_t trace_id = 0;
   /// The pipeline whose sessions a begin_x() shares. Other calls ignore it.
   Pipeline* pipeline = nullptr;
@@ -62,7 +62,7 @@ struct BindOptions {
   /// How long bind() may take, the registry's answer included.
   Duration deadline = std::chrono::seconds{1};
   /// The priorities that calls will have: a channel of each band is opened now, so that the first
-  /// call is as fast as the thousandth. Empty: all, up to the server's ceiling.
+  /// call is as fast as the thousandth. Empty for all, up to the server's ceiling.
   std::vector<Priority> warm_up{};
   /// The binding shares its channels with no other binding of the node.
   /// @source   RT-CORBA's private connections
@@ -112,7 +112,7 @@ struct FollowStatus {
   std::uint64_t resolve_count = 0;  ///< How often the name was looked up since the bind,
   std::uint64_t move_count = 0;     ///< and how often it led to another URL, where calls go since.
   /// Why calls can't go where the name leads: it is not bound, its server does not answer or has
-  /// another interface. Empty: they can, as far as is known.
+  /// another interface. Empty if they can, as far as is known.
   std::string trouble{};
 };
 
@@ -213,9 +213,9 @@ class Binding {
                                                             const StreamOptions& options = {});
 
   /// Makes an empty call to the server itself, which shows that the path works in both directions
-  /// at the call's priority, and estimates the offset of the server's clock from ours, from this
-  /// call and earlier ones on the same channel. If none of them gives an estimate, the uncertainty
-  /// is Duration::max().
+  /// at the call's priority, and estimates the offset of the server's clock from this host's by
+  /// this call and earlier ones on the same channel. If none of them gives an estimate, the
+  /// uncertainty is Duration::max().
   /// @realtime as call()
   /// @errors   as call()
   /// @source   spec/hprotocol.md#hp-6.2

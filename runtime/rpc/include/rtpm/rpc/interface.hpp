@@ -12,9 +12,9 @@ namespace rtpm::rpc {
 
 /// The side that decides at which priority an object's methods run.
 enum class PriorityModel : std::uint8_t {
-  kClientPropagated,  ///< The caller: its priority travels with the call. Without one: `priority`.
-  kServerDeclared,    ///< The object: always `priority`, whatever the caller's is.
-  kNone,              ///< None: methods run at the lane's own priority. For servers of one lane.
+  kClientPropagated,  ///< The caller's, which the call carries; `priority` if it has none.
+  kServerDeclared,    ///< The object's `priority`, whatever the caller's is.
+  kNone,              ///< The lane's own priority. For servers of one lane.
 };
 
 /// Gives a call another priority than the one it carries: that at which its method runs

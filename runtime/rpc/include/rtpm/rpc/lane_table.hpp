@@ -79,7 +79,7 @@ struct LaneReading {
   std::string schedule{};        ///< "fifo".
   std::uint32_t busy_count = 0;  ///< Threads that run methods.
   MonotonicTime busy_since{};    ///< When the longest running call was received; or the epoch.
-  /// None: nothing was served yet.
+  /// Nothing before the first call.
   std::optional<LaneSample> sample{};
 };
 
@@ -94,7 +94,7 @@ class LaneTable {
 
   [[nodiscard]] int process_id() const noexcept { return view_.process_id(); }
   [[nodiscard]] bool is_alive() const noexcept { return view_.is_alive(); }
-  /// False: this program does not know its version, or it is not whole.
+  /// False if this program does not know its version, or if it is not complete.
   [[nodiscard]] bool is_known() const noexcept { return slot_count_ > 0; }
   [[nodiscard]] std::uint32_t version() const noexcept { return version_; }
   [[nodiscard]] const std::string& server_name() const noexcept { return server_name_; }

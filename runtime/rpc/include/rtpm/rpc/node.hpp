@@ -52,7 +52,7 @@ struct NodeConfig {
   rt::WaitConfig wait{};                                ///< How a caller waits for its reply.
   Duration default_deadline = std::chrono::seconds{1};  ///< Applies if method and call state none.
   Transport transport = Transport::kAuto;               ///< Applies if a binding states none.
-  PriorityTransform outbound_priority = nullptr;  ///< None: calls go out at their own priority.
+  PriorityTransform outbound_priority = nullptr;  ///< Null if calls go out at their own priority.
   /// Runs calls to servers of the same program without a transport, unless one is asked for.
   bool collocates = true;
   std::uint32_t channel_count_max = 64;  ///< Call channels per server and band: calls at a time.

@@ -18,11 +18,11 @@ namespace rtpm::rpc {
 class Caller;
 
 /// The host that a call came from: over UDP the address that the session's cookie confirmed, over
-/// TCP the connection's, else 127.0.0.1, as for a caller that called from the address that it
-/// called. The addresses of a /64 of IPv6 are one host. Good for quotas, not for rights: several
+/// TCP the connection's; 127.0.0.1 otherwise, and for a caller that called from the address that
+/// it called. The addresses of a /64 of IPv6 are one host. Good for quotas, not for rights: several
 /// hosts may share an address (NAT), and an attacker that can change the traffic can forge it.
 struct CallerHost {
-  /// An IPv4 address, 127.0.0.1 being 0x7f000001, or else the first 64 bits of an IPv6 address; 0:
+  /// An IPv4 address, 127.0.0.1 being 0x7f000001, or the first 64 bits of an IPv6 address; 0 if
   /// not known, as in tests.
   std::uint64_t number = 0;
   [[nodiscard]] constexpr bool is_this_host() const noexcept { return number >> 24 == 127; }
@@ -43,7 +43,7 @@ struct CallContext {
   std::uint64_t trace_id = 0;    ///< Given by the caller, 0 if none.
   Deferral* deferral = nullptr;  ///< Lets a method answer later, or with a stream; null in tests.
   CallerHost caller{};           ///< Where the call came from.
-  const Caller* identity = nullptr;  ///< Null: the server does not ask for identities.
+  const Caller* identity = nullptr;  ///< Null if the server does not ask for identities.
 };
 
 /// How a dispatch ended; made by generated code.

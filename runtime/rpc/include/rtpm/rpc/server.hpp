@@ -92,14 +92,14 @@ struct ServerConfig {
   std::string host = "127.0.0.1";
   std::uint16_t port = 0;  ///< The port of UDP and TCP; 0 lets the system choose.
   /// The addresses or host names that url() gives in place of the served ones, separated by ',':
-  /// for a server in a container or behind NAT. Empty: the served ones, without loopback addresses
-  /// if there are others.
+  /// for a server in a container or behind NAT. If empty, it gives the served ones, but loopback
+  /// addresses only if there are no others.
   std::string advertise{};
-  std::vector<LaneConfig> lanes{};  ///< Empty: one lane for all priorities.
+  std::vector<LaneConfig> lanes{};  ///< Empty for one lane with all priorities.
   /// Lets a lane whose threads all run calls borrow a resting thread of a lower lane, for one call
   /// at that call's priority.
   bool borrows = false;
-  PriorityTransform inbound_priority = nullptr;  ///< None: methods run at their calls' priority.
+  PriorityTransform inbound_priority = nullptr;  ///< Null if methods run at their calls' priority.
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
   Priority ceiling = Priority::kHighest;  ///< The highest priority that sessions are granted.
   /// Sessions, and connections, per lane and transport. One host, or process in shared memory, has
@@ -131,8 +131,8 @@ struct ServerConfig {
   std::uint32_t local_oneway_count_max = 512;
   /// Serves callers of the same user on this host through shared memory, too.
   bool shared_memory = true;
-  /// The folder of the socket for it, which containers can share that share nothing else. Empty: an
-  /// abstract name, which leaves no file and reaches as far as the network namespace.
+  /// The folder of the socket for shared memory, which containers can share. If empty, the socket
+  /// has an abstract name, which leaves no file and reaches as far as the network namespace.
   std::string shared_memory_folder{};
   ServerSecurity security{};
 };

@@ -23,7 +23,7 @@ struct TappedObject {
 
 /// The calls that are tapped, and how much of them.
 struct TapConfig {
-  std::vector<TappedObject> objects{};  ///< Empty: all.
+  std::vector<TappedObject> objects{};  ///< Empty for all.
   /// Never tapped: the object that sends the calls on would otherwise record itself.
   std::string excluded_path{};
   bool has_payloads = true;

@@ -14,7 +14,7 @@ namespace rtpm::rt {
 struct RealtimeLimit {
   Duration runtime{0};
   Duration period{0};
-  /// False: nothing stops them.
+  /// False if nothing stops them.
   [[nodiscard]] bool is_limited() const noexcept { return period > runtime; }
 };
 

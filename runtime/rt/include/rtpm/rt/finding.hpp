@@ -32,7 +32,7 @@ struct Finding {
   std::string text{};    ///< The fact.
   std::string cost{};    ///< Its cost, with a magnitude; may be empty.
   std::string remedy{};  ///< Lines for a shell, or a clause; empty if none is needed.
-  /// Settings that are safe to apply and to revert; they last until a reboot. Empty: none.
+  /// Settings that are safe to apply and to revert; they last until a reboot. May be empty.
   std::vector<Setting> fixes{};
   std::string lasting{};  ///< A line for a shell that makes `fixes` survive a reboot.
 

@@ -78,7 +78,7 @@ class ArrivalPredictor {
 
  private:
   struct Caller {
-    std::uint64_t number = 0;  ///< 0: none.
+    std::uint64_t number = 0;  ///< 0 if there is none.
     MonotonicTime heard{};
     PeriodEstimator estimator;
   };

@@ -8,7 +8,7 @@ namespace rtpm::rt {
 
 /// Memory for keys: locked, so that it is never swapped out; left out of core dumps; zeros in the
 /// child of a fork; wiped at its end. If the system refuses to lock it, the setup report shows
-/// that; all else still holds.
+/// that; everything else still holds.
 /// @ownership unmaps at its end
 /// @threads   as any memory. Set-up only
 class SecretMemory {

@@ -47,7 +47,7 @@ class Connection {
   /// @realtime at most one system call
   virtual void on_ready() noexcept {}
   /// From now until end_sleep() a poll reports frames.
-  /// @return false: there is a frame already
+  /// @return false if there is a frame already
   [[nodiscard]] virtual bool announce_sleep() noexcept { return !has_buffered(); }
   virtual void end_sleep() noexcept {}
 };

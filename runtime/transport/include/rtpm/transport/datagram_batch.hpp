@@ -28,7 +28,7 @@ class DatagramBatch {
   [[nodiscard]] static DatagramBatch allocate() noexcept;
 
   /// Appends a copy of `frame`.
-  /// @return false: it does not fit behind the earlier frames, or, if the batch is empty, into any
+  /// @return false if it does not fit behind the earlier frames, or fits no batch at all
   [[nodiscard]] bool add(ConstBytes frame) noexcept;
   void clear() noexcept { size_ = frame_size_ = 0; }
 

@@ -20,8 +20,8 @@ struct NetworkInterface {
   std::string address{};  ///< "192.168.7.2".
 };
 
-/// The interfaces with this name or address that are up, pass multicast and are no loopback; "any":
-/// all of them.
+/// The interfaces with this name or address that are up, pass multicast and are not loopback;
+/// "any" for all of them.
 /// @realtime set-up only
 /// @errors   there is no such interface; the text lists the existing ones
 [[nodiscard]] expected<std::vector<NetworkInterface>, SetupError> multicast_interfaces(

@@ -29,7 +29,7 @@ class MulticastSender {
   /// @realtime set-up only
   /// @errors   no such group, no such interface, no descriptor left
   [[nodiscard]] static expected<MulticastSender, SetupError> open(const MulticastGroup& group);
-  /// @return false: the socket's buffer is full or the network is gone; the datagram is lost
+  /// @return false if the socket's buffer is full or the network is gone; the datagram is lost then
   /// @realtime alloc-free, one system call
   [[nodiscard]] bool send(ConstBytes datagram) noexcept;
 

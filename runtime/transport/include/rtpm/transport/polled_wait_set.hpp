@@ -71,7 +71,7 @@ class PolledWaitSet : public WaitSet {
   std::vector<Source> sources_;
   std::size_t edge_count_ = 0;
   std::size_t next_few_ = 0;  ///< The entry of a ppoll that is reported first.
-  bool is_in_epoll_ = false;  ///< All sources; else none.
+  bool is_in_epoll_ = false;  ///< Either all sources are, or none is.
   bool is_blocked_ = false;   ///< A wait that freed its lock is under way.
   bool was_rung_ = false;
   std::uint64_t heard_count_ = 0;

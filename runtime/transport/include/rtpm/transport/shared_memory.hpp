@@ -113,7 +113,7 @@ class SharedMemoryListener {
   SharedMemoryListener(Descriptor socket, std::string file) noexcept;
   Descriptor socket_;
   Descriptor spare_;  ///< Closed for a moment when no other descriptor is left.
-  std::string file_;  ///< Empty: an abstract name.
+  std::string file_;  ///< Empty for an abstract name.
 };
 
 /// A client that has its rings.

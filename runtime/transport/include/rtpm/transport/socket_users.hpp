@@ -11,7 +11,7 @@
 namespace rtpm::transport {
 
 /// The users, each once, with a socket of this host that takes datagrams or connections to the
-/// address: at the address itself, or at all addresses. nullopt: the system does not show them.
+/// address: at the address itself, or at all addresses. nullopt if the system hides them.
 /// @realtime set-up only
 [[nodiscard]] std::optional<std::vector<std::uint32_t>> users_at(const SocketAddress& address);
 

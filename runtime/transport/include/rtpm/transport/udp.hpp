@@ -48,14 +48,14 @@ class UdpPort {
   void note(const Datagrams& datagrams, MonotonicTime received) noexcept;
 
   /// Waits for datagrams, for kBlockTime at most, and receives them into `buffer`. The next
-  /// receive() returns them from there, whatever its own buffer is. False: none came, or wake()
-  /// ended the wait.
+  /// receive() returns them from there, whatever its own buffer is. False if none came, or if
+  /// wake() ended the wait.
   [[nodiscard]] bool await(MutableBytes buffer) noexcept;
   /// Whether await() received a datagram that receive() has not returned yet.
   [[nodiscard]] bool has_received() const noexcept { return awaited_.has_value(); }
   /// Ends the await() of another thread, or the next one, by a datagram to this port. If it is
   /// lost, as by a packet filter, await() ends in its time.
-  /// @return false: the system did not take the datagram
+  /// @return false if the system did not take the datagram
   /// @threads  any
   bool wake() noexcept;
   /// The number of datagrams of wake() that have arrived.

@@ -80,7 +80,7 @@ class WaitSet {
   /// Reports `descriptor` as `tag` from now on, also in a wait that is under way with a lock.
   /// @param descriptor  stays open until remove()
   /// @param tag         of any kind but kDoorbell
-  /// @return false: the set is full, has the descriptor, or the system refuses
+  /// @return false if the set is full, has the descriptor, or the system refuses
   [[nodiscard]] virtual bool add(int descriptor, SourceTag tag, Trigger trigger) noexcept = 0;
   /// Waits that begin later do not report the descriptor, and hold no reference to it. A wait under
   /// way may still report its tag.
