@@ -414,7 +414,7 @@ Wire wire_of(std::uint64_t seed) {
   return seed % 8 < 2 ? Wire::kSealed : Wire::kAttacked;
 }
 
-/// Like above, with sealed sessions: no datagram that is dropped, held back, repeated, changed or
+/// The sealed conversations: no datagram that is dropped, held back, repeated, changed or
 /// forged on the path makes a call run twice, or a caller get a false outcome. RTPM_SEALED_SEEDS
 /// sets the number of seeds.
 class SealedCalls : public testing::TestWithParam<std::uint64_t> {

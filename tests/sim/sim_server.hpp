@@ -28,7 +28,7 @@ struct ServerProfile {
   std::size_t queue_max = 64;              ///< Datagrams in the socket's buffer.
   std::size_t large_count = 3;             ///< Buffers for large messages; 0 if it takes none.
   std::size_t stream_count = 4;            ///< Streams at a time.
-  std::uint32_t item_count_max = 100;      ///< Per stream.
+  std::uint32_t item_count_max = 100;      ///< Items per stream.
   std::uint64_t large_item_per_mille = 0;  ///< Items that take fragments.
   Sealing* sealing = nullptr;              ///< Null if its sessions are not sealed.
   /// How far the clock of the client at a port is ahead; nullopt if it reads the server's clock.

@@ -92,7 +92,7 @@ class Node {
   [[nodiscard]] bool is_open() const { return handle_ >= 0; }
   [[nodiscard]] int handle() const { return handle_; }
 
-  /// The next report; nothing if none comes, or the device is gone.
+  /// The next report; empty if none comes, or the device is gone.
   [[nodiscard]] std::optional<Report> read() const {
     pollfd entry{.fd = handle_, .events = POLLIN, .revents = 0};
     const auto patience = std::chrono::duration_cast<std::chrono::milliseconds>(kPatience);

@@ -197,7 +197,7 @@ TEST(Call, PromisesNothingForAStatusThatNobodyKnows) {
   EXPECT_EQ(error_for(static_cast<wire::Status>(0xffff)), CallError::kBadReply);
 }
 
-// hp-4.5-2: an open call may have run, even if the server goes on in the same life.
+// hp-4.5-2: an open call may have run, even if the server goes on without a restart.
 TEST(Call, IsNotRepeatedAfterTheServerClosedItsSession) {
   std::atomic<int> count{0};
   FakeServer server([&](transport::FrameStream& stream, const wire::Header& call) {

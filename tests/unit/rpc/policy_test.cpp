@@ -24,7 +24,7 @@ using namespace test;
 constexpr Priority kPoolPriority = 5'000;
 constexpr Priority kDeclared = 21'000;
 constexpr Priority kCallers = 25'000;
-constexpr Priority kOutside = 500;  ///< In no band.
+constexpr Priority kOutside = 500;  ///< A priority in no band.
 const std::vector<Band> kBands{{1'000, 4'000}, {20'000, 30'000}};
 
 enum class Runs : std::uint8_t { kIllegal, kAtThePools, kAtTheDeclared, kAtTheCallers };

@@ -32,7 +32,7 @@ TEST(Arm, ObeysNewtonsSecondLaw) {
   Arm arm{config};
   for (int ms = 0; ms < 50; ++ms)
     arm.step({0.3, 0, 0}, milliseconds{1});
-  // With hardly any damping: v = F t / m, x = F t² / 2 m.
+  // There is hardly any damping, so v = F t / m and x = F t² / 2 m.
   EXPECT_NEAR(arm.motion().velocity_m_per_s.x(), 0.3 * 0.05 / config.mass_kg, 0.005);
   EXPECT_NEAR(arm.motion().position_m.x(), 0.3 * 0.05 * 0.05 / 2 / config.mass_kg, 0.0002);
   EXPECT_NEAR(arm.time_s(), 0.05, 1e-12);

@@ -31,7 +31,7 @@ class SocketFolderTest : public testing::Test {
   [[nodiscard]] expected<FolderSocket, SetupError> create(std::string name) {
     return FolderSocket::create(folder_, std::move(name));
   }
-  /// Like a program that was killed: its file remains.
+  /// Leaves its file, like a program that was killed.
   void leave_stale(const std::string& name) {
     auto socket = create("living");
     ASSERT_TRUE(socket) << socket.error().text();

@@ -51,7 +51,7 @@ struct MethodText {
 
 struct SchemaText {
   std::string name_space = "lab";
-  std::vector<TypeText> types{};  ///< In the order in which they may use each other.
+  std::vector<TypeText> types{};  ///< A type may use the types before it.
   std::vector<MethodText> methods{};
   std::uint32_t priority = 0;
 

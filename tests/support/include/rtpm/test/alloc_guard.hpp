@@ -27,7 +27,7 @@ inline constexpr const char* kAllocGuardInactive =
 /// cost of a stretch of set-up.
 [[nodiscard]] std::uint64_t thread_allocation_count() noexcept;
 
-/// While this lives, breaches are counted but do not abort: for tests of the guard itself.
+/// While this object exists, breaches are counted but do not abort, for tests of the guard itself.
 class CountBreachesOnly {
  public:
   CountBreachesOnly() noexcept;

@@ -23,7 +23,7 @@ inline constexpr const char* kLockGuardInactive =
 /// Breaches by any thread since the process began.
 [[nodiscard]] std::uint64_t lock_breach_count() noexcept;
 
-/// While this lives, breaches are counted but do not abort: for tests of the guard itself.
+/// While this object exists, breaches are counted but do not abort, for tests of the guard itself.
 class CountLockBreachesOnly {
  public:
   CountLockBreachesOnly() noexcept;

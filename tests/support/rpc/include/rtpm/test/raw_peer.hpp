@@ -78,7 +78,7 @@ class RawPeer {
 
   void send(ConstBytes bytes) { EXPECT_TRUE(client_->send(bytes)); }
 
-  /// The next frame; nothing if none comes until then, or the connection ends.
+  /// The next frame; nullopt if none comes until then, or the connection ends.
   [[nodiscard]] std::optional<Bytes> receive(MonotonicTime until = rt::now() + kPatience) {
     while (true) {
       const auto frame = client_->receive();
