@@ -21,7 +21,7 @@ struct Configuration {
   std::string page{};                    ///< The page's folder; if empty, the installed one.
   std::string recordings{};              ///< The folder of recordings; empty if there is none.
   bool is_read_only = false;
-  std::string token{};        ///< Empty: a random token, or that of `token_file`.
+  std::string token{};        ///< If empty, a random token, or that of `token_file`.
   std::string token_file{};   ///< The file that keeps the token; empty if there is none.
   bool prints_token = false;  ///< Prints it even if standard output is not a terminal.
   std::vector<std::string> host_names{};  ///< Names by which browsers may reach it.

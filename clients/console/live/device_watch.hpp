@@ -21,7 +21,7 @@ namespace rtpm::console {
 struct DeviceProbe {
   std::string name{};
   std::string problem{};               ///< The reason why it was not read; empty if it was.
-  std::shared_ptr<DeviceLink> link{};  ///< Null: the device is not bound.
+  std::shared_ptr<DeviceLink> link{};  ///< Null if the device is not bound.
   std::shared_ptr<const driver::Descriptor> descriptor{};
   std::string url{};
   std::optional<driver::Sample> sample{};

@@ -30,7 +30,7 @@ class OperatorDesk {
   /// Access to the devices.
   struct Devices {
     std::function<std::vector<std::string>()> names{};
-    /// Null: the device does not exist or has not been bound yet.
+    /// Null if the device does not exist or has not been bound yet.
     std::function<std::shared_ptr<DeviceLink>(const std::string&)> link{};
   };
 
@@ -64,7 +64,7 @@ class OperatorDesk {
     Step step{};
     bool needs_lease = false;     ///< The console takes the lease over if it has none.
     bool ends_operation = false;  ///< Other browsers may then operate the device.
-    Effect effect{};              ///< Empty: the step is done once it is answered.
+    Effect effect{};              ///< If empty, the step is done once it is answered.
   };
 
   void add(const char* name, Command command);

@@ -11,7 +11,7 @@ struct OptionFacts {
   std::string name;   ///< "--json", "TARGET".
   std::string value;  ///< "TIME"; empty for a flag or an argument.
   std::string help;
-  std::vector<std::string> choices{};  ///< Empty: any value.
+  std::vector<std::string> choices{};  ///< Any value if empty.
   bool is_positional = false;
   bool is_required = false;
   bool is_list = false;

@@ -43,7 +43,7 @@ Json json_of(const gvd::FlightLog& log) {
 
 struct FlightRecordRequest {
   std::string device{};
-  std::string file{};  ///< Empty: standard output.
+  std::string file{};  ///< Standard output if empty.
 };
 
 int write_file(Context& context, const FlightRecordRequest& request, const gvd::FlightLog& log) {

@@ -18,7 +18,7 @@ constexpr Duration kPrintPeriod = std::chrono::milliseconds{50};
 
 struct EchoRequest : EventRequest {
   std::uint64_t count = 0;  ///< No limit if 0.
-  std::string device{};     ///< Empty: the events of the hub.
+  std::string device{};     ///< If empty, the hub's events.
   double rate_hz = 60;
 };
 

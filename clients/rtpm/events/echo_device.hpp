@@ -13,7 +13,7 @@ struct DeviceEchoRequest {
   std::string device{};
   double rate_hz = 60;
   std::uint64_t count = 0;         ///< No limit if 0.
-  std::optional<Duration> time{};  ///< None: until Ctrl-C.
+  std::optional<Duration> time{};  ///< Until Ctrl-C if unset.
 };
 
 /// Prints the samples of a device as it polls them. @return the exit code

@@ -21,8 +21,8 @@ struct PubRequest {
   std::string type{};
   std::string json{};
   events::SourceId source = 0;
-  double rate_hz = 0;       ///< 0: one event.
-  std::uint64_t count = 0;  ///< Number of events at a rate; 0: until Ctrl-C.
+  double rate_hz = 0;       ///< A single event if 0.
+  std::uint64_t count = 0;  ///< Number of events at a rate; endless if 0.
 };
 
 std::string unknown_type(const events::HubTypes& types, const std::string& name) {

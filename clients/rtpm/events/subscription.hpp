@@ -18,7 +18,7 @@ struct EventRequest {
   std::string hub{events::kHubPath};
   std::string filter = "all";
   std::uint32_t every_nth = 1;
-  std::optional<Duration> time{};  ///< None: until Ctrl-C.
+  std::optional<Duration> time{};  ///< Until Ctrl-C if unset.
 };
 
 /// Adds --hub, --filter, --every and --for.

@@ -43,7 +43,7 @@ struct TopDevice {
 struct TopState {
   std::vector<TopLane> lanes{};
   std::vector<TopDevice> devices{};
-  std::string registry_problem{};  ///< Empty: it answers.
+  std::string registry_problem{};  ///< Empty if it answers.
 };
 
 /// Polls lanes and devices, and computes the rates.

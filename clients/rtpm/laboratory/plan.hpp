@@ -84,7 +84,7 @@ struct ProgramPlan {
 struct Plan {
   std::string name{};
   std::string file{};
-  std::string log_folder{};  ///< Empty: no files.
+  std::string log_folder{};  ///< No files if empty.
   std::optional<std::size_t> registry_program{};
   std::string registry_url{};  ///< Used without a registry program; if empty, the caller's.
   std::vector<ProgramPlan> programs{};  ///< In the order of the file.

@@ -39,7 +39,7 @@ struct ProcessEnd {
 struct ProgramStatus {
   State state = State::kWaiting;
   MonotonicTime since{};  ///< The start of the state.
-  int process = 0;        ///< 0: it does not run.
+  int process = 0;        ///< 0 if it does not run.
   std::size_t restart_count = 0;
   std::string url{};   ///< The URL that it printed.
   std::string note{};  ///< The reason of this state, a clause; may be empty.

@@ -51,7 +51,7 @@ struct ChannelFacts {
   std::string type;  ///< The name of its schema; empty if it has none.
   std::string encoding;
   std::uint64_t count = 0;
-  double rate_hz = 0;  ///< 0: the recording has no length.
+  double rate_hz = 0;  ///< 0 if the recording has no length.
 };
 
 std::vector<ChannelFacts> facts_of(FileReader& reader) {

@@ -36,7 +36,7 @@ class Keys {
 /// A key and its value, decoded as a name.
 struct ReadName {
   KnownName known{};
-  std::optional<names::StoredName> stored{};  ///< nullopt: the value is foreign.
+  std::optional<names::StoredName> stored{};  ///< nullopt if the value is foreign.
 };
 [[nodiscard]] ReadName read_name(const std::string& name, const KeyValue& key_value);
 

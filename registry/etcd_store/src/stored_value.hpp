@@ -17,9 +17,9 @@ namespace rtpm::etcd_store {
 ///      "81985529216486895", "properties": [{"name": "force", "type": "real", "value": 3.5, "unit":
 ///      "newton"}]}
 struct StoredValue {
-  /// Without name and change, which the key has; revision 0: the key's revision is the holder's.
+  /// Lacks name and change, which the key has. With revision 0, the key's revision is the holder's.
   names::StoredName stored{};
-  std::uint64_t write = 0;  ///< Identifies the write, to tell the own write from another's.
+  std::uint64_t write = 0;  ///< Identifies the write, to tell it from writes of other registries.
   /// The host of the registry that wrote it: rt::clock_domain().
   std::uint64_t where = rt::clock_domain();
 };

@@ -23,7 +23,7 @@ namespace rtpm::mqtt {
 
 /// Configures the connection.
 struct BrokerConfig {
-  /// Marks its messages and names the client at the broker; unique. Empty: random.
+  /// Marks its messages and names the client at the broker; unique. Random if empty.
   std::string id{};
   std::string host = "127.0.0.1";
   std::uint16_t port = 1883;

@@ -82,7 +82,7 @@ class FoundWatch final : public NameWatch::Impl {
 
  private:
   struct Watched {
-    std::unique_ptr<NameWatch> watch{};  ///< Null: it could not be started.
+    std::unique_ptr<NameWatch> watch{};  ///< Null if it could not be started.
     bool is_registry = false;
     MonotonicTime tried{};
     MonotonicTime seen{};  ///< When it was last found.

@@ -135,7 +135,7 @@ class Registration::Impl {
   /// A place where the name is bound, or was.
   struct Place {
     Place(rpc::Node& node, const std::string& url) : seat(node, url) {}
-    std::shared_ptr<OwnNames> names{};  ///< Null: the place is a registry. Outlives its client.
+    std::shared_ptr<OwnNames> names{};  ///< Null if the place is a registry. Outlives its client.
     Seat seat;
     std::atomic<bool> is_bound = false;
   };
@@ -337,7 +337,7 @@ class Registration::Impl {
     if (std::exchange(is_to_look_for_duplicates_, false)) warn_of_duplicates();
   }
 
-  /// Empty: it is not bound anywhere.
+  /// Empty if it is not bound anywhere.
   [[nodiscard]] std::string place_in_words() const {
     if (registry_ && registry_->is_bound) return registry_->seat.url();
     if (own_ && own_->is_bound) return own_->seat.url() + ", which this program serves itself";
@@ -358,8 +358,8 @@ class Registration::Impl {
   // Plain: no real-time thread locks it. Guards what follows.
   std::mutex mutex_;
   Offer offer_;
-  std::shared_ptr<Place> registry_{};  ///< Null: there is none. Replaced by the lease thread.
-  std::shared_ptr<Place> own_{};       ///< Null: this program serves no names itself. Likewise.
+  std::shared_ptr<Place> registry_{};  ///< Null if there is none. Replaced by the lease thread.
+  std::shared_ptr<Place> own_{};       ///< Null if this program serves no names. Replaced likewise.
   std::condition_variable ending_;
   bool is_ending_ = false;
   rt::Thread thread_;

@@ -66,7 +66,7 @@ struct Refusal {
 struct Plan {
   /// Revisions that are not assigned yet, its own or the holder's, equal Store::next_revision().
   Record next{};
-  std::shared_ptr<const Record> former{};  ///< Null: the name is not bound.
+  std::shared_ptr<const Record> former{};  ///< Null if the name is not bound.
   bool is_renewal = false;                 ///< Only the end of the lease changes.
   bool is_durable = false;
   [[nodiscard]] bool keeps_holder() const noexcept { return former && former->owner == next.owner; }

@@ -81,7 +81,7 @@ struct MetadataIndex : RecordIndex {
 };
 
 struct Footer {
-  std::uint64_t summary_begin = 0;  ///< 0: no summary.
+  std::uint64_t summary_begin = 0;  ///< 0 if there is no summary.
   std::uint64_t summary_offsets_begin = 0;
   std::uint32_t summary_crc = 0;  ///< 0 if none.
 };

@@ -44,8 +44,8 @@ class Consumer::Impl final : private ReaderSeat::Member {
     std::shared_ptr<HubClient> client;  ///< Outlives the stream.
     rpc::TableStream<Batch> stream;
     const Batch* first = nullptr;                   ///< The item with the welcome, until processed.
-    std::unique_ptr<BroadcastSession> broadcast{};  ///< Null: events arrive in the stream.
-    std::shared_ptr<CommonReader> reader{};         ///< Null: its own thread reads.
+    std::unique_ptr<BroadcastSession> broadcast{};  ///< Null if events arrive in the stream.
+    std::shared_ptr<CommonReader> reader{};         ///< Null if its own thread reads.
   };
   /// Why open() failed.
   struct Failure : SetupError {

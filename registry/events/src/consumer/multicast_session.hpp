@@ -54,7 +54,7 @@ class MulticastSession final : public BroadcastSession {
   [[nodiscard]] std::optional<Outcome> fill_queue(Asking asking);
 
   std::uint64_t id_;
-  std::optional<transport::MulticastReceiver> receiver_{};  ///< nullopt: reads the feed.
+  std::optional<transport::MulticastReceiver> receiver_{};  ///< nullopt if it reads the feed.
   std::shared_ptr<MulticastFeed> feed_{};
   std::uint64_t position_ = 0;  ///< In the feed.
   std::shared_ptr<HubClient> client_{};

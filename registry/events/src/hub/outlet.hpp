@@ -57,7 +57,7 @@ class Outlet {
     kGone,     ///< The consumer is gone.
   };
 
-  std::uint64_t id = 0;  ///< 0: no subscription.
+  std::uint64_t id = 0;  ///< 0 if there is no subscription.
   std::string name{};
   rpc::TableWriter<Batch> writer{};
   Welcome welcome{};

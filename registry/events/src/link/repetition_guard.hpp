@@ -27,7 +27,7 @@ class RepetitionGuard {
  private:
   static constexpr std::size_t kSetSize = 8;
   struct Row {
-    std::uint32_t tag = 0;  ///< 0: the row is free.
+    std::uint32_t tag = 0;  ///< 0 if the row is free.
     EventType type = 0;
     SourceId source = 0;
     std::uint64_t highest = 0;

@@ -12,7 +12,7 @@ struct Command {
   bool is_check = false;  ///< The verb check: nothing is generated.
   std::vector<std::string> include_paths{};
   std::vector<std::string> languages{};  ///< Names of back ends; none to check.
-  std::string output_folder{};           ///< Empty: standard output, for a single file.
+  std::string output_folder{};           ///< If empty, standard output, for a single file.
   std::string dependency_file{};         ///< Empty if none.
   std::string conform{};                 ///< The older schema; empty if there is none.
   bool is_strict = false;                ///< A need to update servers first is an error.
@@ -34,7 +34,7 @@ struct Answer {
     std::span<const char* const> arguments, const std::string& version);
 
 /// The folder of RTPM's own schemas: beside an installed rtpmc, else in the source tree that it was
-/// built from. Empty: neither exists.
+/// built from. Empty if neither exists.
 [[nodiscard]] std::string idl_folder();
 
 }  // namespace rtpm::schema

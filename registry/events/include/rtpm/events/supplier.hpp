@@ -39,7 +39,7 @@ struct EventDraft {
   std::uint64_t schema_id = 0;
   ConstBytes payload{};
   std::optional<MonotonicTime> origin{};  ///< On this host's clock; nullopt means now.
-  std::optional<std::uint8_t> hops{};     ///< nullopt: SupplierConfig::hops.
+  std::optional<std::uint8_t> hops{};     ///< SupplierConfig::hops if unset.
 };
 
 /// Delivery of a supplier's events to the hub. Sent and failed events both consume a sequence

@@ -47,9 +47,9 @@ struct NameEntry {
 ///      .preference = "max force_newton_max"}
 struct NameQuery {
   std::string_view interface {};  ///< Any if empty.
-  std::string_view predicate{};   ///< Empty: every name.
-  std::string_view preference{};  ///< Empty: alphabetical order.
-  std::uint32_t limit = 0;        ///< 0: as many as a reply takes.
+  std::string_view predicate{};   ///< Every name if empty.
+  std::string_view preference{};  ///< Alphabetical order if empty.
+  std::uint32_t limit = 0;        ///< If 0, as many as a reply takes.
 };
 
 /// The result of find(), preferred names first.

@@ -24,7 +24,7 @@ struct Caller {
   rpc::CallerHost host{};
   std::uint64_t session = 0;              ///< Equal for all requests of one caller.
   Owner owner{};                          ///< The owner that it claims to be; id 0 if none.
-  const rpc::Caller* identity = nullptr;  ///< Null: the registry's server authenticates no callers.
+  const rpc::Caller* identity = nullptr;  ///< Null without authentication of callers.
 };
 
 /// Whether a caller may know of a name: its grants have a role for it, or the server does not

@@ -18,13 +18,13 @@ using RegistryReport = std::function<void(std::string_view sentence)>;
 /// The parts of a registry.
 struct RegistryConfig {
   Limits limits{};
-  RegistryReport report{};  ///< Empty: writes to standard error.
-  /// Null: names are in memory only.
+  RegistryReport report{};  ///< If empty, writes to standard error.
+  /// If null, names are in memory only.
   std::unique_ptr<Storage> storage{};
   /// Instead of `storage`: names that several registries share. Changes wait for it on their own
   /// threads; reads do not wait.
   std::unique_ptr<SharedStorage> shared_storage{};
-  /// Null: GrantPolicy.
+  /// GrantPolicy if null.
   std::unique_ptr<const Policy> policy{};
 };
 

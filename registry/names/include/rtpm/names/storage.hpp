@@ -69,7 +69,7 @@ struct StorageError : SetupError {
 /// One change of one name.
 struct StoredChange {
   std::string_view name{};
-  const StoredName* stored = nullptr;  ///< Null: the name is removed.
+  const StoredName* stored = nullptr;  ///< Null if the name is removed.
   std::uint64_t revision = 0;
   /// The change must survive a power cut once commit() has returned: permanent names. Others
   /// survive the end of the program only.
@@ -106,7 +106,7 @@ class Storage {
 struct SharedChange {
   std::string name{};
   std::uint64_t revision = 0;
-  std::optional<StoredName> stored{};  ///< nullopt: the name was removed.
+  std::optional<StoredName> stored{};  ///< nullopt if the name was removed.
   bool has_lapsed = false;             ///< It was removed without an unbind.
 };
 

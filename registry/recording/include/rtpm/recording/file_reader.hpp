@@ -43,7 +43,7 @@ enum class Incomplete : std::uint8_t { kRefuse, kRead };
 /// The summary at the end of a recording, read without its chunks.
 struct Outline {
   bool is_complete = false;                ///< Whether its writer completed it.
-  std::optional<Statistics> statistics{};  ///< nullopt: it states none.
+  std::optional<Statistics> statistics{};  ///< nullopt if the file states none.
 };
 
 /// Reads the outline of a recording, however large that is.
