@@ -24,7 +24,7 @@ struct FoundService {
   bool is_registry = false;
   std::uint32_t process_id = 0;  ///< On its host; 0 if unknown.
   bool is_of_this_host = false;
-  /// Not announced: it may run, because this is its usual place.
+  /// It was not announced, but may run, because this is the usual place.
   bool is_guess = false;
 };
 

@@ -29,7 +29,7 @@ struct Scope {
   enum class Kind : std::uint8_t {
     kUrl,    ///< Only this registry.
     kHost,   ///< This host.
-    kLan,    ///< This host, and those that answer in a domain of the LAN, by multicast.
+    kLan,    ///< This host, and hosts that answer in a domain of the LAN, by multicast.
     kHosts,  ///< This host and the listed ones.
   };
   Kind kind = Kind::kHost;

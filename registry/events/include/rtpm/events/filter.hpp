@@ -32,7 +32,7 @@ struct Match {
   std::uint32_t type_mask = 0;
   SourceId source = 0;
   std::uint32_t source_mask = 0;
-  /// Only events that at least this many further hubs may forward.
+  /// Accepts only events that at least this many further hubs may forward.
   std::uint8_t hops_min = 0;
   friend bool operator==(const Match&, const Match&) = default;
 };
@@ -41,7 +41,7 @@ struct Match {
 /// subscribing. tests/unit/events/filter/filter_table_test.cpp has a case for each sentence.
 ///
 /// Every node sees every event, so a conjunction's state does not depend on its siblings.
-/// @source   TAO's real-time event service, but for two quirks: a conjunction keeps the newest
+/// @source   TAO's real-time event service, except for two quirks: a conjunction keeps the newest
 ///           event of each child, and no event matches by having the type or source 0
 struct Filter {
   enum class Kind : std::uint8_t {
@@ -58,15 +58,15 @@ struct Filter {
     kListed,     ///< Accepts by a list of types and sources.
   };
   Kind kind = Kind::kNull;
-  /// kMatch: as Match. kWhere: the type that has the field.
+  /// kMatch: see Match. kWhere: the type that has the field.
   EventType type = 0;
   std::uint32_t type_mask = 0;
   SourceId source = 0;
   std::uint32_t source_mask = 0;
-  std::string field{};  ///< kWhere: as FieldDescriptor::name.
+  std::string field{};  ///< The field of a kWhere; see FieldDescriptor::name.
   Comparison comparison = Comparison::kEqual;
   Scalar operand{};
-  /// kCorrelate: maximum skew of origin times, 0: any. Timeouts: the time.
+  /// kCorrelate: maximum skew of origin times, any if 0. Timeouts: the time.
   Duration span{};
   std::uint32_t tag = 0;  ///< Timeouts: the source of their events.
   std::vector<Filter> children{};
@@ -75,15 +75,15 @@ struct Filter {
 
 inline constexpr std::uint32_t kWholeNumber = 0xffff'ffff;  ///< The mask of all bits.
 
-/// Every event.
+/// Accepts every event.
 [[nodiscard]] inline Filter everything() {
   return {};
 }
-/// Events of a type, from any source.
+/// Accepts events of a type, from any source.
 [[nodiscard]] inline Filter of_type(EventType type) {
   return {.kind = Filter::Kind::kMatch, .type = type, .type_mask = kWholeNumber};
 }
-/// Events of a type and source.
+/// Accepts events of a type and source.
 [[nodiscard]] inline Filter of_type(EventType type, SourceId source) {
   return {.kind = Filter::Kind::kMatch,
           .type = type,
@@ -91,7 +91,7 @@ inline constexpr std::uint32_t kWholeNumber = 0xffff'ffff;  ///< The mask of all
           .source = source,
           .source_mask = kWholeNumber};
 }
-/// Events whose type and source equal these in the bits of the masks; mask 0 means any.
+/// Accepts events whose type and source equal these in the bits of the masks; mask 0 means any.
 [[nodiscard]] inline Filter masked(EventType type, std::uint32_t type_mask, SourceId source,
                                    std::uint32_t source_mask) {
   return {.kind = Filter::Kind::kMatch,
@@ -136,7 +136,7 @@ inline constexpr std::uint32_t kWholeNumber = 0xffff'ffff;  ///< The mask of all
           .comparison = comparison,
           .operand = operand};
 }
-/// One timeout, `after` the subscription.
+/// A single timeout, `after` the subscription.
 [[nodiscard]] inline Filter once(Duration after, std::uint32_t tag = 0) {
   return {.kind = Filter::Kind::kOnce, .span = after, .tag = tag};
 }

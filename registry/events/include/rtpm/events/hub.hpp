@@ -38,7 +38,7 @@ struct MulticastConfig {
 struct HubConfig {
   ExchangeLimits limits{};
   Quota quota{};                             ///< Applies to each supplier.
-  std::uint32_t supplier_count_max = 256;    ///< One more replaces the one that was silent longest.
+  std::uint32_t supplier_count_max = 256;    ///< A further one replaces the one silent longest.
   std::optional<Priority> priority{16'384};  ///< Thread "rtpm-hub"; time-shared if unset.
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
   /// Bytes of the ring for consumers on this host: 2^n, at least 64 Ki. With 0 there is
@@ -86,7 +86,7 @@ struct DisconnectCounters {
   std::uint64_t silent_count = 0;
   std::uint64_t queue_full_count = 0;
 };
-inline constexpr std::size_t kDisconnectCountMax = 64;  ///< Kept by a hub.
+inline constexpr std::size_t kDisconnectCountMax = 64;  ///< Disconnects that a hub keeps.
 
 /// A hub of events, served by rtpm-eventd or by any other server. The receiving lane matches an
 /// event at the supplier's priority. The lane of each consumer's priority sends to it; consumers on
@@ -119,7 +119,7 @@ class Hub {
   virtual ~Hub() = default;
 
   [[nodiscard]] virtual rpc::Servant& servant() noexcept = 0;
-  /// Random, new at every start.
+  /// A random number, new at every start.
   [[nodiscard]] virtual std::uint64_t epoch() const noexcept = 0;
 
   /// Takes encoded events from a supplier in this program; Supplier does this by itself.
@@ -132,9 +132,9 @@ class Hub {
   [[nodiscard]] virtual expected<void, SetupError> add_type(const EventDescriptor& descriptor) = 0;
 
   /// Links to the hub at `target`, a URL or a name: subscribes there for the interest of its own
-  /// consumers. One direction; for both, link both hubs. Returns at once: the link connects when
-  /// the other hub is reachable, survives its restarts, and ends with this hub. Neither hub waits
-  /// for the other. `node` must outlive the hub.
+  /// consumers. Links one direction; for both, link both hubs. Returns at once: the link connects
+  /// when the other hub is reachable, survives its restarts, and ends with this hub. Neither hub
+  /// waits for the other. `node` must outlive the hub.
   /// @realtime set-up only
   /// @errors   more than kLinkCountMax links; no thread
   /// @source   spec/events.md#ev-5
@@ -146,7 +146,7 @@ class Hub {
 
   /// Largest payload of an event, bytes.
   [[nodiscard]] virtual std::uint32_t payload_size_max() const noexcept = 0;
-  /// Over all suppliers.
+  /// The counters over all suppliers.
   [[nodiscard]] virtual IntakeCounters intake() const noexcept = 0;
   [[nodiscard]] virtual std::size_t subscription_count() const noexcept = 0;
   /// The most recent disconnects (at most kDisconnectCountMax) with numbers above `after`, newest

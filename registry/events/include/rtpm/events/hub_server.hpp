@@ -24,7 +24,7 @@ struct HubServerConfig {
   HubConfig hub{};
   /// If unset, server_config_for(hub), on a free port of the loopback interface.
   std::optional<rpc::ServerConfig> server{};
-  std::string name{kHubPath};  ///< Its name at the registry; empty to bind none.
+  std::string name{kHubPath};  ///< The hub's name at the registry; if empty, none is bound.
   std::string registry{names::kThisHost};
 };
 

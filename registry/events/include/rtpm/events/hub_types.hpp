@@ -26,7 +26,7 @@ class HubTypes {
   HubTypes& operator=(HubTypes&&) noexcept;
   ~HubTypes();
 
-  /// Ordered by number.
+  /// All types, ordered by number.
   [[nodiscard]] const std::vector<const EventDescriptor*>& list() const noexcept { return list_; }
   /// The descriptor of `type`; nullptr if the hub does not know it.
   [[nodiscard]] const EventDescriptor* find(EventType type) const noexcept;

@@ -9,7 +9,7 @@ namespace rtpm::events {
 /// Capacity of the event store by payload size.
 struct StoreConfig {
   struct SizeClass {
-    std::uint32_t payload_size_max = 0;  ///< Bytes.
+    std::uint32_t payload_size_max = 0;  ///< In bytes.
     std::uint32_t count = 0;
   };
   std::vector<SizeClass> classes{{64, 16'384}, {256, 4'096}, {1'024, 1'024},

@@ -61,12 +61,12 @@ struct LinkStatus {
   std::uint64_t peer_epoch = 0;    ///< Epoch of the other hub; 0 until known.
   std::size_t interest_count = 0;  ///< Types and sources requested from the other hub.
   std::uint64_t taken_count = 0;
-  /// Duplicates: received before over another path, or pushed to this hub.
+  /// Duplicates: events received before over another path, or pushed to this hub.
   /// @source   spec/events.md#ev-5.3
   std::uint64_t repeated_count = 0;
-  /// Over the quota (HubConfig::quota, per link), too large, out of memory, or malformed.
+  /// Events over the quota (HubConfig::quota, per link), too large, out of memory, or malformed.
   std::uint64_t refused_count = 0;
-  Losses losses{};  ///< On the way here, as the other hub reported.
+  Losses losses{};  ///< Losses on the way here, reported by the other hub.
   std::uint64_t interruption_count = 0;
   Duration last_gap{0};  ///< Length of the last interruption, whose events are lost.
 };

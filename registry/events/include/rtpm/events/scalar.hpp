@@ -71,7 +71,7 @@ struct FieldPath {
   static constexpr std::size_t kSlotCountMax = 4;
   std::array<std::uint16_t, kSlotCountMax> slots{};
   std::uint8_t slot_count = 0;
-  std::uint16_t offset = 0;  ///< Bytes.
+  std::uint16_t offset = 0;  ///< In bytes.
   friend bool operator==(const FieldPath&, const FieldPath&) = default;
 };
 

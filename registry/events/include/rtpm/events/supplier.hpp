@@ -46,7 +46,7 @@ struct EventDraft {
 /// number of their type and source, so consumers see lost events as a gap of that size.
 struct SupplierCounters {
   std::uint64_t sent_count = 0;
-  /// Not sent: add(), push() or flush() returned an error.
+  /// Events not sent: add(), push() or flush() returned an error.
   std::uint64_t failed_count = 0;
   /// Sent, but not counted by the hub when last asked (SupplierConfig::attend_interval); over UDP
   /// this includes network losses.
@@ -80,8 +80,8 @@ class Supplier {
   /// Pushes one event, after the batch that add() has gathered. Copies the payload.
   /// @realtime alloc-free; one send, as any oneway call
   /// @errors   kTooLarge: larger than the hub takes · kMaybeLost: this batch was not sent and
-  ///           earlier ones may be lost, see counters() · others: as any oneway call; retry with
-  ///           the next event
+  ///           earlier ones may be lost, see counters() · other errors: as any oneway call; retry
+  ///           with the next event
   [[nodiscard]] expected<void, rpc::CallError> push(const EventDraft& event) noexcept;
   /// Adds an event to the batch of the next flush(); a full batch is flushed automatically.
   /// @realtime as push()
@@ -97,7 +97,7 @@ class Supplier {
   [[nodiscard]] SupplierCounters counters() const noexcept;
   /// The hub's counters of its events since the hub's start, as last read.
   [[nodiscard]] IntakeCounters intake() const noexcept;
-  /// Random; identifies it to hubs.
+  /// A random number that identifies the supplier to hubs.
   [[nodiscard]] std::uint64_t id() const noexcept;
   /// Whether the hub answered the last request.
   [[nodiscard]] bool is_attended() const noexcept;

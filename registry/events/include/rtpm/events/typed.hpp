@@ -18,7 +18,7 @@
 /// type that rtpmc generates, `lab::TouchedEvent`: its number, schema id, payload and fields.
 namespace rtpm::events {
 
-/// Pushes events of one type and source; threads, real time and errors as Supplier.
+/// Pushes events of one type and source; threads, real time and errors are those of Supplier.
 template <class Event>
 class TypedSupplier {
  public:
@@ -106,7 +106,7 @@ template <class Event>
 class TypedConsumer {
  public:
   using Payload = typename Event::Payload;
-  /// One event, valid during the call; as EventHandler::on_events().
+  /// Receives one event, valid during the call; see EventHandler::on_events().
   using OnEvent = std::function<void(const Payload& payload, const EventHeader& header)>;
   using OnNotice = std::function<void(const Notice& notice)>;
 
@@ -136,7 +136,7 @@ class TypedConsumer {
   }
   ~TypedConsumer() = default;
 
-  /// To change, suspend or end the subscription.
+  /// The untyped consumer, to change, suspend or end the subscription.
   [[nodiscard]] Consumer& consumer() noexcept { return *consumer_; }
   /// Events omitted because their payload is malformed or of another schema version.
   /// @realtime alloc-free, any thread

@@ -13,7 +13,7 @@ namespace rtpm::introspection {
 
 /// Path of the catalog in every server.
 inline constexpr std::string_view kPath = "rtpm/introspection";
-/// Path of the tap of its calls.
+/// Path of the tap of a server's calls.
 inline constexpr std::string_view kTapPath = "rtpm/tap";
 
 class TapServer;

@@ -30,7 +30,7 @@ struct Claim {
   bool allows_takeover = false;
   /// Set by the registry: the calling host (rpc::CallerHost::number).
   std::uint64_t host = 0;
-  /// Replace the properties of an earlier bind.
+  /// These replace the properties of an earlier bind.
   std::span<const Property> properties{};
   /// The name has no lease: it stays until it is unbound, also over restarts of a registry with a
   /// file.
@@ -39,11 +39,11 @@ struct Claim {
 
 /// Result of a bind.
 struct Granted {
-  /// Permanent names: Duration::max(). Others: as requested, but at most Limits::first_lease_max
-  /// until the name has been held for that long.
+  /// Permanent names: Duration::max(). Other names: as requested, but at most
+  /// Limits::first_lease_max until the name has been held for that long.
   Duration lease{};
   std::uint64_t revision = 0;
-  bool is_takeover = false;  ///< Another owner held the name.
+  bool is_takeover = false;  ///< Whether another owner held the name.
 };
 
 }  // namespace rtpm::names

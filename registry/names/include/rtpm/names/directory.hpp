@@ -32,10 +32,10 @@ struct NameEntry {
   Duration stale_for{};
   /// The host that bound it, in words; set by resolve() and describe() only.
   std::string bound_from{};
-  /// It was bound from another host, as far as the registry can tell.
+  /// Whether it was bound from another host, as far as the registry can tell.
   bool is_of_other_host = false;
-  /// Only if name services were searched for, not given by a URL: the service that has the name,
-  /// and whether another service has it for another URL.
+  /// The service that has the name, and whether another service has it for another URL. Set only
+  /// if name services were searched for, not given by a URL.
   std::string service_url{};
   bool is_duplicate = false;
 };
@@ -55,7 +55,7 @@ struct NameQuery {
 /// The result of find(), preferred names first.
 struct FoundNames {
   std::vector<NameEntry> entries{};
-  std::uint32_t accepted_count = 0;  ///< Includes those that exceed the limit.
+  std::uint32_t accepted_count = 0;  ///< Includes names beyond the limit.
   /// Properties that no name of the interface has, and similar ones; empty if there are none.
   std::string note{};
   Duration stale_for{};  ///< See NameEntry.
@@ -81,9 +81,9 @@ struct DirectoryError : SetupError {
 /// Without a registry's URL, each operation searches for name services (discovery::parse_scope()
 /// has the forms): the registry of this host, programs that serve their names themselves, and those
 /// of the LAN if the scope says so. It asks all of them and merges their names. Each gets a quarter
-/// of the deadline, a registry all of it. bind(), rebind(), renew() and unbind() need a registry:
-/// that of this host or, without one, the only one that is found. Names of other hosts that lead to
-/// their loopback addresses are left out.
+/// of the deadline; a registry gets all of it. bind(), rebind(), renew() and unbind() need a
+/// registry: that of this host or, without one, the only one that is found. Names of other hosts
+/// that lead to their loopback addresses are left out.
 /// @ownership refers to its node, which must outlive it
 /// @threads  any, several at once
 /// @realtime set-up only
@@ -128,7 +128,7 @@ class Directory {
   /// @errors   kNotFound, kIsADirectory; the server serves its own host only
   [[nodiscard]] expected<std::string, DirectoryError> url_of(std::string_view name,
                                                              MonotonicTime deadline = kNever);
-  /// The entry of the name itself or, for a path below a bound name, of that name. Ends by
+  /// The entry of the name itself or, for a path below a bound name, of the bound name. Ends by
   /// `deadline`.
   /// @errors   as url_of()
   [[nodiscard]] expected<NameEntry, DirectoryError> entry_of(std::string_view name,

@@ -33,8 +33,7 @@ struct ServiceAnswer {
 /// @threads  any
 /// @realtime set-up only; blocks
 /// @errors   of the scope: its text is malformed, no such interface, the folder of this host is
-///           unsafe;
-///           every service that could be asked was asked nevertheless
+///           unsafe; every service that could be asked was asked nevertheless
 [[nodiscard]] expected<void, SetupError> ask_every_service(
     rpc::Node& node, const std::string& where, MonotonicTime deadline,
     const std::function<void(ServiceAnswer)>& take);

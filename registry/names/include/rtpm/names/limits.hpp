@@ -11,7 +11,7 @@ namespace rtpm::names {
 struct Limits {
   std::size_t name_count_max = 4096;
   std::size_t name_count_per_owner_max = 256;
-  /// Per remote host: its names, and owners of names.
+  /// Names and owners of names, per remote host.
   std::size_t name_count_per_host_max = 512;
   std::size_t owner_count_per_host_max = 128;
   /// The limits for the registry's own host.

@@ -39,7 +39,7 @@ enum class Outcome : std::uint8_t {
   kStoreUnreachable = 27,     ///< The registries' shared storage did not answer in time.
 };
 
-/// A clause for people: the component that is wrong, why, and the remedy. `component` counts from
+/// A clause for users: the component that is wrong, why, and the remedy. `component` counts from
 /// 0; for kBadProperty it is the property.
 /// @realtime set-up only
 [[nodiscard]] std::string outcome_text(Outcome outcome, std::string_view name,

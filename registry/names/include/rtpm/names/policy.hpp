@@ -11,11 +11,11 @@ namespace rtpm::names {
 
 /// An operation that a caller asks of a registry.
 enum class Operation : std::uint8_t {
-  kBind,  ///< Also a rebind.
+  kBind,  ///< Also covers rebind.
   kRenew,
   kUnbind,
-  kResolve,  ///< Also describe.
-  kList,     ///< Also find and watch.
+  kResolve,  ///< Also covers describe.
+  kList,     ///< Also covers find and watch.
   kReport,
 };
 

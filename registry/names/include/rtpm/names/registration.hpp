@@ -27,8 +27,8 @@ enum class Takeover : std::uint8_t {
 /// the granted lease, and binds again if the registry restarted or was unreachable for a lease.
 ///
 /// Without a registry's URL it looks for the registry of this host at each renewal. Until one runs,
-/// the program serves its names itself; on the LAN it always does. The name moves to a registry
-/// within a third of its lease, and the program serves it for one more second.
+/// the program serves its names itself; on the LAN it always serves its names itself. The name
+/// moves to a registry within a third of its lease, and the program serves it for one more second.
 ///
 /// After a crash, a server at its old address takes its name back at once (see owner_of()). At
 /// another address create() waits for the old lease to end, by default 2 s.

@@ -28,7 +28,7 @@ class RegistryResolver final : public rpc::Resolver {
   RegistryResolver& operator=(const RegistryResolver&) = delete;
   ~RegistryResolver() override;
 
-  /// Asks the registry.
+  /// Asks the registry for the URL of a name.
   /// @errors   "no registry answers at …"; the name is not bound (the text names the missing
   ///           component)
   [[nodiscard]] expected<std::string, SetupError> resolve(std::string_view name,

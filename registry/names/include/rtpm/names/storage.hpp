@@ -71,14 +71,14 @@ struct StoredChange {
   std::string_view name{};
   const StoredName* stored = nullptr;  ///< Null if the name is removed.
   std::uint64_t revision = 0;
-  /// The change must survive a power cut once commit() has returned: permanent names. Others
-  /// survive the end of the program only.
+  /// Whether the change must survive a power cut once commit() has returned, as for permanent
+  /// names. Other changes survive the end of the program only.
   bool is_durable = false;
   /// The StoredName::change that it replaces; 0 if the name was not bound. A shared storage
   /// refuses the change if this is no longer the last one.
   std::uint64_t expected = 0;
   MonotonicTime deadline = kNever;  ///< Used by a shared storage only.
-  /// Set if the name is removed because its lease ended: when that was. A storage that is not
+  /// Time at which the lease ended, if the name is removed because of that. A storage that is not
   /// shared keeps the name as lapsed until its next change.
   std::optional<MonotonicTime> lapsed{};
 };
@@ -93,7 +93,7 @@ class Storage {
   Storage& operator=(const Storage&) = delete;
   virtual ~Storage() = default;
 
-  /// Returns everything that is stored; called once, before all else.
+  /// Returns everything that is stored; called once, before anything else.
   /// @errors   the storage is another program's, of a newer release, or in use
   [[nodiscard]] virtual expected<StoredContent, SetupError> load() = 0;
   /// Stores a change as a whole or not at all. Returns its revision: `change.revision`, but a
@@ -150,11 +150,12 @@ class SharedStorage : public Storage {
   [[nodiscard]] virtual expected<void, StorageError> renew(std::string_view name,
                                                            std::uint64_t change,
                                                            MonotonicTime deadline) = 0;
-  /// How long a name with this lease stays at most after its last renewal.
+  /// The longest time that a name with this lease stays after its last renewal.
   [[nodiscard]] virtual Duration stay_of(Duration lease) const noexcept = 0;
-  /// A number that all registries with this storage share, and no other storage has. After load().
+  /// A number that all registries with this storage share, and no other storage has. Call it after
+  /// load().
   [[nodiscard]] virtual std::uint64_t identity() const noexcept = 0;
-  /// Its location, for people.
+  /// Its location, in a form for users.
   [[nodiscard]] virtual std::string place() const = 0;
 };
 

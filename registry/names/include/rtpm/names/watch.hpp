@@ -38,9 +38,9 @@ struct NameChange {
 
 /// The handlers of a watch, each called on its thread "rtpm-watch"; empty ones are skipped.
 struct WatchHandlers {
-  /// First one kBound for each name that is bound, then changes in order.
+  /// Receives first one kBound for each bound name, then changes in order.
   std::function<void(const NameChange&)> on_change{};
-  /// All names that are bound have been reported.
+  /// Called when all bound names have been reported.
   std::function<void()> on_state{};
   /// The registry has not heard from the storage that it shares with other registries for that
   /// long; 0 if it is up to date again.
@@ -76,7 +76,7 @@ class NameWatch {
   void set_names(std::vector<std::string> names);
   /// Revision of the last change that was reported.
   [[nodiscard]] std::uint64_t revision() const noexcept;
-  /// How often the full state was compared, including the first time.
+  /// The number of times that the full state was compared, including the first.
   [[nodiscard]] std::uint64_t state_count() const noexcept;
   /// Whether the registry is connected.
   [[nodiscard]] bool is_connected() const noexcept;

@@ -8,7 +8,7 @@
 
 namespace rtpm::predicate {
 
-/// A value while a predicate is evaluated; std::monostate: undefined.
+/// A value while a predicate is evaluated; std::monostate if undefined.
 /// @ownership refers to the property's or the predicate's text or list
 using Operand =
     std::variant<std::monostate, bool, std::int64_t, double, std::string_view, const List*>;
@@ -22,7 +22,7 @@ class PropertySource {
   PropertySource(const PropertySource&) = delete;
   PropertySource& operator=(const PropertySource&) = delete;
   virtual ~PropertySource() = default;
-  /// std::monostate: there is no such property.
+  /// The property's value; std::monostate if there is no such property.
   [[nodiscard]] virtual Operand find(std::string_view name) const noexcept = 0;
 };
 

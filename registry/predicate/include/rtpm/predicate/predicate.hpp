@@ -15,7 +15,7 @@
 
 namespace rtpm::predicate {
 
-inline constexpr std::size_t kPredicateSizeMax = 4096;  ///< Bytes of a text.
+inline constexpr std::size_t kPredicateSizeMax = 4096;  ///< Maximum size of a text, bytes.
 inline constexpr std::size_t kPredicateNodeCountMax = 256;
 inline constexpr std::size_t kListSizeMax = 64;  ///< Items of a list in a predicate.
 
@@ -34,7 +34,7 @@ class Expression {
   [[nodiscard]] static expected<Expression, TextError> parse(
       std::string_view text, const TypeOfProperty& type_of_property);
 
-  /// Undefined: a property is missing or of another type, or a division is by 0.
+  /// Undefined if a property is missing or of another type, or on a division by 0.
   /// @realtime alloc-free
   [[nodiscard]] Operand value(const PropertySource& properties) const noexcept;
   /// nullopt if the type depends on properties whose type is unknown.
@@ -59,7 +59,7 @@ class Predicate {
   /// @errors   as Expression::parse(); the type of the whole is not bool
   [[nodiscard]] static expected<Predicate, TextError> parse(
       std::string_view text, const TypeOfProperty& type_of_property = {});
-  /// Whether it is true; an undefined result is not, even behind `not`.
+  /// Whether it is true; an undefined result counts as false, even behind `not`.
   /// @realtime alloc-free
   [[nodiscard]] bool accepts(const PropertySource& properties) const noexcept;
   [[nodiscard]] const Expression& expression() const noexcept { return expression_; }

@@ -56,7 +56,7 @@ using Value = std::variant<bool, std::int64_t, double, std::string, List>;
 [[nodiscard]] Type type_of(const Item& item) noexcept;
 [[nodiscard]] Type type_of(const Value& value) noexcept;
 
-/// In the syntax of predicates: 'haptic', 3, 2.5, true, ('x', 'y').
+/// The value in the syntax of predicates: 'haptic', 3, 2.5, true, ('x', 'y').
 [[nodiscard]] std::string to_text(const Value& value);
 /// The value of a constant's text; unquoted words are texts: true, 3, 2.5, arm, 'arm', ('x', 'y').
 /// An empty list is a list of texts.

@@ -47,7 +47,7 @@ struct Outline {
 };
 
 /// Reads the outline of a recording, however large that is.
-/// @errors   no such file; no regular file; no MCAP file
+/// @errors   no such file; not a regular file; not an MCAP file
 /// @realtime never
 [[nodiscard]] expected<Outline, SetupError> read_outline(const std::string& path);
 
@@ -59,8 +59,8 @@ struct Outline {
 /// @realtime never
 class FileReader {
  public:
-  /// @errors   in words: no such file; no regular file; no MCAP file; it is incomplete and kRefuse;
-  ///           a damaged summary; above a limit; it was stopped
+  /// @errors   in words: no such file; not a regular file; not an MCAP file; it is incomplete and
+  ///           kRefuse; a damaged summary; above a limit; it was stopped
   [[nodiscard]] static expected<std::unique_ptr<FileReader>, SetupError> open(
       const std::string& path, Incomplete incomplete = Incomplete::kRefuse,
       const Progress& progress = {});
@@ -68,7 +68,7 @@ class FileReader {
   FileReader& operator=(const FileReader&) = delete;
   ~FileReader();
 
-  /// Keyed by number.
+  /// The schemas, keyed by number.
   [[nodiscard]] const std::map<std::uint16_t, Schema>& schemas() const noexcept;
   [[nodiscard]] const std::map<std::uint16_t, Channel>& channels() const noexcept;
   [[nodiscard]] const Statistics& statistics() const noexcept;
@@ -79,8 +79,7 @@ class FileReader {
   /// until it returns false. A message's bytes are valid until `visit` returns.
   /// @errors   a damaged chunk, in words with its place; a chunk with messages outside of the times
   ///           that it states, if that matters; above a limit; it was stopped. The messages before
-  ///           it
-  ///           were visited
+  ///           it were visited
   [[nodiscard]] expected<void, SetupError> read(const Query& query,
                                                 const std::function<bool(const Message&)>& visit,
                                                 const Progress& progress = {});

@@ -40,7 +40,7 @@ class FileWriter {
   [[nodiscard]] expected<std::uint16_t, SetupError> add_channel(const Channel& channel);
 
   /// @errors   a channel that was not added; the disk is full, or another error of the file: then
-  ///           the data written so far stays readable, and all further calls fail likewise
+  ///           the data written so far stays readable, and all further calls fail, too
   [[nodiscard]] expected<void, SetupError> write(const Message& message);
   [[nodiscard]] expected<void, SetupError> write(const Attachment& attachment);
   [[nodiscard]] expected<void, SetupError> write(const Metadata& metadata);

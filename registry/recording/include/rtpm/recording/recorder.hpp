@@ -22,8 +22,8 @@ struct RecorderConfig {
 
 /// Counters of a recorder.
 struct RecorderStatus {
-  std::uint64_t message_count = 0;  ///< Written.
-  std::uint64_t byte_count = 0;     ///< In the file.
+  std::uint64_t message_count = 0;  ///< Written messages.
+  std::uint64_t byte_count = 0;     ///< Bytes in the file.
   std::uint64_t drop_count = 0;     ///< Not recorded: the ring was full, or the message too long.
   /// Keyed by channel; only those with drops.
   std::map<std::uint16_t, std::uint64_t> drop_counts{};
@@ -48,7 +48,7 @@ class Recorder {
     ~Track();
     /// Copies a message. All calls must come from the same thread.
     /// @param message  its channel must exist; rising log times make the file quick to read
-    /// @return false: it was dropped and counted
+    /// @return false if it was dropped and counted
     /// @realtime wait-free, alloc-free, no system call
     bool put(const Message& message) noexcept;
 

@@ -12,8 +12,8 @@ namespace rtpm::recording {
 
 /// The result of recover().
 struct Recovery {
-  std::uint64_t message_count = 0;        ///< In the new file.
-  std::uint64_t damaged_chunk_count = 0;  ///< Left out.
+  std::uint64_t message_count = 0;        ///< Messages in the new file.
+  std::uint64_t damaged_chunk_count = 0;  ///< Damaged chunks, which were left out.
   /// Bytes left out: at the end of the old file, of an incomplete record, or between records.
   std::uint64_t cut_byte_count = 0;
   /// Messages of damaged chunks, by topic, as their indexes count them; if these are damaged, too,
@@ -21,7 +21,7 @@ struct Recovery {
   std::map<std::string, std::uint64_t> lost_counts{};
   std::uint64_t unknown_channel_count =
       0;  ///< Messages left out: no whole record has their channel.
-  std::vector<std::string> untyped_topics{};  ///< Their schema is in no whole record.
+  std::vector<std::string> untyped_topics{};  ///< Topics whose schema is in no whole record.
 
   /// Whether the new file has everything that the old one had.
   [[nodiscard]] bool is_without_loss() const noexcept {
@@ -37,7 +37,7 @@ inline constexpr const char* kRecoveryMetadata = "rtpm.recovery";
 /// channels and schemas of its summary, if that is intact. After a damaged place it continues at
 /// the next record that the summary knows. The new file also lists what was lost. It gets its name
 /// when it is complete.
-/// @errors   no MCAP file; the new file exists, or cannot be written; it was stopped
+/// @errors   not an MCAP file; the new file exists, or cannot be written; it was stopped
 /// @realtime never
 [[nodiscard]] expected<Recovery, SetupError> recover(const std::string& from, const std::string& to,
                                                      const Progress& progress = {});

@@ -32,7 +32,7 @@ using Diagnostics = std::vector<Diagnostic>;
 ///     hint: give it a number …
 [[nodiscard]] std::string render(const Diagnostic& diagnostic);
 
-/// At most 20 in the order of their places, and the number of further ones.
+/// At most 20 diagnostics in the order of their places, and the number of further ones.
 [[nodiscard]] std::string render(Diagnostics diagnostics);
 
 }  // namespace rtpm::schema

@@ -44,7 +44,7 @@ class Dynamic {
   [[nodiscard]] const Service& service() const noexcept;
   /// The event's payload; only after make_for_event().
   [[nodiscard]] const Payload& event() const noexcept;
-  /// nullptr if there is no such method.
+  /// The method of that name; nullptr if there is none.
   [[nodiscard]] const Method* find(std::string_view method) const noexcept;
 
   /// Encodes `json` as the bytes on the wire.

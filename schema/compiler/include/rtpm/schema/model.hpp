@@ -45,7 +45,7 @@ enum class BaseType : std::uint8_t {
 struct Type {
   BaseType base = BaseType::kNone;
   BaseType element = BaseType::kNone;  ///< The element type of a vector or array.
-  /// In Model::objects for a table or struct, else in Model::enums.
+  /// Index in Model::objects for a table or struct, otherwise in Model::enums.
   std::optional<std::size_t> index{};
   std::uint16_t fixed_length = 0;  ///< Elements of an array.
 
@@ -57,7 +57,7 @@ struct Type {
   [[nodiscard]] bool has_object() const noexcept { return innermost() == BaseType::kObject; }
 };
 
-/// Both ends are included.
+/// A closed range.
 struct Range {
   double low = 0;
   double high = 0;
@@ -87,9 +87,9 @@ struct Field {
 struct Object {
   std::string name{};  ///< Fully qualified, with dots.
   bool is_struct = false;
-  std::size_t alignment = 1;                ///< Bytes.
+  std::size_t alignment = 1;                ///< In bytes.
   std::size_t byte_size = 0;                ///< The size of a struct.
-  std::vector<Field> fields{};              ///< By id.
+  std::vector<Field> fields{};              ///< Ordered by id.
   std::optional<std::uint32_t> event_id{};  ///< `rtpm_event`, of a table that is an event.
   std::uint64_t event_fingerprint = 0;      ///< The fingerprint of an event.
   std::vector<Attribute> attributes{};
@@ -111,7 +111,7 @@ struct Enum {
   std::string name{};  ///< Fully qualified, with dots.
   bool is_union = false;
   BaseType underlying = BaseType::kNone;
-  std::vector<EnumValue> values{};  ///< By value.
+  std::vector<EnumValue> values{};  ///< Ordered by value.
   Documentation documentation{};
   std::string declaration_file{};
   Location location{};  ///< The name's place.
@@ -195,7 +195,7 @@ struct Model {
   std::string declaration_file{};
   std::vector<Object> objects{};    ///< Tables and structs, included files' too.
   std::vector<Enum> enums{};        ///< Enumerations and unions, included files' too.
-  std::vector<Service> services{};  ///< Those that the file itself declares, in its order.
+  std::vector<Service> services{};  ///< Services that the file itself declares, in its order.
   std::vector<NamespaceName> namespaces{};
   std::uint64_t feature_bits = 0;  ///< FlatBuffers' `advanced_features`.
   /// The file and its included files, by the paths at which they were found.
