@@ -34,7 +34,7 @@ namespace rtpm::console {
 
 /// The page's server side: answers clients, and watches the system for them.
 /// @ownership refers to its node
-/// @threads  the web server's, but for start() and stop()
+/// @threads  the web server's thread, except for start() and stop()
 class Console final : public ConnectionHandler {
  public:
   Console(rpc::Node& node, const Configuration& configuration, Post post);

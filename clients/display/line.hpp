@@ -9,8 +9,8 @@
 /// Shows any device in one line of text, by its description.
 namespace rtpm::display {
 
-/// The device's first value, whose curve is shown: the force of an actuated device, else an angle,
-/// a joint, an analog or an output.
+/// The device's first value, whose curve is shown: the force of an actuated device, otherwise an
+/// angle, a joint, an analog or an output.
 /// @realtime set-up only
 [[nodiscard]] double first_value(const driver::Descriptor& descriptor,
                                  const driver::Sample& sample) noexcept;

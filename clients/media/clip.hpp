@@ -6,7 +6,7 @@
 
 namespace rtpm::media {
 
-/// An uncompressed clip: a bar that goes around once, and a light that is on in each even second.
+/// An uncompressed clip: a bar that goes around once, and a light that is on during even seconds.
 struct ClipConfig {
   int width = 160;  ///< In pixels, even.
   int height = 90;  ///< In pixels, even.

@@ -15,8 +15,8 @@ struct Configuration {
   std::string player = "lab/player0";
   std::string registry{};
   rpc::NodeSecurity security{};
-  std::string mode = "speed";   ///< "speed", "scrub" or "frame": at the start.
-  bool has_fixed_mode = false;  ///< The knob's button changes nothing.
+  std::string mode = "speed";   ///< The mode at the start: "speed", "scrub" or "frame".
+  bool has_fixed_mode = false;  ///< The knob's button does not change the mode.
   double seconds = 0;           ///< 0: until a stop signal.
   double rate_hz = 100;
   bool is_headless = false;

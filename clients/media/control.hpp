@@ -25,7 +25,7 @@ inline constexpr std::uint8_t kModeCount = 3;
 /// The control's commands to the player.
 struct Request {
   double rate = 0;
-  double seek_s = -1;  ///< Below 0: no seek.
+  double seek_s = -1;  ///< No seek if below 0.
 };
 
 /// Maps the knob's angle to the player's rate and position, and chooses how the knob feels. Pure:

@@ -14,7 +14,7 @@ namespace rtpm::media {
 struct PlayerView {
   double position_s = 0;
   double duration_s = 0;
-  double frame_s = 0.04;  ///< Above 0.
+  double frame_s = 0.04;  ///< The frame time; above 0.
   double rate = 0;
 };
 
@@ -26,7 +26,7 @@ class PlayerChannels {
   [[nodiscard]] static expected<PlayerChannels, SetupError> of(const std::string& name,
                                                                const driver::Descriptor& player);
   [[nodiscard]] PlayerView view(const driver::Sample& sample) const noexcept;
-  /// @param seek_s  below 0: no seek
+  /// @param seek_s  no seek if below 0
   [[nodiscard]] driver::Setpoint setpoint(double rate, double seek_s) const noexcept;
   [[nodiscard]] double rate_max() const noexcept { return rate_max_; }
 

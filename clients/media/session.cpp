@@ -87,7 +87,7 @@ Session::Result Session::run_cycle(MonotonicTime now) {
   const std::uint16_t edges = knob_sample_.button_edges[0];
   const bool is_pushed = edges != std::exchange(edges_, edges) && (knob_sample_.buttons & 1u) != 0;
   const bool is_first = duration_s_ < 0;
-  // A file that is loaded later has another length, and so other end stops.
+  // A file that is loaded later has another length, hence other end stops.
   const bool is_another_file = std::exchange(duration_s_, view_.duration_s) != view_.duration_s;
   if (is_pushed && !is_first && !configuration_.has_fixed_mode) {
     enter(next(control_.mode()), now);

@@ -14,7 +14,7 @@ constexpr int kTravelStepMax = 64;
 constexpr int kSlideStepMax = 32;
 /// The longest slide of one call: at 1 kHz 5 m/s, faster than a hand strokes.
 constexpr double kSlideMaxMetre = 0.005;
-/// Short beside the texture's ridges, so that the proxy follows them.
+/// Short compared with the texture's ridges, so that the proxy follows them.
 constexpr double kStrideMaxMetre = 0.001;
 /// A shorter slide counts as standing still.
 constexpr double kStrideMinMetre = 1e-8;

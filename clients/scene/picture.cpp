@@ -28,7 +28,7 @@ struct Style {
   const char* colour;
   const char* width;
   const char* more;
-  const char* name;  ///< In the legend.
+  const char* name;  ///< The name in the legend.
 };
 constexpr std::array<Style, kInkCount> kStyles{{
     {"#6b7685", "1.6", "", "scene"},
@@ -91,7 +91,7 @@ std::string line_text(const Panel& panel, const Line& line) {
          coordinates(panel, line.points) + "\"/>\n";
 }
 
-/// A line each 10 mm, a number each 20 mm.
+/// A line every 10 mm, a number every 20 mm.
 std::string grid_text(const Panel& panel) {
   std::string grid;
   const auto first = [](double low_mm) {

@@ -10,7 +10,7 @@
 namespace rtpm::scene {
 
 enum class Shape : std::uint8_t {
-  kPlane = 0,    ///< All below the face.
+  kPlane = 0,    ///< Everything below the face.
   kSphere = 1,   ///< A ball below the face, which touches it at x = y = 0.
   kTexture = 2,  ///< A height field below the face: ridges along y, whose crests touch the face.
 };

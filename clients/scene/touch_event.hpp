@@ -23,7 +23,7 @@ struct TouchReport {
 };
 
 [[nodiscard]] touch::State to_wire(const TouchReport& report) noexcept;
-/// @return  nullopt: an unknown shape, no is_position(), or no plausible force
+/// @return  nullopt for an unknown shape, without is_position(), or without a plausible force
 [[nodiscard]] std::optional<TouchReport> from_wire(const touch::State& state) noexcept;
 
 /// The source of a device's touches.

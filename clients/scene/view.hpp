@@ -56,13 +56,13 @@ struct History {
 /// @threads  any
 class View {
  public:
-  /// Over a minute at 60 Hz; the oldest are dropped.
+  /// More than a minute at 60 Hz; the oldest entries are dropped.
   static constexpr std::size_t kHistoryMax = 4096;
 
   void see(const driver::Sample& sample, MonotonicTime now);
   void see(const TouchReport& report, MonotonicTime now);
   [[nodiscard]] Sight sight() const;
-  /// The newest `count_max` of each.
+  /// The newest `count_max` samples and touches.
   [[nodiscard]] History history(std::size_t count_max) const;
 
  private:
@@ -76,7 +76,8 @@ class View {
 /// One line: position, depth, force, and which node is silent.
 /// @realtime set-up only
 [[nodiscard]] std::string status_text(const Sight& sight, MonotonicTime now, Duration since_start);
-/// Below a picture: "lab/arm0 at the sphere: greatest depth 3.0 mm, greatest force 1.80 N".
+/// The text below a picture: "lab/arm0 at the sphere: greatest depth 3.0 mm, greatest force 1.80
+/// N".
 /// @realtime set-up only
 [[nodiscard]] std::string caption_text(const Sight& sight, const std::string& device);
 /// One line for the end of a run.

@@ -16,8 +16,8 @@ class DelayLine {
  public:
   explicit DelayLine(Duration delay) noexcept : delay_(delay) {}
 
-  /// Puts `value` in; returns the newest that is at least the delay old, T{} before the first.
-  /// `now` never decreases.
+  /// Puts `value` in; returns the newest value that is at least the delay old, T{} before the
+  /// first. `now` never decreases.
   T pass(MonotonicTime now, const T& value) noexcept {
     if (count_ == Capacity) drop_oldest();
     entries_[(oldest_ + count_++) % Capacity] = {now, value};

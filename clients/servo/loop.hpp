@@ -25,16 +25,16 @@ inline constexpr Duration kPaperCall = std::chrono::microseconds{58};
 inline constexpr Duration kPaperCycle = std::chrono::milliseconds{1};
 
 /// Results of a run. Failed calls are counted but enter no histogram: a call that is refused at
-/// once is not a fast one.
+/// once is not a fast call.
 struct Statistics {
   LatencyHistogram read{};  ///< One call, until its reply.
   LatencyHistogram command{};
   LatencyHistogram cycle{};         ///< Both calls and the wall between them; one call if local.
   LatencyHistogram lateness{};      ///< From a cycle's due time to its start.
-  std::uint64_t cycle_count = 0;    ///< Cycles begun.
+  std::uint64_t cycle_count = 0;    ///< Cycles started.
   std::uint64_t missed_count = 0;   ///< Cycles that ended after the next was due, or were skipped.
   std::uint64_t contact_count = 0;  ///< Cycles inside the wall.
-  std::uint64_t call_count = 0;     ///< Calls begun.
+  std::uint64_t call_count = 0;     ///< Calls started.
   std::uint64_t failed_count = 0;   ///< Calls that failed.
   std::uint64_t call_within_paper_count = 0;   ///< Calls that succeeded within kPaperCall.
   std::uint64_t cycle_within_paper_count = 0;  ///< Cycles that succeeded within kPaperCycle.
@@ -67,7 +67,7 @@ struct LoopConfig {
 /// The paper's §3.1: reads the device's position, computes the force of a virtual wall, sends it,
 /// at a steady rate on a thread of its own, which prints nothing. About 350 KiB: not for a stack.
 /// @ownership refers to the device, which must outlive it
-/// @threads  start(), join(), statistics(): one; live(), next_cycle(): one other; stop(): any
+/// @threads  start(), join(), statistics(): one; live(), next_cycle(): another one; stop(): any
 /// @realtime the loop's thread is alloc-free
 class Loop {
  public:
@@ -92,7 +92,7 @@ class Loop {
   [[nodiscard]] std::optional<scene::TouchReport> next_touch() noexcept { return touches_.pop(); }
 
   /// Switches the loop to another stiffness and damping between two cycles.
-  /// @return  false: 4 changes are queued, or the loop is over
+  /// @return  false if 4 changes are queued, or the loop is over
   /// @threads one
   [[nodiscard]] bool change(scene::Material material) noexcept {
     return is_running() && materials_.push(material);
@@ -104,9 +104,9 @@ class Loop {
     return change_count_.load(std::memory_order_acquire);
   }
 
-  /// The results; after join().
+  /// The results; call it after join().
   [[nodiscard]] const Statistics& statistics() const noexcept { return statistics_; }
-  /// The error that ended the loop early, if any; after join().
+  /// The error that ended the loop early, if any; call it after join().
   [[nodiscard]] std::optional<gvd::DeviceError> loss() const noexcept { return loss_; }
 
  private:
@@ -130,8 +130,8 @@ class Loop {
   LoopConfig config_;
   rpc::CallOptions call_{};
   scene::GodObject proxy_;
-  /// Each force depends only on samples up to its own, so one delay line has the same effect as
-  /// delaying sample and command separately.
+  /// Each force depends only on samples up to its own sample, so one delay line has the same effect
+  /// as delaying sample and command separately.
   DelayLine<driver::Vector3, 2048> link_;
   Statistics statistics_{};
   Live view_{};

@@ -146,7 +146,7 @@ std::optional<gvd::DeviceError> watch(Loop& loop, Attended& attended,
 constexpr Duration kChangePatience = std::chrono::milliseconds{100};
 
 /// Renders another wall from one cycle to the next.
-/// @return false: the loop did not accept it in time
+/// @return false if the loop did not accept it in time
 bool change_wall(Loop& loop, LocalWall& local_wall, const Wall& wall) {
   const std::uint64_t count = loop.change_count();
   if (!loop.change(wall.material())) return false;

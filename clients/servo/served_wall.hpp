@@ -58,7 +58,7 @@ class WallParameters final : public gvd::Configurable {
 /// @threads  create and end from one thread
 class ServedWall {
  public:
-  /// @errors   no registry; the name is another server's
+  /// @errors   no registry; another server holds the name
   [[nodiscard]] static expected<std::unique_ptr<ServedWall>, SetupError> create(
       rpc::Node& node, const Configuration& configuration, const driver::Descriptor& device,
       const Wall& wall, WallParameters::Change change);

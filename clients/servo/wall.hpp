@@ -29,11 +29,11 @@ struct Wall {
 ///
 ///     K < (b − B) / (loop_period / 2 + 2 · device_period)
 ///
-/// A force stands for one period of the loop, half of one on average; before that, the sample may
-/// be one period of the device old, and the force may wait one for its cycle. The time of the calls
-/// themselves, some tens of µs, is small beside these. Above the bound the wall buzzes, which the
-/// hand must damp or the safety filter stop.
-/// In N/m; 0 if the wall's damping is at least the device's.
+/// A force stands for one period of the loop, half a period on average; before that, the sample
+/// may be one device period old, and the force may wait another one for its cycle. The time of the
+/// calls themselves, some tens of µs, is small beside these. Above the bound the wall buzzes, which
+/// the hand must damp or the safety filter stop. The bound is in N/m; 0 if the wall's damping is at
+/// least that of the device.
 /// Source: Colgate's condition for sampled walls, b > K · (T / 2 + delay) + B.
 [[nodiscard]] double stiffness_bound(double device_damping_newton_s_per_m,
                                      double wall_damping_newton_s_per_m, Duration loop_period,

@@ -14,7 +14,7 @@ namespace rtpm::console {
 
 /// The advertised channels and their subscribers.
 /// @ownership refers to the clients
-/// @threads  the web server's
+/// @threads  the web server's thread
 class ChannelTable {
  public:
   explicit ChannelTable(Clients& clients) noexcept : clients_(clients) {}
@@ -55,7 +55,7 @@ class ChannelTable {
   };
   Clients& clients_;
   std::map<std::uint32_t, Channel> channels_{};
-  std::map<std::string, std::uint32_t> ids_{};  ///< By topic.
+  std::map<std::string, std::uint32_t> ids_{};  ///< Keyed by topic.
   std::uint32_t last_id_ = 0;
 };
 

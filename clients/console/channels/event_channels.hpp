@@ -21,10 +21,10 @@ namespace rtpm::console {
 inline constexpr std::size_t kEventChannelCountMax = 128;
 inline constexpr std::size_t kEventSchemaByteMax = std::size_t{8} << 20;
 
-/// Publishes events of the hub as messages of channels. A channel of a type other than devices'
+/// Publishes events of the hub as messages of channels. A channel of a type that no device sends
 /// lasts from its first event until a minute after its last.
 /// @ownership refers to the channels
-/// @threads  the web server's
+/// @threads  the web server's thread
 class EventChannels {
  public:
   explicit EventChannels(ChannelTable& channels) noexcept : channels_(channels) {}
@@ -61,7 +61,7 @@ class EventChannels {
     MonotonicTime last{};  ///< The arrival of its newest event.
     std::size_t schema_byte_count = 0;
   };
-  std::map<std::string, Generic> generic_{};  ///< By topic.
+  std::map<std::string, Generic> generic_{};  ///< Keyed by topic.
   std::size_t schema_byte_count_ = 0;
   std::uint64_t omitted_count_ = 0;  ///< Events without a channel, because of the limits.
 };

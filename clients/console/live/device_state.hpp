@@ -15,7 +15,7 @@
 namespace rtpm::console {
 
 /// The known state of a device, and its age.
-/// @threads  the web server's
+/// @threads  the web server's thread
 class DeviceState {
  public:
   explicit DeviceState(std::string name) : name_(std::move(name)) {}

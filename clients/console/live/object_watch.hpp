@@ -23,7 +23,8 @@ struct ObjectView {
 
 struct ObjectsView {
   Standing registry{};
-  std::vector<ObjectView> objects{};  ///< By name; while the registry is gone, its last reply.
+  std::vector<ObjectView>
+      objects{};  ///< Sorted by name; while the registry is gone, its last reply.
   std::vector<names::LapsedName> lapsed{};  ///< Names whose servers are lost.
   /// Registries that report lapsed names: a name that vanishes there without lapsing was unbound.
   std::vector<std::string> lapsed_services{};
@@ -39,7 +40,7 @@ class ObjectWatch {
 
  private:
   struct Server {
-    std::map<std::string, std::string> interfaces{};  ///< By path.
+    std::map<std::string, std::string> interfaces{};  ///< Keyed by path.
     std::string fingerprint{};                        ///< Hash of the names that lead to the
                                                       ///< server.
     MonotonicTime next{};                             ///< The time of the next request.
@@ -50,9 +51,9 @@ class ObjectWatch {
   rpc::Node& node_;
   const std::string registry_;
   names::Directory directory_;
-  std::vector<std::string> names_{};  ///< At the last look.
+  std::vector<std::string> names_{};  ///< The names at the last look.
   MonotonicTime next_lapsed_{};
-  std::map<std::string, Server> servers_{};  ///< By "host:port".
+  std::map<std::string, Server> servers_{};  ///< Keyed by "host:port".
   ObjectsView view_{};
 };
 

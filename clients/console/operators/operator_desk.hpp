@@ -21,7 +21,7 @@ namespace rtpm::console {
 /// The commands of operators: the leases that the console holds for browsers, and the connection
 /// that operates each device.
 /// @ownership refers to all its arguments
-/// @threads  the web server's
+/// @threads  the web server's thread
 class OperatorDesk {
  public:
   /// The time that a browser that operates a device may be absent.
@@ -79,9 +79,10 @@ class OperatorDesk {
     std::uint64_t connection_id = 0;
     std::optional<MonotonicTime> gone_since{};
   };
-  std::map<std::string, Operator> operators_{};        ///< By device.
-  std::map<std::uint64_t, MonotonicTime> browsers_{};  ///< Those that may command, by connection,
-                                                       ///< with their start.
+  std::map<std::string, Operator> operators_{};  ///< Keyed by device.
+  std::map<std::uint64_t, MonotonicTime>
+      browsers_{};  ///< Browsers that may command, by connection,
+                    ///< with their start.
 };
 
 }  // namespace rtpm::console

@@ -15,7 +15,7 @@ namespace rtpm::console {
 /// Emergency stops that browsers request. A stop that did not reach its device stays pending, and
 /// the page shows it, until it is delivered or an operator dismisses the device.
 /// @ownership refers to all its arguments
-/// @threads  the web server's, but for deliver()
+/// @threads  the web server's thread, except for deliver()
 class StopDesk {
  public:
   /// @param urgent  runs emergency stops only

@@ -22,7 +22,7 @@ namespace rtpm::console {
 
 /// The parameters of all objects that have a configuration, as the protocol's parameters.
 /// @ownership refers to all its arguments
-/// @threads  the web server's
+/// @threads  the web server's thread
 class ParameterDesk {
  public:
   /// @param pool        runs the work of clients that may command

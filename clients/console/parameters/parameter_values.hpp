@@ -23,7 +23,7 @@ namespace rtpm::console {
     const gvd::Parameter& parameter, const nlohmann::json& value);
 
 /// Splits "lab/arm0.safety.ramp_s" into object and parameter; `objects` has the objects' names.
-/// @return an empty object: no object fits
+/// @return an empty object if no object fits
 struct ParameterName {
   std::string object{};
   std::string parameter{};

@@ -22,7 +22,7 @@ namespace rtpm::console {
 
 /// The services that record the hub's events and play recordings, for all browsers together.
 /// @ownership refers to all its arguments
-/// @threads  the web server's, but for stop_reading() and close()
+/// @threads  the web server's thread, except for stop_reading() and close()
 class RecordDesk {
  public:
   struct Config {

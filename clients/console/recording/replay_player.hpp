@@ -17,8 +17,8 @@
 
 namespace rtpm::console {
 
-/// Plays a recording at its own pace or another, on a separate thread. Channels with many messages
-/// are decimated to 60 per second.
+/// Plays a recording at its own pace or another pace, on a separate thread. Channels with many
+/// messages are decimated to 60 per second.
 /// @threads  any
 class ReplayPlayer {
  public:
@@ -38,7 +38,7 @@ class ReplayPlayer {
   static constexpr std::size_t kSchemaByteMax = 16 << 20;
 
   /// Opens a recording, even one that was not ended. It does not play yet.
-  /// @param progress  may stop it
+  /// @param progress  may stop the opening
   /// @errors   as FileReader::open(); more channels or schemas than a page can show
   [[nodiscard]] static expected<std::unique_ptr<ReplayPlayer>, SetupError> open(
       const std::string& path, Deliver deliver, const recording::Progress& progress);
@@ -56,7 +56,7 @@ class ReplayPlayer {
     return schemas_;
   }
 
-  /// Plays on from the present time, or from the beginning if it is at its end.
+  /// Plays from the present time on, or from the beginning if it is at its end.
   /// @param speed  0.01 to 100
   void play(double speed);
   void pause();

@@ -29,10 +29,10 @@ struct PendingCall {
 
 /// The services and their pending calls.
 /// @ownership refers to the clients
-/// @threads  the web server's
+/// @threads  the web server's thread
 class CallRouter {
  public:
-  /// Begins a call; succeed() or fail() must answer it later, once.
+  /// Starts a call; succeed() or fail() must answer it later, once.
   using Handler = std::function<void(const PendingCall& call, std::string payload)>;
   /// A handler of a service whose requests are JSON objects.
   using JsonHandler = std::function<void(const PendingCall& call, const nlohmann::json& request)>;
@@ -40,7 +40,7 @@ class CallRouter {
   explicit CallRouter(Clients& clients) noexcept : clients_(clients) {}
 
   /// Advertises services and chooses their ids.
-  /// @param handlers  one for each
+  /// @param handlers  one for each service
   void add(std::vector<foxglove::ServiceInfo> services, std::vector<Handler> handlers);
   void add_json(const std::string& name, JsonHandler handler);
   void remove(const std::vector<std::string>& names);

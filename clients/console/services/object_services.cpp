@@ -21,7 +21,7 @@ constexpr Duration kRetryInterval = std::chrono::seconds{5};
 /// The longest time that a method of an object occupies a worker.
 constexpr Duration kDeadlineMax = std::chrono::seconds{10};
 
-/// Methods that make a device act: they need an operator.
+/// Methods that make a device act: they require an operator.
 bool is_command(std::string_view method) {
   constexpr std::array kCommands{"command",  "acquire",    "renew", "release",    "recover",
                                  "activate", "deactivate", "rearm", "set_models", "take_over"};

@@ -20,7 +20,7 @@ namespace rtpm::console {
 /// Serves every method of every object at the registry as a service, with the schema that its
 /// server publishes.
 /// @ownership refers to all its arguments
-/// @threads  the web server's
+/// @threads  the web server's thread
 class ObjectServices {
  public:
   /// @param pool        runs calls

@@ -28,7 +28,7 @@ struct Client {
 };
 
 /// All connections.
-/// @threads  the web server's
+/// @threads  the web server's thread
 class Clients {
  public:
   Client& add(Connection& connection) {

@@ -19,7 +19,7 @@ enum class CloseCode : std::uint16_t {
 };
 
 /// A client, as its handler sees it.
-/// @threads  the web server's
+/// @threads  the web server's thread
 class Connection {
  public:
   Connection() = default;

@@ -15,7 +15,7 @@ struct RequestTarget {
   std::string path{};   ///< Decoded.
   std::string token{};  ///< Empty if none.
 };
-/// @return nullopt: malformed, or a byte that is invalid in a path
+/// @return nullopt if malformed, or if a byte is invalid in a path
 [[nodiscard]] std::optional<RequestTarget> read_target(std::string_view target);
 
 /// Whether `host`, a Host header, names this server: localhost, a loopback address or one of
@@ -37,7 +37,7 @@ struct RequestTarget {
 [[nodiscard]] std::string content_security_policy(std::string_view host);
 
 /// The regular file that `path` names below `folder`; "/" and folders: their index.html.
-/// @return nullopt: no such file, or one outside, by "..", a link, or a hidden name
+/// @return nullopt if there is no such file, or it is outside, by "..", a link, or a hidden name
 [[nodiscard]] std::optional<std::filesystem::path> find_page_file(
     const std::filesystem::path& folder, std::string_view path);
 

@@ -46,7 +46,7 @@ class SendQueue {
       ++dropped_count_;
     }
   }
-  /// @return false: it is full; the caller disconnects the client
+  /// @return false if it is full; the caller then disconnects the client
   [[nodiscard]] bool push_control(OutgoingFrame frame) {
     const std::size_t size = size_of(frame);
     const bool is_too_much = control_byte_count_ + size > kControlByteMax && !control_.empty();

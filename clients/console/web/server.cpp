@@ -36,8 +36,8 @@ using beast::error_code;
 /// The time limit for reading a request's head, and for writing a response.
 constexpr auto kRequestTime = std::chrono::seconds{5};
 constexpr auto kResponseTime = std::chrono::seconds{20};
-/// A client that was silent for half of this time is pinged, after all of it dropped: an operator
-/// who is gone holds no lease for longer than OperatorDesk::kGoneMax.
+/// A client that was silent for half of this time is pinged, after all of it disconnected: an
+/// operator who is gone holds no lease for longer than OperatorDesk::kGoneMax.
 constexpr auto kSilenceMax = std::chrono::seconds{5};
 constexpr auto kHandshakeTime = std::chrono::seconds{5};
 constexpr auto kAcceptRetry = std::chrono::milliseconds{100};

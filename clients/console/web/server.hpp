@@ -14,7 +14,8 @@
 namespace rtpm::console {
 
 /// Connections at a time: HTTP requests, clients without the token, clients with it. In the first
-/// two the oldest gives way to a new one; the third is reserved, and nothing displaces its clients.
+/// two groups the oldest gives way to a new one; the third is reserved: nothing displaces its
+/// clients.
 inline constexpr std::size_t kRequestCountMax = 128;
 inline constexpr std::size_t kObserverCountMax = 64;
 inline constexpr std::size_t kOperatorCountMax = 64;

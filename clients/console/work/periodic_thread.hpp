@@ -23,7 +23,7 @@ class PeriodicThread {
   /// Runs `work`, then waits for `period` or wake(), and so on.
   [[nodiscard]] expected<void, SetupError> start(const std::string& name, Duration period,
                                                  std::function<void()> work);
-  /// Makes the next run begin now.
+  /// Makes the next run start now.
   void wake();
   /// Waits for the present run.
   void stop();

@@ -33,7 +33,7 @@ class WorkerPool {
   ~WorkerPool() { stop(); }
 
   /// Runs `work`, which must end within a bounded time, on one of the threads.
-  /// @return false: the queue is full, or the pool has stopped; `work` never runs
+  /// @return false if the queue is full, or the pool has stopped; `work` then never runs
   [[nodiscard]] bool run(const std::string& target, std::function<void()> work);
   /// Waits for running work, and drops queued work.
   void stop();

@@ -17,7 +17,7 @@ struct Candidate {
   std::string help;
 };
 
-/// The words that may follow a command: its commands, choices and options, and the common ones.
+/// The words that may follow a command: its commands, choices and options, and the common options.
 std::vector<Candidate> candidates_of(const CommandFacts& program, const CommandFacts& command) {
   std::vector<Candidate> list;
   for (const CommandFacts& below : command.commands)

@@ -52,7 +52,7 @@ class Context {
   [[nodiscard]] const options::StopSignal& stop();
   [[nodiscard]] rpc::CallOptions call_options() const;
 
-  /// Reports on standard error why a command ends: a sentence, with --json {"error": {…}}.
+  /// Reports on standard error why a command ends: a sentence, or {"error": {…}} with --json.
   /// @return `code`
   int fail(const SetupError& error, ExitCode code = kFailed) const;
   int fail(std::string_view what, ExitCode code = kFailed) const;

@@ -18,7 +18,7 @@ class ProgressBar {
   /// Clears the bar.
   ~ProgressBar();
 
-  /// Shows the progress. @return false: stop
+  /// Shows the progress. @return false if the work must stop
   bool show(std::uint64_t done, std::uint64_t whole);
 
  private:

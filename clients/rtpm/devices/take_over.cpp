@@ -42,7 +42,7 @@ struct Transition {
   std::string_view name{};
   gvd::DeviceResult (gvd::DeviceClient::*run)() = nullptr;
   bool (*has_effect)(const driver::Sample& sample) = nullptr;
-  const char* state = "";  ///< In JSON.
+  const char* state = "";  ///< The state in JSON.
   const char* sentence = "";
 };
 constexpr std::array kTransitions{

@@ -30,7 +30,7 @@ double microseconds(Duration duration) {
 struct Stream {
   std::string type{};
   StreamMeter meter{};
-  std::uint32_t uncertainty_ns = 0;  ///< The largest of its origins.
+  std::uint32_t uncertainty_ns = 0;  ///< The largest uncertainty of its origins.
 };
 using Streams = std::map<std::pair<events::EventType, events::SourceId>, Stream>;
 
@@ -38,7 +38,8 @@ class Meters final : public Subscription::Observer {
  public:
   void on_event(const events::EventView& event, const events::EventDescriptor* type) override {
     const events::EventHeader& header = event.header;
-    if (header.sequence == 0 || header.is_replayed) return;  // Timeouts; replayed events.
+    if (header.sequence == 0 || header.is_replayed)
+      return;  // Excludes timeouts and replayed events.
     const std::lock_guard lock(mutex_);
     Stream& stream = streams_[{header.type, header.source}];
     stream.type = capture::type_text(header.type, type);

@@ -9,8 +9,8 @@
 
 namespace rtpm::tool {
 
-/// Rate, jitter and loss of one source's events, from their sequence numbers and origin times only.
-/// A slow or delayed reader thus gets the same result as a fast one.
+/// Measures rate, jitter and loss of one source's events, from their sequence numbers and origin
+/// times only. A slow or delayed reader thus gets the same result as a fast one.
 /// @threads  one
 class StreamMeter {
  public:

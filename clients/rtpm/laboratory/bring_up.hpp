@@ -11,7 +11,7 @@ namespace rtpm::tool {
 struct BringUpOptions {
   bool is_detached = false;        ///< Returns when everything serves.
   std::optional<Duration> time{};  ///< The laboratory ends after this time.
-  bool must_end_before = false;    ///< A laboratory that is still running then has failed.
+  bool must_end_before = false;    ///< A laboratory that still runs then has failed.
 };
 
 /// Brings a laboratory up and shows it. Ends it on request, or when all its main programs have

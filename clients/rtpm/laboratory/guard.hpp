@@ -10,7 +10,7 @@ namespace rtpm::laboratory {
 /// The end of run_guarded()'s work.
 struct GuardedEnd {
   int exit_code = 0;
-  bool was_killed = false;  ///< By a signal; its descendants were ended nevertheless.
+  bool was_killed = false;  ///< Killed by a signal; its descendants were ended, too.
 };
 
 /// Runs `work` in a child process. Each of the two ends the work's descendants if the other one is
@@ -20,7 +20,7 @@ struct GuardedEnd {
 /// @param patience  time between SIGTERM and SIGKILL for descendants, if the work was killed
 /// @param leaves_terminal  this process gives up its standard streams
 /// @threads  before any other thread starts
-/// @errors   the system's
+/// @errors   the system's error
 [[nodiscard]] expected<GuardedEnd, SetupError> run_guarded(
     const std::function<int(int lifeline)>& work, Duration patience, bool leaves_terminal);
 

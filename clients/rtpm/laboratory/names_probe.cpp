@@ -48,7 +48,7 @@ NamesProbe::Revisions NamesProbe::take() {
 }
 
 void NamesProbe::run() {
-  std::optional<rpc::Node> node;  // Made at its first use.
+  std::optional<rpc::Node> node;  // The node, made at its first use.
   std::unique_lock lock(mutex_);
   while (!is_ending_) {
     if (url_.empty()) {

@@ -37,8 +37,8 @@ class Text {
 /// The condition under which a program counts as serving.
 enum class Readiness : std::uint8_t {
   kStart,  ///< At once.
-  kUrl,    ///< With the first line of standard output that has "rtpm://".
-  kLine,   ///< With the first line that has `ready_line`.
+  kUrl,    ///< At the first line of standard output that has "rtpm://".
+  kLine,   ///< At the first line that has `ready_line`.
   kNames,  ///< When all of `names` are bound at the registry.
   kExit,   ///< When it has ended with exit code 0.
 };
@@ -69,9 +69,11 @@ struct ProgramPlan {
   bool has_url = false;  ///< Another program is given its URL, so it must print one.
   Duration ready_deadline = std::chrono::seconds{10};
   Restart restart = Restart::kNever;
-  std::size_t restart_limit = 5;  ///< Within `restart_window`; beyond it, the program has failed.
+  std::size_t restart_limit =
+      5;  ///< Restarts within `restart_window`; with more, the program has failed.
   Duration restart_window = std::chrono::minutes{1};
-  Duration restart_delay = std::chrono::milliseconds{200};  ///< Doubles with each restart.
+  Duration restart_delay =
+      std::chrono::milliseconds{200};  ///< The delay doubles with each restart.
   Duration restart_delay_max = std::chrono::seconds{10};
   int stop_signal = 15;
   Duration stop_patience = std::chrono::seconds{2};
@@ -108,7 +110,7 @@ inline constexpr const char* kDiscoverVariable = "RTPM_DISCOVER";
 void connect(Plan& plan);
 
 /// The order of start: each program after those in its `after`, otherwise the file's order.
-/// @return empty: `cycle` has programs that wait for each other
+/// @return empty if programs wait for each other; `cycle` then has them
 [[nodiscard]] std::vector<std::size_t> start_order(const std::vector<ProgramPlan>& programs,
                                                    std::vector<std::size_t>& cycle);
 

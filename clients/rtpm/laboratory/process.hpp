@@ -35,7 +35,7 @@ class Handle {
 /// A program to be started.
 struct Launch {
   std::string path{};
-  std::vector<std::string> arguments{};    ///< The program's name first.
+  std::vector<std::string> arguments{};    ///< The program's name comes first.
   std::vector<std::string> environment{};  ///< "NAME=value".
   std::string folder{};
   int input = -1;  ///< Standard input; -1 to inherit this process's.
@@ -44,10 +44,10 @@ struct Launch {
   bool has_own_group = true;  ///< Ctrl-C at the terminal then reaches only this process.
 };
 
-/// Starts the program: no signal blocked or ignored, no descriptor but the three. The system sends
-/// it SIGTERM when the calling thread ends.
+/// Starts the program without blocked or ignored signals, with the three descriptors only. The
+/// system sends it SIGTERM when the calling thread ends.
 /// @threads  one that lasts at least as long as the program
-/// @errors   the system's, with the failed step
+/// @errors   the system's error, with the failed step
 [[nodiscard]] expected<pid_t, SetupError> launch(const Launch& launch);
 
 /// Replaces this process's standard streams by /dev/null.

@@ -15,7 +15,7 @@ struct ProgramFolders {
   /// This process's folders.
   [[nodiscard]] static ProgramFolders of_this_process();
 
-  /// Finds an executable: beside `rtpm`, else in PATH. A name with a slash is a file's path,
+  /// Finds an executable: beside `rtpm`, otherwise in PATH. A name with a slash is a file's path,
   /// relative to `folder`.
   /// @errors   the places that were searched, as a clause
   [[nodiscard]] expected<std::string, std::string> find(const std::string& name,

@@ -21,7 +21,7 @@ struct RunningLaboratory {
   std::vector<std::string> programs{};  ///< The running programs.
 };
 
-/// The folder with the records of this user's laboratories: $XDG_RUNTIME_DIR/rtpm, else
+/// The folder with the records of this user's laboratories: $XDG_RUNTIME_DIR/rtpm, or
 /// /tmp/rtpm-UID. A laboratory's processes lock its file while they run. A file without a lock is
 /// stale.
 /// @ownership none
@@ -29,13 +29,14 @@ struct RunningLaboratory {
 class StateFolder {
  public:
   /// Makes the folder if it does not exist.
-  /// @errors   the system's; the folder belongs to another user, or other users may write to it
+  /// @errors   the system's error; the folder belongs to another user, or other users may write to
+  ///           it
   [[nodiscard]] static expected<StateFolder, SetupError> open();
 
   [[nodiscard]] const std::string& path() const noexcept { return path_; }
   /// The running laboratories by name. Removes stale records.
   [[nodiscard]] std::vector<RunningLaboratory> list() const;
-  /// Nullopt: no laboratory of that name runs.
+  /// The laboratory of that name; nullopt if none runs.
   [[nodiscard]] std::optional<RunningLaboratory> find(const std::string& name) const;
   [[nodiscard]] std::string record_path(const std::string& name) const;
   [[nodiscard]] std::string log_path(const std::string& name) const;

@@ -203,7 +203,7 @@ void Supervision::has_url(std::size_t index, const std::string& url, MonotonicTi
   if (plan_.programs[index].readiness == Readiness::kUrl) program.is_condition_met = true;
   serve_if_ready(index, now);
   if (!is_new || is_stopping_) return;
-  // Programs that were started with the former URL would use it for ever.
+  // Programs that were started with the former URL would use it forever.
   for (std::size_t i = 0; i < programs_.size(); ++i) {
     const auto& uses = plan_.programs[i].uses;
     const State state = programs_[i].status.state;

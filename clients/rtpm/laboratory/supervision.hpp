@@ -14,7 +14,7 @@ namespace rtpm::laboratory {
 
 enum class State : std::uint8_t {
   kWaiting,   ///< Waits for the programs that it comes after.
-  kStarting,  ///< It runs, but does not serve yet.
+  kStarting,  ///< Runs, but does not serve yet.
   kServing,
   kPausing,   ///< Between its end and its restart.
   kStopping,  ///< Was asked to end.
@@ -94,7 +94,7 @@ class Supervision {
     ProgramStatus status{};
     MonotonicTime deadline = kNever;  ///< The deadline of the state.
     bool is_condition_met = false;    ///< Its URL may still be missing.
-    bool has_url = false;             ///< In this run.
+    bool has_url = false;             ///< It has printed its URL in this run.
     bool is_killed = false;           ///< Killed because its patience was over.
     bool is_forced = false;           ///< Killed on request.
     StopReason stop_reason = StopReason::kLaboratory;

@@ -108,7 +108,7 @@ void Supervisor::act(MonotonicTime now) {
       } else if (running_[program]) {
         const bool is_stop = order == Supervision::Order::kStop;
         running_[program]->send_signal(is_stop ? plan_.programs[program].stop_signal : SIGKILL);
-        // A process that is stopped (SIGSTOP) handles no other signal but SIGKILL.
+        // A process that is stopped (SIGSTOP) handles no signal except SIGKILL.
         running_[program]->send_signal(SIGCONT);
       }
     }

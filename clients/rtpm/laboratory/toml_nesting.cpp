@@ -111,7 +111,7 @@ class Scanner {
   std::size_t nesting_max_;
   std::size_t at_ = 0;
   Position position_{};
-  std::vector<std::size_t> open_{};  ///< For each open bracket, the dots of its present key.
+  std::vector<std::size_t> open_{};  ///< The dots of the present key of each open bracket.
   std::size_t dots_ = 0;             ///< The dots of the key outside brackets, or of the header.
   std::size_t header_ = 0;           ///< The parts of the present table's name.
   std::size_t depth_ = 0;            ///< The sum of all of these.

@@ -15,7 +15,7 @@
 
 namespace rtpm::tool {
 
-/// Shows a laboratory: on a terminal a table below the programs' output, else a line for each
+/// Shows a laboratory: on a terminal a table below the programs' output, otherwise a line for each
 /// change, with --json a document. If a program has the terminal, shows only problems.
 /// @ownership refers to its plan
 /// @threads  one
@@ -45,7 +45,7 @@ class LaboratoryView : public laboratory::Observer {
     int process = 0;
     std::string note{};
     std::deque<std::string> hidden{};  ///< The last lines that were not shown.
-    std::string kept{};                ///< Output::kEnd.
+    std::string kept{};                ///< The output kept by Output::kEnd.
   };
   void print(std::string line);
   void print_event(const Json& event);

@@ -27,7 +27,7 @@ using recording::FileReader;
 struct BagRequest {
   std::string file{};
   std::string output{};
-  Duration from{};  ///< After the first message.
+  Duration from{};  ///< Time after the first message.
   std::optional<Duration> to{};
   std::vector<std::string> topics{};
 };
