@@ -11,8 +11,8 @@ namespace rtpm::rt {
 /// Interpolates between two reads of the system's clock by counting the processor's ticks, which
 /// takes a third of the time of such a read. It estimates the ticks' rate from the reads, and
 /// relies on it only when two estimates in a row agree; so a count that jumps or changes its pace
-/// (a suspended machine) costs reads, and no wrong time beyond a window. Shapes: ticks of any fixed
-/// rate from 1 MHz to 10 GHz; nanoseconds of the system's clock.
+/// (a suspended machine) costs reads, and no wrong time beyond a window. It takes ticks of any
+/// fixed rate from 1 MHz to 10 GHz, and nanoseconds of the system's clock.
 /// @threads  one
 /// @realtime alloc-free, no syscall
 class TickClock {

@@ -13,7 +13,7 @@ class CallDeferral final : public Deferral {
  public:
   /// A call that must be answered at once.
   CallDeferral() noexcept = default;
-  /// A call over a wire. `kept`: its place, if it has one already.
+  /// A call over a wire. `kept` is its place, if it has one already.
   CallDeferral(const std::shared_ptr<PendingPool>& pool, const wire::Request& request,
                wire::ServerSessions& sessions, PendingCall* kept = nullptr) noexcept
       : pool_(&pool), request_(&request), sessions_(&sessions), call_(kept) {}

@@ -34,13 +34,13 @@ struct PendingCall {
   std::uint32_t item_frame_size_max = 0;  ///< The largest item of a single frame.
   bool is_blocked = false;                ///< Its connection has no room for items now.
   bool is_in_backlog = false;             ///< See OpenCalls::serve_backlog().
-  // In a lane with a thread pool:
+  // The members below are used in a lane with a thread pool.
   const Object* object = nullptr;
-  std::optional<CallOrigin> origin{};  ///< In a secured server, once it was queued.
+  std::optional<CallOrigin> origin{};  ///< Set in a secured server once the call was queued.
   MutableBytes request_room{};
-  bool is_running = false;      ///< Or waits for a thread: not to be ended yet.
+  bool is_running = false;      ///< It runs or waits for a thread: do not end it yet.
   bool waits_for_room = false;  ///< It ended with a large reply for which there was no room yet.
-  bool is_deferred = false;     ///< Counts as deferred; the method's thread's while that runs.
+  bool is_deferred = false;     ///< Counts as deferred; for the method's thread only while it runs.
   TapMark tap_mark{};           ///< Written by the method's thread, then under the Lead.
 
   /// A call that came over a wire; the request's payload stays where it is.
@@ -76,7 +76,7 @@ struct PendingCall {
   std::atomic<CallEnding> ending{CallEnding::kNone};
   std::atomic<bool> is_awaited{false};
   std::atomic<bool> is_ended{false};
-  wire::Status status = wire::Status::kOk;  ///< With is_ended.
+  wire::Status status = wire::Status::kOk;  ///< Valid if is_ended.
   std::uint32_t size = 0;
   MutableBytes reply{};
   MutableBytes reply_room{};
@@ -98,7 +98,7 @@ struct PendingCall {
 
 /// The unfinished calls of one lane, a bounded number, and the list of those with items or an end
 /// for the lane to send. Handles of unfinished calls keep it alive beyond the lane's own end.
-/// @threads  notify() and keep_deferred() any; the rest the lane's
+/// @threads  notify() and keep_deferred() any; everything else the lane's
 /// @realtime alloc-free but for construction
 class PendingPool {
  public:

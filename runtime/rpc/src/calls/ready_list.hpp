@@ -9,7 +9,7 @@
 namespace rtpm::rpc {
 
 /// Wakes a lane that sleeps; costs a load while it does not. May outlive the lane.
-/// @threads  wake() any; the others the lane's
+/// @threads  wake() any; everything else the lane's
 /// @realtime alloc-free
 class Doorbell {
  public:

@@ -408,7 +408,7 @@ bool CallChannel::send_held() noexcept {
 // Finds room for a reply larger than a frame. The first of each size is set-up work.
 bool CallChannel::make_room(std::uint32_t size, wire::CallIndex call) noexcept {
   accept_batches();
-  // In powers of two, so that replies that grow do not each ask anew.
+  // Sizes are powers of two, so that growing replies do not each allocate anew.
   rooms_[call] = rt::LazyMemory(std::bit_ceil(std::size_t{size}));
   wire_.set_reply_buffer(rooms_[call].bytes(), call);
   return !rooms_[call].bytes().empty();

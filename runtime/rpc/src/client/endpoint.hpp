@@ -34,7 +34,7 @@ class Endpoint {
     // SYNC POINT lost-oneways: the channel of what is counted here has ended.
     return lost_oneways_.load(std::memory_order_acquire);
   }
-  // How many bindings use it; changed by the node only.   Threads: any.
+  // How many bindings use it; changed by the node only. Any thread may ask.
   [[nodiscard]] std::size_t user_count() const noexcept {
     return user_count_.load(std::memory_order_relaxed);
   }

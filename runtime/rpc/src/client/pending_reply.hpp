@@ -14,9 +14,9 @@ struct PendingReply::State {
 
   /// Waits for the end, but not beyond `until`; true if it is there.
   [[nodiscard]] virtual bool wait(MonotonicTime until) noexcept = 0;
-  /// Once, after wait() gave true.
+  /// Gives the reply; called once, after wait() gave true.
   [[nodiscard]] virtual expected<ReplyLease, CallError> take() noexcept = 0;
-  /// If it has not ended: it has now.
+  /// Ends the call if it has not ended.
   virtual void cancel() noexcept = 0;
   /// Its caller no longer asks for it.
   virtual void drop() noexcept = 0;

@@ -179,7 +179,7 @@ expected<PipelineSession*, CallError> Pipeline::Impl::session_for(
   const auto channel = endpoint.take(priority, calls_per_session(endpoint.address().transport));
   if (!channel) return unexpected{channel.error()};
   const rt::AllowAllocationScope is_allowed;
-  // Those of servers that no binding leads to any more.
+  // Frees the sessions with servers to which no binding leads any more.
   std::erase_if(sessions_, [](const auto& session) {
     return session->endpoint.user_count() == 0 && session->is_free();
   });

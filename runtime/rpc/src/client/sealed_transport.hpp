@@ -102,8 +102,8 @@ class SealedTransport final : public transport::ClientTransport {
   std::unique_ptr<transport::ClientTransport> former_;  ///< Carries a stream's last session.
   MonotonicTime former_until_{};
   bool wants_renewal_ = false;
-  MonotonicTime next_renewal_{};  ///< In the background,
-  MonotonicTime next_wait_{};     ///< and for which a call waits.
+  MonotonicTime next_renewal_{};  ///< The next one in the background,
+  MonotonicTime next_wait_{};     ///< and the next for which a call waits.
   MonotonicTime due_since_ = kNever;
   transport::DatagramBatch batch_;
   /// Frames for the channel that came of its own sending.

@@ -36,8 +36,8 @@ class Lane {
   [[nodiscard]] bool has_memory() const noexcept {
     return media_.has_memory() && calls_.pool()->has_memory();
   }
-  /// Once the server has all objects, starts its threads. `keeper`: see Execution::start(); it must
-  /// outlive join().
+  /// Starts the lane's threads, once the server has all objects.
+  /// @param keeper  see Execution::start(); it must outlive join()
   /// @realtime set-up only
   [[nodiscard]] expected<void, SetupError> start(rt::RealtimeMode realtime, rt::CpuKeeper* keeper);
   void stop() noexcept;
@@ -59,11 +59,11 @@ class Lane {
   }
   /// Where calls of the same program come in.
   [[nodiscard]] const std::shared_ptr<LocalGate>& gate() const noexcept { return gate_; }
-  /// On a thread that runs a method of this lane: runs another one inside of it.
+  /// Runs a method inside of another method of this lane, on that one's thread.
   [[nodiscard]] DispatchResult run_nested(const LocalChannel& channel) noexcept;
   /// Passes handshakes to the gatekeeper and back. Only in a secured server.
   [[nodiscard]] HandshakeExchange& handshakes() noexcept { return media_.seals()->exchange(); }
-  /// Wakes it, as the grants have changed.
+  /// Wakes the lane, as the grants have changed.
   /// @threads  any
   void ring() noexcept { wait_set_->ring(); }
   /// Lets it note which sessions have ended, in a secured server.

@@ -103,7 +103,7 @@ std::optional<Seals::Event> Seals::on_done(const HandshakeWork& work, Connection
   return Event{outcome.peer, outcome.verdict.frame, slot};
 }
 
-// From the last place to the first, as ended connections leave theirs to the last.
+// Goes from the last place to the first, as the last connection takes the place of an ended one.
 std::optional<Seals::Event> Seals::review_next(Connections& connections,
                                                MonotonicTime now) noexcept {
   const bool is_stream = review_ == Review::kStreams;

@@ -36,14 +36,14 @@ struct LaneSetup {
   std::uint32_t local_oneway_count_max = 0;
   PriorityTransform inbound_priority = nullptr;
   Lane* lower = nullptr;                    ///< The lane whose threads it may borrow.
-  bool borrows = false;                     ///< Or lends.
+  bool borrows = false;                     ///< Whether it borrows or lends threads.
   std::uint32_t lendable_thread_count = 0;  ///< The sum over all lanes below.
   /// The bell of the thread that frees ended connections and starts threads.
   transport::WaitSet* acceptor_bell = nullptr;
   RefusalNotes* refusals = nullptr;       ///< Written by the same thread.
-  LaneSlot* slot = nullptr;               ///< Where others see what it does.
+  LaneSlot* slot = nullptr;               ///< Its slot of the lane table.
   const AccessControl* access = nullptr;  ///< Null if the server asks nobody.
-  // With `access`:
+  // The members below are used with `access`.
   AuditLog* audit = nullptr;
   const sealed::ServerIdentity* identity = nullptr;
   HandshakeRate* handshake_rate = nullptr;

@@ -3,8 +3,9 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/rt/budget.hpp"
 
-// When a lane's thread pauses, so that the kernel throttles neither it nor more urgent ones; see
-// rt/budget.hpp. Orders only: the lane obeys. The budget is an rt::RealtimeBudget, but in tests.
+// Decides when a lane's thread pauses, so that the kernel throttles neither it nor more urgent
+// ones; see rt/budget.hpp. The lane makes the pauses. The budget is an rt::RealtimeBudget, except
+// in tests.
 namespace rtpm::rpc {
 
 struct Pause {
@@ -25,8 +26,9 @@ template <class Budget>
   return {must_sleep ? Pause::Kind::kSleep : Pause::Kind::kWait, now + rt::RealtimeBudget::kPause};
 }
 
-/// The pause of a thread with so much work that it never comes to wait. `received`: when the last
-/// of it came; `clock` is read only where the budget may be spent.
+/// The pause of a thread with so much work that it never comes to wait.
+/// @param received  when the last of it came
+/// @param clock     read only where the budget may be spent
 template <class Budget, class Clock>
 [[nodiscard]] Pause pause_after_work(Budget& budget, MonotonicTime received, Clock clock) noexcept {
   if (budget.overdue(received) == Duration{0}) return {};

@@ -37,8 +37,8 @@ struct LocalCallParameters {
 };
 
 /// The memory of one local call at a time. Its caller has it, then the lane, then the caller again;
-/// if the caller gives up meanwhile, the lane has it until it is done. That of a oneway is the
-/// lane's from the beginning.
+/// if the caller gives up meanwhile, the lane has it until it is done. The lane has that of a
+/// oneway from the beginning.
 /// @threads  try_take() any; the lane's part the lane's; the rest the thread that took it
 /// @realtime alloc-free but for construction; at most one syscall a side, to wake or to wait
 class LocalChannel {
@@ -69,7 +69,7 @@ class LocalChannel {
   void submit(bool is_awaited) noexcept {
     state_.store(is_awaited ? State::kSubmitted : State::kLeft, std::memory_order_release);
   }
-  /// Waits until the lane is done; false if that took beyond the deadline: then it is the lane's.
+  /// Waits until the lane is done; false after the deadline: then the lane has the channel.
   [[nodiscard]] bool wait(const rt::WaitConfig& how) noexcept;
   [[nodiscard]] wire::Status status() const noexcept { return status_; }
   [[nodiscard]] ConstBytes result() const noexcept { return reply_room_.first(size_); }
@@ -210,7 +210,7 @@ class LocalChannels {
   LocalChannels(std::uint32_t count_max, std::uint32_t message_size_max);
   LocalChannels(const LocalChannels&) = delete;
   LocalChannels& operator=(const LocalChannels&) = delete;
-  /// Those that a lane still has are kept until it is done.
+  /// Channels that a lane still has are kept until it is done.
   ~LocalChannels();
 
   [[nodiscard]] expected<LocalChannel*, CallError> take() noexcept;

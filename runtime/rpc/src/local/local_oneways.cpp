@@ -20,7 +20,7 @@ LocalOneways::LocalOneways(std::uint32_t count, std::uint32_t message_size_max)
   const MutableBytes requests = requests_.bytes();
   // Without memory there are no places, which callers see as overload.
   if (requests.size() < count * kSizeMax || replies_.bytes().empty()) return;
-  // None faults with its first use.
+  // Touches the memory now, so that the first use of a place does not fault.
   if (!requests.empty()) std::memset(requests.data(), 0, requests.size());
   for (std::uint32_t i = 0; i < count; ++i)
     places_.emplace_back(requests.subspan(i * kSizeMax, kSizeMax), replies_.bytes(), *this, i + 1);

@@ -30,7 +30,7 @@ class OwnKey {
   ~OwnKey();
 
   [[nodiscard]] const seal::KeyPair& pair() const noexcept { return held().pair; }
-  /// In a forked child it is gone.
+  /// Whether the key is there; in a forked child it is gone.
   [[nodiscard]] bool is_here() const noexcept { return held().is_here != 0; }
 
  private:

@@ -48,7 +48,7 @@ class ObjectTable {
   /// The object at that path, or null.
   /// @realtime linear in the objects
   [[nodiscard]] const Object* find(std::string_view path) const noexcept;
-  /// By number, the first being 1.
+  /// The objects' paths, by number from 1.
   [[nodiscard]] std::vector<std::string> paths() const;
   [[nodiscard]] std::size_t size() const noexcept { return objects_.size(); }
   /// Answers a bind (spec/hprotocol.md#hp-6). An object that `view` does not show is not there.

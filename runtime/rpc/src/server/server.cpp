@@ -173,7 +173,7 @@ class ServerImpl final : public Server {
   ObjectTable objects_;
   std::shared_ptr<ServerTap> tap_ = std::make_shared<ServerTap>(objects_);
   std::shared_ptr<AccessControl> access_;  ///< Null if the server asks nobody.
-  // With access_:
+  // audit_, identity_ and gatekeeper_ are used only with access_.
   std::unique_ptr<AuditLog> audit_;
   std::unique_ptr<SecretIdentity> identity_;
   std::unique_ptr<Gatekeeper> gatekeeper_;

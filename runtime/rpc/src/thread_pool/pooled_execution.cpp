@@ -164,7 +164,7 @@ void PooledExecution::help(PooledExecution& borrower, PendingCall* call) noexcep
   pool_.end_expecting();
 }
 
-// On a thread of a lower lane: runs `call`, unless it is null, and all that are stuck. The lender
+// Runs `call`, unless it is null, and all stuck calls, on a thread of a lower lane. The lender
 // expects its thread back from the end of each call on.
 void PooledExecution::run_borrowed(PendingCall* call, ThreadPool& lender) noexcept {
   Lead& lead = pool_.lock_as_follower();
@@ -181,7 +181,7 @@ void PooledExecution::run_borrowed(PendingCall* call, ThreadPool& lender) noexce
   pool_.unlock();
 }
 
-// Runs a call without the lock, and ends it with the lock. `lender`: whose thread does so.
+// Runs a call without the lock, and ends it with the lock. `lender` owns the thread, if not null.
 void PooledExecution::run(PendingCall& call, ThreadPool* lender) noexcept {
   pool_.unlock();
   CallDeferral deferral(parts_.calls.pool(), call);

@@ -144,7 +144,7 @@ BorrowedThread ThreadPool::lend(const BorrowRequest& request) noexcept {
   return spare_count >= request.waiting_count ? BorrowedThread::kSoon : BorrowedThread::kNone;
 }
 
-// With the lock.
+// The caller holds the lock.
 bool ThreadPool::give_thread(const BorrowRequest& request) noexcept {
   if (is_over_) return false;
   Worker* worker = nullptr;

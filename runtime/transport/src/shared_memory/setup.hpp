@@ -41,7 +41,7 @@ enum class SetupStatus : std::uint16_t {
   kOk = 0,
   kNotAllowed = 1,          ///< The client belongs to another user.
   kVersionUnsupported = 2,  ///< The server's own version is in the answer.
-  kNoMemory = 3,            ///< Or no descriptor.
+  kNoMemory = 3,            ///< No memory or descriptor is left.
 };
 
 /// The server's one message. With kOk, unless the client only asked, the descriptors come with it.

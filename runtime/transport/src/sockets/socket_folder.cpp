@@ -46,7 +46,7 @@ unexpected<SetupError> failed(const std::string& folder, int error) {
   return unusable(folder, std::strerror(error), remedy);
 }
 
-/// The folder, held open, so that it can't be replaced meanwhile. Not open: it does not exist.
+/// The folder, held open, so that it can't be replaced meanwhile. Not open if there is none.
 expected<Descriptor, SetupError> open_folder(const std::string& folder, bool makes) {
   if (makes && mkdir(folder.c_str(), kOwnerOnly) != 0 && errno != EEXIST) {
     return failed(folder, errno);
@@ -68,7 +68,7 @@ expected<Descriptor, SetupError> open_folder(const std::string& folder, bool mak
   return opened;
 }
 
-/// By the open folder: the whole path may be longer than an address takes.
+/// The address by the open folder: the whole path may be longer than an address takes.
 sockaddr_un address_in(const Descriptor& folder, std::string_view name, socklen_t& size) {
   const std::string path =
       "/proc/self/fd/" + std::to_string(folder.number()) + "/" + std::string(name);

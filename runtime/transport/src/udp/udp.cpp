@@ -174,7 +174,7 @@ expected<void, IoError> UdpPort::send(const wire::PeerAddress& peer, ConstBytes 
   return unexpected{error_of_send(errno)};
 }
 
-// From the address at which the peer called.
+// Sends from the address at which the peer called.
 ssize_t UdpPort::send_as_asked(const SocketAddress& to, const SocketAddress& local,
                                ConstBytes frame) noexcept {
   if (locals_ && local.family() != AF_UNSPEC) return send_from(socket_.number(), to, local, frame);

@@ -13,7 +13,7 @@ namespace rtpm::sealed {
 [[nodiscard]] std::string key_log_line(std::uint64_t session, seal::Suite suite,
                                        const seal::Secret& client, const seal::Secret& server);
 
-/// Is called with the keys of each new session, for a key log. `hear` null: no listener.
+/// Is called with the keys of each new session, for a key log. Not called if `hear` is null.
 struct KeyListener {
   void (*hear)(void* context, std::uint64_t session, const seal::SessionKeys& keys) = nullptr;
   void* context = nullptr;

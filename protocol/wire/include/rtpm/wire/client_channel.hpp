@@ -42,9 +42,9 @@ struct ClientChannelConfig {
 
 /// When a call counts as done for its caller.
 enum class Delivery : std::uint8_t {
-  kReply,    ///< With the method's result.
+  kReply,    ///< When the method's result has come.
   kReceipt,  ///< When the server has it and is about to run it. The method's result is dropped.
-  kSent,     ///< At once: it may get lost. One frame only.
+  kSent,     ///< When it is sent: it may get lost. One frame only.
 };
 
 /// The parameters of a call besides its payload.

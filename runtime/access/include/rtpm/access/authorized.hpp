@@ -27,7 +27,7 @@ struct Grant {
 struct LineFault {
   std::size_t line = 0;    ///< From 1,
   std::size_t column = 0;  ///< and from 1, in bytes.
-  std::string why{};       ///< With the correct form; foreign text in it is escaped.
+  std::string why{};       ///< Names the correct form; foreign text in it is escaped.
   friend bool operator==(const LineFault&, const LineFault&) = default;
 };
 /// "authorized:3:14: unknown role 'comand'; did you mean 'command'?"

@@ -13,7 +13,7 @@ namespace rtpm::rpc {
 
 class ReplyLease;
 
-/// A call that was begun and whose reply is waited for later. No thread stands behind it: its
+/// A call that was begun and whose reply is waited for later. It needs no thread: its
 /// holder repeats frames and takes the reply while it asks or waits, on a call channel that belongs
 /// to the call, or to its pipeline, until this ends.
 /// @ownership move-only; refers to its binding, and its pipeline, which must outlive it. Ends by
@@ -71,7 +71,7 @@ class ItemReader {
   ~ItemReader();
 
   /// The next item in order, waiting until `until` at most. It is aligned to 16 bytes and valid
-  /// until the next call. Without one: the stream has ended in order.
+  /// until the next call. nullopt once the stream has ended in order.
   /// @errors   kTimeout: none came in time, and is_open() tells whether more may; kStreamLost: the
   ///           reader was away for too long; kTooLarge: the servant had an item that is larger than
   ///           caller and server both take; other errors: the stream ended because of them

@@ -191,8 +191,8 @@ class Binding {
   [[nodiscard]] expected<void, CallError> check_oneways() noexcept;
   /// The number of oneways to the server that were reported as sent and may not have arrived,
   /// because their session ended, over all bindings of the node that share the channels (see
-  /// BindOptions::is_private). Over shared memory: those that the server had not read, and the one
-  /// that it read last. Elsewhere: those since the server last answered a call over the same
+  /// BindOptions::is_private). Over shared memory it counts those that the server had not read, and
+  /// the one that it read last; elsewhere those since the server last answered a call over the same
   /// channel. Always an upper bound; it never falls.
   /// @realtime alloc-free, no syscall
   [[nodiscard]] std::uint64_t lost_oneway_count() const noexcept;

@@ -30,7 +30,7 @@ enum class StreamError : std::uint8_t {
 
 /// Why the caller of a call does not wait any more.
 enum class CallEnding : std::uint8_t {
-  kNone,      ///< It waits.
+  kNone,      ///< The caller still waits.
   kLeft,      ///< The caller cancelled, or its session or connection ended.
   kSilent,    ///< The caller of a stream missed as many signs of life as it may.
   kStopping,  ///< The server stops.

@@ -46,8 +46,8 @@ enum class TapStage : std::uint8_t {
 struct TappedCall {
   TapStage stage = TapStage::kWhole;
   wire::Status status = wire::Status::kOk;  ///< The result of a whole or ended call.
-  /// From 1; all records of a call have the same. Ascending in a lane of one thread; a server with
-  /// one such lane leaves none out.
+  /// The call's number, from 1; all its records have it. Numbers ascend in a lane of one thread; a
+  /// server with one such lane leaves none out.
   std::uint64_t number = 0;
   std::uint32_t service = 0;  ///< The object's number, as bound: the index in objects(), plus 1.
   std::uint16_t method = 0;

@@ -14,7 +14,7 @@ namespace rtpm::rt {
   return {.tv_sec = duration.count() / kSecond, .tv_nsec = duration.count() % kSecond};
 }
 
-/// On CLOCK_MONOTONIC.
+/// The time on CLOCK_MONOTONIC.
 /// @realtime alloc-free
 [[nodiscard]] constexpr timespec to_timespec(MonotonicTime time) noexcept {
   return to_timespec(time.time_since_epoch());

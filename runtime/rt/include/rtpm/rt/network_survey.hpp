@@ -45,8 +45,8 @@ struct PortFacts {
   std::optional<PortHolder> holder{};
 };
 
-/// Reads the interfaces and the route of `group` below `root`, "" being the system's own. The trial
-/// is the caller's.
+/// Reads the interfaces and the route of `group` below `root`, "" being the system's root. The
+/// caller makes the trial.
 /// @realtime set-up only
 [[nodiscard]] MulticastFacts read_multicast(const std::string& root, const std::string& group);
 /// The program that listens at `port` by UDP or TCP; nullopt if there is none.

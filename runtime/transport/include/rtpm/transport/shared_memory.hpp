@@ -21,8 +21,8 @@
 /// @source   spec/hprotocol.md#hp-16
 namespace rtpm::transport {
 
-/// Where a server's UNIX socket is. Without a folder: an abstract name of the network namespace,
-/// made of the host and port of the server's UDP and TCP. With one: the file
+/// Where a server's UNIX socket is. Without a folder it has an abstract name of the network
+/// namespace, made of the host and port of the server's UDP and TCP. With one it is the file
 /// "<folder>/<host>:<port>", for containers that share nothing else.
 struct SharedMemoryAddress {
   std::string host;  ///< Numeric, "127.0.0.1", "::1".
@@ -133,9 +133,9 @@ class UserPolicy {
   ~UserPolicy() = default;
 };
 
-/// Reads and answers the request of an accepted client. No connection: the client was refused, and
-/// has been told why; only asked; or sent something else.
-/// @param policy  null: this process's user and the superuser are admitted
+/// Reads and answers the request of an accepted client. There is no connection if the client
+/// was refused and told why, only asked, or sent something else.
+/// @param policy  null to admit this process's user and the superuser
 /// @realtime set-up only
 [[nodiscard]] SharedMemoryClient welcome_shared_memory_client(Descriptor socket,
                                                               const UserPolicy* policy = nullptr);

@@ -97,7 +97,7 @@ class UdpPort {
   wire::PeerAddress waker_peer_{};  ///< The sender of its datagrams.
   Priority low_;
   SocketAddress own_;
-  std::uint32_t index_;                       ///< In its place of a peer.
+  std::uint32_t index_;                       ///< The port's index, kept in a peer.
   std::unique_ptr<LocalAddresses> locals_{};  ///< Null unless the host is "any".
   std::uint32_t local_count_ = 1;
   bool can_send_batches_ = true;
