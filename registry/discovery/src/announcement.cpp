@@ -25,7 +25,7 @@ namespace {
 using transport::LanPeer;
 using transport::LanSocket;
 
-/// Datagrams taken from one socket before it is the others' turn.
+/// Datagrams taken from one socket before the other sockets get their turn.
 constexpr int kTurn = 64;
 
 /// Whether an answer may be sent to that address at all.

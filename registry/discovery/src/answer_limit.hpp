@@ -20,13 +20,13 @@ class AnswerLimit {
   [[nodiscard]] bool admit(std::uint32_t host, MonotonicTime now) noexcept;
 
  private:
-  /// The number of answers in the second that began at `begin`.
+  /// The number of answers in the second that started at `begin`.
   struct Count {
     std::uint32_t count = 0;
     MonotonicTime begin{};
     [[nodiscard]] bool admit(std::uint32_t count_max, MonotonicTime now) noexcept;
   };
-  /// Additional hosts share an entry with others.
+  /// Additional hosts share an entry with other hosts.
   std::array<Count, 256> hosts_{};
   Count all_{};
 };

@@ -48,7 +48,7 @@ struct Content {
   std::size_t foreign_count = 0;  ///< Number of keys that are not names.
 };
 /// @param revision  the revision to read; 0 for the latest
-/// @errors   kOutOfRange: the revision does not exist yet, or no longer
+/// @errors   kOutOfRange: the revision does not exist yet, or does not exist any more
 [[nodiscard]] expected<Content, GatewayError> read_content(Gateway& gateway, const Keys& keys,
                                                            MonotonicTime deadline,
                                                            std::uint64_t revision = 0);

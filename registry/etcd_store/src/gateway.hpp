@@ -49,8 +49,8 @@ class Gateway {
       : address_(std::move(address)), other_clusters_(address_.endpoints.size()) {}
 
   [[nodiscard]] const Address& address() const noexcept { return address_; }
-  /// Asks the preferred endpoint, then each other one, until one answers or `deadline` is over. The
-  /// request must be safe to send twice.
+  /// Asks the preferred endpoint, then each other endpoint, until one answers or `deadline` is
+  /// over. The request must be safe to send twice.
   [[nodiscard]] expected<Json, GatewayError> ask(std::string_view path, const Json& body,
                                                  MonotonicTime deadline);
   /// Asks one endpoint, and checks that it belongs to the cluster that answered first.
@@ -83,7 +83,7 @@ class Gateway {
   std::atomic<std::size_t> preferred_ = 0;
   std::atomic<std::uint64_t> cluster_ = 0;
   std::atomic<bool> is_stopping_ = false;
-  std::mutex mutex_;  ///< Plain: no real-time thread locks it. Guards what follows.
+  std::mutex mutex_;  ///< Not for real-time threads. Guards the members below.
   std::vector<std::unique_ptr<HttpClient>> idle_{};
   std::vector<std::uint64_t> other_clusters_;  ///< Indexed by endpoint; 0 if it has none.
 };

@@ -53,7 +53,7 @@ class HttpStream {
   HttpStream& operator=(const HttpStream&) = delete;
   ~HttpStream();
 
-  /// Begins a request; ends the former one.
+  /// Starts a request; ends the former one.
   void open(const std::string& url, const std::string& body);
   /// The next line; nullopt if none arrived by `until`, or if wake() was called.
   /// @errors   the stream has ended, or a line is too long

@@ -139,7 +139,7 @@ int main(int argc, char** argv) {
   rtpm::rpc::ServerConfig& server = configuration.settings.server;
   server = rtpm::events::server_config_for({});
   server.port = rtpm::events::kDefaultHubPort;
-  // Two bands: urgent events do not queue behind others.
+  // Two bands: urgent events do not queue behind the rest.
   server.lanes = {{.name = "events-low", .low = 0}, {.name = "events-high", .low = 16'384}};
   rtpm::options::add_server(options, configuration.settings);
   rtpm::options::add_caller(options, configuration.settings);

@@ -22,7 +22,7 @@ class EventStore {
   EventStore(const EventStore&) = delete;
   EventStore& operator=(const EventStore&) = delete;
 
-  /// Copies the event; empty if no slot of its size is free or exists.
+  /// Copies the event; empty if there is no free slot of its size.
   [[nodiscard]] EventRef put(const EventView& event) noexcept;
   /// The largest payload.
   [[nodiscard]] std::uint32_t payload_size_max() const noexcept { return payload_size_max_; }

@@ -48,7 +48,7 @@ class TapServer final : public TapServant {
   std::atomic<bool> is_busy_{false};  ///< A client arrives or is served.
   std::atomic<bool> is_ending_{false};
   rt::Semaphore wake_{};
-  // Used by the thread only.
+  // The next four members are used by the thread only.
   std::vector<TappedCall> calls_{};
   std::vector<std::uint8_t> payloads_{};
   std::uint64_t too_large_count_ = 0;  ///< Calls in items that exceed the client's limit.

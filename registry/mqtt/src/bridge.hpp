@@ -35,12 +35,12 @@ struct BridgeConfig {
 
 /// Counters of a bridge, besides BrokerCounters.
 struct BridgeCounters {
-  std::uint64_t to_broker_count = 0;  ///< Queued for the broker.
+  std::uint64_t to_broker_count = 0;  ///< Events queued for the broker.
   std::uint64_t own_count = 0;        ///< Own events returned by hub or broker, dropped.
-  std::uint64_t pushed_count = 0;     ///< From the broker to the hub.
+  std::uint64_t pushed_count = 0;     ///< Events from the broker to the hub.
   std::uint64_t unknown_topic_count = 0;
-  std::uint64_t hops_spent_count = 0;   ///< Dropped: no hops left.
-  std::uint64_t push_failed_count = 0;  ///< Hub unreachable, or event too large.
+  std::uint64_t hops_spent_count = 0;   ///< Events dropped because no hops were left.
+  std::uint64_t push_failed_count = 0;  ///< Failures: hub unreachable, or event too large.
 };
 
 /// Bridges events of a hub and messages of a broker. Counts as a hop, like a link between hubs.

@@ -82,7 +82,7 @@ class Broker::Callbacks {
     if (why != 0) return broker.set_reason(mosquitto_reason_string(why));
     broker.missing_count_ = broker.config_.subscriptions.size();
     for (const std::string& each : broker.config_.subscriptions) {
-      // No own messages, no retained ones.
+      // Neither own nor retained messages.
       mosquitto_subscribe_v5(client, nullptr, each.c_str(), 0,
                              MQTT_SUB_OPT_NO_LOCAL | MQTT_SUB_OPT_SEND_RETAIN_NEVER, nullptr);
     }
@@ -253,7 +253,7 @@ bool Broker::connect() {
   return socket_ >= 0 && wait_set_->add(socket_, kSocket, transport::Trigger::kLevel);
 }
 
-// Until the connection ends.
+// Runs until the connection ends.
 void Broker::talk() {
   std::array<transport::SourceTag, 4> tags{};
   mosquitto* const client = client_.get();

@@ -31,7 +31,7 @@ struct BrokerConfig {
   std::string password{};  ///< Password of `user`.
   std::string ca_file{};   ///< Trusted certificates; no TLS if empty.
   std::vector<std::string> subscriptions{};
-  std::uint32_t queue_capacity = 1024;  ///< Messages.
+  std::uint32_t queue_capacity = 1024;  ///< In messages.
   bool retains = false;                 ///< The broker keeps the last message of each topic.
   Duration retry_max = std::chrono::seconds{2};
 };
@@ -49,8 +49,8 @@ struct Message {
 /// Counters of messages.
 struct BrokerCounters {
   std::uint64_t published_count = 0;
-  std::uint64_t overflow_count = 0;  ///< Dropped from the full queue.
-  std::uint64_t refused_count = 0;   ///< Refused by libmosquitto: too large for the broker.
+  std::uint64_t overflow_count = 0;  ///< Messages dropped from the full queue.
+  std::uint64_t refused_count = 0;   ///< Messages that libmosquitto refused as too large.
   std::uint64_t received_count = 0;
   std::uint64_t connection_count = 0;
 };

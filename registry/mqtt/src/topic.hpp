@@ -27,7 +27,7 @@ struct TopicMapping {
 
 /// "PREFIX/TYPE/SOURCE", both in decimal.
 [[nodiscard]] std::string topic_of(std::string_view prefix, const Origin& origin);
-/// The reverse; nullopt for other topics and invalid types.
+/// The origin in a topic; nullopt for other topics and invalid types.
 [[nodiscard]] std::optional<Origin> origin_of(std::string_view prefix, std::string_view topic);
 
 /// Parses "5" (all sources: nullopt) or "5/2".

@@ -20,7 +20,7 @@ struct LoggedChange {
 /// @threads  one at a time
 class ChangeLog {
  public:
-  /// `revision`: the last change before the log begins.
+  /// `revision` is that of the last change before the log's first one.
   ChangeLog(std::size_t count_max, std::size_t byte_max, std::uint64_t revision) noexcept
       : count_max_(count_max), byte_max_(byte_max), forgotten_(revision), newest_(revision) {}
 

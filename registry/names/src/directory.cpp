@@ -113,7 +113,7 @@ class Directory::Impl {
   /// The service, if the scope is its URL; if null, services are searched for.
   [[nodiscard]] Service* only() const noexcept { return only_.get(); }
 
-  /// Asks all services, several at a time, so that one that hangs delays no other.
+  /// Asks all services, several at a time, so that one that hangs delays no other service.
   /// @errors   no service answers
   template <class Value, class Operation>
   [[nodiscard]] expected<Answers<Value>, DirectoryError> ask_all(MonotonicTime deadline,

@@ -221,7 +221,7 @@ class FoundWatch final : public NameWatch::Impl {
   rpc::Node& node_;
   const discovery::Scope scope_;
   const WatchHandlers handlers_;
-  // Used by the starting thread, then by the watch's.
+  // Used by the starting thread, then by the thread of the watch.
   std::set<std::string> said_{};
   // All are plain mutexes: no real-time thread locks them.
   mutable std::mutex changing_;  ///< Guards changes of services_ by the watch's thread.

@@ -22,7 +22,7 @@ class InterfaceIndex {
   void add(const Record& record);
   void remove(const Record& record);
 
-  /// In alphabetical order; an empty interface: all names.
+  /// Visits names in alphabetical order; all names if the interface is empty.
   template <class Function>
   void for_each(std::string_view interface, Function function) const {
     if (!interface.empty()) {
@@ -43,7 +43,7 @@ class InterfaceIndex {
   [[nodiscard]] bool has(std::string_view interface, std::string_view property) const;
   /// The properties of the interface's names.
   [[nodiscard]] std::vector<std::string> properties_of(std::string_view interface) const;
-  /// Number of interfaces with names.
+  /// The interfaces that have names.
   [[nodiscard]] std::vector<std::string> interfaces() const;
 
  private:

@@ -36,7 +36,7 @@ class LapsedNames {
   /// revision of its last holder.
   [[nodiscard]] bool may_dismiss(std::string_view name, Owner owner,
                                  std::uint64_t holder_revision) const;
-  /// Keyed by name.
+  /// The lapsed names, keyed by name.
   [[nodiscard]] const std::map<std::string, LapsedRecord, std::less<>>& all() const noexcept {
     return records_;
   }

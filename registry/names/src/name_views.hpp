@@ -17,7 +17,7 @@ class NameViews {
   /// The effect of a service's change on the combined view.
   struct Told {
     std::optional<NameChange> change{};
-    std::string duplicate{};  ///< Not empty: the name began to lead to different URLs; a sentence.
+    std::string duplicate{};  ///< A sentence if the name began to lead to different URLs.
   };
   [[nodiscard]] Told take(const std::string& service_url, NameChange change);
   /// The names of a service, to report them as gone when it ends.

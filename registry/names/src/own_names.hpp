@@ -21,7 +21,7 @@ class OwnNames {
  public:
   /// The name service of this program at the host of `url`, or at the loopback address if this host
   /// does not have that address.
-  /// @param security  the clients that it serves, if it does not exist yet
+  /// @param security  the clients that it serves; used if it does not exist yet
   /// @realtime set-up only
   /// @errors   as rpc::Server::create() and discovery::Announcement::create()
   [[nodiscard]] static expected<std::shared_ptr<OwnNames>, SetupError> at_host_of(

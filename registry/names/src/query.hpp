@@ -25,13 +25,13 @@ struct QueryTexts {
 /// The result of find(), preferred records first.
 struct Found {
   std::vector<const Record*> records{};  ///< Valid until the next change.
-  std::size_t accepted_count = 0;        ///< Includes those that exceed the limit.
+  std::size_t accepted_count = 0;        ///< Includes records beyond the limit.
   std::string note{};                    ///< Names properties that no name has; empty if none.
 };
 
 /// Why a predicate or preference is refused.
 struct QueryError {
-  Outcome outcome = Outcome::kBadPredicate;  ///< Or kBadPreference.
+  Outcome outcome = Outcome::kBadPredicate;  ///< kBadPredicate or kBadPreference.
   predicate::TextError error{};
 };
 

@@ -93,7 +93,7 @@ class Registration::Impl {
     scope_ = std::move(*scope);
     if (auto bound = begin_at_registry(); !bound) {
       const DirectoryError& error = bound.error();
-      // A registry that refuses is running.
+      // A registry that refuses a request is running.
       const bool is_lasting = scope_.is_url() || error.outcome;
       if (is_lasting && !is_passing(error)) return unexpected{std::move(bound.error())};
       if (is_passing(error)) {
@@ -351,11 +351,11 @@ class Registration::Impl {
   const Takeover takeover_;
   std::atomic<bool> is_bound_ = false;
   bool was_ever_bound_ = false;
-  // Used by the starting thread, then by the lease's.
+  // Used by the starting thread, then by the lease thread.
   bool is_to_look_for_duplicates_ = false;
   MonotonicTime own_end_ = kNever;  ///< When its own service of the name ends.
   std::string said_{};
-  // Plain: no real-time thread locks it. Guards what follows.
+  // This mutex is not for real-time threads. Guards the members below.
   std::mutex mutex_;
   Offer offer_;
   std::shared_ptr<Place> registry_{};  ///< Null if there is none. Replaced by the lease thread.

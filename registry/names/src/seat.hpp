@@ -42,7 +42,7 @@ class Seat {
  private:
   rpc::Node& node_;
   Service service_;
-  std::mutex mutex_;  ///< Plain: no real-time thread locks it. Guards what follows.
+  std::mutex mutex_;  ///< Not for real-time threads. Guards the members below.
   Duration first_lease_{};
   MonotonicTime bound_{};
   std::uint64_t revision_ = 0;  ///< Revision of the bind at `bound_`.

@@ -52,8 +52,8 @@ bool is_of_storage(Outcome outcome) noexcept {
          outcome == Outcome::kNotStored || outcome == Outcome::kStoreUnreachable;
 }
 
-/// Allows one sentence per second. Returns its suffix, which counts those suppressed; nullopt if
-/// this one is suppressed.
+/// Allows one sentence per second. Returns its suffix, which counts the suppressed ones;
+/// nullopt if this sentence is suppressed.
 std::optional<std::string> admit(LogLimit& limit, MonotonicTime now) {
   if (!limit.admit(now)) return std::nullopt;
   const std::uint64_t count = limit.take_all_suppressed();
@@ -417,7 +417,8 @@ class RegistryServant final : public NamesServant {
     return {};
   }
 
-  /// The records that the caller may see, of the page or, as long as there are none, of the next.
+  /// The records that the caller may see, of the page or, as long as there are none, of the next
+  /// one.
   expected<Page, Refusal> list_shown(std::string_view directory, std::string_view after,
                                      MonotonicTime now, const rpc::Caller* identity) {
     auto page = store_.list(directory, after, kPageCountMax, now);
@@ -577,7 +578,7 @@ class RegistryServant final : public NamesServant {
 }  // namespace
 
 std::unique_ptr<rpc::Servant> make_servant(Limits limits, RegistryReport report) {
-  // Random, so that revisions of two starts differ.
+  // A random first revision, so that revisions of two starts differ.
   return std::make_unique<RegistryServant>(
       RegistryConfig{limits, std::move(report)},
       StoredContent{.first_revision = rt::random_u64() >> 1 | 1});

@@ -50,7 +50,7 @@ class Service::Impl {
 
   [[nodiscard]] const std::string& registry_url() const noexcept { return registry_url_; }
 
-  /// Runs `operation` at the registry that answered last, else at the next one; ends by `deadline`.
+  /// Runs `operation` at the registry that answered last, then at the next one; ends by `deadline`.
   template <class Operation>
   auto ask(MonotonicTime deadline, Operation operation) -> expected<
       typename std::invoke_result_t<Operation, NamesClient&, const rpc::CallOptions&>::value_type,
@@ -69,7 +69,7 @@ class Service::Impl {
     }
   }
 
-  /// ask() for an operation on `name` without a result but success or a refusal.
+  /// Calls ask() for an operation on `name` that has no result except success or a refusal.
   template <class Operation>
   [[nodiscard]] expected<void, DirectoryError> confirm(MonotonicTime end, std::string_view name,
                                                        Operation operation) {
@@ -117,7 +117,7 @@ class Service::Impl {
   }
 
   [[nodiscard]] Duration usual() const noexcept { return deadline_; }
-  /// Deadline of an operation that begins now.
+  /// Deadline of an operation that starts now.
   [[nodiscard]] MonotonicTime usual_end() const { return rt::now() + deadline_; }
 
   [[nodiscard]] expected<Granted, DirectoryError> bind(const Claim& claim, bool replaces) {
@@ -180,7 +180,7 @@ class Service::Impl {
 
   /// The client, bound on first use and again after a call without a reply, as the registry may
   /// have moved to another of its addresses. Concurrent first callers bind in parallel, so that
-  /// none waits for another's deadline.
+  /// none waits for the deadline of another one.
   [[nodiscard]] expected<std::shared_ptr<NamesClient>, DirectoryError> bound_client(
       Registry& registry, MonotonicTime deadline) {
     {

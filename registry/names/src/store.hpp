@@ -32,7 +32,7 @@ struct Record {
   std::string interface;
   Owner owner{};
   MonotonicTime expires{};  ///< When its lease ends, unless renewed.
-  /// Changes with the holder of the name.
+  /// A number that changes with the holder of the name.
   std::uint64_t revision = 0;
   MonotonicTime bound{};   ///< When this start of its owner bound it.
   std::uint64_t host = 0;  ///< See Claim::host.
@@ -41,7 +41,7 @@ struct Record {
   /// revisions.
   std::uint64_t change = 0;
   Duration lease{};  ///< Granted by the last bind; 0 if permanent.
-  /// With a shared storage: how long the name stays at most once nobody renews it.
+  /// With a shared storage, the longest time that the name stays once nobody renews it.
   Duration stay{};
 
   [[nodiscard]] bool is_permanent() const noexcept { return lease == Duration{0}; }
@@ -101,7 +101,7 @@ class Store {
   void apply(std::vector<SharedChange> changes, MonotonicTime now);
   /// Replaces everything with the full content of a shared storage.
   void apply_all(std::vector<StoredName> names, std::uint64_t revision, MonotonicTime now);
-  /// The store has everything that was stored before `as_of`.
+  /// Notes that the store has everything that was stored before `as_of`.
   void confirm(MonotonicTime as_of) noexcept;
   /// How often the shared storage confirmed the content.
   [[nodiscard]] std::uint64_t confirm_count() const noexcept { return confirm_count_; }
@@ -169,7 +169,7 @@ class Store {
   [[nodiscard]] expected<Page, Refusal> list(std::string_view directory, std::string_view after,
                                              std::size_t count_max, MonotonicTime now);
 
-  /// Names by interface and properties, see query.hpp; drops expired ones first.
+  /// Names by interface and properties, see query.hpp; drops expired names first.
   [[nodiscard]] const InterfaceIndex& index(MonotonicTime now) {
     expire(now);
     return index_;
@@ -210,7 +210,7 @@ class Store {
     std::size_t name_count = 0;
     std::size_t owner_count = 0;
   };
-  /// The `count_max` hosts with the most names, most first.
+  /// The `count_max` hosts with the most names, in descending order.
   [[nodiscard]] std::vector<HostUse> hosts(std::size_t count_max) const;
   /// The number of owners of names.
   [[nodiscard]] std::size_t owner_count() const noexcept { return owners_.size(); }

@@ -49,7 +49,7 @@ class OneWatch final : public NameWatch::Impl {
   }
 
   [[nodiscard]] expected<void, DirectoryError> begin() override {
-    // Together no longer than the caller waits.
+    // All attempts together take no longer than the caller waits.
     config_.deadline /= static_cast<Duration::rep>(registries_.size());
     auto opened = open();
     for (std::size_t i = 1; !opened && i < registries_.size(); ++i) {
@@ -273,9 +273,9 @@ class OneWatch final : public NameWatch::Impl {
   std::atomic<bool> is_connected_{false};
   rpc::Node& node_;
   const std::vector<std::string> registries_;
-  std::size_t which_ = 0;  ///< The one that is watched.
+  std::size_t which_ = 0;  ///< The registry that is watched.
   const WatchHandlers handlers_;
-  // Used by the starting thread, then by the watch's.
+  // Used by the starting thread, then by the thread of the watch.
   std::optional<NamesClient> client_{};
   std::optional<Stream> stream_{};
   const WatchItem* first_ = nullptr;  ///< The stream's first item, until the next one is read.
@@ -284,7 +284,7 @@ class OneWatch final : public NameWatch::Impl {
   std::set<std::string, std::less<>> fresh_{};  ///< Names of the state so far.
   bool is_fresh_ = false;                       ///< A state is being read.
   bool is_stale_ = false;                       ///< Value in the last item.
-  // Plain: no real-time thread locks it. Guards what follows.
+  // This mutex is not for real-time threads. Guards the members below.
   std::mutex mutex_;
   std::condition_variable ending_;
   WatchConfig config_;

@@ -19,8 +19,8 @@ class Watcher {
     kDone,     ///< Everything was sent.
     kMore,     ///< There is more to send at once.
     kBacklog,  ///< The watcher accepts no more for now.
-    kGone,     ///< It is gone.
-    kTooSlow,  ///< It was cut off.
+    kGone,     ///< The watcher is gone.
+    kTooSlow,  ///< The watcher was cut off.
   };
 
   /// @param history  the current number of the registry's history; must outlive this
@@ -53,7 +53,7 @@ class Watcher {
   std::string state_cursor_{};   ///< The last name of the state that was visited.
   bool is_stale_ = false;        ///< Value in the last item.
   std::uint64_t restart_count_;  ///< The log's count, when the state was last started.
-  std::uint64_t confirm_count_;  ///< The store's count, when the watch began.
+  std::uint64_t confirm_count_;  ///< The store's count, when the watch started.
   std::uint64_t position_;       ///< Every change up to this revision was sent, or is in the state.
   flatbuffers::FlatBufferBuilder builder_{};
   std::vector<flatbuffers::Offset<Change>> changes_{};

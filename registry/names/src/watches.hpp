@@ -31,14 +31,14 @@ class Watches {
   void add(const WatchRequest& request, rpc::TableWriter<WatchItem> writer, std::uint64_t host,
            std::shared_ptr<const rpc::Caller> caller = nullptr);
   /// Starts a new count of revisions. Watchers get its number, and a client that resumes by the
-  /// former number gets the whole state. With the mutex locked.
+  /// former number gets the whole state. Call it with the mutex locked.
   void begin_history(std::uint64_t history) noexcept { history_ = history; }
   /// Call it after a change.
   void wake() noexcept {
     if (thread_.is_running()) bell_.post();
   }
 
-  /// With the mutex locked.
+  /// The number of watchers. Call it with the mutex locked.
   [[nodiscard]] std::size_t count() const noexcept { return watchers_.size(); }
   [[nodiscard]] std::uint64_t cut_off_count() const noexcept { return cut_off_count_; }
 

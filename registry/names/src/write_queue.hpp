@@ -21,7 +21,7 @@ class WriteQueue {
  public:
   static constexpr std::size_t kThreadCount = 4;
   /// Limits of changes that wait or are under way: in total, per remote host, and of the registry's
-  /// own.
+  /// own host.
   static constexpr std::size_t kCountMax = 256;
   static constexpr std::size_t kCountPerHostMax = 64;
   static constexpr std::size_t kCountOwnHostMax = 192;
@@ -42,7 +42,7 @@ class WriteQueue {
   void add(std::uint64_t host, std::function<void()> change);
 
   [[nodiscard]] std::size_t count() const;
-  /// How often there was no capacity.
+  /// The number of times that there was no capacity.
   [[nodiscard]] std::uint64_t overload_count() const;
 
  private:
@@ -52,7 +52,7 @@ class WriteQueue {
   };
   void run();
 
-  mutable std::mutex mutex_;  ///< Plain: held for a few instructions. Guards the rest.
+  mutable std::mutex mutex_;  ///< Held for a few instructions only. Guards the rest.
   std::condition_variable waking_{};
   std::deque<Waiting> waiting_{};
   std::map<std::uint64_t, std::size_t> count_of_host_{};

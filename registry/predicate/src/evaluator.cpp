@@ -11,7 +11,7 @@ namespace {
 
 using Kind = Node::Kind;
 
-/// Three-valued: nullopt is undefined.
+/// A three-valued truth; nullopt means undefined.
 using Truth = std::optional<bool>;
 
 Truth truth_of(const Operand& operand) noexcept {

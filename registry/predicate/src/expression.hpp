@@ -30,7 +30,7 @@ struct Node {
     kContained,  ///< The right text contains the left one.
   };
   Kind kind = Kind::kConstant;
-  std::size_t offset = 0;  ///< In the text.
+  std::size_t offset = 0;  ///< Offset in the text.
   Comparison comparison = Comparison::kEqual;
   Value constant{};
   std::string property{};
@@ -41,8 +41,8 @@ struct Node {
 /// A parsed text: operands precede their operators, the last node is the whole.
 using Nodes = std::vector<Node>;
 
-/// The value of the whole. Undefined: a property is missing or of another type, or a division is by
-/// 0. `and` and `or` are defined if one side decides.
+/// The value of the whole; undefined if a property is missing or of another type, or on a division
+/// by 0. `and` and `or` are defined if one side decides.
 /// @realtime alloc-free
 [[nodiscard]] Operand evaluate(const Nodes& nodes, const PropertySource& properties) noexcept;
 

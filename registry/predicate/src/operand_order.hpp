@@ -6,7 +6,7 @@
 
 namespace rtpm::predicate {
 
-/// Orders numbers, texts or truths; unordered: of different types, or undefined. Exact between
+/// Orders numbers, texts or truths; unordered if of different types, or undefined. Exact between
 /// integers and reals.
 /// @realtime alloc-free
 [[nodiscard]] std::partial_ordering order_of(const Operand& left, const Operand& right) noexcept;

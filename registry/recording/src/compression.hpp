@@ -9,7 +9,7 @@
 
 namespace rtpm::recording {
 
-/// In a chunk's spelling: "", "lz4" or "zstd".
+/// The compression as a chunk spells it: "", "lz4" or "zstd".
 [[nodiscard]] std::string_view to_string(Compression compression) noexcept;
 
 /// Replaces `compressed` by `bytes` in compressed form. kLz4 is LZ4's frame format, as MCAP

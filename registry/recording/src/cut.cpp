@@ -23,7 +23,7 @@ class Selection {
   }
 
  private:
-  /// Number in the new file.
+  /// The channel's number in the new file.
   expected<std::uint16_t, SetupError> number_of(std::uint16_t channel_id) {
     if (const auto known = numbers_.find(channel_id); known != numbers_.end()) return known->second;
     const auto found = reader_.channels().find(channel_id);

@@ -212,7 +212,7 @@ expected<void, SetupError> FileWriter::write(const Message& message) {
   if (message.channel_id == 0 || message.channel_id > impl_->channels.values().size()) {
     return setup_error("a message has a channel that was not added");
   }
-  // Begin and end are times of messages; a chunk may begin with schemas and channels.
+  // `begin` and `end` are times of messages; a chunk may begin with schemas and channels.
   if (impl_->indexes.empty()) impl_->chunk_begin_ns = impl_->chunk_end_ns = message.log_time_ns;
   impl_->chunk_begin_ns = std::min(impl_->chunk_begin_ns, message.log_time_ns);
   impl_->chunk_end_ns = std::max(impl_->chunk_end_ns, message.log_time_ns);

@@ -28,7 +28,7 @@ struct RecordPlace {
 /// @ownership owns the descriptor
 class InputFile {
  public:
-  /// @errors   no such file; a pipe, a device or a folder; no MCAP file
+  /// @errors   no such file; a pipe, a device or a folder; not an MCAP file
   [[nodiscard]] static expected<InputFile, SetupError> open(const std::string& path);
   InputFile(InputFile&& other) noexcept;
   InputFile& operator=(InputFile&&) = delete;

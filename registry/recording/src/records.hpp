@@ -49,7 +49,7 @@ struct ChunkHead {
   std::uint64_t uncompressed_size = 0;
   std::uint32_t uncompressed_crc = 0;  ///< 0 if none.
   std::string compression;             ///< "", "lz4" or "zstd".
-  ConstBytes records;                  ///< Compressed.
+  ConstBytes records;                  ///< The compressed records.
 };
 
 struct ChunkIndex {
@@ -153,8 +153,8 @@ class RecordWriter {
 /// Counts a message.
 void add(const Message& message, Statistics& statistics);
 
-/// Continues the CRC-32 of ISO-HDLC from `crc`. It uses zlib's fast one, because recordings are
-/// large.
+/// Continues the CRC-32 of ISO-HDLC from `crc`. It uses zlib's fast implementation, because
+/// recordings are large.
 [[nodiscard]] std::uint32_t crc32(ConstBytes bytes, std::uint32_t crc = 0) noexcept;
 
 }  // namespace rtpm::recording

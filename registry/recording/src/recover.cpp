@@ -30,7 +30,7 @@ class Copy {
     }
     return {};
   }
-  /// "lab/arm0/sampled"; "channel 7": no intact record has the channel.
+  /// "lab/arm0/sampled"; "channel 7" if no intact record has the channel.
   [[nodiscard]] std::string topic_of(std::uint16_t channel) const {
     const auto found = topics_.find(channel);
     return found == topics_.end() ? "channel " + std::to_string(channel) : found->second;
@@ -130,7 +130,7 @@ class Rescue {
   std::set<std::uint64_t> places_{};  ///< Places of records that the summary lists.
   /// Ends of the chunks among them, keyed by their places.
   std::map<std::uint64_t, std::uint64_t> chunk_ends_{};
-  std::map<std::uint16_t, std::uint64_t> lost_{};  ///< Messages, keyed by channel.
+  std::map<std::uint16_t, std::uint64_t> lost_{};  ///< Lost messages, keyed by channel.
 };
 
 /// Takes channels and schemas first: a damaged chunk may be the only other one to have them.

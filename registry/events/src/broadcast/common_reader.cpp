@@ -17,7 +17,7 @@ constexpr std::uint32_t kAwaited = 2;    // The consumer's own thread waits for 
 constexpr std::uint32_t kLookAgain = 4;  // The reader came by while it was claimed.
 
 constexpr Duration kClaimLookInterval = 100ms;
-// How long a handler may delay others before their own threads take over.
+// How long a handler may delay other consumers before their own threads take over.
 constexpr Duration kGuardPatience = 100us;
 // Under continuous load the guard checks less often.
 constexpr Duration kGuardPatienceMax = 1ms;
@@ -105,7 +105,7 @@ CommonReader::~CommonReader() {
   is_stopping_.store(true, std::memory_order_release);
   lead_call_.post();
   guard_call_.post();
-  // They may sleep there; others wake spuriously.
+  // They may sleep there; other sleepers wake spuriously.
   if (lead_.is_running()) source_->stop();
 }
 
@@ -184,7 +184,7 @@ void CommonReader::take_over_seats() noexcept {
   served_version_ = version_.load(std::memory_order_relaxed);
 }
 
-// One delivery per consumer, so that a busy one does not delay others.
+// One delivery per consumer, so that a busy consumer does not delay the rest.
 bool CommonReader::pass() noexcept {
   bool has_delivered = false;
   last_time_ = rt::now();

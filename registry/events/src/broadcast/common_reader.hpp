@@ -48,7 +48,7 @@ class ReaderSeat {
   void rest(MonotonicTime until) noexcept { static_cast<void>(call_.wait_until(until)); }
   void call() noexcept { call_.post(); }
 
-  // Require the claimed seat:
+  // The functions below require the claimed seat.
 
   [[nodiscard]] Member& member() noexcept { return member_; }
   /// Whether the reader serves it, not the consumer's own thread.
@@ -77,10 +77,10 @@ class ReaderSeat {
 /// that an event wakes one thread instead of each: a wake-up takes some µs, longer than most
 /// handlers.
 ///
-/// No consumer waits long for another's handler. A second thread, the guard, wakes with the first
-/// and checks after 0.1 ms whether that is still in the same handler. If so, the consumers' own
-/// threads take over until the handler returns. The consumer of a slow handler keeps its own thread
-/// until it was quick for 1 to 10 s.
+/// No consumer waits long for the handler of another one. A second thread, the guard, wakes with
+/// the first and checks after 0.1 ms whether that is still in the same handler. If so, the
+/// consumers' own threads take over until the handler returns. The consumer of a slow handler keeps
+/// its own thread until it was quick for 1 to 10 s.
 ///
 /// The reader also fetches from sources that need it, such as a multicast; when it does not serve,
 /// the guard does.
@@ -90,7 +90,7 @@ class CommonReader {
   /// Minimum number of consumers, unless the source must be fetched.
   static constexpr std::size_t kSeatCountMin = 2;
   static constexpr std::size_t kSeatCountMax = 1024;
-  /// A handler is slow if it often exceeds the first limit, or once the second.
+  /// A handler is slow if it often exceeds the first limit, or exceeds the second once.
   static constexpr Duration kQuickMax = std::chrono::microseconds{100};
   static constexpr Duration kTooLong = std::chrono::milliseconds{2};
   /// How long a seat stays slow: at first, and at most when repeated soon.
@@ -108,8 +108,8 @@ class CommonReader {
     friend bool operator==(const Key&, const Key&) = default;
   };
   using MakeSource = std::function<std::shared_ptr<ReaderSource>()>;
-  /// The program's reader for `key`, created on demand. Null: there is no source, or no threads for
-  /// a source that must be fetched.
+  /// The program's reader for `key`, created on demand. Null if there is no source, or if there are
+  /// no threads for a source that must be fetched.
   /// @realtime set-up only
   [[nodiscard]] static std::shared_ptr<CommonReader> of(const Key& key, const MakeSource& make);
   CommonReader(const CommonReader&) = delete;
@@ -148,16 +148,16 @@ class CommonReader {
   std::atomic<bool> serves_{false};
   std::atomic<std::uint32_t> wake_bits_{0};
   std::atomic<bool> is_stopping_{false};
-  /// Counts begins and ends of handler calls: odd while one runs.
+  /// Counts starts and ends of handler calls: odd while one runs.
   std::atomic<std::uint64_t> call_{0};
   /// The source's value before the last pass without a delivery.
   std::atomic<std::uint32_t> done_{0};
-  // Used by the reader's thread only:
+  // The members of this block are used by the reader's thread only.
   std::vector<std::shared_ptr<ReaderSeat>> served_{};
   std::uint64_t served_version_ = 0;
   MonotonicTime last_time_{};
 
-  rt::Semaphore lead_call_{};  ///< Wakes the reader's thread when it is to serve.
+  rt::Semaphore lead_call_{};  ///< Wakes the reader's thread when it must serve.
   rt::Semaphore guard_call_{};
   rt::Thread lead_{};
   rt::Thread guard_{};

@@ -106,7 +106,7 @@ bool MulticastReader::take(ConstBytes datagram) noexcept {
   const std::uint64_t sequence = found->header.sequence;
   const bool is_heartbeat = found->header.record_size == 0;
   end_ = std::max(end_, is_heartbeat ? sequence : sequence + 1);
-  // ev-7.2-1: ignores what was read; what is too far ahead can be requested again.
+  // ev-7.2-1: ignores datagrams that were read; those too far ahead can be requested again.
   if (is_heartbeat || sequence < expected_ || sequence - expected_ >= kWindow) return true;
   Slot& slot = slots_[sequence % kWindow];
   slot.sequence = sequence;
@@ -143,7 +143,7 @@ bool MulticastReader::append(const MulticastDatagram& datagram) {
     const std::size_t lines = (record_size_ + sizeof(Line) - 1) / sizeof(Line);
     if (is_wanted_ && record_.size() < lines) record_.resize(lines);
   }
-  // Its beginning was lost.
+  // The beginning of the record was lost.
   if (header.offset != filled_ || header.record_size != record_size_) is_wanted_ = false;
   filled_ = header.offset + datagram.bytes.size();
   if (!is_wanted_) return false;

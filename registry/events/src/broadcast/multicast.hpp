@@ -17,7 +17,7 @@ namespace rtpm::events {
 /// Bytes of a datagram; fits an Ethernet frame, even tunnelled.
 inline constexpr std::size_t kMulticastDatagramMax = 1400;
 inline constexpr std::size_t kMulticastHeaderSize = 32;
-inline constexpr std::size_t kMulticastOwnerCountMax = 256;  ///< Per record.
+inline constexpr std::size_t kMulticastOwnerCountMax = 256;  ///< Limit per record.
 
 /// The header of a datagram.
 struct MulticastHeader {
@@ -126,7 +126,7 @@ class MulticastReader {
   std::uint64_t id_;
   std::uint32_t owner_;
   std::uint64_t expected_;
-  std::uint64_t end_;  ///< After the last known datagram.
+  std::uint64_t end_;  ///< Position after the last known datagram.
   std::vector<Slot> slots_;
   std::vector<Line> record_{};
   std::size_t record_size_ = 0;

@@ -104,7 +104,7 @@ enum class RingRead : std::uint8_t {
 
 /// A reading end. Copies a record, then checks that it was not overwritten meanwhile.
 /// @ownership a buffer of one maximum record; the memory must outlive it
-/// @realtime wait-free; alloc-free but for construction
+/// @realtime wait-free; alloc-free except construction
 class RingReader {
  public:
   /// Reads for slot `slot` (below kRingSlotCountMax) of `owner`, from position `begin` on.

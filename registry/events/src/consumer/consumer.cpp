@@ -101,7 +101,7 @@ bool Consumer::Impl::resubscribe(Session& session) {
   assembler_.clear();
   const MonotonicTime lost = last_heard_;
   const std::uint64_t epoch = last_epoch_;
-  // Frees the lost stream's slot for the next.
+  // Frees the lost stream's slot for the next stream.
   session.stream.cancel();
   for (Duration pause = kRetryFirst; sleep_unless_stopping(pause);
        pause = std::min(2 * pause, kRetryMax)) {

@@ -80,7 +80,7 @@ std::string Consumer::Impl::read_broadcast(Session& session) {
       static_cast<void>(seat->release());
       continue;
     }
-    // A repair would make the others wait.
+    // A repair would make the other consumers wait.
     const bool is_common = is_joined && reader->serves() && !broadcast.is_lacking();
     seat->set_common(is_common);
     if (seat->release()) continue;

@@ -98,12 +98,12 @@ class Consumer::Impl final : private ReaderSeat::Member {
   bool has_begun_ = false;
   std::optional<SetupError> begin_error_{};
   ConsumerCounters counters_{};
-  Losses earlier_losses_{};  ///< From earlier sessions.
+  Losses earlier_losses_{};  ///< Losses of earlier sessions.
 
   MonotonicTime last_heard_{};
   std::uint64_t last_epoch_ = 0;
   std::atomic<bool> is_suspended_{false};
-  Losses hub_losses_{};  ///< In this session, as reported by the hub.
+  Losses hub_losses_{};  ///< Losses in this session that the hub reported.
   Losses own_losses_{};  ///< In this session, on this side of ring or multicast.
   std::atomic<bool> reads_ring_{false};
   std::atomic<bool> receives_multicast_{false};
@@ -113,7 +113,7 @@ class Consumer::Impl final : private ReaderSeat::Member {
   std::atomic<std::thread::id> own_thread_{};
   std::atomic<std::thread::id>
       common_thread_{};  ///< The common reader's thread, while it calls the handler.
-  // Require the claimed seat:
+  // The next two members require the claimed seat.
   BroadcastSession* broadcast_ = nullptr;
   std::optional<SessionOutcome> broadcast_end_{};
   std::weak_ptr<ReaderSeat> seat_{};  ///< Requires mutex_.

@@ -56,7 +56,7 @@ class MulticastSession final : public BroadcastSession {
   std::uint64_t id_;
   std::optional<transport::MulticastReceiver> receiver_{};  ///< nullopt if it reads the feed.
   std::shared_ptr<MulticastFeed> feed_{};
-  std::uint64_t position_ = 0;  ///< In the feed.
+  std::uint64_t position_ = 0;  ///< Position in the feed.
   std::shared_ptr<HubClient> client_{};
   std::uint64_t subscription_ = 0;
   Priority priority_{};

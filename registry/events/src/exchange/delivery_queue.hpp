@@ -19,7 +19,7 @@ class DeliveryQueue {
 
   /// Appends a delivery; false if the queue is full with QueuePolicy::kDisconnect.
   [[nodiscard]] bool push(std::span<const EventRef> group, Losses& losses) noexcept;
-  /// Moves the deliveries of another queue to the end; false as push().
+  /// Moves the deliveries of another queue to the end; false in the cases of push().
   [[nodiscard]] bool take_over(DeliveryQueue& other, Losses& losses) noexcept;
 
   [[nodiscard]] bool empty() const noexcept { return size_ == 0; }

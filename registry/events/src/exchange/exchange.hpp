@@ -30,16 +30,16 @@ class Broadcaster {
 
 /// Why an event was refused.
 enum class OfferError : std::uint8_t {
-  kBadType,   ///< 0, or above kEventTypeMax.
-  kTooLarge,  ///< Above EventStore::payload_size_max().
+  kBadType,   ///< The type is 0, or above kEventTypeMax.
+  kTooLarge,  ///< The payload exceeds EventStore::payload_size_max().
   kNoMemory,  ///< Nothing is left to evict.
 };
 
 /// Counters of a subscription.
 struct SubscriptionCounters {
   std::uint64_t accepted_count = 0;   ///< Deliveries that its filter accepted.
-  std::uint64_t omitted_count = 0;    ///< Accepted, but omitted by its policy.
-  std::uint64_t delivered_count = 0;  ///< Queued or broadcast.
+  std::uint64_t omitted_count = 0;    ///< Accepted deliveries that its policy omitted.
+  std::uint64_t delivered_count = 0;  ///< Deliveries queued or broadcast.
   Losses losses{};
 };
 
@@ -108,11 +108,11 @@ class Exchange {
 
   /// The next subscription with a new delivery, or that must end.
   [[nodiscard]] std::optional<SubscriptionNumber> take_ready() noexcept;
-  /// Its pending events.
+  /// The subscription's pending events.
   [[nodiscard]] DeliveryQueue& queue(SubscriptionNumber number) noexcept {
     return subscriptions_[number].prepared.queue;
   }
-  /// Its queue overflowed with QueuePolicy::kDisconnect: report that and unsubscribe it.
+  /// Whether its queue overflowed with QueuePolicy::kDisconnect: report that and unsubscribe it.
   [[nodiscard]] bool has_failed(SubscriptionNumber number) const noexcept {
     return subscriptions_[number].has_failed;
   }

@@ -12,8 +12,8 @@ namespace rtpm::events {
 /// @ownership its slots, allocated when built; references to the events
 class History {
  public:
-  /// Keeps `depth` (0…64) events of up to `key_count_max` pairs of type and source; others are
-  /// counted only.
+  /// Keeps `depth` (0…64) events of up to `key_count_max` pairs of type and source; further pairs
+  /// are counted only.
   History(std::size_t key_count_max, std::uint32_t depth);
 
   /// Stores the event in the slot of the oldest of its type and source.
@@ -26,7 +26,7 @@ class History {
       entries_[hand_].event = EventRef();
     }
   }
-  /// Visits the last `count` of each type and source in the order of arrival.
+  /// Visits the last `count` events of each type and source in the order of arrival.
   template <class Visitor>
   void visit_last(std::uint32_t count, Visitor visit) noexcept {
     const std::size_t chosen = choose(count);

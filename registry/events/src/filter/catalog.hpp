@@ -17,7 +17,7 @@ struct CatalogLimits {
   std::size_t type_count_max = 1024;
   std::size_t field_count_max = 256;        ///< Fields per type.
   std::size_t name_size_max = 200;          ///< Bytes of any name.
-  std::size_t schema_size_max = 16 * 1024;  ///< Bytes; a longer one is not kept.
+  std::size_t schema_size_max = 16 * 1024;  ///< In bytes; a longer schema is not kept.
 };
 
 /// The event types that suppliers and consumers have registered, for the compilation of filters.
@@ -33,7 +33,7 @@ class TypeCatalog final : public DescriptorSource {
   [[nodiscard]] expected<void, SetupError> add(const EventDescriptor& descriptor);
 
   [[nodiscard]] const EventDescriptor* find(EventType type) const noexcept override;
-  /// Ordered by number; they live as long as the catalog.
+  /// All types, ordered by number; they live as long as the catalog.
   [[nodiscard]] std::vector<const EventDescriptor*> list() const;
   [[nodiscard]] std::size_t size() const noexcept { return types_.size(); }
 

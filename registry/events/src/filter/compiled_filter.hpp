@@ -13,7 +13,7 @@
 
 namespace rtpm::events {
 
-inline constexpr std::size_t kInterestCountMax = 64;  ///< Per group.
+inline constexpr std::size_t kInterestCountMax = 64;  ///< Limit per group.
 
 /// The events of one delivery.
 /// @ownership holds its events

@@ -12,7 +12,7 @@ namespace rtpm::events {
 /// "event type 7", with its name if it has one.
 [[nodiscard]] std::string in_words(EventType type, const EventDescriptor* descriptor);
 
-/// The field, or in words why there is none.
+/// The field, or the reason in words why there is none.
 [[nodiscard]] expected<const FieldDescriptor*, SetupError> find_field(
     EventType type, std::string_view name, const DescriptorSource& types);
 

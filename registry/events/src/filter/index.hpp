@@ -14,11 +14,11 @@ namespace rtpm::events {
 /// @ownership its memory, allocated when built
 class SubscriptionIndex {
  public:
-  /// `interest_count_max` is for all subscriptions together.
+  /// `interest_count_max` limits the interests of all subscriptions together.
   explicit SubscriptionIndex(std::size_t interest_count_max);
 
   /// Adds `subscription` (below 2^30) under `interests`; false and unchanged if they do not fit.
-  /// `is_decided`: its filter accepts all events that match the interests.
+  /// `is_decided` means that its filter accepts all events that match the interests.
   [[nodiscard]] bool add(std::uint32_t subscription, std::span<const Interest> interests,
                          bool is_decided) noexcept;
   /// Undoes add().
@@ -54,7 +54,7 @@ class SubscriptionIndex {
   struct Key {
     std::uint64_t value = 0;
     Kind kind = kExact;
-    std::uint32_t list = kNone;  ///< kNone: the slot is free.
+    std::uint32_t list = kNone;  ///< kNone if the slot is free.
   };
 
   template <class Visitor>

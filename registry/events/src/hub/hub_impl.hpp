@@ -114,7 +114,7 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   void refuse(rpc::TableWriter<Batch>& items, std::string_view why) noexcept;
   [[nodiscard]] std::optional<SubscriptionNumber> find(std::uint64_t id) const noexcept;
 
-  // Require mutex_:
+  // The functions of this block require mutex_.
   void take(Intake::Supplier& supplier, const EventView& event, MonotonicTime now) noexcept;
   void pump_ready(MonotonicTime now) noexcept;
   void pump(SubscriptionNumber number, MonotonicTime now) noexcept;

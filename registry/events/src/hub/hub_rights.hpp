@@ -17,9 +17,9 @@ namespace rtpm::events {
 /// Whether the caller has `role` on all events.
 /// @realtime as Caller::role_on(), once; the functions below at most three times per event or match
 [[nodiscard]] bool may_use_all(const rpc::Caller* caller, Role role) noexcept;
-/// On all events of a type.
+/// Whether the caller has `role` on all events of a type.
 [[nodiscard]] bool may_use_type(const rpc::Caller* caller, Role role, EventType type) noexcept;
-/// On each event of an encoded batch.
+/// Whether the caller may push each event of an encoded batch.
 [[nodiscard]] bool may_push(const rpc::Caller* caller, ConstBytes events) noexcept;
 /// Whether the caller may observe everything that a filter may accept.
 [[nodiscard]] bool may_receive(const rpc::Caller* caller, std::span<const Match> interest) noexcept;

@@ -12,7 +12,7 @@
 namespace rtpm::events {
 namespace {
 
-// Escaped, for reports and logs.
+// The escaped name, for reports and logs.
 std::string name_of(const flatbuffers::String* name) {
   constexpr std::size_t kNameSizeMax = 64;
   return name == nullptr ? std::string() : printable(name->string_view(), kNameSizeMax);

@@ -62,7 +62,7 @@ void MulticastOutlet::write(std::span<const SubscriptionNumber> subscriptions, C
     owners[i] = slots_[subscriptions[i]].owner;
   const auto send = [this](ConstBytes datagram) {
     const bool is_held_back = config_.lose_every != 0 && ++made_count_ % config_.lose_every == 0;
-    // A failed send is a loss like any on the network, and repaired likewise.
+    // A failed send is a loss like any on the network, and is repaired in the same way.
     if (!is_held_back) static_cast<void>(sender_.send(datagram));
   };
   const bool is_written =

@@ -118,7 +118,7 @@ Outlet::Outcome Outlet::pump(DeliveryQueue& queue, Losses& losses, ItemBuilder& 
 expected<void, rpc::StreamError> Outlet::send_once(DeliveryQueue& queue, Losses& losses,
                                                    ItemBuilder& builder,
                                                    MonotonicTime now) noexcept {
-  // One frame, so that no event waits for fragments of others.
+  // One frame, so that no event waits for fragments of other events.
   const std::size_t item_max = writer.item_frame_size_max();
   const std::size_t part_max = (item_max - std::min(item_max, kItemOverheadMax)) & ~std::size_t{15};
   const Losses total = losses;

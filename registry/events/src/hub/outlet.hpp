@@ -66,7 +66,7 @@ class Outlet {
   bool is_suspended = false;
   bool is_backlogged = false;
   bool is_dead = false;
-  DisconnectReason reason = DisconnectReason::kLeft;  ///< Why it is dead.
+  DisconnectReason reason = DisconnectReason::kLeft;  ///< Why the subscription is dead.
 
   /// Sends from the queue until the consumer takes no more.
   [[nodiscard]] Outcome pump(DeliveryQueue& queue, Losses& losses, ItemBuilder& builder,

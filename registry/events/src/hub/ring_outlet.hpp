@@ -17,7 +17,7 @@ namespace rtpm::events {
 ///           thread
 class RingOutlet final : public Broadcaster {
  public:
-  /// `size` bytes of records, for events of up to `payload_size_max`.
+  /// Makes a ring with `size` bytes of records, for events of up to `payload_size_max`.
   /// @realtime set-up only
   [[nodiscard]] static expected<std::unique_ptr<RingOutlet>, SetupError> make(
       std::uint32_t size, std::uint32_t payload_size_max);
@@ -40,7 +40,7 @@ class RingOutlet final : public Broadcaster {
     if (bits != 0) memory_.bell().ring(bits);
   }
 
-  /// Readable when a reader requests the memory; then call let_in().
+  /// A descriptor that is readable when a reader requests the memory; then call let_in().
   [[nodiscard]] int door() const noexcept { return door_.descriptor(); }
   void let_in() noexcept { door_.let_in(memory_); }
 

@@ -32,7 +32,7 @@ class Link final : private EventHandler {
 
   /// The interest of the host has changed. Returns at once.
   void on_interest_changed();
-  /// Without the host's counters.
+  /// The status without the host's counters.
   [[nodiscard]] LinkStatus status() const;
 
  private:
@@ -59,7 +59,7 @@ class Link final : private EventHandler {
   const std::string target_;
   const LinkConfig config_;
 
-  // Used by the thread only:
+  // The members of this block are used by the thread only.
   std::optional<HubClient> client_{};
   std::vector<Match> asked_{};
   std::unique_ptr<Consumer> consumer_{};
@@ -68,7 +68,7 @@ class Link final : private EventHandler {
   mutable std::mutex mutex_;  ///< Guards the members below.
   std::condition_variable changed_;
   LinkStatus status_{};
-  Losses earlier_losses_{};  ///< From earlier consumers.
+  Losses earlier_losses_{};  ///< Losses of earlier consumers.
   bool has_changed_ = false;
   bool has_ended_ = false;  ///< The consumer ended: create another.
   bool is_stopping_ = false;

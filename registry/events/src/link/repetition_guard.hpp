@@ -9,7 +9,7 @@
 namespace rtpm::events {
 
 /// Detects duplicates of events by supplier tag, type, source and sequence. Keeps for each such row
-/// the highest sequence and which of the kSpan below it arrived; older ones count as duplicates.
+/// the highest sequence and which of the kSpan below it arrived; older events count as duplicates.
 ///
 /// When full it evicts a row that was silent for long; then a duplicate may pass.
 /// @ownership its rows, allocated when built
@@ -21,7 +21,7 @@ class RepetitionGuard {
 
   explicit RepetitionGuard(std::size_t row_count_max = 4096);
 
-  /// Whether the event is new. Without tag or sequence it always is.
+  /// Whether the event is new. An event without tag or sequence always is.
   [[nodiscard]] bool admit(const EventHeader& header) noexcept;
 
  private:
@@ -31,7 +31,7 @@ class RepetitionGuard {
     EventType type = 0;
     SourceId source = 0;
     std::uint64_t highest = 0;
-    std::uint64_t seen = 0;       ///< Bit i: `highest - i` arrived.
+    std::uint64_t seen = 0;       ///< Bit i is set if `highest - i` arrived.
     std::uint64_t last_used = 0;  ///< In events admitted.
   };
   [[nodiscard]] Row& row_of(const EventHeader& header) noexcept;

@@ -23,9 +23,9 @@ class PushLedger {
 
   [[nodiscard]] std::uint64_t sent_count() const noexcept { return sent_before_ + sent_; }
   [[nodiscard]] std::uint64_t failed_count() const noexcept { return failed_; }
-  /// Sent, neither confirmed nor possibly lost.
+  /// Events sent, neither confirmed nor possibly lost.
   [[nodiscard]] std::uint64_t unconfirmed_count() const noexcept;
-  /// Sent, unconfirmed when hub or connection ended.
+  /// Events sent, unconfirmed when hub or connection ended.
   [[nodiscard]] std::uint64_t maybe_lost_count() const noexcept;
 
  private:
@@ -37,14 +37,14 @@ class PushLedger {
   std::uint64_t sent_before_ = 0;  ///< Sent to earlier hubs.
   std::uint64_t lost_before_ = 0;
   std::uint64_t failed_ = 0;
-  // Counts for this hub:
+  // Counts for the present hub:
   std::uint64_t hub_epoch_ = 0;
   std::uint64_t sent_ = 0;
   std::uint64_t counted_ = 0;       ///< Counted by the hub.
   std::uint64_t counted_base_ = 0;  ///< Counted before the hub last evicted the supplier.
   std::uint64_t read_ = 0;          ///< Read over ended connections, before their last frames.
   std::uint64_t doubtful_ = 0;      ///< Unconfirmed when the last connection ended.
-  // Counts over this connection:
+  // Counts over the present connection:
   std::uint64_t sent_over_it_ = 0;
   std::uint64_t frame_count_ = 0;
   std::array<std::uint32_t, kFrameCountMax> frames_{};  ///< Events of each of the last frames.

@@ -17,7 +17,7 @@ namespace rtpm::schema {
 namespace {
 
 // The features of FlatBuffers 2.0.8 to 25: fixed arrays, unions of structs, optional scalars,
-// default strings and vectors. A schema with others was made by a newer parser.
+// default strings and vectors. A schema with other features was made by a newer parser.
 constexpr std::uint64_t kKnownFeatureBits = 0xF;
 
 // A payload begins at a multiple of 16 bytes, so no part of it can have a larger alignment.
@@ -236,8 +236,9 @@ class Checker {
   AttributeReader reader_;
   Diagnostics& errors_;
   const bool has_overaligned_ = std::ranges::any_of(model_.objects, is_overaligned);
-  std::uint32_t largest_id_ = 0;        // In the current service.
-  std::uint32_t missing_id_count_ = 0;  // In the current service; numbers the hints.
+  std::uint32_t largest_id_ = 0;  // In the current service.
+  std::uint32_t missing_id_count_ =
+      0;  // Methods without an id in the current service; numbers the hints.
 };
 
 }  // namespace

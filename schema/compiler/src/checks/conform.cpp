@@ -16,7 +16,7 @@ namespace {
 struct Uses {
   std::set<std::string> in_requests{};
   std::set<std::string> in_replies{};
-  std::set<std::string> elsewhere{};  ///< In events, or own types that no method uses.
+  std::set<std::string> elsewhere{};  ///< Used in events, or an own type that no method uses.
 
   void add(const Model& model) {
     Reach requests;

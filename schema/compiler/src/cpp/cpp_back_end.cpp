@@ -71,7 +71,7 @@ class CppBackEnd final : public BackEnd {
     }
   }
 
-  /// A class generated for a service or event must not be a data type of the schema too.
+  /// A class generated for a service or event must not also be a data type of the schema.
   /// @param what  "service `lab.Arm`", declared at `place`
   static void check_class(const Model& model, const std::string& what, const std::string& remedy,
                           const Location& place, const std::string& name, Diagnostics& errors) {

@@ -37,8 +37,8 @@ struct Function {
   std::string lead{};  ///< "[[nodiscard]] ", "virtual " or nothing.
   std::string result{};
   std::string name{};
-  std::vector<std::string> parameters{};  ///< At least one.
-  std::string tail{};                     ///< After the parentheses: " noexcept;".
+  std::vector<std::string> parameters{};  ///< At least one parameter.
+  std::string tail{};                     ///< The text after the parentheses: " noexcept;".
 };
 [[nodiscard]] std::string function(const Function& function, std::string_view indent);
 

@@ -24,7 +24,7 @@ class AttributeReader {
     errors_.push_back({text_.locate(span), std::move(message), std::move(hint), std::nullopt});
   }
 
-  /// `number` is the value of a number, the index of a choice, else 1.
+  /// `number` is the value of a number, the index of a choice, otherwise 1.
   struct Value {
     std::uint64_t number = 0;
     std::string text{};

@@ -64,7 +64,7 @@ inline constexpr std::array kKnownAttributes{
     KnownAttribute{"rtpm_frame", AttributePlace::kField, AttributeValue::kText},
 };
 
-/// nullptr if RTPM has no such attribute.
+/// RTPM's attribute `name`; nullptr if there is no such attribute.
 [[nodiscard]] const KnownAttribute* find_attribute(std::string_view name) noexcept;
 [[nodiscard]] inline bool is_known_attribute(std::string_view name) noexcept {
   return find_attribute(name) != nullptr;

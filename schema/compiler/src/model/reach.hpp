@@ -9,8 +9,8 @@ namespace rtpm::schema {
 
 /// The types reached from one or more tables, through fields, vectors and unions.
 struct Reach {
-  std::set<std::size_t> objects{};  ///< In Model::objects.
-  std::set<std::size_t> enums{};    ///< In Model::enums.
+  std::set<std::size_t> objects{};  ///< Indices in Model::objects.
+  std::set<std::size_t> enums{};    ///< Indices in Model::enums.
 
   /// Adds the object `index` and all that it reaches.
   void add(const Model& model, std::size_t index);

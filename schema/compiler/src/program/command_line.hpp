@@ -11,7 +11,7 @@ namespace rtpm::schema {
 struct Command {
   bool is_check = false;  ///< The verb check: nothing is generated.
   std::vector<std::string> include_paths{};
-  std::vector<std::string> languages{};  ///< Names of back ends; none to check.
+  std::vector<std::string> languages{};  ///< Names of back ends; empty to check only.
   std::string output_folder{};           ///< If empty, standard output, for a single file.
   std::string dependency_file{};         ///< Empty if none.
   std::string conform{};                 ///< The older schema; empty if there is none.
@@ -33,8 +33,8 @@ struct Answer {
 [[nodiscard]] std::variant<Command, UsageError, Answer> read_command_line(
     std::span<const char* const> arguments, const std::string& version);
 
-/// The folder of RTPM's own schemas: beside an installed rtpmc, else in the source tree that it was
-/// built from. Empty if neither exists.
+/// The folder of RTPM's own schemas: beside an installed rtpmc, otherwise in the source tree that
+/// it was built from. Empty if neither exists.
 [[nodiscard]] std::string idl_folder();
 
 }  // namespace rtpm::schema

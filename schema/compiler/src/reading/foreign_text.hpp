@@ -13,11 +13,11 @@ struct ForeignLimits {
   static constexpr std::size_t kByteMax = 256 * 1024;
   static constexpr std::size_t kStatementMax = 2048;  ///< Types, services, namespaces, attributes.
   static constexpr std::size_t kMemberMax = 8192;     ///< Fields, enum values and methods in all.
-  static constexpr std::size_t kEnumValueMax = 1024;  ///< In one enum or union.
-  static constexpr std::size_t kMethodMax = 512;      ///< In all services.
+  static constexpr std::size_t kEnumValueMax = 1024;  ///< Values of one enum or union.
+  static constexpr std::size_t kMethodMax = 512;      ///< Methods of all services.
   static constexpr std::size_t kNameSizeMax = 128;    ///< Bytes in one word.
   static constexpr std::size_t kNamePartMax = 16;     ///< Components of a dotted name.
-  static constexpr std::size_t kAttributeMax = 32;    ///< On one declaration.
+  static constexpr std::size_t kAttributeMax = 32;    ///< Attributes of one declaration.
 };
 
 /// The reason to keep `source`, a schema that another program sent, from FlatBuffers' parser;

@@ -67,7 +67,8 @@ std::string subject_of(const std::string& message) {
   return colon == std::string::npos ? std::string{} : message.substr(colon + 2);
 }
 
-/// The place of `subject` if it was read just before the error; else that of the error's token.
+/// The place of `subject` if it was read just before the error; otherwise that of the error's
+/// token.
 Location place_of(const RawError& error, const SourceFile& source, const std::string& subject) {
   const std::vector<Token> tokens = tokenize(source);
   const std::size_t cursor = source.offset_of(error.line, error.column_byte);

@@ -146,7 +146,7 @@ class TextWriter {
              attributes.str() + ";\n";
   }
 
-  /// Empty if the default is that of the language.
+  /// The default in a schema; empty if it is that of the language.
   [[nodiscard]] std::string default_of(const Field& field) const {
     if (field.type.base > BaseType::kDouble) return {};
     const std::string text = default_text(model_, field);
