@@ -32,7 +32,7 @@ class OpenCalls {
   /// Serves some calls that have ended or have items.
   /// @return whether there were some
   [[nodiscard]] bool serve_ready(Lead&) noexcept;
-  /// Sends what a call has, and ends it if its method did.
+  /// Sends a call's items or reply, and ends it if its method did.
   void serve(Lead&, PendingCall& call) noexcept;
   /// A frame was taken, which may have cancelled calls or freed buffers. `credit_tag`: the stream
   /// for which it brought credit, or 0.
@@ -52,7 +52,7 @@ class OpenCalls {
             ConstBytes frame) noexcept;
   /// Ends a connection and the calls of its session.
   void retire(Lead&, Slot& slot) noexcept;
-  /// Shows what the lane counted since the last time.
+  /// Publishes the lane's counts since the last time.
   void publish(Lead&) noexcept;
 
  private:

@@ -26,10 +26,10 @@ class RefusalNotes {
   /// @param text  as the caller gets it; may be empty
   void note(const Object& object, const wire::Request& request, wire::Status status,
             std::string_view text) noexcept;
-  /// Writes what was noted, some times a second.
+  /// Writes the new notes, some times a second.
   /// @return when to call again; kNever: when the bell rings
   [[nodiscard]] MonotonicTime write_due(MonotonicTime now);
-  /// Writes what was noted so far.
+  /// Writes the notes so far.
   void write();
 
  private:

@@ -7,7 +7,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/wire/interface_text.hpp"
 
-// How a binding asks a server for its object, and what it makes of an interface that differs.
+// How a binding asks a server for its object, and how it judges an interface that differs.
 namespace rtpm::rpc {
 namespace {
 

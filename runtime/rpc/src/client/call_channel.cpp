@@ -144,7 +144,7 @@ bool CallChannel::has_open_call() const noexcept {
   return false;
 }
 
-// Keeps what is known of the reason, for a person.
+// Keeps the reason, as far as it is known, in words.
 unexpected<CallError> CallChannel::refused(CallError error) noexcept {
   const rt::AllowAllocationScope is_allowed;
   if (sealed_ != nullptr) {
@@ -293,8 +293,8 @@ CallOutcome CallChannel::finish(MonotonicTime until, MonotonicTime now) noexcept
   return {.error = is_own_lack ? CallError::kNoResources : CallError::kDisconnected};
 }
 
-// A caller that only sends hears of the session's end by looking now and then: sooner where the
-// server leaves in memory what it was sent.
+// A caller that only sends learns of the session's end by polling now and then: sooner where the
+// server leaves its frames unread in memory.
 bool CallChannel::is_look_due(MonotonicTime now) const noexcept {
   constexpr Duration kLookInterval = std::chrono::milliseconds{1};
   constexpr Duration kLookIntervalUnread = std::chrono::microseconds{50};
@@ -428,8 +428,8 @@ expected<void, transport::IoError> CallChannel::send(ConstBytes frame) noexcept 
 template <class Send>
 expected<void, transport::IoError> CallChannel::send_by(Send send) noexcept {
   auto sent = send();
-  // A datagram socket tells with the next send that nobody took an earlier frame; the frame at hand
-  // was not tried. If the server is still not there, the next receive will tell.
+  // A datagram socket reports with the next send that an earlier frame was refused, and does not
+  // send this one. If the server is still gone, the next receive reports it.
   if (!sent && sent.error() == transport::IoError::kRefused) sent = send();
   // No room for a datagram is as good as its loss: it is repeated in time.
   if (!sent && transport_->medium() == wire::Medium::kDatagram) return {};

@@ -100,7 +100,7 @@ class CallChannel {
   [[nodiscard]] bool has_session() const noexcept { return wire_.is_ready(); }
   /// Whether a call waits for flush().
   [[nodiscard]] bool has_held() const noexcept { return !held_.is_empty(); }
-  /// Sends what is held; when that fails there is no session any more.
+  /// Sends the held frames; if that fails, there is no session any more.
   void flush() noexcept;
   /// Whether finish() has a frame to read without a syscall.
   [[nodiscard]] bool has_buffered() const noexcept {

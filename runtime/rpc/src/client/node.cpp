@@ -61,7 +61,7 @@ void Node::Impl::give_back(Endpoint& endpoint) noexcept {
   }
 }
 
-// Frees endpoints that no binding uses, but for those that were used last.
+// Frees endpoints that no binding uses, except those that were used last.
 void Node::Impl::free_unused() noexcept {
   const auto is_unused = [](const Kept& kept) { return kept.endpoint->user_count() == 0; };
   auto unused_count = std::ranges::count_if(endpoints_, is_unused);

@@ -12,13 +12,13 @@ struct PendingReply::State {
   State& operator=(const State&) = delete;
   virtual ~State() = default;
 
-  /// Waits for the end, but not beyond `until`; true if it is there.
+  /// Waits for the end, but not beyond `until`; true if the call has ended.
   [[nodiscard]] virtual bool wait(MonotonicTime until) noexcept = 0;
   /// Gives the reply; called once, after wait() gave true.
   [[nodiscard]] virtual expected<ReplyLease, CallError> take() noexcept = 0;
   /// Ends the call if it has not ended.
   virtual void cancel() noexcept = 0;
-  /// Its caller no longer asks for it.
+  /// The caller no longer asks for the reply.
   virtual void drop() noexcept = 0;
 };
 

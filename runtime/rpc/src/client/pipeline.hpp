@@ -68,7 +68,8 @@ class PipelineSession {
   [[nodiscard]] bool is_idle() const noexcept;
   /// No call is on its way, and no reply is held.
   [[nodiscard]] bool is_free() const noexcept;
-  /// A call was begun, the first that waits for others or not; as many as can go together go.
+  /// Notes a begun call, which may be the first one held. Sends the held calls if they are many or
+  /// have waited for long.
   void note_held(bool is_first, MonotonicTime begun) noexcept;
   /// Takes the frames that came together with the one that was taken last.
   void take_buffered() noexcept;

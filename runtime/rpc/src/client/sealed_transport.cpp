@@ -163,7 +163,7 @@ void SealedTransport::look_at_keys(MonotonicTime now) noexcept {
   }
   if (due_since_ == kNever) due_since_ = now;
   const bool is_late = client().is_renewal_urgent() || now - due_since_ >= kOverdue;
-  // An attempt in the background does not put off what is urgent.
+  // An attempt in the background does not delay an urgent one.
   if (now < (is_late ? next_wait_ : next_renewal_)) return;
   if (medium() == wire::Medium::kStream || is_late) {
     wants_renewal_ = true;

@@ -22,8 +22,7 @@ class DatagramPort {
   DatagramPort(transport::UdpPort port, LaneReport& report, sealed::SealedServer* seals) noexcept
       : port_(std::move(port)), report_(report), seals_(seals) {}
 
-  /// Whether there is a datagram to serve: what is left of a batch, or what is received now. Gives
-  /// the time.
+  /// Whether there is a datagram to serve, from the last batch or received now. Gives the time.
   /// @realtime at most one system call
   [[nodiscard]] std::optional<MonotonicTime> receive() noexcept;
   /// The next datagram of the batch, valid until the following next().
@@ -41,7 +40,7 @@ class DatagramPort {
             bool has_more) noexcept;
   /// Sends a frame as it is.
   void send_alone(Lead&, const wire::PeerAddress& peer, ConstBytes frame) noexcept;
-  /// Sends what waits.
+  /// Sends the waiting frames.
   void flush(Lead&) noexcept;
 
   [[nodiscard]] transport::UdpPort& socket() noexcept { return *port_; }

@@ -56,7 +56,7 @@ class Execution {
   /// Whether accept() runs no call, and so is to be given all there are.
   [[nodiscard]] virtual bool only_orders() const noexcept { return false; }
 
-  /// The lock that the leader holds but for its sleep; null if there is none.
+  /// The lock that the leader holds except while it sleeps; null if there is none.
   [[nodiscard]] virtual transport::WaitLock* lock() noexcept { return nullptr; }
   /// Whether the leader is to leave the lead to another thread, asked between turns.
   [[nodiscard]] virtual bool yields_lead(Lead&) noexcept { return false; }
@@ -69,7 +69,7 @@ class Execution {
   virtual void refuse_waiting(Lead&) noexcept {}
   /// Whether methods still run.
   [[nodiscard]] virtual bool is_running(Lead&) const noexcept { return false; }
-  /// No thread goes on.
+  /// Lets no thread continue.
   virtual void end(Lead&) noexcept {}
 
  protected:

@@ -42,7 +42,7 @@ class Idling {
     polling_end_ = kNever;
     estimator_.on_work(received);
   }
-  /// There is none at `now`.
+  /// There is no work at `now`.
   [[nodiscard]] Next on_idle(MonotonicTime now) noexcept {
     if (wait_.strategy == rt::WaitStrategy::kSpin) return {.polls = true};
     if (is_blocking()) return {};

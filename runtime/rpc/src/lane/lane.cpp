@@ -123,7 +123,7 @@ void Lane::serve(Lead& lead) noexcept {
   end(lead);
 }
 
-// Serves what is there, or polls, or sleeps.
+// Serves a source that has work, or polls, or sleeps.
 void Lane::step(Lead& lead) noexcept {
   bool has_served = turn(lead);
   if (has_served) {

@@ -42,7 +42,7 @@ class LaneReport {
   /// A method was run inside of another one.
   void on_nested(bool has_thrown) noexcept;
 
-  /// Shows what has changed since the last time, if anything.
+  /// Publishes the changes since the last time, if any.
   template <class Census>
   void publish(Lead&, Census census) noexcept {
     if (!is_due_) return;

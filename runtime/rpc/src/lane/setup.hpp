@@ -17,7 +17,7 @@ class HandshakeRate;
 class Lane;
 class RefusalNotes;
 
-/// How many sources a lane of so many sessions waits for: a connection has a socket and an event.
+/// The sources that a lane with these sessions waits for: a connection has a socket and an event.
 [[nodiscard]] constexpr std::size_t wait_source_count(std::uint32_t session_count_max,
                                                       std::size_t port_count = 1) noexcept {
   return port_count + 4 * std::size_t{session_count_max};

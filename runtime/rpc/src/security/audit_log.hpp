@@ -109,7 +109,7 @@ class AuditLog {
   ~AuditLog();
 
   void note(const AuditNote& note) noexcept;
-  /// Writes what was noted so far. To be called a few times a second.
+  /// Writes the notes so far. Call it a few times a second.
   void write_notes();
   /// Notes that were lost because too many waited.
   [[nodiscard]] std::uint64_t lost_count() const noexcept {

@@ -11,7 +11,7 @@
 // Decides which servers are open to other hosts, and which of these ask nobody.
 namespace rtpm::rpc {
 
-/// Whether programs of other hosts can reach what is served.
+/// Whether programs of other hosts can reach the server.
 [[nodiscard]] bool is_for_other_hosts(const transport::HostsToServe& hosts) noexcept;
 
 /// The file of grants that a server asks; empty if it asks nobody.

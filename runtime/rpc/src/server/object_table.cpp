@@ -103,7 +103,7 @@ std::uint32_t write_similar_paths(std::span<const Object> objects, std::string_v
   for (const Object& object : objects) {
     if (!is_shown(view, object)) continue;
     Candidate next{&object, wire::similarity(object.path, path)};
-    // The list is sorted: what is less similar moves down, and the least out.
+    // The list is sorted: less similar paths move down, and the least similar one out.
     for (Candidate& candidate : best) {
       if (candidate.object == nullptr || next.similarity > candidate.similarity) {
         std::swap(candidate, next);
@@ -141,7 +141,7 @@ DispatchResult ObjectTable::bind(ConstBytes request, MutableBytes reply,
   }
   const std::string_view name = found->servant->interface().name;
   if (name != wanted->interface) {
-    // The payload says what the object is instead, so that the client can say it to a person.
+    // The payload names the object's interface, so that the client can show it.
     ByteWriter writer(reply);
     writer.put_text(name);
     return {wire::Status::kWrongInterface,

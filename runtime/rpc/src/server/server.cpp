@@ -63,7 +63,7 @@ expected<void, SetupError> check_threads(const LaneConfig& lane, const std::stri
   return {};
 }
 
-// Sorts the lanes by band and completes what they leave open.
+// Checks the lanes, sorts them by band and fills in their defaults.
 expected<std::vector<LaneConfig>, SetupError> checked_lanes(std::vector<LaneConfig> lanes) {
   if (lanes.empty()) lanes.push_back({});
   if (lanes.size() > kLaneCountMax) {
@@ -210,7 +210,7 @@ std::vector<std::string> hosts_for_callers(const transport::HostsToServe& hosts)
   return told;
 }
 
-// Resolves what is served, and what callers are told, once.
+// Resolves the served and the advertised addresses, once.
 expected<void, SetupError> ServerImpl::find_hosts() {
   auto hosts = transport::hosts_to_serve(config_.host, rt::now() + transport::kResolvePatience);
   if (!hosts) return unexpected{hosts.error()};

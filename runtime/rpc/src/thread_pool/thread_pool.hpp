@@ -57,7 +57,7 @@ struct BorrowRequest {
 class ThreadPool final : public transport::WaitLock {
  public:
   /// @param call_count_max  how many calls may wait at most
-  /// @param leader          what the leader waits with
+  /// @param leader          the wait set of the leader
   ThreadPool(const LaneConfig& config, std::uint32_t call_count_max, transport::WaitSet& leader);
 
   /// Whether the lane needs a pool; if not, one thread does all.

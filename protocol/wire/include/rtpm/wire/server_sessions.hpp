@@ -213,7 +213,7 @@ class ServerSessions {
     bool is_evicted = false;    ///< An incomplete request was evicted.
     std::uint32_t call_id = 0;
     std::uint32_t newest_call_id = 0;      ///< A later call, refused while this one ran.
-    std::uint32_t frame_size = 0;          ///< Of the kept reply; 0 if it is large or not kept.
+    std::uint32_t frame_size = 0;          ///< The kept reply's size; 0 if large or not kept.
     std::uint16_t large = kNoLargeBuffer;  ///< The buffer of a large request or reply.
     std::uint16_t stream = kNoStream;      ///< Kept until all items have arrived.
     std::uint32_t tag = 0;                 ///< From set_tag(), while it runs.

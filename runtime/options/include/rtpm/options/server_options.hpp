@@ -18,7 +18,7 @@ struct ServerSettings {
   /// The program's defaults before add_server(). A lane's options use its name, without "lane-".
   rpc::ServerConfig server{};
   std::optional<Duration> cpu_latency{};  ///< Longest wake-up of a CPU; nullopt if not limited.
-  bool shows_setup = false;               ///< Print what the system granted.
+  bool shows_setup = false;               ///< Print the granted setup.
   std::string known_servers_file{};       ///< Used by the program's node, see add_caller().
   std::vector<std::string> lanes{};       ///< The lanes' names, set by add_server().
 };

@@ -10,7 +10,7 @@ namespace rtpm::rpc {
 struct ServerCounters {
   std::uint64_t call_count = 0;                ///< Servant methods run.
   std::uint64_t servant_failure_count = 0;     ///< Runs that ended with an exception.
-  std::uint64_t bad_request_count = 0;         ///< Calls refused: not what the schema says.
+  std::uint64_t bad_request_count = 0;         ///< Calls refused: they violate the schema.
   std::uint64_t connection_count = 0;          ///< Accepted, over TCP or through shared memory.
   std::uint64_t connection_lost_count = 0;     ///< Connections that ended, in order or not.
   std::uint64_t connection_refused_count = 0;  ///< Refused: all slots, or their host's, were taken.

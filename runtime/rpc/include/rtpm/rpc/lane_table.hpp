@@ -75,7 +75,7 @@ struct LaneReading {
   int band_low = 0;
   int band_high = 0;
   int priority = 0;
-  std::string wait{};            ///< "adaptive"; "unknown" if it is none that is known here.
+  std::string wait{};            ///< "adaptive"; "unknown" if this program does not know it.
   std::string schedule{};        ///< "fifo".
   std::uint32_t busy_count = 0;  ///< Threads that run methods.
   MonotonicTime busy_since{};    ///< When the longest running call was received; or the epoch.

@@ -99,8 +99,8 @@ class ReplyBuilder {
 /// How far a table's verification goes: rtpmc derives it from the schema.
 struct TableLimits {
   std::uint32_t depth = 32;  ///< Tables in each other, the root included.
-  /// Tables in all. 0 for as many as the message has room for references to (4 bytes each): then
-  /// the message's size bounds the time of verification.
+  /// Tables in all. 0 for as many as the message can refer to (4 bytes each): then the message's
+  /// size bounds the time of verification.
   std::uint32_t tables = 0;
 };
 

@@ -18,7 +18,7 @@ enum class Severity : std::uint8_t {
 /// "good", "note", "warning" or "problem".
 [[nodiscard]] std::string_view to_string(Severity severity) noexcept;
 
-/// A file of the system, and what it should hold.
+/// A file of the system, and the text that it should hold.
 struct Setting {
   std::string path;
   std::string value;

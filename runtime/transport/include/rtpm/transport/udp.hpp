@@ -24,7 +24,7 @@ struct UdpPortConfig {
   /// leaves from the address at which its request came.
   std::string host = "127.0.0.1";
   std::uint16_t port = 0;
-  Priority priority = 0;    ///< The priority of what it sends, see set_traffic_class().
+  Priority priority = 0;    ///< The priority of sent datagrams, see set_traffic_class().
   Priority low = 0;         ///< The lowest priority that steer() gives it.
   bool joins = false;       ///< A further socket of a server's port, not its first one.
   std::uint16_t index = 0;  ///< One of a lane's ports at several addresses, for index_of().
@@ -79,7 +79,7 @@ class UdpPort {
   }
 
  private:
-  /// The bits above a peer's port hold the address of ours at which its datagram came.
+  /// The bits above a peer's port hold the own address at which its datagram came.
   static constexpr int kLocalShift = 16;
   /// The addresses at which datagrams came to "any"; the first stands for any beyond the 64th.
   using LocalAddresses = std::array<SocketAddress, 64>;
