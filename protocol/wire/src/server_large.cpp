@@ -55,7 +55,7 @@ MonotonicTime ServerSessions::next_buffer_time(MonotonicTime now) const noexcept
   return next;
 }
 
-// A buffer for a message of that host: a free one, else the one silent for longest; only one of its
+// A buffer for a message of that host: a free one, or the one silent for longest; only one of its
 // own once the host has used its quota (hp-5.6-11).
 std::uint16_t ServerSessions::find_large_buffer(const PeerAddress& peer,
                                                 MonotonicTime now) const noexcept {

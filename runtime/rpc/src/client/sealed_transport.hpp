@@ -54,7 +54,7 @@ class SealedTransport final : public transport::ClientTransport {
   /// Shakes hands, over TCP on one more connection, unless that is done already. The channel must
   /// have no open call.
   /// @return whether a session waits, to which the channel moves without a frame when it opens one;
-  ///         false: it goes on with the old one
+  ///         false if it goes on with the old one
   /// @realtime set-up work, once a day: two round trips and more, 100 ms at most
   [[nodiscard]] bool renew() noexcept;
 

@@ -93,7 +93,7 @@ class Connections {
   std::vector<Slot*> streams_;
   std::vector<Slot*> leftovers_;
   std::vector<Slot*> taken_leftovers_;
-  std::size_t next_memory_ = 0;  ///< Behind which of memory_ next_with_frame() goes on, downwards.
+  std::size_t next_memory_ = 0;  ///< Where in memory_ next_with_frame() continues, downwards.
 };
 
 }  // namespace rtpm::rpc

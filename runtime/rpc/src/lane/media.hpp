@@ -68,7 +68,7 @@ class Media {
     return (index == 0 ? datagrams_ : index == 1 ? streams_ : memory_).sessions;
   }
   /// The caller, as far as it is proved: through memory by the kernel, in a sealed session by its
-  /// key, else not at all.
+  /// key, otherwise not at all.
   [[nodiscard]] CallOrigin origin_of(const wire::ServerSessions& sessions,
                                      const wire::Request& request) noexcept;
   /// Visits the sessions of each medium.

@@ -17,7 +17,7 @@ class HandshakeRate {
  public:
   /// 500 a second, of 0.25 ms each on the gatekeeper's thread.
   static constexpr Duration kInterval = std::chrono::milliseconds{2};
-  static constexpr int kBurst = 256;  ///< Clients return when a server restarts.
+  static constexpr int kBurst = 256;  ///< All clients of a restarted server return.
 
   [[nodiscard]] bool admit(MonotonicTime now) noexcept {
     const std::int64_t now_ns = to_ns(now);

@@ -72,7 +72,7 @@ class LaneRights {
   void sweep() noexcept;
 
  private:
-  /// The result of a look-up in one word: generation, role and ceiling, from the top; 0 before it.
+  /// The result of a look-up in one word, from the top: generation, role, ceiling. 0 at first.
   using Entry = std::uint64_t;
   struct Row {
     std::uint64_t session = 0;  ///< 0 if there is none.
