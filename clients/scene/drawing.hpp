@@ -15,7 +15,7 @@ enum class Ink : std::uint8_t {
   kSolid = 0,   ///< The scene.
   kDevice = 1,  ///< The path of the device.
   kProxy = 2,   ///< The path of the proxy.
-  kSpring = 3,  ///< From the device to the proxy.
+  kSpring = 3,  ///< The line from the device to the proxy.
   kForce = 4,   ///< The force on the device, drawn from the proxy.
 };
 inline constexpr std::uint8_t kInkCount = 5;

@@ -23,7 +23,7 @@ struct Touch {
   driver::Vector3 device_m{};
   driver::Vector3 proxy_m{};  ///< Outside of the solid; the device's position in free space.
   driver::Vector3 force_newton{};
-  double depth_m = 0;  ///< From the device to the proxy; 0 in free space.
+  double depth_m = 0;  ///< The distance from device to proxy; 0 in free space.
 };
 
 /// A proxy that follows a device but never enters the solid, and a spring between the two. The

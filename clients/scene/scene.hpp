@@ -24,8 +24,8 @@ inline constexpr std::uint8_t kShapeCount = 3;
 /// @realtime alloc-free
 struct Scene {
   static constexpr double kRadiusMetre = 0.03;         ///< The sphere's radius.
-  static constexpr double kRidgeMetre = 0.003;         ///< From the texture's trough to its crest.
-  static constexpr double kRidgeSpacingMetre = 0.015;  ///< From crest to crest.
+  static constexpr double kRidgeMetre = 0.003;         ///< Height from trough to crest.
+  static constexpr double kRidgeSpacingMetre = 0.015;  ///< Distance from crest to crest.
   /// The texture's phase along x.
   static constexpr double kRidgeRadPerMetre = 2 * std::numbers::pi / kRidgeSpacingMetre;
 

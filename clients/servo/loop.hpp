@@ -30,7 +30,7 @@ struct Statistics {
   LatencyHistogram read{};  ///< One call, until its reply.
   LatencyHistogram command{};
   LatencyHistogram cycle{};         ///< Both calls and the wall between them; one call if local.
-  LatencyHistogram lateness{};      ///< From a cycle's due time to its start.
+  LatencyHistogram lateness{};      ///< Time from a cycle's due time to its start.
   std::uint64_t cycle_count = 0;    ///< Cycles started.
   std::uint64_t missed_count = 0;   ///< Cycles that ended after the next was due, or were skipped.
   std::uint64_t contact_count = 0;  ///< Cycles inside the wall.

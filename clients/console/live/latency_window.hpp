@@ -24,8 +24,7 @@ struct LatencySummary {
   double max_us = 0;
   std::uint64_t count = 0;
   std::uint64_t failed_count = 0;
-  std::vector<LatencyBin>
-      histogram{};  ///< Eight bins per decade; from the first used to the last used.
+  std::vector<LatencyBin> histogram{};  ///< Eight bins per decade, first to last used.
 };
 
 /// The latencies of the last five minutes.

@@ -23,8 +23,8 @@ struct ObjectView {
 
 struct ObjectsView {
   Standing registry{};
-  std::vector<ObjectView>
-      objects{};  ///< Sorted by name; while the registry is gone, its last reply.
+  /// Sorted by name; while the registry is gone, its last reply.
+  std::vector<ObjectView> objects{};
   std::vector<names::LapsedName> lapsed{};  ///< Names whose servers are lost.
   /// Registries that report lapsed names: a name that vanishes there without lapsing was unbound.
   std::vector<std::string> lapsed_services{};

@@ -80,9 +80,8 @@ class OperatorDesk {
     std::optional<MonotonicTime> gone_since{};
   };
   std::map<std::string, Operator> operators_{};  ///< Keyed by device.
-  std::map<std::uint64_t, MonotonicTime>
-      browsers_{};  ///< Browsers that may command, by connection,
-                    ///< with their start.
+  /// The browsers that may command, by connection, with their start.
+  std::map<std::uint64_t, MonotonicTime> browsers_{};
 };
 
 }  // namespace rtpm::console

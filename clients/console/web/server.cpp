@@ -56,7 +56,7 @@ std::string text_of(beast::string_view view) {
   return {view.data(), view.size()};
 }
 
-/// The peer's key: all loopback addresses count as one, and so does a network of IPv6 addresses,
+/// The peer's key: all loopback addresses count as one, as does a network of IPv6 addresses,
 /// because a host may have as many of them as it likes.
 std::string peer_of(const tcp::socket& socket) {
   error_code error;

@@ -18,7 +18,9 @@ class StreamMeter {
   /// @param latency    from the origin to the hub's sending
   void add(std::uint64_t sequence, MonotonicTime origin, Duration latency);
 
-  [[nodiscard]] std::uint64_t count() const noexcept { return count_; }  ///< Without duplicates.
+  [[nodiscard]] std::uint64_t count() const noexcept {
+    return count_;
+  }  ///< Events, without duplicates.
   [[nodiscard]] std::uint64_t lost_count() const noexcept { return missing_.size() + given_up_; }
   [[nodiscard]] std::uint64_t duplicate_count() const noexcept { return duplicate_count_; }
   [[nodiscard]] std::uint64_t late_count() const noexcept {

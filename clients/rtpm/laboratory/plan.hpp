@@ -89,7 +89,7 @@ struct Plan {
   std::string log_folder{};  ///< No files if empty.
   std::optional<std::size_t> registry_program{};
   std::string registry_url{};  ///< Used without a registry program; if empty, the caller's.
-  std::vector<ProgramPlan> programs{};  ///< In the order of the file.
+  std::vector<ProgramPlan> programs{};  ///< Sorted as in the file.
   std::vector<std::size_t> order{};     ///< The order of start.
   std::vector<std::string> left_out{};  ///< Optional programs that are not installed.
 

@@ -158,7 +158,7 @@ expected<Json, GatewayError> Gateway::ask(std::string_view path, const Json& bod
                                           MonotonicTime deadline) {
   std::vector<std::string> why_of(address_.endpoints.size());
   bool was_sent = false;
-  std::size_t lasting_count = 0;  // In this round through the endpoints.
+  std::size_t lasting_count = 0;  // Lasting errors in this round.
   const auto failed = [&] {
     std::string why;
     for (std::size_t i = 0; i < why_of.size(); ++i) {

@@ -92,7 +92,7 @@ class Gateway {
 [[nodiscard]] std::uint64_t number_at(const Json& json, const char* key);
 /// An object in an object; null if there is none.
 [[nodiscard]] const Json& object_at(const Json& json, const char* key);
-/// @return nullopt: `json` is not a key with a value
+/// @return nullopt if `json` is not a key with a value
 [[nodiscard]] std::optional<KeyValue> key_value_of(const Json& json);
 
 }  // namespace rtpm::etcd_store

@@ -107,7 +107,7 @@ class Broker {
   Listener& listener_;
   const std::string id_;
   std::unique_ptr<transport::WaitSet> wait_set_;
-  int socket_ = -1;  ///< In wait_set_ while connected.
+  int socket_ = -1;  ///< Registered in wait_set_ while connected.
   std::unique_ptr<mosquitto, Free> client_{};
 
   std::size_t missing_count_ = 0;  ///< Subscriptions not granted yet.

@@ -359,7 +359,8 @@ class Registration::Impl {
   std::mutex mutex_;
   Offer offer_;
   std::shared_ptr<Place> registry_{};  ///< Null if there is none. Replaced by the lease thread.
-  std::shared_ptr<Place> own_{};       ///< Null if this program serves no names. Replaced likewise.
+  /// Null if this program serves no names itself. Replaced by the lease thread.
+  std::shared_ptr<Place> own_{};
   std::condition_variable ending_;
   bool is_ending_ = false;
   rt::Thread thread_;

@@ -58,7 +58,7 @@ class SharedWriter {
   [[nodiscard]] bool waits_for_other(const StorageError& error, int attempt,
                                      MonotonicTime deadline);
   [[nodiscard]] unexpected<SharedRefusal> failed(const StorageError& error);
-  /// Whether the refusal still holds in the storage; nullopt: the caller plans again.
+  /// Whether the refusal still holds in the storage; nullopt if the caller must plan again.
   [[nodiscard]] std::optional<SharedRefusal> confirmed(std::string_view name,
                                                        const SharedRefusal& refusal, int attempt,
                                                        MonotonicTime deadline);

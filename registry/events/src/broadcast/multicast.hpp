@@ -25,7 +25,7 @@ struct MulticastHeader {
   std::uint64_t sequence = 0;     ///< The datagram's number, from 0; in a heartbeat: the next one.
   std::uint32_t record_size = 0;  ///< Bytes of the events; 0 for a heartbeat.
   std::uint32_t offset = 0;       ///< Offset of this datagram's bytes in the record.
-  std::uint16_t owner_count = 0;  ///< At offset 0: number of owners.
+  std::uint16_t owner_count = 0;  ///< Number of owners, at offset 0 only.
   friend bool operator==(const MulticastHeader&, const MulticastHeader&) = default;
 };
 

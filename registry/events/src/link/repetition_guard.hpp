@@ -32,7 +32,7 @@ class RepetitionGuard {
     SourceId source = 0;
     std::uint64_t highest = 0;
     std::uint64_t seen = 0;       ///< Bit i is set if `highest - i` arrived.
-    std::uint64_t last_used = 0;  ///< In events admitted.
+    std::uint64_t last_used = 0;  ///< The count of admitted events at that time.
   };
   [[nodiscard]] Row& row_of(const EventHeader& header) noexcept;
 

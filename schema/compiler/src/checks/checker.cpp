@@ -236,9 +236,8 @@ class Checker {
   AttributeReader reader_;
   Diagnostics& errors_;
   const bool has_overaligned_ = std::ranges::any_of(model_.objects, is_overaligned);
-  std::uint32_t largest_id_ = 0;  // In the current service.
-  std::uint32_t missing_id_count_ =
-      0;  // Methods without an id in the current service; numbers the hints.
+  std::uint32_t largest_id_ = 0;        // The largest id in the current service.
+  std::uint32_t missing_id_count_ = 0;  // Methods without an id so far; numbers the hints.
 };
 
 }  // namespace

@@ -22,7 +22,7 @@ inline constexpr Duration kLanPatience = std::chrono::milliseconds{250};
 struct FoundService {
   std::string url{};
   bool is_registry = false;
-  std::uint32_t process_id = 0;  ///< On its host; 0 if unknown.
+  std::uint32_t process_id = 0;  ///< The process on its host; 0 if unknown.
   bool is_of_this_host = false;
   /// It was not announced, but may run, because this is the usual place.
   bool is_guess = false;

@@ -22,7 +22,7 @@ namespace rtpm::events {
 /// No interest is forwarded over more links, however hubs are connected.
 /// @source   spec/events.md#ev-5.2-2
 inline constexpr std::uint8_t kLinkHopsMax = 8;
-inline constexpr std::size_t kLinkCountMax = 16;  ///< Per hub.
+inline constexpr std::size_t kLinkCountMax = 16;  ///< Links per hub.
 
 /// How a hub is linked to another.
 struct LinkConfig {

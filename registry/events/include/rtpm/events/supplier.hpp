@@ -38,7 +38,7 @@ struct EventDraft {
   SourceId source = 0;
   std::uint64_t schema_id = 0;
   ConstBytes payload{};
-  std::optional<MonotonicTime> origin{};  ///< On this host's clock; nullopt means now.
+  std::optional<MonotonicTime> origin{};  ///< Time on this host's clock; nullopt means now.
   std::optional<std::uint8_t> hops{};     ///< SupplierConfig::hops if unset.
 };
 

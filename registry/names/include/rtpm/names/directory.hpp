@@ -23,7 +23,7 @@ struct NameEntry {
   std::string name;
   std::string url;
   std::string interface;
-  Duration lease_left{};               ///< At the time of the reply.
+  Duration lease_left{};               ///< Remaining lease at the time of the reply.
   std::uint64_t revision = 0;          ///< Revision of its holder; see Claim::holder_revision.
   std::vector<Property> properties{};  ///< Set by describe(), find() and watches only.
   bool is_permanent = false;           ///< It has no lease: ignore lease_left.

@@ -16,7 +16,7 @@ using PropertyList = predicate::List;
 using PropertyType = predicate::Type;
 using PropertyValue = predicate::Value;
 
-inline constexpr std::size_t kPropertyCountMax = 32;  ///< Per binding.
+inline constexpr std::size_t kPropertyCountMax = 32;  ///< Properties per binding.
 inline constexpr std::size_t kPropertyNameSizeMax = 64;
 inline constexpr std::size_t kPropertyUnitSizeMax = 32;
 inline constexpr std::size_t kPropertyTextSizeMax = 256;

@@ -51,7 +51,7 @@ class RegistryResolver final : public rpc::Resolver {
   rpc::Node& node_;
   Directory directory_;
   mutable std::mutex mutex_;  ///< Guards the members below; not for real-time threads.
-  std::map<std::string, Lead, std::less<>> leads_{};  ///< By names that may be bound.
+  std::map<std::string, Lead, std::less<>> leads_{};  ///< Keyed by names that may be bound.
   std::uint64_t move_count_ = 0;
   std::mutex starting_;  ///< Held while the watch starts.
   std::unique_ptr<NameWatch> watch_{};

@@ -18,7 +18,7 @@ class Preference {
   /// Reads a text; an empty one is "first".
   /// @realtime set-up only
   /// @errors   no such preference; as Expression::parse(), with offsets into `text`; min and max
-  ///           of an expression that is not a number or text, with of one that is not a bool
+  ///           of an expression that is not a number or text, `with` of one that is not a bool
   [[nodiscard]] static expected<Preference, TextError> parse(
       std::string_view text, const TypeOfProperty& type_of_property = {});
 
