@@ -40,8 +40,8 @@ struct PendingCall {
   MutableBytes request_room{};
   bool is_running = false;      ///< It runs or waits for a thread: do not end it yet.
   bool waits_for_room = false;  ///< It ended with a large reply for which there was no room yet.
-  bool is_deferred = false;     ///< Counts as deferred; for the method's thread only while it runs.
-  TapMark tap_mark{};           ///< Written by the method's thread, then under the Lead.
+  bool is_deferred = false;  ///< Counts as deferred. The method's thread writes it while it runs.
+  TapMark tap_mark{};        ///< Written by the method's thread, then under the Lead.
 
   /// A call that came over a wire; the request's payload stays where it is.
   void take_in(const wire::Request& its_request, wire::ServerSessions& its_sessions) noexcept {

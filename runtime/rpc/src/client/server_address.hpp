@@ -27,7 +27,7 @@ struct ServerAddress {
   std::string host;
   std::uint16_t port = 0;
   Transport transport = Transport::kUdp;  ///< Not kAuto.
-  std::string memory_folder{};            ///< Has shared-memory sockets; may be empty.
+  std::string memory_folder{};            ///< The sockets' folder; empty if names are abstract.
   /// Only for a known server over UDP or TCP: its sessions are sealed, always.
   std::optional<seal::PublicKey> key{};
   friend auto operator<=>(const ServerAddress&, const ServerAddress&) = default;
