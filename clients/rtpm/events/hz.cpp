@@ -38,8 +38,8 @@ class Meters final : public Subscription::Observer {
  public:
   void on_event(const events::EventView& event, const events::EventDescriptor* type) override {
     const events::EventHeader& header = event.header;
-    if (header.sequence == 0 || header.is_replayed)
-      return;  // Excludes timeouts and replayed events.
+    // Timeouts and replayed events do not count.
+    if (header.sequence == 0 || header.is_replayed) return;
     const std::lock_guard lock(mutex_);
     Stream& stream = streams_[{header.type, header.source}];
     stream.type = capture::type_text(header.type, type);

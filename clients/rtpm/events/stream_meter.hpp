@@ -18,14 +18,12 @@ class StreamMeter {
   /// @param latency    from the origin to the hub's sending
   void add(std::uint64_t sequence, MonotonicTime origin, Duration latency);
 
-  [[nodiscard]] std::uint64_t count() const noexcept {
-    return count_;
-  }  ///< Events, without duplicates.
+  /// The number of events, without duplicates.
+  [[nodiscard]] std::uint64_t count() const noexcept { return count_; }
   [[nodiscard]] std::uint64_t lost_count() const noexcept { return missing_.size() + given_up_; }
   [[nodiscard]] std::uint64_t duplicate_count() const noexcept { return duplicate_count_; }
-  [[nodiscard]] std::uint64_t late_count() const noexcept {
-    return late_count_;
-  }  ///< Out of order.
+  /// The number of events that arrived out of order.
+  [[nodiscard]] std::uint64_t late_count() const noexcept { return late_count_; }
   [[nodiscard]] std::uint64_t restart_count() const noexcept { return restart_count_; }
   /// Origin times that went back although the sequence advanced.
   [[nodiscard]] std::uint64_t clock_jump_count() const noexcept { return clock_jump_count_; }

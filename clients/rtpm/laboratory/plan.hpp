@@ -69,11 +69,11 @@ struct ProgramPlan {
   bool has_url = false;  ///< Another program is given its URL, so it must print one.
   Duration ready_deadline = std::chrono::seconds{10};
   Restart restart = Restart::kNever;
-  std::size_t restart_limit =
-      5;  ///< Restarts within `restart_window`; with more, the program has failed.
+  /// Restarts within `restart_window`; with more, the program has failed.
+  std::size_t restart_limit = 5;
   Duration restart_window = std::chrono::minutes{1};
-  Duration restart_delay =
-      std::chrono::milliseconds{200};  ///< The delay doubles with each restart.
+  /// The delay of the first restart; it doubles with each further one.
+  Duration restart_delay = std::chrono::milliseconds{200};
   Duration restart_delay_max = std::chrono::seconds{10};
   int stop_signal = 15;
   Duration stop_patience = std::chrono::seconds{2};
