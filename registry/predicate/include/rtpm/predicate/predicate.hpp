@@ -59,7 +59,7 @@ class Predicate {
   /// @errors   as Expression::parse(); the type of the whole is not bool
   [[nodiscard]] static expected<Predicate, TextError> parse(
       std::string_view text, const TypeOfProperty& type_of_property = {});
-  /// Whether it is true; an undefined result counts as false, even behind `not`.
+  /// Whether it is true. An undefined result is not true, and `not` leaves it undefined.
   /// @realtime alloc-free
   [[nodiscard]] bool accepts(const PropertySource& properties) const noexcept;
   [[nodiscard]] const Expression& expression() const noexcept { return expression_; }
