@@ -74,7 +74,7 @@ void add_duration(CLI::App& app, const std::string& name, Duration& value, const
       ->default_str(options::duration_text(value));
 }
 
-/// Adds the options that all cases share, and that `serve` has, too.
+/// Adds the options that all cases and `serve` share.
 void add_common_options(CLI::App& app, Settings& settings) {
   add_choices(app, "--transport", settings.carriers, kCarriers, "all three, unless some are named");
   add_choices(app, "--wait", settings.waits, kWaits, "how callers and lanes wait");

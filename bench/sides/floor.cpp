@@ -97,7 +97,7 @@ class Frames {
 
 // ---- serving ------------------------------------------------------------------------------------
 
-/// One frame of a lane, and its sealed form.
+/// Receives a lane's frames and sends each back; holds one frame and its sealed form.
 class Echo {
  public:
   Echo(Carrier carrier, const FloorLaneConfig& lane)

@@ -82,7 +82,7 @@ void Loop::publish(const driver::Sample& sample, scene::Touch touch,
                    const driver::Vector3& force_newton) noexcept {
   touch.force_newton = force_newton;
   scene::TouchReport report{sample.sequence, proxy_.scene(), touch};
-  static_cast<void>(touches_.push(report));  // When full, only displays lose it.
+  static_cast<void>(touches_.push(report));  // If it is full, only displays miss the report.
 }
 
 /// Commands the wall's force and returns it; with a local wall, returns the device's force.

@@ -34,7 +34,7 @@ class DeviceEvents final : public gvd::EmergencyStops {
   /// The observer of the device that is bound as `name`; null if events are off.
   /// @errors   as gvd::DevicePublisher::add()
   [[nodiscard]] expected<gvd::CycleObserver*, SetupError> observe(std::string_view name);
-  /// Keeps the device's emergency stops, and its server, before the rpc::Server starts.
+  /// The keeper of stops. Add the device and attach its server before the rpc::Server starts.
   [[nodiscard]] gvd::StopKeeper& stops() noexcept { return stops_; }
   /// Begins to push events.
   /// @errors   as gvd::DevicePublisher::start()

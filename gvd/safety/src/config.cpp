@@ -15,7 +15,7 @@ constexpr Duration kHeatTimeMax = std::chrono::hours{1};
 // Factors by which defaults follow from a device's description.
 constexpr double kSpeedOfFullForce = 1;   ///< In m/s: full force at this speed is full power.
 constexpr double kVelocityMax = 5;        ///< In m/s, more than a hand does on a device.
-constexpr double kWallShare = 0.25;       ///< Share of the stiffest wall that stays passive.
+constexpr double kWallShare = 0.25;       ///< Share of the stiffest passive wall's stiffness.
 constexpr double kContinuousShare = 0.6;  ///< Share of the maximum force.
 constexpr double kGuardShare = 3;         ///< Multiple of the mechanics' own damping.
 constexpr double kGuardNewtonSPerM = 5;   ///< Where the mechanics state none.

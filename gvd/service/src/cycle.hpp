@@ -198,7 +198,7 @@ class DeviceCycle {
   HeldCommand held_{};
   HeldCommand rendered_{};  ///< The held command with the models' forces.
   FlightRecord flight_{};   ///< The command of this cycle; publish() adds the rest.
-  std::array<double, driver::kJointCountMax> efforts_{};  ///< The efforts last followed, limited.
+  std::array<double, driver::kJointCountMax> efforts_{};  ///< The last efforts, after the limits.
   std::uint64_t last_holder_ = Lease::kNobody;
   std::uint64_t shown_holder_ = Lease::kNobody;  ///< The holder shown to the observer.
   LeaseState shown_end_ = LeaseState::kUnknown;

@@ -14,7 +14,7 @@
 #include "rtpm/names/watch.hpp"
 #include "rtpm/test/os.hpp"
 
-// A registry whose server checks grants: each name has the grants of its path.
+// A registry whose server checks grants: the grants on a name's path apply to it.
 namespace rtpm::names {
 namespace {
 

@@ -265,7 +265,7 @@ class Binding::Impl {
   FollowStatus followed{};
 
   std::atomic<bool> sends_oneways{false};
-  /// How many of lost_oneway_count() the binding's callers have been told.
+  /// How much of lost_oneway_count() has been reported to the binding's callers.
   std::atomic<std::uint64_t> lost_oneways_told{0};
 };
 

@@ -19,7 +19,7 @@ namespace {
 // small call of a higher band. Half of this would gain little more and cost large messages much.
 constexpr std::size_t kStepSizeMax = std::size_t{32} * 1024;
 
-// The capacity of Linux's default send buffer without waiting: a window of fragments.
+// A window of fragments: Linux's default send buffer takes this much without waiting.
 constexpr std::size_t kUnsentMax =
     wire::kStreamFragmentWindow * std::size_t{wire::kStreamFrameSizeMax};
 

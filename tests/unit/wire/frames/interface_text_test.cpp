@@ -5,7 +5,7 @@
 #include <random>
 #include <string>
 
-// The explanations for two versions of an interface; the spec's vectors say which versions fit.
+// The explanations of why two versions do not fit; the spec's vectors tell which versions fit.
 namespace rtpm::wire {
 namespace {
 

@@ -62,7 +62,7 @@ class GamePad final : public Profile {
   [[nodiscard]] static std::uint32_t served_application(const ReportDescriptor& descriptor);
   [[nodiscard]] static std::size_t count_of(const std::vector<Channel>& channels,
                                             std::uint32_t usage, Part part);
-  /// False, here and below, if no channel has its kind, or no channel is left.
+  /// Returns false, like the next two, if no kind of channel suits it or no channel is left.
   [[nodiscard]] bool take_field(const Field& field);
   [[nodiscard]] bool add_analog(std::uint32_t usage);
   [[nodiscard]] bool add_button(std::uint32_t usage);

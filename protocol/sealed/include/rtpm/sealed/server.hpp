@@ -13,7 +13,7 @@
 
 namespace rtpm::sealed {
 
-/// A client of a session: its key; null if the session is not sealed.
+/// The key of a session's client; null if the session is not sealed.
 using ClientKey = const seal::PublicKey*;
 
 /// Decides which clients a server admits, and with which rights.

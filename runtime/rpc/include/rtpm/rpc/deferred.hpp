@@ -94,7 +94,7 @@ class DeferredReply : public UnfinishedCall {
 class ItemWriter : public UnfinishedCall {
  public:
   ItemWriter() noexcept = default;
-  /// The most bytes of an item: the smaller message_size_max of caller and server.
+  /// The maximum size of an item in bytes: the smaller message_size_max of caller and server.
   [[nodiscard]] std::uint32_t item_size_max() const noexcept;
   /// The most bytes of an item that fits one frame of the caller's transport: it arrives as a whole
   /// or not at all.

@@ -302,11 +302,11 @@ template <class Deferred, class Handle, class Method, class... More>
   return {};
 }
 
-/// A handle to answer later, or none: then answer overload.
+/// Returns a handle for a later answer. If it is empty, answer with overload.
 [[nodiscard]] inline DeferredReply defer(const CallContext& context) noexcept {
   return context.deferral == nullptr ? DeferredReply{} : context.deferral->defer();
 }
-/// A handle to answer with a stream, or none: then answer overload.
+/// Returns a handle for a stream of answers. If it is empty, answer with overload.
 [[nodiscard]] inline ItemWriter open_stream(const CallContext& context) noexcept {
   return context.deferral == nullptr ? ItemWriter{} : context.deferral->stream();
 }

@@ -193,7 +193,7 @@ struct Model {
   std::string file_stem{};  ///< "haptic" of "dir/haptic.fbs".
   /// The file as in Object::declaration_file: absolute, links resolved.
   std::string declaration_file{};
-  std::vector<Object> objects{};    ///< Tables and structs, included files' too.
+  std::vector<Object> objects{};    ///< Tables and structs, also those of included files.
   std::vector<Enum> enums{};        ///< Enumerations and unions, included files' too.
   std::vector<Service> services{};  ///< Services that the file itself declares, in its order.
   std::vector<NamespaceName> namespaces{};
