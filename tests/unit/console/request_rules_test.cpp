@@ -93,7 +93,9 @@ class PageFiles : public testing::Test {
     return file ? fs::relative(*file, fs::canonical(root_)).string() : "";
   }
 
-  fs::path root_ = fs::path(testing::TempDir()) / "rtpm_console_page_files";
+  // Cases run beside one another.
+  fs::path root_ = testing::TempDir() + "rtpm_console_page_" +
+                   testing::UnitTest::GetInstance()->current_test_info()->name();
 };
 
 TEST_F(PageFiles, AreFoundBelowTheFolder) {
