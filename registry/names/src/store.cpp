@@ -282,7 +282,6 @@ void Store::apply(SharedChange change, bool is_logged, MonotonicTime now) {
     Record record = record_of(std::move(*change.stored), now);
     if (former && former->revision == record.revision) record.bound = former->bound;
     next = std::make_shared<const Record>(record);
-    lapsed_.erase(record.name);
     insert(std::move(record));
   } else if (former && !former->is_permanent() && change.has_lapsed) {
     keep_as_lapsed(*former, now);
@@ -305,7 +304,6 @@ void Store::apply_all(std::vector<StoredName> names, std::uint64_t revision, Mon
     Record record = record_of(std::move(stored), now);
     const auto known = since.find(record.name + ' ' + std::to_string(record.revision));
     if (known != since.end()) record.bound = known->second;
-    lapsed_.erase(record.name);
     insert(std::move(record));
   }
   next_revision_ = revision + 1;
@@ -421,7 +419,6 @@ expected<Granted, Refusal> Store::put(Plan plan) {
   }
   const Granted granted = plan.granted();
   if (plan.former) erase(records_.find(next.name));
-  lapsed_.erase(next.name);
   insert(std::move(next));
   return granted;
 }
@@ -431,6 +428,7 @@ void Store::insert(Record next) {
   const auto [place, is_new] = records_.emplace(std::move(name), std::move(next));
   if (!is_new) return;
   const Record& record = place->second;
+  lapsed_.erase(record.name);
   ends_.emplace(record.expires, record.name);
   index_.add(record);
   const std::size_t byte_count = names::byte_count(record.properties);

@@ -63,7 +63,7 @@ BindOutcome Binding::Impl::ask(const Destination& at, CallChannel& channel, Prio
   BindOutcome result{outcome.kind, outcome.error, {}, outcome.status, {}, {}};
   if (outcome.kind != CallOutcome::Kind::kReply) return result;
   if (outcome.status != wire::Status::kOk) {
-    result.error = error_of(outcome.status);
+    result.error = refused(outcome.status, outcome.payload);
     if (outcome.status == wire::Status::kNoSuchObject) {
       const auto paths =
           outcome.payload.first(std::min(outcome.payload.size(), result.similar_paths.size()));

@@ -14,8 +14,6 @@ namespace {
 thread_local std::array<char, wire::kRefusalTextSizeMax> refusal;
 thread_local std::size_t refusal_size = 0;
 
-}  // namespace
-
 CallError error_of(wire::Status status) noexcept {
   switch (status) {
     case wire::Status::kOverload:
@@ -56,6 +54,8 @@ CallError error_of(wire::Status status) noexcept {
   return static_cast<std::uint16_t>(status) < wire::kStatusCount ? CallError::kRefused
                                                                  : CallError::kBadReply;
 }
+
+}  // namespace
 
 CallError refused(wire::Status status, ConstBytes text) noexcept {
   refusal_size = std::min(text.size(), refusal.size());
