@@ -107,6 +107,22 @@ const std::vector<Part>& parts() {
   return kParts;
 }
 
+/// The order inside a part: a folder of it, and the sub-folders there from the bottom up, as a file
+/// includes only its own sub-folder and those before it. The files beside them stand under "".
+struct Order {
+  std::string_view folder;
+  std::vector<std::string_view> sub_folders;
+};
+
+const std::vector<Order>& orders() {
+  static const std::vector<Order> kOrders{
+      {"runtime/rpc/src/",
+       {"", "model", "local", "tap", "security", "media", "calls", "execution", "lane", "server",
+        "client"}},
+  };
+  return kOrders;
+}
+
 /// Headers of other projects and the parts that may know them; bench/ and tests/ may know all.
 struct Foreign {
   std::regex header;
@@ -221,6 +237,35 @@ std::string check_private(const SourceFile& file, const Part& part, std::string_
          std::string(part.folder);
 }
 
+/// The sub-folder of `path` in `folder`, which holds it.
+std::string_view sub_folder_of(std::string_view path, std::string_view folder) {
+  const std::string_view below = path.substr(folder.size());
+  return below.substr(0, below.find('/') == std::string_view::npos ? 0 : below.find('/'));
+}
+
+/// Returns why `header` is wrong in `file`, as one of a sub-folder above; empty if it is right.
+std::string check_order(const SourceFile& file, std::string_view header,
+                        const std::set<std::string>& paths) {
+  for (const auto& [folder, sub_folders] : orders()) {
+    if (!is_under(file.path, folder)) continue;
+    const std::string beside = file.path.substr(0, file.path.rfind('/') + 1) + std::string(header);
+    const std::string included =
+        paths.contains(beside) ? beside : std::string(folder) + std::string(header);
+    if (!paths.contains(included)) continue;
+    const auto own = std::ranges::find(sub_folders, sub_folder_of(file.path, folder));
+    const auto wanted = std::ranges::find(sub_folders, sub_folder_of(included, folder));
+    if (own == sub_folders.end() || wanted == sub_folders.end()) {
+      return "has a sub-folder of " + std::string(folder) +
+             " without a place in its order; give it one in tests/tidy/include_graph.cpp";
+    }
+    if (wanted > own) {
+      return "includes \"" + std::string(header) + "\", which is above " + std::string(folder) +
+             std::string(*own);
+    }
+  }
+  return {};
+}
+
 }  // namespace
 
 std::vector<Fault> find_forbidden_includes(const std::vector<SourceFile>& files) {
@@ -246,6 +291,7 @@ std::vector<Fault> find_forbidden_includes(const std::vector<SourceFile>& files)
         wrong = check_foreign(file, include->header);
         if (wrong.empty() && include->is_quoted) {
           wrong = check_private(file, *part, include->header, paths);
+          if (wrong.empty()) wrong = check_order(file, include->header, paths);
         }
       }
       if (!wrong.empty()) faults.push_back(fault_at(file, i, wrong));

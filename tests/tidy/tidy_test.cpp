@@ -96,6 +96,20 @@ TEST(IncludeGraph, FindsPlantedForeignAndPrivateHeaders) {
   expect_fault(faults, "elsewhere/a.cpp:", "in no part of the house");
 }
 
+TEST(IncludeGraph, FindsPlantedIncludesAgainstTheOrderInsideAPart) {
+  const auto faults = find_forbidden_includes({
+      {"runtime/rpc/src/calls/a.cpp", "#include \"lane/lane.hpp\"\n#include \"calls/a.hpp\"\n"},
+      {"runtime/rpc/src/calls/a.hpp", "#include \"model/b.hpp\"\n"},
+      {"runtime/rpc/src/lane/lane.hpp", ""},
+      {"runtime/rpc/src/model/b.hpp", "#include \"c.hpp\"\n"},
+      {"runtime/rpc/src/c.hpp", ""},
+      {"runtime/rpc/src/attic/d.cpp", "#include \"model/b.hpp\"\n"},
+  });
+  EXPECT_EQ(faults.size(), 2u);
+  expect_fault(faults, "runtime/rpc/src/calls/a.cpp:1:", "above runtime/rpc/src/calls");
+  expect_fault(faults, "runtime/rpc/src/attic/d.cpp:1:", "without a place in its order");
+}
+
 TEST(BannedWords, StandNowhere) {
   expect_no_fault(find_banned_words(tree(), exemptions()));
 }

@@ -2,9 +2,9 @@
 
 #include <random>
 
+#include "execution/idling.hpp"
+#include "execution/throttling.hpp"
 #include "lane/attention.hpp"
-#include "lane/idling.hpp"
-#include "lane/throttling.hpp"
 
 // A lane's decisions, without threads, sockets or a clock.
 namespace rtpm::rpc {

@@ -7,12 +7,12 @@
 #include <memory>
 
 #include "../wire/peers.hpp"
-#include "lane/setup.hpp"
+#include "execution/thread_pool.hpp"
+#include "model/lane_setup.hpp"
 #include "one_port.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/transport/polled_wait_set.hpp"
 #include "rtpm/transport/tcp.hpp"
-#include "thread_pool/thread_pool.hpp"
 
 // Answering calls that have ended while other threads may hold the lane's lock.
 namespace rtpm::rpc {

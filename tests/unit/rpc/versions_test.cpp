@@ -4,9 +4,9 @@
 #include <string>
 #include <string_view>
 
+#include "model/object_table.hpp"
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/wire/control.hpp"
-#include "server/object_table.hpp"
 
 // Clients and servers of two versions of an interface.
 namespace rtpm::rpc {

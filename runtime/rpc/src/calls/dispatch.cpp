@@ -3,15 +3,14 @@
 #include <exception>
 #include <string_view>
 
-#include "calls/current_call.hpp"
 #include "calls/deferral.hpp"
 #include "calls/refusal_notes.hpp"
+#include "local/current_call.hpp"
+#include "model/lane_table_owner.hpp"
 #include "rtpm/rpc/refusal.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/priority.hpp"
 #include "security/caller_identity.hpp"
-#include "server/lane_table_owner.hpp"
-#include "server/policy.hpp"
 
 namespace rtpm::rpc {
 
@@ -69,7 +68,7 @@ Ran Dispatch::run_method(const Target& target, const wire::Request& request, Mut
                             {request.caller_host},
                             identity ? &*identity : nullptr};
   rt::adopt_priority(context.priority);
-  const CurrentCall current(context, lane_);
+  const CurrentCall current(context, host_);
   const BusyMark busy(request.received);
   try {
     const DispatchResult result =

@@ -2,12 +2,12 @@
 
 #include <string_view>
 
-#include "lane/report.hpp"
 #include "local/local.hpp"
+#include "model/object_table.hpp"
+#include "model/report.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 #include "security/lane_rights.hpp"
-#include "server/object_table.hpp"
 #include "tap/lane_tap.hpp"
 
 namespace rtpm::rpc {
@@ -26,14 +26,13 @@ struct Ran {
 /// @realtime alloc-free
 class Dispatch {
  public:
-  /// @param lane_priority  of methods whose objects have no priority model
   /// @param lane_priority  for methods whose objects have no priority model
   Dispatch(const ObjectTable& objects, PriorityTransform transform, Priority lane_priority,
-           const Lane& lane, LaneTap& tap, LaneRights& rights, RefusalNotes* refusals) noexcept
+           const LocalHost& host, LaneTap& tap, LaneRights& rights, RefusalNotes* refusals) noexcept
       : objects_(objects),
         transform_(transform),
         lane_priority_(lane_priority),
-        lane_(lane),
+        host_(host),
         tap_(tap),
         rights_(rights),
         refusals_(refusals) {}
@@ -66,7 +65,7 @@ class Dispatch {
   const ObjectTable& objects_;
   PriorityTransform transform_;
   Priority lane_priority_;
-  const Lane& lane_;
+  const LocalHost& host_;
   LaneTap& tap_;
   LaneRights& rights_;
   RefusalNotes* refusals_;

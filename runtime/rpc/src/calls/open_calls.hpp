@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "calls/pending.hpp"
-#include "lane/media.hpp"
-#include "lane/report.hpp"
+#include "media/media.hpp"
+#include "model/report.hpp"
 #include "rtpm/base/time.hpp"
 
 namespace rtpm::rpc {

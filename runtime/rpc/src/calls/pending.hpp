@@ -8,8 +8,8 @@
 #include <optional>
 #include <vector>
 
-#include "calls/ready_list.hpp"
 #include "local/local.hpp"
+#include "local/ready_list.hpp"
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/rpc/deferred.hpp"
 #include "rtpm/rt/lazy_memory.hpp"

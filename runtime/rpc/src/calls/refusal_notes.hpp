@@ -5,12 +5,12 @@
 #include <cstdint>
 #include <string_view>
 
+#include "model/object_table.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/rpc/servant.hpp"
 #include "rtpm/rt/log.hpp"
 #include "rtpm/transport/wait_set.hpp"
 #include "rtpm/wire/server_sessions.hpp"
-#include "server/object_table.hpp"
 
 namespace rtpm::rpc {
 

@@ -2,9 +2,9 @@
 #include <array>
 #include <mutex>
 
-#include "calls/current_call.hpp"
 #include "client/binding_impl.hpp"
 #include "client/pipeline.hpp"
+#include "local/current_call.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/priority.hpp"
 

@@ -1,9 +1,8 @@
 #include <algorithm>
 
-#include "calls/current_call.hpp"
 #include "client/binding_impl.hpp"
 #include "client/node_impl.hpp"
-#include "lane/lane.hpp"
+#include "local/current_call.hpp"
 
 // How a binding calls an object of its own program.
 namespace rtpm::rpc {
@@ -51,9 +50,9 @@ std::optional<expected<ReplyLease, CallError>> Binding::Impl::call_locally(
   }
   wire::Status status{};
   ConstBytes result;
-  if (CurrentCall::lane() == &gate->lane()) {
+  if (CurrentCall::host() == &gate->host()) {
     // This thread is the one that would run it.
-    const DispatchResult nested = gate->lane().run_nested(channel);
+    const DispatchResult nested = gate->host().run_nested(channel);
     status = nested.status;
     result = ConstBytes(channel.reply()).first(nested.reply_size);
   } else {

@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "client/kept_copy.hpp"
-#include "client/plain_transport.hpp"
 #include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"

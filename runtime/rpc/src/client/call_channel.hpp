@@ -8,8 +8,6 @@
 #include <type_traits>
 #include <vector>
 
-#include "client/sealed_transport.hpp"
-#include "client/server_address.hpp"
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/node.hpp"
@@ -17,6 +15,8 @@
 #include "rtpm/transport/client_transport.hpp"
 #include "rtpm/transport/datagram_batch.hpp"
 #include "rtpm/wire/client_channel.hpp"
+#include "security/sealed_transport.hpp"
+#include "security/server_address.hpp"
 
 namespace rtpm::rpc {
 

@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "lane/source.hpp"
+#include "model/source.hpp"
 #include "rtpm/base/time.hpp"
 
 namespace rtpm::rpc {

@@ -4,11 +4,10 @@
 #include <span>
 #include <utility>
 
+#include "execution/pooled_execution.hpp"
 #include "rtpm/base/assert.hpp"
 #include "rtpm/rt/clock.hpp"
-#include "rtpm/transport/port_wait_set.hpp"
 #include "rtpm/transport/socket.hpp"
-#include "thread_pool/pooled_execution.hpp"
 
 namespace rtpm::rpc {
 namespace {
@@ -28,22 +27,6 @@ std::uint32_t call_count_max(const LaneSetup& setup) noexcept {
   if (!ThreadPool::is_wanted(config, setup.borrows)) return setup.deferred_call_count_max;
   return setup.deferred_call_count_max + config.buffered_request_max +
          ThreadPool::static_count(config) + config.dynamic_threads + setup.lendable_thread_count;
-}
-
-// Some wait sets receive from a single port rather than ask for it first.
-bool watch_ports(transport::WaitSet& wait_set, const Media& media) noexcept {
-  const auto ports = media.ports();
-  auto* const receiving = dynamic_cast<transport::PortWaitSet*>(&wait_set);
-  if (receiving != nullptr && ports.size() == 1) {
-    return receiving->add_port(ports[0]->socket(), ports[0]->buffer(), kPortSource);
-  }
-  for (std::uint32_t i = 0; i < ports.size(); ++i) {
-    const int descriptor = ports[i]->socket().descriptor();
-    if (!wait_set.add(descriptor, SourceTag(kPortKind, i), transport::Trigger::kLevel)) {
-      return false;
-    }
-  }
-  return true;
 }
 
 // The host's number, as CallerHost defines it.
@@ -69,20 +52,23 @@ Lane::Lane(const LaneSetup& setup, std::vector<transport::UdpPort> ports,
              call_count_max(setup), media_, report_, *doorbell_, tap_),
       gate_(std::make_shared<LocalGate>(doorbell_, *this, setup.local_oneway_count_max,
                                         setup.sessions.message_size_max)),
-      rights_(setup, media_),
+      rights_(setup, media_.all(), media_.connections(), media_.seals()),
       dispatch_(*setup.objects, setup.inbound_priority, setup.config.priority, *this, tap_, rights_,
                 setup.refusals),
       idling_(setup.config.wait) {
   const LaneParts parts{*this,  config_, is_stopping_, *setup.slot, dispatch_,
                         calls_, report_, idling_,      *wait_set_};
-  const bool is_watched = watch_ports(*wait_set_, media_);
-  RTPM_ASSERT(is_watched, "a new wait set takes a port");
+  for (std::uint32_t i = 0; i < media_.ports().size(); ++i) {
+    DatagramPort& port = *media_.ports()[i];
+    const bool is_added =
+        wait_set_->add_port(port.socket(), port.buffer(), SourceTag(kPortKind, i));
+    RTPM_ASSERT(is_added, "a new wait set takes a port");
+  }
   if (ThreadPool::is_wanted(config_, setup.borrows)) {
-    auto* const lower = setup.lower == nullptr
-                            ? nullptr
-                            : static_cast<PooledExecution*>(setup.lower->execution_.get());
-    execution_ = std::make_unique<PooledExecution>(parts, setup.sessions.lane, lower,
-                                                   call_count_max(setup), *setup.acceptor_bell);
+    auto pooled = std::make_unique<PooledExecution>(parts, setup.sessions.lane, setup.lower,
+                                                    call_count_max(setup), *setup.acceptor_bell);
+    thread_pool_ = pooled.get();
+    execution_ = std::move(pooled);
   } else {
     execution_ = std::make_unique<SoloExecution>(parts);
   }
@@ -109,10 +95,6 @@ void Lane::close() noexcept {
     wait_set_->remove(port->socket().descriptor());
   media_.close(lead);
   calls_.publish(lead);
-}
-
-DispatchResult Lane::run_nested(const LocalChannel& channel) noexcept {
-  return dispatch_.run_nested(channel, report_);
 }
 
 void Lane::serve(Lead& lead) noexcept {
@@ -179,10 +161,7 @@ bool Lane::turn(Lead& lead) noexcept {
 
 // Goes on with handshakes, and ends the sessions that the grants do not allow any more.
 void Lane::serve_seals(Lead& lead, Seals& seals) noexcept {
-  if (is_sweep_due_.load(std::memory_order_relaxed)) {
-    is_sweep_due_.store(false, std::memory_order_relaxed);
-    rights_.sweep();
-  }
+  if (seals.link().take_sweep()) rights_.sweep();
   const MonotonicTime now = rt::now();
   seals.begin_turn(now);
   while (const auto event = seals.next_event(media_.connections(), now)) {

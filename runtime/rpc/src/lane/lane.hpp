@@ -7,24 +7,26 @@
 
 #include "calls/dispatch.hpp"
 #include "calls/open_calls.hpp"
+#include "execution/execution.hpp"
+#include "execution/idling.hpp"
+#include "execution/throttling.hpp"
 #include "lane/attention.hpp"
-#include "lane/execution.hpp"
-#include "lane/idling.hpp"
-#include "lane/media.hpp"
-#include "lane/report.hpp"
-#include "lane/setup.hpp"
-#include "lane/throttling.hpp"
 #include "local/local.hpp"
+#include "media/media.hpp"
+#include "model/lane_setup.hpp"
+#include "model/report.hpp"
 #include "tap/lane_tap.hpp"
 
 namespace rtpm::rpc {
+
+class PooledExecution;
 
 /// One lane: its duty cycle, which asks the sources for calls, and the parts that do the rest. The
 /// thread that receives a request runs the servant and sends the reply.
 /// @threads  adopt(), take_back() and maintain_threads() the acceptor's; stop() and counters() any;
 ///           start(), join() and close() the server's, one after the other
 /// @realtime alloc-free but for construction, start() and maintain_threads()
-class Lane {
+class Lane final : public DutyCycle, public LocalHost {
  public:
   /// @param ports     at least one; of several each with its index
   /// @param wait_set  to which the ports were not added yet
@@ -59,26 +61,18 @@ class Lane {
   }
   /// Where calls of the same program come in.
   [[nodiscard]] const std::shared_ptr<LocalGate>& gate() const noexcept { return gate_; }
-  /// Runs a method inside of another method of this lane, on that one's thread.
-  [[nodiscard]] DispatchResult run_nested(const LocalChannel& channel) noexcept;
-  /// Passes handshakes to the gatekeeper and back. Only in a secured server.
-  [[nodiscard]] HandshakeExchange& handshakes() noexcept { return media_.seals()->exchange(); }
-  /// Wakes the lane, as the grants have changed.
-  /// @threads  any
-  void ring() noexcept { wait_set_->ring(); }
-  /// Lets it note which sessions have ended, in a secured server.
-  /// @threads  any
-  void sweep_sessions() noexcept {
-    is_sweep_due_.store(true, std::memory_order_relaxed);
-    ring();
+  [[nodiscard]] DispatchResult run_nested(const LocalChannel& channel) noexcept override {
+    return dispatch_.run_nested(channel, report_);
   }
+  /// Only in a secured server.
+  [[nodiscard]] GatekeeperLink& gatekeeper_link() noexcept { return media_.seals()->link(); }
+  /// The threads that a lane above may borrow; null if it has one of its own.
+  [[nodiscard]] PooledExecution* thread_pool() const noexcept { return thread_pool_; }
   [[nodiscard]] const Band& band() const noexcept { return band_; }
   [[nodiscard]] ServerCounters counters() const noexcept { return report_.read(); }
   [[nodiscard]] LaneTap& tap() noexcept { return tap_; }
 
-  /// Serves until stop(), or until another thread is to lead.
-  /// @threads  the lane's, one at a time
-  void serve(Lead& lead) noexcept;
+  void serve(Lead& lead) noexcept override;
 
  private:
   void step(Lead& lead) noexcept;
@@ -98,7 +92,6 @@ class Lane {
   LaneConfig config_;
   Band band_;
   std::atomic<bool> is_stopping_{false};
-  std::atomic<bool> is_sweep_due_{false};
   std::unique_ptr<transport::WaitSet> wait_set_;
   std::shared_ptr<Doorbell> doorbell_;
   LaneReport report_;
@@ -111,7 +104,8 @@ class Lane {
   Idling idling_;
   Attention attention_;
   std::unique_ptr<Execution> execution_;
-  MonotonicTime received_{};  ///< When the last frame was taken.
+  PooledExecution* thread_pool_ = nullptr;  ///< `execution_`, if the lane has several threads.
+  MonotonicTime received_{};                ///< When the last frame was taken.
   alignas(64) std::array<SourceTag, 64> ready_{};
 };
 

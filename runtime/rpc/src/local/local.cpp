@@ -101,10 +101,10 @@ void LocalChannel::finish(wire::Status status, std::uint32_t size) noexcept {
   if (before == State::kLeft) release();
 }
 
-LocalGate::LocalGate(std::shared_ptr<Doorbell> bell, Lane& lane, std::uint32_t oneway_count_max,
-                     std::uint32_t message_size_max) noexcept
+LocalGate::LocalGate(std::shared_ptr<Doorbell> bell, LocalHost& host,
+                     std::uint32_t oneway_count_max, std::uint32_t message_size_max) noexcept
     : bell_(std::move(bell)),
-      lane_(lane),
+      host_(host),
       oneway_count_max_(oneway_count_max),
       message_size_max_(message_size_max) {}
 

@@ -7,11 +7,12 @@
 #include <span>
 #include <vector>
 
-#include "calls/ready_list.hpp"
+#include "local/ready_list.hpp"
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/rpc/error.hpp"
+#include "rtpm/rpc/servant.hpp"
 #include "rtpm/rt/lazy_memory.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/rt/semaphore.hpp"
@@ -22,8 +23,19 @@
 // call from elsewhere runs it, on memory that both sides see.
 namespace rtpm::rpc {
 
-class Lane;
+class LocalChannel;
 class LocalOneways;
+
+/// The lane behind a gate.
+class LocalHost {
+ public:
+  /// Runs a method inside of another method of this lane, on that one's thread.
+  /// @threads  the lane's that runs the other method
+  [[nodiscard]] virtual DispatchResult run_nested(const LocalChannel& channel) noexcept = 0;
+
+ protected:
+  ~LocalHost() = default;
+};
 
 /// The parameters of a local call beside its request.
 struct LocalCallParameters {
@@ -117,7 +129,7 @@ class LocalChannel {
 class LocalGate {
  public:
   /// `oneway_count_max`: how many oneways may wait or run.
-  LocalGate(std::shared_ptr<Doorbell> bell, Lane& lane, std::uint32_t oneway_count_max,
+  LocalGate(std::shared_ptr<Doorbell> bell, LocalHost& host, std::uint32_t oneway_count_max,
             std::uint32_t message_size_max) noexcept;
   LocalGate(const LocalGate&) = delete;
   LocalGate& operator=(const LocalGate&) = delete;
@@ -149,14 +161,14 @@ class LocalGate {
     return is_closed_.load(std::memory_order_relaxed);
   }
   /// Only to be compared, or used on the lane's own thread.
-  [[nodiscard]] Lane& lane() const noexcept { return lane_; }
+  [[nodiscard]] LocalHost& host() const noexcept { return host_; }
 
  private:
   ReadyList<LocalChannel> calls_;
   std::atomic<std::uint32_t> refused_count_{0};
   std::atomic<bool> is_closed_{false};
   std::shared_ptr<Doorbell> bell_;
-  Lane& lane_;
+  LocalHost& host_;
   std::uint32_t oneway_count_max_;
   std::uint32_t message_size_max_;
   rt::PiMutex opening_;

@@ -4,10 +4,11 @@
 #include <cstring>
 #include <span>
 
-#include "lane/media.hpp"
-#include "lane/setup.hpp"
+#include "model/connections.hpp"
+#include "model/lane_setup.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/wire/control.hpp"
+#include "security/seals.hpp"
 
 namespace rtpm::rpc {
 namespace {
@@ -55,11 +56,14 @@ AuditNote note_of(AuditNote::Kind kind, const CallOrigin& origin, const wire::Re
 
 }  // namespace
 
-LaneRights::LaneRights(const LaneSetup& setup, Media& media)
+LaneRights::LaneRights(const LaneSetup& setup, const Sessions& sessions, Connections& connections,
+                       Seals* seals)
     : control_(setup.access),
       audit_(setup.audit),
       objects_(*setup.objects),
-      media_(media),
+      sessions_(sessions),
+      connections_(connections),
+      seals_(seals),
       session_count_max_(setup.sessions.session_count_max) {
   own_origin_.subject.kind = access::Subject::Kind::kLocalUser;
   own_origin_.subject.user = access::this_user();
@@ -68,7 +72,7 @@ LaneRights::LaneRights(const LaneSetup& setup, Media& media)
 bool LaneRights::prepare() {
   if (!is_asked()) return true;
   object_count_ = objects_.size();
-  rows_ = std::vector<Row>(Media::kMediumCount * session_count_max_);
+  rows_ = std::vector<Row>(sessions_.size() * session_count_max_);
   own_entries_ = std::vector<std::atomic<Entry>>(object_count_);
   const std::size_t size = rows_.size() * object_count_ * sizeof(Entry);
   entries_ = rt::LazyMemory(size);
@@ -105,16 +109,35 @@ bool LaneRights::View::shows(const Object& object) const noexcept {
 // The row of the request's session, which is a new one if another had its place before.
 std::size_t LaneRights::row_of(const wire::Request& request,
                                const wire::ServerSessions& sessions) noexcept {
-  const std::size_t index = media_.index_of(sessions) * session_count_max_ + request.session_index;
+  const auto medium = std::ranges::find(sessions_, &sessions) - sessions_.begin();
+  const std::size_t index =
+      static_cast<std::size_t>(medium) * session_count_max_ + request.session_index;
   Row& row = rows_[index];
   if (row.session == request.header.session) return index;
   sweep();
   end(row);
-  row = {.session = request.header.session, .origin = media_.origin_of(sessions, request)};
+  row = {.session = request.header.session, .origin = origin_of(sessions, request)};
   const std::size_t row_size = object_count_ * sizeof(Entry);
   if (row_size != 0) std::memset(entries_.bytes().data() + index * row_size, 0, row_size);
   audit_->note({AuditNote::Kind::kSessionOpened, row.origin, request.received});
   return index;
+}
+
+// The caller, as far as it is proved: through memory by the kernel, in a sealed session by its key,
+// otherwise not at all.
+CallOrigin LaneRights::origin_of(const wire::ServerSessions& sessions,
+                                 const wire::Request& request) noexcept {
+  const auto peer = sessions.peer_of(request);
+  // An unknown peer has no address, so no range of addresses holds it.
+  if (!peer) return origin_of_user(std::nullopt);
+  if (&sessions == sessions_[2]) {
+    const Slot* const slot = connections_.of_peer(*peer);
+    return origin_of_user(slot == nullptr ? std::nullopt : slot->user);
+  }
+  if (seals_ == nullptr) return origin_at(nullptr, *peer);
+  sealed::SealedServer& seals = &sessions == sessions_[1] ? seals_->streams() : seals_->datagrams();
+  const auto client = seals.client_of(request.header.session);
+  return origin_at(client ? &*client : nullptr, *peer);
 }
 
 void LaneRights::end(Row& row) noexcept {
@@ -128,7 +151,7 @@ void LaneRights::sweep() noexcept {
     next_swept_ = (next_swept_ + 1) % rows_.size();
     Row& row = rows_[next_swept_];
     if (row.session == 0) continue;
-    if (!media_.sessions(next_swept_ / session_count_max_).is_known(row.session)) end(row);
+    if (!sessions_[next_swept_ / session_count_max_]->is_known(row.session)) end(row);
   }
 }
 

@@ -1,19 +1,21 @@
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <optional>
 #include <vector>
 
+#include "model/object_table.hpp"
 #include "rtpm/rt/lazy_memory.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 #include "security/access_control.hpp"
 #include "security/audit_log.hpp"
-#include "server/object_table.hpp"
 
 namespace rtpm::rpc {
 
-class Media;
+class Connections;
+class Seals;
 struct LaneSetup;
 
 /// A call that may run.
@@ -31,7 +33,12 @@ struct Target {
 ///           inheritance
 class LaneRights {
  public:
-  LaneRights(const LaneSetup& setup, Media& media);
+  /// Those over datagrams, streams and memory.
+  using Sessions = std::array<const wire::ServerSessions*, 3>;
+
+  /// @param seals  null if no session is sealed
+  LaneRights(const LaneSetup& setup, const Sessions& sessions, Connections& connections,
+             Seals* seals);
 
   /// Makes the tables, once all objects are there; false without memory.
   /// @realtime set-up only
@@ -83,6 +90,8 @@ class LaneRights {
 
   [[nodiscard]] std::size_t row_of(const wire::Request& request,
                                    const wire::ServerSessions& sessions) noexcept;
+  [[nodiscard]] CallOrigin origin_of(const wire::ServerSessions& sessions,
+                                     const wire::Request& request) noexcept;
   [[nodiscard]] Entry entry_of(std::size_t row, const Object& object) noexcept;
   [[nodiscard]] Entry own_entry_of(const Object& object) noexcept;
   [[nodiscard]] Entry look_up(const CallOrigin& origin, const Object& object) const noexcept;
@@ -94,7 +103,9 @@ class LaneRights {
   const AccessControl* control_;
   AuditLog* audit_;
   const ObjectTable& objects_;
-  Media& media_;
+  const Sessions sessions_;
+  Connections& connections_;
+  Seals* seals_;
   std::size_t session_count_max_;
   std::size_t object_count_ = 0;
   std::vector<Row> rows_{};  ///< The rows of the sessions of each medium.

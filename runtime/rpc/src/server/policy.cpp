@@ -4,7 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "thread_pool/thread_pool.hpp"
+#include "execution/thread_pool.hpp"
+#include "model/object_table.hpp"
 
 namespace rtpm::rpc {
 namespace {
@@ -58,12 +59,6 @@ expected<void, SetupError> check_policy(std::string_view path, const ObjectOptio
                        "each band a lane");
   }
   return {};
-}
-
-bool admits(const ObjectOptions& options, Priority priority) noexcept {
-  if (options.model == PriorityModel::kServerDeclared) priority = options.priority;
-  return options.bands.empty() ||
-         std::ranges::any_of(options.bands, [&](Band band) { return band.contains(priority); });
 }
 
 }  // namespace rtpm::rpc

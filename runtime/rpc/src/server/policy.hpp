@@ -5,8 +5,6 @@
 
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/rpc/server.hpp"
-#include "rtpm/wire/header.hpp"
-#include "server/object_table.hpp"
 
 namespace rtpm::rpc {
 
@@ -17,9 +15,5 @@ namespace rtpm::rpc {
                                                       const ObjectOptions& options,
                                                       std::span<const LaneConfig> lanes,
                                                       bool borrows);
-
-/// Whether a call of this priority may run on the object.
-/// @realtime alloc-free
-[[nodiscard]] bool admits(const ObjectOptions& options, Priority priority) noexcept;
 
 }  // namespace rtpm::rpc

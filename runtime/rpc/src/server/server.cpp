@@ -4,6 +4,8 @@
 #include <map>
 
 #include "lane/lane.hpp"
+#include "model/lane_table_owner.hpp"
+#include "model/object_table.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -20,11 +22,9 @@
 #include "security/access_control.hpp"
 #include "security/audit_log.hpp"
 #include "security/exposure.hpp"
+#include "security/gatekeeper.hpp"
 #include "security/secret_identity.hpp"
 #include "server/acceptor.hpp"
-#include "server/gatekeeper.hpp"
-#include "server/lane_table_owner.hpp"
-#include "server/object_table.hpp"
 #include "server/policy.hpp"
 #include "tap/server_tap.hpp"
 
@@ -413,7 +413,7 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<Ports> ports_of_la
     }
     tap_->add(lanes_.back()->tap());
     if (!config_.borrows) continue;
-    setup.lower = lanes_.back().get();
+    setup.lower = lanes_.back()->thread_pool();
     setup.lendable_thread_count += setup.config.static_threads + setup.config.dynamic_threads;
   }
   // SYNC POINT lane-table: only now it can be read, when all of its lanes are in it.
@@ -450,7 +450,11 @@ expected<void, SetupError> ServerImpl::start() {
     return setup_error(subject_of(config_), accepting.error());
   }
   if (gatekeeper_) {
-    if (auto kept = gatekeeper_->start(lanes_, cpus_left_by(config_.lanes)); !kept) {
+    std::vector<GatekeeperLink*> links;
+    for (const auto& lane : lanes_)
+      links.push_back(&lane->gatekeeper_link());
+    auto kept = gatekeeper_->start(std::move(links), cpus_left_by(config_.lanes));
+    if (!kept) {
       stop();
       return setup_error(subject_of(config_), kept.error());
     }

@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "model/object_table.hpp"
 #include "rtpm/rpc/tap.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
-#include "server/object_table.hpp"
 #include "tap/lane_tap.hpp"
 
 namespace rtpm::rpc {

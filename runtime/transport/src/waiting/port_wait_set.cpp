@@ -13,9 +13,14 @@ expected<std::unique_ptr<PortWaitSet>, SetupError> PortWaitSet::open(std::size_t
   return set;
 }
 
+bool WaitSet::add_port(UdpPort& port, MutableBytes, SourceTag tag) noexcept {
+  return add(port.descriptor(), tag, Trigger::kLevel);
+}
+
 bool PortWaitSet::add_port(UdpPort& port, MutableBytes buffer, SourceTag tag) noexcept {
-  RTPM_ASSERT(port_ == nullptr, "a set has one port");
-  if (!add(port.descriptor(), tag, Trigger::kLevel)) return false;
+  if (!WaitSet::add_port(port, buffer, tag)) return false;
+  // It receives only while it has one source, which is this one.
+  if (port_ != nullptr) return true;
   port_ = &port;
   buffer_ = buffer;
   tag_ = tag;

@@ -22,10 +22,7 @@ class PortWaitSet final : public PolledWaitSet {
   [[nodiscard]] static expected<std::unique_ptr<PortWaitSet>, SetupError> open(
       std::size_t source_count_max);
 
-  /// Adds the port as a level-triggered source.
-  /// @param port    not moved until remove() of its descriptor
-  /// @param buffer  for a wait's datagrams, Datagrams::kSizeMax bytes; see UdpPort::await()
-  [[nodiscard]] bool add_port(UdpPort& port, MutableBytes buffer, SourceTag tag) noexcept;
+  [[nodiscard]] bool add_port(UdpPort& port, MutableBytes buffer, SourceTag tag) noexcept override;
   void remove(int descriptor) noexcept override;
   [[nodiscard]] std::size_t wait(MonotonicTime until, std::span<SourceTag> ready,
                                  WaitLock* held = nullptr) noexcept override;

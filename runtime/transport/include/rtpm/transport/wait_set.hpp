@@ -4,9 +4,12 @@
 #include <cstdint>
 #include <span>
 
+#include "rtpm/base/bytes.hpp"
 #include "rtpm/base/time.hpp"
 
 namespace rtpm::transport {
+
+class UdpPort;
 
 /// The owner's kind of a source: each user of a wait set numbers its own kinds from 1 to 15.
 enum class SourceKind : std::uint8_t { kDoorbell = 0 };
@@ -82,6 +85,11 @@ class WaitSet {
   /// @param tag         of any kind but kDoorbell
   /// @return false if the set is full, has the descriptor, or the system refuses
   [[nodiscard]] virtual bool add(int descriptor, SourceTag tag, Trigger trigger) noexcept = 0;
+  /// Adds a port as a level-triggered source. A set may receive from it rather than poll it.
+  /// @param port    not moved until remove() of its descriptor
+  /// @param buffer  for a wait's datagrams, Datagrams::kSizeMax bytes; see UdpPort::await()
+  /// @return as add()
+  [[nodiscard]] virtual bool add_port(UdpPort& port, MutableBytes buffer, SourceTag tag) noexcept;
   /// Waits that begin later do not report the descriptor, and hold no reference to it. A wait under
   /// way may still report its tag.
   virtual void remove(int descriptor) noexcept = 0;

@@ -5,17 +5,28 @@
 #include "calls/deferral.hpp"
 #include "calls/dispatch.hpp"
 #include "calls/open_calls.hpp"
-#include "lane/idling.hpp"
-#include "lane/report.hpp"
-#include "lane/setup.hpp"
+#include "execution/idling.hpp"
+#include "model/lane_setup.hpp"
+#include "model/report.hpp"
 #include "rtpm/rt/cpu_keeper.hpp"
 #include "rtpm/rt/thread.hpp"
 
 namespace rtpm::rpc {
 
+/// A lane's duty cycle.
+class DutyCycle {
+ public:
+  /// Serves until the lane stops, or until another thread is to lead.
+  /// @threads  the lane's, one at a time
+  virtual void serve(Lead& lead) noexcept = 0;
+
+ protected:
+  ~DutyCycle() = default;
+};
+
 /// The parts of a lane that the execution of its calls uses.
 struct LaneParts {
-  Lane& lane;
+  DutyCycle& cycle;
   const LaneConfig& config;
   const std::atomic<bool>& is_stopping;
   LaneSlot& slot;

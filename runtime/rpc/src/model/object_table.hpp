@@ -24,6 +24,10 @@ struct Object {
   }
 };
 
+/// Whether a call of this priority may run on the object.
+/// @realtime alloc-free
+[[nodiscard]] bool admits(const ObjectOptions& options, Priority priority) noexcept;
+
 /// Decides which objects a caller may know.
 class ObjectView {
  public:

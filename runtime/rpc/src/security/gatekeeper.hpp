@@ -5,13 +5,13 @@
 #include <optional>
 #include <vector>
 
-#include "lane/lane.hpp"
 #include "rtpm/access/log_file.hpp"
 #include "rtpm/rt/log.hpp"
 #include "rtpm/rt/thread.hpp"
 #include "rtpm/transport/polled_wait_set.hpp"
 #include "security/access_control.hpp"
 #include "security/audit_log.hpp"
+#include "security/gatekeeper_link.hpp"
 #include "security/handshake_rate.hpp"
 
 namespace rtpm::rpc {
@@ -35,8 +35,9 @@ class Gatekeeper {
   /// How many handshakes all lanes may begin.
   [[nodiscard]] HandshakeRate& rate() noexcept { return rate_; }
 
-  /// @param cpus  the CPUs to which it is confined; empty for the starter's
-  [[nodiscard]] expected<void, SetupError> start(std::vector<std::unique_ptr<Lane>>& lanes,
+  /// @param lanes  the links of all lanes; they outlive stop()
+  /// @param cpus   the CPUs to which it is confined; empty for the starter's
+  [[nodiscard]] expected<void, SetupError> start(std::vector<GatekeeperLink*> lanes,
                                                  std::vector<int> cpus);
   /// Ends the thread. Handshakes that are under way come to nothing.
   void stop() noexcept;
@@ -56,7 +57,7 @@ class Gatekeeper {
   HandshakeRate rate_;
   std::optional<access::LogFile> key_log_;
   rt::Log log_{"rtpm"};
-  std::vector<std::unique_ptr<Lane>>* lanes_ = nullptr;
+  std::vector<GatekeeperLink*> lanes_;
   std::atomic<bool> is_stopping_{false};
   rt::Thread thread_;
 };

@@ -3,7 +3,7 @@
 #include <atomic>
 #include <cstdint>
 
-#include "lane/lead.hpp"
+#include "model/lead.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/rpc/counters.hpp"
 #include "rtpm/rpc/lane_table.hpp"

@@ -1,8 +1,8 @@
-#include "lane/seals.hpp"
+#include "security/seals.hpp"
 
 #include <algorithm>
 
-#include "lane/setup.hpp"
+#include "model/lane_setup.hpp"
 
 namespace rtpm::rpc {
 namespace {
@@ -19,7 +19,7 @@ Seals::Seals(const LaneSetup& setup, wire::ServerSessions& datagrams, wire::Serv
              transport::WaitSet& wait_set)
     : control_(*setup.access),
       admission_(*setup.access, *setup.audit, *setup.handshake_rate),
-      exchange_(wait_set, *setup.gatekeeper_bell),
+      link_(wait_set, *setup.gatekeeper_bell),
       session_count_max_(setup.sessions.session_count_max),
       reviewed_(control_.generation()),
       reviewing_(reviewed_) {
@@ -35,10 +35,10 @@ void Seals::open(Medium& medium, const LaneSetup& setup, wire::Medium kind,
   config.admission = &admission_;
   config.key = setup.sessions.key;
   config.session_count_max = session_count_max_;
-  config.job_count_max = HandshakeExchange::kDatagramJobCountMax;
+  config.job_count_max = GatekeeperLink::kDatagramJobCountMax;
   if (kind == wire::Medium::kStream) {
     config.key.low = ~config.key.low;
-    config.job_count_max = HandshakeExchange::kStreamJobCountMax;
+    config.job_count_max = GatekeeperLink::kStreamJobCountMax;
     config.job_burst = kStreamBurst;
   }
   config.takes_unsealed = true;
@@ -52,7 +52,7 @@ wire::Verdict Seals::on_frame(bool is_stream, MutableBytes frame, const wire::Pe
                               MonotonicTime now) noexcept {
   sealed::SealedServer& server = is_stream ? streams() : datagrams();
   const sealed::SealedServer::Outcome outcome = server.on_frame(frame, peer, now);
-  if (outcome.job != nullptr) exchange_.submit({outcome.job, is_stream});
+  if (outcome.job != nullptr) link_.submit({outcome.job, is_stream});
   return outcome.verdict;
 }
 
@@ -75,7 +75,7 @@ void Seals::begin_part(Review part, std::size_t count) noexcept {
 
 std::optional<Seals::Event> Seals::next_event(Connections& connections,
                                               MonotonicTime now) noexcept {
-  while (const auto work = exchange_.take_done()) {
+  while (const auto work = link_.take_done()) {
     has_progress_ = true;
     if (auto event = on_done(*work, connections, now)) return event;
   }
@@ -98,7 +98,7 @@ std::optional<Seals::Event> Seals::on_done(const HandshakeWork& work, Connection
     return std::nullopt;
   }
   const sealed::SealedServer::Outcome outcome = server.on_job(*work.job, now);
-  if (outcome.job != nullptr) exchange_.submit({outcome.job, work.is_stream});
+  if (outcome.job != nullptr) link_.submit({outcome.job, work.is_stream});
   if (outcome.verdict.action != wire::Verdict::Action::kSend) return std::nullopt;
   return Event{outcome.peer, outcome.verdict.frame, slot};
 }

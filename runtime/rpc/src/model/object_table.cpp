@@ -1,4 +1,4 @@
-#include "server/object_table.hpp"
+#include "model/object_table.hpp"
 
 #include <algorithm>
 #include <array>
@@ -22,6 +22,12 @@ std::vector<Role> roles_by_number(const InterfaceDescriptor& interface) {
 }
 
 }  // namespace
+
+bool admits(const ObjectOptions& options, Priority priority) noexcept {
+  if (options.model == PriorityModel::kServerDeclared) priority = options.priority;
+  return options.bands.empty() ||
+         std::ranges::any_of(options.bands, [&](Band band) { return band.contains(priority); });
+}
 
 expected<void, SetupError> ObjectTable::add(std::string_view path, Servant& servant,
                                             ObjectOptions options, Priority ceiling) {

@@ -6,10 +6,10 @@
 #include <type_traits>
 #include <utility>
 
+#include "model/lane_table_owner.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/thread.hpp"
 #include "rtpm/rt/wait.hpp"
-#include "server/lane_table_owner.hpp"
 
 namespace rtpm::rpc {
 namespace {

@@ -2,19 +2,19 @@
 
 #include <cstdint>
 
+#include "model/object_table.hpp"
 #include "rtpm/rpc/lane_table.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/sealed/handshake_job.hpp"
 #include "rtpm/transport/wait_set.hpp"
 #include "rtpm/wire/server_sessions.hpp"
-#include "server/object_table.hpp"
 
 namespace rtpm::rpc {
 
 class AccessControl;
 class AuditLog;
 class HandshakeRate;
-class Lane;
+class PooledExecution;
 class RefusalNotes;
 
 /// The sources that a lane with these sessions waits for: a connection has a socket and an event.
@@ -35,7 +35,7 @@ struct LaneSetup {
   std::uint32_t stream_byte_max = 0;
   std::uint32_t local_oneway_count_max = 0;
   PriorityTransform inbound_priority = nullptr;
-  Lane* lower = nullptr;                    ///< The lane whose threads it may borrow.
+  PooledExecution* lower = nullptr;         ///< The threads of the lane below, if it borrows.
   bool borrows = false;                     ///< Whether it borrows or lends threads.
   std::uint32_t lendable_thread_count = 0;  ///< The sum over all lanes below.
   /// The bell of the thread that frees ended connections and starts threads.

@@ -1,16 +1,17 @@
-#include "client/sealed_transport.hpp"
+#include "security/sealed_transport.hpp"
 
 #include <algorithm>
 #include <new>
 #include <utility>
 
-#include "client/plain_transport.hpp"
 #include "rtpm/access/fingerprint.hpp"
 #include "rtpm/base/assert.hpp"
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/memory.hpp"
+#include "rtpm/transport/shared_memory.hpp"
+#include "rtpm/wire/limits.hpp"
 #include "rtpm/wire/url.hpp"
 
 namespace rtpm::rpc {
@@ -34,6 +35,24 @@ void hear_keys(void* context, std::uint64_t session, const seal::SessionKeys& ke
 }
 
 }  // namespace
+
+expected<std::unique_ptr<transport::ClientTransport>, SetupError> open_plain_transport(
+    const ServerAddress& address, NodeKeys& keys, Priority priority, MonotonicTime deadline) {
+  switch (address.transport) {
+    case Transport::kTcp:
+      return transport::open_tcp_transport(address.host, address.port, priority,
+                                           wire::kStreamPayloadSizeMax, deadline);
+    case Transport::kSharedMemory:
+      return transport::open_shared_memory_transport(
+          {address.host, address.port, address.memory_folder, keys.trusted_users()}, priority,
+          deadline);
+    case Transport::kUdp:
+    case Transport::kAuto:
+    case Transport::kLocal:
+      break;
+  }
+  return transport::open_udp_transport(address.host, address.port, priority);
+}
 
 expected<std::unique_ptr<SealedTransport>, SetupError> SealedTransport::open(
     const ServerAddress& address, NodeKeys& keys, Priority priority, MonotonicTime deadline) {

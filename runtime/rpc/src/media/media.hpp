@@ -1,19 +1,19 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <span>
 #include <vector>
 
-#include "lane/connections.hpp"
-#include "lane/datagram_port.hpp"
-#include "lane/handover.hpp"
-#include "lane/report.hpp"
-#include "lane/seals.hpp"
+#include "media/datagram_port.hpp"
+#include "media/handover.hpp"
+#include "model/connections.hpp"
+#include "model/report.hpp"
 #include "rtpm/rt/lazy_memory.hpp"
 #include "rtpm/wire/server_sessions.hpp"
-#include "security/call_origin.hpp"
+#include "security/seals.hpp"
 
 namespace rtpm::rpc {
 
@@ -59,18 +59,10 @@ class Media {
   [[nodiscard]] wire::ServerSessions& sessions_of(const Slot& slot) noexcept {
     return sessions_of(slot.is_memory);
   }
-  static constexpr std::size_t kMediumCount = 3;
-  /// The index of the medium of these sessions, from 0 on.
-  [[nodiscard]] std::size_t index_of(const wire::ServerSessions& sessions) const noexcept {
-    return &sessions == &datagrams_.sessions ? 0 : &sessions == &streams_.sessions ? 1 : 2;
+  /// Those over datagrams, streams and memory.
+  [[nodiscard]] std::array<const wire::ServerSessions*, 3> all() const noexcept {
+    return {&datagrams_.sessions, &streams_.sessions, &memory_.sessions};
   }
-  [[nodiscard]] const wire::ServerSessions& sessions(std::size_t index) const noexcept {
-    return (index == 0 ? datagrams_ : index == 1 ? streams_ : memory_).sessions;
-  }
-  /// The caller, as far as it is proved: through memory by the kernel, in a sealed session by its
-  /// key, otherwise not at all.
-  [[nodiscard]] CallOrigin origin_of(const wire::ServerSessions& sessions,
-                                     const wire::Request& request) noexcept;
   /// Visits the sessions of each medium.
   template <class Visitor>
   void for_each(Visitor visit) noexcept {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "calls/pending.hpp"
-#include "lane/lead.hpp"
+#include "model/lead.hpp"
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/rpc/server.hpp"

@@ -1,4 +1,4 @@
-#include "server/gatekeeper.hpp"
+#include "security/gatekeeper.hpp"
 
 #include <array>
 #include <utility>
@@ -23,9 +23,9 @@ expected<std::unique_ptr<Gatekeeper>, SetupError> Gatekeeper::open(const std::st
   return gatekeeper;
 }
 
-expected<void, SetupError> Gatekeeper::start(std::vector<std::unique_ptr<Lane>>& lanes,
+expected<void, SetupError> Gatekeeper::start(std::vector<GatekeeperLink*> lanes,
                                              std::vector<int> cpus) {
-  lanes_ = &lanes;
+  lanes_ = std::move(lanes);
   auto thread =
       rt::Thread::start({.name = "rtpm-gatekeeper", .cpus = std::move(cpus)}, [this] { run(); });
   if (!thread) return unexpected{thread.error()};
@@ -57,13 +57,12 @@ void Gatekeeper::run() {
 // is none.
 bool Gatekeeper::work_once() {
   bool has_worked = false;
-  for (const auto& lane : *lanes_) {
-    HandshakeExchange& exchange = lane->handshakes();
-    const auto work = exchange.take_submitted();
+  for (GatekeeperLink* const lane : lanes_) {
+    const auto work = lane->take_submitted();
     if (!work) continue;
     work->job->run();
     write_key(*work->job);
-    exchange.give_back(*work);
+    lane->give_back(*work);
     has_worked = true;
   }
   return has_worked;
@@ -74,11 +73,11 @@ void Gatekeeper::look() {
   audit_.write_notes();
   if (control_.reload_if_changed()) {
     audit_.note({AuditNote::Kind::kReloaded, {}, rt::now()});
-    for (const auto& lane : *lanes_)
+    for (GatekeeperLink* const lane : lanes_)
       lane->ring();
   }
-  for (const auto& lane : *lanes_)
-    lane->sweep_sessions();
+  for (GatekeeperLink* const lane : lanes_)
+    lane->request_sweep();
   audit_.write_notes();
   log_.tick();
 }

@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "lane/source.hpp"
+#include "model/source.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/transport/connection.hpp"
 #include "rtpm/wire/cookie.hpp"

@@ -1,10 +1,10 @@
-#include "lane/media.hpp"
+#include "media/media.hpp"
 
 #include <algorithm>
 #include <optional>
 #include <utility>
 
-#include "lane/setup.hpp"
+#include "model/lane_setup.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::rpc {
@@ -88,22 +88,6 @@ Media::Media(const LaneSetup& setup, std::vector<transport::UdpPort> ports,
     has_memory_ = has_memory_ && medium->messages.bytes().size() == message_memory(setup) &&
                   medium->items.bytes().size() == item_memory(setup, kind);
   }
-}
-
-CallOrigin Media::origin_of(const wire::ServerSessions& sessions,
-                            const wire::Request& request) noexcept {
-  const auto peer = sessions.peer_of(request);
-  // An unknown peer has no address, so no range of addresses holds it.
-  if (!peer) return origin_of_user(std::nullopt);
-  if (&sessions == &memory_.sessions) {
-    const Slot* const slot = connections_.of_peer(*peer);
-    return origin_of_user(slot == nullptr ? std::nullopt : slot->user);
-  }
-  if (seals_ == nullptr) return origin_at(nullptr, *peer);
-  sealed::SealedServer& seals =
-      &sessions == &streams_.sessions ? seals_->streams() : seals_->datagrams();
-  const auto client = seals.client_of(request.header.session);
-  return origin_at(client ? &*client : nullptr, *peer);
 }
 
 wire::FrameCounters Media::counters() const noexcept {

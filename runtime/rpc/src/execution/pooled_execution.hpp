@@ -1,7 +1,7 @@
 #pragma once
 
-#include "lane/execution.hpp"
-#include "thread_pool/thread_pool.hpp"
+#include "execution/execution.hpp"
+#include "execution/thread_pool.hpp"
 
 namespace rtpm::rpc {
 

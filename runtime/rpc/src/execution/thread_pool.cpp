@@ -1,4 +1,4 @@
-#include "thread_pool/thread_pool.hpp"
+#include "execution/thread_pool.hpp"
 
 #include <algorithm>
 #include <bit>

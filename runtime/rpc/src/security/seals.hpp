@@ -4,10 +4,10 @@
 #include <optional>
 #include <utility>
 
-#include "lane/connections.hpp"
-#include "lane/handshake_exchange.hpp"
+#include "model/connections.hpp"
 #include "rtpm/rt/secret_memory.hpp"
 #include "rtpm/sealed/server.hpp"
+#include "security/gatekeeper_link.hpp"
 #include "security/lane_admission.hpp"
 
 namespace rtpm::rpc {
@@ -33,7 +33,7 @@ class Seals {
 
   /// False if the system gave no memory for keys.
   [[nodiscard]] bool has_memory() const noexcept { return datagrams_.server && streams_.server; }
-  [[nodiscard]] HandshakeExchange& exchange() noexcept { return exchange_; }
+  [[nodiscard]] GatekeeperLink& link() noexcept { return link_; }
   [[nodiscard]] sealed::SealedServer& datagrams() noexcept { return *datagrams_.server; }
   [[nodiscard]] sealed::SealedServer& streams() noexcept { return *streams_.server; }
 
@@ -80,7 +80,7 @@ class Seals {
 
   const AccessControl& control_;
   LaneAdmission admission_;
-  HandshakeExchange exchange_;
+  GatekeeperLink link_;
   std::uint32_t session_count_max_;
   Medium datagrams_;
   Medium streams_;

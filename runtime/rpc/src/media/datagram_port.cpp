@@ -1,4 +1,4 @@
-#include "lane/datagram_port.hpp"
+#include "media/datagram_port.hpp"
 
 #include "rtpm/rt/clock.hpp"
 

@@ -1,15 +1,14 @@
-#include "lane/execution.hpp"
+#include "execution/execution.hpp"
 
 #include <algorithm>
 #include <string>
 #include <utility>
 
-#include "lane/lane.hpp"
+#include "model/lane_table_owner.hpp"
 #include "rtpm/base/assert.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/rt/priority.hpp"
-#include "server/lane_table_owner.hpp"
 
 namespace rtpm::rpc {
 
@@ -141,7 +140,7 @@ expected<void, SetupError> SoloExecution::start_threads() {
     BusyMark::show_at(&parts_.slot.busy_since_ns.front());
     const rt::NoAllocationScope no_allocation;
     Lead lead;
-    parts_.lane.serve(lead);
+    parts_.cycle.serve(lead);
   });
   if (!thread) return unexpected{thread.error()};
   thread_ = std::move(*thread);

@@ -1,17 +1,16 @@
-#include "thread_pool/pooled_execution.hpp"
+#include "execution/pooled_execution.hpp"
 
 #include <algorithm>
 #include <cstring>
 #include <utility>
 
 #include "calls/deferral.hpp"
-#include "lane/lane.hpp"
-#include "lane/throttling.hpp"
+#include "execution/throttling.hpp"
+#include "model/lane_table_owner.hpp"
 #include "rtpm/base/assert.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/rt/priority.hpp"
-#include "server/lane_table_owner.hpp"
 
 namespace rtpm::rpc {
 namespace {
@@ -91,7 +90,7 @@ void PooledExecution::work(Worker& me) noexcept {
       run(*call, nullptr);
     } else if (pool_.take_lead()) {
       rt::adopt_priority(parts_.config.priority);
-      parts_.lane.serve(lead);
+      parts_.cycle.serve(lead);
       pool_.leave_lead();
     } else if (PooledExecution* const asked = next_borrower()) {
       help(*asked, nullptr);

@@ -1,4 +1,4 @@
-#include "lane/report.hpp"
+#include "model/report.hpp"
 
 #include <algorithm>
 

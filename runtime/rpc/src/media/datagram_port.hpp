@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "lane/report.hpp"
+#include "model/report.hpp"
 #include "rtpm/sealed/server.hpp"
 #include "rtpm/transport/datagram_batch.hpp"
 #include "rtpm/transport/udp.hpp"

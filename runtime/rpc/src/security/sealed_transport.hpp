@@ -5,13 +5,21 @@
 #include <memory>
 #include <optional>
 
-#include "client/server_address.hpp"
 #include "rtpm/rt/secret_memory.hpp"
 #include "rtpm/sealed/client.hpp"
 #include "rtpm/transport/client_transport.hpp"
 #include "security/node_keys.hpp"
+#include "security/server_address.hpp"
 
 namespace rtpm::rpc {
+
+/// Opens the transport that the address names. Nothing on it is sealed, whatever key the address
+/// has.
+/// @realtime set-up only
+/// @errors   as those of rtpm/transport
+[[nodiscard]] expected<std::unique_ptr<transport::ClientTransport>, SetupError>
+open_plain_transport(const ServerAddress& address, NodeKeys& keys, Priority priority,
+                     MonotonicTime deadline);
 
 /// A path to a known server on which only sealed frames go: a transport around another one. It
 /// seals frames as they are sent and opens them as they come; handshakes go on inside. To its

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <optional>
 
 #include "rtpm/base/assert.hpp"
@@ -15,16 +16,17 @@ struct HandshakeWork {
   bool is_stream = false;  ///< Whether it is of the lane's streams or of its datagrams.
 };
 
-/// Handshakes on their way from a lane to the gatekeeper, and back.
-/// @threads  submit() and take_done() the lane's leader's, the others the gatekeeper's
+/// Handshakes on their way from a lane to the gatekeeper, and back; and the gatekeeper's requests to
+/// the lane.
+/// @threads  submit(), take_done() and take_sweep() the lane's leader's, the others the gatekeeper's
 /// @realtime alloc-free, lock-free
-class HandshakeExchange {
+class GatekeeperLink {
  public:
   /// The most jobs of each medium. Over datagrams clients ask again.
   static constexpr std::uint32_t kDatagramJobCountMax = 16;
   static constexpr std::uint32_t kStreamJobCountMax = 64;
 
-  HandshakeExchange(transport::WaitSet& lane, transport::WaitSet& gatekeeper) noexcept
+  GatekeeperLink(transport::WaitSet& lane, transport::WaitSet& gatekeeper) noexcept
       : lane_(lane), gatekeeper_(gatekeeper) {}
 
   void submit(HandshakeWork work) noexcept {
@@ -41,12 +43,28 @@ class HandshakeExchange {
     lane_.ring();
   }
 
+  /// Wakes the lane, as the grants have changed.
+  void ring() noexcept { lane_.ring(); }
+  /// Lets the lane note which sessions have ended.
+  void request_sweep() noexcept {
+    is_sweep_due_.store(true, std::memory_order_relaxed);
+    ring();
+  }
+  /// Whether the lane is to note that now; false until the next request.
+  [[nodiscard]] bool take_sweep() noexcept {
+    if (!is_sweep_due_.load(std::memory_order_relaxed)) [[likely]]
+      return false;
+    is_sweep_due_.store(false, std::memory_order_relaxed);
+    return true;
+  }
+
  private:
   static constexpr std::size_t kCapacity = 128;
   static_assert(kDatagramJobCountMax + kStreamJobCountMax <= kCapacity);
   using Ring = SpscRing<HandshakeWork, kCapacity>;
   Ring submitted_;
   Ring done_;
+  std::atomic<bool> is_sweep_due_{false};
   transport::WaitSet& lane_;
   transport::WaitSet& gatekeeper_;
 };

@@ -6,7 +6,7 @@
 
 namespace rtpm::rpc {
 
-class Lane;
+class LocalHost;
 
 /// The call that the calling thread serves, so that the calls that its method makes inherit the
 /// rest of its time.
@@ -14,25 +14,25 @@ class Lane;
 /// @realtime alloc-free, no syscall
 class CurrentCall {
  public:
-  CurrentCall(const CallContext& context, const Lane& lane) noexcept
-      : outer_(std::exchange(current_, &context)), outer_lane_(std::exchange(lane_, &lane)) {}
+  CurrentCall(const CallContext& context, const LocalHost& host) noexcept
+      : outer_(std::exchange(current_, &context)), outer_host_(std::exchange(host_, &host)) {}
   CurrentCall(const CurrentCall&) = delete;
   CurrentCall& operator=(const CurrentCall&) = delete;
   ~CurrentCall() {
     current_ = outer_;
-    lane_ = outer_lane_;
+    host_ = outer_host_;
   }
 
   /// Null outside of methods.
   [[nodiscard]] static const CallContext* get() noexcept { return current_; }
   /// The lane that runs the method.
-  [[nodiscard]] static const Lane* lane() noexcept { return lane_; }
+  [[nodiscard]] static const LocalHost* host() noexcept { return host_; }
 
  private:
   static inline thread_local const CallContext* current_ = nullptr;
-  static inline thread_local const Lane* lane_ = nullptr;
+  static inline thread_local const LocalHost* host_ = nullptr;
   const CallContext* outer_;
-  const Lane* outer_lane_;
+  const LocalHost* outer_host_;
 };
 
 }  // namespace rtpm::rpc

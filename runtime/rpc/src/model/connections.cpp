@@ -1,4 +1,4 @@
-#include "lane/connections.hpp"
+#include "model/connections.hpp"
 
 #include <algorithm>
 #include <utility>
