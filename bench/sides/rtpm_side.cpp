@@ -91,6 +91,7 @@ class RtpmPayloadCaller final : public Caller {
   Job job_;
 };
 
+/// Each call has a channel of its own.
 class RtpmPipeline final : public Pipeline {
  public:
   RtpmPipeline(EchoClient client, std::size_t in_flight)
@@ -100,7 +101,7 @@ class RtpmPipeline final : public Pipeline {
     std::uint64_t begun = 0;
     for (std::uint64_t taken = 0; taken < count; ++taken) {
       for (; begun < std::min(count, taken + pending_.size()); ++begun) {
-        auto call = client_.begin_echo(wrench_, {.pipeline = &pipeline_});
+        auto call = client_.begin_echo(wrench_);
         if (!call) return unexpected{std::string(rpc::to_string(call.error()))};
         pending_[begun % pending_.size()].emplace(std::move(*call));
       }
@@ -112,7 +113,6 @@ class RtpmPipeline final : public Pipeline {
 
  private:
   EchoClient client_;
-  rpc::Pipeline pipeline_;
   std::vector<std::optional<rpc::PendingStruct<Wrench>>> pending_;
   Wrench wrench_{1.0, -2.0, 3.0, -4.0, 5.0, -6.0};
 };

@@ -6,7 +6,6 @@
 #include <thread>
 #include <vector>
 
-#include "rtpm/rpc/pipeline.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "suite.hpp"
 
@@ -180,25 +179,19 @@ TEST_P(NameSuite, RunsNoCallTwiceWhileItsServerMoves) {
   EXPECT_GE(success_count, second.servant.run_count()) << "each that ran there had its reply";
 }
 
-TEST_P(NameSuite, TakesPipelinesAndBegunCallsAlong) {
+TEST_P(NameSuite, TakesBegunCallsAlong) {
   Binding binding = bind();
-  Pipeline pipeline;
-  const auto begin_and_take = [&](Pipeline* shared) {
-    CallOptions options;
-    options.pipeline = shared;
-    auto begun = binding.begin(echo::kEcho, bytes_of("begun"), options);
+  const auto begin_and_take = [&] {
+    auto begun = binding.begin(echo::kEcho, bytes_of("begun"));
     if (!begun) return false;
     const auto reply = begun->take();
     return reply && text_of(*reply) == "begun";
   };
-  ASSERT_TRUE(begin_and_take(&pipeline));
-  ASSERT_TRUE(begin_and_take(nullptr));
+  ASSERT_TRUE(begin_and_take());
   EchoServer second;
   move_to(second.url());
-  EXPECT_TRUE(await([&] { return begin_and_take(&pipeline); }));
-  EXPECT_TRUE(await([&] { return begin_and_take(nullptr); }));
+  EXPECT_TRUE(await(begin_and_take));
   EXPECT_EQ(binding.url(), second.url());
-  EXPECT_EQ(pipeline.open_count(), 0u);
 }
 
 TEST_P(NameSuite, SaysThatTheNameLeadsToAnotherInterface) {

@@ -11,7 +11,6 @@
 #include <thread>
 
 #include "rtpm/access/fingerprint.hpp"
-#include "rtpm/rpc/pipeline.hpp"
 #include "rtpm/rpc/tables.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/test/alloc_guard.hpp"
@@ -97,33 +96,6 @@ TEST_P(NoAllocation, InAThousandCalls) {
   EXPECT_EQ(call_many(binding, {.priority = 100}), 0);
   EXPECT_EQ(call_many(binding, {.priority = 25'000}), 0);
   EXPECT_EQ(server.servant.run_count(), 2 * kCallCount);
-}
-
-TEST_P(NoAllocation, InAThousandCallsOfAPipeline) {
-  EchoServer server(server_config());
-  Node node(node_config());
-  Binding binding = bind_echo(node, server);
-  constexpr std::size_t kInFlight = 20;
-  std::array<PendingReply, kInFlight> calls;
-  Pipeline pipeline;
-  int failure_count = 0;
-  const auto run = [&](std::size_t count) {
-    for (std::size_t i = 0; i < count + kInFlight; ++i) {
-      PendingReply& call = calls[i % kInFlight];
-      if (i >= kInFlight && !call.take()) ++failure_count;
-      if (i >= count) continue;
-      auto begun = binding.begin(echo::kEcho, {}, {.priority = 100, .pipeline = &pipeline});
-      if (begun) call = std::move(*begun);
-      failure_count += begun ? 0 : 1;
-    }
-  };
-  // All sessions are open by now.
-  run(kInFlight);
-  {
-    const rt::NoAllocationScope no_allocation;
-    run(kCallCount);
-  }
-  EXPECT_EQ(failure_count, 0);
 }
 
 TEST_P(NoAllocation, InAThousandOneways) {

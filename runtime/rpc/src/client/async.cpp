@@ -1,8 +1,6 @@
 #include "rtpm/rpc/async.hpp"
 
 #include "client/binding_impl.hpp"
-#include "client/pending_reply.hpp"
-#include "client/pipeline.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
 
@@ -49,17 +47,17 @@ std::uint64_t Binding::lost_oneway_count() const noexcept {
   return impl_->remembered().destination->lost_oneway_count();
 }
 
-/// One on a channel of its own.
-struct PendingReply::OwnState final : PendingReply::State {
-  OwnState(Binding::Impl& binding_in, const Binding::Impl::Plan& plan_in,
-           const Binding::Impl::Ready& ready_in) noexcept
+/// A call that was begun, on a channel of its own.
+struct PendingReply::State {
+  State(Binding::Impl& binding_in, const Binding::Impl::Plan& plan_in,
+        const Binding::Impl::Ready& ready_in) noexcept
       : binding(binding_in), plan(plan_in), ready(ready_in), channel(ready_in.channel) {}
 
-  [[nodiscard]] bool wait(MonotonicTime until) noexcept override {
+  [[nodiscard]] bool wait(MonotonicTime until) noexcept {
     if (outcome.kind == CallOutcome::Kind::kGoing) outcome = channel->finish(until, rt::now());
     return outcome.kind != CallOutcome::Kind::kGoing;
   }
-  [[nodiscard]] expected<ReplyLease, CallError> take() noexcept override {
+  [[nodiscard]] expected<ReplyLease, CallError> take() noexcept {
     if (outcome.kind == CallOutcome::Kind::kReply) {
       if (outcome.status != wire::Status::kOk)
         return unexpected{refused(outcome.status, outcome.payload)};
@@ -68,15 +66,10 @@ struct PendingReply::OwnState final : PendingReply::State {
     // Meanwhile this one's channel keeps the request.
     return binding.call_again(outcome, ready, plan, channel->call_begun(), request);
   }
-  void cancel() noexcept override {
+  void cancel() noexcept {
     if (outcome.kind != CallOutcome::Kind::kGoing) return;
     channel->cancel();
     outcome = {.kind = CallOutcome::Kind::kFailed, .error = CallError::kCancelled};
-  }
-  void drop() noexcept override {
-    // Freeing it is allowed, as its allocation was when the call was begun.
-    const rt::AllowAllocationScope is_allowed;
-    delete this;
   }
 
   Binding::Impl& binding;
@@ -87,13 +80,9 @@ struct PendingReply::OwnState final : PendingReply::State {
   CallOutcome outcome{};  ///< Not kGoing before the call was begun: there is nothing to cancel.
 };
 
-void PendingReply::Drop::operator()(State* state) const noexcept {
-  state->drop();
-}
-
 PendingReply::PendingReply() noexcept = default;
 PendingReply::PendingReply(PendingReply&& other) noexcept = default;
-PendingReply::PendingReply(State& state) noexcept : state_(&state) {}
+PendingReply::PendingReply(std::unique_ptr<State> state) noexcept : state_(std::move(state)) {}
 
 PendingReply& PendingReply::operator=(PendingReply&& other) noexcept {
   std::swap(state_, other.state_);
@@ -102,22 +91,20 @@ PendingReply& PendingReply::operator=(PendingReply&& other) noexcept {
 
 PendingReply::~PendingReply() {
   cancel();
+  // Freeing the state is allowed, as its allocation was when the call was begun.
+  const rt::AllowAllocationScope is_allowed;
+  state_.reset();
 }
 
 expected<PendingReply, CallError> Binding::begin(const MethodDescriptor& method, ConstBytes request,
                                                  const CallOptions& options) {
   const Impl::Plan plan = impl_->plan(method, options);
-  if (options.pipeline != nullptr) {
-    const auto place = options.pipeline->impl_->begin(*impl_, plan, request);
-    if (!place) return unexpected{place.error()};
-    return PendingReply(**place);
-  }
   Impl::Ready ready;
   if (auto made = impl_->make_ready(plan, plan.begun, ready); !made) {
     return unexpected{made.error()};
   }
-  PendingReply pending(*new PendingReply::OwnState(*impl_, plan, ready));
-  auto& state = static_cast<PendingReply::OwnState&>(*pending.state_);
+  PendingReply pending(std::make_unique<PendingReply::State>(*impl_, plan, ready));
+  PendingReply::State& state = *pending.state_;
   const auto kept = state.channel->keep(request);
   if (!kept) return unexpected{CallError::kTooLarge};
   state.request = *kept;
@@ -139,8 +126,8 @@ bool PendingReply::is_done() noexcept {
 
 expected<ReplyLease, CallError> PendingReply::take() noexcept {
   static_cast<void>(wait(kNever));
-  const auto state = std::move(state_);
-  return state->take();
+  const PendingReply ended = std::move(*this);
+  return ended.state_->take();
 }
 
 void PendingReply::cancel() noexcept {

@@ -3,7 +3,6 @@
 #include <mutex>
 
 #include "client/binding_impl.hpp"
-#include "client/pipeline.hpp"
 #include "local/current_call.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/priority.hpp"
@@ -18,7 +17,6 @@ MonotonicTime deadline_after(Duration patience, MonotonicTime now) noexcept {
 ReplyLease::~ReplyLease() {
   if (channel_ != nullptr) channel_->release();
   if (local_ != nullptr) local_->release();
-  if (place_ != nullptr) place_->release();
 }
 
 Binding::Impl::Plan Binding::Impl::plan(const MethodDescriptor& method,

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <bit>
+#include <cstring>
 #include <utility>
 
-#include "client/kept_copy.hpp"
 #include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
@@ -66,18 +66,14 @@ std::size_t frame_size_of(const ServerAddress& address, const NodeConfig& config
 
 CallChannel::CallChannel(const ServerAddress& address, const NodeConfig& config, NodeKeys& keys,
                          std::uint64_t client_epoch, std::uint64_t number,
-                         std::uint64_t clock_domain, std::uint16_t call_count_max,
-                         std::atomic<std::uint64_t>& lost_oneways)
+                         std::uint64_t clock_domain, std::atomic<std::uint64_t>& lost_oneways)
     : address_(address),
       config_(config),
       keys_(keys),
-      call_count_max_(call_count_max),
-      accepts_batches_(call_count_max > 1),
       buffer_(frame_size_of(address, config)),
-      rooms_(call_count_max),
       lost_oneways_(lost_oneways),
       wire_({medium_of(address.transport), client_epoch, number, clock_domain,
-             config.message_size_max, call_count_max, static_cast<std::uint32_t>(rt::random_u64())},
+             config.message_size_max, 1, static_cast<std::uint32_t>(rt::random_u64())},
             buffer_) {}
 
 CallChannel::~CallChannel() {
@@ -93,7 +89,7 @@ bool CallChannel::serves(Priority priority) const noexcept {
 void CallChannel::drop_transport() noexcept {
   count_lost_oneways();
   wire_.reset();
-  held_.clear();
+  batch_.clear();
   // Freeing is set-up work like opening: it follows a broken connection, not a call.
   const rt::AllowAllocationScope is_allowed;
   transport_.reset();
@@ -134,13 +130,6 @@ expected<void, CallError> CallChannel::make_ready(Priority priority,
     if (auto opened = open_transport(priority, deadline); !opened) return opened;
   }
   return shake_hands(priority, deadline);
-}
-
-bool CallChannel::has_open_call() const noexcept {
-  for (wire::CallIndex call = 0; call < call_count_max_; ++call) {
-    if (wire_.is_open(call)) return true;
-  }
-  return false;
 }
 
 // Keeps the reason, as far as it is known, in words.
@@ -246,30 +235,13 @@ expected<void, CallError> CallChannel::begin_call(const wire::CallParameters& pa
   return {};
 }
 
-expected<wire::CallIndex, CallError> CallChannel::begin_held(const wire::CallParameters& parameters,
-                                                             ConstBytes request,
-                                                             MonotonicTime now) noexcept {
-  const auto frame = wire_.call(parameters, request, now);
-  if (!frame) return unexpected{error_of_begin(frame.error())};
-  const wire::CallIndex call = wire_.last_call();
-  if (!(call_count_max_ > 1 ? hold_all(*frame, now) : send_all(*frame, now))) {
-    drop_transport();
-    return unexpected{CallError::kDisconnected};
-  }
-  return call;
-}
-
-void CallChannel::flush() noexcept {
-  if (!send_held()) drop_transport();
-}
-
 CallOutcome CallChannel::finish(MonotonicTime until, MonotonicTime now) noexcept {
   wait_for_event(now, /*may_spin=*/true, until);
   switch (event_.kind) {
     case wire::ChannelEvent::Kind::kReply:
       // The server lived when it answered; over a connection it had all that was sent before.
       unconfirmed_count_.store(0, std::memory_order_relaxed);
-      return {CallOutcome::Kind::kReply, {}, event_.status, event_.payload, event_.call};
+      return {CallOutcome::Kind::kReply, {}, event_.status, event_.payload};
     case wire::ChannelEvent::Kind::kItems:
       return {.kind = CallOutcome::Kind::kItems};
     case wire::ChannelEvent::Kind::kNothing:
@@ -283,7 +255,7 @@ CallOutcome CallChannel::finish(MonotonicTime until, MonotonicTime now) noexcept
       if (transport_->medium() == wire::Medium::kStream) drop_transport();
       return {.kind = CallOutcome::Kind::kLost, .error = CallError::kStopped};
     case wire::ChannelEvent::Kind::kTimeout:
-      return {.error = CallError::kTimeout, .call = event_.call};
+      return {.error = CallError::kTimeout};
     default:
       break;
   }
@@ -339,14 +311,22 @@ std::optional<ConstBytes> CallChannel::next_item() noexcept {
   return item;
 }
 
-void CallChannel::cancel(wire::CallIndex call) noexcept {
-  const ConstBytes frame = wire_.cancel(call, rt::now());
+void CallChannel::cancel() noexcept {
+  const ConstBytes frame = wire_.cancel(0, rt::now());
   // It only saves the server work: nothing is lost with it.
   if (transport_ && !frame.empty()) static_cast<void>(transport_->send(frame));
 }
 
 std::optional<ConstBytes> CallChannel::keep(ConstBytes request) {
-  return keep_copy(kept_, request);
+  constexpr std::size_t kSizeMin = 4096;
+  if (kept_.bytes().size() < request.size()) {
+    const rt::AllowAllocationScope is_allowed;
+    kept_ = rt::LazyMemory(std::bit_ceil(std::max(request.size(), kSizeMin)));
+  }
+  // The system may have none left, or a limit on what may be locked.
+  if (kept_.bytes().size() < request.size()) return std::nullopt;
+  if (!request.empty()) std::memcpy(kept_.bytes().data(), request.data(), request.size());
+  return ConstBytes(kept_.bytes()).first(request.size());
 }
 
 bool CallChannel::make_item_room(wire::CallParameters& parameters) noexcept {
@@ -374,7 +354,7 @@ bool CallChannel::send_all(ConstBytes frame, MonotonicTime now) noexcept {
   // A datagram as large as can be is one of several.
   if (address_.transport == Transport::kUdp &&
       frame.size() == wire::kHeaderSize + payload_size_of(address_)) {
-    return hold_all(frame, now) && send_held();
+    return send_in_batches(frame, now);
   }
   for (; !frame.empty(); frame = wire_.next_frame(now)) {
     if (!send(frame)) return false;
@@ -382,42 +362,36 @@ bool CallChannel::send_all(ConstBytes frame, MonotonicTime now) noexcept {
   return true;
 }
 
-// Keeps a frame, and whatever more there is to send behind it, for send_held(); or sends it, where
-// there is no room for more.
-bool CallChannel::hold_all(ConstBytes frame, MonotonicTime now) noexcept {
-  if (!held_.is_allocated()) {
+// Sends a frame and whatever more there is to send behind it, many with one system call.
+bool CallChannel::send_in_batches(ConstBytes frame, MonotonicTime now) noexcept {
+  if (!batch_.is_allocated()) {
     const rt::AllowAllocationScope is_allowed;
-    held_ = transport::DatagramBatch::allocate();
+    batch_ = transport::DatagramBatch::allocate();
   }
   for (; !frame.empty(); frame = wire_.next_frame(now)) {
-    if (held_.add(frame)) continue;
-    if (!send_held()) return false;
-    if (!held_.add(frame) && !send(frame)) return false;
+    if (batch_.add(frame)) continue;
+    if (!send_batch()) return false;
+    if (!batch_.add(frame) && !send(frame)) return false;
   }
-  return true;
+  return send_batch();
 }
 
-bool CallChannel::send_held() noexcept {
-  if (held_.is_empty()) return true;
-  const auto sent = send_by([&] { return transport_->send_batch(held_); });
-  held_.clear();
+bool CallChannel::send_batch() noexcept {
+  if (batch_.is_empty()) return true;
+  const auto sent = send_by([&] { return transport_->send_batch(batch_); });
+  batch_.clear();
   return sent.has_value();
 }
 
 // Finds room for a reply larger than a frame. The first of each size is set-up work.
-bool CallChannel::make_room(std::uint32_t size, wire::CallIndex call) noexcept {
-  accept_batches();
-  // Sizes are powers of two, so that growing replies do not each allocate anew.
-  rooms_[call] = rt::LazyMemory(std::bit_ceil(std::size_t{size}));
-  wire_.set_reply_buffer(rooms_[call].bytes(), call);
-  return !rooms_[call].bytes().empty();
-}
-
-// Messages larger than a frame come in batches.
-void CallChannel::accept_batches() noexcept {
-  if (std::exchange(accepts_batches_, true)) return;
+bool CallChannel::make_room(std::uint32_t size) noexcept {
   const rt::AllowAllocationScope is_allowed;
-  transport_->accept_batches();
+  // Messages larger than a frame come in batches.
+  if (!std::exchange(accepts_batches_, true)) transport_->accept_batches();
+  // Sizes are powers of two, so that growing replies do not each allocate anew.
+  reply_ = rt::LazyMemory(std::bit_ceil(std::size_t{size}));
+  wire_.set_reply_buffer(reply_.bytes());
+  return !reply_.bytes().empty();
 }
 
 expected<void, transport::IoError> CallChannel::send(ConstBytes frame) noexcept {
@@ -504,7 +478,7 @@ void CallChannel::wait_for_event(MonotonicTime now, bool may_spin, MonotonicTime
 void CallChannel::take(ConstBytes frame, MonotonicTime now) noexcept {
   set_event([&] { return wire_.on_frame(frame, now); });
   if (event_.kind == wire::ChannelEvent::Kind::kNeedBuffer) {
-    if (!make_room(event_.reply_size, event_.call)) {
+    if (!make_room(event_.reply_size)) {
       lacks_memory_ = true;
       event_ = {.kind = wire::ChannelEvent::Kind::kBroken};
       return;

@@ -34,23 +34,21 @@ struct CallOutcome {
   CallError error = CallError::kTimeout;
   wire::Status status = wire::Status::kOk;
   ConstBytes payload{};
-  wire::CallIndex call = 0;  ///< The call's index. Without a session, all calls ended.
 };
 
-/// A transport and a session on it. Carries the calls of the thread that has taken it: one at a
-/// time, or several for a pipeline. The calling thread sends and receives itself: no other thread
-/// stands between it and its reply.
+/// A transport and a session on it. Carries the calls of the thread that has taken it, one at a
+/// time. The calling thread sends and receives itself: no other thread stands between it and its
+/// reply.
 /// @threads  try_take(), serves() and has_unconfirmed() from any; everything else by the thread
 ///           that took it
 /// @realtime alloc-free, but for make_ready() without a session, and keep() as it grows
 class CallChannel {
  public:
-  /// `call_count_max`: how many calls at a time, 1…wire::kCallWindow. `lost_oneways` is raised by
-  /// the oneways that were sent over a session that ended, and may not have arrived. `keys` are
-  /// asked where the address has a key.
+  /// `lost_oneways` is raised by the oneways that were sent over a session that ended, and may not
+  /// have arrived. `keys` are asked where the address has a key.
   CallChannel(const ServerAddress& address, const NodeConfig& config, NodeKeys& keys,
               std::uint64_t client_epoch, std::uint64_t number, std::uint64_t clock_domain,
-              std::uint16_t call_count_max, std::atomic<std::uint64_t>& lost_oneways);
+              std::atomic<std::uint64_t>& lost_oneways);
   /// Tells the server that the session ends, if there is one.
   ~CallChannel();
   CallChannel(const CallChannel&) = delete;
@@ -69,7 +67,6 @@ class CallChannel {
     return band_.load(std::memory_order_relaxed) == kNoBand;
   }
 
-  [[nodiscard]] std::uint16_t call_count_max() const noexcept { return call_count_max_; }
   /// How long a reader may leave a stream alone that says nothing of it.
   [[nodiscard]] Duration stream_pause_max() const noexcept {
     return address_.transport == Transport::kUdp ? Duration{wire::kStreamLease} : Duration::max();
@@ -91,21 +88,6 @@ class CallChannel {
   /// @errors   kTooLarge, kDisconnected
   [[nodiscard]] expected<void, CallError> begin(const wire::CallParameters& parameters,
                                                 ConstBytes request, MonotonicTime now) noexcept;
-  /// Begins a call of a pipeline and gives its index; one of several calls goes out with flush(),
-  /// or before. The channel must have a session and has_free_call().
-  /// @errors   as begin()
-  [[nodiscard]] expected<wire::CallIndex, CallError> begin_held(
-      const wire::CallParameters& parameters, ConstBytes request, MonotonicTime now) noexcept;
-  [[nodiscard]] bool has_free_call() const noexcept { return wire_.has_free_call(); }
-  [[nodiscard]] bool has_session() const noexcept { return wire_.is_ready(); }
-  /// Whether a call waits for flush().
-  [[nodiscard]] bool has_held() const noexcept { return !held_.is_empty(); }
-  /// Sends the held frames; if that fails, there is no session any more.
-  void flush() noexcept;
-  /// Whether finish() has a frame to read without a syscall.
-  [[nodiscard]] bool has_buffered() const noexcept {
-    return transport_ && transport_->has_buffered();
-  }
   /// Waits for a call's end, or its items, but not beyond `until`: then the outcome is kGoing.
   [[nodiscard]] CallOutcome finish(MonotonicTime until, MonotonicTime now) noexcept;
   /// Checks whether the session has ended under unconfirmed oneways; then `lost_oneways` is raised.
@@ -118,7 +100,7 @@ class CallChannel {
   /// The next item of the stream that is here, valid until the next call of this.
   [[nodiscard]] std::optional<ConstBytes> next_item() noexcept;
   /// Tells the server that the caller no longer waits.
-  void cancel(wire::CallIndex call = 0) noexcept;
+  void cancel() noexcept;
   /// A copy of the request that lives as long as the call; none if there is no memory for it.
   [[nodiscard]] std::optional<ConstBytes> keep(ConstBytes request);
 
@@ -135,9 +117,8 @@ class CallChannel {
 
   /// Whether the session is to go on with new keys now.
   [[nodiscard]] bool is_renewal_due() const noexcept {
-    return sealed_ != nullptr && sealed_->wants_renewal() && !has_open_call();
+    return sealed_ != nullptr && sealed_->wants_renewal() && !wire_.is_open(0);
   }
-  [[nodiscard]] bool has_open_call() const noexcept;
   [[nodiscard]] expected<void, CallError> open_transport(Priority priority,
                                                          MonotonicTime deadline) noexcept;
   [[nodiscard]] expected<void, CallError> shake_hands(Priority priority,
@@ -166,27 +147,25 @@ class CallChannel {
   template <class Send>
   [[nodiscard]] expected<void, transport::IoError> send_by(Send send) noexcept;
   [[nodiscard]] bool send_all(ConstBytes frame, MonotonicTime now) noexcept;
-  [[nodiscard]] bool hold_all(ConstBytes frame, MonotonicTime now) noexcept;
-  [[nodiscard]] bool send_held() noexcept;
-  [[nodiscard]] bool make_room(std::uint32_t size, wire::CallIndex call) noexcept;
-  void accept_batches() noexcept;
+  [[nodiscard]] bool send_in_batches(ConstBytes frame, MonotonicTime now) noexcept;
+  [[nodiscard]] bool send_batch() noexcept;
+  [[nodiscard]] bool make_room(std::uint32_t size) noexcept;
   void drop_transport() noexcept;
 
   const ServerAddress& address_;
   const NodeConfig& config_;
   NodeKeys& keys_;
-  std::uint16_t call_count_max_;
-  bool accepts_batches_;
+  bool accepts_batches_ = false;
   std::atomic<bool> is_taken_{false};
   std::atomic<std::uint32_t> band_{kNoBand};  // low << 16 | high
   std::unique_ptr<transport::ClientTransport> transport_;
   SealedTransport* sealed_ = nullptr;  ///< `transport_` if sessions are sealed.
   SetupError transport_error_{};       ///< The error of the last make_ready().
   std::vector<std::byte> buffer_;
-  transport::DatagramBatch held_;      // Frames to send together. Has room once it was needed.
-  std::vector<rt::LazyMemory> rooms_;  // Hold each call's reply larger than a frame.
-  rt::LazyMemory items_;               // The items of a stream.
-  rt::LazyMemory kept_;                // The copy of a request that outlives the caller's.
+  transport::DatagramBatch batch_;  // Frames to send together. Has room once it was needed.
+  rt::LazyMemory reply_;            // A reply larger than a frame.
+  rt::LazyMemory items_;            // The items of a stream.
+  rt::LazyMemory kept_;             // The copy of a request that outlives the caller's.
   std::atomic<std::uint64_t>& lost_oneways_;
   /// Oneways sent over the session since the server last answered a call over it. Written by the
   /// thread that took the channel.

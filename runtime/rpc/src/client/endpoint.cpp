@@ -29,32 +29,28 @@ Endpoint::Endpoint(ServerAddress address, const NodeConfig& config, NodeKeys& ke
       clock_domain_(clock_domain),
       channels_(std::size_t{config.channel_count_max} * kBandCountMax) {}
 
-expected<CallChannel*, CallError> Endpoint::take(Priority priority,
-                                                 std::uint16_t call_count_max) noexcept {
-  if (CallChannel* channel = take_existing(priority, call_count_max)) return channel;
-  return add(priority, call_count_max);
+expected<CallChannel*, CallError> Endpoint::take(Priority priority) noexcept {
+  if (CallChannel* channel = take_existing(priority)) return channel;
+  return add(priority);
 }
 
-CallChannel* Endpoint::take_existing(Priority priority, std::uint16_t call_count_max) noexcept {
-  const auto fits = [&](const CallChannel& channel) {
-    return channel.call_count_max() == call_count_max;
-  };
+CallChannel* Endpoint::take_existing(Priority priority) noexcept {
   // SYNC POINT endpoint-channels: a counted channel is whole.
   const std::size_t count = channel_count_.load(std::memory_order_acquire);
   if (last_taken.endpoint == this && last_taken.index < count) {
     CallChannel& channel = *channels_[last_taken.index];
-    if (fits(channel) && channel.serves(priority) && channel.try_take()) return &channel;
+    if (channel.serves(priority) && channel.try_take()) return &channel;
   }
   for (std::size_t i = 0; i < count; ++i) {
     CallChannel& channel = *channels_[i];
-    if (!fits(channel) || !channel.serves(priority) || !channel.try_take()) continue;
+    if (!channel.serves(priority) || !channel.try_take()) continue;
     last_taken = {this, i};
     return &channel;
   }
   // One whose handshake never came through belongs to no band yet.
   for (std::size_t i = 0; i < count; ++i) {
     CallChannel& channel = *channels_[i];
-    if (fits(channel) && channel.is_new() && channel.try_take()) return &channel;
+    if (channel.is_new() && channel.try_take()) return &channel;
   }
   return nullptr;
 }
@@ -89,17 +85,15 @@ std::size_t Endpoint::count_for(Priority priority, std::size_t count) const noex
                     [&](const auto& c) { return c->serves(priority) || c->is_new(); }));
 }
 
-expected<CallChannel*, CallError> Endpoint::add(Priority priority,
-                                                std::uint16_t call_count_max) noexcept {
+expected<CallChannel*, CallError> Endpoint::add(Priority priority) noexcept {
   const rt::AllowAllocationScope is_allowed;
   const std::lock_guard lock(adding_);
   const std::size_t count = channel_count_.load(std::memory_order_relaxed);
   if (count == channels_.size() || count_for(priority, count) >= config_.channel_count_max) {
     return unexpected{CallError::kNoChannel};
   }
-  channels_[count] =
-      std::make_unique<CallChannel>(address_, config_, keys_, client_epoch_, ++channel_serial,
-                                    clock_domain_, call_count_max, lost_oneways_);
+  channels_[count] = std::make_unique<CallChannel>(address_, config_, keys_, client_epoch_,
+                                                   ++channel_serial, clock_domain_, lost_oneways_);
   CallChannel* channel = channels_[count].get();
   const bool is_taken = channel->try_take();
   RTPM_ASSERT(is_taken, "no other thread knows a new channel");

@@ -21,11 +21,10 @@ class Endpoint {
   Endpoint(ServerAddress address, const NodeConfig& config, NodeKeys& keys,
            std::uint64_t client_epoch, std::uint64_t clock_domain);
 
-  /// A free channel for `call_count_max` calls at a time that serves `priority` or can be made to;
-  /// it is the caller's until it releases it. Opens one more if all are in use.
+  /// A free channel that serves `priority` or can be made to; it is the caller's until it releases
+  /// it. Opens one more if all are in use.
   /// @errors   kNoChannel
-  [[nodiscard]] expected<CallChannel*, CallError> take(Priority priority,
-                                                       std::uint16_t call_count_max = 1) noexcept;
+  [[nodiscard]] expected<CallChannel*, CallError> take(Priority priority) noexcept;
 
   /// Checks on the free channels whether a session has ended under oneways.
   void check_oneways(MonotonicTime now) noexcept;
@@ -40,18 +39,16 @@ class Endpoint {
   }
   void add_user() noexcept { user_count_.fetch_add(1, std::memory_order_relaxed); }
   void remove_user() noexcept { user_count_.fetch_sub(1, std::memory_order_relaxed); }
-  /// Takes every channel, so that the endpoint can be destroyed; false if a call, a reply or a
-  /// pipeline holds one still. Nobody takes channels meanwhile.
+  /// Takes every channel, so that the endpoint can be destroyed; false if a call or a reply holds
+  /// one still. Nobody takes channels meanwhile.
   [[nodiscard]] bool try_end() noexcept;
 
   [[nodiscard]] const ServerAddress& address() const noexcept { return address_; }
 
  private:
-  [[nodiscard]] CallChannel* take_existing(Priority priority,
-                                           std::uint16_t call_count_max) noexcept;
+  [[nodiscard]] CallChannel* take_existing(Priority priority) noexcept;
   [[nodiscard]] std::size_t count_for(Priority priority, std::size_t count) const noexcept;
-  [[nodiscard]] expected<CallChannel*, CallError> add(Priority priority,
-                                                      std::uint16_t call_count_max) noexcept;
+  [[nodiscard]] expected<CallChannel*, CallError> add(Priority priority) noexcept;
 
   ServerAddress address_;
   const NodeConfig& config_;

@@ -15,10 +15,9 @@ class ReplyLease;
 
 /// A call that was begun and whose reply is waited for later. It needs no thread: its
 /// holder repeats frames and takes the reply while it asks or waits, on a call channel that belongs
-/// to the call, or to its pipeline, until this ends.
-/// @ownership move-only; refers to its binding, and its pipeline, which must outlive it. Ends by
-///           cancelling the call
-/// @threads  one at a time; see Pipeline for one of these
+/// to the call until this ends.
+/// @ownership move-only; refers to its binding, which must outlive it. Ends by cancelling the call
+/// @threads  one at a time
 /// @realtime alloc-free
 class PendingReply {
  public:
@@ -45,14 +44,9 @@ class PendingReply {
 
  private:
   friend class Binding;
-  friend class PipelinePlace;
   struct State;
-  struct OwnState;
-  struct Drop {
-    void operator()(State* state) const noexcept;
-  };
-  explicit PendingReply(State& state) noexcept;
-  std::unique_ptr<State, Drop> state_;
+  explicit PendingReply(std::unique_ptr<State> state) noexcept;
+  std::unique_ptr<State> state_;
 };
 
 /// The items that answer a call, taken one by one. No thread stands behind it, as with

@@ -17,7 +17,6 @@
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/interface.hpp"
 #include "rtpm/rpc/node.hpp"
-#include "rtpm/rpc/pipeline.hpp"
 #include "rtpm/wire/client_channel.hpp"
 #include "rtpm/wire/clock_sync.hpp"
 
@@ -32,8 +31,6 @@ struct CallOptions {
   std::optional<Duration> deadline{};
   /// Passed on to the servant to trace one action across programs. In a method, 0 is its caller's.
   std::uint64_t trace_id = 0;
-  /// The pipeline whose sessions a begin_x() shares. Other calls ignore it.
-  Pipeline* pipeline = nullptr;
 };
 
 inline constexpr std::uint32_t kMissCountMin = 2;
@@ -81,7 +78,6 @@ class ReplyLease {
     std::swap(bytes_, other.bytes_);
     std::swap(channel_, other.channel_);
     std::swap(local_, other.local_);
-    std::swap(place_, other.place_);
     return *this;
   }
   ~ReplyLease();
@@ -92,19 +88,15 @@ class ReplyLease {
  private:
   friend class Binding;
   friend class PendingReply;
-  friend class PipelinePlace;
   friend class expected<ReplyLease, CallError>;
   ReplyLease(ConstBytes bytes, class CallChannel* channel) noexcept
       : bytes_(bytes), channel_(channel) {}
   ReplyLease(ConstBytes bytes, class LocalChannel& channel) noexcept
       : bytes_(bytes), local_(&channel) {}
-  ReplyLease(ConstBytes bytes, class PipelinePlace& place) noexcept
-      : bytes_(bytes), place_(&place) {}
 
   ConstBytes bytes_{};
   class CallChannel* channel_ = nullptr;
   class LocalChannel* local_ = nullptr;
-  class PipelinePlace* place_ = nullptr;
 };
 
 /// How a binding by name follows it.
@@ -198,7 +190,7 @@ class Binding {
   [[nodiscard]] std::uint64_t lost_oneway_count() const noexcept;
 
   /// Begins a call and returns; its reply is waited for later. The request is copied. Allocates the
-  /// call's state, once, unless the call is one of a pipeline, which has it.
+  /// call's state, once.
   /// @errors   as call(), as far as they show before the reply; kNoChannel: too many are open
   [[nodiscard]] expected<PendingReply, CallError> begin(const MethodDescriptor& method,
                                                         ConstBytes request,
@@ -241,8 +233,6 @@ class Binding {
  private:
   friend class PendingReply;
   friend class ItemReader;
-  friend class Pipeline;
-  friend class PipelinePlace;
   friend class Rebinder;
   friend struct Destination;
   class Impl;
