@@ -1,4 +1,4 @@
-// Any text is a filter or a mistake at one of its characters; a filter's own text reads as itself.
+// Any text is a filter or a mistake at one of its characters.
 
 #include <array>
 #include <cstdint>
@@ -18,13 +18,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   // NOLINTNEXTLINE(cppcoreguidelines-pro-type-reinterpret-cast): bytes as text
   const std::string_view text(reinterpret_cast<const char*>(data), size);
   const auto filter = events::parse_filter(text, kTypes);
-  if (!filter) {
-    RTPM_ASSERT(filter.error().offset <= size, "a mistake is in the text");
-    RTPM_ASSERT(!filter.error().picture(text).empty(), "it can be shown");
-    return 0;
-  }
-  const std::string printed = events::to_text(*filter, kTypes);
-  const auto again = events::parse_filter(printed, kTypes);
-  RTPM_ASSERT(again && events::to_text(*again, kTypes) == printed, "its text reads as itself");
+  if (filter) return 0;
+  RTPM_ASSERT(filter.error().offset <= size, "a mistake is in the text");
+  RTPM_ASSERT(!filter.error().picture(text).empty(), "it can be shown");
   return 0;
 }

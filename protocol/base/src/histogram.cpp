@@ -31,15 +31,6 @@ void LatencyHistogram::record(Duration latency) noexcept {
   max_ = std::max(max_, sample);
 }
 
-void LatencyHistogram::merge(const LatencyHistogram& other) noexcept {
-  for (std::size_t i = 0; i < buckets_.size(); ++i)
-    buckets_[i] += other.buckets_[i];
-  count_ += other.count_;
-  sum_ += other.sum_;
-  min_ = std::min(min_, other.min_);
-  max_ = std::max(max_, other.max_);
-}
-
 Duration LatencyHistogram::percentile(double percent) const noexcept {
   if (count_ == 0) return Duration{0};
   const double share = std::clamp(percent, 0.0, 100.0) / 100.0;

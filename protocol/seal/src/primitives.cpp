@@ -85,10 +85,6 @@ void hmac_sha256(ConstBytes key, ConstBytes first, ConstBytes second, Secret& ou
   sodium_memzero(&state, sizeof state);
 }
 
-bool is_equal(const Digest& one, const Digest& other) noexcept {
-  return sodium_memcmp(one.data(), other.data(), one.size()) == 0;
-}
-
 std::uint8_t suites_here() noexcept {
   // The CPU's instructions are known only after sodium_init().
   static const bool kHasAes = sodium_init() >= 0 && crypto_aead_aes256gcm_is_available() == 1;

@@ -7,7 +7,6 @@
 #include <atomic>
 #include <cerrno>
 #include <cstdio>
-#include <cstdlib>
 #include <cstring>
 #include <string>
 
@@ -88,17 +87,6 @@ expected<void, SetupError> lock_memory(RealtimeMode mode) {
 
 void prefault(MutableBytes memory) noexcept {
   touch(memory);
-}
-
-bool prefault_heap(std::size_t size) noexcept {
-  // Otherwise the block would be a separate mapping, which the system takes back when it is freed.
-  mallopt(M_TRIM_THRESHOLD, -1);
-  mallopt(M_MMAP_MAX, 0);
-  auto* const block = static_cast<std::byte*>(std::malloc(size));
-  if (block == nullptr) return false;
-  touch({block, size});
-  std::free(block);
-  return true;
 }
 
 NoAllocationScope::NoAllocationScope() noexcept {

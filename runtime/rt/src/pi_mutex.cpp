@@ -1,14 +1,7 @@
 #include "rtpm/rt/pi_mutex.hpp"
 
-#include <algorithm>
-#include <cerrno>
-#include <cstdint>
-#include <ctime>
-
 #include "rtpm/base/assert.hpp"
 #include "rtpm/rt/budget.hpp"
-#include "rtpm/rt/clock.hpp"
-#include "rtpm/rt/native_time.hpp"
 
 namespace rtpm::rt {
 
@@ -37,28 +30,6 @@ void PiMutex::lock() noexcept {
 
 bool PiMutex::try_lock() noexcept {
   return pthread_mutex_trylock(&mutex_) == 0;
-}
-
-bool PiMutex::try_lock_until(MonotonicTime deadline) noexcept {
-  if (deadline == kNever) {
-    lock();
-    return true;
-  }
-  if (pthread_mutex_trylock(&mutex_) == 0) return true;
-#if defined(__SANITIZE_THREAD__)
-  // ThreadSanitizer does not see a lock that is taken by the function below.
-  while (!try_lock()) {
-    if (now() >= deadline) return false;
-    sleep_until(std::min(deadline, now() + std::chrono::microseconds{100}));
-  }
-  return true;
-#else
-  const timespec until = to_timespec(std::max(deadline, MonotonicTime{}));
-  const AsleepScope asleep;
-  const int error = pthread_mutex_clocklock(&mutex_, CLOCK_MONOTONIC, &until);
-  RTPM_ASSERT(error == 0 || error == ETIMEDOUT, "a mutex is locked once per thread");
-  return error == 0;
-#endif
 }
 
 void PiMutex::unlock() noexcept {

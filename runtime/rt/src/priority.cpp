@@ -77,14 +77,4 @@ void adopt_priority(Priority priority) noexcept {
   if (thread_level != 0) set_native_level(level_of(priority));
 }
 
-ScopedPriority::ScopedPriority(Priority priority) noexcept
-    : previous_(thread_priority), previous_level_(thread_level) {
-  adopt_priority(priority);
-}
-
-ScopedPriority::~ScopedPriority() {
-  thread_priority = previous_;
-  if (previous_level_ != 0) set_native_level(previous_level_);
-}
-
 }  // namespace rtpm::rt

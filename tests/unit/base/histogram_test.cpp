@@ -92,32 +92,6 @@ TEST(LatencyHistogram, TakesLatenciesBeyondItsRange) {
   EXPECT_EQ(histogram.percentile(50), nanoseconds(1));
 }
 
-TEST(LatencyHistogram, MergingEqualsRecordingEverythingInOne) {
-  const auto samples = wide_samples(10'000);
-  LatencyHistogram whole;
-  LatencyHistogram odd;
-  LatencyHistogram even;
-  for (std::size_t i = 0; i < samples.size(); ++i) {
-    whole.record(nanoseconds(samples[i]));
-    (i % 2 == 0 ? even : odd).record(nanoseconds(samples[i]));
-  }
-  odd.merge(even);
-  EXPECT_EQ(odd.count(), whole.count());
-  EXPECT_EQ(odd.min(), whole.min());
-  EXPECT_EQ(odd.max(), whole.max());
-  EXPECT_EQ(odd.mean(), whole.mean());
-  for (const double percent : kPercents)
-    EXPECT_EQ(odd.percentile(percent), whole.percentile(percent));
-}
-
-TEST(LatencyHistogram, MergingNothingChangesNothing) {
-  LatencyHistogram histogram;
-  histogram.record(nanoseconds(100));
-  histogram.merge(LatencyHistogram{});
-  EXPECT_EQ(histogram.count(), 1u);
-  EXPECT_EQ(histogram.min(), nanoseconds(100));
-}
-
 TEST(LatencyHistogram, ClearingForgetsEverything) {
   LatencyHistogram histogram;
   histogram.record(nanoseconds(100));

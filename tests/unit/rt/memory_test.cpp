@@ -8,7 +8,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cstdlib>
 #include <fstream>
 #include <string>
 #include <thread>
@@ -180,24 +179,6 @@ TEST(Prefault, MakesPagesResidentAndKeepsWhatTheyHold) {
     EXPECT_EQ(resident & 1, 1);
   EXPECT_EQ(memory.bytes()[5000], std::byte{7});
   prefault({});
-}
-
-TEST(Prefault, OfTheHeapKeepsItMapped) {
-  if (test::kHasSanitizer) GTEST_SKIP() << "sanitizers have a heap of their own";
-  const auto child = test::run_in_child([] {
-    constexpr std::size_t kSize = std::size_t{32} << 20;
-    if (!prefault_heap(kSize)) return std::string("no memory");
-    rusage before{};
-    getrusage(RUSAGE_SELF, &before);
-    auto* const block = static_cast<volatile char*>(std::malloc(kSize / 2));
-    for (std::size_t i = 0; i < kSize / 2; i += 4096)
-      block[i] = 1;
-    rusage after{};
-    getrusage(RUSAGE_SELF, &after);
-    std::free(const_cast<char*>(block));
-    return std::string(after.ru_minflt - before.ru_minflt < 100 ? "no faults" : "faults");
-  });
-  EXPECT_EQ(child.said, "no faults");
 }
 
 TEST(SecretMemory, IsZerosInAChild) {

@@ -100,50 +100,6 @@ TEST(AdoptPriority, LeavesATimeSharedThreadTimeShared) {
   });
 }
 
-TEST(ScopedPriority, HoldsForItsStretch) {
-  if (!test::has_realtime_right()) GTEST_SKIP() << test::kNoRealtimeRight;
-  on_a_thread([] {
-    ASSERT_TRUE(set_current_priority(10'000));
-    {
-      const ScopedPriority outer(20'000);
-      EXPECT_EQ(current_priority(), Priority{20'000});
-      EXPECT_EQ(scheduling_of_this_thread(), fifo(to_native(20'000)));
-      {
-        const ScopedPriority inner(5'000);
-        EXPECT_EQ(current_priority(), Priority{5'000});
-        EXPECT_EQ(scheduling_of_this_thread(), fifo(to_native(5'000)));
-      }
-      EXPECT_EQ(scheduling_of_this_thread(), fifo(to_native(20'000)));
-    }
-    EXPECT_EQ(current_priority(), Priority{10'000});
-    EXPECT_EQ(scheduling_of_this_thread(), fifo(to_native(10'000)));
-  });
-}
-
-TEST(ScopedPriority, GivesBackWhatWasSetInside) {
-  if (!test::has_realtime_right()) GTEST_SKIP() << test::kNoRealtimeRight;
-  on_a_thread([] {
-    ASSERT_TRUE(set_current_priority(10'000));
-    {
-      const ScopedPriority scope(20'000);
-      ASSERT_TRUE(set_current_priority(30'000));
-    }
-    EXPECT_EQ(current_priority(), Priority{10'000});
-    EXPECT_EQ(scheduling_of_this_thread(), fifo(to_native(10'000)));
-  });
-}
-
-TEST(ScopedPriority, LeavesATimeSharedThreadTimeShared) {
-  on_a_thread([] {
-    {
-      const ScopedPriority scope(20'000);
-      EXPECT_EQ(current_priority(), Priority{20'000});
-      EXPECT_EQ(scheduling_of_this_thread(), kTimeShared);
-    }
-    EXPECT_EQ(current_priority(), std::nullopt);
-  });
-}
-
 TEST(PriorityMapping, IsReplaceable) {
   EXPECT_EQ(level_of(32'767), to_native(32'767));
   const auto three_levels = [](Priority priority) { return 10 + priority.value() / 10'923 * 20; };

@@ -28,10 +28,7 @@ void History::add(const EventRef& event) noexcept {
   const std::size_t slot = slot_of(value);
   Key& key = keys_[slot];
   if (!key.is_used) {
-    if (used_count_ == used_max_) {
-      ++unremembered_count_;
-      return;
-    }
+    if (used_count_ == used_max_) return;
     key = {true, value, 0};
     ++used_count_;
   }

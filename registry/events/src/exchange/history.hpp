@@ -12,8 +12,8 @@ namespace rtpm::events {
 /// @ownership its slots, allocated when built; references to the events
 class History {
  public:
-  /// Keeps `depth` (0…64) events of up to `key_count_max` pairs of type and source; further pairs
-  /// are counted only.
+  /// Keeps `depth` (0…64) events of up to `key_count_max` pairs of type and source, and none of
+  /// further pairs.
   History(std::size_t key_count_max, std::uint32_t depth);
 
   /// Stores the event in the slot of the oldest of its type and source.
@@ -33,8 +33,6 @@ class History {
     for (std::size_t i = 0; i < chosen; ++i)
       visit(*chosen_[i]);
   }
-  /// Events whose type and source found no free key.
-  [[nodiscard]] std::uint64_t unremembered_count() const noexcept { return unremembered_count_; }
 
  private:
   struct Key {
@@ -58,7 +56,6 @@ class History {
   std::size_t used_max_ = 0;
   std::size_t hand_ = 0;
   std::uint64_t arrival_ = 0;
-  std::uint64_t unremembered_count_ = 0;
 };
 
 }  // namespace rtpm::events

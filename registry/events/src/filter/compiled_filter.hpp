@@ -62,7 +62,6 @@ class CompiledFilter {
   [[nodiscard]] bool on_event(const EventRef& event, MonotonicTime now, Group& group) noexcept;
   /// Whether a stateless filter accepts this event.
   [[nodiscard]] bool accepts(const EventHeader& header, ConstBytes payload) const noexcept;
-  [[nodiscard]] bool is_stateless() const noexcept { return is_stateless_; }
   [[nodiscard]] bool has_timeouts() const noexcept { return !timers_.empty(); }
   /// Releases the events that conjunctions keep.
   void release_events() noexcept;

@@ -371,8 +371,5 @@ IntakeCounters Supplier::intake() const noexcept {
 std::uint64_t Supplier::id() const noexcept {
   return impl_->id_;
 }
-bool Supplier::is_attended() const noexcept {
-  return impl_->is_attended_;
-}
 
 }  // namespace rtpm::events

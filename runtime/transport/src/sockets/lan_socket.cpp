@@ -49,14 +49,6 @@ expected<std::vector<NetworkInterface>, SetupError> multicast_interfaces(std::st
                      "name one that is up and has an IPv4 address (ip -4 address)");
 }
 
-bool is_own_address(std::uint32_t ipv4) noexcept {
-  if (ipv4 >> 24 == 127) return true;
-  const SocketAddress address(in_addr{htonl(ipv4)}, 0);
-  return std::ranges::any_of(own_addresses(), [&](const InterfaceAddress& own) {
-    return own.address.is_same_host(address);
-  });
-}
-
 std::string address_text(std::uint32_t ipv4) {
   std::string text;
   for (int shift = 24; shift >= 0; shift -= 8)

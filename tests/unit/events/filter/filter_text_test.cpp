@@ -3,8 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
-#include <random>
-#include <sstream>
 
 #include "table.hpp"
 
@@ -101,75 +99,6 @@ std::vector<Sentence> sentences() {
 TEST(FilterText, ReadsEachSentence) {
   for (const Sentence& sentence : sentences())
     expect_equal(parsed(sentence.text), sentence.filter, sentence.text);
-}
-
-TEST(FilterText, PrintsWhatReadsAsTheSame) {
-  for (const Sentence& sentence : sentences()) {
-    const std::string printed = to_text(sentence.filter, kTypes);
-    expect_equal(parsed(printed), sentence.filter, sentence.text + " as " + printed);
-  }
-  EXPECT_EQ(to_text(parsed("( type( 5 )and  source(0x3))or not(all)"), kTypes),
-            "type(lab.Pose) and source(3) or not all");
-}
-
-/// A random filter of at most `depth`, as users might write it.
-Filter invented(std::mt19937& random, int depth) {
-  const auto pick = [&random](int count) {
-    return static_cast<int>(random() % static_cast<unsigned>(count));
-  };
-  const auto number = [&random] { return static_cast<std::uint32_t>(random()); };
-  const auto several = [&] {
-    std::vector<Filter> children;
-    for (int i = 0, count = 2 + pick(2); i < count; ++i)
-      children.push_back(invented(random, depth - 1));
-    return children;
-  };
-  switch (depth > 1 ? pick(10) : pick(6)) {
-    case 0:
-      return of_type(kPose, number());
-    case 1:
-      return masked(number() | 1, 0xff01, number(), 0xf0);
-    case 2:
-      return where(kPose, "x", static_cast<Comparison>(pick(6)),
-                   Scalar::of(static_cast<double>(random()) / 7 - 1e8));
-    case 3:
-      return every(std::chrono::microseconds{100 + pick(1'000'000)}, number());
-    case 4:
-      return listed({{number(), kWholeNumber, number(), 0xff, 1}, {0, 0, 5, kWholeNumber, 0}});
-    case 5:
-      return everything();
-    case 6:
-      return any_of(several());
-    case 7:
-      return all_of(several());
-    case 8:
-      return correlate(several(), std::chrono::microseconds{pick(3)});
-    default:
-      return none_of(invented(random, depth - 1));
-  }
-}
-
-TEST(FilterText, KeepsInventedFilters) {
-  int kept_count = 0;
-  for (unsigned seed = 0; seed < 3000; ++seed) {
-    std::mt19937 random(seed);
-    const Filter filter = invented(random, 4);
-    const std::string text = to_text(filter, kTypes);
-    const auto read = parse_filter(text, kTypes);
-    if (!read) {  // The filter has too many parts.
-      ASSERT_NE(read.error().what.find("at most"), std::string::npos)
-          << seed << ": " << read.error().what << "\n"
-          << read.error().picture(text);
-      continue;
-    }
-    // The text is the same except for nodes that the parser joined.
-    const std::string again = to_text(*read, kTypes);
-    const auto reread = parse_filter(again, kTypes);
-    ASSERT_TRUE(reread) << again;
-    EXPECT_EQ(to_text(*reread, kTypes), again) << "seed " << seed;
-    ++kept_count;
-  }
-  EXPECT_GT(kept_count, 2000);
 }
 
 struct Mistake {

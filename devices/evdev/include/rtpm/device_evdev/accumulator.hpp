@@ -55,7 +55,6 @@ class Accumulator {
   void set_absolute(std::uint16_t code, std::int32_t value) noexcept;
   void add_relative(std::uint16_t code, std::int32_t step) noexcept;
   void set_key(std::uint16_t code, std::int32_t value) noexcept;
-  void move_joint(std::size_t joint, double position) noexcept;
   void complete(MonotonicTime time) noexcept;
 
   std::array<std::int8_t, kAbsoluteCount> analog_of_{};

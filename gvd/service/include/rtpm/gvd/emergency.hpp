@@ -10,7 +10,6 @@ enum class StopScope : std::uint8_t {
   kServer = 1,  ///< All devices of its server's program.
   kSystem = 2,  ///< All devices of all servers at the same hub of events.
 };
-inline constexpr std::uint8_t kStopScopeCount = 3;
 
 /// The emergency stops of a program that hosts devices, beyond the one device.
 /// @threads  any

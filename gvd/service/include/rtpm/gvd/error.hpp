@@ -26,7 +26,6 @@ enum class DeviceOutcome : std::uint8_t {
   kNoSample = 254,    ///< The device has taken no sample yet. Read again.
   kCallFailed = 255,  ///< The call itself failed: DeviceError::call() says why.
 };
-inline constexpr std::uint8_t kDeviceOutcomeCount = 13;  ///< On the wire.
 
 /// Why a client's call had no effect: the device refused, or the call failed.
 /// @ownership a value

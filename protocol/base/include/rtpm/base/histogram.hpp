@@ -16,7 +16,6 @@ class LatencyHistogram {
  public:
   /// Adds one sample; a negative one counts as 0.
   void record(Duration latency) noexcept;
-  void merge(const LatencyHistogram& other) noexcept;
   void clear() noexcept { *this = LatencyHistogram{}; }
 
   [[nodiscard]] std::uint64_t count() const noexcept { return count_; }

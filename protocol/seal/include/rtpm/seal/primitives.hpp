@@ -73,9 +73,6 @@ void fill_random(MutableBytes bytes) noexcept;
 /// HMAC-SHA-256 of both texts, one behind the other.
 void hmac_sha256(ConstBytes key, ConstBytes first, ConstBytes second, Secret& out) noexcept;
 
-/// Compares in constant time.
-[[nodiscard]] bool is_equal(const Digest& one, const Digest& other) noexcept;
-
 /// How frames are sealed. The numbers are the bits in COOKIE's payload.
 enum class Suite : std::uint8_t {
   kChaChaPoly = 1,  ///< ChaCha20-Poly1305: every implementation has it.

@@ -2,7 +2,6 @@
 
 #include <cstddef>
 #include <span>
-#include <string>
 #include <string_view>
 
 #include "rtpm/base/expected.hpp"
@@ -26,11 +25,5 @@ using FilterTextError = predicate::TextError;
 ///           field can't have, or exceeds a limit of filters
 [[nodiscard]] expected<Filter, FilterTextError> parse_filter(
     std::string_view text, std::span<const EventDescriptor* const> types);
-
-/// A text that parse_filter() reads as an equivalent filter. Types that are not in `types` are
-/// numbers.
-/// @realtime set-up only
-[[nodiscard]] std::string to_text(const Filter& filter,
-                                  std::span<const EventDescriptor* const> types);
 
 }  // namespace rtpm::events

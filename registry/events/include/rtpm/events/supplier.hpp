@@ -99,8 +99,6 @@ class Supplier {
   [[nodiscard]] IntakeCounters intake() const noexcept;
   /// A random number that identifies the supplier to hubs.
   [[nodiscard]] std::uint64_t id() const noexcept;
-  /// Whether the hub answered the last request.
-  [[nodiscard]] bool is_attended() const noexcept;
 
  private:
   class Impl;

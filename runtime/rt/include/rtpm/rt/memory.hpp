@@ -23,11 +23,6 @@ namespace rtpm::rt {
 /// @realtime set-up only
 void prefault(MutableBytes memory) noexcept;
 
-/// Makes `size` more bytes of heap resident and free, so that later set-up work does not wait for
-/// pages; freed heap stays mapped from here on. False without memory.
-/// @realtime set-up only
-[[nodiscard]] bool prefault_heap(std::size_t size) noexcept;
-
 /// Declares that the calling thread allocates nothing from here on. The thread itself is unchanged;
 /// the allocation guard that tests link checks this and aborts on a breach.
 class NoAllocationScope {

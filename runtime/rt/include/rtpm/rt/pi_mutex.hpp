@@ -2,8 +2,6 @@
 
 #include <pthread.h>
 
-#include "rtpm/base/time.hpp"
-
 namespace rtpm::rt {
 
 /// A mutex with priority inheritance: its holder runs at the priority of the most urgent waiter, so
@@ -19,9 +17,6 @@ class PiMutex {
   ~PiMutex();
   void lock() noexcept;
   [[nodiscard]] bool try_lock() noexcept;
-  /// Waits for the mutex, at most until `deadline` of the monotonic clock, which can't be set; true
-  /// if the caller has it.
-  [[nodiscard]] bool try_lock_until(MonotonicTime deadline) noexcept;
   void unlock() noexcept;
 
  private:

@@ -53,21 +53,6 @@ bool set_current_priority(Priority priority) noexcept;
 /// @realtime alloc-free; no syscall where the native level stays the same, else one
 void adopt_priority(Priority priority) noexcept;
 
-/// Runs a stretch of the calling thread at another priority: a request at its own, inside a lane.
-/// @realtime alloc-free; no syscall where the native level stays the same or the thread is
-///           time-shared, else one at each end
-class ScopedPriority {
- public:
-  explicit ScopedPriority(Priority priority) noexcept;
-  ScopedPriority(const ScopedPriority&) = delete;
-  ScopedPriority& operator=(const ScopedPriority&) = delete;
-  ~ScopedPriority();
-
- private:
-  std::optional<Priority> previous_;
-  int previous_level_;
-};
-
 }  // namespace rtpm::rt
 
 namespace rtpm {

@@ -27,10 +27,6 @@ struct NetworkInterface {
 [[nodiscard]] expected<std::vector<NetworkInterface>, SetupError> multicast_interfaces(
     std::string_view wanted);
 
-/// Whether one of this host's interfaces has the address.
-/// @realtime set-up only
-[[nodiscard]] bool is_own_address(std::uint32_t ipv4) noexcept;
-
 /// Where a datagram comes from or goes.
 struct LanPeer {
   std::uint32_t ipv4 = 0;  ///< 127.0.0.1 is 0x7f000001.
