@@ -89,7 +89,7 @@ const std::vector<Part>& parts() {
       {"clients/console/",
        "",
        {"base", "wire", "rt", "rpc", "options", "predicate", "names", "introspection", "dynamic",
-        "events", "recording", "schema", "driver", "configuration", "gvd", "capture"}},
+        "events", "recording", "schema", "driver", "configuration", "gvd", "capture", "replay"}},
       {"clients/rtpm/",
        "",
        {"base",      "wire",      "rt",     "transport",     "rpc",     "options",

@@ -177,6 +177,8 @@ const std::vector<Exemption>& exemptions() {
       {"mutex", "runtime/rt/src/parallel_jobs.cpp", "of time-shared threads"},
       {"function", "runtime/rt/include/rtpm/rt/parallel_jobs.hpp", "jobs of time-shared threads"},
       {"function", "runtime/rt/src/parallel_jobs.cpp", "jobs of time-shared threads"},
+      {"function", "gvd/recording/file/include/rtpm/recording/file_reader.hpp", "reads files"},
+      {"function", "gvd/recording/file/src/file_reader.cpp", "reads files"},
       {"function", "gvd/service/src/stop/stop_round.hpp",
        "of callers outside of a device's server"},
       {"stderr", "clients/rtpm/cli/context.cpp", "errors in JSON, escaped"},

@@ -1,13 +1,9 @@
 #include "recording/record_desk.hpp"
 
-#include <array>
-#include <ctime>
-#include <system_error>
 #include <utility>
 
 #include "foxglove/base64.hpp"
 #include "rtpm/rt/clock.hpp"
-#include "rtpm/rt/utc.hpp"
 
 namespace rtpm::console {
 namespace {
@@ -17,16 +13,6 @@ using OrderedJson = nlohmann::ordered_json;
 constexpr Duration kHubDeadline = std::chrono::milliseconds{500};
 /// The time limit for opening a recording; one without a summary is read as a whole.
 constexpr Duration kOpenTimeMax = std::chrono::seconds{20};
-
-/// "run-20260131-235959.mcap".
-std::string new_file_name() {
-  const auto seconds = static_cast<std::time_t>(rt::utc_ns(rt::now()) / 1'000'000'000);
-  std::tm parts{};
-  ::gmtime_r(&seconds, &parts);
-  std::array<char, 40> text{};
-  std::strftime(text.data(), text.size(), "run-%Y%m%d-%H%M%S.mcap", &parts);
-  return text.data();
-}
 
 std::string text_in(const nlohmann::json& request, const char* key) {
   const auto found = request.find(key);
@@ -70,31 +56,33 @@ expected<void, SetupError> RecordDesk::start() {
   add("recordings", [this](const PendingCall& call, const Json&) { list(call); });
   add("replay_open",
       [this](const PendingCall& call, const Json& request) { open_replay(call, request); });
-  add("replay_seek", [this](const PendingCall& call, const Json& request) {
+  // A command to the open recording; it returns why it was not done, or nothing.
+  const auto add_command = [&](const char* name, auto command) {
+    add(name, [this, command](const PendingCall& call, const Json& request) {
+      if (!player_) return router_.fail(call, "no recording is open; open one first");
+      const std::string_view problem = command(*player_, request);
+      if (!problem.empty()) return router_.fail(call, std::string(problem));
+      router_.succeed(call, OrderedJson::object());
+    });
+  };
+  add_command("replay_seek", [](ReplayPlayer& player, const Json& request) -> std::string_view {
     const auto time = request.find("time_ns");
     if (time == request.end() || !time->is_number() || time->get<double>() < 0) {
-      return router_.fail(call, "replay_seek needs `time_ns`");
+      return "replay_seek needs `time_ns`";
     }
-    if (ReplayPlayer* const player = player_for(call)) {
-      player->seek(time->is_number_float()
-                       ? static_cast<std::uint64_t>(std::min(time->get<double>(), 1.8e19))
-                       : time->get<std::uint64_t>());
-      router_.succeed(call, OrderedJson::object());
-    }
+    player.seek(time->is_number_float()
+                    ? static_cast<std::uint64_t>(std::min(time->get<double>(), 1.8e19))
+                    : time->get<std::uint64_t>());
+    return {};
   });
-  add("replay_play", [this](const PendingCall& call, const Json& request) {
+  add_command("replay_play", [](ReplayPlayer& player, const Json& request) -> std::string_view {
     const auto speed = request.find("speed");
-    const bool is_given = speed != request.end() && speed->is_number();
-    if (ReplayPlayer* const player = player_for(call)) {
-      player->play(is_given ? speed->get<double>() : 1);
-      router_.succeed(call, OrderedJson::object());
-    }
+    player.play(speed != request.end() && speed->is_number() ? speed->get<double>() : 1);
+    return {};
   });
-  add("replay_pause", [this](const PendingCall& call, const Json&) {
-    if (ReplayPlayer* const player = player_for(call)) {
-      player->pause();
-      router_.succeed(call, OrderedJson::object());
-    }
+  add_command("replay_pause", [](ReplayPlayer& player, const Json&) -> std::string_view {
+    player.pause();
+    return {};
   });
   add("replay_close", [this](const PendingCall& call, const Json&) {
     close_replay();
@@ -107,11 +95,6 @@ recording::Progress RecordDesk::patience(std::uint64_t replay_id) {
   return [this, replay_id, end = rt::now() + kOpenTimeMax](std::uint64_t, std::uint64_t) {
     return !is_ending_ && replay_id == replay_id_ && rt::now() < end;
   };
-}
-
-ReplayPlayer* RecordDesk::player_for(const PendingCall& call) {
-  if (!player_) router_.fail(call, "no recording is open; open one first");
-  return player_.get();
 }
 
 void RecordDesk::start_recording(const PendingCall& call, const Json& request) {
@@ -127,19 +110,16 @@ void RecordDesk::start_recording(const PendingCall& call, const Json& request) {
                         "--recordings FOLDER");
   }
   std::string file = text_in(request, "file");
-  if (file.empty()) file = new_file_name();
+  if (file.empty()) file = recording::name_by_time();
   const auto path = folder_.path_of(file);
   if (!path) return router_.fail(call, path.error().text());
   is_changing_ = true;
   const bool is_queued = pool_.run("recording", [this, call, file, path = *path] {
-    std::error_code ignored;
     std::string problem;
     std::shared_ptr<capture::LiveRecording> created;
-    if (std::filesystem::exists(path, ignored)) {
-      problem = file + " exists already; choose another name";
-    } else if (auto recording = capture::LiveRecording::start(
-                   node_, path.string(),
-                   {.hub = config_.hub, .registry = config_.registry, .deadline = kHubDeadline})) {
+    if (auto recording = capture::LiveRecording::start(
+            node_, path.string(),
+            {.hub = config_.hub, .registry = config_.registry, .deadline = kHubDeadline})) {
       created = std::move(*recording);
     } else {
       problem = recording.error().text();
@@ -300,12 +280,12 @@ nlohmann::ordered_json RecordDesk::replay_json() const {
     return {{"file", nullptr}, {"begin_ns", 0},       {"end_ns", 0},   {"time_ns", 0},
             {"speed", 1.0},    {"is_playing", false}, {"problem", ""}, {"topics", Json::array()}};
   }
-  const ReplayPlayer::Status status = player_->status();
+  const replay::Playback::Status status = player_->status();
   OrderedJson topics = OrderedJson::array();
   for (const auto& [number, channel] : player_->channels())
     topics.push_back(channel.topic);
   return {{"file", played_file_},        {"begin_ns", player_->begin_ns()},
-          {"end_ns", player_->end_ns()}, {"time_ns", status.time_ns},
+          {"end_ns", player_->end_ns()}, {"time_ns", player_->time_ns(status.position.at)},
           {"speed", status.speed},       {"is_playing", status.is_playing},
           {"problem", status.problem},   {"topics", std::move(topics)}};
 }

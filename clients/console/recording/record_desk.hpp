@@ -56,8 +56,6 @@ class RecordDesk {
   void close_replay();
   void deliver(std::uint64_t replay_id, std::uint16_t channel, std::uint64_t log_time_ns,
                std::string payload);
-  /// Fails the call and returns null if nothing is open.
-  [[nodiscard]] ReplayPlayer* player_for(const PendingCall& call);
 
   rpc::Node& node_;
   Config config_;

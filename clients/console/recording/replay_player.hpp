@@ -1,37 +1,25 @@
 #pragma once
 
-#include <condition_variable>
 #include <cstdint>
 #include <functional>
 #include <map>
 #include <memory>
-#include <mutex>
-#include <optional>
 #include <string>
-#include <vector>
 
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/recording/file_reader.hpp"
-#include "rtpm/rt/thread.hpp"
+#include "rtpm/replay/playback.hpp"
 
 namespace rtpm::console {
 
-/// Plays a recording at its own pace or another pace, on a separate thread. Channels with many
-/// messages are decimated to 60 per second.
+/// A recording that is played to pages. Channels with many messages are decimated to 60 per second.
 /// @threads  any
-class ReplayPlayer {
+class ReplayPlayer final : replay::Script {
  public:
   /// Receives a message on the player's thread.
   using Deliver =
       std::function<void(std::uint16_t channel, std::uint64_t log_time_ns, std::string payload)>;
-
-  struct Status {
-    std::uint64_t time_ns = 0;
-    double speed = 1;
-    bool is_playing = false;
-    std::string problem{};  ///< The damage of the file; empty if there is none.
-  };
 
   /// The limits of a page.
   static constexpr std::size_t kChannelCountMax = 1'000;
@@ -42,9 +30,6 @@ class ReplayPlayer {
   /// @errors   as FileReader::open(); more channels or schemas than a page can show
   [[nodiscard]] static expected<std::unique_ptr<ReplayPlayer>, SetupError> open(
       const std::string& path, Deliver deliver, const recording::Progress& progress);
-  ReplayPlayer(const ReplayPlayer&) = delete;
-  ReplayPlayer& operator=(const ReplayPlayer&) = delete;
-  ~ReplayPlayer();
 
   [[nodiscard]] std::uint64_t begin_ns() const noexcept { return begin_ns_; }
   [[nodiscard]] std::uint64_t end_ns() const noexcept { return end_ns_; }
@@ -59,24 +44,20 @@ class ReplayPlayer {
   /// Plays from the present time on, or from the beginning if it is at its end.
   /// @param speed  0.01 to 100
   void play(double speed);
-  void pause();
+  void pause() { playback_.pause(); }
   /// Seeks to a time; delivers the newest message of each channel up to then, and for curves some
   /// of the half minute before it.
-  void seek(std::uint64_t time_ns);
-  [[nodiscard]] Status status() const;
+  void seek(std::uint64_t time_ns) { playback_.seek(at(time_ns)); }
+  [[nodiscard]] replay::Playback::Status status() const { return playback_.status(); }
+  [[nodiscard]] std::uint64_t time_ns(Duration at) const noexcept;
 
  private:
   ReplayPlayer(std::unique_ptr<recording::FileReader> reader, Deliver deliver);
-  void run();
-  void show_moment(std::uint64_t time_ns, std::uint64_t turn);
-  /// Waits until browsers have had time to take the batch; false if another command is pending.
-  [[nodiscard]] bool pause_delivery(std::uint64_t turn);
-  void play_on(std::uint64_t from_ns, std::uint64_t turn);
-  /// Waits until the message is due; false if another command is pending.
-  [[nodiscard]] bool wait_for(std::uint64_t log_time_ns, std::uint64_t turn);
+  expected<void, SetupError> play(Duration from, const replay::Turn& turn) override;
+  expected<void, SetupError> show(Duration at, const replay::Turn& turn) override;
+  /// A log time as time since the recording's start.
+  [[nodiscard]] Duration at(std::uint64_t log_time_ns) const noexcept;
   [[nodiscard]] bool is_shown(std::uint16_t channel);
-  /// Whether the turn still is the present one.
-  [[nodiscard]] bool is_present(std::uint64_t turn) const;
 
   std::unique_ptr<recording::FileReader> reader_;
   Deliver deliver_;
@@ -86,16 +67,7 @@ class ReplayPlayer {
   std::map<std::uint16_t, recording::Schema> schemas_;
   std::map<std::uint16_t, bool> is_dense_{};        ///< Player's thread only.
   std::map<std::uint16_t, MonotonicTime> shown_{};  ///< Player's thread only.
-  mutable std::mutex mutex_{};
-  std::condition_variable changed_{};
-  // Guarded by `mutex_`.
-  Status status_{};
-  std::uint64_t turn_ = 0;  ///< Counts commands.
-  std::optional<std::uint64_t> sought_ns_{};
-  MonotonicTime anchor_{};       ///< The moment at which `anchor_ns_` was played.
-  std::uint64_t anchor_ns_ = 0;  ///< A time of the recording.
-  bool is_stopping_ = false;
-  rt::Thread thread_{};
+  replay::Playback playback_;
 };
 
 }  // namespace rtpm::console

@@ -5,6 +5,7 @@
 #include "cli/command.hpp"
 #include "objects/unbound.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/capture/hub_recorder.hpp"
 #include "rtpm/events/filter_text.hpp"
 #include "rtpm/rt/log.hpp"
 
@@ -74,18 +75,10 @@ void Subscription::care() {
     notice = std::exchange(notice_, {});
   }
   if (!notice.empty()) rt::print_error("rtpm", notice);
-  if (lacks_type) learn_types();
-}
-
-void Subscription::learn_types() {
+  if (!lacks_type) return;
   auto types = events::HubTypes::ask(context_.node(), hub_);
   const std::lock_guard lock(mutex_);
   if (types) types_ = std::move(*types);
-}
-
-void Subscription::with_types(const std::function<void(const events::HubTypes&)>& use) {
-  const std::lock_guard lock(mutex_);
-  use(types_);
 }
 
 void Subscription::end() {
@@ -94,8 +87,7 @@ void Subscription::end() {
 
 std::uint64_t Subscription::lost_count() const {
   const events::Losses losses = consumer_->counters().losses;
-  return losses.overflow_count + losses.memory_count + losses.too_large_count +
-         losses.overrun_count + losses.unrepaired_count;
+  return losses.total() - losses.suspended_count;
 }
 
 void Subscription::on_events(std::span<const events::EventView> events) {
@@ -108,16 +100,9 @@ void Subscription::on_events(std::span<const events::EventView> events) {
 }
 
 void Subscription::on_notice(const events::Notice& notice) {
-  using events::NoticeKind;
-  if (notice.kind == NoticeKind::kSubscribed) return;
+  std::string text = capture::text_of(notice, hub_);
   const std::lock_guard lock(mutex_);
-  if (notice.kind == NoticeKind::kLosses) {
-    notice_ = "events were lost: this reader was too slow";
-  } else if (notice.kind == NoticeKind::kResubscribed) {
-    notice_ = hub_ + ": subscribed again, events of the time between are lost";
-  } else {
-    notice_ = hub_ + ": " + std::string(notice.text);
-  }
+  if (!text.empty()) notice_ = std::move(text);
 }
 
 }  // namespace rtpm::tool

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
-#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -44,10 +43,6 @@ class Subscription final : public events::EventHandler {
 
   /// Fetches new types, and reports losses and interruptions. Call it periodically.
   void care();
-  /// Asks the hub for its types now.
-  void learn_types();
-  /// Calls `use` with the known types; no event is handed out meanwhile.
-  void with_types(const std::function<void(const events::HubTypes&)>& use);
   [[nodiscard]] std::uint64_t lost_count() const;
   /// Hands out no more events. lost_count() must not be called afterwards.
   void end();

@@ -1,19 +1,31 @@
 #include <algorithm>
 #include <cstdio>
-#include <ctime>
+#include <map>
 #include <memory>
+#include <optional>
+#include <set>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "cli/command.hpp"
 #include "cli/output.hpp"
 #include "cli/progress.hpp"
+#include "events/subscription.hpp"
+#include "objects/unbound.hpp"
 #include "recordings/commands.hpp"
-#include "recordings/sources.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/capture/call_recorder.hpp"
+#include "rtpm/capture/device_recorder.hpp"
+#include "rtpm/capture/hub_recorder.hpp"
+#include "rtpm/dynamic/remote_object.hpp"
+#include "rtpm/events/filter_text.hpp"
+#include "rtpm/events/hub_types.hpp"
 #include "rtpm/options/formatted.hpp"
 #include "rtpm/recording/recorder.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
+#include "rtpm/wire/url.hpp"
 
 namespace rtpm::tool {
 namespace {
@@ -22,19 +34,140 @@ using options::formatted;
 
 constexpr Duration kReportPeriod = std::chrono::milliseconds{200};
 
-struct RecordRequest : SourceRequest {
+struct RecordRequest : EventRequest {
   std::string file{};
   std::string compression = "zstd";
+  bool is_hub_given = false;
+  std::vector<std::string> devices{};  ///< Devices to poll, by name.
+  double poll_rate_hz = 60;
+  std::vector<std::string> calls{};  ///< Objects whose calls are tapped, by name or URL.
+
+  /// Whether events were requested explicitly.
+  [[nodiscard]] bool needs_hub() const { return is_hub_given || filter != "all"; }
 };
 
-/// "rtpm-20261124-091500.mcap", in UTC.
-std::string name_by_time() {
-  const std::time_t now = std::time(nullptr);
-  std::tm utc{};
-  ::gmtime_r(&now, &utc);
-  return formatted("rtpm-%04d%02d%02d-%02d%02d%02d.mcap", utc.tm_year + 1900, utc.tm_mon + 1,
-                   utc.tm_mday, utc.tm_hour, utc.tm_min, utc.tm_sec);
-}
+/// All sources of a recording.
+/// @ownership refers to context, request and recorder
+/// @threads  one
+class Sources {
+ public:
+  Sources(Context& context, const RecordRequest& request, recording::Recorder& recorder)
+      : context_(context),
+        request_(request),
+        recorder_(recorder),
+        deadline_(context.deadline.value_or(std::chrono::seconds{1})) {}
+
+  /// Opens all requested sources.
+  /// @return kDone, or the exit code of the reported error
+  int open() {
+    if (const int exit_code = open_calls(); exit_code != kDone) return exit_code;
+    if (const int exit_code = poll_devices(); exit_code != kDone) return exit_code;
+    // Calls alone make a recording, and so do devices alone if no hub answers.
+    if (!request_.needs_hub() && !request_.calls.empty()) return kDone;
+    const auto types = events::HubTypes::ask(context_.node(), request_.hub, deadline_);
+    if (!types && !request_.needs_hub() && !request_.devices.empty()) return kDone;
+    if (!types) {
+      return context_.not_reached(with_similar_names(context_, request_.hub, types.error()));
+    }
+    return open_hub(*types);
+  }
+  /// Does the sources' periodic work and reports problems. Call it periodically.
+  void attend() {
+    if (hub_) hub_->attend();
+    report();
+  }
+  /// The reason why a source ended by itself; nullopt if none did.
+  [[nodiscard]] std::optional<SetupError> problem() const {
+    for (const auto& server : calls_) {
+      if (const auto problem = server->status().problem) return SetupError{*problem};
+    }
+    return std::nullopt;
+  }
+  /// Takes the remaining messages, and ends the sources; their counts stay.
+  void end() {
+    if (hub_) hub_->finish();
+    if (devices_) devices_->stop();
+    for (const auto& server : calls_)
+      server->stop();
+    report();
+  }
+  /// The calls of all servers; dropped_count counts the events that were lost, too.
+  [[nodiscard]] capture::CallRecorderStatus counts() const {
+    capture::CallRecorderStatus sum{.dropped_count = hub_ ? hub_->lost_count() : 0};
+    for (const auto& server : calls_) {
+      const capture::CallRecorderStatus status = server->status();
+      sum.call_count += status.call_count;
+      sum.dropped_count += status.dropped_count;
+      sum.omitted_payload_count += status.omitted_payload_count;
+      sum.unreadable_count += status.unreadable_count;
+    }
+    return sum;
+  }
+
+ private:
+  // A server has one tap for all its objects.
+  int open_calls() {
+    std::map<std::string, std::vector<std::string>> urls;
+    for (const std::string& target : request_.calls) {
+      const auto url = dynamic::url_of(context_.node(), context_.registry, target);
+      if (!url) return context_.not_reached(url.error());
+      const auto parts = wire::parse_url(*url);
+      if (!parts) return context_.fail("'" + *url + "' is no URL", kMisused);
+      urls[parts->authority()].push_back(*url);
+    }
+    for (const auto& [server, objects] : urls) {
+      auto calls = capture::CallRecorder::open(recorder_, context_.node(), objects, deadline_);
+      if (!calls && calls.error().cause) return context_.not_reached(calls.error());
+      if (!calls) return context_.fail(calls.error());
+      calls_.push_back(std::move(*calls));
+    }
+    return kDone;
+  }
+  int poll_devices() {
+    if (!request_.devices.empty()) devices_.emplace(context_.node(), recorder_);
+    for (const std::string& name : request_.devices) {
+      if (const auto polled = devices_->poll(name, request_.poll_rate_hz); !polled) {
+        return context_.not_reached(
+            named(name, with_similar_names(context_, name, polled.error())));
+      }
+    }
+    return kDone;
+  }
+  int open_hub(const events::HubTypes& types) {
+    const auto filter = events::parse_filter(request_.filter, types.list());
+    if (!filter) return context_.fail_at("filter", request_.filter, filter.error());
+    auto hub = capture::HubRecorder::create(context_.node(), recorder_,
+                                            {.hub = request_.hub,
+                                             .registry = context_.registry,
+                                             .deadline = deadline_,
+                                             .filter = *filter,
+                                             .every_nth = request_.every_nth,
+                                             .priority = context_.priority.value_or(Priority{})});
+    if (!hub) return context_.fail(hub.error());
+    hub_ = std::move(*hub);
+    report();
+    return kDone;
+  }
+  void report() {
+    const auto reports = hub_ ? hub_->take_reports() : std::vector<std::string>{};
+    for (const std::string& text : reports)
+      rt::print_error("rtpm", text);
+    if (!devices_) return;
+    for (const auto& [name, count] : devices_->failed_counts()) {
+      if (!failed_.insert(name).second) continue;
+      rt::print_error("rtpm", printable(name) + ": a poll failed; the next ones may find it again");
+    }
+  }
+
+  Context& context_;
+  const RecordRequest& request_;
+  recording::Recorder& recorder_;
+  Duration deadline_;
+  std::vector<std::unique_ptr<capture::CallRecorder>> calls_{};
+  std::optional<capture::DeviceRecorder> devices_{};
+  std::unique_ptr<capture::HubRecorder> hub_{};
+  std::set<std::string> failed_{};  ///< Devices of which a failed poll was reported.
+};
 
 recording::RecorderConfig config_of(const RecordRequest& request) {
   recording::RecorderConfig config;
@@ -47,15 +180,16 @@ recording::RecorderConfig config_of(const RecordRequest& request) {
 
 /// "12.0 s, 3456 messages, 1700 calls, 1.2 MB, 0 dropped".
 std::string text_of(const RecordRequest& request, Duration time,
-                    const recording::RecorderStatus& status, const SourceCounts& counts) {
+                    const recording::RecorderStatus& status,
+                    const capture::CallRecorderStatus& counts) {
   std::string text = formatted("%.1f s, %llu messages", std::chrono::duration<double>(time).count(),
                                static_cast<unsigned long long>(status.message_count));
   if (!request.calls.empty()) {
-    text += formatted(", %llu calls", static_cast<unsigned long long>(counts.calls));
+    text += formatted(", %llu calls", static_cast<unsigned long long>(counts.call_count));
   }
   text += formatted(", %.1f MB, %llu dropped", 1e-6 * static_cast<double>(status.byte_count),
-                    static_cast<unsigned long long>(status.drop_count + counts.lost));
-  const std::uint64_t without = counts.omitted_payloads + counts.unreadable_payloads;
+                    static_cast<unsigned long long>(status.drop_count + counts.dropped_count));
+  const std::uint64_t without = counts.omitted_payload_count + counts.unreadable_count;
   if (without > 0) {
     text += formatted(", %llu payloads left out", static_cast<unsigned long long>(without));
   }
@@ -63,7 +197,7 @@ std::string text_of(const RecordRequest& request, Duration time,
 }
 
 void tell_end(const Context& context, const RecordRequest& request, Duration time,
-              const recording::RecorderStatus& status, const SourceCounts& counts) {
+              const recording::RecorderStatus& status, const capture::CallRecorderStatus& counts) {
   if (!context.json) {
     print_line(printable(request.file) + ": " + text_of(request, time, status, counts));
     return;
@@ -73,11 +207,11 @@ void tell_end(const Context& context, const RecordRequest& request, Duration tim
             {"message_count", status.message_count},
             {"byte_count", status.byte_count},
             {"drop_count", status.drop_count},
-            {"lost_before_count", counts.lost}};
+            {"lost_before_count", counts.dropped_count}};
   if (!request.calls.empty()) {
-    json["call_count"] = counts.calls;
-    json["omitted_payload_count"] = counts.omitted_payloads;
-    json["unreadable_payload_count"] = counts.unreadable_payloads;
+    json["call_count"] = counts.call_count;
+    json["omitted_payload_count"] = counts.omitted_payload_count;
+    json["unreadable_payload_count"] = counts.unreadable_count;
   }
   print_json(json);
 }
@@ -89,7 +223,7 @@ int wait_for_end(Context& context, const RecordRequest& request, recording::Reco
   const MonotonicTime end = request.time ? begin + *request.time : kNever;
   StatusLine line(context);
   while (rt::now() < end && !context.stop().wait_for(std::min(kReportPeriod, end - rt::now()))) {
-    sources.care();
+    sources.attend();
     const recording::RecorderStatus status = recorder.status();
     line.show(text_of(request, rt::now() - begin, status, sources.counts()));
     if (status.problem) return kDone;
@@ -100,7 +234,7 @@ int wait_for_end(Context& context, const RecordRequest& request, recording::Reco
 
 int record(Context& context, RecordRequest& request) {
   static_cast<void>(context.stop());
-  if (request.file.empty()) request.file = name_by_time();
+  if (request.file.empty()) request.file = recording::name_by_time();
   auto recorder = recording::Recorder::create(request.file, config_of(request));
   if (!recorder) return context.fail(recorder.error());
   Sources sources(context, request, **recorder);

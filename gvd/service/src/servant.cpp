@@ -32,12 +32,17 @@ rpc::Result<void> DeviceServant::describe(rpc::ReplyBuilder<device::Description>
 }
 
 rpc::Result<device::Sample> DeviceServant::read(const rpc::CallContext& context) {
+  if (view_ != nullptr) return view_->on_read(context.received);
   return to_wire(cycle_.newest(context.received).value_or(driver::Sample{}));
 }
 
 rpc::Result<device::Outcome> DeviceServant::command(const device::Command& request,
                                                     const rpc::CallContext& context) {
-  return to_wire(cycle_.submit(from_wire(request), context.received));
+  const auto taken = cycle_.submit(from_wire(request), context.received);
+  if (view_ != nullptr) {
+    view_->on_command(request, taken ? DeviceOutcome::kDone : taken.error(), context.received);
+  }
+  return to_wire(taken);
 }
 
 rpc::Result<device::Lease> DeviceServant::acquire(const rpc::CallContext&) {

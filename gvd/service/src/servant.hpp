@@ -3,6 +3,7 @@
 #include <device.rtpm.hpp>
 
 #include "cycle.hpp"
+#include "rtpm/gvd/server.hpp"
 
 namespace rtpm::gvd {
 
@@ -13,8 +14,10 @@ namespace rtpm::gvd {
 ///           their replies in the lane's buffer and are set-up only
 class DeviceServant final : public device::DeviceServant {
  public:
-  DeviceServant(DeviceCycle& cycle, const driver::Descriptor& descriptor, Duration period) noexcept
-      : cycle_(cycle), descriptor_(descriptor), period_(period) {}
+  /// @param view  may be null
+  DeviceServant(DeviceCycle& cycle, const driver::Descriptor& descriptor, Duration period,
+                ClientView* view) noexcept
+      : cycle_(cycle), descriptor_(descriptor), period_(period), view_(view) {}
 
   rpc::Result<void> describe(rpc::ReplyBuilder<device::Description>& reply,
                              const rpc::CallContext& context) override;
@@ -51,6 +54,7 @@ class DeviceServant final : public device::DeviceServant {
   DeviceCycle& cycle_;
   const driver::Descriptor& descriptor_;
   Duration period_;
+  ClientView* view_;
 };
 
 }  // namespace rtpm::gvd

@@ -118,7 +118,7 @@ struct DeviceServer::Impl {
         descriptor(std::move(described)),
         config(std::move(given)),
         cycle(*driver, config.cycle, random_lease_key()),
-        servant(cycle, descriptor, config.cycle.period),
+        servant(cycle, descriptor, config.cycle.period, config.view),
         configurable(*driver, descriptor, cycle) {}
 
   expected<void, SetupError> start() {

@@ -4,9 +4,9 @@
 
 #include "../gvd/scripted_driver.hpp"
 #include "../recording/recorded.hpp"
+#include "event_recorder.hpp"
 #include "rtpm/capture/channels.hpp"
 #include "rtpm/capture/command_recorder.hpp"
-#include "rtpm/capture/event_recorder.hpp"
 #include "rtpm/gvd/device_event.hpp"
 #include "rtpm/gvd/server.hpp"
 #include "rtpm/gvd/wire.hpp"

@@ -4,7 +4,7 @@
 #include <device_events.rtpm.events.hpp>
 
 #include "../recording/recorded.hpp"
-#include "rtpm/capture/annotations.hpp"
+#include "rtpm/capture/channels.hpp"
 #include "rtpm/capture/read_events.hpp"
 #include "rtpm/events/hub_server.hpp"
 #include "rtpm/rt/clock.hpp"

@@ -55,9 +55,53 @@ TEST_F(PlayerTest, ShowsEachReaderInStepsTheNextSample) {
   EXPECT_EQ(player_->status().at, recorded_.length);
 }
 
+TEST_F(PlayerTest, DescribesADeviceAsItWasRecorded) {
+  play({.end = End::kHold});
+  const gvd::DeviceClient client = open();
+  EXPECT_EQ(client.descriptor().model, "scripted");
+  EXPECT_EQ(client.descriptor().limits.force_newton_max, 8);
+  EXPECT_EQ(client.descriptor().rate_hz, 1000);
+  EXPECT_EQ(client.operator_priority(), Priority{28000});
+}
+
+/// Its device's own server judges commands, so a few cases show that one stands there.
+TEST_F(PlayerTest, RefusesCommandsAsTheDeviceWould) {
+  play({.end = End::kHold});
+  gvd::DeviceClient client = open();
+  const auto outcome_of = [&](double newton) {
+    const auto set = client.set_force({newton, 0, 0});
+    return set ? gvd::DeviceOutcome::kDone : set.error();
+  };
+  EXPECT_EQ(outcome_of(1), gvd::DeviceOutcome::kNotHolder);
+  ASSERT_TRUE(client.acquire());
+  EXPECT_EQ(outcome_of(1), gvd::DeviceOutcome::kDone);
+  EXPECT_EQ(outcome_of(std::nan("")), gvd::DeviceOutcome::kNotFinite);
+  ASSERT_TRUE(client.emergency_stop());
+  EXPECT_EQ(outcome_of(1), gvd::DeviceOutcome::kEmergencyStop);
+  const auto stopped = client.emergency_stop(gvd::StopScope::kSystem);
+  ASSERT_FALSE(stopped);
+  EXPECT_EQ(stopped.error(), gvd::DeviceOutcome::kNotInSystem);
+  EXPECT_EQ(player_->status().refused_count, 3u);
+}
+
+TEST_F(PlayerTest, TakesNoCommandWhileTheRecordedDeviceWasNotActive) {
+  driver::Sample inactive = gvd::from_wire(recorded_.devices[0].samples.back());
+  inactive.lifecycle = driver::Lifecycle::kInactive;
+  recorded_.devices[0].samples.back() = gvd::to_wire(inactive);
+  play({.speed = 1000, .end = End::kHold});
+  gvd::DeviceClient client = open();
+  EXPECT_TRUE(await([&] {
+    if (!client.acquire()) return false;
+    const auto set = client.set_force({1, 0, 0});
+    return !set && set.error() == gvd::DeviceOutcome::kNotActive;
+  }));
+}
+
 TEST_F(PlayerTest, EndsWithItsDevicesGone) {
   play({.speed = 10, .farewell = seconds{20}});
   gvd::DeviceClient client = open();
+  ASSERT_TRUE(client.acquire());
+  EXPECT_TRUE(await([&] { return *client.lease_state() == gvd::LeaseState::kDeviceLost; }));
   EXPECT_TRUE(await([&] {
     const auto sample = client.read();
     return sample && sample->lifecycle == driver::Lifecycle::kFault &&

@@ -4,6 +4,11 @@
 
 namespace rtpm::capture {
 
+std::string value_of(const recording::Channel& channel, const char* key) {
+  const auto found = channel.metadata.find(key);
+  return found == channel.metadata.end() ? std::string{} : found->second;
+}
+
 bool is_device_event(events::EventType type) noexcept {
   return type >= gvd::kSampled && type <= gvd::kConfigurationChanged;
 }

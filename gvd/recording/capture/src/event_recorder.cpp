@@ -1,4 +1,4 @@
-#include "rtpm/capture/event_recorder.hpp"
+#include "event_recorder.hpp"
 
 #include <algorithm>
 #include <mutex>

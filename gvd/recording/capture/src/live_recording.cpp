@@ -1,17 +1,12 @@
 #include "rtpm/capture/live_recording.hpp"
 
-#include <device.rtpm.hpp>
 #include <mutex>
 #include <span>
 #include <utility>
-#include <vector>
 
-#include "rtpm/capture/annotations.hpp"
-#include "rtpm/capture/device_recorder.hpp"
-#include "rtpm/capture/event_recorder.hpp"
-#include "rtpm/events/consumer.hpp"
+#include "rtpm/capture/channels.hpp"
+#include "rtpm/capture/hub_recorder.hpp"
 #include "rtpm/events/hub_types.hpp"
-#include "rtpm/names/directory.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/rt/semaphore.hpp"
@@ -23,35 +18,53 @@ namespace {
 /// Interval at which the hub is asked for unknown types and names.
 constexpr Duration kPeriod = std::chrono::milliseconds{200};
 
+/// The text as a JSON string. Bytes above ASCII stay as they are.
+std::string quoted(std::string_view text) {
+  std::string json = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') {
+      json += '\\';
+      json += c;
+    } else if (static_cast<unsigned char>(c) < 0x20) {
+      constexpr std::string_view kDigits = "0123456789abcdef";
+      json += "\\u00";
+      json += kDigits[static_cast<unsigned char>(c) >> 4];
+      json += kDigits[static_cast<unsigned char>(c) & 15];
+    } else {
+      json += c;
+    }
+  }
+  return json + "\"";
+}
+
+expected<std::uint16_t, SetupError> add_annotations(recording::Recorder& recorder) {
+  constexpr std::string_view kSchema =
+      R"({"type": "object", "properties": {"text": {"type": "string"}}})";
+  const auto bytes = std::as_bytes(std::span(kSchema));
+  const auto schema = recorder.add_schema(
+      {.name = "rtpm.Annotation", .encoding = "jsonschema", .data = {bytes.begin(), bytes.end()}});
+  if (!schema) return schema;
+  return recorder.add_channel(
+      {.schema_id = *schema, .topic = kAnnotationTopic, .message_encoding = "json"});
+}
+
 }  // namespace
 
-struct LiveRecording::Impl final : events::EventHandler {
-  Impl(rpc::Node& given_node, LiveRecordingConfig given, events::HubTypes hub_types,
-       std::unique_ptr<recording::Recorder> opened)
-      : node(given_node),
-        config(std::move(given)),
-        begin(rt::now()),
-        recorder(std::move(opened)),
-        device_recorder(node, *recorder),
-        types(std::move(hub_types)),
-        event_recorder(*recorder, /*names_devices=*/true) {}
+struct LiveRecording::Impl {
+  Impl(std::unique_ptr<recording::Recorder> opened, std::uint16_t channel)
+      : recorder(std::move(opened)),
+        annotations(recorder->add_track()),
+        annotation_channel(channel) {}
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
-  ~Impl() override { static_cast<void>(stop()); }
+  ~Impl() { static_cast<void>(stop()); }
 
-  expected<void, SetupError> start() {
-    auto made = Annotations::create(*recorder);
-    if (!made) return unexpected{made.error()};
-    annotations = std::move(*made);
-    name_devices();  // Before their first events come.
-    events::ConsumerConfig wanted{.name = "record"};
-    wanted.delivery.queue_capacity = events::kQueueCapacityMax;
-    wanted.realtime = rt::RealtimeMode::kOff;
-    wanted.has_own_thread = true;
-    wanted.deadline = config.deadline;
-    auto joined = events::Consumer::create(node, config.hub, std::move(wanted), *this);
-    if (!joined) return unexpected{joined.error()};
-    consumer = std::move(*joined);
+  expected<void, SetupError> start(rpc::Node& node, const LiveRecordingConfig& config) {
+    auto created = HubRecorder::create(
+        node, *recorder,
+        {.hub = config.hub, .registry = config.registry, .deadline = config.deadline});
+    if (!created) return unexpected{created.error()};
+    hub = std::move(*created);
     auto begun = rt::Thread::start({.name = "rtpm-record", .realtime = rt::RealtimeMode::kOff},
                                    [this] { run(); });
     if (!begun) return unexpected{begun.error()};
@@ -59,107 +72,53 @@ struct LiveRecording::Impl final : events::EventHandler {
     return {};
   }
 
-  void on_events(std::span<const events::EventView> given) override {
-    const std::lock_guard lock(mutex);
-    for (const events::EventView& event : given) {
-      const events::EventDescriptor* const type = types.find(event.header.type);
-      lacks_type = lacks_type || (type == nullptr && event.header.type <= events::kEventTypeMax);
-      event_recorder.record(event, type);
-    }
-  }
-
   void run() {
     while (!ending.wait_until(rt::now() + kPeriod))
-      attend();
+      hub->attend();
   }
-  void attend() {
-    bool asks = false;
-    {
-      const std::lock_guard lock(mutex);
-      asks = std::exchange(lacks_type, false) || event_recorder.is_holding();
-    }
-    if (event_recorder.take_new_unnamed()) name_devices();
-    if (asks) learn_types();
-    {
-      const std::lock_guard lock(mutex);
-      event_recorder.attend(types.list());
-    }
-    describe_devices();
-  }
-  void learn_types() {
-    auto asked = events::HubTypes::ask(node, config.hub, config.deadline);
+
+  bool annotate(std::string_view text) {
+    const std::string json = "{\"text\": " + quoted(text) + "}";
     const std::lock_guard lock(mutex);
-    if (asked) types = std::move(*asked);
-  }
-  void name_devices() {
-    const auto entries = names::Directory(node, config.registry).list();
-    if (!entries) return;
-    std::vector<std::string> found;
-    for (const names::NameEntry& entry : *entries) {
-      if (entry.interface == device::DeviceClient::interface().name) found.push_back(entry.name);
-    }
-    event_recorder.name_devices(found);
-  }
-  void describe_devices() {
-    for (const std::string& name : event_recorder.take_new_devices()) {
-      if (device_recorder.describe(name)) continue;
-      const std::lock_guard lock(mutex);
-      undescribed_devices.push_back(name);
-    }
+    const std::uint64_t time_ns = recorder->log_time_ns(rt::now());
+    return annotations.put({.channel_id = annotation_channel,
+                            .sequence = ++annotation_count,
+                            .log_time_ns = time_ns,
+                            .publish_time_ns = time_ns,
+                            .data = std::as_bytes(std::span(json))});
   }
 
   expected<void, SetupError> stop() {
     if (thread.is_running()) {
       ending.post();
       thread.join();
-      attend();
+      hub->finish();
     }
-    if (consumer && !std::exchange(is_stopped, true)) {
-      consumer->unsubscribe();
-      const std::lock_guard lock(mutex);
-      event_recorder.finish(types.list());
-    }
-    describe_devices();
     return recorder->close();
   }
 
-  [[nodiscard]] LiveRecordingStatus status() const {
-    LiveRecordingStatus status{.time = rt::now() - begin, .recorder = recorder->status()};
-    if (consumer) {
-      const events::Losses losses = consumer->counters().losses;
-      status.lost_count = losses.total() - losses.suspended_count;
-    }
-    const std::lock_guard lock(mutex);
-    status.undescribed_devices = undescribed_devices;
-    return status;
-  }
-
-  rpc::Node& node;
-  LiveRecordingConfig config;
-  MonotonicTime begin;
+  MonotonicTime begin = rt::now();
   std::unique_ptr<recording::Recorder> recorder;
-  DeviceRecorder device_recorder;
-  std::unique_ptr<Annotations> annotations{};
-  mutable rt::PiMutex mutex{};
-  events::HubTypes types;        ///< Guarded by `mutex`, as
-  EventRecorder event_recorder;  ///< what is recorded,
-  bool lacks_type = false;       ///< and these.
-  std::vector<std::string> undescribed_devices{};
-  bool is_stopped = false;
-  std::unique_ptr<events::Consumer> consumer{};
+  rt::PiMutex mutex{};
+  recording::Recorder::Track& annotations;  ///< Guarded by `mutex`.
+  std::uint16_t annotation_channel;
+  std::uint32_t annotation_count = 0;
+  std::unique_ptr<HubRecorder> hub{};
   rt::Semaphore ending{};
   rt::Thread thread{};
 };
 
 expected<std::unique_ptr<LiveRecording>, SetupError> LiveRecording::start(
     rpc::Node& node, const std::string& file, LiveRecordingConfig config) {
+  // A hub that does not answer leaves no file.
   auto types = events::HubTypes::ask(node, config.hub, config.deadline);
   if (!types) return unexpected{types.error()};
   auto recorder = recording::Recorder::create(file, config.recorder);
   if (!recorder) return unexpected{recorder.error()};
-  auto impl =
-      std::make_unique<Impl>(node, std::move(config), std::move(*types), std::move(*recorder));
-  if (auto started = impl->start(); !started) return unexpected{started.error()};
+  const auto channel = add_annotations(**recorder);
+  if (!channel) return unexpected{channel.error()};
+  auto impl = std::make_unique<Impl>(std::move(*recorder), *channel);
+  if (auto started = impl->start(node, config); !started) return unexpected{started.error()};
   return std::unique_ptr<LiveRecording>(new LiveRecording(std::move(impl)));
 }
 
@@ -167,7 +126,7 @@ LiveRecording::LiveRecording(std::unique_ptr<Impl> impl) noexcept : impl_(std::m
 LiveRecording::~LiveRecording() = default;
 
 bool LiveRecording::annotate(std::string_view text) {
-  return impl_->annotations->annotate(text);
+  return impl_->annotate(text);
 }
 
 recording::Recorder& LiveRecording::recorder() noexcept {
@@ -175,7 +134,10 @@ recording::Recorder& LiveRecording::recorder() noexcept {
 }
 
 LiveRecordingStatus LiveRecording::status() const {
-  return impl_->status();
+  return {.time = rt::now() - impl_->begin,
+          .recorder = impl_->recorder->status(),
+          .lost_count = impl_->hub->lost_count(),
+          .undescribed_devices = impl_->hub->undescribed_devices()};
 }
 
 expected<void, SetupError> LiveRecording::stop() {

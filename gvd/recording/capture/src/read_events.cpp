@@ -3,15 +3,6 @@
 #include "rtpm/capture/channels.hpp"
 
 namespace rtpm::capture {
-namespace {
-
-std::string value_of(const recording::Channel& channel, const char* key) {
-  const auto found = channel.metadata.find(key);
-  return found == channel.metadata.end() ? std::string{} : found->second;
-}
-
-}  // namespace
-
 expected<std::vector<std::uint16_t>, SetupError> channels_of_event(
     const recording::FileReader& reader, const events::EventDescriptor& type) {
   std::vector<std::uint16_t> numbers;

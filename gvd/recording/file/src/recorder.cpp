@@ -2,8 +2,8 @@
 
 #include <array>
 #include <atomic>
-#include <condition_variable>
 #include <cstring>
+#include <ctime>
 #include <mutex>
 #include <span>
 #include <utility>
@@ -12,6 +12,8 @@
 #include "rtpm/base/assert.hpp"
 #include "rtpm/base/record_ring.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
+#include "rtpm/rt/semaphore.hpp"
 #include "rtpm/rt/thread.hpp"
 #include "rtpm/rt/utc.hpp"
 
@@ -107,9 +109,8 @@ struct Recorder::Impl {
   /// Runs until close(): empties the rings, and ends a chunk each second.
   void run() {
     MonotonicTime chunk_end = rt::now() + kChunkPeriod;
-    std::unique_lock lock(mutex);
-    while (!is_stopping) {
-      wake.wait_for(lock, kPeriod, [this] { return is_stopping; });
+    while (!ending.wait_until(rt::now() + kPeriod)) {
+      const std::lock_guard lock(mutex);
       drain();
       if (rt::now() < chunk_end) continue;
       chunk_end = rt::now() + kChunkPeriod;
@@ -174,13 +175,11 @@ struct Recorder::Impl {
   expected<void, SetupError> close() {
     {
       const std::lock_guard lock(mutex);
-      if (is_closed) return {};
-      is_stopping = true;
+      if (std::exchange(is_closed, true)) return {};
     }
-    wake.notify_all();
+    ending.post();
     thread.join();
     const std::lock_guard lock(mutex);
-    is_closed = true;
     drain();
     note_drops();
     if (!problem) keep(writer->close());
@@ -190,18 +189,26 @@ struct Recorder::Impl {
 
   RecorderConfig config;
   std::int64_t wall_offset_ns = 0;
-  mutable std::mutex mutex{};
-  std::condition_variable wake{};
+  mutable rt::PiMutex mutex{};
+  rt::Semaphore ending{};
   std::unique_ptr<FileWriter> writer;
   std::vector<std::unique_ptr<Track>> tracks{};
   std::vector<std::byte> scratch{};
   DropCounts drop_counts;
   std::map<std::uint16_t, std::uint64_t> noted_drops{};
   std::optional<SetupError> problem{};
-  bool is_stopping = false;
   bool is_closed = false;
   rt::Thread thread{};
 };
+
+std::string name_by_time() {
+  const auto seconds = static_cast<std::time_t>(rt::utc_ns(rt::now()) / 1'000'000'000);
+  std::tm parts{};
+  ::gmtime_r(&seconds, &parts);
+  std::array<char, 40> text{};
+  std::strftime(text.data(), text.size(), "rtpm-%Y%m%d-%H%M%S.mcap", &parts);
+  return text.data();
+}
 
 Recorder::Recorder(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
 

@@ -1,15 +1,15 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <map>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "rtpm/events/hub_types.hpp"
 #include "rtpm/events/supplier.hpp"
-#include "rtpm/replay/pace.hpp"
+#include "rtpm/replay/playback.hpp"
 #include "rtpm/replay/recorded.hpp"
 #include "rtpm/rpc/node.hpp"
 
@@ -23,7 +23,7 @@ namespace rtpm::replay {
 /// gaps of the recording, and origins are on this host's clock: filters and consumers work as with
 /// a live supplier.
 /// @ownership refers to what its arguments refer to
-/// @threads  one
+/// @threads  play() on one, the counts on any
 class EventPlayer {
  public:
   /// @param folder  folder for played_name()
@@ -31,12 +31,15 @@ class EventPlayer {
   [[nodiscard]] static expected<std::unique_ptr<EventPlayer>, SetupError> create(
       rpc::Node& node, const std::string& hub, const Recorded& recorded, const std::string& folder);
 
-  /// Pushes the events due at `position`, which is `now`.
-  /// @param speed  speed of the recording's time; nullopt if not steady: origins are `now`
-  void advance(const Pace::Position& position, MonotonicTime now, std::optional<double> speed);
+  /// Pushes the events from `from` on, each at its time, until the turn ends.
+  void play(Duration from, const Turn& turn);
 
-  [[nodiscard]] std::uint64_t pushed_count() const noexcept { return pushed_count_; }
-  [[nodiscard]] std::uint64_t failed_count() const noexcept { return failed_count_; }
+  [[nodiscard]] std::uint64_t pushed_count() const noexcept {
+    return pushed_count_.load(std::memory_order_relaxed);
+  }
+  [[nodiscard]] std::uint64_t failed_count() const noexcept {
+    return failed_count_.load(std::memory_order_relaxed);
+  }
   /// Names of types that the hub does not know, so that no filter reads their fields.
   [[nodiscard]] const std::vector<std::string>& unknown_types() const noexcept {
     return unknown_types_;
@@ -47,17 +50,14 @@ class EventPlayer {
       : recorded_(recorded), types_(std::move(types)) {}
 
   void push(const RecordedEvent& event, MonotonicTime origin);
-  void push_until(Duration at, MonotonicTime now, std::optional<double> speed);
 
   const Recorded& recorded_;
   events::HubTypes types_;
   std::map<Priority, std::unique_ptr<events::Supplier>> suppliers_{};
   std::vector<events::SourceId> sources_{};  ///< Indexed by RecordedEvent::source.
   std::vector<std::string> unknown_types_{};
-  std::size_t next_ = 0;
-  std::uint64_t round_ = 0;
-  std::uint64_t pushed_count_ = 0;
-  std::uint64_t failed_count_ = 0;
+  std::atomic<std::uint64_t> pushed_count_{0};
+  std::atomic<std::uint64_t> failed_count_{0};
 };
 
 }  // namespace rtpm::replay

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cstring>
-#include <device_events.rtpm.events.hpp>
+#include <device.rtpm.hpp>
 #include <map>
 #include <span>
 #include <utility>
@@ -18,14 +18,10 @@
 namespace rtpm::replay {
 namespace {
 
+using capture::value_of;
 using recording::Channel;
 using recording::FileReader;
 using recording::Message;
-
-std::string value_of(const Channel& channel, const char* key) {
-  const auto found = channel.metadata.find(key);
-  return found == channel.metadata.end() ? std::string{} : found->second;
-}
 
 /// The text as a number; 0 if it is not a number.
 std::uint64_t number_of(const Channel& channel, const char* key) {
@@ -45,37 +41,15 @@ bool is_kind(const Channel& channel, std::string_view kind) {
   return value_of(channel, capture::kKindKey) == kind;
 }
 
-/// This program's fingerprint of a type of devices' events; 0 for any other type.
-std::uint64_t known_schema_id(std::uint64_t type) {
-  switch (type) {
-    case gvd::kSampled:
-      return device::SampledEvent::kSchemaId;
-    case gvd::kButtonChanged:
-      return device::ButtonChangedEvent::kSchemaId;
-    case gvd::kContactChanged:
-      return device::ContactChangedEvent::kSchemaId;
-    case gvd::kLifecycleChanged:
-      return device::LifecycleChangedEvent::kSchemaId;
-    case gvd::kFaultChanged:
-      return device::FaultChangedEvent::kSchemaId;
-    case gvd::kLeaseChanged:
-      return device::LeaseChangedEvent::kSchemaId;
-    case gvd::kStopChanged:
-      return device::StopChangedEvent::kSchemaId;
-    case gvd::kConfigurationChanged:
-      return device::ConfigurationChangedEvent::kSchemaId;
-    default:
-      return 0;
-  }
-}
-
 expected<void, SetupError> check_version(const Channel& channel) {
   const bool is_description = is_kind(channel, capture::kDescriptionKind);
-  const std::uint64_t here = is_description
-                                 ? device::DeviceClient::interface().fingerprint
-                                 : known_schema_id(number_of(channel, capture::kTypeKey));
+  const auto* const event =
+      gvd::device_event_type(static_cast<events::EventType>(number_of(channel, capture::kTypeKey)));
+  if (!is_description && event == nullptr) return {};
+  const std::uint64_t here =
+      is_description ? device::DeviceClient::interface().fingerprint : event->schema_id;
   const std::uint64_t there = number_of(channel, capture::kSchemaIdKey);
-  if (here == 0 || here == there) return {};
+  if (here == there) return {};
   const std::string name =
       is_description ? "rtpm.device.Device" : value_of(channel, capture::kNameKey);
   return setup_error(channel.topic + " was recorded with another version of " + name,

@@ -1,63 +1,46 @@
 #include "rtpm/replay/player.hpp"
 
-#include <algorithm>
 #include <atomic>
-#include <mutex>
 #include <utility>
 
 #include "event_player.hpp"
-#include "rtpm/capture/command_recorder.hpp"
+#include "replayed_device.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/registration.hpp"
+#include "rtpm/replay/playback.hpp"
 #include "rtpm/rt/clock.hpp"
-#include "rtpm/rt/pi_mutex.hpp"
-#include "rtpm/rt/thread.hpp"
 
 namespace rtpm::replay {
 namespace {
 
 constexpr double kSpeedMin = 0.001;
 constexpr double kSpeedMax = 1000;
-constexpr Duration kTick = std::chrono::milliseconds{1};
-
-/// Hands a device's commands to the recorder.
-class RecordedCommands final : public CommandSink {
- public:
-  explicit RecordedCommands(std::unique_ptr<capture::CommandRecorder> recorder) noexcept
-      : recorder_(std::move(recorder)) {}
-  void take(const device::Command& command, std::uint64_t sample_sequence) noexcept override {
-    recorder_->record(command, sample_sequence);
-  }
-
- private:
-  std::unique_ptr<capture::CommandRecorder> recorder_;
-};
 
 }  // namespace
 
-struct Player::Impl final : gvd::EmergencyStops {
+struct Player::Impl final : gvd::EmergencyStops, Script {
   Impl(rpc::Node& given_node, const Recorded& given, PlayerConfig wanted)
       : node(given_node),
         recorded(given),
         config(std::move(wanted)),
-        pace(recorded.length, config.speed, config.end == End::kLoop) {}
+        playback(*this, {.length = recorded.length,
+                         .loops = config.end == End::kLoop,
+                         .stepped_count = config.is_stepped ? recorded.devices.size() : 0}) {}
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
   ~Impl() override { stop(); }
 
-  expected<void, SetupError> add_devices() {
+  expected<void, SetupError> start_devices() {
     for (const RecordedDevice& device : recorded.devices) {
-      ReplayedDeviceConfig settings{.pace = config.is_stepped ? nullptr : &pace,
-                                    .end = config.end,
-                                    .lease_key = gvd::random_lease_key(),
-                                    .emergency_stops = this};
+      std::unique_ptr<capture::CommandRecorder> commands;
       if (config.commands != nullptr) {
         auto recorder = capture::CommandRecorder::create(*config.commands, device.name);
         if (!recorder) return unexpected{recorder.error()};
-        sinks.push_back(std::make_unique<RecordedCommands>(std::move(*recorder)));
-        settings.commands = sinks.back().get();
+        commands = std::move(*recorder);
       }
-      devices.push_back(std::make_unique<ReplayedDevice>(device, settings));
+      devices.push_back(std::make_unique<ReplayedDevice>(device, playback.pace(), config.end,
+                                                         std::move(commands)));
+      if (auto started = devices.back()->start(*this); !started) return started;
     }
     return {};
   }
@@ -68,9 +51,10 @@ struct Player::Impl final : gvd::EmergencyStops {
     if (!created) return unexpected{created.error()};
     server = std::move(*created);
     for (const auto& device : devices) {
-      const std::string name = played_name(config.folder, device->recorded().name);
-      if (auto added = server->add(name, *device); !added) return added;
-      catalog.add(name, *device);
+      const std::string name = played_name(config.folder, device->name());
+      rpc::Servant& servant = device->server().servant();
+      if (auto added = server->add(name, servant); !added) return added;
+      catalog.add(name, servant);
       served.push_back({name, server->url(name)});
     }
     if (auto added = server->add(introspection::kPath, catalog); !added) return added;
@@ -97,67 +81,22 @@ struct Player::Impl final : gvd::EmergencyStops {
     return {};
   }
 
-  [[nodiscard]] Pace::Position position(MonotonicTime now) const {
-    if (!config.is_stepped) return pace.position(now);
-    Pace::Position farthest;
-    bool is_through = !devices.empty();
-    for (const auto& device : devices) {
-      const std::uint64_t count = device->recorded().samples.size();
-      const std::uint64_t step = device->step_count();
-      is_through = is_through && step >= count;
-      if (step == 0) continue;
-      const bool loops = config.end == End::kLoop;
-      const Pace::Position own{
-          device->recorded().times[loops ? (step - 1) % count : std::min(step, count) - 1],
-          loops ? (step - 1) / count : 0, false};
-      const bool is_farther =
-          own.round > farthest.round || (own.round == farthest.round && own.at > farthest.at);
-      if (is_farther) farthest = own;
-    }
-    if (is_through && config.end != End::kLoop) farthest.at = recorded.length;
-    farthest.is_over = is_through;
-    return farthest;
-  }
-
-  void tick(MonotonicTime now) {
-    for (const auto& device : devices)
-      device->attend(now);
-    const Pace::Position at = position(now);
-    if (events && (at.at > Duration{0} || !config.is_stepped)) {
-      const std::lock_guard lock(mutex);
-      events->advance(at, now, config.is_stepped ? std::nullopt : std::optional(config.speed));
-    }
-    if (config.end != End::kGone || !at.is_over) return;
-    if (!over_since) over_since = now;
-    // In steps a device is lost to the reader that goes beyond its last sample.
-    if (!config.is_stepped) {
-      for (const auto& device : devices)
-        device->lose();
-    }
-    const Duration farewell = devices.empty() ? Duration{0} : config.farewell;
-    if (now - *over_since >= farewell) is_over.store(true, std::memory_order_release);
-  }
-
-  void run() {
-    MonotonicTime due = rt::now();
-    while (!is_stopping.load(std::memory_order_relaxed)) {
-      tick(rt::now());
-      due = std::max(due + kTick, rt::now());
-      rt::sleep_until(due);
-    }
+  expected<void, SetupError> play(Duration from, const Turn& turn) override {
+    if (events) events->play(from, turn);
+    if (turn.is_present()) has_pushed = true;
+    return {};
   }
 
   void stop() noexcept {
     // Unbinds the names first, so that no client finds a server that is about to end.
     registrations.clear();
-    is_stopping.store(true, std::memory_order_relaxed);
-    if (thread.is_running()) thread.join();
+    playback.stop();
     if (server) server->stop();
   }
 
   void stop_devices() noexcept override {
     for (const auto& device : devices)
-      device->emergency_stop();
+      device->server().emergency_stop();
   }
   [[nodiscard]] bool stop_system() noexcept override {
     stop_devices();
@@ -167,19 +106,14 @@ struct Player::Impl final : gvd::EmergencyStops {
   rpc::Node& node;
   const Recorded& recorded;
   PlayerConfig config;
-  Pace pace;
-  std::vector<std::unique_ptr<RecordedCommands>> sinks{};
+  std::unique_ptr<EventPlayer> events{};
+  std::atomic<bool> has_pushed{false};  ///< All events of a round.
+  Playback playback;
   std::vector<std::unique_ptr<ReplayedDevice>> devices{};
   introspection::Catalog catalog{};
   std::unique_ptr<rpc::Server> server{};
   std::vector<Served> served{};
   std::vector<std::unique_ptr<names::Registration>> registrations{};
-  mutable rt::PiMutex mutex{};
-  std::unique_ptr<EventPlayer> events{};
-  std::optional<MonotonicTime> over_since{};
-  std::atomic<bool> is_over{false};
-  std::atomic<bool> is_stopping{false};
-  rt::Thread thread{};
 };
 
 expected<std::unique_ptr<Player>, SetupError> Player::create(rpc::Node& node,
@@ -189,7 +123,7 @@ expected<std::unique_ptr<Player>, SetupError> Player::create(rpc::Node& node,
     return setup_error("a recording is not played at this speed", "", "choose 0.001 to 1000");
   }
   auto impl = std::make_unique<Impl>(node, recorded, std::move(config));
-  for (const auto step : {&Impl::join_hub, &Impl::add_devices, &Impl::serve}) {
+  for (const auto step : {&Impl::join_hub, &Impl::start_devices, &Impl::serve}) {
     if (auto done = ((*impl).*step)(); !done) return unexpected{std::move(done.error())};
   }
   return std::unique_ptr<Player>(new Player(std::move(impl)));
@@ -199,15 +133,15 @@ Player::Player(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
 Player::~Player() = default;
 
 expected<void, SetupError> Player::start() {
-  impl_->pace.start(rt::now());
-  auto thread = rt::Thread::start({.name = "rtpm-play"}, [this] { impl_->run(); });
-  if (!thread) return unexpected{std::move(thread.error())};
-  impl_->thread = std::move(*thread);
+  if (auto started = impl_->playback.start(); !started) return started;
+  impl_->playback.play(impl_->config.speed);
   return {};
 }
 
 bool Player::is_over() const noexcept {
-  return impl_->is_over.load(std::memory_order_acquire);
+  if (impl_->config.end != End::kGone || !impl_->has_pushed) return false;
+  const Duration farewell = impl_->devices.empty() ? Duration{0} : impl_->config.farewell;
+  return impl_->playback.pace().is_over(rt::now() - farewell);
 }
 
 void Player::stop() noexcept {
@@ -215,15 +149,14 @@ void Player::stop() noexcept {
 }
 
 PlayerStatus Player::status() const {
-  const Pace::Position at = impl_->position(rt::now());
-  PlayerStatus status{.at = at.at, .round = at.round};
+  const Pace::Position position = impl_->playback.pace().position(rt::now());
+  PlayerStatus status{.at = position.at, .round = position.round};
   for (const auto& device : impl_->devices) {
     const ReplayedDevice::Counters counters = device->counters();
     status.read_count += counters.read_count;
     status.command_count += counters.command_count;
     status.refused_count += counters.refused_count;
   }
-  const std::lock_guard lock(impl_->mutex);
   if (impl_->events) {
     status.pushed_count = impl_->events->pushed_count();
     status.failed_count = impl_->events->failed_count();

@@ -155,6 +155,12 @@ std::vector<const events::EventDescriptor*> device_event_types() {
       &device::StopChangedEvent::kDescriptor,    &device::ConfigurationChangedEvent::kDescriptor};
 }
 
+const events::EventDescriptor* device_event_type(events::EventType type) {
+  const auto types = device_event_types();
+  const auto found = std::ranges::find(types, type, &events::EventDescriptor::type);
+  return found == types.end() ? nullptr : *found;
+}
+
 expected<void, rpc::CallError> add_event(events::Supplier& supplier, const EventStamp& stamp,
                                          const driver::Sample& sample) noexcept {
   const device::Sample wire = to_wire(sample);

@@ -35,6 +35,9 @@ inline constexpr events::EventType kConfigurationChanged = 1380974600;
   return hash;
 }
 
+/// The descriptor of a device's event; null for any other type.
+[[nodiscard]] const events::EventDescriptor* device_event_type(events::EventType type);
+
 /// Samples of a device.
 [[nodiscard]] events::Filter samples_of(std::string_view device);
 /// All changes of a device, without its samples.

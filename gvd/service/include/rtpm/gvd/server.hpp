@@ -10,12 +10,35 @@
 #include "rtpm/configuration/configurable.hpp"
 #include "rtpm/driver/driver.hpp"
 #include "rtpm/gvd/device.hpp"
+#include "rtpm/gvd/error.hpp"
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/servant.hpp"
 #include "rtpm/rt/thread.hpp"
 #include "rtpm/safety/flight_recorder.hpp"
 
+namespace rtpm::device {
+struct Command;
+struct Sample;
+}  // namespace rtpm::device
+
 namespace rtpm::gvd {
+
+/// Stands between a device and its clients: a recording that is played. Whatever it shows, the
+/// device's own cycle judges their commands.
+/// @threads  any lane
+/// @realtime alloc-free, without waiting
+class ClientView {
+ public:
+  ClientView() = default;
+  ClientView(const ClientView&) = delete;
+  ClientView& operator=(const ClientView&) = delete;
+  virtual ~ClientView() = default;
+  /// The sample of a read() at `now`, in place of the newest one.
+  [[nodiscard]] virtual device::Sample on_read(MonotonicTime now) noexcept = 0;
+  /// The device accepted a command (kDone), or refused it.
+  virtual void on_command(const device::Command& command, DeviceOutcome outcome,
+                          MonotonicTime now) noexcept = 0;
+};
 
 /// Configures a device's server.
 struct DeviceServerConfig {
@@ -25,6 +48,7 @@ struct DeviceServerConfig {
   bool starts_without_device = false;
   /// The device's thread, of higher priority than every lane, so that no caller can delay it.
   rt::ThreadConfig thread{.name = "device", .priority = Priority{30000}};
+  ClientView* view = nullptr;  ///< May be null; must outlive the server.
 };
 
 /// Serves one device: a real-time thread runs the driver periodically, and a servant returns its

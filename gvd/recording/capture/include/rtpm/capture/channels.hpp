@@ -4,9 +4,13 @@
 #include <string_view>
 
 #include "rtpm/events/event.hpp"
+#include "rtpm/recording/mcap.hpp"
 
 /// Names of a recording's channels and of their metadata, for its readers.
 namespace rtpm::capture {
+
+/// The topic of annotations: JSON objects with `text`.
+inline constexpr const char* kAnnotationTopic = "annotations";
 
 /// Keys of a channel's metadata.
 inline constexpr const char* kKindKey = "rtpm.kind";
@@ -24,6 +28,9 @@ inline constexpr const char* kEventKind = "event";
 inline constexpr const char* kSampleKind = "sample";            ///< Polled; a Sampled.
 inline constexpr const char* kDescriptionKind = "description";  ///< A device's Description.
 inline constexpr const char* kCommandKind = "command";          ///< A CommandRequest.
+
+/// The channel's metadata of that key; empty if it has none.
+[[nodiscard]] std::string value_of(const recording::Channel& channel, const char* key);
 
 /// Whether events of this type are a device's own, so that their source is the device.
 [[nodiscard]] bool is_device_event(events::EventType type) noexcept;

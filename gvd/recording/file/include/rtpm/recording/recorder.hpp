@@ -13,6 +13,9 @@
 
 namespace rtpm::recording {
 
+/// The name of a new recording by the present time, in UTC: "rtpm-20261124-091500.mcap".
+[[nodiscard]] std::string name_by_time();
+
 /// Settings for Recorder::create().
 struct RecorderConfig {
   WriterConfig writer{};

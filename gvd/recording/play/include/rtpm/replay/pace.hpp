@@ -1,39 +1,73 @@
 #pragma once
 
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
 
+#include "rtpm/base/latest.hpp"
 #include "rtpm/base/time.hpp"
 
 namespace rtpm::replay {
 
-/// Maps this host's time to the time of the recording.
+/// Maps this host's time to the time of a recording: steadily, with pauses and jumps, or in steps,
+/// which the reads of its devices are.
 /// @ownership a value, not copied
-/// @threads  start() once, before the others; the rest from any
+/// @threads  play(), pause() and seek() from one at a time; the rest from any
 /// @realtime alloc-free, without waiting
 class Pace {
  public:
-  /// @param length  the recording's length
-  /// @param speed   seconds of the recording that are played per second
-  Pace(Duration length, double speed, bool loops) noexcept
-      : length_(length), speed_(speed), loops_(loops) {}
-
-  void start(MonotonicTime now) noexcept { begin_.store(now, std::memory_order_release); }
-
+  struct Config {
+    Duration length{};  ///< The recording's length.
+    bool loops = false;
+    std::size_t stepped_count = 0;  ///< Devices whose reads are its steps; 0 for a steady pace.
+  };
   /// A place in the recording.
   struct Position {
     Duration at{};            ///< Time since the recording's start.
     std::uint64_t round = 0;  ///< Counts repetitions from 0.
-    bool is_over = false;     ///< Only without `loops`.
   };
-  /// The place at `now`; before start() the recording's start.
+
+  explicit Pace(const Config& config) noexcept;
+
+  /// Goes on from the present place.
+  /// @param speed  seconds of the recording that are played per second
+  void play(MonotonicTime now, double speed) noexcept;
+  void pause(MonotonicTime now) noexcept;
+  /// Jumps to a place, and pauses there.
+  void seek(Duration at) noexcept;
+
+  /// A device shows its sample of this place. The pace is that of the device that is farthest on.
+  void step_to(Position position) noexcept;
+  /// A device has shown its last sample; after the last device the recording is over.
+  void end_steps(MonotonicTime now) noexcept;
+
+  [[nodiscard]] const Config& config() const noexcept { return config_; }
+  [[nodiscard]] bool is_stepped() const noexcept { return config_.stepped_count > 0; }
+  /// The place at `now`; before the beginning the recording's start.
   [[nodiscard]] Position position(MonotonicTime now) const noexcept;
+  [[nodiscard]] bool has_reached(Position position, MonotonicTime now) const noexcept;
+  /// Whether the recording was over at `now`; never in a loop.
+  [[nodiscard]] bool is_over(MonotonicTime now) const noexcept;
+  /// When a steady pace reaches a place; kNever during a pause.
+  [[nodiscard]] MonotonicTime due(Position position) const noexcept;
 
  private:
-  Duration length_;
-  double speed_;
-  bool loops_;
-  std::atomic<MonotonicTime> begin_{kNever};
+  struct Course {
+    MonotonicTime begin{};
+    Duration from{0};  ///< The place at `begin`.
+    double speed = 1;
+    bool is_playing = false;
+  };
+  [[nodiscard]] Course course() const noexcept { return course_.read().value_or(Course{}); }
+  /// Time played, all rounds together.
+  [[nodiscard]] Duration played(MonotonicTime now) const noexcept;
+  [[nodiscard]] Duration played_at(Position position) const noexcept;
+
+  Config config_;
+  Latest<Course> course_{};
+  std::atomic<Duration> stepped_{Duration{-1}};
+  std::atomic<std::size_t> stepping_count_;
+  std::atomic<MonotonicTime> over_since_{kNever};
 };
 
 }  // namespace rtpm::replay

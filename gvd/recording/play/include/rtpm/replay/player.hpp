@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -10,11 +9,17 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/recording/recorder.hpp"
 #include "rtpm/replay/recorded.hpp"
-#include "rtpm/replay/replayed_device.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rpc/server.hpp"
 
 namespace rtpm::replay {
+
+/// A device's behaviour after its last sample.
+enum class End : std::uint8_t {
+  kGone,  ///< It is lost, as if unplugged: lifecycle fault, kDeviceGone, and the lease ends.
+  kHold,  ///< It keeps showing the last sample.
+  kLoop,  ///< It begins again.
+};
 
 /// Settings of a player.
 struct PlayerConfig {
