@@ -1,193 +1,233 @@
-#include "laboratory/bring_up.hpp"
-
+#include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <string>
 #include <utility>
+#include <vector>
 
+#include "cli/command.hpp"
 #include "cli/output.hpp"
-#include "laboratory/guard.hpp"
+#include "cli/progress.hpp"
+#include "laboratory/commands.hpp"
 #include "laboratory/process.hpp"
-#include "laboratory/state_folder.hpp"
-#include "laboratory/view.hpp"
-#include "rtpm/options/duration.hpp"
+#include "rtpm/options/suggestion.hpp"
+#include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
+#include "rtpm/wire/url.hpp"
 
+// A running laboratory locks its pid file, so that there is one of a name, and `rtpm down` finds it.
 namespace rtpm::tool {
 namespace {
 
-using laboratory::Handle;
-using laboratory::Plan;
-using laboratory::ProgramStatus;
-using laboratory::Record;
-using laboratory::RunningLaboratory;
-using laboratory::StateFolder;
+using transport::Descriptor;
 
-/// The time that the front has for its own work between the stop signal and its exit.
-constexpr int kTurnMs = 100;
+constexpr const char* kPidFile = ".pid";
+constexpr Duration kTurn = std::chrono::milliseconds{20};
+constexpr Duration kDownPatience = std::chrono::minutes{1};
 
-/// A view that also keeps the laboratory's record, and releases the front when everything serves.
-class RecordingView final : public LaboratoryView {
- public:
-  RecordingView(const Plan& plan, bool as_json, bool is_quiet, const Record& record,
-                RunningLaboratory facts, std::string log_path, Handle report)
-      : LaboratoryView(plan, as_json, is_quiet),
-        record_(record),
-        facts_(std::move(facts)),
-        processes_(plan.programs.size()),
-        log_path_(std::move(log_path)),
-        report_(std::move(report)) {}
-
-  void on_change(std::size_t program, const ProgramStatus& status) override {
-    LaboratoryView::on_change(program, status);
-    if (std::exchange(processes_[program], status.process) == status.process) return;
-    facts_.programs.clear();
-    for (std::size_t i = 0; i < processes_.size(); ++i) {
-      if (processes_[i] > 0) facts_.programs.push_back(plan().programs[i].name);
-    }
-    record_.write(facts_);
-  }
-
-  void on_up() override {
-    LaboratoryView::on_up();
-    is_up_ = true;
-  }
-
-  void on_turn(const laboratory::Supervision& supervision) override {
-    LaboratoryView::on_turn(supervision);
-    if (is_up_ && report_.is_open()) leave();
-  }
-
- private:
-  /// Continues in a log; the front then ends.
-  void leave() {
-    std::remove(log_path_.c_str());
-    if (auto log = laboratory::LogFile::open(log_path_)) move_to(std::move(*log));
-    laboratory::leave_terminal();
-    static_cast<void>(!::write(report_.number(), "u", 1));
-    report_.reset();
-  }
-
-  const Record& record_;
-  RunningLaboratory facts_;
-  std::vector<int> processes_;
-  const std::string log_path_;
-  Handle report_;
-  bool is_up_ = false;
+/// A laboratory that runs on this host.
+struct Running {
+  std::string name{};
+  pid_t process = 0;
+  std::string file{};
 };
 
-/// The work of the supervising process.
-int supervise(Context& context, const Plan& plan, const BringUpOptions& how, const Record& record,
-              const std::string& log_path, int lifeline, Handle report) {
-  RunningLaboratory facts{
-      .name = plan.name,
-      .file = plan.file,
-      .supervisor = laboratory::identity_of(::getppid()).value_or(laboratory::ProcessIdentity{}),
-      .stop_patience = plan.stop_patience()};
-  record.write(facts);
-  const bool is_quiet = plan.has_terminal() && !how.is_detached;
-  RecordingView view(plan, context.json, is_quiet, record, facts, log_path, std::move(report));
-  const auto supervisor =
-      laboratory::Supervisor::create(plan, view,
-                                     {.registry_url = context.registry,
-                                      .has_terminal = !how.is_detached && !context.json,
-                                      .lifeline = lifeline,
-                                      .time = how.time});
-  if (!supervisor) return context.fail(supervisor.error());
-  const bool is_well = (*supervisor)->run();
-  view.finish();
-  // The process above removes it, unless it was killed.
-  if (laboratory::identity_of(::getppid()) != facts.supervisor) record.remove();
-  if (how.must_end_before && (*supervisor)->has_run_out_of_time()) {
-    return context.fail("the laboratory '" + plan.name + "' has not ended by itself within " +
-                        options::duration_text(*how.time));
-  }
-  if (is_well) return kDone;
-  const std::string failed = view.failed_programs();
-  return context.fail({"the laboratory '" + plan.name + "' failed",
-                       failed.empty() ? "a process of it could not be ended" : failed});
+/// The folder of this user's pid files and logs.
+expected<std::string, SetupError> state_folder() {
+  const char* const runtime = std::getenv("XDG_RUNTIME_DIR");
+  const std::string path = runtime != nullptr && *runtime == '/'
+                               ? std::string(runtime) + "/rtpm"
+                               : "/tmp/rtpm-" + std::to_string(::geteuid());
+  struct stat found {};
+  if ((::mkdir(path.c_str(), 0700) != 0 && errno != EEXIST) || ::lstat(path.c_str(), &found) != 0)
+    return setup_error("the folder " + path + " can't be made", system_error(errno));
+  if (S_ISDIR(found.st_mode) && found.st_uid == ::geteuid() && (found.st_mode & 077) == 0)
+    return path;
+  return setup_error("the folder " + path + " is not safe", "others may enter it",
+                     "chmod 700 " + path + ", or set XDG_RUNTIME_DIR to a folder of your own");
 }
 
-int guard(Context& context, const Plan& plan, const BringUpOptions& options,
-          const StateFolder& folder, const Record& record, Handle report) {
-  const auto end = laboratory::run_guarded(
-      [&](int lifeline) {
-        return supervise(context, plan, options, record, folder.log_path(plan.name), lifeline,
-                         std::move(report));
-      },
-      plan.longest_stop_patience(), options.is_detached);
-  record.remove();
-  if (!end) return context.fail(end.error());
-  if (!end->was_killed) return end->exit_code;
-  return context.fail({"the laboratory '" + plan.name + "' has ended", "its supervisor was killed",
-                       "see the system's log (dmesg)"});
+/// A lock of an open file, which forked processes share.
+struct flock whole_file() {
+  struct flock lock {};
+  lock.l_type = F_WRLCK;
+  lock.l_whence = SEEK_SET;
+  return lock;
 }
 
-/// Waits until the background process reports that everything serves, or ends.
-int await_background(Context& context, const Plan& plan, const StateFolder& folder,
-                     pid_t background, int report) {
-  const options::StopSignal& stop = context.stop();
-  bool has_passed_stop = false;
-  char byte = 0;
-  for (;;) {
-    pollfd waited{report, POLLIN, 0};
-    if (::poll(&waited, 1, kTurnMs) > 0) break;
-    if (stop.is_requested() && !std::exchange(has_passed_stop, true)) ::kill(background, SIGTERM);
+/// The locked pid file. A file that is not locked is stale.
+expected<Descriptor, SetupError> lock_pid_file(const std::string& folder, const std::string& name) {
+  const std::string path = folder + "/" + name + kPidFile;
+  Descriptor file(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600));
+  if (!file.is_open()) return setup_error(path + " can't be made", system_error(errno));
+  struct flock lock = whole_file();
+  if (::fcntl(file.number(), F_OFD_SETLK, &lock) == 0) return file;
+  return setup_error("the laboratory '" + name + "' is already up", "",
+                     "`rtpm down " + name + "` ends it");
+}
+
+void write_pid_file(const Descriptor& pid_file, const std::string& file) {
+  const std::string text = std::to_string(::getpid()) + "\n" + file + "\n";
+  // Without this text, as on a full disk, only `rtpm down` does not find it.
+  static_cast<void>(!::ftruncate(pid_file.number(), 0));
+  static_cast<void>(!::pwrite(pid_file.number(), text.data(), text.size(), 0));
+}
+
+/// The laboratories whose pid files are locked, by name.
+std::vector<Running> all_running(const std::string& folder) {
+  std::vector<Running> all;
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+    if (entry.path().extension() != kPidFile) continue;
+    const Descriptor file(::open(entry.path().c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW));
+    struct flock lock = whole_file();
+    if (::fcntl(file.number(), F_OFD_GETLK, &lock) != 0 || lock.l_type == F_UNLCK) continue;
+    Running laboratory{.name = entry.path().stem()};
+    std::ifstream text(entry.path());
+    text >> laboratory.process >> std::ws;
+    std::getline(text, laboratory.file);
+    if (laboratory.process > 0)
+      all.push_back(std::move(laboratory));  // Others mean groups to kill().
   }
-  if (::read(report, &byte, 1) == 1) {
-    if (!context.json) {
-      print_line(plan.name + " serves in the background; `rtpm down " + plan.name +
-                 "` ends it, its log is " + folder.log_path(plan.name));
-    }
-    return kDone;
+  std::ranges::sort(all, {}, &Running::name);
+  return all;
+}
+
+/// Continues as a session of its own, with its output in a log.
+void leave_terminal(const std::string& log) {
+  ::setsid();
+  // Programs may print lines that only their user may read, such as a console's URL.
+  ::unlink(log.c_str());
+  const Descriptor file(::open(log.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0600));
+  for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
+    ::dup2(file.number(), stream);
+}
+
+/// Waits until the background process reports that everything serves, or ends with an error.
+int await_background(Context& context, pid_t background, int report, const std::string& name,
+                     const std::string& log) {
+  pollfd waited{report, POLLIN, 0};
+  while (::poll(&waited, 1, 100) <= 0) {
+    if (context.stop().is_requested()) ::kill(background, SIGTERM);
   }
   int status = 0;
-  while (::waitpid(background, &status, 0) < 0 && errno == EINTR) {
+  if (::read(report, &status, 1) == 1) {
+    if (context.json) return kDone;
+    print_line(name + " serves in the background; `rtpm down " + name + "` ends it, its log is " +
+               log);
+    return kDone;
   }
+  ::waitpid(background, &status, 0);
+  std::string error;
+  std::ifstream lines(log);
+  for (std::string line; std::getline(lines, line);)
+    error = line + "\n";
+  static_cast<void>(!::write(STDERR_FILENO, error.data(), error.size()));
   return WIFEXITED(status) ? WEXITSTATUS(status) : kFailed;
 }
 
-int detach(Context& context, const Plan& plan, const BringUpOptions& options,
-           const StateFolder& folder, const Record& record) {
-  auto report = laboratory::make_pipe();
-  if (!report) return context.fail(report.error());
-  std::fflush(nullptr);
-  const pid_t background = ::fork();
-  if (background < 0)
-    return context.fail(
-        SetupError{"the background process does not start", system_error(errno).message()});
-  if (background > 0) {
-    (*report)[1].reset();
-    return await_background(context, plan, folder, background, (*report)[0].number());
+/// Ends a laboratory, and waits until none of its processes is left.
+int end_laboratory(Context& context, const std::string& folder, const Running& laboratory) {
+  ::kill(laboratory.process, SIGTERM);
+  const MonotonicTime end = rt::now() + kDownPatience;
+  StatusLine progress(context);
+  const auto is_it = [&](const Running& other) { return other.process == laboratory.process; };
+  while (std::ranges::any_of(all_running(folder), is_it)) {
+    progress.show(laboratory.name + " is stopping");
+    if (context.stop().wait_for(kTurn) || rt::now() >= end) {
+      return context.fail({"the laboratory '" + laboratory.name + "' is still stopping", "",
+                           "kill " + std::to_string(laboratory.process) + " ends it at once"});
+    }
   }
-  ::setsid();
-  (*report)[0].reset();
-  std::exit(guard(context, plan, options, folder, record, std::move((*report)[1])));
+  if (context.json) print_json({{"name", laboratory.name}, {"ended", true}});
+  if (!context.json) print_line(laboratory.name + " has ended");
+  return kDone;
+}
+
+int down(Context& context, const std::string& name) {
+  const auto folder = state_folder();
+  if (!folder) return context.fail(folder.error());
+  const std::vector<Running> all = all_running(*folder);
+  std::vector<std::string> names;
+  std::string list;
+  for (const Running& laboratory : all) {
+    if (laboratory.name == name || (name.empty() && all.size() == 1))
+      return end_laboratory(context, *folder, laboratory);
+    names.push_back(laboratory.name);
+    list += (list.empty() ? "" : ", ") + laboratory.name + " (" + laboratory.file + ")";
+  }
+  if (all.empty())
+    return context.fail("no laboratory " + (name.empty() ? "" : "'" + name + "' ") +
+                        "of this user is up on this host");
+  if (!name.empty())
+    return context.fail("no laboratory '" + name + "' is up" + options::suggestion(name, names) +
+                        "; there are: " + list);
+  return context.fail(
+      {"several laboratories are up: " + list, "", "name one: rtpm down " + names.front()},
+      kMisused);
 }
 
 }  // namespace
 
-int bring_up(Context& context, const Plan& plan, const BringUpOptions& options) {
-  const auto folder = StateFolder::open();
+int bring_up(Context& context, const expected<laboratory::Plan, std::vector<SetupError>>& read,
+             bool is_detached) {
+  for (const SetupError& error : read ? std::vector<SetupError>() : read.error())
+    context.fail(error, kMisused);
+  if (!read) return kMisused;
+  const laboratory::Plan& plan = *read;
+  const auto folder = state_folder();
   if (!folder) return context.fail(folder.error());
-  const auto record = Record::create(*folder, plan.name);
-  if (!record) return context.fail(record.error());
+  const auto pid_file = lock_pid_file(*folder, plan.name);
+  if (!pid_file) return context.fail(pid_file.error());
   for (const std::string& name : plan.left_out)
     rt::print_error("rtpm", "the program '" + name + "' is left out: it is not installed");
-  if (options.is_detached) return detach(context, plan, options, *folder, *record);
-  return guard(context, plan, options, *folder, *record, Handle());
+  std::array<int, 2> report{-1, -1};
+  if (is_detached) {
+    const std::string log = *folder + "/" + plan.name + ".log";
+    std::fflush(nullptr);
+    const pid_t background = ::pipe2(report.data(), O_CLOEXEC) == 0 ? ::fork() : -1;
+    if (background < 0)
+      return context.fail(
+          SetupError{"the laboratory does not start", system_error(errno).message()});
+    ::close(report[background > 0 ? 1 : 0]);
+    if (background > 0) return await_background(context, background, report[0], plan.name, log);
+    leave_terminal(log);
+  }
+  write_pid_file(*pid_file, plan.file);
+  // For programs whose environment in the file has no registry.
+  ::setenv(wire::is_url(context.registry) ? "RTPM_REGISTRY" : "RTPM_DISCOVER",
+           context.registry.c_str(), 1);
+  Duration patience{};
+  for (const laboratory::ProgramPlan& program : plan.programs)
+    patience = std::max(patience, program.stop_patience);
+  const auto exit_code = laboratory::run_guarded(
+      [&] { return supervise(context, plan, !is_detached && !context.json, report[1]); }, patience);
+  if (!exit_code) return context.fail(exit_code.error());
+  if (*exit_code) return **exit_code;
+  return context.fail(SetupError{"the laboratory '" + plan.name + "' has ended",
+                                 "its supervisor was killed", "see the system's log (dmesg)"});
 }
 
-int refuse_file(const Context& context, const std::vector<SetupError>& errors) {
-  for (const SetupError& error : errors)
-    context.fail(error, kMisused);
-  return kMisused;
+void add_down(CLI::App& program, Context& context) {
+  const auto name = std::make_shared<std::string>();
+  CLI::App& command = add_command(
+      program, context, "down", "End a laboratory that `rtpm up` has brought up on this host",
+      "  rtpm down cell\n"
+      "Ends all its programs in reverse order, and returns when no process is left. Without a "
+      "name\nit ends the only one.\n",
+      [name](Context& c) { return down(c, *name); });
+  command.add_option("NAME", *name, "The laboratory")->type_name("");
 }
 
 }  // namespace rtpm::tool

@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 
 #include "cli/context.hpp"
+#include "laboratory/plan.hpp"
 
 // Commands that bring up laboratories: programs that run together on this host.
 namespace rtpm::tool {
@@ -10,5 +11,21 @@ namespace rtpm::tool {
 void add_up(CLI::App& program, Context& context);
 void add_down(CLI::App& program, Context& context);
 void add_demo(CLI::App& program, Context& context);
+
+/// Brings a laboratory up and shows it, until it is asked to end or its main programs have ended.
+/// @param plan  or the mistakes of its file, which are reported
+/// @param is_detached  return when everything serves
+/// @threads  before any other thread starts
+/// @return the exit code
+[[nodiscard]] int bring_up(Context& context,
+                           const expected<laboratory::Plan, std::vector<SetupError>>& plan,
+                           bool is_detached = false);
+
+/// Starts, watches and ends the programs of a laboratory, and shows that. None is left then.
+/// @param has_terminal  programs may have the terminal
+/// @param report  a descriptor that gets a byte when everything serves, or -1
+/// @return the exit code
+[[nodiscard]] int supervise(Context& context, const laboratory::Plan& plan, bool has_terminal,
+                            int report);
 
 }  // namespace rtpm::tool

@@ -11,22 +11,16 @@
 
 #include "cli/command.hpp"
 #include "cli/output.hpp"
-#include "laboratory/bring_up.hpp"
 #include "laboratory/commands.hpp"
-#include "laboratory/file.hpp"
-#include "laboratory/process.hpp"
 #include "rtpm/names/defaults.hpp"
-#include "rtpm/rt/log.hpp"
+#include "rtpm/transport/socket.hpp"
 
 namespace rtpm::tool {
 namespace {
 
-constexpr const char* kFile = "demo.toml";
 /// The console's port, if it is free.
 constexpr std::uint16_t kConsolePort = 8766;
-/// Time for start and end, added to the programs' own.
-constexpr Duration kStartAndEndTime = std::chrono::seconds{15};
-/// The demo's length without a terminal, where nobody can press Ctrl-C.
+/// The demo's length without a terminal, where Ctrl-C can't be pressed.
 constexpr int kSecondsWithoutTerminal = 10;
 
 struct DemoRequest {
@@ -37,7 +31,7 @@ struct DemoRequest {
 
 /// Whether a server can listen at this port of this host.
 bool is_free(std::uint16_t port) {
-  const laboratory::Handle socket(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  const transport::Descriptor socket(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
   const int yes = 1;
   ::setsockopt(socket.number(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
   sockaddr_in address{};
@@ -48,68 +42,41 @@ bool is_free(std::uint16_t port) {
   return ::bind(socket.number(), at, sizeof address) == 0 && ::listen(socket.number(), 1) == 0;
 }
 
-/// The user's folder for persistent files; empty if there is none.
+/// The user's folder for persistent files, $XDG_STATE_HOME/rtpm; empty if it can't be made.
 std::string kept_folder() {
   const char* const state = std::getenv("XDG_STATE_HOME");
   const char* const home = std::getenv("HOME");
-  std::filesystem::path folder;
-  if (state != nullptr && *state == '/') {
-    folder = state;
-  } else if (home != nullptr && *home == '/') {
-    folder = std::filesystem::path(home) / ".local/state";
-  } else {
-    return {};
-  }
-  folder /= "rtpm";
+  const std::string folder = (state != nullptr  ? std::string(state)
+                              : home != nullptr ? std::string(home) + "/.local/state"
+                                                : "") +
+                             "/rtpm";
   std::error_code error;
   std::filesystem::create_directories(folder, error);
-  return error ? std::string() : folder.string();
-}
-
-/// Serves the console at the same URL at each start, so that a bookmark works.
-void keep_url(laboratory::FileContext& file) {
-  if (is_free(kConsolePort)) file.variables["console_port"] = std::to_string(kConsolePort);
-  if (const std::string folder = kept_folder(); !folder.empty()) {
-    file.variables["token_file"] = folder + "/demo-console.token";
-  } else {
-    rt::print_error("rtpm",
-                    "the console's token is a new one at each start: there is no folder "
-                    "~/.local/state/rtpm or $XDG_STATE_HOME/rtpm to keep it in");
-  }
+  return error ? std::string() : folder;
 }
 
 int demo(Context& context, const DemoRequest& request) {
-  laboratory::FileContext file{.folders = laboratory::ProgramFolders::of_this_process()};
-  const std::string path = laboratory::shipped_file(file.folders, kFile);
-  if (path.empty()) {
-    return context.fail({"the demo is not installed",
-                         "there is no " + file.folders.own + "/../share/rtpm/" + kFile,
-                         "install RTPM's programs again"});
-  }
+  const std::string path = laboratory::program_folders().front() + "/../share/rtpm/demo.toml";
   const bool is_watched = is_terminal() && !context.json;
-  const int seconds = request.seconds.value_or(is_watched ? 0 : kSecondsWithoutTerminal);
-  file.variables["seconds"] = std::to_string(seconds);
   std::error_code error;
-  file.variables["recordings"] = std::filesystem::current_path(error).string();
-  if (!request.hand.empty()) {
-    file.variables["hand"] = std::filesystem::absolute(request.hand, error).string();
-  }
+  laboratory::Variables variables{
+      {"seconds",
+       std::to_string(request.seconds.value_or(is_watched ? 0 : kSecondsWithoutTerminal))},
+      {"recordings", std::filesystem::current_path(error).string()},
+      {"live", is_watched ? "rewrite" : "lines"},
+      {"print_token", is_watched ? "true" : "false"}};
+  if (!request.hand.empty())
+    variables["hand"] = std::filesystem::absolute(request.hand, error).string();
   if (!request.host.empty()) {
-    file.variables["host"] = request.host;
+    variables["host"] = request.host;
     // The port at which callers of other hosts look for it.
-    file.variables["port"] = std::to_string(names::kDefaultRegistryPort);
+    variables["port"] = std::to_string(names::kDefaultRegistryPort);
   }
-  if (is_watched) {
-    file.variables["live"] = "rewrite";
-    file.variables["print_token"] = "true";
-  }
-  keep_url(file);
-  const auto plan = laboratory::read_plan(path, file);
-  if (!plan) return refuse_file(context, plan.error());
-  if (seconds == 0) return bring_up(context, *plan, {});
-  return bring_up(
-      context, *plan,
-      {.time = std::chrono::seconds{seconds} + kStartAndEndTime, .must_end_before = true});
+  // The console has the same URL at each start, so that a bookmark works.
+  if (is_free(kConsolePort)) variables["console_port"] = std::to_string(kConsolePort);
+  if (const std::string folder = kept_folder(); !folder.empty())
+    variables["token_file"] = folder + "/demo-console.token";
+  return bring_up(context, laboratory::read_plan(path, variables));
 }
 
 }  // namespace

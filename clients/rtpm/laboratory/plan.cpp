@@ -1,158 +1,446 @@
 #include "laboratory/plan.hpp"
 
+#include <unistd.h>
+
+#include <toml++/toml.h>
 #include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <optional>
+#include <sstream>
+#include <tuple>
+#include <utility>
+
+#include "rtpm/options/duration.hpp"
+#include "rtpm/options/suggestion.hpp"
 
 namespace rtpm::laboratory {
 namespace {
 
-/// The programs of a cycle, found by walking from a program that can't start to one it waits for.
-std::vector<std::size_t> cycle_among(const std::vector<ProgramPlan>& programs,
-                                     const std::vector<bool>& is_placed) {
-  std::vector<std::size_t> path;
-  auto at = static_cast<std::size_t>(std::ranges::find(is_placed, false) - is_placed.begin());
-  for (;;) {
-    const auto seen = std::ranges::find(path, at);
-    if (seen != path.end()) return {seen, path.end()};
-    path.push_back(at);
-    for (const std::size_t other : programs[at].after) {
-      if (is_placed[other]) continue;
-      at = other;
-      break;
-    }
-  }
+namespace fs = std::filesystem;
+
+constexpr std::size_t kFileSizeMax = std::size_t{1024} * 1024;
+/// Each dot may nest a table deeper, and the TOML library recurses that deep.
+constexpr std::ptrdiff_t kDotCountMax = 4096;
+constexpr std::size_t kProgramCountMax = 64;
+constexpr std::size_t kArgumentCountMax = 1024;
+constexpr const char* kNameForm =
+    "' must be letters, digits, '-', '_' and '.', a letter or digit first, at most 32";
+constexpr std::string_view kUrl = ".url";
+
+/// All keys and the types of their values. An empty table may have any keys; "*" is any key.
+constexpr std::string_view kExample = R"(
+variables = {"*" = ""}
+laboratory = {name = "", environment = {"*" = ""}}
+[[program]]
+name = ""
+run = [""]
+environment = {"*" = ""}
+config = {}
+after = [""]
+serves = [""]
+ready_line = ""
+one_shot = true
+ready_deadline = ""
+restart = ""
+stop_patience = ""
+output = ""
+main = true
+needed = true
+optional = true
+)";
+
+bool is_name(std::string_view name) {
+  constexpr std::string_view kCharacters =
+      "-_.abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789";
+  return !name.empty() && name.size() <= 32 && kCharacters.find(name.front()) >= 3 &&
+         name.find_first_not_of(kCharacters) == std::string_view::npos;
 }
 
-void unify(std::vector<std::size_t>& list) {
-  std::ranges::sort(list);
-  list.erase(std::unique(list.begin(), list.end()), list.end());
+bool contains(const Words& words, std::string_view word) {
+  return std::ranges::find(words, word) != words.end();
 }
 
-void add_uses(Plan& plan) {
-  for (ProgramPlan& program : plan.programs) {
-    const auto use = [&](const Text& text) {
-      const auto used = text.programs();
-      program.uses.insert(program.uses.end(), used.begin(), used.end());
-    };
-    std::ranges::for_each(program.command, use);
-    for (const auto& variable : program.environment)
-      use(variable.second);
-    unify(program.uses);
-    for (const std::size_t used : program.uses) {
-      program.after.push_back(used);
-      ProgramPlan& other = plan.programs[used];
-      other.has_url = true;
-      if (other.readiness == Readiness::kStart) other.readiness = Readiness::kUrl;
-    }
-    unify(program.after);
-  }
-}
-
-void give_registry(Plan& plan, std::size_t registry) {
-  for (std::size_t i = 0; i < plan.programs.size(); ++i) {
-    ProgramPlan& program = plan.programs[i];
-    const bool has_own = std::ranges::any_of(program.environment, [](const auto& variable) {
-      return variable.first == kRegistryVariable;
-    });
-    if (i == registry || has_own || comes_after(plan.programs, registry, i)) continue;
-    Text url;
-    url.append_url_of(registry);
-    program.environment.emplace_back(kRegistryVariable, std::move(url));
-  }
-}
-
-}  // namespace
-
-Text::Text(std::string literal) {
-  append(std::move(literal));
-}
-
-void Text::append(std::string literal) {
-  if (!literal.empty()) pieces_.push_back({.literal = std::move(literal)});
-}
-
-void Text::append_url_of(std::size_t program) {
-  pieces_.push_back({.url_of = program});
-}
-
-std::vector<std::size_t> Text::programs() const {
-  std::vector<std::size_t> programs;
-  for (const Piece& piece : pieces_) {
-    if (piece.url_of) programs.push_back(*piece.url_of);
-  }
-  return programs;
-}
-
-std::string Text::resolved(const std::vector<std::string>& urls) const {
+std::string joined(const Words& words) {
   std::string text;
-  for (const Piece& piece : pieces_)
-    text += piece.url_of ? urls[*piece.url_of] : piece.literal;
+  for (const std::string& word : words)
+    text += (text.empty() ? "" : ", ") + word;
   return text;
 }
 
-bool Plan::has_terminal() const {
-  return std::ranges::any_of(
-      programs, [](const ProgramPlan& program) { return program.output == Output::kTerminal; });
+/// The path of a program's executable; empty if there is none. A name with a slash is a path,
+/// relative to `folder`.
+std::string find_program(const std::string& name, const std::string& folder, const Words& folders) {
+  for (const std::string& place : name.find('/') == std::string::npos ? folders : Words{folder}) {
+    std::error_code error;
+    const fs::path file = (fs::absolute(place, error) / name).lexically_normal();
+    if (fs::is_regular_file(file, error) && ::access(file.c_str(), X_OK) == 0) return file.string();
+  }
+  return {};
 }
 
-Duration Plan::stop_patience() const {
-  Duration whole = std::chrono::seconds{1};
-  for (const ProgramPlan& program : programs)
-    whole += program.stop_patience;
-  return whole;
-}
+/// Reads one file.
+class PlanReader {
+ public:
+  PlanReader(std::string path, const Variables& variables, const Words& folders)
+      : path_(std::move(path)), variables_(variables), folders_(folders) {
+    std::error_code error;
+    const fs::path file = fs::absolute(path_, error).lexically_normal();
+    plan_.file = file.string();
+    plan_.folder = file.parent_path().string();
+    plan_.name = file.stem().string();
+  }
 
-Duration Plan::longest_stop_patience() const {
-  Duration longest{};
-  for (const ProgramPlan& program : programs)
-    longest = std::max(longest, program.stop_patience);
-  return longest;
-}
+  expected<Plan, std::vector<SetupError>> read(std::string_view text) {
+    if (std::ranges::count(text, '.') > kDotCountMax) {
+      refuse({1, 1}, "more than 4096 dots, so that tables may nest too deeply");
+    } else if (toml::parse_result parsed = toml::parse(text)) {
+      check(parsed.table(), toml::parse(kExample).table());
+      read_file(parsed.table());
+    } else {
+      refuse(parsed.error().source().begin, std::string(parsed.error().description()));
+    }
+    if (mistakes_.empty()) return std::move(plan_);
+    std::vector<SetupError> errors;
+    for (auto& [place, error] : mistakes_)
+      errors.push_back(std::move(error));
+    return unexpected{std::move(errors)};
+  }
 
-void connect(Plan& plan) {
-  add_uses(plan);
-  if (!plan.registry_program) return;
-  give_registry(plan, *plan.registry_program);
-  add_uses(plan);
-}
+ private:
+  /// Refuses and removes unknown keys, and values of another type than in the example.
+  void check(toml::table& table, const toml::table& example) {
+    Words keys;
+    for (const auto& [key, model] : example)
+      keys.emplace_back(key.str());
+    for (const char* const key : {"name", "run"}) {
+      if (example.contains("run") && !table.contains(key))
+        refuse(table, "'" + std::string(key) + "' is missing");
+    }
+    Words wrong;
+    for (auto&& [key, node] : table) {
+      const std::string name(key.str());
+      const toml::node* const model = example.get(contains(keys, "*") ? "*" : name);
+      if (model == nullptr && !keys.empty()) {
+        refuse(key.source().begin, "unknown key '" + name + "'" + options::suggestion(name, keys),
+               "there are: " + joined(keys));
+      }
+      if (!keys.empty() && (model == nullptr || !is_like(node, *model, name)))
+        wrong.push_back(name);
+    }
+    for (const std::string& key : wrong)
+      table.erase(key);
+  }
 
-std::vector<std::size_t> start_order(const std::vector<ProgramPlan>& programs,
-                                     std::vector<std::size_t>& cycle) {
-  std::vector<std::size_t> order;
-  std::vector<bool> is_placed(programs.size());
-  while (order.size() < programs.size()) {
-    const auto can_start = [&](std::size_t i) {
-      return !is_placed[i] && std::ranges::all_of(programs[i].after, [&](std::size_t other) {
-        return is_placed[other];
-      });
+  /// Whether a value has the example's type. One string may stand for a list of them.
+  bool is_like(toml::node& node, const toml::node& example, const std::string& key) {
+    if (node.is_table() && example.is_table()) {
+      check(*node.as_table(), *example.as_table());
+      return true;
+    }
+    const toml::node& item = example.is_array() ? example.as_array()->front() : example;
+    if (node.is_array() && example.is_array()) {
+      return std::ranges::all_of(*node.as_array(),
+                                 [&](toml::node& inner) { return is_like(inner, item, key); });
+    }
+    if (node.type() == item.type() && !node.is_table()) return true;
+    std::ostringstream what;
+    what << "'" << key << "' has a value of type " << node.type() << ", but must be of type "
+         << example.type();
+    refuse(node, what.str());
+    return false;
+  }
+
+  void read_file(const toml::table& file) {
+    const auto name = file["laboratory"]["name"];
+    plan_.name = name.value_or(plan_.name);
+    if (!is_name(plan_.name)) {
+      refuse(name ? *name.node() : file, "the laboratory's name '" + plan_.name + kNameForm,
+             "[laboratory] name = \"cell\"");
+    }
+    const toml::table none;
+    read_variables(file.contains("variables") ? *file["variables"].as_table() : none);
+    if (const toml::array* const programs = file["program"].as_array()) find_programs(*programs);
+    if (tables_.empty() && mistakes_.empty())
+      refuse({1, 1}, "the file has no program", "add a table [[program]]");
+    for (std::size_t i = 0; i < tables_.size(); ++i) {
+      read_environment(file["laboratory"]["environment"].as_table(), i);
+      read_program(*tables_[i], i);
+    }
+    Indices path;
+    for (std::size_t i = 0; i < tables_.size() && mistakes_.empty(); ++i)
+      place(i, path);
+    if (mistakes_.empty()) give_registry();
+  }
+
+  void read_variables(const toml::table& table) {
+    plan_.variables = {{"laboratory.name", plan_.name},
+                       {"laboratory.folder", plan_.folder},
+                       {"laboratory.file", plan_.file}};
+    Words names;
+    for (const auto& [key, node] : table)
+      plan_.variables[names.emplace_back(key.str())] = node.value_or("");
+    for (const auto& [name, value] : variables_) {
+      if (!contains(names, name))
+        refuse({1, 1}, "no variable '" + name + "' to set" + options::suggestion(name, names));
+      plan_.variables[name] = value;
+    }
+  }
+
+  /// Finds the names of all programs, and leaves out optional ones that are not installed.
+  void find_programs(const toml::array& programs) {
+    if (programs.size() > kProgramCountMax) return refuse(programs, "more than 64 programs");
+    for (const toml::node& node : programs) {
+      const toml::table& table = *node.as_table();
+      const std::string name = table["name"].value_or("");
+      if (!table.contains("name")) continue;  // check() has refused that.
+      if (!is_name(name)) {
+        refuse(*table.get("name"), "the name '" + name + kNameForm);
+      } else if (index_of(name)) {
+        refuse(*table.get("name"), "two programs are called '" + name + "'");
+      } else if (table["optional"].value_or(false) &&
+                 find_program(table["run"][0].value_or(""), plan_.folder, folders_).empty()) {
+        plan_.left_out.push_back(name);
+      } else {
+        plan_.variables[name + std::string(kUrl)];
+        plan_.programs.push_back({.name = name});
+        tables_.push_back(&table);
+      }
+    }
+  }
+
+  void read_program(const toml::table& table, std::size_t index) {
+    ProgramPlan& program = plan_.programs[index];
+    read_environment(table["environment"].as_table(), index);
+    if (const toml::node* const config = table.get("config")) {
+      refuse_variables(*config);
+      program.environment["RTPM_CONFIG"] = "${laboratory.file}#" + program.name;
+    }
+    program.command = strings(table, "run", index);
+    find_executable(table, program);
+    if (!table.contains("after") && index > 0) program.after.push_back(index - 1);
+    for (const std::string& name : strings(table, "after", index)) {
+      const auto other = index_of(name);
+      if (other) program.after.push_back(*other);
+      if (!other && !contains(plan_.left_out, name))
+        refuse(*table.get("after"), "'after' has '" + name + "', which is no program of this file");
+    }
+    program.names = strings(table, "serves", index);
+    program.must_print_url |= table["serves"].value_or("") == std::string_view("line");
+    if (table["serves"].is_string() ? program.names != Words{"line"}
+                                    : table.contains("serves") && program.names.empty())
+      refuse(*table.get("serves"),
+             "'serves' must be \"line\" or a list of names, such as [\"lab/arm0\"]");
+    if (table["serves"].is_string()) program.names.clear();
+    const Words line = strings(table, "ready_line", index);
+    program.ready_line = line.empty() ? "" : line.front();
+    program.is_one_shot = table["one_shot"].value_or(false);
+    read_time(table, "ready_deadline", program.ready_deadline);
+    read_time(table, "stop_patience", program.stop_patience);
+    program.is_restarted = choice(table, "restart", {"never", "on-failure"}) == 1;
+    program.output =
+        static_cast<Output>(choice(table, "output", {"lines", "errors", "end", "terminal"}));
+    if (program.output == Output::kTerminal && !line.empty())
+      refuse(*table.get("output"), "with output = \"terminal\" no line is read to make it ready");
+    program.is_main = table["main"].value_or(false);
+    program.is_needed = table["needed"].value_or(false);
+  }
+
+  void find_executable(const toml::table& table, ProgramPlan& program) {
+    const toml::node* const run = table.get("run");
+    if (run == nullptr) return;  // check() has refused that.
+    if (program.command.empty() || program.command.size() > kArgumentCountMax)
+      return refuse(*run, "'run' must have 1 to 1024 strings, the program first");
+    const auto name = expanded(program.command.front(), plan_.variables);
+    if (!name) return;
+    program.path = find_program(*name, plan_.folder, folders_);
+    if (!program.path.empty()) return;
+    refuse(run->is_array() ? run->as_array()->front() : *run, "there is no program '" + *name + "'",
+           "name a file, as ./" + *name + ", or a program in " + joined(folders_));
+  }
+
+  void read_environment(const toml::table* table, std::size_t index) {
+    if (table == nullptr) return;
+    for (const auto& [key, node] : *table) {
+      plan_.programs[index].environment[std::string(key.str())] = node.value_or("");
+      use(index, node, node.value_or(""));
+    }
+  }
+
+  /// The strings of a list, or one string; starts the program after those whose URLs they have.
+  Words strings(const toml::table& table, std::string_view key, std::size_t index) {
+    Words strings;
+    const auto take = [&](const toml::node& node) {
+      use(index, node, strings.emplace_back(node.value_or("")));
     };
-    std::size_t next = 0;
-    while (next < programs.size() && !can_start(next))
-      ++next;
-    if (next == programs.size()) {
-      cycle = cycle_among(programs, is_placed);
-      return {};
+    const toml::node* const node = table.get(key);
+    if (node != nullptr && node->is_array()) {
+      for (const toml::node& item : *node->as_array())
+        take(item);
+    } else if (node != nullptr) {
+      take(*node);
     }
-    is_placed[next] = true;
-    order.push_back(next);
+    return strings;
   }
-  return order;
+
+  /// Checks a text, and starts the program after those whose URLs it has.
+  void use(std::size_t index, const toml::node& node, const std::string& text) {
+    Words names;
+    const auto value = expanded(text, plan_.variables, &names);
+    if (!value) refuse(node, value.error());
+    if (text.find('\0') != std::string::npos) refuse(node, "a string has a null character");
+    for (const std::string& name : names) {
+      const auto used = index_of(name.substr(0, name.rfind(kUrl)));
+      if (!used || !name.ends_with(kUrl)) continue;
+      Indices& after = plan_.programs[index].after;
+      if (std::ranges::count(after, *used) == 0) after.push_back(*used);
+      plan_.programs[index].uses.push_back(*used);
+      plan_.programs[*used].must_print_url = true;
+    }
+  }
+
+  void refuse_variables(const toml::node& node) {
+    if (node.value_or(std::string_view()).find("${") != std::string_view::npos)
+      refuse(node, "variables are not replaced in 'config'", "use 'run' or 'environment'");
+    if (const toml::array* const list = node.as_array())
+      list->for_each([this](const auto& item) { refuse_variables(item); });
+    if (const toml::table* const table = node.as_table())
+      table->for_each([this](const auto&, const auto& value) { refuse_variables(value); });
+  }
+
+  void read_time(const toml::table& table, const std::string& key, Duration& value) {
+    const auto text = table[key].value<std::string>();
+    if (!text) return;
+    value = options::parse_duration(*text).value_or(Duration{0});
+    if (value < std::chrono::milliseconds{1} || value > std::chrono::hours{24})
+      refuse(*table.get(key), "'" + key + "' must be a time from \"1ms\" to \"24h\"");
+  }
+
+  /// The index of the chosen word; 0 if there is none.
+  std::size_t choice(const toml::table& table, const std::string& key, const Words& words) {
+    const std::string word = table[key].value_or(words.front());
+    const auto found = std::ranges::find(words, word);
+    if (found != words.end()) return static_cast<std::size_t>(found - words.begin());
+    refuse(*table.get(key), "'" + key + "' is \"" + word + "\"" + options::suggestion(word, words) +
+                                ", but must be one of " + joined(words));
+    return 0;
+  }
+
+  /// Orders the program behind those that it comes after.
+  /// @param path  the programs that wait for it
+  void place(std::size_t index, Indices& path) {
+    if (std::ranges::find(plan_.order, index) != plan_.order.end()) return;
+    const auto seen = std::ranges::find(path, index);
+    if (seen != path.end()) {
+      Words names;
+      for (auto program = seen; program != path.end(); ++program)
+        names.push_back("'" + plan_.programs[*program].name + "'");
+      const toml::node* const after = tables_[index]->get("after");
+      return refuse(
+          after == nullptr ? *tables_[index] : *after,
+          joined(names) + (names.size() == 1 ? " waits for itself" : " wait for each other"));
+    }
+    path.push_back(index);
+    for (const std::size_t other : plan_.programs[index].after) {
+      if (mistakes_.empty()) place(other, path);
+    }
+    path.pop_back();
+    plan_.order.push_back(index);
+  }
+
+  /// Gives the URL of the file's registry to all programs that start later and name no other.
+  void give_registry() {
+    const auto is_registry = [this](std::size_t index) {
+      return fs::path(plan_.programs[index].path).filename() == "rtpm-registryd";
+    };
+    auto at = std::ranges::find_if(plan_.order, is_registry);
+    if (at == plan_.order.end()) return;
+    const std::string url = "${" + plan_.programs[*at].name + ".url}";
+    for (++at; at != plan_.order.end(); ++at) {
+      if (plan_.programs[*at].environment.emplace("RTPM_REGISTRY", url).second)
+        use(*at, *tables_[*at], url);
+    }
+  }
+
+  [[nodiscard]] std::optional<std::size_t> index_of(std::string_view name) const {
+    const auto found = std::ranges::find(plan_.programs, name, &ProgramPlan::name);
+    if (found == plan_.programs.end()) return std::nullopt;
+    return static_cast<std::size_t>(found - plan_.programs.begin());
+  }
+
+  void refuse(const toml::node& node, const std::string& what, std::string remedy = {}) {
+    refuse(node.source().begin, what, std::move(remedy));
+  }
+  void refuse(toml::source_position at, const std::string& what, std::string remedy = {}) {
+    const std::string place = std::to_string(at.line) + ":" + std::to_string(at.column);
+    mistakes_.emplace(std::tuple(at.line, at.column, what),
+                      SetupError{path_ + ":" + place + ": " + what, {}, std::move(remedy)});
+  }
+
+  const std::string path_;
+  const Variables& variables_;
+  const Words& folders_;
+  Plan plan_{};
+  std::vector<const toml::table*> tables_{};  ///< The table of each program.
+  /// In the order of the file, each once.
+  std::map<std::tuple<toml::source_index, toml::source_index, std::string>, SetupError> mistakes_{};
+};
+
+}  // namespace
+
+Words program_folders() {
+  std::error_code error;
+  Words folders{fs::read_symlink("/proc/self/exe", error).parent_path()};
+  const char* const path = std::getenv("PATH");
+  std::istringstream list(path == nullptr ? "/usr/local/bin:/usr/bin:/bin" : path);
+  for (std::string folder; std::getline(list, folder, ':');)
+    folders.push_back(folder.empty() ? "." : folder);
+  return folders;
 }
 
-bool comes_after(const std::vector<ProgramPlan>& programs, std::size_t program, std::size_t other) {
-  std::vector<bool> is_seen(programs.size());
-  std::vector<std::size_t> open{program};
-  while (!open.empty()) {
-    const std::size_t at = open.back();
-    open.pop_back();
-    if (at == other && at != program) return true;
-    if (is_seen[at]) continue;
-    is_seen[at] = true;
-    for (const std::size_t before : programs[at].after) {
-      if (before == other) return true;
-      open.push_back(before);
+expected<std::string, std::string> expanded(std::string_view text, const Variables& variables,
+                                            Words* used) {
+  constexpr std::string_view kEnvironment = "environment.";
+  std::string value;
+  for (std::size_t at = 0; at < text.size(); ++at) {
+    if (!text.substr(at).starts_with("${")) {
+      value += text[at];
+      if (text.substr(at).starts_with("$$")) ++at;
+      continue;
     }
+    const std::size_t end = text.find('}', at);
+    if (end == std::string_view::npos) return unexpected{std::string("'${' has no '}'")};
+    const std::string name(text.substr(at + 2, end - at - 2));
+    const auto found = variables.find(name);
+    const char* const own =
+        name.starts_with(kEnvironment) ? std::getenv(&name[kEnvironment.size()]) : nullptr;
+    if (found == variables.end() && own == nullptr) {
+      Words names;
+      for (const auto& [variable, ignored] : variables)
+        names.push_back(variable);
+      return unexpected{"${" + name + "} is not set" + options::suggestion(name, names)};
+    }
+    value += found != variables.end() ? found->second : own;
+    if (used != nullptr) used->push_back(name);
+    at = end;
   }
-  return false;
+  return value;
+}
+
+expected<Plan, std::vector<SetupError>> read_plan(const std::string& path,
+                                                  const Variables& variables,
+                                                  const Words& folders) {
+  std::error_code error;
+  const auto size = fs::file_size(path, error);
+  if (!error && size > kFileSizeMax) error = std::make_error_code(std::errc::file_too_large);
+  std::ifstream file(path);
+  const std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+  if (!error && !file) error = std::make_error_code(std::errc::io_error);
+  if (!error) return PlanReader(path, variables, folders).read(text);
+  return unexpected{std::vector<SetupError>{{"the laboratory's file '" + path + "' can't be read",
+                                             error.message(), "name a readable file", error}}};
 }
 
 }  // namespace rtpm::laboratory

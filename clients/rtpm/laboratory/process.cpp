@@ -1,147 +1,157 @@
 #include "laboratory/process.hpp"
 
 #include <fcntl.h>
-#include <linux/close_range.h>
-#include <signal.h>
+#include <poll.h>
+#include <spawn.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
-#include <string_view>
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <utility>
+
+#include "rtpm/options/stop_signal.hpp"
+#include "rtpm/rt/clock.hpp"
 
 namespace rtpm::laboratory {
 namespace {
 
-/// The failed step of the new process, reported through a pipe that exec closes.
-struct Failure {
-  int number = 0;
-  bool is_folder = false;
-};
+constexpr std::size_t kLineSizeMax = 4096;  // Longer lines are split.
 
-/// All arguments of exec, made before fork(): after it, nothing may be allocated.
-struct Prepared {
-  const Launch& launch;
-  std::vector<char*> arguments{};
-  std::vector<char*> environment{};
-};
-
-std::vector<char*> pointers_to(const std::vector<std::string>& texts) {
+/// For exec, which does not write to the texts.
+std::vector<char*> pointers_to(Words& texts) {
   std::vector<char*> pointers;
-  pointers.reserve(texts.size() + 1);
-  for (const std::string& text : texts)
-    pointers.push_back(const_cast<char*>(text.c_str()));  // exec does not write to the text.
+  for (std::string& text : texts)
+    pointers.push_back(text.data());
   pointers.push_back(nullptr);
   return pointers;
 }
 
-void reset_signals() {
-  struct sigaction standard {};
-  standard.sa_handler = SIG_DFL;
-  for (int signal = 1; signal < NSIG; ++signal)
-    ::sigaction(signal, &standard, nullptr);
-  sigset_t none;
-  ::sigemptyset(&none);
-  ::sigprocmask(SIG_SETMASK, &none, nullptr);
-}
-
-/// Places descriptors as 0, 1 and 2; first moves them out of each other's way.
-bool place_streams(const Launch& launch) {
-  std::array<int, 3> streams{launch.input, launch.output, launch.errors};
-  for (int& stream : streams) {
-    if (stream < 0 || stream > STDERR_FILENO) continue;
-    stream = ::fcntl(stream, F_DUPFD_CLOEXEC, STDERR_FILENO + 1);
-    if (stream < 0) return false;
+Words environment_with(const Variables& changes) {
+  Words variables;
+  for (const auto& [name, value] : changes)
+    variables.push_back(name + "=" + value);
+  for (char** variable = ::environ; *variable != nullptr; ++variable) {
+    const std::string text = *variable;
+    if (!changes.contains(text.substr(0, text.find('=')))) variables.push_back(text);
   }
-  for (int i = 0; i < 3; ++i) {
-    const int stream = streams[static_cast<std::size_t>(i)];
-    if (stream >= 0 && ::dup2(stream, i) < 0) return false;
-  }
-  return true;
-}
-
-/// Runs in the new process. Async-signal-safe calls only.
-[[noreturn]] void run(const Prepared& prepared, pid_t parent, int report) {
-  const Launch& launch = prepared.launch;
-  Failure failure;
-  if (launch.has_own_group) ::setpgid(0, 0);
-  reset_signals();
-  ::prctl(PR_SET_PDEATHSIG, SIGTERM);
-  if (::getppid() != parent) ::_exit(1);  // The parent ended before the line above.
-  if (place_streams(launch)) {
-    if (::chdir(launch.folder.c_str()) == 0) {
-      ::close_range(STDERR_FILENO + 1, ~0U, CLOSE_RANGE_CLOEXEC);
-      ::execve(launch.path.c_str(), prepared.arguments.data(), prepared.environment.data());
-    } else {
-      failure.is_folder = true;
-    }
-  }
-  failure.number = errno;
-  static_cast<void>(!::write(report, &failure, sizeof failure));
-  ::_exit(127);
+  return variables;
 }
 
 }  // namespace
 
-void Handle::reset() noexcept {
-  if (number_ >= 0) ::close(std::exchange(number_, -1));
+expected<Process, SetupError> launch(const std::string& path, Words arguments,
+                                     const Variables& environment, const std::string& folder,
+                                     bool has_terminal) {
+  Process process;
+  std::array<transport::Descriptor, 2> theirs{};
+  posix_spawn_file_actions_t actions;
+  ::posix_spawn_file_actions_init(&actions);
+  for (std::size_t i = 0; i < 2 && !has_terminal; ++i) {
+    std::array<int, 2> ends{-1, -1};
+    static_cast<void>(!::pipe2(ends.data(), O_CLOEXEC));  // Without pipes, the program fails below.
+    ::fcntl(ends[0], F_SETFL, O_NONBLOCK);                // Programs expect their end to block.
+    process.streams[i].descriptor = transport::Descriptor(ends[0]);
+    theirs[i] = transport::Descriptor(ends[1]);
+    ::posix_spawn_file_actions_adddup2(&actions, ends[1], STDOUT_FILENO + static_cast<int>(i));
+  }
+  if (!has_terminal)
+    ::posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+  ::posix_spawn_file_actions_addchdir_np(&actions, folder.c_str());
+  ::posix_spawn_file_actions_addclosefrom_np(&actions, STDERR_FILENO + 1);
+  sigset_t signals;
+  posix_spawnattr_t attributes;
+  ::posix_spawnattr_init(&attributes);
+  ::sigemptyset(&signals);
+  ::posix_spawnattr_setsigmask(&attributes, &signals);
+  ::sigfillset(&signals);
+  ::posix_spawnattr_setsigdefault(&attributes, &signals);
+  const int group = has_terminal ? 0 : POSIX_SPAWN_SETPGROUP;
+  ::posix_spawnattr_setflags(
+      &attributes, static_cast<short>(POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETSIGMASK | group));
+  Words variables = environment_with(environment);
+  const int error = ::posix_spawn(&process.id, path.c_str(), &actions, &attributes,
+                                  pointers_to(arguments).data(), pointers_to(variables).data());
+  ::posix_spawnattr_destroy(&attributes);
+  ::posix_spawn_file_actions_destroy(&actions);
+  if (error == 0) return process;
+  return setup_error(path + " does not start in " + folder, system_error(error));
 }
 
-expected<std::array<Handle, 2>, SetupError> make_pipe() {
-  std::array<int, 2> ends{};
-  if (::pipe2(ends.data(), O_CLOEXEC) != 0) {
-    return setup_error("there is no pipe", system_error(errno), "raise the limit of open files");
-  }
-  return std::array<Handle, 2>{Handle(ends[0]), Handle(ends[1])};
+void read_lines(Process::Stream& stream, bool has_ended,
+                const std::function<void(std::string_view line)>& take) {
+  std::array<char, std::size_t{64} * 1024> part{};  // All that fits into a pipe.
+  const ssize_t size = ::read(stream.descriptor.number(), part.data(), part.size());
+  if (size > 0) stream.text.append(part.data(), static_cast<std::size_t>(size));
+  std::size_t begin = 0;
+  for (std::size_t end = 0; (end = stream.text.find('\n', begin)) != std::string::npos;
+       begin = end + 1)
+    take(std::string_view(stream.text).substr(begin, end - begin));
+  stream.text.erase(0, begin);
+  const bool is_over = has_ended || size == 0;
+  if (stream.text.size() > kLineSizeMax || (is_over && !stream.text.empty()))
+    take(std::exchange(stream.text, {}));
+  if (is_over) stream.descriptor = transport::Descriptor();
 }
 
-expected<pid_t, SetupError> launch(const Launch& launch) {
-  auto report = make_pipe();
-  if (!report) return unexpected{report.error()};
-  const Prepared prepared{launch, pointers_to(launch.arguments), pointers_to(launch.environment)};
-  const pid_t parent = ::getpid();
-  const pid_t id = ::fork();
-  if (id < 0) return setup_error(launch.path + " does not start", system_error(errno));
-  if (id == 0) run(prepared, parent, (*report)[1].number());
-  // Both processes set the group, because either may run first.
-  if (launch.has_own_group) ::setpgid(id, id);
-  (*report)[1].reset();
-  Failure failure;
-  ssize_t size = 0;
-  do {
-    size = ::read((*report)[0].number(), &failure, sizeof failure);
-  } while (size < 0 && errno == EINTR);
-  if (size == 0) return id;  // exec has closed the other end.
-  while (::waitpid(id, nullptr, 0) < 0 && errno == EINTR) {
-  }
-  const std::string what =
-      failure.is_folder ? launch.folder + " can't be entered" : launch.path + " does not start";
-  return setup_error(what, system_error(failure.number));
+sigset_t become_parent() {
+  ::prctl(PR_SET_CHILD_SUBREAPER, 1);
+  sigset_t signals;
+  ::sigemptyset(&signals);
+  for (const int signal : options::stop_signals())
+    ::sigaddset(&signals, signal);
+  ::sigaddset(&signals, SIGCHLD);
+  ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  return signals;
 }
 
-void leave_terminal() {
-  const Handle nothing(::open("/dev/null", O_RDWR | O_CLOEXEC));
-  for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
-    ::dup2(nothing.number(), stream);
+bool end_children(Duration patience) {
+  const std::string list = "/proc/self/task/" + std::to_string(::getpid()) + "/children";
+  const MonotonicTime kill_time = rt::now() + patience;
+  for (int signal = SIGTERM; rt::now() < kill_time + std::chrono::seconds{2};) {
+    pid_t ended = 0;
+    while ((ended = ::waitpid(-1, nullptr, WNOHANG)) > 0) {
+    }
+    if (ended < 0) return true;
+    if (rt::now() >= kill_time) signal = SIGKILL;
+    // SIGKILL is repeated, because the children of a killed process become this one's. The number
+    // of a child can't be reused before it is reaped.
+    std::ifstream children(list);
+    for (pid_t child = 0; signal != 0 && children >> child;)
+      ::kill(child, signal);
+    if (signal == SIGTERM) signal = 0;
+    static_cast<void>(::poll(nullptr, 0, 10));
+  }
+  return false;
 }
 
-std::vector<std::string> environment_with(
-    const std::vector<std::pair<std::string, std::string>>& changes) {
-  std::vector<std::string> variables;
-  for (char** variable = ::environ; *variable != nullptr; ++variable) {
-    const std::string_view name =
-        std::string_view(*variable).substr(0, std::string_view(*variable).find('='));
-    if (std::ranges::none_of(changes, [&](const auto& change) { return change.first == name; }))
-      variables.emplace_back(*variable);
+expected<std::optional<int>, SetupError> run_guarded(const std::function<int()>& work,
+                                                     Duration patience) {
+  const sigset_t signals = become_parent();
+  std::fflush(nullptr);  // Otherwise both processes would write the buffered output.
+  const pid_t guard = ::getpid();
+  const pid_t child = ::fork();
+  if (child < 0) return setup_error("the supervisor does not start", system_error(errno));
+  if (child == 0) {
+    ::prctl(PR_SET_PDEATHSIG, SIGTERM);
+    if (::getppid() != guard) ::raise(SIGTERM);  // It ended before the line above.
+    std::exit(work());
   }
-  for (const auto& [name, value] : changes) {
-    std::string variable = name;
-    variable += '=';
-    variable += value;
-    variables.push_back(std::move(variable));
+  for (;;) {
+    int status = 0;
+    const pid_t ended = ::waitpid(-1, &status, WNOHANG);
+    if (ended == child && WIFEXITED(status)) return WEXITSTATUS(status);
+    if (ended == child) break;
+    siginfo_t signal{};
+    if (ended > 0 || ::sigwaitinfo(&signals, &signal) == SIGCHLD) continue;
+    // The child gets the terminal's signals itself, as it is of the same group.
+    if (signal.si_signo > 0 && signal.si_code != SI_KERNEL) ::kill(child, signal.si_signo);
   }
-  return variables;
+  end_children(patience);
+  return std::nullopt;
 }
 
 }  // namespace rtpm::laboratory

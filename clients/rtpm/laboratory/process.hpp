@@ -1,60 +1,57 @@
 #pragma once
 
-#include <sys/types.h>
+#include <signal.h>
 
 #include <array>
+#include <functional>
+#include <optional>
 #include <string>
-#include <utility>
-#include <vector>
+#include <string_view>
 
+#include "laboratory/plan.hpp"
 #include "rtpm/base/setup_error.hpp"
+#include "rtpm/transport/socket.hpp"
 
 namespace rtpm::laboratory {
 
-/// Owns a file descriptor and closes it.
-class Handle {
- public:
-  explicit Handle(int number = -1) noexcept : number_(number) {}
-  Handle(Handle&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
-  Handle& operator=(Handle&& other) noexcept {
-    std::swap(number_, other.number_);
-    return *this;
-  }
-  ~Handle() { reset(); }
-  void reset() noexcept;
-  [[nodiscard]] int number() const noexcept { return number_; }
-  [[nodiscard]] bool is_open() const noexcept { return number_ >= 0; }
-
- private:
-  int number_;
+/// A program's process, and its standard output and error, which are read.
+struct Process {
+  struct Stream {
+    transport::Descriptor descriptor{};
+    std::string text{};  ///< The begin of a line.
+  };
+  pid_t id = 0;
+  std::array<Stream, 2> streams{};
 };
 
-/// Both ends of a pipe, the reading one first, closed at exec.
-[[nodiscard]] expected<std::array<Handle, 2>, SetupError> make_pipe();
+/// Starts a program, without blocked or ignored signals, in a group of its own.
+/// @param arguments     the program's name first
+/// @param environment   replaces this process's variables
+/// @param has_terminal  it has this process's group and standard streams instead
+/// @errors   the system's error
+[[nodiscard]] expected<Process, SetupError> launch(const std::string& path, Words arguments,
+                                                   const Variables& environment,
+                                                   const std::string& folder, bool has_terminal);
 
-/// A program to be started.
-struct Launch {
-  std::string path{};
-  std::vector<std::string> arguments{};    ///< The program's name comes first.
-  std::vector<std::string> environment{};  ///< "NAME=value".
-  std::string folder{};
-  int input = -1;  ///< Standard input; -1 to inherit this process's.
-  int output = -1;
-  int errors = -1;
-  bool has_own_group = true;  ///< Ctrl-C at the terminal then reaches only this process.
-};
+/// Passes on the lines that have arrived and, if it has ended, the begin of a line.
+void read_lines(Process::Stream& stream, bool has_ended,
+                const std::function<void(std::string_view line)>& take);
 
-/// Starts the program without blocked or ignored signals, with the three descriptors only. The
-/// system sends it SIGTERM when the calling thread ends.
-/// @threads  one that lasts at least as long as the program
-/// @errors   the system's error, with the failed step
-[[nodiscard]] expected<pid_t, SetupError> launch(const Launch& launch);
+/// Makes this process the parent of its orphaned descendants, and blocks the returned signals:
+/// those to stop, and SIGCHLD.
+sigset_t become_parent();
 
-/// Replaces this process's standard streams by /dev/null.
-void leave_terminal();
+/// Ends all children of this process and, as become_parent() makes them its children, their
+/// descendants: SIGTERM, then SIGKILL after `patience`.
+/// @return whether all have ended, within 2 s of SIGKILL
+bool end_children(Duration patience);
 
-/// This process's environment, with the variables of `changes` replaced or added.
-[[nodiscard]] std::vector<std::string> environment_with(
-    const std::vector<std::pair<std::string, std::string>>& changes);
+/// Runs `work` in a child process, and passes stop signals on to it. If this process is killed, the
+/// child gets SIGTERM; if the child is killed, its descendants end by end_children().
+/// @return the exit code; nullopt if the work was killed
+/// @threads  before any other thread starts
+/// @errors   the system's error
+[[nodiscard]] expected<std::optional<int>, SetupError> run_guarded(const std::function<int()>& work,
+                                                                   Duration patience);
 
 }  // namespace rtpm::laboratory

@@ -1,43 +1,31 @@
 #include "laboratory/process.hpp"
 
-#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <algorithm>
+#include <fcntl.h>
+
 #include <string>
 
-#include "laboratory/guard.hpp"
-#include "laboratory/process_tree.hpp"
-
-// Starting, finding and ending programs of a laboratory.
+// Starting and ending programs of a laboratory.
 namespace rtpm::laboratory {
 namespace {
 
 /// The output of a shell that runs like a laboratory's program.
 std::string output_of(const std::string& script) {
-  auto pipe = make_pipe();
-  if (!pipe) return {};
-  Launch description{.path = "/bin/sh",
-                     .arguments = {"sh", "-c", script},
-                     .environment = environment_with({{"RTPM_TOLD", "a b"}}),
-                     .folder = "/",
-                     .output = (*pipe)[1].number()};
-  const auto process = launch(description);
+  auto process = launch("/bin/sh", {"sh", "-c", script}, {{"RTPM_GIVEN", "a b"}}, "/", false);
   EXPECT_TRUE(process);
-  (*pipe)[1].reset();
+  waitpid(process->id, nullptr, 0);
   std::string text;
-  std::array<char, 4096> part{};
-  for (ssize_t size = 0; (size = read((*pipe)[0].number(), part.data(), part.size())) > 0;)
-    text.append(part.data(), static_cast<std::size_t>(size));
-  waitpid(*process, nullptr, 0);
+  read_lines(process->streams[0], true,
+             [&](std::string_view line) { text += std::string(line) + "\n"; });
   return text;
 }
 
 TEST(Process, HasItsFolderEnvironmentAndGroup) {
-  EXPECT_EQ(output_of("pwd; echo \"$RTPM_TOLD\""), "/\na b\n");
+  EXPECT_EQ(output_of("pwd; echo \"$RTPM_GIVEN\""), "/\na b\n");
   const std::string group = output_of("ps -o pid= -o pgid= -p $$ | awk '{print $1 == $2}'");
   EXPECT_EQ(group, "1\n");
 }
@@ -56,71 +44,62 @@ TEST(Process, HasNoSignalBlockedOrIgnored) {
   sigaddset(&blocked, SIGTERM);
   pthread_sigmask(SIG_BLOCK, &blocked, &former);
   const auto handler = signal(SIGHUP, SIG_IGN);
-  const std::string status = output_of("grep -E 'Sig(Blk|Ign)' /proc/self/status | sort");
+  // Without signals 29 and above, of which glibc ignores two.
+  const std::string status =
+      output_of("awk '/Sig(Blk|Ign)/ {print substr($2, 10)}' /proc/self/status");
   signal(SIGHUP, handler);
   pthread_sigmask(SIG_SETMASK, &former, nullptr);
-  EXPECT_EQ(status, "SigBlk:\t0000000000000000\nSigIgn:\t0000000000000000\n");
+  EXPECT_EQ(status, "0000000\n0000000\n");
 }
 
 TEST(Process, ThatCannotBeStartedSaysWhy) {
-  const auto absent = launch({.path = "/bin/rtpm-absent", .arguments = {"x"}, .folder = "/"});
+  const auto absent = launch("/bin/rtpm-absent", {"x"}, {}, "/", false);
   ASSERT_FALSE(absent);
   EXPECT_NE(absent.error().reason().find("/bin/rtpm-absent"), std::string::npos);
   EXPECT_EQ(absent.error().cause, system_error(ENOENT));
-  const auto outside = launch({.path = "/bin/sh", .arguments = {"sh"}, .folder = "/nowhere"});
+  const auto outside = launch("/bin/sh", {"sh"}, {}, "/nowhere", false);
   ASSERT_FALSE(outside);
-  EXPECT_NE(outside.error().reason().find("/nowhere can't be entered"), std::string::npos);
+  EXPECT_NE(outside.error().reason().find("/nowhere"), std::string::npos);
 }
 
-TEST(ProcessTree, TellsAProcessFromALaterOne) {
-  const auto self = identity_of(getpid());
-  ASSERT_TRUE(self);
-  EXPECT_TRUE(send_signal(*self, 0));
-  EXPECT_FALSE(send_signal({self->id, self->start_ticks + 1}, 0));
-  EXPECT_FALSE(identity_of(-1));
-}
-
-/// Whether the process exists and is not a zombie.
-bool is_alive(pid_t id) {
-  return identity_of(id).has_value();
+TEST(Process, PrintsLinesAndTheBeginOfOne) {
+  EXPECT_EQ(output_of("echo out; printf end"), "out\nend\n");
 }
 
 // SIGKILL ends both processes, one after the other; none of their child processes remains.
-TEST(Guard, EndsWhatItsWorkLeavesBehind) {
-  auto pipe = make_pipe();
-  auto ready_pipe = make_pipe();
-  ASSERT_TRUE(pipe && ready_pipe);
+TEST(Guard, EndsDescendantsOfItsKilledWork) {
+  std::array<int, 2> pipe{};
+  std::array<int, 2> ready{};
+  ASSERT_EQ(pipe2(pipe.data(), O_CLOEXEC), 0);
+  ASSERT_EQ(pipe2(ready.data(), O_CLOEXEC), 0);
   const pid_t guard = fork();
   if (guard == 0) {
     const auto end = run_guarded(
-        [&](int) {
+        [&] {
           // A grandchild in its own session, which ignores SIGTERM.
           if (fork() == 0) {
             setsid();
             signal(SIGTERM, SIG_IGN);
-            const pid_t own = getpid();
-            static_cast<void>(!write((*pipe)[1].number(), &own, sizeof own));
-            static_cast<void>(!write((*ready_pipe)[1].number(), &own, sizeof own));
+            static_cast<void>(!write(ready[1], "r", 1));
             for (;;)
               pause();
           }
-          // Reports ready only once it ignores SIGTERM.
-          pid_t ready = 0;
-          static_cast<void>(!read((*ready_pipe)[0].number(), &ready, sizeof ready));
+          // Dies only once the grandchild ignores SIGTERM.
+          char byte = 0;
+          static_cast<void>(!read(ready[0], &byte, 1));
           raise(SIGKILL);
           return 0;
         },
-        std::chrono::milliseconds{50}, false);
-    _exit(end && end->was_killed ? 7 : 1);
+        std::chrono::milliseconds{50});
+    _exit(end && !*end ? 7 : 1);
   }
-  (*pipe)[1].reset();
+  close(pipe[1]);
   int status = 0;
   waitpid(guard, &status, 0);
   EXPECT_EQ(WEXITSTATUS(status), 7);
-  pid_t grandchild = 0;
-  ASSERT_EQ(read((*pipe)[0].number(), &grandchild, sizeof grandchild),
-            static_cast<ssize_t>(sizeof grandchild));
-  EXPECT_FALSE(is_alive(grandchild));
+  // The last process that has the other end of the pipe is gone.
+  char byte = 0;
+  EXPECT_EQ(read(pipe[0], &byte, 1), 0);
 }
 
 }  // namespace
