@@ -61,9 +61,8 @@ void MulticastOutlet::write(std::span<const SubscriptionNumber> subscriptions, C
   for (std::size_t i = 0; i < subscriptions.size(); ++i)
     owners[i] = slots_[subscriptions[i]].owner;
   const auto send = [this](ConstBytes datagram) {
-    const bool is_held_back = config_.lose_every != 0 && ++made_count_ % config_.lose_every == 0;
     // A failed send is a loss like any on the network, and is repaired in the same way.
-    if (!is_held_back) static_cast<void>(sender_.send(datagram));
+    static_cast<void>(sender_.send(datagram));
   };
   const bool is_written =
       writer_.write(std::span(owners).first(subscriptions.size()), events, send);

@@ -69,7 +69,6 @@ class MulticastOutlet final : public Broadcaster {
   Exchange* exchange_ = nullptr;
   MonotonicTime next_heartbeat_ = kNever;
   Duration heartbeat_interval_{0};
-  std::uint64_t made_count_ = 0;
 };
 
 /// Distributes deliveries to ring and multicast, by subscription.

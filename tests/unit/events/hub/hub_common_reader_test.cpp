@@ -38,12 +38,12 @@ class HubCommonReader : public testing::TestWithParam<Way> {
  protected:
   void SetUp() override {
     if (GetParam() != Way::kRing && !has_multicast()) GTEST_SKIP() << kNeedsMulticast;
+    if (GetParam() == Way::kLossyMulticast) lose_every(5);
   }
+  void TearDown() override { lose_every(0); }
   [[nodiscard]] static HubConfig config() {
     HubConfig config;
-    if (GetParam() != Way::kRing) {
-      config.multicast = {group_of_mine(), 4096, GetParam() == Way::kLossyMulticast ? 5U : 0U};
-    }
+    if (GetParam() != Way::kRing) config.multicast = MulticastConfig{.group = group_of_mine()};
     return config;
   }
   [[nodiscard]] std::unique_ptr<Consumer> join(EventHandler& handler, bool has_own_thread = false) {

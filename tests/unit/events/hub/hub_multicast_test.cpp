@@ -18,11 +18,12 @@ class HubMulticast : public testing::TestWithParam<std::uint32_t> {
  protected:
   void SetUp() override {
     if (!has_multicast()) GTEST_SKIP() << kNeedsMulticast;
+    lose_every(GetParam());
   }
-  [[nodiscard]] static HubConfig config(std::uint32_t history_count = 4096,
-                                        std::uint32_t lose_every = GetParam()) {
+  void TearDown() override { lose_every(0); }
+  [[nodiscard]] static HubConfig config(std::uint32_t history_count = 4096) {
     HubConfig config;
-    config.multicast = {group_of_mine(), history_count, lose_every};
+    config.multicast = MulticastConfig{.group = group_of_mine(), .history_count = history_count};
     return config;
   }
   [[nodiscard]] std::unique_ptr<Consumer> join(ServedHub& hub, EventHandler& handler,

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/transport/multicast.hpp"
@@ -16,6 +17,9 @@ inline transport::MulticastGroup group_of_mine() {
   static const auto kPort = static_cast<std::uint16_t>(20'000 + to_ns(rt::now()) / 1000 % 40'000);
   return {.group = "239.255.42.99", .port = kPort, .interface = kLoopback, .hops = 0};
 }
+
+/// Loses each datagram to a multicast group whose number is a multiple of `count`; 0: none.
+void lose_every(std::uint32_t count);
 
 /// Whether datagrams sent to the group arrive.
 inline bool has_multicast() {

@@ -30,8 +30,6 @@ struct MulticastConfig {
   transport::MulticastGroup group{};
   /// Datagrams of up to 1400 bytes kept for repair; at least 8.
   std::uint32_t history_count = 4096;
-  /// Omits every n-th datagram, to test repair; 0 omits none.
-  std::uint32_t lose_every = 0;
 };
 
 /// Configures a hub.
