@@ -259,6 +259,7 @@ TEST(UrlVectors, AreTakenApartOrNot) {
     EXPECT_EQ(Json(url->hosts), vector.at("hosts"));
     EXPECT_EQ(url->port, vector.at("port"));
     EXPECT_EQ(url->path, vector.at("path"));
+    EXPECT_EQ(url->text(), vector.at("text"));
   }
   for (const Json& text : vectors.at("bad")) {
     EXPECT_FALSE(wire::parse_url(text.get<std::string>())) << text;

@@ -25,7 +25,6 @@ class ServerCancel : public testing::Test {
     header.budget_us = 0;
     return frame_of(header, bytes_of(payload));
   }
-  std::uint64_t dropped(DropReason reason) const { return server_.counters().dropped_for(reason); }
 
   ServerSessions server_{server_config()};
   Peer peer_;
@@ -48,34 +47,6 @@ TEST_F(ServerCancel, TellsACallThatRuns) {
   EXPECT_EQ(call(1).action, Action::kNothing) << "nor when it ended";
 }
 
-// hp-5.9-2
-TEST_F(ServerCancel, OfACallWithoutATagStopsItsReply) {
-  const Verdict verdict = call(1);
-  EXPECT_EQ(receive(cancel_frame(1)).action, Action::kNothing);
-  EXPECT_EQ(server_.next_cancelled(), 0u);
-  EXPECT_TRUE(answer(server_, verdict.request, "done", at(1s)).empty());
-}
-
-// hp-5.2-4
-TEST_F(ServerCancel, FreesThePlaceOfTheCall) {
-  const Verdict first = call(1);
-  static_cast<void>(receive(cancel_frame(1)));
-  const Verdict next = call(1 + kCallWindow);
-  ASSERT_EQ(next.action, Action::kDispatch);
-  EXPECT_TRUE(answer(server_, first.request, "late", at(1s)).empty());
-  EXPECT_EQ(payload_of(answer(server_, next.request, "own", at(1s))), bytes_of("own"));
-}
-
-// hp-5.9-2
-TEST_F(ServerCancel, ThatOvertookItsCallKeepsItFromRunning) {
-  EXPECT_EQ(receive(cancel_frame(1)).action, Action::kNothing);
-  EXPECT_EQ(server_.counters().cancelled_count, 1u);
-  EXPECT_EQ(call(1).action, Action::kNothing);
-  EXPECT_EQ(dropped(DropReason::kStaleCall), 1u);
-  EXPECT_EQ(call(2).action, Action::kDispatch) << "the next one runs";
-  EXPECT_EQ(call(1 + kCallWindow).action, Action::kDispatch) << "and the next in its place";
-}
-
 // hp-5.9-2: an older call may still hold the slot.
 TEST_F(ServerCancel, ThatOvertookItsCallHoldsWhileAnOlderOneRuns) {
   const Verdict older = call(1);
@@ -86,35 +57,11 @@ TEST_F(ServerCancel, ThatOvertookItsCallHoldsWhileAnOlderOneRuns) {
   EXPECT_EQ(call(1 + 2 * kCallWindow).action, Action::kDispatch);
 }
 
-TEST_F(ServerCancel, OfWhatTheSessionLeftBehindIsStale) {
-  const Verdict newer = call(1 + kCallWindow);
-  EXPECT_EQ(receive(cancel_frame(1)).action, Action::kNothing);
-  EXPECT_EQ(dropped(DropReason::kStaleCall), 1u);
-  EXPECT_EQ(server_.counters().cancelled_count, 0u);
-  EXPECT_EQ(payload_of(answer(server_, newer.request, "own", at(1ms))), bytes_of("own"));
-}
-
 TEST_F(ServerCancel, OfACallThatEndedChangesNothing) {
   const Bytes reply = answer(server_, call(1).request, "reply", at(0s));
   EXPECT_EQ(receive(cancel_frame(1)).action, Action::kNothing);
   EXPECT_EQ(server_.counters().cancelled_count, 0u);
   EXPECT_EQ(payload_of(call(1).frame), payload_of(reply));
-}
-
-// hp-5.9-1
-TEST_F(ServerCancel, FromElsewhereIsDropped) {
-  const Verdict verdict = call(1);
-  PeerAddress stranger = peer_.address;
-  stranger.port ^= 1;
-  EXPECT_EQ(server_.on_frame(cancel_frame(1), stranger, at(0s)).action, Action::kNothing);
-  EXPECT_EQ(dropped(DropReason::kForeignAddress), 1u);
-  EXPECT_EQ(receive(cancel_frame(1, "x")).action, Action::kNothing);
-  EXPECT_EQ(dropped(DropReason::kBadPayload), 1u);
-  EXPECT_EQ(payload_of(answer(server_, verdict.request, "own", at(1ms))), bytes_of("own"))
-      << "neither of them counts";
-  ++peer_.session;
-  EXPECT_EQ(receive(cancel_frame(1)).action, Action::kNothing) << "nor is one answered";
-  EXPECT_EQ(dropped(DropReason::kUnknownSession), 1u);
 }
 
 // hp-5.9-2: a request of which only half has arrived does not run when the rest arrives.
@@ -189,23 +136,6 @@ TEST_F(ClientCancel, OfALargeCallIsABareHeader) {
   EXPECT_EQ(frame.size(), kHeaderSize);
   EXPECT_EQ(header_of(frame).fragment_count, 1u);
   EXPECT_TRUE(channel_.next_frame(at(1ms)).empty()) << "no more fragments";
-}
-
-// hp-5.9-3: an earlier CANCEL was lost.
-TEST_F(ClientCancel, AnswersItemsThatNobodyTakes) {
-  const Bytes call = begin_call(at(0s));
-  static_cast<void>(channel_.cancel(channel_.last_call(), at(0s)));
-  Header item = answer_header(call, FrameKind::kItem);
-  item.item = 5;
-  ChannelEvent event = channel_.on_frame(frame_of(item, bytes_of("item")), at(1ms));
-  ASSERT_EQ(event.kind, Kind::kSend);
-  EXPECT_EQ(header_of(event.frame).kind, FrameKind::kCancel);
-  EXPECT_EQ(header_of(event.frame).call_id, item.call_id);
-  EXPECT_EQ(header_of(event.frame).item, 0u);
-  EXPECT_EQ(dropped(DropReason::kUnexpected), 1u);
-  ++item.session;
-  event = channel_.on_frame(frame_of(item, bytes_of("item")), at(1ms));
-  EXPECT_EQ(event.kind, Kind::kNothing) << "another session's are nothing to it";
 }
 
 }  // namespace

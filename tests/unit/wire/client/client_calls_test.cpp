@@ -22,25 +22,6 @@ class ClientCallsOnAStream : public StreamChannelTest {
   void SetUp() override { make_ready(at(0s)); }
 };
 
-TEST_F(ClientCalls, CarryWhatTheyAreGiven) {
-  const auto frame = channel_.call(parameters(at(1500us) + 1ns), request_, at(1ms));
-  ASSERT_TRUE(frame);
-  const Header header = header_of(*frame);
-  EXPECT_EQ(header.kind, FrameKind::kCall);
-  EXPECT_EQ(header.session, kSession);
-  EXPECT_EQ(header.service, 3u);
-  EXPECT_EQ(header.method, 4u);
-  EXPECT_EQ(header.priority, Priority{120});
-  EXPECT_EQ(header.trace_id, 0x7aceu);
-  EXPECT_EQ(header.flags, 0u);
-  EXPECT_EQ(header.status, Status::kOk);
-  EXPECT_EQ(header.sender_time_ns, static_cast<std::uint64_t>(to_ns(at(1ms))));
-  EXPECT_EQ(header.budget_us, 501u) << "rounded up (hp-5.4-1)";
-  EXPECT_EQ(header.item, 0u) << "it is no stream";
-  EXPECT_EQ(payload_of(*frame), request_);
-  EXPECT_EQ(channel_.call_begun(), at(1ms));
-}
-
 // hp-5.4-1
 TEST_F(ClientCalls, StateTheirBudgetWithinItsRange) {
   const auto budget_of = [this](MonotonicTime deadline) {
@@ -57,54 +38,6 @@ TEST_F(ClientCalls, StateTheirBudgetWithinItsRange) {
   EXPECT_EQ(budget_of(kNever), std::numeric_limits<std::uint32_t>::max());
 }
 
-TEST_F(ClientCalls, MayWaitForEverFromTheBeginOfTime) {
-  const auto frame = channel_.call(parameters(kNever), {}, time_from_ns(0));
-  EXPECT_EQ(header_of(*frame).budget_us, std::numeric_limits<std::uint32_t>::max());
-}
-
-TEST_F(ClientCalls, EndWithTheirReply) {
-  const Bytes call = begin_call(at(0s));
-  const Bytes reply = reply_frame(call, "result", Status::kServantFailed);
-  const ChannelEvent event = channel_.on_frame(reply, at(1ms));
-  EXPECT_EQ(event.kind, Kind::kReply);
-  EXPECT_EQ(event.status, Status::kServantFailed);
-  EXPECT_EQ(copy_of(event.payload), bytes_of("result"));
-  EXPECT_EQ(channel_.next_time(), kNever);
-  EXPECT_TRUE(channel_.is_ready());
-  EXPECT_EQ(channel_.on_frame(reply, at(1ms)).kind, Kind::kNothing) << "a copy of the reply";
-  EXPECT_EQ(dropped(DropReason::kUnexpected), 1u);
-}
-
-// hp-5.1-3
-TEST_F(ClientCalls, TakeNoReplyThatIsNotTheirs) {
-  const Bytes call = begin_call(at(0s));
-  const auto offer = [&](auto change) {
-    Header header = answer_header(call, FrameKind::kReply);
-    change(header);
-    return channel_.on_frame(frame_of(header), at(1ms)).kind;
-  };
-  EXPECT_EQ(offer([](Header& h) { ++h.session; }), Kind::kNothing);
-  EXPECT_EQ(offer([](Header& h) { --h.call_id; }), Kind::kNothing);
-  EXPECT_EQ(offer([](Header& h) { ++h.call_id; }), Kind::kNothing);
-  EXPECT_EQ(offer([](Header& h) { ++h.service; }), Kind::kNothing);
-  EXPECT_EQ(offer([](Header& h) { ++h.method; }), Kind::kNothing);
-  EXPECT_EQ(dropped(DropReason::kUnexpected), 5u);
-  EXPECT_EQ(offer([](Header& h) { h.flags = kFlagRepeated; }), Kind::kReply);
-}
-
-TEST_F(ClientCalls, TakeNoLateReplyToAnEarlierCall) {
-  const Bytes former = begin_call(at(0s), 1ms);
-  ASSERT_EQ(channel_.on_time(at(1ms)).kind, Kind::kTimeout);
-  EXPECT_EQ(channel_.on_frame(reply_frame(former, "late"), at(2ms)).kind, Kind::kNothing)
-      << "between two calls";
-  const Bytes call = begin_call(at(3ms));
-  EXPECT_EQ(channel_.on_frame(reply_frame(former, "late"), at(4ms)).kind, Kind::kNothing)
-      << "during the next";
-  EXPECT_EQ(channel_.on_frame(refuse_frame(former, Status::kUnknownSession), at(4ms)).kind,
-            Kind::kNothing);
-  EXPECT_EQ(copy_of(channel_.on_frame(reply_frame(call, "own"), at(5ms)).payload), bytes_of("own"));
-}
-
 // hp-5.1-1
 TEST_F(ClientCalls, AreNumberedUpwardThroughAllSessions) {
   std::uint32_t last = header_of(begin_call(at(0s))).call_id;
@@ -116,52 +49,6 @@ TEST_F(ClientCalls, AreNumberedUpwardThroughAllSessions) {
       ASSERT_EQ(channel_.on_frame(reply_frame(call, ""), at(0s)).kind, Kind::kReply);
     }
   }
-}
-
-// hp-5.3-2
-TEST_F(ClientCalls, AreRepeatedAsTheyAreButForTime) {
-  const Bytes first = begin_call(at(0s), 100ms);
-  MonotonicTime now = at(0s);
-  Duration wait = kRetransmitIntervalFirst;
-  for (int copy = 1; copy <= 4; ++copy) {
-    ASSERT_EQ(channel_.next_time(), now + wait);
-    EXPECT_EQ(channel_.on_time(now + wait - 1ns).kind, Kind::kNothing);
-    now += wait;
-    wait *= 2;
-    const ChannelEvent event = channel_.on_time(now);
-    ASSERT_EQ(event.kind, Kind::kSend);
-    const Header header = header_of(event.frame);
-    EXPECT_EQ(header.flags, kFlagRepeated);
-    EXPECT_EQ(header.budget_us, (at(100ms) - now) / 1us);
-    EXPECT_EQ(header.sender_time_ns, static_cast<std::uint64_t>(to_ns(now)));
-    Bytes restored = copy_of(event.frame);
-    for (const auto& [offset, size] : {std::pair{6, 2}, {40, 4}, {48, 8}}) {
-      std::copy_n(first.begin() + offset, size, restored.begin() + offset);
-    }
-    EXPECT_EQ(restored, first);
-    EXPECT_EQ(channel_.repeat_count(), static_cast<std::uint64_t>(copy));
-  }
-}
-
-// hp-5.3-3
-TEST_F(ClientCalls, AreRepeatedAtLeastOnceASecond) {
-  static_cast<void>(begin_call(at(0s), 60s));
-  MonotonicTime last = at(0s);
-  while (last < at(50s)) {
-    const MonotonicTime next = channel_.next_time();
-    ASSERT_LE(next - last, Duration{1s});
-    ASSERT_EQ(channel_.on_time(next).kind, Kind::kSend);
-    last = next;
-  }
-}
-
-TEST_F(ClientCalls, EndAtTheirDeadline) {
-  static_cast<void>(begin_call(at(0s), 3ms));
-  EXPECT_EQ(channel_.next_time(), at(3ms));
-  EXPECT_EQ(channel_.on_time(at(3ms) - 1ns).kind, Kind::kNothing);
-  EXPECT_EQ(channel_.on_time(at(3ms)).kind, Kind::kTimeout);
-  EXPECT_EQ(channel_.on_time(at(4ms)).kind, Kind::kNothing);
-  EXPECT_TRUE(channel_.is_ready()) << "the session goes on";
 }
 
 TEST_F(ClientCalls, EndAtTheirDeadlineRatherThanWithACopy) {
@@ -204,96 +91,11 @@ TEST_F(ClientCalls, CanBeRepeatedAtOnce) {
 }
 
 // hp-5.5-2
-TEST_F(ClientCalls, AreLostWhereTheSessionIsUnknown) {
-  const Bytes call = begin_call(at(0s));
-  const ChannelEvent event =
-      channel_.on_frame(refuse_frame(call, Status::kUnknownSession), at(1ms));
-  EXPECT_EQ(event.kind, Kind::kLost);
-  EXPECT_FALSE(channel_.is_ready());
-  EXPECT_EQ(channel_.next_time(), kNever);
-}
-
-TEST_F(ClientCalls, EndWithARefusalAsWithAReply) {
-  const Bytes call = begin_call(at(0s));
-  const ChannelEvent event = channel_.on_frame(refuse_frame(call, Status::kOverload), at(1ms));
-  EXPECT_EQ(event.kind, Kind::kReply);
-  EXPECT_EQ(event.status, Status::kOverload);
-  EXPECT_TRUE(channel_.is_ready());
-}
-
-// hp-4.4-4: another lane of the server refuses the call; the session is valid.
-TEST_F(ClientCalls, ThatReachedAnotherLaneLoseNoSession) {
-  const Bytes call = begin_call(at(0s));
-  const ChannelEvent event = channel_.on_frame(refuse_frame(call, Status::kWrongBand), at(1ms));
-  EXPECT_EQ(event.kind, Kind::kReply);
-  EXPECT_EQ(event.status, Status::kWrongBand);
-  EXPECT_TRUE(channel_.is_ready());
-  const Bytes next = begin_call(at(2ms));
-  EXPECT_EQ(header_of(next).session, kSession);
-  EXPECT_EQ(channel_.on_frame(reply_frame(next, ""), at(3ms)).kind, Kind::kReply);
-}
-
-// hp-5.1-8
-TEST_F(ClientCalls, OutsideTheBandAreNotBegun) {
-  for (const int priority : {99, 201, 0, Priority::kHighest}) {
-    CallParameters outside = parameters(at(1s));
-    outside.priority = priority;
-    const auto frame = channel_.call(outside, request_, at(0s));
-    ASSERT_FALSE(frame) << priority;
-    EXPECT_EQ(frame.error(), Status::kWrongBand);
-  }
-  EXPECT_EQ(channel_.next_time(), kNever);
-  EXPECT_TRUE(channel_.call(parameters(at(1s)), request_, at(0s)));
-}
-
-// hp-5.5-2
 TEST(LostCalls, HaveNotRunOnlyIfTheServerWouldRememberTheirSession) {
   EXPECT_TRUE(has_not_run(7, 7, at(1s), at(1s)));
   EXPECT_TRUE(has_not_run(7, 7, at(1s), at(1s) + kSessionIdleMin - 1ns));
   EXPECT_FALSE(has_not_run(7, 7, at(1s), at(1s) + kSessionIdleMin));
   EXPECT_FALSE(has_not_run(7, 8, at(1s), at(1s))) << "another life may have run it";
-}
-
-// hp-4.4-3: taken as a reply, it would tell the caller that a method ran which did not.
-TEST_F(ClientCalls, AreNotEndedByARefusalWithoutAReason) {
-  const Bytes call = begin_call(at(0s));
-  EXPECT_EQ(channel_.on_frame(refuse_frame(call, Status::kOk), at(1ms)).kind, Kind::kNothing);
-  EXPECT_EQ(dropped(DropReason::kUnexpected), 1u);
-  EXPECT_EQ(channel_.on_frame(reply_frame(call, ""), at(1ms)).kind, Kind::kReply);
-}
-
-TEST_F(ClientCalls, AreNotEndedByARefusalOfAnother) {
-  const Bytes call = begin_call(at(0s));
-  Header header = answer_header(call, FrameKind::kRefuse);
-  header.status = Status::kUnknownSession;
-  ++header.session;
-  EXPECT_EQ(channel_.on_frame(frame_of(header), at(1ms)).kind, Kind::kNothing);
-  header.session = 0;
-  EXPECT_EQ(channel_.on_frame(frame_of(header), at(1ms)).kind, Kind::kNothing);
-  EXPECT_EQ(dropped(DropReason::kUnexpected), 2u);
-}
-
-// hp-4.3-2
-TEST_F(ClientCalls, TooLargeForTheServerAreNotBegun) {
-  const Bytes too_large(1501);
-  const Bytes largest(1500);
-  const auto frame = channel_.call(parameters(at(1s)), too_large, at(0s));
-  ASSERT_FALSE(frame);
-  EXPECT_EQ(frame.error(), Status::kTooLarge);
-  EXPECT_EQ(channel_.next_time(), kNever);
-  EXPECT_TRUE(channel_.call(parameters(at(1s)), largest, at(0s)));
-}
-
-// hp-5.6: a frame larger than the buffer is sent in fragments.
-TEST_F(ClientCalls, TooLargeForTheBufferGoInFragments) {
-  Welcome generous = welcome();
-  generous.message_size_max = kMessageSizeCeiling;
-  const Bytes hello = copy_of(channel_.open(120, at(1s), at(0s)));
-  ASSERT_EQ(channel_.on_frame(welcome_frame(hello, generous), at(0s)).kind, Kind::kReady);
-  const Bytes message(kDatagramPayloadSizeMax + 1);
-  const auto frame = channel_.call(parameters(at(1s)), message, at(0s));
-  ASSERT_TRUE(frame);
-  EXPECT_EQ(header_of(*frame).fragment_count, 2u);
 }
 
 // hp-5.7-1, hp-5.7-3
@@ -365,15 +167,6 @@ TEST_F(ClientCalls, AreNotDisturbedByGarbage) {
   EXPECT_EQ(channel_.on_frame(reply_frame(call, "own"), at(1ms)).kind, Kind::kReply);
 }
 
-TEST_F(ClientCalls, CountABadHeaderAndGoOn) {
-  const Bytes call = begin_call(at(0s));
-  Bytes bad = reply_frame(call, "");
-  bad[2] = std::byte{9};
-  EXPECT_EQ(channel_.on_frame(bad, at(1ms)).kind, Kind::kNothing);
-  EXPECT_EQ(dropped(DropReason::kBadVersion), 1u);
-  EXPECT_EQ(channel_.on_frame(reply_frame(call, ""), at(1ms)).kind, Kind::kReply);
-}
-
 /// A fragment of a reply of `message_size` bytes in fragments of `fragment_size`.
 Bytes reply_fragment(ConstBytes call, std::uint32_t message_size, std::uint32_t fragment_size,
                      std::uint16_t index) {
@@ -436,23 +229,6 @@ TEST_F(ClientCallsOnAStream, AreNotRepeated) {
   EXPECT_EQ(channel_.repeat(at(9s)).kind, Kind::kNothing);
   EXPECT_EQ(channel_.repeat_count(), 0u);
   EXPECT_EQ(channel_.on_time(at(10s)).kind, Kind::kTimeout);
-}
-
-// hp-8-2
-TEST_F(ClientCallsOnAStream, EndWithTheConnectionAtABadHeader) {
-  const Bytes call = begin_call(at(0s));
-  Bytes bad = reply_frame(call, "");
-  bad[0] = std::byte{0};
-  EXPECT_EQ(channel_.on_frame(bad, at(1ms)).kind, Kind::kBroken);
-  EXPECT_EQ(dropped(DropReason::kBadMagic), 1u);
-}
-
-TEST_F(ClientCallsOnAStream, GoOnAfterALateReply) {
-  const Bytes former = begin_call(at(0s), 1ms);
-  ASSERT_EQ(channel_.on_time(at(1ms)).kind, Kind::kTimeout);
-  const Bytes call = begin_call(at(2ms));
-  EXPECT_EQ(channel_.on_frame(reply_frame(former, "late"), at(3ms)).kind, Kind::kNothing);
-  EXPECT_EQ(channel_.on_frame(reply_frame(call, "own"), at(3ms)).kind, Kind::kReply);
 }
 
 }  // namespace

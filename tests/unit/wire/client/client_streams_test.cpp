@@ -104,42 +104,9 @@ class ClientStreamsOnAStream : public ClientStreams {
   ClientStreamsOnAStream() : ClientStreams(Medium::kStream) {}
 };
 
-// hp-5.10-7
-TEST_F(ClientStreams, StateTheirWindowAndHowLongTheyAreSilent) {
-  begin(4, 1h);
-  EXPECT_EQ(header_of(call_).item, 4u);
-  EXPECT_EQ(header_of(call_).budget_us, 10'000'000u) << "not the hour that the stream may last";
-  EXPECT_EQ(header_of(call_).flags, 0u);
-}
-
 TEST_F(ClientStreams, StateLessWhereTheirDeadlineComesFirst) {
   begin(4, 2s);
   EXPECT_EQ(header_of(call_).budget_us, 2'000'000u);
-}
-
-// hp-5.10-3
-TEST_F(ClientStreams, RepeatTheCallUntilTheServerIsHeard) {
-  begin();
-  ChannelEvent event = channel_.on_time(channel_.next_time());
-  ASSERT_EQ(event.kind, Kind::kSend);
-  EXPECT_EQ(header_of(event.frame).kind, FrameKind::kCall);
-  EXPECT_EQ(header_of(event.frame).item, 4u);
-  EXPECT_EQ(header_of(event.frame).flags, kFlagRepeated | kFlagAckWanted);
-  EXPECT_EQ(ack(0, at(6ms)).kind, Kind::kNothing);
-  event = channel_.on_time(channel_.next_time());
-  ASSERT_EQ(event.kind, Kind::kSend);
-  expect_credit(event.frame, 0, 0, 4, true);
-}
-
-TEST_F(ClientStreams, GiveTheirItemsInOrder) {
-  begin(4);
-  EXPECT_EQ(item(0, at(1ms)).kind, Kind::kItems);
-  EXPECT_EQ(drain(0), 1u);
-  EXPECT_NE(item(2, at(2ms)).kind, Kind::kItems);
-  EXPECT_EQ(drain(1), 0u);
-  EXPECT_EQ(item(1, at(3ms)).kind, Kind::kItems);
-  EXPECT_EQ(drain(1), 2u);
-  EXPECT_TRUE(channel_.is_open(index_));
 }
 
 // hp-5.10-4
@@ -154,17 +121,6 @@ TEST_F(ClientStreams, GrantMoreWhenHalfIsTaken) {
   ASSERT_TRUE(channel_.next_item(index_));
   expect_credit(channel_.next_frame(at(1ms)), 4, 0, 6, false);
   EXPECT_TRUE(channel_.next_frame(at(1ms)).empty());
-}
-
-// hp-5.10-4
-TEST_F(ClientStreams, TellAtOnceWhatIsMissing) {
-  begin(8);
-  static_cast<void>(item(0, at(1ms)));
-  static_cast<void>(drain(0));
-  const ChannelEvent event = item(2, at(2ms));
-  ASSERT_EQ(event.kind, Kind::kSend);
-  expect_credit(event.frame, 1, 0b1, 9, false);
-  EXPECT_EQ(item(3, at(2ms)).kind, Kind::kNothing) << "it was told; the copy is on its way";
 }
 
 // hp-5.10-5
@@ -256,23 +212,6 @@ TEST_F(ClientStreams, AskSeveralTimesWithinAShortLease) {
   }
 }
 
-// hp-5.10-7
-TEST_F(ClientStreams, AreLostWhenNothingIsHeardForThreeSeconds) {
-  begin(4);
-  static_cast<void>(ack(0, at(1s)));
-  ChannelEvent event;
-  MonotonicTime now = at(1s);
-  do {
-    now = channel_.next_time();
-    event = channel_.on_time(now);
-  } while (event.kind == Kind::kSend);
-  EXPECT_EQ(event.kind, Kind::kTimeout);
-  EXPECT_GE(now, at(4s));
-  EXPECT_LE(now, at(4s + 500ms));
-  EXPECT_EQ(header_of(event.frame).kind, FrameKind::kCancel);
-  EXPECT_FALSE(channel_.is_open(index_));
-}
-
 // hp-5.10-7: a reader that is busy elsewhere asks nothing, so it is owed no answer.
 TEST_F(ClientStreams, OutliveAReaderThatDoesOtherThings) {
   begin(4);
@@ -284,37 +223,6 @@ TEST_F(ClientStreams, OutliveAReaderThatDoesOtherThings) {
   ASSERT_EQ(event.kind, Kind::kSend);
   expect_credit(event.frame, 1, 0, 5, true);
   EXPECT_EQ(item(1, at(9s)).kind, Kind::kItems);
-}
-
-// hp-5.10-9
-TEST_F(ClientStreams, PutLargeItemsTogetherAndGrantTheirBytesMeanwhile) {
-  Random random(6);
-  const Bytes large = random_bytes(random, 2900);
-  CallParameters wanted = parameters(at(1h));
-  memory_.resize(std::size_t{stream_frame_count(Medium::kDatagram, 4, 2048)} * 1024);
-  Bytes item_room(3000);
-  wanted.stream_window = 4;
-  wanted.stream_buffers = {
-      .frames = memory_, .frame_size = 1024, .item = item_room, .byte_window = 2048};
-  const auto frame = channel_.call(wanted, request_, at(0s));
-  ASSERT_TRUE(frame);
-  call_ = copy_of(*frame);
-  const auto frames = item_frames(answer_header(call_, FrameKind::kItem), large, 1024);
-  ASSERT_EQ(frames.size(), 3u);
-  EXPECT_EQ(channel_.on_frame(frames[0], at(1ms)).kind, Kind::kNothing);
-  EXPECT_EQ(channel_.on_frame(frames[2], at(1ms)).kind, Kind::kSend) << "one is missing";
-  EXPECT_EQ(channel_.on_frame(frames[1], at(2ms)).kind, Kind::kItems);
-  const auto item = channel_.next_item(channel_.last_call());
-  ASSERT_TRUE(item);
-  EXPECT_EQ(copy_of(*item), large);
-}
-
-// hp-5.10-10: the client's HELLO states the limit.
-TEST_F(ClientStreams, DropItemsAboveTheirLimit) {
-  begin(4);
-  const auto frames = item_frames(answer_header(call_, FrameKind::kItem), Bytes(3001), 1024);
-  EXPECT_EQ(channel_.on_frame(frames[0], at(1ms)).kind, Kind::kNothing);
-  EXPECT_EQ(dropped(DropReason::kBadLength), 1u);
 }
 
 // hp-5.10-11, hp-8-1: a fragment that arrived early is checked when its turn comes.
@@ -358,37 +266,6 @@ TEST_F(ClientStreams, EndAtTheirDeadlineAndTellTheServer) {
   const ChannelEvent event = channel_.on_time(at(2s));
   EXPECT_EQ(event.kind, Kind::kTimeout);
   EXPECT_EQ(header_of(event.frame).kind, FrameKind::kCancel);
-}
-
-// hp-5.10-6
-TEST_F(ClientStreams, EndWithTheReplyWhenAllItemsAreHere) {
-  begin(8);
-  for (std::uint32_t number = 0; number < 3; ++number)
-    static_cast<void>(item(number, at(1ms)));
-  const ChannelEvent event = end(3, at(2ms));
-  EXPECT_EQ(event.kind, Kind::kReply);
-  EXPECT_EQ(event.status, Status::kOk);
-  expect_credit(event.frame, 3, 0, 8, false);
-  EXPECT_EQ(channel_.next_time(), kNever);
-  EXPECT_TRUE(channel_.is_open(index_)) << "its items are still to be taken";
-  EXPECT_EQ(drain(0), 3u);
-  EXPECT_FALSE(channel_.is_open(index_));
-  EXPECT_EQ(end(3, at(3ms)).kind, Kind::kNothing) << "a copy of the reply";
-}
-
-// hp-5.10-6: the REPLY overtook an item, or the item was lost.
-TEST_F(ClientStreams, WaitForTheItemsThatTheReplyOvertook) {
-  begin(8);
-  static_cast<void>(item(0, at(1ms)));
-  ChannelEvent event = end(3, at(2ms), Status::kServantFailed);
-  ASSERT_EQ(event.kind, Kind::kSend) << "it asks for the rest at once";
-  expect_credit(event.frame, 1, 0, 8, true);
-  static_cast<void>(item(2, at(3ms)));
-  event = item(1, at(4ms));
-  EXPECT_EQ(event.kind, Kind::kReply);
-  EXPECT_EQ(event.status, Status::kServantFailed) << "the status that it had";
-  expect_credit(event.frame, 3, 0, 8, false);
-  EXPECT_EQ(drain(0), 3u);
 }
 
 // hp-5.10-6
@@ -468,55 +345,11 @@ TEST_F(ClientStreams, TakeNoItemThatWasNotGranted) {
   EXPECT_EQ(item(0, at(1ms)).kind, Kind::kItems);
 }
 
-// hp-5.10-4: a CREDIT for each duplicate would cause more duplicates.
-TEST_F(ClientStreams, CountCopiesAndDoNotAnswerThem) {
-  begin(8);
-  static_cast<void>(item(0, at(1ms)));
-  static_cast<void>(drain(0));
-  ASSERT_EQ(item(2, at(2ms)).kind, Kind::kSend) << "item 1 is missing";
-  for (const std::uint32_t number : {0U, 2U, 0U, 2U})
-    EXPECT_EQ(item(number, at(2ms), true).kind, Kind::kNothing);
-  EXPECT_TRUE(channel_.next_frame(at(2ms)).empty());
-  EXPECT_EQ(dropped(DropReason::kUnexpected), 4u);
-}
-
-// hp-5.10-4: a new gap is reported although the first is still open; a reported one is not.
-TEST_F(ClientStreams, TellEachGapOnce) {
-  begin(8);
-  static_cast<void>(item(0, at(1ms)));
-  static_cast<void>(drain(0));
-  ASSERT_EQ(item(2, at(2ms)).kind, Kind::kSend);
-  const ChannelEvent event = item(4, at(2ms));
-  ASSERT_EQ(event.kind, Kind::kSend);
-  expect_credit(event.frame, 1, 0b101, 9, false);
-  EXPECT_EQ(item(1, at(3ms), true).kind, Kind::kItems);
-  EXPECT_EQ(drain(1), 2u);
-  EXPECT_TRUE(channel_.next_frame(at(3ms)).empty()) << "item 3 is on its way again";
-}
-
 // hp-5.9-3: the items belong to a call that is open, but not a stream.
 TEST_F(ClientStreams, AreNotMadeOfAnOrdinaryCall) {
   call_ = begin_call(at(0s));
   EXPECT_EQ(item(0, at(1ms)).kind, Kind::kNothing);
   EXPECT_EQ(dropped(DropReason::kUnexpected), 1u);
-}
-
-TEST_F(ClientStreams, RunBesideOtherCalls) {
-  begin(4);
-  const Bytes other = begin_call(at(0s));
-  static_cast<void>(item(0, at(1ms)));
-  EXPECT_EQ(channel_.on_frame(reply_frame(other, "other"), at(1ms)).kind, Kind::kReply);
-  EXPECT_EQ(drain(0), 1u);
-}
-
-TEST_F(ClientStreams, CanBeCancelled) {
-  begin(4);
-  static_cast<void>(item(0, at(1ms)));
-  const Bytes frame = copy_of(channel_.cancel(index_, at(2ms)));
-  EXPECT_EQ(header_of(frame).kind, FrameKind::kCancel);
-  EXPECT_EQ(header_of(frame).item, 0u);
-  EXPECT_FALSE(channel_.next_item(index_));
-  EXPECT_EQ(header_of(item(1, at(3ms)).frame).kind, FrameKind::kCancel) << "hp-5.9-3";
 }
 
 // A request in fragments may ask for a stream, which begins when the request is complete.

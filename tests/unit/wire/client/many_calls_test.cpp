@@ -42,37 +42,6 @@ TEST_F(ManyCalls, AreAsManyAsBothSidesAllow) {
   }
 }
 
-TEST_F(ManyCalls, HaveAnIndexOfTheirOwnWhileTheyAreOpen) {
-  make_ready_with(8);
-  std::set<CallIndex> indices;
-  while (channel_.has_free_call()) {
-    static_cast<void>(begin_call(at(0s)));
-    EXPECT_TRUE(channel_.is_open(channel_.last_call()));
-    EXPECT_TRUE(indices.insert(channel_.last_call()).second);
-  }
-  EXPECT_EQ(indices.size(), kCallWindow);
-}
-
-// hp-5.1-6
-TEST_F(ManyCalls, EndInTheOrderOfTheirReplies) {
-  make_ready_with(8);
-  std::vector<Bytes> calls;
-  std::vector<CallIndex> indices;
-  while (channel_.has_free_call()) {
-    calls.push_back(begin_call(at(0s)));
-    indices.push_back(channel_.last_call());
-  }
-  for (const std::size_t i : {3u, 0u, 7u, 1u, 6u, 2u, 5u, 4u}) {
-    const std::string text = "for " + std::to_string(i);
-    const Bytes reply = reply_frame(calls[i], text);
-    const ChannelEvent event = channel_.on_frame(reply, at(1ms));
-    ASSERT_EQ(event.kind, Kind::kReply);
-    EXPECT_EQ(event.call, indices[i]);
-    EXPECT_EQ(copy_of(event.payload), bytes_of(text));
-    EXPECT_FALSE(channel_.is_open(indices[i]));
-  }
-}
-
 // hp-5.1-3: all parts of the answer must belong to the same call.
 TEST_F(ManyCalls, TakeNoReplyThatMixesTwoOfThem) {
   make_ready_with(8);
@@ -162,52 +131,6 @@ TEST_F(ManyCalls, AreAllLostWithTheSession) {
   EXPECT_FALSE(channel_.is_ready());
   EXPECT_EQ(channel_.next_time(), kNever);
   EXPECT_EQ(channel_.on_frame(reply_frame(calls[0], ""), at(2ms)).kind, Kind::kNothing);
-}
-
-// A refusal of a oneway, or of a finished call, does not end the open calls.
-TEST_F(ManyCalls, AreNotLostByTheRefusalOfOneThatIsOver) {
-  make_ready_with(8);
-  const Bytes over = begin_call(at(0s), 1ms);
-  ASSERT_EQ(channel_.on_time(at(1ms)).kind, Kind::kTimeout);
-  const Bytes open = begin_call(at(2ms));
-  EXPECT_EQ(channel_.on_frame(refuse_frame(over, Status::kUnknownSession), at(3ms)).kind,
-            Kind::kNothing);
-  EXPECT_TRUE(channel_.is_ready());
-  EXPECT_EQ(channel_.on_frame(reply_frame(open, "own"), at(3ms)).kind, Kind::kReply);
-}
-
-TEST_F(ManyCalls, AreRefusedEachForItself) {
-  make_ready_with(8);
-  const Bytes one = begin_call(at(0s));
-  const Bytes other = begin_call(at(0s));
-  const ChannelEvent event = channel_.on_frame(refuse_frame(one, Status::kOverload), at(1ms));
-  EXPECT_EQ(event.kind, Kind::kReply);
-  EXPECT_EQ(event.status, Status::kOverload);
-  EXPECT_EQ(channel_.on_frame(reply_frame(other, "own"), at(1ms)).kind, Kind::kReply);
-}
-
-// hp-4.5-2
-TEST_F(ManyCalls, AreAllOverWhenTheServerCloses) {
-  make_ready_with(8);
-  const std::vector<Bytes> calls = fill();
-  Header close;
-  close.kind = FrameKind::kClose;
-  close.session = kSession + 1;
-  EXPECT_EQ(channel_.on_frame(frame_of(close), at(1ms)).kind, Kind::kNothing)
-      << "of another session";
-  EXPECT_EQ(dropped(DropReason::kUnexpected), 1u);
-  close.session = kSession;
-  EXPECT_EQ(channel_.on_frame(frame_of(close, bytes_of("x")), at(1ms)).kind, Kind::kNothing)
-      << "hp-4.5-3";
-  EXPECT_EQ(dropped(DropReason::kBadPayload), 1u);
-  const ChannelEvent event = channel_.on_frame(frame_of(close), at(1ms));
-  EXPECT_EQ(event.kind, Kind::kClosed);
-  EXPECT_EQ(event.status, Status::kStopping);
-  for (CallIndex i = 0; i < kCallWindow; ++i)
-    EXPECT_FALSE(channel_.is_open(i));
-  EXPECT_FALSE(channel_.is_ready());
-  EXPECT_EQ(channel_.next_time(), kNever);
-  EXPECT_EQ(channel_.on_frame(frame_of(close), at(2ms)).kind, Kind::kNothing) << "a copy";
 }
 
 // hp-4.5-2: without a session there is nothing to close, whatever session a stray CLOSE names.

@@ -30,17 +30,6 @@ class ServerOneways : public testing::Test {
   Peer peer_;
 };
 
-// hp-5.8-1
-TEST_F(ServerOneways, WithoutReplyRunAndAreNotAnswered) {
-  const Bytes frame = oneway(1, kFlagNoReply);
-  const Verdict verdict = receive(frame);
-  ASSERT_EQ(verdict.action, Action::kDispatch);
-  EXPECT_EQ(copy_of(verdict.request.payload), bytes_of("oneway"));
-  EXPECT_FALSE(verdict.request.wants_receipt());
-  EXPECT_TRUE(answer(server_, verdict.request, "nobody reads this", at(1ms)).empty());
-  EXPECT_EQ(server_.counters().orphaned_count, 0u) << "it ended as it should";
-}
-
 // hp-5.8-1, hp-5.2-1: the server sends nothing, whatever the result.
 TEST_F(ServerOneways, WithoutReplyAreNeverAnswered) {
   EXPECT_EQ(receive(oneway(1, kFlagNoReply, 0)).action, Action::kNothing) << "expired";
@@ -65,30 +54,6 @@ TEST_F(ServerOneways, WithoutReplyAreNeverAnswered) {
       << "nor is it run later";
 }
 
-// hp-4.4-1: the server sends only this, so that the client does not call in vain for ever.
-TEST_F(ServerOneways, WithoutReplyOfAnUnknownSessionAreRefused) {
-  ++peer_.session;
-  const Verdict verdict = receive(oneway(1, kFlagNoReply));
-  ASSERT_EQ(verdict.action, Action::kSend);
-  EXPECT_EQ(header_of(verdict.frame).status, Status::kUnknownSession);
-}
-
-// hp-5.8-1
-TEST_F(ServerOneways, ThatMayNotRunAreCountedAndNotAnswered) {
-  ServerSessionsConfig config = server_config();
-  config.band = {50, 150};
-  config.ceiling = 120;
-  ServerSessions server(config);
-  peer_.open(server, at(0s));
-  std::uint32_t call_id = 0;
-  for (const int priority : {49, 151, 121}) {
-    peer_.priority = priority;
-    const Bytes frame = oneway(++call_id, kFlagNoReply);
-    EXPECT_EQ(server.on_frame(frame, peer_.address, at(0s)).action, Action::kNothing);
-    EXPECT_EQ(server.counters().refused_count, call_id);
-  }
-}
-
 // hp-5.2-4
 TEST_F(ServerOneways, DoNotHoldTheirPlace) {
   const Verdict oneway_call = receive(oneway(1, kFlagNoReply));
@@ -100,43 +65,6 @@ TEST_F(ServerOneways, DoNotHoldTheirPlace) {
   EXPECT_EQ(server_.counters().orphaned_count, 1u) << "its place is another call's";
   EXPECT_EQ(payload_of(answer(server_, next.request, "own", at(2ms))), bytes_of("own"));
   EXPECT_EQ(payload_of(receive(peer_.call_frame(1 + kCallWindow, "next")).frame), bytes_of("own"));
-}
-
-// hp-5.8-3
-TEST_F(ServerOneways, WithReceiptAreAnsweredBeforeTheyRun) {
-  const Bytes frame = oneway(1, kFlagReplyOnReceipt);
-  const Verdict verdict = receive(frame, at(5ms));
-  ASSERT_EQ(verdict.action, Action::kDispatch);
-  ASSERT_TRUE(verdict.request.wants_receipt());
-  const Bytes receipt = copy_of(server_.accept(verdict.request, Status::kOk, at(5ms + 20us)));
-  const Header header = header_of(receipt);
-  EXPECT_EQ(header.kind, FrameKind::kReply);
-  EXPECT_EQ(header.status, Status::kOk);
-  EXPECT_EQ(header.call_id, 1u);
-  EXPECT_EQ(header.trace_id, 0x7aceu);
-  EXPECT_EQ(header.budget_us, 20u);
-  EXPECT_EQ(header.payload_size, 0u);
-  EXPECT_EQ(header.flags, 0u) << "the flag is a CALL's alone (hp-2-5)";
-
-  Bytes repeated = receipt;
-  store_le(repeated.data() + 6, kFlagRepeated);
-  EXPECT_EQ(copy_of(receive(frame, at(6ms)).frame), repeated) << "while it runs";
-  EXPECT_TRUE(answer(server_, verdict.request, "nobody reads this", at(7ms)).empty());
-  EXPECT_EQ(copy_of(receive(frame, at(8ms)).frame), repeated) << "when it ran";
-  EXPECT_EQ(server_.counters().orphaned_count, 0u);
-}
-
-// hp-5.8-3
-TEST_F(ServerOneways, WithReceiptSayWhyTheyWillNotRun) {
-  const Bytes frame = oneway(1, kFlagReplyOnReceipt);
-  const Verdict verdict = receive(frame);
-  const Header header = header_of(server_.accept(verdict.request, Status::kNoSuchObject, at(1ms)));
-  EXPECT_EQ(header.status, Status::kNoSuchObject);
-  EXPECT_TRUE(server_.complete(verdict.request, Status::kNoSuchObject, 0, at(1ms)).empty());
-  EXPECT_EQ(header_of(receive(frame).frame).status, Status::kNoSuchObject);
-
-  EXPECT_EQ(header_of(receive(oneway(2, kFlagReplyOnReceipt, 0)).frame).status, Status::kExpired)
-      << "hp-5.8-4";
 }
 
 // hp-5.8-3, hp-5.2-4
@@ -161,21 +89,6 @@ class ClientOneways : public ClientChannelTest {
   }
 };
 
-// hp-5.8: the caller continues as soon as the frame is sent.
-TEST_F(ClientOneways, WithoutReplyAreOverWhenTheyAreSent) {
-  for (int i = 0; i < 20; ++i) {
-    const auto frame = channel_.call(oneway(Delivery::kSent), request_, at(0s));
-    ASSERT_TRUE(frame);
-    const Header header = header_of(*frame);
-    EXPECT_EQ(header.flags, kFlagNoReply);
-    EXPECT_EQ(header.budget_us, 1'000'000u) << "it is not run after its deadline (hp-5.8-4)";
-    EXPECT_EQ(payload_of(*frame), request_);
-    EXPECT_TRUE(channel_.has_free_call());
-    EXPECT_FALSE(channel_.is_open(channel_.last_call()));
-    EXPECT_EQ(channel_.next_time(), kNever) << "it is not repeated";
-  }
-}
-
 // hp-5.8-2
 TEST_F(ClientOneways, WithoutReplyFitOneFrame) {
   const Bytes fits(kDatagramPayloadSizeMax);
@@ -186,46 +99,12 @@ TEST_F(ClientOneways, WithoutReplyFitOneFrame) {
   EXPECT_TRUE(channel_.call(oneway(Delivery::kSent), fits, at(0s)));
 }
 
-// hp-5.1-1
-TEST_F(ClientOneways, HaveNumbersOfTheirOwn) {
-  const Bytes first = copy_of(*channel_.call(oneway(Delivery::kSent), request_, at(0s)));
-  const Bytes second = copy_of(*channel_.call(oneway(Delivery::kSent), request_, at(0s)));
-  const Bytes call = begin_call(at(0s));
-  EXPECT_EQ(header_of(second).call_id, header_of(first).call_id + 1);
-  EXPECT_EQ(header_of(call).call_id, header_of(first).call_id + 2);
-  EXPECT_EQ(channel_.on_frame(reply_frame(first, ""), at(1ms)).kind, Kind::kNothing)
-      << "who answers errs";
-  EXPECT_EQ(channel_.on_frame(reply_frame(call, "own"), at(1ms)).kind, Kind::kReply);
-}
-
-TEST_F(ClientOneways, LeaveACallThatIsOpenAlone) {
-  // The call holds the only slot: there is none for a oneway.
-  const Bytes call = begin_call(at(0s));
-  EXPECT_FALSE(channel_.has_free_call());
-  EXPECT_EQ(channel_.on_frame(reply_frame(call, ""), at(1ms)).kind, Kind::kReply);
-}
-
 // hp-5.5-2: the client cannot know whether a oneway ran; the next call makes a handshake.
 TEST_F(ClientOneways, OfAnUnknownSessionEndTheSessionAlone) {
   const Bytes frame = copy_of(*channel_.call(oneway(Delivery::kSent), request_, at(0s)));
   EXPECT_EQ(channel_.on_frame(refuse_frame(frame, Status::kUnknownSession), at(1ms)).kind,
             Kind::kNothing);
   EXPECT_FALSE(channel_.is_ready());
-}
-
-// hp-5.8-3
-TEST_F(ClientOneways, WithReceiptAreRepeatedUntilTheServerHasThem) {
-  const auto frame = channel_.call(oneway(Delivery::kReceipt), request_, at(0s));
-  ASSERT_TRUE(frame);
-  const Bytes first = copy_of(*frame);
-  EXPECT_EQ(header_of(first).flags, kFlagReplyOnReceipt);
-  const ChannelEvent copy = channel_.on_time(channel_.next_time());
-  ASSERT_EQ(copy.kind, Kind::kSend);
-  EXPECT_EQ(header_of(copy.frame).flags, kFlagReplyOnReceipt | kFlagRepeated);
-  const ChannelEvent event = channel_.on_frame(reply_frame(first, "", Status::kOk), at(9ms));
-  EXPECT_EQ(event.kind, Kind::kReply);
-  EXPECT_EQ(event.status, Status::kOk);
-  EXPECT_EQ(channel_.next_time(), kNever);
 }
 
 // hp-5.8: each fragment of a large request, repeated or not, has the flag *reply on receipt*.

@@ -32,42 +32,6 @@ Header part(std::uint16_t index, std::uint16_t count, std::uint32_t size, std::u
   return header;
 }
 
-// hp-5.6-1
-TEST(FragmentSize, IsToldByAnyFragmentThatAgreesWithItself) {
-  EXPECT_EQ(fragment_size_of(part(0, 3, 100, 250)), 100u);
-  EXPECT_EQ(fragment_size_of(part(1, 3, 100, 250)), 100u);
-  EXPECT_EQ(fragment_size_of(part(2, 3, 50, 250)), 100u);
-  EXPECT_EQ(fragment_size_of(part(2, 3, 100, 300)), 100u) << "the last may be full";
-  EXPECT_EQ(fragment_size_of(part(0, kFragmentCountMax, 1344, kFragmentCountMax * 1344)), 1344u);
-  EXPECT_EQ(fragment_size_of(part(3, 3, 100, 250)), 0u) << "beyond the count";
-  EXPECT_EQ(fragment_size_of(part(0, 3, 100, 301)), 0u) << "too few for the message";
-  EXPECT_EQ(fragment_size_of(part(0, 3, 125, 250)), 0u) << "two would do";
-  EXPECT_EQ(fragment_size_of(part(2, 3, 51, 250)), 0u) << "the rest has no equal parts";
-  EXPECT_EQ(fragment_size_of(part(0, 3, 0, 250)), 0u);
-  EXPECT_EQ(fragment_size_of(part(0, 1, 100, 100)), 0u) << "a whole message has none";
-  EXPECT_EQ(fragment_size_of(part(0, kFragmentCountMax + 1, 1, kFragmentCountMax + 1)), 0u);
-}
-
-TEST(FragmentAck, ComesBackAsItWasWrittenAndNothingElseDoes) {
-  FragmentAck ack;
-  ack.first_missing = 513;
-  ack.later = {1, 0, 0, 0x8000'0000'0000'0000};
-  Bytes bytes(FragmentAck::kSize);
-  encode(ack, bytes);
-  const auto read = decode_ack(bytes);
-  ASSERT_TRUE(read);
-  EXPECT_EQ(read->first_missing, 513u);
-  EXPECT_EQ(read->later, ack.later);
-  EXPECT_TRUE(read->has_later(0));
-  EXPECT_FALSE(read->has_later(1));
-  EXPECT_TRUE(read->has_later(255));
-  Bytes reserved = bytes;
-  reserved[2] = std::byte{1};
-  EXPECT_FALSE(decode_ack(reserved));
-  bytes.push_back({});
-  EXPECT_FALSE(decode_ack(bytes));
-}
-
 // hp-5.6-2, hp-5.6-3
 TEST(OutgoingMessage, SendsOneWindowAndAsksHowFarItGot) {
   const Bytes message = pattern(100 * 100);
@@ -293,24 +257,6 @@ TEST_F(LargeCalls, AreAnsweredInWindowsUntilAllHasArrived) {
   EXPECT_EQ(server_.counters().dropped_for(DropReason::kStaleCall), 1u);
 }
 
-// hp-5.6-5
-TEST_F(LargeCalls, AreRefusedAboveTheLimitAndWithoutRoom) {
-  const Verdict too_large = receive(fragments(1, pattern(kLarge + 1)).front());
-  ASSERT_EQ(too_large.action, Action::kSend);
-  EXPECT_EQ(header_of(too_large.frame).status, Status::kTooLarge);
-  // Two buffers besides the one for replies.
-  EXPECT_EQ(receive(fragments(2, pattern(5000)).front()).action, Action::kNothing);
-  EXPECT_EQ(receive(fragments(3, pattern(5000)).front()).action, Action::kNothing);
-  const Verdict full = receive(fragments(4, pattern(5000)).front());
-  ASSERT_EQ(full.action, Action::kSend);
-  EXPECT_EQ(header_of(full.frame).status, Status::kOverload);
-  // The buffer of a half message is free again once its caller no longer waits.
-  EXPECT_EQ(receive(fragments(5, pattern(5000)).front(), at(2s)).action, Action::kNothing);
-  EXPECT_EQ(receive(fragments(2, pattern(5000)).back(), at(2s)).action, Action::kNothing);
-  EXPECT_EQ(server_.counters().dropped_for(DropReason::kStaleCall), 1u)
-      << "the rest of the old one";
-}
-
 /// A client and a server that exchange a large reply over a lossy path.
 class LargeExchange : public ClientChannelTest {
  protected:
@@ -373,19 +319,6 @@ TEST_F(LargeExchange, RepairsATailThatWasLost) {
       << "all is there";
 }
 
-// hp-5.6-6, hp-5.6-7: the server repairs the gaps that the client's question shows.
-TEST_F(LargeExchange, RepairsAllThatAQuestionShows) {
-  std::vector<Bytes> frames = reply_to_a_call(2900);
-  ASSERT_EQ(frames.size(), 3u);
-  EXPECT_EQ(channel_.on_frame(frames[1], at(1ms)).kind, Kind::kNothing);
-  const ChannelEvent asked = channel_.on_time(channel_.next_time());
-  const Verdict verdict = server_.on_frame(asked.frame, kAddress, at(9ms));
-  ASSERT_EQ(verdict.action, Action::kSend);
-  EXPECT_EQ(header_of(verdict.frame).fragment_index, 0u);
-  EXPECT_EQ(header_of(verdict.frame).flags, kFlagRepeated | kFlagAckWanted);
-  EXPECT_TRUE(server_.next_frame(at(9ms)).empty());
-}
-
 class LargeReplies : public ClientChannelTest {
  protected:
   void SetUp() override { make_ready(at(0s)); }
@@ -424,49 +357,6 @@ TEST_F(LargeReplies, AskForRoomAndAreAcknowledged) {
   EXPECT_EQ(copy_of(event.payload), message);
   EXPECT_EQ(decode_ack(event.frame.subspan(kHeaderSize))->first_missing, 6u);
   EXPECT_EQ(channel_.next_time(), kNever);
-}
-
-// hp-5.6-5
-TEST_F(LargeReplies, AboveTheStatedLimitAreNotTaken) {
-  const Bytes call = begin_call(at(0s));
-  EXPECT_EQ(channel_.on_frame(reply_fragments(call, pattern(3001)).front(), at(1ms)).kind,
-            Kind::kNothing);
-  EXPECT_EQ(dropped(DropReason::kBadLength), 1u);
-}
-
-// hp-5.6-7
-TEST_F(LargeReplies, AreAskedForByTheFirstFragmentOfALargeRequest) {
-  Welcome generous = welcome();
-  generous.message_size_max = 10'000;
-  const Bytes hello = copy_of(channel_.open(120, at(10s), at(0s)));
-  ASSERT_EQ(channel_.on_frame(welcome_frame(hello, generous), at(0s)).kind, Kind::kReady);
-  const Bytes message = pattern(2900);
-  const auto frame = channel_.call(parameters(at(10s)), message, at(0s));
-  ASSERT_TRUE(frame);
-  Bytes sent = copy_of(*frame);
-  while (true) {
-    const ConstBytes more = channel_.next_frame(at(0s));
-    if (more.empty()) break;
-    sent = copy_of(more);
-  }
-  EXPECT_EQ(header_of(sent).fragment_index, 2u);
-  Bytes payload(FragmentAck::kSize);
-  FragmentAck all;
-  all.first_missing = 3;
-  encode(all, payload);
-  EXPECT_EQ(channel_
-                .on_frame(frame_of(header_about(header_of(sent), FrameKind::kAck,
-                                                FragmentAck::kSize, at(1ms)),
-                                   payload),
-                          at(1ms))
-                .kind,
-            Kind::kNothing);
-  const ChannelEvent event = channel_.on_time(channel_.next_time());
-  ASSERT_EQ(event.kind, Kind::kSend);
-  const Header again = header_of(event.frame);
-  EXPECT_EQ(again.kind, FrameKind::kCall);
-  EXPECT_EQ(again.fragment_index, 0u);
-  EXPECT_EQ(again.flags, kFlagRepeated | kFlagAckWanted);
 }
 
 }  // namespace

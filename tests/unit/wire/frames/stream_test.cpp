@@ -19,27 +19,6 @@ using Taken = IncomingStream::Taken;
 constexpr std::size_t kFrameSize = 128;
 constexpr std::size_t kFragmentSize = kFrameSize - kHeaderSize;
 
-TEST(StreamCredit, ComesBackAsItWasWritten) {
-  Random random(1);
-  for (int round = 0; round < 100; ++round) {
-    const StreamCredit credit{static_cast<std::uint32_t>(random()),
-                              static_cast<std::uint32_t>(random()), random()};
-    Bytes bytes(StreamCredit::kSize, std::byte{0xee});
-    encode(credit, bytes);
-    const auto read = decode_credit(bytes);
-    ASSERT_TRUE(read);
-    EXPECT_EQ(read->first_missing, credit.first_missing);
-    EXPECT_EQ(read->byte_limit, credit.byte_limit);
-    EXPECT_EQ(read->later, credit.later);
-  }
-}
-
-// hp-5.10-8
-TEST(StreamCredit, OfAnotherSizeIsNotRead) {
-  for (std::size_t size = 0; size < 40; ++size)
-    EXPECT_EQ(decode_credit(Bytes(size)).has_value(), size == StreamCredit::kSize) << size;
-}
-
 /// A stream's server end, with items such as "item 7".
 class Source {
  public:
@@ -90,28 +69,6 @@ class Source {
 
 using Numbers = std::vector<std::uint32_t>;
 
-// hp-5.10-1
-TEST(OutgoingStream, NumbersItsItemsUnderTheNumbersOfTheCall) {
-  Source source(10);
-  for (std::uint32_t number = 0; number < 10; ++number) {
-    const MonotonicTime now = at(number * 1ms);
-    const Bytes frame = source.push(now);
-    const Header header = header_of(frame);
-    EXPECT_EQ(header.kind, FrameKind::kItem);
-    EXPECT_EQ(header.item, number);
-    EXPECT_EQ(header.session, 0xabcu);
-    EXPECT_EQ(header.call_id, 5u);
-    EXPECT_EQ(header.service, 3u);
-    EXPECT_EQ(header.method, 4u);
-    EXPECT_EQ(header.priority, Priority{120});
-    EXPECT_EQ(header.trace_id, 0x7aceu);
-    EXPECT_EQ(header.flags, 0u);
-    EXPECT_EQ(header.budget_us, 0u);
-    EXPECT_EQ(header.sender_time_ns, static_cast<std::uint64_t>(to_ns(now)));
-    EXPECT_EQ(payload_of(frame), bytes_of("item " + std::to_string(number)));
-  }
-}
-
 // hp-5.10-2
 TEST(OutgoingStream, SendsNoMoreThanItsCallerGranted) {
   Source source(4);
@@ -122,54 +79,6 @@ TEST(OutgoingStream, SendsNoMoreThanItsCallerGranted) {
   EXPECT_EQ(source.push_all(), 0) << "a limit that was granted is not taken back";
   source.stream.on_credit(credit(6), 7, false);
   EXPECT_EQ(source.push_all(), 1);
-}
-
-// hp-5.10-2
-TEST(OutgoingStream, HasAtMost32ItemsOnTheirWayWhereTheyMayGetLost) {
-  Source source(1000);
-  EXPECT_EQ(source.push_all(), 32);
-  source.stream.on_credit(credit(10, 0), 1000, false);
-  EXPECT_EQ(source.push_all(), 10);
-  // All items but one have arrived; the sender keeps that item and the items behind it.
-  source.stream.on_credit(credit(10, ~std::uint64_t{0}), 1000, false);
-  EXPECT_EQ(source.push_all(), 0);
-  Source over_a_connection(1000, false);
-  EXPECT_EQ(over_a_connection.push_all(), 1000);
-  EXPECT_TRUE(over_a_connection.stream.is_acknowledged()) << "nothing gets lost";
-}
-
-// hp-5.10-4
-TEST(OutgoingStream, RepeatsWhatIsMissingBeforeAnItemThatIsThere) {
-  Source source(8);
-  const Bytes second = [&] {
-    static_cast<void>(source.push(at(0s)));
-    return source.push(at(5ms));
-  }();
-  while (!source.push().empty()) {
-  }
-  // Items 0, 2 and 4 have arrived, 1 and 3 are missing, and 5 to 7 are unknown.
-  source.stream.on_credit(credit(1, 0b101), 8, false);
-  Bytes again = copy_of(source.stream.next());
-  Bytes expected = second;
-  store_le(expected.data() + 6, kFlagRepeated);
-  EXPECT_EQ(again, expected) << "hp-5.10-1: its time is when it was given";
-  EXPECT_EQ(source.repairs(), Numbers{3});
-  EXPECT_TRUE(source.stream.next().empty()) << "once";
-}
-
-// hp-5.10-5
-TEST(OutgoingStream, RepeatsTheFirstThatIsMissingToWhoAsks) {
-  Source source(8);
-  EXPECT_EQ(source.push_all(), 8);
-  source.stream.on_credit(credit(6, 0), 8, false);
-  EXPECT_EQ(source.repairs(), Numbers{});
-  source.stream.on_credit(credit(6, 0), 8, true);
-  EXPECT_EQ(source.repairs(), Numbers{6}) << "one is enough to learn more";
-  source.stream.on_credit(credit(6, 1), 8, true);
-  EXPECT_EQ(source.repairs(), Numbers{6});
-  source.stream.on_credit(credit(8, 0), 8, true);
-  EXPECT_EQ(source.repairs(), Numbers{}) << "nothing is missing";
-  EXPECT_TRUE(source.stream.is_acknowledged());
 }
 
 // hp-5.10-8
@@ -236,31 +145,6 @@ class Sink {
   std::uint32_t next_ = 0;
 };
 
-TEST(IncomingStream, GivesItemsInOrderWhateverTheirOrderWas) {
-  Sink sink(8);
-  EXPECT_EQ(sink.take(2), Taken::kAhead);
-  EXPECT_EQ(sink.take(1), Taken::kAhead);
-  EXPECT_FALSE(sink.stream.has_next());
-  EXPECT_EQ(sink.stream.next(), std::nullopt);
-  EXPECT_EQ(sink.take(4), Taken::kAhead);
-  EXPECT_EQ(sink.take(0), Taken::kNew);
-  EXPECT_EQ(sink.drain(), 3u);
-  EXPECT_NE(sink.stream.credit().later, 0u) << "3 is missing";
-  EXPECT_EQ(sink.take(3), Taken::kNew);
-  EXPECT_EQ(sink.stream.credit().later, 0u);
-  EXPECT_EQ(sink.drain(), 2u);
-}
-
-TEST(IncomingStream, TakesEachItemOnce) {
-  Sink sink(8);
-  EXPECT_EQ(sink.take(0), Taken::kNew);
-  EXPECT_EQ(sink.take(0), Taken::kDuplicate);
-  EXPECT_EQ(sink.take(2), Taken::kAhead);
-  EXPECT_EQ(sink.take(2), Taken::kDuplicate);
-  EXPECT_EQ(sink.drain(), 1u);
-  EXPECT_EQ(sink.take(0), Taken::kDuplicate) << "when it was taken, too";
-}
-
 // hp-5.10-2: items that were not granted are dropped, so that a sender cannot exhaust memory.
 TEST(IncomingStream, TakesNothingBeyondItsWindow) {
   for (const std::uint32_t window : {1u, 2u, 3u, 7u, 32u}) {
@@ -287,36 +171,6 @@ TEST(IncomingStream, TakesNoItemThatIsTooLarge) {
   EXPECT_EQ(sink.take(1, {}), Taken::kNew) << "an empty one is one";
   EXPECT_EQ(sink.stream.next()->size(), 16u);
   EXPECT_EQ(sink.stream.next()->size(), 0u);
-}
-
-TEST(IncomingStream, SaysWhatIsThere) {
-  Sink sink(8);
-  EXPECT_EQ(sink.stream.credit().first_missing, 0u);
-  EXPECT_EQ(sink.stream.credit().later, 0u);
-  static_cast<void>(sink.take(0));
-  static_cast<void>(sink.take(2));
-  static_cast<void>(sink.take(5));
-  EXPECT_EQ(sink.stream.credit().first_missing, 1u);
-  EXPECT_EQ(sink.stream.credit().later, 0b1001u);
-  static_cast<void>(sink.take(1));
-  EXPECT_EQ(sink.stream.credit().first_missing, 3u);
-  EXPECT_EQ(sink.stream.credit().later, 0b10u);
-}
-
-// hp-5.10-6
-TEST(IncomingStream, IsCompleteWhenAllThatWereSentAreHere) {
-  Sink sink(8);
-  static_cast<void>(sink.take(0));
-  static_cast<void>(sink.take(2));
-  EXPECT_TRUE(sink.stream.end(4));
-  EXPECT_FALSE(sink.stream.is_complete());
-  EXPECT_EQ(sink.take(4), Taken::kForeign) << "there are no more than 4";
-  EXPECT_EQ(sink.take(3), Taken::kAhead);
-  EXPECT_EQ(sink.take(1), Taken::kNew);
-  EXPECT_TRUE(sink.stream.is_complete());
-  EXPECT_TRUE(sink.stream.end(4)) << "a copy of the end";
-  EXPECT_FALSE(sink.stream.end(5)) << "another end";
-  EXPECT_EQ(sink.drain(), 4u) << "they are still to be taken";
 }
 
 TEST(IncomingStream, BelievesNoEndThatContradictsWhatCame) {
@@ -447,30 +301,6 @@ Header item_header(std::uint32_t number) {
   header.kind = FrameKind::kItem;
   header.item = number;
   return header;
-}
-
-// hp-5.10-9
-TEST(IncomingStream, PutsFragmentsTogetherInWhateverOrderTheyCome) {
-  Random random(4);
-  const Bytes large = random_bytes(random, 5000);
-  LargeSink sink(4);
-  std::vector<Bytes> frames = item_frames(item_header(0), large, LargeSink::kPart);
-  ASSERT_EQ(frames.size(), 5u);
-  const Bytes small = bytes_of("small");
-  frames.push_back(frame_of(item_header(5), small));
-  std::ranges::shuffle(frames, random);
-  for (const Bytes& frame : frames)
-    EXPECT_NE(sink.take(frame), Taken::kForeign);
-  for (const Bytes& frame : frames)
-    EXPECT_EQ(sink.take(frame), Taken::kDuplicate);
-  auto item = sink.stream.next();
-  ASSERT_TRUE(item);
-  EXPECT_EQ(copy_of(*item), large);
-  item = sink.stream.next();
-  ASSERT_TRUE(item);
-  EXPECT_EQ(copy_of(*item), small);
-  EXPECT_FALSE(sink.stream.next());
-  EXPECT_EQ(sink.stream.limit(), 6u);
 }
 
 // hp-5.10-9: a completed item frees its bytes, so that an item may be larger than the byte window;

@@ -54,28 +54,6 @@ class DeferredOnAStream : public Deferred {
   DeferredOnAStream() : Deferred(Medium::kStream) {}
 };
 
-// hp-5.1-6
-TEST_F(Deferred, EndAsLateAsTheyLikeInAnyOrder) {
-  std::vector<Request> requests;
-  for (std::uint32_t call_id = 1; call_id <= kCallWindow; ++call_id)
-    requests.push_back(run(call_id));
-  for (const std::size_t i : {5u, 0u, 7u, 2u}) {
-    const std::string text = "late " + std::to_string(i);
-    const Bytes reply = answer(server_, requests[i], text, at(500ms));
-    EXPECT_EQ(header_of(reply).call_id, i + 1);
-    EXPECT_EQ(header_of(reply).budget_us, 500'000u);
-    EXPECT_EQ(payload_of(reply), bytes_of(text));
-  }
-  EXPECT_EQ(server_.peer_of(requests[1]), peer_.address);
-}
-
-TEST_F(DeferredOnAStream, EndAsLateAsTheyLikeInAnyOrder) {
-  const Request first = run(1);
-  const Request second = run(2);
-  EXPECT_EQ(payload_of(answer(server_, second, "second", at(1ms))), bytes_of("second"));
-  EXPECT_EQ(payload_of(answer(server_, first, "first", at(2ms))), bytes_of("first"));
-}
-
 // An orphan's reply has no recipient, least of all the client that has the session's slot now.
 TEST_F(Deferred, AreOrphansOnceTheirSessionIsClosed) {
   const Request request = run(1);
@@ -220,20 +198,6 @@ TEST(ServerStop, ClosesEverySession) {
   EXPECT_TRUE(answer(server, running.request, "late", at(2s)).empty());
   const Verdict next = server.on_frame(peers[0].call_frame(2), peers[0].address, at(2s));
   EXPECT_EQ(header_of(next.frame).status, Status::kUnknownSession);
-}
-
-// hp-4.5-3
-TEST(ServerClose, WithAPayloadIsDropped) {
-  ServerSessions server(server_config());
-  Peer peer;
-  peer.open(server, at(0s));
-  Header close;
-  close.kind = FrameKind::kClose;
-  close.session = peer.session;
-  EXPECT_EQ(server.on_frame(frame_of(close, bytes_of("x")), peer.address, at(0s)).action,
-            Action::kNothing);
-  EXPECT_EQ(server.counters().dropped_for(DropReason::kBadPayload), 1u);
-  EXPECT_EQ(server.session_count(), 1u);
 }
 
 }  // namespace

@@ -1,9 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <array>
 #include <map>
-#include <optional>
 #include <set>
 #include <string>
 
@@ -39,54 +37,6 @@ class ServerCalls : public testing::Test {
   ServerSessions server_{server_config()};
   Peer peer_;
 };
-
-/// Expects that `verdict` answers the call of `peer` with `status`, without running it.
-void expect_not_run(const Verdict& verdict, const Peer& peer, std::uint32_t call_id,
-                    Status status) {
-  ASSERT_EQ(verdict.action, Action::kSend);
-  ASSERT_EQ(verdict.frame.size(), kHeaderSize);
-  const Header header = header_of(verdict.frame);
-  EXPECT_EQ(header.kind, FrameKind::kReply);
-  EXPECT_EQ(header.status, status);
-  EXPECT_EQ(header.session, peer.session);
-  EXPECT_EQ(header.call_id, call_id);
-}
-
-TEST_F(ServerCalls, AreDispatchedWithAllThatTheyCarry) {
-  const Bytes frame = peer_.call_frame(1, "request 1");
-  const Verdict verdict = receive(frame, at(5ms));
-  ASSERT_EQ(verdict.action, Action::kDispatch);
-  const Request& request = verdict.request;
-  EXPECT_EQ(request.header.call_id, 1u);
-  EXPECT_EQ(request.header.service, 3u);
-  EXPECT_EQ(request.header.method, 4u);
-  EXPECT_EQ(request.header.trace_id, 0x7aceu);
-  EXPECT_EQ(request.header.priority, peer_.priority);
-  EXPECT_EQ(copy_of(request.payload), bytes_of("request 1"));
-  EXPECT_EQ(request.received, at(5ms));
-  EXPECT_EQ(request.deadline, at(5ms) + 1s);
-}
-
-// hp-5.1-2
-TEST_F(ServerCalls, AreAnsweredUnderTheirOwnNumbers) {
-  const Verdict verdict = call(1, at(5ms));
-  ASSERT_EQ(verdict.action, Action::kDispatch);
-  const Bytes reply =
-      answer(server_, verdict.request, "result", at(5ms + 250us), Status::kServantFailed);
-  const Header header = header_of(reply);
-  EXPECT_EQ(header.kind, FrameKind::kReply);
-  EXPECT_EQ(header.status, Status::kServantFailed);
-  EXPECT_EQ(header.session, peer_.session);
-  EXPECT_EQ(header.call_id, 1u);
-  EXPECT_EQ(header.service, 3u);
-  EXPECT_EQ(header.method, 4u);
-  EXPECT_EQ(header.priority, peer_.priority);
-  EXPECT_EQ(header.trace_id, 0x7aceu);
-  EXPECT_EQ(header.flags, 0u);
-  EXPECT_EQ(header.budget_us, 250u) << "the time that the server took";
-  EXPECT_EQ(header.sender_time_ns, static_cast<std::uint64_t>(to_ns(at(5ms + 250us))));
-  EXPECT_EQ(payload_of(reply), bytes_of("result"));
-}
 
 // hp-5.2-1
 TEST_F(ServerCalls, ThatEndedAreAnsweredAgainWithTheSameBytes) {
@@ -156,19 +106,6 @@ TEST_F(ServerCalls, OfOneWindowMayBeOpenAtATimeAndEndInAnyOrder) {
   }
 }
 
-// hp-5.2-3
-TEST_F(ServerCalls, BeyondTheWindowAreRefusedWithOverload) {
-  const Verdict first = call(1);
-  const Verdict beyond = call(1 + kCallWindow);
-  ASSERT_EQ(beyond.action, Action::kSend);
-  const Header header = header_of(beyond.frame);
-  EXPECT_EQ(header.kind, FrameKind::kRefuse);
-  EXPECT_EQ(header.status, Status::kOverload);
-  EXPECT_EQ(header.session, peer_.session);
-  EXPECT_EQ(header.call_id, 1u + kCallWindow);
-  EXPECT_EQ(payload_of(answer(server_, first.request, "first", at(0s))), bytes_of("first"));
-}
-
 // Overload promises that the call did not run: a later copy must not run, either.
 TEST_F(ServerCalls, BeyondTheWindowAreNeverRunOnceRefused) {
   const Verdict first = call(1);
@@ -182,125 +119,6 @@ TEST_F(ServerCalls, BeyondTheWindowAreNeverRunOnceRefused) {
   ASSERT_EQ(copy.action, Action::kSend) << "now there is room, but it was refused";
   EXPECT_EQ(header_of(copy.frame).status, Status::kOverload);
   EXPECT_EQ(call(1 + 2 * kCallWindow).action, Action::kDispatch) << "the next one is run";
-}
-
-// hp-4.4-1
-TEST_F(ServerCalls, OfAnUnknownSessionAreRefusedSoThatTheClientSees) {
-  Peer stranger = peer_;
-  for (const std::uint64_t session : {std::uint64_t{0}, peer_.session + 1, peer_.session ^ 1 << 20,
-                                      ~std::uint64_t{0}, std::uint64_t{0xffff}}) {
-    stranger.session = session;
-    const Verdict verdict = receive(stranger.call_frame(7, "payload"));
-    ASSERT_EQ(verdict.action, Action::kSend);
-    EXPECT_EQ(verdict.frame.size(), kHeaderSize);
-    const Header header = header_of(verdict.frame);
-    EXPECT_EQ(header.kind, FrameKind::kRefuse);
-    EXPECT_EQ(header.status, Status::kUnknownSession);
-    EXPECT_EQ(header.session, session);
-    EXPECT_EQ(header.call_id, 7u);
-    EXPECT_EQ(header.priority, peer_.priority);
-  }
-  EXPECT_EQ(dropped(DropReason::kUnknownSession), 5u);
-}
-
-// hp-5.1-4
-TEST_F(ServerCalls, FromAnotherAddressAreDropped) {
-  PeerAddress stranger = peer_.address;
-  stranger.port ^= 1;
-  const Verdict verdict = server_.on_frame(peer_.call_frame(1), stranger, at(0s));
-  EXPECT_EQ(verdict.action, Action::kNothing);
-  EXPECT_EQ(dropped(DropReason::kForeignAddress), 1u);
-  EXPECT_EQ(call(1).action, Action::kDispatch) << "the session's own address goes on";
-}
-
-// hp-5.1-5
-TEST_F(ServerCalls, OutsideTheBandAreRefused) {
-  ServerSessionsConfig config = server_config();
-  config.band = {100, 200};
-  ServerSessions server(config);
-  peer_.open(server, at(0s));
-  std::uint32_t call_id = 0;
-  for (const int priority : {99, 201, 0, Priority::kHighest}) {
-    peer_.priority = priority;
-    const Bytes frame = peer_.call_frame(++call_id);
-    expect_not_run(server.on_frame(frame, peer_.address, at(0s)), peer_, call_id,
-                   Status::kWrongBand);
-    expect_not_run(server.on_frame(frame, peer_.address, at(0s)), peer_, call_id,
-                   Status::kWrongBand);
-  }
-  EXPECT_EQ(server.counters().refused_count, 4u) << "copies are answered from the cache";
-  peer_.priority = 200;
-  EXPECT_EQ(server.on_frame(peer_.call_frame(++call_id), peer_.address, at(0s)).action,
-            Action::kDispatch);
-}
-
-// hp-5.1-5
-TEST_F(ServerCalls, AboveTheCeilingAreRefused) {
-  ServerSessionsConfig config = server_config();
-  config.ceiling = 150;
-  ServerSessions server(config);
-  peer_.priority = 20'000;
-  EXPECT_EQ(peer_.open(server, at(0s)).kind, FrameKind::kWelcome) << "the band has the priority";
-  peer_.priority = 150;
-  EXPECT_EQ(server.on_frame(peer_.call_frame(1), peer_.address, at(0s)).action, Action::kDispatch);
-  peer_.priority = 151;
-  expect_not_run(server.on_frame(peer_.call_frame(2), peer_.address, at(0s)), peer_, 2,
-                 Status::kPriorityNotAllowed);
-}
-
-// hp-6.2-1
-TEST_F(ServerCalls, AboveTheCeilingAreTakenIfTheyArePings) {
-  ServerSessionsConfig config = server_config();
-  config.ceiling = 150;
-  ServerSessions server(config);
-  peer_.open(server, at(0s));
-  std::uint32_t call_id = 0;
-  for (const std::uint16_t method : {kMethodBind, kMethodPing, kMethodDescribe}) {
-    Header header = peer_.call_header(++call_id);
-    header.service = kSessionService;
-    header.method = method;
-    header.priority = 151;
-    const Verdict verdict = server.on_frame(frame_of(header), peer_.address, at(0s));
-    EXPECT_EQ(verdict.action == Action::kDispatch, method == kMethodPing) << method;
-  }
-  Header other = peer_.call_header(++call_id);
-  other.method = kMethodPing;
-  other.priority = 151;
-  EXPECT_EQ(server.on_frame(frame_of(other), peer_.address, at(0s)).action, Action::kSend)
-      << "an object's method 2 is no ping";
-}
-
-// hp-2-6: this holds even if the message would fit.
-TEST_F(ServerCalls, InADatagramThatIsTooLargeAreDropped) {
-  std::array<std::byte, 4 * 4096> memory{};
-  ServerSessionsConfig config = server_config();
-  config.message_size_max = 4096;
-  config.large_memory = memory;
-  ServerSessions server(config);
-  peer_.open(server, at(0s));
-  const std::string largest(kDatagramPayloadSizeMax, 'x');
-  EXPECT_EQ(server.on_frame(peer_.call_frame(1, largest), peer_.address, at(0s)).action,
-            Action::kDispatch);
-  EXPECT_EQ(server.on_frame(peer_.call_frame(2, largest + 'x'), peer_.address, at(0s)).action,
-            Action::kNothing);
-  EXPECT_EQ(server.counters().dropped_for(DropReason::kBadLength), 1u);
-}
-
-// hp-5.1-5
-TEST_F(ServerCalls, LargerThanTheLimitAreRefused) {
-  const std::string largest(kDatagramPayloadSizeMax, 'x');
-  EXPECT_EQ(receive(peer_.call_frame(1, largest)).action, Action::kDispatch);
-
-  ServerSessionsConfig config = server_config(Medium::kStream);
-  config.message_size_max = 5000;
-  ServerSessions server(config);
-  peer_.open(server, at(0s), Medium::kStream);
-  EXPECT_EQ(
-      server.on_frame(peer_.call_frame(1, std::string(5000, 'x')), peer_.address, at(0s)).action,
-      Action::kDispatch);
-  expect_not_run(
-      server.on_frame(peer_.call_frame(2, std::string(5001, 'x')), peer_.address, at(0s)), peer_, 2,
-      Status::kTooLarge);
 }
 
 TEST_F(ServerCalls, GetABufferForWhatTheirClientTakes) {
@@ -324,57 +142,6 @@ TEST_F(ServerCalls, GetABufferForWhatTheirClientTakes) {
   }
 }
 
-// hp-5.4-3
-TEST_F(ServerCalls, WithoutTimeLeftAreNotRun) {
-  Header header = peer_.call_header(1);
-  header.budget_us = 0;
-  expect_not_run(receive(frame_of(header)), peer_, 1, Status::kExpired);
-  EXPECT_EQ(server_.counters().expired_count, 1u);
-  EXPECT_EQ(server_.counters().refused_count, 0u) << "counted once";
-  header = peer_.call_header(2);
-  header.budget_us = 1;
-  EXPECT_EQ(receive(frame_of(header)).action, Action::kDispatch);
-}
-
-/// The deadline of a call with a budget of 100 µs that is sent at `sent` on the client's clock and
-/// received at `received`; nullopt if it has expired.
-std::optional<MonotonicTime> deadline_of(std::uint64_t client_clock, std::uint64_t server_clock,
-                                         MonotonicTime sent, MonotonicTime received) {
-  ServerSessionsConfig config = server_config();
-  config.clock_domain = server_clock;
-  ServerSessions server(config);
-  Peer peer;
-  peer.clock_domain = client_clock;
-  peer.open(server, received);
-  Header header = peer.call_header(1);
-  header.budget_us = 100;
-  header.sender_time_ns = static_cast<std::uint64_t>(to_ns(sent));
-  const Verdict verdict = server.on_frame(frame_of(header), peer.address, received);
-  if (verdict.action == Action::kDispatch) return verdict.request.deadline;
-  EXPECT_EQ(header_of(verdict.frame).status, Status::kExpired);
-  return std::nullopt;
-}
-
-// hp-5.4-2
-TEST(ServerDeadline, CountsTheTimeInASocketWhereBothSidesReadOneClock) {
-  EXPECT_EQ(deadline_of(7, 7, at(0us), at(0us)), at(100us));
-  EXPECT_EQ(deadline_of(7, 7, at(0us), at(99us)), at(100us));
-  EXPECT_EQ(deadline_of(7, 7, at(0us), at(100us)), std::nullopt);
-  EXPECT_EQ(deadline_of(7, 7, at(0us), at(3s)), std::nullopt);
-}
-
-TEST(ServerDeadline, CountsFromArrivalWhereClocksDiffer) {
-  EXPECT_EQ(deadline_of(7, 8, at(0us), at(3s)), at(3s + 100us));
-  EXPECT_EQ(deadline_of(0, 0, at(0us), at(3s)), at(3s + 100us)) << "0: not known";
-  EXPECT_EQ(deadline_of(7, 0, at(0us), at(3s)), at(3s + 100us));
-}
-
-TEST(ServerDeadline, DoesNotBelieveASenderFromTheFuture) {
-  EXPECT_EQ(deadline_of(7, 7, at(1us), at(0us)), at(100us));
-  EXPECT_EQ(deadline_of(7, 7, at(24h), at(0us)), at(100us));
-  EXPECT_EQ(deadline_of(7, 7, time_from_ns(-1), at(0us)), at(100us)) << "the largest number";
-}
-
 TEST(ServerDeadline, HoldsForTheLargestBudget) {
   ServerSessions server(server_config());
   Peer peer;
@@ -384,18 +151,6 @@ TEST(ServerDeadline, HoldsForTheLargestBudget) {
   const Verdict verdict = server.on_frame(frame_of(header), peer.address, at(0s));
   ASSERT_EQ(verdict.action, Action::kDispatch);
   EXPECT_EQ(verdict.request.deadline, at(std::chrono::microseconds{~std::uint32_t{0}}));
-}
-
-// hp-5.3-4: a stream needs no repetition, so a copy is the client's fault.
-TEST(ServerStream, DropsCopies) {
-  ServerSessions server(server_config(Medium::kStream));
-  Peer peer;
-  peer.open(server, at(0s), Medium::kStream);
-  const Verdict first = server.on_frame(peer.call_frame(1), peer.address, at(0s));
-  ASSERT_EQ(first.action, Action::kDispatch);
-  static_cast<void>(answer(server, first.request, "", at(0s)));
-  EXPECT_EQ(server.on_frame(peer.call_frame(1), peer.address, at(0s)).action, Action::kNothing);
-  EXPECT_EQ(server.counters().dropped_for(DropReason::kStaleCall), 1u);
 }
 
 /// Random calls, copies and late ends of calls in one session, compared with the spec's promises.
