@@ -204,11 +204,13 @@ TEST(Lane, TellsItsCountersWhileItNeverRests) {
 class LaneAlone {
  public:
   explicit LaneAlone(std::uint32_t session_count_max, rt::WaitStrategy wait) {
+    config_.lanes.resize(1);
+    config_.lanes.front().wait.strategy = wait;
+    config_.session_count_max = session_count_max;
+    config_.message_size_max = 1024;
     LaneSetup setup;
-    setup.config.wait.strategy = wait;
-    setup.sessions.epoch = 1;
-    setup.sessions.session_count_max = session_count_max;
-    setup.sessions.message_size_max = 1024;
+    setup.server = &config_;
+    setup.epoch = 1;
     setup.objects = &objects_;
     setup.acceptor_bell = acceptor_bell_.get();
     setup.slot = &slot_;
@@ -237,6 +239,7 @@ class LaneAlone {
   Lane& lane() { return *lane_; }
 
  private:
+  ServerConfig config_;
   ObjectTable objects_;
   std::unique_ptr<transport::WaitSet> acceptor_bell_ =
       std::move(*transport::PolledWaitSet::open(1));

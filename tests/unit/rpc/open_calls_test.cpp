@@ -43,10 +43,12 @@ class OpenCallsTest : public testing::Test {
   ~OpenCallsTest() override { threads_.unlock(); }
 
   LaneSetup setup() {
+    config_.lanes.resize(1);
+    config_.message_size_max = kMessageSize;
+    config_.large_message_count_max = 2;
     LaneSetup setup;
-    setup.sessions = server_config();
-    setup.sessions.message_size_max = kMessageSize;
-    setup.large_message_count_max = 2;
+    setup.server = &config_;
+    setup.epoch = 1;
     setup.acceptor_bell = wait_set_.get();
     setup.slot = &slot_;
     return setup;
@@ -66,6 +68,7 @@ class OpenCallsTest : public testing::Test {
     return media_.datagrams().large_message_count(rt::now());
   }
 
+  ServerConfig config_;
   LaneSlot slot_;
   std::unique_ptr<transport::PolledWaitSet> wait_set_ =
       std::move(*transport::PolledWaitSet::open(8));

@@ -123,18 +123,18 @@ class ScriptedLane {
  public:
   explicit ScriptedLane(rt::WaitStrategy strategy) {
     EXPECT_TRUE(objects_.add("echo", servant, {}, Priority{Priority::kHighest}));
+    config_.lanes.resize(1);
+    config_.lanes.front().wait.strategy = strategy;
+    config_.session_count_max = 128;
+    config_.message_size_max = 4096;
+    config_.large_message_count_max = 0;
+    config_.deferred_call_count_max = 4;
+    config_.stream_count_max = 4;
+    config_.stream_byte_max = 4096;
+    config_.local_oneway_count_max = 0;
     LaneSetup setup;
-    setup.config.wait.strategy = strategy;
-    setup.sessions.epoch = 1;
-    setup.sessions.session_count_max = 128;
-    setup.sessions.message_size_max = 4096;
-    setup.sessions.band = {Priority{0}, Priority{Priority::kHighest}};
-    setup.sessions.lane_count = 1;
-    setup.sessions.ceiling = Priority{Priority::kHighest};
-    setup.band = setup.sessions.band;
-    setup.deferred_call_count_max = 4;
-    setup.stream_count_max = 4;
-    setup.stream_byte_max = 4096;
+    setup.server = &config_;
+    setup.epoch = 1;
     setup.objects = &objects_;
     setup.acceptor_bell = &acceptor_;
     setup.slot = &slot_;
@@ -168,6 +168,7 @@ class ScriptedLane {
   std::unique_ptr<Lane> lane;
 
  private:
+  ServerConfig config_;
   ObjectTable objects_;
   ScriptedWaitSet acceptor_;
   LaneSlot slot_;

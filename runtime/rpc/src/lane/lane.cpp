@@ -21,12 +21,17 @@ constexpr std::size_t kMemoryLooksWhenDue = 64;
 // that it stops.
 constexpr Duration kStopPatience = std::chrono::seconds{1};
 
+bool has_thread_pool(const LaneSetup& setup) noexcept {
+  return ThreadPool::is_wanted(setup.config(), setup.server->borrows);
+}
+
 // How many calls may be unfinished: waiting, running, or deferred.
 std::uint32_t call_count_max(const LaneSetup& setup) noexcept {
-  const LaneConfig& config = setup.config;
-  if (!ThreadPool::is_wanted(config, setup.borrows)) return setup.deferred_call_count_max;
-  return setup.deferred_call_count_max + config.buffered_request_max +
-         ThreadPool::static_count(config) + config.dynamic_threads + setup.lendable_thread_count;
+  const LaneConfig& config = setup.config();
+  const std::uint32_t deferred = setup.server->deferred_call_count_max;
+  if (!has_thread_pool(setup)) return deferred;
+  return deferred + config.buffered_request_max + ThreadPool::static_count(config) +
+         config.dynamic_threads + setup.lendable_thread_count;
 }
 
 // The host's number, as CallerHost defines it.
@@ -38,24 +43,24 @@ std::uint64_t host_number(const wire::PeerAddress& host) noexcept {
 
 Lane::Lane(const LaneSetup& setup, std::vector<transport::UdpPort> ports,
            std::unique_ptr<transport::WaitSet> wait_set)
-    : config_(setup.config),
-      band_(setup.band),
+    : config_(setup.config()),
+      band_(setup.band()),
       wait_set_(std::move(wait_set)),
       doorbell_(std::make_shared<Doorbell>(*wait_set_)),
-      report_(*setup.slot, setup.config, setup.band),
-      tap_(ThreadPool::is_wanted(setup.config, setup.borrows)),
+      report_(*setup.slot, config_, band_),
+      tap_(has_thread_pool(setup)),
       media_(setup, std::move(ports), *wait_set_, report_),
-      calls_(std::make_shared<PendingPool>(call_count_max(setup), setup.deferred_call_count_max,
-                                           setup.sessions.message_size_max, setup.stream_byte_max,
-                                           ThreadPool::is_wanted(setup.config, setup.borrows),
-                                           doorbell_),
+      calls_(std::make_shared<PendingPool>(
+                 call_count_max(setup), setup.server->deferred_call_count_max,
+                 setup.server->message_size_max, setup.server->stream_byte_max,
+                 has_thread_pool(setup), doorbell_),
              call_count_max(setup), media_, report_, *doorbell_, tap_),
-      gate_(std::make_shared<LocalGate>(doorbell_, *this, setup.local_oneway_count_max,
-                                        setup.sessions.message_size_max)),
+      gate_(std::make_shared<LocalGate>(doorbell_, *this, setup.server->local_oneway_count_max,
+                                        setup.server->message_size_max)),
       rights_(setup, media_.all(), media_.connections(), media_.seals()),
-      dispatch_(*setup.objects, setup.inbound_priority, setup.config.priority, *this, tap_, rights_,
-                setup.refusals),
-      idling_(setup.config.wait) {
+      dispatch_(*setup.objects, setup.server->inbound_priority, config_.priority, *this, tap_,
+                rights_, setup.refusals),
+      idling_(config_.wait) {
   const LaneParts parts{*this,  config_, is_stopping_, *setup.slot, dispatch_,
                         calls_, report_, idling_,      *wait_set_};
   for (std::uint32_t i = 0; i < media_.ports().size(); ++i) {
@@ -64,8 +69,8 @@ Lane::Lane(const LaneSetup& setup, std::vector<transport::UdpPort> ports,
         wait_set_->add_port(port.socket(), port.buffer(), SourceTag(kPortKind, i));
     RTPM_ASSERT(is_added, "a new wait set takes a port");
   }
-  if (ThreadPool::is_wanted(config_, setup.borrows)) {
-    auto pooled = std::make_unique<PooledExecution>(parts, setup.sessions.lane, setup.lower,
+  if (has_thread_pool(setup)) {
+    auto pooled = std::make_unique<PooledExecution>(parts, setup.number, setup.lower,
                                                     call_count_max(setup), *setup.acceptor_bell);
     thread_pool_ = pooled.get();
     execution_ = std::move(pooled);

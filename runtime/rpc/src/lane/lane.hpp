@@ -89,7 +89,7 @@ class Lane final : public DutyCycle, public LocalHost {
   void obey(Lead& lead, const Pause& pause) noexcept;
   void end(Lead& lead) noexcept;
 
-  LaneConfig config_;
+  const LaneConfig& config_;
   Band band_;
   std::atomic<bool> is_stopping_{false};
   std::unique_ptr<transport::WaitSet> wait_set_;

@@ -14,80 +14,69 @@ namespace {
 constexpr Duration kSessionPatience = std::chrono::seconds{2};
 
 // One buffer more than messages may be held: where replies are written.
-std::size_t message_memory(const LaneSetup& setup) noexcept {
+std::size_t message_memory(const ServerConfig& server) noexcept {
   constexpr std::size_t kCacheLine = 64;
   const std::size_t each =
-      (setup.sessions.message_size_max + kCacheLine - 1) / kCacheLine * kCacheLine;
-  return each * (setup.large_message_count_max + 1);
+      (std::size_t{server.message_size_max} + kCacheLine - 1) / kCacheLine * kCacheLine;
+  return each * (server.large_message_count_max + 1);
 }
 
-std::size_t item_memory(const LaneSetup& setup, wire::Medium medium) noexcept {
-  return setup.stream_count_max * wire::stream_buffer_size(medium);
+std::size_t item_memory(const ServerConfig& server, wire::Medium medium) noexcept {
+  return server.stream_count_max * wire::stream_buffer_size(medium);
 }
 
-void leave_space_for_seals(const LaneSetup& setup, wire::ServerSessionsConfig& config) noexcept {
-  if (setup.access == nullptr) return;
-  config.frame_payload_max = static_cast<std::uint32_t>(wire::sealed_payload_max(config.medium));
-}
-
-// Each medium has a secret of its own, so that a session number of one is not valid in another.
-wire::ServerSessionsConfig datagram_config(const LaneSetup& setup) noexcept {
-  wire::ServerSessionsConfig config = setup.sessions;
-  config.medium = wire::Medium::kDatagram;
-  leave_space_for_seals(setup, config);
-  return config;
-}
-
-wire::ServerSessionsConfig stream_config(const LaneSetup& setup) noexcept {
-  wire::ServerSessionsConfig config = setup.sessions;
-  config.medium = wire::Medium::kStream;
-  config.key.low = ~config.key.low;
-  leave_space_for_seals(setup, config);
-  return config;
-}
-
-wire::ServerSessionsConfig memory_config(const LaneSetup& setup) noexcept {
-  wire::ServerSessionsConfig config = stream_config(setup);
-  config.frame_payload_max = static_cast<std::uint32_t>(wire::kSharedPayloadSizeMax);
-  config.key.high = ~config.key.high;
-  return config;
-}
-
-wire::ServerSessionsConfig with_memory(wire::ServerSessionsConfig config, MutableBytes messages,
-                                       MutableBytes items) noexcept {
+wire::ServerSessionsConfig sessions_config(const LaneSetup& setup, wire::Medium medium,
+                                           bool is_memory, MutableBytes messages,
+                                           MutableBytes items) noexcept {
+  const ServerConfig& server = *setup.server;
+  wire::ServerSessionsConfig config;
+  config.medium = medium;
+  config.band = setup.band();
+  config.ceiling = server.ceiling;
+  config.epoch = setup.epoch;
+  config.clock_domain = setup.clock_domain;
+  config.key = setup.key;
+  config.lane = setup.number;
+  config.lane_count = static_cast<std::uint32_t>(server.lanes.size());
+  config.session_count_max = server.session_count_max;
+  config.message_size_max = server.message_size_max;
   config.large_memory = messages;
   config.stream_memory = items;
+  // Each medium has a secret of its own, so that a session number of one is not valid in another.
+  if (medium == wire::Medium::kStream) config.key.low = ~config.key.low;
+  if (is_memory) {
+    config.key.high = ~config.key.high;
+    config.frame_payload_max = static_cast<std::uint32_t>(wire::kSharedPayloadSizeMax);
+  } else if (setup.access != nullptr) {
+    config.frame_payload_max = static_cast<std::uint32_t>(wire::sealed_payload_max(medium));
+  }
   return config;
 }
 
 }  // namespace
 
-Media::Medium::Medium(const LaneSetup& setup, wire::ServerSessionsConfig config)
-    : messages(message_memory(setup)),
-      items(item_memory(setup, config.medium)),
-      sessions(with_memory(config, messages.bytes(), items.bytes())) {}
+Media::Medium::Medium(const LaneSetup& setup, wire::Medium medium, bool is_memory)
+    : messages(message_memory(*setup.server)),
+      items(item_memory(*setup.server, medium)),
+      sessions(sessions_config(setup, medium, is_memory, messages.bytes(), items.bytes())),
+      has_memory(messages.bytes().size() == message_memory(*setup.server) &&
+                 items.bytes().size() == item_memory(*setup.server, medium)) {}
 
 Media::Media(const LaneSetup& setup, std::vector<transport::UdpPort> ports,
              transport::WaitSet& wait_set, LaneReport& report)
     : report_(report),
       handover_(wait_set, *setup.acceptor_bell),
-      datagrams_(setup, datagram_config(setup)),
-      streams_(setup, stream_config(setup)),
-      memory_(setup, memory_config(setup)),
+      datagrams_(setup, wire::Medium::kDatagram, /*is_memory=*/false),
+      streams_(setup, wire::Medium::kStream, /*is_memory=*/false),
+      memory_(setup, wire::Medium::kStream, /*is_memory=*/true),
       seals_(setup.access == nullptr ? nullptr
                                      : std::make_unique<Seals>(setup, datagrams_.sessions,
                                                                streams_.sessions, wait_set)),
-      has_memory_(seals_ == nullptr || seals_->has_memory()),
-      connections_(2 * std::size_t{setup.sessions.session_count_max}, wait_set) {
+      connections_(2 * std::size_t{setup.server->session_count_max}, wait_set) {
   sealed::SealedServer* const datagram_seals =
-      seals_ != nullptr && has_memory_ ? &seals_->datagrams() : nullptr;
+      seals_ != nullptr && seals_->has_memory() ? &seals_->datagrams() : nullptr;
   for (transport::UdpPort& port : ports)
     ports_.push_back(std::make_unique<DatagramPort>(std::move(port), report, datagram_seals));
-  for (const Medium* medium : {&datagrams_, &streams_, &memory_}) {
-    const auto kind = medium == &datagrams_ ? wire::Medium::kDatagram : wire::Medium::kStream;
-    has_memory_ = has_memory_ && medium->messages.bytes().size() == message_memory(setup) &&
-                  medium->items.bytes().size() == item_memory(setup, kind);
-  }
 }
 
 wire::FrameCounters Media::counters() const noexcept {

@@ -30,7 +30,10 @@ class Media {
         LaneReport& report);
 
   /// False if the system gave no memory for large messages or streams.
-  [[nodiscard]] bool has_memory() const noexcept { return has_memory_; }
+  [[nodiscard]] bool has_memory() const noexcept {
+    return datagrams_.has_memory && streams_.has_memory && memory_.has_memory &&
+           (seals_ == nullptr || seals_->has_memory());
+  }
 
   [[nodiscard]] Handover& handover() noexcept { return handover_; }
   /// One for each address that the server serves; one for all of "any".
@@ -115,10 +118,11 @@ class Media {
 
  private:
   struct Medium {
-    Medium(const LaneSetup& setup, wire::ServerSessionsConfig config);
+    Medium(const LaneSetup& setup, wire::Medium medium, bool is_memory);
     rt::LazyMemory messages;
     rt::LazyMemory items;
     wire::ServerSessions sessions;
+    bool has_memory;
   };
 
   [[nodiscard]] wire::ServerSessions& sessions_of(bool is_memory) noexcept {
@@ -134,7 +138,6 @@ class Media {
   Medium streams_;
   Medium memory_;
   std::unique_ptr<Seals> seals_;
-  bool has_memory_;
   std::vector<std::unique_ptr<DatagramPort>> ports_;
   Connections connections_;
 };

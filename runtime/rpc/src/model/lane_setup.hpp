@@ -1,13 +1,14 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 #include "model/object_table.hpp"
+#include "rtpm/base/hash.hpp"
 #include "rtpm/rpc/lane_table.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/sealed/handshake_job.hpp"
 #include "rtpm/transport/wait_set.hpp"
-#include "rtpm/wire/server_sessions.hpp"
 
 namespace rtpm::rpc {
 
@@ -23,20 +24,15 @@ class RefusalNotes;
   return port_count + 4 * std::size_t{session_count_max};
 }
 
-/// The parts that a lane is built from.
+/// The parts that a lane is built from. All of them outlive the lane.
 struct LaneSetup {
-  LaneConfig config{};
-  Band band{};
-  wire::ServerSessionsConfig sessions{};  ///< Those of streams; others differ in medium and size.
+  const ServerConfig* server = nullptr;  ///< Its lanes are sorted by band.
+  std::uint32_t number = 0;              ///< The lane's place among them.
+  std::uint64_t epoch = 0;               ///< The server's.
+  std::uint64_t clock_domain = 0;
+  SipKey key{};  ///< The secret of the server's sessions.
   const ObjectTable* objects = nullptr;
-  std::uint32_t large_message_count_max = 0;
-  std::uint32_t deferred_call_count_max = 0;
-  std::uint32_t stream_count_max = 0;
-  std::uint32_t stream_byte_max = 0;
-  std::uint32_t local_oneway_count_max = 0;
-  PriorityTransform inbound_priority = nullptr;
   PooledExecution* lower = nullptr;         ///< The threads of the lane below, if it borrows.
-  bool borrows = false;                     ///< Whether it borrows or lends threads.
   std::uint32_t lendable_thread_count = 0;  ///< The sum over all lanes below.
   /// The bell of the thread that frees ended connections and starts threads.
   transport::WaitSet* acceptor_bell = nullptr;
@@ -48,6 +44,13 @@ struct LaneSetup {
   const sealed::ServerIdentity* identity = nullptr;
   HandshakeRate* handshake_rate = nullptr;
   transport::WaitSet* gatekeeper_bell = nullptr;
+
+  [[nodiscard]] const LaneConfig& config() const noexcept { return server->lanes[number]; }
+  [[nodiscard]] Band band() const noexcept {
+    const bool is_last = number + 1 == server->lanes.size();
+    return {config().low, is_last ? Priority{Priority::kHighest}
+                                  : Priority{server->lanes[number + 1].low.value() - 1}};
+  }
 };
 
 }  // namespace rtpm::rpc

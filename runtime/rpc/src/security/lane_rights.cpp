@@ -64,7 +64,7 @@ LaneRights::LaneRights(const LaneSetup& setup, const Sessions& sessions, Connect
       sessions_(sessions),
       connections_(connections),
       seals_(seals),
-      session_count_max_(setup.sessions.session_count_max) {
+      session_count_max_(setup.server->session_count_max) {
   own_origin_.subject.kind = access::Subject::Kind::kLocalUser;
   own_origin_.subject.user = access::this_user();
 }

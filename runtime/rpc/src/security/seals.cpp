@@ -20,7 +20,7 @@ Seals::Seals(const LaneSetup& setup, wire::ServerSessions& datagrams, wire::Serv
     : control_(*setup.access),
       admission_(*setup.access, *setup.audit, *setup.handshake_rate),
       link_(wait_set, *setup.gatekeeper_bell),
-      session_count_max_(setup.sessions.session_count_max),
+      session_count_max_(setup.server->session_count_max),
       reviewed_(control_.generation()),
       reviewing_(reviewed_) {
   open(datagrams_, setup, wire::Medium::kDatagram, datagrams);
@@ -33,7 +33,7 @@ void Seals::open(Medium& medium, const LaneSetup& setup, wire::Medium kind,
   config.medium = kind;
   config.identity = setup.identity;
   config.admission = &admission_;
-  config.key = setup.sessions.key;
+  config.key = setup.key;
   config.session_count_max = session_count_max_;
   config.job_count_max = GatekeeperLink::kDatagramJobCountMax;
   if (kind == wire::Medium::kStream) {

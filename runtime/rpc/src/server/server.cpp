@@ -358,24 +358,20 @@ ServerImpl::open_memory_listeners() const {
 }
 
 expected<void, SetupError> ServerImpl::make_lanes(std::vector<Ports> ports_of_lanes) {
-  LaneSetup setup;
-  setup.objects = &objects_;
-  setup.access = access_.get();
+  LaneSetup setup{.server = &config_,
+                  .epoch = epoch_,
+                  .clock_domain = rt::clock_domain(),
+                  .key = {rt::random_u64(), rt::random_u64()},
+                  .objects = &objects_,
+                  .acceptor_bell = &acceptor_->bell(),
+                  .refusals = &acceptor_->refusals(),
+                  .access = access_.get()};
   if (access_) {
     setup.audit = audit_.get();
     setup.identity = &identity_->get();
     setup.handshake_rate = &gatekeeper_->rate();
     setup.gatekeeper_bell = &gatekeeper_->bell();
   }
-  setup.acceptor_bell = &acceptor_->bell();
-  setup.refusals = &acceptor_->refusals();
-  setup.sessions.epoch = epoch_;
-  setup.sessions.key = {rt::random_u64(), rt::random_u64()};
-  setup.sessions.lane_count = static_cast<std::uint32_t>(config_.lanes.size());
-  setup.sessions.clock_domain = rt::clock_domain();
-  setup.sessions.ceiling = config_.ceiling;
-  setup.sessions.session_count_max = config_.session_count_max;
-  setup.sessions.message_size_max = config_.message_size_max;
   std::string hosts = hosts_.is_any ? "any" : "";
   for (const ServedAddress& each : served_addresses()) {
     if (!hosts_.is_any) hosts.append(hosts.empty() ? "" : ",").append(each.host);
@@ -383,29 +379,18 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<Ports> ports_of_la
   auto table = make_lane_table(config_, hosts, url_.port, served_callers().is_open_to_network);
   if (!table) return setup_error(subject_of(config_), table.error());
   lane_table_ = std::move(*table);
-  setup.large_message_count_max = config_.large_message_count_max;
-  setup.deferred_call_count_max = config_.deferred_call_count_max;
-  setup.stream_count_max = config_.stream_count_max;
-  setup.stream_byte_max = config_.stream_byte_max;
-  setup.local_oneway_count_max = config_.local_oneway_count_max;
-  setup.inbound_priority = config_.inbound_priority;
-  setup.borrows = config_.borrows;
   for (std::size_t i = 0; i < config_.lanes.size(); ++i) {
     auto wait_set = transport::PortWaitSet::open(
-        wait_source_count(setup.sessions.session_count_max, ports_of_lanes[i].size()));
+        wait_source_count(config_.session_count_max, ports_of_lanes[i].size()));
     if (!wait_set) return setup_error(subject_of(config_), wait_set.error());
-    const bool is_last = i + 1 == config_.lanes.size();
-    setup.config = config_.lanes[i];
-    setup.band = {config_.lanes[i].low, is_last ? Priority{Priority::kHighest}
-                                                : Priority{config_.lanes[i + 1].low.value() - 1}};
-    setup.sessions.band = setup.band;
-    setup.sessions.lane = static_cast<std::uint32_t>(i);
+    setup.number = static_cast<std::uint32_t>(i);
     setup.slot = &slot_of(lane_table_, i);
     lanes_.push_back(
         std::make_unique<Lane>(setup, std::move(ports_of_lanes[i]), std::move(*wait_set)));
     if (!lanes_.back()->has_memory()) {
       return setup_error(
-          subject_of(config_) + ": the system gives no memory for lane '" + setup.config.name + "'",
+          subject_of(config_) + ": the system gives no memory for lane '" + setup.config().name +
+              "'",
           system_error(ENOMEM),
           "raise the limit of the process (ulimit -v; LimitAS= of a systemd unit) or of the host "
           "(vm.overcommit_memory), or lower message_size_max, large_message_count_max, "
@@ -414,7 +399,7 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<Ports> ports_of_la
     tap_->add(lanes_.back()->tap());
     if (!config_.borrows) continue;
     setup.lower = lanes_.back()->thread_pool();
-    setup.lendable_thread_count += setup.config.static_threads + setup.config.dynamic_threads;
+    setup.lendable_thread_count += setup.config().static_threads + setup.config().dynamic_threads;
   }
   // SYNC POINT lane-table: only now it can be read, when all of its lanes are in it.
   open_to_readers(lane_table_);
