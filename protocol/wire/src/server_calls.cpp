@@ -41,8 +41,8 @@ ServerSessions::Answer ServerSessions::on_call(Request& request, const PeerAddre
     if (!is_new && header.call_id != slot.newest_call_id) return drop(DropReason::kStaleCall);
     slot.newest_call_id = header.call_id;
     // A running oneway or cancelled call does not occupy the slot, unless its buffer is still read.
-    const bool is_taken =
-        slot.state == Slot::State::kRunning && (!slot.is_unawaited || slot.large != kNoLargeBuffer);
+    const bool is_taken = slot.state == Slot::State::kRunning &&
+                          (!slot.is_unawaited || slot.large != LargeMessages::kNone);
     if (!is_new || is_taken) {
       const Answer refusal = refuse(header, Status::kOverload, now);
       // hp-5.8-1
@@ -71,11 +71,10 @@ ServerSessions::Answer ServerSessions::on_duplicate(Request& request, Slot& slot
   }
   if (slot.state == Slot::State::kRunning && slot.frame_size == 0) {
     std::uint32_t item_count = 0;
-    if (slot.stream != kNoStream) {
+    if (slot.stream != ServerStreams::kNone) {
       // A sign of life of the caller, which also renews its request for items.
-      Stream& stream = streams_[slot.stream];
-      stream.deadline = std::max(stream.deadline, lease_of(session, header, now));
-      item_count = stream.items.count();
+      streams_.extend(slot.stream, lease_of(session, header, now));
+      item_count = streams_.items(slot.stream).count();
     }
     if ((header.flags & kFlagAckWanted) == 0) return drop(DropReason::kDuplicateRunning);
     // hp-5.6-4: tells a client that asks for an ACK that no fragment is missing.
@@ -83,8 +82,11 @@ ServerSessions::Answer ServerSessions::on_duplicate(Request& request, Slot& slot
     all.first_missing = header.fragment_count;
     return acknowledge(header, all, item_count, now);
   }
-  if (slot.large != kNoLargeBuffer && large_buffers_[slot.large].use == LargeBuffer::Use::kReply) {
-    return send_large_again(slot, now);
+  if (slot.large != LargeMessages::kNone && large_.is_reply(slot.large)) {
+    // It asks for the unacknowledged fragments.
+    ++counters_.duplicate_answered_count;
+    large_.send_again(slot.large, now);
+    return {Verdict::Action::kSend, large_.next_frame(now)};
   }
   // A stream makes no duplicates; a large reply is not kept once it has arrived.
   if (config_.medium == Medium::kStream || slot.frame_size == 0) {
@@ -197,9 +199,9 @@ std::uint32_t ServerSessions::reply_size_max(const Request& request) const noexc
 
 MutableBytes ServerSessions::reply_buffer(const Request& request, MonotonicTime now) noexcept {
   std::uint32_t size_max = reply_size_max(request);
-  if (scratch_ != kNoLargeBuffer) {
+  if (large_.has_buffers()) {
     if (is_short_of_buffers(request, now)) size_max = std::min(size_max, payload_size_max_);
-    return large_buffers_[scratch_].memory.first(size_max);
+    return large_.scratch().first(size_max);
   }
   // A reply that is not sent must not overwrite a kept one.
   const Slot* const slot = slot_of(request);
@@ -222,7 +224,7 @@ ConstBytes ServerSessions::accept(const Request& request, Status status,
 ConstBytes ServerSessions::complete(const Request& request, Status status,
                                     std::uint32_t payload_size, MonotonicTime now,
                                     MutableBytes reserved) noexcept {
-  if (!reserved.empty()) put_in_place_of_scratch(reserved);
+  if (!reserved.empty()) large_.put_in_place_of_scratch(reserved);
   Slot* const slot = slot_of(request);
   if (slot == nullptr) {
     ++counters_.orphaned_count;
@@ -242,15 +244,16 @@ ConstBytes ServerSessions::write_reply(const Request& request, Slot& slot, Statu
   Header header = header_about(request.header, FrameKind::kReply, payload_size, now);
   header.status = status;
   header.budget_us = to_us(now - request.received);
-  if (slot.stream != kNoStream) {
+  if (slot.stream != ServerStreams::kNone) {
     // hp-5.10-6: shows the caller which frames it lacks. The stream is kept until all have arrived.
-    header.item = streams_[slot.stream].items.count();
-    if (streams_[slot.stream].items.is_acknowledged()) free_stream(slot);
+    const OutgoingStream& items = streams_.items(slot.stream);
+    header.item = items.count();
+    if (items.is_acknowledged()) free_stream(slot);
   }
   if (payload_size > payload_size_max_) return complete_large(request, slot, header, now);
   std::byte* frame = frame_of(request.session_index, request.slot_index);
-  if (scratch_ != kNoLargeBuffer && payload_size > 0) {
-    std::memcpy(frame + kHeaderSize, large_buffers_[scratch_].memory.data(), payload_size);
+  if (large_.has_buffers() && payload_size > 0) {
+    std::memcpy(frame + kHeaderSize, large_.scratch().data(), payload_size);
   }
   encode(header, frame);
   slot.frame_size = static_cast<std::uint32_t>(kHeaderSize + payload_size);

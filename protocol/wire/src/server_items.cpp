@@ -8,24 +8,13 @@
 namespace rtpm::wire {
 
 ServerSessions::Answer ServerSessions::begin_stream(const Request& request, Slot& slot) noexcept {
-  const auto found =
-      std::ranges::find_if(streams_, [](const Stream& stream) { return !stream.items.is_begun(); });
-  if (found == streams_.end()) return refuse_call(request, Status::kOverload, request.received);
-  const auto index = static_cast<std::size_t>(found - streams_.begin());
-  const std::size_t buffer_size = stream_buffer_size(config_.medium);
-  const bool is_datagram = config_.medium == Medium::kDatagram;
   const Session& session = sessions_[request.session_index];
-  found->session_index = request.session_index;
-  found->slot_index = request.slot_index;
-  found->deadline = lease_of(session, request.header, request.received);
-  found->items.begin(request.header,
-                     {.memory = config_.stream_memory.subspan(index * buffer_size, buffer_size),
-                      .frame_size = is_datagram ? kDatagramFrameSizeMax : kStreamFrameSizeMax,
-                      .fragment_size = std::min(payload_size_max_, session.message_size_max)},
-                     config_.medium);
-  streams_due_ = std::min(streams_due_, found->deadline);
-  slot.stream = static_cast<std::uint16_t>(index);
-  ++open_stream_count_;
+  slot.stream = streams_.begin(request.header, {request.session_index, request.slot_index},
+                               std::min(payload_size_max_, session.message_size_max),
+                               lease_of(session, request.header, request.received));
+  if (slot.stream == ServerStreams::kNone) {
+    return refuse_call(request, Status::kOverload, request.received);
+  }
   return {Verdict::Action::kDispatch};
 }
 
@@ -38,16 +27,10 @@ MonotonicTime ServerSessions::lease_of(const Session& session, const Header& hea
   return config_.medium == Medium::kStream ? stated : std::min(stated, now + kStreamLeaseMax);
 }
 
-void ServerSessions::free_stream(Slot& slot) noexcept {
-  if (slot.stream == kNoStream) return;
-  streams_[slot.stream].items.clear();
-  slot.stream = kNoStream;
-  if (--open_stream_count_ == 0) streams_due_ = kNever;
-}
-
-ServerSessions::Stream* ServerSessions::stream_of(const Request& request) noexcept {
+OutgoingStream* ServerSessions::stream_of(const Request& request) noexcept {
   const Slot* const slot = slot_of(request);
-  return slot == nullptr || slot->stream == kNoStream ? nullptr : &streams_[slot->stream];
+  return slot == nullptr || slot->stream == ServerStreams::kNone ? nullptr
+                                                                 : &streams_.items(slot->stream);
 }
 
 std::uint32_t ServerSessions::item_size_max(const Request& request) noexcept {
@@ -61,18 +44,18 @@ std::uint32_t ServerSessions::item_frame_size_max(const Request& request) noexce
 
 ConstBytes ServerSessions::push_item(const Request& request, ConstBytes item,
                                      MonotonicTime now) noexcept {
-  Stream* const stream = stream_of(request);
+  OutgoingStream* const stream = stream_of(request);
   if (stream == nullptr) return {};
   // hp-5.10-10
   RTPM_ASSERT(item.size() <= item_size_max(request), "an item is not larger than it may be");
-  const ConstBytes frame = stream->items.push(item, now);
-  if (!frame.empty() && !stream->items.is_midway()) ++counters_.item_count;
+  const ConstBytes frame = stream->push(item, now);
+  if (!frame.empty() && !stream->is_midway()) ++counters_.item_count;
   return frame;
 }
 
 bool ServerSessions::is_item_midway(const Request& request) noexcept {
-  const Stream* const stream = stream_of(request);
-  return stream != nullptr && stream->items.is_midway();
+  const OutgoingStream* const stream = stream_of(request);
+  return stream != nullptr && stream->is_midway();
 }
 
 ServerSessions::Answer ServerSessions::on_credit(const Header& header, ConstBytes payload,
@@ -90,20 +73,19 @@ ServerSessions::Answer ServerSessions::on_credit(const Header& header, ConstByte
   const bool is_asked = (header.flags & kFlagAckWanted) != 0;
   const bool is_known = slot.call_id == header.call_id && slot.state != Slot::State::kEmpty;
   const bool is_replied = is_known && slot.frame_size > 0;
-  if (!is_known || (slot.stream == kNoStream && !is_replied)) {
+  if (!is_known || (slot.stream == ServerStreams::kNone && !is_replied)) {
     // hp-5.10-7: the stream ended because its caller was silent; report it.
     return is_asked ? refuse(header, Status::kLost, now) : drop(DropReason::kUnexpected);
   }
   Answer answer;
-  if (slot.stream != kNoStream) {
-    Stream& stream = streams_[slot.stream];
-    // A stale CREDIT must not shorten the lease.
-    stream.deadline = std::max(stream.deadline, lease_of(*session, header, now));
-    stream.items.on_credit(*credit, header.item, is_asked);
+  if (slot.stream != ServerStreams::kNone) {
+    OutgoingStream& items = streams_.items(slot.stream);
+    streams_.extend(slot.stream, lease_of(*session, header, now));
+    items.on_credit(*credit, header.item, is_asked);
     if (slot.state == Slot::State::kRunning) answer.credit_tag = slot.tag;
-    repairing_ = slot.stream;
+    streams_.repair(slot.stream);
     answer.frame = next_repair();
-    if (is_replied && stream.items.is_acknowledged()) free_stream(slot);
+    if (is_replied && items.is_acknowledged()) free_stream(slot);
   }
   if (is_asked && is_replied && config_.medium == Medium::kDatagram) {
     // hp-5.10-5: the reply is repeated after the missing frames.
@@ -113,11 +95,11 @@ ServerSessions::Answer ServerSessions::on_credit(const Header& header, ConstByte
       is_reply_due_ = true;
     }
     ++counters_.duplicate_answered_count;
-  } else if (is_asked && answer.frame.empty() && slot.stream != kNoStream) {
+  } else if (is_asked && answer.frame.empty() && slot.stream != ServerStreams::kNone) {
     // hp-5.10-5: the ACK reports that no frame is missing.
     FragmentAck ack;
     ack.first_missing = 1;
-    answer.frame = acknowledge(header, ack, streams_[slot.stream].items.count(), now).frame;
+    answer.frame = acknowledge(header, ack, streams_.items(slot.stream).count(), now).frame;
   }
   if (!answer.frame.empty()) answer.action = Verdict::Action::kSend;
   return answer;
@@ -125,36 +107,23 @@ ServerSessions::Answer ServerSessions::on_credit(const Header& header, ConstByte
 
 // The lost frames, then the reply if it is due.
 ConstBytes ServerSessions::next_repair() noexcept {
-  Stream& stream = streams_[repairing_];
-  if (const ConstBytes frame = stream.items.next(); !frame.empty()) {
+  const CallPlace& call = streams_.repaired_call();
+  if (const ConstBytes frame = streams_.next_repair(); !frame.empty()) {
     ++counters_.item_repeated_count;
     return frame;
   }
-  repairing_ = kNoStream;
   if (!std::exchange(is_reply_due_, false)) return {};
-  return kept_reply(stream.session_index, stream.slot_index);
+  return kept_reply(call.session_index, call.slot_index);
 }
 
 void ServerSessions::on_time(MonotonicTime now) noexcept {
-  // `streams_due_` may be early: a stream's deadline only moves on.
-  if (now < streams_due_) return;
-  streams_due_ = kNever;
-  for (const Stream& stream : streams_) {
-    if (!stream.items.is_begun()) continue;
-    if (stream.deadline > now) {
-      streams_due_ = std::min(streams_due_, stream.deadline);
-      continue;
-    }
-    // hp-5.10-7: its caller was silent for too long.
-    Slot& slot = sessions_[stream.session_index].slots[stream.slot_index];
+  // hp-5.10-7: the caller of such a stream was silent for too long.
+  streams_.visit_expired(now, [&](const CallPlace& call) {
+    Slot& slot = sessions_[call.session_index].slots[call.slot_index];
     if (slot.state == Slot::State::kRunning) ++counters_.expired_count;
     cancel(slot);
     free_stream(slot);
-  }
-}
-
-MonotonicTime ServerSessions::next_time() const noexcept {
-  return streams_due_;
+  });
 }
 
 }  // namespace rtpm::wire

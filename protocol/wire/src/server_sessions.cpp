@@ -19,33 +19,26 @@ ServerSessions::ServerSessions(const ServerSessionsConfig& config)
       cookies_(config.key),
       stranger_answers_(config.key, std::max(kStrangerAnswerBurst, config.session_count_max),
                         kStrangerAnswerInterval),
+      payload_size_max_(std::min(config.frame_payload_max,
+                                 static_cast<std::uint32_t>(frame_payload_max(config.medium)))),
+      // sec-4-3: sealed fragments are smaller, so that the largest messages would have too many.
+      item_size_max_(static_cast<std::uint32_t>(std::min<std::size_t>(
+          config.message_size_max, std::size_t{payload_size_max_} * kFragmentCountMax))),
+      large_({config.large_memory, item_size_max_, payload_size_max_, config.medium}),
+      streams_(config.stream_memory, config.medium),
       sessions_(config.session_count_max) {
   RTPM_ASSERT(config.session_count_max >= 1 && config.session_count_max <= 0xffff,
               "a lane has 1 to 65535 sessions");
   RTPM_ASSERT(config.epoch != 0, "a server has an epoch");
   RTPM_ASSERT(config.lane < config.lane_count, "a lane is one of its server's");
-  const bool is_datagram = config.medium == Medium::kDatagram;
-  payload_size_max_ = std::min(config.frame_payload_max,
-                               static_cast<std::uint32_t>(frame_payload_max(config.medium)));
-  // sec-4-3: sealed fragments are smaller, so that the largest messages would have too many.
-  config_.message_size_max = static_cast<std::uint32_t>(std::min<std::size_t>(
-      config.message_size_max, std::size_t{payload_size_max_} * kFragmentCountMax));
-  item_size_max_ = config_.message_size_max;
-  make_large_buffers();
+  config_.message_size_max =
+      large_.has_buffers() ? item_size_max_ : std::min(item_size_max_, payload_size_max_);
   const std::size_t lines_per_frame = lines_for(kHeaderSize + payload_size_max_);
-  frames_.resize(is_datagram ? lines_per_frame * kCallWindow * config.session_count_max
-                             : lines_per_frame);
-  if (!large_buffers_.empty()) fragment_frame_.resize(lines_per_frame);
+  frames_.resize(config.medium == Medium::kDatagram
+                     ? lines_per_frame * kCallWindow * config.session_count_max
+                     : lines_per_frame);
   unsent_frame_.resize(lines_per_frame);
-  make_streams();
   cancelled_.reserve(std::size_t{config.session_count_max} * kCallWindow);
-}
-
-void ServerSessions::make_streams() {
-  const std::size_t buffer_size = stream_buffer_size(config_.medium);
-  const std::size_t count =
-      std::min<std::size_t>(config_.stream_memory.size() / buffer_size, kNoStream - 1U);
-  streams_.resize(count);
 }
 
 std::byte* ServerSessions::frame_of(std::uint32_t session_index,
@@ -66,8 +59,8 @@ ServerSessions::Answer ServerSessions::drop(DropReason reason) noexcept {
 Verdict ServerSessions::on_frame(ConstBytes frame, const PeerAddress& peer,
                                  MonotonicTime now) noexcept {
   ++counters_.received_count;
-  sending_ = kNoLargeBuffer;
-  repairing_ = kNoStream;
+  large_.stop_sending();
+  streams_.stop_repair();
   is_reply_due_ = false;
   // The request is constructed in place: copying fields just written costs more than writing them.
   Verdict verdict;

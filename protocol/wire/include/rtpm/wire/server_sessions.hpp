@@ -12,12 +12,12 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/wire/cookie.hpp"
 #include "rtpm/wire/counters.hpp"
-#include "rtpm/wire/fragments.hpp"
 #include "rtpm/wire/header.hpp"
+#include "rtpm/wire/large_messages.hpp"
 #include "rtpm/wire/limits.hpp"
 #include "rtpm/wire/medium.hpp"
 #include "rtpm/wire/rate_limiter.hpp"
-#include "rtpm/wire/stream.hpp"
+#include "rtpm/wire/server_streams.hpp"
 
 namespace rtpm::wire {
 
@@ -44,12 +44,6 @@ struct ServerSessionsConfig {
   /// for a stream are refused. The caller's; aligned to 64 bytes; touched only when used.
   MutableBytes stream_memory{};
 };
-
-/// One stream's part of ServerSessionsConfig::stream_memory: over datagrams all unacknowledged
-/// frames, else one frame. The items themselves stay with the caller of push_item().
-[[nodiscard]] constexpr std::size_t stream_buffer_size(Medium medium) noexcept {
-  return medium == Medium::kDatagram ? kStreamWindow * kDatagramFrameSizeMax : kStreamFrameSizeMax;
-}
 
 /// A call for the lane to run.
 struct Request {
@@ -119,10 +113,12 @@ class ServerSessions {
   /// has used its quota. It may wait for has_freed_buffer(), or until next_buffer_time().
   [[nodiscard]] bool is_short_of_buffers(const Request& request, MonotonicTime now) const noexcept;
   /// Whether a buffer for a large message became free since the last call.
-  [[nodiscard]] bool has_freed_buffer() noexcept { return std::exchange(has_freed_buffer_, false); }
+  [[nodiscard]] bool has_freed_buffer() noexcept { return large_.take_freed(); }
   /// When the next message after `now` may be evicted.
   /// @realtime linear in the buffers
-  [[nodiscard]] MonotonicTime next_buffer_time(MonotonicTime now) const noexcept;
+  [[nodiscard]] MonotonicTime next_buffer_time(MonotonicTime now) const noexcept {
+    return large_.next_idle_time(now);
+  }
 
   /// Reserves a buffer for a reply of `size` bytes, to be written while other frames are taken.
   /// The request is not read any more.
@@ -173,7 +169,7 @@ class ServerSessions {
   void on_time(MonotonicTime now) noexcept;
   /// When on_time() may be due.
   /// @realtime constant time, for each sleep of a lane
-  [[nodiscard]] MonotonicTime next_time() const noexcept;
+  [[nodiscard]] MonotonicTime next_time() const noexcept { return streams_.next_time(); }
 
   /// Stream only: ends the session of the connection `peer`, which is gone.
   void end_connection(const PeerAddress& peer) noexcept;
@@ -198,44 +194,24 @@ class ServerSessions {
   [[nodiscard]] const FrameCounters& counters() const noexcept { return counters_; }
   [[nodiscard]] std::uint32_t session_count() const noexcept { return session_count_; }
   /// Open streams.
-  [[nodiscard]] std::uint32_t stream_count() const noexcept { return open_stream_count_; }
+  [[nodiscard]] std::uint32_t stream_count() const noexcept { return streams_.open_count(); }
   /// Large messages whose peer was heard lately (hp-5.6-10).
-  [[nodiscard]] std::uint32_t large_message_count(MonotonicTime now) const noexcept;
+  [[nodiscard]] std::uint32_t large_message_count(MonotonicTime now) const noexcept {
+    return large_.awaited_count(now);
+  }
 
  private:
-  static constexpr std::uint16_t kNoLargeBuffer = 0xffff;
-  static constexpr std::uint16_t kNoStream = 0xffff;
-
   struct Slot {
     enum class State : std::uint8_t { kEmpty, kReceiving, kRunning, kDone };
     State state = State::kEmpty;
     bool is_unawaited = false;  ///< It runs without a waiting caller: a oneway, or cancelled.
     bool is_evicted = false;    ///< An incomplete request was evicted.
     std::uint32_t call_id = 0;
-    std::uint32_t newest_call_id = 0;      ///< A later call, refused while this one ran.
-    std::uint32_t frame_size = 0;          ///< The kept reply's size; 0 if large or not kept.
-    std::uint16_t large = kNoLargeBuffer;  ///< The buffer of a large request or reply.
-    std::uint16_t stream = kNoStream;      ///< Kept until all items have arrived.
-    std::uint32_t tag = 0;                 ///< From set_tag(), while it runs.
-  };
-  /// Holds a message larger than a frame: one being received, served or sent.
-  struct LargeBuffer {
-    enum class Use : std::uint8_t { kFree, kScratch, kReserved, kRequest, kReply };
-    Use use = Use::kFree;
-    std::uint32_t session_index = 0;
-    std::uint32_t slot_index = 0;
-    MonotonicTime deadline{};  ///< Until when its caller waits.
-    MonotonicTime heard{};     ///< When its peer last sent a frame about it.
-    MutableBytes memory{};
-    IncomingMessage incoming;
-    OutgoingMessage outgoing;
-  };
-  /// The items that answer one call.
-  struct Stream {
-    std::uint32_t session_index = 0;
-    std::uint32_t slot_index = 0;
-    MonotonicTime deadline{};  ///< The end of its lease, unless its caller is heard.
-    OutgoingStream items;      ///< Begun while in use.
+    std::uint32_t newest_call_id = 0;            ///< A later call, refused while this one ran.
+    std::uint32_t frame_size = 0;                ///< The kept reply's size; 0 if large or not kept.
+    std::uint16_t large = LargeMessages::kNone;  ///< A large request or reply.
+    std::uint16_t stream = ServerStreams::kNone;  ///< Kept until all items have arrived.
+    std::uint32_t tag = 0;                        ///< From set_tag(), while it runs.
   };
   struct Session {
     std::uint64_t id = 0;  ///< 0 if free.
@@ -280,12 +256,16 @@ class ServerSessions {
   [[nodiscard]] Answer dispatch(const Request& request, Slot& slot) noexcept;
   [[nodiscard]] MonotonicTime lease_of(const Session& session, const Header& header,
                                        MonotonicTime now) const noexcept;
-  void free_stream(Slot& slot) noexcept;
+  void free_stream(Slot& slot) noexcept {
+    if (slot.stream != ServerStreams::kNone) {
+      streams_.end(std::exchange(slot.stream, ServerStreams::kNone));
+    }
+  }
   void cancel(Slot& slot) noexcept;
   [[nodiscard]] ConstBytes kept_reply(std::uint32_t session_index,
                                       std::uint32_t slot_index) noexcept;
   [[nodiscard]] Slot* slot_of(const Request& request) noexcept;
-  [[nodiscard]] Stream* stream_of(const Request& request) noexcept;
+  [[nodiscard]] OutgoingStream* stream_of(const Request& request) noexcept;
   [[nodiscard]] ConstBytes write_reply(const Request& request, Slot& slot, Status status,
                                        std::uint32_t payload_size, MonotonicTime now) noexcept;
   void on_close(const Header& header, ConstBytes payload, const PeerAddress& peer) noexcept;
@@ -302,22 +282,13 @@ class ServerSessions {
   [[nodiscard]] bool is_of_another_lane(std::uint64_t id) const noexcept;
   [[nodiscard]] ConstBytes complete_large(const Request& request, Slot& slot, const Header& header,
                                           MonotonicTime now) noexcept;
-  void put_in_place_of_scratch(MutableBytes reserved) noexcept;
-  void make_large_buffers();
-  void make_streams();
   [[nodiscard]] ConstBytes next_repair() noexcept;
-  [[nodiscard]] bool is_awaited(const LargeBuffer& large, MonotonicTime now) const noexcept;
-  [[nodiscard]] MonotonicTime idle_time(const LargeBuffer& large) const noexcept;
-  [[nodiscard]] std::uint32_t large_buffer_count_max() const noexcept {
-    return large_buffers_.empty() ? 0 : static_cast<std::uint32_t>(large_buffers_.size()) - 1;
+  [[nodiscard]] std::uint16_t take_large_buffer(const Request& request, MonotonicTime now) noexcept;
+  void free_large_buffer(Slot& slot) noexcept {
+    if (slot.large != LargeMessages::kNone) {
+      large_.free(std::exchange(slot.large, LargeMessages::kNone));
+    }
   }
-  [[nodiscard]] std::uint16_t find_large_buffer(const PeerAddress& peer,
-                                                MonotonicTime now) const noexcept;
-  [[nodiscard]] std::uint16_t take_large_buffer(LargeBuffer::Use use, const Request& request,
-                                                MonotonicTime now) noexcept;
-  [[nodiscard]] Answer send_large_again(const Slot& slot, MonotonicTime now) noexcept;
-  void evict(LargeBuffer& large, MonotonicTime now) noexcept;
-  void free_large_buffer(Slot& slot) noexcept;
   [[nodiscard]] std::uint32_t index_of(const Session& session) const noexcept {
     return static_cast<std::uint32_t>(&session - sessions_.data());
   }
@@ -335,18 +306,11 @@ class ServerSessions {
   RateLimiter stranger_answers_;
   std::uint64_t session_serial_ = 0;
   std::uint32_t session_count_ = 0;
-  std::uint32_t payload_size_max_ = 0;  ///< The limit for one frame.
-  std::uint32_t item_size_max_ = 0;     ///< The limit for a stream's item.
-  std::vector<LargeBuffer> large_buffers_;
-  std::uint32_t held_large_count_ = 0;  ///< Neither free nor the scratch.
-  bool has_freed_buffer_ = false;
-  std::uint16_t scratch_ = kNoLargeBuffer;  ///< The buffer for replies that may be large.
-  std::uint16_t sending_ = kNoLargeBuffer;  ///< The buffer whose window next_frame() continues.
-  std::vector<Stream> streams_;
-  std::uint32_t open_stream_count_ = 0;
-  MonotonicTime streams_due_ = kNever;    ///< No stream's deadline is before this.
-  std::uint16_t repairing_ = kNoStream;   ///< The stream whose lost items next_frame() repeats.
-  bool is_reply_due_ = false;             ///< The reply follows those items.
+  std::uint32_t payload_size_max_;  ///< The limit for one frame.
+  std::uint32_t item_size_max_;     ///< The limit for a stream's item.
+  LargeMessages large_;
+  ServerStreams streams_;
+  bool is_reply_due_ = false;             ///< It follows the repaired items of its stream.
   std::vector<std::uint32_t> cancelled_;  ///< Tags for next_cancelled().
   std::vector<Session> sessions_;
   struct alignas(64) CacheLine {
@@ -356,8 +320,7 @@ class ServerSessions {
     return (size + sizeof(CacheLine) - 1) / sizeof(CacheLine);
   }
   std::vector<CacheLine> frames_;
-  std::vector<CacheLine> fragment_frame_;  ///< One frame of a large reply, as it is sent.
-  std::vector<CacheLine> unsent_frame_;    ///< Takes replies that are not sent.
+  std::vector<CacheLine> unsent_frame_;  ///< Takes replies that are not sent.
   alignas(64) std::array<std::byte, 256> answer_{};
   FrameCounters counters_{};
 };
