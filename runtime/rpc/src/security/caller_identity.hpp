@@ -34,31 +34,16 @@ class CallerIdentity final : public Caller {
   mutable std::array<char, 64> name_room_;
 };
 
-/// A caller that outlives its call.
-class KeptCaller final : public Caller {
- public:
-  KeptCaller(std::shared_ptr<const AccessControl> control, const CallOrigin& origin)
-      : control_(std::move(control)), origin_(origin), identity_(*control_, origin_) {}
-
-  [[nodiscard]] const access::Subject& subject() const noexcept override {
-    return identity_.subject();
-  }
-  [[nodiscard]] std::string_view name() const noexcept override { return identity_.name(); }
-  [[nodiscard]] Role role_on(std::string_view path) const noexcept override {
-    return identity_.role_on(path);
-  }
-  [[nodiscard]] std::shared_ptr<const Caller> keep() const override {
-    return std::make_shared<const KeptCaller>(control_, origin_);
-  }
-
- private:
-  const std::shared_ptr<const AccessControl> control_;
-  const CallOrigin origin_;
-  const CallerIdentity identity_;
-};
-
 inline std::shared_ptr<const Caller> CallerIdentity::keep() const {
-  return std::make_shared<const KeptCaller>(control_.shared_from_this(), origin_);
+  struct Kept {
+    Kept(std::shared_ptr<const AccessControl> its_control, const CallOrigin& its_origin)
+        : control(std::move(its_control)), origin(its_origin), identity(*control, origin) {}
+    const std::shared_ptr<const AccessControl> control;
+    const CallOrigin origin;
+    const CallerIdentity identity;
+  };
+  const auto kept = std::make_shared<const Kept>(control_.shared_from_this(), origin_);
+  return {kept, &kept->identity};
 }
 
 }  // namespace rtpm::rpc

@@ -3,10 +3,32 @@
 #include <array>
 #include <utility>
 
+#include "rtpm/access/files.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::rpc {
+namespace {
+
+expected<seal::KeyPair, SetupError> read_or_make_key(const std::string& file) {
+  auto path = access::key_file_path(file, access::kKeyFile);
+  if (!path) return unexpected{path.error()};
+  const auto is_there = [&] { return access::stamp_of(*path).is_of_file(); };
+  if (is_there()) return access::read_key(*path);
+  auto made = access::make_key(*path, access::user_at_host());
+  // Another program may have made it meanwhile.
+  if (!made && is_there()) return access::read_key(*path);
+  return made;
+}
+
+}  // namespace
+
+expected<Secret<sealed::ServerIdentity>, SetupError> open_identity(const std::string& file) {
+  auto key = read_or_make_key(file);
+  if (!key) return unexpected{key.error()};
+  return Secret<sealed::ServerIdentity>::make(
+      sealed::ServerIdentity{.key = std::move(*key), .preshared = {}});
+}
 
 expected<std::unique_ptr<Gatekeeper>, SetupError> Gatekeeper::open(const std::string& key_log_file,
                                                                    AccessControl& control,

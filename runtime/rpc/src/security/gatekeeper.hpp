@@ -13,8 +13,16 @@
 #include "security/audit_log.hpp"
 #include "security/gatekeeper_link.hpp"
 #include "security/handshake_rate.hpp"
+#include "security/secret.hpp"
 
 namespace rtpm::rpc {
+
+/// Reads a server's key, or makes it at the first start.
+/// @param file   empty: the one in access::key_folder()
+/// @realtime set-up only
+/// @errors   as access::read_key() and make_key(); no memory
+[[nodiscard]] expected<Secret<sealed::ServerIdentity>, SetupError> open_identity(
+    const std::string& file);
 
 /// A secured server's work that no lane waits for, on one time-shared thread: public keys of
 /// handshakes, changed grants, logs. The lanes do what follows from it.

@@ -1,30 +1,11 @@
 #include "security/node_keys.hpp"
 
 #include <mutex>
-#include <new>
 #include <utility>
 
 #include "rtpm/rt/memory.hpp"
 
 namespace rtpm::rpc {
-
-expected<std::shared_ptr<const OwnKey>, SetupError> OwnKey::keep(seal::KeyPair pair) {
-  rt::SecretMemory memory(sizeof(Held));
-  if (memory.bytes().empty()) {
-    return setup_error("there is no memory for keys", "the system refuses it",
-                       "raise the limit of the process (ulimit -v)");
-  }
-  ::new (static_cast<void*>(memory.bytes().data())) Held{std::move(pair)};
-  return std::shared_ptr<const OwnKey>(new OwnKey(std::move(memory)));
-}
-
-OwnKey::~OwnKey() {
-  held().~Held();
-}
-
-OwnKey::Held& OwnKey::held() const noexcept {
-  return *std::launder(reinterpret_cast<Held*>(memory_.bytes().data()));
-}
 
 expected<void, SetupError> NodeKeys::read_known_servers() {
   const auto path = access::key_file_path(files_.known_servers_file, access::kKnownServersFile);
@@ -50,9 +31,9 @@ expected<void, SetupError> NodeKeys::read_own() {
   if (own_ && stamp == own_stamp_) return {};
   auto pair = access::read_key(*path);
   if (!pair) return unexpected{pair.error()};
-  auto kept = OwnKey::keep(std::move(*pair));
+  auto kept = OwnKey::make(std::move(*pair));
   if (!kept) return unexpected{kept.error()};
-  own_ = std::move(*kept);
+  own_ = std::make_shared<const OwnKey>(std::move(*kept));
   own_stamp_ = stamp;
   return {};
 }

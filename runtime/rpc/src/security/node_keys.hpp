@@ -13,36 +13,14 @@
 #include "rtpm/rpc/security.hpp"
 #include "rtpm/rt/log.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
-#include "rtpm/rt/secret_memory.hpp"
 #include "rtpm/sealed/client.hpp"
 #include "rtpm/transport/address.hpp"
+#include "security/secret.hpp"
 
 namespace rtpm::rpc {
 
-/// A long-lived key in memory that a forked child does not have.
-class OwnKey {
- public:
-  /// @realtime set-up only
-  /// @errors   no memory for secrets
-  [[nodiscard]] static expected<std::shared_ptr<const OwnKey>, SetupError> keep(seal::KeyPair pair);
-  OwnKey(const OwnKey&) = delete;
-  OwnKey& operator=(const OwnKey&) = delete;
-  ~OwnKey();
-
-  [[nodiscard]] const seal::KeyPair& pair() const noexcept { return held().pair; }
-  /// Whether the key is there; in a forked child it is gone.
-  [[nodiscard]] bool is_here() const noexcept { return held().is_here != 0; }
-
- private:
-  struct Held {
-    seal::KeyPair pair;
-    std::uint64_t is_here = 1;
-  };
-  explicit OwnKey(rt::SecretMemory memory) noexcept : memory_(std::move(memory)) {}
-  [[nodiscard]] Held& held() const noexcept;
-
-  rt::SecretMemory memory_;
-};
+/// A node's long-lived key.
+using OwnKey = Secret<seal::KeyPair>;
 
 /// A node's key and the servers that it knows. Binds read their files when they first need them,
 /// and again when these have changed.

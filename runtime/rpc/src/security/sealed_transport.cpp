@@ -1,7 +1,6 @@
 #include "security/sealed_transport.hpp"
 
 #include <algorithm>
-#include <new>
 #include <utility>
 
 #include "rtpm/access/fingerprint.hpp"
@@ -60,44 +59,30 @@ expected<std::unique_ptr<SealedTransport>, SetupError> SealedTransport::open(
   if (!own) return unexpected{own.error()};
   auto within = open_plain_transport(address, keys, priority, deadline);
   if (!within) return unexpected{within.error()};
-  rt::SecretMemory memory(sizeof(Secrets));
-  if (memory.bytes().empty()) {
-    return setup_error("there is no memory for the keys of a session", "the system refuses it",
-                       "raise the limit of the process (ulimit -v)");
-  }
-  return std::unique_ptr<SealedTransport>(new SealedTransport(
-      address, keys, std::move(*within), std::move(*own), std::move(memory), priority));
-}
-
-SealedTransport::SealedTransport(const ServerAddress& address, NodeKeys& keys,
-                                 std::unique_ptr<transport::ClientTransport> within,
-                                 std::shared_ptr<const OwnKey> own, rt::SecretMemory memory,
-                                 Priority priority)
-    : address_(address),
-      keys_(keys),
-      within_(std::move(within)),
-      own_(std::move(own)),
-      memory_(std::move(memory)),
-      priority_(priority) {
   sealed::SealedClientConfig config;
-  config.medium = within_->medium();
-  config.own = &own_->pair();
+  config.medium = (*within)->medium();
+  config.own = &**(*own);
   config.server = *address.key;
   config.handshake_number = static_cast<std::uint32_t>(rt::random_u64());
   config.limits = keys.limits;
   config.renewal_interval = keys.renewal_interval;
   if (keys.has_log()) config.key_listener = {&hear_keys, &keys};
-  ::new (static_cast<void*>(memory_.bytes().data())) Secrets(config);
+  auto client = Secret<sealed::SealedClient>::make(config);
+  if (!client) return unexpected{client.error()};
+  return std::unique_ptr<SealedTransport>(new SealedTransport(
+      address, keys, std::move(*within), std::move(*own), std::move(*client), priority));
 }
 
-SealedTransport::~SealedTransport() {
-  // A forked child has nothing there to end.
-  if (is_here()) secrets().~Secrets();
-}
-
-SealedTransport::Secrets& SealedTransport::secrets() const noexcept {
-  return *std::launder(reinterpret_cast<Secrets*>(memory_.bytes().data()));
-}
+SealedTransport::SealedTransport(const ServerAddress& address, NodeKeys& keys,
+                                 std::unique_ptr<transport::ClientTransport> within,
+                                 std::shared_ptr<const OwnKey> own,
+                                 Secret<sealed::SealedClient> client, Priority priority) noexcept
+    : address_(address),
+      keys_(keys),
+      within_(std::move(within)),
+      own_(std::move(own)),
+      client_(std::move(client)),
+      priority_(priority) {}
 
 // Sends what a step has to send, keeps what it has for the channel, and does the work that follows.
 expected<void, IoError> SealedTransport::perform(sealed::SealedClient::Step step,
@@ -289,7 +274,7 @@ SetupError SealedTransport::explain() const {
     return {server + " does not admit this program's key, it seems",
             {},
             "have its owner run: rtpm key authorize '" +
-                access::public_key_text(own_->pair().public_key) + "' --role command --on '**'",
+                access::public_key_text((*own_)->public_key) + "' --role command --on '**'",
             CallError::kNotAllowed};
   }
   if (client().hint() == wire::Status::kVersionUnsupported) {

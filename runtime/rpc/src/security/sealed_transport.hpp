@@ -5,7 +5,6 @@
 #include <memory>
 #include <optional>
 
-#include "rtpm/rt/secret_memory.hpp"
 #include "rtpm/sealed/client.hpp"
 #include "rtpm/transport/client_transport.hpp"
 #include "security/node_keys.hpp"
@@ -36,7 +35,6 @@ class SealedTransport final : public transport::ClientTransport {
   /// @errors   as the transport within; no key of this program's own, no memory for keys
   [[nodiscard]] static expected<std::unique_ptr<SealedTransport>, SetupError> open(
       const ServerAddress& address, NodeKeys& keys, Priority priority, MonotonicTime deadline);
-  ~SealedTransport() override;
 
   [[nodiscard]] expected<void, transport::IoError> send(ConstBytes frame) noexcept override;
   [[nodiscard]] expected<void, transport::IoError> send_batch(
@@ -72,22 +70,16 @@ class SealedTransport final : public transport::ClientTransport {
   [[nodiscard]] SetupError explain() const;
 
  private:
-  /// Memory that a forked child finds to be zeros.
-  struct Secrets {
-    explicit Secrets(const sealed::SealedClientConfig& config) : client(config) {}
-    std::uint64_t is_here = 1;
-    sealed::SealedClient client;
-  };
   /// The number of calls that share a channel.
   static constexpr std::size_t kKeptMax = wire::kCallWindow;
   static constexpr std::size_t kKeptSizeMax = wire::kHeaderSize + wire::Welcome::kSize;
 
   SealedTransport(const ServerAddress& address, NodeKeys& keys,
                   std::unique_ptr<transport::ClientTransport> within,
-                  std::shared_ptr<const OwnKey> own, rt::SecretMemory memory, Priority priority);
-  [[nodiscard]] Secrets& secrets() const noexcept;
-  [[nodiscard]] bool is_here() const noexcept { return secrets().is_here != 0; }
-  [[nodiscard]] sealed::SealedClient& client() const noexcept { return secrets().client; }
+                  std::shared_ptr<const OwnKey> own, Secret<sealed::SealedClient> client,
+                  Priority priority) noexcept;
+  [[nodiscard]] bool is_here() const noexcept { return client_.is_here(); }
+  [[nodiscard]] sealed::SealedClient& client() const noexcept { return *client_; }
 
   [[nodiscard]] expected<void, transport::IoError> perform(sealed::SealedClient::Step step,
                                                            transport::ClientTransport& over,
@@ -105,7 +97,7 @@ class SealedTransport final : public transport::ClientTransport {
   std::unique_ptr<transport::ClientTransport> within_;
   std::unique_ptr<transport::ClientTransport> next_within_;  ///< Carries a stream's next session.
   std::shared_ptr<const OwnKey> own_;
-  rt::SecretMemory memory_;
+  Secret<sealed::SealedClient> client_;
   Priority priority_;
   std::unique_ptr<transport::ClientTransport> former_;  ///< Carries a stream's last session.
   MonotonicTime former_until_{};

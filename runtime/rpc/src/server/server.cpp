@@ -23,98 +23,12 @@
 #include "security/audit_log.hpp"
 #include "security/exposure.hpp"
 #include "security/gatekeeper.hpp"
-#include "security/secret_identity.hpp"
 #include "server/acceptor.hpp"
 #include "server/policy.hpp"
 #include "tap/server_tap.hpp"
 
 namespace rtpm::rpc {
 namespace {
-
-constexpr std::size_t kLaneCountMax = 64;
-
-constexpr std::uint32_t kThreadCountMax = 64;
-constexpr std::uint32_t kBufferedRequestMax = 4096;
-constexpr std::uint32_t kLocalOnewayMax = 4096;
-constexpr std::uint32_t kLargeMessageMax = 1024;
-constexpr std::uint32_t kStreamByteMin = 4096;
-
-unexpected<SetupError> out_of_range(const std::string& what, std::uint32_t value, std::uint32_t low,
-                                    std::uint32_t high) {
-  return setup_error(what + " is " + std::to_string(value), "",
-                     "choose " + std::to_string(low) + " to " + std::to_string(high));
-}
-
-expected<void, SetupError> check_threads(const LaneConfig& lane, const std::string& low) {
-  const std::string name = "of the lane from priority " + low;
-  if (lane.static_threads < 1 || lane.static_threads > kThreadCountMax) {
-    return out_of_range("static_threads " + name, lane.static_threads, 1, kThreadCountMax);
-  }
-  if (lane.dynamic_threads > kThreadCountMax) {
-    return out_of_range("dynamic_threads " + name, lane.dynamic_threads, 0, kThreadCountMax);
-  }
-  if (lane.dynamic_idle < Duration{0}) {
-    return setup_error("dynamic_idle " + name + " is negative", "", "choose 0 or more");
-  }
-  if (lane.buffered_request_max > kBufferedRequestMax) {
-    return out_of_range("buffered_request_max " + name, lane.buffered_request_max, 0,
-                        kBufferedRequestMax);
-  }
-  return {};
-}
-
-// Checks the lanes, sorts them by band and fills in their defaults.
-expected<std::vector<LaneConfig>, SetupError> checked_lanes(std::vector<LaneConfig> lanes) {
-  if (lanes.empty()) lanes.push_back({});
-  if (lanes.size() > kLaneCountMax) {
-    return setup_error("a server has at most " + std::to_string(kLaneCountMax) + " lanes", "",
-                       "give lanes wider bands");
-  }
-  std::ranges::sort(lanes, {}, &LaneConfig::low);
-  if (lanes.front().low != Priority{0}) {
-    return setup_error(
-        "no lane serves the priorities below " + std::to_string(lanes.front().low.value()), "",
-        "let one lane begin at 0");
-  }
-  for (std::size_t i = 0; i < lanes.size(); ++i) {
-    const std::string low = std::to_string(lanes[i].low.value());
-    if (i + 1 < lanes.size() && lanes[i].low == lanes[i + 1].low) {
-      return setup_error("two lanes begin at priority " + low, "",
-                         "let each lane begin at a priority of its own");
-    }
-    if (auto checked = check_threads(lanes[i], low); !checked) return unexpected{checked.error()};
-    if (lanes[i].name.empty()) lanes[i].name = "lane-" + low;
-    lanes[i].priority = std::max(lanes[i].priority, lanes[i].low);
-  }
-  return lanes;
-}
-
-expected<void, SetupError> check_limits(const ServerConfig& config) {
-  if (config.message_size_max < wire::kMessageSizeFloor ||
-      config.message_size_max > wire::kMessageSizeCeiling) {
-    return setup_error("message_size_max is " + std::to_string(config.message_size_max), "",
-                       "choose " + std::to_string(wire::kMessageSizeFloor) + " to " +
-                           std::to_string(wire::kMessageSizeCeiling) + " bytes");
-  }
-  if (config.session_count_max < 1 || config.session_count_max > 0xffff) {
-    return setup_error("session_count_max is " + std::to_string(config.session_count_max), "",
-                       "choose 1 to 65535");
-  }
-  if (config.large_message_count_max > kLargeMessageMax) {
-    return out_of_range("large_message_count_max", config.large_message_count_max, 0,
-                        kLargeMessageMax);
-  }
-  if (config.local_oneway_count_max > kLocalOnewayMax) {
-    return out_of_range("local_oneway_count_max", config.local_oneway_count_max, 0,
-                        kLocalOnewayMax);
-  }
-  if (config.stream_byte_max < kStreamByteMin ||
-      config.stream_byte_max > wire::kMessageSizeCeiling) {
-    return out_of_range("stream_byte_max", config.stream_byte_max, kStreamByteMin,
-                        wire::kMessageSizeCeiling);
-  }
-  return {};
-}
 
 // The CPUs that no lane takes for itself: a thread that got stuck behind one that spins at
 // SCHED_FIFO would wait until the system moves it, which can take seconds. Empty for any CPU.
@@ -148,7 +62,7 @@ class ServerImpl final : public Server {
   ServerCounters counters() const noexcept override;
   std::shared_ptr<CallTap> tap() noexcept override { return tap_; }
   std::optional<seal::PublicKey> public_key() const noexcept override {
-    return identity_ ? std::optional(identity_->get().key.public_key) : std::nullopt;
+    return identity_ ? std::optional((*identity_)->key.public_key) : std::nullopt;
   }
 
  private:
@@ -175,7 +89,7 @@ class ServerImpl final : public Server {
   std::shared_ptr<AccessControl> access_;  ///< Null if the server asks nobody.
   // audit_, identity_ and gatekeeper_ are used only with access_.
   std::unique_ptr<AuditLog> audit_;
-  std::unique_ptr<SecretIdentity> identity_;
+  std::optional<Secret<sealed::ServerIdentity>> identity_;
   std::unique_ptr<Gatekeeper> gatekeeper_;
   std::unique_ptr<Acceptor> acceptor_;
   rt::PublicMemory lane_table_;
@@ -253,7 +167,7 @@ std::vector<ServedAddress> ServerImpl::served_addresses() const {
 
 ServedCallers ServerImpl::served_callers() const {
   if (!access_) return {.is_open_to_network = is_for_other_hosts(hosts_)};
-  return {.authorized_file = access_->file(), .key = identity_->get().key.public_key};
+  return {.authorized_file = access_->file(), .key = (*identity_)->key.public_key};
 }
 
 expected<ServerImpl::Sockets, SetupError> ServerImpl::open_sockets() const {
@@ -329,9 +243,9 @@ expected<void, SetupError> ServerImpl::open_access() {
   auto audit = AuditLog::open(security.audit_file, *access_);
   if (!audit) return unexpected{audit.error()};
   audit_ = std::move(*audit);
-  auto identity = SecretIdentity::open(security.key_file);
+  auto identity = open_identity(security.key_file);
   if (!identity) return unexpected{identity.error()};
-  identity_ = std::move(*identity);
+  identity_.emplace(std::move(*identity));
   auto gatekeeper = Gatekeeper::open(security.key_log_file, *access_, *audit_);
   if (!gatekeeper) return unexpected{gatekeeper.error()};
   gatekeeper_ = std::move(*gatekeeper);
@@ -368,7 +282,7 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<Ports> ports_of_la
                   .access = access_.get()};
   if (access_) {
     setup.audit = audit_.get();
-    setup.identity = &identity_->get();
+    setup.identity = &**identity_;
     setup.handshake_rate = &gatekeeper_->rate();
     setup.gatekeeper_bell = &gatekeeper_->bell();
   }
