@@ -35,16 +35,16 @@ expected<void, CallError> Binding::send(const MethodDescriptor& method, ConstByt
 
 expected<void, CallError> Binding::check_oneways() noexcept {
   {
-    const Impl::Pin pin(*impl_);
-    impl_->remembered().destination->endpoint.check_oneways(rt::now());
+    const Destinations::Pin pin(impl_->destinations());
+    impl_->destinations().get().destination->endpoint.check_oneways(rt::now());
   }
-  if (impl_->has_lost_oneways()) return unexpected{CallError::kMaybeLost};
+  if (impl_->destinations().has_lost_oneways()) return unexpected{CallError::kMaybeLost};
   return {};
 }
 
 std::uint64_t Binding::lost_oneway_count() const noexcept {
-  const Impl::Pin pin(*impl_);
-  return impl_->remembered().destination->lost_oneway_count();
+  const Destinations::Pin pin(impl_->destinations());
+  return impl_->destinations().get().destination->lost_oneway_count();
 }
 
 /// A call that was begun, on a channel of its own.

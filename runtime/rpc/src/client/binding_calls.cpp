@@ -2,6 +2,7 @@
 #include <array>
 #include <mutex>
 
+#include "client/bind_attempt.hpp"
 #include "client/binding_impl.hpp"
 #include "local/current_call.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -10,9 +11,6 @@
 // How a binding calls: a channel, a session, the bind of another life of the server, and what a
 // lost session means.
 namespace rtpm::rpc {
-MonotonicTime deadline_after(Duration patience, MonotonicTime now) noexcept {
-  return patience > kNever - now ? kNever : now + patience;
-}
 
 ReplyLease::~ReplyLease() {
   if (channel_ != nullptr) channel_->release();
@@ -22,7 +20,7 @@ ReplyLease::~ReplyLease() {
 Binding::Impl::Plan Binding::Impl::plan(const MethodDescriptor& method,
                                         const CallOptions& options) const noexcept {
   const Duration usual =
-      method.default_deadline > Duration{0} ? method.default_deadline : default_deadline;
+      method.default_deadline > Duration{0} ? method.default_deadline : default_deadline_;
   const MonotonicTime now = rt::now();
   MonotonicTime deadline = deadline_after(options.deadline.value_or(usual), now);
   // Beyond that the outer call's caller no longer waits.
@@ -41,8 +39,8 @@ expected<void, CallError> Binding::Impl::make_ready(const Plan& plan, MonotonicT
                                                     Ready& ready) noexcept {
   ready.now = now;
   for (int round = 0; round < kRoundCountMax; ++round) {
-    const Pin pin(*this);
-    const Bound last = remembered();
+    const Destinations::Pin pin(destinations_);
+    const Bound last = destinations_.get();
     const Priority priority = priority_of(plan, last);
     auto taken = last.destination->endpoint.take(priority);
     if (!taken) return unexpected{taken.error()};
@@ -67,7 +65,8 @@ expected<void, CallError> Binding::Impl::make_ready_on(CallChannel& channel, con
   std::uint32_t service = last.service;
   if (channel.server_epoch() != last.server_epoch) {
     // Another life of the server: the object's number may be another's now (hp-6.1-4).
-    const BindOutcome again = ask(*last.destination, channel, priority, plan.deadline);
+    const BindOutcome again = ask_for_object(*last.destination, interface_, last.fingerprint,
+                                             channel, priority, plan.deadline);
     ready.now = rt::now();
     if (again.kind == CallOutcome::Kind::kLost) return {};
     if (again.kind == CallOutcome::Kind::kFailed || again.status != wire::Status::kOk) {
@@ -75,7 +74,7 @@ expected<void, CallError> Binding::Impl::make_ready_on(CallChannel& channel, con
     }
     // The name may lead elsewhere, to where its server went.
     ask_for_name();
-    remember(again.bound);
+    destinations_.renew(again.bound);
     service = again.bound.service;
   }
   ready.channel = &channel;
@@ -119,14 +118,14 @@ expected<void, CallError> Binding::Impl::judge(const CallOutcome& outcome, const
 
 Priority Binding::Impl::priority_of(const Plan& plan, const Bound& to) const noexcept {
   const Priority priority = to.is_server_declared || !plan.wanted ? to.priority : *plan.wanted;
-  const PriorityTransform transform = node.config().outbound_priority;
+  const PriorityTransform transform = node_.config().outbound_priority;
   return transform == nullptr ? priority : transform(priority, to.destination->path);
 }
 
 expected<ReplyLease, CallError> Binding::Impl::call(const Plan& plan, ConstBytes request) noexcept {
-  if (has_door.load(std::memory_order_relaxed)) {
-    const Pin pin(*this);
-    const Bound to = remembered();
+  if (destinations_.has_door()) {
+    const Destinations::Pin pin(destinations_);
+    const Bound to = destinations_.get();
     if (to.destination->door) {
       if (auto outcome = call_locally(to, plan, request)) return std::move(*outcome);
     }
@@ -137,14 +136,13 @@ expected<ReplyLease, CallError> Binding::Impl::call(const Plan& plan, ConstBytes
 expected<ReplyLease, CallError> Binding::Impl::call_over_transport(const Plan& plan,
                                                                    ConstBytes request) noexcept {
   const bool is_sent = plan.delivery == wire::Delivery::kSent;
-  if (is_sent && has_lost_oneways()) return unexpected{CallError::kMaybeLost};
+  if (is_sent && destinations_.has_lost_oneways()) return unexpected{CallError::kMaybeLost};
   MonotonicTime now = plan.begun;
   for (int round = 0; round < kRoundCountMax; ++round, now = rt::now()) {
     Ready ready;
     if (auto made = make_ready(plan, now, ready); !made) return unexpected{made.error()};
     TakenChannel channel(ready.channel);
-    // Set before it is sent, so that a thread that finds its loss knows that it was there.
-    if (is_sent) sends_oneways.store(true, std::memory_order_relaxed);
+    if (is_sent) destinations_.note_oneway();
     const CallOutcome outcome = channel->call(ready.parameters, request, ready.now);
     if (outcome.kind == CallOutcome::Kind::kReply) {
       if (outcome.status != wire::Status::kOk)
@@ -152,7 +150,7 @@ expected<ReplyLease, CallError> Binding::Impl::call_over_transport(const Plan& p
       return expected<ReplyLease, CallError>(std::in_place, outcome.payload, channel.keep());
     }
     if (outcome.kind == CallOutcome::Kind::kUnsent) {
-      if (has_lost_oneways()) return unexpected{CallError::kMaybeLost};
+      if (destinations_.has_lost_oneways()) return unexpected{CallError::kMaybeLost};
       continue;
     }
     if (auto again = judge(outcome, ready, plan, channel->call_begun()); !again) {
@@ -162,59 +160,12 @@ expected<ReplyLease, CallError> Binding::Impl::call_over_transport(const Plan& p
   return unexpected{is_sent ? CallError::kUnreachable : CallError::kPeerRestarted};
 }
 
-// Whether oneways to the server were lost since the last check, and this binding has sent some.
-bool Binding::Impl::has_lost_oneways() noexcept {
-  const Pin pin(*this);
-  const std::uint64_t count = remembered().destination->lost_oneway_count();
-  std::uint64_t told = lost_oneways_told.load(std::memory_order_relaxed);
-  // Only one of the threads that see it reports it.
-  while (told < count) {
-    if (lost_oneways_told.compare_exchange_weak(told, count, std::memory_order_relaxed)) {
-      return sends_oneways.load(std::memory_order_relaxed);
-    }
-  }
-  return false;
-}
-
 expected<ReplyLease, CallError> Binding::Impl::call_again(const CallOutcome& outcome,
                                                           const Ready& ready, const Plan& plan,
                                                           MonotonicTime begun,
                                                           ConstBytes request) noexcept {
   if (auto again = judge(outcome, ready, plan, begun); !again) return unexpected{again.error()};
   return call(plan, request);
-}
-
-expected<void, CallError> Binding::Impl::warm_up(Endpoint& endpoint,
-                                                 std::span<const Priority> priorities,
-                                                 MonotonicTime deadline,
-                                                 SetupError& transport_error) {
-  for (const Priority priority : priorities) {
-    auto taken = endpoint.take(priority);
-    if (!taken) return unexpected{taken.error()};
-    TakenChannel channel(*taken);
-    if (auto ready = channel->make_ready(priority, deadline); !ready) {
-      transport_error = channel->transport_error();
-      return ready;
-    }
-  }
-  return {};
-}
-
-expected<void, CallError> Binding::Impl::warm_up_all(Endpoint& endpoint, MonotonicTime deadline,
-                                                     SetupError& transport_error) {
-  for (int next = Priority::kLowest; next <= Priority::kHighest;) {
-    auto taken = endpoint.take(Priority{next});
-    if (!taken) return unexpected{taken.error()};
-    TakenChannel channel(*taken);
-    if (auto ready = channel->make_ready(Priority{next}, deadline); !ready) {
-      transport_error = channel->transport_error();
-      return ready;
-    }
-    const wire::Welcome& welcome = channel->welcome();
-    if (welcome.band.high >= welcome.ceiling) break;
-    next = welcome.band.high.value() + 1;
-  }
-  return {};
 }
 
 }  // namespace rtpm::rpc

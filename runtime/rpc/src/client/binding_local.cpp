@@ -29,17 +29,17 @@ std::optional<expected<ReplyLease, CallError>> Binding::Impl::call_locally(
   const bool is_oneway = plan.delivery == wire::Delivery::kSent;
   const auto taken = is_oneway && gate->has_places_for(request.size())
                          ? place_of(*gate)
-                         : node.impl().local_channels.take();
+                         : node_.impl().local_channels.take();
   if (!taken) return unexpected{taken.error()};
   LocalChannel& channel = **taken;
   LocalCallParameters parameters;
   parameters.service = to.service;
   parameters.method = plan.method;
   parameters.priority = priority;
-  parameters.session = local_session;
+  parameters.session = local_session_;
   parameters.trace_id = plan.trace_id;
   parameters.deadline = plan.deadline;
-  parameters.message_size_max = std::min(door.message_size_max(), node.config().message_size_max);
+  parameters.message_size_max = std::min(door.message_size_max(), node_.config().message_size_max);
   if (!channel.write(parameters, request)) {
     channel.give_up();
     return unexpected{CallError::kTooLarge};
@@ -57,7 +57,7 @@ std::optional<expected<ReplyLease, CallError>> Binding::Impl::call_locally(
     result = ConstBytes(channel.reply()).first(nested.reply_size);
   } else {
     gate->submit(channel, /*is_awaited=*/true);
-    if (!channel.wait(node.config().wait)) return unexpected{CallError::kTimeout};
+    if (!channel.wait(node_.config().wait)) return unexpected{CallError::kTimeout};
     status = channel.status();
     result = channel.result();
   }

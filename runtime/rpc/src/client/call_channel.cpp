@@ -155,8 +155,8 @@ expected<void, CallError> CallChannel::shake_hands(Priority priority,
     return unexpected{CallError::kUnreachable};
   }
   // The server's acceptor may be time-shared and need this very CPU.
-  wait_for_event(begin, /*may_spin=*/false, kNever);
-  switch (event_.kind) {
+  const wire::ChannelEvent event = wait_for_event(begin, /*may_spin=*/false, kNever);
+  switch (event.kind) {
     case wire::ChannelEvent::Kind::kReady: {
       const Band band = wire_.welcome().band;
       band_.store(std::uint32_t{band.low.value()} << 16 | band.high.value(),
@@ -164,7 +164,7 @@ expected<void, CallError> CallChannel::shake_hands(Priority priority,
       return {};
     }
     case wire::ChannelEvent::Kind::kRefused:
-      return refused(error_of_refusal(event_.status));
+      return refused(error_of_refusal(event.status));
     case wire::ChannelEvent::Kind::kTimeout:
       return refused(CallError::kTimeout);
     default:
@@ -236,12 +236,12 @@ expected<void, CallError> CallChannel::begin_call(const wire::CallParameters& pa
 }
 
 CallOutcome CallChannel::finish(MonotonicTime until, MonotonicTime now) noexcept {
-  wait_for_event(now, /*may_spin=*/true, until);
-  switch (event_.kind) {
+  const wire::ChannelEvent event = wait_for_event(now, /*may_spin=*/true, until);
+  switch (event.kind) {
     case wire::ChannelEvent::Kind::kReply:
       // The server lived when it answered; over a connection it had all that was sent before.
       unconfirmed_count_.store(0, std::memory_order_relaxed);
-      return {CallOutcome::Kind::kReply, {}, event_.status, event_.payload};
+      return {CallOutcome::Kind::kReply, {}, event.status, event.payload};
     case wire::ChannelEvent::Kind::kItems:
       return {.kind = CallOutcome::Kind::kItems};
     case wire::ChannelEvent::Kind::kNothing:
@@ -409,14 +409,13 @@ expected<void, transport::IoError> CallChannel::send_by(Send send) noexcept {
   return sent;
 }
 
-// Waits until something comes of the handshake or call that was begun, at most until `until`, and
-// leaves it in event_: kNothing after that, kBroken if the transport is.
-void CallChannel::wait_for_event(MonotonicTime now, bool may_spin, MonotonicTime until) noexcept {
+// Waits until something comes of the handshake or call that was begun, at most until `until`: gives
+// kNothing after that, kBroken if the transport is.
+wire::ChannelEvent CallChannel::wait_for_event(MonotonicTime now, bool may_spin,
+                                               MonotonicTime until) noexcept {
+  wire::ChannelEvent event{.kind = wire::ChannelEvent::Kind::kBroken};
   // A stream's acknowledgement may have found the connection broken.
-  if (!transport_) {
-    event_ = {.kind = wire::ChannelEvent::Kind::kBroken};
-    return;
-  }
+  if (!transport_) return event;
   may_spin =
       may_spin &&
       (config_.wait.strategy == rt::WaitStrategy::kSpin ||
@@ -450,44 +449,44 @@ void CallChannel::wait_for_event(MonotonicTime now, bool may_spin, MonotonicTime
     }
     now = rt::now();
     if (frame) {
-      take(*frame, now);
+      take(*frame, now, event);
     } else if (frame.error() == transport::IoError::kNothing) {
-      set_event([&] { return wire_.on_time(now); });
+      set(event, [&] { return wire_.on_time(now); });
       is_spinning = may_spin && now < spin_end && !budget.must_pause(now);
     } else if (frame.error() == transport::IoError::kRefused && ++refusal_count == 1 &&
                wire_.is_ready()) {
       // It may be the answer to an earlier frame, before the server was there again: ask once more.
-      set_event([&] { return wire_.repeat_first(now); });
+      set(event, [&] { return wire_.repeat_first(now); });
     } else {
-      event_ = {.kind = wire::ChannelEvent::Kind::kBroken};
+      event = {.kind = wire::ChannelEvent::Kind::kBroken};
     }
-    if (event_.kind == wire::ChannelEvent::Kind::kBroken) return;
+    if (event.kind == wire::ChannelEvent::Kind::kBroken) return event;
     // The last ACK of a reply that is here may fail: the server forgets the reply by itself, later.
-    const bool is_sent = send_all(event_.frame, now);
-    if (event_.kind == wire::ChannelEvent::Kind::kSend) {
+    const bool is_sent = send_all(event.frame, now);
+    if (event.kind == wire::ChannelEvent::Kind::kSend) {
       if (!is_sent) {
-        event_ = {.kind = wire::ChannelEvent::Kind::kBroken};
-        return;
+        event.kind = wire::ChannelEvent::Kind::kBroken;
+        return event;
       }
-    } else if (event_.kind != wire::ChannelEvent::Kind::kNothing || now >= until) {
-      return;
+    } else if (event.kind != wire::ChannelEvent::Kind::kNothing || now >= until) {
+      return event;
     }
   }
 }
 
-void CallChannel::take(ConstBytes frame, MonotonicTime now) noexcept {
-  set_event([&] { return wire_.on_frame(frame, now); });
-  if (event_.kind == wire::ChannelEvent::Kind::kNeedBuffer) {
-    if (!make_room(event_.reply_size)) {
+void CallChannel::take(ConstBytes frame, MonotonicTime now, wire::ChannelEvent& event) noexcept {
+  set(event, [&] { return wire_.on_frame(frame, now); });
+  if (event.kind == wire::ChannelEvent::Kind::kNeedBuffer) {
+    if (!make_room(event.reply_size)) {
       lacks_memory_ = true;
-      event_ = {.kind = wire::ChannelEvent::Kind::kBroken};
+      event = {.kind = wire::ChannelEvent::Kind::kBroken};
       return;
     }
-    set_event([&] { return wire_.on_frame(frame, now); });
+    set(event, [&] { return wire_.on_frame(frame, now); });
   }
   // Foreign frames may come without end; the deadline applies all the same.
-  if (event_.kind == wire::ChannelEvent::Kind::kNothing) {
-    set_event([&] { return wire_.on_time(now); });
+  if (event.kind == wire::ChannelEvent::Kind::kNothing) {
+    set(event, [&] { return wire_.on_time(now); });
   }
 }
 

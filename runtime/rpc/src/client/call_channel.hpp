@@ -130,14 +130,15 @@ class CallChannel {
   [[nodiscard]] expected<void, CallError> begin_call(const wire::CallParameters& parameters,
                                                      ConstBytes request,
                                                      MonotonicTime now) noexcept;
-  void wait_for_event(MonotonicTime now, bool may_spin, MonotonicTime until) noexcept;
-  void take(ConstBytes frame, MonotonicTime now) noexcept;
+  [[nodiscard]] wire::ChannelEvent wait_for_event(MonotonicTime now, bool may_spin,
+                                                  MonotonicTime until) noexcept;
+  void take(ConstBytes frame, MonotonicTime now, wire::ChannelEvent& event) noexcept;
   /// Makes an event where it stays: copying what was just written field by field takes longer than
   /// writing it.
   template <class Make>
-  void set_event(Make make) noexcept {
+  static void set(wire::ChannelEvent& event, Make make) noexcept {
     static_assert(std::is_trivially_destructible_v<wire::ChannelEvent>);
-    ::new (static_cast<void*>(&event_)) wire::ChannelEvent(make());
+    ::new (static_cast<void*>(&event)) wire::ChannelEvent(make());
   }
   [[nodiscard]] bool is_look_due(MonotonicTime now) const noexcept;
   void look_for_end(MonotonicTime now) noexcept;
@@ -172,7 +173,6 @@ class CallChannel {
   std::atomic<std::uint64_t> unconfirmed_count_{0};
   MonotonicTime last_look_{};
   MonotonicTime last_check_{};  ///< When finish() last checked for the peer's end.
-  wire::ChannelEvent event_{};  ///< The last.
   bool lacks_memory_ = false;   ///< No memory for a reply: the connection was given up.
   wire::ClientChannel wire_;
 };

@@ -102,4 +102,35 @@ expected<CallChannel*, CallError> Endpoint::add(Priority priority) noexcept {
   return channel;
 }
 
+expected<void, CallError> Endpoint::warm_up(std::span<const Priority> priorities,
+                                            MonotonicTime deadline, SetupError& transport_error) {
+  for (const Priority priority : priorities) {
+    auto taken = take(priority);
+    if (!taken) return unexpected{taken.error()};
+    TakenChannel channel(*taken);
+    if (auto ready = channel->make_ready(priority, deadline); !ready) {
+      transport_error = channel->transport_error();
+      return ready;
+    }
+  }
+  return {};
+}
+
+expected<void, CallError> Endpoint::warm_up_all(MonotonicTime deadline,
+                                                SetupError& transport_error) {
+  for (int next = Priority::kLowest; next <= Priority::kHighest;) {
+    auto taken = take(Priority{next});
+    if (!taken) return unexpected{taken.error()};
+    TakenChannel channel(*taken);
+    if (auto ready = channel->make_ready(Priority{next}, deadline); !ready) {
+      transport_error = channel->transport_error();
+      return ready;
+    }
+    const wire::Welcome& welcome = channel->welcome();
+    if (welcome.band.high >= welcome.ceiling) break;
+    next = welcome.band.high.value() + 1;
+  }
+  return {};
+}
+
 }  // namespace rtpm::rpc

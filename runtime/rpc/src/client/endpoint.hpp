@@ -3,12 +3,31 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <span>
+#include <utility>
 #include <vector>
 
 #include "client/call_channel.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
 
 namespace rtpm::rpc {
+
+/// Gives the channel back unless a reply lease takes that over.
+class TakenChannel {
+ public:
+  explicit TakenChannel(CallChannel* channel) noexcept : channel_(channel) {}
+  TakenChannel(const TakenChannel&) = delete;
+  TakenChannel& operator=(const TakenChannel&) = delete;
+  ~TakenChannel() {
+    if (channel_ != nullptr) channel_->release();
+  }
+  [[nodiscard]] CallChannel& operator*() const noexcept { return *channel_; }
+  [[nodiscard]] CallChannel* operator->() const noexcept { return channel_; }
+  [[nodiscard]] CallChannel* keep() noexcept { return std::exchange(channel_, nullptr); }
+
+ private:
+  CallChannel* channel_;
+};
 
 /// One server as a node sees it: its address and the call channels to it, shared by all bindings.
 /// @threads  any, several at once
@@ -25,6 +44,15 @@ class Endpoint {
   /// it. Opens one more if all are in use.
   /// @errors   kNoChannel
   [[nodiscard]] expected<CallChannel*, CallError> take(Priority priority) noexcept;
+
+  /// Opens a channel of the band that serves each of `priorities`.
+  /// @param transport_error  see CallChannel::transport_error()
+  [[nodiscard]] expected<void, CallError> warm_up(std::span<const Priority> priorities,
+                                                  MonotonicTime deadline,
+                                                  SetupError& transport_error);
+  /// Does so for each band that the server has.
+  [[nodiscard]] expected<void, CallError> warm_up_all(MonotonicTime deadline,
+                                                      SetupError& transport_error);
 
   /// Checks on the free channels whether a session has ended under oneways.
   void check_oneways(MonotonicTime now) noexcept;

@@ -3,6 +3,7 @@
 #include <optional>
 #include <utility>
 
+#include "client/bind_attempt.hpp"
 #include "client/binding_impl.hpp"
 #include "client/node_impl.hpp"
 #include "client/rebinder.hpp"
@@ -39,71 +40,61 @@ bool may_be_gone(CallError error) noexcept {
 
 }  // namespace
 
-bool is_refusal(std::error_code cause) noexcept {
-  return cause == CallError::kWrongInterface || cause == CallError::kNoSuchMethod ||
-         cause == CallError::kNoSuchObject || cause == CallError::kVersionUnsupported ||
-         cause == CallError::kNotAllowed;
-}
-
 CallError Binding::Impl::note_failure(CallError error) noexcept {
   if (!follows() || !may_be_gone(error)) return error;
   ask_for_name();
-  const int refused = refusal.load(std::memory_order_relaxed);
+  const int refused = refusal_.load(std::memory_order_relaxed);
   return refused == kNoRefusal ? error : static_cast<CallError>(refused);
 }
 
 void Binding::Impl::ask_for_name() noexcept {
-  if (!follows() || asks_for_name.exchange(true, std::memory_order_acq_rel)) return;
-  node.impl().rebinder().wake();
+  if (!follows() || wants_name_.exchange(true, std::memory_order_acq_rel)) return;
+  node_.impl().rebinder().wake();
 }
 
 bool Binding::Impl::follow(const std::string& at_url) {
   // The name may lead elsewhere by then, and the system may not tell that the port is closed.
-  const Duration patience = std::min(bind_options.deadline, kFollowPatience);
-  auto opened = open(at_url, deadline_after(patience, rt::now()));
+  const Duration patience = std::min(options_.deadline, kFollowPatience);
+  auto opened = BindAttempt(node_, interface_, options_, destinations_.get().fingerprint, at_url)
+                    .open(deadline_after(patience, rt::now()));
   if (!opened) {
     const std::error_code cause = opened.error().cause;
-    refusal.store(is_refusal(cause) ? cause.value() : kNoRefusal, std::memory_order_relaxed);
-    const std::lock_guard lock(telling);
-    ++followed.resolve_count;
-    followed.trouble = "the name '" + printable(name) + "' leads to " + printable(at_url) + ": " +
-                       opened.error().text();
+    refusal_.store(is_refusal(cause) ? cause.value() : kNoRefusal, std::memory_order_relaxed);
+    const std::lock_guard lock(telling_);
+    ++followed_.resolve_count;
+    followed_.trouble = "the name '" + printable(name_) + "' leads to " + printable(at_url) + ": " +
+                        opened.error().text();
     return false;
   }
-  refusal.store(kNoRefusal, std::memory_order_relaxed);
+  refusal_.store(kNoRefusal, std::memory_order_relaxed);
   const Destination& to = *opened->destination;
-  const bool is_same =
-      to.url == settled->url && &to.endpoint == &settled->endpoint && to.door == settled->door;
-  if (is_same) {
-    opened->bound.destination = settled.get();
-    remember(opened->bound);
-  }
-  const bool has_moved = to.url != settled->url;
-  if (!is_same) {
+  const Destination& from = *destinations_.settled();
+  const bool has_moved = to.url != from.url;
+  if (!has_moved && &to.endpoint == &from.endpoint && to.door == from.door) {
+    opened->bound.destination = &from;
+    destinations_.renew(opened->bound);
+  } else {
     // No other thread looks there any more.
-    settled->endpoint.check_oneways(rt::now());
-    settle(std::move(*opened));
+    from.endpoint.check_oneways(rt::now());
+    destinations_.settle(std::move(opened->destination), opened->bound);
   }
-  const std::lock_guard lock(telling);
-  ++followed.resolve_count;
-  if (has_moved) ++followed.move_count;
-  followed.trouble.clear();
+  const std::lock_guard lock(telling_);
+  ++followed_.resolve_count;
+  if (has_moved) ++followed_.move_count;
+  followed_.trouble.clear();
   return true;
 }
 
 void Binding::Impl::note_unresolved(std::string text) {
-  refusal.store(kNoRefusal, std::memory_order_relaxed);
-  const std::lock_guard lock(telling);
-  ++followed.resolve_count;
-  followed.trouble = std::move(text);
+  refusal_.store(kNoRefusal, std::memory_order_relaxed);
+  const std::lock_guard lock(telling_);
+  ++followed_.resolve_count;
+  followed_.trouble = std::move(text);
 }
 
-bool Binding::Impl::free_former() noexcept {
-  if (former.empty()) return true;
-  // SYNC POINT binding-destinations: a pin that comes later than this look sees the newest.
-  if (pin_count.fetch_add(0, std::memory_order_acq_rel) > 0) return false;
-  former.clear();
-  return true;
+FollowStatus Binding::Impl::follow_status() const {
+  const std::lock_guard lock(telling_);
+  return followed_;
 }
 
 }  // namespace rtpm::rpc

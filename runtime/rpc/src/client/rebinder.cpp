@@ -16,9 +16,8 @@ constexpr Duration kFreeInterval = std::chrono::milliseconds{100};
 }  // namespace
 
 bool Rebinder::Name::is_wanted() const noexcept {
-  return std::ranges::any_of(bindings, [](const Binding::Impl* binding) {
-    return binding->asks_for_name.load(std::memory_order_acquire);
-  });
+  return std::ranges::any_of(bindings,
+                             [](const Binding::Impl* binding) { return binding->wants_name(); });
 }
 
 Rebinder::~Rebinder() {
@@ -38,14 +37,14 @@ expected<void, SetupError> Rebinder::add(Binding::Impl& binding) {
     if (!thread) return unexpected{std::move(thread.error())};
     thread_ = std::move(*thread);
   }
-  names_[binding.name].bindings.push_back(&binding);
+  names_[binding.name()].bindings.push_back(&binding);
   return {};
 }
 
 void Rebinder::remove(Binding::Impl& binding) noexcept {
   {
     const Lock lock(mutex_);
-    const auto found = names_.find(binding.name);
+    const auto found = names_.find(binding.name());
     if (found != names_.end()) {
       Name& name = found->second;
       std::erase(name.bindings, &binding);
@@ -66,7 +65,7 @@ void Rebinder::look_again(std::string_view at) noexcept {
       if (text != at && !is_below) continue;
       name.leads_elsewhere = true;
       for (Binding::Impl* const binding : name.bindings)
-        binding->asks_for_name.store(true, std::memory_order_release);
+        binding->set_wants_name(true);
     }
   }
   bell_.post();
@@ -103,7 +102,7 @@ MonotonicTime Rebinder::serve(Lock& lock) {
   });
   for (auto& [text, name] : names_) {
     for (Binding::Impl* const binding : name.bindings) {
-      if (!binding->free_former()) next = std::min(next, now + kFreeInterval);
+      if (!binding->destinations().free_former()) next = std::min(next, now + kFreeInterval);
     }
     if (!name.is_wanted()) continue;
     if (now - name.last >= kCalm) name.interval = kFirstInterval;
@@ -151,19 +150,19 @@ void Rebinder::bind(Lock& lock, const std::string& text,
   for (Binding::Impl* const binding : bindings) {
     const std::vector<Binding::Impl*>& present = names_[text].bindings;
     if (std::ranges::find(present, binding) == present.end() || is_stopping_) continue;
-    if (!binding->asks_for_name.load(std::memory_order_acquire)) continue;
+    if (!binding->wants_name()) continue;
     if (!url) {
       binding->note_unresolved(url.error().text());
       continue;
     }
     // A call that fails from here on asks anew.
-    binding->asks_for_name.store(false, std::memory_order_release);
+    binding->set_wants_name(false);
     current_ = binding;
     {
       const Lock work(working_);
       lock.unlock();
       // Inside of it, as the binding may end as soon as it is done.
-      if (!binding->follow(*url)) binding->asks_for_name.store(true, std::memory_order_release);
+      if (!binding->follow(*url)) binding->set_wants_name(true);
     }
     lock.lock();
     current_ = nullptr;

@@ -1,13 +1,14 @@
+#include "client/object_check.hpp"
+
 #include <algorithm>
 #include <array>
-#include <string>
 #include <string_view>
 
-#include "client/binding_impl.hpp"
+#include "client/refused.hpp"
+#include "rtpm/base/assert.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/wire/interface_text.hpp"
 
-// How a binding asks a server for its object, and how it judges an interface that differs.
 namespace rtpm::rpc {
 namespace {
 
@@ -52,8 +53,9 @@ std::string obstacle(const InterfaceDescriptor& ours, const MethodDescriptor& me
 
 }  // namespace
 
-BindOutcome Binding::Impl::ask(const Destination& at, CallChannel& channel, Priority priority,
-                               MonotonicTime deadline) noexcept {
+BindOutcome ask_for_object(const Destination& at, const InterfaceDescriptor& interface,
+                           std::optional<std::uint64_t> known, CallChannel& channel,
+                           Priority priority, MonotonicTime deadline) noexcept {
   std::array<std::byte, 512> request{};
   const std::size_t size =
       encode(wire::BindRequest{at.path, interface.name, interface.fingerprint}, request);
@@ -88,11 +90,9 @@ BindOutcome Binding::Impl::ask(const Destination& at, CallChannel& channel, Prio
                   reply->priority,
                   reply->is_server_declared,
                   reply->fingerprint};
-  // An interface that was found to be good once is good in another life of the server, too.
-  const auto known = bound.read();
   // hp-6.1-6: 0 says nothing.
-  if (reply->fingerprint != 0 && (reply->fingerprint == interface.fingerprint ||
-                                  (known && known->fingerprint == reply->fingerprint))) {
+  if (reply->fingerprint != 0 &&
+      (reply->fingerprint == interface.fingerprint || known == reply->fingerprint)) {
     return result;
   }
   // hp-6.1-2: a server may have more methods than we know; those that we know must mean the same.

@@ -1,0 +1,112 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "client/endpoint.hpp"
+#include "local/local.hpp"
+#include "rtpm/base/latest.hpp"
+#include "rtpm/rpc/node.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
+
+namespace rtpm::rpc {
+
+/// A binding's object as calls reach it. Constant once it is made.
+struct Destination {
+  Destination(Node& node_in, Endpoint& endpoint_in, std::string path_in, std::string url_in)
+      : node(node_in), endpoint(endpoint_in), path(std::move(path_in)), url(std::move(url_in)) {}
+  Destination(const Destination&) = delete;
+  Destination& operator=(const Destination&) = delete;
+  ~Destination();
+
+  Node& node;
+  Endpoint& endpoint;
+  std::string path;
+  std::string url;
+  /// Null unless the object's server is in this program.
+  std::shared_ptr<LocalDoor> door{};
+  // Oneways lost on the way to the binding's former destinations, and of the endpoint's those that
+  // were lost before the binding came to it.
+  std::uint64_t lost_before = 0;
+  std::uint64_t lost_elsewhere = 0;
+  [[nodiscard]] std::uint64_t lost_oneway_count() const noexcept {
+    return lost_before + endpoint.lost_oneway_count() - lost_elsewhere;
+  }
+};
+
+/// The result of a bind; true as long as the server's epoch is the same.
+struct Bound {
+  const Destination* destination = nullptr;
+  std::uint64_t server_epoch = 0;
+  std::uint32_t service = 0;
+  Priority priority{};
+  bool is_server_declared = false;
+  std::uint64_t fingerprint = 0;  ///< The server's fingerprint of the interface.
+};
+
+/// Where a binding's calls go: to one destination at a time. A binding by name may leave it for
+/// another one; former ones are kept as long as calls may look at them.
+/// @threads  settle(), settled() and free_former() the thread that binds; the rest any
+/// @realtime alloc-free but for settle() and free_former()
+class Destinations {
+ public:
+  /// @param may_change  false if the binding has one destination for its life
+  explicit Destinations(bool may_change) noexcept : may_change_(may_change) {}
+
+  /// Keeps the destinations that get() gives. Costs nothing where there is one for life.
+  class Pin {
+   public:
+    explicit Pin(Destinations& all) noexcept : count_(all.may_change_ ? &all.pin_count_ : nullptr) {
+      // SYNC POINT binding-destinations: a pin that the count does not show yet sees the newest.
+      if (count_ != nullptr) count_->fetch_add(1, std::memory_order_acq_rel);
+    }
+    Pin(const Pin&) = delete;
+    Pin& operator=(const Pin&) = delete;
+    ~Pin() {
+      if (count_ != nullptr) count_->fetch_sub(1, std::memory_order_release);
+    }
+
+   private:
+    std::atomic<std::uint32_t>* count_;
+  };
+
+  /// The last bind. Needs a settled destination.
+  [[nodiscard]] Bound get() noexcept;
+  /// Another life of the server at the destination. It counts for nothing if calls go elsewhere
+  /// meanwhile.
+  void renew(const Bound& value) noexcept;
+  /// Whether the destination has a door.
+  [[nodiscard]] bool has_door() const noexcept { return has_door_.load(std::memory_order_relaxed); }
+
+  /// Directs calls there from now on.
+  void settle(std::unique_ptr<Destination> destination, const Bound& bound);
+  [[nodiscard]] const Destination* settled() const noexcept { return settled_.get(); }
+  /// Frees former destinations, unless a call that began before looks at them; true if none is
+  /// left.
+  [[nodiscard]] bool free_former() noexcept;
+
+  /// A oneway is about to be sent, so that a thread that finds its loss knows that it was there.
+  void note_oneway() noexcept { sends_oneways_.store(true, std::memory_order_relaxed); }
+  /// Whether oneways to the server may have been lost since this was last asked, and this binding
+  /// has sent some.
+  [[nodiscard]] bool has_lost_oneways() noexcept;
+
+ private:
+  const bool may_change_;
+  Latest<Bound> bound_;
+  rt::PiMutex writing_;                     ///< Guards bound_ and current_.
+  const Destination* current_ = nullptr;    ///< The destination of bound_.
+  std::unique_ptr<Destination> settled_{};  ///< Owns it.
+  std::atomic<bool> has_door_{false};
+  std::vector<std::unique_ptr<Destination>> former_{};
+  std::atomic<std::uint32_t> pin_count_{0};
+  std::atomic<bool> sends_oneways_{false};
+  /// How much of lost_oneway_count() has been reported to the binding's callers.
+  std::atomic<std::uint64_t> lost_oneways_told_{0};
+};
+
+}  // namespace rtpm::rpc
