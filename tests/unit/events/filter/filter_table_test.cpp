@@ -1,5 +1,9 @@
 #include <gtest/gtest.h>
 
+#include <sstream>
+#include <string>
+#include <vector>
+
 #include "table.hpp"
 
 // Each sentence of filter.hpp about a node or a timeout, as a row of events on a clock.
@@ -8,76 +12,116 @@ namespace {
 
 using namespace std::chrono_literals;
 
-TEST(FilterTable, EverythingAcceptsEveryEvent) {
-  Table table(everything());
-  table.push(kPose);
-  table.push(kButton, 3);
-  EXPECT_EQ(table.got(), "5.0#1 6.3#1");
+/// What a filter makes of a row of events.
+struct Row {
+  const char* sentence;
+  Filter filter;
+  const char* events;      ///< "5.1" is type 5 of source 1, "t9" the time 9 ms, "|" a look.
+  const char* deliveries;  ///< What each look and the last one find.
+};
+
+std::string deliveries_of(const Row& row) {
+  Table table(row.filter);
+  std::string found;
+  std::istringstream words(row.events);
+  for (std::string word; words >> word;) {
+    if (word == "|") {
+      found += table.got() + " | ";
+    } else if (word[0] == 't') {
+      table.advance(std::stod(word.substr(1)));
+    } else {
+      const std::size_t dot = word.find('.');
+      const std::string source = dot == word.npos ? "0" : word.substr(dot + 1);
+      table.push(static_cast<EventType>(std::stoul(word)),
+                 static_cast<SourceId>(std::stoul(source)));
+    }
+  }
+  return found + table.got();
 }
 
-TEST(FilterTable, TypeAcceptsItsTypeFromAnySource) {
-  Table table(of_type(kPose));
-  table.push(kPose, 1);
-  table.push(kButton, 1);
-  table.push(kPose, 0);
-  EXPECT_EQ(table.got(), "5.1#1 5.0#1");
+void expect_deliveries(const std::vector<Row>& rows) {
+  for (const Row& row : rows)
+    EXPECT_EQ(deliveries_of(row), row.deliveries) << row.sentence;
 }
 
-TEST(FilterTable, TypeAndSourceAcceptOnlyBoth) {
-  Table table(of_type(kPose, 2));
-  table.push(kPose, 1);
-  table.push(kPose, 2);
-  table.push(kButton, 2);
-  EXPECT_EQ(table.got(), "5.2#1");
+const Filter kPoses = of_type(kPose);
+const Filter kButtons = of_type(kButton);
+const Filter kGazes = of_type(kGaze);
+const Filter kPoseAndButton = correlate({kPoses, kButtons});
+const Filter kPoseNearGaze = correlate({kPoses, kGazes}, 5ms);
+
+TEST(FilterTable, SingleEventsAreAcceptedByTypeAndSource) {
+  expect_deliveries({
+      {"everything", everything(), "5 6.3", "5.0#1 6.3#1"},
+      {"a type from any source", kPoses, "5.1 6.1 5", "5.1#1 5.0#1"},
+      {"type and source only both", of_type(kPose, 2), "5.1 5.2 6.2", "5.2#1"},
+      {"source 0 of an event is no wildcard", of_type(kPose, 2), "5.0", ""},
+      {"masks compare only their bits", masked(0x4, 0xfc, 0x10, 0xf0), "5.18 6.31 5.34 9.18",
+       "5.18#1 6.31#1"},
+      {"the mask of a source takes any type", masked(0, 0, 3, kWholeNumber), "5.3 7.3 7.4",
+       "5.3#1 7.3#1"},
+      {"any takes an event once", any_of({kPoses, kButtons, masked(0, 0, 1, kWholeNumber)}),
+       "5.1 6.2 7.1 7.2", "5.1#1 6.2#1 7.1#1"},
+      {"all", all_of({kPoses, masked(0, 0, 1, 1)}), "5.1 5.2 6.1", "5.1#1"},
+      {"not", none_of(any_of({kPoses, of_type(kButton, 1)})), "5 6.1 6.2 7", "6.2#1 7.0#1"},
+  });
 }
 
-TEST(FilterTable, SourceZeroOfAnEventIsASourceAndNoWildcard) {
-  Table table(of_type(kPose, 2));
-  table.push(kPose, 0);
-  EXPECT_EQ(table.got(), "");
+TEST(FilterTable, ConjunctionsAreCompletedByTheirLastEvent) {
+  expect_deliveries({
+      {"in the order of its children", kPoseAndButton, "6 | 5", " | 5.0#1+6.0#1"},
+      {"the newest of each child", kPoseAndButton, "5 5 5 6", "5.0#3+6.0#1"},
+      {"it begins anew", kPoseAndButton, "5 6 6 | 5", "5.0#1+6.0#1 | 5.0#2+6.0#2"},
+      {"within its skew; the gaze is kept", kPoseNearGaze, "t0 5 t6 7 | t11 5", " | 5.0#2+7.0#1"},
+      {"each child has its own event", correlate({kPoses, kPoses}), "t1 5 | t2 5",
+       " | 5.0#1+5.0#2"},
+      {"the oldest of those that accept is replaced", correlate({kPoses, kPoses, kButtons}),
+       "t1 5 t2 5 t3 5 6", "5.0#3+5.0#2+6.0#1"},
+      {"a conjunction in another", correlate({kPoseAndButton, kGazes}), "5 7 6",
+       "5.0#1+6.0#1+7.0#1"},
+      {"beside a neighbour", any_of({kPoses, kPoseAndButton}), "5 | 6", "5.0#1 | 5.0#1+6.0#1"},
+      {"any delivers what its event completes, if it is first", any_of({kPoseAndButton, kPoses}),
+       "6 5 5 6", "5.0#1+6.0#1 5.0#2 5.0#2+6.0#2"},
+      {"and if it is last", any_of({kPoses, kPoseAndButton}), "6 5 5 6",
+       "5.0#1+6.0#1 5.0#2 5.0#2+6.0#2"},
+      {"any delivers the largest, and all nodes start over",
+       any_of({all_of({kPoses, masked(0, 0, 0, kWholeNumber)}), any_of({kPoses, kPoseAndButton}),
+               correlate({kPoses, kButtons, kGazes}), correlate({kGazes, kPoses})}),
+       "6 5 | 7 | 7 5", "5.0#1+6.0#1 | 5.0#1+6.0#1+7.0#1 | 7.0#2+5.0#2"},
+      {"a button, or a pose near a gaze", any_of({kButtons, kPoseNearGaze}),
+       "t0 5 t1 6 t4 7 t20 5 t40 7", "6.0#1 5.0#1+7.0#1"},
+  });
 }
 
-TEST(FilterTable, MasksCompareOnlyTheirBits) {
-  Table table(masked(0x4, 0xfc, 0x10, 0xf0));
-  table.push(kPose, 0x12);
-  table.push(kButton, 0x1f);
-  table.push(kPose, 0x22);
-  table.push(9, 0x12);
-  EXPECT_EQ(table.got(), "5.18#1 6.31#1");
+TEST(FilterTable, TimeoutsComeAtTheirTime) {
+  const Filter silent = any_of({kPoses, silence(10ms, 9)});
+  expect_deliveries({
+      {"once", any_of({kPoses, once(10ms, 9)}), "t9 5 t9.9 | t100", "5.0#1 | @9"},
+      {"every, whatever else comes", any_of({kPoses, every(10ms, 9)}), "t5 5 t15 5 t30",
+       "5.0#1 @9 5.0#2 @9 @9"},
+      {"silence after the last delivery", silent, "t8 5 t16 5 t25 | t26 | t35.9 | t36",
+       "5.0#1 5.0#2 | @9 |  | @9"},
+      {"a rejected event does not end a silence", silent, "t8 6 t10", "@9"},
+      {"nor does one outside of its group", any_of({kButtons, silent}), "t8 6 t10", "6.0#1 @9"},
+      {"silence alone", silence(10ms, 9), "t30", "@9 @9 @9"},
+      {"a conjunction ends a silence",
+       any_of({kButtons, any_of({kPoseNearGaze, silence(10ms, 9)})}), "t1 5 t3 7 t8 6 t12.9 | t13",
+       "5.0#1+7.0#1 6.0#1 | @9"},
+      {"a timeout is a child of a conjunction", correlate({kPoses, every(10ms, 9)}),
+       "t1 5 | t10 | t20 t22 5", " | 5.0#1+@9 | 5.0#2+@9"},
+      {"its time is no skew", correlate({kPoses, every(10ms, 9)}, 1ms), "t1 5 t10", "5.0#1+@9"},
+      {"both, or 5 ms", any_of({correlate({kPoses, kGazes}), silence(5ms, 9)}), "t1 5 t3 7 t8",
+       "5.0#1+7.0#1 @9"},
+      {"a timeout is no event for other nodes",
+       any_of({none_of(kPoses), correlate({everything(), once(5ms, 9)})}), "t5", ""},
+  });
 }
 
-TEST(FilterTable, MaskOfSourceAloneTakesAnyType) {
-  Table table(masked(0, 0, 3, kWholeNumber));
-  table.push(kPose, 3);
-  table.push(kGaze, 3);
-  table.push(kGaze, 4);
-  EXPECT_EQ(table.got(), "5.3#1 7.3#1");
-}
-
-TEST(FilterTable, AnyAcceptsWhatOneChildAcceptsAndOnlyOnce) {
-  Table table(any_of({of_type(kPose), of_type(kButton), masked(0, 0, 1, kWholeNumber)}));
-  table.push(kPose, 1);
-  table.push(kButton, 2);
-  table.push(kGaze, 1);
-  table.push(kGaze, 2);
-  EXPECT_EQ(table.got(), "5.1#1 6.2#1 7.1#1");
-}
-
-TEST(FilterTable, AllAcceptsAnEventThatAllChildrenAccept) {
-  Table table(all_of({of_type(kPose), masked(0, 0, 1, 1)}));
-  table.push(kPose, 1);
-  table.push(kPose, 2);
-  table.push(kButton, 1);
-  EXPECT_EQ(table.got(), "5.1#1");
-}
-
-TEST(FilterTable, NotAcceptsWhatItsChildDoesNot) {
-  Table table(none_of(any_of({of_type(kPose), of_type(kButton, 1)})));
-  table.push(kPose);
-  table.push(kButton, 1);
-  table.push(kButton, 2);
-  table.push(kGaze);
-  EXPECT_EQ(table.got(), "6.2#1 7.0#1");
+TEST(TimeoutTable, OnceComesOnlyOnce) {
+  Table table(once(10ms, 9));
+  table.advance(100);
+  EXPECT_EQ(table.got(), "@9");
+  EXPECT_EQ(table.exchange.next_time(), kNever);
 }
 
 TEST(FilterTable, WhereComparesAFieldOfItsTypeOnly) {
@@ -125,126 +169,6 @@ TEST(FilterTable, WhereRejectsAPayloadOfAnotherSchemaOrTooShort) {
   EXPECT_EQ(table.got(), "");
 }
 
-TEST(FilterTable, CorrelateWaitsForAllAndDeliversInTheOrderOfItsChildren) {
-  Table table(correlate({of_type(kPose), of_type(kButton)}));
-  table.push(kButton);
-  EXPECT_EQ(table.got(), "");
-  table.push(kPose);
-  EXPECT_EQ(table.got(), "5.0#1+6.0#1");
-}
-
-TEST(FilterTable, CorrelateKeepsTheNewestOfEachChild) {
-  Table table(correlate({of_type(kPose), of_type(kButton)}));
-  table.push(kPose);
-  table.push(kPose);
-  table.push(kPose);
-  table.push(kButton);
-  EXPECT_EQ(table.got(), "5.0#3+6.0#1");
-}
-
-TEST(FilterTable, CorrelateBeginsAnewAfterADelivery) {
-  Table table(correlate({of_type(kPose), of_type(kButton)}));
-  table.push(kPose);
-  table.push(kButton);
-  table.push(kButton);
-  EXPECT_EQ(table.got(), "5.0#1+6.0#1");
-  table.push(kPose);
-  EXPECT_EQ(table.got(), "5.0#2+6.0#2");
-}
-
-TEST(FilterTable, CorrelateDeliversOnlyWhatHappenedWithinItsSkew) {
-  Table table(correlate({of_type(kPose), of_type(kGaze)}, 5ms));
-  table.push_at(0, kPose);
-  table.push_at(6, kGaze);
-  EXPECT_EQ(table.got(), "");
-  // The node keeps the gaze; the newer pose is near it.
-  table.push_at(11, kPose);
-  EXPECT_EQ(table.got(), "5.0#2+7.0#1");
-}
-
-TEST(FilterTable, CorrelateFillsEachChildWithAnEventOfItsOwn) {
-  Table table(correlate({of_type(kPose), of_type(kPose)}));
-  table.push_at(1, kPose);
-  EXPECT_EQ(table.got(), "");
-  table.push_at(2, kPose);
-  EXPECT_EQ(table.got(), "5.0#1+5.0#2");
-}
-
-TEST(FilterTable, CorrelateReplacesTheOldestOfThoseThatAccept) {
-  Table table(correlate({of_type(kPose), of_type(kPose), of_type(kButton)}));
-  for (int i = 1; i <= 3; ++i)
-    table.push_at(i, kPose);
-  table.push(kButton);
-  EXPECT_EQ(table.got(), "5.0#3+5.0#2+6.0#1");
-}
-
-TEST(FilterTable, CorrelateHoldsWhatAnotherHolds) {
-  Table table(correlate({correlate({of_type(kPose), of_type(kButton)}), of_type(kGaze)}));
-  table.push(kPose);
-  table.push(kGaze);
-  table.push(kButton);
-  EXPECT_EQ(table.got(), "5.0#1+6.0#1+7.0#1");
-}
-
-TEST(FilterTable, ConjunctionSeesWhatANeighbourAccepts) {
-  Table table(any_of({of_type(kPose), correlate({of_type(kPose), of_type(kButton)})}));
-  table.push(kPose);
-  EXPECT_EQ(table.got(), "5.0#1");
-  table.push(kButton);
-  EXPECT_EQ(table.got(), "5.0#1+6.0#1");
-}
-
-TEST(FilterTable, AnyDeliversTheConjunctionThatItsEventCompletes) {
-  for (const bool is_first : {false, true}) {
-    Filter pair = correlate({of_type(kPose), of_type(kButton)});
-    Table table(is_first ? any_of({std::move(pair), of_type(kPose)})
-                         : any_of({of_type(kPose), std::move(pair)}));
-    table.push(kButton);
-    table.push(kPose);
-    table.push(kPose);
-    table.push(kButton);
-    EXPECT_EQ(table.got(), "5.0#1+6.0#1 5.0#2 5.0#2+6.0#2");
-  }
-}
-
-TEST(FilterTable, AnyDeliversTheLargestConjunctionThatItsEventCompletes) {
-  Table table(any_of({all_of({of_type(kPose), masked(0, 0, 0, kWholeNumber)}),
-                      any_of({of_type(kPose), correlate({of_type(kPose), of_type(kButton)})}),
-                      correlate({of_type(kPose), of_type(kButton), of_type(kGaze)}),
-                      correlate({of_type(kGaze), of_type(kPose)})}));
-  table.push(kButton);
-  table.push(kPose);
-  EXPECT_EQ(table.got(), "5.0#1+6.0#1");
-  table.push(kGaze);
-  EXPECT_EQ(table.got(), "5.0#1+6.0#1+7.0#1");
-  // All nodes start over, including those that were not delivered.
-  table.push(kGaze);
-  table.push(kPose);
-  EXPECT_EQ(table.got(), "7.0#2+5.0#2");
-}
-
-TEST(FilterTable, SilenceBesideAConjunctionIsEndedByIt) {
-  Table table(any_of({of_type(kButton), any_of({correlate({of_type(kPose), of_type(kGaze)}, 5ms),
-                                                silence(10ms, 9)})}));
-  table.push_at(1, kPose);
-  table.push_at(3, kGaze);
-  table.push_at(8, kButton);
-  table.advance(12.9);
-  EXPECT_EQ(table.got(), "5.0#1+7.0#1 6.0#1");
-  table.advance(13);
-  EXPECT_EQ(table.got(), "@9");
-}
-
-TEST(FilterTable, ButtonOrPoseAndGazeWithinFiveMilliseconds) {
-  Table table(any_of({of_type(kButton), correlate({of_type(kPose), of_type(kGaze)}, 5ms)}));
-  table.push_at(0, kPose);
-  table.push_at(1, kButton);
-  table.push_at(4, kGaze);
-  table.push_at(20, kPose);
-  table.push_at(40, kGaze);
-  EXPECT_EQ(table.got(), "6.0#1 5.0#1+7.0#1");
-}
-
 TEST(FilterTable, AllUnitesTheGroupsOfItsChildren) {
   Table table(all_of({correlate({of_type(kPose), of_type(kButton)}),
                       where(kPose, "step", Comparison::kEqual, Scalar::of(1))}));
@@ -257,95 +181,11 @@ TEST(FilterTable, AllUnitesTheGroupsOfItsChildren) {
   EXPECT_EQ(table.got(), "");
 }
 
-TEST(TimeoutTable, OnceComesOnceAfterTheSubscription) {
-  Table table(any_of({of_type(kPose), once(10ms, 9)}));
-  table.push_at(9, kPose);
-  table.advance(9.9);
-  EXPECT_EQ(table.got(), "5.0#1");
-  table.advance(100);
-  EXPECT_EQ(table.got(), "@9");
-  EXPECT_EQ(table.exchange.next_time(), kNever);
-}
-
-TEST(TimeoutTable, EveryComesAtItsPaceWhateverElseComes) {
-  Table table(any_of({of_type(kPose), every(10ms, 9)}));
-  table.push_at(5, kPose);
-  table.push_at(15, kPose);
-  table.advance(30);
-  EXPECT_EQ(table.got(), "5.0#1 @9 5.0#2 @9 @9");
-}
-
 TEST(TimeoutTable, EveryDoesNotMakeUpForWhatWasMissedAndKeepsItsPhase) {
   Table table(every(10ms, 9));
   table.exchange.on_time(at(35));
   EXPECT_EQ(table.got(), "@9");
   EXPECT_EQ(table.exchange.next_time(), at(40));
-}
-
-TEST(TimeoutTable, SilenceComesWhenItsGroupDeliveredNothingForItsTime) {
-  Table table(any_of({of_type(kPose), silence(10ms, 9)}));
-  table.push_at(8, kPose);
-  table.push_at(16, kPose);
-  table.advance(25);
-  EXPECT_EQ(table.got(), "5.0#1 5.0#2");
-  table.advance(26);
-  EXPECT_EQ(table.got(), "@9");
-  table.advance(35.9);
-  EXPECT_EQ(table.got(), "");
-  table.advance(36);
-  EXPECT_EQ(table.got(), "@9");
-}
-
-TEST(TimeoutTable, SilenceIsNotEndedByWhatItsGroupRejects) {
-  Table table(any_of({of_type(kPose), silence(10ms, 9)}));
-  table.push_at(8, kButton);
-  table.advance(10);
-  EXPECT_EQ(table.got(), "@9");
-}
-
-TEST(TimeoutTable, SilenceBelongsToTheGroupAroundItOnly) {
-  Table table(any_of({of_type(kButton), any_of({of_type(kPose), silence(10ms, 9)})}));
-  table.push_at(8, kButton);
-  table.advance(10);
-  EXPECT_EQ(table.got(), "6.0#1 @9");
-}
-
-TEST(TimeoutTable, SilenceAloneComesAtItsPace) {
-  Table table(silence(10ms, 9));
-  table.advance(30);
-  EXPECT_EQ(table.got(), "@9 @9 @9");
-}
-
-TEST(TimeoutTable, TimeoutCountsAsAChildOfAConjunction) {
-  Table table(correlate({of_type(kPose), every(10ms, 9)}));
-  table.push_at(1, kPose);
-  EXPECT_EQ(table.got(), "");
-  table.advance(10);
-  EXPECT_EQ(table.got(), "5.0#1+@9");
-  table.advance(20);
-  table.push_at(22, kPose);
-  EXPECT_EQ(table.got(), "5.0#2+@9");
-}
-
-TEST(TimeoutTable, TimeOfATimeoutIsNoSkew) {
-  Table table(correlate({of_type(kPose), every(10ms, 9)}, 1ms));
-  table.push_at(1, kPose);
-  table.advance(10);
-  EXPECT_EQ(table.got(), "5.0#1+@9");
-}
-
-TEST(TimeoutTable, BothOrFiveMilliseconds) {
-  Table table(any_of({correlate({of_type(kPose), of_type(kGaze)}), silence(5ms, 9)}));
-  table.push_at(1, kPose);
-  table.push_at(3, kGaze);
-  table.advance(8);
-  EXPECT_EQ(table.got(), "5.0#1+7.0#1 @9");
-}
-
-TEST(TimeoutTable, TimeoutIsNoEventForOtherNodes) {
-  Table table(any_of({none_of(of_type(kPose)), correlate({everything(), once(5ms, 9)})}));
-  table.advance(5);
-  EXPECT_EQ(table.got(), "");
 }
 
 TEST(TimeoutTable, TimeoutTellsWhenItWasDueAndHowOftenItCame) {

@@ -16,18 +16,6 @@ std::multiset<std::uint32_t> found(const SubscriptionIndex& index, EventType typ
   return numbers;
 }
 
-TEST(Index, FindsByTypeAndSourceByEitherAndWithoutBoth) {
-  SubscriptionIndex index(16);
-  ASSERT_TRUE(index.add(1, std::array{Interest{5, 2}}, true));
-  ASSERT_TRUE(index.add(2, std::array{Interest{5, std::nullopt}}, true));
-  ASSERT_TRUE(index.add(3, std::array{Interest{std::nullopt, 2}}, true));
-  ASSERT_TRUE(index.add(4, std::array{Interest{}}, true));
-  EXPECT_EQ(found(index, 5, 2), (std::multiset<std::uint32_t>{1, 2, 3, 4}));
-  EXPECT_EQ(found(index, 5, 0), (std::multiset<std::uint32_t>{2, 4}));
-  EXPECT_EQ(found(index, 6, 2), (std::multiset<std::uint32_t>{3, 4}));
-  EXPECT_EQ(found(index, 0, 0), (std::multiset<std::uint32_t>{4}));
-}
-
 TEST(Index, RefusesWhatIsMoreThanItHoldsAndChangesNothing) {
   SubscriptionIndex index(2);
   ASSERT_TRUE(index.add(1, std::array{Interest{5, 2}}, true));

@@ -147,15 +147,6 @@ TEST(Delivery, ChangeLosesNothing) {
   EXPECT_EQ(table.exchange.losses(table.number), Losses{});
 }
 
-TEST(Delivery, LateJoinerGetsTheLatchedValueOfEachSource) {
-  Table table(of_type(kButton));
-  for (int i = 0; i < 3; ++i) {
-    table.push(kPose, 1);
-    table.push(kPose, 2);
-  }
-  EXPECT_EQ(table.got(table.subscribe(of_type(kPose), {.replay = 1})), "~5.1#3 ~5.2#3");
-}
-
 TEST(Delivery, LateJoinerGetsTheLastInTheOrderInWhichTheyCame) {
   Table table(of_type(kButton), {}, {.history_depth = 4});
   for (int i = 0; i < 6; ++i) {

@@ -70,15 +70,6 @@ class Multicast : public testing::Test {
   std::uint64_t written = 0;
 };
 
-TEST_F(Multicast, BringsRecordsWholeAndInOrder) {
-  const auto small = content(100);
-  const auto large = content(10'000);
-  take(write(small));
-  take(write(large));
-  EXPECT_EQ(read(), (Records{small, large}));
-  EXPECT_FALSE(reader.gap());
-}
-
 TEST_F(Multicast, LeavesOutWhatIsForOthers) {
   take(write(content(5000), {1, 2, 3}));
   take(write(content(50), {1, kMe, 3}));
