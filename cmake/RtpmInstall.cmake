@@ -135,12 +135,11 @@ endfunction()
 # The CMake package, the schemas, and the Debian package; called once, last.
 function(rtpm_install_package)
   set(RTPM_INSTALL_IDL_DIR "${CMAKE_INSTALL_DATADIR}/rtpm/idl")
-  set(RTPM_INSTALL_SOURCE_DIR "${CMAKE_INSTALL_DATADIR}/rtpm/source")
   rtpm_install_pkg_config()
   configure_package_config_file("${rtpm_SOURCE_DIR}/cmake/rtpm-config.cmake.in"
     "${CMAKE_CURRENT_BINARY_DIR}/rtpm-config.cmake"
     INSTALL_DESTINATION "${RTPM_INSTALL_CMAKE_DIR}"
-    PATH_VARS RTPM_INSTALL_IDL_DIR RTPM_INSTALL_SOURCE_DIR CMAKE_INSTALL_BINDIR)
+    PATH_VARS RTPM_INSTALL_IDL_DIR)
   # Before 1.0.0 a minor version may break interfaces.
   write_basic_package_version_file("${CMAKE_CURRENT_BINARY_DIR}/rtpm-config-version.cmake"
     COMPATIBILITY SameMinorVersion)
@@ -152,12 +151,6 @@ function(rtpm_install_package)
     COMPONENT development)
   file(GLOB schemas "${RTPM_IDL_DIR}/*.fbs")
   install(FILES ${schemas} DESTINATION "${RTPM_INSTALL_IDL_DIR}" COMPONENT development)
-  # The sources of the libraries, for machines with another release of FlatBuffers (rtpm-config.cmake.in).
-  install(FILES "${rtpm_SOURCE_DIR}/CMakeLists.txt" DESTINATION "${RTPM_INSTALL_SOURCE_DIR}" COMPONENT development)
-  foreach(folder cmake schema protocol runtime registry gvd)
-    install(DIRECTORY "${rtpm_SOURCE_DIR}/${folder}" DESTINATION "${RTPM_INSTALL_SOURCE_DIR}" COMPONENT development
-      PATTERN compiler EXCLUDE PATTERN goldens EXCLUDE PATTERN "*.md" EXCLUDE)
-  endforeach()
   set(package_code "cmake_minimum_required(VERSION 3.25)\n")
   foreach(component development programs)
     rtpm_missing_code(${component} code)

@@ -90,13 +90,14 @@ function(rtpm_library)
   endif()
   set(target rtpm_${A_NAME})
   if(A_SOURCES)
-    add_library(${target} STATIC ${A_SOURCES})
+    add_library(${target} ${A_SOURCES})  # Shared with BUILD_SHARED_LIBS.
     target_include_directories(${target} PUBLIC "$<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include>"
                                                 "$<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>"
                                          PRIVATE "${CMAKE_CURRENT_SOURCE_DIR}/src")
     target_compile_features(${target} PUBLIC cxx_std_20)
     target_link_libraries(${target} PUBLIC ${A_PUBLIC} PRIVATE ${A_PRIVATE} $<BUILD_INTERFACE:rtpm_build_flags>)
-    set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON)
+    set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON
+      VERSION ${rtpm_VERSION} SOVERSION ${rtpm_VERSION_MAJOR}.${rtpm_VERSION_MINOR})
     if(RTPM_PRECOMPILED_HEADERS)
       target_precompile_headers(${target} REUSE_FROM rtpm_library_headers)
     endif()

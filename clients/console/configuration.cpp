@@ -35,6 +35,7 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
               "The file that keeps the token; made with a random one if it is not there");
   options.add("print-token", configuration.prints_token,
               "Print the URL with its token also where standard output is no terminal");
+  const auto rare = options::Options::Scope::of_rare(options);
   options.add("host-name", configuration.host_names,
               "Names, besides addresses and localhost, by which browsers may reach it");
   options.add("seconds", configuration.seconds, "How long to serve; 0: until Ctrl-C", {0, 1e6});

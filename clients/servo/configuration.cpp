@@ -77,6 +77,7 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
               "Serve the wall's parameters below this name, such as lab/servo; none: nowhere");
   options.add_choice("render", configuration.render, {"remote", "local"},
                      "Where the wall's force is computed: here, or in the device's own loop");
+  const auto rare = options::Options::Scope::of_rare(options);
   options.add("delay", configuration.delay,
               "Delays each sample and each command artificially; a local wall does without",
               {Duration{0}, kDelayMax});

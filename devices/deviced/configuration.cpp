@@ -22,43 +22,41 @@ std::string driver_named_like(const std::string& name) {
 }
 
 void add_device(options::Options& options, DeviceSettings& device) {
-  const std::string key = "device-" + device.name + "-";
-  options.add(key + "driver", device.driver,
+  const auto scope = options::Options::Scope::of_member(options, "device", device.name);
+  options.add("driver", device.driver,
               "One of --list-drivers, or the file of a plug-in; not needed where the name is a "
               "driver's and digits");
-  options.add(key + "arguments", device.arguments,
+  options.add("arguments", device.arguments,
               "real devices, plug-ins: what the driver is told, in its own words");
-  options.add(key + "serial", device.serial,
-              "simulated: its serial number; empty: made of its name");
-  options.add(key + "seed", device.seed, "simulated: fixes whatever looks random");
-  options.add(key + "hand", device.hand,
+  options.add("serial", device.serial, "simulated: its serial number; empty: made of its name");
+  options.add("seed", device.seed, "simulated: fixes whatever looks random");
+  options.add("hand", device.hand,
               "arm: a recorded hand, a CSV file of t_s,x_m,y_m,z_m, played there and back");
-  options.add(key + "free", device.is_free, "arm: no hand holds it");
-  options.add(key + "isolated", device.is_isolated,
+  options.add("free", device.is_free, "arm: no hand holds it");
+  options.add("isolated", device.is_isolated,
               "Run the driver in a process of its own: its crash or hang costs this device only");
-  options.add(key + "rate", device.rate_hz, "Cycles per second, in Hz; 0: the driver's own",
-              {0, 50000});
-  options.add(key + "priority", device.priority, "Of its own thread, above every caller's");
-  options.add(key + "cpus", device.cpus, "The CPUs its thread may run on; none: all");
+  options.add("rate", device.rate_hz, "Cycles per second, in Hz; 0: the driver's own", {0, 50000});
+  options.add("priority", device.priority, "Of its own thread, above every caller's");
+  options.add("cpus", device.cpus, "The CPUs its thread may run on; none: all");
   constexpr options::Range<Duration> kUpTo10s{Duration{0}, std::chrono::seconds{10}};
-  options.add(key + "force-max", device.force_max_newton,
+  options.add("force-max", device.force_max_newton,
               "Greatest force in newton; 0: all that the device gives", {0, 1000});
-  options.add(key + "gone-after", device.gone_after,
+  options.add("gone-after", device.gone_after,
               "How long its data may be late or unreadable before it counts as gone",
               {std::chrono::milliseconds{1}, std::chrono::seconds{60}});
-  options.add(key + "hold-max", device.hold_max, "Longest life of one command", kUpTo10s);
-  options.add(key + "ramp", device.ramp, "From full force to none when commands stop", kUpTo10s);
-  options.add(key + "soft-start", device.soft_start, "From none to full force", kUpTo10s);
-  options.add_choice(key + "watchdog", device.watchdog, {"ramp", "hold", "damp", "off"},
+  options.add("hold-max", device.hold_max, "Longest life of one command", kUpTo10s);
+  options.add("ramp", device.ramp, "From full force to none when commands stop", kUpTo10s);
+  options.add("soft-start", device.soft_start, "From none to full force", kUpTo10s);
+  options.add_choice("watchdog", device.watchdog, {"ramp", "hold", "damp", "off"},
                      "What happens to the force when commands stop");
-  options.add(key + "power-max", device.power_max_watt,
+  options.add("power-max", device.power_max_watt,
               "Greatest power that the force gives, in watt; 0: full force at 1 m/s", {0, 1e6});
-  options.add(key + "velocity-max", device.velocity_max_m_per_s,
+  options.add("velocity-max", device.velocity_max_m_per_s,
               "Faster motion takes the force away, in m/s; 0: 5 m/s", {0, 1000});
-  options.add(key + "force-continuous", device.force_continuous_newton,
+  options.add("force-continuous", device.force_continuous_newton,
               "Force that the motors endure for ever, in newton; 0: 0.6 of the greatest",
               {0, 1000});
-  options.add(key + "passivity-watt", device.passivity_watt,
+  options.add("passivity-watt", device.passivity_watt,
               "Power that the passivity guard lets through for ever; 0: 0.001 W", {0, 1000});
 }
 
@@ -70,21 +68,27 @@ void add_devices(options::Options& options, Configuration& configuration) {
       "check", configuration.checked,
       "Check the plug-in in this file against what is promised of every driver, and end; it "
       "commands the greatest forces, so hands off the device");
-  options.add("check-arguments", configuration.checked_arguments,
-              "What the checked driver is told, in its own words");
+  {
+    const auto rare = options::Options::Scope::of_rare(options);
+    options.add("check-arguments", configuration.checked_arguments,
+                "What the checked driver is told, in its own words");
+  }
   options.add("folder", configuration.folder, "The devices' names at the registry are FOLDER/NAME");
-  options.add_group("devices", configuration.names,
-                    "The names of the devices, each with options as below", kDeviceNameSizeMax,
-                    [&options, &configuration](const std::vector<std::string>& names) {
-                      for (const std::string& name : names) {
-                        DeviceSettings device;
-                        device.name = name;
-                        device.driver = driver_named_like(name);
-                        configuration.devices.push_back(device);
-                      }
-                      for (DeviceSettings& device : configuration.devices)
-                        add_device(options, device);
-                    });
+  options.add_group(
+      "devices", "device", configuration.names,
+      "The names of the devices, each with options --device-NAME-… or in "
+      "[device.NAME]; without: arm0",
+      kDeviceNameSizeMax, [&options, &configuration](const std::vector<std::string>& configured) {
+        const auto names = configured.empty() ? std::vector{std::string("arm0")} : configured;
+        for (const std::string& name : names) {
+          DeviceSettings device;
+          device.name = name;
+          device.driver = driver_named_like(name);
+          configuration.devices.push_back(device);
+        }
+        for (DeviceSettings& device : configuration.devices)
+          add_device(options, device);
+      });
 }
 
 /// Two lanes: one for the calls of haptic loops, which come periodically and never queue behind
@@ -100,6 +104,9 @@ std::vector<rpc::LaneConfig> default_lanes() {
 }
 
 void add_service(options::Options& options, Configuration& configuration) {
+  configuration.settings.server.lanes = default_lanes();
+  options::add_server(options, configuration.settings);
+  options::add_caller(options, configuration.settings);
   options.add_registry(configuration.registry);
   options.add("events", configuration.events,
               "The hub that gets the devices' events, by name or URL; 'none': no events");
@@ -116,6 +123,7 @@ void add_service(options::Options& options, Configuration& configuration) {
                   ", at most 16 per device; empty: none");
   options.add("allow-takeover", configuration.allows_takeover,
               "Take the names from another server that holds them, at the start");
+  const auto rare = options::Options::Scope::of_rare(options);
   constexpr options::Range<Duration> kLease{std::chrono::milliseconds{10}, std::chrono::hours{1}};
   options.add("lease", configuration.lease.silence_max,
               "How long a silent client keeps the right to command", kLease);
@@ -123,9 +131,6 @@ void add_service(options::Options& options, Configuration& configuration) {
               "How long a client keeps the right to command that only renews it", kLease);
   options.add("operator-priority", configuration.operator_priority,
               "From which priority on a call may take the right to command over");
-  configuration.settings.server.lanes = default_lanes();
-  options::add_server(options, configuration.settings);
-  options::add_caller(options, configuration.settings);
 }
 
 /// The default of --stops; empty if the environment names no folder.

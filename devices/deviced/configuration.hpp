@@ -46,7 +46,7 @@ struct Configuration {
   std::string checked{};            ///< A plug-in's file: checks its driver and ends.
   std::string checked_arguments{};  ///< Passed to that driver.
   std::string folder = "lab";
-  std::vector<std::string> names{"arm0"};  ///< The devices' names.
+  std::vector<std::string> names{};        ///< The devices' names, as configured.
   std::vector<DeviceSettings> devices{};   ///< One entry per name.
   options::ServerSettings settings{};      ///< The options of the server.
   std::string settings_folder{};           ///< Keeps the devices' parameters; empty if not saved.

@@ -179,6 +179,7 @@ int main(int argc, char** argv) {
   options.add("dump", configuration.dumps, "Print the permanent names of --store as JSON, and end");
   options.add("load", configuration.loads,
               "Bind the names of such JSON on standard input in --store, and end");
+  const auto rare = rtpm::options::Options::Scope::of_rare(options);
   options.add("names-max", name_count_max, "Maximum number of names", kCounts);
   options.add("names-per-server-max", name_count_per_server_max, "Maximum names of one server",
               kCounts);

@@ -25,10 +25,10 @@ TEST_P(EveryProgram, RefusesAnUnknownFlag) {
 }
 
 TEST_P(EveryProgram, RefusesAnUnknownKeyInItsFile) {
-  const auto file = std::filesystem::path(testing::TempDir()) / (std::string(GetParam()) + ".conf");
+  const auto file = std::filesystem::path(testing::TempDir()) / (std::string(GetParam()) + ".toml");
   std::ofstream(file) << "no-such-key = 1\n";
   const auto end = run_program(GetParam(), {"--config", file.string()});
-  expect_one_sentence(end, 2, {GetParam(), "no-such-key"});
+  expect_one_sentence(end, 2, {GetParam(), ".toml:1:", "no-such-key"});
   std::filesystem::remove(file);
 }
 

@@ -139,7 +139,7 @@ TEST(BadDevices, ADriversMistakeCostsItsOwnDeviceOnly) {
 std::string readme_configuration() {
   std::ifstream file(RTPM_DEVICED_README);
   const std::string text{std::istreambuf_iterator<char>(file), {}};
-  const std::string begin = "```conf\n";
+  const std::string begin = "```toml\n";
   const std::size_t from = text.find(begin) + begin.size();
   return text.substr(from, text.find("```", from) - from);
 }
@@ -151,14 +151,14 @@ TEST(ConfigurationFile, OfTheReadmeHostsItsDevices) {
   const std::size_t file = text.find("./lever.so");
   ASSERT_NE(file, std::string::npos) << text;
   text.replace(file, std::string("./lever.so").size(), RTPM_STUBBORN);
-  std::ofstream(folder / "cell.conf") << text;
-  const auto config = (folder / "cell.conf").string();
+  std::ofstream(folder / "cell.toml") << text;
+  const auto config = (folder / "cell.toml").string();
 
   const auto dumped = run_program("rtpm-deviced", {"--config", config, "--dump-config"});
   EXPECT_EQ(dumped.exit_code, 0) << dumped.errors;
   for (const std::string_view line :
-       {"device-arm0-rate = 2000", "device-arm0-ramp = 10ms", "device-gaze0-driver = gaze",
-        "device-lever-arguments = /dev/ttyACM0"}) {
+       {"[device.arm0]\n", "\nrate = 2000\n", "\nramp = \"10ms\"\n", "[device.gaze0]\n",
+        "\ndriver = \"gaze\"\n", "\narguments = \"/dev/ttyACM0\"\n"}) {
     EXPECT_NE(dumped.output.find(line), std::string::npos) << line << " is not in\n"
                                                            << dumped.output;
   }
@@ -173,12 +173,13 @@ TEST(ConfigurationFile, OfTheReadmeHostsItsDevices) {
 }
 
 TEST(ConfigurationFile, AWrongLineOfADeviceIsNamed) {
-  const auto file = std::filesystem::path(testing::TempDir()) / "rtpm_wrong_cell.conf";
-  std::ofstream(file) << "devices = arm0,arm1\ndevice-arm1-rate = fast\n";
+  const auto file = std::filesystem::path(testing::TempDir()) / "rtpm_wrong_cell.toml";
+  std::ofstream(file) << "[device.arm1]\nrate = 'fast'\n";
   expect_refusal({"--config", file.string()}, 2,
-                 {"rtpm_wrong_cell.conf", "device-arm1-rate", "fast"});
-  std::ofstream(file, std::ios::trunc) << "devices = arm0\ndevice-arm1-rate = 500\n";
-  expect_refusal({"--config", file.string()}, 2, {"rtpm_wrong_cell.conf", "device-arm1-rate"});
+                 {"rtpm_wrong_cell.toml:2:8: device.arm1.rate 'fast' is not"});
+  std::ofstream(file, std::ios::trunc) << "devices = ['arm0']\n[device.arm1]\nrate = 500\n";
+  expect_refusal({"--config", file.string()}, 2,
+                 {"rtpm_wrong_cell.toml:2:", "unknown key 'device.arm1'"});
   std::filesystem::remove(file);
 }
 

@@ -145,8 +145,8 @@ const std::vector<Foreign>& foreigners() {
       {std::regex("libserialport\\.h"), "libserialport", {"devices/serial/src/"}},
       {std::regex("(libevdev/.*|libudev\\.h)"), "libevdev and libudev", {"devices/"}},
       {std::regex("(gtest|gmock)/.*"), "GoogleTest", {}},
-      {std::regex("CLI/.*"), "CLI11", {"clients/rtpm/"}},
-      {std::regex("toml.*"), "toml++", {"clients/rtpm/laboratory/"}},
+      {std::regex("CLI/.*"), "CLI11", {"clients/rtpm/", "runtime/options/src/"}},
+      {std::regex("toml.*"), "toml++", {"clients/rtpm/laboratory/", "runtime/options/src/"}},
       {std::regex("n?curses.*"), "ncurses", {"clients/rtpm/host/"}},
       {std::regex("boost/.*"), "Boost", {"clients/console/web/"}},
       // options has the signals and the configuration file that every program shares; driver_host

@@ -147,6 +147,7 @@ int main(int argc, char** argv) {
   options.add("name", configuration.name, "Name to bind at the registry; empty: none");
   options.add("allow-takeover", configuration.allows_takeover,
               "At the start, take the name from another server");
+  const auto rare = rtpm::options::Options::Scope::of_rare(options);
   options.add("subscriptions-max", configuration.subscriptions_max, "Maximum number of consumers",
               {1, 1024});
   options.add("history", configuration.history,

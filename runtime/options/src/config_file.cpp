@@ -1,84 +1,20 @@
 #include "config_file.hpp"
 
+#include <toml++/toml.h>
+#include <algorithm>
 #include <array>
 #include <cerrno>
-#include <charconv>
 #include <cstdio>
 #include <cstring>
 #include <memory>
-#include <optional>
+#include <sstream>
+#include <utility>
 
 namespace rtpm::options {
 namespace {
 
-constexpr std::string_view kBlanks = " \t\r";
-
-std::string_view trimmed(std::string_view text) {
-  const std::size_t begin = text.find_first_not_of(kBlanks);
-  if (begin == std::string_view::npos) return {};
-  return text.substr(begin, text.find_last_not_of(kBlanks) - begin + 1);
-}
-
-/// The text before a comment: before a `#` at the beginning or after a blank.
-std::string_view without_comment(std::string_view text) {
-  for (std::size_t at = text.find('#'); at != std::string_view::npos; at = text.find('#', at + 1)) {
-    if (at == 0 || kBlanks.find(text[at - 1]) != std::string_view::npos) return text.substr(0, at);
-  }
-  return text;
-}
-
-/// Takes one escape sequence, without its backslash, from the beginning of `text`.
-std::optional<char> take_escaped(std::string_view& text) {
-  if (text.starts_with('\\') || text.starts_with('"')) {
-    const char character = text.front();
-    text.remove_prefix(1);
-    return character;
-  }
-  unsigned char byte = 0;
-  if (text.size() < 3 || text.front() != 'x') return std::nullopt;
-  const auto read = std::from_chars(text.data() + 1, text.data() + 3, byte, 16);
-  if (read.ec != std::errc{} || read.ptr != text.data() + 3) return std::nullopt;
-  text.remove_prefix(3);
-  return static_cast<char>(byte);
-}
-
-/// The value that begins with a quote, or its fault.
-expected<std::string, SetupError> unquoted(std::string_view text) {
-  text.remove_prefix(1);
-  std::string value;
-  while (!text.empty() && text.front() != '"') {
-    char character = text.front();
-    text.remove_prefix(1);
-    if (character == '\\') {
-      const std::optional<char> escaped = take_escaped(text);
-      if (!escaped)
-        return unexpected{SetupError{R"(knows only \\, \" and \xNN after a backslash)"}};
-      character = *escaped;
-    }
-    value += character;
-  }
-  if (text.empty()) return unexpected{SetupError{"has no closing quote"}};
-  text.remove_prefix(1);
-  if (!trimmed(without_comment(text)).empty()) {
-    return unexpected{SetupError{"goes on after the closing quote"}};
-  }
-  return value;
-}
-
-expected<ConfigLine, SetupError> parse_line(std::string_view text, int line) {
-  const std::size_t equals = text.find('=');
-  const std::string_view key = trimmed(text.substr(0, equals));
-  if (equals == std::string_view::npos || key.empty()) {
-    return unexpected{SetupError{"is not 'key = value'"}};
-  }
-  const std::string_view rest = trimmed(text.substr(equals + 1));
-  if (rest.starts_with('"')) {
-    auto value = unquoted(rest);
-    if (!value) return unexpected{std::move(value.error())};
-    return ConfigLine{std::string(key), std::move(*value), line};
-  }
-  return ConfigLine{std::string(key), std::string(trimmed(without_comment(rest))), line};
-}
+/// The library's recursion would need more stack than a thread has for a million tables.
+constexpr std::size_t kDotsOfLineMax = 1024;
 
 expected<std::string, SetupError> read_text(const std::string& path) {
   const auto fail = [&](const char* cause) {
@@ -97,51 +33,150 @@ expected<std::string, SetupError> read_text(const std::string& path) {
   return text;
 }
 
-}  // namespace
-
-expected<std::vector<ConfigLine>, SetupError> read_config_file(const std::string& path) {
-  const auto text = read_text(path);
-  if (!text) return unexpected{text.error()};
-  std::vector<ConfigLine> lines;
-  std::string_view rest = *text;
-  for (int number = 1; !rest.empty(); ++number) {
-    const std::size_t end = std::min(rest.find('\n'), rest.size());
-    const std::string_view line = trimmed(rest.substr(0, end));
-    rest.remove_prefix(std::min(end + 1, rest.size()));
-    if (line.empty() || line.front() == '#') continue;
-    auto parsed = parse_line(line, number);
-    if (!parsed) {
-      return unexpected{SetupError{path + ":" + std::to_string(number) + ": '" + std::string(line) +
-                                   "' " + parsed.error().reason()}};
-    }
-    lines.push_back(std::move(*parsed));
-  }
-  return lines;
+/// Whether a line may be a key that nests too deeply.
+bool nests_deeply(std::string_view text) {
+  std::size_t count = 0;
+  return std::ranges::any_of(text, [&](char letter) {
+    count = letter == '\n' ? 0 : count + (letter == '.' ? 1 : 0);
+    return count > kDotsOfLineMax;
+  });
 }
 
-std::string config_value_text(std::string_view value) {
-  const auto is_control = [](char character) {
-    const auto byte = static_cast<unsigned char>(character);
-    return byte < 0x20 || byte == 0x7f;
-  };
-  bool needs_quotes =
-      value.find_first_of("#\"\\") != std::string_view::npos || value != trimmed(value);
-  for (const char character : value)
-    needs_quotes = needs_quotes || is_control(character);
-  if (!needs_quotes) return std::string(value);
+/// Turns one file's nodes into entries.
+class Reader {
+ public:
+  explicit Reader(std::string file) : file_(std::move(file)) {}
 
-  std::string quoted = "\"";
-  for (const char character : value) {
-    if (is_control(character)) {
-      constexpr std::string_view kDigits = "0123456789abcdef";
-      const auto byte = static_cast<unsigned char>(character);
-      quoted += {'\\', 'x', kDigits[byte >> 4], kDigits[byte & 15]};
+  [[nodiscard]] std::string place(const toml::source_position& at) const {
+    return file_ + ":" + std::to_string(at.line) + ":" + std::to_string(at.column);
+  }
+
+  [[nodiscard]] SetupError error(const toml::node& node, const std::string& what) const {
+    return {place(node.source().begin) + ": " + what};
+  }
+
+  expected<void, SetupError> add_table(const toml::table& table,
+                                       const std::vector<std::string>& path) {
+    std::vector<std::pair<const toml::key*, const toml::node*>> nodes;
+    for (const auto& [key, node] : table)
+      nodes.emplace_back(&key, &node);
+    std::ranges::sort(nodes, {}, [](const auto& entry) {
+      const toml::source_position at = entry.first->source().begin;
+      return std::pair(at.line, at.column);
+    });
+    for (const auto& [key, node] : nodes) {
+      std::vector<std::string> own = path;
+      own.emplace_back(key->str());
+      if (auto added = add(*node, own, key->source().begin); !added) return added;
+    }
+    return {};
+  }
+
+  std::vector<ConfigEntry> entries{};
+
+ private:
+  expected<void, SetupError> add(const toml::node& node, const std::vector<std::string>& path,
+                                 const toml::source_position& at) {
+    if (const toml::table* const table = node.as_table()) {
+      entries.push_back({path, {}, true, place(at)});
+      return add_table(*table, path);
+    }
+    ConfigEntry entry{path, {}, false, place(node.source().begin)};
+    const toml::array* const list = node.as_array();
+    if (list == nullptr) {
+      entry.texts.push_back(text_of(node));
     } else {
-      if (character == '"' || character == '\\') quoted += '\\';
-      quoted += character;
+      for (const toml::node& item : *list) {
+        if (item.is_array() || item.is_table())
+          return unexpected{error(item, key_text(path) + " is a list of tables or lists")};
+        entry.texts.push_back(text_of(item));
+      }
+    }
+    entries.push_back(std::move(entry));
+    return {};
+  }
+
+  static std::string text_of(const toml::node& node) {
+    if (const auto* const text = node.as_string()) return text->get();
+    std::ostringstream written;
+    if (const auto* const flag = node.as_boolean()) {
+      written << (flag->get() ? "true" : "false");
+    } else if (const auto* const whole = node.as_integer()) {
+      written << whole->get();
+    } else if (const auto* const number = node.as_floating_point()) {
+      written.precision(17);
+      written << number->get();
+    } else {
+      written << "a date or time";
+    }
+    return written.str();
+  }
+
+  std::string file_;
+};
+
+/// The table `config` of the program of that name; empty if it has none.
+expected<toml::table, SetupError> config_of_program(toml::table& file, const std::string& name,
+                                                    const std::string& path) {
+  if (toml::array* const programs = file["program"].as_array()) {
+    for (toml::node& program : *programs) {
+      toml::table* const table = program.as_table();
+      if (table == nullptr || (*table)["name"].value_or(std::string{}) != name) continue;
+      toml::table* const config = (*table)["config"].as_table();
+      return config == nullptr ? toml::table{} : std::move(*config);
     }
   }
-  return quoted + '"';
+  return unexpected{SetupError{path + ": no [[program]] has the name '" + name + "'"}};
+}
+
+}  // namespace
+
+expected<std::vector<ConfigEntry>, SetupError> read_config_file(const std::string& name) {
+  const std::size_t mark = std::min(name.find('#'), name.size());
+  const std::string path = name.substr(0, mark);
+  const auto text = read_text(path);
+  if (!text) return unexpected{text.error()};
+  if (nests_deeply(*text)) return unexpected{SetupError{path + ": its tables nest too deeply"}};
+  Reader reader(path);
+  toml::parse_result parsed = toml::parse(*text);
+  if (!parsed) {
+    return unexpected{SetupError{reader.place(parsed.error().source().begin) + ": " +
+                                 std::string(parsed.error().description())}};
+  }
+  toml::table table = std::move(parsed).table();
+  if (mark < name.size()) {
+    auto config = config_of_program(table, name.substr(mark + 1), path);
+    if (!config) return unexpected{config.error()};
+    table = std::move(*config);
+  }
+  if (auto added = reader.add_table(table, {}); !added) return unexpected{added.error()};
+  return std::move(reader.entries);
+}
+
+std::string key_text(const std::vector<std::string>& path) {
+  constexpr const char* kBare = "abcdefghijklmnopqrstuvwxyz0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ_-";
+  std::string text;
+  for (const std::string& key : path) {
+    if (!text.empty()) text += '.';
+    const bool is_bare = !key.empty() && key.find_first_not_of(kBare) == std::string::npos;
+    text += is_bare ? key : quoted(key);
+  }
+  return text;
+}
+
+std::string quoted(std::string_view text) {
+  std::string written = "\"";
+  for (const char letter : text) {
+    const auto byte = static_cast<unsigned char>(letter);
+    if (byte < 0x20 || byte == 0x7f) {
+      constexpr const char* kDigits = "0123456789abcdef";
+      written.append("\\u00").append({kDigits[byte >> 4], kDigits[byte & 15]});
+    } else {
+      if (letter == '"' || letter == '\\') written += '\\';
+      written += letter;
+    }
+  }
+  return written + '"';
 }
 
 }  // namespace rtpm::options

@@ -5,28 +5,34 @@
 #include <vector>
 
 #include "rtpm/base/setup_error.hpp"
-#include "setting.hpp"
 
 namespace rtpm::options {
 
-/// One `key = value` of a configuration file, the value without its quotes.
-struct ConfigLine {
-  std::string key;
-  std::string value;
-  int line = 0;  ///< Counted from 1.
+/// A key of a configuration file with its value, or a table.
+struct ConfigEntry {
+  std::vector<std::string> path{};   ///< The key behind the names of its tables.
+  std::vector<std::string> texts{};  ///< The value: one text, or those of a list.
+  bool is_table = false;
+  std::string place{};  ///< "cell.toml:3:8"
 };
 
 /// Larger files are refused: a wrong path must not exhaust the memory.
 inline constexpr std::size_t kConfigSizeMax = std::size_t{1024} * 1024;
 
-/// The lines of the file at `path`, in their order.
+/// The entries of a TOML file in their order, each table before its keys.
+/// @param name  "cell.toml", or "cell.toml#devices" for the table `config` of the [[program]] of
+///              that name
 /// @realtime set-up only
-/// @errors   an unreadable file, a line that is not `key = value`
-[[nodiscard]] expected<std::vector<ConfigLine>, SetupError> read_config_file(
-    const std::string& path);
+/// @errors   an unreadable file; no TOML; no such program; a table in a list: with line and column
+[[nodiscard]] expected<std::vector<ConfigEntry>, SetupError> read_config_file(
+    const std::string& name);
 
-/// `value` in the form of a file, quoted if necessary.
+/// "device.\"left arm\".rate"
 /// @realtime set-up only
-[[nodiscard]] std::string config_value_text(std::string_view value);
+[[nodiscard]] std::string key_text(const std::vector<std::string>& path);
+
+/// `text` in quotes, as TOML has it.
+/// @realtime set-up only
+[[nodiscard]] std::string quoted(std::string_view text);
 
 }  // namespace rtpm::options

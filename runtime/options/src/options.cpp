@@ -4,12 +4,13 @@
 
 #include <algorithm>
 #include <array>
+#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <cstdlib>
 #include <functional>
+#include <map>
 #include <utility>
 
-#include "command_line.hpp"
 #include "config_file.hpp"
 #include "rtpm/base/assert.hpp"
 #include "rtpm/options/suggestion.hpp"
@@ -19,82 +20,90 @@
 namespace rtpm::options {
 namespace {
 
-constexpr std::string_view kConfigKey = "config";
-constexpr std::string_view kVariablePrefix = "RTPM_";
+constexpr const char* kLetters = "abcdefghijklmnopqrstuvwxyz0123456789-";
+constexpr const char* kConfigFlag = "--config";
+constexpr const char* kConfigVariable = "RTPM_CONFIG";
 
-struct Positional {
-  std::string name;
-  Setting setting;
-  Presence presence;
-};
-
-/// A list of names, each with options of its own.
-struct Group {
-  std::string key;
-  bool is_shared;
-  std::vector<std::string>* names;
-  std::function<void(const std::vector<std::string>&)> add_members;
-};
-
-struct Verb {
-  std::string name;
-  std::string arguments;
-  std::string help;
-  std::string details;
-
-  [[nodiscard]] std::string form() const {
-    return arguments.empty() ? name : name + ' ' + arguments;
-  }
+/// The flags that were given, each with its values.
+struct CommandLine {
+  std::map<std::string, Texts> values{};
+  bool wants_help = false;
+  bool wants_all_help = false;
+  bool wants_version = false;
+  bool wants_dump = false;
 };
 
 std::string variable_of(std::string_view key) {
-  std::string variable(kVariablePrefix);
-  for (const char character : key) {
-    const bool is_lower = character >= 'a' && character <= 'z';
-    const bool is_dash = character == '-' || character == '.';
-    variable += is_dash ? '_' : static_cast<char>(is_lower ? character - 'a' + 'A' : character);
+  std::string variable = "RTPM_";
+  for (const char c : key) {
+    const bool is_lower = c >= 'a' && c <= 'z';
+    variable += c == '-' || c == '.' ? '_' : static_cast<char>(is_lower ? c - 'a' + 'A' : c);
   }
   return variable;
-}
-
-/// `names_member`: a part of it is a name at a registry.
-bool is_key(std::string_view key, bool names_member) {
-  constexpr std::string_view kLetters =
-      "abcdefghijklmnopqrstuvwxyz0123456789-ABCDEFGHIJKLMNOPQRSTUVWXYZ._";
-  const std::string_view letters = names_member ? kLetters : kLetters.substr(0, 37);
-  return !key.empty() && key.front() >= 'a' && key.front() <= 'z' &&
-         key.find_first_not_of(letters) == std::string_view::npos;
-}
-
-/// One row of --help: `left` padded to a common width, then `right`.
-std::string help_row(std::string_view left, std::string_view right) {
-  constexpr std::size_t kWidth = 32;
-  std::string row = "  ";
-  row += left;
-  row +=
-      left.size() < kWidth ? std::string(kWidth - left.size(), ' ') : "\n" + std::string(34, ' ');
-  row += right;
-  return row + "\n";
 }
 
 /// An option whose values are an enum's names.
 template <class Enum, std::size_t Count>
 Setting enum_setting(Enum& value, const std::array<Enum, Count>& values) {
-  std::vector<std::string> words;
-  words.reserve(Count);
+  Texts words;
   for (const Enum candidate : values)
     words.emplace_back(to_string(candidate));
   return setting_of_choice(
       words,
       [&value, values](std::string_view word) {
-        for (const Enum candidate : values) {
-          if (to_string(candidate) == word) value = candidate;
-        }
+        value = *std::ranges::find(values, word, [](Enum each) { return to_string(each); });
       },
       [&value] { return std::string(to_string(value)); });
 }
 
+/// `text` in lines that fit behind the flags of --help.
+std::string in_lines(std::string text) {
+  constexpr std::size_t kWidth = 68;
+  for (std::size_t begin = 0; text.size() - begin > kWidth;) {
+    const std::size_t blank = text.rfind(' ', begin + kWidth);
+    if (blank == text.npos || blank <= begin) break;
+    text[blank] = '\n';
+    begin = blank + 1;
+  }
+  return text;
+}
+
+/// A negative number, and "-" for a standard stream, are not flags.
+bool is_flag(std::string_view argument) {
+  return argument.size() > 1 && argument.front() == '-' &&
+         std::string_view("0123456789.").find(argument[1]) == std::string_view::npos;
+}
+
+/// The values of a flag before all flags are known, for options that add others. Errors in them are
+/// reported later.
+Texts early_values(const Texts& arguments, const std::string& flag) {
+  Texts values;
+  for (std::size_t i = 0; i < arguments.size(); ++i) {
+    if (arguments[i] == flag && i + 1 < arguments.size()) values.push_back(arguments[i + 1]);
+    if (arguments[i].starts_with(flag + "="))
+      values.push_back(arguments[i].substr(flag.size() + 1));
+  }
+  return values;
+}
+
 }  // namespace
+
+/// The place of added options.
+struct Options::Place {
+  Texts tables{};        ///< In the file.
+  std::string prefix{};  ///< Of flags: "device-arm0-".
+  bool is_shared = false;
+  bool is_rare = false;
+};
+
+/// A list of names, each with options of its own.
+struct Options::Group {
+  std::size_t setting;
+  Place place;
+  std::string table;
+  std::vector<std::string>* names;
+  std::function<void(const std::vector<std::string>&)> add_members;
+};
 
 struct Options::Impl {
   /// The place of names: the registry's URL or, without one, how to find them.
@@ -102,444 +111,424 @@ struct Options::Impl {
     std::string* where = nullptr;  ///< Null if the program has no use for them.
     std::string registry{};
     std::string discover{};
-    [[nodiscard]] const std::string& chosen() const {
-      return registry.empty() ? discover : registry;
-    }
   };
 
   std::string name;
   std::string description;
   std::vector<Setting> settings{};
-  std::vector<std::string> sources{};  ///< The source of each setting's value.
-  std::vector<Positional> positionals{};
-  std::vector<Verb> verbs{};
-  std::string config_path{};
   std::vector<Group> groups{};
-  bool is_adding_members = false;
   NamesPlace names_place{};
-  bool is_shared = false;  ///< Added options mean the same in all programs.
+  Place place{};
+  std::string config{};
+  expected<std::vector<ConfigEntry>, SetupError> file{std::vector<ConfigEntry>{}};
 
   /// "RTPM_SERVO_RATE", or "RTPM_REGISTRY".
-  [[nodiscard]] std::string variable_for(std::string_view key, bool is_for_all) const {
-    constexpr std::string_view kCommonBegin = "rtpm-";
-    const std::string own =
-        name.starts_with(kCommonBegin) ? name.substr(kCommonBegin.size()) : name;
-    return variable_of(is_for_all ? std::string(key) : own + "-" + std::string(key));
+  [[nodiscard]] std::string variable_for(const std::string& key) const {
+    const std::string own = name.starts_with("rtpm-") ? name.substr(5) : name;
+    return variable_of(place.is_shared ? key : own + "-" + key);
   }
 
-  void add(std::string key, std::string help, Setting setting) {
-    RTPM_ASSERT(is_key(key, is_adding_members), "a key is of lower-case letters, digits and '-'");
-    RTPM_ASSERT(key != "help" && key != "version" && key != "dump-config" && find(key) == nullptr,
+  Setting& add(const std::string& key, std::string help, Setting setting) {
+    RTPM_ASSERT(!key.empty() && key.find_first_not_of(kLetters) == key.npos,
+                "a key is of lower-case letters, digits and '-'");
+    setting.flag = "--" + place.prefix + key;
+    RTPM_ASSERT(std::ranges::find(settings, setting.flag, &Setting::flag) == settings.end() &&
+                    key != "help" && key != "help-all" && key != "version" && key != "dump-config",
                 "the key is already in use");
-    setting.variable = variable_for(key, is_shared);
-    setting.key = std::move(key);
+    setting.variable = variable_for(place.prefix + key);
+    setting.path = place.tables;
+    setting.path.push_back(key);
+    setting.is_rare = place.is_rare;
     setting.help = std::move(help);
-    settings.push_back(std::move(setting));
-    sources.emplace_back("default");
+    return settings.emplace_back(std::move(setting));
   }
 
-  Setting* find(std::string_view key) {
-    const auto found = std::find_if(settings.begin(), settings.end(),
-                                    [&](const Setting& setting) { return setting.key == key; });
-    return found == settings.end() ? nullptr : &*found;
-  }
-
-  /// Sets the variable; `origin` locates the text in error messages, `source` in --dump-config.
-  expected<void, SetupError> apply(Setting& setting, std::string_view text,
-                                   const std::string& origin, std::string source) {
-    if (!setting.read(text)) {
-      return unexpected{
-          SetupError{origin + " '" + std::string(text) + "' is not " + setting.expected}};
-    }
-    sources[static_cast<std::size_t>(&setting - settings.data())] = std::move(source);
-    return {};
-  }
-
-  [[nodiscard]] std::optional<std::string> early_text(
-      const Setting& setting, const std::vector<std::string_view>& arguments) const;
-  void add_members(const std::vector<std::string_view>& arguments);
-  expected<void, SetupError> apply_file(const std::string& path);
-  expected<void, SetupError> apply_environment(const CommandLine& command_line);
-  expected<void, SetupError> apply_flags(const CommandLine& command_line);
-  expected<void, SetupError> apply_positionals(const CommandLine& command_line);
-  expected<void, SetupError> apply_all(const CommandLine& command_line);
-  [[nodiscard]] expected<const Verb*, SetupError> verb_in(const CommandLine& command_line) const;
-  [[nodiscard]] std::string usage_text() const;
-  [[nodiscard]] std::string help_text(const Verb* verb) const;
-  [[nodiscard]] std::string dump_text();
+  void read_file(const Texts& arguments);
+  void add_members(const Texts& arguments);
+  expected<CommandLine, SetupError> read_command_line(const Texts& arguments, CLI::App& app) const;
+  expected<void, SetupError> apply(const CommandLine& command_line);
+  expected<void, SetupError> apply_file();
+  [[nodiscard]] std::string help(CLI::App& app, bool is_all) const;
+  [[nodiscard]] std::string dump() const;
 };
 
-/// The text of a key before all keys are known. Errors in it are reported later.
-std::optional<std::string> Options::Impl::early_text(
-    const Setting& setting, const std::vector<std::string_view>& arguments) const {
-  if (auto text = early_flag("--" + setting.key, arguments)) return text;
-  if (const char* const text = std::getenv(setting.variable.c_str())) return text;
-  std::optional<std::string> path = early_flag("--" + std::string(kConfigKey), arguments);
-  const char* const config_variable = std::getenv(variable_of(kConfigKey).c_str());
-  if (!path && config_variable != nullptr) path = config_variable;
-  if (!path) return std::nullopt;
-  const auto lines = read_config_file(*path);
-  if (!lines) return std::nullopt;
-  const auto line = std::ranges::find(*lines, setting.key, &ConfigLine::key);
-  return line == lines->end() ? std::nullopt : std::optional(line->value);
-}
+namespace {
 
-void Options::Impl::add_members(const std::vector<std::string_view>& arguments) {
-  for (const Group& group : std::exchange(groups, {})) {
-    const Setting& setting = *find(group.key);
-    if (const auto text = early_text(setting, arguments)) static_cast<void>(setting.read(*text));
-    is_shared = group.is_shared;
-    is_adding_members = true;
-    group.add_members(*group.names);
-    is_adding_members = false;
+/// Sets the variable; `origin` locates the text in messages, `source` in --dump-config.
+expected<void, SetupError> set(Setting& setting, const Texts& texts, const std::string& origin,
+                               const std::string& source) {
+  if (!setting.read(texts)) {
+    return unexpected{SetupError{origin + " '" + joined(texts) + "' is not " + setting.expected}};
   }
-  is_shared = false;
+  setting.source = source;
+  return {};
 }
 
-expected<void, SetupError> Options::Impl::apply_file(const std::string& path) {
-  const auto lines = read_config_file(path);
-  if (!lines) return unexpected{lines.error()};
-  std::vector<std::string> seen;
-  for (const ConfigLine& line : *lines) {
-    const std::string place = path + ":" + std::to_string(line.line);
-    Setting* const setting = line.key == kConfigKey ? nullptr : find(line.key);
-    if (setting == nullptr) {
-      std::vector<std::string> keys;
-      for (const Setting& candidate : settings) {
-        if (candidate.key != kConfigKey) keys.push_back(candidate.key);
+SetupError refusal_of_secret(const Setting& setting) {
+  return {setting.flag +
+          " would show it to all users of this host, who can read command lines; give it " +
+          setting.expected};
+}
+
+/// Splits `--key=value`, which CLI11 takes for `--key` if the value is empty, and refuses a flag
+/// without its value, which CLI11 would give the next flag.
+expected<Texts, SetupError> with_values_apart(const Texts& arguments,
+                                              const std::vector<Setting>& settings) {
+  Texts apart;
+  for (std::size_t i = 0; i < arguments.size(); ++i) {
+    const std::string& argument = arguments[i];
+    const std::size_t equals = std::min(argument.find('='), argument.size());
+    const auto setting = std::ranges::find(settings, argument.substr(0, equals), &Setting::flag);
+    if (setting != settings.end() && setting->is_secret)
+      return unexpected{refusal_of_secret(*setting)};
+    if (setting == settings.end() || setting->is_switch) {
+      apart.push_back(argument);
+    } else if (equals < argument.size()) {
+      apart.insert(apart.end(), {setting->flag, argument.substr(equals + 1)});
+    } else if (i + 1 < arguments.size() && !is_flag(arguments[i + 1])) {
+      apart.insert(apart.end(), {setting->flag, arguments[++i]});
+    } else {
+      return unexpected{SetupError{setting->flag + " needs a value: " + setting->expected}};
+    }
+  }
+  return apart;
+}
+
+SetupError unknown(const std::string& argument, const CLI::App& app) {
+  if (!is_flag(argument)) return {"unexpected argument '" + argument + "'"};
+  Texts flags;
+  for (const CLI::Option* option : app.get_options())
+    flags.push_back("--" + option->get_lnames().front());
+  const std::string flag = argument.substr(0, argument.find('='));
+  return {"unknown flag '" + flag + "'" + suggestion(flag, flags)};
+}
+
+}  // namespace
+
+expected<CommandLine, SetupError> Options::Impl::read_command_line(const Texts& arguments,
+                                                                   CLI::App& app) const {
+  CommandLine result;
+  app.set_help_flag();
+  app.allow_extras();
+  for (const Setting& setting : settings) {
+    if (setting.is_secret) continue;
+    CLI::Option* const option =
+        setting.is_switch
+            ? app.add_flag(setting.flag)
+            : app.add_option(setting.flag, [](const CLI::results_t&) { return true; });
+    option->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  }
+  app.add_flag("--dump-config", result.wants_dump,
+               "Print the configuration in force, as --config takes it");
+  app.add_flag("-h,--help", result.wants_help, "Print this");
+  app.add_flag("--help-all", result.wants_all_help, "Print all options");
+  app.add_flag("--version", result.wants_version, "Print the version");
+  auto apart = with_values_apart(arguments, settings);
+  if (!apart) return unexpected{apart.error()};
+  std::ranges::reverse(*apart);  // CLI11 takes them from the end.
+  try {
+    app.parse(*apart);
+  } catch (const CLI::ParseError& error) {
+    return unexpected{SetupError{error.what()}};
+  }
+  if (const Texts rest = app.remaining(); !rest.empty())
+    return unexpected{unknown(rest.front(), app)};
+  for (const Setting& setting : settings) {
+    if (setting.is_secret || app.count(setting.flag) == 0) continue;
+    const Texts& given = app.get_option(setting.flag)->results();
+    if (given.size() > 1 && !setting.is_list)
+      return unexpected{SetupError{setting.flag + " is given twice"}};
+    result.values[setting.flag] = given;
+  }
+  return result;
+}
+
+void Options::Impl::read_file(const Texts& arguments) {
+  const Texts given = early_values(arguments, kConfigFlag);
+  const char* const variable = std::getenv(kConfigVariable);
+  if (!given.empty() || variable != nullptr)
+    file = read_config_file(given.empty() ? variable : given.front());
+}
+
+void Options::Impl::add_members(const Texts& arguments) {
+  for (const Group& group : std::exchange(groups, {})) {
+    const Setting& setting = settings[group.setting];
+    const auto line =
+        file ? std::ranges::find(*file, setting.path, &ConfigEntry::path) : decltype(file->end()){};
+    if (const Texts values = early_values(arguments, setting.flag); !values.empty()) {
+      static_cast<void>(setting.read(texts_of(setting, joined(values))));
+    } else if (const char* const text = std::getenv(setting.variable.c_str())) {
+      static_cast<void>(setting.read(texts_of(setting, text)));
+    } else if (file && line != file->end()) {
+      static_cast<void>(setting.read(line->texts));
+    } else if (file) {
+      for (const ConfigEntry& entry : *file) {
+        if (entry.is_table && entry.path.size() == 2 && entry.path.front() == group.table &&
+            std::ranges::find(*group.names, entry.path.back()) == group.names->end())
+          group.names->push_back(entry.path.back());
       }
+    }
+    place = group.place;
+    group.add_members(*group.names);
+    place = {};
+  }
+}
+
+expected<void, SetupError> Options::Impl::apply_file() {
+  if (!file) return unexpected{file.error()};
+  for (const ConfigEntry& entry : *file) {
+    const auto setting = std::ranges::find(settings, entry.path, &Setting::path);
+    if (setting == settings.end() || setting->flag == kConfigFlag) {
+      if (entry.is_table && std::ranges::any_of(settings, [&](const Setting& each) {
+            return std::ranges::mismatch(entry.path, each.path).in1 == entry.path.end();
+          }))
+        continue;
+      Texts keys;
+      for (const Setting& candidate : settings)
+        keys.push_back(key_text(candidate.path));
+      const std::string key = key_text(entry.path);
       return unexpected{
-          SetupError{place + ": unknown key '" + line.key + "'" + suggestion(line.key, keys)}};
+          SetupError{entry.place + ": unknown key '" + key + "'" + suggestion(key, keys)}};
     }
-    if (std::find(seen.begin(), seen.end(), line.key) != seen.end()) {
-      return unexpected{SetupError{place + ": key '" + line.key + "' is given twice"}};
-    }
-    seen.push_back(line.key);
-    if (auto applied = apply(*setting, line.value, place + ": " + line.key, place); !applied) {
-      return applied;
-    }
+    const std::string origin = entry.place + ": " + key_text(entry.path);
+    if (entry.is_table) return unexpected{SetupError{origin + " is a table"}};
+    if (auto done = set(*setting, entry.texts, origin, entry.place); !done) return done;
   }
   return {};
 }
 
-expected<void, SetupError> Options::Impl::apply_environment(const CommandLine& command_line) {
+expected<void, SetupError> Options::Impl::apply(const CommandLine& command_line) {
+  if (auto done = apply_file(); !done) return done;
   for (Setting& setting : settings) {
+    const auto given = command_line.values.find(setting.flag);
     const char* const text = std::getenv(setting.variable.c_str());
     // A variable that a flag overrides is not read.
-    if (text == nullptr || command_line.find(setting.key) != nullptr) continue;
-    if (auto applied = apply(setting, text, setting.variable, setting.variable); !applied)
-      return applied;
-  }
-  return {};
-}
-
-expected<void, SetupError> Options::Impl::apply_flags(const CommandLine& command_line) {
-  for (Setting& setting : settings) {
-    const std::string* const text = command_line.find(setting.key);
-    if (text == nullptr) continue;
-    const std::string flag = "--" + setting.key;
-    if (auto applied = apply(setting, *text, flag, flag); !applied) return applied;
-  }
-  return {};
-}
-
-expected<void, SetupError> Options::Impl::apply_positionals(const CommandLine& command_line) {
-  const std::vector<std::string>& given = command_line.positionals;
-  std::size_t next = 0;
-  for (Positional& positional : positionals) {
-    if (next == given.size()) {
-      if (positional.presence == Presence::kOptional) continue;
-      return unexpected{SetupError{"the argument " + positional.name + " is missing"}};
+    if (given != command_line.values.end()) {
+      const Texts texts = texts_of(setting, joined(given->second));
+      if (auto done = set(setting, texts, setting.flag, setting.flag); !done) return done;
+    } else if (text != nullptr) {
+      if (auto done = set(setting, texts_of(setting, text), setting.variable, setting.variable);
+          !done)
+        return done;
     }
-    // A list takes its items one by one: here commas are part of them.
-    do {
-      static_cast<void>(positional.setting.read(given[next++]));
-    } while (positional.setting.is_list && next < given.size());
   }
-  if (next < given.size()) {
-    return unexpected{SetupError{"unexpected argument '" + given[next] + "'"}};
-  }
+  if (names_place.where != nullptr)
+    *names_place.where = names_place.registry.empty() ? names_place.discover : names_place.registry;
   return {};
 }
 
-expected<void, SetupError> Options::Impl::apply_all(const CommandLine& command_line) {
-  const char* const config_variable = std::getenv(variable_of(kConfigKey).c_str());
-  const std::string* const config_flag = command_line.find(kConfigKey);
-  if (config_flag != nullptr || config_variable != nullptr) {
-    const std::string path = config_flag != nullptr ? *config_flag : config_variable;
-    if (auto applied = apply_file(path); !applied) return applied;
-  }
-  if (auto applied = apply_environment(command_line); !applied) return applied;
-  return apply_flags(command_line);
-}
-
-/// The verb on the command line; null without one, or if the program has no verbs.
-expected<const Verb*, SetupError> Options::Impl::verb_in(const CommandLine& command_line) const {
-  if (verbs.empty() || command_line.positionals.empty()) return nullptr;
-  const std::string& word = command_line.positionals.front();
-  const auto found = std::ranges::find(verbs, word, &Verb::name);
-  if (found != verbs.end()) return &*found;
-  std::vector<std::string> names;
-  for (const Verb& verb : verbs)
-    names.push_back(verb.name);
-  return unexpected{SetupError{"unknown verb '" + word + "'" + suggestion(word, names)}};
-}
-
-/// The first part of --help, before the options.
-std::string Options::Impl::usage_text() const {
-  std::string usage = "Usage: " + name + " [options]";
-  std::string arguments;
-  for (const Positional& positional : positionals) {
-    std::string shown = positional.name + (positional.setting.is_list ? "..." : "");
-    arguments += help_row(shown, positional.setting.help);
-    usage += positional.presence == Presence::kRequired ? " " + shown : " [" + shown + "]";
-  }
-  std::string text = name + ": " + description + "\n\n" + usage + "\n";
-  if (!arguments.empty()) text += "\nArguments:\n" + arguments;
-  if (verbs.empty()) return text;
-  text += "\nVerbs ('" + name + " VERB --help' explains one):\n";
-  for (const Verb& verb : verbs)
-    text += help_row(verb.form(), verb.help);
-  return text;
-}
-
-std::string Options::Impl::help_text(const Verb* verb) const {
-  std::string text = usage_text();
-  if (verb != nullptr) {
-    text = name + ' ' + verb->name + ": " + verb->help + "\n\nUsage: " + name + ' ' + verb->form() +
-           " [options]\n" + (verb->details.empty() ? "" : "\n") + verb->details;
-  }
-  text += "\nOptions:\n";
+std::string Options::Impl::help(CLI::App& app, bool is_all) const {
+  std::string secrets;
   for (const Setting& setting : settings) {
     if (setting.is_secret) {
-      text +=
-          help_row(setting.variable, setting.help + "; also " + setting.key + " = … in the file");
+      secrets += "  " + setting.variable + "  " + setting.help + "; also " +
+                 key_text(setting.path) + " = … in the file\n";
       continue;
     }
-    const std::string value = setting.is_switch ? "" : " " + setting.placeholder;
-    const std::string now = setting.write();
-    const bool has_default = !setting.is_switch && !now.empty();
-    text +=
-        help_row("--" + setting.key + value, setting.help + (has_default ? " [" + now + "]" : ""));
+    CLI::Option& option = *app.get_option(setting.flag);
+    const std::string now = setting.is_switch ? "" : joined(setting.write());
+    option.description(in_lines(setting.help + (now.empty() ? "" : " [" + now + "]")));
+    option.type_name(setting.placeholder);
+    if (setting.is_rare && !is_all) option.group("");
   }
-  text += help_row("--dump-config", "Print the configuration in force, as --config takes it");
-  text += help_row("--help, -h", "Print this");
-  text += help_row("--version", "Print the version");
-  text += "\nAn option --some-key can also stand in the environment, as " +
-          variable_for("some-key", false) +
-          " (RTPM_SOME_KEY\n"
-          "if several programs have it; --dump-config tells), and in the file, as 'some-key = "
-          "value'. A\n"
-          "flag wins over the environment, the environment over the file.\n";
-  return text;
+  app.footer((secrets.empty() ? "" : "Secrets:\n" + secrets + "\n") +
+             "An option --some-key can also stand in the environment, as " +
+             variable_for("some-key") +
+             " (RTPM_SOME_KEY\nif several programs have it; --dump-config tells), and in a TOML "
+             "file, as some-key = value. A\nflag wins over the environment, the environment over "
+             "the file." +
+             (is_all ? "" : " --help-all shows all options."));
+  return app.help();
 }
 
-std::string Options::Impl::dump_text() {
+std::string Options::Impl::dump() const {
   std::string text = "# " + name + " " RTPM_VERSION ": the configuration in force.\n";
   // Every program reads these, see runtime/transport and runtime/access.
-  std::vector<std::string> variables{"RTPM_RUNTIME_FOLDER", "RTPM_KEYS"};
-  for (std::size_t i = 0; i < settings.size(); ++i) {
-    const Setting& setting = settings[i];
+  Texts variables{"RTPM_RUNTIME_FOLDER", "RTPM_KEYS"};
+  std::vector<Texts> tables{Texts{}};  // In TOML, the keys outside of tables come first.
+  for (const Setting& setting : settings) {
     variables.push_back(setting.variable);
-    if (setting.key == kConfigKey) continue;
-    text += "\n# " + setting.help + " [" + setting.variable + "] (" + sources[i] + ")\n";
-    // So the text can be kept and passed on; --config then leaves the secret as it is.
-    text += setting.is_secret ? "# " + setting.key + " = (a secret, not printed)\n"
-                              : setting.key + " = " + config_value_text(setting.write()) + "\n";
+    const Texts table(setting.path.begin(), setting.path.end() - 1);
+    if (std::ranges::find(tables, table) == tables.end()) tables.push_back(table);
+  }
+  for (const Texts& table : tables) {
+    if (!table.empty()) text += "\n[" + key_text(table) + "]\n";
+    for (const Setting& setting : settings) {
+      if (setting.flag == kConfigFlag ||
+          !std::ranges::equal(table, std::span(setting.path).first(setting.path.size() - 1)))
+        continue;
+      Texts values = setting.write();
+      if (setting.is_text) std::ranges::transform(values, values.begin(), quoted);
+      const std::string value = setting.is_list ? "[" + joined(values, ", ") + "]" : joined(values);
+      text += "\n# " + setting.help + " [" + setting.variable + "] (" + setting.source + ")\n";
+      // So the text can be kept and passed on; --config then leaves the secret as it is.
+      text += setting.is_secret ? "# " + setting.path.back() + " = (a secret, not printed)\n"
+                                : setting.path.back() + " = " + value + "\n";
+    }
   }
   for (char** variable = environ; *variable != nullptr; ++variable) {
-    const std::string_view entry = *variable;
-    const std::string variable_name(entry.substr(0, entry.find('=')));
-    if (variable_name.starts_with(kVariablePrefix) &&
-        std::find(variables.begin(), variables.end(), variable_name) == variables.end()) {
-      const auto meant = std::ranges::find_if(settings, [&](const Setting& setting) {
-        return variable_of(setting.key) == variable_name;
-      });
-      text += "\n# " + variable_name + " in the environment is no key of this program" +
-              (meant == settings.end() ? "" : ", which has " + meant->variable) + ".\n";
-    }
+    const std::string entry = *variable;
+    const std::string other = entry.substr(0, entry.find('='));
+    if (!other.starts_with("RTPM_") || std::ranges::find(variables, other) != variables.end())
+      continue;
+    const auto meant = std::ranges::find_if(settings, [&](const Setting& setting) {
+      return variable_of(setting.flag.substr(2)) == other;
+    });
+    text += "\n# " + other + " in the environment is no key of this program" +
+            (meant == settings.end() ? "" : ", which has " + meant->variable) + ".\n";
   }
   return text;
 }
 
 Options::Options(std::string name, std::string description)
     : impl_(new Impl{.name = std::move(name), .description = std::move(description)}) {
-  const Shared shared(*this);
-  impl_->add(std::string(kConfigKey), "Read options from FILE, one 'key = value' a line",
-             setting_of(impl_->config_path));
-  impl_->settings.back().placeholder = "FILE";
-  impl_->settings.back().expected = "the path of a file";
+  const Scope scope = Scope::of_all_programs(*this);
+  Setting& config =
+      impl_->add("config", "Read options from this TOML file", setting_of(impl_->config));
+  config.placeholder = "FILE";
+  config.expected = "the path of a file";
 }
 Options::~Options() = default;
 
-Options::Shared::Shared(Options& options) noexcept
-    : options_(options), was_shared_(std::exchange(options.impl_->is_shared, true)) {}
-Options::Shared::~Shared() {
-  options_.impl_->is_shared = was_shared_;
+Options::Scope::Scope(Options& options, Place place)
+    : options_(options),
+      former_(std::make_unique<Place>(std::exchange(options.impl_->place, std::move(place)))) {}
+Options::Scope::~Scope() {
+  options_.impl_->place = std::move(*former_);
+}
+Options::Scope Options::Scope::of_rare(Options& options) {
+  Place place = options.impl_->place;
+  place.is_rare = true;
+  return {options, place};
+}
+Options::Scope Options::Scope::of_all_programs(Options& options, const std::string& table) {
+  Place place = options.impl_->place;
+  place.is_shared = true;
+  if (!table.empty()) place.tables = {table};
+  return {options, place};
+}
+Options::Scope Options::Scope::of_member(Options& options, const std::string& table,
+                                         const std::string& name) {
+  const bool is_shared = options.impl_->place.is_shared;
+  return {options, Place{{table, name}, table + "-" + name + "-", is_shared, true}};
 }
 
-void Options::add(std::string key, std::string& value, std::string help) {
-  impl_->add(std::move(key), std::move(help), setting_of(value));
+void Options::add(const std::string& key, std::string& value, std::string help) {
+  impl_->add(key, std::move(help), setting_of(value));
 }
-void Options::add(std::string key, bool& value, std::string help) {
-  impl_->add(std::move(key), std::move(help), setting_of(value));
+void Options::add(const std::string& key, bool& value, std::string help) {
+  impl_->add(key, std::move(help), setting_of(value));
 }
-void Options::add(std::string key, int& value, std::string help, Range<int> range) {
-  impl_->add(std::move(key), std::move(help), setting_of(value, range));
+void Options::add(const std::string& key, std::vector<std::string>& value, std::string help) {
+  impl_->add(key, std::move(help), setting_of(value));
 }
-void Options::add(std::string key, std::uint16_t& value, std::string help,
-                  Range<std::uint16_t> range) {
-  impl_->add(std::move(key), std::move(help), setting_of(value, range));
+void Options::add(const std::string& key, std::vector<int>& value, std::string help) {
+  impl_->add(key, std::move(help), setting_of(value));
 }
-void Options::add(std::string key, std::uint64_t& value, std::string help,
-                  Range<std::uint64_t> range) {
-  impl_->add(std::move(key), std::move(help), setting_of(value, range));
+template <class T>
+void Options::add(const std::string& key, T& value, std::string help, Range<T> range) {
+  impl_->add(key, std::move(help), setting_of(value, range));
 }
-void Options::add(std::string key, double& value, std::string help, Range<double> range) {
-  impl_->add(std::move(key), std::move(help), setting_of(value, range));
-}
-void Options::add(std::string key, Duration& value, std::string help, Range<Duration> range) {
-  impl_->add(std::move(key), std::move(help), setting_of(value, range));
-}
-void Options::add(std::string key, Priority& value, std::string help) {
-  impl_->add(std::move(key), std::move(help), setting_of(value));
-}
-void Options::add(std::string key, std::vector<std::string>& value, std::string help) {
-  impl_->add(std::move(key), std::move(help), setting_of(value));
-}
-void Options::add(std::string key, std::vector<int>& value, std::string help) {
-  impl_->add(std::move(key), std::move(help), setting_of(value));
-}
-void Options::add_off_or_time(std::string key, std::optional<Duration>& value, std::string help,
-                              Range<Duration> range) {
-  impl_->add(std::move(key), std::move(help), setting_of(value, range));
-}
-void Options::add(std::string key, std::uint32_t& value, std::string help,
-                  Range<std::uint32_t> range) {
-  impl_->add(std::move(key), std::move(help), setting_of(value, range));
+template void Options::add(const std::string&, int&, std::string, Range<int>);
+template void Options::add(const std::string&, std::uint16_t&, std::string, Range<std::uint16_t>);
+template void Options::add(const std::string&, std::uint32_t&, std::string, Range<std::uint32_t>);
+template void Options::add(const std::string&, std::uint64_t&, std::string, Range<std::uint64_t>);
+template void Options::add(const std::string&, double&, std::string, Range<double>);
+template void Options::add(const std::string&, Duration&, std::string, Range<Duration>);
+template void Options::add(const std::string&, Priority&, std::string, Range<Priority>);
+
+void Options::add_off_or_time(const std::string& key, std::optional<Duration>& value,
+                              std::string help) {
+  impl_->add(key, std::move(help), setting_of(value, {}));
 }
 
-void Options::add_choice(std::string key, std::string& value,
+void Options::add_choice(const std::string& key, std::string& value,
                          const std::vector<std::string>& choices, std::string help) {
-  impl_->add(
-      std::move(key), std::move(help),
-      setting_of_choice(
-          choices, [&value](std::string_view word) { value = word; }, [&value] { return value; }));
+  impl_->add(key, std::move(help),
+             setting_of_choice(
+                 choices, [&value](const std::string& word) { value = word; },
+                 [&value] { return value; }));
 }
 
-void Options::add_secret(std::string key, std::string& value, std::string help,
+void Options::add_secret(const std::string& key, std::string& value, std::string help,
                          const std::string& file) {
-  impl_->add(std::move(key), std::move(help), setting_of(value));
-  Setting& setting = impl_->settings.back();
+  Setting& setting = impl_->add(key, std::move(help), setting_of(value));
   setting.is_secret = true;
   setting.expected = "in " + setting.variable + ", or in " + file;
 }
 
-void Options::add_positional(std::string name, std::string& value, std::string help,
-                             Presence presence) {
-  Setting setting = setting_of(value);
-  setting.help = std::move(help);
-  impl_->positionals.push_back({std::move(name), std::move(setting), presence});
-}
-
-void Options::add_positional(std::string name, std::vector<std::string>& value, std::string help,
-                             Presence presence) {
-  Setting setting = setting_of(value);
-  setting.help = std::move(help);
-  // The first given item replaces the default.
-  setting.read = [&value, is_default = true](std::string_view text) mutable {
-    if (std::exchange(is_default, false)) value.clear();
-    value.emplace_back(text);
-    return true;
-  };
-  impl_->positionals.push_back({std::move(name), std::move(setting), presence});
-}
-
-void Options::add_verb(std::string name, std::string arguments, std::string help,
-                       std::string details) {
-  impl_->verbs.push_back(
-      {std::move(name), std::move(arguments), std::move(help), std::move(details)});
-}
-
 void Options::add_realtime(rt::RealtimeMode& mode) {
-  const Shared shared(*this);
+  const Scope scope = Scope::of_all_programs(*this);
+  const Scope rare = Scope::of_rare(*this);
   using enum rt::RealtimeMode;
   impl_->add("realtime", "What to do where the system refuses real-time scheduling",
              enum_setting(mode, std::array{kPrefer, kRequire, kOff}));
 }
 
-void Options::add_wait(rt::WaitConfig& wait, const std::string& prefix) {
-  const Shared shared(*this);
+void Options::add_wait(rt::WaitConfig& wait) {
+  const Scope scope = Scope::of_all_programs(*this);
+  const Scope rare = Scope::of_rare(*this);
   using enum rt::WaitStrategy;
-  impl_->add(prefix + "wait",
-             "How to wait for traffic: spin a while and then block, block, or spin",
+  impl_->add("wait", "How to wait for traffic: spin a while and then block, block, or spin",
              enum_setting(wait.strategy, std::array{kAdaptive, kPeriodic, kBlock, kSpin}));
-  impl_->add(prefix + "spin", "How long an adaptive wait spins before it blocks",
-             setting_of(wait.spin, {Duration{0}, std::chrono::seconds{1}}));
+  add("spin", wait.spin, "How long an adaptive wait spins before it blocks",
+      {Duration{0}, std::chrono::seconds{1}});
 }
 
-void Options::add_schedule(std::string key, rt::Schedule& schedule, std::string help) {
+void Options::add_schedule(const std::string& key, rt::Schedule& schedule, std::string help) {
   using enum rt::Schedule;
-  impl_->add(std::move(key), std::move(help),
-             enum_setting(schedule, std::array{kFifo, kTimeShared}));
+  impl_->add(key, std::move(help), enum_setting(schedule, std::array{kFifo, kTimeShared}));
 }
 
-void Options::add_group(std::string key, std::vector<std::string>& names, std::string help,
-                        std::size_t size_max,
+void Options::add_group(const std::string& key, std::string table, std::vector<std::string>& names,
+                        std::string help, std::size_t size_max,
                         std::function<void(const std::vector<std::string>&)> add_members) {
-  impl_->groups.push_back({key, impl_->is_shared, &names, std::move(add_members)});
-  impl_->add(std::move(key), std::move(help), setting_of_names(names, size_max));
+  impl_->add(key, std::move(help), setting_of_names(names, size_max));
+  impl_->groups.push_back(
+      {impl_->settings.size() - 1, impl_->place, std::move(table), &names, std::move(add_members)});
 }
 
 void Options::add_registry(std::string& where) {
-  const Shared shared(*this);
+  const Scope scope = Scope::of_all_programs(*this);
+  Impl::NamesPlace& place = impl_->names_place;
   const bool is_url = where.find("://") != std::string::npos;
-  impl_->names_place = {&where, is_url ? where : "", is_url ? "host" : where};
-  add("registry", impl_->names_place.registry,
+  place = {&where, is_url ? where : "", is_url ? "host" : where};
+  Setting& registry = impl_->add(
+      "registry",
       "The registry of names, and no other; several with the same names: URL,URL; empty: where "
-      "--discover finds one");
-  impl_->settings.back().placeholder = "URL";
-  impl_->settings.back().expected = "a URL, rtpm://host:port/path";
-  add("discover", impl_->names_place.discover,
-      "Without --registry, where to find names: host, this one only; lan[:DOMAIN]@INTERFACE, also "
-      "the LAN by multicast; or hosts, HOST[:PORT],…");
-  impl_->settings.back().placeholder = "HOW";
+      "--discover finds one",
+      setting_of(place.registry));
+  registry.placeholder = "URL";
+  registry.expected = "a URL, rtpm://host:port/path";
+  impl_
+      ->add("discover",
+            "Without --registry, where to find names: host, this one only; "
+            "lan[:DOMAIN]@INTERFACE, also the LAN by multicast; or hosts, HOST[:PORT],…",
+            setting_of(place.discover))
+      .placeholder = "HOW";
 }
 
 std::optional<int> Options::parse(int argc, const char* const* argv) {
-  const std::vector<std::string_view> arguments(argv + std::min(argc, 1), argv + argc);
+  const Texts arguments(argv + std::min(argc, 1), argv + argc);
+  impl_->read_file(arguments);
   impl_->add_members(arguments);
-  const auto command_line = parse_command_line(arguments, impl_->settings);
+  CLI::App app(impl_->name + ": " + impl_->description, impl_->name);
+  const auto command_line = impl_->read_command_line(arguments, app);
   if (!command_line) return usage_error(command_line.error().reason());
-  const auto verb = impl_->verb_in(*command_line);
-  if (!verb) return usage_error(verb.error().reason());
-  if (command_line->wants_help || command_line->wants_version) {
-    const std::string text =
-        command_line->wants_help ? impl_->help_text(*verb) : impl_->name + " " RTPM_VERSION "\n";
-    std::fputs(text.c_str(), stdout);
-    return 0;
-  }
-  if (const auto applied = impl_->apply_all(*command_line); !applied) {
+  std::string text;
+  if (command_line->wants_help || command_line->wants_all_help) {
+    text = impl_->help(app, command_line->wants_all_help);
+  } else if (command_line->wants_version) {
+    text = impl_->name + " " RTPM_VERSION "\n";
+  } else if (const auto applied = impl_->apply(*command_line); !applied) {
     return usage_error(applied.error().reason());
+  } else if (command_line->wants_dump) {
+    text = impl_->dump();
+  } else {
+    return std::nullopt;
   }
-  if (impl_->names_place.where != nullptr) *impl_->names_place.where = impl_->names_place.chosen();
-  if (command_line->wants_dump) {
-    std::fputs(impl_->dump_text().c_str(), stdout);
-    return 0;
-  }
-  if (const auto applied = impl_->apply_positionals(*command_line); !applied) {
-    return usage_error(applied.error().reason());
-  }
-  return std::nullopt;
-}
-
-int Options::usage_error_of_verb(std::string_view verb) const {
-  const auto found = std::ranges::find(impl_->verbs, verb, &Verb::name);
-  RTPM_ASSERT(found != impl_->verbs.end(), "the verb was added");
-  const std::string whole = impl_->name + ' ' + found->name;
-  rt::print_error(impl_->name, "usage: " + impl_->name + ' ' + found->form() + "; run '" + whole +
-                                   " --help' for what it takes");
-  return 2;
+  std::fputs(text.c_str(), stdout);
+  return 0;
 }
 
 int Options::usage_error(std::string_view what) const {

@@ -6,10 +6,10 @@
 #include <utility>
 
 #include "rtpm/access/fingerprint.hpp"
+#include "rtpm/options/caller_options.hpp"
 #include "rtpm/rt/log.hpp"
 #include "rtpm/rt/report.hpp"
 #include "rtpm/wire/limits.hpp"
-#include "security_options.hpp"
 
 namespace rtpm::options {
 namespace {
@@ -38,25 +38,24 @@ std::vector<rpc::LaneConfig> lanes_named(const std::vector<std::string>& names,
 }
 
 void add_lane(Options& options, const std::string& name, rpc::LaneConfig& lane) {
-  const std::string key = std::string(kLanePrefix) + name + "-";
+  const Options::Scope scope = Options::Scope::of_member(options, "lane", name);
   constexpr std::uint32_t kThreadCountMax = 64;
-  options.add(key + "low", lane.low, "The lowest priority that the lane serves");
-  options.add(key + "priority", lane.priority,
-              "The lowest priority at which it waits and receives");
-  options.add(key + "cpus", lane.cpus, "The CPUs it may run on; none: all");
-  options.add_wait(lane.wait, key);
-  options.add_schedule(key + "schedule", lane.schedule,
+  options.add("low", lane.low, "The lowest priority that the lane serves");
+  options.add("priority", lane.priority, "The lowest priority at which it waits and receives");
+  options.add("cpus", lane.cpus, "The CPUs it may run on; none: all");
+  options.add_wait(lane.wait);
+  options.add_schedule("schedule", lane.schedule,
                        "fifo: before all time-shared threads; time-shared: behind every real-time "
                        "thread");
-  options.add(key + "threads", lane.static_threads, "How many calls run concurrently",
+  options.add("threads", lane.static_threads, "How many calls run concurrently",
               {1, kThreadCountMax});
-  options.add(key + "dynamic-threads", lane.dynamic_threads,
+  options.add("dynamic-threads", lane.dynamic_threads,
               "How many more may, on threads started on demand", {0, kThreadCountMax});
-  options.add(key + "dynamic-idle", lane.dynamic_idle,
+  options.add("dynamic-idle", lane.dynamic_idle,
               "How long such a thread may be idle before it ends");
-  options.add(key + "buffered-requests", lane.buffered_request_max,
+  options.add("buffered-requests", lane.buffered_request_max,
               "How many calls may wait while all threads are busy", {0, 4096});
-  options.add(key + "buffered-bytes", lane.buffered_byte_max,
+  options.add("buffered-bytes", lane.buffered_byte_max,
               "How many bytes their requests may have together");
 }
 
@@ -82,7 +81,48 @@ void add_limits(Options& options, rpc::ServerConfig& server) {
               "Oneways of the same program that wait or run in a lane at a time", {0, 4096});
 }
 
+void add_key(Options& options, std::string& file) {
+  options.add("key", file,
+              "The program's key; empty: ~/.config/rtpm/key, or in the folder of RTPM_KEYS");
+}
+
+void add_key_log(Options& options, std::string& file) {
+  const auto rare = Options::Scope::of_rare(options);
+  options.add("key-log", file,
+              "Write keys of sessions here, for Wireshark: who has them reads all; empty: nowhere");
+}
+
+void add_known_servers(Options& options, std::string& file) {
+  const auto scope = Options::Scope::of_all_programs(options, "security");
+  const auto rare = Options::Scope::of_rare(options);
+  options.add("known-servers", file,
+              "Servers to call over sealed sessions only, from `rtpm key learn`; empty: "
+              "~/.config/rtpm/known_servers");
+}
+
+void add_server_security(Options& options, rpc::ServerSecurity& security) {
+  const auto scope = Options::Scope::of_all_programs(options, "security");
+  options.add("authorized", security.authorized_file,
+              "Who may do what, lines from `rtpm key authorize`; empty: ~/.config/rtpm/authorized "
+              "for other addresses than loopback");
+  add_key(options, security.key_file);
+  options.add("insecure", security.is_insecure,
+              "Serve whoever reaches the port: everybody there can move devices");
+  add_key_log(options, security.key_log_file);
+  const auto rare = Options::Scope::of_rare(options);
+  options.add("audit", security.audit_file,
+              "Write sessions, refusals and administration here; empty: nowhere");
+}
+
 }  // namespace
+
+void add_caller(Options& options, rpc::NodeSecurity& security) {
+  const auto scope = Options::Scope::of_all_programs(options, "security");
+  const auto rare = Options::Scope::of_rare(options);
+  add_key(options, security.key_file);
+  add_known_servers(options, security.known_servers_file);
+  add_key_log(options, security.key_log_file);
+}
 
 void add_caller(Options& options, ServerSettings& settings) {
   add_known_servers(options, settings.known_servers_file);
@@ -94,16 +134,17 @@ rpc::NodeSecurity node_security(const ServerSettings& settings) {
 }
 
 void add_server(Options& options, ServerSettings& settings) {
-  const Options::Shared shared(options);
+  const auto scope = Options::Scope::of_all_programs(options);
   rpc::ServerConfig& server = settings.server;
   options.add("host", server.host,
               "What to serve: addresses (IPv4, IPv6), host names and interfaces, with ',' between; "
               "or any. The default is this host only; any opens it to every network");
+  options.add("port", server.port, "Port to serve, UDP and TCP; 0: any");
+  add_server_security(options, server.security);
+  const auto rare = Options::Scope::of_rare(options);
   options.add("advertise", server.advertise,
               "The hosts to be found at, with ',' between, if callers reach others than those that "
               "are served (a container, NAT); empty: those");
-  options.add("port", server.port, "Port to serve, UDP and TCP; 0: any");
-  add_server_security(options, server.security);
   options.add("shared-memory", server.shared_memory,
               "Whether callers of the same user on this host are served through memory");
   options.add("shared-memory-folder", server.shared_memory_folder,
@@ -117,7 +158,8 @@ void add_server(Options& options, ServerSettings& settings) {
   settings.lanes.clear();
   for (const rpc::LaneConfig& lane : server.lanes)
     settings.lanes.push_back(short_name_of(lane));
-  options.add_group("lanes", settings.lanes, "The names of the lanes, each with options as below",
+  options.add_group("lanes", "lane", settings.lanes,
+                    "The names of the lanes, each with options --lane-NAME-… or in [lane.NAME]",
                     kLaneNameSizeMax, [&options, &settings](const std::vector<std::string>& names) {
                       auto& lanes = settings.server.lanes;
                       lanes = lanes_named(names, lanes);

@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
-#include <cmath>
+#include <limits>
 #include <system_error>
+#include <utility>
 
 #include "rtpm/base/assert.hpp"
 #include "rtpm/options/duration.hpp"
@@ -14,6 +15,22 @@ namespace {
 
 constexpr Range<int> kCpus{0, 1023};
 
+/// A setting with one text, which `parse` turns into an optional value.
+template <class T, class Parse, class Format>
+Setting setting_with(T& value, std::string placeholder, std::string expected, Parse parse,
+                     Format format) {
+  Setting setting;
+  setting.placeholder = std::move(placeholder);
+  setting.expected = std::move(expected);
+  setting.read = [&value, parse](const Texts& texts) {
+    auto read = texts.size() == 1 ? parse(texts.front()) : std::nullopt;
+    if (read) value = std::move(*read);
+    return read.has_value();
+  };
+  setting.write = [&value, format] { return Texts{format(value)}; };
+  return setting;
+}
+
 /// Parses all of `text` as a number; nothing if it is not one or out of range.
 template <class T>
 std::optional<T> read_number(std::string_view text, Range<T> range) {
@@ -21,9 +38,8 @@ std::optional<T> read_number(std::string_view text, Range<T> range) {
   const char* const end = text.data() + text.size();
   const auto read = std::from_chars(text.data(), end, number);
   // NaN fails both comparisons, so it is never in a range.
-  if (read.ec != std::errc{} || read.ptr != end || !(number >= range.low && number <= range.high)) {
+  if (read.ec != std::errc{} || read.ptr != end || !(number >= range.low && number <= range.high))
     return std::nullopt;
-  }
   return number;
 }
 
@@ -35,113 +51,6 @@ std::string number_text(T number) {
   return {buffer.data(), written.ptr};
 }
 
-template <class T>
-Setting number_setting(T& value, Range<T> range, std::string_view kind) {
-  Setting setting;
-  setting.placeholder = "NUMBER";
-  setting.expected.append(kind).append(" from ").append(number_text(range.low));
-  setting.expected.append(" to ").append(number_text(range.high));
-  setting.read = [&value, range](std::string_view text) {
-    const std::optional<T> number = read_number(text, range);
-    if (number) value = *number;
-    return number.has_value();
-  };
-  setting.write = [&value] { return number_text(value); };
-  return setting;
-}
-
-std::string joined(const std::vector<std::string>& items, std::string_view separator) {
-  std::string text;
-  for (const std::string& item : items) {
-    if (&item != &items.front()) text += separator;
-    text += item;
-  }
-  return text;
-}
-
-/// The items between commas, without the blanks around them; nothing if one is empty.
-std::optional<std::vector<std::string>> read_list(std::string_view text) {
-  std::vector<std::string> items;
-  while (!text.empty()) {
-    const std::size_t comma = text.find(',');
-    std::string_view item = text.substr(0, comma);
-    while (item.starts_with(' '))
-      item.remove_prefix(1);
-    while (item.ends_with(' '))
-      item.remove_suffix(1);
-    if (item.empty() || comma == text.size() - 1) return std::nullopt;
-    items.emplace_back(item);
-    text = comma == std::string_view::npos ? std::string_view{} : text.substr(comma + 1);
-  }
-  return items;
-}
-
-/// The number of letters to insert, delete, replace or swap with their neighbour to turn `from`
-/// into `to` (the distance of Damerau and Levenshtein, restricted form).
-std::size_t slip_count(std::string_view from, std::string_view to) {
-  std::vector<std::vector<std::size_t>> cost(from.size() + 1,
-                                             std::vector<std::size_t>(to.size() + 1));
-  for (std::size_t i = 0; i <= from.size(); ++i) {
-    for (std::size_t k = 0; k <= to.size(); ++k) {
-      if (i == 0 || k == 0) {
-        cost[i][k] = i + k;
-        continue;
-      }
-      cost[i][k] = std::min({cost[i - 1][k] + 1, cost[i][k - 1] + 1,
-                             cost[i - 1][k - 1] + (from[i - 1] == to[k - 1] ? 0U : 1U)});
-      if (i > 1 && k > 1 && from[i - 1] == to[k - 2] && from[i - 2] == to[k - 1]) {
-        cost[i][k] = std::min(cost[i][k], cost[i - 2][k - 2] + 1);
-      }
-    }
-  }
-  return cost[from.size()][to.size()];
-}
-
-}  // namespace
-
-Setting setting_of(std::string& value) {
-  Setting setting;
-  setting.placeholder = "TEXT";
-  setting.expected = "a text";
-  setting.read = [&value](std::string_view text) {
-    value = text;
-    return true;
-  };
-  setting.write = [&value] { return value; };
-  return setting;
-}
-
-Setting setting_of(bool& value) {
-  Setting setting;
-  setting.is_switch = true;
-  setting.expected = "true or false";
-  setting.read = [&value](std::string_view text) {
-    if (text != "true" && text != "false") return false;
-    value = text == "true";
-    return true;
-  };
-  setting.write = [&value] { return std::string(value ? "true" : "false"); };
-  return setting;
-}
-
-Setting setting_of(int& value, Range<int> range) {
-  return number_setting(value, range, "a whole number");
-}
-Setting setting_of(std::uint16_t& value, Range<std::uint16_t> range) {
-  return number_setting(value, range, "a whole number");
-}
-Setting setting_of(std::uint32_t& value, Range<std::uint32_t> range) {
-  return number_setting(value, range, "a whole number");
-}
-Setting setting_of(std::uint64_t& value, Range<std::uint64_t> range) {
-  return number_setting(value, range, "a whole number");
-}
-Setting setting_of(double& value, Range<double> range) {
-  return number_setting(value, range, "a number");
-}
-
-namespace {
-
 /// The bounds of `range`, as text behind the description of a time.
 std::string in_words(Range<Duration> range) {
   std::string text;
@@ -150,94 +59,15 @@ std::string in_words(Range<Duration> range) {
   return text;
 }
 
-}  // namespace
-
-Setting setting_of(Duration& value, Range<Duration> range) {
-  Setting setting;
-  setting.placeholder = "TIME";
-  setting.expected = "a time with a unit, such as 800us or 2s" + in_words(range);
-  setting.read = [&value, range](std::string_view text) {
-    const std::optional<Duration> duration = parse_duration(text);
-    if (!duration || *duration < range.low || *duration > range.high) return false;
-    value = *duration;
-    return true;
-  };
-  setting.write = [&value] { return duration_text(value); };
-  return setting;
+std::optional<Duration> read_duration(std::string_view text, Range<Duration> range) {
+  const std::optional<Duration> duration = parse_duration(text);
+  return duration && *duration >= range.low && *duration <= range.high ? duration : std::nullopt;
 }
 
-Setting setting_of(Priority& value) {
-  Setting setting;
-  setting.placeholder = "PRIORITY";
-  setting.expected = "a priority, a whole number from 0 (least urgent) to 32767";
-  setting.read = [&value](std::string_view text) {
-    const auto number = read_number<int>(text, {Priority::kLowest, Priority::kHighest});
-    if (number) value = Priority{*number};
-    return number.has_value();
-  };
-  setting.write = [&value] { return number_text(value.value()); };
-  return setting;
+std::string_view without_blanks(std::string_view text) {
+  const std::size_t begin = std::min(text.find_first_not_of(' '), text.size());
+  return text.substr(begin, text.find_last_not_of(' ') + 1 - begin);
 }
-
-Setting setting_of(std::vector<std::string>& value) {
-  Setting setting;
-  setting.placeholder = "TEXT,TEXT";
-  setting.expected = "a list with commas, without empty items";
-  setting.is_list = true;
-  setting.read = [&value](std::string_view text) {
-    std::optional<std::vector<std::string>> items = read_list(text);
-    if (!items) return false;
-    value = std::move(*items);
-    return true;
-  };
-  setting.write = [&value] { return joined(value, ","); };
-  RTPM_ASSERT(read_list(setting.write()) == value,
-              "a list's default has items that are not empty and hold no comma or outer blank");
-  return setting;
-}
-
-Setting setting_of(std::vector<int>& value) {
-  Setting setting;
-  setting.placeholder = "NUMBER,NUMBER";
-  setting.expected = "a list of numbers from 0 to 1023, with commas";
-  setting.is_list = true;
-  setting.read = [&value](std::string_view text) {
-    const auto items = read_list(text);
-    if (!items) return false;
-    std::vector<int> numbers;
-    for (const std::string& item : *items) {
-      const auto number = read_number(std::string_view(item), kCpus);
-      if (!number) return false;
-      numbers.push_back(*number);
-    }
-    value = std::move(numbers);
-    return true;
-  };
-  setting.write = [&value] {
-    std::vector<std::string> items;
-    for (const int number : value)
-      items.push_back(number_text(number));
-    return joined(items, ",");
-  };
-  return setting;
-}
-
-Setting setting_of(std::optional<Duration>& value, Range<Duration> range) {
-  Setting setting;
-  setting.placeholder = "off|TIME";
-  setting.expected = "off, or a time with a unit, such as 20us" + in_words(range);
-  setting.read = [&value, range](std::string_view text) {
-    const std::optional<Duration> duration = parse_duration(text);
-    const bool is_in_range = duration && *duration >= range.low && *duration <= range.high;
-    if (text != "off" && !is_in_range) return false;
-    value = text == "off" ? std::nullopt : duration;
-    return true;
-  };
-  setting.write = [&value] { return value ? duration_text(*value) : "off"; };
-  return setting;
-}
-
-namespace {
 
 /// Equal for names that an environment variable's name can't distinguish.
 std::string folded(std::string name) {
@@ -248,66 +78,175 @@ std::string folded(std::string name) {
   return name;
 }
 
+bool are_names(const Texts& names, std::size_t size_max) {
+  constexpr const char* kLetters =
+      "abcdefghijklmnopqrstuvwxyz0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ._-";
+  Texts seen;
+  for (const std::string& name : names) {
+    if (name.empty() || name.size() > size_max ||
+        name.find_first_not_of(kLetters) != std::string::npos ||
+        std::ranges::find(seen, folded(name)) != seen.end())
+      return false;
+    seen.push_back(folded(name));
+  }
+  return !names.empty();
+}
+
 }  // namespace
+
+Texts texts_of(const Setting& setting, std::string_view text) {
+  if (!setting.is_list) return {std::string(text)};
+  Texts items;
+  for (std::size_t begin = 0; !text.empty() && begin <= text.size();) {
+    const std::size_t end = std::min(text.find(',', begin), text.size());
+    items.emplace_back(without_blanks(text.substr(begin, end - begin)));
+    begin = end + 1;
+  }
+  return items;
+}
+
+std::string joined(const Texts& texts, std::string_view separator) {
+  std::string text;
+  for (const std::string& item : texts)
+    text.append(text.empty() ? "" : separator).append(item);
+  return text;
+}
+
+Setting setting_of(std::string& value) {
+  return setting_with(
+      value, "TEXT", "a text", [](const std::string& text) { return std::optional(text); },
+      [](const std::string& text) { return text; });
+}
+
+Setting setting_of(bool& value) {
+  Setting setting = setting_with(
+      value, "", "true or false",
+      [](const std::string& text) {
+        return text == "true" || text == "false" ? std::optional(text == "true") : std::nullopt;
+      },
+      [](bool is_on) { return is_on ? "true" : "false"; });
+  setting.is_switch = true;
+  setting.is_text = false;
+  return setting;
+}
+
+template <class T>
+Setting setting_of(T& value, Range<T> range) {
+  std::string expected = std::is_integral_v<T> ? "a whole number" : "a number";
+  if (range.high < std::numeric_limits<T>::max() || std::is_integral_v<T>)
+    expected += " from " + number_text(range.low) + " to " + number_text(range.high);
+  Setting setting = setting_with(
+      value, "NUMBER", expected,
+      [range](const std::string& text) { return read_number(text, range); }, number_text<T>);
+  setting.is_text = std::is_same_v<T, std::uint64_t>;  // TOML's whole numbers end at 2^63 - 1.
+  return setting;
+}
+template Setting setting_of(int&, Range<int>);
+template Setting setting_of(std::uint16_t&, Range<std::uint16_t>);
+template Setting setting_of(std::uint32_t&, Range<std::uint32_t>);
+template Setting setting_of(std::uint64_t&, Range<std::uint64_t>);
+template Setting setting_of(double&, Range<double>);
+
+template <>
+Setting setting_of(Duration& value, Range<Duration> range) {
+  return setting_with(
+      value, "TIME", "a time with a unit, such as 800us or 2s" + in_words(range),
+      [range](const std::string& text) { return read_duration(text, range); }, duration_text);
+}
+
+template <>
+Setting setting_of(Priority& value, Range<Priority> range) {
+  const Range<int> numbers{range.low.value(), range.high.value()};
+  Setting setting = setting_with(
+      value, "PRIORITY", "a priority, a whole number from 0 (least urgent) to 32767",
+      [numbers](const std::string& text) -> std::optional<Priority> {
+        const auto number = read_number(text, numbers);
+        return number ? std::optional(Priority{*number}) : std::nullopt;
+      },
+      [](Priority priority) { return number_text(priority.value()); });
+  setting.is_text = false;
+  return setting;
+}
+
+Setting setting_of(std::vector<std::string>& value) {
+  Setting setting;
+  setting.is_list = true;
+  setting.placeholder = "TEXT,TEXT";
+  setting.expected = "a list with commas, without empty items";
+  setting.read = [&value](const Texts& texts) {
+    const bool is_valid = std::ranges::none_of(texts, &std::string::empty);
+    if (is_valid) value = texts;
+    return is_valid;
+  };
+  setting.write = [&value] { return value; };
+  RTPM_ASSERT(texts_of(setting, joined(value)) == value,
+              "a list's default has items that are not empty and hold no comma or outer blank");
+  return setting;
+}
+
+Setting setting_of(std::vector<int>& value) {
+  Setting setting;
+  setting.is_list = true;
+  setting.is_text = false;
+  setting.placeholder = "NUMBER,NUMBER";
+  setting.expected = "a list of numbers from 0 to 1023, with commas";
+  setting.read = [&value](const Texts& texts) {
+    std::vector<int> numbers;
+    for (const std::string& text : texts) {
+      const auto number = read_number(text, kCpus);
+      if (!number) return false;
+      numbers.push_back(*number);
+    }
+    value = std::move(numbers);
+    return true;
+  };
+  setting.write = [&value] {
+    Texts texts;
+    for (const int number : value)
+      texts.push_back(number_text(number));
+    return texts;
+  };
+  return setting;
+}
+
+Setting setting_of(std::optional<Duration>& value, Range<Duration> range) {
+  return setting_with(
+      value, "off|TIME", "off, or a time with a unit, such as 20us" + in_words(range),
+      [range](const std::string& text) {
+        const std::optional<Duration> time = read_duration(text, range);
+        return text == "off" || time ? std::optional(time) : std::nullopt;
+      },
+      [](const std::optional<Duration>& time) { return time ? duration_text(*time) : "off"; });
+}
 
 Setting setting_of_names(std::vector<std::string>& value, std::size_t size_max) {
   Setting setting = setting_of(value);
   setting.placeholder = "NAME,NAME";
   setting.expected = "a list of different names of letters, digits, '.', '_' and '-', of up to " +
                      number_text(size_max) + " bytes each";
-  setting.read = [&value, size_max](std::string_view text) {
-    auto names = read_list(text);
-    if (!names || names->empty()) return false;
-    constexpr const char* kLetters =
-        "abcdefghijklmnopqrstuvwxyz0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ._-";
-    std::vector<std::string> seen;
-    for (const std::string& name : *names) {
-      seen.push_back(folded(name));
-      if (name.size() > size_max || name.find_first_not_of(kLetters) != std::string::npos ||
-          std::find(seen.begin(), seen.end(), seen.back()) != seen.end() - 1) {
-        return false;
-      }
-    }
-    value = std::move(*names);
-    return true;
+  setting.read = [read = setting.read, size_max](const Texts& names) {
+    return are_names(names, size_max) && read(names);
   };
   return setting;
 }
 
-Setting setting_of_choice(const std::vector<std::string>& choices,
-                          std::function<void(std::string_view)> read,
+Setting setting_of_choice(const Texts& choices, std::function<void(const std::string&)> read,
                           std::function<std::string()> write) {
   Setting setting;
   setting.placeholder = joined(choices, "|");
   setting.expected = joined(choices, ", ");
-  if (const std::size_t last = setting.expected.rfind(", "); last != std::string::npos) {
+  if (const std::size_t last = setting.expected.rfind(", "); last != std::string::npos)
     setting.expected.replace(last, 2, " or ");
-  }
-  setting.read = [choices, apply = std::move(read)](std::string_view text) {
-    if (std::find(choices.begin(), choices.end(), text) == choices.end()) return false;
-    apply(text);
+  setting.read = [choices, apply = std::move(read)](const Texts& texts) {
+    if (texts.size() != 1 || std::ranges::find(choices, texts.front()) == choices.end())
+      return false;
+    apply(texts.front());
     return true;
   };
-  setting.write = std::move(write);
-  RTPM_ASSERT(std::find(choices.begin(), choices.end(), setting.write()) != choices.end(),
+  RTPM_ASSERT(std::ranges::find(choices, write()) != choices.end(),
               "the default is one of the choices");
+  setting.write = [write = std::move(write)] { return Texts{write()}; };
   return setting;
-}
-
-std::string nearest(std::string_view word, const std::vector<std::string>& candidates) {
-  // A typing error leaves most letters in place; a more distant candidate would be a guess.
-  std::size_t best = std::max<std::size_t>(1, word.size() / 3) + 1;
-  std::string found;
-  for (const std::string& candidate : candidates) {
-    // The distance costs the product of the lengths, and no key is that long.
-    if (word.size() > 64) break;
-    const std::size_t slips = slip_count(word, candidate);
-    if (slips < best) {
-      best = slips;
-      found = candidate;
-    }
-  }
-  return found;
 }
 
 }  // namespace rtpm::options

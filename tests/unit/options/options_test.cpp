@@ -207,11 +207,11 @@ TEST_F(OptionsTest, TakesEveryKindFromTheEnvironment) {
 TEST_F(OptionsTest, TakesEveryKindFromAFile) {
   const std::string path = file_with(
       "# of the laboratory\r\n"
-      "host=10.0.0.1   # the arm's own net\r\n"
+      "host='10.0.0.1'   # the arm's own net\r\n"
       "\n"
-      "  port = 1\nseed = 18446744073709551615\noffset = -3\ngain = \"0.25\"\nverbose = true\n"
-      "period = 800us\npriority = 32767\ncases = a, b ,c\nformat = json\nrealtime = require\n"
-      "wait = spin\nspin = 20 us\nregistry = rtpm://h:1/n");
+      "  port = 1\nseed = \"18446744073709551615\"\noffset = -3\ngain = 0.25\nverbose = true\n"
+      "period = '800us'\npriority = 32767\ncases = ['a', 'b' ,'c']\nformat = 'json'\n"
+      "realtime = 'require'\nwait = 'spin'\nspin = '20 us'\nregistry = 'rtpm://h:1/n'");
   const Outcome outcome = parse({"--config", path});
   EXPECT_EQ(outcome.exit_code, std::nullopt) << outcome.err;
   EXPECT_EQ(values_, changed_values());
@@ -267,27 +267,46 @@ TEST_F(OptionsTest, NamesAnUnknownFlagAndTheNearestKnown) {
 }
 
 TEST_F(OptionsTest, NamesAnUnknownKeyWithItsLine) {
-  const std::string path = file_with("port = 1\n\nperoid = 1ms\n");
-  expect_error({"--config", path}, {path + ":3: unknown key 'peroid'", "did you mean 'period'?"});
-  file_with("config = other\n");
-  expect_error({"--config", path}, {path + ":1: unknown key 'config'"});
+  const std::string path = file_with("port = 1\n\nperoid = '1ms'\n");
+  expect_error({"--config", path},
+               {path + ":3:", "unknown key 'peroid'", "did you mean 'period'?"});
+  file_with("config = 'other'\n");
+  expect_error({"--config", path}, {path + ":1:", "unknown key 'config'"});
+  file_with("[port]\nlow = 1\n");
+  expect_error({"--config", path}, {path + ":1:", "port is a table"});
+  file_with("[lab]\nlow = 1\n");
+  expect_error({"--config", path}, {path + ":1:", "unknown key 'lab'"});
 }
 
 TEST_F(OptionsTest, NamesWhatIsWrongWithALineOfTheFile) {
   const std::string path = file_with("port\n");
-  expect_error({"--config", path}, {path + ":1: 'port' is not 'key = value'"});
-  file_with("= 1\n");
-  expect_error({"--config", path}, {":1: ", "is not 'key = value'"});
+  expect_error({"--config", path}, {path + ":1:5: "});
   file_with("port = 1\nport = 1\n");
-  expect_error({"--config", path}, {":2: key 'port' is given twice"});
+  expect_error({"--config", path}, {path + ":2:", "port"});
   file_with("host = \"a\n");
-  expect_error({"--config", path}, {":1: ", "no closing quote"});
-  file_with("host = \"a\" b\n");
-  expect_error({"--config", path}, {":1: ", "after the closing quote"});
-  file_with("host = \"\\q\"\n");
-  expect_error({"--config", path}, {":1: ", "after a backslash"});
-  file_with("port = abc\n");
-  expect_error({"--config", path}, {":1: port 'abc' is not a whole number from 0 to 65535"});
+  expect_error({"--config", path}, {path + ":1:", "string"});
+  file_with("port = 'abc'\n");
+  expect_error({"--config", path}, {":1:8: port 'abc' is not a whole number from 0 to 65535"});
+  file_with("port = 2.5\n");
+  expect_error({"--config", path}, {":1:8: port '2.5' is not a whole number"});
+  file_with("port = [1, 2]\n");
+  expect_error({"--config", path}, {":1:8: port '1,2' is not a whole number"});
+  file_with("cases = [['a']]\n");
+  expect_error({"--config", path}, {":1:10: cases is a list of tables or lists"});
+  file_with("port." + std::string(200'000, '.') + "= 1");
+  expect_error({"--config", path}, {path + ": its tables nest too deeply"});
+}
+
+// A laboratory's file has the keys of its programs, each in a table of its own.
+TEST_F(OptionsTest, ReadsItsTableOfALaboratorysFile) {
+  const std::string path = file_with(
+      "[[program]]\nname = 'other'\nconfig.port = 1\n"
+      "[[program]]\nname = 'mine'\n[program.config]\nport = 2\n");
+  EXPECT_EQ(parse({"--config", path + "#mine"}).exit_code, std::nullopt);
+  EXPECT_EQ(values_.port, 2);
+  expect_error({"--config", path + "#nobody"}, {path, "no [[program]] has the name 'nobody'"});
+  file_with("[[program]]\nname = 'mine'\nconfig.prot = 2\n");
+  expect_error({"--config", path + "#mine"}, {path + ":3:15: unknown key 'prot'"});
 }
 
 TEST_F(OptionsTest, NamesAFileThatCannotBeRead) {
@@ -386,7 +405,7 @@ TEST_F(OptionsTest, TakesASecretFromEnvironmentAndFileAndNeverPrintsIt) {
   EXPECT_EQ(with_secret({"--config", file_with(dumped)}).exit_code, std::nullopt);
   EXPECT_EQ(secret, "of-the-environment") << "the dump leaves it as it is";
   unsetenv("RTPM_TEST_PASSWORD");
-  const std::string file = file_with("password = of-the-file\n");
+  const std::string file = file_with("password = 'of-the-file'\n");
   EXPECT_EQ(with_secret({"--config", file}).exit_code, std::nullopt);
   EXPECT_EQ(secret, "of-the-file");
   EXPECT_EQ(with_secret({"--config", file, "--dump-config"}).out.find("of-the-file"),
@@ -407,91 +426,27 @@ TEST_F(OptionsTest, DumpsWhatIsInForceAndWhereItComesFrom) {
   const Outcome dump = parse({"--port", "9", "--dump-config", "--config", path});
   EXPECT_EQ(dump.exit_code, 0);
   for (const char* const part : {"(--port)\nport = 9\n", "(RTPM_TEST_GAIN)\ngain = 0.75\n",
-                                 "(default)\nhost = 127.0.0.1\n"}) {
+                                 "(default)\nhost = \"127.0.0.1\"\n"}) {
     EXPECT_NE(dump.out.find(part), std::string::npos) << part << " in:\n" << dump.out;
   }
-  EXPECT_NE(dump.out.find("(" + path + ":1)\noffset = 2\n"), std::string::npos) << dump.out;
+  EXPECT_NE(dump.out.find("(" + path + ":1:10)\noffset = 2\n"), std::string::npos) << dump.out;
 }
 
 TEST_F(OptionsTest, PrintsHelpAndVersion) {
-  for (const char* const flag : {"--help", "-h"}) {
+  for (const char* const flag : {"--help", "-h", "--help-all"}) {
     const Outcome help = parse({flag});
     EXPECT_EQ(help.exit_code, 0);
     EXPECT_EQ(help.err, "");
-    for (const char* const part :
-         {"rtpm-test: tries options", "--port NUMBER", "Port to serve [7420]", "--verbose ",
-          "--realtime prefer|require|off", "--wait adaptive|periodic|block|spin",
-          "--dump-config"}) {
+    for (const char* const part : {"rtpm-test: tries options", "--port NUMBER",
+                                   "Port to serve [7420]", "--verbose ", "--dump-config"})
       EXPECT_NE(help.out.find(part), std::string::npos) << part << " in:\n" << help.out;
-    }
+    const bool is_all = help.out.find("--realtime prefer|require|off") != std::string::npos;
+    EXPECT_EQ(is_all, flag == std::string("--help-all")) << help.out;
   }
   const Outcome version = parse({"--version"});
   EXPECT_EQ(version.exit_code, 0);
   EXPECT_TRUE(version.out.starts_with("rtpm-test ")) << version.out;
   EXPECT_GT(version.out.size(), std::string("rtpm-test \n").size()) << version.out;
-}
-
-TEST_F(OptionsTest, TakesPositionalsInOrderAndTheRestAsAList) {
-  std::string command;
-  std::vector<std::string> cases{"default"};
-  const auto add_more = [&](Options& options) {
-    options.add_positional("COMMAND", command, "What to do", Presence::kRequired);
-    options.add_positional("CASE", cases, "With what");
-  };
-  Outcome outcome =
-      parse_into(values_, {"run", "--port", "4", "a,b", "-1", "--", "--port"}, add_more);
-  EXPECT_EQ(outcome.exit_code, std::nullopt) << outcome.err;
-  EXPECT_EQ(command, "run");
-  EXPECT_EQ(cases, (std::vector<std::string>{"a,b", "-1", "--port"}));
-  EXPECT_EQ(values_.port, 4);
-
-  cases = {"default"};
-  EXPECT_EQ(parse_into(values_, {"list"}, add_more).exit_code, std::nullopt);
-  EXPECT_EQ(cases, std::vector<std::string>{"default"});
-
-  outcome = parse_into(values_, {}, add_more);
-  EXPECT_EQ(outcome.exit_code, 2);
-  EXPECT_NE(outcome.err.find("the argument COMMAND is missing"), std::string::npos) << outcome.err;
-  EXPECT_NE(parse_into(values_, {"--help"}, add_more).out.find("COMMAND [CASE...]"),
-            std::string::npos);
-}
-
-TEST_F(OptionsTest, ListsVerbsAndExplainsEachInItsHelp) {
-  std::string verb;
-  std::vector<std::string> arguments;
-  const auto add_verbs = [&](Options& options) {
-    options.add_positional("VERB", verb, "What to do", Presence::kRequired);
-    options.add_positional("ARGUMENTS", arguments, "With what");
-    options.add_verb("list", "[TARGET]", "List what there is");
-    options.add_verb("call", "TARGET METHOD", "Call a method", "TARGET is a name.\n");
-  };
-  const Outcome help = parse_into(values_, {"--help"}, add_verbs);
-  EXPECT_EQ(help.exit_code, 0);
-  EXPECT_NE(help.out.find("\n  list [TARGET]                   List what there is\n"
-                          "  call TARGET METHOD              Call a method\n"),
-            std::string::npos)
-      << help.out;
-  for (const std::vector<std::string>& line : {std::vector<std::string>{"call", "--help"},
-                                               {"-h", "call"},
-                                               {"--port", "4", "call", "-h"}}) {
-    const Outcome one = parse_into(values_, line, add_verbs);
-    EXPECT_EQ(one.exit_code, 0);
-    for (const char* const part :
-         {"rtpm-test call: Call a method\n", "Usage: rtpm-test call TARGET METHOD [options]\n",
-          "TARGET is a name.\n", "--port NUMBER"}) {
-      EXPECT_NE(one.out.find(part), std::string::npos) << part << " in:\n" << one.out;
-    }
-    EXPECT_EQ(one.out.find("list"), std::string::npos) << one.out;
-  }
-  EXPECT_EQ(parse_into(values_, {"list", "a"}, add_verbs).exit_code, std::nullopt);
-  EXPECT_EQ(verb, "list");
-  for (const std::vector<std::string>& line :
-       {std::vector<std::string>{"cal"}, {"cal", "--help"}}) {
-    const Outcome unknown = parse_into(values_, line, add_verbs);
-    EXPECT_EQ(unknown.exit_code, 2);
-    EXPECT_NE(unknown.err.find("unknown verb 'cal' (did you mean 'call'?)"), std::string::npos)
-        << unknown.err;
-  }
 }
 
 TEST_F(OptionsTest, RefusesAnUnexpectedArgument) {
@@ -524,11 +479,14 @@ class Members : public OptionsTest {
   std::optional<int> take(const std::vector<std::string>& arguments) {
     Values values;
     const auto outcome = parse_into(values, arguments, [this](Options& options) {
-      options.add_group("members", names_, "Each with a rate", 64,
+      options.add_group("members", "member", names_, "Each with a rate", 64,
                         [this, &options](const std::vector<std::string>& names) {
                           rates_.assign(names.size(), 0);
-                          for (std::size_t i = 0; i < names.size(); ++i)
-                            options.add("member-" + names[i] + "-rate", rates_[i], "Its rate");
+                          for (std::size_t i = 0; i < names.size(); ++i) {
+                            const auto scope =
+                                Options::Scope::of_member(options, "member", names[i]);
+                            options.add("rate", rates_[i], "Its rate");
+                          }
                         });
     });
     err_ = outcome.err;
@@ -541,7 +499,7 @@ class Members : public OptionsTest {
 
 TEST_F(Members, HaveTheNamesThatRegistriesTake) {
   set_variable("RTPM_TEST_MEMBER_LEFT_ARM_2_RATE", "7");
-  const std::string file = file_with("member-Hand-rate = 5\n");
+  const std::string file = file_with("[member.Hand]\nrate = 5\n");
   EXPECT_FALSE(
       take({"--members", "Left_Arm.2,Hand,x-1", "--config", file, "--member-x-1-rate", "9"}))
       << err_;
@@ -554,6 +512,15 @@ TEST_F(Members, HaveTheNamesThatRegistriesTake) {
     EXPECT_EQ(take({"--members", names}), 2) << names;
     EXPECT_NE(err_.find("letters, digits, '.', '_' and '-'"), std::string::npos) << err_;
   }
+}
+
+TEST_F(Members, AreThoseWithATableOfTheFileWhereNoneAreNamed) {
+  const std::string file = file_with("[member.two]\n[member.\"one.a\"]\nrate = 5\n");
+  EXPECT_FALSE(take({"--config", file})) << err_;
+  EXPECT_EQ(names_, (std::vector<std::string>{"one", "two", "one.a"}));
+  EXPECT_EQ(rates_, (std::vector<std::uint32_t>{0, 0, 5}));
+  EXPECT_EQ(take({"--config", file, "--members", "two"}), 2);
+  EXPECT_NE(err_.find("unknown key 'member.\"one.a\"'"), std::string::npos) << err_;
 }
 
 }  // namespace

@@ -209,7 +209,7 @@ TEST_F(ServerOptions, AddLanesOfTheUser) {
 
 TEST_F(ServerOptions, TakeLanesFromFileEnvironmentAndFlagsByRank) {
   const std::string file =
-      file_with("lanes = one, two\nlane-two-low = 100\nlane-one-threads = 2\n");
+      file_with("lanes = ['one', 'two']\n[lane.two]\nlow = 100\n[lane.one]\nthreads = 2\n");
   EXPECT_FALSE(parse({"--config", file, "--lane-two-threads", "3"})) << err_;
   ASSERT_EQ(settings_.server.lanes.size(), 2u);
   EXPECT_EQ(lane(0).name, "lane-one");
@@ -274,9 +274,9 @@ TEST_F(ServerOptions, RoundTripThroughTheDump) {
 
 TEST_F(ServerOptions, NameWhatIsWrong) {
   expect_error({"--lane-haptik-low", "5"}, "did you mean '--lane-haptic-low'?");
-  expect_error({"--config", file_with("lane-haptic-lwo = 5\n")}, "did you mean 'lane-haptic-low'?");
-  expect_error({"--config", file_with("lanes = rest\nlane-haptic-low = 5\n")},
-               "unknown key 'lane-haptic-low'");
+  expect_error({"--config", file_with("lane.haptic.lwo = 5\n")}, "did you mean 'lane.haptic.low'?");
+  expect_error({"--config", file_with("lanes = ['rest']\nlane.haptic.low = 5\n")},
+               "unknown key 'lane.haptic'");
   expect_error({"--lanes", "rest,rest"}, "is not a list of different names");
   expect_error({"--lanes", "a-b,A_b"}, "is not a list of different names");
   expect_error({"--lanes", "a/b"}, "is not a list of different names");
@@ -291,6 +291,8 @@ TEST_F(ServerOptions, NameWhatIsWrong) {
 
 TEST_F(ServerOptions, ListTheLanesInTheHelp) {
   EXPECT_EQ(parse({"--help"}), 0);
+  EXPECT_EQ(out_.find("--lane-haptic-low"), out_.npos) << out_;
+  EXPECT_EQ(parse({"--help-all"}), 0);
   for (const char* part : {"--lanes NAME,NAME", "[rest,haptic]", "--lane-haptic-low PRIORITY",
                            "--cpu-latency off|TIME", "[off]"}) {
     EXPECT_NE(out_.find(part), out_.npos) << part << " is not in\n" << out_;
