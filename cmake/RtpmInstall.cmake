@@ -2,6 +2,7 @@
 # schemas, the programs, the CMake package, pkg-config files, a Debian package. Two components:
 # `development` (all that another project builds with) and `programs`.
 include(GNUInstallDirs)
+include(RtpmPublicHeaders)
 include(CMakePackageConfigHelpers)
 
 set(RTPM_INSTALL_CMAKE_DIR "${CMAKE_INSTALL_LIBDIR}/cmake/rtpm")
@@ -34,7 +35,12 @@ function(rtpm_install_library target)
     string(APPEND include_folder "/rtpm/idl")
     install(FILES ${A_HEADERS} DESTINATION "${include_folder}" COMPONENT development OPTIONAL)
   else()
-    install(DIRECTORY "${A_INCLUDE}/" DESTINATION "${include_folder}" COMPONENT development)
+    foreach(header IN LISTS RTPM_PUBLIC_HEADERS)
+      if(EXISTS "${A_INCLUDE}/${header}")
+        cmake_path(GET header PARENT_PATH folder)
+        install(FILES "${A_INCLUDE}/${header}" DESTINATION "${include_folder}/${folder}" COMPONENT development)
+      endif()
+    endforeach()
   endif()
   # rtpm_names_idl becomes rtpm-names-idl.pc.
   set(requires "")
