@@ -13,7 +13,7 @@ std::string_view flight_file_kind() noexcept {
 
 expected<void, SetupError> write_flight(const std::string& path, const std::string& device,
                                         const gvd::FlightLog& log) {
-  return capture::write_flight_file(path, device, log, capture::Existing::kReplace);
+  return capture::write_flight_file(path, device, log, recording::Existing::kReplace);
 }
 
 }  // namespace rtpm::deviced

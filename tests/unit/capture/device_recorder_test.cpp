@@ -6,7 +6,6 @@
 #include "../recording/recorded.hpp"
 #include "event_recorder.hpp"
 #include "rtpm/capture/channels.hpp"
-#include "rtpm/capture/command_recorder.hpp"
 #include "rtpm/gvd/device_event.hpp"
 #include "rtpm/gvd/server.hpp"
 #include "rtpm/gvd/wire.hpp"

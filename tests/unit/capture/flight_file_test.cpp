@@ -125,14 +125,15 @@ TEST_F(FlightFile, ReplacesAnotherOnlyOnRequest) {
   EXPECT_NE(refused.error().text().find("exists"), std::string::npos) << refused.error().text();
   EXPECT_EQ(recording::content_of(file_), "mine");
   recording::put_content(file_ + ".part", "of a program that died");
-  ASSERT_TRUE(write_flight_file(file_, "lab/arm0", log_, Existing::kReplace));
+  ASSERT_TRUE(write_flight_file(file_, "lab/arm0", log_, recording::Existing::kReplace));
   EXPECT_TRUE(recording::FileReader::open(file_));
   EXPECT_FALSE(std::filesystem::exists(file_ + ".part"));
 }
 
 TEST_F(FlightFile, ThatCantBeWrittenIsAnError) {
   const std::string file = file_ + "/none/flight.mcap";
-  for (const Existing existing : {Existing::kRefuse, Existing::kReplace}) {
+  for (const recording::Existing existing :
+       {recording::Existing::kRefuse, recording::Existing::kReplace}) {
     const auto failed = write_flight_file(file, "lab/arm0", log_, existing);
     ASSERT_FALSE(failed);
     EXPECT_NE(failed.error().text().find("none/flight.mcap"), std::string::npos);

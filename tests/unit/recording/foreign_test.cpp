@@ -210,6 +210,7 @@ TEST_F(Foreign, StatedTimesAreNotTrusted) {
   const std::string early = chunk(1, 9, channel(1, 0, "a") + message(1, 0, 5, "x"));
   const std::string late = chunk(10, 20, message(1, 1, 3, "y") + message(1, 2, 30, "z"));
   const std::string summary =
+      channel(1, 0, "a") +
       statistics({.messages = 3, .channels = 1, .chunks = 2}, 3, 30, {{1, 3}}) +
       chunk_index(1, 9, header().size(), early.size(), {{1, 0}}) +
       chunk_index(10, 20, header().size() + early.size(), late.size(), {{1, 0}});

@@ -97,11 +97,18 @@ TEST_F(PlayerTest, TakesNoCommandWhileTheRecordedDeviceWasNotActive) {
   }));
 }
 
+TEST_F(PlayerTest, EndsTheLeaseOfADeviceThatIsGone) {
+  play({.is_stepped = true, .farewell = seconds{20}});
+  gvd::DeviceClient client = open();
+  ASSERT_TRUE(client.acquire());
+  for (int i = 0; i < 21; ++i)
+    ASSERT_TRUE(client.read());
+  EXPECT_TRUE(await([&] { return *client.lease_state() == gvd::LeaseState::kDeviceLost; }));
+}
+
 TEST_F(PlayerTest, EndsWithItsDevicesGone) {
   play({.speed = 10, .farewell = seconds{20}});
   gvd::DeviceClient client = open();
-  ASSERT_TRUE(client.acquire());
-  EXPECT_TRUE(await([&] { return *client.lease_state() == gvd::LeaseState::kDeviceLost; }));
   EXPECT_TRUE(await([&] {
     const auto sample = client.read();
     return sample && sample->lifecycle == driver::Lifecycle::kFault &&

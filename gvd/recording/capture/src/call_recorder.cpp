@@ -2,15 +2,17 @@
 
 #include <atomic>
 #include <chrono>
+#include <introspection.rtpm.events.hpp>
 #include <introspection.rtpm.hpp>
 #include <map>
 #include <mutex>
 #include <span>
 #include <utility>
 
-#include "call_channels.hpp"
+#include "flatbuffer_channel.hpp"
 #include "rtpm/base/assert.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/dynamic/remote_object.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
@@ -24,6 +26,7 @@ namespace {
 using introspection::TapBatch;
 using introspection::TapClient;
 using introspection::TappedCall;
+using introspection::TapStage;
 using TapStream = rpc::TableStream<TapBatch>;
 
 constexpr Duration kLookInterval = std::chrono::milliseconds{100};
@@ -32,6 +35,157 @@ constexpr Duration kRestTime = std::chrono::milliseconds{30};
 constexpr Duration kNoteInterval = std::chrono::seconds{1};
 /// A payload with its table around it must fit a message of the recorder.
 constexpr std::size_t kTableByteMax = 1024;
+
+/// Times of a call, converted to the recording's clock.
+struct CallTimes {
+  std::uint64_t received_ns = 0;
+  std::uint64_t finished_ns = 0;
+  std::uint64_t log_ns = 0;
+};
+
+/// The channels of an object's calls.
+/// @threads  one
+class CallChannels {
+ public:
+  CallChannels(recording::Recorder& recorder, recording::Recorder::Track& track, std::string path,
+               std::unique_ptr<dynamic::RemoteObject> object) noexcept
+      : recorder_(recorder), track_(track), path_(std::move(path)), object_(std::move(object)) {}
+
+  /// Adds the channel of how calls went.
+  /// @errors  an error of the file
+  [[nodiscard]] expected<void, SetupError> open();
+  /// Records a tap's report of a call. Returns the number of payloads that did not match their
+  /// schema.
+  int record(const TappedCall& call, ConstBytes request, ConstBytes reply, const CallTimes& times);
+
+ private:
+  enum class Part : std::uint8_t { kRequest, kResponse };
+  [[nodiscard]] const schema::Method* method_of(std::uint16_t id) const noexcept;
+  /// Finds or adds the channel of a method's part; nullopt if the file takes no more channels.
+  [[nodiscard]] std::optional<std::uint16_t> channel_of(const schema::Method& method, Part part);
+  /// Records a payload; false if it does not match its schema.
+  bool record_payload(const schema::Method& method, Part part, ConstBytes payload,
+                      recording::Message message);
+  void record_end(const TappedCall& call, const schema::Method* method, const CallTimes& times);
+
+  recording::Recorder& recorder_;
+  recording::Recorder::Track& track_;
+  std::string path_;
+  std::unique_ptr<dynamic::RemoteObject> object_;
+  std::uint16_t record_channel_ = 0;
+  std::map<std::pair<std::uint16_t, Part>, std::uint16_t> channels_{};
+  flatbuffers::FlatBufferBuilder builder_{};
+};
+
+ConstBytes finished(const flatbuffers::FlatBufferBuilder& builder) {
+  return std::as_bytes(std::span(builder.GetBufferPointer(), builder.GetSize()));
+}
+
+std::vector<std::byte> empty_table() {
+  flatbuffers::FlatBufferBuilder builder;
+  const auto begin = builder.StartTable();
+  builder.Finish(flatbuffers::Offset<flatbuffers::Table>(builder.EndTable(begin)));
+  const ConstBytes bytes = finished(builder);
+  return {bytes.begin(), bytes.end()};
+}
+
+expected<void, SetupError> CallChannels::open() {
+  const events::EventDescriptor& type = introspection::CallRecordEvent::kDescriptor;
+  std::string error;
+  const auto dynamic = schema::Dynamic::make_for_event(std::string(type.schema), type.name, error);
+  if (!dynamic) return setup_error("the schema of " + std::string(type.name), error);
+  const auto number =
+      add_flatbuffer_channel(recorder_, *dynamic, std::string(type.name), path_ + "/calls",
+                             {{"rtpm.kind", "calls"},
+                              {"rtpm.object", path_},
+                              {"rtpm.interface", object_->dynamic().service().name}});
+  if (!number) return unexpected{number.error()};
+  record_channel_ = *number;
+  return {};
+}
+
+const schema::Method* CallChannels::method_of(std::uint16_t id) const noexcept {
+  for (const schema::Method& method : object_->dynamic().service().methods) {
+    if (method.id == id) return &method;
+  }
+  return nullptr;
+}
+
+std::optional<std::uint16_t> CallChannels::channel_of(const schema::Method& method, Part part) {
+  if (const auto known = channels_.find({method.id, part}); known != channels_.end()) {
+    return known->second;
+  }
+  schema::Dynamic& dynamic = object_->dynamic();
+  const schema::Payload& payload = part == Part::kRequest ? method.request : method.reply;
+  const char* const name = part == Part::kRequest ? "request" : "response";
+  const auto number =
+      add_flatbuffer_channel(recorder_, dynamic, dynamic.model().objects[payload.table].name,
+                             path_ + "/" + method.name + "/" + name,
+                             {{"rtpm.kind", "call"},
+                              {"rtpm.part", name},
+                              {"rtpm.object", path_},
+                              {"rtpm.interface", dynamic.service().name},
+                              {"rtpm.method", method.name},
+                              {"rtpm.method_id", std::to_string(method.id)}});
+  if (!number) return std::nullopt;
+  channels_[{method.id, part}] = *number;
+  return *number;
+}
+
+bool CallChannels::record_payload(const schema::Method& method, Part part, ConstBytes payload,
+                                  recording::Message message) {
+  const schema::Payload& type = part == Part::kRequest ? method.request : method.reply;
+  const auto table = type.kind == schema::PayloadKind::kEmpty
+                         ? std::optional(empty_table())
+                         : object_->dynamic().as_table(type, payload);
+  if (!table) return false;
+  const auto channel = channel_of(method, part);
+  if (!channel) return true;
+  message.channel_id = *channel;
+  message.data = *table;
+  static_cast<void>(track_.put(message));
+  return true;
+}
+
+int CallChannels::record(const TappedCall& call, ConstBytes request, ConstBytes reply,
+                         const CallTimes& times) {
+  const schema::Method* const method = method_of(call.method());
+  const TapStage stage = call.stage();
+  const bool is_end = stage == TapStage::Whole || stage == TapStage::Ended;
+  int unreadable_count = 0;
+  recording::Message message{.sequence = static_cast<std::uint32_t>(call.number()),
+                             .log_time_ns = times.log_ns};
+  if (method != nullptr && call.has_request() &&
+      (stage == TapStage::Whole || stage == TapStage::Begun)) {
+    message.publish_time_ns = times.received_ns;
+    if (!record_payload(*method, Part::kRequest, request, message)) ++unreadable_count;
+  }
+  // The end of a stream has no content.
+  const bool has_response = call.has_reply() && call.status() == introspection::CallStatus::ok &&
+                            (stage == TapStage::Item || is_end) &&
+                            !(method != nullptr && method->is_stream && is_end);
+  if (method != nullptr && has_response) {
+    message.publish_time_ns = times.finished_ns;
+    if (!record_payload(*method, Part::kResponse, reply, message)) ++unreadable_count;
+  }
+  if (is_end) record_end(call, method, times);
+  return unreadable_count;
+}
+
+void CallChannels::record_end(const TappedCall& call, const schema::Method* method,
+                              const CallTimes& times) {
+  builder_.Clear();
+  const auto name = method == nullptr ? 0 : builder_.CreateString(method->name);
+  builder_.Finish(introspection::CreateCallRecord(
+      builder_, call.number(), name, call.method(), call.status(), call.priority(), call.session(),
+      call.trace_id(), call.finished_ns() - call.received_ns(), call.request_size(),
+      call.reply_size()));
+  static_cast<void>(track_.put({.channel_id = record_channel_,
+                                .sequence = static_cast<std::uint32_t>(call.number()),
+                                .log_time_ns = times.log_ns,
+                                .publish_time_ns = times.finished_ns,
+                                .data = finished(builder_)}));
+}
 
 /// Binds the tap of the server, or says why it can't be.
 expected<TapClient, SetupError> bind_tap(rpc::Node& node, const std::string& server) {
@@ -95,9 +249,9 @@ expected<void, SetupError> CallRecorder::Impl::open(rpc::Node& node,
     server = "rtpm://" + parts->authority();
     auto object = dynamic::RemoteObject::open(node, url);
     if (!object) return unexpected{std::move(object.error())};
-    auto channels = CallChannels::create(recorder, track, parts->path, std::move(*object));
-    if (!channels) return unexpected{std::move(channels.error())};
-    objects[parts->path] = std::move(*channels);
+    auto& channels = objects[parts->path];
+    channels = std::make_unique<CallChannels>(recorder, track, parts->path, std::move(*object));
+    if (auto opened = channels->open(); !opened) return opened;
     auto wanted = std::make_unique<introspection::TappedObjectT>();
     wanted->path = parts->path;
     request.objects.push_back(std::move(wanted));
@@ -195,8 +349,7 @@ void CallRecorder::Impl::take_call(const TappedCall& call, ConstBytes& payloads)
                         .finished_ns = log_time(call.finished_ns()),
                         .log_ns = recorder.log_time_ns(rt::now())};
   const int unreadable_count = object->record(call, request, reply, times);
-  const bool is_end = call.stage() == introspection::TapStage::Whole ||
-                      call.stage() == introspection::TapStage::Ended;
+  const bool is_end = call.stage() == TapStage::Whole || call.stage() == TapStage::Ended;
   const std::lock_guard lock(mutex);
   status.call_count += is_end ? 1 : 0;
   status.unreadable_count += static_cast<std::uint64_t>(unreadable_count);

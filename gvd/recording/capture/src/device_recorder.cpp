@@ -1,23 +1,62 @@
 #include "rtpm/capture/device_recorder.hpp"
 
+#include <cstring>
 #include <device.rtpm.hpp>
 #include <device_events.rtpm.events.hpp>
-#include <optional>
+#include <mutex>
+#include <span>
 #include <utility>
 #include <vector>
 
-#include "device_schemas.hpp"
+#include "flatbuffer_channel.hpp"
+#include "rtpm/base/assert.hpp"
 #include "rtpm/capture/channels.hpp"
-#include "rtpm/capture/event_schemas.hpp"
 #include "rtpm/gvd/device_event.hpp"
 #include "rtpm/gvd/poller.hpp"
 #include "rtpm/gvd/wire.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
 
 namespace rtpm::capture {
 namespace {
 
 using Sampled = device::SampledEvent;
+
+ConstBytes bytes_of(const flatbuffers::FlatBufferBuilder& builder) {
+  return std::as_bytes(std::span(builder.GetBufferPointer(), builder.GetSize()));
+}
+
+/// Adds the channel "lab/arm0/`leaf`", whose messages are tables `type` of device.fbs.
+expected<std::uint16_t, SetupError> add_device_channel(recording::Recorder& recorder,
+                                                       const std::string& device, const char* kind,
+                                                       const char* leaf, const char* type) {
+  const rpc::InterfaceDescriptor& interface = device::DeviceClient::interface();
+  std::string error;
+  const auto dynamic = schema::Dynamic::make(std::string(interface.schema), interface.name, error);
+  RTPM_ASSERT(dynamic != nullptr, "generated code has a schema that can be read");
+  return add_flatbuffer_channel(recorder, *dynamic, type, device + "/" + leaf,
+                                {{kKindKey, kind},
+                                 {kDeviceKey, device},
+                                 {kSourceKey, std::to_string(gvd::source_of(device))},
+                                 {kSchemaIdKey, std::to_string(interface.fingerprint)}});
+}
+
+expected<std::uint16_t, SetupError> add_samples_channel(recording::Recorder& recorder,
+                                                        const std::string& device) {
+  const events::EventDescriptor& type = Sampled::kDescriptor;
+  std::string error;
+  const auto dynamic = schema::Dynamic::make_for_event(std::string(type.schema), type.name, error);
+  RTPM_ASSERT(dynamic != nullptr, "generated code has a schema that can be read");
+  return add_flatbuffer_channel(recorder, *dynamic, std::string(type.name),
+                                device_topic(device, type.name),
+                                {{kKindKey, kSampleKind},
+                                 {kDeviceKey, device},
+                                 {kTypeKey, std::to_string(Sampled::kType)},
+                                 {kNameKey, std::string(type.name)},
+                                 {kSourceKey, std::to_string(gvd::source_of(device))},
+                                 {kSchemaIdKey, std::to_string(Sampled::kSchemaId)},
+                                 {kStructSizeKey, std::to_string(sizeof(device::Sample))}});
+}
 
 /// Records the samples of one device, on its poller's thread.
 class Samples final : public gvd::SampleSink {
@@ -27,23 +66,17 @@ class Samples final : public gvd::SampleSink {
 
   void push(const driver::Sample& sample) override {
     const device::Sample wire = gvd::to_wire(sample);
-    const auto table = table_of(wire);
+    flatbuffers::FlatBufferBuilder builder;
+    builder.Finish(device::CreateSampled(builder, &wire));
     const std::uint64_t now_ns = recorder_.log_time_ns(rt::now());
     static_cast<void>(track_.put({.channel_id = channel_,
                                   .sequence = static_cast<std::uint32_t>(sample.sequence),
                                   .log_time_ns = now_ns,
                                   .publish_time_ns = now_ns,
-                                  .data = table}));
+                                  .data = bytes_of(builder)}));
   }
 
  private:
-  [[nodiscard]] static std::vector<std::byte> table_of(const device::Sample& sample) {
-    flatbuffers::FlatBufferBuilder builder;
-    builder.Finish(device::CreateSampled(builder, &sample));
-    const auto bytes = std::as_bytes(std::span(builder.GetBufferPointer(), builder.GetSize()));
-    return {bytes.begin(), bytes.end()};
-  }
-
   recording::Recorder& recorder_;
   recording::Recorder::Track& track_;
   std::uint16_t channel_;
@@ -62,9 +95,8 @@ struct DeviceRecorder::Impl {
       : node(bound), recorder(given), track(given.add_track()) {}
 
   expected<void, SetupError> put_description(const std::string& name, ConstBytes bytes) {
-    const auto channel = add_device_channel(
-        recorder, name,
-        {.kind = kDescriptionKind, .leaf = "description", .type = "rtpm.device.Description"});
+    const auto channel = add_device_channel(recorder, name, kDescriptionKind, "description",
+                                            "rtpm.device.Description");
     if (!channel) return unexpected{channel.error()};
     const std::uint64_t now_ns = recorder.log_time_ns(rt::now());
     if (!track.put({.channel_id = *channel,
@@ -78,31 +110,9 @@ struct DeviceRecorder::Impl {
     return {};
   }
 
-  expected<std::uint16_t, SetupError> add_samples(const std::string& name) {
-    const schema::Dynamic* const dynamic = schemas.find(&Sampled::kDescriptor);
-    RTPM_ASSERT(dynamic != nullptr, "generated code has a schema that can be read");
-    const auto bytes = dynamic->reflection();
-    const auto schema = recorder.add_schema({.name = std::string(Sampled::kDescriptor.name),
-                                             .encoding = "flatbuffer",
-                                             .data = {bytes.begin(), bytes.end()}});
-    if (!schema) return unexpected{schema.error()};
-    return recorder.add_channel(
-        {.schema_id = *schema,
-         .topic = device_topic(name, Sampled::kDescriptor.name),
-         .message_encoding = "flatbuffer",
-         .metadata = {{kKindKey, kSampleKind},
-                      {kDeviceKey, name},
-                      {kTypeKey, std::to_string(Sampled::kType)},
-                      {kNameKey, std::string(Sampled::kDescriptor.name)},
-                      {kSourceKey, std::to_string(gvd::source_of(name))},
-                      {kSchemaIdKey, std::to_string(Sampled::kSchemaId)},
-                      {kStructSizeKey, std::to_string(sizeof(device::Sample))}}});
-  }
-
   rpc::Node& node;
   recording::Recorder& recorder;
   recording::Recorder::Track& track;
-  EventSchemas schemas{};
   std::vector<Polled> polled{};
 };
 
@@ -122,7 +132,7 @@ expected<void, SetupError> DeviceRecorder::describe(const std::string& name) {
 
 expected<void, SetupError> DeviceRecorder::poll(const std::string& name, double rate_hz) {
   if (auto described = describe(name); !described) return described;
-  const auto channel = impl_->add_samples(name);
+  const auto channel = add_samples_channel(impl_->recorder, name);
   if (!channel) return unexpected{channel.error()};
   auto sink = std::make_unique<Samples>(impl_->recorder, *channel);
   gvd::DevicePollerConfig config{.rate_hz = rate_hz};
@@ -144,6 +154,54 @@ std::map<std::string, std::uint64_t> DeviceRecorder::failed_counts() const {
     if (count > 0) counts[polled.name] = count;
   }
   return counts;
+}
+
+struct CommandRecorder::Impl {
+  Impl(recording::Recorder& given, std::uint16_t number)
+      : recorder(given), track(given.add_track()), channel(number) {
+    flatbuffers::FlatBufferBuilder builder;
+    const device::Command blank{};
+    builder.Finish(device::CreateCommandRequest(builder, &blank));
+    const ConstBytes bytes = bytes_of(builder);
+    table.assign(bytes.begin(), bytes.end());
+    const auto* const at = static_cast<const void*>(
+        flatbuffers::GetRoot<device::CommandRequest>(table.data())->command());
+    offset = static_cast<std::size_t>(static_cast<const std::byte*>(at) - table.data());
+  }
+
+  recording::Recorder& recorder;
+  recording::Recorder::Track& track;
+  std::uint16_t channel;
+  rt::PiMutex mutex{};
+  std::vector<std::byte> table{};  ///< A finished CommandRequest,
+  std::size_t offset = 0;          ///< in which the command is here.
+};
+
+expected<std::unique_ptr<CommandRecorder>, SetupError> CommandRecorder::create(
+    recording::Recorder& recorder, const std::string& device) {
+  const auto channel =
+      add_device_channel(recorder, device, kCommandKind, "command", "rtpm.device.CommandRequest");
+  if (!channel) return unexpected{channel.error()};
+  return std::unique_ptr<CommandRecorder>(
+      new CommandRecorder(std::make_unique<Impl>(recorder, *channel)));
+}
+
+CommandRecorder::CommandRecorder(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
+CommandRecorder::~CommandRecorder() = default;
+
+void CommandRecorder::record(const device::Command& command,
+                             std::uint64_t sample_sequence) noexcept {
+  gvd::ClientCommand without_lease = gvd::from_wire(command);
+  without_lease.lease = 0;
+  const device::Command kept = gvd::to_wire(without_lease);
+  const std::lock_guard lock(impl_->mutex);
+  std::memcpy(impl_->table.data() + impl_->offset, &kept, sizeof kept);
+  const std::uint64_t now_ns = impl_->recorder.log_time_ns(rt::now());
+  static_cast<void>(impl_->track.put({.channel_id = impl_->channel,
+                                      .sequence = static_cast<std::uint32_t>(sample_sequence),
+                                      .log_time_ns = now_ns,
+                                      .publish_time_ns = now_ns,
+                                      .data = impl_->table}));
 }
 
 }  // namespace rtpm::capture

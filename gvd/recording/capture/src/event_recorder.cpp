@@ -4,6 +4,7 @@
 #include <mutex>
 #include <utility>
 
+#include "flatbuffer_channel.hpp"
 #include "rtpm/capture/channels.hpp"
 #include "rtpm/gvd/device_event.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -161,10 +162,10 @@ EventRecorder::ChannelOfEvents* EventRecorder::channel_of(const events::EventHea
   return &channel;
 }
 
-std::optional<std::uint16_t> EventRecorder::add_channel(const events::EventHeader& header,
-                                                        const events::EventDescriptor* type,
-                                                        const schema::Dynamic* dynamic,
-                                                        const std::string* device) {
+expected<std::uint16_t, SetupError> EventRecorder::add_channel(const events::EventHeader& header,
+                                                               const events::EventDescriptor* type,
+                                                               const schema::Dynamic* dynamic,
+                                                               const std::string* device) {
   recording::Channel channel;
   const std::string name = type_text(header.type, type);
   channel.topic = device != nullptr && type != nullptr ? device_topic(*device, name)
@@ -176,21 +177,13 @@ std::optional<std::uint16_t> EventRecorder::add_channel(const events::EventHeade
                       {kPriorityKey, std::to_string(header.priority.value())}};
   if (type != nullptr) channel.metadata[kNameKey] = name;
   if (device != nullptr) channel.metadata[kDeviceKey] = *device;
-  if (dynamic != nullptr) {
-    const auto bytes = dynamic->reflection();
-    const auto schema = recorder_.add_schema({.name = std::string(type->name),
-                                              .encoding = "flatbuffer",
-                                              .data = {bytes.begin(), bytes.end()}});
-    if (!schema) return std::nullopt;
-    channel.schema_id = *schema;
-    channel.message_encoding = "flatbuffer";
-    if (const auto struct_index = dynamic->event().struct_index) {
-      channel.metadata[kStructSizeKey] =
-          std::to_string(dynamic->model().objects[*struct_index].byte_size);
-    }
+  if (dynamic == nullptr) return recorder_.add_channel(channel);
+  if (const auto struct_index = dynamic->event().struct_index) {
+    channel.metadata[kStructSizeKey] =
+        std::to_string(dynamic->model().objects[*struct_index].byte_size);
   }
-  const auto number = recorder_.add_channel(channel);
-  return number ? std::optional(*number) : std::nullopt;
+  return add_flatbuffer_channel(recorder_, *dynamic, std::string(type->name),
+                                std::move(channel.topic), std::move(channel.metadata));
 }
 
 }  // namespace rtpm::capture

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "rtpm/base/bytes.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/capture/event_schemas.hpp"
 #include "rtpm/events/event.hpp"
@@ -88,10 +89,10 @@ class EventRecorder {
   /// Finds or adds the channel of an event; null if the file takes no more channels.
   ChannelOfEvents* channel_of(const events::EventHeader& header,
                               const events::EventDescriptor* type);
-  std::optional<std::uint16_t> add_channel(const events::EventHeader& header,
-                                           const events::EventDescriptor* type,
-                                           const schema::Dynamic* dynamic,
-                                           const std::string* device);
+  expected<std::uint16_t, SetupError> add_channel(const events::EventHeader& header,
+                                                  const events::EventDescriptor* type,
+                                                  const schema::Dynamic* dynamic,
+                                                  const std::string* device);
   /// The name of the device that is the source; null if it is not a device, or has no name.
   const std::string* device_of(const events::EventHeader& header);
 

@@ -1,9 +1,10 @@
 #include "rtpm/capture/flight_file.hpp"
 
-#include <filesystem>
-#include <memory>
-#include <system_error>
+#include <string>
+#include <utility>
 
+#include "flatbuffer_channel.hpp"
+#include "rtpm/capture/channels.hpp"
 #include "rtpm/gvd/flight_cycle.hpp"
 #include "rtpm/recording/file_writer.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -20,21 +21,6 @@ recording::Metadata metadata_of(const std::string& device, const gvd::FlightLog&
                      {"number", std::to_string(log.number)},
                      {"fault_cycle", std::to_string(log.cycle)},
                      {"cycle_count", std::to_string(log.records.size())}}};
-}
-
-expected<std::uint16_t, SetupError> add_channel(recording::FileWriter& file,
-                                                const std::string& device,
-                                                const schema::Dynamic& dynamic) {
-  const events::EventDescriptor& type = gvd::flight_cycle_type();
-  const auto bytes = dynamic.reflection();
-  const auto schema = file.add_schema({.name = std::string(type.name),
-                                       .encoding = "flatbuffer",
-                                       .data = {bytes.begin(), bytes.end()}});
-  if (!schema) return unexpected{schema.error()};
-  return file.add_channel({.schema_id = *schema,
-                           .topic = device + "/flight",
-                           .message_encoding = "flatbuffer",
-                           .metadata = {{"rtpm.kind", "flight"}, {"rtpm.device", device}}});
 }
 
 expected<void, SetupError> write_cycles(recording::FileWriter& file, std::uint16_t channel,
@@ -64,31 +50,24 @@ expected<void, SetupError> write_all(recording::FileWriter& file, const std::str
   std::string error;
   const auto dynamic = schema::Dynamic::make_for_event(std::string(type.schema), type.name, error);
   if (!dynamic) return setup_error("the schema of flight records can't be read", error);
-  const auto channel = add_channel(file, device, *dynamic);
+  const auto channel =
+      add_flatbuffer_channel(file, *dynamic, std::string(type.name), device + "/flight",
+                             {{"rtpm.kind", "flight"}, {kDeviceKey, device}});
   if (!channel) return unexpected{channel.error()};
   if (auto written = file.write(metadata_of(device, log)); !written) return written;
-  if (auto written = write_cycles(file, *channel, *dynamic, log); !written) return written;
-  return file.close();
+  return write_cycles(file, *channel, *dynamic, log);
 }
 
 }  // namespace
 
 expected<void, SetupError> write_flight_file(const std::string& path, const std::string& device,
-                                             const gvd::FlightLog& log, Existing existing) {
-  const bool replaces = existing == Existing::kReplace;
-  const std::string draft = replaces ? path + ".part" : path;
-  std::error_code error;
-  if (replaces) std::filesystem::remove(draft, error);  // Left by a dead program.
-  auto file = recording::FileWriter::create(draft, {.profile = "rtpm"});
-  if (!file) return unexpected{std::move(file.error())};
-  auto written = write_all(**file, device, log);
-  file->reset();
-  if (written && replaces) {
-    std::filesystem::rename(draft, path, error);
-    if (error) written = setup_error(path + " can't be written", error);
-  }
-  if (!written) std::filesystem::remove(draft, error);
-  return written;
+                                             const gvd::FlightLog& log,
+                                             recording::Existing existing) {
+  auto made = recording::NewRecording::create(path, {.profile = "rtpm"}, existing);
+  if (!made) return unexpected{std::move(made.error())};
+  if (auto written = write_all(made->writer(), device, log); !written) return written;
+  const auto finished = made->finish();
+  return finished ? expected<void, SetupError>{} : unexpected{finished.error()};
 }
 
 }  // namespace rtpm::capture

@@ -70,9 +70,9 @@ std::string Examination::check_data_crc() const {
   const auto data_end = find_data_end();
   if (!data_end) return "it has no end of its data";
   const auto content = file_.content(*data_end);
-  const auto stated = content ? parse_data_end(*content) : std::optional<std::uint32_t>{};
+  const auto stated = content ? parse<DataEnd>(*content) : std::nullopt;
   if (!stated) return "the end of its data is unreadable";
-  if (*stated == 0) return {};
+  if (stated->data_crc == 0) return {};
   std::uint32_t crc = 0;
   constexpr std::uint64_t kStep = 1 << 20;
   for (std::uint64_t offset = 0; offset < data_end->offset; offset += kStep) {
@@ -81,7 +81,7 @@ std::string Examination::check_data_crc() const {
     if (!bytes) return bytes.error().reason();
     crc = crc32(*bytes, crc);
   }
-  return crc == *stated ? "" : "the checksum of its data is wrong";
+  return crc == stated->data_crc ? "" : "the checksum of its data is wrong";
 }
 
 void Examination::check_blocks(const Contents& contents) {
@@ -120,7 +120,7 @@ void Examination::check_block(const Block& block, const Contents& contents) {
   const bool is_whole =
       for_each_record(chunk.records, [&](Opcode opcode, ConstBytes content, std::uint64_t) {
         const auto message =
-            opcode == Opcode::kMessage ? parse_message(content) : std::optional<Message>{};
+            opcode == Opcode::kMessage ? parse<Message>(content) : std::optional<Message>{};
         if (!message) return true;
         ++message_count_;
         if (!contents.channels.contains(message->channel_id)) ++unknown_count_;

@@ -23,10 +23,7 @@ class Finder {
   expected<bool, SetupError> take_summary(const SummaryPlace& place);
   bool take_of_summary(Opcode opcode, ConstBytes content);
   [[nodiscard]] bool has_sound_places(std::uint64_t summary_begin) const;
-  [[nodiscard]] bool lacks_descriptions() const;
-  expected<void, SetupError> complete();
-  expected<void, SetupError> complete_descriptions();
-  expected<void, SetupError> find_extras();
+  [[nodiscard]] bool is_sufficient() const;
   expected<void, SetupError> scan();
   expected<void, SetupError> take_record(const RecordPlace& record);
   expected<void, SetupError> take_loose(const RecordPlace& record);
@@ -44,7 +41,7 @@ class Finder {
   const InputFile& file_;
   const Progress& progress_;
   Contents found_{};
-  std::optional<RecordCounts> stated_{};
+  std::optional<StatedStatistics> stated_{};
   std::vector<bool> is_indexed_ = std::vector<bool>(65'536);  ///< Channels that an index names.
   std::uint64_t described_byte_count_ = 0;
 };
@@ -63,12 +60,14 @@ expected<Contents, SetupError> Finder::find(Incomplete incomplete) {
     if (!taken) return unexpected{taken.error()};
     is_found = *taken;
   }
-  if (auto done = is_found ? complete() : scan(); !done) return unexpected{done.error()};
+  if (!is_found) {
+    if (auto scanned = scan(); !scanned) return unexpected{scanned.error()};
+  }
   std::ranges::stable_sort(found_.blocks, {}, &Block::begin_ns);
   return std::move(found_);
 }
 
-/// Reads the summary. Returns whether it leads to all messages.
+/// Reads the summary. Returns whether it leads to all of the recording.
 expected<bool, SetupError> Finder::take_summary(const SummaryPlace& place) {
   const auto summary = read_summary(file_, place);
   if (!summary) return unexpected{summary.error()};
@@ -82,8 +81,7 @@ expected<bool, SetupError> Finder::take_summary(const SummaryPlace& place) {
   if (!is_whole || !is_sound || !has_sound_places(place.begin)) {
     return damaged(file_, "its summary contradicts itself");
   }
-  // Without an index of chunks, messages may be anywhere.
-  if (stated_ && (!found_.blocks.empty() || found_.statistics.message_count == 0)) return true;
+  if (is_sufficient()) return true;
   found_.blocks.clear();
   found_.metadata.clear();
   found_.attachments.clear();
@@ -93,7 +91,7 @@ expected<bool, SetupError> Finder::take_summary(const SummaryPlace& place) {
 /// Returns whether the record is sound, and its place exists.
 bool Finder::take_of_summary(Opcode opcode, ConstBytes content) {
   if (opcode == Opcode::kChunkIndex) {
-    auto index = parse_chunk_index(content);
+    auto index = parse<ChunkIndex>(content);
     const auto place = index ? file_.record_at(index->chunk_offset) : std::nullopt;
     if (!place || place->opcode != Opcode::kChunk) return false;
     // The messages of a chunk without stated times may have any time.
@@ -103,17 +101,16 @@ bool Finder::take_of_summary(Opcode opcode, ConstBytes content) {
     for (const auto& [channel, offset] : index->index_offsets)
       is_indexed_[channel] = true;
   } else if (opcode == Opcode::kStatistics) {
-    auto stated = parse_statistics(content);
+    auto stated = parse<StatedStatistics>(content);
     if (!stated) return false;
-    found_.statistics = std::move(stated->statistics);
-    stated_ = stated->counts;
+    found_.statistics = stated->statistics;
+    stated_ = std::move(*stated);
   } else if (opcode == Opcode::kAttachmentIndex || opcode == Opcode::kMetadataIndex) {
     const bool is_metadata = opcode == Opcode::kMetadataIndex;
     ByteReader reader(content);
     const auto place = file_.record_at(reader.take<std::uint64_t>());
     if (!reader.ok()) return false;
-    // @mcap/core states a wrong place if it writes no chunks: complete() searches for these
-    // records.
+    // @mcap/core states a wrong place if it writes no chunks.
     if (place && place->opcode == (is_metadata ? Opcode::kMetadata : Opcode::kAttachment)) {
       (is_metadata ? found_.metadata : found_.attachments).push_back(*place);
     }
@@ -141,69 +138,27 @@ bool Finder::has_sound_places(std::uint64_t summary_begin) const {
   return true;
 }
 
-/// The summary may omit descriptions that the chunks have. Descriptions that are still missing
-/// after reading the chunks do not exist.
-bool Finder::lacks_descriptions() const {
-  if (stated_ && stated_->channels > found_.channels.size()) return true;
-  if (stated_ && stated_->schemas > found_.schemas.size()) return true;
-  const auto known = [&](std::size_t channel) {
-    return found_.channels.contains(static_cast<std::uint16_t>(channel));
-  };
+/// The summary may omit indexes of chunks or extras, and descriptions that the chunks have.
+bool Finder::is_sufficient() const {
+  if (!stated_ || stated_->attachment_count > found_.attachments.size() ||
+      stated_->metadata_count > found_.metadata.size() ||
+      stated_->channel_count > found_.channels.size() ||
+      stated_->schema_count > found_.schemas.size()) {
+    return false;
+  }
+  // Without an index of chunks, messages may be anywhere.
+  if (found_.blocks.empty() && found_.statistics.message_count > 0) return false;
   for (std::size_t channel = 0; channel < is_indexed_.size(); ++channel) {
-    if (is_indexed_[channel] && !known(channel)) return true;
+    const bool is_known = found_.channels.contains(static_cast<std::uint16_t>(channel));
+    if (is_indexed_[channel] && !is_known) return false;
   }
   for (const auto& [channel, count] : found_.statistics.message_counts) {
-    if (count > 0 && !known(channel)) return true;
+    if (count > 0 && !found_.channels.contains(channel)) return false;
   }
-  return std::ranges::any_of(found_.channels, [&](const auto& channel) {
+  return std::ranges::all_of(found_.channels, [&](const auto& channel) {
     const std::uint16_t schema = channel.second.schema_id;
-    return schema != 0 && !found_.schemas.contains(schema);
+    return schema == 0 || found_.schemas.contains(schema);
   });
-}
-
-expected<void, SetupError> Finder::complete() {
-  const bool lacks_extras = stated_->attachments > found_.attachments.size() ||
-                            stated_->metadata > found_.metadata.size();
-  if (lacks_extras) {
-    if (auto found = find_extras(); !found) return found;
-  }
-  return complete_descriptions();
-}
-
-expected<void, SetupError> Finder::complete_descriptions() {
-  std::vector<RecordPlace> chunks;
-  for (const Block& block : found_.blocks)
-    chunks.push_back(block.chunk);
-  std::ranges::sort(chunks, {}, &RecordPlace::offset);
-  for (const RecordPlace& chunk : chunks) {
-    if (!lacks_descriptions()) break;
-    if (!goes_on(chunk.offset, file_.size())) return stop();
-    const auto unpacked = unpack(file_, chunk);
-    if (!unpacked) return unexpected{unpacked.error()};
-    static_cast<void>(
-        for_each_record(unpacked->records, [&](Opcode opcode, ConstBytes content, std::uint64_t) {
-          describe(opcode, content);
-          return true;
-        }));
-    if (auto within = check_limits(); !within) return within;
-  }
-  return {};
-}
-
-/// Finds the metadata and attachments that no index names.
-expected<void, SetupError> Finder::find_extras() {
-  found_.metadata.clear();
-  found_.attachments.clear();
-  expected<void, SetupError> done{};
-  std::uint64_t count = 0;
-  static_cast<void>(for_each_record(file_, [&](const RecordPlace& record) {
-    if (record.opcode == Opcode::kMetadata) found_.metadata.push_back(record);
-    if (record.opcode == Opcode::kAttachment) found_.attachments.push_back(record);
-    done = check_limits();
-    if (++count % kProgressStep == 0 && !goes_on(record.offset, file_.size())) done = stop();
-    return done.has_value();
-  }));
-  return done;
 }
 
 expected<void, SetupError> Finder::scan() {
@@ -274,7 +229,7 @@ expected<void, SetupError> Finder::scan_chunk(const RecordPlace& chunk) {
 /// Takes a record about the recording, or about the block that contains it.
 void Finder::take(Opcode opcode, ConstBytes content, Block& block) {
   if (opcode != Opcode::kMessage) return describe(opcode, content);
-  const auto message = parse_message(content);
+  const auto message = parse<Message>(content);
   if (!message) return;
   add(*message, found_.statistics);
   block.begin_ns = std::min(block.begin_ns, message->log_time_ns);
@@ -284,10 +239,10 @@ void Finder::take(Opcode opcode, ConstBytes content, Block& block) {
 void Finder::describe(Opcode opcode, ConstBytes content) {
   bool is_new = false;
   if (opcode == Opcode::kSchema) {
-    if (auto found = parse_schema(content))
+    if (auto found = parse<NumberedSchema>(content))
       is_new = found_.schemas.insert(std::move(*found)).second;
   } else if (opcode == Opcode::kChannel) {
-    if (auto found = parse_channel(content)) {
+    if (auto found = parse<NumberedChannel>(content)) {
       is_new = found_.channels.insert(std::move(*found)).second;
     }
   }
@@ -325,7 +280,7 @@ expected<std::optional<SummaryPlace>, SetupError> find_summary(const InputFile& 
     return std::nullopt;
   }
   const auto footer =
-      parse_footer(ConstBytes(*tail).subspan(kRecordHeaderSize, kFooterContentSize));
+      parse<Footer>(ConstBytes(*tail).subspan(kRecordHeaderSize, kFooterContentSize));
   if (footer->summary_begin == 0) return SummaryPlace{};
   if (footer->summary_begin > footer_offset) return damaged(file, "its footer points behind it");
   return SummaryPlace{footer->summary_begin, footer_offset};
@@ -338,7 +293,7 @@ expected<std::vector<std::byte>, SetupError> read_summary(const InputFile& file,
   const auto tail = file.read(place.end, kTailSize);
   if (!tail) return unexpected{tail.error()};
   const auto footer =
-      parse_footer(ConstBytes(*tail).subspan(kRecordHeaderSize, kFooterContentSize));
+      parse<Footer>(ConstBytes(*tail).subspan(kRecordHeaderSize, kFooterContentSize));
   const std::size_t checked_size = kRecordHeaderSize + kFooterContentSize - sizeof(std::uint32_t);
   const std::uint32_t crc = crc32(ConstBytes(*tail).first(checked_size), crc32(*summary));
   if (footer->summary_crc != 0 && footer->summary_crc != crc) {
@@ -374,7 +329,7 @@ expected<Outline, SetupError> read_outline(const std::string& path) {
     offset = record->end();
     if (record->opcode != Opcode::kStatistics) continue;
     const auto content = file->content(*record);
-    auto stated = content ? parse_statistics(*content) : std::nullopt;
+    auto stated = content ? parse<StatedStatistics>(*content) : std::nullopt;
     if (stated) outline.statistics = std::move(stated->statistics);
     break;
   }

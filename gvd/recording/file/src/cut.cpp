@@ -3,8 +3,8 @@
 #include <utility>
 
 #include "input_file.hpp"
-#include "new_recording.hpp"
 #include "rtpm/recording/file_reader.hpp"
+#include "rtpm/recording/file_writer.hpp"
 #include "rtpm/recording/repair.hpp"
 
 namespace rtpm::recording {

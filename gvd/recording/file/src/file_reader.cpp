@@ -28,7 +28,7 @@ struct OpenBlock {
   [[nodiscard]] Message message() const {
     ByteReader reader(ConstBytes(records).subspan(entries[next].offset));
     static_cast<void>(reader.take<std::uint8_t>());
-    return *parse_message(reader.take_bytes(reader.take<std::uint64_t>()));
+    return *parse<Message>(reader.take_bytes(reader.take<std::uint64_t>()));
   }
 };
 
@@ -88,7 +88,7 @@ class Merge {
     const bool is_whole = for_each_record(open.records, [&](Opcode opcode, ConstBytes content,
                                                             std::uint64_t offset) {
       if (opcode != Opcode::kMessage) return true;
-      const auto message = parse_message(content);
+      const auto message = parse<Message>(content);
       if (!message) return true;
       const std::uint64_t time_ns = message->log_time_ns;
       // Such messages come too late, or their time does not lead to them.
@@ -117,7 +117,6 @@ class Merge {
 struct FileReader::Impl {
   template <class T>
   expected<std::vector<T>, SetupError> read_all(const std::vector<RecordPlace>& places,
-                                                std::optional<T> (*parse)(ConstBytes),
                                                 std::uint64_t byte_max) const;
 
   InputFile file;
@@ -178,8 +177,7 @@ expected<void, SetupError> FileReader::read(const Query& query,
 
 template <class T>
 expected<std::vector<T>, SetupError> FileReader::Impl::read_all(
-    const std::vector<RecordPlace>& places, std::optional<T> (*parse)(ConstBytes),
-    std::uint64_t byte_max) const {
+    const std::vector<RecordPlace>& places, std::uint64_t byte_max) const {
   std::vector<T> all;
   std::uint64_t byte_count = 0;
   for (const RecordPlace& place : places) {
@@ -192,7 +190,7 @@ expected<std::vector<T>, SetupError> FileReader::Impl::read_all(
     }
     const auto content = file.content(place);
     if (!content) return unexpected{content.error()};
-    auto record = parse(*content);
+    auto record = parse<T>(*content);
     if (!record) {
       return damaged(file, "the record at byte " + std::to_string(place.offset) + " is unreadable");
     }
@@ -202,11 +200,11 @@ expected<std::vector<T>, SetupError> FileReader::Impl::read_all(
 }
 
 expected<std::vector<Metadata>, SetupError> FileReader::read_metadata() {
-  return impl_->read_all(impl_->contents.metadata, &parse_metadata, kDescriptionByteMax);
+  return impl_->read_all<Metadata>(impl_->contents.metadata, kDescriptionByteMax);
 }
 
 expected<std::vector<Attachment>, SetupError> FileReader::read_attachments() {
-  return impl_->read_all(impl_->contents.attachments, &parse_attachment, kHeldByteMax);
+  return impl_->read_all<Attachment>(impl_->contents.attachments, kHeldByteMax);
 }
 
 }  // namespace rtpm::recording

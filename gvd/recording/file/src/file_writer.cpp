@@ -1,6 +1,7 @@
 #include "rtpm/recording/file_writer.hpp"
 
 #include <algorithm>
+#include <array>
 #include <functional>
 #include <string_view>
 #include <unordered_map>
@@ -36,18 +37,20 @@ class Numbered {
     const std::size_t hash = hash_of(value);
     const auto [first, last] = numbers_.equal_range(hash);
     for (auto known = first; known != last; ++known) {
-      if (values_[known->second - 1U] == value) return {known->second, false};
+      if (values_[known->second - 1U].second == value) return {known->second, false};
     }
     if (values_.size() == kNumberMax) return {std::uint16_t{0}, false};
-    values_.push_back(value);
-    const auto number = static_cast<std::uint16_t>(values_.size());
+    const auto number = static_cast<std::uint16_t>(values_.size() + 1);
+    values_.emplace_back(number, value);
     numbers_.emplace(hash, number);
     return {number, true};
   }
-  [[nodiscard]] const std::vector<T>& values() const noexcept { return values_; }
+  [[nodiscard]] const std::vector<std::pair<std::uint16_t, T>>& numbered() const noexcept {
+    return values_;
+  }
 
  private:
-  std::vector<T> values_{};
+  std::vector<std::pair<std::uint16_t, T>> values_{};
   std::unordered_multimap<std::size_t, std::uint16_t> numbers_{};  ///< Keyed by hash.
 };
 
@@ -77,7 +80,8 @@ struct FileWriter::Impl {
 
   /// The uncompressed records of the current chunk.
   std::vector<std::byte> chunk{};
-  MessageIndexes indexes{};
+  /// The messages of the current chunk, by channel.
+  std::map<std::uint16_t, MessageIndex::second_type> indexes{};
   std::uint64_t chunk_begin_ns = 0;
   std::uint64_t chunk_end_ns = 0;
 
@@ -98,7 +102,7 @@ expected<void, SetupError> FileWriter::Impl::end_chunk() {
                        .compression = std::string(to_string(config.compression)),
                        .records = compressed};
   const std::uint64_t offset = file.size();
-  RecordWriter(bytes).chunk(head);
+  recording::append(bytes, head);
   write_indexes(offset, head);
   chunk.clear();
   indexes.clear();
@@ -116,7 +120,7 @@ void FileWriter::Impl::write_indexes(std::uint64_t chunk_offset, const ChunkHead
   const std::size_t indexes_begin = bytes.size();
   for (const auto& [channel_id, entries] : indexes) {
     index.index_offsets[channel_id] = chunk_offset + bytes.size();
-    RecordWriter(bytes).message_index(channel_id, entries);
+    recording::append(bytes, MessageIndex{channel_id, entries});
   }
   index.indexes_size = bytes.size() - indexes_begin;
   chunk_indexes.push_back(std::move(index));
@@ -125,50 +129,32 @@ void FileWriter::Impl::write_indexes(std::uint64_t chunk_offset, const ChunkHead
 
 /// The bytes from the summary on; `bytes` must be empty.
 void FileWriter::Impl::write_summary() {
-  RecordWriter out(bytes);
   const std::uint64_t begin = file.size();
-  struct Group {
-    Opcode opcode;
-    std::uint64_t begin;
-    std::uint64_t size;
-  };
-  std::vector<Group> groups;
-  const auto add = [&](Opcode opcode, const auto& write_all) {
+  std::vector<SummaryOffset> groups;
+  const auto add = [&](Opcode opcode, const auto& records) {
     const std::size_t from = bytes.size();
-    write_all();
+    for (const auto& record : records)
+      recording::append(bytes, record);
     if (bytes.size() > from) groups.push_back({opcode, begin + from, bytes.size() - from});
   };
-  add(Opcode::kSchema, [&] {
-    for (std::size_t i = 0; i < schemas.values().size(); ++i)
-      out.schema(static_cast<std::uint16_t>(i + 1), schemas.values()[i]);
-  });
-  add(Opcode::kChannel, [&] {
-    for (std::size_t i = 0; i < channels.values().size(); ++i)
-      out.channel(static_cast<std::uint16_t>(i + 1), channels.values()[i]);
-  });
-  add(Opcode::kStatistics, [&] {
-    out.statistics(statistics,
-                   {.schemas = static_cast<std::uint16_t>(schemas.values().size()),
-                    .channels = static_cast<std::uint32_t>(channels.values().size()),
-                    .attachments = static_cast<std::uint32_t>(attachment_indexes.size()),
-                    .metadata = static_cast<std::uint32_t>(metadata_indexes.size())});
-  });
-  add(Opcode::kChunkIndex, [&] {
-    std::ranges::for_each(chunk_indexes, [&](const auto& index) { out.chunk_index(index); });
-  });
-  add(Opcode::kAttachmentIndex, [&] {
-    std::ranges::for_each(attachment_indexes,
-                          [&](const auto& index) { out.attachment_index(index); });
-  });
-  add(Opcode::kMetadataIndex, [&] {
-    std::ranges::for_each(metadata_indexes, [&](const auto& index) { out.metadata_index(index); });
-  });
+  add(Opcode::kSchema, schemas.numbered());
+  add(Opcode::kChannel, channels.numbered());
+  add(Opcode::kStatistics,
+      std::array{StatedStatistics{
+          .statistics = statistics,
+          .schema_count = static_cast<std::uint16_t>(schemas.numbered().size()),
+          .channel_count = static_cast<std::uint32_t>(channels.numbered().size()),
+          .attachment_count = static_cast<std::uint32_t>(attachment_indexes.size()),
+          .metadata_count = static_cast<std::uint32_t>(metadata_indexes.size())}});
+  add(Opcode::kChunkIndex, chunk_indexes);
+  add(Opcode::kAttachmentIndex, attachment_indexes);
+  add(Opcode::kMetadataIndex, metadata_indexes);
   const std::uint64_t offsets_begin = begin + bytes.size();
-  for (const Group& group : groups)
-    out.summary_offset(group.opcode, group.begin, group.size);
+  for (const SummaryOffset& group : groups)
+    recording::append(bytes, group);
 
   // The checksum covers the footer up to itself.
-  out.footer({.summary_begin = begin, .summary_offsets_begin = offsets_begin});
+  recording::append(bytes, Footer{.summary_begin = begin, .summary_offsets_begin = offsets_begin});
   const std::size_t crc_offset = bytes.size() - sizeof(std::uint32_t);
   store_le(bytes.data() + crc_offset, crc32(ConstBytes(bytes).first(crc_offset)));
 }
@@ -180,7 +166,7 @@ expected<std::unique_ptr<FileWriter>, SetupError> FileWriter::create(const std::
   auto impl = std::make_unique<Impl>(std::move(*file), std::move(config));
   const auto magic = std::as_bytes(std::span(kMagic));
   impl->bytes.assign(magic.begin(), magic.end());
-  RecordWriter(impl->bytes).header(impl->config.profile, kLibrary);
+  append(impl->bytes, Header{impl->config.profile, kLibrary});
   if (auto written = impl->append(); !written) return unexpected{written.error()};
   return std::unique_ptr<FileWriter>(new FileWriter(std::move(impl)));
 }
@@ -194,22 +180,22 @@ FileWriter::~FileWriter() {
 expected<std::uint16_t, SetupError> FileWriter::add_schema(const Schema& schema) {
   const auto [number, is_new] = impl_->schemas.number_of(schema);
   if (number == 0) return setup_error("a recording has at most 65535 schemas");
-  if (is_new) RecordWriter(impl_->chunk).schema(number, schema);
+  if (is_new) append(impl_->chunk, NumberedSchema{number, schema});
   return number;
 }
 
 expected<std::uint16_t, SetupError> FileWriter::add_channel(const Channel& channel) {
-  if (channel.schema_id > impl_->schemas.values().size()) {
+  if (channel.schema_id > impl_->schemas.numbered().size()) {
     return setup_error("the channel " + channel.topic + " has a schema that was not added");
   }
   const auto [number, is_new] = impl_->channels.number_of(channel);
   if (number == 0) return setup_error("a recording has at most 65535 channels");
-  if (is_new) RecordWriter(impl_->chunk).channel(number, channel);
+  if (is_new) append(impl_->chunk, NumberedChannel{number, channel});
   return number;
 }
 
 expected<void, SetupError> FileWriter::write(const Message& message) {
-  if (message.channel_id == 0 || message.channel_id > impl_->channels.values().size()) {
+  if (message.channel_id == 0 || message.channel_id > impl_->channels.numbered().size()) {
     return setup_error("a message has a channel that was not added");
   }
   // `begin` and `end` are times of messages; a chunk may begin with schemas and channels.
@@ -217,7 +203,7 @@ expected<void, SetupError> FileWriter::write(const Message& message) {
   impl_->chunk_begin_ns = std::min(impl_->chunk_begin_ns, message.log_time_ns);
   impl_->chunk_end_ns = std::max(impl_->chunk_end_ns, message.log_time_ns);
   impl_->indexes[message.channel_id].emplace_back(message.log_time_ns, impl_->chunk.size());
-  RecordWriter(impl_->chunk).message(message);
+  append(impl_->chunk, message);
   add(message, impl_->statistics);
   return impl_->chunk.size() < impl_->config.chunk_byte_max ? expected<void, SetupError>{}
                                                             : impl_->end_chunk();
@@ -226,28 +212,21 @@ expected<void, SetupError> FileWriter::write(const Message& message) {
 expected<void, SetupError> FileWriter::write(const Attachment& attachment) {
   if (auto ended = impl_->end_chunk(); !ended) return ended;
   const std::uint64_t offset = impl_->file.size();
-  RecordWriter(impl_->bytes).attachment(attachment);
-  AttachmentIndex index;
-  index.offset = offset;
-  index.size = impl_->bytes.size();
-  index.log_time_ns = attachment.log_time_ns;
-  index.create_time_ns = attachment.create_time_ns;
-  index.data_size = attachment.data.size();
-  index.name = attachment.name;
-  index.media_type = attachment.media_type;
-  impl_->attachment_indexes.push_back(std::move(index));
+  append(impl_->bytes, attachment);
+  impl_->attachment_indexes.push_back({{offset, impl_->bytes.size()},
+                                       attachment.log_time_ns,
+                                       attachment.create_time_ns,
+                                       attachment.data.size(),
+                                       attachment.name,
+                                       attachment.media_type});
   return impl_->append();
 }
 
 expected<void, SetupError> FileWriter::write(const Metadata& metadata) {
   if (auto ended = impl_->end_chunk(); !ended) return ended;
   const std::uint64_t offset = impl_->file.size();
-  RecordWriter(impl_->bytes).metadata(metadata);
-  MetadataIndex index;
-  index.offset = offset;
-  index.size = impl_->bytes.size();
-  index.name = metadata.name;
-  impl_->metadata_indexes.push_back(std::move(index));
+  append(impl_->bytes, metadata);
+  impl_->metadata_indexes.push_back({{offset, impl_->bytes.size()}, metadata.name});
   return impl_->append();
 }
 
@@ -258,7 +237,7 @@ expected<void, SetupError> FileWriter::end_chunk() {
 expected<void, SetupError> FileWriter::close() {
   RTPM_ASSERT(impl_->file.is_open(), "closed twice");
   if (auto ended = impl_->end_chunk(); !ended) return ended;
-  RecordWriter(impl_->bytes).data_end(impl_->data_crc);
+  append(impl_->bytes, DataEnd{impl_->data_crc});
   if (auto written = impl_->append(); !written) return written;
   impl_->write_summary();
   const auto magic = std::as_bytes(std::span(kMagic));

@@ -111,7 +111,7 @@ expected<UnpackedChunk, SetupError> unpack(const InputFile& file, const RecordPl
   if (chunk.content_size > kReadByteMax) return damaged("it is above 256 MiB");
   const auto content = file.content(chunk);
   if (!content) return unexpected{content.error()};
-  const auto head = parse_chunk(*content);
+  const auto head = parse<ChunkHead>(*content);
   if (!head) return damaged("its head is cut short");
   if (head->uncompressed_size > kChunkByteMax) return damaged("it is above 256 MiB");
   auto records = decompress(head->compression, head->records, head->uncompressed_size);

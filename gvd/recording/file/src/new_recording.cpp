@@ -1,19 +1,20 @@
-#include "new_recording.hpp"
-
 #include <filesystem>
 #include <utility>
 
+#include "rtpm/recording/file_writer.hpp"
+
 namespace rtpm::recording {
 
-expected<NewRecording, SetupError> NewRecording::create(const std::string& path) {
+expected<NewRecording, SetupError> NewRecording::create(const std::string& path,
+                                                        WriterConfig config, Existing existing) {
   std::error_code ignored;
-  if (std::filesystem::exists(path, ignored)) {
+  if (existing == Existing::kRefuse && std::filesystem::exists(path, ignored)) {
     return setup_error("'" + path + "' can't be written", "it exists already",
                        "choose another name, or remove it");
   }
   NewRecording made(path);
   std::filesystem::remove(made.draft(), ignored);  // The draft of a program that died.
-  auto writer = FileWriter::create(made.draft());
+  auto writer = FileWriter::create(made.draft(), std::move(config));
   if (!writer) return unexpected{writer.error()};
   made.writer_ = std::move(*writer);
   return made;

@@ -39,10 +39,6 @@ enum class Opcode : std::uint8_t {
   kDataEnd = 0x0f,
 };
 
-/// (Log time in ns, offset among the chunk's uncompressed records) of each message of a channel.
-using MessageIndexes =
-    std::map<std::uint16_t, std::vector<std::pair<std::uint64_t, std::uint64_t>>>;
-
 struct ChunkHead {
   std::uint64_t begin_ns = 0;
   std::uint64_t end_ns = 0;
@@ -80,75 +76,51 @@ struct MetadataIndex : RecordIndex {
   std::string name;
 };
 
+struct Header {
+  std::string profile{};
+  std::string library{};
+};
+
 struct Footer {
   std::uint64_t summary_begin = 0;  ///< 0 if there is no summary.
   std::uint64_t summary_offsets_begin = 0;
   std::uint32_t summary_crc = 0;  ///< 0 if none.
 };
 
-/// Numbers of records that the summary states in addition to Statistics.
-struct RecordCounts {
-  std::uint16_t schemas = 0;
-  std::uint32_t channels = 0;
-  std::uint32_t attachments = 0;
-  std::uint32_t metadata = 0;
-};
-
-/// The statistics that the summary states.
+/// The statistics that the summary states, with numbers of records.
 struct StatedStatistics {
   Statistics statistics{};
-  RecordCounts counts{};
+  std::uint16_t schema_count = 0;
+  std::uint32_t channel_count = 0;
+  std::uint32_t attachment_count = 0;
+  std::uint32_t metadata_count = 0;
 };
 
-/// Appends records to a buffer.
-/// @ownership refers to the buffer, which must outlive it
-class RecordWriter {
- public:
-  explicit RecordWriter(std::vector<std::byte>& bytes) noexcept : bytes_(bytes) {}
-
-  void header(std::string_view profile, std::string_view library);
-  void footer(const Footer& footer);
-  void schema(std::uint16_t id, const Schema& schema);
-  void channel(std::uint16_t id, const Channel& channel);
-  void message(const Message& message);
-  void chunk(const ChunkHead& chunk);
-  void message_index(std::uint16_t channel_id,
-                     const std::vector<std::pair<std::uint64_t, std::uint64_t>>& entries);
-  void chunk_index(const ChunkIndex& index);
-  void attachment(const Attachment& attachment);
-  void attachment_index(const AttachmentIndex& index);
-  void metadata(const Metadata& metadata);
-  void metadata_index(const MetadataIndex& index);
-  void statistics(const Statistics& statistics, const RecordCounts& counts);
-  void summary_offset(Opcode group, std::uint64_t begin, std::uint64_t size);
-  void data_end(std::uint32_t data_crc);
-
- private:
-  /// Writes the head of a record; end() fills in the size of the content.
-  std::size_t begin(Opcode opcode);
-  void end(std::size_t content_offset);
-  template <std::unsigned_integral T>
-  void put(T value);
-  void put(std::string_view text);
-  void put_bytes(ConstBytes bytes);
-  void put(const std::map<std::string, std::string>& texts);
-  void put(const std::map<std::uint16_t, std::uint64_t>& numbers);
-
-  std::vector<std::byte>& bytes_;
+struct SummaryOffset {
+  Opcode group{};
+  std::uint64_t begin = 0;
+  std::uint64_t size = 0;
 };
 
-/// The contents of records, from untrusted bytes; nullopt if too short or inconsistent.
+struct DataEnd {
+  std::uint32_t data_crc = 0;  ///< 0 if none.
+};
+
+/// A schema or channel with its number.
+using NumberedSchema = std::pair<std::uint16_t, Schema>;
+using NumberedChannel = std::pair<std::uint16_t, Channel>;
+/// (Log time in ns, offset among the chunk's uncompressed records) of each message of a channel.
+using MessageIndex = std::pair<std::uint16_t, std::vector<std::pair<std::uint64_t, std::uint64_t>>>;
+
+/// Appends a record, with its opcode and size.
+/// @param record  any of the types above, or of Message, Attachment and Metadata
+template <class Record>
+void append(std::vector<std::byte>& bytes, const Record& record);
+
+/// The content of a record, from untrusted bytes; nullopt if too short or inconsistent.
 /// Bytes after the known fields are skipped, as the format demands.
-[[nodiscard]] std::optional<std::pair<std::uint16_t, Schema>> parse_schema(ConstBytes content);
-[[nodiscard]] std::optional<std::pair<std::uint16_t, Channel>> parse_channel(ConstBytes content);
-[[nodiscard]] std::optional<Message> parse_message(ConstBytes content);
-[[nodiscard]] std::optional<ChunkHead> parse_chunk(ConstBytes content);
-[[nodiscard]] std::optional<ChunkIndex> parse_chunk_index(ConstBytes content);
-[[nodiscard]] std::optional<Attachment> parse_attachment(ConstBytes content);
-[[nodiscard]] std::optional<Metadata> parse_metadata(ConstBytes content);
-[[nodiscard]] std::optional<StatedStatistics> parse_statistics(ConstBytes content);
-[[nodiscard]] std::optional<Footer> parse_footer(ConstBytes content);
-[[nodiscard]] std::optional<std::uint32_t> parse_data_end(ConstBytes content);
+template <class Record>
+[[nodiscard]] std::optional<Record> parse(ConstBytes content);
 
 /// Counts a message.
 void add(const Message& message, Statistics& statistics);

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "contents.hpp"
-#include "new_recording.hpp"
+#include "rtpm/recording/file_writer.hpp"
 #include "rtpm/recording/repair.hpp"
 
 namespace rtpm::recording {
@@ -22,10 +22,10 @@ class Copy {
     if (opcode == Opcode::kChannel) return take_channel(content);
     if (opcode == Opcode::kMessage) return take_message(content);
     if (opcode == Opcode::kMetadata) {
-      if (const auto metadata = parse_metadata(content)) return writer_.write(*metadata);
+      if (const auto metadata = parse<Metadata>(content)) return writer_.write(*metadata);
       recovery_.cut_byte_count += content.size();
     } else if (opcode == Opcode::kAttachment) {
-      if (const auto attachment = parse_attachment(content)) return writer_.write(*attachment);
+      if (const auto attachment = parse<Attachment>(content)) return writer_.write(*attachment);
       recovery_.cut_byte_count += content.size();
     }
     return {};
@@ -41,7 +41,7 @@ class Copy {
 
  private:
   expected<void, SetupError> take_schema(ConstBytes content) {
-    const auto schema = parse_schema(content);
+    const auto schema = parse<NumberedSchema>(content);
     if (!schema) return {};
     const auto number = writer_.add_schema(schema->second);
     if (!number) return unexpected{number.error()};
@@ -49,7 +49,7 @@ class Copy {
     return {};
   }
   expected<void, SetupError> take_channel(ConstBytes content) {
-    auto channel = parse_channel(content);
+    auto channel = parse<NumberedChannel>(content);
     if (!channel) return {};
     // If its schema was in a damaged chunk, a channel is copied without it.
     const std::uint16_t wanted = channel->second.schema_id;
@@ -68,7 +68,7 @@ class Copy {
     return {};
   }
   expected<void, SetupError> take_message(ConstBytes content) {
-    auto message = parse_message(content);
+    auto message = parse<Message>(content);
     if (!message) return {};
     const auto channel = channels_.find(message->channel_id);
     if (channel == channels_.end()) {
@@ -147,7 +147,7 @@ expected<void, SetupError> Rescue::learn_summary() {
     if (opcode == Opcode::kSchema || opcode == Opcode::kChannel) {
       taken = copy_.take(opcode, content);
     } else if (opcode == Opcode::kChunkIndex) {
-      const auto index = parse_chunk_index(content);
+      const auto index = parse<ChunkIndex>(content);
       if (index && index->chunk_offset < data_end_) {
         places_.insert(index->chunk_offset);
         chunk_ends_[index->chunk_offset] =

@@ -6,7 +6,7 @@
 #include <memory>
 #include <string>
 
-#include "rtpm/capture/command_recorder.hpp"
+#include "rtpm/capture/device_recorder.hpp"
 #include "rtpm/gvd/server.hpp"
 #include "rtpm/replay/pace.hpp"
 #include "rtpm/replay/player.hpp"

@@ -1,18 +1,12 @@
 #pragma once
 
-#include <cstdint>
 #include <string>
 
 #include "rtpm/base/setup_error.hpp"
+#include "rtpm/recording/file_writer.hpp"
 #include "rtpm/safety/flight_recorder.hpp"
 
 namespace rtpm::capture {
-
-/// How an existing file is treated.
-enum class Existing : std::uint8_t {
-  kRefuse,
-  kReplace,  ///< When the new one is whole.
-};
 
 /// Writes a device's flight record as a recording: a channel `DEVICE/flight` with a message per
 /// cycle, a FlatBuffer whose root is the table rtpm.device.FlightCycle. A message's log and publish
@@ -20,9 +14,8 @@ enum class Existing : std::uint8_t {
 /// device, cause, number, fault_cycle and cycle_count. A failed write leaves no file.
 /// @realtime never
 /// @errors   in words: it exists, no such folder, no right, the disk is full
-[[nodiscard]] expected<void, SetupError> write_flight_file(const std::string& path,
-                                                           const std::string& device,
-                                                           const gvd::FlightLog& log,
-                                                           Existing existing = Existing::kRefuse);
+[[nodiscard]] expected<void, SetupError> write_flight_file(
+    const std::string& path, const std::string& device, const gvd::FlightLog& log,
+    recording::Existing existing = recording::Existing::kRefuse);
 
 }  // namespace rtpm::capture

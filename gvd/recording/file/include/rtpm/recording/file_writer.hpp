@@ -1,7 +1,9 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/recording/mcap.hpp"
@@ -57,6 +59,38 @@ class FileWriter {
   struct Impl;
   explicit FileWriter(std::unique_ptr<Impl> impl) noexcept;
   std::unique_ptr<Impl> impl_;
+};
+
+/// How an existing file is treated.
+enum class Existing : std::uint8_t {
+  kRefuse,
+  kReplace,  ///< When the new one is whole.
+};
+
+/// A new recording that has a temporary name until it is complete.
+/// @ownership owns its file, and removes it unless finish() was called
+/// @threads  one at a time
+/// @realtime never
+class NewRecording {
+ public:
+  /// @errors   the file exists and kRefuse, or cannot be written
+  [[nodiscard]] static expected<NewRecording, SetupError> create(
+      const std::string& path, WriterConfig config = {}, Existing existing = Existing::kRefuse);
+  NewRecording(NewRecording&&) noexcept = default;
+  NewRecording& operator=(NewRecording&&) = delete;
+  ~NewRecording();
+
+  [[nodiscard]] FileWriter& writer() noexcept { return *writer_; }
+  /// Closes the file, and renames it to its final name.
+  /// @return   the number of messages that it has
+  [[nodiscard]] expected<std::uint64_t, SetupError> finish();
+
+ private:
+  explicit NewRecording(std::string path) noexcept : path_(std::move(path)) {}
+  [[nodiscard]] std::string draft() const { return path_ + ".part"; }
+
+  std::string path_;
+  std::unique_ptr<FileWriter> writer_{};
 };
 
 }  // namespace rtpm::recording

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <utility>
+
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/schema/dynamic.hpp"
+
+namespace rtpm::capture {
+
+/// Adds a channel whose messages are tables of a schema, and that schema.
+/// @param file  a recording::Recorder or FileWriter
+/// @param type  the tables' name, "rtpm.device.Description"
+/// @errors   the file takes no more schemas or channels
+template <class File>
+[[nodiscard]] expected<std::uint16_t, SetupError> add_flatbuffer_channel(
+    File& file, const schema::Dynamic& dynamic, std::string type, std::string topic,
+    std::map<std::string, std::string> metadata) {
+  const auto bytes = dynamic.reflection();
+  const auto schema = file.add_schema(
+      {.name = std::move(type), .encoding = "flatbuffer", .data = {bytes.begin(), bytes.end()}});
+  if (!schema) return schema;
+  return file.add_channel({.schema_id = *schema,
+                           .topic = std::move(topic),
+                           .message_encoding = "flatbuffer",
+                           .metadata = std::move(metadata)});
+}
+
+}  // namespace rtpm::capture
