@@ -45,17 +45,6 @@ TEST(Lease, NobodyHoldsNothing) {
   EXPECT_FALSE(lease.release(Lease::kNobody));
 }
 
-TEST(Lease, EndsWhenItsHolderIsSilent) {
-  Lease lease{silent_after(milliseconds{100}), {1, 2}};
-  const auto id = lease.acquire();
-  EXPECT_EQ(lease.step(at(milliseconds{0})), *id);
-  EXPECT_EQ(lease.step(at(milliseconds{99})), *id);
-  EXPECT_EQ(lease.step(at(milliseconds{100})), Lease::kNobody);
-  EXPECT_EQ(lease.expired_count(), 1u);
-  EXPECT_FALSE(lease.renew(*id)) << "it is over";
-  EXPECT_TRUE(lease.acquire()) << "and free for others";
-}
-
 TEST(Lease, LastsAsLongAsItIsRenewed) {
   Lease lease{silent_after(milliseconds{100}), {1, 2}};
   const auto id = lease.acquire();
@@ -99,38 +88,6 @@ TEST(Lease, IsTakenAway) {
   EXPECT_EQ(lease.expired_count(), 0u);
 }
 
-TEST(Lease, EndsWhenItsHolderOnlyRenews) {
-  LeaseConfig config;
-  config.silence_max = milliseconds{100};
-  config.idle_max = seconds{2};
-  Lease lease{config, {1, 2}};
-  const auto id = lease.acquire();
-  for (int ms = 0; ms < 2000; ms += 10) {
-    EXPECT_TRUE(lease.renew(*id));
-    EXPECT_EQ(lease.step(at(milliseconds{ms})), *id) << ms;
-  }
-  EXPECT_TRUE(lease.renew(*id));
-  EXPECT_EQ(lease.step(at(milliseconds{2000})), Lease::kNobody);
-  EXPECT_FALSE(lease.renew(*id));
-  EXPECT_EQ(lease.idle_count(), 1u);
-  EXPECT_EQ(lease.expired_count(), 0u);
-  EXPECT_EQ(lease.state_of(*id), LeaseState::kIdle);
-  EXPECT_TRUE(lease.acquire());
-}
-
-TEST(Lease, LastsAsLongAsItIsUsedNowAndThen) {
-  LeaseConfig config;
-  config.silence_max = milliseconds{100};
-  config.idle_max = seconds{2};
-  Lease lease{config, {1, 2}};
-  const auto id = lease.acquire();
-  for (int ms = 0; ms < 20000; ms += 50) {
-    EXPECT_TRUE(ms % 1900 == 0 ? lease.use(*id) : lease.renew(*id));
-    EXPECT_EQ(lease.step(at(milliseconds{ms})), *id) << ms;
-  }
-  EXPECT_EQ(lease.idle_count(), 0u);
-}
-
 TEST(Lease, IsTakenOver) {
   Lease lease{{}, {1, 2}};
   const auto former = lease.acquire();
@@ -170,12 +127,6 @@ TEST(Lease, OfAnOperatorLastsAsLongAsItIsRenewed) {
   ASSERT_TRUE(next);
   EXPECT_EQ(lease.step(at(seconds{3605})), *next);
   EXPECT_EQ(lease.step(at(seconds{3606})), Lease::kNobody) << "a client again";
-}
-
-TEST(Lease, IsTakenByAnOperatorWhenNobodyHasIt) {
-  Lease lease{{}, {1, 2}};
-  EXPECT_TRUE(lease.take_over());
-  EXPECT_EQ(lease.taken_over_count(), 0u) << "it was free";
 }
 
 TEST(Lease, ChangesHandsNoFasterThanItsIntervalsSay) {
@@ -223,13 +174,6 @@ TEST(Lease, RemembersHowTheNewestEnded) {
     EXPECT_TRUE(lease.release(*next));
   }
   EXPECT_EQ(lease.state_of(*lost), LeaseState::kUnknown) << "too many came after it";
-}
-
-TEST(Lease, EveryStateHasItsWords) {
-  std::set<std::string_view> texts;
-  for (std::uint8_t state = 0; state < kLeaseStateCount; ++state)
-    texts.insert(to_string(static_cast<LeaseState>(state)));
-  EXPECT_EQ(texts.size(), kLeaseStateCount);
 }
 
 TEST(Lease, NumbersOfDifferentKeysDiffer) {

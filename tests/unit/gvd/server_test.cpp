@@ -244,17 +244,6 @@ TEST_F(Served, EveryFieldOfASampleArrives) {
   EXPECT_GT(sample->success_rate, 0);
 }
 
-TEST_F(Served, SamplesGoOnAndOn) {
-  serve_sim();
-  DeviceClient client = open();
-  const auto first = client.read(patient());
-  ASSERT_TRUE(first);
-  EXPECT_TRUE(await([&] {
-    const auto next = client.read(patient());
-    return next && next->sequence > first->sequence + 20;
-  }));
-}
-
 TEST_F(Served, AForceReachesTheDeviceAndEndsWithTheLease) {
   serve_sim();
   DeviceClient client = open();
@@ -327,20 +316,6 @@ TEST_F(Served, AnOperatorTakesTheDeviceOverAndTheFormerHolderLearnsWhy) {
                             [&] { return device_->newest()->wrench_applied.force_newton.x < -2; }));
   EXPECT_EQ(holder.take_over().error(), DeviceOutcome::kTooSoon) << "not so soon";
   EXPECT_EQ(device_->counters().lease_taken_over_count, 1u);
-}
-
-TEST_F(Served, AClientThatOnlyRenewsLosesTheLease) {
-  DeviceServerConfig config = off_realtime();
-  config.cycle.lease.idle_max = milliseconds{300};
-  serve(std::make_unique<test::ScriptedDriver>(), config);
-  DeviceClient client = open();
-  EXPECT_EQ(*client.lease_state(), LeaseState::kUnknown);
-  ASSERT_TRUE(client.acquire());
-  ASSERT_TRUE(await([&] { return !client.renew(); }));
-  EXPECT_EQ(client.renew().error(), DeviceOutcome::kNotHolder);
-  EXPECT_EQ(*client.lease_state(), LeaseState::kIdle);
-  EXPECT_EQ(device_->counters().lease_idle_count, 1u);
-  EXPECT_TRUE(open().acquire());
 }
 
 TEST_F(Served, AClientGivesTheLeaseBackAtItsEnd) {

@@ -90,17 +90,6 @@ TEST_P(HubOn, ReportsUnconfirmedEventsOfTheFormerHub) {
   expect_told_of_the_next_hub(node_, hub_, GetParam());
 }
 
-TEST_P(HubOn, DeliversConjunctionsTogether) {
-  const auto supplier = make_supplier(node_, hub_, GetParam());
-  const auto consumer = make_consumer(node_, hub_, recorder_,
-                                      correlate({of_type(kPose), of_type(kGaze)}), {}, GetParam());
-  push(*supplier, kPose);
-  push(*supplier, kPose);
-  push(*supplier, kGaze);
-  ASSERT_TRUE(recorder_.await_deliveries(1));
-  EXPECT_EQ(recorder_.text(), "5.0#2+7.0#1");
-}
-
 TEST_P(HubOn, DeliversSingleEventsAndConjunctionsToOneConsumer) {
   const auto supplier = make_supplier(node_, hub_, GetParam());
   const auto consumer = make_consumer(
@@ -262,22 +251,10 @@ TEST_F(HubTest, LateJoinerGetsTheLatchedValue) {
 TEST_F(HubTest, SubscriptionIsChangedSuspendedAndResumed) {
   const auto supplier = make_supplier(node_, hub_);
   const auto consumer = make_consumer(node_, hub_, recorder_, of_type(kPose));
-  push(*supplier, kPose);
-  ASSERT_TRUE(recorder_.await_deliveries(1));
-  ASSERT_TRUE(consumer->change(of_type(kButton), {}));
-  push(*supplier, kPose);
-  push(*supplier, kButton);
-  ASSERT_TRUE(recorder_.await_deliveries(2));
+  change_suspend_and_resume(hub_.hub(), *supplier, *consumer, recorder_);
   const auto refused = consumer->change(where(99, "z", Comparison::kLess, {}), {});
   ASSERT_FALSE(refused);
   EXPECT_NE(refused.error().text().find("'z'"), std::string::npos);
-  ASSERT_TRUE(consumer->suspend());
-  push(*supplier, kButton);
-  await_taken(hub_.hub(), 4);
-  ASSERT_TRUE(consumer->resume());
-  push(*supplier, kButton);
-  ASSERT_TRUE(recorder_.await_deliveries(3));
-  EXPECT_EQ(recorder_.text(), "5.0#1 6.0#1 6.0#3");
   ASSERT_TRUE(recorder_.await_notice(NoticeKind::kLosses));
   EXPECT_EQ(recorder_.notice(NoticeKind::kLosses).losses.suspended_count, 1U);
 }
