@@ -7,14 +7,11 @@
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <string>
 #include <utility>
-#include <vector>
 
 #include "cli/command.hpp"
 #include "cli/output.hpp"
@@ -58,7 +55,7 @@ expected<std::string, SetupError> state_folder() {
                      "chmod 700 " + path + ", or set XDG_RUNTIME_DIR to a folder of your own");
 }
 
-/// A lock of an open file, which forked processes share.
+/// A lock of the open file, which forked processes share.
 struct flock whole_file() {
   struct flock lock {};
   lock.l_type = F_WRLCK;
@@ -75,13 +72,6 @@ expected<Descriptor, SetupError> lock_pid_file(const std::string& folder, const 
   if (::fcntl(file.number(), F_OFD_SETLK, &lock) == 0) return file;
   return setup_error("the laboratory '" + name + "' is already up", "",
                      "`rtpm down " + name + "` ends it");
-}
-
-void write_pid_file(const Descriptor& pid_file, const std::string& file) {
-  const std::string text = std::to_string(::getpid()) + "\n" + file + "\n";
-  // Without this text, as on a full disk, only `rtpm down` does not find it.
-  static_cast<void>(!::ftruncate(pid_file.number(), 0));
-  static_cast<void>(!::pwrite(pid_file.number(), text.data(), text.size(), 0));
 }
 
 /// The laboratories whose pid files are locked, by name.
@@ -204,7 +194,8 @@ int bring_up(Context& context, const expected<laboratory::Plan, std::vector<Setu
     if (background > 0) return await_background(context, background, report[0], plan.name, log);
     leave_terminal(log);
   }
-  write_pid_file(*pid_file, plan.file);
+  static_cast<void>(!::ftruncate(pid_file->number(), 0));
+  ::dprintf(pid_file->number(), "%d\n%s\n", ::getpid(), plan.file.c_str());
   // For programs whose environment in the file has no registry.
   ::setenv(wire::is_url(context.registry) ? "RTPM_REGISTRY" : "RTPM_DISCOVER",
            context.registry.c_str(), 1);

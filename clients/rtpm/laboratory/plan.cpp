@@ -9,6 +9,7 @@
 #include <fstream>
 #include <iterator>
 #include <optional>
+#include <regex>
 #include <sstream>
 #include <tuple>
 #include <utility>
@@ -25,38 +26,21 @@ constexpr std::size_t kFileSizeMax = std::size_t{1024} * 1024;
 /// Each dot may nest a table deeper, and the TOML library recurses that deep.
 constexpr std::ptrdiff_t kDotCountMax = 4096;
 constexpr std::size_t kProgramCountMax = 64;
-constexpr std::size_t kArgumentCountMax = 1024;
 constexpr const char* kNameForm =
     "' must be letters, digits, '-', '_' and '.', a letter or digit first, at most 32";
 constexpr std::string_view kUrl = ".url";
 
 /// All keys and the types of their values. An empty table may have any keys; "*" is any key.
-constexpr std::string_view kExample = R"(
-variables = {"*" = ""}
-laboratory = {name = "", environment = {"*" = ""}}
-[[program]]
-name = ""
-run = [""]
-environment = {"*" = ""}
-config = {}
-after = [""]
-serves = [""]
-ready_line = ""
-one_shot = true
-ready_deadline = ""
-restart = ""
-stop_patience = ""
-output = ""
-main = true
-needed = true
-optional = true
-)";
+constexpr std::string_view kExample =
+    "variables = {\"*\" = ''}\n"
+    "laboratory = {name = '', environment = {\"*\" = ''}}\n"
+    "program = [{name = '', run = [''], environment = {\"*\" = ''}, config = {}, after = [''],"
+    " serves = [''], ready_line = '', one_shot = true, ready_deadline = '', restart = '',"
+    " stop_patience = '', output = '', main = true, needed = true, optional = true}]\n";
 
-bool is_name(std::string_view name) {
-  constexpr std::string_view kCharacters =
-      "-_.abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789";
-  return !name.empty() && name.size() <= 32 && kCharacters.find(name.front()) >= 3 &&
-         name.find_first_not_of(kCharacters) == std::string_view::npos;
+bool is_name(const std::string& name) {
+  static const std::regex kForm("[A-Za-z0-9][-A-Za-z0-9_.]{0,31}");
+  return std::regex_match(name, kForm);
 }
 
 bool contains(const Words& words, std::string_view word) {
@@ -68,17 +52,6 @@ std::string joined(const Words& words) {
   for (const std::string& word : words)
     text += (text.empty() ? "" : ", ") + word;
   return text;
-}
-
-/// The path of a program's executable; empty if there is none. A name with a slash is a path,
-/// relative to `folder`.
-std::string find_program(const std::string& name, const std::string& folder, const Words& folders) {
-  for (const std::string& place : name.find('/') == std::string::npos ? folders : Words{folder}) {
-    std::error_code error;
-    const fs::path file = (fs::absolute(place, error) / name).lexically_normal();
-    if (fs::is_regular_file(file, error) && ::access(file.c_str(), X_OK) == 0) return file.string();
-  }
-  return {};
 }
 
 /// Reads one file.
@@ -112,23 +85,23 @@ class PlanReader {
  private:
   /// Refuses and removes unknown keys, and values of another type than in the example.
   void check(toml::table& table, const toml::table& example) {
+    if (example.empty()) return;
     Words keys;
     for (const auto& [key, model] : example)
       keys.emplace_back(key.str());
-    for (const char* const key : {"name", "run"}) {
+    for (const std::string key : {"name", "run"}) {
       if (example.contains("run") && !table.contains(key))
-        refuse(table, "'" + std::string(key) + "' is missing");
+        refuse(table, "'" + key + "' is missing");
     }
     Words wrong;
     for (auto&& [key, node] : table) {
       const std::string name(key.str());
-      const toml::node* const model = example.get(contains(keys, "*") ? "*" : name);
-      if (model == nullptr && !keys.empty()) {
+      const toml::node* const model = example.get(keys.front() == "*" ? "*" : name);
+      if (model == nullptr) {
         refuse(key.source().begin, "unknown key '" + name + "'" + options::suggestion(name, keys),
                "there are: " + joined(keys));
       }
-      if (!keys.empty() && (model == nullptr || !is_like(node, *model, name)))
-        wrong.push_back(name);
+      if (model == nullptr || !is_like(node, *model, name)) wrong.push_back(name);
     }
     for (const std::string& key : wrong)
       table.erase(key);
@@ -146,10 +119,9 @@ class PlanReader {
                                  [&](toml::node& inner) { return is_like(inner, item, key); });
     }
     if (node.type() == item.type() && !node.is_table()) return true;
-    std::ostringstream what;
-    what << "'" << key << "' has a value of type " << node.type() << ", but must be of type "
-         << example.type();
-    refuse(node, what.str());
+    std::ostringstream types;
+    types << node.type() << ", but must be of type " << example.type();
+    refuse(node, "'" + key + "' has a value of type " + types.str());
     return false;
   }
 
@@ -194,20 +166,18 @@ class PlanReader {
     if (programs.size() > kProgramCountMax) return refuse(programs, "more than 64 programs");
     for (const toml::node& node : programs) {
       const toml::table& table = *node.as_table();
-      const std::string name = table["name"].value_or("");
-      if (!table.contains("name")) continue;  // check() has refused that.
-      if (!is_name(name)) {
-        refuse(*table.get("name"), "the name '" + name + kNameForm);
-      } else if (index_of(name)) {
-        refuse(*table.get("name"), "two programs are called '" + name + "'");
-      } else if (table["optional"].value_or(false) &&
-                 find_program(table["run"][0].value_or(""), plan_.folder, folders_).empty()) {
+      const toml::node* const name_node = table.get("name");
+      if (name_node == nullptr) continue;  // check() has refused that.
+      const std::string name = name_node->value_or("");
+      if (!is_name(name)) refuse(*name_node, "the name '" + name + kNameForm);
+      if (index_of(name)) refuse(*name_node, "two programs are called '" + name + "'");
+      if (table["optional"].value_or(false) && find_program(table["run"][0].value_or("")).empty()) {
         plan_.left_out.push_back(name);
-      } else {
-        plan_.variables[name + std::string(kUrl)];
-        plan_.programs.push_back({.name = name});
-        tables_.push_back(&table);
+        continue;
       }
+      plan_.variables[name + std::string(kUrl)];
+      plan_.programs.push_back({.name = name});
+      tables_.push_back(&table);
     }
   }
 
@@ -219,7 +189,15 @@ class PlanReader {
       program.environment["RTPM_CONFIG"] = "${laboratory.file}#" + program.name;
     }
     program.command = strings(table, "run", index);
-    find_executable(table, program);
+    if (table.contains("run") && program.command.empty())
+      refuse(*table.get("run"), "'run' is empty");
+    const auto path = expanded(program.command.empty() ? "" : program.command[0], plan_.variables);
+    if (path) program.path = find_program(*path);
+    if (path && !path->empty() && program.path.empty()) {
+      refuse(table["run"][0] ? *table["run"][0].node() : *table.get("run"),
+             "there is no program '" + *path + "'",
+             "name a file, as ./" + *path + ", or a program in " + joined(folders_));
+    }
     if (!table.contains("after") && index > 0) program.after.push_back(index - 1);
     for (const std::string& name : strings(table, "after", index)) {
       const auto other = index_of(name);
@@ -229,36 +207,34 @@ class PlanReader {
     }
     program.names = strings(table, "serves", index);
     program.must_print_url |= table["serves"].value_or("") == std::string_view("line");
-    if (table["serves"].is_string() ? program.names != Words{"line"}
-                                    : table.contains("serves") && program.names.empty())
+    if (program.names == Words{"line"}) program.names.clear();
+    if (table["serves"].is_string() ? !program.names.empty()
+                                    : table["serves"] && program.names.empty())
       refuse(*table.get("serves"),
-             "'serves' must be \"line\" or a list of names, such as [\"lab/arm0\"]");
-    if (table["serves"].is_string()) program.names.clear();
-    const Words line = strings(table, "ready_line", index);
-    program.ready_line = line.empty() ? "" : line.front();
+             "'serves' must be \"line\" or a list of names, as [\"lab/arm0\"]");
+    program.ready_line = table["ready_line"].value_or("");
     program.is_one_shot = table["one_shot"].value_or(false);
     read_time(table, "ready_deadline", program.ready_deadline);
     read_time(table, "stop_patience", program.stop_patience);
     program.is_restarted = choice(table, "restart", {"never", "on-failure"}) == 1;
     program.output =
         static_cast<Output>(choice(table, "output", {"lines", "errors", "end", "terminal"}));
-    if (program.output == Output::kTerminal && !line.empty())
+    if (program.output == Output::kTerminal && !program.ready_line.empty())
       refuse(*table.get("output"), "with output = \"terminal\" no line is read to make it ready");
     program.is_main = table["main"].value_or(false);
     program.is_needed = table["needed"].value_or(false);
   }
 
-  void find_executable(const toml::table& table, ProgramPlan& program) {
-    const toml::node* const run = table.get("run");
-    if (run == nullptr) return;  // check() has refused that.
-    if (program.command.empty() || program.command.size() > kArgumentCountMax)
-      return refuse(*run, "'run' must have 1 to 1024 strings, the program first");
-    const auto name = expanded(program.command.front(), plan_.variables);
-    if (!name) return;
-    program.path = find_program(*name, plan_.folder, folders_);
-    if (!program.path.empty()) return;
-    refuse(run->is_array() ? run->as_array()->front() : *run, "there is no program '" + *name + "'",
-           "name a file, as ./" + *name + ", or a program in " + joined(folders_));
+  /// The path of an executable; empty if there is none. A name with a slash is a path below the
+  /// file's folder.
+  [[nodiscard]] std::string find_program(const std::string& name) const {
+    const bool is_path = name.find('/') != std::string::npos;
+    for (const std::string& place : is_path ? Words{plan_.folder} : folders_) {
+      std::error_code error;
+      const std::string file = (fs::absolute(place, error) / name).lexically_normal();
+      if (fs::is_regular_file(file, error) && ::access(file.c_str(), X_OK) == 0) return file;
+    }
+    return {};
   }
 
   void read_environment(const toml::table* table, std::size_t index) {
@@ -272,15 +248,11 @@ class PlanReader {
   /// The strings of a list, or one string; starts the program after those whose URLs they have.
   Words strings(const toml::table& table, std::string_view key, std::size_t index) {
     Words strings;
-    const auto take = [&](const toml::node& node) {
-      use(index, node, strings.emplace_back(node.value_or("")));
-    };
     const toml::node* const node = table.get(key);
-    if (node != nullptr && node->is_array()) {
-      for (const toml::node& item : *node->as_array())
-        take(item);
-    } else if (node != nullptr) {
-      take(*node);
+    const toml::array* const list = node == nullptr ? nullptr : node->as_array();
+    for (std::size_t i = 0; i < (list != nullptr ? list->size() : node != nullptr ? 1 : 0); ++i) {
+      const toml::node& item = list == nullptr ? *node : (*list)[i];
+      use(index, item, strings.emplace_back(item.value_or("")));
     }
     return strings;
   }
@@ -331,21 +303,19 @@ class PlanReader {
   /// Orders the program behind those that it comes after.
   /// @param path  the programs that wait for it
   void place(std::size_t index, Indices& path) {
-    if (std::ranges::find(plan_.order, index) != plan_.order.end()) return;
-    const auto seen = std::ranges::find(path, index);
-    if (seen != path.end()) {
+    if (std::ranges::count(plan_.order, index) > 0) return;
+    if (const auto seen = std::ranges::find(path, index); seen != path.end()) {
       Words names;
       for (auto program = seen; program != path.end(); ++program)
         names.push_back("'" + plan_.programs[*program].name + "'");
       const toml::node* const after = tables_[index]->get("after");
       return refuse(
           after == nullptr ? *tables_[index] : *after,
-          joined(names) + (names.size() == 1 ? " waits for itself" : " wait for each other"));
+          joined(names) + (names.size() > 1 ? " wait for each other" : " waits for itself"));
     }
     path.push_back(index);
-    for (const std::size_t other : plan_.programs[index].after) {
+    for (const std::size_t other : plan_.programs[index].after)
       if (mistakes_.empty()) place(other, path);
-    }
     path.pop_back();
     plan_.order.push_back(index);
   }
@@ -355,11 +325,10 @@ class PlanReader {
     const auto is_registry = [this](std::size_t index) {
       return fs::path(plan_.programs[index].path).filename() == "rtpm-registryd";
     };
-    auto at = std::ranges::find_if(plan_.order, is_registry);
-    if (at == plan_.order.end()) return;
-    const std::string url = "${" + plan_.programs[*at].name + ".url}";
-    for (++at; at != plan_.order.end(); ++at) {
-      if (plan_.programs[*at].environment.emplace("RTPM_REGISTRY", url).second)
+    const auto registry = std::ranges::find_if(plan_.order, is_registry);
+    for (auto at = registry; at != plan_.order.end(); ++at) {
+      const std::string url = "${" + plan_.programs[*registry].name + ".url}";
+      if (at != registry && plan_.programs[*at].environment.emplace("RTPM_REGISTRY", url).second)
         use(*at, *tables_[*at], url);
     }
   }

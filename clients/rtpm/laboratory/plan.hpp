@@ -3,7 +3,6 @@
 #include <cstdint>
 #include <map>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "rtpm/base/setup_error.hpp"
@@ -55,11 +54,10 @@ struct Plan {
 /// The folder of this program, then those of PATH.
 [[nodiscard]] Words program_folders();
 
-/// Reads a laboratory's file. Relative paths in it refer to its folder.
+/// Reads a laboratory's file.
 /// @param variables  replace those in the file
 /// @param folders    searched for programs, in this order
 /// @errors   "cell.toml:3:8: …", one for each mistake, in the order of the file; it can't be read
-/// @realtime set-up only
 [[nodiscard]] expected<Plan, std::vector<SetupError>> read_plan(
     const std::string& path, const Variables& variables = {},
     const Words& folders = program_folders());

@@ -9,9 +9,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
-#include <string>
 #include <utility>
-#include <vector>
 
 #include "cli/output.hpp"
 #include "laboratory/commands.hpp"
@@ -132,12 +130,12 @@ class Supervisor {
         return program.state == State::kServing || program.state == State::kDone;
       };
       if (!is_up_ && std::ranges::all_of(programs_, serves)) come_up();
-      const auto is_main = [](const Program& program) { return program.plan.is_main; };
-      const auto is_open = [](const Program& program) {
-        return program.plan.is_main && !is_final(program);
-      };
-      if (std::ranges::any_of(programs_, is_main) && std::ranges::none_of(programs_, is_open))
-        stop();
+      std::size_t main_count = 0, ended_count = 0;
+      for (const Program& program : programs_) {
+        main_count += program.plan.is_main;
+        ended_count += program.plan.is_main && is_final(program);
+      }
+      if (main_count > 0 && main_count == ended_count) stop();
     } while (before != change_count_);
   }
 
@@ -323,7 +321,7 @@ class Supervisor {
 
   void take_line(Program& program, bool is_error, std::string_view line) {
     const ProgramPlan& plan = program.plan;
-    if (line.find(expand(plan.ready_line)) != std::string_view::npos) program.has_line = true;
+    if (line.find(plan.ready_line) != std::string_view::npos) program.has_line = true;
     const std::string url = is_error ? std::string() : url_in(line);
     if (!url.empty() && !std::exchange(program.has_url, true)) {
       const std::string former = std::exchange(program.url, url);

@@ -1,7 +1,3 @@
-#include <string>
-#include <utility>
-#include <vector>
-
 #include "cli/command.hpp"
 #include "cli/output.hpp"
 #include "cli/table.hpp"
@@ -27,10 +23,12 @@ void print_plan(const Context& context, const Plan& plan) {
   std::vector<Row> rows{{"PROGRAM", "AFTER", "RUNS"}};
   for (const std::size_t index : plan.order) {
     const ProgramPlan& program = plan.programs[index];
-    std::vector<std::string> after;
+    Json after = Json::array();
     std::string list;
-    for (const std::size_t other : program.after)
-      list += (list.empty() ? "" : ", ") + after.emplace_back(plan.programs[other].name);
+    for (const std::size_t other : program.after) {
+      after.push_back(plan.programs[other].name);
+      list += (list.empty() ? "" : ", ") + plan.programs[other].name;
+    }
     rows.push_back({program.name, list.empty() ? "-" : list, program.path});
     programs.push_back({{"name", program.name}, {"path", program.path}, {"after", after}});
   }
@@ -109,8 +107,7 @@ void add_up(CLI::App& program, Context& context) {
   command.add_flag("--detach", request->is_detached,
                    "Return when everything serves; `rtpm down` ends it");
   const auto check = [](const std::string& setting) {
-    const std::size_t equals = setting.find('=');
-    const bool is_right = equals != std::string::npos && equals > 0;
+    const bool is_right = setting.find('=', 1) != std::string::npos;
     return is_right ? std::string() : "'" + setting + "' of --set is not NAME=VALUE";
   };
   command.add_option("--set", request->settings, "A variable of the file in place of its value")
