@@ -47,26 +47,14 @@ void report(std::string_view sentence) {
   rtpm::rt::print_error("rtpm-registryd", sentence);
 }
 
-/// The storage of one registry's names, or of several registries'; if neither, names are in memory.
-struct Storages {
-  std::unique_ptr<rtpm::names::Storage> own{};
-  std::unique_ptr<rtpm::names::SharedStorage> shared{};
-  [[nodiscard]] rtpm::names::Storage* any() const noexcept {
-    return shared ? shared.get() : own.get();
+/// The storage of the registry's names; null if they are in memory only.
+rtpm::expected<std::unique_ptr<rtpm::names::Storage>, rtpm::SetupError> storage_of(
+    const Configuration& configuration) {
+  if (configuration.store == kMemory) return nullptr;
+  if (rtpm::etcd_store::is_etcd_url(configuration.store)) {
+    return rtpm::etcd_store::make_etcd_storage(configuration.store);
   }
-};
-
-rtpm::expected<Storages, rtpm::SetupError> storages_of(const Configuration& configuration) {
-  Storages storages;
-  if (configuration.store == kMemory) return storages;
-  if (!rtpm::etcd_store::is_etcd_url(configuration.store)) {
-    storages.own = rtpm::file_store::make_file_storage(configuration.store);
-    return storages;
-  }
-  auto shared = rtpm::etcd_store::make_etcd_storage(configuration.store);
-  if (!shared) return rtpm::unexpected{std::move(shared.error())};
-  storages.shared = std::move(*shared);
-  return storages;
+  return rtpm::file_store::make_file_storage(configuration.store);
 }
 
 int dump(rtpm::names::Storage& storage) {
@@ -90,12 +78,11 @@ int load(rtpm::names::Storage& storage, const Configuration& configuration) {
 
 /// `--dump` and `--load`: works on the storage, and serves nothing.
 int transfer(const Configuration& configuration) {
-  const auto storages = storages_of(configuration);
-  if (!storages) return fail(storages.error().text());
-  rtpm::names::Storage* const storage = storages->any();
-  if (storage == nullptr) return fail("--dump and --load need --store FILE or --store etcd://…");
+  const auto storage = storage_of(configuration);
+  if (!storage) return fail(storage.error().text());
+  if (*storage == nullptr) return fail("--dump and --load need --store FILE or --store etcd://…");
   if (configuration.dumps && configuration.loads) return fail("give either --dump or --load");
-  return configuration.dumps ? dump(*storage) : load(*storage, configuration);
+  return configuration.dumps ? dump(**storage) : load(**storage, configuration);
 }
 
 /// Announces the registry, or reports why not: programs that have its URL need no discovery.
@@ -114,12 +101,10 @@ int serve(const Configuration& configuration) {
   if (!scope) return fail(scope.error().text());
   const auto prepared = rtpm::options::prepare(configuration.settings);
   if (!prepared) return fail(prepared.error().text());
-  auto storages = storages_of(configuration);
-  if (!storages) return fail(storages.error().text());
-  auto made = rtpm::names::make_registry({.limits = configuration.limits,
-                                          .report = report,
-                                          .storage = std::move(storages->own),
-                                          .shared_storage = std::move(storages->shared)});
+  auto storage = storage_of(configuration);
+  if (!storage) return fail(storage.error().text());
+  auto made = rtpm::names::make_registry(
+      {.limits = configuration.limits, .report = report, .storage = std::move(*storage)});
   if (!made) return fail(made.error().text());
   const auto registry = std::move(*made);
   auto server = rtpm::rpc::Server::create(configuration.settings.server);

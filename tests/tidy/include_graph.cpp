@@ -119,6 +119,8 @@ const std::vector<Order>& orders() {
       {"runtime/rpc/src/",
        {"", "model", "local", "tap", "security", "media", "calls", "execution", "lane", "server",
         "client"}},
+      {"registry/names/src/", {"model", "store", "servant", "client", "finding"}},
+      {"schema/compiler/src/", {"model", "reading", "checks", "text", "cpp", "program"}},
   };
   return kOrders;
 }

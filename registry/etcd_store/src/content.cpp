@@ -1,11 +1,16 @@
 #include "content.hpp"
 
+#include <algorithm>
+#include <chrono>
+
 #include "base64.hpp"
 #include "rtpm/base/hash.hpp"
 #include "stored_value.hpp"
 
 namespace rtpm::etcd_store {
 namespace {
+
+using namespace std::chrono_literals;
 
 /// Keeps a page far below kReplySizeMax: 512 names with all their properties take 5 MiB.
 constexpr int kPageSize = 512;
@@ -18,7 +23,17 @@ expected<Json, GatewayError> read_page(Gateway& gateway, Json range, std::uint64
   return gateway.ask("/v3/kv/range", range, deadline);
 }
 
+// etcd grants no shorter leases with its usual election timeout of 1 s.
+constexpr std::uint64_t kLeaseSecondsMin = 2;
+// etcd checks every half second for leases that have ended.
+constexpr Duration kEndingMax = 1s;
+
 }  // namespace
+
+std::uint64_t seconds_of(Duration lease) noexcept {
+  const auto seconds = static_cast<std::uint64_t>((lease + 999'999'999ns) / 1s);
+  return std::max(seconds, kLeaseSecondsMin);
+}
 
 Json Keys::all() const {
   std::string end = names_;
@@ -47,6 +62,7 @@ ReadName read_name(const std::string& name, const KeyValue& key_value) {
   stored.name = name;
   stored.change = key_value.mod_revision;
   if (stored.revision == 0) stored.revision = key_value.mod_revision;
+  if (!stored.is_permanent()) stored.stay = Duration{seconds_of(stored.lease) * 1s} + kEndingMax;
   read.known.lease = stored.lease;
   read.stored = std::move(stored);
   return read;

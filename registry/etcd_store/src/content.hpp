@@ -33,6 +33,9 @@ class Keys {
   std::string fences_;
 };
 
+/// A lease of etcd, which is in whole seconds, for the lease of a name.
+[[nodiscard]] std::uint64_t seconds_of(Duration lease) noexcept;
+
 /// A key and its value, decoded as a name.
 struct ReadName {
   KnownName known{};

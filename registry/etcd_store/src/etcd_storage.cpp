@@ -25,16 +25,10 @@ using Kind = StorageError::Kind;
 constexpr Duration kLoadPatience = 5s;
 // Time limit of changes without a deadline, such as those of --load.
 constexpr Duration kCommitPatience = 5s;
-// etcd grants no shorter leases with its usual election timeout of 1 s.
-constexpr std::uint64_t kLeaseSecondsMin = 2;
-// etcd checks every half second for leases that have ended.
-constexpr Duration kEndingMax = 1s;
-
-/// etcd's leases are in whole seconds.
-std::uint64_t seconds_of(Duration lease) noexcept {
-  const auto seconds = static_cast<std::uint64_t>((lease + 999'999'999ns) / 1s);
-  return std::max(seconds, kLeaseSecondsMin);
-}
+// How long to wait until a change that is stored was reported, too.
+constexpr Duration kReportMax = 300ms;
+// Pause before the rules are checked again where no report of the other change is awaited.
+constexpr Duration kAgainPause = 20ms;
 
 Json compare(const std::string& key, const char* target, const char* field, std::uint64_t value,
              const char* result = "EQUAL") {
@@ -48,51 +42,132 @@ Json range_of(const std::string& key) {
   return {{"request_range", {{"key", to_base64(key)}}}};
 }
 
-class EtcdStorage final : public names::SharedStorage {
+class EtcdStorage final : public names::Storage {
  public:
   explicit EtcdStorage(Address address) : keys_(address.prefix), gateway_(std::move(address)) {}
   ~EtcdStorage() override { EtcdStorage::stop(); }
 
   expected<names::StoredContent, SetupError> load() override {
-    auto content = read_content(gateway_, keys_, rt::now() + kLoadPatience);
+    const MonotonicTime begun = rt::now();
+    auto content = read_content(gateway_, keys_, begun + kLoadPatience);
     if (!content) return unexpected{unreachable("can't be read", content.error().why)};
-    names::StoredContent loaded{.names = std::move(content->names),
-                                .first_revision = content->revision + 1};
+    names::StoredContent loaded{
+        .names = std::move(content->names),
+        .first_revision = content->revision + 1,
+        .identity = fnv1a_64(gateway_.address().prefix, gateway_.cluster()) | 1,
+        .place = place()};
     if (content->foreign_count > 0) {
       loaded.faults.push_back(std::to_string(content->foreign_count) + " values in " + place() +
                               " are no names, and left out.");
     }
     known_.replace(std::move(content->known));
     loaded_revision_ = content->revision;
+    follow_.set_current(begun);
     return loaded;
-  }
-
-  expected<std::uint64_t, StorageError> commit(const StoredChange& change) override {
-    const MonotonicTime deadline = std::min(change.deadline, rt::now() + kCommitPatience);
-    return change.stored == nullptr ? erase(change, deadline) : put(change, deadline);
   }
 
   expected<void, SetupError> follow(Follower& follower) override {
     return follow_.start(follower, loaded_revision_);
   }
   void stop() noexcept override { follow_.stop(); }
+  [[nodiscard]] bool reports_changes() const noexcept override {
+    return follow_.follower() != nullptr;
+  }
+  [[nodiscard]] MonotonicTime current_as_of() const noexcept override {
+    return follow_.current_as_of();
+  }
 
-  expected<void, StorageError> renew(std::string_view name, std::uint64_t change,
-                                     MonotonicTime deadline) override {
-    const auto known = known_.find(name);
-    if (!known) return unexpected{conflict(0)};
-    if (known->revision != change) return unexpected{conflict(known->revision)};
+  expected<std::uint64_t, StorageError> commit(const StoredChange& change) override {
+    const Unlocked unlocked(follow_.follower());
+    return write(change);
+  }
+
+  expected<void, StorageError> renew(const StoredChange& change) override {
+    const Unlocked unlocked(follow_.follower());
+    const auto known = known_.find(change.name);
+    const auto conflicts = [&](std::uint64_t revision) {
+      return unexpected{after(conflict(revision), change.deadline)};
+    };
+    if (!known || known->revision != change.expected) return conflicts(known ? known->revision : 0);
+    if (known->lease != change.stored->lease) {
+      if (const auto written = write(change); !written) return unexpected{written.error()};
+      return {};
+    }
     if (known->etcd_lease != 0) {
-      const auto left = keep_alive(known->etcd_lease, deadline);
+      const auto left = keep_alive(known->etcd_lease, change.deadline);
       if (!left) return unexpected{failure(left.error())};
-      if (!*left) return unexpected{conflict(0)};
+      if (!*left) return conflicts(0);
     }
     // The lease may outlast its name for a while.
-    return confirm(name, change, deadline);
+    return check(change.name, change.expected, change.deadline);
   }
 
   expected<void, StorageError> confirm(std::string_view name, std::uint64_t change,
                                        MonotonicTime deadline) override {
+    const Unlocked unlocked(follow_.follower());
+    return check(name, change, deadline);
+  }
+
+ private:
+  /// A lease of etcd, and whether this change created it.
+  struct EtcdLease {
+    std::uint64_t id = 0;
+    bool is_new = false;
+  };
+
+  /// An error, and the change that another registry made first.
+  struct Conflict : StorageError {
+    std::uint64_t revision = 0;
+  };
+
+  [[nodiscard]] std::string place() const { return gateway_.address().text(); }
+  [[nodiscard]] SetupError unreachable(const std::string& what, const std::string& why) const {
+    return {"the names in " + place() + " " + what, why,
+            "check that most nodes of etcd run and reach each other"};
+  }
+  [[nodiscard]] Conflict conflict(std::uint64_t revision) const {
+    return {{{"the name in " + place() + " is being changed by another registry all the time",
+              {},
+              "try again"},
+             Kind::kConflict},
+            revision};
+  }
+  /// The error, once the registry has the change that came first; kUnreachable if not in time.
+  [[nodiscard]] StorageError after(Conflict error, MonotonicTime deadline) {
+    if (error.kind != Kind::kConflict || follow_.follower() == nullptr) return error;
+    // The end of a lease is not reported yet, or a report says no more than the registry knows.
+    const bool is_pause = error.revision == 0 || follow_.has_reported(error.revision);
+    const MonotonicTime end = rt::now() + kAgainPause;
+    const bool is_in_time = is_pause ? end < deadline : follow_.wait_for(error.revision, deadline);
+    if (!is_in_time) error.kind = Kind::kUnreachable;
+    if (is_in_time && is_pause) rt::sleep_until(end);
+    return error;
+  }
+  [[nodiscard]] Conflict failure(const GatewayError& error) const {
+    if (error.code == GatewayError::kUnavailable) {
+      return {{unreachable("did not take the change", error.why), Kind::kUnreachable}};
+    }
+    const bool is_full = error.code == GatewayError::kExhausted;
+    const char* const remedy =
+        is_full ? "compact and defragment it, then disarm its alarm" : "see the log of etcd";
+    return {{{"the names in " + place() + " did not take the change", error.why, remedy},
+             is_full ? Kind::kFull : Kind::kFailed}};
+  }
+
+  /// Stores the change, and waits until it was reported.
+  expected<std::uint64_t, StorageError> write(const StoredChange& change) {
+    const MonotonicTime deadline = std::min(change.deadline, rt::now() + kCommitPatience);
+    const auto done = change.stored == nullptr ? erase(change, deadline) : put(change, deadline);
+    if (!done) return unexpected{after(done.error(), deadline)};
+    if (follow_.follower() != nullptr) {
+      static_cast<void>(follow_.wait_for(*done, std::min(deadline, rt::now() + kReportMax)));
+    }
+    return *done;
+  }
+
+  /// Checks that the last change of the name is still `change`.
+  expected<void, StorageError> check(std::string_view name, std::uint64_t change,
+                                     MonotonicTime deadline) {
     const std::string key = keys_.key_of(name);
     const auto known = known_.find(name);
     const bool is_foreign = change == 0 && known && known->is_foreign;
@@ -103,46 +178,8 @@ class EtcdStorage final : public names::SharedStorage {
     const auto answer = gateway_.ask("/v3/kv/txn", request, deadline);
     if (!answer) return unexpected{failure(answer.error())};
     const auto revision = revision_of(*answer, std::string(name), 0);
-    if (!revision) return unexpected{revision.error()};
+    if (!revision) return unexpected{after(revision.error(), deadline)};
     return {};
-  }
-
-  [[nodiscard]] Duration stay_of(Duration lease) const noexcept override {
-    return lease == Duration{0} ? kNever - MonotonicTime{}
-                                : Duration{seconds_of(lease) * 1s} + kEndingMax;
-  }
-  [[nodiscard]] std::uint64_t identity() const noexcept override {
-    return fnv1a_64(gateway_.address().prefix, gateway_.cluster()) | 1;
-  }
-  [[nodiscard]] std::string place() const override { return gateway_.address().text(); }
-
- private:
-  /// A lease of etcd, and whether this change created it.
-  struct EtcdLease {
-    std::uint64_t id = 0;
-    bool is_new = false;
-  };
-
-  [[nodiscard]] SetupError unreachable(const std::string& what, const std::string& why) const {
-    return {"the names in " + place() + " " + what, why,
-            "check that most nodes of etcd run and reach each other"};
-  }
-  [[nodiscard]] StorageError conflict(std::uint64_t revision) const {
-    return {{"the name in " + place() + " is being changed by another registry all the time",
-             {},
-             "try again"},
-            Kind::kConflict,
-            revision};
-  }
-  [[nodiscard]] StorageError failure(const GatewayError& error) const {
-    if (error.code == GatewayError::kUnavailable) {
-      return {unreachable("did not take the change", error.why), Kind::kUnreachable};
-    }
-    const bool is_full = error.code == GatewayError::kExhausted;
-    const char* const remedy =
-        is_full ? "compact and defragment it, then disarm its alarm" : "see the log of etcd";
-    return {{"the names in " + place() + " did not take the change", error.why, remedy},
-            is_full ? Kind::kFull : Kind::kFailed};
   }
 
   /// Returns whether the lease still existed.
@@ -174,7 +211,7 @@ class EtcdStorage final : public names::SharedStorage {
     return EtcdLease{number_at(*granted, "ID"), true};
   }
 
-  expected<std::uint64_t, StorageError> put(const StoredChange& change, MonotonicTime deadline) {
+  expected<std::uint64_t, Conflict> put(const StoredChange& change, MonotonicTime deadline) {
     const std::string name(change.name);
     const auto known = known_.find(name);
     const auto lease = lease_for(change, known, deadline);
@@ -187,9 +224,8 @@ class EtcdStorage final : public names::SharedStorage {
                        {"success", Json::array({{{"request_put", std::move(success)}}})},
                        {"failure", looks_of(change)}};
     const auto answer = gateway_.ask("/v3/kv/txn", request, deadline);
-    auto revision =
-        answer ? revision_of(*answer, name, value.write)
-               : expected<std::uint64_t, StorageError>(unexpected{failure(answer.error())});
+    auto revision = answer ? revision_of(*answer, name, value.write)
+                           : expected<std::uint64_t, Conflict>(unexpected{failure(answer.error())});
     const bool is_lease_over = !answer && answer.error().code == GatewayError::kNotFound;
     if (is_lease_over) revision = unexpected{conflict(0)};
     // If the result is unknown, the new lease may be in use.
@@ -243,7 +279,7 @@ class EtcdStorage final : public names::SharedStorage {
     return above;
   }
 
-  expected<std::uint64_t, StorageError> erase(const StoredChange& change, MonotonicTime deadline) {
+  expected<std::uint64_t, Conflict> erase(const StoredChange& change, MonotonicTime deadline) {
     const std::string name(change.name);
     const auto known = known_.find(name);
     const Json request{
@@ -263,9 +299,9 @@ class EtcdStorage final : public names::SharedStorage {
 
   // The revision of the change if it was made, even if only an earlier request of the same change
   // succeeded; otherwise the last change that was found instead.
-  [[nodiscard]] expected<std::uint64_t, StorageError> revision_of(const Json& answer,
-                                                                  const std::string& name,
-                                                                  std::uint64_t write) const {
+  [[nodiscard]] expected<std::uint64_t, Conflict> revision_of(const Json& answer,
+                                                              const std::string& name,
+                                                              std::uint64_t write) const {
     if (answer.value("succeeded", Json()) == true) {
       return number_at(object_at(answer, "header"), "revision");
     }
@@ -292,11 +328,10 @@ class EtcdStorage final : public names::SharedStorage {
 
 }  // namespace
 
-expected<std::unique_ptr<names::SharedStorage>, SetupError> make_etcd_storage(
-    std::string_view url) {
+expected<std::unique_ptr<names::Storage>, SetupError> make_etcd_storage(std::string_view url) {
   auto address = parse_address(url);
   if (!address) return unexpected{std::move(address.error())};
-  return std::unique_ptr<names::SharedStorage>(std::make_unique<EtcdStorage>(std::move(*address)));
+  return std::unique_ptr<names::Storage>(std::make_unique<EtcdStorage>(std::move(*address)));
 }
 
 }  // namespace rtpm::etcd_store

@@ -27,10 +27,11 @@ constexpr const char* kReplaced =
 
 }  // namespace
 
-expected<void, SetupError> Follow::start(names::SharedStorage::Follower& follower,
+expected<void, SetupError> Follow::start(names::Storage::Follower& follower,
                                          std::uint64_t revision) {
   follower_ = &follower;
   revision_ = revision;
+  note_reported();
   auto thread = rt::Thread::start({.name = "rtpm-etcd", .realtime = rt::RealtimeMode::kOff},
                                   [this] { run(); });
   if (!thread) return unexpected{std::move(thread.error())};
@@ -42,6 +43,26 @@ void Follow::stop() noexcept {
   gateway_.stop();
   stream_.wake();
   if (thread_.is_running()) thread_.join();
+}
+
+bool Follow::wait_for(std::uint64_t revision, MonotonicTime deadline) {
+  std::unique_lock lock(mutex_);
+  return reporting_.wait_for(lock, std::max(deadline - rt::now(), Duration{0}),
+                             [&] { return reported_ >= revision; });
+}
+
+bool Follow::has_reported(std::uint64_t revision) {
+  const std::lock_guard lock(mutex_);
+  return reported_ >= revision;
+}
+
+// Lower than before when a cluster was restored.
+void Follow::note_reported() {
+  {
+    const std::lock_guard lock(mutex_);
+    reported_ = revision_;
+  }
+  reporting_.notify_all();
 }
 
 void Follow::run() {
@@ -123,6 +144,7 @@ std::optional<std::string> Follow::take(std::size_t endpoint, const std::string&
   if (result->value("fragment", Json()) == true || fragments_.empty()) return std::nullopt;
   revision_ = fragments_.back().revision;
   follower_->on_changes(std::exchange(fragments_, {}));
+  note_reported();
   return std::nullopt;
 }
 
@@ -151,7 +173,7 @@ std::optional<std::string> Follow::take_events(std::size_t endpoint, const Json&
     if (!name) return malformed;
     const std::uint64_t former = fragments_.empty() ? revision_ + 1 : fragments_.back().revision;
     if (key_value->mod_revision < former) return malformed;
-    names::SharedChange change{*name, key_value->mod_revision, std::nullopt};
+    names::ReportedChange change{*name, key_value->mod_revision, std::nullopt};
     if (event.value("type", Json()) == "DELETE") {
       const auto known = known_.find(*name);
       if (!known || known->lease > Duration{0}) {
@@ -203,7 +225,7 @@ void Follow::check_probe() {
   if (known_.size() != probe_->count && revision_ == probe_->revision) return;
   probe_->is_met = true;
   note_reached();
-  follower_->on_current(probe_->begun);
+  current_as_of_ = probe_->begun;
 }
 
 // Checks that the changes reported up to the last revision match the cluster's content at that
@@ -231,7 +253,8 @@ std::string Follow::read_again(History history, std::string why) {
   known_.replace(std::move(content->known));
   revision_ = content->revision;
   follower_->on_restart(std::move(content->names), revision_, history == History::kReplaced);
-  follower_->on_current(begun);
+  note_reported();
+  current_as_of_ = begun;
   follower_->on_trouble("All names in " + gateway_.address().text() + " were read again: " + why +
                         ".");
   return why;

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <atomic>
+#include <condition_variable>
 #include <cstdint>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
@@ -21,7 +23,7 @@ namespace rtpm::etcd_store {
 /// continues at the next endpoint, after the last revision, once it has checked that the cluster's
 /// content at that revision matches the reported one: a restored cluster uses the same revisions
 /// again for other changes.
-/// @threads  start and stop from one
+/// @threads  start and stop: one; the rest: any
 class Follow {
  public:
   Follow(Gateway& gateway, const Keys& keys, KnownNames& known) noexcept
@@ -31,9 +33,18 @@ class Follow {
   ~Follow() { stop(); }
 
   /// Reports the changes after `revision` to `follower`.
-  [[nodiscard]] expected<void, SetupError> start(names::SharedStorage::Follower& follower,
+  [[nodiscard]] expected<void, SetupError> start(names::Storage::Follower& follower,
                                                  std::uint64_t revision);
   void stop() noexcept;
+  /// The registry that follows; null before start().
+  [[nodiscard]] names::Storage::Follower* follower() const noexcept { return follower_; }
+  /// Waits until the change of `revision` was reported; false if not by `deadline`.
+  [[nodiscard]] bool wait_for(std::uint64_t revision, MonotonicTime deadline);
+  /// Whether the change of `revision` was reported.
+  [[nodiscard]] bool has_reported(std::uint64_t revision);
+  /// Everything that was stored before that time was reported.
+  [[nodiscard]] MonotonicTime current_as_of() const noexcept { return current_as_of_; }
+  void set_current(MonotonicTime as_of) noexcept { current_as_of_ = as_of; }
 
  private:
   /// The result of a read through the leader.
@@ -62,6 +73,7 @@ class Follow {
   enum class History : std::uint8_t { kSame, kReplaced };
   [[nodiscard]] std::string read_again(History history, std::string why);
   void end_unused_leases(std::size_t endpoint);
+  void note_reported();
   void note_reached();
   void note_trouble(std::size_t endpoint, const std::string& why);
   void pause(Duration duration);
@@ -69,16 +81,20 @@ class Follow {
   Gateway& gateway_;
   const Keys& keys_;
   KnownNames& known_;
-  names::SharedStorage::Follower* follower_ = nullptr;
+  names::Storage::Follower* follower_ = nullptr;
   HttpStream stream_{};
-  std::uint64_t revision_ = 0;  ///< Revision of the last change that was reported.
-  std::vector<names::SharedChange> fragments_{};
+  std::uint64_t revision_ = 0;  ///< Of the last change that was reported; for the thread only.
+  std::vector<names::ReportedChange> fragments_{};
   bool is_created_ = false;
   bool is_to_check_history_ = true;  ///< Set at the beginning, and when a watch has broken.
   bool was_read_again_ = false;      ///< The watch ended because everything was read again.
   std::optional<Probe> probe_{};
   bool is_told_ = false;           ///< It was reported that etcd is unreachable.
   std::size_t failure_count_ = 0;  ///< Consecutive failures.
+  std::atomic<MonotonicTime> current_as_of_{};
+  std::mutex mutex_;  ///< Plain: no real-time thread locks it. Guards the number below.
+  std::condition_variable reporting_{};
+  std::uint64_t reported_ = 0;  ///< As `revision_`.
   rt::Thread thread_{};
 };
 

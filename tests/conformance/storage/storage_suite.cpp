@@ -64,7 +64,7 @@ class Place {
     if (kind_ == "etcd") {
       auto storage = etcd_store::make_etcd_storage(url_);
       EXPECT_TRUE(storage);
-      config.shared_storage = std::move(*storage);
+      config.storage = std::move(*storage);
     }
     return config;
   }

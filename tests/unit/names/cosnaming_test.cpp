@@ -3,7 +3,7 @@
 #include <chrono>
 #include <string>
 
-#include "store.hpp"
+#include "store/store.hpp"
 
 // The errors of the CosNaming service, mapped to names. Longer names imply contexts.
 namespace rtpm::names {

@@ -9,7 +9,7 @@
 #include <mutex>
 #include <thread>
 
-#include "name.hpp"
+#include "model/name.hpp"
 #include "names.rtpm.hpp"
 #include "registry_fixture.hpp"
 #include "rtpm/names/registration.hpp"

@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "answer_limit.hpp"
-#include "name_views.hpp"
+#include "finding/name_views.hpp"
 #include "registry_fixture.hpp"
 #include "rtpm/discovery/announcement.hpp"
 #include "rtpm/discovery/datagram.hpp"

@@ -1,4 +1,4 @@
-#include "name.hpp"
+#include "model/name.hpp"
 
 #include <gtest/gtest.h>
 

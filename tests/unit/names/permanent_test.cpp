@@ -9,7 +9,7 @@
 #include "registry_fixture.hpp"
 #include "rtpm/names/directory.hpp"
 #include "rtpm/names/policy.hpp"
-#include "store.hpp"
+#include "store/store.hpp"
 
 // Permanent names, storages, and permissions.
 namespace rtpm::names {
@@ -197,7 +197,7 @@ TEST(Stored, KeepsNoMoreLapsedNamesThanTheRegistry) {
 
 // ---- changes from a shared storage --------------------------------------------------------
 
-SharedChange told(std::string name, std::uint64_t revision, std::uint64_t holder = 0) {
+ReportedChange told(std::string name, std::uint64_t revision, std::uint64_t holder = 0) {
   StoredName stored{.name = name,
                     .url = kUrl,
                     .interface = "lab.Arm",
@@ -209,11 +209,11 @@ SharedChange told(std::string name, std::uint64_t revision, std::uint64_t holder
 
 TEST(Told, ChangesAreHereUnderTheRevisionsOfTheStorage) {
   Store store({}, 10);
-  store.apply({told("lab/arm0", 12), told("lab/arm1", 15)}, at(0s));
-  store.apply({told("lab/arm0", 16, 12)}, at(0s));  // Only its lease differs.
+  store.take({told("lab/arm0", 12), told("lab/arm1", 15)}, at(0s));
+  store.take({told("lab/arm0", 16, 12)}, at(0s));  // Only its lease differs.
   EXPECT_EQ((*store.resolve("lab/arm0", at(0s)))->revision, 12u);
   EXPECT_EQ(store.log().revision(), 15u) << "nothing that a watcher sees";
-  store.apply({{"lab/arm0", 17, std::nullopt}, {"lab/never", 18, std::nullopt}}, at(0s));
+  store.take({{"lab/arm0", 17, std::nullopt}, {"lab/never", 18, std::nullopt}}, at(0s));
   EXPECT_FALSE(store.resolve("lab/arm0", at(0s)));
   EXPECT_EQ(store.log().count_after(9), 3u);
   EXPECT_EQ(store.log().restart_count(), 0u);
@@ -223,26 +223,27 @@ TEST(Told, ChangesAreHereUnderTheRevisionsOfTheStorage) {
 TEST(Told, LeasedNamesThatGoWithoutAnUnbindAreLapsed) {
   Store store({}, 10);
   const auto leased_one = [](const char* name, std::uint64_t revision) {
-    SharedChange change = told(name, revision);
+    ReportedChange change = told(name, revision);
     change.stored->lease = 2s;
+    change.stored->stay = 3s;
     return change;
   };
-  store.apply({leased_one("lab/lost", 12), leased_one("lab/ended", 13), told("lab/kept", 14)},
-              at(0s));
-  store.apply({{"lab/lost", 15, std::nullopt, true},
-               {"lab/ended", 16, std::nullopt, false},
-               {"lab/kept", 17, std::nullopt, true}},
-              at(5s));
+  store.take({leased_one("lab/lost", 12), leased_one("lab/ended", 13), told("lab/kept", 14)},
+             at(0s));
+  store.take({{"lab/lost", 15, std::nullopt, true},
+              {"lab/ended", 16, std::nullopt, false},
+              {"lab/kept", 17, std::nullopt, true}},
+             at(5s));
   ASSERT_EQ(store.lapsed(at(5s)).all().size(), 1u);
   EXPECT_EQ(store.lapsed(at(5s)).all().at("lab/lost").ended, at(5s));
-  store.apply({leased_one("lab/lost", 18)}, at(6s));
+  store.take({leased_one("lab/lost", 18)}, at(6s));
   EXPECT_TRUE(store.lapsed(at(6s)).all().empty());
 }
 
 TEST(Told, ChangesWithOneRevisionAreNotToldOneByOne) {
   Store store({}, 10);
-  store.apply({told("lab/arm0", 12), told("lab/arm1", 13)}, at(0s));
-  store.apply({{"lab/arm0", 14, std::nullopt}, {"lab/arm1", 14, std::nullopt}}, at(0s));
+  store.take({told("lab/arm0", 12), told("lab/arm1", 13)}, at(0s));
+  store.take({{"lab/arm0", 14, std::nullopt}, {"lab/arm1", 14, std::nullopt}}, at(0s));
   EXPECT_EQ(store.size(), 0u);
   EXPECT_EQ(store.log().restart_count(), 1u);
   EXPECT_FALSE(store.log().reaches(13)) << "watchers get the state";
@@ -251,16 +252,16 @@ TEST(Told, ChangesWithOneRevisionAreNotToldOneByOne) {
 
 TEST(Told, NamesThatTheRulesRefuseAreLeftOut) {
   Store store({}, 10);
-  SharedChange bad_url = told("lab/arm1", 13);
+  ReportedChange bad_url = told("lab/arm1", 13);
   bad_url.stored->url = "elsewhere";
-  store.apply({told("lab//arm0", 12), bad_url, told("lab/arm2", 14)}, at(0s));
+  store.take({told("lab//arm0", 12), bad_url, told("lab/arm2", 14)}, at(0s));
   EXPECT_EQ(store.size(), 1u);
-  store.apply({[&] {
-                auto changed = told("lab/arm2", 15);
-                changed.stored->interface = "no interface";
-                return changed;
-              }()},
-              at(0s));
+  store.take({[&] {
+               auto changed = told("lab/arm2", 15);
+               changed.stored->interface = "no interface";
+               return changed;
+             }()},
+             at(0s));
   EXPECT_EQ(store.size(), 0u);
 }
 

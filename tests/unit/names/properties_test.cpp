@@ -1,4 +1,5 @@
-#include "properties.hpp"
+#include "model/properties.hpp"
+#include "store/store.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "query.hpp"
+#include "model/query.hpp"
 
 // Properties of bindings: the refused ones, and their sizes with respect to the limits.
 namespace rtpm::names {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "entries.hpp"
+#include "servant/entries.hpp"
 
 namespace rtpm::names {
 namespace {

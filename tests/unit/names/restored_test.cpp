@@ -52,23 +52,25 @@ class Cluster {
     Told& told = followers_.at(number);
     told.has_noticed = true;
     told.follower->on_restart(values(), state_.revision, /*is_replaced=*/true);
-    told.follower->on_current(rt::now());
   }
-  void add(SharedStorage::Follower& follower) {
+  void add(Storage::Follower& follower) {
     const std::lock_guard lock(mutex_);
     followers_.push_back({&follower, true});
   }
   [[nodiscard]] StoredContent content() {
     const std::lock_guard lock(mutex_);
-    return {.names = values(), .first_revision = state_.revision + 1};
+    return {.names = values(),
+            .first_revision = state_.revision + 1,
+            .identity = 7,
+            .place = "simulated"};
   }
   expected<std::uint64_t, StorageError> commit(const StoredChange& change) {
     const std::lock_guard lock(mutex_);
     const auto found = state_.names.find(change.name);
     const std::uint64_t now = found == state_.names.end() ? 0 : found->second.change;
-    if (now != change.expected) return unexpected{conflict(now)};
+    if (now != change.expected) return unexpected{conflict()};
     const std::uint64_t revision = ++state_.revision;
-    SharedChange told{std::string(change.name), revision, std::nullopt};
+    ReportedChange told{std::string(change.name), revision, std::nullopt};
     if (found != state_.names.end()) state_.names.erase(found);
     if (change.stored != nullptr) {
       StoredName stored = *change.stored;
@@ -80,7 +82,6 @@ class Cluster {
     for (Told& each : followers_) {
       if (!each.has_noticed) continue;
       each.follower->on_changes({told});
-      each.follower->on_current(rt::now());
     }
     return revision;
   }
@@ -89,16 +90,16 @@ class Cluster {
     const auto found = state_.names.find(name);
     const std::uint64_t now = found == state_.names.end() ? 0 : found->second.change;
     if (now == change) return {};
-    return unexpected{conflict(now)};
+    return unexpected{conflict()};
   }
 
  private:
   struct Told {
-    SharedStorage::Follower* follower;
+    Storage::Follower* follower;
     bool has_noticed;
   };
-  static StorageError conflict(std::uint64_t revision) {
-    return {{"another was first", {}, {}}, StorageError::Kind::kConflict, revision};
+  static StorageError conflict() {
+    return {{"another was first", {}, {}}, StorageError::Kind::kConflict};
   }
   [[nodiscard]] std::vector<StoredName> values() const {
     std::vector<StoredName> all;
@@ -112,31 +113,31 @@ class Cluster {
   std::vector<Told> followers_{};
 };
 
-class SimulatedStorage final : public SharedStorage {
+class SimulatedStorage final : public Storage {
  public:
   explicit SimulatedStorage(Cluster& cluster) : cluster_(cluster) {}
   expected<StoredContent, SetupError> load() override { return cluster_.content(); }
-  expected<std::uint64_t, StorageError> commit(const StoredChange& change) override {
-    return cluster_.commit(change);
-  }
   expected<void, SetupError> follow(Follower& follower) override {
+    follower_ = &follower;
     cluster_.add(follower);
     return {};
   }
-  void stop() noexcept override {}
+  bool reports_changes() const noexcept override { return true; }
+  expected<std::uint64_t, StorageError> commit(const StoredChange& change) override {
+    const Unlocked unlocked(follower_);
+    return cluster_.commit(change);
+  }
+  expected<void, StorageError> renew(const StoredChange& change) override {
+    return confirm(change.name, change.expected, change.deadline);
+  }
   expected<void, StorageError> confirm(std::string_view name, std::uint64_t change,
                                        MonotonicTime) override {
+    const Unlocked unlocked(follower_);
     return cluster_.confirm(name, change);
   }
-  expected<void, StorageError> renew(std::string_view name, std::uint64_t change,
-                                     MonotonicTime) override {
-    return cluster_.confirm(name, change);
-  }
-  Duration stay_of(Duration lease) const noexcept override { return lease; }
-  std::uint64_t identity() const noexcept override { return 7; }
-  std::string place() const override { return "simulated"; }
 
  private:
+  Follower* follower_ = nullptr;
   Cluster& cluster_;
 };
 
@@ -213,7 +214,7 @@ class Site {
 
   void start(Registry& each) {
     auto made = make_registry({.report = [](std::string_view) {},
-                               .shared_storage = std::make_unique<SimulatedStorage>(cluster_)});
+                               .storage = std::make_unique<SimulatedStorage>(cluster_)});
     ASSERT_TRUE(made) << made.error().text();
     each.servant = std::move(*made);
     each.served.emplace(*each.servant);

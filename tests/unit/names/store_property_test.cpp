@@ -6,7 +6,7 @@
 #include <random>
 #include <set>
 
-#include "store.hpp"
+#include "store/store.hpp"
 
 namespace rtpm::names {
 namespace {

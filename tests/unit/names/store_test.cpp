@@ -1,4 +1,4 @@
-#include "store.hpp"
+#include "store/store.hpp"
 
 #include <gtest/gtest.h>
 
@@ -301,7 +301,7 @@ TEST(StoreTakeover, NeedsTheHoldersRevisionOrLeave) {
   const auto first = store.bind(claim("lab/arm0"), at(0s));
   ASSERT_TRUE(first);
   EXPECT_EQ(first->revision, 100u);
-  EXPECT_FALSE(first->is_takeover);
+  EXPECT_FALSE(first->taken_from);
   Claim taking = claim("lab/arm0", kStranger);
   const auto without = store.rebind(taking, at(0s));
   EXPECT_EQ(ending_of(without), (Ending{Outcome::kAlreadyBound, 1}));
@@ -314,7 +314,7 @@ TEST(StoreTakeover, NeedsTheHoldersRevisionOrLeave) {
       << "bind takes no name from another owner";
   const auto taken = store.rebind(taking, at(0s));
   ASSERT_TRUE(taken);
-  EXPECT_TRUE(taken->is_takeover);
+  EXPECT_TRUE(taken->taken_from);
   EXPECT_GT(taken->revision, first->revision);
   // The former holder's revision is stale now.
   Claim back = claim("lab/arm0");
@@ -387,7 +387,7 @@ TEST(StoreHosts, HaveAShareOfTheNamesAndOwnersEach) {
   EXPECT_EQ(ending_of(store.bind(claim_from(kOwnHost + 1, "more"), at(0s))),
             (Ending{Outcome::kHostFull, 0}))
       << "its addresses are one host";
-  const auto uses = store.hosts(2);
+  const auto uses = store.usage().hosts(2);
   ASSERT_EQ(uses.size(), 2u);
   EXPECT_EQ(uses[0].host, kOwnHost);
   EXPECT_EQ(uses[0].name_count, limits.name_count_own_host_max);
@@ -399,7 +399,7 @@ TEST(StoreHosts, HaveAShareOfTheNamesAndOwnersEach) {
   EXPECT_TRUE(store.bind(claim_from(kNearHost, "n167772161/0", {1'000, 2}), at(1s)));
   // Expired names no longer count.
   EXPECT_TRUE(store.bind(claim_from(kFarHost, "again"), at(2s)));
-  EXPECT_EQ(store.hosts(9).size(), 3u);
+  EXPECT_EQ(store.usage().hosts(9).size(), 3u);
 }
 
 TEST_F(StoreTest, ListsWhatIsAtOrBelowADirectory) {

@@ -9,13 +9,13 @@
 #include <string>
 #include <vector>
 
-#include "change_log.hpp"
 #include "names.rtpm.hpp"
 #include "registry_fixture.hpp"
 #include "rtpm/names/resolver.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/test/os.hpp"
-#include "store.hpp"
+#include "store/change_log.hpp"
+#include "store/store.hpp"
 
 namespace rtpm::names {
 namespace {

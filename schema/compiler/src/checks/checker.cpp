@@ -8,10 +8,10 @@
 #include <string>
 #include <utility>
 
+#include "checks/attribute_reader.hpp"
 #include "checks/type_checker.hpp"
-#include "checks/words.hpp"
-#include "model/attribute_reader.hpp"
 #include "model/reach.hpp"
+#include "model/words.hpp"
 
 namespace rtpm::schema {
 namespace {

@@ -8,8 +8,8 @@
 #include <unordered_map>
 #include <utility>
 
-#include "checks/words.hpp"
 #include "model/spelling.hpp"
+#include "model/words.hpp"
 
 namespace rtpm::schema {
 namespace {

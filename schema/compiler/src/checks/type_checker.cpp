@@ -11,8 +11,8 @@
 #include <unordered_map>
 #include <vector>
 
-#include "checks/words.hpp"
-#include "model/attribute_reader.hpp"
+#include "checks/attribute_reader.hpp"
+#include "model/words.hpp"
 
 namespace rtpm::schema {
 namespace {

@@ -5,10 +5,10 @@
 #include <utility>
 #include <vector>
 
-#include "checks/words.hpp"
 #include "cpp/cpp_macros.hpp"
 #include "cpp/cpp_names.hpp"
 #include "cpp/cpp_writer.hpp"
+#include "model/words.hpp"
 #include "rtpm/schema/back_end.hpp"
 
 namespace rtpm::schema {

@@ -7,11 +7,11 @@
 #include <utility>
 #include <vector>
 
-#include "checks/words.hpp"
 #include "cpp/cpp_names.hpp"
 #include "cpp/cpp_writer.hpp"
 #include "model/quantities.hpp"
 #include "model/verify_limits.hpp"
+#include "model/words.hpp"
 #include "reading/reflection.hpp"
 #include "rtpm/schema/schema_text.hpp"
 

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <string>
 
-#include "checks/words.hpp"
 #include "cpp/cpp_names.hpp"
 #include "model/reach.hpp"
+#include "model/words.hpp"
 
 namespace rtpm::schema::cpp {
 namespace {

@@ -1,11 +1,11 @@
 #include <cstddef>
 #include <string>
 
-#include "checks/words.hpp"
 #include "cpp/cpp_names.hpp"
 #include "cpp/cpp_ranges.hpp"
 #include "cpp/cpp_writer.hpp"
 #include "model/verify_limits.hpp"
+#include "model/words.hpp"
 #include "rtpm/schema/fingerprint.hpp"
 #include "rtpm/schema/schema_text.hpp"
 

@@ -5,7 +5,7 @@
 #include <iterator>
 #include <vector>
 
-#include "checks/words.hpp"
+#include "model/words.hpp"
 
 namespace rtpm::schema {
 namespace {

@@ -5,9 +5,9 @@
 #include <string_view>
 #include <vector>
 
-#include "checks/words.hpp"
 #include "model/reach.hpp"
 #include "model/spelling.hpp"
+#include "model/words.hpp"
 
 namespace rtpm::schema {
 namespace {

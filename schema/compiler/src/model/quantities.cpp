@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "checks/words.hpp"
+#include "model/words.hpp"
 
 namespace rtpm::schema {
 namespace {

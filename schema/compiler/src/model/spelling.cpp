@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "checks/words.hpp"
+#include "model/words.hpp"
 
 namespace rtpm::schema {
 

@@ -10,8 +10,8 @@
 #include <string_view>
 #include <vector>
 
-#include "checks/words.hpp"
 #include "model/attributes.hpp"
+#include "model/words.hpp"
 #include "reading/tokens.hpp"
 #include "rtpm/schema/model.hpp"
 

@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
-#include "checks/words.hpp"
 #include "model/spelling.hpp"
+#include "model/words.hpp"
 #include "rtpm/schema/back_end.hpp"
 #include "rtpm/schema/fingerprint.hpp"
 

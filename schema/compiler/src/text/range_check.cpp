@@ -2,7 +2,7 @@
 
 #include <optional>
 
-#include "checks/words.hpp"
+#include "model/words.hpp"
 #include "text/table_access.hpp"
 
 namespace rtpm::schema {

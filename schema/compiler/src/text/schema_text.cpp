@@ -4,10 +4,10 @@
 #include <string>
 #include <vector>
 
-#include "checks/words.hpp"
 #include "model/attributes.hpp"
 #include "model/reach.hpp"
 #include "model/spelling.hpp"
+#include "model/words.hpp"
 
 namespace rtpm::schema {
 namespace {

@@ -19,7 +19,7 @@ namespace rtpm::etcd_store {
 ///             prefix "rtpm"
 /// @realtime set-up only
 /// @errors   the URL is malformed; it connects only in load()
-[[nodiscard]] expected<std::unique_ptr<names::SharedStorage>, SetupError> make_etcd_storage(
+[[nodiscard]] expected<std::unique_ptr<names::Storage>, SetupError> make_etcd_storage(
     std::string_view url);
 
 }  // namespace rtpm::etcd_store

@@ -43,7 +43,6 @@ struct Granted {
   /// Limits::first_lease_max until the name has been held for that long.
   Duration lease{};
   std::uint64_t revision = 0;
-  bool is_takeover = false;  ///< Whether another owner held the name.
 };
 
 }  // namespace rtpm::names

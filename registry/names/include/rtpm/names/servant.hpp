@@ -19,11 +19,9 @@ using RegistryReport = std::function<void(std::string_view sentence)>;
 struct RegistryConfig {
   Limits limits{};
   RegistryReport report{};  ///< If empty, writes to standard error.
-  /// If null, names are in memory only.
+  /// If null, names are in memory only. Changes wait for a storage that several registries share,
+  /// on their own threads; reads do not wait.
   std::unique_ptr<Storage> storage{};
-  /// Instead of `storage`: names that several registries share. Changes wait for it on their own
-  /// threads; reads do not wait.
-  std::unique_ptr<SharedStorage> shared_storage{};
   /// GrantPolicy if null.
   std::unique_ptr<const Policy> policy{};
 };

@@ -27,6 +27,9 @@ struct StoredName {
   /// 0 if the name is permanent.
   Duration lease{};
   std::vector<Property> properties{};
+  /// The longest time that the name stays once no registry renews it, if the storage ends its
+  /// lease; 0 if the registry does.
+  Duration stay{};
 
   [[nodiscard]] bool is_permanent() const noexcept { return lease == Duration{0}; }
   friend bool operator==(const StoredName&, const StoredName&) = default;
@@ -50,6 +53,10 @@ struct StoredContent {
   std::uint64_t first_revision = 1;
   /// The lost parts, and why nothing can be changed now, a sentence each; empty if all is sound.
   std::vector<std::string> faults{};
+  /// Of a shared storage: a number that all its registries have, and no others; else 0.
+  std::uint64_t identity = 0;
+  /// Of a shared storage: its location, in a form for users; else empty.
+  std::string place{};
 };
 
 /// Why a change was not stored. Except with kUnreachable, it has not happened.
@@ -58,12 +65,10 @@ struct StorageError : SetupError {
     kFull,      ///< No space is left.
     kReadOnly,  ///< It was found damaged, failed before, or was deleted.
     kFailed,
-    kConflict,     ///< Another registry changed it first: see `revision`.
+    kConflict,     ///< Another registry changed the name first.
     kUnreachable,  ///< A shared storage did not answer in time: the change may have happened.
   };
   Kind kind = Kind::kFailed;
-  /// kConflict: the revision of the change that came first; try again once the follower has it.
-  std::uint64_t revision = 0;
 };
 
 /// One change of one name.
@@ -83,11 +88,61 @@ struct StoredChange {
   std::optional<MonotonicTime> lapsed{};
 };
 
+/// A change that a storage reports.
+struct ReportedChange {
+  std::string name{};
+  std::uint64_t revision = 0;
+  std::optional<StoredName> stored{};  ///< nullopt if the name was removed.
+  bool has_lapsed = false;             ///< It was removed without an unbind.
+};
+
 /// The storage of a registry's names. The registry also has them in memory, and asks its storage
-/// only for changes.
-/// @threads  one at a time
+/// only for changes. This class itself stores nothing: names are in memory only.
+///
+/// Several registries may share a storage. Then it orders the changes by its own revisions, ends
+/// the leases of names, and reports all changes, which change the registry's names only then.
+/// @threads  load(), follow() and stop(): one. commit(), renew() and confirm(): the holder of the
+///           registry's lock, which a storage releases while it waits. The rest: any
 class Storage {
  public:
+  /// The registry, as a storage that is shared sees it. The storage calls it on its own thread,
+  /// without the lock.
+  class Follower {
+   public:
+    Follower() = default;
+    Follower(const Follower&) = delete;
+    Follower& operator=(const Follower&) = delete;
+    virtual ~Follower() = default;
+    /// The registry's lock.
+    virtual void lock() = 0;
+    virtual void unlock() = 0;
+    /// Changes of any registry, in the order of their revisions.
+    virtual void on_changes(std::vector<ReportedChange> changes) = 0;
+    /// Changes were missed; `names` is everything that is stored, as of `revision`. `is_replaced`:
+    /// the storage was restored or replaced, so revisions that were reported may be lost, and may
+    /// be used again for other changes.
+    virtual void on_restart(std::vector<StoredName> names, std::uint64_t revision,
+                            bool is_replaced) = 0;
+    /// A sentence for the log: which content is foreign, or that the storage is unreachable.
+    virtual void on_trouble(const std::string& sentence) = 0;
+  };
+  /// Releases the registry's lock in a scope in which the storage waits.
+  class Unlocked {
+   public:
+    /// `follower` may be null: before follow() there is no lock.
+    explicit Unlocked(Follower* follower) : follower_(follower) {
+      if (follower_ != nullptr) follower_->unlock();
+    }
+    Unlocked(const Unlocked&) = delete;
+    Unlocked& operator=(const Unlocked&) = delete;
+    ~Unlocked() {
+      if (follower_ != nullptr) follower_->lock();
+    }
+
+   private:
+    Follower* follower_;
+  };
+
   Storage() = default;
   Storage(const Storage&) = delete;
   Storage& operator=(const Storage&) = delete;
@@ -95,68 +150,31 @@ class Storage {
 
   /// Returns everything that is stored; called once, before anything else.
   /// @errors   the storage is another program's, of a newer release, or in use
-  [[nodiscard]] virtual expected<StoredContent, SetupError> load() = 0;
+  [[nodiscard]] virtual expected<StoredContent, SetupError> load();
+  /// Reports all changes after load() to `follower`, until stop(), if the storage is shared.
+  [[nodiscard]] virtual expected<void, SetupError> follow(Follower& follower);
+  /// Ends follow(), and fails all operations under way.
+  virtual void stop() noexcept {}
+  /// Whether every change is reported, also those of commit().
+  [[nodiscard]] virtual bool reports_changes() const noexcept { return false; }
+
   /// Stores a change as a whole or not at all. Returns its revision: `change.revision`, but a
   /// shared storage assigns its own, also to a stored revision that equals `change.revision`.
-  [[nodiscard]] virtual expected<std::uint64_t, StorageError> commit(
-      const StoredChange& change) = 0;
-};
-
-/// A change in a shared storage.
-struct SharedChange {
-  std::string name{};
-  std::uint64_t revision = 0;
-  std::optional<StoredName> stored{};  ///< nullopt if the name was removed.
-  bool has_lapsed = false;             ///< It was removed without an unbind.
-};
-
-/// A storage that several registries use at the same time. It orders their changes by its own
-/// revisions, and ends the leases of names.
-/// @threads  load(), follow() and stop() from one; the rest any, several at once
-class SharedStorage : public Storage {
- public:
-  /// The registry's receiver of changes. The storage calls it on its own thread.
-  class Follower {
-   public:
-    Follower() = default;
-    Follower(const Follower&) = delete;
-    Follower& operator=(const Follower&) = delete;
-    virtual ~Follower() = default;
-    /// Changes of any registry, in the order of their revisions.
-    virtual void on_changes(std::vector<SharedChange> changes) = 0;
-    /// Changes were missed; `names` is everything that is stored, as of `revision`. `is_replaced`:
-    /// the storage was restored or replaced, so revisions that were reported may be lost, and may
-    /// be used again for other changes.
-    virtual void on_restart(std::vector<StoredName> names, std::uint64_t revision,
-                            bool is_replaced) = 0;
-    /// Everything that was stored before `as_of` has been reported.
-    virtual void on_current(MonotonicTime as_of) = 0;
-    /// A sentence for the log: which content is foreign, or that the storage is unreachable.
-    virtual void on_trouble(const std::string& sentence) = 0;
-  };
-
-  /// Reports all changes after load() to `follower`, until stop().
-  [[nodiscard]] virtual expected<void, SetupError> follow(Follower& follower) = 0;
-  /// Ends follow(), and fails all operations under way.
-  virtual void stop() noexcept = 0;
+  /// @errors   kConflict: the registry has the change that came first; check the rules again
+  [[nodiscard]] virtual expected<std::uint64_t, StorageError> commit(const StoredChange& change);
+  /// Starts another lease of a name; `change.stored` differs from the stored name only in that. If
+  /// the registry ends leases, there is nothing to store.
+  /// @errors   as commit()
+  [[nodiscard]] virtual expected<void, StorageError> renew(const StoredChange& change);
   /// Checks that `change` is still the last change of the name; if 0, that it is not bound.
-  /// @errors   kConflict: the last change is another
+  /// @errors   as commit()
   [[nodiscard]] virtual expected<void, StorageError> confirm(std::string_view name,
                                                              std::uint64_t change,
-                                                             MonotonicTime deadline) = 0;
-  /// Confirms like confirm(), and starts another lease, as long as the stored one, if the name has
-  /// a lease.
-  /// @errors   kConflict: it has changed, or its lease has ended
-  [[nodiscard]] virtual expected<void, StorageError> renew(std::string_view name,
-                                                           std::uint64_t change,
-                                                           MonotonicTime deadline) = 0;
-  /// The longest time that a name with this lease stays after its last renewal.
-  [[nodiscard]] virtual Duration stay_of(Duration lease) const noexcept = 0;
-  /// A number that all registries with this storage share, and no other storage has. Call it after
-  /// load().
-  [[nodiscard]] virtual std::uint64_t identity() const noexcept = 0;
-  /// Its location, in a form for users.
-  [[nodiscard]] virtual std::string place() const = 0;
+                                                             MonotonicTime deadline);
+  /// The registry has everything that was stored before that time.
+  [[nodiscard]] virtual MonotonicTime current_as_of() const noexcept { return kNever; }
+  /// How long the registry's names may have been out of date; 0 if they are up to date.
+  [[nodiscard]] Duration stale_for(MonotonicTime now) const noexcept;
 };
 
 /// Binds permanent names in a storage that no registry has open, replacing existing ones. Stops at

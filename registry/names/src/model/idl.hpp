@@ -1,0 +1,92 @@
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "model/record.hpp"
+#include "names.rtpm.hpp"
+#include "rtpm/names/directory.hpp"
+
+/// Conversion between the library's types and those that the IDL generates.
+namespace rtpm::names {
+
+/// Nanoseconds from outside, clamped to the range of Duration.
+[[nodiscard]] inline Duration duration_of(std::uint64_t ns) noexcept {
+  constexpr auto kMax = static_cast<std::uint64_t>(Duration::max().count());
+  return Duration{static_cast<Duration::rep>(std::min(ns, kMax))};
+}
+
+/// A negative time is 0 on the wire, which the registry refuses as a lease.
+[[nodiscard]] inline std::uint64_t ns_of(Duration duration) noexcept {
+  return static_cast<std::uint64_t>(std::max(duration, Duration{0}).count());
+}
+
+[[nodiscard]] inline OwnerId id_of(Owner owner) noexcept {
+  return {owner.id, owner.epoch};
+}
+[[nodiscard]] inline Owner owner_of(const OwnerId& id) noexcept {
+  return {id.id(), id.epoch()};
+}
+
+[[nodiscard]] inline Outcome outcome_of(const Answer& answer) noexcept {
+  return static_cast<Outcome>(answer.outcome());
+}
+[[nodiscard]] inline Answer answer_of(Outcome outcome, std::uint8_t component = 0) noexcept {
+  return {static_cast<OutcomeCode>(outcome), component};
+}
+
+using PropertyTables = flatbuffers::Vector<flatbuffers::Offset<PropertyEntry>>;
+
+/// nullopt if the type of one is unknown.
+[[nodiscard]] std::optional<std::vector<Property>> properties_of(const PropertyTables* tables);
+/// Null if there are no properties.
+[[nodiscard]] flatbuffers::Offset<PropertyTables> write_properties(
+    flatbuffers::FlatBufferBuilder& builder, std::span<const Property> properties);
+
+[[nodiscard]] inline std::string_view view_of(const flatbuffers::String* text) noexcept {
+  return text == nullptr ? std::string_view{} : text->string_view();
+}
+[[nodiscard]] inline std::string text_of(const flatbuffers::String* text) {
+  return std::string(view_of(text));
+}
+
+[[nodiscard]] NameEntry entry_of(const Entry& entry, std::uint64_t stale_ns = 0);
+
+// The two lists of outcomes are equal.
+static_assert(static_cast<Outcome>(OutcomeCode::Done) == Outcome::kDone);
+static_assert(static_cast<Outcome>(OutcomeCode::BadName) == Outcome::kBadName);
+static_assert(static_cast<Outcome>(OutcomeCode::NotFound) == Outcome::kNotFound);
+static_assert(static_cast<Outcome>(OutcomeCode::NotADirectory) == Outcome::kNotADirectory);
+static_assert(static_cast<Outcome>(OutcomeCode::IsADirectory) == Outcome::kIsADirectory);
+static_assert(static_cast<Outcome>(OutcomeCode::AlreadyBound) == Outcome::kAlreadyBound);
+static_assert(static_cast<Outcome>(OutcomeCode::StaleEpoch) == Outcome::kStaleEpoch);
+static_assert(static_cast<Outcome>(OutcomeCode::NotOwner) == Outcome::kNotOwner);
+static_assert(static_cast<Outcome>(OutcomeCode::BadLease) == Outcome::kBadLease);
+static_assert(static_cast<Outcome>(OutcomeCode::BadUrl) == Outcome::kBadUrl);
+static_assert(static_cast<Outcome>(OutcomeCode::BadInterface) == Outcome::kBadInterface);
+static_assert(static_cast<Outcome>(OutcomeCode::BadOwner) == Outcome::kBadOwner);
+static_assert(static_cast<Outcome>(OutcomeCode::Full) == Outcome::kFull);
+static_assert(static_cast<Outcome>(OutcomeCode::OwnerFull) == Outcome::kOwnerFull);
+static_assert(static_cast<Outcome>(OutcomeCode::HostFull) == Outcome::kHostFull);
+static_assert(static_cast<Outcome>(OutcomeCode::HostOwnersFull) == Outcome::kHostOwnersFull);
+static_assert(static_cast<Outcome>(OutcomeCode::StaleRevision) == Outcome::kStaleRevision);
+static_assert(static_cast<Outcome>(OutcomeCode::BadProperty) == Outcome::kBadProperty);
+static_assert(static_cast<Outcome>(OutcomeCode::OwnerPropertiesFull) ==
+              Outcome::kOwnerPropertiesFull);
+static_assert(static_cast<Outcome>(OutcomeCode::PropertiesFull) == Outcome::kPropertiesFull);
+static_assert(static_cast<Outcome>(OutcomeCode::BadPredicate) == Outcome::kBadPredicate);
+static_assert(static_cast<Outcome>(OutcomeCode::BadPreference) == Outcome::kBadPreference);
+static_assert(static_cast<Outcome>(OutcomeCode::TooManyWatches) == Outcome::kTooManyWatches);
+static_assert(static_cast<Outcome>(OutcomeCode::ReadOnly) == Outcome::kReadOnly);
+static_assert(static_cast<Outcome>(OutcomeCode::StorageFull) == Outcome::kStorageFull);
+static_assert(static_cast<Outcome>(OutcomeCode::NotStored) == Outcome::kNotStored);
+static_assert(static_cast<Outcome>(OutcomeCode::Denied) == Outcome::kDenied);
+static_assert(static_cast<Outcome>(OutcomeCode::StoreUnreachable) == Outcome::kStoreUnreachable);
+static_assert(OutcomeCode::MAX == OutcomeCode::StoreUnreachable);
+
+}  // namespace rtpm::names
