@@ -12,7 +12,7 @@ using namespace nlohmann::literals;
 HubReportView HubReport::look() {
   HubReportView view;
   if (!object_) {
-    const auto url = dynamic::url_of(node_, registry_, hub_);
+    const auto url = names::url_of(node_, registry_, hub_);
     if (!url) return view;
     auto object = dynamic::RemoteObject::open(node_, *url);
     if (!object) return view;

@@ -6,6 +6,7 @@
 #include "cli/output.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/dynamic/remote_object.hpp"
+#include "rtpm/names/directory.hpp"
 #include "rtpm/wire/limits.hpp"
 
 namespace rtpm::tool {
@@ -16,7 +17,7 @@ int version(Context& context, const std::string& target) {
   std::string text = "rtpm " RTPM_VERSION ", H-Protocol " + std::to_string(wire::kVersion);
   bool is_same = true;
   if (!target.empty()) {
-    const auto url = dynamic::url_of(context.node(), context.registry, target);
+    const auto url = names::url_of(context.node(), context.registry, target);
     if (!url) return context.not_reached(url.error());
     const auto object = dynamic::RemoteObject::open(context.node(), *url);
     if (!object) return context.not_reached(object.error());

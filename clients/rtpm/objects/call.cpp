@@ -6,6 +6,7 @@
 #include "objects/commands.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/dynamic/remote_object.hpp"
+#include "rtpm/names/directory.hpp"
 
 namespace rtpm::tool {
 namespace {
@@ -23,7 +24,7 @@ bool is_stream_of(dynamic::RemoteObject& object, const std::string& method) {
 }
 
 int call(Context& context, const CallRequest& request) {
-  const auto url = dynamic::url_of(context.node(), context.registry, request.target);
+  const auto url = names::url_of(context.node(), context.registry, request.target);
   if (!url) return context.not_reached(url.error());
   const auto object = dynamic::RemoteObject::open(context.node(), *url);
   if (!object) return context.not_reached(object.error());

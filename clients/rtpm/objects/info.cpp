@@ -75,7 +75,7 @@ Duration staleness_of(Context& context, const std::string& target) {
 }
 
 int info(Context& context, const std::string& target) {
-  const auto url = dynamic::url_of(context.node(), context.registry, target);
+  const auto url = names::url_of(context.node(), context.registry, target);
   if (!url) return context.not_reached(with_loss(context, target, url.error()));
   const Duration stale_for = staleness_of(context, target);
   const auto object = dynamic::RemoteObject::open(context.node(), *url);

@@ -8,6 +8,7 @@
 #include "rtpm/base/printable.hpp"
 #include "rtpm/dynamic/remote_object.hpp"
 #include "rtpm/introspection/catalog.hpp"
+#include "rtpm/names/directory.hpp"
 
 namespace rtpm::tool {
 namespace {
@@ -23,7 +24,7 @@ int list_names(Context& context) {
 }
 
 int list_objects(Context& context, const std::string& target) {
-  const auto url = dynamic::url_of(context.node(), context.registry, target);
+  const auto url = names::url_of(context.node(), context.registry, target);
   if (!url) return context.not_reached(url.error());
   auto catalog =
       introspection::IntrospectionClient::bind(context.node(), dynamic::catalog_url(*url));

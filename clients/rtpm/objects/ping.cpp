@@ -8,6 +8,7 @@
 #include "objects/commands.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/dynamic/remote_object.hpp"
+#include "rtpm/names/directory.hpp"
 #include "rtpm/options/formatted.hpp"
 #include "rtpm/rt/clock.hpp"
 
@@ -97,7 +98,7 @@ void tell_summary(const Context& context, const std::string& target, Trips& trip
 
 int ping(Context& context, const PingRequest& request) {
   const options::StopSignal& stop = context.stop();
-  const auto url = dynamic::url_of(context.node(), context.registry, request.target);
+  const auto url = names::url_of(context.node(), context.registry, request.target);
   if (!url) return context.not_reached(url.error());
   const auto object = dynamic::RemoteObject::open(context.node(), *url);
   if (!object) return context.not_reached(object.error());

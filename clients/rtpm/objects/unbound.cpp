@@ -3,12 +3,12 @@
 #include <utility>
 
 #include "objects/entries.hpp"
-#include "rtpm/dynamic/remote_object.hpp"
+#include "rtpm/names/directory.hpp"
 
 namespace rtpm::tool {
 
 SetupError with_similar_names(Context& context, const std::string& target, SetupError error) {
-  auto url = dynamic::url_of(context.node(), context.registry, target);
+  auto url = names::url_of(context.node(), context.registry, target);
   if (url) return error;
   return with_loss(context, target, std::move(url.error()));
 }

@@ -18,9 +18,9 @@
 #include "rtpm/capture/call_recorder.hpp"
 #include "rtpm/capture/device_recorder.hpp"
 #include "rtpm/capture/hub_recorder.hpp"
-#include "rtpm/dynamic/remote_object.hpp"
 #include "rtpm/events/filter_text.hpp"
 #include "rtpm/events/hub_types.hpp"
+#include "rtpm/names/directory.hpp"
 #include "rtpm/options/formatted.hpp"
 #include "rtpm/recording/recorder.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -109,7 +109,7 @@ class Sources {
   int open_calls() {
     std::map<std::string, std::vector<std::string>> urls;
     for (const std::string& target : request_.calls) {
-      const auto url = dynamic::url_of(context_.node(), context_.registry, target);
+      const auto url = names::url_of(context_.node(), context_.registry, target);
       if (!url) return context_.not_reached(url.error());
       const auto parts = wire::parse_url(*url);
       if (!parts) return context_.fail("'" + *url + "' is no URL", kMisused);

@@ -87,22 +87,6 @@ TEST(Permanent, StaysWithoutALeaseUntilItIsUnbound) {
   EXPECT_FALSE(store.resolve("lab/arm0", at(24h * 3651)));
 }
 
-TEST(Permanent, IsChangedByOthersWithItsRevisionOnly) {
-  Store store;
-  const auto bound = store.bind(permanent("lab/arm0"), at(0s));
-  Claim taking = permanent("lab/arm0", kOther);
-  EXPECT_EQ(outcome_of(store.rebind(taking, at(0s))), Outcome::kAlreadyBound);
-  taking.holder_revision = bound->revision + 1;
-  EXPECT_EQ(outcome_of(store.rebind(taking, at(0s))), Outcome::kStaleRevision);
-  taking.holder_revision = bound->revision;
-  const auto taken = store.rebind(taking, at(0s));
-  ASSERT_TRUE(taken);
-  EXPECT_EQ(outcome_of(store.unbind("lab/arm0", kOwner, at(0s))), Outcome::kNotOwner);
-  EXPECT_EQ(outcome_of(store.unbind("lab/arm0", kOwner, at(0s), bound->revision)),
-            Outcome::kStaleRevision);
-  EXPECT_EQ(outcome_of(store.unbind("lab/arm0", kOwner, at(0s), taken->revision)), Outcome::kDone);
-}
-
 TEST(Stored, IsEveryChangeBeforeItHappens) {
   CountingStorage storage;
   Store store({}, 1, &storage);

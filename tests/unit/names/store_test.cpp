@@ -52,40 +52,9 @@ class StoreTest : public testing::Test {
       EXPECT_EQ(ending_of(store_.bind(claim(name, owner), at(0s))), kDone) << name;
     }
   }
-  std::vector<std::string> names_of(std::string_view directory, std::string_view after = {},
-                                    std::size_t count_max = 1000, MonotonicTime now = at(0s)) {
-    const auto page = store_.list(directory, after, count_max, now);
-    std::vector<std::string> names;
-    if (page) {
-      for (const Record* record : page->records)
-        names.push_back(record->name);
-    }
-    return names;
-  }
 
   Store store_;
 };
-
-TEST_F(StoreTest, GivesBackWhatWasBound) {
-  const Claim arm{"lab/arm0", "rtpm://10.0.0.1:5/lab/arm0", "lab.Arm", kArm, 3s};
-  ASSERT_EQ(ending_of(store_.bind(arm, at(1s))), kDone);
-  const auto record = store_.resolve("lab/arm0", at(2s));
-  ASSERT_TRUE(record);
-  EXPECT_EQ((*record)->name, arm.name);
-  EXPECT_EQ((*record)->url, arm.url);
-  EXPECT_EQ((*record)->interface, arm.interface);
-  EXPECT_EQ((*record)->owner, kArm);
-  EXPECT_EQ((*record)->expires, at(4s));
-}
-
-TEST_F(StoreTest, ForgetsANameWhenItsLeaseEnds) {
-  ASSERT_TRUE(store_.bind(claim("lab/arm0", kArm, 2s), at(0s)));
-  EXPECT_TRUE(store_.resolve("lab/arm0", at(2s - 1ns)));
-  EXPECT_EQ(ending_of(store_.resolve("lab/arm0", at(2s))), (Ending{Outcome::kNotFound, 0}));
-  EXPECT_EQ(ending_of(store_.renew("lab/arm0", kArm, 2s, at(2s))), (Ending{Outcome::kNotFound, 0}));
-  EXPECT_EQ(store_.size(), 0U);
-  EXPECT_EQ(ending_of(store_.bind(claim("lab/arm0", kStranger), at(2s))), kDone);
-}
 
 TEST_F(StoreTest, KeepsANameAsLapsedUntilItIsBoundOrUnbound) {
   bind_all({"lab/arm0", "lab/arm1", "lab/arm2", "lab/arm3"});
@@ -123,19 +92,6 @@ TEST(StoreLapsed, KeepsTheLatestAndNoMoreOfOneHost) {
   EXPECT_TRUE(all.contains("quiet"));
   EXPECT_FALSE(all.contains("noisy/9"));
   EXPECT_TRUE(all.contains("noisy/10"));
-}
-
-TEST_F(StoreTest, KeepsANameThatIsRenewed) {
-  ASSERT_TRUE(store_.bind(claim("lab/arm0", kArm, 2s), at(0s)));
-  ASSERT_TRUE(store_.renew("lab/arm0", kArm, 3s, at(1s)));
-  EXPECT_TRUE(store_.resolve("lab/arm0", at(4s - 1ns)));
-  EXPECT_FALSE(store_.resolve("lab/arm0", at(4s)));
-}
-
-TEST_F(StoreTest, MayShortenALeaseByRenewing) {
-  ASSERT_TRUE(store_.bind(claim("lab/arm0", kArm, 1h), at(0s)));
-  ASSERT_TRUE(store_.renew("lab/arm0", kArm, 1s, at(0s)));
-  EXPECT_FALSE(store_.resolve("lab/arm0", at(1s)));
 }
 
 // Permissions on a name that kArm holds, by owner and operation.
@@ -198,48 +154,12 @@ INSTANTIATE_TEST_SUITE_P(
                     OwnershipCase{"a stranger", kStranger, Outcome::kAlreadyBound, Outcome::kDone,
                                   Outcome::kNotOwner, Outcome::kNotOwner}));
 
-TEST_F(StoreTest, LetsARestartedOwnerMoveToAnotherUrl) {
-  ASSERT_TRUE(store_.bind(claim("lab/arm0"), at(0s)));
-  Claim moved = claim("lab/arm0", kArmRestarted);
-  moved.url = "rtpm://127.0.0.1:4712/object";
-  ASSERT_TRUE(store_.bind(moved, at(1s)));
-  EXPECT_EQ(store_.resolve("lab/arm0", at(1s)).value()->url, moved.url);
-  EXPECT_EQ(store_.size(), 1U);
-}
-
 TEST_F(StoreTest, TellsTheOwnerThatLostANameToARebind) {
   ASSERT_TRUE(store_.bind(claim("lab/arm0"), at(0s)));
   ASSERT_TRUE(store_.rebind(takeover("lab/arm0", kStranger), at(0s)));
   const auto renewed = store_.renew("lab/arm0", kArm, 2s, at(1s));
   ASSERT_EQ(ending_of(renewed), (Ending{Outcome::kNotOwner, 1}));
   EXPECT_EQ(renewed.error().holder->owner, kStranger);
-}
-
-TEST_F(StoreTest, SaysWhichComponentIsMissing) {
-  bind_all({"lab/arm0", "lab/left/arm1"});
-  EXPECT_EQ(ending_of(store_.resolve("hall/arm0", at(0s))), (Ending{Outcome::kNotFound, 0}));
-  EXPECT_EQ(ending_of(store_.resolve("lab/arm9", at(0s))), (Ending{Outcome::kNotFound, 1}));
-  EXPECT_EQ(ending_of(store_.resolve("lab/left/arm9", at(0s))), (Ending{Outcome::kNotFound, 2}));
-  EXPECT_EQ(ending_of(store_.resolve("lab/arm", at(0s))), (Ending{Outcome::kNotFound, 1}));
-  EXPECT_EQ(ending_of(store_.resolve("la", at(0s))), (Ending{Outcome::kNotFound, 0}));
-  EXPECT_EQ(ending_of(store_.resolve("lab", at(0s))), (Ending{Outcome::kIsADirectory, 0}));
-  EXPECT_EQ(ending_of(store_.resolve("lab/left", at(0s))), (Ending{Outcome::kIsADirectory, 1}));
-  EXPECT_EQ(ending_of(store_.resolve("lab/arm0/x/y", at(0s))),
-            (Ending{Outcome::kNotADirectory, 1}));
-  EXPECT_EQ(ending_of(store_.unbind("lab/arm9", kArm, at(0s))), (Ending{Outcome::kNotFound, 1}));
-}
-
-TEST_F(StoreTest, LetsANameBeBoundOrADirectoryButNotBoth) {
-  bind_all({"lab/arm0"});
-  EXPECT_EQ(ending_of(store_.bind(claim("lab/arm0/tip"), at(0s))),
-            (Ending{Outcome::kNotADirectory, 1}));
-  EXPECT_EQ(ending_of(store_.bind(claim("lab"), at(0s))), (Ending{Outcome::kIsADirectory, 0}));
-  EXPECT_EQ(ending_of(store_.rebind(claim("lab"), at(0s))), (Ending{Outcome::kIsADirectory, 0}));
-  bind_all({"lab/arm01", "la"});
-  // A directory ends with its last name.
-  ASSERT_TRUE(store_.unbind("lab/arm0", kArm, at(0s)));
-  ASSERT_TRUE(store_.unbind("lab/arm01", kArm, at(0s)));
-  EXPECT_TRUE(store_.bind(claim("lab"), at(0s)));
 }
 
 TEST_F(StoreTest, RefusesWhatIsMalformed) {
@@ -402,28 +322,6 @@ TEST(StoreHosts, HaveAShareOfTheNamesAndOwnersEach) {
   EXPECT_EQ(store.usage().hosts(9).size(), 3u);
 }
 
-TEST_F(StoreTest, ListsWhatIsAtOrBelowADirectory) {
-  bind_all({"lab/arm0", "lab/left/arm1", "lab-2/arm", "lab.x", "hall/eye", "lab0/arm"});
-  EXPECT_EQ(names_of(""), (std::vector<std::string>{"hall/eye", "lab-2/arm", "lab.x", "lab/arm0",
-                                                    "lab/left/arm1", "lab0/arm"}));
-  EXPECT_EQ(names_of("lab"), (std::vector<std::string>{"lab/arm0", "lab/left/arm1"}));
-  EXPECT_EQ(names_of("lab/left"), std::vector<std::string>{"lab/left/arm1"});
-  EXPECT_EQ(names_of("lab.x"), std::vector<std::string>{"lab.x"});
-  EXPECT_EQ(names_of("la"), std::vector<std::string>{});
-  EXPECT_EQ(names_of("lab", "lab/arm0"), std::vector<std::string>{"lab/left/arm1"});
-  EXPECT_EQ(names_of("lab", "a"), (std::vector<std::string>{"lab/arm0", "lab/left/arm1"}));
-  EXPECT_EQ(names_of("lab", "z"), std::vector<std::string>{});
-  EXPECT_EQ(names_of("lab.x", "lab.x"), std::vector<std::string>{});
-  EXPECT_EQ(names_of("", "", 1000, at(2s)), std::vector<std::string>{});
-}
-
-TEST_F(StoreTest, ABoundNameIsAListOfItselfAlone) {
-  bind_all({"lab/arm", "lab/arm-2", "lab/arm.old"});
-  EXPECT_EQ(names_of("lab/arm"), std::vector<std::string>{"lab/arm"});
-  EXPECT_EQ(names_of("lab/arm", "lab/arm"), std::vector<std::string>{});
-  EXPECT_TRUE(store_.list("lab/arm", "", 1, at(0s))->is_last);
-}
-
 TEST(StoreList, GoesThroughHundredsOfNamesPageByPageWhileNamesComeAndGo) {
   Store store({.name_count_per_owner_max = 1000});
   std::set<std::string> staying;
@@ -457,13 +355,6 @@ TEST(StoreList, GoesThroughHundredsOfNamesPageByPageWhileNamesComeAndGo) {
   EXPECT_GE(page_count, static_cast<int>(staying.size()) / 13);
   for (const std::string& name : staying)
     EXPECT_TRUE(seen.contains(name)) << name;
-}
-
-TEST_F(StoreTest, KnowsTheLastPageEvenWhenItIsFull) {
-  bind_all({"a", "b", "c", "d"});
-  EXPECT_FALSE(store_.list("", "", 3, at(0s))->is_last);
-  EXPECT_TRUE(store_.list("", "", 4, at(0s))->is_last);
-  EXPECT_TRUE(store_.list("", "b", 2, at(0s))->is_last);
 }
 
 TEST(OutcomeText, NamesTheComponentAndTheRemedy) {

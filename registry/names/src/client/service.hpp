@@ -1,6 +1,10 @@
 #pragma once
 
+#include <atomic>
+#include <cstddef>
+#include <deque>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -11,6 +15,9 @@
 
 namespace rtpm::names {
 
+class NamesClient;
+struct Answer;
+
 /// A client of one name service, or of registries that share their names: Directory's operations
 /// and errors at one URL, or at several separated by ','.
 /// @threads  any, several at once
@@ -20,7 +27,6 @@ class Service {
   Service(rpc::Node& node, std::string url, Duration deadline);
   Service(const Service&) = delete;
   Service& operator=(const Service&) = delete;
-  ~Service();
 
   [[nodiscard]] expected<Granted, DirectoryError> bind(const Claim& claim, bool replaces);
   /// Ends at the latest by `deadline` from now.
@@ -44,11 +50,37 @@ class Service {
   [[nodiscard]] expected<void, DirectoryError> read_lapsed(MonotonicTime deadline,
                                                            std::vector<LapsedName>& found);
 
-  [[nodiscard]] const std::string& url() const noexcept;
+  [[nodiscard]] const std::string& url() const noexcept { return url_; }
 
  private:
-  class Impl;
-  std::unique_ptr<Impl> impl_;
+  struct Registry {
+    std::string url{};
+    std::shared_ptr<NamesClient> client{};
+  };
+
+  template <class Operation>
+  [[nodiscard]] auto ask(MonotonicTime deadline, Operation operation);
+  template <class Operation>
+  [[nodiscard]] auto ask_at(Registry& registry, MonotonicTime deadline, Operation operation);
+  template <class Operation>
+  [[nodiscard]] expected<void, DirectoryError> confirm(MonotonicTime deadline,
+                                                       std::string_view name, Operation operation);
+  template <class Operation, class Take>
+  [[nodiscard]] expected<void, DirectoryError> read_pages(std::string_view directory,
+                                                          MonotonicTime deadline,
+                                                          Operation operation, Take take);
+  [[nodiscard]] DirectoryError refused(const Answer& answer, std::string_view name);
+  [[nodiscard]] expected<std::shared_ptr<NamesClient>, DirectoryError> bound_client(
+      Registry& registry, MonotonicTime deadline);
+  void forget(Registry& registry, const std::shared_ptr<NamesClient>& client);
+  [[nodiscard]] MonotonicTime usual_end() const;
+
+  rpc::Node& node_;
+  const std::string url_;
+  const Duration deadline_;
+  std::atomic<std::size_t> preferred_ = 0;
+  std::mutex mutex_;  ///< Guards the clients; not for real-time threads.
+  std::deque<Registry> registries_{};
 };
 
 }  // namespace rtpm::names

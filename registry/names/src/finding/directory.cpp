@@ -1,7 +1,6 @@
 #include "rtpm/names/directory.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <map>
 #include <mutex>
 #include <optional>
@@ -20,7 +19,7 @@
 #include "rtpm/names/reachable.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
-#include "rtpm/rt/thread.hpp"
+#include "rtpm/rt/parallel_jobs.hpp"
 #include "rtpm/transport/address.hpp"
 #include "rtpm/wire/url.hpp"
 
@@ -29,6 +28,8 @@ namespace {
 
 /// How long services found on the LAN are reused instead of a new query.
 constexpr Duration kLanFindsAge = std::chrono::seconds{1};
+/// Services that are asked at a time.
+constexpr std::size_t kThreadCountMax = 8;
 
 /// Whether a server serves its own host only.
 bool is_loopback(const std::string& url) {
@@ -47,27 +48,6 @@ std::string in_words(const NameEntry& entry, const discovery::FoundService& foun
   const auto parts = wire::parse_url(found.url);
   return text + (found.is_of_this_host || !parts ? "this host" : "host " + parts->hosts.front()) +
          ")";
-}
-
-/// Calls `work` with 0 to `count` - 1, on this thread and some additional ones.
-template <class Work>
-void for_each_at_once(std::size_t count, Work work) {
-  constexpr std::size_t kThreadCountMax = 8;
-  std::atomic<std::size_t> next = 0;
-  const auto take = [&] {
-    for (std::size_t i = next++; i < count; i = next++)
-      work(i);
-  };
-  std::vector<rt::Thread> threads;
-  while (threads.size() + 1 < std::min(count, kThreadCountMax)) {
-    auto thread = rt::Thread::start({.name = "rtpm-ask", .realtime = rt::RealtimeMode::kOff}, take);
-    // No further thread could start: continue with fewer.
-    if (!thread) break;
-    threads.push_back(std::move(*thread));
-  }
-  take();
-  for (rt::Thread& thread : threads)
-    thread.join();
 }
 
 /// How much a refusal reveals about the name: one that names a later component reveals more.
@@ -123,9 +103,14 @@ class Directory::Impl {
     const auto asked = find(end);
     if (!asked) return unexpected{asked.error()};
     std::vector<std::optional<expected<Value, DirectoryError>>> replies(asked->size());
-    for_each_at_once(asked->size(), [&](std::size_t i) {
-      if (rt::now() < end) replies[i] = operation(*(*asked)[i].service);
-    });
+    {
+      rt::ParallelJobs jobs("rtpm-ask", kThreadCountMax);
+      for (std::size_t i = 0; i < asked->size(); ++i) {
+        jobs.add([&, i] {
+          if (rt::now() < end) replies[i] = operation(*(*asked)[i].service);
+        });
+      }
+    }
     Answers<Value> answers;
     std::size_t silent_count = 0;
     std::string remedy = "rtpm doctor says what discovery finds";
@@ -153,6 +138,7 @@ class Directory::Impl {
 
   /// The registry that makes changes.
   [[nodiscard]] expected<std::shared_ptr<Service>, DirectoryError> registry() {
+    if (only_) return only_;
     clear_notes();
     const auto asked = find(rt::now() + deadline_);
     if (!asked) return unexpected{asked.error()};
@@ -311,6 +297,25 @@ std::vector<NameEntry> merged(Answers answers) {
   return entries;
 }
 
+// "; most like it: lab/arm0, lab/arm1", or empty.
+std::string similar_names(Directory& directory, const std::string& name) {
+  const auto bound = directory.list();
+  if (!bound) return {};
+  std::vector<std::string> names;
+  for (const NameEntry& entry : *bound) {
+    if (wire::is_valid_path(entry.name)) names.push_back(entry.name);
+  }
+  const auto middle = names.begin() + static_cast<std::ptrdiff_t>(
+                                          std::min(names.size(), wire::kSimilarPathCountMax));
+  std::ranges::partial_sort(
+      names, middle, std::ranges::greater{},
+      [&](const std::string& candidate) { return wire::similarity(candidate, name); });
+  std::string text;
+  for (auto candidate = names.begin(); candidate != middle; ++candidate)
+    text += (text.empty() ? "; most like it: " : ", ") + *candidate;
+  return text;
+}
+
 Record record_of(const NameEntry& entry) {
   Record record{.name = entry.name, .url = entry.url, .interface = entry.interface};
   record.properties = entry.properties;
@@ -333,14 +338,12 @@ std::vector<std::string> Directory::notes() const {
 }
 
 expected<Granted, DirectoryError> Directory::bind(const Claim& claim) {
-  if (Service* const only = impl_->only()) return only->bind(claim, /*replaces=*/false);
   const auto registry = impl_->registry();
   if (!registry) return unexpected{registry.error()};
   return (*registry)->bind(claim, /*replaces=*/false);
 }
 
 expected<Granted, DirectoryError> Directory::rebind(const Claim& claim) {
-  if (Service* const only = impl_->only()) return only->bind(claim, /*replaces=*/true);
   const auto registry = impl_->registry();
   if (!registry) return unexpected{registry.error()};
   return (*registry)->bind(claim, /*replaces=*/true);
@@ -348,7 +351,6 @@ expected<Granted, DirectoryError> Directory::rebind(const Claim& claim) {
 
 expected<void, DirectoryError> Directory::renew(std::string_view name, Owner owner,
                                                 Duration lease) {
-  if (Service* const only = impl_->only()) return only->renew(name, owner, lease);
   const auto registry = impl_->registry();
   if (!registry) return unexpected{registry.error()};
   return (*registry)->renew(name, owner, lease);
@@ -356,7 +358,6 @@ expected<void, DirectoryError> Directory::renew(std::string_view name, Owner own
 
 expected<void, DirectoryError> Directory::unbind(std::string_view name, Owner owner,
                                                  std::uint64_t holder_revision) {
-  if (Service* const only = impl_->only()) return only->unbind(name, owner, holder_revision);
   const auto registry = impl_->registry();
   if (!registry) return unexpected{registry.error()};
   return (*registry)->unbind(name, owner, holder_revision);
@@ -488,6 +489,17 @@ expected<FoundNames, DirectoryError> Directory::contents(std::string_view direct
   found.entries = merged(std::move(all));
   found.accepted_count = static_cast<std::uint32_t>(found.entries.size());
   return found;
+}
+
+expected<std::string, SetupError> url_of(rpc::Node& node, const std::string& where,
+                                         const std::string& target) {
+  if (wire::is_url(target)) return target;
+  Directory directory(node, where);
+  auto url = directory.url_of(target);
+  if (url) return std::move(*url);
+  DirectoryError& error = url.error();
+  if (error.outcome == Outcome::kNotFound) error.what += similar_names(directory, target);
+  return unexpected{std::move(error)};
 }
 
 std::string stale_text(Duration stale_for) {

@@ -16,6 +16,11 @@ namespace rtpm::names {
   return record.expires > now ? record.expires - now : record.stay;
 }
 
+/// Whether a name was bound from another host than the caller's, as far as both are known.
+[[nodiscard]] constexpr bool is_other_host(std::uint64_t host, std::uint64_t caller_host) noexcept {
+  return host != 0 && caller_host != 0 && host != own_host_as_one(caller_host);
+}
+
 /// How much of a record a caller receives.
 enum class EntryDetail : std::uint8_t { kBrief, kHost, kAll };
 
@@ -34,10 +39,9 @@ enum class EntryDetail : std::uint8_t { kBrief, kHost, kAll };
   if (detail != EntryDetail::kBrief && is_host_known) {
     bound_from = builder.CreateString(to_string(rpc::CallerHost{record.host}));
   }
-  const bool is_of_other_host =
-      record.host != 0 && caller_host != 0 && record.host != own_host_as_one(caller_host);
   return CreateEntry(builder, name, url, interface, ns_of(lease_left(record, now)), record.revision,
-                     properties, record.is_permanent(), bound_from, is_of_other_host);
+                     properties, record.is_permanent(), bound_from,
+                     is_other_host(record.host, caller_host));
 }
 
 }  // namespace rtpm::names

@@ -68,7 +68,8 @@ constexpr std::size_t kPageOverheadMax = 112;
 constexpr std::size_t kScratchSizeMax = 128;
 constexpr std::size_t kPageSizeMax = wire::kDatagramPayloadSizeMax - kScratchSizeMax;
 
-std::size_t entry_size_max(const Record& record) {
+template <class T>
+std::size_t entry_size_max(const T& record) {
   return record.name.size() + record.url.size() + record.interface.size() + kEntryOverheadMax;
 }
 
@@ -137,10 +138,10 @@ class RegistryServant final : public NamesServant, private Storage::Follower {
 
   rpc::DispatchResult dispatch(std::uint16_t method_id, ConstBytes request, MutableBytes reply,
                                const rpc::CallContext& context) override {
+    const rt::AllowAllocationScope not_real_time;
     if (!queue_.is_running() || context.deferral == nullptr || !is_change(method_id)) {
       return NamesServant::dispatch(method_id, request, reply, context);
     }
-    const rt::AllowAllocationScope not_real_time;
     const std::uint64_t host = context.caller.number;
     if (!queue_.reserve(host)) return {wire::Status::kOverload, 0};
     rpc::DeferredReply deferred = context.deferral->defer();
@@ -172,7 +173,6 @@ class RegistryServant final : public NamesServant, private Storage::Follower {
   }
 
   rpc::Result<Answer> renew(const RenewRequest& request, const rpc::CallContext& context) override {
-    const rt::AllowAllocationScope not_real_time;
     const std::lock_guard lock(mutex_);
     const Owner owner = owner_of(*request.owner());
     if (!allows(context, Operation::kRenew, view_of(request.name()), owner)) {
@@ -184,7 +184,6 @@ class RegistryServant final : public NamesServant, private Storage::Follower {
 
   rpc::Result<void> offer(const OfferRequest& request, rpc::ReplyBuilder<BindReply>& reply,
                           const rpc::CallContext& context) override {
-    const rt::AllowAllocationScope not_real_time;
     Claim claim = claim_of(request, context.caller);
     const auto properties = properties_of(request.properties());
     if (!properties) return unexpected{rpc::Refusal::kBadRequest};
@@ -204,7 +203,6 @@ class RegistryServant final : public NamesServant, private Storage::Follower {
 
   rpc::Result<void> find(const FindRequest& request, rpc::ReplyBuilder<FindReply>& reply,
                          const rpc::CallContext& context) override {
-    const rt::AllowAllocationScope not_real_time;
     const std::lock_guard lock(mutex_);
     const MonotonicTime now = rt::now();
     const QueryTexts texts{view_of(request.interface()), view_of(request.predicate()),
@@ -243,7 +241,6 @@ class RegistryServant final : public NamesServant, private Storage::Follower {
 
   void watch(const WatchRequest& request, rpc::TableWriter<WatchItem> items,
              const rpc::CallContext& context) override {
-    const rt::AllowAllocationScope not_real_time;
     const std::lock_guard lock(mutex_);
     if (!allows(context, Operation::kList, view_of(request.directory()))) {
       return refuse_watch(items, Outcome::kDenied);
@@ -254,7 +251,6 @@ class RegistryServant final : public NamesServant, private Storage::Follower {
 
   rpc::Result<void> list(const ListRequest& request, rpc::ReplyBuilder<ListReply>& reply,
                          const rpc::CallContext& context) override {
-    const rt::AllowAllocationScope not_real_time;
     const std::lock_guard lock(mutex_);
     const MonotonicTime now = rt::now();
     const std::string_view directory = view_of(request.directory());
@@ -284,7 +280,6 @@ class RegistryServant final : public NamesServant, private Storage::Follower {
 
   rpc::Result<void> lapsed(const ListRequest& request, rpc::ReplyBuilder<LapsedReply>& reply,
                            const rpc::CallContext& context) override {
-    const rt::AllowAllocationScope not_real_time;
     const std::lock_guard lock(mutex_);
     flatbuffers::FlatBufferBuilder& builder = reply.builder();
     const std::string directory(view_of(request.directory()));
@@ -303,17 +298,14 @@ class RegistryServant final : public NamesServant, private Storage::Follower {
       const bool is_below =
           directory.empty() || record.name == directory || record.name.starts_with(directory + "/");
       if (!is_below || !may_see(context.identity, record.name)) continue;
-      size_max +=
-          record.name.size() + record.url.size() + record.interface.size() + kEntryOverheadMax;
+      size_max += entry_size_max(record);
       if (size_max > kPageSizeMax) break;
       const auto name = builder.CreateString(record.name);
       const auto url = builder.CreateString(record.url);
       const auto interface = builder.CreateString(record.interface);
-      const std::uint64_t caller = context.caller.number;
-      const bool is_of_other_host =
-          record.host != 0 && caller != 0 && record.host != own_host_as_one(caller);
       entries.push_back(CreateLapsedEntry(builder, name, url, interface, record.revision,
-                                          ns_of(now - record.ended), is_of_other_host));
+                                          ns_of(now - record.ended),
+                                          is_other_host(record.host, context.caller.number)));
     }
     const Answer answer = names::answer_of(Outcome::kDone);
     reply.finish(
@@ -323,7 +315,6 @@ class RegistryServant final : public NamesServant, private Storage::Follower {
 
   rpc::Result<Answer> unbind(const UnbindRequest& request,
                              const rpc::CallContext& context) override {
-    const rt::AllowAllocationScope not_real_time;
     const std::lock_guard lock(mutex_);
     const Owner owner = owner_of(*request.owner());
     if (!allows(context, Operation::kUnbind, view_of(request.name()), owner)) {
@@ -337,7 +328,6 @@ class RegistryServant final : public NamesServant, private Storage::Follower {
 
   rpc::Result<void> report(rpc::ReplyBuilder<Report>& reply,
                            const rpc::CallContext& context) override {
-    const rt::AllowAllocationScope not_real_time;
     const std::lock_guard lock(mutex_);
     if (!allows(context, Operation::kReport, {})) return unexpected{rpc::Refusal::kNotAllowed};
     flatbuffers::FlatBufferBuilder& builder = reply.builder();
@@ -375,7 +365,6 @@ class RegistryServant final : public NamesServant, private Storage::Follower {
  private:
   rpc::Result<void> look_up(const ResolveRequest& request, rpc::ReplyBuilder<ResolveReply>& reply,
                             const rpc::CallContext& context, EntryDetail detail) {
-    const rt::AllowAllocationScope not_real_time;
     const std::lock_guard lock(mutex_);
     const MonotonicTime now = rt::now();
     auto record = allows(context, Operation::kResolve, view_of(request.name()))
@@ -417,7 +406,6 @@ class RegistryServant final : public NamesServant, private Storage::Follower {
 
   rpc::Result<void> bind(const Claim& claim, bool replaces, rpc::ReplyBuilder<BindReply>& reply,
                          const rpc::CallContext& context) {
-    const rt::AllowAllocationScope not_real_time;
     std::optional<std::string> sentence;
     {
       const std::lock_guard lock(mutex_);

@@ -157,6 +157,13 @@ class Directory {
   std::unique_ptr<Impl> impl_;
 };
 
+/// The URL of a target: a URL, or a name, looked up where Directory would look. The error for an
+/// unbound name lists similar names.
+/// @realtime set-up only
+/// @errors   as Directory::url_of()
+[[nodiscard]] expected<std::string, SetupError> url_of(rpc::Node& node, const std::string& where,
+                                                       const std::string& target);
+
 /// "the registry has had no word from its storage for 3.2 s: what it has may be out of date".
 [[nodiscard]] std::string stale_text(Duration stale_for);
 

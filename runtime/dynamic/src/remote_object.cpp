@@ -6,32 +6,12 @@
 
 #include "rtpm/base/printable.hpp"
 #include "rtpm/introspection/catalog.hpp"
-#include "rtpm/names/directory.hpp"
 #include "rtpm/options/suggestion.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/wire/url.hpp"
 
 namespace rtpm::dynamic {
 namespace {
-
-// "; most like it: lab/arm0, lab/arm1", or empty.
-std::string similar_names(names::Directory& directory, const std::string& name) {
-  const auto bound = directory.list();
-  if (!bound) return {};
-  std::vector<std::string> names;
-  for (const names::NameEntry& entry : *bound) {
-    if (wire::is_valid_path(entry.name)) names.push_back(entry.name);
-  }
-  const auto middle = names.begin() + static_cast<std::ptrdiff_t>(
-                                          std::min(names.size(), wire::kSimilarPathCountMax));
-  std::ranges::partial_sort(
-      names, middle, std::ranges::greater{},
-      [&](const std::string& candidate) { return wire::similarity(candidate, name); });
-  std::string text;
-  for (auto candidate = names.begin(); candidate != middle; ++candidate)
-    text += (text.empty() ? "; most like it: " : ", ") + *candidate;
-  return text;
-}
 
 /// Contains the server's words.
 unexpected<SetupError> call_failed(std::string what, rpc::CallError error) {
@@ -76,17 +56,6 @@ wire::Delivery delivery_of(schema::OnewayLevel level) noexcept {
 }
 
 }  // namespace
-
-expected<std::string, SetupError> url_of(rpc::Node& node, const std::string& registry_url,
-                                         const std::string& target) {
-  if (wire::is_url(target)) return target;
-  names::Directory directory(node, registry_url);
-  auto url = directory.url_of(target);
-  if (url) return std::move(*url);
-  names::DirectoryError& error = url.error();
-  if (error.outcome == names::Outcome::kNotFound) error.what += similar_names(directory, target);
-  return unexpected{std::move(error)};
-}
 
 std::string catalog_url(const std::string& url) {
   auto parts = wire::parse_url(url);

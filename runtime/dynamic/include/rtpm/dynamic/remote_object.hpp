@@ -69,12 +69,6 @@ class RemoteObject {
   std::unique_ptr<rpc::Binding> binding_{};
 };
 
-/// The URL of a target: a URL, or a name in the registry at `registry_url`. The error for an
-/// unbound name lists similar names.
-[[nodiscard]] expected<std::string, SetupError> url_of(rpc::Node& node,
-                                                       const std::string& registry_url,
-                                                       const std::string& target);
-
 /// The URL of the catalog at the server of `url`; empty if `url` is malformed.
 [[nodiscard]] std::string catalog_url(const std::string& url);
 
