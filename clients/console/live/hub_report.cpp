@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "rtpm/base/nesting.hpp"
+#include "rtpm/names/directory.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::console {

@@ -83,7 +83,7 @@ class Follow {
   KnownNames& known_;
   names::Storage::Follower* follower_ = nullptr;
   HttpStream stream_{};
-  std::uint64_t revision_ = 0;  ///< Of the last change that was reported; for the thread only.
+  std::uint64_t revision_ = 0;  ///< The last change that was reported; for the thread only.
   std::vector<names::ReportedChange> fragments_{};
   bool is_created_ = false;
   bool is_to_check_history_ = true;  ///< Set at the beginning, and when a watch has broken.

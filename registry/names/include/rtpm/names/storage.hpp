@@ -53,9 +53,9 @@ struct StoredContent {
   std::uint64_t first_revision = 1;
   /// The lost parts, and why nothing can be changed now, a sentence each; empty if all is sound.
   std::vector<std::string> faults{};
-  /// Of a shared storage: a number that all its registries have, and no others; else 0.
+  /// A number that all registries with a shared storage have, and no others; else 0.
   std::uint64_t identity = 0;
-  /// Of a shared storage: its location, in a form for users; else empty.
+  /// The location of a shared storage, in a form for users; else empty.
   std::string place{};
 };
 
