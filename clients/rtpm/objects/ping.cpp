@@ -11,6 +11,7 @@
 #include "rtpm/names/directory.hpp"
 #include "rtpm/options/formatted.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/wire/clock_sync.hpp"
 
 namespace rtpm::tool {
 namespace {

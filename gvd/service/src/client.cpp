@@ -11,6 +11,7 @@
 #include "rtpm/gvd/lease.hpp"
 #include "rtpm/gvd/wire.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/wire/clock_sync.hpp"
 
 namespace rtpm::gvd {
 namespace {

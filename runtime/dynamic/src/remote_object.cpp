@@ -8,6 +8,7 @@
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/options/suggestion.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/wire/status.hpp"
 #include "rtpm/wire/url.hpp"
 
 namespace rtpm::dynamic {

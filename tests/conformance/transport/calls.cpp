@@ -4,6 +4,7 @@
 #include <thread>
 #include <vector>
 
+#include "rtpm/wire/clock_sync.hpp"
 #include "suite.hpp"
 
 // Calls that find their servant, and calls that are refused with a reason.

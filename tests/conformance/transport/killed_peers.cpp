@@ -9,6 +9,8 @@
 
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
+#include "rtpm/wire/limits.hpp"
+#include "rtpm/wire/status.hpp"
 #include "suite.hpp"
 #include "victim.hpp"
 

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "rtpm/test/echo_server.hpp"
+#include "rtpm/wire/limits.hpp"
 #include "rtpm/wire/medium.hpp"
 #include "rtpm/wire/sealed.hpp"
 

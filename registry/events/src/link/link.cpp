@@ -5,6 +5,7 @@
 
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
+#include "rtpm/wire/clock_sync.hpp"
 
 namespace rtpm::events {
 namespace {

@@ -14,6 +14,7 @@
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/rt/thread.hpp"
+#include "rtpm/wire/clock_sync.hpp"
 #include "rtpm/wire/limits.hpp"
 #include "supplier/push_ledger.hpp"
 

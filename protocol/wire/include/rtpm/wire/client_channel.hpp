@@ -16,6 +16,7 @@
 #include "rtpm/wire/header.hpp"
 #include "rtpm/wire/medium.hpp"
 #include "rtpm/wire/retransmit.hpp"
+#include "rtpm/wire/status.hpp"
 #include "rtpm/wire/stream.hpp"
 
 namespace rtpm::wire {
@@ -38,13 +39,6 @@ struct ClientChannelConfig {
   /// Random for each run of the program; the first handshake has the next number. So an answer to
   /// an earlier run at the same address does not match (hp-4-2).
   std::uint32_t handshake_number = 0;
-};
-
-/// When a call counts as done for its caller.
-enum class Delivery : std::uint8_t {
-  kReply,    ///< When the method's result has come.
-  kReceipt,  ///< When the server has it and is about to run it. The method's result is dropped.
-  kSent,     ///< When it is sent: it may get lost. One frame only.
 };
 
 /// The parameters of a call besides its payload.

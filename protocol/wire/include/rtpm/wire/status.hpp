@@ -32,6 +32,13 @@ enum class Status : std::uint16_t {
 };
 inline constexpr std::uint16_t kStatusCount = 20;
 
+/// When a call counts as done for its caller.
+enum class Delivery : std::uint8_t {
+  kReply,    ///< When the method's result has come.
+  kReceipt,  ///< When the server has it and is about to run it. The method's result is dropped.
+  kSent,     ///< When it is sent: it may get lost. One frame only.
+};
+
 /// Bytes of the text with which a server refuses a call.
 /// @source   spec/hprotocol.md#hp-7-1
 inline constexpr std::size_t kRefusalTextSizeMax = 200;

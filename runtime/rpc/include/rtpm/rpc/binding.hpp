@@ -17,8 +17,11 @@
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/interface.hpp"
 #include "rtpm/rpc/node.hpp"
-#include "rtpm/wire/client_channel.hpp"
-#include "rtpm/wire/clock_sync.hpp"
+
+namespace rtpm::wire {
+enum class Delivery : std::uint8_t;
+struct PeerClock;
+}  // namespace rtpm::wire
 
 namespace rtpm::rpc {
 
@@ -230,12 +233,9 @@ class Binding {
   /// @realtime alloc-free
   [[nodiscard]] Transport transport() const noexcept;
 
+  class Impl;  ///< The library's own.
+
  private:
-  friend class PendingReply;
-  friend class ItemReader;
-  friend class Rebinder;
-  friend struct Destination;
-  class Impl;
   explicit Binding(std::unique_ptr<Impl> impl) noexcept;
   std::unique_ptr<Impl> impl_;
 };
