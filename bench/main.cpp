@@ -7,7 +7,6 @@
 
 #include "cases/case.hpp"
 #include "figures/disturbance.hpp"
-#include "rtpm/options/duration.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "runs/peers.hpp"
 #include "settings.hpp"
@@ -59,27 +58,10 @@ CLI::Option* add_list(CLI::App& app, const std::string& name, std::vector<T>& va
   return app.add_option(name, values, help)->delimiter(',')->allow_extra_args(false);
 }
 
-void add_duration(CLI::App& app, const std::string& name, Duration& value, const std::string& help,
-                  Duration low, Duration high) {
-  const auto wrong = [=](const std::string& text) {
-    const auto duration = options::parse_duration(text);
-    return duration && *duration >= low && *duration <= high
-               ? std::string()
-               : "takes a time from " + options::duration_text(low) + " to " +
-                     options::duration_text(high) + ", not '" + text + "'";
-  };
-  const auto take = [&value](const std::string& text) { value = *options::parse_duration(text); };
-  app.add_option_function<std::string>(name, take, help)
-      ->check(wrong, "TIME")
-      ->default_str(options::duration_text(value));
-}
-
 /// Adds the options that all cases and `serve` share.
 void add_common_options(CLI::App& app, Settings& settings) {
   add_choices(app, "--transport", settings.carriers, kCarriers, "all three, unless some are named");
   add_choices(app, "--wait", settings.waits, kWaits, "how callers and lanes wait");
-  add_duration(app, "--spin", settings.spin, "how long the adaptive wait spins", Duration{0},
-               std::chrono::seconds{1});
   add_choice(app, "--realtime", settings.realtime, kRealtimeModes, "SCHED_FIFO, locked memory");
   app.add_option("--samples", settings.sample_count,
                  "calls or events per side and result; 0: the case's own")
@@ -100,29 +82,16 @@ void add_case_options(CLI::App& app, Settings& settings) {
       ->check(CLI::Range(1.0, 100'000.0));
   add_list(app, "--low-callers", settings.low_caller_counts, "isolation: low-priority callers")
       ->check(CLI::Range(0, 64));
-  add_duration(app, "--work", settings.work, "isolation: how long a low-priority call computes",
-               std::chrono::microseconds{1}, std::chrono::seconds{1});
   add_list(app, "--clients", settings.client_counts, "scale: bound clients")
       ->check(CLI::Range(1, 4000));
   add_list(app, "--consumers", settings.consumer_counts, "events: consumers")
       ->check(CLI::Range(1, 256));
-  app.add_flag("--own-threads", settings.has_own_threads,
-               "events: each consumer has a thread of its own, and shares none");
   app.add_flag("--multicast", settings.has_multicast,
                "events over UDP: the hub sends each once for all consumers");
   app.add_flag(
       "--sealed", settings.is_sealed,
       "call, isolation over UDP and TCP: sealed sessions; the floor seals and opens as many "
       "frames");
-  app.add_option("--in-flight", settings.in_flight, "throughput: calls on their way at a time")
-      ->check(CLI::Range(1, 64));
-  app.add_option("--calls", settings.call_count, "two-node: calls; 0: as --samples says")
-      ->check(CLI::Range(0, 10'000'000));
-  add_duration(app, "--deadline", settings.deadline, "two-node: deadline of each call",
-               std::chrono::microseconds{10}, std::chrono::seconds{10});
-  app.add_option("--drop", settings.drop_percent,
-                 "two-node: percent of the packets lost in each direction, at random")
-      ->check(CLI::Range(0.0, 90.0));
   std::vector<std::string> peers{std::string(kAllPeers)};
   std::ranges::transform(known_peers(), std::back_inserter(peers),
                          [](const PeerEntry& peer) { return std::string(peer.name); });

@@ -21,7 +21,6 @@ enum class Carrier : std::uint8_t { kUdp, kTcp, kSharedMemory };
 struct Settings {
   std::vector<Carrier> carriers{Carrier::kUdp, Carrier::kTcp, Carrier::kSharedMemory};
   std::vector<rt::WaitStrategy> waits{rt::WaitStrategy::kAdaptive};
-  Duration spin = rt::WaitConfig{}.spin;
   std::uint64_t sample_count = 0;              ///< Per contender and result; 0 for the case's own.
   std::vector<std::size_t> payload_sizes{48};  ///< The paper's payload size.
   bool tells_latencies = false;
@@ -30,15 +29,9 @@ struct Settings {
   std::vector<int> low_caller_counts{0, 1, 4, 16};
   std::vector<int> client_counts{1, 10, 100, 1000};
   std::vector<int> consumer_counts{1, 4, 16, 64, 256};
-  bool has_own_threads = false;
   bool has_own_hub = false;
   bool has_multicast = false;
   bool is_sealed = false;
-  Duration work = std::chrono::microseconds{200};
-  std::uint32_t in_flight = 64;
-  std::uint64_t call_count = 0;  ///< Calls of two-node; 0 for sample_count or the default.
-  Duration deadline = std::chrono::milliseconds{20};
-  double drop_percent = 0;
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
   std::vector<std::string> peers{};  ///< By name, or kAllPeers; may be empty.
 

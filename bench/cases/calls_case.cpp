@@ -28,6 +28,9 @@ constexpr std::array<Amount, 3> kAmounts{{{std::size_t{16} * 1024, 100'000, 500,
                                           {std::size_t{256} * 1024, 10'000, 100, 10},
                                           {SIZE_MAX, 1'000, 20, 2}}};
 
+/// How long a call of low priority computes.
+constexpr Duration kLowWork = std::chrono::microseconds{200};
+
 /// @param duel  set to the servers of the last part, which stay until it ends
 expected<void, std::string> measure(const Settings& settings, const DuelConfig& config,
                                     Duration work, Run& run, std::shared_ptr<Duel>& duel) {
@@ -144,10 +147,10 @@ expected<void, std::string> measure_isolation(const Settings& settings, const Du
              .load_field = "low_callers"},
             report);
     std::shared_ptr<Duel> duel;
-    auto measured = measure(settings, config, settings.work, run, duel);
+    auto measured = measure(settings, config, kLowWork, run, duel);
     if (!measured) return measured;
     Json head = head_of("isolation", config);
-    head["work_us"] = std::chrono::duration<double, std::micro>(settings.work).count();
+    head["work_us"] = std::chrono::duration<double, std::micro>(kLowWork).count();
     run.report(head);
   }
   return {};

@@ -56,7 +56,6 @@ class DeviceLoop final : public Caller {
     if (!commanded) return unexpected{std::string(gvd::to_string(commanded.error()))};
     return {};
   }
-  expected<void, std::string> work(Duration) override { return echo(); }
 
  private:
   gvd::DeviceClient arm_;
@@ -71,7 +70,6 @@ class TwoEchoes final : public Caller {
     if (auto first = floor_->echo(); !first) return first;
     return floor_->echo();
   }
-  expected<void, std::string> work(Duration) override { return echo(); }
 
  private:
   std::unique_ptr<Caller> floor_;

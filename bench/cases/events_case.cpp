@@ -193,8 +193,7 @@ expected<void, std::string> measure(const Settings& settings, const DuelConfig& 
                        .has_own_hub = settings.has_own_hub,
                        .is_multicast = settings.has_multicast,
                        .placement = config.placement,
-                       .realtime = config.realtime,
-                       .has_own_threads = settings.has_own_threads};
+                       .realtime = config.realtime};
   const auto check = [&](const std::string& what, const expected<void, std::string>& measured) {
     if (measured) return;
     report.fail("events, " + std::string(to_string(setting.carrier)) + ", " +

@@ -45,11 +45,9 @@ expected<std::vector<Rates>, std::string> measure(const Settings& settings,
   for (const Side side : kBothSides) {
     if (side == Side::kFloor && config.carrier != Carrier::kUdp) continue;
     const Running running({&duel.server(side)});
-    auto pipeline =
-        side == Side::kRtpm
-            ? connect_rtpm_pipeline(duel.high_node(), duel.rtpm_url(), kHighPriority,
-                                    settings.in_flight)
-            : connect_floor_pipeline(config.host, duel.floor_high_port(), settings.in_flight);
+    auto pipeline = side == Side::kRtpm
+                        ? connect_rtpm_pipeline(duel.high_node(), duel.rtpm_url(), kHighPriority)
+                        : connect_floor_pipeline(config.host, duel.floor_high_port());
     if (!pipeline) return unexpected{pipeline.error()};
     sides.push_back({.server = &duel.server(side), .pipeline = std::move(*pipeline)});
   }
@@ -75,7 +73,7 @@ expected<void, std::string> measure_one(const Settings& settings, const DuelConf
     if (!sides) return unexpected{sides.error()};
     const std::vector<double>& rounds = sides->front().rounds;
     Json result = head_of("throughput", config);
-    result["in_flight"] = settings.in_flight;
+    result["in_flight"] = Pipeline::kInFlight;
     result["calls_per_second"] = rounded(middle_of(rounds));
     result["calls_per_second_low"] = *std::ranges::min_element(rounds);
     result["calls_per_second_high"] = *std::ranges::max_element(rounds);

@@ -1,9 +1,12 @@
+#include <omniORB4/CORBA.h>
+
 #include <array>
 #include <cstring>
 #include <peer.hh>
+#include <utility>
 
-#include "corba.hpp"
 #include "peer.hpp"
+#include "sides/raw_socket.hpp"
 
 // omniORB. Its user's guide, chapter 6: the default, a thread for each connection and one call at a
 // time on each, "eliminates any thread switching in either of the address spaces"; so that stays.
@@ -15,6 +18,37 @@
 // object that it serves.
 namespace rtpm::bench {
 namespace {
+
+/// Runs `body` and turns CORBA's exceptions into errors, for Peer::guard.
+Outcome guard_corba(const std::function<Outcome()>& body) {
+  try {
+    return body();
+  } catch (const CORBA::Exception& exception) {
+    return unexpected{std::string("CORBA's ") + exception._name()};
+  }
+}
+
+/// Starts this process's ORB with these options and ones that keep every connection.
+CORBA::ORB_var start_orb(std::vector<std::pair<std::string, std::string>> options) {
+  options.emplace_back("threadPerConnectionUpperLimit", "10000");
+  options.emplace_back("scanGranularity", "0");
+  std::vector<std::array<const char*, 2>> texts;
+  for (const auto& [key, value] : options)
+    texts.push_back({key.c_str(), value.c_str()});
+  texts.push_back({nullptr, nullptr});
+  int argument_count = 0;
+  return CORBA::ORB_init(argument_count, nullptr, "omniORB4",
+                         reinterpret_cast<const char*(*)[2]>(texts.data()));
+}
+
+/// The object adapter of that name, with its manager active.
+PortableServer::POA_var activate_adapter(CORBA::ORB_ptr orb, const char* name) {
+  const CORBA::Object_var object = orb->resolve_initial_references(name);
+  const PortableServer::POA_var adapter = PortableServer::POA::_narrow(object);
+  const PortableServer::POAManager_var manager = adapter->the_POAManager();
+  manager->activate();
+  return adapter;
+}
 
 class EchoServant final : public POA_peer::Echo, public PortableServer::RefCountServantBase {
  public:
@@ -36,6 +70,13 @@ class EchoServant final : public POA_peer::Echo, public PortableServer::RefCount
   }
   Priority priority_;
 };
+
+/// A port that is not in use.
+std::uint16_t free_port() {
+  const RawSocket socket = RawSocket::open(SOCK_STREAM);
+  static_cast<void>(socket.bind("127.0.0.1"));
+  return socket.port();
+}
 
 struct Server {
   PortableServer::POA_var adapter{};

@@ -67,14 +67,6 @@ struct Note {
   std::size_t number;
 };
 
-/// A broker that is not part of a library. It replaces the peer's program.
-struct BrokerProgram {
-  std::vector<std::string> command;  ///< The program's path and arguments.
-  std::string address;               ///< Passed to connect_supplier() and connect_consumer().
-  std::uint16_t port = 0;            ///< It serves once this accepts connections,
-  std::string path{};                ///< or, if not empty, the socket of this name.
-};
-
 /// A peer: calls, events, or both; a null function is one that it lacks. All run on threads that
 /// already have the lane's policy, priority and CPU; threads that the library starts there inherit
 /// them. Exceptions of the library are caught outside.
@@ -89,8 +81,7 @@ struct Peer {
   /// library can't connect otherwise.
   bool connects_at_high_priority = false;
 
-  /// The broker between supplier and consumers: a program, or like serve(). Both null if unused.
-  BrokerProgram (*broker_program)(const PeerLane& lane) = nullptr;
+  /// The broker between supplier and consumers, like serve(); null if unused.
   Outcome (*serve_events)(const PeerLane& lane, const Announce& announce) = nullptr;
   /// `address`: the broker's. It may have two words: the supplier's address and the consumers'.
   expected<Push, std::string> (*connect_supplier)(const PeerLane& lane,
@@ -109,13 +100,5 @@ extern const Peer kPeer;
 
 /// The number of events that a queue holds before it loses some, where a peer lets us choose.
 inline constexpr int kEventQueueMax = 1024;
-
-/// A TCP port of this host that is not in use, for servers that cannot choose one.
-[[nodiscard]] std::uint16_t free_port();
-/// Replaces this program, which has no other thread yet, by the broker. `report` is called in
-/// a process of its own, as soon as the broker serves or ten seconds passed.
-/// @return an error; does not return if it succeeds
-[[nodiscard]] Outcome become_broker(BrokerProgram broker, const rt::ThreadConfig& config,
-                                    void (*report)(const Outcome&));
 
 }  // namespace rtpm::bench

@@ -242,7 +242,6 @@ Outcome wait_for_consumers(EventSide& side, EventBoard& board, int consumer_coun
 }
 
 Outcome take_events(PeerBoard& board) {
-  if (kPeer.connect_supplier == nullptr) return unexpected{std::string("this peer has no events")};
   const int consumer_count = board.setting.consumer_count;
   // Both live until the process ends: consumers record events until then.
   auto& events = *new EventBoard(static_cast<std::size_t>(consumer_count), kEventBlockSize);
@@ -257,27 +256,19 @@ Outcome take_events(PeerBoard& board) {
   });
 }
 
-Outcome serve_events(PeerBoard& board) {
-  if (kPeer.broker_program == nullptr) {
-    return serve(
-        board, kPeer.serve_events != nullptr ? kPeer.serve_events
-                                             : [](const PeerLane&, const Announce& announce) {
-                                                 announce("none");
-                                                 return Outcome();
-                                               });
-  }
-  BrokerProgram broker = kPeer.broker_program(lane_of(board.setting, 0));
-  board.setting.addresses[0].set(broker.address);
-  return become_broker(std::move(broker), thread_config(board.setting, 0, true), report);
+Outcome serve_no_events(const PeerLane&, const Announce& announce) {
+  announce("none");
+  return {};
 }
 
 Outcome run_role(std::string_view role, PeerBoard& board) {
   if (auto locked = rt::lock_memory(board.setting.realtime); !locked) {
     return unexpected{locked.error().text()};
   }
-  if (role == "broker") return serve_events(board);
+  if (role == "broker") {
+    return serve(board, kPeer.serve_events != nullptr ? kPeer.serve_events : serve_no_events);
+  }
   if (role == "events") return run_as_caller(board.setting, 0, [&] { return take_events(board); });
-  if (kPeer.serve == nullptr) return unexpected{std::string("this peer makes no calls")};
   if (role == "serve") return serve(board, kPeer.serve);
   return run_as_caller(board.setting, 0, [&] { return call(board); });
 }

@@ -58,7 +58,6 @@ expected<std::string, std::string> set_up_rtpm(const DuelConfig& config) {
                                      .wait = config.wait,
                                      .cpus = cpus}},
                           .session_count_max = config.session_count_max,
-                          .numbered_count = config.numbered_count,
                           .realtime = config.realtime};
   if (config.keys) server.security = config.keys->server();
   if (config.low_caller_count > 0) {
@@ -224,7 +223,7 @@ void measure_each(std::string_view case_name, const Settings& settings, Report& 
         continue;
       }
       DuelConfig config{.carrier = carrier,
-                        .wait = {.strategy = strategy, .spin = settings.spin},
+                        .wait = {.strategy = strategy},
                         .placement = choose_placement(),
                         .realtime = settings.realtime};
       if (settings.is_sealed) {

@@ -37,7 +37,6 @@ struct DuelConfig {
   /// A caller of low priority sends HELLOs to RTPM's server instead of calls, and as many frames to
   /// the floor's second thread.
   bool has_hello_storm = false;
-  std::uint64_t numbered_count = 0;  ///< How many numbered calls RTPM's server can tell apart.
   Placement placement{};
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
 };

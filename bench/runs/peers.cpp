@@ -111,10 +111,6 @@ std::span<const PeerEntry> known_peers() {
       PeerEntry{"cyclonedds", "cyclonedds-dev cyclonedds-tools", "udp", "udp"},
       PeerEntry{"fastdds", "libfastrtps-dev libfastcdr-dev", "udp shm", "udp shm"},
       PeerEntry{"lcm", "liblcm-dev", "udp", "udp"},
-      PeerEntry{"mosquitto", "mosquitto libmosquitto-dev", "", "tcp unix", true},
-      PeerEntry{"omnievents", "omnievents libomnievents-dev libcos4-dev libomniorb4-dev", "", "tcp",
-                true},
-      PeerEntry{"nats", "nats-server libnats-dev", "", "tcp", true},
   };
   return kPeers;
 }

@@ -93,7 +93,6 @@ class HubSide final : public EventSide {
         .realtime = setting.realtime,
         .transport = consumer_transport_of(setting),
         .shared_ring = !setting.is_embedded && setting.carrier == Carrier::kSharedMemory,
-        .has_own_thread = setting.has_own_threads,
         .multicast = setting.is_multicast,
         .multicast_interface = kLoopback,
         .deadline = kSetUpPatience};

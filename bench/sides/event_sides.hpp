@@ -34,7 +34,6 @@ struct EventSetting {
   const NetworkPair* network = nullptr;
   Placement placement{};
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
-  bool has_own_threads = false;  ///< See events::ConsumerConfig::has_own_thread.
 };
 
 /// Supplier and consumers of one side. Threads: push() from one.

@@ -212,13 +212,12 @@ struct SealedExchange {
 
 class FloorPipeline final : public Pipeline {
  public:
-  FloorPipeline(RawSocket socket, std::size_t in_flight)
-      : socket_(std::move(socket)), in_flight_(in_flight) {}
+  explicit FloorPipeline(RawSocket socket) : socket_(std::move(socket)) {}
 
   expected<void, std::string> run(std::uint64_t count) override {
     std::uint64_t begun = 0;
     for (std::uint64_t taken = 0; taken < count; ++taken) {
-      for (; begun < std::min<std::uint64_t>(count, taken + in_flight_); ++begun) {
+      for (; begun < std::min<std::uint64_t>(count, taken + kInFlight); ++begun) {
         if (!socket_.send(sent_)) return unexpected{system_text("send")};
       }
       if (socket_.receive(received_, 0) < 0) return unexpected{system_text("receive")};
@@ -231,7 +230,6 @@ class FloorPipeline final : public Pipeline {
 
  private:
   RawSocket socket_;
-  std::size_t in_flight_;
   FloorFrame sent_ = make_floor_frame(kFloorFrameSize);
   FloorFrame received_ = FloorFrame(kFloorFrameSize);
 };
@@ -316,11 +314,10 @@ expected<std::unique_ptr<Caller>, std::string> connect_floor_caller(
 }
 
 expected<std::unique_ptr<Pipeline>, std::string> connect_floor_pipeline(const std::string& host,
-                                                                        std::uint16_t port,
-                                                                        std::size_t in_flight) {
+                                                                        std::uint16_t port) {
   auto socket = connect_socket(Carrier::kUdp, host, port);
   if (!socket) return unexpected{socket.error()};
-  return std::make_unique<FloorPipeline>(std::move(*socket), in_flight);
+  return std::make_unique<FloorPipeline>(std::move(*socket));
 }
 
 }  // namespace rtpm::bench

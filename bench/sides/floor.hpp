@@ -79,7 +79,7 @@ class FloorSeal {
 
 /// Like connect_floor_caller(), over UDP: a pipeline on one socket.
 [[nodiscard]] expected<std::unique_ptr<Pipeline>, std::string> connect_floor_pipeline(
-    const std::string& host, std::uint16_t port, std::size_t in_flight);
+    const std::string& host, std::uint16_t port);
 
 // The parts that all raw floors share.
 

@@ -7,11 +7,8 @@
 
 #include <array>
 #include <cerrno>
-#include <cmath>
 #include <cstdio>
 #include <cstring>
-#include <fstream>
-#include <sstream>
 #include <utility>
 
 namespace rtpm::bench {
@@ -33,17 +30,6 @@ std::pair<std::string, int> run_program(const std::string& command) {
     output.append(part.data(), size);
   const int status = pclose(pipe);
   return {output, WIFEXITED(status) ? WEXITSTATUS(status) : -1};
-}
-
-/// The rule for one direction. It drops on input: the kernel reports a drop on output to the
-/// sender, which no network does.
-std::string rules_of(Carrier carrier, std::string_view which_port, std::uint16_t port,
-                     double percent) {
-  std::ostringstream rules;
-  rules << "table inet rtpm_bench { chain loss { type filter hook input priority 0; policy accept; "
-        << (carrier == Carrier::kTcp ? "tcp " : "udp ") << which_port << " " << port
-        << " numgen random mod 1000 < " << std::lround(percent * 10) << " counter drop; }; }";
-  return rules.str();
 }
 
 }  // namespace
@@ -80,14 +66,14 @@ expected<NetworkPair, std::string> NetworkPair::create() {
   // The descriptor names the other host to the program: `ip` is a child of this process.
   const std::string client = "/proc/" + std::to_string(getpid()) + "/fd/" +
                              std::to_string(pair.namespaces_[index_of(Host::kClient)]);
-  expected<std::string, std::string> done;
+  expected<void, std::string> done;
   for (const auto& [host, command] :
        {std::pair{Host::kServer, "link add rtpm type veth peer name rtpm netns " + client},
         {Host::kServer, "address add " + std::string(kServerAddress) + "/30 dev rtpm"},
         {Host::kClient, "address add " + std::string(kClientAddress) + "/30 dev rtpm"},
         {Host::kServer, "link set rtpm up"},
         {Host::kClient, "link set rtpm up"}}) {
-    if (done) done = pair.run(host, "ip " + command);
+    if (done) done = pair.run(host, command);
   }
   if (!done) return unexpected{done.error()};
   return pair;
@@ -98,68 +84,20 @@ expected<void, std::string> NetworkPair::enter(Host host) const {
   return unexpected{std::string("a network namespace can't be entered: ") + std::strerror(errno)};
 }
 
-expected<std::string, std::string> NetworkPair::run(Host host, const std::string& command) const {
+expected<void, std::string> NetworkPair::run(Host host, const std::string& arguments) const {
   const int home = open_own_namespace();
-  if (auto entered = enter(host); !entered) return unexpected{entered.error()};
-  auto [output, exit_code] = run_program(command);
+  if (auto entered = enter(host); !entered) return entered;
+  const auto [output, exit_code] = run_program("ip " + arguments);
   const bool is_home = home >= 0 && setns(home, CLONE_NEWNET) == 0;
   close(home);
   if (!is_home) return unexpected{std::string("the way back from a network namespace failed")};
-  if (exit_code == 0) return output;
-  const bool is_ip = command.starts_with("ip ");
+  if (exit_code == 0) return {};
   if (exit_code == kNoSuchProgram) {
-    return unexpected{std::string("the program '") + (is_ip ? "ip" : "nft") +
-                      "' is missing; install Debian's package " +
-                      (is_ip ? "iproute2" : "nftables")};
+    return unexpected{
+        std::string("the program 'ip' is missing; install Debian's package iproute2")};
   }
   // Keeps the first line: a reason is one sentence.
-  const std::string reason = output.substr(0, output.find('\n'));
-  return unexpected{command + " failed: " +
-                    (reason.empty() ? "it takes the rights CAP_NET_ADMIN and CAP_SYS_ADMIN; run "
-                                      "it as root"
-                                    : reason)};
-}
-
-expected<void, std::string> NetworkPair::drop(Carrier carrier, std::uint16_t port,
-                                              double percent) const {
-  for (const auto& [host, which_port] :
-       {std::pair{Host::kServer, "dport"}, {Host::kClient, "sport"}}) {
-    const auto done = run(host, "nft '" + rules_of(carrier, which_port, port, percent) + "'");
-    if (!done) return unexpected{done.error()};
-  }
-  return {};
-}
-
-expected<std::uint64_t, std::string> NetworkPair::dropped_count() const {
-  std::uint64_t count = 0;
-  for (const Host host : {Host::kServer, Host::kClient}) {
-    const auto listing = run(host, "nft list table inet rtpm_bench");
-    if (!listing) return unexpected{listing.error()};
-    constexpr std::string_view kBefore = "counter packets ";
-    const std::size_t at = listing->find(kBefore);
-    if (at == std::string::npos) return unexpected{std::string("'nft list' shows no counter")};
-    count += std::strtoull(listing->c_str() + at + kBefore.size(), nullptr, 10);
-  }
-  return count;
-}
-
-std::uint64_t network_counter(std::string_view protocol, std::string_view name) {
-  // Each protocol has a line of names, and below it a line of values.
-  std::ifstream file("/proc/thread-self/net/snmp");
-  const std::string begin = std::string(protocol) + ":";
-  std::string names;
-  std::string values;
-  while (std::getline(file, names) && std::getline(file, values)) {
-    if (!names.starts_with(begin)) continue;
-    std::istringstream name_words(names);
-    std::istringstream value_words(values);
-    std::string name_word;
-    std::string value_word;
-    while (name_words >> name_word && value_words >> value_word) {
-      if (name_word == name) return std::strtoull(value_word.c_str(), nullptr, 10);
-    }
-  }
-  return 0;
+  return unexpected{"ip " + arguments + " failed: " + output.substr(0, output.find('\n'))};
 }
 
 }  // namespace rtpm::bench

@@ -31,24 +31,13 @@ class NetworkPair {
   /// that it starts, are there.
   [[nodiscard]] expected<void, std::string> enter(Host host) const;
 
-  /// Lets each host drop `percent` of the packets from or to the server's `port`, at random, one by
-  /// one.   Errors: the program `nft` is missing, or the kernel lacks nf_tables.
-  [[nodiscard]] expected<void, std::string> drop(Carrier carrier, std::uint16_t port,
-                                                 double percent) const;
-  /// The number of packets that both hosts have dropped by those rules.
-  [[nodiscard]] expected<std::uint64_t, std::string> dropped_count() const;
-
  private:
   NetworkPair() = default;
   [[nodiscard]] static std::size_t index_of(Host host) { return static_cast<std::size_t>(host); }
-  /// Runs a program on a host. @return its output
-  [[nodiscard]] expected<std::string, std::string> run(Host host, const std::string& command) const;
+  /// Runs `ip` with these arguments on a host.
+  [[nodiscard]] expected<void, std::string> run(Host host, const std::string& arguments) const;
 
   std::array<int, 2> namespaces_{-1, -1};  ///< Indexed by Host.
 };
-
-/// One of the counters that the network namespace of the calling thread keeps (Udp OutDatagrams,
-/// Tcp RetransSegs), or 0 if there is none.   Set-up only.
-[[nodiscard]] std::uint64_t network_counter(std::string_view protocol, std::string_view name);
 
 }  // namespace rtpm::bench

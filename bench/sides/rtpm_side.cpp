@@ -1,7 +1,6 @@
 #include "sides/rtpm_side.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <bench.rtpm.hpp>
 #include <cstring>
 #include <optional>
@@ -12,8 +11,6 @@ namespace {
 
 class EchoServantImpl final : public EchoServant {
  public:
-  explicit EchoServantImpl(std::uint64_t numbered_count) : has_run_(numbered_count) {}
-
   rpc::Result<Wrench> echo(const Wrench& request, const rpc::CallContext&) override {
     return request;
   }
@@ -25,16 +22,6 @@ class EchoServantImpl final : public EchoServant {
     return {};
   }
 
-  rpc::Result<Numbered> count(const Numbered& request, const rpc::CallContext&) override {
-    if (request.number() >= has_run_.size()) return unexpected{rpc::Refusal::kBadRequest};
-    (has_run_[request.number()].exchange(true) ? again_count_ : distinct_count_).fetch_add(1);
-    return request;
-  }
-
-  rpc::Result<Runs> runs(const rpc::CallContext&) override {
-    return Runs(distinct_count_.load(), again_count_.load());
-  }
-
   rpc::Result<void> echo_large(const Large& request, rpc::ReplyBuilder<Large>& reply,
                                const rpc::CallContext&) override {
     const auto bytes =
@@ -42,11 +29,6 @@ class EchoServantImpl final : public EchoServant {
     reply.finish(CreateLarge(reply.builder(), bytes));
     return {};
   }
-
- private:
-  std::vector<std::atomic<bool>> has_run_;
-  std::atomic<std::uint64_t> distinct_count_{0};
-  std::atomic<std::uint64_t> again_count_{0};
 };
 
 /// Returns nothing if the reply arrived and equals `sent` byte by byte.
@@ -83,9 +65,6 @@ class RtpmPayloadCaller final : public Caller {
  public:
   explicit RtpmPayloadCaller(Job job) : job_(std::move(job)) {}
   expected<void, std::string> echo() override { return job_(); }
-  expected<void, std::string> work(Duration) override {
-    return unexpected{std::string("calls of this payload only echo")};
-  }
 
  private:
   Job job_;
@@ -94,8 +73,7 @@ class RtpmPayloadCaller final : public Caller {
 /// Each call has a channel of its own.
 class RtpmPipeline final : public Pipeline {
  public:
-  RtpmPipeline(EchoClient client, std::size_t in_flight)
-      : client_(std::move(client)), pending_(in_flight) {}
+  explicit RtpmPipeline(EchoClient client) : client_(std::move(client)), pending_(kInFlight) {}
 
   expected<void, std::string> run(std::uint64_t count) override {
     std::uint64_t begun = 0;
@@ -115,29 +93,6 @@ class RtpmPipeline final : public Pipeline {
   EchoClient client_;
   std::vector<std::optional<rpc::PendingStruct<Wrench>>> pending_;
   Wrench wrench_{1.0, -2.0, 3.0, -4.0, 5.0, -6.0};
-};
-
-class RtpmNumberedCaller final : public NumberedCaller {
- public:
-  explicit RtpmNumberedCaller(EchoClient client) : client_(std::move(client)) {}
-
-  expected<void, rpc::CallError> call(std::uint64_t number, Duration deadline) noexcept override {
-    constexpr std::array<std::uint64_t, 5> kFilling{1, 2, 3, 4, 5};
-    const Numbered request(number, kFilling);
-    const auto reply = client_.count(request, {.deadline = deadline});
-    if (!reply) return unexpected{reply.error()};
-    if (std::memcmp(&*reply, &request, sizeof request) == 0) return {};
-    return unexpected{rpc::CallError::kBadReply};
-  }
-
-  expected<NumberedRuns, rpc::CallError> runs() noexcept override {
-    const auto reply = client_.runs();
-    if (!reply) return unexpected{reply.error()};
-    return NumberedRuns{reply->distinct(), reply->again()};
-  }
-
- private:
-  EchoClient client_;
 };
 
 expected<EchoClient, std::string> bind_echo(rpc::Node& node, const std::string& url,
@@ -171,7 +126,7 @@ expected<std::unique_ptr<rpc::Server>, std::string> open_server(const rpc::Serve
 }
 
 expected<std::string, std::string> start_rtpm_server(RtpmServerConfig config) {
-  static auto& servant = *new EchoServantImpl(config.numbered_count);
+  static auto& servant = *new EchoServantImpl;
   auto server = open_server({.name = "rtpm-bench",
                              .host = std::move(config.host),
                              .lanes = std::move(config.lanes),
@@ -236,18 +191,10 @@ expected<Job, std::string> connect_large_job(rpc::Node& node, const std::string&
 
 expected<std::unique_ptr<Pipeline>, std::string> connect_rtpm_pipeline(rpc::Node& node,
                                                                        const std::string& url,
-                                                                       Priority priority,
-                                                                       std::size_t in_flight) {
+                                                                       Priority priority) {
   auto client = bind_echo(node, url, priority);
   if (!client) return unexpected{client.error()};
-  return std::make_unique<RtpmPipeline>(std::move(*client), in_flight);
-}
-
-expected<std::unique_ptr<NumberedCaller>, std::string> connect_numbered_caller(
-    rpc::Node& node, const std::string& url, Priority priority) {
-  auto client = bind_echo(node, url, priority);
-  if (!client) return unexpected{client.error()};
-  return std::make_unique<RtpmNumberedCaller>(std::move(*client));
+  return std::make_unique<RtpmPipeline>(std::move(*client));
 }
 
 }  // namespace rtpm::bench

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "rtpm/base/expected.hpp"
-#include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "settings.hpp"
@@ -20,7 +19,6 @@ struct RtpmServerConfig {
   std::string host = "127.0.0.1";  ///< Numeric.
   std::vector<rpc::LaneConfig> lanes{};
   std::uint32_t session_count_max = 256;  ///< Per lane and transport.
-  std::uint64_t numbered_count = 0;  ///< How many numbers, from 0 on, the server can tell apart.
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
   rpc::ServerSecurity security{.is_insecure = true};
 };
@@ -52,30 +50,6 @@ struct RtpmServerConfig {
 
 /// Like connect_rtpm_caller().
 [[nodiscard]] expected<std::unique_ptr<Pipeline>, std::string> connect_rtpm_pipeline(
-    rpc::Node& node, const std::string& url, Priority priority, std::size_t in_flight);
-
-/// The server's record of numbered calls.
-struct NumberedRuns {
-  std::uint64_t distinct_count = 0;  ///< Numbers that ran.
-  std::uint64_t again_count = 0;     ///< Runs of a number that had run before.
-};
-
-/// One calling thread whose calls are numbered, so that a second run of a call shows.
-/// Threads: one.
-class NumberedCaller {
- public:
-  virtual ~NumberedCaller() = default;
-
-  /// Sends 48 bytes that begin with `number` and waits until they come back; kBadReply if
-  /// different bytes came.   RT: alloc-free.
-  [[nodiscard]] virtual expected<void, rpc::CallError> call(std::uint64_t number,
-                                                            Duration deadline) noexcept = 0;
-  /// Asks for the server's record so far.
-  [[nodiscard]] virtual expected<NumberedRuns, rpc::CallError> runs() noexcept = 0;
-};
-
-/// Like connect_rtpm_caller().
-[[nodiscard]] expected<std::unique_ptr<NumberedCaller>, std::string> connect_numbered_caller(
     rpc::Node& node, const std::string& url, Priority priority);
 
 }  // namespace rtpm::bench

@@ -16,7 +16,7 @@ namespace rtpm::bench {
 namespace {
 
 expected<std::string, std::string> set_up(Standalone which, const Settings& settings) {
-  const rt::WaitConfig wait{.strategy = settings.waits.front(), .spin = settings.spin};
+  const rt::WaitConfig wait{.strategy = settings.waits.front()};
   const int cpu = choose_placement().server_cpu;
   if (which == Standalone::kRtpm) {
     return start_rtpm_server(

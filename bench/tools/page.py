@@ -125,8 +125,7 @@ _AGAINST_PEERS = {
 
 
 def _furthest(rows, count=3):
-    found = [row for row in rows if row["case"] != "throughput" and "drop_percent" not in row
-             and (records.figure(row, "ratio_p50") or 0) > 1.5]
+    found = [row for row in rows if row["case"] != "throughput" and (records.figure(row, "ratio_p50") or 0) > 1.5]
     found.sort(key=lambda row: -row["ratio_p50"])
     return ["Furthest above the raw floor, at the median:", "", *(
         f"- {records.name_of(records.key_of(row))}: {number(row['ratio_p50'])} ×, "

@@ -22,8 +22,8 @@ class Part(NamedTuple):
 # As the paper's section 5: 1000 calls as quickly as they go, and 1000 events 1 ms apart.
 PAPER = (
     Part("paper-calls", "call --samples 1000 --rounds 1 --latencies", 1, False),
-    Part("paper-two-nodes", "two-node --transport udp,tcp --calls 1000 --rounds 1 --latencies", 1,
-         False),
+    Part("paper-two-nodes", "two-node --transport udp,tcp --samples 1000 --rounds 1 --latencies",
+         1, False),
     Part("paper-events", "events --samples 1000 --rounds 1 --consumers 1 --latencies", 12, False),
 )
 
@@ -42,7 +42,6 @@ FULL = (
     Part("startup", "startup", 2),
     Part("throughput", "throughput", 10),
     Part("two-node", "two-node --transport udp,tcp", 1),
-    Part("two-node-loss", "two-node --transport udp --drop 5 --calls 2000", 1),
     Part("scale", "scale", 14),
     # What the pace of the calls makes long.
     Part("isolation", "isolation --low-callers 4 --samples 15000", 182),

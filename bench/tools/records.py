@@ -13,7 +13,7 @@ import statistics
 IDENTITY = (
     "case", "part", "rung", "peer", "transport", "floor", "hub", "delivery", "wait", "rtpm_transport",
     "rtpm_wait", "payload", "rate_hz", "low_callers", "large_callers", "work_us", "consumers",
-    "stopped", "slow", "hosts", "in_flight", "drop_percent", "clients", "hello_storms",
+    "stopped", "slow", "hosts", "in_flight", "clients", "hello_storms",
 )
 
 # How a part of a row's name is said to people; "{}" stands for the value. Others: "name value".
@@ -25,7 +25,7 @@ _WORDS = {
     "rate_hz": "{} Hz", "low_callers": "{} low callers", "large_callers": "{} large callers",
     "work_us": "{} us work", "consumers": "{} consumers", "stopped": "{} stopped",
     "slow": "{} slow", "hosts": "{} hosts", "in_flight": "{} in flight",
-    "drop_percent": "{} % lost", "clients": "{} clients", "hello_storms": "{} storms of HELLOs",
+    "clients": "{} clients", "hello_storms": "{} storms of HELLOs",
 }
 
 

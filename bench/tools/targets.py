@@ -70,22 +70,12 @@ TARGETS = (
 
 
 class Verdict(NamedTuple):
-    """A target and what a run says of it. `value`: None where it was not measured. `interval`: where
-    the value lies with 95 % confidence, None where that is not told."""
+    """A target and what a run says of it. `value`: None where it was not measured."""
 
     target: Target
     name: str
     value: float
     is_met: bool
-    is_marked: bool
-    interval: tuple = None
-
-    def may_be_met(self):
-        """Whether another run may well say so."""
-        if self.interval is None:
-            return False
-        low, high = self.interval
-        return low <= self.target.limit if self.target.is_most else high >= self.target.limit
 
 
 def _value_of(target, record, rows):
@@ -108,7 +98,5 @@ def judge(rows):
         is_met = value is not None and (
             value <= target.limit if target.is_most else value >= target.limit)
         named = {name: value for name, value in record.items() if value is not None}
-        verdicts.append(Verdict(target, records.name_of(records.key_of(named)), value, is_met,
-                                bool(record.get("marks")),
-                                None if target.times else records.interval(record, target.figure)))
+        verdicts.append(Verdict(target, records.name_of(records.key_of(named)), value, is_met))
     return verdicts

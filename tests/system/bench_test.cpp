@@ -28,8 +28,6 @@ TEST(Bench, RefusesWhatItDoesNotHave) {
                       {"--wait", "sleep", "adaptive"});
   expect_one_sentence(run_program("rtpm-bench", {"run", "call", "--payload", "1Gi"}), 2,
                       {"--payload", "8388608"});
-  expect_one_sentence(run_program("rtpm-bench", {"run", "two-node", "--deadline", "soon"}), 2,
-                      {"--deadline", "'soon'"});
   expect_one_sentence(run_program("rtpm-bench", {"run", "call", "--own-hub"}), 2,
                       {"--own-hub", "events", "--peers"});
   expect_one_sentence(

@@ -5,27 +5,21 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <nlohmann/json.hpp>
 #include <set>
 #include <string>
 
 #include "programs.hpp"
 
-// The promises of rtpm-bench's cases over a network, on any machine: no call runs twice,
-// each call has a stated end, and nothing is left behind. How long it takes is not judged.
+// The promises of rtpm-bench's cases over a network, on any machine: each call is answered, and
+// nothing is left behind. How long it takes is not judged.
 namespace rtpm::system_test {
 namespace {
 
 namespace fs = std::filesystem;
-using nlohmann::json;
 
 /// Why network namespaces can't be created here; empty if they can.
 std::string missing_for_two_nodes() {
-  for (const char* program : {"ip", "nft"}) {
-    if (std::system((std::string("command -v ") + program + " >/dev/null").c_str()) != 0) {
-      return std::string("the program '") + program + "' is missing";
-    }
-  }
+  if (std::system("command -v ip >/dev/null") != 0) return "the program 'ip' is missing";
   // Runs in a separate process, so that this process stays in its namespace.
   const auto end = test::run({"/usr/bin/unshare", "--net", "true"}, kPatience);
   if (!end || end->exit_code != 0) return "network namespaces take the right CAP_SYS_ADMIN";
@@ -57,47 +51,21 @@ class TwoNodeBench : public testing::Test {
   }
 };
 
-TEST_F(TwoNodeBench, RunsNoCallTwiceThoughPacketsAreLost) {
-  const auto end = run_program(
-      "rtpm-bench", {"run", "two-node", "--drop", "20", "--calls", "400", "--rounds", "2",
-                     "--deadline", "200ms", "--transport", "udp", "--realtime", "off", "--json"});
-  ASSERT_EQ(end.exit_code, 0) << end.errors;
-  ASSERT_EQ(test::line_count(end.output), 1);
-  const json result = json::parse(end.output);
-  EXPECT_EQ(result.at("calls"), 400);
-  EXPECT_EQ(result.at("run_twice"), 0);
-  EXPECT_GT(result.at("dropped"), 0) << "the rule dropped nothing, so nothing was tried";
-  EXPECT_GT(result.at("repeats"), 0) << "lost packets are made up for by repeats";
-  int stated = result.at("succeeded");
-  for (const auto& [error, count] : result.at("failed").items())
-    stated += count.get<int>();
-  EXPECT_EQ(stated, 400) << "each call has an end";
-  EXPECT_GE(result.at("numbers_run"), result.at("succeeded")) << "what was answered ran";
-  EXPECT_LE(result.at("numbers_run"), result.at("numbers_sent"));
-  EXPECT_GT(result.at("floor_p50_us"), 0);
-}
-
-TEST_F(TwoNodeBench, LosesNothingWhereNothingIsDropped) {
+TEST_F(TwoNodeBench, CallsBetweenTheHosts) {
   const auto end =
-      run_program("rtpm-bench", {"run", "two-node", "--calls", "200", "--rounds", "2", "--deadline",
-                                 "10s", "--realtime", "off", "--json", "--transport", "udp,tcp"});
+      run_program("rtpm-bench", {"run", "two-node", "--samples", "200", "--rounds", "2",
+                                 "--realtime", "off", "--json", "--transport", "udp,tcp"});
   ASSERT_EQ(end.exit_code, 0) << end.errors;
-  ASSERT_EQ(test::line_count(end.output), 2) << "one for udp, one for tcp";
-  for (std::size_t begin = 0; begin < end.output.size();) {
-    const std::size_t stop = end.output.find('\n', begin);
-    const json result = json::parse(end.output.substr(begin, stop - begin));
-    EXPECT_EQ(result.at("succeeded"), 200) << result;
-    EXPECT_EQ(result.at("run_twice"), 0) << result;
-    EXPECT_EQ(result.at("dropped"), 0) << result;
-    begin = stop + 1;
-  }
+  EXPECT_EQ(test::line_count(end.output), 2) << "one for udp, one for tcp";
+  for (const std::string_view field : {R"("case":"two-node")", R"("n":200)", R"("ratio_p50":)"})
+    EXPECT_NE(end.output.find(field), std::string::npos) << field;
 }
 
 TEST_F(TwoNodeBench, LeavesNoNamespaceBehindWhenInterrupted) {
   const std::set<std::string> before = network_namespaces();
   {
-    test::Process bench({path_of("rtpm-bench"), "run", "two-node", "--drop", "5", "--calls",
-                         "10000000", "--realtime", "off", "--transport", "udp"});
+    test::Process bench({path_of("rtpm-bench"), "run", "two-node", "--samples", "10000000",
+                         "--realtime", "off", "--transport", "udp"});
     const auto give_up = std::chrono::steady_clock::now() + kPatience;
     // Waits for the namespaces of rtpm-bench itself, the server and the caller.
     while (network_namespaces().size() < before.size() + 3 &&
