@@ -9,7 +9,7 @@
 #include "rtpm/base/assert.hpp"
 #include "rtpm/base/time.hpp"
 
-/// The counted work of the hub's core.
+/// The hub's core without a server.
 namespace rtpm::bench::micro {
 
 /// Counts broadcast events, as shared memory would be written once for each.

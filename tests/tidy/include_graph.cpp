@@ -147,6 +147,7 @@ const std::vector<Foreign>& foreigners() {
       {std::regex("libserialport\\.h"), "libserialport", {"devices/serial/src/"}},
       {std::regex("(libevdev/.*|libudev\\.h)"), "libevdev and libudev", {"devices/"}},
       {std::regex("(gtest|gmock)/.*"), "GoogleTest", {}},
+      {std::regex("benchmark/.*"), "Google Benchmark", {}},
       {std::regex("CLI/.*"), "CLI11", {"clients/rtpm/", "runtime/options/src/"}},
       {std::regex("toml.*"), "toml++", {"clients/rtpm/laboratory/", "runtime/options/src/"}},
       {std::regex("n?curses.*"), "ncurses", {"clients/rtpm/host/"}},

@@ -12,7 +12,7 @@
 #include "rtpm/wire/limits.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 
-/// The counted work of the protocol.
+/// The protocol without a transport.
 namespace rtpm::bench::micro {
 
 /// The header of a force loop's call.
