@@ -52,10 +52,13 @@ def peer_rows(results):
 
 def _calls(rows):
     found = records.select(rows, case="call", payload=48)
+    sealed = {(row["transport"], row["wait"]): row
+              for row in records.select(rows, case="call-sealed", payload=48)}
     return _table(("transport, wait", "p50", "p99", "p99.9", "floor p50", "× floor p50 (95 %)",
-                   "× floor p99 (95 %)"), [
+                   "× floor p99 (95 %)", "sealed p50", "sealed × sealed floor p50 (95 %)"), [
         [_title(row, "transport", "wait"), *_figures(row, (
-            "p50_us", "p99_us", "p999_us", "floor_p50_us", "ratio_p50", "ratio_p99"))]
+            "p50_us", "p99_us", "p999_us", "floor_p50_us", "ratio_p50", "ratio_p99")),
+         *_figures(sealed.get((row["transport"], row["wait"]), {}), ("p50_us", "ratio_p50"))]
         for row in found]) if found else []
 
 
@@ -93,7 +96,6 @@ def _peers(others):
 _COSTS = (
     ("calls a second, 64 in flight", {"case": "throughput"}, "calls_per_second"),
     ("events a second to one consumer", {"case": "events", "wait": None}, "events_per_s"),
-    ("sealed call of 48 bytes, p50, µs", {"case": "call-sealed", "wait": "adaptive"}, "p50_us"),
     ("10 kHz loop while 1000 HELLOs a second come, p99.9, µs",
      {"case": "isolation-sealed", "hello_storms": 1}, "p999_us"),
     ("server's memory, no client, MiB", {"case": "memory", "clients": 0}, "rss_mib"),
@@ -125,7 +127,8 @@ _AGAINST_PEERS = {
 
 
 def _furthest(rows, count=3):
-    found = [row for row in rows if row["case"] != "throughput" and (records.figure(row, "ratio_p50") or 0) > 1.5]
+    found = [row for row in rows
+             if row["case"] != "throughput" and (records.figure(row, "ratio_p50") or 0) > 1.5]
     found.sort(key=lambda row: -row["ratio_p50"])
     return ["Furthest above the raw floor, at the median:", "", *(
         f"- {records.name_of(records.key_of(row))}: {number(row['ratio_p50'])} ×, "

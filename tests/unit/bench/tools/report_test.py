@@ -52,6 +52,10 @@ class Page(Folder):
     def test_has_a_row_for_each_result_with_its_ratio_and_interval(self):
         self.assertRegex(self.text(), r"\n\| udp, adaptive \| 6\.73 \|.*\| 1\.12 \(1\.12–1\.12\) \|")
 
+    def test_has_the_sealed_call_beside_the_plain_one(self):
+        self.assertRegex(self.text(), r"\n\| udp, adaptive .*\| 9\.10 \| 1\.14 \(1\.13–1\.15\) \|\n")
+        self.assertRegex(self.text(), r"\n\| shm, spin .*\| – \| – \|\n")
+
     def test_lists_the_missed_target(self):
         self.assertIn("- call, shm, spin, 48 B: ratio_p50 2.50 x the floor, target at most 1.80",
                       self.text())
