@@ -38,34 +38,6 @@ const Object& object_of(const Model& model, const std::string& name) {
   return model.objects.front();
 }
 
-TEST(Attributes, AreInTheModel) {
-  const Model model = test::model_of(kSchema);
-  ASSERT_EQ(model.services.size(), 2u);
-  const Service& arm = model.services[0];
-  EXPECT_EQ(arm.priority_model, PriorityModel::kServerDeclared);
-  EXPECT_EQ(arm.priority, 24000);
-  EXPECT_EQ(model.services[1].priority_model, PriorityModel::kClientPropagated);
-  EXPECT_EQ(model.services[1].priority, 0);
-  EXPECT_EQ(arm.methods[0].oneway, OnewayLevel::kReceived);
-  EXPECT_TRUE(arm.methods[1].is_deferred);
-  EXPECT_EQ(arm.methods[1].max_size, 256u);
-  EXPECT_TRUE(arm.methods[2].is_stream);
-  EXPECT_FALSE(arm.methods[3].oneway || arm.methods[3].is_deferred || arm.methods[3].is_stream);
-
-  const Object& pose = object_of(model, "lab.Pose");
-  EXPECT_EQ(pose.event_id, 12u);
-  EXPECT_NE(pose.event_fingerprint, 0u);
-  EXPECT_EQ(pose.location.line, 3u);
-  const Field& x = pose.fields[0];
-  EXPECT_EQ(x.unit, "metre");
-  EXPECT_EQ(x.frame, "base");
-  ASSERT_TRUE(x.range);
-  EXPECT_EQ(x.range->low, -0.5);
-  EXPECT_EQ(x.range->high, 0.5);
-  EXPECT_EQ(x.location.line, 4u);
-  EXPECT_EQ(quantity(x), "metre, -0.5 to 0.5, in the frame base");
-}
-
 TEST(Attributes, OfIncludedFilesAreReadToo) {
   const test::ScratchFolder folder;
   folder.write("base.fbs", "include \"rtpm.fbs\"; table Base { x:double (rtpm_unit: \"volt\"); }");

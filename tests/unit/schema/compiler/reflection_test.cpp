@@ -1,16 +1,10 @@
 #include "reading/reflection.hpp"
 
 #include <flatbuffers/idl.h>
-#include <flatbuffers/reflection_generated.h>
 #include <gtest/gtest.h>
 
 #include <cstdint>
-#include <deque>
-#include <string>
 #include <vector>
-
-#include "checks/checker.hpp"
-#include "reading/outline.hpp"
 
 namespace rtpm::schema {
 namespace {
@@ -30,32 +24,6 @@ std::vector<std::uint8_t> reflection_bytes() {
 }
 
 constexpr const char* kFile = "//lab/arm.fbs";
-
-TEST(Reflection, IsRead) {
-  const auto model = read_reflection(reflection_bytes(), kFile);
-  ASSERT_TRUE(model);
-  ASSERT_EQ(model->services.size(), 1u);
-  EXPECT_EQ(model->services[0].name, "lab.Arm");
-}
-
-TEST(Reflection, ServicesOfOtherFilesAreLeftOut) {
-  const auto model = read_reflection(reflection_bytes(), "//lab/leg.fbs");
-  ASSERT_TRUE(model);
-  EXPECT_TRUE(model->services.empty());
-}
-
-TEST(Reflection, UnknownFeaturesAreRefused) {
-  std::vector<std::uint8_t> bytes = reflection_bytes();
-  auto model = read_reflection(bytes, kFile);
-  ASSERT_TRUE(model);
-  model->feature_bits = 0x10;
-  std::deque<SchemaText> texts;
-  texts.emplace_back(SourceFile("arm.fbs", kText));
-  const Diagnostics errors = check(*model, texts);
-  ASSERT_FALSE(errors.empty());
-  EXPECT_NE(errors[0].message.find("features of FlatBuffers that this rtpmc does not know"),
-            std::string::npos);
-}
 
 // A .bfbs is untrusted: whatever its content, reading ends without a crash.
 TEST(Reflection, DamagedBytesAreRefusedOrRead) {

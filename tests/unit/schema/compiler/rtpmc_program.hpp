@@ -1,5 +1,6 @@
 #pragma once
 
+#include <gtest/gtest.h>
 #include <sys/wait.h>
 
 #include <cstdlib>
@@ -48,6 +49,15 @@ struct Outcome {
     names.push_back(entry.path().filename().string());
   }
   return names;
+}
+
+/// Compiles arm.fbs to arm.bfbs with flatc.
+inline void make_binary(const ScratchFolder& folder,
+                        const std::string& flags = "--bfbs-filenames .") {
+  const std::string command = "cd " + quoted(folder.path().string()) + " && " + quoted(RTPM_FLATC) +
+                              " -b --schema --bfbs-comments --bfbs-builtins " + flags + " -I " +
+                              quoted(RTPM_IDL_FOLDER) + " arm.fbs";
+  ASSERT_EQ(std::system(command.c_str()), 0);
 }
 
 }  // namespace rtpm::schema::test

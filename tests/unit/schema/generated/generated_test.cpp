@@ -280,28 +280,6 @@ TEST_F(Generated, TooLargeReplyIsReported) {
   EXPECT_EQ(arm_.dispatch(2, {}, small, context()).status, Status::kTooLarge);
 }
 
-TEST(GeneratedDescriptor, MatchesTheSchema) {
-  const auto& interface = lab::ArmClient::interface();
-  EXPECT_EQ(interface.name, "lab.Arm");
-  EXPECT_EQ(interface.compiler_version, RTPM_VERSION);
-  EXPECT_NE(interface.fingerprint, 0u);
-  ASSERT_EQ(interface.methods.size(), 20u);
-  EXPECT_EQ(interface.methods[0].name, "release");
-  EXPECT_TRUE(interface.methods[0].is_idempotent);
-  EXPECT_EQ(interface.methods[1].id, 2);
-  EXPECT_EQ(interface.methods[1].default_deadline, std::chrono::microseconds{800});
-  EXPECT_EQ(interface.methods[2].default_deadline, rtpm::Duration{0});
-  EXPECT_EQ(interface.methods[9].name, "delete");
-  EXPECT_EQ(&TestArm{}.interface(), &interface);
-}
-
-TEST(GeneratedDescriptor, ServicesInNamespacesHaveDescriptors) {
-  EXPECT_EQ(lab::safety::BrakeClient::interface().name, "lab.safety.Brake");
-  EXPECT_EQ(lab::safety::log::ArchiveClient::interface().name, "lab.safety.log.Archive");
-  EXPECT_EQ(HouseClient::interface().name, "House");
-  EXPECT_EQ(static_cast<int>(HouseMethodId::look), 1);
-}
-
 // These are the types of a client's calls.
 using lab::ArmClient;
 template <class T>

@@ -197,22 +197,4 @@ TEST_F(Quantities, SharedTablesDoNotMultiplyTheWork) {
   EXPECT_EQ(call(q::SceneMethodId::add, rtpm::rpc::table_bytes(builder)).status, Status::kOk);
 }
 
-TEST_F(Quantities, StructWithAFrameIsTheBareStruct) {
-  const q::Force force(1, 2, 3);
-  const DispatchResult result = call(q::SceneMethodId::push, rtpm::rpc::struct_bytes(force));
-  EXPECT_EQ(result.status, Status::kOk);
-  EXPECT_EQ(result.reply_size, sizeof force);
-  EXPECT_TRUE(std::equal(reply_.begin(), reply_.begin() + sizeof force,
-                         rtpm::rpc::struct_bytes(force).begin()));
-}
-
-TEST(QuantitiesDescriptor, StatesThePriority) {
-  const auto& scene = q::SceneClient::interface();
-  EXPECT_EQ(scene.priority_model, rtpm::rpc::PriorityModel::kServerDeclared);
-  EXPECT_EQ(scene.priority.value(), 16000);
-  const auto& watch = q::WatchClient::interface();
-  EXPECT_EQ(watch.priority_model, rtpm::rpc::PriorityModel::kClientPropagated);
-  EXPECT_EQ(watch.priority.value(), 100);
-}
-
 }  // namespace
