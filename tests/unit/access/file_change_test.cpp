@@ -11,18 +11,13 @@
 #include <vector>
 
 #include "rtpm/access/files.hpp"
+#include "rtpm/test/temporary_folder.hpp"
 
 namespace rtpm::access {
 namespace {
 
 class FileChanges : public testing::Test {
  protected:
-  FileChanges() {
-    std::string name = (std::filesystem::temp_directory_path() / "rtpm-access-XXXXXX").string();
-    folder_ = ::mkdtemp(name.data());
-  }
-  ~FileChanges() override { std::filesystem::remove_all(folder_); }
-
   static expected<void, SetupError> append(const std::string& path, const std::string& line) {
     return change_trusted_file(path,
                                [&](const std::string& text) { return with_line(text, line); });
@@ -32,7 +27,8 @@ class FileChanges : public testing::Test {
     return ::stat(path.c_str(), &status) == 0 ? status.st_mode & 0777 : 0;
   }
 
-  std::string folder_;
+  test::TemporaryFolder temporary_;
+  std::string folder_ = temporary_.path();
 };
 
 TEST_F(FileChanges, MakeTheFileAndItsFolderForTheOwnerAlone) {

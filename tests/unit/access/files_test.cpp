@@ -7,25 +7,21 @@
 #include <filesystem>
 #include <fstream>
 
+#include "rtpm/test/temporary_folder.hpp"
+
 namespace rtpm::access {
 namespace {
 
-/// A temporary folder, which is removed after the test.
 class Files : public testing::Test {
  protected:
-  Files() {
-    std::string name = (std::filesystem::temp_directory_path() / "rtpm-access-XXXXXX").string();
-    folder_ = ::mkdtemp(name.data());
-  }
-  ~Files() override { std::filesystem::remove_all(folder_); }
-
   [[nodiscard]] std::string path(const char* name) const { return folder_ + "/" + name; }
   void write(const char* name, const std::string& text, mode_t mode) const {
     std::ofstream(path(name)) << text;
     ::chmod(path(name).c_str(), mode);
   }
 
-  std::string folder_;
+  test::TemporaryFolder temporary_;
+  std::string folder_ = temporary_.path();
 };
 
 TEST_F(Files, AKeyIsReadAsItWasMade) {

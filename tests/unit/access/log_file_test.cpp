@@ -7,6 +7,8 @@
 #include <fstream>
 #include <iterator>
 
+#include "rtpm/test/temporary_folder.hpp"
+
 namespace rtpm::access {
 namespace {
 
@@ -14,17 +16,13 @@ namespace fs = std::filesystem;
 
 class LogFileTest : public testing::Test {
  protected:
-  LogFileTest() : folder_((fs::temp_directory_path() / "rtpm-log-XXXXXX").string()) {
-    EXPECT_NE(mkdtemp(folder_.data()), nullptr);
-    path_ = folder_ + "/audit";
-  }
-  ~LogFileTest() override { fs::remove_all(folder_); }
   static std::string content(const std::string& path) {
     std::ifstream file(path);
     return {std::istreambuf_iterator<char>(file), {}};
   }
-  std::string folder_;
-  std::string path_;
+  test::TemporaryFolder temporary_;
+  std::string folder_ = temporary_.path();
+  std::string path_ = folder_ + "/audit";
 };
 
 TEST_F(LogFileTest, IsItsOwnersAloneAndGoesOnWhereItEnded) {

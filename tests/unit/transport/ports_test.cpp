@@ -56,16 +56,6 @@ std::optional<Bytes> await_datagram(UdpPort& port, std::size_t room = 2000) {
   return bytes;
 }
 
-TEST(TcpListener, HasThePortThatItSays) {
-  const auto listener = TcpListener::open(kHere, 0);
-  ASSERT_TRUE(listener);
-  EXPECT_NE(listener->port(), 0);
-  sockaddr_in address{};
-  socklen_t size = sizeof address;
-  getsockname(listener->descriptor(), reinterpret_cast<sockaddr*>(&address), &size);
-  EXPECT_EQ(ntohs(address.sin_port), listener->port());
-}
-
 TEST(TcpListener, SaysThatAPortIsBusyAndWhatToDo) {
   const auto first = TcpListener::open(kHere, 0);
   ASSERT_TRUE(first);
@@ -241,46 +231,6 @@ TEST(Descriptors, ThatAreUsedUpAreNamed) {
   EXPECT_EQ(child.status, 0) << child.errors;
 }
 
-TEST(UdpPort, AnswersWhereADatagramCameFrom) {
-  const std::uint16_t number = free_port();
-  UdpPort port = open_udp(number);
-  Bytes buffer(2000);
-  EXPECT_EQ(port.receive(buffer).error(), IoError::kNothing);
-  auto client = open_udp_transport(kHere, number, 0);
-  ASSERT_TRUE(client);
-  const Bytes request = frame_of(48);
-  ASSERT_TRUE((*client)->send(request));
-  ASSERT_TRUE(wait_readable(port.descriptor(), rt::now() + 20s));
-  const auto datagram = port.receive(buffer);
-  ASSERT_TRUE(datagram);
-  EXPECT_EQ(copy_of(datagram->bytes()), request);
-
-  const Bytes reply = frame_of(20, 0, 2);
-  ASSERT_TRUE(port.send(datagram->peer(), reply));
-  ASSERT_TRUE(wait_readable((*client)->descriptor(), rt::now() + 20s));
-  const auto received = (*client)->receive();
-  ASSERT_TRUE(received);
-  EXPECT_EQ(copy_of(*received), reply);
-  EXPECT_EQ(reinterpret_cast<std::uintptr_t>(received->data()) % 16, 0u);
-}
-
-TEST(UdpPort, TellsItsPeersApart) {
-  const std::uint16_t number = free_port();
-  UdpPort port = open_udp(number);
-  std::vector<std::unique_ptr<ClientTransport>> clients;
-  std::vector<wire::PeerAddress> peers;
-  for (int i = 0; i < 3; ++i) {
-    clients.push_back(std::move(*open_udp_transport(kHere, number, 0)));
-    ASSERT_TRUE(clients.back()->send(frame_of(0)));
-    ASSERT_TRUE(wait_readable(port.descriptor(), rt::now() + 20s));
-    Bytes buffer(2000);
-    peers.push_back(port.receive(buffer)->peer());
-  }
-  EXPECT_FALSE(peers[0] == peers[1]);
-  EXPECT_FALSE(peers[1] == peers[2]);
-  EXPECT_FALSE(peers[0] == peers[2]);
-}
-
 TEST(Datagram, LargerThanAFrameIsNoticedOnBothSides) {
   const std::uint16_t number = free_port();
   UdpPort port = open_udp(number);
@@ -383,27 +333,6 @@ TEST(TcpTransport, GivesUpAtItsDeadline) {
   expect_text(
       client.error().text(),
       {"no server answers at TCP 127.0.0.1:" + std::to_string(number), "timed out", "Remedy"});
-}
-
-TEST(TcpTransport, CarriesFramesBothWays) {
-  auto listener = TcpListener::open(kHere, 0);
-  ASSERT_TRUE(listener);
-  auto client = open_tcp_transport(kHere, listener->port(), 0, 100'000, rt::now() + 20s);
-  ASSERT_TRUE(client);
-  ASSERT_TRUE(wait_readable(listener->descriptor(), rt::now() + 20s));
-  FrameStream served(listener->accept().socket, 100'000);
-  const Bytes request = frame_of(100'000);
-  ASSERT_TRUE((*client)->send(request));
-  Bytes received;
-  ASSERT_TRUE(rtpm::test::await([&] {
-    const auto frame = served.receive();
-    if (frame) received = copy_of(*frame);
-    return frame.has_value();
-  }));
-  EXPECT_EQ(received, request);
-  ASSERT_TRUE(served.send(frame_of(3), rt::now() + 20s));
-  ASSERT_TRUE(wait_readable((*client)->descriptor(), rt::now() + 20s));
-  EXPECT_EQ(copy_of(*(*client)->receive()), frame_of(3));
 }
 
 // A lane sends the window of a large reply without waiting, and drops a peer whose buffers are

@@ -20,6 +20,7 @@
 
 #include "rtpm/test/child.hpp"
 #include "rtpm/test/os.hpp"
+#include "rtpm/test/temporary_folder.hpp"
 #include "rtpm/wire/limits.hpp"
 #include "shared_memory_ends.hpp"
 
@@ -423,13 +424,8 @@ TEST(SharedMemory, IsGoneWithAClientThatIsKilled) {
 
 class SharedMemoryFile : public testing::Test {
  protected:
-  void SetUp() override {
-    std::string name = (fs::temp_directory_path() / "rtpm-XXXXXX").string();
-    ASSERT_NE(mkdtemp(name.data()), nullptr);
-    folder_ = name;
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-  fs::path folder_;
+  rtpm::test::TemporaryFolder temporary_;
+  fs::path folder_ = temporary_.path();
 };
 
 TEST_F(SharedMemoryFile, ReachesAServerInAFolder) {

@@ -12,6 +12,8 @@
 #include <string>
 #include <vector>
 
+#include "rtpm/test/temporary_folder.hpp"
+
 namespace rtpm::transport {
 namespace {
 
@@ -20,14 +22,6 @@ namespace fs = std::filesystem;
 /// A separate folder, which the first socket creates.
 class SocketFolderTest : public testing::Test {
  protected:
-  void SetUp() override {
-    std::string pattern = (fs::temp_directory_path() / "rtpm-folder-XXXXXX").string();
-    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
-    scratch_ = pattern;
-    folder_ = scratch_ + "/rtpm";
-  }
-  void TearDown() override { fs::remove_all(scratch_); }
-
   [[nodiscard]] expected<FolderSocket, SetupError> create(std::string name) {
     return FolderSocket::create(folder_, std::move(name));
   }
@@ -45,8 +39,9 @@ class SocketFolderTest : public testing::Test {
     }
   }
 
-  std::string scratch_;
-  std::string folder_;
+  rtpm::test::TemporaryFolder temporary_;
+  std::string scratch_ = temporary_.path();
+  std::string folder_ = scratch_ + "/rtpm";
 };
 
 TEST_F(SocketFolderTest, IsEmptyWhereItIsNot) {

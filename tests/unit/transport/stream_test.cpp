@@ -50,11 +50,6 @@ class FrameStreamTest : public testing::Test {
       : far_(std::move(ends.first)), stream_(std::move(ends.second), kMessageSizeMax) {}
 };
 
-TEST_F(FrameStreamTest, HasNothingUntilSomethingComes) {
-  expect_nothing();
-  EXPECT_FALSE(stream_.has_buffered());
-}
-
 TEST_F(FrameStreamTest, PutsTogetherWhatWasSplitAnywhere) {
   const Bytes frame = frame_of(20);
   for (std::size_t split = 1; split < frame.size(); ++split) {
@@ -64,16 +59,6 @@ TEST_F(FrameStreamTest, PutsTogetherWhatWasSplitAnywhere) {
     expect_frame(frame);
     expect_nothing();
   }
-}
-
-TEST_F(FrameStreamTest, PutsTogetherSingleBytes) {
-  const Bytes frame = frame_of(20);
-  for (std::size_t i = 0; i + 1 < frame.size(); ++i) {
-    write_all(far_, ConstBytes(frame).subspan(i, 1));
-    expect_nothing();
-  }
-  write_all(far_, ConstBytes(frame).last(1));
-  expect_frame(frame);
 }
 
 TEST_F(FrameStreamTest, TakesApartWhatCameTogether) {
@@ -133,12 +118,6 @@ TEST_F(FrameStreamTest, DoesNotWaitForTheTrailerWhereNoFrameIsSealed) {
   EXPECT_EQ(copy_of(*received), frame);
 }
 
-TEST_F(FrameStreamTest, TakesTheLargestMessage) {
-  const Bytes largest = frame_of(kMessageSizeMax);
-  write_all(far_, largest);
-  expect_frame(largest);
-}
-
 TEST_F(FrameStreamTest, GivesTheHeaderOfATooLargeMessageAtOnce) {
   const Bytes frame = frame_of(kMessageSizeMax + 64);
   write_all(far_, ConstBytes(frame).first(wire::kHeaderSize));
@@ -193,15 +172,6 @@ TEST_F(FrameStreamTest, TellsThatThePeerIsGoneAfterItsLastFrame) {
   const auto end = receive();
   ASSERT_FALSE(end);
   EXPECT_EQ(end.error(), IoError::kClosed);
-}
-
-TEST_F(FrameStreamTest, SendsWholeFrames) {
-  const Bytes frame = frame_of(kMessageSizeMax);
-  ASSERT_TRUE(stream_.send(frame, rt::now()));
-  FrameStream other(std::move(far_), kMessageSizeMax);
-  const auto given = other.receive();
-  ASSERT_TRUE(given);
-  EXPECT_EQ(copy_of(*given), frame);
 }
 
 /// Sends until the system's buffer is full; returns the number of bytes accepted.

@@ -205,27 +205,6 @@ TEST_P(WaitSetTest, EndsByTheRingOfAnotherThread) {
   other.join();
 }
 
-// A stop is a ring, too: it ends a wait in any state.
-TEST_P(WaitSetTest, EndsWithinMillisecondsOfARing) {
-  constexpr int kCount = 30;
-  int late_count = 0;
-  for (int i = 0; i < kCount; ++i) {
-    const MonotonicTime until = i % 3 == 0 ? kNever : rt::now() + (i % 3 == 1 ? 1h : 500ms);
-    std::atomic<Duration> rung{};
-    std::thread other([&] {
-      rt::sleep_until(rt::now() + i * 50us);
-      rung = rt::now().time_since_epoch();
-      set_->ring();
-    });
-    while (wait(until) != tags_of({kDoorbell}))
-      drain();
-    other.join();
-    drain();
-    if (rt::now().time_since_epoch() - rung.load() > 5ms) ++late_count;
-  }
-  EXPECT_LT(late_count, kCount / 2) << "a busy machine may delay some";
-}
-
 // Rings at any offset into a wait, each after the previous one was heard. RTPM_RINGS sets how many.
 TEST_P(WaitSetTest, HearsEachOfManyRandomRings) {
   const int ring_count = ring_count_of_a_run();
@@ -245,20 +224,16 @@ TEST_P(WaitSetTest, HearsEachOfManyRandomRings) {
     }
   });
   int lost_count = 0;
-  int overslept_count = 0;
   const std::uint64_t rung = kDoorbell.raw();
   while (heard_count < ring_count) {
     const MonotonicTime begin = rt::now();
     const Tags tags = wait(begin + 5s);
-    const Duration spent = rt::now() - begin;
-    if (spent >= 4s) ++lost_count;
-    if (spent >= kBlockTime) ++overslept_count;
+    if (rt::now() - begin >= 4s) ++lost_count;
     drain();
     if (std::ranges::find(tags, rung) != tags.end()) ++heard_count;
   }
   other.join();
   EXPECT_EQ(lost_count, 0);
-  EXPECT_LT(overslept_count, ring_count / 10) << "rings were heard when a receive was over";
 }
 
 // Neither side misses the other: one pushes, then reads the flag; the other sets the flag, then
@@ -643,16 +618,6 @@ INSTANTIATE_TEST_SUITE_P(All, WaitSetWithAPort,
                          name_of);
 INSTANTIATE_TEST_SUITE_P(All, WaitSetThatReceives,
                          testing::ValuesIn(ways({Kind::kPortAlone}, {false})), name_of);
-
-TEST(SourceTags, KeepKindIndexAndGenerationApart) {
-  const SourceTag tag(SourceKind{15}, 0xffff'ffff, SourceTag::kGenerationMax);
-  EXPECT_EQ(tag.kind(), SourceKind{15});
-  EXPECT_EQ(tag.index(), 0xffff'ffffU);
-  EXPECT_EQ(tag.generation(), SourceTag::kGenerationMax);
-  EXPECT_EQ(SourceTag::from_raw(tag.raw()), tag);
-  EXPECT_NE(SourceTag(kSocket, 1, 1), SourceTag(kSocket, 1, 2));
-  EXPECT_EQ(kDoorbell.kind(), SourceKind::kDoorbell);
-}
 
 TEST(Descriptor, ClosesWhatItOwnsOnce) {
   auto [near, far] = stream_pair();

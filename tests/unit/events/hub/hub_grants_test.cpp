@@ -1,10 +1,10 @@
 #include <gtest/gtest.h>
 
-#include <filesystem>
 #include <fstream>
 #include <string>
 
 #include "rtpm/access/files.hpp"
+#include "rtpm/test/temporary_folder.hpp"
 #include "served_hub.hpp"
 
 // A hub whose server checks grants: each event needs those for the path of its type and source.
@@ -14,13 +14,6 @@ namespace {
 /// A hub that one server serves to all users, and another one by grants, here to this user.
 class GrantedHub : public testing::Test {
  protected:
-  GrantedHub() : folder_((std::filesystem::temp_directory_path() / "rtpm-hub-XXXXXX").string()) {
-    EXPECT_NE(mkdtemp(folder_.data()), nullptr);
-  }
-  ~GrantedHub() override {
-    server_.reset();
-    std::filesystem::remove_all(folder_);
-  }
   void serve(std::initializer_list<std::string> grants) {
     std::ofstream file(folder_ + "/authorized");
     for (const std::string& grant : grants)
@@ -46,7 +39,8 @@ class GrantedHub : public testing::Test {
                             recorder_);
   }
 
-  std::string folder_;
+  rtpm::test::TemporaryFolder temporary_;
+  std::string folder_ = temporary_.path();
   ServedHub open_{};
   std::unique_ptr<rpc::Server> server_;
   rpc::Node node_{{.collocates = false}};

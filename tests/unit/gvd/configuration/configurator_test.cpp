@@ -1,13 +1,12 @@
 #include "configurator.hpp"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <chrono>
-#include <filesystem>
 #include <string>
 #include <vector>
 
+#include "rtpm/test/temporary_folder.hpp"
 #include "samples.hpp"
 
 // Transactions and calibrations of a device that the test simulates, on a simulated time line.
@@ -113,8 +112,8 @@ TEST_F(ConfiguratorTest, ResetsToDefaults) {
 }
 
 TEST_F(ConfiguratorTest, SavesAndLoads) {
-  const std::string folder = testing::TempDir() + "rtpm-configurator-" + std::to_string(getpid());
-  const auto store = [&] { return SettingsStore(folder, "test arm", "t-1"); };
+  const test::TemporaryFolder folder;
+  const auto store = [&] { return SettingsStore(folder.path(), "test arm", "t-1"); };
   {
     Configurator configurator = make(store());
     ASSERT_TRUE(configurator.apply(1, {{"filter.on", false}, {"safety.force_newton_max", 2.0}}));
@@ -130,7 +129,6 @@ TEST_F(ConfiguratorTest, SavesAndLoads) {
   EXPECT_EQ(configurator.settings({})->settings[0].value, driver::ParameterValue(false));
   EXPECT_EQ(configurator.settings({})->settings[2].value, driver::ParameterValue(1.0));
   EXPECT_FALSE(configurator.snapshot().is_unsaved);
-  std::filesystem::remove_all(folder);
 }
 
 TEST_F(ConfiguratorTest, SavesNothingWithoutAFolder) {

@@ -28,15 +28,6 @@ void expect_refused(const Settings& settings, bool is_active, ConfigurationOutco
   EXPECT_FALSE(checked.error().words.remedy.empty());
 }
 
-TEST(ParameterTable, BeginsWithTheDefaults) {
-  const auto settings = table().settings();
-  ASSERT_TRUE(settings);
-  ASSERT_EQ(settings->size(), 7U);
-  EXPECT_EQ((*settings)[2], (ParameterSetting{"safety.force_newton_max", 9.0}));
-  EXPECT_EQ(table().revision(), 40U);
-  EXPECT_TRUE(table().changed_settings().empty());
-}
-
 TEST(ParameterTable, RefusesSpecificationsWithFaults) {
   auto specs = test::sample_specs();
   specs.push_back(specs[0]);
@@ -54,18 +45,6 @@ TEST(ParameterTable, RefusesSpecificationsWithFaults) {
     specs.back().name += std::to_string(specs.size());
   }
   EXPECT_FALSE(ParameterTable::create(specs));
-}
-
-TEST(ParameterTable, AcceptsAValueOfEachType) {
-  const Settings settings{{"filter.on", false},
-                          {"filter.taps", std::int64_t{16}},
-                          {"safety.force_newton_max", 0.0},
-                          {"label", std::string("left arm")},
-                          {"mode", std::string("fast")},
-                          {"encoder.offset_m", std::vector<double>{0.1, 0, -0.1}}};
-  EXPECT_TRUE(table().check(settings, false));
-  EXPECT_TRUE(table().needs_inactive(settings));
-  EXPECT_FALSE(table().needs_inactive(Settings{{"filter.on", false}}));
 }
 
 TEST(ParameterTable, RefusesOneBadSettingAmongGoodOnes) {
@@ -102,27 +81,6 @@ TEST(ParameterTable, TakesWhatWasApplied) {
   EXPECT_EQ(changed.changed_settings(), (Settings{{"filter.on", false}}));
   EXPECT_TRUE(changed.commit(Settings{{"filter.on", false}}).empty());
   EXPECT_EQ(changed.revision(), 41U) << "nothing changed";
-}
-
-TEST(ParameterTable, OfTwoWritersTheSecondIsStale) {
-  ParameterTable shared = table();
-  const std::uint64_t read_by_both = shared.revision();
-  ASSERT_TRUE(shared.check_revision(read_by_both));
-  shared.commit(Settings{{"filter.on", false}});
-  const auto second = shared.check_revision(read_by_both);
-  ASSERT_FALSE(second);
-  EXPECT_EQ(second.error().outcome, ConfigurationOutcome::kStaleRevision);
-  EXPECT_NE(second.error().words.text().find("another client"), std::string::npos);
-}
-
-TEST(ParameterTable, ResetsWhatDiffers) {
-  ParameterTable changed = table();
-  changed.commit(Settings{{"filter.on", false}, {"filter.taps", std::int64_t{2}}});
-  EXPECT_EQ(*changed.reset({}), (Settings{{"filter.on", true}, {"filter.taps", std::int64_t{8}}}));
-  EXPECT_EQ(*changed.reset(Names{"filter.taps"}), (Settings{{"filter.taps", std::int64_t{8}}}));
-  const auto unknown = changed.reset(Names{"no.such"});
-  ASSERT_FALSE(unknown);
-  EXPECT_EQ(unknown.error().outcome, ConfigurationOutcome::kUnknownParameter);
 }
 
 }  // namespace

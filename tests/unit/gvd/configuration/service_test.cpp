@@ -1,9 +1,7 @@
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <atomic>
 #include <chrono>
-#include <filesystem>
 #include <memory>
 #include <string>
 #include <thread>
@@ -12,6 +10,7 @@
 #include "rtpm/configuration/manager.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/test/temporary_folder.hpp"
 #include "samples.hpp"
 
 // The manager's service and its client, connected by a real server.
@@ -24,7 +23,6 @@ using enum ConfigurationOutcome;
 class ConfigurationService : public testing::Test {
  protected:
   ConfigurationService() {
-    folder_ = testing::TempDir() + "rtpm-service-" + std::to_string(getpid());
     rpc::ServerConfig config;
     config.realtime = rt::RealtimeMode::kOff;
     server_ = *rpc::Server::create(config);
@@ -43,10 +41,10 @@ class ConfigurationService : public testing::Test {
   ~ConfigurationService() override {
     server_->stop();
     manager_.reset();
-    std::filesystem::remove_all(folder_);
   }
 
-  std::string folder_;
+  test::TemporaryFolder temporary_;
+  std::string folder_ = temporary_.path();
   test::SampleDevice device_{};
   std::unique_ptr<rpc::Server> server_;
   std::unique_ptr<ConfigurationManager> manager_;

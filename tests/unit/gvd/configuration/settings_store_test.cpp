@@ -1,7 +1,6 @@
 #include "rtpm/configuration/settings_store.hpp"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
@@ -9,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "rtpm/test/temporary_folder.hpp"
 #include "samples.hpp"
 
 namespace rtpm::gvd {
@@ -18,12 +18,6 @@ using Settings = std::vector<driver::ParameterSetting>;
 
 class SettingsFile : public testing::Test {
  protected:
-  SettingsFile() {
-    folder_ =
-        std::filesystem::path(testing::TempDir()) / ("rtpm-settings-" + std::to_string(getpid()));
-  }
-  ~SettingsFile() override { std::filesystem::remove_all(folder_); }
-
   [[nodiscard]] SettingsStore store(const std::string& serial = "t-1") const {
     return {folder_.string(), "test arm", serial};
   }
@@ -43,7 +37,8 @@ class SettingsFile : public testing::Test {
     EXPECT_NE(text.find("Remedy: "), std::string::npos) << text;
   }
 
-  std::filesystem::path folder_;
+  test::TemporaryFolder temporary_;
+  std::filesystem::path folder_ = temporary_.path();
   std::vector<driver::ParameterSpec> specs_ = test::sample_specs();
 };
 
