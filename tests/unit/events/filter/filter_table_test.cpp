@@ -12,12 +12,12 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// What a filter makes of a row of events.
+/// A filter, a row of events and the resulting deliveries.
 struct Row {
   const char* sentence;
   Filter filter;
-  const char* events;      ///< "5.1" is type 5 of source 1, "t9" the time 9 ms, "|" a look.
-  const char* deliveries;  ///< What each look and the last one find.
+  const char* events;      ///< "5.1" is type 5 of source 1, "t9" the time 9 ms, "|" a check.
+  const char* deliveries;  ///< Those of each check and of the end.
 };
 
 std::string deliveries_of(const Row& row) {
