@@ -106,15 +106,8 @@ set(RTPM_PUBLIC_HEADERS
   rtpm/transport/error.hpp
   rtpm/transport/multicast.hpp
   rtpm/transport/socket.hpp
-  rtpm/wire/client_channel.hpp
-  rtpm/wire/clock_sync.hpp
   rtpm/wire/cookie.hpp
   rtpm/wire/counters.hpp
-  rtpm/wire/fragments.hpp
   rtpm/wire/handshake.hpp
-  rtpm/wire/header.hpp
   rtpm/wire/limits.hpp
-  rtpm/wire/medium.hpp
-  rtpm/wire/retransmit.hpp
-  rtpm/wire/status.hpp
-  rtpm/wire/stream.hpp)
+  rtpm/wire/status.hpp)
