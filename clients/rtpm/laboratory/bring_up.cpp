@@ -69,7 +69,10 @@ expected<Descriptor, SetupError> lock_pid_file(const std::string& folder, const 
   Descriptor file(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600));
   if (!file.is_open()) return setup_error(path + " can't be made", system_error(errno));
   struct flock lock = whole_file();
-  if (::fcntl(file.number(), F_OFD_SETLK, &lock) == 0) return file;
+  if (::fcntl(file.number(), F_OFD_SETLK, &lock) == 0) {
+    static_cast<void>(!::ftruncate(file.number(), 0));  // The number in it is not right any more.
+    return file;
+  }
   return setup_error("the laboratory '" + name + "' is already up", "",
                      "`rtpm down " + name + "` ends it");
 }
@@ -107,9 +110,11 @@ void leave_terminal(const std::string& log) {
 /// Waits until the background process reports that everything serves, or ends with an error.
 int await_background(Context& context, pid_t background, int report, const std::string& name,
                      const std::string& log) {
+  bool has_passed_stop = false;
   pollfd waited{report, POLLIN, 0};
   while (::poll(&waited, 1, 100) <= 0) {
-    if (context.stop().is_requested()) ::kill(background, SIGTERM);
+    if (context.stop().is_requested() && !std::exchange(has_passed_stop, true))
+      ::kill(background, SIGTERM);
   }
   int status = 0;
   if (::read(report, &status, 1) == 1) {
@@ -194,7 +199,6 @@ int bring_up(Context& context, const expected<laboratory::Plan, std::vector<Setu
     if (background > 0) return await_background(context, background, report[0], plan.name, log);
     leave_terminal(log);
   }
-  static_cast<void>(!::ftruncate(pid_file->number(), 0));
   ::dprintf(pid_file->number(), "%d\n%s\n", ::getpid(), plan.file.c_str());
   // For programs whose environment in the file has no registry.
   ::setenv(wire::is_url(context.registry) ? "RTPM_REGISTRY" : "RTPM_DISCOVER",

@@ -34,11 +34,11 @@ bool is_free(std::uint16_t port) {
   const transport::Descriptor socket(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
   const int yes = 1;
   ::setsockopt(socket.number(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_port = htons(port);
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  const auto* const at = static_cast<const sockaddr*>(static_cast<const void*>(&address));
+  const sockaddr_in address{.sin_family = AF_INET,
+                            .sin_port = htons(port),
+                            .sin_addr = {.s_addr = htonl(INADDR_LOOPBACK)},
+                            .sin_zero = {}};
+  const auto* const at = reinterpret_cast<const sockaddr*>(&address);
   return ::bind(socket.number(), at, sizeof address) == 0 && ::listen(socket.number(), 1) == 0;
 }
 
@@ -46,10 +46,9 @@ bool is_free(std::uint16_t port) {
 std::string kept_folder() {
   const char* const state = std::getenv("XDG_STATE_HOME");
   const char* const home = std::getenv("HOME");
-  const std::string folder = (state != nullptr  ? std::string(state)
-                              : home != nullptr ? std::string(home) + "/.local/state"
-                                                : "") +
-                             "/rtpm";
+  if (state == nullptr && home == nullptr) return {};
+  const std::string folder =
+      (state != nullptr ? std::string(state) : std::string(home) + "/.local/state") + "/rtpm";
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   return error ? std::string() : folder;

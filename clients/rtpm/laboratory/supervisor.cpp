@@ -112,12 +112,13 @@ class Supervisor {
     std::string kept{};  ///< The output kept by Output::kEnd.
   };
 
-  [[nodiscard]] static bool is_running(const Program& program) {
+  static bool is_running(const Program& program) {
     return program.state >= State::kStarting && program.state <= State::kStopping;
   }
-  [[nodiscard]] static bool is_final(const Program& program) {
-    return program.state >= State::kDone;
+  static bool serves(const Program& program) {
+    return program.state == State::kServing || program.state == State::kDone;
   }
+  static bool is_final(const Program& program) { return program.state >= State::kDone; }
 
   /// Does all that is due.
   void advance() {
@@ -126,9 +127,6 @@ class Supervisor {
       before = change_count_;
       for (const std::size_t program : plan_.order)
         advance(programs_[program]);
-      const auto serves = [](const Program& program) {
-        return program.state == State::kServing || program.state == State::kDone;
-      };
       if (!is_up_ && std::ranges::all_of(programs_, serves)) come_up();
       std::size_t main_count = 0, ended_count = 0;
       for (const Program& program : programs_) {
@@ -179,7 +177,7 @@ class Supervisor {
       const Program& other = programs_[index];
       if (other.state == State::kFailed)
         return fail(program, other.plan.name + ", which it comes after, has failed");
-      if (other.state != State::kServing && other.state != State::kDone) return;
+      if (!serves(other)) return;
     }
     program.has_line = program.has_url = program.has_names = program.was_killed = false;
     laboratory::Words arguments;
@@ -226,23 +224,22 @@ class Supervisor {
     const std::string how =
         code >= 0 ? "exit code " + std::to_string(code) : signal_text(WTERMSIG(status));
     program.process = {};
+    if (is_killing_) return enter(program, State::kEnded, "killed");
     if (program.state != State::kStopping) {
       if (code != 0) return restart_or_fail(program, how);
       if (program.state == State::kServing || program.plan.is_one_shot)
         return enter(program, State::kDone);
       return restart_or_fail(program, "it ended before it served");
     }
-    if (is_killing_) return enter(program, State::kEnded, "killed");
     if (!program.note.empty()) return restart_or_fail(program, program.note);
     if (program.was_killed) {
       return fail(program, "it did not end within " +
                                options::duration_text(program.plan.stop_patience) +
                                " of SIGTERM and was killed");
     }
-    const bool is_as_asked =
-        code == 0 || code == kShellTerminated || (code < 0 && WTERMSIG(status) == SIGTERM);
-    if (!is_as_asked) return fail(program, how);
-    enter(program, State::kEnded);
+    if (code == 0 || code == kShellTerminated || (code < 0 && WTERMSIG(status) == SIGTERM))
+      return enter(program, State::kEnded);
+    fail(program, how);
   }
 
   void restart_or_fail(Program& program, const std::string& how) {

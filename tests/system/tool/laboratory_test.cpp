@@ -265,7 +265,7 @@ TEST_F(Up, KillsWhatDoesNotEnd) {
 TEST_F(Up, KillsAllAtASecondRequest) {
   std::string text = kStubborn;
   text.replace(text.find("200ms"), 5, "10min");
-  test::Process up = start_up(text);
+  test::Process up = start_up(shell("first", "exec sleep 1000") + text);
   up.send_signal(SIGTERM);
   ASSERT_TRUE(up.wait_for_output("\"state\":\"stopping\"", kPatience));
   std::optional<test::Process::End> end;
@@ -277,6 +277,8 @@ TEST_F(Up, KillsAllAtASecondRequest) {
   }));
   ASSERT_TRUE(end);
   EXPECT_NE(end->output.find("\"note\":\"killed\""), std::string::npos) << end->output;
+  EXPECT_EQ(end->exit_code, 0) << end->errors;
+  EXPECT_EQ(states_in(end->output, {"failed"}), std::vector<std::string>()) << end->output;
 }
 
 TEST_F(Up, RestartsUsersOfAUrlThatHasChanged) {
