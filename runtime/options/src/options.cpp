@@ -91,7 +91,7 @@ Texts early_values(const Texts& arguments, const std::string& flag) {
 /// The place of added options.
 struct Options::Place {
   Texts tables{};        ///< In the file.
-  std::string prefix{};  ///< Of flags: "device-arm0-".
+  std::string prefix{};  ///< Stands before a key in its flag: "device-arm0-".
   bool is_shared = false;
   bool is_rare = false;
 };
