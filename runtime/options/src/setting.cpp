@@ -108,7 +108,7 @@ Texts texts_of(const Setting& setting, std::string_view text) {
 std::string joined(const Texts& texts, std::string_view separator) {
   std::string text;
   for (const std::string& item : texts)
-    text.append(text.empty() ? "" : separator).append(item);
+    text.append(&item == &texts.front() ? "" : separator).append(item);
   return text;
 }
 

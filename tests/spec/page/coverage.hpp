@@ -12,8 +12,8 @@
 /// test shows that.
 ///
 /// A citation is the anchor in a comment, such as `// hp-X-1: why`. In the code it counts in
-/// protocol/, runtime/ and registry/; as a test in tests/, and in the `rules` of a vector in
-/// spec/vectors, since the tests run each vector.
+/// protocol/, runtime/, registry/ and clients/mqtt/; as a test in tests/, and in the `rules` of a
+/// vector in spec/vectors, since the tests run each vector.
 namespace rtpm::spec {
 
 using tidy::Fault;

@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "rtpm/test/temporary_folder.hpp"
+
 // A laboratory's file: its meaning, and the positions of its mistakes.
 namespace rtpm::laboratory {
 namespace {
@@ -20,7 +22,6 @@ constexpr const char* kProgram = "[[program]]\nname = \"a\"\nrun = [\"sh\"]\n";
 class File : public testing::Test {
  protected:
   void SetUp() override {
-    folder_ = std::filesystem::path(testing::TempDir()) / "rtpm-laboratory";
     std::filesystem::create_directories(folder_ / "bin");
     for (const char* name : {"rtpm-registryd", "rtpm-deviced", "rtpm-servo", "rtpm-display"}) {
       const auto path = folder_ / "bin" / name;
@@ -65,9 +66,9 @@ class File : public testing::Test {
     expect_mistake(kProgram + line + "\n", "4:" + std::to_string(column), words);
   }
 
-  std::filesystem::path folder_;
-  std::string path_ =
-      (std::filesystem::path(testing::TempDir()) / "rtpm-laboratory/cell.toml").string();
+  test::TemporaryFolder own_folder_;
+  const std::filesystem::path folder_ = own_folder_.path();
+  std::string path_ = own_folder_.file("cell.toml");
   Variables variables_{};
 };
 
