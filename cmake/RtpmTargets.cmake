@@ -144,8 +144,6 @@ function(rtpm_test)
     set(A_TIMEOUT 60)
   endif()
   rtpm_program(NAME ${A_NAME} SOURCES ${A_SOURCES} LINK ${A_LINK} GTest::gtest_main)
-  # Tests of one program share names that are theirs alone.
-  set_target_properties(${A_NAME} PROPERTIES UNITY_BUILD OFF)
   if(RTPM_PRECOMPILED_HEADERS)
     target_precompile_headers(${A_NAME} REUSE_FROM rtpm_test_headers)
   endif()
