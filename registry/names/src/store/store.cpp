@@ -4,6 +4,8 @@
 
 #include "model/name.hpp"
 #include "model/properties.hpp"
+#include "rtpm/base/printable.hpp"
+#include "rtpm/rt/log.hpp"
 
 namespace rtpm::names {
 namespace {
@@ -268,12 +270,21 @@ void Store::take_all(std::vector<StoredName> names, std::uint64_t revision, Mono
     since.emplace(name + ' ' + std::to_string(record.revision), record.bound);
   while (!records_.empty())
     erase(records_.begin());
+  std::string left_out;  // One line for all: another program may have stored thousands.
   for (StoredName& stored : names) {
-    if (!is_sound(stored)) continue;
+    if (!is_sound(stored)) {
+      if (left_out.empty()) left_out = stored.name;
+      continue;
+    }
     Record record = record_of(std::move(stored), now);
     const auto known = since.find(record.name + ' ' + std::to_string(record.revision));
     if (known != since.end()) record.bound = known->second;
     insert(std::move(record));
+  }
+  if (!left_out.empty()) {
+    rt::print_error("rtpm-names",
+                    "stored names that break the rules of names are left out, such as '" +
+                        printable(left_out) + "'");
   }
   next_revision_ = revision + 1;
   log_.restart(revision);
