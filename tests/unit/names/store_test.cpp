@@ -56,6 +56,18 @@ class StoreTest : public testing::Test {
   Store store_;
 };
 
+TEST_F(StoreTest, LeavesOutStoredNamesThatBreakTheRulesAndSaysSo) {
+  const StoredName sound{
+      .name = "lab/arm0", .url = "rtpm://h:1/arm", .interface = "lab.Arm", .owner = kArm};
+  StoredName unsound = sound;
+  unsound.name = "lab//\x1b[2J";
+  testing::internal::CaptureStderr();
+  store_.restore({unsound, sound}, at(0s));
+  const std::string said = testing::internal::GetCapturedStderr();
+  EXPECT_NE(said.find("are left out, such as 'lab//\\x1b[2J'"), std::string::npos) << said;
+  EXPECT_TRUE(store_.resolve("lab/arm0", at(0s)));
+}
+
 TEST_F(StoreTest, KeepsANameAsLapsedUntilItIsBoundOrUnbound) {
   bind_all({"lab/arm0", "lab/arm1", "lab/arm2", "lab/arm3"});
   const auto revision = (*store_.resolve("lab/arm1", at(0s)))->revision;

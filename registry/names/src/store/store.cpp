@@ -28,6 +28,16 @@ bool is_sound(const StoredName& stored) {
          !first_bad_property(stored.properties);
 }
 
+void leave_out_unsound(std::vector<StoredName>& names) {
+  const auto unsound = std::ranges::find_if_not(names, is_sound);
+  if (unsound == names.end()) return;
+  // One line for all: another program may have stored thousands.
+  rt::print_error("rtpm-names",
+                  "stored names that break the rules of names are left out, such as '" +
+                      printable(unsound->name) + "'");
+  std::erase_if(names, [](const StoredName& stored) { return !is_sound(stored); });
+}
+
 /// Whether `owner` holds the record. A later start may unbind an earlier one's name, but must bind
 /// before it renews.
 expected<void, Refusal> check_owner(const Record& record, Owner owner, bool may_be_later) {
@@ -88,9 +98,9 @@ Store::Store(Limits limits, std::uint64_t first_revision, Storage* storage)
       storage_(storage != nullptr ? *storage : memory_only()) {}
 
 void Store::restore(std::vector<StoredName> names, MonotonicTime now) {
-  for (StoredName& stored : names) {
-    if (is_sound(stored)) insert(record_of(std::move(stored), now));
-  }
+  leave_out_unsound(names);
+  for (StoredName& stored : names)
+    insert(record_of(std::move(stored), now));
 }
 
 void Store::restore_lapsed(std::vector<StoredLapse> lapsed) {
@@ -270,21 +280,12 @@ void Store::take_all(std::vector<StoredName> names, std::uint64_t revision, Mono
     since.emplace(name + ' ' + std::to_string(record.revision), record.bound);
   while (!records_.empty())
     erase(records_.begin());
-  std::string left_out;  // One line for all: another program may have stored thousands.
+  leave_out_unsound(names);
   for (StoredName& stored : names) {
-    if (!is_sound(stored)) {
-      if (left_out.empty()) left_out = stored.name;
-      continue;
-    }
     Record record = record_of(std::move(stored), now);
     const auto known = since.find(record.name + ' ' + std::to_string(record.revision));
     if (known != since.end()) record.bound = known->second;
     insert(std::move(record));
-  }
-  if (!left_out.empty()) {
-    rt::print_error("rtpm-names",
-                    "stored names that break the rules of names are left out, such as '" +
-                        printable(left_out) + "'");
   }
   next_revision_ = revision + 1;
   log_.restart(revision);
