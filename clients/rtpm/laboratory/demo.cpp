@@ -13,6 +13,7 @@
 #include "cli/output.hpp"
 #include "laboratory/commands.hpp"
 #include "rtpm/names/defaults.hpp"
+#include "rtpm/rt/log.hpp"
 #include "rtpm/transport/socket.hpp"
 
 namespace rtpm::tool {
@@ -44,11 +45,14 @@ bool is_free(std::uint16_t port) {
 
 /// The user's folder for persistent files, $XDG_STATE_HOME/rtpm; empty if it can't be made.
 std::string kept_folder() {
-  const char* const state = std::getenv("XDG_STATE_HOME");
-  const char* const home = std::getenv("HOME");
-  if (state == nullptr && home == nullptr) return {};
-  const std::string folder =
-      (state != nullptr ? std::string(state) : std::string(home) + "/.local/state") + "/rtpm";
+  const auto path_in = [](const char* variable) {
+    const char* const path = std::getenv(variable);
+    return path != nullptr && *path == '/' ? std::string(path) : std::string();
+  };
+  const std::string state = path_in("XDG_STATE_HOME");
+  const std::string home = path_in("HOME");
+  if (state.empty() && home.empty()) return {};
+  const std::string folder = (state.empty() ? home + "/.local/state" : state) + "/rtpm";
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   return error ? std::string() : folder;
@@ -73,8 +77,13 @@ int demo(Context& context, const DemoRequest& request) {
   }
   // The console has the same URL at each start, so that a bookmark works.
   if (is_free(kConsolePort)) variables["console_port"] = std::to_string(kConsolePort);
-  if (const std::string folder = kept_folder(); !folder.empty())
+  if (const std::string folder = kept_folder(); !folder.empty()) {
     variables["token_file"] = folder + "/demo-console.token";
+  } else {
+    rt::print_error("rtpm",
+                    "the console's token is a new one at each start: no folder ~/.local/state/rtpm "
+                    "or $XDG_STATE_HOME/rtpm can keep it");
+  }
   return bring_up(context, laboratory::read_plan(path, variables));
 }
 

@@ -15,16 +15,15 @@
 #include <utility>
 
 #include "rtpm/options/duration.hpp"
+#include "rtpm/options/joined.hpp"
 #include "rtpm/options/suggestion.hpp"
+#include "rtpm/options/toml_limits.hpp"
 
 namespace rtpm::laboratory {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kFileSizeMax = std::size_t{1024} * 1024;
-/// Each dot may nest a table deeper, and the TOML library recurses that deep.
-constexpr std::ptrdiff_t kDotCountMax = 4096;
 constexpr std::size_t kProgramCountMax = 64;
 constexpr const char* kNameForm =
     "' must be letters, digits, '-', '_' and '.', a letter or digit first, at most 32";
@@ -47,13 +46,6 @@ bool contains(const Words& words, std::string_view word) {
   return std::ranges::find(words, word) != words.end();
 }
 
-std::string joined(const Words& words) {
-  std::string text;
-  for (const std::string& word : words)
-    text += (text.empty() ? "" : ", ") + word;
-  return text;
-}
-
 /// Reads one file.
 class PlanReader {
  public:
@@ -67,8 +59,9 @@ class PlanReader {
   }
 
   expected<Plan, std::vector<SetupError>> read(std::string_view text) {
-    if (std::ranges::count(text, '.') > kDotCountMax) {
-      refuse({1, 1}, "more than 4096 dots, so that tables may nest too deeply");
+    if (options::may_nest_too_deeply(text)) {
+      refuse({1, 1}, "more than " + std::to_string(options::kTomlDotCountMax) +
+                         " dots, so that tables may nest too deeply");
     } else if (toml::parse_result parsed = toml::parse(text)) {
       check(parsed.table(), toml::parse(kExample).table());
       read_file(parsed.table());
@@ -99,7 +92,7 @@ class PlanReader {
       const toml::node* const model = example.get(keys.front() == "*" ? "*" : name);
       if (model == nullptr) {
         refuse(key.source().begin, "unknown key '" + name + "'" + options::suggestion(name, keys),
-               "there are: " + joined(keys));
+               "there are: " + options::joined(keys));
       }
       if (model == nullptr || !is_like(node, *model, name)) wrong.push_back(name);
     }
@@ -196,7 +189,7 @@ class PlanReader {
     if (path && !path->empty() && program.path.empty()) {
       refuse(table["run"][0] ? *table["run"][0].node() : *table.get("run"),
              "there is no program '" + *path + "'",
-             "name a file, as ./" + *path + ", or a program in " + joined(folders_));
+             "name a file, as ./" + *path + ", or a program in " + options::joined(folders_));
     }
     if (!table.contains("after") && index > 0) program.after.push_back(index - 1);
     for (const std::string& name : strings(table, "after", index)) {
@@ -225,7 +218,7 @@ class PlanReader {
     program.is_needed = table["needed"].value_or(false);
   }
 
-  /// The path of an executable; empty if there is none. A name with a slash is a path below the
+  /// The path of an executable; empty if it is not found. A name with a slash is a path below the
   /// file's folder.
   [[nodiscard]] std::string find_program(const std::string& name) const {
     const bool is_path = name.find('/') != std::string::npos;
@@ -290,13 +283,13 @@ class PlanReader {
       refuse(*table.get(key), "'" + key + "' must be a time from \"1ms\" to \"24h\"");
   }
 
-  /// The index of the chosen word; 0 if there is none.
+  /// The index of the chosen word; 0 without the key.
   std::size_t choice(const toml::table& table, const std::string& key, const Words& words) {
     const std::string word = table[key].value_or(words.front());
     const auto found = std::ranges::find(words, word);
     if (found != words.end()) return static_cast<std::size_t>(found - words.begin());
     refuse(*table.get(key), "'" + key + "' is \"" + word + "\"" + options::suggestion(word, words) +
-                                ", but must be one of " + joined(words));
+                                ", but must be one of " + options::joined(words));
     return 0;
   }
 
@@ -309,9 +302,9 @@ class PlanReader {
       for (auto program = seen; program != path.end(); ++program)
         names.push_back("'" + plan_.programs[*program].name + "'");
       const toml::node* const after = tables_[index]->get("after");
-      return refuse(
-          after == nullptr ? *tables_[index] : *after,
-          joined(names) + (names.size() > 1 ? " wait for each other" : " waits for itself"));
+      return refuse(after == nullptr ? *tables_[index] : *after,
+                    options::joined(names) +
+                        (names.size() > 1 ? " wait for each other" : " waits for itself"));
     }
     path.push_back(index);
     for (const std::size_t other : plan_.programs[index].after)
@@ -403,7 +396,8 @@ expected<Plan, std::vector<SetupError>> read_plan(const std::string& path,
                                                   const Words& folders) {
   std::error_code error;
   const auto size = fs::file_size(path, error);
-  if (!error && size > kFileSizeMax) error = std::make_error_code(std::errc::file_too_large);
+  if (!error && size > options::kTomlSizeMax)
+    error = std::make_error_code(std::errc::file_too_large);
   std::ifstream file(path);
   const std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
   if (!error && !file) error = std::make_error_code(std::errc::io_error);

@@ -247,7 +247,8 @@ class Supervisor {
     const MonotonicTime now = rt::now();
     std::erase_if(program.restarts, [&](MonotonicTime at) { return now - at > kRestartWindow; });
     if (program.restarts.size() == kRestartCountMax)
-      return fail(program, how + ", after 5 restarts within 1min");
+      return fail(program, how + ", after " + std::to_string(kRestartCountMax) +
+                               " restarts within " + options::duration_text(kRestartWindow));
     program.restarts.push_back(now);
     enter(program, State::kPausing, how, now + kRestartDelay);
   }

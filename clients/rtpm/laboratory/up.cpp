@@ -2,6 +2,7 @@
 #include "cli/output.hpp"
 #include "cli/table.hpp"
 #include "laboratory/commands.hpp"
+#include "rtpm/options/joined.hpp"
 #include "rtpm/rt/log.hpp"
 
 namespace rtpm::tool {
@@ -23,13 +24,10 @@ void print_plan(const Context& context, const Plan& plan) {
   std::vector<Row> rows{{"PROGRAM", "AFTER", "RUNS"}};
   for (const std::size_t index : plan.order) {
     const ProgramPlan& program = plan.programs[index];
-    Json after = Json::array();
-    std::string list;
-    for (const std::size_t other : program.after) {
+    laboratory::Words after;
+    for (const std::size_t other : program.after)
       after.push_back(plan.programs[other].name);
-      list += (list.empty() ? "" : ", ") + plan.programs[other].name;
-    }
-    rows.push_back({program.name, list.empty() ? "-" : list, program.path});
+    rows.push_back({program.name, after.empty() ? "-" : options::joined(after), program.path});
     programs.push_back({{"name", program.name}, {"path", program.path}, {"after", after}});
   }
   if (context.json)

@@ -10,11 +10,10 @@
 #include <sstream>
 #include <utility>
 
+#include "rtpm/options/toml_limits.hpp"
+
 namespace rtpm::options {
 namespace {
-
-/// The library's recursion would need more stack than a thread has for a million tables.
-constexpr std::size_t kDotsOfLineMax = 1024;
 
 expected<std::string, SetupError> read_text(const std::string& path) {
   const auto fail = [&](const char* cause) {
@@ -27,19 +26,10 @@ expected<std::string, SetupError> read_text(const std::string& path) {
   std::array<char, 4096> buffer{};
   while (const std::size_t size = std::fread(buffer.data(), 1, buffer.size(), file.get())) {
     text.append(buffer.data(), size);
-    if (text.size() > kConfigSizeMax) return fail("it is larger than 1 MiB");
+    if (text.size() > kTomlSizeMax) return fail("it is larger than 1 MiB");
   }
   if (std::ferror(file.get()) != 0) return fail(std::strerror(errno));
   return text;
-}
-
-/// Whether a line may be a key that nests too deeply.
-bool nests_deeply(std::string_view text) {
-  std::size_t count = 0;
-  return std::ranges::any_of(text, [&](char letter) {
-    count = letter == '\n' ? 0 : count + (letter == '.' ? 1 : 0);
-    return count > kDotsOfLineMax;
-  });
 }
 
 /// Turns one file's nodes into entries.
@@ -131,12 +121,17 @@ expected<toml::table, SetupError> config_of_program(toml::table& file, const std
 
 }  // namespace
 
+bool may_nest_too_deeply(std::string_view toml) {
+  return std::ranges::count(toml, '.') > kTomlDotCountMax;
+}
+
 expected<std::vector<ConfigEntry>, SetupError> read_config_file(const std::string& name) {
   const std::size_t mark = std::min(name.find('#'), name.size());
   const std::string path = name.substr(0, mark);
   const auto text = read_text(path);
   if (!text) return unexpected{text.error()};
-  if (nests_deeply(*text)) return unexpected{SetupError{path + ": its tables nest too deeply"}};
+  if (may_nest_too_deeply(*text))
+    return unexpected{SetupError{path + ": its tables nest too deeply"}};
   Reader reader(path);
   toml::parse_result parsed = toml::parse(*text);
   if (!parsed) {

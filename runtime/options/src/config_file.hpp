@@ -16,9 +16,6 @@ struct ConfigEntry {
   std::string place{};  ///< "cell.toml:3:8"
 };
 
-/// Larger files are refused: a wrong path must not exhaust the memory.
-inline constexpr std::size_t kConfigSizeMax = std::size_t{1024} * 1024;
-
 /// The entries of a TOML file in their order, each table before its keys.
 /// @param name  "cell.toml", or "cell.toml#devices" for the table `config` of the [[program]] of
 ///              that name

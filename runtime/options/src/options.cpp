@@ -13,6 +13,7 @@
 
 #include "config_file.hpp"
 #include "rtpm/base/assert.hpp"
+#include "rtpm/options/joined.hpp"
 #include "rtpm/options/suggestion.hpp"
 #include "rtpm/rt/log.hpp"
 #include "setting.hpp"
@@ -74,8 +75,7 @@ bool is_flag(std::string_view argument) {
          std::string_view("0123456789.").find(argument[1]) == std::string_view::npos;
 }
 
-/// The values of a flag before all flags are known, for options that add others. Errors in them are
-/// reported later.
+/// The values of a flag before all flags are known, for options that add others.
 Texts early_values(const Texts& arguments, const std::string& flag) {
   Texts values;
   for (std::size_t i = 0; i < arguments.size(); ++i) {
@@ -144,7 +144,11 @@ struct Options::Impl {
   }
 
   void read_file(const Texts& arguments);
+  /// The value of a setting before all flags are known. Errors in it are reported later.
+  [[nodiscard]] std::optional<Texts> early_texts(const Setting& setting,
+                                                 const Texts& arguments) const;
   void add_members(const Texts& arguments);
+  void add_names_of_tables(const Group& group) const;
   expected<CommandLine, SetupError> read_command_line(const Texts& arguments, CLI::App& app) const;
   expected<void, SetupError> apply(const CommandLine& command_line);
   expected<void, SetupError> apply_file();
@@ -158,7 +162,8 @@ namespace {
 expected<void, SetupError> set(Setting& setting, const Texts& texts, const std::string& origin,
                                const std::string& source) {
   if (!setting.read(texts)) {
-    return unexpected{SetupError{origin + " '" + joined(texts) + "' is not " + setting.expected}};
+    return unexpected{
+        SetupError{origin + " '" + joined(texts, ",") + "' is not " + setting.expected}};
   }
   setting.source = source;
   return {};
@@ -250,27 +255,36 @@ void Options::Impl::read_file(const Texts& arguments) {
     file = read_config_file(given.empty() ? variable : given.front());
 }
 
+std::optional<Texts> Options::Impl::early_texts(const Setting& setting,
+                                                const Texts& arguments) const {
+  if (const Texts values = early_values(arguments, setting.flag); !values.empty())
+    return texts_of(setting, joined(values, ","));
+  if (const char* const text = std::getenv(setting.variable.c_str()))
+    return texts_of(setting, text);
+  if (!file) return std::nullopt;
+  const auto entry = std::ranges::find(*file, setting.path, &ConfigEntry::path);
+  return entry == file->end() ? std::nullopt : std::optional(entry->texts);
+}
+
 void Options::Impl::add_members(const Texts& arguments) {
   for (const Group& group : std::exchange(groups, {})) {
     const Setting& setting = settings[group.setting];
-    const auto line =
-        file ? std::ranges::find(*file, setting.path, &ConfigEntry::path) : decltype(file->end()){};
-    if (const Texts values = early_values(arguments, setting.flag); !values.empty()) {
-      static_cast<void>(setting.read(texts_of(setting, joined(values))));
-    } else if (const char* const text = std::getenv(setting.variable.c_str())) {
-      static_cast<void>(setting.read(texts_of(setting, text)));
-    } else if (file && line != file->end()) {
-      static_cast<void>(setting.read(line->texts));
+    if (const auto texts = early_texts(setting, arguments)) {
+      static_cast<void>(setting.read(*texts));
     } else if (file) {
-      for (const ConfigEntry& entry : *file) {
-        if (entry.is_table && entry.path.size() == 2 && entry.path.front() == group.table &&
-            std::ranges::find(*group.names, entry.path.back()) == group.names->end())
-          group.names->push_back(entry.path.back());
-      }
+      add_names_of_tables(group);
     }
     place = group.place;
     group.add_members(*group.names);
     place = {};
+  }
+}
+
+void Options::Impl::add_names_of_tables(const Group& group) const {
+  for (const ConfigEntry& entry : *file) {
+    if (entry.is_table && entry.path.size() == 2 && entry.path.front() == group.table &&
+        std::ranges::find(*group.names, entry.path.back()) == group.names->end())
+      group.names->push_back(entry.path.back());
   }
 }
 
@@ -304,7 +318,7 @@ expected<void, SetupError> Options::Impl::apply(const CommandLine& command_line)
     const char* const text = std::getenv(setting.variable.c_str());
     // A variable that a flag overrides is not read.
     if (given != command_line.values.end()) {
-      const Texts texts = texts_of(setting, joined(given->second));
+      const Texts texts = texts_of(setting, joined(given->second, ","));
       if (auto done = set(setting, texts, setting.flag, setting.flag); !done) return done;
     } else if (text != nullptr) {
       if (auto done = set(setting, texts_of(setting, text), setting.variable, setting.variable);
@@ -326,7 +340,7 @@ std::string Options::Impl::help(CLI::App& app, bool is_all) const {
       continue;
     }
     CLI::Option& option = *app.get_option(setting.flag);
-    const std::string now = setting.is_switch ? "" : joined(setting.write());
+    const std::string now = setting.is_switch ? "" : joined(setting.write(), ",");
     option.description(in_lines(setting.help + (now.empty() ? "" : " [" + now + "]")));
     option.type_name(setting.placeholder);
     if (setting.is_rare && !is_all) option.group("");
@@ -359,7 +373,7 @@ std::string Options::Impl::dump() const {
         continue;
       Texts values = setting.write();
       if (setting.is_text) std::ranges::transform(values, values.begin(), quoted);
-      const std::string value = setting.is_list ? "[" + joined(values, ", ") + "]" : joined(values);
+      const std::string value = setting.is_list ? "[" + joined(values) + "]" : values.front();
       text += "\n# " + setting.help + " [" + setting.variable + "] (" + setting.source + ")\n";
       // So the text can be kept and passed on; --config then leaves the secret as it is.
       text += setting.is_secret ? "# " + setting.path.back() + " = (a secret, not printed)\n"

@@ -88,8 +88,9 @@ void add_key(Options& options, std::string& file) {
 
 void add_key_log(Options& options, std::string& file) {
   const auto rare = Options::Scope::of_rare(options);
-  options.add("key-log", file,
-              "Write keys of sessions here, for Wireshark: who has them reads all; empty: nowhere");
+  options.add(
+      "key-log", file,
+      "Write keys of sessions here, for Wireshark; with them anybody can read all; empty: nowhere");
 }
 
 void add_known_servers(Options& options, std::string& file) {
@@ -107,7 +108,7 @@ void add_server_security(Options& options, rpc::ServerSecurity& security) {
               "for other addresses than loopback");
   add_key(options, security.key_file);
   options.add("insecure", security.is_insecure,
-              "Serve whoever reaches the port: everybody there can move devices");
+              "Serve everybody who reaches the port: they can move devices");
   add_key_log(options, security.key_log_file);
   const auto rare = Options::Scope::of_rare(options);
   options.add("audit", security.audit_file,

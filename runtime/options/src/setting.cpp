@@ -9,6 +9,7 @@
 
 #include "rtpm/base/assert.hpp"
 #include "rtpm/options/duration.hpp"
+#include "rtpm/options/joined.hpp"
 
 namespace rtpm::options {
 namespace {
@@ -105,13 +106,6 @@ Texts texts_of(const Setting& setting, std::string_view text) {
   return items;
 }
 
-std::string joined(const Texts& texts, std::string_view separator) {
-  std::string text;
-  for (const std::string& item : texts)
-    text.append(&item == &texts.front() ? "" : separator).append(item);
-  return text;
-}
-
 Setting setting_of(std::string& value) {
   return setting_with(
       value, "TEXT", "a text", [](const std::string& text) { return std::optional(text); },
@@ -179,7 +173,7 @@ Setting setting_of(std::vector<std::string>& value) {
     return is_valid;
   };
   setting.write = [&value] { return value; };
-  RTPM_ASSERT(texts_of(setting, joined(value)) == value,
+  RTPM_ASSERT(texts_of(setting, joined(value, ",")) == value,
               "a list's default has items that are not empty and hold no comma or outer blank");
   return setting;
 }
@@ -234,7 +228,7 @@ Setting setting_of_choice(const Texts& choices, std::function<void(const std::st
                           std::function<std::string()> write) {
   Setting setting;
   setting.placeholder = joined(choices, "|");
-  setting.expected = joined(choices, ", ");
+  setting.expected = joined(choices);
   if (const std::size_t last = setting.expected.rfind(", "); last != std::string::npos)
     setting.expected.replace(last, 2, " or ");
   setting.read = [choices, apply = std::move(read)](const Texts& texts) {

@@ -51,7 +51,5 @@ template <class T>
 
 /// The text of a flag or variable as `read` takes it: a list is split at its commas.
 [[nodiscard]] Texts texts_of(const Setting& setting, std::string_view text);
-/// "a,b"
-[[nodiscard]] std::string joined(const Texts& texts, std::string_view separator = ",");
 
 }  // namespace rtpm::options

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "rtpm/options/joined.hpp"
+
 namespace rtpm::options {
 namespace {
 
@@ -26,6 +28,13 @@ std::size_t slip_count(std::string_view from, std::string_view to) {
 }
 
 }  // namespace
+
+std::string joined(const std::vector<std::string>& texts, std::string_view separator) {
+  std::string all;
+  for (const std::string& text : texts)
+    all.append(&text == &texts.front() ? "" : separator).append(text);
+  return all;
+}
 
 std::string suggestion(std::string_view word, const std::vector<std::string>& candidates) {
   // The distance costs the product of the lengths, and no key is that long.

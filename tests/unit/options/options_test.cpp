@@ -295,6 +295,11 @@ TEST_F(OptionsTest, NamesWhatIsWrongWithALineOfTheFile) {
   expect_error({"--config", path}, {":1:10: cases is a list of tables or lists"});
   file_with("port." + std::string(200'000, '.') + "= 1");
   expect_error({"--config", path}, {path + ": its tables nest too deeply"});
+  std::string across_lines = "x = [";
+  for (int i = 0; i < 100; ++i)
+    across_lines += "{a" + std::string(999, '.') + "a = [\n";
+  file_with(across_lines);
+  expect_error({"--config", path}, {path + ": its tables nest too deeply"});
 }
 
 // A laboratory's file has the keys of its programs, each in a table of its own.
