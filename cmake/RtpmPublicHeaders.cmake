@@ -52,6 +52,7 @@ set(RTPM_PUBLIC_HEADERS
   rtpm/gvd/publisher.hpp
   rtpm/gvd/sample_sink.hpp
   rtpm/gvd/server.hpp
+  rtpm/introspection/catalog.hpp
   rtpm/models/model.hpp
   rtpm/names/claim.hpp
   rtpm/names/defaults.hpp
@@ -64,7 +65,6 @@ set(RTPM_PUBLIC_HEADERS
   rtpm/names/resolver.hpp
   rtpm/names/watch.hpp
   rtpm/options/caller_options.hpp
-  rtpm/options/duration.hpp
   rtpm/options/options.hpp
   rtpm/options/server_options.hpp
   rtpm/options/stop_signal.hpp
