@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdio>
+#include <functional>
 #include <set>
 
 namespace rtpm::names {
@@ -55,6 +56,64 @@ class StoreTest : public testing::Test {
 
   Store store_;
 };
+
+/// A shared storage: its changes are made when it reports them.
+class SharedStorage final : public Storage {
+ public:
+  [[nodiscard]] bool reports_changes() const noexcept override { return true; }
+  expected<std::uint64_t, StorageError> commit(const StoredChange& change) override {
+    if (change.stored != nullptr) last_ = *change.stored;
+    last_.change = ++revision_;
+    return revision_;
+  }
+  expected<void, StorageError> renew(const StoredChange&) override {
+    if (while_waiting) while_waiting();
+    return {};
+  }
+  expected<void, StorageError> confirm(std::string_view, std::uint64_t, MonotonicTime) override {
+    return {};
+  }
+  /// The last committed change.
+  [[nodiscard]] ReportedChange report() const { return {last_.name, revision_, last_}; }
+  std::function<void()> while_waiting{};
+
+ private:
+  StoredName last_{};
+  std::uint64_t revision_ = 0;
+};
+
+// Otherwise the registry would erase the permanent name for all when that lease ends.
+TEST(SharedStore, GivesNoLeaseToANameThatBecamePermanentDuringARenewal) {
+  SharedStorage storage;
+  Store store({}, 1, &storage);
+  ASSERT_EQ(ending_of(store.bind(claim("lab/arm0"), at(0s))), kDone);
+  store.take({storage.report()}, at(0s));
+  storage.while_waiting = [&] {
+    Claim permanent = claim("lab/arm0", kArm, 0s);
+    permanent.is_permanent = true;
+    ASSERT_EQ(ending_of(store.bind(permanent, at(1s))), kDone);
+    store.take({storage.report()}, at(1s));
+  };
+  EXPECT_EQ(ending_of(store.renew("lab/arm0", kArm, 2s, at(1s))), kDone);
+  EXPECT_TRUE(store.resolve("lab/arm0", at(1h)));
+}
+
+/// A storage that another program changes, and that reports nothing.
+class ContestedStorage final : public Storage {
+ public:
+  expected<std::uint64_t, StorageError> commit(const StoredChange&) override {
+    return unexpected{StorageError{SetupError{"it was changed"}, StorageError::Kind::kConflict}};
+  }
+};
+
+TEST(ContestedStore, RefusesAChangeThatConflictsForEver) {
+  ContestedStorage storage;
+  Store store({}, 1, &storage);
+  EXPECT_EQ(ending_of(store.bind(claim("lab/arm0"), at(0s))), Ending{Outcome::kStoreUnreachable});
+  EXPECT_FALSE(import_names(
+      storage,
+      {{.name = "lab/arm0", .url = "rtpm://h:1/arm", .interface = "lab.Arm", .owner = kArm}}, {}));
+}
 
 TEST_F(StoreTest, LeavesOutStoredNamesThatBreakTheRulesAndSaysSo) {
   const StoredName sound{

@@ -24,7 +24,7 @@ struct Record {
   /// Revision of the last change other than a renewal; counted together with the holders'
   /// revisions.
   std::uint64_t change = 0;
-  Duration lease{};  ///< Granted by the last bind; 0 if permanent.
+  Duration lease{};  ///< Granted last; 0 if permanent.
   Duration stay{};   ///< See StoredName::stay.
 
   [[nodiscard]] bool is_permanent() const noexcept { return lease == Duration{0}; }

@@ -120,9 +120,10 @@ Store::Checked Store::carry_out(std::string_view name, MonotonicTime now, Monoto
     const auto stored = change ? store(*change, deadline) : confirm(name, change.error(), deadline);
     if (stored && change) make(*change, *stored, now);
     if (stored) return change;
-    if (stored.error().kind != StorageError::Kind::kConflict) {
-      return unexpected{refusal_of(stored.error())};
-    }
+    // Only a storage that has reported the other change makes another check worthwhile.
+    const bool is_again =
+        stored.error().kind == StorageError::Kind::kConflict && storage_.reports_changes();
+    if (!is_again) return unexpected{refusal_of(stored.error())};
   }
 }
 
@@ -160,7 +161,9 @@ void Store::make(Change& change, std::uint64_t revision, MonotonicTime now) {
 
 void Store::start_lease(const Record& renewed, MonotonicTime now) {
   const auto place = records_.find(renewed.name);
-  if (place == records_.end() || renewed.is_permanent()) return;
+  // While the storage waited, another change may have come, which has a lease of its own.
+  if (place == records_.end() || place->second.change != renewed.change || renewed.is_permanent())
+    return;
   Record& record = place->second;
   ends_.erase({record.expires, record.name});
   record.lease = renewed.lease;
