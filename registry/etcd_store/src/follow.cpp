@@ -41,14 +41,18 @@ expected<void, SetupError> Follow::start(names::Storage::Follower& follower,
 
 void Follow::stop() noexcept {
   gateway_.stop();
+  { const std::lock_guard lock(mutex_); }  // So that no wait_for() misses the notification.
+  reporting_.notify_all();
   stream_.wake();
   if (thread_.is_running()) thread_.join();
 }
 
 bool Follow::wait_for(std::uint64_t revision, MonotonicTime deadline) {
   std::unique_lock lock(mutex_);
-  return reporting_.wait_for(lock, std::max(deadline - rt::now(), Duration{0}),
-                             [&] { return reported_ >= revision; });
+  static_cast<void>(reporting_.wait_for(lock, std::max(deadline - rt::now(), Duration{0}), [&] {
+    return reported_ >= revision || gateway_.is_stopping();
+  }));
+  return reported_ >= revision;
 }
 
 bool Follow::has_reported(std::uint64_t revision) {
