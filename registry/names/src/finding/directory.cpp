@@ -103,13 +103,15 @@ class Directory::Impl {
     const auto asked = find(end);
     if (!asked) return unexpected{asked.error()};
     std::vector<std::optional<expected<Value, DirectoryError>>> replies(asked->size());
-    {
+    const auto ask = [&](std::size_t i) {
+      if (rt::now() < end) replies[i] = operation(*(*asked)[i].service);
+    };
+    if (asked->size() == 1) {
+      ask(0);  // The usual case takes no thread.
+    } else {
       rt::ParallelJobs jobs("rtpm-ask", kThreadCountMax);
-      for (std::size_t i = 0; i < asked->size(); ++i) {
-        jobs.add([&, i] {
-          if (rt::now() < end) replies[i] = operation(*(*asked)[i].service);
-        });
-      }
+      for (std::size_t i = 0; i < asked->size(); ++i)
+        jobs.add([&, i] { ask(i); });
     }
     Answers<Value> answers;
     std::size_t silent_count = 0;
