@@ -64,12 +64,12 @@ class Sources {
     if (const int exit_code = poll_devices(); exit_code != kDone) return exit_code;
     // Calls alone make a recording, and so do devices alone if no hub answers.
     if (!request_.needs_hub() && !request_.calls.empty()) return kDone;
-    const auto types = events::HubTypes::ask(context_.node(), request_.hub, deadline_);
+    auto types = events::HubTypes::ask(context_.node(), request_.hub, deadline_);
     if (!types && !request_.needs_hub() && !request_.devices.empty()) return kDone;
     if (!types) {
       return context_.not_reached(with_similar_names(context_, request_.hub, types.error()));
     }
-    return open_hub(*types);
+    return open_hub(std::move(*types));
   }
   /// Does the sources' periodic work and reports problems. Call it periodically.
   void attend() {
@@ -133,10 +133,10 @@ class Sources {
     }
     return kDone;
   }
-  int open_hub(const events::HubTypes& types) {
+  int open_hub(events::HubTypes types) {
     const auto filter = events::parse_filter(request_.filter, types.list());
     if (!filter) return context_.fail_at("filter", request_.filter, filter.error());
-    auto hub = capture::HubRecorder::create(context_.node(), recorder_,
+    auto hub = capture::HubRecorder::create(context_.node(), recorder_, std::move(types),
                                             {.hub = request_.hub,
                                              .registry = context_.registry,
                                              .deadline = deadline_,

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <mutex>
 #include <vector>
 
@@ -26,8 +27,11 @@ class PlaybackTest : public testing::Test, public Script {
       if (milliseconds{i} < from) continue;
       if (!turn.reach(milliseconds{i})) return {};
       if (i == damage_) return setup_error("message 5", "it is broken");
-      const std::lock_guard lock(mutex_);
-      played_.push_back(i);
+      {
+        const std::lock_guard lock(mutex_);
+        played_.push_back(i);
+      }
+      static_cast<void>(await([this] { return !is_held_.load(); }));
     }
     return {};
   }
@@ -48,6 +52,7 @@ class PlaybackTest : public testing::Test, public Script {
   std::vector<int> played_{};
   std::vector<Duration> shown_{};
   int damage_ = -1;
+  std::atomic<bool> is_held_ = false;  ///< Playing a message takes until this is false.
   std::optional<Playback> playback_{};
 };
 
@@ -61,6 +66,19 @@ TEST_F(PlaybackTest, PlaysToTheEndAndThenFromTheBeginning) {
     EXPECT_EQ(playback_->status().position.at, milliseconds{9});
     played_.clear();
   }
+}
+
+TEST_F(PlaybackTest, PlaysLateMessagesAfterAPause) {
+  is_held_ = true;
+  start({.length = milliseconds{9}});
+  playback_->play(1);
+  EXPECT_TRUE(await([this] { return played().size() == 1; }));
+  EXPECT_TRUE(await([this] { return playback_->status().position.at >= milliseconds{5}; }));
+  playback_->pause();
+  is_held_ = false;
+  playback_->play(10);
+  ASSERT_TRUE(ends());
+  EXPECT_EQ(played_, (std::vector<int>{0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9})) << "the last one again";
 }
 
 TEST_F(PlaybackTest, ShowsASoughtPlaceAndGoesOnFromThere) {

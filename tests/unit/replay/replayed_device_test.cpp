@@ -39,12 +39,12 @@ TEST(SteppedDevice, IsGoneAfterTheLastSample) {
   Stepped lever(2, End::kGone);
   for (int i = 0; i < 2; ++i)
     EXPECT_EQ(lever.device.on_read(kBegin).lifecycle(), 2);
-  EXPECT_TRUE(lever.device.is_active(kBegin));
+  EXPECT_NE(lever.device.active(kBegin), nullptr);
   const device::Sample last = lever.device.on_read(kBegin);
   EXPECT_EQ(last.sequence(), 101u);
   EXPECT_EQ(last.lifecycle(), static_cast<std::uint8_t>(driver::Lifecycle::kFault));
   EXPECT_TRUE(driver::Faults{last.faults()}.has(driver::Fault::kDeviceGone));
-  EXPECT_FALSE(lever.device.is_active(kBegin));
+  EXPECT_EQ(lever.device.active(kBegin), nullptr);
 }
 
 TEST(SteppedDevice, HoldsTheLastSampleOrLoops) {
@@ -68,7 +68,7 @@ TEST(PacedDevice, ShowsTheSampleOfThePresentTime) {
   for (int i = 0; i < 2; ++i)
     EXPECT_EQ(device.on_read(kBegin + Duration{4'900'000}).sequence(), 104u);
   EXPECT_EQ(device.on_read(kBegin + milliseconds{50}).sequence(), 109u);
-  EXPECT_FALSE(device.is_active(kBegin + milliseconds{50}));
+  EXPECT_EQ(device.active(kBegin + milliseconds{50}), nullptr);
 }
 
 TEST(PacedDevice, HasNoSampleBeforeItsFirst) {
@@ -78,9 +78,9 @@ TEST(PacedDevice, HasNoSampleBeforeItsFirst) {
   ReplayedDevice device(recorded, pace, End::kGone, nullptr);
   pace.play(kBegin, 1);
   EXPECT_EQ(device.on_read(kBegin + milliseconds{4}).sequence(), 0u);
-  EXPECT_FALSE(device.is_active(kBegin + milliseconds{4}));
+  EXPECT_EQ(device.active(kBegin + milliseconds{4}), nullptr);
   EXPECT_EQ(device.on_read(kBegin + milliseconds{5}).sequence(), 100u);
-  EXPECT_TRUE(device.is_active(kBegin + milliseconds{5}));
+  EXPECT_NE(device.active(kBegin + milliseconds{5}), nullptr);
 }
 
 TEST(ReplayedDeviceTest, IsReadAndCommandedWithoutAllocation) {

@@ -77,15 +77,11 @@ class CallChannels {
   flatbuffers::FlatBufferBuilder builder_{};
 };
 
-ConstBytes finished(const flatbuffers::FlatBufferBuilder& builder) {
-  return std::as_bytes(std::span(builder.GetBufferPointer(), builder.GetSize()));
-}
-
 std::vector<std::byte> empty_table() {
   flatbuffers::FlatBufferBuilder builder;
   const auto begin = builder.StartTable();
   builder.Finish(flatbuffers::Offset<flatbuffers::Table>(builder.EndTable(begin)));
-  const ConstBytes bytes = finished(builder);
+  const ConstBytes bytes = rpc::table_bytes(builder);
   return {bytes.begin(), bytes.end()};
 }
 
@@ -184,7 +180,7 @@ void CallChannels::record_end(const TappedCall& call, const schema::Method* meth
                                 .sequence = static_cast<std::uint32_t>(call.number()),
                                 .log_time_ns = times.log_ns,
                                 .publish_time_ns = times.finished_ns,
-                                .data = finished(builder_)}));
+                                .data = rpc::table_bytes(builder_)}));
 }
 
 /// Binds the tap of the server, or says why it can't be.

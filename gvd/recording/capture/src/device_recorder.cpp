@@ -4,7 +4,6 @@
 #include <device.rtpm.hpp>
 #include <device_events.rtpm.events.hpp>
 #include <mutex>
-#include <span>
 #include <utility>
 #include <vector>
 
@@ -21,10 +20,6 @@ namespace rtpm::capture {
 namespace {
 
 using Sampled = device::SampledEvent;
-
-ConstBytes bytes_of(const flatbuffers::FlatBufferBuilder& builder) {
-  return std::as_bytes(std::span(builder.GetBufferPointer(), builder.GetSize()));
-}
 
 /// Adds the channel "lab/arm0/`leaf`", whose messages are tables `type` of device.fbs.
 expected<std::uint16_t, SetupError> add_device_channel(recording::Recorder& recorder,
@@ -73,7 +68,7 @@ class Samples final : public gvd::SampleSink {
                                   .sequence = static_cast<std::uint32_t>(sample.sequence),
                                   .log_time_ns = now_ns,
                                   .publish_time_ns = now_ns,
-                                  .data = bytes_of(builder)}));
+                                  .data = rpc::table_bytes(builder)}));
   }
 
  private:
@@ -162,7 +157,7 @@ struct CommandRecorder::Impl {
     flatbuffers::FlatBufferBuilder builder;
     const device::Command blank{};
     builder.Finish(device::CreateCommandRequest(builder, &blank));
-    const ConstBytes bytes = bytes_of(builder);
+    const ConstBytes bytes = rpc::table_bytes(builder);
     table.assign(bytes.begin(), bytes.end());
     const auto* const at = static_cast<const void*>(
         flatbuffers::GetRoot<device::CommandRequest>(table.data())->command());

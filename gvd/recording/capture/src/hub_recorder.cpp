@@ -123,10 +123,9 @@ struct HubRecorder::Impl final : events::EventHandler {
 };
 
 expected<std::unique_ptr<HubRecorder>, SetupError> HubRecorder::create(
-    rpc::Node& node, recording::Recorder& recorder, const HubRecorderConfig& config) {
-  auto types = events::HubTypes::ask(node, config.hub, config.deadline);
-  if (!types) return unexpected{types.error()};
-  auto impl = std::make_unique<Impl>(node, recorder, config, std::move(*types));
+    rpc::Node& node, recording::Recorder& recorder, events::HubTypes types,
+    const HubRecorderConfig& config) {
+  auto impl = std::make_unique<Impl>(node, recorder, config, std::move(types));
   if (auto joined = impl->subscribe(); !joined) return unexpected{joined.error()};
   return std::unique_ptr<HubRecorder>(new HubRecorder(std::move(impl)));
 }

@@ -59,9 +59,10 @@ struct LiveRecording::Impl {
   Impl& operator=(const Impl&) = delete;
   ~Impl() { static_cast<void>(stop()); }
 
-  expected<void, SetupError> start(rpc::Node& node, const LiveRecordingConfig& config) {
+  expected<void, SetupError> start(rpc::Node& node, events::HubTypes types,
+                                   const LiveRecordingConfig& config) {
     auto created = HubRecorder::create(
-        node, *recorder,
+        node, *recorder, std::move(types),
         {.hub = config.hub, .registry = config.registry, .deadline = config.deadline});
     if (!created) return unexpected{created.error()};
     hub = std::move(*created);
@@ -118,7 +119,8 @@ expected<std::unique_ptr<LiveRecording>, SetupError> LiveRecording::start(
   const auto channel = add_annotations(**recorder);
   if (!channel) return unexpected{channel.error()};
   auto impl = std::make_unique<Impl>(std::move(*recorder), *channel);
-  if (auto started = impl->start(node, config); !started) return unexpected{started.error()};
+  if (auto started = impl->start(node, std::move(*types), config); !started)
+    return unexpected{started.error()};
   return std::unique_ptr<LiveRecording>(new LiveRecording(std::move(impl)));
 }
 

@@ -118,9 +118,9 @@ void FileWriter::Impl::write_indexes(std::uint64_t chunk_offset, const ChunkHead
                    .compressed_size = head.records.size(),
                    .uncompressed_size = head.uncompressed_size};
   const std::size_t indexes_begin = bytes.size();
-  for (const auto& [channel_id, entries] : indexes) {
+  for (auto& [channel_id, entries] : indexes) {
     index.index_offsets[channel_id] = chunk_offset + bytes.size();
-    recording::append(bytes, MessageIndex{channel_id, entries});
+    recording::append(bytes, MessageIndex{channel_id, std::move(entries)});
   }
   index.indexes_size = bytes.size() - indexes_begin;
   chunk_indexes.push_back(std::move(index));

@@ -20,6 +20,11 @@ bool Turn::is_present() const noexcept {
 
 bool Turn::reach(Duration at) const {
   const Pace& pace = playback_.pace_;
+  {
+    const std::lock_guard lock(playback_.mutex_);
+    if (!is_present()) return false;
+    playback_.next_ = at;
+  }
   while (is_present()) {
     const MonotonicTime now = rt::now();
     if (pace.has_reached({at, round_}, now)) return true;
@@ -61,8 +66,8 @@ void Playback::begin_turn() {
 
 void Playback::play(double speed) {
   const std::lock_guard lock(mutex_);
-  const bool is_at_end = pace_.position(rt::now()).at >= pace_.config().length;
-  if (is_at_end && !pace_.config().loops) pace_.seek(Duration{0});
+  const bool is_at_end = place(rt::now()).at >= pace_.config().length;
+  if (is_at_end && !pace_.config().loops) go_to(Duration{0});
   speed_ = speed;
   is_playing_ = true;
   begin_turn();
@@ -78,8 +83,18 @@ void Playback::pause() {
 void Playback::seek(Duration at) {
   const std::lock_guard lock(mutex_);
   sought_ = std::clamp(at, Duration{0}, pace_.config().length);
-  pace_.seek(*sought_);
+  go_to(*sought_);
   begin_turn();
+}
+
+Pace::Position Playback::place(MonotonicTime now) const noexcept {
+  const Pace::Position position = pace_.position(now);
+  return pace_.config().loops ? position : Pace::Position{std::min(position.at, next_), 0};
+}
+
+void Playback::go_to(Duration at) {
+  pace_.seek(at);
+  next_ = at;
 }
 
 Playback::Status Playback::status() const {
@@ -97,7 +112,10 @@ void Playback::run() {
     Pace::Position from{};
     if (is_playing && !sought) {
       const MonotonicTime now = rt::now();
-      if (!pace_.is_stepped()) from = pace_.position(now);
+      if (!pace_.is_stepped()) {
+        from = place(now);
+        if (!pace_.config().loops) go_to(from.at);
+      }
       pace_.play(now, speed_);
       turn.round_ = from.round;
     }
@@ -130,7 +148,10 @@ void Playback::end(const Turn& turn, const expected<void, SetupError>& outcome) 
   const std::lock_guard lock(mutex_);
   if (!turn.is_present()) return;
   is_playing_ = false;
-  if (outcome) return;
+  if (outcome) {
+    next_ = pace_.config().length;
+    return;
+  }
   problem_ = outcome.error().reason();
   pace_.pause(rt::now());
 }

@@ -21,14 +21,15 @@ class ReplayDriver final : public driver::Driver {
 
   driver::Descriptor describe() const override { return descriptor_; }
   expected<void, SetupError> configure(const driver::DriverConfig&) override {
-    if (device_.is_active(rt::now())) return {};
+    if (device_.active(rt::now()) != nullptr) return {};
     return setup_error(device_.name() + " was not active at this time");
   }
   expected<void, SetupError> activate() override { return {}; }
   ExchangeStatus exchange(const driver::Command& command,
                           driver::Sample& sample) noexcept override {
-    if (!device_.is_active(command.cycle_time)) return ExchangeStatus::kGone;
-    sample = gvd::from_wire(*device_.shown(command.cycle_time));
+    const device::Sample* const active = device_.active(command.cycle_time);
+    if (active == nullptr) return ExchangeStatus::kGone;
+    sample = gvd::from_wire(*active);
     return ExchangeStatus::kOk;
   }
   void deactivate() noexcept override {}
@@ -97,10 +98,10 @@ bool ReplayedDevice::is_gone(MonotonicTime now) const noexcept {
   return pace_.is_stepped() ? is_gone_.load(std::memory_order_acquire) : pace_.is_over(now);
 }
 
-bool ReplayedDevice::is_active(MonotonicTime now) const noexcept {
+const device::Sample* ReplayedDevice::active(MonotonicTime now) const noexcept {
   const device::Sample* const sample = is_gone(now) ? nullptr : shown(now);
-  return sample != nullptr &&
-         sample->lifecycle() == static_cast<std::uint8_t>(driver::Lifecycle::kActive);
+  constexpr auto kActive = static_cast<std::uint8_t>(driver::Lifecycle::kActive);
+  return sample != nullptr && sample->lifecycle() == kActive ? sample : nullptr;
 }
 
 const device::Sample* ReplayedDevice::shown(MonotonicTime now) const noexcept {
@@ -138,10 +139,9 @@ void ReplayedDevice::on_command(const device::Command& command, gvd::DeviceOutco
                                 MonotonicTime now) noexcept {
   const bool is_accepted = outcome == gvd::DeviceOutcome::kDone;
   (is_accepted ? command_count_ : refused_count_).fetch_add(1, std::memory_order_relaxed);
-  const device::Sample* const sample = shown(now);
-  if (is_accepted && commands_ != nullptr && sample != nullptr) {
+  if (!is_accepted || commands_ == nullptr) return;
+  if (const device::Sample* const sample = shown(now))
     commands_->record(command, sample->sequence());
-  }
 }
 
 }  // namespace rtpm::replay

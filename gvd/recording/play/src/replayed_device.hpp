@@ -33,9 +33,9 @@ class ReplayedDevice final : public gvd::ClientView {
   /// The device's server, once started.
   [[nodiscard]] gvd::DeviceServer& server() noexcept { return *server_; }
 
-  /// Whether the recorded device was active at `now`, and is not over.
+  /// The sample at `now` if the recorded device was active, and is not over; else null.
   /// @realtime alloc-free
-  [[nodiscard]] bool is_active(MonotonicTime now) const noexcept;
+  [[nodiscard]] const device::Sample* active(MonotonicTime now) const noexcept;
   /// The sample that clients see at `now`, without a step; null before the first one.
   /// @realtime alloc-free
   [[nodiscard]] const device::Sample* shown(MonotonicTime now) const noexcept;

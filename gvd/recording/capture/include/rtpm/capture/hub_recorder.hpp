@@ -10,6 +10,7 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/events/consumer.hpp"
 #include "rtpm/events/defaults.hpp"
+#include "rtpm/events/hub_types.hpp"
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/recording/recorder.hpp"
 #include "rtpm/rpc/node.hpp"
@@ -34,9 +35,11 @@ struct HubRecorderConfig {
 /// @realtime none
 class HubRecorder {
  public:
+  /// @param types  those of the hub, which was asked before the recorder made its file
   /// @errors   no hub answers; it refuses the filter
   [[nodiscard]] static expected<std::unique_ptr<HubRecorder>, SetupError> create(
-      rpc::Node& node, recording::Recorder& recorder, const HubRecorderConfig& config);
+      rpc::Node& node, recording::Recorder& recorder, events::HubTypes types,
+      const HubRecorderConfig& config);
   HubRecorder(const HubRecorder&) = delete;
   HubRecorder& operator=(const HubRecorder&) = delete;
   ~HubRecorder();

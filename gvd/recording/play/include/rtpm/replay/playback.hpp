@@ -2,7 +2,6 @@
 
 #include <atomic>
 #include <cstdint>
-#include <memory>
 #include <optional>
 #include <string>
 
@@ -96,6 +95,9 @@ class Playback {
   /// Notes how the script ended, unless another command came.
   void end(const Turn& turn, const expected<void, SetupError>& outcome);
   void begin_turn();
+  void go_to(Duration at);
+  /// The place from which a steady pace goes on. Late messages have not been played at the pace's.
+  [[nodiscard]] Pace::Position place(MonotonicTime now) const noexcept;
 
   Script& script_;
   Pace pace_;
@@ -104,6 +106,7 @@ class Playback {
   double speed_ = 1;
   bool is_playing_ = false;
   std::optional<Duration> sought_{};
+  Duration next_{0};  ///< The place of the message that the script waits for, or plays.
   std::string problem_{};
   std::atomic<std::uint64_t> turn_{0};  ///< Counts commands.
   std::atomic<bool> is_stopping_{false};
