@@ -1,31 +1,21 @@
 #pragma once
 
-#include <filesystem>
 #include <string>
 
 #include "rtpm/names/storage.hpp"
+#include "rtpm/test/temporary_folder.hpp"
 
 namespace rtpm::file_store {
 
 /// A folder that the destructor removes.
 class Folder {
  public:
-  Folder() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "rtpm-store-XXXXXX").string();
-    if (::mkdtemp(pattern.data()) != nullptr) path_ = pattern;
-  }
-  Folder(const Folder&) = delete;
-  Folder& operator=(const Folder&) = delete;
-  ~Folder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
   [[nodiscard]] std::string file(const std::string& name = "names.db") const {
-    return (path_ / name).string();
+    return folder_.file(name);
   }
 
  private:
-  std::filesystem::path path_{};
+  test::TemporaryFolder folder_{};
 };
 
 [[nodiscard]] inline names::StoredName permanent(std::string name, std::uint64_t revision) {

@@ -13,6 +13,7 @@
 #include "rtpm/names/directory.hpp"
 #include "rtpm/names/watch.hpp"
 #include "rtpm/test/os.hpp"
+#include "rtpm/test/temporary_folder.hpp"
 
 // A registry whose server checks grants: the grants on a name's path apply to it.
 namespace rtpm::names {
@@ -30,8 +31,7 @@ Claim leased(std::string_view name, Owner owner = kOwner) {
 /// A registry that one server serves to all users, and another one by grants, here to this user.
 class Granted : public testing::Test {
  protected:
-  Granted() : folder_((std::filesystem::temp_directory_path() / "rtpm-names-XXXXXX").string()) {
-    EXPECT_NE(mkdtemp(folder_.data()), nullptr);
+  Granted() {
     for (const char* name : {"lab/arm0", "lab/cam/left", "secret/x"})
       EXPECT_TRUE(Directory(node_, open_.url()).bind(leased(name)));
     const std::string me = "uid:" + std::to_string(access::this_user());
@@ -46,14 +46,10 @@ class Granted : public testing::Test {
     EXPECT_TRUE(server_->add(kRegistryPath, *registry_, {.checks_callers = true}));
     EXPECT_TRUE(server_->start());
   }
-  ~Granted() override {
-    server_.reset();
-    std::filesystem::remove_all(folder_);
-  }
-
   std::unique_ptr<rpc::Servant> registry_ = make_servant();
   ServedRegistry open_{*registry_};
-  std::string folder_;
+  const test::TemporaryFolder own_folder_;
+  const std::string folder_ = own_folder_.path();
   std::unique_ptr<rpc::Server> server_;
   rpc::Node node_{{.wait = {.strategy = rt::WaitStrategy::kBlock}, .collocates = false}};
 };

@@ -10,6 +10,7 @@
 #include <fstream>
 
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/test/temporary_folder.hpp"
 
 namespace rtpm::rpc {
 namespace {
@@ -29,14 +30,10 @@ transport::HostsToServe at_another_address() {
 
 class Exposure : public testing::Test {
  protected:
-  Exposure() {
-    std::string name = (std::filesystem::temp_directory_path() / "rtpm-keys-XXXXXX").string();
-    folder_ = ::mkdtemp(name.data());
-    ::setenv("RTPM_KEYS", folder_.c_str(), 1);
-  }
-  ~Exposure() override { std::filesystem::remove_all(folder_); }
+  Exposure() { ::setenv("RTPM_KEYS", folder_.c_str(), 1); }
 
-  std::string folder_;
+  const rtpm::test::TemporaryFolder own_folder_;
+  const std::string folder_ = own_folder_.path();
 };
 
 TEST_F(Exposure, OfLoopbackAddressesTakesNoGrantsUnlessTheyAreNamed) {

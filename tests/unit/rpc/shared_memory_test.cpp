@@ -11,6 +11,7 @@
 
 #include "../transport/raw_shared_client.hpp"
 #include "rtpm/test/echo_server.hpp"
+#include "rtpm/test/temporary_folder.hpp"
 
 // Servers and callers on shared memory, beyond the guarantees of every transport
 // (tests/conformance/transport).
@@ -67,8 +68,8 @@ TEST(SharedMemoryChoice, IsTheCallersToMake) {
 }
 
 TEST(SharedMemoryChoice, FindsAServerInAFolderAndOtherServersBesideIt) {
-  std::string name = (fs::temp_directory_path() / "rtpm-XXXXXX").string();
-  ASSERT_NE(mkdtemp(name.data()), nullptr);
+  const rtpm::test::TemporaryFolder folder;
+  const std::string& name = folder.path();
   {
     ServerConfig config = quiet_config();
     config.shared_memory_folder = name;
@@ -85,7 +86,6 @@ TEST(SharedMemoryChoice, FindsAServerInAFolderAndOtherServersBesideIt) {
     EXPECT_EQ(bind_echo(node, other).transport(), Transport::kSharedMemory);
   }
   EXPECT_TRUE(fs::is_empty(name));
-  fs::remove_all(name);
 }
 
 // Errors distinguish a killed server, a server that never started, and a running one.
