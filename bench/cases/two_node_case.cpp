@@ -1,4 +1,3 @@
-#include <algorithm>
 
 #include "cases/case.hpp"
 #include "runs/duel.hpp"

@@ -1,6 +1,5 @@
 #include "subjects.hpp"
 
-#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <memory>

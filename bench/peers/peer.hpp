@@ -67,7 +67,7 @@ struct Note {
   std::size_t number;
 };
 
-/// A peer: calls, events, or both; a null function is one that it lacks. All run on threads that
+/// A peer: calls, and perhaps events; a null function is one that it lacks. All run on threads that
 /// already have the lane's policy, priority and CPU; threads that the library starts there inherit
 /// them. Exceptions of the library are caught outside.
 struct Peer {

@@ -18,10 +18,10 @@ namespace rtpm::bench {
 /// Another middleware that RTPM can be measured with. Its program is rtpm-peer-NAME.
 struct PeerEntry {
   std::string_view name;
-  std::string_view packages;         ///< Debian packages that it needs to build and run.
-  std::string_view call_transports;  ///< Separated by blanks; empty if it makes no calls.
-  std::string_view event_transports;
-  bool has_broker = false;  ///< Its events pass through a process of their own.
+  std::string_view packages;          ///< Debian packages that it needs to build and run.
+  std::string_view call_transports;   ///< Separated by blanks.
+  std::string_view event_transports;  ///< Likewise; empty without events.
+  bool has_broker = false;            ///< Its events pass through a process of their own.
 
   /// The transports for `verb` ("call" or "events") that are measured beside RTPM on `carrier`:
   /// TCP beside UDP and TCP, UDP beside UDP, and the ones within the host ("ipc", "unix", "shm")

@@ -7,9 +7,7 @@
 namespace rtpm::wire {
 
 LargeMessages::LargeMessages(const Config& config) : config_(config) {
-  constexpr std::size_t kCacheLine = 64;
-  const std::size_t size =
-      (std::size_t{config.message_size_max} + kCacheLine - 1) / kCacheLine * kCacheLine;
+  const std::size_t size = large_buffer_size(config.message_size_max);
   const std::size_t count = std::min<std::size_t>(config.memory.size() / size, kNone);
   // One buffer is the scratch for replies, so a single one could not take a request.
   if (config.message_size_max <= config.fragment_size || count < 2) return;

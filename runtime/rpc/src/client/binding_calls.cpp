@@ -1,6 +1,4 @@
 #include <algorithm>
-#include <array>
-#include <mutex>
 
 #include "client/bind_attempt.hpp"
 #include "client/binding_impl.hpp"

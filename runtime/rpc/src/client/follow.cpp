@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <mutex>
-#include <optional>
 #include <utility>
 
 #include "client/bind_attempt.hpp"

@@ -15,10 +15,7 @@ constexpr Duration kSessionPatience = std::chrono::seconds{2};
 
 // One buffer more than messages may be held: where replies are written.
 std::size_t message_memory(const ServerConfig& server) noexcept {
-  constexpr std::size_t kCacheLine = 64;
-  const std::size_t each =
-      (std::size_t{server.message_size_max} + kCacheLine - 1) / kCacheLine * kCacheLine;
-  return each * (server.large_message_count_max + 1);
+  return wire::large_buffer_size(server.message_size_max) * (server.large_message_count_max + 1);
 }
 
 std::size_t item_memory(const ServerConfig& server, wire::Medium medium) noexcept {

@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "rtpm/access/fingerprint.hpp"
-#include "rtpm/base/assert.hpp"
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"

@@ -70,7 +70,7 @@ class SealedTransport final : public transport::ClientTransport {
   [[nodiscard]] SetupError explain() const;
 
  private:
-  /// The number of calls that share a channel.
+  /// Frames beyond this are as good as lost on the way.
   static constexpr std::size_t kKeptMax = wire::kCallWindow;
   static constexpr std::size_t kKeptSizeMax = wire::kHeaderSize + wire::Welcome::kSize;
 

@@ -2,7 +2,6 @@
 
 #include <utility>
 
-#include "rtpm/base/assert.hpp"
 #include "rtpm/rt/budget.hpp"
 
 namespace rtpm::transport {

@@ -14,6 +14,12 @@
 
 namespace rtpm::wire {
 
+/// The memory of one large message: whole cache lines.
+[[nodiscard]] constexpr std::size_t large_buffer_size(std::uint32_t message_size_max) noexcept {
+  constexpr std::size_t kCacheLine = 64;
+  return (std::size_t{message_size_max} + kCacheLine - 1) / kCacheLine * kCacheLine;
+}
+
 /// The call to which a large message or a stream of a server belongs.
 struct CallPlace {
   std::uint32_t session_index = 0;
