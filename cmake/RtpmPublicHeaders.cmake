@@ -102,7 +102,7 @@ set(RTPM_PUBLIC_HEADERS
   rtpm/safety/motion.hpp
   rtpm/safety/passivity_guard.hpp
   rtpm/safety/watchdog.hpp
-  rtpm/seal/primitives.hpp
+  rtpm/crypto/primitives.hpp
   rtpm/transport/error.hpp
   rtpm/transport/multicast.hpp
   rtpm/transport/socket.hpp

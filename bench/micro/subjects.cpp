@@ -16,7 +16,7 @@
 #include "rtpm/gvd/command_lease.hpp"
 #include "rtpm/predicate/predicate.hpp"
 #include "rtpm/safety/filter.hpp"
-#include "rtpm/seal/primitives.hpp"
+#include "rtpm/crypto/primitives.hpp"
 #include "tip.hpp"
 
 // Adds a subject. Its symbol is not mangled, because callgrind takes it as an option. Its first run
@@ -134,13 +134,13 @@ RTPM_SUBJECT(protocol_call_64_kib) {
 
 /// A call's payload, with the header as associated data.
 RTPM_SUBJECT(seal_and_open_48_bytes) {
-  static seal::AeadKey key;
+  static crypto::AeadKey key;
   static std::uint64_t number = 0;
-  seal::Secret secret;
-  key.set(seal::Suite::kChaChaPoly, secret);
+  crypto::Secret secret;
+  key.set(crypto::Suite::kChaChaPoly, secret);
   std::array<std::byte, wire::kHeaderSize> header{};
   std::array<std::byte, 48> payload{};
-  std::array<std::byte, seal::kTagSize> tag{};
+  std::array<std::byte, crypto::kTagSize> tag{};
   repeat([&] {
     key.seal(++number, header, payload, payload, tag);
     bool is_genuine = key.open(number, header, payload, tag, payload);

@@ -237,8 +237,8 @@ class FloorPipeline final : public Pipeline {
 }  // namespace
 
 FloorSeal::FloorSeal(bool is_client) noexcept {
-  const seal::Suite suite = seal::best_suite(seal::suites_here(), seal::suites_here());
-  seal::Secret key;
+  const crypto::Suite suite = crypto::best_suite(crypto::suites_here(), crypto::suites_here());
+  crypto::Secret key;
   std::ranges::fill(key.bytes(), std::byte{0x5e});
   (is_client ? own_ : other_).set(suite, key);
   std::ranges::fill(key.bytes(), std::byte{0xa1});
@@ -252,7 +252,7 @@ void FloorSeal::seal(const FloorFrame& frame, FloorFrame& sealed) noexcept {
   store_le(sealed.data() + frame.size(), counter_);
   own_.seal(counter_++, out.first(wire::kHeaderSize), ConstBytes(frame).subspan(wire::kHeaderSize),
             out.subspan(wire::kHeaderSize, payload_size),
-            std::span<std::byte, seal::kTagSize>(out.last(seal::kTagSize)));
+            std::span<std::byte, crypto::kTagSize>(out.last(crypto::kTagSize)));
 }
 
 bool FloorSeal::open(const FloorFrame& sealed, FloorFrame& frame) const noexcept {
@@ -262,7 +262,7 @@ bool FloorSeal::open(const FloorFrame& sealed, FloorFrame& frame) const noexcept
   std::memcpy(frame.data(), sealed.data(), wire::kHeaderSize);
   return other_.open(counter, in.first(wire::kHeaderSize),
                      in.subspan(wire::kHeaderSize, payload_size),
-                     std::span<const std::byte, seal::kTagSize>(in.last(seal::kTagSize)),
+                     std::span<const std::byte, crypto::kTagSize>(in.last(crypto::kTagSize)),
                      MutableBytes(frame).subspan(wire::kHeaderSize));
 }
 

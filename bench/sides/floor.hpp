@@ -9,7 +9,7 @@
 
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/base/expected.hpp"
-#include "rtpm/seal/primitives.hpp"
+#include "rtpm/crypto/primitives.hpp"
 #include "rtpm/wire/limits.hpp"
 #include "rtpm/wire/sealed.hpp"
 #include "settings.hpp"
@@ -57,8 +57,8 @@ class FloorSeal {
                           std::vector<std::byte>& frame) const noexcept;
 
  private:
-  seal::AeadKey own_;
-  seal::AeadKey other_;
+  crypto::AeadKey own_;
+  crypto::AeadKey other_;
   std::uint64_t counter_ = 0;
 };
 

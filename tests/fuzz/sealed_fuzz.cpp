@@ -52,7 +52,7 @@ struct Draw {
 
 /// Admits every key, as long as the input allows it.
 struct Door : Admission {
-  bool admits(const seal::PublicKey&, const PeerAddress&) noexcept override { return is_open; }
+  bool admits(const crypto::PublicKey&, const PeerAddress&) noexcept override { return is_open; }
   bool is_open = true;
 };
 
@@ -163,7 +163,7 @@ class World {
     wire::encode(header, frame.data());
     std::ranges::copy(payload.first(size), frame.begin() + wire::kHeaderSize);
     if (has_seal) {
-      frame.resize(frame.size() + seal::kTrailerSize, std::byte{kind});
+      frame.resize(frame.size() + crypto::kTrailerSize, std::byte{kind});
       store_le(frame.data() + wire::kHeaderSize + size, std::uint64_t{kind});
       wire::mark_sealed(frame.data());
     }
@@ -309,7 +309,7 @@ class World {
   Door door_;
   MonotonicTime now_ = time_from_ns(1'000'000'000'000);
   ServerIdentity identity_;
-  seal::KeyPair key_;
+  crypto::KeyPair key_;
   std::vector<std::byte> large_;
   std::vector<std::byte> streams_;
   std::array<std::byte, wire::kStreamFrameSizeMax> buffer_{};

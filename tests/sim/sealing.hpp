@@ -35,12 +35,12 @@ class Sealing : public sealed::Admission {
             &random_};
   }
   [[nodiscard]] const sealed::ServerIdentity& identity() const { return identity_; }
-  [[nodiscard]] const seal::SessionLimits& limits() const { return limits_; }
+  [[nodiscard]] const crypto::SessionLimits& limits() const { return limits_; }
   /// The key of a client, which stays the same when it restarts.
-  [[nodiscard]] const seal::KeyPair& client_key(std::uint32_t number) {
+  [[nodiscard]] const crypto::KeyPair& client_key(std::uint32_t number) {
     return clients_.try_emplace(number, source().draw_key()).first->second;
   }
-  [[nodiscard]] bool admits(const seal::PublicKey& client,
+  [[nodiscard]] bool admits(const crypto::PublicKey& client,
                             const wire::PeerAddress&) noexcept override {
     for (const auto& [number, key] : clients_) {
       if (key.public_key == client) return !revoked_.contains(number);
@@ -61,7 +61,7 @@ class Sealing : public sealed::Admission {
       return;
     }
     const auto session = load_le<std::uint64_t>(frame.data() + 8);
-    const auto counter = load_le<std::uint64_t>(frame.data() + frame.size() - seal::kTrailerSize);
+    const auto counter = load_le<std::uint64_t>(frame.data() + frame.size() - crypto::kTrailerSize);
     ++sealed_count_;
     if (counter >> limits_.generation_bits > 0) ++later_key_count_;
     if (!used_.emplace(session, is_client, counter).second) {
@@ -75,8 +75,8 @@ class Sealing : public sealed::Admission {
   Random& random_;
   History& history_;
   sealed::ServerIdentity identity_;
-  seal::SessionLimits limits_{};
-  std::map<std::uint32_t, seal::KeyPair> clients_;
+  crypto::SessionLimits limits_{};
+  std::map<std::uint32_t, crypto::KeyPair> clients_;
   std::set<std::uint32_t> revoked_;
   std::set<std::tuple<std::uint64_t, bool, std::uint64_t>> used_;
   std::uint64_t sealed_count_ = 0;

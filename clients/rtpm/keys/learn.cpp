@@ -86,7 +86,7 @@ bool is_loopback(const std::string& host) {
 
 /// A server's key, and the hosts at which it was shown.
 struct Shown {
-  seal::PublicKey key{};
+  crypto::PublicKey key{};
   std::vector<access::KnownServer> servers{};
 };
 
@@ -176,7 +176,7 @@ bool asks_and_hears_yes(Context& context) {
 
 /// Checks the shown key against the options, or asks the user.
 expected<void, SetupError> confirm(Context& context, const LearnRequest& request,
-                                   const seal::PublicKey& key) {
+                                   const crypto::PublicKey& key) {
   const std::string fingerprint = access::fingerprint(key);
   if (!request.fingerprint.empty()) {
     if (access::is_fingerprint_of(request.fingerprint, key)) return {};

@@ -17,11 +17,11 @@ struct NewKeyRequest {
   std::string file{};
 };
 
-std::string public_line(const seal::PublicKey& key, const std::string& comment) {
+std::string public_line(const crypto::PublicKey& key, const std::string& comment) {
   return access::public_key_text(key) + (comment.empty() ? "" : " " + printable(comment));
 }
 
-Json key_json(const std::string& file, const seal::PublicKey& key, const std::string& comment) {
+Json key_json(const std::string& file, const crypto::PublicKey& key, const std::string& comment) {
   return {{"file", file},
           {"public_key", access::public_key_text(key)},
           {"fingerprint", access::fingerprint(key)},

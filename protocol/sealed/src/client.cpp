@@ -55,7 +55,7 @@ void SealedClient::reset() noexcept {
 
 bool SealedClient::is_past(std::uint64_t part, std::uint64_t of) const noexcept {
   if (!current().seal) return false;
-  const seal::SealedSession& session = *current().seal;
+  const crypto::SealedSession& session = *current().seal;
   return session.send_counter() >= config_.limits.counter_end / of * part ||
          session.forged_count() >= config_.limits.forged_max / of * part;
 }
@@ -71,7 +71,7 @@ SealedClient::Step SealedClient::renew(MonotonicTime now) noexcept {
   begin_handshake(Purpose::kRenewal);
   store_le(hello_.data() + kAtCallId, number_);
   if (config_.medium == wire::Medium::kDatagram) return {.send = first_hello()};
-  suite_ = seal::best_suite(config_.suites, config_.suites);
+  suite_ = crypto::best_suite(config_.suites, config_.suites);
   static_cast<void>(begin_message_1());
   return {};
 }
@@ -85,9 +85,9 @@ SealedClient::Step SealedClient::send(ConstBytes frame, MonotonicTime now) noexc
   if (asks && gone_session_ != 0 && header->session == gone_session_) return tell_lost(*header);
   // No frame of a session leaves unsealed: one without keys counts as lost on the way.
   if (!is_current(header->session)) return {};
-  RTPM_ASSERT(frame.size() + seal::kTrailerSize <= sealed_frame_.size(),
+  RTPM_ASSERT(frame.size() + crypto::kTrailerSize <= sealed_frame_.size(),
               "a channel's frames leave space for the seal");
-  const MutableBytes out = MutableBytes(sealed_frame_).first(frame.size() + seal::kTrailerSize);
+  const MutableBytes out = MutableBytes(sealed_frame_).first(frame.size() + crypto::kTrailerSize);
   std::ranges::copy(frame.first(wire::kHeaderSize), out.begin());
   wire::mark_sealed(out.data());
   const bool is_sealed =
@@ -142,7 +142,7 @@ SealedClient::Step SealedClient::send_hello(const wire::Header& header, ConstByt
   write_hello(frame, wire::kFeatureSealed);
   const bool is_stream = config_.medium == wire::Medium::kStream;
   if (is_stream && !has_sealed_hello_) {
-    suite_ = seal::best_suite(config_.suites, config_.suites);
+    suite_ = crypto::best_suite(config_.suites, config_.suites);
     static_cast<void>(begin_message_1());
     return {};
   }
@@ -157,7 +157,7 @@ SealedClient::Step SealedClient::send_hello(const wire::Header& header, ConstByt
 bool SealedClient::begin_message_1() noexcept {
   std::ranges::copy(ConstBytes(cookie_).first(sizeof(wire::Cookie)), hello_.begin() + kAtCookie);
   if (!has_cookie_) std::ranges::fill(MutableBytes(hello_).subspan(kAtCookie, 16), std::byte{0});
-  const bool is_aes = suite_ == seal::Suite::kAesGcm;
+  const bool is_aes = suite_ == crypto::Suite::kAesGcm;
   store_le(hello_.data() + kAtFeatures,
            wire::kFeatureSealed | (is_aes ? wire::kFeatureAesGcm : 0U));
   return is_message_1_due_ = true;
@@ -178,7 +178,7 @@ SealedClient::Step SealedClient::message_1() noexcept {
   const wire::Prologue prologue =
       wire::prologue_of(header, payload, has_cookie_ ? ConstBytes(cookie_) : ConstBytes{});
   initiator_.emplace(suite_, config_.own->clone(), config_.server,
-                     config_.preshared != nullptr ? config_.preshared->clone() : seal::Secret{},
+                     config_.preshared != nullptr ? config_.preshared->clone() : crypto::Secret{},
                      config_.random.draw_key(), prologue);
   // sec-6-3: asks for the state of the session that this client still has keys for.
   const bool has_former =
@@ -233,14 +233,14 @@ SealedClient::Step SealedClient::receive_sealed(MutableBytes frame) noexcept {
   }
   if (!is_current(header.session)) return refuse(DropReason::kUnexpected);
   if (auto opened = current().seal->open(wire::kHeaderSize, frame); !opened) {
-    return refuse(opened.error() == seal::OpenError::kReplayed ? DropReason::kReplayed
+    return refuse(opened.error() == crypto::OpenError::kReplayed ? DropReason::kReplayed
                                                                : DropReason::kBadSeal);
   }
   wire::unmark_sealed(frame.data());
   if (header.kind == FrameKind::kClose) {
     end(current());
   }
-  return {.deliver = frame.first(frame.size() - seal::kTrailerSize)};
+  return {.deliver = frame.first(frame.size() - crypto::kTrailerSize)};
 }
 
 SealedClient::Step SealedClient::on_cookie(const wire::Header& header,
@@ -259,7 +259,7 @@ SealedClient::Step SealedClient::on_cookie(const wire::Header& header,
   std::ranges::copy(payload, cookie_.begin());
   has_cookie_ = true;
   has_sealed_hello_ = false;
-  suite_ = seal::best_suite(config_.suites, static_cast<std::uint8_t>(cookie->suites));
+  suite_ = crypto::best_suite(config_.suites, static_cast<std::uint8_t>(cookie->suites));
   if (purpose_ != Purpose::kChannel || config_.medium == wire::Medium::kStream) {
     static_cast<void>(begin_message_1());
     return {};
@@ -313,7 +313,7 @@ SealedClient::Step SealedClient::message_2(MonotonicTime now) noexcept {
   const bool is_stream = config_.medium == wire::Medium::kStream;
   // A probe's and a renewal's session waits until the channel opens one.
   Session& session = purpose_ == Purpose::kChannel ? current() : next();
-  session.seal.emplace(*keys, is_stream ? seal::Order::kExact : seal::Order::kAny, config_.limits);
+  session.seal.emplace(*keys, is_stream ? crypto::Order::kExact : crypto::Order::kAny, config_.limits);
   session.id = granted->session;
   if (config_.key_listener.hear != nullptr) {
     config_.key_listener.hear(config_.key_listener.context, session.id, *keys);

@@ -18,13 +18,13 @@ std::string hex_of(ConstBytes bytes) {
 
 }  // namespace
 
-std::string key_log_line(std::uint64_t session, seal::Suite suite, const seal::Secret& client,
-                         const seal::Secret& server) {
+std::string key_log_line(std::uint64_t session, crypto::Suite suite, const crypto::Secret& client,
+                         const crypto::Secret& server) {
   std::array<std::byte, 8> number;
   for (std::size_t i = 0; i < number.size(); ++i)
     number[i] = static_cast<std::byte>(session >> (56 - 8 * i));
   return "RTPM_SESSION " + hex_of(number) +
-         (suite == seal::Suite::kAesGcm ? " aes-256-gcm " : " chacha20-poly1305 ") +
+         (suite == crypto::Suite::kAesGcm ? " aes-256-gcm " : " chacha20-poly1305 ") +
          hex_of(client.bytes()) + " " + hex_of(server.bytes());
 }
 

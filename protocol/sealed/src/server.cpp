@@ -137,7 +137,7 @@ SealedServer::Outcome SealedServer::on_sealed(MutableBytes frame, const wire::Pe
   if (auto read = wire::decode_sealed_frame(frame, config_.medium, header); !read) {
     return broken(read.error());
   }
-  const MutableBytes plain = frame.first(frame.size() - seal::kTrailerSize);
+  const MutableBytes plain = frame.first(frame.size() - crypto::kTrailerSize);
   Entry* const entry = find(header.session);
   if (entry == nullptr || !entry->session) {
     // The session is not sealed, or has no keys yet.
@@ -149,7 +149,7 @@ SealedServer::Outcome SealedServer::on_sealed(MutableBytes frame, const wire::Pe
   if (!(entry->peer == peer)) return drop(DropReason::kForeignAddress);
   if (auto opened = entry->session->open(wire::kHeaderSize, frame); !opened) {
     if (entry->session->has_ended()) end(*entry, now);
-    return broken(opened.error() == seal::OpenError::kReplayed ? DropReason::kReplayed
+    return broken(opened.error() == crypto::OpenError::kReplayed ? DropReason::kReplayed
                                                                : DropReason::kBadSeal);
   }
   if (!entry->is_confirmed) confirm(*entry, now);
@@ -248,9 +248,9 @@ ConstBytes SealedServer::seal(ConstBytes frame) noexcept {
   }
   Entry& entry = entries()[index];
   if (!entry.session) return {};
-  RTPM_ASSERT(frame.size() + seal::kTrailerSize <= sealed_frame_.size(),
+  RTPM_ASSERT(frame.size() + crypto::kTrailerSize <= sealed_frame_.size(),
               "the sessions' frames leave space for the seal");
-  const MutableBytes out = MutableBytes(sealed_frame_).first(frame.size() + seal::kTrailerSize);
+  const MutableBytes out = MutableBytes(sealed_frame_).first(frame.size() + crypto::kTrailerSize);
   std::ranges::copy(frame.first(wire::kHeaderSize), out.begin());
   wire::mark_sealed(out.data());
   if (!entry.session->seal(out.first(wire::kHeaderSize), frame.subspan(wire::kHeaderSize), out)) {
@@ -259,7 +259,7 @@ ConstBytes SealedServer::seal(ConstBytes frame) noexcept {
   return out;
 }
 
-std::optional<seal::PublicKey> SealedServer::client_of(std::uint64_t session) noexcept {
+std::optional<crypto::PublicKey> SealedServer::client_of(std::uint64_t session) noexcept {
   const Entry* const entry = find(session);
   if (entry == nullptr) return std::nullopt;
   return entry->client;

@@ -123,13 +123,13 @@ SealedServer::Outcome SealedServer::on_sealed_hello(const wire::Header& header, 
   const bool is_stream = config_.medium == wire::Medium::kStream;
   const bool wants_aes = (hello.features & wire::kFeatureAesGcm) != 0;
   const bool has_suite = !wants_aes || (config_.identity->suites &
-                                        static_cast<std::uint8_t>(seal::Suite::kAesGcm)) != 0;
+                                        static_cast<std::uint8_t>(crypto::Suite::kAesGcm)) != 0;
   if (!has_suite ||
       (!is_stream && !cookies_.is_good(hello.cookie, peer, hello.client_epoch, now))) {
     if (has_suite) counters_.drop(DropReason::kBadCookie);
     return give_cookie(header, payload, peer, now);
   }
-  const seal::Digest hash = seal::sha256(frame, {});
+  const crypto::Digest hash = crypto::sha256(frame, {});
   for (Entry& entry : entries()) {
     if (entry.id == 0 || !(entry.peer == peer) || entry.client_epoch != hello.client_epoch ||
         entry.channel != hello.channel || !sessions_.is_known(entry.id)) {
@@ -153,7 +153,7 @@ SealedServer::Outcome SealedServer::on_sealed_hello(const wire::Header& header, 
 
 SealedServer::Outcome SealedServer::begin_job(const wire::Header& header, ConstBytes frame,
                                               const wire::SealedHello& hello,
-                                              const seal::Digest& hash,
+                                              const crypto::Digest& hash,
                                               const wire::PeerAddress& peer,
                                               MonotonicTime now) noexcept {
   const bool is_stream = config_.medium == wire::Medium::kStream;
@@ -176,8 +176,8 @@ SealedServer::Outcome SealedServer::begin_job(const wire::Header& header, ConstB
   job.peer_ = peer;
   job.header_ = header;
   job.hello_ = hello.hello;
-  job.suite_ = (hello.hello.features & wire::kFeatureAesGcm) != 0 ? seal::Suite::kAesGcm
-                                                                  : seal::Suite::kChaChaPoly;
+  job.suite_ = (hello.hello.features & wire::kFeatureAesGcm) != 0 ? crypto::Suite::kAesGcm
+                                                                  : crypto::Suite::kChaChaPoly;
   std::ranges::copy(frame, job.frame_.begin());
   job.frame_hash_ = hash;
   std::array<std::byte, wire::SealedCookie::kSize> cookie;
@@ -312,7 +312,7 @@ SealedServer::Outcome SealedServer::finish(HandshakeJob& job, MonotonicTime now)
   std::ranges::copy(job.message_2_, answer_.begin() + wire::kHeaderSize);
   if (is_new) {
     const bool is_stream = config_.medium == wire::Medium::kStream;
-    entry->session.emplace(*keys, is_stream ? seal::Order::kExact : seal::Order::kAny,
+    entry->session.emplace(*keys, is_stream ? crypto::Order::kExact : crypto::Order::kAny,
                            config_.limits);
     entry->welcome = answer_;
     entry->has_welcome = true;
@@ -325,7 +325,7 @@ SealedServer::Outcome SealedServer::finish(HandshakeJob& job, MonotonicTime now)
 
 // sec-6-7: one key takes at most its share of the table, and replaces only sessions of its own that
 // hp-5.5-1 lets it replace.
-bool SealedServer::make_place(const seal::PublicKey& client, MonotonicTime now) noexcept {
+bool SealedServer::make_place(const crypto::PublicKey& client, MonotonicTime now) noexcept {
   on_time(now);
   make_half_open_place(client, now);
   std::uint32_t count = 0;
@@ -343,7 +343,7 @@ bool SealedServer::make_place(const seal::PublicKey& client, MonotonicTime now) 
 
 // sec-6-1, sec-6-7: half-open sessions take a quarter of the table, those of one key its share of
 // that. A new one replaces the oldest.
-void SealedServer::make_half_open_place(const seal::PublicKey& client, MonotonicTime now) noexcept {
+void SealedServer::make_half_open_place(const crypto::PublicKey& client, MonotonicTime now) noexcept {
   const std::uint32_t count_max = std::max(1U, config_.session_count_max / 4);
   const auto replace_oldest = [&](std::uint32_t limit, auto is_meant) {
     std::uint32_t count = 0;

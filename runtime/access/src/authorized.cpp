@@ -7,7 +7,7 @@
 #include "rtpm/base/expected.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/base/whole_number.hpp"
-#include "rtpm/seal/key_text.hpp"
+#include "rtpm/crypto/key_text.hpp"
 #include "words.hpp"
 
 namespace rtpm::access {
@@ -43,11 +43,11 @@ expected<Subject, Fault> read_subject(const std::vector<Word>& words, std::size_
     subject.user = *user;
     return subject;
   }
-  if (first.text != seal::kKeyTextName)
+  if (first.text != crypto::kKeyTextName)
     return fault_at(first, "a line begins with rtpm25519 and a key, uid:NUMBER or anonymous, not " +
                                quoted(first.text));
   subject.kind = Subject::Kind::kKey;
-  if (next == words.size() || !seal::decode_key(words[next].text, subject.key))
+  if (next == words.size() || !crypto::decode_key(words[next].text, subject.key))
     return fault_at(next == words.size() ? first : words[next],
                     "a public key has 44 characters of Base64; `rtpm key show` prints one");
   ++next;

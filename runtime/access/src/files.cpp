@@ -15,7 +15,7 @@
 
 #include "open_file.hpp"
 #include "rtpm/base/printable.hpp"
-#include "rtpm/seal/key_text.hpp"
+#include "rtpm/crypto/key_text.hpp"
 #include "words.hpp"
 
 namespace rtpm::access {
@@ -27,7 +27,7 @@ constexpr mode_t kWriteOfOthers = S_IWGRP | S_IWOTH;
 /// Secret text, wiped at its end.
 struct SecretText {
   std::string text{};
-  ~SecretText() { seal::wipe(std::as_writable_bytes(std::span(text))); }
+  ~SecretText() { crypto::wipe(std::as_writable_bytes(std::span(text))); }
 };
 
 /// Appends all of the file to `text`, whose memory is reserved so that no copy is left behind.
@@ -104,27 +104,27 @@ expected<std::string, SetupError> key_file_path(const std::string& given, std::s
   return folder;
 }
 
-expected<seal::KeyPair, SetupError> make_key(const std::string& path, std::string_view comment) {
+expected<crypto::KeyPair, SetupError> make_key(const std::string& path, std::string_view comment) {
   const std::filesystem::path folder = std::filesystem::path(path).parent_path();
   std::error_code error;
   if (!folder.empty() && std::filesystem::create_directories(folder, error))
     std::filesystem::permissions(folder, std::filesystem::perms::owner_all, error);
   if (error) return setup_error(printable(folder.string(), kShownWhole) + " can't be made", error);
-  seal::KeyPair pair = seal::KeyPair::generate();
-  seal::KeyText key;
-  seal::encode_key(pair.private_key.bytes(), key);
+  crypto::KeyPair pair = crypto::KeyPair::generate();
+  crypto::KeyText key;
+  crypto::encode_key(pair.private_key.bytes(), key);
   SecretText secret;
   // Enough for the whole line, so that growing leaves no copy behind.
   secret.text.reserve(1024);
-  secret.text.append(seal::kKeyTextName).append(" ").append(key.data(), key.size());
-  seal::wipe(std::as_writable_bytes(std::span(key)));
+  secret.text.append(crypto::kKeyTextName).append(" ").append(key.data(), key.size());
+  crypto::wipe(std::as_writable_bytes(std::span(key)));
   if (!comment.empty()) secret.text.append(" ").append(printable(comment));
   secret.text += '\n';
   if (auto written = write_secret(path, secret.text); !written) return unexpected{written.error()};
   return pair;
 }
 
-expected<seal::KeyPair, SetupError> read_key(const std::string& path) {
+expected<crypto::KeyPair, SetupError> read_key(const std::string& path) {
   const std::string what = printable(path, kShownWhole) + " can't be read";
   const File file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (!file.is_open()) {
@@ -135,13 +135,13 @@ expected<seal::KeyPair, SetupError> read_key(const std::string& path) {
   if (auto checked = check(file, path, kOfOthers); !checked) return unexpected{checked.error()};
   SecretText secret;
   if (const auto error = read_all(file, secret.text)) return setup_error(what, error);
-  std::optional<seal::KeyPair> pair;
+  std::optional<crypto::KeyPair> pair;
   visit_lines(secret.text, [&](std::string_view line, std::size_t) {
     const std::vector<Word> words = words_of(line);
-    seal::PrivateKey key;
-    if (!pair && words.size() >= 2 && words[0].text == seal::kKeyTextName &&
-        seal::decode_key(words[1].text, key.bytes()))
-      pair = seal::KeyPair::of(std::move(key));
+    crypto::PrivateKey key;
+    if (!pair && words.size() >= 2 && words[0].text == crypto::kKeyTextName &&
+        crypto::decode_key(words[1].text, key.bytes()))
+      pair = crypto::KeyPair::of(std::move(key));
   });
   if (!pair)
     return setup_error(what, "it has no line 'rtpm25519 KEY'",
@@ -157,7 +157,7 @@ std::string key_comment(const std::string& path) {
   std::string comment;
   visit_lines(secret.text, [&](std::string_view line, std::size_t) {
     const std::vector<Word> words = words_of(line);
-    if (comment.empty() && words.size() >= 3 && words[0].text == seal::kKeyTextName)
+    if (comment.empty() && words.size() >= 3 && words[0].text == crypto::kKeyTextName)
       comment = printable(line.substr(words[2].column - 1));
   });
   return comment;

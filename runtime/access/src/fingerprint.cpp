@@ -3,7 +3,7 @@
 #include <cctype>
 #include <span>
 
-#include "rtpm/seal/key_text.hpp"
+#include "rtpm/crypto/key_text.hpp"
 #include "words.hpp"
 
 namespace rtpm::access {
@@ -23,9 +23,9 @@ std::string digits_of(std::string_view text) {
 
 }  // namespace
 
-std::string fingerprint(const seal::PublicKey& key) {
+std::string fingerprint(const crypto::PublicKey& key) {
   constexpr std::string_view kDigits = "0123456789abcdef";
-  const seal::Digest digest = seal::sha256(key, {});
+  const crypto::Digest digest = crypto::sha256(key, {});
   std::string text;
   for (std::size_t i = 0; i < kByteCount; ++i) {
     const auto byte = std::to_integer<unsigned>(digest[i]);
@@ -36,23 +36,23 @@ std::string fingerprint(const seal::PublicKey& key) {
   return text;
 }
 
-bool is_fingerprint_of(std::string_view text, const seal::PublicKey& key) {
+bool is_fingerprint_of(std::string_view text, const crypto::PublicKey& key) {
   return digits_of(text) == digits_of(fingerprint(key));
 }
 
-std::string public_key_text(const seal::PublicKey& key) {
-  seal::KeyText text;
-  seal::encode_key(key, text);
-  std::string line(seal::kKeyTextName);
+std::string public_key_text(const crypto::PublicKey& key) {
+  crypto::KeyText text;
+  crypto::encode_key(key, text);
+  std::string line(crypto::kKeyTextName);
   line += ' ';
   return line.append(text.data(), text.size());
 }
 
-std::optional<seal::PublicKey> parse_public_key(std::string_view text) {
+std::optional<crypto::PublicKey> parse_public_key(std::string_view text) {
   const std::vector<Word> words = words_of(text);
-  seal::PublicKey key{};
-  if (words.size() < 2 || words[0].text != seal::kKeyTextName) return std::nullopt;
-  if (!seal::decode_key(words[1].text, key)) return std::nullopt;
+  crypto::PublicKey key{};
+  if (words.size() < 2 || words[0].text != crypto::kKeyTextName) return std::nullopt;
+  if (!crypto::decode_key(words[1].text, key)) return std::nullopt;
   return key;
 }
 

@@ -5,7 +5,7 @@
 #include "rtpm/access/fingerprint.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/base/whole_number.hpp"
-#include "rtpm/seal/key_text.hpp"
+#include "rtpm/crypto/key_text.hpp"
 #include "words.hpp"
 
 namespace rtpm::access {
@@ -43,9 +43,9 @@ std::optional<LineFault> read_line(std::string_view line, KnownServer& server) {
   if (!read_place(words[0].text, server))
     return fault(0, "'" + printable(words[0].text, 64) +
                         "' is no server; write HOST, HOST:PORT or [IPV6]:PORT");
-  if (words.size() < 2 || words[1].text != seal::kKeyTextName)
+  if (words.size() < 2 || words[1].text != crypto::kKeyTextName)
     return fault(1, "rtpm25519 and a key follow the server");
-  if (words.size() < 3 || !seal::decode_key(words[2].text, server.key))
+  if (words.size() < 3 || !crypto::decode_key(words[2].text, server.key))
     return fault(2, "a public key has 44 characters of Base64; `rtpm key show` prints one");
   if (words.size() > 3 && !words[3].text.starts_with('#'))
     return fault(3, "nothing but a comment, which begins with #, follows the key");

@@ -23,7 +23,7 @@ namespace {
 
 class EveryClient : public Admission {
  public:
-  bool admits(const seal::PublicKey&, const wire::PeerAddress&) noexcept override { return true; }
+  bool admits(const crypto::PublicKey&, const wire::PeerAddress&) noexcept override { return true; }
 };
 
 MonotonicTime now() {
@@ -130,8 +130,8 @@ class Server {
 };
 
 int run(std::string_view preshared) {
-  ServerIdentity identity{.key = seal::KeyPair::generate(), .preshared = {}};
-  for (std::size_t i = 0; 2 * i + 1 < preshared.size() && i < seal::kKeySize; ++i) {
+  ServerIdentity identity{.key = crypto::KeyPair::generate(), .preshared = {}};
+  for (std::size_t i = 0; 2 * i + 1 < preshared.size() && i < crypto::kKeySize; ++i) {
     unsigned byte = 0;
     std::from_chars(preshared.data() + 2 * i, preshared.data() + 2 * i + 2, byte, 16);
     identity.preshared.bytes()[i] = static_cast<std::byte>(byte);

@@ -42,7 +42,7 @@ int serve(const std::string& folder) {
     return 1;
   }
   if (!(*server)->add("reverse", reverse) || !(*server)->start()) return 1;
-  std::printf("%d %d ", (*server)->port(), seal::suites_here());
+  std::printf("%d %d ", (*server)->port(), crypto::suites_here());
   for (const std::byte byte : *(*server)->public_key())
     std::printf("%02x", std::to_integer<unsigned>(byte));
   std::printf("\n");

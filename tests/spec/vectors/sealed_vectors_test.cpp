@@ -5,7 +5,7 @@
 
 #include <optional>
 
-#include "rtpm/seal/session.hpp"
+#include "rtpm/crypto/session.hpp"
 #include "rtpm/wire/sealed.hpp"
 #include "vectors.hpp"
 
@@ -17,35 +17,35 @@ Json sealed_vectors(const char* key) {
 }
 
 /// The vector's suite; nullopt if this machine lacks the hardware for it.
-std::optional<seal::Suite> suite_of(const Json& vector) {
-  for (const seal::Suite suite : {seal::Suite::kChaChaPoly, seal::Suite::kAesGcm}) {
-    if (vector.at("suite") != seal::protocol_name(suite)) continue;
-    if ((seal::suites_here() & static_cast<unsigned>(suite)) != 0) return suite;
+std::optional<crypto::Suite> suite_of(const Json& vector) {
+  for (const crypto::Suite suite : {crypto::Suite::kChaChaPoly, crypto::Suite::kAesGcm}) {
+    if (vector.at("suite") != crypto::protocol_name(suite)) continue;
+    if ((crypto::suites_here() & static_cast<unsigned>(suite)) != 0) return suite;
   }
   return std::nullopt;
 }
 
-seal::Secret secret_at(const Json& vector, const char* key) {
-  return seal::Secret(
-      std::span<const std::byte, seal::kKeySize>(bytes_of_hex(vector.at(key).get<std::string>())));
+crypto::Secret secret_at(const Json& vector, const char* key) {
+  return crypto::Secret(
+      std::span<const std::byte, crypto::kKeySize>(bytes_of_hex(vector.at(key).get<std::string>())));
 }
 Bytes bytes_at(const Json& vector, const char* key) {
   return bytes_of_hex(vector.at(key).get<std::string>());
 }
 
 /// A receiver and a sender of one key.
-seal::SessionKeys keys_of(const Json& vector, seal::Suite suite) {
+crypto::SessionKeys keys_of(const Json& vector, crypto::Suite suite) {
   return {suite, secret_at(vector, "key"), secret_at(vector, "key"), {}};
 }
 
 /// Why `frame` is dropped; "" if it is opened.
-std::string opened_as(seal::SealedSession& session, Bytes frame) {
+std::string opened_as(crypto::SealedSession& session, Bytes frame) {
   wire::Header header;
   const auto read = wire::decode_sealed_frame(frame, wire::Medium::kDatagram, header);
   if (!read) return std::string(to_string(read.error()));
   const auto opened = session.open(wire::kHeaderSize, frame);
   if (opened) return {};
-  const bool is_replayed = opened.error() == seal::OpenError::kReplayed;
+  const bool is_replayed = opened.error() == crypto::OpenError::kReplayed;
   return std::string(
       to_string(is_replayed ? wire::DropReason::kReplayed : wire::DropReason::kBadSeal));
 }
@@ -67,7 +67,7 @@ struct HelloParts {
   wire::Prologue prologue{};
 };
 
-void expect_keys(const seal::SessionKeys& keys, const Json& vector, const char* ours,
+void expect_keys(const crypto::SessionKeys& keys, const Json& vector, const char* ours,
                  const char* theirs) {
   EXPECT_EQ(hex_of(keys.send.bytes()), vector.at(ours));
   EXPECT_EQ(hex_of(keys.receive.bytes()), vector.at(theirs));
@@ -82,10 +82,10 @@ TEST(SealedVectors, HandshakesOfTheClient) {
     if (!suite) continue;
     const HelloParts hello(vector);
     EXPECT_EQ(hex_of(hello.prologue), vector.at("prologue"));
-    const auto server = seal::KeyPair::of(secret_at(vector, "server_private"));
-    seal::Initiator initiator(*suite, seal::KeyPair::of(secret_at(vector, "client_private")),
+    const auto server = crypto::KeyPair::of(secret_at(vector, "server_private"));
+    crypto::Initiator initiator(*suite, crypto::KeyPair::of(secret_at(vector, "client_private")),
                               server.public_key, secret_at(vector, "psk"),
-                              seal::KeyPair::of(secret_at(vector, "client_ephemeral")),
+                              crypto::KeyPair::of(secret_at(vector, "client_ephemeral")),
                               hello.prologue);
     Bytes former(wire::kMessage1PayloadSize);
     store_le(former.data(), wide_number(vector.at("former_session")));
@@ -116,13 +116,13 @@ TEST(SealedVectors, HandshakesOfTheServer) {
     const HelloParts parts(vector);
     const auto hello = wire::decode_sealed_hello(parts.payload);
     ASSERT_TRUE(hello);
-    EXPECT_EQ((hello->hello.features & wire::kFeatureAesGcm) != 0, *suite == seal::Suite::kAesGcm);
-    seal::Responder responder(*suite, seal::KeyPair::of(secret_at(vector, "server_private")),
+    EXPECT_EQ((hello->hello.features & wire::kFeatureAesGcm) != 0, *suite == crypto::Suite::kAesGcm);
+    crypto::Responder responder(*suite, crypto::KeyPair::of(secret_at(vector, "server_private")),
                               secret_at(vector, "psk"), parts.prologue);
     Bytes former(wire::kMessage1PayloadSize);
     const auto client = responder.read_message_1(hello->message, former);
     ASSERT_TRUE(client);
-    EXPECT_EQ(*client, seal::KeyPair::of(secret_at(vector, "client_private")).public_key);
+    EXPECT_EQ(*client, crypto::KeyPair::of(secret_at(vector, "client_private")).public_key);
     EXPECT_EQ(load_le<std::uint64_t>(former.data()), wide_number(vector.at("former_session")));
 
     const Bytes inside = bytes_at(vector, "welcome_inside");
@@ -132,7 +132,7 @@ TEST(SealedVectors, HandshakesOfTheServer) {
     encode(*read, again);
     EXPECT_EQ(again, inside);
     Bytes message(wire::SealedWelcome::kSize);
-    ASSERT_TRUE(responder.write_message_2(seal::KeyPair::of(secret_at(vector, "server_ephemeral")),
+    ASSERT_TRUE(responder.write_message_2(crypto::KeyPair::of(secret_at(vector, "server_ephemeral")),
                                           inside, message));
     EXPECT_EQ(hex_of(message),
               hex_of(ConstBytes(bytes_at(vector, "welcome")).subspan(wire::kHeaderSize)));
@@ -172,14 +172,14 @@ TEST(SealedVectors, BadPayloadsAreNotRead) {
 
 // sec-4-1, sec-4-3, sec-5-1: one session, frame after frame.
 TEST(SealedVectors, FramesAreSealedAndOpened) {
-  std::optional<seal::SealedSession> sender, receiver;
+  std::optional<crypto::SealedSession> sender, receiver;
   for (const Json& vector : sealed_vectors("frames")) {
     SCOPED_TRACE(vector.at("name"));
     const auto suite = suite_of(vector);
     if (!suite) continue;
     if (vector.at("counter") == 0) {
-      sender.emplace(keys_of(vector, *suite), seal::Order::kAny);
-      receiver.emplace(keys_of(vector, *suite), seal::Order::kExact);
+      sender.emplace(keys_of(vector, *suite), crypto::Order::kAny);
+      receiver.emplace(keys_of(vector, *suite), crypto::Order::kExact);
     }
     const Bytes header = bytes_at(vector, "header");
     const Bytes payload = bytes_at(vector, "payload");
@@ -190,7 +190,7 @@ TEST(SealedVectors, FramesAreSealedAndOpened) {
     wire::mark_sealed(plain.data());
     EXPECT_EQ(plain, header);
 
-    Bytes frame(header.size() + payload.size() + seal::kTrailerSize);
+    Bytes frame(header.size() + payload.size() + crypto::kTrailerSize);
     ASSERT_TRUE(sender->seal(header, payload, frame));
     EXPECT_EQ(hex_of(frame), vector.at("hex"));
     wire::Header read;
@@ -204,9 +204,9 @@ TEST(SealedVectors, FramesAreSealedAndOpened) {
 
 // sec-4-2, sec-4-4, sec-5-3
 TEST(SealedVectors, BadFramesAreDroppedAndChangeNothing) {
-  std::optional<seal::SealedSession> session;
+  std::optional<crypto::SealedSession> session;
   const Json vectors = sealed_vectors("bad_frames");
-  session.emplace(keys_of(vectors.at(0), *suite_of(vectors.at(0))), seal::Order::kAny);
+  session.emplace(keys_of(vectors.at(0), *suite_of(vectors.at(0))), crypto::Order::kAny);
   for (const Json& vector : vectors) {
     SCOPED_TRACE(vector.at("name"));
     if (vector.at("drop") == "") continue;
@@ -230,19 +230,19 @@ TEST(SealedVectors, EachKeyFollowsFromTheOneBefore) {
   for (const Json& vector : sealed_vectors("keys")) {
     const auto suite = suite_of(vector);
     if (!suite) continue;
-    seal::AeadKey key;
+    crypto::AeadKey key;
     const Json& keys = vector.at("keys");
-    key.set(*suite, seal::Secret(std::span<const std::byte, seal::kKeySize>(
+    key.set(*suite, crypto::Secret(std::span<const std::byte, crypto::kKeySize>(
                         bytes_of_hex(keys.at(0).get<std::string>()))));
     for (std::size_t i = 1; i < keys.size(); ++i) {
-      seal::AeadKey next, same;
+      crypto::AeadKey next, same;
       next.set_next_of(key);
-      same.set(*suite, seal::Secret(std::span<const std::byte, seal::kKeySize>(
+      same.set(*suite, crypto::Secret(std::span<const std::byte, crypto::kKeySize>(
                            bytes_of_hex(keys.at(i).get<std::string>()))));
       // Two keys are alike if one opens what the other seals.
-      Bytes text(5), sealed(5), tag(seal::kTagSize);
-      same.seal(7, {}, text, sealed, std::span<std::byte, seal::kTagSize>(tag));
-      EXPECT_TRUE(next.open(7, {}, sealed, std::span<const std::byte, seal::kTagSize>(tag), text));
+      Bytes text(5), sealed(5), tag(crypto::kTagSize);
+      same.seal(7, {}, text, sealed, std::span<std::byte, crypto::kTagSize>(tag));
+      EXPECT_TRUE(next.open(7, {}, sealed, std::span<const std::byte, crypto::kTagSize>(tag), text));
       key.copy_from(next);
     }
   }
@@ -254,7 +254,7 @@ TEST(SealedVectors, WindowsAndKeysTakeWhatTheyShould) {
     SCOPED_TRACE(vector.at("name"));
     const auto suite = suite_of(vector);
     if (!suite) continue;
-    seal::SealedSession session(keys_of(vector, *suite), seal::Order::kAny);
+    crypto::SealedSession session(keys_of(vector, *suite), crypto::Order::kAny);
     for (const Json& step : vector.at("steps")) {
       EXPECT_EQ(opened_as(session, bytes_at(step, "hex")), step.value("drop", ""))
           << step.at("counter");

@@ -5,7 +5,7 @@
 
 #include "capture.hpp"
 #include "peers.hpp"
-#include "rtpm/seal/session.hpp"
+#include "rtpm/crypto/session.hpp"
 #include "rtpm/wire/control.hpp"
 #include "rtpm/wire/sealed.hpp"
 #include "talk.hpp"
@@ -29,10 +29,10 @@ class SealedDissector : public testing::Test {
   }
 };
 
-std::vector<seal::Suite> suites() {
-  std::vector<seal::Suite> all{seal::Suite::kChaChaPoly};
-  if (seal::best_suite(seal::suites_here(), 3) == seal::Suite::kAesGcm) {
-    all.push_back(seal::Suite::kAesGcm);
+std::vector<crypto::Suite> suites() {
+  std::vector<crypto::Suite> all{crypto::Suite::kChaChaPoly};
+  if (crypto::best_suite(crypto::suites_here(), 3) == crypto::Suite::kAesGcm) {
+    all.push_back(crypto::Suite::kAesGcm);
   }
   return all;
 }
@@ -40,36 +40,36 @@ std::vector<seal::Suite> suites() {
 /// One direction of a session: its keys by generation, as our code makes them.
 class Direction {
  public:
-  Direction(seal::Suite suite, std::byte filling) : suite_(suite) {
+  Direction(crypto::Suite suite, std::byte filling) : suite_(suite) {
     std::ranges::fill(key_.bytes(), filling);
   }
   [[nodiscard]] std::string hex() const {
     return hex_of(Bytes(key_.bytes().begin(), key_.bytes().end()));
   }
   [[nodiscard]] Bytes seal(wire::Header header, const Bytes& payload, std::uint64_t counter) const {
-    seal::AeadKey key;
+    crypto::AeadKey key;
     key.set(suite_, key_);
     for (std::uint64_t generation = counter >> 22; generation > 0; --generation) {
-      seal::AeadKey next;
+      crypto::AeadKey next;
       next.set_next_of(key);
       key.copy_from(next);
     }
     header.session = kSession;
     header.payload_size = header.message_size = static_cast<std::uint32_t>(payload.size());
-    Bytes frame(wire::kHeaderSize + payload.size() + seal::kTrailerSize);
+    Bytes frame(wire::kHeaderSize + payload.size() + crypto::kTrailerSize);
     wire::encode(header, frame.data());
     wire::mark_sealed(frame.data());
     const MutableBytes out(frame);
     store_le(frame.data() + wire::kHeaderSize + payload.size(), counter);
     key.seal(counter, out.first(wire::kHeaderSize), payload,
              out.subspan(wire::kHeaderSize, payload.size()),
-             std::span<std::byte, seal::kTagSize>(out.last(seal::kTagSize)));
+             std::span<std::byte, crypto::kTagSize>(out.last(crypto::kTagSize)));
     return frame;
   }
 
  private:
-  seal::Suite suite_;
-  seal::Secret key_;
+  crypto::Suite suite_;
+  crypto::Secret key_;
 };
 
 Bytes bind_request() {
@@ -122,15 +122,15 @@ Capture captured(const Direction& client, const Direction& server, bool is_strea
   return capture;
 }
 
-std::string log_line(seal::Suite suite, const Direction& client, const Direction& server) {
+std::string log_line(crypto::Suite suite, const Direction& client, const Direction& server) {
   return "RTPM_SESSION b7fc5e0b78510000 " +
-         std::string(suite == seal::Suite::kAesGcm ? "aes-256-gcm" : "chacha20-poly1305") + " " +
+         std::string(suite == crypto::Suite::kAesGcm ? "aes-256-gcm" : "chacha20-poly1305") + " " +
          client.hex() + " " + server.hex() + "\n";
 }
 
 // spec/security.md#sec-9
 TEST_F(SealedDissector, OpensFramesByAKeyLog) {
-  for (const seal::Suite suite : suites()) {
+  for (const crypto::Suite suite : suites()) {
     for (const bool is_stream : {false, true}) {
       const Direction client(suite, std::byte{0x55});
       const Direction server(suite, std::byte{0x66});
@@ -185,8 +185,8 @@ TEST_F(SealedDissector, OpensASessionByTheLineOfItsServer) {
 }
 
 TEST_F(SealedDissector, ShowsWhatIsReadableWithoutKeys) {
-  const Direction client(seal::Suite::kChaChaPoly, std::byte{0x55});
-  const Direction server(seal::Suite::kChaChaPoly, std::byte{0x66});
+  const Direction client(crypto::Suite::kChaChaPoly, std::byte{0x55});
+  const Direction server(crypto::Suite::kChaChaPoly, std::byte{0x66});
   for (const std::string& log : {std::string(), std::string("RTPM_SESSION 12 aes-256-gcm 5 6\n")}) {
     const auto rows = dissect(captured(client, server, false),
                               {"rtpm.payload", "rtpm.object", "rtpm.sealed.encrypted",

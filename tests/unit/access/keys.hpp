@@ -7,8 +7,8 @@
 namespace rtpm::access {
 
 /// Base64 of 32 bytes that are all `value`, and the subject with this key.
-inline seal::PublicKey key_of(unsigned char value) {
-  seal::PublicKey key{};
+inline crypto::PublicKey key_of(unsigned char value) {
+  crypto::PublicKey key{};
   key.fill(std::byte{value});
   return key;
 }

@@ -186,7 +186,7 @@ class PlainProber final : public Prober {
 /// A caller in a sealed session, with a key.
 class KeyProber final : public Prober {
  public:
-  KeyProber(Transport transport, const Server& server, const seal::KeyPair& key)
+  KeyProber(Transport transport, const Server& server, const crypto::KeyPair& key)
       : peer_(transport, server.port(), *server.public_key(), key), items_(32 * 2048) {}
 
  private:
@@ -334,9 +334,9 @@ void compare_local(const Model& model, Server& server, Runs& runs) {
 }
 
 /// The keys of two callers, and of a stranger that no line names.
-using Keys = std::array<seal::KeyPair, 3>;
+using Keys = std::array<crypto::KeyPair, 3>;
 
-std::string text_of(const seal::KeyPair& key) {
+std::string text_of(const crypto::KeyPair& key) {
   access::Subject subject;
   subject.kind = access::Subject::Kind::kKey;
   subject.key = key.public_key;
@@ -384,7 +384,7 @@ TEST(AccessMatrix, IsWhatTheLinesSayOverEveryTransport) {
   std::optional<OtherUser> other;
   if (geteuid() == 0) other.emplace();
   const KeyFolder folder;
-  const Keys keys{seal::KeyPair::generate(), seal::KeyPair::generate(), seal::KeyPair::generate()};
+  const Keys keys{crypto::KeyPair::generate(), crypto::KeyPair::generate(), crypto::KeyPair::generate()};
   for (const Round& round : rounds(keys)) {
     const Model& model = round.model;
     SCOPED_TRACE(model.text());
@@ -402,7 +402,7 @@ TEST(AccessMatrix, IsWhatTheLinesSayOverEveryTransport) {
     if (other) {
       check("shared memory", "uid:" + std::to_string(kOtherUser), other->probe(port));
     }
-    for (const seal::KeyPair& key : keys) {
+    for (const crypto::KeyPair& key : keys) {
       // A stranger gets only hints, and waits in vain for answers, so it skips most rounds.
       if (!model.knows(text_of(key)) && !round.has_strangers) continue;
       check("sealed UDP", text_of(key), KeyProber(Transport::kUdp, *secured.server, key).probe());

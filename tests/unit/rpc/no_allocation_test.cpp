@@ -338,7 +338,7 @@ INSTANTIATE_TEST_SUITE_P(Sealed, NoAllocationOfLanes,
 TEST_P(NoAllocationOfLanes, InSealedSessions) {
   if (!rtpm::test::is_alloc_guard_active()) GTEST_SKIP() << rtpm::test::kAllocGuardInactive;
   const KeyFolder folder;
-  const seal::KeyPair key = seal::KeyPair::generate();
+  const crypto::KeyPair key = crypto::KeyPair::generate();
   access::Subject subject;
   subject.kind = access::Subject::Kind::kKey;
   subject.key = key.public_key;
@@ -349,7 +349,7 @@ TEST_P(NoAllocationOfLanes, InSealedSessions) {
   config.security.key_file = folder.file("key");
   config.security.key_log_file = folder.file("keys");
   EchoServer server(config);
-  const auto peer_with = [&](const seal::KeyPair& own) {
+  const auto peer_with = [&](const crypto::KeyPair& own) {
     return rtpm::test::SealedPeer(GetParam(), server.server->port(), *server.server->public_key(),
                                   own);
   };
@@ -358,7 +358,7 @@ TEST_P(NoAllocationOfLanes, InSealedSessions) {
   for (int i = 0; i < 100; ++i)
     ASSERT_TRUE(client.call(echo::kEcho.id, bytes_of("a")).is_ok());
   ASSERT_TRUE(client.call(echo::kEcho.id, Bytes(200'000)).is_ok());
-  auto stranger = peer_with(seal::KeyPair::generate());
+  auto stranger = peer_with(crypto::KeyPair::generate());
   EXPECT_FALSE(stranger.open(std::chrono::milliseconds{50}));
   RawPeer plain(GetParam(), server.server->port());
   EXPECT_FALSE(plain.open(std::chrono::milliseconds{50}));

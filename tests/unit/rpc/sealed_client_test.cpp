@@ -88,8 +88,8 @@ class SealedClientTest : public testing::TestWithParam<Transport> {
   }
 
   KeyFolder folder_;
-  seal::PublicKey key_{};
-  seal::PublicKey server_key_{};
+  crypto::PublicKey key_{};
+  crypto::PublicKey server_key_{};
 };
 
 INSTANTIATE_TEST_SUITE_P(Both, SealedClientTest, testing::Values(Transport::kUdp, Transport::kTcp),

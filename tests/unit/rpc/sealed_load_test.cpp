@@ -77,7 +77,7 @@ class SealedLoad : public testing::TestWithParam<Transport> {
   }
 
   KeyFolder folder_;
-  seal::KeyPair key_ = seal::KeyPair::generate();
+  crypto::KeyPair key_ = crypto::KeyPair::generate();
   SlowServant slow_;
   echo::Servant echo_;
   std::unique_ptr<Server> server_;
@@ -311,7 +311,7 @@ TEST_P(SealedLoad, AHostThatConnectsAgainAndAgainIsCutOff) {
   int refused_count = 0;
   for (int i = 0; i < 300; ++i) {
     SealedPeer client(GetParam(), server_->port(), *server_->public_key(),
-                      seal::KeyPair::generate());
+                      crypto::KeyPair::generate());
     client.begin_open();
     if (client.await(rt::now() + 5ms).kind == Kind::kBroken) ++refused_count;
   }

@@ -16,7 +16,7 @@ using namespace std::chrono_literals;
 using rtpm::test::SealedPeer;
 using Kind = SealedPeer::Kind;
 
-std::string grant_for(const seal::KeyPair& key, const std::string& what) {
+std::string grant_for(const crypto::KeyPair& key, const std::string& what) {
   access::Subject subject;
   subject.kind = access::Subject::Kind::kKey;
   subject.key = key.public_key;
@@ -36,7 +36,7 @@ class Sealed : public testing::TestWithParam<Transport> {
   void serve(const std::string& what = "role=command on=**") {
     server_.emplace(config_with(folder_, grant_for(key_, what)));
   }
-  [[nodiscard]] SealedPeer peer(const seal::KeyPair& key) {
+  [[nodiscard]] SealedPeer peer(const crypto::KeyPair& key) {
     return {GetParam(), server_->server->port(), *server_->server->public_key(), key};
   }
   [[nodiscard]] SealedPeer peer() { return peer(key_); }
@@ -45,7 +45,7 @@ class Sealed : public testing::TestWithParam<Transport> {
   }
 
   KeyFolder folder_;
-  seal::KeyPair key_ = seal::KeyPair::generate();
+  crypto::KeyPair key_ = crypto::KeyPair::generate();
   std::optional<EchoServer> server_;
 };
 
@@ -82,7 +82,7 @@ TEST_P(Sealed, ReceiptsAndOnewaysComeThrough) {
 
 TEST_P(Sealed, AStrangerIsRefused) {
   serve();
-  SealedPeer stranger = peer(seal::KeyPair::generate());
+  SealedPeer stranger = peer(crypto::KeyPair::generate());
   EXPECT_FALSE(stranger.open(500ms));
   EXPECT_EQ(stranger.sealed().hint(), wire::Status::kNotAllowed);
   SealedPeer client = peer();
@@ -92,7 +92,7 @@ TEST_P(Sealed, AStrangerIsRefused) {
 
 TEST_P(Sealed, AClientOfAnotherServersKeyHearsNothing) {
   serve();
-  SealedPeer client(GetParam(), server_->server->port(), seal::KeyPair::generate().public_key,
+  SealedPeer client(GetParam(), server_->server->port(), crypto::KeyPair::generate().public_key,
                     key_);
   EXPECT_FALSE(client.open(500ms));
   ASSERT_TRUE(client.sealed().other_key() || GetParam() == Transport::kTcp);

@@ -39,7 +39,7 @@ class KeyFindings : public testing::Test {
   }
 
   std::string folder_;
-  std::string server_ = "10.0.0.7 " + access::public_key_text(seal::PublicKey{}) + "\n";
+  std::string server_ = "10.0.0.7 " + access::public_key_text(crypto::PublicKey{}) + "\n";
 };
 
 TEST_F(KeyFindings, AreGoodForAUserWithoutAny) {

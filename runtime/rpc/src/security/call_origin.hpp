@@ -29,7 +29,7 @@ struct CallOrigin {
 /// A peer over a network: with a key in a sealed session, otherwise anonymous.
 /// @param client  null: the session is not sealed
 /// @realtime alloc-free
-[[nodiscard]] inline CallOrigin origin_at(const seal::PublicKey* client,
+[[nodiscard]] inline CallOrigin origin_at(const crypto::PublicKey* client,
                                           const wire::PeerAddress& peer) noexcept {
   CallOrigin origin;
   origin.address = network_address(peer);

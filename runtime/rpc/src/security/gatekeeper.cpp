@@ -10,7 +10,7 @@
 namespace rtpm::rpc {
 namespace {
 
-expected<seal::KeyPair, SetupError> read_or_make_key(const std::string& file) {
+expected<crypto::KeyPair, SetupError> read_or_make_key(const std::string& file) {
   auto path = access::key_file_path(file, access::kKeyFile);
   if (!path) return unexpected{path.error()};
   const auto is_there = [&] { return access::stamp_of(*path).is_of_file(); };

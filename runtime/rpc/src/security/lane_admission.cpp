@@ -4,7 +4,7 @@
 
 namespace rtpm::rpc {
 
-bool LaneAdmission::admits(const seal::PublicKey& client, const wire::PeerAddress& peer) noexcept {
+bool LaneAdmission::admits(const crypto::PublicKey& client, const wire::PeerAddress& peer) noexcept {
   return judge(origin_at(&client, peer));
 }
 

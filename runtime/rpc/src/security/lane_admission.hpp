@@ -16,7 +16,7 @@ class LaneAdmission final : public sealed::Admission {
       : control_(control), audit_(audit), rate_(rate) {}
 
   /// A refusal is noted.
-  [[nodiscard]] bool admits(const seal::PublicKey& client,
+  [[nodiscard]] bool admits(const crypto::PublicKey& client,
                             const wire::PeerAddress& peer) noexcept override;
   [[nodiscard]] bool admits_unsealed(const wire::PeerAddress& peer) noexcept override;
   [[nodiscard]] Priority ceiling(sealed::ClientKey client,

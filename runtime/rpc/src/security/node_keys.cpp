@@ -76,7 +76,7 @@ expected<std::shared_ptr<const OwnKey>, SetupError> NodeKeys::own() {
                      "make a rpc::Node of its own in the child, or call exec()");
 }
 
-access::KnownServer NodeKeys::entry_of(const seal::PublicKey& key) {
+access::KnownServer NodeKeys::entry_of(const crypto::PublicKey& key) {
   const std::lock_guard lock(mutex_);
   for (const access::KnownServer& known : known_.servers) {
     if (known.key == key) return known;
@@ -86,7 +86,7 @@ access::KnownServer NodeKeys::entry_of(const seal::PublicKey& key) {
   return without_line;
 }
 
-void NodeKeys::log(std::uint64_t session, const seal::SessionKeys& keys) noexcept {
+void NodeKeys::log(std::uint64_t session, const crypto::SessionKeys& keys) noexcept {
   const rt::AllowAllocationScope is_allowed;
   const std::lock_guard lock(mutex_);
   if (!key_log_) return;

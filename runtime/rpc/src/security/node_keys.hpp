@@ -20,7 +20,7 @@
 namespace rtpm::rpc {
 
 /// A node's long-lived key.
-using OwnKey = Secret<seal::KeyPair>;
+using OwnKey = Secret<crypto::KeyPair>;
 
 /// A node's key and the servers that it knows. Binds read their files when they first need them,
 /// and again when these have changed.
@@ -42,14 +42,14 @@ class NodeKeys {
   /// @errors   this is a child of the process that read it
   [[nodiscard]] expected<std::shared_ptr<const OwnKey>, SetupError> own();
   /// The line of known_servers that has this key; without one, with line 0.
-  [[nodiscard]] access::KnownServer entry_of(const seal::PublicKey& key);
+  [[nodiscard]] access::KnownServer entry_of(const crypto::PublicKey& key);
 
   [[nodiscard]] bool has_log() const noexcept { return !files_.key_log_file.empty(); }
   /// Writes the keys of a session into the key log.
-  void log(std::uint64_t session, const seal::SessionKeys& keys) noexcept;
+  void log(std::uint64_t session, const crypto::SessionKeys& keys) noexcept;
 
   // The limits of later sessions; only tests change them.
-  seal::SessionLimits limits{};
+  crypto::SessionLimits limits{};
   Duration renewal_interval = sealed::SealedClientConfig{}.renewal_interval;
 
  private:

@@ -28,7 +28,7 @@ constexpr Duration kOverdue = std::chrono::seconds{10};
 /// How long frames over a connection whose session has moved to another may be on their way.
 constexpr Duration kFormerMax = std::chrono::seconds{1};
 
-void hear_keys(void* context, std::uint64_t session, const seal::SessionKeys& keys) {
+void hear_keys(void* context, std::uint64_t session, const crypto::SessionKeys& keys) {
   static_cast<NodeKeys*>(context)->log(session, keys);
 }
 

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "rtpm/rpc/node.hpp"
-#include "rtpm/seal/primitives.hpp"
+#include "rtpm/crypto/primitives.hpp"
 #include "rtpm/transport/address.hpp"
 
 namespace rtpm::rpc {
@@ -29,7 +29,7 @@ struct ServerAddress {
   Transport transport = Transport::kUdp;  ///< Not kAuto.
   std::string memory_folder{};            ///< The sockets' folder; empty if names are abstract.
   /// Only for a known server over UDP or TCP: its sessions are sealed, always.
-  std::optional<seal::PublicKey> key{};
+  std::optional<crypto::PublicKey> key{};
   friend auto operator<=>(const ServerAddress&, const ServerAddress&) = default;
 };
 

@@ -42,7 +42,7 @@ HelloFrame hello_of(std::uint32_t number) {
 /// The content of a frame on the server's key: nothing, that it has none, or the key.
 enum class Answer : std::uint8_t { kNone, kNoKey, kKey };
 
-Answer answer_of(ConstBytes frame, std::uint32_t number, seal::PublicKey& key) {
+Answer answer_of(ConstBytes frame, std::uint32_t number, crypto::PublicKey& key) {
   const auto header = wire::decode_frame(frame);
   if (!header || header->call_id != number) return Answer::kNone;
   // A server without sealed sessions does not see what the client offers.
@@ -55,7 +55,7 @@ Answer answer_of(ConstBytes frame, std::uint32_t number, seal::PublicKey& key) {
 }
 
 /// The first answer that comes until then, or until the host refuses the datagram.
-Answer await_answer(transport::ClientTransport& server, std::uint32_t number, seal::PublicKey& key,
+Answer await_answer(transport::ClientTransport& server, std::uint32_t number, crypto::PublicKey& key,
                     MonotonicTime until, int& refusal_count) {
   while (rt::now() < until) {
     const auto frame = server.await(until);
@@ -79,14 +79,14 @@ unexpected<SetupError> no_answer(const std::string& where, bool is_refused) {
 
 }  // namespace
 
-expected<seal::PublicKey, SetupError> ask_server_key(const std::string& host, std::uint16_t port,
+expected<crypto::PublicKey, SetupError> ask_server_key(const std::string& host, std::uint16_t port,
                                                      MonotonicTime deadline) {
   const std::string where = wire::host_and_port(host, port);
   auto server = transport::open_udp_transport(host, port, Priority{0});
   if (!server) return unexpected{server.error()};
   const auto number = static_cast<std::uint32_t>(rt::random_u64());
   const HelloFrame hello = hello_of(number);
-  seal::PublicKey key{};
+  crypto::PublicKey key{};
   Duration repetition = kFirstRepetition;
   int refusal_count = 0;
   while (rt::now() < deadline && refusal_count < kRefusalCountMax) {

@@ -61,7 +61,7 @@ class ServerImpl final : public Server {
   ServedCallers served_callers() const override;
   ServerCounters counters() const noexcept override;
   std::shared_ptr<CallTap> tap() noexcept override { return tap_; }
-  std::optional<seal::PublicKey> public_key() const noexcept override {
+  std::optional<crypto::PublicKey> public_key() const noexcept override {
     return identity_ ? std::optional((*identity_)->key.public_key) : std::nullopt;
   }
 

@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "rtpm/seal/session.hpp"
+#include "rtpm/crypto/session.hpp"
 #include "rtpm/sealed/key_log.hpp"
 #include "rtpm/sealed/random_source.hpp"
 #include "rtpm/wire/client_channel.hpp"
@@ -16,14 +16,14 @@ namespace rtpm::sealed {
 /// How a client seals the session of one channel.
 struct SealedClientConfig {
   wire::Medium medium = wire::Medium::kDatagram;
-  const seal::KeyPair* own = nullptr;             ///< The client's key.
-  seal::PublicKey server{};                       ///< The server's key, from the configuration.
-  const seal::PresharedKey* preshared = nullptr;  ///< May be null.
-  std::uint8_t suites = seal::suites_here();
+  const crypto::KeyPair* own = nullptr;             ///< The client's key.
+  crypto::PublicKey server{};                       ///< The server's key, from the configuration.
+  const crypto::PresharedKey* preshared = nullptr;  ///< May be null.
+  std::uint8_t suites = crypto::suites_here();
   /// Random for each life of the program (hp-4-2).
   std::uint32_t handshake_number = 0;
   RandomSource random{};
-  seal::SessionLimits limits{};
+  crypto::SessionLimits limits{};
   /// Keys older than this are due for renewal.
   Duration renewal_interval = std::chrono::hours{24};
   KeyListener key_listener{};
@@ -108,7 +108,7 @@ class SealedClient {
 
   /// A session, and the grants of its WELCOME.
   struct Session {
-    std::optional<seal::SealedSession> seal;
+    std::optional<crypto::SealedSession> seal;
     std::uint64_t id = 0;
     MonotonicTime opened{};
     wire::Welcome granted{};
@@ -157,12 +157,12 @@ class SealedClient {
   bool has_sealed_hello_ = false;     ///< sealed_hello_ answers cookie_.
   std::uint32_t number_;              ///< The handshake's number, as the server sees it.
   std::uint32_t channel_number_ = 0;  ///< The number by the channel's count.
-  seal::Suite suite_ = seal::Suite::kChaChaPoly;
+  crypto::Suite suite_ = crypto::Suite::kChaChaPoly;
   std::array<std::byte, wire::SealedCookie::kSize> cookie_{};
   std::array<std::byte, kHelloSize> hello_{};  ///< The channel's last one, as it was sent.
   std::array<std::byte, kSealedHelloSize> sealed_hello_{};
   std::array<std::byte, kWelcomeSize> welcome_{};
-  std::optional<seal::Initiator> initiator_;
+  std::optional<crypto::Initiator> initiator_;
 
   // The refused frame that a probe is about, and when another may begin.
   wire::Header refused_{};

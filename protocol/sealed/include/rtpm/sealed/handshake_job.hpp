@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "rtpm/seal/handshake.hpp"
+#include "rtpm/crypto/handshake.hpp"
 #include "rtpm/sealed/random_source.hpp"
 #include "rtpm/wire/cookie.hpp"
 #include "rtpm/wire/sealed.hpp"
@@ -14,9 +14,9 @@ namespace rtpm::sealed {
 
 /// A server's identity, for all its lanes. It outlives them.
 struct ServerIdentity {
-  seal::KeyPair key;
-  seal::PresharedKey preshared;  ///< All zeros if there is none.
-  std::uint8_t suites = seal::suites_here();
+  crypto::KeyPair key;
+  crypto::PresharedKey preshared;  ///< All zeros if there is none.
+  std::uint8_t suites = crypto::suites_here();
   RandomSource random{};
 };
 
@@ -51,13 +51,13 @@ class HandshakeJob {
   wire::PeerAddress peer_{};
   wire::Header header_{};
   wire::Hello hello_{};
-  seal::Suite suite_ = seal::Suite::kChaChaPoly;
+  crypto::Suite suite_ = crypto::Suite::kChaChaPoly;
   std::array<std::byte, kHelloSize> frame_{};  ///< The HELLO.
-  seal::Digest frame_hash_{};
+  crypto::Digest frame_hash_{};
   wire::Prologue prologue_{};
-  std::optional<seal::Responder> responder_;
-  std::optional<seal::SessionKeys> keys_;  ///< After message 2.
-  std::optional<seal::PublicKey> client_;  ///< Nothing if message 1 was not authentic.
+  std::optional<crypto::Responder> responder_;
+  std::optional<crypto::SessionKeys> keys_;  ///< After message 2.
+  std::optional<crypto::PublicKey> client_;  ///< Nothing if message 1 was not authentic.
   std::uint64_t former_ = 0;               ///< The session that message 1 names.
   wire::SealedWelcome granted_{};
   std::array<std::byte, wire::SealedWelcome::kSize> message_2_{};

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "rtpm/seal/primitives.hpp"
+#include "rtpm/crypto/primitives.hpp"
 
 namespace rtpm::sealed {
 
@@ -9,11 +9,11 @@ struct RandomSource {
   void (*fill)(void* context, MutableBytes bytes) = nullptr;
   void* context = nullptr;
 
-  [[nodiscard]] seal::KeyPair draw_key() const noexcept {
-    if (fill == nullptr) return seal::KeyPair::generate();
-    seal::PrivateKey key;
+  [[nodiscard]] crypto::KeyPair draw_key() const noexcept {
+    if (fill == nullptr) return crypto::KeyPair::generate();
+    crypto::PrivateKey key;
     fill(context, key.bytes());
-    return seal::KeyPair::of(std::move(key));
+    return crypto::KeyPair::of(std::move(key));
   }
 };
 

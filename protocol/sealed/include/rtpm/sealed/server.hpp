@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "rtpm/seal/session.hpp"
+#include "rtpm/crypto/session.hpp"
 #include "rtpm/sealed/freshness.hpp"
 #include "rtpm/sealed/handshake_job.hpp"
 #include "rtpm/wire/server_sessions.hpp"
@@ -14,7 +14,7 @@
 namespace rtpm::sealed {
 
 /// The key of a session's client; null if the session is not sealed.
-using ClientKey = const seal::PublicKey*;
+using ClientKey = const crypto::PublicKey*;
 
 /// Decides which clients a server admits, and with which rights.
 /// @threads  a lane's; alloc-free
@@ -24,7 +24,7 @@ class Admission {
   Admission(const Admission&) = delete;
   Admission& operator=(const Admission&) = delete;
   virtual ~Admission() = default;
-  [[nodiscard]] virtual bool admits(const seal::PublicKey& client,
+  [[nodiscard]] virtual bool admits(const crypto::PublicKey& client,
                                     const wire::PeerAddress& peer) noexcept = 0;
   /// Whether that address may have unsealed sessions, if there are any at all.
   [[nodiscard]] virtual bool admits_unsealed(const wire::PeerAddress&) noexcept { return true; }
@@ -55,7 +55,7 @@ struct SealedServerConfig {
   std::uint32_t job_burst = 32;                           ///< Handshakes of one host at once,
   Duration job_interval = std::chrono::milliseconds{20};  ///< then one in this time.
   bool takes_unsealed = false;  ///< Whether there may be unsealed sessions as well.
-  seal::SessionLimits limits{};
+  crypto::SessionLimits limits{};
   /// The memory for keys: memory_size() bytes, aligned to 64, wiped on fork, locked and not dumped.
   /// The caller owns it. If it is empty, ordinary memory is allocated.
   MutableBytes memory{};
@@ -109,7 +109,7 @@ class SealedServer {
   void end_unadmitted(MonotonicTime now) noexcept;
 
   /// The client's key of a session; nothing if it is not sealed.
-  [[nodiscard]] std::optional<seal::PublicKey> client_of(std::uint64_t session) noexcept;
+  [[nodiscard]] std::optional<crypto::PublicKey> client_of(std::uint64_t session) noexcept;
   [[nodiscard]] std::uint32_t half_open_count() const noexcept;
   /// Counts the frames dropped here. Frames that reach the sessions count there.
   [[nodiscard]] const wire::FrameCounters& counters() const noexcept { return counters_; }
@@ -124,8 +124,8 @@ class SealedServer {
     std::uint64_t client_epoch = 0;
     std::uint64_t channel = 0;
     std::uint32_t handshake_number = 0;
-    seal::PublicKey client{};
-    seal::Digest hello_hash{};
+    crypto::PublicKey client{};
+    crypto::Digest hello_hash{};
     wire::Welcome granted{};
     MonotonicTime opened{};
     MonotonicTime last_heard{};  ///< The time of the last authentic frame.
@@ -135,7 +135,7 @@ class SealedServer {
     bool is_confirmed = false;  ///< Its client has sent an authentic frame.
     bool has_welcome = false;
     std::array<std::byte, kWelcomeSize> welcome{};
-    std::optional<seal::SealedSession> session;
+    std::optional<crypto::SealedSession> session;
   };
 
   struct alignas(64) CacheLine {
@@ -164,8 +164,8 @@ class SealedServer {
   void confirm(Entry& entry, MonotonicTime now) noexcept;
   [[nodiscard]] bool is_held_back(Entry& entry, const wire::Header& header, MutableBytes frame,
                                   MonotonicTime now) noexcept;
-  [[nodiscard]] bool make_place(const seal::PublicKey& client, MonotonicTime now) noexcept;
-  void make_half_open_place(const seal::PublicKey& client, MonotonicTime now) noexcept;
+  [[nodiscard]] bool make_place(const crypto::PublicKey& client, MonotonicTime now) noexcept;
+  void make_half_open_place(const crypto::PublicKey& client, MonotonicTime now) noexcept;
   [[nodiscard]] Outcome drop(wire::DropReason reason) noexcept;
   [[nodiscard]] Outcome broken(wire::DropReason reason) noexcept;
   [[nodiscard]] Outcome on_sealed(MutableBytes frame, const wire::PeerAddress& peer,
@@ -183,7 +183,7 @@ class SealedServer {
   [[nodiscard]] Outcome give_cookie(const wire::Header& header, ConstBytes hello,
                                     const wire::PeerAddress& peer, MonotonicTime now) noexcept;
   [[nodiscard]] Outcome begin_job(const wire::Header& header, ConstBytes frame,
-                                  const wire::SealedHello& hello, const seal::Digest& hash,
+                                  const wire::SealedHello& hello, const crypto::Digest& hash,
                                   const wire::PeerAddress& peer, MonotonicTime now) noexcept;
   [[nodiscard]] wire::Verdict pass_hello(const wire::Header& header, ConstBytes hello,
                                          const wire::PeerAddress& peer, MonotonicTime now) noexcept;

@@ -21,7 +21,7 @@ namespace rtpm::wire {
 inline constexpr std::uint32_t kFeatureSealed = 1;  ///< The session is sealed.
 inline constexpr std::uint32_t kFeatureAesGcm = 2;  ///< Its suite is AES-256-GCM.
 
-/// A public key, and the bits of seal::Suite.
+/// A public key, and the bits of crypto::Suite.
 using KeyBytes = std::array<std::byte, 32>;
 
 /// The payload of COOKIE for a client that offered kFeatureSealed.

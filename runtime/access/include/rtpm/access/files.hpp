@@ -6,7 +6,7 @@
 
 #include "rtpm/base/expected.hpp"
 #include "rtpm/base/setup_error.hpp"
-#include "rtpm/seal/primitives.hpp"
+#include "rtpm/crypto/primitives.hpp"
 
 namespace rtpm::access {
 
@@ -35,14 +35,14 @@ inline constexpr std::size_t kFileSizeMax = 1024 * 1024;
 /// @param comment  one line, such as "alice@lab"
 /// @realtime set-up only: waits for the disk
 /// @errors   the file exists already: it stays; the system's error
-[[nodiscard]] expected<seal::KeyPair, SetupError> make_key(const std::string& path,
+[[nodiscard]] expected<crypto::KeyPair, SetupError> make_key(const std::string& path,
                                                            std::string_view comment);
 
 /// The key of a file.
 /// @realtime set-up only
 /// @errors   no such file; a file that others can read or write, or of another owner than this user
 ///           or root; no regular file; no key in it
-[[nodiscard]] expected<seal::KeyPair, SetupError> read_key(const std::string& path);
+[[nodiscard]] expected<crypto::KeyPair, SetupError> read_key(const std::string& path);
 
 /// The comment behind the key of a file; empty if there is none or read_key() refuses it.
 /// @realtime set-up only

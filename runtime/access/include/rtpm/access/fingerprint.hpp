@@ -4,7 +4,7 @@
 #include <string>
 #include <string_view>
 
-#include "rtpm/seal/primitives.hpp"
+#include "rtpm/crypto/primitives.hpp"
 
 namespace rtpm::access {
 
@@ -12,15 +12,15 @@ namespace rtpm::access {
 /// SHA-256 as hexadecimal digits, "3f2a-91c0-77de-0b14-a5c2".
 /// @realtime set-up only
 /// @source   spec/security.md#sec-2
-[[nodiscard]] std::string fingerprint(const seal::PublicKey& key);
+[[nodiscard]] std::string fingerprint(const crypto::PublicKey& key);
 
 /// Whether `text` is the fingerprint of `key`; capitals and missing dashes do not matter.
-[[nodiscard]] bool is_fingerprint_of(std::string_view text, const seal::PublicKey& key);
+[[nodiscard]] bool is_fingerprint_of(std::string_view text, const crypto::PublicKey& key);
 
 /// "rtpm25519 BASE64", the form of a public key in files and on command lines.
 /// @realtime set-up only
-[[nodiscard]] std::string public_key_text(const seal::PublicKey& key);
+[[nodiscard]] std::string public_key_text(const crypto::PublicKey& key);
 /// Parses such a text; ignores what follows the key, such as its comment. Nothing if it has no key.
-[[nodiscard]] std::optional<seal::PublicKey> parse_public_key(std::string_view text);
+[[nodiscard]] std::optional<crypto::PublicKey> parse_public_key(std::string_view text);
 
 }  // namespace rtpm::access

@@ -14,7 +14,7 @@ namespace rtpm::access {
 struct KnownServer {
   std::string host{};      ///< From its URL: a name or a numeric address, IPv6 without brackets.
   std::uint16_t port = 0;  ///< 0 for all ports of that host.
-  seal::PublicKey key{};
+  crypto::PublicKey key{};
   std::size_t line = 0;  ///< In its file, from 1.
   friend bool operator==(const KnownServer&, const KnownServer&) = default;
 };

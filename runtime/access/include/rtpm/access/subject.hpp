@@ -4,7 +4,7 @@
 #include <string>
 
 #include "rtpm/access/address_range.hpp"
-#include "rtpm/seal/primitives.hpp"
+#include "rtpm/crypto/primitives.hpp"
 
 namespace rtpm::access {
 
@@ -18,7 +18,7 @@ struct Subject {
   enum class Kind : std::uint8_t { kAnonymous, kLocalUser, kKey };
   Kind kind = Kind::kAnonymous;
   std::uint32_t user = 0;  ///< The user's number, for kLocalUser.
-  seal::PublicKey key{};   ///< The client's key, for kKey.
+  crypto::PublicKey key{};   ///< The client's key, for kKey.
   friend bool operator==(const Subject&, const Subject&) noexcept = default;
 };
 

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "rtpm/seal/primitives.hpp"
+#include "rtpm/crypto/primitives.hpp"
 
 namespace rtpm::rpc {
 
@@ -22,7 +22,7 @@ struct ServerSecurity {
 /// The callers that a server serves, as it turned out.
 struct ServedCallers {
   std::string authorized_file{};    ///< The file of grants; without one, nobody is asked.
-  seal::PublicKey key{};            ///< Callers know it by this key, if it asks for grants.
+  crypto::PublicKey key{};            ///< Callers know it by this key, if it asks for grants.
   bool is_open_to_network = false;  ///< It asks nobody, and other hosts reach it.
 };
 

@@ -18,7 +18,7 @@
 #include "rtpm/rpc/tap.hpp"
 #include "rtpm/rt/thread.hpp"
 #include "rtpm/rt/wait.hpp"
-#include "rtpm/seal/primitives.hpp"
+#include "rtpm/crypto/primitives.hpp"
 
 namespace rtpm::rpc {
 
@@ -190,7 +190,7 @@ class Server {
   [[nodiscard]] virtual std::vector<ServedAddress> served_addresses() const = 0;
   /// The key by which callers know the server, see access::known_servers. Nothing if it asks
   /// nobody and seals nothing.
-  [[nodiscard]] virtual std::optional<seal::PublicKey> public_key() const noexcept = 0;
+  [[nodiscard]] virtual std::optional<crypto::PublicKey> public_key() const noexcept = 0;
   /// The callers that it serves.
   [[nodiscard]] virtual ServedCallers served_callers() const = 0;
   /// The counts of all that was served and dropped so far, over all lanes.

@@ -6,7 +6,7 @@
 #include "rtpm/base/expected.hpp"
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
-#include "rtpm/seal/primitives.hpp"
+#include "rtpm/crypto/primitives.hpp"
 
 namespace rtpm::rpc {
 
@@ -15,7 +15,7 @@ namespace rtpm::rpc {
 /// @realtime set-up only
 /// @errors   no answer by `deadline`; the server has no sealed sessions; an unknown host
 /// @source   spec/security.md#sec-3.1
-[[nodiscard]] expected<seal::PublicKey, SetupError> ask_server_key(const std::string& host,
+[[nodiscard]] expected<crypto::PublicKey, SetupError> ask_server_key(const std::string& host,
                                                                    std::uint16_t port,
                                                                    MonotonicTime deadline);
 

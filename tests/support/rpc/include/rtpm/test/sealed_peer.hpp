@@ -29,8 +29,8 @@ class SealedPeer {
     [[nodiscard]] bool is_ok() const { return kind == Kind::kReply && status == wire::Status::kOk; }
   };
 
-  SealedPeer(rpc::Transport transport, std::uint16_t port, const seal::PublicKey& server,
-             const seal::KeyPair& key, Priority priority = 0)
+  SealedPeer(rpc::Transport transport, std::uint16_t port, const crypto::PublicKey& server,
+             const crypto::KeyPair& key, Priority priority = 0)
       : key_(key.clone()), priority_(priority) {
     const MonotonicTime deadline = rt::now() + kPatience;
     auto opened =
@@ -173,7 +173,7 @@ class SealedPeer {
     return true;
   }
 
-  seal::KeyPair key_;
+  crypto::KeyPair key_;
   Priority priority_;
   std::unique_ptr<transport::ClientTransport> transport_;
   Bytes buffer_;
