@@ -135,7 +135,11 @@ struct Foreign {
 const std::vector<Foreign>& foreigners() {
   static const std::vector<Foreign> kForeigners{
       {std::regex("flatbuffers/.*"), "FlatBuffers", {"schema/", "runtime/rpc/"}},
-      {std::regex("Eigen/.*"), "Eigen", {"devices/falcon/", "devices/sim/", "gvd/", "clients/"}},
+      {std::regex("Eigen/.*"), "Eigen", {"devices/falcon/", "devices/sim/"}},
+      {std::regex("nlohmann/.*"),
+       "nlohmann/json",
+       {"schema/compiler/src/", "registry/file_store/src/", "registry/etcd_store/src/",
+        "gvd/configuration/src/", "devices/mpv/src/", "clients/console/", "clients/rtpm/"}},
       {std::regex("(mosquitto|mqtt_protocol).*"), "libmosquitto", {"clients/mqtt/"}},
       {std::regex("(zlib|zstd|lz4frame)\\.h"), "zlib, zstd and lz4", {"gvd/recording/file/src/"}},
       {std::regex("sqlite3.*"), "SQLite", {"registry/file_store/src/"}},
@@ -216,8 +220,7 @@ std::string check_foreign(const SourceFile& file, std::string_view header) {
     const bool is_allowed =
         std::any_of(foreign.folders.begin(), foreign.folders.end(),
                     [&](std::string_view folder) { return is_under(file.path, folder); });
-    // The driver interface sees nothing but base, although the rest of gvd/ may use Eigen.
-    if (is_allowed && !is_under(file.path, "gvd/driver/")) return {};
+    if (is_allowed) return {};
     return "includes " + std::string(header) + ", but " + std::string(foreign.what) +
            " is not for " + file.path.substr(0, file.path.rfind('/') + 1);
   }
