@@ -12,18 +12,17 @@
 
 namespace rtpm::rpc {
 
-/// Calls that were begun, and callbacks for their ends, run by the thread that polls:
+/// Calls in flight, each with a callback that the polling thread runs when the call ends:
 ///
 ///     completions.then(arm.begin_get_pose(), [&](const auto& pose) { show(pose); });
 ///     while (is_running) completions.wait(next_frame);
 ///
-/// The callback gets the result of take(): the reply or the error, also the failure to begin the
-/// call. It runs once, in poll(), wait() or the end of this, and may add more calls.
-/// Each open call holds a call channel, so NodeConfig::channel_count_max is the limit.
-/// @ownership holds the calls and callbacks; refers to the bindings of the calls, which must
-///           outlive it. Its end cancels what is open: the callbacks get kCancelled
+/// The callback gets the result of take(): the reply or the error, including a failure to start the
+/// call. It runs once, in poll(), wait() or the destructor, and may add more calls.
+/// @ownership holds the calls and callbacks; refers to the calls' bindings, which must outlive it.
+///            Destruction cancels open calls: their callbacks get kCancelled
 /// @threads  one at a time
-/// @realtime adding allocates; waiting is alloc-free but for what callbacks do
+/// @realtime adding allocates; waiting is alloc-free except for the callbacks
 class Completions {
  public:
   Completions() noexcept = default;
@@ -31,19 +30,19 @@ class Completions {
   Completions& operator=(const Completions&) = delete;
   ~Completions();
 
-  /// Adds the result of a generated begin_x(), and the callback for the call's end.
+  /// Adds the result of a generated begin_x() and the callback for when the call ends.
   template <class Pending, class Callback>
   void then(expected<Pending, CallError> begun, Callback callback) {
     add(std::make_unique<Call<Pending, Callback>>(std::move(begun), std::move(callback)));
   }
 
-  /// Polls each call once, runs the callbacks of those that ended, and returns how many ended. It
-  /// also repeats lost frames, so call it now and then.
+  /// Polls each call once, runs the callbacks of finished calls, and returns their number. Also
+  /// resends lost frames, so call it regularly.
   /// @realtime at most two syscalls a call
   std::size_t poll();
-  /// Waits until a call has ended, but not beyond `until`, runs the callbacks and returns how many
-  /// ended. With several open calls it polls each once a millisecond. Returns at once if none is
-  /// open.
+  /// Waits until a call ends, at most until `until`, runs the callbacks and returns the number of
+  /// finished calls. Polls each of several open calls once a millisecond. Returns at once if no
+  /// call is open.
   std::size_t wait(MonotonicTime until);
   /// Calls whose callback has not run yet.
   [[nodiscard]] std::size_t open_count() const noexcept { return open_.size(); }
@@ -96,15 +95,15 @@ class Completions {
 ///     auto thread = rpc::CompletionThread::start({.name = "replies"}).value();
 ///     thread->then(arm.begin_get_pose(), [](const auto& pose) { … });
 ///
-/// Callbacks run one after the other on that thread and must not wait long: other callbacks wait
-/// behind them. They may add calls.
-/// Real-time class: set-up. The thread polls open calls once a millisecond; a loop that counts
-/// microseconds holds the pending reply itself and waits for it.
-/// @ownership as Completions; its end cancels what is open and joins the thread
+/// Callbacks run one at a time on that thread and must return quickly, since other callbacks wait for
+/// them. They may add calls.
+/// Real-time class: set-up. The thread polls open calls once a millisecond. A loop that counts
+/// microseconds should hold the PendingReply itself and wait for it.
+/// @ownership as Completions; destruction cancels open calls and joins the thread
 /// @threads  then() from any
 class CompletionThread {
  public:
-  /// Starts the thread. Without a priority in `config` it is time-shared.
+  /// Starts the thread. Without a priority in `config` the thread is time-shared.
   /// @realtime set-up only
   /// @errors   as rt::Thread::start()
   [[nodiscard]] static expected<std::unique_ptr<CompletionThread>, SetupError> start(

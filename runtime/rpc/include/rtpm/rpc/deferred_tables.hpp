@@ -9,14 +9,14 @@
 #include "rtpm/rpc/deferred.hpp"
 #include "rtpm/rpc/tables.hpp"
 
-/// The parts of generated code for calls that are begun and end later, and for methods that answer
-/// later, with a stream, or not at all.
+/// Support for generated code: asynchronous calls, oneways, and methods that reply later or with a
+/// stream.
 namespace rtpm::rpc {
 
-/// No `rtpm_max_size` in the schema.
+/// The schema gives no `rtpm_max_size`.
 inline constexpr std::uint32_t kAnySize = std::numeric_limits<std::uint32_t>::max();
 
-/// Sends an encoded request without waiting for more than `delivery` says.
+/// Sends an encoded request and waits only as `delivery` says.
 [[nodiscard]] inline expected<void, CallError> send_oneway(Binding& binding,
                                                            const MethodDescriptor& method,
                                                            ConstBytes request,
@@ -25,16 +25,16 @@ inline constexpr std::uint32_t kAnySize = std::numeric_limits<std::uint32_t>::ma
   return binding.send(method, request, delivery, options);
 }
 
-/// A call that was begun, whatever its reply is. See PendingReply for ownership and threads.
+/// An asynchronous call with any kind of reply. See PendingReply for ownership and threads.
 class Pending {
  public:
   /// Whether take() would return at once; polls once.
   /// @realtime alloc-free, at most two syscalls
   [[nodiscard]] bool is_done() noexcept { return reply_.is_done(); }
-  /// Waits for the end, but not beyond `until`; true if the call has ended.
+  /// Waits until the call ends, at most until `until`. True if the call has ended.
   /// @realtime alloc-free
   [[nodiscard]] bool wait(MonotonicTime until) noexcept { return reply_.wait(until); }
-  /// Ends the call: its caller no longer waits; it may have run.
+  /// Cancels the call; it may have run.
   /// @realtime alloc-free
   void cancel() noexcept { reply_.cancel(); }
 
@@ -43,46 +43,47 @@ class Pending {
   PendingReply reply_;
 };
 
-/// A call that was begun and gives nothing back.
+/// An asynchronous call that returns nothing.
 class PendingNothing : public Pending {
  public:
   using Result = expected<void, CallError>;
   explicit PendingNothing(PendingReply reply) noexcept : Pending(std::move(reply)) {}
-  /// Waits for the end, once.
+  /// Waits for the result and returns it, once.
   /// @realtime alloc-free
-  /// @errors   as CallError says
+  /// @errors   see CallError
   [[nodiscard]] Result take() noexcept { return read_nothing(reply_.take()); }
 };
 
-/// A call that was begun and gives a T back.
+/// An asynchronous call that returns a T.
 template <class T>
 class PendingStruct : public Pending {
  public:
   using Result = expected<T, CallError>;
   explicit PendingStruct(PendingReply reply) noexcept : Pending(std::move(reply)) {}
-  /// Waits for the end and gives the reply, once.
+  /// Waits for the reply and returns it, once.
   /// @realtime alloc-free
-  /// @errors   as CallError says
+  /// @errors   see CallError
   [[nodiscard]] Result take() noexcept { return read_struct<T>(reply_.take()); }
 };
 
-/// A call that was begun and gives a table T back.
+/// An asynchronous call that returns a table T.
 template <class T>
 class PendingTable : public Pending {
  public:
   using Result = expected<TableReply<T>, CallError>;
   PendingTable(PendingReply reply, TableLimits limits) noexcept
       : Pending(std::move(reply)), limits_(limits) {}
-  /// Waits for the end and gives the reply, once.
+  /// Waits for the reply and returns it, once.
   /// @realtime alloc-free
-  /// @errors   as CallError says
+  /// @errors   see CallError
   [[nodiscard]] Result take() noexcept { return read_table<T>(reply_.take(), limits_); }
 
  private:
   TableLimits limits_;
 };
 
-/// Begins a call with an encoded request; `Handle` is made of its pending reply and `more`.
+/// Starts a call with an encoded request. `Handle` is constructed from the pending reply and
+/// `more`.
 template <class Handle, class... More>
 [[nodiscard]] expected<Handle, CallError> begin_call(Binding& binding,
                                                      const MethodDescriptor& method,
@@ -93,11 +94,11 @@ template <class Handle, class... More>
   return Handle{std::move(*reply), more...};
 }
 
-/// A stream that was opened, whatever its items are. See ItemReader for ownership and threads.
+/// An open stream with any kind of items. See ItemReader for ownership and threads.
 class OpenStream {
  public:
   [[nodiscard]] bool is_open() const noexcept { return reader_.is_open(); }
-  /// Ends the stream; the server is told.
+  /// Cancels the stream and notifies the server.
   /// @realtime alloc-free
   void cancel() noexcept { reader_.cancel(); }
 
@@ -112,9 +113,10 @@ class StructStream : public OpenStream {
  public:
   explicit StructStream(ItemReader reader) noexcept : OpenStream(std::move(reader)) {}
 
-  /// The next item, waiting until `until` at most; nullopt once the stream has ended in order.
+  /// Returns the next item, waiting at most until `until`; nullopt if the server finished the
+  /// stream.
   /// @realtime alloc-free
-  /// @errors   kTimeout: none came in time; kBadReply: not a T; other errors: the stream ended
+  /// @errors   kTimeout: none arrived in time · kBadReply: not a T · other errors ended the stream
   [[nodiscard]] expected<std::optional<T>, CallError> next(MonotonicTime until) noexcept {
     const auto item = reader_.next(until);
     if (!item) return unexpected{item.error()};
@@ -133,8 +135,8 @@ class TableStream : public OpenStream {
   TableStream(ItemReader reader, TableLimits limits) noexcept
       : OpenStream(std::move(reader)), limits_(limits) {}
 
-  /// The next item, valid until the next call; null once the stream has ended in order. Errors
-  /// and RT class as StructStream::next().
+  /// Returns the next item, valid until the next call; null if the server finished the stream.
+  /// Errors and real-time class as StructStream::next().
   [[nodiscard]] expected<const T*, CallError> next(MonotonicTime until) noexcept {
     const auto item = reader_.next(until);
     if (!item) return unexpected{item.error()};
@@ -147,7 +149,7 @@ class TableStream : public OpenStream {
   TableLimits limits_;
 };
 
-/// Opens a stream with an encoded request; `Stream` is made of its reader and `more`.
+/// Opens a stream with an encoded request. `Stream` is constructed from the reader and `more`.
 template <class Stream, class... More>
 [[nodiscard]] expected<Stream, CallError> open_stream_of(Binding& binding,
                                                          const MethodDescriptor& method,
@@ -159,24 +161,23 @@ template <class Stream, class... More>
   return Stream{std::move(*reader), more...};
 }
 
-/// The common part of all handles for an answer that comes later; Call is one of UnfinishedCall's
-/// kinds.
-/// @ownership move-only; a call that was not ended ends as failed
+/// The common part of all handles for a later answer. Call is DeferredReply or ItemWriter.
+/// @ownership move-only; destruction ends an unfinished call as failed
 /// @threads  one at a time, any
 template <class Call>
 class DeferredAnswer {
  public:
-  /// Ends the call without an answer.
+  /// Ends the call with a refusal.
   /// @realtime alloc-free, at most one syscall
   void fail(Refusal refusal) noexcept { end(to_status(refusal)); }
-  /// False once the caller has cancelled, gone, or been told that the server stops.
+  /// False once the caller has cancelled, disconnected, or been told that the server stops.
   /// @realtime alloc-free
   [[nodiscard]] bool is_awaited() const noexcept { return call_.is_awaited(); }
   [[nodiscard]] CallEnding ending() const noexcept { return call_.ending(); }
-  /// The time after which the caller no longer waits.
+  /// The time at which the caller stops waiting.
   /// @realtime alloc-free
   [[nodiscard]] MonotonicTime deadline() const noexcept { return call_.deadline(); }
-  /// False once it was ended, or moved away.
+  /// False once the call was ended, or moved from.
   [[nodiscard]] explicit operator bool() const noexcept { return static_cast<bool>(call_); }
 
  protected:
@@ -192,19 +193,19 @@ class DeferredAnswer {
   Call call_;
 };
 
-/// Writes the items of a stream, whatever they are.
+/// Writes the items of a stream of any kind.
 class StreamWriter : public DeferredAnswer<ItemWriter> {
  public:
-  /// Ends the stream behind the items written so far.
+  /// Ends the stream after the items written so far.
   /// @realtime alloc-free, at most one syscall
   void finish() noexcept { call_.finish(); }
-  /// The most bytes of an item: the smaller message_size_max of caller and server.
+  /// The largest item in bytes: the smaller message_size_max of caller and server.
   [[nodiscard]] std::uint32_t item_size_max() const noexcept { return call_.item_size_max(); }
-  /// The most bytes of an item that fits one frame of the caller's transport.
+  /// The largest item, in bytes, that fits one frame of the caller's transport.
   [[nodiscard]] std::uint32_t item_frame_size_max() const noexcept {
     return call_.item_frame_size_max();
   }
-  /// How many items wait for their caller to take more.
+  /// The number of written items that are not sent yet because the caller accepts no more.
   [[nodiscard]] std::uint32_t waiting_count() const noexcept { return call_.waiting_count(); }
 
  protected:
@@ -219,13 +220,13 @@ class StructWriter : public StreamWriter {
   explicit StructWriter(ItemWriter writer) noexcept : StreamWriter(std::move(writer)) {}
 
   /// @realtime alloc-free, at most one syscall
-  /// @errors   as StreamError says
+  /// @errors   see StreamError
   [[nodiscard]] expected<void, StreamError> write(const T& item) noexcept {
     return call_.write(struct_bytes(item));
   }
 };
 
-/// Writes the items of a stream, each a finished FlatBuffer with a T as its root.
+/// Writes the items of a stream, each a finished FlatBuffer whose root is a T.
 template <class T>
 class TableWriter : public StreamWriter {
  public:
@@ -234,7 +235,7 @@ class TableWriter : public StreamWriter {
       : StreamWriter(std::move(writer)), size_max_(size_max) {}
 
   /// @realtime alloc-free, at most one syscall
-  /// @errors   as StreamError says; kTooLarge also above the schema's `rtpm_max_size`
+  /// @errors   see StreamError; kTooLarge also above the schema's `rtpm_max_size`
   [[nodiscard]] expected<void, StreamError> write(
       const flatbuffers::FlatBufferBuilder& finished) noexcept {
     return call_.write(table_bytes(finished), size_max_);
@@ -244,25 +245,25 @@ class TableWriter : public StreamWriter {
   std::uint32_t size_max_ = kAnySize;
 };
 
-/// A reply without content that comes later.
+/// A later reply without content.
 class DeferredNothing : public DeferredAnswer<DeferredReply> {
  public:
   DeferredNothing() noexcept = default;
   explicit DeferredNothing(DeferredReply reply) noexcept : DeferredAnswer(std::move(reply)) {}
-  /// Ends the call, once.
+  /// Replies, once.
   /// @realtime alloc-free, at most one syscall
   void complete(const Result<void>& result = {}) noexcept {
     end(reply_with_nothing(result).status);
   }
 };
 
-/// A reply, a T, that comes later.
+/// A later reply with a T.
 template <class T>
 class DeferredStruct : public DeferredAnswer<DeferredReply> {
  public:
   DeferredStruct() noexcept = default;
   explicit DeferredStruct(DeferredReply reply) noexcept : DeferredAnswer(std::move(reply)) {}
-  /// Ends the call, once.
+  /// Replies, once.
   /// @realtime alloc-free, at most one syscall
   void complete(const Result<T>& result) noexcept {
     const DispatchResult done = reply_with_struct(result, call_.buffer());
@@ -270,19 +271,19 @@ class DeferredStruct : public DeferredAnswer<DeferredReply> {
   }
 };
 
-/// A reply, a table T, that comes later.
+/// A later reply with a table T.
 template <class T>
 class DeferredTable : public DeferredAnswer<DeferredReply> {
  public:
   DeferredTable() noexcept = default;
   explicit DeferredTable(DeferredReply reply, std::uint32_t size_max = kAnySize) noexcept
       : DeferredAnswer(std::move(reply)), size_max_(size_max) {}
-  /// A builder for the answer, in the memory that it is sent from; pass it to complete(). An answer
-  /// larger than the session or the schema's `rtpm_max_size` allows ends as kTooLarge.
+  /// A builder that writes in the memory that is sent; pass it to complete(). A reply larger than
+  /// the session or the schema's `rtpm_max_size` allows ends as kTooLarge.
   [[nodiscard]] ReplyBuilder<T> builder() noexcept {
     return ReplyBuilder<T>{at_most(call_.buffer(), size_max_)};
   }
-  /// Ends the call, once.
+  /// Replies, once.
   /// @realtime alloc-free, at most one syscall
   void complete(ReplyBuilder<T>& builder) noexcept {
     const DispatchResult done = builder.complete();
@@ -293,8 +294,8 @@ class DeferredTable : public DeferredAnswer<DeferredReply> {
   std::uint32_t size_max_ = kAnySize;
 };
 
-/// Runs `method` with a handle of type Deferred for its answer, made of `handle` and `more`;
-/// answers overload if there is no handle left.
+/// Runs `method` with a handle of type Deferred, constructed from `handle` and `more`. Answers with
+/// overload if no handle is left.
 template <class Deferred, class Handle, class Method, class... More>
 [[nodiscard]] DispatchResult run_deferred(Handle handle, Method method, More... more) {
   if (!handle) return {wire::Status::kOverload, 0};

@@ -10,16 +10,17 @@
 
 namespace rtpm::rpc {
 
-/// The side that decides at which priority an object's methods run.
+/// Which side decides the priority at which an object's methods run.
 enum class PriorityModel : std::uint8_t {
-  kClientPropagated,  ///< The caller's, which the call carries; `priority` if it has none.
-  kServerDeclared,    ///< The object's `priority`, whatever the caller's is.
-  kNone,              ///< The lane's own priority. For servers of one lane.
+  /// The caller's priority, sent with the call; `priority` if the call has none.
+  kClientPropagated,
+  kServerDeclared,  ///< The object's `priority`, regardless of the caller's.
+  kNone,            ///< The lane's priority. Only for servers with one lane.
 };
 
-/// Gives a call another priority than the one it carries: that at which its method runs
-/// (ServerConfig::inbound_priority), or with which it goes out (NodeConfig::outbound_priority).
-/// `path` is the object's. Runs for each call, on the thread that serves or makes it: it must not
+/// Maps the priority that a call carries to the one at which its method runs
+/// (ServerConfig::inbound_priority) or at which the call goes out (NodeConfig::outbound_priority).
+/// `path` is the object's. Runs for each call on the thread that serves or makes it, so it must not
 /// allocate, lock or throw.
 /// @source   RT-CORBA's priority transforms
 using PriorityTransform = Priority (*)(Priority priority, std::string_view path);
@@ -31,10 +32,11 @@ struct MethodDescriptor {
   std::uint32_t fingerprint = 0;  ///< Covers everything that both sides must agree on to call it.
   bool is_idempotent = false;     ///< `rtpm_idempotent`: running it twice does no harm.
   Duration default_deadline{0};   ///< `rtpm_deadline_us`; 0 for the node's default.
-  Role role = Role::kCommand;     ///< `rtpm_role`: which one a caller needs.
+  Role role = Role::kCommand;     ///< `rtpm_role`: the role that a caller needs.
 };
 
-/// One rpc_service, as generated code describes it. Every instance is a constant of static life.
+/// One rpc_service, as generated code describes it. Every instance is a constant with static
+/// lifetime.
 struct InterfaceDescriptor {
   std::string_view name{};              ///< Fully qualified, "lab.Arm".
   std::uint64_t fingerprint = 0;        ///< Covers all methods together.
@@ -42,10 +44,10 @@ struct InterfaceDescriptor {
   std::span<const MethodDescriptor> methods{};
   PriorityModel priority_model = PriorityModel::kClientPropagated;  ///< `rtpm_priority_model`.
   Priority priority = 0;                                            ///< `rtpm_priority`.
-  /// The service's own schema, complete, for tools without generated code of it.
+  /// The service's complete schema, for tools that lack its generated code.
   std::string_view schema{};
-  /// All that both sides must agree on, as a text in which two versions can be compared. Empty:
-  /// only equal fingerprints will do.
+  /// Everything that both sides must agree on, as text that allows two versions to be compared. If
+  /// empty, only equal fingerprints match.
   /// @source   spec/hprotocol.md#hp-12.2
   std::string_view text{};
 };

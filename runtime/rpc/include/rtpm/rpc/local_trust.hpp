@@ -8,12 +8,13 @@
 
 namespace rtpm::rpc {
 
-/// Whether the node may rely on the server at this loopback address: known_servers has a key for
-/// it, or its sockets are this user's, root's, or of the users in `local uid:` lines. If nothing
-/// listens there, the node may.
+/// Whether the node may trust the server at this loopback address: known_servers has a key for it,
+/// or its sockets belong to this user, root, or a user in a `local uid:` line. Also true if nothing
+/// listens there.
 /// @threads  any
 /// @realtime set-up only
-/// @errors   it is another user's, with that user's number; the system does not tell whose it is
+/// @errors   the server belongs to another user (the text gives the uid), or the system does not
+///           tell its user
 [[nodiscard]] expected<void, SetupError> check_local_server(Node& node, const std::string& host,
                                                             std::uint16_t port);
 

@@ -15,57 +15,60 @@
 
 namespace rtpm::rpc {
 
-/// Turns a name such as "lab/arm0" into the URL of the server that has it. rtpm::names has the
-/// implementation that asks the registry.
-/// @threads  any, several at once: those that bind, and the node's own, which follows names
+/// Resolves a name such as "lab/arm0" to its server's URL. rtpm::names implements it with the
+/// registry.
+/// @threads  any, concurrently: threads that bind, and the node's rebinding thread
 class Resolver {
  public:
   Resolver() = default;
   Resolver(const Resolver&) = delete;
   Resolver& operator=(const Resolver&) = delete;
   virtual ~Resolver() = default;
-  /// The URL "rtpm://host:port/path" for `name`; answers by `deadline`.
+  /// Returns the URL "rtpm://host:port/path" for `name`, at the latest at `deadline`.
   /// @realtime set-up only
-  /// @errors   the registry does not answer, the name is not bound: in words, with the remedy
+  /// @errors   the registry does not answer, or the name is not bound; the text includes a remedy
   [[nodiscard]] virtual expected<std::string, SetupError> resolve(std::string_view name,
                                                                   MonotonicTime deadline) = 0;
 };
 
 /// The transport over which a binding sends its calls.
 enum class Transport : std::uint8_t {
-  /// The best that reaches the server: none in the same program, shared memory on one host, else
-  /// UDP.
+  /// The best one that reaches the server: kLocal within a program, shared memory on one host,
+  /// otherwise UDP.
   kAuto,
   kUdp,
   kTcp,
   kSharedMemory,
-  /// The server is in the same program: its lane runs the call, on memory that both sides see.
-  /// Reported by Binding::transport(); to ask for it, ask for kAuto.
+  /// The server is in the same program: its lane runs the call directly on shared buffers.
+  /// Binding::transport() reports it; to request it, use kAuto.
   kLocal,
 };
 
 /// "auto", "udp", "tcp", "shm" or "local".
 [[nodiscard]] std::string_view to_string(Transport transport) noexcept;
 
-/// How a program calls others.
+/// How a program makes calls.
 struct NodeConfig {
-  rt::WaitConfig wait{};                                ///< How a caller waits for its reply.
-  Duration default_deadline = std::chrono::seconds{1};  ///< Applies if method and call state none.
-  Transport transport = Transport::kAuto;               ///< Applies if a binding states none.
-  PriorityTransform outbound_priority = nullptr;  ///< Null if calls go out at their own priority.
-  /// Runs calls to servers of the same program without a transport, unless one is asked for.
+  rt::WaitConfig wait{};  ///< How a caller waits for its reply.
+  /// Applies if neither method nor call sets one.
+  Duration default_deadline = std::chrono::seconds{1};
+  Transport transport = Transport::kAuto;         ///< Applies if a binding sets none.
+  PriorityTransform outbound_priority = nullptr;  ///< Null if calls keep their own priority.
+  /// Calls servers in the same program without a transport, unless a binding requests one.
   bool collocates = true;
-  std::uint32_t channel_count_max = 64;  ///< Call channels per server and band: calls at a time.
-  std::uint32_t message_size_max = 16 * 1024 * 1024;  ///< Bytes of a request, reply or item.
-  /// Where servers have their sockets for shared memory, if not under abstract names: as
-  /// ServerConfig::shared_memory_folder.
+  /// Call channels per server and band, so concurrent calls.
+  std::uint32_t channel_count_max = 64;
+  /// The largest request, reply or item in bytes.
+  std::uint32_t message_size_max = 16 * 1024 * 1024;
+  /// The folder of the servers' shared-memory sockets, as ServerConfig::shared_memory_folder; if
+  /// empty, abstract names.
   std::string shared_memory_folder{};
   NodeSecurity security{};
-  /// The security of servers made for this node, such as the one of the program's own names.
+  /// The security of servers created for this node, such as the program's own name service.
   ServerSecurity served{};
 };
 
-/// The calling side of a program: its identity towards servers and the channels to them. Bindings
+/// The calling side of a program: its identity towards servers and its channels to them. Bindings
 /// share it, so it must outlive them.
 /// @threads  bind and call from any thread; use() before the first bind
 class Node {
@@ -75,17 +78,19 @@ class Node {
   Node& operator=(const Node&) = delete;
   ~Node();
 
-  /// Lets bindings by name ask `resolver`: when they are made, and whenever their server is gone.
-  /// It must outlive the node, unless forget() is called before its end.
+  /// Sets the resolver for bindings by name; they call it when they are made and whenever their
+  /// server is gone. `resolver` must outlive the node, or forget() must be called before its
+  /// destruction.
   /// @realtime set-up only
   void use(Resolver& resolver) noexcept;
-  /// Stops asking `resolver`. Returns once a question that is under way has ended, after 1 s at
-  /// most. Bindings by name stay with the servers that they have.
+  /// Stops using `resolver`. Waits for a look-up in progress, at most 1 s. Bindings by name stay
+  /// with their current servers.
   /// @realtime set-up only
   void forget(Resolver& resolver) noexcept;
 
-  /// The name leads elsewhere now, or to another start of its server: its bindings, and those of
-  /// names below it, look it up at once, at most every 50 ms. Does nothing without bindings.
+  /// Reports that the name leads elsewhere now, or that its server restarted. Bindings to it, and
+  /// to names below it, resolve it at once, at most every 50 ms. Does nothing without such
+  /// bindings.
   /// @threads  any
   /// @realtime set-up only
   void look_again(std::string_view name) noexcept;

@@ -14,26 +14,26 @@
 
 namespace rtpm::rpc {
 
-/// Refuses a call with a sentence for its caller and the server's log, cut to
+/// Refuses a call with a sentence for the caller and the server's log, truncated to
 /// wire::kRefusalTextSizeMax bytes.
 /// @realtime alloc-free
 /// @source   spec/hprotocol.md#hp-7-1
 [[nodiscard]] DispatchResult refuse(wire::Status status, std::string_view text,
                                     MutableBytes reply) noexcept;
 
-/// Refuses a request that is not the type that its method takes.
+/// Refuses a request that does not have the method's type.
 /// @param wanted  "a lab.Force of 24 bytes"
 /// @realtime alloc-free
 [[nodiscard]] DispatchResult refuse_request(std::string_view wanted, ConstBytes request,
                                             MutableBytes reply) noexcept;
 
-/// Finds the number of a request that is outside its `rtpm_range`. For generated code, which joins
-/// these with &&, and so ends at the first that is.
+/// Finds a number of a request that is outside its `rtpm_range`. Generated code joins the checks
+/// with &&, so it stops at the first such number.
 /// @threads  one
 /// @realtime alloc-free
 class RangeCheck {
  public:
-  /// Whether a number is within its range; no number (NaN) is not.
+  /// Whether a number is within its range. NaN is not.
   /// @param limits  the range with its unit, "-20 to 20 N"
   template <class T>
   [[nodiscard]] bool number(T value, double low, double high, std::string_view field,
@@ -49,7 +49,7 @@ class RangeCheck {
                             std::string_view field, std::string_view limits) noexcept {
     return !value || number(*value, low, high, field, limits);
   }
-  /// Whether each number of a vector or array is within its range; true if it is absent.
+  /// Whether every number of a vector or array is within its range; true if the vector is absent.
   template <class Numbers>
   [[nodiscard]] bool numbers(const Numbers* numbers, double low, double high,
                              std::string_view field, std::string_view limits) noexcept {
@@ -58,7 +58,7 @@ class RangeCheck {
     }
     return true;
   }
-  /// Whether `holds` is true of each struct or table of a vector or array, if it is there.
+  /// Whether `holds` is true of every struct or table of a vector or array; true if it is absent.
   template <class Items, class Predicate>
   [[nodiscard]] bool items(const Items* items, std::string_view field, Predicate holds) noexcept {
     for (flatbuffers::uoffset_t i = 0; items != nullptr && i < items->size(); ++i) {
@@ -66,7 +66,7 @@ class RangeCheck {
     }
     return true;
   }
-  /// Checks a vector of unions like items(): `holds` is given each member's type and address.
+  /// Checks a vector of unions like items(); calls `holds` with each member's type and address.
   template <class Type, class Types, class Items, class Predicate>
   [[nodiscard]] bool members(const Types* types, const Items* items, std::string_view field,
                              Predicate holds) noexcept {
@@ -76,15 +76,15 @@ class RangeCheck {
     }
     return true;
   }
-  /// Notes that the number that was found is in this field.
+  /// Records that the offending number is in this field.
   /// @return false
   bool within(std::string_view field) noexcept;
 
-  /// Refuses the call for the number that was found: "force.x is 30, but must be -20 to 20 N".
+  /// Refuses the call because of the offending number: "force.x is 30, but must be -20 to 20 N".
   [[nodiscard]] DispatchResult refuse(MutableBytes reply) const noexcept;
 
  private:
-  /// An element of a vector or array, which FlatBuffers gives as a pointer or a reference.
+  /// An element of a vector or array; FlatBuffers returns a pointer or a reference.
   template <class T>
   [[nodiscard]] static const T& item_of(const T& item) noexcept {
     return item;
@@ -98,10 +98,10 @@ class RangeCheck {
   void prepend(std::string_view text) noexcept;
 
   double number_ = 0;
-  bool is_float_ = false;  ///< The number has fewer digits.
+  bool is_float_ = false;  ///< Printed with fewer digits.
   std::string_view limits_{};
-  /// The path to the number stands at the end of this, as it is built from the inside out. Not
-  /// initialised: a call within the ranges does not pay for it.
+  /// The path to the number, built from the inside out and so stored at the end of the array. Left
+  /// uninitialised, so that calls within their ranges do not pay for it.
   std::array<char, 120> path_;
   std::size_t path_size_ = 0;
 };

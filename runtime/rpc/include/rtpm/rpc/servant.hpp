@@ -18,12 +18,12 @@ namespace rtpm::rpc {
 class Caller;
 
 /// The host that a call came from: over UDP the address that the session's cookie confirmed, over
-/// TCP the connection's; 127.0.0.1 otherwise, and for a caller that called from the address that
-/// it called. The addresses of a /64 of IPv6 are one host. Good for quotas, not for rights: several
-/// hosts may share an address (NAT), and an attacker that can change the traffic can forge it.
+/// TCP the connection's. 127.0.0.1 otherwise, and for callers on the server's own address. The
+/// addresses of an IPv6 /64 count as one host. Suitable for quotas, not for rights: several hosts
+/// may share an address (NAT), and an attacker on the path can forge it.
 struct CallerHost {
   /// An IPv4 address, 127.0.0.1 being 0x7f000001, or the first 64 bits of an IPv6 address; 0 if
-  /// not known, as in tests.
+  /// unknown, as in tests.
   std::uint64_t number = 0;
   [[nodiscard]] constexpr bool is_this_host() const noexcept { return number >> 24 == 127; }
   friend auto operator<=>(const CallerHost&, const CallerHost&) = default;
@@ -37,22 +37,23 @@ inline constexpr CallerHost kThisHost{0x7f00'0001};
 /// A servant's view of the call that it serves. Valid during the call only.
 struct CallContext {
   Priority priority;             ///< The priority at which the method runs.
-  MonotonicTime deadline;        ///< The time after which the caller no longer waits.
-  MonotonicTime received;        ///< When the lane took the request up.
-  std::uint64_t session = 0;     ///< The caller's session: the same number, the same caller.
-  std::uint64_t trace_id = 0;    ///< Given by the caller, 0 if none.
-  Deferral* deferral = nullptr;  ///< Lets a method answer later, or with a stream; null in tests.
-  CallerHost caller{};           ///< Where the call came from.
-  const Caller* identity = nullptr;  ///< Null if the server does not ask for identities.
+  MonotonicTime deadline;        ///< The time at which the caller stops waiting.
+  MonotonicTime received;        ///< When the lane received the request.
+  std::uint64_t session = 0;     ///< The caller's session: equal numbers mean the same caller.
+  std::uint64_t trace_id = 0;    ///< Set by the caller, 0 if none.
+  Deferral* deferral = nullptr;  ///< Lets a method answer later or with a stream; null in tests.
+  CallerHost caller{};           ///< The host that the call came from.
+  const Caller* identity = nullptr;  ///< Null if the server does not authenticate callers.
 };
 
-/// How a dispatch ended; made by generated code.
+/// The result of a dispatch; generated code creates it.
 struct DispatchResult {
   wire::Status status = wire::Status::kOk;
   std::uint32_t reply_size = 0;  ///< Bytes of the reply buffer in use, from its beginning.
 };
 
-/// An object that serves calls. Generated skeletons derive from it; people derive from those.
+/// An object that serves calls. Generated skeletons derive from it; servants derive from the
+/// skeletons.
 class Servant {
  public:
   Servant() = default;
@@ -62,18 +63,18 @@ class Servant {
 
   [[nodiscard]] virtual const InterfaceDescriptor& interface() const noexcept = 0;
 
-  /// Runs the method `method_id` with `request` and writes its result at the beginning of `reply`.
-  /// The return value is ignored if the method took a reply to give later (CallContext::deferral).
-  /// Generated code implements it. `request` and `reply` are aligned to 16 bytes, live until it
-  /// returns and do not overlap.
-  /// @threads  every lane that serves the object calls it, so several at once where lanes differ
-  /// @realtime as the method that a person wrote; an exception is counted and answered as
+  /// Runs the method `method_id` with `request` and writes its result to the beginning of `reply`.
+  /// The return value is ignored if the method deferred its reply (CallContext::deferral).
+  /// Generated code implements it. `request` and `reply` are aligned to 16 bytes, valid until it
+  /// returns, and do not overlap.
+  /// @threads  every lane that serves the object, so several concurrently
+  /// @realtime as the method's implementation; an exception is counted and answered as
   ///           kServantFailed
   virtual DispatchResult dispatch(std::uint16_t method_id, ConstBytes request, MutableBytes reply,
                                   const CallContext& context) = 0;
 };
 
-/// The wire's status for a servant's refusal.
+/// The wire status for a servant's refusal.
 [[nodiscard]] constexpr wire::Status to_status(Refusal refusal) noexcept {
   switch (refusal) {
     case Refusal::kOverload:

@@ -13,16 +13,15 @@
 #include "rtpm/rpc/binding.hpp"
 #include "rtpm/rpc/servant.hpp"
 
-/// The parts that generated code is made of: the one place where RTPM meets FlatBuffers' types.
+/// Support for generated code: the one place where RTPM meets FlatBuffers' types.
 ///
-/// A method's request and reply are each of one of three kinds (DESIGN: the payload rule):
-///   Empty   `rtpm.Empty`: no bytes;
-///   Struct  a table whose only field is a required struct: the bare struct, no verification walk;
-///   Table   any other table: a finished FlatBuffer, verified once when it arrives.
+/// A request or reply is of one of three kinds (DESIGN: the payload rule): Empty   `rtpm.Empty`: no
+/// bytes; Struct  a table whose only field is a required struct: the bare struct, no verification
+/// walk; Table   any other table: a finished FlatBuffer, verified once when it arrives.
 namespace rtpm::rpc {
 
-/// A table that arrived in a reply; points into the call channel's buffer, which is given back when
-/// this ends: read what you need, do not keep it.
+/// A received table; points into the call channel's buffer, which destruction returns. Read what
+/// you need, do not keep it.
 template <class T>
 class TableReply {
  public:
@@ -31,15 +30,15 @@ class TableReply {
     return *flatbuffers::GetRoot<T>(lease_.bytes().data());
   }
   [[nodiscard]] const T* operator->() const noexcept { return &**this; }
-  /// The finished FlatBuffer, as it came.
+  /// The finished FlatBuffer, as received.
   [[nodiscard]] ConstBytes bytes() const noexcept { return lease_.bytes(); }
 
  private:
   ReplyLease lease_;
 };
 
-/// The memory that a builder writes in; an answer that does not fit goes to the heap, so that it
-/// ends as kTooLarge and not as a crash.
+/// The memory that a builder writes in. A reply that does not fit goes to the heap, so that it ends
+/// as kTooLarge instead of a crash.
 class LentMemory final : public flatbuffers::Allocator {
  public:
   explicit LentMemory(MutableBytes memory) noexcept : memory_(memory) {}
@@ -73,7 +72,7 @@ class ReplyBuilder {
 
   /// The builder for strings, vectors and CreateT().
   [[nodiscard]] flatbuffers::FlatBufferBuilder& builder() noexcept { return builder_; }
-  /// Completes the reply; call it once, last.
+  /// Completes the reply; call it once, after everything else.
   void finish(flatbuffers::Offset<T> root) {
     builder_.Finish(root);
     is_finished_ = true;
@@ -84,7 +83,7 @@ class ReplyBuilder {
     if (!is_finished_) return {wire::Status::kServantFailed, 0};
     const std::size_t size = builder_.GetSize();
     if (size > memory_.size()) return {wire::Status::kTooLarge, 0};
-    // FlatBuffers writes downwards: the message stands at the end of the buffer, aligned there.
+    // FlatBuffers writes downwards: the message is at the end of the buffer, and aligned there.
     std::memmove(memory_.data(), builder_.GetBufferPointer(), size);
     return {wire::Status::kOk, static_cast<std::uint32_t>(size)};
   }
@@ -96,16 +95,16 @@ class ReplyBuilder {
   bool is_finished_ = false;
 };
 
-/// How far a table's verification goes: rtpmc derives it from the schema.
+/// The limits of a table's verification; rtpmc derives them from the schema.
 struct TableLimits {
-  std::uint32_t depth = 32;  ///< Tables in each other, the root included.
-  /// Tables in all. 0 for as many as the message can refer to (4 bytes each): then the message's
-  /// size bounds the time of verification.
+  std::uint32_t depth = 32;  ///< Nesting depth of tables, including the root.
+  /// The maximum number of tables. 0 for as many as the message can refer to (4 bytes each): then
+  /// the message's size bounds the verification time.
   std::uint32_t tables = 0;
 };
 
-/// Whether the bytes are a T from end to end, so that reading it stays within them (hp-12-4). There
-/// is no size prefix, and a file identifier is not checked (hp-12-5).
+/// Whether the bytes are a valid T, so that reading it stays within them (hp-12-4). The message has
+/// no size prefix, and a file identifier is not checked (hp-12-5).
 template <class T>
 [[nodiscard]] bool is_valid_table(ConstBytes bytes, TableLimits limits = {}) noexcept {
   if (bytes.size() < sizeof(flatbuffers::uoffset_t)) return false;
@@ -137,7 +136,7 @@ template <class T>
   return value;
 }
 
-/// Reads a reply that is a table, and verifies it.
+/// Verifies and reads a reply that is a table.
 template <class T>
 [[nodiscard]] expected<TableReply<T>, CallError> read_table(expected<ReplyLease, CallError> reply,
                                                             TableLimits limits) noexcept {
@@ -146,14 +145,14 @@ template <class T>
   return TableReply<T>{std::move(*reply)};
 }
 
-/// Calls with an encoded request and takes a reply without content.
+/// Calls with an encoded request and reads a reply without content.
 [[nodiscard]] inline expected<void, CallError> call_for_nothing(
     Binding& binding, const MethodDescriptor& method, ConstBytes request,
     const CallOptions& options) noexcept {
   return read_nothing(binding.call(method, request, options));
 }
 
-/// Calls with an encoded request and takes a reply that is a bare struct.
+/// Calls with an encoded request and reads a reply that is a bare struct.
 template <class T>
 [[nodiscard]] expected<T, CallError> call_for_struct(Binding& binding,
                                                      const MethodDescriptor& method,
@@ -162,7 +161,7 @@ template <class T>
   return read_struct<T>(binding.call(method, request, options));
 }
 
-/// Calls with an encoded request and takes a reply that is a table.
+/// Calls with an encoded request and reads a reply that is a table.
 template <class T>
 [[nodiscard]] expected<TableReply<T>, CallError> call_for_table(Binding& binding,
                                                                 const MethodDescriptor& method,
@@ -172,15 +171,14 @@ template <class T>
   return read_table<T>(binding.call(method, request, options), limits);
 }
 
-/// The bytes of a struct as they stand on the wire.
+/// The wire bytes of a struct.
 template <class T>
 [[nodiscard]] ConstBytes struct_bytes(const T& value) noexcept {
   static_assert(std::is_trivially_copyable_v<T> && FLATBUFFERS_LITTLEENDIAN);
   return std::as_bytes(std::span<const T, 1>(&value, 1));
 }
 
-/// A request that is a struct, read in place: its size was checked, and a server hands requests
-/// over aligned to 16 bytes.
+/// Reads a struct request in place. Its size was checked, and servers align requests to 16 bytes.
 template <class T>
 [[nodiscard]] const T& view_struct(ConstBytes request) noexcept {
   static_assert(alignof(T) <= 16 && std::is_trivially_copyable_v<T>);
@@ -189,7 +187,7 @@ template <class T>
   return *static_cast<const T*>(static_cast<const void*>(request.data()));
 }
 
-/// The memory of a reply that the schema gives a largest size.
+/// The reply memory, limited to the schema's maximum size.
 [[nodiscard]] inline MutableBytes at_most(MutableBytes reply, std::size_t size_max) noexcept {
   return reply.first(std::min(reply.size(), size_max));
 }
@@ -210,7 +208,7 @@ template <class T>
   return {wire::Status::kOk, static_cast<std::uint32_t>(sizeof(T))};
 }
 
-/// Answers for a servant's method that gives nothing back.
+/// Replies for a servant's method that returns nothing.
 [[nodiscard]] inline DispatchResult reply_with_nothing(const Result<void>& result) noexcept {
   return {result ? wire::Status::kOk : to_status(result.error()), 0};
 }
