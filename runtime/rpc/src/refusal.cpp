@@ -8,7 +8,7 @@
 namespace rtpm::rpc {
 namespace {
 
-/// A sentence in a fixed place, cut where that is full.
+/// A sentence in a fixed buffer, truncated at its end.
 class Sentence {
  public:
   Sentence& add(std::string_view text) noexcept {
@@ -30,7 +30,7 @@ class Sentence {
   std::size_t size_ = 0;
 };
 
-/// `text` without its last character where that one is cut.
+/// Cuts `text` at `size`, without splitting its last character.
 std::string_view whole_characters(std::string_view text, std::size_t size) noexcept {
   if (text.size() <= size) return text;
   while (size > 0 && (static_cast<unsigned char>(text[size]) & 0xc0U) == 0x80U)
@@ -74,7 +74,7 @@ bool RangeCheck::within(std::string_view field, std::uint32_t index) noexcept {
   return false;
 }
 
-// Keeps the outer end of a path that is too long.
+// Of a path that is too long, keeps the outer end.
 void RangeCheck::prepend(std::string_view text) noexcept {
   const std::size_t count = std::min(text.size(), path_.size());
   const std::size_t kept = std::min(path_size_, path_.size() - count);

@@ -7,21 +7,20 @@
 
 namespace rtpm::rpc {
 
-/// Lets the method that runs answer later, if its call has, or finds, a place among the pending
-/// calls.
+/// Lets the running method answer later, if its call has, or gets, a slot among the pending calls.
 class CallDeferral final : public Deferral {
  public:
-  /// A call that must be answered at once.
+  /// For a call that must be answered at once.
   CallDeferral() noexcept = default;
-  /// A call over a wire. `kept` is its place, if it has one already.
+  /// For a call over a transport. `kept` is its slot, if it already has one.
   CallDeferral(const std::shared_ptr<PendingPool>& pool, const wire::Request& request,
                wire::ServerSessions& sessions, PendingCall* kept = nullptr) noexcept
       : pool_(&pool), request_(&request), sessions_(&sessions), call_(kept) {}
-  /// A call of the same program, on its caller's memory.
+  /// For a call within this program, on its caller's memory.
   CallDeferral(const std::shared_ptr<PendingPool>& pool, const wire::Request& request,
                LocalChannel& channel) noexcept
       : pool_(&pool), request_(&request), channel_(&channel) {}
-  /// A call that waited in its place for a thread.
+  /// For a call that waited in its slot for a thread.
   CallDeferral(const std::shared_ptr<PendingPool>& pool, PendingCall& queued) noexcept
       : pool_(&pool), call_(&queued) {}
 
@@ -34,7 +33,7 @@ class CallDeferral final : public Deferral {
     return is_stream && take() ? writer_for(*pool_, call_) : ItemWriter{};
   }
   [[nodiscard]] bool is_taken() const noexcept { return is_taken_; }
-  /// The call that its method has not answered; null if it has.
+  /// The call, if its method has deferred the answer; otherwise null.
   [[nodiscard]] PendingCall* taken() const noexcept { return is_taken_ ? call_ : nullptr; }
 
  private:

@@ -44,7 +44,7 @@ Ran Dispatch::run(const Target& target, const wire::Request& request, MutableByt
                      deferral.is_taken() ? std::nullopt : std::optional(ran.result.status));
   }
   if (tap_.is_on()) [[unlikely]] {
-    // The lane ends a call that goes on only after this, so that its mark is there in time.
+    // The lane cannot end a deferred call before this, so the mark is set in time.
     if (PendingCall* const call = deferral.taken()) {
       call->tap_mark = tap_.on_begun(request);
     } else {
@@ -90,7 +90,7 @@ Ran Dispatch::fail(const Target& target, const wire::Request& request, MutableBy
   if (refusals_ != nullptr) {
     refusals_->note(*target.object, request, wire::Status::kServantFailed, thrown);
   }
-  // Another thread may write the answer.
+  // Another thread may already write the answer.
   if (deferral.is_taken()) reply = {};
   return {refuse(wire::Status::kServantFailed, thrown, reply), /*has_thrown=*/true};
 }
@@ -121,7 +121,7 @@ DispatchResult Dispatch::run_nested(const LocalChannel& channel,
   const auto target = target_of(request, nullptr);
   if (!target) return {target.error(), 0};
   const auto outer = rt::current_priority();
-  // The thread could not come back to end it.
+  // The thread could not return here to end the call.
   CallDeferral none;
   const Ran ran = run(*target, request, channel.reply(), none);
   if (outer) rt::adopt_priority(*outer);

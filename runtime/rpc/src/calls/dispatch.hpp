@@ -21,7 +21,7 @@ struct Ran {
   bool has_thrown = false;
 };
 
-/// From a request to the method that serves it, at its priority.
+/// Maps a request to its method, and runs it at the request's priority.
 /// @threads  any
 /// @realtime alloc-free
 class Dispatch {
@@ -37,14 +37,15 @@ class Dispatch {
         rights_(rights),
         refusals_(refusals) {}
 
-  /// The object on which a method would run, or why there is none: every call passes here before it
-  /// runs, however it came. `sessions` has the request; null for a call of this program.
-  /// @threads  with the lane's Lead; for calls of this program any
+  /// The object on which a method would run, or why it may not. Every call passes this check before
+  /// it runs, over any transport. `sessions` holds the request's session; null for a call within
+  /// this program.
+  /// @threads  with the lane's Lead; calls within this program: any
   [[nodiscard]] expected<Target, wire::Status> target_of(
       const wire::Request& request, const wire::ServerSessions* sessions) const noexcept;
   [[nodiscard]] Priority priority_of(const Object& object,
                                      const wire::Header& header) const noexcept;
-  /// Runs the method at the request's own priority, at which the thread is left, and hands the
+  /// Runs the method at the request's priority, which the thread keeps afterwards, and passes the
   /// call to the tap.
   [[nodiscard]] Ran run(const Target& target, const wire::Request& request, MutableBytes reply,
                         CallDeferral& deferral) const noexcept;
@@ -52,7 +53,7 @@ class Dispatch {
   [[nodiscard]] DispatchResult serve_session(const wire::Request& request,
                                              const wire::ServerSessions& sessions,
                                              MutableBytes reply) const noexcept;
-  /// Runs a method inside of another one, on the same thread, which returns to its priority.
+  /// Runs a method inside another one on the same thread, then restores the thread's priority.
   [[nodiscard]] DispatchResult run_nested(const LocalChannel& channel,
                                           LaneReport& report) const noexcept;
 
@@ -71,7 +72,7 @@ class Dispatch {
   RefusalNotes* refusals_;
 };
 
-/// A call of the same program, as if it had come over a wire.
+/// A request for a call within this program, as if it had arrived over a transport.
 [[nodiscard]] wire::Request request_of(const LocalChannel& channel) noexcept;
 
 }  // namespace rtpm::rpc

@@ -12,12 +12,12 @@ namespace rtpm::rpc {
 OpenCalls::OpenCalls(std::shared_ptr<PendingPool> pool, std::uint32_t call_count_max, Media& media,
                      LaneReport& report, Doorbell& doorbell, LaneTap& tap)
     : pool_(std::move(pool)), media_(media), report_(report), doorbell_(doorbell), tap_(tap) {
-  // One more: a call that used up the turn stands at the end before its old entry goes.
+  // One extra: a call that exhausts its turn is appended before its old entry is removed.
   backlog_.reserve(std::size_t{call_count_max} + 1);
 }
 
 bool OpenCalls::serve_ready(Lead& lead) noexcept {
-  // A new call waits for at most this many of them.
+  // The most open calls that a new call waits for.
   constexpr int kCallsPerTurn = 32;
   if (!has_any()) return false;
   take_cancelled(lead, CallEnding::kLeft);
@@ -34,9 +34,9 @@ bool OpenCalls::serve_ready(Lead& lead) noexcept {
   return has_some;
 }
 
-// A stream that is not done goes behind the others.
+// Moves an unfinished stream to the end of the backlog.
 bool OpenCalls::serve_backlog(Lead& lead) noexcept {
-  // A small call that comes now waits as long as it takes to send this.
+  // A small call that arrives now waits at most as long as sending this takes.
   constexpr std::size_t kItemBytesPerTurn = std::size_t{32} * 1024;
   item_bytes_left_ = kItemBytesPerTurn;
   const std::size_t count = backlog_.size();
@@ -73,12 +73,12 @@ void OpenCalls::take_cancelled(Lead& lead, CallEnding why) noexcept {
 }
 
 void OpenCalls::serve(Lead& lead, PendingCall& call) noexcept {
-  // The notice may come after the lane has seen the end and given the place back.
+  // The notice may arrive after the lane has seen the end and released the slot.
   if (!call.is_taken) return;
   report_.mark(lead);
   const bool is_ended = call.is_ended.load(std::memory_order_acquire);
-  // The method may still read its request. Where the connection ended meanwhile, the call may have
-  // been given back.
+  // The method may still read its request. If the connection has ended, the call may already be
+  // released.
   if (!send_items(lead, call) || !call.is_taken || !is_ended || call.is_running) return;
   MonotonicTime now = rt::now();
   if (call.sessions != nullptr && must_wait_for_buffer(call, now)) return;
@@ -99,7 +99,7 @@ void OpenCalls::serve(Lead& lead, PendingCall& call) noexcept {
   const auto peer = sessions.peer_of(call.request);
   const MutableBytes room =
       reserved.empty() ? sessions.reply_buffer(call.request, now) : MutableBytes{};
-  // It waited for a buffer until its caller no longer waited.
+  // It waited for a buffer until its deadline.
   const bool is_given_up = reserved.empty() && call.size > room.size();
   if (is_given_up) {
     call.size = 0;
@@ -112,8 +112,8 @@ void OpenCalls::serve(Lead& lead, PendingCall& call) noexcept {
   if (peer && !is_given_up) send(lead, sessions, *peer, frame);
 }
 
-// Copies a large reply while other threads have the lock; nothing if the reply is small, or the
-// lane has one thread. The call may be cancelled meanwhile.
+// Copies a large reply while other threads hold the lock. Returns nothing if the reply is small or
+// the lane has one thread. The call may be cancelled meanwhile.
 MutableBytes OpenCalls::copy_unlocked(PendingCall& call, MonotonicTime now) noexcept {
   if (lock_ == nullptr) return {};
   const MutableBytes buffer = call.sessions->reserve_reply(call.request, call.size, now);
@@ -126,8 +126,8 @@ MutableBytes OpenCalls::copy_unlocked(PendingCall& call, MonotonicTime now) noex
   return buffer;
 }
 
-// Whether a call that ended with a large reply has to wait until there is a buffer for it: it ran,
-// so that nothing but its reply is an answer, for as long as its caller waits.
+// Whether a call that ended with a large reply must wait for a buffer. It ran, so only its reply
+// can answer it; it waits as long as its caller does.
 bool OpenCalls::must_wait_for_buffer(PendingCall& call, MonotonicTime now) noexcept {
   wire::ServerSessions& sessions = *call.sessions;
   const bool may_wait = call.is_awaited.load(std::memory_order_relaxed) &&
@@ -145,8 +145,7 @@ bool OpenCalls::must_wait_for_buffer(PendingCall& call, MonotonicTime now) noexc
   return waits;
 }
 
-// Sends the items that wait, until credit, connection or turn budget is exhausted; false if some
-// are left.
+// Sends queued items until credit, connection or turn budget is exhausted. False if some are left.
 bool OpenCalls::send_items(Lead& lead, PendingCall& call) noexcept {
   // SYNC POINT pending-items
   const std::uint32_t written = call.written_count.load(std::memory_order_acquire);
@@ -171,7 +170,7 @@ bool OpenCalls::send_items(Lead& lead, PendingCall& call) noexcept {
   return sent == written;
 }
 
-// Serves the large replies for which there was no room: there may be some now.
+// Sends large replies that found no buffer; one may be free now.
 void OpenCalls::serve_waiting_replies(Lead& lead) noexcept {
   waiting_reply_due_ = kNever;
   pool_->for_each_open([&](PendingCall& call) {
@@ -179,12 +178,12 @@ void OpenCalls::serve_waiting_replies(Lead& lead) noexcept {
   });
 }
 
-// Sends the next frame of an item; false if that is not the time.
+// Sends the next frame of an item; false if it cannot be sent now.
 bool OpenCalls::send_item_frame(Lead& lead, PendingCall& call, std::uint32_t number,
                                 Slot* slot) noexcept {
   if (item_bytes_left_ == 0) {
     if (!std::exchange(call.is_in_backlog, true)) backlog_.push_back(&call);
-    // The thread that sends it may sleep while another ends a call.
+    // The sending thread may sleep while another thread ends a call.
     doorbell_.wake();
     return false;
   }
@@ -214,7 +213,7 @@ bool OpenCalls::send_item_frame(Lead& lead, PendingCall& call, std::uint32_t num
   return true;
 }
 
-// Tries streams again whose connections had no room.
+// Retries streams whose connections were full.
 void OpenCalls::retry_blocked(Lead& lead, MonotonicTime now) noexcept {
   if (now < retry_time_) return;
   retry_time_ = kNever;
@@ -223,7 +222,7 @@ void OpenCalls::retry_blocked(Lead& lead, MonotonicTime now) noexcept {
   });
 }
 
-// Streams whose callers were silent for too long end by themselves.
+// Ends streams whose callers were silent for too long.
 void OpenCalls::on_time(Lead& lead, MonotonicTime now) noexcept {
   media_.for_each([&](wire::ServerSessions& sessions) {
     if (sessions.next_time() > now) return;
@@ -243,7 +242,7 @@ void OpenCalls::end(Lead& lead) noexcept {
     call.ending.store(CallEnding::kStopping, std::memory_order_relaxed);
     call.is_awaited.store(false, std::memory_order_release);
     if (call.local != nullptr) {
-      // One that still runs has its caller's memory, and is ended by its own thread.
+      // A running call uses its caller's memory; its own thread ends it.
       if (!call.is_running) std::exchange(call.local, nullptr)->finish(wire::Status::kStopping, 0);
       return;
     }
@@ -251,7 +250,7 @@ void OpenCalls::end(Lead& lead) noexcept {
     const ConstBytes frame =
         call.sessions->complete(call.request, wire::Status::kStopping, 0, rt::now());
     if (peer) send(lead, *call.sessions, *peer, frame);
-    // Its place stays taken: its handle may still write there.
+    // Keeps the slot: the call's handle may still write there.
   });
   media_.for_each([&](wire::ServerSessions& sessions) {
     while (const auto close = sessions.close_next(rt::now())) {
@@ -294,10 +293,10 @@ void OpenCalls::publish(Lead& lead) noexcept {
   });
 }
 
-// A local call whose method has ended it.
+// Completes a local call whose method has ended it.
 void OpenCalls::serve_local(PendingCall& call) noexcept {
   LocalChannel* const channel = call.local;
-  // Without a channel, its caller was told that the lane stops.
+  // Without a channel, the caller was told that the lane stops.
   if (channel != nullptr && channel->is_place()) {
     channel->finish(call.status, 0);
   } else if (channel != nullptr) {

@@ -68,7 +68,7 @@ PendingCall* PendingPool::keep(wire::ServerSessions& sessions,
   PendingCall* const call = take();
   if (call == nullptr) return nullptr;
   call->take_in(request, sessions);
-  // It views the frame, or a buffer, that is another's when the method has returned.
+  // The payload views a frame or buffer that is reused once the method returns.
   call->request.payload = {};
   sessions.set_tag(request, tag_of(*call));
   return call;
@@ -135,7 +135,7 @@ MonotonicTime UnfinishedCall::deadline() const noexcept {
 void UnfinishedCall::end(wire::Status status, std::uint32_t size) noexcept {
   RTPM_ASSERT(call_ != nullptr, "a call is ended once");
   RTPM_ASSERT(size <= call_->reply.size(), "a reply stays within its buffer");
-  // hp-5.10-10: a method that fails because its item was too large has no other fault.
+  // hp-5.10-10: a failure after a too large item is reported as kTooLarge.
   if (status == wire::Status::kServantFailed && call_->has_refused_large) {
     status = wire::Status::kTooLarge;
   }
@@ -165,14 +165,14 @@ std::uint32_t ItemWriter::waiting_count() const noexcept {
          call_->sent_count.load(std::memory_order_acquire);
 }
 
-// Where the next item of that size goes among those that wait, of which there are some unless
-// `is_empty`; nothing while there is no room.
+// The offset for the next item of that size. `is_empty`: no items are queued. nullopt if there is
+// no space.
 std::optional<std::uint32_t> ItemWriter::place_for(std::uint32_t size, bool is_empty,
                                                    std::uint32_t first_waiting) const noexcept {
   if (is_empty) return 0;
   const std::uint32_t begin = first_waiting;
   const std::uint32_t end = call_->item_end;
-  // Each takes a byte at least: where end and begin are one, all is full.
+  // Each item takes at least one byte, so end == begin means full.
   if (end <= begin) return size <= begin - end ? std::optional(end) : std::nullopt;
   if (end <= call_->item_byte_max && size <= call_->item_byte_max - end) return end;
   return size <= begin ? std::optional(0U) : std::nullopt;
@@ -185,8 +185,8 @@ expected<void, StreamError> ItemWriter::write(ConstBytes item, std::uint32_t siz
     return unexpected{StreamError::kTooLarge};
   }
   const std::uint32_t written = call_->written_count.load(std::memory_order_relaxed);
-  // SYNC POINT pending-items: the lane is done with an item that it counts as sent, and an item
-  // that is counted as written is whole.
+  // SYNC POINT pending-items: the lane no longer reads an item that it counts as sent, and an item
+  // counted as written is complete.
   const std::uint32_t sent = call_->sent_count.load(std::memory_order_acquire);
   if (written - sent >= PendingCall::kItemCountMax) return unexpected{StreamError::kFull};
   const auto size = static_cast<std::uint32_t>(item.size());

@@ -21,29 +21,30 @@ namespace rtpm::rpc {
 
 struct Object;
 
-/// A call that its method has not ended. The method's thread writes, one at a time; the lane reads.
+/// A call that its method has not ended yet. The method's thread writes, one at a time; the lane
+/// reads.
 struct PendingCall {
   static constexpr std::uint32_t kItemCountMax = wire::kStreamWindow;
 
-  // Under the Lead.
+  // Guarded by the Lead.
   wire::Request request{};
   bool is_taken = false;
-  wire::ServerSessions* sessions = nullptr;  ///< Null if `local` has the call.
+  wire::ServerSessions* sessions = nullptr;  ///< Null for a local call.
   LocalChannel* local = nullptr;
-  std::uint32_t item_size_max = 0;        ///< 0 if it is not a stream.
+  std::uint32_t item_size_max = 0;        ///< 0 if the call is not a stream.
   std::uint32_t item_frame_size_max = 0;  ///< The largest item of a single frame.
-  bool is_blocked = false;                ///< Its connection has no room for items now.
+  bool is_blocked = false;                ///< Its connection cannot take items now.
   bool is_in_backlog = false;             ///< See OpenCalls::serve_backlog().
-  // The members below are used in a lane with a thread pool.
+  // The members below are used by a lane with a thread pool.
   const Object* object = nullptr;
-  std::optional<CallOrigin> origin{};  ///< Set in a secured server once the call was queued.
+  std::optional<CallOrigin> origin{};  ///< Set once a call of a secured server was queued.
   MutableBytes request_room{};
-  bool is_running = false;      ///< It runs or waits for a thread: do not end it yet.
-  bool waits_for_room = false;  ///< It ended with a large reply for which there was no room yet.
-  bool is_deferred = false;  ///< Counts as deferred. The method's thread writes it while it runs.
+  bool is_running = false;      ///< It runs or waits for a thread, so it must not be ended yet.
+  bool waits_for_room = false;  ///< It ended with a large reply that found no buffer yet.
+  bool is_deferred = false;  ///< Counts as deferred. Written by the method's thread while it runs.
   TapMark tap_mark{};        ///< Written by the method's thread, then under the Lead.
 
-  /// A call that came over a wire; the request's payload stays where it is.
+  /// Fills the slot for a call over a transport; does not copy the request's payload.
   void take_in(const wire::Request& its_request, wire::ServerSessions& its_sessions) noexcept {
     request = its_request;
     sessions = &its_sessions;
@@ -53,13 +54,13 @@ struct PendingCall {
     item_size_max = std::min(room, its_sessions.item_size_max(request));
     item_frame_size_max = std::min(room, its_sessions.item_frame_size_max(request));
   }
-  /// An item that was written.
+  /// A written item.
   [[nodiscard]] ConstBytes item(std::uint32_t number) const noexcept {
     const ItemPlace& place = item_places[number % kItemCountMax];
     return ConstBytes(item_room).subspan(place.offset, place.size);
   }
-  /// A call of the same program. It is answered where its caller wants the reply, unless that has
-  /// to be `is_elsewhere`: a reply that comes later may find its caller gone.
+  /// Fills the slot for a call within this program. The reply goes to the caller's memory, unless
+  /// `is_elsewhere`: a later reply may find its caller gone.
   void take_in(const wire::Request& its_request, LocalChannel& channel,
                bool is_elsewhere) noexcept {
     request = its_request;
@@ -69,10 +70,10 @@ struct PendingCall {
     item_size_max = item_frame_size_max = 0;
   }
 
-  // Shared.
+  // Shared between the method's thread and the lane.
   std::atomic<PendingCall*> next_ready{nullptr};
   std::atomic<bool> is_queued{false};
-  /// Why its caller does not wait; written before is_awaited.
+  /// Why the caller no longer waits; written before is_awaited.
   std::atomic<CallEnding> ending{CallEnding::kNone};
   std::atomic<bool> is_awaited{false};
   std::atomic<bool> is_ended{false};
@@ -80,9 +81,8 @@ struct PendingCall {
   std::uint32_t size = 0;
   MutableBytes reply{};
   MutableBytes reply_room{};
-  /// The items of a stream, written one behind the other, from the beginning again at
-  /// `item_byte_max`; a larger one has it alone. The same memory as reply_room: the reply of a
-  /// stream has no content.
+  /// The items of a stream, a ring of `item_byte_max` bytes; a larger item is stored alone. Shares
+  /// its memory with reply_room, as the reply of a stream has no content.
   MutableBytes item_room{};
   std::uint32_t item_byte_max = 0;
   struct ItemPlace {
@@ -90,34 +90,34 @@ struct PendingCall {
     std::uint32_t size = 0;
   };
   std::array<ItemPlace, kItemCountMax> item_places{};
-  std::uint32_t item_end = 0;      ///< Behind the last that was written; the writer's own.
-  bool has_refused_large = false;  ///< An item was too large; the writer's own.
+  std::uint32_t item_end = 0;      ///< The end of the last written item; used by the writer only.
+  bool has_refused_large = false;  ///< An item was too large; used by the writer only.
   std::atomic<std::uint32_t> written_count{0};
   std::atomic<std::uint32_t> sent_count{0};
 };
 
-/// The unfinished calls of one lane, a bounded number, and the list of those with items or an end
-/// for the lane to send. Handles of unfinished calls keep it alive beyond the lane's own end.
-/// @threads  notify() and keep_deferred() any; everything else the lane's
-/// @realtime alloc-free but for construction
+/// The unfinished calls of one lane, a bounded number, and the list of those with items or a reply
+/// to send. Handles of unfinished calls may keep it alive after its lane.
+/// @threads  notify() and keep_deferred(): any; the rest: the lane's
+/// @realtime alloc-free except construction
 class PendingPool {
  public:
-  /// `deferred_count_max`: how many of the `count` may be those of methods that have returned.
-  /// `stream_byte_max`: how many bytes of items each stream may hold. `keeps_requests`: each place
-  /// has room for the request, too.
+  /// `deferred_count_max`: how many of the `count` slots may outlast their methods.
+  /// `stream_byte_max`: how many bytes of items each stream may hold. `keeps_requests`: each slot
+  /// also has memory for the request.
   PendingPool(std::uint32_t count, std::uint32_t deferred_count_max, std::uint32_t message_size_max,
               std::uint32_t stream_byte_max, bool keeps_requests, std::shared_ptr<Doorbell> bell);
 
-  /// Whether the system gave its memory; if not, there are no places, or some lack items.
+  /// False if the system gave too little memory: then there are no slots, or slots without items.
   [[nodiscard]] bool has_memory() const noexcept { return has_memory_; }
 
-  /// A free place, or null.
+  /// Returns a free slot, or null.
   [[nodiscard]] PendingCall* take() noexcept;
-  /// A free place, or null, for a call that came over a wire and may outlast its frame.
+  /// Returns a free slot, or null, for a call over a transport that may outlast its frame.
   [[nodiscard]] PendingCall* keep(wire::ServerSessions& sessions,
                                   const wire::Request& request) noexcept;
   void give_back(PendingCall& call) noexcept;
-  /// Lets a call that waited in its place outlast its method; false if too many do.
+  /// Lets a call that waited in its slot outlast its method; false if too many calls do.
   /// @threads  any
   [[nodiscard]] bool keep_deferred(PendingCall& call) noexcept;
   [[nodiscard]] std::uint32_t tag_of(const PendingCall& call) const noexcept {
@@ -125,7 +125,7 @@ class PendingPool {
   }
   [[nodiscard]] PendingCall& tagged(std::uint32_t tag) noexcept { return calls_[tag - 1]; }
   [[nodiscard]] std::uint32_t open_count() const noexcept { return open_count_; }
-  /// Every call that is not free.
+  /// Visits every slot in use.
   template <class Visitor>
   void for_each_open(Visitor visit) noexcept {
     for (PendingCall& call : calls_) {
@@ -133,11 +133,11 @@ class PendingPool {
     }
   }
 
-  /// The call has items, or has ended: wakes the lane.
+  /// Wakes the lane: the call has items, or has ended.
   void notify(PendingCall& call) noexcept;
   [[nodiscard]] bool has_ready() const noexcept { return !ready_.is_empty(); }
   [[nodiscard]] bool may_sleep() const noexcept { return ready_.is_empty_before_sleep(); }
-  /// The call that was notified first, or null.
+  /// Returns the call that was notified first, or null.
   [[nodiscard]] PendingCall* take_ready() noexcept {
     PendingCall* const call = ready_.take_next();
     if (call != nullptr) call->is_queued.exchange(false, std::memory_order_acq_rel);
@@ -149,7 +149,7 @@ class PendingPool {
   rt::LazyMemory replies_;
   rt::LazyMemory requests_;
   std::vector<PendingCall> calls_;
-  std::vector<PendingCall*> free_;  ///< The last was used last. Sized once.
+  std::vector<PendingCall*> free_;  ///< Last used last. Sized once.
   std::uint32_t open_count_ = 0;
   std::uint32_t deferred_count_max_;
   std::atomic<std::uint32_t> deferred_count_{0};

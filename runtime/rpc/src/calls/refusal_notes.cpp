@@ -46,7 +46,7 @@ void RefusalNotes::write() {
     try {
       log_.write(line_of(note));
     } catch (const std::bad_alloc&) {
-      // The counters have to do.
+      // Dropped: the counters still count it.
     }
     note.state.store(State::kFree, std::memory_order_release);
     count_.fetch_sub(1, std::memory_order_acq_rel);

@@ -14,22 +14,22 @@
 
 namespace rtpm::rpc {
 
-/// Why calls were refused or failed, for the server's log: lanes note it, the acceptor's thread
-/// writes it. If there are very many, only some are logged; the counters have all.
-/// @threads  note() any, several at once; the rest one at a time
+/// Why calls were refused or failed, for the server's log. Lanes add notes, the acceptor's thread
+/// writes them. At high rates only some are logged; the counters count all.
+/// @threads  note(): any, concurrently; the rest one at a time
 /// @realtime note() is alloc-free and lock-free, at most one syscall; the rest is set-up only
 class RefusalNotes {
  public:
-  /// @param bell  of the thread that calls write_due()
+  /// @param bell  wakes the thread that calls write_due()
   explicit RefusalNotes(transport::WaitSet& bell) noexcept : bell_(bell) {}
 
-  /// @param text  as the caller gets it; may be empty
+  /// @param text  as sent to the caller; may be empty
   void note(const Object& object, const wire::Request& request, wire::Status status,
             std::string_view text) noexcept;
-  /// Writes the new notes, some times a second.
-  /// @return when to call again; kNever: when the bell rings
+  /// Writes the new notes, a few times a second.
+  /// @return when to call again; kNever if only after the bell rings
   [[nodiscard]] MonotonicTime write_due(MonotonicTime now);
-  /// Writes the notes so far.
+  /// Writes all pending notes.
   void write();
 
  private:

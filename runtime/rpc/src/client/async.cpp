@@ -4,7 +4,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
 
-// The ways to call that a binding offers: call and wait, send, begin, stream.
+// The kinds of calls that a binding offers: call and wait, send, begin, stream.
 namespace rtpm::rpc {
 
 expected<ReplyLease, CallError> Binding::call(const MethodDescriptor& method, ConstBytes request,
@@ -18,7 +18,7 @@ expected<wire::PeerClock, CallError> Binding::ping(const CallOptions& options) n
   plan.target = Impl::Target::kSession;
   const auto reply = impl_->call(plan, {});
   if (!reply) return unexpected{reply.error()};
-  // A ping that had to be repeated gives no time, and may be the first call of its channel.
+  // A repeated ping gives no time, and it may be the channel's first call.
   constexpr wire::PeerClock kNotKnown{.uncertainty = Duration::max()};
   return reply->channel_->peer_clock(rt::now()).value_or(kNotKnown);
 }
@@ -47,7 +47,7 @@ std::uint64_t Binding::lost_oneway_count() const noexcept {
   return impl_->destinations().get().destination->lost_oneway_count();
 }
 
-/// A call that was begun, on a channel of its own.
+/// An asynchronous call, on its own channel.
 struct PendingReply::State {
   State(Binding::Impl& binding_in, const Binding::Impl::Plan& plan_in,
         const Binding::Impl::Ready& ready_in) noexcept
@@ -63,7 +63,7 @@ struct PendingReply::State {
         return unexpected{refused(outcome.status, outcome.payload)};
       return ReplyLease(outcome.payload, channel.keep());
     }
-    // Meanwhile this one's channel keeps the request.
+    // Until then this call's channel keeps the request.
     return binding.call_again(outcome, ready, plan, channel->call_begun(), request);
   }
   void cancel() noexcept {
@@ -77,7 +77,8 @@ struct PendingReply::State {
   Binding::Impl::Ready ready;
   TakenChannel channel;
   ConstBytes request{};
-  CallOutcome outcome{};  ///< Not kGoing before the call was begun: there is nothing to cancel.
+  /// Not kGoing before the call is sent, so that there is nothing to cancel.
+  CallOutcome outcome{};
 };
 
 PendingReply::PendingReply() noexcept = default;
@@ -91,7 +92,7 @@ PendingReply& PendingReply::operator=(PendingReply&& other) noexcept {
 
 PendingReply::~PendingReply() {
   cancel();
-  // Freeing the state is allowed, as its allocation was when the call was begun.
+  // Freeing the state is allowed here, as its allocation was in begin().
   const rt::AllowAllocationScope is_allowed;
   state_.reset();
 }
@@ -164,7 +165,7 @@ expected<ItemReader, CallError> Binding::open_stream(const MethodDescriptor& met
   RTPM_ASSERT(options.miss_count_max >= kMissCountMin && options.miss_count_max <= kMissCountMax,
               "2 to 6 signs of life may be missed");
   Impl::Plan plan = impl_->plan(method, options.call);
-  // A stream has no end of its own in time, unless its caller says so.
+  // A stream has no deadline unless its caller sets one.
   if (!options.call.deadline) plan.deadline = kNever;
   plan.stream_window = options.window;
   plan.stream_silence = std::min<Duration>(options.miss_count_max * wire::kStreamAskIntervalMax,
@@ -192,7 +193,7 @@ bool ItemReader::is_open() const noexcept {
 expected<std::optional<ConstBytes>, CallError> ItemReader::next(MonotonicTime until) noexcept {
   RTPM_ASSERT(state_ != nullptr, "a stream was opened");
   while (true) {
-    // Items that are here come before the end that may have come with them.
+    // Received items precede the end of the stream, even if both arrived together.
     if (const auto item = state_->channel->next_item()) return item;
     if (!is_open()) break;
     state_->outcome = state_->channel->finish(until, rt::now());
@@ -207,7 +208,7 @@ expected<std::optional<ConstBytes>, CallError> ItemReader::next(MonotonicTime un
 
 void ItemReader::cancel() noexcept {
   if (!state_) return;
-  // An ended stream, too, holds its place on the channel until its items are taken.
+  // Even an ended stream occupies its channel until its items are taken.
   state_->channel->cancel();
   if (!is_open()) return;
   state_->outcome = {.kind = CallOutcome::Kind::kFailed, .error = CallError::kCancelled};

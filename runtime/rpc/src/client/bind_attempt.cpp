@@ -14,10 +14,10 @@
 namespace rtpm::rpc {
 namespace {
 
-// Texts of a server, and of a registry, are foreign.
+// Texts from a server or registry are untrusted.
 constexpr std::size_t kDifferenceSizeMax = 1024;
 
-// "; most like it there: lab/arm0, lab/arm1", or nothing. The list ends at a malformed path.
+// "; most like it there: lab/arm0, lab/arm1", or empty. The list ends at a malformed path.
 std::string similar_paths_of(const BindOutcome& outcome) {
   std::string list;
   ByteReader reader(ConstBytes(outcome.similar_paths).first(outcome.similar_paths_size));
@@ -29,19 +29,19 @@ std::string similar_paths_of(const BindOutcome& outcome) {
   return list;
 }
 
-// A server on this host answers such a question within microseconds, unless it is stopped.
+// A server on this host answers within microseconds, unless it is stopped.
 constexpr Duration kMemoryPatience = std::chrono::milliseconds{100};
 
-// The part of a bind's time that may show whether a server silent over UDP answers over TCP.
+// The part of a bind's time for trying TCP when a server does not answer over UDP.
 constexpr Duration kTcpPatience = std::chrono::milliseconds{250};
 
-// Where a URL may lead.
+// The addresses that a URL may lead to.
 struct Candidates {
   std::vector<ServerCandidate> addresses{};
-  SetupError error{};      ///< The error of the last one that failed.
-  std::string failures{};  ///< Each with its reason.
+  SetupError error{};      ///< The error of the last candidate that failed.
+  std::string failures{};  ///< All failures, with their reasons.
 
-  /// Then its own error says it all.
+  /// True if `error` alone describes the failure.
   [[nodiscard]] bool is_single() const { return addresses.size() == 1 && failures.empty(); }
   void note(const std::string& what, const std::string& why, const SetupError& by) {
     failures.append(failures.empty() ? "" : "; ").append(what).append(": ").append(why);
@@ -55,12 +55,12 @@ MonotonicTime part_of_time(MonotonicTime deadline, std::size_t left) noexcept {
   return deadline <= now ? deadline : now + (deadline - now) / static_cast<int>(left);
 }
 
-// A host's name is looked up here, where waiting for a name server does no harm to a call.
+// Resolves host names here, where waiting for a name server does not delay a call.
 Candidates candidates_of(const wire::Url& url, MonotonicTime deadline) {
   Candidates candidates;
   std::size_t left = url.hosts.size();
   for (const std::string& host : url.hosts) {
-    // If there are several hosts, the hosts after this one keep half of the time.
+    // If there are several hosts, half of the time is kept for the hosts after this one.
     const std::size_t parts = url.hosts.size() == 1 ? 1 : 2 * left;
     const auto addresses = transport::addresses_of(host, url.port, part_of_time(deadline, parts));
     --left;
@@ -157,7 +157,7 @@ expected<Bound, SetupError> BindAttempt::open_session(Destination& at, Monotonic
   if (!taken) return failed({.error = taken.error()});
   TakenChannel channel(*taken);
   BindOutcome outcome;
-  // A session that was lost since its last use is opened anew once.
+  // A session lost since its last use is reopened once.
   for (int attempt = 0; attempt < 2; ++attempt) {
     if (auto ready = channel->make_ready(priority, deadline); !ready) {
       return failed({.error = ready.error()}, channel->transport_error());
@@ -190,7 +190,7 @@ expected<BindAttempt::Opened, SetupError> BindAttempt::open(MonotonicTime deadli
     if (opened || candidates.is_single()) return opened;
     const SetupError& error = opened.error();
     candidates.note(candidate.address.text(), error.why.empty() ? error.what : error.why, error);
-    // An answer says more than silence.
+    // An answer is more informative than silence.
     if (!refused && is_refusal(error.cause)) refused = error;
   }
   if (refused) return unexpected{std::move(*refused)};
@@ -199,7 +199,7 @@ expected<BindAttempt::Opened, SetupError> BindAttempt::open(MonotonicTime deadli
                                candidates.error.cause}};
 }
 
-// A known server over UDP or TCP by sealed sessions, with each key that it may have.
+// Opens a known server over UDP or TCP with sealed sessions, trying each of its keys.
 expected<BindAttempt::Opened, SetupError> BindAttempt::open_at(const ServerCandidate& server,
                                                                MonotonicTime deadline) {
   ServerAddress address = address_of(server.address.host(), server.address.port(), deadline);
@@ -207,7 +207,7 @@ expected<BindAttempt::Opened, SetupError> BindAttempt::open_at(const ServerCandi
   const auto known = node_.impl().keys.keys_of(server.host, server.address);
   if (!known) return setup_error("'" + printable(url_) + "' is not bound", known.error());
   if (known->empty()) return open_over(address, deadline);
-  // A server that changes its key has two for a time.
+  // A server that changes its key has two for a while.
   std::optional<SetupError> first_error;
   std::size_t left = known->size();
   for (const access::KnownServer& entry : *known) {
@@ -219,8 +219,8 @@ expected<BindAttempt::Opened, SetupError> BindAttempt::open_at(const ServerCandi
   return unexpected{std::move(*first_error)};
 }
 
-// Where the first bind gets no answer over UDP, a part of its time shows whether only UDP is
-// stopped on its way: a firewall often lets TCP pass.
+// If the first bind gets no answer over UDP, part of its time goes to TCP: firewalls often block
+// UDP only.
 expected<BindAttempt::Opened, SetupError> BindAttempt::open_over(const ServerAddress& address,
                                                                  MonotonicTime deadline) {
   const auto numeric = transport::SocketAddress::parse(address.host, address.port);
@@ -256,7 +256,7 @@ expected<BindAttempt::Opened, SetupError> BindAttempt::open_by(const ServerAddre
     at.door = LocalDoor::find(answer->server_epoch);
   }
   std::vector<Priority> priorities = options_.warm_up;
-  // Calls without a priority of their own use the object's priority.
+  // Calls without a priority use the object's priority.
   if (answer->is_server_declared) priorities = {answer->priority};
   if (at.door) at.door->open_places(priorities);
   SetupError transport_error;

@@ -12,33 +12,34 @@
 
 namespace rtpm::rpc {
 
-/// When a caller's patience ends, which may be longer than all time that is left.
+/// When `patience` runs out; may be later than the overall deadline.
 [[nodiscard]] MonotonicTime deadline_after(Duration patience, MonotonicTime now) noexcept;
 
-/// Whether a server that was reached will not serve this binding: only another one could.
+/// Whether the server was reached but will never serve this binding; only another server could.
 [[nodiscard]] bool is_refusal(std::error_code cause) noexcept;
 
-/// Why an object can't be bound at `url`, in words.
-/// @param transport_error  why the server was not asked; empty if it was, or the outcome says why
+/// Explains why an object can't be bound at `url`.
+/// @param transport_error  why the server could not be asked; empty if it was asked, or the outcome
+///           says why
 [[nodiscard]] SetupError explain_bind(const BindOutcome& outcome,
                                       const InterfaceDescriptor& interface, const std::string& path,
                                       const std::string& url,
                                       const SetupError& transport_error = {});
 
-/// An attempt to bind the object at a URL: its hosts and their addresses, the transports and the
-/// keys of a known server, one after the other, each with its part of the time that is left.
+/// An attempt to bind the object at a URL. Tries its hosts and their addresses, the transports and
+/// the keys of a known server in turn, and splits the remaining time among them.
 /// @threads  one
 /// @realtime set-up only
 class BindAttempt {
  public:
-  /// A destination that answers, with sessions for the calls to come.
+  /// A destination that answers, with sessions for later calls.
   struct Opened {
     std::unique_ptr<Destination> destination;
     Bound bound{};
   };
 
-  /// @param interface, options  outlive this
-  /// @param known  the fingerprint of the last bind; nothing at the first bind
+  /// @param interface, options  must outlive this
+  /// @param known  the fingerprint of the last bind; nullopt for the first bind
   BindAttempt(Node& node, const InterfaceDescriptor& interface, const BindOptions& options,
               std::optional<std::uint64_t> known, std::string url);
 

@@ -6,8 +6,8 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/priority.hpp"
 
-// How a binding calls: a channel, a session, the bind of another life of the server, and what a
-// lost session means.
+// How a binding calls: takes a channel, opens a session, binds again after a server's restart, and
+// handles a lost session.
 namespace rtpm::rpc {
 
 ReplyLease::~ReplyLease() {
@@ -21,7 +21,7 @@ Binding::Impl::Plan Binding::Impl::plan(const MethodDescriptor& method,
       method.default_deadline > Duration{0} ? method.default_deadline : default_deadline_;
   const MonotonicTime now = rt::now();
   MonotonicTime deadline = deadline_after(options.deadline.value_or(usual), now);
-  // Beyond that the outer call's caller no longer waits.
+  // After that the outer call's caller no longer waits.
   const CallContext* const outer = CurrentCall::get();
   if (outer != nullptr && !options.deadline) deadline = std::min(deadline, outer->deadline);
   return {
@@ -62,7 +62,7 @@ expected<void, CallError> Binding::Impl::make_ready_on(CallChannel& channel, con
   }
   std::uint32_t service = last.service;
   if (channel.server_epoch() != last.server_epoch) {
-    // Another life of the server: the object's number may be another's now (hp-6.1-4).
+    // The server restarted, so the object's number may now belong to another object (hp-6.1-4).
     const BindOutcome again = ask_for_object(*last.destination, interface_, last.fingerprint,
                                              channel, priority, plan.deadline);
     ready.now = rt::now();
@@ -70,7 +70,7 @@ expected<void, CallError> Binding::Impl::make_ready_on(CallChannel& channel, con
     if (again.kind == CallOutcome::Kind::kFailed || again.status != wire::Status::kOk) {
       return unexpected{note_failure(again.error)};
     }
-    // The name may lead elsewhere, to where its server went.
+    // The name may now lead to the server's new address.
     ask_for_name();
     destinations_.renew(again.bound);
     service = again.bound.service;
@@ -91,19 +91,19 @@ expected<void, CallError> Binding::Impl::make_ready_on(CallChannel& channel, con
 
 expected<void, CallError> Binding::Impl::judge(const CallOutcome& outcome, const Ready& ready,
                                                const Plan& plan, MonotonicTime begun) noexcept {
-  // Whatever this is, the call was sent: its error stays what it is.
+  // In any case the call was sent, so its error stays.
   static_cast<void>(note_failure(outcome.error));
   if (outcome.kind == CallOutcome::Kind::kFailed) {
     if (outcome.error == CallError::kDisconnected && plan.is_idempotent) return {};
     return unexpected{outcome.error};
   }
   if (plan.is_idempotent) return {};
-  // hp-5.5-2: the session is gone. The same server forgets only sessions that were silent for
-  // long, so it has not seen this call; a restarted one may have run it in its former life.
+  // hp-5.5-2: the session is gone. The same server drops only sessions that were silent for long,
+  // so it has not seen this call. A restarted one may have run it before.
   if (auto again = ready.channel->make_ready(ready.parameters.priority, plan.deadline); !again) {
     return unexpected{again.error() == CallError::kTimeout ? CallError::kTimeout : outcome.error};
   }
-  // hp-4.5-2: it may have run before the server closed the session.
+  // hp-4.5-2: The call may have run before the server closed the session.
   const std::uint64_t epoch = ready.channel->server_epoch();
   if (outcome.error == CallError::kStopped && epoch == ready.server_epoch) {
     return unexpected{outcome.error};

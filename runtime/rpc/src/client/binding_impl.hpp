@@ -15,8 +15,8 @@
 
 namespace rtpm::rpc {
 
-/// Makes a binding's calls, and follows its name, if it has one.
-/// @threads  any; bind() one, at first; follow() and note_unresolved() the rebinder's
+/// Makes a binding's calls and, for a binding by name, follows the name.
+/// @threads  bind(): one, first; follow() and note_unresolved(): the rebinder; the rest any
 class Binding::Impl {
  public:
   /// @param name  empty for a binding by URL
@@ -26,7 +26,7 @@ class Binding::Impl {
   Impl& operator=(const Impl&) = delete;
   ~Impl();
 
-  /// Binds for the first time; a binding by name follows it from now on.
+  /// Binds for the first time. A binding by name follows it from now on.
   /// @realtime set-up only
   [[nodiscard]] expected<void, SetupError> bind(const std::string& url, MonotonicTime deadline);
   /// @realtime set-up only
@@ -35,13 +35,13 @@ class Binding::Impl {
 
   /// The addressee of a call.
   enum class Target : std::uint8_t { kObject, kSession };
-  /// The parameters with which a call goes out.
+  /// The parameters of a call to be sent.
   struct Plan {
     std::uint16_t method = 0;
     bool is_idempotent = false;
     std::optional<Priority> wanted{};
     std::uint64_t trace_id = 0;
-    MonotonicTime begun{};  ///< When it was made.
+    MonotonicTime begun{};  ///< When the call was made.
     MonotonicTime deadline{};
     Target target = Target::kObject;
     wire::Delivery delivery = wire::Delivery::kReply;
@@ -49,69 +49,69 @@ class Binding::Impl {
     Duration stream_silence = wire::kStreamSilence;
     std::optional<Duration> stream_pause_max{};
   };
-  /// A channel that is ready for a call, and what to call there.
+  /// A channel that is ready for a call, and the call's destination.
   struct Ready {
     CallChannel* channel = nullptr;
     wire::CallParameters parameters{};
     std::uint64_t server_epoch = 0;
-    MonotonicTime now{};  ///< When it was ready.
+    MonotonicTime now{};  ///< When the channel was ready.
   };
   [[nodiscard]] Plan plan(const MethodDescriptor& method,
                           const CallOptions& options) const noexcept;
-  /// Takes a channel and binds again where the server is another one.
+  /// Takes a channel, and binds again if the server has changed.
   [[nodiscard]] expected<void, CallError> make_ready(const Plan& plan, MonotonicTime now,
                                                      Ready& ready) noexcept;
   [[nodiscard]] expected<ReplyLease, CallError> call(const Plan& plan, ConstBytes request) noexcept;
-  /// Makes a call again in the time that is left, if it ended without reply and may be made again:
-  /// see judge().
+  /// Repeats a call in the remaining time, if it ended without reply and may be repeated: see
+  /// judge().
   [[nodiscard]] expected<ReplyLease, CallError> call_again(const CallOutcome& outcome,
                                                            const Ready& ready, const Plan& plan,
                                                            MonotonicTime begun,
                                                            ConstBytes request) noexcept;
 
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
-  /// Whether the name is to be looked up, as its server may be gone.
+  /// Whether the name should be resolved because its server may be gone.
   [[nodiscard]] bool wants_name() const noexcept {
     return wants_name_.load(std::memory_order_acquire);
   }
   void set_wants_name(bool wants) noexcept { wants_name_.store(wants, std::memory_order_release); }
-  /// Binds at `url`, to which the name leads; false if the server there does not answer, or is
-  /// not one for this binding.
+  /// Binds at `url`, to which the name leads. False if the server there does not answer or does not
+  /// fit this binding.
   [[nodiscard]] bool follow(const std::string& url);
-  /// The name leads nowhere.
+  /// Records that the name cannot be resolved.
   void note_unresolved(std::string text);
   [[nodiscard]] FollowStatus follow_status() const;
 
  private:
-  /// Each round follows a lost session or connection, of which a server that keeps restarting could
-  /// make many.
+  /// The maximum number of rounds. Each follows a lost session or connection, and a server that
+  /// keeps restarting could cause many.
   static constexpr int kRoundCountMax = 4;
   static constexpr int kNoRefusal = -1;
 
-  /// Does so on a channel that the caller has taken, for the last bind. `ready` keeps its null
-  /// channel if the session was lost meanwhile: try again.
+  /// Does the same on a channel that the caller has taken, for the last bind. `ready` keeps its
+  /// null channel if the session was lost meanwhile: try again.
   [[nodiscard]] expected<void, CallError> make_ready_on(CallChannel& channel, const Bound& last,
                                                         Priority priority, const Plan& plan,
                                                         Ready& ready) noexcept;
-  /// Decides whether a call that ended without reply may be made again, and the error for its
-  /// caller. `begun`: when it was sent first.
+  /// Decides whether a call that ended without reply may be repeated, and the error for its caller.
+  /// `begun`: when it was first sent.
   [[nodiscard]] expected<void, CallError> judge(const CallOutcome& outcome, const Ready& ready,
                                                 const Plan& plan, MonotonicTime begun) noexcept;
   [[nodiscard]] expected<ReplyLease, CallError> call_over_transport(const Plan& plan,
                                                                     ConstBytes request) noexcept;
-  /// The priority with which a call goes out (hp-6.1-3).
+  /// The priority at which a call goes out (hp-6.1-3).
   [[nodiscard]] Priority priority_of(const Plan& plan, const Bound& to) const noexcept;
-  /// Calls through the door; nothing if the call has to go over a transport.
+  /// Calls through the door. Returns nullopt if the call must use a transport.
   [[nodiscard]] std::optional<expected<ReplyLease, CallError>> call_locally(
       const Bound& to, const Plan& plan, ConstBytes request) noexcept;
 
   [[nodiscard]] bool follows() const noexcept { return !name_.empty(); }
-  /// Handles a call's failure before it was sent: looks the name up if its server may be gone.
-  /// Gives the error for the caller: the failure itself, or why the server that the name leads to
-  /// by now can't be called.
-  /// @realtime alloc-free; one syscall for the first of an outage
+  /// Handles a failure before the call was sent: resolves the name if its server may be gone.
+  /// Returns the caller's error: the failure itself, or why the server that the name now leads to
+  /// can't be called.
+  /// @realtime alloc-free; one syscall for the first failure of an outage
   CallError note_failure(CallError error) noexcept;
-  /// Lets the node look up where the name leads.
+  /// Asks the rebinder to resolve the name.
   /// @realtime as note_failure()
   void ask_for_name() noexcept;
 
@@ -125,7 +125,7 @@ class Binding::Impl {
 
   // Used only by a binding by name.
   std::atomic<bool> wants_name_{false};
-  /// The error of the server that the name leads to, if that can't be called; kNoRefusal otherwise.
+  /// The error of the server that the name leads to, if it can't be called; otherwise kNoRefusal.
   std::atomic<int> refusal_{kNoRefusal};
   mutable rt::PiMutex telling_;  ///< Guards followed_.
   FollowStatus followed_{};

@@ -18,13 +18,13 @@ expected<LocalChannel*, CallError> place_of(LocalGate& gate) noexcept {
 
 std::optional<expected<ReplyLease, CallError>> Binding::Impl::call_locally(
     const Bound& to, const Plan& plan, ConstBytes request) noexcept {
-  // Receipts and pings are about the way, which is another here.
+  // Receipts and pings concern the transport, which a local call bypasses.
   if (plan.target != Target::kObject || plan.delivery == wire::Delivery::kReceipt) return {};
   const LocalDoor& door = *to.destination->door;
   const Priority priority = priority_of(plan, to);
   LocalGate* const gate = door.gate_of(priority);
   if (gate == nullptr) return unexpected{CallError::kPriorityNotAllowed};
-  // The server has stopped; another may be at its address.
+  // The server has stopped; another one may be at its address now.
   if (gate->is_closed()) return {};
   const bool is_oneway = plan.delivery == wire::Delivery::kSent;
   const auto taken = is_oneway && gate->has_places_for(request.size())
@@ -51,7 +51,7 @@ std::optional<expected<ReplyLease, CallError>> Binding::Impl::call_locally(
   wire::Status status{};
   ConstBytes result;
   if (CurrentCall::host() == &gate->host()) {
-    // This thread is the one that would run it.
+    // This thread is the one that would run the call.
     const DispatchResult nested = gate->host().run_nested(channel);
     status = nested.status;
     result = ConstBytes(channel.reply()).first(nested.reply_size);

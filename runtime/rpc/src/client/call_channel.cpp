@@ -20,7 +20,7 @@ namespace {
 // How often a caller that only polls checks whether its peer is gone.
 constexpr Duration kCheckInterval = std::chrono::milliseconds{10};
 
-// Otherwise each wait for a server of this host would poll, with a timer.
+// Otherwise every wait for a server on this host would poll with a timer.
 static_assert(wire::kRetransmitIntervalOnHost >
               transport::kBlockTimeShort + transport::kBlockTimeError);
 static_assert(wire::kStreamAskIntervalConnected >
@@ -43,12 +43,12 @@ CallError error_of_refusal(wire::Status status) noexcept {
   }
 }
 
-// A channel is asked for a priority that it serves.
+// The channel is only asked for priorities that it serves.
 CallError error_of_begin(wire::Status status) noexcept {
   return status == wire::Status::kTooLarge ? CallError::kTooLarge : CallError::kRefused;
 }
 
-// The largest payload of a frame.
+// The largest payload of a single frame.
 std::size_t payload_size_of(const ServerAddress& address) noexcept {
   if (address.key) return wire::sealed_payload_max(medium_of(address.transport));
   return address.transport == Transport::kSharedMemory
@@ -56,7 +56,7 @@ std::size_t payload_size_of(const ServerAddress& address) noexcept {
              : wire::frame_payload_max(medium_of(address.transport));
 }
 
-// The largest frame that the channel will send; at least a HELLO.
+// The largest frame that the channel sends; at least a HELLO.
 std::size_t frame_size_of(const ServerAddress& address, const NodeConfig& config) noexcept {
   return wire::kHeaderSize +
          std::min<std::size_t>(config.message_size_max, payload_size_of(address));
@@ -77,7 +77,7 @@ CallChannel::CallChannel(const ServerAddress& address, const NodeConfig& config,
             buffer_) {}
 
 CallChannel::~CallChannel() {
-  // The server would find out by itself, later; what fails here is of no more interest.
+  // Best effort: the server would notice by itself later.
   if (transport_ && wire_.is_ready()) static_cast<void>(transport_->send(wire_.close(rt::now())));
 }
 
@@ -90,7 +90,7 @@ void CallChannel::drop_transport() noexcept {
   count_lost_oneways();
   wire_.reset();
   batch_.clear();
-  // Freeing is set-up work like opening: it follows a broken connection, not a call.
+  // Freeing counts as set-up here, like opening: it follows a broken connection, not a call.
   const rt::AllowAllocationScope is_allowed;
   transport_.reset();
   sealed_ = nullptr;
@@ -124,7 +124,7 @@ expected<void, CallError> CallChannel::make_ready(Priority priority,
                                                   MonotonicTime deadline) noexcept {
   if (is_ready(priority)) return {};
   transport_error_ = {};
-  // Without new keys the session goes on with the old ones.
+  // If renewing the keys fails, the session continues with the old ones.
   if (is_renewal_due() && !sealed_->renew() && is_ready(priority)) return {};
   if (!transport_) {
     if (auto opened = open_transport(priority, deadline); !opened) return opened;
@@ -132,7 +132,7 @@ expected<void, CallError> CallChannel::make_ready(Priority priority,
   return shake_hands(priority, deadline);
 }
 
-// Keeps the reason, as far as it is known, in words.
+// Records the reason as text, if known.
 unexpected<CallError> CallChannel::refused(CallError error) noexcept {
   const rt::AllowAllocationScope is_allowed;
   if (sealed_ != nullptr) {
@@ -154,7 +154,7 @@ expected<void, CallError> CallChannel::shake_hands(Priority priority,
     drop_transport();
     return unexpected{CallError::kUnreachable};
   }
-  // The server's acceptor may be time-shared and need this very CPU.
+  // The server's acceptor may be time-shared and need this CPU.
   const wire::ChannelEvent event = wait_for_event(begin, /*may_spin=*/false, kNever);
   switch (event.kind) {
     case wire::ChannelEvent::Kind::kReady: {
@@ -182,7 +182,7 @@ CallOutcome CallChannel::call(const wire::CallParameters& parameters, ConstBytes
     return {.kind = is_unsent ? CallOutcome::Kind::kUnsent : CallOutcome::Kind::kFailed,
             .error = begun.error()};
   }
-  // A oneway that was merely sent is over.
+  // An unconfirmed oneway ends once it is sent.
   if (!wire_.is_open(0)) return {.kind = CallOutcome::Kind::kReply};
   return finish(kNever, now);
 }
@@ -196,12 +196,13 @@ expected<void, CallError> CallChannel::begin(const wire::CallParameters& paramet
   return begin_call(stream, request, now);
 }
 
-// An error says that it was not sent.
+// An error means that the oneway was not sent.
 expected<void, CallError> CallChannel::begin_sent(wire::CallParameters parameters,
                                                   ConstBytes request, MonotonicTime now) noexcept {
   if (is_look_due(now)) look_for_end(now);
   if (!wire_.is_ready()) return unexpected{CallError::kDisconnected};
-  // Only one frame can be sent and forgotten; more are confirmed, which promises more, not less.
+  // Only a single frame can be sent unconfirmed. Larger requests are confirmed, which is the
+  // stronger guarantee.
   if (request.size() > buffer_.size() - wire::kHeaderSize) {
     parameters.delivery = wire::Delivery::kReceipt;
     return begin_call(parameters, request, now);
@@ -213,13 +214,13 @@ expected<void, CallError> CallChannel::begin_sent(wire::CallParameters parameter
     unconfirmed_count_.fetch_add(1, std::memory_order_relaxed);
     return {};
   }
-  // Nobody repeats it, so a full buffer is reported, too.
+  // No retransmission follows, so even a full buffer is reported.
   if (transport_->medium() == wire::Medium::kDatagram &&
       sent.error() != transport::IoError::kRefused) {
     const bool is_full = sent.error() != transport::IoError::kFailed;
     return unexpected{is_full ? CallError::kOverload : CallError::kUnreachable};
   }
-  // In this way a datagram socket reports that an earlier frame was refused: the server has ended.
+  // A datagram socket reports in this way that an earlier frame was refused: the server has ended.
   drop_transport();
   return unexpected{CallError::kDisconnected};
 }
@@ -239,7 +240,8 @@ CallOutcome CallChannel::finish(MonotonicTime until, MonotonicTime now) noexcept
   const wire::ChannelEvent event = wait_for_event(now, /*may_spin=*/true, until);
   switch (event.kind) {
     case wire::ChannelEvent::Kind::kReply:
-      // The server lived when it answered; over a connection it had all that was sent before.
+      // The server was alive when it answered; over a connection it has received everything sent
+      // before.
       unconfirmed_count_.store(0, std::memory_order_relaxed);
       return {CallOutcome::Kind::kReply, {}, event.status, event.payload};
     case wire::ChannelEvent::Kind::kItems:
@@ -250,7 +252,7 @@ CallOutcome CallChannel::finish(MonotonicTime until, MonotonicTime now) noexcept
       count_lost_oneways();
       return {.kind = CallOutcome::Kind::kLost, .error = CallError::kDisconnected};
     case wire::ChannelEvent::Kind::kClosed:
-      // A connection ends with its server; a socket may find the next one.
+      // A connection ends with its server, but a socket may reach the next one.
       count_lost_oneways();
       if (transport_->medium() == wire::Medium::kStream) drop_transport();
       return {.kind = CallOutcome::Kind::kLost, .error = CallError::kStopped};
@@ -264,8 +266,8 @@ CallOutcome CallChannel::finish(MonotonicTime until, MonotonicTime now) noexcept
   return {.error = is_own_lack ? CallError::kNoResources : CallError::kDisconnected};
 }
 
-// A caller that only sends learns of the session's end by polling now and then: sooner where the
-// server leaves its frames unread in memory.
+// A caller that only sends detects the session's end by polling occasionally: sooner if the server
+// leaves its frames unread in shared memory.
 bool CallChannel::is_look_due(MonotonicTime now) const noexcept {
   constexpr Duration kLookInterval = std::chrono::milliseconds{1};
   constexpr Duration kLookIntervalUnread = std::chrono::microseconds{50};
@@ -283,7 +285,8 @@ void CallChannel::look_for_end(MonotonicTime now) noexcept {
       static_cast<void>(wire_.on_frame(*frame, now));
       continue;
     }
-    // A refusal says that nobody had the port when an earlier frame came: that server has ended.
+    // A refusal means that the port was closed when an earlier frame arrived: that server has
+    // ended.
     if (frame.error() != transport::IoError::kNothing) drop_transport();
     break;
   }
@@ -299,7 +302,7 @@ void CallChannel::count_lost_oneways() noexcept {
   std::uint64_t count = unconfirmed_count_.exchange(0, std::memory_order_relaxed);
   if (count == 0) return;
   const auto unread = transport_ ? transport_->unread_count() : std::nullopt;
-  // The frame that was read last may not have been handled.
+  // The last frame that was read may not have been handled.
   if (unread) count = std::min(count, std::uint64_t{*unread} + 1);
   // SYNC POINT lost-oneways
   lost_oneways_.fetch_add(count, std::memory_order_release);
@@ -313,7 +316,7 @@ std::optional<ConstBytes> CallChannel::next_item() noexcept {
 
 void CallChannel::cancel() noexcept {
   const ConstBytes frame = wire_.cancel(0, rt::now());
-  // It only saves the server work: nothing is lost with it.
+  // Only saves the server work, so a failure does no harm.
   if (transport_ && !frame.empty()) static_cast<void>(transport_->send(frame));
 }
 
@@ -323,7 +326,7 @@ std::optional<ConstBytes> CallChannel::keep(ConstBytes request) {
     const rt::AllowAllocationScope is_allowed;
     kept_ = rt::LazyMemory(std::bit_ceil(std::max(request.size(), kSizeMin)));
   }
-  // The system may have none left, or a limit on what may be locked.
+  // The system may be out of memory or of lockable memory.
   if (kept_.bytes().size() < request.size()) return std::nullopt;
   if (!request.empty()) std::memcpy(kept_.bytes().data(), request.data(), request.size());
   return ConstBytes(kept_.bytes()).first(request.size());
@@ -349,9 +352,9 @@ bool CallChannel::make_item_room(wire::CallParameters& parameters) noexcept {
   return true;
 }
 
-// Sends a frame and whatever more there is to send behind it.
+// Sends a frame and any frames that follow it.
 bool CallChannel::send_all(ConstBytes frame, MonotonicTime now) noexcept {
-  // A datagram as large as can be is one of several.
+  // A datagram of the maximum size is part of a sequence.
   if (address_.transport == Transport::kUdp &&
       frame.size() == wire::kHeaderSize + payload_size_of(address_)) {
     return send_in_batches(frame, now);
@@ -362,7 +365,7 @@ bool CallChannel::send_all(ConstBytes frame, MonotonicTime now) noexcept {
   return true;
 }
 
-// Sends a frame and whatever more there is to send behind it, many with one system call.
+// Sends a frame and any frames that follow it, many per system call.
 bool CallChannel::send_in_batches(ConstBytes frame, MonotonicTime now) noexcept {
   if (!batch_.is_allocated()) {
     const rt::AllowAllocationScope is_allowed;
@@ -383,12 +386,12 @@ bool CallChannel::send_batch() noexcept {
   return sent.has_value();
 }
 
-// Finds room for a reply larger than a frame. The first of each size is set-up work.
+// Allocates a buffer for a reply larger than a frame. The first of each size is set-up work.
 bool CallChannel::make_room(std::uint32_t size) noexcept {
   const rt::AllowAllocationScope is_allowed;
-  // Messages larger than a frame come in batches.
+  // Messages larger than a frame arrive in batches.
   if (!std::exchange(accepts_batches_, true)) transport_->accept_batches();
-  // Sizes are powers of two, so that growing replies do not each allocate anew.
+  // Sizes are powers of two, so that growing replies rarely reallocate.
   reply_ = rt::LazyMemory(std::bit_ceil(std::size_t{size}));
   wire_.set_reply_buffer(reply_.bytes());
   return !reply_.bytes().empty();
@@ -401,20 +404,20 @@ expected<void, transport::IoError> CallChannel::send(ConstBytes frame) noexcept 
 template <class Send>
 expected<void, transport::IoError> CallChannel::send_by(Send send) noexcept {
   auto sent = send();
-  // A datagram socket reports with the next send that an earlier frame was refused, and does not
-  // send this one. If the server is still gone, the next receive reports it.
+  // A datagram socket reports at the next send that an earlier frame was refused, and does not send
+  // this one. If the server is still gone, the next receive reports it.
   if (!sent && sent.error() == transport::IoError::kRefused) sent = send();
-  // No room for a datagram is as good as its loss: it is repeated in time.
+  // A datagram that does not fit the buffer counts as lost: it is retransmitted.
   if (!sent && transport_->medium() == wire::Medium::kDatagram) return {};
   return sent;
 }
 
-// Waits until something comes of the handshake or call that was begun, at most until `until`: gives
-// kNothing after that, kBroken if the transport is.
+// Waits for the outcome of the handshake or call, at most until `until`. Returns kNothing after
+// that, and kBroken if the transport is.
 wire::ChannelEvent CallChannel::wait_for_event(MonotonicTime now, bool may_spin,
                                                MonotonicTime until) noexcept {
   wire::ChannelEvent event{.kind = wire::ChannelEvent::Kind::kBroken};
-  // A stream's acknowledgement may have found the connection broken.
+  // Sending a stream's acknowledgement may have found the connection broken.
   if (!transport_) return event;
   may_spin =
       may_spin &&
@@ -423,16 +426,16 @@ wire::ChannelEvent CallChannel::wait_for_event(MonotonicTime now, bool may_spin,
   const MonotonicTime spin_end =
       config_.wait.strategy == rt::WaitStrategy::kSpin ? kNever : now + config_.wait.spin;
   int refusal_count = 0;
-  // A caller that fills a CPU at a real-time level blocks now and then, so that it is not
-  // throttled.
+  // A caller that keeps a CPU busy at a real-time priority blocks occasionally, so that the kernel
+  // does not throttle it.
   rt::RealtimeBudget& budget = rt::this_thread_budget();
   bool is_spinning = may_spin && !budget.must_pause(now);
   const auto wake_time = [&] {
     const MonotonicTime wake = std::min(until, wire_.next_time());
     return may_spin && now < spin_end ? std::min(wake, now + rt::RealtimeBudget::kPause) : wake;
   };
-  // Some events, such as its server's end, a transport sees only when it waits: a caller that
-  // merely polls waits now and then.
+  // A transport notices some events, such as its server's end, only while waiting, so a polling
+  // caller waits occasionally.
   if (now >= until && now - last_check_ >= kCheckInterval) {
     last_check_ = now;
     transport_->wait(until);
@@ -443,8 +446,8 @@ wire::ChannelEvent CallChannel::wait_for_event(MonotonicTime now, bool may_spin,
     if (must_sleep) rt::sleep_until(now + rt::RealtimeBudget::kPause);
     auto frame = may_block && !must_sleep ? transport_->await(wake_time()) : transport_->receive();
     if (!frame && frame.error() == transport::IoError::kRefused) {
-      // The system reports a refusal before frames that came earlier, such as the CLOSE of a server
-      // that stopped.
+      // The system reports a refusal before frames that arrived earlier, such as the CLOSE of a
+      // server that stopped.
       if (auto earlier = transport_->receive()) frame = earlier;
     }
     now = rt::now();
@@ -455,13 +458,13 @@ wire::ChannelEvent CallChannel::wait_for_event(MonotonicTime now, bool may_spin,
       is_spinning = may_spin && now < spin_end && !budget.must_pause(now);
     } else if (frame.error() == transport::IoError::kRefused && ++refusal_count == 1 &&
                wire_.is_ready()) {
-      // It may be the answer to an earlier frame, before the server was there again: ask once more.
+      // The refusal may answer a frame sent before the server was back: retry once.
       set(event, [&] { return wire_.repeat_first(now); });
     } else {
       event = {.kind = wire::ChannelEvent::Kind::kBroken};
     }
     if (event.kind == wire::ChannelEvent::Kind::kBroken) return event;
-    // The last ACK of a reply that is here may fail: the server forgets the reply by itself, later.
+    // The last ACK of a received reply may fail: the server drops the reply by itself later.
     const bool is_sent = send_all(event.frame, now);
     if (event.kind == wire::ChannelEvent::Kind::kSend) {
       if (!is_sent) {
@@ -484,7 +487,7 @@ void CallChannel::take(ConstBytes frame, MonotonicTime now, wire::ChannelEvent& 
     }
     set(event, [&] { return wire_.on_frame(frame, now); });
   }
-  // Foreign frames may come without end; the deadline applies all the same.
+  // Foreign frames may arrive endlessly; the deadline still applies.
   if (event.kind == wire::ChannelEvent::Kind::kNothing) {
     set(event, [&] { return wire_.on_time(now); });
   }

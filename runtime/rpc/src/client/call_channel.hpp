@@ -23,12 +23,13 @@ namespace rtpm::rpc {
 /// How a call ended on its channel.
 struct CallOutcome {
   enum class Kind : std::uint8_t {
-    kReply,   ///< The server answered: `status`, `payload`. If a stream: it ended.
-    kItems,   ///< Only for a stream: it has items, see next_item().
-    kGoing,   ///< Nothing yet.
+    kReply,   ///< The server answered: `status`, `payload`. For a stream: it ended.
+    kItems,   ///< Streams only: items are ready, see next_item().
+    kGoing,   ///< Still in progress.
     kFailed,  ///< `error` says why there is no answer.
-    kLost,    ///< The server does not know the session any more: see Binding for what follows.
-    kUnsent,  ///< A oneway that was not sent, as the session has ended: another may carry it.
+    kLost,    ///< The server no longer knows the session: see Binding for the consequences.
+    /// A oneway was not sent because the session has ended; another session may carry it.
+    kUnsent,
   };
   Kind kind = Kind::kFailed;
   CallError error = CallError::kTimeout;
@@ -36,72 +37,72 @@ struct CallOutcome {
   ConstBytes payload{};
 };
 
-/// A transport and a session on it. Carries the calls of the thread that has taken it, one at a
-/// time. The calling thread sends and receives itself: no other thread stands between it and its
+/// A transport and a session on it. Carries the calls of the thread that has taken the channel, one
+/// at a time. That thread sends and receives itself: no other thread stands between it and its
 /// reply.
-/// @threads  try_take(), serves() and has_unconfirmed() from any; everything else by the thread
-///           that took it
-/// @realtime alloc-free, but for make_ready() without a session, and keep() as it grows
+/// @threads  try_take(), serves() and has_unconfirmed(): any; the rest: the thread that took it
+/// @realtime alloc-free, except make_ready() without a session, and keep() as it grows
 class CallChannel {
  public:
-  /// `lost_oneways` is raised by the oneways that were sent over a session that ended, and may not
-  /// have arrived. `keys` are asked where the address has a key.
+  /// `lost_oneways` is incremented for oneways that may not have arrived because their session
+  /// ended. `keys` is used if the address has a key.
   CallChannel(const ServerAddress& address, const NodeConfig& config, NodeKeys& keys,
               std::uint64_t client_epoch, std::uint64_t number, std::uint64_t clock_domain,
               std::atomic<std::uint64_t>& lost_oneways);
-  /// Tells the server that the session ends, if there is one.
+  /// Notifies the server that the session ends, if there is one.
   ~CallChannel();
   CallChannel(const CallChannel&) = delete;
   CallChannel& operator=(const CallChannel&) = delete;
 
-  /// True if it was free and is the caller's now.
+  /// Takes the channel for the caller; true if it was free.
   [[nodiscard]] bool try_take() noexcept {
     return !is_taken_.exchange(true, std::memory_order_acquire);
   }
   void release() noexcept { is_taken_.store(false, std::memory_order_release); }
 
-  /// Whether its session serves the priority; of the last handshake.
+  /// Whether its session, as of the last handshake, serves the priority.
   [[nodiscard]] bool serves(Priority priority) const noexcept;
-  /// No handshake has told yet which band it serves.
+  /// True before the first handshake tells which band it serves.
   [[nodiscard]] bool is_new() const noexcept {
     return band_.load(std::memory_order_relaxed) == kNoBand;
   }
 
-  /// How long a reader may leave a stream alone that says nothing of it.
+  /// How long a reader may pause a stream that sets no limit itself.
   [[nodiscard]] Duration stream_pause_max() const noexcept {
     return address_.transport == Transport::kUdp ? Duration{wire::kStreamLease} : Duration::max();
   }
 
-  /// Ensures a session for `priority`, with a handshake if need be; without a syscall if not.
+  /// Ensures a session for `priority`. Makes a handshake if necessary; otherwise makes no syscall.
   [[nodiscard]] expected<void, CallError> make_ready(Priority priority,
                                                      MonotonicTime deadline) noexcept;
-  /// Why the last make_ready() failed, in words; empty if its error says it all.
+  /// Why the last make_ready() failed, as text; empty if the error alone says it.
   [[nodiscard]] const SetupError& transport_error() const noexcept { return transport_error_; }
   [[nodiscard]] bool is_ready(Priority priority) const noexcept {
     return wire_.is_ready() && serves(priority) && !is_renewal_due();
   }
-  /// Sends the call and waits for its end. The payload of the outcome is valid until the next.
+  /// Sends the call and waits until it ends. The outcome's payload is valid until the next call.
   [[nodiscard]] CallOutcome call(const wire::CallParameters& parameters, ConstBytes request,
                                  MonotonicTime now) noexcept;
-  /// Sends the call; finish() waits for its end. The request must live until then, see keep().
-  /// The channel itself has the memory for the items of a stream.
+  /// Sends the call; finish() waits for its end. The request must live until then, see keep(). The
+  /// channel holds the memory for the items of a stream.
   /// @errors   kTooLarge, kDisconnected
   [[nodiscard]] expected<void, CallError> begin(const wire::CallParameters& parameters,
                                                 ConstBytes request, MonotonicTime now) noexcept;
-  /// Waits for a call's end, or its items, but not beyond `until`: then the outcome is kGoing.
+  /// Waits until the call ends or has items, at most until `until`; then the outcome is kGoing.
   [[nodiscard]] CallOutcome finish(MonotonicTime until, MonotonicTime now) noexcept;
-  /// Checks whether the session has ended under unconfirmed oneways; then `lost_oneways` is raised.
-  /// @realtime at most two syscalls and one per frame that came
+  /// Checks whether the session ended before oneways were confirmed, and counts them in
+  /// `lost_oneways`.
+  /// @realtime at most two syscalls and one per received frame
   void check_oneways(MonotonicTime now) noexcept;
-  /// Whether check_oneways() would look.
+  /// Whether check_oneways() has something to check.
   [[nodiscard]] bool has_unconfirmed() const noexcept {
     return unconfirmed_count_.load(std::memory_order_relaxed) > 0;
   }
-  /// The next item of the stream that is here, valid until the next call of this.
+  /// The stream's next received item, valid until the next call of this.
   [[nodiscard]] std::optional<ConstBytes> next_item() noexcept;
-  /// Tells the server that the caller no longer waits.
+  /// Notifies the server that the caller no longer waits.
   void cancel() noexcept;
-  /// A copy of the request that lives as long as the call; none if there is no memory for it.
+  /// Copies the request for the call's lifetime; nullopt if there is no memory for it.
   [[nodiscard]] std::optional<ConstBytes> keep(ConstBytes request);
 
   [[nodiscard]] const wire::Welcome& welcome() const noexcept { return wire_.welcome(); }
@@ -109,13 +110,13 @@ class CallChannel {
   [[nodiscard]] std::optional<wire::PeerClock> peer_clock(MonotonicTime now) const noexcept {
     return wire_.peer_clock(now);
   }
-  /// When the last call was sent first.
+  /// When the last call was first sent.
   [[nodiscard]] MonotonicTime call_begun() const noexcept { return wire_.call_begun(); }
 
  private:
   static constexpr std::uint32_t kNoBand = 0x0000'ffff;  // Its low end is above its high end.
 
-  /// Whether the session is to go on with new keys now.
+  /// Whether the session should switch to new keys now.
   [[nodiscard]] bool is_renewal_due() const noexcept {
     return sealed_ != nullptr && sealed_->wants_renewal() && !wire_.is_open(0);
   }
@@ -133,7 +134,7 @@ class CallChannel {
   [[nodiscard]] wire::ChannelEvent wait_for_event(MonotonicTime now, bool may_spin,
                                                   MonotonicTime until) noexcept;
   void take(ConstBytes frame, MonotonicTime now, wire::ChannelEvent& event) noexcept;
-  /// Makes an event where it stays: copying what was just written field by field takes longer than
+  /// Constructs an event in place: copying a freshly written one field by field takes longer than
   /// writing it.
   template <class Make>
   static void set(wire::ChannelEvent& event, Make make) noexcept {
@@ -163,17 +164,17 @@ class CallChannel {
   SealedTransport* sealed_ = nullptr;  ///< `transport_` if sessions are sealed.
   SetupError transport_error_{};       ///< The error of the last make_ready().
   std::vector<std::byte> buffer_;
-  transport::DatagramBatch batch_;  // Frames to send together. Has room once it was needed.
-  rt::LazyMemory reply_;            // A reply larger than a frame.
-  rt::LazyMemory items_;            // The items of a stream.
+  transport::DatagramBatch batch_;  // Frames to send together. Allocated on first use.
+  rt::LazyMemory reply_;            // The buffer of a reply larger than a frame.
+  rt::LazyMemory items_;            // The buffer for the items of a stream.
   rt::LazyMemory kept_;             // The copy of a request that outlives the caller's.
   std::atomic<std::uint64_t>& lost_oneways_;
-  /// Oneways sent over the session since the server last answered a call over it. Written by the
-  /// thread that took the channel.
+  /// Oneways sent since the server last answered a call over the session. Written by the thread
+  /// that took the channel.
   std::atomic<std::uint64_t> unconfirmed_count_{0};
   MonotonicTime last_look_{};
-  MonotonicTime last_check_{};  ///< When finish() last checked for the peer's end.
-  bool lacks_memory_ = false;   ///< No memory for a reply: the connection was given up.
+  MonotonicTime last_check_{};  ///< When finish() last checked whether the peer is gone.
+  bool lacks_memory_ = false;  ///< There was no memory for a reply, so the connection was given up.
   wire::ClientChannel wire_;
 };
 

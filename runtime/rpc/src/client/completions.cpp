@@ -13,13 +13,13 @@
 namespace rtpm::rpc {
 namespace {
 
-// How long one call may keep the others, and new ones, from being polled.
+// The longest time that waiting for one call delays polling the others and new ones.
 constexpr Duration kLookInterval = std::chrono::milliseconds{1};
 
 }  // namespace
 
 Completions::~Completions() {
-  // Callbacks may add calls, which end likewise.
+  // Callbacks may add calls, which must be cancelled, too.
   while (!open_.empty()) {
     const std::unique_ptr<Entry> entry = std::move(open_.back());
     open_.pop_back();
@@ -29,7 +29,7 @@ Completions::~Completions() {
 }
 
 std::size_t Completions::poll() {
-  // In the order in which they were added. Callbacks may add more, so they run after this.
+  // In the order in which they were added. Callbacks run after this loop, since they may add more.
   std::vector<std::unique_ptr<Entry>> ended;
   const auto is_open = [](const std::unique_ptr<Entry>& entry) {
     return !entry->wait(MonotonicTime{});
@@ -77,9 +77,9 @@ class CompletionThread::Impl {
   rt::Thread thread_{};
 
  private:
-  /// Waits for a new call if none is open; false at the end.
+  /// Waits for a new call if none is open; false when stopping.
   bool take_added(Completions& completions) {
-    // A signal more than there were waits makes a turn for nothing, at worst.
+    // A surplus signal causes an idle turn at worst.
     if (completions.open_count() == 0) news_.acquire();
     const std::lock_guard lock(mutex_);
     for (std::unique_ptr<Completions::Entry>& entry : added_)

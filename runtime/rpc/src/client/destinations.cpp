@@ -13,7 +13,7 @@ Destination::~Destination() {
 
 Bound Destinations::get() noexcept {
   if (const auto value = bound_.read()) return *value;
-  // Overtaken by write after write, which the lock keeps out.
+  // A reader may be overtaken by repeated writes; the lock prevents that.
   const std::lock_guard lock(writing_);
   const auto value = bound_.read();
   RTPM_ASSERT(value.has_value(), "a binding was bound before its first call");
@@ -27,7 +27,8 @@ void Destinations::renew(const Bound& value) noexcept {
 
 void Destinations::settle(std::unique_ptr<Destination> destination, const Bound& bound) {
   has_door_.store(destination->door != nullptr, std::memory_order_relaxed);
-  former_.reserve(former_.size() + 1);  // Not while a more urgent thread may wait for the lock.
+  // Outside the lock, which a more urgent thread may wait for.
+  former_.reserve(former_.size() + 1);
   const std::lock_guard lock(writing_);
   if (settled_) {
     destination->lost_before = settled_->lost_oneway_count();
@@ -43,7 +44,7 @@ void Destinations::settle(std::unique_ptr<Destination> destination, const Bound&
 
 bool Destinations::free_former() noexcept {
   if (former_.empty()) return true;
-  // SYNC POINT binding-destinations: a pin that comes later than this look sees the newest.
+  // SYNC POINT binding-destinations: a pin taken after this check sees the newest destination.
   if (pin_count_.fetch_add(0, std::memory_order_acq_rel) > 0) return false;
   former_.clear();
   return true;
@@ -53,7 +54,7 @@ bool Destinations::has_lost_oneways() noexcept {
   const Pin pin(*this);
   const std::uint64_t count = get().destination->lost_oneway_count();
   std::uint64_t told = lost_oneways_told_.load(std::memory_order_relaxed);
-  // Only one of the threads that see it reports it.
+  // Only one of the threads that see the loss reports it.
   while (told < count) {
     if (lost_oneways_told_.compare_exchange_weak(told, count, std::memory_order_relaxed)) {
       return sends_oneways_.load(std::memory_order_relaxed);

@@ -15,7 +15,7 @@
 
 namespace rtpm::rpc {
 
-/// A binding's object as calls reach it. Constant once it is made.
+/// A binding's object as calls reach it. Immutable.
 struct Destination {
   Destination(Node& node_in, Endpoint& endpoint_in, std::string path_in, std::string url_in)
       : node(node_in), endpoint(endpoint_in), path(std::move(path_in)), url(std::move(url_in)) {}
@@ -29,8 +29,8 @@ struct Destination {
   std::string url;
   /// Null unless the object's server is in this program.
   std::shared_ptr<LocalDoor> door{};
-  // Oneways lost on the way to the binding's former destinations, and of the endpoint's those that
-  // were lost before the binding came to it.
+  // Oneways lost on the way to the binding's former destinations, and the endpoint's losses from
+  // before the binding used it.
   std::uint64_t lost_before = 0;
   std::uint64_t lost_elsewhere = 0;
   [[nodiscard]] std::uint64_t lost_oneway_count() const noexcept {
@@ -38,7 +38,7 @@ struct Destination {
   }
 };
 
-/// The result of a bind; true as long as the server's epoch is the same.
+/// The result of a bind; valid while the server's epoch is the same.
 struct Bound {
   const Destination* destination = nullptr;
   std::uint64_t server_epoch = 0;
@@ -48,20 +48,21 @@ struct Bound {
   std::uint64_t fingerprint = 0;  ///< The server's fingerprint of the interface.
 };
 
-/// Where a binding's calls go: to one destination at a time. A binding by name may leave it for
-/// another one; former ones are kept as long as calls may look at them.
-/// @threads  settle(), settled() and free_former() the thread that binds; the rest any
-/// @realtime alloc-free but for settle() and free_former()
+/// Where a binding's calls go: to one destination at a time. A binding by name may move to another
+/// one; former ones are kept while calls may use them.
+/// @threads  settle(), settled() and free_former(): the binding thread; the rest any
+/// @realtime alloc-free except settle() and free_former()
 class Destinations {
  public:
-  /// @param may_change  false if the binding has one destination for its life
+  /// @param may_change  false if the binding keeps one destination for life
   explicit Destinations(bool may_change) noexcept : may_change_(may_change) {}
 
-  /// Keeps the destinations that get() gives. Costs nothing where there is one for life.
+  /// Keeps the destinations that get() returns alive. Costs nothing if there is only one for life.
   class Pin {
    public:
     explicit Pin(Destinations& all) noexcept : count_(all.may_change_ ? &all.pin_count_ : nullptr) {
-      // SYNC POINT binding-destinations: a pin that the count does not show yet sees the newest.
+      // SYNC POINT binding-destinations: a pin that the count does not include yet sees the newest
+      // destination.
       if (count_ != nullptr) count_->fetch_add(1, std::memory_order_acq_rel);
     }
     Pin(const Pin&) = delete;
@@ -74,25 +75,24 @@ class Destinations {
     std::atomic<std::uint32_t>* count_;
   };
 
-  /// The last bind. Needs a settled destination.
+  /// The last bind. Requires a settled destination.
   [[nodiscard]] Bound get() noexcept;
-  /// Another life of the server at the destination. It counts for nothing if calls go elsewhere
+  /// Records a restart of the server at the destination. Ignored if calls have moved elsewhere
   /// meanwhile.
   void renew(const Bound& value) noexcept;
   /// Whether the destination has a door.
   [[nodiscard]] bool has_door() const noexcept { return has_door_.load(std::memory_order_relaxed); }
 
-  /// Directs calls there from now on.
+  /// Directs calls to `destination` from now on.
   void settle(std::unique_ptr<Destination> destination, const Bound& bound);
   [[nodiscard]] const Destination* settled() const noexcept { return settled_.get(); }
-  /// Frees former destinations, unless a call that began before looks at them; true if none is
-  /// left.
+  /// Frees former destinations unless an earlier call still uses them. True if none is left.
   [[nodiscard]] bool free_former() noexcept;
 
-  /// A oneway is about to be sent, so that a thread that finds its loss knows that it was there.
+  /// Records that a oneway is about to be sent, so that a thread that detects its loss knows of it.
   void note_oneway() noexcept { sends_oneways_.store(true, std::memory_order_relaxed); }
-  /// Whether oneways to the server may have been lost since this was last asked, and this binding
-  /// has sent some.
+  /// Whether this binding has sent oneways, and some to the server may have been lost since the
+  /// last query.
   [[nodiscard]] bool has_lost_oneways() noexcept;
 
  private:
@@ -100,12 +100,12 @@ class Destinations {
   Latest<Bound> bound_;
   rt::PiMutex writing_;                     ///< Guards bound_ and current_.
   const Destination* current_ = nullptr;    ///< The destination of bound_.
-  std::unique_ptr<Destination> settled_{};  ///< Owns it.
+  std::unique_ptr<Destination> settled_{};  ///< Owns `current_`.
   std::atomic<bool> has_door_{false};
   std::vector<std::unique_ptr<Destination>> former_{};
   std::atomic<std::uint32_t> pin_count_{0};
   std::atomic<bool> sends_oneways_{false};
-  /// How much of lost_oneway_count() has been reported to the binding's callers.
+  /// How much of lost_oneway_count() the binding's callers have been told.
   std::atomic<std::uint64_t> lost_oneways_told_{0};
 };
 

@@ -8,10 +8,10 @@
 namespace rtpm::rpc {
 namespace {
 
-// Numbers the channels of the whole program, so that servers tell them apart.
+// Numbers the channels of the whole program, so that servers can distinguish them.
 std::atomic<std::uint64_t> channel_serial{0};
 
-// The channel that this thread took last: most likely free and warm in its cache.
+// The channel that this thread took last: probably free, and warm in its cache.
 struct Hint {
   const Endpoint* endpoint = nullptr;
   std::size_t index = 0;
@@ -35,7 +35,7 @@ expected<CallChannel*, CallError> Endpoint::take(Priority priority) noexcept {
 }
 
 CallChannel* Endpoint::take_existing(Priority priority) noexcept {
-  // SYNC POINT endpoint-channels: a counted channel is whole.
+  // SYNC POINT endpoint-channels: a counted channel is fully constructed.
   const std::size_t count = channel_count_.load(std::memory_order_acquire);
   if (last_taken.endpoint == this && last_taken.index < count) {
     CallChannel& channel = *channels_[last_taken.index];
@@ -47,7 +47,7 @@ CallChannel* Endpoint::take_existing(Priority priority) noexcept {
     last_taken = {this, i};
     return &channel;
   }
-  // One whose handshake never came through belongs to no band yet.
+  // A channel whose handshake never succeeded belongs to no band yet.
   for (std::size_t i = 0; i < count; ++i) {
     CallChannel& channel = *channels_[i];
     if (channel.is_new() && channel.try_take()) return &channel;
@@ -60,7 +60,7 @@ void Endpoint::check_oneways(MonotonicTime now) noexcept {
   const std::size_t count = channel_count_.load(std::memory_order_acquire);
   for (std::size_t i = 0; i < count; ++i) {
     CallChannel& channel = *channels_[i];
-    // The other channels are left to callers, which would open one more for each that is taken.
+    // Other channels are left to callers, which would open another one for each channel taken here.
     if (!channel.has_unconfirmed() || !channel.try_take()) continue;
     channel.check_oneways(now);
     channel.release();
@@ -78,7 +78,7 @@ bool Endpoint::try_end() noexcept {
   return true;
 }
 
-// How many channels the band of `priority` has, as far as its channels are known to be of it.
+// The number of channels known to serve the band of `priority`.
 std::size_t Endpoint::count_for(Priority priority, std::size_t count) const noexcept {
   return static_cast<std::size_t>(
       std::count_if(channels_.begin(), channels_.begin() + static_cast<std::ptrdiff_t>(count),

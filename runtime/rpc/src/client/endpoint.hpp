@@ -12,7 +12,7 @@
 
 namespace rtpm::rpc {
 
-/// Gives the channel back unless a reply lease takes that over.
+/// Releases the channel unless a reply lease takes it over.
 class TakenChannel {
  public:
   explicit TakenChannel(CallChannel* channel) noexcept : channel_(channel) {}
@@ -40,35 +40,36 @@ class Endpoint {
   Endpoint(ServerAddress address, const NodeConfig& config, NodeKeys& keys,
            std::uint64_t client_epoch, std::uint64_t clock_domain);
 
-  /// A free channel that serves `priority` or can be made to; it is the caller's until it releases
-  /// it. Opens one more if all are in use.
+  /// Takes a free channel that serves, or can serve, `priority`, until the caller releases it.
+  /// Opens another one if all are in use.
   /// @errors   kNoChannel
   [[nodiscard]] expected<CallChannel*, CallError> take(Priority priority) noexcept;
 
-  /// Opens a channel of the band that serves each of `priorities`.
+  /// Opens a channel for the band of each of `priorities`.
   /// @param transport_error  see CallChannel::transport_error()
   [[nodiscard]] expected<void, CallError> warm_up(std::span<const Priority> priorities,
                                                   MonotonicTime deadline,
                                                   SetupError& transport_error);
-  /// Does so for each band that the server has.
+  /// Opens a channel for each of the server's bands.
   [[nodiscard]] expected<void, CallError> warm_up_all(MonotonicTime deadline,
                                                       SetupError& transport_error);
 
-  /// Checks on the free channels whether a session has ended under oneways.
+  /// Checks the free channels for sessions that ended before oneways were confirmed.
   void check_oneways(MonotonicTime now) noexcept;
-  /// Oneways over the channels that were sent and may not have arrived, as their sessions ended.
+  /// Oneways that were sent over the channels but may not have arrived because their sessions
+  /// ended.
   [[nodiscard]] std::uint64_t lost_oneway_count() const noexcept {
-    // SYNC POINT lost-oneways: the channel of what is counted here has ended.
+    // SYNC POINT lost-oneways: the channels of the counted oneways have ended.
     return lost_oneways_.load(std::memory_order_acquire);
   }
-  // How many bindings use it; changed by the node only. Any thread may ask.
+  // The number of bindings that use it; changed by the node only. Any thread may ask.
   [[nodiscard]] std::size_t user_count() const noexcept {
     return user_count_.load(std::memory_order_relaxed);
   }
   void add_user() noexcept { user_count_.fetch_add(1, std::memory_order_relaxed); }
   void remove_user() noexcept { user_count_.fetch_sub(1, std::memory_order_relaxed); }
-  /// Takes every channel, so that the endpoint can be destroyed; false if a call or a reply holds
-  /// one still. Nobody takes channels meanwhile.
+  /// Takes every channel, so that the endpoint can be destroyed. False if a call or a reply still
+  /// holds one. No thread may take channels meanwhile.
   [[nodiscard]] bool try_end() noexcept;
 
   [[nodiscard]] const ServerAddress& address() const noexcept { return address_; }

@@ -9,16 +9,16 @@
 #include "rtpm/base/printable.hpp"
 #include "rtpm/rt/clock.hpp"
 
-// How a binding by name follows the name: its calls see that the server is gone, and the node's
-// rebinder looks where the name leads.
+// How a binding by name follows the name: its calls detect that the server is gone, and the node's
+// rebinder resolves the name.
 namespace rtpm::rpc {
 namespace {
 
-// How long a server may take to answer before the name is looked up again.
+// How long a server may take to answer before the name is resolved again.
 constexpr Duration kFollowPatience = std::chrono::seconds{1};
 
-// Whether the server that the name led to may be gone, or another be in its place. Errors of the
-// caller's own (no channel, too large) and of a living server (overload) do not show that.
+// Whether the server that the name led to may be gone or replaced. Errors of the caller itself (no
+// channel, too large) and of a live server (overload) do not indicate that.
 bool may_be_gone(CallError error) noexcept {
   switch (error) {
     case CallError::kTimeout:
@@ -52,7 +52,7 @@ void Binding::Impl::ask_for_name() noexcept {
 }
 
 bool Binding::Impl::follow(const std::string& at_url) {
-  // The name may lead elsewhere by then, and the system may not tell that the port is closed.
+  // The name may lead elsewhere by then, and the system may not report a closed port.
   const Duration patience = std::min(options_.deadline, kFollowPatience);
   auto opened = BindAttempt(node_, interface_, options_, destinations_.get().fingerprint, at_url)
                     .open(deadline_after(patience, rt::now()));
@@ -73,7 +73,7 @@ bool Binding::Impl::follow(const std::string& at_url) {
     opened->bound.destination = &from;
     destinations_.renew(opened->bound);
   } else {
-    // No other thread looks there any more.
+    // No other thread checks that endpoint any more.
     from.endpoint.check_oneways(rt::now());
     destinations_.settle(std::move(opened->destination), opened->bound);
   }

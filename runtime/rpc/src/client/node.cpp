@@ -30,7 +30,7 @@ Node::Impl::Impl(NodeConfig node_config)
       epoch_(rt::random_u64()),
       clock_domain_(rt::clock_domain()),
       rebinder_(*this) {
-  // On one CPU a caller that spins only keeps the server from running.
+  // On one CPU a spinning caller only keeps the server from running.
   if (rt::usable_cpu_count() == 1 && config.wait.strategy == rt::WaitStrategy::kAdaptive) {
     config.wait.strategy = rt::WaitStrategy::kBlock;
   }
@@ -61,7 +61,7 @@ void Node::Impl::give_back(Endpoint& endpoint) noexcept {
   }
 }
 
-// Frees endpoints that no binding uses, except those that were used last.
+// Frees endpoints without bindings, except the most recently used ones.
 void Node::Impl::free_unused() noexcept {
   const auto is_unused = [](const Kept& kept) { return kept.endpoint->user_count() == 0; };
   auto unused_count = std::ranges::count_if(endpoints_, is_unused);

@@ -17,18 +17,18 @@ class Node::Impl {
  public:
   explicit Impl(NodeConfig config);
 
-  /// The most endpoints without a binding that are kept with their sessions, for bindings to come.
+  /// The most unused endpoints whose sessions are kept for future bindings.
   static constexpr std::size_t kUnusedEndpointMax = 16;
 
-  /// The endpoint of the address, made at its first use, until it is given back as often. A private
-  /// one that no other channel uses meanwhile.
+  /// The endpoint of the address. Created at its first use; each use must be given back. A private
+  /// one shares its channels with no other binding.
   /// @realtime set-up only
   [[nodiscard]] Endpoint& endpoint(const ServerAddress& address, bool is_private);
   void give_back(Endpoint& endpoint) noexcept;
 
   [[nodiscard]] Resolver* resolver() const noexcept { return rebinder_.resolver(); }
   [[nodiscard]] Rebinder& rebinder() noexcept { return rebinder_; }
-  /// How many endpoints there are.   For tests.
+  /// The number of endpoints. For tests.
   [[nodiscard]] std::size_t endpoint_count();
 
   NodeConfig config;
@@ -44,11 +44,11 @@ class Node::Impl {
   struct Kept {
     std::unique_ptr<Endpoint> endpoint;
     bool is_private = false;
-    std::uint64_t last_use = 0;  ///< The higher, the later.
+    std::uint64_t last_use = 0;  ///< Higher means later.
   };
   std::vector<Kept> endpoints_;
   std::uint64_t use_count_ = 0;
-  Rebinder rebinder_;  ///< Ends first: its thread binds.
+  Rebinder rebinder_;  ///< Destroyed first: its thread binds.
 };
 
 }  // namespace rtpm::rpc

@@ -12,8 +12,8 @@
 namespace rtpm::rpc {
 namespace {
 
-// The first method that the server lacks or has in another form; null if all agree. A method
-// that an incomplete list leaves out is not held against the server: a call will tell.
+// The first method that the server lacks or defines differently; null if all agree. A method
+// missing from an incomplete list is not counted: a call will show it.
 const MethodDescriptor* first_difference(const InterfaceDescriptor& ours,
                                          const wire::BindReply& reply,
                                          ConstBytes payload) noexcept {
@@ -40,8 +40,8 @@ std::string words_of(const MethodDescriptor& method) {
          ") is missing or differs there";
 }
 
-// The obstacle to a server that differs in `method`: nothing if both texts agree. Another server
-// than the one of the bind is not an obstacle: it will be asked when it is called.
+// Why the server's different `method` prevents calls; empty if both texts agree. If another server
+// than the bound one answers, returns empty: a call will check it.
 std::string obstacle(const InterfaceDescriptor& ours, const MethodDescriptor& method,
                      const CallOutcome& described) {
   const bool is_there =
@@ -90,12 +90,12 @@ BindOutcome ask_for_object(const Destination& at, const InterfaceDescriptor& int
                   reply->priority,
                   reply->is_server_declared,
                   reply->fingerprint};
-  // hp-6.1-6: 0 says nothing.
+  // hp-6.1-6: 0 means unknown.
   if (reply->fingerprint != 0 &&
       (reply->fingerprint == interface.fingerprint || known == reply->fingerprint)) {
     return result;
   }
-  // hp-6.1-2: a server may have more methods than we know; those that we know must mean the same.
+  // hp-6.1-2: a server may have additional methods; the methods that we know must agree.
   const MethodDescriptor* const method = first_difference(interface, *reply, outcome.payload);
   if (method == nullptr) return result;
   std::array<std::byte, wire::kDescribeRequestSize> object{};

@@ -48,7 +48,7 @@ void Rebinder::remove(Binding::Impl& binding) noexcept {
     if (found != names_.end()) {
       Name& name = found->second;
       std::erase(name.bindings, &binding);
-      // The time of the last look stays as long as it counts.
+      // Keeps the time of the last look-up as long as it matters.
       if (name.bindings.empty() && rt::now() - name.last >= kCalm) names_.erase(found);
     }
     if (current_ != &binding) return;
@@ -92,7 +92,7 @@ void Rebinder::run() {
   }
 }
 
-// Looks up the names that are due; gives when there will be more to do.
+// Looks up the names that are due; returns when to continue.
 MonotonicTime Rebinder::serve(Lock& lock) {
   MonotonicTime next = kNever;
   std::vector<std::string> due;
@@ -145,7 +145,7 @@ void Rebinder::look_up(Lock& lock, const std::string& text) {
 
 void Rebinder::bind(Lock& lock, const std::string& text,
                     const expected<std::string, SetupError>& url) {
-  // Bindings come and go while the lock is open.
+  // Bindings may be added or removed while the lock is released.
   const std::vector<Binding::Impl*> bindings = names_[text].bindings;
   for (Binding::Impl* const binding : bindings) {
     const std::vector<Binding::Impl*>& present = names_[text].bindings;
@@ -155,13 +155,13 @@ void Rebinder::bind(Lock& lock, const std::string& text,
       binding->note_unresolved(url.error().text());
       continue;
     }
-    // A call that fails from here on asks anew.
+    // A call that fails from here on requests another look-up.
     binding->set_wants_name(false);
     current_ = binding;
     {
       const Lock work(working_);
       lock.unlock();
-      // Inside of it, as the binding may end as soon as it is done.
+      // Within the lock, as the binding may be destroyed as soon as it is done.
       if (!binding->follow(*url)) binding->set_wants_name(true);
     }
     lock.lock();

@@ -18,22 +18,22 @@
 
 namespace rtpm::rpc {
 
-/// Looks up where the names of a node's bindings lead when their servers are gone, on a time-shared
-/// thread "rtpm-rebind", one name after the other. The bindings of a name share one look: the first
-/// comes at once, further ones after kFirstInterval, doubled up to kLongestInterval for as long as
-/// the name leads to no server that takes the binding.
-/// @threads  wake() any; the rest by threads that are not real-time
+/// Resolves the names of a node's bindings again when their servers are gone, one name at a time,
+/// on a time-shared thread "rtpm-rebind". The bindings of a name share a look-up. The first happens
+/// at once, further ones after kFirstInterval, doubled up to kLongestInterval, until the name leads
+/// to a server that accepts the binding.
+/// @threads  wake(): any; the rest: threads that are not real-time
 class Rebinder {
  public:
-  /// The shortest interval between two looks for a name,
+  /// The shortest interval between two look-ups of a name.
   static constexpr Duration kFirstInterval = std::chrono::seconds{1};
-  /// and the longest one in an outage.
+  /// The longest interval in an outage.
   static constexpr Duration kLongestInterval = std::chrono::seconds{4};
-  /// An outage that begins so long after the last look is a new one.
+  /// An outage that starts this long after the last look-up counts as a new one.
   static constexpr Duration kCalm = std::chrono::seconds{10};
-  /// The shortest interval for a name that is known to lead elsewhere.
+  /// The shortest interval for a name that is known to have moved.
   static constexpr Duration kPromptInterval = std::chrono::milliseconds{50};
-  /// How long one look may take, without the bind that follows.
+  /// How long a look-up may take, without the bind that follows.
   static constexpr Duration kResolveDeadline = std::chrono::seconds{1};
 
   explicit Rebinder(Node::Impl& node) noexcept : node_(node) {}
@@ -41,16 +41,16 @@ class Rebinder {
   Rebinder& operator=(const Rebinder&) = delete;
   ~Rebinder();
 
-  /// Follows the binding's name from now on; the first one starts the thread.
+  /// Follows the binding's name from now on. The first call starts the thread.
   [[nodiscard]] expected<void, SetupError> add(Binding::Impl& binding);
-  /// Waits until the thread is done with the binding.
+  /// Waits until the thread no longer uses the binding.
   void remove(Binding::Impl& binding) noexcept;
-  /// A binding asks for its name.
+  /// Requests a look-up for a binding.
   /// @realtime alloc-free, at most one syscall
   void wake() noexcept { bell_.post(); }
-  /// Does the work of Node::look_again().
+  /// Implements Node::look_again().
   void look_again(std::string_view name) noexcept;
-  /// Takes another resolver, null for none, and waits until no one asks the former.
+  /// Replaces the resolver, null for none, and waits until the former one is no longer in use.
   void use(Resolver* resolver) noexcept;
   [[nodiscard]] Resolver* resolver() const noexcept {
     return resolver_.load(std::memory_order_acquire);
@@ -59,9 +59,10 @@ class Rebinder {
  private:
   struct Name {
     std::vector<Binding::Impl*> bindings{};
-    MonotonicTime last{};  ///< When it was looked up.
+    MonotonicTime last{};  ///< When the name was last looked up.
     Duration interval = kFirstInterval;
-    bool leads_elsewhere = false;  ///< Since the last look; it waits for no interval.
+    /// The name has moved since the last look-up; skips the interval.
+    bool leads_elsewhere = false;
     [[nodiscard]] bool is_wanted() const noexcept;
   };
   using Names = std::map<std::string, Name>;
@@ -76,13 +77,13 @@ class Rebinder {
   std::atomic<Resolver*> resolver_{nullptr};
   rt::Semaphore bell_;
   rt::PiMutex mutex_;
-  /// The thread holds it, without mutex_, while it asks the resolver or binds: as long as current_
-  /// or is_asking_ says so. Taken while holding mutex_ by the thread only.
+  /// The thread holds it, without mutex_, while it resolves or binds, as current_ and is_asking_
+  /// tell. Only the thread may take it while holding mutex_.
   rt::PiMutex working_;
   Names names_;
   bool is_stopping_ = false;
   Binding::Impl* current_ = nullptr;  ///< The binding that the thread binds now.
-  bool is_asking_ = false;            ///< The thread is in the resolver.
+  bool is_asking_ = false;            ///< The thread is inside the resolver.
   rt::Thread thread_;
 };
 

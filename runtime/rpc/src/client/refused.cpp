@@ -10,7 +10,7 @@
 namespace rtpm::rpc {
 namespace {
 
-/// The last refusal of a call of this thread.
+/// The text of this thread's last refused call.
 thread_local std::array<char, wire::kRefusalTextSizeMax> refusal;
 thread_local std::size_t refusal_size = 0;
 
@@ -50,7 +50,7 @@ CallError error_of(wire::Status status) noexcept {
     default:
       break;
   }
-  // hp-5.1-7: a status of a later version may mean anything, so it promises nothing.
+  // hp-5.1-7: statuses of later versions are unknown; do not claim that the call did not run.
   return static_cast<std::uint16_t>(status) < wire::kStatusCount ? CallError::kRefused
                                                                  : CallError::kBadReply;
 }

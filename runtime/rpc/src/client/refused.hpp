@@ -6,7 +6,7 @@
 
 namespace rtpm::rpc {
 
-/// The error of the calling thread's call; keeps the server's words for refusal_text().
+/// The error for a refused call; keeps the server's text for this thread's refusal_text().
 /// @realtime alloc-free
 [[nodiscard]] CallError refused(wire::Status status, ConstBytes text) noexcept;
 

@@ -38,7 +38,7 @@ void Execution::sleep(Lead&, MonotonicTime until) noexcept {
 }
 
 void Execution::keep_cpu_awake(MonotonicTime until) const noexcept {
-  // Waking up takes its time, through which the CPU is not to sleep either.
+  // Waking up takes time, during which the CPU must stay awake, too.
   constexpr Duration kLatenessMax = std::chrono::microseconds{200};
   if (keeper_ != nullptr) keeper_->keep_until(until + kLatenessMax);
 }
@@ -69,8 +69,8 @@ ConstBytes Execution::complete(Lead& lead, wire::ServerSessions& sessions,
   return sessions.complete(request, result.status, result.reply_size, now);
 }
 
-// Runs a call whose reply, if it is a large one, will have to wait for a buffer. Where it could not
-// wait either, the call is refused before it runs: afterwards it would be too late to say so.
+// Runs a call whose large reply will have to wait for a buffer. If it could not wait either, the
+// call is refused before it runs.
 ConstBytes Execution::run_without_buffer(Lead& lead, wire::ServerSessions& sessions,
                                          const wire::Request& request) noexcept {
   PendingCall* const call = parts_.calls.pool()->keep(sessions, request);
@@ -95,7 +95,7 @@ ConstBytes Execution::run_without_buffer(Lead& lead, wire::ServerSessions& sessi
   return {};
 }
 
-// hp-5.8-3: the caller goes on as soon as it is clear that its call will run.
+// hp-5.8-3: the caller continues as soon as its call is certain to run.
 ConstBytes Execution::run_confirmed(Lead& lead, wire::ServerSessions& sessions,
                                     const wire::Request& request) noexcept {
   const auto target = parts_.dispatch.target_of(request, &sessions);
@@ -129,8 +129,8 @@ DispatchResult Execution::run_method(Lead& lead, const Target& target, const wir
   const Ran ran = parts_.dispatch.run(target, request, reply, deferral);
   if (ran.has_thrown) ++counters.servant_failure_count;
   if (ran.result.status == wire::Status::kBadRequest) ++counters.bad_request_count;
-  // The lane waits on at the request's level, unless that is below its own: so a caller that keeps
-  // its priority costs no syscall from call to call.
+  // The lane keeps waiting at the request's priority, unless that is below its own. So a caller
+  // with a constant priority causes no syscall between calls.
   if (rt::current_priority() < parts_.config.priority) rt::adopt_priority(parts_.config.priority);
   return ran.result;
 }

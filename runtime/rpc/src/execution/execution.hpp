@@ -16,7 +16,7 @@ namespace rtpm::rpc {
 /// A lane's duty cycle.
 class DutyCycle {
  public:
-  /// Serves until the lane stops, or until another thread is to lead.
+  /// Serves until the lane stops, or until another thread becomes the leader.
   /// @threads  the lane's, one at a time
   virtual void serve(Lead& lead) noexcept = 0;
 
@@ -24,7 +24,7 @@ class DutyCycle {
   ~DutyCycle() = default;
 };
 
-/// The parts of a lane that the execution of its calls uses.
+/// The parts of a lane that its execution uses.
 struct LaneParts {
   DutyCycle& cycle;
   const LaneConfig& config;
@@ -37,9 +37,10 @@ struct LaneParts {
   transport::WaitSet& wait_set;
 };
 
-/// The threads of a lane, and which of them runs a call.
-/// @threads  as a Lead says; start() to maintain_threads() one at a time, without
-/// @realtime alloc-free but for construction, start() and maintain_threads()
+/// The threads of a lane; decides which of them runs a call.
+/// @threads  functions with a Lead: the leader; start() to maintain_threads(): one at a time,
+///           without a Lead
+/// @realtime alloc-free except construction, start() and maintain_threads()
 class Execution {
  public:
   explicit Execution(const LaneParts& parts) noexcept : parts_(parts) {}
@@ -49,45 +50,45 @@ class Execution {
 
   /// Starts the threads.
   /// @realtime set-up only
-  /// @param keeper  keeps the CPU awake through their pauses; null if it may sleep
+  /// @param keeper  keeps the CPU awake during their pauses; null if it may sleep
   /// @errors  as rt::Thread::start()
   [[nodiscard]] expected<void, SetupError> start(rt::RealtimeMode realtime, rt::CpuKeeper* keeper);
-  /// After the lane's stop: waits until the threads have ended.
+  /// Waits until the threads have ended. Call after the lane's stop.
   virtual void join() noexcept = 0;
-  /// Starts the dynamic thread that is wanted, and joins those that have ended.
+  /// Starts a requested dynamic thread, and joins those that have ended.
   /// @realtime set-up only
   virtual void maintain_threads() noexcept {}
 
-  /// Runs a call that came over a wire, keeps it, or refuses it.
-  /// @return the frame to answer with; empty if there is none, or later
+  /// Runs, queues or refuses a call that arrived over a transport.
+  /// @return the frame to answer with; empty if there is no answer, or a later one
   [[nodiscard]] virtual ConstBytes accept(Lead&, wire::ServerSessions& sessions,
                                           const wire::Request& request) noexcept = 0;
-  /// Runs, keeps or refuses a call of the same program, and answers it.
+  /// Runs, queues or refuses a call within this program, and answers it.
   virtual void accept(Lead&, LocalChannel& channel) noexcept = 0;
-  /// Whether accept() runs no call, and so is to be given all there are.
+  /// Whether accept() only queues calls, so that it should get all waiting ones.
   [[nodiscard]] virtual bool only_orders() const noexcept { return false; }
 
   /// The lock that the leader holds except while it sleeps; null if there is none.
   [[nodiscard]] virtual transport::WaitLock* lock() noexcept { return nullptr; }
-  /// Whether the leader is to leave the lead to another thread, asked between turns.
+  /// Whether the leader should hand the lead to another thread; queried between turns.
   [[nodiscard]] virtual bool yields_lead(Lead&) noexcept { return false; }
-  /// Sleeps without the lead, whatever comes.
+  /// Sleeps without the lead until `until`, ignoring events.
   virtual void sleep(Lead&, MonotonicTime until) noexcept;
-  /// Keeps the CPU awake while this lane pauses, so that calls of other lanes find it as quick.
+  /// Keeps the CPU awake while this lane pauses, so that calls of other lanes are as fast as usual.
   void keep_cpu_awake(MonotonicTime until) const noexcept;
 
-  /// The lane stops: refuses the calls that wait for a thread.
+  /// Refuses the calls that wait for a thread, when the lane stops.
   virtual void refuse_waiting(Lead&) noexcept {}
-  /// Whether methods still run.
+  /// Whether any method is still running.
   [[nodiscard]] virtual bool is_running(Lead&) const noexcept { return false; }
-  /// Lets no thread continue.
+  /// Makes all threads end.
   virtual void end(Lead&) noexcept {}
 
  protected:
   [[nodiscard]] virtual expected<void, SetupError> start_threads() = 0;
   [[nodiscard]] rt::ThreadConfig thread_config(std::uint32_t index) const;
 
-  /// Runs a call over a wire on the calling thread.
+  /// Runs a call over a transport on the calling thread.
   [[nodiscard]] ConstBytes run_now(Lead&, wire::ServerSessions& sessions,
                                    const wire::Request& request) noexcept;
   [[nodiscard]] DispatchResult run_method(Lead&, const Target& target, const wire::Request& request,

@@ -11,7 +11,7 @@
 
 namespace rtpm::rpc {
 
-/// Decides how a lane goes on that finds no work: poll, or sleep, and until when. Pure arithmetic.
+/// Decides what an idle lane does: poll or sleep, and until when. Pure arithmetic.
 /// @threads  one at a time
 /// @realtime alloc-free, some ten ns
 class Idling {
@@ -19,7 +19,7 @@ class Idling {
   struct Next {
     bool polls = false;
     bool is_prediction = false;    ///< Sleeps until shortly before an expected call.
-    MonotonicTime until = kNever;  ///< The latest end of a sleep.
+    MonotonicTime until = kNever;  ///< When a sleep ends at the latest.
   };
 
   explicit Idling(const rt::WaitConfig& wait) noexcept : wait_(wait) {
@@ -29,20 +29,20 @@ class Idling {
     if (!may_poll && rt::usable_cpu_count() == 1) wait_.strategy = rt::WaitStrategy::kBlock;
   }
 
-  /// It sleeps as soon as there is no work.
+  /// Whether it sleeps as soon as there is no work.
   [[nodiscard]] bool is_blocking() const noexcept {
     return wait_.strategy == rt::WaitStrategy::kBlock;
   }
-  /// A call of `session` came.
+  /// Notes a call of `session`.
   void on_call(std::uint64_t session, MonotonicTime received) noexcept {
     if (wait_.strategy == rt::WaitStrategy::kPeriodic) predictor_.on_arrival(session, received);
   }
-  /// There was work; the last frame came at `received`.
+  /// Notes that there was work; the last frame arrived at `received`.
   void on_work(MonotonicTime received) noexcept {
     polling_end_ = kNever;
     estimator_.on_work(received);
   }
-  /// There is no work at `now`.
+  /// Decides what to do, as there is no work at `now`.
   [[nodiscard]] Next on_idle(MonotonicTime now) noexcept {
     if (wait_.strategy == rt::WaitStrategy::kSpin) return {.polls = true};
     if (is_blocking()) return {};
@@ -55,17 +55,17 @@ class Idling {
     if (now >= window->from) return {.polls = true};
     return {.is_prediction = true, .until = window->from};
   }
-  /// The sleep that `slept` asked for ended at `now`; with work on_work() follows.
+  /// Notes that the sleep requested by `slept` ended at `now`. If there is work, on_work() follows.
   void on_woken(const Next& slept, MonotonicTime now, bool has_work) noexcept {
     if (has_work) return;
-    // A sleep that ended with nothing is not a reason to poll anew.
+    // A sleep that ended without work does not restart polling.
     if (!slept.is_prediction) polling_end_ = MonotonicTime::min();
     if (slept.is_prediction && now >= slept.until) predictor_.on_woken(slept.until, now);
   }
 
  private:
-  // Polling on after a call is a waste where the next one never comes that soon. Where callers come
-  // at a steady pace, it is one unless they call several times in a row.
+  // Polling after a call is wasted if the next one never arrives that soon. With steadily paced
+  // callers it is wasted unless they make several calls in a row.
   [[nodiscard]] Duration polling_time(MonotonicTime now) noexcept {
     const bool does_pay = estimator_.on_idle(now, wait_.spin);
     if (has_rhythm_) return std::min(wait_.spin, predictor_.patience());
@@ -73,8 +73,8 @@ class Idling {
   }
 
   rt::WaitConfig wait_;
-  MonotonicTime polling_end_ = kNever;  ///< kNever: there was work since.
-  bool has_rhythm_ = false;             ///< At the last prediction.
+  MonotonicTime polling_end_ = kNever;  ///< kNever if there was work since.
+  bool has_rhythm_ = false;             ///< As of the last prediction.
   rt::ArrivalPredictor predictor_;
   rt::SpinEstimator estimator_;
 };

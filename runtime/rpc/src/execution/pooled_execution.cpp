@@ -15,7 +15,7 @@
 namespace rtpm::rpc {
 namespace {
 
-// Ends a request that does not run.
+// Answers a request that will not run.
 ConstBytes answer(wire::ServerSessions& sessions, const wire::Request& request,
                   wire::Status refusal) noexcept {
   if (!request.wants_receipt()) return sessions.complete(request, refusal, 0, request.received);
@@ -69,7 +69,7 @@ void PooledExecution::maintain_threads() noexcept {
     if (worker.is_started || !worker.is_dynamic || !pool_.is_thread_wanted()) continue;
     if (auto thread = start_worker(worker, number)) {
       worker.thread = std::move(*thread);
-      return;  // More when it has begun.
+      return;  // Starts more once this one runs.
     }
     pool_.refuse_thread();
   }
@@ -80,7 +80,7 @@ void PooledExecution::join() noexcept {
     worker.thread.join();
 }
 
-// Runs in each thread, from its beginning to its end.
+// Each thread's main function.
 void PooledExecution::work(Worker& me) noexcept {
   const rt::NoAllocationScope no_allocation;
   Lead& lead = pool_.lock_as_follower();
@@ -119,14 +119,14 @@ void PooledExecution::sleep(Lead& lead, MonotonicTime until) noexcept {
   pool_.lock();
 }
 
-// All threads run calls: looks for a thread elsewhere.
+// Requests a thread from other lanes, as all of this lane's are busy.
 void PooledExecution::find_help(Lead&) noexcept {
   if (pool_.ask_for_thread(rt::now())) acceptor_.ring();
   while (pool_.has_stuck_call() && borrow() == BorrowedThread::kGiven) {
   }
 }
 
-// Lets a thread of a lower lane run the most urgent call that waits.
+// Lets a thread of a lower lane run the most urgent waiting call.
 BorrowedThread PooledExecution::borrow() noexcept {
   const BorrowRequest request{*this, number_, pool_.first(), pool_.queued_count()};
   BorrowedThread best = BorrowedThread::kNone;
@@ -142,7 +142,7 @@ BorrowedThread PooledExecution::borrow() noexcept {
   return best;
 }
 
-// The most urgent lane above that asked for a thread when there was none; or null.
+// The most urgent higher lane that asked for a thread in vain, or null.
 PooledExecution* PooledExecution::next_borrower() noexcept {
   const auto number = pool_.take_borrower();
   if (!number) return nullptr;
@@ -152,9 +152,9 @@ PooledExecution* PooledExecution::next_borrower() noexcept {
   return lane;
 }
 
-// Lets the calling thread run calls of a lane above: `call`, or those that need a thread there.
+// Lets the calling thread run calls of a higher lane: `call`, or those that need a thread there.
 void PooledExecution::help(PooledExecution& borrower, PendingCall* call) noexcept {
-  // Calls of this lane may wait for a thread that finds nothing to do.
+  // Calls of this lane may wait for a thread that finds no work there.
   if (call == nullptr) pool_.expect_back();
   pool_.unlock();
   borrower.run_borrowed(call, pool_);
@@ -163,8 +163,8 @@ void PooledExecution::help(PooledExecution& borrower, PendingCall* call) noexcep
   pool_.end_expecting();
 }
 
-// Runs `call`, unless it is null, and all stuck calls, on a thread of a lower lane. The lender
-// expects its thread back from the end of each call on.
+// Runs `call`, unless null, and all stuck calls, on a thread of a lower lane. The lender expects
+// its thread back after the end of each call.
 void PooledExecution::run_borrowed(PendingCall* call, ThreadPool& lender) noexcept {
   Lead& lead = pool_.lock_as_follower();
   while (call != nullptr || (!pool_.is_over() && pool_.has_stuck_call())) {
@@ -180,7 +180,7 @@ void PooledExecution::run_borrowed(PendingCall* call, ThreadPool& lender) noexce
   pool_.unlock();
 }
 
-// Runs a call without the lock, and ends it with the lock. `lender` owns the thread, if not null.
+// Runs a call without the lock, then ends it with the lock. `lender` owns the thread, if not null.
 void PooledExecution::run(PendingCall& call, ThreadPool* lender) noexcept {
   pool_.unlock();
   CallDeferral deferral(parts_.calls.pool(), call);
@@ -195,7 +195,7 @@ void PooledExecution::run(PendingCall& call, ThreadPool* lender) noexcept {
   }
   Lead& lead = pool_.lock_as_follower();
   end_run(lead, call, ran, deferral.is_taken());
-  // A caller that is answered may call at once, where this thread is at home.
+  // An answered caller may call again at once, in this thread's own lane.
   if (lender != nullptr) lender->expect_back();
   const MonotonicTime now = rt::now();
   LaneSample& sample = parts_.report.sample(lead);
@@ -254,24 +254,24 @@ void PooledExecution::accept(Lead& lead, LocalChannel& channel) noexcept {
   const auto target = parts_.dispatch.target_of(request, nullptr);
   if (!target) return channel.finish(target.error(), 0);
   if (PendingCall* const call = take_place()) {
-    // Several threads at a time may run calls from places, which share the room for replies.
+    // Several threads may run calls from slots concurrently, and the slots share one reply buffer.
     call->take_in(request, channel, /*is_elsewhere=*/channel.is_place());
     if (enqueue(lead, *call, *target)) return;
   }
   channel.finish(refuse(lead), 0);
 }
 
-// A place for a call; null if there are too many, or the lane stops.
+// Returns a slot for a call; null if all are in use, or the lane stops.
 PendingCall* PooledExecution::take_place() noexcept {
   return parts_.is_stopping.load(std::memory_order_relaxed) ? nullptr : parts_.calls.pool()->take();
 }
 
-// Puts a call among those that wait, unless there is neither place nor help; then gives it back.
+// Queues a call if there is space or another lane helps; otherwise releases it.
 bool PooledExecution::enqueue(Lead& lead, PendingCall& call, const Target& target) noexcept {
   const std::size_t size = call.request.payload.size();
   const bool has_place = pool_.has_place_for(size);
   call.object = target.object;
-  // The lane may have another session in its place by the time that the call runs.
+  // By the time the call runs, the lane may have reused the session's slot.
   if (target.origin != nullptr) call.origin = *target.origin;
   call.is_running = true;
   pool_.enqueue(call, parts_.dispatch.priority_of(*target.object, call.request.header), size);
@@ -289,7 +289,7 @@ bool PooledExecution::enqueue(Lead& lead, PendingCall& call, const Target& targe
   return true;
 }
 
-// Counts a call that is not kept, and says why.
+// Counts a call that is not queued, and returns the reason.
 wire::Status PooledExecution::refuse(Lead& lead) noexcept {
   ++parts_.report.counters(lead).overload_count;
   return parts_.is_stopping.load(std::memory_order_relaxed) ? wire::Status::kStopping

@@ -5,12 +5,12 @@
 
 namespace rtpm::rpc {
 
-/// Several threads: one leads, and orders calls by priority; the others run them, also those of
-/// lanes above that have too few.
+/// Several threads: one leads and orders calls by priority; the others run them, and can run calls
+/// of higher lanes that lack threads.
 class PooledExecution final : public Execution {
  public:
-  /// @param number  of the lane, by ascending band
-  /// @param lower   whose threads it may borrow; or null
+  /// @param number  the lane's index, in ascending order of bands
+  /// @param lower   the pool that it may borrow threads from, or null
   PooledExecution(const LaneParts& parts, std::uint32_t number, PooledExecution* lower,
                   std::uint32_t call_count_max, transport::WaitSet& acceptor);
 

@@ -10,7 +10,7 @@
 namespace rtpm::rpc {
 namespace {
 
-// A system that has no thread left will not have one at once.
+// If the system refuses a thread, an immediate retry would fail, too.
 constexpr Duration kRefusedPause = std::chrono::milliseconds{100};
 
 }  // namespace
@@ -39,12 +39,12 @@ Lead& ThreadPool::lock_as_follower() noexcept {
 void ThreadPool::yield_lock() noexcept {
   if (borrowers_.load(std::memory_order_acquire) != 0) call_helper();
   if (follower_count_.load(std::memory_order_relaxed) == 0) return;
-  // The kernel gives the lock to the most urgent that waits; this thread comes behind it.
+  // The kernel gives the lock to the most urgent waiter; this thread queues after it.
   mutex_.unlock();
   mutex_.lock();
 }
 
-// Wakes a thread that looks for a borrower, unless one is on its way and will do so anyway.
+// Wakes a thread to look for a borrower, unless a woken one will do so anyway.
 void ThreadPool::call_helper() noexcept {
   if (!called_.empty() || resting_.empty()) return;
   Worker* const worker = resting_.back();
@@ -103,7 +103,7 @@ void ThreadPool::leave_lead() noexcept {
 }
 
 bool ThreadPool::rest(Worker& worker, Duration patience) noexcept {
-  // Static threads rest the least, so that dynamic ones may end.
+  // Static threads are woken first, so that dynamic ones may end.
   if (worker.is_dynamic) {
     resting_.insert(resting_.begin(), &worker);
   } else {
@@ -121,7 +121,7 @@ bool ThreadPool::rest(Worker& worker, Duration patience) noexcept {
       publish_spare();
       return false;
     }
-    // Called at the last moment: the word is there, or about to be.
+    // Called just before the time-out: the signal is posted, or about to be.
     is_called = worker.wake.wait_until(kNever);
   }
   std::erase(called_, &worker);
@@ -137,14 +137,14 @@ BorrowedThread ThreadPool::lend(const BorrowRequest& request) noexcept {
                                         : borrowers_.fetch_or(bit, std::memory_order_release);
   if (is_locked) mutex_.unlock();
   if (is_given) return BorrowedThread::kGiven;
-  // The thread that has the lock may be about to rest, and have looked for borrowers before.
+  // The lock's holder may be about to rest, after it has already looked for borrowers.
   if (!is_locked && (before & bit) == 0) leader_.ring();
   const std::uint32_t spare_count =
       spare_count_.load(std::memory_order_relaxed) + coming_back_.load(std::memory_order_relaxed);
   return spare_count >= request.waiting_count ? BorrowedThread::kSoon : BorrowedThread::kNone;
 }
 
-// The caller holds the lock.
+// Requires the lock.
 bool ThreadPool::give_thread(const BorrowRequest& request) noexcept {
   if (is_over_) return false;
   Worker* worker = nullptr;
@@ -153,7 +153,7 @@ bool ThreadPool::give_thread(const BorrowRequest& request) noexcept {
     resting_.pop_back();
     worker->wake.post();
   } else if (has_lead_ && !called_.empty()) {
-    // It was called to take the lead, which another has taken since; it is on its way anyhow.
+    // It was woken to take the lead, which another thread has taken since; it is on its way anyway.
     worker = called_.back();
     called_.pop_back();
   }

@@ -22,50 +22,50 @@ class PooledExecution;
 
 /// One thread of a pool, or a slot for one. Guarded by the pool's lock unless stated otherwise.
 struct Worker {
-  rt::Semaphore wake;  ///< Without the lock.
+  rt::Semaphore wake;  ///< Used without the lock.
   bool is_dynamic = false;
-  PooledExecution* borrower = nullptr;  ///< The lane for which it runs `lent_call`; or null.
+  PooledExecution* borrower = nullptr;  ///< The lane for which it runs `lent_call`, or null.
   PendingCall* lent_call = nullptr;
   rt::Thread thread;                   ///< Used by the acceptor only.
   bool is_started = false;             ///< Used by the acceptor only.
-  std::atomic<bool> has_ended{false};  ///< Without the lock.
+  std::atomic<bool> has_ended{false};  ///< Used without the lock.
 };
 
-/// The answer of a lane that is asked for a thread.
+/// A pool's answer to a request for a thread.
 enum class BorrowedThread : std::uint8_t {
-  kGiven,  ///< It runs the call.
-  kSoon,   ///< One will be free in a moment and look for calls of the borrower.
-  kNone,   ///< All are busy. The first to be free looks for calls of the borrower.
+  kGiven,  ///< A thread runs the call.
+  kSoon,   ///< A thread will be free in a moment and look for the borrower's calls.
+  kNone,   ///< All are busy. The first free thread will look for the borrower's calls.
 };
 
-/// A call of a lane above that needs a thread.
+/// A call of a higher lane that needs a thread.
 struct BorrowRequest {
   PooledExecution& borrower;
-  std::uint32_t borrower_number;  ///< The higher, the more urgent.
-  PendingCall& call;              ///< The most urgent of those that wait.
-  std::uint32_t waiting_count;    ///< The borrower's waiting calls, this one included.
+  std::uint32_t borrower_number;  ///< Higher means more urgent.
+  PendingCall& call;              ///< The most urgent waiting call.
+  std::uint32_t waiting_count;    ///< The borrower's waiting calls, including this one.
 };
 
-/// The threads of a lane that has several, and the calls that wait for one of them.
+/// The threads of a lane with several threads, and the calls waiting for them.
 ///
-/// One thread leads: it alone receives. When there is a call to run it hands the lead to a resting
-/// thread, runs the call itself, and answers it. So a call changes no thread between its arrival
-/// and its reply, and while all other threads run calls, one still receives, to order calls by
-/// priority or to refuse them.
+/// One thread leads: only the leader receives. To run a call it hands the lead to an idle thread,
+/// runs the call itself and answers it. So a call stays on one thread from arrival to reply, and
+/// even while all other threads run calls, one still receives, orders calls by priority and refuses
+/// surplus ones.
 /// @threads  with the lock, unless stated otherwise
-/// @realtime alloc-free but for construction
+/// @realtime alloc-free except construction
 class ThreadPool final : public transport::WaitLock {
  public:
-  /// @param call_count_max  how many calls may wait at most
+  /// @param call_count_max  how many calls may wait
   /// @param leader          the wait set of the leader
   ThreadPool(const LaneConfig& config, std::uint32_t call_count_max, transport::WaitSet& leader);
 
-  /// Whether the lane needs a pool; if not, one thread does all.
+  /// Whether the lane needs a pool; otherwise one thread does everything.
   [[nodiscard]] static bool is_wanted(const LaneConfig& config, bool borrows) noexcept {
     return borrows || config.static_threads > 1 || config.dynamic_threads > 0 ||
            config.buffered_request_max > 0;
   }
-  /// How many threads it begins with.
+  /// How many threads it starts with.
   [[nodiscard]] static std::uint32_t static_count(const LaneConfig& config) noexcept {
     return config.static_threads + 1;  // One receives.
   }
@@ -75,70 +75,71 @@ class ThreadPool final : public transport::WaitLock {
   [[nodiscard]] Lead& lock_as_follower() noexcept;
   void lock() noexcept override { static_cast<void>(lock_as_follower()); }
   void unlock() noexcept override { mutex_.unlock(); }
-  /// Between the leader's turns: gives followers the lock for a moment, and wakes a resting thread
-  /// for a lane above that asked for one.
+  /// Between the leader's turns: lets followers take the lock for a moment, and wakes an idle
+  /// thread for a higher lane that requested one.
   void yield_lock() noexcept;
 
   /// Whether a call of this size may wait or start.
   [[nodiscard]] bool has_place_for(std::size_t size) const noexcept;
   void enqueue(PendingCall& call, Priority priority, std::size_t size) noexcept;
-  /// The most urgent call, if a thread may run it and leave another one to receive; or null.
+  /// Takes the most urgent call, if a thread may run it and another one remains to receive;
+  /// otherwise null.
   [[nodiscard]] PendingCall* take_to_run() noexcept;
-  /// The most urgent call, or null.
+  /// Takes the most urgent call, or null.
   [[nodiscard]] PendingCall* take_any() noexcept;
-  /// The most urgent call, which stays in the queue.   Needs a call that waits.
+  /// The most urgent call, which stays in the queue. Requires a waiting call.
   [[nodiscard]] PendingCall& first() noexcept { return *queue_.front().call; }
-  /// Takes a call out of the queue.
+  /// Removes a call from the queue.
   void withdraw(const PendingCall& call) noexcept;
-  /// Whether the leader is to run a call, as another thread can take the lead.
+  /// Whether the leader should run a call, as another thread can take the lead.
   [[nodiscard]] bool has_call_to_run() const noexcept { return !queue_.empty() && has_follower(); }
-  /// Whether a call waits and no thread is free.
+  /// Whether a call waits but no thread is free.
   [[nodiscard]] bool has_stuck_call() const noexcept { return !queue_.empty() && !has_follower(); }
   [[nodiscard]] std::uint32_t queued_count() const noexcept {
     return static_cast<std::uint32_t>(queue_.size());
   }
   [[nodiscard]] std::uint32_t running_count() const noexcept { return running_count_; }
   void end_run() noexcept { --running_count_; }
-  /// A thread of a lower lane runs a call of this one, until end_run().
+  /// Notes that a thread of a lower lane runs a call of this one, until end_run().
   void begin_borrowed_run() noexcept { ++running_count_; }
 
   /// Takes the lead for the calling thread; false if another thread has it.
   [[nodiscard]] bool take_lead() noexcept;
-  /// Gives it up, and wakes a resting thread to take it.
+  /// Gives up the lead, and wakes an idle thread to take it.
   void leave_lead() noexcept;
 
-  /// Rests without the lock until woken; false if a dynamic thread was not for `patience`.
+  /// Rests without the lock until woken; false if a dynamic thread was not woken within `patience`.
   [[nodiscard]] bool rest(Worker& worker, Duration patience) noexcept;
-  /// Lets a resting thread run a call of a lane above and come back. A request in vain is
-  /// remembered per borrower, for take_borrower().
-  /// @threads  any, without the lock; never waits for it, so that whatever the leader of this lane
-  ///           is busy with does not delay the lane above
+  /// Lets an idle thread run a call of a higher lane. A request in vain is remembered per borrower,
+  /// for take_borrower().
+  /// @threads  any, without the lock; never waits for it, so a busy leader of this lane does not
+  ///           delay the higher lane
   [[nodiscard]] BorrowedThread lend(const BorrowRequest& request) noexcept;
-  /// The most urgent lane that asked in vain, once; nothing if there is none.
+  /// Returns the most urgent lane that asked in vain, once; nullopt if there is none.
   [[nodiscard]] std::optional<std::uint32_t> take_borrower() noexcept;
-  /// A thread that was lent is about to come back, so that calls may wait for it.
+  /// Announces that a lent thread is about to return, so that calls may wait for it.
   /// @threads  any
   void expect_back() noexcept { coming_back_.fetch_add(1, std::memory_order_relaxed); }
-  /// The thread is back, or stays away after all.
+  /// Notes that the thread is back, or will not return after all.
   /// @threads  any
   void end_expecting() noexcept { coming_back_.fetch_sub(1, std::memory_order_relaxed); }
 
-  /// Ends all threads: wakes those that rest.
+  /// Ends all threads; wakes the idle ones.
   void end() noexcept;
   [[nodiscard]] bool is_over() const noexcept { return is_over_; }
 
-  /// Asks for one more dynamic thread; true if the acceptor is to be rung for it.
+  /// Requests one more dynamic thread. True if the acceptor must be woken for it.
   [[nodiscard]] bool ask_for_thread(MonotonicTime now) noexcept;
   /// @threads  any
   [[nodiscard]] bool is_thread_wanted() const noexcept {
     return asking_.load(std::memory_order_acquire) == Asking::kWanted;
   }
-  /// The system has no thread left.
+  /// Notes that the system has no thread left.
   /// @threads  any
   void refuse_thread() noexcept { asking_.store(Asking::kRefused, std::memory_order_release); }
-  /// The calling thread begins.
+  /// Registers the calling thread at its start.
   void sign_on(const Worker& worker) noexcept;
-  /// The calling thread ends.
+  /// Unregisters the calling thread at its end.
   void sign_off(Worker& worker) noexcept;
   [[nodiscard]] std::deque<Worker>& workers() noexcept { return workers_; }
 
@@ -149,14 +150,14 @@ class ThreadPool final : public transport::WaitLock {
     Priority priority;
     std::uint64_t serial;
     std::size_t size;
-    // Orders a heap that has the greatest in front.
+    // Orders a heap with the greatest element in front.
     friend bool operator<(const Waiting& a, const Waiting& b) noexcept {
       if (a.priority != b.priority) return a.priority < b.priority;
       return a.serial > b.serial;
     }
   };
 
-  // Whether a thread is free to lead, or on its way.
+  // Whether a thread is free to lead, or about to be.
   [[nodiscard]] bool has_follower() const noexcept { return !called_.empty() || !resting_.empty(); }
   [[nodiscard]] bool give_thread(const BorrowRequest& request) noexcept;
   void call_helper() noexcept;
@@ -171,10 +172,11 @@ class ThreadPool final : public transport::WaitLock {
   std::atomic<std::uint32_t> follower_count_{0};  ///< Threads that wait for the lock.
   std::deque<Worker> workers_;                    ///< Sized once, never moved.
   std::vector<Worker*> resting_;                  ///< Newest last, but dynamic threads first.
-  std::vector<Worker*> called_;                   ///< Woken, and not yet back with the lock.
-  std::atomic<std::uint32_t> spare_count_{0};     ///< Size of both, for lend() without the lock.
-  std::atomic<std::uint64_t> borrowers_{0};       ///< Lanes that asked in vain: a bit per number.
-  std::vector<Waiting> queue_;                    ///< A heap. Sized once.
+  std::vector<Worker*> called_;                   ///< Woken, but not yet holding the lock.
+  /// Size of resting_ and called_, for lend() without the lock.
+  std::atomic<std::uint32_t> spare_count_{0};
+  std::atomic<std::uint64_t> borrowers_{0};  ///< Lanes that asked in vain, one bit per lane number.
+  std::vector<Waiting> queue_;               ///< A heap. Sized once.
   std::uint64_t serial_ = 0;
   std::size_t queued_bytes_ = 0;
   std::uint32_t buffered_request_max_;

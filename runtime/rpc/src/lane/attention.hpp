@@ -7,52 +7,53 @@
 
 namespace rtpm::rpc {
 
-/// Decides which source of a lane is asked next, so that none waits long for another. The source of
-/// the last frame, which is hot, is asked first: that spares a system call a frame. Pure
-/// arithmetic.
+/// Decides which source of a lane is polled next, so that none starves. Polls the source of the
+/// last frame, the hot one, first: that saves a system call per frame. Pure arithmetic.
 /// @threads  one at a time
 /// @realtime alloc-free, a few ns
 class Attention {
  public:
-  /// While the hot source has frames, the others are asked after so many of them, or after
-  /// kLookIntervalMax. Through memory the number does not count: a frame takes less than a look.
+  /// While the hot source has frames, the others are polled after this many of them, or after
+  /// kLookIntervalMax. For shared memory the count does not apply: a frame takes less time than a
+  /// poll.
   static constexpr std::uint32_t kStreakMax = 16;
   static constexpr Duration kLookIntervalMax = std::chrono::microseconds{200};
-  /// While nothing has frames, the sockets are asked so often: a look takes as long as a call
-  /// through memory. While only memory is hot the interval doubles with each look in vain.
+  /// While no source has frames, the sockets are polled at this interval: a poll takes as long as a
+  /// call through shared memory. While only shared memory is hot, the interval doubles with each
+  /// poll in vain.
   static constexpr Duration kLookIntervalMin = std::chrono::microseconds{4};
-  /// While one connection through memory has frames, the others are asked so often.
+  /// While one shared-memory connection has frames, the others are polled at this interval.
   static constexpr Duration kMemoryLookInterval = std::chrono::microseconds{10};
 
   [[nodiscard]] SourceTag hot() const noexcept { return hot_; }
   void set_hot(SourceTag source) noexcept { hot_ = source; }
 
-  /// A turn served open calls; true if callers are to be asked at last.
+  /// Notes a turn that served open calls. True if callers should be polled next.
   [[nodiscard]] bool on_own_work() noexcept { return ++own_streak_ >= kStreakMax; }
-  /// A turn asks callers.
+  /// Notes a turn that polls callers.
   void on_turn() noexcept { own_streak_ = 0; }
-  /// There was nothing to do at `now`.
+  /// Notes that there was no work at `now`.
   void on_idle(MonotonicTime now) noexcept { idle_ = now; }
 
-  /// Whether to ask the other connections through memory, after a frame at `received`.
+  /// Whether to poll the other shared-memory connections, after a frame at `received`.
   [[nodiscard]] bool is_memory_look_due(MonotonicTime received) const noexcept {
     return received - last_memory_look_ >= kMemoryLookInterval;
   }
   void on_memory_look(MonotonicTime received) noexcept { last_memory_look_ = received; }
 
-  /// Whether to ask the system, after a frame of the hot source at `received`.
+  /// Whether to poll the system, after a frame of the hot source at `received`.
   [[nodiscard]] bool is_look_due(MonotonicTime received, bool is_memory_hot) noexcept {
     const bool is_time = since_look(received) >= kLookIntervalMax;
     return ++streak_ >= kStreakMax ? is_time || !is_memory_hot : is_time;
   }
-  /// Whether to ask the system, while no frame comes.
+  /// Whether to poll the system while no frames arrive.
   [[nodiscard]] bool is_idle_look_due() noexcept { return since_look(idle_) >= look_interval_; }
-  /// The system is asked, or waited for.
+  /// Notes that the system is polled, or waited for.
   void on_look() noexcept {
     streak_ = 0;
     last_look_ = kNever;
   }
-  /// It was only asked.
+  /// Notes the result of a poll without waiting.
   void on_looked(bool has_found, bool is_memory_hot) noexcept {
     look_interval_ = has_found || !is_memory_hot ? kLookIntervalMin : 2 * look_interval_;
     if (look_interval_ > kLookIntervalMax) look_interval_ = kLookIntervalMax;
@@ -65,11 +66,11 @@ class Attention {
   }
 
   SourceTag hot_ = kPortSource;
-  std::uint32_t streak_ = 0;      ///< Frames of the hot source since the last look.
+  std::uint32_t streak_ = 0;      ///< Frames of the hot source since the last poll.
   std::uint32_t own_streak_ = 0;  ///< Turns in a row that served open calls only.
   Duration look_interval_ = kLookIntervalMin;
   MonotonicTime idle_{};
-  MonotonicTime last_look_ = kNever;  ///< kNever: it ends now, whenever that is.
+  MonotonicTime last_look_ = kNever;  ///< kNever: in progress.
   MonotonicTime last_memory_look_{};
 };
 

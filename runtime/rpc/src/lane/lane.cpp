@@ -12,13 +12,12 @@
 namespace rtpm::rpc {
 namespace {
 
-// How many connections through memory a turn without work asks, the next ones each time: a caller
-// that calls again at once is not to wait for a look at a thousand that are silent.
+// How many shared-memory connections an idle turn polls, in rotation: a caller that calls again at
+// once should not wait for a poll of a thousand silent ones.
 constexpr std::size_t kMemoryLooksPerTurn = 8;
-// How many of the others it asks, each time that it is their turn while one has calls without end.
+// How many of the other connections are polled each time they are due while one has endless calls.
 constexpr std::size_t kMemoryLooksWhenDue = 64;
-// How long a lane that ends waits for methods that still run, before it reports to their callers
-// that it stops.
+// How long an ending lane waits for running methods before it tells their callers that it stops.
 constexpr Duration kStopPatience = std::chrono::seconds{1};
 
 bool has_thread_pool(const LaneSetup& setup) noexcept {
@@ -110,7 +109,7 @@ void Lane::serve(Lead& lead) noexcept {
   end(lead);
 }
 
-// Serves a source that has work, or polls, or sleeps.
+// Serves a source that has work; otherwise polls or sleeps.
 void Lane::step(Lead& lead) noexcept {
   bool has_served = turn(lead);
   if (has_served) {
@@ -127,14 +126,14 @@ void Lane::step(Lead& lead) noexcept {
   if (has_served) obey(lead, pause_after_work(rt::this_thread_budget(), received_, rt::now));
 }
 
-// Asks the sources for calls, those first that most likely have some; true if there was work.
+// Polls the sources for calls, the most likely ones first; true if there was work.
 bool Lane::turn(Lead& lead) noexcept {
   while (auto stream = media_.handover().take_arrival())
     calls_.admit(lead, std::move(stream));
   if (Seals* const seals = media_.seals()) serve_seals(lead, *seals);
   const bool has_backlog = calls_.serve_backlog(lead);
   const bool has_open = calls_.serve_ready(lead);
-  // Frames that the lane sends by itself must not keep calls waiting.
+  // Frames that the lane itself sends must not delay calls.
   if (has_backlog || (has_open && attention_.on_own_work())) {
     attention_.on_turn();
     if (gate_->has_calls()) static_cast<void>(serve_source(lead, kGateSource));
@@ -147,7 +146,7 @@ bool Lane::turn(Lead& lead) noexcept {
   if (gate_->has_calls()) attention_.set_hot(kGateSource);
   const SourceTag hot = attention_.hot();
   const bool is_memory_hot = media_.connections().is_memory(hot);
-  // A lane that blocks waits for all of its sockets at once rather than ask the last one first.
+  // A blocking lane waits for all of its sockets at once instead of polling the last one first.
   const bool is_asked = is_memory_hot || !idling_.is_blocking();
   const bool has_served = is_asked && serve_source(lead, hot);
   if (has_served && media_.has_one_source() && hot != kGateSource) return true;
@@ -164,7 +163,7 @@ bool Lane::turn(Lead& lead) noexcept {
   return serve_memory(lead, kMemoryLooksPerTurn) || has_found || has_served;
 }
 
-// Goes on with handshakes, and ends the sessions that the grants do not allow any more.
+// Advances handshakes, and ends sessions that the grants no longer allow.
 void Lane::serve_seals(Lead& lead, Seals& seals) noexcept {
   if (seals.link().take_sweep()) rights_.sweep();
   const MonotonicTime now = rt::now();
@@ -182,14 +181,14 @@ void Lane::serve_seals(Lead& lead, Seals& seals) noexcept {
   calls_.publish(lead);
 }
 
-// Asks the system, or waits for it, and serves each source that it reports; true if one had work,
+// Polls the system, or waits for it, and serves each source that it reports. True if one had work,
 // or the doorbell rang.
 bool Lane::look(Lead& lead, MonotonicTime until) noexcept {
   Connections& connections = media_.connections();
   attention_.on_look();
   const bool may_sleep = until != transport::kAlready;
   if (may_sleep && calls_.has_any()) calls_.take_cancelled(lead, CallEnding::kLeft);
-  // First announced, then looked for: a caller that saw the lane awake has a call that is seen now.
+  // Announce first, then check: if a caller saw the lane awake, this check sees its call.
   if (may_sleep) doorbell_->announce_sleep();
   const bool has_none = !may_sleep || (connections.announce_sleep() && calls_.pool()->may_sleep() &&
                                        gate_->may_sleep());
@@ -214,13 +213,13 @@ bool Lane::look(Lead& lead, MonotonicTime until) noexcept {
 
 // Serves a source that the system has reported.
 bool Lane::serve_ready(Lead& lead, SourceTag source) noexcept {
-  // It rings once: a lane that went to sleep on it would miss what it was about.
+  // The doorbell rings only once; sleeping now would miss its reason.
   if (source == transport::kDoorbell) return true;
   const bool has_served = serve_source(lead, source);
   // Another thread, or the frame itself, may have ended the connection.
   Slot* const slot = media_.connections().find(source);
   if (slot == nullptr && source.kind() != kPortKind) return has_served;
-  // Only now, as the caller waits for its reply and not for this.
+  // After the reply, as the caller does not wait for this.
   if (source.kind() == kConnectionKind) slot->stream->on_ready();
   if (has_served) {
     attention_.set_hot(slot == nullptr ? source : media_.connections().tag_of(*slot));
@@ -228,7 +227,8 @@ bool Lane::serve_ready(Lead& lead, SourceTag source) noexcept {
   return has_served;
 }
 
-// Asks the next `look_count` connections through memory, and serves a frame of each that has one.
+// Polls the next `look_count` shared-memory connections, and serves one frame from each that has
+// one.
 bool Lane::serve_memory(Lead& lead, std::size_t look_count) noexcept {
   Connections& connections = media_.connections();
   bool has_served = false;
@@ -253,7 +253,7 @@ bool Lane::serve_source(Lead& lead, SourceTag source) noexcept {
   } else if (attention_.hot() == source) {
     attention_.set_hot(kPortSource);
   }
-  // Each time, because a lane that never rests is the one whose counters people want to see.
+  // Every time: the counters of a lane that never rests are the most interesting ones.
   calls_.publish(lead);
   return has_served;
 }
@@ -267,7 +267,7 @@ bool Lane::serve_gate(Lead& lead) noexcept {
     received_ = rt::now();
     execution_->accept(lead, *call);
   }
-  // One by turn, as of any source, unless they are only put in order.
+  // One per turn, as for any source, unless calls are only queued.
   while (execution_->only_orders() && (call = gate_->take_next()) != nullptr)
     execution_->accept(lead, *call);
   return true;
@@ -283,7 +283,7 @@ bool Lane::serve_leftover_datagrams(Lead& lead) noexcept {
   return has_served;
 }
 
-// Serves datagrams that came together, for no longer than others of the band may have to wait.
+// Serves a batch of datagrams, at most as long as others of the band may have to wait.
 bool Lane::serve_datagrams(Lead& lead, DatagramPort& port) noexcept {
   const auto begin = port.receive();
   if (!begin) return false;
@@ -334,7 +334,7 @@ bool Lane::serve_connection(Lead& lead, Slot& slot) noexcept {
       verdict.action != wire::Verdict::Action::kHangUp && media_.send(lead, sessions, slot, answer);
   report_.end_cycle(lead, received_);
   calls_.on_frame(lead, verdict.credit_tag);
-  // It may have ended as its stream's items were sent.
+  // It may have ended while its stream's items were sent.
   if (media_.connections().find(source) == nullptr) return true;
   if (!is_good) {
     calls_.retire(lead, slot);
@@ -354,7 +354,7 @@ void Lane::obey(Lead& lead, const Pause& pause) noexcept {
   static_cast<void>(look(lead, std::min(pause.until, calls_.next_time())));
 }
 
-// Tells calls that wait that the lane stops, and gives those that run some time.
+// Tells waiting calls that the lane stops, and gives running ones some time.
 void Lane::end(Lead& lead) noexcept {
   gate_->close();
   execution_->refuse_waiting(lead);

@@ -21,20 +21,20 @@ namespace rtpm::rpc {
 
 class PooledExecution;
 
-/// One lane: its duty cycle, which asks the sources for calls, and the parts that do the rest. The
+/// One lane: its duty cycle, which polls the sources for calls, and the parts that handle them. The
 /// thread that receives a request runs the servant and sends the reply.
-/// @threads  adopt(), take_back() and maintain_threads() the acceptor's; stop() and counters() any;
-///           start(), join() and close() the server's, one after the other
-/// @realtime alloc-free but for construction, start() and maintain_threads()
+/// @threads  adopt(), take_back() and maintain_threads(): the acceptor; stop() and counters(): any;
+///           start(), join() and close(): the server, in this order
+/// @realtime alloc-free except construction, start() and maintain_threads()
 class Lane final : public DutyCycle, public LocalHost {
  public:
-  /// @param ports     at least one; of several each with its index
-  /// @param wait_set  to which the ports were not added yet
+  /// @param ports     at least one; if several, each with its index
+  /// @param wait_set  the ports are not added to it yet
   Lane(const LaneSetup& setup, std::vector<transport::UdpPort> ports,
        std::unique_ptr<transport::WaitSet> wait_set);
 
-  /// Whether the system gave the memory for large messages, streams and kept calls. Without it the
-  /// lane is not to be started.
+  /// False if the system lacked memory for large messages, streams or queued calls. Then do not
+  /// start the lane.
   [[nodiscard]] bool has_memory() const noexcept {
     return media_.has_memory() && calls_.pool()->has_memory();
   }
@@ -43,30 +43,30 @@ class Lane final : public DutyCycle, public LocalHost {
   /// @realtime set-up only
   [[nodiscard]] expected<void, SetupError> start(rt::RealtimeMode realtime, rt::CpuKeeper* keeper);
   void stop() noexcept;
-  /// After stop(): waits until its threads have ended.
+  /// Waits until its threads have ended. Call after stop().
   void join() noexcept { execution_->join(); }
-  /// Starts the dynamic thread that is wanted, and joins those that have ended.
+  /// Starts a requested dynamic thread, and joins those that have ended.
   /// @realtime set-up only
   void maintain_threads() noexcept { execution_->maintain_threads(); }
-  /// After join(): closes the sockets, so that callers see at once that no lane serves them.
+  /// Closes the sockets, so that callers see at once that no lane serves them. Call after join().
   void close() noexcept;
 
-  /// Gives the lane an accepted connection; false if too many wait already.
+  /// Hands the lane an accepted connection; false if too many are waiting.
   [[nodiscard]] bool adopt(std::unique_ptr<transport::Connection>& stream) noexcept {
     return media_.handover().offer(stream);
   }
-  /// A connection that ended, to be freed where freeing is allowed; or null.
+  /// An ended connection, to be freed where freeing is allowed; or null.
   [[nodiscard]] std::unique_ptr<transport::Connection> take_back() noexcept {
     return media_.handover().take_back();
   }
-  /// Where calls of the same program come in.
+  /// Where calls within this program enter.
   [[nodiscard]] const std::shared_ptr<LocalGate>& gate() const noexcept { return gate_; }
   [[nodiscard]] DispatchResult run_nested(const LocalChannel& channel) noexcept override {
     return dispatch_.run_nested(channel, report_);
   }
   /// Only in a secured server.
   [[nodiscard]] GatekeeperLink& gatekeeper_link() noexcept { return media_.seals()->link(); }
-  /// The threads that a lane above may borrow; null if it has one of its own.
+  /// The threads that a higher lane may borrow; null if the lane has only one.
   [[nodiscard]] PooledExecution* thread_pool() const noexcept { return thread_pool_; }
   [[nodiscard]] const Band& band() const noexcept { return band_; }
   [[nodiscard]] ServerCounters counters() const noexcept { return report_.read(); }
@@ -105,7 +105,7 @@ class Lane final : public DutyCycle, public LocalHost {
   Attention attention_;
   std::unique_ptr<Execution> execution_;
   PooledExecution* thread_pool_ = nullptr;  ///< `execution_`, if the lane has several threads.
-  MonotonicTime received_{};                ///< When the last frame was taken.
+  MonotonicTime received_{};                ///< When the last frame was received.
   alignas(64) std::array<SourceTag, 64> ready_{};
 };
 

@@ -8,9 +8,8 @@ namespace rtpm::rpc {
 
 class LocalHost;
 
-/// The call that the calling thread serves, so that the calls that its method makes inherit the
-/// rest of its time.
-/// @threads  each its own
+/// The call that the calling thread serves, so that nested calls inherit its remaining time.
+/// @threads  each sees its own
 /// @realtime alloc-free, no syscall
 class CurrentCall {
  public:
@@ -23,7 +22,7 @@ class CurrentCall {
     host_ = outer_host_;
   }
 
-  /// Null outside of methods.
+  /// Null outside methods.
   [[nodiscard]] static const CallContext* get() noexcept { return current_; }
   /// The lane that runs the method.
   [[nodiscard]] static const LocalHost* host() noexcept { return host_; }

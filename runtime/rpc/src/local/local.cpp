@@ -22,17 +22,17 @@ constexpr int kLooksPerGlance = 32;
 struct Directory {
   rt::PiMutex mutex;
   std::map<std::uint64_t, std::weak_ptr<LocalDoor>> doors;
-  /// Channels of nodes that are gone while a lane still runs one of their calls.
+  /// Channels of destroyed nodes while a lane still runs one of their calls.
   std::vector<std::unique_ptr<LocalChannel>> orphans;
 };
 
 Directory& directory() {
-  // Never destroyed: lanes of static life may be done later than that.
+  // Never destroyed: lanes with static lifetime may end after it.
   static auto* const instance = new Directory;
   return *instance;
 }
 
-// Sessions on a wire are keyed hashes: that one of them is among these is as likely as a guess.
+// Session numbers on a wire are keyed hashes, so a collision with these is as unlikely as a guess.
 std::atomic<std::uint64_t> session_serial{0xffff'ffff'0000'0000};
 
 }  // namespace
@@ -42,7 +42,7 @@ LocalChannel::LocalChannel(std::uint32_t message_size_max)
       reply_(message_size_max),
       request_room_(request_.bytes()),
       reply_room_(reply_.bytes()) {
-  // The part that most calls use does not fault with the first one.
+  // Pre-faults the part that most calls use.
   for (const MutableBytes bytes : {request_room_, reply_room_}) {
     if (!bytes.empty()) std::memset(bytes.data(), 0, std::min<std::size_t>(bytes.size(), 4096));
   }
@@ -55,7 +55,7 @@ void LocalChannel::give_up() noexcept {
 
 bool LocalChannel::write(const LocalCallParameters& parameters, ConstBytes request) noexcept {
   const std::size_t room = std::min<std::size_t>(parameters.message_size_max, request_room_.size());
-  // Where the system had no memory left there is no room for a reply.
+  // Without memory the reply buffer is empty.
   if (request.size() > room || reply_room_.size() < parameters.message_size_max) return false;
   parameters_ = parameters;
   request_size_ = request.size();
@@ -85,10 +85,10 @@ bool LocalChannel::wait(const rt::WaitConfig& how) noexcept {
     if (state_.compare_exchange_strong(state, State::kLeft, std::memory_order_acq_rel)) {
       return false;
     }
-    // It was done at the last moment: the word is there, or about to be.
+    // The call ended just before the time-out: the signal is posted, or about to be.
     static_cast<void>(done_.wait_until(kNever));
   }
-  // SYNC POINT local-done: what the lane wrote, it wrote before it set the state.
+  // SYNC POINT local-done: the lane wrote the result before it set the state.
   return state_.load(std::memory_order_acquire) == State::kDone;
 }
 
@@ -113,7 +113,8 @@ LocalGate::~LocalGate() = default;
 void LocalGate::submit(LocalChannel& call, bool is_awaited) noexcept {
   call.submit(is_awaited);
   calls_.push(call);
-  // SYNC POINT local-gate: either the lane sees the call after it closed the gate, or we see that.
+  // SYNC POINT local-gate: either the lane sees the call after closing the gate, or we see the gate
+  // closed.
   if (is_closed_.load(std::memory_order_seq_cst)) {
     return calls_.take_new([](LocalChannel& each) { each.finish(wire::Status::kStopping, 0); });
   }
@@ -125,7 +126,7 @@ void LocalGate::open_places() {
   const std::lock_guard lock(opening_);
   if (places_ || oneway_count_max_ == 0) return;
   places_ = std::make_unique<LocalOneways>(oneway_count_max_, message_size_max_);
-  // SYNC POINT local-places: they are whole.
+  // SYNC POINT local-places: they are complete.
   open_places_.store(places_.get(), std::memory_order_release);
 }
 
@@ -213,7 +214,7 @@ LocalChannels::~LocalChannels() {
 }
 
 expected<LocalChannel*, CallError> LocalChannels::take() noexcept {
-  // SYNC POINT local-channels: a counted channel is whole.
+  // SYNC POINT local-channels: a counted channel is fully constructed.
   const std::size_t count = count_.load(std::memory_order_acquire);
   for (std::size_t i = 0; i < count; ++i) {
     if (channels_[i]->try_take()) return channels_[i].get();

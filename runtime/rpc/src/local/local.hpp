@@ -19,44 +19,44 @@
 #include "rtpm/rt/wait.hpp"
 #include "rtpm/wire/status.hpp"
 
-// Calls to objects that the same program serves: no frame, no socket; the lane that would serve the
-// call from elsewhere runs it, on memory that both sides see.
+// Calls to objects of the same program, without frames or sockets: the lane that would serve a
+// remote call runs it, on memory that both sides share.
 namespace rtpm::rpc {
 
 class LocalChannel;
 class LocalOneways;
 
-/// The lane behind a gate.
+/// The lane that a gate leads to.
 class LocalHost {
  public:
-  /// Runs a method inside of another method of this lane, on that one's thread.
-  /// @threads  the lane's that runs the other method
+  /// Runs a method inside another method of this lane, on the same thread.
+  /// @threads  the lane's thread that runs the outer method
   [[nodiscard]] virtual DispatchResult run_nested(const LocalChannel& channel) noexcept = 0;
 
  protected:
   ~LocalHost() = default;
 };
 
-/// The parameters of a local call beside its request.
+/// The parameters of a local call, except its request.
 struct LocalCallParameters {
   std::uint32_t service = 0;
   std::uint16_t method = 0;
   Priority priority{};
-  std::uint64_t session = 0;  ///< The binding's number, not a session on a wire.
+  std::uint64_t session = 0;  ///< The binding's number, not a wire session.
   std::uint64_t trace_id = 0;
   MonotonicTime deadline{};
   std::uint32_t message_size_max = 0;  ///< The smaller limit of the node and the server.
 };
 
-/// The memory of one local call at a time. Its caller has it, then the lane, then the caller again;
-/// if the caller gives up meanwhile, the lane has it until it is done. The lane has that of a
-/// oneway from the beginning.
-/// @threads  try_take() any; the lane's part the lane's; the rest the thread that took it
-/// @realtime alloc-free but for construction; at most one syscall a side, to wake or to wait
+/// The memory of one local call at a time. Ownership passes from the caller to the lane and back.
+/// If the caller gives up, the lane owns it until the call is done. The lane owns a oneway's memory
+/// from the start.
+/// @threads  try_take(): any; the lane's functions: the lane; the rest: the thread that took it
+/// @realtime alloc-free except construction; at most one syscall per side, to wake or to wait
 class LocalChannel {
  public:
   explicit LocalChannel(std::uint32_t message_size_max);
-  /// A place of `home`, which has the memory; `number` is the place's there.
+  /// A slot of `home`, which owns the memory; `number` is the slot's index there.
   LocalChannel(MutableBytes request_room, MutableBytes reply_room, LocalOneways& home,
                std::uint32_t number) noexcept
       : request_room_(request_room), reply_room_(reply_room), home_(&home), number_(number) {}
@@ -67,34 +67,34 @@ class LocalChannel {
   }
   void release() noexcept { state_.store(State::kFree, std::memory_order_release); }
   [[nodiscard]] std::uint32_t number() const noexcept { return number_; }
-  /// Free.
+  /// Whether no caller or lane uses it.
   [[nodiscard]] bool is_free() const noexcept {
     return state_.load(std::memory_order_acquire) == State::kFree;
   }
 
-  /// Gives back a channel or a place that was not submitted.
+  /// Releases a channel or slot that was not submitted.
   void give_up() noexcept;
 
   /// Copies the request; false if it is too large.
   [[nodiscard]] bool write(const LocalCallParameters& parameters, ConstBytes request) noexcept;
-  /// The lane may have it from now on. `is_awaited`: the caller waits.
+  /// Hands the channel to the lane. `is_awaited`: the caller waits.
   void submit(bool is_awaited) noexcept {
     state_.store(is_awaited ? State::kSubmitted : State::kLeft, std::memory_order_release);
   }
-  /// Waits until the lane is done; false after the deadline: then the lane has the channel.
+  /// Waits until the lane is done. False after the deadline: then the lane owns the channel.
   [[nodiscard]] bool wait(const rt::WaitConfig& how) noexcept;
   [[nodiscard]] wire::Status status() const noexcept { return status_; }
   [[nodiscard]] ConstBytes result() const noexcept { return reply_room_.first(size_); }
 
-  // The lane calls the functions below.
+  // The functions below are called by the lane.
   [[nodiscard]] const LocalCallParameters& parameters() const noexcept { return parameters_; }
   [[nodiscard]] ConstBytes request() const noexcept { return request_room_.first(request_size_); }
   [[nodiscard]] MutableBytes reply() const noexcept {
     return reply_room_.first(parameters_.message_size_max);
   }
-  /// Whether it is a place for oneways: nobody reads its reply().
+  /// Whether it is a slot for oneways, whose reply() nobody reads.
   [[nodiscard]] bool is_place() const noexcept { return home_ != nullptr; }
-  /// Gives it back to the caller, or frees it.
+  /// Returns the channel to the caller, or frees it.
   void finish(wire::Status status, std::uint32_t size) noexcept;
 
   std::atomic<LocalChannel*> next_ready{nullptr};
@@ -103,14 +103,14 @@ class LocalChannel {
   enum class State : std::uint8_t {
     kFree,
     kTaken,
-    kSubmitted,  ///< The lane has it; the caller polls.
-    kWaiting,    ///< The lane has it; the caller sleeps.
-    kLeft,       ///< The lane has it; its caller no longer waits.
+    kSubmitted,  ///< The lane owns it; the caller polls.
+    kWaiting,    ///< The lane owns it; the caller sleeps.
+    kLeft,       ///< The lane owns it; the caller no longer waits.
     kDone,
   };
 
   LocalCallParameters parameters_{};
-  rt::LazyMemory request_;  ///< The channel's memory, unless it is a place.
+  rt::LazyMemory request_;  ///< The channel's own memory, unless it is a slot.
   rt::LazyMemory reply_;
   MutableBytes request_room_;
   MutableBytes reply_room_;
@@ -123,9 +123,9 @@ class LocalChannel {
   rt::Semaphore done_;
 };
 
-/// Where local calls enter a lane. It may outlive the lane.
-/// @threads  submit(), take_place(), open_places() and is_closed() any; the rest the lane's
-/// @realtime alloc-free but for open_places()
+/// Where local calls enter a lane. May outlive the lane.
+/// @threads  submit(), take_place(), open_places() and is_closed(): any; the rest: the lane
+/// @realtime alloc-free except open_places()
 class LocalGate {
  public:
   /// `oneway_count_max`: how many oneways may wait or run.
@@ -136,13 +136,13 @@ class LocalGate {
   ~LocalGate();
 
   void submit(LocalChannel& call, bool is_awaited) noexcept;
-  /// Makes the places for oneways, unless they are there.
+  /// Creates the slots for oneways, unless they exist.
   /// @realtime set-up only
   void open_places();
-  /// Whether a oneway of that size has places of its own.
+  /// Whether a oneway of that size uses the slots.
   [[nodiscard]] bool has_places_for(std::size_t size) const noexcept;
-  /// One of them; null if oneways wait or run in all, which the lane counts as overload.
-  /// Allocates at first, unless the places were opened.
+  /// Takes a free slot. Null if all are in use, which the lane counts as overload. The first call
+  /// allocates, unless open_places() was called.
   [[nodiscard]] LocalChannel* take_place() noexcept;
 
   [[nodiscard]] bool has_calls() const noexcept {
@@ -151,16 +151,16 @@ class LocalGate {
   [[nodiscard]] bool may_sleep() const noexcept {
     return calls_.is_empty_before_sleep() && refused_count_.load(std::memory_order_seq_cst) == 0;
   }
-  /// The call that came first, or null.
+  /// The call that arrived first, or null.
   [[nodiscard]] LocalChannel* take_next() noexcept { return calls_.take_next(); }
-  /// How many oneways found no place since it was last asked.
+  /// How many oneways found no slot since the last query.
   [[nodiscard]] std::uint32_t take_refused_count() noexcept;
-  /// From here on calls end with kStopping.
+  /// Makes calls end with kStopping from now on.
   void close() noexcept;
   [[nodiscard]] bool is_closed() const noexcept {
     return is_closed_.load(std::memory_order_relaxed);
   }
-  /// Only to be compared, or used on the lane's own thread.
+  /// Only for comparison, or for use on the lane's own thread.
   [[nodiscard]] LocalHost& host() const noexcept { return host_; }
 
  private:
@@ -176,7 +176,7 @@ class LocalGate {
   std::atomic<LocalOneways*> open_places_{nullptr};  ///< `places_`, once complete.
 };
 
-/// A server as callers of the same program see it, found by its epoch while it runs.
+/// A server as callers in the same program see it; found by its epoch while the server runs.
 /// @threads  any
 /// @realtime gate_of() is alloc-free; the rest is set-up only
 class LocalDoor {
@@ -196,12 +196,12 @@ class LocalDoor {
   /// The lane that serves the priority; null above the ceiling.
   [[nodiscard]] LocalGate* gate_of(Priority priority) const noexcept;
   [[nodiscard]] std::uint32_t message_size_max() const noexcept { return message_size_max_; }
-  /// Makes the places for oneways of these priorities; of all, if there are none.
+  /// Creates the oneway slots of these priorities' lanes; of all lanes if the list is empty.
   void open_places(std::span<const Priority> priorities) const;
 
   static void open(const std::shared_ptr<LocalDoor>& door);
   static void close(const LocalDoor& door) noexcept;
-  /// The running server of this program with that epoch, or null.
+  /// The running server with that epoch in this program, or null.
   [[nodiscard]] static std::shared_ptr<LocalDoor> find(std::uint64_t epoch);
 
  private:
@@ -216,13 +216,13 @@ class LocalDoor {
 /// @realtime take() is alloc-free once there are as many as are used at a time
 class LocalChannels {
  public:
-  /// A number for a binding's parameters.
+  /// A new session number for a binding's parameters.
   [[nodiscard]] static std::uint64_t next_session() noexcept;
 
   LocalChannels(std::uint32_t count_max, std::uint32_t message_size_max);
   LocalChannels(const LocalChannels&) = delete;
   LocalChannels& operator=(const LocalChannels&) = delete;
-  /// Channels that a lane still has are kept until it is done.
+  /// Channels still owned by a lane are kept until it is done.
   ~LocalChannels();
 
   [[nodiscard]] expected<LocalChannel*, CallError> take() noexcept;

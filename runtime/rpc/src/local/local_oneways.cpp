@@ -8,7 +8,7 @@ namespace {
 
 constexpr std::uint64_t kLowHalf = 0xffff'ffff;
 
-// The next state of the head of the list of free places.
+// The next state of the free list's head.
 constexpr std::uint64_t head_after(std::uint64_t head, std::uint32_t number) noexcept {
   return (((head >> 32) + 1) << 32) | number;
 }
@@ -18,9 +18,9 @@ constexpr std::uint64_t head_after(std::uint64_t head, std::uint32_t number) noe
 LocalOneways::LocalOneways(std::uint32_t count, std::uint32_t message_size_max)
     : requests_(count * kSizeMax), replies_(message_size_max), next_free_(count) {
   const MutableBytes requests = requests_.bytes();
-  // Without memory there are no places, which callers see as overload.
+  // Without memory there are no slots, which callers see as overload.
   if (requests.size() < count * kSizeMax || replies_.bytes().empty()) return;
-  // Touches the memory now, so that the first use of a place does not fault.
+  // Touches the memory now, so that a slot's first use does not page-fault.
   if (!requests.empty()) std::memset(requests.data(), 0, requests.size());
   for (std::uint32_t i = 0; i < count; ++i)
     places_.emplace_back(requests.subspan(i * kSizeMax, kSizeMax), replies_.bytes(), *this, i + 1);
@@ -29,7 +29,7 @@ LocalOneways::LocalOneways(std::uint32_t count, std::uint32_t message_size_max)
 }
 
 LocalChannel* LocalOneways::take() noexcept {
-  // SYNC POINT local-oneways: what the lane did with a place, it did before it gave it back.
+  // SYNC POINT local-oneways: the lane finished with a slot before it released it.
   std::uint64_t head = first_free_.load(std::memory_order_acquire);
   while (true) {
     const auto number = static_cast<std::uint32_t>(head & kLowHalf);

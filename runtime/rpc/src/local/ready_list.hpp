@@ -8,14 +8,14 @@
 
 namespace rtpm::rpc {
 
-/// Wakes a lane that sleeps; costs a load while it does not. May outlive the lane.
-/// @threads  wake() any; everything else the lane's
+/// Wakes a sleeping lane; costs only a load while the lane is awake. May outlive the lane.
+/// @threads  wake(): any; the rest: the lane
 /// @realtime alloc-free
 class Doorbell {
  public:
   explicit Doorbell(transport::WaitSet& bell) noexcept : bell_(&bell) {}
 
-  /// The caller has put its work into a list of the lane before: either the lane sees it before it
+  /// Call it after putting work into a list of the lane: either the lane sees the work before it
   /// sleeps, or this sees the lane asleep.
   void wake() noexcept {
     // SYNC POINT doorbell
@@ -23,13 +23,13 @@ class Doorbell {
     const std::lock_guard lock(ringing_);
     if (bell_ != nullptr) bell_->ring();
   }
-  /// From here on until end_sleep() a wake() rings. Check the lists after it.
+  /// From here until end_sleep(), a wake() signals the lane. Check the lists after this call.
   void announce_sleep() noexcept {
     // SYNC POINT doorbell
     is_asleep_.store(true, std::memory_order_seq_cst);
   }
   void end_sleep() noexcept { is_asleep_.store(false, std::memory_order_relaxed); }
-  /// The lane ends: no thread rings it any more.
+  /// Makes wake() a no-op when the lane ends.
   void close() noexcept {
     const std::lock_guard lock(ringing_);
     bell_ = nullptr;
@@ -41,9 +41,9 @@ class Doorbell {
   transport::WaitSet* bell_;
 };
 
-/// Things that any thread hands to one that takes them in order; linked through their `next_ready`,
-/// a std::atomic<T*>. A thing stands in it once at a time.
-/// @threads  push() and take_new() any; the rest the one that takes
+/// A queue from many threads to one consumer, linked through the elements' `next_ready`, a
+/// std::atomic<T*>. An element may be in the queue only once.
+/// @threads  push() and take_new(): any; the rest: the consumer
 /// @realtime alloc-free, no lock
 template <class T>
 class ReadyList {
@@ -52,25 +52,25 @@ class ReadyList {
     T* first = first_.load(std::memory_order_relaxed);
     do {
       thing.next_ready.store(first, std::memory_order_relaxed);
-      // SYNC POINT ready-list: what the thing has is written before it stands in the list.
+      // SYNC POINT ready-list: an element's content is written before it is published in the list.
     } while (!first_.compare_exchange_weak(first, &thing, std::memory_order_seq_cst,
                                            std::memory_order_relaxed));
   }
   [[nodiscard]] bool is_empty() const noexcept {
     return taken_ == nullptr && first_.load(std::memory_order_relaxed) == nullptr;
   }
-  /// Whether the list is empty, in one order with Doorbell::announce_sleep().
+  /// Whether the list is empty, sequentially consistent with Doorbell::announce_sleep().
   [[nodiscard]] bool is_empty_before_sleep() const noexcept {
     return taken_ == nullptr && first_.load(std::memory_order_seq_cst) == nullptr;
   }
-  /// The one that was pushed first, or null.
+  /// Takes the element that was pushed first, or null.
   [[nodiscard]] T* take_next() noexcept {
     if (taken_ == nullptr) taken_ = take_chain();
     T* const thing = taken_;
     if (thing != nullptr) taken_ = thing->next_ready.load(std::memory_order_relaxed);
     return thing;
   }
-  /// Takes and visits, the first pushed first, all that take_next() has not come to.
+  /// Takes and visits, in push order, everything that take_next() has not returned.
   template <class Visitor>
   void take_new(Visitor visit) noexcept {
     T* first = take_chain();
@@ -82,7 +82,7 @@ class ReadyList {
   }
 
  private:
-  // All, linked by their `next_ready`, the first pushed first.
+  // Takes all elements, linked by their `next_ready` in push order.
   [[nodiscard]] T* take_chain() noexcept {
     // SYNC POINT ready-list
     T* newest = first_.exchange(nullptr, std::memory_order_seq_cst);
@@ -97,7 +97,7 @@ class ReadyList {
   }
 
   std::atomic<T*> first_{nullptr};
-  T* taken_ = nullptr;  ///< The things that came before those in first_.
+  T* taken_ = nullptr;  ///< The elements that precede those in first_.
 };
 
 }  // namespace rtpm::rpc

@@ -5,7 +5,7 @@
 namespace rtpm::rpc {
 namespace {
 
-// The answers to others may wait for a call that took less.
+// Other answers may wait for a call that took less than this.
 constexpr Duration kQuickCall = std::chrono::microseconds{5};
 
 }  // namespace
@@ -34,7 +34,7 @@ void DatagramPort::end_call(const wire::Header& call, MonotonicTime received) no
 void DatagramPort::send(Lead& lead, wire::ServerSessions& sessions, const wire::PeerAddress& peer,
                         ConstBytes frame, bool has_more) noexcept {
   if (!answers_.is_empty() && !(peer == answers_peer_)) flush(lead);
-  // One alone goes as it is. As large as can be, it may be one of several.
+  // A single datagram is sent as it is. One of maximum size may be part of a sequence.
   const std::size_t size_max =
       wire::kDatagramFrameSizeMax - (seals_ == nullptr ? 0 : wire::kSealedTrailerSize);
   const bool is_alone = !has_more && answers_.is_empty() && frame.size() < size_max;

@@ -13,7 +13,7 @@ namespace {
 // A connection that has opened no session in this time may be replaced.
 constexpr Duration kSessionPatience = std::chrono::seconds{2};
 
-// One buffer more than messages may be held: where replies are written.
+// One buffer more than messages may be held: the one where replies are written.
 std::size_t message_memory(const ServerConfig& server) noexcept {
   return wire::large_buffer_size(server.message_size_max) * (server.large_message_count_max + 1);
 }
@@ -39,7 +39,7 @@ wire::ServerSessionsConfig sessions_config(const LaneSetup& setup, wire::Medium 
   config.message_size_max = server.message_size_max;
   config.large_memory = messages;
   config.stream_memory = items;
-  // Each medium has a secret of its own, so that a session number of one is not valid in another.
+  // Each medium has its own secret, so that a session number of one medium is invalid in another.
   if (medium == wire::Medium::kStream) config.key.low = ~config.key.low;
   if (is_memory) {
     config.key.high = ~config.key.high;
@@ -100,8 +100,8 @@ void Media::admit(Lead& lead, std::unique_ptr<transport::Connection> stream) noe
   ++report_.counters(lead).connection_count;
 }
 
-// Whether the host may have one more connection. It may replace the one that was silent longest, of
-// the same host once that host has its share. Half of the slots are for memory.
+// Whether the host may open another connection. It may replace the longest-silent one; of the same
+// host, once that host has its share. Half of the slots are reserved for shared memory.
 bool Media::make_room_for(Lead& lead, const transport::Connection& stream,
                           MonotonicTime now) noexcept {
   const wire::PeerAddress host = stream.host();
@@ -117,7 +117,7 @@ bool Media::make_room_for(Lead& lead, const transport::Connection& stream,
   for (Slot* const slot : slots) {
     if ((has_share && !is_own(slot)) || now - slot->heard < kSessionPatience) continue;
     if (longest != nullptr && slot->heard >= longest->heard) continue;
-    // hp-5.5-1: a client that still uses its session is heard oftener.
+    // hp-5.5-1: a client that still uses its session sends more often.
     const bool may_go =
         now - slot->heard >= wire::kSessionIdleMin || !sessions.has_session(slot->peer);
     if (may_go) longest = slot;
@@ -126,8 +126,8 @@ bool Media::make_room_for(Lead& lead, const transport::Connection& stream,
   return longest != nullptr;
 }
 
-// Over TCP the first frame came with the connection, so that its client can be told. Otherwise
-// the client sees that the connection ends.
+// Over TCP the connection's first frame has arrived, so its client can get a refusal. Otherwise the
+// client just sees the connection end.
 void Media::turn_away(Lead& lead, std::unique_ptr<transport::Connection> stream,
                       MonotonicTime now) noexcept {
   if (const auto frame = stream->receive()) {
@@ -157,7 +157,7 @@ bool Media::send_frame(Lead& lead, Slot& slot, ConstBytes frame) noexcept {
   return frame.empty() || send_as_is(lead, &slot, slot.peer, frame);
 }
 
-// A peer that does not take its replies is given up rather than waited for (hp-16.4-2).
+// Gives up a peer that does not receive its replies, rather than wait for it (hp-16.4-2).
 bool Media::send_as_is(Lead& lead, Slot* slot, const wire::PeerAddress& peer,
                        ConstBytes frame) noexcept {
   if (slot == nullptr) {

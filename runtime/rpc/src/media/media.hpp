@@ -19,40 +19,40 @@ namespace rtpm::rpc {
 
 struct LaneSetup;
 
-/// The peers of a lane over its three media, and their sessions: frames in, frames out, and the
-/// peers that may have a connection.
+/// The peers of a lane over its three media, and their sessions: receives and sends frames, and
+/// decides which peers may have a connection.
 /// @threads  one at a time, with the lane's Lead
-/// @realtime alloc-free but for construction
+/// @realtime alloc-free except construction
 class Media {
  public:
-  /// @param ports  at least one; of several each with its index
+  /// @param ports  at least one; if several, each with its index
   Media(const LaneSetup& setup, std::vector<transport::UdpPort> ports, transport::WaitSet& wait_set,
         LaneReport& report);
 
-  /// False if the system gave no memory for large messages or streams.
+  /// False if the system lacked memory for large messages or streams.
   [[nodiscard]] bool has_memory() const noexcept {
     return datagrams_.has_memory && streams_.has_memory && memory_.has_memory &&
            (seals_ == nullptr || seals_->has_memory());
   }
 
   [[nodiscard]] Handover& handover() noexcept { return handover_; }
-  /// One for each address that the server serves; one for all of "any".
+  /// One port for each served address; a single one for "any".
   [[nodiscard]] std::span<const std::unique_ptr<DatagramPort>> ports() const noexcept {
     return ports_;
   }
-  /// Where datagrams of the peer come and go.
+  /// The port for the peer's datagrams.
   [[nodiscard]] DatagramPort& port_of(const wire::PeerAddress& peer) const noexcept {
     return *ports_[ports_.size() == 1 ? 0 : transport::UdpPort::index_of(peer)];
   }
   [[nodiscard]] bool has_leftover_datagrams() const noexcept {
     return std::ranges::any_of(ports_, [](const auto& port) { return port->has_leftovers(); });
   }
-  /// Sends the datagrams that wait.
+  /// Sends the waiting datagrams.
   void flush(Lead& lead) noexcept {
     for (const auto& port : ports_)
       port->flush(lead);
   }
-  /// Whether frames can come from one UDP port only.
+  /// Whether frames can arrive from one UDP port only.
   [[nodiscard]] bool has_one_source() const noexcept {
     return ports_.size() == 1 && connections_.count() == 0;
   }
@@ -62,7 +62,7 @@ class Media {
   [[nodiscard]] wire::ServerSessions& sessions_of(const Slot& slot) noexcept {
     return sessions_of(slot.is_memory);
   }
-  /// Those over datagrams, streams and memory.
+  /// The sessions over datagrams, streams and shared memory.
   [[nodiscard]] std::array<const wire::ServerSessions*, 3> all() const noexcept {
     return {&datagrams_.sessions, &streams_.sessions, &memory_.sessions};
   }
@@ -72,9 +72,9 @@ class Media {
     for (Medium* medium : {&datagrams_, &streams_, &memory_})
       visit(medium->sessions);
   }
-  /// Null if no session is sealed, as the server asks nobody.
+  /// Null if no session is sealed, as the server does not authenticate callers.
   [[nodiscard]] Seals* seals() noexcept { return seals_.get(); }
-  /// Takes a received frame, which may be anything, and may be opened in place.
+  /// Handles a received frame, which may be malformed, and may be opened in place.
   [[nodiscard]] wire::Verdict on_datagram(MutableBytes frame, const wire::PeerAddress& peer,
                                           MonotonicTime now) noexcept {
     if (seals_ == nullptr) [[likely]]
@@ -88,32 +88,32 @@ class Media {
     return seals_->on_stream_frame(frame, slot.peer, now);
   }
   [[nodiscard]] wire::FrameCounters counters() const noexcept;
-  /// When the first of them has something to do by itself.
+  /// When the first timer is due.
   [[nodiscard]] MonotonicTime next_time() const noexcept;
 
-  /// Takes in a connection that has arrived, in place of a silent one if need be, or refuses it.
+  /// Accepts a new connection, evicting a silent one if necessary, or refuses it.
   void admit(Lead&, std::unique_ptr<transport::Connection> stream) noexcept;
-  /// Ends a connection. Tags of its calls are to be taken from its sessions at once: later, another
-  /// call may have the place of one that was cancelled.
+  /// Ends a connection. Take its calls' tags from its sessions at once: later, another call may use
+  /// the slot of a cancelled one.
   void retire(Lead&, Slot& slot) noexcept;
-  /// The connection of `peer`; null over datagrams, and once it has ended.
+  /// The connection of `peer`; null for datagrams, and once it has ended.
   [[nodiscard]] Slot* slot_of(const wire::ServerSessions& sessions,
                               const wire::PeerAddress& peer) noexcept {
     return &sessions == &datagrams_.sessions ? nullptr : connections_.of_peer(peer);
   }
-  /// Sends a frame that answers the one at hand, and what `sessions` has behind it.
-  /// @return false if the peer does not take its frames: retire it
+  /// Sends a frame that answers the current one, and the frames of `sessions` that follow it.
+  /// @return false if the peer does not receive its frames: retire it
   [[nodiscard]] bool send(Lead&, wire::ServerSessions& sessions, Slot& slot,
                           ConstBytes frame) noexcept;
   /// Sends one frame of a session to its connection, sealed if the session is.
-  /// @return likewise
+  /// @return as send()
   [[nodiscard]] bool send_frame(Lead&, Slot& slot, ConstBytes frame) noexcept;
   /// Sends one frame as it is.
-  /// @param slot  the peer's connection; null for a peer over datagrams
-  /// @return likewise
+  /// @param slot  the peer's connection; null for datagrams
+  /// @return as send()
   [[nodiscard]] bool send_as_is(Lead&, Slot* slot, const wire::PeerAddress& peer,
                                 ConstBytes frame) noexcept;
-  /// Once no thread of the lane runs: ends all connections and closes the ports.
+  /// Ends all connections and closes the ports, once no thread of the lane runs.
   void close(Lead&) noexcept;
 
  private:

@@ -85,7 +85,7 @@ std::span<Slot* const> Connections::take_leftovers() noexcept {
 
 Slot* Connections::next_with_frame(std::size_t& left) noexcept {
   for (left = std::min(left, memory_.size()); left > 0; --left) {
-    // Downwards: one that ends leaves its place to the last.
+    // Downwards, because the last connection takes the slot of one that ends.
     if (next_memory_ == 0 || next_memory_ > memory_.size()) next_memory_ = memory_.size();
     Slot* const slot = memory_[--next_memory_];
     if (!slot->stream->has_buffered()) continue;

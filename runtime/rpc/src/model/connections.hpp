@@ -13,23 +13,22 @@
 
 namespace rtpm::rpc {
 
-/// A connection of a lane, or room for one.
+/// A connection of a lane, or an empty slot.
 struct Slot {
   std::unique_ptr<transport::Connection> stream;  ///< Null if free.
-  /// Its `port` has the slot's index in the low bits, so that the slot is found at once, and the
-  /// generation above.
+  /// `port` holds the slot's index in its low bits, for direct look-up, and the generation above.
   wire::PeerAddress peer{};
-  MonotonicTime heard{};         ///< When its last frame, or it itself, came.
-  std::uint32_t generation = 0;  ///< Counts the connections that stood here, one after the other.
-  std::optional<std::uint32_t> user{};  ///< A shared-memory caller's user, by the kernel.
+  MonotonicTime heard{};                ///< When its last frame, or the connection itself, arrived.
+  std::uint32_t generation = 0;         ///< Counts the connections that have used this slot.
+  std::optional<std::uint32_t> user{};  ///< The kernel's user id of a shared-memory caller.
   bool is_memory = false;
   bool is_from_this_host = false;
-  bool has_leftovers = false;  ///< It stands among the leftovers.
+  bool has_leftovers = false;  ///< It is in the list of leftovers.
 };
 
-/// The connections of a lane, in the wait set as long as they are here. Sized once.
+/// The connections of a lane; each is in the wait set while it is here. Sized once.
 /// @threads  one at a time, with the lane's Lead
-/// @realtime alloc-free but for construction
+/// @realtime alloc-free except construction
 class Connections {
  public:
   /// Two for each of 65 535 sessions.
@@ -49,34 +48,34 @@ class Connections {
   [[nodiscard]] SourceTag tag_of(const Slot& slot) const noexcept {
     return tag_of(slot, kConnectionKind);
   }
-  /// Whether a look at the source costs no system call.
+  /// Whether polling the source costs no system call.
   [[nodiscard]] bool is_memory(SourceTag tag) noexcept {
     const Slot* const slot = find(tag);
     return tag == kGateSource || (slot != nullptr && slot->is_memory);
   }
 
-  /// False if the system refuses; then the caller keeps the connection. Needs a free slot.
+  /// False if the system refuses; then the caller keeps the connection. Requires a free slot.
   [[nodiscard]] bool add(std::unique_ptr<transport::Connection>& stream,
                          MonotonicTime now) noexcept;
   [[nodiscard]] std::unique_ptr<transport::Connection> remove(Slot& slot) noexcept;
-  /// Ends all; gives how many there were.
+  /// Ends all connections; returns their number.
   std::size_t clear() noexcept;
 
-  /// A frame of it is in its buffer, which wakes no wait.
+  /// Notes that a frame is left in its buffer, which would wake no wait.
   void note_leftovers(Slot& slot) noexcept {
     if (slot.has_leftovers) return;
     slot.has_leftovers = true;
     leftovers_.push_back(&slot);
   }
   [[nodiscard]] bool has_leftovers() const noexcept { return !leftovers_.empty(); }
-  /// All noted ones, which may be noted anew. Valid until the next call.
+  /// All noted connections; they may be noted again. Valid until the next call.
   [[nodiscard]] std::span<Slot* const> take_leftovers() noexcept;
 
-  /// The next connection through memory that has a frame, of the next `left` ones, which it counts
-  /// down; null if none has.
+  /// The next shared-memory connection with a frame, among the next `left` ones; decrements `left`.
+  /// Null if none has one.
   [[nodiscard]] Slot* next_with_frame(std::size_t& left) noexcept;
 
-  /// Lets the peers through memory ring when they call; false if one has called by now.
+  /// Makes shared-memory peers ring when they call; false if one has already called.
   [[nodiscard]] bool announce_sleep() noexcept;
   void end_sleep() noexcept;
 

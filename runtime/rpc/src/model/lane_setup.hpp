@@ -18,28 +18,28 @@ class HandshakeRate;
 class PooledExecution;
 class RefusalNotes;
 
-/// The sources that a lane with these sessions waits for: a connection has a socket and an event.
+/// How many sources a lane with these sessions waits for: a connection has a socket and an event.
 [[nodiscard]] constexpr std::size_t wait_source_count(std::uint32_t session_count_max,
                                                       std::size_t port_count = 1) noexcept {
   return port_count + 4 * std::size_t{session_count_max};
 }
 
-/// The parts that a lane is built from. All of them outlive the lane.
+/// The parts that a lane is built from. All must outlive the lane.
 struct LaneSetup {
   const ServerConfig* server = nullptr;  ///< Its lanes are sorted by band.
-  std::uint32_t number = 0;              ///< The lane's place among them.
-  std::uint64_t epoch = 0;               ///< The server's.
+  std::uint32_t number = 0;              ///< The lane's index among them.
+  std::uint64_t epoch = 0;               ///< The server's epoch.
   std::uint64_t clock_domain = 0;
   SipKey key{};  ///< The secret of the server's sessions.
   const ObjectTable* objects = nullptr;
   PooledExecution* lower = nullptr;         ///< The threads of the lane below, if it borrows.
-  std::uint32_t lendable_thread_count = 0;  ///< The sum over all lanes below.
+  std::uint32_t lendable_thread_count = 0;  ///< The total of all lower lanes.
   /// The bell of the thread that frees ended connections and starts threads.
   transport::WaitSet* acceptor_bell = nullptr;
-  RefusalNotes* refusals = nullptr;       ///< Written by the same thread.
-  LaneSlot* slot = nullptr;               ///< Its slot of the lane table.
-  const AccessControl* access = nullptr;  ///< Null if the server asks nobody.
-  // The members below are used with `access`.
+  RefusalNotes* refusals = nullptr;       ///< Written by the acceptor's thread.
+  LaneSlot* slot = nullptr;               ///< The lane's slot of the lane table.
+  const AccessControl* access = nullptr;  ///< Null if the server does not authenticate callers.
+  // The members below are set only with `access`.
   AuditLog* audit = nullptr;
   const sealed::ServerIdentity* identity = nullptr;
   HandshakeRate* handshake_rate = nullptr;

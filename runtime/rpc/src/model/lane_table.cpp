@@ -14,21 +14,21 @@
 namespace rtpm::rpc {
 namespace {
 
-// A server has 64 lanes at most; a table that claims more is not RTPM's.
+// A server has at most 64 lanes; a table that claims more is not RTPM's.
 constexpr std::size_t kTableSizeMax = std::size_t{1} << 20;
 
 static_assert(std::is_trivially_copyable_v<LaneSample>);
 static_assert(sizeof(LaneTableHeader) % alignof(LaneSlot) == 0, "the slots follow at once");
-// Another layout needs another version: readers of the old one would misread it.
+// A changed layout needs a new version: readers of the old one would misread it.
 static_assert(sizeof(LaneSample) == 8 * 50 && kLaneTableVersion == 4);
 
-// Reads a value once, so that the checked value is used: the compiler may not look a second time.
+// Reads a value once, so that the compiler can't re-read it after the check.
 template <class T>
 T read_once(const T& value) noexcept {
   return *static_cast<const volatile T*>(&value);
 }
 
-// Text of a process that may be hostile: up to its 0, and nothing that a terminal would obey.
+// Text from an untrusted process: up to its 0, without terminal control characters.
 std::string text_of(std::span<const char> text) {
   std::string clean;
   for (const char& place : text) {
@@ -104,12 +104,12 @@ LaneTable::LaneTable(rt::PublicView view) : view_(std::move(view)) {
   check();
 }
 
-// Takes over what does not change, once and by copy: the process may write there in between.
+// Copies the constant part once: the process may modify it meanwhile.
 void LaneTable::check() {
   const ConstBytes bytes = view_.bytes();
   if (bytes.size() < sizeof(LaneTableHeader)) return;
   const auto& header = *reinterpret_cast<const LaneTableHeader*>(bytes.data());
-  // SYNC POINT lane-table: what carries the magic is whole.
+  // SYNC POINT lane-table: a table with the magic is complete.
   if (header.magic.load(std::memory_order_acquire) != kLaneTableMagic) return;
   version_ = read_once(header.version);
   if (version_ != kLaneTableVersion || read_once(header.slot_size) != sizeof(LaneSlot)) return;

@@ -12,7 +12,8 @@
 /// The server's side of its table of lanes.
 namespace rtpm::rpc {
 
-/// A table with a slot for each lane of `config` at `hosts`, which tools do not take for one yet.
+/// Creates a table with a slot for each lane of `config` at `hosts`. Tools ignore it until
+/// open_to_readers().
 /// @realtime set-up only
 /// @errors   as rt::PublicMemory::create()
 [[nodiscard]] expected<rt::PublicMemory, SetupError> make_lane_table(const ServerConfig& config,
@@ -20,14 +21,14 @@ namespace rtpm::rpc {
                                                                      std::uint16_t port,
                                                                      bool is_open_to_network);
 [[nodiscard]] LaneSlot& slot_of(const rt::PublicMemory& table, std::size_t lane) noexcept;
-/// Opens it to readers.
+/// Makes the table visible to readers.
 void open_to_readers(const rt::PublicMemory& table) noexcept;
 
-/// Shows that the calling thread runs a method.
+/// Marks that the calling thread runs a method.
 /// @realtime alloc-free, two stores
 class BusyMark {
  public:
-  /// Where the thread's marks are shown from now on.
+  /// Sets where the thread's marks are published from now on.
   static void show_at(std::atomic<std::int64_t>* place) noexcept;
   explicit BusyMark(MonotonicTime received) noexcept;
   BusyMark(const BusyMark&) = delete;

@@ -71,7 +71,7 @@ const Object* ObjectTable::find(std::string_view path) const noexcept {
 
 namespace {
 
-// Writes as many methods as the frame holds: the client compares them with its interface.
+// Writes as many methods as fit the frame: the client compares them with its interface.
 std::uint32_t write_bind_reply(std::uint32_t service, const Object& object,
                                MutableBytes to) noexcept {
   const InterfaceDescriptor& interface = object.servant->interface();
@@ -98,7 +98,7 @@ bool is_shown(const ObjectView* view, const Object& object) noexcept {
   return view == nullptr || view->shows(object);
 }
 
-// The paths that are most similar to one that is not there.
+// Writes the paths most similar to one that does not exist.
 std::uint32_t write_similar_paths(std::span<const Object> objects, std::string_view path,
                                   MutableBytes to, const ObjectView* view) noexcept {
   struct Candidate {
@@ -109,7 +109,7 @@ std::uint32_t write_similar_paths(std::span<const Object> objects, std::string_v
   for (const Object& object : objects) {
     if (!is_shown(view, object)) continue;
     Candidate next{&object, wire::similarity(object.path, path)};
-    // The list is sorted: less similar paths move down, and the least similar one out.
+    // The list is sorted: less similar paths move down, and the least similar one drops out.
     for (Candidate& candidate : best) {
       if (candidate.object == nullptr || next.similarity > candidate.similarity) {
         std::swap(candidate, next);

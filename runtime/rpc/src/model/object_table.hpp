@@ -15,10 +15,10 @@ struct Object {
   std::string path;
   Servant* servant = nullptr;
   ObjectOptions options{};
-  std::uint32_t number = 0;          ///< The number that a bind gives, from 1 on.
-  std::vector<Role> method_roles{};  ///< The role that a caller needs, by the method's number.
+  std::uint32_t number = 0;          ///< The number that a bind returns, from 1.
+  std::vector<Role> method_roles{};  ///< The role that a caller needs, by method number.
 
-  /// A method that the interface does not have takes what one without attribute takes.
+  /// The role for a method. A method that the interface lacks requires the default role.
   [[nodiscard]] Role role_for(std::uint16_t method) const noexcept {
     return method < method_roles.size() ? method_roles[method] : Role::kCommand;
   }
@@ -28,7 +28,7 @@ struct Object {
 /// @realtime alloc-free
 [[nodiscard]] bool admits(const ObjectOptions& options, Priority priority) noexcept;
 
-/// Decides which objects a caller may know.
+/// Decides which objects a caller may know of.
 class ObjectView {
  public:
   [[nodiscard]] virtual bool shows(const Object& object) const noexcept = 0;
@@ -38,16 +38,16 @@ class ObjectView {
   ~ObjectView() = default;
 };
 
-/// A server's objects by number and by path. Filled before the server starts and unchanged from
-/// then on, so that lanes read it without a lock.
-/// @realtime alloc-free but for add() and paths()
+/// A server's objects by number and by path. Filled before the server starts and then constant, so
+/// that lanes read it without a lock.
+/// @realtime alloc-free except add() and paths()
 class ObjectTable {
  public:
   static constexpr std::size_t kObjectCountMax = 1024;
 
   [[nodiscard]] expected<void, SetupError> add(std::string_view path, Servant& servant,
                                                ObjectOptions options, Priority ceiling);
-  /// The object that a bind gave this number, or null.
+  /// The object with this bind number, or null.
   [[nodiscard]] const Object* find(std::uint32_t service) const noexcept;
   /// The object at that path, or null.
   /// @realtime linear in the objects
@@ -55,10 +55,10 @@ class ObjectTable {
   /// The objects' paths, by number from 1.
   [[nodiscard]] std::vector<std::string> paths() const;
   [[nodiscard]] std::size_t size() const noexcept { return objects_.size(); }
-  /// Answers a bind (spec/hprotocol.md#hp-6). An object that `view` does not show is not there.
+  /// Answers a bind (spec/hprotocol.md#hp-6). Objects hidden by `view` do not exist for the caller.
   [[nodiscard]] DispatchResult bind(ConstBytes request, MutableBytes reply,
                                     const ObjectView* view = nullptr) const noexcept;
-  /// Answers a describe (spec/hprotocol.md#hp-6.3); likewise.
+  /// Answers a describe (spec/hprotocol.md#hp-6.3), with the same rule for `view`.
   [[nodiscard]] DispatchResult describe(ConstBytes request, MutableBytes reply,
                                         const ObjectView* view = nullptr) const noexcept;
 

@@ -24,8 +24,8 @@ void LaneReport::end_cycle(Lead&, MonotonicTime received) noexcept {
       std::max(sample_.longest_cycle_ns, std::int64_t{(end - received).count()});
 }
 
-// A stream's deadline is until when its caller has to be heard of, which ends with its first sign
-// of life.
+// A stream's deadline is until when its caller must send its first sign of life; it no longer
+// applies after that.
 void LaneReport::on_end(Lead& lead, const wire::Request& request, wire::Status status,
                         MonotonicTime now) noexcept {
   const bool has_deadline = !request.wants_stream() || status == wire::Status::kExpired;

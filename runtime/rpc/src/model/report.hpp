@@ -12,7 +12,7 @@
 
 namespace rtpm::rpc {
 
-/// A lane's counts, and the slot of the lane table in which others read them.
+/// A lane's counts, and the slot of the lane table that publishes them to other processes.
 /// @threads  the leader; functions without a Lead: any
 /// @realtime alloc-free
 class LaneReport {
@@ -20,7 +20,7 @@ class LaneReport {
   /// Publishes the lane's static configuration.
   LaneReport(LaneSlot& slot, const LaneConfig& config, const Band& band) noexcept;
 
-  /// To be changed: the next publish() shows them.
+  /// Counters to modify; the next publish() shows them.
   [[nodiscard]] ServerCounters& counters(Lead&) noexcept {
     is_due_ = true;
     return counters_;
@@ -31,15 +31,15 @@ class LaneReport {
   }
   /// Notes a change of counts that `census` adds on publishing.
   void mark(Lead&) noexcept { is_due_ = true; }
-  /// A call's answer was written.
+  /// Notes that a call's answer was written.
   void on_answered(Lead&, MonotonicTime now) noexcept { answered_ = now; }
-  /// A frame that was taken at `received` was dealt with.
+  /// Notes that a frame received at `received` was handled.
   void end_cycle(Lead&, MonotonicTime received) noexcept;
-  /// A request was answered at `now`: counts it if that was too late.
+  /// Notes that a request was answered at `now`, and counts it if that was too late.
   void on_end(Lead&, const wire::Request& request, wire::Status status, MonotonicTime now) noexcept;
   /// Notes that `count` of the sessions' expired calls are streams whose callers fell silent.
   void on_silent(Lead&, std::uint64_t count) noexcept { silent_stream_count_ += count; }
-  /// A method was run inside of another one.
+  /// Notes that a method was run inside another one.
   void on_nested(bool has_thrown) noexcept;
 
   /// Publishes the changes since the last time, if any.
@@ -61,8 +61,9 @@ class LaneReport {
   bool is_due_ = false;
   MonotonicTime answered_{};
   std::uint64_t silent_stream_count_ = 0;
-  ServerCounters counters_{};  ///< But for the late calls that the sessions count, and nested ones.
-  LaneSample sample_{};        ///< But for its counters, which write() adds.
+  /// Without nested calls, and without late calls, which the sessions count.
+  ServerCounters counters_{};
+  LaneSample sample_{};  ///< Without its counters, which write() adds.
   std::atomic<std::uint64_t> nested_count_{0};
   std::atomic<std::uint64_t> nested_failure_count_{0};
 };

@@ -2,7 +2,7 @@
 
 #include "rtpm/transport/wait_set.hpp"
 
-// The sources of a lane's calls, as it and its wait set name them.
+// The sources of a lane's calls, as the lane and its wait set name them.
 namespace rtpm::rpc {
 
 using transport::SourceKind;
@@ -10,13 +10,13 @@ using transport::SourceTag;
 
 /// A connection's descriptor; the tag has its slot's index and generation.
 inline constexpr SourceKind kConnectionKind{1};
-/// The eventfd that the peer of a connection through memory signals; likewise.
+/// The eventfd that the peer of a shared-memory connection signals; tagged like kConnectionKind.
 inline constexpr SourceKind kEventKind{2};
 /// A UDP port of the lane; the tag has its index.
 inline constexpr SourceKind kPortKind{3};
-/// The first one, mostly the only one.
+/// The first UDP port, usually the only one.
 inline constexpr SourceTag kPortSource{kPortKind};
-/// Calls of the same program.
+/// Calls within this program.
 inline constexpr SourceTag kGateSource{SourceKind{4}};
 
 }  // namespace rtpm::rpc

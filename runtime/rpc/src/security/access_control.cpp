@@ -66,7 +66,7 @@ std::vector<AccessControl::Narrowed> AccessControl::narrowed_with(
                 [&](const Narrowed& each) { return next - each.generation > kGenerationCount; });
   for (const access::Subject& subject : grants_->narrowed_by(after))
     narrowed.push_back({subject, next});
-  // Users that might do everything until now, and that the new grants name.
+  // Users that had all rights until now and that the new grants name.
   for (const std::uint32_t user : {access::this_user(), std::uint32_t{0}}) {
     const access::Subject owner = origin_of_user(user).subject;
     if (!grants_->knows(owner, {}) && after.knows(owner, {})) narrowed.push_back({owner, next});

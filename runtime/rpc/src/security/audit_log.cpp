@@ -15,7 +15,7 @@ namespace {
 using Kind = AuditNote::Kind;
 using access::Subject;
 
-// The wall clock's time of a monotonic one, as people and other logs have it.
+// Converts a monotonic time to wall-clock time, as people and other logs use it.
 std::string time_text(MonotonicTime time) {
   timespec wall{};
   ::clock_gettime(CLOCK_REALTIME, &wall);
@@ -56,7 +56,7 @@ std::string who_text(const Subject& subject) {
   return access::to_text(subject);
 }
 
-// An address in IPv6's form; of IPv4 as such.
+// Formats an IPv6 address, or the IPv4 address mapped in it.
 std::string address_text(const access::NetworkAddress& bytes) {
   in6_addr address{};
   std::ranges::copy(bytes, address.s6_addr);
@@ -97,7 +97,7 @@ void AuditLog::note(const AuditNote& note) noexcept {
   std::uint64_t tail = tail_.load(std::memory_order_relaxed);
   while (true) {
     Cell& cell = cells_[tail % kNoteCountMax];
-    // SYNC POINT audit-free: the reader is done with the cell.
+    // SYNC POINT audit-free: the reader has finished with the cell.
     const auto lead = static_cast<std::int64_t>(cell.turn.load(std::memory_order_acquire) - tail);
     if (lead < 0) {
       lost_count_.fetch_add(1, std::memory_order_relaxed);
@@ -164,7 +164,7 @@ std::string AuditLog::line_of(const AuditNote& note) const {
   return line;
 }
 
-// Describes a refusal: what happened, to whom, why, and what to do.
+// Describes a refusal: what happened, to which caller, why, and the remedy.
 std::string AuditLog::refusal_of(const AuditNote& note) const {
   const CallOrigin& origin = note.origin;
   std::string who = who_text(origin.subject);
@@ -194,7 +194,7 @@ std::string AuditLog::refusal_of(const AuditNote& note) const {
 
 void AuditLog::write_line(const std::string& line) {
   if (!file_) return;
-  // A line that a full disk does not take is lost; the server goes on.
+  // A line that a full disk rejects is lost; the server continues.
   if (auto written = file_->write_line(line); !written) log_.write(written.error().text());
 }
 

@@ -25,16 +25,17 @@ namespace rtpm::rpc {
 
 class AccessControl;
 
-/// Something that a lane or the gatekeeper notes.
+/// An event that a lane or the gatekeeper notes.
 struct AuditNote {
   enum class Kind : std::uint8_t {
     kSessionOpened,  ///< A session's first call.
     kSessionEnded,
-    kSessionRefused,  ///< No grant is for the identity, or its priority is too high.
+    kSessionRefused,  ///< No grant applies to the identity, or its priority is too high.
     kBound,
-    kRefused,   ///< A call or bind that `role`, or the priority's ceiling, does not allow.
-    kCalled,    ///< A method that takes the role configure or administer.
-    kReloaded,  ///< Other grants are in force.
+    /// A call or bind that the caller's `role`, or the priority ceiling, does not allow.
+    kRefused,
+    kCalled,    ///< A method that requires the role configure or administer.
+    kReloaded,  ///< Changed grants are in force.
   };
 
   AuditNote() = default;
@@ -47,27 +48,28 @@ struct AuditNote {
   [[nodiscard]] std::string_view path() const noexcept { return {path_.data(), path_size_}; }
 
   Kind kind = Kind::kReloaded;
-  Role role = Role::kNone;  ///< The role that it takes.
+  Role role = Role::kNone;  ///< The required role.
   CallOrigin origin{};
   MonotonicTime time{};
   Priority priority{};
-  std::optional<wire::Status> result{};  ///< Nothing if the method answers later.
-  std::uint32_t suppressed_count = 0;    ///< Notes like it since the last one.
-  std::string_view method{};             ///< Has static life.
+  std::optional<wire::Status> result{};  ///< nullopt if the method answers later.
+  std::uint32_t suppressed_count = 0;    ///< Similar notes suppressed since the last one.
+  std::string_view method{};             ///< Has static lifetime.
 
  private:
   std::array<char, wire::kPathSizeMax> path_{};
   std::uint8_t path_size_ = 0;
 };
 
-/// Lets `burst` notes through at once, then one in an interval, and counts the others.
+/// Passes `burst` notes at once, then one per interval, and counts the rest.
 /// @threads  one
 /// @realtime alloc-free
 class NoteLimit {
  public:
   NoteLimit(std::uint32_t burst, Duration interval) noexcept
       : interval_(interval), tolerance_(interval * (burst - 1)) {}
-  /// How many did not pass since the last one that did; nothing if this one does not.
+  /// The number of notes suppressed since the last one that passed; nullopt if this one is
+  /// suppressed.
   [[nodiscard]] std::optional<std::uint32_t> admit(MonotonicTime now) noexcept {
     if (full_at_ > now + tolerance_) {
       ++suppressed_count_;
@@ -85,22 +87,22 @@ class NoteLimit {
 };
 
 /// The events of a secured server: lanes note them, a time-shared thread writes them. Refusals also
-/// go to the server's log, with the line of `authorized` that would allow what was refused.
+/// go to the server's log, with the line of `authorized` that would allow the refused action.
 ///
 /// A line of the file, which only its owner can read:
 ///
 ///     2026-11-25T06:48:08.123Z called who=key:3f2a-91c0-77de-0b14-a5c2 name=alice
 ///         from=192.168.7.4 path=lab/arm0 method=set_parameter role=configure result=ok
 ///
-/// Its size is bounded as access::LogFile says.
-/// @threads  note() any; write_notes() one at a time
+/// access::LogFile bounds its size.
+/// @threads  note(): any; write_notes(): one at a time
 /// @realtime note() is alloc-free and lock-free; the rest is set-up only
 class AuditLog {
  public:
-  static constexpr std::size_t kNoteCountMax = 1024;  ///< More that wait to be written are lost.
+  static constexpr std::size_t kNoteCountMax = 1024;  ///< Notes beyond this are lost.
 
-  /// @param file     empty: none is written
-  /// @param control  outlives the log
+  /// @param file     empty for no file
+  /// @param control  must outlive the log
   /// @errors   as LogFile::open()
   [[nodiscard]] static expected<std::unique_ptr<AuditLog>, SetupError> open(
       const std::string& file, const AccessControl& control);
@@ -109,9 +111,9 @@ class AuditLog {
   ~AuditLog();
 
   void note(const AuditNote& note) noexcept;
-  /// Writes the notes so far. Call it a few times a second.
+  /// Writes the pending notes. Call it a few times a second.
   void write_notes();
-  /// Notes that were lost because too many waited.
+  /// The number of notes lost because too many were pending.
   [[nodiscard]] std::uint64_t lost_count() const noexcept {
     return lost_count_.load(std::memory_order_relaxed);
   }
@@ -123,7 +125,7 @@ class AuditLog {
   [[nodiscard]] std::string refusal_of(const AuditNote& note) const;
   void write_line(const std::string& line);
 
-  /// A bounded queue of many writers and one reader; `turn` says whose a cell is.
+  /// A bounded queue with many writers and one reader; `turn` tells who owns a cell.
   /// @source   Vyukov's bounded MPMC queue
   struct Cell {
     std::atomic<std::uint64_t> turn{0};

@@ -13,10 +13,10 @@ namespace rtpm::rpc {
 /// A caller, and the address that it calls from.
 struct CallOrigin {
   access::Subject subject{};
-  std::optional<access::NetworkAddress> address{};  ///< Nothing if provably this host.
+  std::optional<access::NetworkAddress> address{};  ///< nullopt if provably on this host.
 };
 
-/// The address of a peer, without its port.
+/// A peer's address, without its port.
 /// @realtime alloc-free
 [[nodiscard]] inline access::NetworkAddress network_address(
     const wire::PeerAddress& peer) noexcept {
@@ -26,8 +26,8 @@ struct CallOrigin {
   return address;
 }
 
-/// A peer over a network: with a key in a sealed session, otherwise anonymous.
-/// @param client  null: the session is not sealed
+/// A peer over a network: identified by its key in a sealed session, otherwise anonymous.
+/// @param client  null if the session is not sealed
 /// @realtime alloc-free
 [[nodiscard]] inline CallOrigin origin_at(const crypto::PublicKey* client,
                                           const wire::PeerAddress& peer) noexcept {
@@ -39,7 +39,7 @@ struct CallOrigin {
   return origin;
 }
 
-/// A user of this host, by the kernel; an unknown user is nobody, at no address.
+/// A local user as the kernel reports it. An unknown user is anonymous and has no address.
 /// @realtime alloc-free
 [[nodiscard]] inline CallOrigin origin_of_user(std::optional<std::uint32_t> user) noexcept {
   CallOrigin origin;

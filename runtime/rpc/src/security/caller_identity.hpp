@@ -30,7 +30,7 @@ class CallerIdentity final : public Caller {
  private:
   const AccessControl& control_;
   const CallOrigin& origin_;
-  mutable std::optional<std::string_view> name_{};  ///< Looked up when it is asked for.
+  mutable std::optional<std::string_view> name_{};  ///< Looked up on first use.
   mutable std::array<char, 64> name_room_;
 };
 

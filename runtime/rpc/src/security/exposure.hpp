@@ -8,19 +8,20 @@
 #include "rtpm/rpc/security.hpp"
 #include "rtpm/transport/address.hpp"
 
-// Decides which servers are open to other hosts, and which of these ask nobody.
+// Decides which servers are reachable from other hosts, and which of these do not authenticate
+// callers.
 namespace rtpm::rpc {
 
-/// Whether programs of other hosts can reach the server.
+/// Whether other hosts can reach the server.
 [[nodiscard]] bool is_for_other_hosts(const transport::HostsToServe& hosts) noexcept;
 
-/// The file of grants that a server asks; empty if it asks nobody.
+/// The server's file of grants; empty if it does not authenticate callers.
 /// @realtime set-up only
-/// @errors   other hosts reach it, and neither grants nor `is_insecure` say whom it serves
+/// @errors   other hosts reach the server, but neither grants nor `is_insecure` are set
 [[nodiscard]] expected<std::string, SetupError> grants_file_of(
     const ServerSecurity& security, const transport::HostsToServe& hosts);
 
-/// Warns on standard error, now and once a minute, that a server serves every caller.
+/// Warns on standard error, now and once a minute, that a server accepts every caller.
 /// @threads  one, not a lane's
 class OpenWarning {
  public:
@@ -29,8 +30,8 @@ class OpenWarning {
   /// @param subject  "server 'rtpm-deviced'"
   /// @param where    "10.0.0.7:7500"
   OpenWarning(std::string subject, const std::string& where);
-  /// Warns if that is due.
-  /// @return when it is due next
+  /// Warns if due.
+  /// @return when the next warning is due
   MonotonicTime tick(MonotonicTime now);
 
  private:

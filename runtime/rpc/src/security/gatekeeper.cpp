@@ -16,7 +16,7 @@ expected<crypto::KeyPair, SetupError> read_or_make_key(const std::string& file) 
   const auto is_there = [&] { return access::stamp_of(*path).is_of_file(); };
   if (is_there()) return access::read_key(*path);
   auto made = access::make_key(*path, access::user_at_host());
-  // Another program may have made it meanwhile.
+  // Another program may have created it meanwhile.
   if (!made && is_there()) return access::read_key(*path);
   return made;
 }
@@ -75,8 +75,8 @@ void Gatekeeper::run() {
   audit_.write_notes();
 }
 
-// Runs one handshake step of each lane, so that no lane waits for another's storm; false if there
-// is none.
+// Runs one handshake step for each lane, so that a storm on one lane does not delay the others.
+// False if there is none.
 bool Gatekeeper::work_once() {
   bool has_worked = false;
   for (GatekeeperLink* const lane : lanes_) {
@@ -91,7 +91,7 @@ bool Gatekeeper::work_once() {
 }
 
 void Gatekeeper::look() {
-  // First, so that notes have the names of the grants by which their callers were judged.
+  // Before the reload, so that notes name the grants by which their callers were judged.
   audit_.write_notes();
   if (control_.reload_if_changed()) {
     audit_.note({AuditNote::Kind::kReloaded, {}, rt::now()});

@@ -17,37 +17,37 @@
 
 namespace rtpm::rpc {
 
-/// Reads a server's key, or makes it at the first start.
-/// @param file   empty: the one in access::key_folder()
+/// Reads a server's key, or creates it at the first start.
+/// @param file   if empty, the one in access::key_folder()
 /// @realtime set-up only
 /// @errors   as access::read_key() and make_key(); no memory
 [[nodiscard]] expected<Secret<sealed::ServerIdentity>, SetupError> open_identity(
     const std::string& file);
 
-/// A secured server's work that no lane waits for, on one time-shared thread: public keys of
-/// handshakes, changed grants, logs. The lanes do what follows from it.
+/// A secured server's slow work, on one time-shared thread: public-key operations of handshakes,
+/// changed grants, logs. The lanes apply the results.
 class Gatekeeper {
  public:
-  /// How often it looks whether the grants changed, and writes the logs.
+  /// How often it checks the grants for changes, and writes the logs.
   static constexpr Duration kLookInterval = std::chrono::milliseconds{500};
 
-  /// @param key_log_file  empty: none
-  /// @param control, audit  outlive it
+  /// @param key_log_file  empty for none
+  /// @param control, audit  must outlive it
   /// @realtime set-up only
   /// @errors   the key log can't be opened; the system gives no descriptor
   [[nodiscard]] static expected<std::unique_ptr<Gatekeeper>, SetupError> open(
       const std::string& key_log_file, AccessControl& control, AuditLog& audit);
 
-  /// The bell that lanes ring when they have work for it.
+  /// The bell that lanes ring to give it work.
   [[nodiscard]] transport::WaitSet& bell() noexcept { return *wait_set_; }
-  /// How many handshakes all lanes may begin.
+  /// Limits the handshakes of all lanes together.
   [[nodiscard]] HandshakeRate& rate() noexcept { return rate_; }
 
-  /// @param lanes  the links of all lanes; they outlive stop()
-  /// @param cpus   the CPUs to which it is confined; empty for the starter's
+  /// @param lanes  the links of all lanes; must outlive stop()
+  /// @param cpus   the CPUs that the thread is confined to; if empty, those of the starting thread
   [[nodiscard]] expected<void, SetupError> start(std::vector<GatekeeperLink*> lanes,
                                                  std::vector<int> cpus);
-  /// Ends the thread. Handshakes that are under way come to nothing.
+  /// Ends the thread. Discards pending handshakes.
   void stop() noexcept;
 
  private:

@@ -10,19 +10,19 @@
 
 namespace rtpm::rpc {
 
-/// A handshake's work on its way.
+/// A handshake step on its way.
 struct HandshakeWork {
   sealed::HandshakeJob* job = nullptr;
-  bool is_stream = false;  ///< Whether it is of the lane's streams or of its datagrams.
+  bool is_stream = false;  ///< True for a stream of the lane, false for datagrams.
 };
 
-/// Handshakes on their way from a lane to the gatekeeper, and back; and the gatekeeper's requests to
+/// Handshakes on their way from a lane to the gatekeeper and back, and the gatekeeper's requests to
 /// the lane.
-/// @threads  submit(), take_done() and take_sweep() the lane's leader's, the others the gatekeeper's
+/// @threads  submit(), take_done() and take_sweep(): the lane's leader; the rest: the gatekeeper
 /// @realtime alloc-free, lock-free
 class GatekeeperLink {
  public:
-  /// The most jobs of each medium. Over datagrams clients ask again.
+  /// The most jobs of each medium. Over datagrams clients retry.
   static constexpr std::uint32_t kDatagramJobCountMax = 16;
   static constexpr std::uint32_t kStreamJobCountMax = 64;
 
@@ -43,14 +43,14 @@ class GatekeeperLink {
     lane_.ring();
   }
 
-  /// Wakes the lane, as the grants have changed.
+  /// Wakes the lane because the grants have changed.
   void ring() noexcept { lane_.ring(); }
-  /// Lets the lane note which sessions have ended.
+  /// Asks the lane to note which sessions have ended.
   void request_sweep() noexcept {
     is_sweep_due_.store(true, std::memory_order_relaxed);
     ring();
   }
-  /// Whether the lane is to note that now; false until the next request.
+  /// Whether a sweep was requested; false until the next request.
   [[nodiscard]] bool take_sweep() noexcept {
     if (!is_sweep_due_.load(std::memory_order_relaxed)) [[likely]]
       return false;

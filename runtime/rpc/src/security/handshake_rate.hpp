@@ -8,16 +8,16 @@
 
 namespace rtpm::rpc {
 
-/// How many handshakes a server begins: a burst at once, then one in kInterval, over all lanes and
-/// hosts. Further ones get no answer; their clients ask again.
+/// Limits how many handshakes a server starts, over all lanes and hosts: a burst at once, then one
+/// per kInterval. Further ones get no answer; their clients retry.
 /// @threads  any
 /// @realtime alloc-free, lock-free
 /// @source   ATM Forum's generic cell rate algorithm, virtual scheduling
 class HandshakeRate {
  public:
-  /// 500 a second, of 0.25 ms each on the gatekeeper's thread.
+  /// 500 per second; each takes 0.25 ms of the gatekeeper's thread.
   static constexpr Duration kInterval = std::chrono::milliseconds{2};
-  static constexpr int kBurst = 256;  ///< All clients of a restarted server return.
+  static constexpr int kBurst = 256;  ///< All clients of a restarted server return at once.
 
   [[nodiscard]] bool admit(MonotonicTime now) noexcept {
     const std::int64_t now_ns = to_ns(now);

@@ -7,7 +7,7 @@
 
 namespace rtpm::rpc {
 
-/// The clients that a lane admits, by the grants.
+/// Decides by the grants which clients a lane admits.
 /// @threads  one at a time, with the lane's Lead
 /// @realtime alloc-free; a look-up takes a lock with priority inheritance
 class LaneAdmission final : public sealed::Admission {
@@ -15,7 +15,7 @@ class LaneAdmission final : public sealed::Admission {
   LaneAdmission(const AccessControl& control, AuditLog& audit, HandshakeRate& rate) noexcept
       : control_(control), audit_(audit), rate_(rate) {}
 
-  /// A refusal is noted.
+  /// Whether a grant applies to the client. Notes a refusal.
   [[nodiscard]] bool admits(const crypto::PublicKey& client,
                             const wire::PeerAddress& peer) noexcept override;
   [[nodiscard]] bool admits_unsealed(const wire::PeerAddress& peer) noexcept override;

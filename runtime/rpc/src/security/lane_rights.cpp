@@ -15,11 +15,11 @@ namespace {
 
 using access::Permission;
 
-// Tables of the usual size do not fault with a session's first call.
+// Tables of the usual size are pre-faulted, so that a session's first call does not page-fault.
 constexpr std::size_t kTouchedSizeMax = 1024 * 1024;
 // The shortest interval between noted refusals of this program's own calls.
 constexpr Duration kOwnNoteInterval = std::chrono::milliseconds{100};
-// The number of sessions that a sweep checks: a few µs.
+// How many sessions a sweep checks: a few µs.
 constexpr std::size_t kSweepCount = 256;
 
 std::uint64_t pack(std::uint32_t generation, const Permission& permission) noexcept {
@@ -106,7 +106,7 @@ bool LaneRights::View::shows(const Object& object) const noexcept {
   return role_of(rights_.entry_of(row_, object)) != Role::kNone;
 }
 
-// The row of the request's session, which is a new one if another had its place before.
+// The row of the request's session; reset if another session used the slot before.
 std::size_t LaneRights::row_of(const wire::Request& request,
                                const wire::ServerSessions& sessions) noexcept {
   const auto medium = std::ranges::find(sessions_, &sessions) - sessions_.begin();
@@ -123,12 +123,12 @@ std::size_t LaneRights::row_of(const wire::Request& request,
   return index;
 }
 
-// The caller, as far as it is proved: through memory by the kernel, in a sealed session by its key,
-// otherwise not at all.
+// The caller, as authenticated: by the kernel for shared memory, by its key in a sealed session,
+// otherwise anonymous.
 CallOrigin LaneRights::origin_of(const wire::ServerSessions& sessions,
                                  const wire::Request& request) noexcept {
   const auto peer = sessions.peer_of(request);
-  // An unknown peer has no address, so no range of addresses holds it.
+  // An unknown peer has no address, so no address range contains it.
   if (!peer) return origin_of_user(std::nullopt);
   if (&sessions == sessions_[2]) {
     const Slot* const slot = connections_.of_peer(*peer);
@@ -174,7 +174,7 @@ LaneRights::Entry LaneRights::own_entry_of(const Object& object) noexcept {
   return entry;
 }
 
-// The generation is read first: grants that change meanwhile are looked up again.
+// Reads the generation first: grants that change meanwhile are looked up again.
 LaneRights::Entry LaneRights::look_up(const CallOrigin& origin,
                                       const Object& object) const noexcept {
   const std::uint32_t generation = control_->generation();
@@ -186,7 +186,7 @@ LaneRights::Entry LaneRights::look_up(const CallOrigin& origin,
   return pack(generation, permission);
 }
 
-// Does the same as NoteLimit::admit(), for threads that hold no lead.
+// Like NoteLimit::admit(), for threads without the lead.
 std::optional<std::uint32_t> LaneRights::admit_own(MonotonicTime now) noexcept {
   std::int64_t before = own_noted_ns_.load(std::memory_order_relaxed);
   const std::int64_t now_ns = now.time_since_epoch().count();
@@ -211,7 +211,7 @@ void LaneRights::note_bind(const wire::Request& request, const wire::ServerSessi
                            wire::Status status) noexcept {
   Row& row = rows_[row_of(request, sessions)];
   const auto wanted = wire::decode_bind_request(request.payload);
-  // The object is there and was not shown: its caller does not learn of it, the server's log does.
+  // The object exists but was hidden: the caller is not told, but the server's log is.
   const bool is_refused =
       wanted && status == wire::Status::kNoSuchObject && objects_.find(wanted->path) != nullptr;
   const auto suppressed = (is_refused ? row.refusals : row.binds).admit(request.received);

@@ -21,40 +21,41 @@ struct LaneSetup;
 /// A call that may run.
 struct Target {
   const Object* object = nullptr;
-  /// The caller, valid until the lane takes the next frame; null if the server asks nobody.
+  /// The caller, valid until the lane takes the next frame; null if the server does not
+  /// authenticate callers.
   const CallOrigin* origin = nullptr;
 };
 
-/// The rights of a lane's sessions, and of its own program. The rights of a session at an object
-/// are looked up with its first call, and anew after each change of the grants; all other calls
+/// The rights of a lane's sessions, and of its own program. The rights of a session on an object
+/// are looked up at its first call, and again after each change of the grants; all other calls
 /// compare numbers.
-/// @threads  note_run() and judge() without sessions any; the rest with the lane's Lead
-/// @realtime alloc-free but for construction and prepare(); a look-up takes a lock with priority
+/// @threads  note_run(), and judge() without sessions: any; the rest: with the lane's Lead
+/// @realtime alloc-free except construction and prepare(); a look-up takes a lock with priority
 ///           inheritance
 class LaneRights {
  public:
-  /// Those over datagrams, streams and memory.
+  /// The sessions over datagrams, streams and shared memory.
   using Sessions = std::array<const wire::ServerSessions*, 3>;
 
   /// @param seals  null if no session is sealed
   LaneRights(const LaneSetup& setup, const Sessions& sessions, Connections& connections,
              Seals* seals);
 
-  /// Makes the tables, once all objects are there; false without memory.
+  /// Allocates the tables, once all objects are added; false without memory.
   /// @realtime set-up only
   [[nodiscard]] bool prepare();
-  /// False if everybody may do everything: then call no other function of this class.
+  /// False if every caller may do everything: then call no other function of this class.
   [[nodiscard]] bool is_asked() const noexcept { return control_ != nullptr; }
   [[nodiscard]] const AccessControl* control() const noexcept { return control_; }
 
-  /// Whether the call may run, and whose it is. A refusal is noted.
-  /// @param sessions  the request's sessions; null for a call of this program
+  /// Whether the call may run, and its caller. Notes a refusal.
+  /// @param sessions  the request's sessions; null for a call within this program
   /// @errors   kNotAllowed, kPriorityNotAllowed
   [[nodiscard]] expected<const CallOrigin*, wire::Status> judge(
       const wire::Request& request, const Object& object,
       const wire::ServerSessions* sessions) noexcept;
 
-  /// The objects that a session may know, and its caller.
+  /// The objects that a session may know of, and its caller.
   class View final : public ObjectView {
    public:
     View(LaneRights& rights, std::size_t row) noexcept : rights_(rights), row_(row) {}
@@ -69,20 +70,20 @@ class LaneRights {
     return {*this, row_of(request, sessions)};
   }
 
-  /// Notes the outcome of a bind, for the audit log.
+  /// Notes the result of a bind for the audit log.
   void note_bind(const wire::Request& request, const wire::ServerSessions& sessions,
                  wire::Status status) noexcept;
-  /// Notes the outcome of a method, if it needs a role that is noted; nullopt if it answers later.
+  /// Notes the result of a method, if its role is audited; nullopt if it answers later.
   void note_run(const Target& target, const wire::Request& request,
                 std::optional<wire::Status> status) noexcept;
-  /// Notes the end of sessions that are gone: checks some, the next ones each time.
+  /// Notes the end of sessions that are gone. Checks some per call, in rotation.
   void sweep() noexcept;
 
  private:
-  /// The result of a look-up in one word, from the top: generation, role, ceiling. 0 at first.
+  /// A cached look-up in one word, from the top: generation, role, ceiling. 0 at first.
   using Entry = std::uint64_t;
   struct Row {
-    std::uint64_t session = 0;  ///< 0 if there is none.
+    std::uint64_t session = 0;  ///< 0 if unused.
     CallOrigin origin{};
     NoteLimit refusals{8, std::chrono::seconds{1}};
     NoteLimit binds{16, std::chrono::milliseconds{100}};
@@ -113,7 +114,8 @@ class LaneRights {
   rt::LazyMemory entries_{};  ///< One entry for each row and object.
   CallOrigin own_origin_{};
   std::vector<std::atomic<Entry>> own_entries_{};  ///< One entry for each object.
-  std::atomic<std::int64_t> own_noted_ns_{0};      ///< When a refusal of its own was noted.
+  /// When a refusal of this program's own calls was last noted.
+  std::atomic<std::int64_t> own_noted_ns_{0};
 };
 
 }  // namespace rtpm::rpc

@@ -12,7 +12,7 @@ expected<void, SetupError> NodeKeys::read_known_servers() {
   // Without a folder of keys no server is known.
   if (!path) return {};
   const access::FileStamp stamp = access::stamp_of(*path);
-  // A file that is not there may be one that this user can't see: reading says which.
+  // The file may exist but be invisible to this user: reading it shows which.
   if (stamp == known_stamp_ && stamp.is_of_file()) return {};
   auto text = access::read_trusted_file(*path);
   if (!text) return unexpected{text.error()};
@@ -24,7 +24,7 @@ expected<void, SetupError> NodeKeys::read_known_servers() {
 }
 
 expected<void, SetupError> NodeKeys::read_own() {
-  if (own_ && !own_->is_here()) return {};  // A child's: own() says so.
+  if (own_ && !own_->is_here()) return {};  // In a child process, own() reports the error.
   const auto path = access::key_file_path(files_.key_file, access::kKeyFile);
   if (!path) return unexpected{path.error()};
   const access::FileStamp stamp = access::stamp_of(*path);
@@ -61,7 +61,7 @@ expected<std::vector<access::KnownServer>, SetupError> NodeKeys::keys_of(
   return found;
 }
 
-// A file that can't be trusted names nobody; keys_of() reports it to callers that need it.
+// A file that can't be trusted names no users; keys_of() reports it to callers that need it.
 std::vector<std::uint32_t> NodeKeys::trusted_users() {
   const std::lock_guard lock(mutex_);
   if (!read_known_servers()) return {};

@@ -22,30 +22,30 @@ namespace rtpm::rpc {
 /// A node's long-lived key.
 using OwnKey = Secret<crypto::KeyPair>;
 
-/// A node's key and the servers that it knows. Binds read their files when they first need them,
-/// and again when these have changed.
+/// A node's key and the servers that it knows. A bind reads their files at first use, and again
+/// when they have changed.
 /// @threads  any
 /// @realtime set-up only
 class NodeKeys {
  public:
   explicit NodeKeys(const NodeSecurity& files) : files_(files) {}
 
-  /// The keys that this server may have, by the host in its URL, or by its address; then the node's
-  /// own key is there, too. Empty if the server is not known.
-  /// @errors   known_servers can't be trusted: then no other host is called over a network; the own
-  ///           key is not there or can't be trusted, and the server is known
+  /// The keys that this server may have, by the host in its URL or by its address. If there are
+  /// any, the node's own key is loaded, too. Empty if the server is not known.
+  /// @errors   known_servers can't be trusted: then no other host may be called over a network ·
+  ///           the server is known, but the node's own key is missing or can't be trusted
   [[nodiscard]] expected<std::vector<access::KnownServer>, SetupError> keys_of(
       const std::string& host, const transport::SocketAddress& server);
-  /// The users of this host whose servers may share memory with it, by known_servers.
+  /// The local users whose servers may share memory with this node, from known_servers.
   [[nodiscard]] std::vector<std::uint32_t> trusted_users();
-  /// The node's own key, as the last bind found it.
-  /// @errors   this is a child of the process that read it
+  /// The node's own key, as the last bind read it.
+  /// @errors   this process is a fork of the one that read it
   [[nodiscard]] expected<std::shared_ptr<const OwnKey>, SetupError> own();
-  /// The line of known_servers that has this key; without one, with line 0.
+  /// The line of known_servers with this key; line 0 if there is none.
   [[nodiscard]] access::KnownServer entry_of(const crypto::PublicKey& key);
 
   [[nodiscard]] bool has_log() const noexcept { return !files_.key_log_file.empty(); }
-  /// Writes the keys of a session into the key log.
+  /// Writes a session's keys to the key log.
   void log(std::uint64_t session, const crypto::SessionKeys& keys) noexcept;
 
   // The limits of later sessions; only tests change them.

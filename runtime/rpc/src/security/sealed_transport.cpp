@@ -17,15 +17,15 @@ namespace {
 
 using transport::IoError;
 
-/// A failed handshake for new keys is tried again after this.
+/// When a failed handshake for new keys is retried.
 constexpr Duration kRenewalInterval = std::chrono::seconds{1};
-/// How long a call may have to wait for new keys,
+/// How long a call may have to wait for new keys.
 constexpr Duration kRenewalPatience = std::chrono::milliseconds{100};
-/// and how much later it is tried again if it waited for nothing.
+/// When waiting for new keys is retried after it failed.
 constexpr Duration kRenewalPause = std::chrono::seconds{10};
-/// Callers that are seldom there to hear the answers get no new keys in the background.
+/// A caller that is rarely there to receive the answers gets no new keys in the background.
 constexpr Duration kOverdue = std::chrono::seconds{10};
-/// How long frames over a connection whose session has moved to another may be on their way.
+/// How long frames may still arrive over a connection whose session has moved to another.
 constexpr Duration kFormerMax = std::chrono::seconds{1};
 
 void hear_keys(void* context, std::uint64_t session, const crypto::SessionKeys& keys) {
@@ -83,7 +83,7 @@ SealedTransport::SealedTransport(const ServerAddress& address, NodeKeys& keys,
       client_(std::move(client)),
       priority_(priority) {}
 
-// Sends what a step has to send, keeps what it has for the channel, and does the work that follows.
+// Sends a step's frames, keeps its frames for the channel, and does the work that follows.
 expected<void, IoError> SealedTransport::perform(sealed::SealedClient::Step step,
                                                  transport::ClientTransport& over,
                                                  MonotonicTime now) noexcept {
@@ -97,7 +97,7 @@ expected<void, IoError> SealedTransport::perform(sealed::SealedClient::Step step
   }
 }
 
-// A frame that does not fit is as good as lost on the way.
+// A frame that does not fit counts as lost.
 void SealedTransport::keep(ConstBytes frame) noexcept {
   if (kept_count_ == kKeptMax || frame.size() > kKeptSizeMax) return;
   const std::size_t at = (kept_first_ + kept_count_++) % kKeptMax;
@@ -151,8 +151,8 @@ expected<void, IoError> SealedTransport::send_batch(
   return sent;
 }
 
-// sec-6-5: new keys before the old ones end. Over datagrams the handshake goes on beside the calls,
-// where these hear it.
+// sec-6-5: renews the keys before the old ones expire. Over datagrams the handshake runs alongside
+// calls and shares their frames.
 void SealedTransport::look_at_keys(MonotonicTime now) noexcept {
   if (former_ && now >= former_until_) {
     const rt::AllowAllocationScope is_allowed;
@@ -166,7 +166,7 @@ void SealedTransport::look_at_keys(MonotonicTime now) noexcept {
   }
   if (due_since_ == kNever) due_since_ = now;
   const bool is_late = client().is_renewal_urgent() || now - due_since_ >= kOverdue;
-  // An attempt in the background does not delay an urgent one.
+  // A failed attempt in the background does not delay an urgent one.
   if (now < (is_late ? next_wait_ : next_renewal_)) return;
   if (medium() == wire::Medium::kStream || is_late) {
     wants_renewal_ = true;
@@ -226,7 +226,7 @@ expected<MutableBytes, IoError> SealedTransport::open_frame(
   const MonotonicTime now = rt::now();
   sealed::SealedClient::Step step = client().receive(*frame, now);
   if (step.is_broken) return unexpected{IoError::kBroken};
-  // The opened frame stays where it is.
+  // The opened frame is not copied.
   const ConstBytes opened = std::exchange(step.deliver, {});
   static_cast<void>(perform(step, *within_, now));
   if (!opened.empty() && opened.data() == frame->data()) return frame->first(opened.size());
@@ -236,7 +236,7 @@ expected<MutableBytes, IoError> SealedTransport::open_frame(
 }
 
 expected<MutableBytes, IoError> SealedTransport::receive() noexcept {
-  // A child process would take its parent's frames.
+  // A child process would receive its parent's frames.
   if (!is_here()) return unexpected{IoError::kFailed};
   if (kept_count_ > 0) return take_kept();
   if (client().has_ended()) return unexpected{IoError::kBroken};

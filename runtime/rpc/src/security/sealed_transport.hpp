@@ -12,27 +12,25 @@
 
 namespace rtpm::rpc {
 
-/// Opens the transport that the address names. Nothing on it is sealed, whatever key the address
-/// has.
+/// Opens the transport that the address names, without sealing, even if the address has a key.
 /// @realtime set-up only
-/// @errors   as those of rtpm/transport
+/// @errors   as in rtpm/transport
 [[nodiscard]] expected<std::unique_ptr<transport::ClientTransport>, SetupError>
 open_plain_transport(const ServerAddress& address, NodeKeys& keys, Priority priority,
                      MonotonicTime deadline);
 
-/// A path to a known server on which only sealed frames go: a transport around another one. It
-/// seals frames as they are sent and opens them as they come; handshakes go on inside. To its
-/// channel the session is a plain one. In the child of a fork it fails, and leaves the parent's
-/// sessions alone.
+/// A transport that seals another one, for a known server. Seals frames as they are sent, opens
+/// them as they arrive, and handles handshakes; its channel sees a plain session. In the child of a
+/// fork it fails, and leaves the parent's sessions alone.
 /// @threads  one at a time
-/// @realtime as the transport within, and 1 µs a frame; allocates at its opening and in renew().
-///           A handshake's work, 200 µs, is done by the thread that sends or receives: when a
-///           session opens, after an unsealed hint, and once a day for new keys
+/// @realtime as the inner transport, plus 1 µs per frame; allocates when opened and in renew(). A
+///           handshake takes 200 µs on the thread that sends or receives: when a session opens,
+///           after an unsealed hint, and once a day for new keys
 class SealedTransport final : public transport::ClientTransport {
  public:
-  /// @param address  of a server with a key; outlives this
+  /// @param address  of a server with a key; must outlive this
   /// @realtime set-up only
-  /// @errors   as the transport within; no key of this program's own, no memory for keys
+  /// @errors   as the inner transport; this program has no key; no memory for keys
   [[nodiscard]] static expected<std::unique_ptr<SealedTransport>, SetupError> open(
       const ServerAddress& address, NodeKeys& keys, Priority priority, MonotonicTime deadline);
 
@@ -55,22 +53,22 @@ class SealedTransport final : public transport::ClientTransport {
   void check_peer() noexcept override { within_->check_peer(); }
   [[nodiscard]] bool is_on_host() const noexcept override { return within_->is_on_host(); }
 
-  /// Whether the channel should go on with new keys: renew(), then open a session anew.
+  /// Whether the channel should switch to new keys: call renew(), then open a new session.
   [[nodiscard]] bool wants_renewal() const noexcept { return wants_renewal_; }
-  /// Shakes hands, over TCP on one more connection, unless that is done already. The channel must
-  /// have no open call.
-  /// @return whether a session waits, to which the channel moves without a frame when it opens one;
-  ///         false if it goes on with the old one
-  /// @realtime set-up work, once a day: two round trips and more, 100 ms at most
+  /// Performs the handshake, over TCP on an additional connection, unless it is already done. The
+  /// channel must have no open call.
+  /// @return whether a new session is ready, to which the channel moves without a frame when it
+  ///         opens one; false if the old one continues
+  /// @realtime set-up work, once a day: at least two round trips, at most 100 ms
   [[nodiscard]] bool renew() noexcept;
 
-  /// Why there is no session, as far as the peer said; that is not authenticated. Empty if no more
-  /// is known than the channel knows.
+  /// Why there is no session, as the peer reported it; this is not authenticated. Empty if the
+  /// channel already knows everything.
   /// @realtime set-up only
   [[nodiscard]] SetupError explain() const;
 
  private:
-  /// Frames beyond this are as good as lost on the way.
+  /// Frames beyond this count as lost.
   static constexpr std::size_t kKeptMax = wire::kCallWindow;
   static constexpr std::size_t kKeptSizeMax = wire::kHeaderSize + wire::Welcome::kSize;
 
@@ -102,11 +100,11 @@ class SealedTransport final : public transport::ClientTransport {
   std::unique_ptr<transport::ClientTransport> former_;  ///< Carries a stream's last session.
   MonotonicTime former_until_{};
   bool wants_renewal_ = false;
-  MonotonicTime next_renewal_{};  ///< The next one in the background,
-  MonotonicTime next_wait_{};     ///< and the next for which a call waits.
+  MonotonicTime next_renewal_{};  ///< When to retry renewal in the background.
+  MonotonicTime next_wait_{};     ///< When a call next waits for renewal.
   MonotonicTime due_since_ = kNever;
   transport::DatagramBatch batch_;
-  /// Frames for the channel that came of its own sending.
+  /// Frames for the channel that were received while it was sending.
   std::array<std::array<std::byte, kKeptSizeMax>, kKeptMax> kept_{};
   std::array<std::size_t, kKeptMax> kept_sizes_{};
   std::size_t kept_first_ = 0;

@@ -7,10 +7,10 @@
 namespace rtpm::rpc {
 namespace {
 
-// Each takes a look-up in the grants, below a microsecond.
+// Each requires a look-up in the grants, below a microsecond.
 constexpr std::uint32_t kReviewsPerTurn = 32;
 
-// A program may open as many connections at once. A handshake too many ends its connection.
+// A program may open this many connections at once. A further handshake ends its connection.
 constexpr std::uint32_t kStreamBurst = 128;
 
 }  // namespace
@@ -103,7 +103,7 @@ std::optional<Seals::Event> Seals::on_done(const HandshakeWork& work, Connection
   return Event{outcome.peer, outcome.verdict.frame, slot};
 }
 
-// Goes from the last place to the first, as the last connection takes the place of an ended one.
+// From the last slot to the first, as the last connection moves to the slot of an ended one.
 std::optional<Seals::Event> Seals::review_next(Connections& connections,
                                                MonotonicTime now) noexcept {
   const bool is_stream = review_ == Review::kStreams;

@@ -14,30 +14,30 @@ namespace rtpm::rpc {
 
 struct LaneSetup;
 
-/// The additions of a secured server's lane to its sessions over UDP and TCP: their seals, their
-/// handshakes, and an eye on the grants. Shared memory is not sealed.
+/// What a secured lane adds to its UDP and TCP sessions: seals, handshakes and checks of the
+/// grants. Shared memory is not sealed.
 /// @threads  one at a time, with the lane's Lead
-/// @realtime alloc-free but for construction
+/// @realtime alloc-free except construction
 class Seals {
  public:
-  /// A frame to be sent, or a connection that ends, without a request.
+  /// A frame to send, or a connection to end, without a request.
   struct Event {
     wire::PeerAddress peer{};
     ConstBytes frame{};    ///< The frame to send; empty if there is none.
-    Slot* slot = nullptr;  ///< The connection; null for a peer over datagrams.
+    Slot* slot = nullptr;  ///< The connection; null for datagrams.
     bool ends_connection = false;
   };
 
   Seals(const LaneSetup& setup, wire::ServerSessions& datagrams, wire::ServerSessions& streams,
         transport::WaitSet& wait_set);
 
-  /// False if the system gave no memory for keys.
+  /// False if the system lacked memory for keys.
   [[nodiscard]] bool has_memory() const noexcept { return datagrams_.server && streams_.server; }
   [[nodiscard]] GatekeeperLink& link() noexcept { return link_; }
   [[nodiscard]] sealed::SealedServer& datagrams() noexcept { return *datagrams_.server; }
   [[nodiscard]] sealed::SealedServer& streams() noexcept { return *streams_.server; }
 
-  /// Takes a received frame, which is opened in place.
+  /// Handles a received frame, and opens it in place.
   [[nodiscard]] wire::Verdict on_datagram(MutableBytes frame, const wire::PeerAddress& peer,
                                           MonotonicTime now) noexcept {
     return on_frame(/*is_stream=*/false, frame, peer, now);
@@ -47,16 +47,16 @@ class Seals {
     return on_frame(/*is_stream=*/true, frame, peer, now);
   }
 
-  /// Begins a turn of the lane.
+  /// Starts a turn of the lane.
   void begin_turn(MonotonicTime now) noexcept;
-  /// Steps of handshakes that the gatekeeper worked on, and sessions that the grants do not allow
-  /// any more, some in each turn.
-  /// @return nothing if there is no more in this turn. Valid until the next call
+  /// The next handshake step done by the gatekeeper, or the next session that the grants no longer
+  /// allow; a limited number per turn.
+  /// @return nullopt if this turn has no more. Valid until the next call
   [[nodiscard]] std::optional<Event> next_event(Connections& connections,
                                                 MonotonicTime now) noexcept;
-  /// Whether a handshake went on, or a session ended, since this was last asked.
+  /// Whether a handshake advanced, or a session ended, since the last query.
   [[nodiscard]] bool take_progress() noexcept { return std::exchange(has_progress_, false); }
-  /// When a turn is due by itself.
+  /// When a turn is due without traffic.
   [[nodiscard]] MonotonicTime next_time() const noexcept;
   [[nodiscard]] wire::FrameCounters counters() const noexcept;
 
@@ -86,10 +86,10 @@ class Seals {
   Medium streams_;
   bool has_progress_ = false;
   Review review_ = Review::kNone;
-  std::size_t review_left_ = 0;  ///< How many of the part are still to be judged.
+  std::size_t review_left_ = 0;  ///< How many sessions of the part are still to be judged.
   std::uint32_t turn_left_ = 0;  ///< How many of them in this turn.
-  std::uint32_t reviewed_;       ///< The generation by which all were judged last,
-  std::uint32_t reviewing_;      ///< and by which they are judged.
+  std::uint32_t reviewed_;       ///< The generation by which all were last judged.
+  std::uint32_t reviewing_;      ///< The generation by which they are being judged.
 };
 
 }  // namespace rtpm::rpc

@@ -10,8 +10,8 @@
 
 namespace rtpm::rpc {
 
-/// An object in memory for secrets, which the child of a fork does not have. It stays where it is
-/// when this moves.
+/// An object in memory for secrets, which a forked child does not have. The object stays in place
+/// when its Secret is moved.
 template <class T>
 class Secret {
  public:
@@ -31,13 +31,13 @@ class Secret {
   Secret(Secret&&) noexcept = default;
   Secret& operator=(Secret&&) = delete;
   ~Secret() {
-    // A child has nothing there to end.
+    // A child has no object there to destroy.
     if (!memory_.bytes().empty() && is_here()) held().~Held();
   }
 
   [[nodiscard]] T& operator*() const noexcept { return held().object; }
   [[nodiscard]] T* operator->() const noexcept { return &held().object; }
-  /// False in a child: then it is not to be used.
+  /// False in a child: then it must not be used.
   [[nodiscard]] bool is_here() const noexcept { return held().is_here != 0; }
 
  private:

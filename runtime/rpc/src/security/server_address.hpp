@@ -11,12 +11,12 @@
 
 namespace rtpm::rpc {
 
-/// Over UDP and TCP the sessions of known servers are sealed.
+/// Whether the transport is UDP or TCP, over which sessions with known servers are sealed.
 [[nodiscard]] constexpr bool is_over_network(Transport transport) noexcept {
   return transport == Transport::kUdp || transport == Transport::kTcp;
 }
 
-/// An address to try, and the host of the URL that has it.
+/// An address to try, and its host in the URL.
 struct ServerCandidate {
   std::string host;
   transport::SocketAddress address;
@@ -27,8 +27,8 @@ struct ServerAddress {
   std::string host;
   std::uint16_t port = 0;
   Transport transport = Transport::kUdp;  ///< Not kAuto.
-  std::string memory_folder{};            ///< The sockets' folder; empty if names are abstract.
-  /// Only for a known server over UDP or TCP: its sessions are sealed, always.
+  std::string memory_folder{};            ///< The sockets' folder; empty for abstract names.
+  /// Only for a known server over UDP or TCP: its sessions are always sealed.
   std::optional<crypto::PublicKey> key{};
   friend auto operator<=>(const ServerAddress&, const ServerAddress&) = default;
 };

@@ -17,8 +17,8 @@ namespace {
 
 constexpr Duration kFirstRepetition = std::chrono::milliseconds{20};
 constexpr Duration kRepetitionMax = std::chrono::milliseconds{200};
-/// How often the host must say that nobody has the port until that is believed: it may be an answer
-/// to an earlier program's datagram.
+/// How many port-unreachable answers it takes to believe that the port is closed: one may answer an
+/// earlier program's datagram.
 constexpr int kRefusalCountMax = 3;
 
 using HelloFrame = std::array<std::byte, wire::kHeaderSize + wire::Hello::kSize>;
@@ -39,13 +39,13 @@ HelloFrame hello_of(std::uint32_t number) {
   return frame;
 }
 
-/// The content of a frame on the server's key: nothing, that it has none, or the key.
+/// What a frame says about the server's key: nothing, that there is none, or the key.
 enum class Answer : std::uint8_t { kNone, kNoKey, kKey };
 
 Answer answer_of(ConstBytes frame, std::uint32_t number, crypto::PublicKey& key) {
   const auto header = wire::decode_frame(frame);
   if (!header || header->call_id != number) return Answer::kNone;
-  // A server without sealed sessions does not see what the client offers.
+  // A server without sealed sessions ignores the client's offer.
   if (header->kind == wire::FrameKind::kWelcome) return Answer::kNoKey;
   if (header->kind != wire::FrameKind::kCookie) return Answer::kNone;
   const auto cookie = wire::decode_sealed_cookie(frame.subspan(wire::kHeaderSize));
@@ -54,9 +54,9 @@ Answer answer_of(ConstBytes frame, std::uint32_t number, crypto::PublicKey& key)
   return Answer::kKey;
 }
 
-/// The first answer that comes until then, or until the host refuses the datagram.
-Answer await_answer(transport::ClientTransport& server, std::uint32_t number, crypto::PublicKey& key,
-                    MonotonicTime until, int& refusal_count) {
+/// Returns the first answer until the deadline, or until the host refuses the datagram.
+Answer await_answer(transport::ClientTransport& server, std::uint32_t number,
+                    crypto::PublicKey& key, MonotonicTime until, int& refusal_count) {
   while (rt::now() < until) {
     const auto frame = server.await(until);
     if (!frame && frame.error() == transport::IoError::kRefused && ++refusal_count > 0) {
@@ -80,7 +80,7 @@ unexpected<SetupError> no_answer(const std::string& where, bool is_refused) {
 }  // namespace
 
 expected<crypto::PublicKey, SetupError> ask_server_key(const std::string& host, std::uint16_t port,
-                                                     MonotonicTime deadline) {
+                                                       MonotonicTime deadline) {
   const std::string where = wire::host_and_port(host, port);
   auto server = transport::open_udp_transport(host, port, Priority{0});
   if (!server) return unexpected{server.error()};
@@ -90,7 +90,7 @@ expected<crypto::PublicKey, SetupError> ask_server_key(const std::string& host, 
   Duration repetition = kFirstRepetition;
   int refusal_count = 0;
   while (rt::now() < deadline && refusal_count < kRefusalCountMax) {
-    // A lost datagram, or one that nobody takes, is as good as no answer.
+    // A lost or refused datagram counts as no answer.
     static_cast<void>((*server)->send(hello));
     const MonotonicTime until = std::min(deadline, rt::now() + repetition);
     switch (await_answer(**server, number, key, until, refusal_count)) {

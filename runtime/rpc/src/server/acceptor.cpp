@@ -13,12 +13,14 @@
 namespace rtpm::rpc {
 namespace {
 
-// A client sends its HELLO as soon as it is connected. One that has not by then loses its slot.
+// A client sends its HELLO as soon as it is connected. One that has not sent it within this time
+// loses its slot.
 constexpr Duration kFirstFramePatience = std::chrono::seconds{2};
-// Further ones wait for the next turn, behind connections that have sent their first frame by then.
+// Further connections wait for the next turn, after connections that have sent their first frame by
+// then.
 constexpr int kAcceptsPerTurn = 16;
 
-// How long no connection is accepted after the system had no descriptor left to refuse one with.
+// How long no connection is accepted after the system had no descriptor left even to refuse one.
 constexpr Duration kShortagePause = std::chrono::milliseconds{100};
 
 // False if the system refuses.
@@ -55,7 +57,7 @@ bool Acceptor::listen() noexcept {
          add_to_wait(*wait_set_, memory_listeners_, kMemoryListener);
 }
 
-// Connections that wait would wake the thread again and again.
+// Waiting connections would wake the thread again and again.
 void Acceptor::pause_listening(MonotonicTime now) noexcept {
   for (const auto& listener : listeners_)
     wait_set_->remove(listener.descriptor());
@@ -102,7 +104,7 @@ void Acceptor::accept_some(Listener& listener, bool is_memory) noexcept {
     }
     if (accepted.still_waits) pause_listening(rt::now());
     if (!accepted.socket.is_open()) return;
-    // The poll shall wake us when the header, which has the priority, is there as a whole.
+    // The poll should wake us only once the whole header, which holds the priority, has arrived.
     if (!is_memory) transport::report_from(accepted.socket.number(), wire::kHeaderSize);
     take_in(std::move(accepted.socket), is_memory);
   }
@@ -120,7 +122,7 @@ void Acceptor::run() noexcept {
     }
     const std::size_t count = wait_set_->wait(until, ready);
     const auto events = std::span(ready).first(count);
-    // First connections that have sent a frame: newer ones may get their places afterwards.
+    // Connections that have sent a frame go first; newer ones may get their slots afterwards.
     for (const transport::SourceTag tag : events) {
       if (tag.kind() == kNewcomer) place(newcomers_[tag.index()]);
     }
@@ -136,7 +138,7 @@ void Acceptor::run() noexcept {
   }
 }
 
-// Waits for the newcomer's first frame.
+// Waits for the new connection's first frame.
 void Acceptor::take_in(transport::Descriptor socket, bool is_memory) noexcept {
   Newcomer& newcomer = free_place(is_memory);
   const transport::SourceTag tag(kNewcomer,
@@ -146,8 +148,8 @@ void Acceptor::take_in(transport::Descriptor socket, bool is_memory) noexcept {
   newcomer = {std::move(socket), is_memory, rt::now() + kFirstFramePatience, host};
 }
 
-// hp-4-8: a place for one more. If all are taken, the oldest newcomer of the host that has most
-// goes: so a host that opens connections and sends nothing keeps out only itself.
+// hp-4-8: frees a slot. If all are taken, evicts the oldest newcomer of the host that has most, so
+// a host that opens connections and sends nothing locks out only itself.
 Acceptor::Newcomer& Acceptor::free_place(bool is_memory) noexcept {
   const auto places =
       std::span(newcomers_).subspan(is_memory ? kNewcomerCountMax : 0, kNewcomerCountMax);
@@ -161,7 +163,7 @@ Acceptor::Newcomer& Acceptor::free_place(bool is_memory) noexcept {
     best = &each;
     most = count;
   }
-  // Its first frame may have come by now.
+  // Its first frame may have arrived by now.
   std::array<std::byte, wire::kHeaderSize> first{};
   const bool has_spoken =
       is_memory || transport::peek(best->socket.number(), first) == first.size();
@@ -178,7 +180,7 @@ void Acceptor::end(Newcomer& newcomer) noexcept {
   newcomer.socket = {};
 }
 
-// Hands the connection to its lane (hp-11-2) with no frame taken from it, or ends it.
+// Hands the connection to its lane (hp-11-2) without consuming a frame, or ends it.
 void Acceptor::place(Newcomer& newcomer) noexcept {
   if (!newcomer.socket.is_open()) return;
   transport::Descriptor socket = std::move(newcomer.socket);
@@ -195,7 +197,7 @@ void Acceptor::place(Newcomer& newcomer) noexcept {
   std::array<std::byte, wire::kHeaderSize> first{};
   const std::size_t size = transport::peek(socket.number(), first);
   if (size == 0) return;
-  // Garbage goes to the lowest lane, which counts it.
+  // Malformed frames go to the lowest lane, which counts them.
   const auto header = wire::decode(ConstBytes(first).first(size));
   const Priority priority = header ? header->priority : Priority{0};
   transport::report_from(socket.number(), 1);
@@ -208,7 +210,7 @@ void Acceptor::hand_over(Priority priority,
                          std::unique_ptr<transport::Connection> connection) noexcept {
   for (const auto& lane : *lanes_) {
     if (!lane->band().contains(priority)) continue;
-    // A full lane leaves the connection here, where it ends.
+    // If the lane is full, the connection stays here and is destroyed.
     static_cast<void>(lane->adopt(connection));
     return;
   }

@@ -18,14 +18,14 @@
 
 namespace rtpm::rpc {
 
-/// Takes connections over TCP and through shared memory and hands each to the lane of the priority
-/// that it states first; and frees them when they ended. A time-shared thread of its own: nothing
-/// here is real-time.
+/// Accepts connections over TCP and shared memory, hands each to the lane of the priority in its
+/// first frame, and frees ended ones. Runs on its own time-shared thread: nothing here is
+/// real-time.
 class Acceptor {
  public:
-  /// Over TCP, and as many through shared memory, so that no network keeps local clients out.
+  /// Over TCP, and as many through shared memory, so that no network client locks out local ones.
   static constexpr std::size_t kNewcomerCountMax = 64;
-  /// How many sources it waits for, with so many listeners of both kinds.
+  /// How many sources it waits for, with this many listeners of both kinds.
   [[nodiscard]] static constexpr std::size_t wait_source_count(
       std::size_t listener_count) noexcept {
     return listener_count + 2 * kNewcomerCountMax;
@@ -33,22 +33,23 @@ class Acceptor {
 
   /// @param listeners  at least one
   /// @param wait_set   takes wait_source_count() sources
-  /// @param users      with whom memory is shared; null for the server's own user and the superuser
+  /// @param users      the users that memory is shared with; null for the server's own user and
+  ///           root
   Acceptor(std::vector<transport::TcpListener> listeners,
            std::vector<transport::SharedMemoryListener> memory_listeners,
            std::unique_ptr<transport::WaitSet> wait_set, std::uint32_t message_size_max,
            const transport::UserPolicy* users) noexcept;
 
   [[nodiscard]] transport::WaitSet& bell() noexcept { return *wait_set_; }
-  /// The lanes note refusals here, and the acceptor's thread writes them.
+  /// Lanes note refusals here; the acceptor's thread writes them.
   [[nodiscard]] RefusalNotes& refusals() noexcept { return refusals_; }
 
-  /// Lets its thread repeat the warning. Before start().
+  /// Lets its thread repeat the warning. Call before start().
   void warn_each_minute(OpenWarning warning) { open_warning_.emplace(std::move(warning)); }
-  /// @param cpus  the CPUs to which it is confined; empty for the starter's
+  /// @param cpus  the CPUs that the thread is confined to; if empty, those of the starting thread
   [[nodiscard]] expected<void, SetupError> start(std::vector<std::unique_ptr<Lane>>& lanes,
                                                  std::vector<int> cpus);
-  /// Ends the thread and closes the port and the connections that no lane has yet.
+  /// Ends the thread, and closes the port and the connections that no lane has yet.
   void stop() noexcept;
 
  private:
@@ -76,13 +77,14 @@ class Acceptor {
   void drop_late(MonotonicTime now) noexcept;
   void maintain_lanes() noexcept;
 
-  std::vector<transport::TcpListener> listeners_;                  ///< None once stopped.
+  std::vector<transport::TcpListener> listeners_;                  ///< Empty once stopped.
   std::vector<transport::SharedMemoryListener> memory_listeners_;  ///< May be empty.
   std::unique_ptr<transport::WaitSet> wait_set_;
   RefusalNotes refusals_{*wait_set_};
   std::uint32_t message_size_max_;
   const transport::UserPolicy* users_;
-  MonotonicTime listening_from_ = MonotonicTime::min();  ///< Later: the listeners are not polled.
+  /// If later than now, the listeners are not polled.
+  MonotonicTime listening_from_ = MonotonicTime::min();
   rt::RepeatedWarning shortage_warning_{};
   std::optional<OpenWarning> open_warning_{};
   std::vector<std::unique_ptr<Lane>>* lanes_ = nullptr;

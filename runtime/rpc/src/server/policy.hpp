@@ -18,7 +18,7 @@ namespace rtpm::rpc {
 [[nodiscard]] expected<std::vector<LaneConfig>, SetupError> checked_lanes(
     std::vector<LaneConfig> lanes);
 
-/// Whether an object may be served so by these lanes; the table is at ObjectOptions.
+/// Whether these lanes may serve an object with these options; the table is at ObjectOptions.
 /// @realtime set-up only
 /// @errors   the contradiction, in words
 [[nodiscard]] expected<void, SetupError> check_policy(std::string_view path,

@@ -30,8 +30,8 @@
 namespace rtpm::rpc {
 namespace {
 
-// The CPUs that no lane takes for itself: a thread that got stuck behind one that spins at
-// SCHED_FIFO would wait until the system moves it, which can take seconds. Empty for any CPU.
+// The CPUs that no lane is pinned to. Behind a thread that spins at SCHED_FIFO, another thread
+// could wait for seconds until the system moves it. Empty for any CPU.
 std::vector<int> cpus_left_by(const std::vector<LaneConfig>& lanes) {
   std::vector<int> cpus = rt::usable_cpus();
   for (const LaneConfig& lane : lanes) {
@@ -66,7 +66,7 @@ class ServerImpl final : public Server {
   }
 
  private:
-  /// The ports of a lane, for each host in order.
+  /// A lane's ports, one per host, in order.
   using Ports = std::vector<transport::UdpPort>;
   struct Sockets {
     std::vector<transport::TcpListener> listeners{};
@@ -86,8 +86,8 @@ class ServerImpl final : public Server {
   wire::Url url_{};  ///< Without a path.
   ObjectTable objects_;
   std::shared_ptr<ServerTap> tap_ = std::make_shared<ServerTap>(objects_);
-  std::shared_ptr<AccessControl> access_;  ///< Null if the server asks nobody.
-  // audit_, identity_ and gatekeeper_ are used only with access_.
+  std::shared_ptr<AccessControl> access_;  ///< Null if the server does not authenticate callers.
+  // audit_, identity_ and gatekeeper_ are set only with access_.
   std::unique_ptr<AuditLog> audit_;
   std::optional<Secret<sealed::ServerIdentity>> identity_;
   std::unique_ptr<Gatekeeper> gatekeeper_;
@@ -105,8 +105,7 @@ std::string subject_of(const ServerConfig& config) {
   return "server '" + config.name + "'";
 }
 
-// The hosts that a URL can tell callers of: loopback and link-local ones only if there are no
-// others.
+// The hosts for URLs: loopback and link-local ones only if there are no others.
 std::vector<std::string> hosts_for_callers(const transport::HostsToServe& hosts) {
   const auto is_for_any_caller = [](const transport::SocketAddress& address) {
     return !address.is_loopback() && !address.is_link_local();
@@ -115,7 +114,7 @@ std::vector<std::string> hosts_for_callers(const transport::HostsToServe& hosts)
   std::vector<std::string> others;
   for (const transport::InterfaceAddress& each : hosts.addresses) {
     const transport::SocketAddress& address = each.address;
-    // With "any" there are as many link-local ones as interfaces.
+    // With "any" there is one link-local address per interface.
     if (hosts.is_any && address.is_link_local()) continue;
     (is_for_any_caller(address) ? told : others).push_back(address.host());
   }
@@ -209,7 +208,8 @@ expected<void, SetupError> ServerImpl::open() {
   auto lanes = checked_lanes(config_.lanes);
   if (!lanes) return setup_error(subject_of(config_), lanes.error());
   config_.lanes = std::move(*lanes);
-  // All sockets share the number. Where the system chooses it for one, another may have it taken.
+  // All sockets share the port number. A number that the system chose for one may be taken for
+  // another.
   constexpr int kAttemptCount = 16;
   for (int attempt = 1;; ++attempt) {
     auto sockets = open_sockets();
@@ -231,7 +231,8 @@ expected<void, SetupError> ServerImpl::open() {
   }
 }
 
-// Opens the grants, the audit log, the key and the gatekeeper of a server that asks its callers.
+// Opens the grants, the audit log, the key and the gatekeeper of a server that authenticates its
+// callers.
 expected<void, SetupError> ServerImpl::open_access() {
   const ServerSecurity& security = config_.security;
   auto grants_file = grants_file_of(security, hosts_);
@@ -252,7 +253,7 @@ expected<void, SetupError> ServerImpl::open_access() {
   return {};
 }
 
-// hp-16.1-1: one for each address, as callers of this host may know any.
+// hp-16.1-1: one for each address, as callers on this host may use any.
 expected<std::vector<transport::SharedMemoryListener>, SetupError>
 ServerImpl::open_memory_listeners() const {
   std::vector<transport::SharedMemoryListener> listeners;
@@ -315,7 +316,7 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<Ports> ports_of_la
     setup.lower = lanes_.back()->thread_pool();
     setup.lendable_thread_count += setup.config().static_threads + setup.config().dynamic_threads;
   }
-  // SYNC POINT lane-table: only now it can be read, when all of its lanes are in it.
+  // SYNC POINT lane-table: published only when all lanes are in it.
   open_to_readers(lane_table_);
   return {};
 }
@@ -362,8 +363,8 @@ expected<void, SetupError> ServerImpl::start() {
   return {};
 }
 
-// The keeper of a lane's CPU, where its threads may have to pause before the kernel throttles them,
-// and on one CPU.
+// The keeper of a lane's CPU, if its threads may have to pause to avoid throttling, and the lane
+// has only one CPU.
 rt::CpuKeeper* ServerImpl::keeper_of(const LaneConfig& lane) {
   const bool may_rest = config_.realtime != rt::RealtimeMode::kOff &&
                         lane.schedule == rt::Schedule::kFifo && rt::realtime_limit().is_limited();
@@ -371,7 +372,7 @@ rt::CpuKeeper* ServerImpl::keeper_of(const LaneConfig& lane) {
   const int cpu = lane.cpus.front();
   auto& keeper = keepers_[cpu];
   if (!keeper) {
-    // Without one the lanes serve all the same.
+    // Without a keeper the lanes still serve.
     if (auto made = rt::CpuKeeper::start("rtpm-awake-" + std::to_string(cpu), cpu)) {
       keeper = std::move(*made);
     }
@@ -379,7 +380,7 @@ rt::CpuKeeper* ServerImpl::keeper_of(const LaneConfig& lane) {
   return keeper.get();
 }
 
-// Lets callers of the same program in without a transport.
+// Lets callers in the same program call without a transport.
 void ServerImpl::open_door() {
   std::vector<LocalDoor::Entry> entries;
   for (const auto& lane : lanes_)

@@ -14,7 +14,7 @@ constexpr std::uint32_t units_of(std::uint32_t size) noexcept {
 
 }  // namespace
 
-// Inline, as each instruction of it is one of the call's.
+// Inline, as its instructions add to every call.
 [[gnu::always_inline]] inline std::uint64_t TapTrack::write(const TapDraft& draft) noexcept {
   const auto request_size = static_cast<std::uint32_t>(draft.request_payload.size());
   const auto reply_size = static_cast<std::uint32_t>(draft.reply_payload.size());
@@ -74,8 +74,8 @@ constexpr std::uint32_t units_of(std::uint32_t size) noexcept {
 template <class Use>
 [[gnu::always_inline]] inline void LaneTap::with_track(Use use) noexcept {
   for (Writer* writer = writers_.data(); writer != writers_.data() + writer_count_; ++writer) {
-    // SYNC POINT tap-off: the lane takes the writer, then looks whether the tap is on; the reader
-    // does the reverse. Sequentially consistent, so that at least one sees the other.
+    // SYNC POINT tap-off: the lane takes the writer, then checks whether the tap is on; the reader
+    // does the reverse. Sequentially consistent, so at least one of them sees the other.
     if (writer->is_busy.exchange(true, std::memory_order_seq_cst)) [[unlikely]]
       continue;
     if (TapTrack* const track = writer->track.load(std::memory_order_seq_cst)) use(*track);

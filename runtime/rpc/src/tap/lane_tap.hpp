@@ -12,13 +12,13 @@
 
 namespace rtpm::rpc {
 
-/// The calls that are wanted, of each object by its number. Constant while lanes use it.
+/// The calls to record, of each object by its number. Constant while lanes use it.
 struct TapFilter {
   enum class Interest : std::uint8_t { kNone, kSome, kAll };
   std::vector<Interest> interests{};
   std::vector<std::vector<std::uint16_t>> methods{};  ///< The methods of each object with kSome.
   bool has_payloads = true;
-  std::uint32_t payload_byte_max = 0;  ///< 0 without payloads.
+  std::uint32_t payload_byte_max = 0;  ///< 0 to omit payloads.
 
   [[nodiscard]] bool wants(const wire::Header& header) const noexcept {
     // hp-6: the session service is 0, and has no object.
@@ -30,25 +30,25 @@ struct TapFilter {
   }
 };
 
-/// Notes that a call which goes on after its method was tapped, and when.
+/// Whether, and when, an unfinished call was recorded.
 struct TapMark {
-  std::uint64_t number = 0;      ///< 0 if it was not tapped.
-  std::uint64_t generation = 0;  ///< The tap's generation: it may have been off since.
+  std::uint64_t number = 0;      ///< 0 if it was not recorded.
+  std::uint64_t generation = 0;  ///< The tap's generation: it may have been off meanwhile.
 };
 
-/// The parts of a call that are recorded.
+/// The recorded parts of a call.
 struct TapDraft {
   const wire::Request& request;
   TapStage stage;
   wire::Status status;
   ConstBytes request_payload;
   ConstBytes reply_payload;
-  std::uint64_t number;  ///< 0 for the next one.
+  std::uint64_t number;  ///< 0 for the next number.
   MonotonicTime finished;
 };
 
 /// The filter and the ring of one writer of a lane while the tap is on.
-/// @threads  write() one at a time; the rest any
+/// @threads  write(): one at a time; the rest: any
 /// @realtime write(): wait-free, alloc-free
 struct TapTrack {
   TapTrack(const TapFilter& its_filter, std::uint64_t its_generation,
@@ -72,30 +72,30 @@ struct TapTrack {
   std::atomic<std::uint64_t> omitted_payload_count{0};
 };
 
-/// Where a lane's threads hand over the calls that the server's tap wants.
-/// @threads  connect() and disconnect() one; the rest any of the lane
+/// Where a lane's threads hand over the calls that the server's tap records.
+/// @threads  connect() and disconnect(): one; the rest: any of the lane's
 /// @realtime wait-free, alloc-free, no syscall
 class LaneTap {
  public:
-  /// How many threads of a pool may write at the same time; a lane of one thread has one.
+  /// How many threads of a pool may write concurrently; a lane with one thread has one writer.
   static constexpr std::uint32_t kWriterCountMax = 4;
 
   explicit LaneTap(bool has_pool) noexcept : writer_count_(has_pool ? kWriterCountMax : 1) {}
 
   [[nodiscard]] bool is_on() const noexcept { return is_on_.load(std::memory_order_relaxed); }
-  /// A call that has been answered.
+  /// Records an answered call.
   [[gnu::noinline]] void on_whole(const wire::Request& request, wire::Status status,
                                   ConstBytes reply) noexcept;
-  /// A call whose method returned, and that goes on.
+  /// Records a call that continues after its method returned.
   [[nodiscard, gnu::noinline]] TapMark on_begun(const wire::Request& request) noexcept;
-  /// An item of such a call.
+  /// Records an item of an unfinished call.
   void on_item(const TapMark& mark, const wire::Request& request, ConstBytes item) noexcept;
-  /// Such a call has been answered.
+  /// Records the answer of an unfinished call.
   void on_ended(const TapMark& mark, const wire::Request& request, wire::Status status,
                 ConstBytes reply) noexcept;
 
   [[nodiscard]] std::uint32_t writer_count() const noexcept { return writer_count_; }
-  /// `track`: of the writer with that number.
+  /// `track`: the track of writer `number`.
   void connect(std::uint32_t number, TapTrack& track) noexcept {
     writers_[number].track.store(&track, std::memory_order_seq_cst);
     is_on_.store(true, std::memory_order_relaxed);
@@ -103,7 +103,7 @@ class LaneTap {
   void disconnect() noexcept;
   /// Whether a thread may still use a track from before disconnect().
   [[nodiscard]] bool is_in_use() const noexcept;
-  /// Calls for which all writers were busy, since the last time.
+  /// Calls that found all writers busy since the last query.
   [[nodiscard]] std::uint64_t take_busy_count() noexcept {
     return busy_count_.exchange(0, std::memory_order_relaxed);
   }
@@ -111,7 +111,7 @@ class LaneTap {
  private:
   struct alignas(64) Writer {
     std::atomic<bool> is_busy{false};
-    std::atomic<TapTrack*> track{nullptr};  ///< Null if the tap is off.
+    std::atomic<TapTrack*> track{nullptr};  ///< Null while the tap is off.
   };
   template <class Use>
   void with_track(Use use) noexcept;

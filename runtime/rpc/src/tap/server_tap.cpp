@@ -12,9 +12,9 @@ namespace {
 
 constexpr std::uint32_t kRingByteMin = 4 * 1024;
 constexpr std::uint32_t kRingByteMax = 256 * 1024 * 1024;
-// The largest record and the padding before it fit an empty ring.
+// The largest record, with the padding before it, fits an empty ring.
 constexpr std::uint32_t kPayloadShare = 8;
-// A lane writes for microseconds, unless the system has taken its CPU away.
+// A lane writes for microseconds, unless it has been preempted.
 constexpr Duration kOffPatience = std::chrono::seconds{1};
 constexpr Duration kOffInterval = std::chrono::microseconds{200};
 
@@ -119,7 +119,7 @@ void ServerTap::disconnect() noexcept {
   is_on_.store(false, std::memory_order_relaxed);
 }
 
-// SYNC POINT tap-off: the tap is off, then the lanes' writers are looked for.
+// SYNC POINT tap-off: switches the tap off, then checks the lanes' writers.
 bool ServerTap::wait_for_lanes() const noexcept {
   const auto is_in_use = [this] {
     return std::ranges::any_of(lanes_, [](const LaneTap* lane) { return lane->is_in_use(); });
@@ -136,7 +136,7 @@ void ServerTap::switch_off() noexcept {
   const std::lock_guard lock(mutex_);
   held_ = nullptr;
   disconnect();
-  // If lanes still use them, the next switch_on() frees them.
+  // If lanes still use the rings, the next switch_on() frees them.
   if (!wait_for_lanes()) return;
   for (const TapTrack& track : tracks_)
     next_number_ = std::max(next_number_, track.next_number);
@@ -155,7 +155,7 @@ std::optional<TappedCall> ServerTap::next() noexcept {
   held_ = nullptr;
   const std::size_t count = tracks_.size();
   for (std::size_t i = 0; i < count; ++i) {
-    // Each track in turn, so that a busy one does not fill the others' rings.
+    // Reads the tracks in turn, so that the others' rings do not fill up during a busy one.
     if (++turn_ >= count) turn_ = 0;
     TapRing& ring = tracks_[turn_].ring;
     held_record_ = ring.front();

@@ -14,16 +14,17 @@
 namespace rtpm::rpc {
 
 /// The tap of all lanes of a server.
-/// @threads  as CallTap says; add() and close() the server's
+/// @threads  as CallTap; add() and close(): the server
 /// @realtime none
 class ServerTap final : public CallTap {
  public:
   explicit ServerTap(const ObjectTable& objects) noexcept : objects_(&objects) {}
   ~ServerTap() override { switch_off(); }
 
-  /// Before the first switch_on().
+  /// Adds a lane. Call before the first switch_on().
   void add(LaneTap& lane) { lanes_.push_back(&lane); }
-  /// The server ends: after its lanes have, and before they and its objects are freed.
+  /// Switches the tap off for good, after the lanes have ended and before they and the objects are
+  /// freed.
   void close() noexcept;
 
   expected<void, SetupError> switch_on(const TapConfig& config) override;
@@ -38,19 +39,19 @@ class ServerTap final : public CallTap {
   [[nodiscard]] bool wait_for_lanes() const noexcept;
   void disconnect() noexcept;
 
-  /// Guards lanes_ and objects_ against close(), which comes from another thread.
+  /// Guards lanes_ and objects_ against close(), which another thread calls.
   mutable rt::PiMutex mutex_;
   const ObjectTable* objects_;     ///< Null once the server has stopped.
-  std::vector<LaneTap*> lanes_{};  ///< Empty then.
+  std::vector<LaneTap*> lanes_{};  ///< Empty once the server has stopped.
   std::atomic<bool> is_on_{false};
   std::uint64_t generation_ = 0;
   std::vector<std::string> paths_{};
   TapFilter filter_{};
   std::deque<TapTrack> tracks_{};  ///< One track for each writer of each lane.
   std::uint64_t next_number_ = 1;  ///< The number of the next tap's first call.
-  std::uint64_t busy_count_ = 0;   ///< Records for which all writers of a lane were busy.
-  std::size_t turn_ = 0;           ///< The track to be read next.
-  TapRing* held_ = nullptr;        ///< The ring whose record next() handed out.
+  std::uint64_t busy_count_ = 0;   ///< Records that found all writers of a lane busy.
+  std::size_t turn_ = 0;           ///< The track to read next.
+  TapRing* held_ = nullptr;        ///< The ring of the record that next() returned.
   const TapRecord* held_record_ = nullptr;
 };
 

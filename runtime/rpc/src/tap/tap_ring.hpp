@@ -11,7 +11,7 @@
 
 namespace rtpm::rpc {
 
-/// The header in front of a record's payloads. Padding has only its first unit.
+/// The header before a record's payloads. Padding has only its first unit.
 struct alignas(16) TapRecord {
   std::uint32_t unit_count = 0;  ///< The size of the whole record.
   std::uint8_t stage = 0;
@@ -31,13 +31,13 @@ struct alignas(16) TapRecord {
 };
 static_assert(sizeof(TapRecord) == 64);
 
-/// Records of one writer at a time for one reader. A record is never split.
-/// @threads  reserve() and commit() the writer's; front() and pop() the reader's
-/// @realtime wait-free, alloc-free but for construction
+/// A ring of records for one writer at a time and one reader. A record is never split.
+/// @threads  reserve() and commit(): the writer; front() and pop(): the reader
+/// @realtime wait-free, alloc-free except construction
 class TapRing {
  public:
   static constexpr std::uint32_t kUnit = 16;
-  /// The stage of padding up to the ring's end.
+  /// The stage that marks padding up to the ring's end.
   static constexpr std::uint8_t kPadding = 255;
 
   /// @param byte_count  a power of two
@@ -58,7 +58,7 @@ class TapRing {
     }
     return at(index);
   }
-  /// The record that was reserved is whole.
+  /// Publishes the reserved record.
   void commit(std::uint32_t unit_count) noexcept {
     // SYNC POINT tap-whole
     tail_.store(tail_.load(std::memory_order_relaxed) + unit_count, std::memory_order_release);
@@ -75,7 +75,7 @@ class TapRing {
       pop(*record);
     }
   }
-  /// Frees the record that front() gave.
+  /// Frees the record that front() returned.
   void pop(const TapRecord& record) noexcept {
     // SYNC POINT tap-free
     head_.store(head_.load(std::memory_order_relaxed) + record.unit_count,
@@ -89,13 +89,13 @@ class TapRing {
   [[nodiscard]] TapRecord* at(std::uint32_t index) noexcept {
     return reinterpret_cast<TapRecord*>(units_.data() + index);
   }
-  /// Whether there is room, now that the reader may have gone on.
+  /// Whether there is space, after reloading the reader's position.
   [[nodiscard]] bool learn_head(std::uint32_t unit_count) noexcept {
-    // SYNC POINT tap-free: the reader is done with what is before.
+    // SYNC POINT tap-free: the reader has finished with everything before it.
     known_head_ = head_.load(std::memory_order_acquire);
     return tail_.load(std::memory_order_relaxed) + unit_count - known_head_ <= units_.size();
   }
-  /// Reserves at the ring's beginning, and pads up to the ring's end.
+  /// Reserves at the ring's beginning, and pads up to its end.
   [[nodiscard, gnu::noinline]] TapRecord* reserve_at_begin(std::uint32_t unit_count) noexcept {
     const auto size = static_cast<std::uint32_t>(units_.size());
     const std::uint32_t index = tail_.load(std::memory_order_relaxed) & (size - 1);
@@ -109,7 +109,7 @@ class TapRing {
 
   std::vector<Unit> units_;
   alignas(64) std::atomic<std::uint32_t> tail_{0};  ///< Units ever written, modulo 2^32.
-  std::uint32_t known_head_ = 0;                    ///< `head_` as the writer last saw it.
+  std::uint32_t known_head_ = 0;                    ///< `head_` as last seen by the writer.
   alignas(64) std::atomic<std::uint32_t> head_{0};  ///< Units ever freed, modulo 2^32.
 };
 
