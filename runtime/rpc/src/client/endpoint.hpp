@@ -29,9 +29,9 @@ class TakenChannel {
   CallChannel* channel_;
 };
 
-/// One server as a node sees it: its address and the call channels to it, shared by all bindings.
-/// @threads  any, several at once
-/// @realtime alloc-free, but for take() where none is free, and try_end()
+/// A server's address, and a node's call channels to it, shared by all bindings.
+/// @threads  any, concurrently
+/// @realtime alloc-free, except take() if no channel is free, and try_end()
 class Endpoint {
  public:
   /// The most bands: an RTPM server has no more lanes.

@@ -95,10 +95,10 @@ class Completions {
 ///     auto thread = rpc::CompletionThread::start({.name = "replies"}).value();
 ///     thread->then(arm.begin_get_pose(), [](const auto& pose) { … });
 ///
-/// Callbacks run one at a time on that thread and must return quickly, since other callbacks wait for
-/// them. They may add calls.
-/// Real-time class: set-up. The thread polls open calls once a millisecond. A loop that counts
-/// microseconds should hold the PendingReply itself and wait for it.
+/// Callbacks run one at a time on that thread and must return quickly, since other callbacks wait
+/// for them. They may add calls. Real-time class: set-up. The thread polls open calls once a
+/// millisecond. A loop that counts microseconds should hold the PendingReply itself and wait for
+/// it.
 /// @ownership as Completions; destruction cancels open calls and joins the thread
 /// @threads  then() from any
 class CompletionThread {
