@@ -66,7 +66,7 @@ TEST_F(AllocGuard, SeesAllocationInsideTheLibrary) {
             10u);
 }
 
-TEST_F(AllocGuard, KeepsQuietWhereNothingIsAllocated) {
+TEST_F(AllocGuard, PassesWhereNothingIsAllocated) {
   std::vector<int> numbers(100);
   const std::uint64_t before = allocation_breach_count();
   {
@@ -90,7 +90,7 @@ TEST_F(AllocGuard, ForbidsForTheThreadOfTheScopeAlone) {
   EXPECT_EQ(allocation_breach_count(), before);
 }
 
-TEST_F(AllocGuard, RespectsAStretchThatIsAllowed) {
+TEST_F(AllocGuard, PermitsAnAllowedScope) {
   const std::uint64_t before = allocation_breach_count();
   const rt::NoAllocationScope scope;
   {

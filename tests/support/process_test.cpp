@@ -11,7 +11,7 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-TEST(Process, TellsExitCodeOutputAndErrorsApart) {
+TEST(Process, SeparatesExitCodeOutputAndErrors) {
   const auto end = run({"sh", "-c", "echo out; echo err >&2; exit 3"}, seconds(10));
   ASSERT_TRUE(end);
   EXPECT_EQ(end->exit_code, 3);
@@ -19,7 +19,7 @@ TEST(Process, TellsExitCodeOutputAndErrorsApart) {
   EXPECT_EQ(end->errors, "err\n");
 }
 
-TEST(Process, WaitsForWhatAProgramSaysAndForItsEnd) {
+TEST(Process, WaitsForOutputAndForTheEnd) {
   Process process({"sh", "-c", "echo ready at 5; read line; cat"});
   EXPECT_TRUE(process.wait_for_output("ready at", seconds(10)));
   const auto end = process.wait(seconds(10));
@@ -27,7 +27,7 @@ TEST(Process, WaitsForWhatAProgramSaysAndForItsEnd) {
   EXPECT_FALSE(process.wait_for_output("never said", seconds(10))) << "at once, for it has ended";
 }
 
-TEST(Process, GivesUpWhenPatienceIsOver) {
+TEST(Process, GivesUpAtTheDeadline) {
   Process process({"sleep", "100"});
   EXPECT_FALSE(process.wait_for_output("anything", milliseconds(10)));
   EXPECT_FALSE(process.wait(milliseconds(10)));

@@ -59,7 +59,7 @@ void expect_words(const std::string& text, const std::vector<std::string>& words
     EXPECT_NE(text.find(word), std::string::npos) << "'" << word << "' is not in: " << text;
 }
 
-TEST(StoredValue, OfALoopbackAddressIsOfTheHostOfItsRegistry) {
+TEST(StoredValue, MapsALoopbackAddressToTheHostOfItsRegistry) {
   etcd_store::StoredValue value{{.url = "rtpm://127.0.0.1:4711/x", .host = 0x7f00'0001}, 1};
   EXPECT_EQ(etcd_store::parse_value(to_text(value))->stored.host, 0x7f00'0001U);
   value.where += 1;
@@ -68,7 +68,7 @@ TEST(StoredValue, OfALoopbackAddressIsOfTheHostOfItsRegistry) {
   EXPECT_EQ(etcd_store::parse_value(to_text(value))->stored.host, 0x0a00'0001U);
 }
 
-TEST(Gateway, RefusesWhatIsNoAnswerOfEtcd) {
+TEST(Gateway, RefusesAnswersThatEtcdDoesNotGive) {
   const std::string no_json = "no JSON of etcd";
   for (const std::string& answer :
        std::vector<std::string>{"not json", "[]", "{}", "{\"header\":5}", "{\"result\":7}",
@@ -87,7 +87,7 @@ TEST(Gateway, RefusesWhatIsNoAnswerOfEtcd) {
   expect_words(refusal_of(std::string(std::size_t{33} * 1024 * 1024, ' ')), {"more than 32 MiB"});
 }
 
-TEST(Gateway, LeavesOutValuesThatAreNoNames) {
+TEST(Gateway, SkipsValuesThatAreNotNames) {
   const std::string good = etcd_store::to_text({stored(), 1});
   json kvs = json::array();
   std::uint64_t revision = 1;
@@ -131,7 +131,7 @@ TEST(Gateway, AsksNoOtherCluster) {
                {"another cluster", "no leader", own.endpoint(), other.endpoint(), "Remedy"});
 }
 
-TEST(Gateway, KnowsItsOwnChangeAgainThatWasDoneWithoutAnAnswer) {
+TEST(Gateway, RecognizesItsOwnChangeAfterALostAnswer) {
   std::mutex mutex;
   std::string done;
   const auto value_of = [](const std::string& body) {
@@ -175,7 +175,7 @@ TEST(Gateway, KnowsItsOwnChangeAgainThatWasDoneWithoutAnAnswer) {
   EXPECT_EQ(refused.error().kind, Kind::kConflict);
 }
 
-TEST(Gateway, SaysThatTheDiskIsFullAndWhatHangsInTime) {
+TEST(Gateway, ReportsAFullDiskAndAHungNode) {
   const FakeEtcd full([](const std::string& path, const std::string&) -> std::string {
     return path == "/v3/kv/range"
                ? kEmpty
@@ -198,7 +198,7 @@ TEST(Gateway, SaysThatTheDiskIsFullAndWhatHangsInTime) {
   expect_words(late.error().text(), {"does not answer in time", silent.endpoint()});
 }
 
-TEST(Gateway, TakesAddressesAsTheDocumentationSays) {
+TEST(Gateway, AcceptsTheDocumentedAddresses) {
   const auto text_of = [](std::string_view url) {
     const auto address = etcd_store::parse_address(url);
     return address ? address->text() + " " + address->prefix : "refused: " + address.error().text();
@@ -213,7 +213,7 @@ TEST(Gateway, TakesAddressesAsTheDocumentationSays) {
   }
 }
 
-TEST(Base64, IsAsTheStandardHasIt) {
+TEST(Base64, MatchesTheStandard) {
   for (const auto& [bytes, text] :
        {std::pair{"", ""}, std::pair{"f", "Zg=="}, std::pair{"fo", "Zm8="},
         std::pair{"foo", "Zm9v"}, std::pair{"foob", "Zm9vYg=="}}) {

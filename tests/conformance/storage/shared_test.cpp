@@ -216,7 +216,7 @@ TEST_F(Shared, EndsTheLeaseOfANameThatNoRegistryRenews) {
   EXPECT_EQ(renew(*first_, *bound).error().kind, Kind::kConflict);
 }
 
-TEST_F(Shared, TellsThatANameWasUnbound) {
+TEST_F(Shared, ReportsAnUnboundName) {
   const std::uint64_t seen = revision_now(*first_);
   ASSERT_TRUE(first_->follow(told_));
   const auto bound = put(*first_, "lab/arm0", seen, 0, 10s);

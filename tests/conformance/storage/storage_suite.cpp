@@ -142,7 +142,7 @@ TEST_P(EveryStorage, BindsAndFindsAndUnbinds) {
   EXPECT_EQ(outcome_of(directory_->unbind("lab/arm0", kOwner)), Outcome::kNotFound);
 }
 
-TEST_P(EveryStorage, RefusesWhatTheRulesRefuse) {
+TEST_P(EveryStorage, RefusesNamesThatBreakTheRules) {
   const auto bound = directory_->bind(permanent("lab/arm0"));
   ASSERT_TRUE(bound);
   const auto refused = directory_->bind(permanent("lab/arm0", kOther));
@@ -179,7 +179,7 @@ TEST_P(EveryStorage, KeepsARevisionAsLongAsAHolder) {
   EXPECT_GT(directory_->bind(permanent("lab/arm0"))->revision, taken->revision);
 }
 
-TEST_P(EveryStorage, EndsALeaseThatNobodyRenews) {
+TEST_P(EveryStorage, EndsALeaseThatIsNotRenewed) {
   ASSERT_TRUE(directory_->bind(leased("lab/renewed")));
   ASSERT_TRUE(directory_->bind(leased("lab/left")));
   const auto entry = directory_->resolve("lab/left");
@@ -224,7 +224,7 @@ TEST_P(EveryStorage, KeepsANameWhoseLeaseEndedAsLostUntilItIsBoundOrDismissed) {
   EXPECT_EQ(lost_count(), 0u);
 }
 
-TEST_P(EveryStorage, TellsWatchersEveryChangeInOrder) {
+TEST_P(EveryStorage, ReportsEveryChangeInOrderToWatchers) {
   std::mutex mutex;
   std::vector<std::string> told;
   const auto watch = names::NameWatch::start(
@@ -251,7 +251,7 @@ TEST_P(EveryStorage, TellsWatchersEveryChangeInOrder) {
   EXPECT_EQ(told, all);
 }
 
-TEST_P(EveryStorage, HasPermanentNamesAgainAfterARestart) {
+TEST_P(EveryStorage, KeepsPermanentNamesOverARestart) {
   if (std::string_view(GetParam()) == "memory") return;
   const auto bound = directory_->bind(permanent("lab/arm0"));
   ASSERT_TRUE(bound);

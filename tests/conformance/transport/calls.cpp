@@ -55,7 +55,7 @@ TEST_P(TransportSuite, RefusesARequestThatIsTooLargeWithoutRunningIt) {
   EXPECT_TRUE(binding.call(echo::kEcho, bytes_of("small")));
 }
 
-TEST_P(TransportSuite, TellsThatAReplyWouldBeTooLarge) {
+TEST_P(TransportSuite, ReportsAReplyThatIsTooLarge) {
   EchoServer server;
   Node node(node_config());
   Binding binding = bind_echo(node, server);
@@ -71,7 +71,7 @@ TEST_P(TransportSuite, TellsThatAReplyWouldBeTooLarge) {
   EXPECT_EQ(server.servant.run_count(), 2) << "it ran";
 }
 
-TEST_P(TransportSuite, HoldsToTheSmallerOfBothSidesLimits) {
+TEST_P(TransportSuite, KeepsTheSmallerLimitOfBothSides) {
   ServerConfig config = quiet_config();
   config.message_size_max = 2000;
   EchoServer server(config);
@@ -91,7 +91,7 @@ TEST_P(TransportSuite, HoldsToTheSmallerOfBothSidesLimits) {
 }
 
 // hp-6.2-1
-TEST_P(TransportSuite, TellsHowTheServersClockStands) {
+TEST_P(TransportSuite, ReportsTheServersClock) {
   EchoServer server;
   Node node(node_config());
   Binding binding = bind_echo(node, server);
@@ -138,7 +138,7 @@ TEST_P(TransportSuite, RunsEachCallOnce) {
   EXPECT_EQ(server.servant.run_count(), 1000);
 }
 
-TEST_P(TransportSuite, TellsThatAMethodIsNotThere) {
+TEST_P(TransportSuite, ReportsAnUnknownMethod) {
   EchoServer server;
   Node node(node_config());
   Binding binding = bind_echo(node, server);
@@ -146,7 +146,7 @@ TEST_P(TransportSuite, TellsThatAMethodIsNotThere) {
   EXPECT_TRUE(binding.call(echo::kEcho, {}));
 }
 
-TEST_P(TransportSuite, TellsAndCountsThatAServantThrew) {
+TEST_P(TransportSuite, ReportsAndCountsAServantThatThrows) {
   EchoServer server;
   Node node(node_config());
   Binding binding = bind_echo(node, server);
@@ -157,7 +157,7 @@ TEST_P(TransportSuite, TellsAndCountsThatAServantThrew) {
   EXPECT_EQ(server.server->counters().servant_failure_count, 1u);
 }
 
-TEST_P(TransportSuite, TellsWhyAServantRefuses) {
+TEST_P(TransportSuite, ReportsWhyAServantRefuses) {
   EchoServer server;
   Node node(node_config());
   Binding binding = bind_echo(node, server);
@@ -172,7 +172,7 @@ TEST_P(TransportSuite, TellsWhyAServantRefuses) {
   }
 }
 
-TEST_P(TransportSuite, CarriesTheWordsOfARefusal) {
+TEST_P(TransportSuite, CarriesTheTextOfARefusal) {
   EchoServer server;
   Node node(node_config());
   Binding binding = bind_echo(node, server);
@@ -234,7 +234,7 @@ TEST_P(TransportSuite, KeepsTheDeadlinesOfMethodsAndNodes) {
   holder.join();
 }
 
-TEST_P(TransportSuite, RunsNoCallWhoseTimeIsOver) {
+TEST_P(TransportSuite, SkipsACallWhoseDeadlineHasPassed) {
   EchoServer server;
   Node node(node_config());
   Binding binding = bind_echo(node, server);
@@ -260,7 +260,7 @@ TEST_P(TransportSuite, RunsNoCallWhoseTimeIsOver) {
 
 // hp-5.6-5: a call without a free buffer is refused before it runs, or waits; and by default there
 // are many buffers.
-TEST_P(TransportSuite, TakesLargeCallsSideBySideOrSaysThatThereAreTooMany) {
+TEST_P(TransportSuite, RunsLargeCallsSideBySideOrReportsOverload) {
   // Each takes at most three buffers, including a former reply's: a host's share of the default.
   constexpr int kThreadCount = 8;
   constexpr int kCallCount = 8;
@@ -355,7 +355,7 @@ TEST_P(TransportSuite, KeepsAReplyAsLongAsItsLease) {
   EXPECT_EQ(text_of(*second), "second");
 }
 
-TEST_P(TransportSuite, HasNoMoreChannelsThanItMay) {
+TEST_P(TransportSuite, KeepsTheLimitOfChannels) {
   EchoServer server;
   NodeConfig config = node_config();
   config.channel_count_max = 2;
@@ -371,7 +371,7 @@ TEST_P(TransportSuite, HasNoMoreChannelsThanItMay) {
   EXPECT_EQ(server.servant.run_count(), 3);
 }
 
-TEST_P(TransportSuite, TellsTheServantWhoCallsAndHowLongItHas) {
+TEST_P(TransportSuite, PassesCallerAndDeadlineToTheServant) {
   EchoServer server;
   Node node(node_config());
   Binding binding = bind_echo(node, server);
@@ -388,7 +388,7 @@ TEST_P(TransportSuite, TellsTheServantWhoCallsAndHowLongItHas) {
   EXPECT_LE(place.deadline_ns, to_ns(after + 10s + 1us));
 }
 
-TEST_P(TransportSuite, WaitsInEveryWay) {
+TEST_P(TransportSuite, WaitsByEveryStrategy) {
   for (const rt::WaitStrategy lane_wait :
        {rt::WaitStrategy::kAdaptive, rt::WaitStrategy::kBlock, rt::WaitStrategy::kSpin}) {
     LaneConfig lane;
@@ -419,7 +419,7 @@ class CallerNotingServant final : public Servant {
 };
 
 // Registries and others that serve strangers have quotas per host.
-TEST_P(TransportSuite, TellsAServantWhichHostCalls) {
+TEST_P(TransportSuite, PassesTheCallersHostToTheServant) {
   CallerNotingServant servant;
   auto server = std::move(*Server::create(quiet_config()));
   ASSERT_TRUE(server->add("noting", servant));

@@ -51,13 +51,13 @@ TEST_P(DeferredReplies, MayBeLarge) {
   EXPECT_EQ(text_of(*reply), large);
 }
 
-TEST_P(DeferredReplies, AreFailuresIfNobodyGivesThem) {
+TEST_P(DeferredReplies, FailIfTheServantDropsThem) {
   std::thread worker([&] { static_cast<void>(servant_.reply()); });
   expect_error(binding_->call(kLater, {}), CallError::kServantFailed);
   worker.join();
 }
 
-TEST_P(DeferredReplies, AreRefusedWhereTooManyAreHeld) {
+TEST_P(DeferredReplies, AreRefusedBeyondTheLimit) {
   std::vector<PendingReply> pending;
   std::vector<DeferredReply> held;
   const std::uint32_t count = ServerConfig{}.deferred_call_count_max;
@@ -73,7 +73,7 @@ TEST_P(DeferredReplies, AreRefusedWhereTooManyAreHeld) {
   EXPECT_TRUE(binding_->begin(kLater, {}));
 }
 
-TEST_P(DeferredReplies, TellTheServantThatItsCallerCancelled) {
+TEST_P(DeferredReplies, ReportCancellationToTheServant) {
   auto call = binding_->begin(kLater, {});
   ASSERT_TRUE(call);
   DeferredReply held = servant_.reply();
@@ -185,7 +185,7 @@ TEST_P(DeferredReplies, StreamsBringEveryItemInOrder) {
   producer.join();
 }
 
-TEST_P(DeferredReplies, StreamsGoNoFasterThanTheyAreTaken) {
+TEST_P(DeferredReplies, StreamsWaitForTheirReader) {
   constexpr std::uint32_t kWindow = 4;
   auto reader = binding_->open_stream(kCount, {}, {.window = kWindow});
   ASSERT_TRUE(reader);
@@ -206,7 +206,7 @@ TEST_P(DeferredReplies, StreamsGoNoFasterThanTheyAreTaken) {
   writer.finish();
 }
 
-TEST_P(DeferredReplies, StreamsEndForTheWriterWhenTheirReaderGoes) {
+TEST_P(DeferredReplies, StreamsEndForTheWriterWhenTheReaderDisconnects) {
   auto reader = binding_->open_stream(kCount, {});
   ASSERT_TRUE(reader);
   ItemWriter writer = servant_.writer();
@@ -218,7 +218,7 @@ TEST_P(DeferredReplies, StreamsEndForTheWriterWhenTheirReaderGoes) {
   EXPECT_TRUE(binding_->call(kNote, {})) << "the channel serves other calls again";
 }
 
-TEST_P(DeferredReplies, StreamsEndWithTheServantsWord) {
+TEST_P(DeferredReplies, StreamsEndWithTheServantsStatus) {
   auto reader = binding_->open_stream(kCount, {});
   ASSERT_TRUE(reader);
   ItemWriter writer = servant_.writer();
@@ -228,7 +228,7 @@ TEST_P(DeferredReplies, StreamsEndWithTheServantsWord) {
   EXPECT_EQ(text_of_next(*reader), to_string(CallError::kNoSuchObject));
 }
 
-TEST_P(DeferredReplies, StreamsMayBeLeftWithItemsUntaken) {
+TEST_P(DeferredReplies, StreamsMayBeClosedWithUnreadItems) {
   for (int i = 0; i < 3; ++i) {
     auto reader = binding_->open_stream(kCount, {});
     ASSERT_TRUE(reader);
@@ -262,7 +262,7 @@ TEST_P(DeferredReplies, StreamsLetTheirReaderDoOtherThings) {
   EXPECT_EQ(text_of_next(*reader), "now");
 }
 
-TEST_P(DeferredReplies, StreamsAreRefusedWhereTooManyRun) {
+TEST_P(DeferredReplies, StreamsAreRefusedBeyondTheLimit) {
   std::vector<ItemReader> readers;
   std::vector<ItemWriter> writers;
   for (std::uint32_t i = 0; i < ServerConfig{}.stream_count_max; ++i) {

@@ -65,7 +65,7 @@ TEST_P(LosslessSuite, GoesOnWithARestartedServer) {
 }
 
 // The caller can't know whether its call ran before the server restarted.
-TEST_P(LosslessSuite, TellsOnceThatTheServerRestartedWhereACallMustNotRunTwice) {
+TEST_P(LosslessSuite, ReportsARestartOnceToCallsThatMustNotRunTwice) {
   std::optional<EchoServer> server(std::in_place);
   const std::uint16_t port = server->server->port();
   Node node(node_config());
@@ -99,7 +99,7 @@ TEST_P(LosslessSuite, FindsItsObjectUnderAnotherNumberAfterARestart) {
   server->stop();
 }
 
-TEST_P(LosslessSuite, TellsThatTheObjectIsGoneAfterARestart) {
+TEST_P(LosslessSuite, ReportsAnObjectThatIsGoneAfterARestart) {
   std::optional<EchoServer> first(std::in_place);
   const std::uint16_t port = first->server->port();
   Node node(node_config());
@@ -115,7 +115,7 @@ TEST_P(LosslessSuite, TellsThatTheObjectIsGoneAfterARestart) {
   server->stop();
 }
 
-TEST_P(LosslessSuite, TellsThatNobodyIsThereAnyMore) {
+TEST_P(LosslessSuite, ReportsAServerThatIsGone) {
   std::optional<EchoServer> server(std::in_place);
   Node node(node_config());
   Binding binding = bind_echo(node, *server);
@@ -141,7 +141,7 @@ TEST_P(LosslessSuite, EndsTheCallInFlightWhenTheServerIsKilled) {
 }
 
 // hp-5.5-2
-TEST_P(LosslessSuite, TellsThatACallInFlightMayHaveRunWhenTheServerRestarts) {
+TEST_P(LosslessSuite, ReportsThatACallInFlightMayHaveRunWhenTheServerRestarts) {
   Victim former(serve_until_killed);
   const std::uint16_t port = former.await_number();
   Node node(node_config());
@@ -236,7 +236,7 @@ TEST_P(LosslessSuite, EndsCallsThatWaitWhenTheServerStops) {
   EXPECT_TRUE(has_stopped);
 }
 
-TEST_P(LosslessSuite, TellsThatAStoppedServerIsNobody) {
+TEST_P(LosslessSuite, ReportsAStoppedServerAsUnreachable) {
   EchoServer server;
   Node node(node_config());
   Binding binding = bind_echo(node, server);
@@ -404,7 +404,7 @@ TEST_P(WireSuite, AnswersUnreadableRequestsToTheSessionItself) {
   EXPECT_EQ(answer->status, wire::Status::kNoSuchObject);
 }
 
-TEST_P(WireSuite, RefusesMoreSessionsThanItHasPlacesFor) {
+TEST_P(WireSuite, RefusesSessionsBeyondItsLimit) {
   ServerConfig config = quiet_config();
   config.session_count_max = 2;
   EchoServer server(config);

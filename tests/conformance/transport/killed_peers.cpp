@@ -136,7 +136,7 @@ INSTANTIATE_TEST_SUITE_P(Udp, KilledPeers, testing::Values(Transport::kUdp));
 INSTANTIATE_TEST_SUITE_P(Tcp, KilledPeers, testing::Values(Transport::kTcp));
 INSTANTIATE_TEST_SUITE_P(SharedMemory, KilledPeers, testing::Values(Transport::kSharedMemory));
 
-TEST_P(KilledPeers, FailTheNextOnewayAndTellHowManyMayNotHaveArrived) {
+TEST_P(KilledPeers, FailTheNextOnewayWithTheCountOfThoseNotConfirmed) {
   std::thread killer([&] {
     EXPECT_TRUE(await([&] { return arrived_.value() >= 100; }));
     victim_.kill();
@@ -159,7 +159,7 @@ TEST_P(KilledPeers, FailTheNextOnewayAndTellHowManyMayNotHaveArrived) {
   EXPECT_EQ(next.error(), CallError::kUnreachable) << to_string(next.error());
 }
 
-TEST_P(KilledPeers, AreToldWithTheExactCountOfWhatTheyHadNotRead) {
+TEST_P(KilledPeers, AreReportedWithTheExactCountOfUnreadOneways) {
   note_unread(100);
   victim_.kill();
   CallError error{};
@@ -186,7 +186,7 @@ TEST_P(KilledPeers, AreReplacedAndTheNextOnewayArrives) {
   EXPECT_TRUE(await([&] { return arrived_.value() == 1; }));
 }
 
-TEST_P(KilledPeers, ThatConfirmedAllAreNoLoss) {
+TEST_P(KilledPeers, CostNothingIfTheyConfirmedAll) {
   ASSERT_TRUE(note(*binding_));
   ASSERT_TRUE(binding_->call(kPing, {}));
   victim_.kill();
@@ -207,7 +207,7 @@ TEST_P(KilledPeers, ThatConfirmedAllAreNoLoss) {
   }
 }
 
-TEST_P(KilledPeers, AreToldToTheSenderThoughAnotherCallerFindsTheEnd) {
+TEST_P(KilledPeers, AreReportedToTheSenderEvenIfAnotherCallerDetectsThem) {
   Binding other = bind();
   note_unread(10);
   victim_.kill();
@@ -239,7 +239,7 @@ TEST_P(KilledPeers, AreFoundByACheckThatSendsNothing) {
 }
 
 // The kernel drops datagrams to a stopped server, and no side reports it.
-TEST_P(KilledPeers, ThatAreOnlyStoppedRefuseOnewaysWhenNoMoreFits) {
+TEST_P(KilledPeers, RefuseOnewaysWhenFullWhileOnlyStopped) {
   if (is_udp()) GTEST_SKIP() << "UDP tells nothing";
   note_unread(1);
   CallError error{};
@@ -267,7 +267,7 @@ TEST_P(KilledPeers, EndStreamsThatWait) {
   EXPECT_FALSE(stream->is_open());
 }
 
-TEST_P(KilledPeers, ThatAreOnlyStoppedEndStreamsAndCallsByTime) {
+TEST_P(KilledPeers, EndStreamsAndCallsByTimeWhileOnlyStopped) {
   auto stream = binding_->open_stream(kTicks, {}, {.miss_count_max = kMissCountMin});
   ASSERT_TRUE(stream) << to_string(stream.error());
   victim_.stop();

@@ -194,7 +194,7 @@ TEST_P(NameSuite, TakesBegunCallsAlong) {
   EXPECT_EQ(binding.url(), second.url());
 }
 
-TEST_P(NameSuite, SaysThatTheNameLeadsToAnotherInterface) {
+TEST_P(NameSuite, ReportsThatTheNameLeadsToAnotherInterface) {
   Binding binding = bind();
   ASSERT_TRUE(binding.call(echo::kEcho, {}));
   OtherServant other({"lab.Other", 1, "by hand", {}});
@@ -217,7 +217,7 @@ TEST_P(NameSuite, SaysThatTheNameLeadsToAnotherInterface) {
   server->stop();
 }
 
-TEST_P(NameSuite, SaysThatTheNameLeadsToAnotherVersion) {
+TEST_P(NameSuite, ReportsThatTheNameLeadsToAnotherVersion) {
   Binding binding = bind();
   ASSERT_TRUE(binding.call(echo::kEcho, {}));
   auto methods = echo::kMethods;
@@ -233,7 +233,7 @@ TEST_P(NameSuite, SaysThatTheNameLeadsToAnotherVersion) {
   server->stop();
 }
 
-TEST_P(NameSuite, SaysThatTheNameIsGone) {
+TEST_P(NameSuite, ReportsThatTheNameIsGone) {
   Binding binding = bind();
   ASSERT_TRUE(binding.call(echo::kEcho, {}));
   move_to("");
@@ -261,7 +261,7 @@ TEST_P(NameSuite, LeavesAnAddressWhereAnotherServerStandsIn) {
   EXPECT_EQ(binding.url(), second.url());
 }
 
-TEST_P(NameSuite, LooksANameUpOnceASecondAtMostForAllOfItsBindings) {
+TEST_P(NameSuite, ResolvesANameAtMostOnceASecondForAllItsBindings) {
   std::vector<Binding> bindings;
   for (int i = 0; i < 3; ++i)
     bindings.push_back(bind());

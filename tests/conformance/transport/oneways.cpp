@@ -130,7 +130,7 @@ INSTANTIATE_TEST_SUITE_P(Tcp, Oneways, testing::Values(Transport::kTcp));
 INSTANTIATE_TEST_SUITE_P(SharedMemory, Oneways, testing::Values(Transport::kSharedMemory));
 INSTANTIATE_TEST_SUITE_P(Local, Oneways, testing::Values(Transport::kLocal));
 
-TEST_P(Oneways, OfABurstAllRunInOrderAndBeforeTheNextCall) {
+TEST_P(Oneways, RunInOrderAndBeforeTheNextCall) {
   start();
   occupy();
   CallError error{};
@@ -142,7 +142,7 @@ TEST_P(Oneways, OfABurstAllRunInOrderAndBeforeTheNextCall) {
   EXPECT_EQ(servant_.numbers(), numbers_up_to(501));
 }
 
-TEST_P(Oneways, OfManyThreadsRunOnceEach) {
+TEST_P(Oneways, RunOnceEachFromManyThreads) {
   constexpr int kThreadCount = 4;
   constexpr int kCount = 500;
   start();
@@ -173,7 +173,7 @@ class LocalOneways : public Oneways {
 
 INSTANTIATE_TEST_SUITE_P(Local, LocalOneways, testing::Values(Transport::kLocal));
 
-TEST_P(LocalOneways, BeyondTheirPlacesAreRefusedAndCounted) {
+TEST_P(LocalOneways, AreRefusedAndCountedWithoutAFreeSlot) {
   start(config_of(8));
   occupy();
   CallError error{};
@@ -202,7 +202,7 @@ TEST_P(LocalOneways, AreCountedAsRefusedByALaneThatSleeps) {
   EXPECT_TRUE(await_numbers({1}));
 }
 
-TEST_P(LocalOneways, TakeCallChannelsWhereTheyHaveNoPlaces) {
+TEST_P(LocalOneways, UseCallChannelsWithoutSlotsOfTheirOwn) {
   NodeConfig node = node_config();
   node.channel_count_max = 3;
   start(config_of(0), node);
@@ -214,7 +214,7 @@ TEST_P(LocalOneways, TakeCallChannelsWhereTheyHaveNoPlaces) {
   EXPECT_TRUE(await_numbers({0, 1}));
 }
 
-TEST_P(LocalOneways, ThatAreLargeTakeCallChannelsInTheSameOrder) {
+TEST_P(LocalOneways, UseCallChannelsInTheSameOrderWhenLarge) {
   start(config_of(8));
   occupy();
   EXPECT_TRUE(send(0));
@@ -227,7 +227,7 @@ TEST_P(LocalOneways, ThatAreLargeTakeCallChannelsInTheSameOrder) {
   EXPECT_TRUE(await_numbers({0, 1, 2}));
 }
 
-TEST_P(LocalOneways, ThatWaitWhenTheServerStopsEndWithIt) {
+TEST_P(LocalOneways, EndWithTheServerWhileTheyWait) {
   start(config_of(8));
   occupy();
   CallError error{};

@@ -84,7 +84,7 @@ TEST_P(Streams, BringLargeItemsWholeAndInOrder) {
   }
 }
 
-TEST_P(Streams, BringItemsOfAllSizesInOneRow) {
+TEST_P(Streams, BringItemsOfAllSizesInOrder) {
   const std::vector<std::size_t> sizes{0,       1,         1344,  1345,    9000,   16320,
                                        16321,   65472,     65473, 100'000, 43'008, 43'009,
                                        700'001, 1'300'000, 5,     200'000, 0,      3};
@@ -108,7 +108,7 @@ TEST_P(Streams, BringItemsOfAllSizesInOneRow) {
 }
 
 // hp-5.10-10
-TEST_P(Streams, TakeItemsAsLargeAsMessagesAndTellOfLargerOnes) {
+TEST_P(Streams, AcceptItemsAsLargeAsMessagesAndReportLargerOnes) {
   auto reader = binding_->open_stream(kCount, {});
   ASSERT_TRUE(reader);
   ItemWriter writer = servant_.writer();
@@ -126,7 +126,7 @@ TEST_P(Streams, TakeItemsAsLargeAsMessagesAndTellOfLargerOnes) {
 }
 
 // hp-5.10-10: the smaller of both limits.
-TEST_P(Streams, TakeItemsAsLargeAsTheirReadersLimit) {
+TEST_P(Streams, AcceptItemsUpToTheReadersLimit) {
   NodeConfig config = node_config();
   config.message_size_max = 70'000;
   Node node(config);
@@ -198,7 +198,7 @@ TEST_P(Streams, OutliveAReaderThatDoesOtherThings) {
 }
 
 // hp-5.10-7: a stream that ran is not reported as "not run".
-TEST_P(Streams, AreLostForAReaderThatIsAwayForTooLong) {
+TEST_P(Streams, ExpireForAReaderThatIsAwayTooLong) {
   auto reader = binding_->open_stream(kCount, {}, {.pause_max = 200ms});
   ASSERT_TRUE(reader);
   ItemWriter writer = servant_.writer();
@@ -316,7 +316,7 @@ class StreamsOfOneConnection : public DeferredReplies {
 };
 
 // hp-16.4-2: together they have more to send than a connection holds.
-TEST_P(StreamsOfOneConnection, WaitForItsRoom) {
+TEST_P(StreamsOfOneConnection, WaitForItsBufferSpace) {
   constexpr std::uint32_t kItemCount = 20;
   std::vector<std::uint32_t> next(kStreamCount);
   std::vector<ItemWriter> writers;
@@ -442,7 +442,7 @@ TEST_P(StreamsOfAnotherProcess, EndWithIt) {
 }
 
 // The reader acknowledges items that came before the end to a server that is gone.
-TEST_P(StreamsOfAnotherProcess, EndBehindTheItemsThatCameBefore) {
+TEST_P(StreamsOfAnotherProcess, EndAfterTheItemsSentBefore) {
   for (int i = 0; i < 20; ++i) {
     StreamingProcess process(100);
     open(process);

@@ -131,7 +131,7 @@ INSTANTIATE_TEST_SUITE_P(Udp, HubRestart, testing::Values(rpc::Transport::kUdp))
 INSTANTIATE_TEST_SUITE_P(Tcp, HubRestart, testing::Values(rpc::Transport::kTcp));
 INSTANTIATE_TEST_SUITE_P(SharedMemory, HubRestart, testing::Values(rpc::Transport::kSharedMemory));
 
-TEST_P(HubRestart, IsToldToTheSupplierWithTheGapThatConsumersSee) {
+TEST_P(HubRestart, IsReportedToTheSupplierWithTheGapThatConsumersSee) {
   push_all(100);
   ASSERT_TRUE(await([&] { return numbers_.last() == 100; }));
   EXPECT_EQ(settled().maybe_lost_count, 0U);
@@ -150,7 +150,7 @@ TEST_P(HubRestart, IsToldToTheSupplierWithTheGapThatConsumersSee) {
   EXPECT_EQ(counters.maybe_lost_count + counters.failed_count, missing_count());
 }
 
-TEST_P(HubRestart, IsNoLossWhereTheHubHadCountedAll) {
+TEST_P(HubRestart, CostsNothingWhereTheHubHadCountedAll) {
   push_all(100);
   ASSERT_TRUE(await([&] { return numbers_.last() == 100; }));
   EXPECT_EQ(settled().maybe_lost_count, 0U);
@@ -170,7 +170,7 @@ TEST_P(HubRestart, IsNoLossWhereTheHubHadCountedAll) {
   }
 }
 
-TEST_P(HubRestart, IsToldToASupplierThatPushesNothingMore) {
+TEST_P(HubRestart, IsReportedToAnIdleSupplier) {
   push_all(100);
   EXPECT_EQ(settled().maybe_lost_count, 0U);
   hub_->process.stop();
@@ -188,7 +188,7 @@ TEST_P(HubRestart, IsToldToASupplierThatPushesNothingMore) {
   EXPECT_TRUE(push());
 }
 
-TEST_P(HubRestart, CountsWhatWasRefusedWhileThereIsNoHub) {
+TEST_P(HubRestart, CountsEventsRefusedWithoutAHub) {
   push_all(10);
   EXPECT_EQ(settled().maybe_lost_count, 0U);
   const std::uint16_t port = hub_->port();

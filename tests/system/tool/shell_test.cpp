@@ -79,7 +79,7 @@ TEST(Shell, TakesItsRegistryFromTheEnvironment) {
   expect_one_sentence(*end, 3, {"rtpm://127.0.0.1:1/elsewhere"});
 }
 
-TEST(Shell, SeesNoColourWhereNobodyLooks) {
+TEST(Shell, SeesNoColourWithoutATerminal) {
   for (const char* command : {"--help", "doctor", "lanes"})
     EXPECT_EQ(run_program("rtpm", {command}).output.find('\x1b'), std::string::npos) << command;
 }

@@ -92,7 +92,7 @@ TEST_F(FlightFile, HasTheCyclesTimesSince1970) {
   EXPECT_NEAR(static_cast<double>(first_ns - begin_ns), 0, static_cast<double>(kAdjustment));
 }
 
-TEST_F(FlightFile, OfAnotherHostGoesByItsClock) {
+TEST_F(FlightFile, UsesTheClockOfItsHost) {
   const auto here = recording::read_all(*written());
   file_ = folder_.fresh("other");
   log_.clock_offset = std::chrono::hours{5};
@@ -130,7 +130,7 @@ TEST_F(FlightFile, ReplacesAnotherOnlyOnRequest) {
   EXPECT_FALSE(std::filesystem::exists(file_ + ".part"));
 }
 
-TEST_F(FlightFile, ThatCantBeWrittenIsAnError) {
+TEST_F(FlightFile, IsAnErrorIfItCannotBeWritten) {
   const std::string file = file_ + "/none/flight.mcap";
   for (const recording::Existing existing :
        {recording::Existing::kRefuse, recording::Existing::kReplace}) {

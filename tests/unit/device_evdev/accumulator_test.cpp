@@ -74,7 +74,7 @@ TEST_F(EvdevAccumulator, CountsEdgesAndNotRepeats) {
   EXPECT_EQ(accumulator_.state().buttons, 0u);
 }
 
-TEST_F(EvdevAccumulator, GoesOnWithTheEdgesOfADeviceThatWasGone) {
+TEST_F(EvdevAccumulator, KeepsItsEdgeCountsOverAReplug) {
   event(EV_KEY, BTN_SOUTH, 1);
   const State before = report();
   const Accumulator again(layout_, capabilities_, before, kStart);
@@ -103,7 +103,7 @@ TEST_F(EvdevAccumulator, ClampsAndCountsValuesOutOfRange) {
   EXPECT_EQ(state.corrupt_count, 0u);
 }
 
-TEST_F(EvdevAccumulator, DropsAndCountsEventsThatMeanNothing) {
+TEST_F(EvdevAccumulator, DropsAndCountsMeaninglessEvents) {
   event(EV_ABS, 0xffff, 1);
   event(EV_REL, 0xffff, 1);
   event(EV_KEY, 0xffff, 1);
@@ -118,7 +118,7 @@ TEST_F(EvdevAccumulator, DropsAndCountsEventsThatMeanNothing) {
   EXPECT_EQ(state.buttons, 0u);
 }
 
-TEST_F(EvdevAccumulator, TakesNoTimeOfTheFutureOrBackwards) {
+TEST_F(EvdevAccumulator, RefusesTimesThatGoBackOrLieInTheFuture) {
   accumulator_.apply({kNever, EV_SYN, SYN_REPORT, 0}, now_ + milliseconds{3});
   EXPECT_EQ(accumulator_.state().time, now_ + milliseconds{3});
   accumulator_.apply({MonotonicTime{}, EV_SYN, SYN_REPORT, 0}, now_ + milliseconds{4});
@@ -155,7 +155,7 @@ TEST_F(EvdevDialAccumulator, AddsTurnsUp) {
   EXPECT_NEAR(again.state().joints[0], 3 * std::numbers::pi, 1e-9) << "also when it comes back";
 }
 
-TEST_F(EvdevDialAccumulator, ClampsStepsThatNoHandMakes) {
+TEST_F(EvdevDialAccumulator, ClampsImpossibleSteps) {
   event(EV_REL, REL_DIAL, std::numeric_limits<std::int32_t>::min());
   const State& state = report();
   EXPECT_EQ(state.clamped_count, 1u);

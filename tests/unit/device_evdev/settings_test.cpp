@@ -49,7 +49,7 @@ TEST(EvdevChoice, TakesTheOnlyJoystick) {
   EXPECT_FALSE(choose({}, {}, std::nullopt));
 }
 
-TEST(EvdevChoice, GoesByEachWord) {
+TEST(EvdevChoice, SelectsByEachOption) {
   const std::vector<Unit> units{unit("event1", "Keyboard", "", "a", false),
                                 unit("event2", "Pad", "A1", "b"), unit("event3", "Pad", "A2", "c")};
   EXPECT_EQ(choose(units, {.serial = "A2"}, std::nullopt)->node, "event3");

@@ -103,7 +103,7 @@ TEST(FalconKinematics, JacobianAgreesWithFiniteDifferences) {
   }
 }
 
-TEST(FalconKinematics, RefusesWhatNoLegReaches) {
+TEST(FalconKinematics, RefusesUnreachablePositions) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   for (const double wrong : {kNan, kInfinity, -kInfinity, 1e308, 9.0}) {
@@ -117,7 +117,7 @@ TEST(FalconKinematics, RefusesWhatNoLegReaches) {
   EXPECT_FALSE(forward(upper_angles({-32768, 32767, 0}), kCentre));
 }
 
-TEST(FalconForce, NeedsTheCountsOfTheReference) {
+TEST(FalconForce, MatchesTheReferenceCounts) {
   const auto unlimited = [](const Vector3& force) {
     return motor_force(force, kCentre, 1000, kScale);
   };
@@ -144,7 +144,7 @@ TEST(FalconForce, IsThatOfTheMotors) {
   }
 }
 
-TEST(FalconForce, IsNoneForANumberThatIsNotFiniteAndWhereNoLegReaches) {
+TEST(FalconForce, IsZeroForNonFiniteNumbersAndUnreachablePositions) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   for (const double wrong : {kNan, kInfinity, -kInfinity}) {

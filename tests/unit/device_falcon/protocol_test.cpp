@@ -126,7 +126,7 @@ TEST(FtdiStatus, IsRemovedFromEachUsbPacketAndNotOnlyFromTheFirst) {
             std::string(62, 'a') + std::string(62, 'b') + "cc");
 }
 
-TEST(FtdiStatus, AloneIsNoPayload) {
+TEST(FtdiStatus, HasNoPayloadAlone) {
   for (const std::size_t size : {0u, 1u, 2u}) {
     std::vector<std::byte> bytes(size);
     EXPECT_EQ(strip_status(bytes), 0u);

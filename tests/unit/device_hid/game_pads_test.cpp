@@ -106,7 +106,7 @@ TEST(HidGamePads, KeepTheApplicationsOfOneDeviceApart) {
   EXPECT_EQ(state.analogs[0], 1);
 }
 
-TEST(HidProbe, TellsWhatIsLeftOut) {
+TEST(HidProbe, ListsInputsThatAreLeftOut) {
   const auto found = found_among({unit_named("SwitchProBT"), unit_named("Mouse")});
   ASSERT_EQ(found.size(), 1u) << "a mouse is no pad";
   EXPECT_EQ(found[0].refusal, "");

@@ -73,7 +73,7 @@ TEST(HidReportDescriptor, RestoresPushedStates) {
   EXPECT_EQ(descriptor->inputs[0].bit_size, 8);
 }
 
-TEST(HidReportDescriptor, RefusesWhatIsWrong) {
+TEST(HidReportDescriptor, RefusesInvalidDescriptors) {
   const std::vector<std::vector<std::byte>> wrong{
       bytes({0x26, 0x01}),                                // Cut off.
       bytes({0xC0}),                                      // An end without a beginning.
@@ -93,7 +93,7 @@ TEST(HidReportDescriptor, RefusesWhatIsWrong) {
 }
 
 /// A maker's block of bytes must not keep a pad out.
-TEST(HidReportDescriptor, CountsWhatItDoesNotRead) {
+TEST(HidReportDescriptor, CountsSkippedItems) {
   const auto descriptor = parse_report_descriptor(bytes(
       {0x06, 0x00, 0xff, 0x09, 0x01, 0x75, 0x08, 0x96, 0x00, 0x08, 0x81, 0x02,  // 2 048 bytes,
        0x05, 0x01, 0x09, 0x30, 0x95, 0x02, 0x81, 0x00,                          // an array,

@@ -7,7 +7,7 @@
 namespace rtpm::test {
 namespace {
 
-TEST(Buttons, AnEdgeIsCountedForEachThatDiffers) {
+TEST(Buttons, CountAnEdgeForEachChange) {
   std::array<std::uint16_t, 3> edges{0, 7, 0xffff};
   device_io::count_edges(0b0101, 0b1110, edges);
   EXPECT_EQ(edges, (std::array<std::uint16_t, 3>{1, 8, 0xffff})) << "the fourth has no counter";
@@ -15,7 +15,7 @@ TEST(Buttons, AnEdgeIsCountedForEachThatDiffers) {
   EXPECT_EQ(edges[2], 0) << "modulo 65536";
 }
 
-TEST(Buttons, OfASampleGetTheEdgesSinceItsLastOnes) {
+TEST(Buttons, GetTheEdgesSinceTheLastSample) {
   driver::Sample sample;
   sample.buttons = 0b001;
   sample.button_edges[0] = 5;
@@ -28,7 +28,7 @@ TEST(Buttons, OfASampleGetTheEdgesSinceItsLastOnes) {
   EXPECT_EQ(sample.button_edges[2], 1) << "changed while the device was gone";
 }
 
-TEST(Buttons, EdgesLeadToTheStateAlways) {
+TEST(Buttons, KeepEdgesConsistentWithTheState) {
   driver::Sample sample;
   const std::array<std::uint16_t, 1> before{0};
   const std::array<std::uint16_t, 1> now{2};

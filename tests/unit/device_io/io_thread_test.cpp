@@ -28,7 +28,7 @@ TEST(IoThread, StepsUntilItIsStopped) {
   EXPECT_EQ(step_count, count);
 }
 
-TEST(IoThread, IsToldToStopBeforeItsStepIsWoken) {
+TEST(IoThread, IsMarkedStoppedBeforeItsStepIsWoken) {
   rt::Semaphore wake;
   std::atomic<int> step_count{0};
   device_io::IoThread thread;

@@ -31,13 +31,13 @@ TEST(Protocol, ReadsRefusals) {
   EXPECT_FALSE(std::get<Reply>(refused).number);
 }
 
-TEST(Protocol, TakesEventsForEvents) {
+TEST(Protocol, RecognizesEvents) {
   EXPECT_TRUE(std::holds_alternative<Event>(parse(R"({"event":"seek"})")));
   EXPECT_TRUE(std::holds_alternative<Event>(
       parse(R"({"event":"property-change","id":1,"name":"time-pos","data":1.0})")));
 }
 
-TEST(Protocol, TakesEverythingElseForUnreadable) {
+TEST(Protocol, ReportsEverythingElseAsUnreadable) {
   const std::vector<std::string> lines{
       "",
       "garbage",

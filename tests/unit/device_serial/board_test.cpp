@@ -70,7 +70,7 @@ TEST(SerialBoard, DescribesItselfAsInTheTestVector) {
   EXPECT_FALSE(board->has_channels_of(other));
 }
 
-TEST(SerialBoard, DescriptionsThatEndTooEarlyOrTooLateAreRefused) {
+TEST(SerialBoard, RefusesDescriptionsOfAWrongLength) {
   Bytes payload = payload_of(test::vectors::kDescription);
   for (std::size_t size = 0; size < payload.size(); ++size) {
     const auto board = parse_description(ConstBytes(payload).first(size));
@@ -81,7 +81,7 @@ TEST(SerialBoard, DescriptionsThatEndTooEarlyOrTooLateAreRefused) {
   EXPECT_EQ(parse_description(payload).error(), "bytes follow its end");
 }
 
-TEST(SerialBoard, DescriptionsAreRefusedInWords) {
+TEST(SerialBoard, RefusesDescriptionsWithTheReason) {
   const auto head = [] { return Description::head(); };
   constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
   EXPECT_EQ(head().u8(0).u8(0).u8(0).u8(0).fault(), "") << "a board may have nothing";
@@ -136,7 +136,7 @@ TEST(SerialBoard, StatesItsValuesAsInTheTestVector) {
   EXPECT_EQ(state->outputs[0], 1.0F);
 }
 
-TEST(SerialBoard, StatesOfAnotherSizeOrWithImpossibleValuesAreNone) {
+TEST(SerialBoard, RefusesStatesOfAnotherSizeOrWithImpossibleValues) {
   const Bytes payload = payload_of(test::vectors::kState);
   for (std::size_t size = 0; size < payload.size(); ++size)
     EXPECT_FALSE(parse_state(ConstBytes(payload).first(size), kPaddle)) << size;
@@ -154,7 +154,7 @@ TEST(SerialBoard, StatesOfAnotherSizeOrWithImpossibleValuesAreNone) {
   }
 }
 
-TEST(SerialBoard, CommandsAreAsInTheTestVectors) {
+TEST(SerialBoard, EncodesCommandsAsInTheTestVectors) {
   Bytes payload(kCommandSizeMax);
   BoardCommand command{.is_on = true, .watchdog_ms = 30};
   command.efforts[0] = 0.0625F;

@@ -102,7 +102,7 @@ TEST(SerialFrames, ComeBackAsTheyWereOfEveryLength) {
 }
 
 /// The host reads frames that the firmware writes, and the reverse.
-TEST(SerialFrames, OfHostAndFirmwareAreTheSame) {
+TEST(SerialFrames, AreTheSameForHostAndFirmware) {
   std::mt19937_64 random(9);
   FrameCutter cutter;
   rtpm_board::Reader reader;
@@ -130,7 +130,7 @@ TEST(SerialFrames, OfHostAndFirmwareAreTheSame) {
   EXPECT_EQ(writer.finish(), 0u) << "a frame that does not fit is not sent";
 }
 
-TEST(SerialFrames, WithAnyBitFlippedAreDropped) {
+TEST(SerialFrames, AreDroppedWithAnyBitFlipped) {
   const Bytes state = bytes(test::vectors::kState);
   for (std::size_t bit = 0; bit < 8 * (state.size() - 1); ++bit) {
     Bytes wire = state;
@@ -161,7 +161,7 @@ TEST(SerialFrames, ArePutTogetherAndApart) {
   EXPECT_EQ(frame_count, 2u);
 }
 
-TEST(SerialFrames, ThatAreCutOffTakeTheNextOneWithThemAndNoMore) {
+TEST(SerialFrames, LoseAtMostTheNextOneWhenCutOff) {
   const Bytes state = bytes(test::vectors::kState);
   for (std::size_t size = 1; size < state.size() - 1; ++size) {
     FrameCutter cutter;
@@ -191,7 +191,7 @@ TEST(SerialFrames, SayWhatIsWrong) {
   EXPECT_EQ(fault_of(bytes("01 01 01 01 01 01 01 01 01 01 01 01")), FrameFault::kChecksum);
 }
 
-TEST(SerialFrames, ThatAreTooLongAreDroppedAndNothingElse) {
+TEST(SerialFrames, AreDroppedAloneIfTooLong) {
   FrameCutter cutter;
   EXPECT_TRUE(push(cutter, Bytes(100'000, std::byte{0xff})).faults.empty());
   const Bytes end(1, std::byte{0});

@@ -60,7 +60,7 @@ TEST_F(SerialMockedUsb, PortsAreListedWithTheirIds) {
   EXPECT_EQ(ports[0].serial, "U1");
 }
 
-TEST_F(SerialMockedUsb, ProbeSaysWhichWordsMeanWhichBoard) {
+TEST_F(SerialMockedUsb, ProbePrintsTheOptionsOfEachBoard) {
   add_board("1-1", "ttyACM0", "U1");
   add_board("1-2", "ttyACM1", "T1");
   add_board("1-3", "ttyACM2", "T1");

@@ -79,7 +79,7 @@ class SerialSketch : public ::testing::Test {
   std::uint64_t number_ = 0;
 };
 
-TEST_F(SerialSketch, IsWhatTheDriverTakesABoardForThatIsNotThere) {
+TEST_F(SerialSketch, IsTheDriversDefaultBoard) {
   EXPECT_TRUE(board_.has_channels_of(fallback_board()));
   EXPECT_EQ(board_.name, fallback_board().name);
   EXPECT_EQ(fake_arduino.speed_baud, PortSettings{}.speed_baud);

@@ -21,7 +21,7 @@ std::vector<FoundDevice> find_falcon() {
   return {falcon()};
 }
 
-TEST(DriverList, NamesWhatThisBuildLacks) {
+TEST(DriverList, NamesDriversThatThisBuildLacks) {
   const auto make =
       [](const deviced::DeviceSettings&) -> expected<std::unique_ptr<driver::Driver>, SetupError> {
     return setup_error("no");
@@ -44,7 +44,7 @@ TEST(Drivers, AreListedOnce) {
   EXPECT_FALSE(deviced::is_driver("lever"));
 }
 
-TEST(Drivers, LeftOutOfTheBuildNameWhatTheyNeed) {
+TEST(Drivers, NameTheirRequirementsIfLeftOut) {
   for (const DriverInfo& info : deviced::drivers()) {
     if (info.make != nullptr) continue;
     const auto made = deviced::make_driver({.name = "x0", .driver = info.name});
@@ -56,7 +56,7 @@ TEST(Drivers, LeftOutOfTheBuildNameWhatTheyNeed) {
   EXPECT_NE(unknown.error().remedy.find("arm, biometric"), std::string::npos);
 }
 
-TEST(Probe, AsksEachDriverThatCanLook) {
+TEST(Probe, AsksEachDriverThatCanProbe) {
   const std::vector<DriverInfo> drivers{{"arm", "", nullptr, nullptr, ""},
                                         {"falcon", "", nullptr, &find_falcon, ""},
                                         {"hid", "", nullptr, &find_falcon, ""}};
@@ -70,7 +70,7 @@ TEST(Probe, SaysHowToServeADevice) {
   EXPECT_NE(deviced::probe_text({}).find("--list-drivers"), std::string::npos);
 }
 
-TEST(Probe, TellsWhatIsLeftOutAndWhatIsNotServed) {
+TEST(Probe, ListsInputsLeftOutAndDevicesNotServed) {
   FoundDevice pad = falcon();
   pad.left_out = "3 buttons: a sample holds 16";
   FoundDevice other = falcon();
@@ -93,7 +93,7 @@ TEST(Probe, GivesTheRulesOfMissingRightsOnce) {
   EXPECT_EQ(text.find("RULE-F"), text.rfind("RULE-F"));
 }
 
-TEST(Probe, EscapesWhatADeviceSays) {
+TEST(Probe, EscapesTextOfADevice) {
   FoundDevice rude = falcon();
   rude.model = "bad\x1b[31m";
   rude.arguments = "serial=a'b";

@@ -15,7 +15,7 @@
 namespace rtpm::display {
 namespace {
 
-TEST(Line, OfAnArmIsItsPositionAndItsForce) {
+TEST(Line, ShowsPositionAndForceOfAnArm) {
   const auto arm = device_sim::SimDriver::create({});
   ASSERT_TRUE(arm);
   driver::Sample sample;
@@ -26,7 +26,7 @@ TEST(Line, OfAnArmIsItsPositionAndItsForce) {
   EXPECT_EQ(first_value((*arm)->describe(), sample), 5);
 }
 
-TEST(Line, OfAGazeTrackerIsWhereOneLooks) {
+TEST(Line, ShowsTheGazePointOfATracker) {
   driver::Sample sample;
   // 10 degrees to the left: a turn about y.
   sample.pose.orientation = {0, std::sin(0.0873), 0, std::cos(0.0873)};
@@ -36,7 +36,7 @@ TEST(Line, OfAGazeTrackerIsWhereOneLooks) {
   EXPECT_NE(line.find("[blink]"), std::string::npos);
 }
 
-TEST(Line, OfOthersAreTheirChannelsWithUnits) {
+TEST(Line, ShowsTheChannelsOfOtherDevicesWithUnits) {
   driver::Sample sample;
   sample.joints[0] = 1;
   EXPECT_EQ(values_text(device_sim::KnobDriver({}).describe(), sample), "dial   +57.3°");

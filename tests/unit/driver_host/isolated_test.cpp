@@ -117,7 +117,7 @@ TEST_F(Isolated, PassesErrorsOn) {
   EXPECT_FALSE(isolate(command));
 }
 
-TEST_F(Isolated, ThatCrashesAtItsStartIsAnError) {
+TEST_F(Isolated, FailsIfItCrashesAtItsStart) {
   auto command = config();
   command.command.back() = "crash";
   const auto made = isolate(command);
@@ -154,7 +154,7 @@ TEST_F(Isolated, IsGoneWhenItCrashesAndComesBack) {
   }
 }
 
-TEST_F(Isolated, ThatHangsIsLateThenKilled) {
+TEST_F(Isolated, IsLateThenKilledWhenItHangs) {
   begin(config(std::chrono::milliseconds{20}));
   EXPECT_EQ(exchange(kHang), ExchangeStatus::kLate);
   EXPECT_EQ(exchange(), ExchangeStatus::kLate);

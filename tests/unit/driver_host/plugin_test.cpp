@@ -73,7 +73,7 @@ TEST(Plugin, MakesAsManyDriversAsThereAreDevices) {
   EXPECT_TRUE(second->activate()) << "and keeps the plug-in loaded";
 }
 
-TEST(Plugin, OfTheWorkingFolderNeedsNoPath) {
+TEST(Plugin, NeedsNoPathInTheWorkingFolder) {
   const auto before = std::filesystem::current_path();
   std::filesystem::current_path(RTPM_PLUGIN_FOLDER);
   EXPECT_TRUE(load_plugin("plugin.so", ""));
@@ -85,7 +85,7 @@ TEST(Plugin, IsNotSearchedForAmongTheSystemsLibraries) {
                  {"libm.so.6", "can't be loaded", "No such file", "name the file"});
 }
 
-TEST(Plugin, ThatIsNoFileOrNoLibraryIsRefused) {
+TEST(Plugin, IsRefusedIfItIsNotALibrary) {
   expect_refusal("/nowhere/lever.so", "", {"/nowhere/lever.so", "No such file", "name the file"});
   const auto text = std::filesystem::path(testing::TempDir()) / "rtpm_no_library.so";
   std::ofstream(text) << "this is a text\n";
@@ -96,7 +96,7 @@ TEST(Plugin, ThatIsNoFileOrNoLibraryIsRefused) {
   expect_refusal(testing::TempDir(), "", {"can't be loaded"});
 }
 
-TEST(Plugin, WithoutTheSymbolIsRefused) {
+TEST(Plugin, IsRefusedWithoutTheSymbol) {
   expect_refusal(
       plugin("no_symbol"), "",
       {"no_symbol.so is no plug-in", "does not export rtpm_driver_plugin", "RTPM_DRIVER_PLUGIN"});
@@ -118,7 +118,7 @@ class Watched {
   void* handle_;
 };
 
-TEST(Plugin, OfAnotherRtpmIsRefusedBeforeItRuns) {
+TEST(Plugin, IsRefusedForAnotherVersionBeforeItRuns) {
   const std::vector<std::pair<std::string, std::string>> foreigners{
       {"foreign_abi", "the version of the interface is 2 there and 1 here"},
       {"foreign_sample", "the size of Sample is "},
@@ -150,12 +150,12 @@ TEST(Plugin, ExportsItsOneSymbol) {
   }
 }
 
-TEST(Plugin, ThatFailsToMakeItsDriverIsRefused) {
+TEST(Plugin, IsRefusedIfItMakesNoDriver) {
   expect_refusal(plugin("plugin"), "error", {"no gripper", "buy one"});
   expect_refusal(plugin("plugin"), "null", {"plugin.so made no driver", "ask its author"});
 }
 
-TEST(Plugin, ThatThrowsAtSetUpIsRefused) {
+TEST(Plugin, IsRefusedIfItThrowsAtSetUp) {
   for (const std::string place : {"create", "describe", "parameters", "calibrations"}) {
     expect_refusal(plugin("plugin"), place,
                    {"plugin.so failed in " + place + "()", "the gripper is stuck", "author"});
@@ -164,7 +164,7 @@ TEST(Plugin, ThatThrowsAtSetUpIsRefused) {
   }
 }
 
-TEST(Plugin, ThatThrowsLaterReturnsAnError) {
+TEST(Plugin, ReturnsAnErrorIfItThrowsLater) {
   for (const auto& [kind, words] : {std::pair{std::string(), "the gripper is stuck"},
                                     std::pair{std::string(":int"), "no std::exception"}}) {
     const auto configured = load("configure" + kind)->configure({});

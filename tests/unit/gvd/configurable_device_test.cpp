@@ -130,7 +130,7 @@ TEST_F(Cycled, ChangesBetweenTwoCyclesOnTheDevicesThreadAndReadsBack) {
   EXPECT_EQ(cycle_.present_safety().force_newton_max, 8) << "the others stay";
 }
 
-TEST_F(Cycled, WhatTheDriverRefusesChangesNothing) {
+TEST_F(Cycled, ChangesNothingThatTheDriverRefuses) {
   std::vector<ParameterSetting> settings{{"safety.ramp_s", 0.01}, {"gain", 5.0}};
   const auto applied = apply(settings);
   ASSERT_FALSE(applied);
@@ -140,7 +140,7 @@ TEST_F(Cycled, WhatTheDriverRefusesChangesNothing) {
   EXPECT_EQ(driver_.gain, 1);
 }
 
-TEST_F(Cycled, AnActiveDeviceRefusesWhatNeedsAnInactiveOne) {
+TEST_F(Cycled, RefusesSomeParametersWhileActive) {
   std::vector<ParameterSetting> settings{{"on", false}};
   const auto applied = apply(settings, true);
   ASSERT_FALSE(applied);
@@ -148,7 +148,7 @@ TEST_F(Cycled, AnActiveDeviceRefusesWhatNeedsAnInactiveOne) {
   EXPECT_EQ(driver_.thread, std::thread::id{});
 }
 
-TEST_F(Cycled, WithoutACycleInTimeAChangeNeverHappens) {
+TEST_F(Cycled, AbandonsAChangeWithoutACycleInTime) {
   std::vector<ParameterSetting> settings{{"gain", 2.0}};
   EXPECT_EQ(device_.apply(settings, false).error().outcome, kBusy);
   bool has_happened = false;

@@ -84,7 +84,7 @@ TEST_F(Cycle, PublishesASampleEveryCycle) {
   EXPECT_TRUE(sample().faults.empty());
 }
 
-TEST_F(Cycle, TellsTheDriverTheTimeAndTheEndOfItsForce) {
+TEST_F(Cycle, PassesTimeAndForceDeadlineToTheDriver) {
   acquire();
   run(1);
   ASSERT_TRUE(command(2));
@@ -425,7 +425,7 @@ TEST_F(Cycle, AnOlderCommandIsRefused) {
   EXPECT_EQ(cycle_->counters().old_command_count, 1u);
 }
 
-TEST_F(Cycle, ANumberThatIsNoneIsRefusedAndLatchesTillRecovery) {
+TEST_F(Cycle, ANonFiniteNumberIsRefusedAndLatchesUntilRecovery) {
   acquire();
   reach(5);
   const auto refused = command(std::numeric_limits<double>::quiet_NaN());
@@ -586,7 +586,7 @@ TEST_F(Cycle, ADriverSetsItsOwnFaultBitsOnly) {
   EXPECT_TRUE(sample().faults.has(Fault::kEmergencyStop)) << "the server's own";
 }
 
-TEST_F(Cycle, APoseOrATimeThatCantBeIsMarked) {
+TEST_F(Cycle, AnImpossiblePoseOrTimeIsMarked) {
   const auto is_marked = [&](auto change) {
     driver_.script = [change](const driver::Command&, driver::Sample& sample) {
       sample.pose = {};

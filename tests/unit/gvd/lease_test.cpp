@@ -107,7 +107,7 @@ TEST(Lease, IsTakenOver) {
   EXPECT_TRUE(lease.renew(*next));
 }
 
-TEST(Lease, OfAnOperatorLastsAsLongAsItIsRenewed) {
+TEST(Lease, LastsForAnOperatorAsLongAsItIsRenewed) {
   LeaseConfig config;
   config.operator_silence_max = seconds{5};
   Lease lease{config, {1, 2}};

@@ -56,7 +56,7 @@ TEST(Mailbox, RefusesWhatIsNotNewerThanItsWritersLast) {
   EXPECT_EQ(put(mailbox, 1, 3), MailOutcome::kPut) << "the counter wraps";
 }
 
-TEST(Mailbox, HasNothingOfAWriterThatIsNotAllowed) {
+TEST(Mailbox, IgnoresAWriterThatIsNotAllowed) {
   Mailbox<Letter> mailbox;
   EXPECT_EQ(mailbox.put({1, 1}, letter(1), [] { return false; }), MailOutcome::kRefused);
   EXPECT_FALSE(mailbox.take());
@@ -64,7 +64,7 @@ TEST(Mailbox, HasNothingOfAWriterThatIsNotAllowed) {
 
 // A writer checks its permission in the middle of its put: there the test stops it.
 
-TEST(Mailbox, AWriterThatStoppedInTheMiddleHoldsNobodyUp) {
+TEST(Mailbox, IsNotBlockedByAWriterThatStopsMidway) {
   Mailbox<Letter> mailbox;
   int ask_count = 0;
   const auto outcome = mailbox.put({1, 1}, letter(1), [&] {
@@ -81,7 +81,7 @@ TEST(Mailbox, AWriterThatStoppedInTheMiddleHoldsNobodyUp) {
   EXPECT_FALSE(mailbox.take());
 }
 
-TEST(Mailbox, AFormerWriterThatGoesOnReplacesNothingOfTheNext) {
+TEST(Mailbox, IgnoresAFormerWriterThatGoesOn) {
   Mailbox<Letter> mailbox;
   bool is_former_allowed = true;
   const auto outcome = mailbox.put({1, 1}, letter(1), [&] {

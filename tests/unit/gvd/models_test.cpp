@@ -135,7 +135,7 @@ TEST_F(ModelsInTheCycle, AreReplacedAsAWhole) {
   EXPECT_EQ(applied(), Vector3{});
 }
 
-TEST_F(ModelsInTheCycle, OfARefusedListChangeNothing) {
+TEST_F(ModelsInTheCycle, AreUnchangedByARefusedList) {
   rest_on_the_floor();
   const double nan = std::numeric_limits<double>::quiet_NaN();
   for (const double stiffness : {nan, 1e9, -1.0}) {
@@ -150,7 +150,7 @@ TEST_F(ModelsInTheCycle, OfARefusedListChangeNothing) {
   EXPECT_FALSE(sample().faults.has(Fault::kCommandNotFinite));
 }
 
-TEST_F(ModelsInTheCycle, AreTheHoldersAlone) {
+TEST_F(ModelsInTheCycle, AreSetByTheHolderAlone) {
   const auto refused = cycle_->set_models({lease_ ^ 1, 1, ModelList{std::vector<Model>{kFloor}}});
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().outcome, DeviceOutcome::kNotHolder);
@@ -272,7 +272,7 @@ TEST_F(ModelsInTheCycle, EndWithALostDevice) {
   EXPECT_EQ(applied(), Vector3{});
 }
 
-TEST_F(ModelsInTheCycle, OfADialBecomeItsEffort) {
+TEST_F(ModelsInTheCycle, BecomeTheEffortOfADial) {
   driver_.descriptor.joints = {{"dial", "rad", 0, 0, 0, 0.05}};
   driver_.descriptor.modes = {CommandMode::kJointEffort};
   driver_.descriptor.limits = {};
@@ -288,7 +288,7 @@ TEST_F(ModelsInTheCycle, OfADialBecomeItsEffort) {
 }
 
 // Random walls, fields and dampers in a random motion: no list exceeds the device's limits.
-TEST_F(ModelsInTheCycle, OfAnyListKeepTheLimits) {
+TEST_F(ModelsInTheCycle, KeepTheLimitsForAnyList) {
   std::mt19937_64 random(11);
   const auto between = [&random](double low, double high) {
     return std::uniform_real_distribution<double>(low, high)(random);

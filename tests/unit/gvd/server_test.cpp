@@ -328,7 +328,7 @@ TEST_F(Served, AClientGivesTheLeaseBackAtItsEnd) {
   EXPECT_TRUE(next.acquire());
 }
 
-TEST_F(Served, ANumberThatIsNoneIsToldAndTakesTheForceAwayTillRecovery) {
+TEST_F(Served, ANonFiniteNumberIsReportedAndEndsTheForceUntilRecovery) {
   serve_sim();
   DeviceClient client = open();
   ASSERT_TRUE(client.acquire());
@@ -389,7 +389,7 @@ TEST_F(Served, ModelsOfEveryKindAreRenderedAsTheClientSetThem) {
   }));
 }
 
-TEST_F(Served, ModelsThatCantBeRenderedAreRefusedInWords) {
+TEST_F(Served, RefusesModelsThatCannotBeRendered) {
   serve_sim();
   DeviceClient client = open();
   ASSERT_TRUE(client.acquire());
@@ -484,7 +484,7 @@ TEST(DeviceServer, SaysWhyADeviceCantBeSetUp) {
   EXPECT_EQ(started.error().text(), "the cable is out; plug it in.");
 }
 
-TEST(DeviceServer, RefusesAPeriodSafetyOrLeaseThatCantBe) {
+TEST(DeviceServer, RefusesAnInvalidPeriodSafetyOrLease) {
   DeviceServerConfig config = off_realtime();
   config.cycle.period = Duration{0};
   const auto timeless = DeviceServer::create(std::make_unique<test::ScriptedDriver>(), config);
@@ -503,7 +503,7 @@ TEST(DeviceServer, RefusesAPeriodSafetyOrLeaseThatCantBe) {
   EXPECT_NE(idle.error().text().find("idle_max"), std::string::npos);
 }
 
-TEST(DeviceServer, RefusesADescriptorThatCantBe) {
+TEST(DeviceServer, RefusesAnInvalidDescriptor) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const double infinite = std::numeric_limits<double>::infinity();
   const std::vector<std::pair<std::string, std::function<void(driver::Descriptor&)>>> faults{
@@ -572,14 +572,14 @@ TEST_F(Served, APollerCountsWhatFailsAndGoesOn) {
   EXPECT_TRUE(consumer->last_error());
 }
 
-TEST_F(Served, APollerRefusesARateThatCantBe) {
+TEST_F(Served, APollerRefusesAnInvalidRate) {
   Collector collector;
   const auto consumer = DevicePoller::start(node_, "x", {.rate_hz = 0}, collector);
   ASSERT_FALSE(consumer);
   EXPECT_EQ(consumer.error().remedy, "choose 0.1 to 10000 Hz");
 }
 
-TEST_F(Served, ADeviceThatIsNotThereIsAnErrorInWords) {
+TEST_F(Served, AMissingDeviceIsAnError) {
   const auto client = DeviceClient::open(node_, "rtpm://127.0.0.1:9/lab/arm0");
   ASSERT_FALSE(client);
   EXPECT_GT(client.error().text().size(), 20u);

@@ -130,7 +130,7 @@ TEST_F(Commanded, OutputsGoToTheirSafeValuesWithoutACommand) {
   EXPECT_EQ(last().outputs[1], 0);
 }
 
-TEST_F(Commanded, AForceLeavesTheOutputsAsTheyAreAndTheyTheForce) {
+TEST_F(Commanded, ForceAndOutputsDoNotAffectEachOther) {
   const auto force = Setpoint::with_wrench({{2, 0, 0}, {}});
   reach(force);
   ASSERT_TRUE(command(Setpoint::with_outputs({1, 3})));

@@ -88,7 +88,7 @@ TEST_F(KeptStops, OutliveTheirServer) {
   EXPECT_TRUE(listener_.has("lab/arm0: it was stopped before this program began"));
 }
 
-TEST_F(KeptStops, AreOfOneUnitOfADevice) {
+TEST_F(KeptStops, ApplyToOneUnitOfADevice) {
   {
     Program program(folder_, listener_);
     program.server->emergency_stop();
@@ -97,7 +97,7 @@ TEST_F(KeptStops, AreOfOneUnitOfADevice) {
   EXPECT_FALSE(other.server->is_stopped());
 }
 
-TEST_F(KeptStops, OfTheSystemAreObeyedOnceAlsoByTheNextServer) {
+TEST_F(KeptStops, AreObeyedOnceForTheSystemEvenByTheNextServer) {
   {
     Program program(folder_, listener_);
     EXPECT_TRUE(program.keeper.obey(7));
@@ -114,7 +114,7 @@ TEST_F(KeptStops, OfTheSystemAreObeyedOnceAlsoByTheNextServer) {
   EXPECT_TRUE(next.server->is_stopped());
 }
 
-TEST_F(KeptStops, ThatCantBeReadCountAsStops) {
+TEST_F(KeptStops, CountAsStopsIfUnreadable) {
   std::filesystem::create_directories(folder_);
   for (const std::string content :
        {"", "rtpm-stop 2\nrearmed\n", "rtpm-stop 1\nrearm", "rtpm-stop 1\nrearmed\nobeyed 12x\n"}) {
@@ -125,7 +125,7 @@ TEST_F(KeptStops, ThatCantBeReadCountAsStops) {
   EXPECT_TRUE(listener_.has("does not say whether the device is stopped"));
 }
 
-TEST_F(KeptStops, ThatCantBeWrittenAreReportedAndActAllTheSame) {
+TEST_F(KeptStops, ActAndAreReportedIfUnwritable) {
   // A file takes the folder's place.
   std::ofstream(folder_) << "no folder";
   Program program(folder_, listener_);

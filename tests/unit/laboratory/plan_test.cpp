@@ -251,11 +251,11 @@ std::string block_in(const std::string& path) {
   return text.substr(begin + 8, text.find("```", begin + 8) - begin - 8);
 }
 
-TEST_F(File, InTheDocumentIsRight) {
+TEST_F(File, IsValidInTheDocument) {
   EXPECT_GE(plan_of(block_in(RTPM_TOOL_FOLDER "/README.md")).programs.size(), 3u);
 }
 
-TEST_F(File, OfTheDemoIsRight) {
+TEST_F(File, IsValidForTheDemo) {
   const auto plan = read_plan(RTPM_TOOL_FOLDER "/laboratory/demo.toml", {}, {folder_ / "bin"});
   ASSERT_TRUE(plan) << plan.error().front().text();
   EXPECT_EQ(plan->name, "demo");

@@ -30,7 +30,7 @@ TEST(Process, HasItsFolderEnvironmentAndGroup) {
   EXPECT_EQ(group, "1\n");
 }
 
-TEST(Process, HasNoDescriptorButThree) {
+TEST(Process, InheritsThreeDescriptorsOnly) {
   constexpr int kLeaked = 77;
   ASSERT_EQ(dup2(STDERR_FILENO, kLeaked), kLeaked);  // Without O_CLOEXEC.
   EXPECT_EQ(output_of("test -e /proc/$$/fd/77 || echo closed"), "closed\n");
@@ -52,7 +52,7 @@ TEST(Process, HasNoSignalBlockedOrIgnored) {
   EXPECT_EQ(status, "0000000\n0000000\n");
 }
 
-TEST(Process, ThatCannotBeStartedSaysWhy) {
+TEST(Process, SaysWhyItCannotBeStarted) {
   const auto absent = launch("/bin/rtpm-absent", {"x"}, {}, "/", false);
   ASSERT_FALSE(absent);
   EXPECT_NE(absent.error().reason().find("/bin/rtpm-absent"), std::string::npos);
@@ -62,12 +62,12 @@ TEST(Process, ThatCannotBeStartedSaysWhy) {
   EXPECT_NE(outside.error().reason().find("/nowhere"), std::string::npos);
 }
 
-TEST(Process, PrintsLinesAndTheBeginOfOne) {
+TEST(Process, PrintsLinesAndAnUnfinishedOne) {
   EXPECT_EQ(output_of("echo out; printf end"), "out\nend\n");
 }
 
 // SIGKILL ends both processes, one after the other; none of their child processes remains.
-TEST(Guard, EndsDescendantsOfItsKilledWork) {
+TEST(Guard, EndsDescendantsOfItsKilledProcess) {
   std::array<int, 2> pipe{};
   std::array<int, 2> ready{};
   ASSERT_EQ(pipe2(pipe.data(), O_CLOEXEC), 0);

@@ -31,7 +31,7 @@ TEST(FollowMeter, MeasuresFromCommandToPicture) {
   EXPECT_EQ(meter.backwards_s(), 0);
 }
 
-TEST(FollowMeter, ForgetsTargetsThatAreNeverShown) {
+TEST(FollowMeter, DropsTargetsThatAreNeverShown) {
   FollowMeter meter;
   const MonotonicTime begin{std::chrono::seconds{1000}};
   for (int i = 0; i < 1000; ++i)

@@ -27,7 +27,7 @@ std::string refused(const Model& model) {
   return result ? "" : std::string(result.error().field);
 }
 
-TEST(ModelCheck, PassesWhatTheDeviceCanRender) {
+TEST(ModelCheck, PassesModelsThatTheDeviceCanRender) {
   EXPECT_TRUE(check(ModelList{}, ModelLimits{})) << "an empty list suits every device";
   std::mt19937_64 random(1);
   for (int i = 0; i < 2000; ++i) {
@@ -37,7 +37,7 @@ TEST(ModelCheck, PassesWhatTheDeviceCanRender) {
   }
 }
 
-TEST(ModelCheck, RefusesEveryNumberThatIsNotFinite) {
+TEST(ModelCheck, RefusesEveryNonFiniteNumber) {
   const Plane plane{{}, {0, 0, 1}, 100, 0};
   const Sphere ball{{}, 0.02, Side::kSolid, 100, 0};
   const Box box{{}, {1, 1, 1}, Side::kSolid, 100, 0};
@@ -94,7 +94,7 @@ TEST(ModelCheck, RefusesEveryNumberThatIsNotFinite) {
   }
 }
 
-TEST(ModelCheck, RefusesWhatNoLoopKeepsStable) {
+TEST(ModelCheck, RefusesModelsThatNoLoopKeepsStable) {
   const double stiffness_max = test::arm_limits().stiffness_newton_per_m_max;
   EXPECT_EQ(refused(Plane{{}, {0, 0, 1}, stiffness_max, 0}), "");
   EXPECT_EQ(refused(Plane{{}, {0, 0, 1}, stiffness_max * 1.01, 0}), "stiffness_newton_per_m");
@@ -127,7 +127,7 @@ TEST(ModelCheck, NamesTheModelTheFieldAndTheRange) {
             "model 2 (plane): stiffness_newton_per_m is 1e+09; choose 0 to 1600");
 }
 
-TEST(ModelLimitsOf, ADeviceFollowFromItsDampingAndThePeriod) {
+TEST(ModelLimits, FollowFromTheDevicesDampingAndThePeriod) {
   driver::Descriptor arm = test::arm();
   const auto stiffness = [&arm](Duration period) {
     return ModelLimits::for_device(arm, period).stiffness_newton_per_m_max;

@@ -51,7 +51,7 @@ TEST(PlaneForce, IsASpringAndADamperAlongTheNormalThatNeverPulls) {
   expect_near(force_of(Plane{{}, {c, c, 0}, 1000, 0}, {-0.001, -0.001, 0}), {1, 1, 0});
 }
 
-TEST(SphereForce, OfABallLeadsOutAndOfACavityIn) {
+TEST(SphereForce, LeadsOutOfABallAndIntoACavity) {
   const Vector3 centre{0.01, 0, 0};
   const Sphere ball{centre, 0.02, Side::kSolid, 500, 1};
   expect_near(force_of(ball, {0.031, 0, 0}), {});
@@ -64,7 +64,7 @@ TEST(SphereForce, OfABallLeadsOutAndOfACavityIn) {
   expect_near(force_of(cavity, centre), {});
 }
 
-TEST(BoxForce, OfABoxLeadsToTheNearestFaceAndOfARoomToItsNearestPoint) {
+TEST(BoxForce, LeadsToTheNearestFaceOfABoxAndTheNearestPointOfARoom) {
   const Box box{{-0.02, -0.02, -0.02}, {0.02, 0.02, 0.02}, Side::kSolid, 500, 0};
   expect_near(force_of(box, {0.021, 0, 0}), {});
   expect_near(force_of(box, {0.016, 0.001, 0}), {2, 0, 0});

@@ -101,7 +101,7 @@ TEST_F(Recording, WithoutAnyMessageIsARecording) {
   EXPECT_TRUE(read_all(**reader).empty());
 }
 
-TEST_F(Recording, RefusesWhatWasNotAdded) {
+TEST_F(Recording, RefusesUnknownChannelsAndSchemas) {
   auto writer = FileWriter::create(folder_.fresh("file"));
   ASSERT_TRUE(writer);
   EXPECT_FALSE((*writer)->write(Message{.channel_id = 1}));

@@ -90,7 +90,7 @@ TEST_P(Conformance, CopiesEachCombinationOfFeatures) {
 
 // ---- harmful recordings -------------------------------------------------------------------------
 
-TEST_F(Foreign, OtherThanARegularFileIsRefusedWithoutWaiting) {
+TEST_F(Foreign, FileIsRefusedWithoutWaitingUnlessRegular) {
   const std::string pipe = folder_.fresh("pipe");
   ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
   EXPECT_NE(refusal(pipe).find("pipe"), std::string::npos) << refusal(pipe);
@@ -101,7 +101,7 @@ TEST_F(Foreign, OtherThanARegularFileIsRefusedWithoutWaiting) {
 }
 
 /// 1 TB of holes after a valid beginning, which is not read or stored.
-TEST_F(Foreign, ThatIsAHoleOfATerabyteIsRefusedOrEndsAtTheHole) {
+TEST_F(Foreign, FileWithAHoleOfATerabyteIsRefusedOrEndsThere) {
   constexpr off_t kTerabyte = 1'000'000'000'000;
   const std::string path =
       put(header() + record(4, u16(1) + u16(0) + text("a") + text("json") + texts({})));
@@ -152,7 +152,7 @@ TEST_F(Foreign, ChunkIsUnpackedOnlyAsFarAsItStates) {
 }
 
 /// Each chunk is small on disk and large in memory: much work, but it stops on request.
-TEST_F(Foreign, IsLeftWhenProgressSaysSo) {
+TEST_F(Foreign, FileIsClosedWhenTheProgressCallbackStopsIt) {
   const std::string big = message(1, 0, 5, std::string(1 << 22, 'x'));
   std::string content = header() + channel(1, 0, "a");
   for (int i = 0; i < 50; ++i)
@@ -233,7 +233,7 @@ TEST_F(Foreign, StatedTimesAreNotTrusted) {
   EXPECT_NE(refusal(backwards).find("contradicts itself"), std::string::npos);
 }
 
-TEST_F(Foreign, TimesOfAWriterThatStatesNoneAreFound) {
+TEST_F(Foreign, TimesThatTheWriterLeftOutAreFound) {
   const std::string one = chunk(0, 0, channel(1, 0, "a") + message(1, 0, 50, "x"));
   const std::string two = chunk(0, 0, message(1, 1, 40, "y"));
   const std::string summary =
@@ -259,7 +259,7 @@ TEST_F(Foreign, StampsNearTheEndOfTimeAreRead) {
   EXPECT_EQ((*reader)->statistics().end_ns, kLast);
 }
 
-TEST_F(Foreign, WithTwentyThousandChannelsIsCopiedInStraightOrder) {
+TEST_F(Foreign, FileOfTwentyThousandChannelsIsCopiedInOrder) {
   std::string content = header();
   for (std::uint64_t i = 1; i <= 20'000; ++i)
     content += channel(i, 0, "topic/" + std::to_string(i));

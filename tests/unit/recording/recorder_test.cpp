@@ -79,7 +79,7 @@ TEST_F(RealtimeRecording, KeepsTheMessagesOfSeveralThreads) {
   EXPECT_EQ(*check(path_), std::vector<std::string>{});
 }
 
-TEST_F(RealtimeRecording, CountsWhatItDropsAndTheFileSaysIt) {
+TEST_F(RealtimeRecording, CountsDropsAlsoInTheFile) {
   constexpr std::uint32_t kCount = 5'000;
   auto recorder = Recorder::create(path_, kSmall);
   ASSERT_TRUE(recorder) << recorder.error().text();
@@ -109,7 +109,7 @@ TEST_F(RealtimeRecording, CountsWhatItDropsAndTheFileSaysIt) {
             std::to_string(drop_count));
 }
 
-TEST_F(RealtimeRecording, EndsInWordsWhenTheDiskIsFullAndKeepsWhatThereIs) {
+TEST_F(RealtimeRecording, KeepsItsMessagesAndReportsWhenTheDiskIsFull) {
   rlimit before{};
   ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
   const rlimit limit{.rlim_cur = 50'000, .rlim_max = before.rlim_max};
@@ -151,7 +151,7 @@ pid_t record_in_child(const std::string& path) {
   }
 }
 
-TEST_F(RealtimeRecording, OfAKilledProgramRecoversUpToItsLastChunk) {
+TEST_F(RealtimeRecording, RecoversUpToTheLastChunkOfAKilledProgram) {
   const char* const count = std::getenv("RTPM_KILL_COUNT");
   const int kill_count = count == nullptr ? 10 : std::atoi(count);
   std::mt19937 random(27);

@@ -81,7 +81,7 @@ TEST_F(PlaybackTest, PlaysLateMessagesAfterAPause) {
   EXPECT_EQ(played_, (std::vector<int>{0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9})) << "the last one again";
 }
 
-TEST_F(PlaybackTest, ShowsASoughtPlaceAndGoesOnFromThere) {
+TEST_F(PlaybackTest, SeeksAndContinuesFromThere) {
   start({.length = milliseconds{9}});
   playback_->seek(milliseconds{7});
   EXPECT_TRUE(await([this] {

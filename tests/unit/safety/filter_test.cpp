@@ -174,7 +174,7 @@ TEST(Watchdog, HoldsThenFallsInAStraightLineThenIsOff) {
   EXPECT_EQ(filter.zero_at(), at(milliseconds{30}));
 }
 
-TEST(Watchdog, ShortensALifeThatIsTooLong) {
+TEST(Watchdog, ShortensAHoldThatIsTooLong) {
   SafetyConfig plain = plain_config();
   plain.hold_max = milliseconds{50};
   for (const MonotonicTime deadline : {at(seconds{3600}), kNever}) {
@@ -214,7 +214,7 @@ TEST(Watchdog, AShortGapGoesOnSoftlyFromWhereTheForceIs) {
   EXPECT_NEAR(settle(filter, {{0, 4, 0}, {}}, ms, 200).force_newton.y, 4, 1e-9);
 }
 
-TEST(Safety, ANumberThatIsNoneTakesTheForceAwayAndStaysTillRecovery) {
+TEST(Safety, ANonFiniteNumberEndsTheForceUntilRecovery) {
   for (const double bad : {kNan, kInfinity, -kInfinity}) {
     for (int component = 0; component < 6; ++component) {
       SafetyFilter filter{plain_config()};
@@ -316,7 +316,7 @@ TEST(SafetyConfig, TakesTheDevicesLimitsWithEveryMechanismOn) {
   EXPECT_TRUE(config.check());
 }
 
-TEST(SafetyConfig, NamesWhatCantBeUsed) {
+TEST(SafetyConfig, NamesInvalidValues) {
   SafetyConfig bad = config();
   bad.force_newton_max = kNan;
   ASSERT_FALSE(bad.check());

@@ -31,7 +31,7 @@ SafetyConfig config() {
   return config;
 }
 
-TEST(PowerLimit, ShortensWhatGivesTooMuchPower) {
+TEST(PowerLimit, ShortensForcesOfTooMuchPower) {
   SafetyConfig limits = config();
   limits.power_watt_max = 2;
   Wrench wrench = force(8);
@@ -165,7 +165,7 @@ TEST_F(Chain, TripsAndStaysOffUntilRecovery) {
   EXPECT_EQ(run(2, moving(0), 500), force(2));
 }
 
-TEST_F(Chain, TellsWhichMechanismActs) {
+TEST_F(Chain, ReportsTheActiveMechanism) {
   static_cast<void>(run(8, moving(0), 500));
   static_cast<void>(run(8, moving(2), 1));
   EXPECT_TRUE(filter_.faults().has(Fault::kPowerLimited));

@@ -103,20 +103,20 @@ double stable_stiffness(int delay_ms) {
 
 class DelayedWall : public ::testing::TestWithParam<int> {};
 
-TEST_P(DelayedWall, OfTwiceTheStableStiffnessOscillatesWithoutTheGuard) {
+TEST_P(DelayedWall, OscillatesAtTwiceTheStableStiffnessWithoutTheGuard) {
   Rig rig(safety(false), 2 * stable_stiffness(GetParam()), GetParam());
   rig.run(20'000);
   EXPECT_GT(rig.greatest_speed(1000), 0.19);
 }
 
-TEST_P(DelayedWall, OfTwiceTheStableStiffnessStaysBoundedWithTheGuard) {
+TEST_P(DelayedWall, StaysBoundedAtTwiceTheStableStiffnessWithTheGuard) {
   Rig rig(safety(true), 2 * stable_stiffness(GetParam()), GetParam());
   rig.run(20'000);
   EXPECT_LT(rig.greatest_speed(1000), 0.1);
   EXPECT_GT(rig.filter().counters().braked_count, 0u);
 }
 
-TEST_P(DelayedWall, OfHalfTheStableStiffnessIsFeltAsItIs) {
+TEST_P(DelayedWall, IsUnchangedAtHalfTheStableStiffness) {
   Rig rig(safety(true), stable_stiffness(GetParam()) / 2, GetParam());
   rig.run(20'000);
   EXPECT_LT(rig.greatest_speed(1000), 1e-3);

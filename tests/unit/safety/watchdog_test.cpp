@@ -74,7 +74,7 @@ TEST(WatchdogPolicy, IsOffAtOnce) {
   EXPECT_EQ(after_the_loss(WatchdogPolicy::kOff, 0, 1)[0], 0);
 }
 
-TEST(WatchdogPolicy, OfALeaseThatEndsIsTheRampAtMost) {
+TEST(WatchdogPolicy, IsTheRampAtMostWhenALeaseEnds) {
   for (const WatchdogPolicy policy : {WatchdogPolicy::kHold, WatchdogPolicy::kDamp}) {
     WrenchCommand last;
     SafetyFilter filter = lost(config_of(policy), last);

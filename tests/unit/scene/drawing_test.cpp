@@ -48,7 +48,7 @@ TEST(SectionPanel, ShowsPathsSpringAndForce) {
       << "the front shows y";
 }
 
-TEST(SectionPanel, ShowsEachSoManyForcesFromTheNewestOn) {
+TEST(SectionPanel, ShowsEveryNthForceFromTheNewest) {
   std::vector<TouchReport> touches;
   for (int i = 0; i < 10; ++i)
     touches.push_back(touching(Shape::kSphere, 0.001 * i));

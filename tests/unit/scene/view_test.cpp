@@ -67,7 +67,7 @@ TEST(View, KeepsTheNewestOfItsHistory) {
   EXPECT_TRUE(view.history(3).touches.empty());
 }
 
-TEST(View, DrawsNoPositionThatIsNone) {
+TEST(View, SkipsNonFinitePositions) {
   View view;
   for (const double z_m : {0.001, std::nan(""), HUGE_VAL, 1e300})
     view.see(sample_at(z_m), kBegin);

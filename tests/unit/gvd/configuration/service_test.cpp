@@ -111,7 +111,7 @@ TEST_F(ConfigurationService, RefusesInWordsWithTheParametersName) {
   EXPECT_EQ(client_->list()->revision, revision);
 }
 
-TEST_F(ConfigurationService, OfManyWritersOneWinsEachRevision) {
+TEST_F(ConfigurationService, LetsOneOfManyWritersWinEachRevision) {
   std::atomic<int> won{0};
   std::atomic<int> told{0};
   constexpr int kRounds = 20;

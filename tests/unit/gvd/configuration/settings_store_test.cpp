@@ -42,7 +42,7 @@ class SettingsFile : public testing::Test {
   std::vector<driver::ParameterSpec> specs_ = test::sample_specs();
 };
 
-TEST_F(SettingsFile, IsNotNeeded) {
+TEST_F(SettingsFile, IsOptional) {
   const auto loaded = store().load(specs_);
   ASSERT_TRUE(loaded) << loaded.error().text();
   EXPECT_TRUE(loaded->settings.empty() && loaded->ignored.empty());
@@ -75,7 +75,7 @@ TEST_F(SettingsFile, IsReplacedWhole) {
   EXPECT_EQ(count, 1) << "no other file is left";
 }
 
-TEST_F(SettingsFile, TruncatedAnywhereIsRefused) {
+TEST_F(SettingsFile, IsRefusedWhenTruncated) {
   save_sample();
   const std::string whole = content();
   // The last two bytes are "}\n": without the newline the text is still complete.
@@ -85,7 +85,7 @@ TEST_F(SettingsFile, TruncatedAnywhereIsRefused) {
   }
 }
 
-TEST_F(SettingsFile, EditedByHandIsRefused) {
+TEST_F(SettingsFile, IsRefusedWhenEditedByHand) {
   save_sample();
   std::string text = content();
   text.replace(text.find("false"), 5, "true");
@@ -93,13 +93,13 @@ TEST_F(SettingsFile, EditedByHandIsRefused) {
   expect_refused("checksum");
 }
 
-TEST_F(SettingsFile, OfAnotherSerialNumberIsRefused) {
+TEST_F(SettingsFile, IsRefusedForAnotherSerialNumber) {
   ASSERT_TRUE(store("t-2").save(Settings{{"filter.on", false}}));
   std::filesystem::copy_file(store("t-2").path(), store().path());
   expect_refused("serial number t-2, and this one is test arm, serial number t-1");
 }
 
-TEST_F(SettingsFile, OfAnotherModelIsRefused) {
+TEST_F(SettingsFile, IsRefusedForAnotherModel) {
   const SettingsStore other(folder_.string(), "other arm", "t-1");
   ASSERT_TRUE(other.save({}));
   EXPECT_NE(other.path(), store().path());
@@ -107,7 +107,7 @@ TEST_F(SettingsFile, OfAnotherModelIsRefused) {
   expect_refused("it is of the device other arm");
 }
 
-TEST_F(SettingsFile, ThatIsNoneIsRefused) {
+TEST_F(SettingsFile, IsRefusedIfItIsNotOne) {
   save_sample();
   write("[1, 2]");
   expect_refused("no settings file");
@@ -122,7 +122,7 @@ TEST_F(SettingsFile, ThatIsNoneIsRefused) {
   expect_refused("no file");
 }
 
-TEST_F(SettingsFile, UnknownParametersAreNamedAndStay) {
+TEST_F(SettingsFile, NamesAndKeepsUnknownParameters) {
   ASSERT_TRUE(store().save(Settings{{"filter.on", false}, {"gone.gain", 2.5}}));
   SettingsStore later = store();
   const auto loaded = later.load(specs_);
@@ -136,7 +136,7 @@ TEST_F(SettingsFile, UnknownParametersAreNamedAndStay) {
   EXPECT_EQ(store().load(specs_)->settings, (Settings{{"filter.on", false}, {"gone.gain", 2.5}}));
 }
 
-TEST_F(SettingsFile, ValuesThatAreNoLongerValidAreNamed) {
+TEST_F(SettingsFile, NamesValuesThatAreNoLongerValid) {
   ASSERT_TRUE(store().save(Settings{{"safety.force_newton_max", 8.0}, {"filter.on", false}}));
   specs_[2].high = 5;
   specs_[2].default_value = 5.0;
@@ -148,7 +148,7 @@ TEST_F(SettingsFile, ValuesThatAreNoLongerValidAreNamed) {
   EXPECT_NE(loaded->ignored[0].find("0 to 5"), std::string::npos);
 }
 
-TEST_F(SettingsFile, ThatCannotBeWrittenIsNamed) {
+TEST_F(SettingsFile, IsNamedIfItCannotBeWritten) {
   const SettingsStore nowhere((folder_ / "a" / "b").string(), "test arm", "t-1");
   const auto saved = nowhere.save({});
   ASSERT_FALSE(saved);

@@ -25,7 +25,7 @@ TEST(ValueText, IsReadBackExactly) {
   }
 }
 
-TEST(ValueText, OfAnotherTypeIsRefusedInWords) {
+TEST(ValueText, IsRefusedForAnotherType) {
   const std::vector<driver::ParameterSpec> specs = test::sample_specs();
   const std::vector<std::vector<std::string>> wrong{
       {"1", "yes", ""}, {"1.5", "x", "", "99999999999999999999"}, {"1,5", "", "1 N"}};

@@ -28,7 +28,7 @@ class Changes : public ::testing::Test {
   CycleRecord record_ = active_record();
 };
 
-TEST(ChangesOfTheFirstRecord, AreWhatDiffersFromADeviceThatHasNotBegun) {
+TEST(ChangesOfTheFirstRecord, DifferFromAnIdleDevice) {
   ChangeFinder finder{0.5};
   CycleRecord record = active_record();
   record.sample.buttons = 1;
@@ -38,11 +38,11 @@ TEST(ChangesOfTheFirstRecord, AreWhatDiffersFromADeviceThatHasNotBegun) {
       (std::vector<CycleChange>{LifecycleChange{Lifecycle::kUnconfigured, Lifecycle::kActive}}));
 }
 
-TEST_F(Changes, OfNothingAreNone) {
+TEST_F(Changes, AreEmptyWithoutADifference) {
   EXPECT_TRUE(finder_.step(record_).empty());
 }
 
-TEST_F(Changes, OfAButtonAreToldEdgeByEdge) {
+TEST_F(Changes, ReportEachEdgeOfAButton) {
   record_.sample.buttons = 0b10;
   record_.sample.button_edges[1] = 1;
   EXPECT_EQ(step(finder_, record_), (std::vector<CycleChange>{ButtonChange{1, true}}));
@@ -52,7 +52,7 @@ TEST_F(Changes, OfAButtonAreToldEdgeByEdge) {
             (std::vector<CycleChange>{ButtonChange{1, false}, ButtonChange{1, true}}));
 }
 
-TEST_F(Changes, OfAButtonSurviveTheCountersEnd) {
+TEST_F(Changes, SurviveTheWrapOfAButtonsCounter) {
   record_.sample.button_edges[0] = 65535;
   static_cast<void>(finder_.step(record_));
   record_.sample.button_edges[0] = 1;
@@ -60,7 +60,7 @@ TEST_F(Changes, OfAButtonSurviveTheCountersEnd) {
             (std::vector<CycleChange>{ButtonChange{0, true}, ButtonChange{0, false}}));
 }
 
-TEST_F(Changes, OfAShakingButtonAreItsLastOnes) {
+TEST_F(Changes, KeepTheLastEdgesOfAShakingButton) {
   record_.sample.buttons = 1;
   record_.sample.button_edges[0] = 1001;
   const auto changes = step(finder_, record_);
@@ -68,7 +68,7 @@ TEST_F(Changes, OfAShakingButtonAreItsLastOnes) {
   EXPECT_EQ(changes.back(), CycleChange(ButtonChange{0, true}));
 }
 
-TEST_F(Changes, OfContactHaveAHysteresis) {
+TEST_F(Changes, HaveAHysteresisForContact) {
   auto& force_newton = record_.sample.wrench_applied.force_newton;
   force_newton = {0, 0.4, 0};
   EXPECT_TRUE(finder_.step(record_).empty());
@@ -80,7 +80,7 @@ TEST_F(Changes, OfContactHaveAHysteresis) {
   EXPECT_EQ(step(finder_, record_), (std::vector<CycleChange>{ContactChange{false, 0.125}}));
 }
 
-TEST_F(Changes, OfFaultsNameWhatBeganAndWhatEnded) {
+TEST_F(Changes, NameFaultsThatBeganAndEnded) {
   record_.sample.faults.set(Fault::kCommandLost);
   static_cast<void>(finder_.step(record_));
   record_.sample.faults = {};
@@ -91,7 +91,7 @@ TEST_F(Changes, OfFaultsNameWhatBeganAndWhatEnded) {
             (std::vector<CycleChange>{FaultChange{record_.sample.faults, lost}}));
 }
 
-TEST_F(Changes, OfAnEmergencyStopAreToldBesideTheFault) {
+TEST_F(Changes, ReportAnEmergencyStopBesideItsFault) {
   record_.sample.faults.set(Fault::kEmergencyStop);
   EXPECT_EQ(step(finder_, record_),
             (std::vector<CycleChange>{StopChange{true}, FaultChange{record_.sample.faults, {}}}));
@@ -100,7 +100,7 @@ TEST_F(Changes, OfAnEmergencyStopAreToldBesideTheFault) {
             (std::vector<CycleChange>{StopChange{false}, FaultChange{{}, stop}}));
 }
 
-TEST_F(Changes, OfTheLeaseSayWhyItEnded) {
+TEST_F(Changes, SayWhyTheLeaseEnded) {
   record_.is_held = true;
   record_.lease_serial = 1;
   EXPECT_EQ(step(finder_, record_), (std::vector<CycleChange>{LeaseChange{LeaseState::kHeld}}));

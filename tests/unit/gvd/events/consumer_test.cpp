@@ -201,7 +201,7 @@ TEST_F(DeviceEvents, KeepEveryValueOfASample) {
   EXPECT_EQ(keeper.newest.read()->analogs, sample.analogs);
 }
 
-TEST_F(DeviceEvents, OfSamplesHappenedWhenTheyWereMeasured) {
+TEST_F(DeviceEvents, CarryTheTimeOfMeasurement) {
   class Origins final : public events::EventHandler {
    public:
     void on_events(std::span<const events::EventView> events) override {
@@ -247,7 +247,7 @@ TEST_F(DeviceEvents, OfSamplesHappenedWhenTheyWereMeasured) {
   EXPECT_TRUE(near(3, 23ms)) << "a time that can't be";
 }
 
-TEST_F(DeviceEvents, OfTwoDevicesAreCorrelatedAndTheirSilenceIsTold) {
+TEST_F(DeviceEvents, AreCorrelatedBetweenTwoDevicesAndReportSilence) {
   Listener listener;
   const auto consumer = subscribe(
       listener, events::any_of({events::correlate({pressed(kArm, 0), samples_of(kGaze)}, 5ms),
@@ -297,7 +297,7 @@ TEST_F(DeviceEvents, ComeAloneAndCorrelatedToOneConsumer) {
                                       "gaze0 sample 4"}));
 }
 
-TEST_F(DeviceEvents, AreLatchedForWhoComesLate) {
+TEST_F(DeviceEvents, AreLatchedForLateConsumers) {
   push_and_await(2, [&] {
     arm_->record().is_held = true;
     arm_->cycle(start_ + 1ms);
@@ -308,7 +308,7 @@ TEST_F(DeviceEvents, AreLatchedForWhoComesLate) {
   EXPECT_EQ(listener.await_lines(1), std::vector<std::string>{"arm0 lease 1"});
 }
 
-TEST_F(DeviceEvents, TellChangesOfTheConfiguration) {
+TEST_F(DeviceEvents, ReportChangesOfTheConfiguration) {
   Listener listener;
   const auto consumer = subscribe(listener, changes_of(kGaze));
   const std::vector<std::string> names{"optics.gain"};
@@ -316,7 +316,7 @@ TEST_F(DeviceEvents, TellChangesOfTheConfiguration) {
   EXPECT_EQ(listener.await_lines(1), std::vector<std::string>{"gaze0 revision 42 of optics.gain"});
 }
 
-TEST_F(DeviceEvents, GoOnWhenTheHubIsBackAndTheGapIsTold) {
+TEST_F(DeviceEvents, ContinueWhenTheHubIsBackAndReportTheGap) {
   Listener listener;
   const auto consumer = subscribe(listener, changes_of(kArm));
   hub_.stop();
@@ -336,7 +336,7 @@ TEST_F(DeviceEvents, GoOnWhenTheHubIsBackAndTheGapIsTold) {
   }));
 }
 
-TEST_F(DeviceEvents, OfAnUnknownVersionAreCountedAndOmitted) {
+TEST_F(DeviceEvents, AreCountedAndOmittedIfOfAnUnknownVersion) {
   Listener listener;
   const auto consumer = subscribe(listener, changes_of(kArm));
   auto supplier = events::Supplier::create(node_, hub_.url());
@@ -358,7 +358,7 @@ TEST(DevicePublisher, RefusesTwoDevicesOfOneName) {
 }
 
 /// Without a hub, cycles go on without waiting or allocating.
-TEST(DevicePublisher, NeverHoldsADeviceUp) {
+TEST(DevicePublisher, NeverBlocksADevice) {
   rpc::Node node;
   DevicePublisherConfig config;
   config.hub = "rtpm://127.0.0.1:9/rtpm/events";

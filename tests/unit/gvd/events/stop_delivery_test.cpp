@@ -155,7 +155,7 @@ TEST_F(Stops, ReachEveryServerOfANameThatIsBoundTwice) {
   EXPECT_TRUE(delivery.owed().empty());
 }
 
-TEST_F(Stops, OfAllReachWhatAnswersBesideWhatHangs) {
+TEST_F(Stops, ReachAnsweringServersBesideHungOnes) {
   const Silence hung;
   const Silence registry;
   mine_.bind("lab/arm0", arm_.url());
@@ -205,7 +205,7 @@ TEST_F(Stops, GoThroughHubsToServersThatNoNameServiceHas) {
   EXPECT_TRUE(await([&] { return devices.stop_count == 1; }));
 }
 
-TEST_F(Stops, AreOwedToADeviceWhoseNameExpiresUntilItIsBack) {
+TEST_F(Stops, StayPendingForADeviceWhoseNameExpiresUntilItIsBack) {
   mine_.bind("lab/arm0", arm_.url());
   StopDelivery delivery(node_, mine());
   delivery.remember({"lab/arm0", arm_.url()});
@@ -257,7 +257,7 @@ TEST_F(Stops, FollowADeviceThatComesBackElsewhere) {
 }
 
 // Another server with the same name does not substitute for the one that hangs.
-TEST_F(Stops, StayOwedToAServerThatHangsWhateverElseHasItsName) {
+TEST_F(Stops, StayPendingForAHungServerEvenIfAnotherHasItsName) {
   const Silence hung;
   mine_.bind("lab/arm0", hung.url("arm"));
   StopDelivery delivery(node_, mine());
@@ -280,7 +280,7 @@ TEST_F(Stops, SayWhyNoNameServiceAnswers) {
   EXPECT_NE(report.search_error->text().find(registry.url("rtpm/names")), std::string::npos);
 }
 
-TEST_F(Stops, OfAUrlNeedNoName) {
+TEST_F(Stops, NeedNoNameForAUrl) {
   StopDelivery delivery(node_, mine());
   const StopReport report = delivery.stop(arm_.url());
   ASSERT_EQ(report.devices.size(), 1u);

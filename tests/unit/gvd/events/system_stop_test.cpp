@@ -102,7 +102,7 @@ TEST_F(SystemStops, ReachServersThatStartAfterTheRequestUntilItsDevicesAreRearme
   EXPECT_EQ(mine_.stop_count, 1) << "its own request does not stop it again";
 }
 
-TEST_F(SystemStops, AreToldToTheNextHubByServersThatAreStopped) {
+TEST_F(SystemStops, AreReportedToTheNextHubByStoppedServers) {
   const auto my_stop = start(&mine_);
   my_stop->request();
   std::this_thread::sleep_for(400ms);
@@ -112,7 +112,7 @@ TEST_F(SystemStops, AreToldToTheNextHubByServersThatAreStopped) {
   EXPECT_TRUE(await([&] { return others_.stop_count == 1; }));
 }
 
-TEST_F(SystemStops, WithoutAHubStopWhatTheyCanAndTheRestWhenItIsBack) {
+TEST_F(SystemStops, StopReachableDevicesWithoutAHubAndOthersWhenItIsBack) {
   hub_.stop();
   const auto my_stop = start(&mine_);
   const auto their_stop = start(&others_);
