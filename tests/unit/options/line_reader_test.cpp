@@ -51,7 +51,7 @@ class Lines : public testing::Test {
   LineReader reader_{};
 };
 
-TEST_F(Lines, ComeWholeAndInOrder) {
+TEST_F(Lines, AreReadWholeAndInOrder) {
   EXPECT_EQ(look(), Outcome::kNone);
   type("one\n\nth");
   EXPECT_EQ(next(), "one");
@@ -69,7 +69,7 @@ TEST_F(Lines, EndWithTheInput) {
   EXPECT_EQ(look(), Outcome::kEnd);
 }
 
-TEST_F(Lines, ThatAreTooLongComeInParts) {
+TEST_F(Lines, AreSplitIfTooLong) {
   type(std::string(3 * LineReader::kLineSizeMax, 'x') + "\n");
   std::size_t size = 0;
   std::string part = next();

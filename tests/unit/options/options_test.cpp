@@ -278,7 +278,7 @@ TEST_F(OptionsTest, NamesAnUnknownKeyWithItsLine) {
   expect_error({"--config", path}, {path + ":1:", "unknown key 'lab'"});
 }
 
-TEST_F(OptionsTest, NamesWhatIsWrongWithALineOfTheFile) {
+TEST_F(OptionsTest, NamesAMistakeInALineOfTheFile) {
   const std::string path = file_with("port\n");
   expect_error({"--config", path}, {path + ":1:5: "});
   file_with("port = 1\nport = 1\n");
@@ -425,7 +425,7 @@ TEST_F(OptionsTest, TakesASecretFromEnvironmentAndFileAndNeverPrintsIt) {
   }
 }
 
-TEST_F(OptionsTest, DumpsWhatIsInForceAndWhereItComesFrom) {
+TEST_F(OptionsTest, DumpsValuesWithTheirOrigin) {
   set_variable("RTPM_TEST_GAIN", "0.75");
   const std::string path = file_with("offset = 2\n");
   const Outcome dump = parse({"--port", "9", "--dump-config", "--config", path});
@@ -468,7 +468,7 @@ TEST_F(OptionsTest, LetsAProgramReportItsOwnFindings) {
 
 using OptionsDeathTest = OptionsTest;
 
-TEST_F(OptionsDeathTest, TakesAKeyOnceAndAWellFormedOneOnly) {
+TEST_F(OptionsDeathTest, RejectsDuplicateAndMalformedKeys) {
   int value = 0;
   Options options("rtpm-test", "tries options");
   options.add("key", value, "A key");
@@ -502,7 +502,7 @@ class Members : public OptionsTest {
   std::string err_{};
 };
 
-TEST_F(Members, HaveTheNamesThatRegistriesTake) {
+TEST_F(Members, HaveNamesThatRegistriesAccept) {
   set_variable("RTPM_TEST_MEMBER_LEFT_ARM_2_RATE", "7");
   const std::string file = file_with("[member.Hand]\nrate = 5\n");
   EXPECT_FALSE(
@@ -519,7 +519,7 @@ TEST_F(Members, HaveTheNamesThatRegistriesTake) {
   }
 }
 
-TEST_F(Members, AreThoseWithATableOfTheFileWhereNoneAreNamed) {
+TEST_F(Members, DefaultToTheTablesOfTheFile) {
   const std::string file = file_with("[member.two]\n[member.\"one.a\"]\nrate = 5\n");
   EXPECT_FALSE(take({"--config", file})) << err_;
   EXPECT_EQ(names_, (std::vector<std::string>{"one", "two", "one.a"}));

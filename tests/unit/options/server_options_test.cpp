@@ -272,7 +272,7 @@ TEST_F(ServerOptions, RoundTripThroughTheDump) {
   EXPECT_EQ(without_sources(out_), without_sources(dump));
 }
 
-TEST_F(ServerOptions, NameWhatIsWrong) {
+TEST_F(ServerOptions, NameMistakes) {
   expect_error({"--lane-haptik-low", "5"}, "did you mean '--lane-haptic-low'?");
   expect_error({"--config", file_with("lane.haptic.lwo = 5\n")}, "did you mean 'lane.haptic.low'?");
   expect_error({"--config", file_with("lanes = ['rest']\nlane.haptic.low = 5\n")},

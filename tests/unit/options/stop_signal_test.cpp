@@ -80,7 +80,7 @@ TEST(StopSignal, LeavesIgnoredHangupsIgnored) {
             }));
 }
 
-TEST(StopSignal, IsRequestedByLostOutputWhereThatIsAllTheProgramIsFor) {
+TEST(StopSignal, IsRequestedByLostOutputOfAPrintingProgram) {
   EXPECT_EQ(0, run_in_child([] {
               const StopSignal server;
               const StopSignal display(LostOutput::kRequestsEnd);
@@ -93,7 +93,7 @@ TEST(StopSignal, IsRequestedByLostOutputWhereThatIsAllTheProgramIsFor) {
             }));
 }
 
-TEST(StandardStreams, LetAWriteReportThatNobodyReads) {
+TEST(StandardStreams, ReportAWriteWithoutAReader) {
   EXPECT_EQ(0, run_in_child([] {
               int ends[2];
               if (pipe(ends) != 0) return false;
@@ -102,7 +102,7 @@ TEST(StandardStreams, LetAWriteReportThatNobodyReads) {
             }));
 }
 
-TEST(StandardStreams, LetAWriteReportThatAFileIsTooLarge) {
+TEST(StandardStreams, ReportAWriteToATooLargeFile) {
   EXPECT_EQ(0, run_in_child([] {
               const rlimit limit{.rlim_cur = 0, .rlim_max = 0};
               std::FILE* const file = std::tmpfile();

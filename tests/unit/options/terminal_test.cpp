@@ -22,7 +22,7 @@ int width_seen_on(int output) {
   return WEXITSTATUS(status);
 }
 
-TEST(TerminalWidth, IsTheTerminalsOwnElseTheCallersChoice) {
+TEST(TerminalWidth, IsTheTerminalsElseTheDefault) {
   const int terminal = posix_openpt(O_RDWR | O_NOCTTY);
   ASSERT_GE(terminal, 0);
   ASSERT_EQ(grantpt(terminal), 0);
