@@ -21,9 +21,9 @@ namespace rtpm::gvd {
 /// @realtime set-up only
 class CalibrationRun {
  public:
-  /// Time after which a run ends that no client asks about.
+  /// Time without a query from a client after which a run ends.
   static constexpr Duration kSilenceMax = std::chrono::seconds{30};
-  /// Time after which a run ends whose device is not active.
+  /// Time without an active device after which a run ends.
   static constexpr Duration kNoSampleMax = std::chrono::seconds{5};
 
   /// @param revision  the revision of the parameters that the calibration is based on
@@ -34,16 +34,16 @@ class CalibrationRun {
   [[nodiscard]] std::uint64_t revision() const noexcept { return revision_; }
   [[nodiscard]] bool is_open() const noexcept { return gvd::is_open(status_.phase); }
 
-  /// Takes the newest sample, if it is new and the device is active, and ends a run that waits for
+  /// Takes the newest sample, if it is new and the device is active. Ends a run that has waited for
   /// too long.
   void step(const std::optional<driver::Sample>& newest, MonotonicTime now);
   /// Notes that a client has asked about the run.
   void note_question(MonotonicTime now) noexcept { last_question_ = now; }
-  /// Leaves the answer to prompt number `prompt` for the next sample.
+  /// Stores the answer to prompt number `prompt` for the next sample.
   /// @errors   kWrongAnswer
   [[nodiscard]] expected<void, ConfigurationError> answer(std::uint32_t prompt,
                                                           std::string_view text);
-  /// Ends the run, whose result was applied as `settings`.
+  /// Ends the run; its result was applied as `settings`.
   void keep(std::vector<driver::ParameterSetting> settings);
   /// Ends the run.
   void discard(std::string why);

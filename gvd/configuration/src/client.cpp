@@ -17,7 +17,7 @@ ConfigurationError failed(rpc::CallError error) {
            make_error_code(error)}};
 }
 
-/// The reply as an object, if the call had one and its answer is "done".
+/// The reply as an object, if the call succeeded and its answer is "done".
 template <class Object, class Reply>
 expected<Object, ConfigurationError> object_of(const Reply& reply) {
   if (!reply) return unexpected{failed(reply.error())};

@@ -52,14 +52,14 @@ class Configurator {
   [[nodiscard]] expected<RevisedSettings, ConfigurationError> settings(
       std::span<const std::string> names) const;
 
-  /// Loads the saved settings and applies them; returns a sentence for each that was ignored.
+  /// Loads the saved settings and applies them; returns one sentence for each ignored setting.
   /// @errors   as SettingsStore::load(); the device refuses
   [[nodiscard]] expected<std::vector<std::string>, SetupError> load();
-  /// Applies `settings` to the device; returns the values as it has taken them.
+  /// Applies `settings` to the device; returns the values that it took over.
   /// @errors   as ParameterTable::check_revision() and check(), and Configurable::apply()
   [[nodiscard]] expected<RevisedSettings, ConfigurationError> apply(
       std::uint64_t revision, std::vector<driver::ParameterSetting> settings);
-  /// Sets parameters to their defaults; without names all.
+  /// Resets parameters to their defaults; all of them if no names are given.
   /// @errors   as apply()
   [[nodiscard]] expected<RevisedSettings, ConfigurationError> reset(
       std::uint64_t revision, std::span<const std::string> names);
@@ -69,9 +69,9 @@ class Configurator {
   [[nodiscard]] const std::vector<driver::CalibrationInfo>& calibrations() const noexcept {
     return calibrations_;
   }
-  /// The open run; 0 if there is none.
+  /// The unfinished run; 0 if there is none.
   [[nodiscard]] std::uint64_t open_run() const noexcept;
-  /// Starts a run; it is in the state of its first sample, if there is one.
+  /// Starts a run, and feeds it the first sample, if there is one.
   /// @errors   kUnknownCalibration · kBusy
   [[nodiscard]] expected<CalibrationStatus, ConfigurationError> calibrate(const std::string& name,
                                                                           MonotonicTime now);
@@ -83,14 +83,14 @@ class Configurator {
                                                                        std::uint32_t prompt,
                                                                        std::string_view text,
                                                                        MonotonicTime now);
-  /// Applies the result. A refused result stays, and may be kept or discarded later.
+  /// Applies the result. A refused result is kept, and may be applied or discarded later.
   /// @errors   kNoSuchRun · kNoResult · as apply()
   [[nodiscard]] expected<CalibrationStatus, ConfigurationError> keep(std::uint64_t run,
                                                                      MonotonicTime now);
   /// @errors   kNoSuchRun
   [[nodiscard]] expected<CalibrationStatus, ConfigurationError> discard(std::uint64_t run,
                                                                         MonotonicTime now);
-  /// Feeds the open run.
+  /// Advances the unfinished run.
   void step(MonotonicTime now);
 
  private:

@@ -44,7 +44,7 @@ class JobQueue {
       ring();
     }
   }
-  /// Ends a wait.
+  /// Ends the current wait.
   void ring() noexcept { doorbell_.post(); }
   /// Waits for post() or ring() until `deadline`, and takes all jobs.
   [[nodiscard]] std::vector<std::unique_ptr<Job>> wait_until(MonotonicTime deadline) {

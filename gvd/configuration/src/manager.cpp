@@ -17,7 +17,7 @@ namespace {
 /// Interval between two samples for a calibration.
 constexpr Duration kCalibrationPeriod = std::chrono::milliseconds{5};
 
-/// Different at each start, so that a revision of an earlier life is stale.
+/// Differs at each start, so that a revision from before a restart is stale.
 std::uint64_t first_revision() {
   std::random_device random;
   return std::uint64_t{random()} << 32 | 1;

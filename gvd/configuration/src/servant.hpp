@@ -7,8 +7,8 @@
 
 namespace rtpm::gvd {
 
-/// The service rtpm.configuration.Configuration. Reads run on the lane; all other calls wait for
-/// device or disk, and so run on the manager's thread, which completes the deferred reply.
+/// The service rtpm.configuration.Configuration. Reads run on the lane. All other calls wait for
+/// device or disk, so they run on the manager's thread, which completes the deferred reply.
 /// @ownership refers to configurator and queue, which must outlive it
 /// @threads  any lane
 /// @realtime set-up only

@@ -101,7 +101,7 @@ std::string text_in(const json& document, const char* key) {
   return found != document.end() && found->is_string() ? found->get<std::string>() : std::string{};
 }
 
-/// The fault of the document, whichever device it belongs to; empty if it has none.
+/// The fault of the document, regardless of its device; empty if it has none.
 std::string fault_of(const json& document) {
   if (document.is_discarded()) return "it is truncated, or no JSON";
   if (!document.is_object() || text_in(document, "format") != kFormat) {
@@ -138,7 +138,7 @@ expected<StoredSettings, SetupError> SettingsStore::load(std::span<const Paramet
   if (auto fault = fault_of(document); !fault.empty()) return refused(std::move(fault));
   const std::string model = text_in(document, "model");
   const std::string serial = text_in(document, "serial");
-  // Compares them as written: writing replaces bytes that are not UTF-8.
+  // Compares the written form: writing replaces bytes that are not UTF-8.
   if (json(model) != parse_bounded_json<json>(dump(json(model_))) ||
       json(serial) != parse_bounded_json<json>(dump(json(serial_)))) {
     return refused("it is of the device " + model + ", serial number " + serial +
@@ -179,7 +179,7 @@ expected<void, SetupError> SettingsStore::save(std::span<const ParameterSetting>
                 {"model", model_},
                 {"serial", serial_},
                 {"parameters", std::move(parameters)}};
-  // The form in which it will be read.
+  // Normalised to the form that will be read back.
   document = parse_bounded_json<json>(dump(document));
   document["checksum"] = checksum_of(document);
   std::error_code error;

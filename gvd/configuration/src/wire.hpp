@@ -9,14 +9,14 @@
 #include "rtpm/configuration/error.hpp"
 #include "rtpm/driver/parameter.hpp"
 
-/// Converts between the types of drivers and those of the schema.
+/// Converts between driver types and schema types.
 /// @realtime set-up only
 namespace rtpm::gvd {
 
 using WireSettings = std::vector<std::unique_ptr<configuration::SettingT>>;
 
 [[nodiscard]] std::unique_ptr<configuration::ValueT> to_wire(const driver::ParameterValue& value);
-/// An unknown type reads as an empty vector, which suits no parameter.
+/// An unknown type reads as an empty vector, which no parameter accepts.
 [[nodiscard]] driver::ParameterValue from_wire(const configuration::ValueT& wire);
 
 [[nodiscard]] WireSettings to_wire(const std::vector<driver::ParameterSetting>& settings);
@@ -27,7 +27,7 @@ using WireSettings = std::vector<std::unique_ptr<configuration::SettingT>>;
 /// An unknown type reads as kText, an unknown mutability as kReadOnly.
 [[nodiscard]] driver::ParameterSpec spec_from_wire(const configuration::ParameterT& wire);
 
-/// The answer to a request; `error` is null if it was carried out.
+/// The answer to a request; `error` is null on success.
 [[nodiscard]] std::unique_ptr<configuration::AnswerT> to_wire(const ConfigurationError* error);
 /// An unknown outcome reads as kCallFailed.
 [[nodiscard]] ConfigurationError from_wire(const configuration::AnswerT& wire);

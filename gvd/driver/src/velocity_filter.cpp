@@ -6,7 +6,7 @@
 namespace rtpm::driver {
 namespace {
 
-/// Positions a whole step apart are on a line, too.
+/// Positions exactly one step off the line still count as on it.
 constexpr double kRounding = 1 + 1e-6;
 
 double seconds(Duration duration) noexcept {

@@ -38,9 +38,9 @@ rtpm::driver::Descriptor LeverDriver::describe() const {
   return descriptor;
 }
 
-// STEP 3: find and open the device, load its firmware, set its rate. It may take seconds, but must
-// end by itself: while the device is away, it is called twice a second. Return errors in words,
-// with the remedy.
+// STEP 3: find and open the device, load its firmware, set its rate. May take seconds, but must
+// return: while the device is absent, it is called twice a second. Return errors in words, with the
+// remedy.
 rtpm::expected<void, rtpm::SetupError> LeverDriver::configure(
     const rtpm::driver::DriverConfig& config) {
   if (config.period <= rtpm::Duration{0}) {
@@ -60,8 +60,8 @@ rtpm::expected<void, rtpm::SetupError> LeverDriver::activate() {
 }
 
 // STEP 5: one cycle. Write the command, read the state, convert to SI units and the descriptor's
-// frame. No allocation, no lock, no wait longer than a fraction of the period. Data from the
-// hardware is untrusted: check lengths and ranges, and return kCorrupt.
+// frame. Do not allocate, lock, or wait longer than a fraction of the period. Do not trust data
+// from the hardware: check lengths and ranges, and return kCorrupt.
 ExchangeStatus LeverDriver::exchange(const rtpm::driver::Command& command,
                                      rtpm::driver::Sample& sample) noexcept {
   if (!hardware_ || !hardware_->is_plugged_in) return ExchangeStatus::kGone;
@@ -84,14 +84,14 @@ ExchangeStatus LeverDriver::exchange(const rtpm::driver::Command& command,
   return ExchangeStatus::kOk;
 }
 
-// STEP 6: motors off first, then close; also for an unplugged device.
+// STEP 6: motors off first, then close, even if the device is unplugged.
 void LeverDriver::deactivate() noexcept {
   hardware_.reset();
 }
 
 }  // namespace lab
 
-// STEP 7: make the driver from what the operator says in --device-NAME-arguments.
+// STEP 7: create the driver from the operator's --device-NAME-arguments.
 rtpm::expected<std::unique_ptr<rtpm::driver::Driver>, rtpm::SetupError> make_lever(
     std::string_view arguments) {
   return std::make_unique<lab::LeverDriver>(std::string(arguments));

@@ -17,13 +17,13 @@ struct LeverHardware {
   bool is_plugged_in = true;
 };
 
-/// A lever with one axis, one motor and one button: the template of a driver. Copy it, then go
-/// through STEP 1 to STEP 7. Its "hardware" is the struct LeverHardware, so that it runs as it is
-/// and passes the conformance suite.
+/// A lever with one axis, one motor and one button: the template of a driver. Copy it, then follow
+/// STEP 1 to STEP 7. Its "hardware" is the struct LeverHardware, so it runs unmodified and passes
+/// the conformance suite.
 class LeverDriver final : public rtpm::driver::Driver {
  public:
-  /// @param port  the file of the lever's port, such as /dev/ttyACM0; empty: a lever that is always
-  ///              plugged in
+  /// @param port  the file of the lever's port, such as /dev/ttyACM0; if empty, a lever that is
+  ///           always plugged in
   explicit LeverDriver(std::string port = {}) : port_(std::move(port)) {}
 
   [[nodiscard]] rtpm::driver::Descriptor describe() const override;

@@ -13,13 +13,13 @@
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/driver/driver.hpp"
 
-/// Values as bytes, between two processes of one host that run one program.
+/// Serializes values between two processes of one host that run the same program.
 namespace rtpm::driver_host {
 
 template <class T, class Plain>
 concept Is = std::same_as<std::remove_const_t<T>, Plain>;
 
-// The members of each type, for both directions.
+// The members of each type, used for reading and writing.
 
 void fields(auto& archive, Is<driver::Axis> auto& value) {
   archive(value.name, value.is_sensed, value.is_actuated);
@@ -64,7 +64,7 @@ void fields(auto& archive, Is<SetupError> auto& value) {
   archive(value.what, value.why, value.remedy);
 }
 
-// How many values an enumeration has.
+// The number of values of an enumeration.
 constexpr std::uint8_t count_of(driver::DeviceClass) noexcept {
   return driver::kDeviceClassCount;
 }
@@ -132,8 +132,8 @@ class Writer {
   std::vector<std::byte> bytes_{};
 };
 
-/// Takes values from the bytes of another process, which may be corrupt: past their end, or after
-/// a number out of its range, ok() stays false.
+/// Reads values from another process's bytes, which may be corrupt: after reading past their end,
+/// or a number out of range, ok() stays false.
 /// @ownership views its bytes
 class Reader {
  public:
@@ -143,7 +143,7 @@ class Reader {
   void operator()(T&... values) {
     (take(values), ...);
   }
-  /// Whether all values were present, and no bytes are left.
+  /// Whether all values were present and no bytes are left.
   [[nodiscard]] bool is_whole() const noexcept { return ok_ && bytes_.empty(); }
 
  private:
@@ -197,7 +197,7 @@ class Reader {
     bytes_ = bytes_.subspan(sizeof value);
     return value;
   }
-  /// Takes a count of elements that take a byte or more each.
+  /// Reads the count of elements that each take at least one byte.
   [[nodiscard]] std::size_t take_count() {
     const auto count = take_plain<std::uint32_t>();
     ok_ = ok_ && count <= bytes_.size();

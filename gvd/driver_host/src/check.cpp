@@ -118,7 +118,7 @@ void expect_channels(DriverTrial& trial, const driver::Descriptor& descriptor) {
   }
 }
 
-/// Whatever numbers a command contains, joints and outputs stay in range.
+/// Joints and outputs stay in range for any numbers in a command.
 void keeps_joints_and_outputs_within_its_descriptor(DriverTrial& trial) {
   if (!trial.start()) return;
   const driver::Descriptor descriptor = trial.driver->describe();
@@ -318,7 +318,7 @@ bool DriverTrial::start() {
 ExchangeStatus DriverTrial::exchange(const driver::Setpoint& setpoint) {
   now_ += period;
   if (pace_ == CheckPace::kReal) {
-    // The driver sees a pause of the check as a pause, but does not wait for hours.
+    // The driver sees the check's pause as real time, but the check does not wait for hours.
     if (now_ - rt::now() < std::chrono::seconds{1}) rt::sleep_until(now_);
     now_ = std::max(now_, rt::now());
   }

@@ -21,7 +21,7 @@ using driver::ParameterType;
 using driver::ParameterValue;
 using driver::ValueFault;
 
-/// The ends of a parameter's range, or its choices, and its default.
+/// The bounds of a parameter's range, or its choices, and its default.
 std::vector<ParameterValue> values_of(const ParameterSpec& spec) {
   std::vector<ParameterValue> values;
   for (const double end : {spec.low, spec.high}) {
@@ -53,7 +53,7 @@ void set(DriverTrial& trial, const ParameterSpec& spec, const ParameterValue& va
                parameter + " comes back with a value that its description does not allow");
 }
 
-/// Sets every parameter that may change in this state to several values, last its default.
+/// Sets every parameter that may change in this state to several values, ending with its default.
 void try_all(DriverTrial& trial, bool is_active) {
   for (const ParameterSpec& spec : trial.driver->parameters()) {
     const bool can_change = spec.mutability == Mutability::kAnyTime ||

@@ -34,7 +34,8 @@ unexpected<SetupError> not_started(const std::string& what) {
                      "close programs, or raise the limits of open files and processes (ulimit)");
 }
 
-/// Above the descriptor numbers that the process gets, so that dup2() overwrites none of them.
+/// Moves the handle above the descriptor numbers that the process gets, so that dup2() overwrites
+/// none of them.
 Handle lifted(Handle handle) {
   return Handle(::fcntl(handle.number(), F_DUPFD_CLOEXEC, kMemoryHandle + 1));
 }
@@ -49,7 +50,7 @@ std::optional<Ends> make_sockets() {
   return Ends{Handle(ends[0]), lifted(Handle(ends[1]))};
 }
 
-/// Starts `command` with three handles of its own.
+/// Starts `command` with its three handles.
 int spawn(const std::vector<std::string>& command, const Handle& control, const Handle& calibration,
           const Handle& memory, pid_t& number) {
   std::vector<char*> words;
@@ -114,8 +115,8 @@ std::optional<Frame> DriverProcess::receive_facts(MonotonicTime deadline) {
 }
 
 std::optional<Frame> DriverProcess::call(FrameKind kind, ConstBytes bytes, MonotonicTime deadline) {
-  // The driver's thread reads from the socket only after the doorbell: a call may be longer than
-  // the socket's buffer.
+  // The driver's thread reads the socket only after the doorbell, because a call may exceed the
+  // socket's buffer.
   memory_->call_count.fetch_add(1, std::memory_order_release);
   memory_->has_request.ring();
   if (!send_frame(control_, kind, bytes, deadline)) return std::nullopt;
@@ -143,7 +144,7 @@ void DriverProcess::kill() noexcept {
   reap();
 }
 
-/// A process that is stuck in the kernel stays a zombie: no call waits for it without a bound.
+/// A process stuck in the kernel stays a zombie: no call waits for it unboundedly.
 void DriverProcess::reap() noexcept {
   int status = 0;
   status_ = ::waitpid(number_, &status, WNOHANG) == number_ ? status : SIGKILL;

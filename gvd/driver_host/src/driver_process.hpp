@@ -13,13 +13,13 @@
 
 namespace rtpm::driver_host {
 
-/// The process of an isolated driver, seen from the one that started it.
-/// @ownership ends the process: by closing its sockets, upon which it deactivates its device, and
-///            by SIGKILL after a second
+/// The process of an isolated driver, as seen by the process that started it.
+/// @ownership ends the process: closes its sockets, upon which it deactivates its device, and sends
+///            SIGKILL after a second
 /// @threads  call() and kill() from one; call_calibration() from any
 class DriverProcess {
  public:
-  /// @errors   the system gives no process, memory or descriptor
+  /// @errors   the system has no process, memory or descriptor left
   [[nodiscard]] static expected<std::shared_ptr<DriverProcess>, SetupError> start(
       const std::vector<std::string>& command);
   DriverProcess(const DriverProcess&) = delete;
@@ -27,11 +27,12 @@ class DriverProcess {
   ~DriverProcess();
 
   [[nodiscard]] CycleMemory& memory() noexcept { return *memory_; }
-  /// The frame that comes by itself at the start.
+  /// Receives the frame that the process sends unasked at its start.
   [[nodiscard]] std::optional<Frame> receive_facts(MonotonicTime deadline);
-  /// Lets the driver's thread run a call; nullopt if it ended, or did not answer by `deadline`.
+  /// Runs a call on the driver's thread; nullopt if the process ended, or did not answer by
+  /// `deadline`.
   [[nodiscard]] std::optional<Frame> call(FrameKind kind, ConstBytes bytes, MonotonicTime deadline);
-  /// Lets the calibrations' thread run a call; nullopt as with call().
+  /// Runs a call on the calibrations' thread; nullopt as with call().
   [[nodiscard]] std::optional<Frame> call_calibration(FrameKind kind, ConstBytes bytes,
                                                       MonotonicTime deadline);
   /// @realtime alloc-free, one system call
@@ -39,7 +40,7 @@ class DriverProcess {
   /// Whether the process ends within `patience`.
   [[nodiscard]] bool wait_for_end(Duration patience) const noexcept;
   void kill() noexcept;
-  /// How it has ended: "signal 11 (Segmentation fault)", "exit code 1".
+  /// How the process ended: "signal 11 (Segmentation fault)", "exit code 1".
   [[nodiscard]] std::string end_text();
   [[nodiscard]] pid_t number() const noexcept { return number_; }
 
@@ -53,7 +54,7 @@ class DriverProcess {
   Handle calibration_{};
   CycleMemory* memory_ = nullptr;
   rt::PiMutex calibration_mutex_{};
-  std::optional<int> status_{};  ///< The status that waitpid() gave.
+  std::optional<int> status_{};  ///< As returned by waitpid().
 };
 
 }  // namespace rtpm::driver_host

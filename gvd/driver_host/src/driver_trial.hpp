@@ -10,7 +10,7 @@
 
 namespace rtpm::driver_host {
 
-/// A run of one check: the driver, its newest sample, and the breaches.
+/// The run of one check: the driver, its newest sample, and the breaches found.
 class DriverTrial {
  public:
   static constexpr std::size_t kFaultCountMax = 10;
@@ -23,9 +23,9 @@ class DriverTrial {
     renew();
   }
 
-  /// Makes a new driver in place of the former one.
+  /// Replaces the driver by a new one.
   bool renew();
-  /// Configures and activates it.
+  /// Configures and activates the driver.
   bool start();
   driver::ExchangeStatus exchange(const driver::Setpoint& setpoint);
   driver::ExchangeStatus exchange(driver::CommandMode mode, const driver::Wrench& wrench = {});

@@ -6,7 +6,7 @@
 
 namespace rtpm::driver_host {
 
-/// The constant facts of a driver, asked for once.
+/// The constant properties of a driver, queried once.
 /// @ownership a value
 struct Facts {
   driver::Descriptor descriptor;

@@ -8,7 +8,7 @@
 
 namespace rtpm::driver_host {
 
-/// Calls into a plug-in; an exception becomes the text of `to_result`.
+/// Calls into a plug-in; turns an exception into an error by `to_result`.
 template <class Call, class ToResult>
 auto guarded_by(Call&& call, ToResult&& to_result) -> decltype(call()) {
   // Copies the text before the exception is destroyed: its type may belong to the plug-in.
@@ -21,7 +21,7 @@ auto guarded_by(Call&& call, ToResult&& to_result) -> decltype(call()) {
   }
 }
 
-/// Calls `where` of the plug-in in `file`; an exception becomes an error.
+/// Calls `where` of the plug-in in `file`; turns an exception into an error.
 template <class Call>
 auto guarded(const std::string& file, const char* where, Call&& call) -> decltype(call()) {
   return guarded_by(std::forward<Call>(call), [&](std::string why) {

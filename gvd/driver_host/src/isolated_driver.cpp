@@ -149,7 +149,7 @@ expected<std::vector<std::byte>, SetupError> IsolatedDriver::call(FrameKind kind
 std::string IsolatedDriver::lose(const char* place) {
   const std::string number = std::to_string(process_->number());
   std::string end = "its process " + number + " did not answer and was killed";
-  // Its sockets close a little before it has ended.
+  // Its sockets close slightly before the process has ended.
   if (process_->wait_for_end(kStuckPatience)) {
     end = "its process " + number + " ended by " + process_->end_text();
   } else {
@@ -181,7 +181,7 @@ expected<void, SetupError> IsolatedDriver::activate() {
     return unexpected{std::move(done.error())};
   }
   is_active_ = true;
-  // Earlier replies belong to a former session.
+  // Earlier replies belong to a previous session.
   reply_number_ = request_number_;
   return {};
 }
@@ -191,7 +191,7 @@ std::optional<CycleReply> IsolatedDriver::wait_for_reply(MonotonicTime deadline)
   for (;;) {
     const auto reply = memory.replies.read();
     if (reply && reply->number == request_number_) return reply;
-    // Reads the clock each time: the other process may ring at any time, or not at all.
+    // Reads the clock each time: the driver's process may ring at any time, or not at all.
     const MonotonicTime now = rt::now();
     if (now >= deadline) return reply;
     if (!memory.has_reply.wait_until(std::min(deadline, now + kLookPeriod)) &&
@@ -232,7 +232,7 @@ void IsolatedDriver::deactivate() noexcept {
   if (was_active) make_safe();
 }
 
-/// Its device may still apply the last command; configure() and deactivate() end that.
+/// The device may still apply the last command; configure() and deactivate() end that.
 void IsolatedDriver::make_safe() noexcept {
   const Duration patience = std::exchange(config_.set_up_patience, kCallPatience);
   Writer write;

@@ -41,14 +41,14 @@ class IsolatedDriver final : public driver::Driver {
 
  private:
   [[nodiscard]] bool is_running() const noexcept { return process_ && !process_->has_ended(); }
-  /// Starts a process in place of one that has ended, with the parameters as they were.
+  /// Replaces a process that has ended, and restores the parameters.
   [[nodiscard]] expected<void, SetupError> revive();
   [[nodiscard]] expected<std::vector<std::byte>, SetupError> call(FrameKind kind, ConstBytes bytes,
                                                                   Duration patience);
   [[nodiscard]] expected<std::vector<std::byte>, SetupError> send_parameters(
       const std::vector<driver::ParameterSetting>& settings);
   [[nodiscard]] std::optional<CycleReply> wait_for_reply(MonotonicTime deadline) noexcept;
-  /// Kills the process if it still runs, and reports and returns how it ended.
+  /// Kills the process if it still runs; reports and returns how it ended.
   std::string lose(const char* place);
   void make_safe() noexcept;
   void report(const std::string& text) const;
@@ -62,7 +62,7 @@ class IsolatedDriver final : public driver::Driver {
   Duration patience_{};  ///< Time limit of exchange().
   bool is_active_ = false;
   std::uint64_t request_number_ = 0;  ///< The newest request.
-  std::uint64_t reply_number_ = 0;    ///< The newest reply that was taken.
+  std::uint64_t reply_number_ = 0;    ///< The newest reply received.
 };
 
 }  // namespace rtpm::driver_host

@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::uint32_t kFrameSizeMax = 4U << 20;
 
-/// Waits for one of `events` on `socket`; false if none came by `deadline`.
+/// Waits for one of `events` on `socket`; false if none occurred by `deadline`.
 bool wait_for(const Handle& socket, short events, MonotonicTime deadline) {
   for (;;) {
     const Duration left = std::max(Duration{0}, deadline - rt::now());

@@ -14,7 +14,7 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/driver/driver.hpp"
 
-/// Shared by both processes of an isolated driver: memory for cycles, sockets for the rest.
+/// Shared by both processes of an isolated driver: memory for cycles, sockets for everything else.
 namespace rtpm::driver_host {
 
 /// Owns a file descriptor.
@@ -37,11 +37,11 @@ class Handle {
 };
 
 // The descriptor numbers in the driver's process.
-inline constexpr int kControlHandle = 3;      ///< Calls of the thread that calls the driver.
-inline constexpr int kCalibrationHandle = 4;  ///< Calls of calibrations, from any thread.
+inline constexpr int kControlHandle = 3;  ///< Carries calls from the thread that calls the driver.
+inline constexpr int kCalibrationHandle = 4;  ///< Carries calls of calibrations, from any thread.
 inline constexpr int kMemoryHandle = 5;       ///< CycleMemory.
 
-/// A count that threads of both processes raise and wait for.
+/// A counter that threads of both processes increment and wait for.
 /// @threads  any, of both processes
 /// @realtime alloc-free; at most one system call each
 class SharedDoorbell {
@@ -59,7 +59,7 @@ class SharedDoorbell {
 struct CycleRequest {
   std::uint64_t number = 0;
   driver::Command command{};
-  driver::Sample sample{};  ///< The sample that the first exchange() after activate() gets.
+  driver::Sample sample{};  ///< The input of the first exchange() after activate().
 };
 /// @ownership plain value
 struct CycleReply {
@@ -68,12 +68,13 @@ struct CycleReply {
   driver::Sample sample{};   ///< Valid with kOk.
 };
 
-/// Memory of both processes. Each side treats the other's data as hostile: copies, then checks.
+/// Memory shared by both processes. Each side treats the other's data as hostile: copies it, then
+/// checks it.
 struct CycleMemory {
   Latest<CycleRequest> requests{};
   Latest<CycleReply> replies{};
-  std::atomic<std::uint64_t> call_count{0};  ///< Calls that were sent to kControlHandle.
-  SharedDoorbell has_request{};              ///< A request or a call.
+  std::atomic<std::uint64_t> call_count{0};  ///< Calls sent to kControlHandle.
+  SharedDoorbell has_request{};              ///< Rung for a request or a call.
   SharedDoorbell has_reply{};
 };
 
@@ -97,11 +98,12 @@ struct Frame {
   std::vector<std::byte> bytes{};
 };
 
-/// Sends a frame; false if the other end is gone, or did not take it by `deadline`.
+/// Sends a frame; false if the other end is gone, or did not accept it by `deadline`.
 /// @realtime set-up only
 [[nodiscard]] bool send_frame(const Handle& socket, FrameKind kind, ConstBytes bytes,
                               MonotonicTime deadline);
-/// Nullopt if the other end is gone, sent no frame by `deadline`, or one above 4 MiB.
+/// Receives a frame; nullopt if the other end is gone, sent none by `deadline`, or sent one above 4
+/// MiB.
 /// @realtime set-up only
 [[nodiscard]] std::optional<Frame> receive_frame(const Handle& socket, MonotonicTime deadline);
 

@@ -10,7 +10,7 @@ namespace {
 
 struct Search {
   std::uintptr_t symbol = 0;
-  std::uintptr_t begin = 0;  ///< First address of the object around it.
+  std::uintptr_t begin = 0;  ///< First address of the object around the symbol.
   std::uintptr_t end = 0;
 };
 

@@ -19,9 +19,9 @@ class Library {
   Library& operator=(const Library&) = delete;
   ~Library() { dlclose(handle_); }
 
-  /// The exported symbol `name`; null if there is none of that name.
+  /// The exported symbol `name`; null if there is none.
   [[nodiscard]] void* symbol(const char* name) const noexcept { return dlsym(handle_, name); }
-  /// Names its code, of which `symbol` is a part.
+  /// Registers the library's code, which includes `symbol`, for crash reports.
   void name_code_around(const void* symbol);
 
  private:

@@ -82,7 +82,7 @@ expected<std::unique_ptr<Driver>, SetupError> load_plugin(const std::string& fil
   std::string note = "the plug-in " + file;
   if (!device.empty()) note += " of " + std::string(device);
   const rt::CrashNote crash_note(note.c_str());
-  // A bare name would be searched for among the system's libraries.
+  // dlopen() would search for a bare name among the system's libraries.
   const std::string path = file.find('/') == std::string::npos ? "./" + file : file;
   void* const handle = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
   if (handle == nullptr) {

@@ -11,8 +11,8 @@
 
 namespace rtpm::driver_host {
 
-/// Passes calls on to a plug-in's driver, and turns its exceptions into errors. A driver's constant
-/// properties were read once, when it was loaded.
+/// Passes calls on to a plug-in's driver, and turns its exceptions into errors. The driver's
+/// constant properties were read once, when it was loaded.
 /// @ownership keeps its library loaded, as each of its calibrations does
 class PluginDriver final : public driver::Driver {
  public:
@@ -47,7 +47,7 @@ class PluginDriver final : public driver::Driver {
       std::string_view name) override;
 
  private:
-  /// Calls into the plug-in, turns an exception into an error, and leaves a note for a crash.
+  /// Calls into the plug-in, turns an exception into an error, and leaves a note for crash reports.
   template <class Call>
   [[nodiscard]] auto guarded_call(const char* place, Call&& call);
 

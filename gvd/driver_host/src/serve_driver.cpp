@@ -27,7 +27,7 @@ constexpr Duration kEndPatience = std::chrono::seconds{1};
 constexpr int kExitFailed = 1;
 constexpr int kExitDriverBlocks = 3;
 
-/// The calibrations that run, by numbers from 1.
+/// The running calibrations, by number, from 1.
 /// @threads  any
 class Calibrations {
  public:
@@ -80,7 +80,7 @@ class DriverLoop {
     driver_.deactivate();
     has_ended_.post();
   }
-  /// Lets the loop deactivate the device and end; false if the driver does not return.
+  /// Makes the loop deactivate the device and end; false if the driver does not return.
   [[nodiscard]] bool end() {
     is_ending_.store(true, std::memory_order_release);
     memory_.has_request.ring();
@@ -105,7 +105,7 @@ class DriverLoop {
     if (status == ExchangeStatus::kOk) sample_ = taken;
     return status;
   }
-  /// The other process is late, or has stopped: no force, until it is back.
+  /// The other process is late or has stopped: no force until it is back.
   void switch_off() {
     const MonotonicTime now = rt::now();
     static_cast<driver::Setpoint&>(command_) = {};
@@ -158,7 +158,7 @@ class DriverLoop {
     const auto activated = driver_.activate();
     is_active_ = activated.has_value();
     is_first_ = true;
-    // Skip requests of a former session.
+    // Skips requests of a previous session.
     if (const auto request = memory_.requests.read()) handled_request_ = request->number;
     return answer(activated);
   }
@@ -176,7 +176,7 @@ class DriverLoop {
   CycleMemory& memory_;
   const Handle& control_;
   Calibrations& calibrations_;
-  driver::Command command_{};  ///< The newest.
+  driver::Command command_{};  ///< The newest command.
   driver::Sample sample_{};
   Duration period_{};
   MonotonicTime off_at_ = kNever;  ///< When the force ends without a newer command.
@@ -188,7 +188,7 @@ class DriverLoop {
   rt::Semaphore has_ended_{};
 };
 
-/// Runs calibrations' steps until the other process ends this one, or itself.
+/// Runs steps of calibrations until the other process ends this one, or itself.
 void serve_calibrations(const Handle& socket, Calibrations& calibrations) {
   while (const auto frame = receive_frame(socket, kNever)) {
     Reader read(frame->bytes);
@@ -224,7 +224,8 @@ bool send_facts(const Handle& control, const driver::Driver& driver) {
   return send_frame(control, FrameKind::kFacts, write.bytes(), rt::now() + kFramePatience);
 }
 
-/// Makes this process end with the one that started it, and not by a signal to both.
+/// Blocks signals, so that this process ends with the one that started it, and not by a signal sent
+/// to both.
 void block_signals() {
   sigset_t signals;
   sigemptyset(&signals);

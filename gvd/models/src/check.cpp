@@ -11,7 +11,7 @@ namespace rtpm::gvd {
 namespace {
 
 constexpr double kExtentMetre = ModelLimits::kExtentMaxMetre;
-/// A nanometre: above zero, and no force overflows.
+/// One nanometre: above zero, but large enough that no force overflows.
 constexpr double kLengthMinMetre = 1e-9;
 constexpr double kSpacingMinRad = 1e-6;
 constexpr double kAngleMaxRad = 1e6;
@@ -110,7 +110,7 @@ class Checker {
 
 void Checker::operator()(const AffineField& field) noexcept {
   position("origin_m", field.origin_m);
-  // A NaN is neither above nor below: its length is one, too.
+  // NaN is neither above nor below a bound, and makes the length NaN, too.
   const double force_newton = length(field.force_newton);
   number("force_newton", force_newton, 0, limits_.force_newton_max);
   double square = 0;

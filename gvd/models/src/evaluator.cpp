@@ -13,7 +13,7 @@ using driver::Vector3;
 
 constexpr double kTwoPi = 2 * std::numbers::pi;
 
-/// Where the end effector is in a material.
+/// The position of the end effector relative to a material.
 struct Contact {
   double depth_m = 0;  ///< Above 0 inside.
   Vector3 normal{};    ///< Out of the material.
@@ -52,7 +52,7 @@ Contact contact_of(const Box& box, const Vector3& at_m) noexcept {
   return {depth_m, scaled(back, 1 / depth_m)};
 }
 
-/// Sums up the forces of models at one sample.
+/// Sums the forces of models at one sample.
 class Summation {
  public:
   Summation(const driver::Sample& sample, ModelForces& forces) noexcept
@@ -149,7 +149,7 @@ ModelForces Evaluator::evaluate(const driver::Sample& sample) noexcept {
   for (std::size_t i = 0; i < models.size(); ++i) {
     std::visit([&](const auto& model) { summation.add(model, contacts_m_[i]); }, models[i]);
   }
-  // A sample far outside of any workspace may overflow.
+  // A sample far outside any workspace may overflow.
   if (!is_finite(forces.wrench.force_newton)) forces.wrench = {};
   for (double& effort : forces.efforts)
     if (!std::isfinite(effort)) effort = 0;

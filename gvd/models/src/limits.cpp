@@ -6,7 +6,8 @@
 namespace rtpm::gvd {
 namespace {
 
-/// Age of a position when its force acts, in periods: one, and half of one that the force stands.
+/// The age of a position when its force acts, in periods: one, plus half a period during which the
+/// force is held.
 constexpr double kDelayPeriods = 1.5;
 constexpr double kFullEffortRad = 0.02;
 constexpr double kFullEffortRadPerS = 1;

@@ -12,13 +12,13 @@ namespace {
 constexpr Duration kTimeMax = std::chrono::seconds{10};
 constexpr Duration kHeatTimeMax = std::chrono::hours{1};
 
-// Factors by which defaults follow from a device's description.
+// Factors that derive defaults from a device's description.
 constexpr double kSpeedOfFullForce = 1;   ///< In m/s: full force at this speed is full power.
-constexpr double kVelocityMax = 5;        ///< In m/s, more than a hand does on a device.
-constexpr double kWallShare = 0.25;       ///< Share of the stiffest passive wall's stiffness.
+constexpr double kVelocityMax = 5;        ///< In m/s; faster than a hand moves a device.
+constexpr double kWallShare = 0.25;       ///< Share of the maximum passive stiffness.
 constexpr double kContinuousShare = 0.6;  ///< Share of the maximum force.
 constexpr double kGuardShare = 3;         ///< Multiple of the mechanics' own damping.
-constexpr double kGuardNewtonSPerM = 5;   ///< Where the mechanics state none.
+constexpr double kGuardNewtonSPerM = 5;   ///< Used if the mechanics' damping is unknown.
 
 expected<void, SetupError> check_limits(const SafetyConfig& config) {
   struct Limit {

@@ -9,8 +9,8 @@ namespace {
 
 using driver::Fault;
 
-/// Longest elapsed time for rates and soft start, so that a delayed thread does not jump to full
-/// force.
+/// The longest elapsed time that rates and soft start use, so that a delayed thread does not jump
+/// to full force.
 constexpr Duration kElapsedMax = std::chrono::milliseconds{10};
 constexpr std::optional<WrenchCommand> kNoCommand{};
 
@@ -32,10 +32,10 @@ driver::Wrench SafetyFilter::step(MonotonicTime now, const std::optional<WrenchC
     go_off();
     return output_;
   }
-  // The next client's commands count in the cycle after the first one without force.
+  // The next client's commands apply from the cycle after the first one without force.
   const bool is_changing_client = is_changing_client_;
   const std::optional<WrenchCommand>& newest = is_changing_client ? kNoCommand : offered;
-  // The command of a client without the lease ends now.
+  // A command of a client that lost the lease ends now.
   const MonotonicTime ends =
       newest ? std::min(newest->deadline, after(newest->received, config_.hold_max)) : now;
   if (now < ends) {

@@ -9,7 +9,7 @@ namespace {
 
 using driver::Fault;
 
-/// The latched fault that began with `now`.
+/// The latched fault that newly appeared in `now`.
 FlightCause cause_of(driver::Faults before, driver::Faults now) noexcept {
   const auto begins = [&](Fault fault) { return now.has(fault) && !before.has(fault); };
   if (begins(Fault::kEmergencyStop)) return FlightCause::kEmergencyStop;
@@ -93,7 +93,7 @@ void FlightRecorder::record(const FlightRecord& record) noexcept {
   ++count_;
   const FlightCause cause = cause_of(last_faults_, record.faults);
   last_faults_ = record.faults;
-  // A fault within the cycles after another one is in the same log.
+  // A fault during the cycles after another one belongs to the same log.
   if (pending_cause_ == FlightCause::kNone && cause != FlightCause::kNone) {
     pending_cause_ = cause;
     pending_cycle_ = record.cycle;
@@ -123,7 +123,7 @@ void FlightRecorder::freeze() noexcept {
 FlightLog FlightRecorder::newest(std::size_t first, std::size_t count) const {
   FlightLog log;
   log.records.reserve(std::min(count, kCycleCount));
-  // A swap is a few assignments of a thread of higher priority: worth no sleep.
+  // A swap is a few assignments by a thread of higher priority, so sleeping is not worthwhile.
   for (reader_count_.fetch_add(1); is_swapping_.load(); reader_count_.fetch_add(1))
     reader_count_.fetch_sub(1);
   log.number = number_.load(std::memory_order_acquire);

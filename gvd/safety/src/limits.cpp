@@ -11,10 +11,10 @@ namespace {
 
 using driver::Vector3;
 
-/// Fill above which the heat limit is below the maximum.
+/// The fill level above which the heat limit drops below the maximum.
 constexpr double kWarmFill = 0.5;
 
-/// Moves `from` towards `to` by at most `way_max`; true if that was not enough.
+/// Moves `from` towards `to` by at most `way_max`; true if it did not get there.
 bool move_towards(Vector3& from, const Vector3& to, double way_max) noexcept {
   Vector3 way = difference(to, from);
   const bool is_limited = shorten(way, way_max);

@@ -13,7 +13,7 @@ constexpr const char* kWatchdog = "watchdog";
 constexpr const char* kLowCorner = "workspace_low_m";
 constexpr const char* kHighCorner = "workspace_high_m";
 
-/// Whether a client may lower a value or raise it.
+/// Whether lowering or raising a value is safer, and so allowed to clients.
 enum class Safer : std::uint8_t { kLower, kHigher };
 
 struct Limit {
@@ -21,8 +21,8 @@ struct Limit {
   const char* unit;
   const char* description;
   double SafetyConfig::*value;
-  /// Share of the configured value that the limit keeps at least: a force that could not change
-  /// could not fall either.
+  /// The minimum share of the configured value: with a rate limit of zero, the force could not fall
+  /// either.
   double share_min;
 };
 constexpr std::array kLimits{
@@ -75,7 +75,7 @@ driver::ParameterSpec spec_of(const char* name, const char* unit, double configu
   return spec;
 }
 
-/// The configured policy, or off at once: any other policy would lengthen the force's life.
+/// Allows the configured policy or off at once: any other policy might prolong the force.
 driver::ParameterSpec watchdog_spec(const SafetyConfig& configured) {
   driver::ParameterSpec spec;
   spec.name = std::string(kSafetyGroup) + kWatchdog;
@@ -87,8 +87,8 @@ driver::ParameterSpec watchdog_spec(const SafetyConfig& configured) {
   return spec;
 }
 
-/// A corner of the workspace, which a client may make smaller. Its range is the same for each axis:
-/// the least and the greatest coordinate of the configured workspace.
+/// A corner of the workspace, which a client may shrink. The range is the same for all axes: from
+/// the lowest to the highest coordinate of the configured workspace.
 driver::ParameterSpec corner_spec(const char* name, const SafetyConfig& configured,
                                   const driver::Vector3& corner) {
   const driver::Vector3& low_m = configured.workspace.low_m;

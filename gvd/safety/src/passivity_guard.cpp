@@ -8,7 +8,7 @@
 namespace rtpm::gvd {
 namespace {
 
-/// Slower motion gives too little for damping to matter.
+/// Below this velocity damping takes too little energy to matter.
 constexpr double kVelocityMin = 1e-4;
 
 }  // namespace
@@ -28,14 +28,15 @@ bool PassivityGuard::apply(const SafetyConfig& config, Duration elapsed, const M
 
 bool PassivityGuard::guard(const SafetyConfig& config, double elapsed_s, double applied_newton,
                            double velocity_m_per_s, Axis& axis, double& force_newton) noexcept {
-  // Observer: the energy that the last force took, and the refill, which never exceeds the energy
-  // that was given.
+  // Observer: adds the energy that the last force took, and the refill, which never exceeds the
+  // energy that was given.
   axis.energy_joule = std::min(axis.energy_joule - applied_newton * velocity_m_per_s * elapsed_s,
                                config.passivity_store_joule);
   if (axis.energy_joule < 0) {
     axis.energy_joule = std::min(0.0, axis.energy_joule + config.passivity_watt * elapsed_s);
   }
-  // Controller: the energy that the wanted force gives by the next cycle, if the motion continues.
+  // Controller: predicts the energy that the requested force gives by the next cycle at the same
+  // velocity.
   const double after_joule = axis.energy_joule + config.passivity_reserve_joule -
                              force_newton * velocity_m_per_s * elapsed_s;
   if (after_joule >= 0 || std::abs(velocity_m_per_s) < kVelocityMin) return false;

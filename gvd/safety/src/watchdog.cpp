@@ -32,8 +32,8 @@ double Watchdog::fall(const SafetyConfig& config, MonotonicTime now, MonotonicTi
     return 1;
   }
   if (rest_now > config.ramp) return 1;
-  // The ramp began at zero_at − ramp, perhaps between two steps. Each step shrinks the force by the
-  // elapsed share of the remaining time, which is linear from any start.
+  // The ramp started at zero_at − ramp, perhaps between two steps. Each step scales the force by
+  // the remaining share of the time, which is linear from any starting point.
   const Duration rest_before = std::min(rest_now + elapsed, config.ramp);
   const double share = std::clamp(seconds(rest_now) / seconds(rest_before), 0.0, 1.0);
   output = scaled(output, share);

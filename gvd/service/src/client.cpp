@@ -19,7 +19,7 @@ namespace {
 constexpr Duration kAcquireRetry = std::chrono::milliseconds{20};
 constexpr Duration kOpenRetry = std::chrono::milliseconds{100};
 
-/// Whether opening the device may succeed later.
+/// Whether a retry may open the device later.
 bool may_come(const SetupError& error) noexcept {
   return error.cause != rpc::CallError::kWrongInterface &&
          error.cause != rpc::CallError::kNotAllowed;
@@ -174,7 +174,7 @@ expected<FlightLog, DeviceError> DeviceClient::flight_record() {
     const auto reply = impl_->stub.read_flight_record(request);
     if (!reply) return unexpected{reply.error()};
     const device::FlightRecordReply& part = **reply;
-    // Another fault came meanwhile: reads its record from the beginning.
+    // Another fault occurred meanwhile: reads its record from the start.
     if (log.number != 0 && part.number() != log.number) {
       log = {};
       continue;

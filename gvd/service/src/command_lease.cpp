@@ -42,7 +42,7 @@ void RateGate::step(MonotonicTime now) noexcept {
 std::uint64_t Lease::next_id() noexcept {
   constexpr std::uint64_t kSerialMask = 0xffff;
   std::uint64_t id = kNobody;
-  // The random part is never zero, so no lease equals kNobody.
+  // The random part is never zero, so no lease id equals kNobody.
   while ((id & ~kSerialMask) == 0) {
     const std::array serial{serial_.fetch_add(1, std::memory_order_relaxed)};
     id = (siphash_2_4(key_, std::as_bytes(std::span(serial))) & ~kSerialMask) |
@@ -66,7 +66,7 @@ std::optional<std::uint64_t> Lease::acquire() noexcept {
   if (holder() != kNobody || !acquire_gate_.take()) return std::nullopt;
   const std::uint64_t id = next_id();
   std::uint64_t nobody = kNobody;
-  // Fails only after a concurrent take-over: the gate admits one acquire() at a time.
+  // Fails only after a concurrent take-over, as the gate admits one acquire() at a time.
   if (!holder_.compare_exchange_strong(nobody, id, std::memory_order_acq_rel)) return std::nullopt;
   return id;
 }
@@ -142,7 +142,7 @@ LeaseState Lease::state_of(std::uint64_t id) const noexcept {
   if (holder() == id) return LeaseState::kHeld;
   const Record& record = records_[serial_of(id) % kRememberedCount];
   const LeaseState state = record.state.load(std::memory_order_acquire);
-  // kHeld: it is just ending; the reason is not stored yet.
+  // kHeld: the lease is just ending, and the reason is not stored yet.
   if (record.id.load(std::memory_order_acquire) != id || state == LeaseState::kHeld) {
     return LeaseState::kUnknown;
   }

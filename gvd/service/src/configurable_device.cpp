@@ -60,7 +60,7 @@ expected<void, ConfigurationError> ConfigurableDevice::change(std::span<Paramete
       return refused(ConfigurationOutcome::kRefusedByDevice, std::move(set.error()));
     }
   }
-  // The server's own parameters can't fail: their ranges were checked.
+  // Setting the server's own parameters can't fail: their ranges were checked.
   cycle_.set_present_safety(with_settings(cycle_.present_safety(), of_server));
   for (ParameterSetting& setting : settings) {
     const auto taken = std::ranges::find(of_driver, setting.name, &ParameterSetting::name);

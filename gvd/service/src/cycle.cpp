@@ -17,15 +17,15 @@ using driver::ExchangeStatus;
 using driver::Fault;
 using driver::Lifecycle;
 
-/// Bad cycles in a row after which the device's position counts as unknown: no force. A sample that
-/// is older than this number of periods is late.
+/// The number of consecutive bad cycles after which the device's position is unknown: no force.
+/// Also the number of periods after which a sample is late.
 constexpr std::uint32_t kBlindCycleMax = 20;
 
-/// Life of the models' force, should the device's thread stop: ten cycles at 1 kHz.
+/// How long the models' force lasts if the device's thread stops: ten cycles at 1 kHz.
 constexpr Duration kModelHold = std::chrono::milliseconds{10};
 
-/// A setpoint has one mode: a wrench has precedence over efforts, and both over no command. A
-/// client's motion has precedence over the models.
+/// A setpoint has only one mode: a wrench overrides efforts, and both override no command. A
+/// client's motion overrides the models.
 void add(const ModelForces& forces, driver::Setpoint& setpoint) noexcept {
   const bool is_idle = setpoint.mode == CommandMode::kOff || setpoint.mode == CommandMode::kOutputs;
   if (is_idle && forces.wrench != driver::Wrench{}) {
@@ -49,7 +49,7 @@ constexpr std::uint16_t number_of(Request request) noexcept {
   return static_cast<std::uint16_t>(static_cast<int>(request) + 1);
 }
 
-/// A wrench that latches the filter's fault.
+/// A wrench that makes the filter latch its fault.
 constexpr driver::Wrench kNotFinite{{std::numeric_limits<double>::quiet_NaN(), 0, 0}, {}};
 
 driver::Wrench wrench_of(const driver::Setpoint& setpoint) noexcept {
@@ -62,13 +62,13 @@ struct Request {
   std::uint32_t stop_number = 0;  ///< EmergencyLatch::number() at the request.
 };
 
-/// `what` is not 0.
+/// Packs a request; `what` must not be 0.
 constexpr std::uint64_t request_of(std::uint64_t lease, Request request) noexcept {
   return std::uint64_t{request.stop_number} << 32 | std::uint32_t{Lease::serial_of(lease)} << 16 |
          request.what;
 }
 
-/// The pending request, if the holder made it: a former holder's is void.
+/// Takes the pending request if the holder made it; a former holder's is void.
 Request take_request(std::atomic<std::uint64_t>& request, std::uint64_t holder) noexcept {
   if (request.load(std::memory_order_relaxed) == 0) return {};
   const std::uint64_t taken = request.exchange(0, std::memory_order_acq_rel);
@@ -139,7 +139,7 @@ const DeviceCycle::HeldCommand* DeviceCycle::command_of(MonotonicTime now,
     const bool is_rearm = left.what == number_of(Release::kRearm);
     if (is_rearm && emergency_.is_set()) is_rearmed_ = emergency_.rearm(left.stop_number);
     if (left.what == number_of(Release::kRecover)) filter_.recover();
-    // Commands before it belong to the fault or the stop.
+    // Commands from before it belong to the fault or the stop.
     drop_commands();
     models_.drop_before_release();
   }
@@ -155,7 +155,7 @@ const DeviceCycle::HeldCommand* DeviceCycle::command_of(MonotonicTime now,
 const DeviceCycle::HeldCommand* DeviceCycle::with_models(MonotonicTime now, std::uint64_t holder,
                                                          const HeldCommand* newest) noexcept {
   models_.take_for(holder);
-  // A number that is not finite latches the filter's fault, whatever the models.
+  // A number that is not finite latches the filter's fault, whatever the models do.
   const bool is_finite_command = newest == nullptr || is_finite(newest->wrench.wrench);
   if (models_.is_empty() || !is_finite_command) return newest;
   const bool is_live = newest != nullptr && now < newest->wrench.deadline;
@@ -184,7 +184,7 @@ driver::Command DeviceCycle::filter(MonotonicTime now, const HeldCommand* newest
     efforts_ = {};
     if (command.mode == CommandMode::kJointEffort) efforts_ = command.joints;
   }
-  // Efforts fall like a wrench when commands stop; motion and outputs stop at once.
+  // When commands stop, efforts fall like a wrench; motion and outputs stop at once.
   if (efforts_ != decltype(efforts_){} && filter_.gain() > 0) {
     command.mode = CommandMode::kJointEffort;
     for (std::size_t i = 0; i < efforts_.size(); ++i)
@@ -288,7 +288,7 @@ void DeviceCycle::lose(BadCycle why) noexcept {
   ++counters_.gone_count;
   is_to_close_ = true;
   filter_.reset();
-  // The holder must acquire the lease again for the returning device.
+  // The holder must acquire the lease again once the device is back.
   lease_.revoke();
   lifecycle_.store(Lifecycle::kFault, std::memory_order_release);
   sample_.faults.set(Fault::kDeviceGone);
@@ -297,7 +297,7 @@ void DeviceCycle::lose(BadCycle why) noexcept {
 }
 
 void DeviceCycle::rest(MonotonicTime now) noexcept {
-  // The filter keeps running, so that a latched fault shows and soft start begins at zero.
+  // Keeps the filter running, so that latched faults show and soft start begins at zero.
   static_cast<void>(filter_.step(now, std::nullopt));
   models_.drop();
   sample_.faults.set(filter_.faults());
@@ -372,7 +372,7 @@ bool DeviceCycle::needs_maintenance(MonotonicTime now) const noexcept {
          (lifecycle() == Lifecycle::kFault && now >= retry_at_);
 }
 
-// Reporting may take long without an exchange: the force is off before it begins.
+// A report may take long without an exchange, so the force must be off first.
 bool DeviceCycle::has_lease_report() const noexcept {
   return filter_.is_off() && (lease_.taken_over_count() != reported_taken_over_count_ ||
                               lease_.idle_count() != reported_idle_count_);
@@ -504,7 +504,7 @@ expected<void, DeviceOutcome> DeviceCycle::submit(const ClientCommand& command,
   }
   static_cast<void>(lease_.use(command.lease));
   command_count_.fetch_add(1, std::memory_order_relaxed);
-  // The filter sees this setpoint, too: zero force and a latched fault.
+  // The filter sees this setpoint as well: zero force and a latched fault.
   if (!is_finite(command.setpoint)) return unexpected{DeviceOutcome::kNotFinite};
   return {};
 }
@@ -552,7 +552,7 @@ expected<void, DeviceOutcome> DeviceCycle::leave(std::atomic<std::uint64_t>& req
   const Request left{what, emergency_.number()};
   std::uint64_t before = request.load(std::memory_order_acquire);
   // Checks the lease again after every concurrent request: a preempted thread of a former holder
-  // must not replace the new one's.
+  // must not replace the new holder's request.
   do {
     if (!lease_.use(lease)) return unexpected{DeviceOutcome::kNotHolder};
   } while (!request.compare_exchange_weak(before, request_of(lease, left),

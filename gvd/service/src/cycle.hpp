@@ -30,12 +30,12 @@
 
 namespace rtpm::gvd {
 
-/// Transitions that the lease's holder may request.
+/// State transitions that the lease's holder may request.
 enum class Transition : std::uint8_t {
   kActivate,
   kDeactivate,
 };
-/// Ends of latched states that the lease's holder may request.
+/// Latched states that the lease's holder may end.
 enum class Release : std::uint8_t {
   kRecover,  ///< Releases a latched fault.
   kRearm,    ///< Releases an emergency stop.
@@ -56,26 +56,26 @@ class SuccessRate {
   std::size_t good_count_ = 0;
 };
 
-/// A device's loop without thread and clock: the work of a cycle, and wait-free access for other
+/// A device's loop without thread or clock: the work of a cycle, and wait-free access for other
 /// threads.
 /// @ownership refers to its driver, which must outlive it
 /// @threads  as grouped below
-/// @realtime alloc-free and without a wait, but for begin(), maintain() and end(), which are set-up
+/// @realtime alloc-free and wait-free, except begin(), maintain() and end(), which are set-up
 class DeviceCycle {
  public:
   DeviceCycle(driver::Driver& driver, CycleConfig config, SipKey lease_key);
 
-  // The device's thread.
+  // Called by the device's thread.
 
   /// Configures and activates the device.
   /// @errors   those of the driver
   [[nodiscard]] expected<void, SetupError> begin(MonotonicTime now);
-  /// Begins without the device, which begin() did not reach for the reason `error`: reports that,
-  /// and tries again as for a lost one.
+  /// Starts without the device, because begin() failed with `error`: reports that, and retries as
+  /// for a lost device.
   void begin_without(MonotonicTime now, const SetupError& error);
-  /// One cycle: filters the newest command, exchanges it for a sample, and publishes that.
-  /// `missed_count` cycles were skipped before.
-  /// @realtime no system call but the driver's
+  /// One cycle: filters the newest command, sends it to the device, and publishes the sample
+  /// received. `missed_count` cycles were skipped before.
+  /// @realtime no system call except the driver's
   void run(MonotonicTime now, std::uint32_t missed_count) noexcept;
   /// Whether maintain() has work.
   [[nodiscard]] bool needs_maintenance(MonotonicTime now) const noexcept;
@@ -83,43 +83,44 @@ class DeviceCycle {
   void maintain(MonotonicTime now);
   /// Deactivates the device for good.
   void end(MonotonicTime now) noexcept;
-  /// The limits in force; safety() or tighter. Also from a thread that performs a job.
+  /// The limits in force: safety() or tighter. May also be called from a thread that performs a
+  /// job.
   [[nodiscard]] const SafetyConfig& present_safety() const noexcept { return filter_.config(); }
   void set_present_safety(const SafetyConfig& safety) noexcept { filter_.configure(safety); }
 
-  // Any thread.
+  // Called by any thread.
 
-  /// Leaves `command`, received at `received`, for the next cycle.
-  /// @errors   as the service's method `command` says in device.fbs
+  /// Stores `command`, received at `received`, for the next cycle.
+  /// @errors   see the service's method `command` in device.fbs
   [[nodiscard]] expected<void, DeviceOutcome> submit(const ClientCommand& command,
                                                      MonotonicTime received) noexcept;
-  /// Leaves a request for the next cycle, valid if `lease` is still held then. The last one per
-  /// cycle counts.
+  /// Stores a request for the next cycle, valid if `lease` is still held then. Only the last one
+  /// per cycle counts.
   /// @errors   kNotHolder
   [[nodiscard]] expected<void, DeviceOutcome> request(std::uint64_t lease,
                                                       Transition transition) noexcept;
-  /// Leaves a request to end a latched state for the next cycle.
+  /// Stores a request to end a latched state for the next cycle.
   /// @errors   kNotHolder
   [[nodiscard]] expected<void, DeviceOutcome> request(std::uint64_t lease,
                                                       Release release) noexcept;
-  /// Leaves the lease's models for the next cycle, in place of its former ones.
-  /// @errors   as the service's method `set_models` says in device.fbs
+  /// Stores the lease's models for the next cycle; they replace the former ones.
+  /// @errors   see the service's method `set_models` in device.fbs
   [[nodiscard]] expected<void, ModelsRefusal> set_models(const ClientModels& models) noexcept;
   /// Stops the device: no force from the next cycle on, and no commands, until Release::kRearm.
   void emergency_stop() noexcept;
   [[nodiscard]] bool is_stopped() const noexcept { return emergency_.is_set(); }
   /// Takes the lease for a call of `priority`; returns its number. The force goes to zero before
-  /// the new holder's commands count.
+  /// the new holder's commands apply.
   /// @errors   kBelowOperatorPriority · kTooSoon: the last take-over was less than
   ///           LeaseConfig::take_over_interval ago
   [[nodiscard]] expected<std::uint64_t, DeviceOutcome> take_over(Priority priority) noexcept;
   [[nodiscard]] Lease& lease() noexcept { return lease_; }
   /// The newest sample; nullopt before the first cycle.
   [[nodiscard]] std::optional<driver::Sample> newest() const noexcept { return published_.read(); }
-  /// The newest sample at `now`: kDeviceLate is set if an active device has not completed a cycle
-  /// for more than twenty periods, such as in a driver that does not return; these count as bad.
+  /// The newest sample at `now`. Sets kDeviceLate if an active device has not completed a cycle for
+  /// more than twenty periods, such as in a driver that does not return; these cycles count as bad.
   [[nodiscard]] std::optional<driver::Sample> newest(MonotonicTime now) const noexcept;
-  /// How long an active device has not completed a cycle.
+  /// How long ago an active device completed its last cycle.
   [[nodiscard]] Duration silence(MonotonicTime now) const noexcept;
   [[nodiscard]] DeviceCounters counters() const noexcept;
   /// The limits that the server was started with.
@@ -137,11 +138,11 @@ class DeviceCycle {
   struct HeldCommand {
     std::uint64_t lease = Lease::kNobody;
     driver::Setpoint setpoint{};
-    WrenchCommand wrench{};  ///< Its wrench, zero in other modes.
+    WrenchCommand wrench{};  ///< The command's wrench; zero in other modes.
   };
 
   [[nodiscard]] const HeldCommand* command_of(MonotonicTime now, std::uint64_t holder) noexcept;
-  /// The command with the holder's models: until its lease ends, these need no command.
+  /// The command combined with the holder's models, which need no command while the lease is held.
   [[nodiscard]] const HeldCommand* with_models(MonotonicTime now, std::uint64_t holder,
                                                const HeldCommand* newest) noexcept;
   [[nodiscard]] driver::Command filter(MonotonicTime now, const HeldCommand* newest,
@@ -174,7 +175,7 @@ class DeviceCycle {
   SafetyFilter filter_;
   FlightRecorder recorder_{};
 
-  // Shared by the threads.
+  // Shared between threads.
   LocalModels models_;
   DeviceJobs jobs_{};
   Mailbox<HeldCommand> mailbox_{};
@@ -200,16 +201,16 @@ class DeviceCycle {
   FlightRecord flight_{};   ///< The command of this cycle; publish() adds the rest.
   std::array<double, driver::kJointCountMax> efforts_{};  ///< The last efforts, after the limits.
   std::uint64_t last_holder_ = Lease::kNobody;
-  std::uint64_t shown_holder_ = Lease::kNobody;  ///< The holder shown to the observer.
+  std::uint64_t shown_holder_ = Lease::kNobody;  ///< The holder last reported to the observer.
   LeaseState shown_end_ = LeaseState::kUnknown;
   SuccessRate success_{};
   DeviceCounters counters_{};
   MonotonicTime opened_at_{};
-  std::uint32_t bad_cycle_count_ = 0;  ///< Bad cycles in a row, and
-  MonotonicTime bad_since_{};          ///< the time of the first one.
+  std::uint32_t bad_cycle_count_ = 0;  ///< The number of consecutive bad cycles.
+  MonotonicTime bad_since_{};          ///< The time of the first bad cycle.
   BadCycle lost_by_ = BadCycle::kNone;
-  std::string_view not_finite_field_{};  ///< In the last sample that was kNotFinite.
-  std::optional<Transition> wanted_{};   ///< The next maintain() carries it out.
+  std::string_view not_finite_field_{};  ///< Set if the last sample was kNotFinite.
+  std::optional<Transition> wanted_{};   ///< Requested; the next maintain() carries it out.
   std::uint64_t reported_idle_count_ = 0;
   std::uint64_t reported_taken_over_count_ = 0;
   bool is_to_close_ = false;

@@ -26,14 +26,15 @@ bool DeviceJobs::perform_job(Job& job, Duration patience) {
   // SYNC POINT device-job: the device's thread sees the job, and this thread sees its results.
   state_.store(State::kOffered, std::memory_order_release);
   if (done_.wait_until(rt::now() + patience)) {
-    // SYNC POINT device-job: the job's results. ThreadSanitizer does not know every wait of done_.
+    // SYNC POINT device-job: this thread sees the job's results. ThreadSanitizer does not know
+    // every wait of done_.
     return state_.load(std::memory_order_acquire) == State::kNone;
   }
   State offered = State::kOffered;
   if (state_.compare_exchange_strong(offered, State::kNone, std::memory_order_acq_rel)) {
     return false;
   }
-  // The job has begun, and refers to this thread's stack.
+  // The job has started, and refers to this thread's stack.
   while (!done_.wait_until(kNever)) {
   }
   return state_.load(std::memory_order_acquire) == State::kNone;

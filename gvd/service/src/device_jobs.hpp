@@ -10,22 +10,22 @@
 
 namespace rtpm::gvd {
 
-/// Lets other threads run a job on the device between two of its cycles: on the device's thread
-/// while it runs, otherwise at once.
+/// Lets other threads run a job on the device between two of its cycles: on the device's thread if
+/// that runs, otherwise at once.
 /// @threads  is_waiting() and run() from the device's, the rest from any
-/// @realtime is_waiting() alloc-free, one load; run() never waits, but takes its job's time; the
-///           rest set-up only
+/// @realtime is_waiting(): alloc-free, one load; run(): never waits, but takes its job's time; the
+///           rest: set-up only
 class DeviceJobs {
  public:
   /// How long a job waits for the device's thread.
   static constexpr Duration kPatience = std::chrono::milliseconds{100};
 
-  /// From now on the device's thread runs all jobs. Waits for a job that runs without it.
+  /// Makes the device's thread run all jobs from now on. Waits for a job that runs without it.
   void begin();
-  /// The device's thread has ended.
+  /// Notes that the device's thread has ended.
   void end();
-  /// Calls `work` and returns true, or false if the device's thread has not begun it within
-  /// `patience`: then it never happens. Waits for the end of a job that has begun.
+  /// Calls `work` and returns true, or returns false if the device's thread has not started it
+  /// within `patience`: then it never runs. Waits for a job that has started.
   template <class Work>
   [[nodiscard]] bool perform(Work&& work, Duration patience = kPatience) {
     struct WorkJob final : Job {
@@ -39,7 +39,7 @@ class DeviceJobs {
   [[nodiscard]] bool is_waiting() const noexcept {
     return state_.load(std::memory_order_relaxed) == State::kOffered;
   }
-  /// Runs the waiting job, if there is one.
+  /// Runs the waiting job, if any.
   void run();
 
  private:

@@ -7,13 +7,13 @@
 
 namespace rtpm::gvd {
 
-/// Cycles in a reply, so that it stays small.
+/// Cycles per reply, so that it stays small.
 inline constexpr std::size_t kFlightPageSize = 64;
 
 /// @realtime allocates only in `builder`
 [[nodiscard]] flatbuffers::Offset<device::FlightRecordReply> to_wire(
     const FlightLog& log, flatbuffers::FlatBufferBuilder& builder);
-/// Adds the reply's part to `log`.
+/// Adds a reply's records to `log`.
 /// @realtime set-up only
 void add_from_wire(const device::FlightRecordReply& wire, FlightLog& log);
 

@@ -11,8 +11,8 @@
 
 namespace rtpm::gvd {
 
-/// The outputs that the lease's holder commands, beside its force or motion: a command of either
-/// leaves the other unchanged, so that two threads can command independently.
+/// The outputs that the lease's holder commands, independently of force and motion: a command of
+/// either kind leaves the other unchanged, so two threads can command independently.
 /// @ownership a value, not copied
 /// @threads  put() from any, the rest from the device's
 /// @realtime as Mailbox
@@ -25,7 +25,7 @@ class HeldOutputs {
     MonotonicTime deadline{};
   };
 
-  /// Leaves a command of outputs alone for the next cycle, as Mailbox::put().
+  /// Stores a command of outputs only for the next cycle, like Mailbox::put().
   template <class Allowed>
   [[nodiscard]] MailOutcome put(MailStamp stamp, const Command& command,
                                 Allowed is_allowed) noexcept {
@@ -36,8 +36,8 @@ class HeldOutputs {
   void take() noexcept {
     if (const auto newest = mailbox_.take()) held_ = *newest;
   }
-  /// Notes a command of force or motion. If its outputs are all zero, the held outputs stay
-  /// unchanged, and last as long as the command.
+  /// Notes a command of force or motion. If its outputs are all zero, the held outputs do not
+  /// change, and last as long as the command.
   void follow(MonotonicTime now, std::uint64_t lease, const driver::Setpoint& setpoint,
               MonotonicTime deadline) noexcept {
     if (setpoint.mode == driver::CommandMode::kOff) {

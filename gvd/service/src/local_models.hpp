@@ -14,20 +14,20 @@
 
 namespace rtpm::gvd {
 
-/// Why a list of models was refused; `error` with kOutOfRange.
+/// Why a list of models was refused; `error` is set for kOutOfRange.
 struct ModelsRefusal {
   DeviceOutcome outcome = DeviceOutcome::kDone;
   std::optional<ModelError> error{};
 };
 
-/// A client's list.
+/// A list of models from a client.
 struct ClientModels {
   std::uint64_t lease = 0;
   std::uint32_t sequence = 0;
   ModelList list{};
 };
 
-/// The models of a lease: the newest list from any thread, its forces on the device's thread.
+/// The models of a lease: any thread sets the newest list, the device's thread computes its forces.
 /// @ownership a value
 /// @threads  limits() and put() from any, the rest from the device's
 /// @realtime alloc-free; put() is lock-free, the rest wait-free
@@ -37,17 +37,17 @@ class LocalModels {
       : limits_(ModelLimits::for_device(descriptor, period)) {}
 
   [[nodiscard]] const ModelLimits& limits() const noexcept { return limits_; }
-  /// Leaves a checked list for the next cycle. `is_after_release`: the holder's release request
-  /// came before, so that it does not end this list.
+  /// Stores a checked list for the next cycle. `is_after_release`: the holder's release request
+  /// came before, so it does not end this list.
   template <class Allowed>
   [[nodiscard]] MailOutcome put(MailStamp stamp, const ClientModels& models, bool is_after_release,
                                 Allowed is_allowed) noexcept {
     return mailbox_.put(stamp, {models.lease, is_after_release, models.list}, is_allowed);
   }
 
-  /// Takes the newest list, and drops it unless `holder` set it.
+  /// Takes the newest list, but drops it unless `holder` set it.
   void take_for(std::uint64_t holder) noexcept;
-  /// Drops the list, unless it came after the release request.
+  /// Drops the list, unless it was set after the release request.
   void drop_before_release() noexcept;
   void drop() noexcept;
   [[nodiscard]] bool is_empty() const noexcept { return evaluator_.is_empty(); }

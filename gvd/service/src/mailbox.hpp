@@ -9,8 +9,8 @@
 
 namespace rtpm::gvd {
 
-/// Orders the values of one writer by `sequence`, modulo 2^32; values of different writers by time
-/// of put().
+/// Orders the values of one writer by `sequence`, modulo 2^32; values of different writers by the
+/// time of put().
 struct MailStamp {
   std::uint16_t writer = 0;
   std::uint32_t sequence = 0;
@@ -19,13 +19,13 @@ struct MailStamp {
 /// Result of put().
 enum class MailOutcome : std::uint8_t {
   kPut,
-  kOld,      ///< This writer's newest value is not older.
+  kOld,      ///< The writer's newest value is at least as new.
   kRefused,  ///< The writer is not allowed.
   kBusy,     ///< Too many concurrent puts: drop the value or retry.
 };
 
 /// Passes the newest value from several threads to one real-time thread: a state, not a queue. A
-/// thread preempted in put() blocks no other, and its late value never replaces a newer one.
+/// thread preempted in put() blocks no other thread, and its late value never replaces a newer one.
 /// @ownership holds kSlotCount values in place
 /// @threads  put() from any, take() from one
 /// @realtime alloc-free; take() is wait-free, put() lock-free
@@ -36,7 +36,7 @@ class Mailbox {
   /// One slot pending, one being taken, the others for concurrent puts.
   static constexpr std::size_t kSlotCount = 16;
 
-  /// Puts `value` if `is_allowed()` holds just before, and the present value is not newer.
+  /// Puts `value` if `is_allowed()` holds just before, and the current value is not newer.
   template <class Allowed>
   requires std::is_invocable_r_v<bool, Allowed>
   [[nodiscard]] MailOutcome put(MailStamp stamp, const T& value, Allowed is_allowed) noexcept {
@@ -71,8 +71,8 @@ class Mailbox {
   }
 
  private:
-  // The newest value: from the lowest bit on its slot + 1, or 0 once it was taken; whether a value
-  // was ever put; and its stamp, which stays when it is taken.
+  // The word of the newest value: its slot + 1 in the low byte, or 0 once taken; a bit that tells
+  // whether a value was ever put; and the value's stamp, which is kept when it is taken.
   static constexpr std::uint64_t kSlotMask = 0xff;
   static constexpr std::uint64_t kStamped = 0x100;
 

@@ -11,7 +11,7 @@
 namespace rtpm::gvd {
 namespace {
 
-/// A device's own words in the form that a registry accepts.
+/// A device's text in the form that a registry accepts.
 std::string text(std::string_view words) {
   std::string shown = printable(words, names::kPropertyTextSizeMax);
   if (shown.size() > names::kPropertyTextSizeMax) shown.clear();

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kRateMinHz = 0.1;
 constexpr double kRateMaxHz = 10000;
-/// How long stop() may wait for a sleeping poller.
+/// The longest sleep of a poller, and so the longest that stop() waits for it.
 constexpr Duration kSleepMax = std::chrono::milliseconds{100};
 constexpr int kNoError = -1;
 

@@ -12,7 +12,7 @@ namespace rtpm::gvd {
 namespace {
 
 constexpr double kDistanceMaxM = 1000;
-/// Error of a rotation's length from 1: drivers have floats, and some do not normalise.
+/// The allowed error of a rotation's length: drivers use floats, and some do not normalise.
 constexpr double kLengthErrorMax = 0.1;
 /// How long before its opening a device may have measured a sample.
 constexpr Duration kBeforeOpenMax = std::chrono::seconds{1};
@@ -48,7 +48,7 @@ bool is_plausible(const driver::Sample& sample, const MeasurementTimes& times) n
   const driver::Quaternion& turn = sample.pose.orientation;
   const double length_of_turn =
       std::sqrt(turn.x * turn.x + turn.y * turn.y + turn.z * turn.z + turn.w * turn.w);
-  // A device that reports changes only has no time before the first change.
+  // A device that only reports changes has no time before the first change.
   const bool is_in_time =
       sample.host_time == MonotonicTime{} || (sample.host_time >= times.opened - kBeforeOpenMax &&
                                               sample.host_time <= times.cycle + times.period);

@@ -79,7 +79,7 @@ rpc::Result<device::Outcome> DeviceServant::deactivate(const device::Holder& req
 
 rpc::Result<device::Outcome> DeviceServant::emergency_stop(const device::Stop& request,
                                                            const rpc::CallContext&) {
-  // A scope of a later version stops at least the device.
+  // A scope of a later version stops at least this device.
   cycle_.emergency_stop();
   EmergencyStops* const others = cycle_.config().emergency_stops;
   if (request.scope() == device::StopScope::Server && others != nullptr) others->stop_devices();
@@ -109,7 +109,7 @@ rpc::Result<device::LeaseStanding> DeviceServant::lease_state(const device::Hold
 rpc::Result<void> DeviceServant::set_models(const device::SetModelsRequest& request,
                                             rpc::ReplyBuilder<device::SetModelsReply>& reply,
                                             const rpc::CallContext&) {
-  // Rare, and refusals come with words.
+  // Rare, and refusals include text.
   const rt::AllowAllocationScope set_up;
   device::Outcome outcome{device::OutcomeCode::Done};
   std::string words;
@@ -131,7 +131,7 @@ rpc::Result<void> DeviceServant::set_models(const device::SetModelsRequest& requ
 rpc::Result<void> DeviceServant::read_flight_record(
     const device::FlightRecordRequest& request, rpc::ReplyBuilder<device::FlightRecordReply>& reply,
     const rpc::CallContext&) {
-  // People read the record after a fault, so the call may allocate.
+  // Only called by people after a fault, so it may allocate.
   const rt::AllowAllocationScope set_up;
   reply.finish(
       to_wire(cycle_.flight_recorder().newest(request.first(), kFlightPageSize), reply.builder()));

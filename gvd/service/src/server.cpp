@@ -20,7 +20,7 @@ namespace {
 
 constexpr Duration kPeriodMin = std::chrono::microseconds{20};
 constexpr Duration kPeriodMax = std::chrono::milliseconds{100};
-/// How long start() waits for a driver that sets its device up, if it need not succeed.
+/// How long start() waits for a driver to set its device up, if starts_without_device.
 constexpr std::chrono::seconds kStartPatience{2};
 
 expected<void, SetupError> check(const LeaseConfig& lease) {
@@ -131,7 +131,7 @@ struct DeviceServer::Impl {
   }
 
   expected<void, SetupError> start_thread() {
-    // Shared, because the driver may return after start() has stopped waiting for it.
+    // Shared, because the driver may return after start() has stopped waiting.
     const auto begun = std::make_shared<std::promise<expected<void, SetupError>>>();
     auto outcome = begun->get_future();
     auto thread = rt::Thread::start(config.thread, [this, begun] {
@@ -165,7 +165,7 @@ struct DeviceServer::Impl {
 
   void request_stop() noexcept { is_stopping.store(true, std::memory_order_relaxed); }
 
-  /// False if the driver has not returned by `deadline`: its thread goes on.
+  /// False if the driver has not returned by `deadline`: then its thread continues.
   bool stop(MonotonicTime deadline) noexcept {
     if (!device_thread.is_running()) return true;
     request_stop();

@@ -221,7 +221,7 @@ driver::Descriptor from_wire(const device::Description& wire) {
     descriptor.outputs.push_back({text_of(output->name()), text_of(output->unit()), output->low(),
                                   output->high(), output->safe()});
   }
-  // This client can't ask for a mode of a later version.
+  // This client can't request modes of a later version.
   for (const auto mode : *wire.modes()) {
     if (static_cast<std::uint8_t>(mode) >= driver::kCommandModeCount) continue;
     descriptor.modes.push_back(static_cast<driver::CommandMode>(mode));

@@ -30,10 +30,10 @@ using introspection::TapStage;
 using TapStream = rpc::TableStream<TapBatch>;
 
 constexpr Duration kLookInterval = std::chrono::milliseconds{100};
-/// A server reads its rings each 5 ms.
+/// A server reads its rings every 5 ms.
 constexpr Duration kRestTime = std::chrono::milliseconds{30};
 constexpr Duration kNoteInterval = std::chrono::seconds{1};
-/// A payload with its table around it must fit a message of the recorder.
+/// A payload with its enclosing table must fit a message of the recorder.
 constexpr std::size_t kTableByteMax = 1024;
 
 /// Times of a call, converted to the recording's clock.
@@ -51,17 +51,17 @@ class CallChannels {
                std::unique_ptr<dynamic::RemoteObject> object) noexcept
       : recorder_(recorder), track_(track), path_(std::move(path)), object_(std::move(object)) {}
 
-  /// Adds the channel of how calls went.
+  /// Adds the channel for the outcomes of calls.
   /// @errors  an error of the file
   [[nodiscard]] expected<void, SetupError> open();
-  /// Records a tap's report of a call. Returns the number of payloads that did not match their
-  /// schema.
+  /// Records a call from the tap. Returns the number of payloads that did not match their schema.
   int record(const TappedCall& call, ConstBytes request, ConstBytes reply, const CallTimes& times);
 
  private:
   enum class Part : std::uint8_t { kRequest, kResponse };
   [[nodiscard]] const schema::Method* method_of(std::uint16_t id) const noexcept;
-  /// Finds or adds the channel of a method's part; nullopt if the file takes no more channels.
+  /// Finds or adds the channel for a method's request or response; nullopt if the file has no
+  /// channel left.
   [[nodiscard]] std::optional<std::uint16_t> channel_of(const schema::Method& method, Part part);
   /// Records a payload; false if it does not match its schema.
   bool record_payload(const schema::Method& method, Part part, ConstBytes payload,
@@ -183,7 +183,7 @@ void CallChannels::record_end(const TappedCall& call, const schema::Method* meth
                                 .data = rpc::table_bytes(builder_)}));
 }
 
-/// Binds the tap of the server, or says why it can't be.
+/// Binds the tap of the server, or explains why it can't.
 expected<TapClient, SetupError> bind_tap(rpc::Node& node, const std::string& server) {
   const std::string url = server + "/" + std::string(introspection::kTapPath);
   const auto tried = rpc::Binding::bind(node, url, TapClient::interface());
@@ -225,7 +225,7 @@ struct CallRecorder::Impl {
   std::optional<TapClient> client{};
   std::optional<TapStream> stream{};
   std::map<std::string, std::unique_ptr<CallChannels>> objects{};
-  std::vector<CallChannels*> by_number{};  ///< Indexed by the server's numbers of its objects.
+  std::vector<CallChannels*> by_number{};  ///< Indexed by the server's object numbers.
   Duration offset{};                       ///< The server's clock minus this host's.
   mutable rt::PiMutex mutex{};
   CallRecorderStatus status{};        ///< Guarded by the mutex.
@@ -259,7 +259,7 @@ expected<void, SetupError> CallRecorder::Impl::open(rpc::Node& node,
   return begin(std::move(request));
 }
 
-// Waits for the first item, which shows whether the tap is on.
+// Waits for the first item, which tells whether the tap is on.
 expected<void, SetupError> CallRecorder::Impl::begin(introspection::TapRequestT request) {
   auto opened = client->tap(request);
   if (!opened) return setup_error("the tap of " + server, opened.error());
@@ -304,7 +304,7 @@ void CallRecorder::Impl::run() {
   note_losses();
 }
 
-// Takes the batches that the server sends until it has read its rings once more.
+// Receives the batches that the server sends until it has read its rings once more.
 void CallRecorder::Impl::take_rest() {
   const MonotonicTime end = rt::now() + kRestTime;
   while (true) {
@@ -356,7 +356,7 @@ void CallRecorder::Impl::learn_clock() {
   if (clock && clock->uncertainty < Duration::max()) offset = clock->offset;
 }
 
-// Writes the counts into the file, if they have changed.
+// Writes the counts into the file if they have changed.
 void CallRecorder::Impl::note_losses() {
   CallRecorderStatus now;
   {
@@ -374,7 +374,7 @@ void CallRecorder::Impl::note_losses() {
                  {"dropped", std::to_string(now.dropped_count)},
                  {"omitted_payloads", std::to_string(now.omitted_payload_count)},
                  {"unreadable_payloads", std::to_string(now.unreadable_count)}}});
-  // The recorder's status shows when the file takes no more.
+  // The recorder's status tells when the file is full.
   if (written) noted_status = now;
 }
 

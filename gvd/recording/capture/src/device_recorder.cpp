@@ -21,7 +21,7 @@ namespace {
 
 using Sampled = device::SampledEvent;
 
-/// Adds the channel "lab/arm0/`leaf`", whose messages are tables `type` of device.fbs.
+/// Adds the channel "lab/arm0/`leaf`" for tables of `type` in device.fbs.
 expected<std::uint16_t, SetupError> add_device_channel(recording::Recorder& recorder,
                                                        const std::string& device, const char* kind,
                                                        const char* leaf, const char* type) {
@@ -168,8 +168,8 @@ struct CommandRecorder::Impl {
   recording::Recorder::Track& track;
   std::uint16_t channel;
   rt::PiMutex mutex{};
-  std::vector<std::byte> table{};  ///< A finished CommandRequest,
-  std::size_t offset = 0;          ///< in which the command is here.
+  std::vector<std::byte> table{};  ///< A finished CommandRequest.
+  std::size_t offset = 0;          ///< The offset of the command within it.
 };
 
 expected<std::unique_ptr<CommandRecorder>, SetupError> CommandRecorder::create(

@@ -13,13 +13,13 @@ namespace rtpm::capture {
 
 namespace {
 
-/// Bytes that a held event takes, with its bookkeeping.
+/// The bytes that a held event takes, including bookkeeping.
 std::size_t cost_of(ConstBytes payload) {
   constexpr std::size_t kOverhead = 128;
   return payload.size() + kOverhead;
 }
 
-/// Finds a type among `types`; null if it is not known.
+/// Finds a type among `types`; null if unknown.
 const events::EventDescriptor* find_in(KnownTypes types, events::EventType type) {
   const auto found = std::ranges::find(types, type, &events::EventDescriptor::type);
   return found == types.end() ? nullptr : *found;
@@ -36,7 +36,7 @@ void EventRecorder::record(const events::EventView& event, const events::EventDe
   const Key key{header.type, header.source};
   const MonotonicTime now = rt::now();
   const bool is_settled_now = is_settled(header, type);
-  // If the type has a channel already, an earlier event waited for the name in vain.
+  // If the type already has a channel, an earlier event waited for the name in vain.
   const bool may_wait = !is_settled_now && !channels_.contains(key) &&
                         held_byte_count_ + cost_of(event.payload) <= kHeldByteMax;
   if (may_wait) return hold(event, now);
@@ -76,7 +76,7 @@ void EventRecorder::let_go_if(KnownTypes types, bool is_end) {
   for (auto next = held_.begin(); next != held_.end();) {
     const auto& [key_here, held] = *next;
     const Key key = key_here;
-    ++next;  // The entry may go.
+    ++next;  // Advance first: the entry may be erased.
     const events::EventDescriptor* const type = find_in(types, key.first);
     const bool is_over = is_end || now - held.front().received >= kHoldTimeMax;
     if (is_over || is_settled(held.front().header, type)) let_go(key, type);
@@ -104,7 +104,7 @@ void EventRecorder::put(const events::EventHeader& header, ConstBytes payload,
       .channel_id = channel->number,
       .sequence = static_cast<std::uint32_t>(header.sequence),
       .log_time_ns = recorder_.log_time_ns(received),
-      // The hub's clock may be another host's, so only differences of its times count.
+      // The hub's clock may be another host's, so only differences of its times are valid.
       .publish_time_ns = recorder_.log_time_ns(received - (header.hub_sent - header.origin)),
       .data = payload};
   std::optional<std::vector<std::byte>> table;
@@ -148,7 +148,7 @@ EventRecorder::ChannelOfEvents* EventRecorder::channel_of(const events::EventHea
                                                           const events::EventDescriptor* type) {
   const auto known = channels_.find({header.type, header.source});
   const std::string* const device = device_of(header);
-  // Schema and name may become known later: then the source continues in a channel with them.
+  // Schema and name may become known later: then the source continues in a new channel.
   const bool has_schema = type != nullptr && !type->schema.empty();
   const bool is_known = known != channels_.end();
   const bool keeps_name = is_known && known->second.is_named == (device != nullptr);

@@ -20,48 +20,48 @@
 
 namespace rtpm::capture {
 
-/// The descriptors that are known, as events::HubTypes::list() has them.
+/// The known descriptors, as events::HubTypes::list() returns them.
 using KnownTypes = std::span<const events::EventDescriptor* const>;
 
-/// Records events, each type and source in a channel of its own, with its schema: topic
-/// "lab.Touched/3", or "lab/arm0/sampled" for a device whose name is known. The payload is a
-/// FlatBuffer whose root is the event's table. Sequence and origin are the message's sequence and
-/// publish time; the log time is the time of arrival.
+/// Records events, with a channel and schema for each type and source: topic "lab.Touched/3", or
+/// "lab/arm0/sampled" for a device whose name is known. The payload is a FlatBuffer whose root is
+/// the event's table. Sequence and origin become the message's sequence and publish time; the log
+/// time is the time of arrival.
 ///
-/// The first events of a program may come before its types and names are known here. They are held
+/// A program's first events may arrive before its types and names are known here. They are held
 /// back, at most kHoldTimeMax and kHeldByteMax in all, so that they get into the right channel.
 /// @ownership refers to its recorder, which other sources may share
-/// @threads  record() on one, the rest on any; allocates and waits, so none of real time
+/// @threads  record(): one; the rest: any. Allocates and waits, so not for real-time threads
 class EventRecorder {
  public:
   static constexpr Duration kHoldTimeMax = std::chrono::seconds{3};
-  /// The size that a track takes at once, so that no held event is dropped when it is recorded.
+  /// The amount that a track accepts at once, so that no held event is dropped when it is recorded.
   static constexpr std::size_t kHeldByteMax = 2 << 20;
 
-  /// Takes a track of its own.
-  /// @param names_devices  whether name_devices() will be called, so that events wait for it
+  /// Uses its own track.
+  /// @param names_devices  whether name_devices() will be called; events then wait for it
   explicit EventRecorder(recording::Recorder& recorder, bool names_devices = false);
   EventRecorder(const EventRecorder&) = delete;
   EventRecorder& operator=(const EventRecorder&) = delete;
   ~EventRecorder() = default;
 
-  /// Records one event; the recorder counts it as dropped if it can't take it.
+  /// Records one event; if the recorder can't take it, it counts as dropped.
   /// @param type  null while the type is not known
   void record(const events::EventView& event, const events::EventDescriptor* type);
-  /// Records held events whose type and name are known by now, or that waited for too long.
-  /// Call it now and then.
+  /// Records held events whose type and name are known now, or that have waited for too long. Call
+  /// it regularly.
   void attend(KnownTypes types);
   /// Records all held events. Call it before the recorder is closed.
   void finish(KnownTypes types);
   /// Whether events are held back, so that the caller should ask for types and names.
   [[nodiscard]] bool is_holding() const;
 
-  /// Names the channels of these devices. Earlier events of theirs stay in channels by number.
+  /// Names the channels of these devices. Their earlier events stay in channels by number.
   void name_devices(std::span<const std::string> names);
-  /// The named devices whose first event came since the last call.
+  /// The named devices whose first event arrived since the last call.
   [[nodiscard]] std::vector<std::string> take_new_devices();
-  /// Whether device names are missing: events wait for one, or the first event of a device without
-  /// a name came since the last call.
+  /// Whether device names are missing: events are waiting for one, or a device without a name sent
+  /// its first event since the last call.
   [[nodiscard]] bool take_new_unnamed();
 
  private:
@@ -86,14 +86,14 @@ class EventRecorder {
   void let_go_if(KnownTypes types, bool is_end);
   void put(const events::EventHeader& header, ConstBytes payload, MonotonicTime received,
            const events::EventDescriptor* type);
-  /// Finds or adds the channel of an event; null if the file takes no more channels.
+  /// Finds or adds the channel of an event; null if the file has no channel left.
   ChannelOfEvents* channel_of(const events::EventHeader& header,
                               const events::EventDescriptor* type);
   expected<std::uint16_t, SetupError> add_channel(const events::EventHeader& header,
                                                   const events::EventDescriptor* type,
                                                   const schema::Dynamic* dynamic,
                                                   const std::string* device);
-  /// The name of the device that is the source; null if it is not a device, or has no name.
+  /// The name of the source device; null if the source is not a device, or has no name.
   const std::string* device_of(const events::EventHeader& header);
 
   mutable rt::PiMutex mutex_{};

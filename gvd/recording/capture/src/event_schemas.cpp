@@ -6,7 +6,7 @@ schema::Dynamic* EventSchemas::find(const events::EventDescriptor* type) {
   if (type == nullptr || type->schema.empty()) return nullptr;
   const auto [found, is_new] = entries_.try_emplace(type->type);
   Entry& entry = found->second;
-  // A schema that can't be read is not read again either.
+  // Remembers a schema that can't be read, too, so that it is not read again.
   if (is_new || entry.schema_id != type->schema_id) {
     std::string error;
     entry = {type->schema_id,

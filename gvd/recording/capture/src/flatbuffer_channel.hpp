@@ -10,10 +10,10 @@
 
 namespace rtpm::capture {
 
-/// Adds a channel whose messages are tables of a schema, and that schema.
+/// Adds a schema, and a channel for tables of it.
 /// @param file  a recording::Recorder or FileWriter
 /// @param type  the tables' name, "rtpm.device.Description"
-/// @errors   the file takes no more schemas or channels
+/// @errors   the file has no schema or channel left
 template <class File>
 [[nodiscard]] expected<std::uint16_t, SetupError> add_flatbuffer_channel(
     File& file, const schema::Dynamic& dynamic, std::string type, std::string topic,

@@ -24,7 +24,7 @@ struct HubRecorder::Impl final : events::EventHandler {
         event_recorder(recorder, /*names_devices=*/true) {}
 
   expected<void, SetupError> subscribe() {
-    if (const auto named = name_devices(); !named) {  // Before their first events come.
+    if (const auto named = name_devices(); !named) {  // Before their first events arrive.
       reports.push_back("devices are recorded by number, not by name, and can't be played: " +
                         named.error().text());
     }
@@ -113,10 +113,10 @@ struct HubRecorder::Impl final : events::EventHandler {
   HubRecorderConfig config;
   DeviceRecorder device_recorder;
   mutable rt::PiMutex mutex{};
-  events::HubTypes types;        ///< Guarded by `mutex`, as
-  EventRecorder event_recorder;  ///< what is recorded,
-  bool lacks_type = false;       ///< and these.
-  bool is_ending = false;        ///< The subscription is ended from here.
+  events::HubTypes types;        ///< Guarded by `mutex`, like the members below.
+  EventRecorder event_recorder;  ///< Guarded by `mutex`.
+  bool lacks_type = false;       ///< Guarded by `mutex`.
+  bool is_ending = false;        ///< This object is ending the subscription.
   std::vector<std::string> undescribed{};
   std::vector<std::string> reports{};
   std::unique_ptr<events::Consumer> consumer{};

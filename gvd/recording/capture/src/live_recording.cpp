@@ -15,10 +15,10 @@
 namespace rtpm::capture {
 namespace {
 
-/// Interval at which the hub is asked for unknown types and names.
+/// Interval of look-ups of unknown types and names.
 constexpr Duration kPeriod = std::chrono::milliseconds{200};
 
-/// The text as a JSON string. Bytes above ASCII stay as they are.
+/// The text as a JSON string. Bytes above ASCII are kept.
 std::string quoted(std::string_view text) {
   std::string json = "\"";
   for (const char c : text) {
@@ -111,7 +111,7 @@ struct LiveRecording::Impl {
 
 expected<std::unique_ptr<LiveRecording>, SetupError> LiveRecording::start(
     rpc::Node& node, const std::string& file, LiveRecordingConfig config) {
-  // A hub that does not answer leaves no file.
+  // If the hub does not answer, no file is created.
   auto types = events::HubTypes::ask(node, config.hub, config.deadline);
   if (!types) return unexpected{types.error()};
   auto recorder = recording::Recorder::create(file, config.recorder);

@@ -54,7 +54,7 @@ class Examination {
   std::uint64_t unknown_count_ = 0;
 };
 
-/// The place of DataEnd; nullopt if the data section has no end.
+/// The position of DataEnd; nullopt if the data section has no end.
 std::optional<RecordPlace> Examination::find_data_end() const {
   std::optional<RecordPlace> found;
   std::uint64_t count = 0;

@@ -11,11 +11,11 @@
 namespace rtpm::recording {
 namespace {
 
-/// Fast, because recording shares its CPUs with the recorded program.
+/// Fast, because the recorder shares its CPUs with the recorded program.
 constexpr int kZstdLevel = 1;
 
-/// The most bytes that a byte can stand for in the densest form of each: a zstd block of 4 bytes
-/// for 128 KiB, an LZ4 length byte for 255 bytes. A chunk that states more gets no memory.
+/// The highest compression ratios: a zstd block of 4 bytes for 128 KiB, an LZ4 length byte for 255
+/// bytes. A chunk that claims more gets no memory.
 constexpr std::size_t kZstdRatioMax = 32'768;
 constexpr std::size_t kLz4RatioMax = 255;
 
@@ -89,7 +89,7 @@ std::optional<std::vector<std::byte>> decompress(std::string_view compression,
   if (compressed.empty() && size == 0) return std::vector<std::byte>{};
   if (compression == "lz4") return decompress_lz4(compressed, size);
   if (compression != "zstd") return std::nullopt;
-  // The size that the frame states, if it does; so a wrong size gets no memory, either.
+  // The size that the frame states, if any, so that a wrong size gets no memory either.
   const auto stated = ZSTD_getFrameContentSize(compressed.data(), compressed.size());
   const bool is_stated = stated != ZSTD_CONTENTSIZE_UNKNOWN;
   if (stated == ZSTD_CONTENTSIZE_ERROR || (is_stated && stated > size)) return std::nullopt;

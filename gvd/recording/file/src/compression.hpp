@@ -12,12 +12,11 @@ namespace rtpm::recording {
 /// The compression as a chunk spells it: "", "lz4" or "zstd".
 [[nodiscard]] std::string_view to_string(Compression compression) noexcept;
 
-/// Replaces `compressed` by `bytes` in compressed form. kLz4 is LZ4's frame format, as MCAP
-/// demands.
+/// Replaces `compressed` by the compressed `bytes`. kLz4 means LZ4's frame format, as MCAP demands.
 void compress(Compression compression, ConstBytes bytes, std::vector<std::byte>& compressed);
 
-/// The uncompressed bytes; nullopt for an unknown compression, damaged bytes, or another size.
-/// @param size  stated by the chunk, and already limited by the caller
+/// Decompresses; nullopt for an unknown compression, damaged bytes, or a different size.
+/// @param size  as stated by the chunk, and already limited by the caller
 [[nodiscard]] std::optional<std::vector<std::byte>> decompress(std::string_view compression,
                                                                ConstBytes compressed,
                                                                std::size_t size);

@@ -6,7 +6,7 @@
 namespace rtpm::recording {
 namespace {
 
-/// Longest block outside of chunks.
+/// Longest block outside chunks.
 constexpr std::uint64_t kLooseByteMax = 1 << 20;
 /// The number of records between two reports of progress.
 constexpr std::uint64_t kProgressStep = 1024;
@@ -67,7 +67,7 @@ expected<Contents, SetupError> Finder::find(Incomplete incomplete) {
   return std::move(found_);
 }
 
-/// Reads the summary. Returns whether it leads to all of the recording.
+/// Reads the summary. Returns whether it covers the whole recording.
 expected<bool, SetupError> Finder::take_summary(const SummaryPlace& place) {
   const auto summary = read_summary(file_, place);
   if (!summary) return unexpected{summary.error()};
@@ -88,7 +88,7 @@ expected<bool, SetupError> Finder::take_summary(const SummaryPlace& place) {
   return false;
 }
 
-/// Returns whether the record is sound, and its place exists.
+/// Returns whether the record is valid, and its position exists.
 bool Finder::take_of_summary(Opcode opcode, ConstBytes content) {
   if (opcode == Opcode::kChunkIndex) {
     auto index = parse<ChunkIndex>(content);
@@ -110,7 +110,7 @@ bool Finder::take_of_summary(Opcode opcode, ConstBytes content) {
     ByteReader reader(content);
     const auto place = file_.record_at(reader.take<std::uint64_t>());
     if (!reader.ok()) return false;
-    // @mcap/core states a wrong place if it writes no chunks.
+    // @mcap/core states a wrong position if it writes no chunks.
     if (place && place->opcode == (is_metadata ? Opcode::kMetadata : Opcode::kAttachment)) {
       (is_metadata ? found_.metadata : found_.attachments).push_back(*place);
     }
@@ -120,7 +120,7 @@ bool Finder::take_of_summary(Opcode opcode, ConstBytes content) {
   return check_limits().has_value();
 }
 
-/// Whether all places are in the data and do not overlap, so that no record is read repeatedly.
+/// Whether all positions are in the data and do not overlap, so that no record is read repeatedly.
 bool Finder::has_sound_places(std::uint64_t summary_begin) const {
   std::vector<std::pair<std::uint64_t, std::uint64_t>> places;
   for (const Block& block : found_.blocks)
@@ -138,7 +138,8 @@ bool Finder::has_sound_places(std::uint64_t summary_begin) const {
   return true;
 }
 
-/// The summary may omit indexes of chunks or extras, and descriptions that the chunks have.
+/// Whether the summary has everything needed: it may omit indexes of chunks or extras, and
+/// descriptions that the chunks have.
 bool Finder::is_sufficient() const {
   if (!stated_ || stated_->attachment_count > found_.attachments.size() ||
       stated_->metadata_count > found_.metadata.size() ||
@@ -226,7 +227,7 @@ expected<void, SetupError> Finder::scan_chunk(const RecordPlace& chunk) {
   return {};
 }
 
-/// Takes a record about the recording, or about the block that contains it.
+/// Handles a record about the recording, or about its enclosing block.
 void Finder::take(Opcode opcode, ConstBytes content, Block& block) {
   if (opcode != Opcode::kMessage) return describe(opcode, content);
   const auto message = parse<Message>(content);

@@ -10,9 +10,9 @@
 
 namespace rtpm::recording {
 
-/// Records that are read together: a chunk, or consecutive ones outside of chunks.
+/// Records that are read together: a chunk, or consecutive records outside chunks.
 struct Block {
-  /// Bounds of the log times of its messages, as stated by the index or as found.
+  /// The range of the messages' log times, from the index or the messages.
   std::uint64_t begin_ns = 0;
   std::uint64_t end_ns = 0;
   RecordPlace chunk{};
@@ -23,7 +23,7 @@ struct Block {
   [[nodiscard]] std::uint64_t place() const noexcept { return is_chunk ? chunk.offset : begin; }
 };
 
-/// The contents of a recording and their places, without its messages.
+/// The contents of a recording and their positions, without its messages.
 struct Contents {
   std::map<std::uint16_t, Schema> schemas{};
   std::map<std::uint16_t, Channel> channels{};
@@ -34,10 +34,10 @@ struct Contents {
   std::vector<RecordPlace> attachments{};
 };
 
-/// "the recording … is damaged: `why`", with the remedy.
+/// The error "the recording … is damaged: `why`", with the remedy.
 [[nodiscard]] unexpected<SetupError> damaged(const InputFile& file, const std::string& why);
 
-/// The place of the summary in a file that its writer completed.
+/// The position of the summary in a complete file.
 struct SummaryPlace {
   std::uint64_t begin = 0;
   std::uint64_t end = 0;  ///< Equal to `begin` if there is none.
@@ -51,7 +51,7 @@ struct SummaryPlace {
 [[nodiscard]] expected<std::vector<std::byte>, SetupError> read_summary(const InputFile& file,
                                                                         const SummaryPlace& place);
 
-/// Finds the contents of a file: by its summary and, if that is incomplete, in the chunks.
+/// Finds the contents of a file: from its summary or, if that is incomplete, from the chunks.
 /// @errors   as FileReader::open()
 [[nodiscard]] expected<Contents, SetupError> read_contents(const InputFile& file,
                                                            Incomplete incomplete,

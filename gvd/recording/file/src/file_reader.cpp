@@ -38,7 +38,7 @@ bool is_later(const std::unique_ptr<OpenBlock>& a, const std::unique_ptr<OpenBlo
          std::pair(b->entries[b->next].log_time_ns, b->place);
 }
 
-/// Reads the messages of blocks that may overlap in time, in the order of time.
+/// Reads the messages of possibly overlapping blocks in order of time.
 class Merge {
  public:
   Merge(const InputFile& file, const Query& query)
@@ -91,7 +91,7 @@ class Merge {
       const auto message = parse<Message>(content);
       if (!message) return true;
       const std::uint64_t time_ns = message->log_time_ns;
-      // Such messages come too late, or their time does not lead to them.
+      // Such messages come too late, or cannot be found by their time.
       is_outside =
           is_outside || time_ns < block.begin_ns || (time_ns > block.end_ns && query_.from_ns > 0);
       if (is_wanted_[message->channel_id] && time_ns >= query_.from_ns && time_ns <= query_.to_ns) {

@@ -27,11 +27,11 @@ std::size_t hash_of(const Channel& channel) {
   return std::hash<std::string>{}(channel.topic) + channel.schema_id;
 }
 
-/// Values, numbered from 1.
+/// Values with numbers, from 1.
 template <class T>
 class Numbered {
  public:
-  /// The number of `value`, which is added if necessary, and whether it was added; 0 if all
+  /// Returns the number of `value`, adding it if necessary, and whether it was added; 0 if all
   /// numbers are used.
   std::pair<std::uint16_t, bool> number_of(const T& value) {
     const std::size_t hash = hash_of(value);
@@ -94,7 +94,7 @@ struct FileWriter::Impl {
 expected<void, SetupError> FileWriter::Impl::end_chunk() {
   if (chunk.empty()) return {};
   compress(config.compression, chunk, compressed);
-  // Without messages, times are 0.
+  // Without messages the times are 0.
   const ChunkHead head{.begin_ns = indexes.empty() ? 0 : chunk_begin_ns,
                        .end_ns = indexes.empty() ? 0 : chunk_end_ns,
                        .uncompressed_size = chunk.size(),
@@ -127,7 +127,7 @@ void FileWriter::Impl::write_indexes(std::uint64_t chunk_offset, const ChunkHead
   ++statistics.chunk_count;
 }
 
-/// The bytes from the summary on; `bytes` must be empty.
+/// Writes the bytes from the summary on; `bytes` must be empty.
 void FileWriter::Impl::write_summary() {
   const std::uint64_t begin = file.size();
   std::vector<SummaryOffset> groups;
@@ -198,7 +198,7 @@ expected<void, SetupError> FileWriter::write(const Message& message) {
   if (message.channel_id == 0 || message.channel_id > impl_->channels.numbered().size()) {
     return setup_error("a message has a channel that was not added");
   }
-  // `begin` and `end` are times of messages; a chunk may begin with schemas and channels.
+  // `begin` and `end` are message times, but a chunk may start with schemas and channels.
   if (impl_->indexes.empty()) impl_->chunk_begin_ns = impl_->chunk_end_ns = message.log_time_ns;
   impl_->chunk_begin_ns = std::min(impl_->chunk_begin_ns, message.log_time_ns);
   impl_->chunk_end_ns = std::max(impl_->chunk_end_ns, message.log_time_ns);

@@ -14,7 +14,7 @@
 namespace rtpm::recording {
 namespace {
 
-/// Fits a chunk that compression did not shrink, and its head.
+/// Fits a chunk that compression did not shrink, with its header.
 constexpr std::uint64_t kReadByteMax = kChunkByteMax + (1 << 16);
 
 }  // namespace
@@ -31,8 +31,8 @@ expected<InputFile, SetupError> InputFile::open(const std::string& path) {
     return setup_error("the recording " + path + " can't be read",
                        "it is a pipe, a device or a folder", "name a recording");
   };
-  // Opening a device may have an effect, so check the type first. The name may mean something else
-  // by then, so opening must not wait for the writer of a pipe.
+  // Opening a device may have side effects, so check the type first. The name may refer to another
+  // file by then, so opening must not wait for the writer of a pipe.
   struct stat status {};
   if (::stat(path.c_str(), &status) != 0) return refuse(system_error(errno));
   if (!S_ISREG(status.st_mode)) return no_file();

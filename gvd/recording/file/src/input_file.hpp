@@ -37,8 +37,8 @@ class InputFile {
   /// @errors   the file has fewer bytes; more than a chunk may have; a disk error
   [[nodiscard]] expected<std::vector<std::byte>, SetupError> read(std::uint64_t offset,
                                                                   std::uint64_t size) const;
-  /// The record at `offset`; nullopt if it is not completely within the file, or has the opcode
-  /// 0, which the format does not define, but which fills the holes of a file.
+  /// The record at `offset`. nullopt if it extends beyond the file, or has opcode 0, which the
+  /// format does not define but which fills the holes of a file.
   [[nodiscard]] std::optional<RecordPlace> record_at(std::uint64_t offset) const;
   [[nodiscard]] expected<std::vector<std::byte>, SetupError> content(
       const RecordPlace& record) const;

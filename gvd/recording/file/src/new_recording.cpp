@@ -13,7 +13,7 @@ expected<NewRecording, SetupError> NewRecording::create(const std::string& path,
                        "choose another name, or remove it");
   }
   NewRecording made(path);
-  std::filesystem::remove(made.draft(), ignored);  // The draft of a program that died.
+  std::filesystem::remove(made.draft(), ignored);  // The temporary file of a program that died.
   auto writer = FileWriter::create(made.draft(), std::move(config));
   if (!writer) return unexpected{writer.error()};
   made.writer_ = std::move(*writer);

@@ -12,8 +12,8 @@
 namespace rtpm::recording {
 namespace {
 
-/// During its lifetime, a write of this thread beyond the file-size limit fails with EFBIG, as on a
-/// full disk, and does not end the program, however that handles SIGXFSZ.
+/// While it lives, a write of this thread beyond the file-size limit fails with EFBIG, as on a full
+/// disk, instead of ending the program by SIGXFSZ.
 class SizeLimitAsError {
  public:
   SizeLimitAsError() noexcept {

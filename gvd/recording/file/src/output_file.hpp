@@ -8,8 +8,8 @@
 
 namespace rtpm::recording {
 
-/// A file that grows at its end. If an append fails, its incomplete part is cut off, so that the
-/// file ends after a complete record.
+/// An append-only file. After a failed append the incomplete part is truncated, so the file ends
+/// with a complete record.
 /// @ownership owns the descriptor
 class OutputFile {
  public:

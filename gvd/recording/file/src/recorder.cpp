@@ -20,12 +20,12 @@
 namespace rtpm::recording {
 namespace {
 
-/// The intervals of emptying the rings, and of ending a chunk of the file.
+/// The intervals at which the rings are emptied, and chunks of the file are ended.
 constexpr Duration kPeriod = std::chrono::milliseconds{5};
 constexpr Duration kChunkPeriod = std::chrono::seconds{1};
 constexpr std::size_t kChannelCountMax = 65'536;
 
-/// The head of a message in a ring; its bytes follow.
+/// The header of a message in a ring; its bytes follow.
 struct Head {
   std::uint64_t log_time_ns = 0;
   std::uint64_t publish_time_ns = 0;
@@ -35,7 +35,7 @@ struct Head {
 };
 static_assert(sizeof(Head) == 24);
 
-/// Memory of a ring, aligned to a cache line.
+/// A ring's memory, aligned to a cache line.
 class RingMemory {
  public:
   explicit RingMemory(std::size_t size)
@@ -71,7 +71,7 @@ struct Recorder::Track::Impl {
   RingMemory memory;
   RecordWriter writer;
   RecordReader reader;
-  std::vector<std::byte> draft;  ///< Used by the putting thread.
+  std::vector<std::byte> draft;  ///< Used by the thread that calls put().
   DropCounts& drop_counts;
 };
 
@@ -106,7 +106,7 @@ struct Recorder::Impl {
     wall_offset_ns = static_cast<std::int64_t>(rt::utc_ns(now)) - to_ns(now);
   }
 
-  /// Runs until close(): empties the rings, and ends a chunk each second.
+  /// Runs until close(): empties the rings, and ends a chunk every second.
   void run() {
     MonotonicTime chunk_end = rt::now() + kChunkPeriod;
     while (!ending.wait_until(rt::now() + kPeriod)) {
@@ -161,7 +161,7 @@ struct Recorder::Impl {
     return counts;
   }
 
-  /// Writes the counts into the file, if they have changed.
+  /// Writes the counts into the file if they have changed.
   void note_drops() {
     auto now = drops();
     if (now == noted_drops || problem) return;

@@ -22,14 +22,14 @@ class FieldWriter {
   void operator()(const T&... fields) {
     (put(fields), ...);
   }
-  /// Bytes after their size.
+  /// Writes bytes, preceded by their size.
   template <std::unsigned_integral Size>
   void sized(ConstBytes bytes) {
     put(static_cast<Size>(bytes.size()));
     rest(bytes);
   }
   void rest(ConstBytes bytes) { bytes_.insert(bytes_.end(), bytes.begin(), bytes.end()); }
-  /// The checksum of all fields before it.
+  /// Writes the checksum of all fields before it.
   void crc() { put(crc32(ConstBytes(bytes_).subspan(begin_))); }
 
  private:
@@ -41,7 +41,7 @@ class FieldWriter {
   }
   void put(Opcode opcode) { put(static_cast<std::uint8_t>(opcode)); }
   void put(const std::string& text) { sized<std::uint32_t>(std::as_bytes(std::span(text))); }
-  /// Entries after their size in bytes.
+  /// Writes entries, preceded by their total size in bytes.
   template <class List>
   void put_entries(const List& list) {
     const std::size_t size_at = bytes_.size();
@@ -59,7 +59,7 @@ class FieldWriter {
   std::size_t begin_;
 };
 
-/// Reads the same fields.
+/// Reads fields, as FieldWriter writes them.
 class FieldReader {
  public:
   explicit FieldReader(ConstBytes content) noexcept : content_(content), reader_(content) {}
@@ -111,7 +111,7 @@ class FieldReader {
 template <class T, class Record>
 concept Is = std::same_as<std::remove_const_t<T>, Record>;
 
-// The opcode of each record, and its fields in their order, for both.
+// The opcode of each record, and its fields in order, for reading and writing.
 
 template <class Record>
 constexpr Opcode kOpcodeOf{};
@@ -221,7 +221,7 @@ template <class Record>
 bool is_consistent(const Record&) {
   return true;
 }
-// The number 0 means that a channel has no schema.
+// Channels use the number 0 for "no schema".
 bool is_consistent(const NumberedSchema& schema) {
   return schema.first != 0;
 }
@@ -234,7 +234,7 @@ bool is_consistent(const StatedStatistics& stated) {
 template <class Record>
 void append(std::vector<std::byte>& bytes, const Record& record) {
   FieldWriter head(bytes);
-  head(kOpcodeOf<Record>, std::uint64_t{0});  // The size is known at the end.
+  head(kOpcodeOf<Record>, std::uint64_t{0});  // Replaced by the size at the end.
   const std::size_t content_offset = bytes.size();
   FieldWriter content(bytes);
   fields(content, record);

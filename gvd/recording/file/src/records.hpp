@@ -11,8 +11,8 @@
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/recording/mcap.hpp"
 
-/// MCAP's records as bytes. Numbers are little-endian; a string begins with its size, 32 bits; a
-/// list or map begins with the size of all its entries in bytes, 32 bits.
+/// MCAP's records as bytes. Numbers are little-endian; a string is preceded by its 32-bit size; a
+/// list or map is preceded by the 32-bit total size of its entries, in bytes.
 /// @source   https://mcap.dev/spec, "Records"
 namespace rtpm::recording {
 
@@ -60,7 +60,7 @@ struct ChunkIndex {
   std::uint64_t uncompressed_size = 0;
 };
 
-/// The place of an attachment or metadata.
+/// The position of an attachment or metadata.
 struct RecordIndex {
   std::uint64_t offset = 0;
   std::uint64_t size = 0;
@@ -87,7 +87,7 @@ struct Footer {
   std::uint32_t summary_crc = 0;  ///< 0 if none.
 };
 
-/// The statistics that the summary states, with numbers of records.
+/// The statistics in the summary, with numbers of records.
 struct StatedStatistics {
   Statistics statistics{};
   std::uint16_t schema_count = 0;
@@ -109,7 +109,7 @@ struct DataEnd {
 /// A schema or channel with its number.
 using NumberedSchema = std::pair<std::uint16_t, Schema>;
 using NumberedChannel = std::pair<std::uint16_t, Channel>;
-/// (Log time in ns, offset among the chunk's uncompressed records) of each message of a channel.
+/// For each message of a channel: log time in ns, and offset in the chunk's uncompressed records.
 using MessageIndex = std::pair<std::uint16_t, std::vector<std::pair<std::uint64_t, std::uint64_t>>>;
 
 /// Appends a record, with its opcode and size.
@@ -117,16 +117,16 @@ using MessageIndex = std::pair<std::uint16_t, std::vector<std::pair<std::uint64_
 template <class Record>
 void append(std::vector<std::byte>& bytes, const Record& record);
 
-/// The content of a record, from untrusted bytes; nullopt if too short or inconsistent.
-/// Bytes after the known fields are skipped, as the format demands.
+/// Parses a record from untrusted bytes; nullopt if too short or inconsistent. Skips bytes after
+/// the known fields, as the format demands.
 template <class Record>
 [[nodiscard]] std::optional<Record> parse(ConstBytes content);
 
 /// Counts a message.
 void add(const Message& message, Statistics& statistics);
 
-/// Continues the CRC-32 of ISO-HDLC from `crc`. It uses zlib's fast implementation, because
-/// recordings are large.
+/// Continues an ISO-HDLC CRC-32 from `crc`, using zlib's fast implementation, because recordings
+/// are large.
 [[nodiscard]] std::uint32_t crc32(ConstBytes bytes, std::uint32_t crc = 0) noexcept;
 
 }  // namespace rtpm::recording

@@ -12,7 +12,7 @@
 namespace rtpm::recording {
 namespace {
 
-/// Copies records into a new recording, which numbers schemas and channels anew.
+/// Copies records into a new recording, and renumbers schemas and channels.
 class Copy {
  public:
   Copy(FileWriter& writer, Recovery& recovery) noexcept : writer_(writer), recovery_(recovery) {}
@@ -30,7 +30,7 @@ class Copy {
     }
     return {};
   }
-  /// "lab/arm0/sampled"; "channel 7" if no intact record has the channel.
+  /// The topic, "lab/arm0/sampled"; "channel 7" if no intact record describes the channel.
   [[nodiscard]] std::string topic_of(std::uint16_t channel) const {
     const auto found = topics_.find(channel);
     return found == topics_.end() ? "channel " + std::to_string(channel) : found->second;
@@ -51,7 +51,7 @@ class Copy {
   expected<void, SetupError> take_channel(ConstBytes content) {
     auto channel = parse<NumberedChannel>(content);
     if (!channel) return {};
-    // If its schema was in a damaged chunk, a channel is copied without it.
+    // A channel whose schema was in a damaged chunk is copied without it.
     const std::uint16_t wanted = channel->second.schema_id;
     const auto schema = schemas_.find(wanted);
     const bool is_typed = wanted == 0 || schema != schemas_.end();
@@ -87,7 +87,7 @@ class Copy {
   std::set<std::string> untyped_{};
 };
 
-/// Saves one recording into another.
+/// Recovers one recording into another.
 class Rescue {
  public:
   Rescue(const InputFile& file, FileWriter& writer, const Progress& progress)
@@ -112,7 +112,7 @@ class Rescue {
 
  private:
   expected<void, SetupError> learn_summary();
-  /// Takes the record at `offset`.
+  /// Handles the record at `offset`.
   /// @return   the offset at which to continue; 0 at the end
   expected<std::uint64_t, SetupError> step(std::uint64_t offset);
   /// Skips the incomplete record at `offset`. @return as step()
@@ -127,13 +127,13 @@ class Rescue {
   Recovery recovery_{};
   Copy copy_;
   std::uint64_t data_end_ = file_.size();
-  std::set<std::uint64_t> places_{};  ///< Places of records that the summary lists.
-  /// Ends of the chunks among them, keyed by their places.
+  std::set<std::uint64_t> places_{};  ///< Positions of records that the summary lists.
+  /// The chunks' ends, keyed by their positions.
   std::map<std::uint64_t, std::uint64_t> chunk_ends_{};
   std::map<std::uint16_t, std::uint64_t> lost_{};  ///< Lost messages, keyed by channel.
 };
 
-/// Takes channels and schemas first: a damaged chunk may be the only other one to have them.
+/// Reads channels and schemas first: otherwise they may be in a damaged chunk only.
 expected<void, SetupError> Rescue::learn_summary() {
   const auto place = find_summary(file_);
   if (!place || !*place || (*place)->begin == (*place)->end) return {};
@@ -207,7 +207,7 @@ expected<void, SetupError> Rescue::take_chunk(const UnpackedChunk& chunk) {
   return copied;
 }
 
-/// Counts the messages that a chunk had, from the indexes after it.
+/// Counts the messages of a lost chunk from the indexes after it.
 void Rescue::lose_chunk(std::uint64_t end) {
   ++recovery_.damaged_chunk_count;
   constexpr std::uint64_t kHeadSize = 6;

@@ -18,15 +18,14 @@ namespace rtpm::replay {
 /// The name under which a recorded device is played.
 [[nodiscard]] std::string played_name(const std::string& folder, const std::string& recorded_name);
 
-/// Pushes recorded events to a hub in their order: type, payload and schema as recorded, and the
-/// source, too, except for a renamed device. Sequence numbers are this supplier's own, without the
-/// gaps of the recording, and origins are on this host's clock: filters and consumers work as with
-/// a live supplier.
-/// @ownership refers to what its arguments refer to
+/// Pushes recorded events to a hub in order, with their type, payload and schema, and also their
+/// source, unless the device is renamed. Sequence numbers are new, without the recording's gaps,
+/// and origins are on this host's clock, so filters and consumers work as with a live supplier.
+/// @ownership refers to its arguments
 /// @threads  play() on one, the counts on any
 class EventPlayer {
  public:
-  /// @param folder  folder for played_name()
+  /// @param folder  see played_name()
   /// @errors   no hub answers there
   [[nodiscard]] static expected<std::unique_ptr<EventPlayer>, SetupError> create(
       rpc::Node& node, const std::string& hub, const Recorded& recorded, const std::string& folder);
@@ -40,7 +39,7 @@ class EventPlayer {
   [[nodiscard]] std::uint64_t failed_count() const noexcept {
     return failed_count_.load(std::memory_order_relaxed);
   }
-  /// Names of types that the hub does not know, so that no filter reads their fields.
+  /// Names of types unknown to the hub, so that filters can't read their fields.
   [[nodiscard]] const std::vector<std::string>& unknown_types() const noexcept {
     return unknown_types_;
   }

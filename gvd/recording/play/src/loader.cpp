@@ -23,7 +23,7 @@ using recording::Channel;
 using recording::FileReader;
 using recording::Message;
 
-/// The text as a number; 0 if it is not a number.
+/// Parses the metadata as a number; 0 if it is not one.
 std::uint64_t number_of(const Channel& channel, const char* key) {
   const std::string text = value_of(channel, key);
   std::uint64_t number = 0;
@@ -31,7 +31,7 @@ std::uint64_t number_of(const Channel& channel, const char* key) {
   return read.ec == std::errc{} ? number : 0;
 }
 
-/// `begin_ns` plus the duration, saturating at the largest time.
+/// `begin_ns` plus `time`, saturating at the largest value.
 std::uint64_t later(std::uint64_t begin_ns, Duration time) {
   const auto ns = static_cast<std::uint64_t>(std::max(time, Duration{0}).count());
   return begin_ns > UINT64_MAX - ns ? UINT64_MAX : begin_ns + ns;
@@ -146,7 +146,7 @@ class Loader {
     return {};
   }
 
-  /// The chosen device whose events have this source.
+  /// The selected device with this event source.
   [[nodiscard]] std::optional<std::size_t> device_of(const Channel& channel) const {
     const bool is_polled = is_kind(channel, capture::kSampleKind);
     if (!is_polled && !capture::is_device_event(
@@ -182,7 +182,7 @@ class Loader {
     if (!selection_.topics.empty()) {
       return std::ranges::count(selection_.topics, channel.topic) > 0;
     }
-    // A choice of devices also chooses their events.
+    // Selecting devices also selects their events.
     return has_device || selection_.devices.empty();
   }
 
@@ -198,8 +198,8 @@ class Loader {
             .device = device ? recorded_.devices[*device].name : std::string{}};
   }
 
-  /// A device that was polled and also pushed has its samples twice: keeps the pushed ones, which
-  /// are complete.
+  /// If a device was polled and also pushed events, its samples exist twice: keeps the pushed ones,
+  /// which are complete.
   void leave_out_polled() {
     for (auto& [number, target] : channels_) {
       if (!target.device || !is_kind(reader_.channels().at(number), capture::kSampleKind)) continue;
@@ -300,7 +300,7 @@ class Loader {
   std::map<std::uint16_t, Target> channels_{};
   Recorded recorded_{};
   std::size_t byte_count_ = 0;
-  std::uint64_t begin_ns_ = 0;  ///< The file's first time.
+  std::uint64_t begin_ns_ = 0;  ///< The first time in the file.
 };
 
 }  // namespace

@@ -7,7 +7,7 @@ namespace {
 
 /// Pause between the last message of a round and the first one of the next.
 constexpr Duration kBetweenRounds = std::chrono::milliseconds{1};
-/// A recording may state any time; beyond this, sums of times could overflow.
+/// A recording may contain any time; beyond this limit, sums of times could overflow.
 constexpr double kLongestNs = 1e18;
 
 Duration in_range(double ns) noexcept {

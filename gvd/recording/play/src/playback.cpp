@@ -9,7 +9,7 @@
 namespace rtpm::replay {
 namespace {
 
-/// Messages are due in batches of so long, and steps are looked for so often.
+/// The interval at which due messages are played, and steps are checked.
 constexpr Duration kTick = std::chrono::milliseconds{1};
 
 }  // namespace
@@ -108,7 +108,7 @@ void Playback::run() {
     Turn turn(*this, turn_.load(std::memory_order_acquire), 0);
     const std::optional<Duration> sought = std::exchange(sought_, std::nullopt);
     const bool is_playing = is_playing_;
-    // Steps may be ahead of this thread already; all are played.
+    // Steps may already be ahead of this thread; plays all of them.
     Pace::Position from{};
     if (is_playing && !sought) {
       const MonotonicTime now = rt::now();
@@ -137,7 +137,7 @@ void Playback::play_on(const Turn& turn, Duration from) {
   while (true) {
     const auto played = script_.play(from, round);
     if (!played || !pace_.config().loops) return end(turn, played);
-    // Rounds that are over already are left out.
+    // Skips rounds that are already over.
     round.round_ = std::max(round.round_ + 1, pace_.position(rt::now()).round);
     from = Duration{0};
     if (!round.reach(from)) return;

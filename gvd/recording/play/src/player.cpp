@@ -107,7 +107,7 @@ struct Player::Impl final : gvd::EmergencyStops, Script {
   const Recorded& recorded;
   PlayerConfig config;
   std::unique_ptr<EventPlayer> events{};
-  std::atomic<bool> has_pushed{false};  ///< All events of a round.
+  std::atomic<bool> has_pushed{false};  ///< All events of a round were pushed.
   Playback playback;
   std::vector<std::unique_ptr<ReplayedDevice>> devices{};
   introspection::Catalog catalog{};

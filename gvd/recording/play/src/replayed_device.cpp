@@ -13,7 +13,8 @@ namespace {
 
 using driver::ExchangeStatus;
 
-/// Active while the recorded device was; gives its samples to its server, and drops the commands.
+/// A driver that is active while the recorded device was, returns its samples, and ignores
+/// commands.
 class ReplayDriver final : public driver::Driver {
  public:
   ReplayDriver(const ReplayedDevice& device, driver::Descriptor descriptor)
@@ -39,7 +40,7 @@ class ReplayDriver final : public driver::Driver {
   driver::Descriptor descriptor_;
 };
 
-/// The terms that the recorded device's server had.
+/// The settings of the recorded device's server.
 gvd::CycleConfig cycle_of(const device::Description& description,
                           const driver::Descriptor& descriptor) {
   using std::chrono::microseconds;
@@ -48,7 +49,7 @@ gvd::CycleConfig cycle_of(const device::Description& description,
   cycle.period = Duration{period_ns > 0 && period_ns < 1e18 ? std::llround(period_ns) : 0};
   cycle.operator_priority = static_cast<int>(
       std::min<std::uint32_t>(description.operator_priority(), Priority::kHighest));
-  // The recorded device is active again in the cycle in which it was.
+  // The recorded device becomes active again in the right cycle.
   cycle.retry = std::chrono::milliseconds{1};
   cycle.safety = gvd::SafetyConfig::for_device(descriptor);
   cycle.safety->hold_max = microseconds{description.hold_us_max()};
@@ -111,7 +112,7 @@ const device::Sample* ReplayedDevice::shown(MonotonicTime now) const noexcept {
     const auto before = static_cast<std::size_t>(after - recorded_.times.begin());
     return before == 0 ? nullptr : &recorded_.samples[before - 1];
   }
-  // Before the first step the device stands at the first sample.
+  // Before the first step the device shows its first sample.
   const std::uint64_t step = std::max<std::uint64_t>(step_count_.load(), 1) - 1;
   return &recorded_.samples[end_ == End::kLoop ? step % count : std::min(step, count - 1)];
 }

@@ -14,29 +14,29 @@
 
 namespace rtpm::replay {
 
-/// A recorded device behind an ordinary device server. Its driver is active while the recorded
-/// device was, and its clients see the recorded samples, bit by bit: of the present time, or in
-/// steps, each read() the next one. No command moves it.
+/// A recorded device served by an ordinary device server. Its driver is active while the recorded
+/// device was, and its clients see the recorded samples bit by bit: at the current position, or in
+/// steps, the next sample for each read(). Commands do not move it.
 /// @ownership refers to `recorded` and `pace`, which must outlive it
 /// @threads  start() and stop() from one; the rest from any
 class ReplayedDevice final : public gvd::ClientView {
  public:
-  /// @param recorded  has a sample and a description that is valid
+  /// @param recorded  has a sample and a valid description
   /// @param commands  records the accepted commands; may be null
   ReplayedDevice(const RecordedDevice& recorded, Pace& pace, End end,
                  std::unique_ptr<capture::CommandRecorder> commands);
 
   /// Starts the device's server.
-  /// @param stops  the stops of the program that hosts it
+  /// @param stops  the emergency stops of the hosting program
   /// @errors   as gvd::DeviceServer::create() and start()
   [[nodiscard]] expected<void, SetupError> start(gvd::EmergencyStops& stops);
   /// The device's server, once started.
   [[nodiscard]] gvd::DeviceServer& server() noexcept { return *server_; }
 
-  /// The sample at `now` if the recorded device was active, and is not over; else null.
+  /// The sample at `now`, if the recorded device was active and is not over; otherwise null.
   /// @realtime alloc-free
   [[nodiscard]] const device::Sample* active(MonotonicTime now) const noexcept;
-  /// The sample that clients see at `now`, without a step; null before the first one.
+  /// The sample that clients see at `now`, without advancing a step; null before the first one.
   /// @realtime alloc-free
   [[nodiscard]] const device::Sample* shown(MonotonicTime now) const noexcept;
 
@@ -60,7 +60,7 @@ class ReplayedDevice final : public gvd::ClientView {
   Pace& pace_;
   End end_;
   std::unique_ptr<capture::CommandRecorder> commands_;
-  std::atomic<bool> is_gone_{false};  ///< In steps: read beyond its last sample.
+  std::atomic<bool> is_gone_{false};  ///< In steps: a read went beyond its last sample.
   std::atomic<std::uint64_t> step_count_{0};
   std::atomic<std::uint64_t> read_count_{0};
   std::atomic<std::uint64_t> command_count_{0};

@@ -10,17 +10,17 @@
 namespace rtpm::replay {
 namespace {
 
-/// How far an origin may be from the time at which its message was recorded.
+/// The largest plausible difference between origin and recording time of a message.
 constexpr std::uint64_t kDelayMaxNs = 10'000'000'000;
 
 std::string seconds(Duration time) {
   return options::formatted("%.3f s", std::chrono::duration<double>(time).count());
 }
 
-/// An origin may go back by less, because messages take different times to the recorder.
+/// How far an origin may go back, because messages take different times to reach the recorder.
 constexpr Duration kJitterMax = std::chrono::milliseconds{10};
 
-/// Makes times that never fall, and counts the corrections.
+/// Makes times monotonic, and counts the corrections.
 class Rising {
  public:
   explicit Rising(std::string what) : what_(std::move(what)) {}
@@ -59,7 +59,7 @@ std::vector<Duration> all_times(const Recorded& recorded) {
   return times;
 }
 
-/// The amount by which times are earlier from a certain time on.
+/// The amount that later times are moved back, from a certain time on.
 class Cuts {
  public:
   Cuts(Recorded& recorded, const std::vector<Duration>& times) {
@@ -91,7 +91,7 @@ Duration time_of(std::uint64_t log_time_ns, std::uint64_t publish_time_ns,
   const bool is_plausible =
       publish_time_ns <= log_time_ns && log_time_ns - publish_time_ns <= kDelayMaxNs;
   const std::uint64_t time_ns = is_plausible ? publish_time_ns : log_time_ns;
-  // Small enough that a sum of two of them can't overflow.
+  // Small enough that adding two of them can't overflow.
   constexpr std::uint64_t kMost = std::uint64_t{1} << 62;
   const bool is_before = time_ns < begin_ns;
   const std::uint64_t distance_ns = is_before ? begin_ns - time_ns : time_ns - begin_ns;
@@ -113,7 +113,7 @@ void mend_times(Recorded& recorded) {
     event.at = track.next(event.at);
   }
   for (const auto& [source, track] : rising) {
-    // The loop above reported on devices' samples.
+    // The loop above has reported on devices' samples.
     if (recorded.sources[source].device.empty()) track.tell(recorded.notes);
   }
   const std::vector<Duration> times = all_times(recorded);

@@ -9,7 +9,7 @@ namespace {
 using driver::Fault;
 using driver::Faults;
 
-/// Maximum of edges reported for one button between two records; the last ones are reported.
+/// The most edges reported for one button between two records; the last ones are reported.
 constexpr std::uint16_t kEdgeCountMax = 8;
 
 }  // namespace
@@ -22,7 +22,7 @@ std::span<const CycleChange> ChangeFinder::step(const CycleRecord& record) {
   }
   find_lease(before, record);
   find_faults(before.sample.faults, record.sample.faults);
-  // The first record has no predecessor: buttons that were down before are not reported as new.
+  // The first record has no predecessor: buttons that were already pressed are not reported.
   if (last_) find_buttons(before.sample, record.sample);
   find_contact(record.sample);
   last_ = record;

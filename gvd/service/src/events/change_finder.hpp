@@ -13,16 +13,16 @@ namespace rtpm::gvd {
 using CycleChange = std::variant<ButtonChange, ContactChange, LifecycleChange, FaultChange,
                                  LeaseChange, StopChange>;
 
-/// Finds what has changed between two records of a device. No clock, no thread.
+/// Finds the changes between two records of a device. Uses no clock and no thread.
 /// @ownership a value
 class ChangeFinder {
  public:
-  /// Contact begins at `contact_force_newton` and ends below half of it.
+  /// Contact starts at `contact_force_newton` and ends below half of it.
   explicit ChangeFinder(double contact_force_newton) noexcept
       : contact_force_newton_(contact_force_newton) {}
 
-  /// The changes since the last record, which may be several cycles before; valid until the next
-  /// call. The first record is compared with a device that has not begun.
+  /// The changes since the last record, which may be several cycles old; valid until the next call.
+  /// The first record is compared with an unconfigured device.
   /// @realtime allocates until its memory suffices
   [[nodiscard]] std::span<const CycleChange> step(const CycleRecord& record);
 

@@ -80,7 +80,8 @@ struct DeviceConsumer::Impl final : events::EventHandler {
   DeviceEventHandler* handler;
   std::vector<DeviceEvent> read{};
   std::atomic<std::uint64_t> unreadable_count{0};
-  std::unique_ptr<events::Consumer> consumer{};  ///< Ends before the members that its handler uses.
+  /// Destroyed before the members that its handler uses.
+  std::unique_ptr<events::Consumer> consumer{};
 };
 
 expected<DeviceConsumer, SetupError> DeviceConsumer::start(rpc::Node& node,

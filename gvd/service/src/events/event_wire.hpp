@@ -12,17 +12,17 @@
 #include "rtpm/events/supplier.hpp"
 #include "rtpm/gvd/device_event.hpp"
 
-/// Conversions of devices' events between memory and schema.
+/// Converts device events between memory and schema.
 namespace rtpm::gvd {
 
-/// Source, cycle and time of a device's event.
+/// Source, cycle and time of a device event.
 struct EventStamp {
   events::SourceId source = 0;
   std::uint64_t cycle = 0;
   MonotonicTime time{};
 };
 
-/// All types of a device's events, for filters on their fields.
+/// All types of device events, for filters on their fields.
 [[nodiscard]] std::vector<const events::EventDescriptor*> device_event_types();
 
 /// Adds an event to the batch of `supplier`.
@@ -37,7 +37,7 @@ struct EventStamp {
                                                        const EventStamp& stamp,
                                                        const ConfigurationChange& change);
 
-/// Reads an event, but not its `device`; nullopt if of another type or version, or malformed.
+/// Reads an event, except its `device`; nullopt if it is of another type or version, or malformed.
 [[nodiscard]] std::optional<DeviceEvent> read_event(const events::EventView& event);
 
 }  // namespace rtpm::gvd

@@ -19,12 +19,13 @@ namespace {
 /// Cycles of one device that wait for the publisher: 0.25 s at 1 kHz.
 constexpr std::size_t kRingSize = 256;
 constexpr std::size_t kConfigurationCountMax = 64;
-/// A hub may start a little later than the devices: its absence is reported after this time only.
+/// A hub may start slightly later than the devices, so its absence is reported only after this
+/// time.
 constexpr Duration kAbsenceUntold = std::chrono::seconds{3};
 constexpr std::string_view kNoHubRemedy =
     "start rtpm-eventd, or name another hub; devices work without";
 
-/// One device: the end of the ring that its thread writes.
+/// One device: the writing end of its ring, for the device's thread.
 class Source final : public CycleObserver {
  public:
   Source(std::string name, double contact_force_newton)
@@ -51,7 +52,7 @@ class Source final : public CycleObserver {
   std::atomic<std::uint64_t> overrun_count_{0};
 };
 
-/// An older sample was not measured in its cycle: the device reports changes only, and has reported
+/// Older samples were not measured in their cycle: the device reports changes only, and there were
 /// none.
 constexpr Duration kLatencyMax = std::chrono::seconds{1};
 
@@ -118,7 +119,7 @@ struct DevicePublisher::Impl {
   }
 
   void push(Source& source, const CycleRecord& record) {
-    // The finder sees every record, even without a hub: a later hub gets only later changes.
+    // The finder sees every record, even without a hub, so a later hub gets only later changes.
     const auto changes = source.finder().step(record);
     if (!supplier) {
       count(no_hub_count);
@@ -206,7 +207,7 @@ void DevicePublisher::publish_configuration(std::string_view name, std::uint64_t
                                             std::span<const std::string> names) {
   const std::lock_guard lock(impl_->mutex);
   auto& left = impl_->configurations;
-  // The newest changes count: each has the present revision.
+  // Only the newest changes matter: each has the current revision.
   if (left.size() == kConfigurationCountMax) left.erase(left.begin());
   left.push_back({source_of(name), rt::now(), {revision, {names.begin(), names.end()}}});
 }

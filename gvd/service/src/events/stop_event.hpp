@@ -12,7 +12,7 @@ namespace rtpm::gvd {
 
 static_assert(kStopAllRequested == device::StopAllRequestedEvent::kType);
 
-/// The id of no request.
+/// The id that means no request.
 inline constexpr std::uint64_t kNoStopRequest = 0;
 
 [[nodiscard]] inline std::uint64_t random_stop_id() noexcept {

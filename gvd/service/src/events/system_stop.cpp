@@ -16,7 +16,7 @@ namespace {
 using Event = device::StopAllRequestedEvent;
 static_assert(kStopAllRequested == Event::kType);
 
-/// Capacity for different requests, of consumer and hub.
+/// Capacity for different requests, at the consumer and the hub.
 constexpr std::uint32_t kQueueCapacity = 16;
 constexpr std::uint64_t kNoRequest = 0;
 
@@ -117,7 +117,7 @@ struct SystemStop::Impl final : events::EventHandler {
     if (devices->obey(id)) stop_count.fetch_add(1, std::memory_order_relaxed);
   }
 
-  /// Whether this is a replayed request that no program repeats any longer.
+  /// Whether this is a replayed request that no program repeats any more.
   [[nodiscard]] bool is_over(const events::EventHeader& header) const noexcept {
     return header.is_replayed && header.hub_sent - header.hub_received > 3 * config.remind;
   }

@@ -37,15 +37,15 @@ std::size_t StopReport::stopped_count() const noexcept {
 }
 
 struct StopDelivery::Impl {
-  /// A device with targets that are owed a stop.
+  /// A device with pending stops.
   struct Owed {
     StopScope scope{};
     std::map<StopTarget, StopResult> missing{};
-    std::set<StopTarget> stopped{};  ///< Not stopped again: they may be rearmed by now.
-    bool has_new_server = false;     ///< A server came after the request, and was stopped.
+    std::set<StopTarget> stopped{};  ///< Not stopped again: it may be rearmed by now.
+    bool has_new_server = false;     ///< A server that appeared after the request was stopped.
   };
 
-  /// Updates the owed stops with a round's results.
+  /// Updates the pending stops with a round's results.
   /// @return the results that count
   std::vector<StopResult> settle(const Tried& tried, StopScope scope, MonotonicTime begin,
                                  bool is_retry) {
@@ -170,7 +170,7 @@ StopReport StopDelivery::retry() {
   round.run();
   StopReport report = round.take_report();
   const std::lock_guard lock(impl_->mutex);
-  // Dismissed devices are no longer owed a stop.
+  // Dismissed devices have no pending stop.
   Tried tried = round.tried();
   std::erase_if(tried, [this](const auto& one) { return !impl_->owed.contains(one.first.device); });
   report.devices = impl_->settle(tried, {}, begin, /*is_retry=*/true);

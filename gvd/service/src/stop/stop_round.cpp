@@ -16,9 +16,9 @@ namespace rtpm::gvd {
 namespace {
 
 constexpr std::string_view kHubInterface = "rtpm.events.Hub";
-/// How many of a name service's servers are called at the same time.
+/// How many servers of a name service are called concurrently.
 constexpr std::size_t kThreadCountMax = 64;
-/// Share of the whole time in which name services may answer.
+/// The share of the total time that name services have to answer.
 constexpr double kSearchShare = 0.6;
 constexpr std::size_t kNoteCountMax = 64;
 constexpr std::size_t kTargetCountMax = 4 * kRememberedDeviceCountMax;
@@ -32,7 +32,7 @@ bool is_absence(const std::error_code& cause) {
          cause == rpc::CallError::kWrongInterface;
 }
 
-/// A server that does not let this caller have the highest priority may take the call at its own.
+/// A server that refuses this caller the highest priority may accept the call at its own.
 bool may_be_priority(const std::error_code& cause) {
   return cause == rpc::CallError::kPriorityNotAllowed || cause == rpc::CallError::kWrongBand ||
          cause == rpc::CallError::kRefused;
@@ -165,7 +165,7 @@ StopRound::Tried StopRound::attempt(const std::string& url, StopScope scope) {
 }
 
 void StopRound::tell(const std::string& hub) {
-  // The steps of binding the hub, of calling it, and of ending the supplier.
+  // The steps: bind the hub, call it, destroy the supplier.
   constexpr int kStepCount = 3;
   auto supplier = events::Supplier::create(node_, hub,
                                            {.name = "emergency stop",

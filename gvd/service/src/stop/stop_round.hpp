@@ -23,12 +23,12 @@ struct StopRoundConfig {
   MonotonicTime begin{};
   MonotonicTime deadline{};
   bool tells_hubs = false;
-  /// The target of a binding, if it shall be stopped. Called from several threads.
+  /// Returns the target of a binding if it should be stopped. Called from several threads.
   std::function<std::optional<StopTarget>(const names::NameEntry&)> choose{};
   std::function<StopScope(const std::string& device)> scope_of{};
 };
 
-/// One attempt to stop devices at all their servers, each at the same time.
+/// One attempt to stop devices at all their servers concurrently.
 /// @ownership refers to its node
 /// @threads  one
 class StopRound {
@@ -36,14 +36,14 @@ class StopRound {
   struct Tried {
     bool is_stopped = false;
     std::string why{};
-    bool is_listed = false;  ///< A name service has it now, bound or lost.
-    bool is_absent = false;  ///< Nothing, or something else, listens at its address.
+    bool is_listed = false;  ///< A name service lists it now, as bound or lost.
+    bool is_absent = false;  ///< No listener, or another program, is at its address.
   };
 
   StopRound(rpc::Node& node, StopRoundConfig config);
-  /// Adds a target, which may be no longer bound, and tries it at once.
+  /// Adds a target, which may no longer be bound, and tries it at once.
   void add(const StopTarget& target);
-  /// Searches name services for further targets, and waits for the end of all attempts.
+  /// Searches name services for further targets, and waits for all attempts to end.
   void run();
 
   [[nodiscard]] const std::map<StopTarget, Tried>& tried() const noexcept { return tried_; }
@@ -51,7 +51,7 @@ class StopRound {
   [[nodiscard]] StopReport take_report() { return std::move(report_); }
 
  private:
-  /// Attempts at one server run one after the other: if one fails, so do the others.
+  /// Attempts at one server run one at a time: if one fails, so do the others.
   struct Server {
     std::deque<std::pair<StopTarget, std::string>> left{};
     bool is_served = false;
@@ -77,7 +77,7 @@ class StopRound {
   std::set<std::string> hubs_{};
   bool has_answer_ = false;
   StopReport report_{};
-  /// Each service has threads of its own, so that one service's devices do not delay another's.
+  /// Each service has its own threads, so that one service's devices do not delay another's.
   std::map<std::string, std::unique_ptr<rt::ParallelJobs>> jobs_{};
 };
 

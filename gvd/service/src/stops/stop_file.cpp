@@ -21,7 +21,7 @@ constexpr std::string_view kObeyed = "obeyed ";
 /// Larger than any file that save() writes.
 constexpr std::size_t kFileSizeMax = std::size_t{64} * 1024;
 
-/// Removes and returns the next line of `text`; nullopt if it has no complete line.
+/// Removes and returns the next line of `text`; nullopt if there is no complete line.
 std::optional<std::string_view> take_line(std::string_view& text) {
   const std::size_t end = text.find('\n');
   if (end == std::string_view::npos) return std::nullopt;
@@ -39,7 +39,7 @@ std::optional<std::uint64_t> request_in(std::string_view line) {
   return id;
 }
 
-/// Reads a stop file; nullopt if the text has another format, or is truncated.
+/// Parses a stop file; nullopt if it has another format or is truncated.
 std::optional<StopState> parse(std::string_view text) {
   StopState state;
   if (take_line(text) != kFirstLine) return std::nullopt;

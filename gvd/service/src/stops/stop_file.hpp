@@ -10,7 +10,7 @@
 
 namespace rtpm::gvd {
 
-/// The kept state of a device's emergency stops.
+/// The stored state of a device's emergency stops.
 struct StopState {
   static constexpr std::size_t kObeyedCountMax = 256;
 
@@ -31,10 +31,10 @@ class StopFile {
 
   [[nodiscard]] const std::string& path() const noexcept { return path_; }
   /// Reads the file. If there is none, the device is not stopped.
-  /// @errors   names file, cause and remedy: it can't be read, or is not one of these files. The
-  ///           device then counts as stopped.
+  /// @errors   names file, cause and remedy: it can't be read, or is not a stop file. The device
+  ///           then counts as stopped.
   [[nodiscard]] expected<StopState, SetupError> load() const;
-  /// Replaces the file, atomically and durably. Makes the folder.
+  /// Replaces the file atomically and durably. Creates the folder.
   /// @errors   an error of the operating system, with the file's name
   [[nodiscard]] expected<void, SetupError> save(const StopState& state) const;
 

@@ -39,7 +39,7 @@ class KeptStop final : public StopMemory {
   bool obey(std::uint64_t id) noexcept {
     if (knows(id)) return false;
     device_->emergency_stop();
-    // Comes after the stop, so that write() does not take the stop for a rearmed one.
+    // After the stop, so that write() does not see the stop as rearmed.
     in_force_.store(id, std::memory_order_release);
     remember(id);
     has_changed_.post();
@@ -49,7 +49,7 @@ class KeptStop final : public StopMemory {
     return device_->is_stopped() ? in_force_.load(std::memory_order_acquire) : kNoRequest;
   }
 
-  /// Brings the file up to date, on the keeper's thread; false if it could not be written.
+  /// Updates the file, on the keeper's thread; false if it could not be written.
   bool write(DeviceListener* listener) {
     std::uint64_t in_force = in_force_.load(std::memory_order_acquire);
     StopState state = present();
@@ -142,7 +142,7 @@ struct StopKeeper::Impl {
   StopKeeperConfig config;
   rt::Semaphore has_changed{};
   std::vector<std::unique_ptr<KeptStop>> devices{};
-  std::unique_ptr<KeptStop> added{};  ///< It has no server yet, which may fail to be made.
+  std::unique_ptr<KeptStop> added{};  ///< Has no server yet, whose creation may still fail.
   std::atomic<bool> is_stopping{false};
   rt::Thread thread{};
 };

@@ -24,7 +24,7 @@ namespace rtpm::gvd {
   return std::string(device) + "/config";
 }
 
-/// A parameter's specification and present value.
+/// A parameter's specification and current value.
 struct Parameter {
   driver::ParameterSpec spec{};
   driver::ParameterValue value{};
@@ -48,7 +48,7 @@ struct DeviceConfiguration {
 /// The calibrations that a device offers.
 struct DeviceCalibrations {
   std::vector<driver::CalibrationInfo> calibrations{};
-  std::uint64_t open_run = 0;  ///< The run that is not over; 0 if there is none.
+  std::uint64_t open_run = 0;  ///< The unfinished run; 0 if there is none.
 };
 
 /// Configures a configuration client.
@@ -64,10 +64,10 @@ struct ConfigurationClientOptions {
 ///     const auto after = client->apply(before->revision, {{"safety.ramp_s", 0.01}});
 ///     if (!after) … after.error().words.text() …
 ///
-/// All methods return ConfigurationOutcome::kCallFailed if the call had no reply: then read before
-/// repeating a change.
+/// All methods return ConfigurationOutcome::kCallFailed if the call got no reply: then read the
+/// values before repeating a change.
 /// @ownership refers to its node, which must outlive it
-/// @threads  any, several at once
+/// @threads  any, concurrently
 /// @realtime set-up only
 class ConfigurationClient {
  public:
@@ -80,17 +80,17 @@ class ConfigurationClient {
   ~ConfigurationClient();
 
   [[nodiscard]] expected<DeviceConfiguration, ConfigurationError> list();
-  /// Values of the named parameters; without names: all.
+  /// Returns the values of the named parameters; of all, if no names are given.
   /// @errors   kUnknownParameter
   [[nodiscard]] expected<RevisedSettings, ConfigurationError> get(
       const std::vector<std::string>& names = {});
-  /// Changes parameters, all or none, if nothing has changed since `revision`. Returns the values
-  /// as the device has taken them.
+  /// Changes all of the parameters or none, if nothing has changed since `revision`. Returns the
+  /// values that the device took over.
   /// @errors   kStaleRevision: read again · kUnknownParameter · kRepeatedParameter · kReadOnly ·
   ///           kWrongType · kOutOfRange · kWrongState · kRefusedByDevice · kBusy: repeat
   [[nodiscard]] expected<RevisedSettings, ConfigurationError> apply(
       std::uint64_t revision, const std::vector<driver::ParameterSetting>& settings);
-  /// Sets the named parameters to their defaults; without names: all that may change.
+  /// Resets the named parameters to their defaults; without names, all that may change.
   /// @errors   as apply()
   [[nodiscard]] expected<RevisedSettings, ConfigurationError> reset(
       std::uint64_t revision, const std::vector<std::string>& names = {});
@@ -101,12 +101,12 @@ class ConfigurationClient {
   [[nodiscard]] expected<DeviceCalibrations, ConfigurationError> calibrations();
   /// Starts a calibration. Ask calibration() for its state at least every 30 s, or it is
   /// discarded.
-  /// @errors   kUnknownCalibration · kBusy: another is not over
+  /// @errors   kUnknownCalibration · kBusy: another run is unfinished
   [[nodiscard]] expected<CalibrationStatus, ConfigurationError> calibrate(std::string_view name);
   /// @errors   kNoSuchRun
   [[nodiscard]] expected<CalibrationStatus, ConfigurationError> calibration(std::uint64_t run);
   /// Answers the prompt of `status`, with one of its answers.
-  /// @errors   kNoSuchRun · kWrongAnswer: another answer, or the prompt is over
+  /// @errors   kNoSuchRun · kWrongAnswer: not one of the answers, or the prompt has ended
   [[nodiscard]] expected<CalibrationStatus, ConfigurationError> answer(
       const CalibrationStatus& status, std::string_view text);
   /// Applies the result of a run.

@@ -34,21 +34,21 @@ class Configurable {
   /// @realtime set-up only
   [[nodiscard]] virtual std::vector<driver::CalibrationInfo> calibrations() const = 0;
 
-  /// Changes parameters between two cycles, all of `settings` or none, and writes back the values
-  /// that the device has taken. Each was checked against parameters(). Waits a bounded time for the
-  /// device's thread; a change that it has not begun by then never happens.
-  /// @param needs_inactive  refuses if the device is active when its turn comes
+  /// Changes all of `settings` or none between two cycles, and writes back the values that the
+  /// device took over. The caller has checked them against parameters(). Waits a bounded time for
+  /// the device's thread; a change that has not started by then never happens.
+  /// @param needs_inactive  refuse if the device is active when its turn comes
   /// @realtime set-up only
-  /// @errors   kBusy · kWrongState · kRefusedByDevice, with the driver's words
+  /// @errors   kBusy · kWrongState · kRefusedByDevice, with the driver's message
   [[nodiscard]] virtual expected<void, ConfigurationError> apply(
       std::span<driver::ParameterSetting> settings, bool needs_inactive) = 0;
-  /// Makes a run of the calibration `name`, one of calibrations(), between two cycles.
+  /// Creates a run of the calibration `name`, one of calibrations(), between two cycles.
   /// @realtime set-up only
   /// @errors   kBusy · kUnknownCalibration
   [[nodiscard]] virtual expected<std::unique_ptr<driver::Calibration>, ConfigurationError>
   make_calibration(std::string_view name) = 0;
 
-  /// Whether the device is active, so that parameters with Mutability::kInactive stand.
+  /// Whether the device is active, so that parameters with Mutability::kInactive can't change.
   /// @realtime alloc-free
   [[nodiscard]] virtual bool is_active() const noexcept = 0;
   /// The newest sample; nullopt before the first.
@@ -64,8 +64,8 @@ class ParameterListener {
   ParameterListener(const ParameterListener&) = delete;
   ParameterListener& operator=(const ParameterListener&) = delete;
   virtual ~ParameterListener() = default;
-  /// The parameters `names` have changed; `revision` is the present one. Later requests wait until
-  /// it returns.
+  /// Notifies that the parameters `names` have changed; `revision` is the current one. Later
+  /// requests wait until it returns.
   virtual void on_change(std::uint64_t revision, std::span<const std::string> names) = 0;
 };
 

@@ -13,18 +13,18 @@ namespace rtpm::gvd {
 
 /// Configures a configuration manager.
 struct ConfigurationManagerConfig {
-  /// Where settings are saved; it and the folder above it, which must exist, must be writable.
-  /// If empty, nothing is saved, and save() is refused.
+  /// The folder where settings are saved. It and its parent, which must exist, must be writable. If
+  /// empty, nothing is saved, and save() is refused.
   std::string settings_folder{};
   ParameterListener* listener = nullptr;  ///< May be null; must outlive the manager.
   rt::ThreadConfig thread{.name = "configuration", .realtime = rt::RealtimeMode::kOff};
 };
 
-/// Serves the parameters and calibrations of one device, on a time-shared thread of its own: the
-/// paper's Configuration Manager. Calls wait for it, and it waits for the device and the disk; the
-/// device waits for neither.
+/// Serves the parameters and calibrations of one device, on its own time-shared thread: the paper's
+/// Configuration Manager. Calls wait for that thread, and the thread waits for the device and the
+/// disk; the device waits for neither.
 /// @ownership refers to its device, which must outlive it
-/// @threads  create and end from one thread
+/// @threads  create and destroy on one thread
 class ConfigurationManager {
  public:
   /// Loads the saved settings and applies them to `device`, then starts. Create it before the
@@ -36,10 +36,10 @@ class ConfigurationManager {
       Configurable& device, const ConfigurationManagerConfig& config = {});
   ConfigurationManager(const ConfigurationManager&) = delete;
   ConfigurationManager& operator=(const ConfigurationManager&) = delete;
-  /// Ends the thread after a running request. Stop the rpc::Server before.
+  /// Ends the thread after the current request. Stop the rpc::Server first.
   ~ConfigurationManager();
 
-  /// The object for an rpc::Server, at configuration_path() of the device's; lives as long as this.
+  /// The object for an rpc::Server, at the device's configuration_path(); lives as long as this.
   [[nodiscard]] rpc::Servant& servant() noexcept;
   /// A sentence for each parameter in the settings file that was ignored.
   [[nodiscard]] const std::vector<std::string>& ignored() const noexcept;

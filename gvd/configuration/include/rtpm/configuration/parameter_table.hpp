@@ -13,7 +13,7 @@
 
 namespace rtpm::gvd {
 
-/// A device's parameters with their values and revision, and the checks of a change. It has no
+/// A device's parameters with their values and revision, and the checks of a change. Uses no
 /// device, thread or clock.
 /// @ownership a value
 /// @threads  one at a time
@@ -21,7 +21,7 @@ namespace rtpm::gvd {
 class ParameterTable {
  public:
   /// A table of `specs` with their defaults as values.
-  /// @errors   an invalid specification, two of one name, more than driver::kParameterCountMax
+  /// @errors   an invalid specification, a repeated name, more than driver::kParameterCountMax
   [[nodiscard]] static expected<ParameterTable, SetupError> create(
       std::vector<driver::ParameterSpec> specs, std::uint64_t first_revision = 1);
 
@@ -33,19 +33,19 @@ class ParameterTable {
   /// Increases with each change of a value.
   [[nodiscard]] std::uint64_t revision() const noexcept { return revision_; }
 
-  /// Values by name; without names: all.
+  /// Values by name; all values if no names are given.
   /// @errors   kUnknownParameter
   [[nodiscard]] expected<std::vector<driver::ParameterSetting>, ConfigurationError> settings(
       std::span<const std::string> names = {}) const;
   /// The settings that differ from their defaults.
   [[nodiscard]] std::vector<driver::ParameterSetting> changed_settings() const;
   /// Returns the settings that reset the named parameters: the defaults of those that differ.
-  /// Without names it resets all parameters that a client may change.
+  /// Without names, resets all parameters that a client may change.
   /// @errors   kUnknownParameter
   [[nodiscard]] expected<std::vector<driver::ParameterSetting>, ConfigurationError> reset(
       std::span<const std::string> names) const;
 
-  /// Whether `revision` is the present one.
+  /// Whether `revision` is the current one.
   /// @errors   kStaleRevision
   [[nodiscard]] expected<void, ConfigurationError> check_revision(std::uint64_t revision) const;
   /// Whether every one of `settings` may be applied in this state.
@@ -55,7 +55,7 @@ class ParameterTable {
       std::span<const driver::ParameterSetting> settings, bool is_active) const;
   /// Whether one of `settings`, which check() accepts, needs an inactive device.
   [[nodiscard]] bool needs_inactive(std::span<const driver::ParameterSetting> settings) const;
-  /// Stores values as the device has taken them; returns the names of the changed parameters.
+  /// Stores the values that the device took over; returns the names of the changed parameters.
   std::vector<std::string> commit(std::span<const driver::ParameterSetting> applied);
 
  private:

@@ -18,8 +18,9 @@ struct StoredSettings {
   std::vector<std::string> ignored{};
 };
 
-/// The saved parameters of one device: a JSON file in a folder, named by model and serial number,
-/// which it also contains, with a checksum. It contains the values that differ from their defaults.
+/// The saved parameters of one device: a JSON file in a folder. Model and serial number form its
+/// name and are repeated inside, with a checksum. It holds the values that differ from their
+/// defaults.
 /// @ownership a value
 /// @threads  one at a time
 /// @realtime set-up only
@@ -37,7 +38,7 @@ class SettingsStore {
   ///           version, of another model or serial number
   [[nodiscard]] expected<StoredSettings, SetupError> load(
       std::span<const driver::ParameterSpec> specs);
-  /// Replaces the file, atomically and durably. Makes the folder if only that is missing.
+  /// Replaces the file atomically and durably. Creates the folder if its parent exists.
   /// @errors   an error of the operating system, with the file's name
   [[nodiscard]] expected<void, SetupError> save(
       std::span<const driver::ParameterSetting> settings) const;

@@ -13,17 +13,17 @@
 
 namespace rtpm::driver {
 
-/// The words that a driver takes.
+/// The words that a driver accepts.
 struct KnownWords {
   std::vector<std::string_view> names{};
-  /// Words whose values extend to the end of the text, spaces included, such as a file's name.
+  /// Words whose values extend to the end of the text, including spaces, such as a file name.
   std::vector<std::string_view> names_to_the_end{};
 };
 
 /// Values by names.
 using Words = std::map<std::string, std::string, std::less<>>;
 
-/// Reads a driver's arguments as an operator gives them: "port=/dev/ttyACM0 speed=115200", words
+/// Parses the arguments that an operator gives a driver: "port=/dev/ttyACM0 speed=115200", words
 /// separated by spaces.
 /// @param driver  for the errors: "serial"
 /// @errors   a word without '=' or value, an unknown or repeated word; names the known words
@@ -33,7 +33,7 @@ using Words = std::map<std::string, std::string, std::less<>>;
 /// The value of the word `name`; empty if it was not given.
 [[nodiscard]] std::string value_of(const Words& words, std::string_view name);
 
-/// All of `text` as a number; nullopt if it is not one, or T can't hold it.
+/// Parses all of `text` as a number; nullopt if it is not one, or T can't hold it.
 template <class T>
 [[nodiscard]] std::optional<T> to_number(std::string_view text) {
   T number{};

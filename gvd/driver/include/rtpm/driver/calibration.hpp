@@ -14,28 +14,28 @@ namespace rtpm::driver {
 /// A calibration that a device offers.
 struct CalibrationInfo {
   std::string name;         ///< Follows the rules of a parameter's name: "encoder_offset".
-  std::string description;  ///< Its result and the operator's task, one sentence.
+  std::string description;  ///< One sentence: the result, and the operator's task.
 };
 
-/// It needs further samples.
+/// The run needs further samples.
 struct CalibrationRunning {
   double progress = 0;  ///< 0 to 1, of the whole calibration.
 };
 
-/// It waits for an answer. Samples go on arriving, and may end the prompt.
+/// The run waits for an answer. Samples keep arriving, and may end the prompt.
 struct CalibrationPrompt {
   double progress = 0;
   std::string text;                    ///< The operator's task, one sentence.
-  std::vector<std::string> answers{};  ///< The answers it takes, at least one: "ready", "skip".
+  std::vector<std::string> answers{};  ///< The valid answers, at least one: "ready", "skip".
 };
 
-/// It is over with a result, which a client keeps or discards.
+/// The run has ended with a result, which a client keeps or discards.
 struct CalibrationDone {
   std::vector<ParameterSetting> settings{};  ///< Values of the device's parameters.
   std::string summary{};  ///< One sentence for the operator: "the offset is (1, 0, 2) mm ± 0.1 mm".
 };
 
-/// It is over without a result.
+/// The run has ended without a result.
 struct CalibrationFailed {
   std::string reason;  ///< Cause and remedy as a clause: "the arm moved; leave it at rest".
 };
@@ -43,10 +43,10 @@ struct CalibrationFailed {
 using CalibrationState =
     std::variant<CalibrationRunning, CalibrationPrompt, CalibrationDone, CalibrationFailed>;
 
-/// One run of a calibration: a state machine without clock, thread and hardware. It sees samples
-/// and answers, and ends with values of parameters or a reason. It changes nothing itself.
-/// @ownership refers to nothing of its driver: it copies what it needs when it is made
-/// @threads  one at a time; never the device's
+/// One run of a calibration: a state machine without clock, thread or hardware. It receives samples
+/// and answers, and ends with parameter values or a reason. It changes nothing itself.
+/// @ownership must not refer to its driver: it copies what it needs when it is created
+/// @threads  one at a time; never the device's thread
 class Calibration {
  public:
   Calibration() = default;
@@ -54,10 +54,11 @@ class Calibration {
   Calibration& operator=(const Calibration&) = delete;
   virtual ~Calibration() = default;
 
-  /// Takes a sample of the active device; with an answer if one came to the present prompt. Samples
-  /// are in order, but not every cycle's: use Sample::sequence and host_time for their distance.
-  /// The first call has no answer. Not called again after CalibrationDone or CalibrationFailed.
-  /// @param answer  one of the present prompt's answers
+  /// Handles a sample of the active device, with the answer if one arrived for the current prompt.
+  /// Samples are in order, but some cycles are left out: use Sample::sequence and host_time to
+  /// measure gaps. The first call has no answer. Not called again after CalibrationDone or
+  /// CalibrationFailed.
+  /// @param answer  one of the current prompt's answers
   /// @realtime set-up only
   [[nodiscard]] virtual CalibrationState step(const Sample& sample,
                                               std::optional<std::string_view> answer) = 0;

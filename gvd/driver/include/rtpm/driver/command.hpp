@@ -23,7 +23,7 @@ enum class CommandMode : std::uint8_t {
   kJointPosition = 4,  ///< Move each joint to its position.
   kJointVelocity = 5,  ///< Move each joint with its velocity.
   kJointEffort = 6,    ///< Apply each joint's effort.
-  kOutputs = 7,        ///< Set the outputs; force and motion stay as they are.
+  kOutputs = 7,        ///< Set the outputs; force and motion do not change.
 };
 inline constexpr std::uint8_t kCommandModeCount = 8;
 /// "off", "force", "pose", "velocity", "joint position", "joint velocity", "joint effort",
@@ -31,7 +31,7 @@ inline constexpr std::uint8_t kCommandModeCount = 8;
 [[nodiscard]] std::string_view to_string(CommandMode mode) noexcept;
 
 /// A client's request to a device, in force until the next setpoint. The mode selects which of
-/// wrench, pose, twist and joints counts. Outputs that are all zero stay unchanged, except in
+/// wrench, pose, twist and joints applies. All-zero outputs leave the outputs unchanged, except in
 /// kOutputs, which sets them, and in kOff, which makes them safe.
 /// @ownership plain value, trivially copyable
 struct Setpoint {
@@ -63,16 +63,16 @@ struct Setpoint {
 };
 static_assert(std::is_trivially_copyable_v<Setpoint>);
 
-/// The command until the next cycle. It has passed the safety filter: finite and within the
-/// descriptor's limits.
+/// The command until the next cycle. The safety filter has made it finite and limited it to the
+/// descriptor's range.
 /// @ownership plain value, trivially copyable
 struct Command : Setpoint {
   /// Counts cycles from 1, so that a device can echo the command that it executes.
   std::uint64_t sequence = 0;
-  /// When this cycle began, on the host's clock; never decreases.
+  /// When this cycle started, on the host's clock; never decreases.
   MonotonicTime cycle_time{};
-  /// When force, motion and outputs must have ended without a newer command. Pass it to the
-  /// device's watchdog, if any, for the case that this program dies.
+  /// Without a newer command, force, motion and outputs must end by then. Pass it to the device's
+  /// watchdog, if any, in case this program dies.
   MonotonicTime deadline = kNever;
 };
 static_assert(std::is_trivially_copyable_v<Command>);

@@ -15,7 +15,7 @@ enum class DeviceClass : std::uint8_t {
   kHaptic = 0,   ///< Measures a position and applies a force.
   kTracker = 1,  ///< Measures the pose of a body, a head or a gaze; a gaze's ray is the frame's -z.
   kInput = 2,    ///< Buttons and analog inputs.
-  kDial = 3,     ///< A joint that turns without end, with or without a motor.
+  kDial = 3,     ///< A joint that turns endlessly, with or without a motor.
   kVibrotactile = 4,  ///< Vibrates: outputs in pairs, amplitude and frequency.
   kPoser = 5,         ///< Moves to a pose or with a velocity.
   kOutput = 6,        ///< Analog outputs and lamps.
@@ -29,7 +29,7 @@ inline constexpr std::uint8_t kDeviceClassCount = 9;
 /// A degree of freedom of the end effector.
 struct Axis {
   std::string name;          ///< "x", "y", "z" along the frame's axes, "rx", "ry", "rz" about them.
-  bool is_sensed = true;     ///< Its position is in the sample's pose.
+  bool is_sensed = true;     ///< The sample's pose contains its position.
   bool is_actuated = false;  ///< A force or torque along it has an effect.
 };
 
@@ -45,9 +45,9 @@ struct Analog {
 struct Joint {
   std::string name;         ///< "elbow", "gripper", "dial".
   std::string unit;         ///< "rad", or "m" for a joint that slides.
-  double low = 0;           ///< Minimum position; equal to `high` if it turns without end.
+  double low = 0;           ///< Minimum position; equal to `high` if it turns endlessly.
   double high = 0;          ///< Maximum position.
-  double velocity_max = 0;  ///< In units per second; 0 if no command moves it.
+  double velocity_max = 0;  ///< In units per second; 0 if commands cannot move it.
   double effort_max = 0;    ///< In newton or newton metre; 0 without a motor.
 };
 
@@ -60,17 +60,18 @@ struct Output {
   double safe = 0;   ///< Its value without a command.
 };
 
-/// Limits of a device; 0 if it has no such actuators.
+/// Limits of a device; 0 for missing actuators.
 struct Limits {
   double force_newton_max = 0;         ///< Maximum magnitude in any direction.
   double torque_newton_metre_max = 0;  ///< Maximum magnitude of the torque.
-  /// The stiffest wall that stays passive when rendered in the device's own loop at `rate_hz`.
+  /// The stiffest wall that stays passive when the device's own loop renders it at `rate_hz`.
   double stiffness_newton_per_m_max = 0;
   /// The mechanics' own damping, which bounds rendering in a remote loop: stiffness × (period / 2 +
   /// delay) must stay below it.
   double damping_newton_s_per_m = 0;
-  double velocity_m_per_s_max = 0;    ///< Limit of commanded motion; 0 if no command moves it.
-  double velocity_rad_per_s_max = 0;  ///< Limit of commanded turning; 0 if no command turns it.
+  double velocity_m_per_s_max = 0;  ///< Limit of commanded motion; 0 if commands cannot move it.
+  /// Limit of commanded rotation; 0 if commands cannot turn it.
+  double velocity_rad_per_s_max = 0;
 };
 
 /// The box in which the end effector moves.
@@ -79,7 +80,7 @@ struct Workspace {
   Vector3 high_m{};
 };
 
-/// Self-description of a device, for programs that do not know it.
+/// Self-description of a device, for programs that have no prior knowledge of it.
 /// @ownership a value
 struct Descriptor {
   DeviceClass device_class = DeviceClass::kInput;
@@ -91,11 +92,11 @@ struct Descriptor {
   std::vector<Analog> analogs{};       ///< At most kAnalogCountMax.
   std::vector<Joint> joints{};         ///< At most kJointCountMax.
   std::vector<Output> outputs{};       ///< At most kOutputCountMax.
-  std::vector<CommandMode> modes{};    ///< Modes besides kOff; empty if it only measures.
+  std::vector<CommandMode> modes{};  ///< Modes besides kOff; empty for a device that only measures.
   Limits limits{};
   Workspace workspace{};
   double rate_hz = 1000;             ///< Rate of exchange().
-  double position_resolution_m = 0;  ///< Step of the position; 0 if there is none.
+  double position_resolution_m = 0;  ///< Step of the position; 0 if unknown.
 };
 
 }  // namespace rtpm::driver

@@ -34,8 +34,8 @@ struct DriverConfig {
   Duration period = std::chrono::milliseconds{1};
 };
 
-/// A device's driver: the paper's RT Data Access layer. It sees no network: the same driver runs in
-/// the device server and in a local loop.
+/// A device's driver: the paper's RT Data Access layer. It has no network access: the same driver
+/// runs in the device server and in a local loop.
 ///
 /// The order of calls, repeated as often as needed:
 ///
@@ -43,9 +43,9 @@ struct DriverConfig {
 ///     configure() → activate() → exchange() … exchange() → deactivate()
 ///     parameters(), set_parameters(), calibrations(), make_calibration()   between any of these
 ///
-/// A failed configure() or activate() leaves the driver as before it. After deactivate() comes
-/// configure() or the end.
-/// @threads  one at a time; the device server calls from activate() on from one thread
+/// A failed configure() or activate() leaves the driver as it was before. After deactivate(), only
+/// configure() or destruction may follow.
+/// @threads  one at a time; from activate() on, the device server uses a single thread
 class Driver {
  public:
   Driver() = default;
@@ -58,7 +58,7 @@ class Driver {
   /// @realtime set-up only
   [[nodiscard]] virtual Descriptor describe() const = 0;
 
-  /// Opens and configures the device; no force yet. May take seconds, but must end by itself.
+  /// Opens and configures the device; applies no force yet. May take seconds, but must return.
   /// @realtime set-up only
   /// @errors   in words with the remedy: not plugged in, no permission, wrong firmware
   [[nodiscard]] virtual expected<void, SetupError> configure(const DriverConfig& config) = 0;
@@ -68,19 +68,20 @@ class Driver {
   /// @errors   in words with the remedy
   [[nodiscard]] virtual expected<void, SetupError> activate() = 0;
 
-  /// Gives the device its command and takes its newest sample: the only real-time call, once per
+  /// Sends the device its command and receives its newest sample: the only real-time call, once per
   /// cycle. Waits for the hardware at most a fraction of the period. On entry `sample` holds the
-  /// last cycle's values, so that counters can go on from there, and no faults. With kOk it holds
-  /// every value that the device has and the driver's own fault bits; the server sets sequence,
-  /// success_rate and lifecycle. With any other status it is unchanged.
-  /// Whatever the command contains, the driver applies no more than the descriptor's limits, and
-  /// zero for a mode that it does not know.
+  /// last cycle's values, so that counters can continue, and no faults. With kOk the driver has
+  /// filled in every value that the device has, and its own fault bits; the server sets sequence,
+  /// success_rate and lifecycle. With any other status the sample must be unchanged. Whatever the
+  /// command contains, the driver applies no more than the descriptor's limits, and zero for a mode
+  /// that it does not know.
   /// @realtime alloc-free, throws nothing, takes no lock that a time-shared thread may hold
-  /// @errors   as ExchangeStatus says
+  /// @errors   see ExchangeStatus
   [[nodiscard]] virtual ExchangeStatus exchange(const Command& command,
                                                 Sample& sample) noexcept = 0;
 
-  /// Sets the force to zero and closes the device, even one that is gone. No effect if not active.
+  /// Sets the force to zero and closes the device, even if the device is gone. No effect if not
+  /// active.
   /// @realtime set-up only
   virtual void deactivate() noexcept = 0;
 
@@ -88,12 +89,12 @@ class Driver {
   /// @realtime set-up only
   [[nodiscard]] virtual std::vector<ParameterSpec> parameters() const { return {}; }
 
-  /// Changes parameters, all of `settings` or none. Each is one of parameters(), at most once, of
-  /// its type, within its range, and mutable in the present state; check what depends on several.
-  /// On success `settings` holds the values as the device has taken them, such as rounded to its
-  /// steps. Called in any state, between two exchange(). The driver keeps the values across
-  /// deactivate() and configure(), and for as long as the device is gone.
-  /// @realtime set-up only; ends within a few milliseconds, because exchange() waits meanwhile
+  /// Changes all of `settings` or none. Each setting is one of parameters(), occurs once, has the
+  /// right type and range, and may change in the current state; check only conditions between
+  /// several. On success `settings` holds the values that the device took over, such as rounded to
+  /// its steps. May be called in any state, between two exchange(). The driver keeps the values
+  /// across deactivate() and configure(), and while the device is gone.
+  /// @realtime set-up only; must end within a few milliseconds, because exchange() waits meanwhile
   /// @errors   in words with the remedy; nothing has changed
   [[nodiscard]] virtual expected<void, SetupError> set_parameters(
       std::span<ParameterSetting> settings);
@@ -102,8 +103,8 @@ class Driver {
   /// @realtime set-up only
   [[nodiscard]] virtual std::vector<CalibrationInfo> calibrations() const { return {}; }
 
-  /// Makes a run of the calibration `name`, based on the present values of the parameters; null if
-  /// there is no such calibration. Called between two exchange().
+  /// Creates a run of the calibration `name`, based on the current parameter values; null if there
+  /// is no such calibration. Called between two exchange().
   /// @realtime set-up only
   [[nodiscard]] virtual std::unique_ptr<Calibration> make_calibration(std::string_view name);
 };

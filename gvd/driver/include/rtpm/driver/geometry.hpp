@@ -15,7 +15,7 @@ struct Vector3 {
   friend constexpr bool operator==(const Vector3&, const Vector3&) noexcept = default;
 };
 
-/// A rotation as a unit quaternion; the default turns nothing.
+/// A rotation as a unit quaternion; the default is no rotation.
 struct Quaternion {
   double x = 0;
   double y = 0;

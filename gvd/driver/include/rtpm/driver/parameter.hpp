@@ -16,7 +16,7 @@ enum class ParameterType : std::uint8_t {
   kInteger = 1,
   kReal = 2,
   kText = 3,
-  kChoice = 4,  ///< A text out of ParameterSpec::choices.
+  kChoice = 4,  ///< One of ParameterSpec::choices.
   kVector = 5,  ///< ParameterSpec::vector_size reals.
 };
 inline constexpr std::uint8_t kParameterTypeCount = 6;
@@ -25,8 +25,8 @@ inline constexpr std::uint8_t kParameterTypeCount = 6;
 
 /// When a parameter may change; wire numbers.
 enum class Mutability : std::uint8_t {
-  kAnyTime = 0,   ///< Also while the device is active.
-  kInactive = 1,  ///< While the device is not active.
+  kAnyTime = 0,   ///< Even while the device is active.
+  kInactive = 1,  ///< Only while the device is not active.
   kReadOnly = 2,  ///< Never by a client.
 };
 inline constexpr std::uint8_t kMutabilityCount = 3;
@@ -43,7 +43,7 @@ inline constexpr std::size_t kParameterTextSizeMax = 255;    ///< In bytes.
 inline constexpr std::size_t kParameterChoiceCountMax = 32;  ///< Per parameter.
 inline constexpr std::size_t kParameterVectorSizeMax = 64;
 
-/// Self-description of a parameter, for programs that do not know it.
+/// Self-description of a parameter, for programs that have no prior knowledge of it.
 /// @ownership a value
 struct ParameterSpec {
   /// Lower-case words, digits and '_', grouped by dots, with the unit at the end:
@@ -57,7 +57,7 @@ struct ParameterSpec {
   double high = std::numeric_limits<double>::infinity();
   std::vector<std::string> choices{};  ///< The words of a kChoice.
   std::size_t vector_size = 0;         ///< The size of a kVector.
-  /// Its value until the first change. It has the stated type and lies within the range.
+  /// The initial value. It has the stated type and lies within the range.
   ParameterValue default_value{};
   std::string description{};  ///< One sentence.
   Mutability mutability = Mutability::kAnyTime;
@@ -74,9 +74,10 @@ struct ParameterSetting {
 enum class ValueFault : std::uint8_t {
   kNone,
   kWrongType,
-  kOutOfRange,  ///< Also: not finite, no such choice, another vector size, a text that is too long.
+  /// Includes: not finite, no such choice, a wrong vector size, a text that is too long.
+  kOutOfRange,
 };
-/// Whether `value` suits `spec`; ignores its mutability.
+/// Checks `value` against `spec`; ignores its mutability.
 [[nodiscard]] ValueFault check(const ParameterSpec& spec, const ParameterValue& value) noexcept;
 
 /// The fault of a specification, as a clause; empty if it has none.

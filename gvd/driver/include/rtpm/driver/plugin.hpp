@@ -8,14 +8,14 @@
 
 namespace rtpm::driver {
 
-/// Raised when Driver, Sample, Command or Descriptor changes in a way that sizes do not show.
+/// Incremented when Driver, Sample, Command or Descriptor changes without changing its size.
 inline constexpr std::uint32_t kPluginAbi = 1;
 inline constexpr std::uint32_t kPluginMagic = 0x52'54'50'44;  ///< "RTPD".
 /// The one symbol of a plug-in.
 inline constexpr const char* kPluginSymbol = "rtpm_driver_plugin";
 
-/// The structure that a plug-in exports. Before it calls anything, a host compares all members
-/// above `create` with its own.
+/// The structure that a plug-in exports. Before calling into the plug-in, a host compares all
+/// members above `create` with its own.
 struct Plugin {
   std::uint32_t magic = kPluginMagic;
   std::uint32_t abi = kPluginAbi;
@@ -23,14 +23,14 @@ struct Plugin {
   std::uint32_t command_size = sizeof(Command);
   std::uint32_t descriptor_size = sizeof(Descriptor);
   std::uint32_t compiler_abi = __GXX_ABI_VERSION;
-  /// Makes a driver from the operator's words for it.
+  /// Creates a driver from the operator's arguments.
   /// @errors   in words with the remedy
   expected<std::unique_ptr<Driver>, SetupError> (*create)(std::string_view arguments) = nullptr;
 };
 
 }  // namespace rtpm::driver
 
-/// Makes a shared library a plug-in for rtpm-deviced: once, in one of its sources, outside any
+/// Turns a shared library into a plug-in for rtpm-deviced. Use it once, in one source, outside any
 /// namespace. `function` becomes Plugin::create.
 // NOLINTNEXTLINE(cppcoreguidelines-macro-usage)
 #define RTPM_DRIVER_PLUGIN(function)                \

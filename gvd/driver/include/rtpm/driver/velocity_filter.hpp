@@ -7,9 +7,9 @@
 
 namespace rtpm::driver {
 
-/// The velocity of an axis from its measured positions: the slope over the longest time for which
-/// the positions lie on a line within the resolution. So a slow motion is smooth, and the velocity
-/// follows a quick change at once.
+/// Estimates the velocity of an axis from its measured positions: the slope over the longest time
+/// in which the positions lie on a line, within the resolution. So slow motion gives a smooth
+/// velocity, and quick changes show at once.
 /// @ownership a value
 /// @threads  one at a time
 /// @realtime alloc-free, at most kWindow² / 2 steps
@@ -28,7 +28,7 @@ class VelocityFilter {
   double add(MonotonicTime time, double position) noexcept;
   /// The newest velocity; 0 before the second position.
   [[nodiscard]] double velocity() const noexcept { return velocity_; }
-  /// Discards all positions, such as after the device was gone.
+  /// Discards all positions, for example after the device was gone.
   void reset() noexcept;
 
  private:
@@ -41,7 +41,8 @@ class VelocityFilter {
     return window_[(newest_ + kWindow - age) % kWindow];
   }
   [[nodiscard]] double slope_to(std::size_t age) const noexcept;
-  /// Whether all positions in between are near the line from the newest to the one of `age`.
+  /// Whether all positions in between are close to the line from the newest position to that of
+  /// `age`.
   [[nodiscard]] bool is_line(std::size_t age, double slope) const noexcept;
 
   double resolution_;

@@ -9,10 +9,10 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/driver/driver.hpp"
 
-/// The promises of rtpm/driver/driver.hpp that every driver makes, as checks.
+/// Checks the promises that every driver makes in rtpm/driver/driver.hpp.
 namespace rtpm::driver_host {
 
-/// Makes the driver under test, as often as it is asked.
+/// Creates a new driver under test for each call.
 class DriverMaker {
  public:
   virtual ~DriverMaker() = default;
@@ -25,17 +25,16 @@ enum class CheckPace : std::uint8_t {
   kReal,       ///< One exchange() per period.
 };
 
-/// One promise.
+/// A check of one promise.
 struct DriverCheck {
   const char* name;  ///< "DescribesItselfWhole".
   void (*run)(class DriverTrial& trial);
 };
 
-/// All checks; the ones that need no device come first.
+/// All checks; those that need no device come first.
 [[nodiscard]] std::span<const DriverCheck> driver_checks();
 
-/// Runs `check` with a driver of its own. It commands the greatest forces: keep hands off the
-/// device.
+/// Runs `check` with its own driver. Applies maximum forces: keep hands off the device.
 /// @return the breaches, at most ten; empty if the driver keeps the promise
 /// @realtime set-up only
 [[nodiscard]] std::vector<std::string> run_check(const DriverCheck& check, DriverMaker& maker,

@@ -13,18 +13,18 @@
 
 namespace rtpm::gvd {
 
-/// The most that a model may ask of a device. Stiffness K and damping B of one model share what a
-/// loop of this period keeps passive: K / stiffness max + B / damping max ≤ 1. Models that overlap
-/// add up: the safety filter bounds the sum.
+/// The most that a model may demand of a device. Stiffness K and damping B of one model share the
+/// passive range of a loop with this period: K / stiffness max + B / damping max ≤ 1. Overlapping
+/// models add up: the safety filter bounds the sum.
 /// @ownership a value
 struct ModelLimits {
-  /// Furthest position and longest length, far beyond any workspace, so that no force overflows.
+  /// The largest position and length: far beyond any workspace, yet no force overflows.
   static constexpr double kExtentMaxMetre = 100;
 
   double force_newton_max = 0;  ///< 0 if the device takes no force.
   double stiffness_newton_per_m_max = 0;
   double damping_newton_s_per_m_max = 0;
-  /// The limit of each joint; 0 if it does not turn, or takes no efforts.
+  /// The limit of each joint; 0 if it does not turn, or accepts no efforts.
   std::array<double, driver::kJointCountMax> efforts_newton_metre_max{};
   std::array<double, driver::kJointCountMax> stiffness_newton_metre_per_rad_max{};
   std::array<double, driver::kJointCountMax> damping_newton_metre_s_per_rad_max{};
@@ -42,7 +42,7 @@ struct ModelLimits {
                                               Duration period) noexcept;
 };
 
-/// Why a list was refused: a field of one of its models is outside of its range.
+/// Why a list was refused: a field of one of its models is out of range.
 /// @ownership a value; the name is static
 struct ModelError {
   std::size_t index = 0;     ///< The index of the model, from 0.
@@ -57,9 +57,9 @@ struct ModelError {
 /// @realtime set-up only
 [[nodiscard]] std::string to_text(const ModelError& error);
 
-/// Whether a device of `limits` may render `list`; an empty one always.
+/// Whether a device with `limits` may render `list`; always true for an empty list.
 /// @realtime alloc-free
-/// @errors   the first field that is not finite or outside of its range
+/// @errors   the first field that is not finite or out of range
 [[nodiscard]] expected<void, ModelError> check(const ModelList& list,
                                                const ModelLimits& limits) noexcept;
 

@@ -11,7 +11,7 @@
 
 namespace rtpm::gvd {
 
-/// The models' request to the actuators.
+/// The forces and efforts that the models ask the actuators for.
 /// @ownership a value
 struct ModelForces {
   driver::Wrench wrench{};  ///< On the end effector; no model has a torque.
@@ -19,15 +19,15 @@ struct ModelForces {
   std::array<double, driver::kJointCountMax> efforts{};
 };
 
-/// Renders a list of models. Its state is one contact point per friction model, which stays within
-/// force / stiffness of the end effector.
+/// Renders a list of models. Its state is one contact point per friction model, at most force /
+/// stiffness away from the end effector.
 /// @ownership a value
 /// @threads  one at a time
 /// @realtime alloc-free; reads no clock
 class Evaluator {
  public:
-  /// Replaces the list as a whole by `list`, which has passed check(). A model that stays the same
-  /// at its index keeps its state.
+  /// Replaces the whole list by `list`, which has passed check(). A model that is unchanged at its
+  /// index keeps its state.
   void set(const ModelList& list) noexcept;
   void clear() noexcept { set({}); }
   [[nodiscard]] bool is_empty() const noexcept { return list_.is_empty(); }
@@ -37,7 +37,7 @@ class Evaluator {
 
  private:
   ModelList list_{};
-  /// Where friction model i touches; nullopt before its first evaluation.
+  /// The contact point of friction model i; nullopt before its first evaluation.
   std::array<std::optional<driver::Vector3>, ModelList::kCountMax> contacts_m_{};
 };
 

@@ -11,18 +11,18 @@
 #include "rtpm/base/assert.hpp"
 #include "rtpm/driver/geometry.hpp"
 
-/// Local models: force fields that a device's own loop renders, so that their touch does not depend
-/// on the link. Positions and directions are in the device's frame (Descriptor::frame), SI units.
-/// x is the end effector's position, v its velocity. A penetration depth is 0 outside and positive
-/// inside; a normal has length 1 and points out of the material, to where the depth falls. Each
-/// range is check()'s.
+/// Local models: force fields that a device's own loop renders, so that their feel does not depend
+/// on the link. Positions and directions are in the device's frame (Descriptor::frame), SI units. x
+/// is the end effector's position, v its velocity. A penetration depth is 0 outside and positive
+/// inside; a normal has length 1 and points out of the material, in the direction of decreasing
+/// depth. check() defines each range.
 /// @ownership plain values, trivially copyable
 namespace rtpm::gvd {
 
-/// A half space of material behind a plane, a wall:
-/// depth = max(0, (point − x) · normal); force = normal · max(0, stiffness · depth − damping · v ·
-/// normal) inside. It never pulls. Without damping the force is continuous everywhere; with it, an
-/// end effector that enters at speed meets damping · speed at once.
+/// A half space of material behind a plane, a wall: depth = max(0, (point − x) · normal); force =
+/// normal · max(0, stiffness · depth − damping · v · normal) inside. It never pulls. Without
+/// damping the force is continuous everywhere; with damping, an end effector that enters at speed
+/// immediately meets damping · speed.
 struct Plane {
   driver::Vector3 point_m{};        ///< Any point of the face.
   driver::Vector3 normal{0, 0, 1};  ///< Out of the material, length 1.
@@ -31,7 +31,7 @@ struct Plane {
   friend constexpr bool operator==(const Plane&, const Plane&) noexcept = default;
 };
 
-/// Which side of a surface is material.
+/// The side of a surface that is material.
 enum class Side : std::uint8_t {
   kSolid = 0,   ///< Inside: it keeps the end effector out.
   kHollow = 1,  ///< Outside: it keeps the end effector in.
@@ -39,7 +39,7 @@ enum class Side : std::uint8_t {
 inline constexpr std::uint8_t kSideCount = 2;
 
 /// A ball or a spherical cavity; force as Plane's. Depth: the distance to the surface; normal:
-/// radial. At the very centre of a ball there is no normal, and no force.
+/// radial. A ball has no normal, and no force, at its exact centre.
 struct Sphere {
   driver::Vector3 centre_m{};
   double radius_m = 0;  ///< Above 0.
@@ -49,10 +49,10 @@ struct Sphere {
   friend constexpr bool operator==(const Sphere&, const Sphere&) noexcept = default;
 };
 
-/// A box along the frame's axes, or a room; force as Plane's. In the material of a room, depth and
-/// normal lead to the nearest point of the room. In a solid box they lead to the nearest face: the
-/// force changes direction halfway between two faces, so that a thin plate lets through an end
-/// effector that is pressed beyond its middle.
+/// A box along the frame's axes, or a room; force as Plane's. In the material around a room, depth
+/// and normal lead to the nearest point of the room. In a solid box they lead to the nearest face.
+/// There the force changes direction halfway between two faces, so a thin plate lets an end
+/// effector through once it is pressed past the middle.
 struct Box {
   driver::Vector3 low_m{};
   driver::Vector3 high_m{};  ///< Above low_m in each coordinate.
@@ -74,7 +74,7 @@ struct Spring {
 
 /// An affine force field in a ball: (force + jacobian · (x − origin)) · fade. The fade is 1 up to
 /// radius_m from the origin, falls linearly to 0 over fade_m, and is 0 beyond, so that the field
-/// has no edge. A field may feed energy in, for instance where it turns: the safety filter bounds
+/// has no edge. A field may feed energy in, for instance if it rotates; the safety filter bounds
 /// it.
 /// @source   force, jacobian and radius as vrpn_ForceDevice's force field
 struct AffineField {
@@ -87,9 +87,10 @@ struct AffineField {
   friend constexpr bool operator==(const AffineField&, const AffineField&) noexcept = default;
 };
 
-/// Dry friction, and viscosity − viscosity · v. Dry friction is a spring from x to a contact point:
-/// it starts where the end effector is, sticks while the spring's force is below force_newton, and
-/// slides behind it otherwise. It needs no velocity, so that it neither drifts nor chatters.
+/// Dry friction, and viscosity − viscosity · v. Dry friction is a spring from x to a contact point.
+/// The point starts at the end effector, sticks while the spring's force is below force_newton, and
+/// slides after the end effector otherwise. The model needs no velocity, so it neither drifts nor
+/// chatters.
 /// @source   Hayward and Armstrong, "A new computational model of friction applied to haptic
 ///           rendering" (2000), with constant stiffness
 struct Friction {
@@ -99,7 +100,7 @@ struct Friction {
   friend constexpr bool operator==(const Friction&, const Friction&) noexcept = default;
 };
 
-/// Detents along a line, everywhere beside it: − direction · (force · sin(2π · s / spacing) +
+/// Detents along a line, unlimited to its sides: − direction · (force · sin(2π · s / spacing) +
 /// damping · v · direction) at s = (x − origin) · direction. Stable at every multiple of the
 /// spacing.
 struct Detents {
@@ -115,7 +116,7 @@ struct Detents {
 /// damping · velocity, where `a` is the joint's angle, clamped to low…high. Beyond low or high an
 /// end stop adds end_stiffness · (the way back).
 struct DialDetents {
-  std::uint8_t joint = 0;  ///< Index in Descriptor::joints; it turns, and has a motor.
+  std::uint8_t joint = 0;  ///< Index in Descriptor::joints, of a joint that turns and has a motor.
   double origin_rad = 0;   ///< One of the detents.
   double spacing_rad = 0;  ///< Above 0.
   double effort_newton_metre = 0;
@@ -132,7 +133,7 @@ static_assert(std::is_trivially_copyable_v<Model>);
 /// "plane", "sphere", "box", "spring", "affine field", "friction", "detents", "dial detents".
 [[nodiscard]] std::string_view to_string(const Model& model) noexcept;
 
-/// The models of one client, whose forces add up.
+/// The models of one client; their forces add up.
 /// @ownership a value, trivially copyable, at most kCountMax models in place
 /// @realtime alloc-free
 class ModelList {

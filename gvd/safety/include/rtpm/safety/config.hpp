@@ -12,10 +12,11 @@ namespace rtpm::gvd {
 
 /// How the force ends when commands stop.
 enum class WatchdogPolicy : std::uint8_t {
-  kRamp = 0,  ///< It falls to zero in a straight line within SafetyConfig::ramp.
-  kHold = 1,  ///< It stays for SafetyConfig::watchdog_span, then falls so.
-  kDamp = 2,  ///< It brakes the motion for SafetyConfig::watchdog_span, then is off.
-  kOff = 3,   ///< It is off at once.
+  kRamp = 0,  ///< The force falls linearly to zero within SafetyConfig::ramp.
+  kHold = 1,  ///< The force stays for SafetyConfig::watchdog_span, then falls as with kRamp.
+  /// The device brakes its motion for SafetyConfig::watchdog_span, then the force is off.
+  kDamp = 2,
+  kOff = 3,  ///< The force is off at once.
 };
 inline constexpr std::uint8_t kWatchdogPolicyCount = 4;
 /// "ramp", "hold", "damp", "off".
@@ -23,8 +24,8 @@ inline constexpr std::uint8_t kWatchdogPolicyCount = 4;
 /// The policy of that name; kOff for any other name.
 [[nodiscard]] WatchdogPolicy watchdog_policy_of(std::string_view name) noexcept;
 
-/// Limits of the safety filter, which can't be turned off as a whole. Where 0 stands for "none",
-/// for_device() gives a limit.
+/// Limits of the safety filter, which can't be turned off as a whole. Where 0 means "no limit",
+/// for_device() sets a limit.
 /// @ownership a value
 struct SafetyConfig {
   double force_newton_max = 0;                           ///< Maximum magnitude; 0 for no force.
@@ -39,23 +40,26 @@ struct SafetyConfig {
   Duration watchdog_span = std::chrono::milliseconds{100};  ///< How long kHold and kDamp last.
   double watchdog_newton_s_per_m = 0;                       ///< The damping of kDamp.
 
-  double power_watt_max = 0;        ///< Most that the device may give its user; 0 for no limit.
-  double velocity_m_per_s_max = 0;  ///< Faster, the force is off until recover(); 0 for no limit.
+  double power_watt_max = 0;        ///< Maximum power to the user; 0 for no limit.
+  double velocity_m_per_s_max = 0;  ///< Above it the force is off until recover(); 0 for no limit.
   driver::Workspace workspace{};    ///< Where the soft wall begins; no wall on an empty axis.
   double wall_newton_per_m = 0;     ///< Stiffness of the wall; 0 without a wall.
   double wall_newton_s_per_m = 0;   ///< Damping of the wall.
-  double force_newton_continuous = 0;  ///< Force that the motors endure for ever; 0 for no limit.
-  Duration heat_time = std::chrono::seconds{30};  ///< How long they endure force_newton_max.
+  /// The force that the motors withstand permanently; 0 for no limit.
+  double force_newton_continuous = 0;
+  /// How long the motors withstand force_newton_max.
+  Duration heat_time = std::chrono::seconds{30};
 
   bool has_passivity_guard = false;
-  double passivity_reserve_joule = 0.05;    ///< Energy that may be given before any was taken.
-  double passivity_store_joule = 1;         ///< Most of the taken energy that counts.
-  double passivity_watt = 0.001;            ///< Power at which the reserve refills.
-  double passivity_newton_s_per_m_max = 0;  ///< Greatest damping that the guard adds.
+  /// Energy that the device may give before it has taken any.
+  double passivity_reserve_joule = 0.05;
+  double passivity_store_joule = 1;         ///< The most taken energy that is credited.
+  double passivity_watt = 0.001;            ///< Power that refills the reserve.
+  double passivity_newton_s_per_m_max = 0;  ///< The most damping that the guard adds.
 
   /// The defaults, with every mechanism on, as far as the device's description allows.
   [[nodiscard]] static SafetyConfig for_device(const driver::Descriptor& device) noexcept;
-  /// How long a force lasts after the end of its command.
+  /// How long the force may last after its command has ended.
   [[nodiscard]] Duration rest() const noexcept;
   /// Whether every value is valid.
   /// @realtime set-up only

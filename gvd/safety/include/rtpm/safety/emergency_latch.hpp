@@ -18,9 +18,9 @@ class EmergencyLatch {
   [[nodiscard]] std::uint32_t number() const noexcept {
     return number_.load(std::memory_order_acquire);
   }
-  /// Ends the stop, unless it is newer than `number`: a request to rearm ends only stops that came
+  /// Ends the stop, unless it is newer than `number`: a request to rearm ends only stops from
   /// before it.
-  /// @return whether there is no stop now
+  /// @return whether no stop is in force now
   bool rearm(std::uint32_t number) noexcept {
     if (number == this->number()) rearmed_number_.store(number, std::memory_order_release);
     return !is_set();

@@ -14,42 +14,42 @@
 
 namespace rtpm::gvd {
 
-/// A client's command: a wrench and its life.
+/// A client's wrench and how long it is valid.
 struct WrenchCommand {
   driver::Wrench wrench{};
-  MonotonicTime received{};  ///< Time of receipt.
-  /// The command counts as lost from then on, unless a newer one came; at most
-  /// SafetyConfig::hold_max after `received`.
+  MonotonicTime received{};  ///< When it was received.
+  /// When the command counts as lost, unless a newer one arrived; at most SafetyConfig::hold_max
+  /// after `received`.
   MonotonicTime deadline{};
 };
 
 /// Counters of the filter.
 struct SafetyCounters {
-  std::uint64_t lost_count = 0;           ///< Commands stopped while a force was applied.
-  std::uint64_t not_finite_count = 0;     ///< Faults latched by a NaN or infinity,
-  std::uint64_t tripped_count = 0;        ///< and by too fast a motion.
-  std::uint64_t clamped_count = 0;        ///< Cycles with a command above a limit,
-  std::uint64_t rate_limited_count = 0;   ///< that rose too fast,
-  std::uint64_t wall_count = 0;           ///< outside of the workspace,
-  std::uint64_t power_limited_count = 0;  ///< that gave too much power,
-  std::uint64_t braked_count = 0;         ///< braked by the passivity guard,
-  std::uint64_t heat_limited_count = 0;   ///< and shortened for the motors' heat.
+  std::uint64_t lost_count = 0;        ///< Commands lost while a force was applied.
+  std::uint64_t not_finite_count = 0;  ///< Faults latched because a command had a NaN or infinity.
+  std::uint64_t tripped_count = 0;     ///< Faults latched because the device moved too fast.
+  std::uint64_t clamped_count = 0;     ///< Cycles whose command was above a limit.
+  std::uint64_t rate_limited_count = 0;   ///< Cycles whose command changed too fast.
+  std::uint64_t wall_count = 0;           ///< Cycles with the device outside the workspace.
+  std::uint64_t power_limited_count = 0;  ///< Cycles whose command would have given too much power.
+  std::uint64_t braked_count = 0;         ///< Cycles braked by the passivity guard.
+  /// Cycles whose force was reduced because the motors were hot.
+  std::uint64_t heat_limited_count = 0;
 };
 
-/// The filter between clients' commands and actuators: a chain of mechanisms, each a class of its
-/// own. In every cycle:
+/// The filter between clients' commands and actuators: a chain of mechanisms, each with its own
+/// class. In every cycle:
 ///
 /// - NotFiniteLatch, VelocityTrip: no force at once, and none until recover();
-/// - a change of client: the force falls to zero within `ramp` and is zero for one cycle at least
-///   before the next client's commands count;
+/// - a change of client: the force falls to zero within `ramp`, and stays zero for at least one
+///   cycle before the next client's commands apply;
 /// - Clamp, SoftStart, SoftWall, PowerLimit, PassivityGuard, HeatLimit, RateLimit shape a live
 ///   command, in this order; the result is within Clamp's limits;
-/// - Watchdog: at a command's deadline without a newer one, the force goes by its policy.
+/// - Watchdog: if no newer command arrives by a command's deadline, its policy removes the force.
 ///
-/// The bound: with a command's deadline at t, the output is zero in every step at or after
-/// Watchdog::zero_at(), whatever happened to client and link: t + ramp by default. Where step()
-/// runs once per period the actuators are therefore without force at t + ramp + one period at the
-/// latest.
+/// The bound: if a command's deadline is t, the output is zero in every step at or after
+/// Watchdog::zero_at(), by default t + ramp, whatever happens to client and link. If step() runs
+/// once per period, the actuators are therefore without force by t + ramp + one period.
 /// @ownership a value
 /// @threads  one at a time
 /// @realtime alloc-free; reads no clock
@@ -58,20 +58,20 @@ class SafetyFilter {
   /// `config` has passed check().
   explicit SafetyFilter(const SafetyConfig& config) noexcept : config_(config) {}
 
-  /// One cycle at time `now`: filters the newest command, or none if no client may command. A
-  /// decreasing time counts as the last one. `motion` is the last cycle's.
+  /// One cycle at time `now`: filters the newest command, or none if no client may command. If time
+  /// decreases, the previous time is used. `motion` is the last cycle's.
   [[nodiscard]] driver::Wrench step(MonotonicTime now, const std::optional<WrenchCommand>& offered,
                                     const Motion& motion = {}) noexcept;
 
-  /// Ends the latched faults; the force returns by soft start.
+  /// Clears the latched faults; the force returns by soft start.
   void recover() noexcept;
-  /// Call before another client's commands, or none: the force first falls to zero as after a loss,
-  /// then returns by soft start.
+  /// Call it before commands of another client, or of none: the force first falls to zero as after
+  /// a loss, then returns by soft start.
   void change_client() noexcept;
-  /// Zero force at once, for a lost device; the force returns by soft start.
+  /// Sets the force to zero at once, for a lost device; the force returns by soft start.
   void reset() noexcept;
   /// Replaces the limits, which have passed check(), from the next step on. The force moves to
-  /// lower ones at the permitted rate.
+  /// lower limits at the permitted rate.
   void configure(const SafetyConfig& config) noexcept { config_ = config; }
 
   /// The filter's faults as of the last step.
@@ -79,13 +79,13 @@ class SafetyFilter {
   [[nodiscard]] const SafetyCounters& counters() const noexcept { return counters_; }
   /// Whether the last step had a live command.
   [[nodiscard]] bool is_following() const noexcept { return is_following_; }
-  /// Share, 0 to 1, of the command that soft start or the ramp admitted in the last step.
+  /// Share, 0 to 1, of the command that soft start or the ramp let through in the last step.
   [[nodiscard]] double gain() const noexcept { return soft_start_.share(); }
   /// Whether the last step's output was zero.
   [[nodiscard]] bool is_off() const noexcept { return output_ == driver::Wrench{}; }
   /// Whether the force stays off until recover().
   [[nodiscard]] bool is_latched() const noexcept { return not_finite_.is_set() || trip_.is_set(); }
-  /// When the output will be zero without a newer command; in the past if it is.
+  /// When the output will be zero without a newer command; in the past if it already is.
   [[nodiscard]] MonotonicTime zero_at() const noexcept { return watchdog_.zero_at(); }
   [[nodiscard]] const SafetyConfig& config() const noexcept { return config_; }
   [[nodiscard]] const PassivityGuard& passivity() const noexcept { return passivity_; }
@@ -110,7 +110,7 @@ class SafetyFilter {
   driver::Faults faults_{};
   std::optional<MonotonicTime> last_step_{};
   bool is_following_ = false;        ///< The last step had a live command.
-  bool is_changing_client_ = false;  ///< The former client's force is not zero yet.
+  bool is_changing_client_ = false;  ///< The former client's force is not yet zero.
   bool is_lost_ = false;             ///< The last followed command expired.
 };
 

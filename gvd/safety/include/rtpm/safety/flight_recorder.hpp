@@ -25,12 +25,12 @@ struct FlightRecord {
   driver::Vector3 position_m{};
   driver::Vector3 velocity_m_per_s{};
   driver::Wrench received{};  ///< The command with its models; zero if there is none.
-  driver::Wrench applied{};   ///< The wrench that the driver was given.
+  driver::Wrench applied{};   ///< The wrench passed to the driver.
   driver::Faults faults{};    ///< The mechanisms that acted, one bit each.
   bool has_command = false;
   double gain = 0;          ///< The factor of soft start and watchdog.
-  double energy_joule = 0;  ///< The lowest of the passivity guard's axes.
-  double heat = 0;          ///< 0 cold, 1 full: the heat limit acts.
+  double energy_joule = 0;  ///< The lowest energy of the passivity guard's axes.
+  double heat = 0;          ///< 0 is cold; at 1 the heat limit is fully in force.
 };
 static_assert(std::is_trivially_copyable_v<FlightRecord>);
 
@@ -51,13 +51,13 @@ struct FlightLog {
   FlightCause cause = FlightCause::kNone;
   std::uint64_t cycle = 0;              ///< The fault's cycle.
   std::size_t record_count = 0;         ///< Records in the whole log.
-  std::vector<FlightRecord> records{};  ///< Oldest first; perhaps a part of it.
-  /// The clock of the records' times minus this host's clock; not 0 only if another host has the
-  /// device.
+  std::vector<FlightRecord> records{};  ///< Oldest first; possibly a part of the log.
+  /// The clock of the records' times minus this host's clock; 0 unless the device is on another
+  /// host.
   Duration clock_offset{0};
 };
 
-/// One line per cycle, after two that name cause, cycle and columns.
+/// One line per cycle, after two header lines with the cause, the cycle and the columns.
 /// @realtime set-up only
 [[nodiscard]] std::string to_csv(const FlightLog& log);
 
@@ -75,7 +75,7 @@ class FlightRecorder {
 
   FlightRecorder() : rings_{Ring(kCycleCount), Ring(kCycleCount)} {}
 
-  /// Adds a cycle. Its faults that latch and were not set in the last cycle begin a flight log.
+  /// Adds a cycle. A newly set latching fault starts a flight log.
   void record(const FlightRecord& record) noexcept;
   /// The number of the newest frozen log; 0 if there is none.
   [[nodiscard]] std::uint64_t number() const noexcept {
@@ -98,7 +98,7 @@ class FlightRecorder {
   std::uint64_t pending_cycle_ = 0;
   std::size_t cycles_left_ = 0;
 
-  // State of the frozen log; written while is_swapping_ only.
+  // The state of the frozen log; written only while is_swapping_.
   FlightCause cause_ = FlightCause::kNone;
   std::uint64_t cycle_ = 0;
   std::uint64_t frozen_count_ = 0;

@@ -4,7 +4,7 @@
 
 namespace rtpm::gvd {
 
-/// The safety filter's view of the device's last cycle, in the device's frame.
+/// The device's last cycle as the safety filter sees it, in the device's frame.
 /// @ownership a value
 struct Motion {
   driver::Vector3 position_m{};

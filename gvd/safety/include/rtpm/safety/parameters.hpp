@@ -9,15 +9,15 @@
 
 namespace rtpm::gvd {
 
-/// The group of the device server's own parameters; a driver has none in it.
+/// The group of the device server's own parameters; drivers must not use it.
 inline constexpr std::string_view kSafetyGroup = "safety.";
 
-/// The limits of the safety filter as parameters, with `configured` as defaults. A client makes a
-/// device safer than its server was started, never less safe.
+/// The limits of the safety filter as parameters, with `configured` as defaults. A client can make
+/// a device safer than its server's configuration, never less safe.
 /// @realtime set-up only
 [[nodiscard]] std::vector<driver::ParameterSpec> safety_parameters(const SafetyConfig& configured);
 
-/// `config` with those of `settings` that are safety_parameters(); each is of its type.
+/// Applies those of `settings` that are safety_parameters() to `config`. Each has the right type.
 /// @realtime set-up only
 [[nodiscard]] SafetyConfig with_settings(SafetyConfig config,
                                          std::span<const driver::ParameterSetting> settings);

@@ -7,9 +7,9 @@
 
 namespace rtpm::gvd {
 
-/// Takes the force away when commands stop, by SafetyConfig::watchdog. With the end of the last
-/// command at t, the force is zero at and after zero_at(): t for kOff, t + ramp for kRamp,
-/// t + watchdog_span for kDamp, t + watchdog_span + ramp for kHold.
+/// Removes the force when commands stop, by the policy SafetyConfig::watchdog. If the last command
+/// ended at t, the force is zero from zero_at() on: t for kOff, t + ramp for kRamp, t +
+/// watchdog_span for kDamp, t + watchdog_span + ramp for kHold.
 /// @ownership a value
 /// @realtime alloc-free
 class Watchdog {
@@ -17,7 +17,8 @@ class Watchdog {
   /// Notes a live command that ends at `ends`.
   void follow(const SafetyConfig& config, MonotonicTime ends) noexcept;
   /// Turns `output` into the force that remains at `now`; live commands ended at `ends`. Without a
-  /// client, whose lease has ended, the force lasts for the ramp at most, whatever the policy.
+  /// client, because its lease has ended, the force lasts at most for the ramp, whatever the
+  /// policy.
   /// @return the factor by which the ramp scaled the force, 0 to 1
   double fall(const SafetyConfig& config, MonotonicTime now, MonotonicTime ends, Duration elapsed,
               bool has_client, const Motion& motion, driver::Wrench& output) noexcept;

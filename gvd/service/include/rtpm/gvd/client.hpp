@@ -27,24 +27,24 @@ namespace rtpm::gvd {
 /// Configures a client.
 struct DeviceClientOptions {
   rpc::BindOptions bind{};
-  /// Life of a command without a newer one: ten cycles of a 1 kHz loop bridge a hiccup.
+  /// How long a command lasts without a newer one: ten cycles of a 1 kHz loop bridge a hiccup.
   Duration hold = std::chrono::milliseconds{10};
   /// How long open() waits for a device that does not exist yet.
   Duration patience{0};
 };
 
-/// The result of a call that returns nothing else.
+/// The result of a call without another return value.
 using DeviceResult = expected<void, DeviceError>;
 
-/// Why a device does not render a list of models.
+/// Why a device refused a list of models.
 struct ModelsError {
   DeviceError error;
-  /// A message for people; with kOutOfRange "model 2 (plane): stiffness_newton_per_m is 1e+09;
+  /// A message for people; for kOutOfRange "model 2 (plane): stiffness_newton_per_m is 1e+09;
   /// choose 0 to 1667".
   std::string text{};
 };
 
-/// A remote device as a local object: the paper's GVDClient. Any client reads; commands need the
+/// A remote device as a local object: the paper's GVDClient. Any client may read; commands need the
 /// lease, which one client holds at a time.
 ///
 ///     auto arm = DeviceClient::open(node, "lab/arm0");
@@ -54,14 +54,14 @@ struct ModelsError {
 ///       if (sample) arm->set_force(force_for(sample->pose.position_m), {.priority = 24000});
 ///     }
 ///
-/// Opened by name, it follows the name as rpc::Binding does: read() continues with another server,
-/// set_force() returns kNotHolder until acquire() there.
+/// A client opened by name follows the name as rpc::Binding does: read() continues with the new
+/// server; set_force() returns kNotHolder until acquire() succeeds there.
 /// @ownership refers to its node, which must outlive it; releases the lease when destroyed
-/// @threads  read() and set_force() from any, several at once; the rest from one
+/// @threads  read() and set_force(): any, concurrently; the rest: one
 class DeviceClient {
  public:
-  /// Binds `device`, a name or a URL, and reads its descriptor. While that fails, other than by
-  /// another interface or a missing right, tries again for `options.patience`.
+  /// Binds `device`, a name or a URL, and reads its descriptor. Retries failures for
+  /// `options.patience`, except another interface or a missing right.
   /// @realtime set-up only
   /// @errors   as rpc::Binding::bind(); the device does not answer
   [[nodiscard]] static expected<DeviceClient, SetupError> open(
@@ -72,11 +72,11 @@ class DeviceClient {
 
   /// The device's descriptor, as read by open().
   [[nodiscard]] const driver::Descriptor& descriptor() const noexcept;
-  /// Its present URL, "rtpm://host:port/path".
+  /// The current URL, "rtpm://host:port/path".
   /// @realtime set-up only
   [[nodiscard]] std::string url() const;
-  /// The device's worst case: how long after the last command its force is zero, its period
-  /// included.
+  /// The device's worst case: how long after the last command its force is zero, including its
+  /// period.
   [[nodiscard]] Duration force_end() const noexcept;
 
   /// The minimum priority of take_over(), as read by open().
@@ -88,70 +88,70 @@ class DeviceClient {
   [[nodiscard]] expected<driver::Sample, DeviceError> read(
       const rpc::CallOptions& options = {}) noexcept;
   /// Sets the force, in newton in the device's frame, until the next command or the end of `hold`.
-  /// Outputs stay as they are.
+  /// Outputs do not change.
   /// @realtime as rpc::Binding::call()
   /// @errors   as set()
   [[nodiscard]] DeviceResult set_force(const driver::Vector3& force_newton,
                                        const rpc::CallOptions& options = {}) noexcept;
-  /// Sets force and torque, as set_force() does.
+  /// Sets force and torque, like set_force().
   [[nodiscard]] DeviceResult set_wrench(const driver::Wrench& wrench,
                                         const rpc::CallOptions& options = {}) noexcept;
 
   /// Sets wrench, pose, velocity, joints or outputs, by Setpoint::mode, until the next command or
-  /// the end of `hold`; then force and efforts fall to zero, motion stops, and outputs go to their
-  /// safe values. CommandMode::kOutputs leaves force and motion unchanged, and their modes leave
-  /// the outputs unchanged: one thread can command a force and another one a vibration.
+  /// the end of `hold`. Then force and efforts fall to zero, motion stops, and outputs take their
+  /// safe values. CommandMode::kOutputs leaves force and motion unchanged, and the force and motion
+  /// modes leave the outputs unchanged, so one thread can command a force and another one a
+  /// vibration.
   /// @realtime as rpc::Binding::call()
   /// @errors   kNotHolder · kNotActive · kWrongMode · kSuperseded · kNotFinite · kTooMany ·
   ///           kEmergencyStop · kCallFailed
   [[nodiscard]] DeviceResult set(const driver::Setpoint& setpoint,
                                  const rpc::CallOptions& options = {}) noexcept;
 
-  /// Makes the device's own loop render `models`, at most ModelList::kCountMax, in place of the
-  /// former ones, from one cycle to the next. Their force is added to the commands' and passes the
-  /// same limits; it needs no command and no link, but the lease, with which it ends by the ramp:
-  /// when this client falls silent, after LeaseConfig::silence_max (1 s), not after `hold`. Call
-  /// set_models() again, or command, to keep the lease; renew() alone keeps it for 10 s. The models
-  /// also end with a lost device, deactivate(), an emergency stop and recover(). An empty list
+  /// Makes the device's own loop render `models`, at most ModelList::kCountMax, from its next cycle
+  /// on; they replace the former ones. Their force is added to the commands' and passes the same
+  /// limits. It needs the lease, but no command and no link. It ends with the lease, by the ramp:
+  /// if this client falls silent, after LeaseConfig::silence_max (1 s), not after `hold`. To keep
+  /// the lease, call set_models() again, or command; renew() alone keeps it for 10 s. A lost
+  /// device, deactivate(), an emergency stop and recover() also end the models. An empty list
   /// removes them.
   /// @realtime set-up only
   /// @errors   kNotHolder · kNotActive · kOutOfRange · kSuperseded · kTooMany · kEmergencyStop ·
   ///           kCallFailed; the former models stay
   [[nodiscard]] expected<void, ModelsError> set_models(std::span<const Model> models);
 
-  /// The cycles around the device's newest fault; its number is 0 if it had no fault. Times are
-  /// those of the device's host.
+  /// The cycles around the device's newest fault; its number is 0 if there was none. Times are on
+  /// the clock of the device's host.
   /// @realtime set-up only
   /// @errors   kCallFailed
   [[nodiscard]] expected<FlightLog, DeviceError> flight_record();
 
-  /// Acquires the lease; while another client holds it, retries for `patience`, which covers a
-  /// crashed predecessor.
+  /// Acquires the lease. While another client holds it, retries for `patience`; the default
+  /// outlasts a crashed holder's lease.
   /// @realtime set-up only
   /// @errors   kHeld · kTooSoon · kCallFailed
   [[nodiscard]] DeviceResult acquire(Duration patience = std::chrono::seconds{2});
-  /// Call it after a call failed with kNotHolder: acquires the lease again, as acquire(), unless
-  /// an operator took it over: then only acquire() asks for it. Does nothing while it is held.
+  /// Acquires the lease again after a call failed with kNotHolder, like acquire(), but not if an
+  /// operator took it over: then only acquire() asks for it. Does nothing while the lease is held.
   /// @realtime set-up only
   /// @errors   kNotHolder: an operator took it over · as acquire()
   [[nodiscard]] DeviceResult reacquire(Duration patience = std::chrono::seconds{2});
   /// Takes the lease from its holder, with operator_priority() or `priority`. The former holder's
-  /// calls fail with kNotHolder, and its force goes to zero before this client's commands
-  /// count.
+  /// calls fail with kNotHolder, and its force goes to zero before this client's commands apply.
   /// @realtime set-up only
   /// @errors   kBelowOperatorPriority · kTooSoon · kCallFailed
   [[nodiscard]] DeviceResult take_over(std::optional<Priority> priority = std::nullopt);
-  /// State of this client's last lease, or why it ended, for use after kNotHolder. kUnknown
+  /// The state of this client's last lease, or why it ended; use it after kNotHolder. kUnknown
   /// after release().
   /// @realtime set-up only
   [[nodiscard]] expected<LeaseState, DeviceError> lease_state();
-  /// Keeps the lease without a command, up to LeaseConfig::idle_max (10 s). Commands keep it, too.
+  /// Keeps the lease without a command, up to LeaseConfig::idle_max (10 s). Commands also keep it.
   /// @realtime set-up only
   [[nodiscard]] DeviceResult renew();
   /// Releases the lease; the force goes to zero.
   /// @realtime set-up only
   DeviceResult release();
-  /// Ends a latched fault.
+  /// Clears a latched fault.
   /// @realtime set-up only
   /// @errors   kNotHolder · kCallFailed
   [[nodiscard]] DeviceResult recover();
@@ -163,8 +163,8 @@ class DeviceClient {
   /// @realtime set-up only
   /// @errors   kNotHolder · kCallFailed
   [[nodiscard]] DeviceResult deactivate();
-  /// Takes the force of each device in `scope` away at once, and refuses commands until rearm().
-  /// Needs no lease.
+  /// Removes the force of each device in `scope` at once, and refuses commands until rearm(). Needs
+  /// no lease.
   /// @realtime set-up only
   /// @errors   kNotInSystem, with kSystem · kCallFailed
   [[nodiscard]] DeviceResult emergency_stop(StopScope scope = StopScope::kDevice);

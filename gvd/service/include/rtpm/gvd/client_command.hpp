@@ -11,7 +11,7 @@ namespace rtpm::gvd {
 struct ClientCommand {
   std::uint64_t lease = 0;
   std::uint32_t sequence = 0;
-  Duration hold{0};  ///< Shortened to SafetyConfig::hold_max.
+  Duration hold{0};  ///< Limited to SafetyConfig::hold_max.
   driver::Setpoint setpoint{};
 };
 

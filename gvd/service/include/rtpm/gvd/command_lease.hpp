@@ -20,7 +20,7 @@ class RateGate {
  public:
   explicit RateGate(Duration interval) noexcept : interval_(interval) {}
 
-  /// True for one caller, then false until step() has seen the interval pass.
+  /// True for one caller, then false until step() sees that the interval has passed.
   [[nodiscard]] bool take() noexcept { return is_open_.exchange(false, std::memory_order_acq_rel); }
   void step(MonotonicTime now) noexcept;
 
@@ -30,19 +30,19 @@ class RateGate {
   std::optional<MonotonicTime> opens_{};
 };
 
-/// A key for a device's leases, from the system's random source.
+/// Creates a key for a device's leases from the system's random source.
 /// @realtime set-up only
 [[nodiscard]] SipKey random_lease_key();
 
-/// The right to command a device, held by one client at a time. Ends when released, silent or idle
-/// for too long, or taken over; an operator's lease, which was taken over, is never idle. An
-/// unguessable number identifies its holder.
+/// The right to command a device, held by one client at a time. It ends when it is released or
+/// taken over, or its holder is silent or idle for too long. An operator's lease, one that was
+/// taken over, is never idle. An unguessable number identifies the holder.
 /// @ownership a value, not copied
 /// @threads  step() and revoke() from the device's thread, everything else from any
 /// @realtime alloc-free, never waits, reads no clock
 class Lease {
  public:
-  /// The holder's number while there is no holder.
+  /// The holder's number when there is none.
   static constexpr std::uint64_t kNobody = 0;
   /// How many of the newest leases state_of() remembers.
   static constexpr std::size_t kRememberedCount = 16;
@@ -57,17 +57,17 @@ class Lease {
   /// Acquires the lease and returns its number; nullopt while it is held, or within
   /// acquire_interval of the last acquire().
   [[nodiscard]] std::optional<std::uint64_t> acquire() noexcept;
-  /// Takes the lease, held or not, and returns its number; nullopt within take_over_interval of the
-  /// last take_over().
+  /// Takes the lease, even if held, and returns its number; nullopt within take_over_interval of
+  /// the last take_over().
   [[nodiscard]] std::optional<std::uint64_t> take_over() noexcept;
   /// True if `id` holds the lease; counts as a heartbeat from the next step on.
   bool renew(std::uint64_t id) noexcept;
-  /// True if `id` holds the lease; counts as a heartbeat, and as a use.
+  /// True if `id` holds the lease; counts as a heartbeat and as a use.
   bool use(std::uint64_t id) noexcept;
   /// Releases the lease; false if `id` does not hold it.
   bool release(std::uint64_t id) noexcept;
 
-  /// Once per cycle: ends an expired lease; returns the holder or kNobody.
+  /// Call once per cycle: ends an expired lease; returns the holder or kNobody.
   std::uint64_t step(MonotonicTime now) noexcept;
   /// Ends the lease of a lost or stopped device.
   void revoke() noexcept;
@@ -113,7 +113,7 @@ class Lease {
   std::array<Record, kRememberedCount> records_{};
   std::atomic<std::uint64_t> serial_{0};
   std::atomic<std::uint64_t> holder_{kNobody};
-  std::atomic<std::uint64_t> operator_{kNobody};  ///< The newest lease that was taken over.
+  std::atomic<std::uint64_t> operator_{kNobody};  ///< The newest taken-over lease.
   std::atomic<std::uint64_t> renewed_count_{0};
   std::atomic<std::uint64_t> used_count_{0};
   std::atomic<std::uint64_t> expired_count_{0};

@@ -21,8 +21,8 @@ struct DeviceConsumerConfig {
   std::string hub{events::kHubPath};  ///< A name or a URL.
   /// The devices that DeviceEvent::device names.
   std::vector<std::string> devices{};
-  /// Filter, delivery, priority and further settings of the subscription. Without a filter it
-  /// receives the samples and changes of `devices`. The fields of devices' events need no `types`.
+  /// Filter, delivery, priority and other settings of the subscription. Without a filter it
+  /// receives the samples and changes of `devices`. Fields of device events need no `types`.
   events::ConsumerConfig subscription{.name = "devices"};
 };
 
@@ -41,8 +41,8 @@ class DeviceEventHandler {
   virtual void on_notice(const events::Notice& notice) { static_cast<void>(notice); }
 };
 
-/// Subscribes to devices' events at a hub: the paper's GVDConsumer. It decides what, how often and
-/// at which priority, and the devices never wait for it:
+/// Subscribes to device events at a hub: the paper's GVDConsumer. The consumer decides what it
+/// receives, how often and at which priority; the devices never wait for it:
 ///
 ///     DeviceConsumerConfig config{.devices = {"lab/arm0", "lab/gaze0"}};
 ///     config.subscription.filter = events::any_of(
@@ -50,8 +50,8 @@ class DeviceEventHandler {
 ///          events::silence(50ms)});
 ///     auto consumer = DeviceConsumer::start(node, config, handler);
 ///
-/// It subscribes again by itself when the hub restarts, and reports the gap. A device that is
-/// absent is not an error: its events come when it does.
+/// It resubscribes automatically when the hub restarts, and reports the gap. An absent device is
+/// not an error: its events arrive once it is there.
 /// @ownership refers to its node and handler, which must outlive it
 /// @threads  any
 class DeviceConsumer {
@@ -61,7 +61,8 @@ class DeviceConsumer {
   [[nodiscard]] static expected<DeviceConsumer, SetupError> start(rpc::Node& node,
                                                                   DeviceConsumerConfig config,
                                                                   DeviceEventHandler& handler);
-  /// Only the samples of `device`, by its name. `config.devices` and the filter are replaced.
+  /// Subscribes only to the samples of `device`, by its name. Replaces `config.devices` and the
+  /// filter.
   [[nodiscard]] static expected<DeviceConsumer, SetupError> start(rpc::Node& node,
                                                                   std::string_view device,
                                                                   DeviceConsumerConfig config,
@@ -71,9 +72,9 @@ class DeviceConsumer {
   /// Unsubscribes, and waits until the handler has returned.
   ~DeviceConsumer();
 
-  /// The events consumer, to change, suspend or end the subscription, and for its counters.
+  /// The underlying consumer, to change, suspend or end the subscription, and for its counters.
   [[nodiscard]] events::Consumer& subscription() noexcept;
-  /// Events omitted because they are malformed, of another version, or of no device.
+  /// The number of events omitted because they are malformed, of another version, or of no device.
   [[nodiscard]] std::uint64_t unreadable_count() const noexcept;
 
  private:

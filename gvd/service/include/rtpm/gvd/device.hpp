@@ -14,7 +14,7 @@
 
 namespace rtpm::gvd {
 
-/// Receives a sentence for each change of a device: lost, back, activation failed.
+/// Receives a message for each change of a device: lost, back, activation failed.
 /// @threads  report() runs on the device's thread, outside its real-time part
 class DeviceListener {
  public:
@@ -33,16 +33,18 @@ struct CycleConfig {
   /// clients.
   Priority operator_priority{28000};
   Duration retry = std::chrono::milliseconds{500};  ///< Pause between retries of a lost device.
-  /// A device whose cycles are late or corrupt for this time, and for more than twenty cycles,
+  /// How long cycles may be late or corrupt, and for more than twenty cycles, before the device
   /// counts as gone. Its force goes to zero after twenty cycles.
   Duration gone_after = std::chrono::milliseconds{200};
-  /// Limits of the safety filter; by default those of SafetyConfig::for_device().
+  /// Limits of the safety filter; by default SafetyConfig::for_device().
   std::optional<SafetyConfig> safety{};
   DeviceListener* listener = nullptr;  ///< May be null; must outlive the device's server.
   CycleObserver* observer = nullptr;   ///< May be null; must outlive the device's server.
-  /// The stops of the hosting program; must outlive the server. Null if it hosts no other device.
+  /// The emergency stops of the hosting program; must outlive the server. Null if it hosts no other
+  /// device.
   EmergencyStops* emergency_stops = nullptr;
-  /// Must outlive the server. If null, an emergency stop ends with the device's server.
+  /// Must outlive the server. If null, an emergency stop is forgotten when the device's server
+  /// ends.
   StopMemory* stop_memory = nullptr;
 };
 
@@ -52,7 +54,7 @@ struct DeviceCounters {
   std::uint64_t missed_count = 0;            ///< Cycles skipped because the thread was late.
   std::uint64_t late_count = 0;              ///< Exchanges without new data.
   std::uint64_t corrupt_count = 0;           ///< Exchanges with unreadable data.
-  std::uint64_t gone_count = 0;              ///< Times that the device was lost.
+  std::uint64_t gone_count = 0;              ///< How often the device was lost.
   std::uint64_t command_count = 0;           ///< Commands accepted.
   std::uint64_t foreign_command_count = 0;   ///< Refused: not from the lease's holder.
   std::uint64_t old_command_count = 0;       ///< Refused: older than the newest.

@@ -12,10 +12,10 @@
 #include "rtpm/events/filter.hpp"
 #include "rtpm/gvd/lease.hpp"
 
-/// Events of devices: samples, and changes between two of them.
+/// Events of devices: samples, and changes between samples.
 namespace rtpm::gvd {
 
-/// The types of these events.
+/// The types of device events.
 /// @source   schema/idl/device_events.fbs
 inline constexpr events::EventType kSampled = 1380974593;
 inline constexpr events::EventType kButtonChanged = 1380974594;
@@ -35,7 +35,7 @@ inline constexpr events::EventType kConfigurationChanged = 1380974600;
   return hash;
 }
 
-/// The descriptor of a device's event; null for any other type.
+/// The descriptor of a device event; null for any other type.
 [[nodiscard]] const events::EventDescriptor* device_event_type(events::EventType type);
 
 /// Samples of a device.
@@ -51,7 +51,7 @@ struct ButtonChange {
   bool is_pressed = false;
   friend bool operator==(const ButtonChange&, const ButtonChange&) = default;
 };
-/// The device began or ceased to push its user.
+/// The device started or ceased to push its user.
 struct ContactChange {
   bool is_touching = false;
   double force_newton = 0;  ///< Magnitude.
@@ -72,7 +72,7 @@ struct LeaseChange {
   LeaseState state = LeaseState::kUnknown;
   friend bool operator==(const LeaseChange&, const LeaseChange&) = default;
 };
-/// An emergency stop began or ended.
+/// An emergency stop started or ended.
 struct StopChange {
   bool is_stopped = false;
   friend bool operator==(const StopChange&, const StopChange&) = default;
@@ -89,9 +89,9 @@ struct Timeout {
 };
 
 /// One event.
-/// @ownership a value, but for `device`
+/// @ownership a value, except `device`
 struct DeviceEvent {
-  /// One of DeviceConsumerConfig::devices; empty for another device's event, or a timeout.
+  /// One of DeviceConsumerConfig::devices; empty for an event of another device, or a timeout.
   std::string_view device{};
   std::uint64_t cycle = 0;  ///< Sample::sequence of its cycle; 0 if it has none.
   /// The event's header, with origin and flags such as is_replayed.

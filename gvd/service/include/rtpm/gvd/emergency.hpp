@@ -4,14 +4,14 @@
 
 namespace rtpm::gvd {
 
-/// The devices that an emergency stop stops; wire numbers.
+/// Which devices an emergency stop affects; wire numbers.
 enum class StopScope : std::uint8_t {
   kDevice = 0,  ///< The device.
   kServer = 1,  ///< All devices of its server's program.
-  kSystem = 2,  ///< All devices of all servers at the same hub of events.
+  kSystem = 2,  ///< All devices of all servers at the same event hub.
 };
 
-/// The emergency stops of a program that hosts devices, beyond the one device.
+/// The emergency stops of a program that hosts several devices.
 /// @threads  any
 /// @realtime alloc-free
 class EmergencyStops {
@@ -23,11 +23,11 @@ class EmergencyStops {
   /// Stops every device of this program.
   virtual void stop_devices() noexcept = 0;
   /// Stops them and requests the same from every other program, see SystemStop. False if this
-  /// program takes no part in that, and so stopped only its own devices.
+  /// program does not take part in that, and so stopped only its own devices.
   [[nodiscard]] virtual bool stop_system() noexcept = 0;
 };
 
-/// Remembers a device's emergency stop beyond the end of its server.
+/// Remembers a device's emergency stop beyond its server's life.
 /// @threads  any
 /// @realtime alloc-free
 class StopMemory {
@@ -36,9 +36,9 @@ class StopMemory {
   StopMemory(const StopMemory&) = delete;
   StopMemory& operator=(const StopMemory&) = delete;
   virtual ~StopMemory() = default;
-  /// Whether the device was stopped when its last server ended: then it begins stopped.
+  /// Whether the device was stopped when its last server ended: then it starts stopped.
   [[nodiscard]] virtual bool was_stopped() const noexcept = 0;
-  /// Notes that the device was stopped or rearmed, which already has its effect;
+  /// Notes that the device was stopped or rearmed, which is already in effect;
   /// DeviceServer::is_stopped() tells which. Does not wait for a disk.
   virtual void on_change() noexcept = 0;
 };

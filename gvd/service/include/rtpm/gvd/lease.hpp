@@ -10,16 +10,16 @@ namespace rtpm::gvd {
 
 /// Times of a lease.
 struct LeaseConfig {
-  /// Ends the lease of a silent holder.
+  /// How long the holder may be silent before the lease ends.
   Duration silence_max = std::chrono::seconds{1};
-  /// Ends the lease of a holder that only renews.
+  /// How long the holder may only renew before the lease ends.
   Duration idle_max = std::chrono::seconds{10};
-  /// Minimum between two successful acquire().
+  /// Minimum time between two successful acquire().
   Duration acquire_interval = std::chrono::milliseconds{100};
-  /// Minimum between two successful take_over().
+  /// Minimum time between two successful take_over().
   Duration take_over_interval = std::chrono::seconds{1};
-  /// Ends the lease of a silent operator, who took it over. It has no `idle_max`: an operator holds
-  /// a device without commanding it, for as long as it takes.
+  /// How long an operator, who took the lease over, may be silent before it ends. There is no
+  /// `idle_max` for an operator, who may hold a device without commanding it.
   Duration operator_silence_max = std::chrono::seconds{5};
 
   /// The times of a lease that was taken over.
@@ -33,7 +33,7 @@ struct LeaseConfig {
 
 /// State of a lease; wire numbers.
 enum class LeaseState : std::uint8_t {
-  kUnknown = 0,     ///< No such lease, or too long ago.
+  kUnknown = 0,     ///< No such lease, or it ended too long ago.
   kHeld = 1,        ///< Its holder may command.
   kReleased = 2,    ///< Released by its holder.
   kSilent = 3,      ///< Silent for LeaseConfig::silence_max.

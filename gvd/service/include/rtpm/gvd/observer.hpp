@@ -15,10 +15,10 @@ struct CycleRecord {
   driver::Sample sample{};                     ///< The published sample.
   std::uint16_t lease_serial = 0;              ///< Differs between consecutive leases.
   bool is_held = false;                        ///< A client holds the lease.
-  LeaseState last_end = LeaseState::kUnknown;  ///< Why the lease before this one ended.
+  LeaseState last_end = LeaseState::kUnknown;  ///< Why the previous lease ended.
 };
 
-/// Sees every cycle of a device.
+/// Observes every cycle of a device.
 /// @threads  on_cycle() runs on the device's thread
 class CycleObserver {
  public:
@@ -26,7 +26,7 @@ class CycleObserver {
   CycleObserver(const CycleObserver&) = delete;
   CycleObserver& operator=(const CycleObserver&) = delete;
   virtual ~CycleObserver() = default;
-  /// @realtime alloc-free, without waiting and without a system call
+  /// @realtime must be alloc-free, without waiting and without a system call
   virtual void on_cycle(const CycleRecord& record) noexcept = 0;
 };
 

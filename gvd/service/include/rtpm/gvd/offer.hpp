@@ -7,10 +7,10 @@
 
 namespace rtpm::gvd {
 
-/// The properties of a device's name at the registry, for names::Directory::find():
-/// class, model, serial, frame (texts), rate_hz, axes, actuated_axes, modes (texts),
-/// force_newton_max, torque_newton_metre_max, velocity_m_per_s_max, stiffness_newton_per_m_max,
-/// button_count (integer), analogs, joints, outputs (their names).
+/// The properties of a device's name at the registry, for names::Directory::find(): class, model,
+/// serial, frame (texts), rate_hz, axes, actuated_axes, modes (texts), force_newton_max,
+/// torque_newton_metre_max, velocity_m_per_s_max, stiffness_newton_per_m_max, button_count
+/// (integer), and the names of analogs, joints and outputs.
 /// @param rate_hz  rate of the device's cycle
 /// @realtime set-up only
 [[nodiscard]] std::vector<names::Property> properties_of(const driver::Descriptor& descriptor,

@@ -20,9 +20,9 @@ namespace rtpm::gvd {
 /// Configures a poller.
 struct DevicePollerConfig {
   double rate_hz = 60;  ///< Polling rate, 0.1 to 10000.
-  /// Its thread, whose priority, if any, is also that of its calls.
+  /// The poller's thread. Its priority, if any, is also the calls'.
   rt::ThreadConfig thread{.name = "poller"};
-  Priority priority = 1000;  ///< The calls' priority, if the thread has none.
+  Priority priority = 1000;  ///< The calls' priority if the thread has none.
 };
 
 /// Counters of a poller.
@@ -32,10 +32,9 @@ struct DevicePollerCounters {
   std::uint64_t failed_count = 0;     ///< Failed polls.
 };
 
-/// Polls a device's newest sample on a thread of its own, at its own rate and priority, and passes
-/// each new one to a sink: for a device that pushes no events (see DeviceConsumer). Samples between
-/// two polls are not seen. Failed polls are counted and repeated; a name is followed as
-/// rpc::Binding does.
+/// Polls a device's newest sample on its own thread, at its own rate and priority, and passes each
+/// new sample to a sink. For devices that push no events (see DeviceConsumer). Samples between two
+/// polls are missed. Failed polls are counted and retried; a name is followed as rpc::Binding does.
 /// @ownership refers to its node and its sink, which must outlive it
 /// @threads  start and stop from one thread; the rest from any
 class DevicePoller {
@@ -50,16 +49,16 @@ class DevicePoller {
                                                                 SampleSink& sink);
   DevicePoller(DevicePoller&&) noexcept;
   DevicePoller& operator=(DevicePoller&&) noexcept;
-  /// Stops.
+  /// Calls stop().
   ~DevicePoller();
 
-  /// Ends the thread after a running push(). May be repeated; not from push().
+  /// Ends the thread after the current push(). May be called again, but not from push().
   void stop() noexcept;
 
   /// @threads  any
   /// @realtime alloc-free
   [[nodiscard]] DevicePollerCounters counters() const noexcept;
-  /// Why the last poll failed; nullopt if it did not.
+  /// Why the last poll failed; nullopt if it succeeded.
   /// @threads  any
   /// @realtime alloc-free
   [[nodiscard]] std::optional<rpc::CallError> last_error() const noexcept;

@@ -11,21 +11,20 @@ namespace rtpm::gvd {
 /// @realtime alloc-free
 [[nodiscard]] bool is_finite(const driver::Setpoint& setpoint) noexcept;
 
-/// Keeps setpoints within a device's descriptor: positions in workspace and joint ranges,
-/// velocities and efforts below their limits, outputs in their ranges. The safety
-/// filter limits the wrench.
+/// Limits setpoints to a device's descriptor: positions to workspace and joint ranges, velocities
+/// and efforts to their maxima, outputs to their ranges. The safety filter limits the wrench.
 /// @ownership a value
 /// @threads  const methods from any
-/// @realtime alloc-free, but for the constructor
+/// @realtime alloc-free, except the constructor
 class SetpointLimiter {
  public:
   explicit SetpointLimiter(const driver::Descriptor& descriptor);
 
-  /// Whether the device takes commands of `mode`; every device takes kOff.
+  /// Whether the device accepts commands of `mode`; every device accepts kOff.
   [[nodiscard]] bool takes(driver::CommandMode mode) const noexcept;
-  /// Limits `setpoint`, which is finite. Channels that the device lacks are zero.
+  /// Limits `setpoint`, which must be finite. Channels that the device lacks become zero.
   [[nodiscard]] driver::Setpoint limit(const driver::Setpoint& setpoint) const noexcept;
-  /// The outputs without a command.
+  /// The values of the outputs without a command.
   [[nodiscard]] const std::array<float, driver::kOutputCountMax>& safe_outputs() const noexcept {
     return safe_outputs_;
   }

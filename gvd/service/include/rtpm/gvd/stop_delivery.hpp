@@ -16,10 +16,10 @@
 
 namespace rtpm::gvd {
 
-/// Maximum of remembered devices; further ones are stopped as long as a name service has them.
+/// Maximum number of remembered devices; further ones are stopped while a name service lists them.
 inline constexpr std::size_t kRememberedDeviceCountMax = 4096;
 
-/// A device at one of the servers to which its name leads.
+/// A device at one of the servers that its name leads to.
 struct StopTarget {
   std::string device{};
   std::string url{};  ///< The URL at which it is bound.
@@ -30,17 +30,18 @@ struct StopTarget {
 struct StopResult {
   StopTarget target{};
   bool is_stopped = false;
-  /// Why it is not known to be stopped; for a stopped one: why its system was not notified.
+  /// Why it may not be stopped; for a stopped one: why its system was not notified.
   std::string why{};
-  MonotonicTime asked{};  ///< When the stop was first asked for.
+  MonotonicTime asked{};  ///< When the stop was first requested.
 };
 
 /// The outcome of an emergency stop.
 struct StopReport {
-  std::vector<StopResult> devices{};  ///< In the order of names and URLs.
-  std::size_t told_hub_count = 0;     ///< Hubs that passed the stop on to all servers there.
-  std::vector<std::string> notes{};   ///< Name services and hubs that were not reached; sentences.
-  /// Why no name service answered, if none did.
+  std::vector<StopResult> devices{};  ///< In order of names and URLs.
+  std::size_t told_hub_count = 0;     ///< Hubs that passed the stop on to all their servers.
+  /// Name services and hubs that could not be reached; sentences.
+  std::vector<std::string> notes{};
+  /// Set if no name service answered: the reason.
   std::optional<SetupError> search_error{};
 
   [[nodiscard]] std::size_t stopped_count() const noexcept;
@@ -49,19 +50,19 @@ struct StopReport {
 
 /// Configures a StopDelivery.
 struct StopDeliveryConfig {
-  std::string where{names::kThisHost};  ///< A place for names::Directory.
+  std::string where{names::kThisHost};  ///< Where to search; see names::Directory.
   std::string hub{};                    ///< URL of a hub without a name; may be empty.
   Duration patience = std::chrono::milliseconds{900};  ///< Time limit of stop() and retry().
 };
 
-/// Stops devices from outside: each at its own server and through every hub, at the same time. It
-/// tries every server to which a name leads in any name service of the scope, or led until its
-/// lease ended, and the servers where a device was seen before. So neither a name that is bound
-/// twice nor a server, registry or hub that hangs keeps a stop from the other devices. A device
-/// that was not reached is owed its stop, also when its name expires, until retry() has delivered
-/// it or the device is dismissed.
+/// Stops devices from outside: directly at their servers and through every hub, at the same time.
+/// Tries every server that a name leads to in any name service of the scope, or led to until its
+/// lease ended, and the servers where a device was seen before. So neither a duplicate name nor a
+/// server, registry or hub that hangs prevents the stop of other devices. The stop of a device that
+/// could not be reached stays pending, even when its name expires, until retry() delivers it or the
+/// device is dismissed.
 /// @ownership refers to its node, which must outlive it
-/// @threads  any; stop() and retry() may run at the same time
+/// @threads  any; stop() and retry() may run concurrently
 /// @realtime set-up only
 class StopDelivery {
  public:
@@ -70,21 +71,21 @@ class StopDelivery {
   StopDelivery& operator=(const StopDelivery&) = delete;
   ~StopDelivery();
 
-  /// Notes where a device is seen, so that a stop goes there also when its name has expired.
+  /// Remembers where a device is, so that a stop goes there even when its name has expired.
   void remember(const StopTarget& target);
-  /// Drops the remembered targets of a device, and the stop that it is owed.
+  /// Forgets the remembered targets and the pending stop of a device.
   void dismiss(std::string_view device);
 
   /// Stops `device`, a name or a URL, and the further devices of `scope`. An empty `device` stops
-  /// every device, whatever `scope`. Blocks for StopDeliveryConfig::patience at most.
+  /// every device, whatever `scope`. Blocks at most for StopDeliveryConfig::patience.
   [[nodiscard]] StopReport stop(std::string_view device = {}, StopScope scope = StopScope::kDevice);
 
-  /// Tries to deliver the stops that are owed, at the servers where the devices were and at those
-  /// to which the names lead now. It gives up a server at whose address nothing listens, once
-  /// another one with its device's name was stopped.
-  /// @return the targets that were tried
+  /// Tries to deliver the pending stops, at the servers where the devices were and at those that
+  /// the names lead to now. Gives up a server whose address has no listener, once another server of
+  /// the device was stopped.
+  /// @return the targets that it tried
   [[nodiscard]] StopReport retry();
-  /// The targets that are owed a stop.
+  /// The targets with a pending stop.
   [[nodiscard]] std::vector<StopResult> owed() const;
 
  private:

@@ -14,17 +14,18 @@
 
 namespace rtpm::gvd {
 
-/// Configures a keeper of stops.
+/// Configures a StopKeeper.
 struct StopKeeperConfig {
-  /// The folder of the stops, a file per device. If empty, stops end with the program.
+  /// The folder for the stops, one file per device. If empty, stops are forgotten when the program
+  /// ends.
   std::string folder{};
   DeviceListener* listener = nullptr;  ///< May be null; must outlive the keeper.
 };
 
-/// Keeps the emergency stops of a program's devices on disk until they are rearmed: a stop is a
-/// state of the device, by model and serial number, not of its server. A stop has its effect at
-/// once, and a time-shared thread writes it right after; a file that can't be written is reported
-/// and tried again each second. A file that can't be read counts as a stop.
+/// Keeps the emergency stops of a program's devices on disk until they are rearmed: a stop belongs
+/// to the device, by model and serial number, not to its server. A stop takes effect at once, and a
+/// time-shared thread then writes it. A file that can't be written is reported and retried every
+/// second. A file that can't be read counts as a stop.
 /// @ownership refers to the devices' servers until stop()
 /// @threads  add(), attach(), start() and stop() from one; the rest from any
 class StopKeeper final : public SystemStopDevices {
@@ -34,18 +35,18 @@ class StopKeeper final : public SystemStopDevices {
   StopKeeper& operator=(const StopKeeper&) = delete;
   ~StopKeeper() override;
 
-  /// Reads the device's kept stop. The result is for CycleConfig::stop_memory; without an attach()
-  /// it lives until the next add().
+  /// Reads the device's stored stop. Use the result as CycleConfig::stop_memory; unless attach()
+  /// follows, it lives until the next add().
   /// @realtime set-up only
   [[nodiscard]] StopMemory& add(std::string_view name, const driver::Descriptor& descriptor);
   /// Attaches `device`, the server of the device that was added last.
   void attach(DeviceServer& device) noexcept;
-  /// Begins to write. Call before the rpc::Server starts.
+  /// Starts the writing thread. Call before the rpc::Server starts.
   /// @realtime set-up only
   /// @errors   no thread left
   [[nodiscard]] expected<void, SetupError> start();
   /// Writes the remaining changes, and ends the thread. Call after the rpc::Server has stopped,
-  /// before the devices are destroyed. May be repeated.
+  /// before the devices are destroyed. May be called again.
   void stop() noexcept;
 
   /// Stops every device.

@@ -19,7 +19,7 @@ namespace rtpm::gvd {
 inline constexpr events::EventType kStopAllRequested = 1380974601;
 inline constexpr events::SourceId kStopAllSource = 0;
 
-/// The system-wide emergency stop's view of a program's devices.
+/// A program's devices, as the system-wide emergency stop sees them.
 /// @threads  any
 /// @realtime alloc-free
 class SystemStopDevices {
@@ -28,40 +28,40 @@ class SystemStopDevices {
   SystemStopDevices(const SystemStopDevices&) = delete;
   SystemStopDevices& operator=(const SystemStopDevices&) = delete;
   virtual ~SystemStopDevices() = default;
-  /// Stops the devices that have not obeyed the request `id` yet, now or in the life of an earlier
-  /// server.
+  /// Stops the devices that have not yet obeyed the request `id`, neither now nor before a restart
+  /// of their server.
   /// @return whether there was such a device
   virtual bool obey(std::uint64_t id) noexcept = 0;
-  /// The newest request that one of them obeyed and that was not rearmed since, or 0.
+  /// The newest request that a device has obeyed and that was not rearmed since, or 0.
   [[nodiscard]] virtual std::uint64_t obeyed() const noexcept = 0;
 };
 
-/// Configures a part of the system-wide emergency stop.
+/// Configures a program's part in the system-wide emergency stop.
 struct SystemStopConfig {
   std::string hub{events::kHubPath};  ///< A name or a URL; the same in the whole system.
-  Duration retry = std::chrono::milliseconds{500};   ///< Pause between attempts to reach the hub.
-  Duration repeat = std::chrono::milliseconds{100};  ///< Interval of a request's pushes.
-  Duration repeat_for = std::chrono::seconds{5};     ///< How long it is pushed.
-  /// Interval at which an obeyed request is repeated, until it is rearmed: for servers that
-  /// start meanwhile. A hub's latched request counts for three times as long.
+  Duration retry = std::chrono::milliseconds{500};  ///< Pause between attempts to reach the hub.
+  /// Interval at which a request is pushed again.
+  Duration repeat = std::chrono::milliseconds{100};
+  Duration repeat_for = std::chrono::seconds{5};  ///< How long a request is pushed.
+  /// Interval at which an obeyed request is repeated until it is rearmed, for servers that start
+  /// meanwhile. A request latched by a hub is valid for three times as long.
   Duration remind = std::chrono::seconds{1};
   /// Priority of the event, and of the thread that obeys it.
   Priority priority = Priority::kHighest;
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
 };
 
-/// The system-wide emergency stop, as a program takes part in it: obeys requests of other
-/// programs by stopping its own devices. A request of its own is repeated until `repeat_for` after
-/// a hub took it, so it reaches servers that are subscribing again just then; while there is no hub
-/// it waits. A stopped device stays stopped, whatever becomes of the hub. As long as one of its
-/// devices is not rearmed, a program repeats the request, so that a server that starts only now is
-/// stopped, too.
+/// A program's part in the system-wide emergency stop: obeys requests of other programs by stopping
+/// its own devices. Repeats its own request until `repeat_for` after a hub accepted it, so that it
+/// reaches servers that are just resubscribing; without a hub it waits. A stopped device stays
+/// stopped, whatever happens to the hub. While any of its devices is not rearmed, a program repeats
+/// the request, so that a server that starts later is stopped, too.
 /// @ownership refers to its node and devices, which must outlive it
-/// @threads  request() from any
+/// @threads  request(): any
 class SystemStop {
  public:
-  /// Starts, and connects to the hub in the background.
-  /// @param devices  this program's; null in a program without devices, such as a panic button's
+  /// Starts; connects to the hub in the background.
+  /// @param devices  this program's; null if it has none, such as a panic button's program
   /// @realtime set-up only
   /// @errors   no thread left
   [[nodiscard]] static expected<std::unique_ptr<SystemStop>, SetupError> start(
@@ -70,12 +70,12 @@ class SystemStop {
   SystemStop& operator=(const SystemStop&) = delete;
   ~SystemStop();
 
-  /// Stops this program's devices at once, and asks all other programs to stop theirs.
+  /// Stops this program's devices at once, and requests all other programs to stop theirs.
   /// @realtime alloc-free
   void request() noexcept;
-  /// Whether requests of other programs would arrive now.
+  /// Whether requests from other programs would arrive now.
   [[nodiscard]] bool is_subscribed() const noexcept;
-  /// Requests that were made, or that a device obeyed.
+  /// The number of requests that this program made, or that a device obeyed.
   [[nodiscard]] std::uint64_t stop_count() const noexcept;
 
  private:

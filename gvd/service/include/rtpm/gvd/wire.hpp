@@ -9,7 +9,7 @@
 #include "rtpm/gvd/error.hpp"
 #include "rtpm/gvd/lease.hpp"
 
-/// Converts between the types of drivers and those of the schema.
+/// Converts between driver types and schema types.
 namespace rtpm::gvd {
 
 [[nodiscard]] device::Vector3 to_wire(const driver::Vector3& vector) noexcept;
@@ -21,7 +21,7 @@ namespace rtpm::gvd {
 /// @realtime alloc-free
 [[nodiscard]] driver::Sample from_wire(const device::Sample& wire) noexcept;
 
-/// A mode of a later version reads as one that no device takes.
+/// A mode of a later version reads as one that no device accepts.
 /// @realtime alloc-free
 [[nodiscard]] ClientCommand from_wire(const device::Command& wire) noexcept;
 /// @realtime alloc-free
@@ -29,14 +29,14 @@ namespace rtpm::gvd {
 
 /// @realtime alloc-free
 [[nodiscard]] device::Outcome to_wire(DeviceOutcome outcome) noexcept;
-/// The reply to a client that got the lease `id`,
+/// The reply to a client that got the lease `id`.
 /// @realtime alloc-free
 [[nodiscard]] device::Lease granted_to_wire(std::uint64_t id, const LeaseConfig& config) noexcept;
-/// and the reply to a client that did not.
+/// The reply to a client that did not get the lease.
 /// @realtime alloc-free
 [[nodiscard]] device::Lease refused_to_wire(DeviceOutcome outcome) noexcept;
 
-/// The terms that a device's server adds to its descriptor.
+/// The settings that a device's server adds to its descriptor.
 struct ServerTerms {
   Duration period{};
   Duration hold_max{};

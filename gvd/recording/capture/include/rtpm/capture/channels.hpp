@@ -6,7 +6,7 @@
 #include "rtpm/events/event.hpp"
 #include "rtpm/recording/mcap.hpp"
 
-/// Names of a recording's channels and of their metadata, for its readers.
+/// The names of a recording's channels and of their metadata, for readers.
 namespace rtpm::capture {
 
 /// The topic of annotations: JSON objects with `text`.
@@ -19,8 +19,9 @@ inline constexpr const char* kNameKey = "rtpm.name";           ///< The event's 
 inline constexpr const char* kSourceKey = "rtpm.source";       ///< The event's source.
 inline constexpr const char* kSchemaIdKey = "rtpm.schema_id";  ///< The schema's fingerprint.
 inline constexpr const char* kPriorityKey = "rtpm.priority";
-inline constexpr const char* kDeviceKey = "rtpm.device";  ///< Its name, "lab/arm0".
-/// Size in bytes of a payload that was a bare struct, which is now the only field of its table.
+inline constexpr const char* kDeviceKey = "rtpm.device";  ///< The device's name, "lab/arm0".
+/// Size in bytes of a payload that was a bare struct; the recorded table contains it as its only
+/// field.
 inline constexpr const char* kStructSizeKey = "rtpm.struct_size";
 
 /// Values of kKindKey.
@@ -29,10 +30,10 @@ inline constexpr const char* kSampleKind = "sample";            ///< Polled; a S
 inline constexpr const char* kDescriptionKind = "description";  ///< A device's Description.
 inline constexpr const char* kCommandKind = "command";          ///< A CommandRequest.
 
-/// The channel's metadata of that key; empty if it has none.
+/// The value of `key` in the channel's metadata; empty if there is none.
 [[nodiscard]] std::string value_of(const recording::Channel& channel, const char* key);
 
-/// Whether events of this type are a device's own, so that their source is the device.
+/// Whether events of this type come from the device itself, so that their source is the device.
 [[nodiscard]] bool is_device_event(events::EventType type) noexcept;
 
 /// "lab/arm0/button_changed", from "lab/arm0" and "rtpm.device.ButtonChanged".

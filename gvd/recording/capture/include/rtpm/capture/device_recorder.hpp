@@ -12,9 +12,9 @@
 
 namespace rtpm::capture {
 
-/// Records devices themselves: their descriptions, for a player that re-creates them
-/// (rtpm::replay), and, by polling, the samples of devices that publish no events. Topics
-/// "lab/arm0/description", a Description each time it is recorded, and "lab/arm0/sampled".
+/// Records devices themselves: their descriptions, from which a player re-creates them
+/// (rtpm::replay), and, by polling, the samples of devices that publish no events. Topics:
+/// "lab/arm0/description" with a Description whenever it is recorded, and "lab/arm0/sampled".
 /// @ownership refers to its node and recorder
 /// @threads  one
 /// @realtime set-up only
@@ -23,19 +23,19 @@ class DeviceRecorder {
   DeviceRecorder(rpc::Node& node, recording::Recorder& recorder);
   DeviceRecorder(const DeviceRecorder&) = delete;
   DeviceRecorder& operator=(const DeviceRecorder&) = delete;
-  /// Ends the polling.
+  /// Stops polling.
   ~DeviceRecorder();
 
-  /// Asks the device of that name for its description, and records the description.
+  /// Gets the description of the device with that name, and records it.
   /// @errors   no such device; it does not answer
   [[nodiscard]] expected<void, SetupError> describe(const std::string& name);
-  /// describe(), then records each new sample that `rate_hz` polls per second find.
+  /// Calls describe(), then polls `rate_hz` times per second and records each new sample.
   /// @errors   as describe(); a rate out of range, see gvd::DevicePollerConfig
   [[nodiscard]] expected<void, SetupError> poll(const std::string& name, double rate_hz);
-  /// Ends the polling.
+  /// Stops polling.
   void stop() noexcept;
 
-  /// Failed polls by device, without devices that had none.
+  /// The number of failed polls by device; devices without failures are left out.
   [[nodiscard]] std::map<std::string, std::uint64_t> failed_counts() const;
 
  private:
@@ -44,22 +44,22 @@ class DeviceRecorder {
 };
 
 /// Records the commands that a device accepted: topic "lab/arm0/command", a CommandRequest each.
-/// The message's sequence is that of the sample which the device showed then. The lease's number,
-/// which identifies its holder, stays out of the file.
+/// The message's sequence is that of the device's sample at that time. The lease's number, which
+/// identifies its holder, is not recorded.
 /// @ownership refers to its recorder
 /// @threads  any
 class CommandRecorder {
  public:
   /// @realtime set-up only
-  /// @errors   the file takes no more channels
+  /// @errors   the file has no channel left
   [[nodiscard]] static expected<std::unique_ptr<CommandRecorder>, SetupError> create(
       recording::Recorder& recorder, const std::string& device);
   CommandRecorder(const CommandRecorder&) = delete;
   CommandRecorder& operator=(const CommandRecorder&) = delete;
   ~CommandRecorder();
 
-  /// Records a command; the recorder counts it as dropped if it can't take it.
-  /// @realtime alloc-free; waits for another thread's copying, with priority inheritance
+  /// Records a command; if the recorder can't take it, it counts as dropped.
+  /// @realtime alloc-free; waits for another thread's copy, with priority inheritance
   void record(const device::Command& command, std::uint64_t sample_sequence) noexcept;
 
  private:

@@ -15,7 +15,7 @@ namespace rtpm::capture {
 /// @threads  one
 class EventSchemas {
  public:
-  /// nullptr: the type is null, or its schema is not known or can't be read.
+  /// Returns nullptr if the type is null, or its schema is unknown or can't be read.
   [[nodiscard]] schema::Dynamic* find(const events::EventDescriptor* type);
 
  private:

@@ -8,12 +8,12 @@
 
 namespace rtpm::capture {
 
-/// Writes a device's flight record as a recording: a channel `DEVICE/flight` with a message per
+/// Writes a device's flight record as a recording: a channel `DEVICE/flight` with one message per
 /// cycle, a FlatBuffer whose root is the table rtpm.device.FlightCycle. A message's log and publish
-/// time are the cycle's, mapped to 1970 by the wall clock of now. The metadata "rtpm.flight" has
+/// time are the cycle's, converted to UTC by the current wall clock. The metadata "rtpm.flight" has
 /// device, cause, number, fault_cycle and cycle_count. A failed write leaves no file.
 /// @realtime never
-/// @errors   in words: it exists, no such folder, no right, the disk is full
+/// @errors   in words: the file exists, no such folder, no permission, the disk is full
 [[nodiscard]] expected<void, SetupError> write_flight_file(
     const std::string& path, const std::string& device, const gvd::FlightLog& log,
     recording::Existing existing = recording::Existing::kRefuse);

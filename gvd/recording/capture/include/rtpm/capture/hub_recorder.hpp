@@ -19,23 +19,23 @@ namespace rtpm::capture {
 
 /// Settings for HubRecorder::create().
 struct HubRecorderConfig {
-  std::string hub{events::kHubPath};            ///< By name or URL.
+  std::string hub{events::kHubPath};            ///< A name or a URL.
   std::string registry{names::kThisHost};       ///< Name service of the devices.
   Duration deadline = std::chrono::seconds{1};  ///< The deadline of calls to the hub.
   events::Filter filter = events::everything();
-  std::uint32_t every_nth = 1;  ///< Only the first event, and then each n-th.
+  std::uint32_t every_nth = 1;  ///< Record only the first event, and then each n-th.
   Priority priority{};          ///< The hub's default if unset.
 };
 
-/// Records the events of a hub, and the descriptions of the devices that push some of them. Each
-/// type and source has a channel of its own, of a device by its name. Events whose type or name is
-/// not known yet are held back, at most 3 s and 2 MiB in all.
+/// Records the events of a hub, and descriptions of the devices that push some of them. Each type
+/// and source has its own channel; a device's channel has the device's name. Events whose type or
+/// name is unknown are held back, at most 3 s and 2 MiB in all.
 /// @ownership refers to its node and recorder, which must outlive it
-/// @threads  attend() and finish() on one, the rest on any
+/// @threads  attend() and finish(): one; the rest: any
 /// @realtime none
 class HubRecorder {
  public:
-  /// @param types  those of the hub, which was asked before the recorder made its file
+  /// @param types  the hub's types, queried before the recorder created its file
   /// @errors   no hub answers; it refuses the filter
   [[nodiscard]] static expected<std::unique_ptr<HubRecorder>, SetupError> create(
       rpc::Node& node, recording::Recorder& recorder, events::HubTypes types,
@@ -44,16 +44,15 @@ class HubRecorder {
   HubRecorder& operator=(const HubRecorder&) = delete;
   ~HubRecorder();
 
-  /// Asks for unknown types and names, and describes new devices. Call it a few times per second.
+  /// Looks up unknown types and names, and describes new devices. Call it a few times per second.
   void attend();
-  /// Ends the subscription, and records the events that are held back. Call it before the recorder
-  /// is closed.
+  /// Ends the subscription, and records the held events. Call it before the recorder is closed.
   void finish();
-  /// Events that did not reach the recorder.
+  /// The number of events that did not reach the recorder.
   [[nodiscard]] std::uint64_t lost_count() const;
-  /// Sentences since the last call: losses, interruptions, devices that can't be played.
+  /// Messages since the last call: losses, interruptions, devices that can't be played.
   [[nodiscard]] std::vector<std::string> take_reports();
-  /// Devices that gave no description: they are recorded, but can't be played.
+  /// Devices without a description: they are recorded, but can't be played.
   [[nodiscard]] std::vector<std::string> undescribed_devices() const;
 
  private:
@@ -62,7 +61,7 @@ class HubRecorder {
   std::unique_ptr<Impl> impl_;
 };
 
-/// The notice of a subscription to `hub` in words; empty where there is nothing to say.
+/// A notice of the subscription to `hub` as text; empty if there is nothing to report.
 [[nodiscard]] std::string text_of(const events::Notice& notice, const std::string& hub);
 
 }  // namespace rtpm::capture

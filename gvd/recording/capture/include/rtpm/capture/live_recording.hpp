@@ -17,26 +17,26 @@ namespace rtpm::capture {
 
 /// Settings for LiveRecording::start().
 struct LiveRecordingConfig {
-  std::string hub{events::kHubPath};            ///< By name or URL.
+  std::string hub{events::kHubPath};            ///< A name or a URL.
   std::string registry{names::kThisHost};       ///< Name service of the devices.
   Duration deadline = std::chrono::seconds{1};  ///< The deadline of calls to the hub.
   recording::RecorderConfig recorder{};
 };
 
-/// Counts of a live recording so far.
+/// The counts of a live recording so far.
 struct LiveRecordingStatus {
   Duration time{};
   recording::RecorderStatus recorder{};
   std::uint64_t lost_count = 0;  ///< Events that did not reach the recorder.
-  /// Devices that gave no description: they are recorded, but can't be played.
+  /// Devices without a description: they are recorded, but can't be played.
   std::vector<std::string> undescribed_devices{};
 };
 
-/// Records all events of a hub in a file while the program goes on, like `rtpm record`, in process.
-/// Devices have topics by their names, and descriptions, so that `rtpm play` plays them.
+/// Records all events of a hub in a file while the program runs, like `rtpm record`, but in
+/// process. Devices have topics by their names, and descriptions, so `rtpm play` can play them.
 /// @ownership owns the file and a thread "rtpm-record"; refers to its node, which must outlive it
 /// @threads  any
-/// @realtime set-up only, but for recorder().add_track()'s Track::put()
+/// @realtime set-up only, except Track::put() of a track from recorder().add_track()
 class LiveRecording {
  public:
   /// @errors   no hub answers; the file exists, or can't be written
@@ -44,17 +44,17 @@ class LiveRecording {
       rpc::Node& node, const std::string& file, LiveRecordingConfig config = {});
   LiveRecording(const LiveRecording&) = delete;
   LiveRecording& operator=(const LiveRecording&) = delete;
-  /// Calls stop(), and ignores its result.
+  /// Calls stop() and ignores its result.
   ~LiveRecording();
 
-  /// Records a remark at the present time, in the topic "annotations".
-  /// @return   false if it was too long, or the recorder takes no more; it is counted as dropped
+  /// Records a remark at the current time, in the topic "annotations".
+  /// @return   false if it was too long, or the recorder is full; it counts as dropped
   bool annotate(std::string_view text);
   /// The recorder, for the program's own channels.
   [[nodiscard]] recording::Recorder& recorder() noexcept;
   [[nodiscard]] LiveRecordingStatus status() const;
   /// Ends the recording. No other call may follow.
-  /// @errors   an error of the file, also an earlier one; everything written until then is whole
+  /// @errors   an error of the file, possibly an earlier one; the data written so far is intact
   [[nodiscard]] expected<void, SetupError> stop();
 
  private:

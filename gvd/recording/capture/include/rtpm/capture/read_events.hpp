@@ -14,31 +14,31 @@
 
 namespace rtpm::capture {
 
-/// An event of a recording.
+/// An event in a recording.
 /// @ownership views the message, which lives until the visitor returns
 template <class Event>
 struct RecordedEventOf {
   const typename Event::Payload& payload;
-  const recording::Channel& channel;  ///< Its topic, "lab/arm0/sampled", and metadata.
+  const recording::Channel& channel;  ///< Its topic, such as "lab/arm0/sampled", and metadata.
   std::uint32_t sequence = 0;         ///< The source's count.
   std::uint64_t log_time_ns = 0;      ///< When it was recorded, since 1970 in UTC.
   std::uint64_t publish_time_ns = 0;  ///< Its origin.
 };
 
-/// The channels that have events of this type.
+/// The channels that contain events of this type.
 /// @errors   a channel was recorded with another version of the type's schema
 [[nodiscard]] expected<std::vector<std::uint16_t>, SetupError> channels_of_event(
     const recording::FileReader& reader, const events::EventDescriptor& type);
 
-/// The struct in a table whose only field it is, as events of bare structs are recorded.
-/// @return   empty if the bytes are broken
+/// Extracts the struct that is a table's only field, as events of bare structs are recorded.
+/// @return   empty if the bytes are malformed
 [[nodiscard]] ConstBytes struct_in_table(ConstBytes table, std::size_t size) noexcept;
 
-/// Calls `visit(event)` for each event of a type, `lab::TouchedEvent` of `<lab.rtpm.events.hpp>`,
-/// in the order of time, until it returns false.
-/// @param query  its channels are those of the type, unless it names some of them
-/// @errors   the file has no such event, or of another version of the type's schema; a broken
-///           message; as FileReader::read()
+/// Calls `visit(event)` for each event of a type, such as `lab::TouchedEvent` of
+/// `<lab.rtpm.events.hpp>`, in order of time, until it returns false.
+/// @param query  if it names no channels, all channels of the type
+/// @errors   the file has no such event, or one of another version of the type's schema; a
+///           malformed message; as FileReader::read()
 /// @realtime never
 template <class Event, class Visit>
 [[nodiscard]] expected<void, SetupError> read_events(recording::FileReader& reader,
@@ -63,7 +63,7 @@ template <class Event, class Visit>
       std::memcpy(&payload, bytes.data(), sizeof payload);
       return show(payload);
     } else {
-      // A FlatBuffer is read at aligned places only.
+      // FlatBuffers must be read from aligned memory.
       const std::vector<std::byte> table(message.data.begin(), message.data.end());
       is_broken = !rpc::is_valid_table<Payload>(table, Event::kLimits);
       return !is_broken && show(*flatbuffers::GetRoot<Payload>(table.data()));

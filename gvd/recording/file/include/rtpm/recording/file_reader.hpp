@@ -13,28 +13,28 @@
 
 namespace rtpm::recording {
 
-// Limits: a recording may come from anywhere. A recording that exceeds one is refused with an
-// error.
-/// Bytes of a chunk, uncompressed, and of any record that is read as a whole.
+// Limits, as a recording may come from an untrusted source. A recording that exceeds one is refused
+// with an error.
+/// Bytes of an uncompressed chunk, and of any record that is read as a whole.
 inline constexpr std::uint64_t kChunkByteMax = std::uint64_t{1} << 28;
-/// The number of chunks, of pieces of the file outside of chunks, of metadata, and of attachments.
+/// The number of chunks, of pieces of the file outside chunks, of metadata, and of attachments.
 inline constexpr std::size_t kPlaceCountMax = std::size_t{1} << 20;
-/// Bytes of all schemas and channels; also of all metadata.
+/// Bytes of all schemas and channels; separately, of all metadata.
 inline constexpr std::uint64_t kDescriptionByteMax = std::uint64_t{1} << 26;
-/// Bytes of chunks that overlap in time and are therefore in memory together; also of all
+/// Bytes of chunks that overlap in time, and are therefore in memory together; separately, of all
 /// attachments.
 inline constexpr std::uint64_t kHeldByteMax = std::uint64_t{1} << 29;
 
-/// Called at times with the progress: bytes, chunks, or nanoseconds of log time, done and in total.
-/// Returns false to stop; then no new file remains. At most one chunk is processed between two
-/// calls.
+/// Called occasionally with the progress: bytes, chunks, or nanoseconds of log time, done and
+/// total. Returns false to stop; then no new file remains. At most one chunk is processed between
+/// two calls.
 using Progress = std::function<bool(std::uint64_t done, std::uint64_t whole)>;
 
-/// The messages that FileReader::read() visits.
+/// Selects the messages that FileReader::read() visits.
 struct Query {
   std::uint64_t from_ns = 0;  ///< Log time, inclusive.
   std::uint64_t to_ns = UINT64_MAX;
-  std::vector<std::uint16_t> channel_ids{};  ///< All if empty.
+  std::vector<std::uint16_t> channel_ids{};  ///< If empty, all channels.
 };
 
 /// How open() handles a file that has no summary, because its writer died.
@@ -46,21 +46,21 @@ struct Outline {
   std::optional<Statistics> statistics{};  ///< nullopt if the file states none.
 };
 
-/// Reads the outline of a recording, however large that is.
+/// Reads the outline of a recording, in a time that does not depend on its size.
 /// @errors   no such file; not a regular file; not an MCAP file
 /// @realtime never
 [[nodiscard]] expected<Outline, SetupError> read_outline(const std::string& path);
 
-/// Reads a recording of any MCAP writer: through its summary; from the chunks, where the summary
-/// does not repeat them; and without a summary by one pass over the file. Bytes are untrusted: each
-/// size, offset and checksum is checked, and so are the times by which chunks are ordered.
+/// Reads a recording of any MCAP writer: through its summary, from the chunks if the summary does
+/// not repeat their contents, and without a summary by one pass over the file. Bytes are untrusted:
+/// every size, offset and checksum is checked, and so are the times that order the chunks.
 /// @ownership owns the file
 /// @threads  one at a time
 /// @realtime never
 class FileReader {
  public:
   /// @errors   in words: no such file; not a regular file; not an MCAP file; it is incomplete and
-  ///           kRefuse; a damaged summary; above a limit; it was stopped
+  ///           kRefuse; a damaged summary; above a limit; stopped
   [[nodiscard]] static expected<std::unique_ptr<FileReader>, SetupError> open(
       const std::string& path, Incomplete incomplete = Incomplete::kRefuse,
       const Progress& progress = {});
@@ -75,11 +75,11 @@ class FileReader {
   /// Whether its writer completed it.
   [[nodiscard]] bool is_complete() const noexcept;
 
-  /// Calls `visit` for each message in the order of log times, or of writing if these are equal,
-  /// until it returns false. A message's bytes are valid until `visit` returns.
-  /// @errors   a damaged chunk, in words with its place; a chunk with messages outside of the times
-  ///           that it states, if that matters; above a limit; it was stopped. The messages before
-  ///           it were visited
+  /// Calls `visit` for each message in order of log time, or of writing if these are equal, until
+  /// it returns false. A message's bytes are valid until `visit` returns.
+  /// @errors   a damaged chunk, in words with its position; a chunk with messages outside its
+  ///           stated times, if that matters; above a limit; stopped. Earlier messages have been
+  ///           visited
   [[nodiscard]] expected<void, SetupError> read(const Query& query,
                                                 const std::function<bool(const Message&)>& visit,
                                                 const Progress& progress = {});

@@ -13,20 +13,20 @@ namespace rtpm::recording {
 /// Settings for FileWriter::create().
 struct WriterConfig {
   Compression compression = Compression::kZstd;
-  std::size_t chunk_byte_max = 1 << 20;  ///< Uncompressed; a larger message gets its own chunk.
+  std::size_t chunk_byte_max = 1 << 20;  ///< Uncompressed; a larger message has its own chunk.
   std::string profile{};                 ///< "rtpm"; empty if none.
 };
 
-/// Writes a recording: messages in compressed, indexed chunks, and at the end a summary. A chunk
-/// reaches the file when it is full or end_chunk() is called, so a program that dies loses at most
-/// one chunk.
+/// Writes a recording: messages in compressed, indexed chunks, and a summary at the end. A chunk is
+/// written when it is full or end_chunk() is called, so a program that dies loses at most one
+/// chunk.
 /// @ownership owns the file
 /// @threads  one at a time
 /// @realtime never: compresses and writes
 class FileWriter {
  public:
   /// Creates the file.
-  /// @errors   in words: it exists already, no such folder, no permission
+  /// @errors   in words: the file exists, no such folder, no permission
   [[nodiscard]] static expected<std::unique_ptr<FileWriter>, SetupError> create(
       const std::string& path, WriterConfig config = {});
   FileWriter(const FileWriter&) = delete;
@@ -41,12 +41,12 @@ class FileWriter {
   /// @errors   more than 65535 channels; a schema that was not added
   [[nodiscard]] expected<std::uint16_t, SetupError> add_channel(const Channel& channel);
 
-  /// @errors   a channel that was not added; the disk is full, or another error of the file: then
-  ///           the data written so far stays readable, and all further calls fail, too
+  /// @errors   an unknown channel; the disk is full, or another error of the file: then the data
+  ///           written so far stays readable, and all further calls fail, too
   [[nodiscard]] expected<void, SetupError> write(const Message& message);
   [[nodiscard]] expected<void, SetupError> write(const Attachment& attachment);
   [[nodiscard]] expected<void, SetupError> write(const Metadata& metadata);
-  /// Ends the chunk, so that all messages reach the file. Call it once per second, to bound losses.
+  /// Ends the chunk, so that all messages reach the file. Call it once per second to bound losses.
   [[nodiscard]] expected<void, SetupError> end_chunk();
   /// Writes the summary and closes the file. No other call may follow.
   [[nodiscard]] expected<void, SetupError> close();
@@ -61,10 +61,10 @@ class FileWriter {
   std::unique_ptr<Impl> impl_;
 };
 
-/// How an existing file is treated.
+/// What happens to an existing file.
 enum class Existing : std::uint8_t {
   kRefuse,
-  kReplace,  ///< When the new one is whole.
+  kReplace,  ///< Replaced once the new file is complete.
 };
 
 /// A new recording that has a temporary name until it is complete.
@@ -82,7 +82,7 @@ class NewRecording {
 
   [[nodiscard]] FileWriter& writer() noexcept { return *writer_; }
   /// Closes the file, and renames it to its final name.
-  /// @return   the number of messages that it has
+  /// @return   the number of messages in the recording
   [[nodiscard]] expected<std::uint64_t, SetupError> finish();
 
  private:

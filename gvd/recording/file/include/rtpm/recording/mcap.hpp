@@ -8,14 +8,14 @@
 
 #include "rtpm/base/bytes.hpp"
 
-/// Recordings: files in the format MCAP, which Foxglove and others read.
+/// Recordings: files in the MCAP format, which Foxglove and other tools read.
 /// @source   https://mcap.dev/spec
 namespace rtpm::recording {
 
 /// How chunks are compressed.
 enum class Compression : std::uint8_t { kNone, kLz4, kZstd };
 
-/// How to read the payloads of a channel.
+/// Describes the payloads of a channel.
 /// @ownership a value
 struct Schema {
   std::string name;      ///< "lab.Touched".
@@ -38,7 +38,7 @@ struct Channel {
 /// @ownership views its bytes
 struct Message {
   std::uint16_t channel_id = 0;
-  std::uint32_t sequence = 0;         ///< The sender's count; 0 if it does not count.
+  std::uint32_t sequence = 0;         ///< The sender's count; 0 if it has none.
   std::uint64_t log_time_ns = 0;      ///< When it was recorded, since 1970 in UTC.
   std::uint64_t publish_time_ns = 0;  ///< When it was sent; the log time if unknown.
   ConstBytes data{};

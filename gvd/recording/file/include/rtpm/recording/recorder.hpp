@@ -13,7 +13,7 @@
 
 namespace rtpm::recording {
 
-/// The name of a new recording by the present time, in UTC: "rtpm-20261124-091500.mcap".
+/// A name for a new recording, from the current UTC time: "rtpm-20261124-091500.mcap".
 [[nodiscard]] std::string name_by_time();
 
 /// Settings for Recorder::create().
@@ -28,29 +28,29 @@ struct RecorderStatus {
   std::uint64_t message_count = 0;  ///< Written messages.
   std::uint64_t byte_count = 0;     ///< Bytes in the file.
   std::uint64_t drop_count = 0;     ///< Not recorded: the ring was full, or the message too long.
-  /// Keyed by channel; only those with drops.
+  /// Drops by channel; channels without drops are left out.
   std::map<std::uint16_t, std::uint64_t> drop_counts{};
-  /// Why it stopped writing; all further messages are dropped.
+  /// Why the recorder stopped writing; all further messages are dropped.
   std::optional<SetupError> problem{};
 };
 
-/// Records messages of real-time threads: these only copy into rings; the recorder's own thread
-/// compresses and writes. A program that dies loses at most the last second, and one chunk.
+/// Records messages of real-time threads: they only copy into rings; the recorder's own thread
+/// compresses and writes. A program that dies loses at most the last second and one chunk.
 ///
-/// The file's metadata "rtpm.recorder" lists the dropped messages: each second in which there were
-/// some, and at the end.
+/// The file's metadata "rtpm.recorder" lists the dropped messages: after each second with drops,
+/// and at the end.
 /// @ownership owns the file and its thread
 /// @threads  any
 class Recorder {
  public:
-  /// One thread's access to the recording.
+  /// One thread's way to record messages.
   class Track {
    public:
     Track(const Track&) = delete;
     Track& operator=(const Track&) = delete;
     ~Track();
     /// Copies a message. All calls must come from the same thread.
-    /// @param message  its channel must exist; rising log times make the file quick to read
+    /// @param message  its channel must exist; with ascending log times the file can be read faster
     /// @return false if it was dropped and counted
     /// @realtime wait-free, alloc-free, no system call
     bool put(const Message& message) noexcept;
@@ -68,15 +68,15 @@ class Recorder {
       const std::string& path, RecorderConfig config = {});
   Recorder(const Recorder&) = delete;
   Recorder& operator=(const Recorder&) = delete;
-  /// Closes the recording like close(), without its result.
+  /// Calls close() and ignores its result.
   ~Recorder();
 
   /// Adds a schema; see FileWriter::add_schema().
   /// @realtime set-up only
   [[nodiscard]] expected<std::uint16_t, SetupError> add_schema(const Schema& schema);
   [[nodiscard]] expected<std::uint16_t, SetupError> add_channel(const Channel& channel);
-  /// Writes metadata into the file, after the messages that were written until now.
-  /// @errors   as FileWriter's; also an earlier one
+  /// Writes metadata into the file, after the messages written so far.
+  /// @errors   as FileWriter's; possibly an earlier one
   [[nodiscard]] expected<void, SetupError> write(const Metadata& metadata);
   /// Maximum size of a message.
   [[nodiscard]] std::size_t message_byte_max() const noexcept;
@@ -84,14 +84,14 @@ class Recorder {
   /// @realtime set-up only
   [[nodiscard]] Track& add_track();
 
-  /// A time of this host's monotonic clock as a log time: since 1970, by the wall clock at
-  /// create(). It never goes back, even if the wall clock does.
+  /// Converts a time of this host's monotonic clock to a log time: since 1970, by the wall clock at
+  /// create(). Never goes back, even if the wall clock does.
   /// @realtime alloc-free
   [[nodiscard]] std::uint64_t log_time_ns(MonotonicTime time) const noexcept;
 
   [[nodiscard]] RecorderStatus status() const;
-  /// Writes the messages in the rings, and the end of the file. No put() may follow.
-  /// @errors   of the file, also an earlier one; the data written so far is intact
+  /// Writes the messages in the rings, and ends the file. No put() may follow.
+  /// @errors   of the file, possibly an earlier one; the data written so far is intact
   [[nodiscard]] expected<void, SetupError> close();
 
  private:

@@ -16,19 +16,18 @@ namespace rtpm::replay {
 
 class Playback;
 
-/// The time between two commands to a playback: a script plays as long as its turn is the present
-/// one.
+/// The time between two commands to a playback: a script plays while its turn is the current one.
 /// @ownership refers to the playback
 /// @threads  the playback's
 class Turn {
  public:
-  /// Waits until a message is due, to a millisecond.
-  /// @return   false if another command came meanwhile
+  /// Waits until a message is due, to within a millisecond.
+  /// @return   false if another command arrived meanwhile
   [[nodiscard]] bool reach(Duration at) const;
   /// When the message is due by the pace; in steps, now.
   [[nodiscard]] MonotonicTime due(Duration at) const;
   /// Waits for `span`.
-  /// @return   false if another command came meanwhile
+  /// @return   false if another command arrived meanwhile
   [[nodiscard]] bool wait(Duration span) const;
   [[nodiscard]] bool is_present() const noexcept;
 
@@ -42,7 +41,7 @@ class Turn {
   std::uint64_t round_;
 };
 
-/// Messages in the order of their times, which a playback plays.
+/// Messages in order of time, which a playback plays.
 /// @threads  the playback's
 class Script {
  public:
@@ -50,15 +49,15 @@ class Script {
   Script(const Script&) = delete;
   Script& operator=(const Script&) = delete;
   virtual ~Script() = default;
-  /// Plays the messages from `from` on, each after Turn::reach(); ends when that returns false.
-  /// @errors   the messages can't be read on
+  /// Plays the messages from `from` on, each after Turn::reach(). Returns when that returns false.
+  /// @errors   reading further messages failed
   [[nodiscard]] virtual expected<void, SetupError> play(Duration from, const Turn& turn) = 0;
-  /// Shows a place after a jump.
+  /// Shows the state at a position after a jump.
   /// @errors   as play()
   [[nodiscard]] virtual expected<void, SetupError> show(Duration, const Turn&) { return {}; }
 };
 
-/// Plays a script on a thread of its own, steadily or in steps, with pauses and jumps.
+/// Plays a script on its own thread, at a steady pace or in steps, with pauses and jumps.
 /// @ownership refers to its script, which must outlive it
 /// @threads  any
 class Playback {
@@ -68,13 +67,13 @@ class Playback {
   Playback& operator=(const Playback&) = delete;
   ~Playback() { stop(); }
 
-  /// Starts the time-shared thread "rtpm-play". It does not play yet.
+  /// Starts the time-shared thread "rtpm-play", paused.
   /// @errors   no thread left
   [[nodiscard]] expected<void, SetupError> start();
-  /// Ends the thread, once the script has returned. May be repeated.
+  /// Ends the thread, once the script has returned. May be called again.
   void stop() noexcept;
 
-  /// Plays from the present place on, or from the beginning if it is at its end.
+  /// Plays from the current position, or from the beginning if it is at the end.
   void play(double speed);
   void pause();
   void seek(Duration at);
@@ -82,8 +81,8 @@ class Playback {
   struct Status {
     Pace::Position position{};
     double speed = 1;
-    bool is_playing = false;  ///< Messages are to come, and no pause.
-    std::string problem{};    ///< Why the script ended early; empty if it did not.
+    bool is_playing = false;  ///< Not paused, and messages remain.
+    std::string problem{};    ///< Why the script ended early; otherwise empty.
   };
   [[nodiscard]] Status status() const;
   [[nodiscard]] Pace& pace() noexcept { return pace_; }
@@ -92,21 +91,22 @@ class Playback {
   friend class Turn;
   void run();
   void play_on(const Turn& turn, Duration from);
-  /// Notes how the script ended, unless another command came.
+  /// Records how the script ended, unless another command arrived.
   void end(const Turn& turn, const expected<void, SetupError>& outcome);
   void begin_turn();
   void go_to(Duration at);
-  /// The place from which a steady pace goes on. Late messages have not been played at the pace's.
+  /// The position from which a steady pace continues. Late messages count as not yet played, even
+  /// if the pace has passed them.
   [[nodiscard]] Pace::Position place(MonotonicTime now) const noexcept;
 
   Script& script_;
   Pace pace_;
   mutable rt::PiMutex mutex_{};
-  // Guarded by the mutex; the pace's course, too.
+  // Guarded by the mutex, like changes of the pace.
   double speed_ = 1;
   bool is_playing_ = false;
   std::optional<Duration> sought_{};
-  Duration next_{0};  ///< The place of the message that the script waits for, or plays.
+  Duration next_{0};  ///< The position of the message that the script plays or waits for.
   std::string problem_{};
   std::atomic<std::uint64_t> turn_{0};  ///< Counts commands.
   std::atomic<bool> is_stopping_{false};

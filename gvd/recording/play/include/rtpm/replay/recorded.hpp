@@ -16,25 +16,25 @@
 /// Recorded devices and events, read and played.
 namespace rtpm::replay {
 
-/// A device as it was recorded.
+/// A recorded device.
 /// @ownership a value
 struct RecordedDevice {
   std::string name;                      ///< "lab/arm0".
   std::vector<std::byte> description{};  ///< A finished Description.
   std::vector<device::Sample> samples{};
-  std::vector<Duration> times{};  ///< The samples' times since the recording's start; never falls.
+  std::vector<Duration> times{};  ///< Times of the samples since the recording's start, ascending.
 };
 
 /// The source of recorded events.
 /// @ownership a value
 struct RecordedSource {
   std::string topic;
-  std::string type_name{};  ///< "lab.Touched"; empty if it was not known.
+  std::string type_name{};  ///< Such as "lab.Touched"; empty if unknown.
   events::EventType type = 0;
   events::SourceId source = 0;
   std::uint64_t schema_id = 0;
   Priority priority{};
-  std::string device{};  ///< The device's name, if the events are a device's.
+  std::string device{};  ///< The device's name, if a device pushed the events.
 };
 
 /// One recorded event.
@@ -46,19 +46,19 @@ struct RecordedEvent {
   std::size_t size = 0;
 };
 
-/// The part of a recording that is played.
+/// The contents of a recording that are played.
 /// @ownership a value
 struct Recorded {
   Duration length{};  ///< From the first sample or event to the last one.
   std::vector<RecordedDevice> devices{};
   std::vector<RecordedSource> sources{};
-  std::vector<RecordedEvent> events{};  ///< In the order of their times.
+  std::vector<RecordedEvent> events{};  ///< In order of time.
   std::vector<std::byte> payloads{};
-  /// Sentences about omissions and corrections: broken messages, a clock that jumps.
+  /// Messages about omissions and corrections: malformed messages, a clock that jumps.
   std::vector<std::string> notes{};
 };
 
-/// Selects the part of a recording that is read.
+/// Selects the part of a recording to read.
 struct Selection {
   std::vector<std::string> devices{};  ///< Names of devices; empty for all.
   std::vector<std::string> topics{};   ///< The events' topics; empty for all.
@@ -66,19 +66,18 @@ struct Selection {
   std::optional<Duration> to{};
 };
 
-/// Bytes of samples and payloads that load() takes; beyond, its error names the remedy.
+/// The most bytes of samples and payloads that load() reads; beyond it, the error names the remedy.
 inline constexpr std::size_t kLoadByteMax = std::size_t{1} << 30;
-/// Longest pause without any record; a longer one is shortened to kPauseLeft.
+/// The longest pause without any record; longer ones are shortened to kPauseLeft.
 inline constexpr Duration kPauseMax = std::chrono::minutes{1};
 inline constexpr Duration kPauseLeft = std::chrono::seconds{1};
 
-/// Reads the devices and events of a recording that rtpm::capture wrote. A message's publish time,
-/// which is the origin's, gives its place in time: a message that reached the recorder late is
-/// played at its origin's time.
+/// Reads the devices and events of a recording that rtpm::capture wrote. A message is played at its
+/// publish time, which is the origin's, even if it reached the recorder late.
 /// @realtime set-up only
-/// @errors   as recording::FileReader::open(), with the remedy for one that was cut off; it has no
-///           device and no event; a device or topic that it does not have; one that was recorded
-///           with another version of its schema; more than kLoadByteMax; it was stopped
+/// @errors   as recording::FileReader::open(), with the remedy for a truncated file · no device and
+///           no event · an unknown device or topic · one recorded with another version of its
+///           schema · more than kLoadByteMax · stopped
 [[nodiscard]] expected<Recorded, SetupError> load(const std::string& path,
                                                   const Selection& selection = {},
                                                   const recording::Progress& progress = {});
