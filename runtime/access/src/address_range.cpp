@@ -17,7 +17,7 @@ bool is_set(const NetworkAddress& address, unsigned bit) noexcept {
 }  // namespace
 
 std::optional<NetworkAddress> parse_address(std::string_view text) {
-  const std::string copy(text);  // inet_pton() wants a zero at its end.
+  const std::string copy(text);  // inet_pton() needs a terminating zero.
   NetworkAddress address{};
   if (inet_pton(AF_INET6, copy.c_str(), address.data()) == 1) return address;
   address = {};

@@ -26,7 +26,7 @@ std::string quoted(std::string_view text) {
   return "'" + printable(text, 64) + "'";
 }
 
-/// The subject at the beginning of a line, which takes one word or two.
+/// Parses the subject at the beginning of a line, which takes one or two words.
 expected<Subject, Fault> read_subject(const std::vector<Word>& words, std::size_t& next) {
   const Word& first = words[next++];
   Subject subject;

@@ -61,7 +61,7 @@ expected<void, SetupError> replace(const File& locked, const std::string& path,
   struct stat old {};
   if (::fstat(locked.number(), &old) != 0) return failed(path, errno);
   const std::string next = path + ".new";
-  ::unlink(next.c_str());  // Left by a program that ended halfway: this process has the lock.
+  ::unlink(next.c_str());  // Left by a program that died halfway: this process holds the lock.
   constexpr int kFlags = O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW;
   const File file(::open(next.c_str(), kFlags, 0600));
   if (!file.is_open()) return failed(path, errno);
@@ -88,7 +88,7 @@ expected<void, SetupError> change_locked(const File& file, const std::string& pa
   return replace(file, path, *text);
 }
 
-/// Changes the file unless another program holds its lock or has replaced it meanwhile.
+/// Changes the file, unless another program holds its lock or has replaced it meanwhile.
 /// @return whether it did
 expected<bool, SetupError> try_change(const std::string& path, const FileChange& change) {
   const bool is_new = !stamp_of(path).is_of_file();
@@ -100,7 +100,7 @@ expected<bool, SetupError> try_change(const std::string& path, const FileChange&
   }
   if (!is_same_file(file, path)) return false;
   if (auto changed = change_locked(file, path, change); !changed) {
-    // With an empty file of grants servers would require grants that nobody has.
+    // An empty file of grants would make servers require grants that nobody has.
     if (is_new) ::unlink(path.c_str());
     return unexpected{changed.error()};
   }

@@ -24,13 +24,13 @@ namespace {
 constexpr mode_t kOfOthers = S_IRWXG | S_IRWXO;
 constexpr mode_t kWriteOfOthers = S_IWGRP | S_IWOTH;
 
-/// Secret text, wiped at its end.
+/// Secret text, wiped on destruction.
 struct SecretText {
   std::string text{};
   ~SecretText() { crypto::wipe(std::as_writable_bytes(std::span(text))); }
 };
 
-/// Appends all of the file to `text`, whose memory is reserved so that no copy is left behind.
+/// Appends the whole file to `text`, whose memory is reserved so that no copy is left behind.
 std::error_code read_all(const File& file, std::string& text) {
   text.reserve(kFileSizeMax + 1);
   text.resize(kFileSizeMax + 1);

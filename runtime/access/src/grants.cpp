@@ -7,7 +7,7 @@
 namespace rtpm::access {
 namespace {
 
-/// An order of subjects, only for finding them.
+/// An arbitrary order of subjects, for look-ups only.
 struct BySubject {
   static auto key(const Subject& subject) noexcept {
     return std::tie(subject.kind, subject.user, subject.key);
@@ -34,7 +34,7 @@ bool covers(const Grant& grant, std::string_view path) noexcept {
                              [&](const ObjectPattern& object) { return object.covers(path); });
 }
 
-// Whether `wide` allows all that `grant` does.
+// Whether `wide` allows everything that `grant` allows.
 bool is_within(const Grant& grant, const Grant& wide) {
   const auto has_object = [&](const ObjectPattern& object) {
     return std::ranges::any_of(wide.objects, [&](const ObjectPattern& each) {

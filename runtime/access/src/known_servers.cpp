@@ -11,9 +11,9 @@
 namespace rtpm::access {
 namespace {
 
-constexpr std::size_t kHostSizeMax = 253;  // The limit of names in the DNS.
+constexpr std::size_t kHostSizeMax = 253;  // The limit for names in the DNS.
 
-/// "host", "host:port", "[address]" or "[address]:port".
+/// Parses "host", "host:port", "[address]" or "[address]:port".
 bool read_place(std::string_view text, KnownServer& server) {
   std::string_view port;
   if (text.starts_with('[')) {
@@ -32,7 +32,7 @@ bool read_place(std::string_view text, KnownServer& server) {
   return port.front() == ':' && server.port != 0;
 }
 
-/// The fault of a line; nothing if it is sound.
+/// Parses a line; returns its fault, or nullopt if it is valid.
 std::optional<LineFault> read_line(std::string_view line, KnownServer& server) {
   const std::vector<Word> words = words_of(line);
   const auto fault = [&](std::size_t word, std::string why) {
@@ -52,12 +52,12 @@ std::optional<LineFault> read_line(std::string_view line, KnownServer& server) {
   return std::nullopt;
 }
 
-/// Whether it is "local uid:1001"; no server's line begins with these two words.
+/// Whether the words are "local uid:1001"; no server's line begins with these two words.
 bool is_local(const std::vector<Word>& words) {
   return words.size() >= 2 && words[0].text == "local" && words[1].text.starts_with("uid:");
 }
 
-/// The fault of a line that is_local(); nothing if it is sound.
+/// Parses an is_local() line; returns its fault, or nullopt if it is valid.
 std::optional<LineFault> read_local(const std::vector<Word>& words, std::size_t line,
                                     std::uint32_t& user) {
   const auto number = whole_number_of<std::uint32_t>(words[1].text.substr(4));

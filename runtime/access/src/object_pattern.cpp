@@ -8,14 +8,14 @@
 namespace rtpm::access {
 namespace {
 
-/// The first component and the rest behind it.
+/// The first component, and the rest after it.
 std::pair<std::string_view, std::string_view> split(std::string_view path) noexcept {
   const std::size_t slash = path.find('/');
   if (slash == std::string_view::npos) return {path, {}};
   return {path.substr(0, slash), path.substr(slash + 1)};
 }
 
-/// Remembers one `**` at a time: the latest can cover all that an earlier one could.
+/// Remembers one `**` at a time: the latest can match everything that an earlier one could.
 bool covers(std::string_view pattern, std::string_view path) noexcept {
   bool has_star = false;
   std::string_view after_star;

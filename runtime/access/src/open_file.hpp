@@ -4,7 +4,7 @@
 
 namespace rtpm::access {
 
-/// An open file, closed at the end.
+/// An open file, closed on destruction.
 class File {
  public:
   explicit File(int number) noexcept : number_(number) {}

@@ -14,14 +14,14 @@
 namespace rtpm::dynamic {
 namespace {
 
-/// Contains the server's words.
+/// Includes the server's text.
 unexpected<SetupError> call_failed(std::string what, rpc::CallError error) {
   return {{std::move(what), rpc::describe(error), {}, error}};
 }
 
 // The error for an object that the server's catalog lacks.
 SetupError not_in_catalog(rpc::Node& node, const std::string& url) {
-  // The server's own error lists similar objects.
+  // The server's error lists similar objects.
   static const rpc::InterfaceDescriptor kAnything{};
   const auto bound = rpc::Binding::bind(node, url, kAnything);
   if (!bound && bound.error().cause == rpc::CallError::kNoSuchObject) return bound.error();
@@ -30,7 +30,7 @@ SetupError not_in_catalog(rpc::Node& node, const std::string& url) {
           "add it there (rtpm::introspection::Catalog::add)"};
 }
 
-// Explains why the server was not asked for its catalog.
+// Explains why the server's catalog could not be queried.
 SetupError not_asked(const wire::Url& url, SetupError error) {
   const auto is = [&](rpc::CallError cause) { return error.cause == cause; };
   const bool is_silence = is(rpc::CallError::kUnreachable) || is(rpc::CallError::kTimeout) ||
@@ -143,7 +143,7 @@ expected<void, SetupError> RemoteObject::call(std::string_view method, std::stri
   }
   if (found->is_stream) {
     rpc::StreamOptions stream{.call = options};
-    // The client ends the stream.
+    // The client decides when the stream ends.
     stream.call.deadline.reset();
     auto reader = binding_->open_stream(called, *request, stream);
     if (!reader) return call_failed(failed, reader.error());

@@ -65,7 +65,7 @@ rpc::Result<void> Catalog::describe(const DescribeRequest& request,
   return {};
 }
 
-// An object that the caller may not see does not exist for it.
+// An object that the caller may not see does not exist for the caller.
 const rpc::InterfaceDescriptor* Catalog::find(const DescribeRequest& request,
                                               const rpc::Caller* caller) const {
   if (request.path() != nullptr) {

@@ -10,10 +10,10 @@
 namespace rtpm::introspection {
 namespace {
 
-/// The interval of reading the rings, and the longest interval between items.
+/// The interval at which the rings are read, and the longest interval between items.
 constexpr Duration kPeriod = std::chrono::milliseconds{5};
 constexpr Duration kQuietPeriod = std::chrono::milliseconds{500};
-/// An item is sent when it has this size.
+/// An item is sent once it has this size.
 constexpr std::size_t kItemByteMin = std::size_t{32} * 1024;
 /// Maximum number of objects and methods in a request.
 constexpr std::size_t kSelectionMax = 1024;
@@ -114,7 +114,7 @@ void TapServer::serve(Client client) noexcept {
   payloads_ = {};
 }
 
-// While the client takes no more, calls stay in the rings, which count the calls that they drop.
+// While the client accepts no more, calls stay in the rings, which count the calls that they drop.
 void TapServer::send_calls(rpc::TableWriter<TapBatch>& items) noexcept {
   if (!calls_.empty() && !send(items, /*is_first=*/false)) return;
   while (const auto call = tap_->next()) {
@@ -140,7 +140,7 @@ void TapServer::collect(const rpc::TappedCall& call) {
                       call.reply.size() == call.reply_size);
 }
 
-// Sends the collected calls and the losses; false if the client takes no more for now.
+// Sends the collected calls and the losses; false if the client accepts no more for now.
 bool TapServer::send(rpc::TableWriter<TapBatch>& items, bool is_first) noexcept {
   builder_.Clear();
   flatbuffers::Offset<flatbuffers::Vector<flatbuffers::Offset<flatbuffers::String>>> objects;

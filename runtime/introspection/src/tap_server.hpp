@@ -15,8 +15,8 @@
 
 namespace rtpm::introspection {
 
-/// Streams the calls of a server to one client at a time. Its own thread, which sleeps while there
-/// is no client, switches the tap on and off and reads it.
+/// Streams the calls of a server to one client at a time. Its own thread, which sleeps without a
+/// client, switches the tap on and off and reads it.
 /// @threads  its methods: any lane; start() and the destructor: one
 /// @realtime none
 class TapServer final : public TapServant {
@@ -45,10 +45,10 @@ class TapServer final : public TapServant {
   std::shared_ptr<rpc::CallTap> tap_;
   rt::PiMutex mutex_{};
   std::optional<Client> arriving_{};  ///< Guarded by the mutex.
-  std::atomic<bool> is_busy_{false};  ///< A client arrives or is served.
+  std::atomic<bool> is_busy_{false};  ///< A client is being accepted or served.
   std::atomic<bool> is_ending_{false};
   rt::Semaphore wake_{};
-  // The next four members are used by the thread only.
+  // Used by the thread only, like the next three members.
   std::vector<TappedCall> calls_{};
   std::vector<std::uint8_t> payloads_{};
   std::uint64_t too_large_count_ = 0;  ///< Calls in items that exceed the client's limit.

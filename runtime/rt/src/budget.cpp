@@ -37,8 +37,8 @@ RealtimeLimit limit_in(const char* runtime_path, const char* period_path) noexce
   return {std::chrono::microseconds{*runtime_us}, std::chrono::microseconds{*period_us}};
 }
 
-// The folder of the control group of version 1 that rations real-time work, where that is mounted
-// at its usual place; empty if there is none, or it is the root, which has the kernel's own limit.
+// The folder of the version-1 control group that limits real-time work, if mounted at its usual
+// path. Empty if there is none, or it is the root, which has the kernel's limit.
 std::string_view group_folder(std::array<char, 512>& folder) noexcept {
   std::array<char, 4096> buffer{};
   std::string_view rest = read_file("/proc/self/cgroup", buffer);
@@ -63,7 +63,7 @@ std::string_view group_folder(std::array<char, 512>& folder) noexcept {
   return {};
 }
 
-// Nothing if no control group rations real-time work.
+// nullopt if no control group limits real-time work.
 std::optional<RealtimeLimit> limit_of_group() noexcept {
   std::array<char, 512> folder{};
   const std::string_view group = group_folder(folder);
@@ -99,7 +99,7 @@ RealtimeLimit realtime_limit() noexcept {
     const RealtimeLimit kernel =
         limit_in("/proc/sys/kernel/sched_rt_runtime_us", "/proc/sys/kernel/sched_rt_period_us");
     const auto group = limit_of_group();
-    // Without a runtime of its own a group may not have real-time threads at all.
+    // Without a runtime of its own, a group may not have real-time threads at all.
     if (!group || group->runtime == Duration{0}) return kernel;
     return share_of(*group) < share_of(kernel) ? *group : kernel;
   }();
@@ -146,7 +146,7 @@ void RealtimeBudget::on_slept(MonotonicTime begin, MonotonicTime end,
   const Duration off = std::max(slept.value_or(end - begin - kWakeCost), Duration{0});
   // A sleep of seconds earns no more than one of milliseconds; in double it does not overflow.
   const double earned = std::min(static_cast<double>(off.count()) * earned_per_slept_, 1e10);
-  // The sleep itself is not spent.
+  // The sleep itself costs nothing.
   spent_ = std::min(spent_ + off + Duration{static_cast<Duration::rep>(earned)}, end + kBurst);
   slept_ += off;
   is_block_in_vain_ = was_spent && off < kPause / 2;

@@ -22,15 +22,15 @@ std::int64_t system_time_ns() noexcept {
 #if defined(__x86_64__)
 
 constinit thread_local TickClock thread_clock;
-// Ticks that a read of the system's clock takes at most if no interrupt came in between.
+// The most ticks that a read of the system's clock takes without an interrupt.
 constinit thread_local std::uint64_t look_ticks_max = 256;
 
 std::uint64_t ticks() noexcept {
   return __builtin_ia32_rdtsc();
 }
 
-// The kernel keeps time by the processor's ticks only if they have one rate, never stop, and are
-// the same on all CPUs.
+// The kernel uses the tick counter as its clock only if its rate is constant, it never stops, and
+// it is the same on all CPUs.
 bool is_ticking() noexcept {
   static const bool is_used_by_kernel = [] {
     std::array<char, 32> buffer{};
@@ -53,7 +53,7 @@ bool is_ticking() noexcept {
       look_ticks_max = std::min(look_ticks_max, 2 * passed);
       return thread_clock.anchor(before + passed / 2, time_ns);
     }
-    // The machine may also just be slow.
+    // The machine may simply be slow.
     look_ticks_max += look_ticks_max / 8;
   }
   return thread_clock.tell(time_ns);

@@ -26,14 +26,14 @@ void CpuKeeper::keep_until(MonotonicTime time) noexcept {
   std::int64_t until_ns = until_ns_.load(std::memory_order_relaxed);
   while (until_ns < time_ns && !until_ns_.compare_exchange_weak(until_ns, time_ns)) {
   }
-  // SYNC POINT keeper-call: the request is written before the call. One call is enough for all
-  // requests until it is heard.
+  // SYNC POINT keeper-call: the request is written before the call. One call covers all requests
+  // until it is handled.
   if (!is_called_.exchange(true)) call_.post();
 }
 
 void CpuKeeper::run() noexcept {
   constexpr int kNiceLowest = 19;
-  // A keeper that would compete with other threads must not run at all.
+  // A keeper that would compete with other threads must not run.
   if (setpriority(PRIO_PROCESS, 0, kNiceLowest) != 0) return;
   while (!is_ending_.load(std::memory_order_relaxed)) {
     static_cast<void>(call_.wait_until(kNever));

@@ -27,7 +27,7 @@ constexpr std::array kFatal{
     Fatal{SIGABRT, "aborted"},
 };
 
-/// Code from `begin` to `end` if it has a name.
+/// Code from `begin` to `end`; unused without a name.
 struct NamedCode {
   std::atomic<bool> is_taken{false};
   std::atomic<const char*> name{nullptr};
@@ -62,7 +62,7 @@ std::uintptr_t program_counter(const void* context) noexcept {
 
 }  // namespace
 
-/// Composed without the heap, as a signal's handler must.
+/// Built without the heap, as signal handlers require.
 struct CrashLine {
   void add(std::string_view text) noexcept {
     const std::size_t taken = std::min(text.size(), bytes.size() - 1 - size);
@@ -122,7 +122,7 @@ extern "C" void report_crash(int signal, siginfo_t*, void* context) {
     line.add(".");
   }
   line.write();
-  // The handler is gone: SA_RESETHAND.
+  // SA_RESETHAND has removed the handler.
   ::raise(signal);
 }
 

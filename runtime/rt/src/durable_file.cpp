@@ -13,7 +13,7 @@ std::error_code last_error() noexcept {
   return {errno, std::generic_category()};
 }
 
-/// A file descriptor that is closed at the end.
+/// A file descriptor, closed on destruction.
 class File {
  public:
   File(const std::string& path, int flags) noexcept
@@ -64,7 +64,7 @@ expected<void, std::error_code> replace_file(const std::string& path, std::strin
     unlink(next.c_str());
     return unexpected{error};
   }
-  // The folder's entry, too.
+  // Flushes the folder entry as well.
   const File folder(folder_of(path), O_RDONLY | O_DIRECTORY);
   if (!folder.is_open() || !folder.sync()) return unexpected{last_error()};
   return {};

@@ -27,7 +27,7 @@ std::uint64_t clock_domain() noexcept {
   const ssize_t boot_id_size = read(file, boot_id.data(), boot_id.size());
   close(file);
   if (boot_id_size <= 0) return 0;
-  // Containers may have a time namespace of their own, whose monotonic clock is shifted.
+  // A container may have its own time namespace, with a shifted monotonic clock.
   std::array<char, 64> time_namespace{};
   const ssize_t time_namespace_size =
       readlink("/proc/self/ns/time", time_namespace.data(), time_namespace.size());

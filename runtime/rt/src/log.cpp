@@ -9,10 +9,10 @@
 namespace rtpm::rt {
 namespace {
 
-// A sentence of RTPM's with a few foreign names in it.
+// Fits one of RTPM's sentences with a few foreign names.
 constexpr std::size_t kLineSizeMax = 4096;
 
-// In one piece, so that lines of several threads or processes do not mix.
+// Writes in one piece, so that lines of several threads or processes do not mix.
 void write_line(std::FILE* to, std::string_view who, std::string_view text) {
   std::string line = printable(who);
   if (!line.empty()) line += ": ";

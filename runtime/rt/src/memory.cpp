@@ -23,8 +23,8 @@ constexpr const char* kLockRemedy =
     "raise RLIMIT_MEMLOCK (ulimit -l unlimited, or LimitMEMLOCK=infinity in a systemd unit), or "
     "say --realtime off.";
 
-// With all future memory locked, too, the limit applies to all memory. The memory requested here is
-// released untouched.
+// Once future memory is locked, the limit applies to all memory. This test memory is released
+// untouched.
 bool has_room_to_grow() noexcept {
   constexpr std::size_t kRoom = std::size_t{256} << 20;
   void* const room =
@@ -59,11 +59,12 @@ expected<void, SetupError> lock_memory(RealtimeMode mode) {
     note_setup({kLockSubject, Grant::kNotAsked, "memory is not locked", ""});
     return {};
   }
-  // Memory that malloc returned to the kernel would fault, unlocked, when it is needed again.
+  // Memory that malloc returned to the kernel would page-fault when needed again.
   mallopt(M_TRIM_THRESHOLD, -1);
   mallopt(M_MMAP_MAX, 0);
-  // On fault: touched memory stays, and memory kept for large messages costs nothing before the
-  // first one. Threads touch their stacks when they start, and containers their elements.
+  // Locks on fault: touched memory stays, and memory reserved for large messages costs nothing
+  // before the first one. Threads touch their stacks when they start, and containers their
+  // elements.
   std::string cause;
   if (mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) != 0) {
     cause = std::strerror(errno);
@@ -71,7 +72,8 @@ expected<void, SetupError> lock_memory(RealtimeMode mode) {
     note_setup({kLockSubject, Grant::kGranted, "what is touched stays in memory", ""});
     return {};
   } else {
-    // Worse than page faults: from here on the program could get no memory and no thread.
+    // Worse than page faults: from here on the program could allocate no memory and start no
+    // thread.
     munlockall();
     cause = "there would be no room to grow";
   }

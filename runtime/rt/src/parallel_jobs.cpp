@@ -24,7 +24,7 @@ void ParallelJobs::add(std::function<void()> job) {
     if (idle_count_ < jobs_.size() && threads_.size() < thread_count_max_) {
       auto thread =
           Thread::start({.name = name_, .realtime = RealtimeMode::kOff}, [this] { serve(); });
-      // Without a new thread, the existing ones take the job, or finish() does.
+      // If no new thread starts, the existing ones or finish() run the job.
       if (thread) threads_.push_back(std::move(*thread));
     }
   }

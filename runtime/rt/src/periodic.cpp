@@ -8,11 +8,11 @@ namespace {
 
 constexpr Duration kLeadMin = std::chrono::microseconds{10};
 constexpr Duration kLeadMax = std::chrono::microseconds{250};
-/// Calls closer together than this belong to one turn, whatever the period.
+/// Calls closer together than this belong to one turn, regardless of the period.
 constexpr Duration kTurnMin = std::chrono::microseconds{100};
-/// A caller with more jitter than this part of the period has no usable rhythm.
+/// A caller whose jitter exceeds this part of the period has no usable rhythm.
 constexpr int kJitterShare = 8;
-/// At most this part of the period is spun through before a call, where waking up takes its usual
+/// The largest part of the period that may be spun through before a call, given the usual wake-up
 /// time. An occasional call that finds its server asleep is the price of leaving the CPU to other
 /// threads.
 constexpr int kSpinShare = 16;
@@ -25,7 +25,7 @@ Duration distance(Duration a, Duration b) noexcept {
 
 void PeriodEstimator::on_arrival(MonotonicTime when) noexcept {
   const bool is_first = begun_ == MonotonicTime{};
-  // A turn's further calls follow its first closely.
+  // Further calls of a turn closely follow its first.
   const Duration turn = std::max(kTurnMin, period_ / 4);
   if (!is_first && when - last_ < turn) {
     patience_ = std::max(patience_, 2 * (when - last_));
@@ -33,13 +33,13 @@ void PeriodEstimator::on_arrival(MonotonicTime when) noexcept {
     last_ = when;
     return;
   }
-  // The estimate for further calls decays in turns that have none.
+  // In turns without further calls, their estimate decays.
   if (!std::exchange(has_further_calls_, false)) patience_ = patience_ * 3 / 4;
   last_ = when;
   const MonotonicTime begun_before = begun_;
   begun_ = when;
   if (is_first) return;
-  // Where calls were missed the interval is several periods.
+  // If calls were missed, the interval covers several periods.
   const Duration interval = (when - begun_before) / (missed_count_ + 1);
   missed_count_ = 0;
   if (interval < kPeriodMin || interval > kPeriodMax) return forget();
@@ -53,7 +53,7 @@ void PeriodEstimator::learn(Duration interval) noexcept {
   }
   const Duration error = distance(interval, period_);
   if (error > period_ / 4) {
-    // Another rhythm, or none. One that is steady is not given up for a single stumble.
+    // Another rhythm, or none. A steady rhythm is not given up for a single outlier.
     if (steady_count_ >= kSteadyCount) {
       steady_count_ -= kSteadyCount / 2;
     } else {
@@ -63,7 +63,7 @@ void PeriodEstimator::learn(Duration interval) noexcept {
     }
     return;
   }
-  // The period follows drift within some ten turns; the phase is that of the last call anyway.
+  // The period follows drift within about ten turns; the phase always follows the last call.
   period_ += (interval - period_) / 16;
   deviation_ += (error - deviation_) / 8;
   steady_count_ = std::min(steady_count_ + 1, 2 * kSteadyCount);
@@ -103,7 +103,7 @@ void ArrivalPredictor::on_arrival(std::uint64_t caller, MonotonicTime when) noex
 
 void ArrivalPredictor::on_woken(MonotonicTime wanted, MonotonicTime woken) noexcept {
   const Duration late = std::max(woken - wanted, Duration{0});
-  // A delay longer than any wake-up was a stall, which no lead could make up for.
+  // A longer delay than any wake-up was a stall, which no lead could compensate.
   if (late > kLeadMax) return;
   lateness_deviation_ += (distance(late, lateness_) - lateness_deviation_) / 8;
   lateness_ += (late - lateness_) / 8;

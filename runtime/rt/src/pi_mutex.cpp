@@ -8,7 +8,7 @@ namespace rtpm::rt {
 PiMutex::PiMutex() noexcept {
   pthread_mutexattr_t attributes;
   pthread_mutexattr_init(&attributes);
-  // Error-checking, because the plain kind deadlocks silently on misuse.
+  // Error-checking, because the default type silently deadlocks on misuse.
   pthread_mutexattr_settype(&attributes, PTHREAD_MUTEX_ERRORCHECK);
   const int error = pthread_mutexattr_setprotocol(&attributes, PTHREAD_PRIO_INHERIT);
   RTPM_ASSERT(error == 0, "the system has mutexes with priority inheritance");
@@ -21,7 +21,7 @@ PiMutex::~PiMutex() {
 }
 
 void PiMutex::lock() noexcept {
-  // A free mutex is taken without reading the clock; waiting counts as sleep.
+  // Takes a free mutex without reading the clock; waiting counts as sleep.
   if (pthread_mutex_trylock(&mutex_) == 0) return;
   const AsleepScope asleep;
   const int error = pthread_mutex_lock(&mutex_);

@@ -16,13 +16,13 @@ namespace {
 PriorityMapping priority_mapping = nullptr;
 
 thread_local std::optional<Priority> thread_priority;
-// The SCHED_FIFO level that the thread is known to have; 0 if only the system knows it.
+// The thread's known SCHED_FIFO level; 0 if only the system knows it.
 thread_local int thread_level = 0;
 
 }  // namespace
 
 expected<void, SetupError> set_priority_mapping(PriorityMapping mapping) {
-  constexpr int kLevelMax = 98;  // The kernel's own threads keep 99.
+  constexpr int kLevelMax = 98;  // 99 is left to the kernel's own threads.
   int previous = 1;
   for (int value = Priority::kLowest; mapping != nullptr && value <= Priority::kHighest; ++value) {
     const int level = mapping(Priority{value});

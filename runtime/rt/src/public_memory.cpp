@@ -21,7 +21,7 @@
 #define F_SEAL_FUTURE_WRITE 0x0010
 #endif
 
-// Found by way of /proc/<process>/fd, where an anonymous file shows its name.
+// Found through /proc/<process>/fd, where an anonymous file shows its name.
 namespace rtpm::rt {
 namespace {
 
@@ -32,12 +32,12 @@ void close_file(int& file) noexcept {
   file = -1;
 }
 
-// The entries of a folder of /proc that are numbers, in ascending order.
+// The numeric entries of a folder in /proc, ascending.
 std::vector<int> numbers_in(const std::string& folder) {
   std::vector<int> numbers;
   const std::unique_ptr<DIR, int (*)(DIR*)> listing(opendir(folder.c_str()), &closedir);
   if (listing == nullptr) return numbers;
-  // Only ever from one thread: the listing is our own.
+  // Not thread-safe, but only this thread uses the listing.
   while (const dirent* entry = readdir(listing.get())) {  // NOLINT(concurrency-mt-unsafe)
     const std::string_view name = entry->d_name;
     int number = 0;
@@ -48,7 +48,7 @@ std::vector<int> numbers_in(const std::string& folder) {
   return numbers;
 }
 
-// Whether the descriptor of some process, by its path in /proc, is an anonymous file of the name.
+// Whether `path`, a descriptor in /proc, is an anonymous file of that name.
 bool is_named(const std::string& path, const std::string& wanted) {
   std::array<char, 128> target{};
   const ssize_t size = readlink(path.c_str(), target.data(), target.size());
@@ -60,7 +60,7 @@ struct Mapped {
   std::pair<dev_t, ino_t> identity{};
 };
 
-// Maps the file for reading if it can't shrink; without it, nothing.
+// Maps the file for reading if it can't shrink; otherwise returns an empty mapping.
 Mapped map_for_reading(const std::string& path, std::size_t size_max) {
   int file = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (file < 0) return {};
@@ -100,7 +100,8 @@ expected<PublicMemory, SetupError> PublicMemory::create(std::string_view name, s
   }
   memory.bytes_ = {static_cast<std::byte*>(begin), size};
   prefault(memory.bytes_);
-  // Before Linux 5.1 other processes of the user could write there; no reader's safety needs this.
+  // Before Linux 5.1 other processes of the user could write there, but readers' safety does not
+  // depend on it.
   constexpr int kSeals = F_SEAL_SHRINK | F_SEAL_GROW;
   if (fcntl(memory.file_, F_ADD_SEALS, kSeals | F_SEAL_FUTURE_WRITE | F_SEAL_SEAL) != 0) {
     static_cast<void>(fcntl(memory.file_, F_ADD_SEALS, kSeals | F_SEAL_SEAL));
@@ -154,7 +155,7 @@ std::vector<PublicView> find_public_memory(std::string_view name, std::size_t si
       if (!is_named(path, wanted)) continue;
       const Mapped mapped = map_for_reading(path, size_max);
       if (mapped.bytes.empty()) continue;
-      // A process that was forked off has its parent's descriptors.
+      // A forked process has its parent's descriptors.
       if (!known.insert(mapped.identity).second) {
         unmap(mapped.bytes);
         continue;

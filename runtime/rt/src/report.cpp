@@ -10,7 +10,7 @@
 namespace rtpm::rt {
 namespace {
 
-// Made at its first use and never freed: threads may end after main() does.
+// Created at first use and never freed: threads may outlive main().
 struct Notes {
   PiMutex mutex;
   std::vector<SetupNote> list;

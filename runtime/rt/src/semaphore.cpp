@@ -23,7 +23,7 @@ void Semaphore::post() noexcept {
 }
 
 bool Semaphore::wait_until(MonotonicTime deadline) noexcept {
-  // A unit that is already available costs no sleep.
+  // If the count is above 0, there is no sleep.
   if (sem_trywait(&semaphore_) == 0) return true;
   const AsleepScope asleep;
   if (deadline == kNever) {

@@ -22,15 +22,15 @@ namespace rtpm::rt {
 namespace {
 
 #if defined(__SANITIZE_THREAD__)
-// ThreadSanitizer keeps its state of a thread at the end of its stack: half a megabyte.
+// ThreadSanitizer keeps half a megabyte of per-thread state at the end of the stack.
 constexpr std::size_t kStackSize = std::size_t{4096} * 1024;
 #else
 constexpr std::size_t kStackSize = std::size_t{512} * 1024;
 #endif
-// The part of it that is made resident before a thread begins: more than RTPM's code needs.
+// The part of the stack that is made resident before a thread starts: more than RTPM's code needs.
 constexpr std::size_t kStackPrefaultSize = std::size_t{128} * 1024;
 
-// Memory is locked as it is touched, so that a stack is touched before it matters.
+// Memory is locked when touched, so the stack is touched before it matters.
 [[gnu::noinline]] void prefault_stack() noexcept {
   std::array<volatile std::byte, kStackPrefaultSize> stack;
   constexpr std::size_t kPageSize = 4096;
@@ -58,7 +58,7 @@ SetupError scheduling_refusal(const ThreadConfig& config, int level, int error) 
           cause};
 }
 
-// The thread's CPUs and scheduling, for the report.
+// Reports the thread's CPUs and scheduling.
 void note_scheduling(const ThreadConfig& config, Grant grant, const std::string& how,
                      const std::string& remedy) {
   std::string text = how;
@@ -88,7 +88,7 @@ expected<void, SetupError> set_affinity(const ThreadConfig& config) {
     list += std::to_string(cpu);
   }
   int error = is_possible ? pthread_setaffinity_np(pthread_self(), sizeof cpus, &cpus) : EINVAL;
-  // The system silently leaves out CPUs that the machine does not have.
+  // The system silently ignores CPUs that the machine does not have.
   cpu_set_t granted;
   if (error == 0) error = pthread_getaffinity_np(pthread_self(), sizeof granted, &granted);
   if (error == 0 && !CPU_EQUAL(&cpus, &granted)) error = EINVAL;
@@ -136,7 +136,7 @@ std::string throttling_remedy() {
 }
 
 expected<void, SetupError> configure_this_thread(const ThreadConfig& config) {
-  // The system takes at most 15 bytes; a longer name is cut rather than lost.
+  // The system accepts at most 15 bytes; truncate the name instead of losing it.
   pthread_setname_np(pthread_self(), config.name.substr(0, 15).c_str());
   if (auto confined = set_affinity(config); !confined) return confined;
   if (!config.priority) return {};
@@ -188,7 +188,7 @@ expected<void, SetupError> check_spinning(const ThreadConfig& config) {
 
 namespace {
 
-// Handed from start() to the new thread, which answers through `outcome` and then runs the body.
+// Passed from start() to the new thread, which answers through `outcome` and then runs the body.
 struct Launch {
   ThreadConfig config;
   std::function<void()> body;
@@ -216,9 +216,9 @@ expected<Thread, SetupError> Thread::start(const ThreadConfig& config, std::func
   Launch launch{config, std::move(body)};
   pthread_attr_t attributes;
   pthread_attr_init(&attributes);
-  // With memory locked, the whole stack is resident: the system's 8 MiB would be waste.
+  // With locked memory the whole stack is resident, so the system's 8 MiB would be wasteful.
   pthread_attr_setstacksize(&attributes, kStackSize);
-  // Otherwise it would begin at its starter's level, and stay there if it has no priority.
+  // Otherwise the thread would inherit its starter's level, and keep it if it has no priority.
   const sched_param time_shared{};
   pthread_attr_setinheritsched(&attributes, PTHREAD_EXPLICIT_SCHED);
   pthread_attr_setschedpolicy(&attributes, SCHED_OTHER);

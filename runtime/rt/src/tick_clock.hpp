@@ -8,17 +8,17 @@
 
 namespace rtpm::rt {
 
-/// Interpolates between two reads of the system's clock by counting the processor's ticks, which
-/// takes a third of the time of such a read. It estimates the ticks' rate from the reads, and
-/// relies on it only when two estimates in a row agree; so a count that jumps or changes its pace
-/// (a suspended machine) costs reads, and no wrong time beyond a window. It takes ticks of any
-/// fixed rate from 1 MHz to 10 GHz, and nanoseconds of the system's clock.
+/// Interpolates between reads of the system's clock by counting the processor's ticks, which takes
+/// a third of the time of such a read. Estimates the tick rate from the reads, and relies on it
+/// only when two successive estimates agree. So a counter that jumps or changes its rate (a
+/// suspended machine) costs additional reads, but gives no wrong time beyond a window. Accepts
+/// ticks of any fixed rate from 1 MHz to 10 GHz, and nanoseconds of the system's clock.
 /// @threads  one
 /// @realtime alloc-free, no syscall
 class TickClock {
  public:
-  /// How long one read of the clock is relied on. A rate error of 20 millionths, typical of short
-  /// estimates, makes 20 ns in that time.
+  /// How long one read of the clock is valid. A rate error of 20 ppm, typical of short estimates,
+  /// makes 20 ns in that time.
   static constexpr Duration kWindow = std::chrono::milliseconds{1};
 
   /// Whether the last read of the clock still covers `ticks`.
@@ -29,18 +29,20 @@ class TickClock {
   [[nodiscard]] std::int64_t time_at(std::uint64_t ticks) noexcept {
     return tell(anchor_ns_ + passed_ns(ticks - anchor_ticks_));
   }
-  /// The system's clock showed `ns`, at an unknown tick.
+  /// Notes that the system's clock showed `ns`, at an unknown tick.
   [[nodiscard]] std::int64_t tell(std::int64_t ns) noexcept {
     return last_ns_ = std::max(last_ns_, ns);
   }
 
-  /// The system's clock showed `ns` at `ticks`: returns the time, never earlier than one before.
+  /// Notes that the system's clock showed `ns` at `ticks`. Returns the time, never earlier than one
+  /// before.
   [[nodiscard]] std::int64_t anchor(std::uint64_t ticks, std::int64_t ns) noexcept {
     const std::int64_t time_ns = tell(ns);
     anchor_ticks_ = ticks;
     anchor_ns_ = time_ns;
     const std::int64_t since_ns = ns - base_ns_;
-    // Sooner, an estimate would be too coarse; the one at hand, if any, is in doubt.
+    // After a shorter time an estimate would be too coarse, and the current one, if any, is in
+    // doubt.
     if (is_based_ && since_ns < kWindow.count() / 2 && ticks - base_ticks_ < kJump) {
       window_ticks_ = 0;
       return time_ns;
@@ -59,9 +61,9 @@ class TickClock {
   }
 
  private:
-  static constexpr double kRateMin = 0.1;  ///< Nanoseconds for a tick.
+  static constexpr double kRateMin = 0.1;  ///< Nanoseconds per tick.
   static constexpr double kRateMax = 1000;
-  /// More ticks than this in so short a time are a jump, not a rate.
+  /// More ticks than this in such a short time are a jump, not a rate.
   static constexpr std::uint64_t kJump = 10 * kWindow.count();
 
   [[nodiscard]] std::int64_t passed_ns(std::uint64_t ticks) const noexcept {
@@ -69,11 +71,11 @@ class TickClock {
   }
 
   std::uint64_t anchor_ticks_ = 0;
-  std::uint64_t window_ticks_ = 0;  ///< 0 if each call reads the clock.
+  std::uint64_t window_ticks_ = 0;  ///< 0 if each call must read the clock.
   std::int64_t anchor_ns_ = 0;
-  std::uint64_t rate_q32_ = 0;  ///< Nanoseconds for 2^32 ticks.
+  std::uint64_t rate_q32_ = 0;  ///< Nanoseconds per 2^32 ticks.
   std::int64_t last_ns_ = INT64_MIN;
-  std::uint64_t base_ticks_ = 0;  ///< The read that the next estimate starts from.
+  std::uint64_t base_ticks_ = 0;  ///< The read at which the next estimate starts.
   std::int64_t base_ns_ = 0;
   double rate_ = 0;
   bool is_based_ = false;

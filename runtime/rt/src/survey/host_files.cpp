@@ -28,7 +28,7 @@ void read_frequencies(const HostTree& tree, HostFiles& files) {
   }
 }
 
-/// The states of all CPUs, each once.
+/// The states of all CPUs, without duplicates.
 void read_idle_states(const HostTree& tree, HostFiles& files) {
   files.idle_driver = tree.text(kCpuFolder + "cpuidle/current_driver");
   if (files.idle_driver == "none") files.idle_driver.clear();
@@ -54,7 +54,7 @@ void read_idle_states(const HostTree& tree, HostFiles& files) {
 /// Whether the thread's stat file gives its policy as SCHED_FIFO or SCHED_RR.
 bool is_realtime(const HostTree& tree, const std::string& thread) {
   const std::string stat = tree.text(thread + "/stat");
-  // The name, in brackets, may hold anything.
+  // The name, in brackets, may contain anything.
   const std::size_t name_end = stat.rfind(')');
   if (name_end == std::string::npos) return false;
   const std::vector<std::string> fields = words_of(std::string_view(stat).substr(name_end + 1));
@@ -84,8 +84,8 @@ void read_pinned_cpus(const HostTree& tree, const std::vector<int>& process_ids,
   }
 }
 
-/// " 36:  0  45573 PCI-MSIX-0000:00:02.0   1-edge      virtio1-req.0", with a column for each of
-/// `cpus`.
+/// Parses " 36:  0  45573 PCI-MSIX-0000:00:02.0   1-edge      virtio1-req.0", with a column for
+/// each of `cpus`.
 void read_interrupt(const HostTree& tree, const std::string& line, const std::vector<int>& cpus,
                     HostFiles& files) {
   const std::vector<std::string> words = words_of(line);

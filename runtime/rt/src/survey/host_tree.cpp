@@ -12,7 +12,7 @@ namespace rtpm::rt {
 namespace {
 
 constexpr std::size_t kTextSizeMax = std::size_t{1} << 20;
-// More than any machine of today has.
+// More than any current machine has.
 constexpr std::int64_t kCpuCountMax = 8192;
 
 bool is_before(const std::string& a, const std::string& b) {

@@ -6,7 +6,7 @@
 #include "survey/host_tree.hpp"
 #include "survey/judgements.hpp"
 
-// Whether the CPUs are free, awake and undisturbed when a real-time thread needs one.
+// Judges whether the CPUs are free, awake and undisturbed when a real-time thread needs one.
 namespace rtpm::rt {
 namespace {
 
@@ -15,7 +15,7 @@ std::string us_text(Duration time) {
          " µs";
 }
 
-/// The CPUs that are meant for real-time threads alone.
+/// The CPUs reserved for real-time threads.
 std::vector<int> kept_cpus(const HostFiles& files) {
   return united(files.isolated_cpus, files.pinned_cpus);
 }
@@ -24,7 +24,7 @@ std::string cpus_text(const std::vector<int>& cpus) {
   return (cpus.size() == 1 ? "CPU " : "CPUs ") + cpu_list_text(cpus);
 }
 
-/// The other CPUs, for work that has to run somewhere.
+/// The other CPUs, for all other work.
 std::vector<int> other_cpus(const HostFiles& files) {
   return without(files.online_cpus, kept_cpus(files));
 }

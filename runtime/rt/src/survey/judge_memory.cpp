@@ -3,11 +3,11 @@
 
 #include "survey/judgements.hpp"
 
-// Memory that the system gives to sockets, transports and programs.
+// Judges the memory that the system gives to sockets, transports and programs.
 namespace rtpm::rt {
 namespace {
 
-// The largest that a transport asks for: to receive multicast, and to send by TCP.
+// The largest buffers that a transport requests: for receiving multicast, and for sending by TCP.
 constexpr std::int64_t kReceiveMin = 4 * 1024 * 1024;
 constexpr std::int64_t kSendMin = 1024 * 1024;
 
@@ -54,7 +54,7 @@ Finding judge_shared_memory(const HostAnswers& answers) {
   const std::string text = "/dev/shm has " + mib_text(*answers.shared_memory_size) + ", " +
                            mib_text(answers.shared_memory_free) + " of them free";
   constexpr std::uint64_t kSizeMin = std::uint64_t{128}
-                                     << 20;  // Docker's default of 64 is soon full.
+                                     << 20;  // Docker's default of 64 MiB is soon full.
   constexpr std::uint64_t kFreeMin = std::uint64_t{32} << 20;
   if (*answers.shared_memory_size >= kSizeMin && answers.shared_memory_free >= kFreeMin) {
     return {"shared-memory", Severity::kGood, text};

@@ -7,7 +7,7 @@
 namespace rtpm::rt {
 namespace {
 
-// A line for the user to paste. A session's limits are set when it begins.
+// A line for the user to paste. Limits are set when a session starts.
 std::string limit_line(const std::string& limit) {
   return "echo \"$USER - " + limit + "\" | sudo tee -a /etc/security/limits.d/90-rtpm.conf\n" +
          "then log in again; in a systemd unit: ";

@@ -6,7 +6,7 @@
 #include "rtpm/rt/finding.hpp"
 #include "rtpm/rt/survey.hpp"
 
-// judge_host() in parts: each function depends on the facts only.
+// The parts of judge_host(): each function depends on the facts only.
 namespace rtpm::rt {
 
 [[nodiscard]] Finding judge_realtime(const HostAnswers& answers);

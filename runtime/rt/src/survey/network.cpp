@@ -55,7 +55,7 @@ std::string route_of(const HostTree& tree, std::uint32_t address) {
   return best;
 }
 
-/// The inode of the socket that listens at `port`, from a table of /proc/net; 0 if none does.
+/// The inode of the socket that listens at `port`, from a table of /proc/net; 0 if there is none.
 std::int64_t listener_in(const HostTree& tree, const std::string& table, std::uint16_t port,
                          std::string_view state) {
   const std::vector<std::string> lines = lines_of(tree.text("/proc/net/" + table));

@@ -11,14 +11,14 @@
 namespace rtpm::rt {
 namespace {
 
-/// The value in force: the word in brackets of "always [madvise] never".
+/// The value in effect: the word in brackets of "always [madvise] never".
 std::string value_in(const std::string& path) {
   const std::string text = HostTree("").text(path);
   const std::string chosen = chosen_of(text);
   return chosen.empty() ? text : chosen;
 }
 
-/// Writes `value`; returns why it could not, or an empty text.
+/// Writes `value`; returns the error text, or an empty text.
 std::string write_to(const std::string& path, const std::string& value) {
   const int file = ::open(path.c_str(), O_WRONLY | O_TRUNC | O_CLOEXEC);
   int error = file < 0 ? errno : 0;

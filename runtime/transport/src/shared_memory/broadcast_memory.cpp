@@ -25,7 +25,7 @@
 namespace rtpm::transport {
 namespace {
 
-// The one byte that comes with the descriptor.
+// The byte that accompanies the descriptor.
 constexpr std::byte kHere{0x42};
 constexpr std::size_t kBellSize = 4096;
 
@@ -58,7 +58,7 @@ expected<BroadcastMemory, SetupError> BroadcastMemory::make(std::size_t size) {
   if (!writable.is_open()) return unexpected{not_made(std::strerror(errno))};
   SharedMapping mapping(writable.number(), size);
   if (mapping.bytes().empty()) return unexpected{not_made(std::strerror(errno))};
-  // This mapping stays writable; from here on no other can be, nor can the size change.
+  // This mapping stays writable; from here on no other can be, and the size is fixed.
   Descriptor readable;
   if (seal_memory(writable.number(), F_SEAL_FUTURE_WRITE)) {
     const std::string path = "/proc/self/fd/" + std::to_string(writable.number());
@@ -89,7 +89,7 @@ void BroadcastDoor::let_in(const BroadcastMemory& memory) noexcept {
     const Descriptor& asking = accepted.socket;
     if (!asking.is_open()) return;
     if (!is_trusted(asking.number())) continue;
-    // One message always fits a new socket; a reader that has left needs none.
+    // One message always fits a new socket; if the reader has left, it needs none.
     static_cast<void>(send_message(asking.number(), std::array{kHere},
                                    std::array{memory.descriptor(), memory.bell_descriptor()}));
   }
@@ -129,7 +129,7 @@ std::optional<std::pair<BroadcastBell, Descriptor>> BroadcastBell::make() noexce
 
 std::optional<BroadcastBell> BroadcastBell::map(int descriptor) noexcept {
   if (sealed_size(descriptor) < kBellSize) return std::nullopt;
-  // The word begins as 0, as fresh memory is.
+  // The word starts at 0, like all fresh memory.
   SharedMapping mapping(descriptor, kBellSize);
   if (mapping.bytes().empty()) return std::nullopt;
   return BroadcastBell(std::move(mapping));

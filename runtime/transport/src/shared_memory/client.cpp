@@ -21,13 +21,14 @@ namespace {
 
 // How long a caller waits for a full ring before it gives up the server.
 constexpr Duration kServerPatience = std::chrono::milliseconds{100};
-// Checks of the ring per receive(). They take several times as long as callers take between two
-// calls, such as to read the clock, so that most replies come during a check.
+// How often receive() checks the ring. The checks take several times as long as callers spend
+// between calls, so that most replies arrive during a check.
 constexpr int kCheckCount = 128;
-// Empty receives, about 20 µs, after which a spinning caller checks whether the server lives.
+// After this many empty receives, about 20 µs, a spinning caller checks whether the server is
+// alive.
 constexpr std::uint32_t kReceivesPerCheck = 128;
 
-// How often a sleeping caller checks that. Waiting for the socket too would delay its wake-up.
+// How often a sleeping caller checks that. Waiting for the socket as well would delay its wake-up.
 constexpr Duration kCheckInterval = std::chrono::milliseconds{20};
 
 class SharedMemoryTransport final : public ClientTransport {
@@ -52,7 +53,7 @@ class SharedMemoryTransport final : public ClientTransport {
       return connection_.receive();
     }
     if (++fruitless_count_ % kReceivesPerCheck == 0) connection_.check_peer();
-    // hp-16.4-1: all that the server wrote before it hung up is in the ring by now.
+    // hp-16.4-1: everything that the server wrote before it hung up is in the ring by now.
     return connection_.receive();
   }
 
@@ -74,7 +75,7 @@ class SharedMemoryTransport final : public ClientTransport {
   std::uint32_t fruitless_count_ = 0;
 };
 
-// Connects by the deadline; 0 or the error number.
+// Connects by the deadline; returns 0 or the error number.
 int connect_by(int socket, const sockaddr_un& native, unsigned size,
                MonotonicTime deadline) noexcept {
   // SO_SNDTIMEO bounds a blocking connect, which waits while the server's backlog is full.
@@ -109,7 +110,7 @@ SetupError refused(const SharedMemoryAddress& address, const std::optional<Setup
                      "run both as one user and of one release, or use another transport.");
 }
 
-// The server's grant.
+// What the server granted.
 struct Grant {
   Descriptor socket;
   Descriptor memory;
@@ -117,7 +118,7 @@ struct Grant {
   SetupAnswer answer{};
 };
 
-// Connects, sends the request, and takes the answer.
+// Connects, sends the request, and receives the answer.
 expected<Grant, SetupError> ask(const SharedMemoryAddress& address, const SetupRequest& request,
                                 MonotonicTime deadline) {
   sockaddr_un native{};
@@ -134,8 +135,8 @@ expected<Grant, SetupError> ask(const SharedMemoryAddress& address, const SetupR
                                   "start the server on this host, with shared memory, or use "
                                   "another transport.")};
   }
-  // hp-16.1-4: any user may take the name; only memory of the process's own user, and of users that
-  // the caller names, is trusted.
+  // hp-16.1-4: any user may take the name, so only memory from the process's own user, and from
+  // users that the caller names, is trusted.
   if (!is_trusted(socket, address.trusted_users)) {
     const std::string user = std::to_string(user_of(socket).value_or(0));
     return unexpected{not_reached(address, "the server is another user's, number " + user,
@@ -168,7 +169,7 @@ bool is_possible(std::uint32_t ring_size) noexcept {
   return ring_size >= kRingSizeMin && ring_size <= kRingSizeMax && std::has_single_bit(ring_size);
 }
 
-// hp-16.1-5: memory of the stated size that cannot shrink.
+// hp-16.1-5: checks that the memory has the stated size and cannot shrink.
 bool is_sound(int memory, RingSizes sizes) noexcept {
   return is_possible(sizes.to_server) && is_possible(sizes.to_client) &&
          sealed_size(memory) >= memory_size(sizes);

@@ -16,7 +16,7 @@
 namespace rtpm::transport {
 namespace {
 
-// The interval between checks of a full ring: its reader is busy or dead.
+// The interval at which a full ring is checked: its reader is busy or dead.
 constexpr Duration kSpaceCheckInterval = std::chrono::microseconds{50};
 
 using Side = SharedMemoryConnection::Side;
@@ -25,7 +25,7 @@ Side other(Side side) noexcept {
   return side == Side::kClient ? Side::kServer : Side::kClient;
 }
 
-// The ring that `reader` reads. The control words begin as 0, as fresh memory is.
+// The ring that `reader` reads. The control words start at 0, like all fresh memory.
 RecordRingMemory ring_to(Side reader, MutableBytes memory, RingSizes sizes) noexcept {
   const bool is_to_server = reader == Side::kServer;
   std::byte* const control =
@@ -87,7 +87,7 @@ expected<MutableBytes, IoError> SharedMemoryConnection::receive() noexcept {
   return unexpected{is_closed_ ? IoError::kClosed : IoError::kNothing};
 }
 
-// Never waits: a full socket has woken the peer before (hp-16.3-3).
+// Never waits: if the socket is full, the peer has already been woken (hp-16.3-3).
 void SharedMemoryConnection::ring_bell() noexcept {
   const std::byte bell{};
   const ssize_t size = ::send(socket_.number(), &bell, sizeof bell, MSG_DONTWAIT | MSG_NOSIGNAL);
@@ -109,7 +109,8 @@ void SharedMemoryConnection::wait_for_frame(MonotonicTime until) noexcept {
   reader_.end_sleep();
 }
 
-// Takes one bell at a time; further ones keep the socket readable: spurious wake-ups (hp-16.3-2).
+// Reads one bell at a time; further ones keep the socket readable and cause spurious wake-ups
+// (hp-16.3-2).
 void SharedMemoryConnection::receive_bell(bool is_peek) noexcept {
   std::byte bell{};
   const int flags = MSG_DONTWAIT | (is_peek ? MSG_PEEK : 0);
@@ -117,7 +118,7 @@ void SharedMemoryConnection::receive_bell(bool is_peek) noexcept {
   if (size == 0 || (size < 0 && errno != EAGAIN && errno != EINTR)) is_closed_ = true;
 }
 
-// Pauses for a moment; false if the peer is gone.
+// Pauses briefly; false if the peer is gone.
 bool SharedMemoryConnection::await_space(MonotonicTime until) noexcept {
   pollfd entry{socket_.number(), 0, 0};
   const Duration pause = std::clamp<Duration>(until - rt::now(), Duration{0}, kSpaceCheckInterval);

@@ -34,7 +34,7 @@ std::size_t sealed_size(int memory) noexcept {
 void sleep_on_word(std::atomic<std::uint32_t>& word, std::uint32_t value, MonotonicTime until,
                    std::uint32_t bits) noexcept {
   const timespec time = rt::to_timespec(until);
-  // The only futex wait that takes an absolute time.
+  // The only futex wait with an absolute time.
   syscall(SYS_futex, &word, FUTEX_WAIT_BITSET, value, until == kNever ? nullptr : &time, nullptr,
           bits);
 }
@@ -48,7 +48,7 @@ SharedMapping::SharedMapping(int memory, std::size_t size, Access access) noexce
   void* const begin = mmap(nullptr, size, protection, MAP_SHARED, memory, 0);
   if (begin == MAP_FAILED) return;
   bytes_ = {static_cast<std::byte*>(begin), size};
-  // MAP_POPULATE would do nothing where memory is locked as it is touched (rt::lock_memory).
+  // MAP_POPULATE has no effect if memory is locked on fault (rt::lock_memory).
   constexpr std::size_t kPageSize = 4096;
   for (std::size_t at = 0; at < size; at += kPageSize) {
     static_cast<void>(*static_cast<const volatile std::byte*>(bytes_.data() + at));

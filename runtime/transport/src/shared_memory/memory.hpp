@@ -7,14 +7,14 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/transport/socket.hpp"
 
-// Memory that processes share: files without a name, passed on by their descriptors, and sleeping
-// on a word of them, which std::atomic::wait does not do. Source: memfd_create(2), futex(2).
+// Memory shared between processes: files without names, passed by descriptor, and sleeping on a
+// word in them, which std::atomic::wait does not support. Source: memfd_create(2), futex(2).
 namespace rtpm::transport {
 
-/// A file of `size` zeros; not open if the system refuses, with the reason in errno.
+/// Creates a file of `size` zeros; not open if the system refuses, with the reason in errno.
 [[nodiscard]] Descriptor make_memory(const char* name, std::size_t size) noexcept;
 
-/// Fixes the size for good, so that no access to a mapping can fail (hp-16.1-5).
+/// Fixes the size permanently, so that no access to a mapping can fail (hp-16.1-5).
 /// @param more_seals  see F_ADD_SEALS in fcntl(2)
 [[nodiscard]] bool seal_memory(int memory, int more_seals = 0) noexcept;
 
@@ -23,13 +23,13 @@ namespace rtpm::transport {
 
 inline constexpr std::uint32_t kAnyBit = 0xffff'ffff;
 
-/// Sleeps while the word is `value`, until a wake-up for one of `bits`, or until `until`. May wake
+/// Sleeps while the word is `value`, until a wake-up for any of `bits`, or until `until`. May wake
 /// spuriously.
 /// @realtime alloc-free, one system call
 void sleep_on_word(std::atomic<std::uint32_t>& word, std::uint32_t value, MonotonicTime until,
                    std::uint32_t bits = kAnyBit) noexcept;
 
-/// Wakes at most `count_max` sleepers for one of `bits`, the most urgent first.
+/// Wakes at most `count_max` sleepers for any of `bits`, the most urgent first.
 /// @realtime alloc-free, one system call, never blocks
 void wake_on_word(std::atomic<std::uint32_t>& word, int count_max = 1,
                   std::uint32_t bits = kAnyBit) noexcept;

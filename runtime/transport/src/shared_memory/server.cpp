@@ -15,7 +15,7 @@
 namespace rtpm::transport {
 namespace {
 
-// Removes the file of a server that was killed: connects are refused there.
+// Removes the file of a killed server, where connects are refused.
 void remove_if_dead(const std::string& file, const sockaddr_un& native, unsigned size) noexcept {
   const Descriptor probe(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (connect(probe.number(), reinterpret_cast<const sockaddr*>(&native), size) != 0 &&
@@ -83,7 +83,7 @@ Accepted SharedMemoryListener::accept() noexcept {
 
 SharedMemoryClient welcome_shared_memory_client(Descriptor socket, const UserPolicy* policy) {
   std::array<std::byte, SetupRequest::kSize + 1> message{};
-  // A descriptor that comes with it is closed here.
+  // A descriptor received with it is closed here.
   const ReceivedMessage received = receive_message(socket.number(), message);
   const auto request = decode_request(ConstBytes(message).first(received.size));
   if (!request) return {};

@@ -38,7 +38,7 @@ std::optional<ReadRequest> decode_request(ConstBytes bytes) noexcept {
   if (reader.take<std::uint32_t>() != kMagic) return std::nullopt;
   const auto version = reader.take<std::uint16_t>();
   if (!reader.ok()) return std::nullopt;
-  // hp-16.1-3: the rest of another version's request is not checked.
+  // hp-16.1-3: the rest of a request of another version is not checked.
   if (version != kSetupVersion) return ReadRequest{};
   const auto priority = reader.take<std::uint16_t>();
   const auto flags = reader.take<std::uint16_t>();

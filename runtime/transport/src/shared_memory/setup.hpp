@@ -15,13 +15,13 @@ namespace rtpm::transport {
 
 inline constexpr std::uint16_t kSetupVersion = 1;
 
-/// The first page holds the control words of both rings; then come the slots, then the records.
+/// The first page holds the control words of both rings; the slots and then the records follow.
 inline constexpr std::size_t kToServerSlotsOffset = 4096;
 inline constexpr std::size_t kToClientSlotsOffset = kToServerSlotsOffset + kRecordSlotsSize;
 inline constexpr std::size_t kRingDataOffset = kToClientSlotsOffset + kRecordSlotsSize;
 inline constexpr std::size_t kToServerControlOffset = 0;
 inline constexpr std::size_t kToClientControlOffset = 256;
-/// The sizes that a server offers, and the bounds that a client accepts.
+/// The sizes that a server offers, and the limits that a client accepts.
 inline constexpr RingSizes kRingSizes{128 * 1024, 128 * 1024};
 inline constexpr std::uint32_t kRingSizeMin = 32 * 1024;
 inline constexpr std::uint32_t kRingSizeMax = 16 * 1024 * 1024;
@@ -30,21 +30,21 @@ inline constexpr std::uint32_t kRingSizeMax = 16 * 1024 * 1024;
   return kRingDataOffset + sizes.to_server + sizes.to_client;
 }
 
-/// The client's one message.
+/// The client's only message.
 struct SetupRequest {
   static constexpr std::size_t kSize = 16;
   Priority priority{};
-  bool only_asks = false;  ///< Asks only whether it would be accepted.
+  bool only_asks = false;  ///< Only asks whether it would be accepted.
 };
 
 enum class SetupStatus : std::uint16_t {
   kOk = 0,
   kNotAllowed = 1,          ///< The client belongs to another user.
-  kVersionUnsupported = 2,  ///< The server's own version is in the answer.
+  kVersionUnsupported = 2,  ///< The answer contains the server's own version.
   kNoMemory = 3,            ///< No memory or descriptor is left.
 };
 
-/// The server's one message. With kOk, unless the client only asked, the descriptors come with it.
+/// The server's only message. With kOk, unless the client only asked, the descriptors accompany it.
 struct SetupAnswer {
   static constexpr std::size_t kSize = 32;
   SetupStatus status = SetupStatus::kOk;
@@ -52,7 +52,7 @@ struct SetupAnswer {
   RingSizes sizes{};
 };
 
-/// A decoded request; for another version only that fact.
+/// A decoded request; for another version, only that fact.
 struct ReadRequest {
   bool is_our_version = false;
   SetupRequest request{};
@@ -60,7 +60,7 @@ struct ReadRequest {
 
 [[nodiscard]] std::array<std::byte, SetupRequest::kSize> encode(const SetupRequest& request);
 [[nodiscard]] std::array<std::byte, SetupAnswer::kSize> encode(const SetupAnswer& answer);
-/// Nothing if the bytes are malformed.
+/// Decodes a request; nullopt if the bytes are malformed.
 [[nodiscard]] std::optional<ReadRequest> decode_request(ConstBytes bytes) noexcept;
 [[nodiscard]] std::optional<SetupAnswer> decode_answer(ConstBytes bytes) noexcept;
 

@@ -36,7 +36,7 @@ unsigned to_native(const SharedMemoryAddress& address, sockaddr_un& native) noex
   native.sun_family = AF_UNIX;
   const bool is_abstract = address.folder.empty();
   const std::string name = is_abstract ? "rtpm/" + name_of(address) : socket_file_of(address);
-  // hp-16.1-1: an abstract name follows a zero byte; a file's name is followed by one.
+  // hp-16.1-1: a zero byte precedes an abstract name and follows a file's name.
   if (name.size() + 1 > sizeof native.sun_path) return 0;
   std::memcpy(native.sun_path + (is_abstract ? 1 : 0), name.data(), name.size());
   return static_cast<unsigned>(offsetof(sockaddr_un, sun_path) + name.size() + 1);
@@ -70,7 +70,7 @@ bool send_message(int socket, ConstBytes message, std::span<const int> descripto
 
 ReceivedMessage receive_message(int socket, MutableBytes to) noexcept {
   iovec part{to.data(), to.size()};
-  // The kernel closes further descriptors of a hostile peer.
+  // The kernel closes additional descriptors of a hostile peer.
   alignas(cmsghdr) std::array<std::byte, CMSG_SPACE(kDescriptorCountMax * sizeof(int))> control{};
   msghdr header{};
   header.msg_iov = &part;
@@ -90,7 +90,7 @@ ReceivedMessage receive_message(int socket, MutableBytes to) noexcept {
       message.descriptors[i] = Descriptor(number);
     }
   }
-  // An RTPM peer sends no more than fit: a truncation is a lack of descriptors.
+  // An RTPM peer never sends more than fit, so a truncation means that no descriptors are left.
   message.lacks_descriptors = (header.msg_flags & MSG_CTRUNC) != 0;
   message.size = static_cast<std::size_t>(size);
   return message;

@@ -20,7 +20,7 @@ constexpr std::uint64_t kLinkLocalMask = 0xffc0'0000'0000'0000;
 constexpr std::uint64_t kZoneMask = 0xffff'ffff;
 constexpr std::uint32_t kPortMask = 0xffff;
 
-// The network first, as it is written.
+// The network part, most significant byte first.
 std::uint64_t network_at(const std::uint8_t* bytes) noexcept {
   std::uint64_t value = 0;
   for (std::size_t i = 0; i < sizeof value; ++i)
@@ -33,8 +33,8 @@ void put_network(std::uint64_t value, std::uint8_t* bytes) noexcept {
     bytes[i] = static_cast<std::uint8_t>(value);
 }
 
-// The rest in little-endian order, so that ::1 is not taken for an IPv4 address, which has 32 bits
-// and no network.
+// The rest in little-endian order, so that ::1 is not mistaken for an IPv4 address, which has 32
+// bits and no network part.
 std::uint64_t rest_at(const std::uint8_t* bytes) noexcept {
   return load_le<std::uint64_t>(reinterpret_cast<const std::byte*>(bytes));
 }
@@ -109,7 +109,7 @@ wire::PeerAddress SocketAddress::ipv6_peer() const noexcept {
     return {0, mapped, ipv6_.sin6_port};
   }
   std::uint64_t network = network_at(bytes);
-  // The rest of a link-local network is 0, and an address is ambiguous without its link.
+  // The rest of a link-local network is 0, and the address is ambiguous without its link.
   if (network == kLinkLocalNetwork) network |= ipv6_.sin6_scope_id;
   return {network, rest_at(bytes + 8), ipv6_.sin6_port};
 }

@@ -31,7 +31,7 @@ SetupError no_socket(const std::string& host, std::uint16_t port, int error) {
   return no_descriptor("a socket to reach " + wire::host_and_port(host, port), error);
 }
 
-// UDP's connect() asks no peer: it fails if there is no route.
+// UDP's connect() contacts no peer; it fails only if there is no route.
 SetupError not_reached(const std::string& host, std::uint16_t port, int error) {
   if (is_shortage(error)) return no_socket(host, port, error);
   const auto address = SocketAddress::parse(host, port);
@@ -47,8 +47,8 @@ SetupError no_answer(std::string_view protocol, const std::string& host, std::ui
           std::strerror(error), "start the server, or check host and port", system_error(error)};
 }
 
-// Whether the system gave a socket the very port that it connects to, as may happen if no server
-// has that port: the socket would talk to itself.
+// Whether the system gave the socket the same port that it connects to, which can happen if no
+// server has that port: the socket would talk to itself.
 bool is_its_own_peer(int socket, const SocketAddress& peer) noexcept {
   return own_address(socket) == peer;
 }
@@ -124,9 +124,9 @@ class UdpTransport final : public ClientTransport {
   Descriptor socket_;
   bool is_on_host_;
   bool can_send_batches_ = true;
-  rt::LazyMemory batch_buffer_;  ///< Empty unless it takes batches.
+  rt::LazyMemory batch_buffer_;  ///< Empty unless it receives batches.
   Datagrams received_;
-  // One byte more than the largest frame, so that a larger datagram is noticed.
+  // One byte more than the largest frame, to detect larger datagrams.
   alignas(64) std::array<std::byte, wire::kDatagramFrameSizeMax + 1> buffer_{};
 };
 
@@ -159,7 +159,7 @@ bool is_on_host(int socket, const SocketAddress& peer) noexcept {
   return peer.is_loopback() || own_address(socket).is_same_host(peer);
 }
 
-// Waits until a connection is established; 0 or the error number.
+// Waits until a connection is established; returns 0 or the error number.
 int finish_connecting(int socket, MonotonicTime deadline) noexcept {
   while (!wait_writable(socket, deadline)) {
     if (rt::now() >= deadline) return ETIMEDOUT;
@@ -192,7 +192,7 @@ expected<std::unique_ptr<ClientTransport>, SetupError> open_udp_transport(const 
   if (!address) return unexpected{address.error()};
   Descriptor socket(::socket(address->family(), SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (!socket.is_open()) return unexpected{no_socket(host, port, errno)};
-  // Connected, so that the system looks the route up once and reports a port without a socket.
+  // Connected, so that the system looks up the route only once and reports a closed port.
   if (connect_to(socket.number(), *address) != 0) {
     return unexpected{not_reached(host, port, errno)};
   }

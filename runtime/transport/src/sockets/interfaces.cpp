@@ -23,7 +23,7 @@ std::span<const std::uint8_t> bytes_of(const SocketAddress& address) noexcept {
 
 int prefix_size_of(const sockaddr* mask, int family) noexcept {
   if (mask == nullptr) return 0;
-  // Some systems leave the family of a mask out.
+  // Some systems do not set the family of a mask.
   SocketAddress address =
       SocketAddress::of(*mask, family == AF_INET ? sizeof(sockaddr_in) : sizeof(sockaddr_in6));
   address.native()->sa_family = static_cast<sa_family_t>(family);
@@ -43,8 +43,8 @@ InterfaceAddress entry_of(const SocketAddress& address, const Addresses& own) {
   return found != own.end() ? *found : InterfaceAddress{.address = address};
 }
 
-// The addresses of an interface. Link-local ones only if there is no other, as callers of other
-// hosts would have to know their own zone for them.
+// The addresses of an interface. Link-local ones only if there is no other, as callers on other
+// hosts would need to know their own zone for them.
 Addresses addresses_of_interface(const std::string& name, const Addresses& own) {
   Addresses found;
   for (const bool is_link_local : {false, true}) {
@@ -67,7 +67,7 @@ Addresses loopback_addresses(const Addresses& own) {
   return found;
 }
 
-// The addresses that one part of the list stands for.
+// The addresses for one item of the list.
 expected<Addresses, SetupError> addresses_for(const std::string& host, const Addresses& own,
                                               MonotonicTime deadline) {
   if (host == "localhost") return loopback_addresses(own);

@@ -6,7 +6,7 @@
 #include "rtpm/transport/address.hpp"
 #include "rtpm/transport/socket.hpp"
 
-// The system's calls on sockets, without casts and sizes.
+// Wrappers of socket calls that hide casts and sizes.
 namespace rtpm::transport {
 
 /// Calls setsockopt(2); false if the system refuses.
@@ -15,7 +15,7 @@ bool set_option(int socket, int level, int option, const T& value) noexcept {
   return setsockopt(socket, level, option, &value, sizeof value) == 0;
 }
 
-/// Goes beyond the system's limit if the process has the right; otherwise the limit applies.
+/// Exceeds the system's limit if the process has the right; otherwise the limit applies.
 inline void enlarge_receive_buffer(int socket, int size) noexcept {
   if (!set_option(socket, SOL_SOCKET, SO_RCVBUFFORCE, size)) {
     set_option(socket, SOL_SOCKET, SO_RCVBUF, size);
@@ -29,7 +29,7 @@ inline void enlarge_receive_buffer(int socket, int size) noexcept {
   return connect(socket, address.native(), address.size());
 }
 
-/// The socket's own address; of no family if it has none.
+/// The socket's own address; without a family if it has none.
 [[nodiscard]] inline SocketAddress own_address(int socket) noexcept {
   SocketAddress own;
   socklen_t size = SocketAddress::kSizeMax;
@@ -44,18 +44,18 @@ inline constexpr const char* kAnyHost = "any";
 /// is both families if this host has IPv6.
 [[nodiscard]] expected<SocketAddress, SetupError> address_to_open(const std::string& host,
                                                                   std::uint16_t port);
-/// Lets an IPv6 socket take IPv4 traffic, too, if and only if it is for every address.
+/// Makes an IPv6 socket accept IPv4 traffic, too, if and only if it is bound to every address.
 void set_dual_stack(int socket, const SocketAddress& address) noexcept;
 
-/// The connections that may wait to be accepted, unless net.core.somaxconn is less.
+/// How many connections may wait to be accepted; net.core.somaxconn may lower it.
 inline constexpr int kBacklog = 1024;
 
-/// A descriptor to close when no other is left.
+/// A descriptor kept in reserve, to close when no other is left.
 [[nodiscard]] Descriptor spare_descriptor() noexcept;
 
-/// The next connection of a listening socket, non-blocking. If no descriptor is left the connection
-/// is closed: it would keep waking its acceptor, and its client would wait in vain.
-/// @param spare  closed for a moment to accept that connection; another thread may take its number
+/// Accepts the next connection of a listening socket, non-blocking. If no descriptor is left,
+/// closes the connection: it would keep waking its acceptor, and its client would wait in vain.
+/// @param spare  closed temporarily to accept that connection; another thread may take its number
 [[nodiscard]] Accepted accept_or_turn_away(int listener, Descriptor& spare) noexcept;
 
 }  // namespace rtpm::transport

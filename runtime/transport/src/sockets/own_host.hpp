@@ -7,12 +7,13 @@
 
 namespace rtpm::transport {
 
-/// hp-4-7: all callers of this host count as one host, whatever their addresses. As the protocol
-/// counts a /64 of IPv6 addresses as one, they get an unused one, 0:0:0:1::/64 of the reserved
-/// ::/8. SocketAddress::of() gives back the address itself.
+/// hp-4-7: all callers on this host count as one host, whatever their addresses. As the protocol
+/// counts an IPv6 /64 as one host, they get an unused one, 0:0:0:1::/64 in the reserved ::/8.
+/// SocketAddress::of() returns the original address.
 inline constexpr std::uint64_t kOwnHostNetwork = 1;
 
-/// A peer that called the address `called`. IPv6 addresses except ::1 stay in their /64.
+/// The peer, as counted, for a call to the address `called`. IPv6 addresses except ::1 stay in
+/// their /64.
 /// @realtime alloc-free
 [[nodiscard]] inline wire::PeerAddress counted(wire::PeerAddress peer,
                                                const SocketAddress& called) noexcept {

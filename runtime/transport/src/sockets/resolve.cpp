@@ -15,7 +15,7 @@
 namespace rtpm::transport {
 namespace {
 
-// A name server may take much longer than its caller waits, and can't be interrupted.
+// A name server may take much longer than its caller waits, and the call can't be interrupted.
 constexpr int kLookupCountMax = 8;
 std::atomic<int> lookup_count{0};
 
@@ -29,7 +29,7 @@ struct Lookup {
 void look_up(Lookup& lookup) noexcept {
   addrinfo hints{};
   hints.ai_family = AF_UNSPEC;
-  hints.ai_socktype = SOCK_DGRAM;  // Otherwise each address comes once for each type.
+  hints.ai_socktype = SOCK_DGRAM;  // Otherwise each address is returned once per socket type.
   addrinfo* found = nullptr;
   lookup.error = getaddrinfo(lookup.host.c_str(), nullptr, &hints, &found);
   for (const addrinfo* each = found; each != nullptr; each = each->ai_next) {
@@ -42,7 +42,7 @@ void look_up(Lookup& lookup) noexcept {
   lookup.done.post();
 }
 
-// Begins a lookup on a detached thread. Null if too many are under way or no thread is left.
+// Starts a look-up on a detached thread. Null if too many are in progress or no thread is left.
 std::shared_ptr<Lookup> begin_lookup(const std::string& host) {
   if (lookup_count.fetch_add(1) >= kLookupCountMax) {
     lookup_count.fetch_sub(1);

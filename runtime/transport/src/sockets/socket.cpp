@@ -118,11 +118,11 @@ void set_traffic_class(int socket, Priority priority) noexcept {
     int dscp;
     int queue;
   };
-  // By quarters of the range. SO_PRIORITY above 6 would need a privilege.
+  // One class per quarter of the range. SO_PRIORITY above 6 needs a privilege.
   constexpr Class kClasses[] = {{0, 0}, {18, 2}, {34, 4}, {46, 6}};
   const Class chosen = kClasses[priority.value() / ((Priority::kHighest + 1) / 4)];
   const int type_of_service = chosen.dscp << kDscpShift;
-  // These set SO_PRIORITY as well, so they come first. A dual-stack socket takes both.
+  // These also set SO_PRIORITY, so they come first. A dual-stack socket accepts both.
   set_option(socket, IPPROTO_IP, IP_TOS, type_of_service);
   set_option(socket, IPPROTO_IPV6, IPV6_TCLASS, type_of_service);
   set_option(socket, SOL_SOCKET, SO_PRIORITY, chosen.queue);
@@ -134,7 +134,7 @@ bool wait_for(int descriptor, short events, MonotonicTime until) noexcept {
   const rt::AsleepScope asleep;
   pollfd entry{descriptor, events, 0};
   if (until == kNever) return ppoll(&entry, 1, nullptr, nullptr) > 0;
-  // The difference to a time long past would overflow.
+  // The difference to a time far in the past would overflow.
   const MonotonicTime now = rt::now();
   const Duration left = until > now ? until - now : Duration{0};
   const timespec timeout = rt::to_timespec(left);

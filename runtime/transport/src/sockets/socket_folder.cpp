@@ -46,7 +46,7 @@ unexpected<SetupError> failed(const std::string& folder, int error) {
   return unusable(folder, std::strerror(error), remedy);
 }
 
-/// The folder, held open, so that it can't be replaced meanwhile. Not open if there is none.
+/// Opens the folder, so that it can't be replaced meanwhile. Not open if there is none.
 expected<Descriptor, SetupError> open_folder(const std::string& folder, bool makes) {
   if (makes && mkdir(folder.c_str(), kOwnerOnly) != 0 && errno != EEXIST) {
     return failed(folder, errno);
@@ -68,7 +68,7 @@ expected<Descriptor, SetupError> open_folder(const std::string& folder, bool mak
   return opened;
 }
 
-/// The address by the open folder: the whole path may be longer than an address takes.
+/// An address relative to the open folder, as the whole path may be too long.
 sockaddr_un address_in(const Descriptor& folder, std::string_view name, socklen_t& size) {
   const std::string path =
       "/proc/self/fd/" + std::to_string(folder.number()) + "/" + std::string(name);
@@ -88,7 +88,7 @@ Descriptor make_folder_socket() noexcept {
   return Descriptor(::socket(AF_UNIX, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
 }
 
-/// Datagram sockets live from bind(2) on: a reader never meets one that is about to listen.
+/// Datagram sockets are live after bind(2), so a reader never finds one that is not listening yet.
 int bind_in(const Descriptor& folder, const Descriptor& socket, const std::string& name) noexcept {
   socklen_t size = 0;
   const sockaddr_un address = address_in(folder, name, size);
@@ -125,7 +125,7 @@ std::string runtime_folder() {
   struct stat status {};
   const bool is_there = stat(usual.c_str(), &status) == 0 && status.st_uid == geteuid();
   if (is_there) return usual + "/" + kFolderName;
-  // In parts: GCC 12 misreads a chain of `+` here (GCC bug 105329).
+  // Built in parts, because GCC 12 misreads a chain of `+` here (GCC bug 105329).
   std::string own("/tmp/");
   own.append(kFolderName).append("-").append(user);
   return own;
@@ -176,7 +176,7 @@ void FolderSocket::keep() {
   if (!folder || fstatat(folder->number(), name_.c_str(), &status, AT_SYMLINK_NOFOLLOW) == 0) {
     return;
   }
-  // A socket keeps its first name, so it takes another one.
+  // A socket keeps its first name, so a new socket is created.
   Descriptor socket = make_folder_socket();
   if (socket.is_open() && bind_in(*folder, socket, name_) == 0) socket_ = std::move(socket);
 }
@@ -186,7 +186,7 @@ expected<FolderContent, SetupError> read_socket_folder(const std::string& folder
   if (!opened) return unexpected{opened.error()};
   FolderContent content;
   if (!opened->is_open()) return content;
-  // fdopendir() takes its descriptor over.
+  // fdopendir() takes ownership of its descriptor.
   const std::unique_ptr<DIR, int (*)(DIR*)> files(fdopendir(dup(opened->number())), closedir);
   if (!files) return failed(folder, errno);
   std::size_t file_count = 0;

@@ -18,8 +18,7 @@
 namespace rtpm::transport {
 namespace {
 
-/// The kernel's codes for states of sockets: a UDP socket that is not connected, and a TCP socket
-/// that listens.
+/// The kernel's codes for socket states: an unconnected UDP socket, and a listening TCP socket.
 constexpr std::string_view kUnconnected = "07";
 constexpr std::string_view kListening = "0A";
 
@@ -31,7 +30,7 @@ std::optional<std::uint32_t> hexadecimal(std::string_view text) noexcept {
 }
 
 /// Parses "0100007F:1CFC", or 32 digits and a port: each group of 8 is a number of the address's
-/// bytes, in this machine's byte order.
+/// bytes, in native byte order.
 std::optional<SocketAddress> address_of(std::string_view text) {
   const std::size_t colon = text.find(':');
   if (colon != 8 && colon != 32) return std::nullopt;
@@ -51,7 +50,7 @@ std::optional<SocketAddress> address_of(std::string_view text) {
   return SocketAddress::of(SocketAddress(address, 0, number).peer());
 }
 
-/// "::" counts as taking IPv4 as well: whether it does is not visible from outside.
+/// "::" counts as accepting IPv4, too, as the setting is not visible from outside.
 bool is_at(const SocketAddress& socket, const SocketAddress& address) noexcept {
   if (socket.port() != address.port()) return false;
   if (socket.is_unspecified()) return !socket.is_ipv4() || address.is_ipv4();
@@ -64,12 +63,12 @@ std::vector<std::uint32_t> users_in_table(std::istream& table, bool is_tcp,
                                           const SocketAddress& address) {
   std::vector<std::uint32_t> users;
   std::string line;
-  std::getline(table, line);  // The columns' titles.
+  std::getline(table, line);  // The column titles.
   while (std::getline(table, line)) {
     std::istringstream text(line);
     const std::vector<std::string> words{std::istream_iterator<std::string>(text), {}};
     if (words.size() < 8) continue;
-    // The sockets that listen come first, and connections may be many.
+    // Listening sockets come first, and connections may be many.
     if (is_tcp && words[3] != kListening) break;
     if (!is_tcp && words[3] != kUnconnected) continue;
     const auto socket = address_of(words[1]);
@@ -82,10 +81,10 @@ std::vector<std::uint32_t> users_in_table(std::istream& table, bool is_tcp,
 std::optional<std::vector<std::uint32_t>> users_at(const SocketAddress& address) {
   std::vector<std::uint32_t> users;
   for (const char* name : {"tcp", "tcp6", "udp", "udp6"}) {
-    // The network of this thread: /proc/net is that of the process's first thread.
+    // This thread's network: /proc/net is that of the process's first thread.
     std::ifstream file(std::string("/proc/thread-self/net/") + name);
     const bool is_of_ipv6 = name[3] == '6';
-    // Without IPv6 in the kernel its tables do not exist.
+    // Without IPv6 in the kernel, its tables do not exist.
     if (!file && !is_of_ipv6) return std::nullopt;
     const auto found = users_in_table(file, name[0] == 't', address);
     users.insert(users.end(), found.begin(), found.end());

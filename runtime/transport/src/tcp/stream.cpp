@@ -14,12 +14,13 @@
 namespace rtpm::transport {
 namespace {
 
-// The bytes that one system call moves at most. In a kernel without preemption a thread inside a
+// The most bytes that one system call moves. In a kernel without preemption a thread inside a
 // system call keeps its CPU from more urgent ones, so copying a whole large frame would delay a
-// small call of a higher band. Half of this would gain little more and cost large messages much.
+// small call of a higher band. Half of this would gain little, and slow down large messages
+// considerably.
 constexpr std::size_t kStepSizeMax = std::size_t{32} * 1024;
 
-// A window of fragments: Linux's default send buffer takes this much without waiting.
+// A window of fragments, which Linux's default send buffer accepts without waiting.
 constexpr std::size_t kUnsentMax =
     wire::kStreamFragmentWindow * std::size_t{wire::kStreamFrameSizeMax};
 
@@ -52,7 +53,7 @@ std::size_t FrameStream::complete_size(std::size_t at) const noexcept {
   if (filled.size() < wire::kHeaderSize) return 0;
   const bool may_be = takes_sealed_ || !wire::is_sealed(filled);
   const std::size_t size = may_be ? wire::frame_size(filled) : 0;
-  // Malformed bytes are returned at once, so that no peer can make its receiver wait for them.
+  // Malformed bytes are returned at once, so that no peer can make the receiver wait for them.
   if (size == 0 || size > lines_.size() * sizeof(CacheLine)) return wire::kHeaderSize;
   return filled.size() >= size ? size : 0;
 }
@@ -96,7 +97,7 @@ void FrameStream::release_given() noexcept {
   given_size_ = 0;
 }
 
-// Receives once, behind the filled part.
+// Receives once, after the filled part.
 ssize_t FrameStream::fill(int flags) noexcept {
   const MutableBytes free = buffer().subspan(filled_size_);
   const std::size_t size = std::min(free.size(), kStepSizeMax);
@@ -108,7 +109,7 @@ ssize_t FrameStream::fill(int flags) noexcept {
 // The socket's buffer holds more; the rest is left to frames that may not wait.
 bool FrameStream::has_spare_capacity(std::size_t size) noexcept {
   int waiting = 0;
-  // The send reports a connection that has ended.
+  // If the connection has ended, the send reports it.
   if (ioctl(socket_.number(), SIOCOUTQ, &waiting) != 0) return true;
   return waiting == 0 || static_cast<std::size_t>(waiting) + size <= waiting_max_;
 }

@@ -34,7 +34,7 @@ std::optional<MutableBytes> Datagrams::next() noexcept {
   bytes_ = bytes_.subspan(size);
   is_empty_ = bytes_.empty();
   const std::size_t kept_size = std::min(size, wire::kDatagramFrameSizeMax + 1);
-  // The bytes before it were returned before.
+  // The bytes before it have already been returned.
   if (const std::size_t excess = reinterpret_cast<std::uintptr_t>(frame) % kAlignment; excess > 0) {
     std::memmove(frame - excess, frame, kept_size);
     frame -= excess;
@@ -44,7 +44,7 @@ std::optional<MutableBytes> Datagrams::next() noexcept {
 
 BatchEstimator::Change BatchEstimator::on_datagrams(const wire::PeerAddress& peer, bool is_batch,
                                                     MonotonicTime now) noexcept {
-  // Shorter than the way of a reply and its caller's next call through the kernel.
+  // Shorter than a reply and its caller's next call take through the kernel.
   constexpr Duration kPause = std::chrono::microseconds{12};
   constexpr std::uint32_t kStreakMin = 3;
   constexpr std::uint32_t kLoneCountMax = 256;

@@ -25,7 +25,7 @@ unexpected<SetupError> failed(const MulticastGroup& group, const std::string& wh
   return setup_error(name_of(group) + " can't be used", why, remedy);
 }
 
-/// A group's addresses in the form of the system's calls.
+/// A group's addresses in the form that system calls use.
 struct Addresses {
   sockaddr_in group{};
   in_addr interface {};
@@ -85,7 +85,7 @@ expected<MulticastReceiver, SetupError> MulticastReceiver::open(const MulticastG
   membership.imr_multiaddr = addresses->group.sin_addr;
   membership.imr_interface = addresses->interface;
   // IP_MULTICAST_ALL off: receives only this group's datagrams, not those of groups that other
-  // programs of the host have joined on the port.
+  // programs on the host have joined on the same port.
   const bool is_set = socket.is_open() && set_option(number, SOL_SOCKET, SO_REUSEADDR, 1) &&
                       set_option(number, IPPROTO_IP, IP_MULTICAST_ALL, 0) &&
                       bind_to(number, {addresses->group.sin_addr, group.port}) == 0 &&
@@ -98,7 +98,7 @@ expected<MulticastReceiver, SetupError> MulticastReceiver::open(const MulticastG
 ConstBytes MulticastReceiver::receive(MutableBytes buffer) noexcept {
   const ssize_t count =
       recv(socket_.number(), buffer.data(), buffer.size(), MSG_DONTWAIT | MSG_TRUNC);
-  // A datagram that does not fit is not RTPM's and counts as empty.
+  // A datagram that does not fit is not RTPM's, and counts as empty.
   if (count < 0) return {};
   const auto size = static_cast<std::size_t>(count);
   return ConstBytes(buffer).first(size <= buffer.size() ? size : 0);

@@ -13,7 +13,7 @@
 
 #include "sockets/native.hpp"
 
-// Older C libraries lack them.
+// Missing in older C libraries.
 #ifndef UDP_SEGMENT
 #define UDP_SEGMENT 103
 #endif
@@ -24,7 +24,7 @@
 namespace rtpm::transport {
 namespace {
 
-// Control messages: written one behind the other, or received.
+// Control messages, written one after another, or received.
 class Control {
  public:
   template <class T>
@@ -36,14 +36,14 @@ class Control {
     std::memcpy(CMSG_DATA(entry), &value, sizeof value);
     size_ += CMSG_SPACE(sizeof value);
   }
-  // hp-10-3: the address at which the request came.
+  // hp-10-3: the address at which the request arrived.
   void add_source(const SocketAddress& from, int family) noexcept {
     if (family == AF_INET) {
       in_pktinfo information{};
       information.ipi_spec_dst = from.ipv4();
       return add(IPPROTO_IP, IP_PKTINFO, information);
     }
-    // An IPv4 address goes into an IPv6 socket as a mapped one.
+    // An IPv6 socket takes an IPv4 address in mapped form.
     const SocketAddress mapped = from.mapped_into_ipv6();
     in6_pktinfo information{};
     information.ipi6_addr = mapped.ipv6();
@@ -66,7 +66,7 @@ class Control {
   std::size_t size_ = 0;
 };
 
-// A message of one part. `peer` may be null.
+// A message with a single buffer. `peer` may be null.
 msghdr message_of(iovec& part, const SocketAddress* peer) noexcept {
   msghdr message{};
   message.msg_name = peer == nullptr ? nullptr : const_cast<sockaddr*>(peer->native());
@@ -127,7 +127,7 @@ ssize_t send_from(int socket, const SocketAddress& to, const SocketAddress& from
 }
 
 bool means_no_batches(int error) noexcept {
-  // No checksum offload, an unknown option, a path with a smaller MTU.
+  // No checksum offload, an unknown option, or a path with a smaller MTU.
   return error == EIO || error == EINVAL || error == EOPNOTSUPP || error == EMSGSIZE;
 }
 

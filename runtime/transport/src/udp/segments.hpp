@@ -11,19 +11,20 @@
 // Batches of datagrams on a socket. All functions are alloc-free, one system call each.
 namespace rtpm::transport {
 
-/// Lets the socket receive the datagrams of a batch together, or stops that; batches received
-/// before stay as they are. A kernel that refuses delivers them one by one.
+/// Lets the socket receive the datagrams of a batch together, or stops that; batches already
+/// received are not affected. A kernel without support delivers datagrams singly.
 void accept_segments(int socket, bool is_on) noexcept;
 
-/// Sends several datagrams, as sendmsg(2) does one.
+/// Sends several datagrams, like sendmsg(2) for one.
 /// @param to    null if the socket is connected
-/// @param from  the own address that they leave from; null for the socket's, or by the route
+/// @param from  the local address to send from; null for the socket's, or by the route
 [[nodiscard]] ssize_t send_segments(int socket, const SocketAddress* to, const SocketAddress* from,
                                     const DatagramBatch& batch) noexcept;
-/// Sends one datagram from the own address `from`.
+/// Sends one datagram from the local address `from`.
 [[nodiscard]] ssize_t send_from(int socket, const SocketAddress& to, const SocketAddress& from,
                                 ConstBytes datagram) noexcept;
-/// Whether an error of send_segments() means that the path takes no batches but may take datagrams.
+/// Whether an error of send_segments() means that the path does not support batches but may support
+/// single datagrams.
 [[nodiscard]] bool means_no_batches(int error) noexcept;
 
 /// Sends the frames of a batch one by one, up to the first error.
@@ -37,14 +38,15 @@ template <class Send>
   return outcome;
 }
 
-/// Lets receive_datagrams() give the address to which a datagram came.
+/// Lets receive_datagrams() return the address at which a datagram arrived.
 /// @return false if the system refuses
 [[nodiscard]] bool receive_destinations(int socket, const SocketAddress& own) noexcept;
 
-/// Receives as recvfrom(2), or recvmsg(2) if the socket accepts segments or gives destinations.
+/// Receives like recvfrom(2), or like recvmsg(2) if the socket accepts segments or reports
+/// destinations.
 /// @param from  may be null
-/// @param to    null if not wanted; without a family if the system does not report it
-/// @param each  receives the size of each datagram but the last
+/// @param to    may be null; without a family if the system does not report it
+/// @param each  receives the size of each datagram except the last
 [[nodiscard]] ssize_t receive_datagrams(int socket, bool are_segments, MutableBytes buffer,
                                         SocketAddress* from, SocketAddress* to, int flags,
                                         std::size_t& each) noexcept;

@@ -19,14 +19,14 @@ namespace {
 // Holds a burst of small calls while the lane runs a long one.
 constexpr int kReceiveBufferSize = 1 << 20;
 
-// The socket is blocking: each call decides by its flags.
+// The socket is blocking; each call decides by its flags.
 Descriptor make_socket(int family) noexcept {
   return Descriptor(::socket(family, SOCK_DGRAM | SOCK_CLOEXEC, 0));
 }
 
 // A shared port is open to any process of the same user: a second server on it would silently take
-// half of the first one's traffic. So a socket without sharing tries the port first.
-// Returns the error number, or 0.
+// half of the first one's traffic. So an unshared socket tries the port first. Returns the error
+// number, or 0.
 int error_of_trial(const SocketAddress& address) noexcept {
   const Descriptor trial = make_socket(address.family());
   if (!trial.is_open()) return errno;
@@ -34,7 +34,7 @@ int error_of_trial(const SocketAddress& address) noexcept {
   return bind_to(trial.number(), address) == 0 ? 0 : errno;
 }
 
-// The size of the first frame, by its header.
+// The size of the first frame, from its header.
 std::size_t frame_size_in(ConstBytes bytes) noexcept {
   const auto header = wire::decode(bytes);
   return header ? wire::kHeaderSize + header->payload_size : bytes.size();
@@ -94,7 +94,7 @@ bool UdpPort::open_waker() noexcept {
   return true;
 }
 
-// The place in locals_ of an address at which a datagram came.
+// The index in locals_ of the address at which a datagram arrived.
 std::uint32_t UdpPort::index_of_local(const SocketAddress& to) noexcept {
   LocalAddresses& locals = *locals_;
   for (std::uint32_t i = 1; i < local_count_; ++i) {
@@ -139,7 +139,7 @@ expected<Datagrams, IoError> UdpPort::receive(MutableBytes buffer, int flags) no
     return unexpected{is_nothing ? IoError::kNothing : IoError::kFailed};
   }
   const auto size = static_cast<std::size_t>(count);
-  // A batch left over from before does not come with its datagrams' size.
+  // A batch left over from before does not include its datagrams' size.
   if (estimator_.may_be_left()) each = std::min(each, frame_size_in(buffer.first(size)));
   wire::PeerAddress peer = from.peer();
   if (peer == waker_peer_) {
@@ -160,7 +160,7 @@ bool UdpPort::wake() noexcept {
   // The part of a header that steer() reads.
   std::array<std::byte, kPriorityOffset + sizeof(std::uint16_t)> call{};
   store_le(call.data() + kPriorityOffset, low_.value());
-  // A full socket has datagrams, which wake as well.
+  // If the socket is full, its datagrams wake the receiver as well.
   return ::send(waker_.number(), call.data(), call.size(), MSG_DONTWAIT | MSG_NOSIGNAL) >= 0;
 }
 
@@ -174,7 +174,7 @@ expected<void, IoError> UdpPort::send(const wire::PeerAddress& peer, ConstBytes 
   return unexpected{error_of_send(errno)};
 }
 
-// Sends from the address at which the peer called.
+// Sends from the address that the peer called.
 ssize_t UdpPort::send_as_asked(const SocketAddress& to, const SocketAddress& local,
                                ConstBytes frame) noexcept {
   if (locals_ && local.family() != AF_UNSPEC) return send_from(socket_.number(), to, local, frame);

@@ -24,7 +24,7 @@ namespace {
 
 constexpr std::size_t kEventCountMax = 64;
 
-// Nanoseconds matter: a lane wakes just ahead of its callers.
+// Nanoseconds matter: a lane wakes just before its callers call.
 timespec left_until(MonotonicTime until) noexcept {
   if (until == kAlready || until == kNever) return {};
   return rt::to_timespec(std::max(until - rt::now(), Duration{0}));
@@ -32,7 +32,8 @@ timespec left_until(MonotonicTime until) noexcept {
 
 }  // namespace
 
-// While a wait may block: the lock is free, and the thread counts as asleep. Keeps errno.
+// Covers the time in which a wait may block: releases the lock, and counts the thread as asleep.
+// Keeps errno.
 class PolledWaitSet::BlockScope {
  public:
   BlockScope(PolledWaitSet& set, MonotonicTime until, WaitLock* held) noexcept
@@ -94,7 +95,7 @@ expected<void, SetupError> PolledWaitSet::open_descriptors() {
 bool PolledWaitSet::add(int descriptor, SourceTag tag, Trigger trigger) noexcept {
   RTPM_ASSERT(tag.kind() != SourceKind::kDoorbell, "the doorbell is the set's own source");
   if (sources_.size() == source_count_max_ || fcntl(descriptor, F_GETFD) < 0) return false;
-  // Among many, epoll refuses a duplicate.
+  // With many sources, epoll refuses a duplicate.
   if (!is_in_epoll_ && find(descriptor) != sources_.end()) return false;
   const bool was_in_epoll = is_in_epoll_;
   sources_.push_back({descriptor, trigger, tag});
@@ -106,7 +107,7 @@ bool PolledWaitSet::add(int descriptor, SourceTag tag, Trigger trigger) noexcept
     return false;
   }
   if (trigger == Trigger::kEdge) ++edge_count_;
-  // A ppoll under way does not know the source.
+  // A ppoll in progress does not know the source.
   if (is_blocked_ && !was_in_epoll) signal_doorbell();
   return true;
 }
@@ -117,7 +118,7 @@ void PolledWaitSet::remove(int descriptor) noexcept {
   if (is_in_epoll_) {
     epoll_ctl(epoll_.number(), EPOLL_CTL_DEL, descriptor, nullptr);
   } else if (is_blocked_) {
-    // A ppoll under way keeps the file open, and so the peer would not see it close.
+    // A ppoll in progress keeps the file open, so the peer would not see it close.
     signal_doorbell();
   }
   erase(source);
@@ -141,7 +142,7 @@ bool PolledWaitSet::register_source(const Source& source) noexcept {
   return epoll_ctl(epoll_.number(), EPOLL_CTL_ADD, source.descriptor, &event) == 0;
 }
 
-// False if the system refuses one: then all stay out.
+// False if the system refuses any source: then all stay out.
 bool PolledWaitSet::enter_epoll() noexcept {
   for (const Source& source : sources_) {
     if (register_source(source)) continue;
@@ -162,7 +163,7 @@ std::size_t PolledWaitSet::wait(MonotonicTime until, std::span<SourceTag> ready,
                                 WaitLock* held) noexcept {
   RTPM_ASSERT(!ready.empty(), "a wait reports at least one source");
   was_rung_ = false;
-  // At half the number, so that one source that comes and goes rarely moves the other ones.
+  // At half the number, so that a source that comes and goes rarely moves the others.
   if (is_in_epoll_ && edge_count_ == 0 && sources_.size() <= (kFewMax + 1) / 2) leave_epoll();
   return is_in_epoll_ ? wait_for_many(until, ready, held) : wait_for_few(until, ready, held);
 }
@@ -219,8 +220,8 @@ std::size_t PolledWaitSet::wait_for_few(MonotonicTime until, std::span<SourceTag
   return count;
 }
 
-// Whether another thread has not removed the source meanwhile. A descriptor that was closed without
-// remove() is dropped, as epoll does.
+// Whether no other thread has removed the source meanwhile. A descriptor that was closed without
+// remove() is dropped, as in epoll.
 bool PolledWaitSet::is_present(const pollfd& entry, SourceTag tag) noexcept {
   const auto source = find(entry.fd);
   if (source == sources_.end() || source->tag != tag) return false;
@@ -229,7 +230,7 @@ bool PolledWaitSet::is_present(const pollfd& entry, SourceTag tag) noexcept {
   return false;
 }
 
-// The doorbell's descriptor is readable: whether that is for a ring not yet reported.
+// Whether the readable doorbell means a ring that is not reported yet.
 bool PolledWaitSet::has_rung() noexcept {
   clear_doorbell();
   return take_rings();
@@ -246,7 +247,7 @@ bool PolledWaitSet::take_rings() noexcept {
 void PolledWaitSet::clear_doorbell() noexcept {
   std::uint64_t rings = 0;
   const ssize_t size = read(doorbell_.number(), &rings, sizeof rings);
-  static_cast<void>(size);  // Nothing to read: another wait took it.
+  static_cast<void>(size);  // Nothing to read: another wait has read it.
 }
 
 void PolledWaitSet::signal_doorbell() noexcept {

@@ -18,7 +18,7 @@ bool WaitSet::add_port(UdpPort& port, MutableBytes, SourceTag tag) noexcept {
 
 bool PortWaitSet::add_port(UdpPort& port, MutableBytes buffer, SourceTag tag) noexcept {
   if (!WaitSet::add_port(port, buffer, tag)) return false;
-  // It receives only while it has one source, which is this one.
+  // It receives only while it has a single source, and this is that source.
   if (port_ != nullptr) return true;
   port_ = &port;
   buffer_ = buffer;
@@ -56,7 +56,7 @@ bool PortWaitSet::may_receive(MonotonicTime until) noexcept {
   if (only_polls_ || port_ == nullptr || source_count() > 1 || was_rung()) return false;
   if (!may_block_until(until)) return false;
   if (!std::exchange(is_in_doubt_, false)) return true;
-  // The wait since then has polled, and would have reported the datagram if it was only late.
+  // The wait since then has polled, and would have reported the datagram if it was merely late.
   only_polls_ = port_->woken_count() == come_count_in_doubt_;
   return !only_polls_;
 }
@@ -65,7 +65,7 @@ std::size_t PortWaitSet::wait_by_receiving(std::span<SourceTag> ready) noexcept 
   const std::uint64_t sent_count = sent_count_.load(std::memory_order_acquire);
   const std::uint64_t come_count = port_->woken_count();
   // SYNC POINT wait-set-rings: ring() counts first and then checks for the receiver, so either it
-  // ends the receive, or it is counted by now.
+  // ends the receive, or its ring is counted by now.
   receiving_.store(port_, std::memory_order_seq_cst);
   bool has_datagram = false;
   bool is_rung = take_rings();

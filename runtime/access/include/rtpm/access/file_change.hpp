@@ -11,21 +11,21 @@
 
 namespace rtpm::access {
 
-/// Returns the new contents of a file of grants or known servers, from its present ones.
+/// Returns the new contents of a file of grants or known servers, given the current contents.
 using FileChange = std::function<expected<std::string, SetupError>(const std::string& text)>;
 
-/// Changes a file of grants or known servers as a whole: a reader sees the old content or the new.
-/// Several programs may do so at once. A missing file is created with mode 0600, and its folder
-/// with mode 0700; an existing one keeps its mode.
+/// Changes a file of grants or known servers atomically: a reader sees either the old or the new
+/// content. Several programs may do so concurrently. Creates a missing file with mode 0600, and its
+/// folder with mode 0700; an existing file keeps its mode.
 /// @realtime set-up only: waits for the disk, and up to 5 s for another program that changes it
 /// @errors   as read_trusted_file(); the error of `change`; the system's error. The file is
 ///           unchanged
 [[nodiscard]] expected<void, SetupError> change_trusted_file(const std::string& path,
                                                              const FileChange& change);
 
-/// `text` with one more line.
+/// Returns `text` with one more line.
 [[nodiscard]] std::string with_line(std::string text, std::string_view line);
-/// `text` without the lines of these numbers, from 1.
+/// Returns `text` without the lines with these numbers, from 1.
 [[nodiscard]] std::string without_lines(std::string_view text,
                                         const std::vector<std::size_t>& numbers);
 

@@ -10,47 +10,47 @@
 
 namespace rtpm::access {
 
-/// The folder of this user's keys and grants: $RTPM_KEYS, else $XDG_CONFIG_HOME/rtpm, else
-/// ~/.config/rtpm.
+/// The folder of this user's keys and grants: $RTPM_KEYS, otherwise $XDG_CONFIG_HOME/rtpm,
+/// otherwise ~/.config/rtpm.
 /// @realtime set-up only
 /// @errors   none of these variables is set
 [[nodiscard]] expected<std::string, SetupError> key_folder();
 
-/// The names of the files in it.
+/// The names of the files in key_folder().
 inline constexpr std::string_view kKeyFile = "key";
 inline constexpr std::string_view kAuthorizedFile = "authorized";
 inline constexpr std::string_view kKnownServersFile = "known_servers";
 
-/// `given`, or if that is empty the file of this name in key_folder().
+/// Returns `given` or, if that is empty, the file of this name in key_folder().
 /// @realtime set-up only
 /// @errors   as key_folder()
 [[nodiscard]] expected<std::string, SetupError> key_file_path(const std::string& given,
                                                               std::string_view name);
 
-/// The size of the largest file that is read; a larger one is refused.
+/// The maximum size of a file; a larger one is refused.
 inline constexpr std::size_t kFileSizeMax = 1024 * 1024;
 
-/// Makes a key and its file, "rtpm25519 BASE64 comment", which only its owner can read. Creates the
-/// folder, too, with mode 0700.
+/// Creates a key and its file, "rtpm25519 BASE64 comment", which only its owner can read. Also
+/// creates the folder, with mode 0700.
 /// @param comment  one line, such as "alice@lab"
 /// @realtime set-up only: waits for the disk
-/// @errors   the file exists already: it stays; the system's error
+/// @errors   the file exists already, and is kept; the system's error
 [[nodiscard]] expected<crypto::KeyPair, SetupError> make_key(const std::string& path,
-                                                           std::string_view comment);
+                                                             std::string_view comment);
 
-/// The key of a file.
+/// Reads the key in a file.
 /// @realtime set-up only
-/// @errors   no such file; a file that others can read or write, or of another owner than this user
-///           or root; no regular file; no key in it
+/// @errors   no such file; others can read or write it; its owner is neither this user nor root;
+///           not a regular file; no key in it
 [[nodiscard]] expected<crypto::KeyPair, SetupError> read_key(const std::string& path);
 
-/// The comment behind the key of a file; empty if there is none or read_key() refuses it.
+/// The comment after the key in a file; empty if there is none or read_key() refuses the file.
 /// @realtime set-up only
 [[nodiscard]] std::string key_comment(const std::string& path);
 
-/// The content of a file of grants or known servers; a missing one is empty.
+/// The content of a file of grants or known servers; a missing file counts as empty.
 /// @realtime set-up only
-/// @errors   a file that others can write, or of another owner than this user or root; no regular
+/// @errors   others can write the file; its owner is neither this user nor root; not a regular
 ///           file; more than kFileSizeMax bytes
 [[nodiscard]] expected<std::string, SetupError> read_trusted_file(const std::string& path);
 
@@ -69,7 +69,7 @@ struct FileStamp {
 /// @realtime set-up only
 [[nodiscard]] std::string user_at_host();
 
-/// The number of the user with whose rights this program runs.
+/// The id of the user with whose rights this program runs.
 [[nodiscard]] std::uint32_t this_user() noexcept;
 
 }  // namespace rtpm::access

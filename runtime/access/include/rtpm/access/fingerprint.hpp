@@ -8,19 +8,20 @@
 
 namespace rtpm::access {
 
-/// A public key in short, for people who compare two and for logs: the first 10 bytes of the key's
-/// SHA-256 as hexadecimal digits, "3f2a-91c0-77de-0b14-a5c2".
+/// The short form of a public key, for logs and for people who compare keys: the first 10 bytes of
+/// the key's SHA-256 as hexadecimal digits, "3f2a-91c0-77de-0b14-a5c2".
 /// @realtime set-up only
 /// @source   spec/security.md#sec-2
 [[nodiscard]] std::string fingerprint(const crypto::PublicKey& key);
 
-/// Whether `text` is the fingerprint of `key`; capitals and missing dashes do not matter.
+/// Whether `text` is the fingerprint of `key`; ignores case and missing dashes.
 [[nodiscard]] bool is_fingerprint_of(std::string_view text, const crypto::PublicKey& key);
 
 /// "rtpm25519 BASE64", the form of a public key in files and on command lines.
 /// @realtime set-up only
 [[nodiscard]] std::string public_key_text(const crypto::PublicKey& key);
-/// Parses such a text; ignores what follows the key, such as its comment. Nothing if it has no key.
+/// Parses such a text; ignores what follows the key, such as its comment. nullopt if it contains no
+/// key.
 [[nodiscard]] std::optional<crypto::PublicKey> parse_public_key(std::string_view text);
 
 }  // namespace rtpm::access

@@ -9,16 +9,17 @@
 
 namespace rtpm::access {
 
-/// A file of lines that only its owner can read, mode 0600. At its maximal size it is renamed to
-/// its name with ".1", replacing an older one, and a new file begins.
+/// A file of lines that only its owner can read, mode 0600. At its maximum size it is renamed, with
+/// ".1" appended, replacing an older one, and a new file is started.
 /// @threads  one at a time
 /// @realtime set-up only
 class LogFile {
  public:
   static constexpr std::uint64_t kSizeMax = 16 * 1024 * 1024;
 
-  /// Opens the file to append, or creates it.
-  /// @errors   it can't be opened, is not a regular file, is another user's, or open to others
+  /// Opens the file for appending, or creates it.
+  /// @errors   it can't be opened, is not a regular file, belongs to another user, or is open to
+  ///           others
   [[nodiscard]] static expected<LogFile, SetupError> open(std::string path,
                                                           std::uint64_t size_max = kSizeMax);
   LogFile(LogFile&& other) noexcept;

@@ -6,15 +6,15 @@
 
 namespace rtpm::access {
 
-/// The objects that a grant covers: a path in which a component may be `*`, any one component, or
-/// `**`, any number of components, also none.
+/// The objects that a grant covers: a path in which a component may be `*`, which matches any one
+/// component, or `**`, which matches any number of components, including none.
 class ObjectPattern {
  public:
-  /// Nothing if `text` is not a path apart from its stars: `*` and `**` must be whole components.
+  /// Parses a pattern. nullopt if `text` is not a path with `*` and `**` as whole components.
   [[nodiscard]] static std::optional<ObjectPattern> parse(std::string_view text);
 
-  /// @param path  of an object, "lab/arm0"
-  /// @realtime alloc-free; at most the product of both lengths in components
+  /// @param path  the path of an object, "lab/arm0"
+  /// @realtime alloc-free; at most the product of both component counts
   [[nodiscard]] bool covers(std::string_view path) const noexcept;
   [[nodiscard]] const std::string& text() const noexcept { return text_; }
 

@@ -9,7 +9,7 @@ namespace rtpm::access {
 
 /// "observe", …; "none" for kNone.
 [[nodiscard]] std::string_view to_string(Role role) noexcept;
-/// The role of this name; nothing for "none" and unknown names.
+/// The role with this name; nullopt for "none" and unknown names.
 [[nodiscard]] std::optional<Role> role_named(std::string_view name) noexcept;
 
 }  // namespace rtpm::access

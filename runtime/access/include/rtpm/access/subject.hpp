@@ -8,17 +8,17 @@
 
 namespace rtpm::access {
 
-/// The number by which the kernel shows users that it can't name, such as those of another user
-/// namespace: it never has grants.
+/// The id that the kernel shows for users that it can't name, such as those of another user
+/// namespace. It never has grants.
 inline constexpr std::uint32_t kUnknownUser = 65534;
 
-/// The identity of a caller, as far as it is proved: by a key in a sealed session, by the kernel on
-/// this host, or not at all.
+/// The authenticated identity of a caller: by a key in a sealed session, by the kernel on this
+/// host, or none.
 struct Subject {
   enum class Kind : std::uint8_t { kAnonymous, kLocalUser, kKey };
   Kind kind = Kind::kAnonymous;
-  std::uint32_t user = 0;  ///< The user's number, for kLocalUser.
-  crypto::PublicKey key{};   ///< The client's key, for kKey.
+  std::uint32_t user = 0;   ///< The user id, for kLocalUser.
+  crypto::PublicKey key{};  ///< The client's key, for kKey.
   friend bool operator==(const Subject&, const Subject&) noexcept = default;
 };
 

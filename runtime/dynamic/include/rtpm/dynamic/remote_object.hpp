@@ -23,7 +23,7 @@ namespace rtpm::dynamic {
 class RemoteObject {
  public:
   /// Fetches the object's schema from the server at `url`, and binds the object.
-  /// @errors  no server, a server without a catalog, a schema of another compiler
+  /// @errors  no server, a server without a catalog, a schema from another compiler
   [[nodiscard]] static expected<std::unique_ptr<RemoteObject>, SetupError> open(
       rpc::Node& node, const std::string& url);
 
@@ -32,20 +32,19 @@ class RemoteObject {
   [[nodiscard]] const std::string& compiler_version() const noexcept { return compiler_version_; }
   [[nodiscard]] rpc::Binding& binding() noexcept { return *binding_; }
 
-  /// Calls `method`, one of dynamic().service() without a stream, with the bytes on the wire;
-  /// returns those of the reply, or none for a oneway. Without a deadline in `options`, the
-  /// method's applies.
-  /// @threads  any, several at once, unlike the rest
+  /// Calls `method`, one of dynamic().service() without a stream, with wire bytes; returns the
+  /// reply's, or none for a oneway. Without a deadline in `options`, the method's applies.
+  /// @threads  any, concurrently, unlike the other methods
   /// @errors   as rpc::Binding::call()
   [[nodiscard]] expected<std::vector<std::byte>, rpc::CallError> call_bytes(
       const schema::Method& method, ConstBytes request, const rpc::CallOptions& options);
 
-  /// Receives the reply, or each item of a stream, in JSON; at times an empty text while no item
-  /// arrives. Returns false to end the stream.
+  /// Receives the reply, or each item of a stream, as JSON; occasionally an empty text while no
+  /// item arrives. Returns false to end the stream.
   using Print = std::function<bool(std::string_view json)>;
 
-  /// Calls `method` with a request in JSON. A oneway waits as its schema states. A stream lasts
-  /// until it ends, `print` returns false, or `stream_time` is over.
+  /// Calls `method` with a JSON request. A oneway waits as its schema states. A stream lasts until
+  /// it ends, `print` returns false, or `stream_time` is over.
   [[nodiscard]] expected<void, SetupError> call(std::string_view method, std::string_view json,
                                                 const rpc::CallOptions& options,
                                                 std::optional<Duration> stream_time,
@@ -69,7 +68,7 @@ class RemoteObject {
   std::unique_ptr<rpc::Binding> binding_{};
 };
 
-/// The URL of the catalog at the server of `url`; empty if `url` is malformed.
+/// The URL of the catalog on the server of `url`; empty if `url` is malformed.
 [[nodiscard]] std::string catalog_url(const std::string& url);
 
 }  // namespace rtpm::dynamic

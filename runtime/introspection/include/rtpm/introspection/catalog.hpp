@@ -11,14 +11,14 @@
 
 namespace rtpm::introspection {
 
-/// Path of the catalog in every server.
+/// The catalog's path in every server.
 inline constexpr std::string_view kPath = "rtpm/introspection";
-/// Path of the tap of a server's calls.
+/// The path of a server's call tap.
 inline constexpr std::string_view kTapPath = "rtpm/tap";
 
 class TapServer;
 
-/// The objects of a server with their interfaces, as an object of that server:
+/// The objects of a server with their interfaces, served as an object of that server:
 ///
 ///     Catalog catalog;
 ///     catalog.add("lab/arm0", arm);
@@ -35,8 +35,8 @@ class Catalog final : public IntrospectionServant {
   /// Adds `servant` under `path`, or replaces it.
   /// @realtime set-up only
   void add(std::string path, const rpc::Servant& servant);
-  /// Adds this catalog and the tap of the server's calls to a server, under kPath and kTapPath. The
-  /// tap has a thread, which sleeps unless a client records calls.
+  /// Adds this catalog and the server's call tap to a server, under kPath and kTapPath. The tap's
+  /// thread sleeps unless a client records calls.
   /// @realtime set-up only, once
   /// @errors   a path in use; no thread left
   [[nodiscard]] expected<void, SetupError> serve(rpc::Server& server);

@@ -4,14 +4,15 @@
 
 namespace rtpm::rt {
 
-/// The time on CLOCK_MONOTONIC, to within 0.1 µs: if the kernel keeps time by the processor's
-/// ticks, they are counted between two reads of its clock, a millisecond apart at most. Never goes
-/// back on one thread; between two threads, only times further apart than that are ordered.
-/// @realtime alloc-free, no syscall where the vDSO has the clock; the first call in a process reads
-///           a file
+/// The time on CLOCK_MONOTONIC, to within 0.1 µs. If the kernel uses the processor's tick counter
+/// as its clock, the ticks are counted between two reads of the kernel's clock, at most a
+/// millisecond apart. Never goes back on one thread; times on different threads are only ordered if
+/// they differ by more than the error.
+/// @realtime alloc-free, no syscall if the vDSO has the clock; the first call in a process reads a
+///           file
 [[nodiscard]] MonotonicTime now() noexcept;
 
-/// Sleeps until `time`, through signals.
+/// Sleeps until `time`, even if signals arrive.
 /// @realtime alloc-free, one syscall
 void sleep_until(MonotonicTime time) noexcept;
 

@@ -11,24 +11,24 @@
 
 namespace rtpm::rt {
 
-/// Keeps one CPU awake on demand. When a thread of low priority pauses for its budget's sake
-/// (budget.hpp), its CPU would go to sleep for a tenth of a millisecond, and a more urgent thread
-/// woken just then would pay for the CPU's own wake-up: 20 µs and more on a virtual machine. A
-/// thread at nice 19 spins there meanwhile. It gives way to all other threads.
-/// @threads  keep_until() from any; the other functions from the one that made it
+/// Keeps one CPU awake on demand. When a thread of low priority pauses to avoid throttling
+/// (budget.hpp), its CPU would sleep for a tenth of a millisecond, and a more urgent thread woken
+/// during that time would pay for the CPU's wake-up: at least 20 µs on a virtual machine. So a
+/// thread at nice 19 spins on the CPU meanwhile; it yields to all other threads.
+/// @threads  keep_until(): any; the rest: the thread that created it
 class CpuKeeper {
  public:
   /// Starts the thread, named `name`, on `cpu`.
   /// @realtime set-up only
-  /// @errors   a CPU that does not exist, no thread left: go on without
+  /// @errors   a CPU that does not exist; no thread left. The caller can continue without it
   [[nodiscard]] static expected<std::unique_ptr<CpuKeeper>, SetupError> start(
       const std::string& name, int cpu);
   CpuKeeper(const CpuKeeper&) = delete;
   CpuKeeper& operator=(const CpuKeeper&) = delete;
-  /// Ends the thread, which may take as long as the system gives it no CPU time.
+  /// Ends the thread. Waits until the system gives the thread CPU time.
   ~CpuKeeper();
 
-  /// Keeps the CPU awake until `time`, or longer if an earlier call asked for more.
+  /// Keeps the CPU awake until `time`, or longer if an earlier call requested it.
   /// @realtime alloc-free, ≤ 1 syscall
   void keep_until(MonotonicTime time) noexcept;
 

@@ -6,20 +6,20 @@
 
 namespace rtpm::rt {
 
-/// Keeps the CPUs of the whole machine from sleeping so deeply that waking takes longer than a
-/// bound: a sleep of the deepest kind takes up to some hundred µs to wake from. It costs power.
-/// @ownership the request stands as long as this lives, or the process
+/// Limits how deeply the machine's CPUs may sleep, so that waking takes no longer than a bound:
+/// waking from the deepest sleep takes some hundred µs. Costs power.
+/// @ownership the request lasts as long as this object, or the process
 /// @threads  one at a time
 /// @realtime set-up only
 /// @source   the kernel's PM QoS interface, /dev/cpu_dma_latency
 class CpuLatencyRequest {
  public:
-  /// No request.
+  /// Makes no request.
   CpuLatencyRequest() noexcept = default;
-  /// Asks for waking within `latency`, which the kernel rounds to whole µs; 0 forbids sleep.
-  /// Asks nothing with kOff.
-  /// @errors   with kRequire, a right that the process lacks, or a system without such requests.
-  ///           With kPrefer it warns once instead
+  /// Requests waking within `latency`, which the kernel rounds to whole µs; 0 forbids sleep. With
+  /// kOff it requests nothing.
+  /// @errors   with kRequire, the process lacks a right, or the system has no such requests. With
+  ///           kPrefer it warns once instead
   [[nodiscard]] static expected<CpuLatencyRequest, SetupError> open(Duration latency,
                                                                     RealtimeMode mode);
   CpuLatencyRequest(CpuLatencyRequest&& other) noexcept;

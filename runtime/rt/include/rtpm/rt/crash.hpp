@@ -2,10 +2,10 @@
 
 #include <cstddef>
 
-/// The line that a crash prints: the thread, and its notes on its current work.
+/// The line printed at a crash: the thread, and notes on its current work.
 namespace rtpm::rt {
 
-/// Notes the calling thread's current work, for as long as this lives. Notes nest.
+/// Notes the calling thread's current work while it lives. Notes nest.
 /// @ownership refers to `text`
 /// @realtime alloc-free, no system call
 class CrashNote {
@@ -21,10 +21,10 @@ class CrashNote {
   const char* text_;
 };
 
-/// Names loaded code, such as a plug-in's, for a crash in it on any thread.
+/// Names loaded code, such as a plug-in's, so that a crash in it can be reported on any thread.
 /// @ownership refers to `name`
 /// @threads  any
-/// @realtime alloc-free; at most 64 names at a time, further ones are ignored
+/// @realtime alloc-free; at most 64 names at a time; further ones are ignored
 class CodeName {
  public:
   CodeName(const void* begin, std::size_t size, const char* name) noexcept;
@@ -39,7 +39,7 @@ class CodeName {
 /// Makes SIGSEGV, SIGBUS, SIGILL, SIGFPE and SIGABRT print one line before they end the process as
 /// usual: the program, the thread, its notes and the named code. A signal that already has a
 /// handler, such as a sanitizer's, keeps it.
-/// @param program, remedy  texts of static life; an empty remedy is left out
+/// @param program, remedy  texts with static lifetime; an empty remedy is left out
 /// @realtime set-up only
 void report_crashes(const char* program, const char* remedy) noexcept;
 

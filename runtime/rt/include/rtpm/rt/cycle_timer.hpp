@@ -8,7 +8,7 @@
 
 namespace rtpm::rt {
 
-/// The due times of a loop with a steady period, and how often it was late:
+/// The due times of a periodic loop, and how often it was late:
 ///
 ///     rt::CycleTimer cycle(1ms);
 ///     while (is_running) {
@@ -17,8 +17,8 @@ namespace rtpm::rt {
 ///       cycle.finish();
 ///     }
 ///
-/// Due times are absolute: a late cycle does not shift the next ones. Cycles that are over when an
-/// earlier one ends are skipped.
+/// Due times are absolute: a late cycle does not shift the next ones. Cycles whose time is already
+/// over when a cycle ends are skipped.
 /// @threads  one
 /// @realtime alloc-free; wait() one system call
 class CycleTimer {
@@ -32,13 +32,13 @@ class CycleTimer {
 
   /// When the current cycle is due, or was.
   [[nodiscard]] MonotonicTime due() const noexcept { return due_; }
-  /// Cycles that ended after the next one was due, and cycles that were skipped as a result.
+  /// Cycles that ended after the next one was due, plus the cycles skipped as a result.
   [[nodiscard]] std::uint64_t overrun_count() const noexcept { return overrun_count_; }
 
   /// Sleeps until the current cycle is due.
   void wait() const noexcept { sleep_until(due_); }
 
-  /// Ends the current cycle: the next one is the first whose time is not over.
+  /// Ends the current cycle. The next one is the first whose time is not over.
   void finish() noexcept {
     due_ += period_;
     const Duration behind = now() - due_;

@@ -9,9 +9,9 @@
 namespace rtpm::rt {
 
 /// Replaces the content of the file at `path`, or creates the file. After a crash or a power
-/// failure the file has either the old or the new content, and the new one once this has returned.
+/// failure the file has either the old or the new content; once this has returned, the new one.
 /// Writes `path`.new first.
-/// @threads  one per path at a time
+/// @threads  one at a time per path
 /// @realtime set-up only: waits for the disk
 /// @errors   the operating system's; the old file is unchanged
 [[nodiscard]] expected<void, std::error_code> replace_file(const std::string& path,

@@ -7,34 +7,34 @@
 
 namespace rtpm::rt {
 
-/// How bad a finding is, the worst last.
+/// How serious a finding is, the most serious last.
 enum class Severity : std::uint8_t {
   kGood,     ///< Nothing to do.
-  kNote,     ///< Costs nothing by itself, or could not be determined.
+  kNote,     ///< Costs nothing by itself, or is unknown.
   kWarning,  ///< Costs latency, data or comfort.
-  kProblem,  ///< Nothing bounds the latency, or something does not work at all.
+  kProblem,  ///< Latency is unbounded, or something does not work at all.
 };
 
 /// "good", "note", "warning" or "problem".
 [[nodiscard]] std::string_view to_string(Severity severity) noexcept;
 
-/// A file of the system, and the text that it should hold.
+/// A system file, and the text that it should contain.
 struct Setting {
   std::string path;
   std::string value;
   friend bool operator==(const Setting&, const Setting&) = default;
 };
 
-/// One thing that was judged. Texts are clauses; foreign parts are not escaped.
+/// One judged aspect of the host. Texts are clauses; foreign parts are not escaped.
 struct Finding {
-  std::string id{};  ///< "socket-buffers": stays the same over releases.
+  std::string id{};  ///< Such as "socket-buffers"; stable across releases.
   Severity severity = Severity::kGood;
   std::string text{};    ///< The fact.
-  std::string cost{};    ///< Its cost, with a magnitude; may be empty.
-  std::string remedy{};  ///< Lines for a shell, or a clause; empty if none is needed.
-  /// Settings that are safe to apply and to revert; they last until a reboot. May be empty.
+  std::string cost{};    ///< Its cost, with an order of magnitude; may be empty.
+  std::string remedy{};  ///< Shell lines, or a clause; empty if none is needed.
+  /// Settings that can safely be applied and reverted; they last until a reboot. May be empty.
   std::vector<Setting> fixes{};
-  std::string lasting{};  ///< A line for a shell that makes `fixes` survive a reboot.
+  std::string lasting{};  ///< A shell line that makes `fixes` survive a reboot.
 
   [[nodiscard]] bool is_fixable() const noexcept { return !fixes.empty(); }
 };

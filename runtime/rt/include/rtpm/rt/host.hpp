@@ -6,14 +6,14 @@
 
 namespace rtpm::rt {
 
-/// The number of the monotonic clock of a process with these bytes in
-/// /proc/sys/kernel/random/boot_id, and with this text in the link /proc/self/ns/time, empty if
-/// there is no such link (hp-4.1-7).
+/// The number of a process's monotonic clock, derived from the bytes of
+/// /proc/sys/kernel/random/boot_id and the text of the link /proc/self/ns/time; the text is empty
+/// if there is no such link (hp-4.1-7).
 [[nodiscard]] std::uint64_t clock_domain_of(std::string_view boot_id,
                                             std::string_view time_namespace) noexcept;
 
-/// A number that processes share if and only if their monotonic clocks are the same clock: derived
-/// from the kernel's boot id and time namespace. 0 if it can't be determined.
+/// A number that processes share if and only if their monotonic clocks are the same. Derived from
+/// the kernel's boot id and time namespace; 0 if it can't be determined.
 /// @realtime set-up only
 [[nodiscard]] std::uint64_t clock_domain() noexcept;
 

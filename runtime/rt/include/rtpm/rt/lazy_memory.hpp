@@ -6,14 +6,14 @@
 
 namespace rtpm::rt {
 
-/// Memory that costs nothing until it is used: pages are allocated at their first touch and stay.
+/// Memory that costs nothing until it is used: pages are allocated at their first touch, and kept.
 /// Holds large messages, to which a lane's real-time guarantees do not apply.
-/// @ownership unmaps at its end
-/// @threads  as any memory. Set-up only; a first touch faults
+/// @ownership unmaps on destruction
+/// @threads  as any memory. Set-up only; the first touch of a page faults
 class LazyMemory {
  public:
   LazyMemory() noexcept = default;
-  /// Zeros, aligned to a page. Empty if the system has no address space left.
+  /// Allocates zeros, aligned to a page. Empty if the system has no address space left.
   explicit LazyMemory(std::size_t size) noexcept;
   LazyMemory(LazyMemory&& other) noexcept;
   LazyMemory& operator=(LazyMemory&& other) noexcept;

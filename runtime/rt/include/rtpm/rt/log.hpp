@@ -9,14 +9,14 @@
 
 namespace rtpm::rt {
 
-/// Writes "who: text" as one line to standard error, with characters that are unsafe on a terminal
-/// escaped (printable()). For the last message of a program: it is not rate-limited.
+/// Writes "who: text" as one line to standard error, escaping characters that are unsafe on a
+/// terminal (printable()). For a program's last message: it is not rate-limited.
 /// @realtime set-up only
 void print_error(std::string_view who, std::string_view text);
 
-/// The running log of a program, a line for each event: "who: text", escaped as by print_error(),
-/// and rate-limited. Lines above the limit are only counted: "who: … and 17 more suppressed".
-/// @threads  any, not real-time ones
+/// A program's log, one line per event: "who: text", escaped as by print_error(), and rate-limited.
+/// Lines above the limit are only counted: "who: … and 17 more suppressed".
+/// @threads  any, except real-time threads
 /// @realtime set-up only
 class Log {
  public:

@@ -8,23 +8,23 @@
 
 namespace rtpm::rt {
 
-/// Locks all present and future memory of the process and keeps freed heap mapped, so that no lane
-/// meets a page fault.
+/// Locks all current and future memory of the process, and keeps freed heap mapped, so that no lane
+/// page-faults.
 /// @realtime set-up only
-/// @errors   with kRequire, a memory-lock limit that is too small: also if it covers today's memory
-///           but not 256 MiB more, since further memory could not be allocated at all. With kPrefer
-///           such a program goes on without, and warns
+/// @errors   with kRequire, a memory-lock limit that is too small: even if it covers the current
+///           memory, it must leave 256 MiB, since further memory could not be allocated at all.
+///           With kPrefer such a program continues unlocked, and warns
 [[nodiscard]] expected<void, SetupError> lock_memory(RealtimeMode mode);
 
-/// Makes `memory` resident by touching each page; its contents stay. Call it before a real-time
-/// thread touches the memory first, as memory is locked only once it is resident. Thread::start
-/// does this for threads' stacks.
+/// Makes `memory` resident by touching each page; its contents do not change. Call it before a
+/// real-time thread first touches the memory, because memory is locked only once it is resident.
+/// Thread::start() does this for threads' stacks.
 /// @threads  no other thread writes there meanwhile
 /// @realtime set-up only
 void prefault(MutableBytes memory) noexcept;
 
-/// Declares that the calling thread allocates nothing from here on. The thread itself is unchanged;
-/// the allocation guard that tests link checks this and aborts on a breach.
+/// Declares that the calling thread allocates nothing while it lives. It does not change the thread
+/// itself; the allocation guard that tests link checks this and aborts on a breach.
 class NoAllocationScope {
  public:
   NoAllocationScope() noexcept;
@@ -37,7 +37,7 @@ class NoAllocationScope {
 /// @realtime alloc-free
 [[nodiscard]] bool is_allocation_forbidden() noexcept;
 
-/// Lifts the calling thread's scope for a stretch that is set-up by nature.
+/// Suspends the calling thread's NoAllocationScope for a section that is set-up by nature.
 class AllowAllocationScope {
  public:
   AllowAllocationScope() noexcept;

@@ -4,17 +4,17 @@
 
 #include "rtpm/base/time.hpp"
 
-/// Times as the operating system's calls take them.
+/// Converts between RTPM's times and the operating system's.
 namespace rtpm::rt {
 
-/// `duration`: not negative.
+/// `duration` must not be negative.
 /// @realtime alloc-free
 [[nodiscard]] constexpr timespec to_timespec(Duration duration) noexcept {
   constexpr std::int64_t kSecond = 1'000'000'000;
   return {.tv_sec = duration.count() / kSecond, .tv_nsec = duration.count() % kSecond};
 }
 
-/// The time on CLOCK_MONOTONIC.
+/// A time on CLOCK_MONOTONIC.
 /// @realtime alloc-free
 [[nodiscard]] constexpr timespec to_timespec(MonotonicTime time) noexcept {
   return to_timespec(time.time_since_epoch());

@@ -7,7 +7,7 @@
 
 #include "rtpm/rt/finding.hpp"
 
-/// The needs of RTPM's defaults from a host's network: facts first, then judgements.
+/// What RTPM's defaults need from a host's network: facts first, then judgements.
 namespace rtpm::rt {
 
 /// A network interface.
@@ -24,7 +24,7 @@ enum class MulticastTrial : std::uint8_t { kReceived, kRefused, kNotSent, kNotRe
 
 struct MulticastFacts {
   std::string group{};                       ///< "239.255.42.1".
-  std::vector<InterfaceFacts> interfaces{};  ///< By name.
+  std::vector<InterfaceFacts> interfaces{};  ///< Sorted by name.
   std::string route{};                       ///< The interface for the group, if there is one.
   MulticastTrial trial = MulticastTrial::kReceived;
   std::string reason{};  ///< Why, for kRefused.
@@ -39,14 +39,14 @@ struct PortHolder {
 
 struct PortFacts {
   std::uint16_t port = 0;
-  std::string program{};  ///< Listens there by default: "rtpm-registryd".
-  std::string option{};   ///< Chooses another port: "--port".
+  std::string program{};  ///< The program that listens there by default: "rtpm-registryd".
+  std::string option{};   ///< The option that chooses another port: "--port".
   bool answers = false;   ///< Whether an RTPM server answers there.
   std::optional<PortHolder> holder{};
 };
 
-/// Reads the interfaces and the route of `group` below `root`, "" being the system's root. The
-/// caller makes the trial.
+/// Reads the interfaces and the route of `group` below `root`; "" is the system's root. The trial
+/// is left to the caller.
 /// @realtime set-up only
 [[nodiscard]] MulticastFacts read_multicast(const std::string& root, const std::string& group);
 /// The program that listens at `port` by UDP or TCP; nullopt if there is none.

@@ -12,22 +12,22 @@
 
 namespace rtpm::rt {
 
-/// Runs blocking jobs at the same time, each on a time-shared thread, in the order in which they
-/// were added. Threads start as they are needed, up to a limit; jobs may add jobs.
-/// @threads  add() from any; finish() and the destructor from one
+/// Runs blocking jobs concurrently, each on a time-shared thread, started in the order in which
+/// they were added. Threads start on demand, up to a limit; jobs may add jobs.
+/// @threads  add(): any; finish() and the destructor: one
 /// @realtime set-up only
 class ParallelJobs {
  public:
-  /// @param name              of the threads
-  /// @param thread_count_max  jobs that run at a time
+  /// @param name              the threads' name
+  /// @param thread_count_max  the most jobs that run concurrently
   ParallelJobs(std::string name, std::size_t thread_count_max);
   ParallelJobs(const ParallelJobs&) = delete;
   ParallelJobs& operator=(const ParallelJobs&) = delete;
-  /// Finishes.
+  /// Calls finish().
   ~ParallelJobs();
 
   void add(std::function<void()> job);
-  /// Waits until every job has run. Runs them itself if no thread could start.
+  /// Waits until every job has run. Runs jobs itself if no thread could start.
   void finish();
 
  private:

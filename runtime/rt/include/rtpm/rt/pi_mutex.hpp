@@ -5,10 +5,9 @@
 namespace rtpm::rt {
 
 /// A mutex with priority inheritance: its holder runs at the priority of the most urgent waiter, so
-/// that a lower lane can't keep a higher one waiting behind a middle one. Works with
-/// std::lock_guard.
+/// a middle lane can't delay a higher lane that waits for a lower one. Works with std::lock_guard.
 /// @threads  any
-/// @realtime alloc-free; no syscall without a second thread
+/// @realtime alloc-free; no syscall if uncontended
 class PiMutex {
  public:
   PiMutex() noexcept;

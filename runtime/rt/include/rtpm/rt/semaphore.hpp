@@ -7,9 +7,9 @@
 namespace rtpm::rt {
 
 /// A count that one thread raises and another waits for, to wake a sleeping thread. Unlike a
-/// condition variable it holds no lock of its own that could keep a more urgent thread waiting.
+/// condition variable it has no internal lock that could delay a more urgent thread.
 /// @threads  any
-/// @realtime alloc-free; post() is one syscall where a thread waits, else none
+/// @realtime alloc-free; post() makes one syscall if a thread waits, otherwise none
 class Semaphore {
  public:
   Semaphore() noexcept;
@@ -17,7 +17,7 @@ class Semaphore {
   Semaphore& operator=(const Semaphore&) = delete;
   ~Semaphore();
   void post() noexcept;
-  /// Waits until the count is above 0, and lowers it; false if it is still 0 at `deadline`.
+  /// Waits until the count is above 0, and decrements it; false if it is still 0 at `deadline`.
   [[nodiscard]] bool wait_until(MonotonicTime deadline) noexcept;
 
  private:

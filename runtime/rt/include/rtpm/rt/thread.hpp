@@ -14,11 +14,11 @@
 
 namespace rtpm::rt {
 
-/// The reaction to the operating system's refusal of real-time scheduling or memory locking.
+/// What happens if the operating system refuses real-time scheduling or memory locking.
 enum class RealtimeMode : std::uint8_t {
-  kPrefer,   ///< Warns once on standard error, with the remedy, and goes on time-shared.
+  kPrefer,   ///< Warns once on standard error, with the remedy, and continues time-shared.
   kRequire,  ///< Set-up fails, with the remedy.
-  kOff,      ///< Does not ask: for tests and tools.
+  kOff,      ///< Requests nothing: for tests and tools.
 };
 
 /// "prefer", "require" or "off".
@@ -26,28 +26,30 @@ enum class RealtimeMode : std::uint8_t {
 
 /// Scheduling policy.
 enum class Schedule : std::uint8_t {
-  /// SCHED_FIFO: before all time-shared threads, and before those of lower priority. A thread that
+  /// SCHED_FIFO: above all time-shared threads and all threads of lower priority. A thread that
   /// keeps its CPU busy is subject to the kernel's throttling, see budget.hpp.
   kFifo,
-  /// Shares the CPU with everything else on the machine, behind every real-time thread: for work
-  /// that may fill a CPU and is not urgent.
+  /// Shares the CPU with all other processes, below every real-time thread: for work that may keep
+  /// a CPU busy and is not urgent.
   kTimeShared,
 };
 
 /// "fifo" or "time-shared".
 [[nodiscard]] std::string_view to_string(Schedule schedule) noexcept;
 
-/// How a thread is to run.
+/// The configuration of a thread.
 struct ThreadConfig {
-  std::string name;                    ///< The system shows its first 15 bytes.
-  std::optional<Priority> priority{};  ///< SCHED_FIFO at its native level; nullopt if time-shared.
-  std::vector<int> cpus{};             ///< CPUs that it is confined to; by default its starter's.
+  std::string name;  ///< The system shows only its first 15 bytes.
+  /// Runs as SCHED_FIFO at its native level; nullopt if time-shared.
+  std::optional<Priority> priority{};
+  /// The CPUs that it is confined to; by default those of the starting thread.
+  std::vector<int> cpus{};
   RealtimeMode realtime = RealtimeMode::kPrefer;
-  /// kTimeShared: the priority is that of its calls only.
+  /// With kTimeShared, the priority applies only to the thread's calls.
   Schedule schedule = Schedule::kFifo;
 };
 
-/// A thread that runs `body` once, joined when it ends.
+/// A thread that runs `body` once. Joined on destruction.
 /// @threads  start and join from one thread
 /// @realtime set-up only
 class Thread {
@@ -55,12 +57,11 @@ class Thread {
   Thread() noexcept = default;
   Thread(Thread&& other) noexcept;
   Thread& operator=(Thread&& other) noexcept;
-  /// Joins.
+  /// Joins the thread.
   ~Thread();
 
-  /// Starts `body` with its name, scheduling and affinity already in force.
-  /// @errors   with kRequire, a right that the process lacks; a CPU that does not exist; no thread
-  ///           left
+  /// Starts `body` with its name, scheduling and affinity already set.
+  /// @errors   with kRequire, the process lacks a right; a CPU that does not exist; no thread left
   [[nodiscard]] static expected<Thread, SetupError> start(const ThreadConfig& config,
                                                           std::function<void()> body);
   void join() noexcept;
@@ -70,14 +71,14 @@ class Thread {
   std::optional<pthread_t> handle_{};
 };
 
-/// Gives the calling thread name, scheduling and affinity.
+/// Sets the calling thread's name, scheduling and affinity.
 /// @realtime set-up only
 [[nodiscard]] expected<void, SetupError> configure_this_thread(const ThreadConfig& config);
 
-/// Checks whether a thread may spin without end. Under the kernel's throttling a SCHED_FIFO thread
+/// Checks whether a thread may spin endlessly. Under the kernel's throttling a SCHED_FIFO thread
 /// can't: it pauses as budget.hpp describes, and setup_report() reports that.
 /// @realtime set-up only
-/// @errors   with kRequire, the throttling, as a pause is not what was asked for
+/// @errors   with kRequire, the throttling, since pauses were not requested
 [[nodiscard]] expected<void, SetupError> check_spinning(const ThreadConfig& config);
 
 }  // namespace rtpm::rt

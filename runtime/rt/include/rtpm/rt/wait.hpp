@@ -9,23 +9,26 @@ namespace rtpm::rt {
 
 /// How a thread waits for something to arrive.
 enum class WaitStrategy : std::uint8_t {
-  kAdaptive,  ///< Spins for a bounded time, then blocks: fast while busy, idle when idle. A lane
-              ///< whose next call seldom comes within that time blocks at once.
-  kBlock,     ///< Blocks at once: no wasted cycle, the wake-up's latency each time.
-  kPeriodic,  ///< Like kAdaptive, but if callers come at a steady pace it sleeps between them and
-              ///< is awake, spinning, when each comes: spinning's latency for some per cent of a
-              ///< core. For servers; elsewhere it is kAdaptive.
-  kSpin,      ///< Never blocks: least latency for a whole core, which must be the thread's own.
-              ///< Where the kernel throttles real-time threads, one at SCHED_FIFO blocks for some
-              ///< per cent of the time all the same, a little at a time: see budget.hpp.
+  /// Spins for a bounded time, then blocks: fast while busy, no CPU use while idle. A lane whose
+  /// next call rarely arrives within that time blocks at once.
+  kAdaptive,
+  kBlock,  ///< Blocks at once: wastes no cycle, but pays the wake-up latency each time.
+  /// Like kAdaptive, but if callers are periodic, it sleeps between calls and is already spinning
+  /// when each arrives: the latency of spinning for a few per cent of a core. For servers;
+  /// elsewhere it equals kAdaptive.
+  kPeriodic,
+  /// Never blocks: least latency for a whole core, which must be reserved for the thread. If the
+  /// kernel throttles real-time threads, a SCHED_FIFO thread still blocks briefly for a few per
+  /// cent of the time: see budget.hpp.
+  kSpin,
 };
 
 /// A wait strategy with its bound.
 struct WaitConfig {
   WaitStrategy strategy = WaitStrategy::kAdaptive;
   /// How long kAdaptive spins before it blocks: about the cost of a block, since a sleeping CPU of
-  /// a virtual machine takes up to 0.1 ms to wake. Blocking earlier costs twice for replies that
-  /// take a little longer than usual.
+  /// a virtual machine takes up to 0.1 ms to wake. Blocking earlier doubles the cost of replies
+  /// that take slightly longer than usual.
   Duration spin = std::chrono::microseconds{100};
 };
 

@@ -15,24 +15,25 @@
 
 namespace rtpm::transport {
 
-/// An IPv4 or IPv6 address with a port, in the form of the system's calls.
+/// An IPv4 or IPv6 address with a port, in the form that system calls use.
 class SocketAddress {
  public:
-  /// An address without a family.
+  /// Creates an address without a family.
   SocketAddress() noexcept : ipv4_{} {}
   SocketAddress(in_addr address, std::uint16_t port) noexcept;
   SocketAddress(const in6_addr& address, std::uint32_t zone, std::uint16_t port) noexcept;
-  /// A numeric address, "127.0.0.1", "::1", "fe80::1%eth0"; nothing if `host` is not numeric.
+  /// Parses a numeric address, "127.0.0.1", "::1", "fe80::1%eth0"; nullopt if `host` is not
+  /// numeric.
   /// @realtime set-up only
   [[nodiscard]] static std::optional<SocketAddress> parse(const std::string& host,
                                                           std::uint16_t port);
-  /// Copies an address from the system, kSizeMax bytes at most.
+  /// Copies an address from the system, at most kSizeMax bytes.
   [[nodiscard]] static SocketAddress of(const sockaddr& address, socklen_t size) noexcept;
 
   [[nodiscard]] const sockaddr* native() const noexcept {
     return reinterpret_cast<const sockaddr*>(&ipv6_);
   }
-  /// Lets the system fill the address in, up to kSizeMax.
+  /// Memory that the system fills with an address, up to kSizeMax.
   [[nodiscard]] sockaddr* native() noexcept { return reinterpret_cast<sockaddr*>(&ipv6_); }
   static constexpr socklen_t kSizeMax = sizeof(sockaddr_in6);
   [[nodiscard]] socklen_t size() const noexcept {
@@ -44,18 +45,18 @@ class SocketAddress {
   void set_port(std::uint16_t port) noexcept { ipv4_.sin_port = htons(port); }
   [[nodiscard]] in_addr ipv4() const noexcept { return ipv4_.sin_addr; }
   [[nodiscard]] const in6_addr& ipv6() const noexcept { return ipv6_.sin6_addr; }
-  /// The interface's number, for a link-local IPv6 address.
+  /// The interface index, for a link-local IPv6 address.
   [[nodiscard]] std::uint32_t zone() const noexcept { return is_ipv4() ? 0 : ipv6_.sin6_scope_id; }
 
-  /// 127.0.0.0/8 or ::1.
+  /// Whether it is in 127.0.0.0/8 or ::1.
   [[nodiscard]] bool is_loopback() const noexcept {
     constexpr std::uint32_t kLoopbackNet = 127;
     if (is_ipv4()) return ntohl(ipv4_.sin_addr.s_addr) >> 24 == kLoopbackNet;
     return IN6_IS_ADDR_LOOPBACK(&ipv6_.sin6_addr);
   }
-  /// 0.0.0.0 or ::.
+  /// Whether it is 0.0.0.0 or ::.
   [[nodiscard]] bool is_unspecified() const noexcept;
-  /// fe80::/10.
+  /// Whether it is in fe80::/10.
   [[nodiscard]] bool is_link_local() const noexcept;
   /// The numeric address without port: "127.0.0.1", "fe80::1%eth0".
   /// @realtime set-up only
@@ -64,12 +65,12 @@ class SocketAddress {
   /// @realtime set-up only
   [[nodiscard]] std::string text() const;
 
-  /// The same address in the protocol's form. An IPv4 address mapped into IPv6 becomes IPv4.
+  /// The address in the protocol's form. An IPv4 address mapped into IPv6 becomes IPv4.
   [[nodiscard]] wire::PeerAddress peer() const noexcept {
     if (!is_ipv4()) return ipv6_peer();
     return {0, ipv4_.sin_addr.s_addr, ipv4_.sin_port};
   }
-  /// The reverse.
+  /// The reverse of peer().
   [[nodiscard]] static SocketAddress of(const wire::PeerAddress& peer) noexcept {
     if (peer.high != 0 || peer.low >> 32 != 0) return of_ipv6_peer(peer);
     SocketAddress address;
@@ -78,13 +79,13 @@ class SocketAddress {
     address.ipv4_.sin_addr.s_addr = static_cast<in_addr_t>(peer.low);
     return address;
   }
-  /// The address in the form for an IPv6 socket: IPv4 becomes ::ffff:a.b.c.d.
+  /// The address for use with an IPv6 socket: IPv4 becomes ::ffff:a.b.c.d.
   [[nodiscard]] SocketAddress mapped_into_ipv6() const noexcept;
   [[nodiscard]] SocketAddress for_family(int family) const noexcept {
     return family == AF_INET ? *this : mapped_into_ipv6();
   }
 
-  /// Whether both are the same address, whatever their ports are.
+  /// Whether both addresses are equal, ignoring their ports.
   [[nodiscard]] bool is_same_host(const SocketAddress& other) const noexcept {
     if (family() != other.family()) return false;
     if (is_ipv4()) return ipv4_.sin_addr.s_addr == other.ipv4_.sin_addr.s_addr;
@@ -99,25 +100,25 @@ class SocketAddress {
   [[nodiscard]] static SocketAddress of_ipv6_peer(const wire::PeerAddress& peer) noexcept;
 
   union {
-    sockaddr_in ipv4_;  ///< Family and port have the same place as in ipv6_.
+    sockaddr_in ipv4_;  ///< Family and port are at the same offsets as in ipv6_.
     sockaddr_in6 ipv6_;
   };
 };
 
 /// How long a name server may take if no deadline is given.
 inline constexpr Duration kResolvePatience = std::chrono::seconds{5};
-/// The number of addresses of one name that are used at most.
+/// The most addresses of one name that are used.
 inline constexpr std::size_t kAddressCountMax = 8;
 
-/// The addresses of a numeric address or a host name, in the order in which the system would try
-/// them (RFC 6724); at least one. A thread of its own asks the name server; it may outlive
-/// `deadline`, and few run at a time.
+/// Resolves a numeric address or a host name to its addresses, in the order in which the system
+/// would try them (RFC 6724); at least one. A separate thread asks the name server; the thread may
+/// outlive `deadline`, and few run at a time.
 /// @realtime set-up only
-/// @errors   the name has no address; a link-local one lacks its zone; no answer by `deadline`
+/// @errors   the name has no address; a link-local address lacks its zone; no answer by `deadline`
 [[nodiscard]] expected<std::vector<SocketAddress>, SetupError> addresses_of(const std::string& host,
                                                                             std::uint16_t port,
                                                                             MonotonicTime deadline);
-/// The first of addresses_of(), within kResolvePatience.
+/// The first result of addresses_of(), within kResolvePatience.
 [[nodiscard]] expected<SocketAddress, SetupError> address_of(const std::string& host,
                                                              std::uint16_t port);
 
@@ -125,29 +126,29 @@ inline constexpr std::size_t kAddressCountMax = 8;
 struct InterfaceAddress {
   std::string interface {};    ///< "eth0".
   SocketAddress address{};     ///< With port 0.
-  int prefix_size = 0;         ///< Bits of its network's prefix.
-  bool has_multicast = false;  ///< Its interface passes multicast, and is not loopback.
+  int prefix_size = 0;         ///< Prefix length of its network, in bits.
+  bool has_multicast = false;  ///< Its interface supports multicast and is not loopback.
 };
 
-/// The addresses of this host's interfaces that are up, in the system's order.
+/// The addresses of this host's active interfaces, in the system's order.
 /// @realtime set-up only
 [[nodiscard]] std::vector<InterfaceAddress> own_addresses();
-/// Whether `address` is in the network of that interface's address.
+/// Whether `address` is in the network of the interface address `own`.
 [[nodiscard]] bool is_in_network_of(const InterfaceAddress& own,
                                     const SocketAddress& address) noexcept;
 
-/// The addresses that a server opens.
+/// The addresses that a server listens on.
 struct HostsToServe {
-  bool is_any = false;                        ///< Every address, also later ones.
-  std::vector<InterfaceAddress> addresses{};  ///< With `is_any` the present ones.
+  bool is_any = false;                        ///< Every address, including later ones.
+  std::vector<InterfaceAddress> addresses{};  ///< With `is_any`, the current ones.
 };
 
-/// The number of addresses that a list may name.
+/// The most addresses that a list may name.
 inline constexpr std::size_t kServedAddressCountMax = 16;
 
-/// Resolves `hosts`: a comma-separated list of IPv4 and IPv6 addresses, host names, names of
-/// interfaces, and "localhost", which is 127.0.0.1 and ::1 as far as this host has them; or "any".
-/// @errors   a name that is unknown or has no address, no answer by `deadline`, too many addresses
+/// Resolves `hosts`: a comma-separated list of IPv4 and IPv6 addresses, host names, interface
+/// names, and "localhost", which means those of 127.0.0.1 and ::1 that this host has; or "any".
+/// @errors   an unknown name or one without an address; no answer by `deadline`; too many addresses
 [[nodiscard]] expected<HostsToServe, SetupError> hosts_to_serve(const std::string& hosts,
                                                                 MonotonicTime deadline);
 

@@ -14,37 +14,37 @@
 #include "rtpm/transport/socket.hpp"
 
 /// Memory that one process writes and many read. No reader can write it, not even a malicious one,
-/// and the writer never loads a value that a reader could change. It has no name, so nothing of it
-/// remains. Readers get it over a UNIX socket.
+/// and the writer never loads a value that a reader could change. It has no name, so nothing
+/// remains of it. Readers get it over a UNIX socket.
 ///
-/// The bell is a separate word that readers sleep on and may write: the kernel's futex is slow for
-/// a word that cannot be written, by a fifth of a reader's cost per event. A malicious reader can
-/// wake others spuriously, or let them sleep for kBellLookInterval at most.
+/// The bell is a separate word on which readers sleep and which they may write: the kernel's futex
+/// is slower for a word that cannot be written, by a fifth of a reader's cost per event. A
+/// malicious reader can wake others spuriously, or let them sleep for at most kBellLookInterval.
 namespace rtpm::transport {
 
-/// The longest sleep on a bell, after which a reader checks the memory unprompted.
+/// The longest sleep on a bell; a reader then checks the memory without a signal.
 inline constexpr Duration kBellLookInterval = std::chrono::milliseconds{100};
 
 /// This process's mapping of a bell.
 /// @threads  any
 class BroadcastBell {
  public:
-  /// A new bell and its descriptor, for readers.
+  /// Creates a bell and its descriptor for readers.
   /// @realtime set-up only
   [[nodiscard]] static std::optional<std::pair<BroadcastBell, Descriptor>> make() noexcept;
-  /// Maps the bell of a descriptor; nothing if it is not a bell.
+  /// Maps the bell behind a descriptor; nullopt if it is not a bell.
   /// @realtime set-up only
   [[nodiscard]] static std::optional<BroadcastBell> map(int descriptor) noexcept;
 
-  /// Wakes all threads that sleep for one of `bits`, the most urgent first.
+  /// Wakes all threads that sleep for any of `bits`, the most urgent first.
   /// @realtime alloc-free, one system call, never blocks
   void ring(std::uint32_t bits) noexcept;
-  /// The value for sleep(): take it before the last check of the condition to sleep for.
+  /// The value to pass to sleep(). Read it before the last check of the condition.
   [[nodiscard]] std::uint32_t value() const noexcept {
     return word().load(std::memory_order_seq_cst);
   }
-  /// Sleeps until the bell rings for one of `bits`, or until `until`. Returns at once if the bell
-  /// rang since value() gave `seen`. May wake spuriously.
+  /// Sleeps until the bell rings for any of `bits`, or until `until`. Returns at once if the bell
+  /// has rung since value() returned `seen`. May wake spuriously.
   /// @realtime alloc-free, one system call
   void sleep(std::uint32_t seen, std::uint32_t bits, MonotonicTime until) noexcept;
 
@@ -57,18 +57,18 @@ class BroadcastBell {
 };
 
 /// The writer's side.
-/// @ownership the memory, in this process; readers keep theirs
+/// @ownership the writer's mapping; readers keep theirs
 /// @threads  any
 /// @realtime set-up only
 class BroadcastMemory {
  public:
-  /// `size` bytes of zeros, all resident.
+  /// Creates `size` bytes of zeros, all resident.
   /// @errors   no memory or descriptor left; the kernel lacks F_SEAL_FUTURE_WRITE (before Linux
   ///           5.1)
   [[nodiscard]] static expected<BroadcastMemory, SetupError> make(std::size_t size);
 
   [[nodiscard]] MutableBytes bytes() const noexcept { return mapping_.bytes(); }
-  /// The descriptor for readers, which they can map for reading only.
+  /// The descriptor for readers, who can only map it for reading.
   [[nodiscard]] int descriptor() const noexcept { return descriptor_.number(); }
   [[nodiscard]] int bell_descriptor() const noexcept { return bell_descriptor_.number(); }
   [[nodiscard]] BroadcastBell& bell() noexcept { return bell_; }
@@ -86,25 +86,25 @@ class BroadcastMemory {
   BroadcastBell bell_;
 };
 
-/// The socket at which readers on this host ask for the memory `id`: an abstract UNIX socket, which
-/// is visible within the network namespace.
+/// The socket where readers on this host request the memory `id`: an abstract UNIX socket, visible
+/// within the network namespace.
 /// @threads  one at a time
 /// @realtime set-up only
 class BroadcastDoor {
  public:
   /// @errors   the id is in use; no descriptor left
   [[nodiscard]] static expected<BroadcastDoor, SetupError> open(std::uint64_t id);
-  /// Readable while a reader asks.
+  /// Readable while a reader is asking.
   [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
-  /// Gives the memory to all readers of the same user that ask now, without waiting for one. Turns
-  /// away readers for which no descriptor is left.
+  /// Gives the memory to all waiting readers of the same user, without blocking. Turns away readers
+  /// if no descriptor is left.
   void let_in(const BroadcastMemory& memory) noexcept;
 
  private:
   BroadcastDoor(Descriptor socket, Descriptor spare) noexcept
       : socket_(std::move(socket)), spare_(std::move(spare)) {}
   Descriptor socket_;
-  Descriptor spare_;  ///< Closed for a moment when no other descriptor is left.
+  Descriptor spare_;  ///< Closed temporarily when no other descriptor is left.
 };
 
 /// A reader's side.
@@ -112,7 +112,7 @@ class BroadcastDoor {
 /// @realtime set-up only
 class BroadcastView {
  public:
-  /// Asks for the memory `id` on this host.
+  /// Requests the memory `id` on this host.
   /// @errors   no such memory; another user's; no answer by `deadline`; no memory left
   [[nodiscard]] static expected<BroadcastView, SetupError> open(std::uint64_t id,
                                                                 MonotonicTime deadline);

@@ -15,10 +15,10 @@
 
 namespace rtpm::transport {
 
-/// A client's end of a path to one server: frames go out and come in. Every implementation passes
-/// the same conformance suite.
+/// A client's end of a connection to one server: sends and receives frames. Every implementation
+/// passes the same conformance suite.
 /// @threads  one at a time
-/// @realtime alloc-free, but for set-up
+/// @realtime alloc-free, except set-up
 class ClientTransport {
  public:
   ClientTransport() = default;
@@ -27,46 +27,47 @@ class ClientTransport {
   virtual ~ClientTransport() = default;
 
   /// Sends one whole frame, which is copied. A stream with a full buffer waits for at most 100 ms.
-  /// @realtime one system call (a stream: per 32 KiB)
+  /// @realtime one system call (a stream: one per 32 KiB)
   [[nodiscard]] virtual expected<void, IoError> send(ConstBytes frame) noexcept = 0;
-  /// Sends several frames, together where the transport can. After an error some may have gone.
-  /// @realtime one system call if they go together, else as send() for each
+  /// Sends several frames, together if the transport supports it. After an error some may have been
+  /// sent.
+  /// @realtime one system call if sent together, otherwise as send() for each
   [[nodiscard]] virtual expected<void, IoError> send_batch(const DatagramBatch& batch) noexcept;
-  /// From now on frames that a peer sends together may be received together. Set-up only.
+  /// Lets frames that a peer sends together be received together from now on. Set-up only.
   virtual void accept_batches() noexcept {}
 
-  /// One whole frame, if there is one; aligned to 16 bytes, valid until the next receive().
-  /// Malformed input is passed on as it is, for the protocol to count. Never blocks.
-  /// @realtime at most one system call (a stream: per 32 KiB)
+  /// Returns one whole frame, if any; aligned to 16 bytes, valid until the next receive().
+  /// Malformed input is returned unchanged, for the protocol to count. Never blocks.
+  /// @realtime at most one system call (a stream: one per 32 KiB)
   [[nodiscard]] virtual expected<MutableBytes, IoError> receive() noexcept = 0;
-  /// Whether receive() has a frame that came together with an earlier one.
+  /// Whether receive() has a frame that arrived together with an earlier one.
   [[nodiscard]] virtual bool has_buffered() const noexcept { return false; }
 
-  /// Waits until receive() may have something, or until `until`, or shorter. Call it after
-  /// receive() had nothing: frames that came together end only one wait.
+  /// Waits until receive() may have something, at most until `until`; may return early. Call it
+  /// only after receive() had nothing: frames that arrived together end only one wait.
   /// @realtime at most two system calls
   virtual void wait(MonotonicTime until) noexcept;
-  /// The next frame; if there is none, waits as wait() does.
-  /// @realtime one system call where the transport can, else three
+  /// Returns the next frame; if there is none, waits like wait().
+  /// @realtime one system call if the transport supports it, otherwise three
   [[nodiscard]] virtual expected<MutableBytes, IoError> await(MonotonicTime until) noexcept;
-  /// The socket. Through shared memory it reports only that the server is gone.
+  /// The socket. For shared memory it only reports that the server is gone.
   [[nodiscard]] virtual int descriptor() const noexcept = 0;
   [[nodiscard]] virtual wire::Medium medium() const noexcept = 0;
-  /// The number of sent frames that the server has not taken; nothing if no memory is shared. Stays
-  /// valid after the server's end.
+  /// The number of sent frames that the server has not read; nullopt for transports other than
+  /// shared memory. Stays valid after the server has ended.
   /// @realtime no system call
   [[nodiscard]] virtual std::optional<std::uint32_t> unread_count() const noexcept { return {}; }
   /// Checks whether the server hung up, if receive() alone would not notice soon; then receive()
   /// reports it.
   /// @realtime at most one system call
   virtual void check_peer() noexcept {}
-  /// Whether no frame leaves this host: then frames get lost only in full buffers.
+  /// Whether frames never leave this host: then they get lost only in full buffers.
   [[nodiscard]] virtual bool is_on_host() const noexcept { return false; }
 };
 
 /// Opens a transport to host:port over UDP. Sends nothing yet.
 /// @realtime set-up only
-/// @errors   an unknown host, no descriptor left
+/// @errors   an unknown host; no descriptor left
 [[nodiscard]] expected<std::unique_ptr<ClientTransport>, SetupError> open_udp_transport(
     const std::string& host, std::uint16_t port, Priority priority);
 

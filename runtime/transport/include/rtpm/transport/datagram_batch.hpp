@@ -10,32 +10,34 @@
 #include "rtpm/wire/cookie.hpp"
 #include "rtpm/wire/limits.hpp"
 
-// Several datagrams that cross the kernel's network stack as one, which is most of a datagram's
-// cost between two programs of a host. On the wire, and for a receiver without GRO, they are
-// separate. Source: UDP_SEGMENT and UDP_GRO, udp(7).
+// Several datagrams that cross the kernel's network stack as one; the crossing is most of a
+// datagram's cost between two programs on one host. On the wire, and for a receiver without GRO,
+// they are separate. Source: UDP_SEGMENT and UDP_GRO, udp(7).
 namespace rtpm::transport {
 
-/// Consecutive frames to one peer: all as large as the first but the last, which may be smaller.
+/// Consecutive frames to one peer. All have the size of the first, except the last, which may be
+/// smaller.
 /// @threads  one at a time
-/// @realtime alloc-free but for allocate()
+/// @realtime alloc-free except allocate()
 class DatagramBatch {
  public:
   static constexpr std::size_t kFrameCountMax = wire::kFragmentWindow;
   static constexpr std::size_t kSizeMax = kFrameCountMax * wire::kDatagramFrameSizeMax;
 
   DatagramBatch() noexcept = default;
-  /// A batch with a buffer, unless the system has no memory left. A default one takes no frame.
+  /// Creates a batch with a buffer, unless the system has no memory left. A default batch accepts
+  /// no frame.
   [[nodiscard]] static DatagramBatch allocate() noexcept;
 
   /// Appends a copy of `frame`.
-  /// @return false if it does not fit behind the earlier frames, or fits no batch at all
+  /// @return false if it does not fit after the earlier frames, or fits no batch at all
   [[nodiscard]] bool add(ConstBytes frame) noexcept;
   void clear() noexcept { size_ = frame_size_ = 0; }
 
   [[nodiscard]] bool is_allocated() const noexcept { return !buffer_.bytes().empty(); }
   [[nodiscard]] bool is_empty() const noexcept { return size_ == 0; }
   [[nodiscard]] ConstBytes bytes() const noexcept { return buffer_.bytes().first(size_); }
-  /// The size of all frames but the last.
+  /// The size of all frames except the last.
   [[nodiscard]] std::size_t frame_size() const noexcept { return frame_size_; }
   /// Calls `visit` for each frame until it returns false.
   /// @return whether all frames were visited
@@ -55,7 +57,8 @@ class DatagramBatch {
   std::size_t frame_size_ = 0;
 };
 
-/// Datagrams received together from one peer: all of one size but the last, which may be smaller.
+/// Datagrams received together from one peer. All have the same size, except the last, which may be
+/// smaller.
 /// @ownership views the receive buffer
 /// @realtime alloc-free
 class Datagrams {
@@ -66,9 +69,9 @@ class Datagrams {
   Datagrams(MutableBytes bytes, std::size_t each, const wire::PeerAddress& peer) noexcept
       : bytes_(bytes), each_(each), peer_(peer), is_empty_(false) {}
 
-  /// The next datagram, if there is one; valid until the following next(), aligned to 16 bytes if
-  /// the buffer is. A datagram larger than a frame is cut to a frame's size and a byte, which lets
-  /// the caller notice it.
+  /// Returns the next datagram, if any; valid until the following next(), aligned to 16 bytes if
+  /// the buffer is. A datagram larger than a frame is truncated to a frame's size plus one byte, so
+  /// that the caller notices.
   [[nodiscard]] std::optional<MutableBytes> next() noexcept;
   [[nodiscard]] bool is_empty() const noexcept { return is_empty_; }
   /// The bytes that next() has not returned yet.
@@ -80,11 +83,11 @@ class Datagrams {
   MutableBytes bytes_{};
   std::size_t each_ = 0;
   wire::PeerAddress peer_{};
-  bool is_empty_ = true;  ///< Not bytes_.empty(): a datagram may have no bytes.
+  bool is_empty_ = true;  ///< Not the same as bytes_.empty(): a datagram may have no bytes.
 };
 
-/// Decides when a port takes batches. They make each receive slower, so they do not pay if every
-/// caller waits for its reply before its next call; such a caller pauses after each datagram.
+/// Decides when a port should receive batches. They slow down each receive, so they do not pay if
+/// every caller waits for its reply before its next call; such a caller pauses after each datagram.
 /// @threads  one at a time
 /// @realtime alloc-free, a few ns
 class BatchEstimator {
@@ -92,7 +95,7 @@ class BatchEstimator {
   enum class Change : std::uint8_t { kNone, kBegin, kEnd };
 
   [[nodiscard]] bool is_on() const noexcept { return is_on_; }
-  /// Whether batches from before the last end may still be received.
+  /// Whether a batch may still be received, although batches were switched off.
   [[nodiscard]] bool may_be_left() const noexcept { return may_be_left_; }
 
   /// Call it when nothing was received.
@@ -109,7 +112,7 @@ class BatchEstimator {
   bool may_be_left_ = false;
   wire::PeerAddress last_peer_{};
   MonotonicTime last_{};
-  std::uint32_t streak_ = 0;      ///< Datagrams of one peer without a pause.
+  std::uint32_t streak_ = 0;      ///< Consecutive datagrams of one peer without a pause.
   std::uint32_t lone_count_ = 0;  ///< Single datagrams since the last batch.
 };
 

@@ -10,8 +10,8 @@ namespace rtpm::transport {
 enum class IoError : std::uint8_t {
   kNothing,  ///< Nothing has arrived. Wait, then try again.
   kFull,     ///< The system's buffer is full; nothing was sent. On a stream: end the connection.
-  kRefused,  ///< The host answered that no socket has the port.
-  kClosed,   ///< The peer closed the stream, or it broke. Open another.
+  kRefused,  ///< The host answered that the port is closed.
+  kClosed,   ///< The peer closed the stream, or it broke. Open a new one.
   kFailed,   ///< The system refused for another reason.
   kBroken,   ///< The shared memory is invalid. End the connection.
 };

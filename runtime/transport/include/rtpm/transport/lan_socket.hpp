@@ -10,8 +10,8 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/transport/socket.hpp"
 
-/// Single datagrams between hosts of a LAN, in any direction: for questions to a multicast group or
-/// to a host, and their answers. IPv4 only.
+/// Single datagrams between hosts of a LAN, in any direction: for queries to a multicast group or a
+/// host, and their answers. IPv4 only.
 namespace rtpm::transport {
 
 /// An interface of this host with an IPv4 address.
@@ -20,51 +20,51 @@ struct NetworkInterface {
   std::string address{};  ///< "192.168.7.2".
 };
 
-/// The interfaces with this name or address that are up, pass multicast and are not loopback;
+/// The active interfaces with this name or address that support multicast and are not loopback;
 /// "any" for all of them.
 /// @realtime set-up only
 /// @errors   there is no such interface; the text lists the existing ones
 [[nodiscard]] expected<std::vector<NetworkInterface>, SetupError> multicast_interfaces(
     std::string_view wanted);
 
-/// Where a datagram comes from or goes.
+/// The source or destination of a datagram.
 struct LanPeer {
   std::uint32_t ipv4 = 0;  ///< 127.0.0.1 is 0x7f000001.
   std::uint16_t port = 0;
   friend bool operator==(const LanPeer&, const LanPeer&) = default;
 };
 
-/// "192.168.7.2:7423", or without the port.
+/// Such as "192.168.7.2:7423", or without the port.
 [[nodiscard]] std::string to_string(const LanPeer& peer);
 [[nodiscard]] std::string address_text(std::uint32_t ipv4);
-/// 0 if `text` is not a numeric address.
+/// Parses a numeric address; 0 if `text` is not one.
 [[nodiscard]] std::uint32_t parse_address(const std::string& text) noexcept;
 
 /// @threads  one at a time
 class LanSocket {
  public:
-  /// A socket of this host's `address` ("0.0.0.0": all) at `port` (0: any free one), from which
-  /// datagrams also go to multicast groups, within the LAN (TTL 1). Several programs of this host
-  /// may open the same port; a datagram goes to the latest.
+  /// Opens a socket on this host's `address` ("0.0.0.0": all) at `port` (0: any free one), which
+  /// can also send to multicast groups within the LAN (TTL 1). Several programs on this host may
+  /// open the same port; a datagram goes to the latest.
   /// @realtime set-up only
   /// @errors   the address is not this host's; no descriptor left
   [[nodiscard]] static expected<LanSocket, SetupError> open(const std::string& address,
                                                             std::uint16_t port = 0);
   /// Receives the datagrams to the group at `port` that arrive at one of the interfaces. Several
-  /// programs of a host may join.
+  /// programs on a host may join.
   /// @realtime set-up only
-  /// @errors   an interface refuses; another program has the port for itself
+  /// @errors   an interface refuses; another program has the port exclusively
   [[nodiscard]] static expected<LanSocket, SetupError> join(
       const std::string& group, std::uint16_t port,
       const std::vector<NetworkInterface>& interfaces);
 
-  /// @return whether the system took it
+  /// @return whether the system accepted it
   bool send(ConstBytes datagram, const LanPeer& to) noexcept;
-  /// The next datagram, a view of `buffer`, and where it came from. Empty if there is none, or if
+  /// Returns the next datagram, a view of `buffer`, and its sender. Empty if there is none, or if
   /// it does not fit: then `from.port` is not 0.
   [[nodiscard]] ConstBytes receive(MutableBytes buffer, LanPeer& from) noexcept;
   [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
-  /// Its own address and port.
+  /// The socket's own address and port.
   [[nodiscard]] LanPeer name() const noexcept;
 
  private:

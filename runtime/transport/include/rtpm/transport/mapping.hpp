@@ -8,8 +8,8 @@
 
 namespace rtpm::transport {
 
-/// A mapping of memory that processes share.
-/// @ownership unmaps at its end
+/// A mapping of shared memory.
+/// @ownership unmaps on destruction
 /// @threads  any
 /// @realtime set-up only
 class SharedMapping {

@@ -11,7 +11,7 @@
 #include "rtpm/transport/error.hpp"
 #include "rtpm/transport/socket.hpp"
 
-/// Datagrams from one sender to any number of receivers: UDP to an IPv4 multicast group.
+/// Datagrams from one sender to many receivers: UDP to an IPv4 multicast group.
 namespace rtpm::transport {
 
 struct MulticastGroup {
@@ -25,11 +25,11 @@ struct MulticastGroup {
 /// @threads  one at a time
 class MulticastSender {
  public:
-  /// Programs on this host receive the datagrams, too.
+  /// Opens a sender. Programs on this host receive the datagrams, too.
   /// @realtime set-up only
   /// @errors   no such group, no such interface, no descriptor left
   [[nodiscard]] static expected<MulticastSender, SetupError> open(const MulticastGroup& group);
-  /// @return false if the socket's buffer is full or the network is gone; the datagram is lost then
+  /// @return false if the socket's buffer is full or the network is gone; then the datagram is lost
   /// @realtime alloc-free, one system call
   [[nodiscard]] bool send(ConstBytes datagram) noexcept;
 
@@ -43,16 +43,16 @@ class MulticastSender {
 /// @threads  one
 class MulticastReceiver {
  public:
-  /// Joins the group. Several programs of a host may do so.
+  /// Joins the group. Several programs on a host may join.
   /// @realtime set-up only
   /// @errors   no such group, no such interface, another program has the port
   [[nodiscard]] static expected<MulticastReceiver, SetupError> open(const MulticastGroup& group);
-  /// The next datagram, a view of `buffer`; empty if there is none.
+  /// Returns the next datagram, a view of `buffer`; empty if there is none.
   /// @realtime alloc-free, one system call
   [[nodiscard]] ConstBytes receive(MutableBytes buffer) noexcept;
   /// Readable while there is a datagram.
   [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
-  /// Waits for a datagram, or until `until`; false if none came in time.
+  /// Waits for a datagram until `until`; false if none arrived in time.
   /// @realtime alloc-free, one system call
   bool wait(MonotonicTime until) noexcept { return wait_readable(socket_.number(), until); }
 

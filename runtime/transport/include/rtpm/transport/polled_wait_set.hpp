@@ -14,14 +14,14 @@ struct pollfd;
 
 namespace rtpm::transport {
 
-/// Waits by ppoll(2) for few sources and by epoll for many or edge-triggered ones. A source in
+/// Waits with ppoll(2) for few sources, and with epoll for many or edge-triggered ones. A source in
 /// epoll costs a callback per frame in or out, even without a wait: a tenth of a datagram's cost.
 /// @realtime alloc-free, one system call per wait; one more if the doorbell rang
 class PolledWaitSet : public WaitSet {
  public:
   static constexpr std::size_t kFewMax = 5;
 
-  /// @param source_count_max  the number of sources that it holds, besides the doorbell
+  /// @param source_count_max  its capacity, not counting the doorbell
   /// @errors  no descriptor left; the system has no epoll_pwait2
   [[nodiscard]] static expected<std::unique_ptr<PolledWaitSet>, SetupError> open(
       std::size_t source_count_max);
@@ -42,7 +42,7 @@ class PolledWaitSet : public WaitSet {
   void count_ring() noexcept { ring_count_.fetch_add(1, std::memory_order_seq_cst); }
   void signal_doorbell() noexcept;
   void clear_doorbell() noexcept;
-  /// Whether the doorbell rang since this was last asked.
+  /// Whether the doorbell has rung since the last query.
   [[nodiscard]] bool take_rings() noexcept;
 
  private:
@@ -70,9 +70,9 @@ class PolledWaitSet : public WaitSet {
   std::size_t source_count_max_;
   std::vector<Source> sources_;
   std::size_t edge_count_ = 0;
-  std::size_t next_few_ = 0;  ///< The entry of a ppoll that is reported first.
-  bool is_in_epoll_ = false;  ///< Either all sources are, or none is.
-  bool is_blocked_ = false;   ///< A wait that freed its lock is under way.
+  std::size_t next_few_ = 0;  ///< The entry that the next ppoll reports first.
+  bool is_in_epoll_ = false;  ///< Either all sources are in epoll, or none is.
+  bool is_blocked_ = false;   ///< A wait that has released its lock is in progress.
   bool was_rung_ = false;
   std::uint64_t heard_count_ = 0;
   alignas(64) std::atomic<std::uint64_t> ring_count_{0};

@@ -11,12 +11,12 @@
 namespace rtpm::transport {
 
 /// A lane's wait set. While the lane's UDP port is the only source, a wait without a lock receives
-/// from the port instead of polling it, which saves a system call per datagram. It polls as well if
-/// the last wait was rung, or `until` is nearer than such a receive may take.
+/// from the port instead of polling it, which saves a system call per datagram. It polls anyway if
+/// the last wait was ended by the doorbell, or `until` is nearer than such a receive may take.
 ///
-/// Such a wait may end up to kBlockTime before `until`. A ring ends it by a datagram to the port.
-/// If that gets lost, as by a packet filter, the ring shows when the receive ends; then the set
-/// only polls.
+/// Such a wait may end up to kBlockTime before `until`. The doorbell ends it by sending a datagram
+/// to the port. If that datagram is lost, for example in a packet filter, the ring is noticed when
+/// the receive ends; from then on the set only polls.
 class PortWaitSet final : public PolledWaitSet {
  public:
   [[nodiscard]] static expected<std::unique_ptr<PortWaitSet>, SetupError> open(
@@ -41,10 +41,12 @@ class PortWaitSet final : public PolledWaitSet {
   MutableBytes buffer_{};
   SourceTag tag_{};
   bool only_polls_ = false;
-  bool is_in_doubt_ = false;  ///< A doorbell datagram had not come when a receive ended,
-  std::uint64_t come_count_in_doubt_ = 0;                 ///< after this number that had come.
-  alignas(64) std::atomic<UdpPort*> receiving_{nullptr};  ///< The port, while a wait receives.
-  std::atomic<std::uint64_t> sent_count_{0};              ///< Doorbell datagrams.
+  bool is_in_doubt_ = false;  ///< A doorbell datagram had not arrived when a receive ended.
+  /// The number of doorbell datagrams that had arrived then.
+  std::uint64_t come_count_in_doubt_ = 0;
+  /// The port, while a wait receives from it.
+  alignas(64) std::atomic<UdpPort*> receiving_{nullptr};
+  std::atomic<std::uint64_t> sent_count_{0};  ///< Doorbell datagrams sent.
 };
 
 }  // namespace rtpm::transport

@@ -15,34 +15,34 @@
 #include "rtpm/transport/mapping.hpp"
 #include "rtpm/transport/socket.hpp"
 
-/// Frames through memory that client and server share: a ring in each direction, set up over a UNIX
-/// socket. The socket stays open as the bell, and reports at once that the peer is gone. The memory
-/// has no name, so nothing of it remains when both sides are gone, however they ended.
+/// Frames through memory shared by client and server: a ring in each direction, set up over a UNIX
+/// socket. The socket stays open as the bell, and immediately reports that the peer is gone. The
+/// memory has no name, so nothing remains when both sides are gone, however they ended.
 /// @source   spec/hprotocol.md#hp-16
 namespace rtpm::transport {
 
-/// Where a server's UNIX socket is. Without a folder it has an abstract name of the network
-/// namespace, made of the host and port of the server's UDP and TCP. With one it is the file
+/// Where a server's UNIX socket is. Without a folder it has an abstract name in the network
+/// namespace, built from the server's host and port. With a folder it is the file
 /// "<folder>/<host>:<port>", for containers that share nothing else.
 struct SharedMemoryAddress {
   std::string host;  ///< Numeric, "127.0.0.1", "::1".
   std::uint16_t port = 0;
   std::string folder{};
-  /// The users whose servers a caller trusts, besides its own user and the superuser.
+  /// The users whose servers a caller trusts, besides its own user and root.
   std::vector<std::uint32_t> trusted_users{};
 };
 
-/// The bytes of the two rings.
+/// The sizes of the two rings in bytes.
 struct RingSizes {
   std::uint32_t to_server = 0;
   std::uint32_t to_client = 0;
 };
 
-/// One end of a connection through shared memory, on either side. The peer's data is copied before
-/// it is checked, and never trusted.
-/// @ownership the socket, the mapping, and a buffer of one largest frame
+/// One end of a shared-memory connection, on either side. The peer's data is copied before it is
+/// checked, and never trusted.
+/// @ownership the socket, the mapping, and a buffer for the largest frame
 /// @threads  one at a time
-/// @realtime send() and receive(): alloc-free, no system call but one to wake a sleeping peer
+/// @realtime send() and receive(): alloc-free, no system call except one to wake a sleeping peer
 class SharedMemoryConnection final : public Connection {
  public:
   enum class Side : std::uint8_t { kServer, kClient };
@@ -51,7 +51,7 @@ class SharedMemoryConnection final : public Connection {
   SharedMemoryConnection(Descriptor socket, Descriptor event, SharedMapping mapping,
                          RingSizes sizes, Side side);
 
-  /// @errors   kFailed: larger than a frame may be; kBroken and kClosed: end the connection
+  /// @errors   kFailed: larger than a frame may be · kBroken and kClosed: end the connection
   expected<void, IoError> send(ConstBytes frame, MonotonicTime until) noexcept override;
   bool has_spare_capacity(std::size_t size) noexcept override {
     return writer_.has_spare_capacity(size);
@@ -67,10 +67,11 @@ class SharedMemoryConnection final : public Connection {
   }
   void end_sleep() noexcept override { reader_.end_sleep(); }
 
-  /// Waits for a frame, or until `until`. Wakes sooner than a poll, but not when the peer ends.
+  /// Waits for a frame until `until`. Wakes faster than a poll, but not when the peer ends.
   /// @realtime alloc-free, one system call
   void wait_for_frame(MonotonicTime until) noexcept;
-  /// Checks the socket, which receive() does not, for the peer's end; then receive() reports it.
+  /// Checks the socket, which receive() does not read, for whether the peer is gone; then receive()
+  /// reports it.
   /// @realtime alloc-free, one system call
   void check_peer() noexcept { receive_bell(true); }
   /// The number of sent frames that the peer has not read.
@@ -95,7 +96,7 @@ class SharedMemoryConnection final : public Connection {
 };
 
 /// A server's UNIX socket.
-/// @realtime set-up only: not for lanes
+/// @realtime set-up only; not for lanes
 class SharedMemoryListener {
  public:
   /// @errors   another program has the address; the folder does not exist or is not writable
@@ -106,24 +107,24 @@ class SharedMemoryListener {
   ~SharedMemoryListener();
 
   [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
-  /// The next client, which will send its request. Closes it if no descriptor is left.
+  /// Accepts the next client, which will send its request. Closes it if no descriptor is left.
   [[nodiscard]] Accepted accept() noexcept;
 
  private:
   SharedMemoryListener(Descriptor socket, std::string file) noexcept;
   Descriptor socket_;
-  Descriptor spare_;  ///< Closed for a moment when no other descriptor is left.
+  Descriptor spare_;  ///< Closed temporarily when no other descriptor is left.
   std::string file_;  ///< Empty for an abstract name.
 };
 
-/// A client that has its rings.
+/// A client with its rings.
 struct SharedMemoryClient {
-  Priority priority{};  ///< The requested priority; chooses the lane.
+  Priority priority{};  ///< The requested priority; selects the lane.
   std::unique_ptr<Connection> connection{};
-  int shortage = 0;  ///< The error number if no descriptor or memory was left, else 0.
+  int shortage = 0;  ///< The error number if no descriptor or memory was left, otherwise 0.
 };
 
-/// Decides with which users a server shares memory.
+/// Decides which users a server shares memory with.
 class UserPolicy {
  public:
   [[nodiscard]] virtual bool admits(std::uint32_t user) const noexcept = 0;
@@ -133,23 +134,23 @@ class UserPolicy {
   ~UserPolicy() = default;
 };
 
-/// Reads and answers the request of an accepted client. There is no connection if the client
+/// Reads and answers the request of an accepted client. The result has no connection if the client
 /// was refused and told why, only asked, or sent something else.
-/// @param policy  null to admit this process's user and the superuser
+/// @param policy  null to admit this process's user and root
 /// @realtime set-up only
 [[nodiscard]] SharedMemoryClient welcome_shared_memory_client(Descriptor socket,
                                                               const UserPolicy* policy = nullptr);
 
-/// Whether a server shares memory with this process, and this process trusts it: one of the same
-/// user, of the superuser, or of SharedMemoryAddress::trusted_users.
-/// @realtime set-up only; waits for its answer until `deadline`
+/// Whether a server shares memory with this process, and this process trusts it: a server of the
+/// same user, root, or SharedMemoryAddress::trusted_users.
+/// @realtime set-up only; waits for the server's answer until `deadline`
 [[nodiscard]] bool is_shared_memory_served(const SharedMemoryAddress& address,
                                            MonotonicTime deadline) noexcept;
 
 /// Connects to a server on this host.
 /// @realtime set-up only
-/// @errors   no server, one of a user that is not trusted, no answer by `deadline`, no memory or
-/// descriptor left
+/// @errors   no server; a user that is not trusted; no answer by `deadline`; no memory or
+///           descriptor left
 [[nodiscard]] expected<std::unique_ptr<ClientTransport>, SetupError> open_shared_memory_transport(
     const SharedMemoryAddress& address, Priority priority, MonotonicTime deadline);
 

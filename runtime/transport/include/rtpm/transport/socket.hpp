@@ -33,61 +33,62 @@ class Descriptor {
 
 /// The result of accepting a connection.
 struct Accepted {
-  Descriptor socket{};       ///< Not open: no connection waits, or `shortage`.
-  int shortage = 0;          ///< EMFILE or ENFILE: no descriptor was left for it.
-  bool still_waits = false;  ///< It could not even be closed, and keeps waking its acceptor.
+  Descriptor socket{};  ///< Not open if no connection is waiting, or with `shortage`.
+  int shortage = 0;     ///< EMFILE or ENFILE: no descriptor was left for the connection.
+  /// The connection could not even be closed, and keeps waking its acceptor.
+  bool still_waits = false;
 };
 
-/// The error that the system gave no descriptor or memory for `what`, with cause and remedy by its
+/// The error for when the system gave no descriptor or memory for `what`, with cause and remedy by
 /// error number.
 [[nodiscard]] SetupError no_descriptor(const std::string& what, int error);
-/// "raise the limit of open files (ulimit -n; …)." by the error number of a shortage.
+/// The remedy "raise the limit of open files (ulimit -n; …)." by the error number of a shortage.
 [[nodiscard]] const char* remedy_for_shortage(int error) noexcept;
 /// Whether the error means that the system or the process has no descriptor or memory left.
 [[nodiscard]] bool is_shortage(int error) noexcept;
 
-/// The peer of a connected socket, without a port: its host; for a UNIX socket its process, by the
-/// kernel's record. All 0 if unknown.
+/// The peer of a connected socket, without a port: its host or, for a UNIX socket, its process as
+/// the kernel reports it. All 0 if unknown.
 /// @realtime alloc-free, at most two system calls
 [[nodiscard]] wire::PeerAddress host_of(int socket) noexcept;
 
-/// The user of a UNIX socket's peer at its connect or listen, by the kernel's record; nothing if
-/// unknown.
+/// The user of a UNIX socket's peer at the time of its connect or listen, as the kernel reports it;
+/// nullopt if unknown.
 /// @realtime alloc-free, one system call
 [[nodiscard]] std::optional<std::uint32_t> user_of(int socket) noexcept;
 
-/// Whether the peer of a connected socket is on this host: it called from the address that it
-/// called.
+/// Whether the peer of a connected socket is on this host: both ends have the same address.
 /// @realtime alloc-free, at most two system calls
 [[nodiscard]] bool is_from_this_host(int socket) noexcept;
 
-/// 127.0.0.1, as a peer.
+/// 127.0.0.1 as a peer.
 [[nodiscard]] wire::PeerAddress this_host() noexcept;
 
-/// The error that `what` cannot be served, with cause and remedy by the error of bind(2) or
-/// listen(2).
+/// The error for when `what` cannot be served, with cause and remedy by the error number of bind(2)
+/// or listen(2).
 [[nodiscard]] SetupError not_served(const std::string& what, int error);
 
 /// Marks the socket's traffic by its priority: DSCP EF for the top quarter, then AF41, AF21, best
 /// effort; and SO_PRIORITY 6, 4, 2, 0 for VLANs and queueing disciplines. If the system refuses,
-/// the traffic stays best effort, which shows only on a busy link.
+/// the traffic stays best effort, which matters only on a busy link.
 void set_traffic_class(int socket, Priority priority) noexcept;
 
-/// Blocks until the descriptor is readable (writable), or until `until`; false at that time or
+/// Blocks until the descriptor is readable (writable), at most until `until`; false after that or
 /// after a signal.
 /// @realtime alloc-free, one system call
 bool wait_readable(int descriptor, MonotonicTime until) noexcept;
 bool wait_writable(int descriptor, MonotonicTime until) noexcept;
 
-/// The approximate wait of a blocking receive, and the largest excess: the kernel counts ticks of
-/// up to 10 ms. Such a receive saves a poll and its timer if the end need not be precise.
+/// How long a blocking receive waits, approximately, and by how much it may overrun: the kernel
+/// counts ticks of up to 10 ms. Such a receive saves a poll and its timer if the end need not be
+/// precise.
 inline constexpr Duration kBlockTime = std::chrono::milliseconds{40};
 inline constexpr Duration kBlockTimeError = std::chrono::milliseconds{20};
-/// The wait of a blocking receive whose caller soon has other work.
+/// The wait of a blocking receive whose caller has other work soon.
 inline constexpr Duration kBlockTimeShort = std::chrono::milliseconds{4};
 /// Lets receives without MSG_DONTWAIT block for `time`. Set-up only.
 void limit_blocking(int socket, Duration time = kBlockTime) noexcept;
-/// Whether a wait until then is long enough for such a receive.
+/// Whether a wait until `until` is long enough for such a receive.
 [[nodiscard]] bool may_block_until(MonotonicTime until, Duration time = kBlockTime) noexcept;
 
 }  // namespace rtpm::transport

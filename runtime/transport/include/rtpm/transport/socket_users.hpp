@@ -10,17 +10,17 @@
 
 namespace rtpm::transport {
 
-/// The users, each once, with a socket of this host that takes datagrams or connections to the
-/// address: at the address itself, or at all addresses. nullopt if the system hides them.
+/// The users that have a socket on this host which receives datagrams or connections at the
+/// address: bound to it, or to all addresses. Without duplicates; nullopt if the system hides them.
 /// @realtime set-up only
 [[nodiscard]] std::optional<std::vector<std::uint32_t>> users_at(const SocketAddress& address);
 
-/// Whether servers of the user are trusted as those of `others`, of this user and of root are.
+/// Whether servers of the user are trusted: a user among `others`, this user, or root.
 /// @realtime alloc-free, one system call
 [[nodiscard]] bool is_trusted_user(std::uint32_t user,
                                    std::span<const std::uint32_t> others) noexcept;
 
-/// The users at an address in one table of /proc/net, of TCP's sockets or of UDP's.
+/// The users at an address in one table of /proc/net, for TCP or UDP sockets.
 /// @realtime set-up only
 [[nodiscard]] std::vector<std::uint32_t> users_in_table(std::istream& table, bool is_tcp,
                                                         const SocketAddress& address);

@@ -20,68 +20,70 @@
 namespace rtpm::transport {
 
 struct UdpPortConfig {
-  /// Numeric, a name, or "any": every address of this host, also later ones. With "any" an answer
-  /// leaves from the address at which its request came.
+  /// Numeric, a name, or "any": every address of this host, including later ones. With "any", an
+  /// answer is sent from the address at which its request arrived.
   std::string host = "127.0.0.1";
   std::uint16_t port = 0;
-  Priority priority = 0;    ///< The priority of sent datagrams, see set_traffic_class().
-  Priority low = 0;         ///< The lowest priority that steer() gives it.
-  bool joins = false;       ///< A further socket of a server's port, not its first one.
-  std::uint16_t index = 0;  ///< One of a lane's ports at several addresses, for index_of().
+  Priority priority = 0;  ///< The priority of sent datagrams, see set_traffic_class().
+  Priority low = 0;       ///< The lowest priority that steer() assigns to it.
+  bool joins = false;     ///< An additional socket on a server's port, not the first one.
+  /// The port's index, if a lane has ports at several addresses; see index_of().
+  std::uint16_t index = 0;
 };
 
 /// A lane's UDP socket. All lanes of a server share one port; the kernel steers each datagram to
 /// the lane of its priority, see steer().
-/// @threads  one at a time, but for wake()
-/// @realtime alloc-free, never blocks, one system call, unless said otherwise
+/// @threads  one at a time, except wake()
+/// @realtime alloc-free, never blocks, one system call, unless stated otherwise
 class UdpPort {
  public:
   /// @realtime set-up only
-  /// @errors   the port is taken, the address is not this host's
+  /// @errors   the port is taken; the address does not belong to this host
   [[nodiscard]] static expected<UdpPort, SetupError> open(const UdpPortConfig& config);
 
-  /// Receives a datagram, or several that came together.
-  /// @param buffer  of Datagrams::kSizeMax
+  /// Receives a datagram, or several that arrived together.
+  /// @param buffer  of size Datagrams::kSizeMax
   [[nodiscard]] expected<Datagrams, IoError> receive(MutableBytes buffer) noexcept;
-  /// Reports to the BatchEstimator when receive() returned these datagrams.
-  /// @realtime a system call only if batches begin or end
+  /// Reports these received datagrams to the BatchEstimator.
+  /// @realtime a system call only when batches are switched on or off
   void note(const Datagrams& datagrams, MonotonicTime received) noexcept;
 
-  /// Waits for datagrams, for kBlockTime at most, and receives them into `buffer`. The next
-  /// receive() returns them from there, whatever its own buffer is. False if none came, or if
-  /// wake() ended the wait.
+  /// Waits for datagrams, at most kBlockTime, and receives them into `buffer`. The next receive()
+  /// returns them from there, ignoring its own buffer. False if none arrived, or if wake() ended
+  /// the wait.
   [[nodiscard]] bool await(MutableBytes buffer) noexcept;
-  /// Whether await() received a datagram that receive() has not returned yet.
+  /// Whether await() has received a datagram that receive() has not returned yet.
   [[nodiscard]] bool has_received() const noexcept { return awaited_.has_value(); }
-  /// Ends the await() of another thread, or the next one, by a datagram to this port. If it is
-  /// lost, as by a packet filter, await() ends in its time.
-  /// @return false if the system did not take the datagram
+  /// Ends another thread's await(), or the next one, by sending a datagram to this port. If that is
+  /// lost, for example in a packet filter, await() ends after kBlockTime.
+  /// @return false if the system did not accept the datagram
   /// @threads  any
   bool wake() noexcept;
-  /// The number of datagrams of wake() that have arrived.
+  /// The number of wake() datagrams that have arrived.
   [[nodiscard]] std::uint64_t woken_count() const noexcept { return woken_count_; }
   [[nodiscard]] expected<void, IoError> send(const wire::PeerAddress& peer,
                                              ConstBytes frame) noexcept;
-  /// Sends several frames, together where the system can; after an error some may have gone.
+  /// Sends several frames, together if the system supports it; after an error some may have been
+  /// sent.
   /// @realtime one system call, or one per frame
   [[nodiscard]] expected<void, IoError> send_batch(const wire::PeerAddress& peer,
                                                    const DatagramBatch& batch) noexcept;
   [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
 
-  /// The host of a peer: this_host() if it called from the address that it called.
+  /// The host of a peer; this_host() if the peer has the address that it called.
   /// @realtime a few ns
   [[nodiscard]] wire::PeerAddress host_of(const wire::PeerAddress& peer) const noexcept;
-  /// The index of the port that received from the peer, among a lane's ports at several addresses:
-  /// its UdpPortConfig::index.
+  /// The UdpPortConfig::index of the port that received from the peer.
   /// @realtime a few ns
   [[nodiscard]] static std::size_t index_of(const wire::PeerAddress& peer) noexcept {
     return peer.port >> kLocalShift;
   }
 
  private:
-  /// The bits above a peer's port hold the own address at which its datagram came.
+  /// The bits above a peer's port identify the local address at which its datagram arrived.
   static constexpr int kLocalShift = 16;
-  /// The addresses at which datagrams came to "any"; the first stands for any beyond the 64th.
+  /// The addresses at which datagrams arrived for "any". The first one stands for any beyond the
+  /// 64th.
   using LocalAddresses = std::array<SocketAddress, 64>;
 
   UdpPort(Descriptor socket, const SocketAddress& own, const UdpPortConfig& config);
@@ -94,10 +96,10 @@ class UdpPort {
 
   Descriptor socket_;
   Descriptor waker_;                ///< Connected to the port.
-  wire::PeerAddress waker_peer_{};  ///< The sender of its datagrams.
+  wire::PeerAddress waker_peer_{};  ///< The sender address of its datagrams.
   Priority low_;
   SocketAddress own_;
-  std::uint32_t index_;                       ///< The port's index, kept in a peer.
+  std::uint32_t index_;                       ///< The port's index, stored in each peer.
   std::unique_ptr<LocalAddresses> locals_{};  ///< Null unless the host is "any".
   std::uint32_t local_count_ = 1;
   bool can_send_batches_ = true;
@@ -106,10 +108,11 @@ class UdpPort {
   std::optional<Datagrams> awaited_;
 };
 
-/// Where steer() finds a datagram's priority, two bytes, little-endian: the header's (hp-11-2).
+/// The offset at which steer() reads a datagram's priority, two bytes, little-endian: the header's
+/// (hp-11-2).
 inline constexpr std::uint32_t kPriorityOffset = 4;
 
-/// Lets the kernel deliver each datagram to the lane that serves the priority in its header.
+/// Makes the kernel deliver each datagram to the lane that serves the priority in its header.
 /// @param any_lane   one of the lanes' ports
 /// @param lane_lows  the lowest priorities of the lanes, ascending from 0, in the order in which
 ///           their ports were opened

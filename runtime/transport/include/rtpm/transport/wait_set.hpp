@@ -11,10 +11,10 @@ namespace rtpm::transport {
 
 class UdpPort;
 
-/// The owner's kind of a source: each user of a wait set numbers its own kinds from 1 to 15.
+/// The kind of a source, defined by the wait set's owner, from 1 to 15.
 enum class SourceKind : std::uint8_t { kDoorbell = 0 };
 
-/// Identifies a source in the result of a wait. The generation distinguishes a slot's present
+/// Identifies a source in the result of a wait. The generation distinguishes a slot's current
 /// source from earlier ones: compare whole tags before using the slot.
 class SourceTag {
  public:
@@ -53,14 +53,15 @@ inline constexpr SourceTag kDoorbell{};
 
 /// When a source is reported.
 enum class Trigger : std::uint8_t {
-  kLevel,  ///< In each wait while it can be read.
-  kEdge,   ///< Once per signal: for an eventfd that is never read, which saves a system call each.
+  kLevel,  ///< In each wait while it is readable.
+  /// Once per signal: for an eventfd that is never read, which saves a system call each time.
+  kEdge,
 };
 
 /// A deadline in the past: do not block.
 inline constexpr MonotonicTime kAlready = MonotonicTime::min();
 
-/// A lock that a wait frees while it may block.
+/// A lock that a wait releases while it may block.
 class WaitLock {
  public:
   virtual void lock() noexcept = 0;
@@ -70,9 +71,9 @@ class WaitLock {
   ~WaitLock() = default;
 };
 
-/// Everything that one thread waits for: descriptors, and a doorbell that other threads ring.
-/// @threads  ring() any; the other functions one at a time, by turns under one lock if several
-///           threads use the set; see wait()
+/// Everything that a thread waits for: descriptors, and a doorbell that other threads ring.
+/// @threads  ring(): any; the rest: one at a time, under a shared lock if several threads use the
+///           set; see wait()
 class WaitSet {
  public:
   WaitSet() = default;
@@ -80,28 +81,29 @@ class WaitSet {
   WaitSet& operator=(const WaitSet&) = delete;
   virtual ~WaitSet() = default;
 
-  /// Reports `descriptor` as `tag` from now on, also in a wait that is under way with a lock.
-  /// @param descriptor  stays open until remove()
-  /// @param tag         of any kind but kDoorbell
-  /// @return false if the set is full, has the descriptor, or the system refuses
+  /// Reports `descriptor` as `tag` from now on, even in a wait that is in progress with a lock.
+  /// @param descriptor  must stay open until remove()
+  /// @param tag         of any kind except kDoorbell
+  /// @return false if the set is full or already has the descriptor, or the system refuses
   [[nodiscard]] virtual bool add(int descriptor, SourceTag tag, Trigger trigger) noexcept = 0;
-  /// Adds a port as a level-triggered source. A set may receive from it rather than poll it.
-  /// @param port    not moved until remove() of its descriptor
-  /// @param buffer  for a wait's datagrams, Datagrams::kSizeMax bytes; see UdpPort::await()
+  /// Adds a port as a level-triggered source. The set may receive from it instead of polling it.
+  /// @param port    must not move until remove() of its descriptor
+  /// @param buffer  for datagrams received while waiting, Datagrams::kSizeMax bytes; see
+  ///           UdpPort::await()
   /// @return as add()
   [[nodiscard]] virtual bool add_port(UdpPort& port, MutableBytes buffer, SourceTag tag) noexcept;
-  /// Waits that begin later do not report the descriptor, and hold no reference to it. A wait under
-  /// way may still report its tag.
+  /// Removes a descriptor. Later waits do not report it or hold a reference to it; a wait in
+  /// progress may still report its tag.
   virtual void remove(int descriptor) noexcept = 0;
   /// Blocks until a source is ready, the doorbell has rung, or `until`.
-  /// @param until  kNever: no limit; kAlready: do not block
-  /// @param ready  receives the tags; the next waits report those that exceed it, in turn
-  /// @param held   null, or the caller's lock: free exactly while the wait may block
-  /// @return the number of tags; 0 also if the wait ended early, as by a signal
+  /// @param until  kNever for no limit; kAlready to return at once
+  /// @param ready  receives the tags; if there are more, the next waits report them, in turn
+  /// @param held   null, or the caller's lock, which is released while the wait may block
+  /// @return the number of tags; may be 0 if the wait ended early, for example by a signal
   [[nodiscard]] virtual std::size_t wait(MonotonicTime until, std::span<SourceTag> ready,
                                          WaitLock* held = nullptr) noexcept = 0;
-  /// Ends the wait that is under way, or the next one, which reports kDoorbell: once, however often
-  /// it rang. The caller's earlier writes are visible after that wait.
+  /// Ends the wait in progress, or the next one, which reports kDoorbell once, however often it
+  /// rang. The caller's earlier writes are visible after that wait.
   /// @realtime at most one system call
   virtual void ring() noexcept = 0;
 };

@@ -42,7 +42,7 @@ struct RecordedSource {
 struct RecordedEvent {
   std::size_t source = 0;  ///< Index in Recorded::sources.
   Duration at{};           ///< Time since the recording's start.
-  std::size_t offset = 0;  ///< Where its payload begins in Recorded::payloads.
+  std::size_t offset = 0;  ///< Offset of its payload in Recorded::payloads.
   std::size_t size = 0;
 };
 
