@@ -76,7 +76,7 @@ int load(rtpm::names::Storage& storage, const Configuration& configuration) {
   return 0;
 }
 
-/// `--dump` and `--load`: works on the storage, and serves nothing.
+/// `--dump` and `--load`: works on the storage only, without serving.
 int transfer(const Configuration& configuration) {
   const auto storage = storage_of(configuration);
   if (!storage) return fail(storage.error().text());
@@ -85,7 +85,7 @@ int transfer(const Configuration& configuration) {
   return configuration.dumps ? dump(**storage) : load(**storage, configuration);
 }
 
-/// Announces the registry, or reports why not: programs that have its URL need no discovery.
+/// Announces the registry, or reports why it can't: programs that know its URL need no discovery.
 std::unique_ptr<rtpm::discovery::Announcement> announce(const rtpm::rpc::Server& server,
                                                         const rtpm::discovery::Scope& scope) {
   const auto url = rtpm::wire::parse_url(server.url(rtpm::names::kRegistryPath));
@@ -148,9 +148,9 @@ int main(int argc, char** argv) {
   rtpm::rpc::ServerConfig& server = configuration.settings.server;
   server.name = "registry";
   server.port = rtpm::names::kDefaultRegistryPort;
-  // One blocking lane, because names are not resolved in real-time loops.
+  // A single blocking lane, because names are not resolved in real-time loops.
   server.lanes = {{.name = "registry", .wait = {.strategy = rtpm::rt::WaitStrategy::kBlock}}};
-  // Each watch is a stream; changes in etcd wait for etcd.
+  // Each watch is a stream, and changes in etcd wait for etcd.
   server.deferred_call_count_max = static_cast<std::uint32_t>(limits.watch_count_max) + 288;
   server.stream_count_max = static_cast<std::uint32_t>(limits.watch_count_max);
   server.stream_byte_max = 64 * 1024;

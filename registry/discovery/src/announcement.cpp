@@ -25,10 +25,10 @@ namespace {
 using transport::LanPeer;
 using transport::LanSocket;
 
-/// Datagrams taken from one socket before the other sockets get their turn.
+/// Datagrams received from one socket before the other sockets get their turn.
 constexpr int kTurn = 64;
 
-/// Whether an answer may be sent to that address at all.
+/// Whether answers may be sent to that address.
 bool is_answerable(const LanPeer& peer) noexcept {
   const std::uint32_t first = peer.ipv4 >> 24;
   return peer.port != 0 && first != 0 && first < 224;
@@ -64,7 +64,7 @@ class Announcement::Impl {
   ~Impl() {
     if (!thread_.is_running()) return;
     is_stopping_ = true;
-    // The thread waits for datagrams only.
+    // The thread only waits for datagrams.
     if (wake_) wake_->send(DatagramBytes{}, wake_peer_);
     thread_.join();
   }
@@ -78,7 +78,7 @@ class Announcement::Impl {
     if (!socket) return unexpected{std::move(socket.error())};
     socket_.emplace(std::move(*socket));
     if (!scope.is_of_lan()) return {};
-    // hp-10.1-3: addresses that only this host reaches are not announced on the LAN.
+    // hp-10.1-3: addresses that only this host can reach are not announced on the LAN.
     if (!is_of_network(host_)) {
       say_once("no answers to the LAN: " + host_ +
                " is no IPv4 address of a network; serve one with --host");
@@ -185,11 +185,12 @@ class Announcement::Impl {
   }
 
   const AnnouncedService service_;
-  std::string host_{};  ///< The host that is announced.
+  std::string host_{};  ///< The announced host.
   const std::uint32_t process_id_;
   std::optional<transport::FolderSocket> socket_{};
   std::uint8_t domain_ = 0;
-  std::vector<LanSocket> sockets_{};  ///< To the served address, of the group, to wake the thread.
+  /// One for the served address, one for the group, one to wake the thread.
+  std::vector<LanSocket> sockets_{};
   std::optional<LanSocket> wake_{};
   LanPeer wake_peer_{};
   AnswerLimit limit_{};

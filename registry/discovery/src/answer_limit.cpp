@@ -14,7 +14,7 @@ bool AnswerLimit::Count::admit(std::uint32_t count_max, MonotonicTime now) noexc
 
 // hp-10.1-6
 bool AnswerLimit::admit(std::uint32_t host, MonotonicTime now) noexcept {
-  // Neighbours of a LAN differ in the last byte; 127.0.0.0/8 is one host.
+  // Neighbours on a LAN differ in the last byte; 127.0.0.0/8 is one host.
   const std::uint32_t place = host >> 24 == 127 ? 127 : host;
   return hosts_[place % hosts_.size()].admit(kPerHostAndSecond, now) &&
          all_.admit(kInAllPerSecond, now);

@@ -8,7 +8,7 @@
 
 namespace rtpm::discovery {
 
-/// Limits the answers that a program gives: to a host, and in total.
+/// Limits a program's answers: per host, and in total.
 /// @source   spec/hprotocol.md#hp-10.1
 /// @threads  one
 class AnswerLimit {
@@ -26,7 +26,7 @@ class AnswerLimit {
     MonotonicTime begin{};
     [[nodiscard]] bool admit(std::uint32_t count_max, MonotonicTime now) noexcept;
   };
-  /// Additional hosts share an entry with other hosts.
+  /// If there are more hosts, several share an entry.
   std::array<Count, 256> hosts_{};
   Count all_{};
 };

@@ -57,7 +57,7 @@ DatagramBytes encode(const Datagram& datagram) noexcept {
   return bytes;
 }
 
-// hp-10.1-2: datagrams of another form are dropped.
+// hp-10.1-2: malformed datagrams are dropped.
 std::optional<Datagram> decode(ConstBytes bytes) {
   if (bytes.size() != kDatagramSize || get<std::uint32_t>(bytes, 0) != kMagic ||
       get<std::uint8_t>(bytes, 4) != kVersion) {

@@ -28,7 +28,7 @@ std::string url_at(const std::string& host, std::uint16_t port) {
   return "rtpm://" + host + ":" + std::to_string(port) + "/" + std::string(kNamesPath);
 }
 
-/// The services that were found, without duplicates.
+/// The services found, without duplicates.
 class Finds {
  public:
   explicit Finds(FoundServices& found) : found_(found) {}
@@ -51,7 +51,7 @@ expected<void, SetupError> find_on_this_host(Finds& finds) {
   bool has_registry = false;
   for (const std::string& text : content->names) {
     const auto name = parse_folder_name(text);
-    // An address of another network namespace leads elsewhere from here.
+    // An address from another network namespace leads elsewhere here.
     if (!name || name->network != network) continue;
     FoundService service{name->url(), name->is_registry, name->process_id, true};
     has_registry |= service.is_registry;
@@ -61,7 +61,7 @@ expected<void, SetupError> find_on_this_host(Finds& finds) {
       servers.push_back(std::move(service));
     }
   }
-  // The registry of another user. A user with their own folder does not want other users' services.
+  // Another user's registry. A user with their own folder does not want other users' services.
   if (!has_registry && !transport::has_own_runtime_folder())
     finds.add({url_at("127.0.0.1", kRegistryPort), true, 0, true, true});
   const std::size_t count = std::min(servers.size(), kLocalServiceCountMax);
@@ -88,7 +88,7 @@ class Inquiry {
     peers_.push_back(std::move(peers));
   }
 
-  /// Calls `take` with each answer's origin and content, until the deadline or `is_done`.
+  /// Calls `take` with each answer's sender and content, until the deadline or `is_done`.
   template <class Take, class IsDone>
   void run(MonotonicTime deadline, Take take, IsDone is_done) {
     const MonotonicTime begin = rt::now();
@@ -116,7 +116,7 @@ class Inquiry {
   void receive(Take& take) {
     std::array<std::byte, kDatagramSize> buffer;
     for (LanSocket& socket : sockets_) {
-      // A flood does not delay this: the time is checked after 64 datagrams.
+      // Checks the time after at most 64 datagrams, so that a flood does not delay the deadline.
       for (int i = 0; i < 64; ++i) {
         LanPeer from;
         const ConstBytes bytes = socket.receive(buffer, from);
@@ -134,7 +134,7 @@ class Inquiry {
   std::vector<std::vector<LanPeer>> peers_{};
 };
 
-/// Adds the services of answers, up to their limit.
+/// Adds the services from answers, up to their limit.
 class Answers {
  public:
   explicit Answers(Finds& finds) : finds_(finds) {}

@@ -7,9 +7,9 @@
 
 namespace rtpm::discovery {
 
-/// The description of a name service in the name of its socket in the folder:
-/// "registry@192.168.7.2:7420@4711@4026531840@9f8e7d6c", with the process, the network namespace
-/// and a random number, which makes each file name unique.
+/// A name service, as described by the name of its socket in the folder:
+/// "registry@192.168.7.2:7420@4711@4026531840@9f8e7d6c", with process id, network namespace and a
+/// random number that makes each file name unique.
 struct FolderName {
   bool is_registry = false;
   std::string host{};
@@ -21,7 +21,7 @@ struct FolderName {
 };
 
 [[nodiscard]] std::string to_text(const FolderName& name, std::uint32_t random);
-/// @return nullopt if `text` is not such a name
+/// @return nullopt if `text` has another form
 [[nodiscard]] std::optional<FolderName> parse_folder_name(std::string_view text);
 
 }  // namespace rtpm::discovery

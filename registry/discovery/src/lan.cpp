@@ -16,7 +16,7 @@ void say_once(const std::string& sentence) {
   static std::mutex mutex;
   static std::set<std::string> said;
   const std::lock_guard lock(mutex);
-  // This stays small: a program has few interfaces and notes.
+  // The set stays small: a program has few interfaces and notes.
   if (said.size() < 256 && said.insert(sentence).second) rt::print_error("discovery", sentence);
 }
 

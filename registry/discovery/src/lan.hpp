@@ -12,7 +12,7 @@ namespace rtpm::discovery {
 /// @source   spec/hprotocol.md#hp-10.1
 [[nodiscard]] std::string group_of(std::uint8_t domain);
 
-/// The interfaces of a scope of kind kLan; reports them once per program.
+/// The interfaces of a kLan scope; reports them once per program.
 /// @errors   as multicast_interfaces()
 [[nodiscard]] expected<std::vector<transport::NetworkInterface>, SetupError> interfaces_of(
     const Scope& scope);

@@ -34,7 +34,7 @@ expected<Scope, SetupError> lan_of(std::string_view text) {
   return scope;
 }
 
-/// A host and port are valid if their URL is.
+/// A host and port are valid if they form a valid URL.
 std::optional<ListedHost> listed_host_of(std::string_view text) {
   ListedHost listed{std::string(text)};
   if (const std::size_t colon = text.find(':'); colon != std::string_view::npos) {

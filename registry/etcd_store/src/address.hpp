@@ -11,7 +11,7 @@ namespace rtpm::etcd_store {
 /// The endpoints of a cluster, and the prefix of names in it.
 struct Address {
   std::vector<std::string> endpoints{};  ///< "host:port".
-  std::string prefix{};                  ///< Prefix of all keys, without a '/' at its end.
+  std::string prefix{};                  ///< The prefix of all keys, without a trailing '/'.
 
   [[nodiscard]] std::string text() const;  ///< "etcd://host:port,host:port/prefix"
 };

@@ -12,7 +12,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// Keeps a page far below kReplySizeMax: 512 names with all their properties take 5 MiB.
+/// Keeps a page well below kReplySizeMax: 512 names with all their properties take 5 MiB.
 constexpr int kPageSize = 512;
 constexpr std::uint64_t kFenceCount = 64;
 
@@ -23,7 +23,7 @@ expected<Json, GatewayError> read_page(Gateway& gateway, Json range, std::uint64
   return gateway.ask("/v3/kv/range", range, deadline);
 }
 
-// etcd grants no shorter leases with its usual election timeout of 1 s.
+// With its usual election timeout of 1 s, etcd grants no shorter leases.
 constexpr std::uint64_t kLeaseSecondsMin = 2;
 // etcd checks every half second for leases that have ended.
 constexpr Duration kEndingMax = 1s;

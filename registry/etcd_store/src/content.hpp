@@ -13,19 +13,19 @@
 
 namespace rtpm::etcd_store {
 
-/// The keys of registries' names in a cluster.
+/// The keys of a cluster's names.
 class Keys {
  public:
   explicit Keys(const std::string& prefix)
       : names_(prefix + "/names/"), fences_(prefix + "/fences/") {}
-  /// The range of all names: a key and the end of the range, in etcd's form.
+  /// The key range of all names, in etcd's form.
   [[nodiscard]] Json all() const;
   [[nodiscard]] std::string key_of(std::string_view name) const {
     return names_ + std::string(name);
   }
   /// The name of this key; nullopt if it is not the key of a name.
   [[nodiscard]] std::optional<std::string> name_of(std::string_view key) const;
-  /// Key that changes with every unbind of the name, and of other names.
+  /// A key that changes with every unbind of the name, and of some other names.
   [[nodiscard]] std::string fence_of(std::string_view name) const;
 
  private:
@@ -33,7 +33,7 @@ class Keys {
   std::string fences_;
 };
 
-/// A lease of etcd, which is in whole seconds, for the lease of a name.
+/// The etcd lease, in whole seconds, for the lease of a name.
 [[nodiscard]] std::uint64_t seconds_of(Duration lease) noexcept;
 
 /// A key and its value, decoded as a name.

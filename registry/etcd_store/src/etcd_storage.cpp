@@ -25,9 +25,9 @@ using Kind = StorageError::Kind;
 constexpr Duration kLoadPatience = 5s;
 // Time limit of changes without a deadline, such as those of --load.
 constexpr Duration kCommitPatience = 5s;
-// How long to wait until a change that is stored was reported, too.
+// How long to wait for the report of a stored change.
 constexpr Duration kReportMax = 300ms;
-// Pause before the rules are checked again where no report of the other change is awaited.
+// The pause before the rules are checked again if no report of the other change is expected.
 constexpr Duration kAgainPause = 20ms;
 
 Json compare(const std::string& key, const char* target, const char* field, std::uint64_t value,
@@ -98,7 +98,7 @@ class EtcdStorage final : public names::Storage {
       if (!left) return unexpected{failure(left.error())};
       if (!*left) return conflicts(0);
     }
-    // The lease may outlast its name for a while.
+    // The etcd lease may outlast its name briefly.
     return check(change.name, change.expected, change.deadline);
   }
 
@@ -132,10 +132,12 @@ class EtcdStorage final : public names::Storage {
              Kind::kConflict},
             revision};
   }
-  /// The error, once the registry has the change that came first; kUnreachable if not in time.
+  /// Returns the error once the registry has the earlier change; kUnreachable if that takes too
+  /// long.
   [[nodiscard]] StorageError after(Conflict error, MonotonicTime deadline) {
     if (error.kind != Kind::kConflict || follow_.follower() == nullptr) return error;
-    // The end of a lease is not reported yet, or a report says no more than the registry knows.
+    // The end of a lease is not reported yet, or the report adds nothing to what the registry
+    // knows.
     const bool is_pause = error.revision == 0 || follow_.has_reported(error.revision);
     const MonotonicTime end = rt::now() + kAgainPause;
     const bool is_in_time = is_pause ? end < deadline : follow_.wait_for(error.revision, deadline);
@@ -154,7 +156,7 @@ class EtcdStorage final : public names::Storage {
              is_full ? Kind::kFull : Kind::kFailed}};
   }
 
-  /// Stores the change, and waits until it was reported.
+  /// Stores the change, and waits for its report.
   expected<std::uint64_t, StorageError> write(const StoredChange& change) {
     const MonotonicTime deadline = std::min(change.deadline, rt::now() + kCommitPatience);
     const auto done = change.stored == nullptr ? erase(change, deadline) : put(change, deadline);
@@ -165,7 +167,7 @@ class EtcdStorage final : public names::Storage {
     return *done;
   }
 
-  /// Checks that the last change of the name is still `change`.
+  /// Checks that `change` is still the last change of the name.
   expected<void, StorageError> check(std::string_view name, std::uint64_t change,
                                      MonotonicTime deadline) {
     const std::string key = keys_.key_of(name);
@@ -191,7 +193,7 @@ class EtcdStorage final : public names::Storage {
     return number_at(*answer, "TTL") != 0;
   }
 
-  /// The lease to use for a name: the present one of the same holder, or a new one.
+  /// The lease to use for a name: the holder's current lease, or a new one.
   [[nodiscard]] expected<EtcdLease, GatewayError> lease_for(const StoredChange& change,
                                                             const std::optional<KnownName>& known,
                                                             MonotonicTime deadline) {
@@ -235,9 +237,9 @@ class EtcdStorage final : public names::Storage {
     return revision;
   }
 
-  // The conditions of a change: nobody else has changed the name. If it was not bound, also:
-  // nothing is bound above or below it, and it was not unbound since, because a request that a
-  // stopped node carries out late must not restore the name.
+  // The conditions of a change: the name's last change is still the expected one. If the name was
+  // not bound, also: nothing is bound above or below it, and it was not unbound since, so that a
+  // stopped node's late request does not restore the name.
   [[nodiscard]] Json conditions_of(const StoredChange& change,
                                    const std::optional<KnownName>& known) const {
     const std::string name(change.name);
@@ -297,8 +299,8 @@ class EtcdStorage final : public names::Storage {
     return revision;
   }
 
-  // The revision of the change if it was made, even if only an earlier request of the same change
-  // succeeded; otherwise the last change that was found instead.
+  // The revision of the change if it was made, even by an earlier request for the same change;
+  // otherwise the change that was found instead.
   [[nodiscard]] expected<std::uint64_t, Conflict> revision_of(const Json& answer,
                                                               const std::string& name,
                                                               std::uint64_t write) const {

@@ -19,7 +19,7 @@ constexpr Duration kBeginPatience = 1s;
 constexpr Duration kReadPatience = 5s;
 constexpr Duration kPauseMax = 500ms;
 constexpr int kEndedLeasesPerProbe = 64;
-// Number of consecutive probes that find unreported changes before everything is read again.
+// After this many consecutive probes that find unreported changes, everything is read again.
 constexpr int kUnmetMax = 4;
 constexpr const char* kCompacted = "the changes since are not kept any more";
 constexpr const char* kReplaced =
@@ -60,7 +60,7 @@ bool Follow::has_reported(std::uint64_t revision) {
   return reported_ >= revision;
 }
 
-// Lower than before when a cluster was restored.
+// Lower than before if a cluster was restored.
 void Follow::note_reported() {
   {
     const std::lock_guard lock(mutex_);
@@ -76,7 +76,7 @@ void Follow::run() {
     if (gateway_.is_stopping()) break;
     if (gateway_.adopt_other_cluster())
       static_cast<void>(read_again(History::kReplaced, kReplaced));
-    // The next watch begins after the content that was read.
+    // The next watch starts after the content that was read.
     const bool was_read = std::exchange(was_read_again_, false);
     is_to_check_history_ = !was_read;
     ++failure_count_;
@@ -144,7 +144,7 @@ std::optional<std::string> Follow::take(std::size_t endpoint, const std::string&
   if (result->value("canceled", Json()) == true) return "it ended the watch";
   if (result->value("created", Json()) == true) is_created_ = true;
   if (auto why = take_events(endpoint, object_at(*result, "events"))) return why;
-  // A change may arrive in several parts.
+  // A change may arrive in several fragments.
   if (result->value("fragment", Json()) == true || fragments_.empty()) return std::nullopt;
   revision_ = fragments_.back().revision;
   follower_->on_changes(std::exchange(fragments_, {}));
@@ -152,16 +152,16 @@ std::optional<std::string> Follow::take(std::size_t endpoint, const std::string&
   return std::nullopt;
 }
 
-// Whether the name was removed at `revision` because its lease ended: an unbind also changes its
-// fence.
+// Whether the name was removed at `revision` because its lease ended: an unbind also changes the
+// name's fence.
 expected<bool, GatewayError> Follow::has_lapsed(std::size_t endpoint, const std::string& name,
                                                 std::uint64_t revision) {
-  // The watch has reported the revision at this endpoint, so the endpoint has it.
+  // The watch has reported the revision at this endpoint, so this endpoint has it.
   const Json request{{"key", to_base64(keys_.fence_of(name))},
                      {"revision", std::to_string(revision)},
                      {"serializable", true}};
   const auto answer = gateway_.ask_at(endpoint, "/v3/kv/range", request, kProbePatience);
-  // The revision is compacted, so nothing proves an unbind.
+  // The revision is compacted, so an unbind can't be proved.
   if (!answer && answer.error().code == GatewayError::kOutOfRange) return true;
   if (!answer) return unexpected{answer.error()};
   const Json& fences = object_at(*answer, "kvs");
@@ -197,7 +197,7 @@ std::optional<std::string> Follow::take_events(std::size_t endpoint, const Json&
   return std::nullopt;
 }
 
-// Reads through the leader the state that the watch must report soon.
+// Reads, through the leader, the state that the watch must report soon.
 std::optional<std::string> Follow::probe(std::size_t endpoint) {
   Json request = keys_.all();
   request["limit"] = 1;
@@ -210,7 +210,7 @@ std::optional<std::string> Follow::probe(std::size_t endpoint) {
   next.count = number_at(*answer, "count");
   for (const Json& each : object_at(*answer, "kvs"))
     next.last_change = number_at(each, "mod_revision");
-  // The revision counts all changes of the cluster, and never decreases.
+  // The revision counts all changes of the cluster and never decreases.
   if (number_at(object_at(*answer, "header"), "revision") < revision_) {
     return read_again(History::kReplaced, kReplaced);
   }
@@ -225,7 +225,7 @@ std::optional<std::string> Follow::probe(std::size_t endpoint) {
 void Follow::check_probe() {
   if (!probe_ || probe_->is_met) return;
   if (revision_ < probe_->last_change) return;
-  // Changes since the probe may explain another number of names.
+  // Changes after the probe may explain the different number of names.
   if (known_.size() != probe_->count && revision_ == probe_->revision) return;
   probe_->is_met = true;
   note_reached();
@@ -244,7 +244,7 @@ std::optional<std::string> Follow::check_history() {
   return std::nullopt;
 }
 
-// Returns why the watch cannot continue; the next watch begins after the content read here.
+// Returns why the watch cannot continue; the next watch starts after the content read here.
 std::string Follow::read_again(History history, std::string why) {
   const MonotonicTime begun = rt::now();
   auto content = read_content(gateway_, keys_, rt::now() + kReadPatience);
@@ -264,7 +264,7 @@ std::string Follow::read_again(History history, std::string why) {
   return why;
 }
 
-// Revokes leases without names. They also end by themselves, but the longest only after an hour.
+// Revokes leases without names. They also expire, but the longest only after an hour.
 void Follow::end_unused_leases(std::size_t endpoint) {
   for (int i = 0; i < kEndedLeasesPerProbe; ++i) {
     const auto lease = known_.take_unused();
@@ -280,7 +280,7 @@ void Follow::note_reached() {
   follower_->on_trouble("The names in " + gateway_.address().text() + " are followed again.");
 }
 
-// Reports once for all endpoints, because the failure of one endpoint does no harm.
+// Reports once for all endpoints, because a single endpoint's failure does no harm.
 void Follow::note_trouble(std::size_t endpoint, const std::string& why) {
   if (is_told_ || failure_count_ < gateway_.address().endpoints.size()) return;
   is_told_ = true;

@@ -18,11 +18,11 @@
 namespace rtpm::etcd_store {
 
 /// Follows the names of a cluster by a watch at one endpoint, on a time-shared thread "rtpm-etcd".
-/// Every half second it reads at the same endpoint, through the leader, which changes the watch
+/// Every half second it reads, through the leader at the same endpoint, which changes the watch
 /// must have reported: this proves that a registry's content is current. If that fails, it
-/// continues at the next endpoint, after the last revision, once it has checked that the cluster's
-/// content at that revision matches the reported one: a restored cluster uses the same revisions
-/// again for other changes.
+/// continues at the next endpoint after the last revision. Before, it checks that the cluster's
+/// content at that revision matches the reported one: a restored cluster reuses revisions for other
+/// changes.
 /// @threads  start and stop: one; the rest: any
 class Follow {
  public:
@@ -38,11 +38,11 @@ class Follow {
   void stop() noexcept;
   /// The registry that follows; null before start().
   [[nodiscard]] names::Storage::Follower* follower() const noexcept { return follower_; }
-  /// Waits until the change of `revision` was reported; false if not by `deadline`.
+  /// Waits until the change of `revision` is reported; false if not by `deadline`.
   [[nodiscard]] bool wait_for(std::uint64_t revision, MonotonicTime deadline);
   /// Whether the change of `revision` was reported.
   [[nodiscard]] bool has_reported(std::uint64_t revision);
-  /// Everything that was stored before that time was reported.
+  /// Everything stored before that time has been reported.
   [[nodiscard]] MonotonicTime current_as_of() const noexcept { return current_as_of_; }
   void set_current(MonotonicTime as_of) noexcept { current_as_of_ = as_of; }
 
@@ -69,7 +69,7 @@ class Follow {
   [[nodiscard]] std::optional<std::string> probe(std::size_t endpoint);
   void check_probe();
   [[nodiscard]] std::optional<std::string> check_history();
-  /// Whether revisions that were reported remain valid.
+  /// Whether reported revisions remain valid.
   enum class History : std::uint8_t { kSame, kReplaced };
   [[nodiscard]] std::string read_again(History history, std::string why);
   void end_unused_leases(std::size_t endpoint);
@@ -86,10 +86,10 @@ class Follow {
   std::uint64_t revision_ = 0;  ///< The last change that was reported; for the thread only.
   std::vector<names::ReportedChange> fragments_{};
   bool is_created_ = false;
-  bool is_to_check_history_ = true;  ///< Set at the beginning, and when a watch has broken.
+  bool is_to_check_history_ = true;  ///< Set initially, and when a watch has broken.
   bool was_read_again_ = false;      ///< The watch ended because everything was read again.
   std::optional<Probe> probe_{};
-  bool is_told_ = false;           ///< It was reported that etcd is unreachable.
+  bool is_told_ = false;           ///< etcd's unreachability was reported.
   std::size_t failure_count_ = 0;  ///< Consecutive failures.
   std::atomic<MonotonicTime> current_as_of_{};
   std::mutex mutex_;  ///< Plain: no real-time thread locks it. Guards the number below.

@@ -15,12 +15,12 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Bounds one endpoint's share, so that one that hangs leaves time for the next one.
+// Bounds one endpoint's share of the time, so that a hanging one leaves time for the next.
 constexpr Duration kPatienceMin = 100ms;
 // Pause before all endpoints are asked again: an election takes one or two seconds.
 constexpr Duration kRoundPause = 50ms;
 
-/// Whether an answer with this code makes it worth asking another endpoint.
+/// Whether another endpoint may succeed after an answer with this code.
 bool is_passing(int code) noexcept {
   constexpr int kCancelled = 1;
   constexpr int kUnknown = 2;
@@ -181,7 +181,8 @@ expected<Json, GatewayError> Gateway::ask(std::string_view path, const Json& bod
       error.why = address_.endpoints[endpoint] + ": " + error.why;
       return reply;
     }
-    // An attempt that the deadline cuts off explains less than an earlier one: keep its reason.
+    // An attempt cut off by the deadline explains less than an earlier one: keep the earlier
+    // reason.
     if (why_of[endpoint].empty() || rt::now() < deadline) why_of[endpoint] = error.why;
     lasting_count += error.is_lasting ? 1 : 0;
     avoid(endpoint);

@@ -21,7 +21,7 @@ using Json = nlohmann::json;
 
 /// Why etcd returned no result.
 struct GatewayError {
-  /// gRPC's codes that etcd answers with.
+  /// The gRPC codes that etcd returns.
   static constexpr int kNotFound = 5;
   static constexpr int kExhausted = 8;
   static constexpr int kOutOfRange = 11;
@@ -30,7 +30,7 @@ struct GatewayError {
   int code = kUnavailable;
   bool was_sent = true;             ///< etcd may have carried out the request.
   bool is_lasting = false;          ///< The same endpoint would fail again in the same way.
-  std::uint64_t other_cluster = 0;  ///< The id of the cluster that answered, if it is another one.
+  std::uint64_t other_cluster = 0;  ///< The id of the answering cluster, if it is another one.
 };
 
 /// A key's value, in etcd's form.
@@ -42,15 +42,15 @@ struct KeyValue {
 };
 
 /// etcd's JSON gateway at any endpoint of a cluster.
-/// @threads  any, several at once
+/// @threads  any, concurrently
 class Gateway {
  public:
   explicit Gateway(Address address)
       : address_(std::move(address)), other_clusters_(address_.endpoints.size()) {}
 
   [[nodiscard]] const Address& address() const noexcept { return address_; }
-  /// Asks the preferred endpoint, then each other endpoint, until one answers or `deadline` is
-  /// over. The request must be safe to send twice.
+  /// Asks the preferred endpoint, then the others, until one answers or `deadline` passes. The
+  /// request must be safe to send twice.
   [[nodiscard]] expected<Json, GatewayError> ask(std::string_view path, const Json& body,
                                                  MonotonicTime deadline);
   /// Asks one endpoint, and checks that it belongs to the cluster that answered first.
@@ -71,7 +71,7 @@ class Gateway {
   [[nodiscard]] bool adopt_other_cluster();
   /// The id of the known cluster; 0 until one has answered.
   [[nodiscard]] std::uint64_t cluster() const noexcept { return cluster_; }
-  /// Ends requests that are under way.
+  /// Aborts requests in progress.
   void stop() noexcept { is_stopping_ = true; }
   [[nodiscard]] bool is_stopping() const noexcept { return is_stopping_; }
 
@@ -88,9 +88,9 @@ class Gateway {
   std::vector<std::uint64_t> other_clusters_;  ///< Indexed by endpoint; 0 if it has none.
 };
 
-/// A whole number in etcd's JSON, which writes 64-bit numbers as texts and omits zeros.
+/// Reads a whole number from etcd's JSON, which writes 64-bit numbers as text and omits zeros.
 [[nodiscard]] std::uint64_t number_at(const Json& json, const char* key);
-/// An object in an object; null if there is none.
+/// A member object; null if there is none.
 [[nodiscard]] const Json& object_at(const Json& json, const char* key);
 /// @return nullopt if `json` is not a key with a value
 [[nodiscard]] std::optional<KeyValue> key_value_of(const Json& json);

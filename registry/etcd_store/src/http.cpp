@@ -115,7 +115,7 @@ struct HttpStream::Impl {
   Handle handle{};
   Headers headers = json_headers();
   std::string received{};
-  std::size_t searched = 0;  ///< The leading bytes of it that contain no end of line.
+  std::size_t searched = 0;  ///< The leading bytes already searched for an end of line.
   std::atomic<bool> is_woken = false;
 
   std::optional<std::string> take_line() {

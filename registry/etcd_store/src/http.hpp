@@ -9,7 +9,7 @@
 #include "rtpm/base/expected.hpp"
 #include "rtpm/base/time.hpp"
 
-/// The used part of libcurl: JSON by POST over plain HTTP.
+/// The part of libcurl in use: JSON by POST over plain HTTP.
 namespace rtpm::etcd_store {
 
 /// Why there is no reply.
@@ -27,11 +27,11 @@ struct HttpReply {
 /// Maximum size of a reply, or of a line of a stream, in bytes.
 inline constexpr std::size_t kReplySizeMax = std::size_t{32} * 1024 * 1024;
 
-/// Sends requests, one after the other, over persistent connections.
+/// Sends requests, one at a time, over persistent connections.
 /// @threads  one at a time
 class HttpClient {
  public:
-  /// Ends requests early once `is_stopping` is set; it must outlive this.
+  /// Aborts requests once `is_stopping` is set; it must outlive this.
   explicit HttpClient(const std::atomic<bool>& is_stopping);
   HttpClient(const HttpClient&) = delete;
   HttpClient& operator=(const HttpClient&) = delete;
@@ -44,8 +44,8 @@ class HttpClient {
   std::unique_ptr<Impl> impl_;
 };
 
-/// A request whose reply continues, line by line.
-/// @threads  one; wake() any
+/// A request whose reply arrives continuously, line by line.
+/// @threads  one; wake(): any
 class HttpStream {
  public:
   HttpStream();
@@ -53,9 +53,9 @@ class HttpStream {
   HttpStream& operator=(const HttpStream&) = delete;
   ~HttpStream();
 
-  /// Starts a request; ends the former one.
+  /// Starts a request; ends the previous one.
   void open(const std::string& url, const std::string& body);
-  /// The next line; nullopt if none arrived by `until`, or if wake() was called.
+  /// Returns the next line; nullopt if none arrived by `until`, or after wake().
   /// @errors   the stream has ended, or a line is too long
   [[nodiscard]] expected<std::optional<std::string>, HttpError> next_line(MonotonicTime until);
   void close();

@@ -24,7 +24,7 @@ struct KnownName {
 
 using NameMap = std::map<std::string, KnownName, std::less<>>;
 
-/// The keys of names, with the data that registries do not know; and leases that no longer have a
+/// The keys of names, with the data that registries do not have; and leases that no longer have a
 /// key.
 /// @threads  any
 class KnownNames {
@@ -57,7 +57,7 @@ class KnownNames {
     return names_.size();
   }
 
-  /// Leases beyond the bound end by themselves.
+  /// Leases beyond the bound expire by themselves.
   void add_unused(std::uint64_t lease) {
     const std::lock_guard lock(mutex_);
     if (lease != 0 && unused_.size() < kUnusedLeaseCountMax) unused_.push_back(lease);

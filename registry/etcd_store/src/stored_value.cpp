@@ -12,7 +12,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-/// 64-bit numbers are written as texts, as in etcd's own JSON: readers of JSON may round numbers.
+/// 64-bit numbers are written as text, as in etcd's own JSON: JSON readers may round numbers.
 std::optional<std::uint64_t> number_of(const Json& json) {
   if (!json.is_string()) return std::nullopt;
   return whole_number_of<std::uint64_t>(json.get_ref<const std::string&>());
@@ -29,8 +29,8 @@ std::optional<std::string> text_at(const Json& json, const char* key) {
   return found->get<std::string>();
 }
 
-/// The host that bound a name, from this registry's point of view: a loopback address belongs to
-/// the host on which the name's registry ran.
+/// The host that bound a name, as seen from this registry: a loopback address belongs to the host
+/// on which the name's registry ran.
 std::uint64_t host_seen_here(std::uint64_t host, std::uint64_t where) {
   const bool is_loopback = host >> 24 == 127;
   return is_loopback && where != rt::clock_domain() ? names::kLoopbackElsewhere : host;

@@ -17,15 +17,17 @@ namespace rtpm::etcd_store {
 ///      "81985529216486895", "properties": [{"name": "force", "type": "real", "value": 3.5, "unit":
 ///      "newton"}]}
 struct StoredValue {
-  /// Lacks name and change, which the key has. With revision 0, the key's revision is the holder's.
+  /// Lacks name and change, which the key provides. Revision 0 means that the key's revision is the
+  /// holder's.
   names::StoredName stored{};
-  std::uint64_t write = 0;  ///< Identifies the write, to tell it from writes of other registries.
+  /// Identifies the write, to distinguish it from other registries' writes.
+  std::uint64_t write = 0;
   /// The host of the registry that wrote it: rt::clock_domain().
   std::uint64_t where = rt::clock_domain();
 };
 
 [[nodiscard]] std::string to_text(const StoredValue& value);
-/// nullopt if the text has another form.
+/// Parses a value; nullopt if the text has another form.
 [[nodiscard]] std::optional<StoredValue> parse_value(std::string_view text);
 
 }  // namespace rtpm::etcd_store

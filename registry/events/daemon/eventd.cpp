@@ -26,7 +26,7 @@ struct Configuration {
   rtpm::options::ServerSettings settings{};
   std::string registry{rtpm::names::kThisHost};
   std::string name{rtpm::events::kHubPath};
-  bool allows_takeover = false;  ///< Take the name from a living server.
+  bool allows_takeover = false;  ///< Takes the name even from a live server.
   std::uint64_t subscriptions_max = 1024;
   std::uint64_t history = 8;
   double quota = 2e6;
@@ -139,7 +139,7 @@ int main(int argc, char** argv) {
   rtpm::rpc::ServerConfig& server = configuration.settings.server;
   server = rtpm::events::server_config_for({});
   server.port = rtpm::events::kDefaultHubPort;
-  // Two bands: urgent events do not queue behind the rest.
+  // Two bands, so that urgent events do not queue behind the rest.
   server.lanes = {{.name = "events-low", .low = 0}, {.name = "events-high", .low = 16'384}};
   rtpm::options::add_server(options, configuration.settings);
   rtpm::options::add_caller(options, configuration.settings);

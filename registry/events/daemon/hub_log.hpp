@@ -9,7 +9,7 @@
 
 namespace rtpm::eventd {
 
-/// Writes a hub's disconnects (without unsubscriptions) and changes of its links to standard error,
+/// Writes a hub's disconnects (except unsubscriptions) and link changes to standard error,
 /// rate-limited.
 /// @ownership refers to the hub
 /// @threads  one, time-shared

@@ -13,7 +13,7 @@ namespace rtpm::events {
 class EventRef;
 
 /// Stores each event once for all queues, conjunctions and histories that refer to it.
-/// @ownership its memory, allocated when built; must outlive every EventRef
+/// @ownership its memory, allocated at construction; must outlive every EventRef
 /// @threads  one at a time, including its references
 /// @realtime alloc-free except construction
 class EventStore {
@@ -22,11 +22,11 @@ class EventStore {
   EventStore(const EventStore&) = delete;
   EventStore& operator=(const EventStore&) = delete;
 
-  /// Copies the event; empty if there is no free slot of its size.
+  /// Copies the event; returns an empty reference if there is no free slot of its size.
   [[nodiscard]] EventRef put(const EventView& event) noexcept;
   /// The largest payload.
   [[nodiscard]] std::uint32_t payload_size_max() const noexcept { return payload_size_max_; }
-  /// Events stored.
+  /// The number of stored events.
   [[nodiscard]] std::size_t count() const noexcept { return held_count_; }
 
  private:

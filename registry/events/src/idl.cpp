@@ -135,7 +135,7 @@ OwnedDescriptor descriptor_of(const TypeEntry& entry) {
                             .path = {.offset = each->offset()},
                             .default_value = scalar_of(each->default_value())};
       const auto* slots = each->slots();
-      // Keeps one too many, which the catalog refuses.
+      // Keeps one too many, which the catalog then refuses.
       const std::size_t count = slots == nullptr ? 0 : slots->size();
       field.path.slot_count =
           static_cast<std::uint8_t>(std::min<std::size_t>(count, FieldPath::kSlotCountMax + 1));

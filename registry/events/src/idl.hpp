@@ -10,11 +10,11 @@
 #include "rtpm/events/filter.hpp"
 #include "rtpm/events/scalar.hpp"
 
-/// Conversions between the library's types and the IDL's.
+/// Converts between the library's types and the IDL's.
 namespace rtpm::events {
 
-/// The filter of an untrusted request; nullopt if it has too many nodes or an unknown kind. Shared
-/// tables can make a huge tree of a few bytes.
+/// The filter in an untrusted request; nullopt if it has too many nodes or an unknown kind. Shared
+/// tables allow a few bytes to encode a huge tree.
 [[nodiscard]] std::optional<Filter> filter_of(const FilterNode& node);
 [[nodiscard]] std::unique_ptr<FilterNodeT> entry_of(const Filter& filter);
 
@@ -26,7 +26,7 @@ struct OwnedDescriptor {
   std::vector<FieldDescriptor> fields{};
   EventDescriptor descriptor{};
 };
-/// Refers to the request's texts.
+/// The result refers to the request's texts.
 [[nodiscard]] OwnedDescriptor descriptor_of(const TypeEntry& entry);
 [[nodiscard]] std::unique_ptr<TypeEntryT> entry_of(const EventDescriptor& descriptor);
 

@@ -67,7 +67,7 @@ bool Database::has_moved() {
   int has_moved = 0;
   static_cast<void>(
       sqlite3_file_control(database_.get(), "main", SQLITE_FCNTL_HAS_MOVED, &has_moved));
-  // SQLite only reports whether there is a log by that name.
+  // SQLite only reports whether a log with that name exists.
   const std::string log = std::string(sqlite3_db_filename(database_.get(), "main")) + "-wal";
   sqlite3_vfs* vfs = nullptr;
   int is_there = 1;

@@ -42,7 +42,7 @@ class Statement {
 /// An open database.
 class Database {
  public:
-  /// Returns SQLITE_OK or an error; text() has it in words.
+  /// Returns SQLITE_OK or an error; text() describes it.
   [[nodiscard]] int open(const std::string& path, const std::string& vfs);
   void close() noexcept { database_.reset(); }
   [[nodiscard]] bool is_open() const noexcept { return database_ != nullptr; }
@@ -50,9 +50,9 @@ class Database {
 
   [[nodiscard]] int execute(const char* sql) noexcept;
   [[nodiscard]] Statement prepare(const char* sql) { return {database_.get(), sql}; }
-  /// The integer in the only row of a query; without a row, `otherwise`.
+  /// The integer in the only row of a query; `otherwise` if there is no row.
   [[nodiscard]] std::int64_t integer_of(const char* sql, std::int64_t otherwise);
-  /// Call after a write: whether its file is no longer at its path, or its log is gone.
+  /// Whether the database file is no longer at its path, or its log is gone. Call it after a write.
   [[nodiscard]] bool has_moved();
   /// The last error in words.
   [[nodiscard]] std::string text() const;

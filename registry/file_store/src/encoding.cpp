@@ -18,7 +18,7 @@ constexpr char kItemEnd = '\x1e';
 constexpr char kPropertyEnd = '\x1d';
 
 void append(std::string& text, const Item& item) {
-  std::array<char, 40> digits{};  // The shortest that reads as the same number.
+  std::array<char, 40> digits{};  // The shortest text that reads as the same number.
   char* end = digits.data();
   if (const auto* held = std::get_if<std::string>(&item)) {
     text += *held;
@@ -55,7 +55,7 @@ std::optional<Item> item_of(std::string_view text, PropertyType type) {
   }
 }
 
-/// Takes the text before `end`, and `end`.
+/// Removes and returns the text before `end`; also removes `end`.
 std::optional<std::string_view> take(std::string_view& text, char end) {
   const std::size_t size = text.find(end);
   if (size == std::string_view::npos) return std::nullopt;

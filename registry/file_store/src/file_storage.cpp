@@ -20,13 +20,13 @@ using names::StoredName;
 /// "RTPM", so that no other program's database is accepted.
 constexpr std::int64_t kApplicationId = 0x5254'504d;
 constexpr std::int64_t kSchemaVersion = 1;
-/// Skips the revisions of leased names that a power cut may have lost.
+/// Skips the revisions of leased names that a power failure may have lost.
 constexpr std::uint64_t kRevisionsPerStart = std::uint64_t{1} << 20;
-/// The number of rows to try behind a damaged page.
+/// How many rows to try after a damaged page.
 constexpr int kSkippedRowMax = 100'000;
 
 /// Leased names whose lease ended, and when, in nanoseconds since 1970. The first change creates
-/// the table, because databases of earlier releases do not have it.
+/// the table, because databases of earlier releases lack it.
 constexpr const char* kCreateLapsed =
     "CREATE TABLE IF NOT EXISTS lapsed(id INTEGER PRIMARY KEY, name TEXT UNIQUE NOT NULL, "
     "url TEXT NOT NULL, interface TEXT NOT NULL, owner_id INTEGER NOT NULL, "
@@ -69,7 +69,7 @@ class FileStorage final : public names::Storage {
     content.first_revision += kRevisionsPerStart;
     is_read_only_ = !content.faults.empty();
     if (is_read_only_) {
-      // From now on nothing is written to it, not even when it is closed.
+      // From now on nothing is written to it, not even on closing.
       static_cast<void>(database_.execute("PRAGMA query_only = 1"));
       static_cast<void>(
           sqlite3_db_config(database_.get(), SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr));
@@ -82,7 +82,7 @@ class FileStorage final : public names::Storage {
     if (!prepare()) return unexpected{unusable(database_.text(), kCheckPlace)};
     first_revision_ = content.first_revision;
     if (note_start() == SQLITE_DONE) return content;
-    // Its names are sound, so they are served; each change tries again.
+    // Its names are valid, so they are served; each change tries again.
     const std::string why = database_.text();
     roll_back();
     content.faults.push_back("The database " + printable(path_) + " can't be written: " + why +
@@ -126,13 +126,12 @@ class FileStorage final : public names::Storage {
   expected<void, SetupError> open(names::StoredContent& content) {
     int result = database_.open(path_, vfs_);
     if (result == SQLITE_OK) {
-      // Must come first: otherwise reading the data of a killed program takes space for shared
-      // memory.
+      // Must come first: otherwise reading the data of a killed program would use shared memory.
       static_cast<void>(database_.execute("PRAGMA locking_mode = EXCLUSIVE"));
-      // The check of its structure reads everything in any order: use 64 MiB.
+      // The structure check reads everything in random order, so use 64 MiB.
       static_cast<void>(database_.execute("PRAGMA cache_size = -65536"));
-      // The journal of the change to write-ahead logging must be gone from the disk before the
-      // first commit to the log: otherwise it would undo that commit after a power cut.
+      // The journal of the switch to write-ahead logging must be gone from disk before the first
+      // commit to the log: otherwise it would undo that commit after a power failure.
       set_durable(true);
       result = database_.execute("PRAGMA journal_mode = WAL");
     }
@@ -188,8 +187,8 @@ class FileStorage final : public names::Storage {
     }
   }
 
-  // Reads all rows that are readable and have the right checksum. Leased names of an earlier boot
-  // of the machine have ended.
+  // Reads all readable rows with a correct checksum. Leased names from before a reboot have
+  // expired.
   void read_names(names::StoredContent& content) {
     const bool is_same_boot =
         clock() != 0 && database_.integer_of("SELECT clock FROM facts", 0) == clock();
@@ -250,7 +249,7 @@ class FileStorage final : public names::Storage {
     }
   }
 
-  // Ends a transaction that failed, unless SQLite has ended it.
+  // Rolls back a failed transaction, unless SQLite already has.
   void roll_back() {
     if (sqlite3_get_autocommit(database_.get()) == 0) {
       static_cast<void>(database_.execute("ROLLBACK"));
@@ -314,7 +313,8 @@ class FileStorage final : public names::Storage {
     return commit_.run();
   }
 
-  // Keeps a name whose lease ended, before it is removed; any other change drops the kept one.
+  // Stores a name whose lease ended, before it is removed; any other change removes the stored
+  // lapse.
   int write_lapse(const names::StoredChange& change) {
     if (!change.lapsed) {
       dismiss_.bind(1, change.name);
@@ -325,7 +325,7 @@ class FileStorage final : public names::Storage {
     return lapse_.run();
   }
 
-  // Sets whether a commit waits for the disk.
+  // Sets whether commits wait for the disk.
   void set_durable(bool is_durable) {
     if (is_durable_ == is_durable) return;
     static_cast<void>(database_.execute(is_durable ? "PRAGMA synchronous = EXTRA"
@@ -339,7 +339,7 @@ class FileStorage final : public names::Storage {
     if (primary == SQLITE_FULL) {
       return {{what, why, "free some space"}, StorageError::Kind::kFull};
     }
-    // After a failed write the content of the disk is unknown: the next start checks it.
+    // After a failed write the disk's content is unknown: the next start checks it.
     if (primary == SQLITE_IOERR || primary == SQLITE_CORRUPT) is_failed_ = true;
     return {{what, why, "check the disk, and start again"}, StorageError::Kind::kFailed};
   }

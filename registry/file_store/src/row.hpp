@@ -14,12 +14,12 @@ inline constexpr const char* kColumns =
     "checksum";
 inline constexpr int kColumnCount = 11;
 
-/// Binds the row's texts and numbers as parameters, beginning with `first`. `properties` must stay
+/// Binds the row's texts and numbers as parameters, starting with `first`. `properties` must stay
 /// valid until reset().
 void bind_row(Statement& statement, const names::StoredName& stored, const std::string& properties);
 
-/// Reads a statement's current row, whose columns begin with `first`; nullopt if its checksum
-/// is wrong, or its properties are invalid.
+/// Reads a statement's current row, whose columns start with `first`; nullopt if its checksum is
+/// wrong, or its properties are invalid.
 [[nodiscard]] std::optional<names::StoredName> read_row(const Statement& statement, int first);
 
 }  // namespace rtpm::file_store

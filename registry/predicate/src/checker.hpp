@@ -9,8 +9,8 @@
 
 namespace rtpm::predicate {
 
-/// The type of the whole; nullopt if it depends on properties whose type `type_of_property` does
-/// not know.
+/// The type of the whole expression; nullopt if it depends on properties whose type
+/// `type_of_property` does not know.
 /// @errors   an operand has a type that its operator does not accept
 [[nodiscard]] expected<std::optional<Type>, TextError> check_types(
     const Nodes& nodes, const TypeOfProperty& type_of_property);

@@ -127,7 +127,7 @@ Truth is_contained(const Operand& part, const Operand& whole) noexcept {
   return whole_text->find(*part_text) != std::string_view::npos;
 }
 
-/// Evaluates a node with its operands; the parser bounds the depth.
+/// Evaluates a node with its operands; the parser has bounded the depth.
 class Evaluator {
  public:
   Evaluator(const Nodes& nodes, const PropertySource& properties) noexcept
@@ -164,7 +164,7 @@ class Evaluator {
   }
 
  private:
-  // `and` and `or`: one side decides alone if it is `decisive`.
+  // `and` and `or`: a side that equals `decisive` decides alone.
   [[nodiscard]] Operand decided(const Node& node, bool decisive) const noexcept {
     const Truth left = truth_of(value(node.left));
     if (left == decisive) return decisive;

@@ -38,11 +38,11 @@ struct Node {
   std::uint32_t right = 0;
 };
 
-/// A parsed text: operands precede their operators, the last node is the whole.
+/// A parsed text: operands precede their operators; the last node is the whole expression.
 using Nodes = std::vector<Node>;
 
-/// The value of the whole; undefined if a property is missing or of another type, or on a division
-/// by 0. `and` and `or` are defined if one side decides.
+/// The value of the whole expression; undefined if a property is missing or of another type, or
+/// after a division by 0. `and` and `or` are defined if one side decides.
 /// @realtime alloc-free
 [[nodiscard]] Operand evaluate(const Nodes& nodes, const PropertySource& properties) noexcept;
 

@@ -36,8 +36,8 @@ std::size_t number_size(std::string_view rest) noexcept {
   return size;
 }
 
-// The size of a text with both quotes; 0 if the closing one is missing. A backslash keeps the next
-// character.
+// The size of a quoted text, including both quotes; 0 if the closing one is missing. A backslash
+// escapes the next character.
 std::size_t quoted_size(std::string_view rest) noexcept {
   for (std::size_t size = 1; size < rest.size(); ++size) {
     if (rest[size] == '\\') {

@@ -6,8 +6,8 @@
 
 namespace rtpm::predicate {
 
-/// Orders numbers, texts or truths; unordered if of different types, or undefined. Exact between
-/// integers and reals.
+/// Orders numbers, texts or truth values; unordered if the types differ or a value is undefined.
+/// Exact between integers and reals.
 /// @realtime alloc-free
 [[nodiscard]] std::partial_ordering order_of(const Operand& left, const Operand& right) noexcept;
 

@@ -20,7 +20,7 @@ std::string text_of(const Item& item) {
   if (const auto* truth = std::get_if<bool>(&item)) return *truth ? "true" : "false";
   if (const auto* integer = std::get_if<std::int64_t>(&item)) return std::to_string(*integer);
   if (const auto* text = std::get_if<std::string>(&item)) return quoted_text(*text);
-  std::array<char, 40> digits{};  // The shortest that reads as the same number.
+  std::array<char, 40> digits{};  // The shortest text that reads as the same number.
   const auto end =
       std::to_chars(digits.data(), digits.data() + digits.size(), std::get<double>(item)).ptr;
   std::string text(digits.data(), end);
@@ -50,7 +50,7 @@ std::optional<Item> parse_item(std::string_view text) {
   return Item(std::string(text));
 }
 
-/// ('x', 'y'), with items of one type; an integer among reals counts as real.
+/// Parses ('x', 'y'), with items of one type; an integer among reals counts as real.
 std::optional<Value> parse_list(std::string_view text) {
   List list;
   Lexer lexer(text.substr(1));

@@ -7,10 +7,10 @@
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/events/event.hpp"
 
-/// Encoding of a delivery in ring and multicast.
+/// Encoding of a delivery for ring and multicast.
 namespace rtpm::events {
 
-/// Encodes the delivery into `room`, which must be large enough, as sent at `now`; returns the used
+/// Encodes the delivery into `room`, which must be large enough, as sent at `now`. Returns the used
 /// part.
 [[nodiscard]] ConstBytes encode_group(std::span<const EventRef> group, MonotonicTime now,
                                       MutableBytes room) noexcept;

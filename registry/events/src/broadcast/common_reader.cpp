@@ -14,14 +14,14 @@ using namespace std::chrono_literals;
 // The states of a seat.
 constexpr std::uint32_t kClaimed = 1;
 constexpr std::uint32_t kAwaited = 2;    // The consumer's own thread waits for it.
-constexpr std::uint32_t kLookAgain = 4;  // The reader came by while it was claimed.
+constexpr std::uint32_t kLookAgain = 4;  // The reader skipped the seat while it was claimed.
 
 constexpr Duration kClaimLookInterval = 100ms;
 // How long a handler may delay other consumers before their own threads take over.
 constexpr Duration kGuardPatience = 100us;
 // Under continuous load the guard checks less often.
 constexpr Duration kGuardPatienceMax = 1ms;
-// A slow call outweighs this many quick ones.
+// How many quick calls one slow call outweighs.
 constexpr int kSlowCallWeight = 8;
 constexpr int kSlownessMax = 3 * kSlowCallWeight;
 
@@ -105,7 +105,7 @@ CommonReader::~CommonReader() {
   is_stopping_.store(true, std::memory_order_release);
   lead_call_.post();
   guard_call_.post();
-  // They may sleep there; other sleepers wake spuriously.
+  // The threads may sleep there; other sleepers wake spuriously.
   if (lead_.is_running()) source_->stop();
 }
 
@@ -145,7 +145,7 @@ void CommonReader::decide() {
     bits |= each->wake_bits();
   const std::uint32_t earlier_bits = wake_bits_.exchange(bits);
   version_.fetch_add(1, std::memory_order_release);
-  // A reader that has to fetch anyway serves a single consumer, too.
+  // A reader that must fetch anyway serves even a single consumer.
   const std::size_t count_min = source_->must_be_fetched() ? 1 : kSeatCountMin;
   const bool serves = !is_dispersed_ && seats_.size() >= count_min && start_threads();
   if (serves_.exchange(serves, std::memory_order_acq_rel) != serves) {
@@ -165,7 +165,7 @@ void CommonReader::decide() {
 void CommonReader::lead() noexcept {
   while (!is_stopping_.load(std::memory_order_acquire)) {
     if (!serves()) {
-      // Dispersed just after the handler in question had returned: resume.
+      // Dispersed just after that handler had returned: resume.
       if (!gather(nullptr, MonotonicTime{})) static_cast<void>(lead_call_.wait_until(kNever));
       continue;
     }
@@ -184,7 +184,7 @@ void CommonReader::take_over_seats() noexcept {
   served_version_ = version_.load(std::memory_order_relaxed);
 }
 
-// One delivery per consumer, so that a busy consumer does not delay the rest.
+// One delivery per consumer, so that a busy consumer does not delay the others.
 bool CommonReader::pass() noexcept {
   bool has_delivered = false;
   last_time_ = rt::now();
@@ -212,14 +212,14 @@ bool CommonReader::serve(ReaderSeat& seat) noexcept {
   } else if (taking == ReaderSeat::Member::Taking::kApart) {
     seat.set_common(false);
   }
-  // Its own thread continues.
+  // The consumer's own thread continues.
   const bool is_apart = !seat.is_common();
   const bool is_again = seat.release();
   if (is_apart) seat.call();
   return taking == ReaderSeat::Member::Taking::kDelivered || is_again;
 }
 
-// Ends a dispersal, after the handler of `slow` has returned.
+// Ends a dispersal once the handler of `slow` has returned.
 bool CommonReader::gather(ReaderSeat* slow, MonotonicTime now) noexcept {
   const std::lock_guard lock(mutex_);
   if (!std::exchange(is_dispersed_, false)) return false;
@@ -249,7 +249,7 @@ void CommonReader::guard() noexcept {
         continue;
       }
       if (!is_same) {
-        // Another handler runs.
+        // Another handler is running.
         patience = std::min(2 * patience, kGuardPatienceMax);
         continue;
       }

@@ -17,8 +17,8 @@
 
 namespace rtpm::events {
 
-/// A consumer's seat at a common reader. The thread that has claimed it, the consumer's own or the
-/// reader's, reads for the consumer and calls its handler; the other waits or skips.
+/// A consumer's seat at a common reader. The thread that has claimed it, either the consumer's own
+/// or the reader's, reads for the consumer and calls its handler; the other thread waits or skips.
 /// @threads  the consumer's own and the reader's
 class ReaderSeat {
  public:
@@ -31,7 +31,7 @@ class ReaderSeat {
       kApart,  ///< Nothing; the consumer's own thread continues.
     };
     virtual ~Member() = default;
-    /// Passes one delivery to the handler. Requires the claimed seat.
+    /// Passes one delivery to the handler. Requires that the seat is claimed.
     [[nodiscard]] virtual Taking take_one() noexcept = 0;
   };
 
@@ -40,9 +40,11 @@ class ReaderSeat {
 
   /// Claims the seat for the consumer's own thread; waits for the reader.
   void claim() noexcept;
-  /// Claims the seat for the reader; false if the consumer's thread has it and then checks again.
+  /// Claims the seat for the reader. False if the consumer's thread has it, which then checks for
+  /// more.
   [[nodiscard]] bool try_claim() noexcept;
-  /// Releases the seat. Returns whether the other thread tried meanwhile: there may be more to do.
+  /// Releases the seat. Returns whether the other thread tried to claim it: there may be more to
+  /// do.
   [[nodiscard]] bool release() noexcept;
   /// Lets the consumer's own thread sleep until call() or `until`.
   void rest(MonotonicTime until) noexcept { static_cast<void>(call_.wait_until(until)); }
@@ -51,12 +53,12 @@ class ReaderSeat {
   // The functions below require the claimed seat.
 
   [[nodiscard]] Member& member() noexcept { return member_; }
-  /// Whether the reader serves it, not the consumer's own thread.
+  /// Whether the reader serves the seat instead of the consumer's own thread.
   [[nodiscard]] bool is_common() const noexcept { return is_common_; }
   void set_common(bool is_common) noexcept { is_common_ = is_common; }
-  /// Records the duration of a handler; frequent or very long ones make the seat slow.
+  /// Records how long a handler ran; frequent or very long runs make the seat slow.
   void note_duration(Duration duration, MonotonicTime now) noexcept;
-  /// Marks the seat slow: its own thread serves it.
+  /// Marks the seat slow: the consumer's own thread serves it.
   void set_slow(MonotonicTime now) noexcept;
   [[nodiscard]] bool is_slow(MonotonicTime now) const noexcept { return now < slow_until_; }
 
@@ -73,27 +75,27 @@ class ReaderSeat {
   MonotonicTime slow_until_ = MonotonicTime::min();
 };
 
-/// A thread that reads for several consumers of one program, source, priority and set of CPUs, so
-/// that an event wakes one thread instead of each: a wake-up takes some µs, longer than most
+/// A thread that reads for several consumers with the same program, source, priority and CPUs, so
+/// that an event wakes one thread instead of many: a wake-up takes some µs, longer than most
 /// handlers.
 ///
-/// No consumer waits long for the handler of another one. A second thread, the guard, wakes with
-/// the first and checks after 0.1 ms whether that is still in the same handler. If so, the
-/// consumers' own threads take over until the handler returns. The consumer of a slow handler keeps
-/// its own thread until it was quick for 1 to 10 s.
+/// No consumer waits long for another one's handler. A second thread, the guard, wakes with the
+/// first and checks after 0.1 ms whether that is still in the same handler. If so, the consumers'
+/// own threads take over until the handler returns. The consumer of a slow handler keeps its own
+/// thread until the handler has been quick for 1 to 10 s.
 ///
-/// The reader also fetches from sources that need it, such as a multicast; when it does not serve,
+/// The reader also fetches from sources that need it, such as multicast; when it does not serve,
 /// the guard does.
 /// @ownership its threads; consumers share it
 class CommonReader {
  public:
-  /// Minimum number of consumers, unless the source must be fetched.
+  /// The fewest consumers worth a reader, unless the source must be fetched.
   static constexpr std::size_t kSeatCountMin = 2;
   static constexpr std::size_t kSeatCountMax = 1024;
-  /// A handler is slow if it often exceeds the first limit, or exceeds the second once.
+  /// A handler is slow if it often exceeds the first limit, or once exceeds the second.
   static constexpr Duration kQuickMax = std::chrono::microseconds{100};
   static constexpr Duration kTooLong = std::chrono::milliseconds{2};
-  /// How long a seat stays slow: at first, and at most when repeated soon.
+  /// How long a seat stays slow: the first time, and at most when this recurs soon.
   static constexpr Duration kSlowSpanFirst = std::chrono::seconds{1};
   static constexpr Duration kSlowSpanMax = std::chrono::seconds{10};
 
@@ -108,15 +110,16 @@ class CommonReader {
     friend bool operator==(const Key&, const Key&) = default;
   };
   using MakeSource = std::function<std::shared_ptr<ReaderSource>()>;
-  /// The program's reader for `key`, created on demand. Null if there is no source, or if there are
-  /// no threads for a source that must be fetched.
+  /// The program's reader for `key`, created on demand. Null if there is no source, or if no
+  /// threads could start for a source that must be fetched.
   /// @realtime set-up only
   [[nodiscard]] static std::shared_ptr<CommonReader> of(const Key& key, const MakeSource& make);
   CommonReader(const CommonReader&) = delete;
   CommonReader& operator=(const CommonReader&) = delete;
   ~CommonReader();
 
-  /// Adds or removes a consumer. Called by its own thread, with the seat claimed and not common.
+  /// Adds or removes a consumer. Call it on the consumer's own thread, with the seat claimed and
+  /// not common.
   /// @realtime set-up only
   void join(const std::shared_ptr<ReaderSeat>& seat);
   void leave(const std::shared_ptr<ReaderSeat>& seat);
@@ -141,7 +144,7 @@ class CommonReader {
   /// Guards the members below; never held while a handler runs.
   rt::PiMutex mutex_;
   std::vector<std::shared_ptr<ReaderSeat>> seats_{};
-  bool has_failed_ = false;  ///< It could not start its threads.
+  bool has_failed_ = false;  ///< Its threads could not start.
   bool is_dispersed_ = false;
 
   std::atomic<std::uint64_t> version_{1};  ///< Version of seats_.
@@ -150,9 +153,9 @@ class CommonReader {
   std::atomic<bool> is_stopping_{false};
   /// Counts starts and ends of handler calls: odd while one runs.
   std::atomic<std::uint64_t> call_{0};
-  /// The source's value before the last pass without a delivery.
+  /// The source's value() before the last pass without a delivery.
   std::atomic<std::uint32_t> done_{0};
-  // The members of this block are used by the reader's thread only.
+  // Used by the reader's thread only.
   std::vector<std::shared_ptr<ReaderSeat>> served_{};
   std::uint64_t served_version_ = 0;
   MonotonicTime last_time_{};

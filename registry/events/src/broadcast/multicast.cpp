@@ -106,7 +106,7 @@ bool MulticastReader::take(ConstBytes datagram) noexcept {
   const std::uint64_t sequence = found->header.sequence;
   const bool is_heartbeat = found->header.record_size == 0;
   end_ = std::max(end_, is_heartbeat ? sequence : sequence + 1);
-  // ev-7.2-1: ignores datagrams that were read; those too far ahead can be requested again.
+  // ev-7.2-1: ignores datagrams already read; those too far ahead can be requested again.
   if (is_heartbeat || sequence < expected_ || sequence - expected_ >= kWindow) return true;
   Slot& slot = slots_[sequence % kWindow];
   slot.sequence = sequence;
@@ -131,7 +131,7 @@ bool MulticastReader::read() {
   }
 }
 
-// True if this completes a record of the owner.
+// True if this completes a record for the owner.
 bool MulticastReader::append(const MulticastDatagram& datagram) {
   const MulticastHeader& header = datagram.header;
   if (header.offset == 0) {

@@ -9,20 +9,20 @@
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/events/event.hpp"
 
-/// Deliveries in numbered multicast datagrams; receivers detect gaps and request repair. No socket,
-/// no clock.
+/// Deliveries in numbered multicast datagrams; receivers detect gaps and request repair. Uses no
+/// socket and no clock.
 /// @source   spec/events.md#ev-7
 namespace rtpm::events {
 
-/// Bytes of a datagram; fits an Ethernet frame, even tunnelled.
+/// The size of a datagram in bytes; fits an Ethernet frame, even tunnelled.
 inline constexpr std::size_t kMulticastDatagramMax = 1400;
 inline constexpr std::size_t kMulticastHeaderSize = 32;
 inline constexpr std::size_t kMulticastOwnerCountMax = 256;  ///< Limit per record.
 
 /// The header of a datagram.
 struct MulticastHeader {
-  std::uint64_t id = 0;           ///< Differs for each start of the hub.
-  std::uint64_t sequence = 0;     ///< The datagram's number, from 0; in a heartbeat: the next one.
+  std::uint64_t id = 0;           ///< Changes at each start of the hub.
+  std::uint64_t sequence = 0;     ///< The datagram's number, from 0; in a heartbeat, the next one.
   std::uint32_t record_size = 0;  ///< Bytes of the events; 0 for a heartbeat.
   std::uint32_t offset = 0;       ///< Offset of this datagram's bytes in the record.
   std::uint16_t owner_count = 0;  ///< Number of owners, at offset 0 only.
@@ -42,7 +42,7 @@ struct MulticastDatagram {
 /// @ownership its memory, allocated when built
 class MulticastWriter {
  public:
-  /// Keeps `history_count` datagrams (at least 8).
+  /// Creates a history of `history_count` datagrams (at least 8).
   MulticastWriter(std::uint64_t id, std::size_t history_count);
 
   /// Encodes `events` for `owners` (at most kMulticastOwnerCountMax) and calls send(ConstBytes) for
@@ -54,15 +54,15 @@ class MulticastWriter {
       send(make(owners, events, offset));
     return true;
   }
-  /// A heartbeat, which exposes the loss of the last datagrams. Valid until the next call.
+  /// A heartbeat, which reveals the loss of the last datagrams. Valid until the next call.
   [[nodiscard]] ConstBytes heartbeat() noexcept;
 
-  /// Sequences of the next and of the oldest kept datagram.
+  /// The sequence of the next datagram; then that of the oldest one kept.
   [[nodiscard]] std::uint64_t next_sequence() const noexcept { return next_; }
   [[nodiscard]] std::uint64_t oldest_sequence() const noexcept {
     return next_ > slots_.size() ? next_ - slots_.size() : 0;
   }
-  /// A kept datagram; empty if it is evicted.
+  /// A kept datagram; empty if evicted.
   [[nodiscard]] ConstBytes datagram(std::uint64_t sequence) const noexcept;
   [[nodiscard]] std::uint64_t id() const noexcept { return id_; }
 
@@ -91,21 +91,21 @@ class MulticastReader {
   /// Reads for subscription `owner`, from datagram `begin` on.
   MulticastReader(std::uint64_t id, std::uint32_t owner, std::uint64_t begin);
 
-  /// Takes a datagram, in any order, possibly duplicate; false if its id differs from `id`.
+  /// Accepts a datagram, in any order, possibly duplicated; false if its id differs from `id`.
   [[nodiscard]] bool take(ConstBytes datagram) noexcept;
   /// Reads the owner's next record, in order; false if there is none. `events()` is valid until the
   /// next call.
   [[nodiscard]] bool read();
   [[nodiscard]] ConstBytes events() const noexcept { return events_; }
 
-  /// Missing datagrams: `first`, and bit i of `later` for `first` + 1 + i.
+  /// Missing datagrams: `first`, and `first` + 1 + i if bit i of `later` is set.
   struct Gap {
     std::uint64_t first = 0;
     std::uint64_t later = 0;
   };
   [[nodiscard]] std::optional<Gap> gap() const noexcept;
-  /// The hub's answer: datagrams below `oldest` are evicted, and those below `next` had
-  /// `written_count` events for the owner.
+  /// Handles the hub's answer: datagrams below `oldest` are evicted, and those below `next`
+  /// contained `written_count` events for the owner.
   void note(std::uint64_t oldest, std::uint64_t next, std::uint64_t written_count) noexcept;
   /// Counts events that read() returned.
   void count_read(std::uint64_t event_count) noexcept { read_count_ += event_count; }
@@ -126,7 +126,7 @@ class MulticastReader {
   std::uint64_t id_;
   std::uint32_t owner_;
   std::uint64_t expected_;
-  std::uint64_t end_;  ///< Position after the last known datagram.
+  std::uint64_t end_;  ///< The position after the last known datagram.
   std::vector<Slot> slots_;
   std::vector<Line> record_{};
   std::size_t record_size_ = 0;
@@ -136,7 +136,8 @@ class MulticastReader {
   std::uint64_t read_count_ = 0;
   std::uint64_t missed_count_ = 0;
   bool has_lost_ = false;
-  /// Once all datagrams below it are read, the owner should have had `known_written_` events.
+  /// When all datagrams below this position are read, the owner should have had `known_written_`
+  /// events.
   std::optional<std::uint64_t> known_at_{};
   std::uint64_t known_written_ = 0;
 };

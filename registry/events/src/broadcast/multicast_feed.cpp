@@ -5,7 +5,7 @@
 namespace rtpm::events {
 namespace {
 
-// Datagrams received per lock.
+// Datagrams received per locking.
 constexpr int kDatagramsPerTurn = 64;
 
 }  // namespace

@@ -18,20 +18,20 @@
 namespace rtpm::events {
 
 /// Receives a hub's multicast once for several consumers: one socket, and a history of datagrams
-/// for slow ones.
-/// @ownership a socket, two further descriptors, 1.4 MiB
+/// for slow consumers.
+/// @ownership a socket, two more descriptors, 1.4 MiB
 /// @threads  any
 class MulticastFeed final : public ReaderSource {
  public:
-  /// Datagrams kept. A slower consumer requests repair from the hub.
+  /// The number of datagrams kept. Slower consumers request repair from the hub.
   static constexpr std::uint64_t kHistoryCount = 1024;
 
   /// Joins the group; null if the system refuses.
   [[nodiscard]] static std::shared_ptr<MulticastFeed> open(const transport::MulticastGroup& group);
 
-  /// Position of the next datagram.
+  /// The position of the next datagram.
   [[nodiscard]] std::uint64_t end() const noexcept { return end_.load(std::memory_order_acquire); }
-  /// Calls take(ConstBytes) for up to `count_max` kept datagrams from `position` on; returns the
+  /// Calls take(ConstBytes) for up to `count_max` kept datagrams from `position` on. Returns the
   /// next position.
   template <class Take>
   [[nodiscard]] std::uint64_t read(std::uint64_t position, std::uint64_t count_max,

@@ -13,8 +13,8 @@ namespace {
 constexpr std::uint64_t kMagic = 0x3147'4e49'5250'5452;  // "RTPRING1"
 constexpr std::size_t kWord = sizeof(std::uint64_t);
 
-// A record: position, shape, the slots it is for, and events, each part padded to 16 bytes. A
-// record without slots fills the ring's end.
+// A record consists of position, shape, the slots it is for, and events, each part padded to 16
+// bytes. A record without slots fills the ring's end.
 constexpr std::size_t kRecordHeaderSize = 16;
 constexpr std::size_t kRecordAlignment = 16;
 
@@ -55,7 +55,7 @@ RingWriter::RingWriter(MutableBytes memory, std::uint64_t id) noexcept
   control_->magic.store(kMagic, std::memory_order_release);
 }
 
-// Released word by word, so that a reader of it also sees `reserved`.
+// Released word by word, so that a reader of a word also sees `reserved`.
 void RingWriter::put_word(std::uint64_t position, std::uint64_t value) noexcept {
   std::atomic_ref<std::uint64_t>(data_[(position & (size_ - 1)) / kWord])
       .store(value, std::memory_order_release);
@@ -77,7 +77,7 @@ bool RingWriter::write(const SlotSet& slots, ConstBytes events,
   if (span > size_ / 4) return false;
   const std::uint64_t to_end = size_ - (head_ & (size_ - 1));
   const std::uint64_t filler = span > to_end ? to_end : 0;
-  // SYNC POINT ring-overwrite: published before the first word changes.
+  // SYNC POINT ring-overwrite: published before any word changes.
   control_->reserved.store(head_ + filler + span, std::memory_order_seq_cst);
   if (filler > 0) {
     put_word(head_, head_);
@@ -108,7 +108,7 @@ void RingWriter::count_for(std::span<const std::uint64_t> words,
 }
 
 void RingWriter::begin_slot(std::uint32_t slot, std::uint64_t owner) noexcept {
-  // SYNC POINT ring-owner: published before the first record of the new owner.
+  // SYNC POINT ring-owner: published before the new owner's first record.
   control_->owners[slot].store(owner, std::memory_order_release);
   control_->counts[slot].store(0, std::memory_order_release);
 }
@@ -134,11 +134,11 @@ RingReader::RingReader(ConstBytes memory, std::uint32_t slot, std::uint64_t owne
       slot_(slot % kRingSlotCountMax),
       owner_(owner),
       position_(begin),
-      // One word more, to align the events to 16 bytes.
+      // One word more, so that events can be aligned to 16 bytes.
       buffer_(size_ / 4 / kWord + 2) {}
 
 std::uint64_t RingReader::word_at(std::uint64_t position) const noexcept {
-  // atomic_ref takes no const; only loads.
+  // atomic_ref does not accept const; only loads are made.
   auto& word = const_cast<std::uint64_t&>(data_[(position & (size_ - 1)) / kWord]);
   return std::atomic_ref<std::uint64_t>(word).load(std::memory_order_acquire);
 }
@@ -161,7 +161,7 @@ RingRead RingReader::read() noexcept {
     }
     const std::uint64_t stated = word_at(position_);
     const Shape shape = unpack(word_at(position_ + kWord));
-    // SYNC POINT ring-overwrite: what was read so far is valid only if this is false.
+    // SYNC POINT ring-overwrite: what was read is valid only if this is false.
     if (is_overwritten(position_)) return overrun();
     if (stated != position_ || !is_possible(shape) || shape.span > size_) return RingRead::kBroken;
     const std::uint64_t begin = position_;
@@ -179,7 +179,7 @@ RingRead RingReader::read() noexcept {
     for (std::size_t at = 0; at < shape.event_bytes; at += kWord)
       to[at / kWord] = word_at(from + at);
     if (is_overwritten(begin)) return overrun();
-    // SYNC POINT ring-owner: a record of the next owner is visible only after its id.
+    // SYNC POINT ring-owner: a record of the next owner becomes visible only after its id.
     if (control_->owners[slot_].load(std::memory_order_acquire) != owner_) return RingRead::kGone;
     events_ = std::as_bytes(std::span(to, buffer_.size() - 1)).first(shape.event_bytes);
     return RingRead::kEvents;

@@ -10,20 +10,22 @@
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/events/event.hpp"
 
-/// A ring in shared memory with one writer and any number of readers unknown to it: it never waits.
-/// A slow reader is overrun and detects that. Each record has a bit for each slot that it is for.
+/// A ring in shared memory with one writer that never waits, and any number of readers that it does
+/// not know. A slow reader is overrun and detects that. Each record has one bit per slot that it is
+/// for.
 ///
-/// Memory: control words, counts of each slot, then records of 2^n bytes.
+/// Memory layout: control words, counts of each slot, then 2^n bytes of records.
 namespace rtpm::events {
 
 inline constexpr std::uint32_t kRingSlotCountMax = 1024;
-inline constexpr std::size_t kRingSizeMin = std::size_t{64} * 1024;  ///< Bytes of records.
+/// The size of the records, in bytes.
+inline constexpr std::size_t kRingSizeMin = std::size_t{64} * 1024;
 
 /// The beginning of the memory.
 struct RingControl {
   std::atomic<std::uint64_t> magic{0};
   std::atomic<std::uint64_t> id{0};
-  std::atomic<std::uint64_t> size{0};  ///< Bytes of records.
+  std::atomic<std::uint64_t> size{0};  ///< The size of the records, in bytes.
   /// All records before this position are complete.
   alignas(64) std::atomic<std::uint64_t> head{0};
   /// Positions `size` before this one may already be overwritten.
@@ -43,7 +45,7 @@ static_assert(sizeof(RingControl) <= kRingDataOffset);
   return kRingDataOffset + size;
 }
 
-/// A set of slots. Sleepers are woken by slot modulo 32.
+/// A set of slots. Sleepers wake by slot modulo 32.
 class SlotSet {
  public:
   void add(std::uint32_t slot) noexcept {
@@ -77,7 +79,7 @@ class RingWriter {
                            std::uint32_t event_count) noexcept;
   /// Position of the next record.
   [[nodiscard]] std::uint64_t position() const noexcept { return head_; }
-  /// Assigns the slot to the subscription `owner`, not 0.
+  /// Assigns the slot to the subscription `owner`, which must not be 0.
   void begin_slot(std::uint32_t slot, std::uint64_t owner) noexcept;
   /// Frees the slot.
   void end_slot(std::uint32_t slot) noexcept;
@@ -102,12 +104,12 @@ enum class RingRead : std::uint8_t {
   kBroken,   ///< The memory is malformed: stop reading.
 };
 
-/// A reading end. Copies a record, then checks that it was not overwritten meanwhile.
-/// @ownership a buffer of one maximum record; the memory must outlive it
+/// The reading end. Copies a record, then checks that it was not overwritten meanwhile.
+/// @ownership a buffer for the largest record; the memory must outlive it
 /// @realtime wait-free; alloc-free except construction
 class RingReader {
  public:
-  /// Reads for slot `slot` (below kRingSlotCountMax) of `owner`, from position `begin` on.
+  /// Reads for `owner` in slot `slot` (below kRingSlotCountMax), from position `begin` on.
   RingReader(ConstBytes memory, std::uint32_t slot, std::uint64_t owner, std::uint64_t begin);
   /// Whether the memory is the ring `id`.
   [[nodiscard]] static bool is_ring(ConstBytes memory, std::uint64_t id) noexcept;
@@ -119,17 +121,17 @@ class RingReader {
   [[nodiscard]] bool has_more() const noexcept {
     return control_->head.load(std::memory_order_acquire) != position_;
   }
-  /// Events written for it, read or not.
+  /// Events written for this slot, read or not.
   [[nodiscard]] std::uint64_t written_count() const noexcept {
     return control_->counts[slot_].load(std::memory_order_acquire);
   }
   /// Counts events that read() returned.
   void count_read(std::uint64_t event_count) noexcept { read_count_ += event_count; }
   [[nodiscard]] std::uint64_t read_count() const noexcept { return read_count_; }
-  /// Events lost, as known once all records are read.
+  /// Events lost; complete once all records are read.
   [[nodiscard]] std::uint64_t missed_count() const noexcept { return missed_count_; }
 
-  /// The doorbell's bits for new records.
+  /// The doorbell bits that signal new records.
   [[nodiscard]] std::uint32_t wake_bits() const noexcept { return 1U << (slot_ % 32); }
 
  private:

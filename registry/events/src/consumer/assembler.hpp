@@ -11,14 +11,14 @@
 namespace rtpm::events {
 
 /// Reassembles deliveries and large events from stream items.
-/// @threads  one at a time. Allocates for what goes beyond one item
+/// @threads  one at a time. Allocates only for data that spans items
 class Assembler {
  public:
-  /// Larger events are refused.
+  /// `event_size_max`: larger events are refused.
   explicit Assembler(std::size_t event_size_max) : event_size_max_(event_size_max) {}
 
-  /// Takes encoded events; calls deliver(span of EventView) for each complete delivery. False if
-  /// malformed.
+  /// Processes encoded events; calls deliver(span of EventView) for each complete delivery. False
+  /// if malformed.
   template <class Deliver>
   [[nodiscard]] bool take(ConstBytes bytes, Deliver deliver) {
     EventReader reader(aligned(bytes));
@@ -33,7 +33,8 @@ class Assembler {
     keep_group();
     return event.error() == EventError::kEnd;
   }
-  /// Takes a part of an event of `size` bytes, header included. False if malformed or out of order.
+  /// Processes a part of an event of `size` bytes, including the header. False if malformed or out
+  /// of order.
   template <class Deliver>
   [[nodiscard]] bool take_part(ConstBytes bytes, std::size_t offset, std::size_t size,
                                Deliver deliver) {
@@ -72,7 +73,7 @@ class Assembler {
     if (!bytes.empty()) std::memcpy(as_bytes(to), bytes.data(), bytes.size());
     return {as_bytes(to), bytes.size()};
   }
-  // Copies the payloads of an incomplete delivery, as their item is about to be freed.
+  // Copies the payloads of an incomplete delivery, because their item is about to be freed.
   void keep_group() {
     while (kept_.size() < group_.size()) {
       EventView& event = group_[kept_.size()];

@@ -10,8 +10,8 @@
 
 namespace rtpm::events {
 
-/// A consumer's end of a hub's ring or multicast. Applies the queue policy, which the hub applies
-/// for streams.
+/// A consumer's end of a hub's ring or multicast. Applies the queue policy here; for streams the
+/// hub does.
 /// @threads  one at a time
 class BroadcastSession {
  public:
@@ -22,20 +22,20 @@ class BroadcastSession {
   enum class Asking : std::uint8_t { kNow, kLater };
 
   virtual ~BroadcastSession() = default;
-  /// Replaces the policy; pending events stay as far as they fit.
+  /// Replaces the policy; keeps pending events that fit.
   virtual void set_policy(const DeliveryPolicy& policy) = 0;
   /// Passes one delivery to `taker`.
   /// @realtime alloc-free, except for requesting repair
   [[nodiscard]] virtual Outcome take(const Taker& taker, Asking asking) = 0;
-  /// Whether a repair is pending: call take() with kNow; wait() ends when it is due.
+  /// Whether a repair is pending. If so, call take() with kNow; wait() ends when it is due.
   [[nodiscard]] virtual bool is_lacking() const noexcept { return false; }
   /// Waits for an arrival or until `until`.
   virtual void wait(rt::WaitStrategy strategy, MonotonicTime until) noexcept = 0;
   /// Whether the last wait() ended with an arrival.
   [[nodiscard]] virtual bool has_more() const noexcept = 0;
-  /// Bits of its source that wake it.
+  /// The bits of its source that wake it.
   [[nodiscard]] virtual std::uint32_t wake_bits() const noexcept = 0;
-  /// Losses on this side.
+  /// Losses on the consumer's side.
   [[nodiscard]] virtual Losses losses() const noexcept = 0;
 };
 

@@ -13,13 +13,13 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// How long one poll of the stream waits, which bounds how soon it stops. A stream must be polled at
-// least every second.
+// How long one poll of the stream waits, which bounds how fast stopping is. A stream must be polled
+// at least every second.
 constexpr Duration kPollMax = 100ms;
 // Pause between attempts to resubscribe; a hub usually restarts within a second.
 constexpr Duration kRetryFirst = 20ms;
 constexpr Duration kRetryMax = 500ms;
-// Items in flight with kKeepLatest: each one delays the newest.
+// Items in flight with kKeepLatest: each one delays the newest event.
 constexpr std::uint32_t kLatestWindow = 2;
 
 // Why a stream ended.
@@ -101,7 +101,7 @@ bool Consumer::Impl::resubscribe(Session& session) {
   assembler_.clear();
   const MonotonicTime lost = last_heard_;
   const std::uint64_t epoch = last_epoch_;
-  // Frees the lost stream's slot for the next stream.
+  // Frees the lost stream's slot for the new stream.
   session.stream.cancel();
   for (Duration pause = kRetryFirst; sleep_unless_stopping(pause);
        pause = std::min(2 * pause, kRetryMax)) {
@@ -160,7 +160,7 @@ Consumer::Impl::Opened Consumer::Impl::open() {
   rpc::StreamOptions options;
   options.call.priority = config_.priority;
   options.miss_count_max = config_.miss_count_max;
-  // A consumer always reads: one that is silent is dead.
+  // A consumer reads continuously: a silent one is dead.
   options.pause_max = config_.miss_count_max * wire::kStreamAskIntervalMax;
   if (is_latest) options.window = kLatestWindow;
   std::shared_ptr<CommonReader> reader;
@@ -236,7 +236,7 @@ std::unique_ptr<MulticastSession> Consumer::Impl::open_multicast(
   reader = reader_of(facts->id, config_.multicast_interface,
                      [&] { return MulticastFeed::open(facts->group); });
   if (!reader) return MulticastSession::open(*facts);
-  // Ids of rings and multicasts differ.
+  // Ring and multicast have different ids.
   return std::make_unique<MulticastSession>(
       facts->id, std::static_pointer_cast<MulticastFeed>(reader->source()));
 }

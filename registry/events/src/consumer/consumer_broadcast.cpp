@@ -9,7 +9,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// The stream only reports losses and the end, and must be kept alive.
+// The stream then only reports losses and its end, and must be kept alive.
 constexpr Duration kStreamPollInterval = 50ms;
 
 // Why the session ended; nullopt if it has not.
@@ -76,11 +76,11 @@ std::string Consumer::Impl::read_broadcast(Session& session) {
         reader->join(seat);
       }
       is_joined = !is_joined;
-      // The reader may have missed what arrived just before.
+      // The reader may have missed events that arrived just before.
       static_cast<void>(seat->release());
       continue;
     }
-    // A repair would make the other consumers wait.
+    // A repair would delay the other consumers.
     const bool is_common = is_joined && reader->serves() && !broadcast.is_lacking();
     seat->set_common(is_common);
     if (seat->release()) continue;
@@ -92,7 +92,7 @@ std::string Consumer::Impl::read_broadcast(Session& session) {
     // Woken without an arrival: poll the stream.
     if (!broadcast.has_more()) next_poll = MonotonicTime{};
   }
-  // The seat stays claimed: the reader skips it from now on.
+  // The seat stays claimed, so the reader skips it from now on.
   if (is_joined) reader->leave(seat);
   const std::lock_guard lock(mutex_);
   seat_.reset();
@@ -100,12 +100,12 @@ std::string Consumer::Impl::read_broadcast(Session& session) {
   return std::move(why).value_or("");
 }
 
-// Delivers what has arrived, until the next poll of the stream.
+// Delivers received events until the next poll of the stream.
 std::optional<std::string> Consumer::Impl::take_all(ReaderSeat& seat, MonotonicTime until) {
   if (broadcast_end_) return in_words(*broadcast_end_);
   MonotonicTime now = rt::now();
   while (now < until && !is_stopping_) {
-    // The hub's time to answer does not count as the handler's.
+    // The time until the hub answers does not count as the handler's.
     const bool may_ask = broadcast_->is_lacking();
     const SessionOutcome outcome = broadcast_->take(taker_, BroadcastSession::Asking::kNow);
     if (outcome != SessionOutcome::kDelivered) return in_words(outcome);

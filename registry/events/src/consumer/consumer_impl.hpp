@@ -21,7 +21,7 @@ namespace rtpm::events {
 inline constexpr std::string_view kQueueWasFull =
     "The subscription has ended, as its queue was full and its policy is to disconnect then.";
 
-/// A consumer: its thread subscribes, delivers, and subscribes again.
+/// A consumer; its thread subscribes, delivers and resubscribes.
 class Consumer::Impl final : private ReaderSeat::Member {
   friend class Consumer;
 
@@ -39,7 +39,7 @@ class Consumer::Impl final : private ReaderSeat::Member {
   [[nodiscard]] bool is_subscribed() const noexcept { return subscription_id_ != 0; }
 
  private:
-  /// A subscription to one start of the hub.
+  /// A subscription that lasts until the hub restarts or the connection is lost.
   struct Session {
     std::shared_ptr<HubClient> client;  ///< Outlives the stream.
     rpc::TableStream<Batch> stream;
@@ -57,7 +57,7 @@ class Consumer::Impl final : private ReaderSeat::Member {
   [[nodiscard]] bool resubscribe(Session& session);
   [[nodiscard]] Opened open();
   [[nodiscard]] SubscribeRequestT request() const;
-  /// The reader to share; if null, the consumer uses its own thread.
+  /// The reader to share. If null, the consumer uses its own thread.
   [[nodiscard]] std::shared_ptr<CommonReader> reader_of(std::uint64_t broadcast,
                                                         const std::string& interface,
                                                         const CommonReader::MakeSource& make) const;
@@ -75,14 +75,14 @@ class Consumer::Impl final : private ReaderSeat::Member {
               bool has_hub_restarted = false);
   void report_begin(std::optional<SetupError> error);
   [[nodiscard]] bool sleep_unless_stopping(Duration span);
-  /// Reads the broadcast, alternating with a common reader; returns why the stream ended.
+  /// Reads the broadcast, in turns with a common reader. Returns why the stream ended.
   [[nodiscard]] std::string read_broadcast(Session& session);
   [[nodiscard]] std::optional<std::string> attend(Session& session);
   [[nodiscard]] std::optional<std::string> take_all(ReaderSeat& seat, MonotonicTime until);
   [[nodiscard]] Taking take_one() noexcept override;
   /// Wakes its own thread while a common reader serves it.
   void wake_own_thread();
-  /// Whether the caller is the handler.
+  /// Whether the caller is inside the handler.
   [[nodiscard]] bool is_in_handler() const noexcept;
 
   rpc::Node& node_;
@@ -93,7 +93,7 @@ class Consumer::Impl final : private ReaderSeat::Member {
 
   mutable std::mutex mutex_;  ///< Guards the members below; never held while the handler runs.
   std::condition_variable changed_;
-  ConsumerConfig config_;  ///< Its filter and delivery change.
+  ConsumerConfig config_;  ///< Only its filter and delivery change.
   std::shared_ptr<HubClient> control_client_{};
   bool has_begun_ = false;
   std::optional<SetupError> begin_error_{};
@@ -104,7 +104,7 @@ class Consumer::Impl final : private ReaderSeat::Member {
   std::uint64_t last_epoch_ = 0;
   std::atomic<bool> is_suspended_{false};
   Losses hub_losses_{};  ///< Losses in this session that the hub reported.
-  Losses own_losses_{};  ///< In this session, on this side of ring or multicast.
+  Losses own_losses_{};  ///< Losses in this session, on the consumer's side of ring or multicast.
   std::atomic<bool> reads_ring_{false};
   std::atomic<bool> receives_multicast_{false};
   std::atomic<bool> has_new_policy_{false};

@@ -27,7 +27,7 @@ enum class SessionOutcome : std::uint8_t {
 class LocalQueue {
  public:
   LocalQueue();
-  /// Replaces the policy; pending events stay as far as they fit.
+  /// Replaces the policy; keeps pending events that fit.
   void set_policy(const DeliveryPolicy& policy);
 
   /// Appends a delivery; false if the queue is full with QueuePolicy::kDisconnect.

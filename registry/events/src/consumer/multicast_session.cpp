@@ -12,7 +12,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Datagrams and records per turn; then the handler runs.
+// Datagrams and records handled per turn, before the handler runs.
 constexpr int kDatagramsPerTurn = 256;
 constexpr int kRecordsPerTurn = 4096;
 // ev-7.3-1: allows for reordering.
@@ -59,7 +59,7 @@ MulticastSession::Outcome MulticastSession::take(const Taker& taker, Asking aski
   return is_gone_ ? Outcome::kGone : Outcome::kNothing;
 }
 
-// False if there may be more. Ignores datagrams of other hubs.
+// False if there may be more. Ignores other hubs' datagrams.
 bool MulticastSession::receive() noexcept {
   if (feed_) {
     position_ = feed_->read(position_, kDatagramsPerTurn, [this](ConstBytes datagram) {
@@ -107,7 +107,7 @@ void MulticastSession::repair(const MulticastReader::Gap& gap) {
   const auto reply = client_->repair({subscription_, gap.first, gap.later},
                                      {.priority = priority_, .deadline = kRepairDeadline});
   if (!reply) {
-    // The stream reports the end of the subscription with its reason.
+    // The stream reports that the subscription ended, and why.
     repair_due_ = rt::now() + kRepairPause;
     return;
   }
@@ -120,7 +120,7 @@ void MulticastSession::repair(const MulticastReader::Gap& gap) {
   }
   const RepairFacts& facts = *(*reply)->facts();
   reader_->note(facts.oldest(), facts.next(), facts.written());
-  // More missing datagrams are requested at once.
+  // Requests further missing datagrams at once.
   repair_due_ = reader_->gap() ? rt::now() : kNever;
 }
 

@@ -20,15 +20,15 @@ class MulticastSession final : public BroadcastSession {
  public:
   /// A hub's multicast.
   struct Facts {
-    std::uint64_t id = 0;  ///< Differs for each start of the hub.
+    std::uint64_t id = 0;  ///< Changes at each start of the hub.
     transport::MulticastGroup group{};
   };
-  /// nullopt if the hub has no multicast.
+  /// Queries the hub; nullopt if it has no multicast.
   [[nodiscard]] static std::optional<Facts> ask(HubClient& client, const std::string& interface,
                                                 Duration deadline);
   /// Joins the group with its own socket; null if the system refuses.
   [[nodiscard]] static std::unique_ptr<MulticastSession> open(const Facts& facts);
-  /// Reads from the group's feed, from now on.
+  /// Reads from the group's feed, starting now.
   MulticastSession(std::uint64_t id, std::shared_ptr<MulticastFeed> feed)
       : id_(id), feed_(std::move(feed)), position_(feed_->end()) {}
   [[nodiscard]] std::uint64_t id() const noexcept { return id_; }
@@ -61,7 +61,7 @@ class MulticastSession final : public BroadcastSession {
   std::uint64_t subscription_ = 0;
   Priority priority_{};
   std::optional<MulticastReader> reader_{};
-  MonotonicTime repair_due_ = kNever;  ///< When to request missing datagrams.
+  MonotonicTime repair_due_ = kNever;  ///< When missing datagrams are requested.
   bool has_more_ = false;
   bool is_gone_ = false;
   LocalQueue queue_{};

@@ -8,7 +8,7 @@
 namespace rtpm::events {
 namespace {
 
-// Records queued per turn; then the handler runs.
+// Records queued per turn, before the handler runs.
 constexpr int kRecordsPerTurn = 4096;
 
 }  // namespace

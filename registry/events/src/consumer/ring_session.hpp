@@ -32,14 +32,14 @@ class RingSource final : public ReaderSource {
 /// @ownership the mapping, and its own queue
 class RingSession final : public BroadcastSession {
  public:
-  /// Maps the hub's ring; null for a hub of another host or user.
+  /// Maps the hub's ring; null if the hub is on another host or belongs to another user.
   [[nodiscard]] static std::unique_ptr<RingSession> open(std::uint64_t id, MonotonicTime deadline);
 
   [[nodiscard]] std::uint64_t id() const noexcept { return id_; }
-  /// Begins to read for a slot.
+  /// Starts reading for a slot.
   void begin(std::uint32_t slot, std::uint64_t owner, std::uint64_t position,
              const DeliveryPolicy& policy);
-  /// Its ring, for a common reader.
+  /// The ring as a source for a common reader.
   [[nodiscard]] std::shared_ptr<ReaderSource> source() const {
     return std::make_shared<RingSource>(view_);
   }
@@ -67,7 +67,7 @@ class RingSession final : public BroadcastSession {
   std::shared_ptr<transport::BroadcastView> view_;
   std::uint64_t id_;
   std::optional<RingReader> reader_{};
-  std::uint64_t direct_max_ = 0;  ///< Backlog up to which events bypass the queue.
+  std::uint64_t direct_max_ = 0;  ///< The largest backlog with which events bypass the queue.
   LocalQueue queue_{};
   std::vector<EventView> group_{};
 };

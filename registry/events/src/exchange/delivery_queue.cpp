@@ -6,7 +6,7 @@
 
 namespace rtpm::events {
 
-// push() appends before it drops, so one delivery more than the capacity must fit.
+// push() appends before it drops, so one more delivery than the capacity must fit.
 DeliveryQueue::DeliveryQueue(QueuePolicy policy, std::uint32_t capacity)
     : policy_(policy), capacity_(capacity), entries_(std::size_t{capacity} + kGroupSizeMax) {}
 

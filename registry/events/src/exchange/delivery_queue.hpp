@@ -10,7 +10,7 @@
 
 namespace rtpm::events {
 
-/// Pending events of one consumer. Events of one delivery stay together.
+/// Pending events of one consumer. The events of a delivery stay together.
 /// @ownership references to its events
 class DeliveryQueue {
  public:
@@ -19,12 +19,12 @@ class DeliveryQueue {
 
   /// Appends a delivery; false if the queue is full with QueuePolicy::kDisconnect.
   [[nodiscard]] bool push(std::span<const EventRef> group, Losses& losses) noexcept;
-  /// Moves the deliveries of another queue to the end; false in the cases of push().
+  /// Moves the deliveries of another queue to the end; false under the same condition as push().
   [[nodiscard]] bool take_over(DeliveryQueue& other, Losses& losses) noexcept;
 
   [[nodiscard]] bool empty() const noexcept { return size_ == 0; }
   [[nodiscard]] std::size_t size() const noexcept { return size_; }
-  /// The i-th event from the front, and whether the next belongs to the same delivery.
+  /// The i-th event from the front, and whether the next one belongs to the same delivery.
   struct Entry {
     EventRef event{};
     bool is_continued = false;

@@ -104,8 +104,8 @@ void Exchange::set_suspended(SubscriptionNumber number, bool is_suspended) noexc
   subscriptions_[number].is_suspended = is_suspended;
 }
 
-// Stores the event. Out of memory, evicts history first, then the longest queue, whose consumer is
-// the slowest.
+// Stores the event. If memory is exhausted, evicts history first, then from the longest queue, that
+// of the slowest consumer.
 EventRef Exchange::hold(const EventView& event) noexcept {
   if (EventRef held = store_.put(event)) return held;
   if (event.payload.size() > store_.payload_size_max()) return {};
@@ -172,7 +172,7 @@ void Exchange::show(SubscriptionNumber number, const EventRef& event, bool is_de
   group_.clear();
 }
 
-// An empty group stands for the event alone.
+// An empty group means the event alone.
 void Exchange::deliver(SubscriptionNumber number, const EventRef& event, const Group& group,
                        MonotonicTime now) noexcept {
   Subscription& subscription = subscriptions_[number];

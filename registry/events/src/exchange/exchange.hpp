@@ -19,7 +19,7 @@ namespace rtpm::events {
 /// Slot of a subscription, below ExchangeLimits::subscription_count_max.
 using SubscriptionNumber = std::uint32_t;
 
-/// Delivers one event to many subscriptions at once, instead of a queue for each.
+/// Delivers an event to many subscriptions at once, instead of through their queues.
 class Broadcaster {
  public:
   virtual ~Broadcaster() = default;
@@ -43,13 +43,13 @@ struct SubscriptionCounters {
   Losses losses{};
 };
 
-/// The core of a hub: matches events with subscriptions and queues them. No socket, no thread, no
+/// The core of a hub: matches events with subscriptions and queues them. Uses no socket, thread or
 /// clock.
-/// @ownership its memory, allocated when built or by prepare()
+/// @ownership its memory, allocated at construction or by prepare()
 /// @realtime alloc-free except construction and prepare()
 class Exchange {
  public:
-  /// `broadcaster` may be null if no subscription is a broadcast.
+  /// `broadcaster` may be null if no subscription uses broadcast.
   explicit Exchange(const ExchangeLimits& limits = {}, Broadcaster* broadcaster = nullptr);
   Exchange(const Exchange&) = delete;
   Exchange& operator=(const Exchange&) = delete;
@@ -74,18 +74,18 @@ class Exchange {
                                                               const DescriptorSource& types,
                                                               bool is_broadcast = false);
 
-  /// Adds a subscription and replays its history; nullopt if there is no free slot, or too few
-  /// interests are left.
+  /// Adds a subscription and replays its history; nullopt if no slot is free, or too few interests
+  /// are left.
   [[nodiscard]] std::optional<SubscriptionNumber> subscribe(Prepared prepared,
                                                             MonotonicTime now) noexcept;
-  /// The number of the next subscription; nullopt if there is no free slot.
+  /// The number of the next subscription; nullopt if no slot is free.
   [[nodiscard]] std::optional<SubscriptionNumber> next_number() const noexcept {
     if (free_.empty()) return std::nullopt;
     return free_.back();
   }
-  /// Replaces filter and policy; the queue is kept, conjunctions and timeouts start over. False and
-  /// unchanged if too few interests are left. Otherwise swaps the old one into `prepared`, for the
-  /// caller to free.
+  /// Replaces filter and policy. Keeps the queue; conjunctions and timeouts start over. False,
+  /// without any change, if too few interests are left. Otherwise swaps the old ones into
+  /// `prepared`, for the caller to free.
   [[nodiscard]] bool change(SubscriptionNumber number, Prepared& prepared,
                             MonotonicTime now) noexcept;
   /// Ends the subscription and drops its queue. The caller frees the result.
@@ -93,26 +93,27 @@ class Exchange {
   /// While suspended, accepted events are lost and counted.
   void set_suspended(SubscriptionNumber number, bool is_suspended) noexcept;
 
-  /// Matches and queues a supplier's event; its header has the time of receipt.
+  /// Matches and queues a supplier's event; its header contains the time of receipt.
   [[nodiscard]] expected<void, OfferError> offer(const EventView& event,
                                                  MonotonicTime now) noexcept;
-  /// Offers an event of the hub itself, of a type above kEventTypeMax.
+  /// Offers an event from the hub itself, with a type above kEventTypeMax.
   /// @errors   as offer()
   [[nodiscard]] expected<void, OfferError> publish(const EventView& event,
                                                    MonotonicTime now) noexcept;
   /// Runs the timeouts that are due.
   void on_time(MonotonicTime now) noexcept;
-  /// When on_time() is due; kNever if not before another call. Linear in the subscriptions with
+  /// When on_time() is due; kNever if only after another call. Linear in the subscriptions with
   /// timeouts or intervals.
   [[nodiscard]] MonotonicTime next_time() const noexcept;
 
-  /// The next subscription with a new delivery, or that must end.
+  /// The next subscription that has a new delivery or must end.
   [[nodiscard]] std::optional<SubscriptionNumber> take_ready() noexcept;
   /// The subscription's pending events.
   [[nodiscard]] DeliveryQueue& queue(SubscriptionNumber number) noexcept {
     return subscriptions_[number].prepared.queue;
   }
-  /// Whether its queue overflowed with QueuePolicy::kDisconnect: report that and unsubscribe it.
+  /// Whether its queue overflowed with QueuePolicy::kDisconnect; then report that and unsubscribe
+  /// it.
   [[nodiscard]] bool has_failed(SubscriptionNumber number) const noexcept {
     return subscriptions_[number].has_failed;
   }
@@ -130,11 +131,11 @@ class Exchange {
   struct Subscription {
     Prepared prepared{};
     SubscriptionCounters counters{};
-    std::uint64_t seen = 0;  ///< Number of the last event that was shown to it.
+    std::uint64_t seen = 0;  ///< The number of the last event offered to it.
     bool is_used = false;
     bool is_suspended = false;
     bool is_ready = false;
-    bool is_listed = false;  ///< It is in ready_, ready or not.
+    bool is_listed = false;  ///< It is in ready_, even if no longer ready.
     bool has_failed = false;
     bool is_timed = false;
   };

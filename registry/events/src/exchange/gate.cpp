@@ -64,7 +64,7 @@ bool Gate::is_beyond(std::uint32_t band, const EventView& event) const noexcept 
     return each.band == band && each.source == event.header.source;
   });
   if (last == lasts_.end()) return true;
-  // Negated so that a NaN exceeds the deadband.
+  // Negated so that NaN counts as exceeding the deadband.
   return !(std::abs(value->as_real() - last->value) < its.threshold);
 }
 
@@ -127,7 +127,7 @@ Gate::Interval& Gate::interval_of(const EventRef& event, MonotonicTime now) noex
   }
   const Interval fresh{.type = header.type, .source = header.source};
   if (intervals_.size() < intervals_.capacity()) return intervals_.emplace_back(fresh);
-  // An interval that is open has nothing to remember: reuse it.
+  // An expired interval has no state to keep: reuse it.
   if (idle != nullptr) return *idle = fresh;
   return intervals_.front();
 }

@@ -13,7 +13,7 @@
 namespace rtpm::events {
 
 /// Applies a policy's decimation, interval and deadbands. Omitted events do not count as losses.
-/// @ownership an event per interval, pending for its end
+/// @ownership one pending event per interval
 class Gate {
  public:
   Gate() noexcept = default;
@@ -21,8 +21,8 @@ class Gate {
   [[nodiscard]] static expected<Gate, SetupError> make(const DeliveryPolicy& policy,
                                                        const DescriptorSource& types);
 
-  /// Whether to deliver now. `event` is empty for a group, which deadbands ignore and intervals do
-  /// not defer.
+  /// Whether to deliver now. `event` is empty for a group: deadbands ignore groups, and intervals
+  /// do not defer them.
   [[nodiscard]] bool admit(const EventRef& event, MonotonicTime now) noexcept;
   /// When a deferred event is due, or earlier; kNever if there is none.
   [[nodiscard]] MonotonicTime next_time() const noexcept { return next_due_; }
@@ -75,7 +75,8 @@ class Gate {
   std::size_t next_last_ = 0;
   std::uint32_t nth_ = 0;
   bool is_per_source_ = false;
-  /// The first is for all; the others, of fixed capacity, serve one type and source each.
+  /// The first one is for all events; the others, with fixed capacity, serve one type and source
+  /// each.
   std::vector<Interval> intervals_{};
   MonotonicTime next_due_ = kNever;
   std::uint64_t omitted_count_ = 0;

@@ -9,14 +9,14 @@
 namespace rtpm::events {
 
 /// The latest events of each type and source, for late joiners.
-/// @ownership its slots, allocated when built; references to the events
+/// @ownership its slots, allocated at construction; references to the events
 class History {
  public:
-  /// Keeps `depth` (0…64) events of up to `key_count_max` pairs of type and source, and none of
-  /// further pairs.
+  /// Keeps `depth` (0…64) events each for up to `key_count_max` pairs of type and source, and none
+  /// for further pairs.
   History(std::size_t key_count_max, std::uint32_t depth);
 
-  /// Stores the event in the slot of the oldest of its type and source.
+  /// Stores the event, replacing the oldest of its type and source.
   void add(const EventRef& event) noexcept;
   /// Evicts events until `is_enough()`, or until none are left.
   template <class Enough>
@@ -26,7 +26,7 @@ class History {
       entries_[hand_].event = EventRef();
     }
   }
-  /// Visits the last `count` events of each type and source in the order of arrival.
+  /// Visits the last `count` events of each type and source in order of arrival.
   template <class Visitor>
   void visit_last(std::uint32_t count, Visitor visit) noexcept {
     const std::size_t chosen = choose(count);
@@ -38,7 +38,7 @@ class History {
   struct Key {
     bool is_used = false;
     std::uint64_t value = 0;
-    std::uint64_t count = 0;  ///< Events so far; determines the next slot.
+    std::uint64_t count = 0;  ///< Events so far; selects the next slot.
   };
   struct Entry {
     EventRef event{};

@@ -17,18 +17,18 @@ struct CatalogLimits {
   std::size_t type_count_max = 1024;
   std::size_t field_count_max = 256;        ///< Fields per type.
   std::size_t name_size_max = 200;          ///< Bytes of any name.
-  std::size_t schema_size_max = 16 * 1024;  ///< In bytes; a longer schema is not kept.
+  std::size_t schema_size_max = 16 * 1024;  ///< In bytes; a longer schema is not stored.
 };
 
-/// The event types that suppliers and consumers have registered, for the compilation of filters.
+/// The event types that suppliers and consumers have registered, for compiling filters.
 /// @ownership copies the descriptors
 /// @realtime set-up only
 class TypeCatalog final : public DescriptorSource {
  public:
   explicit TypeCatalog(const CatalogLimits& limits = {}) : limits_(limits) {}
 
-  /// Registers a type; repeating it changes nothing.
-  /// @errors   in words: another schema of the type is registered (update the older program), an
+  /// Registers a type; repeating it has no effect.
+  /// @errors   in words: the type is registered with another schema (update the older program), an
   ///           invalid type or field path, a limit
   [[nodiscard]] expected<void, SetupError> add(const EventDescriptor& descriptor);
 

@@ -158,7 +158,7 @@ std::span<const CompiledFilter::Kept> CompiledFilter::kept_of(const Node& node) 
                                   static_cast<std::size_t>(std::popcount(node.children)));
 }
 
-// Keeps the event that a child accepted; true if this completes the conjunction.
+// Stores the event that a child accepted; true if this completes the conjunction.
 bool CompiledFilter::fill(const Node& node, Bits accepted, const EventRef& event) noexcept {
   if ((accepted & node.children) == 0) return false;
   Kept* chosen = nullptr;
@@ -196,7 +196,7 @@ bool CompiledFilter::is_complete(const Node& node) const noexcept {
   return apart <= static_cast<std::uint64_t>(node.skew_ns);
 }
 
-// How many events an accepting node delivers. The parts of "all" share the newest.
+// How many events an accepting node delivers. The children of "all" share the newest event.
 std::size_t CompiledFilter::delivered_count(std::size_t index, Bits accepted) const noexcept {
   const Node& node = nodes_[index];
   std::size_t count = 1;
@@ -218,8 +218,8 @@ std::size_t CompiledFilter::delivered_count(std::size_t index, Bits accepted) co
   }
 }
 
-// Returns the first accepting child of "any" with the most events. Each delivers the newest event,
-// so a completed conjunction also delivers the event of a match beside it.
+// Returns the first accepting child of "any" with the most events. Each child delivers the newest
+// event, so a completed conjunction includes the event of an accepting sibling.
 std::size_t CompiledFilter::delivering_child(const Node& node, Bits accepted) const noexcept {
   std::size_t chosen = 0;
   std::size_t most = 0;
@@ -234,7 +234,7 @@ std::size_t CompiledFilter::delivering_child(const Node& node, Bits accepted) co
   return chosen;
 }
 
-// Collects the delivery of an accepting node. The compiler has bounded depth and size.
+// Collects the delivery of an accepting node. The compiler has bounded its depth and size.
 void CompiledFilter::collect(std::size_t index, Bits accepted, const EventRef& event,
                              Group& group) const noexcept {
   const Node& node = nodes_[index];

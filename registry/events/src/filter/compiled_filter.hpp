@@ -41,8 +41,8 @@ struct Interest {
   friend bool operator==(const Interest&, const Interest&) = default;
 };
 
-/// A filter ready to run: an array of nodes, children before parents, so that one pass evaluates an
-/// event. Also the state of conjunctions and timeouts.
+/// A filter ready to run: an array of nodes, children before parents, so that a single pass
+/// evaluates an event. Also holds the state of conjunctions and timeouts.
 /// @ownership its nodes, allocated by compile(); references to kept events
 /// @realtime alloc-free once compiled; linear in the number of nodes
 class CompiledFilter {
@@ -57,8 +57,8 @@ class CompiledFilter {
   /// Starts the timeouts.
   void start(MonotonicTime now) noexcept;
 
-  /// Whether the event is accepted; then `group`, which must be empty, receives the delivery, or
-  /// stays empty for the event alone.
+  /// Whether the event is accepted. If so, `group`, which must be empty, receives the delivery, or
+  /// stays empty if the event is delivered alone.
   [[nodiscard]] bool on_event(const EventRef& event, MonotonicTime now, Group& group) noexcept;
   /// Whether a stateless filter accepts this event.
   [[nodiscard]] bool accepts(const EventHeader& header, ConstBytes payload) const noexcept;
@@ -75,9 +75,9 @@ class CompiledFilter {
     MonotonicTime time{};     ///< When it was due.
     std::uint64_t count = 0;  ///< Occurrences, including this one.
   };
-  /// Takes and rearms the earliest due timeout; call until nullopt.
+  /// Takes and rearms the earliest due timeout; call it until nullopt.
   [[nodiscard]] std::optional<Due> take_due(MonotonicTime now) noexcept;
-  /// Takes the timeout's `event` like on_event(); fills the group even for a single event.
+  /// Processes the timeout's `event` like on_event(), but fills the group even for a single event.
   [[nodiscard]] bool on_timeout(const Due& due, const EventRef& event, MonotonicTime now,
                                 Group& group) noexcept;
 
@@ -105,9 +105,9 @@ class CompiledFilter {
     std::uint64_t default_bits = 0;
     Bits children = 0;
     std::int64_t skew_ns = 0;
-    std::uint32_t kept_begin = 0;  ///< kCorrelate: its children in kept_.
-    /// kListed: its matches in matches_: first those of one type and source, then those of one
-    /// type, both sorted; then masked ones.
+    std::uint32_t kept_begin = 0;  ///< kCorrelate: index of its children in kept_.
+    /// kListed: index of its matches in matches_: first those with type and source, then those with
+    /// a type only, both sorted; then masked ones.
     std::uint32_t match_begin = 0;
     std::uint32_t type_begin = 0;
     std::uint32_t mask_begin = 0;
@@ -116,15 +116,15 @@ class CompiledFilter {
   struct Timer {
     Filter::Kind kind = Filter::Kind::kOnce;
     std::size_t node = 0;
-    std::size_t group = 0;  ///< Node whose delivery ends the silence.
+    std::size_t group = 0;  ///< The node whose delivery ends the silence.
     Duration span{};
     std::uint32_t tag = 0;
     MonotonicTime due = kNever;
     std::uint64_t count = 0;
   };
-  /// The event of one child that a conjunction keeps.
+  /// The event that a conjunction keeps for one child.
   struct Kept {
-    std::uint32_t child = 0;  ///< A node.
+    std::uint32_t child = 0;  ///< The child's node index.
     bool is_filled = false;
     Group events{};
   };
@@ -147,7 +147,7 @@ class CompiledFilter {
   [[nodiscard]] std::span<Kept> kept_of(const Node& node) noexcept;
   [[nodiscard]] std::span<const Kept> kept_of(const Node& node) const noexcept;
 
-  // The hot members first.
+  // Frequently used members first.
   std::vector<Node> nodes_{};
   bool is_stateless_ = true;
   std::vector<Match> matches_{};

@@ -51,7 +51,7 @@ bool covers(const Interest& wide, const Interest& narrow) {
   return (!wide.type || wide.type == narrow.type) && (!wide.source || wide.source == narrow.source);
 }
 
-// Adds the interests that are not covered yet, and removes those that the new ones cover.
+// Adds interests that are not covered yet, and removes those that the new ones cover.
 void add_once(std::vector<Interest>& to, const std::vector<Interest>& from) {
   for (const Interest& each : from) {
     if (std::ranges::any_of(to, [&](const Interest& other) { return covers(other, each); })) {
@@ -77,7 +77,7 @@ bool is_decided_by_interest(const Match& match) {
          match.hops_min == 0;
 }
 
-// How is_listed() finds a match.
+// How is_listed() looks up a match.
 enum class MatchKind : std::uint8_t { kExact, kOfType, kMasked };
 
 MatchKind kind_of(const Match& match) {
@@ -86,7 +86,7 @@ MatchKind kind_of(const Match& match) {
   return match.source_mask == 0 ? MatchKind::kOfType : MatchKind::kMasked;
 }
 
-// Does for long lists what add_once() does for short ones.
+// Like add_once(), but for long lists.
 std::vector<Interest> interests_in(const std::vector<Match>& matches) {
   std::vector<Interest> all;
   all.reserve(matches.size());
@@ -123,7 +123,7 @@ std::uint64_t bits_of(const Scalar& scalar) noexcept {
   return std::bit_cast<std::uint64_t>(scalar.real);
 }
 
-// Whether a comparison beside it implies this child of "all".
+// Whether a sibling comparison implies this child of "all".
 bool is_implied(const Filter& child, const std::vector<Filter>& siblings) {
   return child.kind == Kind::kMatch && child.type_mask == kWholeNumber && child.source_mask == 0 &&
          std::ranges::any_of(siblings, [&](const Filter& sibling) {
@@ -188,7 +188,7 @@ Compiler::Result Compiler::make(const Filter& filter, const std::string& path, s
     if (!made) return made;
     children.push_back(std::move(*made));
   }
-  // "All" of a single child is that child.
+  // "All" with a single child is that child.
   if (filter.kind == Kind::kAll && children.size() == 1 && !children[0].has_timeout) {
     return std::move(children[0]);
   }
@@ -231,8 +231,8 @@ Compiler::Result Compiler::make_match(const Filter& filter) {
   return made;
 }
 
-// Sorted for binary search: matches of one type and source, then matches of one type; masked ones
-// are scanned.
+// Sorted for binary search: matches with type and source, then matches with a type only. Masked
+// ones are scanned.
 Compiler::Result Compiler::make_listed(const Filter& filter, const std::string& path) {
   if (filter.matches.size() > kMatchCountMax) {
     return refuse(path, "a list has at most " + std::to_string(kMatchCountMax) + " matches");
@@ -242,8 +242,8 @@ Compiler::Result Compiler::make_listed(const Filter& filter, const std::string& 
     return std::tuple(kind_of(each), each.type, each.source, each.type_mask, each.source_mask,
                       each.hops_min);
   });
-  // Among matches that differ only in hops, the first has the fewest and covers the others. Does
-  // not use std::ranges::unique, because Clang 14 rejects libstdc++'s.
+  // Among matches that differ only in hops, the first one has the fewest and covers the others.
+  // Avoids std::ranges::unique, because Clang 14 rejects libstdc++'s.
   const auto all_but_hops = [](const Match& each) {
     return std::tuple(each.type, each.type_mask, each.source, each.source_mask);
   };
@@ -357,8 +357,8 @@ Compiler::Result Compiler::make_group(const Filter& filter, const std::string& p
   return made;
 }
 
-// The events that a group must see: for "all" those of its most selective child, unless it contains
-// a conjunction; for "not" all events.
+// The events that a group must see: for "all", those of its most selective child, unless it
+// contains a conjunction; for "not", all events.
 std::vector<Interest> Compiler::interests_of(const Filter& filter, const Children& children) {
   if (filter.kind == Kind::kNot) return {{}};
   const bool keeps = std::ranges::any_of(children, &Made::keeps);

@@ -12,7 +12,7 @@ namespace rtpm::events {
 /// "event type 7", with its name if it has one.
 [[nodiscard]] std::string in_words(EventType type, const EventDescriptor* descriptor);
 
-/// The field, or the reason in words why there is none.
+/// The field, or the reason why there is none, in words.
 [[nodiscard]] expected<const FieldDescriptor*, SetupError> find_field(
     EventType type, std::string_view name, const DescriptorSource& types);
 
@@ -26,12 +26,12 @@ class Compiler {
   /// The properties of a compiled node that its parent needs.
   struct Made {
     std::size_t index = 0;
-    std::size_t group_size = 1;  ///< Maximum events of one delivery.
+    std::size_t group_size = 1;  ///< The most events in one delivery.
     std::vector<Interest> interests{};
     bool is_decided_by_interest = false;
-    bool keeps = false;        ///< It contains a conjunction,
-    bool has_timeout = false;  ///< a timeout,
-    /// timeouts of silence whose group is the node's parent.
+    bool keeps = false;        ///< It contains a conjunction.
+    bool has_timeout = false;  ///< It contains a timeout.
+    /// Silence timeouts whose group is the node's parent.
     std::vector<std::size_t> silences{};
   };
   using Result = expected<Made, SetupError>;

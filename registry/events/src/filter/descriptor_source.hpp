@@ -4,11 +4,11 @@
 
 namespace rtpm::events {
 
-/// Looks up the fields of event types for the compiler.
+/// Provides the fields of event types to the compiler.
 class DescriptorSource {
  public:
   virtual ~DescriptorSource() = default;
-  /// The descriptor of `type`, valid during the compilation; null if unknown.
+  /// The descriptor of `type`, valid during compilation; null if unknown.
   [[nodiscard]] virtual const EventDescriptor* find(EventType type) const noexcept = 0;
 };
 

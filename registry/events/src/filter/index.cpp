@@ -9,7 +9,7 @@
 namespace rtpm::events {
 namespace {
 
-// Whether one event can match two of the interests, neither of which covers the other.
+// Whether one event can match two of the interests although neither covers the other.
 bool may_repeat(std::span<const Interest> interests) noexcept {
   const auto has = [&](bool has_type, bool has_source) {
     return std::ranges::any_of(interests, [&](const Interest& each) {
@@ -35,7 +35,7 @@ std::size_t SubscriptionIndex::home_of(Kind kind, std::uint64_t value) const noe
   return static_cast<std::size_t>(mixed >> 32) & (keys_.size() - 1);
 }
 
-// The slot of the key, or where it would be inserted.
+// The key's slot, or the slot to insert it into.
 std::size_t SubscriptionIndex::slot_of(Kind kind, std::uint64_t value) const noexcept {
   std::size_t slot = home_of(kind, value);
   while (keys_[slot].list != kNone && (keys_[slot].value != value || keys_[slot].kind != kind)) {

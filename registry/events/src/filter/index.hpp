@@ -9,16 +9,16 @@
 
 namespace rtpm::events {
 
-/// Finds the subscriptions that may accept an event by its type and source, at a cost that does not
-/// depend on other types' subscriptions.
-/// @ownership its memory, allocated when built
+/// Finds the subscriptions that may accept an event by its type and source. The cost does not
+/// depend on subscriptions to other types.
+/// @ownership its memory, allocated at construction
 class SubscriptionIndex {
  public:
-  /// `interest_count_max` limits the interests of all subscriptions together.
+  /// `interest_count_max` limits the total number of interests.
   explicit SubscriptionIndex(std::size_t interest_count_max);
 
-  /// Adds `subscription` (below 2^30) under `interests`; false and unchanged if they do not fit.
-  /// `is_decided` means that its filter accepts all events that match the interests.
+  /// Adds `subscription` (below 2^30) under `interests`; false, without any change, if they do not
+  /// fit. `is_decided`: its filter accepts all events that match the interests.
   [[nodiscard]] bool add(std::uint32_t subscription, std::span<const Interest> interests,
                          bool is_decided) noexcept;
   /// Undoes add().

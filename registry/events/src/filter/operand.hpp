@@ -8,7 +8,7 @@
 
 namespace rtpm::events {
 
-/// Converts the operand to the field's kind, or says why the comparison is invalid.
+/// Converts the operand to the field's kind, or explains why the comparison is invalid.
 [[nodiscard]] expected<Scalar, SetupError> operand_for(ScalarType type, Comparison comparison,
                                                        const Scalar& operand);
 

@@ -68,7 +68,7 @@ Scalar decode(const std::byte* at, ScalarType type) noexcept {
   return Scalar::of(std::bit_cast<double>(load_le<std::uint64_t>(at)));
 }
 
-// Offset of a table's field; 0 if absent, nullopt if the table is malformed.
+// The offset of a table's field; 0 if absent, nullopt if the table is malformed.
 std::optional<std::uint64_t> field_of(ConstBytes bytes, std::uint64_t table,
                                       std::uint16_t slot) noexcept {
   const auto back = load_at<std::uint32_t>(bytes, table);
@@ -104,7 +104,7 @@ std::optional<Scalar> read_scalar(ConstBytes payload, const FieldPath& path, Sca
   std::uint64_t at = 0;
   if (path.slot_count > 0) {
     for (std::uint8_t i = 0; i < path.slot_count; ++i) {
-      // Root and tables are addressed by an offset relative to the offset itself.
+      // The root and tables are addressed by offsets relative to the offset itself.
       const auto step = load_at<std::uint32_t>(payload, at);
       if (!step) return std::nullopt;
       const auto field = field_of(payload, at + *step, path.slots[i]);

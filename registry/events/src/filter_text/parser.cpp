@@ -36,7 +36,7 @@ bool is_unresolved(const Filter& filter) {
   return filter.kind == Kind::kWhere && filter.type == 0;
 }
 
-/// Recursive descent; after each function `token_` is the token behind the parsed part.
+/// Recursive descent; after each function `token_` is the token after the parsed part.
 class Parser : predicate::TokenReader {
  public:
   Parser(std::string_view text, std::span<const EventDescriptor* const> types)
@@ -342,7 +342,7 @@ class Parser : predicate::TokenReader {
       check_depth(child, depth + 1);
   }
 
-  /// The type that the conditions beside a field state; 0 if none, or several types.
+  /// The type stated by the conditions next to a field; 0 if none, or several types.
   static EventType stated_type(const std::vector<Filter>& conditions) {
     for (const Filter& condition : conditions) {
       const bool is_type = condition.kind == Kind::kMatch && condition.type_mask == kWholeNumber;
@@ -351,7 +351,7 @@ class Parser : predicate::TokenReader {
     return 0;
   }
 
-  /// Gives each field the type of the nearest `and` around it that states one.
+  /// Assigns each field the type that the nearest enclosing `and` states.
   void resolve(Filter& filter, const EventType* around) {
     EventType stated = 0;
     if (filter.kind == Kind::kAll) stated = stated_type(filter.children);

@@ -15,8 +15,8 @@ namespace rtpm::events {
 /// @threads  any
 class Disconnects {
  public:
-  /// Swaps the name in.
-  /// @realtime alloc-free; `name` becomes the evicted one, for the caller to free
+  /// Records a disconnect, and swaps the name in.
+  /// @realtime alloc-free; `name` receives the evicted one, for the caller to free
   void note(std::string& name, DisconnectReason reason, MonotonicTime now) noexcept;
   [[nodiscard]] std::vector<Disconnect> after(std::uint64_t number) const;
   [[nodiscard]] DisconnectCounters counters() const noexcept;

@@ -12,11 +12,11 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Interval of checking for silent disconnects.
+// How often silent disconnects are checked.
 constexpr Duration kSweepInterval = 250ms;
-// Retry interval of backlogged consumers.
+// How often backlogged consumers are retried.
 constexpr Duration kBacklogInterval = 1ms;
-// Events matched per lock, so that concurrent suppliers get their turn.
+// Events matched per locking, so that concurrent suppliers get their turn.
 constexpr int kEventsPerTurn = 16;
 constexpr transport::SourceTag kDoor{transport::SourceKind{1}};
 
@@ -189,7 +189,7 @@ MonotonicTime HubImpl::next_time() const noexcept {
   return multicast_ ? std::min(next, multicast_->next_time()) : next;
 }
 
-// Wakes the hub's thread if something is due before it would wake.
+// Wakes the hub's thread if something is due earlier than it would wake.
 void HubImpl::ring_if_needed(MonotonicTime now) noexcept {
   MonotonicTime next = next_time();
   if (has_backlog_) next = std::min(next, now + kBacklogInterval);
@@ -242,7 +242,7 @@ void HubImpl::retry_backlogs(bool is_sweep, MonotonicTime now) noexcept {
   }
 }
 
-// Frees dead subscriptions one by one, and their memory outside the lock.
+// Frees dead subscriptions one at a time, and their memory outside the lock.
 void HubImpl::reap_dead() noexcept {
   {
     const std::lock_guard lock(mutex_);

@@ -90,7 +90,7 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
     std::uint64_t report_count = 0;
   };
 
-  /// Constructed before the lock is taken, so that it is destroyed after it.
+  /// Constructed before the lock is taken, so that it is destroyed after the lock is released.
   class WakeAfter {
    public:
     explicit WakeAfter(HubImpl& hub) noexcept : hub_(hub) {}
@@ -114,7 +114,7 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   void refuse(rpc::TableWriter<Batch>& items, std::string_view why) noexcept;
   [[nodiscard]] std::optional<SubscriptionNumber> find(std::uint64_t id) const noexcept;
 
-  // The functions of this block require mutex_.
+  // Require mutex_.
   void take(Intake::Supplier& supplier, const EventView& event, MonotonicTime now) noexcept;
   void pump_ready(MonotonicTime now) noexcept;
   void pump(SubscriptionNumber number, MonotonicTime now) noexcept;
@@ -145,9 +145,10 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   mutable rt::PiMutex types_mutex_;
   TypeCatalog types_{};
 
-  const std::unique_ptr<RingOutlet> ring_;            ///< Null if none. Written with mutex_ held.
-  const std::unique_ptr<MulticastOutlet> multicast_;  ///< Null if none. Written with mutex_ held.
-  Broadcasts broadcasts_;  ///< The ring and the multicast; used if there is a multicast.
+  const std::unique_ptr<RingOutlet> ring_;  ///< Null if there is none. Written with mutex_ held.
+  /// Null if there is none. Written with mutex_ held.
+  const std::unique_ptr<MulticastOutlet> multicast_;
+  Broadcasts broadcasts_;  ///< Combines ring and multicast; used if there is a multicast.
   /// Guards all members below; held for at most kEventsPerTurn events.
   mutable rt::PiMutex mutex_;
   Exchange exchange_;
@@ -161,7 +162,7 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   bool has_dead_ = false;
   MonotonicTime sleeping_until_ = kNever;
 
-  std::atomic<std::uint32_t> wake_bits_{0};  ///< Readers of the ring to wake.
+  std::atomic<std::uint32_t> wake_bits_{0};  ///< Wake bits for readers of the ring.
   Disconnects disconnects_{};
   std::unique_ptr<transport::WaitSet> wait_set_;
   std::atomic<bool> is_stopping_{false};

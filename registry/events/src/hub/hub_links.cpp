@@ -6,7 +6,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
 
-// The hub's part in its links.
+// The hub's side of its links.
 namespace rtpm::events {
 
 expected<void, SetupError> HubImpl::link(rpc::Node& node, const std::string& target,
@@ -56,12 +56,12 @@ void HubImpl::take_linked(std::size_t link, const EventView& event) noexcept {
     ++intake.refused_count;
     return;
   }
-  // ev-5.3-1 and ev-5.3-2: drops events pushed here and duplicates from other paths.
+  // ev-5.3-1 and ev-5.3-2: drops events that were pushed here, and duplicates from other paths.
   if (intake_.has_tag(header.supplier_tag) || !guard_->admit(header)) {
     ++intake.repeated_count;
     return;
   }
-  // ev-5.3-3: an event whose duplicates can't be detected goes no further.
+  // ev-5.3-3: an event whose duplicates can't be detected is not forwarded.
   const bool is_known = header.supplier_tag != 0 && header.sequence != 0;
   header.hops_left = is_known ? static_cast<std::uint8_t>(header.hops_left - 1) : std::uint8_t{0};
   header.hub_received = now;
@@ -122,7 +122,7 @@ void HubImpl::change_interest_set(std::uint64_t id, std::vector<Match> matches) 
   notify_links();
 }
 
-// The links notice at their next check: excess interest is harmless for that long.
+// The links notice at their next check: until then, excess interest is harmless.
 void HubImpl::remove_interest_set(std::uint64_t id) {
   const std::lock_guard lock(interest_mutex_);
   interest_sets_.erase(id);

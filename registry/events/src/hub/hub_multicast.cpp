@@ -5,11 +5,11 @@
 #include "hub/hub_impl.hpp"
 #include "rtpm/rt/memory.hpp"
 
-// The hub's part in its multicast.
+// The hub's side of its multicast.
 namespace rtpm::events {
 namespace {
 
-// Size of one reply; a consumer that misses more asks again.
+// The size of one reply; a consumer that misses more asks again.
 constexpr std::size_t kRepairSizeMax = std::size_t{32} * 1024;
 constexpr std::size_t kSizeSize = 4;
 

@@ -55,7 +55,7 @@ bool may_use_type(const rpc::Caller* caller, Role role, EventType type) noexcept
 bool may_push(const rpc::Caller* caller, ConstBytes events) noexcept {
   if (may_use_all(caller, Role::kCommand)) return true;
   EventReader reader(events);
-  // The lane that takes the events counts and drops malformed ones.
+  // The lane that handles the events counts and drops malformed ones.
   while (const auto event = reader.next()) {
     if (!has_role(*caller, Role::kCommand, event->header.type, event->header.source)) return false;
   }

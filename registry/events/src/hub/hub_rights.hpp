@@ -8,14 +8,15 @@
 #include "rtpm/rpc/caller.hpp"
 
 /// The rights of a hub's callers to push and receive events. A hub that does not authenticate
-/// passes null for the caller, who then has all rights.
+/// callers passes null as the caller, which then has all rights.
 ///
 /// An event has the path "rtpm/events/TYPE/SOURCE", both in decimal digits. A role on the hub,
-/// "rtpm/events", or on "rtpm/events/TYPE" applies to all events below.
+/// "rtpm/events", or on "rtpm/events/TYPE" applies to all events below it.
 namespace rtpm::events {
 
 /// Whether the caller has `role` on all events.
-/// @realtime as Caller::role_on(), once; the functions below at most three times per event or match
+/// @realtime as Caller::role_on(), once; the functions below, at most three times per event or
+///           match
 [[nodiscard]] bool may_use_all(const rpc::Caller* caller, Role role) noexcept;
 /// Whether the caller has `role` on all events of a type.
 [[nodiscard]] bool may_use_type(const rpc::Caller* caller, Role role, EventType type) noexcept;

@@ -8,7 +8,7 @@
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/memory.hpp"
 
-// The hub's methods. All but push() allocate.
+// The hub's methods. All except push() allocate.
 namespace rtpm::events {
 namespace {
 
@@ -41,7 +41,7 @@ HubFacts HubImpl::facts() const noexcept {
           exchange_.store().payload_size_max()};
 }
 
-// Only callers that may observe all events learn of the ring, which receives all events.
+// Only callers that may observe all events are told about the ring, which receives all events.
 rpc::Result<HubFacts> HubImpl::about(const rpc::CallContext& context) {
   HubFacts about = facts();
   if (!may_use_all(context.identity, Role::kObserve)) {
@@ -66,8 +66,8 @@ expected<void, SetupError> HubImpl::add_types(const Types* types) {
   return {};
 }
 
-// Why the caller's grants do not let it receive the events that the filter may accept; empty if
-// they do.
+// Why the caller's grants do not allow it to receive the events that the filter may accept; empty
+// if they do.
 std::string HubImpl::refusal_of(const FilterNode& filter, const Types* types, bool is_broadcast,
                                 const rpc::Caller* caller) {
   const auto wanted = filter_of(filter);

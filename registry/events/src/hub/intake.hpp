@@ -12,10 +12,10 @@
 namespace rtpm::events {
 
 /// The suppliers of a hub with their quotas and counters.
-/// @ownership its memory, allocated when built
+/// @ownership its memory, allocated at construction
 class Intake {
  public:
-  /// Any id is valid; a slot with tag 0 is free.
+  /// A supplier with its quota; any id is valid. A slot with tag 0 is free.
   struct Supplier {
     std::uint64_t id = 0;
     std::uint32_t tag = 0;  ///< Its supplier_tag at this hub.
@@ -27,8 +27,7 @@ class Intake {
   Intake(std::uint32_t supplier_count_max, const Quota& quota, std::uint64_t epoch)
       : quota_(quota), epoch_(epoch), suppliers_(std::max(supplier_count_max, 1U)) {}
 
-  /// The supplier with this id. A new one takes a free slot, or that of the supplier silent
-  /// longest.
+  /// The supplier with this id. A new one gets a free slot, or that of the supplier silent longest.
   [[nodiscard]] Supplier& find(std::uint64_t id, MonotonicTime now) noexcept {
     Supplier* oldest = &suppliers_.front();
     for (Supplier& each : suppliers_) {

@@ -61,7 +61,7 @@ void MulticastOutlet::write(std::span<const SubscriptionNumber> subscriptions, C
   for (std::size_t i = 0; i < subscriptions.size(); ++i)
     owners[i] = slots_[subscriptions[i]].owner;
   const auto send = [this](ConstBytes datagram) {
-    // A failed send is a loss like any on the network, and is repaired in the same way.
+    // A failed send counts as a network loss, and is repaired in the same way.
     static_cast<void>(sender_.send(datagram));
   };
   const bool is_written =

@@ -15,8 +15,8 @@
 namespace rtpm::events {
 
 /// The sending end of a hub's multicast.
-/// @threads  one at a time, with the hub's lock
-/// @realtime alloc-free; a syscall for each datagram
+/// @threads  one at a time, under the hub's lock
+/// @realtime alloc-free; one syscall per datagram
 class MulticastOutlet final : public Broadcaster {
  public:
   /// Opens the sender, for payloads of up to `payload_size_max` and `subscription_count_max`
@@ -28,12 +28,12 @@ class MulticastOutlet final : public Broadcaster {
 
   [[nodiscard]] std::uint64_t id() const noexcept { return writer_.id(); }
   [[nodiscard]] const transport::MulticastGroup& group() const noexcept { return config_.group; }
-  /// Counts the events that do not fit the history.
+  /// Sets where events that do not fit the history are counted.
   void count_losses_in(Exchange& exchange) noexcept { exchange_ = &exchange; }
 
   void broadcast(std::span<const SubscriptionNumber> subscriptions,
                  std::span<const EventRef> group) noexcept override;
-  /// The first datagram of a subscription `owner` that begins now.
+  /// The first datagram for a subscription `owner` that starts now.
   [[nodiscard]] std::uint64_t begin_slot(SubscriptionNumber number, std::uint64_t owner) noexcept;
   void end_slot(SubscriptionNumber number) noexcept { slots_[number] = {}; }
   [[nodiscard]] bool has_slot(SubscriptionNumber number) const noexcept {
@@ -47,7 +47,7 @@ class MulticastOutlet final : public Broadcaster {
 
   /// When on_time() is due; kNever if not before the next event.
   [[nodiscard]] MonotonicTime next_time() const noexcept { return next_heartbeat_; }
-  /// Sends a heartbeat, which exposes the loss of the last datagram, at increasing intervals.
+  /// Sends a heartbeat, which reveals the loss of the last datagram, at increasing intervals.
   void on_time(MonotonicTime now) noexcept;
 
  private:
@@ -65,7 +65,7 @@ class MulticastOutlet final : public Broadcaster {
   transport::MulticastSender sender_;
   MulticastWriter writer_;
   std::vector<Slot> slots_;             ///< Indexed by the subscription's number.
-  std::vector<std::uint64_t> encoded_;  ///< Buffer of one delivery.
+  std::vector<std::uint64_t> encoded_;  ///< The buffer for one delivery.
   Exchange* exchange_ = nullptr;
   MonotonicTime next_heartbeat_ = kNever;
   Duration heartbeat_interval_{0};

@@ -9,8 +9,8 @@
 namespace rtpm::events {
 namespace {
 
-// Maximum size of an item besides its events: table, structs, padding, and the builder's scratch
-// space.
+// The maximum size of an item without its events: table, structs, padding, and the builder's
+// scratch space.
 constexpr std::size_t kItemOverheadMax = 256;
 constexpr std::size_t kItemMemory = wire::kStreamFrameSizeMax + 2 * kItemOverheadMax;
 // Items in flight before the consumer has taken one.
@@ -118,14 +118,14 @@ Outlet::Outcome Outlet::pump(DeliveryQueue& queue, Losses& losses, ItemBuilder& 
 expected<void, rpc::StreamError> Outlet::send_once(DeliveryQueue& queue, Losses& losses,
                                                    ItemBuilder& builder,
                                                    MonotonicTime now) noexcept {
-  // One frame, so that no event waits for fragments of other events.
+  // A single frame, so that no event waits for fragments of others.
   const std::size_t item_max = writer.item_frame_size_max();
   const std::size_t part_max = (item_max - std::min(item_max, kItemOverheadMax)) & ~std::size_t{15};
   const Losses total = losses;
   const ItemBuilder::Extras extras{.welcome = is_welcome_due ? &welcome : nullptr,
                                    .losses = total != reported_ ? &total : nullptr};
   if (!partial_ && !queue.empty() && event_span(queue[0].event.payload().size()) > part_max) {
-    // Moved out of the queue, which could replace it while parts of it are sent.
+    // Moved out of the queue, which could replace it while it is partly sent.
     partial_ = queue[0].event;
     is_partial_continued_ = queue[0].is_continued;
     partial_offset_ = 0;

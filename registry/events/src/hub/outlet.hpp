@@ -11,7 +11,7 @@
 
 namespace rtpm::events {
 
-/// Encodes stream items, one at a time, in memory allocated when built.
+/// Encodes stream items, one at a time, in memory allocated at construction.
 class ItemBuilder {
  public:
   ItemBuilder();
@@ -21,13 +21,13 @@ class ItemBuilder {
     const Welcome* welcome = nullptr;
     const Losses* losses = nullptr;
   };
-  /// A part of an event that is larger than an item.
+  /// A part of an event that exceeds an item.
   struct EventPart {
     EventView event{};
     std::size_t offset = 0;
     std::size_t size = 0;
   };
-  /// Encodes as many events from the front of the queue as fit `size_max` bytes; returns their
+  /// Encodes as many events from the front of the queue as fit `size_max` bytes. Returns their
   /// number.
   [[nodiscard]] std::size_t build(const DeliveryQueue& queue, const Extras& extras,
                                   std::size_t size_max, MonotonicTime now) noexcept;
@@ -53,7 +53,7 @@ class Outlet {
   /// Result of pump().
   enum class Outcome : std::uint8_t {
     kDone,     ///< Everything was sent.
-    kBacklog,  ///< The consumer takes no more for now.
+    kBacklog,  ///< The consumer accepts no more for now.
     kGone,     ///< The consumer is gone.
   };
 
@@ -66,9 +66,9 @@ class Outlet {
   bool is_suspended = false;
   bool is_backlogged = false;
   bool is_dead = false;
-  DisconnectReason reason = DisconnectReason::kLeft;  ///< Why the subscription is dead.
+  DisconnectReason reason = DisconnectReason::kLeft;  ///< Why the subscription has ended.
 
-  /// Sends from the queue until the consumer takes no more.
+  /// Sends from the queue until the consumer accepts no more.
   [[nodiscard]] Outcome pump(DeliveryQueue& queue, Losses& losses, ItemBuilder& builder,
                              MonotonicTime now) noexcept;
 
@@ -81,7 +81,7 @@ class Outlet {
   Losses reported_{};
   EventRef partial_{};  ///< The large event that is being sent in parts.
   bool is_partial_continued_ = false;
-  std::size_t partial_offset_ = 0;  ///< The number of its bytes that were sent.
+  std::size_t partial_offset_ = 0;  ///< The number of its bytes already sent.
 };
 
 }  // namespace rtpm::events

@@ -13,28 +13,28 @@
 namespace rtpm::events {
 
 /// The hub's end of the ring for consumers on its host.
-/// @threads  broadcast() and take_wake_bits(): with the hub's lock; wake(): any; let_in(): one
+/// @threads  broadcast() and take_wake_bits(): under the hub's lock; wake(): any; let_in(): one
 ///           thread
 class RingOutlet final : public Broadcaster {
  public:
-  /// Makes a ring with `size` bytes of records, for events of up to `payload_size_max`.
+  /// Creates a ring with `size` bytes of records, for events of up to `payload_size_max`.
   /// @realtime set-up only
   [[nodiscard]] static expected<std::unique_ptr<RingOutlet>, SetupError> make(
       std::uint32_t size, std::uint32_t payload_size_max);
 
   [[nodiscard]] std::uint64_t id() const noexcept { return id_; }
-  /// Counts the events that do not fit the ring.
+  /// Sets where events that do not fit the ring are counted.
   void count_losses_in(Exchange& exchange) noexcept { exchange_ = &exchange; }
 
   void broadcast(std::span<const SubscriptionNumber> subscriptions,
                  std::span<const EventRef> group) noexcept override;
-  /// Position of the first event of a subscription that begins now.
+  /// The position of the first event for a subscription that starts now.
   [[nodiscard]] std::uint64_t begin_slot(SubscriptionNumber number, std::uint64_t owner) noexcept {
     writer_.begin_slot(number, owner);
     return writer_.position();
   }
   void end_slot(SubscriptionNumber number) noexcept { writer_.end_slot(number); }
-  /// Readers to wake for records written since the last call.
+  /// Wake bits for records written since the last call.
   [[nodiscard]] std::uint32_t take_wake_bits() noexcept { return std::exchange(wake_bits_, 0); }
   void wake(std::uint32_t bits) noexcept {
     if (bits != 0) memory_.bell().ring(bits);
@@ -52,7 +52,7 @@ class RingOutlet final : public Broadcaster {
   transport::BroadcastMemory memory_;
   transport::BroadcastDoor door_;
   RingWriter writer_;
-  std::vector<std::uint64_t> encoded_;  ///< Buffer of one delivery.
+  std::vector<std::uint64_t> encoded_;  ///< The buffer for one delivery.
   Exchange* exchange_ = nullptr;
   std::uint32_t wake_bits_ = 0;
 };

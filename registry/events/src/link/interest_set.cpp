@@ -21,7 +21,7 @@ bool is_exact(const Match& match) noexcept {
   return match.type_mask == kWholeNumber && match.source_mask == kWholeNumber;
 }
 
-// Whether `wide` accepts all that `narrow` does.
+// Whether `wide` accepts everything that `narrow` accepts.
 bool covers(const Match& wide, const Match& narrow) noexcept {
   return wide.hops_min <= narrow.hops_min && (wide.type_mask & ~narrow.type_mask) == 0 &&
          (wide.source_mask & ~narrow.source_mask) == 0 &&
@@ -29,7 +29,7 @@ bool covers(const Match& wide, const Match& narrow) noexcept {
          ((wide.source ^ narrow.source) & wide.source_mask) == 0;
 }
 
-// Clears unmasked bits and removes duplicates and covered entries.
+// Clears unmasked bits, and removes duplicates and covered entries.
 void sort_out(std::vector<Match>& interest) {
   for (Match& each : interest) {
     each.type &= each.type_mask;
@@ -41,7 +41,7 @@ void sort_out(std::vector<Match>& interest) {
   std::ranges::sort(interest, {}, key);
   // Not std::ranges::unique: Clang 14 rejects libstdc++'s.
   interest.erase(std::unique(interest.begin(), interest.end()), interest.end());
-  // An exact entry covers at most its twin with more hops, which follows it.
+  // An exact entry only covers the same entry with more hops, which follows it.
   std::vector<Match> wide;
   std::ranges::remove_copy_if(interest, std::back_inserter(wide), is_exact);
   const auto is_covered = [&](const Match& each) {
@@ -105,8 +105,8 @@ std::vector<Match> interest_set_of(const Filter& filter) {
 }
 
 std::vector<Match> unite_interest(std::vector<Match> interest) {
-  // ev-5.2-2: where hubs are linked in a ring, interest that no subscription has any longer expires
-  // by its hop count.
+  // ev-5.2-2: if hubs are linked in a ring, interest that no subscription has any more expires by
+  // its hop count.
   std::erase_if(interest, [](const Match& each) { return each.hops_min >= kLinkHopsMax; });
   for (Match& each : interest)
     ++each.hops_min;

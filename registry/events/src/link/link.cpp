@@ -188,7 +188,7 @@ void Link::subscribe() {
   wanted.name = config_.name;
   asked_ = host_.interest_set_without(status().peer_epoch);
   wanted.filter = listed(asked_);
-  // ev-5.4-1: events that this hub does not accept wait there, in a bounded queue.
+  // ev-5.4-1: events that this hub can't accept wait at the other hub, in a bounded queue.
   wanted.delivery = {.queue_capacity = config_.queue_capacity};
   wanted.priority = config_.priority;
   wanted.cpus = config_.cpus;
@@ -205,7 +205,7 @@ void Link::subscribe() {
   status_.interest_count = asked_.size();
 }
 
-// ev-5.2-1: requests exactly the present interest.
+// ev-5.2-1: requests exactly the current interest.
 void Link::update_interest_set() {
   std::vector<Match> wanted = host_.interest_set_without(status().peer_epoch);
   if (wanted == asked_ || !consumer_->is_subscribed()) return;

@@ -18,8 +18,8 @@
 
 namespace rtpm::events {
 
-/// One link: a consumer at the other hub, and a time-shared thread "rtpm-link" that creates it,
-/// updates its interest, and reads the other hub's clock.
+/// One link: a consumer at the other hub, and a time-shared thread "rtpm-link" that creates the
+/// consumer, updates its interest, and reads the other hub's clock.
 /// @ownership refers to its host and node, which must outlive it
 /// @threads  any
 class Link final : private EventHandler {
@@ -30,7 +30,7 @@ class Link final : private EventHandler {
   ~Link() override;
   [[nodiscard]] expected<void, SetupError> start();
 
-  /// The interest of the host has changed. Returns at once.
+  /// Notes that the host's interest has changed. Returns at once.
   void on_interest_changed();
   /// The status without the host's counters.
   [[nodiscard]] LinkStatus status() const;
@@ -59,7 +59,7 @@ class Link final : private EventHandler {
   const std::string target_;
   const LinkConfig config_;
 
-  // The members of this block are used by the thread only.
+  // Used by the thread only.
   std::optional<HubClient> client_{};
   std::vector<Match> asked_{};
   std::unique_ptr<Consumer> consumer_{};
@@ -70,7 +70,7 @@ class Link final : private EventHandler {
   LinkStatus status_{};
   Losses earlier_losses_{};  ///< Losses of earlier consumers.
   bool has_changed_ = false;
-  bool has_ended_ = false;  ///< The consumer ended: create another.
+  bool has_ended_ = false;  ///< The consumer ended: create a new one.
   bool is_stopping_ = false;
   rt::Thread thread_{};
 };

@@ -13,7 +13,7 @@ namespace rtpm::events {
 /// @realtime alloc-free
 void write_link_report(const LinkReport& report, MutableBytes to) noexcept;
 
-/// The interface of a hub that a link uses.
+/// A hub, as its links use it.
 /// @threads  any
 class LinkHost {
  public:
@@ -23,7 +23,7 @@ class LinkHost {
   /// its own interest.
   /// @realtime set-up only
   [[nodiscard]] virtual std::vector<Match> interest_set_without(std::uint64_t peer) const = 0;
-  /// Takes an event of a link, with times on this hub's clock.
+  /// Accepts an event from a link, with times on this hub's clock.
   /// @realtime alloc-free
   virtual void take_linked(std::size_t link, const EventView& event) noexcept = 0;
   /// Publishes an event of kLinkType.

@@ -25,7 +25,7 @@ RepetitionGuard::Row& RepetitionGuard::row_of(const EventHeader& header) noexcep
   return *oldest;
 }
 
-// ev-5.3-2: a row has the sequences of one supplier, type and source.
+// ev-5.3-2: a row covers one supplier, type and source.
 bool RepetitionGuard::admit(const EventHeader& header) noexcept {
   if (header.supplier_tag == 0 || header.sequence == 0) return true;
   Row& row = row_of(header);

@@ -8,11 +8,12 @@
 
 namespace rtpm::events {
 
-/// Detects duplicates of events by supplier tag, type, source and sequence. Keeps for each such row
-/// the highest sequence and which of the kSpan below it arrived; older events count as duplicates.
+/// Detects duplicate events by supplier tag, type, source and sequence. For each combination of the
+/// first three, a row stores the highest sequence and which of the kSpan sequences below it
+/// arrived; older events count as duplicates.
 ///
-/// When full it evicts a row that was silent for long; then a duplicate may pass.
-/// @ownership its rows, allocated when built
+/// When full, it evicts a row that was silent for long; then a duplicate may pass.
+/// @ownership its rows, allocated at construction
 /// @realtime alloc-free, constant time
 /// @source   spec/events.md#ev-5.3
 class RepetitionGuard {
@@ -32,7 +33,7 @@ class RepetitionGuard {
     SourceId source = 0;
     std::uint64_t highest = 0;
     std::uint64_t seen = 0;       ///< Bit i is set if `highest - i` arrived.
-    std::uint64_t last_used = 0;  ///< The count of admitted events at that time.
+    std::uint64_t last_used = 0;  ///< The number of admitted events at that time.
   };
   [[nodiscard]] Row& row_of(const EventHeader& header) noexcept;
 

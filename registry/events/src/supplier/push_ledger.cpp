@@ -4,7 +4,7 @@
 
 namespace rtpm::events {
 
-// Confirmed is the larger of counted and read.
+// Confirmed: the larger of counted and read.
 std::uint64_t PushLedger::unconfirmed() const noexcept {
   return sent_ - std::min(sent_, std::max(counted_, read_));
 }
@@ -47,7 +47,7 @@ void PushLedger::note_end(std::uint64_t frame_count) noexcept {
 }
 
 void PushLedger::note_counted(std::uint64_t hub_epoch, std::uint64_t event_count) noexcept {
-  // The count is of an earlier hub, or of one to which nothing was sent yet.
+  // The count is from an earlier hub, or from one to which nothing was sent yet.
   if (hub_epoch != hub_epoch_) return;
   if (counted_base_ + event_count < counted_) counted_base_ = counted_;
   counted_ = counted_base_ + event_count;

@@ -44,8 +44,8 @@ bool may_have_run(rpc::CallError error) noexcept {
          error == rpc::CallError::kPeerRestarted || error == rpc::CallError::kStopped;
 }
 
-/// Events use their own channel: channels have no order between them, and a call could occupy a
-/// shared one.
+/// Events have their own channel: channels have no mutual order, and a call could occupy a shared
+/// one.
 struct Clients {
   HubClient asking;
   HubClient pushing;
@@ -184,7 +184,7 @@ class Supplier::Impl {
     request_.resize((size + kRequestOverheadMax) / sizeof(request_[0]));
   }
 
-  // Beyond the table's capacity: 0, "not counted".
+  // 0, "not counted", beyond the table's capacity.
   [[nodiscard]] std::uint64_t next_sequence(EventType type, SourceId source) noexcept {
     for (std::size_t i = 0; i < counter_count_; ++i) {
       if (counters_[i].type == type && counters_[i].source == source) return ++counters_[i].count;
@@ -197,8 +197,8 @@ class Supplier::Impl {
   [[nodiscard]] expected<void, rpc::CallError> send(ConstBytes request) noexcept {
     return clients_->pushing.push_encoded(request, {.priority = config_.priority});
   }
-  // Records a push. One larger than a frame is a confirmed call (see Binding::send()), whose
-  // failure leaves its arrival open.
+  // Records a push. A push larger than a frame is a confirmed call (see Binding::send()); if it
+  // fails, its arrival is unknown.
   void note_pushed(const expected<void, rpc::CallError>& pushed, std::uint32_t count,
                    std::size_t size) noexcept {
     const rpc::Binding& binding = clients_->pushing.binding();
@@ -206,7 +206,7 @@ class Supplier::Impl {
     if (pushed) {
       const std::uint64_t lost = ledger_.maybe_lost_count();
       ledger_.note_sent(binding.server_epoch(), count);
-      // The hub changed without the end of a connection, as in the hub's own program.
+      // The hub changed without a connection ending, for example in the hub's own program.
       is_loss_unreported_ = is_loss_unreported_ || ledger_.maybe_lost_count() > lost;
       return;
     }
@@ -222,7 +222,7 @@ class Supplier::Impl {
     ledger_.note_end(lost - std::exchange(lost_frames_noted_, lost));
     return true;
   }
-  // Checks whether the last frames of an idle supplier may be lost.
+  // Checks whether the last frames of an idle supplier may have been lost.
   void check_pushed() noexcept {
     const std::lock_guard lock(mutex);
     if (ledger_.unconfirmed_count() == 0 || clients_->pushing.binding().check_oneways()) return;
@@ -270,7 +270,7 @@ class Supplier::Impl {
     std::unique_lock lock(ending_mutex_);
     while (!ending_.wait_for(lock, config_.attend_interval, [this] { return is_ending_; })) {
       lock.unlock();
-      // A refused type was reported by create(); here only the hub's epoch matters.
+      // create() has reported refused types; here only the hub's epoch matters.
       static_cast<void>(attend());
       check_pushed();
       if (!is_attended_) bind_again();
@@ -278,7 +278,7 @@ class Supplier::Impl {
     }
   }
 
-  // The name may lead to another hub.
+  // The name may now lead to another hub.
   void bind_again() {
     auto clients = bind();
     if (!clients) return;
@@ -312,7 +312,7 @@ class Supplier::Impl {
   std::array<Counter, kSequenceCountMax> counters_{};
   std::size_t counter_count_ = 0;
   PushLedger ledger_{};
-  /// The pushing binding's lost_oneway_count() when last read.
+  /// The pushing binding's lost_oneway_count() as last read.
   std::uint64_t lost_frames_noted_ = 0;
   bool is_loss_unreported_ = false;  ///< The next flush() returns kMaybeLost.
 

@@ -43,7 +43,8 @@ expected<std::string, SetupError> reachable_url(const NameEntry& entry,
   if (entry.is_of_other_host) {
     if (std::ranges::all_of(hosts, is_loopback)) return serves_its_own_host_only(entry);
     std::erase_if(hosts, is_loopback);
-    // Own addresses mean nothing elsewhere: all hosts with containers use the same ones for them.
+    // A host's own addresses are meaningless elsewhere: all hosts with containers use the same
+    // ones.
     const auto is_own = [](const auto& host) { return host.first == Reach::kOwn; };
     if (!std::ranges::all_of(hosts, is_own)) std::erase_if(hosts, is_own);
   }

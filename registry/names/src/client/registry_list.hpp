@@ -6,7 +6,7 @@
 
 namespace rtpm::names {
 
-/// The URLs of registries that have the same names: "rtpm://a:7420/rtpm/names,rtpm://b:…". A comma
+/// The URLs of registries that share their names: "rtpm://a:7420/rtpm/names,rtpm://b:…". A comma
 /// within a URL separates the hosts of one registry.
 [[nodiscard]] inline std::vector<std::string> registries_of(std::string_view text) {
   std::vector<std::string> urls;

@@ -22,7 +22,7 @@ expected<void, DirectoryError> Seat::bind(const Offer& offer, bool allows_takeov
   if (!granted) return unexpected{granted.error()};
   const std::lock_guard lock(mutex_);
   first_lease_ = granted->lease > Duration{0} ? std::min(granted->lease, offer.lease) : offer.lease;
-  // Taken after the registry's own time, so that this estimate is never early.
+  // Taken after the registry's own time, so this estimate is never early.
   if (granted->revision != revision_ || bound_ == MonotonicTime{}) bound_ = rt::now();
   revision_ = granted->revision;
   return {};

@@ -21,7 +21,7 @@ struct Offer {
 };
 
 /// A name's binding at one name service.
-/// @threads  renew() and lease(): one thread; the rest any
+/// @threads  renew() and lease(): one thread; the rest: any
 class Seat {
  public:
   /// The time limit of a bind.
@@ -33,7 +33,7 @@ class Seat {
                                                     bool allows_takeover = false);
   /// Renews the lease; binds again if the service no longer has the name.
   [[nodiscard]] expected<void, DirectoryError> renew(const Offer& offer);
-  /// Unbinds within 200 ms; otherwise the lease expires by itself.
+  /// Unbinds within 200 ms; otherwise the lease expires.
   void unbind(const Offer& offer);
   /// The lease that the service grants for a renewal at `now`.
   [[nodiscard]] Duration lease(MonotonicTime now, Duration wanted);

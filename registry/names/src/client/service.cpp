@@ -30,8 +30,8 @@ struct Request {
   }
 };
 
-/// Whether another registry may do better: this one does not answer, or does not reach the storage
-/// that they share.
+/// Whether another registry may succeed: this one does not answer, or cannot reach the shared
+/// storage.
 template <class Reply>
 bool is_for_another(const expected<Reply, DirectoryError>& reply) {
   if (!reply) return reply.error().cause != rpc::make_error_code(rpc::CallError::kNoResources);
@@ -70,7 +70,7 @@ MonotonicTime Service::usual_end() const {
   return rt::now() + deadline_;
 }
 
-// Runs `operation` at the registry that answered last, then at the next one; ends by `deadline`.
+// Runs `operation` at the registry that answered last, then at the next ones; ends by `deadline`.
 template <class Operation>
 auto Service::ask(MonotonicTime deadline, Operation operation) {
   const std::size_t first = preferred_;
@@ -78,7 +78,7 @@ auto Service::ask(MonotonicTime deadline, Operation operation) {
     const std::size_t which = (first + i) % registries_.size();
     const bool is_last = i + 1 == registries_.size();
     const Duration left = deadline - rt::now();
-    // There is time left for the next one.
+    // Leaves time for the next one.
     auto reply = ask_at(registries_[which], rt::now() + (is_last ? left : left / 2), operation);
     if (is_last || !is_for_another(reply)) {
       preferred_ = which;
@@ -99,7 +99,7 @@ auto Service::ask_at(Registry& registry, MonotonicTime deadline, Operation opera
   return Asked(unexpected{no_result(registry.url, reply.error())});
 }
 
-// Asks for an operation on `name` that has no result except success or a refusal.
+// Requests an operation on `name` whose only result is success or a refusal.
 template <class Operation>
 expected<void, DirectoryError> Service::confirm(MonotonicTime deadline, std::string_view name,
                                                 Operation operation) {
@@ -109,7 +109,7 @@ expected<void, DirectoryError> Service::confirm(MonotonicTime deadline, std::str
   return unexpected{refused(*answer, name)};
 }
 
-// Asks for pages of entries until the last one. Accepts only ascending names, so that no registry
+// Requests pages of entries until the last one. Accepts only ascending names, so that no registry
 // can make this endless.
 template <class Operation, class Take>
 expected<void, DirectoryError> Service::read_pages(std::string_view directory,
@@ -141,7 +141,7 @@ expected<void, DirectoryError> Service::read_pages(std::string_view directory,
   }
 }
 
-// The registry's answer as an error; if its storage is unreachable, with that in words.
+// Turns the registry's answer into an error; if its storage is unreachable, mentions that.
 DirectoryError Service::refused(const Answer& answer, std::string_view name) {
   const Outcome outcome = outcome_of(answer);
   DirectoryError error{{outcome_text(outcome, name, answer.component())}, outcome};
@@ -152,9 +152,9 @@ DirectoryError Service::refused(const Answer& answer, std::string_view name) {
   return error;
 }
 
-// The client, bound on first use and again after a call without a reply, as the registry may
-// have moved to another of its addresses. Concurrent first callers bind in parallel, so that
-// none waits for the deadline of another one.
+// The client, bound on first use and again after a call without a reply, as the registry may have
+// moved to another of its addresses. Concurrent first callers bind in parallel, so that none waits
+// for another one's deadline.
 expected<std::shared_ptr<NamesClient>, DirectoryError> Service::bound_client(
     Registry& registry, MonotonicTime deadline) {
   {
@@ -175,7 +175,7 @@ expected<std::shared_ptr<NamesClient>, DirectoryError> Service::bound_client(
   return registry.client;
 }
 
-// Makes the next operation try the addresses of the registry again.
+// Makes the next operation retry the registry's addresses.
 void Service::forget(Registry& registry, const std::shared_ptr<NamesClient>& client) {
   const std::lock_guard lock(mutex_);
   if (registry.client == client) registry.client = nullptr;

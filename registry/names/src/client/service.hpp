@@ -18,9 +18,9 @@ namespace rtpm::names {
 class NamesClient;
 struct Answer;
 
-/// A client of one name service, or of registries that share their names: Directory's operations
-/// and errors at one URL, or at several separated by ','.
-/// @threads  any, several at once
+/// A client of one name service, or of registries that share their names: provides Directory's
+/// operations and errors for one URL, or for several separated by ','.
+/// @threads  any, concurrently
 class Service {
  public:
   /// `deadline` bounds each request.
@@ -29,7 +29,7 @@ class Service {
   Service& operator=(const Service&) = delete;
 
   [[nodiscard]] expected<Granted, DirectoryError> bind(const Claim& claim, bool replaces);
-  /// Ends at the latest by `deadline` from now.
+  /// Ends within `deadline`, counted from now.
   [[nodiscard]] expected<void, DirectoryError> renew(std::string_view name, Owner owner,
                                                      Duration lease,
                                                      Duration deadline = Duration::max());
@@ -41,8 +41,8 @@ class Service {
   [[nodiscard]] expected<FoundNames, DirectoryError> find(const NameQuery& query);
   /// See Directory::contents().
   [[nodiscard]] expected<FoundNames, DirectoryError> contents(std::string_view directory);
-  /// Reads the contents within `deadline` in total, into `found`, which keeps what came before an
-  /// error.
+  /// Reads the contents into `found` within `deadline` in total; after an error, `found` keeps what
+  /// was received.
   [[nodiscard]] expected<void, DirectoryError> read(std::string_view directory,
                                                     MonotonicTime deadline, FoundNames& found);
   /// Adds the lapsed names to `found`, within `deadline` in total.

@@ -22,7 +22,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// How long one poll of the stream waits, which bounds how soon the watch ends or takes new names.
+// How long one poll of the stream waits, which bounds how soon the watch ends or applies new names.
 constexpr Duration kPollMax = 50ms;
 // Pause between attempts to reach the registry; a restarted one is usually up within a second.
 constexpr Duration kRetryFirst = 20ms;
@@ -79,7 +79,7 @@ class ServiceWatch final : public NameWatch::Impl {
   [[nodiscard]] const std::string& registry_url() const { return registries_[which_]; }
   void next_registry() { which_ = (which_ + 1) % registries_.size(); }
 
-  /// Opens a stream and takes its first item.
+  /// Opens a stream and receives its first item.
   [[nodiscard]] expected<Stream, DirectoryError> open() {
     WatchConfig config;
     {
@@ -134,7 +134,7 @@ class ServiceWatch final : public NameWatch::Impl {
     }
   }
 
-  // Takes items until the stream ends. Returns why; empty if to change names, or at the end.
+  // Receives items until the stream ends. Returns why; empty to change names, or when ending.
   [[nodiscard]] std::string read() {
     is_connected_ = true;
     bool goes_on = take(*first_);
@@ -169,13 +169,13 @@ class ServiceWatch final : public NameWatch::Impl {
     }
   }
 
-  // Returns whether the watch continues.
+  // Handles an item; returns whether the watch continues.
   [[nodiscard]] bool take(const WatchItem& item) {
     if (item.phase() == WatchPhase::CutOff) return false;
     const bool is_state = item.phase() == WatchPhase::State || item.phase() == WatchPhase::StateEnd;
     if (is_state && !is_fresh_) {
       is_fresh_ = true;
-      history_ = 0;  // Resumes with the state until that is complete.
+      history_ = 0;  // Until the state is complete, resumes with the state.
     }
     if (item.changes() != nullptr) {
       for (const Change* change : *item.changes())
@@ -200,8 +200,8 @@ class ServiceWatch final : public NameWatch::Impl {
       told.kind = NameChange::Kind::kGone;
       known_.erase(known);
     } else {
-      // A change that is in the state is not reported again; revisions of another history do not
-      // compare.
+      // A change contained in the state is not reported again; revisions of another history can't
+      // be compared.
       const bool is_same = is_known && known->second.history == now_history(is_state) &&
                            known->second.revision >= change.revision();
       if (is_same || (is_known && is_state && known->second.is_as(told.entry))) {
@@ -216,12 +216,12 @@ class ServiceWatch final : public NameWatch::Impl {
     if (handlers_.on_change) handlers_.on_change(told);
   }
 
-  // Counts states: revisions are comparable only between changes since the same state.
+  // Counts states: revisions are only comparable between changes after the same state.
   [[nodiscard]] std::uint64_t now_history(bool is_state) const noexcept {
     return state_count_ + (is_state ? 1 : 0);
   }
 
-  // Names that are not in the state are gone.
+  // Names missing from the state are gone.
   void end_state() {
     for (auto known = known_.begin(); known != known_.end();) {
       if (fresh_.contains(known->first)) {
@@ -253,11 +253,11 @@ class ServiceWatch final : public NameWatch::Impl {
   }
   [[nodiscard]] bool wants_other_names() {
     const std::lock_guard lock(mutex_);
-    if (has_new_names_) history_ = 0;  // The state of the new names is needed.
+    if (has_new_names_) history_ = 0;  // Requests the state for the new names.
     return has_new_names_;
   }
 
-  /// A name as the handlers last received it.
+  /// A name as last reported to the handlers.
   struct Known {
     NameEntry entry{};
     std::uint64_t revision = 0;  ///< Revision of its last change.
@@ -273,9 +273,9 @@ class ServiceWatch final : public NameWatch::Impl {
   std::atomic<bool> is_connected_{false};
   rpc::Node& node_;
   const std::vector<std::string> registries_;
-  std::size_t which_ = 0;  ///< The registry that is watched.
+  std::size_t which_ = 0;  ///< The watched registry.
   const WatchHandlers handlers_;
-  // Used by the starting thread, then by the thread of the watch.
+  // Used by the starting thread, then by the watch's thread.
   std::optional<NamesClient> client_{};
   std::optional<Stream> stream_{};
   const WatchItem* first_ = nullptr;  ///< The stream's first item, until the next one is read.

@@ -23,7 +23,7 @@ class NameWatch::Impl {
   [[nodiscard]] virtual bool is_connected() const noexcept = 0;
 };
 
-/// A watch at one service, or at registries that share their names: `url` as Service takes it.
+/// A watch at one service, or at registries that share their names; `url` as for Service.
 [[nodiscard]] std::unique_ptr<NameWatch::Impl> make_service_watch(rpc::Node& node, std::string url,
                                                                   WatchConfig config,
                                                                   WatchHandlers handlers);

@@ -28,10 +28,10 @@ namespace {
 
 /// How long services found on the LAN are reused instead of a new query.
 constexpr Duration kLanFindsAge = std::chrono::seconds{1};
-/// Services that are asked at a time.
+/// How many services are asked concurrently.
 constexpr std::size_t kThreadCountMax = 8;
 
-/// Whether a server serves its own host only.
+/// Whether a server only serves its own host.
 bool is_loopback(const std::string& url) {
   const auto parts = wire::parse_url(url);
   return parts && std::ranges::all_of(parts->hosts, [](const std::string& host) {
@@ -50,7 +50,7 @@ std::string in_words(const NameEntry& entry, const discovery::FoundService& foun
          ")";
 }
 
-/// How much a refusal reveals about the name: one that names a later component reveals more.
+/// How much a refusal reveals about the name: naming a later component reveals more.
 int knowledge_of(const DirectoryError& error) {
   if (error.outcome == Outcome::kNotADirectory) return 3;
   if (error.outcome == Outcome::kIsADirectory) return 2;
@@ -61,7 +61,7 @@ int knowledge_of(const DirectoryError& error) {
 
 class Directory::Impl {
  public:
-  /// A service that was found, and its client.
+  /// A service found, and its client.
   struct Asked {
     discovery::FoundService found;
     std::shared_ptr<Service> service;
@@ -75,7 +75,7 @@ class Directory::Impl {
   template <class Value>
   struct Answers {
     std::vector<Answer<Value>> values{};
-    /// The most informative refusal, if there was one.
+    /// The most informative refusal, if any.
     std::optional<DirectoryError> refusal{};
   };
 
@@ -90,10 +90,10 @@ class Directory::Impl {
     if (!bad_scope_ && scope_.is_url()) only_ = service_at(where_text, deadline_);
   }
 
-  /// The service, if the scope is its URL; if null, services are searched for.
+  /// The service, if the scope is a URL; null if services are searched for.
   [[nodiscard]] Service* only() const noexcept { return only_.get(); }
 
-  /// Asks all services, several at a time, so that one that hangs delays no other service.
+  /// Asks all services, several concurrently, so that a hanging one delays no others.
   /// @errors   no service answers
   template <class Value, class Operation>
   [[nodiscard]] expected<Answers<Value>, DirectoryError> ask_all(MonotonicTime deadline,
@@ -107,7 +107,7 @@ class Directory::Impl {
       if (rt::now() < end) replies[i] = operation(*(*asked)[i].service);
     };
     if (asked->size() == 1) {
-      ask(0);  // The usual case takes no thread.
+      ask(0);  // The usual case needs no thread.
     } else {
       rt::ParallelJobs jobs("rtpm-ask", kThreadCountMax);
       for (std::size_t i = 0; i < asked->size(); ++i)
@@ -150,7 +150,7 @@ class Directory::Impl {
       if (each.found.is_of_this_host && !each.found.is_guess) return each.service;
       registries.push_back(each);
     }
-    // The registry at the usual place.
+    // The registry at the default address.
     std::erase_if(registries, [](const Asked& each) {
       return each.found.is_guess && !each.service->contents({});
     });
@@ -185,8 +185,8 @@ class Directory::Impl {
     to.push_back({std::move(entry), found});
   }
 
-  /// Drops the names that a registry of another user has if another service has them, too, so that
-  /// it takes no name from its server; if only such registries have the name, keeps them.
+  /// Drops names of another user's registry that another service also has, so that the registry
+  /// can't take a name from its server. If only such registries have the name, keeps them.
   void drop_untrusted(std::vector<Answer<NameEntry>>& entries) {
     std::vector<Answer<NameEntry>> trusted;
     for (const auto& entry : entries) {
@@ -223,7 +223,7 @@ class Directory::Impl {
     return std::make_shared<Service>(node_, url, deadline);
   }
 
-  /// Keeps the clients, with their sessions, of services that are found again.
+  /// Keeps the clients, with their sessions, of services found again.
   [[nodiscard]] expected<std::vector<Asked>, DirectoryError> find(MonotonicTime deadline) {
     if (bad_scope_) return unexpected{DirectoryError{*bad_scope_}};
     const std::lock_guard finding(finding_);
@@ -279,7 +279,7 @@ namespace {
 
 using Found = discovery::FoundService;
 
-/// Sorts by name, marks names that lead to different URLs, and drops repetitions.
+/// Sorts by name, marks names with different URLs, and drops duplicates.
 template <class Answers>
 std::vector<NameEntry> merged(Answers answers) {
   std::ranges::stable_sort(
@@ -404,8 +404,8 @@ expected<NameEntry, DirectoryError> Directory::describe(std::string_view name,
 
 expected<FoundNames, DirectoryError> Directory::find(const NameQuery& query) {
   if (Service* const only = impl_->only()) return only->find(query);
-  // The preference orders the names of all services together, so the predicate and the preference
-  // are evaluated here.
+  // The preference orders the names of all services together, so predicate and preference are
+  // evaluated here.
   auto answers = impl_->ask_all<FoundNames>(
       kNever, [&](Service& service) { return service.find({.interface = query.interface}); });
   if (!answers) return unexpected{answers.error()};

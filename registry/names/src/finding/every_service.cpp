@@ -22,7 +22,7 @@ namespace {
 
 constexpr std::size_t kThreadCountMax = 128;
 
-/// The URL at which other users of this host have their registry.
+/// The URL of other users' registry on this host.
 discovery::FoundService usual_registry() {
   return {.url = "rtpm://127.0.0.1:" + std::to_string(discovery::kRegistryPort) + "/" +
                  std::string(discovery::kNamesPath),
@@ -34,8 +34,8 @@ discovery::FoundService usual_registry() {
 /// Finds the services of a scope and asks each one.
 class Inquiry {
  public:
-  /// Asks a service; called from several threads at the same time.
-  /// @param is_given  its URL is the scope
+  /// Asks a service; called concurrently from several threads.
+  /// @param is_given  the scope is its URL
   using Question =
       std::function<void(Service&, const discovery::FoundService& found, bool is_given)>;
 
@@ -52,7 +52,7 @@ class Inquiry {
         for (const discovery::FoundService& service : found->services)
           ask(service, /*is_given=*/false);
       }
-      // These come after those that are known to exist.
+      // After the services that are known to exist.
       if (!transport::has_own_runtime_folder()) ask(usual_registry(), /*is_given=*/false);
       const std::lock_guard lock(mutex_);
       if (!found && !error_) error_ = std::move(found.error());
@@ -96,7 +96,7 @@ void Inquiry::begin(const discovery::Scope& scope, const std::string& where) {
       ask({.url = url, .is_registry = true}, /*is_given=*/true);
     return;
   }
-  // A query on the LAN takes time; the services of this host do not wait for it.
+  // A LAN query takes time; this host's services do not wait for it.
   find(discovery::Scope{});
   if (scope.is_of_lan()) find(scope);
 }
@@ -113,7 +113,7 @@ expected<void, SetupError> ask_every_service(rpc::Node& node, const std::string&
     FoundNames found;
     const auto read = service.read({}, deadline, found);
     if (!read && from.is_guess) return;
-    // A server of another host that serves its names itself returns addresses as its host sees
+    // A server on another host that serves its names itself returns addresses as its host sees
     // them.
     if (!is_given && !from.is_registry && !from.is_of_this_host) {
       for (NameEntry& entry : found.entries)

@@ -15,7 +15,7 @@ bool is_same(const NameEntry& one, const NameEntry& other) {
          one.properties == other.properties;
 }
 
-/// The second URL that the entries lead to; empty if there is only one.
+/// A second URL that the entries lead to; empty if all lead to the same one.
 std::string second_url(const std::map<std::string, NameEntry>& entries) {
   for (const auto& [service, entry] : entries) {
     if (entry.url != entries.begin()->second.url) return entry.url;

@@ -9,22 +9,22 @@
 
 namespace rtpm::names {
 
-/// The names of several services as one view: a name is reported once, however many services have
-/// it.
+/// The names of several services as one view: a name is reported once, even if several services
+/// have it.
 /// @threads  one at a time
 class NameViews {
  public:
-  /// The effect of a service's change on the combined view.
+  /// What a service's change means for the combined view.
   struct Told {
     std::optional<NameChange> change{};
-    std::string duplicate{};  ///< A sentence if the name began to lead to different URLs.
+    std::string duplicate{};  ///< A sentence, if the name now leads to different URLs.
   };
   [[nodiscard]] Told take(const std::string& service_url, NameChange change);
   /// The names of a service, to report them as gone when it ends.
   [[nodiscard]] std::vector<NameEntry> names_of(const std::string& service_url) const;
 
  private:
-  using Entries = std::map<std::string, NameEntry>;  ///< Keyed by the URLs of services.
+  using Entries = std::map<std::string, NameEntry>;  ///< Keyed by the services' URLs.
   std::map<std::string, Entries, std::less<>> names_{};
 };
 

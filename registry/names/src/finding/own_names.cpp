@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::uint32_t kWatchCountMax = 64;
 
-/// Lets only this program change names: its owners have the epoch of its start.
+/// Allows only this program to change names: its owners have the epoch of its start.
 class OwnPolicy final : public Policy {
  public:
   [[nodiscard]] bool allows(const Caller& caller, Operation operation,
@@ -73,7 +73,7 @@ expected<void, SetupError> OwnNames::begin(const discovery::Scope& scope, std::s
   if (!names) return unexpected{std::move(names.error())};
   names_ = std::move(*names);
   auto server = rpc::Server::create(server_config(std::move(host), security));
-  // The object belongs to another host: only its name is this program's.
+  // The object is on another host: only its name belongs to this program.
   if (!server) server = rpc::Server::create(server_config("127.0.0.1", security));
   if (!server) return unexpected{std::move(server.error())};
   server_ = std::move(*server);

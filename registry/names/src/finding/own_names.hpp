@@ -13,15 +13,15 @@
 
 namespace rtpm::names {
 
-/// The name service of a program that serves its names itself: a registry in memory, in which only
+/// The name service of a program that serves its names itself: an in-memory registry, in which only
 /// this program binds, on its own server with one blocking, time-shared lane. The program's
-/// registrations share it; it can be found for as long as one of them uses it.
+/// registrations share it; it is discoverable while one of them uses it.
 /// @threads  any
 class OwnNames {
  public:
-  /// The name service of this program at the host of `url`, or at the loopback address if this host
-  /// does not have that address.
-  /// @param security  the clients that it serves; used if it does not exist yet
+  /// This program's name service at the host of `url`, or at the loopback address if this host does
+  /// not have that address.
+  /// @param security  the clients that it accepts; used if the service does not exist yet
   /// @realtime set-up only
   /// @errors   as rpc::Server::create() and discovery::Announcement::create()
   [[nodiscard]] static expected<std::shared_ptr<OwnNames>, SetupError> at_host_of(

@@ -24,7 +24,7 @@ using namespace std::chrono_literals;
 
 /// How long a registration waits for the lease of a dead holder to end.
 constexpr Duration kHolderWaitMax = 5s;
-/// How long a program continues to serve a name after binding it at a registry: watches look for
+/// How long a program keeps serving a name after binding it at a registry: watches look for
 /// registries every quarter of a second.
 constexpr Duration kOwnGrace = 1s;
 /// The shortest lease of a name at its own program.
@@ -40,8 +40,8 @@ bool is_held_by_another(const DirectoryError& error) {
   return error.outcome == Outcome::kAlreadyBound || error.outcome == Outcome::kStaleEpoch;
 }
 
-/// Whether the registry refused because of its own state, not because of the request: other names
-/// may end, and space may be freed.
+/// Whether the registry refused because of its own state, not because of the request: names may
+/// expire, and space may be freed.
 bool is_passing(const DirectoryError& error) {
   switch (error.outcome.value_or(Outcome::kDone)) {
     case Outcome::kFull:
@@ -86,7 +86,7 @@ class Registration::Impl {
     if (own_ && own_->is_bound) own_->seat.unbind(offer);
   }
 
-  /// Binds for the first time; waits for the lease of a holder that may be dead.
+  /// Binds for the first time; waits for the lease of a possibly dead holder.
   [[nodiscard]] expected<void, SetupError> begin() {
     auto scope = discovery::parse_scope(where_);
     if (!scope) return unexpected{std::move(scope.error())};
@@ -132,16 +132,16 @@ class Registration::Impl {
   }
 
  private:
-  /// A place where the name is bound, or was.
+  /// A name service where the name is bound, or was.
   struct Place {
     Place(rpc::Node& node, const std::string& url) : seat(node, url) {}
-    std::shared_ptr<OwnNames> names{};  ///< Null if the place is a registry. Outlives its client.
+    std::shared_ptr<OwnNames> names{};  ///< Null for a registry. Outlives its client.
     Seat seat;
     std::atomic<bool> is_bound = false;
   };
 
-  /// Uses a lease that outlasts attempts at a registry that hangs: the service ends with the
-  /// program anyway.
+  /// Uses a lease that outlasts attempts at a hanging registry: the service ends with the program
+  /// anyway.
   [[nodiscard]] Offer own_offer_now() {
     Offer offer = offer_now();
     offer.lease = std::max(offer.lease, kOwnLease);
@@ -153,7 +153,7 @@ class Registration::Impl {
     return offer_;
   }
 
-  /// The registry to bind at; it may not be running. A registry of another user gets no names.
+  /// The registry to bind at, which may not be running. Another user's registry gets no names.
   [[nodiscard]] std::string registry_url() {
     if (scope_.is_url()) return where_;
     const auto found = discovery::find_services(discovery::Scope{});
@@ -196,7 +196,7 @@ class Registration::Impl {
     return {};
   }
 
-  /// On the LAN a server is found by its own names, with or without a registry on its host.
+  /// On the LAN a server is found by its own names, whether or not its host has a registry.
   [[nodiscard]] bool needs_own_names() const {
     return scope_.is_of_lan() || (!scope_.is_url() && !(registry_ && registry_->is_bound));
   }
@@ -223,7 +223,7 @@ class Registration::Impl {
     return {};
   }
 
-  /// Refuses, as a registry would, a name that another server of this host holds.
+  /// Refuses a name that another server on this host holds, like a registry.
   [[nodiscard]] expected<void, SetupError> check_that_no_other_has_it() {
     const auto entry = Directory(node_, std::string(kThisHost)).resolve(offer_.name);
     if (!entry && entry.error().is_ambiguous) return unexpected{entry.error()};
@@ -233,7 +233,7 @@ class Registration::Impl {
                        "it leads to " + entry->url, "end that server, or give another name");
   }
 
-  /// Reports once that the name leads to another server, too.
+  /// Reports once that the name also leads to another server.
   void warn_of_duplicates() {
     const auto entry = Directory(node_, where_).resolve(offer_.name);
     std::string text;
@@ -248,12 +248,12 @@ class Registration::Impl {
     if (std::exchange(said_, text) != text) report_(text);
   }
 
-  /// Renews every third of the lease.
+  /// Renews after each third of the lease.
   void keep() {
     std::unique_lock lock(mutex_);
     MonotonicTime next = rt::now();
     for (;;) {
-      // Bounds how late a new or lost registry is noticed, however long the lease is.
+      // Bounds how late a new or lost registry is noticed, regardless of the lease.
       Duration lease =
           scope_.is_url() ? offer_.lease : std::min(offer_.lease, Registration::kDefaultLease);
       for (const auto& place : {registry_, own_}) {
@@ -288,7 +288,7 @@ class Registration::Impl {
   [[nodiscard]] expected<void, DirectoryError> keep_at_registry() {
     const std::string url = registry_url();
     if (registry_ && registry_->seat.url() != url) {
-      // The registry is gone; its replacement may be another one.
+      // The registry is gone; another one may replace it.
       registry_->seat.unbind(offer_now());
       set(registry_, nullptr);
     }
@@ -306,7 +306,7 @@ class Registration::Impl {
     return kept;
   }
 
-  /// The registry runs, and another server has the name: then the name leads to both.
+  /// Warns that the registry runs and another server has the name: then the name leads to both.
   void warn_of_refusal(const DirectoryError& error) {
     report_once("the registry does not take the name '" + offer_.name +
                 "' from this server: " + error.reason());
@@ -314,7 +314,7 @@ class Registration::Impl {
 
   void keep_own_names(const expected<void, DirectoryError>& at_registry) {
     if (!needs_own_names()) {
-      // Meanwhile clients that have not found the registry yet find the name here.
+      // Clients that have not found the registry yet still find the name here.
       if (!own_) return;
       own_end_ = std::min(own_end_, rt::now() + kOwnGrace);
       if (rt::now() < own_end_) {
@@ -337,7 +337,7 @@ class Registration::Impl {
     if (std::exchange(is_to_look_for_duplicates_, false)) warn_of_duplicates();
   }
 
-  /// Empty if it is not bound anywhere.
+  /// Where the name is bound; empty if nowhere.
   [[nodiscard]] std::string place_in_words() const {
     if (registry_ && registry_->is_bound) return registry_->seat.url();
     if (own_ && own_->is_bound) return own_->seat.url() + ", which this program serves itself";
@@ -358,8 +358,8 @@ class Registration::Impl {
   // This mutex is not for real-time threads. Guards the members below.
   std::mutex mutex_;
   Offer offer_;
-  std::shared_ptr<Place> registry_{};  ///< Null if there is none. Replaced by the lease thread.
-  /// Null if this program serves no names itself. Replaced by the lease thread.
+  std::shared_ptr<Place> registry_{};  ///< Null if there is none. The lease thread replaces it.
+  /// Null if this program serves no names itself. The lease thread replaces it.
   std::shared_ptr<Place> own_{};
   std::condition_variable ending_;
   bool is_ending_ = false;

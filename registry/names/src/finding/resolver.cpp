@@ -67,7 +67,7 @@ void RegistryResolver::watch(std::string_view name, const NameEntry& entry,
     watch_ = std::move(*started);
     return;
   }
-  // The next name that is resolved tries again.
+  // The next resolved name tries again.
   const std::lock_guard names_lock(mutex_);
   leads_.clear();
 }

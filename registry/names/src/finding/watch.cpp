@@ -20,9 +20,9 @@ using namespace std::chrono_literals;
 /// Interval between searches for name services.
 constexpr Duration kHostInterval = 250ms;
 constexpr Duration kLanInterval = 5s;
-/// Delay before a service that failed is tried again.
+/// The delay before a failed service is retried.
 constexpr Duration kRetryInterval = 2s;
-/// How long the names of a registry stay after it ended or stopped answering.
+/// How long a registry's names stay after it ended or stopped answering.
 constexpr Duration kGrace = 2s;
 
 /// A watch at the name services of a scope.
@@ -40,7 +40,7 @@ class FoundWatch final : public NameWatch::Impl {
     }
     ending_.notify_all();
     if (thread_.is_running()) thread_.join();
-    // Their handlers may be running.
+    // Waits for their running handlers.
     services_.clear();
   }
 
@@ -222,10 +222,11 @@ class FoundWatch final : public NameWatch::Impl {
   rpc::Node& node_;
   const discovery::Scope scope_;
   const WatchHandlers handlers_;
-  // Used by the starting thread, then by the thread of the watch.
+  // Used by the starting thread, then by the watch's thread.
   std::set<std::string> said_{};
   // All are plain mutexes: no real-time thread locks them.
-  mutable std::mutex changing_;  ///< Guards changes of services_ by the watch's thread.
+  /// Guards changes of services_, which only the watch's thread makes.
+  mutable std::mutex changing_;
   std::map<std::string, Watched> services_{};
   std::mutex telling_;  ///< Handlers run one at a time.
   std::mutex mutex_;    ///< Guards the members below.

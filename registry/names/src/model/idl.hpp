@@ -12,7 +12,7 @@
 #include "names.rtpm.hpp"
 #include "rtpm/names/directory.hpp"
 
-/// Conversion between the library's types and those that the IDL generates.
+/// Converts between the library's types and the generated ones.
 namespace rtpm::names {
 
 /// Nanoseconds from outside, clamped to the range of Duration.
@@ -21,7 +21,7 @@ namespace rtpm::names {
   return Duration{static_cast<Duration::rep>(std::min(ns, kMax))};
 }
 
-/// A negative time is 0 on the wire, which the registry refuses as a lease.
+/// A negative time becomes 0 on the wire, which the registry refuses as a lease.
 [[nodiscard]] inline std::uint64_t ns_of(Duration duration) noexcept {
   return static_cast<std::uint64_t>(std::max(duration, Duration{0}).count());
 }
@@ -42,7 +42,7 @@ namespace rtpm::names {
 
 using PropertyTables = flatbuffers::Vector<flatbuffers::Offset<PropertyEntry>>;
 
-/// nullopt if the type of one is unknown.
+/// nullopt if a property has an unknown type.
 [[nodiscard]] std::optional<std::vector<Property>> properties_of(const PropertyTables* tables);
 /// Null if there are no properties.
 [[nodiscard]] flatbuffers::Offset<PropertyTables> write_properties(
@@ -57,7 +57,7 @@ using PropertyTables = flatbuffers::Vector<flatbuffers::Offset<PropertyEntry>>;
 
 [[nodiscard]] NameEntry entry_of(const Entry& entry, std::uint64_t stale_ns = 0);
 
-// Both lists give each outcome its number of the wire.
+// Both enumerations must use the same wire numbers.
 static_assert(static_cast<Outcome>(OutcomeCode::MAX) == Outcome::kStoreUnreachable);
 
 }  // namespace rtpm::names

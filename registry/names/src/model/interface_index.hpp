@@ -36,8 +36,8 @@ class InterfaceIndex {
       function(*record);
   }
 
-  /// The type that a property has in all names of the interface that have it; nullopt if the
-  /// types differ, or no name has it.
+  /// The common type of a property in all names of the interface that have it; nullopt if types
+  /// differ, or no name has it.
   [[nodiscard]] std::optional<PropertyType> type_of(std::string_view interface,
                                                     std::string_view property) const;
   [[nodiscard]] bool has(std::string_view interface, std::string_view property) const;
@@ -47,7 +47,7 @@ class InterfaceIndex {
   [[nodiscard]] std::vector<std::string> interfaces() const;
 
  private:
-  /// The number of names that have a property of each type.
+  /// How many names have a property of each type.
   using TypeCounts = std::array<std::size_t, predicate::kTypeCount>;
   struct Interface {
     std::map<std::string_view, const Record*> records{};

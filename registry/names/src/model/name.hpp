@@ -17,8 +17,8 @@ inline constexpr std::size_t kNameSizeMax = 200;
 inline constexpr std::size_t kUrlSizeMax = 560;
 inline constexpr std::size_t kInterfaceSizeMax = 128;
 
-/// The first component, counted from 0, that is malformed or with which `name` exceeds a limit;
-/// nullopt if the name is well-formed.
+/// The index of the first component that is malformed or makes `name` exceed a limit; nullopt if
+/// the name is well-formed.
 /// @realtime alloc-free
 [[nodiscard]] std::optional<std::uint8_t> first_bad_component(std::string_view name) noexcept;
 

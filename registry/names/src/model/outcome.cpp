@@ -6,7 +6,7 @@
 namespace rtpm::names {
 namespace {
 
-/// `name` up to and with the component `index`.
+/// `name` up to and including the component `index`.
 std::string_view up_to(std::string_view name, std::size_t index) {
   const std::string_view component = component_of(name, index);
   if (component.empty()) return name;

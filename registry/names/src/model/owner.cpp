@@ -9,8 +9,8 @@
 namespace rtpm::names {
 namespace {
 
-/// Epoch: the time of the first call. Monotonic on one host; the clock's identity is part of the
-/// owner's id.
+/// The epoch: the time of the first call. Monotonic on one host; the clock's identity is part of
+/// the owner's id.
 std::uint64_t epoch_of_this_start() {
   static const auto epoch = static_cast<std::uint64_t>(to_ns(rt::now()));
   return epoch;
@@ -26,7 +26,7 @@ std::uint64_t clock_identity() {
 }  // namespace
 
 Owner owner_of(std::string_view url) {
-  // Without the path: all objects of one server have one owner.
+  // Without the path: all objects of a server have the same owner.
   const std::size_t authority = url.find("://") == std::string_view::npos ? 0 : url.find("://") + 3;
   const std::string_view server = url.substr(0, url.find('/', authority));
   const std::uint64_t id = fnv1a_64(server, clock_identity());

@@ -21,7 +21,7 @@ predicate::TypeOfProperty types_of(const InterfaceIndex& index, std::string_view
   };
 }
 
-/// A note on the properties in the texts that no name of the interface has.
+/// A note on properties in the query texts that no name of the interface has.
 std::string note_on(const InterfaceIndex& index, std::string_view interface,
                     const predicate::Expression& expression) {
   std::string note;

@@ -35,14 +35,14 @@ struct QueryError {
   predicate::TextError error{};
 };
 
-/// Checks types by the index. A property that no name has is not an error: a name with it may still
-/// be bound.
-/// @errors   the predicate or the preference is malformed, or compares types that do not compare
+/// Parses a predicate and checks its types by the index. A property that no name has is not an
+/// error: a name with it may still be bound.
+/// @errors   the predicate or preference is malformed, or compares incompatible types
 [[nodiscard]] expected<predicate::Predicate, QueryError> parse_predicate(
     const InterfaceIndex& index, std::string_view interface, std::string_view text);
 
-/// Returns at most `count_max` of the records that `caller` may_see(); `random` draws the order of
-/// the preference "random".
+/// Returns at most `count_max` records that `caller` may_see(); `random` provides the order for the
+/// preference "random".
 /// @errors   as parse_predicate()
 [[nodiscard]] expected<Found, QueryError> find(const InterfaceIndex& index, const QueryTexts& texts,
                                                std::size_t count_max, std::uint64_t random,

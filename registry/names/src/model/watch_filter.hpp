@@ -12,13 +12,13 @@ namespace rtpm::names {
 
 struct Record;
 
-/// The names that a watch selects; they meet all conditions that are given.
+/// Selects the names of a watch: those that meet all given conditions.
 struct WatchFilter {
   std::string directory{};                     ///< Any if empty.
   std::set<std::string, std::less<>> names{};  ///< Any if empty.
   std::string interface {};                    ///< Any if empty.
   predicate::Predicate predicate;
-  /// Its grants must let it see the name; null disables the check.
+  /// The caller must be allowed to see the name; null disables the check.
   std::shared_ptr<const rpc::Caller> caller{};
 
   [[nodiscard]] bool accepts(const Record& record) const;

@@ -16,7 +16,7 @@ namespace rtpm::names {
   return record.expires > now ? record.expires - now : record.stay;
 }
 
-/// Whether a name was bound from another host than the caller's, as far as both are known.
+/// Whether a name was bound from a host other than the caller's, as far as both are known.
 [[nodiscard]] constexpr bool is_other_host(std::uint64_t host, std::uint64_t caller_host) noexcept {
   return host != 0 && caller_host != 0 && host != own_host_as_one(caller_host);
 }
@@ -24,7 +24,7 @@ namespace rtpm::names {
 /// How much of a record a caller receives.
 enum class EntryDetail : std::uint8_t { kBrief, kHost, kAll };
 
-/// A record as a caller receives it.
+/// Encodes a record for a caller.
 [[nodiscard]] inline flatbuffers::Offset<Entry> write_entry(flatbuffers::FlatBufferBuilder& builder,
                                                             const Record& record, MonotonicTime now,
                                                             std::uint64_t caller_host,

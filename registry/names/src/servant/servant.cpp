@@ -26,7 +26,7 @@
 namespace rtpm::names {
 namespace {
 
-/// Conversion of requests to the store's types.
+/// Converts requests to the store's types.
 template <class Request>
 Claim claim_of(const Request& request, rpc::CallerHost caller) {
   return {.name = view_of(request.name()),
@@ -50,8 +50,8 @@ bool is_of_storage(Outcome outcome) noexcept {
          outcome == Outcome::kNotStored || outcome == Outcome::kStoreUnreachable;
 }
 
-/// Allows one sentence per second. Returns its suffix, which counts the suppressed ones;
-/// nullopt if this sentence is suppressed.
+/// Allows one sentence per second. Returns a suffix that counts the suppressed ones; nullopt if
+/// this sentence is suppressed.
 std::optional<std::string> admit(LogLimit& limit, MonotonicTime now) {
   if (!limit.admit(now)) return std::nullopt;
   const std::uint64_t count = limit.take_all_suppressed();
@@ -60,7 +60,7 @@ std::optional<std::string> admit(LogLimit& limit, MonotonicTime now) {
 
 // Upper bounds of FlatBuffers' overhead, so that a page is known to fit before it is written: a
 // text has length, terminator and padding; a table has a vtable offset, fields and padding; the
-// vector has an offset per entry.
+// vector has one offset per entry.
 constexpr std::size_t kTextOverheadMax = 4 + 1 + 3;
 constexpr std::size_t kEntryOverheadMax = 3 * kTextOverheadMax + (4 + 3 * 4 + 2 * 8 + 16) + 4;
 constexpr std::size_t kPageOverheadMax = 112;
@@ -85,7 +85,7 @@ constexpr std::size_t kFoundSizeMax = std::size_t{256} * 1024;
 /// Upper bound of names per page.
 constexpr std::size_t kPageCountMax = kPageSizeMax / kEntryOverheadMax;
 
-/// The generated ids of the methods that change names.
+/// Whether the generated id belongs to a method that changes names.
 bool is_change(std::uint16_t method_id) noexcept {
   switch (method_id) {
     case 1:  // bind
@@ -99,14 +99,14 @@ bool is_change(std::uint16_t method_id) noexcept {
   }
 }
 
-/// A change that the storage has not made by then is answered with kStoreUnreachable, while the
-/// caller still waits.
+/// When a change that the storage has not made is answered with kStoreUnreachable: while the caller
+/// still waits.
 MonotonicTime answer_by(const rpc::CallContext& context) {
   if (context.deadline == kNever) return context.received + std::chrono::seconds{5};
   return context.deadline - (context.deadline - context.received) / 8;
 }
 
-/// Every method allocates: the lane of a registry is not real-time. See make_servant().
+/// All methods allocate, because the lane of a registry is not real-time. See make_servant().
 class RegistryServant final : public NamesServant, private Storage::Follower {
  public:
   RegistryServant(RegistryConfig config, StoredContent content)
@@ -129,8 +129,8 @@ class RegistryServant final : public NamesServant, private Storage::Follower {
     queue_.stop();
   }
 
-  /// Begins to receive the changes of a storage that reports them, and to run changes on threads of
-  /// their own, as such a storage waits.
+  /// Starts to receive the changes of a storage that reports them. As such a storage waits, changes
+  /// run on separate threads.
   expected<void, SetupError> start() {
     if (auto followed = storage_->follow(*this); !followed) return followed;
     return storage_->reports_changes() ? queue_.start() : expected<void, SetupError>();
@@ -370,7 +370,7 @@ class RegistryServant final : public NamesServant, private Storage::Follower {
     auto record = allows(context, Operation::kResolve, view_of(request.name()))
                       ? store_.resolve(view_of(request.name()), now)
                       : expected<const Record*, Refusal>(unexpected{denied()});
-    // A name that the caller may not see does not exist for it.
+    // A name that the caller may not see does not exist for the caller.
     if (!may_see(context.identity, view_of(request.name())))
       record = unexpected{Refusal{Outcome::kNotFound}};
     flatbuffers::FlatBufferBuilder& builder = reply.builder();
@@ -385,8 +385,8 @@ class RegistryServant final : public NamesServant, private Storage::Follower {
     return {};
   }
 
-  /// The records that the caller may see, of the page or, as long as there are none, of the next
-  /// one.
+  /// The page's records that the caller may see; if there are none, those of the next page that has
+  /// some.
   expected<Page, Refusal> list_shown(std::string_view directory, std::string_view after,
                                      MonotonicTime now, const rpc::Caller* identity) {
     auto page = store_.list(directory, after, kPageCountMax, now);
@@ -430,7 +430,7 @@ class RegistryServant final : public NamesServant, private Storage::Follower {
     return {};
   }
 
-  /// Answers requests that have no result but success or a refusal.
+  /// Answers requests whose only result is success or a refusal.
   [[nodiscard]] Answer answer_of(const expected<void, Refusal>& result) {
     if (result) return names::answer_of(Outcome::kDone);
     if (is_of_storage(result.error().outcome)) report_trouble(rt::now());
@@ -501,7 +501,8 @@ class RegistryServant final : public NamesServant, private Storage::Follower {
                   bool is_replaced) override {
     const std::lock_guard lock(mutex_);
     store_.take_all(std::move(names), revision, rt::now());
-    // The same revision now means another change, also to a watch that resumes at another registry.
+    // The same revision now means another change, even for a watch that resumes at another
+    // registry.
     if (is_replaced) watches_.begin_history(rt::random_u64());
     watches_.wake();
   }
@@ -516,12 +517,12 @@ class RegistryServant final : public NamesServant, private Storage::Follower {
 
   rt::PiMutex mutex_;
   const std::unique_ptr<Storage> storage_;
-  const std::string place_;  ///< The storage's, if it is shared.
+  const std::string place_;  ///< The storage's location, if it is shared.
   const std::unique_ptr<const Policy> policy_;
   Store store_;
   Watches watches_;
   const RegistryReport report_;
-  std::string trouble_{};  ///< The storage's last one, in words; empty if there is none.
+  std::string trouble_{};  ///< The storage's last trouble, in words; empty if there is none.
   LogLimit trouble_log_{{.burst = 4}};
   WriteQueue queue_{};
   std::array<std::uint64_t, static_cast<std::size_t>(OutcomeCode::MAX) + 1> refused_counts_{};
@@ -534,7 +535,7 @@ class RegistryServant final : public NamesServant, private Storage::Follower {
 }  // namespace
 
 std::unique_ptr<rpc::Servant> make_servant(Limits limits, RegistryReport report) {
-  // Names in memory only can't fail.
+  // An in-memory registry can't fail.
   return std::move(*make_registry({.limits = limits, .report = std::move(report)}));
 }
 

@@ -13,9 +13,9 @@ namespace {
 
 // One slot stays free for the item that cuts the watcher off.
 constexpr std::uint32_t kWaitingMax = wire::kStreamWindow - 2;
-// Further changes go into the next item, so that most items fit one datagram.
+// Further changes go into the next item, so that most items fit a datagram.
 constexpr std::size_t kItemSizeFull = 800;
-// The work done for one watcher before it is the next one's turn.
+// The work done for one watcher before the next one's turn.
 constexpr int kItemCountPerTurn = 8;
 constexpr std::size_t kLookedAtPerItem = 256;
 
@@ -52,8 +52,8 @@ Watcher::Outcome Watcher::pump(const Store& store, const Storage& storage, Monot
   for (int i = 0; i < kItemCountPerTurn; ++i) {
     if (!writer_.is_awaited()) return Outcome::kGone;
     const ChangeLog& log = store.log();
-    // The revision to resume after may come yet, unless the registry has everything that was stored
-    // when the watch began.
+    // The revision to resume after may still arrive, unless the registry has everything that was
+    // stored when the watch started.
     const bool waits_in_vain = position_ > log.revision() && storage.current_as_of() >= began_;
     if (log.restart_count() != restart_count_ || waits_in_vain) begin_state(store);
     const bool is_stuck = !has_capacity();
@@ -90,7 +90,7 @@ void Watcher::begin_item() {
   changes_.clear();
 }
 
-// Returns whether this is the end of the state. A record that changed since the watch began is sent
+// Returns whether this completes the state. A record that changed since the watch started is sent
 // in its current form; its change, which follows, then has no later revision.
 bool Watcher::fill_state(const Store& store, MonotonicTime now) {
   std::size_t looked_at = 0;

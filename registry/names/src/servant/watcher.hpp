@@ -23,13 +23,13 @@ class Watcher {
     kTooSlow,  ///< The watcher was cut off.
   };
 
-  /// @param history  the current number of the registry's history; must outlive this
-  /// @param after    the revision after which to resume; if nullopt, sends the state first
+  /// @param history  the number of the registry's current history; must outlive this
+  /// @param after    the revision to resume after; if nullopt, the state is sent first
   Watcher(rpc::TableWriter<WatchItem> writer, WatchFilter filter, const std::uint64_t& history,
           std::optional<std::uint64_t> after, const Store& store, std::uint64_t host);
 
-  /// Sends some items. Cuts off a watcher that accepts none while more changes wait than the limits
-  /// allow. `storage` is that of `store`.
+  /// Sends some items. If more changes are waiting than the limits allow, cuts off a watcher that
+  /// accepts none. `storage` is the storage of `store`.
   [[nodiscard]] Outcome pump(const Store& store, const Storage& storage, MonotonicTime now);
 
   [[nodiscard]] std::uint64_t host() const noexcept { return host_; }
@@ -49,16 +49,16 @@ class Watcher {
   std::uint64_t host_;
   bool is_in_state_;
   bool is_welcome_due_ = true;   ///< The first item is sent even without changes.
-  std::string state_cursor_{};   ///< The last name of the state that was visited.
+  std::string state_cursor_{};   ///< The last visited name of the state.
   bool is_stale_ = false;        ///< Value in the last item.
-  std::uint64_t restart_count_;  ///< The log's count, when the state was last started.
+  std::uint64_t restart_count_;  ///< The log's count when the state was last started.
   MonotonicTime began_;          ///< When the watch started.
   std::uint64_t position_;       ///< Every change up to this revision was sent, or is in the state.
   flatbuffers::FlatBufferBuilder builder_{};
   std::vector<flatbuffers::Offset<Change>> changes_{};
 };
 
-/// Tells the caller why its watch is refused.
+/// Tells the caller why its watch was refused.
 void refuse_watch(rpc::TableWriter<WatchItem>& writer, Outcome outcome,
                   const predicate::TextError& error = {});
 

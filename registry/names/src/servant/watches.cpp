@@ -15,9 +15,9 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Interval for retrying a watcher that was full: nothing reports that it has taken items.
+// How often a full watcher is retried: nothing reports that it has taken items.
 constexpr Duration kBacklogInterval = 10ms;
-// How soon a watcher that disconnected silently is noticed.
+// How soon a silently disconnected watcher is noticed.
 constexpr Duration kLookInterval = 1s;
 
 // The directory must be a name.
@@ -48,7 +48,7 @@ bool Watches::is_full(std::uint64_t host) const noexcept {
   const auto here = static_cast<std::size_t>(std::ranges::count_if(
       watchers_, [&](const auto& watcher) { return watcher->host() == host; }));
   const bool is_own = is_own_host(host);
-  // The own host leaves some watches to other hosts, as with sessions.
+  // Local callers leave some watches to other hosts, as with sessions.
   const std::size_t share = limits.watch_count_max - limits.watch_count_max / 4;
   return watchers_.size() >= limits.watch_count_max ||
          here >= (is_own ? share : limits.watch_count_per_host_max);
@@ -76,7 +76,7 @@ void Watches::add(const WatchRequest& request, rpc::TableWriter<WatchItem> write
       filter.names.insert(name->str());
   }
   std::optional<std::uint64_t> after;
-  // A registry that shares its storage may not have the changes yet that another one has reported.
+  // A registry with a shared storage may not have the changes yet that another one has reported.
   const bool is_to_come = request.after() > store_.log().revision();
   const bool is_known =
       request.history() == history_ && (store_.log().reaches(request.after()) || is_to_come);
@@ -97,7 +97,7 @@ void Watches::run() {
   }
 }
 
-// Serves every watcher once. Returns when there is more to do.
+// Serves every watcher once. Returns when to continue.
 MonotonicTime Watches::turn() {
   const std::lock_guard lock(mutex_);
   const MonotonicTime now = rt::now();

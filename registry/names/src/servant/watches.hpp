@@ -15,7 +15,7 @@
 namespace rtpm::names {
 
 /// The watchers of a registry. A time-shared thread "rtpm-watches", which starts with the first
-/// watcher, sends them changes and ends leases in time.
+/// watcher, sends them changes and ends leases on time.
 /// @threads  wake(): any; the rest as stated
 class Watches {
  public:
@@ -26,19 +26,19 @@ class Watches {
   Watches& operator=(const Watches&) = delete;
   ~Watches();
 
-  /// Accepts a caller's stream, or refuses it there. Call it with the mutex locked.
-  /// @param caller  sees only what its grants allow; all if null
+  /// Accepts a caller's stream, or refuses it there. Requires the mutex.
+  /// @param caller  sees only what its grants allow; everything if null
   void add(const WatchRequest& request, rpc::TableWriter<WatchItem> writer, std::uint64_t host,
            std::shared_ptr<const rpc::Caller> caller = nullptr);
-  /// Starts a new count of revisions. Watchers get its number, and a client that resumes by the
-  /// former number gets the whole state. Call it with the mutex locked.
+  /// Starts a new history of revisions. Watchers receive its number; a client that resumes with a
+  /// former number gets the complete state. Requires the mutex.
   void begin_history(std::uint64_t history) noexcept { history_ = history; }
   /// Call it after a change.
   void wake() noexcept {
     if (thread_.is_running()) bell_.post();
   }
 
-  /// The number of watchers. Call it with the mutex locked.
+  /// The number of watchers. Requires the mutex.
   [[nodiscard]] std::size_t count() const noexcept { return watchers_.size(); }
   [[nodiscard]] std::uint64_t cut_off_count() const noexcept { return cut_off_count_; }
 

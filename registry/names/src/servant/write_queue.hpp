@@ -15,13 +15,13 @@
 
 namespace rtpm::names {
 
-/// Changes that wait for the storage, made by time-shared threads "rtpm-names-w".
+/// Changes that wait for the storage; time-shared threads "rtpm-names-w" make them.
 /// @threads  any
 class WriteQueue {
  public:
   static constexpr std::size_t kThreadCount = 4;
-  /// Limits of changes that wait or are under way: in total, per remote host, and of the registry's
-  /// own host.
+  /// The most waiting or running changes: in total, per remote host, and for the registry's own
+  /// host.
   static constexpr std::size_t kCountMax = 256;
   static constexpr std::size_t kCountPerHostMax = 64;
   static constexpr std::size_t kCountOwnHostMax = 192;
@@ -33,9 +33,9 @@ class WriteQueue {
 
   [[nodiscard]] expected<void, SetupError> start();
   [[nodiscard]] bool is_running() const noexcept { return !threads_.empty(); }
-  /// Waits for changes under way, and drops the rest.
+  /// Waits for running changes, and drops the rest.
   void stop();
-  /// Reserves capacity for a change of `host`; false if there is none. Each add() uses one
+  /// Reserves capacity for a change by `host`; false if there is none. Each add() uses one
   /// reservation.
   [[nodiscard]] bool reserve(std::uint64_t host);
   void release(std::uint64_t host);
@@ -43,7 +43,7 @@ class WriteQueue {
   void add(std::uint64_t host, std::function<void()> change);
 
   [[nodiscard]] std::size_t count() const;
-  /// The number of times that there was no capacity.
+  /// How often there was no capacity.
   [[nodiscard]] std::uint64_t overload_count() const;
 
  private:

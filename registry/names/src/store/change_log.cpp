@@ -15,7 +15,7 @@ std::size_t byte_count_of(const std::shared_ptr<const Record>& record) {
          byte_count(record->properties) + record->properties.size() * sizeof(Property);
 }
 
-// Successive changes of a name share records: each change counts the record that it added.
+// Successive changes of a name share records, so each change only counts the record that it added.
 std::size_t byte_count_of(const LoggedChange& change) {
   return sizeof(LoggedChange) + byte_count_of(change.after ? change.after : change.before);
 }

@@ -9,18 +9,18 @@ namespace rtpm::names {
 
 struct Record;
 
-/// One change of a name: its former and its new record, null where it is not bound.
+/// One change of a name: the former and the new record; null if not bound.
 struct LoggedChange {
   std::uint64_t revision = 0;
   std::shared_ptr<const Record> before{};
   std::shared_ptr<const Record> after{};
 };
 
-/// The latest changes, in the order of their revisions, bounded by number and bytes.
+/// The latest changes, ordered by revision, bounded by number and bytes.
 /// @threads  one at a time
 class ChangeLog {
  public:
-  /// `revision` is that of the last change before the log's first one.
+  /// `revision`: the last change before the log's first one.
   ChangeLog(std::size_t count_max, std::size_t byte_max, std::uint64_t revision) noexcept
       : count_max_(count_max), byte_max_(byte_max), forgotten_(revision), newest_(revision) {}
 
@@ -36,8 +36,8 @@ class ChangeLog {
   [[nodiscard]] std::size_t count_after(std::uint64_t revision) const noexcept;
   /// Revision of the last change.
   [[nodiscard]] std::uint64_t revision() const noexcept { return newest_; }
-  /// Forgets all changes. `revision` may be lower than before; changes up to it are no longer known
-  /// one by one.
+  /// Drops all changes. `revision` may be lower than before; changes up to it are no longer known
+  /// individually.
   void restart(std::uint64_t revision);
   /// The number of calls of restart().
   [[nodiscard]] std::uint64_t restart_count() const noexcept { return restart_count_; }
@@ -48,7 +48,7 @@ class ChangeLog {
   std::size_t count_max_;
   std::size_t byte_max_;
   std::size_t byte_count_ = 0;
-  std::uint64_t forgotten_;  ///< The newest revision that was dropped.
+  std::uint64_t forgotten_;  ///< The newest dropped revision.
   std::uint64_t newest_;
   std::uint64_t restart_count_ = 0;
   std::deque<LoggedChange> changes_{};

@@ -26,14 +26,14 @@ struct LapsedRecord {
 class LapsedNames {
  public:
   static constexpr std::size_t kCountMax = 1024;
-  /// Limit per host, so that no host displaces the names of another.
+  /// Limit per host, so that no host displaces another one's names.
   static constexpr std::size_t kCountPerHostMax = 256;
 
-  /// @return the name that was dropped for it; empty if none was
+  /// @return the name dropped to make space; empty if none
   std::string add(LapsedRecord record);
   void erase(std::string_view name);
-  /// Whether the name has lapsed and may be dismissed: by its owner, or by any caller with the
-  /// revision of its last holder.
+  /// Whether the name has lapsed and may be dismissed: by its owner, or by any caller with its last
+  /// holder's revision.
   [[nodiscard]] bool may_dismiss(std::string_view name, Owner owner,
                                  std::uint64_t holder_revision) const;
   /// The lapsed names, keyed by name.

@@ -10,10 +10,10 @@
 namespace rtpm::names {
 namespace {
 
-/// Names count as out of date when a storage has not confirmed them for that long.
+/// Names count as out of date when a storage has not confirmed them for this long.
 constexpr Duration kStaleAfter = std::chrono::seconds{2};
 
-/// Waits for the disk with the last change only, which flushes the earlier ones, too.
+/// Waits for the disk only at the last change, which also flushes the earlier ones.
 class DurableAtTheEnd final : public Storage {
  public:
   explicit DurableAtTheEnd(Storage& storage) noexcept : storage_(storage) {}
@@ -32,7 +32,7 @@ class DurableAtTheEnd final : public Storage {
 }  // namespace
 
 expected<StoredContent, SetupError> Storage::load() {
-  // Random, so that the revisions of two starts differ.
+  // Random, so that revisions differ between starts.
   return StoredContent{.first_revision = rt::random_u64() >> 1 | 1};
 }
 
@@ -64,7 +64,7 @@ expected<std::size_t, SetupError> import_names(Storage& storage,
   if (!content) return unexpected{std::move(content.error())};
   if (!content->faults.empty()) return setup_error(content->faults.front());
   DurableAtTheEnd durable(storage);
-  // The limits per server and per host apply to callers, not to the operator.
+  // The limits per server and host apply to callers, not to the operator.
   Limits own = limits;
   constexpr std::size_t kNone = std::numeric_limits<std::size_t>::max();
   own.name_count_per_owner_max = kNone;

@@ -21,7 +21,7 @@ std::size_t last_component(std::string_view name) {
   return static_cast<std::size_t>(std::count(name.begin(), name.end(), '/'));
 }
 
-/// Rejects content that another program wrote into a storage and that the rules would refuse.
+/// Rejects content that another program wrote into a storage against the rules.
 bool is_sound(const StoredName& stored) {
   return !first_bad_component(stored.name) && is_url(stored.url) &&
          is_interface(stored.interface) && stored.owner.id != 0 && stored.lease >= Duration{0} &&
@@ -65,14 +65,14 @@ expected<void, Refusal> check_holder(const Claim& claim, const Record& held, boo
                 &held);
 }
 
-/// Whether the refusal says who holds the name, or that nobody holds it.
+/// Whether the refusal depends on who holds the name, if anyone.
 bool is_of_holder(Outcome outcome) noexcept {
   return outcome == Outcome::kNotFound || outcome == Outcome::kAlreadyBound ||
          outcome == Outcome::kStaleEpoch || outcome == Outcome::kNotOwner ||
          outcome == Outcome::kStaleRevision;
 }
 
-/// Whether the records differ at most in what watches do not see, such as the lease.
+/// Whether the records differ only in what watches do not see, such as the lease.
 bool is_same(const Record& one, const Record& other) {
   return one.revision == other.revision && one.url == other.url &&
          one.interface == other.interface && one.properties == other.properties &&
@@ -120,7 +120,7 @@ Store::Checked Store::carry_out(std::string_view name, MonotonicTime now, Monoto
     const auto stored = change ? store(*change, deadline) : confirm(name, change.error(), deadline);
     if (stored && change) make(*change, *stored, now);
     if (stored) return change;
-    // Only a storage that has reported the other change makes another check worthwhile.
+    // Checking again only makes sense if the storage has reported the other change.
     const bool is_again =
         stored.error().kind == StorageError::Kind::kConflict && storage_.reports_changes();
     if (!is_again) return unexpected{refusal_of(stored.error())};
@@ -142,7 +142,8 @@ expected<std::uint64_t, StorageError> Store::store(const Change& change, Monoton
   return change.former->change;
 }
 
-// A registry may lag behind: a change that it refuses because of a holder may be valid at another.
+// A registry may lag behind: a change that it would refuse because of a holder may be valid at
+// another registry.
 expected<std::uint64_t, StorageError> Store::confirm(std::string_view name, const Refusal& refusal,
                                                      MonotonicTime deadline) {
   if (!is_of_holder(refusal.outcome)) return 0;
@@ -161,7 +162,7 @@ void Store::make(Change& change, std::uint64_t revision, MonotonicTime now) {
 
 void Store::start_lease(const Record& renewed, MonotonicTime now) {
   const auto place = records_.find(renewed.name);
-  // While the storage waited, another change may have come, which has a lease of its own.
+  // While the storage waited, another change may have arrived, with its own lease.
   if (place == records_.end() || place->second.change != renewed.change || renewed.is_permanent())
     return;
   Record& record = place->second;
@@ -224,7 +225,7 @@ void Store::expire(MonotonicTime now) {
 void Store::keep_as_lapsed(const Record& record, MonotonicTime ended) {
   const std::string displaced = lapsed_.add({record.name, record.url, record.interface,
                                              record.owner, record.revision, record.host, ended});
-  // A storage that fails has the name again after a restart.
+  // After a failure, the storage has the name again after a restart.
   if (!displaced.empty()) static_cast<void>(drop_lapsed(displaced));
 }
 
@@ -272,7 +273,8 @@ void Store::take(std::vector<ReportedChange> changes, MonotonicTime now) {
       keep_as_lapsed(held->second, now);
     }
     put(change.name, std::move(next), change.revision, is_one);
-    // Watches resume by revisions: changes with the same revision cannot be reported one by one.
+    // Watches resume by revision, so changes with the same revision cannot be reported
+    // individually.
     if (is_last && !is_one) log_.restart(change.revision);
   }
 }
@@ -399,7 +401,7 @@ Store::Checked Store::check_unbind(std::string_view name, Owner owner, Monotonic
   return Change{.former = std::make_shared<const Record>(record)};
 }
 
-// `kept`: the present record, if this start of the owner made it.
+// `kept`: the current record, if this start of the owner made it.
 Record Store::record_of(const Claim& claim, const Record* kept, MonotonicTime now) const {
   const MonotonicTime bound = kept != nullptr ? kept->bound : now;
   const bool is_settled = now - bound >= limits().first_lease_max;
@@ -422,7 +424,7 @@ Store::Change Store::change_of(const Claim& claim, const Record* held, Monotonic
   if (held != nullptr) change.former = std::make_shared<const Record>(*held);
   const bool is_kept = held != nullptr && held->owner == claim.owner;
   change.next = record_of(claim, is_kept ? held : nullptr, now);
-  // A bind that changes only the lease does not count as a change.
+  // A bind that only changes the lease does not count as a change.
   change.is_renewal = is_kept && is_same(*held, *change.next);
   if (change.is_renewal) change.next->change = held->change;
   return change;

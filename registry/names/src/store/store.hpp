@@ -29,7 +29,7 @@ namespace rtpm::names {
 /// Why an operation was refused.
 struct Refusal {
   Outcome outcome = Outcome::kDone;
-  /// The offending component of the name, or property for kBadProperty, from 0.
+  /// The index of the offending component or, for kBadProperty, property.
   std::uint8_t component = 0;
   /// The holder, for kAlreadyBound, kStaleEpoch, kStaleRevision and kNotOwner.
   std::shared_ptr<const Record> holder{};
@@ -37,7 +37,7 @@ struct Refusal {
 
 /// The result of a bind.
 struct Bound : Granted {
-  /// The record of another owner that held the name; null if none did.
+  /// The former record of another owner; null if there was none.
   std::shared_ptr<const Record> taken_from{};
 };
 
@@ -48,35 +48,34 @@ struct Page {
   bool is_last = true;  ///< No further names follow.
 };
 
-/// Bound names with their leases. It uses no clock and no socket: every operation takes the time,
-/// which must not decrease, and first drops expired names. A lease that ends at `now` has ended.
-/// A change is made once the storage has stored it; while a storage that is shared waits, until
-/// `deadline` at most, other threads may use the store (see Storage).
+/// Bound names with their leases. Uses no clock and no socket: every operation takes the time,
+/// which must not decrease, and first drops expired names. A lease that ends at `now` has ended. A
+/// change takes effect once the storage has stored it. While a shared storage waits, at most until
+/// `deadline`, other threads may use the store (see Storage).
 /// @threads  one at a time
 class Store {
  public:
-  /// Revisions count from `first_revision`; choose another range for each start of a registry.
-  /// If `storage` is null, names are in memory only.
+  /// Revisions start at `first_revision`; choose another range for each start of a registry. If
+  /// `storage` is null, names are in memory only.
   explicit Store(Limits limits = {}, std::uint64_t first_revision = 1, Storage* storage = nullptr);
 
-  /// Binds the names of a storage, before anything else, regardless of the limits; leaves out what
-  /// the rules refuse. Leased names get a lease as for a first bind, so that their owners have time
-  /// to renew them.
+  /// Binds a storage's names, before anything else, ignoring the limits; leaves out names that the
+  /// rules refuse. Leased names get a first lease, so that their owners have time to renew.
   void restore(std::vector<StoredName> names, MonotonicTime now);
-  /// Restores the lapsed names of a storage, after restore().
+  /// Restores a storage's lapsed names, after restore().
   void restore_lapsed(std::vector<StoredLapse> lapsed);
-  /// Takes changes that the storage reports. The log does not keep changes that share one revision.
+  /// Applies changes that the storage reports. The log does not keep changes that share a revision.
   void take(std::vector<ReportedChange> changes, MonotonicTime now);
   /// Replaces everything with the full content of the storage.
   void take_all(std::vector<StoredName> names, std::uint64_t revision, MonotonicTime now);
   /// The revision of the next change, unless the storage assigns revisions.
   [[nodiscard]] std::uint64_t next_revision() const noexcept { return next_revision_; }
-  /// Why the storage refused a change last, in words.
+  /// Why the storage last refused a change, in words.
   [[nodiscard]] const std::string& storage_trouble() const noexcept { return storage_trouble_; }
 
   /// Binds `claim.name`. If the same start of the owner holds it, replaces record and lease. A
-  /// later start takes the name at once from the same host; from another host, which is not
-  /// trusted, only after the lease.
+  /// later start on the same host takes the name at once; on another host, which is not trusted,
+  /// only after the lease has ended.
   /// @errors   kAlreadyBound, kStaleEpoch with the holder · kNotADirectory, kIsADirectory · kFull,
   ///           kOwnerFull, kHostFull, kHostOwnersFull, kOwnerPropertiesFull, kPropertiesFull ·
   ///           kBadName, kBadUrl, kBadInterface, kBadOwner, kBadLease, kBadProperty · kReadOnly,
@@ -93,44 +92,44 @@ class Store {
                                                 MonotonicTime deadline = kNever) {
     return bind(claim, /*replaces=*/true, now, deadline);
   }
-  /// Extends the lease to `lease` from now, bounded as Granted::lease.
+  /// Extends the lease to `lease` from now, bounded like Granted::lease.
   /// @errors   kNotFound (bind again), kNotOwner, kStaleEpoch, kNotADirectory, kIsADirectory,
   ///           kBadLease, kBadName · of the storage
   [[nodiscard]] expected<void, Refusal> renew(std::string_view name, Owner owner, Duration lease,
                                               MonotonicTime now, MonotonicTime deadline = kNever);
-  /// Unbinds the name, for its owner or a later start of it; with `holder_revision` for any caller,
-  /// if it is the holder's. Ends the record of a lapsed name.
+  /// Unbinds the name, for its owner or a later start of it; with `holder_revision`, for any
+  /// caller, if it matches the holder. Removes the record of a lapsed name.
   /// @errors   as renew() without a lease · kStaleRevision
   [[nodiscard]] expected<void, Refusal> unbind(std::string_view name, Owner owner,
                                                MonotonicTime now, std::uint64_t holder_revision = 0,
                                                MonotonicTime deadline = kNever);
 
-  /// The record of a bound name, valid until the next call.
+  /// The record of a bound name; valid until the next call.
   /// @errors   kNotFound, kNotADirectory, kIsADirectory, kBadName
   [[nodiscard]] expected<const Record*, Refusal> resolve(std::string_view name, MonotonicTime now);
 
-  /// Returns up to `count_max` records that are `directory` or below it (all if empty) and sort
+  /// Returns up to `count_max` records that are `directory` or below it (all if empty) and come
   /// after `after`, in byte order. To continue, pass the last name as `after`; concurrent changes
-  /// affect no other names.
+  /// do not affect other names.
   /// @errors   kBadName, of either argument
   [[nodiscard]] expected<Page, Refusal> list(std::string_view directory, std::string_view after,
                                              std::size_t count_max, MonotonicTime now);
 
-  /// Names by interface and properties, see query.hpp; drops expired names first.
+  /// The names by interface and properties, see query.hpp; drops expired names first.
   [[nodiscard]] const InterfaceIndex& index(MonotonicTime now) {
     expire(now);
     return index_;
   }
 
   /// Names whose lease ended without an unbind; drops expired ones first. If the storage reports
-  /// changes: those since the start.
+  /// changes, only those since the start.
   [[nodiscard]] const LapsedNames& lapsed(MonotonicTime now) {
     expire(now);
     return lapsed_;
   }
   /// The changes so far.
   [[nodiscard]] const ChangeLog& log() const noexcept { return log_; }
-  /// Calls `visit` for the names that are `directory` or below it (all if empty) and sort after
+  /// Calls `visit` for the names that are `directory` or below it (all if empty) and come after
   /// `after`, in byte order, until it returns false. Returns whether it reached the end.
   template <class Visit>
   [[nodiscard]] bool for_each_after(std::string_view after, std::string_view directory,
@@ -143,7 +142,7 @@ class Store {
   }
   /// Drops names whose lease has ended; every operation does so first.
   void expire(MonotonicTime now);
-  /// When the next lease ends that the storage does not end.
+  /// When the next lease ends, except leases that the storage ends.
   [[nodiscard]] MonotonicTime next_expiry() const noexcept {
     return ends_.empty() ? kNever : ends_.begin()->first;
   }
@@ -159,8 +158,8 @@ class Store {
   /// A change that the rules allow.
   struct Change {
     std::shared_ptr<const Record> former{};  ///< Null if the name is not bound.
-    /// nullopt if the name is to be unbound. Revisions that are not assigned yet, its own or the
-    /// holder's, equal next_revision().
+    /// nullopt to unbind the name. Revisions not assigned yet, its own or the holder's, equal
+    /// next_revision().
     std::optional<Record> next{};
     bool is_renewal = false;  ///< Only the lease changes.
     [[nodiscard]] bool keeps_holder() const noexcept {
@@ -169,7 +168,7 @@ class Store {
   };
   using Checked = expected<Change, Refusal>;
 
-  /// Checks a change by the rules, stores it and makes it; checks again if another registry was
+  /// Checks a change by the rules, stores and applies it; checks again if another registry was
   /// first.
   template <class Check>
   [[nodiscard]] Checked carry_out(std::string_view name, MonotonicTime now, MonotonicTime deadline,
@@ -181,7 +180,7 @@ class Store {
                                                               MonotonicTime deadline);
   void make(Change& change, std::uint64_t revision, MonotonicTime now);
   void start_lease(const Record& renewed, MonotonicTime now);
-  /// Replaces the record of a name, or removes it, and logs that.
+  /// Replaces or removes the record of a name, and logs that.
   void put(const std::string& name, std::optional<Record> next, std::uint64_t revision,
            bool is_logged = true);
   void insert(Record record);
@@ -208,7 +207,7 @@ class Store {
 
   Usage usage_;
   Records records_{};
-  /// Ordered by the end of the lease, so that expiry does not visit other names; without the names
+  /// Ordered by the end of the lease, so that expiry does not visit other names. Excludes names
   /// whose leases the storage ends.
   std::set<std::pair<MonotonicTime, std::string_view>> ends_{};
   InterfaceIndex index_{};

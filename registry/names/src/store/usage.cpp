@@ -46,7 +46,7 @@ Outcome Usage::check(const Claim& claim, const Record* held) const {
 Outcome Usage::check_properties(const Claim& claim, const Record* held) const {
   const std::size_t wanted = byte_count(claim.properties);
   const std::size_t freed = held == nullptr ? 0 : byte_count(held->properties);
-  // A smaller number than before is never too many.
+  // A lower number than before is always accepted.
   const bool is_own = held != nullptr && held->owner.id == claim.owner.id;
   if (wanted == 0 || (is_own && wanted <= freed)) return Outcome::kDone;
   const auto owner = owners_.find(claim.owner.id);

@@ -12,15 +12,15 @@
 
 namespace rtpm::names {
 
-/// Counts names, owners and bytes, in all, per owner and per host, and holds them to the limits.
+/// Counts names, owners and bytes, in total, per owner and per host, and enforces the limits.
 class Usage {
  public:
   explicit Usage(const Limits& limits) noexcept : limits_(limits) {}
 
   void add(const Record& record);
   void remove(const Record& record);
-  /// The limit that the claim exceeds, without counting `held`, the record to be replaced, if not
-  /// null; kDone if none.
+  /// The limit that the claim exceeds, not counting `held`, the record to be replaced, if any;
+  /// kDone if none.
   [[nodiscard]] Outcome check(const Claim& claim, const Record* held) const;
 
   /// The number of names and owners of a host.

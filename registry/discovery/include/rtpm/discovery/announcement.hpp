@@ -13,9 +13,8 @@ namespace rtpm::discovery {
 /// A name service to announce.
 struct AnnouncedService {
   bool is_registry = false;
-  /// The numeric addresses that it serves. One of them is announced: the first IPv4 address that
-  /// the scope's interfaces have or, without one, the first IPv4 address of a network or, without
-  /// one, the first address.
+  /// The numeric addresses that it serves. The first match is announced: an IPv4 address of the
+  /// scope's interfaces, then any IPv4 address that other hosts can reach, then any address.
   std::vector<std::string> hosts{};
   std::uint16_t port = 0;
 };
@@ -25,14 +24,14 @@ struct AnnouncedService {
 struct AnswerCounts {
   std::uint64_t answered = 0;
   std::uint64_t malformed = 0;     ///< Datagrams that are not a query.
-  std::uint64_t other_domain = 0;  ///< Queries for another domain, not answered.
+  std::uint64_t other_domain = 0;  ///< Queries for another domain, which are not answered.
   std::uint64_t suppressed = 0;    ///< Answers beyond the limits.
 };
 
-/// Makes a name service discoverable during its own lifetime: on this host by a socket in the
-/// user's folder, and, with a scope of the LAN and an address other than loopback, by answers to
-/// queries, on a time-shared thread "rtpm-discovery". It reports its actions on standard error.
-/// @threads  create, keep and end from one thread; counts from any
+/// Makes a name service discoverable while it lives: on this host by a socket in the user's folder
+/// and, with a LAN scope and an address other than loopback, by answering queries on a time-shared
+/// thread "rtpm-discovery". Reports its actions on standard error.
+/// @threads  create, keep and destroy on one thread; counts: any
 class Announcement {
  public:
   /// @realtime set-up only
@@ -43,7 +42,7 @@ class Announcement {
   Announcement& operator=(const Announcement&) = delete;
   ~Announcement();
 
-  /// Recreates the socket if a cleaner of files removed it. Call it periodically.
+  /// Re-creates the socket if a cleaner of files removed it. Call it periodically.
   void keep();
   [[nodiscard]] AnswerCounts counts() const noexcept;
 

@@ -27,7 +27,7 @@ struct AnsweredService {
 struct Datagram {
   bool is_answer = false;
   std::uint8_t domain = 0;
-  std::uint64_t number = 0;  ///< Random number of the query, which its answers repeat.
+  std::uint64_t number = 0;  ///< A random number of the query, which its answers repeat.
   std::vector<AnsweredService> services{};
 };
 
@@ -36,7 +36,7 @@ using DatagramBytes = std::array<std::byte, kDatagramSize>;
 /// Services that do not fit are left out.
 [[nodiscard]] DatagramBytes encode(const Datagram& datagram) noexcept;
 
-/// @return nullopt if `bytes` is not such a datagram, or has another version
+/// @return nullopt if `bytes` is not a discovery datagram, or has another version
 /// @realtime set-up only
 [[nodiscard]] std::optional<Datagram> decode(ConstBytes bytes);
 

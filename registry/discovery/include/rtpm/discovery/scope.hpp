@@ -11,7 +11,7 @@ namespace rtpm::discovery {
 
 /// The default scope.
 inline constexpr std::string_view kThisHost = "host";
-/// The port at which a registry listens by default, and the path of its object.
+/// A registry's default port; then its object's path.
 inline constexpr std::uint16_t kRegistryPort = 7420;
 inline constexpr std::string_view kNamesPath = "rtpm/names";
 /// Maximum number of hosts in a list.
@@ -46,7 +46,7 @@ struct Scope {
 
 /// Parses "rtpm://host:port/path", "host", "lan[:DOMAIN]@INTERFACE" or "HOST[:PORT],HOST[:PORT]…".
 /// @realtime set-up only
-/// @errors   the text has none of these forms, which the error lists
+/// @errors   the text has none of these forms; the error lists them
 [[nodiscard]] expected<Scope, SetupError> parse_scope(std::string_view text);
 
 }  // namespace rtpm::discovery

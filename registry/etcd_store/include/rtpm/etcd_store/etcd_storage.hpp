@@ -11,14 +11,14 @@ namespace rtpm::etcd_store {
 /// Whether `place` begins with "etcd://".
 [[nodiscard]] bool is_etcd_url(std::string_view place) noexcept;
 
-/// Names that any number of registries share, in etcd 3.4 or later: one key per name, etcd's
-/// revisions and leases, and one watch. A change is conditional on the state that it replaces, and
-/// is sent to the next endpoint until one answers or its deadline is over. It does not read the
+/// Names shared by any number of registries, in etcd 3.4 or later: one key per name, with etcd's
+/// revisions and leases, and one watch. A change is conditional on the state that it replaces. It
+/// is sent to one endpoint after another until one answers or its deadline passes. Does not use the
 /// wall clock.
-/// @param url  "etcd://host:port,host:port/prefix": 1 to 16 endpoints of one cluster; without a
-///             prefix "rtpm"
+/// @param url  "etcd://host:port,host:port/prefix": 1 to 16 endpoints of one cluster; the default
+///           prefix is "rtpm"
 /// @realtime set-up only
-/// @errors   the URL is malformed; it connects only in load()
+/// @errors   the URL is malformed; connects only in load()
 [[nodiscard]] expected<std::unique_ptr<names::Storage>, SetupError> make_etcd_storage(
     std::string_view url);
 

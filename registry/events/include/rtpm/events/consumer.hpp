@@ -22,11 +22,11 @@
 
 namespace rtpm::events {
 
-/// The kinds of notices, which a consumer reports besides events.
+/// The kinds of notices that a consumer reports besides events.
 enum class NoticeKind : std::uint8_t {
-  kSubscribed,     ///< Events arrive from now on.
-  kLosses,         ///< Events were lost; Notice::losses has the totals by cause.
-  kInterrupted,    ///< The hub or the subscription is gone; the text says why. It retries.
+  kSubscribed,   ///< Events arrive from now on.
+  kLosses,       ///< Events were lost; Notice::losses has the totals by cause.
+  kInterrupted,  ///< The hub or the subscription is gone; the text tells why. The consumer retries.
   kResubscribed,   ///< Subscribed again; the events of Notice::gap are lost.
   kEnded,          ///< The subscription ended for good: unsubscribed, or refused again.
   kHandlerFailed,  ///< on_events() threw; the event counts as delivered.
@@ -36,16 +36,16 @@ struct Notice {
   NoticeKind kind = NoticeKind::kSubscribed;
   std::string_view text{};  ///< Text for users; valid during the call.
   Losses losses{};          ///< Since create(), across restarts of the hub.
-  Duration gap{0};          ///< kResubscribed: time since the last word from the hub.
+  Duration gap{0};          ///< kResubscribed: time since the last message from the hub.
   bool has_hub_restarted = false;
   std::uint64_t hub_epoch = 0;  ///< Epoch of the latest hub.
 };
 
-/// Receives events. A call may unsubscribe, change or suspend its consumer, but not destroy it. An
-/// exception is counted and reported as kHandlerFailed.
+/// Receives events. A call may unsubscribe, change or suspend its consumer, but not destroy it.
+/// Exceptions are counted and reported as kHandlerFailed.
 /// @threads  one call at a time: on the consumer's own thread or, without
-///           ConsumerConfig::has_own_thread, on a thread of the same priority and CPUs that serves
-///           several consumers
+///           ConsumerConfig::has_own_thread, on a thread that serves several consumers with the
+///           same priority and CPUs
 class EventHandler {
  public:
   virtual ~EventHandler() = default;
@@ -57,41 +57,41 @@ class EventHandler {
 
 /// Configures a consumer.
 struct ConsumerConfig {
-  /// Names its thread, "ev-<name>", and its entry in the hub's report.
+  /// Names the consumer's thread, "ev-<name>", and its entry in the hub's report.
   std::string name = "consumer";
   Filter filter{};
   DeliveryPolicy delivery{};
-  Priority priority{};  ///< Priority of its thread and of the hub's sends to it.
+  Priority priority{};  ///< The priority of its thread, and of the hub's sends to it.
   std::vector<int> cpus{};
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
-  /// The types whose fields the filter compares. Constants of static lifetime.
+  /// The types whose fields the filter compares; constants with static lifetime.
   std::vector<const EventDescriptor*> types{};
   rpc::Transport transport = rpc::Transport::kAuto;
-  /// On the hub's host: reads the ring that the hub writes once for all consumers, instead of its
-  /// own stream.
+  /// On the hub's host: reads the ring that the hub writes once for all consumers, instead of a
+  /// separate stream.
   bool shared_ring = true;
-  /// Only its own thread calls its handler; for handlers that compute in parallel. By default one
-  /// thread calls the handlers of all consumers of a node that read the same ring or multicast with
-  /// equal priority, CPUs and real-time mode, and do not spin. A handler that takes longer than 0.1
-  /// ms (1 ms under continuous load) moves the other consumers to their own threads until it
-  /// returns, and its own consumer for 1 s to 10 s more.
+  /// Only the consumer's own thread calls its handler; for handlers that compute in parallel. By
+  /// default one thread calls the handlers of all consumers of a node that read the same ring or
+  /// multicast with equal priority, CPUs and real-time mode, and do not spin. If a handler takes
+  /// longer than 0.1 ms (1 ms under continuous load), the other consumers move to their own threads
+  /// until it returns, and its consumer for another 1 s to 10 s.
   bool has_own_thread = false;
-  /// If it does not read the ring: receives the hub's multicast, if there is one, through the
-  /// interface with the address `multicast_interface` (if empty, the routing table chooses). With
-  /// has_own_thread it uses its own socket.
+  /// If it does not read the ring: receives the hub's multicast, if any, through the interface with
+  /// the address `multicast_interface` (if empty, the routing table chooses). With has_own_thread
+  /// it uses its own socket.
   bool multicast = false;
   std::string multicast_interface{};
-  /// Consecutive heartbeats, one per half second, after whose loss the hub drops the subscription
-  /// and the consumer considers the hub gone: rpc::kMissCountMin…kMissCountMax. A handler that
-  /// takes longer has the same effect.
+  /// How many consecutive heartbeats, one per half second, may be lost before the hub drops the
+  /// subscription and the consumer considers the hub gone: rpc::kMissCountMin…kMissCountMax. A
+  /// handler that runs for longer has the same effect.
   std::uint32_t miss_count_max = rpc::kMissCountMax;
-  /// The epoch of the hub that forwards these events; 0 if none. Set by a hub's link only.
+  /// The epoch of the hub that forwards these events; 0 if none. Set only by a hub's link.
   std::uint64_t linking_hub = 0;
   /// Bounds create() and each attempt to resubscribe.
   Duration deadline = std::chrono::seconds{1};
 };
 
-/// Counters of what a consumer received.
+/// Counters of received events.
 struct ConsumerCounters {
   std::uint64_t event_count = 0;
   std::uint64_t delivery_count = 0;
@@ -102,7 +102,7 @@ struct ConsumerCounters {
 };
 
 /// Subscribes to a hub and passes events to a handler. When the hub restarts or the connection is
-/// lost, it subscribes again by itself and reports the gap.
+/// lost, it resubscribes automatically and reports the gap.
 /// @ownership refers to its node and handler, which must outlive it
 /// @threads  any
 class Consumer {
@@ -118,10 +118,10 @@ class Consumer {
   /// Unsubscribes, and waits until the handler has returned.
   ~Consumer();
 
-  /// Replaces filter and policy without losing an event: each event is judged by the old or the
-  /// new.
+  /// Replaces filter and policy without losing an event: each event is judged by either the old or
+  /// the new ones.
   /// @realtime set-up only
-  /// @errors   as create(); then nothing changes
+  /// @errors   as create(); nothing has changed then
   [[nodiscard]] expected<void, SetupError> change(const Filter& filter,
                                                   const DeliveryPolicy& delivery);
   /// Stops delivery until resume(); missed events are counted.
@@ -132,7 +132,7 @@ class Consumer {
   void unsubscribe();
 
   [[nodiscard]] bool is_subscribed() const noexcept;
-  /// Whether its events come from the ring, or from the multicast; if neither, from its stream.
+  /// Whether events arrive through the ring or the multicast; if neither, through the stream.
   [[nodiscard]] bool reads_ring() const noexcept;
   [[nodiscard]] bool receives_multicast() const noexcept;
   [[nodiscard]] ConsumerCounters counters() const;

@@ -9,21 +9,22 @@
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/time.hpp"
 
-/// Events in memory and in encoded batches. No socket, no thread, no clock.
+/// Events in memory and in encoded batches. Uses no socket, thread or clock.
 namespace rtpm::events {
 
-/// The kind of event: `rtpm_event` of a schema, 1…kEventTypeMax. Larger numbers belong to the hub.
+/// The type of an event: `rtpm_event` in a schema, 1…kEventTypeMax. Larger numbers belong to the
+/// hub.
 using EventType = std::uint32_t;
 inline constexpr EventType kEventTypeMax = 0x7fff'ffff;
-/// Event of a filter's timeout; its source is the timeout's tag.
+/// The event of a filter's timeout; its source is the timeout's tag.
 inline constexpr EventType kTimeoutType = 0x8000'0001;
-/// Event by which a hub reports on a link (LinkReport); its source is the link's number.
+/// The event with which a hub reports on a link (LinkReport); its source is the link's number.
 inline constexpr EventType kLinkType = 0x8000'0002;
 
 /// Distinguishes the suppliers of a type, such as "arm 0". Any number is valid, including 0.
 using SourceId = std::uint32_t;
 
-/// The uncertainty of the origin time is unknown.
+/// The origin time has an unknown uncertainty.
 inline constexpr std::uint32_t kUncertaintyUnknown = std::numeric_limits<std::uint32_t>::max();
 
 /// Metadata of an event.
@@ -31,7 +32,7 @@ struct EventHeader {
   EventType type = 0;
   SourceId source = 0;
   std::uint64_t sequence = 0;    ///< Per supplier, type and source, from 1; 0 if not counted.
-  MonotonicTime origin{};        ///< When it happened, on the hub's clock.
+  MonotonicTime origin{};        ///< When it occurred, on the hub's clock.
   MonotonicTime hub_received{};  ///< When the hub received it.
   MonotonicTime hub_sent{};      ///< When the hub sent it to this consumer.
   std::uint64_t schema_id = 0;   ///< Fingerprint of the payload's schema; 0 if none.
@@ -41,7 +42,7 @@ struct EventHeader {
   bool is_replayed = false;                 ///< Older than the subscription.
   /// The next event belongs to the same delivery of a conjunction.
   bool is_continued = false;
-  /// Identifies the supplier across linked hubs; set by the first hub, 0 before.
+  /// Identifies the supplier across linked hubs; set by the first hub, 0 before that.
   std::uint32_t supplier_tag = 0;
   friend bool operator==(const EventHeader&, const EventHeader&) = default;
 };
@@ -63,10 +64,10 @@ struct EventView {
   ConstBytes payload{};  ///< Opaque. Aligned to 16 bytes in handlers.
 };
 
-/// Bytes of an encoded header; a multiple of 16 keeps the payload aligned.
+/// The size of an encoded header in bytes; a multiple of 16 keeps the payload aligned.
 inline constexpr std::size_t kEventHeaderSize = 64;
 
-/// Bytes of an event in a batch: header, payload, zeros up to a multiple of 16.
+/// The size of an event in a batch, in bytes: header, payload, zeros up to a multiple of 16.
 [[nodiscard]] constexpr std::size_t event_span(std::size_t payload_size) noexcept {
   return kEventHeaderSize + (payload_size + 15) / 16 * 16;
 }
@@ -77,7 +78,7 @@ inline constexpr std::size_t kEventHeaderSize = 64;
 class EventWriter {
  public:
   explicit EventWriter(MutableBytes memory) noexcept : memory_(memory) {}
-  /// Appends an event; false and unchanged if it does not fit.
+  /// Appends an event; false, without any change, if it does not fit.
   [[nodiscard]] bool put(const EventHeader& header, ConstBytes payload) noexcept;
   [[nodiscard]] ConstBytes bytes() const noexcept { return memory_.first(size_); }
   [[nodiscard]] std::size_t room() const noexcept { return memory_.size() - size_; }

@@ -23,16 +23,16 @@ inline constexpr std::size_t kMatchCountMax = 1024;  ///< Matches per list.
 inline constexpr Duration kTimeoutMin = std::chrono::microseconds{100};
 inline constexpr Duration kTimeoutMax = std::chrono::hours{24};
 
-/// Comparison of a payload field with an operand.
+/// The comparison of a payload field with an operand.
 using Comparison = predicate::Comparison;
 
-/// Accepts events whose type and source equal these in the bits of the masks.
+/// Accepts events whose type and source equal these, in the bits of the masks.
 struct Match {
   EventType type = 0;
   std::uint32_t type_mask = 0;
   SourceId source = 0;
   std::uint32_t source_mask = 0;
-  /// Accepts only events that at least this many further hubs may forward.
+  /// Accepts only events that may still be forwarded by at least this many hubs.
   std::uint8_t hops_min = 0;
   friend bool operator==(const Match&, const Match&) = default;
 };
@@ -47,9 +47,10 @@ struct Filter {
   enum class Kind : std::uint8_t {
     kNull,   ///< Accepts every event.
     kMatch,  ///< Accepts by type and source.
-    kAny,    ///< Accepts an event that any child accepts; delivers the largest of their deliveries.
-    kAll,    ///< Accepts an event that all children accept.
-    kNot,    ///< Accepts the events that its child rejects.
+    /// Accepts an event that any child accepts; delivers the largest of the children's deliveries.
+    kAny,
+    kAll,        ///< Accepts an event that all children accept.
+    kNot,        ///< Accepts the events that its child rejects.
     kCorrelate,  ///< Conjunction: delivers one event of each child together.
     kWhere,      ///< Accepts events of a type by comparing a payload field.
     kOnce,       ///< Timeout: once, relative to the subscription.
@@ -58,15 +59,15 @@ struct Filter {
     kListed,     ///< Accepts by a list of types and sources.
   };
   Kind kind = Kind::kNull;
-  /// kMatch: see Match. kWhere: the type that has the field.
+  /// kMatch: see Match. kWhere: the type with the field.
   EventType type = 0;
   std::uint32_t type_mask = 0;
   SourceId source = 0;
   std::uint32_t source_mask = 0;
-  std::string field{};  ///< The field of a kWhere; see FieldDescriptor::name.
+  std::string field{};  ///< kWhere: see FieldDescriptor::name.
   Comparison comparison = Comparison::kEqual;
   Scalar operand{};
-  /// kCorrelate: maximum skew of origin times, any if 0. Timeouts: the time.
+  /// kCorrelate: maximum difference of origin times, unlimited if 0. Timeouts: the time.
   Duration span{};
   std::uint32_t tag = 0;  ///< Timeouts: the source of their events.
   std::vector<Filter> children{};
@@ -91,7 +92,7 @@ inline constexpr std::uint32_t kWholeNumber = 0xffff'ffff;  ///< The mask of all
           .source = source,
           .source_mask = kWholeNumber};
 }
-/// Accepts events whose type and source equal these in the bits of the masks; mask 0 means any.
+/// Accepts events whose type and source equal these, in the bits of the masks; mask 0 means any.
 [[nodiscard]] inline Filter masked(EventType type, std::uint32_t type_mask, SourceId source,
                                    std::uint32_t source_mask) {
   return {.kind = Filter::Kind::kMatch,
@@ -100,14 +101,14 @@ inline constexpr std::uint32_t kWholeNumber = 0xffff'ffff;  ///< The mask of all
           .source = source,
           .source_mask = source_mask};
 }
-/// Accepts events that any of `matches` accepts; an empty list accepts nothing. Counts as one node;
-/// the lookup takes logarithmic time for masks of all bits or none.
+/// Accepts events that any of `matches` accepts; an empty list accepts nothing. Counts as one node.
+/// The look-up takes logarithmic time if masks have all bits or none.
 [[nodiscard]] inline Filter listed(std::vector<Match> matches) {
   return {.kind = Filter::Kind::kListed, .matches = std::move(matches)};
 }
 /// Accepts events that any of `children` accepts. An event that completes a conjunction is
 /// delivered once, within it, even if another child accepts it alone. If it completes several, it
-/// is delivered in the largest or, of equally large ones, in the first. The others start over.
+/// is delivered in the largest one, or in the first of equally large ones. The others start over.
 [[nodiscard]] inline Filter any_of(std::vector<Filter> children) {
   return {.kind = Filter::Kind::kAny, .children = std::move(children)};
 }
@@ -121,13 +122,14 @@ inline constexpr std::uint32_t kWholeNumber = 0xffff'ffff;  ///< The mask of all
   filter.children.push_back(std::move(child));
   return filter;
 }
-/// Conjunction: the newest event of each of `children`, with origins at most `skew` apart (any
-/// if 0). An event fills the first accepting child that has none; otherwise it replaces the oldest
-/// event among the accepting children. Delivers in the order of the children, then starts over.
+/// Conjunction: the newest event of each of `children`, with origins at most `skew` apart
+/// (unlimited if 0). An event fills the first empty slot of an accepting child; otherwise it
+/// replaces the oldest event among the accepting children. Delivers in the order of the children,
+/// then starts over.
 [[nodiscard]] inline Filter correlate(std::vector<Filter> children, Duration skew = Duration{0}) {
   return {.kind = Filter::Kind::kCorrelate, .span = skew, .children = std::move(children)};
 }
-/// Accepts events of `type` whose `field` satisfies the comparison; no other types.
+/// Accepts only events of `type` whose `field` satisfies the comparison.
 [[nodiscard]] inline Filter where(EventType type, std::string field, Comparison comparison,
                                   Scalar operand) {
   return {.kind = Filter::Kind::kWhere,
@@ -145,7 +147,7 @@ inline constexpr std::uint32_t kWholeNumber = 0xffff'ffff;  ///< The mask of all
   return {.kind = Filter::Kind::kEvery, .span = period, .tag = tag};
 }
 /// A timeout whenever the enclosing group (its parent, or the subscription) delivered nothing for
-/// `limit`. Its own delivery restarts the time, so lasting silence repeats it every `limit`.
+/// `limit`. Its own delivery restarts the time, so it repeats every `limit` during silence.
 [[nodiscard]] inline Filter silence(Duration limit, std::uint32_t tag = 0) {
   return {.kind = Filter::Kind::kSilence, .span = limit, .tag = tag};
 }

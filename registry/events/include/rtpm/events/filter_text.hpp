@@ -9,17 +9,17 @@
 #include "rtpm/events/scalar.hpp"
 #include "rtpm/predicate/text_error.hpp"
 
-/// Filters as text, the same for tools, files and programs: registry/events/FILTERS.md.
+/// Filters as text, with one syntax for tools, files and programs: registry/events/FILTERS.md.
 ///
 ///     type(lab.Touched) and source(3) and force.z > 2 within 5ms of type(lab.Gaze)
 namespace rtpm::events {
 
-/// Maximum size of a filter's text, bytes.
+/// Maximum size of a filter text, in bytes.
 inline constexpr std::size_t kFilterTextSizeMax = 16 * 1024;
 
 using FilterTextError = predicate::TextError;
 
-/// Reads a filter. Names of types and of fields are those of `types`; a type may also be a number.
+/// Parses a filter. Type and field names are looked up in `types`; a type may also be a number.
 /// @realtime set-up only
 /// @errors   the text is malformed, names an unknown type or field, compares with a value that the
 ///           field can't have, or exceeds a limit of filters

@@ -23,35 +23,35 @@
 
 namespace rtpm::events {
 
-/// Multicast of a hub: consumers on the LAN with ConsumerConfig::multicast receive datagrams that
-/// the hub sends once for all of them, and request missing ones from the hub.
+/// A hub's multicast: consumers on the LAN with ConsumerConfig::multicast receive datagrams that
+/// the hub sends once for all of them, and ask the hub for missing ones.
 struct MulticastConfig {
   /// Destination, scope (`hops`) and sending interface.
   transport::MulticastGroup group{};
-  /// Datagrams of up to 1400 bytes kept for repair; at least 8.
+  /// Datagrams of up to 1400 bytes that are kept for repair; at least 8.
   std::uint32_t history_count = 4096;
 };
 
 /// Configures a hub.
 struct HubConfig {
   ExchangeLimits limits{};
-  Quota quota{};                             ///< Applies to each supplier.
-  std::uint32_t supplier_count_max = 256;    ///< A further one replaces the one silent longest.
+  Quota quota{};                           ///< Applies to each supplier.
+  std::uint32_t supplier_count_max = 256;  ///< A further supplier replaces the one silent longest.
   std::optional<Priority> priority{16'384};  ///< Thread "rtpm-hub"; time-shared if unset.
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
-  /// Bytes of the ring for consumers on this host: 2^n, at least 64 Ki. With 0 there is
+  /// The size of the ring for consumers on this host, in bytes: 2^n, at least 64 Ki. If 0, there is
   /// no ring, and each consumer has a stream.
   std::uint32_t ring_size = 4 * 1024 * 1024;
   /// nullopt disables multicast.
   std::optional<MulticastConfig> multicast{};
 };
 
-/// Counts the outcomes of events, of one supplier or of all.
+/// Counts what happened to events, of one supplier or of all.
 struct IntakeCounters {
   std::uint64_t taken_count = 0;
-  std::uint64_t over_quota_count = 0;  ///< Refused: the supplier exceeds its quota.
+  std::uint64_t over_quota_count = 0;  ///< Refused: the supplier exceeded its quota.
   std::uint64_t too_large_count = 0;
-  std::uint64_t bad_count = 0;        ///< Malformed, or of an invalid type.
+  std::uint64_t bad_count = 0;        ///< Malformed, or with an invalid type.
   std::uint64_t no_memory_count = 0;  ///< The store is full; see ExchangeLimits::store.
 };
 
@@ -61,7 +61,7 @@ struct LinkStatus;
 /// Why a subscription ended.
 enum class DisconnectReason : std::uint8_t {
   kUnsubscribed,  ///< The consumer unsubscribed.
-  kLeft,          ///< The consumer's session or connection ended, for instance with its program.
+  kLeft,          ///< The consumer's session or connection ended, for example with its program.
   /// The consumer missed ConsumerConfig::miss_count_max heartbeats: it is stopped, its handler
   /// hangs, or the network is down.
   kSilent,
@@ -72,7 +72,7 @@ enum class DisconnectReason : std::uint8_t {
 
 /// A subscription that ended.
 struct Disconnect {
-  std::uint64_t number = 0;  ///< Consecutive per hub, from 1.
+  std::uint64_t number = 0;  ///< Consecutive numbers per hub, from 1.
   std::string name{};        ///< The consumer's name.
   DisconnectReason reason = DisconnectReason::kLeft;
   MonotonicTime time{};
@@ -86,22 +86,23 @@ struct DisconnectCounters {
 };
 inline constexpr std::size_t kDisconnectCountMax = 64;  ///< Disconnects that a hub keeps.
 
-/// A hub of events, served by rtpm-eventd or by any other server. The receiving lane matches an
-/// event at the supplier's priority. The lane of each consumer's priority sends to it; consumers on
-/// this host read a ring into which an event is written once. The thread "rtpm-hub" runs timeouts
+/// A hub of events, served by rtpm-eventd or any other server. The receiving lane matches an event
+/// at the supplier's priority. The lane of a consumer's priority sends to that consumer; consumers
+/// on this host read a ring that each event is written to once. The thread "rtpm-hub" runs timeouts
 /// and reaps disconnected consumers.
 ///
 /// The hub never waits for a consumer: a slow one fills its own queue, whose policy then applies;
-/// every loss is counted and reported. A slow reader of the ring is overrun and counts that itself.
+/// every loss is counted and reported. A slow reader of the ring is overrun, and counts its losses
+/// itself.
 ///
 ///     auto hub = Hub::create().value();
 ///     auto server = rpc::Server::create(server_config_for(*hub)).value();
 ///     server->add(kHubPath, hub->servant(), {.checks_callers = true});
 ///
 /// In a server that checks grants, a caller may push events if it has the role command on their
-/// path, and receives events if it has observe on their path: "rtpm/events/TYPE/SOURCE", both in
-/// digits. A role on "rtpm/events" applies to all events, one on "rtpm/events/TYPE" to all of the
-/// type.
+/// path, and may receive events if it has observe on their path: "rtpm/events/TYPE/SOURCE", both in
+/// decimal digits. A role on "rtpm/events" applies to all events, one on "rtpm/events/TYPE" to all
+/// events of the type.
 /// @ownership must outlive the server's stop()
 /// @threads  any
 class Hub {
@@ -117,19 +118,19 @@ class Hub {
   virtual ~Hub() = default;
 
   [[nodiscard]] virtual rpc::Servant& servant() noexcept = 0;
-  /// A random number, new at every start.
+  /// A random number that changes at every start.
   [[nodiscard]] virtual std::uint64_t epoch() const noexcept = 0;
 
-  /// Takes encoded events from a supplier in this program; Supplier does this by itself.
+  /// Accepts encoded events from a supplier in this program; Supplier calls it.
   /// @realtime alloc-free; waits at most for concurrent matching, under a priority-inheriting lock
   virtual void push(std::uint64_t supplier, ConstBytes events, Priority priority) noexcept = 0;
   /// Registers a type.
   /// @realtime set-up only
-  /// @errors   in words: another schema of the type is registered, an invalid type or field, a
-  /// limit
+  /// @errors   in words: the type is registered with another schema, an invalid type or field, a
+  ///           limit
   [[nodiscard]] virtual expected<void, SetupError> add_type(const EventDescriptor& descriptor) = 0;
 
-  /// Links to the hub at `target`, a URL or a name: subscribes there for the interest of its own
+  /// Links to the hub at `target`, a URL or a name, and subscribes there on behalf of its own
   /// consumers. Links one direction; for both, link both hubs. Returns at once: the link connects
   /// when the other hub is reachable, survives its restarts, and ends with this hub. Neither hub
   /// waits for the other. `node` must outlive the hub.
@@ -138,11 +139,11 @@ class Hub {
   /// @source   spec/events.md#ev-5
   [[nodiscard]] virtual expected<void, SetupError> link(rpc::Node& node, const std::string& target,
                                                         const LinkConfig& config) = 0;
-  /// State of each link, in the order of creation.
+  /// The state of each link, in order of creation.
   /// @realtime set-up only
   [[nodiscard]] virtual std::vector<LinkStatus> links() const = 0;
 
-  /// Largest payload of an event, bytes.
+  /// The largest payload of an event, in bytes.
   [[nodiscard]] virtual std::uint32_t payload_size_max() const noexcept = 0;
   /// The counters over all suppliers.
   [[nodiscard]] virtual IntakeCounters intake() const noexcept = 0;
@@ -157,7 +158,7 @@ class Hub {
   Hub() = default;
 };
 
-/// Server limits for this hub: one stream per subscription.
+/// The server limits for this hub: one stream per subscription.
 [[nodiscard]] rpc::ServerConfig server_config_for(const HubConfig& config);
 
 }  // namespace rtpm::events

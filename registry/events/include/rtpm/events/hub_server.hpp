@@ -22,15 +22,14 @@ namespace rtpm::events {
 /// Configures a HubServer.
 struct HubServerConfig {
   HubConfig hub{};
-  /// If unset, server_config_for(hub), on a free port of the loopback interface.
+  /// By default server_config_for(hub), on a free port of the loopback interface.
   std::optional<rpc::ServerConfig> server{};
-  std::string name{kHubPath};  ///< The hub's name at the registry; if empty, none is bound.
+  std::string name{kHubPath};  ///< The hub's name at the registry; if empty, it has none.
   std::string registry{names::kThisHost};
 };
 
-/// Hub, server and name in one: a hub in this program that other programs find by name and tools
-/// can query, like rtpm-eventd.
-/// Suppliers of this program push without a call:
+/// A hub with its server and name: a hub in this program that other programs find by name and tools
+/// can query, like rtpm-eventd. Suppliers in this program push without a call:
 ///
 ///     auto served = HubServer::create(node, {.name = "lab/events"}).value();
 ///     auto supplier = TouchedSupplier::create(served->hub());
@@ -44,7 +43,7 @@ struct HubServerConfig {
 class HubServer {
  public:
   /// @realtime set-up only; blocks
-  /// @errors   as Hub::create(), rpc::Server and names::Registration; then nothing is served
+  /// @errors   as Hub::create(), rpc::Server and names::Registration; nothing is served then
   [[nodiscard]] static expected<std::unique_ptr<HubServer>, SetupError> create(
       rpc::Node& node, const HubServerConfig& config = {});
   HubServer(const HubServer&) = delete;
@@ -65,8 +64,8 @@ class HubServer {
   std::unique_ptr<names::Registration> name_{};
 };
 
-/// Binds `name`, for the lifetime of the result, to the hub that the started `server` serves at
-/// kHubPath.
+/// Binds `name` to the hub that the started `server` serves at kHubPath, for the lifetime of the
+/// result.
 /// @realtime set-up only; blocks
 /// @errors   as names::Registration::create()
 [[nodiscard]] expected<std::unique_ptr<names::Registration>, SetupError> register_hub(

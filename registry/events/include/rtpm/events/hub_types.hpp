@@ -11,15 +11,14 @@
 
 namespace rtpm::events {
 
-/// The types of events that a hub knows, because suppliers or consumers have registered them; for
-/// tools without generated code.
+/// The event types that a hub knows because suppliers or consumers have registered them; for tools
+/// without generated code.
 /// @ownership owns the descriptors
 class HubTypes {
  public:
-  /// Asks the hub at `target`, a URL or a name.
+  /// Queries the hub at `target`, a URL or a name.
   /// @realtime set-up only
-  /// @errors   no hub answers there in time; the hub is of an older release, which does not report
-  ///           types
+  /// @errors   no hub answers in time; the hub is of an older release, which does not report types
   [[nodiscard]] static expected<HubTypes, SetupError> ask(
       rpc::Node& node, const std::string& target, Duration deadline = std::chrono::seconds{1});
   HubTypes(HubTypes&&) noexcept;

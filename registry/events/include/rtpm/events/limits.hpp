@@ -12,21 +12,26 @@ struct StoreConfig {
     std::uint32_t payload_size_max = 0;  ///< In bytes.
     std::uint32_t count = 0;
   };
-  std::vector<SizeClass> classes{{64, 16'384}, {256, 4'096}, {1'024, 1'024},
-                                 {4'096, 256}, {16'384, 64}, {65'536, 32}};  ///< Ascending.
+  std::vector<SizeClass> classes{{64, 16'384},
+                                 {256, 4'096},
+                                 {1'024, 1'024},
+                                 /// In ascending order.
+                                 {4'096, 256},
+                                 {16'384, 64},
+                                 {65'536, 32}};
 };
 
-/// Capacities of an exchange, allocated when it is built.
+/// Capacities of an exchange, allocated at construction.
 struct ExchangeLimits {
   std::uint32_t subscription_count_max = 1024;
-  std::uint32_t interest_count_max = 8192;  ///< Total over all subscriptions.
+  std::uint32_t interest_count_max = 8192;  ///< The total of all subscriptions.
   std::uint32_t history_key_count_max = 512;
   std::uint32_t history_depth = 8;  ///< Events per type and source for late joiners.
   StoreConfig store{};
 };
 
-/// Rate limit of one supplier; `burst_s` is the burst in seconds of that rate. Excess events are
-/// refused and counted.
+/// Rate limit of one supplier; `burst_s` is the burst size in seconds of that rate. Excess events
+/// are refused and counted.
 struct Quota {
   double events_per_s = 2e6;
   double bytes_per_s = 500e6;

@@ -9,7 +9,7 @@
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/events/event.hpp"
 
-/// Numbers in payloads, readable by filters without generated code.
+/// Numbers in payloads, which filters can read without generated code.
 namespace rtpm::events {
 
 /// The type of a number in a payload.
@@ -34,7 +34,7 @@ inline constexpr int kScalarTypeCount = 11;
 [[nodiscard]] bool is_signed(ScalarType type) noexcept;
 [[nodiscard]] std::size_t size_of(ScalarType type) noexcept;
 
-/// A number in the widest type of its kind.
+/// A number, in the widest type of its kind.
 struct Scalar {
   enum class Kind : std::uint8_t { kSigned, kUnsigned, kReal };
   Kind kind = Kind::kSigned;
@@ -65,8 +65,8 @@ struct Scalar {
   friend bool operator==(const Scalar&, const Scalar&) = default;
 };
 
-/// Location of a number in a payload: slots of nested tables, then an offset into the last slot's
-/// struct. Without slots the payload is a bare struct.
+/// The location of a number in a payload: slots of nested tables, then an offset into the struct of
+/// the last slot. Without slots the payload is a bare struct.
 struct FieldPath {
   static constexpr std::size_t kSlotCountMax = 4;
   std::array<std::uint16_t, kSlotCountMax> slots{};
@@ -75,25 +75,25 @@ struct FieldPath {
   friend bool operator==(const FieldPath&, const FieldPath&) = default;
 };
 
-/// A number of an event's payload.
+/// A number in an event's payload.
 struct FieldDescriptor {
-  std::string_view name{};  ///< With dots through structs and tables: "pose.position_m.x".
+  std::string_view name{};  ///< Path through structs and tables: "pose.position_m.x".
   ScalarType type = ScalarType::kDouble;
   FieldPath path{};
-  Scalar default_value{};  ///< Value of an absent table field.
+  Scalar default_value{};  ///< The value if the table field is absent.
 };
 
-/// Schema of one event type. Generated code has a constant of static lifetime for each.
+/// The schema of one event type. Generated code has a constant with static lifetime for each.
 struct EventDescriptor {
   EventType type = 0;
   std::string_view name{};  ///< Fully qualified, "lab.Pose".
   std::uint64_t schema_id = 0;
-  std::span<const FieldDescriptor> fields{};  ///< Every number, in any order.
+  std::span<const FieldDescriptor> fields{};  ///< All numbers, in any order.
   /// A FlatBuffers schema without includes, whose root type is the event; empty if unknown.
   std::string_view schema{};
 };
 
-/// Reads a number from an untrusted payload; nullopt if it lies outside the payload.
+/// Reads a number from an untrusted payload; nullopt if it would lie outside the payload.
 /// @realtime alloc-free
 [[nodiscard]] std::optional<Scalar> read_scalar(ConstBytes payload, const FieldPath& path,
                                                 ScalarType type,

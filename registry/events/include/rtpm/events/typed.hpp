@@ -13,12 +13,12 @@
 #include "rtpm/events/supplier.hpp"
 #include "rtpm/rpc/tables.hpp"
 
-/// Suppliers and consumers of one type of event. Generated code names them: for the event
-/// `lab.Touched` of a schema, `lab::TouchedSupplier` and `lab::TouchedConsumer`. `Event` is the
-/// type that rtpmc generates, `lab::TouchedEvent`: its number, schema id, payload and fields.
+/// Suppliers and consumers of one event type. Generated code names them: `lab::TouchedSupplier` and
+/// `lab::TouchedConsumer` for the event `lab.Touched` of a schema. `Event` is the type that rtpmc
+/// generates, `lab::TouchedEvent`: its number, schema id, payload and fields.
 namespace rtpm::events {
 
-/// Pushes events of one type and source; threads, real time and errors are those of Supplier.
+/// Pushes events of one type and source; threads, real time and errors as Supplier.
 template <class Event>
 class TypedSupplier {
  public:
@@ -55,7 +55,7 @@ class TypedSupplier {
       std::optional<MonotonicTime> origin = {}) noexcept requires(!Event::kIsStruct) {
     return supplier_->push(draft(rpc::table_bytes(finished), origin));
   }
-  /// Adds one event to the batch of the next flush().
+  /// Adds one event to the batch for the next flush().
   /// @realtime as Supplier::add()
   /// @errors   as Supplier::add()
   [[nodiscard]] expected<void, rpc::CallError> add(
@@ -73,7 +73,7 @@ class TypedSupplier {
   /// @errors   as Supplier::flush()
   [[nodiscard]] expected<void, rpc::CallError> flush() noexcept { return supplier_->flush(); }
 
-  /// The untyped supplier, for instance for its counters.
+  /// The untyped supplier, for example for its counters.
   [[nodiscard]] Supplier& supplier() noexcept { return *supplier_; }
 
  private:
@@ -129,7 +129,7 @@ class TypedConsumer {
 
   TypedConsumer(TypedConsumer&&) noexcept = default;
   TypedConsumer& operator=(TypedConsumer&& other) noexcept {
-    // A consumer refers to its handler: move both.
+    // A consumer refers to its handler, so both are moved.
     std::swap(handler_, other.handler_);
     std::swap(consumer_, other.consumer_);
     return *this;
@@ -151,7 +151,7 @@ class TypedConsumer {
 
     void on_events(std::span<const EventView> events) override {
       for (const EventView& event : events) {
-        // A filter may accept other types and timeouts.
+        // A filter may accept other types and timeouts, too.
         if (event.header.type != Event::kType) continue;
         const bool is_known =
             event.header.schema_id == Event::kSchemaId || event.header.schema_id == 0;
@@ -185,7 +185,7 @@ class TypedConsumer {
       : handler_(std::move(handler)), consumer_(std::move(consumer)) {}
 
   std::unique_ptr<Handler> handler_;
-  std::unique_ptr<Consumer> consumer_;  // Ends before its handler.
+  std::unique_ptr<Consumer> consumer_;  // Destroyed before its handler.
 };
 
 }  // namespace rtpm::events

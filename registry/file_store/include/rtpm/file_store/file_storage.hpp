@@ -8,8 +8,8 @@
 namespace rtpm::file_store {
 
 /// A registry's names in a SQLite database: one transaction per change, with write-ahead logging. A
-/// change of a permanent name has reached the disk when commit() returns. Changes of leased names
-/// do not wait for the disk: they survive the end of the program, but not a reboot.
+/// change of a permanent name is on disk when commit() returns. Changes of leased names do not wait
+/// for the disk: they survive the end of the program, but not a reboot.
 ///
 /// Opening checks the structure, and each row by its checksum. Damaged content is left out and
 /// reported in StoredContent::faults; then every change is refused, so that nothing is overwritten.

@@ -9,21 +9,21 @@
 #include "rtpm/names/property.hpp"
 #include "rtpm/names/storage.hpp"
 
-/// Permanent names as JSON, to move them between registries:
+/// Permanent names as JSON, for moving them between registries:
 ///
 ///     {"version": 1, "names": [{"name": "lab/arm0", "url": "rtpm://…", "interface": "lab.Arm",
 ///       "properties": [{"name": "force", "type": "real", "value": 3.5, "unit": "newton"}]}]}
 namespace rtpm::file_store {
 
-/// Writes the permanent ones of `names`.
+/// Writes the permanent names among `names`.
 [[nodiscard]] std::string to_json(const std::vector<names::StoredName>& names);
 
 /// Reads names to be bound: without revisions, with the owner `owner`.
-/// @errors   the text is not JSON of this form; the sentence says where
+/// @errors   the text is not JSON of this form; the error gives the position
 [[nodiscard]] expected<std::vector<names::StoredName>, SetupError> parse_json(std::string_view text,
                                                                               names::Owner owner);
 
-/// Writes properties only, as the list in such JSON.
+/// Writes properties as the list in that JSON.
 [[nodiscard]] std::string properties_to_json(const std::vector<names::Property>& properties);
 /// Reads such a list; nullopt if the text is not one.
 [[nodiscard]] std::optional<std::vector<names::Property>> properties_from_json(

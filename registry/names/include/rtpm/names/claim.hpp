@@ -9,8 +9,8 @@
 
 namespace rtpm::names {
 
-/// The owner of a name. A restart keeps the id and increases the epoch, so a restarted owner takes
-/// its names back at once, and no other owner does so by accident.
+/// The owner of a name. A restart keeps the id and increases the epoch, so a restarted owner
+/// regains its names at once, and no other owner can do so by accident.
 struct Owner {
   std::uint64_t id = 0;  ///< Never 0.
   std::uint64_t epoch = 0;
@@ -24,15 +24,15 @@ struct Claim {
   std::string_view interface;
   Owner owner{};
   Duration lease{};
-  /// rebind() may take the name from the holder with this revision; 0 forbids that.
+  /// Lets rebind() take the name from the holder with this revision; 0 for none.
   std::uint64_t holder_revision = 0;
-  /// rebind() may take the name from any holder.
+  /// Lets rebind() take the name from any holder.
   bool allows_takeover = false;
   /// Set by the registry: the calling host (rpc::CallerHost::number).
   std::uint64_t host = 0;
-  /// These replace the properties of an earlier bind.
+  /// Replace the properties of an earlier bind.
   std::span<const Property> properties{};
-  /// The name has no lease: it stays until it is unbound, also over restarts of a registry with a
+  /// The name has no lease: it stays until it is unbound, even across restarts of a registry with a
   /// file.
   bool is_permanent = false;
 };

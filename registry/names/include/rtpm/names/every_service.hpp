@@ -16,24 +16,24 @@ namespace rtpm::names {
 /// The answer of one name service.
 struct ServiceAnswer {
   std::string url{};                 ///< URL of the service.
-  std::vector<NameEntry> names{};    ///< Bound names; with an error, those that came before it.
-  std::vector<LapsedName> lapsed{};  ///< Names whose servers are lost, if it keeps them.
-  /// Why it gave no answer, or an incomplete one.
+  std::vector<NameEntry> names{};    ///< Bound names; after an error, those received before it.
+  std::vector<LapsedName> lapsed{};  ///< Names whose servers are lost, if the service keeps them.
+  /// Why it did not answer, or not completely.
   std::optional<DirectoryError> error{};
 };
 
-/// Asks every name service of a scope for all its names, all at the same time and independently:
-/// for callers that must act on every binding of a name, such as an emergency stop. Unlike in a
+/// Asks every name service of a scope for all its names, concurrently and independently: for
+/// callers that must act on every binding of a name, such as an emergency stop. Unlike in a
 /// Directory, a name that is bound twice is not an error, a service that hangs delays no other
-/// service, and the registry at the usual place of this host is asked even if the user has
-/// their own registry.
-/// @param where     as Directory takes it
-/// @param deadline  the time by which it returns; later answers are lost
-/// @param take      called for each service, from several threads at the same time
+/// service, and the registry at this host's default address is asked even if the user has their own
+/// registry.
+/// @param where     as for Directory
+/// @param deadline  when it returns; later answers are lost
+/// @param take      called for each service, concurrently from several threads
 /// @threads  any
 /// @realtime set-up only; blocks
-/// @errors   of the scope: its text is malformed, no such interface, the folder of this host is
-///           unsafe; every service that could be asked was asked nevertheless
+/// @errors   of the scope: its text is malformed, no such interface, this host's folder is unsafe;
+///           every service that could be asked was asked anyway
 [[nodiscard]] expected<void, SetupError> ask_every_service(
     rpc::Node& node, const std::string& where, MonotonicTime deadline,
     const std::function<void(ServiceAnswer)>& take);

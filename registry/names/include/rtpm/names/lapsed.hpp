@@ -15,7 +15,7 @@ struct LapsedName {
   std::string name{};
   std::string url{};  ///< The URL that it led to.
   std::string interface {};
-  std::uint64_t revision = 0;  ///< Directory::unbind() with it dismisses the name.
+  std::uint64_t revision = 0;  ///< Pass it to Directory::unbind() to dismiss the name.
   Duration lapsed_for{};
   bool is_of_other_host = false;  ///< See NameEntry::is_of_other_host.
   std::string service_url{};      ///< The registry that had it.
@@ -29,14 +29,14 @@ struct LapsedAnswer {
   std::vector<std::string> services{};
 };
 
-/// Asks every registry of a scope for its lapsed names, as ask_every_service() does. A registry
-/// with its own database keeps them there; any other knows those since its start.
+/// Asks every registry of a scope for its lapsed names, like ask_every_service(). A registry with
+/// its own database stores them there; any other one knows those since its start.
 /// @threads  any
-/// @realtime set-up only; blocks, until `deadline` at most
+/// @realtime set-up only; blocks at most until `deadline`
 [[nodiscard]] LapsedAnswer ask_for_lapsed(rpc::Node& node, const std::string& where,
                                           MonotonicTime deadline);
 /// Dismisses a lapsed name at its registry.
-/// @errors   as Directory::unbind(), also of a name that was bound again meanwhile
+/// @errors   as Directory::unbind(), also for a name that was bound again meanwhile
 [[nodiscard]] expected<void, DirectoryError> dismiss(rpc::Node& node, const LapsedName& lapsed);
 
 }  // namespace rtpm::names

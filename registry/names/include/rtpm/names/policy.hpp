@@ -9,7 +9,7 @@
 
 namespace rtpm::names {
 
-/// An operation that a caller asks of a registry.
+/// An operation that a caller requests.
 enum class Operation : std::uint8_t {
   kBind,  ///< Also covers rebind.
   kRenew,
@@ -23,18 +23,18 @@ enum class Operation : std::uint8_t {
 struct Caller {
   rpc::CallerHost host{};
   std::uint64_t session = 0;              ///< Equal for all requests of one caller.
-  Owner owner{};                          ///< The owner that it claims to be; id 0 if none.
-  const rpc::Caller* identity = nullptr;  ///< Null without authentication of callers.
+  Owner owner{};                          ///< The owner that the caller claims to be; id 0 if none.
+  const rpc::Caller* identity = nullptr;  ///< Null if callers are not authenticated.
 };
 
-/// Whether a caller may know of a name: its grants have a role for it, or the server does not
-/// authenticate callers.
+/// Whether a caller may know of a name: its grants give it a role on the name, or the server does
+/// not authenticate callers.
 [[nodiscard]] inline bool may_see(const rpc::Caller* identity, std::string_view name) {
   return identity == nullptr || identity->role_on(name) >= Role::kObserve;
 }
 
-/// The rights of callers. Reading operations return only the names that the caller may_see(),
-/// whatever the policy says.
+/// The rights of callers. Reading operations return only names that the caller may_see(),
+/// regardless of the policy.
 /// @threads  the registry's lanes, one at a time
 class Policy {
  public:
@@ -42,14 +42,14 @@ class Policy {
   Policy(const Policy&) = delete;
   Policy& operator=(const Policy&) = delete;
   virtual ~Policy() = default;
-  /// `name`: a name or directory; all names if empty.
+  /// `name`: a name or directory; empty for all names.
   [[nodiscard]] virtual bool allows(const Caller& caller, Operation operation,
                                     std::string_view name) const = 0;
 };
 
 /// Checks the caller's grants, if the server authenticates callers: changing a name requires the
-/// role administer on it. The report requires a role on the registry's own path. The rules of names
-/// still hold.
+/// role administer on it. The report requires a role on the registry's own path. The rules for
+/// names still apply.
 class GrantPolicy final : public Policy {
  public:
   [[nodiscard]] bool allows(const Caller& caller, Operation operation,

@@ -8,9 +8,10 @@ namespace rtpm::names {
 
 /// A typed value of a binding, for find(): {"force_newton_max", 3.3, "newton"}.
 ///
-/// Its name has letters, digits, '_' and '.', and does not begin with a digit. A text, also in a
-/// list, has at most kPropertyTextSizeMax printable bytes of UTF-8; numbers are finite. Predicates
-/// also know the texts `name`, `url`, `interface` and `host` (of the URL) of every binding.
+/// Its name consists of letters, digits, '_' and '.', and does not start with a digit. A text, even
+/// in a list, has at most kPropertyTextSizeMax printable bytes of UTF-8; numbers are finite. Every
+/// binding also has the built-in texts `name`, `url`, `interface` and `host` (of the URL) for
+/// predicates.
 using predicate::Property;
 using PropertyList = predicate::List;
 using PropertyType = predicate::Type;

@@ -17,23 +17,20 @@
 
 namespace rtpm::names {
 
-/// Whether a registration may take its name from a living server.
+/// Whether a registration may take its name from a live server.
 enum class Takeover : std::uint8_t {
   kRefused,
-  kAllowed,  ///< Only in create(), not when it loses the name later.
+  kAllowed,  ///< Only in create(), not when the name is lost later.
 };
 
-/// Keeps a name bound for its own lifetime. A time-shared thread "rtpm-lease" renews at a third of
-/// the granted lease, and binds again if the registry restarted or was unreachable for a lease.
+/// Without a registry's URL it looks for this host's registry at each renewal. Until one runs, the
+/// program serves its names itself; on the LAN it always does. When a registry appears, the name
+/// moves there within a third of its lease, and the program serves it for one more second.
 ///
-/// Without a registry's URL it looks for the registry of this host at each renewal. Until one runs,
-/// the program serves its names itself; on the LAN it always serves its names itself. The name
-/// moves to a registry within a third of its lease, and the program serves it for one more second.
-///
-/// After a crash, a server at its old address takes its name back at once (see owner_of()). At
-/// another address create() waits for the old lease to end, by default 2 s.
+/// After a crash, a server at its old address regains its name at once (see owner_of()). At another
+/// address, create() waits for the old lease to end, by default 2 s.
 /// @ownership refers to its node, which must outlive it
-/// @threads  create and end from one thread; is_bound() from any
+/// @threads  create and destroy on one thread; is_bound(): any
 class Registration {
  public:
   static constexpr Duration kDefaultLease = std::chrono::seconds{2};
@@ -45,10 +42,10 @@ class Registration {
   /// Binds `name` to the object at `url`, where Directory would look for it, and starts renewing.
   /// If another server holds the name, takes it with Takeover::kAllowed; otherwise waits once, at
   /// most 5 s, for its lease to end. `interface` is qualified, such as "lab.Arm"; `lease` is 100 ms
-  /// to 1 h; an empty `report` writes to standard error. A registry that is full, or cannot change
-  /// its storage, is not an error: the bind is reported and tried again.
+  /// to 1 h; an empty `report` writes to standard error. If a registry is full or cannot change its
+  /// storage, that is not an error: it is reported and retried.
   /// @realtime set-up only; blocks
-  /// @errors   no registry answers; a living server holds the name (the text says where); a
+  /// @errors   no registry answers; a live server holds the name (the text tells where); a
   ///           malformed name, URL or interface
   [[nodiscard]] static expected<std::unique_ptr<Registration>, SetupError> create(
       rpc::Node& node, std::string where, std::string name, std::string url, std::string interface,
@@ -57,14 +54,14 @@ class Registration {
 
   Registration(const Registration&) = delete;
   Registration& operator=(const Registration&) = delete;
-  /// Unbinds the name if the registry answers within 200 ms; otherwise lets the lease expire. Waits
-  /// for a running renewal, at most a third of the lease and 1 s.
+  /// Unbinds the name if the registry answers within 200 ms; otherwise the lease expires. Waits for
+  /// a renewal in progress, at most a third of the lease and 1 s.
   ~Registration();
 
-  /// Replaces the properties, also for later binds; blocks at most 1 s.
+  /// Replaces the properties, for this and later binds; blocks at most 1 s.
   /// @threads  any
-  /// @errors   a malformed property; a limit of the registry; it does not answer: then the next
-  ///           bind sets them
+  /// @errors   a malformed property; a limit of the registry; the registry does not answer: then
+  ///           the next bind sets them
   [[nodiscard]] expected<void, SetupError> set_properties(std::vector<Property> properties);
 
   /// Whether the name was bound at the last renewal.

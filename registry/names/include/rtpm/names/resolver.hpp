@@ -13,12 +13,12 @@
 namespace rtpm::names {
 
 /// Resolves a node's names at the registry: `node.use(resolver)`. It watches the names that it has
-/// resolved (NameWatch), so that bindings follow a server that moved or restarted as soon as the
-/// registry knows. If the registry accepts no further watch, a binding looks its name up when a
-/// call fails.
-/// @ownership refers to its node, which must outlive it; when destroyed it detaches, and bindings
-///            stay with their servers
-/// @threads  any, several at once
+/// resolved (NameWatch), so that bindings follow a moved or restarted server as soon as the
+/// registry knows. If the registry accepts no more watches, a binding looks its name up when a call
+/// fails.
+/// @ownership refers to its node, which must outlive it; detaches on destruction, and bindings stay
+///            with their servers
+/// @threads  any, concurrently
 /// @realtime set-up only
 class RegistryResolver final : public rpc::Resolver {
  public:
@@ -34,7 +34,7 @@ class RegistryResolver final : public rpc::Resolver {
   [[nodiscard]] expected<std::string, SetupError> resolve(std::string_view name,
                                                           MonotonicTime deadline) override;
 
-  /// How often a watched name began to lead elsewhere.
+  /// How often watched names started to lead elsewhere.
   [[nodiscard]] std::uint64_t move_count() const;
 
  private:

@@ -15,7 +15,7 @@
 
 namespace rtpm::names {
 
-/// A binding as a storage keeps it.
+/// A stored binding.
 struct StoredName {
   std::string name{};
   std::string url{};
@@ -27,16 +27,16 @@ struct StoredName {
   /// 0 if the name is permanent.
   Duration lease{};
   std::vector<Property> properties{};
-  /// The longest time that the name stays once no registry renews it, if the storage ends its
-  /// lease; 0 if the registry does.
+  /// If the storage ends leases: the longest time that the name stays once no registry renews it; 0
+  /// if the registry ends them.
   Duration stay{};
 
   [[nodiscard]] bool is_permanent() const noexcept { return lease == Duration{0}; }
   friend bool operator==(const StoredName&, const StoredName&) = default;
 };
 
-/// StoredName::host of a name that was bound by a loopback address at a registry on another host:
-/// the discard prefix 100::/64 (RFC 6666), which no host has.
+/// StoredName::host of a name bound from a loopback address at a registry on another host: the
+/// discard prefix 100::/64 (RFC 6666), which no host has.
 inline constexpr std::uint64_t kLoopbackElsewhere = 0x0100'0000'0000'0000;
 
 /// A leased name whose lease ended without an unbind.
@@ -49,17 +49,17 @@ struct StoredLapse {
 struct StoredContent {
   std::vector<StoredName> names{};
   std::vector<StoredLapse> lapsed{};
-  /// Every revision that was ever used is lower.
+  /// Higher than every revision that was ever used.
   std::uint64_t first_revision = 1;
-  /// The lost parts, and why nothing can be changed now, a sentence each; empty if all is sound.
+  /// Sentences about lost parts, and why nothing can be changed now; empty if everything is intact.
   std::vector<std::string> faults{};
-  /// A number that all registries with a shared storage have, and no others; else 0.
+  /// A number common to all registries with the same shared storage; 0 if it is not shared.
   std::uint64_t identity = 0;
-  /// The location of a shared storage, in a form for users; else empty.
+  /// The location of a shared storage, for users; otherwise empty.
   std::string place{};
 };
 
-/// Why a change was not stored. Except with kUnreachable, it has not happened.
+/// Why a change was not stored. It has not happened, except possibly with kUnreachable.
 struct StorageError : SetupError {
   enum class Kind : std::uint8_t {
     kFull,      ///< No space is left.
@@ -76,15 +76,15 @@ struct StoredChange {
   std::string_view name{};
   const StoredName* stored = nullptr;  ///< Null if the name is removed.
   std::uint64_t revision = 0;
-  /// Whether the change must survive a power cut once commit() has returned, as for permanent
-  /// names. Other changes survive the end of the program only.
+  /// Whether the change must survive a power failure once commit() has returned, as for permanent
+  /// names. Other changes only survive the end of the program.
   bool is_durable = false;
-  /// The StoredName::change that it replaces; 0 if the name was not bound. A shared storage
-  /// refuses the change if this is no longer the last one.
+  /// The StoredName::change that it replaces; 0 if the name was not bound. A shared storage refuses
+  /// the change if that is no longer the last one.
   std::uint64_t expected = 0;
-  MonotonicTime deadline = kNever;  ///< Used by a shared storage only.
-  /// Time at which the lease ended, if the name is removed because of that. A storage that is not
-  /// shared keeps the name as lapsed until its next change.
+  MonotonicTime deadline = kNever;  ///< Only used by a shared storage.
+  /// When the lease ended, if the name is removed for that reason. A storage that is not shared
+  /// keeps the name as lapsed until its next change.
   std::optional<MonotonicTime> lapsed{};
 };
 
@@ -96,17 +96,17 @@ struct ReportedChange {
   bool has_lapsed = false;             ///< It was removed without an unbind.
 };
 
-/// The storage of a registry's names. The registry also has them in memory, and asks its storage
-/// only for changes. This class itself stores nothing: names are in memory only.
+/// The storage of a registry's names. The registry also has them in memory, and uses its storage
+/// only for changes. This base class stores nothing: names are in memory only.
 ///
 /// Several registries may share a storage. Then it orders the changes by its own revisions, ends
-/// the leases of names, and reports all changes, which change the registry's names only then.
+/// leases, and reports all changes; the registry's names only change with these reports.
 /// @threads  load(), follow() and stop(): one. commit(), renew() and confirm(): the holder of the
 ///           registry's lock, which a storage releases while it waits. The rest: any
 class Storage {
  public:
-  /// The registry, as a storage that is shared sees it. The storage calls it on its own thread,
-  /// without the lock.
+  /// The registry, as a shared storage sees it. The storage calls it on its own thread, without the
+  /// lock.
   class Follower {
    public:
     Follower() = default;
@@ -116,14 +116,14 @@ class Storage {
     /// The registry's lock.
     virtual void lock() = 0;
     virtual void unlock() = 0;
-    /// Changes of any registry, in the order of their revisions.
+    /// Reports changes of any registry, ordered by revision.
     virtual void on_changes(std::vector<ReportedChange> changes) = 0;
-    /// Changes were missed; `names` is everything that is stored, as of `revision`. `is_replaced`:
-    /// the storage was restored or replaced, so revisions that were reported may be lost, and may
-    /// be used again for other changes.
+    /// Reports that changes were missed; `names` is the complete content as of `revision`.
+    /// `is_replaced`: the storage was restored or replaced, so reported revisions may be lost, and
+    /// reused for other changes.
     virtual void on_restart(std::vector<StoredName> names, std::uint64_t revision,
                             bool is_replaced) = 0;
-    /// A sentence for the log: which content is foreign, or that the storage is unreachable.
+    /// Reports a sentence for the log: foreign content, or that the storage is unreachable.
     virtual void on_trouble(const std::string& sentence) = 0;
   };
   /// Releases the registry's lock in a scope in which the storage waits.
@@ -148,39 +148,39 @@ class Storage {
   Storage& operator=(const Storage&) = delete;
   virtual ~Storage() = default;
 
-  /// Returns everything that is stored; called once, before anything else.
-  /// @errors   the storage is another program's, of a newer release, or in use
+  /// Returns the complete content; called once, before anything else.
+  /// @errors   the storage belongs to another program, is of a newer release, or is in use
   [[nodiscard]] virtual expected<StoredContent, SetupError> load();
-  /// Reports all changes after load() to `follower`, until stop(), if the storage is shared.
+  /// If the storage is shared, reports all changes after load() to `follower`, until stop().
   [[nodiscard]] virtual expected<void, SetupError> follow(Follower& follower);
-  /// Ends follow(), and fails all operations under way.
+  /// Ends follow(), and fails all operations in progress.
   virtual void stop() noexcept {}
-  /// Whether every change is reported, also those of commit().
+  /// Whether every change is reported, including those of commit().
   [[nodiscard]] virtual bool reports_changes() const noexcept { return false; }
 
-  /// Stores a change as a whole or not at all. Returns its revision: `change.revision`, but a
+  /// Stores a change completely or not at all. Returns its revision: `change.revision`, unless a
   /// shared storage assigns its own, also to a stored revision that equals `change.revision`.
-  /// @errors   kConflict: the registry has the change that came first; check the rules again
+  /// @errors   kConflict: the registry has the earlier change; check the rules again
   [[nodiscard]] virtual expected<std::uint64_t, StorageError> commit(const StoredChange& change);
-  /// Starts another lease of a name; `change.stored` differs from the stored name only in that. If
+  /// Starts a new lease of a name; `change.stored` differs from the stored name only in that. If
   /// the registry ends leases, there is nothing to store.
   /// @errors   as commit()
   [[nodiscard]] virtual expected<void, StorageError> renew(const StoredChange& change);
-  /// Checks that `change` is still the last change of the name; if 0, that it is not bound.
+  /// Checks that `change` is still the name's last change; if 0, that the name is not bound.
   /// @errors   as commit()
   [[nodiscard]] virtual expected<void, StorageError> confirm(std::string_view name,
                                                              std::uint64_t change,
                                                              MonotonicTime deadline);
-  /// The registry has everything that was stored before that time.
+  /// Everything stored before that time is in the registry.
   [[nodiscard]] virtual MonotonicTime current_as_of() const noexcept { return kNever; }
-  /// How long the registry's names may have been out of date; 0 if they are up to date.
+  /// How long the registry's names may have been out of date; 0 if they are current.
   [[nodiscard]] Duration stale_for(MonotonicTime now) const noexcept;
 };
 
 /// Binds permanent names in a storage that no registry has open, replacing existing ones. Stops at
 /// the first name that a registry would refuse.
-/// @return the number of names that were bound
-/// @errors   as Storage::load(); the storage is damaged; a name that the rules or limits refuse
+/// @return the number of names bound
+/// @errors   as Storage::load(); the storage is damaged; the rules or limits refuse a name
 [[nodiscard]] expected<std::size_t, SetupError> import_names(Storage& storage,
                                                              const std::vector<StoredName>& names,
                                                              const Limits& limits);

@@ -13,19 +13,19 @@
 
 namespace rtpm::names {
 
-/// Names that a watch may list.
+/// How many names a watch may list.
 inline constexpr std::size_t kWatchedNameCountMax = 512;
 
-/// The names that a watch selects; they meet all conditions that are given.
+/// Selects the names of a watch: those that meet all given conditions.
 struct WatchConfig {
-  std::string directory{};                      ///< A name, and all below it; any if empty.
+  std::string directory{};                      ///< A name, with all names below it; any if empty.
   std::vector<std::string> names{};             ///< At most kWatchedNameCountMax; any if empty.
   std::string interface {};                     ///< Any if empty.
   std::string predicate{};                      ///< See NameQuery::predicate; any if empty.
   Duration deadline = std::chrono::seconds{1};  ///< Deadline of start().
 };
 
-/// A change of a name, as the watch's conditions see it.
+/// A change of a name that meets the watch's conditions.
 struct NameChange {
   enum class Kind : std::uint8_t {
     kBound,    ///< Is bound, or matches now.
@@ -36,29 +36,29 @@ struct NameChange {
   NameEntry entry{};
 };
 
-/// The handlers of a watch, each called on its thread "rtpm-watch"; empty ones are skipped.
+/// The handlers of a watch, called on its thread "rtpm-watch"; empty ones are skipped.
 struct WatchHandlers {
-  /// Receives first one kBound for each bound name, then changes in order.
+  /// First receives one kBound for each bound name, then changes in order.
   std::function<void(const NameChange&)> on_change{};
   /// Called when all bound names have been reported.
   std::function<void()> on_state{};
-  /// The registry has not heard from the storage that it shares with other registries for that
-  /// long; 0 if it is up to date again.
+  /// The registry has not heard for that long from the storage that it shares with other
+  /// registries; 0 when it is current again.
   std::function<void(Duration stale_for)> on_stale{};
-  /// The registry is unreachable, is reachable again, or cut this watch off as too slow; a
-  /// sentence. on_change then receives only the last of each name's missed changes.
+  /// The registry is unreachable, is reachable again, or cut off this watch as too slow; a
+  /// sentence. After that, on_change receives only the last missed change of each name.
   std::function<void(std::string_view sentence)> on_notice{};
 };
 
-/// Follows names at the registry. It reconnects by itself and resumes at its revision or, if the
-/// registry has forgotten that, compares with the full state.
+/// Follows names at the registry. It reconnects automatically and resumes at its revision or, if
+/// the registry no longer has that, compares with the full state.
 ///
 /// Without a registry's URL it follows the name services of a scope, as Directory finds them, and
-/// searches for further ones every quarter of a second, on the LAN every 5 s. A name that moves
-/// from one service to another and keeps its URL counts as unchanged. The names of a server that
-/// ended are gone at once, those of a registry when their lease of 2 s would have ended.
+/// searches for new ones every quarter of a second, on the LAN every 5 s. A name that moves between
+/// services and keeps its URL counts as unchanged. When a server ends, its own names are gone at
+/// once; a registry's names are gone when their lease of 2 s would have ended.
 /// @ownership refers to its node, which must outlive it
-/// @threads  start and end from one thread; the rest any
+/// @threads  start and destroy on one thread; the rest: any
 class NameWatch {
  public:
   /// @realtime set-up only; blocks at most config.deadline
@@ -72,11 +72,11 @@ class NameWatch {
   /// Waits for a running handler.
   ~NameWatch();
 
-  /// Changes the names to watch, soon after the call; names that stay in the set miss no change.
+  /// Changes the watched names, shortly after the call; names that stay selected miss no change.
   void set_names(std::vector<std::string> names);
   /// Revision of the last change that was reported.
   [[nodiscard]] std::uint64_t revision() const noexcept;
-  /// The number of times that the full state was compared, including the first.
+  /// How often the full state was compared, including the first time.
   [[nodiscard]] std::uint64_t state_count() const noexcept;
   /// Whether the registry is connected.
   [[nodiscard]] bool is_connected() const noexcept;

@@ -14,10 +14,10 @@ enum class Comparison : std::uint8_t {
   kLessOrEqual,
   kGreater,
   kGreaterOrEqual,
-  kHasAnyBit,  ///< Integers: any bit of the right one is set in the left one.
+  kHasAnyBit,  ///< Integers: the left one has any bit of the right one set.
 };
 
-/// The comparison that this text denotes; nullopt if none.
+/// The comparison with this symbol; nullopt if none.
 [[nodiscard]] std::optional<Comparison> comparison_of(std::string_view symbol) noexcept;
 /// "==", "!=", "<", "<=", ">", ">=" or "&".
 [[nodiscard]] std::string_view symbol_of(Comparison comparison) noexcept;

@@ -11,9 +11,8 @@ struct Token {
   enum class Kind : unsigned char {
     kEnd,
     kWord,     ///< A name or a keyword; may have dots.
-    kNumber,   ///< Digits, with the characters that follow without a space: "12", "0x1f", "2.5e3",
-               ///< "5ms".
-    kText,     ///< In single or double quotes, which are part of it.
+    kNumber,   ///< In single or double quotes, which are included.
+    kText,     ///< A comparison, or one of ( ) , / : * & + - ~.
     kSymbol,   ///< A comparison, or one of ( ) , / : * & + - ~.
     kUnknown,  ///< Any other character.
   };
@@ -22,7 +21,7 @@ struct Token {
   std::size_t offset = 0;
 };
 
-/// The meaning of a '-' before a digit.
+/// What a '-' before a digit means.
 enum class Minus : std::uint8_t {
   kSign,    ///< A sign: "-1" is one token.
   kSymbol,  ///< Arithmetic: "-1" is two tokens.

@@ -8,14 +8,14 @@
 
 namespace rtpm::predicate {
 
-/// A value while a predicate is evaluated; std::monostate if undefined.
+/// A value during evaluation of a predicate; std::monostate if undefined.
 /// @ownership refers to the property's or the predicate's text or list
 using Operand =
     std::variant<std::monostate, bool, std::int64_t, double, std::string_view, const List*>;
 
 [[nodiscard]] Operand operand_of(const Value& value) noexcept;
 
-/// The properties that a predicate is evaluated with.
+/// The properties that a predicate is evaluated on.
 class PropertySource {
  public:
   PropertySource() = default;

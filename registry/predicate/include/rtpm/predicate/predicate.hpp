@@ -15,29 +15,29 @@
 
 namespace rtpm::predicate {
 
-inline constexpr std::size_t kPredicateSizeMax = 4096;  ///< Maximum size of a text, bytes.
+inline constexpr std::size_t kPredicateSizeMax = 4096;  ///< Maximum size of a text, in bytes.
 inline constexpr std::size_t kPredicateNodeCountMax = 256;
 inline constexpr std::size_t kListSizeMax = 64;  ///< Items of a list in a predicate.
 
-/// The type of a property by its name; nullopt if unknown, or if it differs between names.
+/// Returns a property's type by its name; nullopt if unknown, or if it differs between names.
 using TypeOfProperty = std::function<std::optional<Type>(std::string_view name)>;
 
 /// A parsed expression over properties.
 /// @ownership a value; copies share the parsed text
-/// @threads  any, several at once
+/// @threads  any, concurrently
 class Expression {
  public:
-  /// Reads a text; an empty one is true. Grammar: registry/predicate/README.md.
+  /// Parses a text; an empty one is true. Grammar: registry/predicate/README.md.
   /// @realtime set-up only
   /// @errors   malformed; a limit; an operand whose type its operator does not accept, as far as
   ///           `type_of_property` knows the types
   [[nodiscard]] static expected<Expression, TextError> parse(
       std::string_view text, const TypeOfProperty& type_of_property);
 
-  /// Undefined if a property is missing or of another type, or on a division by 0.
+  /// The value; undefined if a property is missing or of another type, or after a division by 0.
   /// @realtime alloc-free
   [[nodiscard]] Operand value(const PropertySource& properties) const noexcept;
-  /// nullopt if the type depends on properties whose type is unknown.
+  /// The type; nullopt if it depends on properties of unknown type.
   [[nodiscard]] std::optional<Type> type() const noexcept;
 
   /// A property that the text names.
@@ -56,7 +56,7 @@ class Expression {
 /// An expression whose value is true or false.
 class Predicate {
  public:
-  /// @errors   as Expression::parse(); the type of the whole is not bool
+  /// @errors   as Expression::parse(); the expression is not a bool
   [[nodiscard]] static expected<Predicate, TextError> parse(
       std::string_view text, const TypeOfProperty& type_of_property = {});
   /// Whether it is true. An undefined result is not true, and `not` leaves it undefined.

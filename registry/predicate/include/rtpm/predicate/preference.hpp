@@ -11,20 +11,20 @@
 
 namespace rtpm::predicate {
 
-/// The order of the candidates that a predicate accepts: "min EXPRESSION", "max EXPRESSION", "with
+/// How to order the candidates that a predicate accepts: "min EXPRESSION", "max EXPRESSION", "with
 /// PREDICATE", "random", "first".
 class Preference {
  public:
-  /// Reads a text; an empty one is "first".
+  /// Parses a text; an empty one is "first".
   /// @realtime set-up only
-  /// @errors   no such preference; as Expression::parse(), with offsets into `text`; min and max
-  ///           of an expression that is not a number or text, `with` of one that is not a bool
+  /// @errors   no such preference; as Expression::parse(), with offsets into `text`; min or max of
+  ///           an expression that is neither number nor text; `with` of one that is not a bool
   [[nodiscard]] static expected<Preference, TextError> parse(
       std::string_view text, const TypeOfProperty& type_of_property = {});
 
-  /// The order of the candidates, as their indexes. Candidates with equal values keep their order;
-  /// those for which the expression is undefined come last.
-  /// @param random  draws the order of "random"
+  /// The indexes of the candidates in order of preference. Candidates with equal values keep their
+  /// order; those with an undefined value come last.
+  /// @param random  provides the order for "random"
   [[nodiscard]] std::vector<std::size_t> order(const std::vector<const PropertySource*>& candidates,
                                                std::uint64_t random) const;
   /// Whether the preference is "first", so that the first candidates found are the preferred ones.

@@ -9,12 +9,12 @@
 
 namespace rtpm::predicate {
 
-/// The common base of recursive-descent parsers, for predicates of names and filters of events: the
-/// current token, the first error, which ends the parsing (from then on the token is kEnd), and the
+/// Common base of the recursive-descent parsers for predicates of names and filters of events: the
+/// current token, the first error, which ends parsing (from then on the token is kEnd), and the
 /// operators `or`, `and`, `not` and parentheses.
 class TokenReader {
  protected:
-  /// Maximum nesting of parentheses and "not", which bounds the parser's recursion.
+  /// Maximum nesting of parentheses and "not"; bounds the parser's recursion.
   static constexpr int kNestingMax = 100;
 
   explicit TokenReader(std::string_view text, Minus minus = Minus::kSign) noexcept
@@ -29,11 +29,11 @@ class TokenReader {
   [[nodiscard]] bool is_at(std::string_view text) const;
   bool take(std::string_view text);
   void require(std::string_view text);
-  /// Takes `word`; refuses `symbol`, the spelling of other languages.
+  /// Consumes `word`; refuses `symbol`, the spelling in other languages.
   bool take_operator(std::string_view word, std::string_view symbol);
-  /// Takes "not"; refuses "!".
+  /// Consumes "not"; refuses "!".
   bool take_not();
-  /// Calls `inner` after `begin`, which opens a nested part, unless that is nested too deep.
+  /// Calls `inner` after `begin`, which opens a nested part, unless the nesting is too deep.
   template <class Inner>
   auto nested(const Token& begin, Inner inner) -> decltype(inner()) {
     if (++nesting_ > kNestingMax) fail(begin, "it is nested too deeply");

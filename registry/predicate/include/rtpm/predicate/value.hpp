@@ -56,17 +56,17 @@ using Value = std::variant<bool, std::int64_t, double, std::string, List>;
 [[nodiscard]] Type type_of(const Item& item) noexcept;
 [[nodiscard]] Type type_of(const Value& value) noexcept;
 
-/// The value in the syntax of predicates: 'haptic', 3, 2.5, true, ('x', 'y').
+/// The value in predicate syntax: 'haptic', 3, 2.5, true, ('x', 'y').
 [[nodiscard]] std::string to_text(const Value& value);
-/// The value of a constant's text; unquoted words are texts: true, 3, 2.5, arm, 'arm', ('x', 'y').
-/// An empty list is a list of texts.
+/// Parses a constant; unquoted words are texts: true, 3, 2.5, arm, 'arm', ('x', 'y'). An empty list
+/// is a list of texts.
 [[nodiscard]] std::optional<Value> parse_value(std::string_view text);
 
 /// A named value.
 struct Property {
   std::string name{};
   Value value{};
-  std::string unit{};  ///< Unit of a number: "newton"; empty if not stated.
+  std::string unit{};  ///< The unit of a number: "newton"; empty if not stated.
   friend bool operator==(const Property&, const Property&) = default;
 };
 
