@@ -27,7 +27,7 @@ struct Row {
 
 class CosNaming : public testing::TestWithParam<Row> {};
 
-TEST_P(CosNaming, HasItsErrorAtTheComponent) {
+TEST_P(CosNaming, ReportsItsErrorAtTheComponent) {
   Store store;
   const auto claim = [](std::string_view name, Owner owner) {
     return Claim{name, "rtpm://h:1/p", "lab.Arm", owner, 2s};

@@ -37,14 +37,11 @@ class Granted : public testing::Test {
     const std::string me = "uid:" + std::to_string(access::this_user());
     std::ofstream(folder_ + "/authorized") << me << " role=administer on=lab/arm0\n"
                                            << me << " role=observe on=lab/cam/*\n";
-    auto server = rpc::Server::create(
+    server_ = test::serve(
+        kRegistryPath, *registry_,
         {.name = "registry",
-         .realtime = rt::RealtimeMode::kOff,
-         .security = {.authorized_file = folder_ + "/authorized", .key_file = folder_ + "/key"}});
-    EXPECT_TRUE(server) << server.error().text();
-    server_ = std::move(*server);
-    EXPECT_TRUE(server_->add(kRegistryPath, *registry_, {.checks_callers = true}));
-    EXPECT_TRUE(server_->start());
+         .security = {.authorized_file = folder_ + "/authorized", .key_file = folder_ + "/key"}},
+        rpc::ObjectOptions{.checks_callers = true});
   }
   std::unique_ptr<rpc::Servant> registry_ = make_servant();
   ServedRegistry open_{*registry_};
@@ -54,7 +51,7 @@ class Granted : public testing::Test {
   rpc::Node node_{{.wait = {.strategy = rt::WaitStrategy::kBlock}, .collocates = false}};
 };
 
-TEST_F(Granted, NamesAreChangedByThoseWhoAdministerThem) {
+TEST_F(Granted, ChangesOnlyNamesThatTheCallerAdministers) {
   Directory directory(node_, server_->url(kRegistryPath));
   EXPECT_EQ(directory.bind(leased("lab/arm1")).error().outcome, Outcome::kDenied);
   EXPECT_EQ(directory.bind(leased("secret/y")).error().outcome, Outcome::kDenied);
@@ -66,7 +63,7 @@ TEST_F(Granted, NamesAreChangedByThoseWhoAdministerThem) {
   EXPECT_TRUE(directory.bind(leased("lab/arm0", kOther)));
 }
 
-TEST_F(Granted, NamesAreSeenByThoseWithARoleOnThem) {
+TEST_F(Granted, ShowsOnlyNamesOnWhichTheCallerHasARole) {
   Directory directory(node_, server_->url(kRegistryPath));
   EXPECT_TRUE(directory.resolve("lab/arm0"));
   EXPECT_TRUE(directory.describe("lab/cam/left"));
@@ -81,13 +78,13 @@ TEST_F(Granted, NamesAreSeenByThoseWithARoleOnThem) {
   EXPECT_EQ(found->entries.size(), 2u);
 }
 
-TEST_F(Granted, WatchesTellOfNamesWithARoleOnly) {
+TEST_F(Granted, WatchesReportOnlyNamesOnWhichTheCallerHasARole) {
   std::mutex mutex;
-  std::vector<std::string> told;
+  std::vector<std::string> reported;
   auto watch = NameWatch::start(node_, server_->url(kRegistryPath), {},
                                 {.on_change = [&](const NameChange& change) {
                                   const std::lock_guard lock(mutex);
-                                  told.push_back(change.entry.name);
+                                  reported.push_back(change.entry.name);
                                 }});
   ASSERT_TRUE(watch) << watch.error().text();
   Directory open(node_, open_.url());
@@ -95,10 +92,10 @@ TEST_F(Granted, WatchesTellOfNamesWithARoleOnly) {
   ASSERT_TRUE(open.bind(leased("lab/cam/right")));
   EXPECT_TRUE(test::await([&] {
     const std::lock_guard lock(mutex);
-    return std::ranges::find(told, "lab/cam/right") != told.end();
+    return std::ranges::find(reported, "lab/cam/right") != reported.end();
   }));
   const std::lock_guard lock(mutex);
-  EXPECT_EQ(told, (std::vector<std::string>{"lab/arm0", "lab/cam/left", "lab/cam/right"}));
+  EXPECT_EQ(reported, (std::vector<std::string>{"lab/arm0", "lab/cam/left", "lab/cam/right"}));
 }
 
 }  // namespace

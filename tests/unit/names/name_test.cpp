@@ -7,7 +7,7 @@
 namespace rtpm::names {
 namespace {
 
-TEST(Name, TakesWhatIsWithinTheLimits) {
+TEST(Name, IsAcceptedWithinTheLimits) {
   const std::string longest =
       std::string(64, 'a') + '/' + std::string(64, 'b') + '/' + std::string(64, 'c') + "/d/e/f";
   ASSERT_EQ(longest.size(), kNameSizeMax);
@@ -18,7 +18,7 @@ TEST(Name, TakesWhatIsWithinTheLimits) {
   }
 }
 
-TEST(Name, TellsWhichComponentIsBad) {
+TEST(Name, IsRefusedWithTheBadComponent) {
   struct Case {
     std::string name;
     int component;
@@ -49,14 +49,6 @@ TEST(Name, TellsWhichComponentIsBad) {
        }) {
     EXPECT_EQ(first_bad_component(bad.name), bad.component) << bad.name.substr(0, 250);
   }
-}
-
-TEST(Name, SplitsIntoComponents) {
-  EXPECT_EQ(component_of("lab/arm0/tip", 0), "lab");
-  EXPECT_EQ(component_of("lab/arm0/tip", 1), "arm0");
-  EXPECT_EQ(component_of("lab/arm0/tip", 2), "tip");
-  EXPECT_EQ(component_of("lab/arm0/tip", 3), "");
-  EXPECT_EQ(component_of("", 0), "");
 }
 
 TEST(Url, HasSchemeHostPortAndPath) {

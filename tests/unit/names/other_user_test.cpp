@@ -4,7 +4,6 @@
 #include <unistd.h>
 
 #include <cstdlib>
-#include <filesystem>
 #include <fstream>
 #include <memory>
 #include <mutex>
@@ -19,6 +18,8 @@
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/test/os.hpp"
 #include "rtpm/test/other_hosts.hpp"
+#include "rtpm/test/temporary_folder.hpp"
+#include "rtpm/test/text.hpp"
 
 namespace rtpm::names {
 namespace {
@@ -40,9 +41,6 @@ class OtherUser : public testing::Test {
     if (geteuid() != 0) GTEST_SKIP() << "another user takes root";
     hosts_.emplace();
     if (!hosts_->is_there()) GTEST_SKIP() << test::OtherHosts::kMissing;
-    std::string pattern = (std::filesystem::temp_directory_path() / "rtpm-names-XXXXXX").string();
-    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
-    folder_ = pattern;
     setenv("XDG_RUNTIME_DIR", folder_.c_str(), 1);
     become(kStranger);
     strangers_.emplace(discovery::kRegistryPort);
@@ -52,7 +50,6 @@ class OtherUser : public testing::Test {
   void TearDown() override {
     strangers_.reset();
     unsetenv("XDG_RUNTIME_DIR");
-    if (!folder_.empty()) std::filesystem::remove_all(folder_);
     hosts_.reset();
   }
   [[nodiscard]] std::string known_servers_file() const { return folder_ + "/known_servers"; }
@@ -74,60 +71,56 @@ class OtherUser : public testing::Test {
   }
 
   std::optional<test::OtherHosts> hosts_{};
-  std::string folder_{};
+  const test::TemporaryFolder own_folder_;
+  const std::string folder_ = own_folder_.path();
   std::optional<ServedRegistry> strangers_{};
   std::mutex mutex_;
   std::string said_{};
 };
 
-TEST_F(OtherUser, GetsNoNameOfAProgram) {
+TEST_F(OtherUser, GetsNoNamesOfThisUsersPrograms) {
   rpc::Node node(node_config());
   Directory at_stranger(node, strangers_->url());
-  const auto registration = create(node);
-  ASSERT_TRUE(registration) << registration.error().text();
-  EXPECT_TRUE((*registration)->is_bound());
+  const auto registration = test::made(create(node));
+  EXPECT_TRUE(registration->is_bound());
   EXPECT_TRUE(was_said("does not move to the registry at rtpm://127.0.0.1:7420/rtpm/names"));
   EXPECT_TRUE(was_said("local uid:4242"));
   EXPECT_EQ(at_stranger.resolve("lab/arm0").error().outcome, Outcome::kNotFound);
   EXPECT_EQ(Directory(node).resolve("lab/arm0")->url, kUrl) << "it serves its name itself";
   const auto bound = Directory(node).bind({"lab/x", kUrl, "lab.Arm", {7, 1}, 1s});
   ASSERT_FALSE(bound);
-  EXPECT_NE(bound.error().text().find("it is of user 4242"), std::string::npos)
-      << bound.error().text();
+  test::expect_text(bound.error().text(), {"it is of user 4242"});
 }
 
 // The foreign registry binds the name of an existing server.
-TEST_F(OtherUser, NeitherTakesANameNorKeepsItsServerFromStarting) {
+TEST_F(OtherUser, CannotTakeANameOrStopItsServerFromStarting) {
   rpc::Node node(node_config());
   Directory at_stranger(node, strangers_->url());
   ASSERT_TRUE(at_stranger.bind({"lab/arm0", kOtherUrl, "lab.Arm", {7, 1}, 1h}));
-  const auto registration = create(node);
-  ASSERT_TRUE(registration) << registration.error().text();
+  const auto registration = test::made(create(node));
   Directory directory(node);
   const auto entry = directory.resolve("lab/arm0");
   ASSERT_TRUE(entry) << entry.error().text();
   EXPECT_EQ(entry->url, kUrl);
   ASSERT_FALSE(directory.notes().empty());
-  EXPECT_NE(directory.notes().front().find("is left out"), std::string::npos);
+  test::expect_text(directory.notes().front(), {"is left out"});
   EXPECT_EQ(directory.list()->size(), 2u) << "a list shows both";
 }
 
-TEST_F(OtherUser, GetsNamesWhereItIsTrusted) {
+TEST_F(OtherUser, GetsNamesIfTrusted) {
   std::ofstream(known_servers_file()) << "local uid:4242\n";
   rpc::Node node(node_config());
-  const auto registration = create(node);
-  ASSERT_TRUE(registration) << registration.error().text();
+  const auto registration = test::made(create(node));
   EXPECT_EQ(Directory(node, strangers_->url()).resolve("lab/arm0")->url, kUrl);
   EXPECT_TRUE(Directory(node).bind({"lab/x", kUrl, "lab.Arm", {7, 1}, 1s}));
 }
 
 // A name at a registry returns to its own program when that registry becomes another user's.
-TEST_F(OtherUser, WhoTakesTheUsualPlaceGetsNoNamesThatWereThere) {
+TEST_F(OtherUser, GetsNoNamesByReplacingTheRegistry) {
   strangers_->stop();
   strangers_.emplace(discovery::kRegistryPort);
   rpc::Node node(node_config());
-  const auto registration = create(node);
-  ASSERT_TRUE(registration) << registration.error().text();
+  const auto registration = test::made(create(node));
   EXPECT_EQ(Directory(node, strangers_->url()).resolve("lab/arm0")->url, kUrl);
   strangers_->stop();
   become(kStranger);

@@ -73,7 +73,7 @@ Outcome outcome_of(const auto& result) {
   return std::optional<Outcome>(result.error().outcome).value_or(Outcome::kDone);
 }
 
-TEST(Permanent, StaysWithoutALeaseUntilItIsUnbound) {
+TEST(Permanent, NameNeedsNoLease) {
   Store store;
   const auto bound = store.bind(permanent("lab/arm0"), at(0s));
   ASSERT_TRUE(bound);
@@ -87,7 +87,7 @@ TEST(Permanent, StaysWithoutALeaseUntilItIsUnbound) {
   EXPECT_FALSE(store.resolve("lab/arm0", at(24h * 3651)));
 }
 
-TEST(Stored, IsEveryChangeBeforeItHappens) {
+TEST(StoredNames, AreStoredBeforeAChangeTakesEffect) {
   CountingStorage storage;
   Store store({}, 1, &storage);
   ASSERT_TRUE(store.bind(permanent("lab/arm0"), at(0s)));
@@ -104,7 +104,7 @@ TEST(Stored, IsEveryChangeBeforeItHappens) {
   EXPECT_TRUE(storage.names.empty());
 }
 
-TEST(Stored, DoesNotHappenWithoutTheStorage) {
+TEST(StoredNames, AreUnchangedIfTheStorageFails) {
   CountingStorage storage;
   Store store({}, 1, &storage);
   ASSERT_TRUE(store.bind(permanent("lab/arm0"), at(0s)));
@@ -123,7 +123,7 @@ TEST(Stored, DoesNotHappenWithoutTheStorage) {
   EXPECT_EQ(store.log().revision(), revision) << "nothing has changed";
 }
 
-TEST(Stored, ComesBackAndLeasedNamesHaveTheTimeToBeRenewed) {
+TEST(StoredNames, AreRestoredWithANewLease) {
   CountingStorage storage;
   {
     Store store({}, 1, &storage);
@@ -140,7 +140,7 @@ TEST(Stored, ComesBackAndLeasedNamesHaveTheTimeToBeRenewed) {
   EXPECT_GT(store.bind(permanent("lab/arm2"), at(63s))->revision, 100u);
 }
 
-TEST(Stored, KeepsLapsedNamesUntilTheyAreBoundOrDismissed) {
+TEST(StoredNames, IncludeLapsedNamesUntilTheyAreBoundOrDismissed) {
   CountingStorage storage;
   {
     Store store({}, 1, &storage);
@@ -167,7 +167,7 @@ TEST(Stored, KeepsLapsedNamesUntilTheyAreBoundOrDismissed) {
   EXPECT_TRUE(store.lapsed(at(60s)).all().empty());
 }
 
-TEST(Stored, KeepsNoMoreLapsedNamesThanTheRegistry) {
+TEST(StoredNames, IncludeNoMoreLapsedNamesThanTheRegistry) {
   CountingStorage storage;
   Store store({}, 1, &storage);
   for (std::size_t i = 0; i < LapsedNames::kCountPerHostMax + 10; ++i) {
@@ -181,7 +181,7 @@ TEST(Stored, KeepsNoMoreLapsedNamesThanTheRegistry) {
 
 // ---- changes from a shared storage --------------------------------------------------------
 
-ReportedChange told(std::string name, std::uint64_t revision, std::uint64_t holder = 0) {
+ReportedChange reported(std::string name, std::uint64_t revision, std::uint64_t holder = 0) {
   StoredName stored{.name = name,
                     .url = kUrl,
                     .interface = "lab.Arm",
@@ -191,10 +191,10 @@ ReportedChange told(std::string name, std::uint64_t revision, std::uint64_t hold
   return {std::move(name), revision, std::move(stored)};
 }
 
-TEST(Told, ChangesAreHereUnderTheRevisionsOfTheStorage) {
+TEST(ReportedChanges, KeepTheRevisionsOfTheStorage) {
   Store store({}, 10);
-  store.take({told("lab/arm0", 12), told("lab/arm1", 15)}, at(0s));
-  store.take({told("lab/arm0", 16, 12)}, at(0s));  // Only its lease differs.
+  store.take({reported("lab/arm0", 12), reported("lab/arm1", 15)}, at(0s));
+  store.take({reported("lab/arm0", 16, 12)}, at(0s));  // Only its lease differs.
   EXPECT_EQ((*store.resolve("lab/arm0", at(0s)))->revision, 12u);
   EXPECT_EQ(store.log().revision(), 15u) << "nothing that a watcher sees";
   store.take({{"lab/arm0", 17, std::nullopt}, {"lab/never", 18, std::nullopt}}, at(0s));
@@ -204,15 +204,15 @@ TEST(Told, ChangesAreHereUnderTheRevisionsOfTheStorage) {
   EXPECT_EQ(store.next_revision(), 19u);
 }
 
-TEST(Told, LeasedNamesThatGoWithoutAnUnbindAreLapsed) {
+TEST(ReportedChanges, TurnExpiredNamesIntoLapsedOnes) {
   Store store({}, 10);
   const auto leased_one = [](const char* name, std::uint64_t revision) {
-    ReportedChange change = told(name, revision);
+    ReportedChange change = reported(name, revision);
     change.stored->lease = 2s;
     change.stored->stay = 3s;
     return change;
   };
-  store.take({leased_one("lab/lost", 12), leased_one("lab/ended", 13), told("lab/kept", 14)},
+  store.take({leased_one("lab/lost", 12), leased_one("lab/ended", 13), reported("lab/kept", 14)},
              at(0s));
   store.take({{"lab/lost", 15, std::nullopt, true},
               {"lab/ended", 16, std::nullopt, false},
@@ -224,9 +224,9 @@ TEST(Told, LeasedNamesThatGoWithoutAnUnbindAreLapsed) {
   EXPECT_TRUE(store.lapsed(at(6s)).all().empty());
 }
 
-TEST(Told, ChangesWithOneRevisionAreNotToldOneByOne) {
+TEST(ReportedChanges, RestartTheHistoryIfTheyShareARevision) {
   Store store({}, 10);
-  store.take({told("lab/arm0", 12), told("lab/arm1", 13)}, at(0s));
+  store.take({reported("lab/arm0", 12), reported("lab/arm1", 13)}, at(0s));
   store.take({{"lab/arm0", 14, std::nullopt}, {"lab/arm1", 14, std::nullopt}}, at(0s));
   EXPECT_EQ(store.size(), 0u);
   EXPECT_EQ(store.log().restart_count(), 1u);
@@ -234,14 +234,14 @@ TEST(Told, ChangesWithOneRevisionAreNotToldOneByOne) {
   EXPECT_TRUE(store.log().reaches(14));
 }
 
-TEST(Told, NamesThatTheRulesRefuseAreLeftOut) {
+TEST(ReportedChanges, SkipInvalidNames) {
   Store store({}, 10);
-  ReportedChange bad_url = told("lab/arm1", 13);
+  ReportedChange bad_url = reported("lab/arm1", 13);
   bad_url.stored->url = "elsewhere";
-  store.take({told("lab//arm0", 12), bad_url, told("lab/arm2", 14)}, at(0s));
+  store.take({reported("lab//arm0", 12), bad_url, reported("lab/arm2", 14)}, at(0s));
   EXPECT_EQ(store.size(), 1u);
   store.take({[&] {
-               auto changed = told("lab/arm2", 15);
+               auto changed = reported("lab/arm2", 15);
                changed.stored->interface = "no interface";
                return changed;
              }()},
@@ -263,7 +263,7 @@ class OneOwner final : public Policy {
   }
 };
 
-TEST(Policies, AreAskedWithTheCallerOfEveryOperation) {
+TEST(Policies, CheckEveryOperation) {
   auto registry = make_registry({.policy = std::make_unique<const OneOwner>()});
   ASSERT_TRUE(registry);
   ServedRegistry served(**registry);

@@ -35,21 +35,6 @@ Property text_of_size(const std::string& name, std::size_t size) {
   return {name, std::string(size, 'x')};
 }
 
-TEST(Properties, AreGivenBackWithTheName) {
-  Store store;
-  const std::vector<Property> properties{{"class", std::string("haptic")},
-                                         {"force_newton_max", 3.3, "newton"},
-                                         {"axes", PropertyList{PropertyType::kText, {"x", "y"}}}};
-  ASSERT_TRUE(store.bind(claim("lab/arm0", properties), kNow));
-  EXPECT_EQ(store.resolve("lab/arm0", kNow).value()->properties, properties);
-  // The next bind of the same start replaces them, and the holder is unchanged.
-  const auto revision = store.resolve("lab/arm0", kNow).value()->revision;
-  const std::vector<Property> fewer{{"class", std::string("tracker")}};
-  ASSERT_TRUE(store.bind(claim("lab/arm0", fewer), kNow));
-  EXPECT_EQ(store.resolve("lab/arm0", kNow).value()->properties, fewer);
-  EXPECT_EQ(store.resolve("lab/arm0", kNow).value()->revision, revision);
-}
-
 TEST(Properties, AreRefusedByNumberWhereMalformed) {
   const double infinite = std::numeric_limits<double>::infinity();
   const std::vector<Property> bad{
@@ -174,7 +159,7 @@ TEST_F(Query, ChecksTypesByTheNamesOfTheInterface) {
   EXPECT_EQ(found({"lab.Arm", "force == 'none'"}), Names{});
 }
 
-TEST_F(Query, NotesPropertiesThatNoNameHas) {
+TEST_F(Query, SuggestsTheNameOfAnUnknownProperty) {
   const auto result = find(store_.index(kNow), {"lab.Arm", "forces > 3 or is_free"}, 9, 1);
   ASSERT_TRUE(result);
   EXPECT_EQ(result->records.size(), 2u);

@@ -35,27 +35,27 @@ std::string reached(const std::string& hosts, bool is_of_other_host) {
   return url->substr(kSchemeSize, url->find(":4711") - kSchemeSize);
 }
 
-TEST(ReachableUrl, OfThisHostLeadsToItsOwnAddressFirst) {
+TEST(ReachableUrl, PrefersTheOwnAddressOnThisHost) {
   EXPECT_EQ(reached("10.9.0.1,10.0.1.7", false), "10.0.1.7,10.9.0.1");
   EXPECT_EQ(reached("10.9.0.1,127.0.0.1", false), "127.0.0.1,10.9.0.1");
   EXPECT_EQ(reached("10.0.0.7,[::1]", false), "10.0.0.7,[::1]") << "as they stand";
   EXPECT_EQ(reached("127.0.0.1", false), "127.0.0.1");
 }
 
-TEST(ReachableUrl, OfAnotherHostLeadsToASharedNetworkFirst) {
+TEST(ReachableUrl, PrefersASharedNetworkOnAnotherHost) {
   EXPECT_EQ(reached("192.168.1.5,10.0.1.9", true), "10.0.1.9,192.168.1.5");
   EXPECT_EQ(reached("192.168.1.5,[fd00:0:0:1::9],robot.lab,10.0.0.9", true),
             "[fd00:0:0:1::9],10.0.0.9,192.168.1.5,robot.lab");
   EXPECT_EQ(reached("192.168.1.5,[2001:db8::9]", true), "192.168.1.5,[2001:db8::9]");
 }
 
-TEST(ReachableUrl, OfAnotherHostIsNoneOfThisHostsAddresses) {
+TEST(ReachableUrl, OmitsThisHostsAddressesForAnotherHost) {
   EXPECT_EQ(reached("172.17.0.1,10.0.0.9", true), "10.0.0.9");
   EXPECT_EQ(reached("127.0.0.1,10.0.0.9", true), "10.0.0.9");
   EXPECT_EQ(reached("172.17.0.1", true), "172.17.0.1") << "for want of others";
 }
 
-TEST(ReachableUrl, OfAnotherHostThatServesItselfOnlyIsAnErrorInWords) {
+TEST(ReachableUrl, ReportsAnotherHostThatServesItselfOnly) {
   for (const char* hosts : {"127.0.0.1", "127.0.0.1,[::1]"}) {
     const std::string text = reached(hosts, true);
     for (const char* part :
@@ -73,7 +73,7 @@ NameEntry entry_for(std::uint64_t bound_from, std::uint64_t asked_from) {
   return entry_of(*flatbuffers::GetRoot<Entry>(builder.GetBufferPointer()));
 }
 
-TEST(NameEntry, SaysWhetherItsServerIsOnAnotherHostThanTheCaller) {
+TEST(NameEntry, StatesWhetherItsServerIsOnAnotherHost) {
   constexpr std::uint64_t kHere = 0x7f00'0001;
   constexpr std::uint64_t kThere = 0x0a00'0007;
   EXPECT_FALSE(entry_for(kHere, kHere).is_of_other_host);

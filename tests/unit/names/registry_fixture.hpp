@@ -9,7 +9,7 @@
 
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/names/servant.hpp"
-#include "rtpm/rpc/server.hpp"
+#include "rtpm/test/serve.hpp"
 
 namespace rtpm::names {
 
@@ -28,19 +28,13 @@ class ServedRegistry {
 
   void start() {
     if (other_ == nullptr) servant_ = make_servant(limits_);
-    auto server = rpc::Server::create({.name = "registry",
-                                       .port = port_,
-                                       .lanes = lanes_,
-                                       .realtime = rt::RealtimeMode::kOff,
-                                       .deferred_call_count_max = 160,
-                                       .stream_count_max = 128,
-                                       .stream_byte_max = 64 * 1024});
-    ASSERT_TRUE(server) << server.error().text();
-    server_ = std::move(*server);
-    const auto added = server_->add(kRegistryPath, other_ != nullptr ? *other_ : *servant_);
-    ASSERT_TRUE(added) << added.error().text();
-    const auto started = server_->start();
-    ASSERT_TRUE(started) << started.error().text();
+    server_ = test::serve(kRegistryPath, other_ != nullptr ? *other_ : *servant_,
+                          {.name = "registry",
+                           .port = port_,
+                           .lanes = lanes_,
+                           .deferred_call_count_max = 160,
+                           .stream_count_max = 128,
+                           .stream_byte_max = 64 * 1024});
     port_ = server_->port();
   }
   /// Stops the server, which loses all its names.

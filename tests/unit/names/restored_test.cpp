@@ -43,15 +43,15 @@ class Cluster {
   void restore(State state) {
     const std::lock_guard lock(mutex_);
     state_ = std::move(state);
-    for (Told& each : followers_)
+    for (Informed& each : followers_)
       each.has_noticed = false;
   }
   /// Makes the registry with this number notice that the storage was restored.
   void notice(std::size_t number) {
     const std::lock_guard lock(mutex_);
-    Told& told = followers_.at(number);
-    told.has_noticed = true;
-    told.follower->on_restart(values(), state_.revision, /*is_replaced=*/true);
+    Informed& reported = followers_.at(number);
+    reported.has_noticed = true;
+    reported.follower->on_restart(values(), state_.revision, /*is_replaced=*/true);
   }
   void add(Storage::Follower& follower) {
     const std::lock_guard lock(mutex_);
@@ -70,18 +70,18 @@ class Cluster {
     const std::uint64_t now = found == state_.names.end() ? 0 : found->second.change;
     if (now != change.expected) return unexpected{conflict()};
     const std::uint64_t revision = ++state_.revision;
-    ReportedChange told{std::string(change.name), revision, std::nullopt};
+    ReportedChange reported{std::string(change.name), revision, std::nullopt};
     if (found != state_.names.end()) state_.names.erase(found);
     if (change.stored != nullptr) {
       StoredName stored = *change.stored;
       stored.change = revision;
       if (stored.revision == change.revision) stored.revision = revision;
-      told.stored = stored;
+      reported.stored = stored;
       state_.names.emplace(change.name, std::move(stored));
     }
-    for (Told& each : followers_) {
+    for (Informed& each : followers_) {
       if (!each.has_noticed) continue;
-      each.follower->on_changes({told});
+      each.follower->on_changes({reported});
     }
     return revision;
   }
@@ -94,7 +94,7 @@ class Cluster {
   }
 
  private:
-  struct Told {
+  struct Informed {
     Storage::Follower* follower;
     bool has_noticed;
   };
@@ -110,7 +110,7 @@ class Cluster {
 
   std::mutex mutex_;
   State state_{};
-  std::vector<Told> followers_{};
+  std::vector<Informed> followers_{};
 };
 
 class SimulatedStorage final : public Storage {
@@ -204,11 +204,11 @@ class Site {
     std::optional<ServedRegistry> served{};
     std::optional<Directory> directory{};
     std::mutex mutex{};
-    NamesAndUrls told{};
+    NamesAndUrls reported{};
     std::unique_ptr<NameWatch> watch{};
     [[nodiscard]] NamesAndUrls watched() {
       const std::lock_guard lock(mutex);
-      return told;
+      return reported;
     }
   };
 
@@ -222,9 +222,9 @@ class Site {
     auto watch = NameWatch::start(node_, each.served->url(), {},
                                   {.on_change = [&each](const NameChange& change) {
                                     const std::lock_guard lock(each.mutex);
-                                    each.told.erase(change.entry.name);
+                                    each.reported.erase(change.entry.name);
                                     if (change.kind != NameChange::Kind::kGone)
-                                      each.told.emplace(change.entry.name, change.entry.url);
+                                      each.reported.emplace(change.entry.name, change.entry.url);
                                   }});
     ASSERT_TRUE(watch) << watch.error().text();
     each.watch = std::move(*watch);
@@ -245,7 +245,7 @@ class Site {
   int url_count_ = 0;
 };
 
-TEST(RestoredStorage, LeavesRegistriesAndWatchesWithWhatIsStored) {
+TEST(RestoredStorage, RegistriesAndWatchesConvergeToTheRestoredState) {
   for (std::uint64_t seed = 1; seed <= 12; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     Site site(seed);

@@ -49,7 +49,8 @@ class Model {
     claimed.bound = is_kept ? held->bound : now;
     claimed.expires = now + lease_for(claimed, lease, now);
     if (held == nullptr) {
-      if (Answer place = place_for(claimed.name); place.outcome != Outcome::kDone) return place;
+      if (Answer conflict = conflict_of(claimed.name); conflict.outcome != Outcome::kDone)
+        return conflict;
       if (records_.size() >= kCountMax) return {Outcome::kFull};
     } else if (held->owner.id == claimed.owner.id && claimed.owner.epoch < held->owner.epoch) {
       return about(Outcome::kStaleEpoch, claimed.name);
@@ -144,7 +145,7 @@ class Model {
     return found == records_.end() ? nullptr : &*found;
   }
 
-  Answer place_for(const std::string& name) const {
+  Answer conflict_of(const std::string& name) const {
     for (const Record& record : records_) {
       if (is_below(name, record.name)) return about(Outcome::kNotADirectory, record.name);
     }
@@ -155,7 +156,7 @@ class Model {
   }
 
   Answer missing(const std::string& name) const {
-    if (Answer place = place_for(name); place.outcome != Outcome::kDone) return place;
+    if (Answer conflict = conflict_of(name); conflict.outcome != Outcome::kDone) return conflict;
     // The first component that no bound name shares.
     for (std::size_t end = 0, component = 0; end != std::string::npos; ++component) {
       end = name.find('/', end + 1);

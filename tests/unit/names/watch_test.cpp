@@ -35,7 +35,7 @@ Claim claim(std::string_view name, std::string_view url = kUrl,
 }
 
 /// The reports of a watch.
-class Told {
+class Reports {
  public:
   WatchHandlers handlers() {
     return {.on_change =
@@ -80,8 +80,8 @@ class Watch : public testing::Test {
     EXPECT_TRUE(bound) << bound.error().text();
   }
   void unbind(std::string_view name) { EXPECT_TRUE(directory_.unbind(name, kArm)); }
-  std::unique_ptr<NameWatch> start(Told& told, WatchConfig config = {}) {
-    auto watch = NameWatch::start(node_, registry_.url(), std::move(config), told.handlers());
+  std::unique_ptr<NameWatch> start(Reports& reports, WatchConfig config = {}) {
+    auto watch = NameWatch::start(node_, registry_.url(), std::move(config), reports.handlers());
     EXPECT_TRUE(watch) << watch.error().text();
     return watch ? std::move(*watch) : nullptr;
   }
@@ -91,56 +91,56 @@ class Watch : public testing::Test {
   Directory directory_{node_, registry_.url()};
 };
 
-TEST_F(Watch, TellsTheStateAndThenEveryChangeInOrder) {
+TEST_F(Watch, ReportsTheStateAndThenEveryChangeInOrder) {
   bind("lab/arm0");
   bind("lab/arm1");
   bind("lab-2/arm0");
-  Told told;
-  const auto watch = start(told, {.directory = "lab"});
+  Reports reports;
+  const auto watch = start(reports, {.directory = "lab"});
   ASSERT_TRUE(watch);
-  ASSERT_TRUE(test::await([&] { return told.count() == 3; }));
+  ASSERT_TRUE(test::await([&] { return reports.count() == 3; }));
   bind("lab/arm2");
   bind("lab/arm0", kOtherUrl);
   bind("hall/arm0");
   bind("lab/arm0", kOtherUrl);  // Changes only the lease.
   unbind("lab/arm1");
   bind("lab/arm1");
-  ASSERT_TRUE(test::await([&] { return told.count() == 7; }));
-  EXPECT_EQ(told.all(), (Texts{"bound lab/arm0", "bound lab/arm1", "state", "bound lab/arm2",
-                               "changed lab/arm0", "gone lab/arm1", "bound lab/arm1"}));
+  ASSERT_TRUE(test::await([&] { return reports.count() == 7; }));
+  EXPECT_EQ(reports.all(), (Texts{"bound lab/arm0", "bound lab/arm1", "state", "bound lab/arm2",
+                                  "changed lab/arm0", "gone lab/arm1", "bound lab/arm1"}));
   EXPECT_EQ(watch->state_count(), 1u);
 }
 
-TEST_F(Watch, EndsANameThatFitsNoMore) {
+TEST_F(Watch, ReportsANameThatNoLongerMatchesAsGone) {
   bind("lab/arm0", kUrl, {{"is_free", true}});
   bind("lab/arm1", kUrl, {{"is_free", false}});
-  Told told;
-  const auto watch = start(told, {.interface = "lab.Arm", .predicate = "is_free"});
+  Reports reports;
+  const auto watch = start(reports, {.interface = "lab.Arm", .predicate = "is_free"});
   ASSERT_TRUE(watch);
-  ASSERT_TRUE(test::await([&] { return told.count() == 2; }));
+  ASSERT_TRUE(test::await([&] { return reports.count() == 2; }));
   bind("lab/arm1", kUrl, {{"is_free", true}});
   bind("lab/arm0", kUrl, {{"is_free", true}, {"more", true}});
   bind("lab/arm0", kUrl, {{"is_free", false}});
   bind("lab/arm0", kUrl, {{"is_free", false}, {"more", true}});
   unbind("lab/arm0");
   unbind("lab/arm1");
-  ASSERT_TRUE(test::await([&] { return told.count() == 6; }));
-  EXPECT_EQ(told.all(), (Texts{"bound lab/arm0", "state", "bound lab/arm1", "changed lab/arm0",
-                               "gone lab/arm0", "gone lab/arm1"}));
+  ASSERT_TRUE(test::await([&] { return reports.count() == 6; }));
+  EXPECT_EQ(reports.all(), (Texts{"bound lab/arm0", "state", "bound lab/arm1", "changed lab/arm0",
+                                  "gone lab/arm0", "gone lab/arm1"}));
 }
 
-TEST_F(Watch, TellsAnEndedLeaseWithoutAnyOperation) {
+TEST_F(Watch, ReportsAnExpiredLeaseWithoutAnyOperation) {
   Claim brief = claim("lab/arm0");
   brief.lease = 100ms;
-  Told told;
-  const auto watch = start(told);
+  Reports reports;
+  const auto watch = start(reports);
   ASSERT_TRUE(watch);
   ASSERT_TRUE(directory_.bind(brief));
-  ASSERT_TRUE(test::await([&] { return told.count() == 3; }));
-  EXPECT_EQ(told.all(), (Texts{"state", "bound lab/arm0", "gone lab/arm0"}));
+  ASSERT_TRUE(test::await([&] { return reports.count() == 3; }));
+  EXPECT_EQ(reports.all(), (Texts{"state", "bound lab/arm0", "gone lab/arm0"}));
 }
 
-TEST_F(Watch, RefusesAPredicateWithItsPlaceAndABadDirectory) {
+TEST_F(Watch, RefusesABadPredicateAndABadDirectory) {
   const auto refused = NameWatch::start(node_, registry_.url(), {.predicate = "is_free ="}, {});
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().outcome, Outcome::kBadPredicate);
@@ -154,33 +154,33 @@ TEST_F(Watch, RefusesAPredicateWithItsPlaceAndABadDirectory) {
 TEST_F(Watch, ComparesWithTheFullStateAfterARestartOfTheRegistry) {
   bind("lab/arm0");
   bind("lab/arm1");
-  Told told;
-  const auto watch = start(told);
+  Reports reports;
+  const auto watch = start(reports);
   ASSERT_TRUE(watch);
-  ASSERT_TRUE(test::await([&] { return told.count() == 3; }));
+  ASSERT_TRUE(test::await([&] { return reports.count() == 3; }));
   registry_.stop();
   ASSERT_TRUE(test::await([&] { return !watch->is_connected(); }));
   registry_.start();
   ASSERT_TRUE(test::await([&] { return watch->state_count() == 2; }));
   bind("lab/arm2");
-  ASSERT_TRUE(test::await([&] { return told.count() == 7; }));
-  const Texts all = told.all();
+  ASSERT_TRUE(test::await([&] { return reports.count() == 7; }));
+  const Texts all = reports.all();
   EXPECT_EQ(Texts(all.begin() + 3, all.end()),
             (Texts{"gone lab/arm0", "gone lab/arm1", "state", "bound lab/arm2"}));
-  EXPECT_EQ(told.notices().size(), 2u);
+  EXPECT_EQ(reports.notices().size(), 2u);
 }
 
 TEST_F(Watch, ReachesAHundredWatchers) {
-  std::vector<std::unique_ptr<Told>> told;
+  std::vector<std::unique_ptr<Reports>> reports;
   std::vector<std::unique_ptr<NameWatch>> watches;
   for (int i = 0; i < 100; ++i) {
-    told.push_back(std::make_unique<Told>());
-    watches.push_back(start(*told.back()));
+    reports.push_back(std::make_unique<Reports>());
+    watches.push_back(start(*reports.back()));
     ASSERT_TRUE(watches.back()) << i;
   }
   bind("lab/arm0");
   EXPECT_TRUE(test::await([&] {
-    return std::ranges::all_of(told, [](const auto& each) {
+    return std::ranges::all_of(reports, [](const auto& each) {
       return each->all() == Texts{"state", "bound lab/arm0"};
     });
   }));
@@ -209,7 +209,7 @@ class WatchStream : public Watch {
   NamesClient client_ = NamesClient::bind(node_, registry_.url()).value();
 };
 
-TEST_F(WatchStream, ResumesBehindARevisionOrSaysThatItIsTooOld) {
+TEST_F(WatchStream, ResumesAfterARevisionOrSendsTheWholeState) {
   bind("lab/arm0");
   std::uint64_t history = 0;
   std::uint64_t after = 0;
@@ -299,7 +299,7 @@ TEST(ChangeLog, IsBoundedByBytes) {
 
 // ---- bindings that follow a name -----------------------------------------------------------
 
-TEST_F(Watch, LeadsBindingsToAServerThatMovedBeforeACallFails) {
+TEST_F(Watch, RebindsToAMovedServerBeforeACallFails) {
   ServedRegistry first;
   ServedRegistry second;
   RegistryResolver resolver(node_, registry_.url());
@@ -323,7 +323,7 @@ TEST_F(Watch, LeadsBindingsToAServerThatMovedBeforeACallFails) {
   EXPECT_TRUE(client->report());
 }
 
-TEST(Watches, OfTheOwnHostLeaveSomeToOthers) {
+TEST(Watches, AreLimitedForTheOwnHost) {
   Limits limits;
   limits.watch_count_max = 4;
   ServedRegistry registry(limits);
