@@ -21,7 +21,7 @@ namespace rtpm::system_test {
 namespace {
 
 /// A device server with an arm at rest and a gaze tracker, which saves its settings.
-class Configured : public testing::Test {
+class Configured : public WithRegistry {
  protected:
   Configured() {
     folder_ =
@@ -30,8 +30,7 @@ class Configured : public testing::Test {
     std::filesystem::create_directory(folder_);
   }
   void SetUp() override {
-    registry_ = start_daemon("rtpm-registryd", {"--port", "0", "--realtime", "off"});
-    ASSERT_TRUE(registry_);
+    WithRegistry::SetUp();
     start_device();
   }
 
@@ -39,11 +38,12 @@ class Configured : public testing::Test {
 
   [[nodiscard]] std::vector<std::string> device_arguments(
       const std::string& devices = "arm0,gaze0") const {
-    return {"--port",     "0",        "--registry", registry_->url, "--realtime",        "off",
-            "--settings", settings(), "--devices",  devices,        "--device-arm0-free"};
+    return {"--settings", settings(), "--devices", devices, "--device-arm0-free"};
   }
-  void start_device() {
-    device_ = start_daemon("rtpm-deviced", device_arguments());
+  void start_device(const std::vector<std::string>& more = {}) {
+    auto arguments = device_arguments();
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    device_ = start_server("rtpm-deviced", arguments);
     ASSERT_TRUE(device_);
   }
   void stop_device() {
@@ -88,7 +88,6 @@ class Configured : public testing::Test {
   }
 
   std::filesystem::path folder_;
-  std::optional<Daemon> registry_{};
   std::optional<Daemon> device_{};
 };
 
@@ -102,8 +101,7 @@ TEST_F(Configured, ListsEveryParameterInATable) {
   std::string first;
   std::string head;
   std::getline(lines, first);
-  EXPECT_NE(first.find("RTPM simulated arm, serial sim-arm0, active, revision "),
-            std::string::npos);
+  expect_words(first, {"RTPM simulated arm, serial sim-arm0, active, revision "});
   std::getline(lines, head);
   std::getline(lines, head);
   for (std::string line; std::getline(lines, line);) {
@@ -113,16 +111,13 @@ TEST_F(Configured, ListsEveryParameterInATable) {
     EXPECT_EQ(column_of(line, "any time"), column_of(head, "CHANGES"));
     EXPECT_EQ(column_of(line, "Time from full force"), column_of(head, "DESCRIPTION"));
   }
-  for (const std::string_view part : {"encoder.offset_m", "3 of -0.02 to 0.02", "read-only",
-                                      "inactive", "safety.force_newton_max", "0 to 9"}) {
-    EXPECT_NE(output.find(part), std::string::npos) << part << " is not in:\n" << output;
-  }
+  expect_words(output, {"encoder.offset_m", "3 of -0.02 to 0.02", "read-only", "inactive",
+                        "safety.force_newton_max", "0 to 9"});
 }
 
-TEST_F(Configured, DescribeShowsEveryParameter) {
+TEST_F(Configured, ShowsEveryParameterInItsDescription) {
   for (const char* device : {"lab/arm0", "lab/gaze0"}) {
-    const auto described =
-        run_program("rtpm", {"info", device, "--registry", registry_->url, "--deadline", "20s"});
+    const auto described = rtpm({"info", device});
     EXPECT_EQ(described.exit_code, 0) << described.errors;
     std::istringstream values(output_of({"get", device}));
     int count = 0;
@@ -148,7 +143,7 @@ TEST_F(Configured, SetsAllOrNothingAndReadsBack) {
   EXPECT_TRUE(device_->process.wait_for_errors("lab/arm0: parameters have changed", kPatience));
 }
 
-TEST_F(Configured, RefusesInWordsWhatCantBe) {
+TEST_F(Configured, RefusesInvalidValuesWithTheReason) {
   const auto expect = [&](const std::string& setting, int exit_code,
                           const std::vector<std::string_view>& words) {
     expect_one_sentence(config({"set", "lab/arm0", setting}), exit_code, words);
@@ -156,32 +151,25 @@ TEST_F(Configured, RefusesInWordsWhatCantBe) {
   expect("safety.force_newton_max=10", 1, {"out of range", "0 to 9"});
   expect("safety.force_newton_max=much", 1, {"'much'", "type real", "a number such as"});
   expect("encoder.offset_m=1,2", 1, {"encoder.offset_m", "out of range"});
-  expect("safety.rampe_s=0.01", 1, {"safety.rampe_s", "did you mean 'safety.ramp_s'?"});
   expect("velocity.cycle_count=3", 1, {"the device is active", "deactivate the device first"});
   expect("encoder.resolution_m=1", 1, {"read-only"});
   expect("safety.ramp_s", 2, {"NAME=VALUE", "rtpm config set --help"});
-  expect_one_sentence(config({"get", "lab/arm0", "enkoder.offset_m"}), 1,
-                      {"did you mean 'encoder.offset_m'?"});
   expect_one_sentence(config({"lits", "lab/arm0"}), 2, {"'lits'", "did you mean 'list'"});
-  expect_one_sentence(config({"list", "lab/arm9"}), 3, {"lab/arm9"});
-  expect_one_sentence(config({"calibrate", "lab/arm0", "encoder_ofset"}), 1,
-                      {"did you mean 'encoder_offset'?"});
 }
 
-TEST_F(Configured, WhatTheDriverRefusesIsToldInItsWords) {
+TEST_F(Configured, ReportsADriversRefusal) {
   expect_one_sentence(
       config({"set", "lab/arm0", "workspace.low_m=0.05,0,0", "workspace.high_m=0.01,0,0"}), 1,
       {"workspace.low_m is above workspace.high_m", "give both corners"});
 }
 
-TEST_F(Configured, AnInactiveDeviceTakesWhatAnActiveOneDoesNot) {
-  const auto stopped = run_program("rtpm", {"take-over", "lab/arm0", "deactivate", "--for", "300ms",
-                                            "--registry", registry_->url, "--deadline", "20s"});
+TEST_F(Configured, AppliesSomeParametersOnlyWhileInactive) {
+  const auto stopped = rtpm({"take-over", "lab/arm0", "deactivate", "--for", "300ms"});
   ASSERT_EQ(stopped.exit_code, 0) << stopped.errors;
   EXPECT_EQ(output_of({"set", "lab/arm0", "velocity.cycle_count=3"}), "velocity.cycle_count=3\n");
 }
 
-TEST_F(Configured, OfTwoWritersTheSecondIsTold) {
+TEST_F(Configured, RefusesTheSecondOfTwoWriters) {
   const std::string listed = output_of({"list", "lab/arm0"});
   const std::string mark = "revision ";
   const std::size_t begin = listed.find(mark) + mark.size();
@@ -196,7 +184,7 @@ TEST_F(Configured, OfTwoWritersTheSecondIsTold) {
   EXPECT_EQ(output_of({"get", "lab/arm0", "safety.ramp_s"}), "safety.ramp_s=0.01\n");
 }
 
-TEST_F(Configured, SavedValuesAreThereAfterARestart) {
+TEST_F(Configured, RestoresSavedValuesAfterARestart) {
   ASSERT_EQ(config({"set", "lab/arm0", "safety.ramp_s=0.01"}).exit_code, 0);
   EXPECT_NE(output_of({"list", "lab/arm0"}).find(", not saved\n"), std::string::npos);
   EXPECT_EQ(output_of({"save", "lab/arm0"}), "saved\n");
@@ -208,15 +196,12 @@ TEST_F(Configured, SavedValuesAreThereAfterARestart) {
             "safety.hold_max_s=0.1\nsafety.ramp_s=0.01\n");
 }
 
-TEST_F(Configured, ASavedLimitIsIgnoredByAServerWithATighterOne) {
+TEST_F(Configured, IgnoresASavedLimitWhereTheServerHasATighterOne) {
   ASSERT_EQ(
       config({"set", "lab/arm0", "safety.force_newton_max=8", "safety.ramp_s=0.01"}).exit_code, 0);
   ASSERT_EQ(config({"save", "lab/arm0"}).exit_code, 0);
   stop_device();
-  auto arguments = device_arguments();
-  arguments.insert(arguments.end(), {"--device-arm0-force-max", "5"});
-  device_ = start_daemon("rtpm-deviced", arguments);
-  ASSERT_TRUE(device_);
+  start_device({"--device-arm0-force-max", "5"});
   EXPECT_EQ(output_of({"get", "lab/arm0", "safety.force_newton_max", "safety.ramp_s"}),
             "safety.force_newton_max=5\nsafety.ramp_s=0.01\n");
   EXPECT_TRUE(device_->process.wait_for_errors("safety.force_newton_max = 8", kPatience));
@@ -234,15 +219,18 @@ TEST_F(Configured, RefusesToStartWithABrokenOrForeignFile) {
   other.replace(other.find("sim-arm0"), 8, "sim-arm7");
   std::filesystem::copy_file(path, other);
   auto arguments = device_arguments("arm0");
-  arguments.insert(arguments.end(), {"--device-arm0-serial", "sim-arm7"});
-  expect_one_sentence(run_program("rtpm-deviced", arguments), 1,
+  arguments.insert(arguments.end(),
+                   {"--port", "0", "--registry", registry_->url, "--realtime", "off"});
+  auto foreign = arguments;
+  foreign.insert(foreign.end(), {"--device-arm0-serial", "sim-arm7"});
+  expect_one_sentence(run_program("rtpm-deviced", foreign), 1,
                       {"lab/arm0", "sim-arm7.json", "sim-arm0", "Remedy"});
   std::filesystem::resize_file(path, std::filesystem::file_size(path) / 2);
-  expect_one_sentence(run_program("rtpm-deviced", device_arguments("arm0")), 1,
+  expect_one_sentence(run_program("rtpm-deviced", arguments), 1,
                       {"lab/arm0", "sim-arm0.json", "Remedy"});
 }
 
-TEST_F(Configured, WithoutAFolderNothingIsSaved) {
+TEST_F(Configured, SavesNothingWithoutAFolder) {
   const auto device =
       start_daemon("rtpm-deviced", {"--port", "0", "--registry", "none", "--realtime", "off"});
   ASSERT_TRUE(device);
@@ -250,20 +238,18 @@ TEST_F(Configured, WithoutAFolderNothingIsSaved) {
   EXPECT_EQ(config({"list", device->url}).exit_code, 0) << "by URL, without a registry";
 }
 
-TEST_F(Configured, ACalibrationIsADialogueToItsEnd) {
+TEST_F(Configured, RunsACalibrationAsADialogue) {
   EXPECT_NE(output_of({"calibrate", "lab/arm0"}).find("encoder_offset  "), std::string::npos);
   const auto kept = typed("what\\nready\\nkeep\\n", {"calibrate", "lab/arm0", "encoder_offset"});
   EXPECT_EQ(kept.exit_code, 0) << kept.errors;
-  for (const std::string_view part : {"Put the arm at rest", "[ready]", "Answer ready", "%",
-                                      "The encoders' offset is", "[keep | discard]", "kept"}) {
-    EXPECT_NE(kept.output.find(part), std::string::npos) << part << " is not in:\n" << kept.output;
-  }
+  expect_words(kept.output, {"Put the arm at rest", "[ready]", "Answer ready", "%",
+                             "The encoders' offset is", "[keep | discard]", "kept"});
   const std::string offset = output_of({"get", "lab/arm0", "encoder.offset_m"});
   EXPECT_NE(offset, "encoder.offset_m=0,0,0\n");
   EXPECT_NE(kept.output.find(offset), std::string::npos) << offset;
 }
 
-TEST_F(Configured, NinePointsCalibrateTheTrackerFromAScript) {
+TEST_F(Configured, CalibratesTheTrackerWithNinePointsFromAScript) {
   const auto discarded =
       config({"calibrate", "lab/gaze0", "nine_points", "--answer", "ready", "--discard"});
   EXPECT_EQ(discarded.exit_code, 0) << discarded.errors;
@@ -275,7 +261,7 @@ TEST_F(Configured, NinePointsCalibrateTheTrackerFromAScript) {
   EXPECT_NE(output_of({"get", "lab/gaze0", "correction.gain"}), "correction.gain=1,1\n");
 }
 
-TEST_F(Configured, ACalibrationThatFailsOrIsLeftChangesNothing) {
+TEST_F(Configured, ChangesNothingWhenACalibrationFailsOrIsAbandoned) {
   expect_one_sentence(config({"calibrate", "lab/arm0", "workspace", "--answer", "done"}), 1,
                       {"the calibration failed", "move it through all corners"});
   expect_one_sentence(config({"calibrate", "lab/arm0", "encoder_offset", "--answer", "no"}), 1,
@@ -285,7 +271,7 @@ TEST_F(Configured, ACalibrationThatFailsOrIsLeftChangesNothing) {
   EXPECT_EQ(output_of({"get", "lab/arm0", "encoder.offset_m"}), "encoder.offset_m=0,0,0\n");
 }
 
-TEST_F(Configured, CtrlCCancelsACalibration) {
+TEST_F(Configured, CancelsACalibrationAtCtrlC) {
   const std::string pipe = (folder_ / "keyboard").string();
   ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
   std::vector<std::string> command{"sh", "-c", "exec \"$0\" \"$@\" <>" + pipe, path_of("rtpm")};
@@ -332,7 +318,7 @@ class HostileDevice final : public test::SampleDevice {
   static constexpr const char* kHostile = "\x1b[2J\nall is \xe2\x80\xaewell";
 };
 
-TEST(ConfigOfAHostileServer, PrintsItsWordsEscaped) {
+TEST(ConfigOfAHostileServer, PrintsItsTextEscaped) {
   HostileDevice device;
   const auto manager = gvd::ConfigurationManager::create(device);
   ASSERT_TRUE(manager) << manager.error().text();

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "programs.hpp"
+#include "rtpm/test/os.hpp"
 
 // How programs end: in order on every signal that asks for it, and with an exit code that shows
 // whether all output was written.
@@ -33,12 +34,11 @@ class EndSignal : public Laboratory, public testing::WithParamInterface<int> {
 };
 
 TEST_P(EndSignal, EndsServersInOrder) {
-  auto hub = start_daemon("rtpm-eventd",
-                          {"--port", "0", "--registry", registry_->url, "--realtime", "off"});
+  auto hub = start_server("rtpm-eventd");
   ASSERT_TRUE(hub);
   expect_orderly_end(hub->process, "rtpm-eventd");
   expect_orderly_end(device_->process, "rtpm-deviced");
-  const auto names = run_program("rtpm", {"list", "--registry", registry_->url});
+  const auto names = rtpm({"list"});
   EXPECT_EQ(names.output.find("lab/arm0"), std::string::npos) << "its name is left";
   expect_orderly_end(registry_->process, "rtpm-registryd");
 }
@@ -109,7 +109,7 @@ INSTANTIATE_TEST_SUITE_P(Programs, LostOutput,
 
 class LostOutputInALaboratory : public Laboratory {};
 
-TEST_F(LostOutputInALaboratory, EndsWhatOnlyPrintsAndNoServer) {
+TEST_F(LostOutputInALaboratory, EndsPrintingProgramsButNotServers) {
   const std::string reader = "--registry " + registry_->url + " | head -n 1";
   const auto echo =
       test::run({"sh", "-c", path_of("rtpm") + " echo lab/arm0 " + reader}, kPatience);
@@ -120,12 +120,7 @@ TEST_F(LostOutputInALaboratory, EndsWhatOnlyPrintsAndNoServer) {
   test::Process device({"sh", "-c",
                         "exec " + path_of("rtpm-deviced") + " --devices arm1 --port 0 --registry " +
                             registry_->url + " --realtime off >/dev/full"});
-  for (int i = 0; i < 300; ++i) {
-    const auto read =
-        run_program("rtpm", {"call", "lab/arm1", "read", "--registry", registry_->url});
-    if (read.exit_code == 0) break;
-    ASSERT_LT(i, 299) << read.errors;
-  }
+  ASSERT_TRUE(test::await([&] { return rtpm({"call", "lab/arm1", "read"}).exit_code == 0; }));
   device.send_signal(SIGTERM);
   const auto end = device.wait(kPatience);
   ASSERT_TRUE(end);

@@ -7,14 +7,13 @@
 #include <fstream>
 #include <functional>
 #include <iterator>
-#include <optional>
 #include <string>
 #include <string_view>
-#include <thread>
 #include <utility>
 #include <vector>
 
 #include "programs.hpp"
+#include "rtpm/test/os.hpp"
 
 // Devices that rtpm-deviced hosts side by side, and drivers from plug-ins.
 namespace rtpm::system_test {
@@ -34,7 +33,7 @@ void expect_refusal(const std::vector<std::string>& arguments, int exit_code,
   EXPECT_EQ(end.output, "") << "it must not say that it serves";
 }
 
-TEST(BadDevices, NamesThatCantBeAreRefused) {
+TEST(BadDevices, AreRefusedForAnInvalidName) {
   const std::string bytes_65(65, 'a');
   for (const std::string& names :
        {std::string("arm0,arm0"), std::string("arm-0,Arm_0"), std::string("cell/arm0"), bytes_65,
@@ -45,17 +44,17 @@ TEST(BadDevices, NamesThatCantBeAreRefused) {
   }
 }
 
-TEST(BadDevices, OptionsOfADeviceThatIsNotThereAreRefused) {
+TEST(BadDevices, AreRefusedForOptionsOfAnUnknownDevice) {
   expect_refusal({"--devices", "arm0", "--device-arm1-rate", "500"}, 2,
                  {"--device-arm1-rate", "--device-arm0-rate"});
 }
 
-TEST(BadDevices, ARateThatNoDeviceRunsAtIsRefused) {
+TEST(BadDevices, AreRefusedForAnImpossibleRate) {
   expect_refusal({"--device-arm0-rate", "5"}, 1, {"lab/arm0", "--device-arm0-rate is 5", "10 to"});
   expect_refusal({"--device-arm0-rate", "50001"}, 2, {"--device-arm0-rate", "50001"});
 }
 
-TEST(BadDevices, AnUnknownDriverIsNamedWithThoseThereAre) {
+TEST(BadDevices, AreRefusedForAnUnknownDriverWithTheKnownOnes) {
   expect_refusal({"--devices", "lever", "--device-lever-driver", "gripper"}, 1,
                  {"lab/lever", "'gripper'", "arm, biometric, gaze, knob, player", "plug-in"});
 }
@@ -71,16 +70,6 @@ TEST(Inventory, ListsDriversAndDevicesAndEnds) {
   EXPECT_NE(probed.output, "") << "what is here, or that nothing is";
 }
 
-TEST(BadDevices, APlugInThatCantBeLoadedIsNamed) {
-  expect_refusal({"--devices", "lever", "--device-lever-driver", "/nowhere/lever.so"}, 1,
-                 {"lab/lever", "/nowhere/lever.so", "No such file", "Remedy"});
-  const auto text = std::filesystem::path(testing::TempDir()) / "rtpm_text.so";
-  std::ofstream(text) << "no library\n";
-  expect_refusal({"--devices", "lever", "--device-lever-driver", text.string()}, 1,
-                 {"lab/lever", "rtpm_text.so", "Remedy"});
-  std::filesystem::remove(text);
-}
-
 TEST(PluginCheck, PassesTheTemplate) {
   const auto end = run_program("rtpm-deviced", {"--check", RTPM_LEVER});
   EXPECT_EQ(end.exit_code, 0) << end.output << end.errors;
@@ -91,11 +80,9 @@ TEST(PluginCheck, PassesTheTemplate) {
 TEST(PluginCheck, NamesBrokenPromises) {
   const auto end = run_program("rtpm-deviced", {"--check", RTPM_STUBBORN});
   EXPECT_EQ(end.exit_code, 1) << end.output << end.errors;
-  for (const std::string_view words :
-       {"broken  RefusesAPeriodOfNothingInWords\n        configure() takes a period of 0\n",
-        "broken  IsGoneOutsideOfActiveAndLeavesTheSample\n", "promises are broken\n"}) {
-    EXPECT_NE(end.output.find(words), std::string::npos) << words << " is not in " << end.output;
-  }
+  expect_words(end.output,
+               {"broken  RefusesAPeriodOfNothingInWords\n        configure() takes a period of 0\n",
+                "broken  IsGoneOutsideOfActiveAndLeavesTheSample\n", "promises are broken\n"});
   expect_refusal({"--check", "/nowhere/lever.so"}, 1, {"/nowhere/lever.so", "Remedy"});
 }
 
@@ -105,7 +92,7 @@ std::vector<std::string> stubborn(const std::string& behaviour) {
       behaviour};
 }
 
-TEST(BadDevices, ADeviceNeedsADriver) {
+TEST(BadDevices, AreRefusedWithoutADriver) {
   expect_refusal({"--devices", "lever"}, 2,
                  {"the device lever has no driver", "--device-lever-driver", "arm, biometric"});
 }
@@ -128,7 +115,7 @@ void expect_own_device_is_lost(const std::string& behaviour,
     EXPECT_NE(end->errors.find(word), std::string::npos) << word << " is not in " << end->errors;
 }
 
-TEST(BadDevices, ADriversMistakeCostsItsOwnDeviceOnly) {
+TEST(BadDevices, DoNotAffectTheOtherDevices) {
   expect_own_device_is_lost("error", {"lab/lever", "it will not", "ask it nicely"});
   expect_own_device_is_lost("timeless", {"lab/lever", "rate", "--device-lever-rate"});
   expect_own_device_is_lost("buttons", {"lab/lever", "more buttons", "second device"});
@@ -144,7 +131,7 @@ std::string readme_configuration() {
   return text.substr(from, text.find("```", from) - from);
 }
 
-TEST(ConfigurationFile, OfTheReadmeHostsItsDevices) {
+TEST(ConfigurationFile, HostsTheDevicesOfTheReadme) {
   const auto folder = std::filesystem::path(testing::TempDir()) / "rtpm_cell";
   std::filesystem::create_directory(folder);
   std::string text = readme_configuration();
@@ -156,12 +143,9 @@ TEST(ConfigurationFile, OfTheReadmeHostsItsDevices) {
 
   const auto dumped = run_program("rtpm-deviced", {"--config", config, "--dump-config"});
   EXPECT_EQ(dumped.exit_code, 0) << dumped.errors;
-  for (const std::string_view line :
-       {"[device.arm0]\n", "\nrate = 2000\n", "\nramp = \"10ms\"\n", "[device.gaze0]\n",
-        "\ndriver = \"gaze\"\n", "\narguments = \"/dev/ttyACM0\"\n"}) {
-    EXPECT_NE(dumped.output.find(line), std::string::npos) << line << " is not in\n"
-                                                           << dumped.output;
-  }
+  expect_words(dumped.output,
+               {"[device.arm0]\n", "\nrate = 2000\n", "\nramp = \"10ms\"\n", "[device.gaze0]\n",
+                "\ndriver = \"gaze\"\n", "\narguments = \"/dev/ttyACM0\"\n"});
   auto daemon = start_daemon("rtpm-deviced", alone({"--config", config}));
   ASSERT_TRUE(daemon);
   for (const std::string_view name : {"cell/arm0", "cell/gaze0", "cell/lever"}) {
@@ -172,7 +156,7 @@ TEST(ConfigurationFile, OfTheReadmeHostsItsDevices) {
   std::filesystem::remove_all(folder);
 }
 
-TEST(ConfigurationFile, AWrongLineOfADeviceIsNamed) {
+TEST(ConfigurationFile, NamesAWrongLineOfADevice) {
   const auto file = std::filesystem::path(testing::TempDir()) / "rtpm_wrong_cell.toml";
   std::ofstream(file) << "[device.arm1]\nrate = 'fast'\n";
   expect_refusal({"--config", file.string()}, 2,
@@ -184,20 +168,14 @@ TEST(ConfigurationFile, AWrongLineOfADeviceIsNamed) {
 }
 
 /// A registry, and a server with the simulated arm and a stubborn lever.
-class BlockedDriver : public testing::Test {
+class BlockedDriver : public WithRegistry {
  protected:
   void serve(const std::string& behaviour) {
-    registry_ = start_daemon("rtpm-registryd", {"--port", "0", "--realtime", "off"});
-    ASSERT_TRUE(registry_);
-    std::vector<std::string> arguments = stubborn(behaviour);
-    arguments.insert(arguments.end(),
-                     {"--port", "0", "--registry", registry_->url, "--realtime", "off"});
-    device_ = start_daemon("rtpm-deviced", std::move(arguments));
+    device_ = start_server("rtpm-deviced", stubborn(behaviour));
     ASSERT_TRUE(device_);
   }
   [[nodiscard]] std::string run_tool(std::vector<std::string> arguments) const {
-    arguments.insert(arguments.end(), {"--registry", registry_->url, "--deadline", "10s"});
-    const auto end = run_program("rtpm", arguments);
+    const auto end = rtpm(std::move(arguments));
     EXPECT_EQ(end.exit_code, 0) << end.errors;
     return end.output;
   }
@@ -212,44 +190,34 @@ class BlockedDriver : public testing::Test {
     const auto end = device_->process.wait(std::chrono::seconds{15});
     ASSERT_TRUE(end) << "it waits for the driver";
     EXPECT_EQ(end->exit_code, 3);
-    EXPECT_NE(end->errors.find("rtpm-deviced: lab/lever can't be deactivated and may still apply a "
-                               "force: the driver has not returned for 2 s. Remedy: "),
-              std::string::npos)
-        << end->errors;
+    expect_words(end->errors, {"rtpm-deviced: lab/lever can't be deactivated and may still apply a "
+                               "force: the driver has not returned for 2 s. Remedy: "});
     EXPECT_EQ(end->errors.find("lab/arm0"), std::string::npos) << end->errors;
     EXPECT_EQ(run_tool({"list"}).find("lab/"), std::string::npos) << "its names are gone";
   }
 
-  std::optional<Daemon> registry_{};
   std::optional<Daemon> device_{};
 };
 
-TEST_F(BlockedDriver, InExchangeIsShownAndDoesNotKeepItsServer) {
+TEST_F(BlockedDriver, IsShownInExchangeAndDoesNotBlockItsServer) {
   serve("exchange");
-  const auto give_up = std::chrono::steady_clock::now() + kPatience;
-  std::string sample;
-  do {
-    sample = run_tool({"call", "lab/lever", "read"});
-  } while (sample.find("\"faults\": 1,") == std::string::npos &&
-           std::chrono::steady_clock::now() < give_up);
-  EXPECT_NE(sample.find("\"faults\": 1,"), std::string::npos) << "device late: " << sample;
+  EXPECT_TRUE(test::await([&] {
+    return run_tool({"call", "lab/lever", "read"}).find("\"faults\": 1,") != std::string::npos;
+  })) << "device late";
   expect_arm_serves();
   expect_bounded_end();
 }
 
-TEST_F(BlockedDriver, ForAWhileIsLoggedAndShownByItsSuccessRate) {
+TEST_F(BlockedDriver, IsLoggedAndLowersItsSuccessRate) {
   const std::string hold = testing::TempDir() + "rtpm_hold_" + std::to_string(::getpid());
   serve("hold:" + hold);
   const auto await_lever = [&](const std::function<bool(double)>& is_so) {
-    const auto give_up = std::chrono::steady_clock::now() + kPatience;
-    double rate = -1;
-    do {
+    EXPECT_TRUE(test::await([&] {
       const std::string sample = run_tool({"call", "lab/lever", "read"});
       const std::string_view key = "\"success_rate\": ";
       const std::size_t at = sample.find(key);
-      if (at != std::string::npos) rate = std::stod(sample.substr(at + key.size()));
-    } while (!is_so(rate) && std::chrono::steady_clock::now() < give_up);
-    EXPECT_TRUE(is_so(rate)) << rate;
+      return at != std::string::npos && is_so(std::stod(sample.substr(at + key.size())));
+    }));
   };
   await_lever([](double rate) { return rate > 0.9; });
   std::ofstream(hold).put(' ');
@@ -267,7 +235,7 @@ TEST_F(BlockedDriver, ForAWhileIsLoggedAndShownByItsSuccessRate) {
   EXPECT_EQ(end->exit_code, 0) << end->errors;
 }
 
-TEST_F(BlockedDriver, InItsFirstExchangeDoesNotKeepOthersFromBeingServed) {
+TEST_F(BlockedDriver, BlocksNoOtherInItsFirstExchange) {
   serve("first");
   EXPECT_TRUE(device_->process.wait_for_errors("lab/lever: its driver has not", kPatience));
   EXPECT_NE(run_tool({"call", "lab/lever", "read"}).find("\"sequence\": 0,"), std::string::npos);
@@ -275,7 +243,7 @@ TEST_F(BlockedDriver, InItsFirstExchangeDoesNotKeepOthersFromBeingServed) {
   expect_bounded_end();
 }
 
-TEST_F(BlockedDriver, InConfigureDoesNotKeepOthersFromBeingServed) {
+TEST_F(BlockedDriver, BlocksNoOtherInConfigure) {
   serve("configure");
   EXPECT_TRUE(device_->process.wait_for_errors("lab/lever: its driver has not", kPatience));
   expect_arm_serves();
@@ -316,12 +284,11 @@ TEST_F(CrashingDriver, IsNamedWithItsThreadAndDevice) {
   const auto end = device_->process.wait(kPatience);
   ASSERT_TRUE(end);
   EXPECT_NE(end->exit_code, 0);
-  for (const std::string& words :
-       {std::string("rtpm-deviced: signal 11 (segmentation fault) ends the process: thread "
-                    "dev-lever, in exchange(), in the plug-in "),
-        std::string(RTPM_STUBBORN) + " of lab/lever", std::string("--device-NAME-isolated")}) {
-    EXPECT_NE(end->errors.find(words), std::string::npos) << words << " is not in " << end->errors;
-  }
+  expect_words(
+      end->errors,
+      {std::string("rtpm-deviced: signal 11 (segmentation fault) ends the process: thread "
+                   "dev-lever, in exchange(), in the plug-in "),
+       std::string(RTPM_STUBBORN) + " of lab/lever", std::string("--device-NAME-isolated")});
 }
 
 /// The isolated driver also deactivates its device when the server is killed.
@@ -329,10 +296,7 @@ TEST_F(CrashingDriver, DeactivatesItsDeviceWhenItsServerIsKilled) {
   serve({"--device-lever-isolated"}, "mark:");
   EXPECT_FALSE(std::filesystem::exists(trigger_));
   device_->process.send_signal(SIGKILL);
-  const auto give_up = std::chrono::steady_clock::now() + kPatience;
-  while (!std::filesystem::exists(trigger_) && std::chrono::steady_clock::now() < give_up)
-    std::this_thread::yield();
-  EXPECT_TRUE(std::filesystem::exists(trigger_));
+  EXPECT_TRUE(test::await([&] { return std::filesystem::exists(trigger_); }));
 }
 
 TEST_F(CrashingDriver, CostsItsOwnDeviceOnlyInAProcessOfItsOwn) {
@@ -341,12 +305,10 @@ TEST_F(CrashingDriver, CostsItsOwnDeviceOnlyInAProcessOfItsOwn) {
   crash();
   EXPECT_TRUE(device_->process.wait_for_errors("the device is active again", kPatience));
   const std::string& errors = device_->process.errors();
-  for (const std::string_view words :
-       {"thread drv-lever, in exchange(), in the plug-in ",
-        "lab/lever: the driver failed in exchange(): its process ",
-        "signal 11 (Segmentation fault)", "lab/lever: the device does not answer any more"}) {
-    EXPECT_NE(errors.find(words), std::string::npos) << words << " is not in " << errors;
-  }
+  expect_words(
+      errors, {"thread drv-lever, in exchange(), in the plug-in ",
+               "lab/lever: the driver failed in exchange(): its process ",
+               "signal 11 (Segmentation fault)", "lab/lever: the device does not answer any more"});
   EXPECT_NE(read(lever_).find("\"lifecycle\": 2}"), std::string::npos);
   EXPECT_NE(read(device_->url).find("\"lifecycle\": 2}"), std::string::npos) << "the arm";
   device_->process.send_signal(SIGTERM);

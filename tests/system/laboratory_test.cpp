@@ -30,9 +30,7 @@ void expect_orderly_end(Daemon& daemon) {
 TEST_F(Laboratory, AForceLoopDrivesTheArmThatItFoundByItsName) {
   const auto end = run_servo({"--seconds", "2"});
   EXPECT_EQ(end.exit_code, 0) << end.errors;
-  for (const std::string_view word : {"p50", "p99.99", "max", "missed"}) {
-    EXPECT_NE(end.output.find(word), std::string::npos) << word << " is not in:\n" << end.output;
-  }
+  expect_words(end.output, {"p50", "p99.99", "max", "missed"});
   expect_orderly_end(*device_);
   expect_orderly_end(*registry_);
 }
@@ -40,8 +38,7 @@ TEST_F(Laboratory, AForceLoopDrivesTheArmThatItFoundByItsName) {
 TEST_F(Laboratory, TheArmRendersAWallInItsOwnLoop) {
   const auto end = run_servo({"--seconds", "3", "--render", "local", "--stiffness", "500"});
   EXPECT_EQ(end.exit_code, 0) << end.errors;
-  EXPECT_NE(end.output.find("500 N/m, rendered in the device's loop: felt as"), std::string::npos)
-      << end.output;
+  expect_words(end.output, {"500 N/m, rendered in the device's loop: felt as"});
   EXPECT_EQ(end.output.find("one call: command"), std::string::npos) << end.output;
 }
 
@@ -49,8 +46,7 @@ TEST_F(Laboratory, AForceLoopWithALocalWallLearnsThatItLostTheArm) {
   test::Process servo({path_of("rtpm-servo"), "--registry", registry_->url, "--realtime", "off",
                        "--live", "lines", "--seconds", "60", "--render", "local"});
   ASSERT_TRUE(servo.wait_for_output(" mm ", kPatience)) << servo.errors();
-  const auto taken = run_program("rtpm", {"take-over", "lab/arm0", "--registry", registry_->url,
-                                          "--deadline", "10s", "--for", "500ms"});
+  const auto taken = rtpm({"take-over", "lab/arm0", "--for", "500ms"});
   EXPECT_EQ(taken.exit_code, 0) << taken.errors;
   const auto end = servo.wait(kPatience);
   ASSERT_TRUE(end) << "it goes on without the lease";
@@ -58,17 +54,13 @@ TEST_F(Laboratory, AForceLoopWithALocalWallLearnsThatItLostTheArm) {
 }
 
 TEST_F(Laboratory, AToolWithoutGeneratedCodeCallsDeviceAndRegistry) {
-  const auto run_tool = [&](std::vector<std::string> arguments) {
-    arguments.insert(arguments.end(), {"--registry", registry_->url, "--deadline", "10s"});
-    return run_program("rtpm", arguments);
-  };
-  const auto read = run_tool({"call", "lab/arm0", "read"});
+  const auto read = rtpm({"call", "lab/arm0", "read"});
   EXPECT_EQ(read.exit_code, 0) << read.errors;
   EXPECT_NE(read.output.find("position"), std::string::npos) << read.output;
-  const auto described = run_tool({"info", registry_->url});
+  const auto described = rtpm({"info", registry_->url});
   EXPECT_EQ(described.exit_code, 0) << described.errors;
   EXPECT_NE(described.output.find("rpc_service Names"), std::string::npos) << described.output;
-  const auto resolved = run_tool({"call", registry_->url, "resolve", "{name: \"lab/arm0\"}"});
+  const auto resolved = rtpm({"call", registry_->url, "resolve", "{name: \"lab/arm0\"}"});
   EXPECT_EQ(resolved.exit_code, 0) << resolved.errors;
   EXPECT_NE(resolved.output.find(device_->url), std::string::npos) << resolved.output;
 }
@@ -76,9 +68,8 @@ TEST_F(Laboratory, AToolWithoutGeneratedCodeCallsDeviceAndRegistry) {
 TEST_F(Laboratory, ARecordedHandMovesTheArm) {
   const auto file = std::filesystem::path(testing::TempDir()) / "rtpm_hand.csv";
   std::ofstream(file) << "t_s,x_m,y_m,z_m\n0,0,0,0.02\n0.5,0.01,0,-0.01\n1,0,0.01,0.02\n";
-  const auto device = start_daemon(
-      "rtpm-deviced", {"--port", "0", "--registry", registry_->url, "--realtime", "off",
-                       "--devices", "arm1", "--device-arm1-hand", file.string()});
+  const auto device =
+      start_server("rtpm-deviced", {"--devices", "arm1", "--device-arm1-hand", file.string()});
   ASSERT_TRUE(device);
   EXPECT_EQ(run_servo({"--seconds", "1", "--device", "lab/arm1"}).exit_code, 0);
   std::filesystem::remove(file);
@@ -99,18 +90,13 @@ TEST_F(Laboratory, AClientKilledInMidCallLeavesTheServerServing) {
 TEST_F(Laboratory, AnOperatorTakesTheArmFromAForceLoopThatLearnsWhy) {
   auto servo = start_servo(60);
   ASSERT_TRUE(servo);
-  const auto take_over = [&](std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(),
-                     {"take-over", "lab/arm0", "--registry", registry_->url, "--deadline", "10s"});
-    return run_program("rtpm", arguments);
-  };
-  expect_one_sentence(take_over({"--priority", "27999"}), 1, {"lab/arm0", "28000", "--priority"});
+  expect_one_sentence(rtpm({"take-over", "lab/arm0", "--priority", "27999"}), 1,
+                      {"lab/arm0", "28000", "--priority"});
   EXPECT_FALSE(servo->wait(std::chrono::milliseconds{300})) << "nothing has changed for the loop";
 
-  const auto taken = take_over({"--for", "500ms"});
+  const auto taken = rtpm({"take-over", "lab/arm0", "--for", "500ms"});
   EXPECT_EQ(taken.exit_code, 0) << taken.errors;
-  EXPECT_NE(taken.output.find("was taken over"), std::string::npos) << taken.output;
-  EXPECT_NE(taken.output.find("given back"), std::string::npos) << taken.output;
+  expect_words(taken.output, {"was taken over", "given back"});
   const auto end = servo->wait(kPatience);
   ASSERT_TRUE(end) << "it goes on without the right to command";
   expect_one_sentence(*end, 3, {"lab/arm0", "an operator took the lease over"});
@@ -120,10 +106,9 @@ TEST_F(Laboratory, AnOperatorTakesTheArmFromAForceLoopThatLearnsWhy) {
 }
 
 TEST_F(Laboratory, ADeviceFreesItselfOfAClientThatOnlyHoldsIt) {
-  const auto device =
-      start_daemon("rtpm-deviced",
-                   {"--port", "0", "--registry", registry_->url, "--realtime", "off", "--folder",
-                    "lab", "--devices", "arm1", "--lease-idle", "1s", "--operator-priority", "5"});
+  const auto device = start_server(
+      "rtpm-deviced",
+      {"--folder", "lab", "--devices", "arm1", "--lease-idle", "1s", "--operator-priority", "5"});
   ASSERT_TRUE(device);
   rpc::Node node({.default_deadline = std::chrono::seconds{10}});
   auto holder = gvd::DeviceClient::open(node, device->url);
@@ -131,9 +116,7 @@ TEST_F(Laboratory, ADeviceFreesItselfOfAClientThatOnlyHoldsIt) {
   ASSERT_TRUE(holder->acquire());
   EXPECT_TRUE(test::await([&] { return !holder->renew(); }, kPatience));
   EXPECT_EQ(*holder->lease_state(), gvd::LeaseState::kIdle);
-  const auto taken =
-      run_program("rtpm", {"take-over", "lab/arm1", "--registry", registry_->url, "--priority", "5",
-                           "--for", "1500ms", "--deadline", "10s"});
+  const auto taken = rtpm({"take-over", "lab/arm1", "--priority", "5", "--for", "1500ms"});
   EXPECT_EQ(taken.exit_code, 0) << "an operator is never idle: " << taken.errors;
   EXPECT_NE(taken.output.find("given back"), std::string::npos) << taken.output;
   EXPECT_EQ(run_servo({"--seconds", "0.2", "--device", "lab/arm1"}).exit_code, 0);

@@ -49,17 +49,35 @@ void expect_one_sentence(const test::Process::End& end, int exit_code,
                          const std::vector<std::string_view>& words) {
   EXPECT_EQ(end.exit_code, exit_code) << end.output << end.errors;
   EXPECT_EQ(test::line_count(end.errors), 1) << end.errors;
-  for (const std::string_view word : words) {
-    EXPECT_NE(end.errors.find(word), std::string::npos)
-        << "'" << word << "' is not in: " << end.errors;
-  }
+  expect_words(end.errors, {words.begin(), words.end()});
+}
+
+void expect_words(std::string_view text, const std::vector<std::string>& words) {
+  for (const std::string& word : words)
+    EXPECT_NE(text.find(word), std::string::npos) << "'" << word << "' is not in: " << text;
+}
+
+void WithRegistry::SetUp() {
+  registry_ = start_daemon("rtpm-registryd", {"--port", "0", "--realtime", "off"});
+  ASSERT_TRUE(registry_);
+}
+
+std::optional<Daemon> WithRegistry::start_server(std::string_view program,
+                                                 std::vector<std::string> options) const {
+  if (std::ranges::find(options, "--port") == options.end())
+    options.insert(options.end(), {"--port", "0"});
+  options.insert(options.end(), {"--registry", registry_->url, "--realtime", "off"});
+  return start_daemon(program, std::move(options));
+}
+
+test::Process::End WithRegistry::rtpm(std::vector<std::string> arguments) const {
+  arguments.insert(arguments.end(), {"--registry", registry_->url, "--deadline", "10s"});
+  return run_program("rtpm", std::move(arguments));
 }
 
 void Laboratory::SetUp() {
-  registry_ = start_daemon("rtpm-registryd", {"--port", "0", "--realtime", "off"});
-  ASSERT_TRUE(registry_);
-  device_ = start_daemon("rtpm-deviced",
-                         {"--port", "0", "--registry", registry_->url, "--realtime", "off"});
+  WithRegistry::SetUp();
+  device_ = start_server("rtpm-deviced");
   ASSERT_TRUE(device_);
 }
 

@@ -41,8 +41,25 @@ struct Daemon {
 void expect_one_sentence(const test::Process::End& end, int exit_code,
                          const std::vector<std::string_view>& words);
 
+/// Checks that `text` contains all of `words`.
+void expect_words(std::string_view text, const std::vector<std::string>& words);
+
+/// A registry, and programs that use it.
+class WithRegistry : public testing::Test {
+ protected:
+  void SetUp() override;
+
+  /// Starts a daemon like start_daemon(); its port is free unless `options` have one.
+  [[nodiscard]] std::optional<Daemon> start_server(std::string_view program,
+                                                   std::vector<std::string> options = {}) const;
+  /// Runs the tool `rtpm` to its end.
+  [[nodiscard]] test::Process::End rtpm(std::vector<std::string> arguments) const;
+
+  std::optional<Daemon> registry_{};
+};
+
 /// A registry and a device server with the simulated arm, bound as lab/arm0.
-class Laboratory : public testing::Test {
+class Laboratory : public WithRegistry {
  protected:
   void SetUp() override;
 
@@ -54,7 +71,6 @@ class Laboratory : public testing::Test {
   /// so must its caller.
   [[nodiscard]] std::optional<test::Process> start_servo(int seconds) const;
 
-  std::optional<Daemon> registry_{};
   std::optional<Daemon> device_{};
 };
 

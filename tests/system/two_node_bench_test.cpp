@@ -57,8 +57,7 @@ TEST_F(TwoNodeBench, CallsBetweenTheHosts) {
                                  "--realtime", "off", "--json", "--transport", "udp,tcp"});
   ASSERT_EQ(end.exit_code, 0) << end.errors;
   EXPECT_EQ(test::line_count(end.output), 2) << "one for udp, one for tcp";
-  for (const std::string_view field : {R"("case":"two-node")", R"("n":200)", R"("ratio_p50":)"})
-    EXPECT_NE(end.output.find(field), std::string::npos) << field;
+  expect_words(end.output, {R"("case":"two-node")", R"("n":200)", R"("ratio_p50":)"});
 }
 
 TEST_F(TwoNodeBench, LeavesNoNamespaceBehindWhenInterrupted) {
@@ -83,23 +82,21 @@ TEST_F(TwoNodeBench, LeavesNoNamespaceBehindWhenInterrupted) {
   EXPECT_EQ(network_namespaces(), before);
 }
 
-TEST(TwoNodeBenchOptions, NamesWhatCanNotRunBetweenHosts) {
+TEST(TwoNodeBenchOptions, NamesCasesThatCannotRunBetweenHosts) {
   const auto end =
       run_program("rtpm-bench", {"run", "two-node", "--transport", "shm", "--realtime", "off"});
   expect_one_sentence(end, 1, {"two-node", "--transport udp"});
 }
 
-TEST(LargeBench, ComparesTheSmallCallsBesideTheLargeOnesWithThoseWithout) {
+TEST(LargeBench, ComparesSmallCallsWithAndWithoutLargeOnes) {
   const auto end = run_program("rtpm-bench", {"run", "large", "--samples", "40", "--rounds", "2",
                                               "--realtime", "off", "--json"});
   ASSERT_EQ(end.exit_code, 0) << end.errors;
   EXPECT_EQ(test::line_count(end.output), 6) << "udp, tcp and shm, each without large and with";
-  for (const std::string_view field :
-       {R"("large_callers":0)", R"("large_callers":1)", R"("transport":"udp")",
-        R"("transport":"tcp")", R"("transport":"shm")", R"("loaded_over_idle_p99":)",
-        R"("floor_loaded_over_idle_p99":)", R"("low_p50_us":)"}) {
-    EXPECT_NE(end.output.find(field), std::string::npos) << field;
-  }
+  expect_words(end.output,
+               {R"("large_callers":0)", R"("large_callers":1)", R"("transport":"udp")",
+                R"("transport":"tcp")", R"("transport":"shm")", R"("loaded_over_idle_p99":)",
+                R"("floor_loaded_over_idle_p99":)", R"("low_p50_us":)"});
 }
 
 }  // namespace

@@ -19,21 +19,16 @@ namespace {
 using namespace std::chrono_literals;
 using namespace std::string_literals;
 
-class Events : public testing::TestWithParam<const char*> {
+class Events : public WithRegistry, public testing::WithParamInterface<const char*> {
  protected:
   void SetUp() override {
-    registry_ = start_daemon("rtpm-registryd", {"--port", "0", "--realtime", "off"});
-    ASSERT_TRUE(registry_);
-    hub_ = start_hub(0);
+    WithRegistry::SetUp();
+    hub_ = start_server("rtpm-eventd");
     ASSERT_TRUE(hub_);
     supplier_.emplace(std::vector{path_of("events-peer"), "supply"s, registry_->url, kHub});
     ASSERT_TRUE(supplier_->wait_for_output("supplying\n", kPatience)) << supplier_->errors();
   }
 
-  [[nodiscard]] std::optional<Daemon> start_hub(std::uint16_t port) const {
-    return start_daemon("rtpm-eventd", {"--port", std::to_string(port), "--registry",
-                                        registry_->url, "--realtime", "off"});
-  }
   /// A consumer that has received its first event.
   [[nodiscard]] test::Process start_consumer(const std::string& hub = kHub) const {
     test::Process consumer({path_of("events-peer"), "consume", registry_->url, hub, GetParam()});
@@ -77,12 +72,11 @@ class Events : public testing::TestWithParam<const char*> {
   }
 
   static inline const std::string kHub{events::kHubPath};
-  std::optional<Daemon> registry_{};
   std::optional<Daemon> hub_{};
   std::optional<test::Process> supplier_{};
 };
 
-TEST_P(Events, StoppedConsumerCostsNobodyAnEventAndComesBack) {
+TEST_P(Events, StoppedConsumerCostsNoOtherAnEventAndComesBack) {
   test::Process stopped = start_consumer();
   test::Process other = start_consumer();
   stopped.send_signal(SIGSTOP);
@@ -96,7 +90,7 @@ TEST_P(Events, StoppedConsumerCostsNobodyAnEventAndComesBack) {
   expect_events(stopped, 10);
 }
 
-TEST_P(Events, KilledConsumerLeavesItsPlaceAndHarmsNobody) {
+TEST_P(Events, KilledConsumerFreesItsSlotAndDisturbsNoOther) {
   test::Process other = start_consumer();
   {
     test::Process killed = start_consumer();
@@ -115,11 +109,11 @@ TEST_P(Events, KilledConsumerLeavesItsPlaceAndHarmsNobody) {
 
 TEST_P(Events, KilledHubIsReplacedAndAllGoOnByThemselves) {
   test::Process consumer = start_consumer();
-  const std::uint16_t port = hub_->port();
+  const std::string port = std::to_string(hub_->port());
   hub_->process.send_signal(SIGKILL);
   EXPECT_TRUE(hub_->process.wait(kPatience));
   EXPECT_TRUE(consumer.wait_for_output("interrupted", kPatience)) << consumer.output();
-  hub_ = start_hub(port);
+  hub_ = start_server("rtpm-eventd", {"--port", port});
   ASSERT_TRUE(hub_);
   EXPECT_TRUE(consumer.wait_for_output("resubscribed to another life\n", kPatience))
       << consumer.output();
@@ -142,9 +136,7 @@ class LinkedEvents : public Events {
  protected:
   void SetUp() override {
     Events::SetUp();
-    linked_ =
-        start_daemon("rtpm-eventd", {"--port", "0", "--registry", registry_->url, "--realtime",
-                                     "off", "--name", kLinkedName, "--link", kHub});
+    linked_ = start_server("rtpm-eventd", {"--name", kLinkedName, "--link", kHub});
     ASSERT_TRUE(linked_);
   }
   static inline const std::string kLinkedName = "rtpm/linked-events";
@@ -152,7 +144,7 @@ class LinkedEvents : public Events {
 };
 
 // ev-5.4-1
-TEST_P(LinkedEvents, StoppedHubThatAsksCostsNobodyAnEventAndComesBack) {
+TEST_P(LinkedEvents, StoppedLinkedHubCostsNoOtherAnEventAndComesBack) {
   test::Process behind_link = start_consumer(kLinkedName);
   test::Process local = start_consumer();
   linked_->process.send_signal(SIGSTOP);
@@ -163,7 +155,7 @@ TEST_P(LinkedEvents, StoppedHubThatAsksCostsNobodyAnEventAndComesBack) {
 }
 
 // ev-5.4-1
-TEST_P(LinkedEvents, StoppedHubThatIsAskedCostsTheOthersConsumersNothing) {
+TEST_P(LinkedEvents, StoppedSourceHubCostsNoOtherAnEvent) {
   test::Process supplier({path_of("events-peer"), "supply", registry_->url, kLinkedName});
   ASSERT_TRUE(supplier.wait_for_output("supplying\n", kPatience)) << supplier.errors();
   supplier_->send_signal(SIGKILL);
@@ -176,10 +168,10 @@ TEST_P(LinkedEvents, StoppedHubThatIsAskedCostsTheOthersConsumersNothing) {
 
 TEST_P(LinkedEvents, KilledHubIsReplacedAndTheLinkIsMadeAnew) {
   test::Process behind_link = start_consumer(kLinkedName);
-  const std::uint16_t port = hub_->port();
+  const std::string port = std::to_string(hub_->port());
   hub_->process.send_signal(SIGKILL);
   EXPECT_TRUE(hub_->process.wait(kPatience));
-  hub_ = start_hub(port);
+  hub_ = start_server("rtpm-eventd", {"--port", port});
   ASSERT_TRUE(hub_);
   expect_events(behind_link, 20);
 }
@@ -187,7 +179,7 @@ TEST_P(LinkedEvents, KilledHubIsReplacedAndTheLinkIsMadeAnew) {
 INSTANTIATE_TEST_SUITE_P(Deliveries, LinkedEvents, testing::Values("ring"),
                          [](const auto& each) { return std::string(each.param); });
 
-TEST(EventsDaemon, SaysWhatIsWrongInOneSentence) {
+TEST(EventsDaemon, ReportsErrorsInOneSentence) {
   const auto end = run_program("rtpm-eventd", {"--registry", "rtpm://127.0.0.1:1/rtpm/names",
                                                "--port", "0", "--realtime", "off"});
   expect_one_sentence(end, 1, {"rtpm-eventd", "127.0.0.1:1"});

@@ -49,13 +49,13 @@ std::optional<double> Observer::shown_s() {
   return position_s;
 }
 
-Duration Observer::time_until_shown(double position_s) {
-  const MonotonicTime begin = rt::now();
-  while (rt::now() - begin < kPatience) {
-    const auto shown = shown_s();
-    if (shown && std::abs(*shown - position_s) < 0.02) return rt::now() - begin;
-  }
-  return kPatience;
+bool Observer::await_shown(double position_s) {
+  return test::await(
+      [&] {
+        const auto shown = shown_s();
+        return shown && std::abs(*shown - position_s) < 0.02;
+      },
+      kPatience);
 }
 
 void WithMpv::SetUp() {

@@ -26,8 +26,8 @@ class Observer {
   device_mpv::Reply ask(std::string_view command, std::initializer_list<device_mpv::Word> words);
   /// The position of the picture that mpv shows; nullopt while it seeks.
   [[nodiscard]] std::optional<double> shown_s();
-  /// How long mpv takes until it shows `position_s`; kNever's distance if it never does.
-  [[nodiscard]] Duration time_until_shown(double position_s);
+  /// Waits until mpv shows `position_s`; false if it never does.
+  [[nodiscard]] bool await_shown(double position_s);
 
  private:
   std::unique_ptr<device_mpv::Transport> transport_;

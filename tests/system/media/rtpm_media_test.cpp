@@ -1,11 +1,12 @@
 #include <signal.h>
 
-#include <algorithm>
+#include <cmath>
 #include <string>
+#include <vector>
 
 #include "player.hpp"
 #include "programs.hpp"
-#include "rtpm/rt/clock.hpp"
+#include "rtpm/test/os.hpp"
 
 /// rtpm-media with a simulated knob and the real mpv, each behind the network.
 namespace rtpm::system_test {
@@ -29,6 +30,19 @@ class Media : public WithMpv {
                    {"--registry", registry_->url, "--player", "lab/mpv0", "--headless"});
     return options;
   }
+  [[nodiscard]] test::Process start_media(std::vector<std::string> options) const {
+    options.insert(options.begin(), {path_of("rtpm-media"), "--seconds", "0"});
+    return test::Process(media(options));
+  }
+  /// Waits until the program prints all of `words`, and ends it; returns its output.
+  static std::string end_after(const std::vector<std::string>& words, test::Process& program) {
+    for (const std::string& word : words)
+      EXPECT_TRUE(program.wait_for_output(word, kPatience)) << word << program.output();
+    program.send_signal(SIGINT);
+    const auto end = program.wait(kPatience);
+    EXPECT_TRUE(end && end->exit_code == 0) << program.errors();
+    return program.output();
+  }
 
   std::optional<Daemon> registry_{};
 };
@@ -38,37 +52,25 @@ TEST_F(Media, ScrubsAClipForwardsAndBackwards) {
   const auto devices = host("socket=" + socket_);
   ASSERT_TRUE(devices);
   Observer mpv = observe();
-  std::vector<std::string> command = media({"--mode", "scrub", "--fixed-mode", "--seconds", "6"});
-  command.insert(command.begin(), path_of("rtpm-media"));
-  test::Process program(command);
+  test::Process program = start_media({"--mode", "scrub", "--fixed-mode"});
   double forwards_s = 0;
   double backwards_s = 0;
   double before_s = mpv.shown_s().value_or(0);
-  for (const MonotonicTime end = rt::now() + std::chrono::seconds{6}; rt::now() < end;) {
-    rt::sleep_until(rt::now() + std::chrono::milliseconds{5});
+  EXPECT_TRUE(test::await([&] {
     const double shown_s = mpv.shown_s().value_or(before_s);
     (shown_s > before_s ? forwards_s : backwards_s) += std::abs(shown_s - before_s);
     before_s = shown_s;
-  }
-  const auto end = program.wait(kPatience);
-  ASSERT_TRUE(end);
-  EXPECT_EQ(end->exit_code, 0) << end->errors;
-  EXPECT_GT(forwards_s, 1) << end->output;
-  EXPECT_GT(backwards_s, 1) << end->output;
-  EXPECT_NE(end->output.find("scrub ["), std::string::npos) << end->output;
-  const std::size_t summary = end->output.find("followed ");
-  ASSERT_NE(summary, std::string::npos) << end->output;
-  std::printf("%s", end->output.substr(summary).c_str());
+    return forwards_s > 1 && backwards_s > 1;
+  })) << forwards_s
+      << " " << backwards_s;
+  expect_words(end_after({"scrub ["}, program), {"followed "});
 }
 
 TEST_F(Media, ChangesItsModeByTheKnobsButton) {
   const auto devices = host("headless=yes file=" + clip_);
   ASSERT_TRUE(devices);
-  const auto end = run_program("rtpm-media", media({"--seconds", "7"}));
-  EXPECT_EQ(end.exit_code, 0) << end.errors;
-  for (const std::string_view mode : {"speed [", "scrub ["}) {
-    EXPECT_NE(end.output.find(mode), std::string::npos) << mode << " is not in " << end.output;
-  }
+  test::Process program = start_media({});
+  end_after({"speed [", "scrub ["}, program);
 }
 
 /// A player that only the plug-in makes a device: its server and its supplier of events.
@@ -86,10 +88,8 @@ TEST_F(Media, DrivesAPlayerThatHasTheDeviceInside) {
       "--keep-open=yes", "--script=" RTPM_MPV_PLUGIN,
       "--script-opts=rtpm-name=lab/mpv0,rtpm-registry=" + registry_->url, clip_});
   ASSERT_TRUE(mpv_->wait_for_output("serving lab/mpv0 at ", kPatience)) << mpv_->errors();
-  const auto end =
-      run_program("rtpm-media", media({"--mode", "scrub", "--fixed-mode", "--seconds", "6"}));
-  EXPECT_EQ(end.exit_code, 0) << end.errors;
-  EXPECT_NE(end.output.find("scrub [=="), std::string::npos) << end.output;
+  test::Process program = start_media({"--mode", "scrub", "--fixed-mode"});
+  end_after({"scrub [=="}, program);
   const auto shown =
       run_program("rtpm-display", {"--registry", registry_->url, "--devices", "lab/mpv0",
                                    "--seconds", "1.5", "--live", "lines"});
@@ -114,7 +114,7 @@ TEST_F(Media, EndsWithASentenceWhenSomethingIsMissing) {
   EXPECT_EQ(run_program("rtpm-media", {"--mode", "dance"}).exit_code, 2);
 }
 
-TEST_F(Media, PlayerWithWrongWordsIsRefused) {
+TEST_F(Media, RefusesAPlayerWithoutItsOptions) {
   const auto end = run_program("rtpm-deviced", {"--port", "0", "--registry", registry_->url,
                                                 "--realtime", "off", "--devices", "mpv0"});
   expect_one_sentence(end, 1, {"file=CLIP", "socket=PATH"});

@@ -81,21 +81,20 @@ class Observer final : public gvd::SampleSink {
   std::optional<gvd::DeviceConsumer> consumer_{};
 };
 
-class ThreeNodes : public testing::Test {
+class ThreeNodes : public WithRegistry {
  protected:
   void SetUp() override {
     // The hand presses 10 mm deep, and stays.
     std::ofstream(hand_) << "0,0.004,0,0.01\n0.3,0.004,0,-0.01\n600,0.004,0,-0.01\n";
-    registry_ = start_daemon("rtpm-registryd", {"--port", "0", "--realtime", "off"});
-    ASSERT_TRUE(registry_);
+    WithRegistry::SetUp();
     device_ = start_device("0");
     ASSERT_TRUE(device_);
   }
   void TearDown() override { std::filesystem::remove(hand_); }
 
   [[nodiscard]] std::optional<Daemon> start_device(const std::string& port) const {
-    return start_daemon("rtpm-deviced", {"--port", port, "--registry", registry_->url, "--realtime",
-                                         "off", "--serve-events", "--device-arm0-hand", hand_});
+    return start_server("rtpm-deviced",
+                        {"--port", port, "--serve-events", "--device-arm0-hand", hand_});
   }
   [[nodiscard]] test::Process start_force(const std::string& scene,
                                           const std::string& seconds) const {
@@ -119,7 +118,6 @@ class ThreeNodes : public testing::Test {
   }
 
   std::string hand_ = testing::TempDir() + "rtpm_scene_hand.csv";
-  std::optional<Daemon> registry_{};
   std::optional<Daemon> device_{};
 };
 
@@ -160,9 +158,7 @@ TEST_P(TouchedScene, IsDrawnFromAllItsUpdates) {
   const auto end = force.wait(kPatience);
   ASSERT_TRUE(end);
   EXPECT_EQ(end->exit_code, 0) << end->errors;
-  EXPECT_NE(end->output.find(std::string(" a remote ") + GetParam() + " of 600 N/m"),
-            std::string::npos)
-      << end->output;
+  expect_words(end->output, {std::string(" a remote ") + GetParam() + " of 600 N/m"});
   unsigned long cycle_count = 0;
   const std::size_t at = end->output.find("  cycles ");
   ASSERT_NE(at, std::string::npos) << end->output;

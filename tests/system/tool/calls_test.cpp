@@ -18,27 +18,17 @@ namespace {
 
 using Json = nlohmann::json;
 
-class Calls : public testing::Test {
+class Calls : public WithRegistry {
  protected:
   void SetUp() override {
-    registry_ = start_daemon("rtpm-registryd", {"--port", "0", "--realtime", "off"});
-    ASSERT_TRUE(registry_);
-    device_ =
-        start_daemon("rtpm-deviced", {"--port", "0", "--registry", registry_->url, "--realtime",
-                                      "off", "--devices", "arm0", "--serve-events"});
+    WithRegistry::SetUp();
+    device_ = start_server("rtpm-deviced", {"--devices", "arm0", "--serve-events"});
     ASSERT_TRUE(device_);
-  }
-  [[nodiscard]] std::vector<std::string> command(std::vector<std::string> arguments) const {
-    arguments.insert(arguments.end(), {"--registry", registry_->url, "--deadline", "10s"});
-    return arguments;
-  }
-  [[nodiscard]] test::Process::End rtpm(const std::vector<std::string>& arguments) const {
-    return run_program("rtpm", command(arguments));
   }
   /// Calls until the recording has calls, calls once more, and ends it by Ctrl-C.
   [[nodiscard]] test::Process::End record_calls(std::vector<std::string> arguments) {
-    arguments = command(std::move(arguments));
     arguments.insert(arguments.begin(), {path_of("rtpm"), "record", file_});
+    arguments.insert(arguments.end(), {"--registry", registry_->url, "--deadline", "10s"});
     test::Process process(arguments);
     EXPECT_TRUE(test::await([&] {
       EXPECT_EQ(rtpm({"call", "lab/arm0", "read"}).exit_code, 0);
@@ -63,7 +53,6 @@ class Calls : public testing::Test {
 
   recording::Folder folder_{};
   std::string file_ = folder_.fresh("calls");
-  std::optional<Daemon> registry_{};
   std::optional<Daemon> device_{};
 };
 
@@ -111,11 +100,10 @@ TEST_F(Calls, AreRecordedWithEvents) {
   EXPECT_EQ(end.exit_code, 0) << end.errors;
   EXPECT_NE(end.output.find(" calls, "), std::string::npos) << end.output;
   const auto info = rtpm({"bag", "info", file_});
-  EXPECT_NE(info.output.find("lab/arm0/read/request"), std::string::npos) << info.output;
-  EXPECT_NE(info.output.find("lab/arm0/sampled"), std::string::npos) << info.output;
+  expect_words(info.output, {"lab/arm0/read/request", "lab/arm0/sampled"});
 }
 
-TEST_F(Calls, OfAnUnknownObjectAreNotRecorded) {
+TEST_F(Calls, AreNotRecordedForAnUnknownObject) {
   expect_one_sentence(rtpm({"record", file_, "--calls", "lab/arm1"}), 3,
                       {"'lab/arm1'", "most like it: lab/arm0"});
   const std::string server = device_->url.substr(0, device_->url.find("/lab/"));
@@ -124,7 +112,7 @@ TEST_F(Calls, OfAnUnknownObjectAreNotRecorded) {
   EXPECT_FALSE(std::filesystem::exists(file_));
 }
 
-TEST_F(Calls, AreOneRecordersAtATimeAndEndWithTheirServer) {
+TEST_F(Calls, AreRecordedByOneRecorderAtATimeUntilTheirServerEnds) {
   test::Process process(
       {path_of("rtpm"), "record", file_, "--calls", "lab/arm0", "--registry", registry_->url});
   EXPECT_TRUE(test::await([&] {

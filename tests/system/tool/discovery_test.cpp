@@ -18,11 +18,6 @@ namespace {
 using Json = nlohmann::json;
 using Words = std::vector<std::string>;
 
-void expect_words(const std::string& text, const std::vector<std::string>& words) {
-  for (const std::string& word : words)
-    EXPECT_NE(text.find(word), std::string::npos) << "'" << word << "' is not in: " << text;
-}
-
 Words device_options(const std::string& name) {
   return {"--realtime",       "off", "--events",  "none", "--settings", "",
           "--flight-records", "",    "--devices", name};
@@ -48,7 +43,7 @@ class WithoutRegistry : public testing::Test {
   }
 };
 
-TEST_F(WithoutRegistry, NamesOfOneHostAreFoundAndFollowWhatComesAndGoes) {
+TEST_F(WithoutRegistry, FindsNamesOfOneHostAsServersComeAndGo) {
   expect_one_sentence(rtpm({"list"}), 3, {"there are no names", "rtpm-registryd or a server"});
   const auto arm = start_daemon("rtpm-deviced", device_options("arm0"));
   auto gaze = start_daemon("rtpm-deviced", device_options("gaze0"));
@@ -84,7 +79,7 @@ TEST_F(WithoutRegistry, NamesOfOneHostAreFoundAndFollowWhatComesAndGoes) {
 }
 
 // A program that hangs costs searchers a share of their deadline, and is reported.
-TEST_F(WithoutRegistry, AServerThatHangsHoldsNobodyUp) {
+TEST_F(WithoutRegistry, DoesNotWaitForAServerThatHangs) {
   const auto arm = start_daemon("rtpm-deviced", device_options("arm0"));
   const auto gaze = start_daemon("rtpm-deviced", device_options("gaze0"));
   ASSERT_TRUE(arm && gaze);
@@ -96,7 +91,7 @@ TEST_F(WithoutRegistry, AServerThatHangsHoldsNobodyUp) {
   expect_words(end.errors, {"no name service answers at"});
 }
 
-TEST_F(WithoutRegistry, ARegistryThatHangsHoldsNobodyUp) {
+TEST_F(WithoutRegistry, DoesNotWaitForARegistryThatHangs) {
   const auto registry = start_daemon("rtpm-registryd", {"--port", "0", "--realtime", "off"});
   ASSERT_TRUE(registry);
   registry->process.stop();
@@ -106,7 +101,7 @@ TEST_F(WithoutRegistry, ARegistryThatHangsHoldsNobodyUp) {
   EXPECT_EQ(rtpm({"call", "lab/arm0", "read"}).exit_code, 0);
 }
 
-TEST_F(WithoutRegistry, DoctorSaysWhatDiscoveryFinds) {
+TEST_F(WithoutRegistry, ReportsItsFindingsInDoctor) {
   const auto arm = start_daemon("rtpm-deviced", device_options("arm0"));
   ASSERT_TRUE(arm);
   const Json report =
@@ -179,7 +174,7 @@ class OnTheLan : public testing::Test {
   }
 };
 
-TEST_F(OnTheLan, AServerIsFoundInItsDomainByThoseWhoAskForIt) {
+TEST_F(OnTheLan, FindsAServerInItsDomainOnly) {
   test::Process server = device_on("b", {"--host", "10.77.1.2", "--discover", "lan:7@eth0"});
   EXPECT_TRUE(server.wait_for_errors(
       "discovery: domain 7 on eth0 (10.77.1.2), group 239.255.43.7:7423", kPatience))
@@ -201,7 +196,7 @@ TEST_F(OnTheLan, AServerIsFoundInItsDomainByThoseWhoAskForIt) {
 }
 
 // A duplicate name never resolves silently.
-TEST_F(OnTheLan, ANameOfTwoHostsIsNeitherOfThem) {
+TEST_F(OnTheLan, RefusesANameOfTwoHosts) {
   const test::Process first = device_on("b", {"--host", "10.77.1.2", "--discover", "lan:7@eth0"});
   test::Process second = device_on("a", {"--host", "10.77.1.1", "--discover", "lan:7@eth0"});
   EXPECT_TRUE(second.wait_for_errors("bound twice", kPatience)) << second.errors();
@@ -213,7 +208,7 @@ TEST_F(OnTheLan, ANameOfTwoHostsIsNeitherOfThem) {
   expect_words(listed.output, {"rtpm://10.77.1.1:", "rtpm://10.77.1.2:", "(bound twice)"});
 }
 
-TEST_F(OnTheLan, AListOfHostsWorksWhereMulticastDoesNot) {
+TEST_F(OnTheLan, FindsServersByAListOfHostsWithoutMulticast) {
   const test::Process server = device_on("c", {"--host", "10.77.2.2", "--discover", "lan:7@eth0"});
   EXPECT_EQ(rtpm_on("a", {"list", "--discover", "lan:7@eth0"}).exit_code, 3);
   expect_words(rtpm_on("a", {"list", "--discover", "10.77.2.2"}).output,
@@ -223,7 +218,7 @@ TEST_F(OnTheLan, AListOfHostsWorksWhereMulticastDoesNot) {
 }
 
 // The server registers names that lead to its own loopback address.
-TEST_F(OnTheLan, NamesThatLeadNowhereFromHereAreLeftOutInWords) {
+TEST_F(OnTheLan, ReportsAndLeavesOutUnreachableNames) {
   test::Process registry(
       command("b", "rtpm-registryd",
               {"--host", "10.77.1.2", "--realtime", "off", "--discover", "lan@eth0"}));

@@ -17,10 +17,6 @@ using Json = nlohmann::json;
 
 class Host : public Laboratory {
  protected:
-  [[nodiscard]] test::Process::End rtpm(std::vector<std::string> arguments) const {
-    arguments.insert(arguments.end(), {"--registry", registry_->url});
-    return run_program("rtpm", arguments);
-  }
   [[nodiscard]] Json json_of(std::vector<std::string> arguments) const {
     arguments.emplace_back("--json");
     return Json::parse(rtpm(arguments).output, nullptr, false);
@@ -34,18 +30,15 @@ const Json* finding_of(const Json& findings, const std::string& id) {
 }
 
 TEST_F(Host, IsJudgedWithWakeUpsAndServers) {
-  ASSERT_TRUE(registry_ && device_);
   const auto end = rtpm({"doctor", "--time", "100ms"});
-  for (const char* words :
-       {"realtime", "idle-states", "socket-buffers", "shared-memory", "clock-sync", "servers",
-        "port-7420", " wake-ups at 1 kHz", "wake-ups", "load"})
-    EXPECT_NE(end.output.find(words), std::string::npos) << words << " is not in\n" << end.output;
+  expect_words(end.output,
+               {"realtime", "idle-states", "socket-buffers", "shared-memory", "clock-sync",
+                "servers", "port-7420", " wake-ups at 1 kHz", "wake-ups", "load"});
   const bool is_problem = end.output.find("\nproblem ") != std::string::npos;
   EXPECT_EQ(end.exit_code, is_problem ? 1 : 0) << end.output;
   EXPECT_EQ(end.output.starts_with("0 problems"), !is_problem) << end.output;
   const auto whole = rtpm({"doctor", "--quick", "--all"});
-  EXPECT_NE(whole.output.find("servers: all 1 names of the registry answer"), std::string::npos)
-      << whole.output;
+  expect_words(whole.output, {"servers: all 1 names of the registry answer"});
 }
 
 TEST_F(Host, IsJudgedInJson) {
@@ -64,7 +57,7 @@ TEST_F(Host, IsJudgedInJson) {
   EXPECT_FALSE(json_of({"doctor", "--quick"}).contains("wake_ups"));
 }
 
-TEST_F(Host, IsLeftAsItIsByADryFix) {
+TEST_F(Host, IsUnchangedByADryFix) {
   const Json before = json_of({"doctor", "--quick"});
   const Json dry = json_of({"doctor", "--quick", "--fix", "--dry-run"});
   EXPECT_FALSE(before.contains("changes"));
@@ -75,9 +68,7 @@ TEST_F(Host, IsLeftAsItIsByADryFix) {
   for (const Json& change : dry["changes"])
     EXPECT_EQ(change["is_made"], false) << change;
   const auto text = rtpm({"doctor", "--quick", "--fix", "--dry-run"});
-  EXPECT_NE(text.output.find(is_fixable ? "would change /" : "nothing to fix"), std::string::npos)
-      << text.output;
-  expect_one_sentence(rtpm({"doctor", "--dry-run"}), 2, {"--fix"});
+  expect_words(text.output, {is_fixable ? "would change /" : "nothing to fix"});
 }
 
 TEST_F(Host, IsFixedAndJudgedAgain) {
@@ -110,7 +101,7 @@ TEST_F(Host, IsFixedAndJudgedAgain) {
   EXPECT_EQ(recording::content_of(buffer), "4194304");
 }
 
-TEST_F(Host, SeesAServerThatIsNamedButGone) {
+TEST_F(Host, ReportsARegisteredServerThatIsGone) {
   device_->process.send_signal(SIGKILL);
   ASSERT_TRUE(device_->process.wait(kPatience));
   const auto end = rtpm({"doctor", "--quick", "--json"});
@@ -123,7 +114,7 @@ TEST_F(Host, SeesAServerThatIsNamedButGone) {
   EXPECT_EQ(json["is_fit"], false);
 }
 
-TEST_F(Host, WithoutARegistryIsStillJudged) {
+TEST_F(Host, IsJudgedWithoutARegistry) {
   const auto end = run_program(
       "rtpm", {"doctor", "--quick", "--json", "--registry", "rtpm://127.0.0.1:1/rtpm/names"});
   const Json json = Json::parse(end.output, nullptr, false);
@@ -133,29 +124,19 @@ TEST_F(Host, WithoutARegistryIsStillJudged) {
   EXPECT_NE((*finding)["remedy"].get<std::string>().find("rtpm-registryd"), std::string::npos);
 }
 
-TEST_F(Host, ShowsItsLanesInJson) {
-  const Json lanes = json_of({"lanes"});
-  EXPECT_TRUE(std::ranges::any_of(lanes, [&](const Json& lane) {
-    return lane["port"] == registry_->port() && lane["call_count"] > 0;
-  })) << lanes;
-  EXPECT_EQ(rtpm({"lanes", "always"}).exit_code, 2);
-}
-
-TEST_F(Host, HasTheVersionOfItsServers) {
+TEST_F(Host, ShowsTheVersionOfItsServers) {
   const Json json = json_of({"version", "lab/arm0"});
   EXPECT_EQ(json["target"]["is_same"], true) << json;
   EXPECT_EQ(json["rtpm"], json["target"]["rtpm"]);
   EXPECT_EQ(json["protocol"], 1);
   const auto text = rtpm({"version"});
   EXPECT_TRUE(text.output.starts_with("rtpm " + json["rtpm"].get<std::string>()));
-  expect_one_sentence(rtpm({"version", "lab/arm1"}), 3, {"lab/arm1"});
 }
 
 TEST_F(Host, ShowsLanesAndDevicesOnce) {
   const auto end = rtpm({"top", "--interval", "200ms"});
   EXPECT_EQ(end.exit_code, 0) << end.errors;
-  for (const char* words : {"1 devices", "CALLS/S", "registry@", "READ P50", "lab/arm0  active"})
-    EXPECT_NE(end.output.find(words), std::string::npos) << words << " is not in\n" << end.output;
+  expect_words(end.output, {"1 devices", "CALLS/S", "registry@", "READ P50", "lab/arm0  active"});
   const Json json = json_of({"top", "--once", "--interval", "500ms"});
   ASSERT_EQ(json["devices"].size(), 1u) << json;
   EXPECT_EQ(json["devices"][0]["lifecycle"], "active");
@@ -174,17 +155,14 @@ TEST_F(Host, IsShownLiveOnATerminalUntilQ) {
       kPatience);
   ASSERT_TRUE(end) << "q does not end it";
   EXPECT_EQ(end->exit_code, 0) << end->output;
-  for (const char* words : {"sorted by calls", "longest", "lab/arm0", "q quit"})
-    EXPECT_NE(end->output.find(words), std::string::npos) << words << " is not in\n" << end->output;
+  expect_words(end->output, {"sorted by calls", "longest", "lab/arm0", "q quit"});
 }
 
-TEST_F(Host, WithoutARegistryStillShowsItsLanes) {
+TEST_F(Host, ShowsItsLanesWithoutARegistry) {
   const auto end = run_program(
       "rtpm", {"top", "--interval", "100ms", "--registry", "rtpm://127.0.0.1:1/rtpm/names"});
   EXPECT_EQ(end.exit_code, 0) << end.errors;
-  EXPECT_NE(end.output.find("no registry answers"), std::string::npos) << end.output;
-  EXPECT_NE(end.output.find("registry@"), std::string::npos) << end.output;
-  expect_one_sentence(rtpm({"top", "--interval", "1ms"}), 2, {"100ms to 10min"});
+  expect_words(end.output, {"no registry answers", "registry@"});
 }
 
 }  // namespace
