@@ -13,7 +13,7 @@ PublicKey key_at(ConstBytes message, std::size_t offset) noexcept {
   return key;
 }
 
-// Noise, 7.1: a DH token. sec-2-3: the secret from a point of small order is public.
+// Noise, 7.1: a DH token. sec-2-3: the shared secret with a point of small order is public.
 [[nodiscard]] bool mix_shared(Symmetric& symmetric, const PrivateKey& ours,
                               const PublicKey& theirs) noexcept {
   Secret shared;
@@ -22,7 +22,7 @@ PublicKey key_at(ConstBytes message, std::size_t offset) noexcept {
   return true;
 }
 
-// Noise, 9.2: with a pre-shared key, `e` goes into the key as well as into the hash.
+// Noise, 9.2: with a pre-shared key, `e` is mixed into the key as well as the hash.
 void mix_ephemeral(Symmetric& symmetric, const PublicKey& ephemeral) noexcept {
   symmetric.mix_hash(ephemeral);
   symmetric.mix_key(ephemeral);
@@ -65,7 +65,7 @@ Initiator::Initiator(Suite suite, KeyPair own, const PublicKey& server, Preshare
   symmetric_.mix_hash(server_);
 }
 
-// -> e, es, s, ss. sec-3-1: once, so that an ephemeral key serves one message.
+// -> e, es, s, ss. sec-3-1: only once, so that an ephemeral key serves one message.
 expected<void, HandshakeError> Initiator::write_message_1(ConstBytes payload,
                                                           MutableBytes out) noexcept {
   if (state_ != State::kFresh) return fail(HandshakeError::kOutOfTurn);

@@ -16,7 +16,7 @@ static_assert(crypto_aead_chacha20poly1305_ietf_NPUBBYTES == kNonceSize &&
 static_assert(crypto_aead_chacha20poly1305_ietf_ABYTES == kTagSize &&
               crypto_aead_aes256gcm_ABYTES == kTagSize);
 
-// libsodium's view of a container of bytes.
+// A byte container as libsodium expects it.
 template <class Bytes>
 auto* raw(Bytes&& bytes) noexcept {
   if constexpr (std::is_const_v<std::remove_pointer_t<decltype(bytes.data())>>) {
@@ -86,7 +86,7 @@ void hmac_sha256(ConstBytes key, ConstBytes first, ConstBytes second, Secret& ou
 }
 
 std::uint8_t suites_here() noexcept {
-  // The CPU's instructions are known only after sodium_init().
+  // The CPU's features are known only after sodium_init().
   static const bool kHasAes = sodium_init() >= 0 && crypto_aead_aes256gcm_is_available() == 1;
   const auto chacha = static_cast<unsigned>(Suite::kChaChaPoly);
   const auto aes = kHasAes ? static_cast<unsigned>(Suite::kAesGcm) : 0U;
@@ -104,7 +104,7 @@ void AeadKey::set(Suite suite, const Secret& key) noexcept {
   }
 }
 
-// Noise, 4.2: the first 32 bytes of zeros sealed under the largest number.
+// Noise, 4.2: the first 32 bytes of zeros, sealed under the largest number.
 void AeadKey::set_next_of(const AeadKey& previous) noexcept {
   const std::array<std::byte, kKeySize> zeros{};
   Secret next;
@@ -138,7 +138,7 @@ void AeadKey::seal_with_nonce(std::span<const std::byte, kNonceSize> nonce, Cons
                               ConstBytes plain, MutableBytes sealed,
                               std::span<std::byte, kTagSize> tag) const noexcept {
   RTPM_ASSERT(sealed.size() == plain.size(), "sealing keeps the size");
-  // libsodium takes no null pointer for an empty text.
+  // libsodium accepts no null pointer for an empty text.
   unsigned char none = 0;
   unsigned char* const to = sealed.empty() ? &none : raw(sealed);
   if (suite_ == Suite::kAesGcm) {
@@ -156,7 +156,7 @@ bool AeadKey::open_with_nonce(std::span<const std::byte, kNonceSize> nonce, Cons
                               ConstBytes sealed, std::span<const std::byte, kTagSize> tag,
                               MutableBytes plain) const noexcept {
   RTPM_ASSERT(sealed.size() == plain.size(), "opening keeps the size");
-  // libsodium takes no null pointer here either; without an output it would only check the tag.
+  // libsodium accepts no null pointer here, either; without an output it would only check the tag.
   unsigned char none = 0;
   unsigned char* const to = plain.empty() ? &none : raw(plain);
   const unsigned char* const from = sealed.empty() ? &none : raw(sealed);

@@ -12,7 +12,7 @@ bool ReplayWindow::is_new(std::uint64_t counter) const noexcept {
 
 void ReplayWindow::add(std::uint64_t counter) noexcept {
   if (counter >= next_) {
-    // The blocks between the old and the new front hold bits of a window ago.
+    // The blocks between the old and the new front hold outdated bits.
     const std::uint64_t newest = counter / kBlockBits;
     const std::uint64_t before = next_ == 0 ? 0 : (next_ - 1) / kBlockBits;
     const std::uint64_t passed = std::min(newest - before, kBlocks);

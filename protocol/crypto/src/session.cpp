@@ -37,7 +37,7 @@ expected<void, SealError> SealedSession::seal(ConstBytes header, ConstBytes payl
   if (out.size() != header.size() + payload.size() + kTrailerSize) {
     return unexpected{SealError::kBadSize};
   }
-  // sec-5-1, sec-5-2: the counter never repeats, so the session ends with the last one.
+  // sec-5-1, sec-5-2: counters never repeat, so the session ends with the last one.
   const std::uint64_t counter = send_counter_;
   if (counter >= limits_.counter_end) {
     end();
@@ -45,7 +45,7 @@ expected<void, SealError> SealedSession::seal(ConstBytes header, ConstBytes payl
   }
   const AeadKey& key = send_keys_[generation_of(counter) % send_keys_.size()];
   std::byte* const trailer = out.data() + header.size() + payload.size();
-  // The header may be at its place already.
+  // The header may already be in place.
   if (out.data() != header.data()) std::ranges::copy(header, out.begin());
   key.seal(counter, out.first(header.size()), payload, out.subspan(header.size(), payload.size()),
            std::span<std::byte, kTagSize>(trailer + 8, kTagSize));
@@ -58,11 +58,11 @@ void SealedSession::advance_send() noexcept {
   const std::uint64_t before = generation_of(send_counter_);
   const std::uint64_t after = generation_of(++send_counter_);
   if (after == before) return;
-  // The current key has become the former one; the key after the next takes its place.
+  // The current key has become the former one; its slot gets the key after the next.
   send_keys_[(after + 1) % send_keys_.size()].set_next_of(send_keys_[after % send_keys_.size()]);
 }
 
-// sec-5-4, sec-5-5, sec-5-6, sec-5-7: a frame that these checks refuse costs no cryptography.
+// sec-5-4, sec-5-5, sec-5-6, sec-5-7: a frame refused by these checks costs no cryptography.
 expected<void, OpenError> SealedSession::judge(std::uint64_t counter) const noexcept {
   if (counter >= limits_.counter_end) return unexpected{OpenError::kBeyond};
   if (order_ == Order::kExact && counter != window_.next()) return unexpected{OpenError::kReplayed};
@@ -93,12 +93,12 @@ expected<ConstBytes, OpenError> SealedSession::open(std::size_t header_size,
   return ConstBytes(payload);
 }
 
-// Only here does a frame change the session: its tag was right (sec-5-3).
+// A frame changes the session only here, after its tag was verified (sec-5-3).
 void SealedSession::accept(std::uint64_t counter) noexcept {
   window_.add(counter);
   const std::uint64_t generation = generation_of(counter);
   if (generation <= receive_generation_) return;
-  // One ahead at most: the next key becomes current, and a new next key replaces the former one.
+  // At most one ahead: the next key becomes current, and a new next key replaces the former one.
   receive_generation_ = generation;
   receive_key(generation + 1).set_next_of(receive_key(generation));
 }

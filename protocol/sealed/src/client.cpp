@@ -11,11 +11,11 @@ using namespace std::chrono_literals;
 using wire::DropReason;
 using wire::FrameKind;
 
-/// At most one handshake because of hints in this time (sec-6-2), and twice it after each handshake
-/// without a result.
+/// At most one handshake per interval is started because of hints (sec-6-2). The interval doubles
+/// with each handshake without a result.
 constexpr Duration kProbeIntervalMin = 100ms;
 constexpr Duration kProbeIntervalMax = 1s;
-/// How long a new session waits for the channel; at the server half-open ones live longer.
+/// How long a new session waits for the channel; the server keeps half-open ones longer.
 constexpr Duration kNextMax = 1s;
 
 constexpr std::size_t kAtFeatures = wire::kHeaderSize + 4;
@@ -83,7 +83,7 @@ SealedClient::Step SealedClient::send(ConstBytes frame, MonotonicTime now) noexc
   // The server reported this session as gone; the channel learns this call by call.
   const bool asks = header->kind == FrameKind::kCall || header->kind == FrameKind::kCredit;
   if (asks && gone_session_ != 0 && header->session == gone_session_) return tell_lost(*header);
-  // No frame of a session leaves unsealed: one without keys counts as lost on the way.
+  // No frame of a session is sent unsealed: without keys it counts as lost.
   if (!is_current(header->session)) return {};
   RTPM_ASSERT(frame.size() + crypto::kTrailerSize <= sealed_frame_.size(),
               "a channel's frames leave space for the seal");
@@ -101,7 +101,7 @@ SealedClient::Step SealedClient::send(ConstBytes frame, MonotonicTime now) noexc
   return {.send = out};
 }
 
-// ---- handshakes: what is sent -------------------------------------------------------------------
+// ---- handshakes: sending ------------------------------------------------------------------------
 
 void SealedClient::begin_handshake(Purpose purpose) noexcept {
   is_opening_ = true;
@@ -113,7 +113,7 @@ void SealedClient::begin_handshake(Purpose purpose) noexcept {
   hint_.reset();
 }
 
-// The channel's HELLO in the server's view: with this client's number and features.
+// The channel's HELLO as sent to the server: with this client's number and features.
 void SealedClient::write_hello(ConstBytes frame, std::uint32_t features) noexcept {
   std::ranges::copy(frame, hello_.begin());
   store_le(hello_.data() + kAtCallId, number_);
@@ -153,7 +153,7 @@ SealedClient::Step SealedClient::send_hello(const wire::Header& header, ConstByt
   return {};
 }
 
-// Asks work() for message 1 of the HELLO at hand, with the cookie at hand.
+// Requests message 1 from work(), for the current HELLO and cookie.
 bool SealedClient::begin_message_1() noexcept {
   std::ranges::copy(ConstBytes(cookie_).first(sizeof(wire::Cookie)), hello_.begin() + kAtCookie);
   if (!has_cookie_) std::ranges::fill(MutableBytes(hello_).subspan(kAtCookie, 16), std::byte{0});
@@ -180,7 +180,7 @@ SealedClient::Step SealedClient::message_1() noexcept {
   initiator_.emplace(suite_, config_.own->clone(), config_.server,
                      config_.preshared != nullptr ? config_.preshared->clone() : crypto::Secret{},
                      config_.random.draw_key(), prologue);
-  // sec-6-3: asks for the state of the session that this client still has keys for.
+  // sec-6-3: asks about the session that this client still has keys for.
   const bool has_former =
       purpose_ != Purpose::kRenewal && current().seal && !current().seal->has_ended();
   std::array<std::byte, wire::kMessage1PayloadSize> former{};
@@ -196,7 +196,7 @@ SealedClient::Step SealedClient::message_1() noexcept {
   return {.send = sealed_hello_};
 }
 
-// ---- handshakes: what comes ---------------------------------------------------------------------
+// ---- handshakes: receiving ----------------------------------------------------------------------
 
 SealedClient::Step SealedClient::receive(MutableBytes frame, MonotonicTime now) noexcept {
   ++counters_.received_count;
@@ -234,7 +234,7 @@ SealedClient::Step SealedClient::receive_sealed(MutableBytes frame) noexcept {
   if (!is_current(header.session)) return refuse(DropReason::kUnexpected);
   if (auto opened = current().seal->open(wire::kHeaderSize, frame); !opened) {
     return refuse(opened.error() == crypto::OpenError::kReplayed ? DropReason::kReplayed
-                                                               : DropReason::kBadSeal);
+                                                                 : DropReason::kBadSeal);
   }
   wire::unmark_sealed(frame.data());
   if (header.kind == FrameKind::kClose) {
@@ -252,7 +252,7 @@ SealedClient::Step SealedClient::on_cookie(const wire::Header& header,
     if (payload.size() == sizeof(wire::Cookie)) hint_ = wire::Status::kVersionUnsupported;
     return drop(DropReason::kBadPayload);
   }
-  // sec-2-4: the key is the configured one, whatever the COOKIE shows.
+  // sec-2-4: the configured key counts, whatever the COOKIE shows.
   other_key_.reset();
   if (cookie->server_key != config_.server) other_key_ = cookie->server_key;
   if (has_cookie_ && std::ranges::equal(payload, cookie_)) return {};
@@ -264,7 +264,7 @@ SealedClient::Step SealedClient::on_cookie(const wire::Header& header,
     static_cast<void>(begin_message_1());
     return {};
   }
-  // hp-4.2-4: the channel decides whether to answer this one at once, and then gives its HELLO.
+  // hp-4.2-4: the channel decides whether to answer this one at once, and then passes its HELLO.
   wire::Header plain;
   plain.kind = FrameKind::kCookie;
   plain.priority = header.priority;
@@ -294,7 +294,7 @@ SealedClient::Step SealedClient::message_2(MonotonicTime now) noexcept {
   const auto header = wire::decode(welcome_);
   const auto features = load_le<std::uint32_t>(sealed_hello_.data() + kAtFeatures);
   const auto granted = wire::decode_sealed_welcome(inner, features);
-  // sec-3.3-1. The message was authentic: the server itself is at fault.
+  // sec-3.3-1. The message was authentic, so the server itself is faulty.
   const Priority asked = wire::decode(sealed_hello_)->priority;
   if (!granted || granted->session != header->session || !granted->welcome.band.contains(asked)) {
     is_opening_ = false;
@@ -311,9 +311,10 @@ SealedClient::Step SealedClient::message_2(MonotonicTime now) noexcept {
   const auto keys = initiator_->keys();
   initiator_.reset();
   const bool is_stream = config_.medium == wire::Medium::kStream;
-  // A probe's and a renewal's session waits until the channel opens one.
+  // After a probe or a renewal, the session waits until the channel opens one.
   Session& session = purpose_ == Purpose::kChannel ? current() : next();
-  session.seal.emplace(*keys, is_stream ? crypto::Order::kExact : crypto::Order::kAny, config_.limits);
+  session.seal.emplace(*keys, is_stream ? crypto::Order::kExact : crypto::Order::kAny,
+                       config_.limits);
   session.id = granted->session;
   if (config_.key_listener.hear != nullptr) {
     config_.key_listener.hear(config_.key_listener.context, session.id, *keys);

@@ -12,8 +12,9 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::uint64_t kIndexBits = 0xffff;  // The index in a session number of ServerSessions.
-constexpr std::size_t kAtBudget = 40;         // The budget's offset in a header.
+// The bits of the index in a ServerSessions session number.
+constexpr std::uint64_t kIndexBits = 0xffff;
+constexpr std::size_t kAtBudget = 40;  // The budget's offset in a header.
 /// hp-5.5-2: clients judge by the state 30 s ago.
 constexpr Duration kEndedMemory = 2 * wire::kSessionIdleMin;
 
@@ -69,7 +70,7 @@ SealedServer::~SealedServer() {
   std::ranges::destroy(entries_);
 }
 
-// Frees an entry whose session has ended.
+// Returns the session's entry; frees it if the session has ended.
 SealedServer::Entry* SealedServer::find(std::uint64_t session) noexcept {
   const auto index = static_cast<std::size_t>(session & kIndexBits);
   if (session == 0 || index >= entries().size() || entries()[index].id != session) return nullptr;
@@ -84,7 +85,7 @@ void SealedServer::free(Entry& entry) noexcept {
   entry.has_welcome = entry.is_confirmed = false;
 }
 
-// Ends a session in ServerSessions in place of its client.
+// Ends a session in ServerSessions on behalf of its client.
 void SealedServer::close(Entry& entry, MonotonicTime now) noexcept {
   wire::Header header;
   header.kind = FrameKind::kClose;
@@ -95,7 +96,7 @@ void SealedServer::close(Entry& entry, MonotonicTime now) noexcept {
   free(entry);
 }
 
-// sec-6-6: ends a session that its client may still use, whose open calls may have run.
+// sec-6-6: ends a session that its client may still use, and whose open calls may have run.
 void SealedServer::end(Entry& entry, MonotonicTime now) noexcept {
   ended_until_ = now + kEndedMemory;
   close(entry, now);
@@ -109,7 +110,7 @@ SealedServer::Outcome SealedServer::drop(DropReason reason) noexcept {
 
 SealedServer::Outcome SealedServer::broken(DropReason reason) noexcept {
   Outcome outcome = drop(reason);
-  // sec-5-7; the client then does not wait for an answer that never comes.
+  // sec-5-7; so the client does not wait for an answer that never comes.
   if (config_.medium == wire::Medium::kStream) {
     outcome.verdict.action = wire::Verdict::Action::kHangUp;
   }
@@ -125,12 +126,13 @@ SealedServer::Outcome SealedServer::on_frame(MutableBytes frame, const wire::Pee
   wire::Header header;
   const auto read = wire::decode_frame(frame, config_.medium, header);
   if (read && header.kind == FrameKind::kHello) return on_hello(header, frame, peer, now);
-  // sec-4-4: an unsealed frame does not reach a sealed session.
+  // sec-4-4: an unsealed frame never reaches a sealed session.
   if (read && find(header.session) != nullptr) return drop(DropReason::kUnsealed);
   return {.verdict = sessions_.on_frame(frame, peer, now)};
 }
 
-// sec-4-2: checks session, address, counter and tag; then the frame is treated like any other.
+// sec-4-2: checks session, address, counter and tag; after that the frame is handled like any
+// other.
 SealedServer::Outcome SealedServer::on_sealed(MutableBytes frame, const wire::PeerAddress& peer,
                                               MonotonicTime now) noexcept {
   wire::Header header;
@@ -142,7 +144,7 @@ SealedServer::Outcome SealedServer::on_sealed(MutableBytes frame, const wire::Pe
   if (entry == nullptr || !entry->session) {
     // The session is not sealed, or has no keys yet.
     if (sessions_.is_known(header.session)) return drop(DropReason::kUnexpected);
-    // The sessions refuse it: for the client that is a hint (sec-6-2).
+    // The sessions refuse it, which is a hint for the client (sec-6-2).
     wire::unmark_sealed(frame.data());
     return {.verdict = sessions_.on_frame(plain, peer, now)};
   }
@@ -150,7 +152,7 @@ SealedServer::Outcome SealedServer::on_sealed(MutableBytes frame, const wire::Pe
   if (auto opened = entry->session->open(wire::kHeaderSize, frame); !opened) {
     if (entry->session->has_ended()) end(*entry, now);
     return broken(opened.error() == crypto::OpenError::kReplayed ? DropReason::kReplayed
-                                                               : DropReason::kBadSeal);
+                                                                 : DropReason::kBadSeal);
   }
   if (!entry->is_confirmed) confirm(*entry, now);
   entry->last_heard = now;
@@ -184,7 +186,7 @@ std::optional<wire::Outgoing> SealedServer::review(std::uint32_t index,
     if (admission.keeps(nullptr, *peer, since)) return std::nullopt;
     return sessions_.close_at(index, now);
   }
-  // Read first: if grants change meanwhile, the next review checks them again.
+  // Read first: if grants change meanwhile, the next review checks the session again.
   const std::uint32_t generation = admission.generation();
   if (admission.keeps(&entry.client, entry.peer, entry.generation)) {
     entry.generation = generation;
@@ -200,7 +202,7 @@ void SealedServer::end_unadmitted(MonotonicTime now) noexcept {
     static_cast<void>(review(index, now));
 }
 
-// The result is empty while there are no keys.
+// Seals a CLOSE; empty while there are no keys.
 ConstBytes SealedServer::seal_close(Entry& entry, MonotonicTime now) noexcept {
   if (!entry.session) return {};
   wire::Header header;
@@ -222,7 +224,7 @@ bool SealedServer::is_held_back(Entry& entry, const wire::Header& header, Mutabl
   }
   const Duration left = std::chrono::microseconds{header.budget_us} - late;
   if (left > Duration{0}) {
-    // If both sides read one clock, the sessions find out by themselves.
+    // If both sides use the same clock, the sessions detect it themselves.
     if (!entry.has_our_clock) {
       store_le(frame.data() + kAtBudget, static_cast<std::uint32_t>(left / 1us));
     }

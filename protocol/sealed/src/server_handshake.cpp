@@ -3,7 +3,7 @@
 
 #include "rtpm/sealed/server.hpp"
 
-// The handshakes of sealed sessions, at the server.
+// The server's side of handshakes for sealed sessions.
 namespace rtpm::sealed {
 namespace {
 
@@ -44,7 +44,7 @@ SealedServer::Outcome SealedServer::on_hello(const wire::Header& header, ConstBy
   return on_unsealed_hello(header, frame, peer, now);
 }
 
-// Opens a session without an identity, if such sessions are allowed.
+// Opens a session without identity, if such sessions are allowed.
 SealedServer::Outcome SealedServer::on_unsealed_hello(const wire::Header& header, ConstBytes frame,
                                                       const wire::PeerAddress& peer,
                                                       MonotonicTime now) noexcept {
@@ -71,7 +71,7 @@ SealedServer::Outcome SealedServer::on_unsealed_hello(const wire::Header& header
   return outcome;
 }
 
-// Passes a HELLO to the sessions as one without message 1.
+// Passes a HELLO to the sessions as if it had no message 1.
 wire::Verdict SealedServer::pass_hello(const wire::Header& header, ConstBytes hello,
                                        const wire::PeerAddress& peer, MonotonicTime now) noexcept {
   std::array<std::byte, wire::kHeaderSize + wire::Hello::kSize> frame;
@@ -82,7 +82,7 @@ wire::Verdict SealedServer::pass_hello(const wire::Header& header, ConstBytes he
   return sessions_.on_frame(frame, peer, now);
 }
 
-// sec-3.1-1: never opens a session. The sessions count unknown peers, and refuse bad requests.
+// sec-3.1-1: never opens a session. The sessions count unknown peers, and refuse invalid requests.
 SealedServer::Outcome SealedServer::give_cookie(const wire::Header& header, ConstBytes hello,
                                                 const wire::PeerAddress& peer,
                                                 MonotonicTime now) noexcept {
@@ -119,7 +119,7 @@ SealedServer::Outcome SealedServer::on_sealed_hello(const wire::Header& header, 
   const auto read = wire::decode_sealed_hello(payload);
   if (!read) return drop(DropReason::kBadPayload);
   const wire::Hello& hello = read->hello;
-  // sec-3.2-2: before any work with keys.
+  // sec-3.2-2: before any key operation.
   const bool is_stream = config_.medium == wire::Medium::kStream;
   const bool wants_aes = (hello.features & wire::kFeatureAesGcm) != 0;
   const bool has_suite = !wants_aes || (config_.identity->suites &
@@ -135,7 +135,7 @@ SealedServer::Outcome SealedServer::on_sealed_hello(const wire::Header& header, 
         entry.channel != hello.channel || !sessions_.is_known(entry.id)) {
       continue;
     }
-    // sec-3-3: a copy, and only a copy, gets the same WELCOME.
+    // sec-3-3: only an exact copy gets the same WELCOME.
     if (entry.hello_hash == hash) {
       if (!entry.has_welcome) return drop(DropReason::kUnexpected);
       Outcome outcome;
@@ -158,13 +158,13 @@ SealedServer::Outcome SealedServer::begin_job(const wire::Header& header, ConstB
                                               MonotonicTime now) noexcept {
   const bool is_stream = config_.medium == wire::Medium::kStream;
   for (const HandshakeJob& job : jobs_) {
-    // The job is at work already. A connection has one handshake at a time.
+    // The job is already in progress. A connection has one handshake at a time.
     if (job.is_taken_ && job.peer_ == peer && (is_stream || job.frame_hash_ == hash)) {
       return drop(DropReason::kUnexpected);
     }
   }
   const auto found = std::ranges::find(jobs_, false, &HandshakeJob::is_taken_);
-  // Over datagrams the client repeats its HELLO, over a stream it connects again.
+  // Over datagrams the client repeats its HELLO; over a stream it reconnects.
   if (found == jobs_.end() || !job_limit_.admit(peer, now) ||
       !config_.admission->admits_handshake(now)) {
     return broken(DropReason::kRateLimited);
@@ -225,11 +225,11 @@ void SealedServer::give_up(HandshakeJob& job) noexcept {
 
 SealedServer::Outcome SealedServer::open_session(HandshakeJob& job, MonotonicTime now) noexcept {
   if (!job.client_) {
-    // sec-3.2-2: no answer to a client that did not prove a key.
+    // sec-3.2-2: a client that did not prove its key gets no answer.
     give_up(job);
     return drop(DropReason::kBadSeal);
   }
-  // Read first: if grants change meanwhile, the next review checks them again.
+  // Read first: if grants change meanwhile, the next review checks the session again.
   const std::uint32_t generation = config_.admission->generation();
   if (!config_.admission->admits(*job.client_, job.peer_)) {
     return refuse(job, wire::Status::kNotAllowed, now);
@@ -238,7 +238,7 @@ SealedServer::Outcome SealedServer::open_session(HandshakeJob& job, MonotonicTim
   job.granted_.former = job.former_ == 0     ? wire::FormerSession::kNone
                         : now < ended_until_ ? wire::FormerSession::kEnded
                                              : wire::FormerSession::kGone;
-  // sec-6-3, sec-6-4: no session is opened if the client's own goes on.
+  // sec-6-3, sec-6-4: no session is opened if the client's earlier one continues.
   if (former != nullptr && former->session && former->client == *job.client_ &&
       former->peer == job.peer_ && former->granted.band.contains(job.header_.priority)) {
     job.granted_.former = wire::FormerSession::kAlive;
@@ -246,13 +246,13 @@ SealedServer::Outcome SealedServer::open_session(HandshakeJob& job, MonotonicTim
     job.granted_.welcome = former->granted;
     job.granted_.welcome.features = job.hello_.features;
   } else {
-    // hp-4-4 would let this HELLO end the connection's session.
+    // By hp-4-4 this HELLO would end the connection's session.
     if (has_confirmed_stream(job.peer_)) {
       give_up(job);
       return drop(DropReason::kUnexpected);
     }
     if (!make_place(*job.client_, now)) return refuse(job, wire::Status::kOverload, now);
-    // sec-6-1: the sessions see each handshake as a separate channel, so that it replaces none.
+    // sec-6-1: the sessions see each handshake as a separate channel, so it replaces none.
     std::array<std::byte, wire::Hello::kSize> hello;
     std::ranges::copy(ConstBytes(job.frame_).subspan(wire::kHeaderSize, hello.size()),
                       hello.begin());
@@ -296,7 +296,7 @@ SealedServer::Outcome SealedServer::finish(HandshakeJob& job, MonotonicTime now)
   Entry* const entry = find(job.granted_.session);
   const auto keys = std::move(job.keys_);
   job.keys_.reset();
-  // The session may have ended meanwhile. Its client repeats the HELLO.
+  // The session may have ended meanwhile; its client repeats the HELLO.
   if (!job.is_written_ || !keys || entry == nullptr ||
       (is_new && entry->hello_hash != job.frame_hash_)) {
     return drop(DropReason::kUnexpected);
@@ -323,8 +323,8 @@ SealedServer::Outcome SealedServer::finish(HandshakeJob& job, MonotonicTime now)
   return outcome;
 }
 
-// sec-6-7: one key takes at most its share of the table, and replaces only sessions of its own that
-// hp-5.5-1 lets it replace.
+// sec-6-7: a key may take at most its share of the table, and may only replace its own sessions
+// that hp-5.5-1 allows to be replaced.
 bool SealedServer::make_place(const crypto::PublicKey& client, MonotonicTime now) noexcept {
   on_time(now);
   make_half_open_place(client, now);
@@ -341,9 +341,10 @@ bool SealedServer::make_place(const crypto::PublicKey& client, MonotonicTime now
   return true;
 }
 
-// sec-6-1, sec-6-7: half-open sessions take a quarter of the table, those of one key its share of
-// that. A new one replaces the oldest.
-void SealedServer::make_half_open_place(const crypto::PublicKey& client, MonotonicTime now) noexcept {
+// sec-6-1, sec-6-7: half-open sessions may take a quarter of the table, those of one key its share
+// of that. A new one replaces the oldest.
+void SealedServer::make_half_open_place(const crypto::PublicKey& client,
+                                        MonotonicTime now) noexcept {
   const std::uint32_t count_max = std::max(1U, config_.session_count_max / 4);
   const auto replace_oldest = [&](std::uint32_t limit, auto is_meant) {
     std::uint32_t count = 0;

@@ -5,11 +5,11 @@
 #include "rtpm/base/assert.hpp"
 #include "rtpm/wire/client_channel.hpp"
 
-// The calls of a channel: begin, repetition, replies, streams, cancellation.
+// The calls of a channel: starting, retransmission, replies, streams, cancellation.
 namespace rtpm::wire {
 namespace {
 
-// The time left until `deadline`, rounded up so that it is 0 only if none is left (hp-5.4-1).
+// The time left until `deadline`, rounded up, so that it is 0 only if none is left (hp-5.4-1).
 std::uint32_t budget_us(MonotonicTime deadline, MonotonicTime now) noexcept {
   if (deadline <= now) return 0;
   const std::int64_t us = std::chrono::ceil<std::chrono::microseconds>(deadline - now).count();
@@ -27,7 +27,7 @@ std::uint32_t ClientChannel::budget_of(const Call& call, MonotonicTime now) cons
   return budget_us(call.deadline, now);
 }
 
-// hp-4.3-2: a number is free if the call that the server keeps in the same slot is over. Numbers
+// hp-4.3-2: a number is free if the call that the server keeps in the same slot has ended. Numbers
 // may be skipped.
 std::uint32_t ClientChannel::next_call_id() const noexcept {
   std::uint32_t id = call_id_;
@@ -68,7 +68,7 @@ expected<ConstBytes, Status> ClientChannel::call(const CallParameters& parameter
   }
   Call& call = calls_[*index];
   last_call_ = *index;
-  // hp-5.1-1: the count continues across sessions, so that no two calls share a number.
+  // hp-5.1-1: the count continues across sessions, so no two calls share a number.
   call_id_ = next_call_id();
   call.header = Header{};
   call.header.kind = FrameKind::kCall;
@@ -139,8 +139,8 @@ ConstBytes ClientChannel::stamp_call(Call& call, MonotonicTime now) noexcept {
   return buffer_.first(kHeaderSize + call.payload.size());
 }
 
-// hp-5.1-3: an answer counts only if session, call, service and method are those of an open call. A
-// stale answer matches none.
+// hp-5.1-3: an answer counts only if session, call, service and method match an open call. A stale
+// answer matches none.
 ClientChannel::Call* ClientChannel::find(const Header& header) noexcept {
   if (header.session != session_) return nullptr;
   for (Call& call : calls_) {
@@ -158,7 +158,7 @@ void ClientChannel::end_call(Call& call) noexcept {
   call.items.clear();
 }
 
-// Whether to ask for items rather than to repeat the call.
+// Whether to query items instead of repeating the call.
 bool ClientChannel::is_stream_known(const Call& call) const noexcept {
   if (!call.items.is_begun()) return false;
   return call.has_answered || (config_.medium == Medium::kStream && !call.request.is_begun());
@@ -166,14 +166,14 @@ bool ClientChannel::is_stream_known(const Call& call) const noexcept {
 
 MonotonicTime ClientChannel::due(const Call& call) const noexcept {
   if (call.is_ended) return kNever;
-  // hp-5.3-4: frames over a connection are not repeated. hp-5.10-5: but a stream's client asks, so
-  // that the server sees it alive.
+  // hp-5.3-4: frames over a connection are not repeated. hp-5.10-5: but a stream's client sends
+  // queries, so that the server knows it is alive.
   if (config_.medium == Medium::kStream && !is_stream_known(call)) return call.deadline;
   return std::min(call.deadline, call.timer.due());
 }
 
 ChannelEvent ClientChannel::on_call_time(Call& call, MonotonicTime now) noexcept {
-  // A reader that did other things for a while asked nothing, so the server owes no answer.
+  // A reader that was busy elsewhere sent no queries, so the server owes no answer.
   constexpr std::uint32_t kAskCountMin = 3;
   const bool is_silent =
       call.items.is_begun() && call.ask_count >= kAskCountMin && now - call.asked >= call.silence;
@@ -206,7 +206,7 @@ ChannelEvent ClientChannel::repeat(MonotonicTime now, CallIndex index) noexcept 
     frame = call.request.first_again(buffer_, budget_of(call, now), now);
   } else {
     call.header.flags |= kFlagRepeated;
-    // hp-5.10-3: the caller learns whether the stream runs before it asks for items.
+    // hp-5.10-3: the caller learns whether the stream runs before it queries items.
     if (call.items.is_begun()) call.header.flags |= kFlagAckWanted;
     frame = stamp_call(call, now);
   }
@@ -233,11 +233,12 @@ ChannelEvent ClientChannel::on_reply(const Header& header, ConstBytes payload,
           .payload = payload};
 }
 
-// hp-5.7-1: all four times are known if the call and its reply were each sent once.
+// hp-5.7-1: all four times are known only if the call and its reply were each sent once.
 void ClientChannel::learn_clock(const Call& call, const Header& reply, MonotonicTime now) noexcept {
   const bool is_one_clock =
       config_.clock_domain != 0 && config_.clock_domain == welcome_.clock_domain;
-  // 73 years since the host started: larger times are wrong, and their differences could overflow.
+  // 73 years since the host started: larger times are invalid, and their differences could
+  // overflow.
   constexpr std::uint64_t kTimeMax = std::uint64_t{1} << 61;
   if (is_one_clock || call.timer.repeat_count() > 0 || call.request.is_begun() ||
       (reply.flags & kFlagRepeated) != 0 || reply.sender_time_ns > kTimeMax) {
@@ -287,7 +288,7 @@ ChannelEvent ClientChannel::on_large_reply(Call& call, const Header& header, Con
           .frame = reply_ack(call, false, now)};
 }
 
-// `is_asking`: nothing came for a time; asks the server to send (hp-5.6-7).
+// `is_asking`: nothing arrived for a while, so asks the server to send (hp-5.6-7).
 ConstBytes ClientChannel::reply_ack(Call& call, bool is_asking, MonotonicTime now) noexcept {
   Header header = header_about(call.header, FrameKind::kAck, FragmentAck::kSize, now);
   if (is_asking) header.flags = kFlagAckWanted;
@@ -296,7 +297,7 @@ ConstBytes ClientChannel::reply_ack(Call& call, bool is_asking, MonotonicTime no
   return small_frame_;
 }
 
-// The state of the request's fragments; or a sign of life of a stream's server.
+// The state of the request's fragments, or a keep-alive from a stream's server.
 ChannelEvent ClientChannel::on_ack(const Header& header, ConstBytes payload,
                                    MonotonicTime now) noexcept {
   Call* const call = find(header);
@@ -319,7 +320,7 @@ ChannelEvent ClientChannel::on_ack(const Header& header, ConstBytes payload,
   return {.kind = ChannelEvent::Kind::kSend, .call = index_of(*call), .frame = frame};
 }
 
-// The server has the call.
+// Notes that the server has the call.
 void ClientChannel::hear(Call& call) noexcept {
   call.has_answered = true;
   call.request.clear();
@@ -330,17 +331,16 @@ void ClientChannel::count_question(Call& call, MonotonicTime now) noexcept {
   if (call.ask_count++ == 0) call.asked = now;
 }
 
-// The time of the next question follows from the pace of items, and from how soon one counts as
-// lost.
+// The pace of items, and how soon one counts as lost, determine the time of the next query.
 void ClientChannel::hear_of_items(Call& call, MonotonicTime now) const noexcept {
   hear(call);
   const Duration least = config_.medium == Medium::kStream ? Duration{kStreamAskIntervalConnected}
                                                            : round_trip_.interval();
-  // The rest of an item comes soon, however rare items are.
+  // The rest of an item arrives soon, even if items are rare.
   ask_after(call, call.items.is_midway() ? least : std::max(4 * call.item_gap, least), now);
 }
 
-// Often enough that a few losses do not make a side look silent (hp-5.10-7).
+// Often enough that a few losses do not make a side appear silent (hp-5.10-7).
 void ClientChannel::ask_after(Call& call, Duration wait, MonotonicTime now) noexcept {
   call.timer.wait(now, std::min({wait, Duration{kStreamAskIntervalMax}, call.silence / 4}));
 }
@@ -349,7 +349,7 @@ ChannelEvent ClientChannel::on_item(const Header& header, ConstBytes payload,
                                     MonotonicTime now) noexcept {
   Call* const call = find(header);
   if (call == nullptr || !call->items.is_begun()) {
-    // hp-5.9-3: the server continues a stream without a reader, as an earlier CANCEL got lost.
+    // hp-5.9-3: the server continues a stream without a reader, because an earlier CANCEL was lost.
     ChannelEvent event = drop(DropReason::kUnexpected);
     if (!is_ready_ || header.session != session_ || call != nullptr) return event;
     event.kind = ChannelEvent::Kind::kSend;
@@ -374,8 +374,8 @@ ChannelEvent ClientChannel::on_item(const Header& header, ConstBytes payload,
     call->item_heard = now;
   }
   hear_of_items(*call, now);
-  // hp-5.10-4: each gap is reported once; if the repetition gets lost, too, the timer asks. A
-  // CREDIT for each duplicate would cause more duplicates, without end.
+  // hp-5.10-4: each gap is reported once; if its repetition is lost, too, the timer triggers a
+  // query. A CREDIT for each duplicate would cause endless duplicates.
   if (reveals_gap && !is_duplicate) call->is_credit_due = true;
   look_at_credit(*call);
   if (call->items.is_complete()) return end_of_stream(*call, now);
@@ -392,15 +392,15 @@ ChannelEvent ClientChannel::on_item(const Header& header, ConstBytes payload,
 
 ChannelEvent ClientChannel::on_stream_end(Call& call, const Header& header, ConstBytes payload,
                                           MonotonicTime now) noexcept {
-  // hp-5.10-6: lost frames still come, unless the server dropped them.
+  // hp-5.10-6: lost frames will still arrive, unless the server dropped them.
   const bool is_given_up = header.status == Status::kExpired ||
                            header.status == Status::kCancelled ||
                            header.status == Status::kStopping || header.status == Status::kLost;
   const bool is_duplicate = call.items.is_ended();
   if (!is_given_up && !call.items.end(header.item)) return drop(DropReason::kUnexpected);
   call.end_status = header.status;
-  // From now on only items count as progress: a server that cannot send the items it counted is as
-  // good as silent. Asks for them immediately just once, or both sides would do nothing else.
+  // From now on only items count as progress: a server that can't send the items it counted is
+  // effectively silent. Queries them immediately only once, or both sides would do nothing else.
   if (is_duplicate && !is_given_up) return {};
   hear_of_items(call, now);
   if (is_given_up || call.items.is_complete()) {
@@ -416,7 +416,7 @@ ChannelEvent ClientChannel::on_stream_end(Call& call, const Header& header, Cons
 
 ChannelEvent ClientChannel::end_of_stream(Call& call, MonotonicTime now) noexcept {
   call.is_ended = true;
-  // One more CREDIT lets the server release the items.
+  // Another CREDIT lets the server release the items.
   return {.kind = ChannelEvent::Kind::kReply,
           .call = index_of(call),
           .status = call.end_status,
@@ -437,12 +437,12 @@ std::optional<ConstBytes> ClientChannel::next_item(CallIndex index) noexcept {
 
 // hp-5.10-4: after half a window, so that the server never stalls.
 void ClientChannel::look_at_credit(Call& call) noexcept {
-  // Useless to the server before it has the whole call.
+  // Useless before the server has the whole call.
   if (call.is_ended || !call.has_answered) return;
   const IncomingStream& items = call.items;
   const std::uint32_t item_count = items.limit() - call.credit_sent;
   const std::uint32_t frame_count = items.freed_count() - call.freed_sent;
-  // The difference wraps below 0: the server may send more at first than this client's window.
+  // The difference may wrap below 0: initially the server may send more than this client's window.
   const auto bytes = static_cast<std::int32_t>(items.credit().byte_limit - call.bytes_sent);
   if (2 * item_count >= call.header.item || frame_count >= kStreamWindow / 2 ||
       2 * std::int64_t{bytes} >= items.byte_window()) {

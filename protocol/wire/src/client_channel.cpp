@@ -13,8 +13,8 @@ constexpr std::size_t kHelloFrameSize = kHeaderSize + Hello::kSize;
 
 }  // namespace
 
-// A client repeats a call at least each second (hp-5.3-3), so a server that received any
-// transmission of it has heard the session since (hp-5.5-1).
+// A client repeats a call at least every second (hp-5.3-3), so a server that received any
+// transmission of it has heard from the session since (hp-5.5-1).
 bool has_not_run(std::uint64_t lost_epoch, std::uint64_t epoch_now, MonotonicTime begun,
                  MonotonicTime now) noexcept {
   return lost_epoch == epoch_now && now - begun < kSessionIdleMin;
@@ -39,7 +39,7 @@ void ClientChannel::reset() noexcept {
 
 void ClientChannel::end_all() noexcept {
   for (Call& call : calls_) {
-    // The items of a stream that ended well can still be taken.
+    // The items of a stream that ended successfully can still be taken.
     if (!call.is_ended) end_call(call);
   }
 }
@@ -104,7 +104,7 @@ ChannelEvent ClientChannel::on_time(MonotonicTime now) noexcept {
     if (now < hello_timer_.due()) return {};
     hello_timer_.repeat(now);
     may_answer_cookie_ = true;
-    // A stream loses no HELLO; only the deadline counts.
+    // A stream loses no HELLO, so only the deadline matters.
     if (config_.medium == Medium::kStream) return {};
     return {.kind = ChannelEvent::Kind::kSend, .frame = hello_frame(now)};
   }
@@ -125,7 +125,7 @@ ChannelEvent ClientChannel::on_frame(ConstBytes frame, MonotonicTime now) noexce
   if (auto read = decode_frame(frame, config_.medium, header); !read) {
     ChannelEvent event = drop(read.error());
     if (config_.medium == Medium::kStream) {
-      // hp-8-2: where the next frame begins is unknown.
+      // hp-8-2: the start of the next frame is unknown.
       reset();
       event.kind = ChannelEvent::Kind::kBroken;
     }
@@ -169,7 +169,7 @@ ChannelEvent ClientChannel::on_cookie(const Header& header, ConstBytes payload,
   }
   if (payload.size() != cookie_.size()) return drop(DropReason::kBadPayload);
   std::ranges::copy(payload, cookie_.begin());
-  // hp-4.2-3, hp-4.2-4: sides that answer each other's answers would never stop.
+  // hp-4.2-3, hp-4.2-4: sides that answered each other's answers would never stop.
   if (!std::exchange(may_answer_cookie_, false)) return {};
   return {.kind = ChannelEvent::Kind::kSend, .frame = hello_frame(now)};
 }
@@ -191,7 +191,7 @@ ChannelEvent ClientChannel::on_welcome(const Header& header, ConstBytes payload,
 }
 
 ChannelEvent ClientChannel::on_refuse(const Header& header, ConstBytes payload) noexcept {
-  // hp-4.4-3: taken as an answer, it would mean that a method ran.
+  // hp-4.4-3: treated as an answer, it would mean that a method ran.
   if (header.status == Status::kOk) return drop(DropReason::kUnexpected);
   // hp-4.4-2
   if (!payload.empty()) return drop(DropReason::kBadPayload);
@@ -211,7 +211,7 @@ ChannelEvent ClientChannel::on_refuse(const Header& header, ConstBytes payload) 
       end_all();
       return {.kind = ChannelEvent::Kind::kLost, .call = index, .status = header.status};
     }
-    // It is about a oneway or a call that is over. Open calls find out by themselves.
+    // It concerns a oneway or an ended call. Open calls will notice by themselves.
     const bool is_idle = std::ranges::none_of(
         calls_, [](const Call& call) { return call.is_open && !call.is_ended; });
     if (is_idle) is_ready_ = false;

@@ -20,7 +20,7 @@ constexpr Duration kSlopeSpanMin = std::chrono::seconds{4};
 void ClockEstimator::add(const ClockProbe& probe) noexcept {
   const Duration trip =
       (probe.reply_received - probe.request_sent) - (probe.reply_sent - probe.request_received);
-  // Ignores a peer whose stated times do not fit into the round trip.
+  // Ignores a peer whose stated times do not fit the round trip.
   if (trip < -kQuantum || probe.reply_sent < probe.request_received) return;
   Point point;
   point.time = probe.request_sent + (probe.reply_received - probe.request_sent) / 2;
@@ -30,7 +30,7 @@ void ClockEstimator::add(const ClockProbe& probe) noexcept {
   point.half_trip = std::max(trip, Duration{0}) / 2 + kQuantum;
   if (count_ > 0) {
     const Point& last = points_[newest_];
-    // More than drift explains: the peer's host was restarted.
+    // More than drift can explain: the peer's host was restarted.
     const Duration allowed =
         last.half_trip + point.half_trip +
         Duration{static_cast<Duration::rep>(kDriftMax *
@@ -46,7 +46,7 @@ void ClockEstimator::add(const ClockProbe& probe) noexcept {
   count_ = std::min(count_ + 1, kPointCountMax);
 }
 
-// Least squares through the points, relative to the newest one so that the numbers stay small.
+// Least squares through the points, relative to the newest one to keep numbers small.
 std::optional<double> ClockEstimator::slope() const noexcept {
   const Point& last = points_[newest_];
   double sum_x = 0;

@@ -31,8 +31,8 @@ Cookie CookieJar::give(const PeerAddress& peer, std::uint64_t client_epoch,
   return make(peer, client_epoch, span_of(now));
 }
 
-// The comparison need not be constant-time: a cookie proves an address, and an attacker that
-// measures the answer's time at that address receives there already.
+// The comparison need not be constant-time: a cookie proves an address, and an attacker that can
+// measure the answer time at that address already receives there.
 bool CookieJar::is_good(const Cookie& cookie, const PeerAddress& peer, std::uint64_t client_epoch,
                         MonotonicTime now) const noexcept {
   const std::uint64_t current = span_of(now);

@@ -57,7 +57,7 @@ void IncomingMessage::begin(const Header& header, MutableBytes buffer) noexcept 
 }
 
 IncomingMessage::Taken IncomingMessage::take(const Header& header, ConstBytes payload) noexcept {
-  // hp-5.6-9: a later fragment cannot change the values of the first one.
+  // hp-5.6-9: a later fragment can't change the values of the first one.
   constexpr std::uint16_t kOfTheMessage = kFlagNoReply | kFlagReplyOnReceipt;
   if (header.message_size != buffer_.size() || header.fragment_count != arrived_.count() ||
       fragment_size_of(header) != fragment_size_ || header.service != header_.service ||
@@ -121,7 +121,7 @@ ConstBytes OutgoingMessage::next(MutableBytes to, std::uint32_t budget_us,
   const auto index = choose();
   if (!index) return {};
   std::uint16_t flags = *index < new_before ? kFlagRepeated : std::uint16_t{0};
-  // hp-5.6-3: asks for an ACK often enough for the window to keep moving.
+  // hp-5.6-3: requests an ACK often enough to keep the window moving.
   if (!has_more() || *index % (window_ / 2) == window_ / 2 - 1) {
     flags |= kFlagAckWanted;
   }
@@ -143,7 +143,7 @@ ConstBytes OutgoingMessage::write(MutableBytes to, std::uint16_t index, std::uin
   header.fragment_index = index;
   header.payload_size = static_cast<std::uint32_t>(part.size());
   header.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));
-  // A CALL's budget shrinks from fragment to fragment; a REPLY's is a fact.
+  // A CALL's budget shrinks with each fragment; a REPLY's is constant.
   if (header.kind == FrameKind::kCall) header.budget_us = budget_us;
   encode(header, to.data());
   std::memcpy(to.data() + kHeaderSize, part.data(), part.size());
@@ -151,7 +151,7 @@ ConstBytes OutgoingMessage::write(MutableBytes to, std::uint16_t index, std::uin
 }
 
 void OutgoingMessage::on_ack(const FragmentAck& ack, bool is_asked) noexcept {
-  // An ACK of fragments never sent is forged or faulty.
+  // An ACK for fragments never sent is forged or faulty.
   if (!is_begun() || ack.first_missing > next_new_) return;
   std::uint16_t end = ack.first_missing;
   for (std::uint16_t i = acknowledged_.first_missing(); i < ack.first_missing; ++i) {
@@ -167,7 +167,7 @@ void OutgoingMessage::on_ack(const FragmentAck& ack, bool is_asked) noexcept {
   // A missing fragment before one that arrived counts as lost.
   repair_next_ = acknowledged_.first_missing();
   repair_end_ = std::max(end, repair_next_);
-  // hp-5.6-7: the last fragments were lost, and no later one shows it.
+  // hp-5.6-7: the last fragments were lost, and no later one reveals it.
   if (is_asked && !has_more()) nudge();
 }
 

@@ -31,7 +31,7 @@ void encode(const Hello& hello, MutableBytes to) noexcept {
   RTPM_ASSERT(writer.ok() && writer.size() == Hello::kSize, "HELLO has its size");
 }
 
-// hp-4.1-1: a later version may give the reserved bytes a meaning that this one would ignore.
+// hp-4.1-1: a later version may give the reserved bytes a meaning, which this one must not ignore.
 std::optional<Hello> decode_hello(ConstBytes payload) noexcept {
   if (payload.size() != Hello::kSize) return std::nullopt;
   ByteReader reader(payload);

@@ -29,14 +29,14 @@ constexpr std::size_t kAtSenderTime = 48;
 constexpr std::size_t kAtTraceId = 56;
 static_assert(kAtTraceId + 8 == kHeaderSize && kHeaderSize % 16 == 0);
 
-// Consecutive fields as one 64-bit number.
+// Combines consecutive fields into one 64-bit number.
 template <std::unsigned_integral... Fields>
 inline std::uint64_t word_of(Fields... fields) noexcept {
   static_assert((sizeof(Fields) + ...) == sizeof(std::uint64_t));
   std::uint64_t word = 0;
   std::size_t shift = 0;
   const auto add = [&](std::uint64_t field, std::size_t size) {
-    // Separate loads, as the fields were stored: a compiler would merge neighbours into one load,
+    // Separate loads, matching the stores: a compiler would merge adjacent ones into one load,
     // which stalls on the stores as described at encode().
     __asm__("" : "+r"(field));
     word |= field << shift;
@@ -46,13 +46,13 @@ inline std::uint64_t word_of(Fields... fields) noexcept {
   return word;
 }
 
-// hp-2-5: a flag that a kind of frame does not use is reserved on it.
+// hp-2-5: flags that a frame kind does not use are reserved.
 bool has_good_flags(const Header& header) noexcept {
   constexpr std::uint16_t kOneway = kFlagNoReply | kFlagReplyOnReceipt;
   if ((header.flags & ~kFlagsKnown) != 0) return false;
   switch (header.kind) {
     case FrameKind::kCall:
-      // A oneway has one of both flags, and is not a stream.
+      // A oneway has exactly one of these flags, and is not a stream.
       return (header.flags & kOneway) == 0 ||
              ((header.flags & kOneway) != kOneway && header.item == 0);
     case FrameKind::kReply:
@@ -70,14 +70,14 @@ bool has_good_fragment_numbers(const Header& header) noexcept {
   if (header.fragment_count == 1) {
     return header.fragment_index == 0 && header.message_size == header.payload_size;
   }
-  // hp-5.8-2: a oneway without acknowledgement is one frame.
+  // hp-5.8-2: a oneway without acknowledgement is a single frame.
   return (header.kind == FrameKind::kCall || header.kind == FrameKind::kReply ||
           header.kind == FrameKind::kItem) &&
          (header.flags & kFlagNoReply) == 0 && header.message_size <= kMessageSizeCeiling &&
          fragment_size_of(header) != 0;
 }
 
-// hp-2-1, hp-2-2, hp-2-4: the order of the checks is the specification's, so that every
+// hp-2-1, hp-2-2, hp-2-4: the specification defines the order of the checks, so that every
 // implementation counts a frame with several faults alike. Fields without meaning in the frame are
 // not checked (hp-2-7).
 expected<void, DropReason> decode(ConstBytes bytes, Header& header) noexcept {
@@ -114,8 +114,8 @@ expected<void, DropReason> decode(ConstBytes bytes, Header& header) noexcept {
 
 }  // namespace
 
-// Stores whole words, as the sending code loads them: a load of bytes that several smaller stores
-// wrote stalls until they have left the core's store buffer, tens of cycles each.
+// Stores whole words, as the sending code loads them: a load of bytes written by several smaller
+// stores stalls until these have left the core's store buffer, tens of cycles each.
 void encode(const Header& header, std::byte* to) noexcept {
   store_le(to + kAtMagic, word_of(kMagic, kVersion, static_cast<std::uint8_t>(header.kind),
                                   header.priority.value(), header.flags));

@@ -5,8 +5,8 @@
 namespace rtpm::wire {
 namespace {
 
-/// Removes and returns the beginning of `text` up to `mark`, and drops the mark; all if there is
-/// none.
+/// Removes and returns `text` up to `mark`, and drops the mark; returns all of it if there is no
+/// mark.
 std::string_view take_until(std::string_view& text, std::string_view mark) noexcept {
   const std::size_t at = text.find(mark);
   const std::string_view taken = text.substr(0, at);
@@ -24,7 +24,7 @@ std::string_view take_word(std::string_view& text) noexcept {
   return take_until(text, " ");
 }
 
-/// "lab.Force" of "struct lab.Force", and the like.
+/// For example "lab.Force" from "struct lab.Force".
 std::string_view behind_word(std::string_view text) noexcept {
   (void)take_word(text);
   return text;
@@ -120,7 +120,7 @@ std::optional<FieldText> read_field(std::string_view line) noexcept {
   field.id = take_word(line);
   field.name = take_until(line, ": ");
   if (field.name.empty() || line.empty()) return std::nullopt;
-  // From the end: units and frames may contain spaces.
+  // Parsed from the end, because units and frames may contain spaces.
   field.frame = take_quoted_end(line, " frame \"");
   field.unit = take_quoted_end(line, " in \"");
   field.type = take_word(line);

@@ -12,7 +12,7 @@ struct MethodText {
   std::string_view id{};
   std::string_view name{};
   bool is_idempotent = false;
-  std::string_view manner{};   ///< "oneway sent", "stream" or nothing.
+  std::string_view manner{};   ///< "oneway sent", "stream" or empty.
   std::string_view request{};  ///< "struct lab.ForceMessage"
   std::string_view reply{};
 
@@ -25,7 +25,7 @@ struct TypeText {
   std::string_view head{};  ///< "struct lab.Force size 16 align 8"
   std::string_view kind{};
   std::string_view name{};
-  std::vector<std::string_view> members{};  ///< Its lines without the two spaces.
+  std::vector<std::string_view> members{};  ///< Its lines, without the indentation of two spaces.
 };
 
 struct InterfaceText {
@@ -38,7 +38,7 @@ struct FieldText {
   std::string_view id{};
   std::string_view name{};
   std::string_view type{};       ///< "vector<object>"
-  std::string_view type_name{};  ///< "lab.Force", or nothing.
+  std::string_view type_name{};  ///< Such as "lab.Force"; empty if none.
   bool is_required = false;
   bool is_optional = false;
   bool is_deprecated = false;
@@ -54,15 +54,15 @@ struct FieldText {
 struct ValueText {
   std::string_view name{};
   std::string_view number{};
-  std::string_view type{};       ///< A union's member's: "object lab.Force".
-  std::string_view type_name{};  ///< "lab.Force", or nothing.
+  std::string_view type{};       ///< The type of a union member: "object lab.Force".
+  std::string_view type_name{};  ///< Such as "lab.Force"; empty if none.
 };
 
-/// Nothing if the text is malformed.
+/// Parses an interface text; nullopt if it is malformed.
 [[nodiscard]] std::optional<InterfaceText> read_interface(std::string_view text);
 [[nodiscard]] std::optional<FieldText> read_field(std::string_view line) noexcept;
 [[nodiscard]] std::optional<ValueText> read_value(std::string_view line) noexcept;
-/// The number in front of a field.
+/// The number before a field.
 [[nodiscard]] std::string_view id_of(std::string_view field) noexcept;
 
 }  // namespace rtpm::wire

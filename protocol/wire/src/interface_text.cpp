@@ -21,12 +21,12 @@ std::string two_sides(std::string_view there, std::string_view here) {
   return quoted(there) + " there and " + quoted(here) + " here";
 }
 
-/// One side states what the other leaves open, or both state the same.
+/// True if one side leaves it open, or both state the same.
 bool agrees(std::string_view a, std::string_view b) noexcept {
   return a.empty() || b.empty() || a == b;
 }
 
-/// Compares the types of one message, from those of its table on.
+/// Compares the types of one message, starting with its table.
 class MessageComparison {
  public:
   /// `is_request`: the client writes.
@@ -113,7 +113,7 @@ class MessageComparison {
            (!is_number || written.is_optional == wanted.is_optional);
   }
 
-  /// Values of enumerations and unions that both sides know must be the same.
+  /// Values of enumerations and unions that both sides know must be equal.
   Difference compare_values(const TypeText& here, const TypeText& there) {
     for (const std::string_view line : here.members) {
       const auto ours = read_value(line);

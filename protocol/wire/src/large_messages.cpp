@@ -9,7 +9,7 @@ namespace rtpm::wire {
 LargeMessages::LargeMessages(const Config& config) : config_(config) {
   const std::size_t size = large_buffer_size(config.message_size_max);
   const std::size_t count = std::min<std::size_t>(config.memory.size() / size, kNone);
-  // One buffer is the scratch for replies, so a single one could not take a request.
+  // One buffer is the scratch for replies, so a single one could not hold a request.
   if (config.message_size_max <= config.fragment_size || count < 2) return;
   buffers_.resize(count);
   for (std::size_t i = 0; i < count; ++i)
@@ -95,7 +95,7 @@ IncomingMessage::Taken LargeMessages::take_fragment(std::uint16_t index, const H
                                                     MonotonicTime now) noexcept {
   Buffer& buffer = buffers_[index];
   const IncomingMessage::Taken taken = buffer.incoming.take(header, payload);
-  // hp-5.6-10: a duplicate counts, too: its sender may have missed every ACK.
+  // hp-5.6-10: a duplicate counts, too, as its sender may have missed every ACK.
   if (taken != IncomingMessage::Taken::kForeign) buffer.heard = now;
   if (taken == IncomingMessage::Taken::kLast) buffer.use = Use::kServed;
   return taken;

@@ -10,7 +10,7 @@ bool RateLimiter::admit(const PeerAddress& host, MonotonicTime now) noexcept {
   std::array<std::byte, 16> seed{};
   ByteWriter writer(seed);
   writer.put(host.high);
-  // Hosts are compared by the rule of is_same_host().
+  // Hosts are compared like in is_same_host().
   writer.put(host.high == 0 ? host.low : std::uint64_t{0});
   MonotonicTime& full_at = full_at_[siphash_2_4(key_, seed) % kBucketCount];
   const MonotonicTime begin = std::max(full_at, now);

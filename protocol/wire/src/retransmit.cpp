@@ -58,7 +58,7 @@ void RetransmitTimer::wait(MonotonicTime now, Duration wait) noexcept {
 void RetransmitTimer::end(MonotonicTime now) noexcept {
   due_ = kNever;
   const Duration took = std::max(now - sent_, Duration{1});
-  // A quarter more than the upper bound, so that an equal round trip is measured next time.
+  // A quarter more than the upper bound, so that an equal round trip will be measured next time.
   path_->back_off(repeat_count_ > 0 ? std::min<Duration>(current_, took + took / 4) : Duration{0});
   if (repeat_count_ == 0 && is_measured_) path_->add(took);
 }

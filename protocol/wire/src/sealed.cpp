@@ -15,7 +15,7 @@ std::uint16_t flags_of(ConstBytes frame) noexcept {
   return load_le<std::uint16_t>(frame.data() + kFlagsOffset);
 }
 
-// sec-3-2: the suite's bit comes with the bit of sealing.
+// sec-3-2: a suite's bit requires the bit for sealing.
 bool has_good_features(std::uint32_t features) noexcept {
   return (features & kFeatureSealed) != 0 && (features & ~kFeaturesKnown) == 0;
 }
@@ -121,8 +121,8 @@ void unmark_sealed(std::byte* frame) noexcept {
       static_cast<std::uint16_t>(load_le<std::uint16_t>(frame + kFlagsOffset) & ~kFlagSealed));
 }
 
-// sec-4-1, sec-4-2, sec-4-4: the checks of an ordinary frame, in their order, on a copy of the
-// header without the flag that ordinary frames don't have.
+// sec-4-1, sec-4-2, sec-4-4: the checks of an ordinary frame, in the same order, on a copy of the
+// header without the flag, which ordinary frames lack.
 expected<void, DropReason> decode_sealed_frame(ConstBytes frame, Medium medium,
                                                Header& header) noexcept {
   if (frame.size() < kHeaderSize) return unexpected{DropReason::kTooShort};
@@ -132,7 +132,7 @@ expected<void, DropReason> decode_sealed_frame(ConstBytes frame, Medium medium,
   const auto read = decode(copy);
   if (!read) return unexpected{read.error()};
   if (!is_sealed(frame)) return unexpected{DropReason::kUnsealed};
-  // Only frames of sessions are sealed; a handshake's are not, as there are no keys before.
+  // Only frames of sessions are sealed, not handshakes, which have no keys yet.
   switch (read->kind) {
     case FrameKind::kHello:
     case FrameKind::kCookie:

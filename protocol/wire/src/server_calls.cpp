@@ -6,7 +6,7 @@
 #include "rtpm/base/assert.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 
-// The calls of the sessions: at most once, completion, cancellation.
+// The calls of sessions: at most once, completion, cancellation.
 namespace rtpm::wire {
 namespace {
 
@@ -28,19 +28,20 @@ ServerSessions::Answer ServerSessions::on_call(Request& request, const PeerAddre
   const MonotonicTime now = request.received;
   Session* session = find(header.session);
   if (session == nullptr) return refuse_session(header, peer, now);
-  // hp-5.1-4: only this address was proven for the session.
+  // hp-5.1-4: only this address was proved for the session.
   if (!(session->peer == peer)) return drop(DropReason::kForeignAddress);
   session->last_heard = now;
 
   Slot& slot = session->slots[header.call_id % kCallWindow];
   if (slot.state != Slot::State::kEmpty) {
     if (slot.call_id == header.call_id) return on_duplicate(request, slot, *session);
-    // hp-5.2-2: an older call is stale. hp-5.2-3: a call whose slot is in use breaks the client's
-    // window. It is refused for good: a duplicate of it is not run later either.
+    // hp-5.2-2: an older call is stale. hp-5.2-3: a call whose slot is in use exceeds the client's
+    // window. It is refused permanently: a duplicate of it does not run later, either.
     const bool is_new = is_newer(header.call_id, slot.newest_call_id);
     if (!is_new && header.call_id != slot.newest_call_id) return drop(DropReason::kStaleCall);
     slot.newest_call_id = header.call_id;
-    // A running oneway or cancelled call does not occupy the slot, unless its buffer is still read.
+    // A running oneway or cancelled call does not occupy the slot, unless its buffer is still being
+    // read.
     const bool is_taken = slot.state == Slot::State::kRunning &&
                           (!slot.is_unawaited || slot.large != LargeMessages::kNone);
     if (!is_new || is_taken) {
@@ -55,7 +56,7 @@ ServerSessions::Answer ServerSessions::on_call(Request& request, const PeerAddre
   return admit(request, *session);
 }
 
-// hp-5.2-1: a duplicate never runs. Its answer depends on the state of the call.
+// hp-5.2-1: a duplicate never runs. Its answer depends on the call's state.
 ServerSessions::Answer ServerSessions::on_duplicate(Request& request, Slot& slot,
                                                     Session& session) noexcept {
   const Header& header = request.header;
@@ -72,23 +73,23 @@ ServerSessions::Answer ServerSessions::on_duplicate(Request& request, Slot& slot
   if (slot.state == Slot::State::kRunning && slot.frame_size == 0) {
     std::uint32_t item_count = 0;
     if (slot.stream != ServerStreams::kNone) {
-      // A sign of life of the caller, which also renews its request for items.
+      // A keep-alive of the caller, which also renews its request for items.
       streams_.extend(slot.stream, lease_of(session, header, now));
       item_count = streams_.items(slot.stream).count();
     }
     if ((header.flags & kFlagAckWanted) == 0) return drop(DropReason::kDuplicateRunning);
-    // hp-5.6-4: tells a client that asks for an ACK that no fragment is missing.
+    // hp-5.6-4: tells a client that requests an ACK that no fragment is missing.
     FragmentAck all;
     all.first_missing = header.fragment_count;
     return acknowledge(header, all, item_count, now);
   }
   if (slot.large != LargeMessages::kNone && large_.is_reply(slot.large)) {
-    // It asks for the unacknowledged fragments.
+    // It requests the unacknowledged fragments.
     ++counters_.duplicate_answered_count;
     large_.send_again(slot.large, now);
     return {Verdict::Action::kSend, large_.next_frame(now)};
   }
-  // A stream makes no duplicates; a large reply is not kept once it has arrived.
+  // Streams cause no duplicates, and a large reply is not kept once it has arrived.
   if (config_.medium == Medium::kStream || slot.frame_size == 0) {
     return drop(DropReason::kStaleCall);
   }
@@ -103,7 +104,7 @@ ConstBytes ServerSessions::kept_reply(std::uint32_t session_index,
   return {frame, sessions_[session_index].slots[slot_index].frame_size};
 }
 
-// Takes the first frame of a new call into its slot.
+// Puts the first frame of a new call into its slot.
 ServerSessions::Answer ServerSessions::admit(Request& request, Session& session) noexcept {
   const Header& header = request.header;
   const MonotonicTime now = request.received;
@@ -141,7 +142,7 @@ ServerSessions::Answer ServerSessions::dispatch(const Request& request, Slot& sl
   return {Verdict::Action::kDispatch};
 }
 
-// hp-5.4-2: on one host the time in the socket's buffer counts; between hosts the budget begins
+// hp-5.4-2: on one host the time in the socket's buffer counts; between hosts the budget starts
 // now. A sender's time in the future is ignored.
 MonotonicTime ServerSessions::deadline_of(const Session& session, const Header& header,
                                           MonotonicTime now) const noexcept {
@@ -152,8 +153,8 @@ MonotonicTime ServerSessions::deadline_of(const Session& session, const Header& 
   return now + budget;
 }
 
-// hp-5.1-5: refuses by a kept REPLY, so that a duplicate gets the same answer; a call that wants no
-// reply is only counted.
+// hp-5.1-5: refuses with a kept REPLY, so that a duplicate gets the same answer; a call that wants
+// no reply is only counted.
 ServerSessions::Answer ServerSessions::refuse_call(const Request& request, Status status,
                                                    MonotonicTime now) noexcept {
   if (status != Status::kExpired) ++counters_.refused_count;
@@ -162,7 +163,7 @@ ServerSessions::Answer ServerSessions::refuse_call(const Request& request, Statu
   return {Verdict::Action::kSend, frame};
 }
 
-// Null if the request is completed, its session has ended, or the slot is another call's.
+// Null if the request is completed, its session has ended, or another call uses the slot.
 ServerSessions::Slot* ServerSessions::slot_of(const Request& request) noexcept {
   Session& session = sessions_[request.session_index];
   Slot& slot = session.slots[request.slot_index];
@@ -230,7 +231,7 @@ ConstBytes ServerSessions::complete(const Request& request, Status status,
     ++counters_.orphaned_count;
     return {};
   }
-  // The buffer of a large request, which is not read any more.
+  // Frees the buffer of a large request, which is no longer read.
   free_large_buffer(*slot);
   slot->state = Slot::State::kDone;
   slot->tag = 0;
@@ -245,7 +246,7 @@ ConstBytes ServerSessions::write_reply(const Request& request, Slot& slot, Statu
   header.status = status;
   header.budget_us = to_us(now - request.received);
   if (slot.stream != ServerStreams::kNone) {
-    // hp-5.10-6: shows the caller which frames it lacks. The stream is kept until all have arrived.
+    // hp-5.10-6: tells the caller which frames it lacks. The stream is kept until all have arrived.
     const OutgoingStream& items = streams_.items(slot.stream);
     header.item = items.count();
     if (items.is_acknowledged()) free_stream(slot);
@@ -260,7 +261,7 @@ ConstBytes ServerSessions::write_reply(const Request& request, Slot& slot, Statu
   return {frame, slot.frame_size};
 }
 
-// hp-5.9-1, hp-5.9-2: a call that has not begun never runs; a running servant is notified.
+// hp-5.9-1, hp-5.9-2: a call that has not started never runs; a running servant is notified.
 ServerSessions::Answer ServerSessions::on_cancel(const Header& header, ConstBytes payload,
                                                  const PeerAddress& peer,
                                                  MonotonicTime now) noexcept {
@@ -280,7 +281,7 @@ ServerSessions::Answer ServerSessions::on_cancel(const Header& header, ConstByte
     if (is_open) ++counters_.cancelled_count;
     return {};
   }
-  // It overtook its call, which must not run when it comes.
+  // The CANCEL overtook its call, which must not run when it arrives.
   if (is_known && !is_newer(header.call_id, slot.newest_call_id)) {
     return drop(DropReason::kStaleCall);
   }
@@ -298,7 +299,7 @@ ServerSessions::Answer ServerSessions::on_cancel(const Header& header, ConstByte
   return {};
 }
 
-// The caller gave up. The running servant is notified if the request has a tag.
+// Notes that the caller gave up. The running servant is notified if the request has a tag.
 void ServerSessions::cancel(Slot& slot) noexcept {
   if (slot.state != Slot::State::kRunning || std::exchange(slot.is_unawaited, true)) return;
   if (slot.tag != 0) cancelled_.push_back(slot.tag);

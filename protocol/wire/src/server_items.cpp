@@ -4,7 +4,7 @@
 #include "rtpm/base/assert.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 
-// The streams of the sessions: items that answer one call (spec/hprotocol.md#hp-5.10).
+// The streams of sessions: items that answer a call (spec/hprotocol.md#hp-5.10).
 namespace rtpm::wire {
 
 ServerSessions::Answer ServerSessions::begin_stream(const Request& request, Slot& slot) noexcept {
@@ -18,8 +18,8 @@ ServerSessions::Answer ServerSessions::begin_stream(const Request& request, Slot
   return {Verdict::Action::kDispatch};
 }
 
-// hp-5.10-7: until when a stream is kept while its caller is silent. A connection's end shows by
-// itself.
+// hp-5.10-7: how long a stream is kept while its caller is silent. The end of a connection is
+// noticed without this.
 MonotonicTime ServerSessions::lease_of(const Session& session, const Header& header,
                                        MonotonicTime now) const noexcept {
   if (config_.medium == Medium::kStream && header.budget_us == kBudgetUnlimited) return kNever;
@@ -74,7 +74,7 @@ ServerSessions::Answer ServerSessions::on_credit(const Header& header, ConstByte
   const bool is_known = slot.call_id == header.call_id && slot.state != Slot::State::kEmpty;
   const bool is_replied = is_known && slot.frame_size > 0;
   if (!is_known || (slot.stream == ServerStreams::kNone && !is_replied)) {
-    // hp-5.10-7: the stream ended because its caller was silent; report it.
+    // hp-5.10-7: the stream ended because its caller was silent; report that.
     return is_asked ? refuse(header, Status::kLost, now) : drop(DropReason::kUnexpected);
   }
   Answer answer;
@@ -105,7 +105,7 @@ ServerSessions::Answer ServerSessions::on_credit(const Header& header, ConstByte
   return answer;
 }
 
-// The lost frames, then the reply if it is due.
+// Returns the lost frames, then the reply if it is due.
 ConstBytes ServerSessions::next_repair() noexcept {
   const CallPlace& call = streams_.repaired_call();
   if (const ConstBytes frame = streams_.next_repair(); !frame.empty()) {
@@ -117,7 +117,7 @@ ConstBytes ServerSessions::next_repair() noexcept {
 }
 
 void ServerSessions::on_time(MonotonicTime now) noexcept {
-  // hp-5.10-7: the caller of such a stream was silent for too long.
+  // hp-5.10-7: the callers of these streams were silent for too long.
   streams_.visit_expired(now, [&](const CallPlace& call) {
     Slot& slot = sessions_[call.session_index].slots[call.slot_index];
     if (slot.state == Slot::State::kRunning) ++counters_.expired_count;

@@ -3,10 +3,10 @@
 #include "rtpm/base/assert.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 
-// The large messages of the sessions, in fragments (spec/hprotocol.md#hp-5.6).
+// The large messages of sessions, in fragments (spec/hprotocol.md#hp-5.6).
 namespace rtpm::wire {
 
-// A buffer for a message of the request's host, in place of another one if need be.
+// Takes a buffer for a message of the request's host, evicting another message if necessary.
 std::uint16_t ServerSessions::take_large_buffer(const Request& request,
                                                 MonotonicTime now) noexcept {
   const PeerAddress& peer = sessions_[request.session_index].peer;
@@ -32,7 +32,7 @@ bool ServerSessions::is_short_of_buffers(const Request& request, MonotonicTime n
   const Slot& slot = session.slots[request.slot_index];
   const bool is_open =
       session.id == request.header.session && slot.call_id == request.header.call_id;
-  // A call without a waiting caller needs none; a large request leaves its own.
+  // A call without a waiting caller needs none; a large request reuses its own.
   if (!is_open || slot.is_unawaited || slot.large != LargeMessages::kNone ||
       !large_.has_buffers()) {
     return false;
@@ -83,7 +83,7 @@ ServerSessions::Answer ServerSessions::acknowledge(const Header& about, const Fr
   return {Verdict::Action::kSend, ConstBytes(answer_).first(kHeaderSize + FragmentAck::kSize)};
 }
 
-// Which fragments of a large reply have arrived.
+// Handles the report of which fragments of a large reply have arrived.
 ServerSessions::Answer ServerSessions::on_ack(const Header& header, ConstBytes payload,
                                               const PeerAddress& peer, MonotonicTime now) noexcept {
   Session* session = find(header.session);
@@ -120,7 +120,7 @@ MutableBytes ServerSessions::reserve_reply(const Request& request, std::uint32_t
   return index == LargeMessages::kNone ? MutableBytes{} : large_.reserve(index);
 }
 
-// The scratch, which holds the reply, becomes its buffer.
+// The scratch, which holds the reply, becomes the reply's buffer.
 ConstBytes ServerSessions::complete_large(const Request& request, Slot& slot, const Header& header,
                                           MonotonicTime now) noexcept {
   const std::uint16_t next_scratch = take_large_buffer(request, now);

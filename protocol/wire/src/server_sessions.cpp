@@ -21,7 +21,7 @@ ServerSessions::ServerSessions(const ServerSessionsConfig& config)
                         kStrangerAnswerInterval),
       payload_size_max_(std::min(config.frame_payload_max,
                                  static_cast<std::uint32_t>(frame_payload_max(config.medium)))),
-      // sec-4-3: sealed fragments are smaller, so that the largest messages would have too many.
+      // sec-4-3: sealed fragments are smaller, so the largest messages would have too many of them.
       item_size_max_(static_cast<std::uint32_t>(std::min<std::size_t>(
           config.message_size_max, std::size_t{payload_size_max_} * kFragmentCountMax))),
       large_({config.large_memory, item_size_max_, payload_size_max_, config.medium}),
@@ -43,7 +43,7 @@ ServerSessions::ServerSessions(const ServerSessionsConfig& config)
 
 std::byte* ServerSessions::frame_of(std::uint32_t session_index,
                                     std::uint32_t slot_index) noexcept {
-  // A stream repeats nothing, so no reply is kept and one buffer serves all.
+  // A stream repeats nothing, so no reply is kept and one buffer serves all calls.
   if (config_.medium == Medium::kStream) return frames_.front().bytes;
   constexpr std::size_t kLinesPerFrame = kDatagramFrameSizeMax / sizeof(CacheLine);
   static_assert(kDatagramFrameSizeMax % sizeof(CacheLine) == 0);
@@ -62,12 +62,13 @@ Verdict ServerSessions::on_frame(ConstBytes frame, const PeerAddress& peer,
   large_.stop_sending();
   streams_.stop_repair();
   is_reply_due_ = false;
-  // The request is constructed in place: copying fields just written costs more than writing them.
+  // The request is constructed in place: copying freshly written fields costs more than writing
+  // them.
   Verdict verdict;
   Request& request = verdict.request;
   if (auto read = decode_frame(frame, config_.medium, request.header); !read) {
     static_cast<void>(drop(read.error()));
-    // hp-8-2: after a bad header the stream's next frame cannot be found.
+    // hp-8-2: after an invalid header the start of the stream's next frame is unknown.
     if (config_.medium == Medium::kStream) verdict.action = Verdict::Action::kHangUp;
     return verdict;
   }
@@ -107,7 +108,7 @@ ServerSessions::Answer ServerSessions::on_kind(Request& request, const PeerAddre
   return drop(DropReason::kBadKind);
 }
 
-// A refusal is a bare header, so that it is never larger than its request (hp-4.4-2).
+// A refusal is a bare header, so it is never larger than its request (hp-4.4-2).
 ServerSessions::Answer ServerSessions::refuse(const Header& about, Status status,
                                               MonotonicTime now) noexcept {
   ++counters_.refused_count;
@@ -122,7 +123,7 @@ ServerSessions::Answer ServerSessions::refuse(const Header& about, Status status
   return {Verdict::Action::kSend, ConstBytes(answer_).first(kHeaderSize), {}};
 }
 
-// hp-4.1-2, hp-4.1-3, hp-4.1-5: refuses early a HELLO that cannot be served.
+// hp-4.1-2, hp-4.1-3, hp-4.1-5: refuses early a HELLO that can't be served.
 std::optional<Status> ServerSessions::fault_of(const Header& header,
                                                const Hello& hello) const noexcept {
   if (hello.version_min > kVersion || hello.version_max < kVersion) {
@@ -150,7 +151,7 @@ ServerSessions::Answer ServerSessions::on_hello(const Header& header, ConstBytes
   answer.priority = header.priority;
   answer.call_id = header.call_id;
   answer.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));
-  // hp-4.2-1: over datagrams a session needs proof of the address; a stream is proof.
+  // hp-4.2-1: over datagrams a session requires proof of the address; a stream is itself proof.
   if (!is_proven) {
     if (hello->cookie != Cookie{}) counters_.drop(DropReason::kBadCookie);
     const Cookie cookie = cookies_.give(peer, hello->client_epoch, now);
@@ -183,7 +184,7 @@ bool ServerSessions::is_of(const Session& session, const Hello& hello,
          session.channel == hello.channel;
 }
 
-// hp-4.1-6: a stale duplicate of an earlier handshake must not end the session of a later one.
+// hp-4.1-6: a stale duplicate of an earlier handshake must not end a later one's session.
 bool ServerSessions::is_late(const Hello& hello, std::uint32_t handshake_number,
                              const PeerAddress& peer) const noexcept {
   if (config_.medium == Medium::kStream) return false;
@@ -209,12 +210,12 @@ ServerSessions::Session* ServerSessions::find_or_open(const Hello& hello,
     }
     if (is_of_channel ||
         (config_.medium == Medium::kStream && session.id != 0 && session.peer == peer)) {
-      // hp-4-4, hp-4.1-6: a further HELLO replaces the session of a connection or channel.
+      // hp-4-4, hp-4.1-6: another HELLO replaces the session of its connection or channel.
       end_session(session);
       best = &session;
       break;
     }
-    // hp-4-7: a host that has used up its quota replaces only its own sessions.
+    // hp-4-7: a host that has used up its quota only replaces its own sessions.
     if (!has_capacity && (session.id == 0 || !is_same_host(session.peer, peer))) continue;
     if (session.id == 0) {
       if (best == nullptr || best->id != 0) best = &session;
@@ -244,15 +245,15 @@ ServerSessions::Session* ServerSessions::find_or_open(const Hello& hello,
   return best;
 }
 
-// Bits 0 to 15 are the session's index, bits 16 to 39 the masked lane, the rest is random and
-// cannot be guessed without the key.
+// Bits 0 to 15 are the session's index, bits 16 to 39 the masked lane; the rest is random and can't
+// be guessed without the key.
 std::uint64_t ServerSessions::new_session_id(std::uint64_t index) noexcept {
   std::array<std::byte, 24> seed{};
   ByteWriter writer(seed);
   writer.put(config_.epoch);
   writer.put(++session_serial_);
   writer.put(std::uint64_t{config_.lane});
-  // Bit 40 keeps the id from being 0.
+  // Bit 40 ensures that the id is not 0.
   const std::uint64_t random = siphash_2_4(config_.key, seed) | std::uint64_t{1} << 40;
   const std::uint64_t id = (random & ~kLaneBits & ~kIndexBits) | index;
   return id | (lane_mask_of(id) ^ std::uint64_t{config_.lane} << kLaneShift);
@@ -266,18 +267,18 @@ std::uint64_t ServerSessions::lane_mask_of(std::uint64_t id) const noexcept {
   return siphash_2_4(config_.key, seed) & kLaneBits;
 }
 
-// hp-4.4-4: whether another lane gave `id` in this life of the server. Any other number passes once
-// in 2^24 for each lane.
+// hp-4.4-4: whether another lane issued `id` in this run of the server. Any other number passes
+// with a probability of 2^-24 per lane.
 bool ServerSessions::is_of_another_lane(std::uint64_t id) const noexcept {
   const std::uint64_t lane = ((id ^ lane_mask_of(id)) & kLaneBits) >> kLaneShift;
   return lane < config_.lane_count && lane != config_.lane;
 }
 
-// hp-4.4-1, hp-4.4-4: the client learns at once that this is another life of the server; a session
-// of another lane is not lost.
+// hp-4.4-1, hp-4.4-4: tells the client at once that the server restarted; a session of another lane
+// is not lost.
 ServerSessions::Answer ServerSessions::refuse_session(const Header& about, const PeerAddress& peer,
                                                       MonotonicTime now) noexcept {
-  // hp-4.4-5: no host may keep a lane busy with answers. A client asks again.
+  // hp-4.4-5: no host may keep a lane busy with answers. Clients ask again.
   if (config_.medium == Medium::kDatagram && !stranger_answers_.admit(peer, now)) {
     return drop(DropReason::kRateLimited);
   }

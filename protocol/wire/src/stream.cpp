@@ -9,7 +9,7 @@
 namespace rtpm::wire {
 namespace {
 
-// Counts of frames, items and bytes wrap around: how far `number` is ahead of `of`, modulo 2^32.
+// How far `number` is ahead of `of`, modulo 2^32: counts of frames, items and bytes wrap around.
 std::int32_t ahead(std::uint32_t number, std::uint32_t of) noexcept {
   return static_cast<std::int32_t>(number - of);
 }
@@ -39,7 +39,7 @@ void OutgoingStream::begin(const Header& header, const Buffers& buffers, Medium 
   RTPM_ASSERT(
       buffers.fragment_size >= 1 && kHeaderSize + buffers.fragment_size <= buffers.frame_size,
       "a frame holds a fragment");
-  // A power of two, so that the slots stay in order where the numbers wrap around.
+  // A power of two, so that the slots stay in order when the numbers wrap around.
   window_ = static_cast<std::uint32_t>(std::bit_floor(
       std::min<std::size_t>(buffers.memory.size() / buffers.frame_size, kStreamWindow)));
   RTPM_ASSERT(window_ >= 1, "a stream has memory for a frame");
@@ -95,7 +95,7 @@ ConstBytes OutgoingStream::push(ConstBytes item, MonotonicTime now) noexcept {
 
 void OutgoingStream::on_credit(const StreamCredit& credit, std::uint32_t item_limit,
                                bool is_asked) noexcept {
-  // hp-5.10-8: an acknowledgement of frames that were never sent is ignored.
+  // hp-5.10-8: an acknowledgement of frames never sent is ignored.
   if (!is_begun() || ahead(credit.first_missing, count_) > 0) return;
   if (ahead(item_limit, item_limit_) > 0) item_limit_ = item_limit;
   if (ahead(credit.byte_limit, byte_limit_) > 0) byte_limit_ = credit.byte_limit;
@@ -134,7 +134,7 @@ void IncomingStream::begin(const Buffers& buffers, std::uint32_t window,
   freed_ = first_missing_ = first;
 }
 
-// Not the number modulo the slots: that would jump where the numbers wrap around.
+// Not the number modulo the slots, which would jump when the numbers wrap around.
 std::uint32_t IncomingStream::slot_of(std::uint32_t number) const noexcept {
   return (freed_slot_ + (number - freed_)) % slot_count_;
 }
@@ -143,7 +143,7 @@ std::byte* IncomingStream::frame_at(std::uint32_t slot) const noexcept {
   return buffers_.frames.data() + slot * std::size_t{buffers_.frame_size};
 }
 
-// Whether `part`, the next in order, continues the current item, or begins one.
+// Whether `part`, the next in order, continues the current item, or starts one.
 bool IncomingStream::fits(const Part& part) const noexcept {
   if (!is_midway()) {
     return part.index == 0 && (part.count == 1 || part.message_size <= buffers_.item.size());
@@ -186,7 +186,7 @@ IncomingStream::Taken IncomingStream::take(const Header& header, ConstBytes payl
   present_ |= bit;
   if (distance > 0) return Taken::kAhead;
   accept(part);
-  // Frames that were ahead may be next in order now.
+  // Frames that were ahead may now be next in order.
   for (bool is_there = true; is_there;) {
     is_there = (present_ & 1) != 0;
     present_ >>= 1U;
@@ -212,7 +212,7 @@ bool IncomingStream::end(std::uint32_t count) noexcept {
   return true;
 }
 
-// The number after the last frame that came.
+// The number after the last frame that arrived.
 std::uint32_t IncomingStream::known_end() const noexcept {
   if (present_ == 0) return first_missing_;
   return first_missing_ + static_cast<std::uint32_t>(std::bit_width(present_)) + 1;
@@ -230,8 +230,8 @@ void IncomingStream::free_first() noexcept {
   ++freed_;
 }
 
-// Copies the fragments, in sequence, into the buffer of their item, which frees their slots for
-// further fragments. Does nothing while the reader still views an item.
+// Copies the fragments, in sequence, into their item's buffer, which frees their slots for further
+// fragments. Does nothing while the reader still views an item.
 void IncomingStream::put_together() noexcept {
   while (!is_whole_ && view_ == View::kNone && freed_ != first_missing_) {
     const Part& part = parts_[freed_slot_];

@@ -10,7 +10,7 @@ namespace rtpm::wire {
 namespace {
 
 constexpr std::string_view kScheme = "rtpm://";
-// RFC 6874: a '%' in a URL is written so.
+// RFC 6874: how '%' is written in a URL.
 constexpr std::string_view kZoneMark = "%25";
 // The longest name of a network interface.
 constexpr std::size_t kZoneSizeMax = 15;
@@ -42,8 +42,8 @@ bool is_ipv4_address(std::string_view text) noexcept {
   return text.empty();
 }
 
-// The number of groups of 16 bits between colons; nothing if one is malformed. An IPv4 address may
-// stand for the last two.
+// The number of 16-bit groups between colons; nullopt if one is malformed. An IPv4 address may
+// replace the last two.
 std::optional<int> count_of_groups(std::string_view text, bool may_end_in_ipv4) noexcept {
   if (text.empty()) return 0;
   for (int count = 1;; ++count) {
@@ -56,7 +56,7 @@ std::optional<int> count_of_groups(std::string_view text, bool may_end_in_ipv4) 
   }
 }
 
-// The host that a part of an authority names, without brackets; nothing if it is malformed.
+// The host in a part of an authority, without brackets; nullopt if it is malformed.
 std::optional<std::string> host_of(std::string_view part) {
   if (!part.starts_with('[')) {
     const bool is_name = !part.empty() && std::ranges::all_of(part, is_host_character);

@@ -8,8 +8,8 @@ namespace rtpm::inline base {
 
 }  // namespace rtpm::inline base
 
-/// Aborts when `condition` is false, in release builds too. For bugs of RTPM or of its caller,
-/// never for conditions that traffic, the operating system or a user can cause.
+/// Aborts if `condition` is false, in release builds too. For bugs in RTPM or its caller, never for
+/// conditions that traffic, the operating system or a user can cause.
 #define RTPM_ASSERT(condition, message) \
   (static_cast<bool>(condition)         \
        ? static_cast<void>(0)           \

@@ -16,7 +16,7 @@ namespace rtpm::inline base {
 using ConstBytes = std::span<const std::byte>;
 using MutableBytes = std::span<std::byte>;
 
-/// Reads the little-endian number at `from`, which needs no alignment.
+/// Reads the little-endian number at `from`, which may be unaligned.
 template <std::unsigned_integral T>
 [[nodiscard]] inline T load_le(const std::byte* from) noexcept {
   T value;
@@ -31,7 +31,7 @@ template <std::unsigned_integral T>
   return value;
 }
 
-/// Writes `value` little-endian at `to`, which needs no alignment.
+/// Writes `value` little-endian at `to`, which may be unaligned.
 template <std::unsigned_integral T>
 inline void store_le(std::byte* to, T value) noexcept {
   if constexpr (std::endian::native == std::endian::big && sizeof(T) > 1) {
@@ -42,8 +42,8 @@ inline void store_le(std::byte* to, T value) noexcept {
   }
 }
 
-/// Reads consecutive little-endian fields from untrusted bytes. Reading past the end gives zeros
-/// and leaves ok() false for good, so that a parser checks once at its end.
+/// Reads consecutive little-endian fields from untrusted bytes. Reading past the end returns zeros
+/// and leaves ok() false permanently, so a parser checks only once, at its end.
 /// @ownership views its bytes
 /// @realtime alloc-free
 class ByteReader {
@@ -55,7 +55,7 @@ class ByteReader {
     const ConstBytes field = take_bytes(sizeof(T));
     return field.empty() ? T{0} : load_le<T>(field.data());
   }
-  /// A view of the next `count` bytes, empty if there are fewer.
+  /// Returns a view of the next `count` bytes; empty if there are fewer.
   [[nodiscard]] ConstBytes take_bytes(std::size_t count) noexcept {
     if (count > bytes_.size() - offset_) {
       ok_ = false;
@@ -71,7 +71,7 @@ class ByteReader {
     const ConstBytes field = take_bytes(count);
     return ok_ && std::ranges::all_of(field, [](std::byte b) { return b == std::byte{0}; });
   }
-  /// A view of text that is stored as a u16 length and that many bytes.
+  /// Returns a view of a text stored as a u16 length followed by its bytes.
   [[nodiscard]] std::string_view take_text() noexcept {
     const ConstBytes text = take_bytes(take<std::uint16_t>());
     return {reinterpret_cast<const char*>(text.data()), text.size()};
@@ -86,7 +86,7 @@ class ByteReader {
 };
 
 /// Writes consecutive little-endian fields. Writing past the end writes nothing and leaves ok()
-/// false for good.
+/// false permanently.
 /// @ownership views its bytes
 /// @realtime alloc-free
 class ByteWriter {
@@ -102,7 +102,7 @@ class ByteWriter {
       std::memcpy(to, bytes.data(), bytes.size());
     }
   }
-  /// Writes a u16 length and the bytes; fails if there are more than 65535.
+  /// Writes a u16 length and the bytes; fails for more than 65535 bytes.
   void put_text(std::string_view text) noexcept {
     if (text.size() > 0xffff) {
       ok_ = false;

@@ -43,7 +43,7 @@ class [[nodiscard]] expected {
   /// Constructs the value in place.
   template <class... Arguments>
   explicit expected(std::in_place_t, Arguments&&... arguments) : has_value_(true) {
-    // Not through construct_at, which may not call a constructor that is private to friends.
+    // Not with construct_at, which can't call a constructor that is private to friends.
     ::new (static_cast<void*>(&value_)) T(std::forward<Arguments>(arguments)...);
   }
   template <class G>

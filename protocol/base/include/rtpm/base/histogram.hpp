@@ -9,12 +9,12 @@ namespace rtpm::inline base {
 
 /// Counts latencies from 1 ns to over four hours in buckets no wider than 1.6 % of their value, so
 /// that p99.99 of millions of samples needs neither memory nor sorting.
-/// @ownership 64 KiB in place; make it static or a member, not a local of a lane thread
+/// @ownership 64 KiB in place; make it static or a member, not a local variable of a lane thread
 /// @threads  one at a time
 /// @realtime record() is alloc-free, a few ns
 class LatencyHistogram {
  public:
-  /// Adds one sample; a negative one counts as 0.
+  /// Adds one sample; negative ones count as 0.
   void record(Duration latency) noexcept;
   void clear() noexcept { *this = LatencyHistogram{}; }
 

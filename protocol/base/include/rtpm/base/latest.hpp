@@ -10,16 +10,16 @@
 
 namespace rtpm::inline base {
 
-/// The default pause of Latest between two steps of a write: none. A test's own type stops the
-/// writer there.
+/// Latest's default pause between two steps of a write: none. A test's own type stops the writer
+/// there.
 struct LatestNoPause {
   static void pause() noexcept {}
 };
 
-/// The newest value of a state that one real-time thread writes and others read, such as a device's
-/// sample. Neither side waits for the other: the writer fills the oldest slot, then publishes it. A
-/// writer that is preempted or killed during a write leaves the previous value readable. A reader
-/// retries only if kSlotCount − 1 writes overtook it while it copied one value.
+/// The newest value of a state that one real-time thread writes and other threads read, such as a
+/// device's sample. Neither side waits for the other: the writer fills the oldest slot, then
+/// publishes it. If the writer is preempted or killed during a write, the previous value stays
+/// readable. A reader retries only if kSlotCount − 1 writes overtook it while it copied a value.
 /// @ownership holds kSlotCount values in place
 /// @threads  write() from one thread; read() from any
 /// @realtime write() is wait-free; read() copies once, and at most kReadAttemptMax times
@@ -35,8 +35,8 @@ class Latest {
     std::memcpy(words.data(), &value, sizeof value);
     const std::uint64_t number = newest_.load(std::memory_order_relaxed) + 1;
     Slot& slot = slots_[number % kSlotCount];
-    // SYNC POINT latest-begin: the number announces that the words change; each word is released
-    // after it.
+    // SYNC POINT latest-begin: the number announces that the words will change; each word is
+    // released after it.
     slot.number.store(number, std::memory_order_relaxed);
     Pause::pause();
     for (std::size_t i = 0; i < kWordCount; ++i) {
@@ -47,7 +47,7 @@ class Latest {
     newest_.store(number, std::memory_order_release);
   }
 
-  /// The newest complete value; nothing if there is none yet, or if writes overtook the reader
+  /// The newest complete value; nullopt if there is none yet, or if writes overtook the reader
   /// kReadAttemptMax times in a row.
   [[nodiscard]] std::optional<T> read() const noexcept {
     for (int attempt = 0; attempt < kReadAttemptMax; ++attempt) {
@@ -57,7 +57,7 @@ class Latest {
       const Slot& slot = slots_[number % kSlotCount];
       std::array<std::uint64_t, kWordCount> words;
       for (std::size_t i = 0; i < kWordCount; ++i) {
-        // SYNC POINT latest-begin: a reader of a newer word sees the newer number.
+        // SYNC POINT latest-begin: a reader that sees a newer word also sees the newer number.
         words[i] = slot.words[i].load(std::memory_order_acquire);
       }
       if (slot.number.load(std::memory_order_relaxed) != number) continue;
@@ -68,7 +68,7 @@ class Latest {
     return std::nullopt;
   }
 
-  /// The number of values that were written.
+  /// The number of values written.
   [[nodiscard]] std::uint64_t count() const noexcept {
     return newest_.load(std::memory_order_acquire);
   }
@@ -76,7 +76,7 @@ class Latest {
  private:
   static constexpr std::size_t kWordCount = (sizeof(T) + 7) / 8;
 
-  /// On cache lines of its own: writes to other slots do not disturb its reader.
+  /// Has its own cache lines, so that writes to other slots do not disturb its reader.
   struct alignas(64) Slot {
     std::atomic<std::uint64_t> number{0};
     std::array<std::atomic<std::uint64_t>, kWordCount> words{};

@@ -10,8 +10,8 @@ namespace rtpm::inline base {
 
 /// The rate at which a log accepts lines.
 struct LogRate {
-  std::uint32_t burst = 20;                     ///< Lines at once; at least 2.
-  Duration interval = std::chrono::seconds{1};  ///< One more line per interval.
+  std::uint32_t burst = 20;                     ///< Lines at once, at least 2.
+  Duration interval = std::chrono::seconds{1};  ///< After the burst, one line per interval.
 };
 
 /// Limits the rate of a log: a token bucket that counts the lines it suppresses.
@@ -21,10 +21,10 @@ class LogLimit {
  public:
   explicit LogLimit(LogRate rate = {}) noexcept : rate_(rate), tokens_(rate.burst) {}
 
-  /// Whether a line may be written now; if not, it counts as suppressed.
+  /// Whether a line may be written now; otherwise it counts as suppressed.
   [[nodiscard]] bool admit(MonotonicTime now) noexcept {
     refill(now);
-    // The last token is for the line that reports the number of suppressed ones.
+    // The last token is reserved for the line that reports how many were suppressed.
     if (tokens_ > 1) {
       --tokens_;
       return true;
@@ -32,14 +32,15 @@ class LogLimit {
     ++suppressed_count_;
     return false;
   }
-  /// The lines suppressed since the last report; 0 while the rate allows no report.
+  /// The number of lines suppressed since the last report; 0 while the rate allows no report.
   [[nodiscard]] std::uint64_t take_suppressed(MonotonicTime now) noexcept {
     refill(now);
     if (suppressed_count_ == 0 || tokens_ == 0) return 0;
     --tokens_;
     return std::exchange(suppressed_count_, 0);
   }
-  /// The lines suppressed since the last report, whatever the rate: for the log's end.
+  /// The number of lines suppressed since the last report, ignoring the rate; for when the log
+  /// ends.
   [[nodiscard]] std::uint64_t take_all_suppressed() noexcept {
     return std::exchange(suppressed_count_, 0);
   }

@@ -5,12 +5,12 @@
 
 namespace rtpm::inline base {
 
-/// The depth to which another program's text may nest. Parsing, copying, printing and destroying
-/// its tree recurse; threads have small stacks.
+/// How deep another program's text may nest. Parsing, copying, printing and destroying its tree
+/// recurse, and threads have small stacks.
 inline constexpr std::size_t kNestingMax = 64;
 
 /// Whether the arrays and objects of a JSON text nest at most `nesting_max` deep. Needs no memory
-/// and does not recurse; the result for a text that is not JSON is unspecified.
+/// and does not recurse; the result is unspecified if the text is not JSON.
 /// @realtime alloc-free
 [[nodiscard]] constexpr bool is_json_nested_within(std::string_view text,
                                                    std::size_t nesting_max) noexcept {
@@ -30,9 +30,10 @@ inline constexpr std::size_t kNestingMax = 64;
   return true;
 }
 
-/// Parses JSON that nests at most kNestingMax deep: the only way to parse another program's JSON.
-/// @tparam Json  nlohmann's, ordered or not; its headers are the caller's
-/// @return discarded: no JSON, or nested deeper
+/// Parses JSON nested at most kNestingMax deep: the only allowed way to parse another program's
+/// JSON.
+/// @tparam Json  nlohmann's, ordered or not; the caller includes its headers
+/// @return discarded if not JSON, or nested deeper
 /// @realtime set-up only
 template <class Json>
 [[nodiscard]] Json parse_bounded_json(std::string_view text) {

@@ -31,7 +31,7 @@ class Priority {
   std::uint16_t value_ = 0;
 };
 
-/// The priorities that one lane serves: from `low` to `high`, both included.
+/// The priorities that a lane serves: from `low` to `high`, inclusive.
 struct Band {
   Priority low = Priority::kLowest;
   Priority high = Priority::kHighest;

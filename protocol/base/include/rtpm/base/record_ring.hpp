@@ -13,9 +13,9 @@
 
 namespace rtpm::inline base {
 
-/// The words that the two ends of a record ring share besides the records. Each side's words are on
-/// cache lines of their own, so that both cores keep a line while neither writes. Zero at the
-/// beginning; in the byte order of the host, which runs both ends.
+/// The shared words of a record ring, besides the records. Each side's words have their own cache
+/// lines, so both cores keep a line while neither writes. Initially zero; in native byte order, as
+/// one host runs both ends.
 /// @source   spec/hprotocol.md#hp-16.2
 struct RecordRingControl {
   /// Set by the writer: bytes ever written to the ring.
@@ -31,11 +31,11 @@ static_assert(sizeof(RecordRingControl) == 192);
 static_assert(std::atomic<std::uint64_t>::is_always_lock_free &&
               std::atomic<std::uint32_t>::is_always_lock_free);
 
-/// The object that the reader of a ring sleeps on.
+/// What the reader of a ring sleeps on.
 /// @source   spec/hprotocol.md#hp-16.3
 enum class RecordSleep : std::uint32_t {
   kAwake = 0,
-  kAtBell = 1,   ///< On several descriptors, one of which receives the bell.
+  kAtBell = 1,   ///< On several descriptors, one of which is the bell's.
   kAtWord = 2,   ///< On the word RecordRingControl::sleeping.
   kAtEvent = 3,  ///< On several descriptors, one of which is the reader's eventfd.
 };
@@ -44,25 +44,25 @@ enum class RecordSleep : std::uint32_t {
 inline constexpr std::size_t kRecordAlignment = 64;
 inline constexpr std::size_t kRecordWordSize = 8;
 
-/// A short record is in the slot of its number instead, once the slot's earlier record was read.
-/// Its word announces it, so that notice and record cross between the cores together, on one of a
+/// A short record is stored in the slot of its number instead, once the slot's previous record was
+/// read. Its word announces it, so notice and record cross between the cores together, on one of a
 /// few lines that both cores keep.
 inline constexpr std::size_t kRecordSlotSize = 256;
 inline constexpr std::uint32_t kRecordSlotCount = 16;
 inline constexpr std::size_t kRecordSlotsSize = kRecordSlotSize * kRecordSlotCount;
 inline constexpr std::size_t kShortRecordMax = kRecordSlotSize - kRecordWordSize;
 
-/// The slot of a record: its offset among the slots.
+/// The slot of a record, as an offset.
 [[nodiscard]] constexpr std::uint64_t record_slot_position(std::uint32_t number) noexcept {
   return std::uint64_t{number % kRecordSlotCount} * kRecordSlotSize;
 }
 
-/// The number of bytes of a ring that a record of `size` bytes takes.
+/// The ring bytes that a record of `size` bytes takes.
 [[nodiscard]] constexpr std::size_t record_span(std::size_t size) noexcept {
   return (kRecordWordSize + size + kRecordAlignment - 1) / kRecordAlignment * kRecordAlignment;
 }
 
-/// The word in front of a record. Records are numbered from 1, modulo 2^32.
+/// The word before a record. Records are numbered from 1, modulo 2^32.
 struct RecordWord {
   std::uint32_t size = 0;
   std::uint32_t number = 0;
@@ -76,10 +76,10 @@ struct RecordWord {
 };
 
 /// The memory of the records, as words. The peer may write there at any time, so each word is read
-/// once, by a relaxed atomic: the value may be anything, the behaviour is defined.
+/// once, by a relaxed atomic: its value may be anything, but the behaviour is defined.
 class RecordMemory {
  public:
-  /// @param data  a power of two of bytes, aligned to a cache line
+  /// @param data  its size is a power of two; aligned to a cache line
   explicit RecordMemory(MutableBytes data) noexcept
       : words_(reinterpret_cast<std::uint64_t*>(data.data())), size_(data.size()) {
     RTPM_ASSERT(std::has_single_bit(data.size()) && data.size() >= kRecordAlignment &&
@@ -92,23 +92,23 @@ class RecordMemory {
   [[nodiscard]] std::atomic_ref<std::uint64_t> word(std::uint64_t position) const noexcept {
     return std::atomic_ref<std::uint64_t>(*word_at(position));
   }
-  /// Writes the bytes of a record behind the word at `position`.
+  /// Writes the bytes of a record after the word at `position`.
   void write(std::uint64_t position, ConstBytes record) noexcept {
     std::uint64_t* const begin = word_at(position);
-    // A record that reaches the end of the memory continues at its beginning.
+    // A record that reaches the end of the memory wraps to its beginning.
     const std::size_t first = std::min(record.size(), left_behind(begin));
     copy_in(record.first(first), begin + 1);
     copy_in(record.subspan(first), words_);
   }
-  /// Like write(), for a record that does not wrap. Writes its first line last: the word, which is
-  /// written next, is on the same line.
+  /// Like write(), for a record that does not wrap. Writes the first cache line last, as the word,
+  /// which is written next, is on the same line.
   void write_backwards(std::uint64_t position, ConstBytes record) noexcept {
     std::uint64_t* const begin = word_at(position);
     const std::size_t first = std::min(record.size(), kRecordAlignment - kRecordWordSize);
     copy_in(record.subspan(first), begin + kRecordAlignment / kRecordWordSize);
     copy_in(record.first(first), begin + 1);
   }
-  /// Copies the bytes of the record at `position`; the caller checked its size, to.size().
+  /// Copies the bytes of the record at `position`; the caller has checked its size, to.size().
   void read(std::uint64_t position, MutableBytes to) const noexcept {
     const std::uint64_t* const begin = word_at(position);
     const std::size_t first = std::min(to.size(), left_behind(begin));
@@ -118,7 +118,7 @@ class RecordMemory {
   /// Prefetches the cache line at `position` for writing.
   void expect_write(std::uint64_t position) const noexcept {
 #if defined(__x86_64__)
-    // Compilers emit it only for processors known to have it; elsewhere it does nothing.
+    // Compilers emit prefetchw only for processors known to have it; elsewhere it has no effect.
     __asm__ volatile("prefetchw %0" : : "m"(*word_at(position)));
 #else
     __builtin_prefetch(word_at(position), 1);
@@ -129,7 +129,7 @@ class RecordMemory {
   [[nodiscard]] std::uint64_t* word_at(std::uint64_t position) const noexcept {
     return words_ + (position & (size_ - 1)) / kRecordWordSize;
   }
-  /// Bytes from behind the word at `begin` to the end of the memory.
+  /// The bytes from after the word at `begin` to the end of the memory.
   [[nodiscard]] std::size_t left_behind(const std::uint64_t* begin) const noexcept {
     return size_ - static_cast<std::size_t>(begin + 1 - words_) * kRecordWordSize;
   }
@@ -176,10 +176,10 @@ class RecordMemory {
 struct RecordRingMemory {
   RecordRingControl& control;
   MutableBytes slots;    ///< kRecordSlotsSize bytes.
-  MutableBytes records;  ///< The ring: a power of two of bytes.
+  MutableBytes records;  ///< The ring; its size is a power of two.
 };
 
-/// The writing end of a record ring. It never trusts the shared words that the reader wrote.
+/// The writing end of a record ring. Never trusts the shared words written by the reader.
 /// @ownership refers to the memory, which must outlive it
 /// @threads  one
 /// @realtime wait-free, alloc-free
@@ -198,7 +198,7 @@ class RecordWriter {
   explicit RecordWriter(const RecordRingMemory& memory) noexcept
       : control_(&memory.control), slots_(memory.slots), ring_(memory.records) {}
 
-  /// @param record  not empty, fits the ring
+  /// @param record  not empty, and fits the ring
   [[nodiscard]] Outcome write(ConstBytes record) noexcept {
     RTPM_ASSERT(!record.empty() && record_span(record.size()) <= ring_.size(),
                 "a record fits its ring");
@@ -208,8 +208,8 @@ class RecordWriter {
     }
     return write_to_ring(record);
   }
-  /// Whether the ring is empty, or half of it stays free behind a record of `size` bytes. True also
-  /// if the shared words are invalid: write() then reports kBroken.
+  /// Whether the ring is empty, or at least half of it stays free after a record of `size` bytes.
+  /// Also true if the shared words are invalid: write() then reports kBroken.
   [[nodiscard]] bool has_spare_capacity(std::size_t size) noexcept {
     const auto is_there = [&] {
       return tail_ == head_ || tail_ + record_span(size) - head_ <= ring_.size() / 2;
@@ -222,9 +222,9 @@ class RecordWriter {
     return is_there();
   }
   [[nodiscard]] std::atomic<std::uint32_t>& sleeping() const noexcept { return control_->sleeping; }
-  /// The number of records written and not read, by the reader's own count.
+  /// The number of written but unread records, as the reader reports it.
   [[nodiscard]] std::uint32_t unread_count() const noexcept {
-    // hp-16.2-2: a count beyond the records written is ignored.
+    // hp-16.2-2: a count above the records written is ignored.
     const std::uint32_t taken = control_->taken.load(std::memory_order_acquire);
     const bool is_possible = taken - taken_ <= number_ - 1 - taken_;
     return number_ - 1 - (is_possible ? taken : taken_);
@@ -233,7 +233,7 @@ class RecordWriter {
  private:
   /// Whether the next record's slot is known to be free.
   [[nodiscard]] bool has_slot() const noexcept { return number_ - taken_ <= kRecordSlotCount; }
-  /// hp-16.2-2: false if the reader's count is beyond the records written, or went back.
+  /// hp-16.2-2: false if the reader's count exceeds the records written, or decreased.
   [[nodiscard]] bool learn_taken() noexcept {
     // SYNC POINT slot-free: the reader is done with this record and those before.
     const std::uint32_t taken = control_->taken.load(std::memory_order_acquire);
@@ -248,7 +248,7 @@ class RecordWriter {
     // SYNC POINT slot-written: the record is complete.
     slots_.word(position).store(next_word(record), std::memory_order_seq_cst);
     const Outcome outcome = wake();
-    // Early, so that a later write need not wait for this line.
+    // Early, so that a later write does not wait for this line.
     if (number_ - taken_ > kRecordSlotCount / 2) static_cast<void>(learn_taken());
     return outcome;
   }
@@ -257,9 +257,9 @@ class RecordWriter {
     const std::size_t span = record_span(record.size());
     // hp-16.2-1
     if (tail_ + span - head_ > ring_.size()) {
-      // SYNC POINT record-free: the reader is done with the bytes before head.
+      // SYNC POINT record-free: the reader has finished with the bytes before head.
       const std::uint64_t head = control_->head.load(std::memory_order_acquire);
-      // hp-16.2-2: it never goes back, nor beyond the bytes written.
+      // hp-16.2-2: head never decreases, nor exceeds the bytes written.
       if (head - head_ > tail_ - head_ || head % kRecordAlignment != 0) return Outcome::kBroken;
       head_ = head;
       if (tail_ + span - head_ > ring_.size()) return Outcome::kFull;
@@ -270,8 +270,8 @@ class RecordWriter {
     // SYNC POINT record-written: the record is complete.
     control_->tail.store(tail_, std::memory_order_seq_cst);
     const Outcome outcome = wake();
-    // The reader's core still holds these lines from the last round. Fetched now, they do not delay
-    // the next record, which is assumed to be of the same size.
+    // The reader's core still holds these lines from the last round. Prefetching them now avoids
+    // delaying the next record, which is assumed to have the same size.
     constexpr std::size_t kExpectedMax = 256;
     for (std::size_t ahead = 0; ahead < std::min(span, kExpectedMax); ahead += kRecordAlignment) {
       ring_.expect_write(tail_ + ahead);
@@ -286,8 +286,8 @@ class RecordWriter {
   /// How to wake the reader, if it sleeps.
   [[nodiscard]] Outcome wake() noexcept {
     // SYNC POINT record-sleep: the writer stores the record, then loads `sleeping`; the reader does
-    // the reverse. Sequentially consistent, so that at least one sees the other.
-    // hp-16.3-1: of several records for one sleeper only the first wakes it.
+    // the reverse. Sequentially consistent, so at least one sees the other. hp-16.3-1: of several
+    // records for one sleeper, only the first wakes it.
     std::uint32_t sleep = control_->sleeping.load(std::memory_order_seq_cst);
     if (sleep != 0) sleep = control_->sleeping.exchange(0, std::memory_order_relaxed);
     if (sleep == 0) return Outcome::kWritten;
@@ -302,17 +302,17 @@ class RecordWriter {
   RecordMemory ring_;
   std::uint32_t number_ = 1;  ///< The next record's number.
   std::uint32_t taken_ = 0;   ///< The last record read, as last seen.
-  std::uint64_t tail_ = 0;    ///< The shared word is a copy, never read back.
+  std::uint64_t tail_ = 0;    ///< The shared word is a copy of this and never read back.
   std::uint64_t head_ = 0;    ///< The reader's head, as last seen.
 };
 
-/// Why a record ring gave no record.
+/// Why a record ring returned no record.
 enum class RecordError : std::uint8_t {
   kEmpty,   ///< There is no record now.
   kBroken,  ///< The shared words are invalid. Stop using the ring.
 };
 
-/// The reading end of a record ring. It never trusts the shared words that the writer wrote.
+/// The reading end of a record ring. Never trusts the shared words written by the writer.
 /// @ownership refers to the memory, which must outlive it
 /// @threads  one
 /// @realtime wait-free, alloc-free
@@ -329,7 +329,7 @@ class RecordReader {
   }
 
   /// Copies the next record to the beginning of `to`.
-  /// @param to  holds the largest record allowed
+  /// @param to  must hold the largest record allowed
   /// @return the record's size
   [[nodiscard]] expected<std::size_t, RecordError> read(MutableBytes to) noexcept {
     // SYNC POINT slot-written
@@ -338,12 +338,12 @@ class RecordReader {
       // SYNC POINT record-written
       const std::uint64_t tail = control_->tail.load(std::memory_order_acquire);
       if (tail == head_) return unexpected{RecordError::kEmpty};
-      // hp-16.2-2: the ring cannot hold more.
+      // hp-16.2-2: the ring can't hold more.
       if (tail - head_ > ring_.size() || tail % kRecordAlignment != 0) {
         return unexpected{RecordError::kBroken};
       }
       tail_ = tail;
-      // The record before it may have arrived in its slot since the check above.
+      // The record before it may have reached its slot since the check above.
       if (has_slot(std::memory_order_acquire)) return read_slot(to);
     }
     return read_ring(to);
@@ -401,7 +401,7 @@ class RecordReader {
   RecordMemory slots_;
   RecordMemory ring_;
   std::uint32_t number_ = 1;  ///< The next record's number.
-  std::uint64_t head_ = 0;    ///< The shared word is a copy, never read back.
+  std::uint64_t head_ = 0;    ///< The shared word is a copy of this and never read back.
   std::uint64_t tail_ = 0;    ///< The writer's tail, as last seen.
 };
 

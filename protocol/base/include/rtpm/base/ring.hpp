@@ -10,7 +10,7 @@
 
 namespace rtpm::inline base {
 
-/// A bounded queue from one thread to one other thread, such as for accepted connections.
+/// A bounded queue from one thread to another, for example for accepted connections.
 /// @ownership holds `Capacity` values in place
 /// @threads  push() from one thread, pop() from one other
 /// @realtime wait-free, alloc-free
@@ -19,10 +19,10 @@ requires(std::has_single_bit(Capacity) && std::is_default_constructible_v<T> &&
          std::is_nothrow_move_constructible_v<T> &&
          std::is_nothrow_move_assignable_v<T>) class SpscRing {
  public:
-  /// @return false if the ring is full; `value` is unchanged and stays the caller's
+  /// @return false if the ring is full; `value` is then unchanged and still the caller's
   [[nodiscard]] bool push(T& value) noexcept {
     const std::size_t tail = tail_.load(std::memory_order_relaxed);
-    // SYNC POINT ring-free: the consumer is done with the slot.
+    // SYNC POINT ring-free: the consumer has finished with the slot.
     if (tail - head_.load(std::memory_order_acquire) == Capacity) return false;
     slots_[tail % Capacity] = std::move(value);
     // SYNC POINT ring-filled: the slot's value is complete.

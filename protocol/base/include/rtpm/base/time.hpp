@@ -8,8 +8,8 @@ namespace rtpm::inline base {
 /// A span of time.
 using Duration = std::chrono::nanoseconds;
 
-/// The time line of CLOCK_MONOTONIC. It has no now(): protocol code takes the time as an argument;
-/// only rtpm::rt reads the clock.
+/// The clock of CLOCK_MONOTONIC. It has no now(): protocol code takes the time as an argument; only
+/// rtpm::rt reads the clock.
 struct MonotonicClock {
   using duration = Duration;
   using rep = duration::rep;

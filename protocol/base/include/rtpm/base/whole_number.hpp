@@ -8,7 +8,7 @@
 
 namespace rtpm::inline base {
 
-/// Parses all of `text` as a decimal number; nothing if it is not one, or `Number` can't hold it.
+/// Parses all of `text` as a decimal number; nullopt if it is not one, or `Number` can't hold it.
 /// @realtime alloc-free
 template <std::integral Number>
 [[nodiscard]] std::optional<Number> whole_number_of(std::string_view text) noexcept {

@@ -8,7 +8,7 @@
 
 namespace rtpm::crypto {
 
-/// The name before a key's text: "rtpm25519 " and 44 characters of Base64 (RFC 4648, padded).
+/// The prefix of a key's text: "rtpm25519 " and 44 characters of Base64 (RFC 4648, padded).
 inline constexpr std::string_view kKeyTextName = "rtpm25519";
 
 /// 32 bytes in Base64, as in key files. The text of a private key is secret: wipe it.
@@ -16,8 +16,8 @@ using KeyText = std::array<char, 44>;
 
 /// @realtime alloc-free
 void encode_key(std::span<const std::byte, kKeySize> key, KeyText& text) noexcept;
-/// @param key  receives 32 bytes; unspecified after false
-/// @return false if not 44 characters of Base64 for 32 bytes
+/// @param key  receives 32 bytes; unspecified on failure
+/// @return false if `text` is not 44 characters of Base64 for 32 bytes
 /// @realtime alloc-free
 [[nodiscard]] bool decode_key(std::string_view text, std::span<std::byte, kKeySize> key) noexcept;
 

@@ -6,7 +6,7 @@
 
 #include "rtpm/base/bytes.hpp"
 
-/// All the cryptography that RTPM uses, and the only code that uses libsodium.
+/// All cryptography in RTPM; no other code uses libsodium.
 namespace rtpm::crypto {
 
 inline constexpr std::size_t kKeySize = 32;
@@ -14,10 +14,10 @@ inline constexpr std::size_t kTagSize = 16;
 inline constexpr std::size_t kHashSize = 32;
 inline constexpr std::size_t kNonceSize = 12;
 
-/// Overwrites `bytes` with zeros in a way that no compiler optimizes away.
+/// Overwrites `bytes` with zeros in a way that compilers can't optimize away.
 void wipe(MutableBytes bytes) noexcept;
 
-/// 32 secret bytes. They are wiped at the end, and copied only by name.
+/// 32 secret bytes. Wiped on destruction; copied only by an explicit call.
 class Secret {
  public:
   Secret() noexcept = default;
@@ -48,47 +48,48 @@ using PublicKey = std::array<std::byte, kKeySize>;
 using PrivateKey = Secret;
 using Digest = std::array<std::byte, kHashSize>;
 
-/// A key of X25519, long-lived or of one handshake.
+/// An X25519 key, either long-lived or for one handshake.
 struct KeyPair {
   PrivateKey private_key;
   PublicKey public_key{};
 
   /// @param private_key  any 32 random bytes
   [[nodiscard]] static KeyPair of(PrivateKey private_key) noexcept;
-  /// Draws a key from the system's random numbers.
+  /// Generates a key from the system's random numbers.
   [[nodiscard]] static KeyPair generate() noexcept;
   [[nodiscard]] KeyPair clone() const noexcept { return {private_key.clone(), public_key}; }
 };
 
-/// Fills `bytes` from the kernel's random numbers. libsodium keeps none, so a fork repeats none.
+/// Fills `bytes` from the kernel's random source. libsodium buffers none, so a fork repeats none.
 void fill_random(MutableBytes bytes) noexcept;
 
-/// X25519.
-/// @return false if the result is all zeros, because `theirs` is a point of small order; refuse it
+/// X25519 key agreement.
+/// @return false if the result is all zeros because `theirs` is a point of small order; then refuse
+///         it
 /// @realtime alloc-free, 50 µs: not on a lane
 [[nodiscard]] bool agree(const PrivateKey& ours, const PublicKey& theirs, Secret& shared) noexcept;
 
-/// SHA-256 of both texts, one behind the other.
+/// SHA-256 of both texts, concatenated.
 [[nodiscard]] Digest sha256(ConstBytes first, ConstBytes second) noexcept;
-/// HMAC-SHA-256 of both texts, one behind the other.
+/// HMAC-SHA-256 of both texts, concatenated.
 void hmac_sha256(ConstBytes key, ConstBytes first, ConstBytes second, Secret& out) noexcept;
 
-/// How frames are sealed. The numbers are the bits in COOKIE's payload.
+/// The ciphers that can seal frames. The numbers are the bits in COOKIE's payload.
 enum class Suite : std::uint8_t {
   kChaChaPoly = 1,  ///< ChaCha20-Poly1305: every implementation has it.
-  kAesGcm = 2,      ///< AES-256-GCM, where both sides have hardware for it.
+  kAesGcm = 2,      ///< AES-256-GCM, if both sides have hardware for it.
 };
-/// The bits of all suites that this machine has.
+/// The bits of all suites that this machine supports.
 [[nodiscard]] std::uint8_t suites_here() noexcept;
-// sec-2-2: all have ChaCha20-Poly1305.
+// sec-2-2: all sides have ChaCha20-Poly1305. Returns the best suite that both sides support.
 /// The suite for two sides that have these; ChaCha20-Poly1305 if there is nothing better.
 [[nodiscard]] constexpr Suite best_suite(std::uint8_t ours, std::uint8_t theirs) noexcept {
   const bool has_aes = (ours & theirs & static_cast<std::uint8_t>(Suite::kAesGcm)) != 0;
   return has_aes ? Suite::kAesGcm : Suite::kChaChaPoly;
 }
 
-/// A key of authenticated encryption, expanded in advance if that makes frames cheaper. Its caller
-/// never passes one number twice to seal().
+/// A key for authenticated encryption, expanded in advance if that speeds up frames. The caller
+/// must never pass the same number to seal() twice.
 /// @realtime alloc-free
 class AeadKey {
  public:
@@ -99,24 +100,25 @@ class AeadKey {
 
   /// @param suite  one of suites_here()
   void set(Suite suite, const Secret& key) noexcept;
-  /// Makes this the key that follows `previous`: Noise's REKEY.
+  /// Makes this the key after `previous`: Noise's REKEY.
   void set_next_of(const AeadKey& previous) noexcept;
-  /// Makes this the same key. Only one of the two seals.
+  /// Makes this a copy of `other`. Only one of the two may seal.
   void copy_from(const AeadKey& other) noexcept;
   void wipe_key() noexcept;
 
   /// Seals `plain` under `number`; `associated` is authenticated with it.
-  /// @param sealed  as many bytes as `plain`, at the same place or apart from it
+  /// @param sealed  the same size as `plain`, at the same address or not overlapping
   void seal(std::uint64_t number, ConstBytes associated, ConstBytes plain, MutableBytes sealed,
             std::span<std::byte, kTagSize> tag) const noexcept;
-  /// The reverse.
-  /// @param plain  as many bytes as `sealed`, at the same place or apart from it; zeros after false
-  /// @return false if not sealed under this key and number with this tag and associated data
+  /// Opens what seal() sealed.
+  /// @param plain  the same size as `sealed`, at the same address or not overlapping; zeros on
+  ///           failure
+  /// @return false if not sealed with this key, number, tag and associated data
   [[nodiscard]] bool open(std::uint64_t number, ConstBytes associated, ConstBytes sealed,
                           std::span<const std::byte, kTagSize> tag,
                           MutableBytes plain) const noexcept;
 
-  /// Like seal(), under any nonce.
+  /// Like seal(), with any nonce.
   void seal_with_nonce(std::span<const std::byte, kNonceSize> nonce, ConstBytes associated,
                        ConstBytes plain, MutableBytes sealed,
                        std::span<std::byte, kTagSize> tag) const noexcept;

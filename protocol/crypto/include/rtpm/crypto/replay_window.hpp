@@ -8,21 +8,21 @@ namespace rtpm::crypto {
 /// Records which of the last kSize counters of a session were received, in constant memory.
 /// @threads  one at a time
 /// @realtime alloc-free, a few ns
-/// @source   RFC 6479: blocks of bits that a jump ahead clears one by one
+/// @source   RFC 6479: blocks of bits, cleared one by one when jumping ahead
 class ReplayWindow {
  public:
   static constexpr std::uint64_t kSize = 1024;
 
-  /// Whether `counter` was not received; counters older than the window count as received.
+  /// Whether `counter` was not received yet; counters older than the window count as received.
   [[nodiscard]] bool is_new(std::uint64_t counter) const noexcept;
-  /// Notes that `counter` was received. Call it for an authentic frame with an is_new() counter.
+  /// Notes that `counter` was received. Call it for an authentic frame whose counter is_new().
   void add(std::uint64_t counter) noexcept;
-  /// One more than the largest counter received; 0 at first.
+  /// One more than the largest counter received; 0 initially.
   [[nodiscard]] std::uint64_t next() const noexcept { return next_; }
 
  private:
   static constexpr std::uint64_t kBlockBits = 64;
-  // One block more than the window, so that a block can be cleared as a whole.
+  // One block more than the window, so that a whole block can be cleared.
   static constexpr std::uint64_t kBlocks = kSize / kBlockBits + 1;
 
   std::uint64_t next_ = 0;

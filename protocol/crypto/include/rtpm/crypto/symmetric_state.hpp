@@ -10,7 +10,7 @@
 
 namespace rtpm::crypto {
 
-/// SHA-256, the hash of RTPM's handshakes, in the form for SymmetricState.
+/// SHA-256, the hash of RTPM's handshakes, as SymmetricState needs it.
 struct Sha256 {
   static constexpr std::size_t kSize = kHashSize;
   using Value = std::array<std::byte, kSize>;
@@ -24,8 +24,8 @@ struct Sha256 {
   }
 };
 
-/// Noise's SymmetricState: the hashing and key derivation of both sides of a handshake. It is a
-/// template of the hash so that the public vectors of other hashes test it, too.
+/// Noise's SymmetricState: hashing and key derivation for both sides of a handshake. A template on
+/// the hash, so that the public test vectors of other hashes apply, too.
 /// @realtime alloc-free
 /// @source   The Noise Protocol Framework, revision 34, 5.1 and 5.2
 template <class Hash>
@@ -46,7 +46,7 @@ class SymmetricState {
   SymmetricState& operator=(const SymmetricState&) = delete;
   ~SymmetricState() { wipe(chaining_key_); }
 
-  /// Continues from the state of `other`. Only one of the two encrypts.
+  /// Copies the state of `other`. Only one of the two may encrypt.
   void copy_from(const SymmetricState& other) noexcept {
     hash_ = other.hash_;
     chaining_key_ = other.chaining_key_;
@@ -72,7 +72,7 @@ class SymmetricState {
     take_key(derived.values[2]);
   }
 
-  /// The bytes that the next encrypt_and_hash() adds to the plain text.
+  /// How many bytes the next encrypt_and_hash() adds to the plain text.
   [[nodiscard]] std::size_t overhead() const noexcept { return has_key_ ? kTagSize : 0; }
 
   /// @param out  plain.size() + overhead() bytes
@@ -87,7 +87,7 @@ class SymmetricState {
     mix_hash(out);
   }
   /// @param out  text.size() - overhead() bytes
-  /// @return false if not authentic; nothing changed then
+  /// @return false if not authentic; nothing has changed then
   [[nodiscard]] bool decrypt_and_hash(ConstBytes text, MutableBytes out) noexcept {
     if (has_key_) {
       const ConstBytes tag = text.last(kTagSize);
@@ -121,7 +121,7 @@ class SymmetricState {
     }
   };
 
-  // HKDF of Noise, 4.3.
+  // Noise's HKDF, 4.3.
   void derive(ConstBytes input, std::size_t count, Derived& derived) const noexcept {
     Value temporary;
     Hash::hmac(chaining_key_, input, {}, temporary);

@@ -12,7 +12,7 @@
 
 namespace rtpm::sealed {
 
-/// A server's identity, for all its lanes. It outlives them.
+/// A server's identity, shared by all lanes; must outlive them.
 struct ServerIdentity {
   crypto::KeyPair key;
   crypto::PresharedKey preshared;  ///< All zeros if there is none.
@@ -20,18 +20,18 @@ struct ServerIdentity {
   RandomSource random{};
 };
 
-/// A server's work with public keys for one HELLO. The lane gives it out, a separate thread calls
-/// run(), and the lane takes it back. This happens twice, once for each message.
-/// @threads  one at a time: passing it on synchronises
+/// The public-key operations of a server for one HELLO. The lane hands the job out, a separate
+/// thread calls run(), and the lane takes it back; this happens once for each of the two messages.
+/// @threads  one at a time; handing it over synchronises
 class HandshakeJob {
  public:
-  /// Does the work that is due.
+  /// Performs the pending operation.
   /// @realtime alloc-free, 100 to 140 µs: not on a lane
   void run() noexcept;
   /// The address of the handshake's client.
   [[nodiscard]] const wire::PeerAddress& peer() const noexcept { return peer_; }
-  /// After a run() that wrote message 2 of a new session: its line for a key log. Nothing if
-  /// there is no such session.
+  /// The key-log line of a new session, after the run() that wrote its message 2; nullopt if there
+  /// is no such session.
   /// @realtime set-up only: allocates
   [[nodiscard]] std::optional<std::string> key_log_line() const;
 
@@ -45,7 +45,7 @@ class HandshakeJob {
   };
   static constexpr std::size_t kHelloSize = wire::kHeaderSize + wire::SealedHello::kSize;
 
-  bool is_taken_ = false;  ///< Used by the lane alone, also while run() works.
+  bool is_taken_ = false;  ///< Used only by the lane, even while run() executes.
   State state_ = State::kReading;
   const ServerIdentity* identity_ = nullptr;
   wire::PeerAddress peer_{};
@@ -57,8 +57,8 @@ class HandshakeJob {
   wire::Prologue prologue_{};
   std::optional<crypto::Responder> responder_;
   std::optional<crypto::SessionKeys> keys_;  ///< After message 2.
-  std::optional<crypto::PublicKey> client_;  ///< Nothing if message 1 was not authentic.
-  std::uint64_t former_ = 0;               ///< The session that message 1 names.
+  std::optional<crypto::PublicKey> client_;  ///< nullopt if message 1 was not authentic.
+  std::uint64_t former_ = 0;                 ///< The earlier session that message 1 names.
   wire::SealedWelcome granted_{};
   std::array<std::byte, wire::SealedWelcome::kSize> message_2_{};
   bool is_written_ = false;

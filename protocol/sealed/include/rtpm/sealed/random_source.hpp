@@ -4,7 +4,7 @@
 
 namespace rtpm::sealed {
 
-/// The source of ephemeral keys. Only a simulation replaces the kernel's.
+/// The source of ephemeral keys. Only simulations replace the kernel's.
 struct RandomSource {
   void (*fill)(void* context, MutableBytes bytes) = nullptr;
   void* context = nullptr;

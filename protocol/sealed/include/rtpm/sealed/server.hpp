@@ -26,17 +26,17 @@ class Admission {
   virtual ~Admission() = default;
   [[nodiscard]] virtual bool admits(const crypto::PublicKey& client,
                                     const wire::PeerAddress& peer) noexcept = 0;
-  /// Whether that address may have unsealed sessions, if there are any at all.
+  /// Whether that address may have unsealed sessions, if these are allowed at all.
   [[nodiscard]] virtual bool admits_unsealed(const wire::PeerAddress&) noexcept { return true; }
-  /// The highest priority that a session is granted; the server's own ceiling still applies.
+  /// The highest priority granted to a session; the server's own ceiling still applies.
   [[nodiscard]] virtual Priority ceiling(ClientKey, const wire::PeerAddress&) noexcept {
     return Priority::kHighest;
   }
-  /// Whether one more handshake may begin now, across all lanes.
+  /// Whether another handshake may start now, across all lanes.
   [[nodiscard]] virtual bool admits_handshake(MonotonicTime) noexcept { return true; }
-  /// A number that changes with each change of the rights.
+  /// Changes with each change of the rights.
   [[nodiscard]] virtual std::uint32_t generation() noexcept { return 0; }
-  /// Whether a session that was last judged in generation `since` may go on.
+  /// Whether a session last judged in generation `since` may continue.
   [[nodiscard]] virtual bool keeps(ClientKey client, const wire::PeerAddress& peer,
                                    std::uint32_t since) noexcept {
     static_cast<void>(since);
@@ -49,35 +49,36 @@ struct SealedServerConfig {
   wire::Medium medium = wire::Medium::kDatagram;
   const ServerIdentity* identity = nullptr;
   Admission* admission = nullptr;
-  SipKey key{};                                           ///< See ServerSessionsConfig.
-  std::uint32_t session_count_max = 256;                  ///< See ServerSessionsConfig.
-  std::uint32_t job_count_max = 8;                        ///< Handshakes at a time.
-  std::uint32_t job_burst = 32;                           ///< Handshakes of one host at once,
-  Duration job_interval = std::chrono::milliseconds{20};  ///< then one in this time.
-  bool takes_unsealed = false;  ///< Whether there may be unsealed sessions as well.
+  SipKey key{};                           ///< See ServerSessionsConfig.
+  std::uint32_t session_count_max = 256;  ///< See ServerSessionsConfig.
+  std::uint32_t job_count_max = 8;        ///< Concurrent handshakes.
+  std::uint32_t job_burst = 32;           ///< The burst of handshakes for one host.
+  /// After the burst, one handshake per interval.
+  Duration job_interval = std::chrono::milliseconds{20};
+  bool takes_unsealed = false;  ///< Whether unsealed sessions are also allowed.
   crypto::SessionLimits limits{};
   /// The memory for keys: memory_size() bytes, aligned to 64, wiped on fork, locked and not dumped.
-  /// The caller owns it. If it is empty, ordinary memory is allocated.
+  /// The caller owns it. If empty, ordinary memory is allocated.
   MutableBytes memory{};
 };
 
-/// Stands between a lane's wire::ServerSessions and its transport, and seals its sessions. The
-/// sessions are unaware of it: their frame_payload_max is sealed_payload_max(). After a fork the
-/// child's has no keys if its memory is wiped on fork: it sends and takes nothing.
-/// @ownership takes 3 KiB for each session: memory_size(). The objects that the configuration
-///           refers to outlive it
-/// @threads   one, but for HandshakeJob::run()
-/// @realtime  alloc-free but for construction; no work with public keys
+/// Sits between a lane's wire::ServerSessions and its transport, and seals its sessions. The
+/// sessions are unaware of it: their frame_payload_max is sealed_payload_max(). In a forked child
+/// it has no keys if its memory is wiped on fork; then it sends and accepts nothing.
+/// @ownership takes 3 KiB per session, see memory_size(). Objects that the configuration refers to
+///            must outlive it
+/// @threads   one, except HandshakeJob::run()
+/// @realtime  alloc-free except construction; no public-key operations
 class SealedServer {
  public:
-  /// The action for a received frame or a job that was run.
+  /// What to do after a received frame or a finished job.
   struct Outcome {
     wire::Verdict verdict{};      ///< From ServerSessions; its frame is not sealed yet.
-    HandshakeJob* job = nullptr;  ///< To be run elsewhere, then for on_job(); or null.
-    wire::PeerAddress peer{};     ///< From on_job(): where its frame goes.
+    HandshakeJob* job = nullptr;  ///< Run it elsewhere, then pass it to on_job(); may be null.
+    wire::PeerAddress peer{};     ///< Set by on_job(): the destination of its frame.
   };
 
-  /// The bytes that SealedServerConfig::memory needs.
+  /// The size required for SealedServerConfig::memory.
   [[nodiscard]] static std::size_t memory_size(const SealedServerConfig& config) noexcept;
 
   SealedServer(const SealedServerConfig& config, wire::ServerSessions& sessions);
@@ -85,33 +86,33 @@ class SealedServer {
   SealedServer& operator=(const SealedServer&) = delete;
   ~SealedServer();
 
-  /// Takes a received frame, which may be anything, and opens it in place.
+  /// Handles a received frame, which may be malformed, and opens it in place.
   [[nodiscard]] Outcome on_frame(MutableBytes frame, const wire::PeerAddress& peer,
                                  MonotonicTime now) noexcept;
-  /// Takes back a job after its run().
+  /// Handles a job after its run().
   [[nodiscard]] Outcome on_job(HandshakeJob& job, MonotonicTime now) noexcept;
-  /// Takes back a job that is no longer needed, as its connection has ended.
+  /// Takes back a job that is no longer needed because its connection has ended.
   void give_up(HandshakeJob& job) noexcept;
-  /// Seals a frame from the sessions or an Outcome; the result is sent in its place and is valid
-  /// until the next call. Call it at the time of sending, once for each datagram.
+  /// Seals a frame from the sessions or an Outcome; send the result instead, which is valid until
+  /// the next call. Call it when sending, once per datagram.
   /// @return empty if nothing is to be sent
   [[nodiscard]] ConstBytes seal(ConstBytes frame) noexcept;
-  /// Ends half-open sessions whose time is over.
+  /// Ends half-open sessions that have timed out.
   void on_time(MonotonicTime now) noexcept;
   /// When on_time() may be due.
   [[nodiscard]] MonotonicTime next_time() const noexcept { return half_open_due_; }
-  /// Ends the session in this place, 0…session_count_max − 1, if Admission does not keep it.
-  /// @return its address, and the CLOSE to send, already sealed: empty if its client has no
-  ///           keys yet. Nothing if there is no session, or it goes on
+  /// Ends the session with this index, 0…session_count_max − 1, if Admission does not keep it.
+  /// @return its address, and the CLOSE to send, already sealed; empty if its client has no keys
+  ///         yet. nullopt if there is no session, or it continues
   [[nodiscard]] std::optional<wire::Outgoing> review(std::uint32_t index,
                                                      MonotonicTime now) noexcept;
-  /// Ends all sessions that Admission does not keep, in silence.
+  /// Ends all sessions that Admission does not keep, without notifying them.
   void end_unadmitted(MonotonicTime now) noexcept;
 
-  /// The client's key of a session; nothing if it is not sealed.
+  /// The client's key of a session; nullopt if it is not sealed.
   [[nodiscard]] std::optional<crypto::PublicKey> client_of(std::uint64_t session) noexcept;
   [[nodiscard]] std::uint32_t half_open_count() const noexcept;
-  /// Counts the frames dropped here. Frames that reach the sessions count there.
+  /// Counts the frames dropped here. Frames passed on to the sessions count there.
   [[nodiscard]] const wire::FrameCounters& counters() const noexcept { return counters_; }
 
  private:
@@ -128,9 +129,9 @@ class SealedServer {
     crypto::Digest hello_hash{};
     wire::Welcome granted{};
     MonotonicTime opened{};
-    MonotonicTime last_heard{};  ///< The time of the last authentic frame.
+    MonotonicTime last_heard{};  ///< When the last authentic frame arrived.
     Freshness freshness;
-    std::uint32_t generation = 0;  ///< The Admission's when it judged it last.
+    std::uint32_t generation = 0;  ///< The Admission's generation when it last judged the session.
     bool has_our_clock = false;
     bool is_confirmed = false;  ///< Its client has sent an authentic frame.
     bool has_welcome = false;
@@ -141,11 +142,11 @@ class SealedServer {
   struct alignas(64) CacheLine {
     std::byte bytes[64];
   };
-  /// Begins the memory.
+  /// The start of the memory.
   struct Guard {
     std::uint64_t is_alive = 1;  ///< A wiped page makes it zero.
   };
-  /// Where the parts of the memory begin.
+  /// Offsets of the memory's parts.
   struct Layout {
     std::size_t entries = 0;
     std::size_t jobs = 0;
@@ -201,10 +202,10 @@ class SealedServer {
   Guard* guard_ = nullptr;
   std::span<Entry> entries_;
   std::span<HandshakeJob> jobs_;
-  MonotonicTime half_open_due_ = kNever;  ///< No half-open session ends earlier.
+  MonotonicTime half_open_due_ = kNever;  ///< No half-open session ends before this.
   std::uint32_t unsealed_generation_;     ///< When unsealed sessions were last judged.
   std::uint32_t reviewing_generation_;
-  MonotonicTime ended_until_{};  ///< Until then calls of ended sessions may be open.
+  MonotonicTime ended_until_{};  ///< Until then ended sessions may have open calls.
   wire::FrameCounters counters_{};
   std::array<std::byte, kWelcomeSize> answer_{};
   std::vector<std::byte> sealed_frame_;

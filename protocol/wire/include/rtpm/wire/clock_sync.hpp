@@ -8,7 +8,7 @@
 
 namespace rtpm::wire {
 
-/// The four times of one call: when each side sent its frame and received the other's.
+/// The four times of a call: when each side sent its frame and received the other's.
 struct ClockProbe {
   MonotonicTime request_sent{};      ///< On the client's clock.
   MonotonicTime request_received{};  ///< On the server's clock.
@@ -20,11 +20,11 @@ struct ClockProbe {
 struct PeerClock {
   Duration offset{};       ///< The peer's clock minus this one, now.
   Duration uncertainty{};  ///< The true offset is within this of `offset`.
-  double drift_ppm = 0;    ///< How much faster the peer's clock runs; 0 until it is known.
+  double drift_ppm = 0;    ///< How much faster the peer's clock runs; 0 until known.
 };
 
 /// Estimates the peer's clock from calls, each of which is a probe. A probe's round trip bounds its
-/// error, so the shortest counts: the best probe of each of the last 16 seconds that had probes is
+/// error, so shorter ones are better: for each of the last 16 seconds with probes, the best one is
 /// kept. The line through them gives the drift.
 /// @threads  one at a time
 /// @realtime alloc-free, a few ns to add
@@ -32,7 +32,7 @@ struct PeerClock {
 class ClockEstimator {
  public:
   void add(const ClockProbe& probe) noexcept;
-  /// Nothing before the first probe.
+  /// nullopt before the first probe.
   [[nodiscard]] std::optional<PeerClock> estimate(MonotonicTime now) const noexcept;
   /// Call it for another peer, or after the peer's restart.
   void clear() noexcept { *this = ClockEstimator{}; }

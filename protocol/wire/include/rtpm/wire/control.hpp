@@ -22,12 +22,12 @@ struct BindRequest {
 struct BindReply {
   static constexpr std::size_t kSize = 24;
 
-  std::uint32_t service = 0;            ///< The object's number, as long as the server runs.
+  std::uint32_t service = 0;            ///< The object's number, valid while the server runs.
   bool is_server_declared = false;      ///< The object's priority applies, not the caller's.
   Priority priority{};                  ///< Declared, or the default for callers without one.
   std::uint64_t fingerprint = 0;        ///< The fingerprint of the server's interface.
   std::uint16_t method_count = 0;       ///< Entries that follow.
-  bool is_method_list_complete = true;  ///< False if not all entries fit the frame.
+  bool is_method_list_complete = true;  ///< False if some entries did not fit the frame.
 };
 
 /// One method of the object.
@@ -51,7 +51,7 @@ inline constexpr std::size_t kDescribeRequestSize = 4;
 void encode_describe_request(std::uint32_t service, MutableBytes to) noexcept;
 [[nodiscard]] std::optional<std::uint32_t> decode_describe_request(ConstBytes payload) noexcept;
 
-/// The entry `index` of a payload that decode_bind_reply() accepted.
+/// Entry number `index` of a payload that decode_bind_reply() accepted.
 [[nodiscard]] MethodEntry method_entry(ConstBytes bind_reply, std::uint16_t index) noexcept;
 
 }  // namespace rtpm::wire

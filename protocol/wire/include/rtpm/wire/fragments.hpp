@@ -8,8 +8,8 @@
 #include "rtpm/wire/header.hpp"
 #include "rtpm/wire/limits.hpp"
 
-/// Messages larger than one frame: sent in fragments, reassembled, lost fragments sent again. All
-/// alloc-free.
+/// Messages larger than a frame: sent in fragments and reassembled; lost fragments are sent again.
+/// All functions are alloc-free.
 /// @source   spec/hprotocol.md#hp-5.6
 namespace rtpm::wire {
 
@@ -17,7 +17,7 @@ namespace rtpm::wire {
 class FragmentSet {
  public:
   void reset(std::uint16_t count) noexcept;
-  /// @return false if the fragment is in the set already
+  /// @return false if the fragment is already in the set
   bool insert(std::uint16_t index) noexcept;
   [[nodiscard]] bool contains(std::uint16_t index) const noexcept;
   /// The first missing fragment; count() if none is missing.
@@ -31,7 +31,7 @@ class FragmentSet {
   std::uint16_t first_missing_ = 0;
 };
 
-/// The payload of ACK: which fragments of a message its receiver has.
+/// The payload of ACK: which fragments of a message have arrived.
 struct FragmentAck {
   static constexpr std::size_t kSize = 40;
   static constexpr std::uint16_t kLaterCount = 256;
@@ -48,16 +48,16 @@ struct FragmentAck {
 void encode(const FragmentAck& ack, MutableBytes to) noexcept;
 [[nodiscard]] std::optional<FragmentAck> decode_ack(ConstBytes payload) noexcept;
 
-/// Reassembles one message from its fragments, which may come in any order and repeatedly.
+/// Reassembles one message from its fragments, which may arrive in any order and repeatedly.
 /// @ownership writes into the buffer given to begin()
 class IncomingMessage {
  public:
   enum class Taken : std::uint8_t { kNew, kDuplicate, kLast, kForeign };
 
-  /// Begins the message that `header`, of any of its fragments, describes.
-  /// @param buffer  holds the whole message
+  /// Starts the message that `header`, from any of its fragments, describes.
+  /// @param buffer  must hold the whole message
   void begin(const Header& header, MutableBytes buffer) noexcept;
-  /// @return kLast: the message is complete; kForeign: the fragment is of another message
+  /// @return kLast: the message is complete; kForeign: the fragment belongs to another message
   [[nodiscard]] Taken take(const Header& header, ConstBytes payload) noexcept;
   [[nodiscard]] FragmentAck ack() const noexcept;
   [[nodiscard]] ConstBytes message() const noexcept { return buffer_; }
@@ -72,8 +72,8 @@ class IncomingMessage {
   FragmentSet arrived_;
 };
 
-/// Sends one message as fragments, a window at a time, and repeats those that an ACK shows as lost.
-/// It keeps no time: its driver calls nudge() if no ACK comes.
+/// Sends one message as fragments, a window at a time, and repeats those that an ACK reports as
+/// lost. Has no timer: the caller calls nudge() if no ACK arrives.
 /// @ownership views the message
 class OutgoingMessage {
  public:
@@ -81,20 +81,19 @@ class OutgoingMessage {
   /// @param window   even
   void begin(const Header& header, ConstBytes message, std::uint32_t fragment_size,
              std::uint16_t window) noexcept;
-  /// Writes the next frame that may be sent now to the beginning of `to`, which holds a header and
-  /// a fragment.
-  /// @return the frame; empty if the window is full or all is sent
+  /// Writes the next frame that may be sent now to the beginning of `to`, which must hold a header
+  /// and a fragment.
+  /// @return the frame; empty if the window is full or everything is sent
   [[nodiscard]] ConstBytes next(MutableBytes to, std::uint32_t budget_us,
                                 MonotonicTime now) noexcept;
-  /// Writes the first fragment again and asks for an ACK, to learn the state of a message that
-  /// arrived.
+  /// Writes the first fragment again and requests an ACK, to learn what has arrived of the message.
   [[nodiscard]] ConstBytes first_again(MutableBytes to, std::uint32_t budget_us,
                                        MonotonicTime now) noexcept;
-  /// Takes the receiver's state.
-  /// @param is_asked  the receiver heard nothing for a time: sends at least the first fragment that
-  ///                  it lacks
+  /// Processes the receiver's state.
+  /// @param is_asked  the receiver heard nothing for a while: sends at least the first fragment
+  ///           that it lacks
   void on_ack(const FragmentAck& ack, bool is_asked = false) noexcept;
-  /// Call it if no ACK came in time: the first unacknowledged fragment is due again.
+  /// Call it if no ACK arrived in time: the first unacknowledged fragment becomes due again.
   void nudge() noexcept;
   [[nodiscard]] bool is_begun() const noexcept { return !message_.empty(); }
   [[nodiscard]] bool is_acknowledged() const noexcept { return acknowledged_.is_complete(); }
@@ -111,9 +110,9 @@ class OutgoingMessage {
   std::uint32_t fragment_size_ = 0;
   std::uint16_t window_ = kFragmentWindow;
   FragmentSet acknowledged_;
-  std::uint16_t next_new_ = 0;     ///< The first fragment that was never sent.
-  std::uint16_t repair_next_ = 0;  ///< From here on fragments may be lost, up to
-  std::uint16_t repair_end_ = 0;   ///< this one, unless they are acknowledged.
+  std::uint16_t next_new_ = 0;     ///< The first fragment not sent yet.
+  std::uint16_t repair_next_ = 0;  ///< The first fragment that may be lost.
+  std::uint16_t repair_end_ = 0;   ///< The end of the fragments that may be lost.
 };
 
 }  // namespace rtpm::wire

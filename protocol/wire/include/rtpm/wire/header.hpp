@@ -16,24 +16,25 @@ namespace rtpm::wire {
 /// The kinds of frames.
 /// @source   spec/hprotocol.md#hp-3
 enum class FrameKind : std::uint8_t {
-  kHello = 1,    ///< Client → server: asks for a session.
-  kCookie = 2,   ///< Server → client: repeat the HELLO with this cookie as proof of your address.
+  kHello = 1,    ///< Client → server: requests a session.
+  kCookie = 2,   ///< Server → client: repeat the HELLO with this cookie to prove your address.
   kWelcome = 3,  ///< Server → client: the session and its limits.
   kRefuse = 4,   ///< Server → client: no session, or no such session.
   kCall = 5,     ///< Client → server: run a method.
-  kReply = 6,    ///< Server → client: the call's outcome.
-  kClose = 7,    ///< Both ways: the session ends.
-  kAck = 8,      ///< Both ways: which fragments of a message have arrived.
+  kReply = 6,    ///< Server → client: the call's result.
+  kClose = 7,    ///< Both directions: the session ends.
+  kAck = 8,      ///< Both directions: which fragments of a message have arrived.
   kCancel = 9,   ///< Client → server: the caller gave up.
   kItem = 10,    ///< Server → client: one item of a stream, or a fragment of it.
-  kCredit = 11,  ///< Client → server: which frames of a stream have arrived, how many may come.
+  /// Client → server: which frames of a stream have arrived, and how many may follow.
+  kCredit = 11,
 };
 inline constexpr std::uint8_t kFrameKindLast = 11;
 
 /// Bits of Header::flags; all others are zero.
 inline constexpr std::uint16_t kFlagRepeated = 1;  ///< A repetition of a frame sent before.
 inline constexpr std::uint16_t kFlagAckWanted =
-    2;                                            ///< On a fragment or CREDIT: asks for an answer.
+    2;                                            ///< On a fragment or CREDIT: requests an answer.
 inline constexpr std::uint16_t kFlagNoReply = 4;  ///< On a CALL: a oneway without confirmation.
 inline constexpr std::uint16_t kFlagReplyOnReceipt = 8;  ///< On a CALL: reply before it runs.
 /// Marks a frame of a sealed session, see sealed.hpp; elsewhere this bit is reserved.
@@ -48,34 +49,35 @@ struct Header {
   Priority priority{};  ///< The call's priority; it steers the frame to its lane.
   std::uint16_t flags = 0;
   std::uint64_t session = 0;  ///< Given by WELCOME; 0 before.
-  std::uint32_t call_id = 0;  ///< Counts a channel's calls, or its handshakes.
-  std::uint32_t service = 0;  ///< The object's number, given by a bind.
+  std::uint32_t call_id = 0;  ///< Counts a channel's calls or handshakes.
+  std::uint32_t service = 0;  ///< The object's number, from a bind.
   std::uint16_t method = 0;
   Status status = Status::kOk;       ///< In replies and refusals.
   std::uint32_t payload_size = 0;    ///< Bytes that follow this header.
-  std::uint16_t fragment_index = 0;  ///< From 0 on.
-  std::uint16_t fragment_count = 1;  ///< Only CALL, REPLY and ITEM come in several.
-  std::uint32_t message_size = 0;    ///< Bytes of the whole message.
+  std::uint16_t fragment_index = 0;  ///< From 0.
+  std::uint16_t fragment_count = 1;  ///< Above 1 only for CALL, REPLY and ITEM.
+  std::uint32_t message_size = 0;    ///< The size of the whole message in bytes.
   std::uint32_t budget_us = 0;       ///< CALL: time left. REPLY: time the server took.
-  /// CALL: items that the caller takes at first, 0 if no stream. ITEM: the frame's number. CREDIT:
-  /// items below this number may come. REPLY and ACK of a stream: frames sent. Otherwise 0.
+  /// CALL: items that the caller accepts initially, 0 if not a stream. ITEM: the frame's number.
+  /// CREDIT: items below this number may be sent. REPLY and ACK of a stream: frames sent. Otherwise
+  /// 0.
   std::uint32_t item = 0;
-  std::uint64_t sender_time_ns = 0;  ///< The sender's monotonic clock when it sent.
+  std::uint64_t sender_time_ns = 0;  ///< The sender's monotonic clock at the time of sending.
   std::uint64_t trace_id = 0;
 };
 
-/// Writes `header` in its wire form to the beginning of `to`, which holds kHeaderSize bytes.
-/// @realtime alloc-free, a few ns, as all functions here
+/// Encodes `header` to the beginning of `to`, which must hold kHeaderSize bytes.
+/// @realtime alloc-free, a few ns, like all functions here
 void encode(const Header& header, std::byte* to) noexcept;
 
-/// Reads and checks the header at the beginning of `bytes`, which may be anything. Does not check
-/// that payload_size bytes follow: a datagram carries exactly one frame, a stream many.
+/// Decodes and checks the header at the beginning of `bytes`, which may be anything. Does not check
+/// that payload_size bytes follow: a datagram has exactly one frame, a stream many.
 /// @errors   the reason under which to drop and count the frame
 [[nodiscard]] expected<Header, DropReason> decode(ConstBytes bytes) noexcept;
 
 /// Like decode(), for a whole frame: checks that exactly payload_size bytes follow the header.
 [[nodiscard]] expected<Header, DropReason> decode_frame(ConstBytes frame) noexcept;
-/// Like the above; checks also that the frame is not too large for `medium`.
+/// Like decode_frame() above; also checks that the frame is not too large for `medium`.
 /// @param header  receives the header; unspecified after an error
 [[nodiscard]] expected<void, DropReason> decode_frame(ConstBytes frame, Medium medium,
                                                       Header& header) noexcept;
@@ -83,13 +85,13 @@ void encode(const Header& header, std::byte* to) noexcept;
 /// Sets kFlagRepeated in a frame that encode() wrote.
 void mark_repeated(std::byte* frame) noexcept;
 
-/// The header of an unfragmented frame about the call of `about`: it names the same call; all other
-/// fields have their defaults.
+/// The header of an unfragmented frame that refers to the call of `about`; all other fields have
+/// their defaults.
 [[nodiscard]] Header header_about(const Header& about, FrameKind kind, std::size_t payload_size,
                                   MonotonicTime now) noexcept;
 
-/// The size of all fragments of a message but the last, from the header of any of them; 0 if its
-/// numbers contradict each other or the limits.
+/// The size of all fragments of a message except the last, from the header of any fragment; 0 if
+/// its numbers contradict one another or the limits.
 [[nodiscard]] std::uint32_t fragment_size_of(const Header& header) noexcept;
 
 /// "HELLO", "CALL", …

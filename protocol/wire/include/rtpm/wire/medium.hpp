@@ -7,7 +7,7 @@
 
 namespace rtpm::wire {
 
-/// Datagrams may be lost, duplicated, reordered and sent from forged addresses; a stream has none
+/// Datagrams may be lost, duplicated, reordered and sent from forged addresses; streams have none
 /// of these faults.
 enum class Medium : std::uint8_t { kDatagram, kStream };
 
@@ -16,7 +16,7 @@ enum class Medium : std::uint8_t { kDatagram, kStream };
   return medium == Medium::kDatagram ? kDatagramPayloadSizeMax : kStreamPayloadSizeMax;
 }
 
-/// The fragments of a message that may be unacknowledged.
+/// How many fragments of a message may be unacknowledged.
 [[nodiscard]] constexpr std::uint16_t window_of(Medium medium) noexcept {
   return medium == Medium::kDatagram ? kFragmentWindow : kStreamFragmentWindow;
 }

@@ -10,8 +10,8 @@
 
 namespace rtpm::wire {
 
-/// Limits the rate of an action for each host: `burst` times at once, then once per `interval`. A
-/// fixed table of token buckets; hosts whose keyed hashes collide share one, so that memory does
+/// Limits the rate of an action for each host: `burst` times at once, then once per `interval`.
+/// Uses a fixed table of token buckets; hosts whose keyed hashes collide share one, so memory does
 /// not grow with the number of hosts.
 /// @threads  one
 /// @realtime alloc-free
@@ -21,7 +21,7 @@ class RateLimiter {
   RateLimiter(SipKey key, std::uint32_t burst, Duration interval) noexcept
       : key_(key), interval_(interval), tolerance_(interval * (burst - 1)) {}
 
-  /// Takes a token from the host's bucket; false if it has none.
+  /// Takes a token from the host's bucket; false if it is empty.
   [[nodiscard]] bool admit(const PeerAddress& host, MonotonicTime now) noexcept;
 
  private:
@@ -30,7 +30,7 @@ class RateLimiter {
   SipKey key_;
   Duration interval_;
   Duration tolerance_;
-  std::array<MonotonicTime, kBucketCount> full_at_{};  ///< When a bucket will be full again.
+  std::array<MonotonicTime, kBucketCount> full_at_{};  ///< When each bucket will be full again.
 };
 
 }  // namespace rtpm::wire

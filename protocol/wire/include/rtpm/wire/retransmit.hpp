@@ -12,18 +12,19 @@ class RoundTrip {
  public:
   /// Sets the lower bound of interval().
   void set_interval_min(Duration interval_min) noexcept { interval_min_ = interval_min; }
-  /// Takes the round trip of a call that was sent once.
+  /// Adds the round trip of a call that was sent once.
   void add(Duration sample) noexcept;
-  /// Takes the last wait of a call that was repeated, 0 for one that was not. After two repeated
-  /// calls in a row the wait applies to the next call, too: otherwise a round trip beyond the wait
-  /// would never be measured again, as repeated calls do not count. A single one is a mere loss.
+  /// Notes the last wait of a repeated call; 0 for a call that was not repeated. After two repeated
+  /// calls in a row the wait also applies to the next call. Otherwise a round trip longer than the
+  /// wait would never be measured again, since repeated calls are not measured. A single repeated
+  /// call merely indicates a loss.
   void back_off(Duration wait) noexcept;
 
   /// How long to wait for an answer.
   [[nodiscard]] Duration interval() const noexcept;
   /// How long to wait after the first transmission of a call.
   [[nodiscard]] Duration first_interval() const noexcept;
-  /// The smoothed round trip, 0 before the first measurement.
+  /// The smoothed round trip; 0 before the first measurement.
   [[nodiscard]] Duration smoothed() const noexcept { return smoothed_; }
 
  private:
@@ -31,10 +32,10 @@ class RoundTrip {
   Duration smoothed_{0};
   Duration deviation_{0};
   Duration backed_off_{0};
-  bool was_repeated_ = false;  ///< The call that ended last.
+  bool was_repeated_ = false;  ///< Whether the last ended call was repeated.
 };
 
-/// Decides when one call is repeated: after RoundTrip::interval(), doubled with each repetition,
+/// Decides when a call is repeated: after RoundTrip::interval(), doubled with each repetition,
 /// within the bounds of limits.hpp.
 /// @ownership views the channel's RoundTrip
 /// @realtime alloc-free
@@ -47,16 +48,16 @@ class RetransmitTimer {
   void begin(MonotonicTime now) noexcept;
   /// Call it when the call is sent again.
   void repeat(MonotonicTime now) noexcept;
-  /// Call it when part of the answer or an acknowledgement came: restarts the wait; the call is not
-  /// measured.
+  /// Call it when part of the answer or an acknowledgement arrived: restarts the wait. The call is
+  /// then not measured.
   void progress(MonotonicTime now) noexcept;
-  /// Sets the next repetition to `wait` from now; later waits double from there.
+  /// Sets the next repetition to `wait` from now; later waits double that.
   void wait(MonotonicTime now, Duration wait) noexcept;
-  /// Call it when the answer came. Measures the round trip, unless the call was repeated: it is not
-  /// known which transmission was answered (Karn's rule), only that the total is an upper bound.
+  /// Call it when the answer arrived. Measures the round trip, unless the call was repeated: it is
+  /// unknown which transmission was answered (Karn's rule); the total is only an upper bound.
   void end(MonotonicTime now) noexcept;
 
-  /// When to repeat; kNever: not at all.
+  /// When to repeat; kNever for not at all.
   [[nodiscard]] MonotonicTime due() const noexcept { return due_; }
   /// The current wait, doubled with each repetition.
   [[nodiscard]] Duration current() const noexcept { return current_; }

@@ -12,7 +12,7 @@
 #include "rtpm/wire/header.hpp"
 #include "rtpm/wire/medium.hpp"
 
-/// The bytes of sealed sessions: the longer payloads of their handshakes, and their frames. The
+/// The encoding of sealed sessions: their frames, and the longer payloads of their handshakes. The
 /// sealed parts are opaque here. All functions are alloc-free.
 /// @source   spec/security.md
 namespace rtpm::wire {
@@ -21,7 +21,7 @@ namespace rtpm::wire {
 inline constexpr std::uint32_t kFeatureSealed = 1;  ///< The session is sealed.
 inline constexpr std::uint32_t kFeatureAesGcm = 2;  ///< Its suite is AES-256-GCM.
 
-/// A public key, and the bits of crypto::Suite.
+/// A public key.
 using KeyBytes = std::array<std::byte, 32>;
 
 /// The payload of COOKIE for a client that offered kFeatureSealed.
@@ -29,11 +29,11 @@ using KeyBytes = std::array<std::byte, 32>;
 struct SealedCookie {
   static constexpr std::size_t kSize = 56;
   Cookie cookie{};
-  KeyBytes server_key{};     ///< Not authentic: the client knows the right one from elsewhere.
+  KeyBytes server_key{};     ///< Not authentic: the client knows the right key from elsewhere.
   std::uint32_t suites = 0;  ///< The server's suites; unknown bits are ignored.
 };
 
-/// The payload of a HELLO that has the handshake's first message.
+/// The payload of a HELLO that contains the handshake's first message.
 /// @source   spec/security.md#sec-3.2
 struct SealedHello {
   static constexpr std::size_t kMessageSize = 104;
@@ -50,7 +50,7 @@ enum class FormerSession : std::uint8_t {
   kNone = 0,   ///< The message named no session.
   kAlive = 1,  ///< The server still has it: the new session is not opened.
   kGone = 2,   ///< The server no longer has it, see hp-5.5-2.
-  kEnded = 3,  ///< Like kGone, but its open calls may have run: the server may have ended it.
+  kEnded = 3,  ///< Like kGone, but its open calls may have run, since the server may have ended it.
 };
 
 /// The sealed part of the second message, which is the whole payload of a sealed WELCOME.
@@ -63,11 +63,11 @@ struct SealedWelcome {
   FormerSession former = FormerSession::kNone;
 };
 
-/// The bytes that both sides of a handshake hash first, so that any change on the way is noticed.
+/// The bytes that both sides of a handshake hash first, so that any change in transit is detected.
 /// @source   spec/security.md#sec-3.4
 inline constexpr std::size_t kPrologueSize = 16 + 2 + 4 + Hello::kSize + SealedCookie::kSize;
 using Prologue = std::array<std::byte, kPrologueSize>;
-/// @param header        of the HELLO that has the first message
+/// @param header        of the HELLO with the first message
 /// @param hello         the first 64 bytes of that HELLO's payload
 /// @param cookie        the payload of the COOKIE that it answers; empty over a stream without a
 ///           COOKIE
@@ -75,35 +75,35 @@ using Prologue = std::array<std::byte, kPrologueSize>;
                                    std::span<const std::byte, Hello::kSize> hello,
                                    ConstBytes cookie) noexcept;
 
-/// Writes a payload to the beginning of `to`, which holds its kSize (kInnerSize) bytes.
+/// Writes a payload to the beginning of `to`, which must hold its kSize (kInnerSize) bytes.
 void encode(const SealedCookie& cookie, MutableBytes to) noexcept;
 void encode(const SealedWelcome& inner, MutableBytes to) noexcept;
 
-/// @return nothing if the size, a reserved byte or a feature is wrong
+/// @return nullopt if the size, a reserved byte or a feature is wrong
 [[nodiscard]] std::optional<SealedCookie> decode_sealed_cookie(ConstBytes payload) noexcept;
 [[nodiscard]] std::optional<SealedHello> decode_sealed_hello(ConstBytes payload) noexcept;
 /// @param features  those of the client's HELLO, which the WELCOME repeats
 [[nodiscard]] std::optional<SealedWelcome> decode_sealed_welcome(ConstBytes inner,
                                                                  std::uint32_t features) noexcept;
 
-/// The size of a sealed frame's trailer, behind its payload: the counter and the tag.
+/// The size of the trailer after a sealed frame's payload: counter and tag.
 inline constexpr std::size_t kSealedTrailerSize = 24;
 /// The largest payload of a sealed frame.
 [[nodiscard]] constexpr std::size_t sealed_payload_max(Medium medium) noexcept {
   return frame_payload_max(medium) - kSealedTrailerSize;
 }
 
-/// Whether a frame that begins with a whole header is marked as sealed.
+/// Whether a frame that begins with a complete header is marked as sealed.
 [[nodiscard]] bool is_sealed(ConstBytes frame) noexcept;
-/// The size of the frame that begins with these bytes, a whole header and perhaps more, sealed or
-/// not; 0 if the header is invalid.
+/// The size of the frame that begins with these bytes, at least a complete header, sealed or not; 0
+/// if the header is invalid.
 [[nodiscard]] std::size_t frame_size(ConstBytes bytes) noexcept;
 /// Sets kFlagSealed in a frame that encode() wrote.
 void mark_sealed(std::byte* frame) noexcept;
-/// Clears kFlagSealed: the header becomes that of an ordinary frame.
+/// Clears kFlagSealed, which turns the header into that of an ordinary frame.
 void unmark_sealed(std::byte* frame) noexcept;
 
-/// Reads and checks the header of a whole sealed frame, as decode_frame() does for ordinary ones.
+/// Decodes and checks the header of a whole sealed frame, like decode_frame() for ordinary ones.
 /// Nothing in it is authentic before the frame is opened.
 /// @param header  receives the header, without kFlagSealed; unspecified after an error
 [[nodiscard]] expected<void, DropReason> decode_sealed_frame(ConstBytes frame, Medium medium,

@@ -23,6 +23,10 @@ enum class Takeover : std::uint8_t {
   kAllowed,  ///< Only in create(), not when the name is lost later.
 };
 
+/// Keeps a name bound while it lives. A time-shared thread "rtpm-lease" renews after a third of the
+/// granted lease, and binds again if the registry restarted or was unreachable for longer than the
+/// lease.
+///
 /// Without a registry's URL it looks for this host's registry at each renewal. Until one runs, the
 /// program serves its names itself; on the LAN it always does. When a registry appears, the name
 /// moves there within a third of its lease, and the program serves it for one more second.
