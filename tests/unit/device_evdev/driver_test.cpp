@@ -18,7 +18,6 @@ using driver::CommandMode;
 using driver::ExchangeStatus;
 using driver::Sample;
 using std::chrono::milliseconds;
-using test::EvdevFault;
 using test::EvdevModel;
 
 class EvdevDriverTest : public testing::Test {
@@ -69,7 +68,7 @@ class EvdevDriverTest : public testing::Test {
   Sample sample_{};
 };
 
-TEST_F(EvdevDriverTest, ShowsWhatAHandDoes) {
+TEST_F(EvdevDriverTest, ShowsTheInputsOfAHand) {
   use(EvdevModel::pad());
   start();
   model_->advance(milliseconds{5});
@@ -98,7 +97,7 @@ TEST_F(EvdevDriverTest, AppliesEffortsAndStatesThem) {
   ASSERT_TRUE(reaches({}, {})) << "nothing in mode off";
 }
 
-TEST_F(EvdevDriverTest, ReversesTheMotorWhereTold) {
+TEST_F(EvdevDriverTest, ReversesTheMotorIfConfigured) {
   use(EvdevModel::wheel(), {.scales = {.is_reversed = true}});
   start();
   ASSERT_TRUE(reaches(effort(2), {.effort = -32'767}));
@@ -191,7 +190,7 @@ TEST_F(EvdevDriverTest, RefusesADeviceWithOtherChannels) {
   EXPECT_TRUE(late.configure({.period = milliseconds{1}})) << "a game pad it can be";
 }
 
-TEST_F(EvdevDriverTest, GrabsWhereTold) {
+TEST_F(EvdevDriverTest, GrabsIfConfigured) {
   use(EvdevModel::pad(), {.is_grabbed = true});
   start();
   EXPECT_TRUE(model_->is_grabbed());
@@ -206,31 +205,6 @@ TEST_F(EvdevDriverTest, LeavesNoForceWhenDestroyedWhileActive) {
   driver_.reset();
   EXPECT_EQ(model_->abandoned_count(), 0u);
   EXPECT_FALSE(model_->was_left_playing());
-}
-
-TEST_F(EvdevDriverTest, SaysInWordsThatAllEffectsAreTaken) {
-  use(EvdevModel::wheel());
-  ASSERT_TRUE(driver_->configure({.period = milliseconds{1}}));
-  model_->set_fault(EvdevFault::kNoSlots);
-  const auto refused = driver_->activate();
-  ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().text().find("game"), std::string::npos);
-  model_->set_fault(EvdevFault::kNone);
-  EXPECT_TRUE(driver_->activate()) << "it is as before the failure";
-}
-
-TEST_F(EvdevDriverTest, KeepsAStuckKeyPressed) {
-  use(EvdevModel::pad());
-  start();
-  model_->press(BTN_SOUTH, true);
-  for (int i = 0; i < 50; ++i) {
-    model_->press(BTN_SOUTH, true);
-    model_->move(ABS_X, i);
-    model_->report();
-  }
-  ASSERT_TRUE(exchange_until({}, [&](auto) { return model_->waiting_event_count() == 0; }));
-  ASSERT_TRUE(exchange_until({}, [&](auto) { return sample_.buttons == 1; }));
-  EXPECT_EQ(sample_.button_edges[0], 1);
 }
 
 }  // namespace

@@ -264,14 +264,6 @@ void EmulatedNode::unplug() {
   umockdev_testbed_remove_device(impl_->testbed, input.c_str());
 }
 
-void EmulatedNode::add_twin() {
-  device_evdev::Unit twin = impl_->model.unit();
-  twin.path += ".2";
-  const bool is_added =
-      umockdev_testbed_add_from_string(impl_->testbed, description(twin, "99").c_str(), nullptr);
-  RTPM_ASSERT(is_added, "umockdev takes the description");
-}
-
 void EmulatedNode::send(const std::vector<device_evdev::Event>& events) const {
   const int master = umockdev_testbed_get_dev_fd(impl_->testbed, impl_->node.c_str());
   const std::int64_t now_us = to_ns(rt::now()) / 1000;

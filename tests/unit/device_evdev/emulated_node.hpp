@@ -21,8 +21,6 @@ class EmulatedNode {
   /// Creates the node of the model's unit; after unplug() this is another node.
   void plug_in();
   void unplug();
-  /// A second device with the same description, at another port.
-  void add_twin();
   /// Sends events as the kernel does, with the present time.
   void send(const std::vector<device_evdev::Event>& events) const;
   /// Sends a part of an event, and in a later call the rest.

@@ -36,11 +36,6 @@ TEST(EvdevLayout, DescribesAPad) {
   EXPECT_EQ(pad.modes, std::vector{CommandMode::kOutputs});
 }
 
-TEST(EvdevLayout, IsThatOfTheGamePadWhereNothingIsKnown) {
-  EXPECT_TRUE(has_same_channels(make_layout(EvdevModel::pad(), {}), game_pad_layout()));
-  EXPECT_FALSE(has_same_channels(make_layout(EvdevModel::wheel(), {}), game_pad_layout()));
-}
-
 TEST(EvdevLayout, DescribesAWheel) {
   const Layout layout =
       make_layout(EvdevModel::wheel(), {.wheel_range_rad = 8, .effort_newton_metre_max = 3});
@@ -98,7 +93,7 @@ TEST(EvdevLayout, HasADeadZoneWithoutAJump) {
   EXPECT_EQ(analog_value(stick, std::numeric_limits<std::int32_t>::min()), -1);
 }
 
-TEST(EvdevLayout, NamesWhatIsInNoChannel) {
+TEST(EvdevLayout, NamesInputsWithoutAChannel) {
   for (const Capabilities& whole : {EvdevModel::pad(), EvdevModel::wheel(), EvdevModel::dial()})
     EXPECT_EQ(make_layout(whole, {}).left_out, "") << whole.name;
   Capabilities flight_stick;

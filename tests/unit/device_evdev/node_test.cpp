@@ -15,7 +15,6 @@
 namespace rtpm::device_evdev {
 namespace {
 
-using driver::Command;
 using driver::CommandMode;
 using driver::ExchangeStatus;
 using std::chrono::milliseconds;
@@ -44,7 +43,7 @@ class EvdevNodeTest : public OpenedDriver {
   std::unique_ptr<EmulatedNode> node_;
 };
 
-TEST_F(EvdevNodeTest, IsFoundByEachWordAndByProbe) {
+TEST_F(EvdevNodeTest, IsFoundByEachOptionAndByProbe) {
   for (const char* words :
        {"", "serial=A1", "path=usb-0:1", "node=/dev/input/event5", "name=Model Racing Wheel"}) {
     use(EvdevModel::wheel(), words);
@@ -66,7 +65,7 @@ TEST_F(EvdevNodeTest, IsFoundByEachWordAndByProbe) {
   EXPECT_EQ(found[0].left_out, "");
 }
 
-TEST_F(EvdevNodeTest, IsProbedWithWhatIsInNoChannel) {
+TEST_F(EvdevNodeTest, IsProbedWithItsInputsWithoutAChannel) {
   Capabilities pad = EvdevModel::pad();
   for (std::uint16_t code = BTN_TRIGGER_HAPPY; code < BTN_TRIGGER_HAPPY + 7; ++code)
     pad.keys.push_back(code);
@@ -81,12 +80,13 @@ TEST_F(EvdevNodeTest, HasTheKernelsRangesAndReadsItsEvents) {
   use(EvdevModel::pad(), "");
   ASSERT_EQ(driver_->describe().analogs.size(), 8u);
   start();
+  const MonotonicTime before = rt::now();
   node_->send({{.type = EV_ABS, .code = ABS_Y, .value = -32'768},
                {.type = EV_KEY, .code = BTN_EAST, .value = 1},
                {.type = EV_SYN, .code = SYN_REPORT}});
   ASSERT_TRUE(exchange_until(CommandMode::kOff, 0, [&](auto) { return sample_.buttons == 2; }));
   EXPECT_EQ(sample_.analogs[1], -1);
-  EXPECT_LE(rt::now() - sample_.host_time, std::chrono::seconds{1});
+  EXPECT_GE(sample_.host_time, before - milliseconds{1}) << "on the monotonic clock";
 }
 
 TEST_F(EvdevNodeTest, CatchesUpWithTheKernelAfterLostEvents) {
@@ -139,14 +139,6 @@ TEST_F(EvdevNodeTest, PlaysEffectsAndErasesThem) {
   EXPECT_EQ(model_->effect_count(), 0u);
 }
 
-TEST_F(EvdevNodeTest, RumblesAPad) {
-  use(EvdevModel::pad(), "");
-  start();
-  EXPECT_TRUE(exchange_until(CommandMode::kOutputs, 1, [&](auto) {
-    return model_->levels() == Levels{.strong = 65'535, .weak = 65'535};
-  }));
-}
-
 TEST_F(EvdevNodeTest, IsGoneWhenUnpluggedAndFoundAtAnotherNode) {
   use(EvdevModel::wheel(), "node=/dev/input/event5");
   start();
@@ -166,14 +158,6 @@ TEST_F(EvdevNodeTest, IsGoneWhenUnpluggedAndFoundAtAnotherNode) {
   EXPECT_TRUE(exchange_until(CommandMode::kJointEffort, 1,
                              [&](auto) { return model_->levels().effort > 0; }));
   EXPECT_EQ(model_->unit().node, "/dev/input/event6");
-}
-
-TEST_F(EvdevNodeTest, RefusesTwoUnitsOfOneSerialNumber) {
-  use(EvdevModel::wheel(), "serial=A1");
-  node_->add_twin();
-  const auto refused = driver_->configure({.period = milliseconds{1}});
-  ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().text().find("path="), std::string::npos);
 }
 
 }  // namespace

@@ -25,7 +25,7 @@ TEST(EvdevSettings, AreRead) {
   EXPECT_FALSE(read_settings("")->names_one());
 }
 
-TEST(EvdevSettings, AreRefusedInWords) {
+TEST(EvdevSettings, AreRefusedWithTheReason) {
   for (const char* words :
        {"wheel", "serial=", "gain=2", "gain=nan", "gain=1x", "grab=perhaps", "range_degree=0",
         "torque_newton_metre=1e9", "torque_newton_metre=inf", "node=a node=b", "speed=3"}) {

@@ -16,9 +16,7 @@
 namespace rtpm::device_evdev {
 namespace {
 
-using driver::Command;
 using driver::CommandMode;
-using driver::ExchangeStatus;
 using std::chrono::milliseconds;
 using test::UinputDevice;
 
@@ -91,22 +89,6 @@ TEST_F(EvdevUinputTest, AppliesAConstantForceAndErasesIt) {
   }));
   driver_->deactivate();
   EXPECT_EQ(device_->effect_count(), 0u);
-}
-
-TEST_F(EvdevUinputTest, IsGoneWhenUnpluggedAndBack) {
-  use(wheel(), "");
-  for (int round = 0; round < 3; ++round) {
-    ASSERT_TRUE(exchange_until(CommandMode::kJointEffort, 1,
-                               [&](auto) { return device_->level(FF_CONSTANT) > 0; }));
-    device_.reset();
-    ASSERT_TRUE(exchange_until(CommandMode::kJointEffort, 1, [](ExchangeStatus status) {
-      return status == ExchangeStatus::kGone;
-    }));
-    driver_->deactivate();
-    EXPECT_FALSE(driver_->configure({.period = milliseconds{1}}));
-    device_.emplace(wheel());
-    start();
-  }
 }
 
 }  // namespace

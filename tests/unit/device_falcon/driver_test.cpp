@@ -85,7 +85,7 @@ TEST_F(FalconDriverTest, PushesTheGripAsTheForcePoints) {
   }
 }
 
-TEST_F(FalconDriverTest, SaysWhenAMotorCanDoNoMore) {
+TEST_F(FalconDriverTest, ReportsASaturatedMotor) {
   start({});
   ASSERT_EQ(exchange({8, 0, 0}), ExchangeStatus::kOk);
   EXPECT_TRUE(sample_.faults.has(Fault::kDeviceSaturated));
@@ -112,18 +112,13 @@ TEST_F(FalconDriverTest, HasNeitherPositionNorForceUntilItIsHomed) {
   EXPECT_FALSE(model_->has_force());
 }
 
-TEST_F(FalconDriverTest, SaysWhenTheGripIsOutsideOfTheWorkspace) {
+TEST_F(FalconDriverTest, CountsItsStopAsWithinTheWorkspace) {
   make({});
   model_->hold_at({0.3, 0, 0});  // Limited by the model's stop.
   ASSERT_TRUE(driver_->configure(kConfig));
   ASSERT_TRUE(driver_->activate());
   ASSERT_TRUE(exchange_until({}, [&](auto) { return sample_.pose.position_m.x > 0.0355; }));
   EXPECT_FALSE(sample_.faults.has(Fault::kOutsideWorkspace)) << "the stop is within it";
-}
-
-TEST_F(FalconDriverTest, LoadsTheFirmware) {
-  start({.has_firmware = false});
-  EXPECT_EQ(exchange({}), ExchangeStatus::kOk);
 }
 
 TEST_F(FalconDriverTest, ScalesForceByItsParameter) {
@@ -164,7 +159,7 @@ TEST_F(FalconDriverTest, IsGoneWithTheUnitAndBackWithIt) {
   }
 }
 
-TEST_F(FalconDriverTest, SaysLateAndCorrupt) {
+TEST_F(FalconDriverTest, ReportsLateAndCorrupt) {
   start({.plan = {FalconFault::kLate, FalconStep::kPacket, 30}});
   EXPECT_TRUE(exchange_until(kPush, [](auto status) { return status == ExchangeStatus::kLate; }));
   start({.plan = {FalconFault::kFlippedByte, FalconStep::kPacket, 30, 1}});
@@ -173,18 +168,7 @@ TEST_F(FalconDriverTest, SaysLateAndCorrupt) {
   EXPECT_TRUE(exchange_until(kPush, [](auto status) { return status == ExchangeStatus::kOk; }));
 }
 
-TEST_F(FalconDriverTest, RefusesInWordsAUnitThatDoesNotAnswer) {
-  for (const auto fault : {FalconFault::kNoDevice, FalconFault::kStall, FalconFault::kNoAnswer}) {
-    make({.plan = {fault, FalconStep::kRequest, 0}});
-    const auto configured = driver_->configure(kConfig);
-    ASSERT_FALSE(configured);
-    EXPECT_GT(configured.error().text().size(), 40u);
-    EXPECT_FALSE(driver_->activate());
-    EXPECT_FALSE(model_->has_force());
-  }
-}
-
-TEST_F(FalconDriverTest, RefusesInWordsEncodersThatCantBe) {
+TEST_F(FalconDriverTest, RefusesImpossibleEncoderValues) {
   start({});
   driver_->deactivate();
   model_->set_plan({FalconFault::kShort, FalconStep::kPacket, 1});

@@ -47,7 +47,7 @@ TEST(FalconPacket, CutsCountsBeyondAMotorsRange) {
             encode(MotorRequest{.counts = {4095, -4095, 4095}}));
 }
 
-TEST(FalconPacket, ReadsWhatItWrites) {
+TEST(FalconPacket, DecodesEncodedReports) {
   for (int count = -32768; count <= 32767; count += 7) {
     const auto value = static_cast<std::int16_t>(count);
     const EncoderReport report{.counts = {value, 0, value},

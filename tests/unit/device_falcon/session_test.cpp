@@ -16,7 +16,6 @@ using driver::Vector3;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 using test::FalconFault;
-using test::FalconFaultPlan;
 using test::FalconModel;
 using test::FalconModelConfig;
 using test::FalconStep;
@@ -192,13 +191,6 @@ TEST(FalconSession, KeepsPaceWithAClockThatDrifts) {
     EXPECT_EQ(cycle.session->state().corrupt_count, 0u);
     EXPECT_TRUE(cycle.model->has_force());
   }
-}
-
-TEST(FalconSession, ShowsNoMotionWhereTheMotorsDoNothing) {
-  Cycle cycle({.plan = {FalconFault::kTorqueIgnored, FalconStep::kPacket, 0}});
-  ASSERT_TRUE(cycle.run(kPush, seconds{1}));
-  EXPECT_TRUE(cycle.model->has_force()) << "is told to push";
-  EXPECT_LT(distance(cycle.session->state().position_m, {0, 0, 0.125}), 1e-4) << "and is not moved";
 }
 
 /// Whether a session survives a fault that does not end.

@@ -105,34 +105,5 @@ TEST_F(HidRawTest, ServesEachKind) {
   }
 }
 
-TEST_F(HidRawTest, ComesBackAtAnotherNode) {
-  hidraw_->plug(test::make_model(2), 0, "AB", "usb-1/input0");
-  open("serial=AB");
-  start();
-  hidraw_->unplug(0);
-  ASSERT_TRUE(exchange_until(CommandMode::kOutputs,
-                             [](auto status) { return status == ExchangeStatus::kGone; }));
-  driver_->deactivate();
-  const auto missing = driver_->configure({.period = milliseconds{4}});
-  ASSERT_FALSE(missing);
-  EXPECT_NE(missing.error().text().find("not plugged in"), std::string::npos);
-  hidraw_->plug(test::make_model(2), 1, "CD", "usb-1/input0");
-  EXPECT_FALSE(driver_->configure({.period = milliseconds{4}})) << "another unit";
-  hidraw_->plug(test::make_model(2), 2, "AB", "usb-2/input0");
-  start();
-  EXPECT_TRUE(exchange_until(CommandMode::kOutputs, [&](auto) { return !is_safe(2); }));
-  EXPECT_TRUE(is_safe(1));
-}
-
-TEST_F(HidRawTest, RefusesTwoUnitsOfOneSerialNumberUnlessOneIsNamed) {
-  hidraw_->plug(test::make_model(1), 0, "AB", "usb-1/input0");
-  hidraw_->plug(test::make_model(1), 1, "AB", "usb-2/input0");
-  const auto refused = device_hid::open("serial=AB", "pad0");
-  ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().text().find("/dev/hidraw1"), std::string::npos);
-  open("serial=AB node=/dev/hidraw1");
-  start();
-}
-
 }  // namespace
 }  // namespace rtpm::device_hid

@@ -7,7 +7,7 @@
 namespace rtpm::device_hid {
 namespace {
 
-TEST(HidSettings, ReadWords) {
+TEST(HidSettings, AreRead) {
   const auto settings =
       read_settings("kind=openffboard serial=AB12 node=/dev/hidraw3 torque_newton_metre=2.5");
   ASSERT_TRUE(settings);
@@ -18,7 +18,7 @@ TEST(HidSettings, ReadWords) {
   EXPECT_TRUE(read_settings(""));
 }
 
-TEST(HidSettings, AreRefusedInWords) {
+TEST(HidSettings, AreRefusedWithTheReason) {
   EXPECT_NE(read_settings("kind=mouse").error().text().find("spacemouse"), std::string::npos);
   for (const char* words :
        {"gamepad", "kind=", "speed=3", "torque_newton_metre=much", "torque_newton_metre=-1",

@@ -62,15 +62,6 @@ TEST_F(MpvDriverTest, HasTheFirstSampleAtOnce) {
   EXPECT_FLOAT_EQ(sample_.analogs[4], 0.04F);
 }
 
-TEST_F(MpvDriverTest, SeeksAndPlays) {
-  start(PlayerFault::kNone, kNever);
-  ASSERT_TRUE(exchange_until(0, 7.5F, [&](auto) { return sample_.analogs[0] == 7.5F; }));
-  EXPECT_EQ(sample_.analogs[1], 0);
-  ASSERT_TRUE(exchange_until(-2, 7.5F, [&](auto) { return sample_.analogs[0] < 5; }));
-  EXPECT_EQ(sample_.analogs[1], -2);
-  EXPECT_EQ(sample_.analogs[3], 0);
-}
-
 TEST_F(MpvDriverTest, PausesWithoutACommand) {
   start(PlayerFault::kNone, kNever);
   ASSERT_TRUE(exchange_until(1, -1, [&](auto) { return sample_.analogs[1] == 1; }));
@@ -97,7 +88,7 @@ TEST_F(MpvDriverTest, IsGoneWithThePlayerAndBackWithTheNext) {
   }
 }
 
-TEST_F(MpvDriverTest, SaysLateAndCorrupt) {
+TEST_F(MpvDriverTest, ReportsLateAndCorrupt) {
   start(PlayerFault::kLate, 60);
   EXPECT_TRUE(exchange_until(1, -1, [](auto status) { return status == ExchangeStatus::kLate; }));
   start(PlayerFault::kLongLine, 60);
@@ -105,7 +96,7 @@ TEST_F(MpvDriverTest, SaysLateAndCorrupt) {
       exchange_until(1, -1, [](auto status) { return status == ExchangeStatus::kCorrupt; }));
 }
 
-TEST_F(MpvDriverTest, RefusesAPlayerThatDoesNotAnswerInWords) {
+TEST_F(MpvDriverTest, RefusesAPlayerThatDoesNotAnswer) {
   for (const auto fault : {PlayerFault::kDies, PlayerFault::kHangs, PlayerFault::kGarbage}) {
     MpvDriver driver([=] { return std::make_unique<ScriptedPlayer>(fault, 0); }, "s", "p");
     const auto configured = driver.configure({.period = std::chrono::milliseconds{10}});

@@ -31,17 +31,7 @@ std::size_t count(const ScriptedPlayer& player, std::string_view words) {
       player.commands(), [&](const std::string& command) { return command.starts_with(words); }));
 }
 
-TEST(MpvSession, KnowsThePlayersState) {
-  ScriptedPlayer player;
-  Session session(player, kPeriod);
-  ASSERT_TRUE(run(session, player, {.rate = 0}, milliseconds{50}));
-  EXPECT_EQ(session.state().duration_s, ScriptedPlayer::kDurationSeconds);
-  EXPECT_NEAR(session.state().frame_s, ScriptedPlayer::kFrameSeconds, 1e-9);
-  EXPECT_TRUE(session.state().is_paused);
-  EXPECT_NEAR(static_cast<double>(session.state().report_count), 5, 1) << "one per period";
-}
-
-TEST(MpvSession, OnlyAsksWithoutARequest) {
+TEST(MpvSession, OnlyPollsWithoutARequest) {
   ScriptedPlayer player;
   Session session(player, kPeriod);
   for (int i = 0; i < 50; ++i)

@@ -18,7 +18,7 @@ TEST(MpvSettings, ReadASocket) {
   EXPECT_EQ(settings->socket, "/run/mpv");
 }
 
-TEST(MpvSettings, AreRefusedInWords) {
+TEST(MpvSettings, AreRefusedWithTheReason) {
   for (const char* words : {"", "clip.mkv", "headless=yes", "file=", "headless=perhaps file=a",
                             "volume=3 file=a", "headless=yes socket=/run/mpv"}) {
     const auto settings = read_settings(words);

@@ -100,18 +100,6 @@ class SerialDriverTest : public ::testing::Test {
   MonotonicTime now_{std::chrono::seconds{1000}};
 };
 
-TEST_F(SerialDriverTest, DescribesTheBoard) {
-  const SerialDriver driver(config());
-  const driver::Descriptor descriptor = driver.describe();
-  EXPECT_EQ(descriptor.device_class, driver::DeviceClass::kHaptic);
-  EXPECT_EQ(descriptor.serial, "A");
-  EXPECT_EQ(descriptor.frame, "paddle0/base");
-  ASSERT_EQ(descriptor.joints.size(), 1u);
-  EXPECT_EQ(descriptor.joints[0].effort_max, 0.125);
-  EXPECT_EQ(descriptor.modes, (std::vector{CommandMode::kJointEffort, CommandMode::kOutputs}));
-  EXPECT_EQ(descriptor.rate_hz, 500);
-}
-
 TEST_F(SerialDriverTest, AppliesEffortWithinTheLimitAndSaysSo) {
   SerialDriver driver(config());
   start(driver);
@@ -207,7 +195,7 @@ TEST_F(SerialDriverTest, CountsEdgesAcrossAPause) {
   EXPECT_EQ(sample_.button_edges[0], 2);
 }
 
-TEST_F(SerialDriverTest, ABoardOutsideOfItsRangeIsSaidToBe) {
+TEST_F(SerialDriverTest, ReportsABoardOutsideItsRange) {
   model_->set_position(0.9F);
   SerialDriver driver(config());
   start(driver);
@@ -215,7 +203,7 @@ TEST_F(SerialDriverTest, ABoardOutsideOfItsRangeIsSaidToBe) {
   EXPECT_TRUE(sample_.faults.has(driver::Fault::kOutsideWorkspace));
 }
 
-TEST_F(SerialDriverTest, RefusesAnotherBoardInWords) {
+TEST_F(SerialDriverTest, RefusesAnotherBoard) {
   SerialConfig named = config();
   named.board.serial = "PADDLE-1";
   SerialDriver driver(named);
@@ -230,21 +218,6 @@ TEST_F(SerialDriverTest, RefusesAnotherBoardInWords) {
   const auto changed = driver.configure({.period = kPeriod});
   ASSERT_FALSE(changed);
   EXPECT_NE(changed.error().text().find("other channels"), std::string::npos);
-}
-
-/// The test opens a new driver, as the device server does after a cable is plugged in again.
-TEST_F(SerialDriverTest, ComesBackAfterItWasUnplugged) {
-  model_ = std::make_shared<SerialModel>(SerialFault::kUnplugged, 60);
-  SerialDriver driver(config());
-  start(driver);
-  EXPECT_TRUE(run_until(
-      driver, [&] { return status_ == ExchangeStatus::kGone; }, CommandMode::kJointEffort, 0.1));
-  EXPECT_EQ(exchange(driver), ExchangeStatus::kGone) << "until it is configured again";
-  driver.deactivate();
-  EXPECT_FALSE(driver.configure({.period = kPeriod}));
-  model_->set_fault(SerialFault::kNone);
-  start(driver);
-  EXPECT_TRUE(run_until(driver, [&] { return status_ == ExchangeStatus::kOk; }));
 }
 
 class SerialDriverFaults : public SerialDriverTest,

@@ -38,7 +38,7 @@ TEST(SerialPorts, AreNotGuessed) {
   EXPECT_EQ(chosen({.port = "/dev/ttyACM2", .serial = "U1"}, {kUno, kTwin}), "/dev/ttyACM2");
 }
 
-TEST(SerialSettings, AreReadFromWords) {
+TEST(SerialSettings, AreRead) {
   const auto settings = read_settings("port=/dev/ttyUSB3  speed=1000000 serial=X9");
   ASSERT_TRUE(settings);
   EXPECT_EQ(settings->port, "/dev/ttyUSB3");
@@ -47,7 +47,7 @@ TEST(SerialSettings, AreReadFromWords) {
   EXPECT_EQ(read_settings("")->speed_baud, 115'200);
 }
 
-TEST(SerialSettings, AreRefusedInWords) {
+TEST(SerialSettings, AreRefusedWithTheReason) {
   for (const char* words : {"baud=9600", "port", "port=", "speed=fast", "speed=115200x", "speed=0",
                             "speed=-9600", "speed=99999999999999999999", "speed=1 speed=2"}) {
     const auto settings = read_settings(words);
@@ -73,7 +73,7 @@ class SerialOpen : public ::testing::Test {
   PortSettings opened_;
 };
 
-TEST_F(SerialOpen, AsksABoardThatIsThereWhatItIs) {
+TEST_F(SerialOpen, ReadsTheDescriptionOfAConnectedBoard) {
   model_->set_joint_name("lever");
   const driver::Descriptor descriptor = describe("", {kUno});
   ASSERT_EQ(descriptor.joints.size(), 1u);
@@ -85,7 +85,7 @@ TEST_F(SerialOpen, AsksABoardThatIsThereWhatItIs) {
   EXPECT_EQ(opened_.serial, "U1") << "found again by it, at whatever port";
 }
 
-TEST_F(SerialOpen, TakesABoardThatIsNotThereForTheFirmwaresOwn) {
+TEST_F(SerialOpen, AssumesTheFirmwaresOwnBoardIfNoneIsConnected) {
   const driver::Descriptor descriptor = describe("serial=U1", {});
   ASSERT_EQ(descriptor.joints.size(), 1u);
   EXPECT_EQ(descriptor.joints[0].name, "paddle");
@@ -101,13 +101,6 @@ TEST_F(SerialOpen, HasASerialNumberWhateverTheBoardHas) {
   EXPECT_EQ(describe("port=/dev/ttyUSB0", {nameless}).serial, "/dev/ttyUSB0");
   EXPECT_EQ(describe("", {nameless}).serial, "/dev/ttyUSB0");
   EXPECT_EQ(describe("", {}).serial, "unknown");
-}
-
-TEST(SerialProbe, NamesUsbPortsOnly) {
-  for (const device_io::FoundDevice& device : probe()) {
-    EXPECT_EQ(device.driver, "serial");
-    EXPECT_FALSE(device.node.empty() || device.arguments.empty() || device.udev_rule.empty());
-  }
 }
 
 }  // namespace

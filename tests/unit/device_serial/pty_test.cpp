@@ -103,16 +103,7 @@ TEST(SerialPty, WaitsForABoardThatOpeningResets) {
   }
 }
 
-TEST(SerialPty, OpenReadsWhatTheBoardIs) {
-  PtyBoard board;
-  board.with([](SerialModel& model) { model.set_joint_name("lever"); });
-  const auto driver = open("speed=1000000 port=" + board.port(), "lab");
-  ASSERT_TRUE(driver) << driver.error().text();
-  EXPECT_EQ((*driver)->describe().joints[0].name, "lever");
-  EXPECT_TRUE(start(**driver));
-}
-
-TEST(SerialPty, SaysWhatIsNoPort) {
+TEST(SerialPty, RefusesAPathThatIsNotAPort) {
   const auto why = [](const std::string& port) {
     const auto configured = make_driver({.port = port})->configure({.period = kPeriod});
     return configured ? "" : configured.error().text();

@@ -60,15 +60,6 @@ struct Bench {
   std::uint64_t cycle_count = 0;
 };
 
-TEST(SerialSession, LearnsWhatTheBoardIs) {
-  Bench bench;
-  const auto board = bench.session.greet();
-  ASSERT_TRUE(board) << board.error().text();
-  EXPECT_EQ(board->name, "RTPM paddle");
-  EXPECT_EQ(board->serial, SerialModel::kSerial);
-  EXPECT_EQ(bench.model.host_frame_count(), 1u);
-}
-
 TEST(SerialSession, CommandsInEachCycleAndTakesTheNewestState) {
   Bench bench;
   ASSERT_TRUE(bench.greet());
