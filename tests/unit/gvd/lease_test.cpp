@@ -39,7 +39,7 @@ TEST(Lease, HasOneHolderAtATime) {
   EXPECT_FALSE(lease.renew(*first));
 }
 
-TEST(Lease, NobodyHoldsNothing) {
+TEST(Lease, TheNumberOfNoHolderHoldsNothing) {
   Lease lease{silent_after(seconds{1}), {1, 2}};
   EXPECT_FALSE(lease.renew(Lease::kNobody));
   EXPECT_FALSE(lease.release(Lease::kNobody));
@@ -202,7 +202,7 @@ TEST(Lease, GoesToOneOfManyThreads) {
   }
 }
 
-TEST(Lease, HasOneHolderWhateverManyThreadsDo) {
+TEST(Lease, HasOneHolderUnderManyThreads) {
   Lease lease{silent_after(std::chrono::hours{1}), {1, 2}};
   std::atomic<bool> is_done{false};
   std::atomic<int> wrong_count{0};

@@ -177,7 +177,7 @@ unsigned run_trials(const char* loss, Lose lose) {
   return with_force;
 }
 
-TEST(AThousandTrials, OfAKilledClient) {
+TEST(AThousandTrials, EndTheForceOfAKilledClient) {
   const unsigned with_force = run_trials("killed", [](Trial& trial, const std::string& what) {
     // Commands in flight still arrive.
     trial.expect_the_force_ends(what);
@@ -185,7 +185,7 @@ TEST(AThousandTrials, OfAKilledClient) {
   EXPECT_GT(with_force, kTrialCount * 9 / 10);
 }
 
-TEST(AThousandTrials, OfAStoppedClientThatGoesOnLater) {
+TEST(AThousandTrials, EndTheForceOfAStoppedClientThatGoesOnLater) {
   const unsigned with_force = run_trials("stopped", [](Trial& trial, const std::string& what) {
     trial.expect_the_force_ends(what);
     if (::testing::Test::HasFatalFailure()) return;
@@ -202,7 +202,7 @@ TEST(AThousandTrials, OfAStoppedClientThatGoesOnLater) {
   EXPECT_GT(with_force, kTrialCount * 9 / 10);
 }
 
-TEST(AThousandTrials, OfACutLink) {
+TEST(AThousandTrials, EndTheForceAfterACutLink) {
   const unsigned with_force = run_trials("cut", [](Trial& trial, const std::string& what) {
     // First the link loses and reorders; then it is cut, with everything in flight.
     for (int i = 0; i < 50; ++i) {
@@ -219,7 +219,7 @@ TEST(AThousandTrials, OfACutLink) {
   EXPECT_GT(with_force, kTrialCount * 9 / 10);
 }
 
-TEST(AThousandTrials, OfAStoppedServer) {
+TEST(AThousandTrials, EndTheForceOfAStoppedServer) {
   const unsigned with_force = run_trials("server", [](Trial& trial, const std::string& what) {
     trial.cycle().end(trial.now());
     ASSERT_EQ(trial.arm().newton, 0) << what << ": at once";
@@ -228,7 +228,7 @@ TEST(AThousandTrials, OfAStoppedServer) {
   EXPECT_GT(with_force, kTrialCount * 9 / 10);
 }
 
-TEST(AThousandTrials, OfAnUnpluggedDevice) {
+TEST(AThousandTrials, EndTheForceOfAnUnpluggedDevice) {
   const unsigned with_force = run_trials("unplugged", [](Trial& trial, const std::string& what) {
     trial.arm().is_unplugged = true;
     trial.send();

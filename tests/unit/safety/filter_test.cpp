@@ -185,7 +185,7 @@ TEST(Watchdog, ShortensAHoldThatIsTooLong) {
   }
 }
 
-TEST(Watchdog, ForceEndsWhenNobodyMayCommandAnyMore) {
+TEST(Watchdog, ForceEndsWithTheLease) {
   SafetyFilter filter = stepped(plain_config());
   const WrenchCommand only = force(6, 0, 0, Duration{0}, milliseconds{100});
   EXPECT_EQ(filter.step(at(Duration{0}), only).force_newton.x, 6);
@@ -330,7 +330,7 @@ TEST(SafetyConfig, NamesInvalidValues) {
   EXPECT_NE(bad.check().error().text().find("ramp"), std::string::npos);
 }
 
-TEST(Safety, ADeviceWithoutForceGetsNone) {
+TEST(Safety, ADeviceWithoutForceGetsNoForce) {
   SafetyFilter filter{SafetyConfig{}};
   int ms = 0;
   EXPECT_EQ(settle(filter, {{5, 5, 5}, {1, 1, 1}}, ms, 500), Wrench{});

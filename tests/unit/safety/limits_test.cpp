@@ -87,7 +87,7 @@ TEST_F(Wall, IsNotThereInside) {
   EXPECT_FALSE(is_outside_);
 }
 
-TEST_F(Wall, PushesBackAndLeavesOffWhatPushesOut) {
+TEST_F(Wall, PushesBackAndRemovesOutwardForce) {
   EXPECT_NEAR(at(0.12, 0, force(5)).force_newton.x, -2, 1e-12);
   EXPECT_TRUE(is_outside_);
   EXPECT_NEAR(at(-0.12, 0, force(-5)).force_newton.x, 2, 1e-12);
@@ -176,7 +176,7 @@ TEST_F(Chain, ReportsTheActiveMechanism) {
   EXPECT_TRUE(filter_.faults().has(Fault::kHeatLimited));
 }
 
-TEST_F(Chain, KeepsTheLimitWhateverTheMechanismsAdd) {
+TEST_F(Chain, KeepsTheLimitForAllMechanismsTogether) {
   // The command pushes in with its maximum, and the wall pushes, too.
   EXPECT_EQ(run(10, {.position_m = {-0.5, 0, 0}}, 500), force(10));
 }

@@ -63,10 +63,10 @@ TEST_F(ConfiguratorTest, AppliesAllAndReadsBack) {
 
 TEST_F(ConfiguratorTest, AppliesNothingWhenOneIsRefused) {
   Configurator configurator = make();
-  const auto applied =
-      configurator.apply(1, {{"filter.on", false}, {"safety.force_newton_max", 99.0}});
-  ASSERT_FALSE(applied);
-  EXPECT_EQ(applied.error().outcome, kOutOfRange);
+  EXPECT_EQ(configurator.apply(1, {{"filter.on", false}, {"safety.force_newton_max", 99.0}})
+                .error()
+                .outcome,
+            kOutOfRange);
   EXPECT_EQ(device_.apply_count, 0) << "the device never saw it";
   device_.error = {kRefusedByDevice, "filter.on", {"the filter can't be off", "", "leave it on"}};
   const auto refused = configurator.apply(1, {{"filter.on", false}});
@@ -76,17 +76,6 @@ TEST_F(ConfiguratorTest, AppliesNothingWhenOneIsRefused) {
   EXPECT_EQ(configurator.revision(), 1U);
   EXPECT_EQ(configurator.settings({})->settings[0].value, driver::ParameterValue(true));
   EXPECT_TRUE(recorder_.revisions.empty());
-}
-
-TEST_F(ConfiguratorTest, OfTwoWritersOneWinsAndTheOtherIsTold) {
-  Configurator configurator = make();
-  const std::uint64_t read_by_both = configurator.revision();
-  ASSERT_TRUE(configurator.apply(read_by_both, {{"filter.taps", std::int64_t{2}}}));
-  const auto second = configurator.apply(read_by_both, {{"filter.taps", std::int64_t{3}}});
-  ASSERT_FALSE(second);
-  EXPECT_EQ(second.error().outcome, kStaleRevision);
-  EXPECT_EQ(on_device("filter.taps"), driver::ParameterValue(std::int64_t{2}));
-  EXPECT_TRUE(configurator.apply(configurator.revision(), {{"filter.taps", std::int64_t{3}}}));
 }
 
 TEST_F(ConfiguratorTest, TheDeviceDecidesWhetherItIsActive) {
@@ -129,14 +118,6 @@ TEST_F(ConfiguratorTest, SavesAndLoads) {
   EXPECT_EQ(configurator.settings({})->settings[0].value, driver::ParameterValue(false));
   EXPECT_EQ(configurator.settings({})->settings[2].value, driver::ParameterValue(1.0));
   EXPECT_FALSE(configurator.snapshot().is_unsaved);
-}
-
-TEST_F(ConfiguratorTest, SavesNothingWithoutAFolder) {
-  Configurator configurator = make();
-  const auto saved = configurator.save();
-  ASSERT_FALSE(saved);
-  EXPECT_EQ(saved.error().outcome, kNotPersistent);
-  EXPECT_NE(saved.error().words.remedy.find("--settings"), std::string::npos);
 }
 
 class CalibrationTest : public ConfiguratorTest {
@@ -251,7 +232,7 @@ TEST_F(CalibrationTest, LeftHalfwayIsDiscardedAndChangesNothing) {
   EXPECT_TRUE(configurator_.calibrate("offset", now_)) << "another can start";
 }
 
-TEST_F(CalibrationTest, AResultThatNobodyKeepsIsDiscarded) {
+TEST_F(CalibrationTest, AResultThatIsNotKeptIsDiscarded) {
   const std::uint64_t run = finish();
   now_ += CalibrationRun::kSilenceMax;
   EXPECT_EQ(configurator_.keep(run, now_).error().outcome, kNoResult) << "too late";
@@ -279,7 +260,7 @@ TEST_F(CalibrationTest, IsCancelledAtAnyTime) {
   EXPECT_EQ(device_.apply_count, 0);
 }
 
-TEST_F(CalibrationTest, FailsInWords) {
+TEST_F(CalibrationTest, FailsWithTheReason) {
   const std::uint64_t run = start();
   ASSERT_TRUE(configurator_.answer(run, 1, "abort", now_));
   sample(0);
@@ -318,9 +299,7 @@ TEST_F(CalibrationTest, ResultsOfOtherParametersAreNotKept) {
 
 TEST_F(CalibrationTest, OneRunsAtATime) {
   const std::uint64_t run = start();
-  const auto second = configurator_.calibrate("offset", now_);
-  ASSERT_FALSE(second);
-  EXPECT_EQ(second.error().outcome, kBusy);
+  EXPECT_EQ(configurator_.calibrate("offset", now_).error().outcome, kBusy);
   EXPECT_EQ(configurator_.open_run(), run);
   EXPECT_EQ(configurator_.calibrate("gain", now_).error().outcome, kUnknownCalibration);
   EXPECT_EQ(configurator_.calibration(run + 1, now_).error().outcome, kNoSuchRun);

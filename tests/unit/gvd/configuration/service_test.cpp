@@ -91,7 +91,7 @@ TEST_F(ConfigurationService, AppliesReadsBackAndResets) {
   EXPECT_EQ(client_->get({"mode"})->settings[0].value, driver::ParameterValue(std::string("slow")));
 }
 
-TEST_F(ConfigurationService, RefusesInWordsWithTheParametersName) {
+TEST_F(ConfigurationService, RefusesWithTheParametersName) {
   const std::uint64_t revision = client_->list()->revision;
   const auto expect = [&](const driver::ParameterSetting& setting, ConfigurationOutcome outcome) {
     const auto applied = client_->apply(revision, {setting});
@@ -169,7 +169,7 @@ TEST_F(ConfigurationService, CalibratesByDialogue) {
   EXPECT_EQ(client_->calibrations()->open_run, 0U);
 }
 
-TEST_F(ConfigurationService, FailsInWordsWithoutAServer) {
+TEST_F(ConfigurationService, FailsWithoutAServer) {
   server_->stop();
   const auto listed = client_->list();
   ASSERT_FALSE(listed);
