@@ -111,7 +111,7 @@ TEST(Gateway, SkipsValuesThatAreNotNames) {
   expect_words(content->faults[0], {"6 values", "no names"});
 }
 
-TEST(Gateway, AsksNoOtherCluster) {
+TEST(Gateway, RefusesAnswersOfAnotherCluster) {
   bool is_gone = false;
   const FakeEtcd own([&](const std::string& path, const std::string&) -> std::string {
     return is_gone                  ? R"({"error":"etcdserver: no leader","code":14})"

@@ -118,7 +118,7 @@ class Shared : public testing::Test {
   std::unique_ptr<Storage> second_{};
 };
 
-TEST_F(Shared, TakesAChangeOnlyInPlaceOfWhatItReplaces) {
+TEST_F(Shared, AppliesAChangeOnlyToTheRevisionThatItReplaces) {
   const std::uint64_t seen = revision_now(*first_);
   const auto content = second_->load();
   ASSERT_TRUE(content) << content.error().text();
@@ -154,7 +154,7 @@ TEST_F(Shared, BindsNothingAboveOrBelowABoundName) {
 }
 
 // A stopped node may execute a request long after it was repeated at another node.
-TEST_F(Shared, BringsNoNameBackByALateRequest) {
+TEST_F(Shared, RefusesALateRequestForAnUnboundName) {
   const std::uint64_t seen = revision_now(*first_);
   const auto bound = put(*first_, "lab/arm0", seen, 0);
   ASSERT_TRUE(bound);
@@ -166,7 +166,7 @@ TEST_F(Shared, BringsNoNameBackByALateRequest) {
   EXPECT_TRUE(put(*first_, "lab/arm0", *unbound, 0)) << "one who has seen the unbind may";
 }
 
-TEST_F(Shared, TellsChangesInOneOrderAndWhenAllAreTold) {
+TEST_F(Shared, ReportsChangesInOneOrderAndThatItIsCurrent) {
   const std::uint64_t seen = revision_now(*first_);
   static_cast<void>(revision_now(*second_));
   ASSERT_TRUE(first_->follow(told_));

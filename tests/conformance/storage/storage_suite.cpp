@@ -161,7 +161,7 @@ TEST_P(EveryStorage, RefusesNamesThatBreakTheRules) {
   EXPECT_EQ(directory_->resolve("lab/arm0")->revision, bound->revision);
 }
 
-TEST_P(EveryStorage, KeepsARevisionAsLongAsAHolder) {
+TEST_P(EveryStorage, KeepsTheRevisionWhileTheHolderStays) {
   const auto first = directory_->bind(permanent("lab/arm0"));
   ASSERT_TRUE(first);
   EXPECT_EQ(directory_->bind(permanent("lab/arm0"))->revision, first->revision);

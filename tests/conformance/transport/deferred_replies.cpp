@@ -276,7 +276,7 @@ TEST_P(DeferredReplies, StreamsAreRefusedBeyondTheLimit) {
   EXPECT_EQ(text_of_next(*reader), to_string(CallError::kOverload));
 }
 
-TEST_P(DeferredReplies, AreRefusedAStreamWhereNoneIsWanted) {
+TEST_P(DeferredReplies, RefuseAStreamToAPlainCall) {
   expect_error(binding_->call(kCount, {}), CallError::kOverload);
 }
 

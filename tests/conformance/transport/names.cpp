@@ -179,7 +179,7 @@ TEST_P(NameSuite, RunsNoCallTwiceWhileItsServerMoves) {
   EXPECT_GE(success_count, second.servant.run_count()) << "each that ran there had its reply";
 }
 
-TEST_P(NameSuite, TakesBegunCallsAlong) {
+TEST_P(NameSuite, MovesBegunCallsToTheNewAddress) {
   Binding binding = bind();
   const auto begin_and_take = [&] {
     auto begun = binding.begin(echo::kEcho, bytes_of("begun"));
@@ -246,7 +246,7 @@ TEST_P(NameSuite, ReportsThatTheNameIsGone) {
 }
 
 // Another server has the address now, and also has the object: the name decides.
-TEST_P(NameSuite, LeavesAnAddressWhereAnotherServerStandsIn) {
+TEST_P(NameSuite, LeavesAnAddressThatAnotherServerHasTaken) {
   Binding binding = bind();
   ASSERT_TRUE(binding.call(echo::kEcho, {}));
   ServerConfig config = quiet_config();
