@@ -10,9 +10,9 @@
 #include "rtpm/gvd/server.hpp"
 #include "rtpm/gvd/wire.hpp"
 #include "rtpm/rpc/server.hpp"
-#include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/test/alloc_guard.hpp"
+#include "rtpm/test/os.hpp"
 
 // Devices in recordings: their topics, descriptions, polled samples and commands.
 namespace rtpm::capture {
@@ -58,11 +58,6 @@ class DeviceRecorderTest : public testing::Test {
   std::unique_ptr<rpc::Server> server_;
   rpc::Node node_{{.default_deadline = std::chrono::seconds{5}}};
 };
-
-TEST(DeviceTopic, IsTheDevicesNameAndTheTypesInSmallLetters) {
-  EXPECT_EQ(device_topic("lab/arm0", "rtpm.device.Sampled"), "lab/arm0/sampled");
-  EXPECT_EQ(device_topic("arm0", "rtpm.device.ButtonChanged"), "arm0/button_changed");
-}
 
 TEST_F(DeviceRecorderTest, EventsOfANamedDeviceHaveItsTopic) {
   EventRecorder events(*recorder_);
@@ -121,9 +116,7 @@ TEST_F(DeviceRecorderTest, EachNewSampleThatAPollFindsIsRecorded) {
   serve();
   DeviceRecorder devices(node_, *recorder_);
   ASSERT_TRUE(devices.poll(server_->url("lab/lever"), 500));
-  const MonotonicTime until = rt::now() + std::chrono::seconds{20};
-  while (device_->newest()->sequence < 50 && rt::now() < until)
-    rt::sleep_until(rt::now() + std::chrono::milliseconds{1});
+  EXPECT_TRUE(test::await([&] { return device_->newest()->sequence >= 50; }));
   devices.stop();
   EXPECT_TRUE(devices.failed_counts().empty());
   const auto reader = closed();
@@ -140,7 +133,7 @@ TEST_F(DeviceRecorderTest, EachNewSampleThatAPollFindsIsRecorded) {
   }
 }
 
-TEST_F(DeviceRecorderTest, ADeviceThatIsNotThereIsToldWithItsName) {
+TEST_F(DeviceRecorderTest, AMissingDeviceIsNamed) {
   DeviceRecorder devices(node_, *recorder_);
   const auto described = devices.describe("rtpm://127.0.0.1:1/lab/lever");
   ASSERT_FALSE(described);

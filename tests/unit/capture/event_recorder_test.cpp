@@ -66,17 +66,6 @@ TEST_F(EventRecorderTest, HasAChannelPerTypeAndSource) {
   EXPECT_EQ(messages[2].sequence, 13u);
 }
 
-TEST_F(EventRecorderTest, WritesTablesThatFlatBuffersReads) {
-  record(3, 7);
-  const auto reader = closed();
-  ASSERT_NE(reader, nullptr);
-  const auto messages = recording::read_all(*reader);
-  ASSERT_EQ(messages.size(), 1u);
-  const auto* const table = flatbuffers::GetRoot<device::ButtonChanged>(messages[0].text.data());
-  EXPECT_EQ(table->change()->cycle(), 7u);
-  EXPECT_EQ(table->change()->button(), 2);
-}
-
 TEST_F(EventRecorderTest, KeepsTheOriginAsPublishTime) {
   record(3, 7);
   const auto reader = closed();
@@ -105,7 +94,7 @@ TEST_F(EventRecorderTest, HoldsEventsBackUntilTheirTypeIsKnown) {
     EXPECT_EQ(messages[i].sequence, i + 1);
 }
 
-TEST_F(EventRecorderTest, RecordsWhatWasHeldWhenItsTypeIsLearned) {
+TEST_F(EventRecorderTest, RecordsHeldEventsWhenTheirTypeIsLearned) {
   record(3, 1, /*is_known=*/false);
   events_->attend({});
   EXPECT_TRUE(events_->is_holding()) << "it waits on";
@@ -133,7 +122,7 @@ TEST_F(EventRecorderTest, HoldsEventsBackUntilTheirDeviceIsNamed) {
   EXPECT_EQ(reader->channels().at(1).topic, "lab/arm0/button_changed");
 }
 
-TEST_F(EventRecorderTest, RecordsByNumberWhatIsNeverKnown) {
+TEST_F(EventRecorderTest, RecordsUnknownTypesByNumber) {
   record(3, 1, /*is_known=*/false);
   events_->finish({});
   record(3, 2, /*is_known=*/false);
@@ -150,7 +139,7 @@ TEST_F(EventRecorderTest, RecordsByNumberWhatIsNeverKnown) {
   EXPECT_EQ(messages[0].text.size(), sizeof(device::ButtonChange));
 }
 
-TEST_F(EventRecorderTest, HoldsNoMoreThanItsTrackTakes) {
+TEST_F(EventRecorderTest, HoldsEventsUpToTheCapacityOfItsTrack) {
   constexpr std::uint64_t kCount = 100'000;
   for (std::uint64_t i = 1; i <= kCount; ++i)
     record(3, i, /*is_known=*/false);

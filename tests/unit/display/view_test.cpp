@@ -65,7 +65,7 @@ TEST(ViewOfADevice, MarksSilenceAndStopsAndALostHub) {
   EXPECT_EQ(view.sight().gap_count, 1u);
 }
 
-TEST(ViewOfADevice, CountsWhatItSaw) {
+TEST(ViewOfADevice, CountsChanges) {
   View view("lab/sensor", sensor(), 2);
   show(view, event_of(gvd::ButtonChange{0, true}));
   show(view, event_of(gvd::ButtonChange{0, false}));

@@ -20,7 +20,7 @@ TEST(Words, MayGoOnToTheEnd) {
   EXPECT_EQ(*words, (driver::Words{{"file", "/a b=c.mkv"}, {"speed", "2"}}));
 }
 
-TEST(Words, AreRefusedInWordsThatNameTheKnownOnes) {
+TEST(Words, AreRefusedWithTheKnownOnes) {
   const auto text = [](std::string_view words) {
     const auto read = driver::read_words("serial", words, kKnown);
     return read ? "taken" : read.error().text();

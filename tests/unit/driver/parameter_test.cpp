@@ -48,7 +48,7 @@ TEST(Parameter, TakesValuesOfItsTypeAndRange) {
   EXPECT_EQ(check(flag, true), ValueFault::kNone);
 }
 
-TEST(Parameter, TakesNoValueOutsideItsRange) {
+TEST(Parameter, RefusesValuesOutsideItsRange) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const double infinite = std::numeric_limits<double>::infinity();
   EXPECT_EQ(check(real(), std::nextafter(0.1, 1.0)), ValueFault::kOutOfRange);
@@ -67,14 +67,14 @@ TEST(Parameter, TakesNoValueOutsideItsRange) {
   EXPECT_EQ(check(text, std::string(kParameterTextSizeMax + 1, 'a')), ValueFault::kOutOfRange);
 }
 
-TEST(Parameter, TakesNoValueOfAnotherType) {
+TEST(Parameter, RefusesValuesOfAnotherType) {
   EXPECT_EQ(check(real(), std::int64_t{0}), ValueFault::kWrongType);
   EXPECT_EQ(check(integer(), 4.0), ValueFault::kWrongType);
   EXPECT_EQ(check(choice(), true), ValueFault::kWrongType);
   EXPECT_EQ(check(vector(), 0.5), ValueFault::kWrongType);
 }
 
-TEST(Parameter, FaultsOfItsSpecificationAreNamed) {
+TEST(Parameter, NamesFaultsOfItsSpecification) {
   for (const ParameterSpec& good : {real(), integer(), vector(), choice()}) {
     EXPECT_EQ(fault_of(good), "") << good.name;
   }
@@ -100,28 +100,6 @@ TEST(Parameter, FaultsOfItsSpecificationAreNamed) {
   spec = vector();
   spec.vector_size = 0;
   EXPECT_NE(fault_of(spec).find("elements"), std::string::npos);
-}
-
-/// A driver without parameters, with the interface's default methods.
-class Plain final : public Driver {
- public:
-  [[nodiscard]] Descriptor describe() const override { return {}; }
-  [[nodiscard]] expected<void, SetupError> configure(const DriverConfig&) override { return {}; }
-  [[nodiscard]] expected<void, SetupError> activate() override { return {}; }
-  [[nodiscard]] ExchangeStatus exchange(const Command&, Sample&) noexcept override {
-    return ExchangeStatus::kOk;
-  }
-  void deactivate() noexcept override {}
-};
-
-TEST(Parameter, DriversNeedNone) {
-  Plain driver;
-  EXPECT_TRUE(driver.parameters().empty());
-  EXPECT_TRUE(driver.calibrations().empty());
-  EXPECT_EQ(driver.make_calibration("offset"), nullptr);
-  EXPECT_TRUE(driver.set_parameters({}));
-  std::vector<ParameterSetting> settings{{.name = "offset", .value = 1.0}};
-  EXPECT_FALSE(driver.set_parameters(settings));
 }
 
 }  // namespace

@@ -55,12 +55,6 @@ TEST(MediaControl, GoesOneFramePerDetent) {
   EXPECT_NEAR(control.step(-1 * kNotch).seek_s, 3.96, 1e-9);
 }
 
-TEST(MediaControl, GoesThroughAllModes) {
-  EXPECT_EQ(next(Mode::kSpeed), Mode::kScrub);
-  EXPECT_EQ(next(Mode::kScrub), Mode::kFrame);
-  EXPECT_EQ(next(Mode::kFrame), Mode::kSpeed);
-}
-
 TEST(MediaControl, HasFeelsThatTheKnobTakes) {
   const driver::Descriptor knob = device_sim::KnobDriver({}).describe();
   const auto channel = knob_channel("knob", knob);
@@ -90,7 +84,7 @@ TEST(MediaChannels, AreThoseOfThePlayer) {
   EXPECT_EQ(setpoint.outputs[1], -1.0F);
 }
 
-TEST(MediaChannels, RefuseOtherDevicesInWords) {
+TEST(MediaChannels, RefuseOtherDevices) {
   const driver::Descriptor gaze = device_sim::GazeDriver({}).describe();
   EXPECT_NE(PlayerChannels::of("lab/gaze0", gaze).error().text().find("--player"),
             std::string::npos);

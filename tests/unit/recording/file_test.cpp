@@ -93,7 +93,7 @@ TEST_F(Recording, IsReadInTheOrderOfTimeAcrossChunks) {
   EXPECT_EQ(order, (std::vector<std::uint32_t>{4, 1, 3, 0, 5, 2}));
 }
 
-TEST_F(Recording, WithoutAnyMessageIsARecording) {
+TEST_F(Recording, MayHaveNoMessages) {
   const std::string path = folder_.fresh("file");
   ASSERT_TRUE((*FileWriter::create(path))->close());
   auto reader = FileReader::open(path);
@@ -156,7 +156,7 @@ TEST_F(Recording, StaysReadableWhenTheDiskIsFull) {
   EXPECT_GE(read_count + 40, count) << "at most a chunk is lost";
 }
 
-TEST_F(Recording, RefusesOtherFilesInWords) {
+TEST_F(Recording, RefusesOtherFiles) {
   const std::string path = folder_.fresh("file");
   EXPECT_FALSE(FileReader::open(path));
   for (const std::string_view content : {"", "short", "no recording, but long enough for one"}) {

@@ -187,7 +187,7 @@ TEST_F(Foreign, ChunksThatOverlapInTimeAreHeldUpToALimit) {
   EXPECT_NE(refusal(put(content)).find("overlap in time"), std::string::npos);
 }
 
-TEST_F(Foreign, IndexThatNamesAPlaceTwiceIsRefused) {
+TEST_F(Foreign, IndexWithADuplicateOffsetIsRefused) {
   const std::string data = chunk(5, 5, channel(1, 0, "a") + message(1, 0, 5, "x"));
   const std::string index = chunk_index(5, 5, header().size(), data.size(), {{1, 0}});
   const std::string stated =

@@ -83,7 +83,7 @@ TEST(BrailleRows, DrawADotWhereALineIs) {
   EXPECT_EQ(braille_rows(panel, 1, 2, false), (std::vector<std::string>{"\u2847", "\u2847"}));
 }
 
-TEST(BrailleRows, AreAsWideAsAskedForWhateverIsDrawn) {
+TEST(BrailleRows, KeepTheirWidthForAnyDrawing) {
   Panel panel{.low = {-45, -30}};
   panel.solid = {{-1e9, -1e9}, {1e9, -1e9}, {0, 1e9}};
   panel.lines = {{Ink::kForce, {{-1e12, 3}, {1e12, 5}}}, {Ink::kDevice, {}}};

@@ -63,14 +63,6 @@ TEST(TableText, HasARowForEachMeasureAndThePapersFigures) {
   }
 }
 
-TEST(TableText, OfALocalWallHasNoCommands) {
-  const auto statistics = std::make_unique<Statistics>();
-  statistics->read.record(microseconds{10});
-  const std::string text = table_text(*statistics);
-  EXPECT_FALSE(has(text, "one call: command")) << text;
-  EXPECT_TRUE(has(text, "one cycle of one call")) << text;
-}
-
 TEST(FeelText, SaysHowTheWallWasRenderedAndFelt) {
   LoopConfig config;
   config.wall.stiffness_newton_per_m = 600;
@@ -89,7 +81,7 @@ TEST(FeelText, SaysHowTheWallWasRenderedAndFelt) {
             "4.00 mm at most\n");
 }
 
-TEST(TableText, OfARunWithoutCyclesHasNoNumberThatIsNone) {
+TEST(TableText, HasFiniteNumbersWithoutCycles) {
   const auto statistics = std::make_unique<Statistics>();
   const std::string text = table_text(*statistics);
   EXPECT_FALSE(has(text, "nan")) << text;
