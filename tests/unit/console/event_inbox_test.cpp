@@ -12,7 +12,7 @@ HubEvent event(EventStream stream, std::uint32_t number, std::size_t size = 8) {
   return made;
 }
 
-TEST(EventInboxes, TellOnceThatSomethingWaits) {
+TEST(EventInboxes, NotifyOnceWhileEventsWait) {
   EventInbox inbox;
   EXPECT_TRUE(inbox.is_empty());
   EXPECT_TRUE(inbox.push(event(EventStream::kSample, 1)));

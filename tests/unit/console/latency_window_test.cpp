@@ -10,7 +10,7 @@ namespace {
 using std::chrono::microseconds;
 using std::chrono::seconds;
 
-TEST(LatencyWindows, GivePercentilesAndBinsThatHoldThem) {
+TEST(LatencyWindows, HavePercentilesAndContiguousBins) {
   LatencyWindow window;
   MonotonicTime now{};
   for (int i = 1; i <= 1000; ++i)
@@ -33,7 +33,7 @@ TEST(LatencyWindows, GivePercentilesAndBinsThatHoldThem) {
   EXPECT_GE(end_us, 1000);
 }
 
-TEST(LatencyWindows, ForgetWhatIsOlderThanFiveMinutes) {
+TEST(LatencyWindows, DiscardSamplesOlderThanFiveMinutes) {
   LatencyWindow window;
   window.record(MonotonicTime{}, microseconds{900});
   window.record_failure(MonotonicTime{});

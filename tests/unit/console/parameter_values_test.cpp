@@ -30,7 +30,7 @@ TEST(ParameterValues, AreReadInTheParametersType) {
             ParameterValue(std::vector<double>{1, 2.5}));
 }
 
-TEST(ParameterValues, OfAnotherTypeAreRefusedInWords) {
+TEST(ParameterValues, AreRefusedIfOfAnotherType) {
   for (const ParameterType type :
        {ParameterType::kBool, ParameterType::kInteger, ParameterType::kReal, ParameterType::kText,
         ParameterType::kVector}) {
@@ -54,7 +54,7 @@ TEST(ParameterNames, AreSplitAtTheLongestObject) {
     EXPECT_EQ(split_name(name, objects).object, "") << name;
 }
 
-TEST(ParameterInfos, TellNumbersThatAreReal) {
+TEST(ParameterInfos, StateTheTypeOfRealNumbers) {
   const auto infos = infos_of(
       "lab/arm0",
       {{"a", 3.0}, {"b", std::int64_t{3}}, {"c", std::vector<double>{1}}, {"d", std::string("x")}});

@@ -24,7 +24,7 @@ class Places : public testing::Test {
   std::string displaced_{};
 };
 
-TEST_F(Places, GoToTheNewestBeyondTheCapacity) {
+TEST_F(Places, ReplaceTheOldestBeyondTheCapacity) {
   for (const char* name : {"a", "b", "c"})
     enter("one", name);
   EXPECT_EQ(displaced_, "");
@@ -36,7 +36,7 @@ TEST_F(Places, GoToTheNewestBeyondTheCapacity) {
   EXPECT_EQ(displaced_, "ab");
 }
 
-TEST_F(Places, AreTakenFromThePeerThatHasMost) {
+TEST_F(Places, AreTakenFromThePeerWithTheMost) {
   enter("decent", "D");
   for (int i = 0; i < 100; ++i)
     enter("flood", "f");
@@ -45,7 +45,7 @@ TEST_F(Places, AreTakenFromThePeerThatHasMost) {
   EXPECT_EQ(displaced_, std::string(99, 'f'));
 }
 
-TEST_F(Places, AreFreeAgainWhenTheirHolderHasLeft) {
+TEST_F(Places, AreFreedByTheirHolder) {
   for (const char* name : {"a", "b", "c"})
     enter("one", name);
   places_.erase(places_.begin());
@@ -54,7 +54,7 @@ TEST_F(Places, AreFreeAgainWhenTheirHolderHasLeft) {
   EXPECT_EQ(displaced_, "");
 }
 
-TEST(FrameBudgets, LetBurstsPassAndLimitTheRest) {
+TEST(FrameBudgets, AllowBurstsAndLimitTheRate) {
   FrameBudget budget;
   MonotonicTime now{1s};
   Duration wait{0};

@@ -17,7 +17,7 @@ std::string text_of(ConstBytes bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-TEST(Base64, IsThatOfRfc4648) {
+TEST(Base64, EncodesAsInRfc4648) {
   const auto encoded = [](std::string_view text) {
     return to_base64(std::as_bytes(std::span(text)));
   };
@@ -68,18 +68,18 @@ TEST(TextReplies, HaveTheFieldsOfTheProtocol) {
   EXPECT_FALSE(json::parse(parameter_values(parameters, std::nullopt)).contains("id"));
 }
 
-TEST(TextReplies, OfServicesHaveBothPayloads) {
+TEST(TextReplies, HaveSchemasForRequestAndResponse) {
   const std::array services{ServiceInfo{.id = 1,
                                         .name = "lab/arm0/read",
                                         .type = "lab/arm0/read",
                                         .request = {"flatbuffer", "a.B", "flatbuffer", "QQ=="},
                                         .response = {"json", "", "", ""}}};
-  const json told = json::parse(advertise_services(services));
-  EXPECT_EQ(told["services"][0]["request"]["schemaName"], "a.B");
-  EXPECT_EQ(told["services"][0]["response"]["encoding"], "json");
+  const json message = json::parse(advertise_services(services));
+  EXPECT_EQ(message["services"][0]["request"]["schemaName"], "a.B");
+  EXPECT_EQ(message["services"][0]["response"]["encoding"], "json");
 }
 
-TEST(StrictJson, HasNullForWhatIsNoNumber) {
+TEST(StrictJson, PrintsNullForInfinityAndNan) {
   EXPECT_EQ(strict_json(R"({"low": -inf,"high": inf,"x": [nan,-nan,1e-5,-3.5],"ok": true})"),
             R"({"low": null,"high": null,"x": [null,null,1e-5,-3.5],"ok": true})");
   EXPECT_EQ(strict_json(R"({"a inf": "nan \" inf \\","b":null})"),
@@ -88,11 +88,11 @@ TEST(StrictJson, HasNullForWhatIsNoNumber) {
   EXPECT_EQ(strict_json("\"\\"), "\"\\");
 }
 
-TEST(TextReplies, AreJsonWhateverBytesTheyTell) {
+TEST(TextReplies, AreJsonForAnyBytes) {
   EXPECT_TRUE(json::accept(status(StatusLevel::kInfo, "\xff\xfe \x01 \"")));
 }
 
-TEST(GraphUpdates, TellOnlyWhatHasChanged) {
+TEST(GraphUpdates, ContainOnlyChanges) {
   Graph before;
   before.published_topics = {{"a", {"s"}}, {"b", {"s"}}, {"c", {"s"}}};
   before.subscribed_topics = {{"b", {"browser 1"}}};

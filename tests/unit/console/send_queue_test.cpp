@@ -48,14 +48,11 @@ TEST(SendQueues, BoundTheBytesOfData) {
   EXPECT_EQ(popped(queue).front(), 'y');
 }
 
-TEST(SendQueues, RefuseControlWhenItIsFull) {
-  SendQueue queue;
+TEST(SendQueues, RefuseControlAboveItsCountOrBytes) {
+  SendQueue many;
   for (std::size_t i = 0; i < SendQueue::kControlCountMax; ++i)
-    ASSERT_TRUE(queue.push_control(frame("c")));
-  EXPECT_FALSE(queue.push_control(frame("c")));
-}
-
-TEST(SendQueues, BoundTheBytesOfControl) {
+    ASSERT_TRUE(many.push_control(frame("c")));
+  EXPECT_FALSE(many.push_control(frame("c")));
   SendQueue queue;
   const std::string quarter(SendQueue::kControlByteMax / 4, 'x');
   for (int i = 0; i < 4; ++i)

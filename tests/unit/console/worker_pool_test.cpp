@@ -5,6 +5,8 @@
 #include <atomic>
 #include <future>
 
+#include "rtpm/test/os.hpp"
+
 namespace rtpm::console {
 namespace {
 
@@ -34,7 +36,7 @@ TEST(WorkerPools, RunWorkOfOneTargetOnFewThreadsOnly) {
   pool.stop();
 }
 
-TEST(WorkerPools, RefuseWhatIsTooMuch) {
+TEST(WorkerPools, RefuseWorkAboveTheLimit) {
   WorkerPool pool;
   ASSERT_TRUE(pool.start({.thread_count = 1, .per_target_max = 1, .queued_max = 2}));
   Held held;
@@ -42,8 +44,7 @@ TEST(WorkerPools, RefuseWhatIsTooMuch) {
     ++held.begun_count;
     held.until.wait();
   }));
-  while (held.begun_count == 0) {
-  }
+  ASSERT_TRUE(test::await([&] { return held.begun_count == 1; }));
   EXPECT_TRUE(pool.run("a", [] {}));
   EXPECT_TRUE(pool.run("a", [] {}));
   EXPECT_FALSE(pool.run("a", [] {}));
