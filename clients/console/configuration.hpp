@@ -14,21 +14,21 @@ namespace rtpm::console {
 struct Configuration {
   std::string address = "127.0.0.1";
   std::uint16_t port = 8765;
-  bool is_insecure_lan = false;  ///< Allows an address that other hosts reach.
+  bool is_insecure_lan = false;  ///< Allows an address that other hosts can reach.
   std::string registry{};
   rpc::NodeSecurity security{};
   std::string events{events::kHubPath};  ///< The hub's name or URL.
   std::string page{};                    ///< The page's folder; if empty, the installed one.
   std::string recordings{};              ///< The folder of recordings; empty if there is none.
   bool is_read_only = false;
-  std::string token{};        ///< If empty, a random token, or that of `token_file`.
+  std::string token{};        ///< If empty, a random token, or the one in `token_file`.
   std::string token_file{};   ///< The file that keeps the token; empty if there is none.
-  bool prints_token = false;  ///< Prints it even if standard output is not a terminal.
-  std::vector<std::string> host_names{};  ///< Names by which browsers may reach it.
-  double seconds = 0;                     ///< 0: until a stop signal.
+  bool prints_token = false;  ///< Prints the token even if standard output is not a terminal.
+  std::vector<std::string> host_names{};  ///< Names by which browsers may reach this server.
+  double seconds = 0;                     ///< 0 to run until a stop signal.
 };
 
-/// Reads file, environment and flags into `configuration`; as options::Options::parse().
+/// Reads file, environment and flags into `configuration`, like options::Options::parse().
 [[nodiscard]] std::optional<int> read_configuration(int argc, const char* const* argv,
                                                     Configuration& configuration);
 

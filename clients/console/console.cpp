@@ -32,7 +32,7 @@ constexpr Duration kRenewInterval = std::chrono::milliseconds{300};
 constexpr Duration kParameterInterval = std::chrono::seconds{2};
 constexpr std::size_t kGarbageCountMax = 10;
 
-/// A hub that is given by name is found together with all other hubs.
+/// A hub given by name is found together with all other hubs.
 gvd::StopDeliveryConfig stop_config(const Configuration& configuration) {
   const bool is_url = configuration.events.starts_with("rtpm://");
   return {.where = configuration.registry, .hub = is_url ? configuration.events : ""};
@@ -273,7 +273,7 @@ void Console::take_objects(const ObjectsView& view) {
   objects_services_.set_objects(view.objects);
 }
 
-// A device whose name was unbound has ended in order; any other missing device is lost until it is
+// A device whose name was unbound has ended normally; any other missing device is lost until it is
 // back or dismissed.
 void Console::take_lost(const ObjectsView& view) {
   const MonotonicTime now = rt::now();
@@ -326,7 +326,7 @@ void Console::dismiss(const PendingCall& call, const nlohmann::json& request) {
     dismissed_.emplace(each.service_url, each.name, each.revision);
     lapsed.push_back(each);
   }
-  // If the registry refuses, the name stays dismissed here.
+  // Even if the registry refuses, the name stays dismissed here.
   const bool is_queued = pool_.run("dismiss", [this, lapsed] {
     for (const names::LapsedName& each : lapsed)
       static_cast<void>(names::dismiss(node_, each));
@@ -366,7 +366,7 @@ void Console::set_log(const PendingCall& call, const nlohmann::json& request) {
   const bool is_queued = pool_.run("hub", [this, call, text = filter->get<std::string>()] {
     const auto set = hub_.set_log(call.connection_id, text);
     post_([this, call, set] {
-      // The connection closed in the meantime, so nothing else ends its log.
+      // The connection has closed meanwhile, so nothing else would end its log.
       if (clients_.find(call.connection_id) == nullptr) hub_.end_log(call.connection_id);
       if (set) return router_.succeed(call, Json{{"ok", true}});
       router_.succeed(

@@ -44,7 +44,7 @@ class Console final : public ConnectionHandler {
   /// @param every  runs work periodically on the web server's thread
   [[nodiscard]] expected<void, SetupError> start(
       const std::function<void(Duration, std::function<void()>)>& every);
-  /// Ends the threads after the web server's thread has ended; gives leases back.
+  /// Ends the threads after the web server's thread has ended; releases leases.
   void stop();
 
   void on_open(Connection& connection) override;
@@ -77,8 +77,8 @@ class Console final : public ConnectionHandler {
   ChannelTable channels_;
   EventChannels event_channels_;
   CallRouter router_;
-  WorkerPool pool_{};        ///< Work of clients that may command.
-  WorkerPool background_{};  ///< Work of the console itself and of observers.
+  WorkerPool pool_{};        ///< Work for clients that may command.
+  WorkerPool background_{};  ///< Work for the console itself and for observers.
   WorkerPool urgent_{};      ///< Emergency stops.
   StopDesk stops_;
   OperatorDesk desk_;

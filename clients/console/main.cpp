@@ -1,5 +1,5 @@
-// rtpm-console: serves a page that shows and operates the system in browsers, and speaks the
-// Foxglove WebSocket protocol.
+// rtpm-console: serves a page for showing and operating the system in browsers, and the Foxglove
+// WebSocket protocol.
 #include <unistd.h>
 
 #include <cstdio>
@@ -27,8 +27,8 @@ int fail(const SetupError& error) {
   return 1;
 }
 
-/// Prints the page's address. The token goes to a terminal only: other output may be kept in a file
-/// that more people may read than may command.
+/// Prints the page's address. The token is only printed to a terminal: other output may be stored
+/// in a file, readable by people who may not command.
 void print_urls(const Configuration& configuration, const WebServer& server) {
   const bool has_token = !configuration.is_read_only;
   const bool prints_token =

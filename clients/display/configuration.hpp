@@ -16,12 +16,12 @@ struct Configuration {
   std::string events{events::kHubPath};  ///< The hub's name or URL.
   std::string registry{};
   rpc::NodeSecurity security{};
-  double seconds = 0;  ///< 0: until a stop signal.
+  double seconds = 0;  ///< 0 to run until a stop signal.
   double rate_hz = 10;
   std::string live{};  ///< "rewrite" or "lines".
 };
 
-/// Reads file, environment and flags into `configuration`; as options::Options::parse().
+/// Reads file, environment and flags into `configuration`, like options::Options::parse().
 [[nodiscard]] std::optional<int> read_configuration(int argc, const char* const* argv,
                                                     Configuration& configuration);
 

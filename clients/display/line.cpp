@@ -17,7 +17,7 @@ using options::formatted;
 using driver::Descriptor;
 using driver::Sample;
 
-constexpr std::size_t kValueCountMax = 3;  ///< Limit for joints, analogs and outputs each.
+constexpr std::size_t kValueCountMax = 3;  ///< Maximum number of joints, analogs and outputs each.
 
 bool has_axis(const Descriptor& descriptor, std::string_view name) {
   return std::ranges::any_of(descriptor.axes, [name](const driver::Axis& axis) {
@@ -123,7 +123,7 @@ std::string curve_text(std::span<const double> values) {
 }
 
 std::size_t width_of(std::string_view text) noexcept {
-  // Bytes 10xxxxxx continue a character.
+  // Bytes of the form 10xxxxxx continue a character.
   return static_cast<std::size_t>(std::ranges::count_if(
       text, [](char byte) { return (static_cast<unsigned char>(byte) & 0xc0) != 0x80; }));
 }

@@ -6,11 +6,11 @@
 #include "rtpm/driver/descriptor.hpp"
 #include "rtpm/driver/sample.hpp"
 
-/// Shows any device in one line of text, by its description.
+/// Shows any device in one line of text, according to its description.
 namespace rtpm::display {
 
-/// The device's first value, whose curve is shown: the force of an actuated device, otherwise an
-/// angle, a joint, an analog or an output.
+/// The device's first value, which is plotted: the force of an actuated device, otherwise an angle,
+/// a joint, an analog or an output.
 /// @realtime set-up only
 [[nodiscard]] double first_value(const driver::Descriptor& descriptor,
                                  const driver::Sample& sample) noexcept;
@@ -20,15 +20,15 @@ namespace rtpm::display {
 [[nodiscard]] std::string values_text(const driver::Descriptor& descriptor,
                                       const driver::Sample& sample);
 
-/// `values` as a curve of one row, scaled from the least to the greatest of them; one block of
-/// U+2581 to U+2588 for each.
+/// Plots `values` in one row, scaled from the lowest to the highest value, with one block of U+2581
+/// to U+2588 for each.
 /// @realtime set-up only
 [[nodiscard]] std::string curve_text(std::span<const double> values);
 
-/// The number of columns that a text of ASCII, Latin and blocks takes.
+/// The width in columns of a text of ASCII, Latin and block characters.
 [[nodiscard]] std::size_t width_of(std::string_view text) noexcept;
 
-/// `text`, filled with blanks or cut to `width` columns.
+/// `text`, padded with blanks or truncated to `width` columns.
 [[nodiscard]] std::string fitted(std::string_view text, std::size_t width);
 
 }  // namespace rtpm::display

@@ -1,5 +1,5 @@
 // rtpm-display: the paper's graphics consumer, in text. It subscribes to the events of devices of
-// any class, at a pace of its own, and shows each in one line.
+// any class, at its own pace, and shows each device in one line.
 #include <algorithm>
 #include <cstdio>
 #include <memory>
@@ -26,7 +26,8 @@ constexpr std::size_t kPrintedWidth = 100;
 constexpr std::size_t kCurveSize = 12;
 constexpr Duration kSilence = std::chrono::milliseconds{500};
 
-/// A device with its view and its two subscriptions: samples at the display's pace, all changes.
+/// A device with its view and its two subscriptions: samples at the display's pace, and all
+/// changes.
 struct Shown {
   std::unique_ptr<View> view{};
   gvd::DeviceConsumer samples;

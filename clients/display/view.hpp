@@ -13,29 +13,29 @@
 
 namespace rtpm::display {
 
-/// The counts that a display keeps of a device.
+/// What a display counts for a device.
 struct Sight {
-  std::uint64_t sample_count = 0;  ///< Shown samples; the hub has dropped the rest.
-  std::uint64_t cycle_count = 0;   ///< The device's cycles, from the first shown to the last.
+  std::uint64_t sample_count = 0;  ///< Samples shown; the hub has dropped the others.
+  std::uint64_t cycle_count = 0;   ///< The device's cycles, from the first to the last one shown.
   std::uint64_t press_count = 0;
   std::uint64_t contact_count = 0;
   std::uint64_t lease_count = 0;
   std::uint64_t other_count = 0;  ///< Changes of other kinds.
-  std::uint64_t gap_count = 0;    ///< Times that the hub was lost.
+  std::uint64_t gap_count = 0;    ///< How often the hub was lost.
 };
 
 /// Collects the events of one device.
 /// @threads  any
 class View final : public gvd::DeviceEventHandler {
  public:
-  /// @param curve_size  the number of shown samples that the curve has
+  /// @param curve_size  how many shown samples the curve contains
   View(std::string name, driver::Descriptor descriptor, std::size_t curve_size)
       : name_(std::move(name)), descriptor_(std::move(descriptor)), curve_size_(curve_size) {}
 
   void on_events(std::span<const gvd::DeviceEvent> events) override;
   void on_notice(const events::Notice& notice) override;
 
-  /// The device in one line, at most `width` columns.
+  /// The device in one line, at most `width` columns wide.
   [[nodiscard]] std::string line(std::size_t name_width, std::size_t width) const;
   [[nodiscard]] Sight sight() const;
   [[nodiscard]] const std::string& name() const noexcept { return name_; }

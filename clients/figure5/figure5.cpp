@@ -1,5 +1,5 @@
-// The program of the paper's Figure 5, line by line where it can be, with both of its models: a
-// client opens a haptic device, reads a position at a high priority and another at a low one and
+// The program of the paper's Figure 5, line by line where possible, with both of its models: a
+// client opens a haptic device, reads one position at a high priority and another at a low one, and
 // sends a force back; a consumer gets the device's samples as events, at its own pace.
 #include <cstdio>
 #include <string>
@@ -28,7 +28,7 @@ class PositionPrinter final : public rtpm::gvd::SampleSink {
   }
 };
 
-/// A soft spring to the middle in x, and some lift in y.
+/// A soft spring towards the middle in x, and some lift in y.
 Vector3 calculate_force(double x_m, double y_m) {
   return {-40 * x_m, 0.2 - 10 * y_m, 0};
 }
@@ -78,5 +78,5 @@ int main(int argc, char** argv) {
       return fail("the force did not arrive: " + std::string(to_string(sent.error())));
     }
   }
-  return 0;  // The consumer stops and the device is closed by their destructors.
+  return 0;  // The destructors stop the consumer and close the device.
 }

@@ -9,7 +9,7 @@ namespace {
 
 constexpr char kDark = 40;
 constexpr char kBright = static_cast<char>(220);
-constexpr char kGrey = static_cast<char>(128);  ///< The value of a colour plane for grey.
+constexpr char kGrey = static_cast<char>(128);  ///< The value that means grey in a colour plane.
 
 void draw(std::string& luma, const ClipConfig& config, int frame) {
   std::fill(luma.begin(), luma.end(), kDark);

@@ -6,7 +6,7 @@
 
 namespace rtpm::media {
 
-/// An uncompressed clip: a bar that goes around once, and a light that is on during even seconds.
+/// An uncompressed clip: a bar that circles once, and a light that is on during even seconds.
 struct ClipConfig {
   int width = 160;  ///< In pixels, even.
   int height = 90;  ///< In pixels, even.
@@ -14,7 +14,7 @@ struct ClipConfig {
   int duration_s = 20;
 };
 
-/// Writes the clip to `path` as YUV4MPEG2 (.y4m), in which a player can seek to each frame.
+/// Writes the clip to `path` as YUV4MPEG2 (.y4m), so that a player can seek to each frame.
 /// @realtime set-up only
 /// @errors   the file can't be written
 /// @source   yuv4mpeg(5) of mjpegtools

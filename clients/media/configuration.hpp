@@ -15,12 +15,12 @@ struct Configuration {
   std::string player = "lab/player0";
   std::string registry{};
   rpc::NodeSecurity security{};
-  std::string mode = "speed";   ///< The mode at the start: "speed", "scrub" or "frame".
+  std::string mode = "speed";   ///< The initial mode: "speed", "scrub" or "frame".
   bool has_fixed_mode = false;  ///< The knob's button does not change the mode.
-  double seconds = 0;           ///< 0: until a stop signal.
+  double seconds = 0;           ///< 0 to run until a stop signal.
   double rate_hz = 100;
   bool is_headless = false;
-  std::string clip{};  ///< The path to which the example's clip is written; the program then ends.
+  std::string clip{};  ///< Where to write the example's clip; the program then ends.
   Priority priority = 20000;
   Duration patience = std::chrono::seconds{2};
 
@@ -29,7 +29,7 @@ struct Configuration {
   }
 };
 
-/// Reads file, environment and flags into `configuration`; as options::Options::parse().
+/// Reads file, environment and flags into `configuration`, like options::Options::parse().
 [[nodiscard]] std::optional<int> read_configuration(int argc, const char* const* argv,
                                                     Configuration& configuration);
 

@@ -9,10 +9,10 @@ namespace {
 
 constexpr double kTurnRad = 2 * std::numbers::pi;
 
-/// A knob halfway between two detents stays in the one that it came from.
+/// A knob halfway between two detents keeps the detent that it came from.
 constexpr double kHysteresisNotches = 0.6;
 
-/// Shares of the knob's greatest effort, and of that effort at one turn per second.
+/// Shares of the knob's maximum effort, and of that effort at one turn per second.
 struct Feel {
   double detent = 0;
   double damping = 0;
@@ -22,7 +22,7 @@ constexpr std::array<Feel, kModeCount> kFeels{{
     {.detent = 0.01, .damping = 0.06},
     {.detent = 0.06, .damping = 0.02},
 }};
-/// The effort that pulls to the pause, at the fastest rate.
+/// The effort that pulls towards the pause, at the fastest rate.
 constexpr double kPauseEffort = 0.02;
 /// The effort of the end stops, over one detent.
 constexpr double kEndEffort = 0.5;
@@ -85,7 +85,7 @@ std::vector<gvd::Model> Control::models() const {
   detents.end_stiffness_newton_metre_per_rad = kEndEffort * effort / spacing_rad();
   std::vector<gvd::Model> models{detents};
   if (is_speed) {
-    // The pull is strongest a quarter of the spacing away; that is put at the fastest rate.
+    // The pull is strongest at a quarter of the spacing, which is placed at the fastest rate.
     models.emplace_back(gvd::DialDetents{.joint = detents.joint,
                                          .origin_rad = origin_rad_,
                                          .spacing_rad = 4 * range_rad,

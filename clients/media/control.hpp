@@ -10,7 +10,7 @@
 
 namespace rtpm::media {
 
-/// The effect of turning the knob.
+/// What turning the knob does.
 enum class Mode : std::uint8_t {
   kSpeed = 0,  ///< The angle is the rate.
   kScrub = 1,  ///< The angle is the position.
@@ -19,16 +19,16 @@ enum class Mode : std::uint8_t {
 inline constexpr std::uint8_t kModeCount = 3;
 /// "speed", "scrub", "frame".
 [[nodiscard]] std::string_view to_string(Mode mode) noexcept;
-/// The mode that a push of the knob's button chooses.
+/// The mode that a press of the knob's button selects.
 [[nodiscard]] Mode next(Mode mode) noexcept;
 
-/// The control's commands to the player.
+/// What the control asks of the player.
 struct Request {
   double rate = 0;
-  double seek_s = -1;  ///< No seek if below 0.
+  double seek_s = -1;  ///< Below 0 for no seek.
 };
 
-/// Maps the knob's angle to the player's rate and position, and chooses how the knob feels. Pure:
+/// Maps the knob's angle to the player's rate and position, and defines how the knob feels. Pure:
 /// no clock, no device.
 ///
 /// | mode  | one turn                 | feel                                                     |
@@ -47,11 +47,11 @@ class Control {
 
   Control(const KnobChannel& knob, double rate_max) noexcept : knob_(knob), rate_max_(rate_max) {}
 
-  /// Changes the mode; the knob's present angle then stands for the player's present state.
+  /// Changes the mode; the knob's current angle then corresponds to the player's current state.
   void enter(Mode mode, double angle_rad, const PlayerView& player) noexcept;
   [[nodiscard]] Mode mode() const noexcept { return mode_; }
 
-  /// The models that the knob renders from now on.
+  /// The models that the knob should render from now on.
   /// @realtime set-up only: allocates
   [[nodiscard]] std::vector<gvd::Model> models() const;
   /// @realtime alloc-free
@@ -70,7 +70,7 @@ class Control {
   Mode mode_ = Mode::kSpeed;
   double origin_rad_ = 0;  ///< The angle of the first detent.
   PlayerView origin_{};    ///< The player's state at `origin_rad_`.
-  double notch_ = 0;       ///< The knob's present detent, with hysteresis.
+  double notch_ = 0;       ///< The knob's current detent, with hysteresis.
 };
 
 }  // namespace rtpm::media

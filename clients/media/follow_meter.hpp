@@ -9,21 +9,21 @@
 
 namespace rtpm::media {
 
-/// Measures the time from a commanded target until the player shows it. Targets that the player
-/// skipped for newer ones count as skipped.
-/// @ownership about 16 KiB: not for a stack
+/// Measures the time from a commanded target until the player shows it. Targets for which the
+/// player went straight to newer ones count as skipped.
+/// @ownership about 16 KiB; do not put it on a stack
 /// @threads  one at a time
 /// @realtime alloc-free
 class FollowMeter {
  public:
-  /// Records a commanded position; one equal to the last does not count.
+  /// Records a commanded position; ignores one equal to the last.
   void command(double target_s, MonotonicTime now) noexcept;
   /// Records a position that the player shows.
   void show(double position_s, double frame_s, MonotonicTime now) noexcept;
 
   [[nodiscard]] const LatencyHistogram& followed() const noexcept { return followed_; }
   [[nodiscard]] std::uint64_t target_count() const noexcept { return target_count_; }
-  /// The distance that the player went while it followed.
+  /// How far the player moved forwards while following.
   [[nodiscard]] double forwards_s() const noexcept { return forwards_s_; }
   [[nodiscard]] double backwards_s() const noexcept { return backwards_s_; }
 

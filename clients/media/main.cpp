@@ -1,4 +1,4 @@
-// rtpm-media: the paper's §3.2. A knob with detents drives a media player, wherever both are.
+// rtpm-media: the paper's §3.2. A knob with detents drives a media player, wherever they are.
 #include <cstdio>
 #include <memory>
 #include <string_view>
@@ -25,7 +25,7 @@ int fail(int exit_code, std::string_view text) {
   return exit_code;
 }
 
-/// Rewrites one line ten times a second, or prints one each second.
+/// Rewrites one line ten times a second, or prints one line per second.
 class Display {
  public:
   explicit Display(bool is_headless) noexcept : is_headless_(is_headless) {}

@@ -13,7 +13,7 @@ std::optional<std::size_t> index_of(const std::vector<Channel>& channels, std::s
   return static_cast<std::size_t>(found - channels.begin());
 }
 
-/// The frame time of a player that does not state it, or has loaded no video.
+/// The frame time for a player that states none, or has loaded no video.
 constexpr double kFrameSeconds = 0.04;
 
 }  // namespace

@@ -26,7 +26,7 @@ class PlayerChannels {
   [[nodiscard]] static expected<PlayerChannels, SetupError> of(const std::string& name,
                                                                const driver::Descriptor& player);
   [[nodiscard]] PlayerView view(const driver::Sample& sample) const noexcept;
-  /// @param seek_s  no seek if below 0
+  /// @param seek_s  below 0 for no seek
   [[nodiscard]] driver::Setpoint setpoint(double rate, double seek_s) const noexcept;
   [[nodiscard]] double rate_max() const noexcept { return rate_max_; }
 

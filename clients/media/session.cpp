@@ -8,7 +8,8 @@
 namespace rtpm::media {
 namespace {
 
-/// How often the models are set again, which keeps the lease; without it the knob loses its feel.
+/// How often the models are set again, which keeps the lease; without the lease the knob loses its
+/// feel.
 constexpr Duration kModelsInterval = std::chrono::milliseconds{200};
 /// The hold of a command to the player: ten cycles bridge a hiccup.
 constexpr Duration kHold = std::chrono::milliseconds{100};
@@ -83,11 +84,11 @@ Session::Result Session::run_cycle(MonotonicTime now) {
   view_ = channels_.view(*player);
   meter_.show(view_.position_s, view_.frame_s, rt::now());
 
-  // A press counts two edges; the release does not count as a press.
+  // A press counts two edges; only the press counts, not the release.
   const std::uint16_t edges = knob_sample_.button_edges[0];
   const bool is_pushed = edges != std::exchange(edges_, edges) && (knob_sample_.buttons & 1u) != 0;
   const bool is_first = duration_s_ < 0;
-  // A file that is loaded later has another length, hence other end stops.
+  // A file loaded later has another length, and so other end stops.
   const bool is_another_file = std::exchange(duration_s_, view_.duration_s) != view_.duration_s;
   if (is_pushed && !is_first && !configuration_.has_fixed_mode) {
     enter(next(control_.mode()), now);

@@ -23,8 +23,8 @@ class Session {
   [[nodiscard]] static expected<std::unique_ptr<Session>, SetupError> open(
       rpc::Node& node, const Configuration& configuration);
 
-  /// One cycle: reads both, commands the player, and keeps the knob's feel.
-  /// @errors   an error that lasted for the patience, or that no retry can cure
+  /// One cycle: reads both devices, commands the player, and maintains the knob's feel.
+  /// @errors   an error that lasted for the patience, or that a retry can't fix
   [[nodiscard]] expected<void, SetupError> step();
 
   [[nodiscard]] std::string line() const;
@@ -33,7 +33,7 @@ class Session {
  private:
   Session(Configuration configuration, gvd::DeviceClient knob, gvd::DeviceClient player,
           KnobChannel knob_channel, PlayerChannels channels) noexcept;
-  /// The reason of a failed cycle: the device and its error.
+  /// Why a cycle failed: the device and its error.
   struct Failure {
     const std::string* device = nullptr;
     gvd::DeviceError error;

@@ -1,4 +1,4 @@
-// rtpm: sees, calls, records and replays RTPM's objects from a terminal, without generated code.
+// rtpm: inspects, calls, records and replays RTPM objects from a terminal, without generated code.
 #include "cli/program.hpp"
 
 int main(int argc, char** argv) {

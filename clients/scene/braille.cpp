@@ -10,11 +10,11 @@ namespace {
 
 constexpr std::size_t kDotsAcross = 2;
 constexpr std::size_t kDotsDown = 4;
-/// Indexed by row and column of a character.
+/// The dots, indexed by row and column within a character.
 /// @source   Unicode, block Braille Patterns
 constexpr std::array<std::array<std::uint8_t, kDotsAcross>, kDotsDown> kDotBits{
     {{0x01, 0x08}, {0x02, 0x10}, {0x04, 0x20}, {0x40, 0x80}}};
-/// Grey, yellow, green, dark red, bright red, by ink.
+/// Colour codes by ink: grey, yellow, green, dark red, bright red.
 constexpr std::array<const char*, kInkCount> kColours{"90", "33", "92", "31", "91"};
 
 struct Cell {
@@ -30,7 +30,7 @@ class Canvas {
   void fill(const std::vector<Point>& polygon) {
     if (polygon.empty()) return;
     for (std::size_t y = 1; y < rows_ * kDotsDown; y += kDotsDown) {
-      // Dots every other column of each fourth row, so that lines stay visible.
+      // Fills every other column of each fourth row, so that lines stay visible.
       for (std::size_t x = y / kDotsDown % 2; x < columns_ * kDotsAcross; x += kDotsAcross) {
         if (is_inside(polygon, point_at(x, y))) set(x, y, Ink::kSolid);
       }
@@ -62,7 +62,7 @@ class Canvas {
     return (panel_.low.up_mm + kPanelHeightMm - mm) / kPanelHeightMm *
            static_cast<double>(rows_ * kDotsDown);
   }
-  /// The middle of a dot.
+  /// The centre of a dot.
   [[nodiscard]] Point point_at(std::size_t x, std::size_t y) const noexcept {
     return {panel_.low.right_mm + (static_cast<double>(x) + 0.5) * kPanelWidthMm /
                                       static_cast<double>(columns_ * kDotsAcross),
@@ -71,7 +71,7 @@ class Canvas {
                     static_cast<double>(rows_ * kDotsDown)};
   }
 
-  /// Even-odd rule.
+  /// Uses the even-odd rule.
   [[nodiscard]] static bool is_inside(const std::vector<Point>& polygon, const Point& at) noexcept {
     bool is_in = false;
     for (std::size_t i = 0, j = polygon.size() - 1; i < polygon.size(); j = i++) {
@@ -113,7 +113,7 @@ class Canvas {
   static void add(std::string& text, const Cell& cell, bool has_colour) {
     if (has_colour)
       text += std::string("\033[") + kColours[static_cast<std::size_t>(cell.ink)] + "m";
-    // U+2800 + dots in UTF-8.
+    // Encodes U+2800 + dots in UTF-8.
     text += '\xe2';
     text += static_cast<char>(0xa0 | cell.dots >> 6);
     text += static_cast<char>(0x80 | (cell.dots & 0x3f));

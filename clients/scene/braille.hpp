@@ -8,7 +8,7 @@
 
 namespace rtpm::scene {
 
-/// A panel as rows of text, drawn with the dots of Braille, U+2800 to U+28FF: two by four dots a
+/// Draws a panel as rows of text with Braille dots, U+2800 to U+28FF: two by four dots per
 /// character. Each row is `columns` wide.
 /// @param has_colour  with escape sequences of ECMA-48; a character has its uppermost line's colour
 /// @realtime set-up only

@@ -35,7 +35,7 @@ std::vector<Point> circle(const Point& centre) {
   return points;
 }
 
-/// The surface of plane and texture, from the window's left edge to its right edge.
+/// The surface of plane or texture, from the window's left edge to its right edge.
 std::vector<Point> surface(const Scene& scene, const Panel& panel) {
   std::vector<Point> points;
   for (int i = 0; i <= static_cast<int>(kPanelWidthMm / kSurfaceStepMm); ++i) {
@@ -76,7 +76,7 @@ void add_front(Panel& panel, const Scene& scene) {
   }
 }
 
-/// Draws paths and forces; `flat` projects them into the panel.
+/// Draws paths and forces; `flat` projects them onto the panel.
 template <class Flat>
 void add_story(Panel& panel, const Story& story, Flat flat) {
   Line device{Ink::kDevice};

@@ -7,10 +7,10 @@
 #include "rtpm/driver/geometry.hpp"
 #include "touch_event.hpp"
 
-/// A scene and its touches, as lines in two flat panels. No clock, no output.
+/// A scene and its touches, as lines in two flat panels. Uses no clock and no output.
 namespace rtpm::scene {
 
-/// The meaning of a line.
+/// What a line shows.
 enum class Ink : std::uint8_t {
   kSolid = 0,   ///< The scene.
   kDevice = 1,  ///< The path of the device.
@@ -42,18 +42,18 @@ struct Panel {
 };
 inline constexpr double kPanelWidthMm = 90;
 inline constexpr double kPanelHeightMm = 60;
-/// The length of a force.
+/// The drawn length of a force.
 inline constexpr double kMmPerNewton = 3;
 
-/// The input of a drawing.
+/// What to draw.
 struct Story {
   std::span<const driver::Vector3> device_m{};
   std::span<const TouchReport> touches{};
-  /// Draws the force of every `force_stride`-th touch, counted from the newest; 0 draws none.
+  /// Draws the force of every `force_stride`-th touch, counted from the newest; if 0, none.
   std::size_t force_stride = 0;
 };
 
-/// The view across the surface: x to the right, z up.
+/// The view in section: x to the right, z up.
 /// @realtime set-up only
 [[nodiscard]] Panel section_panel(const Story& story);
 /// The operator's view: x to the right, y up.

@@ -12,14 +12,14 @@ using driver::Vector3;
 
 constexpr int kTravelStepMax = 64;
 constexpr int kSlideStepMax = 32;
-/// The longest slide of one call: at 1 kHz 5 m/s, faster than a hand strokes.
+/// The longest slide per call: 5 m/s at 1 kHz, faster than a hand moves along a surface.
 constexpr double kSlideMaxMetre = 0.005;
 /// Short compared with the texture's ridges, so that the proxy follows them.
 constexpr double kStrideMaxMetre = 0.001;
 /// A shorter slide counts as standing still.
 constexpr double kStrideMinMetre = 1e-8;
-/// The lift-off of a slide, as a share of its length: above the rise of a hollow within one stride,
-/// and far below a hollow's smallest radius, so that the lift itself hits nothing.
+/// How far a slide lifts off, relative to its length: more than a hollow rises within one stride,
+/// but far less than a hollow's smallest radius, so that the lift itself hits nothing.
 constexpr double kLiftShare = 0.25;
 
 }  // namespace
@@ -66,7 +66,7 @@ Vector3 GodObject::travel(Vector3 from_m, const Vector3& to_m) const noexcept {
   for (int i = 0; i < kTravelStepMax; ++i) {
     const Vector3 rest = difference(to_m, from_m);
     const double rest_m = length(rest);
-    // The surface is at least the clearance away, so the path is free up to there.
+    // The surface is at least the clearance away, so the path is free for that distance.
     const double free_m = scene_.clearance_m(from_m) - kSkinMetre;
     if (free_m >= rest_m) return to_m;
     if (free_m <= kSkinMetre / 10) return from_m;
@@ -75,7 +75,7 @@ Vector3 GodObject::travel(Vector3 from_m, const Vector3& to_m) const noexcept {
   return from_m;
 }
 
-/// Slides from a point at the surface along it, so that the distance to the goal decreases.
+/// Slides along the surface from a point on it, so that the distance to the goal decreases.
 Vector3 GodObject::slide(Vector3 from_m, const Vector3& goal_m) const noexcept {
   double stride_max_m = kStrideMaxMetre;
   double left_m = kSlideMaxMetre;

@@ -12,25 +12,24 @@ inline constexpr double kExtentMetre = 100;
 /// Whether a point is finite and within kExtentMetre. Alloc-free.
 [[nodiscard]] bool is_position(const driver::Vector3& point_m) noexcept;
 
-/// The solid's properties that the device feels.
+/// The properties of the solid that the device feels.
 struct Material {
   double stiffness_newton_per_m = 0;
   double damping_newton_s_per_m = 0;
 };
 
-/// A device at a scene.
+/// A device in contact with a scene, or near it.
 struct Touch {
   driver::Vector3 device_m{};
-  driver::Vector3 proxy_m{};  ///< Outside of the solid; the device's position in free space.
+  driver::Vector3 proxy_m{};  ///< Outside the solid; in free space, the device's position.
   driver::Vector3 force_newton{};
   double depth_m = 0;  ///< The distance from device to proxy; 0 in free space.
 };
 
 /// A proxy that follows a device but never enters the solid, and a spring between the two. The
-/// A proxy that follows a device but never enters the solid, and a spring between the two. The
 /// proxy moves straight towards the device; at the surface it slides, without friction, to the
-/// point nearest to the device. It thus remembers where the device entered: a device that jumps
-/// through a thin part is pushed back, not out behind it. It has no clock.
+/// point nearest to the device. So it remembers where the device entered: a device that jumps
+/// through a thin part is pushed back, not out on the other side. Has no clock.
 ///
 /// force = stiffness · (proxy − device) − damping · (velocity along that direction); it never
 /// pulls.
@@ -46,11 +45,12 @@ class GodObject {
   GodObject(const Scene& scene, const Material& material) noexcept
       : scene_(scene), material_(material) {}
 
-  /// Follows the device. The first call puts the proxy where the device is, or on the surface
-  /// above. Where the device has no is_position(), the proxy stays, and there is no force.
+  /// Follows the device. The first call puts the proxy at the device, or on the surface above it.
+  /// If the device's position is not valid by is_position(), the proxy stays, and there is no
+  /// force.
   [[nodiscard]] Touch touch(const driver::Sample& sample) noexcept;
   [[nodiscard]] const Scene& scene() const noexcept { return scene_; }
-  /// Takes effect from the next touch on.
+  /// Takes effect from the next touch.
   void set_material(const Material& material) noexcept { material_ = material; }
 
  private:

@@ -1,5 +1,5 @@
 // rtpm-scene: the graphics node of the paper's §3.1. It subscribes to the samples of a device and
-// to the touches of its force node, at a pace of its own, and draws both.
+// to the touches of its force node, at its own pace, and draws both.
 #include <array>
 #include <cstdio>
 #include <string>
@@ -67,7 +67,7 @@ std::array<Panel, 2> panels(const History& history, std::size_t force_stride) {
   return {section_panel(story), front_panel(story)};
 }
 
-/// Section and front side by side, and a line of numbers.
+/// Prints section and front side by side, and a line of numbers.
 void print_frame(const View& view, const std::string& status, bool is_first) {
   const auto drawn = panels(view.history(kTrailCount), kTrailCount);
   const auto left = braille_rows(drawn[0], kPanelColumns, kPanelRows, true);

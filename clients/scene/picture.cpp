@@ -19,7 +19,7 @@ constexpr double kTitleHeight = 34;
 constexpr double kFootHeight = 92;
 constexpr double kGridMm = 10;
 
-/// The shortest force with an arrow head; one that points at the viewer is shorter.
+/// The shortest force that gets an arrow head; forces towards the viewer are shorter.
 constexpr double kHeadedMm = 2.5;
 constexpr double kPointStepMm = 0.3;
 
@@ -65,7 +65,7 @@ double distance_mm(const Point& a, const Point& b) {
   return std::hypot(a.right_mm - b.right_mm, a.up_mm - b.up_mm);
 }
 
-/// Leaves out points that coincide with the one before.
+/// Omits points that coincide with the previous one.
 std::string coordinates(const Panel& panel, const std::vector<Point>& points) {
   std::string list;
   const Point* before = nullptr;
@@ -91,7 +91,7 @@ std::string line_text(const Panel& panel, const Line& line) {
          coordinates(panel, line.points) + "\"/>\n";
 }
 
-/// A line every 10 mm, a number every 20 mm.
+/// A grid line every 10 mm, a number every 20 mm.
 std::string grid_text(const Panel& panel) {
   std::string grid;
   const auto first = [](double low_mm) {

@@ -9,7 +9,7 @@
 
 namespace rtpm::scene {
 
-/// Panels side by side as an SVG, with axes in millimetre, a legend, and `caption` below.
+/// Draws panels side by side as an SVG, with axes in millimetres, a legend, and `caption` below.
 /// @realtime set-up only
 [[nodiscard]] std::string svg_text(std::span<const Panel> panels, std::string_view caption);
 

@@ -8,7 +8,7 @@ namespace rtpm::scene {
 namespace {
 
 constexpr double kRidgeHalfMetre = Scene::kRidgeMetre / 2;
-/// The centre has no direction, and points next to it have none that a number can hold.
+/// The centre has no direction, and points next to it have none that a double can represent.
 constexpr double kDirectionMinMetre = 1e-12;
 constexpr double kSlopeMax = kRidgeHalfMetre * Scene::kRidgeRadPerMetre;
 
@@ -34,7 +34,7 @@ double Scene::height_m(double x_m) const noexcept {
 double Scene::clearance_m(const driver::Vector3& point_m) const noexcept {
   if (shape == Shape::kSphere) return length(difference(point_m, centre_m())) - kRadiusMetre;
   const double above_m = point_m.z - height_m(point_m.x);
-  // The surface of a slope is nearer than its vertical distance.
+  // The surface of a slope is closer than its vertical distance.
   return shape == Shape::kTexture ? above_m / std::hypot(1, kSlopeMax) : above_m;
 }
 

@@ -19,7 +19,7 @@ inline constexpr std::uint8_t kShapeCount = 3;
 /// "plane", "sphere", "texture".
 [[nodiscard]] std::string_view to_string(Shape shape) noexcept;
 
-/// A solid in the device's frame. Its highest point is at z = face_m, and +z leads out of it.
+/// A solid in the device's frame. Its highest point is at z = face_m, and +z points out of it.
 /// @ownership a value
 /// @realtime alloc-free
 struct Scene {
@@ -32,12 +32,12 @@ struct Scene {
   Shape shape = Shape::kPlane;
   double face_m = 0;
 
-  /// A lower bound of the distance to the surface, negative inside; 0 exactly at the surface.
-  /// Between two points it changes by at most their distance.
+  /// A lower bound of the distance to the surface, negative inside; 0 exactly on the surface.
+  /// Between two points it changes at most by their distance.
   [[nodiscard]] double clearance_m(const driver::Vector3& point_m) const noexcept;
-  /// The direction in which the clearance grows fastest, of length 1; +z in the sphere's centre.
+  /// The unit direction in which the clearance grows fastest; +z at the sphere's centre.
   [[nodiscard]] driver::Vector3 normal(const driver::Vector3& point_m) const noexcept;
-  /// The surface's z of plane and texture.
+  /// The z of the surface of plane or texture.
   [[nodiscard]] double height_m(double x_m) const noexcept;
   /// The sphere's centre.
   [[nodiscard]] driver::Vector3 centre_m() const noexcept { return {0, 0, face_m - kRadiusMetre}; }

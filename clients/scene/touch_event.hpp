@@ -12,7 +12,7 @@
 #include "rtpm/events/typed.hpp"
 #include "rtpm/rpc/node.hpp"
 
-/// A touch as an event, from the force node to any number of graphics nodes.
+/// Touches as events, from the force node to any number of graphics nodes.
 namespace rtpm::scene {
 
 /// One cycle of the force loop.
@@ -23,7 +23,7 @@ struct TouchReport {
 };
 
 [[nodiscard]] touch::State to_wire(const TouchReport& report) noexcept;
-/// @return  nullopt for an unknown shape, without is_position(), or without a plausible force
+/// @return  nullopt for an unknown shape, an invalid position, or an implausible force
 [[nodiscard]] std::optional<TouchReport> from_wire(const touch::State& state) noexcept;
 
 /// The source of a device's touches.
@@ -41,7 +41,7 @@ class TouchSupplier {
                                                                   const std::string& hub,
                                                                   std::string_view device);
 
-  /// Adds a touch to the batch of the next flush(). A touch that can't be sent is lost.
+  /// Adds a touch to the batch for the next flush(). A touch that can't be sent is lost.
   /// @realtime alloc-free; one send if the batch is full
   void add(const TouchReport& report) noexcept;
   /// Sends the batch.

@@ -11,7 +11,7 @@ namespace {
 using options::formatted;
 
 constexpr Duration kSilence = std::chrono::milliseconds{500};
-/// The greatest distance from the surface of a proxy in contact.
+/// How far from the surface a proxy in contact may be.
 constexpr double kSurfaceMetre = 1e-5;
 
 double to_s(Duration duration) {

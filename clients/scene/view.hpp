@@ -22,9 +22,9 @@ class Pace {
     last_ = now;
   }
   [[nodiscard]] std::uint64_t count() const noexcept { return count_; }
-  /// The mean rate from the first arrival to the last.
+  /// The mean rate between the first and the last arrival.
   [[nodiscard]] double rate_hz() const noexcept;
-  /// Whether nothing has arrived for half a second, or ever.
+  /// Whether nothing has arrived for half a second, or at all.
   [[nodiscard]] bool is_silent(MonotonicTime now) const noexcept;
 
  private:
@@ -38,7 +38,7 @@ struct Sight {
   Pace samples{};
   Pace touches{};
   std::uint64_t contact_count = 0;  ///< Touches inside the solid.
-  /// Contacts with the proxy at the surface; otherwise it was in the solid or above it.
+  /// Contacts whose proxy was at the surface; otherwise it was inside or above the solid.
   std::uint64_t on_surface_count = 0;
   double force_newton_max = 0;
   double depth_m_max = 0;
@@ -56,7 +56,7 @@ struct History {
 /// @threads  any
 class View {
  public:
-  /// More than a minute at 60 Hz; the oldest entries are dropped.
+  /// Over a minute at 60 Hz; the oldest entries are dropped.
   static constexpr std::size_t kHistoryMax = 4096;
 
   void see(const driver::Sample& sample, MonotonicTime now);
@@ -73,7 +73,7 @@ class View {
   std::deque<TouchReport> touches_{};
 };
 
-/// One line: position, depth, force, and which node is silent.
+/// One line: position, depth, force, and which nodes are silent.
 /// @realtime set-up only
 [[nodiscard]] std::string status_text(const Sight& sight, MonotonicTime now, Duration since_start);
 /// The text below a picture: "lab/arm0 at the sphere: greatest depth 3.0 mm, greatest force 1.80

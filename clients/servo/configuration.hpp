@@ -20,16 +20,17 @@ struct Configuration {
   std::string device = "lab/arm0";
   std::string registry{};
   rpc::NodeSecurity security{};
-  std::string serve = "none";   ///< The name below which the wall's parameters are served; "none".
-  std::string events = "none";  ///< The hub that gets the touches, by name or URL; "none".
-  double seconds = 10;          ///< 0: until a stop signal.
-  std::uint64_t cycle_count_max = 0;  ///< No limit if 0.
+  /// The name below which the wall's parameters are served, or "none".
+  std::string serve = "none";
+  std::string events = "none";        ///< The hub for the touches, by name or URL, or "none".
+  double seconds = 10;                ///< 0: until a stop signal.
+  std::uint64_t cycle_count_max = 0;  ///< If 0, no limit.
   double rate_hz = 1000;
   Priority priority = 24000;
   Wall wall{.face_m = 0, .stiffness_newton_per_m = 0, .damping_newton_s_per_m = 0.5};
   std::string scene = "plane";    ///< "plane", "sphere" or "texture".
   std::string render = "remote";  ///< "remote" or "local".
-  Duration delay{0};              ///< The link's artificial delay, each way; remote walls only.
+  Duration delay{0};              ///< Artificial one-way delay of the link; remote walls only.
   Duration hold = std::chrono::milliseconds{10};
   Duration deadline = std::chrono::milliseconds{10};
   Duration patience = std::chrono::seconds{1};
@@ -46,7 +47,7 @@ struct Configuration {
   }
 };
 
-/// Reads file, environment and flags into `configuration`; as options::Options::parse().
+/// Reads file, environment and flags into `configuration`, like options::Options::parse().
 [[nodiscard]] std::optional<int> read_configuration(int argc, const char* const* argv,
                                                     Configuration& configuration);
 
@@ -61,9 +62,9 @@ inline constexpr Duration kDelayMax = std::chrono::milliseconds{100};
                                         double damping_newton_s_per_m);
 
 /// The wall for this device, rendered as configured; without a configured stiffness, three quarters
-/// of its bound.
+/// of the bound.
 /// @realtime set-up only
-/// @errors   a device without force along the axes that the scene needs; a stiffness above the
+/// @errors   a device without force along an axis that the scene needs; a stiffness above the
 ///           bound, which the text names; a local scene other than the plane
 [[nodiscard]] expected<Wall, SetupError> choose_wall(const Configuration& configuration,
                                                      const driver::Descriptor& device);

@@ -7,7 +7,7 @@
 
 namespace rtpm::servo {
 
-/// Gives values back a fixed time after they were put in.
+/// Returns values a fixed time after they were put in.
 /// @ownership holds at most `Capacity` values in place; beyond that, the oldest are lost
 /// @threads  one at a time
 /// @realtime alloc-free
@@ -16,8 +16,8 @@ class DelayLine {
  public:
   explicit DelayLine(Duration delay) noexcept : delay_(delay) {}
 
-  /// Puts `value` in; returns the newest value that is at least the delay old, T{} before the
-  /// first. `now` never decreases.
+  /// Puts `value` in. Returns the newest value that is at least the delay old; before the first,
+  /// T{}. `now` must not decrease.
   T pass(MonotonicTime now, const T& value) noexcept {
     if (count_ == Capacity) drop_oldest();
     entries_[(oldest_ + count_++) % Capacity] = {now, value};

@@ -8,7 +8,7 @@
 
 namespace rtpm::servo {
 
-/// Estimates the stiffness that a wall has for the hand: the applied force over the measured depth.
+/// Estimates the wall stiffness that a hand feels: the applied force over the measured depth.
 /// @ownership a value
 /// @threads  one at a time
 /// @realtime alloc-free
@@ -23,7 +23,7 @@ class Feel {
     depth_m_max_ = std::max(depth_m_max_, touch.depth_m);
   }
 
-  /// The slope of the line through 0 that best fits force over depth, by least squares, in N/m; 0
+  /// The slope of the line through 0 that best fits force over depth by least squares, in N/m; 0
   /// without contact.
   [[nodiscard]] double stiffness_newton_per_m() const noexcept {
     return depth_square_ > 0 ? force_by_depth_ / depth_square_ : 0;

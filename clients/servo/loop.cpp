@@ -64,7 +64,7 @@ void Loop::run_cycle(MonotonicTime due) noexcept {
   Duration latency = done - begun;
   statistics_.cycle.record(latency);
   if (latency <= kPaperCycle) ++statistics_.cycle_within_paper_count;
-  static_cast<void>(cycles_.push(latency));  // When full, only the display loses it.
+  static_cast<void>(cycles_.push(latency));  // If it is full, only the display misses the value.
 
   view_.sample = *sample;
   view_.force_newton = *force;
@@ -110,7 +110,7 @@ void Loop::fail(gvd::DeviceError error, MonotonicTime now) noexcept {
   view_.failed_count = statistics_.failed_count;
   live_.write(view_);
   if (!failing_since_) failing_since_ = now;
-  // Without the lease no further call succeeds; other errors may be transient.
+  // Without the lease every further call would fail; other errors may be transient.
   const bool is_hopeless = error == gvd::DeviceOutcome::kNotHolder;
   if (is_hopeless || now - *failing_since_ >= config_.patience) loss_ = error;
 }

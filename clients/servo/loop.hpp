@@ -24,12 +24,13 @@ inline constexpr Duration kPaperCall = std::chrono::microseconds{58};
 /// The paper's specification of a haptic process: 1 kHz.
 inline constexpr Duration kPaperCycle = std::chrono::milliseconds{1};
 
-/// Results of a run. Failed calls are counted but enter no histogram: a call that is refused at
-/// once is not a fast call.
+/// Results of a run. Failed calls are counted but not in the histograms: a call refused immediately
+/// is not a fast call.
 struct Statistics {
   LatencyHistogram read{};  ///< One call, until its reply.
   LatencyHistogram command{};
-  LatencyHistogram cycle{};         ///< Both calls and the wall between them; one call if local.
+  /// Both calls and the wall computation between them; for a local wall, one call.
+  LatencyHistogram cycle{};
   LatencyHistogram lateness{};      ///< Time from a cycle's due time to its start.
   std::uint64_t cycle_count = 0;    ///< Cycles started.
   std::uint64_t missed_count = 0;   ///< Cycles that ended after the next was due, or were skipped.
@@ -38,7 +39,8 @@ struct Statistics {
   std::uint64_t failed_count = 0;   ///< Calls that failed.
   std::uint64_t call_within_paper_count = 0;   ///< Calls that succeeded within kPaperCall.
   std::uint64_t cycle_within_paper_count = 0;  ///< Cycles that succeeded within kPaperCycle.
-  double force_newton_max = 0;  ///< The greatest commanded force; with a local wall, applied force.
+  /// The largest commanded force; with a local wall, the largest applied force.
+  double force_newton_max = 0;
   Feel feel{};
 };
 
@@ -54,20 +56,21 @@ struct Live {
 /// Settings of the loop.
 struct LoopConfig {
   Wall wall{};
-  bool is_local = false;  ///< The device renders the wall; the loop only watches.
+  bool is_local = false;  ///< The device renders the wall; the loop only observes.
   Duration delay{0};      ///< Artificial delay of each sample and each command.
   Duration period = std::chrono::milliseconds{1};
-  Duration duration{0};               ///< 0: until stop().
-  std::uint64_t cycle_count_max = 0;  ///< No limit if 0.
+  Duration duration{0};               ///< If 0, until stop().
+  std::uint64_t cycle_count_max = 0;  ///< If 0, no limit.
   Duration deadline = std::chrono::milliseconds{10};
   Duration patience = std::chrono::seconds{1};
   rt::ThreadConfig thread{.name = "servo"};
 };
 
-/// The paper's §3.1: reads the device's position, computes the force of a virtual wall, sends it,
-/// at a steady rate on a thread of its own, which prints nothing. About 350 KiB: not for a stack.
+/// The paper's §3.1: reads the device's position, computes the force of a virtual wall and sends
+/// it, at a steady rate, on its own thread, which prints nothing. About 350 KiB; do not put it on a
+/// stack.
 /// @ownership refers to the device, which must outlive it
-/// @threads  start(), join(), statistics(): one; live(), next_cycle(): another one; stop(): any
+/// @threads  start(), join(), statistics(): one; live(), next_cycle(): another; stop(): any
 /// @realtime the loop's thread is alloc-free
 class Loop {
  public:
@@ -75,11 +78,11 @@ class Loop {
       : device_(device), config_(config), proxy_(config.wall.proxy()), link_(2 * config.delay) {}
 
   /// @realtime set-up only
-  /// @errors   with RealtimeMode::kRequire, a right that the process lacks
+  /// @errors   with RealtimeMode::kRequire, the process lacks a right
   [[nodiscard]] expected<void, SetupError> start();
   /// Ends the loop after its current cycle; alloc-free.
   void stop() noexcept { is_stopping_.store(true, std::memory_order_relaxed); }
-  /// Waits for the loop's end.
+  /// Waits until the loop has ended.
   void join() noexcept { thread_.join(); }
   [[nodiscard]] bool is_running() const noexcept {
     return !is_over_.load(std::memory_order_acquire);
@@ -88,16 +91,16 @@ class Loop {
   [[nodiscard]] std::optional<Live> live() const noexcept { return live_.read(); }
   /// The latency of the next unread cycle.
   [[nodiscard]] std::optional<Duration> next_cycle() noexcept { return cycles_.pop(); }
-  /// The next unread touch. When 1024 are unread, newer ones are lost.
+  /// The next unread touch. If 1024 are unread, newer ones are lost.
   [[nodiscard]] std::optional<scene::TouchReport> next_touch() noexcept { return touches_.pop(); }
 
-  /// Switches the loop to another stiffness and damping between two cycles.
-  /// @return  false if 4 changes are queued, or the loop is over
+  /// Changes stiffness and damping between two cycles.
+  /// @return  false if 4 changes are queued, or the loop has ended
   /// @threads one
   [[nodiscard]] bool change(scene::Material material) noexcept {
     return is_running() && materials_.push(material);
   }
-  /// The number of changes that the loop has made.
+  /// How many changes the loop has applied.
   /// @threads any
   [[nodiscard]] std::uint64_t change_count() const noexcept {
     // SYNC POINT material-changed
@@ -130,8 +133,8 @@ class Loop {
   LoopConfig config_;
   rpc::CallOptions call_{};
   scene::GodObject proxy_;
-  /// Each force depends only on samples up to its own sample, so one delay line has the same effect
-  /// as delaying sample and command separately.
+  /// Each force depends only on samples up to its own, so one delay line has the same effect as
+  /// delaying sample and command separately.
   DelayLine<driver::Vector3, 2048> link_;
   Statistics statistics_{};
   Live view_{};

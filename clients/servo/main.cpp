@@ -1,5 +1,5 @@
 // rtpm-servo: the force node of the paper's §3.1. It renders a virtual wall, a ball or ridges on a
-// haptic device, wherever that is, and measures every cycle.
+// haptic device, on any host, and measures every cycle.
 #include <algorithm>
 #include <cstddef>
 #include <cstdio>
@@ -36,11 +36,11 @@ int fail(int exit_code, std::string_view text) {
   return exit_code;
 }
 
-/// The interval of setting a local wall again. That keeps the lease, which its force needs.
+/// How often a local wall is set again. This keeps the lease, which its force needs.
 constexpr Duration kModelsInterval = std::chrono::milliseconds{200};
 
 /// Keeps the wall in the device's loop while this program runs.
-/// @threads  change() any; the rest one
+/// @threads  change(): any; the rest: one
 class LocalWall {
  public:
   LocalWall(gvd::DeviceClient& device, const Wall& wall, Duration patience)
@@ -62,8 +62,8 @@ class LocalWall {
     }();
     return device_.set_models({&model, 1});
   }
-  /// Sets the wall again when it is due; returns an error that has lasted for the whole patience,
-  /// or that no retry can cure.
+  /// Sets the wall again when due. Returns an error that has lasted for the whole patience, or that
+  /// a retry can't fix.
   [[nodiscard]] std::optional<gvd::DeviceError> keep(MonotonicTime now) {
     {
       const std::lock_guard lock(mutex_);
@@ -91,7 +91,7 @@ class LocalWall {
   std::optional<MonotonicTime> failing_since_{};
 };
 
-/// The work of the thread beside the loop.
+/// What the thread next to the loop works on.
 struct Attended {
   LocalWall* wall = nullptr;  ///< May be null.
   std::optional<scene::TouchSupplier> touches{};
@@ -108,9 +108,9 @@ void publish(Loop& loop, scene::TouchSupplier& touches) {
   touches.flush();
 }
 
-/// Displays the loop until it ends, or ends it on a stop request. Nothing else prints while the
+/// Displays the loop until it ends, or ends it on a stop request. Nothing else may print while the
 /// loop runs; this thread is time-shared.
-/// @errors   of the local wall, if there is one
+/// @errors   of the local wall, if any
 std::optional<gvd::DeviceError> watch(Loop& loop, Attended& attended,
                                       const options::StopSignal& stop, const std::string& live) {
   std::optional<gvd::DeviceError> loss;
@@ -142,10 +142,10 @@ std::optional<gvd::DeviceError> watch(Loop& loop, Attended& attended,
   return loss;
 }
 
-/// The time that a change of the wall waits for the loop.
+/// How long a change of the wall waits for the loop.
 constexpr Duration kChangePatience = std::chrono::milliseconds{100};
 
-/// Renders another wall from one cycle to the next.
+/// Replaces the wall between two cycles.
 /// @return false if the loop did not accept it in time
 bool change_wall(Loop& loop, LocalWall& local_wall, const Wall& wall) {
   const std::uint64_t count = loop.change_count();
@@ -182,7 +182,7 @@ expected<gvd::DeviceClient, SetupError> open_device(rpc::Node& node,
   return device;
 }
 
-/// Whether the device accepts commands: active, and without a fault that holds its force back.
+/// Whether the device accepts commands: active, and without a fault that blocks its force.
 expected<void, SetupError> check_device(gvd::DeviceClient& device,
                                         const Configuration& configuration) {
   const auto sample = device.read();
@@ -202,7 +202,7 @@ expected<void, SetupError> check_device(gvd::DeviceClient& device,
   return {};
 }
 
-/// The reason why the loop gave `device` up, in words.
+/// Why the loop gave up `device`, in words.
 std::string loss_text(gvd::DeviceClient& device, gvd::DeviceError loss) {
   std::string text = "was lost: " + std::string(to_string(loss));
   if (loss != gvd::DeviceOutcome::kNotHolder) return text;
@@ -210,7 +210,7 @@ std::string loss_text(gvd::DeviceClient& device, gvd::DeviceError loss) {
   return text;
 }
 
-/// Serves the wall's parameters, if so configured.
+/// Serves the wall's parameters, if configured.
 expected<std::unique_ptr<ServedWall>, SetupError> serve_wall(rpc::Node& node,
                                                              const Configuration& configuration,
                                                              const gvd::DeviceClient& device,

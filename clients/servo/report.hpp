@@ -5,7 +5,7 @@
 #include "loop.hpp"
 #include "rtpm/base/histogram.hpp"
 
-/// Formats what rtpm-servo prints.
+/// Formats the output of rtpm-servo.
 namespace rtpm::servo {
 
 /// One line: position, force, contact and median latency so far.

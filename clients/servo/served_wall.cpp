@@ -7,7 +7,7 @@
 namespace rtpm::servo {
 namespace {
 
-/// Below this, a hand does not feel a wall; 0 would make choose_wall() choose.
+/// A hand can't feel a wall below this; 0 would make choose_wall() choose.
 constexpr double kStiffnessMin = 1;
 
 unexpected<gvd::ConfigurationError> refused(gvd::ConfigurationOutcome outcome, SetupError words) {
@@ -73,7 +73,7 @@ ServedWall::ServedWall(std::unique_ptr<WallParameters> parameters) noexcept
     : parameters_(std::move(parameters)) {}
 
 ServedWall::~ServedWall() {
-  // The name is unbound first, so that no client finds a server that is about to end.
+  // Unbinds the name first, so that no client finds a server that is about to end.
   name_.reset();
   if (server_) server_->stop();
 }

@@ -22,12 +22,13 @@ namespace rtpm::servo {
 inline constexpr std::string_view kStiffnessName = "wall.stiffness_newton_per_m";
 inline constexpr std::string_view kDampingName = "wall.damping_newton_s_per_m";
 
-/// The wall's stiffness and damping as parameters, limited to what stays passive on the device.
-/// @ownership refers to nothing
+/// The wall's stiffness and damping as parameters, limited to values that stay passive on the
+/// device.
+/// @ownership holds no references
 /// @threads  as gvd::Configurable
 class WallParameters final : public gvd::Configurable {
  public:
-  /// Renders another wall from one cycle to the next; false if the change did not happen in time.
+  /// Replaces the wall between two cycles; false if that did not happen in time.
   using Change = std::function<bool(const Wall&)>;
 
   WallParameters(const Configuration& configuration, const driver::Descriptor& device,
@@ -48,14 +49,14 @@ class WallParameters final : public gvd::Configurable {
  private:
   Configuration configuration_;
   driver::Descriptor device_;
-  driver::Descriptor own_{};  ///< This program's description, for clients that ask for it.
+  driver::Descriptor own_{};  ///< This program's description, for clients that request it.
   Wall wall_;
   Change change_;
 };
 
 /// Serves the wall's parameters at NAME/config and binds that name, on time-shared threads.
 /// @ownership refers to the node
-/// @threads  create and end from one thread
+/// @threads  create and destroy on one thread
 class ServedWall {
  public:
   /// @errors   no registry; another server holds the name

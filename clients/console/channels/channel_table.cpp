@@ -76,7 +76,7 @@ void ChannelTable::advertise_to(Client& client) const {
     batch.push_back(channel.info);
     if (batch.size() == kBatchSize) send();
   }
-  // An empty advertisement is sent, too: clients wait for it.
+  // Even an empty advertisement is sent, because clients wait for it.
   if (!batch.empty() || channels_.empty()) send();
 }
 
@@ -126,7 +126,7 @@ void ChannelTable::publish(std::uint32_t channel_id, std::uint64_t log_time_ns,
   const auto channel = channels_.find(channel_id);
   if (channel == channels_.end() || channel->second.subscribers.empty()) return;
   const auto shared = std::make_shared<const std::string>(std::move(payload));
-  // A send may disconnect a client, which changes the list.
+  // A send may disconnect a client, which changes the list of subscribers.
   const auto subscribers = channel->second.subscribers;
   for (const auto& [connection, subscription] : subscribers) {
     if (Client* const client = clients_.find(connection)) {

@@ -19,12 +19,12 @@ class ChannelTable {
  public:
   explicit ChannelTable(Clients& clients) noexcept : clients_(clients) {}
 
-  /// Advertises a channel; replaces one of the same topic with another schema. Chooses the id of
+  /// Advertises a channel; replaces one with the same topic and another schema. Chooses the id of
   /// `channel`.
   /// @return the id
   std::uint32_t add(foxglove::ChannelInfo channel);
   void remove(const std::string& topic);
-  /// The id of the channel of `topic`; 0 if there is no such channel.
+  /// The id of the channel for `topic`; 0 if there is none.
   [[nodiscard]] std::uint32_t find(const std::string& topic) const;
   [[nodiscard]] bool has_subscriber(std::uint32_t channel_id) const;
   [[nodiscard]] std::vector<std::string> topics() const;
@@ -33,13 +33,13 @@ class ChannelTable {
 
   /// Sends all channels to a new client.
   void advertise_to(Client& client) const;
-  /// @return the errors of channels that could not be subscribed; empty if all were. The
-  ///         others are subscribed.
+  /// @return the errors of channels that could not be subscribed to; empty if there were none. The
+  ///         others are subscribed to.
   [[nodiscard]] std::vector<std::string> subscribe(Client& client,
                                                    const foxglove::Subscribe& request);
   [[nodiscard]] std::vector<std::string> unsubscribe(Client& client,
                                                      const foxglove::Unsubscribe& request);
-  /// Removes a client that disconnects.
+  /// Removes a client that is disconnecting.
   void remove_client(Client& client);
 
   /// Sends a message to all subscribers; the payload is shared.
@@ -51,7 +51,7 @@ class ChannelTable {
  private:
   struct Channel {
     foxglove::ChannelInfo info{};
-    std::map<std::uint64_t, std::uint32_t> subscribers{};  ///< Connection to subscription.
+    std::map<std::uint64_t, std::uint32_t> subscribers{};  ///< Maps connections to subscriptions.
   };
   Clients& clients_;
   std::map<std::uint32_t, Channel> channels_{};

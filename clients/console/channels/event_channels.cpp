@@ -13,7 +13,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// The event's time by this host's clock; the hub may be on another host.
+/// The event's time on this host's clock, as the hub may be on another host.
 std::uint64_t log_time_ns(const HubEvent& event) {
   return rt::utc_ns(event.arrived - (event.header.hub_sent - event.header.origin));
 }

@@ -21,8 +21,8 @@ namespace rtpm::console {
 inline constexpr std::size_t kEventChannelCountMax = 128;
 inline constexpr std::size_t kEventSchemaByteMax = std::size_t{8} << 20;
 
-/// Publishes events of the hub as messages of channels. A channel of a type that no device sends
-/// lasts from its first event until a minute after its last.
+/// Publishes the hub's events as channel messages. A channel of a type that no device sends exists
+/// from its first event until a minute after its last.
 /// @ownership refers to the channels
 /// @threads  the web server's thread
 class EventChannels {
@@ -33,11 +33,11 @@ class EventChannels {
   void set_types(std::shared_ptr<const events::HubTypes> types);
   /// Sends the event to the subscribers of its channel.
   void publish(const HubEvent& event);
-  /// Sends an event of a log filter to its connection.
+  /// Sends an event of a log filter to the filter's connection.
   void publish_log(const HubEvent& event);
   /// Removes channels without events. Call it about once a second.
   void drop_idle(MonotonicTime now);
-  /// The page's view of these limits, as JSON.
+  /// These limits and their use as JSON, for the page.
   [[nodiscard]] nlohmann::ordered_json state() const;
   /// The device with this source; nullptr if there is none.
   [[nodiscard]] const std::string* device_of(events::SourceId source) const;
@@ -55,15 +55,15 @@ class EventChannels {
   std::map<events::SourceId, std::string> devices_{};
   std::shared_ptr<const events::HubTypes> types_{};
   capture::EventSchemas schemas_{};
-  std::map<std::string, std::uint64_t> advertised_{};  ///< Topic to schema id.
-  /// A channel of an event type that no device sends.
+  std::map<std::string, std::uint64_t> advertised_{};  ///< Maps topics to schema ids.
+  /// A channel for an event type that no device sends.
   struct Generic {
-    MonotonicTime last{};  ///< The arrival of its newest event.
+    MonotonicTime last{};  ///< When its newest event arrived.
     std::size_t schema_byte_count = 0;
   };
   std::map<std::string, Generic> generic_{};  ///< Keyed by topic.
   std::size_t schema_byte_count_ = 0;
-  std::uint64_t omitted_count_ = 0;  ///< Events without a channel, because of the limits.
+  std::uint64_t omitted_count_ = 0;  ///< Events without a channel because of the limits.
 };
 
 }  // namespace rtpm::console

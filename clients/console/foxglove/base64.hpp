@@ -6,7 +6,7 @@
 
 namespace rtpm::console::foxglove {
 
-/// The bytes in standard base64, with padding: how the protocol carries binary schemas.
+/// Encodes bytes in standard base64 with padding, as the protocol requires for binary schemas.
 [[nodiscard]] std::string to_base64(ConstBytes bytes);
 
 }  // namespace rtpm::console::foxglove

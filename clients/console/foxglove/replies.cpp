@@ -32,7 +32,7 @@ Json json_of(const PayloadInfo& payload) {
           {"schema", payload.schema}};
 }
 
-/// The entries that are new or changed, each in full; a removed entry has no ids.
+/// The new and changed entries, each complete; a removed entry has no ids.
 Json changed(const Graph::Ids& before, const Graph::Ids& after, const char* key) {
   Json list = Json::array();
   for (const auto& [name, ids] : after) {

@@ -16,7 +16,7 @@
 /// The frames of the Foxglove WebSocket protocol that this server sends.
 namespace rtpm::console::foxglove {
 
-/// The supported sub-protocols, the preferred one first; they do not differ on the wire.
+/// The supported sub-protocols, the preferred one first; they are identical on the wire.
 inline constexpr std::array<std::string_view, 2> kSubprotocols{"foxglove.sdk.v1",
                                                                "foxglove.websocket.v1"};
 
@@ -40,7 +40,7 @@ struct ChannelInfo {
   std::string schema_encoding{};
 };
 
-/// A request's or reply's schema.
+/// The schema of a request or reply.
 struct PayloadInfo {
   std::string encoding{};
   std::string schema_name{};
@@ -55,11 +55,12 @@ struct ServiceInfo {
   PayloadInfo response{};
 };
 
-/// A parameter with its present value.
+/// A parameter with its current value.
 struct ParameterInfo {
   std::string name{};
   nlohmann::json value{};
-  std::string type{};  ///< "float64", "float64_array"; if empty, the type of the JSON value.
+  /// Such as "float64", "float64_array"; if empty, the type of the JSON value.
+  std::string type{};
 };
 
 /// The publishers, subscribers and service providers, by name.
@@ -84,11 +85,11 @@ struct Graph {
 [[nodiscard]] std::string service_call_failure(std::uint32_t service_id, std::uint32_t call_id,
                                                std::string_view message);
 
-/// The head of a frame with a message; the payload follows it.
+/// The size of the header of a message frame; the payload follows it.
 inline constexpr std::size_t kMessageHeadSize = 13;
 [[nodiscard]] std::array<std::byte, kMessageHeadSize> message_head(std::uint32_t subscription_id,
                                                                    std::uint64_t log_time_ns);
-/// A whole binary frame.
+/// A complete binary frame.
 [[nodiscard]] std::string service_call_response(std::uint32_t service_id, std::uint32_t call_id,
                                                 std::string_view encoding, ConstBytes payload);
 

@@ -42,7 +42,7 @@ std::optional<std::string> text_of(const Json& object, const char* key) {
   return text;
 }
 
-/// The list `key` of the request, nullptr if there is none or it is too long.
+/// The list `key` of the request; nullptr if there is none or it is too long.
 const Json* list_of(const Json& request, const char* key) {
   const auto found = request.find(key);
   if (found == request.end() || !found->is_array() || found->size() > kListSizeMax) return nullptr;

@@ -15,7 +15,7 @@
 /// @source   the protocol's specification, version 1
 namespace rtpm::console::foxglove {
 
-/// The number of entries that are read from one list at most.
+/// The most entries read from one list.
 inline constexpr std::size_t kListSizeMax = 4096;
 
 struct Subscription {
@@ -31,13 +31,13 @@ struct Unsubscribe {
   std::vector<std::uint32_t> subscription_ids{};
 };
 struct GetParameters {
-  std::vector<std::string> names{};  ///< All if empty.
+  std::vector<std::string> names{};  ///< If empty, all.
   std::optional<std::string> id{};
 };
-/// A parameter as clients set it.
+/// A parameter as a client sets it.
 struct ParameterRequest {
   std::string name{};
-  nlohmann::json value{};  ///< null: absent, which asks to unset it, or not read.
+  nlohmann::json value{};  ///< null if absent, which means to unset it, or if not read.
   std::string type{};      ///< "float64", "float64_array", "byte_array"; empty if not stated.
 };
 struct SetParameters {
@@ -45,7 +45,7 @@ struct SetParameters {
   std::optional<std::string> id{};
 };
 struct WatchParameters {
-  std::vector<std::string> names{};  ///< All if empty.
+  std::vector<std::string> names{};  ///< If empty, all.
   bool is_watching = true;
 };
 struct WatchGraph {
@@ -60,9 +60,9 @@ using TextRequest = std::variant<Subscribe, Unsubscribe, GetParameters, SetParam
                                  WatchParameters, WatchGraph, Unsupported>;
 
 /// Reads a text frame.
-/// @param may_command  false: the values that parameters are set to are not read
-/// @errors   in words: no JSON, nested deeper than kNestingMax, no known operation, a field that is
-///           missing or of a wrong type
+/// @param may_command  if false, the values that parameters are set to are not read
+/// @errors   in words: not JSON, nested deeper than kNestingMax, an unknown operation, a field that
+///           is missing or has the wrong type
 [[nodiscard]] expected<TextRequest, std::string> read_text(std::string_view text, bool may_command);
 
 /// A call of a service.
@@ -75,7 +75,7 @@ struct ServiceCall {
 };
 
 /// Reads a binary frame.
-/// @errors   in words: cut off, or an opcode other than that of a service call
+/// @errors   in words: truncated, or an opcode other than a service call's
 [[nodiscard]] expected<ServiceCall, std::string> read_binary(ConstBytes frame);
 
 }  // namespace rtpm::console::foxglove

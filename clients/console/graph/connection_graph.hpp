@@ -12,7 +12,7 @@
 namespace rtpm::console {
 
 /// The publishers and subscribers of the channels, and the providers of the services.
-/// @param devices  names; each device's server publishes its channels
+/// @param devices  the devices' names; each device's server publishes the device's channels
 [[nodiscard]] foxglove::Graph connection_graph(const ChannelTable& channels,
                                                const CallRouter& router,
                                                const std::vector<ObjectView>& objects,

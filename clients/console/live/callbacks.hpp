@@ -12,22 +12,23 @@
 
 namespace rtpm::console {
 
-/// Runs work on the thread of the web server.
+/// Runs work on the web server's thread.
 using Post = std::function<void(std::function<void()>)>;
 
 /// The subscription that an event belongs to.
 enum class EventStream : std::uint8_t {
   kSample,   ///< Samples of devices, decimated by the hub.
-  kChange,   ///< Other reports of devices; every one.
-  kGeneric,  ///< Events of other types, decimated by the hub, each source for itself.
+  kChange,   ///< Other reports of devices; all of them.
+  kGeneric,  ///< Events of other types, decimated by the hub for each source separately.
   kLog,      ///< Events of a connection's log filter.
 };
 
-/// An event of the hub with its own copy of the payload.
+/// An event from the hub, with its own copy of the payload.
 struct HubEvent {
   EventStream stream = EventStream::kChange;
   std::uint64_t connection_id = 0;  ///< The connection of a kLog filter.
-  std::uint64_t omitted_count = 0;  ///< Events that the rate limit of kLog dropped just before.
+  /// Events that the rate limit of kLog dropped just before this one.
+  std::uint64_t omitted_count = 0;
   events::EventHeader header{};
   MonotonicTime arrived{};
   std::vector<std::byte> payload{};

@@ -104,7 +104,7 @@ void DeviceState::set_lost(MonotonicTime since, const std::string& url) {
 }
 
 void DeviceState::see_sequence(std::uint64_t sequence, MonotonicTime now) {
-  // A restarted server counts from one again; an event that is only late is a little older.
+  // A restarted server counts from one again; a late event is only slightly older.
   constexpr std::uint64_t kLateMax = 1000;
   const bool is_restart = sequence + kLateMax < sequence_;
   if (sequence <= sequence_ && !is_restart) return;

@@ -21,12 +21,12 @@ class DeviceState {
   explicit DeviceState(std::string name) : name_(std::move(name)) {}
 
   void take(const DeviceProbe& probe, MonotonicTime now);
-  /// Takes a sample that the hub delivered.
+  /// Processes a sample that the hub delivered.
   void take_sample(std::uint64_t sequence, MonotonicTime now);
   void take_lease(gvd::LeaseState state, MonotonicTime since);
-  /// The device's name is bound at this name service.
+  /// Notes that the device's name is bound at this name service.
   void set_bound(const std::string& service_url);
-  /// The device's name has expired: its server hangs, is dead, or is cut off.
+  /// Notes that the device's name has expired: its server hangs, is dead, or is cut off.
   void set_lost(MonotonicTime since, const std::string& url);
 
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
@@ -49,8 +49,8 @@ class DeviceState {
   std::shared_ptr<const driver::Descriptor> descriptor_{};
   std::optional<driver::Sample> sample_{};  ///< The sample of the newest read.
   std::uint64_t sequence_ = 0;              ///< The newest sequence.
-  std::optional<MonotonicTime> newest_{};   ///< The arrival of `sequence_`.
-  // The sequence of about a second ago, from which the rate is computed.
+  std::optional<MonotonicTime> newest_{};   ///< When `sequence_` arrived.
+  // The sequence of about a second ago, for computing the rate.
   std::uint64_t rate_sequence_ = 0;
   std::optional<MonotonicTime> rate_begin_{};
   double sample_per_s_ = 0;

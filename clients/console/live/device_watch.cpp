@@ -44,14 +44,14 @@ DeviceProbe DeviceWatch::read(const std::string& name, Device& device) {
     if (!probe.problem.empty()) return probe;
   }
   const MonotonicTime begin = rt::now();
-  // The lowest priority keeps the read behind every force loop.
+  // The lowest priority, so that the read never delays a force loop.
   const auto sample = device.client->read({.priority = Priority{0}, .deadline = kReadDeadline});
   if (sample) {
     probe.latency = rt::now() - begin;
     probe.sample = *sample;
   } else {
     probe.problem = std::string(to_string(sample.error()));
-    // Another device may have taken the name.
+    // Another device may have taken over the name.
     if (sample.error() != gvd::DeviceOutcome::kNoSample) device.client.reset();
   }
   probe.link = device.link;
@@ -65,7 +65,7 @@ std::string DeviceWatch::open(const std::string& name, Device& device) {
   options.bind.deadline = kOpenDeadline;
   auto client = gvd::DeviceClient::open(node_, name, options);
   if (!client) return client.error().reason();
-  // The link stays as long as it may hold a lease; it follows the name by itself.
+  // The link is kept while it may hold a lease; it follows the name by itself.
   if (!device.link) {
     auto link = DeviceLink::open(node_, name, kOpenDeadline);
     if (!link) return link.error().reason();

@@ -20,7 +20,7 @@ namespace rtpm::console {
 /// The result of one read of a device.
 struct DeviceProbe {
   std::string name{};
-  std::string problem{};               ///< The reason why it was not read; empty if it was.
+  std::string problem{};               ///< Why it was not read; empty if it was.
   std::shared_ptr<DeviceLink> link{};  ///< Null if the device is not bound.
   std::shared_ptr<const driver::Descriptor> descriptor{};
   std::string url{};
@@ -28,16 +28,16 @@ struct DeviceProbe {
   std::optional<Duration> latency{};  ///< The latency of the read.
 };
 
-/// Reads every device periodically, and measures the latency. Polls a device that does not answer
-/// less often, so that it delays the rest little.
+/// Reads every device periodically and measures the latency. Polls a device that does not answer
+/// less often, so that it hardly delays the others.
 /// @ownership refers to its node
-/// @threads  set_devices() any; look() one
+/// @threads  set_devices(): any; look(): one
 class DeviceWatch {
  public:
   explicit DeviceWatch(rpc::Node& node) noexcept : node_(node) {}
 
   void set_devices(std::vector<std::string> names);
-  /// Reads each device that is due once.
+  /// Reads each device that is due, once.
   [[nodiscard]] std::vector<DeviceProbe> look();
 
  private:
@@ -45,7 +45,7 @@ class DeviceWatch {
     std::optional<gvd::DeviceClient> client{};
     std::shared_ptr<DeviceLink> link{};
     std::shared_ptr<const driver::Descriptor> descriptor{};
-    MonotonicTime next{};  ///< The time of the next read.
+    MonotonicTime next{};  ///< When it is read next.
   };
   [[nodiscard]] DeviceProbe read(const std::string& name, Device& device);
   [[nodiscard]] std::string open(const std::string& name, Device& device);

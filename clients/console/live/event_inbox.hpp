@@ -12,9 +12,8 @@
 
 namespace rtpm::console {
 
-/// Events on their way to the web server's thread. When that thread falls behind, the oldest events
-/// of their stream are dropped and counted, so that neither memory nor the thread's other work
-/// suffers.
+/// Events on their way to the web server's thread. If that thread falls behind, a stream's oldest
+/// events are dropped and counted, which limits memory and protects the thread's other work.
 /// @threads  any
 class EventInbox {
  public:
@@ -22,7 +21,7 @@ class EventInbox {
   static constexpr std::size_t kByteMax = std::size_t{4} << 20;
   static constexpr std::size_t kCountMax = 8192;
 
-  /// @return whether the inbox was empty before: the caller then schedules pop()
+  /// @return whether the inbox was empty before; then the caller schedules pop()
   [[nodiscard]] bool push(HubEvent event) {
     const std::lock_guard lock(mutex_);
     Stream& stream = streams_[static_cast<std::size_t>(event.stream)];

@@ -27,7 +27,7 @@ HubReportView HubReport::look() {
   });
   const auto report = parse_bounded_json<nlohmann::json>(text);
   if (!called || !report.is_object()) {
-    // Another hub may have taken the name.
+    // Another hub may have taken over the name.
     object_.reset();
     return view;
   }

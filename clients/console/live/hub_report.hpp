@@ -10,7 +10,7 @@
 
 namespace rtpm::console {
 
-/// A hub's report of itself.
+/// A hub's report on itself.
 struct HubReportView {
   std::uint64_t consumer_count = 0;
   double event_per_s = 0;  ///< The rate of all suppliers together.

@@ -12,14 +12,15 @@ constexpr Duration kFrameInterval = std::chrono::milliseconds{16};
 constexpr Duration kHubDeadline = std::chrono::milliseconds{500};
 constexpr Duration kTypesInterval = std::chrono::seconds{1};
 constexpr std::uint32_t kQueueCapacity = 1024;
-/// Limit of devices whose samples come from the hub; for the rest, the console's own reads serve.
+/// The most devices whose samples come from the hub; for the others, the console uses its own
+/// reads.
 constexpr std::size_t kFollowedCountMax = events::kIntervalSourceMax;
-/// Events that the web server's thread takes before it does other work.
+/// How many events the web server's thread handles before other work.
 constexpr int kHandOverCount = 64;
 constexpr std::uint32_t kLogRateMax = 200;
 constexpr std::size_t kLogCountMax = 64;
 
-/// kSampled … StopAllRequested, see device_events.fbs.
+/// The types kSampled … StopAllRequested, see device_events.fbs.
 std::vector<events::Match> device_types(events::EventType first) {
   std::vector<events::Match> matches;
   for (events::EventType type = first; type <= gvd::kConfigurationChanged + 1; ++type)
@@ -27,7 +28,7 @@ std::vector<events::Match> device_types(events::EventType first) {
   return matches;
 }
 
-/// At most 60 per second of each type and source.
+/// At most 60 per second for each type and source.
 events::DeliveryPolicy decimated() {
   events::DeliveryPolicy policy;
   policy.interval = kFrameInterval;

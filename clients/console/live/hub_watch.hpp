@@ -27,12 +27,13 @@ struct HubCallbacks {
   std::function<void(std::shared_ptr<const events::HubTypes>)> on_types{};
 };
 
-/// Subscribes to a hub for all browsers together, with three subscriptions however many devices and
-/// sources there are: to all changes of devices, to the samples of devices, and to events of other
-/// types, of which the hub passes 60 per second of each source. Reconnects to a hub that is absent,
-/// ends or restarts.
+/// Subscribes to a hub on behalf of all browsers, with three subscriptions regardless of the number
+/// of devices and sources: all changes of devices, the samples of devices, and events of other
+/// types, of which the hub passes 60 per second for each source. Reconnects to a hub that is
+/// absent, ends or restarts.
 /// @ownership refers to its node
-/// @threads  look() and set_log() one each, blocking; set_devices() and end_log() any; stop() alone
+/// @threads  look() and set_log(): one each, blocking; set_devices() and end_log(): any; stop():
+///           alone
 class HubWatch {
  public:
   HubWatch(rpc::Node& node, std::string hub, Post post, HubCallbacks callbacks);
@@ -44,7 +45,7 @@ class HubWatch {
   /// Creates and ends subscriptions as needed. Call it periodically.
   void look();
 
-  /// Subscribes to the events that `filter` accepts, instead of the connection's former filter.
+  /// Subscribes to the events that `filter` accepts, replacing the connection's former filter.
   /// @errors  where and why the text is not a filter; offset 0 if there is no hub
   [[nodiscard]] expected<void, events::FilterTextError> set_log(std::uint64_t connection_id,
                                                                 const std::string& filter);
@@ -65,7 +66,7 @@ class HubWatch {
                                           events::ConsumerConfig config, std::string* problem);
   void set_standing(bool is_ok, const std::string& problem);
   void deliver(HubEvent event);
-  /// Hands some events over; the rest follow after the web server's thread has done its other work.
+  /// Hands over some events; the others follow after the web server's thread has done other work.
   void hand_over();
 
   rpc::Node& node_;
@@ -79,7 +80,7 @@ class HubWatch {
   std::set<std::uint64_t> ended_logs_{};
   std::shared_ptr<const events::HubTypes> types_{};
   bool lacks_type_ = false;
-  bool is_lost_ = false;       ///< The main subscription ended for good.
+  bool is_lost_ = false;       ///< The main subscription has ended permanently.
   bool was_restored_ = false;  ///< The hub is back, perhaps with other types.
   // Used by look()'s thread only.
   MonotonicTime next_types_{};

@@ -32,7 +32,7 @@ struct ServerView {
   std::vector<LaneView> lanes{};
 };
 
-/// Looks at the lanes of all servers of this host, without their help.
+/// Reads the lanes of all servers on this host, without their cooperation.
 /// @threads  one
 class LaneWatch {
  public:

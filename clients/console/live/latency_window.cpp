@@ -12,7 +12,7 @@ double us_of(Duration latency) {
   return static_cast<double>(latency.count()) / 1000;
 }
 
-/// The percentile by the nearest rank.
+/// The percentile by the nearest-rank method.
 double percentile(const std::vector<double>& sorted, double percent) {
   if (sorted.empty()) return 0;
   // Absorbs rounding errors: 99.9 % of 1000 is 999.
@@ -21,7 +21,7 @@ double percentile(const std::vector<double>& sorted, double percent) {
   return sorted[static_cast<std::size_t>(std::max(rank, 1.0)) - 1];
 }
 
-/// Bin 0 begins at 1 us and also takes all values below.
+/// Bin 0 starts at 1 us and includes all lower values.
 int bin_of(double us) {
   return us <= 1 ? 0 : static_cast<int>(std::floor(std::log10(us) * kBinsPerDecade));
 }

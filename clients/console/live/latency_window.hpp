@@ -24,7 +24,8 @@ struct LatencySummary {
   double max_us = 0;
   std::uint64_t count = 0;
   std::uint64_t failed_count = 0;
-  std::vector<LatencyBin> histogram{};  ///< Eight bins per decade, first to last used.
+  /// Eight bins per decade, from the first to the last used one.
+  std::vector<LatencyBin> histogram{};
 };
 
 /// The latencies of the last five minutes.

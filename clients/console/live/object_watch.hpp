@@ -12,7 +12,7 @@
 
 namespace rtpm::console {
 
-/// An object that the registry names, or one below such an object.
+/// An object that the registry names, or an object below it.
 struct ObjectView {
   std::string name{};
   std::string interface {};
@@ -23,14 +23,14 @@ struct ObjectView {
 
 struct ObjectsView {
   Standing registry{};
-  /// Sorted by name; while the registry is gone, its last reply.
+  /// Sorted by name; while the registry is gone, as of its last reply.
   std::vector<ObjectView> objects{};
   std::vector<names::LapsedName> lapsed{};  ///< Names whose servers are lost.
   /// Registries that report lapsed names: a name that vanishes there without lapsing was unbound.
   std::vector<std::string> lapsed_services{};
 };
 
-/// Polls the registry and the catalogs of the servers that it names.
+/// Polls the registry, and the catalogs of the servers that it names.
 /// @ownership refers to its node
 /// @threads  one
 class ObjectWatch {
@@ -41,9 +41,8 @@ class ObjectWatch {
  private:
   struct Server {
     std::map<std::string, std::string> interfaces{};  ///< Keyed by path.
-    std::string fingerprint{};                        ///< Hash of the names that lead to the
-                                                      ///< server.
-    MonotonicTime next{};                             ///< The time of the next request.
+    std::string fingerprint{};  ///< Hash of the names that lead to this server.
+    MonotonicTime next{};       ///< When the next request is made.
   };
   void ask(Server& server, const std::string& url);
   void look_for_lapsed(bool has_changed);

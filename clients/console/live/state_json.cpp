@@ -11,11 +11,11 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// The paper's figures, equal to those in clients/servo.
+/// The paper's figures, as in clients/servo.
 constexpr double kPaperCallUs = 58;
 constexpr double kPaperCycleUs = 1000;
 
-/// The sequence's offset in the payload, a bare struct of device_events.fbs or device.fbs.
+/// The offset of the sequence in the payload, a bare struct of device_events.fbs or device.fbs.
 constexpr std::size_t kSequenceOffset = 0;
 constexpr std::size_t kLeaseStateOffset = 8;
 

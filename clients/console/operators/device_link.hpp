@@ -14,7 +14,7 @@
 
 namespace rtpm::console {
 
-/// A bound device and the console's lease of it, shared by all threads.
+/// A bound device and the console's lease on it, shared by all threads.
 /// @ownership refers to the node
 /// @threads  any
 class DeviceLink {
@@ -36,7 +36,7 @@ class DeviceLink {
   }
 
   [[nodiscard]] device::DeviceClient& stub() noexcept { return stub_; }
-  /// The priority of a call that takes the lease over.
+  /// The priority for taking over the lease.
   [[nodiscard]] Priority operator_priority() const noexcept { return operator_priority_; }
   /// The console's lease; 0 if it has none.
   [[nodiscard]] std::uint64_t lease() const noexcept { return lease_.load(); }

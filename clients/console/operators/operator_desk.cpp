@@ -15,7 +15,7 @@ using gvd::DeviceOutcome;
 
 constexpr Duration kEffectPatience = std::chrono::milliseconds{500};
 constexpr Duration kEffectInterval = std::chrono::milliseconds{5};
-/// A connection that ends without a close frame is noticed at most this much later.
+/// How late the end of a connection without a close frame may be noticed.
 constexpr Duration kNoticeMax = std::chrono::seconds{7};
 using HolderMethod = expected<device::Outcome, rpc::CallError> (device::DeviceClient::*)(
     const device::Holder&, const rpc::CallOptions&) noexcept;
@@ -55,7 +55,8 @@ OperatorStep holder_step(HolderMethod method) {
   };
 }
 
-/// Waits until the device's sample shows the effect of a request, which its next cycle takes.
+/// Waits until the device's sample shows the effect of a request, which takes place in the next
+/// cycle.
 bool await(DeviceLink& link, const std::function<bool(const device::Sample&)>& effect) {
   const MonotonicTime end = rt::now() + kEffectPatience;
   while (true) {
@@ -131,13 +132,13 @@ void OperatorDesk::run(const PendingCall& call, const nlohmann::json& request,
   if (const std::string why = refusal(call.connection_id, name, is_forced); !why.empty()) {
     return router_.fail(call, why);
   }
-  // Reserves the device at once, so that a second browser can't come in between.
+  // Reserves the device at once, so that a second browser can't intervene.
   operators_[name] = {call.connection_id};
   const bool is_queued = pool_.run(name, [=, this] {
     DeviceError error = kDone;
     if (command.needs_lease && link->lease() == 0) error = take_over(*link);
     if (is_done(error)) error = command.step(*link);
-    // The lease has ended in the meantime.
+    // The lease has ended meanwhile.
     if (command.needs_lease && error.outcome() == DeviceOutcome::kNotHolder) {
       error = take_over(*link);
       if (is_done(error)) error = command.step(*link);

@@ -18,19 +18,19 @@
 
 namespace rtpm::console {
 
-/// The commands of operators: the leases that the console holds for browsers, and the connection
-/// that operates each device.
+/// The commands of operators: the leases that the console holds for browsers, and which connection
+/// operates each device.
 /// @ownership refers to all its arguments
 /// @threads  the web server's thread
 class OperatorDesk {
  public:
-  /// The time that a browser that operates a device may be absent.
+  /// How long a browser that operates a device may be absent.
   static constexpr Duration kGoneMax = std::chrono::seconds{5};
 
   /// Access to the devices.
   struct Devices {
     std::function<std::vector<std::string>()> names{};
-    /// Null if the device does not exist or has not been bound yet.
+    /// Returns null if the device does not exist or has not been bound yet.
     std::function<std::shared_ptr<DeviceLink>(const std::string&)> link{};
   };
 
@@ -38,33 +38,33 @@ class OperatorDesk {
 
   /// Adds the services.
   void start();
-  /// The reason why a connection may not command a device now; empty if it may.
+  /// Why a connection may not command a device now; empty if it may.
   [[nodiscard]] std::string refusal(std::uint64_t connection_id, const std::string& device,
                                     bool is_forced) const;
   /// Renews the leases, removes those that have ended, and releases those whose browser has been
   /// absent for kGoneMax. Call it a few times per second.
   void renew(MonotonicTime now);
-  /// A browser that may command has connected. A reloaded page resumes the devices that it
-  /// operated.
+  /// Notes that a browser that may command has connected. A reloaded page resumes the devices that
+  /// it operated.
   void on_open(std::uint64_t connection_id, MonotonicTime now);
-  /// Gives the browser kGoneMax to come back.
-  /// @param since  when it ended or was last heard
+  /// Notes that the browser is gone, which gives it kGoneMax to come back.
+  /// @param since  when the connection ended or was last heard
   void on_close(std::uint64_t connection_id, MonotonicTime since);
-  /// The time that the console goes on holding the device's lease after the browser is gone;
-  /// nullopt if the browser is connected, or none operates the device.
+  /// How much longer the console holds the device's lease after the browser has gone; nullopt if
+  /// the browser is connected, or no browser operates the device.
   [[nodiscard]] std::optional<Duration> left(const std::string& device, MonotonicTime now) const;
-  /// Releases everything and waits for it, at the program's end.
+  /// Releases everything and waits for the result; for the end of the program.
   void release_all();
 
  private:
   using Step = std::function<gvd::DeviceError(DeviceLink&)>;
-  /// Whether the device's sample shows that the step has had its effect.
+  /// Whether the device's sample shows that the step took effect.
   using Effect = std::function<bool(const device::Sample&)>;
   struct Command {
     Step step{};
     bool needs_lease = false;     ///< The console takes the lease over if it has none.
-    bool ends_operation = false;  ///< Other browsers may then operate the device.
-    Effect effect{};              ///< If empty, the step is done once it is answered.
+    bool ends_operation = false;  ///< Other browsers may operate the device afterwards.
+    Effect effect{};              ///< If empty, the step is complete once answered.
   };
 
   void add(const char* name, Command command);
@@ -80,7 +80,7 @@ class OperatorDesk {
     std::optional<MonotonicTime> gone_since{};
   };
   std::map<std::string, Operator> operators_{};  ///< Keyed by device.
-  /// The browsers that may command, by connection, with their start.
+  /// The browsers that may command, by connection, with the time of their connect.
   std::map<std::uint64_t, MonotonicTime> browsers_{};
 };
 

@@ -13,9 +13,9 @@
 namespace rtpm::console {
 
 /// Emergency stops that browsers request. A stop that did not reach its device stays pending, and
-/// the page shows it, until it is delivered or an operator dismisses the device.
+/// is shown on the page, until it is delivered or an operator dismisses the device.
 /// @ownership refers to all its arguments
-/// @threads  the web server's thread, except for deliver()
+/// @threads  the web server's thread, except deliver()
 class StopDesk {
  public:
   /// @param urgent  runs emergency stops only
@@ -24,16 +24,16 @@ class StopDesk {
 
   /// Adds the service console/estop.
   void start();
-  /// Remembers the device's URL: a stop goes there even when its name has expired.
+  /// Remembers the device's URL, so that a stop goes there even when its name has expired.
   void remember(const std::string& device, const std::string& url);
   void dismiss(const std::string& device);
-  /// Tries to deliver the pending stops; blocks for a second at most.
+  /// Tries to deliver the pending stops; blocks for at most a second.
   /// @threads  one
   void deliver();
 
   /// The devices with a pending stop.
   [[nodiscard]] std::set<std::string> owed_devices() const;
-  /// `console/state`'s `not_stopped`.
+  /// The `not_stopped` member of `console/state`.
   [[nodiscard]] nlohmann::ordered_json owed_json(MonotonicTime now) const;
 
  private:

@@ -15,7 +15,7 @@ constexpr std::string_view kReadOnly =
 struct ParameterDesk::Gathering {
   std::uint64_t connection_id = 0;
   std::optional<std::string> id{};
-  std::set<std::string> names{};  ///< The requested names; if empty, all are requested.
+  std::set<std::string> names{};  ///< The requested names; if empty, all.
   bool answers = true;            ///< A change without an id is not answered.
   std::size_t left_count = 0;
   std::vector<foxglove::ParameterInfo> parameters{};
@@ -92,7 +92,7 @@ ParameterDesk::Found ParameterDesk::apply(
     const auto applied = link.client->apply(configuration->revision, settings);
     if (!applied) problem = object + ": " + applied.error().words.text();
   }
-  // Reads the device's present values, whether or not the change succeeded.
+  // Reads the device's current values, whether or not the change succeeded.
   std::vector<std::string> names;
   for (const foxglove::ParameterRequest& request : parameters) {
     const std::string name = request.name.substr(object.size() + 1);
@@ -210,7 +210,7 @@ void ParameterDesk::publish(const std::vector<foxglove::ParameterInfo>& paramete
     const bool is_new = known == published_.end();
     if (!is_new && known->second == info.value) continue;
     published_[info.name] = info.value;
-    // A parameter that is seen for the first time has not changed.
+    // A parameter seen for the first time has not changed.
     if (!is_new) changed.push_back(info);
   }
   if (changed.empty()) return;

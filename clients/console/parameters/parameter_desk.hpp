@@ -20,13 +20,13 @@
 
 namespace rtpm::console {
 
-/// The parameters of all objects that have a configuration, as the protocol's parameters.
+/// Presents the parameters of all objects with a configuration as the protocol's parameters.
 /// @ownership refers to all its arguments
 /// @threads  the web server's thread
 class ParameterDesk {
  public:
   /// @param pool        runs the work of clients that may command
-  /// @param background  runs the rest
+  /// @param background  runs all other work
   ParameterDesk(rpc::Node& node, Clients& clients, WorkerPool& pool, WorkerPool& background,
                 Post post);
 
@@ -39,7 +39,7 @@ class ParameterDesk {
   void watch(Client& client, const foxglove::WatchParameters& request);
   /// Sends the changed parameters of an object to the clients that watch them.
   void on_change(const std::string& object);
-  /// Finds changes that no event reported. Call it every few seconds.
+  /// Detects changes that no event reported. Call it every few seconds.
   void poll();
 
  private:
@@ -47,10 +47,10 @@ class ParameterDesk {
   struct Link {
     std::mutex mutex{};
     std::optional<gvd::ConfigurationClient> client{};  ///< Guarded by `mutex`.
-    bool is_asked = false;     ///< A request for changes is under way. Web server's thread only.
+    bool is_asked = false;     ///< A request for changes is in progress. Web server's thread only.
     bool is_outdated = false;  ///< It may have changed since then. Web server's thread only.
   };
-  /// A worker's action on a bound configuration.
+  /// What a worker does with a bound configuration.
   struct Found {
     std::vector<foxglove::ParameterInfo> parameters{};
     std::string problem{};
@@ -73,7 +73,7 @@ class ParameterDesk {
   Post post_;
   std::vector<std::string> names_{};
   std::map<std::string, std::shared_ptr<Link>> links_{};
-  std::map<std::string, nlohmann::json> published_{};  ///< The values that watchers know.
+  std::map<std::string, nlohmann::json> published_{};  ///< The values that watchers have received.
 };
 
 }  // namespace rtpm::console

@@ -67,7 +67,7 @@ expected<ParameterValue, std::string> value_of(const gvd::Parameter& parameter, 
 }
 
 ParameterName split_name(const std::string& name, const std::vector<std::string>& objects) {
-  // Names may contain dots, so the longest object that fits counts.
+  // Names may contain dots, so the longest matching object counts.
   ParameterName split;
   for (const std::string& object : objects) {
     const bool fits =

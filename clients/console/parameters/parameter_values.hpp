@@ -12,18 +12,18 @@
 
 namespace rtpm::console {
 
-/// The parameters of an object with the values of `settings`, as the protocol shows them:
+/// The parameters of an object with the values in `settings`, as the protocol shows them:
 /// "lab/arm0.safety.ramp_s".
 [[nodiscard]] std::vector<foxglove::ParameterInfo> infos_of(
     const std::string& object, const std::vector<driver::ParameterSetting>& settings);
 
-/// The value that a client sent for `parameter`, in its type; its range is not checked.
+/// The value that a client sent for `parameter`, converted to its type; the range is not checked.
 /// @errors   in words: the value has another type
 [[nodiscard]] expected<driver::ParameterValue, std::string> value_of(
     const gvd::Parameter& parameter, const nlohmann::json& value);
 
-/// Splits "lab/arm0.safety.ramp_s" into object and parameter; `objects` has the objects' names.
-/// @return an empty object if no object fits
+/// Splits "lab/arm0.safety.ramp_s" into object and parameter; `objects` lists the objects' names.
+/// @return an empty object if none matches
 struct ParameterName {
   std::string object{};
   std::string parameter{};

@@ -18,7 +18,7 @@ constexpr std::size_t kFileCountMax = 200;
 constexpr std::size_t kNameCountMax = 10'000;
 constexpr std::size_t kNameSizeMax = 128;
 
-/// Reads only the file's end, so that no file takes long, however large it is or claims to be.
+/// Reads only the end of the file, so that no file takes long, whatever its real or claimed size.
 std::optional<RecordingFile> look_at(const fs::path& path) {
   const auto outline = recording::read_outline(path.string());
   if (!outline) return std::nullopt;

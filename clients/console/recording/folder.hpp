@@ -12,7 +12,7 @@
 
 namespace rtpm::console {
 
-/// A recording in the folder. One that was not ended states no times and counts.
+/// A recording in the folder. An incomplete one states no times and counts.
 struct RecordingFile {
   std::string file{};
   std::uint64_t byte_count = 0;
@@ -28,10 +28,11 @@ class RecordingFolder {
  public:
   explicit RecordingFolder(std::filesystem::path folder) : folder_(std::move(folder)) {}
 
-  /// The recordings, by name; at most 200. Omits files that are not recordings or not regular.
+  /// The recordings, sorted by name; at most 200. Omits files that are not recordings or not
+  /// regular.
   [[nodiscard]] std::vector<RecordingFile> list();
   /// The path of a file that a browser names.
-  /// @errors   a name with other characters than letters, digits, '.', '_', '-'; not "….mcap"
+  /// @errors   a name with characters other than letters, digits, '.', '_', '-'; not "….mcap"
   [[nodiscard]] expected<std::filesystem::path, SetupError> path_of(std::string_view file) const;
 
  private:

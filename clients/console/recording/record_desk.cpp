@@ -11,7 +11,7 @@ namespace {
 using OrderedJson = nlohmann::ordered_json;
 
 constexpr Duration kHubDeadline = std::chrono::milliseconds{500};
-/// The time limit for opening a recording; one without a summary is read as a whole.
+/// The time limit for opening a recording; one without a summary is read completely.
 constexpr Duration kOpenTimeMax = std::chrono::seconds{20};
 
 std::string text_in(const nlohmann::json& request, const char* key) {
@@ -56,7 +56,7 @@ expected<void, SetupError> RecordDesk::start() {
   add("recordings", [this](const PendingCall& call, const Json&) { list(call); });
   add("replay_open",
       [this](const PendingCall& call, const Json& request) { open_replay(call, request); });
-  // A command to the open recording; it returns why it was not done, or nothing.
+  // Adds a command on the open recording; `command` returns why it failed, or an empty text.
   const auto add_command = [&](const char* name, auto command) {
     add(name, [this, command](const PendingCall& call, const Json& request) {
       if (!player_) return router_.fail(call, "no recording is open; open one first");
@@ -234,13 +234,13 @@ void RecordDesk::show_replay(const PendingCall& call, const std::string& file,
 }
 
 void RecordDesk::close_replay() {
-  ++replay_id_;  // Messages that the former player still delivers then belong to no channel.
+  ++replay_id_;  // Messages that the former player still delivers then match no channel.
   if (!player_) return;
   for (const auto& [number, channel] : player_->channels())
     channels_.remove("replay/" + channel.topic);
   replay_channels_.clear();
   played_file_.clear();
-  // The destructor waits for a chunk that is being read.
+  // The destructor waits while a chunk is being read.
   std::shared_ptr<ReplayPlayer> ended = std::exchange(player_, nullptr);
   static_cast<void>(
       pool_.run("recordings", [ended = std::move(ended)]() mutable { ended.reset(); }));

@@ -20,14 +20,14 @@
 
 namespace rtpm::console {
 
-/// The services that record the hub's events and play recordings, for all browsers together.
+/// The services that record the hub's events and play recordings, shared by all browsers.
 /// @ownership refers to all its arguments
-/// @threads  the web server's thread, except for stop_reading() and close()
+/// @threads  the web server's thread, except stop_reading() and close()
 class RecordDesk {
  public:
   struct Config {
     std::string hub{};
-    std::string registry{};  ///< The registry with the names of devices.
+    std::string registry{};  ///< The registry with the devices' names.
     std::filesystem::path folder{};
   };
   RecordDesk(rpc::Node& node, Config config, CallRouter& router, ChannelTable& channels,
@@ -38,9 +38,9 @@ class RecordDesk {
   [[nodiscard]] expected<void, SetupError> start();
   [[nodiscard]] nlohmann::ordered_json recording_json() const;
   [[nodiscard]] nlohmann::ordered_json replay_json() const;
-  /// Stops reading files. Nothing posted by it may run any more.
+  /// Stops reading files. Work that it has posted must not run afterwards.
   void stop_reading();
-  /// Ends recording and replay, when no other thread runs any more.
+  /// Ends recording and replay, once no other thread runs.
   void close();
 
  private:
@@ -48,7 +48,7 @@ class RecordDesk {
   void start_recording(const PendingCall& call, const Json& request);
   void stop_recording(const PendingCall& call);
   void list(const PendingCall& call);
-  /// Becomes false when the desk ends, another recording is requested, or it takes too long.
+  /// Returns false when the desk ends, another recording is requested, or it takes too long.
   [[nodiscard]] recording::Progress patience(std::uint64_t replay_id);
   void open_replay(const PendingCall& call, const Json& request);
   void show_replay(const PendingCall& call, const std::string& file,
@@ -64,12 +64,12 @@ class RecordDesk {
   WorkerPool& pool_;
   Post post_;
   RecordingFolder folder_;
-  /// Files of unknown origin may keep a thread busy, so they have one of their own.
+  /// Reads files on its own thread, as files of unknown origin may keep a thread busy.
   WorkerPool reading_{};
   std::atomic<bool> is_ending_{false};
   mutable std::mutex mutex_{};
   std::shared_ptr<capture::LiveRecording> recording_{};  ///< Guarded by `mutex_`.
-  bool is_changing_ = false;                             ///< A start or stop is under way.
+  bool is_changing_ = false;                             ///< A start or stop is in progress.
   std::string recorded_file_{};
   std::string problem_{};
   std::shared_ptr<ReplayPlayer> player_{};

@@ -12,17 +12,17 @@ constexpr Duration kFrameInterval = std::chrono::milliseconds{16};
 constexpr double kDenseRateHz = 100;
 constexpr double kSpeedMin = 0.01;
 constexpr double kSpeedMax = 100;
-/// The span before a sought time that is shown, and its density: enough for curves.
+/// How much before a seek time is shown, and at what density: enough for curves.
 constexpr std::uint64_t kHistoryNs = 30'000'000'000;
 constexpr std::uint64_t kHistoryStepNs = 150'000'000;
-/// Messages that are delivered in one batch: a browser's queue holds 256.
+/// Messages delivered in one batch; a browser's queue holds 256.
 constexpr int kHistoryBatch = 64;
 
 std::string text_of(ConstBytes bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-/// The reason why a page can't show it; empty if it can.
+/// Why a page can't show the recording; empty if it can.
 std::string excess_of(const recording::FileReader& reader) {
   std::size_t byte_count = 0;
   for (const auto& [number, schema] : reader.schemas())
@@ -35,7 +35,7 @@ std::string excess_of(const recording::FileReader& reader) {
   return byte_count > ReplayPlayer::kSchemaByteMax ? "its schemas take more than 16 MiB" : "";
 }
 
-/// A file may state any times; the difference of any two fits a Duration.
+/// A file may contain any times, but the difference of any two fits a Duration.
 Duration between(std::uint64_t begin_ns, std::uint64_t end_ns) noexcept {
   constexpr std::uint64_t kLongestNs = 1'000'000'000'000'000'000;
   return Duration{
@@ -113,7 +113,7 @@ expected<void, SetupError> ReplayPlayer::show(Duration at, const replay::Turn& t
         next = message.log_time_ns + kHistoryStepNs;
         newest.erase(message.channel_id);
         deliver_(message.channel_id, message.log_time_ns, text_of(message.data));
-        // Browsers need time to take the batch.
+        // Gives browsers time to receive the batch.
         return ++batch_count % kHistoryBatch != 0 || turn.wait(kFrameInterval);
       },
       [&](std::uint64_t, std::uint64_t) { return turn.is_present(); });

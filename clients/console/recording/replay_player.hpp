@@ -13,7 +13,7 @@
 
 namespace rtpm::console {
 
-/// A recording that is played to pages. Channels with many messages are decimated to 60 per second.
+/// Plays a recording to pages. Channels with many messages are decimated to 60 per second.
 /// @threads  any
 class ReplayPlayer final : replay::Script {
  public:
@@ -25,8 +25,8 @@ class ReplayPlayer final : replay::Script {
   static constexpr std::size_t kChannelCountMax = 1'000;
   static constexpr std::size_t kSchemaByteMax = 16 << 20;
 
-  /// Opens a recording, even one that was not ended. It does not play yet.
-  /// @param progress  may stop the opening
+  /// Opens a recording, even an incomplete one. Does not start playing.
+  /// @param progress  can stop the opening
   /// @errors   as FileReader::open(); more channels or schemas than a page can show
   [[nodiscard]] static expected<std::unique_ptr<ReplayPlayer>, SetupError> open(
       const std::string& path, Deliver deliver, const recording::Progress& progress);
@@ -41,12 +41,12 @@ class ReplayPlayer final : replay::Script {
     return schemas_;
   }
 
-  /// Plays from the present time on, or from the beginning if it is at its end.
+  /// Plays from the current time, or from the beginning if it is at its end.
   /// @param speed  0.01 to 100
   void play(double speed);
   void pause() { playback_.pause(); }
-  /// Seeks to a time; delivers the newest message of each channel up to then, and for curves some
-  /// of the half minute before it.
+  /// Seeks to a time. Delivers the newest message of each channel up to then and, for curves, some
+  /// of the half minute before.
   void seek(std::uint64_t time_ns) { playback_.seek(at(time_ns)); }
   [[nodiscard]] replay::Playback::Status status() const { return playback_.status(); }
   [[nodiscard]] std::uint64_t time_ns(Duration at) const noexcept;
@@ -55,7 +55,7 @@ class ReplayPlayer final : replay::Script {
   ReplayPlayer(std::unique_ptr<recording::FileReader> reader, Deliver deliver);
   expected<void, SetupError> play(Duration from, const replay::Turn& turn) override;
   expected<void, SetupError> show(Duration at, const replay::Turn& turn) override;
-  /// A log time as time since the recording's start.
+  /// Converts a log time to the time since the recording's start.
   [[nodiscard]] Duration at(std::uint64_t log_time_ns) const noexcept;
   [[nodiscard]] bool is_shown(std::uint16_t channel);
 

@@ -12,7 +12,7 @@ namespace rtpm::console {
 namespace {
 
 constexpr std::size_t kBatchSize = 100;
-/// This service waits behind no other call of its client.
+/// This service never waits for other calls of its client.
 constexpr std::string_view kStopService = "console/estop";
 constexpr std::string_view kReadOnly =
     "read-only: open the URL with the token that rtpm-console printed";

@@ -14,9 +14,9 @@
 
 namespace rtpm::console {
 
-/// Limit of a client's unanswered calls; more are refused.
+/// The most unanswered calls of a client; more are refused.
 inline constexpr std::size_t kOpenCallCountMax = 32;
-/// Limit of a client that may not command; it only reads parameters.
+/// The limit for a client that may not command, and so only reads parameters.
 inline constexpr std::size_t kOpenReadCountMax = 4;
 
 /// A call to be answered.
@@ -32,9 +32,9 @@ struct PendingCall {
 /// @threads  the web server's thread
 class CallRouter {
  public:
-  /// Starts a call; succeed() or fail() must answer it later, once.
+  /// Starts a call, which must later be answered exactly once by succeed() or fail().
   using Handler = std::function<void(const PendingCall& call, std::string payload)>;
-  /// A handler of a service whose requests are JSON objects.
+  /// A handler for a service whose requests are JSON objects.
   using JsonHandler = std::function<void(const PendingCall& call, const nlohmann::json& request)>;
 
   explicit CallRouter(Clients& clients) noexcept : clients_(clients) {}

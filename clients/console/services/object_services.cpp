@@ -16,12 +16,12 @@ namespace rtpm::console {
 namespace {
 
 constexpr std::string_view kDeviceInterface = "rtpm.device.Device";
-/// The interval between a failed attempt to open an object and the next.
+/// The interval before opening an object is retried.
 constexpr Duration kRetryInterval = std::chrono::seconds{5};
-/// The longest time that a method of an object occupies a worker.
+/// The longest time that an object's method may occupy a worker.
 constexpr Duration kDeadlineMax = std::chrono::seconds{10};
 
-/// Methods that make a device act: they require an operator.
+/// Whether a method makes a device act, and so requires an operator.
 bool is_command(std::string_view method) {
   constexpr std::array kCommands{"command",  "acquire",    "renew", "release",    "recover",
                                  "activate", "deactivate", "rearm", "set_models", "take_over"};
@@ -40,8 +40,8 @@ const schema::Field* lease_field(const schema::Object& object) {
   return is_there ? &*found : nullptr;
 }
 
-/// The bytes on the wire of a request that a client sent.
-/// @errors   in words: it does not fit the schema
+/// Encodes a client's request for the wire.
+/// @errors   in words: it does not match the schema
 expected<std::vector<std::byte>, std::string> encoded(schema::Dynamic& dynamic,
                                                       const schema::Payload& payload, bool is_json,
                                                       const std::string& request) {
@@ -51,7 +51,7 @@ expected<std::vector<std::byte>, std::string> encoded(schema::Dynamic& dynamic,
     return unexpected{"the request is no FlatBuffer of " +
                       dynamic.model().objects[payload.table].name};
   }
-  // The schema's own parser accepts declarations, too, so it is given nothing but JSON.
+  // The schema's own parser also accepts declarations, so it must only get JSON.
   const auto json = parse_bounded_json<nlohmann::json>(request.empty() ? "{}" : request);
   if (!json.is_object()) return unexpected{std::string("the request is no JSON object")};
   std::string error;
@@ -60,7 +60,7 @@ expected<std::vector<std::byte>, std::string> encoded(schema::Dynamic& dynamic,
   return unexpected{"the request does not fit the schema: " + error};
 }
 
-/// Fills in the console's lease where the request has none.
+/// Inserts the console's lease if the request has none.
 std::vector<std::byte> with_lease(schema::Dynamic& dynamic, const schema::Payload& payload,
                                   std::vector<std::byte> bytes, std::uint64_t lease) {
   if (lease == 0 || payload.kind == schema::PayloadKind::kEmpty) return bytes;

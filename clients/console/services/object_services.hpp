@@ -17,8 +17,8 @@
 
 namespace rtpm::console {
 
-/// Serves every method of every object at the registry as a service, with the schema that its
-/// server publishes.
+/// Serves every method of every registered object as a service, with the schema that its server
+/// publishes.
 /// @ownership refers to all its arguments
 /// @threads  the web server's thread
 class ObjectServices {
@@ -33,12 +33,12 @@ class ObjectServices {
   void set_objects(const std::vector<ObjectView>& objects);
 
  private:
-  /// An object that answers; one thread at a time may use its conversions.
+  /// An object that answers; only one thread at a time may use its conversions.
   struct Opened {
     std::unique_ptr<dynamic::RemoteObject> remote{};
     std::mutex mutex{};
     std::vector<foxglove::ServiceInfo> services{};
-    std::vector<const schema::Method*> methods{};  ///< The method of each service.
+    std::vector<const schema::Method*> methods{};  ///< The method for each service.
   };
   struct Entry {
     ObjectView view{};

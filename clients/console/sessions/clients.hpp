@@ -15,12 +15,12 @@ namespace rtpm::console {
 /// A connection's subscriptions and requests.
 struct Client {
   Connection* connection = nullptr;
-  std::map<std::uint32_t, std::uint32_t> subscriptions{};  ///< Subscription to channel.
+  std::map<std::uint32_t, std::uint32_t> subscriptions{};  ///< Maps subscriptions to channels.
   bool watches_graph = false;
   bool watches_all_parameters = false;
   std::set<std::string> watched_parameters{};
   std::size_t open_call_count = 0;
-  std::size_t garbage_count = 0;  ///< Malformed frames in a row.
+  std::size_t garbage_count = 0;  ///< Consecutive malformed frames.
 
   [[nodiscard]] bool watches(const std::string& parameter) const {
     return watches_all_parameters || watched_parameters.contains(parameter);

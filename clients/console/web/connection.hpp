@@ -10,7 +10,7 @@
 
 namespace rtpm::console {
 
-/// The reason why a connection is closed; numbers of RFC 6455.
+/// Why a connection is closed; numbers of RFC 6455.
 enum class CloseCode : std::uint16_t {
   kGoingAway = 1001,
   kProtocolError = 1002,
@@ -29,18 +29,18 @@ class Connection {
 
   /// Counts from 1; never repeats.
   [[nodiscard]] virtual std::uint64_t id() const noexcept = 0;
-  /// The client came with the token.
+  /// Whether the client presented the token.
   [[nodiscard]] virtual bool may_command() const noexcept = 0;
-  /// The client came with another token.
+  /// Whether the client presented a wrong token.
   [[nodiscard]] virtual bool has_wrong_token() const noexcept = 0;
-  /// Messages that were dropped because the client reads too slowly.
+  /// How many messages were dropped because the client reads too slowly.
   [[nodiscard]] virtual std::uint64_t dropped_count() const noexcept = 0;
 
-  /// Sends a text frame that must arrive. Disconnects a client that does not read.
+  /// Sends a text frame that must arrive. Disconnects a client that does not read it.
   virtual void send_text(SharedText text) = 0;
-  /// Sends a binary frame that must arrive. Disconnects a client that does not read.
+  /// Sends a binary frame that must arrive. Disconnects a client that does not read it.
   virtual void send_binary(SharedText bytes) = 0;
-  /// Sends a message of a subscription; drops older ones if the client is slow.
+  /// Sends a subscription's message; drops older ones if the client is slow.
   virtual void send_message(std::uint32_t subscription_id, std::uint64_t log_time_ns,
                             SharedText payload) = 0;
   virtual void close(CloseCode code, std::string_view reason) = 0;
@@ -58,7 +58,7 @@ class ConnectionHandler {
   virtual void on_open(Connection& connection) = 0;
   virtual void on_text(Connection& connection, std::string_view text) = 0;
   virtual void on_binary(Connection& connection, ConstBytes bytes) = 0;
-  /// The connection is gone when this returns.
+  /// Handles the end of a connection, which must not be used after this returns.
   /// @param since  when it ended; for a silent connection, when it was last heard
   virtual void on_close(Connection& connection, MonotonicTime since) = 0;
 };

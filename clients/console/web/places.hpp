@@ -11,9 +11,9 @@
 
 namespace rtpm::console {
 
-/// The connections of one kind, at most `capacity`. A new one is always admitted: beyond the
-/// capacity, the peer with the most connections loses its oldest, so that a peer displaces its own
-/// first.
+/// The connections of one kind, at most `capacity`. A new one is always admitted: above the
+/// capacity, the peer with the most connections loses its oldest one, so a peer displaces its own
+/// connections first.
 /// @threads  one
 class PlaceTable {
  public:
@@ -57,10 +57,10 @@ class PlaceTable {
 
   std::size_t capacity_;
   std::uint64_t last_id_ = 0;
-  std::list<Entry> entries_{};  ///< The oldest first.
+  std::list<Entry> entries_{};  ///< Oldest first.
 };
 
-/// A connection's entry in a table, for as long as this object lives.
+/// A connection's entry in a table; removed on destruction.
 class Place {
  public:
   /// @param give_way  called at most once, when another connection displaces this one

@@ -81,7 +81,7 @@ std::optional<RequestTarget> read_target(std::string_view target) {
 bool is_own_host(std::string_view host, std::span<const std::string> names) {
   std::string name = lower(host);
   const std::size_t colon = name.rfind(':');
-  // The colons of "[::1]" do not begin a port.
+  // The colons in "[::1]" do not start a port.
   if (colon != std::string::npos && name.find(']', colon) == std::string::npos) {
     const std::string_view port = std::string_view(name).substr(colon + 1);
     const bool is_number = !port.empty() && port.size() <= kPortDigitMax &&
@@ -137,7 +137,7 @@ std::string_view media_type(std::string_view file) {
 }
 
 std::string content_security_policy(std::string_view host) {
-  // Guards the policy's source against foreign characters.
+  // Prevents foreign characters in the policy.
   const bool is_plain = std::ranges::all_of(host, [](unsigned char c) {
     return std::isalnum(c) != 0 || c == '.' || c == ':' || c == '[' || c == ']' || c == '-';
   });

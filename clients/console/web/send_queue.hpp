@@ -11,10 +11,10 @@
 
 namespace rtpm::console {
 
-/// Bytes that several connections share.
+/// Bytes shared by several connections.
 using SharedText = std::shared_ptr<const std::string>;
 
-/// One frame to send: a head of its own, and a body that several frames may share.
+/// A frame to send: its own header, and a body that several frames may share.
 struct OutgoingFrame {
   std::array<std::byte, 16> head{};
   std::size_t head_size = 0;
@@ -22,8 +22,9 @@ struct OutgoingFrame {
   bool is_text = false;
 };
 
-/// A client's queue of outgoing frames. Old data is worth less, so the oldest is dropped; no
-/// control frame may be missing, so a client that does not read them is disconnected.
+/// A client's queue of outgoing frames. If it is full, the oldest data is dropped, as old data is
+/// worth less. Control frames must not be lost, so a client that does not read them is
+/// disconnected.
 /// @threads  one at a time
 class SendQueue {
  public:
@@ -35,7 +36,7 @@ class SendQueue {
   explicit SendQueue(std::size_t data_byte_max = kDataByteMax) noexcept
       : data_byte_max_(data_byte_max) {}
 
-  /// Appends data; drops and counts the oldest above the limits.
+  /// Appends data; drops and counts the oldest if above the limits.
   void push_data(OutgoingFrame frame) {
     data_byte_count_ += size_of(frame);
     data_.push_back(std::move(frame));
@@ -55,7 +56,7 @@ class SendQueue {
     control_.push_back(std::move(frame));
     return true;
   }
-  /// The next frame to send, control first.
+  /// The next frame to send; control frames first.
   [[nodiscard]] std::optional<OutgoingFrame> pop() {
     if (!control_.empty()) {
       OutgoingFrame frame = std::move(control_.front());

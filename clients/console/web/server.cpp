@@ -33,10 +33,10 @@ namespace websocket = beast::websocket;
 using asio::ip::tcp;
 using beast::error_code;
 
-/// The time limit for reading a request's head, and for writing a response.
+/// The time limit for reading a request's header, and for writing a response.
 constexpr auto kRequestTime = std::chrono::seconds{5};
 constexpr auto kResponseTime = std::chrono::seconds{20};
-/// A client that was silent for half of this time is pinged, after all of it disconnected: an
+/// A client is pinged after half of this time in silence, and disconnected after all of it: an
 /// operator who is gone holds no lease for longer than OperatorDesk::kGoneMax.
 constexpr auto kSilenceMax = std::chrono::seconds{5};
 constexpr auto kHandshakeTime = std::chrono::seconds{5};
@@ -45,19 +45,19 @@ constexpr auto kEndTime = std::chrono::milliseconds{500};
 constexpr std::uint32_t kHeaderSizeMax = 8 * 1024;
 constexpr std::uint64_t kBodySizeMax = 1024;
 constexpr std::uintmax_t kFileSizeMax = std::uintmax_t{64} << 20;
-/// Enough for any flood that outruns the accepting thread; the system has its own cap.
+/// Enough for a burst that outruns the accepting thread; the system has its own limit.
 constexpr int kBacklog = 4096;
-/// Limit of displaced clients that have not answered the close frame yet.
+/// The most displaced clients that have not answered the close frame yet.
 constexpr std::size_t kLeavingCountMax = 32;
-/// Limit of the data queued for a client without the token.
+/// The most data queued for a client without the token.
 constexpr std::size_t kObserverDataByteMax = std::size_t{1} << 20;
 
 std::string text_of(beast::string_view view) {
   return {view.data(), view.size()};
 }
 
-/// The peer's key: all loopback addresses count as one, as does a network of IPv6 addresses,
-/// because a host may have as many of them as it likes.
+/// The key of a peer: all loopback addresses count as one, as does an IPv6 network, because a host
+/// may use any number of its addresses.
 std::string peer_of(const tcp::socket& socket) {
   error_code error;
   const tcp::endpoint endpoint = socket.remote_endpoint(error);
@@ -91,8 +91,7 @@ struct WebServer::Impl {
 
   WebConfig config;
   ConnectionHandler& handler;
-  // The count and the tables outlive the context, whose destructor destroys the remaining sessions
-  // and their places.
+  // Must outlive the context, whose destructor destroys the remaining sessions and their places.
   std::size_t socket_count = 0;
   PlaceTable requests{kRequestCountMax};
   PlaceTable observers{kObserverCountMax};
@@ -109,7 +108,7 @@ struct WebServer::Impl {
 
 namespace {
 
-/// Counts a socket as long as it lives.
+/// Counts a socket while it lives.
 class SocketCount {
  public:
   explicit SocketCount(std::size_t& count) noexcept : count_(&count) { ++*count_; }
@@ -194,12 +193,12 @@ class WebSocketSession final : public Connection,
     end(rt::now());
     close_reason_.emplace(static_cast<websocket::close_code>(code));
     close_reason_->reason.assign(reason.data(), std::min<std::size_t>(reason.size(), 120));
-    // Queued behind earlier frames, which may state the reason.
+    // Queued after earlier frames, which may contain the reason.
     write();
   }
 
  private:
-  /// Closes a displaced client; without the handshake when too many are closing.
+  /// Closes a displaced client; skips the closing handshake if too many are closing.
   void give_way() {
     const auto self = shared_from_this();
     place_.emplace(server_.leaving, peer_, [this] { drop(); });
@@ -220,7 +219,7 @@ class WebSocketSession final : public Connection,
     read();
   }
 
-  /// Reports the end to the handler once, whatever caused it.
+  /// Reports the end to the handler once, whatever its cause.
   void end(MonotonicTime since) {
     if (!is_open_) return;
     is_open_ = false;
@@ -232,7 +231,7 @@ class WebSocketSession final : public Connection,
   void send_control(OutgoingFrame frame) {
     if (!is_open_) return;
     if (queue_.push_control(std::move(frame))) return write();
-    // The client has not read for long, so a close frame is pointless.
+    // The client has not read for a long time, so a close frame is pointless.
     drop();
   }
 
@@ -252,7 +251,7 @@ class WebSocketSession final : public Connection,
     }
     const std::size_t size = buffer_.size();
     buffer_.consume(size);
-    // Reads on after close(), until the client has answered it.
+    // Keeps reading after close(), until the client has answered it.
     const Duration wait = has_token_ ? Duration{0} : budget_.take(size, rt::now());
     if (wait == Duration{0}) return read();
     next_read_.expires_after(std::chrono::nanoseconds{wait});
@@ -296,10 +295,10 @@ class WebSocketSession final : public Connection,
   bool has_token_;
   bool has_wrong_token_;
   FrameBudget budget_{};
-  MonotonicTime last_heard_{};  ///< The last arrival of a frame, including an answer to a ping.
+  MonotonicTime last_heard_{};  ///< When a frame, including an answer to a ping, last arrived.
   bool is_open_ = false;
   bool is_writing_ = false;
-  std::optional<websocket::close_reason> close_reason_{};  ///< Sent when nothing else is queued.
+  std::optional<websocket::close_reason> close_reason_{};  ///< Sent once nothing else is queued.
   beast::flat_buffer buffer_{};
   SendQueue queue_;
   OutgoingFrame sending_{};
@@ -321,7 +320,7 @@ class HttpSession final : public std::enable_shared_from_this<HttpSession> {
     parser_.emplace();
     parser_->header_limit(kHeaderSizeMax);
     parser_->body_limit(kBodySizeMax);
-    // The limit covers the whole request: a byte now and then keeps nothing open.
+    // The limit covers the whole request, so an occasional byte can't keep it open.
     stream_.expires_after(kRequestTime);
     http::async_read(
         stream_, buffer_, *parser_,
@@ -477,7 +476,7 @@ void WebServer::Impl::accept() {
       add_session(std::move(socket));
       return accept();
     }
-    // No descriptor is left: connections that end free some.
+    // No descriptor is left; connections that end will free some.
     retry.expires_after(kAcceptRetry);
     retry.async_wait([this](error_code aborted) {
       if (!aborted && !is_ending) accept();

@@ -13,28 +13,28 @@
 
 namespace rtpm::console {
 
-/// Connections at a time: HTTP requests, clients without the token, clients with it. In the first
-/// two groups the oldest gives way to a new one; the third is reserved: nothing displaces its
-/// clients.
+/// Concurrent connections: HTTP requests, clients without the token, clients with it. In the first
+/// two groups a new one displaces the oldest; the third is reserved, and its clients are never
+/// displaced.
 inline constexpr std::size_t kRequestCountMax = 128;
 inline constexpr std::size_t kObserverCountMax = 64;
 inline constexpr std::size_t kOperatorCountMax = 64;
-/// Limits of a client's frame, in bytes, with the token and without.
+/// The largest frame of a client in bytes, with the token and without.
 inline constexpr std::size_t kFrameSizeMax = std::size_t{1} << 20;
 inline constexpr std::size_t kObserverFrameSizeMax = std::size_t{64} << 10;
 
 struct WebConfig {
   std::string address = "127.0.0.1";
-  std::uint16_t port = 8765;  ///< Any if 0.
+  std::uint16_t port = 8765;  ///< If 0, any.
   std::filesystem::path page_folder{};
   std::string token{};
   bool is_read_only = false;
-  std::vector<std::string> host_names{};  ///< Names by which browsers may reach it.
+  std::vector<std::string> host_names{};  ///< Names by which browsers may reach this server.
 };
 
 /// Serves the page over HTTP and clients over WebSocket, on one port and one thread.
 /// @ownership refers to its handler, which must outlive it
-/// @threads  run() on one; post() and stop() on any; every() before run() or on its thread
+/// @threads  run(): one; post() and stop(): any; every(): before run() or on its thread
 class WebServer {
  public:
   /// @errors   the address can't be served

@@ -18,7 +18,7 @@ namespace {
 constexpr mode_t kForThisUser = 0600;
 constexpr mode_t kOfOthers = 077;
 
-/// Makes the file with `token`; false if the file exists already.
+/// Creates the file with `token`; false if the file exists already.
 expected<bool, SetupError> make_file(const std::string& path, const std::string& token) {
   const int file =
       ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, kForThisUser);
@@ -52,7 +52,7 @@ expected<std::string, SetupError> token_in_file(const std::string& path) {
   const auto is_made = make_file(path, *token);
   if (!is_made) return unexpected{is_made.error()};
   if (*is_made) return token;
-  // A pipe instead of a file must not block the start.
+  // If the file is a pipe, it must not block the start.
   const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (file < 0) {
     return setup_error("the token file " + path + " can't be read", system_error(errno));
@@ -97,7 +97,7 @@ bool is_same_token(std::string_view a, std::string_view b) noexcept {
     const auto one = static_cast<unsigned char>(a[i]);
     difference |= static_cast<unsigned>(one ^ static_cast<unsigned char>(b[i]));
   }
-  // The compiler must not leave the loop early.
+  // Prevents the compiler from leaving the loop early.
   asm volatile("" : "+r"(difference));
   return difference == 0;
 }

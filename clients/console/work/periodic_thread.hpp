@@ -12,7 +12,7 @@
 namespace rtpm::console {
 
 /// A time-shared thread that runs its work periodically until it is stopped.
-/// @threads  wake() from any; the rest from one
+/// @threads  wake(): any; the rest: one
 class PeriodicThread {
  public:
   PeriodicThread() = default;
@@ -20,12 +20,12 @@ class PeriodicThread {
   PeriodicThread& operator=(const PeriodicThread&) = delete;
   ~PeriodicThread() { stop(); }
 
-  /// Runs `work`, then waits for `period` or wake(), and so on.
+  /// Repeatedly runs `work`, then waits for `period` or wake().
   [[nodiscard]] expected<void, SetupError> start(const std::string& name, Duration period,
                                                  std::function<void()> work);
-  /// Makes the next run start now.
+  /// Starts the next run now.
   void wake();
-  /// Waits for the present run.
+  /// Waits for the current run.
   void stop();
 
  private:

@@ -54,7 +54,7 @@ void WorkerPool::serve() {
     job.work();
     lock.lock();
     if (--running_[job.target] == 0) running_.erase(job.target);
-    // Work that waited for this target may run now, on any thread.
+    // Queued work for this target may now run, on any thread.
     changed_.notify_all();
   }
 }

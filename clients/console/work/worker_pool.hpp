@@ -22,7 +22,7 @@ class WorkerPool {
   struct Config {
     std::string name = "console-work";
     std::size_t thread_count = 8;
-    std::size_t per_target_max = 2;  ///< Running at a time.
+    std::size_t per_target_max = 2;  ///< How many may run concurrently.
     std::size_t queued_max = 2048;
   };
 
@@ -33,7 +33,7 @@ class WorkerPool {
   ~WorkerPool() { stop(); }
 
   /// Runs `work`, which must end within a bounded time, on one of the threads.
-  /// @return false if the queue is full, or the pool has stopped; `work` then never runs
+  /// @return false if the queue is full, or the pool has stopped; then `work` never runs
   [[nodiscard]] bool run(const std::string& target, std::function<void()> work);
   /// Waits for running work, and drops queued work.
   void stop();

@@ -30,7 +30,8 @@ expected<void, SetupError> Bridge::begin(rpc::Node& node, BrokerConfig broker) {
     for (const TopicMapping& each : config_.mappings)
       broker.subscriptions.push_back(each.topic);
   }
-  // Messages may arrive before broker_ is set and while it ends: on_message() does not use it.
+  // Messages may arrive before broker_ is set and while it is being destroyed: on_message() does
+  // not use it.
   broker.id = id_;
   auto made = Broker::create(std::move(broker), *this);
   if (!made) return unexpected{std::move(made.error())};
@@ -50,12 +51,12 @@ expected<void, SetupError> Bridge::begin(rpc::Node& node, BrokerConfig broker) {
 }
 
 Bridge::~Bridge() {
-  // Ends in order: consumer, broker, supplier.
+  // Destroyed in this order: consumer, broker, supplier.
   consumer_.reset();
   broker_.reset();
 }
 
-// ev-6.2-2: only events with hops left; a hub's own have none.
+// ev-6.2-2: only events with hops left; a hub's own events have none.
 Filter Bridge::filter() const {
   std::vector<Match> matches;
   for (const WantedOrigin& each : config_.wanted) {
@@ -82,7 +83,7 @@ void Bridge::on_events(std::span<const EventView> events) {
   }
 }
 
-// Precedes the first event after each start of the hub.
+// Called before the first event after each start of the hub.
 void Bridge::on_notice(const Notice& notice) {
   const bool is_begin =
       notice.kind == NoticeKind::kSubscribed || notice.kind == NoticeKind::kResubscribed;
@@ -90,7 +91,7 @@ void Bridge::on_notice(const Notice& notice) {
 }
 
 void Bridge::on_message(const Message& message) {
-  // ev-6.2-1: a broker without "no local" returns own messages.
+  // ev-6.2-1: a broker without "no local" returns our own messages.
   if (message.id == id_) {
     ++own_count_;
     return;

@@ -21,13 +21,13 @@ enum class Direction : std::uint8_t { kToBroker, kFromBroker, kBoth };
 /// Configures a bridge.
 struct BridgeConfig {
   std::string hub{};
-  std::string prefix = "rtpm";  ///< First part of all topics.
+  std::string prefix = "rtpm";  ///< The first part of all topics.
   Direction direction = Direction::kBoth;
-  std::vector<WantedOrigin> wanted{};  ///< Published to the broker; everything if empty.
+  std::vector<WantedOrigin> wanted{};  ///< What is published to the broker; if empty, everything.
   std::vector<TopicMapping> mappings{};
-  /// Priority of events from the broker and of the hub's sends to the bridge.
+  /// The priority of events from the broker, and of the hub's sends to the bridge.
   Priority priority{};
-  std::uint8_t hops = 0;  ///< Further hops of events from other clients of the broker.
+  std::uint8_t hops = 0;  ///< How many more hops events from the broker's other clients may take.
   events::DeliveryPolicy delivery{.queue_capacity = events::kQueueCapacityMax};
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
   Duration deadline = std::chrono::seconds{1};
@@ -36,14 +36,15 @@ struct BridgeConfig {
 /// Counters of a bridge, besides BrokerCounters.
 struct BridgeCounters {
   std::uint64_t to_broker_count = 0;  ///< Events queued for the broker.
-  std::uint64_t own_count = 0;        ///< Own events returned by hub or broker, dropped.
-  std::uint64_t pushed_count = 0;     ///< Events from the broker to the hub.
+  std::uint64_t own_count = 0;  ///< Own events that came back from hub or broker, and were dropped.
+  std::uint64_t pushed_count = 0;  ///< Events from the broker to the hub.
   std::uint64_t unknown_topic_count = 0;
   std::uint64_t hops_spent_count = 0;   ///< Events dropped because no hops were left.
   std::uint64_t push_failed_count = 0;  ///< Failures: hub unreachable, or event too large.
 };
 
-/// Bridges events of a hub and messages of a broker. Counts as a hop, like a link between hubs.
+/// Passes events of a hub to a broker, and messages of the broker to the hub. Counts as a hop, like
+/// a link between hubs.
 /// @ownership refers to its node
 /// @threads  any
 class Bridge final : private events::EventHandler, private Broker::Listener {
@@ -58,7 +59,7 @@ class Bridge final : private events::EventHandler, private Broker::Listener {
 
   [[nodiscard]] BridgeCounters counters() const noexcept;
   [[nodiscard]] const Broker& broker() const noexcept { return *broker_; }
-  /// Counters of both in one line of words and numbers.
+  /// The counters of bridge and broker in one line of text.
   [[nodiscard]] std::string report() const;
 
  private:
@@ -74,7 +75,8 @@ class Bridge final : private events::EventHandler, private Broker::Listener {
   std::unique_ptr<Broker> broker_{};
   std::unique_ptr<events::Supplier> supplier_{};
   std::unique_ptr<events::Consumer> consumer_{};
-  std::atomic<std::uint32_t> own_tag_{0};  ///< supplier_tag of the own supplier at this hub.
+  /// The supplier_tag of the bridge's own supplier at this hub.
+  std::atomic<std::uint32_t> own_tag_{0};
 
   std::atomic<std::uint64_t> to_broker_count_{0};
   std::atomic<std::uint64_t> own_count_{0};

@@ -19,7 +19,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Duration kRetryFirst = 20ms;
-// Retry interval of a full connection: the wait set reports readability only.
+// Retry interval for a full connection, as the wait set only reports readability.
 constexpr Duration kWriteInterval = 1ms;
 constexpr Duration kMiscInterval = 250ms;
 constexpr int kKeepAlive_s = 10;
@@ -28,7 +28,7 @@ constexpr const char* kSchemaName = "rtpm-schema";
 constexpr const char* kHopsName = "rtpm-hops";
 constexpr transport::SourceTag kSocket{transport::SourceKind{1}};
 
-/// libmosquitto's global state.
+/// Manages libmosquitto's global state.
 struct Library {
   Library() { mosquitto_lib_init(); }
   Library(const Library&) = delete;
@@ -49,7 +49,7 @@ T number_of(const std::string& text, int base) {
   return read.ec == std::errc{} ? value : T{};
 }
 
-// The value of a user property; empty if there is none.
+// The value of a user property; empty if absent.
 std::string property_of(const mosquitto_property* properties, std::string_view wanted) {
   const mosquitto_property* at = properties;
   bool is_next = false;
@@ -82,7 +82,7 @@ class Broker::Callbacks {
     if (why != 0) return broker.set_reason(mosquitto_reason_string(why));
     broker.missing_count_ = broker.config_.subscriptions.size();
     for (const std::string& each : broker.config_.subscriptions) {
-      // Neither own nor retained messages.
+      // Excludes own and retained messages.
       mosquitto_subscribe_v5(client, nullptr, each.c_str(), 0,
                              MQTT_SUB_OPT_NO_LOCAL | MQTT_SUB_OPT_SEND_RETAIN_NEVER, nullptr);
     }
@@ -232,7 +232,7 @@ void Broker::run() {
       continue;
     }
     talk();
-    // The client may have closed it.
+    // The client library may have closed it.
     wait_set_->remove(socket_);
     const bool was_connected = is_connected_.exchange(false);
     pause = was_connected ? kRetryFirst : std::min(2 * pause, config_.retry_max);
@@ -273,7 +273,8 @@ void Broker::talk() {
   }
 }
 
-// Sends while the connection accepts at once: messages wait in the bounded queue here.
+// Sends while the connection accepts data immediately; other messages wait in the bounded queue
+// here.
 void Broker::publish_waiting() {
   Message message;
   while (!mosquitto_want_write(client_.get())) {

@@ -23,21 +23,22 @@ namespace rtpm::mqtt {
 
 /// Configures the connection.
 struct BrokerConfig {
-  /// Marks its messages and names the client at the broker; unique. Random if empty.
+  /// Marks the bridge's messages and names the client at the broker; must be unique. If empty,
+  /// random.
   std::string id{};
   std::string host = "127.0.0.1";
   std::uint16_t port = 1883;
-  std::string user{};      ///< Empty if none.
+  std::string user{};      ///< Empty for none.
   std::string password{};  ///< Password of `user`.
-  std::string ca_file{};   ///< Trusted certificates; no TLS if empty.
+  std::string ca_file{};   ///< Trusted certificates; if empty, no TLS.
   std::vector<std::string> subscriptions{};
   std::uint32_t queue_capacity = 1024;  ///< In messages.
   bool retains = false;                 ///< The broker keeps the last message of each topic.
   Duration retry_max = std::chrono::seconds{2};
 };
 
-/// A message. `id` (publishing bridge), `hops` (further bridges or links it may cross) and
-/// `schema_id` are user properties of MQTT 5, absent in messages of other clients.
+/// A message. `id` (the publishing bridge), `hops` (how many more bridges or links it may cross)
+/// and `schema_id` are user properties of MQTT 5, which messages from other clients lack.
 struct Message {
   std::string topic{};
   std::vector<std::byte> payload{};
@@ -55,11 +56,11 @@ struct BrokerCounters {
   std::uint64_t connection_count = 0;
 };
 
-/// A random, unique name.
+/// Creates a random, unique name.
 [[nodiscard]] std::string make_id();
 
-/// A connection to an MQTT 5 broker with a bounded queue; the time-shared thread "rtpm-mqtt"
-/// reconnects it. Does not receive its own messages.
+/// A connection to an MQTT 5 broker with a bounded queue. The time-shared thread "rtpm-mqtt"
+/// reconnects it. It does not receive its own messages.
 /// @threads  any
 class Broker {
  public:
@@ -110,7 +111,7 @@ class Broker {
   int socket_ = -1;  ///< Registered in wait_set_ while connected.
   std::unique_ptr<mosquitto, Free> client_{};
 
-  std::size_t missing_count_ = 0;  ///< Subscriptions not granted yet.
+  std::size_t missing_count_ = 0;  ///< Subscriptions that the broker has not granted yet.
 
   mutable rt::PiMutex mutex_;  ///< Guards the members below.
   std::vector<Message> queue_;

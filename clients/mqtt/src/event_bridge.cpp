@@ -1,4 +1,4 @@
-// rtpm-event-bridge: events of a hub as messages of an MQTT broker, and back.
+// rtpm-event-bridge: passes a hub's events to an MQTT broker, and the broker's messages to the hub.
 #include <chrono>
 #include <cstdint>
 #include <cstdio>

@@ -11,7 +11,7 @@ std::optional<std::uint32_t> number_of(std::string_view text) {
   std::uint32_t value = 0;
   const char* const end = text.data() + text.size();
   const auto read = std::from_chars(text.data(), end, value);
-  // A single spelling, so that each event has one topic.
+  // Only one spelling is allowed, so that each event has one topic.
   const bool is_plain = text == "0" || (!text.empty() && text[0] != '0');
   if (read.ec != std::errc{} || read.ptr != end || !is_plain) return std::nullopt;
   return value;

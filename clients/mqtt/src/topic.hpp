@@ -8,7 +8,7 @@
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/events/event.hpp"
 
-/// Topics of messages and types and sources of events.
+/// Converts between message topics and the types and sources of events.
 namespace rtpm::mqtt {
 
 /// Type and source of an event.
@@ -27,20 +27,20 @@ struct TopicMapping {
 
 /// "PREFIX/TYPE/SOURCE", both in decimal.
 [[nodiscard]] std::string topic_of(std::string_view prefix, const Origin& origin);
-/// The origin in a topic; nullopt for other topics and invalid types.
+/// The origin that a topic names; nullopt for other topics and invalid types.
 [[nodiscard]] std::optional<Origin> origin_of(std::string_view prefix, std::string_view topic);
 
 /// Parses "5" (all sources: nullopt) or "5/2".
-/// @errors   in words, what was expected
+/// @errors   what was expected, in words
 struct WantedOrigin {
   events::EventType type = 0;
   std::optional<events::SourceId> source{};
 };
 [[nodiscard]] expected<WantedOrigin, SetupError> parse_wanted(std::string_view text);
 /// Parses "lab/temperature=100/3".
-/// @errors   in words, what was expected
+/// @errors   what was expected, in words
 [[nodiscard]] expected<TopicMapping, SetupError> parse_mapping(std::string_view text);
-/// Whether messages may be published to it: not empty, no wildcard, at most 200 bytes.
+/// Whether messages may be published to the topic: not empty, no wildcard, at most 200 bytes.
 [[nodiscard]] bool is_topic(std::string_view text) noexcept;
 
 }  // namespace rtpm::mqtt

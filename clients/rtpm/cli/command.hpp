@@ -12,13 +12,12 @@
 
 namespace rtpm::tool {
 
-/// Adds a command to the program, or to a command that has several.
-/// @param details  whole lines after the options in --help, with an example; may be empty
-/// @param details  whole lines after the options in --help, with an example; may be empty
+/// Adds a command to the program, or to a command group.
+/// @param details  complete lines after the options in --help, with an example; may be empty
 CLI::App& add_command(CLI::App& parent, Context& context, const std::string& name,
                       const std::string& summary, const std::string& details, Run run);
 
-/// Adds a command that has commands of its own, and needs one of them.
+/// Adds a command that has subcommands, and requires one of them.
 CLI::App& add_command_group(CLI::App& parent, const std::string& name, const std::string& summary);
 
 /// Adds an option whose value has a unit: "800us", "2 s".
@@ -43,11 +42,11 @@ CLI::Option& add_count(CLI::App& command, const std::string& name, Number& value
   return *option.type_name("COUNT");
 }
 
-/// Adds the positional argument that names an object: "TARGET", "DEVICE". Shells complete it by the
-/// registry's names.
+/// Adds the positional argument that names an object: "TARGET", "DEVICE". Shells complete it with
+/// the registry's names.
 CLI::Option& add_target(CLI::App& command, std::string& target, const std::string& name = "TARGET");
 
-/// Ends the parsing with an error; `clause` describes it.
+/// Ends parsing with an error; `clause` describes it.
 [[noreturn]] void refuse(const std::string& clause);
 
 }  // namespace rtpm::tool

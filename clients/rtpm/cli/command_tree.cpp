@@ -6,7 +6,7 @@
 namespace rtpm::tool {
 namespace {
 
-/// The choices in a type's text, such as "TEXT:{device,server}".
+/// The choices in a type description, such as "TEXT:{device,server}".
 std::vector<std::string> choices_in(const std::string& type) {
   const std::size_t begin = type.find('{');
   const std::size_t end = type.find('}');

@@ -11,7 +11,7 @@ struct OptionFacts {
   std::string name;   ///< "--json", "TARGET".
   std::string value;  ///< "TIME"; empty for a flag or an argument.
   std::string help;
-  std::vector<std::string> choices{};  ///< Any value if empty.
+  std::vector<std::string> choices{};  ///< If empty, any value.
   bool is_positional = false;
   bool is_required = false;
   bool is_list = false;
@@ -19,16 +19,16 @@ struct OptionFacts {
 
 /// A command with its subcommands.
 struct CommandFacts {
-  std::string path;  ///< "config list"; empty for the program itself.
+  std::string path;  ///< Such as "config list"; empty for the program itself.
   std::string name;
   std::string summary;
   std::string details;
   std::vector<OptionFacts> options{};
   std::vector<CommandFacts> commands{};
 
-  /// Whether an argument is an object's name.
+  /// Whether one of its arguments is an object's name.
   [[nodiscard]] bool takes_name() const;
-  /// Whether an argument or an option's value is a file's name.
+  /// Whether one of its arguments or option values is a file name.
   [[nodiscard]] bool takes_file() const;
 };
 

@@ -9,7 +9,7 @@
 namespace rtpm::tool {
 namespace {
 
-/// A shell command that prints the registry's names; it ends soon even without a registry.
+/// A shell command that prints the registry's names; it ends quickly even without a registry.
 constexpr const char* kNames = "$(rtpm list --deadline 300ms 2>/dev/null | cut -d' ' -f1)";
 
 struct Candidate {
@@ -17,7 +17,8 @@ struct Candidate {
   std::string help;
 };
 
-/// The words that may follow a command: its commands, choices and options, and the common options.
+/// The words that may follow a command: its subcommands, choices and options, and the common
+/// options.
 std::vector<Candidate> candidates_of(const CommandFacts& program, const CommandFacts& command) {
   std::vector<Candidate> list;
   for (const CommandFacts& below : command.commands)
@@ -34,7 +35,8 @@ std::vector<Candidate> candidates_of(const CommandFacts& program, const CommandF
   return list;
 }
 
-/// Patterns of "COMMANDS-SO-FAR WORD" for which the word is a command: `" list"|"config set"`.
+/// Patterns of "COMMANDS-SO-FAR WORD" in which the word is a command: `" list"
+/// "config set"`.
 std::string steps_of(const CommandFacts& program) {
   std::string patterns;
   for (const CommandFacts* command : flattened(program)) {
@@ -46,7 +48,7 @@ std::string steps_of(const CommandFacts& program) {
   return patterns;
 }
 
-/// The text in single quotes, for a shell.
+/// Puts the text in single quotes, for a shell.
 std::string quoted(const std::string& text) {
   std::string safe = "'";
   for (const char byte : text)

@@ -8,7 +8,7 @@
 
 namespace rtpm::tool {
 
-/// Scripts that let shells complete the program's commands, options, choices and names.
+/// Scripts with which shells complete the program's commands, options, choices and names.
 [[nodiscard]] std::string bash_completion(const CommandFacts& program);
 [[nodiscard]] std::string zsh_completion(const CommandFacts& program);
 [[nodiscard]] std::string fish_completion(const CommandFacts& program);

@@ -18,45 +18,46 @@
 
 namespace rtpm::tool {
 
-/// Puts the subject before the error: "lab/arm0: …".
+/// Prefixes the error with its subject: "lab/arm0: …".
 [[nodiscard]] SetupError named(const std::string& subject, SetupError error);
 
 /// The program's exit codes.
 enum ExitCode : int {
   kDone = 0,
-  kFailed = 1,      ///< It failed, or the answer is no.
-  kMisused = 2,     ///< The command line is wrong; nothing was done.
-  kNotReached = 3,  ///< No registry, no server or no such name.
+  kFailed = 1,      ///< The command failed, or the answer is no.
+  kMisused = 2,     ///< The command line is invalid; nothing was done.
+  kNotReached = 3,  ///< No registry, no server, or no such name.
 };
 
 class Context;
 /// Runs a command. @return the exit code
 using Run = std::function<int(Context&)>;
 
-/// The environment of every command: the common options, and access to other programs.
+/// What all commands share: the common options, and access to other programs.
 /// @threads  one
 class Context {
  public:
-  /// The source of names: a registry's URL, or the scope of discovery.
+  /// Where names are looked up: a registry's URL, or the scope of discovery.
   std::string registry{names::kThisHost};
-  bool json = false;                   ///< Prints JSON, a document per line.
-  std::optional<Duration> deadline{};  ///< A call's deadline; if unset, the schema's, or 1 s.
-  std::optional<Priority> priority{};  ///< A call's priority; if unset, the schema's.
-  rpc::NodeSecurity security{};        ///< The user's identity at servers, and the known servers.
-  Run chosen{};                        ///< The command that was parsed.
+  bool json = false;                   ///< Prints JSON, one document per line.
+  std::optional<Duration> deadline{};  ///< A call's deadline; by default the schema's, or 1 s.
+  std::optional<Priority> priority{};  ///< A call's priority; by default the schema's.
+  rpc::NodeSecurity security{};  ///< The user's identity towards servers, and the known servers.
+  Run chosen{};                  ///< The selected command.
 
-  /// This program's node, made at the first call. It resolves names through the registry.
+  /// This program's node, created at the first call. Resolves names through the registry.
   [[nodiscard]] rpc::Node& node();
-  /// Stop signals such as Ctrl-C. From the first call on they only request an end, so call it
-  /// before node() where the command then ends by itself.
+  /// The stop signals, such as Ctrl-C. From the first call on they only request an end. Call it
+  /// before node() in commands that then end by themselves.
   [[nodiscard]] const options::StopSignal& stop();
   [[nodiscard]] rpc::CallOptions call_options() const;
 
-  /// Reports on standard error why a command ends: a sentence, or {"error": {…}} with --json.
+  /// Reports on standard error why a command fails: as a sentence, or as {"error": {…}} with
+  /// --json.
   /// @return `code`
   int fail(const SetupError& error, ExitCode code = kFailed) const;
   int fail(std::string_view what, ExitCode code = kFailed) const;
-  /// Reports a mistake in `text`, which is a `what` such as "filter", with its position.
+  /// Reports a mistake in `text`, with its position; `what` describes the text, such as "filter".
   int fail_at(std::string_view what, const std::string& text,
               const predicate::TextError& error) const;
   /// Reports a target that was not found or does not answer, like fail(). If this process lacks

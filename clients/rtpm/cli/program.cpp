@@ -70,7 +70,7 @@ void add_common_options(CLI::App& program, Context& context) {
       ->type_name("0..32767");
 }
 
-/// The innermost command that the arguments selected.
+/// The innermost command selected by the arguments.
 const CLI::App& innermost(const CLI::App& program) {
   const CLI::App* app = &program;
   while (!app->get_subcommands().empty())

@@ -7,7 +7,7 @@
 
 namespace rtpm::tool {
 
-/// The program with all its commands. The parsed options go to `context`.
+/// Creates the program with all its commands. Parsed options go to `context`.
 [[nodiscard]] std::unique_ptr<CLI::App> make_program(Context& context);
 
 /// Parses the command line and runs its command.

@@ -13,7 +13,8 @@ namespace {
 constexpr int kWidth = 40;
 
 void put(std::string_view text) {
-  // Writes to standard error, which has no buffer. A bar that can't be shown is not a failure.
+  // Writes to standard error, which is unbuffered. If the bar can't be shown, that is not a
+  // failure.
   static_cast<void>(!::write(STDERR_FILENO, text.data(), text.size()));
 }
 
@@ -29,7 +30,7 @@ ProgressBar::~ProgressBar() {
 }
 
 bool ProgressBar::show(std::uint64_t done, std::uint64_t whole) {
-  // A damaged file may state a smaller size than it has.
+  // A damaged file may claim a smaller size than it has.
   const int percent =
       done >= whole
           ? 100

@@ -7,7 +7,7 @@
 
 namespace rtpm::tool {
 
-/// A bar on standard error if that is a terminal; Ctrl-C asks the work to stop.
+/// A progress bar on standard error if that is a terminal; Ctrl-C asks the work to stop.
 /// @ownership refers to its context
 /// @threads  one
 class ProgressBar {

@@ -6,7 +6,7 @@
 namespace rtpm::tool {
 namespace {
 
-/// The number of characters of UTF-8 text: its bytes without continuation bytes.
+/// The number of characters of UTF-8 text: its bytes except continuation bytes.
 std::size_t width_of(std::string_view text) {
   return static_cast<std::size_t>(
       std::ranges::count_if(text, [](char byte) { return (byte & 0xc0) != 0x80; }));

@@ -13,7 +13,8 @@ namespace {
 using gvd::CalibrationPhase;
 using gvd::CalibrationStatus;
 
-/// The interval of polls of the run's state; the server discards a run after 30 s without one.
+/// The interval at which the run's state is polled; the server discards a run after 30 s without a
+/// poll.
 constexpr Duration kPollInterval = std::chrono::milliseconds{50};
 constexpr int kProgressStepPercent = 10;
 
@@ -71,7 +72,7 @@ CalibrationDialogue::Next CalibrationDialogue::go_on(const CalibrationStatus& st
 
 CalibrationDialogue::Next CalibrationDialogue::answer_prompt(const CalibrationStatus& status) {
   if (answered_prompt_ == status.prompt) {
-    // The device takes the answer at its next sample.
+    // The device receives the answer with its next sample.
     static_cast<void>(stop_.wait_for(kPollInterval));
     return std::nullopt;
   }

@@ -12,15 +12,15 @@
 
 namespace rtpm::tool {
 
-/// The answers that an operator may give in advance.
+/// What an operator may decide in advance.
 struct DialogueOptions {
-  std::vector<std::string> answers{};  ///< Answers to the prompts; the last one is repeated.
+  std::vector<std::string> answers{};  ///< Answers to the prompts; the last one repeats.
   bool keeps = false;                  ///< Keeps the result without asking.
   bool discards = false;               ///< Discards the result without asking.
 };
 
-/// A calibration with an operator: prints prompts, progress and result, and reads answers from the
-/// options, then from standard input. A run that it abandons is discarded.
+/// Conducts a calibration with an operator: prints prompts, progress and result, and reads answers
+/// from the options, then from standard input. Discards a run that it abandons.
 /// @ownership refers to its arguments
 /// @threads  one
 class CalibrationDialogue {
@@ -34,11 +34,12 @@ class CalibrationDialogue {
         stop_(context.stop()) {}
 
   /// Runs the calibration `name`.
-  /// @return the exit code: 0 the result was kept, or discarded on request; 1 there is no result
+  /// @return the exit code: 0 if the result was kept, or discarded on request; 1 if there is no
+  ///         result
   [[nodiscard]] int run(const std::string& name);
 
  private:
-  /// The next step: none to go on, an exit code to end the dialogue.
+  /// What to do next: nullopt to continue, an exit code to end the dialogue.
   using Next = std::optional<int>;
 
   [[nodiscard]] Next go_on(const gvd::CalibrationStatus& status);
@@ -57,7 +58,7 @@ class CalibrationDialogue {
   const DialogueOptions& options_;
   const options::StopSignal& stop_;
   options::LineReader input_{};
-  std::size_t answer_count_ = 0;       ///< The number of the options' answers that were given.
+  std::size_t answer_count_ = 0;       ///< How many of the options' answers were given.
   std::uint32_t shown_prompt_ = 0;     ///< The last prompt that was printed.
   std::uint32_t answered_prompt_ = 0;  ///< The last prompt that was answered.
   bool is_asked_ = false;              ///< The operator was asked whether to keep the result.

@@ -23,7 +23,7 @@ using gvd::DeviceConfiguration;
 struct ConfigRequest {
   std::string device{};
   std::vector<std::string> names{};  ///< Names, or NAME=VALUE.
-  std::uint64_t revision = 0;        ///< The base of a change; 0 means the present revision.
+  std::uint64_t revision = 0;  ///< The revision that a change is based on; 0 for the current one.
   DialogueOptions dialogue{};
 };
 
@@ -178,7 +178,8 @@ int calibrate(Task& task) {
 }
 
 int run(Context& context, const ConfigRequest& request, int (*action)(Task&)) {
-  // Called before the node has threads: Ctrl-C then discards the run instead of ending the program.
+  // Called before the node starts threads, so that Ctrl-C discards the run instead of ending the
+  // program.
   if (action == &calibrate) static_cast<void>(context.stop());
   auto client = open_configuration(context, request.device);
   if (!client) return context.not_reached(named(request.device, client.error()));
@@ -186,7 +187,7 @@ int run(Context& context, const ConfigRequest& request, int (*action)(Task&)) {
   return action(task);
 }
 
-/// The error for a text that is not NAME=VALUE; empty if it is.
+/// Why a text is not NAME=VALUE; empty if it is.
 std::string why_no_setting(const std::string& text) {
   const std::size_t sign = text.find('=');
   const bool is_setting = sign != std::string::npos && sign != 0;

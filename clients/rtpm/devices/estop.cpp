@@ -40,7 +40,7 @@ const Scope& scope_of(const EstopRequest& request) {
   return *std::ranges::find(kScopes, request.scope, &Scope::name);
 }
 
-/// Prints which devices a stop has reached and which not.
+/// Prints which devices a stop has reached, and which not.
 class Teller {
  public:
   Teller(const Context& context, const EstopRequest& request)
@@ -56,7 +56,7 @@ class Teller {
       rt::print_error("rtpm", note);
   }
 
-  /// Prints the result of a later attempt: only the devices that it stopped.
+  /// Prints the result of a retry: only the devices that it stopped.
   void tell_stopped(const gvd::StopReport& report) {
     for (const gvd::StopResult& result : report.devices) {
       if (result.is_stopped) tell(result, /*is_bound_twice=*/true);
@@ -106,7 +106,7 @@ int tell_none(Context& context, const std::string& device, const gvd::StopReport
   return context.fail("the system: the registry names no device");
 }
 
-/// Retries until all are stopped, the time is over, or Ctrl-C.
+/// Retries until all are stopped, the time is up, or Ctrl-C.
 void retry(Context& context, const EstopRequest& request, gvd::StopDelivery& delivery,
            Teller& teller) {
   const MonotonicTime end = rt::now() + request.wait;
@@ -123,7 +123,7 @@ void retry(Context& context, const EstopRequest& request, gvd::StopDelivery& del
 }
 
 int estop(Context& context, const EstopRequest& request) {
-  // Called before any thread starts, so that Ctrl-C ends the waiting in order.
+  // Called before any thread starts, so that Ctrl-C ends the waiting cleanly.
   static_cast<void>(context.stop());
   gvd::StopDelivery delivery(context.node(), {.where = context.registry});
   const gvd::StopReport report = delivery.stop(request.device, scope_of(request).scope);

@@ -43,7 +43,7 @@ Json json_of(const gvd::FlightLog& log) {
 
 struct FlightRecordRequest {
   std::string device{};
-  std::string file{};  ///< Standard output if empty.
+  std::string file{};  ///< If empty, standard output.
 };
 
 int write_file(Context& context, const FlightRecordRequest& request, const gvd::FlightLog& log) {

@@ -8,16 +8,16 @@
 #include "cli/output.hpp"
 #include "rtpm/configuration/client.hpp"
 
-// The parameters of a device, for people and machines.
+// Formats the parameters of a device for people and programs.
 namespace rtpm::tool {
 
-/// A table of all parameters: a row each, below a header.
+/// A table of all parameters: a header, then one row each.
 [[nodiscard]] std::string table_of(const gvd::DeviceConfiguration& configuration);
-/// The table as comments of a schema.
+/// The table as comments in a schema.
 [[nodiscard]] std::string as_comment(const gvd::DeviceConfiguration& configuration);
 [[nodiscard]] Json json_of(const gvd::DeviceConfiguration& configuration);
 
-/// "name=value", a line each.
+/// Lines of "name=value".
 [[nodiscard]] std::string lines_of(const std::vector<driver::ParameterSetting>& settings);
 /// {"name": value, …}.
 [[nodiscard]] Json json_of(const std::vector<driver::ParameterSetting>& settings);

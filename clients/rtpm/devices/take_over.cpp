@@ -115,7 +115,7 @@ int release(Context& context, gvd::DeviceClient& device, const std::string& name
   return kDone;
 }
 
-/// Keeps the lease for the requested time, or until the device ends it.
+/// Holds the lease for the requested time, or until the device ends it.
 int hold(Context& context, gvd::DeviceClient& device, const TakeOverRequest& request) {
   const MonotonicTime until = request.time ? rt::now() + *request.time : kNever;
   while (rt::now() < until && !context.stop().wait_for(kRenewal)) {

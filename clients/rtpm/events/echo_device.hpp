@@ -8,15 +8,15 @@
 
 namespace rtpm::tool {
 
-/// The samples that `rtpm echo DEVICE` prints.
+/// Which samples `rtpm echo DEVICE` prints.
 struct DeviceEchoRequest {
   std::string device{};
   double rate_hz = 60;
-  std::uint64_t count = 0;         ///< No limit if 0.
-  std::optional<Duration> time{};  ///< Until Ctrl-C if unset.
+  std::uint64_t count = 0;         ///< If 0, no limit.
+  std::optional<Duration> time{};  ///< If unset, until Ctrl-C.
 };
 
-/// Prints the samples of a device as it polls them. @return the exit code
+/// Polls a device and prints its samples. @return the exit code
 int echo_device(Context& context, const DeviceEchoRequest& request);
 
 }  // namespace rtpm::tool

@@ -26,7 +26,7 @@ double microseconds(Duration duration) {
   return std::chrono::duration<double, std::micro>(duration).count();
 }
 
-/// The events of one source and one type.
+/// The events with one source and type.
 struct Stream {
   std::string type{};
   StreamMeter meter{};
@@ -38,7 +38,7 @@ class Meters final : public Subscription::Observer {
  public:
   void on_event(const events::EventView& event, const events::EventDescriptor* type) override {
     const events::EventHeader& header = event.header;
-    // Timeouts and replayed events do not count.
+    // Ignores timeouts and replayed events.
     if (header.sequence == 0 || header.is_replayed) return;
     const std::lock_guard lock(mutex_);
     Stream& stream = streams_[{header.type, header.source}];
@@ -140,7 +140,7 @@ int hz(Context& context, const EventRequest& request) {
   const Streams streams = meters.streams();
   for (const auto& [key, stream] : streams)
     static_cast<void>(sources.name_of(key.second));
-  sources.care();  // Names devices that appeared later.
+  sources.care();  // Finds the names of devices that appeared later.
   if (context.json) {
     print_json(json_of(streams, sources, subscription->lost_count()));
   } else if (!is_live) {

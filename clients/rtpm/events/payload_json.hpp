@@ -6,8 +6,8 @@
 
 namespace rtpm::tool {
 
-/// A payload as its schema describes it; without a schema, its numbers by their names; for an
-/// unknown type, {"payload": hexadecimal digits}.
+/// A payload as JSON according to its schema; without a schema, its numbers by name; for an unknown
+/// type, {"payload": hexadecimal digits}.
 [[nodiscard]] Json payload_json(capture::EventSchemas& schemas, ConstBytes payload,
                                 const events::EventDescriptor* type);
 

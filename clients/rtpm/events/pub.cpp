@@ -21,8 +21,8 @@ struct PubRequest {
   std::string type{};
   std::string json{};
   events::SourceId source = 0;
-  double rate_hz = 0;       ///< A single event if 0.
-  std::uint64_t count = 0;  ///< Number of events at a rate; endless if 0.
+  double rate_hz = 0;       ///< If 0, a single event.
+  std::uint64_t count = 0;  ///< The number of events at that rate; if 0, endless.
 };
 
 std::string unknown_type(const events::HubTypes& types, const std::string& name) {
@@ -33,7 +33,7 @@ std::string unknown_type(const events::HubTypes& types, const std::string& name)
          "; it learns them from suppliers and consumers";
 }
 
-/// Pushes at the rate. @return the number of pushed events, or why no more could be pushed
+/// Pushes events at the rate. @return the number pushed, or why no more could be pushed
 expected<std::uint64_t, SetupError> push(Context& context, events::Supplier& supplier,
                                          const PubRequest& request,
                                          const events::EventDraft& draft) {

@@ -8,7 +8,7 @@
 namespace rtpm::tool {
 namespace {
 
-/// Limit of unnamed sources that are looked up.
+/// The most unnamed sources that are looked up.
 constexpr std::size_t kUnnamedMax = 10'000;
 
 }  // namespace

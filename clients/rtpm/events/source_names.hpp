@@ -10,17 +10,17 @@
 
 namespace rtpm::tool {
 
-/// Maps sources of events to devices. A device's source is a number made of its name.
+/// Maps event sources to devices. A device's source is a number derived from its name.
 /// @ownership refers to its context
-/// @threads  any; care() one
+/// @threads  any; care(): one
 class SourceNames {
  public:
-  /// Asks the registry. If none answers, sources keep their numbers.
+  /// Queries the registry. Without an answer, sources are shown as numbers.
   explicit SourceNames(Context& context);
 
-  /// Asks again if a source without a name has appeared since the last time.
+  /// Queries again if a source without a name has appeared since the last query.
   void care();
-  /// "lab/arm0"; empty if it is not a device.
+  /// Such as "lab/arm0"; empty if the source is not a device.
   [[nodiscard]] std::string name_of(events::SourceId source);
 
  private:

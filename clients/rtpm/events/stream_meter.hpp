@@ -9,13 +9,13 @@
 
 namespace rtpm::tool {
 
-/// Measures rate, jitter and loss of one source's events, from their sequence numbers and origin
-/// times only. A slow or delayed reader thus gets the same result as a fast one.
+/// Measures rate, jitter and loss of one source's events, only from their sequence numbers and
+/// origin times. So a slow or delayed reader gets the same result as a fast one.
 /// @threads  one
 class StreamMeter {
  public:
   /// @param sequence   from 1
-  /// @param latency    from the origin to the hub's sending
+  /// @param latency    from the origin until the hub sent it
   void add(std::uint64_t sequence, MonotonicTime origin, Duration latency);
 
   /// The number of events, without duplicates.
@@ -25,12 +25,12 @@ class StreamMeter {
   /// The number of events that arrived out of order.
   [[nodiscard]] std::uint64_t late_count() const noexcept { return late_count_; }
   [[nodiscard]] std::uint64_t restart_count() const noexcept { return restart_count_; }
-  /// Origin times that went back although the sequence advanced.
+  /// How often origin times went back although the sequence advanced.
   [[nodiscard]] std::uint64_t clock_jump_count() const noexcept { return clock_jump_count_; }
 
-  /// The source's sending rate: lost events count, too. 0 until there are two events.
+  /// The source's sending rate, including lost events; 0 until there are two events.
   [[nodiscard]] double rate_hz() const noexcept;
-  /// The deviation of the time between two consecutive events from its mean.
+  /// How much the time between consecutive events deviates from its mean.
   struct Jitter {
     Duration mean{};  ///< The mean time between events.
     double rms_ns = 0;
@@ -44,7 +44,8 @@ class StreamMeter {
   void go_on(std::uint64_t sequence, MonotonicTime origin);
   void add_interval(Duration interval) noexcept;
 
-  static constexpr std::size_t kMissingMax = 100'000;  ///< Limit of missing events.
+  /// The most missing events that are tracked.
+  static constexpr std::size_t kMissingMax = 100'000;
 
   std::uint64_t count_ = 0;
   std::uint64_t duplicate_count_ = 0;
@@ -55,7 +56,7 @@ class StreamMeter {
   std::set<std::uint64_t> missing_{};
   std::uint64_t newest_ = 0;
   MonotonicTime newest_origin_{};
-  /// Steps forward, summed over all restarts of the source.
+  /// Steps forward, over all restarts of the source.
   std::uint64_t step_count_ = 0;
   Duration step_time_{0};
   /// Intervals between consecutive events.

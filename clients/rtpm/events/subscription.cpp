@@ -82,7 +82,7 @@ void Subscription::care() {
 }
 
 void Subscription::end() {
-  consumer_.reset();  // Until this returns, it may call the observer.
+  consumer_.reset();  // Until this returns, the consumer may call the observer.
 }
 
 std::uint64_t Subscription::lost_count() const {

@@ -12,18 +12,18 @@
 
 namespace rtpm::tool {
 
-/// The events that a command selects.
+/// Which events a command selects.
 struct EventRequest {
   std::string hub{events::kHubPath};
   std::string filter = "all";
   std::uint32_t every_nth = 1;
-  std::optional<Duration> time{};  ///< Until Ctrl-C if unset.
+  std::optional<Duration> time{};  ///< If unset, until Ctrl-C.
 };
 
 /// Adds --hub, --filter, --every and --for.
 void add_event_options(CLI::App& command, EventRequest& request);
 
-/// The events that a request names, handed to an observer.
+/// Passes the events that a request selects to an observer.
 /// @ownership refers to its context and observer
 /// @threads  one; the observer is called on the consumer's thread
 class Subscription final : public events::EventHandler {
@@ -31,7 +31,7 @@ class Subscription final : public events::EventHandler {
   class Observer {
    public:
     virtual ~Observer() = default;
-    /// One event; `type` is null until the hub has described it.
+    /// Handles one event; `type` is null until the hub has described it.
     virtual void on_event(const events::EventView& event, const events::EventDescriptor* type) = 0;
   };
 
@@ -44,7 +44,7 @@ class Subscription final : public events::EventHandler {
   /// Fetches new types, and reports losses and interruptions. Call it periodically.
   void care();
   [[nodiscard]] std::uint64_t lost_count() const;
-  /// Hands out no more events. lost_count() must not be called afterwards.
+  /// Passes on no more events. Do not call lost_count() afterwards.
   void end();
 
   void on_events(std::span<const events::EventView> events) override;

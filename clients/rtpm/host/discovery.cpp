@@ -45,9 +45,9 @@ Finding survey_discovery_folder() {
   return {"discovery-folder", Severity::kGood, std::move(text)};
 }
 
-/// Whether a datagram to the group returns to this host through the interface.
+/// Whether a datagram sent to the group returns to this host through the interface.
 bool passes_multicast(const transport::NetworkInterface& interface) {
-  // A domain's group, but not its port: no program takes the datagram.
+  // A domain's group with another port, so no program receives the datagram.
   constexpr const char* kGroup = "239.255.43.255";
   const auto port = static_cast<std::uint16_t>(0xc000U | (rt::random_u64() & 0x3fffU));
   auto receiver = transport::LanSocket::join(kGroup, port, {interface});

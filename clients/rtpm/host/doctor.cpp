@@ -48,7 +48,7 @@ std::vector<Finding> survey(Context& context) {
   return findings;
 }
 
-/// Applies the remedies that can be applied, and judges the host again.
+/// Applies the remedies that can be applied automatically, and judges the host again.
 void fix(FindingReport& report) {
   std::vector<std::string> ids;
   for (const Finding& finding : report.findings) {

@@ -36,7 +36,7 @@ std::string padded(std::string_view text, std::size_t width) {
   return std::string(text) + std::string(width - std::min(width, text.size()), ' ');
 }
 
-/// Text in lines, the first after `head`, the rest aligned below its text.
+/// Wraps text into lines: the first after `head`, the others aligned with its text.
 std::string hanging(const std::string& head, std::size_t indent, std::string_view text,
                     std::size_t width) {
   std::string all;
@@ -49,7 +49,7 @@ std::string label(const char* name) {
   return std::string(kIndent, ' ') + coloured(padded(name, kLabel), Colour::kGrey);
 }
 
-/// Prints a line for a shell unbroken, so that it can be pasted.
+/// Prints a shell line unwrapped, so that it can be pasted.
 std::string remedy_text(const std::string& remedy, std::size_t width) {
   std::string text;
   std::istringstream lines(remedy);

@@ -10,7 +10,7 @@ namespace rtpm::tool {
 /// Finds faults in this user's key, known servers and grants.
 [[nodiscard]] std::vector<rt::Finding> survey_keys(const Context& context);
 
-/// Finds servers of this host that serve every caller of other hosts.
+/// Finds servers on this host that accept every caller from other hosts.
 [[nodiscard]] std::vector<rt::Finding> survey_open_servers();
 
 }  // namespace rtpm::tool

@@ -13,7 +13,7 @@ namespace rtpm::tool {
 /// The number of dropped frames, for all reasons together.
 [[nodiscard]] std::uint64_t dropped_count(const wire::FrameCounters& frames);
 
-/// "lab-devices@127.0.0.1:4711", safe to print.
+/// Such as "lab-devices@127.0.0.1:4711"; safe to print.
 [[nodiscard]] std::string server_text(const rpc::LaneTable& table);
 
 }  // namespace rtpm::tool

@@ -68,7 +68,7 @@ Row row_of(const rpc::LaneTable& table, const rpc::LaneReading& lane, History& h
           busy_ns > 0 ? time_text(busy_ns) : "-"};
 }
 
-/// Details below the table: the reasons of dropped frames and failed calls.
+/// Details below the table: why frames were dropped and calls failed.
 std::string remarks_of(const rpc::LaneReading& lane) {
   if (!lane.sample) return {};
   std::string text;
@@ -142,7 +142,7 @@ Json json_of(const rpc::LaneTable& table, const rpc::LaneReading& lane) {
           {"busy_count", lane.busy_count}};
 }
 
-/// All lanes, as one document.
+/// All lanes as one document.
 Json json_of_lanes() {
   Json lanes = Json::array();
   for (const rpc::LaneTable& table : rpc::LaneTable::find()) {
@@ -161,7 +161,7 @@ int lanes(Context& context, bool is_watch) {
       continue;
     }
     const std::string picture = picture_of_lanes(history);
-    // Clears the screen and draws from its top.
+    // Clears the screen and draws from the top.
     std::printf("%s%s", is_watch && is_terminal() ? "\x1b[H\x1b[2J" : "", picture.c_str());
     std::fflush(stdout);
   } while (is_watch && !context.stop().wait_for(kWatchInterval));

@@ -23,7 +23,7 @@ using rt::MulticastTrial;
 
 constexpr Duration kMulticastPatience = std::chrono::milliseconds{500};
 
-/// A port of the dynamic range, so that no consumer of events takes the datagram.
+/// Uses a port of the dynamic range, so that no consumer of events receives the datagram.
 transport::MulticastGroup trial_group() {
   transport::MulticastGroup group;
   group.port = static_cast<std::uint16_t>(0xc000U | (rt::random_u64() & 0x3fffU));
@@ -72,7 +72,7 @@ bool answers_as_rtpm(Context& context, std::uint16_t port) {
   return bound || bound.error().cause == rpc::CallError::kNoSuchObject;
 }
 
-/// The addresses at which other hosts find a server with --host any.
+/// The addresses at which other hosts reach a server with --host any.
 rt::Finding survey_addresses() {
   rt::Finding finding{.id = "addresses"};
   if (const char* const remedy = transport::remedy_for_loopback()) {

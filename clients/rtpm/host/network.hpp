@@ -7,8 +7,8 @@
 
 namespace rtpm::tool {
 
-/// Whether the default multicast group and the default ports of RTPM can be used on this host.
-/// Sends a datagram to the group that does not leave this host. Takes at most some seconds.
+/// Checks whether RTPM's default multicast group and ports can be used on this host. Sends a
+/// datagram to the group that stays on this host. Takes at most a few seconds.
 [[nodiscard]] std::vector<rt::Finding> survey_network(Context& context);
 
 }  // namespace rtpm::tool

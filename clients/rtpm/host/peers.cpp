@@ -18,11 +18,11 @@ using rt::Finding;
 using rt::Severity;
 
 struct Interface {
-  std::map<std::uint64_t, std::string> names{};  ///< Keyed by fingerprint; one object each.
+  std::map<std::uint64_t, std::string> names{};  ///< Keyed by fingerprint, with one object each.
 };
 struct Peers {
   std::map<std::string, Interface> interfaces{};
-  std::map<std::string, std::string> compilers{};  ///< Keyed by version; one object each.
+  std::map<std::string, std::string> compilers{};  ///< Keyed by version, with one object each.
   std::vector<Finding> findings{};
 };
 

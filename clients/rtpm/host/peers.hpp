@@ -7,8 +7,8 @@
 
 namespace rtpm::tool {
 
-/// Whether the registry answers, and whether the servers that it names share schemas and compilers:
-/// one finding for each difference.
+/// Checks whether the registry answers, and whether the servers that it names share schemas and
+/// compilers: one finding for each difference.
 [[nodiscard]] std::vector<rt::Finding> survey_peers(Context& context);
 
 }  // namespace rtpm::tool

@@ -6,7 +6,7 @@
 namespace rtpm::tool {
 namespace {
 
-/// Writes a row if the screen has space for it; returns the next row.
+/// Writes a row if it fits the screen; returns the next row.
 int put(int line, const std::string& text, attr_t attributes = A_NORMAL) {
   if (line >= LINES - 1) return line;
   attron(static_cast<int>(attributes));

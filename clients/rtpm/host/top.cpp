@@ -17,7 +17,7 @@ struct TopRequest {
   bool is_once = false;
 };
 
-/// The longest time until a key or Ctrl-C is handled.
+/// The longest time until a key press or Ctrl-C is handled.
 constexpr Duration kKeyTime = std::chrono::milliseconds{50};
 constexpr const char* kFooter =
     " q quit   p pause   c sort by calls   l longest   d drops   s server ";
@@ -37,7 +37,7 @@ void print(const Context& context, const TopState& state) {
   print_line(text);
 }
 
-/// The state that keys change.
+/// The state that key presses change.
 struct View {
   SortKey key = SortKey::kCalls;
   bool is_paused = false;
@@ -100,7 +100,7 @@ int top(Context& context, const TopRequest& request) {
   TopObserver observer(context);
   const bool is_live = is_terminal() && ::isatty(STDIN_FILENO) == 1 && !context.json;
   if (is_live && !request.is_once) return show_live(context, request, observer);
-  // Looks twice, because rates refer to the time between two looks.
+  // Looks twice, because rates need two looks.
   static_cast<void>(observer.look(SortKey::kCalls));
   do {
     if (stop.wait_for(request.interval)) break;

@@ -17,7 +17,7 @@ namespace {
 using options::formatted;
 
 constexpr std::string_view kDeviceInterface = "rtpm.device.Device";
-/// A device that takes longer counts as not read, so that the picture stays fresh.
+/// A device that takes longer counts as not read, so that the picture stays current.
 constexpr Duration kReadDeadline = std::chrono::milliseconds{100};
 
 double per_second(std::uint64_t before, std::uint64_t now, Duration time) {
@@ -34,7 +34,7 @@ std::vector<std::string> lines_of(const std::string& text) {
   return lines;
 }
 
-/// A device in an emergency stop stays active, but accepts no command.
+/// A device in an emergency stop stays active, but accepts no commands.
 std::string state_text(const driver::Sample& sample) {
   if (sample.faults.has(driver::Fault::kEmergencyStop)) return "EMERGENCY STOP";
   return std::string(to_string(sample.lifecycle));

@@ -16,7 +16,7 @@
 
 namespace rtpm::tool {
 
-/// The quantity by which the lanes are sorted, the highest first.
+/// What the lanes are sorted by, the highest first.
 enum class SortKey : std::uint8_t { kCalls, kLongest, kDrops, kServer };
 [[nodiscard]] std::string_view to_string(SortKey key) noexcept;
 
@@ -33,17 +33,17 @@ struct TopLane {
 /// A device that the registry names, with its latest sample.
 struct TopDevice {
   std::string name{};
-  std::string problem{};  ///< The reason why it was not read; empty if it was.
+  std::string problem{};  ///< Why it was not read; empty if it was.
   driver::Sample sample{};
   double cycles_per_s = 0;
-  LatencyHistogram read_time{};  ///< The times of all reads so far.
+  LatencyHistogram read_time{};  ///< The durations of all reads so far.
 };
 
 /// The contents of `rtpm top`.
 struct TopState {
   std::vector<TopLane> lanes{};
   std::vector<TopDevice> devices{};
-  std::string registry_problem{};  ///< Empty if it answers.
+  std::string registry_problem{};  ///< Why the registry does not answer; empty if it does.
 };
 
 /// Polls lanes and devices, and computes the rates.

@@ -15,7 +15,8 @@ namespace {
 using options::formatted;
 
 constexpr Duration kWakeUpPeriod = std::chrono::milliseconds{1};
-/// The greatest good lateness: a loop of 1 kHz then still has three quarters of its cycle.
+/// The highest lateness that counts as good: a 1 kHz loop then still has three quarters of its
+/// cycle.
 constexpr Duration kLateGood = kWakeUpPeriod / 4;
 
 void sleep_until(MonotonicTime when) {
@@ -38,7 +39,7 @@ double microseconds(Duration duration) {
   return std::chrono::duration<double, std::micro>(duration).count();
 }
 
-/// The share of wake-ups, in percent, that were late by at most `limit`.
+/// The percentage of wake-ups that were late by at most `limit`.
 double percent_within(const LatencyHistogram& lateness, Duration limit) {
   double low = 0;
   double high = 100;

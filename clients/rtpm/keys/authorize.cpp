@@ -13,7 +13,7 @@
 #include "rtpm/access/fingerprint.hpp"
 #include "rtpm/base/printable.hpp"
 
-// The grants at this user's servers.
+// Manages the grants at this user's servers.
 namespace rtpm::tool {
 namespace {
 
@@ -96,7 +96,7 @@ int authorize(Context& context, const AuthorizeRequest& request) {
   return kDone;
 }
 
-/// Whether `who`, as a user writes it, is the subject of the grant.
+/// Whether `who`, as written by a user, is the subject of the grant.
 bool is_of(const access::Grant& grant, const std::string& who) {
   if (!grant.name.empty() && grant.name == who) return true;
   const access::Subject& subject = grant.subject;

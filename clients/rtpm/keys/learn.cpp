@@ -22,7 +22,7 @@
 #include "rtpm/transport/address.hpp"
 #include "rtpm/wire/url.hpp"
 
-// The servers that this user's programs know, by their keys.
+// Manages the servers that this user's programs know, by their keys.
 namespace rtpm::tool {
 namespace {
 
@@ -47,7 +47,7 @@ expected<Place, SetupError> place_in_url(const std::string& text) {
                      "lab/arm0");
 }
 
-/// Parses HOST[:PORT]; without a port it takes the registry's.
+/// Parses HOST[:PORT]; the default port is the registry's.
 expected<Place, SetupError> place_of_host(const std::string& text) {
   const std::string port = ":" + std::to_string(names::kDefaultRegistryPort);
   const bool is_bare_ipv6 = wire::is_ipv6_address(text);
@@ -56,7 +56,7 @@ expected<Place, SetupError> place_of_host(const std::string& text) {
   return place_in_url("rtpm://" + host + (has_port ? "" : port) + "/any");
 }
 
-/// Locates the target by its URL, its host, or its name, which has a '/'.
+/// Locates the target by its URL, its host, or its name, which contains a '/'.
 expected<Place, SetupError> place_of(Context& context, const std::string& target) {
   if (wire::is_url(target)) return place_in_url(target);
   if (target.find('/') == std::string::npos) return place_of_host(target);
@@ -66,7 +66,7 @@ expected<Place, SetupError> place_of(Context& context, const std::string& target
   return place_in_url(*url);
 }
 
-/// The names that a binding may use for this host: as given, and its resolved addresses.
+/// The names by which a binding may call this host: as given, and its resolved addresses.
 std::vector<std::string> hosts_named(const Place& place, MonotonicTime deadline) {
   std::vector<std::string> hosts = place.hosts;
   for (const std::string& host : place.hosts) {
@@ -84,7 +84,7 @@ bool is_loopback(const std::string& host) {
   return host == "localhost" || (address && address->is_loopback());
 }
 
-/// A server's key, and the hosts at which it was shown.
+/// A server's key, and the hosts that showed it.
 struct Shown {
   crypto::PublicKey key{};
   std::vector<access::KnownServer> servers{};
@@ -105,7 +105,8 @@ expected<Shown, SetupError> ask(Context& context, const Place& place, bool is_po
       return setup_error("the hosts of " + place.authority() + " show different keys", "",
                          "learn each by itself: HOST:PORT");
     shown.key = *key;
-    // On another host, all programs of a user have one key; on this host they may have many users.
+    // On another host, all programs of a user share a key; on this host they may belong to many
+    // users.
     const bool has_port = is_port_only || is_loopback(host);
     shown.servers.push_back({host, has_port ? place.port : std::uint16_t{0}, *key, 0});
   }
@@ -113,7 +114,7 @@ expected<Shown, SetupError> ask(Context& context, const Place& place, bool is_po
   return shown;
 }
 
-/// The valid line that states another key for the server than it shows; nullptr if none.
+/// The valid line that states another key for the server than the one shown; nullptr if none.
 const access::KnownServer* contradicting(const std::vector<access::KnownServer>& known,
                                          const access::KnownServer& shown) {
   const auto is_for_same = [&](const access::KnownServer& each) {
@@ -139,7 +140,7 @@ SetupError other_key(const std::string& file, const access::KnownServer& known,
               place + ", then learn again; if it is a second server on that host: --port-only"};
 }
 
-/// The servers of `shown` that are not in the file yet.
+/// The servers in `shown` that are not in the file yet.
 expected<std::vector<access::KnownServer>, SetupError> new_ones(const std::string& file,
                                                                 const std::string& text,
                                                                 const Shown& shown) {

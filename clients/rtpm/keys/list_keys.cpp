@@ -12,7 +12,7 @@
 #include "rtpm/base/printable.hpp"
 #include "rtpm/wire/url.hpp"
 
-// Lists everything in the key folder, for users who look for a fault.
+// Lists the contents of the key folder, for users who look for a fault.
 namespace rtpm::tool {
 namespace {
 

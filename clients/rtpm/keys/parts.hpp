@@ -21,9 +21,9 @@ void add_key_list(CLI::App& group, Context& context);
 /// Joins the words into which a shell splits an unquoted text.
 [[nodiscard]] std::string joined(const std::vector<std::string>& words);
 
-/// The comment after the key in a public key's line, "alice@lab"; empty if there is none.
+/// The comment after the key in a public-key line, "alice@lab"; empty if there is none.
 [[nodiscard]] std::string comment_of(const std::string& public_line);
-/// The text as a name of a grant, which needs no quotes in a shell: "Hans-Meier".
+/// Turns the text into a name for a grant, which needs no shell quotes: "Hans-Meier".
 [[nodiscard]] std::string as_name(std::string text);
 
 /// A grant and its line number in the file.
@@ -31,7 +31,7 @@ struct GrantLine {
   std::size_t number = 0;
   access::Grant grant{};
 };
-/// The valid grants, with their lines.
+/// The valid grants, with their line numbers.
 [[nodiscard]] std::vector<GrantLine> grant_lines_of(const std::string& text);
 
 /// The command that makes a server accept this key: `rtpm key authorize '…' …`.

@@ -23,7 +23,7 @@
 #include "rtpm/rt/log.hpp"
 #include "rtpm/wire/url.hpp"
 
-// A running laboratory locks its pid file, so that there is one of a name, and `rtpm down` finds it.
+// A running laboratory locks its pid file, so that its name is unique and `rtpm down` finds it.
 namespace rtpm::tool {
 namespace {
 
@@ -33,7 +33,7 @@ constexpr const char* kPidFile = ".pid";
 constexpr Duration kTurn = std::chrono::milliseconds{20};
 constexpr Duration kDownPatience = std::chrono::minutes{1};
 
-/// A laboratory that runs on this host.
+/// A laboratory running on this host.
 struct Running {
   std::string name{};
   pid_t process = 0;
@@ -55,7 +55,7 @@ expected<std::string, SetupError> state_folder() {
                      "chmod 700 " + path + ", or set XDG_RUNTIME_DIR to a folder of your own");
 }
 
-/// A lock of the open file, which forked processes share.
+/// A lock on the open file, which forked processes share.
 struct flock whole_file() {
   struct flock lock {};
   lock.l_type = F_WRLCK;
@@ -63,14 +63,14 @@ struct flock whole_file() {
   return lock;
 }
 
-/// The locked pid file. A file that is not locked is stale.
+/// Locks the pid file. A pid file that is not locked is stale.
 expected<Descriptor, SetupError> lock_pid_file(const std::string& folder, const std::string& name) {
   const std::string path = folder + "/" + name + kPidFile;
   Descriptor file(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600));
   if (!file.is_open()) return setup_error(path + " can't be made", system_error(errno));
   struct flock lock = whole_file();
   if (::fcntl(file.number(), F_OFD_SETLK, &lock) == 0) {
-    static_cast<void>(!::ftruncate(file.number(), 0));  // The number in it is not right any more.
+    static_cast<void>(!::ftruncate(file.number(), 0));  // Removes the outdated pid.
     return file;
   }
   return setup_error("the laboratory '" + name + "' is already up", "",
@@ -91,13 +91,13 @@ std::vector<Running> all_running(const std::string& folder) {
     text >> laboratory.process >> std::ws;
     std::getline(text, laboratory.file);
     if (laboratory.process > 0)
-      all.push_back(std::move(laboratory));  // Others mean groups to kill().
+      all.push_back(std::move(laboratory));  // Other values would mean process groups to kill().
   }
   std::ranges::sort(all, {}, &Running::name);
   return all;
 }
 
-/// Continues as a session of its own, with its output in a log.
+/// Continues in a new session, with output to a log.
 void leave_terminal(const std::string& log) {
   ::setsid();
   // Programs may print lines that only their user may read, such as a console's URL.
@@ -132,7 +132,7 @@ int await_background(Context& context, pid_t background, int report, const std::
   return WIFEXITED(status) ? WEXITSTATUS(status) : kFailed;
 }
 
-/// Ends a laboratory, and waits until none of its processes is left.
+/// Ends a laboratory, and waits until all of its processes have ended.
 int end_laboratory(Context& context, const std::string& folder, const Running& laboratory) {
   ::kill(laboratory.process, SIGTERM);
   const MonotonicTime end = rt::now() + kDownPatience;
@@ -200,7 +200,7 @@ int bring_up(Context& context, const expected<laboratory::Plan, std::vector<Setu
     leave_terminal(log);
   }
   ::dprintf(pid_file->number(), "%d\n%s\n", ::getpid(), plan.file.c_str());
-  // For programs whose environment in the file has no registry.
+  // For programs whose environment in the file sets no registry.
   ::setenv(wire::is_url(context.registry) ? "RTPM_REGISTRY" : "RTPM_DISCOVER",
            context.registry.c_str(), 1);
   Duration patience{};

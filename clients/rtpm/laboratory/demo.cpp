@@ -19,18 +19,18 @@
 namespace rtpm::tool {
 namespace {
 
-/// The console's port, if it is free.
+/// The console's port, if free.
 constexpr std::uint16_t kConsolePort = 8766;
 /// The demo's length without a terminal, where Ctrl-C can't be pressed.
 constexpr int kSecondsWithoutTerminal = 10;
 
 struct DemoRequest {
-  std::optional<int> seconds{};  ///< 0: until Ctrl-C.
+  std::optional<int> seconds{};  ///< If 0, until Ctrl-C.
   std::string hand{};
   std::string host{};
 };
 
-/// Whether a server can listen at this port of this host.
+/// Whether a server can listen at this port on this host.
 bool is_free(std::uint16_t port) {
   const transport::Descriptor socket(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
   const int yes = 1;
@@ -43,7 +43,7 @@ bool is_free(std::uint16_t port) {
   return ::bind(socket.number(), at, sizeof address) == 0 && ::listen(socket.number(), 1) == 0;
 }
 
-/// The user's folder for persistent files, $XDG_STATE_HOME/rtpm; empty if it can't be made.
+/// The user's folder for persistent files, $XDG_STATE_HOME/rtpm; empty if it can't be created.
 std::string kept_folder() {
   const auto path_in = [](const char* variable) {
     const char* const path = std::getenv(variable);
@@ -72,7 +72,7 @@ int demo(Context& context, const DemoRequest& request) {
     variables["hand"] = std::filesystem::absolute(request.hand, error).string();
   if (!request.host.empty()) {
     variables["host"] = request.host;
-    // The port at which callers of other hosts look for it.
+    // The port at which callers on other hosts look for it.
     variables["port"] = std::to_string(names::kDefaultRegistryPort);
   }
   // The console has the same URL at each start, so that a bookmark works.

@@ -29,7 +29,8 @@ constexpr const char* kNameForm =
     "' must be letters, digits, '-', '_' and '.', a letter or digit first, at most 32";
 constexpr std::string_view kUrl = ".url";
 
-/// All keys and the types of their values. An empty table may have any keys; "*" is any key.
+/// All keys, with the types of their values. An empty table allows any keys; "*" stands for any
+/// key.
 constexpr std::string_view kExample =
     "variables = {\"*\" = ''}\n"
     "laboratory = {name = '', environment = {\"*\" = ''}}\n"
@@ -76,7 +77,7 @@ class PlanReader {
   }
 
  private:
-  /// Refuses and removes unknown keys, and values of another type than in the example.
+  /// Refuses and removes unknown keys, and values whose type differs from the example.
   void check(toml::table& table, const toml::table& example) {
     if (example.empty()) return;
     Words keys;
@@ -100,7 +101,7 @@ class PlanReader {
       table.erase(key);
   }
 
-  /// Whether a value has the example's type. One string may stand for a list of them.
+  /// Whether a value has the example's type. A string may replace a list of strings.
   bool is_like(toml::node& node, const toml::node& example, const std::string& key) {
     if (node.is_table() && example.is_table()) {
       check(*node.as_table(), *example.as_table());
@@ -160,7 +161,7 @@ class PlanReader {
     for (const toml::node& node : programs) {
       const toml::table& table = *node.as_table();
       const toml::node* const name_node = table.get("name");
-      if (name_node == nullptr) continue;  // check() has refused that.
+      if (name_node == nullptr) continue;  // check() has reported that.
       const std::string name = name_node->value_or("");
       if (!is_name(name)) refuse(*name_node, "the name '" + name + kNameForm);
       if (index_of(name)) refuse(*name_node, "two programs are called '" + name + "'");
@@ -218,7 +219,7 @@ class PlanReader {
     program.is_needed = table["needed"].value_or(false);
   }
 
-  /// The path of an executable; empty if it is not found. A name with a slash is a path below the
+  /// The path of an executable; empty if it is not found. A name with a slash is relative to the
   /// file's folder.
   [[nodiscard]] std::string find_program(const std::string& name) const {
     const bool is_path = name.find('/') != std::string::npos;
@@ -238,7 +239,7 @@ class PlanReader {
     }
   }
 
-  /// The strings of a list, or one string; starts the program after those whose URLs they have.
+  /// Reads a list of strings, or one string. The program starts after those whose URLs these use.
   Words strings(const toml::table& table, std::string_view key, std::size_t index) {
     Words strings;
     const toml::node* const node = table.get(key);
@@ -250,7 +251,7 @@ class PlanReader {
     return strings;
   }
 
-  /// Checks a text, and starts the program after those whose URLs it has.
+  /// Checks a text. The program starts after those whose URLs it uses.
   void use(std::size_t index, const toml::node& node, const std::string& text) {
     Words names;
     const auto value = expanded(text, plan_.variables, &names);
@@ -283,7 +284,7 @@ class PlanReader {
       refuse(*table.get(key), "'" + key + "' must be a time from \"1ms\" to \"24h\"");
   }
 
-  /// The index of the chosen word; 0 without the key.
+  /// The index of the chosen word; 0 if the key is missing.
   std::size_t choice(const toml::table& table, const std::string& key, const Words& words) {
     const std::string word = table[key].value_or(words.front());
     const auto found = std::ranges::find(words, word);
@@ -293,8 +294,8 @@ class PlanReader {
     return 0;
   }
 
-  /// Orders the program behind those that it comes after.
-  /// @param path  the programs that wait for it
+  /// Orders the program after those that it depends on.
+  /// @param path  the programs that wait for this one
   void place(std::size_t index, Indices& path) {
     if (std::ranges::count(plan_.order, index) > 0) return;
     if (const auto seen = std::ranges::find(path, index); seen != path.end()) {
@@ -313,7 +314,8 @@ class PlanReader {
     plan_.order.push_back(index);
   }
 
-  /// Gives the URL of the file's registry to all programs that start later and name no other.
+  /// Passes the URL of the file's registry to all programs that start later and name no other
+  /// registry.
   void give_registry() {
     const auto is_registry = [this](std::size_t index) {
       return fs::path(plan_.programs[index].path).filename() == "rtpm-registryd";
@@ -346,7 +348,7 @@ class PlanReader {
   const Words& folders_;
   Plan plan_{};
   std::vector<const toml::table*> tables_{};  ///< The table of each program.
-  /// In the order of the file, each once.
+  /// In the order of the file, without duplicates.
   std::map<std::tuple<toml::source_index, toml::source_index, std::string>, SetupError> mistakes_{};
 };
 

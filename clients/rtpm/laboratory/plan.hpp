@@ -12,58 +12,59 @@ namespace rtpm::laboratory {
 
 using Words = std::vector<std::string>;
 using Indices = std::vector<std::size_t>;
-/// Values by name: those of `${NAME}`, or of environment variables.
+/// Values by name, either of `${NAME}` or of environment variables.
 using Variables = std::map<std::string, std::string>;
 
-/// The treatment of a program's output: shown at once, its standard error only, shown when the
+/// What happens to a program's output: shown at once, only standard error shown, or shown when the
 /// laboratory has ended; or the program has the terminal.
 enum class Output : std::uint8_t { kLines, kErrors, kEnd, kTerminal };
 
-/// A program of a laboratory, as its file describes it. It serves when it has printed its line and
-/// its URL and its names are bound, as far as required.
+/// A program of a laboratory, as described by its file. The program serves once it has printed its
+/// line and its URL and its names are bound, as far as required.
 struct ProgramPlan {
   std::string name{};
   std::string path{};       ///< The path of the executable.
   Words command{};          ///< For expanded().
   Variables environment{};  ///< For expanded().
   Indices after{};          ///< Programs that must serve before this one starts.
-  Indices uses{};           ///< Those of `after` whose URL it is given.
+  Indices uses{};           ///< The programs in `after` whose URL it uses.
   std::string ready_line{};
   Words names{};
   bool must_print_url = false;
-  bool is_one_shot = false;  ///< It serves when it has ended with exit code 0.
+  bool is_one_shot = false;  ///< It serves once it has ended with exit code 0.
   Duration ready_deadline = std::chrono::seconds{10};
   bool is_restarted = false;  ///< Restarted when it fails.
   Duration stop_patience = std::chrono::seconds{2};
   Output output = Output::kLines;
   bool is_main = false;    ///< The laboratory ends when all main programs have ended.
-  bool is_needed = false;  ///< The laboratory ends when this program has failed.
+  bool is_needed = false;  ///< The laboratory ends when this program fails.
 };
 
 /// A laboratory: programs that run together on one host.
 struct Plan {
   std::string name{};
   std::string file{};
-  std::string folder{};                 ///< The file's; all programs run in it.
+  std::string folder{};                 ///< The file's folder, in which all programs run.
   Variables variables{};                ///< "NAME.url" is empty until the program NAME serves.
-  std::vector<ProgramPlan> programs{};  ///< Sorted as in the file.
-  Indices order{};                      ///< The order of start.
+  std::vector<ProgramPlan> programs{};  ///< In the order of the file.
+  Indices order{};                      ///< The order in which they start.
   Words left_out{};                     ///< Optional programs that are not installed.
 };
 
 /// The folder of this program, then those of PATH.
 [[nodiscard]] Words program_folders();
 
-/// Reads a laboratory's file.
+/// Reads a laboratory file.
 /// @param variables  replace those in the file
 /// @param folders    searched for programs, in this order
-/// @errors   "cell.toml:3:8: …", one for each mistake, in the order of the file; it can't be read
+/// @errors   "cell.toml:3:8: …", one for each mistake, in the order of the file; the file can't be
+///           read
 [[nodiscard]] expected<Plan, std::vector<SetupError>> read_plan(
     const std::string& path, const Variables& variables = {},
     const Words& folders = program_folders());
 
-/// `text` with its variables replaced: ${NAME}, ${environment.NAME}. $$ is one $.
-/// @param used  gets the names that occur, unless it is null
+/// Replaces the variables in `text`: ${NAME}, ${environment.NAME}. $$ means one $.
+/// @param used  receives the names that occur; may be null
 /// @errors   the mistake, as a clause
 [[nodiscard]] expected<std::string, std::string> expanded(std::string_view text,
                                                           const Variables& variables,

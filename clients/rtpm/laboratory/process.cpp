@@ -21,7 +21,7 @@ namespace {
 
 constexpr std::size_t kLineSizeMax = 4096;  // Longer lines are split.
 
-/// For exec, which does not write to the texts.
+/// For exec, which does not modify the texts.
 std::vector<char*> pointers_to(Words& texts) {
   std::vector<char*> pointers;
   for (std::string& text : texts)
@@ -53,7 +53,7 @@ expected<Process, SetupError> launch(const std::string& path, Words arguments,
   for (std::size_t i = 0; i < 2 && !has_terminal; ++i) {
     std::array<int, 2> ends{-1, -1};
     static_cast<void>(!::pipe2(ends.data(), O_CLOEXEC));  // Without pipes, the program fails below.
-    ::fcntl(ends[0], F_SETFL, O_NONBLOCK);                // Programs expect their end to block.
+    ::fcntl(ends[0], F_SETFL, O_NONBLOCK);                // The programs' ends must block.
     process.streams[i].descriptor = transport::Descriptor(ends[0]);
     theirs[i] = transport::Descriptor(ends[1]);
     ::posix_spawn_file_actions_adddup2(&actions, ends[1], STDOUT_FILENO + static_cast<int>(i));
@@ -83,7 +83,7 @@ expected<Process, SetupError> launch(const std::string& path, Words arguments,
 
 void read_lines(Process::Stream& stream, bool has_ended,
                 const std::function<void(std::string_view line)>& take) {
-  std::array<char, std::size_t{64} * 1024> part{};  // All that fits into a pipe.
+  std::array<char, std::size_t{64} * 1024> part{};  // As much as a pipe can hold.
   const ssize_t size = ::read(stream.descriptor.number(), part.data(), part.size());
   if (size > 0) stream.text.append(part.data(), static_cast<std::size_t>(size));
   std::size_t begin = 0;
@@ -117,8 +117,8 @@ bool end_children(Duration patience) {
     }
     if (ended < 0) return true;
     if (rt::now() >= kill_time) signal = SIGKILL;
-    // SIGKILL is repeated, because the children of a killed process become this one's. The number
-    // of a child can't be reused before it is reaped.
+    // Repeats SIGKILL, because the children of a killed process become this one's. A child's pid
+    // can't be reused before it is reaped.
     std::ifstream children(list);
     for (pid_t child = 0; signal != 0 && children >> child;)
       ::kill(child, signal);
@@ -137,7 +137,7 @@ expected<std::optional<int>, SetupError> run_guarded(const std::function<int()>&
   if (child < 0) return setup_error("the supervisor does not start", system_error(errno));
   if (child == 0) {
     ::prctl(PR_SET_PDEATHSIG, SIGTERM);
-    if (::getppid() != guard) ::raise(SIGTERM);  // It ended before the line above.
+    if (::getppid() != guard) ::raise(SIGTERM);  // The guard ended before the line above.
     std::exit(work());
   }
   for (;;) {
@@ -147,7 +147,7 @@ expected<std::optional<int>, SetupError> run_guarded(const std::function<int()>&
     if (ended == child) break;
     siginfo_t signal{};
     if (ended > 0 || ::sigwaitinfo(&signals, &signal) == SIGCHLD) continue;
-    // The child gets the terminal's signals itself, as it is of the same group.
+    // The child receives the terminal's signals itself, as it is in the same group.
     if (signal.si_signo > 0 && signal.si_code != SI_KERNEL) ::kill(child, signal.si_signo);
   }
   end_children(patience);

@@ -30,26 +30,26 @@ using laboratory::Plan;
 using laboratory::ProgramPlan;
 
 constexpr Duration kRestartDelay = std::chrono::milliseconds{200};
-/// A program that fails more often within kRestartWindow is not restarted.
+/// A program that fails more often than this within kRestartWindow is not restarted.
 constexpr std::size_t kRestartCountMax = 5;
 constexpr Duration kRestartWindow = std::chrono::minutes{1};
 constexpr int kTurnMs = 50;
 constexpr Duration kNamesDeadline = std::chrono::milliseconds{200};
-/// One request may arrive twice: from the terminal, and from the guard.
+/// The same request may arrive twice: from the terminal, and from the guard.
 constexpr Duration kSecondRequest = std::chrono::milliseconds{500};
 constexpr std::size_t kKeptSizeMax = std::size_t{256} * 1024;
-/// A shell ends with this exit code if SIGTERM ended its command.
+/// A shell's exit code if SIGTERM ended its command.
 constexpr int kShellTerminated = 128 + SIGTERM;
 
 enum class State : std::uint8_t {
-  kWaiting,  ///< Waits for the programs that it comes after.
+  kWaiting,  ///< Waits for the programs that must start first.
   kPausing,  ///< Between its end and its restart.
   kStarting,
   kServing,
   kStopping,
-  kDone,  ///< Has ended by itself, with success.
+  kDone,  ///< Ended by itself, successfully.
   kFailed,
-  kEnded,  ///< Has ended because the laboratory ends.
+  kEnded,  ///< Ended because the laboratory ends.
 };
 constexpr std::array kStateWords{"waiting",  "pausing", "starting", "serving",
                                  "stopping", "done",    "failed",   "ended"};
@@ -98,8 +98,8 @@ class Supervisor {
     const ProgramPlan& plan;
     bool has_terminal = false;
     State state = State::kWaiting;
-    std::string note{};               ///< The reason of the state, a clause.
-    MonotonicTime deadline = kNever;  ///< The state's.
+    std::string note{};               ///< Why it is in this state, a clause.
+    MonotonicTime deadline = kNever;  ///< When the state times out.
     bool has_line = false;
     bool has_url = false;
     bool has_names = false;
@@ -107,7 +107,8 @@ class Supervisor {
     laboratory::Process process{};
     std::vector<MonotonicTime> restarts{};
     std::string url{};
-    /// Those of its names when it last served: names of a killed program stay bound for a while.
+    /// The revisions of its names when it last served: names of a killed program stay bound for a
+    /// while.
     std::vector<std::uint64_t> revisions{};
     std::string kept{};  ///< The output kept by Output::kEnd.
   };
@@ -120,10 +121,10 @@ class Supervisor {
   }
   static bool is_final(const Program& program) { return program.state >= State::kDone; }
 
-  /// Does all that is due.
+  /// Does everything that is due.
   void advance() {
     std::size_t before = 0;
-    do {  // One program's change may let another one proceed.
+    do {  // One program's change may allow another one to proceed.
       before = change_count_;
       for (const std::size_t program : plan_.order)
         advance(programs_[program]);
@@ -171,7 +172,7 @@ class Supervisor {
     });
   }
 
-  /// Starts the program if those that it comes after serve.
+  /// Starts the program if its predecessors serve.
   void start(Program& program) {
     for (const std::size_t index : program.plan.after) {
       const Program& other = programs_[index];
@@ -194,7 +195,7 @@ class Supervisor {
     serve_if_ready(program);
   }
 
-  /// The text, which read_plan() has checked.
+  /// Expands the text, which read_plan() has checked.
   [[nodiscard]] std::string expand(const std::string& text) const {
     return laboratory::expanded(text, plan_.variables).value_or("");
   }
@@ -218,7 +219,7 @@ class Supervisor {
     ::kill(process, SIGCONT);  // A stopped process handles no SIGTERM.
   }
 
-  /// Its process has ended. @param status  see waitpid(2)
+  /// Handles the end of its process. @param status  see waitpid(2)
   void exited(Program& program, int status) {
     const int code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
     const std::string how =
@@ -342,7 +343,7 @@ class Supervisor {
     serve_if_ready(program);
   }
 
-  /// Stops programs that were started with a URL that is no longer right.
+  /// Stops programs that were started with a URL that is no longer valid.
   void stop_users(const Program& program) {
     const auto index = static_cast<std::size_t>(&program - programs_.data());
     for (Program& user : programs_) {
@@ -352,7 +353,7 @@ class Supervisor {
     }
   }
 
-  /// Waits for output, an end, a signal or, as deadlines need it, kTurn.
+  /// Waits for output, the end of a process, a signal or, if there are deadlines, kTurn.
   void wait() {
     std::vector<pollfd> waited{{signals_.number(), POLLIN, 0}};
     for (const Program& program : programs_) {
@@ -369,7 +370,7 @@ class Supervisor {
         request_stop(signal_text(static_cast<int>(signal.ssi_signo)));
   }
 
-  /// Looks for the names of a program that serves when they are bound.
+  /// Checks whether a program's names are bound, so that it serves.
   void take_names(Program& program) {
     if (program.state != State::kStarting || program.plan.names.empty() || program.has_names)
       return;
@@ -399,7 +400,7 @@ class Supervisor {
   void take_ends() {
     for (siginfo_t ended{};;) {
       ended.si_pid = 0;
-      // The process is not reaped yet, so its group's number can't be reused.
+      // The process is not reaped yet, so its group's id can't be reused.
       if (::waitid(P_ALL, 0, &ended, WEXITED | WNOHANG | WNOWAIT) != 0 || ended.si_pid == 0) return;
       const auto program = std::ranges::find_if(
           programs_, [&](const Program& p) { return p.process.id == ended.si_pid; });

@@ -36,7 +36,7 @@ void print_plan(const Context& context, const Plan& plan) {
   std::fputs(aligned(rows, 3).c_str(), stdout);
 }
 
-/// A word of a systemd unit, which expands % and $.
+/// Escapes a word of a systemd unit, where % and $ are expanded.
 std::string unit_word(const std::string& word) {
   std::string quoted = " \"";
   for (const char letter : word) {

@@ -42,7 +42,7 @@ expected<names::Property, SetupError> property_of(const std::string& text) {
                          colon == std::string::npos ? "" : name.substr(colon + 1)};
 }
 
-/// The revision of the present binding, for a change; 0 if the name is not bound.
+/// The revision of the current binding, for a change; 0 if the name is not bound.
 std::uint64_t revision_of(names::Directory& directory, const std::string& name) {
   const auto entry = directory.resolve(name);
   return entry ? entry->revision : 0;
@@ -56,7 +56,7 @@ int bind(Context& context, const BindOptions& wanted) {
     properties.push_back(std::move(*property));
   }
   names::Directory directory(context.node(), context.registry);
-  // A user has no restarts to recognize, so each bind is a separate owner.
+  // A user does not restart like a server, so each bind has a new owner.
   names::Claim claim{wanted.name, wanted.url, wanted.interface, {rt::random_u64(), 1}};
   claim.properties = properties;
   claim.is_permanent = true;
@@ -76,7 +76,7 @@ int bind(Context& context, const BindOptions& wanted) {
   return kDone;
 }
 
-/// Ends the record of a name whose server is lost; nullopt if it is not lost.
+/// Removes the record of a name whose server is lost; nullopt if it is not lost.
 std::optional<int> dismiss(Context& context, const std::string& name) {
   std::optional<std::uint64_t> revision;
   const auto lost =

@@ -4,7 +4,7 @@
 
 #include "cli/context.hpp"
 
-// Commands that look at servers, and call their objects.
+// Commands that inspect servers, and call their objects.
 namespace rtpm::tool {
 
 void add_list(CLI::App& program, Context& context);

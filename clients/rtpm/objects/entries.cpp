@@ -105,7 +105,7 @@ std::vector<names::LapsedName> lost_names(Context& context,
   });
   const auto key = [](const names::LapsedName& each) { return std::tie(each.name, each.revision); };
   std::ranges::sort(answer.names, {}, key);
-  // Registries that share their names each report the same loss.
+  // Registries that share their names all report the same loss.
   const auto same = std::ranges::unique(answer.names, {}, key);
   answer.names.erase(same.begin(), same.end());
   return std::move(answer.names);

@@ -14,26 +14,26 @@ namespace rtpm::tool {
 /// A bound name as JSON: name, interface, URL, remaining seconds of the lease, revision.
 [[nodiscard]] Json json_of(const names::NameEntry& entry);
 
-/// Only the properties, in this form: {"properties": {…}, "units": {…}}; empty without properties.
+/// Only the properties, as {"properties": {…}, "units": {…}}; empty if there are none.
 [[nodiscard]] Json properties_json(const std::vector<names::Property>& properties);
-/// The properties as text, a line each: "rate_hz = 1000 hertz".
+/// The properties as text, one line each: "rate_hz = 1000 hertz".
 [[nodiscard]] std::vector<std::string> lines_of(const std::vector<names::Property>& properties);
 
-/// Reports the omissions of the directory's last operation on standard error.
+/// Reports on standard error what the directory's last operation left out.
 void tell_notes(const names::Directory& directory);
 
-/// Bound names as a table, a line each; empty if there are none.
+/// Bound names as a table, one line each; empty if there are none.
 [[nodiscard]] std::string table_of(const std::vector<names::NameEntry>& entries,
                                    const std::vector<names::LapsedName>& lost = {});
 
 /// Warns on standard error if the registry is out of date.
 void warn_if_stale(Duration stale_for);
 
-/// Prints the names as --json says, the lost ones last.
+/// Prints the names, in the format that --json selects, lost ones last.
 void print_entries(const std::vector<names::NameEntry>& entries, bool as_json,
                    const std::vector<names::LapsedName>& lost = {});
 
-/// The time that registries may take to list lost names.
+/// How long registries may take to list lost names.
 inline constexpr Duration kLapsedPatience = std::chrono::seconds{1};
 /// Names whose servers are lost, except those that another name service binds to the same URL.
 [[nodiscard]] std::vector<names::LapsedName> lost_names(Context& context,

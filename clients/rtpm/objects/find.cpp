@@ -28,7 +28,7 @@ bool fits(const std::string& pattern, const std::string& text) {
   return ::fnmatch(pattern.c_str(), text.c_str(), 0) == 0;
 }
 
-/// Whether one of its hosts matches.
+/// Whether any of its hosts matches.
 bool is_at(const std::string& pattern, const names::NameEntry& entry) {
   const auto parts = wire::parse_url(entry.url);
   return parts && std::ranges::any_of(parts->hosts,
@@ -50,7 +50,8 @@ bool has_wildcard(const std::string& pattern) {
   return pattern.find_first_of("*?[\\") != std::string::npos;
 }
 
-/// Asks the registry, which evaluates predicate and preference; this program matches the patterns.
+/// Queries the registry, which evaluates predicate and preference; this program matches the
+/// patterns.
 expected<std::vector<names::NameEntry>, int> ask(Context& context, const FindOptions& wanted) {
   names::Directory directory(context.node(), context.registry);
   if (wanted.predicate.empty() && wanted.preference.empty()) {
@@ -91,7 +92,7 @@ int find(Context& context, const FindOptions& wanted) {
   if (wanted.limit != 0 && found.size() > wanted.limit) found.resize(wanted.limit);
   print_entries(found, context.json);
   if (!found.empty()) return kDone;
-  // The predicate has excluded names, so this fetches all of them.
+  // The predicate has excluded names, so fetch all of them.
   const auto all = names::Directory(context.node(), context.registry).contents();
   if (!all) return context.not_reached(all.error());
   const std::size_t count = all->entries.size();

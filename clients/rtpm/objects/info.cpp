@@ -65,7 +65,7 @@ Json object_json(const std::string& url, dynamic::RemoteObject& object,
   return json;
 }
 
-// The staleness of the registry, if the target is a name; also warns about it.
+// How out of date the registry is, if the target is a name; also warns about it.
 Duration staleness_of(Context& context, const std::string& target) {
   if (wire::parse_url(target)) return {};
   const auto entry = names::Directory(context.node(), context.registry).entry_of(target);

@@ -20,7 +20,7 @@ using options::formatted;
 
 struct PingRequest {
   std::string target{};
-  std::uint64_t count = 0;  ///< 0: until Ctrl-C.
+  std::uint64_t count = 0;  ///< If 0, until Ctrl-C.
   Duration interval = std::chrono::seconds{1};
 };
 
@@ -33,7 +33,7 @@ struct Trips {
   std::vector<Duration> times{};
   std::uint64_t lost_count = 0;
 
-  /// The quantile of the sorted round-trip times.
+  /// A quantile of the sorted round-trip times.
   [[nodiscard]] Duration at(double fraction) const {
     return times[static_cast<std::size_t>(fraction * static_cast<double>(times.size() - 1) + 0.5)];
   }

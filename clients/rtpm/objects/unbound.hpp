@@ -6,12 +6,13 @@
 
 namespace rtpm::tool {
 
-/// Explains why `target` was not reached: `error`, or the registry's answer if it does not have the
-/// name or does not answer, with similar names. For a lost name, states since when.
+/// Explains why `target` was not reached: returns `error` or, if the registry does not have the
+/// name or does not answer, the registry's answer with similar names. For a lost name, states since
+/// when.
 [[nodiscard]] SetupError with_similar_names(Context& context, const std::string& target,
                                             SetupError error);
 
-/// Explains why a name is not bound: `error`, or that its server is lost.
+/// Explains why a name is not bound: returns `error`, or that its server is lost.
 [[nodiscard]] SetupError with_loss(Context& context, const std::string& name, SetupError error);
 
 }  // namespace rtpm::tool

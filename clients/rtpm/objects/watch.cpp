@@ -43,7 +43,7 @@ void tell(const Context& context, const names::NameChange& change) {
              printable(entry.interface) + "  " + printable(entry.url));
 }
 
-// Reports that the registry is out of date, and also that it is up to date again.
+// Reports when the registry is out of date, and when it is current again.
 void tell(const Context& context, Duration stale_for) {
   warn_if_stale(stale_for);
   if (context.json) {

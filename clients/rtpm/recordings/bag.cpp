@@ -36,7 +36,7 @@ double seconds_of(std::uint64_t ns) {
   return static_cast<double>(ns) * 1e-9;
 }
 
-/// The time in UTC, in the format of RFC 3339: "2026-11-24T08:15:30.250Z".
+/// A UTC time in the format of RFC 3339: "2026-11-24T08:15:30.250Z".
 std::string time_text(std::uint64_t ns) {
   const auto whole_s = static_cast<std::time_t>(ns / 1'000'000'000);
   std::tm utc{};
@@ -124,7 +124,7 @@ std::string text_of(FileReader& reader, const std::string& path,
   return text;
 }
 
-/// Opens the file with a progress bar, because a file without a summary is read as a whole.
+/// Opens the file with a progress bar, because a file without a summary is read completely.
 expected<std::unique_ptr<FileReader>, SetupError> open(Context& context, const BagRequest& request,
                                                        recording::Incomplete incomplete) {
   ProgressBar bar(context, "reading");
@@ -149,7 +149,7 @@ int info(Context& context, const BagRequest& request) {
   return kDone;
 }
 
-/// The losses that a recovered recording states; empty if there are none.
+/// The losses listed in a recovered recording; empty if there are none.
 std::string recovered_text(const std::string& file) {
   const auto reader = FileReader::open(file);
   const auto metadata = reader ? (*reader)->read_metadata() : std::vector<recording::Metadata>{};
@@ -179,7 +179,7 @@ int check(Context& context, const BagRequest& request) {
   return problems->empty() ? kDone : kFailed;
 }
 
-/// "lab/arm0/sampled: 1000 messages lost", a line each.
+/// Lines of "lab/arm0/sampled: 1000 messages lost".
 std::string losses_of(const recording::Recovery& recovery) {
   std::string text;
   for (const auto& [topic, count] : recovery.lost_counts)
@@ -219,7 +219,7 @@ int recover(Context& context, const BagRequest& request) {
   return kDone;
 }
 
-/// The numbers of the selected channels; the error names the topic that has no channel.
+/// The ids of the selected channels; the error names the topic without a channel.
 expected<std::vector<std::uint16_t>, SetupError> channels_of(FileReader& reader,
                                                              const BagRequest& request) {
   std::vector<std::uint16_t> numbers;
@@ -238,7 +238,7 @@ expected<std::vector<std::uint16_t>, SetupError> channels_of(FileReader& reader,
   return numbers;
 }
 
-/// `begin_ns` plus `time`; the greatest time if that overflows.
+/// `begin_ns` plus `time`, saturating at the largest value.
 std::uint64_t later(std::uint64_t begin_ns, Duration time) {
   const auto ns = static_cast<std::uint64_t>(std::max(time, Duration{0}).count());
   return begin_ns > UINT64_MAX - ns ? UINT64_MAX : begin_ns + ns;

@@ -121,8 +121,8 @@ void tell_begin(const Context& context, const replay::Recorded& recorded,
     print_line("serving " + printable(served.name) + " at " + served.url);
 }
 
-/// The reason why the named registry does not answer. A scope needs no registry: the player then
-/// serves its names itself.
+/// Why the given registry does not answer. A scope needs no registry, as the player then serves its
+/// names itself.
 std::optional<SetupError> missing_registry(Context& context) {
   const auto scope = discovery::parse_scope(context.registry);
   if (!scope) return scope.error();

@@ -62,7 +62,7 @@ class Sources {
   int open() {
     if (const int exit_code = open_calls(); exit_code != kDone) return exit_code;
     if (const int exit_code = poll_devices(); exit_code != kDone) return exit_code;
-    // Calls alone make a recording, and so do devices alone if no hub answers.
+    // Recording only calls needs no hub, and devices alone are enough if no hub answers.
     if (!request_.needs_hub() && !request_.calls.empty()) return kDone;
     auto types = events::HubTypes::ask(context_.node(), request_.hub, deadline_);
     if (!types && !request_.needs_hub() && !request_.devices.empty()) return kDone;
@@ -76,14 +76,14 @@ class Sources {
     if (hub_) hub_->attend();
     report();
   }
-  /// The reason why a source ended by itself; nullopt if none did.
+  /// Why a source ended by itself; nullopt if none did.
   [[nodiscard]] std::optional<SetupError> problem() const {
     for (const auto& server : calls_) {
       if (const auto problem = server->status().problem) return SetupError{*problem};
     }
     return std::nullopt;
   }
-  /// Takes the remaining messages, and ends the sources; their counts stay.
+  /// Receives the remaining messages, and ends the sources; their counts stay readable.
   void end() {
     if (hub_) hub_->finish();
     if (devices_) devices_->stop();
@@ -91,7 +91,7 @@ class Sources {
       server->stop();
     report();
   }
-  /// The calls of all servers; dropped_count counts the events that were lost, too.
+  /// The calls of all servers; dropped_count includes lost events.
   [[nodiscard]] capture::CallRecorderStatus counts() const {
     capture::CallRecorderStatus sum{.dropped_count = hub_ ? hub_->lost_count() : 0};
     for (const auto& server : calls_) {
@@ -105,7 +105,7 @@ class Sources {
   }
 
  private:
-  // A server has one tap for all its objects.
+  // A server has a single tap for all its objects.
   int open_calls() {
     std::map<std::string, std::vector<std::string>> urls;
     for (const std::string& target : request_.calls) {
@@ -166,7 +166,7 @@ class Sources {
   std::vector<std::unique_ptr<capture::CallRecorder>> calls_{};
   std::optional<capture::DeviceRecorder> devices_{};
   std::unique_ptr<capture::HubRecorder> hub_{};
-  std::set<std::string> failed_{};  ///< Devices of which a failed poll was reported.
+  std::set<std::string> failed_{};  ///< Devices for which a failed poll was reported.
 };
 
 recording::RecorderConfig config_of(const RecordRequest& request) {

@@ -6,7 +6,7 @@
 namespace rtpm::schema {
 namespace {
 
-/// The hint for one of RTPM's attributes on a wrong declaration.
+/// The hint for an RTPM attribute on the wrong kind of declaration.
 std::string move_hint(const KnownAttribute& known, AttributePlace place) {
   if (place == AttributePlace::kService && known.place == AttributePlace::kMethod) {
     return "it belongs on its methods, one by one";

@@ -12,10 +12,10 @@
 
 namespace rtpm::schema {
 
-/// All of `text` as a decimal number; nullopt if it is not a number, or too large.
+/// Parses all of `text` as a decimal number; nullopt if it is not a number, or too large.
 [[nodiscard]] std::optional<std::uint64_t> to_number(std::string_view text);
 
-/// Reads attributes and reports wrong ones.
+/// Reads attributes and reports invalid ones.
 class AttributeReader {
  public:
   AttributeReader(const SchemaText& text, Diagnostics& errors) : text_(text), errors_(errors) {}
@@ -24,19 +24,19 @@ class AttributeReader {
     errors_.push_back({text_.locate(span), std::move(message), std::move(hint), std::nullopt});
   }
 
-  /// `number` is the value of a number, the index of a choice, otherwise 1.
+  /// `number` is the value of a number or the index of a choice; otherwise 1.
   struct Value {
     std::uint64_t number = 0;
     std::string text{};
   };
 
-  /// The value of `use` on a declaration of the kind `place`; nothing for other tools' attributes.
+  /// The value of `use` on a declaration of kind `place`; nullopt for other tools' attributes.
   /// @param owner  the declaration in words: "field `x` of table `Pose`"
-  /// @errors       nothing, and reported: unknown, misplaced, or with a wrong value
+  /// @errors       nullopt, and reported: unknown, misplaced, or with an invalid value
   [[nodiscard]] std::optional<Value> read(const AttributeUse& use, AttributePlace place,
                                           const std::string& owner) const;
 
-  /// Whether `use` is the first of its name in `seen`; reported if not.
+  /// Whether `use` is the first with its name in `seen`; reports it if not.
   bool is_first(const AttributeUse& use, std::set<std::string>& seen) const;
 
   /// Reports an attribute that has no effect on `owner`.
@@ -44,7 +44,7 @@ class AttributeReader {
                         const std::string& hint) const {
     report(use.at, "`" + use.name + "` has no effect on " + owner, hint);
   }
-  /// Reports a wrong value.
+  /// Reports an invalid value.
   void report_value(const AttributeUse& use, const std::string& hint) const;
 
  private:

@@ -17,10 +17,10 @@ namespace rtpm::schema {
 namespace {
 
 // The features of FlatBuffers 2.0.8 to 25: fixed arrays, unions of structs, optional scalars,
-// default strings and vectors. A schema with other features was made by a newer parser.
+// default strings and vectors. A schema with other features comes from a newer parser.
 constexpr std::uint64_t kKnownFeatureBits = 0xF;
 
-// A payload begins at a multiple of 16 bytes, so no part of it can have a larger alignment.
+// A payload starts at a multiple of 16 bytes, so no part of it can be aligned to more.
 constexpr std::size_t kAlignmentMax = 16;
 
 constexpr std::uint32_t kMethodIdMax = 65535;
@@ -56,7 +56,7 @@ class Checker {
          "use a newer rtpmc, or do without the feature", std::nullopt});
   }
 
-  /// Restores the order of the text: the reflection sorts by name.
+  /// Restores the order in the text, because the reflection sorts by name.
   void sort_services() {
     std::map<std::string, std::size_t> places;
     for (std::size_t i = 0; i < text_.outline().services.size(); ++i)
@@ -134,7 +134,7 @@ class Checker {
     if (name == "rtpm_max_size") method.max_size = static_cast<std::uint32_t>(value.number);
   }
 
-  /// Rules between oneway, deferred, stream, the maximum size and the payloads.
+  /// Checks the rules between oneway, deferred, stream, the maximum size and the payloads.
   void check_manner(const Method& method, const MethodOutline& outline,
                     const std::map<std::string, const AttributeUse*>& uses) const {
     const bool has_reply = method.reply.kind != PayloadKind::kEmpty;
@@ -163,7 +163,7 @@ class Checker {
     }
   }
 
-  /// The largest well-formed id of the service's methods.
+  /// The largest valid id among the service's methods.
   [[nodiscard]] static std::uint32_t largest_id(const Service& service) {
     std::uint64_t largest = 0;
     for (const Method& method : service.methods) {
@@ -216,7 +216,7 @@ class Checker {
     }
   }
 
-  /// A struct that a payload reaches and whose alignment exceeds that of a payload.
+  /// A struct reachable from a payload whose alignment exceeds the payload's.
   [[nodiscard]] const Object* find_overaligned(std::size_t index) const {
     if (!has_overaligned_) return nullptr;
     Reach reach;

@@ -8,10 +8,10 @@
 
 namespace rtpm::schema {
 
-/// Checks `model` against all of RTPM's rules, and sets the values of its attributes and the
-/// locations of its declarations.
-/// @param texts  the compiled file first, then all that it includes
-/// @return every breach; back ends must not see a model with one
+/// Checks `model` against all of RTPM's rules, and sets its attribute values and the locations of
+/// its declarations.
+/// @param texts  the compiled file first, then all included files
+/// @return every breach; back ends must not get a model with breaches
 [[nodiscard]] Diagnostics check(Model& model, const std::deque<SchemaText>& texts);
 
 }  // namespace rtpm::schema

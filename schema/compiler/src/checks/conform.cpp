@@ -12,11 +12,12 @@
 namespace rtpm::schema {
 namespace {
 
-/// The uses of types, by name.
+/// Which parts use each type, by name.
 struct Uses {
   std::set<std::string> in_requests{};
   std::set<std::string> in_replies{};
-  std::set<std::string> elsewhere{};  ///< Used in events, or an own type that no method uses.
+  /// Used in events, or a type of this file that no method uses.
+  std::set<std::string> elsewhere{};
 
   void add(const Model& model) {
     Reach requests;
@@ -74,7 +75,7 @@ class Comparison {
   std::vector<Change> run() {
     compare_types(before_.objects, after_.objects);
     compare_types(before_.enums, after_.enums);
-    // A change of a type breaks its users; a change of a service has its own verdict already.
+    // A change of a type breaks its users; a change of a service already has its own verdict.
     for (Change& change : changes_)
       judge(change);
     compare_services();
@@ -115,7 +116,7 @@ class Comparison {
         comparison.compare(*type, *now->second);
       } else if (type->declaration_file == before_.declaration_file &&
                  uses_.elsewhere.contains(name)) {
-        // If a method of this file used it, the method's change reports it.
+        // If a method of this file used it, the method's own change reports it.
         add(ChangeKind::kTypeRemoved, name, type->location,
             "type `" + name + "` is removed, and other schemas may use it", "keep it");
         changes_.back().reading = {.new_reads_old = false, .is_by_meaning = true};
@@ -326,7 +327,7 @@ class Comparison {
   Uses uses_{};
   std::vector<Change> changes_{};
   std::string service_{};
-  std::set<std::string> kind_changes_{};  // Tables reported already.
+  std::set<std::string> kind_changes_{};  // Tables already reported.
 };
 
 }  // namespace

@@ -19,7 +19,7 @@ constexpr Reading kMeaningFails{
     .new_reads_old = false, .old_reads_new = false, .is_by_meaning = true};
 constexpr Reading kNothingFails{};
 
-/// Whether it is the type field that FlatBuffers adds to a union or vector of unions.
+/// Whether the field is the type field that FlatBuffers adds to a union or vector of unions.
 bool is_companion(const Field& field) noexcept {
   return field.type.innermost() == BaseType::kUnionType;
 }
@@ -45,7 +45,7 @@ std::string attribute_value(const Field& field, std::string_view name) {
   return {};
 }
 
-/// Whether a field's bytes have the same layout in both versions, apart from names.
+/// Whether a field's bytes have the same layout in both versions, ignoring names.
 bool is_same_shape(const Model& before, const Type& a, const Model& after, const Type& b) {
   if (a.base != b.base || a.element != b.element || a.fixed_length != b.fixed_length) return false;
   if (!a.index || !b.index) return true;
@@ -116,7 +116,7 @@ void TypeComparison::compare_structs(const Object& before, const Object& after) 
   if (!is_whole || before.byte_size != after.byte_size || before.alignment != after.alignment) {
     const bool is_after = same < after.fields.size();
     const bool is_before = same < before.fields.size();
-    // A field that replaces padding does not move the other fields.
+    // A field that replaces padding does not move other fields.
     Reading reading = kBytesFail;
     reading.is_by_meaning = before.byte_size == after.byte_size && same == count;
     report(ChangeKind::kStructLayout, reading, after.name,
@@ -157,7 +157,7 @@ void TypeComparison::compare_tables(const Object& before, const Object& after) {
   }
 }
 
-/// Whether all fields kept their slots. Any number of moved fields is reported as one change.
+/// Whether all fields kept their slots. Reports any number of moved fields as one change.
 bool TypeComparison::compare_places(const Object& before, const Object& after) {
   std::unordered_map<std::string_view, const Field*> old_fields;
   for (const Field& field : before.fields)
@@ -194,7 +194,7 @@ void TypeComparison::add_field(const Object& owner, const Field& field) {
 
 void TypeComparison::remove_field(const Object& owner, const Field& field, const Object& now) {
   Reading reading = kMeaningFails;
-  // A newer writer omits it, and an older reader rejects a table without a required field.
+  // A newer writer omits it, and an older reader rejects a table that lacks a required field.
   reading.is_by_meaning = !field.is_required;
   report(ChangeKind::kFieldRemoved, reading, owner.name, field.location, {},
          field_words(owner, field) + " is removed, so its slot may get another meaning",
@@ -218,12 +218,12 @@ void TypeComparison::compare_fields(const Object& owner, const Field& before, co
   compare_meaning(owner, before, after);
 }
 
-/// Whether the types are equal; reported if not.
+/// Whether the types are equal; reports it if not.
 bool TypeComparison::compare_types(const Object& owner, const Field& before, const Field& after) {
   const std::string old_reference = referred_name(before_, before.type);
   const std::string new_reference = referred_name(after_, after.type);
   const bool is_same_reference = old_reference == new_reference;
-  // A change of an enum's underlying type is reported with the enum.
+  // A change of an enum's underlying type is reported for the enum.
   const bool is_enum = !old_reference.empty() && is_same_reference &&
                        before.type.innermost() != BaseType::kObject &&
                        after.type.innermost() != BaseType::kObject;
@@ -274,7 +274,7 @@ void TypeComparison::compare_defaults(const Object& owner, const Field& before,
   if (!is_scalar || after.is_deprecated || before.is_deprecated) return;
   const std::string old_default = default_text(before_, before);
   const std::string new_default = default_text(after_, after);
-  // A renamed or renumbered value of an enum is reported with the enum.
+  // A renamed or renumbered enum value is reported for the enum.
   const bool is_same_number = after.type.index && !after.is_optional && !before.is_optional &&
                               after.default_integer == before.default_integer;
   if (old_default == new_default || is_same_number) return;

@@ -6,8 +6,8 @@
 
 namespace rtpm::schema {
 
-/// Compares tables, structs, enums and unions of the same name. Leaves the verdicts open, because
-/// they depend on the uses of the types.
+/// Compares tables, structs, enums and unions with the same name. Leaves the verdicts open, because
+/// they depend on how the types are used.
 class TypeComparison {
  public:
   TypeComparison(const Model& before, const Model& after, std::vector<Change>& changes)

@@ -63,7 +63,7 @@ double default_of(const Field& field) noexcept {
 }
 
 constexpr std::size_t kStructSizeMax = 65535;  // Bytes.
-// The range of numbers of devices and recordings: spec/events.md, section 1.
+// The range of event numbers reserved for devices and recordings: spec/events.md, section 1.
 constexpr std::uint32_t kOwnEventMin = 1380974592;
 constexpr std::uint32_t kOwnEventMax = 1380975615;
 
@@ -102,7 +102,7 @@ class TypeChecker {
   }
 
  private:
-  /// Sets each struct's depth from those of its fields; `deep` is one that exceeds the limit.
+  /// Sets each struct's depth from its fields' depths; `deep` is one that exceeds the limit.
   /// Returns whether a depth changed.
   bool deepen(std::vector<std::size_t>& depths, const Object*& deep) const {
     bool is_changed = false;
@@ -138,7 +138,7 @@ class TypeChecker {
     for (const MemberOutline& member : outline.members) {
       const auto field = fields.find(member.name);
       if (field == fields.end()) continue;
-      // FlatBuffers' parser accepts a struct that contains itself; walking it would not end.
+      // FlatBuffers' parser accepts a struct that contains itself; walking it would never end.
       if (object.is_struct && field->second->type.has_object() &&
           &model_.objects[*field->second->type.index] == &object) {
         reader.report(member.at, owner + " contains itself, so it has no size",
@@ -146,7 +146,7 @@ class TypeChecker {
       }
       check_field(*field->second, object.is_struct, owner, member, text);
     }
-    // The fields have offsets of 16 bits.
+    // The fields have 16-bit offsets.
     if (object.is_struct && object.byte_size > kStructSizeMax) {
       reader.report(outline.at,
                     owner + " has " + std::to_string(object.byte_size) + " bytes, and at most " +
@@ -233,7 +233,7 @@ class TypeChecker {
     enumeration.location = text.locate(outline.at);
     check_enum_attributes(outline, text);
     for (const MemberOutline& member : outline.members) {
-      // In a union, `lab.Pose` is the value `lab_Pose`, and `alias:lab.Pose` the value `alias`.
+      // In a union, `lab.Pose` is the value `lab_Pose`, and `alias:lab.Pose` is the value `alias`.
       std::string name = member.name;
       std::replace(name.begin(), name.end(), '.', '_');
       for (EnumValue& value : enumeration.values) {
@@ -242,7 +242,7 @@ class TypeChecker {
     }
   }
 
-  /// Refuses all of RTPM's attributes on enums and unions.
+  /// Refuses all RTPM attributes on enums and unions.
   void check_enum_attributes(const TypeOutline& outline, const SchemaText& text) {
     const AttributeReader reader(text, errors_);
     const std::string owner = outline.kind + " `" + short_name(outline.name) + "`";

@@ -8,8 +8,8 @@
 
 namespace rtpm::schema {
 
-/// Sets the locations and attributes' values of tables, structs, enums and their members, and
-/// reports wrong attributes.
+/// Sets the locations and attribute values of tables, structs, enums and their members, and reports
+/// invalid attributes.
 void check_types(Model& model, const std::deque<SchemaText>& texts, Diagnostics& errors);
 
 }  // namespace rtpm::schema

@@ -47,7 +47,7 @@ class CppBackEnd final : public BackEnd {
   }
 
  private:
-  /// Refuses macros as names of data, because flatc writes these names unchanged.
+  /// Refuses macros as names of data, because flatc does not change these names.
   static void check_macro(const char* kind, const std::string& name, const Location& place,
                           Diagnostics& errors) {
     if (!cpp::is_macro(name)) return;
@@ -71,7 +71,7 @@ class CppBackEnd final : public BackEnd {
     }
   }
 
-  /// A class generated for a service or event must not also be a data type of the schema.
+  /// Checks that a class generated for a service or event is not also a data type of the schema.
   /// @param what  "service `lab.Arm`", declared at `place`
   static void check_class(const Model& model, const std::string& what, const std::string& remedy,
                           const Location& place, const std::string& name, Diagnostics& errors) {
@@ -99,7 +99,7 @@ class CppBackEnd final : public BackEnd {
     }
   }
 
-  /// Includes the events of included files: their classes may have the names of this file's types.
+  /// Also checks the events of included files: their classes may clash with this file's types.
   static void check_events(const Model& model, Diagnostics& errors) {
     std::map<std::string, const Object*> classes;
     for (const Object& object : model.objects) {
@@ -110,7 +110,7 @@ class CppBackEnd final : public BackEnd {
         const std::size_t error_count = errors.size();
         check_class(model, "event `" + object.name + '`', "event", object.location, name, errors);
         const auto [other, is_new] = classes.emplace(name, &object);
-        // A pair that shares several names is reported once.
+        // A pair that shares several names is reported only once.
         if (!is_new && is_free) {
           errors.push_back({object.location,
                             "event `" + object.name + "` becomes the class `" + short_name(name) +
@@ -123,7 +123,7 @@ class CppBackEnd final : public BackEnd {
     }
   }
 
-  /// Two methods must not get the same member, by an underscore or by the `_encoded` form.
+  /// Checks that no two methods get the same member name, because of an underscore or `_encoded`.
   static void check_members(const Service& service, Diagnostics& errors) {
     std::map<std::string, const Method*> members;
     std::set<std::pair<const Method*, const Method*>> reported;
@@ -132,7 +132,7 @@ class CppBackEnd final : public BackEnd {
     const auto check = [&](const Method& method, const std::string& member) {
       const auto [other, is_new] = members.emplace(member, &method);
       if (is_new || other->second == &method) return;
-      // A pair that shares several names is reported once.
+      // A pair that shares several names is reported only once.
       if (!reported.insert(std::minmax({other->second, &method})).second) return;
       errors.push_back(
           {other->second->location,

@@ -15,11 +15,11 @@
 #include "reading/reflection.hpp"
 #include "rtpm/schema/schema_text.hpp"
 
-// Events have a header of their own, so that only code that uses events links rtpm::events.
+// Events have their own header, so that only code that uses events links rtpm::events.
 namespace rtpm::schema::cpp {
 namespace {
 
-// The depth to which a hub reads payloads, and the number of fields that it reads per event.
+// How deep a hub reads payloads, and how many fields it reads per event.
 constexpr std::size_t kSlotCountMax = 4;
 constexpr std::size_t kFieldCountMax = 256;
 
@@ -31,7 +31,7 @@ const char* scalar_type(BaseType base) noexcept {
   return index < kNames.size() ? kNames[index] : nullptr;
 }
 
-/// The scalars of an event's payload, outside of arrays, vectors and unions, with their paths.
+/// The scalars of an event's payload, outside arrays, vectors and unions, with their paths.
 class Numbers {
  public:
   explicit Numbers(const Model& model) : model_(model) {}

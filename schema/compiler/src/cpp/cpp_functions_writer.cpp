@@ -3,8 +3,8 @@
 #include "cpp/cpp_names.hpp"
 #include "cpp/cpp_writer.hpp"
 
-// Servants made of functions, in a header of their own: instances of std::function would slow down
-// the compilation of every file that includes the main header.
+// Servants made of functions have their own header: instances of std::function would slow down
+// compilation of every file that includes the main header.
 namespace rtpm::schema::cpp {
 namespace {
 

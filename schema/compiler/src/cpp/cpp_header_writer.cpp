@@ -14,14 +14,14 @@ namespace {
 constexpr const char* kOptions = "const ::rtpm::rpc::CallOptions& options = {}";
 constexpr const char* kStreamOptions = "const ::rtpm::rpc::StreamOptions& options = {}";
 
-/// The includes of flatc's headers with the data types that the services use.
+/// The includes of flatc's headers for the data types that the services use.
 std::string data_includes(const Model& model) {
   std::set<std::string> stems;
   const auto add = [&](std::size_t index) {
     stems.insert(std::filesystem::path(model.objects[index].declaration_file).stem().string());
   };
   for (const Object& object : model.objects) {
-    // flatc writes types only for a file that declares some.
+    // flatc only writes types for a file that declares some.
     if (object.declaration_file == model.declaration_file) stems.insert(model.file_stem);
   }
   for (const Enum& enumeration : model.enums) {
@@ -94,7 +94,7 @@ std::string real_time(const Method& method) {
                           : "@realtime alloc-free once a channel of the priority's band is open";
 }
 
-/// The comment of the form that packs a table.
+/// The real-time comment for the overload that packs a table.
 std::string packing(const Method& method, const std::string& encoded) {
   if (method.is_stream) {
     return "@realtime set-up only: packs the request on the heap; " + encoded +
@@ -104,7 +104,7 @@ std::string packing(const Method& method, const std::string& encoded) {
          "()";
 }
 
-/// The begin_…() forms.
+/// The declarations of the begin_…() overloads.
 std::string begin_methods(const Model& model, const Service& service, const Method& method) {
   if (!can_begin(method)) return {};
   const std::string name = method_name(service, method);
@@ -126,7 +126,7 @@ std::string begin_methods(const Model& model, const Service& service, const Meth
   return text + function(head, "  ");
 }
 
-/// The comment on the meaning of success for a oneway method without confirmation.
+/// What success means for a oneway method without confirmation, as a comment.
 Documentation promise(const Method& method) {
   if (method.oneway != OnewayLevel::kSent) return {};
   return {"@return ok: sent, and may still get lost; see ::rtpm::rpc::Binding::send()",
@@ -342,7 +342,7 @@ std::string servant_result(const Model& model, const Method& method) {
   return "::rtpm::rpc::Result<" + (is_struct ? payload_type(model, method.reply) : "void") + '>';
 }
 
-/// Makes a compiler of an older language print one sentence instead of many errors.
+/// Makes a compiler for an older language standard print one sentence instead of many errors.
 constexpr const char* kLanguageCheck =
     "#if __cplusplus < 202002L && !(defined(_MSVC_LANG) && _MSVC_LANG >= 202002L)\n"
     "#error \"RTPM needs C++20: compile with -std=c++20, or set CMAKE_CXX_STANDARD to 20\"\n"

@@ -122,7 +122,7 @@ bool is_capital(char c) noexcept {
 }  // namespace
 
 bool is_macro(std::string_view name) noexcept {
-  // Such names are reserved for compilers and their libraries.
+  // Such names are reserved for compilers and libraries.
   if (name.find("__") != name.npos) return true;
   if (name.size() > 1 && name[0] == '_' && is_capital(name[1])) return true;
   if (name.starts_with("RTPM_") || name.starts_with("FLATBUFFERS_")) return true;

@@ -45,7 +45,7 @@ constexpr std::string_view kKeywords[] = {
 };
 static_assert(std::is_sorted(std::begin(kKeywords), std::end(kKeywords)));
 
-// The words to which flatc adds an underscore are the keywords and these.
+// flatc appends an underscore to the keywords and to these words.
 constexpr std::array<std::string_view, 6> kOnlyFlatcEscapes{
     "atomic_cancel", "atomic_commit", "atomic_noexcept", "import", "module", "synchronized"};
 constexpr std::array<std::string_view, 3> kFlatcLeaves{"char8_t", "consteval", "constinit"};
@@ -150,7 +150,7 @@ std::string literal(std::string_view text) {
 std::string comment(const Documentation& lines, std::string_view indent) {
   std::string text;
   for (std::string line : lines) {
-    // A backslash at the end would continue the comment on the next line.
+    // A trailing backslash would continue the comment on the next line.
     while (!line.empty() && (line.back() == '\\' || line.back() == ' ' || line.back() == '\t' ||
                              line.back() == '\r')) {
       line.pop_back();

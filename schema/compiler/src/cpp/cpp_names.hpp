@@ -11,34 +11,34 @@ namespace rtpm::schema::cpp {
 
 [[nodiscard]] bool is_keyword(std::string_view name) noexcept;
 
-/// A method's name. C++ keywords, macros of C's headers and names that the generated classes use
+/// A method's name. C++ keywords, macros of C headers and names that the generated classes use
 /// (`binding`, `interface`, `dispatch`, the class names) get a trailing underscore, as in flatc.
 [[nodiscard]] std::string method_name(const Service& service, const Method& method);
 
 /// The classes generated for an event's table, such as "lab.Touched".
 struct EventNames {
-  std::string descriptor{};  ///< "lab.TouchedEvent", which has the constants.
+  std::string descriptor{};  ///< Such as "lab.TouchedEvent", which has the constants.
   std::string supplier{};    ///< "lab.TouchedSupplier".
   std::string consumer{};    ///< "lab.TouchedConsumer".
 };
-/// The names for a table whose name ends with "Event", such as "lab.TouchedEvent":
+/// For a table whose name ends with "Event", such as "lab.TouchedEvent", the names are
 /// "lab.TouchedEventTraits", "lab.TouchedSupplier" and "lab.TouchedConsumer".
 [[nodiscard]] EventNames event_names(const std::string& table);
 
-/// "::lab::Force" of "lab.Force", the type that flatc generates.
+/// The type that flatc generates: "::lab::Force" for "lab.Force".
 [[nodiscard]] std::string type_name(const std::string& qualified_name);
 /// The name of a field or enumerator as flatc writes it.
 [[nodiscard]] std::string data_name(const std::string& name);
-/// "lab::arms" of "lab.arms".
+/// The C++ namespace: "lab::arms" for "lab.arms".
 [[nodiscard]] std::string namespace_name(const std::string& namespace_with_dots);
 
-/// A function's declaration, to be laid out in lines of at most 100 columns.
+/// A function declaration, to be formatted in lines of at most 100 columns.
 struct Function {
-  std::string lead{};  ///< "[[nodiscard]] ", "virtual " or nothing.
+  std::string lead{};  ///< Such as "[[nodiscard]] " or "virtual "; may be empty.
   std::string result{};
   std::string name{};
   std::vector<std::string> parameters{};  ///< At least one parameter.
-  std::string tail{};                     ///< The text after the parentheses: " noexcept;".
+  std::string tail{};                     ///< What follows the parentheses: " noexcept;".
 };
 [[nodiscard]] std::string function(const Function& function, std::string_view indent);
 

@@ -27,7 +27,7 @@ std::size_t handled_as(const Payload& payload) {
 }  // namespace
 
 Ranges::Ranges(const Model& model) : model_(model) {
-  // Types may contain each other in cycles, so iterate until nothing is added.
+  // Types may contain one another in cycles, so iterate until nothing is added.
   for (bool is_growing = true; is_growing;) {
     is_growing = false;
     for (std::size_t i = 0; i < model.objects.size(); ++i)

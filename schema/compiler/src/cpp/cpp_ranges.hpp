@@ -8,7 +8,7 @@
 
 namespace rtpm::schema::cpp {
 
-/// Generates the checks of `rtpm_range` that a skeleton runs before a method.
+/// Generates the `rtpm_range` checks that a skeleton runs before a method.
 /// @ownership refers to the model, which must outlive it
 class Ranges {
  public:
@@ -17,7 +17,7 @@ class Ranges {
   /// Whether a request contains numbers with a range, at any depth.
   [[nodiscard]] bool are_in(const Payload& request) const;
   /// Functions `rtpm_in_range(value, check)` in an anonymous namespace, one for each type with
-  /// ranges that requests reach; empty if there is no such type.
+  /// ranges that is reachable from requests; empty if there is no such type.
   [[nodiscard]] std::string functions() const;
 
  private:

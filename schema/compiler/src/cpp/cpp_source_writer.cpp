@@ -16,7 +16,7 @@ std::string status(const std::string& name) {
   return "{::rtpm::wire::Status::" + name + ", 0}";
 }
 
-/// The priority's members of a service's descriptor.
+/// The members for the priority in a service's descriptor.
 std::string priority(const Service& service) {
   if (!service.priority) return {};
   return ",\n    .priority_model = ::rtpm::rpc::PriorityModel::" +
@@ -26,7 +26,7 @@ std::string priority(const Service& service) {
          ",\n    .priority = " + std::to_string(*service.priority);
 }
 
-/// The role's member of a method's descriptor; empty for kCommand, the default.
+/// The member for the role in a method's descriptor; empty for kCommand, the default.
 std::string role(const Method& method) {
   switch (method.role) {
     case Role::kObserve:
@@ -71,7 +71,7 @@ std::string limits(const Model& model, const Payload& payload) {
          ", .tables = " + std::to_string(limits.tables) + '}';
 }
 
-/// The runtime's call that sends `request` and returns the method's kind of reply.
+/// The runtime call that sends `request` and returns the method's kind of reply.
 std::string call(const Model& model, const Service& service, std::size_t index,
                  const std::string& request) {
   const Method& method = service.methods[index];
@@ -103,14 +103,14 @@ std::string packing(const std::string& type) {
          "::Pack(builder, &request));\n";
 }
 
-/// Refuses a request that is larger than the schema allows.
+/// Refuses a request larger than the schema allows.
 std::string size_check(const Method& method) {
   if (!method.max_size || method.request.kind != PayloadKind::kTable) return {};
   return "  if (request.size() > " + std::to_string(*method.max_size) +
          ") {\n    return ::rtpm::unexpected{::rtpm::rpc::CallError::kTooLarge};\n  }\n";
 }
 
-/// The definitions of the begin_…() forms.
+/// The definitions of the begin_…() overloads.
 std::string begin_methods(const Model& model, const Service& service, std::size_t index,
                           Function head, const std::string& request) {
   const Method& method = service.methods[index];
@@ -137,7 +137,7 @@ std::string begin_methods(const Model& model, const Service& service, std::size_
 }
 
 /// The definition of a client's method.
-/// @param request  an expression of the method's parameter
+/// @param request  an expression for the method's parameter
 std::string sending_method(const Model& model, const Service& service, std::size_t index,
                            Function head, const std::string& request) {
   const Method& method = service.methods[index];
@@ -198,7 +198,7 @@ std::string client(const Model& model, const Service& service) {
   return text;
 }
 
-/// The type of a request in words, with its article.
+/// The type of a request in words, with an article.
 std::string request_in_words(const Model& model, const Method& method) {
   switch (method.request.kind) {
     case PayloadKind::kEmpty:

@@ -7,22 +7,22 @@
 
 namespace rtpm::schema::cpp {
 
-/// The text of <stem>.rtpm.hpp: for each service the method ids, the client and the servant.
+/// The text of <stem>.rtpm.hpp: for each service, the method ids, the client and the servant.
 [[nodiscard]] std::string header(const Model& model, const std::string& compiler_version);
-/// The text of <stem>.rtpm.functions.hpp: for each service a servant made of functions.
+/// The text of <stem>.rtpm.functions.hpp: for each service, a servant made of functions.
 [[nodiscard]] std::string functions_header(const Model& model, const std::string& compiler_version);
-/// The text of <stem>.rtpm.events.hpp: for each event of the file its descriptor, supplier and
+/// The text of <stem>.rtpm.events.hpp: for each event of the file, its descriptor, supplier and
 /// consumer.
 [[nodiscard]] std::string events_header(const Model& model, const std::string& compiler_version);
-/// The text of <stem>.rtpm.cpp: the descriptors and the classes' definitions.
+/// The text of <stem>.rtpm.cpp: the descriptors and the definitions of the classes.
 [[nodiscard]] std::string source(const Model& model, const std::string& compiler_version);
 
 /// The first line of each generated file.
 [[nodiscard]] std::string banner(const Model& model, const std::string& compiler_version);
 
-/// The result of a client's method: "::rtpm::expected<::lab::Pose, ::rtpm::rpc::CallError>".
+/// The result type of a client's method: "::rtpm::expected<::lab::Pose, ::rtpm::rpc::CallError>".
 [[nodiscard]] std::string client_result(const Model& model, const Method& method);
-/// The result of a servant's method: "::rtpm::rpc::Result<::lab::Pose>".
+/// The result type of a servant's method: "::rtpm::rpc::Result<::lab::Pose>".
 [[nodiscard]] std::string servant_result(const Model& model, const Method& method);
 struct Parameter {
   std::string type{};
@@ -30,19 +30,19 @@ struct Parameter {
 };
 [[nodiscard]] std::vector<Parameter> servant_parameters(const Model& model, const Method& method);
 
-/// Whether the method has a begin_…() form.
+/// Whether the method has a begin_…() overload.
 [[nodiscard]] bool can_begin(const Method& method) noexcept;
-/// "begin_get_pose", and its result.
+/// The name "begin_get_pose"; then its result type.
 [[nodiscard]] std::string begin_name(const Method& method);
 [[nodiscard]] std::string begin_result(const Model& model, const Method& method);
-/// The handle of an outstanding reply: "::rtpm::rpc::PendingStruct<::lab::Pose>".
+/// The type of a pending reply: "::rtpm::rpc::PendingStruct<::lab::Pose>".
 /// @param stem  "Pending" or "Deferred"
 [[nodiscard]] std::string reply_handle(const Model& model, const Method& method,
                                        const std::string& stem);
-/// The caller's end of a stream: "::rtpm::rpc::StructStream<::lab::Pose>".
+/// The type of the caller's end of a stream: "::rtpm::rpc::StructStream<::lab::Pose>".
 [[nodiscard]] std::string stream_type(const Model& model, const Method& method);
 
-/// The servant's handle of a deferred reply or a stream:
+/// The type of the servant's handle for a deferred reply or a stream:
 /// "::rtpm::rpc::DeferredStruct<::lab::Pose>".
 [[nodiscard]] std::string deferred_type(const Model& model, const Method& method);
 /// The C++ type of a payload.

@@ -26,14 +26,14 @@ std::string_view take_name(std::string_view text) noexcept {
   return text.substr(0, size);
 }
 
-/// Whether a line begins the body of a function of the object API, in one of flatc's forms. Since
-/// 23.1 flatc writes `::flatbuffers` for `flatbuffers`.
+/// Whether a line starts the body of an object-API function, in any of flatc's spellings. Since
+/// 23.1 flatc writes `::flatbuffers` instead of `flatbuffers`.
 bool begins_body(std::string text) {
   constexpr std::string_view kGlobal = "::flatbuffers::";
   for (std::size_t at = 0; (at = text.find(kGlobal, at)) != std::string::npos;)
     text.erase(at, 2);
   std::string_view line = text;
-  // A constructor's initializers follow on the next lines.
+  // A constructor's initializers are on the following lines.
   if (!line.starts_with(kInline) || !(line.ends_with('{') || line.ends_with(')'))) return false;
   line.remove_prefix(kInline.size());
   constexpr std::string_view kOffset = "flatbuffers::Offset<";

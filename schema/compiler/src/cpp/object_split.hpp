@@ -12,7 +12,7 @@ struct SplitHeader {
 
 /// Moves the bodies of the object API (copies of `RequestT`, Pack(), UnPack()) out of flatc's
 /// header: compiling them takes most of the header's time, and few sources use them. Leaves unknown
-/// forms in place.
+/// code in place.
 /// @param name  the header's name, for the source's #include
 [[nodiscard]] SplitHeader split_objects(std::string_view text, std::string_view name);
 

@@ -47,7 +47,7 @@ inline constexpr std::array kKnownAttributes{
                    {"observe", "command", "configure", "administer"}},
     KnownAttribute{"rtpm_deferred", AttributePlace::kMethod, AttributeValue::kNone},
     KnownAttribute{"rtpm_stream", AttributePlace::kMethod, AttributeValue::kNone},
-    // The protocol's own limit of a message.
+    // The protocol's own limit for a message.
     KnownAttribute{"rtpm_max_size", AttributePlace::kMethod, AttributeValue::kNumber, 16,
                    16 * 1024 * 1024},
     KnownAttribute{"rtpm_priority", AttributePlace::kService, AttributeValue::kNumber, 0, 32767},
@@ -57,24 +57,24 @@ inline constexpr std::array kKnownAttributes{
                    0,
                    0,
                    {"client_propagated", "server_declared"}},
-    // The largest number that FlatBuffers takes in an attribute.
+    // The largest number that FlatBuffers accepts in an attribute.
     KnownAttribute{"rtpm_event", AttributePlace::kTable, AttributeValue::kNumber, 1, 2147483647},
     KnownAttribute{"rtpm_unit", AttributePlace::kField, AttributeValue::kText},
     KnownAttribute{"rtpm_range", AttributePlace::kField, AttributeValue::kRange},
     KnownAttribute{"rtpm_frame", AttributePlace::kField, AttributeValue::kText},
 };
 
-/// RTPM's attribute `name`; nullptr if there is no such attribute.
+/// RTPM's attribute `name`; nullptr if there is none.
 [[nodiscard]] const KnownAttribute* find_attribute(std::string_view name) noexcept;
 [[nodiscard]] inline bool is_known_attribute(std::string_view name) noexcept {
   return find_attribute(name) != nullptr;
 }
-/// The place in words, for errors: "a method of an rpc_service".
+/// The kind of declaration in words, for errors: "a method of an rpc_service".
 [[nodiscard]] std::string_view words_of(AttributePlace place) noexcept;
 /// How to write the value of RTPM's attribute `name`; empty if there is no such attribute.
 [[nodiscard]] std::string value_hint(std::string_view name);
 /// Whether an attribute may have this text: 1 to 64 bytes without control characters, quotation
-/// marks and backslashes, so that comments and JSON need no escapes.
+/// marks or backslashes, so that comments and JSON need no escapes.
 [[nodiscard]] bool is_plain_text(std::string_view value) noexcept;
 [[nodiscard]] bool is_flatbuffers_attribute(std::string_view name) noexcept;
 /// The hint for an unknown attribute.

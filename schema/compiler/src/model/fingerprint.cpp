@@ -23,13 +23,13 @@ std::uint64_t hash(std::string_view text) noexcept {
   return value;
 }
 
-/// Whether an attribute of FlatBuffers changes the meaning of bytes.
+/// Whether a FlatBuffers attribute changes the meaning of bytes.
 bool matters(const Attribute& attribute) noexcept {
   return attribute.name == "nested_flatbuffer" || attribute.name == "flexbuffer" ||
          attribute.name == "force_align";
 }
 
-/// Writes the types reached from methods, each once, by name.
+/// Writes the types reached from methods, each only once, by name.
 class TypeWriter {
  public:
   explicit TypeWriter(const Model& model) : model_(model) {}

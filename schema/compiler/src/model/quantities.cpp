@@ -21,7 +21,7 @@ class Quantities {
 
   void add(std::size_t index, const std::string& path) {
     if (!says_something(index)) return;
-    // Describes a table that contains itself only once.
+    // Describes a recursive table only once.
     if (std::find(open_.begin(), open_.end(), index) != open_.end()) return;
     open_.push_back(index);
     for (const Field& field : model_.objects[index].fields) {
@@ -52,8 +52,8 @@ class Quantities {
     return field.type.has_object() ? field.type.index : std::nullopt;
   }
 
-  /// Whether a field, at any depth, has a unit, a range or a frame. Cached per object: types that
-  /// refer to each other twice on every level would take exponential time.
+  /// Whether a field, at any depth, has a unit, a range or a frame. Cached per object, because
+  /// types that refer to each other twice on every level would take exponential time.
   bool says_something(std::size_t index) {
     const auto [known, is_new] = says_something_.emplace(index, false);
     if (!is_new) return known->second;

@@ -6,8 +6,8 @@
 
 namespace rtpm::schema {
 
-/// The units, ranges and frames of a payload, a line per field that has one:
-/// "request.force.x: newton, -20 to 20, in the frame base".
+/// The units, ranges and frames of a payload, one line per field that has any: "request.force.x:
+/// newton, -20 to 20, in the frame base".
 /// @param role  "request" or "reply"
 [[nodiscard]] Documentation quantities(const Model& model, const Payload& payload,
                                        const std::string& role);

@@ -12,7 +12,7 @@ struct Reach {
   std::set<std::size_t> objects{};  ///< Indices in Model::objects.
   std::set<std::size_t> enums{};    ///< Indices in Model::enums.
 
-  /// Adds the object `index` and all that it reaches.
+  /// Adds the object `index` and everything that it reaches.
   void add(const Model& model, std::size_t index);
 };
 

@@ -9,10 +9,10 @@ namespace {
 // Above this count, the message's size is the bound.
 constexpr std::uint64_t kCountMax = 65536;
 
-// Limits the recursion of the verifier, and so its stack.
+// Limits the verifier's recursion, and so its stack.
 constexpr std::uint32_t kDepthMax = 64;
 
-/// Computes a table's limits from those of its fields, each table once.
+/// Computes a table's limits from its fields' limits, visiting each table once.
 class LimitsWalk {
  public:
   explicit LimitsWalk(const Model& model) : model_(model) {}

@@ -7,10 +7,10 @@
 
 namespace rtpm::schema {
 
-/// Bounds of every valid message of a table.
+/// The bounds of every valid message of a table.
 struct VerifyLimits {
-  std::uint32_t depth = 1;   ///< Nested tables, the root included.
-  std::uint32_t tables = 1;  ///< If 0, only the message's size bounds them.
+  std::uint32_t depth = 1;   ///< Nesting depth of tables, including the root.
+  std::uint32_t tables = 1;  ///< If 0, only the message's size limits their number.
 };
 
 /// The depth limit of a table that may contain itself.

@@ -31,7 +31,7 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
 }  // namespace
 
 std::string most_similar(std::string_view word, std::span<const std::string_view> candidates) {
-  // A typing error has at most a third of the letters wrong.
+  // A misspelling has at most a third of its letters wrong.
   std::size_t best = word.size() / 3 + 1;
   std::string_view found;
   for (const std::string_view candidate : candidates) {

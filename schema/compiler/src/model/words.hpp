@@ -7,14 +7,14 @@
 
 namespace rtpm::schema {
 
-/// The candidate most similar to `word`; empty if none is similar enough for a typing error.
+/// The candidate most similar to `word`; empty if none is similar enough to be a misspelling.
 [[nodiscard]] std::string most_similar(std::string_view word,
                                        std::span<const std::string_view> candidates);
 
-/// "a table", "an enum".
+/// The noun with its article: "a table", "an enum".
 [[nodiscard]] std::string with_article(std::string_view noun);
 
-/// The shortest text that parses to the same number; the same on every machine.
+/// The shortest text that parses to the same number; identical on every machine.
 [[nodiscard]] std::string number_text(double value);
 
 /// "0x00c0ffee".

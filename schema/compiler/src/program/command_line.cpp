@@ -69,7 +69,7 @@ class Reader {
   }
 
  private:
-  /// Checks the combination of the arguments.
+  /// Checks the combination of arguments.
   [[nodiscard]] std::optional<UsageError> check() const {
     if (command_.schema.empty()) return UsageError{"no schema is given: add a FILE.fbs"};
     if (command_.is_strict && command_.conform.empty()) {

@@ -9,22 +9,22 @@ namespace rtpm::schema {
 
 /// The arguments of rtpmc.
 struct Command {
-  bool is_check = false;  ///< The verb check: nothing is generated.
+  bool is_check = false;  ///< The command is check: nothing is generated.
   std::vector<std::string> include_paths{};
-  std::vector<std::string> languages{};  ///< Names of back ends; empty to check only.
-  std::string output_folder{};           ///< If empty, standard output, for a single file.
-  std::string dependency_file{};         ///< Empty if none.
-  std::string conform{};                 ///< The older schema; empty if there is none.
-  bool is_strict = false;                ///< A need to update servers first is an error.
+  std::vector<std::string> languages{};  ///< Names of back ends; if empty, only checks.
+  std::string output_folder{};           ///< If empty, prints a single file to standard output.
+  std::string dependency_file{};         ///< Empty for none.
+  std::string conform{};                 ///< The older schema; empty for none.
+  bool is_strict = false;  ///< Treats changes that require updating servers first as errors.
   std::string schema{};
 };
 
-/// A wrong command line, in one sentence with the remedy.
+/// An invalid command line, as one sentence with the remedy.
 struct UsageError {
   std::string text{};
 };
 
-/// The text to print for --help or --version; rtpmc then ends with success.
+/// The text for --help or --version; rtpmc then ends successfully.
 struct Answer {
   std::string text{};
 };
@@ -33,7 +33,7 @@ struct Answer {
 [[nodiscard]] std::variant<Command, UsageError, Answer> read_command_line(
     std::span<const char* const> arguments, const std::string& version);
 
-/// The folder of RTPM's own schemas: beside an installed rtpmc, otherwise in the source tree that
+/// The folder of RTPM's own schemas: next to an installed rtpmc, otherwise in the source tree that
 /// it was built from. Empty if neither exists.
 [[nodiscard]] std::string idl_folder();
 

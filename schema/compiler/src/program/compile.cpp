@@ -55,7 +55,7 @@ std::optional<SourceFile> read(const std::string& file, CompileResult& failed) {
 }
 
 bool is_text(const SourceFile& source, CompileResult& failed) {
-  // FlatBuffers' parser ends at a zero byte and silently ignores the rest.
+  // FlatBuffers' parser stops at a zero byte and silently ignores the rest.
   const std::size_t zero = source.text().find('\0');
   if (zero == std::string::npos) return true;
   Location location = source.locate({zero, 1});
@@ -69,7 +69,7 @@ bool is_binary_schema(const std::string& file) {
   return std::filesystem::path(file).extension() == ".bfbs";
 }
 
-/// The model of a .fbs, by the reflection that FlatBuffers' parser creates.
+/// The model of a .fbs, from the reflection that FlatBuffers' parser creates.
 std::optional<Model> read_text(const SourceFile& source, const CompileRequest& request,
                                std::deque<SchemaText>& texts, CompileResult& failed) {
   if (!is_text(source, failed)) return std::nullopt;
@@ -116,7 +116,7 @@ std::optional<Model> read_binary(const SourceFile& source, std::deque<SchemaText
   return model;
 }
 
-/// Whether both readers of a text found the same services; check() relies on that.
+/// Whether both readers of a text found the same services, which check() relies on.
 bool has_services_of(const Outline& outline, const Model& model) {
   std::map<std::string, std::size_t> method_counts;
   for (const ServiceOutline& service : outline.services)

@@ -17,14 +17,14 @@ std::string place(const Location& location) {
   return text + ": ";
 }
 
-/// The schema's line and, below it, the mark.
+/// The line in the schema and, below it, the mark.
 std::string excerpt(const Location& location) {
   if (location.line == 0) return {};
   std::string number = std::to_string(location.line);
   number.insert(0, number.size() < 5 ? 5 - number.size() : 0, ' ');
   std::string text = number + " | " + location.line_text + '\n';
   text += std::string(number.size(), ' ') + " | ";
-  // Keeps tabs, so that the mark is below its text at any tab width.
+  // Keeps tabs, so that the mark is aligned at any tab width.
   std::size_t column = 1;
   for (const char byte : location.line_text) {
     if (column >= location.column) break;

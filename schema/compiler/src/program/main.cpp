@@ -73,7 +73,8 @@ int write(const Command& command, const Model& model) {
   return 0;
 }
 
-/// The checks of all languages, so that code can be generated from every accepted schema.
+/// Runs the checks of all languages, so that code for any of them can be generated from every
+/// accepted schema.
 Diagnostics check(const Model& model) {
   Diagnostics errors;
   for (const BackEndEntry& entry : back_ends()) {
@@ -84,7 +85,7 @@ Diagnostics check(const Model& model) {
 
 int carry_out(const Command& command) {
   std::vector<std::string> include_paths = command.include_paths;
-  // RTPM's own schemas come last, so that a project may bring its own copy.
+  // RTPM's own schemas come last, so that a project can use its own copy.
   if (std::string own = idl_folder(); !own.empty()) include_paths.push_back(std::move(own));
   const CompileResult result = compile({.file = command.schema, .include_paths = include_paths});
   if (!result.model) return fail(result.errors);

@@ -21,7 +21,7 @@ class TemporaryFiles {
       std::remove(path.c_str());
   }
 
-  /// Adds a random name beside `path`: another rtpmc may run at the same time.
+  /// Adds a random name next to `path`, because another rtpmc may be running.
   std::string add(const std::string& path) {
     return paths_.emplace_back(path + ".tmp" + std::to_string(std::random_device{}()));
   }
@@ -49,7 +49,7 @@ std::optional<std::string> write(const std::string& path, const std::string& tex
   if (file == nullptr) return because("write", path, std::strerror(errno));
   const bool is_written = std::fwrite(text.data(), 1, text.size(), file) == text.size();
   const int write_error = errno;
-  // fclose writes the buffer, so a full disk may show only here.
+  // fclose writes the buffer, so a full disk may only show here.
   const bool is_closed = std::fclose(file) == 0;
   if (!is_written) return because("write", path, std::strerror(write_error));
   if (!is_closed) return because("write", path, std::strerror(errno));

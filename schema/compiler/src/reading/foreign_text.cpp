@@ -19,7 +19,7 @@ bool is_control(char c) noexcept {
   return static_cast<unsigned char>(c) < 0x20 || c == 0x7F;
 }
 
-/// The first character after which FlatBuffers' tokens and tokenize()'s could differ: a control
+/// The first character at which FlatBuffers' tokens might differ from tokenize()'s: a control
 /// character, such as a carriage return in a comment, which ends the comment only for FlatBuffers.
 std::optional<std::size_t> find_control(std::string_view text) noexcept {
   for (std::size_t i = 0; i < text.size(); ++i) {
@@ -41,7 +41,7 @@ bool is_number(std::string_view text) noexcept {
   return error == std::errc{} && end == text.data() + text.size();
 }
 
-/// Parses without recursion: the grammar has no nesting.
+/// Parses without recursion, because the grammar has no nesting.
 class ForeignReader {
  public:
   explicit ForeignReader(const SourceFile& source) : source_(source), tokens_(tokenize(source)) {}
@@ -115,7 +115,7 @@ class ForeignReader {
     if (take("enum")) return read_values(true);
     if (take("union")) return read_values(false);
     if (take("namespace") || take("root_type")) {
-      // `namespace ;` names the global namespace.
+      // `namespace ;` means the global namespace.
       if (!keyword.is("namespace") || !token().is(";")) require_dotted_name();
     } else if (take("attribute") || take("file_identifier") || take("file_extension")) {
       if (keyword.is("attribute") && token().is_identifier()) {
@@ -157,7 +157,7 @@ class ForeignReader {
     }
   }
 
-  /// `name : type = default (attributes);`
+  /// Parses `name : type = default (attributes);`.
   void read_field() {
     require_identifier();
     require(":");
@@ -181,7 +181,7 @@ class ForeignReader {
     require_dotted_name();
   }
 
-  /// `name(request):reply (attributes);`
+  /// Parses `name(request):reply (attributes);`.
   void read_method() {
     count(method_count_, ForeignLimits::kMethodMax, " methods");
     require_identifier();
@@ -194,8 +194,8 @@ class ForeignReader {
     require(";");
   }
 
-  /// `Name : type (attributes) { a = 1, b }` of an enum, `Name { alias:lab.Type, Type }` of a
-  /// union.
+  /// Parses `Name : type (attributes) { a = 1, b }` of an enum, or `Name { alias:lab.Type, Type }`
+  /// of a union.
   void read_values(bool is_enum) {
     require_identifier();
     if (is_enum) {

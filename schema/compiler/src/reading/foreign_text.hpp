@@ -8,11 +8,11 @@
 
 namespace rtpm::schema {
 
-/// Limits of a schema that another program sent. They bound the time and memory of reading it.
+/// Limits of a schema that another program sent. They bound the time and memory for reading it.
 struct ForeignLimits {
   static constexpr std::size_t kByteMax = 256 * 1024;
   static constexpr std::size_t kStatementMax = 2048;  ///< Types, services, namespaces, attributes.
-  static constexpr std::size_t kMemberMax = 8192;     ///< Fields, enum values and methods in all.
+  static constexpr std::size_t kMemberMax = 8192;     ///< Fields, enum values and methods in total.
   static constexpr std::size_t kEnumValueMax = 1024;  ///< Values of one enum or union.
   static constexpr std::size_t kMethodMax = 512;      ///< Methods of all services.
   static constexpr std::size_t kNameSizeMax = 128;    ///< Bytes in one word.
@@ -20,8 +20,8 @@ struct ForeignLimits {
   static constexpr std::size_t kAttributeMax = 32;    ///< Attributes of one declaration.
 };
 
-/// The reason to keep `source`, a schema that another program sent, from FlatBuffers' parser;
-/// nullopt if there is none.
+/// Why `source`, a schema that another program sent, must not reach FlatBuffers' parser; nullopt if
+/// it may.
 ///
 /// Accepts only declarations of types and services, although the parser would accept more: no
 /// includes, no data, no other languages.

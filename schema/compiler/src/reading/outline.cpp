@@ -39,7 +39,7 @@ class OutlineReader {
     next();
     return true;
   }
-  /// Skips up to and including the next `what`, if there is one.
+  /// Skips everything up to and including the next `what`, if any.
   void skip_past(std::string_view what) {
     while (token().kind != TokenKind::kEnd && !token().is(what))
       next();
@@ -64,7 +64,7 @@ class OutlineReader {
     next();
   }
 
-  /// A type's name, which may have dots.
+  /// Reads a type name, which may contain dots.
   std::pair<std::string, Span> read_type_name() {
     std::string name;
     const std::size_t begin = token().offset;
@@ -130,7 +130,7 @@ class OutlineReader {
     return type;
   }
 
-  /// `table` or `struct`, with fields `name : type = default (attributes);`.
+  /// Reads `table` or `struct`, with fields `name : type = default (attributes);`.
   void read_object() {
     TypeOutline type = read_type_head();
     type.attributes = read_attributes();
@@ -146,7 +146,7 @@ class OutlineReader {
     outline_.types.push_back(std::move(type));
   }
 
-  /// `enum` or `union`: `Name : type (attributes) { value = 1, alias:Type, lab.Type }`.
+  /// Reads `enum` or `union`: `Name : type (attributes) { value = 1, alias:Type, lab.Type }`.
   void read_enum() {
     TypeOutline type = read_type_head();
     while (token().kind != TokenKind::kEnd && !token().is("(") && !token().is("{"))
@@ -170,7 +170,7 @@ class OutlineReader {
   Outline outline_{};
 };
 
-/// The reflection has "0" for an attribute without a value.
+/// Converts attributes from the reflection, which has "0" for an attribute without a value.
 std::vector<AttributeUse> uses_of(const std::vector<Attribute>& attributes) {
   std::vector<AttributeUse> uses;
   for (const Attribute& attribute : attributes) {

@@ -10,8 +10,8 @@
 #include "rtpm/schema/model.hpp"
 #include "rtpm/schema/source.hpp"
 
-/// Positions of declarations in a schema's text, which FlatBuffers' reflection lacks. The text must
-/// be one that FlatBuffers' parser accepted.
+/// Positions of declarations in a schema text, which FlatBuffers' reflection lacks. FlatBuffers'
+/// parser must have accepted the text.
 namespace rtpm::schema {
 
 /// An attribute as written: `rtpm_id: 3`, or `required`.
@@ -25,7 +25,7 @@ struct AttributeUse {
 struct MethodOutline {
   std::string name{};
   Span at{};
-  std::string request{};  ///< The type's name as written.
+  std::string request{};  ///< The type's name, as written.
   Span request_at{};
   std::string reply{};
   Span reply_at{};
@@ -69,10 +69,10 @@ struct Outline {
 
 [[nodiscard]] Outline outline(const SourceFile& source);
 
-/// The outline of a model without a text; nothing in it has a position.
+/// The outline of a model without text; no part of it has a position.
 [[nodiscard]] Outline outline(const Model& model);
 
-/// A schema file's text and outline; for a .bfbs, which has no text, only its name and outline.
+/// A schema file's text and outline; for a .bfbs, which has no text, only name and outline.
 class SchemaText {
  public:
   explicit SchemaText(SourceFile source)

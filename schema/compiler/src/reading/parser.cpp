@@ -21,9 +21,9 @@ flatbuffers::IDLOptions parser_options() {
   flatbuffers::IDLOptions options;
   options.binary_schema_comments = true;
   options.binary_schema_builtins = true;
-  // With this root, the reflection has each declaration's file, by absolute path.
+  // With this root, the reflection contains the absolute path of each declaration's file.
   options.project_root = "/";
-  // The language decides which features the parser accepts; it is the same as for flatc --cpp.
+  // The language determines which features the parser accepts; flatc --cpp uses the same.
   options.lang_to_generate = flatbuffers::IDLOptions::kCpp;
   // flatc prints the same warnings when it generates the data types.
   options.no_warnings = true;
@@ -52,7 +52,7 @@ RawError take_apart(const flatbuffers::Parser& parser) {
   return error;
 }
 
-/// The place of the `include` of `file`.
+/// The position of the `include` of `file`.
 std::optional<Note> place_of_include(const flatbuffers::Parser& parser, const std::string& file) {
   for (const auto& [includer, included_files] : parser.files_included_per_file_) {
     for (const flatbuffers::IncludedFile& included : included_files) {

@@ -14,7 +14,7 @@ namespace rtpm::schema {
 struct ParseResult {
   std::vector<std::uint8_t> reflection{};   ///< A serialized reflection::Schema.
   std::string declaration_file{};           ///< The file's name in the reflection.
-  std::vector<std::string> source_files{};  ///< The file and all included ones.
+  std::vector<std::string> source_files{};  ///< The file and all included files.
   std::optional<Diagnostic> error{};
 };
 

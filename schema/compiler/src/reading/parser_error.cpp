@@ -18,14 +18,14 @@
 namespace rtpm::schema {
 namespace {
 
-/// The greatest number of tokens between an error and its subject before it.
+/// The most tokens that may lie between an error and the subject before it.
 constexpr std::size_t kSubjectDistanceMax = 12;
 
 constexpr std::string_view kScalarNames[] = {
     "bool",   "byte",   "ubyte", "short", "ushort", "int",    "uint",  "long",   "ulong", "float",
     "double", "string", "int8",  "uint8", "int16",  "uint16", "int32", "uint32", "int64", "uint64"};
 
-/// A type's name as it must be written at the place of the error.
+/// A type's name as it must be written at the error's position.
 std::string as_written_here(const flatbuffers::Parser& parser,
                             const flatbuffers::Definition& type) {
   if (type.defined_namespace == nullptr || type.defined_namespace == parser.current_namespace_) {
@@ -34,7 +34,7 @@ std::string as_written_here(const flatbuffers::Parser& parser,
   return type.defined_namespace->GetFullyQualifiedName(type.name);
 }
 
-/// The type with the most similar name, a wrong namespace included; empty if none is similar.
+/// The type with the most similar name, including a wrong namespace; empty if none is similar.
 std::string similar_type(const flatbuffers::Parser& parser, const std::string& type) {
   std::vector<std::string_view> names(std::begin(kScalarNames), std::end(kScalarNames));
   std::map<std::string, std::string, std::less<>> written;
@@ -52,13 +52,13 @@ std::string similar_type(const flatbuffers::Parser& parser, const std::string& t
   return found == written.end() ? similar : found->second;
 }
 
-/// The part of `message` after `prefix`; nullopt if it begins otherwise.
+/// The part of `message` after `prefix`; nullopt if it starts differently.
 std::optional<std::string> after(std::string_view prefix, const std::string& message) {
   if (!message.starts_with(prefix)) return std::nullopt;
   return message.substr(prefix.size());
 }
 
-/// The subject of a message, in quotes or at its end; empty if none.
+/// The subject of a message, in quotes or at its end; empty if there is none.
 std::string subject_of(const std::string& message) {
   if (const std::size_t quote = message.find('"'); quote != std::string::npos) {
     return message.substr(quote + 1, message.find('"', quote + 1) - quote - 1);
@@ -67,7 +67,7 @@ std::string subject_of(const std::string& message) {
   return colon == std::string::npos ? std::string{} : message.substr(colon + 2);
 }
 
-/// The place of `subject` if it was read just before the error; otherwise that of the error's
+/// The position of `subject` if it was read just before the error; otherwise that of the error's
 /// token.
 Location place_of(const RawError& error, const SourceFile& source, const std::string& subject) {
   const std::vector<Token> tokens = tokenize(source);
@@ -82,8 +82,8 @@ Location place_of(const RawError& error, const SourceFile& source, const std::st
   return source.locate(tokens[at].span());
 }
 
-/// The use of the type `name` on `line` of `source`, or the last one before it: the parser reads a
-/// token ahead, and so may be on a later line.
+/// The use of the type `name` on `line` of `source`, or the last one before: the parser reads a
+/// token ahead, so it may be on a later line.
 std::optional<Location> use_of_type(const std::string& name, const SourceFile& source,
                                     std::size_t line) {
   std::optional<Location> found;
@@ -100,7 +100,8 @@ std::optional<Location> use_of_type(const std::string& name, const SourceFile& s
   return found;
 }
 
-/// `rest` is "TYPE, originally at: FILE:LINE". The parser reports this after it has read all files.
+/// `rest` is "TYPE, originally at: FILE:LINE". The parser reports this only after it has read all
+/// files.
 Diagnostic undefined_type(const std::string& rest, const SourceFile& source,
                           const flatbuffers::Parser& parser) {
   constexpr std::string_view kOrigin = ", originally at: ";
@@ -129,7 +130,7 @@ Diagnostic undefined_type(const std::string& rest, const SourceFile& source,
           std::nullopt};
 }
 
-/// Advice on RTPM's own rules; empty if none.
+/// Advice about RTPM's own rules; empty if there is none.
 std::string hint_for(const std::string& message) {
   if (const auto name = after("user define attributes must be declared before use: ", message)) {
     return is_known_attribute(*name)

@@ -9,7 +9,7 @@
 namespace rtpm::schema {
 namespace {
 
-// The model numbers types as the reflection does, so that a cast is the conversion.
+// The model numbers types like the reflection, so a cast converts them.
 static_assert(static_cast<int>(BaseType::kUnionType) == reflection::UType);
 static_assert(static_cast<int>(BaseType::kUint64) == reflection::ULong);
 static_assert(static_cast<int>(BaseType::kDouble) == reflection::Double);
@@ -38,8 +38,8 @@ std::vector<Attribute> read_attributes(
   return attributes;
 }
 
-/// Reads the type in `slot` as a number: in untrusted bytes it may be outside the enumeration, and
-/// then the reflection's own accessor has undefined behaviour.
+/// Reads the type in `slot` as a number: in untrusted bytes it may be outside the enumeration, for
+/// which the reflection's own accessor has undefined behaviour.
 BaseType read_base_type(const reflection::Type& type, flatbuffers::voffset_t slot) {
   const auto* table = reinterpret_cast<const flatbuffers::Table*>(&type);
   const auto number = table->GetField<std::uint8_t>(slot, reflection::None);
@@ -91,7 +91,7 @@ Object read_object(const reflection::Object& object) {
                 .location = {}};
   for (const auto* field : *object.fields()) {
     result.fields.push_back(read_field(*field));
-    // 2.0.8 calls an array of a struct optional; a struct's fields are always present.
+    // 2.0.8 marks an array of structs as optional, but a struct's fields are always present.
     result.fields.back().is_optional &= !result.is_struct;
   }
   // The reflection sorts fields by name.
@@ -121,7 +121,7 @@ Enum read_enum(const reflection::Enum& enumeration) {
 /// Finds tables by name, for the requests and replies of methods.
 using ObjectIndex = std::unordered_map<std::string, std::size_t>;
 
-/// @errors nothing: a method's request or reply is not among `objects`
+/// @errors nullopt: a method's request or reply is not among `objects`
 std::optional<Service> read_service(const reflection::Service& service,
                                     const ObjectIndex& objects) {
   Service result{.name = to_text(service.name()),
@@ -155,7 +155,7 @@ bool is_valid(const Type& type, const Model& model) {
   return *type.index < (type.has_object() ? model.objects.size() : model.enums.size());
 }
 
-/// Whether all types are valid and refer to existing ones; later code relies on that.
+/// Whether all types are valid and refer to existing ones, which later code relies on.
 bool is_closed(const Model& model) {
   for (const Object& object : model.objects) {
     for (const Field& field : object.fields) {
@@ -170,7 +170,7 @@ bool is_closed(const Model& model) {
   return true;
 }
 
-/// The file that a .bfbs was most likely compiled from; flatc does not write it.
+/// The file that a .bfbs was most likely compiled from, which flatc does not record.
 std::string main_file(const reflection::Schema& schema) {
   if (schema.services() != nullptr && schema.services()->size() != 0) {
     return to_text(schema.services()->Get(0)->declaration_file());
@@ -179,10 +179,11 @@ std::string main_file(const reflection::Schema& schema) {
                                        : to_text(schema.objects()->Get(0)->declaration_file());
 }
 
-/// @param declaration_file  nullptr: takes all services, and main_file() is the compiled file
+/// @param declaration_file  if nullptr, takes all services, and uses main_file() as the compiled
+///           file
 std::optional<Model> read_schema(std::span<const std::uint8_t> bytes,
                                  const std::string* declaration_file) {
-  // Generous, because a type is visited once for every method that uses it.
+  // A generous limit, because a type is visited once for every method that uses it.
   flatbuffers::Verifier verifier(bytes.data(), bytes.size(), /*max_depth=*/64,
                                  /*max_tables=*/1'000'000'000);
   if (!reflection::VerifySchemaBuffer(verifier)) return std::nullopt;

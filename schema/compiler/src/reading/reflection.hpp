@@ -11,13 +11,13 @@ namespace rtpm::schema {
 
 /// Reads FlatBuffers' reflection, the content of a .bfbs. Attributes stay texts, which the checker
 /// interprets.
-/// @param declaration_file  only services that this file declares are taken
-/// @errors                  nothing: not a reflection, or one with unknown types
+/// @param declaration_file  only services declared in this file are taken
+/// @errors                  nullopt: not a reflection, or one with unknown types
 [[nodiscard]] std::optional<Model> read_reflection(std::span<const std::uint8_t> bytes,
                                                    const std::string& declaration_file);
 
-/// Reads a model with all services. The compiled file is assumed to be that of the first service,
-/// or of the first type if there is no service.
+/// Reads a model with all services. Assumes that the compiled file is the first service's or,
+/// without services, the first type's.
 [[nodiscard]] std::optional<Model> read_reflection(std::span<const std::uint8_t> bytes);
 
 /// The encoding of a table as a request or reply.

@@ -10,7 +10,7 @@
 namespace rtpm::schema {
 namespace {
 
-/// The number of characters of UTF-8 text: its bytes without the continuation bytes.
+/// The number of characters of UTF-8 text: its bytes except continuation bytes.
 std::size_t character_count(std::string_view text) {
   return static_cast<std::size_t>(
       std::count_if(text.begin(), text.end(), [](char byte) { return (byte & 0xC0) != 0x80; }));

@@ -15,7 +15,7 @@ bool is_word(char c) {
   return is_word_start(c) || is_digit(c);
 }
 
-/// The offset after the white space and comments that begin at `at`.
+/// The offset after the white space and comments that start at `at`.
 std::size_t skip_space(std::string_view text, std::size_t at) {
   while (at < text.size()) {
     if (text[at] == ' ' || text[at] == '\t' || text[at] == '\r' || text[at] == '\n') {
@@ -25,7 +25,8 @@ std::size_t skip_space(std::string_view text, std::size_t at) {
     } else if (text.substr(at, 2) == "/*") {
       const std::size_t end = text.find("*/", at + 2);
       at = end == std::string_view::npos ? text.size() : end + 2;
-    } else if (text.substr(at, 3) == "\xEF\xBB\xBF") {  // The byte order mark of some editors.
+      // The byte order mark that some editors write.
+    } else if (text.substr(at, 3) == "\xEF\xBB\xBF") {
       at += 3;
     } else {
       break;

@@ -22,15 +22,15 @@ namespace {
 
 constexpr const char* kFileName = "schema";
 
-/// Limit of nested tables in a payload.
+/// The nesting limit of tables in a payload.
 constexpr flatbuffers::uoffset_t kDepthMax = 64;
 /// The size of a root and its vtable, in bytes.
 constexpr std::size_t kTableSizeMin = 8;
 /// Limit of the JSON, in bytes.
 constexpr std::size_t kTextSizeMax = std::size_t{64} * 1024 * 1024;
 
-/// Makes the parser read and write nested buffers as plain bytes: otherwise it would follow their
-/// offsets, which nothing verifies.
+/// Makes the parser treat nested buffers as plain bytes: otherwise it would follow their offsets,
+/// which nothing verifies.
 void keep_nested_bytes(const flatbuffers::Parser& parser) {
   for (const flatbuffers::StructDef* type : parser.structs_.vec) {
     for (flatbuffers::FieldDef* field : type->fields.vec) {
@@ -40,13 +40,13 @@ void keep_nested_bytes(const flatbuffers::Parser& parser) {
   }
 }
 
-/// FlatBuffers' parser with the same text: it reads and writes JSON.
+/// FlatBuffers' parser for the same schema text; it reads and writes JSON.
 std::unique_ptr<flatbuffers::Parser> make_parser(const std::string& text) {
   flatbuffers::IDLOptions options;
   options.strict_json = false;
   options.indent_step = -1;
   options.output_default_scalars_in_json = true;
-  // The language decides which features the parser accepts; it is the same as the compiler's.
+  // The language determines which features the parser accepts; the compiler uses the same.
   options.lang_to_generate = flatbuffers::IDLOptions::kCpp;
   auto parser = std::make_unique<flatbuffers::Parser>(options);
   if (!parse_closed(*parser, text.c_str())) return nullptr;
@@ -61,7 +61,7 @@ std::string without_first_line(const std::string& error) {
   return std::to_string(std::stoul(error.substr(0, end)) - 1) + error.substr(end);
 }
 
-/// The offset of "2: 5: error: …" in the text; past its end if the error states no place.
+/// The offset in the text of "2: 5: error: …"; beyond its end if the error states no position.
 std::size_t offset_in(std::string_view text, const std::string& error) {
   unsigned line = 0;
   unsigned column = 0;
@@ -101,7 +101,7 @@ class Dynamic::Impl {
   std::unique_ptr<flatbuffers::Parser> parser{};
   std::string reflection{};  // A serialized schema, for verification.
 
-  /// The reflection's view of a table.
+  /// The table's description in the reflection.
   [[nodiscard]] const reflection::Object& object(const Payload& payload) const {
     return *reflection::GetSchema(reflection.data())
                 ->objects()
@@ -111,7 +111,7 @@ class Dynamic::Impl {
   [[nodiscard]] bool is_valid(const Payload& payload, std::span<const std::byte> bytes) const {
     if (bytes.size() < kTableSizeMin) return false;
     const auto* data = static_cast<const std::uint8_t*>(static_cast<const void*>(bytes.data()));
-    // A table has at least a 4-byte offset of its vtable, so more tables must share bytes.
+    // A table has at least a 4-byte offset to its vtable, so more tables would have to share bytes.
     const auto table_max = static_cast<flatbuffers::uoffset_t>(bytes.size() / 4);
     return flatbuffers::Verify(*reflection::GetSchema(reflection.data()), object(payload), data,
                                bytes.size(), kDepthMax, table_max);
@@ -119,7 +119,7 @@ class Dynamic::Impl {
   [[nodiscard]] const Field& only_field(const Payload& payload) const {
     return model.objects[payload.table].fields.front();
   }
-  /// Whether the JSON of a bare struct is that of its table, as in the schema's text.
+  /// Whether the JSON of a bare struct is enclosed in its table, as in the schema's text.
   [[nodiscard]] bool is_in_its_table(const Payload& payload, std::string_view json) const {
     const std::string& name = only_field(payload).name;
     const std::vector<Field>& fields = model.objects[*payload.struct_index].fields;
@@ -209,7 +209,7 @@ std::optional<std::vector<std::byte>> Dynamic::encode(const Payload& payload, st
   const std::string given(json.empty() ? "{}" : json);
   const bool is_struct = payload.kind == PayloadKind::kStruct;
   const bool is_bare = is_struct && !impl_->is_in_its_table(payload, given);
-  // The name has a line of its own, so that errors have the columns of the caller's text.
+  // The name is on a separate line, so that errors have the columns of the caller's text.
   const std::string text =
       is_bare ? "{ " + impl_->only_field(payload).name + ":\n" + given + " }" : given;
   flatbuffers::Parser& parser = *impl_->parser;

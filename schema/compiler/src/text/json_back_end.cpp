@@ -10,7 +10,7 @@
 #include "rtpm/schema/back_end.hpp"
 #include "rtpm/schema/fingerprint.hpp"
 
-// schema/model.md describes the form; a change that a reader would misread raises the version.
+// schema/model.md describes the format; a change that readers would misread requires a new version.
 namespace rtpm::schema {
 namespace {
 
@@ -18,7 +18,7 @@ using Json = nlohmann::ordered_json;
 
 constexpr int kFormatVersion = 1;
 
-/// JSON has no infinity and no NaN, so they are written as texts, as in FlatBuffers.
+/// JSON has no infinity and no NaN, so they are written as text, as in FlatBuffers.
 Json number_of(double value) {
   return std::isfinite(value) ? Json(value) : Json(number_text(value));
 }
@@ -54,7 +54,7 @@ class ModelWriter {
   }
 
  private:
-  /// Adds all attributes as they are in the schema, including RTPM's own and FlatBuffers'.
+  /// Adds all attributes as written in the schema, including RTPM's own and FlatBuffers'.
   static void add_notes(Json& json, const Documentation& lines,
                         const std::vector<Attribute>& attributes = {}) {
     if (!lines.empty()) json["documentation"] = lines;

@@ -121,7 +121,7 @@ std::string listed(const std::vector<std::string>& names) {
   return text;
 }
 
-/// The object of a union's value, selected by the member beside it.
+/// The object that is a union's value, selected by the neighbouring type member.
 std::optional<std::size_t> object_of_union(const Model& model, const Field& field,
                                            const JsonOutline& whole) {
   const auto type = std::ranges::find(whole.members, field.name + "_type", &JsonOutline::name);
@@ -132,8 +132,8 @@ std::optional<std::size_t> object_of_union(const Model& model, const Field& fiel
   return value->union_type.index;
 }
 
-/// Visits the values of an object that are objects, each with its path and its index in the model,
-/// and the elements of arrays one by one.
+/// Visits the values of an object that are objects, including the elements of arrays, each with its
+/// path and its index in the model.
 template <class Visit>
 void for_each_object(const Model& model, const Object& object, const JsonOutline& whole,
                      const std::string& path, Visit visit) {
@@ -187,8 +187,8 @@ bool is_decimal(std::string_view text) {
                               std::string_view::npos;
 }
 
-/// Whether a number, or a word in its place, fits the type. Forms that only FlatBuffers knows, such
-/// as functions, count as fitting.
+/// Whether a number, or a word in its place, fits the type. Syntax that only FlatBuffers knows,
+/// such as functions, counts as fitting.
 bool fits(BaseType type, std::string_view text) {
   if (!is_decimal(text)) {
     const bool is_letters =
@@ -277,7 +277,7 @@ std::string field_before(const JsonOutline& whole, std::string_view text, std::s
     last = &*member;
   }
   if (last->end >= offset) return path;
-  // The parser has already read the next token, too.
+  // The parser has already read the next token as well.
   const std::string_view between = text.substr(last->end, offset - last->end);
   const auto is_blank = [](char c) { return kBlanks.find(c) != std::string_view::npos; };
   const auto token_size = std::ranges::count_if(between, [&](char c) { return !is_blank(c); });

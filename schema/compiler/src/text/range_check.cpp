@@ -66,7 +66,7 @@ class RangeCheck {
     return {};
   }
 
-  /// The slot before a union's value has its type.
+  /// The slot before a union's value contains its type.
   [[nodiscard]] std::string union_of(const flatbuffers::Table& table, const Field& field,
                                      const std::uint8_t* data, const std::string& path) const {
     const auto type = table.GetField<std::uint8_t>(slot_of(field.id - std::size_t{1}), 0);

@@ -65,7 +65,8 @@ class TextWriter {
 
  private:
   void write_types(const Reach& reach) {
-    // FlatBuffers needs enums, unions and structs before their use; tables may have any order.
+    // FlatBuffers requires enums, unions and structs to precede their uses; tables may have any
+    // order.
     for (const bool is_union : {false, true}) {
       for (const std::size_t index : reach.enums) {
         if (model_.enums[index].is_union == is_union) write_enum(model_.enums[index]);
@@ -97,7 +98,7 @@ class TextWriter {
     scope_ = scope;
   }
 
-  /// Writes a struct after those that it contains.
+  /// Writes a struct after the structs that it contains.
   void write_struct(std::size_t index) {
     if (!written_.insert(index).second) return;
     for (const Field& field : model_.objects[index].fields) {
@@ -118,7 +119,7 @@ class TextWriter {
     text_ += comment(object.documentation, "") + (object.is_struct ? "struct " : "table ") +
              short_name(object.name) + attributes.str() + " {\n";
     for (const Field& field : object.fields) {
-      // The union itself implies the field of its type.
+      // The union itself implies its type field.
       if (field.type.innermost() == BaseType::kUnionType) continue;
       write_field(object, field);
     }
@@ -146,7 +147,7 @@ class TextWriter {
              attributes.str() + ";\n";
   }
 
-  /// The default in a schema; empty if it is that of the language.
+  /// The default as written in a schema; empty if it is the language's.
   [[nodiscard]] std::string default_of(const Field& field) const {
     if (field.type.base > BaseType::kDouble) return {};
     const std::string text = default_text(model_, field);

@@ -11,9 +11,9 @@ namespace {
 
 using flatbuffers::ReadScalar;
 
-/// The space around a name or a value: quotation marks, a colon, a comma and blanks.
+/// The space that quotation marks, a colon, a comma and blanks take around a name or value.
 constexpr std::size_t kAround = 8;
-/// The size of a byte of a text that is escaped as \u00ff.
+/// The size of one byte of text escaped as \u00ff.
 constexpr std::size_t kEscaped = 6;
 
 /// Adds up the size of the printed text until it exceeds the limit.
@@ -85,7 +85,7 @@ class TextSize {
     add(std::size_t{ReadScalar<flatbuffers::uoffset_t>(data)} * kEscaped + kAround);
   }
 
-  /// Adds a value; `at` is the place of an offset, or of a number or struct itself.
+  /// Adds a value; `at` is the position of an offset, or of the number or struct itself.
   void value(const Type& type, const std::uint8_t* at) {
     if (type.is_many()) return many(type, at);
     if (type.base == BaseType::kString) return string(follow(at));

@@ -235,7 +235,7 @@ class RecordWriter {
   [[nodiscard]] bool has_slot() const noexcept { return number_ - taken_ <= kRecordSlotCount; }
   /// hp-16.2-2: false if the reader's count exceeds the records written, or decreased.
   [[nodiscard]] bool learn_taken() noexcept {
-    // SYNC POINT slot-free: the reader is done with this record and those before.
+    // SYNC POINT slot-free: the reader has finished with this record and earlier ones.
     const std::uint32_t taken = control_->taken.load(std::memory_order_acquire);
     if (taken - taken_ > number_ - 1 - taken_) return false;
     taken_ = taken;

@@ -20,7 +20,7 @@ struct GeneratedFile {
 /// Generates the files of one target language from a model.
 ///
 /// To add a language: derive in schema/compiler/src, read only the Model (no schema text, clock,
-/// path or environment), and add a line to back_ends(). A generator outside of this tree reads the
+/// path or environment), and add a line to back_ends(). A generator outside this tree reads the
 /// model as JSON: schema/model.md.
 class BackEnd {
  public:
@@ -29,11 +29,11 @@ class BackEnd {
   BackEnd& operator=(const BackEnd&) = delete;
   virtual ~BackEnd() = default;
 
-  /// Reports everything that the language cannot express, such as two methods with the same name.
+  /// Reports everything that the language can't express, such as two methods with the same name.
   [[nodiscard]] virtual Diagnostics check(const Model& model) const = 0;
 
-  /// The files of `model`, the main one first; the same on every machine.
-  /// @param model  a model without errors of check()
+  /// The files for `model`, the main one first; identical on every machine.
+  /// @param model  check() has reported no errors for it
   [[nodiscard]] virtual std::vector<GeneratedFile> generate(const Model& model) const = 0;
 };
 

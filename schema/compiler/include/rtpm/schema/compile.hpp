@@ -11,7 +11,7 @@ namespace rtpm::schema {
 
 struct CompileRequest {
   std::string file{};  ///< A .fbs or .bfbs.
-  /// Searched for `include` after the file's own folder.
+  /// Folders searched for `include`, after the file's own.
   std::vector<std::string> include_paths{};
 };
 
@@ -28,9 +28,9 @@ struct CompileResult {
 ///           reported
 [[nodiscard]] CompileResult compile(const CompileRequest& request);
 
-/// Compiles a text that another program sent. Opens no file, and refuses a text that is too large
-/// or has anything but declarations of types and services.
-/// @param name   the file name in errors
+/// Compiles a text that another program sent. Opens no file. Refuses a text that is too large or
+/// contains anything but declarations of types and services.
+/// @param name   the file name for errors
 /// @source       schema/README.md, "Schemas of other programs"
 [[nodiscard]] CompileResult compile_text(const std::string& text, const std::string& name);
 

@@ -14,30 +14,30 @@ namespace rtpm::schema {
 enum class ChangeKind : std::uint8_t {
   kServiceAdded,
   kServiceRemoved,
-  kPriorityChanged,  ///< The service's priority model or its number.
+  kPriorityChanged,  ///< The service's priority model or priority changed.
   kMethodAdded,
   kMethodRemoved,
-  kMethodRenamed,     ///< The number is the same.
-  kMethodRenumbered,  ///< The name is the same.
+  kMethodRenamed,     ///< The same id has another name.
+  kMethodRenumbered,  ///< The same name has another id.
   kPayloadReplaced,   ///< The request or reply is another table.
-  kPayloadKind,       ///< Its encoding changed: bare struct, FlatBuffer, nothing.
+  kPayloadKind,       ///< The encoding changed between bare struct, FlatBuffer and nothing.
   kIdempotentAdded,
   kIdempotentRemoved,
-  kMannerChanged,  ///< Oneway, oneway level, or stream.
+  kMannerChanged,  ///< Oneway, its level, or stream changed.
   kDeferredChanged,
   kDeadlineChanged,
   kMaxSizeRaised,
   kMaxSizeLowered,
   kTypeAdded,
   kTypeRemoved,
-  kTypeKind,      ///< Another kind of type: a table became a struct.
+  kTypeKind,      ///< The kind of type changed: for example, a table became a struct.
   kStructLayout,  ///< A struct's fields or their offsets changed.
   kEventAdded,
   kEventChanged,  ///< The event number changed or was removed.
   kFieldAdded,
   kFieldAddedRequired,
   kFieldRemoved,
-  kFieldMoved,  ///< To another slot.
+  kFieldMoved,  ///< The field moved to another slot.
   kFieldRenamed,
   kFieldRetyped,
   kFieldDefault,
@@ -46,7 +46,7 @@ enum class ChangeKind : std::uint8_t {
   kFieldDeprecated,
   kFieldUndeprecated,
   kFieldKey,
-  kFieldEncoding,  ///< `nested_flatbuffer`, `flexbuffer` or `force_align`.
+  kFieldEncoding,  ///< `nested_flatbuffer`, `flexbuffer` or `force_align` changed.
   kFieldUnit,
   kFieldFrame,
   kFieldRangeNarrowed,
@@ -59,21 +59,21 @@ enum class ChangeKind : std::uint8_t {
   kUnionMemberRetyped,
 };
 
-/// "field-added" of kFieldAdded.
+/// The name of a change, such as "field-added" for kFieldAdded.
 [[nodiscard]] std::string_view name_of(ChangeKind kind) noexcept;
 
-/// The effect of a change on data.
+/// What a change means for readers of data.
 struct Reading {
   bool new_reads_old = true;  ///< A newer reader understands an older writer's data.
   bool old_reads_new = true;  ///< An older reader understands a newer writer's data.
-  /// In a failing direction, the bytes still pass verification, but with another meaning.
+  /// In a failing direction, the bytes still pass verification, but with a different meaning.
   bool is_by_meaning = false;
 };
 
 enum class Verdict : std::uint8_t {
   kCompatible,    ///< Every combination of old and new works.
-  kServersFirst,  ///< Old clients work with new servers; new clients fail with old servers.
-  kIncompatible,  ///< Old clients fail with new servers, or a type used outside of calls breaks.
+  kServersFirst,  ///< Old clients work with new servers, but new clients fail with old servers.
+  kIncompatible,  ///< Old clients fail with new servers, or a type used outside calls breaks.
 };
 
 struct Change {
@@ -83,17 +83,17 @@ struct Change {
   bool breaks_new_clients = false;  ///< New clients fail with an old server.
   Reading reading{};                ///< The effect on readers of changed types.
   std::string owner{};              ///< The type or service, fully qualified.
-  Diagnostic diagnostic{};          ///< Its hint says how to avoid the change.
+  Diagnostic diagnostic{};          ///< Its hint tells how to avoid the change.
 };
 
 /// All changes from `before` to `after`, which may be models of different files.
 ///
-/// Clients write requests and read replies, servers the reverse. For an event, or a type of the
+/// Clients write requests and read replies; servers do the reverse. For an event, or a type of the
 /// file that no method uses, a failure in either direction is incompatible.
 [[nodiscard]] std::vector<Change> compare(const Model& before, const Model& after);
 
 /// The changes as text: incompatible ones as errors, then "servers first" ones as warnings, then
-/// compatible ones in a line each.
+/// compatible ones, one line each.
 [[nodiscard]] std::string render(const std::vector<Change>& changes);
 
 }  // namespace rtpm::schema

@@ -8,16 +8,16 @@
 
 namespace rtpm::schema {
 
-/// A second place that an error refers to, such as the first method with the same number.
+/// Another place that an error refers to, such as the first method with the same number.
 struct Note {
   Location location{};
   std::string text{};
 };
 
-/// A reason to refuse a schema.
+/// Why a schema is refused.
 struct Diagnostic {
   Location location{};
-  std::string message{};  ///< One sentence without its full stop: "method `a` has no rtpm_id".
+  std::string message{};  ///< One sentence without a full stop: "method `a` has no rtpm_id".
   std::string hint{};     ///< The remedy; may be empty.
   std::optional<Note> note{};
 };
@@ -32,7 +32,7 @@ using Diagnostics = std::vector<Diagnostic>;
 ///     hint: give it a number …
 [[nodiscard]] std::string render(const Diagnostic& diagnostic);
 
-/// At most 20 diagnostics in the order of their places, and the number of further ones.
+/// At most 20 diagnostics, ordered by position, and the number of further ones.
 [[nodiscard]] std::string render(Diagnostics diagnostics);
 
 }  // namespace rtpm::schema

@@ -8,8 +8,8 @@
 
 #include "rtpm/schema/source.hpp"
 
-/// A schema's content, independent of FlatBuffers and of target languages; back ends read nothing
-/// else. Plain values; indices refer to the vectors of the same Model.
+/// A schema's content, independent of FlatBuffers and of target languages; the only input of back
+/// ends. Plain values; indices refer to the vectors of the same Model.
 namespace rtpm::schema {
 
 using Documentation = std::vector<std::string>;  ///< The lines of the `///` comment, as written.
@@ -41,13 +41,13 @@ enum class BaseType : std::uint8_t {
   kArray,
 };
 
-/// The type of a field, or of a union's member.
+/// The type of a field or of a union's member.
 struct Type {
   BaseType base = BaseType::kNone;
   BaseType element = BaseType::kNone;  ///< The element type of a vector or array.
   /// Index in Model::objects for a table or struct, otherwise in Model::enums.
   std::optional<std::size_t> index{};
-  std::uint16_t fixed_length = 0;  ///< Elements of an array.
+  std::uint16_t fixed_length = 0;  ///< The number of elements of an array.
 
   [[nodiscard]] bool is_many() const noexcept {
     return base == BaseType::kVector || base == BaseType::kArray;
@@ -66,8 +66,8 @@ struct Range {
 struct Field {
   std::string name{};
   Type type{};
-  std::uint16_t id = 0;      ///< In tables: the slot. In structs: the position.
-  std::uint16_t offset = 0;  ///< In structs: bytes from the start.
+  std::uint16_t id = 0;      ///< In tables, the slot; in structs, the position.
+  std::uint16_t offset = 0;  ///< In structs, bytes from the start.
   std::int64_t default_integer = 0;
   double default_real = 0;
   bool is_required = false;
@@ -79,8 +79,8 @@ struct Field {
   std::optional<Range> range{};  ///< `rtpm_range`.
   std::vector<Attribute> attributes{};
   Documentation documentation{};
-  Location location{};  ///< The name's place. All locations have line 0 if the model is from a
-                        ///< .bfbs.
+  /// Where the name is declared. In a model from a .bfbs all locations have line 0.
+  Location location{};
 };
 
 /// A table or a struct.
@@ -90,12 +90,12 @@ struct Object {
   std::size_t alignment = 1;                ///< In bytes.
   std::size_t byte_size = 0;                ///< The size of a struct.
   std::vector<Field> fields{};              ///< Ordered by id.
-  std::optional<std::uint32_t> event_id{};  ///< `rtpm_event`, of a table that is an event.
+  std::optional<std::uint32_t> event_id{};  ///< `rtpm_event`, if the table is an event.
   std::uint64_t event_fingerprint = 0;      ///< The fingerprint of an event.
   std::vector<Attribute> attributes{};
   Documentation documentation{};
-  std::string declaration_file{};  ///< Absolute, links resolved.
-  Location location{};             ///< The name's place.
+  std::string declaration_file{};  ///< Absolute, with links resolved.
+  Location location{};             ///< Where the name is declared.
 };
 
 struct EnumValue {
@@ -114,7 +114,7 @@ struct Enum {
   std::vector<EnumValue> values{};  ///< Ordered by value.
   Documentation documentation{};
   std::string declaration_file{};
-  Location location{};  ///< The name's place.
+  Location location{};  ///< Where the name is declared.
 };
 
 /// The encoding of a request or reply.
@@ -131,14 +131,14 @@ struct Payload {
   std::optional<std::size_t> struct_index{};  ///< Index in Model::objects of a kStruct.
 };
 
-/// The progress that a caller of a oneway method waits for.
+/// How far a oneway must have progressed before its caller continues.
 enum class OnewayLevel : std::uint8_t {
   kSent,      ///< "sent": the caller's system has the request; it may get lost.
   kReceived,  ///< "received": the server has the request.
   kDone,      ///< "done": the servant's method has returned.
 };
 
-/// The role that a caller needs; each role includes those before it.
+/// The role that a caller needs; each role includes the previous ones.
 enum class Role : std::uint8_t {
   kObserve,     ///< "observe"
   kCommand,     ///< "command"
@@ -146,9 +146,9 @@ enum class Role : std::uint8_t {
   kAdminister,  ///< "administer"
 };
 
-/// The priority at which a service's methods run.
+/// At which priority a service's methods run.
 enum class PriorityModel : std::uint8_t {
-  kClientPropagated,  ///< The caller's priority, or the service's if the caller states none.
+  kClientPropagated,  ///< The caller's priority; the service's if the caller states none.
   kServerDeclared,    ///< The service's priority.
 };
 
@@ -162,8 +162,9 @@ struct Method {
   std::optional<OnewayLevel> oneway{};         ///< `rtpm_oneway`; the reply is then kEmpty.
   Role role = Role::kCommand;                  ///< `rtpm_role`.
   bool is_deferred = false;                    ///< `rtpm_deferred`.
-  bool is_stream = false;                   ///< `rtpm_stream`: any number of replies, each an item.
-  std::optional<std::uint32_t> max_size{};  ///< `rtpm_max_size`: bytes of a request or reply.
+  bool is_stream = false;  ///< `rtpm_stream`: any number of replies, each an item.
+  /// `rtpm_max_size`: the limit of a request or reply in bytes.
+  std::optional<std::uint32_t> max_size{};
   std::uint32_t fingerprint = 0;
   std::vector<Attribute> attributes{};
   Documentation documentation{};
@@ -181,7 +182,7 @@ struct Service {
   Location location{};
 };
 
-/// One component of a `namespace` statement of the compiled file, such as `lab` of `lab.arms`.
+/// One component of a `namespace` statement in the compiled file, such as `lab` in `lab.arms`.
 struct NamespaceName {
   std::string name{};
   Location location{};
@@ -189,24 +190,24 @@ struct NamespaceName {
 
 /// A compiled schema file.
 struct Model {
-  std::string file{};       ///< The name on the command line.
-  std::string file_stem{};  ///< "haptic" of "dir/haptic.fbs".
-  /// The file as in Object::declaration_file: absolute, links resolved.
+  std::string file{};       ///< As given on the command line.
+  std::string file_stem{};  ///< Such as "haptic" for "dir/haptic.fbs".
+  /// The file, as in Object::declaration_file: absolute, with links resolved.
   std::string declaration_file{};
-  std::vector<Object> objects{};    ///< Tables and structs, also those of included files.
-  std::vector<Enum> enums{};        ///< Enumerations and unions, included files' too.
-  std::vector<Service> services{};  ///< Services that the file itself declares, in its order.
+  std::vector<Object> objects{};    ///< Tables and structs, including those of included files.
+  std::vector<Enum> enums{};        ///< Enumerations and unions, including those of included files.
+  std::vector<Service> services{};  ///< Services that the file itself declares, in order.
   std::vector<NamespaceName> namespaces{};
   std::uint64_t feature_bits = 0;  ///< FlatBuffers' `advanced_features`.
-  /// The file and its included files, by the paths at which they were found.
+  /// The file and its included files, with the paths where they were found.
   std::vector<std::string> source_files{};
 };
 
-/// "Arm" of "lab.Arm".
+/// The last component of a name: "Arm" for "lab.Arm".
 [[nodiscard]] std::string short_name(const std::string& qualified_name);
-/// "lab" of "lab.Arm", empty for a name of the global namespace.
+/// The namespace of a name: "lab" for "lab.Arm"; empty for the global namespace.
 [[nodiscard]] std::string namespace_of(const std::string& qualified_name);
-/// The name of the object or enumeration that `type` refers to, empty if it refers to none.
+/// The name of the object or enumeration that `type` refers to; empty if it refers to none.
 [[nodiscard]] std::string referred_name(const Model& model, const Type& type);
 
 }  // namespace rtpm::schema

@@ -14,12 +14,12 @@ struct OutputFile {
   std::string text{};
 };
 
-/// Writes all of `files` or none: writes temporary files beside them, then renames those. Makes
+/// Writes all of `files` or none: writes temporary files next to them, then renames these. Creates
 /// missing folders.
-/// @errors one sentence with the cause and the remedy; older files are unchanged
+/// @errors one sentence with cause and remedy; existing files are unchanged
 [[nodiscard]] std::optional<std::string> write_all(const std::vector<OutputFile>& files);
 
-/// A dependency file for Make and Ninja: `targets` depend on `sources`.
+/// The text of a dependency file for Make and Ninja: `targets` depend on `sources`.
 [[nodiscard]] std::string dependency_text(const std::vector<std::string>& targets,
                                           const std::vector<std::string>& sources);
 

@@ -6,12 +6,12 @@
 
 namespace rtpm::schema {
 
-/// A schema with one service and all types that it needs, without includes, for tools that have no
-/// generated code. Compiling it gives a service with the same fingerprint, comments and units.
+/// A schema with one service and all types that it needs, without includes, for tools without
+/// generated code. Compiling it results in a service with the same fingerprint, comments and units.
 /// Leaves out attributes of other tools.
 [[nodiscard]] std::string schema_text(const Model& model, const Service& service);
 
-/// The schema of a table such as an event, which is the root type.
+/// The schema of a table, such as an event, which becomes the root type.
 /// @param table  one of the model's objects
 [[nodiscard]] std::string schema_text(const Model& model, const Object& table);
 
