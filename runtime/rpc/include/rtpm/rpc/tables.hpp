@@ -15,9 +15,10 @@
 
 /// Support for generated code: the one place where RTPM meets FlatBuffers' types.
 ///
-/// A request or reply is of one of three kinds (DESIGN: the payload rule): Empty   `rtpm.Empty`: no
-/// bytes; Struct  a table whose only field is a required struct: the bare struct, no verification
-/// walk; Table   any other table: a finished FlatBuffer, verified once when it arrives.
+/// A request or reply is of one of three kinds (DESIGN: the payload rule):
+///   Empty   `rtpm.Empty`: no bytes;
+///   Struct  a table whose only field is a required struct: the bare struct, no verification walk;
+///   Table   any other table: a finished FlatBuffer, verified once when it arrives.
 namespace rtpm::rpc {
 
 /// A received table; points into the call channel's buffer, which destruction returns. Read what

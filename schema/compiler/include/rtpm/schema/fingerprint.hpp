@@ -8,6 +8,14 @@
 /// A fingerprint is a hash (FNV-1a, 64 bits) of a canonical text of everything that both sides of a
 /// call must agree on.
 ///
+/// The text has, for each method: id, name, idempotent (clients repeat such calls, so both sides
+/// must agree), oneway and its level, stream, the kinds and tables of request and reply, and every
+/// type reached from them, once, by name:
+///   tables   each field's slot, name, type, default, and `required`, `optional`, `deprecated`,
+///            `key`, `nested_flatbuffer`, `flexbuffer`, `force_align`;
+///   structs  size, alignment, and each field's offset, name and type;
+///   both     each field's rtpm_unit and rtpm_frame, which change a number's meaning;
+///   enums    underlying type, each value's name and number; unions: also each value's type.
 /// Names count because types with the same layout can differ in meaning: Force{x,y}, Torque{x,y}.
 ///
 /// Not included: comments, file names, the order of declarations, other methods, decisions of one
