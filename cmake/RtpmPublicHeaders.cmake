@@ -67,10 +67,10 @@ set(RTPM_PUBLIC_HEADERS
   rtpm/options/caller_options.hpp
   rtpm/options/options.hpp
   rtpm/options/server_options.hpp
-  rtpm/options/stop_signal.hpp
   rtpm/predicate/comparison.hpp
   rtpm/predicate/text_error.hpp
   rtpm/predicate/value.hpp
+  rtpm/program/stop_signal.hpp
   rtpm/recording/file_reader.hpp
   rtpm/recording/file_writer.hpp
   rtpm/recording/mcap.hpp

@@ -11,7 +11,7 @@
 #include "console.hpp"
 #include "page_folder.hpp"
 #include "rtpm/names/resolver.hpp"
-#include "rtpm/options/stop_signal.hpp"
+#include "rtpm/program/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/log.hpp"
 #include "rtpm/rt/thread.hpp"
@@ -50,7 +50,7 @@ void print_urls(const Configuration& configuration, const WebServer& server) {
 
 int serve(Configuration configuration) {
   // Created before any thread, so that all threads inherit its blocked signals.
-  const options::StopSignal stop;
+  const program::StopSignal stop;
   if (configuration.token.empty()) {
     auto token =
         configuration.token_file.empty() ? make_token() : token_in_file(configuration.token_file);

@@ -7,12 +7,12 @@
 
 #include "rtpm/base/printable.hpp"
 #include "rtpm/driver/vector.hpp"
-#include "rtpm/options/formatted.hpp"
+#include "rtpm/program/text.hpp"
 
 namespace rtpm::display {
 namespace {
 
-using options::formatted;
+using program::formatted;
 
 using driver::Descriptor;
 using driver::Sample;

@@ -11,8 +11,8 @@
 #include "rtpm/base/printable.hpp"
 #include "rtpm/gvd/client.hpp"
 #include "rtpm/names/resolver.hpp"
-#include "rtpm/options/stop_signal.hpp"
-#include "rtpm/options/terminal.hpp"
+#include "rtpm/program/stop_signal.hpp"
+#include "rtpm/program/terminal.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
@@ -72,7 +72,7 @@ std::size_t name_width(const Configuration& configuration) {
 void print_lines(const std::vector<Shown>& devices, std::size_t width, bool is_rewriting) {
   // A line that wraps can't be rewritten.
   const std::size_t line_width =
-      is_rewriting ? options::terminal_width(kTerminalWidth) - 1 : kPrintedWidth;
+      is_rewriting ? program::terminal_width(kTerminalWidth) - 1 : kPrintedWidth;
   for (const Shown& device : devices) {
     std::printf("%s%s\n", is_rewriting ? "\r\033[K" : "",
                 device.view->line(width, line_width).c_str());
@@ -81,7 +81,7 @@ void print_lines(const std::vector<Shown>& devices, std::size_t width, bool is_r
 }
 
 void watch(const std::vector<Shown>& devices, const Configuration& configuration,
-           const options::StopSignal& stop) {
+           const program::StopSignal& stop) {
   const bool is_rewriting = configuration.live == "rewrite";
   const Duration pause =
       is_rewriting ? Duration{std::chrono::milliseconds{100}} : Duration{std::chrono::seconds{1}};
@@ -119,7 +119,7 @@ void print_summary(const std::vector<Shown>& devices) {
 
 int serve(const Configuration& configuration) {
   // Created before any thread, so that all threads inherit its blocked signals.
-  const options::StopSignal stop(options::LostOutput::kRequestsEnd);
+  const program::StopSignal stop(program::LostOutput::kRequestsEnd);
   rpc::Node node(
       {.wait = {.strategy = rt::WaitStrategy::kBlock}, .security = configuration.security});
   names::RegistryResolver resolver(node, configuration.registry);

@@ -9,7 +9,7 @@
 #include "rtpm/names/resolver.hpp"
 #include "rtpm/options/caller_options.hpp"
 #include "rtpm/options/options.hpp"
-#include "rtpm/options/stop_signal.hpp"
+#include "rtpm/program/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/log.hpp"
 
@@ -53,7 +53,7 @@ int main(int argc, char** argv) {
   rtpm::options::add_caller(options, security);
   if (const auto exit_code = options.parse(argc, argv)) return *exit_code;
 
-  const rtpm::options::StopSignal stop(rtpm::options::LostOutput::kRequestsEnd);
+  const rtpm::program::StopSignal stop(rtpm::program::LostOutput::kRequestsEnd);
   rtpm::rpc::Node node({.security = security});
   rtpm::names::RegistryResolver resolver(node, registry);
   node.use(resolver);

@@ -8,7 +8,7 @@
 #include "line.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/names/resolver.hpp"
-#include "rtpm/options/stop_signal.hpp"
+#include "rtpm/program/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
@@ -46,7 +46,7 @@ class Display {
 };
 
 int play(const Configuration& configuration) {
-  const options::StopSignal stop(options::LostOutput::kRequestsEnd);
+  const program::StopSignal stop(program::LostOutput::kRequestsEnd);
   rpc::Node node({.security = configuration.security});
   names::RegistryResolver resolver(node, configuration.registry);
   node.use(resolver);

@@ -14,7 +14,7 @@
 #include "rtpm/base/printable.hpp"
 #include "rtpm/gvd/consumer.hpp"
 #include "rtpm/names/resolver.hpp"
-#include "rtpm/options/stop_signal.hpp"
+#include "rtpm/program/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
@@ -81,7 +81,7 @@ void print_frame(const View& view, const std::string& status, bool is_first) {
 
 /// Draws until the end; returns the number of frames.
 std::uint64_t watch(const View& view, const Configuration& configuration,
-                    const options::StopSignal& stop, MonotonicTime begin) {
+                    const program::StopSignal& stop, MonotonicTime begin) {
   const auto length = [](double seconds) {
     return std::chrono::duration_cast<Duration>(std::chrono::duration<double>(seconds));
   };
@@ -123,7 +123,7 @@ int fail(const SetupError& error) {
 
 int serve(const Configuration& configuration) {
   // Created before any thread, so that all threads inherit its blocked signals.
-  const options::StopSignal stop(options::LostOutput::kRequestsEnd);
+  const program::StopSignal stop(program::LostOutput::kRequestsEnd);
   rpc::Node node(
       {.wait = {.strategy = rt::WaitStrategy::kBlock}, .security = configuration.security});
   names::RegistryResolver resolver(node, configuration.registry);

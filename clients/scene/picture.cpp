@@ -4,12 +4,12 @@
 #include <cmath>
 #include <fstream>
 
-#include "rtpm/options/formatted.hpp"
+#include "rtpm/program/text.hpp"
 
 namespace rtpm::scene {
 namespace {
 
-using options::formatted;
+using program::formatted;
 
 constexpr double kPixelsPerMm = 4.8;
 constexpr double kWidth = kPanelWidthMm * kPixelsPerMm;

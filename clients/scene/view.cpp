@@ -3,12 +3,12 @@
 #include <algorithm>
 
 #include "rtpm/driver/vector.hpp"
-#include "rtpm/options/formatted.hpp"
+#include "rtpm/program/text.hpp"
 
 namespace rtpm::scene {
 namespace {
 
-using options::formatted;
+using program::formatted;
 
 constexpr Duration kSilence = std::chrono::milliseconds{500};
 /// How far from the surface a proxy in contact may be.

@@ -15,8 +15,8 @@
 #include "rtpm/base/printable.hpp"
 #include "rtpm/gvd/client.hpp"
 #include "rtpm/names/resolver.hpp"
-#include "rtpm/options/stop_signal.hpp"
-#include "rtpm/options/terminal.hpp"
+#include "rtpm/program/stop_signal.hpp"
+#include "rtpm/program/terminal.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
@@ -112,7 +112,7 @@ void publish(Loop& loop, scene::TouchSupplier& touches) {
 /// loop runs; this thread is time-shared.
 /// @errors   of the local wall, if any
 std::optional<gvd::DeviceError> watch(Loop& loop, Attended& attended,
-                                      const options::StopSignal& stop, const std::string& live) {
+                                      const program::StopSignal& stop, const std::string& live) {
   std::optional<gvd::DeviceError> loss;
   const bool is_rewriting = live == "rewrite";
   const Duration pause =
@@ -134,7 +134,7 @@ std::optional<gvd::DeviceError> watch(Loop& loop, Attended& attended,
     std::string text = live_text(*view, *cycles, now - begin);
     // A line that wraps can't be rewritten.
     if (is_rewriting)
-      text.resize(std::min(text.size(), options::terminal_width(kTerminalWidth) - 1));
+      text.resize(std::min(text.size(), program::terminal_width(kTerminalWidth) - 1));
     std::printf(is_rewriting ? "\r\033[K%s" : "%s\n", text.c_str());
     std::fflush(stdout);
   }
@@ -239,7 +239,7 @@ LoopConfig loop_config(const Configuration& configuration, const Wall& wall) {
 }
 
 int serve(const Configuration& configuration) {
-  const options::StopSignal stop(options::LostOutput::kRequestsEnd);
+  const program::StopSignal stop(program::LostOutput::kRequestsEnd);
   if (auto locked = rt::lock_memory(configuration.realtime); !locked) {
     return fail(kSetUpFailed, locked.error().text());
   }

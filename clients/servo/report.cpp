@@ -1,12 +1,12 @@
 #include "report.hpp"
 
 #include "rtpm/driver/vector.hpp"
-#include "rtpm/options/formatted.hpp"
+#include "rtpm/program/text.hpp"
 
 namespace rtpm::servo {
 namespace {
 
-using options::formatted;
+using program::formatted;
 
 double to_us(Duration duration) {
   return std::chrono::duration<double, std::micro>(duration).count();

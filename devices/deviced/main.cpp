@@ -19,7 +19,7 @@
 #include "plugin_check.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/resolver.hpp"
-#include "rtpm/options/stop_signal.hpp"
+#include "rtpm/program/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -115,7 +115,7 @@ expected<void, SetupError> start(Devices& devices, rpc::Server& server,
 }
 
 int serve(const Configuration& configuration) {
-  const options::StopSignal stop;
+  const program::StopSignal stop;
   const auto prepared = options::prepare(configuration.settings);
   if (!prepared) return fail(prepared.error());
   rpc::Node node({.wait = {.strategy = rt::WaitStrategy::kBlock},

@@ -19,7 +19,7 @@
 #include "rtpm/names/servant.hpp"
 #include "rtpm/options/options.hpp"
 #include "rtpm/options/server_options.hpp"
-#include "rtpm/options/stop_signal.hpp"
+#include "rtpm/program/stop_signal.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/log.hpp"
@@ -96,7 +96,7 @@ std::unique_ptr<rtpm::discovery::Announcement> announce(const rtpm::rpc::Server&
 }
 
 int serve(const Configuration& configuration) {
-  const rtpm::options::StopSignal stop;
+  const rtpm::program::StopSignal stop;
   const auto scope = rtpm::discovery::parse_scope(configuration.discover);
   if (!scope) return fail(scope.error().text());
   const auto prepared = rtpm::options::prepare(configuration.settings);

@@ -55,7 +55,7 @@ const std::vector<Rule>& rules() {
       {"stderr",
        std::regex(R"(\bstderr\b|std::(cerr|clog)\b)"),
        Reads::kCode,
-       {"runtime/options/", "registry/", "gvd/", "clients/", "devices/"},
+       {"runtime/program/", "runtime/options/", "registry/", "gvd/", "clients/", "devices/"},
        "print by rt::print_error() or rt::Log, which escape the text of others"},
       {"json",
        std::regex(R"(\b[Jj]son::(parse|accept|sax_parse)\()"),

@@ -12,7 +12,7 @@
 #include "rtpm/names/resolver.hpp"
 #include "rtpm/options/caller_options.hpp"
 #include "rtpm/options/options.hpp"
-#include "rtpm/options/stop_signal.hpp"
+#include "rtpm/program/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/log.hpp"
 
@@ -100,7 +100,7 @@ void report_connection(const Bridge& bridge, rtpm::rt::Log& output, rtpm::rt::Lo
 }
 
 int run(const Configuration& configuration) {
-  const rtpm::options::StopSignal stop;
+  const rtpm::program::StopSignal stop;
   rtpm::rpc::Node node({.security = configuration.security});
   rtpm::names::RegistryResolver resolver(node, configuration.registry);
   node.use(resolver);

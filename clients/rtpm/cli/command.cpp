@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "rtpm/base/printable.hpp"
-#include "rtpm/options/duration.hpp"
+#include "rtpm/program/duration.hpp"
 
 namespace rtpm::tool {
 namespace {
@@ -13,13 +13,13 @@ CLI::Option& add_checked_duration(CLI::App& command, const std::string& name,
                                   const std::string& help, options::Range<Duration> range,
                                   std::function<void(Duration)> take) {
   CLI::callback_t read = [name, range, take = std::move(take)](const CLI::results_t& given) {
-    const auto value = options::parse_duration(given.front());
+    const auto value = program::parse_duration(given.front());
     if (!value) {
       refuse("'" + given.front() + "' of " + name + " is no duration, such as 800us, 20ms or 2s");
     }
     if (*value < range.low || *value > range.high) {
-      refuse(name + " is " + given.front() + ", but must be " + options::duration_text(range.low) +
-             " to " + options::duration_text(range.high));
+      refuse(name + " is " + given.front() + ", but must be " + program::duration_text(range.low) +
+             " to " + program::duration_text(range.high));
     }
     take(*value);
     return true;
@@ -47,7 +47,7 @@ CLI::Option& add_duration(CLI::App& command, const std::string& name, Duration& 
                           const std::string& help, options::Range<Duration> range) {
   CLI::Option& option =
       add_checked_duration(command, name, help, range, [&value](Duration given) { value = given; });
-  return *option.default_str(options::duration_text(value));
+  return *option.default_str(program::duration_text(value));
 }
 
 CLI::Option& add_duration(CLI::App& command, const std::string& name,

@@ -22,8 +22,8 @@ rpc::Node& Context::node() {
   return *node_;
 }
 
-const options::StopSignal& Context::stop() {
-  if (!stop_) stop_ = std::make_unique<options::StopSignal>(options::LostOutput::kRequestsEnd);
+const program::StopSignal& Context::stop() {
+  if (!stop_) stop_ = std::make_unique<program::StopSignal>(program::LostOutput::kRequestsEnd);
   return *stop_;
 }
 

@@ -11,8 +11,8 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/names/resolver.hpp"
-#include "rtpm/options/stop_signal.hpp"
 #include "rtpm/predicate/text_error.hpp"
+#include "rtpm/program/stop_signal.hpp"
 #include "rtpm/rpc/binding.hpp"
 #include "rtpm/rpc/node.hpp"
 
@@ -49,7 +49,7 @@ class Context {
   [[nodiscard]] rpc::Node& node();
   /// The stop signals, such as Ctrl-C. From the first call on they only request an end. Call it
   /// before node() in commands that then end by themselves.
-  [[nodiscard]] const options::StopSignal& stop();
+  [[nodiscard]] const program::StopSignal& stop();
   [[nodiscard]] rpc::CallOptions call_options() const;
 
   /// Reports on standard error why a command fails: as a sentence, or as {"error": {…}} with
@@ -65,7 +65,7 @@ class Context {
   int not_reached(const SetupError& error) const;
 
  private:
-  std::unique_ptr<options::StopSignal> stop_{};
+  std::unique_ptr<program::StopSignal> stop_{};
   std::unique_ptr<rpc::Node> node_{};
   std::unique_ptr<names::RegistryResolver> resolver_{};
 };

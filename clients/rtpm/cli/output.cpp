@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "rtpm/options/terminal.hpp"
+#include "rtpm/program/terminal.hpp"
 
 namespace rtpm::tool {
 namespace {
@@ -47,7 +47,7 @@ bool is_error_terminal() {
 
 std::size_t terminal_width() {
   constexpr std::size_t kWidth = 100;
-  return std::max<std::size_t>(options::terminal_width(kWidth), 40);
+  return std::max<std::size_t>(program::terminal_width(kWidth), 40);
 }
 
 std::string coloured(std::string_view text, Colour colour) {

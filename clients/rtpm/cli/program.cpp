@@ -16,7 +16,7 @@
 #include "laboratory/commands.hpp"
 #include "objects/commands.hpp"
 #include "recordings/commands.hpp"
-#include "rtpm/options/suggestion.hpp"
+#include "rtpm/program/text.hpp"
 #include "rtpm/rt/log.hpp"
 #include "rtpm/wire/url.hpp"
 
@@ -89,7 +89,7 @@ std::string similar(const CLI::App& app, const std::string& word) {
   if (!word.starts_with("-")) {
     for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; }))
       names.push_back(command->get_name());
-    return options::suggestion(word, names);
+    return program::suggestion(word, names);
   }
   for (const CLI::App* above = &app; above != nullptr; above = above->get_parent()) {
     for (const CLI::Option* option : above->get_options()) {
@@ -97,7 +97,7 @@ std::string similar(const CLI::App& app, const std::string& word) {
         names.push_back("--" + name);
     }
   }
-  return options::suggestion(word.substr(0, word.find('=')), names);
+  return program::suggestion(word.substr(0, word.find('=')), names);
 }
 
 /// Describes the mistake in the arguments, as a clause.

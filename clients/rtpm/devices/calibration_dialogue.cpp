@@ -86,11 +86,11 @@ CalibrationDialogue::Next CalibrationDialogue::answer_prompt(const CalibrationSt
     return answer(status, line);
   }
   switch (input_.read_for(kPollInterval, line)) {
-    case options::LineReader::Outcome::kNone:
+    case program::LineReader::Outcome::kNone:
       return std::nullopt;
-    case options::LineReader::Outcome::kEnd:
+    case program::LineReader::Outcome::kEnd:
       return give_up(status, "standard input ended before the calibration; give --answer");
-    case options::LineReader::Outcome::kLine:
+    case program::LineReader::Outcome::kLine:
       break;
   }
   line = trimmed(line);
@@ -117,11 +117,11 @@ CalibrationDialogue::Next CalibrationDialogue::end(const CalibrationStatus& stat
   }
   std::string line;
   switch (input_.read_for(kPollInterval, line)) {
-    case options::LineReader::Outcome::kNone:
+    case program::LineReader::Outcome::kNone:
       return std::nullopt;
-    case options::LineReader::Outcome::kEnd:
+    case program::LineReader::Outcome::kEnd:
       return give_up(status, "standard input ended before the calibration; give --keep");
-    case options::LineReader::Outcome::kLine:
+    case program::LineReader::Outcome::kLine:
       break;
   }
   line = trimmed(line);

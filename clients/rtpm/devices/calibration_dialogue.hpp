@@ -8,7 +8,7 @@
 
 #include "cli/context.hpp"
 #include "rtpm/configuration/client.hpp"
-#include "rtpm/options/line_reader.hpp"
+#include "rtpm/program/line_reader.hpp"
 
 namespace rtpm::tool {
 
@@ -56,8 +56,8 @@ class CalibrationDialogue {
   const Context& context_;
   const std::string& device_;
   const DialogueOptions& options_;
-  const options::StopSignal& stop_;
-  options::LineReader input_{};
+  const program::StopSignal& stop_;
+  program::LineReader input_{};
   std::size_t answer_count_ = 0;       ///< How many of the options' answers were given.
   std::uint32_t shown_prompt_ = 0;     ///< The last prompt that was printed.
   std::uint32_t answered_prompt_ = 0;  ///< The last prompt that was answered.

@@ -10,7 +10,7 @@
 #include "devices/parameters.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/configuration/value_text.hpp"
-#include "rtpm/options/suggestion.hpp"
+#include "rtpm/program/text.hpp"
 
 namespace rtpm::tool {
 namespace {
@@ -49,7 +49,7 @@ std::string unknown(const DeviceConfiguration& configuration, const std::string&
   std::vector<std::string> names;
   for (const gvd::Parameter& parameter : configuration.parameters)
     names.push_back(parameter.spec.name);
-  return "there is no parameter '" + name + "'" + options::suggestion(name, names) +
+  return "there is no parameter '" + name + "'" + program::suggestion(name, names) +
          "; 'rtpm config list' shows all";
 }
 
@@ -170,7 +170,7 @@ int calibrate(Task& task) {
     names.push_back(info.name);
   const std::string& name = task.request.names.front();
   if (std::ranges::count(names, name) == 0) {
-    return task.fail("there is no calibration '" + name + "'" + options::suggestion(name, names) +
+    return task.fail("there is no calibration '" + name + "'" + program::suggestion(name, names) +
                      "; 'rtpm config calibrate' without one shows all");
   }
   return CalibrationDialogue(task.client, task.context, task.request.device, task.request.dialogue)

@@ -11,7 +11,7 @@
 #include "rtpm/base/printable.hpp"
 #include "rtpm/gvd/stop_delivery.hpp"
 #include "rtpm/names/directory.hpp"
-#include "rtpm/options/formatted.hpp"
+#include "rtpm/program/text.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
 
@@ -113,7 +113,7 @@ void retry(Context& context, const EstopRequest& request, gvd::StopDelivery& del
   if (delivery.owed().empty() || rt::now() >= end) return;
   if (!context.json) {
     rt::print_error("rtpm", "goes on trying for " +
-                                options::formatted(
+                                program::formatted(
                                     "%.0f s", std::chrono::duration<double>(request.wait).count()) +
                                 "; Ctrl-C ends it");
   }

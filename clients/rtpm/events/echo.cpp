@@ -8,7 +8,7 @@
 #include "events/source_names.hpp"
 #include "events/subscription.hpp"
 #include "rtpm/base/printable.hpp"
-#include "rtpm/options/formatted.hpp"
+#include "rtpm/program/text.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::tool {
@@ -46,7 +46,7 @@ Json json_of(const events::EventView& event, const events::EventDescriptor* type
 std::string line_of(const events::EventView& event, const events::EventDescriptor* type,
                     const std::string& source_name, const Json& payload) {
   const events::EventHeader& header = event.header;
-  return options::formatted("%.6f  ", static_cast<double>(to_ns(header.origin)) * 1e-9) +
+  return program::formatted("%.6f  ", static_cast<double>(to_ns(header.origin)) * 1e-9) +
          printable(capture::type_text(header.type, type)) + "  " +
          (source_name.empty() ? "source " + std::to_string(header.source)
                               : printable(source_name)) +
@@ -85,7 +85,7 @@ int echo(Context& context, const EchoRequest& request) {
   if (!request.device.empty()) {
     return echo_device(context, {request.device, request.rate_hz, request.count, request.time});
   }
-  const options::StopSignal& stop = context.stop();
+  const program::StopSignal& stop = context.stop();
   Echo echo(context, request.count);
   int exit_code = kDone;
   const auto subscription = Subscription::open(context, request, echo, exit_code);

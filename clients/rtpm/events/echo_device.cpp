@@ -10,7 +10,7 @@
 #include "rtpm/base/printable.hpp"
 #include "rtpm/gvd/poller.hpp"
 #include "rtpm/gvd/wire.hpp"
-#include "rtpm/options/formatted.hpp"
+#include "rtpm/program/text.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
 
@@ -36,7 +36,7 @@ class EchoSink final : public gvd::SampleSink {
                   {"host_time_ns", time_ns},
                   {"sample", std::move(payload)}});
     } else {
-      print_line(options::formatted("%.6f  ", static_cast<double>(time_ns) * 1e-9) +
+      print_line(program::formatted("%.6f  ", static_cast<double>(time_ns) * 1e-9) +
                  printable(device_) + "  #" + std::to_string(sample.sequence) + "  " +
                  printable(payload.dump(), kShownWhole));
     }
@@ -55,7 +55,7 @@ class EchoSink final : public gvd::SampleSink {
 }  // namespace
 
 int echo_device(Context& context, const DeviceEchoRequest& request) {
-  const options::StopSignal& stop = context.stop();
+  const program::StopSignal& stop = context.stop();
   EchoSink sink(request, context.json);
   gvd::DevicePollerConfig config{.rate_hz = request.rate_hz};
   config.priority = context.priority.value_or(config.priority);

@@ -12,13 +12,13 @@
 #include "events/subscription.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/capture/event_schemas.hpp"
-#include "rtpm/options/formatted.hpp"
+#include "rtpm/program/text.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::tool {
 namespace {
 
-using options::formatted;
+using program::formatted;
 
 constexpr Duration kReportPeriod = std::chrono::seconds{1};
 
@@ -122,7 +122,7 @@ std::string text_of(const Streams& streams, SourceNames& sources, std::uint64_t 
 }
 
 int hz(Context& context, const EventRequest& request) {
-  const options::StopSignal& stop = context.stop();
+  const program::StopSignal& stop = context.stop();
   Meters meters;
   SourceNames sources(context);
   int exit_code = kDone;

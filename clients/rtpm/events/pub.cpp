@@ -10,7 +10,7 @@
 #include "rtpm/events/defaults.hpp"
 #include "rtpm/events/hub_types.hpp"
 #include "rtpm/events/supplier.hpp"
-#include "rtpm/options/suggestion.hpp"
+#include "rtpm/program/text.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::tool {
@@ -29,7 +29,7 @@ std::string unknown_type(const events::HubTypes& types, const std::string& name)
   std::vector<std::string> names;
   for (const events::EventDescriptor* type : types.list())
     names.emplace_back(type->name);
-  return "the hub knows no type '" + name + "'" + options::suggestion(name, names) +
+  return "the hub knows no type '" + name + "'" + program::suggestion(name, names) +
          "; it learns them from suppliers and consumers";
 }
 
@@ -37,7 +37,7 @@ std::string unknown_type(const events::HubTypes& types, const std::string& name)
 expected<std::uint64_t, SetupError> push(Context& context, events::Supplier& supplier,
                                          const PubRequest& request,
                                          const events::EventDraft& draft) {
-  const options::StopSignal& stop = context.stop();
+  const program::StopSignal& stop = context.stop();
   const MonotonicTime begin = rt::now();
   const std::uint64_t count_max = request.rate_hz == 0 ? 1
                                   : request.count == 0 ? UINT64_MAX

@@ -12,7 +12,7 @@
 #include "host/network.hpp"
 #include "host/peers.hpp"
 #include "host/wake_up.hpp"
-#include "rtpm/options/duration.hpp"
+#include "rtpm/program/duration.hpp"
 #include "rtpm/rpc/lane_table.hpp"
 #include "rtpm/rt/survey.hpp"
 
@@ -73,14 +73,14 @@ void fix(FindingReport& report) {
 }
 
 int doctor(Context& context, const DoctorRequest& request) {
-  const options::StopSignal& stop = context.stop();
+  const program::StopSignal& stop = context.stop();
   FindingReport report{.findings = survey(context), .is_dry = request.is_dry};
   if (request.fixes) fix(report);
   Json json = Json::object();
   std::string measured;
   if (!request.is_quick) {
     StatusLine status(context);
-    status.show("measuring wake-ups for " + options::duration_text(request.time));
+    status.show("measuring wake-ups for " + program::duration_text(request.time));
     const auto wake_ups = measure_wake_ups(request.time, stop);
     if (!wake_ups) return context.fail(wake_ups.error());
     json["wake_ups"] = rtpm::tool::json_of(*wake_ups);

@@ -76,7 +76,7 @@ std::string header_of(const Context& context, const View& view) {
 }
 
 int show_live(Context& context, const TopRequest& request, TopObserver& observer) {
-  const options::StopSignal& stop = context.stop();
+  const program::StopSignal& stop = context.stop();
   Screen screen;
   View view;
   TopState state;
@@ -96,7 +96,7 @@ int show_live(Context& context, const TopRequest& request, TopObserver& observer
 }
 
 int top(Context& context, const TopRequest& request) {
-  const options::StopSignal& stop = context.stop();
+  const program::StopSignal& stop = context.stop();
   TopObserver observer(context);
   const bool is_live = is_terminal() && ::isatty(STDIN_FILENO) == 1 && !context.json;
   if (is_live && !request.is_once) return show_live(context, request, observer);

@@ -8,13 +8,13 @@
 #include "objects/entries.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/names/directory.hpp"
-#include "rtpm/options/formatted.hpp"
+#include "rtpm/program/text.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::tool {
 namespace {
 
-using options::formatted;
+using program::formatted;
 
 constexpr std::string_view kDeviceInterface = "rtpm.device.Device";
 /// A device that takes longer counts as not read, so that the picture stays current.

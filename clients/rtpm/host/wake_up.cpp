@@ -5,14 +5,14 @@
 #include <algorithm>
 #include <cmath>
 
-#include "rtpm/options/formatted.hpp"
+#include "rtpm/program/text.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/thread.hpp"
 
 namespace rtpm::tool {
 namespace {
 
-using options::formatted;
+using program::formatted;
 
 constexpr Duration kWakeUpPeriod = std::chrono::milliseconds{1};
 /// The highest lateness that counts as good: a 1 kHz loop then still has three quarters of its
@@ -26,7 +26,7 @@ void sleep_until(MonotonicTime when) {
   }
 }
 
-void measure(Duration time, const options::StopSignal& stop, LatencyHistogram& lateness) {
+void measure(Duration time, const program::StopSignal& stop, LatencyHistogram& lateness) {
   MonotonicTime next = rt::now() + kWakeUpPeriod;
   for (const MonotonicTime end = rt::now() + time; next < end && !stop.is_requested();
        next = std::max(next + kWakeUpPeriod, rt::now())) {
@@ -65,7 +65,7 @@ rt::Finding judge(const WakeUps& wake_ups) {
           "mend what else is found here, the worst first; end other work, see it by: top"};
 }
 
-expected<WakeUps, SetupError> measure_wake_ups(Duration time, const options::StopSignal& stop) {
+expected<WakeUps, SetupError> measure_wake_ups(Duration time, const program::StopSignal& stop) {
   WakeUps wake_ups{.is_realtime = true};
   const auto body = [&] { measure(time, stop, wake_ups.lateness); };
   rt::ThreadConfig config{.name = "rtpm-wake-up",

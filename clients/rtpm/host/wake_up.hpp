@@ -5,7 +5,7 @@
 #include "cli/output.hpp"
 #include "rtpm/base/histogram.hpp"
 #include "rtpm/base/setup_error.hpp"
-#include "rtpm/options/stop_signal.hpp"
+#include "rtpm/program/stop_signal.hpp"
 #include "rtpm/rt/finding.hpp"
 
 namespace rtpm::tool {
@@ -19,7 +19,7 @@ struct WakeUps {
 /// Measures at 1 kHz for `time`, or until the stop signal, at SCHED_FIFO if granted.
 /// @errors   no thread could be started
 [[nodiscard]] expected<WakeUps, SetupError> measure_wake_ups(Duration time,
-                                                             const options::StopSignal& stop);
+                                                             const program::StopSignal& stop);
 
 /// Judges whether the lateness is good enough for a 1 kHz loop.
 [[nodiscard]] rt::Finding judge(const WakeUps& wake_ups);

@@ -16,7 +16,7 @@
 #include "rtpm/base/printable.hpp"
 #include "rtpm/base/whole_number.hpp"
 #include "rtpm/names/directory.hpp"
-#include "rtpm/options/line_reader.hpp"
+#include "rtpm/program/line_reader.hpp"
 #include "rtpm/rpc/server_key.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/transport/address.hpp"
@@ -165,12 +165,12 @@ constexpr const char* kHowToCompare =
 bool asks_and_hears_yes(Context& context) {
   std::fputs("Is it the same there? [yes | no] ", stdout);
   std::fflush(stdout);
-  options::LineReader input;
+  program::LineReader input;
   std::string answer;
   while (!context.stop().is_requested()) {
     const auto outcome = input.read_for(kLookInterval, answer);
-    if (outcome == options::LineReader::Outcome::kNone) continue;
-    return outcome == options::LineReader::Outcome::kLine && answer == "yes";
+    if (outcome == program::LineReader::Outcome::kNone) continue;
+    return outcome == program::LineReader::Outcome::kLine && answer == "yes";
   }
   return false;
 }

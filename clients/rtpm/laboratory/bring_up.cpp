@@ -18,7 +18,7 @@
 #include "cli/progress.hpp"
 #include "laboratory/commands.hpp"
 #include "laboratory/process.hpp"
-#include "rtpm/options/suggestion.hpp"
+#include "rtpm/program/text.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
 #include "rtpm/wire/url.hpp"
@@ -166,7 +166,7 @@ int down(Context& context, const std::string& name) {
     return context.fail("no laboratory " + (name.empty() ? "" : "'" + name + "' ") +
                         "of this user is up on this host");
   if (!name.empty())
-    return context.fail("no laboratory '" + name + "' is up" + options::suggestion(name, names) +
+    return context.fail("no laboratory '" + name + "' is up" + program::suggestion(name, names) +
                         "; there are: " + list);
   return context.fail(
       {"several laboratories are up: " + list, "", "name one: rtpm down " + names.front()},

@@ -14,10 +14,9 @@
 #include <tuple>
 #include <utility>
 
-#include "rtpm/options/duration.hpp"
-#include "rtpm/options/joined.hpp"
-#include "rtpm/options/suggestion.hpp"
 #include "rtpm/options/toml_limits.hpp"
+#include "rtpm/program/duration.hpp"
+#include "rtpm/program/text.hpp"
 
 namespace rtpm::laboratory {
 namespace {
@@ -92,8 +91,8 @@ class PlanReader {
       const std::string name(key.str());
       const toml::node* const model = example.get(keys.front() == "*" ? "*" : name);
       if (model == nullptr) {
-        refuse(key.source().begin, "unknown key '" + name + "'" + options::suggestion(name, keys),
-               "there are: " + options::joined(keys));
+        refuse(key.source().begin, "unknown key '" + name + "'" + program::suggestion(name, keys),
+               "there are: " + program::joined(keys));
       }
       if (model == nullptr || !is_like(node, *model, name)) wrong.push_back(name);
     }
@@ -150,7 +149,7 @@ class PlanReader {
       plan_.variables[names.emplace_back(key.str())] = node.value_or("");
     for (const auto& [name, value] : variables_) {
       if (!contains(names, name))
-        refuse({1, 1}, "no variable '" + name + "' to set" + options::suggestion(name, names));
+        refuse({1, 1}, "no variable '" + name + "' to set" + program::suggestion(name, names));
       plan_.variables[name] = value;
     }
   }
@@ -190,7 +189,7 @@ class PlanReader {
     if (path && !path->empty() && program.path.empty()) {
       refuse(table["run"][0] ? *table["run"][0].node() : *table.get("run"),
              "there is no program '" + *path + "'",
-             "name a file, as ./" + *path + ", or a program in " + options::joined(folders_));
+             "name a file, as ./" + *path + ", or a program in " + program::joined(folders_));
     }
     if (!table.contains("after") && index > 0) program.after.push_back(index - 1);
     for (const std::string& name : strings(table, "after", index)) {
@@ -279,7 +278,7 @@ class PlanReader {
   void read_time(const toml::table& table, const std::string& key, Duration& value) {
     const auto text = table[key].value<std::string>();
     if (!text) return;
-    value = options::parse_duration(*text).value_or(Duration{0});
+    value = program::parse_duration(*text).value_or(Duration{0});
     if (value < std::chrono::milliseconds{1} || value > std::chrono::hours{24})
       refuse(*table.get(key), "'" + key + "' must be a time from \"1ms\" to \"24h\"");
   }
@@ -289,8 +288,8 @@ class PlanReader {
     const std::string word = table[key].value_or(words.front());
     const auto found = std::ranges::find(words, word);
     if (found != words.end()) return static_cast<std::size_t>(found - words.begin());
-    refuse(*table.get(key), "'" + key + "' is \"" + word + "\"" + options::suggestion(word, words) +
-                                ", but must be one of " + options::joined(words));
+    refuse(*table.get(key), "'" + key + "' is \"" + word + "\"" + program::suggestion(word, words) +
+                                ", but must be one of " + program::joined(words));
     return 0;
   }
 
@@ -304,7 +303,7 @@ class PlanReader {
         names.push_back("'" + plan_.programs[*program].name + "'");
       const toml::node* const after = tables_[index]->get("after");
       return refuse(after == nullptr ? *tables_[index] : *after,
-                    options::joined(names) +
+                    program::joined(names) +
                         (names.size() > 1 ? " wait for each other" : " waits for itself"));
     }
     path.push_back(index);
@@ -384,7 +383,7 @@ expected<std::string, std::string> expanded(std::string_view text, const Variabl
       Words names;
       for (const auto& [variable, ignored] : variables)
         names.push_back(variable);
-      return unexpected{"${" + name + "} is not set" + options::suggestion(name, names)};
+      return unexpected{"${" + name + "} is not set" + program::suggestion(name, names)};
     }
     value += found != variables.end() ? found->second : own;
     if (used != nullptr) used->push_back(name);

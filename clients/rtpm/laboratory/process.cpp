@@ -13,7 +13,7 @@
 #include <fstream>
 #include <utility>
 
-#include "rtpm/options/stop_signal.hpp"
+#include "rtpm/program/stop_signal.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::laboratory {
@@ -101,7 +101,7 @@ sigset_t become_parent() {
   ::prctl(PR_SET_CHILD_SUBREAPER, 1);
   sigset_t signals;
   ::sigemptyset(&signals);
-  for (const int signal : options::stop_signals())
+  for (const int signal : program::stop_signals())
     ::sigaddset(&signals, signal);
   ::sigaddset(&signals, SIGCHLD);
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);

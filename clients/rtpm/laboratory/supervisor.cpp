@@ -16,9 +16,9 @@
 #include "laboratory/process.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/names/directory.hpp"
-#include "rtpm/options/duration.hpp"
-#include "rtpm/options/formatted.hpp"
-#include "rtpm/options/stop_signal.hpp"
+#include "rtpm/program/duration.hpp"
+#include "rtpm/program/stop_signal.hpp"
+#include "rtpm/program/text.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
 
@@ -149,7 +149,7 @@ class Supervisor {
       case State::kStarting:
         if (is_due) {
           return stop(program, "it did not serve within " +
-                                   options::duration_text(program.plan.ready_deadline));
+                                   program::duration_text(program.plan.ready_deadline));
         }
         [[fallthrough]];
       case State::kServing:
@@ -235,7 +235,7 @@ class Supervisor {
     if (!program.note.empty()) return restart_or_fail(program, program.note);
     if (program.was_killed) {
       return fail(program, "it did not end within " +
-                               options::duration_text(program.plan.stop_patience) +
+                               program::duration_text(program.plan.stop_patience) +
                                " of SIGTERM and was killed");
     }
     if (code == 0 || code == kShellTerminated || (code < 0 && WTERMSIG(status) == SIGTERM))
@@ -249,7 +249,7 @@ class Supervisor {
     std::erase_if(program.restarts, [&](MonotonicTime at) { return now - at > kRestartWindow; });
     if (program.restarts.size() == kRestartCountMax)
       return fail(program, how + ", after " + std::to_string(kRestartCountMax) +
-                               " restarts within " + options::duration_text(kRestartWindow));
+                               " restarts within " + program::duration_text(kRestartWindow));
     program.restarts.push_back(now);
     enter(program, State::kPausing, how, now + kRestartDelay);
   }
@@ -315,7 +315,7 @@ class Supervisor {
     event["time_s"] = time_s;
     if (context_.json) return print_json(event);
     if (!is_quiet_)
-      print_line(coloured(options::formatted("[%7.1f s] ", time_s), Colour::kGrey) + line);
+      print_line(coloured(program::formatted("[%7.1f s] ", time_s), Colour::kGrey) + line);
   }
 
   void take_line(Program& program, bool is_error, std::string_view line) {

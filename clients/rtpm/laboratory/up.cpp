@@ -2,7 +2,7 @@
 #include "cli/output.hpp"
 #include "cli/table.hpp"
 #include "laboratory/commands.hpp"
-#include "rtpm/options/joined.hpp"
+#include "rtpm/program/text.hpp"
 #include "rtpm/rt/log.hpp"
 
 namespace rtpm::tool {
@@ -27,7 +27,7 @@ void print_plan(const Context& context, const Plan& plan) {
     laboratory::Words after;
     for (const std::size_t other : program.after)
       after.push_back(plan.programs[other].name);
-    rows.push_back({program.name, after.empty() ? "-" : options::joined(after), program.path});
+    rows.push_back({program.name, after.empty() ? "-" : program::joined(after), program.path});
     programs.push_back({{"name", program.name}, {"path", program.path}, {"after", after}});
   }
   if (context.json)

@@ -29,7 +29,7 @@ int call(Context& context, const CallRequest& request) {
   const auto object = dynamic::RemoteObject::open(context.node(), *url);
   if (!object) return context.not_reached(object.error());
   // Ctrl-C closes a stream explicitly, so that its server frees it at once.
-  const options::StopSignal* const stop =
+  const program::StopSignal* const stop =
       is_stream_of(**object, request.method) ? &context.stop() : nullptr;
   const auto print = [&](std::string_view text) {
     if (!text.empty()) print_line(printable(text, kShownWhole));

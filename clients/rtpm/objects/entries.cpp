@@ -6,8 +6,8 @@
 
 #include "cli/table.hpp"
 #include "rtpm/base/printable.hpp"
-#include "rtpm/options/formatted.hpp"
 #include "rtpm/predicate/value.hpp"
+#include "rtpm/program/text.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
 #include "rtpm/wire/url.hpp"
@@ -113,7 +113,7 @@ std::vector<names::LapsedName> lost_names(Context& context,
 
 std::string lost_text(const names::LapsedName& lost) {
   return "LOST for " +
-         options::formatted("%.0f s", std::chrono::duration<double>(lost.lapsed_for).count());
+         program::formatted("%.0f s", std::chrono::duration<double>(lost.lapsed_for).count());
 }
 
 void warn_if_stale(Duration stale_for) {

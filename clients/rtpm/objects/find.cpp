@@ -8,7 +8,7 @@
 #include "cli/output.hpp"
 #include "objects/commands.hpp"
 #include "objects/entries.hpp"
-#include "rtpm/options/suggestion.hpp"
+#include "rtpm/program/text.hpp"
 #include "rtpm/rt/log.hpp"
 #include "rtpm/wire/url.hpp"
 
@@ -43,7 +43,7 @@ std::string similar_interface(const std::vector<names::NameEntry>& entries,
     interfaces.push_back(entry.interface);
   const bool is_there = std::ranges::any_of(
       interfaces, [&](const std::string& interface) { return fits(wanted, interface); });
-  return is_there ? std::string{} : options::suggestion(wanted, interfaces);
+  return is_there ? std::string{} : program::suggestion(wanted, interfaces);
 }
 
 bool has_wildcard(const std::string& pattern) {

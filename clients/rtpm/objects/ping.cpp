@@ -9,14 +9,14 @@
 #include "rtpm/base/printable.hpp"
 #include "rtpm/dynamic/remote_object.hpp"
 #include "rtpm/names/directory.hpp"
-#include "rtpm/options/formatted.hpp"
+#include "rtpm/program/text.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/wire/clock_sync.hpp"
 
 namespace rtpm::tool {
 namespace {
 
-using options::formatted;
+using program::formatted;
 
 struct PingRequest {
   std::string target{};
@@ -98,7 +98,7 @@ void tell_summary(const Context& context, const std::string& target, Trips& trip
 }
 
 int ping(Context& context, const PingRequest& request) {
-  const options::StopSignal& stop = context.stop();
+  const program::StopSignal& stop = context.stop();
   const auto url = names::url_of(context.node(), context.registry, request.target);
   if (!url) return context.not_reached(url.error());
   const auto object = dynamic::RemoteObject::open(context.node(), *url);

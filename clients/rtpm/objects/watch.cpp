@@ -55,7 +55,7 @@ void tell(const Context& context, Duration stale_for) {
 }
 
 int watch(Context& context, const WatchOptions& wanted) {
-  const options::StopSignal& stop = context.stop();
+  const program::StopSignal& stop = context.stop();
   const auto watch = names::NameWatch::start(
       context.node(), context.registry,
       {.directory = wanted.directory, .interface = wanted.interface, .predicate = wanted.predicate},

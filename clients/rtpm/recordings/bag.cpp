@@ -13,15 +13,14 @@
 #include "cli/table.hpp"
 #include "recordings/commands.hpp"
 #include "rtpm/base/printable.hpp"
-#include "rtpm/options/formatted.hpp"
-#include "rtpm/options/suggestion.hpp"
+#include "rtpm/program/text.hpp"
 #include "rtpm/recording/file_reader.hpp"
 #include "rtpm/recording/repair.hpp"
 
 namespace rtpm::tool {
 namespace {
 
-using options::formatted;
+using program::formatted;
 using recording::FileReader;
 
 struct BagRequest {
@@ -229,7 +228,7 @@ expected<std::vector<std::uint16_t>, SetupError> channels_of(FileReader& reader,
   for (const std::string& topic : request.topics) {
     if (std::ranges::find(topics, topic) == topics.end()) {
       return setup_error(request.file + " has no topic '" + topic + "'" +
-                         options::suggestion(topic, topics) + "; 'rtpm bag info' shows all");
+                         program::suggestion(topic, topics) + "; 'rtpm bag info' shows all");
     }
   }
   for (const auto& [number, channel] : reader.channels()) {

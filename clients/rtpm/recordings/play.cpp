@@ -15,7 +15,7 @@
 #include "rtpm/discovery/scope.hpp"
 #include "rtpm/events/defaults.hpp"
 #include "rtpm/events/hub_types.hpp"
-#include "rtpm/options/formatted.hpp"
+#include "rtpm/program/text.hpp"
 #include "rtpm/recording/recorder.hpp"
 #include "rtpm/replay/player.hpp"
 #include "rtpm/rt/log.hpp"
@@ -23,7 +23,7 @@
 namespace rtpm::tool {
 namespace {
 
-using options::formatted;
+using program::formatted;
 
 constexpr Duration kPlayPeriod = std::chrono::milliseconds{100};
 constexpr const char* kNoHub = "none";

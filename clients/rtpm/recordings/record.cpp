@@ -21,7 +21,7 @@
 #include "rtpm/events/filter_text.hpp"
 #include "rtpm/events/hub_types.hpp"
 #include "rtpm/names/directory.hpp"
-#include "rtpm/options/formatted.hpp"
+#include "rtpm/program/text.hpp"
 #include "rtpm/recording/recorder.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
@@ -30,7 +30,7 @@
 namespace rtpm::tool {
 namespace {
 
-using options::formatted;
+using program::formatted;
 
 constexpr Duration kReportPeriod = std::chrono::milliseconds{200};
 

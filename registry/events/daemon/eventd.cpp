@@ -15,7 +15,7 @@
 #include "rtpm/names/resolver.hpp"
 #include "rtpm/options/options.hpp"
 #include "rtpm/options/server_options.hpp"
-#include "rtpm/options/stop_signal.hpp"
+#include "rtpm/program/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/log.hpp"
@@ -69,7 +69,7 @@ rtpm::expected<void, rtpm::SetupError> link(rtpm::events::Hub& hub, rtpm::rpc::N
 }
 
 int serve(const Configuration& configuration) {
-  const rtpm::options::StopSignal stop;
+  const rtpm::program::StopSignal stop;
   const auto prepared = rtpm::options::prepare(configuration.settings);
   if (!prepared) return fail(prepared.error().text());
   rtpm::rpc::Node node({.security = rtpm::options::node_security(configuration.settings),

@@ -7,9 +7,9 @@
 #include <utility>
 
 #include "operand_order.hpp"
-#include "rtpm/options/suggestion.hpp"
 #include "rtpm/predicate/lexer.hpp"
 #include "rtpm/predicate/token_reader.hpp"
+#include "rtpm/program/text.hpp"
 
 namespace rtpm::predicate {
 namespace {
@@ -40,7 +40,7 @@ expected<Preference, TextError> Preference::parse(std::string_view text,
   if (!is_with && word.text != "min" && word.text != "max") {
     return unexpected{
         TextError{word.offset, "expected min, max, with, random or first" +
-                                   options::suggestion(std::string(word.text),
+                                   program::suggestion(std::string(word.text),
                                                        {"min", "max", "with", "random", "first"})}};
   }
   if (!has_rest) {

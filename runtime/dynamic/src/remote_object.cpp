@@ -6,7 +6,7 @@
 
 #include "rtpm/base/printable.hpp"
 #include "rtpm/introspection/catalog.hpp"
-#include "rtpm/options/suggestion.hpp"
+#include "rtpm/program/text.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/wire/status.hpp"
 #include "rtpm/wire/url.hpp"
@@ -128,7 +128,7 @@ expected<void, SetupError> RemoteObject::call(std::string_view method, std::stri
       names.push_back(candidate.name);
     }
     return setup_error(dynamic_->service().name + " has no method `" + std::string(method) + "`" +
-                       options::suggestion(method, names) + "; it has " + text);
+                       program::suggestion(method, names) + "; it has " + text);
   }
   std::string error;
   const auto request = dynamic_->encode(found->request, json, error);

@@ -13,8 +13,7 @@
 
 #include "config_file.hpp"
 #include "rtpm/base/assert.hpp"
-#include "rtpm/options/joined.hpp"
-#include "rtpm/options/suggestion.hpp"
+#include "rtpm/program/text.hpp"
 #include "rtpm/rt/log.hpp"
 #include "setting.hpp"
 
@@ -163,7 +162,7 @@ expected<void, SetupError> set(Setting& setting, const Texts& texts, const std::
                                const std::string& source) {
   if (!setting.read(texts)) {
     return unexpected{
-        SetupError{origin + " '" + joined(texts, ",") + "' is not " + setting.expected}};
+        SetupError{origin + " '" + program::joined(texts, ",") + "' is not " + setting.expected}};
   }
   setting.source = source;
   return {};
@@ -205,7 +204,7 @@ SetupError unknown(const std::string& argument, const CLI::App& app) {
   for (const CLI::Option* option : app.get_options())
     flags.push_back("--" + option->get_lnames().front());
   const std::string flag = argument.substr(0, argument.find('='));
-  return {"unknown flag '" + flag + "'" + suggestion(flag, flags)};
+  return {"unknown flag '" + flag + "'" + program::suggestion(flag, flags)};
 }
 
 }  // namespace
@@ -258,7 +257,7 @@ void Options::Impl::read_file(const Texts& arguments) {
 std::optional<Texts> Options::Impl::early_texts(const Setting& setting,
                                                 const Texts& arguments) const {
   if (const Texts values = early_values(arguments, setting.flag); !values.empty())
-    return texts_of(setting, joined(values, ","));
+    return texts_of(setting, program::joined(values, ","));
   if (const char* const text = std::getenv(setting.variable.c_str()))
     return texts_of(setting, text);
   if (!file) return std::nullopt;
@@ -302,7 +301,7 @@ expected<void, SetupError> Options::Impl::apply_file() {
         keys.push_back(key_text(candidate.path));
       const std::string key = key_text(entry.path);
       return unexpected{
-          SetupError{entry.place + ": unknown key '" + key + "'" + suggestion(key, keys)}};
+          SetupError{entry.place + ": unknown key '" + key + "'" + program::suggestion(key, keys)}};
     }
     const std::string origin = entry.place + ": " + key_text(entry.path);
     if (entry.is_table) return unexpected{SetupError{origin + " is a table"}};
@@ -318,7 +317,7 @@ expected<void, SetupError> Options::Impl::apply(const CommandLine& command_line)
     const char* const text = std::getenv(setting.variable.c_str());
     // A variable that a flag overrides is not read.
     if (given != command_line.values.end()) {
-      const Texts texts = texts_of(setting, joined(given->second, ","));
+      const Texts texts = texts_of(setting, program::joined(given->second, ","));
       if (auto done = set(setting, texts, setting.flag, setting.flag); !done) return done;
     } else if (text != nullptr) {
       if (auto done = set(setting, texts_of(setting, text), setting.variable, setting.variable);
@@ -340,7 +339,7 @@ std::string Options::Impl::help(CLI::App& app, bool is_all) const {
       continue;
     }
     CLI::Option& option = *app.get_option(setting.flag);
-    const std::string now = setting.is_switch ? "" : joined(setting.write(), ",");
+    const std::string now = setting.is_switch ? "" : program::joined(setting.write(), ",");
     option.description(in_lines(setting.help + (now.empty() ? "" : " [" + now + "]")));
     option.type_name(setting.placeholder);
     if (setting.is_rare && !is_all) option.group("");
@@ -373,7 +372,8 @@ std::string Options::Impl::dump() const {
         continue;
       Texts values = setting.write();
       if (setting.is_text) std::ranges::transform(values, values.begin(), quoted);
-      const std::string value = setting.is_list ? "[" + joined(values) + "]" : values.front();
+      const std::string value =
+          setting.is_list ? "[" + program::joined(values) + "]" : values.front();
       text += "\n# " + setting.help + " [" + setting.variable + "] (" + setting.source + ")\n";
       // So the text can be kept and passed on; --config then leaves the secret as it is.
       text += setting.is_secret ? "# " + setting.path.back() + " = (a secret, not printed)\n"

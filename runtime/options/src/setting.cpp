@@ -8,8 +8,8 @@
 #include <utility>
 
 #include "rtpm/base/assert.hpp"
-#include "rtpm/options/duration.hpp"
-#include "rtpm/options/joined.hpp"
+#include "rtpm/program/duration.hpp"
+#include "rtpm/program/text.hpp"
 
 namespace rtpm::options {
 namespace {
@@ -55,13 +55,13 @@ std::string number_text(T number) {
 /// The bounds of `range`, as text behind the description of a time.
 std::string in_words(Range<Duration> range) {
   std::string text;
-  if (range.low > Duration{0}) text += ", of at least " + duration_text(range.low);
-  if (range.high < Duration::max()) text += ", of at most " + duration_text(range.high);
+  if (range.low > Duration{0}) text += ", of at least " + program::duration_text(range.low);
+  if (range.high < Duration::max()) text += ", of at most " + program::duration_text(range.high);
   return text;
 }
 
 std::optional<Duration> read_duration(std::string_view text, Range<Duration> range) {
-  const std::optional<Duration> duration = parse_duration(text);
+  const std::optional<Duration> duration = program::parse_duration(text);
   return duration && *duration >= range.low && *duration <= range.high ? duration : std::nullopt;
 }
 
@@ -145,7 +145,8 @@ template <>
 Setting setting_of(Duration& value, Range<Duration> range) {
   return setting_with(
       value, "TIME", "a time with a unit, such as 800us or 2s" + in_words(range),
-      [range](const std::string& text) { return read_duration(text, range); }, duration_text);
+      [range](const std::string& text) { return read_duration(text, range); },
+      program::duration_text);
 }
 
 template <>
@@ -173,7 +174,7 @@ Setting setting_of(std::vector<std::string>& value) {
     return is_valid;
   };
   setting.write = [&value] { return value; };
-  RTPM_ASSERT(texts_of(setting, joined(value, ",")) == value,
+  RTPM_ASSERT(texts_of(setting, program::joined(value, ",")) == value,
               "a list's default has items that are not empty and hold no comma or outer blank");
   return setting;
 }
@@ -210,7 +211,9 @@ Setting setting_of(std::optional<Duration>& value, Range<Duration> range) {
         const std::optional<Duration> time = read_duration(text, range);
         return text == "off" || time ? std::optional(time) : std::nullopt;
       },
-      [](const std::optional<Duration>& time) { return time ? duration_text(*time) : "off"; });
+      [](const std::optional<Duration>& time) {
+        return time ? program::duration_text(*time) : "off";
+      });
 }
 
 Setting setting_of_names(std::vector<std::string>& value, std::size_t size_max) {
@@ -227,8 +230,8 @@ Setting setting_of_names(std::vector<std::string>& value, std::size_t size_max) 
 Setting setting_of_choice(const Texts& choices, std::function<void(const std::string&)> read,
                           std::function<std::string()> write) {
   Setting setting;
-  setting.placeholder = joined(choices, "|");
-  setting.expected = joined(choices);
+  setting.placeholder = program::joined(choices, "|");
+  setting.expected = program::joined(choices);
   if (const std::size_t last = setting.expected.rfind(", "); last != std::string::npos)
     setting.expected.replace(last, 2, " or ");
   setting.read = [choices, apply = std::move(read)](const Texts& texts) {

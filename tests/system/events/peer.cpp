@@ -9,7 +9,7 @@
 #include "rtpm/events/consumer.hpp"
 #include "rtpm/events/supplier.hpp"
 #include "rtpm/names/resolver.hpp"
-#include "rtpm/options/stop_signal.hpp"
+#include "rtpm/program/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/clock.hpp"
 
@@ -53,7 +53,7 @@ int fail(const std::string& text) {
 }
 
 int supply(rtpm::rpc::Node& node, const std::string& hub) {
-  const rtpm::options::StopSignal stop;
+  const rtpm::program::StopSignal stop;
   auto supplier = Supplier::create(node, hub, {.deadline = 10s});
   if (!supplier) return fail(supplier.error().text());
   std::printf("supplying\n");
@@ -72,7 +72,7 @@ int supply(rtpm::rpc::Node& node, const std::string& hub) {
 }
 
 int consume(rtpm::rpc::Node& node, const std::string& hub, bool shared_ring) {
-  const rtpm::options::StopSignal stop;
+  const rtpm::program::StopSignal stop;
   Printer printer;
   auto consumer = Consumer::create(
       node, hub,

@@ -9,8 +9,7 @@
 #include "rtpm/capture/channels.hpp"
 #include "rtpm/capture/read_events.hpp"
 #include "rtpm/gvd/device_event.hpp"
-#include "rtpm/options/formatted.hpp"
-#include "rtpm/options/suggestion.hpp"
+#include "rtpm/program/text.hpp"
 #include "rtpm/recording/file_reader.hpp"
 #include "rtpm/replay/recorded.hpp"
 #include "timeline.hpp"
@@ -53,7 +52,7 @@ expected<void, SetupError> check_version(const Channel& channel) {
   const std::string name =
       is_description ? "rtpm.device.Device" : value_of(channel, capture::kNameKey);
   return setup_error(channel.topic + " was recorded with another version of " + name,
-                     options::formatted("its fingerprint there is %016llx, in this program %016llx",
+                     program::formatted("its fingerprint there is %016llx, in this program %016llx",
                                         static_cast<unsigned long long>(there),
                                         static_cast<unsigned long long>(here)),
                      "play it with the release that recorded it");
@@ -107,7 +106,7 @@ class Loader {
     for (const std::string& topic : selection_.topics) {
       if (std::ranges::count(topics, topic) > 0) continue;
       return setup_error(path_ + " has no events of topic '" + topic + "'" +
-                         options::suggestion(topic, topics) + "; 'rtpm bag info' shows all");
+                         program::suggestion(topic, topics) + "; 'rtpm bag info' shows all");
     }
     return {};
   }
@@ -136,7 +135,7 @@ class Loader {
     for (const std::string& name : selection_.devices) {
       if (std::ranges::count(names, name) > 0) continue;
       return setup_error(path_ + " has no device '" + name + "'" +
-                         options::suggestion(name, names) + "; 'rtpm bag info' shows all topics");
+                         program::suggestion(name, names) + "; 'rtpm bag info' shows all topics");
     }
     for (auto& [name, description] : descriptions_) {
       const bool is_chosen =

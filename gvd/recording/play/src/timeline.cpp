@@ -5,7 +5,7 @@
 #include <optional>
 #include <utility>
 
-#include "rtpm/options/formatted.hpp"
+#include "rtpm/program/text.hpp"
 
 namespace rtpm::replay {
 namespace {
@@ -14,7 +14,7 @@ namespace {
 constexpr std::uint64_t kDelayMaxNs = 10'000'000'000;
 
 std::string seconds(Duration time) {
-  return options::formatted("%.3f s", std::chrono::duration<double>(time).count());
+  return program::formatted("%.3f s", std::chrono::duration<double>(time).count());
 }
 
 /// How far an origin may go back, because messages take different times to reach the recorder.

@@ -5,11 +5,11 @@
 
 #include "filter/operand.hpp"
 #include "rtpm/events/filter_text.hpp"
-#include "rtpm/options/duration.hpp"
-#include "rtpm/options/suggestion.hpp"
 #include "rtpm/predicate/comparison.hpp"
 #include "rtpm/predicate/number.hpp"
 #include "rtpm/predicate/token_reader.hpp"
+#include "rtpm/program/duration.hpp"
+#include "rtpm/program/text.hpp"
 
 namespace rtpm::events {
 namespace {
@@ -167,7 +167,7 @@ class Parser : predicate::TokenReader {
       filter = parse_timeout(&silence);
     } else {
       fail(name, "there is no condition " + shown(name) +
-                     options::suggestion(name.text,
+                     program::suggestion(name.text,
                                          {"type", "source", "listed", "once", "every", "silence"}));
     }
     require(")");
@@ -285,7 +285,7 @@ class Parser : predicate::TokenReader {
     for (const EventDescriptor* type : types_)
       names.emplace_back(type->name);
     fail(name,
-         "no type is named " + shown(name) + options::suggestion(std::string(name.text), names));
+         "no type is named " + shown(name) + program::suggestion(std::string(name.text), names));
     return 0;
   }
 
@@ -316,15 +316,15 @@ class Parser : predicate::TokenReader {
   }
 
   Duration parse_time(Duration low, Duration high) {
-    const auto time = options::parse_duration(token_.text);
+    const auto time = program::parse_duration(token_.text);
     if (token_.kind != Token::Kind::kNumber || !time) {
       fail(token_, "expected a time, such as 5ms, not " + shown(token_));
       return low;
     }
     if (*time < low || *time > high) {
       fail(token_,
-           "the time must be " + options::duration_text(low) +
-               (high == Duration::max() ? " at least" : " to " + options::duration_text(high)));
+           "the time must be " + program::duration_text(low) +
+               (high == Duration::max() ? " at least" : " to " + program::duration_text(high)));
     }
     advance();
     return *time;
@@ -385,7 +385,7 @@ class Parser : predicate::TokenReader {
       names.emplace_back(field.name);
     }
     fail(place.field, std::string((*type)->name) + " has no field " + shown(place.field) +
-                          options::suggestion(filter.field, names));
+                          program::suggestion(filter.field, names));
   }
 
   struct Place {

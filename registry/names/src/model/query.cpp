@@ -7,8 +7,8 @@
 #include "model/properties.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/names/policy.hpp"
-#include "rtpm/options/suggestion.hpp"
 #include "rtpm/predicate/preference.hpp"
+#include "rtpm/program/text.hpp"
 
 namespace rtpm::names {
 namespace {
@@ -29,7 +29,7 @@ std::string note_on(const InterfaceIndex& index, std::string_view interface,
     if (is_built_in(mention.name) || index.has(interface, mention.name)) continue;
     const std::string which = interface.empty() ? "no name" : "no name of " + printable(interface);
     note += (note.empty() ? "" : "; ") + which + " has the property '" + printable(mention.name) +
-            "'" + options::suggestion(mention.name, index.properties_of(interface));
+            "'" + program::suggestion(mention.name, index.properties_of(interface));
   }
   return note;
 }

@@ -6,7 +6,7 @@
 
 #include "rtpm/base/time.hpp"
 
-namespace rtpm::options {
+namespace rtpm::program {
 
 /// Parses a decimal number of at least 0 with a unit, rounded to the nanosecond: "800us", "2 s".
 /// The units are ns, us, ms, s, min and h; "0" needs none.
@@ -18,4 +18,4 @@ namespace rtpm::options {
 /// @realtime set-up only
 [[nodiscard]] std::string duration_text(Duration duration);
 
-}  // namespace rtpm::options
+}  // namespace rtpm::program

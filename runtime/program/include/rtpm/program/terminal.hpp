@@ -2,7 +2,7 @@
 
 #include <cstddef>
 
-namespace rtpm::options {
+namespace rtpm::program {
 
 /// The columns of the terminal at standard output; `otherwise` if it is not a terminal or
 /// its width is unknown.
@@ -10,4 +10,4 @@ namespace rtpm::options {
 /// @realtime alloc-free, one system call
 [[nodiscard]] std::size_t terminal_width(std::size_t otherwise) noexcept;
 
-}  // namespace rtpm::options
+}  // namespace rtpm::program

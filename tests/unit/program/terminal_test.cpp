@@ -1,4 +1,4 @@
-#include "rtpm/options/terminal.hpp"
+#include "rtpm/program/terminal.hpp"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -7,7 +7,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-namespace rtpm::options {
+namespace rtpm::program {
 namespace {
 
 /// The width that a process sees if `output` is its standard output.
@@ -40,4 +40,4 @@ TEST(TerminalWidth, IsTheTerminalsElseTheDefault) {
 }
 
 }  // namespace
-}  // namespace rtpm::options
+}  // namespace rtpm::program

@@ -1,10 +1,10 @@
-#include "rtpm/options/suggestion.hpp"
+#include "rtpm/program/text.hpp"
 
 #include <algorithm>
+#include <cstdarg>
+#include <cstdio>
 
-#include "rtpm/options/joined.hpp"
-
-namespace rtpm::options {
+namespace rtpm::program {
 namespace {
 
 /// The number of letters to insert, delete, replace or swap with their neighbour to turn `from`
@@ -29,6 +29,21 @@ std::size_t slip_count(std::string_view from, std::string_view to) {
 
 }  // namespace
 
+std::string formatted(const char* format, ...) {
+  std::va_list arguments;
+  va_start(arguments, format);
+  std::va_list again;
+  va_copy(again, arguments);
+  const int size = std::vsnprintf(nullptr, 0, format, arguments);
+  va_end(arguments);
+  // One more for the terminating zero.
+  std::string text(static_cast<std::size_t>(std::max(size, 0)) + 1, '\0');
+  std::vsnprintf(text.data(), text.size(), format, again);
+  va_end(again);
+  text.pop_back();
+  return text;
+}
+
 std::string joined(const std::vector<std::string>& texts, std::string_view separator) {
   std::string all;
   for (const std::string& text : texts)
@@ -52,4 +67,4 @@ std::string suggestion(std::string_view word, const std::vector<std::string>& ca
   return nearest.empty() ? "" : " (did you mean '" + nearest + "'?)";
 }
 
-}  // namespace rtpm::options
+}  // namespace rtpm::program

@@ -1,8 +1,8 @@
-#include "rtpm/options/formatted.hpp"
+#include "rtpm/program/text.hpp"
 
 #include <gtest/gtest.h>
 
-namespace rtpm::options {
+namespace rtpm::program {
 namespace {
 
 TEST(Formatted, IsAsPrintfPrintsIt) {
@@ -12,4 +12,4 @@ TEST(Formatted, IsAsPrintfPrintsIt) {
 }
 
 }  // namespace
-}  // namespace rtpm::options
+}  // namespace rtpm::program

@@ -1,4 +1,4 @@
-#include "rtpm/options/duration.hpp"
+#include "rtpm/program/duration.hpp"
 
 #include <array>
 #include <charconv>
@@ -8,7 +8,7 @@
 
 #include "rtpm/base/assert.hpp"
 
-namespace rtpm::options {
+namespace rtpm::program {
 namespace {
 
 struct Unit {
@@ -73,4 +73,4 @@ std::string duration_text(Duration duration) {
   return {};  // Not reached: every time is a whole number of nanoseconds.
 }
 
-}  // namespace rtpm::options
+}  // namespace rtpm::program

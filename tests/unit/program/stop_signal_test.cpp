@@ -1,4 +1,4 @@
-#include "rtpm/options/stop_signal.hpp"
+#include "rtpm/program/stop_signal.hpp"
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -11,7 +11,7 @@
 #include <cstdio>
 #include <thread>
 
-namespace rtpm::options {
+namespace rtpm::program {
 namespace {
 
 using namespace std::chrono_literals;
@@ -112,4 +112,4 @@ TEST(StandardStreams, ReportAWriteToATooLargeFile) {
 }
 
 }  // namespace
-}  // namespace rtpm::options
+}  // namespace rtpm::program

@@ -1,4 +1,4 @@
-#include "rtpm/options/line_reader.hpp"
+#include "rtpm/program/line_reader.hpp"
 
 #include <poll.h>
 #include <unistd.h>
@@ -11,7 +11,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/native_time.hpp"
 
-namespace rtpm::options {
+namespace rtpm::program {
 
 bool LineReader::take_line(std::string& line) {
   const std::size_t end = buffer_.find('\n');
@@ -44,4 +44,4 @@ LineReader::Outcome LineReader::read_for(Duration duration, std::string& line) {
   return Outcome::kLine;
 }
 
-}  // namespace rtpm::options
+}  // namespace rtpm::program

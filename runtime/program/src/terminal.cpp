@@ -1,9 +1,9 @@
-#include "rtpm/options/terminal.hpp"
+#include "rtpm/program/terminal.hpp"
 
 #include <sys/ioctl.h>
 #include <unistd.h>
 
-namespace rtpm::options {
+namespace rtpm::program {
 
 std::size_t terminal_width(std::size_t otherwise) noexcept {
   winsize size{};
@@ -11,4 +11,4 @@ std::size_t terminal_width(std::size_t otherwise) noexcept {
   return is_told ? size.ws_col : otherwise;
 }
 
-}  // namespace rtpm::options
+}  // namespace rtpm::program

@@ -5,7 +5,7 @@
 
 #include "rtpm/base/time.hpp"
 
-namespace rtpm::options {
+namespace rtpm::program {
 
 /// The signals that ask a program to end: SIGINT (Ctrl-C), SIGTERM, SIGHUP (its terminal is gone)
 /// and SIGQUIT. The latter two are left out if they are ignored, as under nohup and in a shell's
@@ -52,4 +52,4 @@ class StopSignal {
   int signals_ = -1;
 };
 
-}  // namespace rtpm::options
+}  // namespace rtpm::program

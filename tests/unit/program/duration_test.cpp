@@ -1,10 +1,10 @@
-#include "rtpm/options/duration.hpp"
+#include "rtpm/program/duration.hpp"
 
 #include <gtest/gtest.h>
 
 #include <string_view>
 
-namespace rtpm::options {
+namespace rtpm::program {
 namespace {
 
 using namespace std::chrono_literals;
@@ -53,4 +53,4 @@ TEST(DurationText, ReadsBackUnchanged) {
 }
 
 }  // namespace
-}  // namespace rtpm::options
+}  // namespace rtpm::program

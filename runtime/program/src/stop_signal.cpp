@@ -1,4 +1,4 @@
-#include "rtpm/options/stop_signal.hpp"
+#include "rtpm/program/stop_signal.hpp"
 
 #include <poll.h>
 #include <pthread.h>
@@ -17,7 +17,7 @@
 #include "rtpm/rt/log.hpp"
 #include "rtpm/rt/native_time.hpp"
 
-namespace rtpm::options {
+namespace rtpm::program {
 namespace {
 
 /// Whether the descriptor became readable within `timeout`; if null, waits for ever. The data is
@@ -89,4 +89,4 @@ bool StopSignal::wait_for(Duration duration) const noexcept {
   }
 }
 
-}  // namespace rtpm::options
+}  // namespace rtpm::program

@@ -5,7 +5,7 @@
 
 #include "rtpm/base/time.hpp"
 
-namespace rtpm::options {
+namespace rtpm::program {
 
 /// The lines of standard input, for a program that waits for other things, too.
 /// @ownership one per program; it reads ahead
@@ -30,4 +30,4 @@ class LineReader {
   bool is_at_end_ = false;
 };
 
-}  // namespace rtpm::options
+}  // namespace rtpm::program

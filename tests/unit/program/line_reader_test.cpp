@@ -1,4 +1,4 @@
-#include "rtpm/options/line_reader.hpp"
+#include "rtpm/program/line_reader.hpp"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -8,7 +8,7 @@
 #include <string>
 #include <string_view>
 
-namespace rtpm::options {
+namespace rtpm::program {
 namespace {
 
 using Outcome = LineReader::Outcome;
@@ -79,4 +79,4 @@ TEST_F(Lines, AreSplitIfTooLong) {
 }
 
 }  // namespace
-}  // namespace rtpm::options
+}  // namespace rtpm::program
