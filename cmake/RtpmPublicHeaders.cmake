@@ -64,7 +64,6 @@ set(RTPM_PUBLIC_HEADERS
   rtpm/names/registration.hpp
   rtpm/names/resolver.hpp
   rtpm/names/watch.hpp
-  rtpm/options/caller_options.hpp
   rtpm/options/options.hpp
   rtpm/options/server_options.hpp
   rtpm/predicate/comparison.hpp

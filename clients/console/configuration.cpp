@@ -3,7 +3,6 @@
 #include <string>
 
 #include "rtpm/names/defaults.hpp"
-#include "rtpm/options/caller_options.hpp"
 #include "rtpm/options/options.hpp"
 #include "web/token.hpp"
 
@@ -28,17 +27,17 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
   options.add("page", configuration.page, "The folder of the page; default: the installed one");
   options.add("recordings", configuration.recordings, "The folder of recordings");
   options.add("read-only", configuration.is_read_only, "Let nobody command anything");
-  options.add_secret("token", configuration.token,
-                     "What a URL must have to command; default: a random one",
-                     "a file by --token-file");
+  options.add_secret(
+      "token", configuration.token,
+      "What a URL must have to command, else in a --token-file; default: a random one");
   options.add("token-file", configuration.token_file,
               "The file that keeps the token; made with a random one if it is not there");
   options.add("print-token", configuration.prints_token,
               "Print the URL with its token also where standard output is no terminal");
-  const auto rare = options::Options::Scope::of_rare(options);
-  options.add("host-name", configuration.host_names,
-              "Names, besides addresses and localhost, by which browsers may reach it");
-  options.add("seconds", configuration.seconds, "How long to serve; 0: until Ctrl-C", {0, 1e6});
+  options::Options rare = options.rare();
+  rare.add("host-name", configuration.host_names,
+           "Names, besides addresses and localhost, by which browsers may reach it");
+  rare.add("seconds", configuration.seconds, "How long to serve; 0: until Ctrl-C", {0, 1e6});
   if (const auto exit_code = options.parse(argc, argv)) return exit_code;
   if (!is_loopback(configuration.address) && !configuration.is_insecure_lan) {
     return options.usage_error(

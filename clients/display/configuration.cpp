@@ -1,7 +1,6 @@
 #include "configuration.hpp"
 
 #include "rtpm/names/defaults.hpp"
-#include "rtpm/options/caller_options.hpp"
 #include "rtpm/options/options.hpp"
 
 namespace rtpm::display {

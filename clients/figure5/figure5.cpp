@@ -7,7 +7,6 @@
 #include "rtpm/gvd/client.hpp"
 #include "rtpm/gvd/consumer.hpp"
 #include "rtpm/names/resolver.hpp"
-#include "rtpm/options/caller_options.hpp"
 #include "rtpm/options/options.hpp"
 #include "rtpm/program/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"

@@ -6,7 +6,6 @@
 
 #include "rtpm/models/check.hpp"
 #include "rtpm/names/defaults.hpp"
-#include "rtpm/options/caller_options.hpp"
 #include "rtpm/options/options.hpp"
 
 namespace rtpm::servo {
@@ -77,20 +76,20 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
               "Serve the wall's parameters below this name, such as lab/servo; none: nowhere");
   options.add_choice("render", configuration.render, {"remote", "local"},
                      "Where the wall's force is computed: here, or in the device's own loop");
-  const auto rare = options::Options::Scope::of_rare(options);
-  options.add("delay", configuration.delay,
-              "Delays each sample and each command artificially; a local wall does without",
-              {Duration{0}, kDelayMax});
-  options.add("hold", configuration.hold, "How long each force stands without a newer one");
-  options.add("deadline", configuration.deadline, "How long one call may take",
-              {std::chrono::microseconds{100}, std::chrono::seconds{1}});
-  options.add("patience", configuration.patience,
-              "How long calls may fail in a row before the device counts as lost");
-  options.add("recover", configuration.is_recovery, "End a latched fault of the device first");
-  options.add_choice("live", configuration.live, {"rewrite", "lines", "off"},
-                     "The line that shows the loop while it runs");
-  options.add_realtime(configuration.realtime);
-  options.add_wait(configuration.wait);
+  options::Options rare = options.rare();
+  rare.add("delay", configuration.delay,
+           "Delays each sample and each command artificially; a local wall does without",
+           {Duration{0}, kDelayMax});
+  rare.add("hold", configuration.hold, "How long each force stands without a newer one");
+  rare.add("deadline", configuration.deadline, "How long one call may take",
+           {std::chrono::microseconds{100}, std::chrono::seconds{1}});
+  rare.add("patience", configuration.patience,
+           "How long calls may fail in a row before the device counts as lost");
+  rare.add("recover", configuration.is_recovery, "End a latched fault of the device first");
+  rare.add_choice("live", configuration.live, {"rewrite", "lines", "off"},
+                  "The line that shows the loop while it runs");
+  rare.add_realtime(configuration.realtime);
+  rare.add_wait(configuration.wait);
   return options.parse(argc, argv);
 }
 

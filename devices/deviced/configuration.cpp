@@ -21,8 +21,7 @@ std::string driver_named_like(const std::string& name) {
   return is_driver(word) ? word : "";
 }
 
-void add_device(options::Options& options, DeviceSettings& device) {
-  const auto scope = options::Options::Scope::of_member(options, "device", device.name);
+void add_device(options::Options options, DeviceSettings& device) {
   options.add("driver", device.driver,
               "One of --list-drivers, or the file of a plug-in; not needed where the name is a "
               "driver's and digits");
@@ -68,11 +67,8 @@ void add_devices(options::Options& options, Configuration& configuration) {
       "check", configuration.checked,
       "Check the plug-in in this file against what is promised of every driver, and end; it "
       "commands the greatest forces, so hands off the device");
-  {
-    const auto rare = options::Options::Scope::of_rare(options);
-    options.add("check-arguments", configuration.checked_arguments,
-                "What the checked driver is told, in its own words");
-  }
+  options.rare().add("check-arguments", configuration.checked_arguments,
+                     "What the checked driver is told, in its own words");
   options.add("folder", configuration.folder, "The devices' names at the registry are FOLDER/NAME");
   options.add_group(
       "devices", "device", configuration.names,
@@ -87,7 +83,7 @@ void add_devices(options::Options& options, Configuration& configuration) {
           configuration.devices.push_back(device);
         }
         for (DeviceSettings& device : configuration.devices)
-          add_device(options, device);
+          add_device(options.of_member("device", device.name), device);
       });
 }
 
@@ -123,14 +119,14 @@ void add_service(options::Options& options, Configuration& configuration) {
                   ", at most 16 per device; empty: none");
   options.add("allow-takeover", configuration.allows_takeover,
               "Take the names from another server that holds them, at the start");
-  const auto rare = options::Options::Scope::of_rare(options);
+  options::Options rare = options.rare();
   constexpr options::Range<Duration> kLease{std::chrono::milliseconds{10}, std::chrono::hours{1}};
-  options.add("lease", configuration.lease.silence_max,
-              "How long a silent client keeps the right to command", kLease);
-  options.add("lease-idle", configuration.lease.idle_max,
-              "How long a client keeps the right to command that only renews it", kLease);
-  options.add("operator-priority", configuration.operator_priority,
-              "From which priority on a call may take the right to command over");
+  rare.add("lease", configuration.lease.silence_max,
+           "How long a silent client keeps the right to command", kLease);
+  rare.add("lease-idle", configuration.lease.idle_max,
+           "How long a client keeps the right to command that only renews it", kLease);
+  rare.add("operator-priority", configuration.operator_priority,
+           "From which priority on a call may take the right to command over");
 }
 
 /// The default of --stops; empty if the environment names no folder.

@@ -164,17 +164,17 @@ int main(int argc, char** argv) {
   options.add("dump", configuration.dumps, "Print the permanent names of --store as JSON, and end");
   options.add("load", configuration.loads,
               "Bind the names of such JSON on standard input in --store, and end");
-  const auto rare = rtpm::options::Options::Scope::of_rare(options);
-  options.add("names-max", name_count_max, "Maximum number of names", kCounts);
-  options.add("names-per-server-max", name_count_per_server_max, "Maximum names of one server",
-              kCounts);
-  options.add("names-per-host-max", name_count_per_host_max, "Maximum names of one remote host",
-              kCounts);
-  options.add("servers-per-host-max", server_count_per_host_max,
-              "Maximum servers of one remote host", kCounts);
-  options.add("names-own-host-max", name_count_own_host_max, "Maximum names of this host", kCounts);
-  options.add("servers-own-host-max", server_count_own_host_max, "Maximum servers of this host",
-              kCounts);
+  rtpm::options::Options rare = options.rare();
+  rare.add("names-max", name_count_max, "Maximum number of names", kCounts);
+  rare.add("names-per-server-max", name_count_per_server_max, "Maximum names of one server",
+           kCounts);
+  rare.add("names-per-host-max", name_count_per_host_max, "Maximum names of one remote host",
+           kCounts);
+  rare.add("servers-per-host-max", server_count_per_host_max, "Maximum servers of one remote host",
+           kCounts);
+  rare.add("names-own-host-max", name_count_own_host_max, "Maximum names of this host", kCounts);
+  rare.add("servers-own-host-max", server_count_own_host_max, "Maximum servers of this host",
+           kCounts);
   if (const auto exit_code = options.parse(argc, argv)) return *exit_code;
   limits.name_count_max = name_count_max;
   limits.name_count_per_owner_max = name_count_per_server_max;

@@ -10,7 +10,6 @@
 #include "rtpm/events/defaults.hpp"
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/names/resolver.hpp"
-#include "rtpm/options/caller_options.hpp"
 #include "rtpm/options/options.hpp"
 #include "rtpm/program/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"

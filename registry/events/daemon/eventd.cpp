@@ -147,15 +147,15 @@ int main(int argc, char** argv) {
   options.add("name", configuration.name, "Name to bind at the registry; empty: none");
   options.add("allow-takeover", configuration.allows_takeover,
               "At the start, take the name from another server");
-  const auto rare = rtpm::options::Options::Scope::of_rare(options);
-  options.add("subscriptions-max", configuration.subscriptions_max, "Maximum number of consumers",
-              {1, 1024});
-  options.add("history", configuration.history,
-              "Events of each type and source kept for late joiners", {0, 64});
-  options.add("quota", configuration.quota, "Events per second of one supplier");
-  options.add("link", configuration.links,
-              "Hubs, by name or URL, to subscribe to for the consumers of this hub");
-  options.add("link-priority", configuration.link_priority, "Priority of the links");
+  rtpm::options::Options rare = options.rare();
+  rare.add("subscriptions-max", configuration.subscriptions_max, "Maximum number of consumers",
+           {1, 1024});
+  rare.add("history", configuration.history, "Events of each type and source kept for late joiners",
+           {0, 64});
+  rare.add("quota", configuration.quota, "Events per second of one supplier");
+  rare.add("link", configuration.links,
+           "Hubs, by name or URL, to subscribe to for the consumers of this hub");
+  rare.add("link-priority", configuration.link_priority, "Priority of the links");
   add_multicast(options, configuration);
   if (const auto exit_code = options.parse(argc, argv)) return *exit_code;
   return serve(configuration);

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "rtpm/base/setup_error.hpp"
@@ -23,13 +22,5 @@ struct ConfigEntry {
 /// @errors   an unreadable file; no TOML; no such program; a table in a list: with line and column
 [[nodiscard]] expected<std::vector<ConfigEntry>, SetupError> read_config_file(
     const std::string& name);
-
-/// "device.\"left arm\".rate"
-/// @realtime set-up only
-[[nodiscard]] std::string key_text(const std::vector<std::string>& path);
-
-/// `text` in quotes, as TOML has it.
-/// @realtime set-up only
-[[nodiscard]] std::string quoted(std::string_view text);
 
 }  // namespace rtpm::options

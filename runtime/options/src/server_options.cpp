@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "rtpm/access/fingerprint.hpp"
-#include "rtpm/options/caller_options.hpp"
 #include "rtpm/rt/log.hpp"
 #include "rtpm/rt/report.hpp"
 #include "rtpm/wire/limits.hpp"
@@ -37,16 +36,15 @@ std::vector<rpc::LaneConfig> lanes_named(const std::vector<std::string>& names,
   return lanes;
 }
 
-void add_lane(Options& options, const std::string& name, rpc::LaneConfig& lane) {
-  const Options::Scope scope = Options::Scope::of_member(options, "lane", name);
+void add_lane(Options options, rpc::LaneConfig& lane) {
   constexpr std::uint32_t kThreadCountMax = 64;
   options.add("low", lane.low, "The lowest priority that the lane serves");
   options.add("priority", lane.priority, "The lowest priority at which it waits and receives");
   options.add("cpus", lane.cpus, "The CPUs it may run on; none: all");
   options.add_wait(lane.wait);
-  options.add_schedule("schedule", lane.schedule,
-                       "fifo: before all time-shared threads; time-shared: behind every real-time "
-                       "thread");
+  options.add("schedule", lane.schedule,
+              "fifo: before all time-shared threads; time-shared: behind every real-time "
+              "thread");
   options.add("threads", lane.static_threads, "How many calls run concurrently",
               {1, kThreadCountMax});
   options.add("dynamic-threads", lane.dynamic_threads,
@@ -59,7 +57,7 @@ void add_lane(Options& options, const std::string& name, rpc::LaneConfig& lane) 
               "How many bytes their requests may have together");
 }
 
-void add_limits(Options& options, rpc::ServerConfig& server) {
+void add_limits(Options options, rpc::ServerConfig& server) {
   options.add("ceiling", server.ceiling, "The highest priority that callers are granted");
   options.add("borrows", server.borrows,
               "Lets a lane whose threads are all busy take one of a lower lane");
@@ -81,52 +79,46 @@ void add_limits(Options& options, rpc::ServerConfig& server) {
               "Oneways of the same program that wait or run in a lane at a time", {0, 4096});
 }
 
-void add_key(Options& options, std::string& file) {
+void add_key(Options options, std::string& file) {
   options.add("key", file,
               "The program's key; empty: ~/.config/rtpm/key, or in the folder of RTPM_KEYS");
 }
 
-void add_key_log(Options& options, std::string& file) {
-  const auto rare = Options::Scope::of_rare(options);
+void add_key_log(Options options, std::string& file) {
   options.add(
       "key-log", file,
       "Write keys of sessions here, for Wireshark; with them anybody can read all; empty: nowhere");
 }
 
-void add_known_servers(Options& options, std::string& file) {
-  const auto scope = Options::Scope::of_all_programs(options, "security");
-  const auto rare = Options::Scope::of_rare(options);
+void add_known_servers(Options options, std::string& file) {
   options.add("known-servers", file,
               "Servers to call over sealed sessions only, from `rtpm key learn`; empty: "
               "~/.config/rtpm/known_servers");
 }
 
-void add_server_security(Options& options, rpc::ServerSecurity& security) {
-  const auto scope = Options::Scope::of_all_programs(options, "security");
+void add_server_security(Options options, rpc::ServerSecurity& security) {
   options.add("authorized", security.authorized_file,
               "Who may do what, lines from `rtpm key authorize`; empty: ~/.config/rtpm/authorized "
               "for other addresses than loopback");
   add_key(options, security.key_file);
   options.add("insecure", security.is_insecure,
               "Serve everybody who reaches the port: they can move devices");
-  add_key_log(options, security.key_log_file);
-  const auto rare = Options::Scope::of_rare(options);
-  options.add("audit", security.audit_file,
-              "Write sessions, refusals and administration here; empty: nowhere");
+  add_key_log(options.rare(), security.key_log_file);
+  options.rare().add("audit", security.audit_file,
+                     "Write sessions, refusals and administration here; empty: nowhere");
 }
 
 }  // namespace
 
-void add_caller(Options& options, rpc::NodeSecurity& security) {
-  const auto scope = Options::Scope::of_all_programs(options, "security");
-  const auto rare = Options::Scope::of_rare(options);
-  add_key(options, security.key_file);
-  add_known_servers(options, security.known_servers_file);
-  add_key_log(options, security.key_log_file);
+void add_caller(const Options& options, rpc::NodeSecurity& security) {
+  const Options rare = options.of_all_programs("security").rare();
+  add_key(rare, security.key_file);
+  add_known_servers(rare, security.known_servers_file);
+  add_key_log(rare, security.key_log_file);
 }
 
-void add_caller(Options& options, ServerSettings& settings) {
-  add_known_servers(options, settings.known_servers_file);
+void add_caller(const Options& options, ServerSettings& settings) {
+  add_known_servers(options.of_all_programs("security").rare(), settings.known_servers_file);
 }
 
 rpc::NodeSecurity node_security(const ServerSettings& settings) {
@@ -134,39 +126,38 @@ rpc::NodeSecurity node_security(const ServerSettings& settings) {
   return {own.key_file, settings.known_servers_file, own.key_log_file};
 }
 
-void add_server(Options& options, ServerSettings& settings) {
-  const auto scope = Options::Scope::of_all_programs(options);
+void add_server(const Options& options, ServerSettings& settings) {
+  Options shared = options.of_all_programs();
   rpc::ServerConfig& server = settings.server;
-  options.add("host", server.host,
-              "What to serve: addresses (IPv4, IPv6), host names and interfaces, with ',' between; "
-              "or any. The default is this host only; any opens it to every network");
-  options.add("port", server.port, "Port to serve, UDP and TCP; 0: any");
-  add_server_security(options, server.security);
-  const auto rare = Options::Scope::of_rare(options);
-  options.add("advertise", server.advertise,
-              "The hosts to be found at, with ',' between, if callers reach others than those that "
-              "are served (a container, NAT); empty: those");
-  options.add("shared-memory", server.shared_memory,
-              "Whether callers of the same user on this host are served through memory");
-  options.add("shared-memory-folder", server.shared_memory_folder,
-              "Where the socket for that is; empty: an abstract name");
-  options.add_realtime(server.realtime);
-  options.add_off_or_time("cpu-latency", settings.cpu_latency,
-                          "Longest wake-up of any CPU of the machine; off: the system's choice");
-  options.add("setup-report", settings.shows_setup,
-              "Print on standard error what the system granted");
-  add_limits(options, server);
+  shared.add("host", server.host,
+             "What to serve: addresses (IPv4, IPv6), host names and interfaces, with ',' between; "
+             "or any. The default is this host only; any opens it to every network");
+  shared.add("port", server.port, "Port to serve, UDP and TCP; 0: any");
+  add_server_security(options.of_all_programs("security"), server.security);
+  Options rare = shared.rare();
+  rare.add("advertise", server.advertise,
+           "The hosts to be found at, with ',' between, if callers reach others than those that "
+           "are served (a container, NAT); empty: those");
+  rare.add("shared-memory", server.shared_memory,
+           "Whether callers of the same user on this host are served through memory");
+  rare.add("shared-memory-folder", server.shared_memory_folder,
+           "Where the socket for that is; empty: an abstract name");
+  rare.add_realtime(server.realtime);
+  rare.add("cpu-latency", settings.cpu_latency,
+           "Longest wake-up of any CPU of the machine; off: the system's choice");
+  rare.add("setup-report", settings.shows_setup, "Print on standard error what the system granted");
+  add_limits(rare, server);
   settings.lanes.clear();
   for (const rpc::LaneConfig& lane : server.lanes)
     settings.lanes.push_back(short_name_of(lane));
-  options.add_group("lanes", "lane", settings.lanes,
-                    "The names of the lanes, each with options --lane-NAME-… or in [lane.NAME]",
-                    kLaneNameSizeMax, [&options, &settings](const std::vector<std::string>& names) {
-                      auto& lanes = settings.server.lanes;
-                      lanes = lanes_named(names, lanes);
-                      for (std::size_t i = 0; i < lanes.size(); ++i)
-                        add_lane(options, names[i], lanes[i]);
-                    });
+  rare.add_group("lanes", "lane", settings.lanes,
+                 "The names of the lanes, each with options --lane-NAME-… or in [lane.NAME]",
+                 kLaneNameSizeMax, [rare, &settings](const std::vector<std::string>& names) {
+                   auto& lanes = settings.server.lanes;
+                   lanes = lanes_named(names, lanes);
+                   for (std::size_t i = 0; i < lanes.size(); ++i)
+                     add_lane(rare.of_member("lane", names[i]), lanes[i]);
+                 });
 }
 
 expected<rt::CpuLatencyRequest, SetupError> prepare(const ServerSettings& settings) {
@@ -194,10 +185,8 @@ void show_setup(const ServerSettings& settings, const rpc::Server& server,
       served, [](const rpc::ServedAddress& address) { return address.interface != "lo"; });
   for (const rpc::ServedAddress& address : served) {
     if (!is_for_others) break;
-    const std::string at = address.host + ":" + std::to_string(server.port());
     const std::string on = address.interface.empty() ? "" : " on " + address.interface;
-    std::fprintf(stderr, "%.*s: serves %s%s\n", static_cast<int>(program.size()), program.data(),
-                 at.c_str(), on.c_str());
+    rt::print_error(program, "serves " + address.host + ":" + std::to_string(server.port()) + on);
   }
   show_callers(server, program);
   if (settings.shows_setup) std::fputs(rt::to_text(rt::setup_report()).c_str(), stderr);

@@ -576,7 +576,7 @@ TEST(ConsoleOptions, AreRefusedWithTheReasonIfUnsafe) {
        {std::vector<std::string>{"--token", "0123456789abcdef"},
         std::vector<std::string>{"--token=0123456789abcdef"}}) {
     expect_one_sentence(run_program("rtpm-console", arguments), 2,
-                        {"--token", "command lines", "RTPM_CONSOLE_TOKEN", "--token-file"});
+                        {"--token", "command lines", "RTPM_CONSOLE_TOKEN", "--config"});
   }
   expect_one_sentence(run_program("rtpm-console", {"--token-file", "/nowhere/token"}), 1,
                       {"/nowhere/token", "--token-file"});

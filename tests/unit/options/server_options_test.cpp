@@ -1,26 +1,16 @@
 #include "rtpm/options/server_options.hpp"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
-#include <cstdio>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <map>
-#include <optional>
-#include <string>
-#include <vector>
-
-#include "rtpm/rt/report.hpp"
+#include "fixture.hpp"
 
 namespace rtpm::options {
 namespace {
 
 using namespace std::chrono_literals;
 
-/// A program with two lanes, like rtpm-deviced.
-class ServerOptions : public testing::Test {
+/// A program with two lanes, like rtpm-deviced, that also calls.
+class ServerOptions : public Program {
  protected:
   ServerOptions() {
     settings_.server.port = 4711;
@@ -28,54 +18,17 @@ class ServerOptions : public testing::Test {
         {.name = "lane-rest", .wait = {.strategy = rt::WaitStrategy::kBlock}},
         {.name = "lane-haptic", .low = 16384, .wait = {.strategy = rt::WaitStrategy::kPeriodic}}};
   }
-  void TearDown() override {
-    for (const auto& [name, value] : environment_)
-      unsetenv(name.c_str());
-    if (!path_.empty()) std::filesystem::remove(path_);
-  }
-  void set_variable(const std::string& name, const std::string& value) {
-    environment_[name] = value;
-    setenv(name.c_str(), value.c_str(), 1);
-  }
-  std::string file_with(const std::string& text) {
-    path_ = testing::TempDir() + "server_options_test_" + std::to_string(getpid());
-    std::ofstream(path_) << text;
-    return path_;
-  }
-  std::optional<int> parse(const std::vector<std::string>& arguments) {
-    return parse_into(settings_, arguments);
-  }
-  std::optional<int> parse_into(ServerSettings& settings,
-                                const std::vector<std::string>& arguments) {
-    Options options("rtpm-test", "tries options");
-    add_server(options, settings);
-    std::vector<const char*> argv{"rtpm-test"};
-    for (const std::string& argument : arguments)
-      argv.push_back(argument.c_str());
-    testing::internal::CaptureStdout();
-    testing::internal::CaptureStderr();
-    const auto exit_code = options.parse(static_cast<int>(argv.size()), argv.data());
-    out_ = testing::internal::GetCapturedStdout();
-    err_ = testing::internal::GetCapturedStderr();
-    return exit_code;
-  }
-  void expect_error(const std::vector<std::string>& arguments, const std::string& words) {
-    EXPECT_EQ(parse(arguments), 2);
-    EXPECT_NE(err_.find(words), err_.npos) << "'" << words << "' is not in: " << err_;
+  void add(Options& options) override {
+    add_server(options, settings_);
+    add_caller(options, settings_);
   }
   const rpc::LaneConfig& lane(std::size_t index) { return settings_.server.lanes.at(index); }
 
   ServerSettings settings_;
-  std::string out_;
-  std::string err_;
-
- private:
-  std::map<std::string, std::string> environment_;
-  std::string path_;
 };
 
 TEST_F(ServerOptions, KeepDefaultsThatAreNotConfigured) {
-  EXPECT_FALSE(parse({}));
+  expect_parsed({});
   EXPECT_EQ(settings_.server.port, 4711);
   ASSERT_EQ(settings_.server.lanes.size(), 2u);
   EXPECT_EQ(lane(0).name, "lane-rest");
@@ -84,55 +37,33 @@ TEST_F(ServerOptions, KeepDefaultsThatAreNotConfigured) {
   EXPECT_FALSE(settings_.cpu_latency);
 }
 
-TEST_F(ServerOptions, SetSecurity) {
-  EXPECT_FALSE(parse({"--authorized", "grants", "--key", "key", "--insecure", "--audit", "audit",
-                      "--key-log", "keys"}))
-      << err_;
+TEST_F(ServerOptions, SetSecurityAlsoOfTheProgramsNode) {
+  set_variable("RTPM_KNOWN_SERVERS", "servers");
+  expect_parsed(words("--authorized grants --key key --insecure --audit audit --key-log keys"));
   const rpc::ServerSecurity& security = settings_.server.security;
   EXPECT_EQ(security.authorized_file, "grants");
   EXPECT_EQ(security.key_file, "key");
   EXPECT_TRUE(security.is_insecure);
   EXPECT_EQ(security.audit_file, "audit");
   EXPECT_EQ(security.key_log_file, "keys");
-}
-
-TEST_F(ServerOptions, GiveTheProgramsNodeTheSameKey) {
-  set_variable("RTPM_KEY", "key");
-  set_variable("RTPM_KNOWN_SERVERS", "servers");
-  Options options("rtpm-test", "tries options");
-  add_server(options, settings_);
-  add_caller(options, settings_);
-  const char* const name = "rtpm-test";
-  ASSERT_FALSE(options.parse(1, &name));
-  EXPECT_EQ(settings_.server.security.key_file, "key");
   EXPECT_EQ(node_security(settings_).key_file, "key");
+  EXPECT_EQ(node_security(settings_).key_log_file, "keys");
   EXPECT_EQ(node_security(settings_).known_servers_file, "servers");
 }
 
 TEST_F(ServerOptions, SetEveryPartOfALane) {
-  EXPECT_FALSE(parse({"--lane-haptic-low",
-                      "20000",
-                      "--lane-haptic-priority",
-                      "21000",
-                      "--lane-haptic-cpus",
-                      "0,1",
-                      "--lane-haptic-wait",
-                      "spin",
-                      "--lane-haptic-spin",
-                      "70us",
-                      "--lane-haptic-schedule",
-                      "time-shared",
-                      "--lane-haptic-threads",
-                      "3",
-                      "--lane-haptic-dynamic-threads",
-                      "4",
-                      "--lane-haptic-dynamic-idle",
-                      "2s",
-                      "--lane-haptic-buffered-requests",
-                      "5",
-                      "--lane-haptic-buffered-bytes",
-                      "6000"}))
-      << err_;
+  expect_parsed({"--config", file_with("[lane.haptic]\n"
+                                       "low = 20000\n"
+                                       "priority = 21000\n"
+                                       "cpus = [0, 1]\n"
+                                       "wait = 'spin'\n"
+                                       "spin = '70us'\n"
+                                       "schedule = 'time-shared'\n"
+                                       "threads = 3\n"
+                                       "dynamic-threads = 4\n"
+                                       "dynamic-idle = '2s'\n"
+                                       "buffered-requests = 5\n"
+                                       "buffered-bytes = 6000\n")});
   EXPECT_EQ(lane(1).low, 20000);
   EXPECT_EQ(lane(1).priority, 21000);
   EXPECT_EQ(lane(1).cpus, (std::vector<int>{0, 1}));
@@ -148,36 +79,11 @@ TEST_F(ServerOptions, SetEveryPartOfALane) {
 }
 
 TEST_F(ServerOptions, SetTheServer) {
-  EXPECT_FALSE(parse({"--host",
-                      "10.0.0.7",
-                      "--port",
-                      "9",
-                      "--shared-memory=false",
-                      "--shared-memory-folder",
-                      "/run/lab",
-                      "--realtime",
-                      "require",
-                      "--cpu-latency",
-                      "20us",
-                      "--ceiling",
-                      "30000",
-                      "--borrows",
-                      "--sessions-max",
-                      "7",
-                      "--message-size-max",
-                      "65536",
-                      "--large-messages-max",
-                      "2",
-                      "--deferred-calls-max",
-                      "3",
-                      "--streams-max",
-                      "4",
-                      "--stream-bytes-max",
-                      "65536",
-                      "--local-oneways-max",
-                      "100",
-                      "--setup-report"}))
-      << err_;
+  expect_parsed(
+      words("--host 10.0.0.7 --port 9 --shared-memory=false --shared-memory-folder /run/lab "
+            "--realtime require --cpu-latency 20us --ceiling 30000 --borrows --sessions-max 7 "
+            "--message-size-max 65536 --large-messages-max 2 --deferred-calls-max 3 "
+            "--streams-max 4 --stream-bytes-max 65536 --local-oneways-max 100 --setup-report"));
   const rpc::ServerConfig& server = settings_.server;
   EXPECT_EQ(server.host, "10.0.0.7");
   EXPECT_EQ(server.port, 9);
@@ -198,19 +104,19 @@ TEST_F(ServerOptions, SetTheServer) {
 }
 
 TEST_F(ServerOptions, AddLanesOfTheUser) {
-  EXPECT_FALSE(parse({"--lanes", "rest,camera,haptic", "--lane-camera-low", "5000"})) << err_;
+  expect_parsed(words("--lanes rest,camera,haptic --lane-camera-low 5000"));
   ASSERT_EQ(settings_.server.lanes.size(), 3u);
   EXPECT_EQ(lane(1).name, "lane-camera");
   EXPECT_EQ(lane(1).low, 5000);
   EXPECT_EQ(lane(2).wait.strategy, rt::WaitStrategy::kPeriodic) << "defaults stay with their lane";
-  EXPECT_FALSE(parse({"--lanes", "rest"}));
+  expect_parsed({"--lanes", "rest"});
   EXPECT_EQ(settings_.server.lanes.size(), 1u);
 }
 
 TEST_F(ServerOptions, TakeLanesFromFileEnvironmentAndFlagsByRank) {
   const std::string file =
       file_with("lanes = ['one', 'two']\n[lane.two]\nlow = 100\n[lane.one]\nthreads = 2\n");
-  EXPECT_FALSE(parse({"--config", file, "--lane-two-threads", "3"})) << err_;
+  expect_parsed({"--config", file, "--lane-two-threads", "3"});
   ASSERT_EQ(settings_.server.lanes.size(), 2u);
   EXPECT_EQ(lane(0).name, "lane-one");
   EXPECT_EQ(lane(0).static_threads, 2u);
@@ -219,84 +125,45 @@ TEST_F(ServerOptions, TakeLanesFromFileEnvironmentAndFlagsByRank) {
   set_variable("RTPM_LANES", "one,two,three");
   set_variable("RTPM_LANE_THREE_LOW", "300");
   set_variable("RTPM_CONFIG", file);
-  EXPECT_FALSE(parse({})) << err_;
+  expect_parsed({});
   ASSERT_EQ(settings_.server.lanes.size(), 3u);
   EXPECT_EQ(lane(2).low, 300);
-  EXPECT_FALSE(parse({"--lanes=two", "--lanes", "one"})) << err_;
+  expect_parsed({"--lanes=two", "--lanes", "one"});
   EXPECT_EQ(settings_.lanes, (std::vector<std::string>{"two", "one"}));
 }
 
 TEST_F(ServerOptions, RoundTripThroughTheDump) {
-  const std::vector<std::string> flags{"--lanes",
-                                       "rest,camera",
-                                       "--lane-camera-low",
-                                       "5000",
-                                       "--lane-camera-cpus",
-                                       "1",
-                                       "--cpu-latency",
-                                       "5us",
-                                       "--lane-rest-wait",
-                                       "spin",
-                                       "--streams-max",
-                                       "3",
-                                       "--borrows",
-                                       "--lane-rest-schedule",
-                                       "time-shared"};
-  std::vector<std::string> with_dump = flags;
-  with_dump.emplace_back("--dump-config");
-  EXPECT_EQ(parse(with_dump), 0);
-  const std::string dump = out_;
-  ServerSettings again;
-  again.server.lanes = {{.name = "lane-rest"}};
-  const std::string file = file_with(dump);
-  EXPECT_FALSE(parse_into(again, {"--config", file})) << err_;
-  ASSERT_EQ(again.server.lanes.size(), 2u);
-  EXPECT_EQ(again.server.lanes[1].low, 5000);
-  EXPECT_EQ(again.server.lanes[1].cpus, std::vector<int>{1});
-  EXPECT_EQ(again.server.lanes[0].wait.strategy, rt::WaitStrategy::kSpin);
-  EXPECT_EQ(again.server.lanes[0].schedule, rt::Schedule::kTimeShared);
-  EXPECT_EQ(again.cpu_latency, 5us);
-  EXPECT_EQ(again.server.stream_count_max, 3u);
-  EXPECT_TRUE(again.server.borrows);
-  ServerSettings third;
-  EXPECT_EQ(parse_into(third, {"--config", file, "--dump-config"}), 0);
-  const auto without_sources = [](const std::string& text) {
-    std::string values;
-    for (std::size_t begin = 0; begin < text.size();) {
-      const std::size_t end = text.find('\n', begin);
-      if (text[begin] != '#') values += text.substr(begin, end - begin + 1);
-      begin = end + 1;
-    }
-    return values;
-  };
-  EXPECT_EQ(without_sources(out_), without_sources(dump));
+  expect_output(
+      words("--lanes rest,camera --lane-camera-low 5000 --lane-camera-cpus 1 --cpu-latency 5us "
+            "--lane-rest-schedule time-shared --borrows --dump-config"),
+      {"[lane.camera]\n"});
+  const std::string file = file_with(out_);
+  settings_ = {};
+  expect_parsed({"--config", file});
+  ASSERT_EQ(settings_.server.lanes.size(), 2u);
+  EXPECT_EQ(lane(1).low, 5000);
+  EXPECT_EQ(lane(1).cpus, std::vector<int>{1});
+  EXPECT_EQ(lane(0).schedule, rt::Schedule::kTimeShared);
+  EXPECT_EQ(settings_.cpu_latency, 5us);
+  EXPECT_TRUE(settings_.server.borrows);
 }
 
 TEST_F(ServerOptions, NameMistakes) {
-  expect_error({"--lane-haptik-low", "5"}, "did you mean '--lane-haptic-low'?");
-  expect_error({"--config", file_with("lane.haptic.lwo = 5\n")}, "did you mean 'lane.haptic.low'?");
-  expect_error({"--config", file_with("lanes = ['rest']\nlane.haptic.low = 5\n")},
-               "unknown key 'lane.haptic'");
-  expect_error({"--lanes", "rest,rest"}, "is not a list of different names");
-  expect_error({"--lanes", "a-b,A_b"}, "is not a list of different names");
-  expect_error({"--lanes", "a/b"}, "is not a list of different names");
-  expect_error({"--lanes", "muchtoolongs"}, "of up to 10 bytes each");
-  expect_error({"--lanes", ""}, "is not a list of different names");
-  expect_error({"--lane-rest-cpus", "1024"}, "from 0 to 1023");
-  expect_error({"--lane-rest-cpus", "one"}, "from 0 to 1023");
-  expect_error({"--lane-rest-threads", "65"}, "from 1 to 64");
-  expect_error({"--lane-rest-schedule", "batch"}, "is not fifo or time-shared");
-  expect_error({"--cpu-latency", "5"}, "is not off, or a time with a unit");
+  expect_error({"--lane-haptik-low", "5"}, {"did you mean '--lane-haptic-low'?"});
+  expect_file_error("lane.haptic.lwo = 5\n", {"did you mean 'lane.haptic.low'?"});
+  expect_file_error("lanes = ['rest']\nlane.haptic.low = 5\n", {"unknown key 'lane.haptic'"});
+  expect_error({"--lanes", "muchtoolongs"}, {"of up to 10 bytes each"});
+  expect_error({"--lane-rest-cpus", "1024"}, {"from 0 to 1023"});
+  expect_error({"--lane-rest-cpus", "one"}, {"from 0 to 1023"});
+  expect_error({"--lane-rest-threads", "65"}, {"from 1 to 64"});
+  expect_error({"--lane-rest-schedule", "batch"}, {"is not one of fifo, time-shared"});
 }
 
 TEST_F(ServerOptions, ListTheLanesInTheHelp) {
-  EXPECT_EQ(parse({"--help"}), 0);
+  expect_output({"--help"}, {"--port"});
   EXPECT_EQ(out_.find("--lane-haptic-low"), out_.npos) << out_;
-  EXPECT_EQ(parse({"--help-all"}), 0);
-  for (const char* part : {"--lanes NAME,NAME", "[rest,haptic]", "--lane-haptic-low PRIORITY",
-                           "--cpu-latency off|TIME", "[off]"}) {
-    EXPECT_NE(out_.find(part), out_.npos) << part << " is not in\n" << out_;
-  }
+  expect_output({"--help-all"}, {"--lanes NAME,NAME", "[rest,haptic]", "--lane-haptic-low PRIORITY",
+                                 "--cpu-latency off|TIME", "[off]"});
 }
 
 TEST_F(ServerOptions, RequestTheCpuLatencyOnlyIfConfigured) {

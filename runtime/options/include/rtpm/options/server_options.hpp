@@ -31,11 +31,11 @@ struct ServerSettings {
 /// them unless the user changes them. rpc::Server::create() checks the lanes.
 /// @ownership `settings` must not move, nor its lanes change, until Options::parse() has returned
 /// @realtime set-up only
-void add_server(Options& options, ServerSettings& settings);
+void add_server(const Options& options, ServerSettings& settings);
 
 /// Adds a caller's options to a program that also serves, after add_server(). Its key and its key
-/// log are those of its server, so only --known-servers is added; see caller_options.hpp.
-void add_caller(Options& options, ServerSettings& settings);
+/// log are those of its server, so only --known-servers is added.
+void add_caller(const Options& options, ServerSettings& settings);
 /// The security settings of such a program's node.
 [[nodiscard]] rpc::NodeSecurity node_security(const ServerSettings& settings);
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <string_view>
 
@@ -12,6 +13,8 @@ inline constexpr std::ptrdiff_t kTomlDotCountMax = 4096;
 
 /// Whether toml++ might need more stack for the text than a thread has.
 /// @realtime set-up only
-[[nodiscard]] bool may_nest_too_deeply(std::string_view toml);
+[[nodiscard]] inline bool may_nest_too_deeply(std::string_view toml) {
+  return std::ranges::count(toml, '.') > kTomlDotCountMax;
+}
 
 }  // namespace rtpm::options
