@@ -23,19 +23,6 @@ std::string short_name_of(const rpc::LaneConfig& lane) {
   return std::string(name.starts_with(kLanePrefix) ? name.substr(kLanePrefix.size()) : name);
 }
 
-/// The named lanes, each with its entry in `defaults` or else LaneConfig's defaults.
-std::vector<rpc::LaneConfig> lanes_named(const std::vector<std::string>& names,
-                                         const std::vector<rpc::LaneConfig>& defaults) {
-  std::vector<rpc::LaneConfig> lanes;
-  for (const std::string& name : names) {
-    const auto known = std::ranges::find(defaults, name, &short_name_of);
-    lanes.push_back(known != defaults.end()
-                        ? *known
-                        : rpc::LaneConfig{.name = std::string(kLanePrefix) + name});
-  }
-  return lanes;
-}
-
 void add_lane(Options options, rpc::LaneConfig& lane) {
   constexpr std::uint32_t kThreadCountMax = 64;
   options.add("low", lane.low, "The lowest priority that the lane serves");
@@ -154,7 +141,13 @@ void add_server(const Options& options, ServerSettings& settings) {
                  "The names of the lanes, each with options --lane-NAME-… or in [lane.NAME]",
                  kLaneNameSizeMax, [rare, &settings](const std::vector<std::string>& names) {
                    auto& lanes = settings.server.lanes;
-                   lanes = lanes_named(names, lanes);
+                   const auto defaults = std::exchange(lanes, {});
+                   for (const std::string& name : names) {
+                     const auto known = std::ranges::find(defaults, name, &short_name_of);
+                     lanes.push_back(known == defaults.end()
+                                         ? rpc::LaneConfig{.name = std::string(kLanePrefix) + name}
+                                         : *known);
+                   }
                    for (std::size_t i = 0; i < lanes.size(); ++i)
                      add_lane(rare.of_member("lane", names[i]), lanes[i]);
                  });
@@ -164,19 +157,6 @@ expected<rt::CpuLatencyRequest, SetupError> prepare(const ServerSettings& settin
   if (!settings.cpu_latency) return rt::CpuLatencyRequest{};
   return rt::CpuLatencyRequest::open(*settings.cpu_latency, settings.server.realtime);
 }
-
-namespace {
-
-/// Reports whom a server that requires grants serves. A server without grants reports that itself.
-void show_callers(const rpc::Server& server, std::string_view program) {
-  const rpc::ServedCallers callers = server.served_callers();
-  if (callers.authorized_file.empty()) return;
-  rt::print_error(program, "its key is " + access::public_key_text(callers.key) + ", fingerprint " +
-                               access::fingerprint(callers.key));
-  rt::print_error(program, "serves whom " + callers.authorized_file + " lets in");
-}
-
-}  // namespace
 
 void show_setup(const ServerSettings& settings, const rpc::Server& server,
                 std::string_view program) {
@@ -188,7 +168,12 @@ void show_setup(const ServerSettings& settings, const rpc::Server& server,
     const std::string on = address.interface.empty() ? "" : " on " + address.interface;
     rt::print_error(program, "serves " + address.host + ":" + std::to_string(server.port()) + on);
   }
-  show_callers(server, program);
+  // A server without grants reports by itself whom it serves.
+  if (const auto callers = server.served_callers(); !callers.authorized_file.empty()) {
+    rt::print_error(program, "its key is " + access::public_key_text(callers.key) +
+                                 ", fingerprint " + access::fingerprint(callers.key));
+    rt::print_error(program, "serves whom " + callers.authorized_file + " lets in");
+  }
   if (settings.shows_setup) std::fputs(rt::to_text(rt::setup_report()).c_str(), stderr);
 }
 

@@ -39,10 +39,15 @@ struct Setting {
   std::string source = "default";  ///< The origin of the value in force.
 };
 
+/// Whether a file has values of this type without quotes. TOML's whole numbers end at 2^63 - 1.
+template <class T>
+constexpr bool kIsBare =
+    (std::is_arithmetic_v<T> && !std::is_same_v<T, std::uint64_t>) || std::is_same_v<T, Priority>;
+
 /// A setting of one text, which `parse` turns into an optional value and `format` back.
 template <class T, class Parse, class Format>
 Setting single(T& value, std::string kind, std::string expected, Parse parse, Format format) {
-  Setting setting{.kind = std::move(kind), .expected = std::move(expected)};
+  Setting setting{.kind = std::move(kind), .expected = std::move(expected), .is_bare = kIsBare<T>};
   setting.read = [&value, parse](const Texts& texts) {
     std::optional<T> read = texts.size() == 1 ? parse(texts.front()) : std::nullopt;
     if (read) value = std::move(*read);
@@ -56,7 +61,10 @@ Setting single(T& value, std::string kind, std::string expected, Parse parse, Fo
 template <class T, class Parse, class Format>
 Setting list(std::vector<T>& value, std::string kind, std::string expected, Parse parse,
              Format format) {
-  Setting setting{.kind = std::move(kind), .expected = std::move(expected), .is_list = true};
+  Setting setting{.kind = std::move(kind),
+                  .expected = std::move(expected),
+                  .is_list = true,
+                  .is_bare = kIsBare<T>};
   setting.read = [&value, parse](const Texts& texts) {
     std::vector<T> items;
     for (std::string text : texts == Texts{""} ? Texts{} : texts) {
@@ -123,11 +131,9 @@ Setting setting_of(T& value, Range<T> range) {
   std::string expected = std::is_integral_v<T> ? "a whole number" : "a number";
   if (range.high < std::numeric_limits<T>::max() || std::is_integral_v<T>)
     expected += " from " + number_text(range.low) + " to " + number_text(range.high);
-  Setting setting = single(
+  return single(
       value, "NUMBER", expected,
       [range](const std::string& text) { return number_in(text, range); }, number_text<T>);
-  setting.is_bare = !std::is_same_v<T, std::uint64_t>;  // TOML's whole numbers end at 2^63 - 1.
-  return setting;
 }
 
 inline Setting setting_of(std::string& value, Range<std::string>) {
@@ -137,20 +143,13 @@ inline Setting setting_of(std::string& value, Range<std::string>) {
 }
 
 inline Setting setting_of(bool& value, Range<bool>) {
-  Setting setting = single(
+  return single(
       value, "", "true or false",
       [](const std::string& text) {
         const bool is_valid = text == "true" || text == "false";
         return is_valid ? std::optional(text == "true") : std::nullopt;
       },
       [](bool is_on) { return is_on ? "true" : "false"; });
-  setting.is_bare = true;
-  return setting;
-}
-
-inline std::optional<Duration> duration_in(const std::string& text, Range<Duration> range) {
-  const std::optional<Duration> time = program::parse_duration(text);
-  return time && *time >= range.low && *time <= range.high ? time : std::nullopt;
 }
 
 inline Setting setting_of(Duration& value, Range<Duration> range) {
@@ -160,7 +159,10 @@ inline Setting setting_of(Duration& value, Range<Duration> range) {
     expected += ", of at most " + program::duration_text(range.high);
   return single(
       value, "TIME", expected,
-      [range](const std::string& text) { return duration_in(text, range); },
+      [range](const std::string& text) {
+        const std::optional<Duration> time = program::parse_duration(text);
+        return time && *time >= range.low && *time <= range.high ? time : std::nullopt;
+      },
       program::duration_text);
 }
 
@@ -176,14 +178,12 @@ inline Setting setting_of(std::optional<Duration>& value, Range<std::optional<Du
 }
 
 inline Setting setting_of(Priority& value, Range<Priority>) {
-  Setting setting = single(
+  return single(
       value, "PRIORITY", "a priority, a whole number from 0 (least urgent) to 32767",
       [](const std::string& text) -> std::optional<Priority> {
         return number_in(text, Range<int>{Priority::kLowest, Priority::kHighest});
       },
       [](Priority priority) { return number_text(priority.value()); });
-  setting.is_bare = true;
-  return setting;
 }
 
 inline Setting setting_of(rt::Schedule& value, Range<rt::Schedule>) {
@@ -198,14 +198,12 @@ inline Setting setting_of(Texts& value, Range<Texts>) {
 }
 
 inline Setting setting_of(std::vector<int>& value, Range<std::vector<int>>) {
-  Setting setting = list(
+  return list(
       value, "NUMBER,NUMBER", "a list of numbers from 0 to 1023, with commas",
       [](const std::string& text) {
         return number_in(text, Range<int>{0, 1023});
       },
       number_text<int>);
-  setting.is_bare = true;
-  return setting;
 }
 
 }  // namespace rtpm::options
