@@ -14,8 +14,9 @@
 #include "rtpm/events/defaults.hpp"
 #include "rtpm/events/hub.hpp"
 #include "rtpm/events/supplier.hpp"
-#include "rtpm/rpc/server.hpp"
 #include "rtpm/test/os.hpp"
+#include "rtpm/test/serve.hpp"
+#include "rtpm/test/text.hpp"
 #include "table.hpp"
 
 /// A hub behind a server, and handlers that write down their deliveries.
@@ -42,18 +43,10 @@ class ServedHub {
   ServedHub& operator=(const ServedHub&) = delete;
 
   void start() {
-    auto hub = Hub::create(config_);
-    ASSERT_TRUE(hub) << hub.error().text();
-    hub_ = std::move(*hub);
+    hub_ = rtpm::test::made(Hub::create(config_));
     auto settings = server_config_for(config_);
     settings.port = port_;
-    settings.realtime = rt::RealtimeMode::kOff;
-    auto server = rpc::Server::create(settings);
-    ASSERT_TRUE(server) << server.error().text();
-    server_ = std::move(*server);
-    ASSERT_TRUE(server_->add(kHubPath, hub_->servant()));
-    const auto started = server_->start();
-    ASSERT_TRUE(started) << started.error().text();
+    server_ = rtpm::test::serve(kHubPath, hub_->servant(), settings);
     port_ = server_->port();
   }
   void stop() {
@@ -169,11 +162,9 @@ inline constexpr EventDescriptor kPoseDescriptor{kPose, "lab.Pose", kPoseSchema,
 inline std::unique_ptr<Supplier> make_supplier(
     rpc::Node& node, const ServedHub& hub,
     rpc::Transport transport = rpc::Transport::kSharedMemory) {
-  auto supplier = Supplier::create(
+  return rtpm::test::made(Supplier::create(
       node, hub.url(),
-      {.types = {&kPoseDescriptor}, .transport = transport, .deadline = kPatience});
-  EXPECT_TRUE(supplier) << supplier.error().text();
-  return supplier ? std::move(*supplier) : nullptr;
+      {.types = {&kPoseDescriptor}, .transport = transport, .deadline = kPatience}));
 }
 
 inline std::unique_ptr<Consumer> make_consumer(rpc::Node& node, const ServedHub& hub,
@@ -181,16 +172,14 @@ inline std::unique_ptr<Consumer> make_consumer(rpc::Node& node, const ServedHub&
                                                const DeliveryPolicy& delivery = {},
                                                rpc::Transport transport = rpc::Transport::kAuto,
                                                bool shared_ring = false) {
-  auto consumer = Consumer::create(node, hub.url(),
-                                   {.filter = filter,
-                                    .delivery = delivery,
-                                    .realtime = rt::RealtimeMode::kOff,
-                                    .transport = transport,
-                                    .shared_ring = shared_ring,
-                                    .deadline = kPatience},
-                                   handler);
-  EXPECT_TRUE(consumer) << consumer.error().text();
-  return consumer ? std::move(*consumer) : nullptr;
+  return rtpm::test::made(Consumer::create(node, hub.url(),
+                                           {.filter = filter,
+                                            .delivery = delivery,
+                                            .realtime = rt::RealtimeMode::kOff,
+                                            .transport = transport,
+                                            .shared_ring = shared_ring,
+                                            .deadline = kPatience},
+                                           handler));
 }
 
 /// Pushes a pose or another event with a pose's payload.
@@ -202,10 +191,46 @@ inline void push(Supplier& supplier, EventType type, SourceId source = 0,
   EXPECT_TRUE(pushed) << rpc::to_string(pushed.error());
 }
 
+/// A payload that an event needs several parts for.
+inline std::vector<std::byte> large_payload() {
+  std::vector<std::byte> payload(60'000);
+  for (std::size_t i = 0; i < payload.size(); ++i)
+    payload[i] = static_cast<std::byte>(i * 31);
+  return payload;
+}
+
 /// Waits until the hub has taken `count` events.
 inline void await_taken(const Hub& hub, std::uint64_t count) {
   EXPECT_TRUE(await([&] { return hub.intake().taken_count >= count; }));
   EXPECT_EQ(hub.intake().taken_count, count);
+}
+
+/// Subscribes with several filters through `join(handler, filter)`: the deliveries are the same on
+/// every path.
+template <class Join>
+void expect_filtered_deliveries(rpc::Node& node, const ServedHub& hub, const Join& join,
+                                rpc::Transport transport = rpc::Transport::kSharedMemory) {
+  const auto supplier = make_supplier(node, hub, transport);
+  Recorder poses;
+  Recorder buttons;
+  Recorder pairs;
+  const auto first = join(poses, where(kPose, "x", Comparison::kGreater, Scalar::of(1)));
+  const auto second = join(buttons, of_type(kButton));
+  const auto third =
+      join(pairs, any_of({of_type(kButton), correlate({of_type(kButton), of_type(kPose)})}));
+  push(*supplier, kButton, 2);
+  push(*supplier, kPose, 1, {.x = 0.5});
+  push(*supplier, kPose, 1, {.x = 1.5});
+  ASSERT_TRUE(poses.await_deliveries(1));
+  ASSERT_TRUE(buttons.await_deliveries(1));
+  ASSERT_TRUE(pairs.await_deliveries(2));
+  EXPECT_EQ(poses.text(), "5.1#2");
+  EXPECT_EQ(buttons.text(), "6.2#1");
+  EXPECT_EQ(pairs.text(), "6.2#1 6.2#1+5.1#1");
+  EXPECT_TRUE(poses.is_aligned_);
+  EXPECT_EQ(poses.last_payload_.size(), sizeof(PosePayload));
+  EXPECT_LE(poses.last_header_.origin, poses.last_header_.hub_received);
+  EXPECT_LE(poses.last_header_.hub_received, poses.last_header_.hub_sent);
 }
 
 /// Changes, suspends and resumes a subscription of poses between events: the deliveries are the

@@ -6,7 +6,7 @@
 namespace rtpm::mqtt {
 namespace {
 
-TEST(Topic, StandsForTypeAndSourceAndBack) {
+TEST(Topic, ConvertsToTypeAndSourceAndBack) {
   EXPECT_EQ(topic_of("rtpm", {5, 2}), "rtpm/5/2");
   EXPECT_EQ(origin_of("rtpm", "rtpm/5/2"), (Origin{5, 2}));
   EXPECT_EQ(origin_of("site/a", topic_of("site/a", {0x7fff'ffff, 0xffff'ffff})),
@@ -15,7 +15,7 @@ TEST(Topic, StandsForTypeAndSourceAndBack) {
 }
 
 // ev-6.1-1
-TEST(Topic, OfAnotherFormStandsForNothing) {
+TEST(Topic, IsRefusedIfMalformed) {
   for (const char* const topic :
        {"", "rtpm", "rtpm/", "rtpm/5", "rtpm/5/", "rtpm//2", "rtpm/0/2", "rtpm/2147483648/1",
         "rtpm/5/4294967296", "rtpm/05/2", "rtpm/5/02", "rtpm/-5/2", "rtpm/5/2/3", "rtpmx/5/2",
@@ -24,7 +24,7 @@ TEST(Topic, OfAnotherFormStandsForNothing) {
   }
 }
 
-TEST(Topic, WantedIsATypeOrATypeAndASource) {
+TEST(Topic, SelectionIsATypeWithOrWithoutASource) {
   const auto type = parse_wanted("5");
   ASSERT_TRUE(type);
   EXPECT_EQ(type->type, 5U);
@@ -39,7 +39,7 @@ TEST(Topic, WantedIsATypeOrATypeAndASource) {
   }
 }
 
-TEST(Topic, MappingIsATopicAndWhatItStandsFor) {
+TEST(Topic, MappingIsATopicWithTypeAndSource) {
   EXPECT_EQ(parse_mapping("lab/temperature=100/3").value(),
             (TopicMapping{"lab/temperature", {100, 3}}));
   EXPECT_EQ(parse_mapping("a=b=1/2").value(), (TopicMapping{"a=b", {1, 2}}));

@@ -117,13 +117,6 @@ TEST(FilterTable, TimeoutsComeAtTheirTime) {
   });
 }
 
-TEST(TimeoutTable, OnceComesOnlyOnce) {
-  Table table(once(10ms, 9));
-  table.advance(100);
-  EXPECT_EQ(table.got(), "@9");
-  EXPECT_EQ(table.exchange.next_time(), kNever);
-}
-
 TEST(FilterTable, WhereComparesAFieldOfItsTypeOnly) {
   const PosePayload far{.x = 1.5};
   Table table(where(kPose, "x", Comparison::kGreater, Scalar::of(1.0)));
@@ -153,7 +146,7 @@ TEST(FilterTable, WhereKnowsEveryComparison) {
   EXPECT_EQ(bits.got(), "5.0#2");
 }
 
-TEST(FilterTable, WhereTakesAFloatAsPreciselyAsItIs) {
+TEST(FilterTable, WhereComparesFloatsAtTheirPrecision) {
   Table table(where(kPose, "force", Comparison::kEqual, Scalar::of(0.1)));
   table.push(kPose, 0, {.force = 0.1F});
   EXPECT_EQ(table.got(), "5.0#1");
@@ -181,14 +174,14 @@ TEST(FilterTable, AllUnitesTheGroupsOfItsChildren) {
   EXPECT_EQ(table.got(), "");
 }
 
-TEST(TimeoutTable, EveryDoesNotMakeUpForWhatWasMissedAndKeepsItsPhase) {
+TEST(TimeoutTable, EverySkipsMissedPeriodsAndKeepsItsPhase) {
   Table table(every(10ms, 9));
   table.exchange.on_time(at(35));
   EXPECT_EQ(table.got(), "@9");
   EXPECT_EQ(table.exchange.next_time(), at(40));
 }
 
-TEST(TimeoutTable, TimeoutTellsWhenItWasDueAndHowOftenItCame) {
+TEST(TimeoutTable, TimeoutHasItsDueTimeAndCount) {
   Table table(every(10ms, 9));
   table.exchange.on_time(at(12));
   table.exchange.on_time(at(20));

@@ -16,7 +16,7 @@ std::multiset<std::uint32_t> found(const SubscriptionIndex& index, EventType typ
   return numbers;
 }
 
-TEST(Index, RefusesWhatIsMoreThanItHoldsAndChangesNothing) {
+TEST(Index, RefusesInterestsAboveItsCapacityAsAWhole) {
   SubscriptionIndex index(2);
   ASSERT_TRUE(index.add(1, std::array{Interest{5, 2}}, true));
   EXPECT_FALSE(index.add(2, std::array{Interest{6, 2}, Interest{7, 2}}, true));

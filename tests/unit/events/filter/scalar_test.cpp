@@ -44,7 +44,7 @@ TEST(Scalar, IsReadThroughTablesAndStructs) {
       Scalar::of(-7));
 }
 
-TEST(Scalar, WhatATableLeavesOutHasItsDefault) {
+TEST(Scalar, MissingFieldsHaveTheirDefault) {
   Built built;
   built.builder.Finish(events_test::CreatePose(built.builder, 0, 0, 0));
   EXPECT_EQ(read(built.bytes(), {.slots = {0}, .slot_count = 1}, ScalarType::kInt32),
@@ -56,7 +56,7 @@ TEST(Scalar, WhatATableLeavesOutHasItsDefault) {
 }
 
 // Whatever the bytes are, nothing outside of them is read; the sanitizers check this.
-TEST(Scalar, HostileBytesGiveNoValueOrAnyButHarmNobody) {
+TEST(Scalar, HostileBytesCauseNoReadOutOfBounds) {
   Built built;
   build(built);
   std::mt19937 random(3);

@@ -15,39 +15,24 @@ using namespace std::chrono_literals;
 
 class HubBadInput : public testing::Test {
  protected:
-  void expect_refused(const Filter& filter, std::string_view word) {
-    const auto refused = Consumer::create(
-        node_, hub_.url(),
-        {.filter = filter, .realtime = rt::RealtimeMode::kOff, .deadline = kPatience}, recorder_);
-    ASSERT_FALSE(refused);
-    EXPECT_NE(refused.error().text().find(word), std::string::npos) << refused.error().text();
-    EXPECT_EQ(hub_.hub().subscription_count(), 0U);
-  }
   ServedHub hub_{};
   rpc::Node node_{};
   Recorder recorder_{};
 };
 
-TEST_F(HubBadInput, FilterThatIsTooDeepIsRefused) {
-  Filter filter = of_type(kPose);
-  for (std::size_t depth = 1; depth <= kFilterDepthMax; ++depth)
-    filter = any_of({std::move(filter)});
-  expect_refused(filter, "at most 16 deep");
-}
-
 TEST_F(HubBadInput, FilterThatIsTooLargeIsRefused) {
-  expect_refused(any_of(std::vector<Filter>(kFilterNodeCountMax, of_type(kPose))), "64 nodes");
-  expect_refused(any_of(std::vector<Filter>(1000, of_type(kPose))), "too large");
-  expect_refused(listed(std::vector<Match>(kMatchCountMax + 1)), "too large");
+  for (const Filter& filter : {any_of(std::vector<Filter>(1000, of_type(kPose))),
+                               listed(std::vector<Match>(kMatchCountMax + 1))}) {
+    const auto refused = Consumer::create(
+        node_, hub_.url(),
+        {.filter = filter, .realtime = rt::RealtimeMode::kOff, .deadline = kPatience}, recorder_);
+    ASSERT_FALSE(refused);
+    rtpm::test::expect_text(refused.error().text(), {"too large"});
+    EXPECT_EQ(hub_.hub().subscription_count(), 0U);
+  }
 }
 
-TEST_F(HubBadInput, FilterOfAnUnknownTypeOrFieldIsRefusedByName) {
-  ASSERT_TRUE(hub_.hub().add_type(kPoseDescriptor));
-  expect_refused(where(kPose, "y", Comparison::kLess, Scalar::of(1)), "'y'");
-  expect_refused(where(77, "x", Comparison::kLess, Scalar::of(1)), "event type 77");
-}
-
-TEST(HubBadInputLimits, EventBiggerThanTheRingIsLostAndTold) {
+TEST(HubBadInputLimits, CountsAnEventLargerThanTheRingAsLost) {
   ServedHub hub({.ring_size = 64 * 1024});
   rpc::Node node;
   Recorder in_ring;
@@ -100,12 +85,10 @@ TEST_F(HubBadInput, HandlerMayChangeItsSubscription) {
   push(*supplier, kPose);
   ASSERT_TRUE(doer.await_deliveries(1));
   doer.set(*consumer);
-  const MonotonicTime give_up = rt::now() + kPatience;
-  while (consumer->counters().event_count < 2 && rt::now() < give_up) {
+  ASSERT_TRUE(await([&] {
     push(*supplier, kButton);
-    rt::sleep_until(rt::now() + 1ms);
-  }
-  ASSERT_TRUE(doer.await_deliveries(2));
+    return doer.text().find(' ') != std::string::npos;
+  }));
   EXPECT_TRUE(doer.text().starts_with("5.0#1 6.0#")) << doer.text();
 }
 
@@ -137,7 +120,6 @@ TEST_F(HubBadInput, ConsumerThatIsDestroyedInMidCallbackWaitsForIt) {
   });
   // The hub drops it at once; its handler still runs.
   EXPECT_TRUE(await([&] { return hub_.hub().subscription_count() == 0; }));
-  EXPECT_EQ(hub_.hub().subscription_count(), 0U);
   EXPECT_FALSE(is_gone);
   sleeper.release();
   ender.join();

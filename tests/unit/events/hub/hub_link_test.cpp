@@ -31,13 +31,11 @@ class HubLinks : public testing::Test {
     })) << hub.hub().links().at(number).reason;
   }
   [[nodiscard]] std::unique_ptr<Supplier> supply(const ServedHub& hub, std::uint8_t hops) {
-    auto supplier = Supplier::create(node_, hub.url(),
-                                     {.types = {&kPoseDescriptor},
-                                      .hops = hops,
-                                      .transport = rpc::Transport::kSharedMemory,
-                                      .deadline = kPatience});
-    EXPECT_TRUE(supplier) << supplier.error().text();
-    return std::move(*supplier);
+    return rtpm::test::made(Supplier::create(node_, hub.url(),
+                                             {.types = {&kPoseDescriptor},
+                                              .hops = hops,
+                                              .transport = rpc::Transport::kSharedMemory,
+                                              .deadline = kPatience}));
   }
 
   rpc::Node node_{};
@@ -71,7 +69,7 @@ INSTANTIATE_TEST_SUITE_P(Ways, HubLinkBy, testing::Bool(), [](const auto& each) 
 });
 
 // ev-5.2-1
-TEST_F(HubLinks, RequestThePresentInterest) {
+TEST_F(HubLinks, FollowTheInterestOfConsumers) {
   ServedHub far;
   ServedHub near;
   link(near, far);
@@ -99,15 +97,13 @@ TEST_F(HubLinks, RequestThePresentInterest) {
   EXPECT_TRUE(recorder_.text().starts_with("5.0#2 6.0#")) << recorder_.text();
 }
 
-// ev-5.1-2
+// ev-5.1-2, ev-5.2-2 and ev-5.2-4
 TEST_F(HubLinks, ForwardEventsAsFarAsTheirHopsAllow) {
   ServedHub first;
   ServedHub second;
   ServedHub third;
   link(second, first);
   link(third, second);
-  Recorder at_second;
-  const auto near = make_consumer(node_, second, at_second, of_type(kPose));
   const auto far = make_consumer(node_, third, recorder_, of_type(kPose));
   await_interest(third, 1);
   await_interest(second, 1);
@@ -116,32 +112,21 @@ TEST_F(HubLinks, ForwardEventsAsFarAsTheirHopsAllow) {
   const auto goes_two = supply(first, 2);
   push(*stays, kPose, 0);
   push(*goes_one, kPose, 1);
-  // There is no order between suppliers.
-  ASSERT_TRUE(at_second.await_deliveries(1));
   push(*goes_two, kPose, 2);
-  ASSERT_TRUE(at_second.await_deliveries(2));
-  ASSERT_TRUE(recorder_.await_deliveries(1));
-  EXPECT_EQ(at_second.text(), "5.1#1 5.2#1");
-  EXPECT_EQ(recorder_.text(), "5.2#1");
-  EXPECT_EQ(third.hub().links()[0].taken_count, 1U);
-}
-
-// ev-5.2-2 and ev-5.2-4
-TEST_F(HubLinks, ForwardInterestOverTwoHubs) {
-  ServedHub first;
-  ServedHub second;
-  ServedHub third;
-  link(second, first);
-  link(third, second);
-  const auto far = make_consumer(node_, third, recorder_, of_type(kPose));
-  await_interest(second, 1);
-  const auto goes_one = supply(first, 1);
-  const auto goes_two = supply(first, 2);
-  push(*goes_one, kPose);
-  push(*goes_two, kPose);
   ASSERT_TRUE(recorder_.await_deliveries(1));
   // An event without enough hops does not even cross the first link.
   EXPECT_EQ(second.hub().links()[0].taken_count, 1U);
+  Recorder at_second;
+  const auto near = make_consumer(node_, second, at_second, of_type(kPose));
+  EXPECT_TRUE(await([&] {
+    push(*goes_one, kPose, 1);
+    return !at_second.text().empty();
+  }));
+  EXPECT_TRUE(at_second.text().starts_with("5.1#"));
+  push(*goes_two, kPose, 2);
+  ASSERT_TRUE(recorder_.await_deliveries(2));
+  EXPECT_EQ(recorder_.text(), "5.2#1 5.2#2");
+  EXPECT_EQ(third.hub().links()[0].taken_count, 2U);
 }
 
 // ev-5.3-1 and ev-5.3-2; in the end ev-5.2-3
@@ -195,39 +180,6 @@ TEST_F(HubLinks, DeliverOnceInARing) {
     for (const std::size_t number : {0U, 1U})
       await_interest(*each, 0, number);
   }
-}
-
-// There are two links, one in each direction.
-TEST_F(HubLinks, DeliverOnceInBothDirections) {
-  ServedHub left;
-  ServedHub right;
-  Recorder other;
-  link(left, right);
-  link(right, left);
-  const auto at_left = make_consumer(node_, left, recorder_, of_type(kPose));
-  const auto at_right = make_consumer(node_, right, other, of_type(kPose));
-  await_interest(left, 1);
-  await_interest(right, 1);
-  const auto from_left = supply(left, 1);
-  const auto from_right = supply(right, 1);
-  push(*from_left, kPose, 1);
-  push(*from_right, kPose, 2);
-  ASSERT_TRUE(recorder_.await_deliveries(2));
-  ASSERT_TRUE(other.await_deliveries(2));
-  // An event with more hops returns once. It follows the earlier ones, so none of those is still in
-  // flight.
-  const auto wanderer = supply(left, 8);
-  push(*wanderer, kPose, 3);
-  ASSERT_TRUE(await([&] { return left.hub().links()[0].repeated_count == 1; }));
-  ASSERT_TRUE(recorder_.await_deliveries(3));
-  ASSERT_TRUE(other.await_deliveries(3));
-  for (const auto& [hub, recorder] : {std::pair(&left, &recorder_), std::pair(&right, &other)}) {
-    EXPECT_EQ(recorder->deliveries_.size(), 3U) << recorder->text();
-    EXPECT_EQ(hub->hub().links()[0].refused_count, 0U);
-  }
-  EXPECT_EQ(left.hub().links()[0].taken_count, 1U);
-  EXPECT_EQ(right.hub().links()[0].taken_count, 2U);
-  EXPECT_EQ(right.hub().links()[0].repeated_count, 0U);
 }
 
 // ev-5.3-2
@@ -313,7 +265,7 @@ TEST_F(HubLinks, SurviveARestartOfTheOtherHubAndReportTheGap) {
   EXPECT_EQ(recorder_.texts_.back(), "") << "its own subscription was not touched";
 }
 
-TEST_F(HubLinks, WaitForAHubThatIsNotThereYet) {
+TEST_F(HubLinks, WaitForAHubThatStartsLater) {
   ServedHub far;
   ServedHub near;
   far.stop();
@@ -331,7 +283,7 @@ TEST_F(HubLinks, RefuseALinkToTheSameHub) {
   ServedHub hub;
   link(hub, hub);
   ASSERT_TRUE(await([&] { return hub.hub().links()[0].state == LinkState::kRefused; }));
-  EXPECT_NE(hub.hub().links()[0].reason.find("itself"), std::string::npos);
+  rtpm::test::expect_text(hub.hub().links()[0].reason, {"itself"});
   EXPECT_EQ(hub.hub().subscription_count(), 0U);
 }
 
@@ -341,7 +293,7 @@ TEST_F(HubLinks, AreLimitedPerHub) {
     ASSERT_TRUE(hub.hub().link(node_, "rtpm://127.0.0.1:1/rtpm/events", {.deadline = 10ms}));
   const auto refused = hub.hub().link(node_, "rtpm://127.0.0.1:1/rtpm/events", {});
   ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().text().find("16 links"), std::string::npos) << refused.error().text();
+  rtpm::test::expect_text(refused.error().text(), {"16 links"});
 }
 
 // ev-5.4-2: each link has a quota, like a supplier.

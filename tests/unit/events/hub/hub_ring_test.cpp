@@ -30,35 +30,9 @@ class HubRing : public testing::Test {
 };
 
 TEST_F(HubRing, EachConsumerGetsWhatItsFilterAccepts) {
-  const auto supplier = make_supplier(node_, hub_);
-  Recorder buttons;
-  Recorder pairs;
-  const auto first = join(recorder_, where(kPose, "x", Comparison::kGreater, Scalar::of(1)));
-  const auto second = join(buttons, of_type(kButton));
-  const auto third = join(pairs, correlate({of_type(kButton), of_type(kPose)}));
-  push(*supplier, kPose, 1, {.x = 0.5});
-  push(*supplier, kPose, 1, {.x = 1.5});
-  push(*supplier, kButton, 2);
-  ASSERT_TRUE(recorder_.await_deliveries(1));
-  ASSERT_TRUE(buttons.await_deliveries(1));
-  ASSERT_TRUE(pairs.await_deliveries(1));
-  EXPECT_EQ(recorder_.text(), "5.1#2");
-  EXPECT_EQ(buttons.text(), "6.2#1");
-  EXPECT_EQ(pairs.text(), "6.2#1+5.1#2");
-  EXPECT_TRUE(recorder_.is_aligned_);
-  EXPECT_LE(recorder_.last_header_.hub_received, recorder_.last_header_.hub_sent);
-}
-
-TEST_F(HubRing, DeliversSingleEventsAndConjunctionsToOneConsumer) {
-  const auto supplier = make_supplier(node_, hub_);
-  const auto consumer =
-      join(recorder_, any_of({of_type(kButton), correlate({of_type(kButton), of_type(kPose)})}));
-  push(*supplier, kButton);
-  push(*supplier, kPose);
-  push(*supplier, kPose);
-  push(*supplier, kButton);
-  ASSERT_TRUE(recorder_.await_deliveries(3));
-  EXPECT_EQ(recorder_.text(), "6.0#1 6.0#1+5.0#1 6.0#2+5.0#2");
+  expect_filtered_deliveries(node_, hub_, [this](EventHandler& handler, const Filter& filter) {
+    return join(handler, filter);
+  });
 }
 
 TEST_F(HubRing, DeliversTimeoutsAndReplays) {
@@ -76,9 +50,7 @@ TEST_F(HubRing, DeliversTimeoutsAndReplays) {
 TEST_F(HubRing, DeliversLargeEventsWhole) {
   const auto supplier = make_supplier(node_, hub_);
   const auto consumer = join(recorder_, of_type(kPose));
-  std::vector<std::byte> payload(65'000);
-  for (std::size_t i = 0; i < payload.size(); ++i)
-    payload[i] = static_cast<std::byte>(i * 31);
+  const auto payload = large_payload();
   ASSERT_TRUE(supplier->push({.type = kPose, .payload = payload}));
   ASSERT_TRUE(recorder_.await_deliveries(1));
   EXPECT_EQ(recorder_.last_payload_, payload);
@@ -92,22 +64,6 @@ TEST_F(HubRing, IsChangedSuspendedResumedAndEnded) {
   EXPECT_EQ(recorder_.notice(NoticeKind::kLosses).losses.suspended_count, 1U);
   consumer->unsubscribe();
   EXPECT_TRUE(recorder_.has(NoticeKind::kEnded));
-}
-
-TEST_F(HubRing, SurvivesARestartOfTheHub) {
-  const auto supplier = make_supplier(node_, hub_);
-  const auto consumer = join(recorder_, of_type(kPose));
-  push(*supplier, kPose);
-  ASSERT_TRUE(recorder_.await_deliveries(1));
-  hub_.stop();
-  ASSERT_TRUE(recorder_.await_notice(NoticeKind::kInterrupted));
-  hub_.start();
-  ASSERT_TRUE(recorder_.await_notice(NoticeKind::kResubscribed));
-  EXPECT_TRUE(consumer->reads_ring());
-  const MonotonicTime give_up = rt::now() + kPatience;
-  while (recorder_.text().find(' ') == std::string::npos && rt::now() < give_up)
-    static_cast<void>(supplier->push({.type = kPose}));
-  EXPECT_TRUE(recorder_.await_deliveries(2));
 }
 
 TEST_F(HubRing, SleepingConsumerKeepsToItsPolicyAndReportsItsLosses) {
@@ -193,10 +149,10 @@ class ChildHub {
   }
 
  private:
-  [[noreturn]] static void serve(int told) {
+  [[noreturn]] static void serve(int output) {
     const ServedHub hub;
     const std::string url = hub.url();
-    static_cast<void>(!write(told, url.data(), url.size()));
+    static_cast<void>(!write(output, url.data(), url.size()));
     while (getppid() != 1)
       rt::sleep_until(rt::now() + 10ms);
     _exit(0);
@@ -206,7 +162,7 @@ class ChildHub {
 };
 
 // A reader of the ring of a killed hub is notified by the system, not only by missed heartbeats.
-TEST(HubRingEnd, EndOfAKilledHubIsNoticedAtOnce) {
+TEST(HubRingEnd, DetectsAKilledHubWithoutWaitingForHeartbeats) {
   using Strategy = rt::WaitStrategy;
   for (const auto& [strategy, transport] : {std::pair(Strategy::kAdaptive, rpc::Transport::kAuto),
                                             std::pair(Strategy::kBlock, rpc::Transport::kAuto),
@@ -219,16 +175,14 @@ TEST(HubRingEnd, EndOfAKilledHubIsNoticedAtOnce) {
       std::array<Recorder, 2> recorders;
       std::vector<std::unique_ptr<Consumer>> consumers;
       for (Recorder& each : recorders) {
-        auto consumer = Consumer::create(node, hub.url(),
-                                         {.filter = of_type(kPose),
-                                          .realtime = rt::RealtimeMode::kOff,
-                                          .transport = transport,
-                                          .has_own_thread = has_own_thread,
-                                          .deadline = kPatience},
-                                         each);
-        ASSERT_TRUE(consumer) << consumer.error().text();
-        EXPECT_TRUE((*consumer)->reads_ring());
-        consumers.push_back(std::move(*consumer));
+        consumers.push_back(rtpm::test::made(Consumer::create(node, hub.url(),
+                                                              {.filter = of_type(kPose),
+                                                               .realtime = rt::RealtimeMode::kOff,
+                                                               .transport = transport,
+                                                               .has_own_thread = has_own_thread,
+                                                               .deadline = kPatience},
+                                                              each)));
+        EXPECT_TRUE(consumers.back()->reads_ring());
       }
       hub.kill();
       for (Recorder& each : recorders) {
@@ -256,7 +210,7 @@ TEST(HubRingLimits, HubWithoutARingServesStreams) {
 TEST(HubRingLimits, RingOfAnImpossibleSizeIsRefused) {
   const auto hub = Hub::create({.realtime = rt::RealtimeMode::kOff, .ring_size = 100'000});
   ASSERT_FALSE(hub);
-  EXPECT_NE(hub.error().text().find("100000"), std::string::npos) << hub.error().text();
+  rtpm::test::expect_text(hub.error().text(), {"100000"});
 }
 
 }  // namespace

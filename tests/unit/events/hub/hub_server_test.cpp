@@ -14,11 +14,7 @@ namespace {
 class EmbeddedHub : public testing::Test {
  protected:
   void SetUp() override {
-    auto registry = rpc::Server::create({.realtime = rt::RealtimeMode::kOff});
-    ASSERT_TRUE(registry) << registry.error().text();
-    registry_ = std::move(*registry);
-    ASSERT_TRUE(registry_->add("rtpm/names", *names_));
-    ASSERT_TRUE(registry_->start());
+    registry_ = rtpm::test::serve("rtpm/names", *names_);
     url_ = registry_->url("rtpm/names");
     resolver_.emplace(node_, url_);
     node_.use(*resolver_);
@@ -41,55 +37,42 @@ class EmbeddedHub : public testing::Test {
   Recorder recorder_{};
 };
 
-TEST_F(EmbeddedHub, IsFoundByItsName) {
+TEST_F(EmbeddedHub, IsFoundByItsNameUntilItEnds) {
   auto served = HubServer::create(node_, config("lab/events"));
   ASSERT_TRUE(served) << served.error().text();
-  const auto consumer = Consumer::create(
-      node_, "lab/events", {.realtime = rt::RealtimeMode::kOff, .deadline = kPatience}, recorder_);
-  ASSERT_TRUE(consumer) << consumer.error().text();
-  const auto supplier = Supplier::create((*served)->hub());
-  ASSERT_TRUE(supplier);
-  push(**supplier, kPose);
+  const auto consumer = rtpm::test::made(Consumer::create(
+      node_, "lab/events", {.realtime = rt::RealtimeMode::kOff, .deadline = kPatience}, recorder_));
+  const auto supplier = rtpm::test::made(Supplier::create((*served)->hub()));
+  push(*supplier, kPose);
   ASSERT_TRUE(recorder_.await_deliveries(1));
-}
-
-TEST_F(EmbeddedHub, LosesItsNameWhenItEnds) {
-  {
-    const auto served = HubServer::create(node_, config("lab/events"));
-    ASSERT_TRUE(served) << served.error().text();
-    EXPECT_TRUE(resolver_->resolve("lab/events", kNever));
-  }
+  served->reset();
   EXPECT_FALSE(resolver_->resolve("lab/events", kNever));
 }
 
 TEST_F(EmbeddedHub, NeedsNoName) {
-  const auto served = HubServer::create(node_, config(""));
-  ASSERT_TRUE(served) << served.error().text();
-  const auto consumer =
-      Consumer::create(node_, (*served)->url(),
-                       {.realtime = rt::RealtimeMode::kOff, .deadline = kPatience}, recorder_);
-  EXPECT_TRUE(consumer);
+  const auto served = rtpm::test::made(HubServer::create(node_, config("")));
+  const auto consumer = rtpm::test::made(
+      Consumer::create(node_, served->url(),
+                       {.realtime = rt::RealtimeMode::kOff, .deadline = kPatience}, recorder_));
 }
 
-TEST_F(EmbeddedHub, SaysWhyItHasNotGotTheName) {
+TEST_F(EmbeddedHub, ReportsWhyItsNameWasRefused) {
   const auto served = HubServer::create(node_, config("not//a name"));
   ASSERT_FALSE(served);
   EXPECT_FALSE(served.error().text().empty());
 }
 
-TEST_F(EmbeddedHub, TellsTheTypesThatSuppliersHaveRegistered) {
+TEST_F(EmbeddedHub, ListsTheTypesOfItsSuppliers) {
   static constexpr EventDescriptor kPoseType{kPose, "lab.Pose", kPoseSchema, kPoseFields,
                                              "namespace lab; table Pose {}"};
   const std::string long_schema(17 * 1024, ' ');
   const EventDescriptor gaze_type{kGaze, "lab.Gaze", 3, {}, long_schema};
-  const auto served = HubServer::create(node_, config("lab/events"));
-  ASSERT_TRUE(served) << served.error().text();
+  const auto served = rtpm::test::made(HubServer::create(node_, config("lab/events")));
   const auto none = HubTypes::ask(node_, "lab/events");
   ASSERT_TRUE(none) << none.error().text();
   EXPECT_TRUE(none->list().empty());
-  const auto supplier =
-      Supplier::create(node_, "lab/events", {.name = "arm", .types = {&kPoseType, &gaze_type}});
-  ASSERT_TRUE(supplier) << supplier.error().text();
+  const auto supplier = rtpm::test::made(
+      Supplier::create(node_, "lab/events", {.name = "arm", .types = {&kPoseType, &gaze_type}}));
   const auto types = HubTypes::ask(node_, "lab/events");
   ASSERT_TRUE(types) << types.error().text();
   ASSERT_EQ(types->list().size(), 2u);
@@ -104,10 +87,10 @@ TEST_F(EmbeddedHub, TellsTheTypesThatSuppliersHaveRegistered) {
   EXPECT_EQ(pose->fields[1].path, kPoseFields[1].path);
 }
 
-TEST_F(EmbeddedHub, ThatIsNotThereTellsNoTypes) {
+TEST_F(EmbeddedHub, ReportsThatNoHubHasTheName) {
   const auto types = HubTypes::ask(node_, "lab/events");
   ASSERT_FALSE(types);
-  EXPECT_NE(types.error().text().find("lab/events"), std::string::npos);
+  rtpm::test::expect_text(types.error().text(), {"lab/events"});
 }
 
 }  // namespace

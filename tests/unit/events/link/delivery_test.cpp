@@ -15,7 +15,7 @@ TEST(Delivery, EveryNthBeginsWithTheFirst) {
   EXPECT_EQ(table.exchange.counters(table.number).omitted_count, 4U);
 }
 
-TEST(Delivery, IntervalLetsOneThroughInSoLong) {
+TEST(Delivery, IntervalDeliversOneEventAtATime) {
   Table table(of_type(kPose), {.interval = 10ms, .is_trailing = false});
   for (int ms = 0; ms < 40; ++ms)
     table.push_at(ms, kPose);
@@ -37,7 +37,7 @@ TEST(Delivery, IntervalDeliversTheLastAtItsEnd) {
   EXPECT_EQ(table.exchange.counters(table.number).omitted_count, 1U);
 }
 
-TEST(Delivery, IntervalCountsForEachSourceIfAsked) {
+TEST(Delivery, IntervalMayApplyPerSource) {
   Table table(of_type(kPose),
               {.interval = 10ms, .queue_capacity = 64, .is_interval_per_source = true});
   for (int ms = 0; ms < 15; ++ms) {
@@ -64,14 +64,14 @@ TEST(Delivery, SourcesBeyondTheLimitShareAnInterval) {
   EXPECT_EQ(table.exchange.counters(table.number).omitted_count, 9u);
 }
 
-TEST(Delivery, DeadbandLeavesOutWhatHardlyChanges) {
+TEST(Delivery, DeadbandOmitsSmallChanges) {
   Table table(of_type(kPose), {.deadbands = {{kPose, "x", 0.5}}});
   for (const double x : {0.0, 0.4, -0.4, 0.5, 0.6, 0.0})
     table.push(kPose, 0, {.x = x});
   EXPECT_EQ(table.got(), "5.0#1 5.0#4 5.0#6");
 }
 
-TEST(Delivery, DeadbandsAreEachSourcesOwnAndOneIsEnough) {
+TEST(Delivery, DeadbandsApplyPerSourceAndAnyChangeDelivers) {
   Table table(everything(), {.deadbands = {{kPose, "x", 1}, {kPose, "step", 2}}});
   table.push(kPose, 1);
   table.push(kPose, 2);
@@ -147,7 +147,7 @@ TEST(Delivery, ChangeLosesNothing) {
   EXPECT_EQ(table.exchange.losses(table.number), Losses{});
 }
 
-TEST(Delivery, LateJoinerGetsTheLastInTheOrderInWhichTheyCame) {
+TEST(Delivery, ReplaysTheLatestEventsInTheirOrder) {
   Table table(of_type(kButton), {}, {.history_depth = 4});
   for (int i = 0; i < 6; ++i) {
     table.push(kPose, 1);

@@ -34,20 +34,16 @@ TEST(Exchange, OffersAndTimeoutsAllocateNothing) {
   EXPECT_GT(table.exchange.counters(latest).delivered_count, 0U);
 }
 
-TEST(Exchange, RefusesWhatIsNoEventType) {
-  Table table(everything());
+TEST(Exchange, RefusesReservedTypesAndTooLargeEvents) {
+  Table table(everything(), {}, {.store = {{{64, 4}}}});
   EXPECT_EQ(table.exchange.offer({{.type = 0}, {}}, {}).error(), OfferError::kBadType);
   EXPECT_EQ(table.exchange.offer({{.type = kTimeoutType}, {}}, {}).error(), OfferError::kBadType);
+  const std::vector<std::byte> large(65);
+  EXPECT_EQ(table.exchange.offer({{.type = kPose}, large}, {}).error(), OfferError::kTooLarge);
   EXPECT_EQ(table.got(), "");
 }
 
-TEST(Exchange, RefusesWhatIsTooLargeForItsStore) {
-  Table table(everything(), {}, {.store = {{{64, 4}}}});
-  const std::vector<std::byte> large(65);
-  EXPECT_EQ(table.exchange.offer({{.type = kPose}, large}, {}).error(), OfferError::kTooLarge);
-}
-
-TEST(Exchange, OneWhoDoesNotTakeHisEventsIsTheOneWhoLosesThem) {
+TEST(Exchange, OnlyTheSlowSubscriptionLosesEvents) {
   Table table(of_type(kPose), {.queue_capacity = 1000},
               {.history_depth = 0, .store = {{{64, 32}}}});
   const auto quick = table.subscribe(everything(), {.queue_capacity = 1000});
@@ -61,7 +57,7 @@ TEST(Exchange, OneWhoDoesNotTakeHisEventsIsTheOneWhoLosesThem) {
   EXPECT_EQ(table.exchange.losses(table.number).memory_count, 100 - waiting);
 }
 
-TEST(Exchange, HistoryGivesWayBeforeAnybodyLosesAnEvent) {
+TEST(Exchange, EvictsHistoryBeforeASubscriptionLosesEvents) {
   Table table(of_type(kPose), {.queue_capacity = 30}, {.history_depth = 32, .store = {{{64, 32}}}});
   for (int i = 0; i < 32; ++i)
     table.push(kButton);
@@ -82,7 +78,7 @@ TEST(Exchange, EventsAreHeldNoLongerThanASubscriptionNeedsThem) {
   EXPECT_EQ(table.exchange.store().count(), 0U);
 }
 
-TEST(Exchange, PlaceOfAnEndedSubscriptionIsTakenAnew) {
+TEST(Exchange, ReusesTheSlotOfAnEndedSubscription) {
   Table table(everything(), {}, {.subscription_count_max = 1});
   for (int i = 0; i < 3; ++i) {
     table.push(kPose);
@@ -96,7 +92,7 @@ TEST(Exchange, PlaceOfAnEndedSubscriptionIsTakenAnew) {
   EXPECT_FALSE(table.exchange.subscribe(std::move(*one_more), table.now));
 }
 
-TEST(Exchange, ReadySubscriptionsAreToldOnceHoweverManyEventsCame) {
+TEST(Exchange, ReportsAReadySubscriptionOnce) {
   Table table(of_type(kPose), {}, {.subscription_count_max = 2});
   const auto other = table.subscribe(of_type(kButton));
   for (int round = 0; round < 5; ++round) {
@@ -124,7 +120,7 @@ class Listener final : public Broadcaster {
   std::string text{};
 };
 
-TEST(Exchange, BroadcastIsOneWriteForAllWhoWantTheEvent) {
+TEST(Exchange, BroadcastsAnEventOnceToAllItsSubscribers) {
   Listener listener;
   Exchange exchange({}, &listener);
   const TypeCatalog catalog = pose_catalog();
@@ -139,7 +135,7 @@ TEST(Exchange, BroadcastIsOneWriteForAllWhoWantTheEvent) {
   EXPECT_EQ(listener.text, "0,2:5.0#1 3:5.0#1+6.0#1 1,2:6.0#1 ");
 }
 
-TEST(Quota, RefusesWhatIsAboveItAndRecovers) {
+TEST(Quota, RefusesEventsAboveTheRateAndRecovers) {
   QuotaMeter meter({.events_per_s = 1000, .bytes_per_s = 1e9, .burst_s = 0.01});
   int taken = 0;
   for (int i = 0; i < 100; ++i)
@@ -149,7 +145,7 @@ TEST(Quota, RefusesWhatIsAboveItAndRecovers) {
   EXPECT_FALSE(meter.take(10, at(1)));
 }
 
-TEST(Quota, CountsBytesToo) {
+TEST(Quota, LimitsBytesToo) {
   QuotaMeter meter({.events_per_s = 1e6, .bytes_per_s = 1000, .burst_s = 1});
   EXPECT_TRUE(meter.take(900, at(0)));
   EXPECT_FALSE(meter.take(900, at(0)));

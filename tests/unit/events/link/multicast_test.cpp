@@ -70,14 +70,14 @@ class Multicast : public testing::Test {
   std::uint64_t written = 0;
 };
 
-TEST_F(Multicast, LeavesOutWhatIsForOthers) {
+TEST_F(Multicast, SkipsRecordsOfOtherOwners) {
   take(write(content(5000), {1, 2, 3}));
   take(write(content(50), {1, kMe, 3}));
   EXPECT_EQ(read(), Records{content(50)});
   EXPECT_EQ(reader.missed_count(), 0U);
 }
 
-TEST_F(Multicast, IsForAsManyAsARecordNames) {
+TEST_F(Multicast, AddressesAsManyOwnersAsARecordHolds) {
   std::vector<std::uint32_t> owners(kMulticastOwnerCountMax);
   for (std::uint32_t i = 0; i < owners.size(); ++i)
     owners[i] = 1000 + i;
@@ -91,7 +91,7 @@ TEST_F(Multicast, IsForAsManyAsARecordNames) {
 }
 
 // ev-7.2-1
-TEST_F(Multicast, PutsInOrderWhatComesOutOfOrderAndTwice) {
+TEST_F(Multicast, OrdersDatagramsAndDropsDuplicates) {
   std::vector<Datagram> all;
   std::vector<Datagram> records;
   for (int i = 0; i < 5; ++i) {
@@ -105,7 +105,7 @@ TEST_F(Multicast, PutsInOrderWhatComesOutOfOrderAndTwice) {
 }
 
 // ev-7.2-2
-TEST_F(Multicast, AGapIsSeenByWhatComesLater) {
+TEST_F(Multicast, DetectsAGapByLaterDatagrams) {
   const auto first = write(content(10));
   const auto lost = write(content(4000));
   EXPECT_FALSE(reader.gap());
@@ -121,7 +121,7 @@ TEST_F(Multicast, AGapIsSeenByWhatComesLater) {
 }
 
 // ev-7.2-3
-TEST_F(Multicast, TheLastOnesLossIsSeenByTheHeartbeat) {
+TEST_F(Multicast, DetectsTheLossOfTheLastDatagramByTheHeartbeat) {
   static_cast<void>(write(content(10)));
   EXPECT_FALSE(reader.gap());
   EXPECT_TRUE(reader.take(writer.heartbeat()));
@@ -135,7 +135,7 @@ TEST_F(Multicast, TheLastOnesLossIsSeenByTheHeartbeat) {
 }
 
 // ev-7.3-1
-TEST_F(Multicast, WithAnyLossRepairBringsAll) {
+TEST_F(Multicast, RepairsAnyLoss) {
   std::mt19937 random(7);
   std::vector<Datagram> wanted;
   std::vector<Datagram> got;
@@ -158,7 +158,7 @@ TEST_F(Multicast, WithAnyLossRepairBringsAll) {
 }
 
 // ev-7.3-2
-TEST_F(Multicast, WhatIsNoLongerKeptIsCountedAsLost) {
+TEST_F(Multicast, CountsEvictedRecordsAsLost) {
   take(write(content(10)));
   EXPECT_EQ(read().size(), 1U);
   for (int i = 0; i < 100; ++i)
@@ -174,7 +174,7 @@ TEST_F(Multicast, WhatIsNoLongerKeptIsCountedAsLost) {
   EXPECT_EQ(reader.missed_count(), 18U);
 }
 
-TEST_F(Multicast, ARecordWhoseBeginIsLostIsLeftOut) {
+TEST_F(Multicast, SkipsARecordWhoseBeginningIsLost) {
   MulticastReader late{kId, kMe, 0};
   const auto cut = write(content(3000));
   const auto whole = write(content(30));
@@ -190,7 +190,7 @@ TEST_F(Multicast, ARecordWhoseBeginIsLostIsLeftOut) {
   EXPECT_EQ(late.missed_count(), 1U);
 }
 
-TEST_F(Multicast, TooLargeForItsHistoryIsRefused) {
+TEST_F(Multicast, RefusesARecordTooLargeForTheHistory) {
   EXPECT_FALSE(writer.write(std::array{kMe}, content(64 * 1400 / 4 + 1400), [](ConstBytes) {}));
   EXPECT_EQ(writer.next_sequence(), 0U);
 }
@@ -204,7 +204,7 @@ TEST_F(Multicast, BeginsWhereItsSubscriptionBegins) {
 }
 
 // ev-7.1-1
-TEST_F(Multicast, BytesThatAreNoneAreRefusedWhereverTheyAreWrong) {
+TEST_F(Multicast, RejectsMalformedDatagrams) {
   const Datagram good = write(content(10))[0];
   ASSERT_TRUE(read_multicast(good));
   for (std::size_t size = 0; size < kMulticastHeaderSize + 5; ++size)

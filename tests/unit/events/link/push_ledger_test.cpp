@@ -22,7 +22,7 @@ class Ledger : public testing::Test {
   PushLedger ledger_;
 };
 
-TEST_F(Ledger, TakesForArrivedWhatTheHubCounted) {
+TEST_F(Ledger, CountsEventsThatTheHubConfirmed) {
   send(1, 10);
   expect_counts(10, 10, 0);
   ledger_.note_counted(1, 7);
@@ -31,7 +31,7 @@ TEST_F(Ledger, TakesForArrivedWhatTheHubCounted) {
   expect_counts(10, 0, 0);
 }
 
-TEST_F(Ledger, TakesForArrivedWhatWasRead) {
+TEST_F(Ledger, CountsFramesThatTheHubRead) {
   send(1, 100, 5);
   ledger_.note_end(3);
   expect_counts(500, 0, 15);
@@ -39,21 +39,14 @@ TEST_F(Ledger, TakesForArrivedWhatWasRead) {
   expect_counts(505, 5, 15);
 }
 
-TEST_F(Ledger, TakesTheBetterOfBoth) {
+TEST_F(Ledger, TrustsTheBetterOfBothCounts) {
   send(1, 100);
   ledger_.note_counted(1, 90);
   ledger_.note_end(30);
   expect_counts(100, 0, 10);
 }
 
-TEST_F(Ledger, LosesNothingThatTheHubCountedBeforeItEnded) {
-  send(1, 100);
-  ledger_.note_counted(1, 100);
-  ledger_.note_end(100);
-  expect_counts(100, 0, 0);
-}
-
-TEST_F(Ledger, CountsTheRestOfALifeAsMaybeLostWhenTheNextBegins) {
+TEST_F(Ledger, CountsUnconfirmedEventsAsMaybeLostAfterARestart) {
   send(1, 100);
   ledger_.note_counted(1, 40);
   send(2, 1);
@@ -64,7 +57,7 @@ TEST_F(Ledger, CountsTheRestOfALifeAsMaybeLostWhenTheNextBegins) {
   expect_counts(101, 0, 60);
 }
 
-TEST_F(Ledger, TakesBackWhatTheSameHubCountsLater) {
+TEST_F(Ledger, CorrectsLossesThatTheSameHubConfirmsLater) {
   send(1, 10);
   ledger_.note_end(10);
   expect_counts(10, 0, 10);
@@ -78,7 +71,7 @@ TEST_F(Ledger, TakesBackWhatTheSameHubCountsLater) {
   expect_counts(15, 0, 0);
 }
 
-TEST_F(Ledger, AddsUpTheConnectionsOfALife) {
+TEST_F(Ledger, AddsUpLossesOfConnectionsToTheSameHub) {
   send(1, 10);
   ledger_.note_end(2);
   send(1, 10);
@@ -88,7 +81,7 @@ TEST_F(Ledger, AddsUpTheConnectionsOfALife) {
   expect_counts(21, 1, 5);
 }
 
-TEST_F(Ledger, GoesOnWhenTheHubHadForgottenTheSupplier) {
+TEST_F(Ledger, ContinuesAfterTheHubEvictedTheSupplier) {
   send(1, 20);
   ledger_.note_counted(1, 10);
   ledger_.note_counted(1, 4);
@@ -97,13 +90,13 @@ TEST_F(Ledger, GoesOnWhenTheHubHadForgottenTheSupplier) {
   expect_counts(20, 0, 0);
 }
 
-TEST_F(Ledger, ClaimsNothingOfFramesThatItForgot) {
+TEST_F(Ledger, CountsEvictedFramesAsMaybeLost) {
   send(1, 10'000, 2);
   ledger_.note_end(5'000);
   expect_counts(20'000, 0, 20'000);
 }
 
-TEST_F(Ledger, DoubtsAConfirmedFrameWithoutConfirmation) {
+TEST_F(Ledger, CountsADoubtfulFrameAsMaybeLost) {
   send(1, 3, 4);
   ledger_.note_counted(1, 8);
   ledger_.note_doubtful();

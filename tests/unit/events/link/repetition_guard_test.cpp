@@ -19,7 +19,7 @@ TEST(RepetitionGuard, AdmitsEachSequenceOnce) {
   }
 }
 
-TEST(RepetitionGuard, AdmitsWhatComesOutOfOrderWithinItsSpan) {
+TEST(RepetitionGuard, AdmitsReorderedEventsWithinItsSpan) {
   RepetitionGuard guard;
   EXPECT_TRUE(guard.admit(event(1000)));
   EXPECT_TRUE(guard.admit(event(1000 - RepetitionGuard::kSpan + 1)));
@@ -31,7 +31,7 @@ TEST(RepetitionGuard, AdmitsWhatComesOutOfOrderWithinItsSpan) {
   EXPECT_FALSE(guard.admit(event(1000 - RepetitionGuard::kSpan)));
 }
 
-TEST(RepetitionGuard, ForgetsWhatALeapLeavesBehind) {
+TEST(RepetitionGuard, RejectsEventsBehindALeap) {
   RepetitionGuard guard;
   EXPECT_TRUE(guard.admit(event(1)));
   EXPECT_TRUE(guard.admit(event(1 + RepetitionGuard::kSpan)));
@@ -50,7 +50,7 @@ TEST(RepetitionGuard, KeepsSuppliersTypesAndSourcesApart) {
   EXPECT_FALSE(guard.admit(event(1, 7, 5, 1)));
 }
 
-TEST(RepetitionGuard, AdmitsAlwaysWhatCantBeTold) {
+TEST(RepetitionGuard, AdmitsEventsWithoutSequenceOrTag) {
   RepetitionGuard guard;
   EXPECT_TRUE(guard.admit(event(0)));
   EXPECT_TRUE(guard.admit(event(0)));
@@ -58,7 +58,7 @@ TEST(RepetitionGuard, AdmitsAlwaysWhatCantBeTold) {
   EXPECT_TRUE(guard.admit(event(1, 0)));
 }
 
-TEST(RepetitionGuard, OfTooManyRowsForgetsTheLongestSilent) {
+TEST(RepetitionGuard, EvictsTheLongestSilentSource) {
   RepetitionGuard guard(8);
   for (SourceId i = 0; i < 8; ++i)
     EXPECT_TRUE(guard.admit(event(1, 7, 5, i)));

@@ -24,15 +24,15 @@ struct Ring {
   MutableBytes memory{pages.data()->bytes, ring_memory_size(kRingSizeMin)};
   RingWriter writer{memory, kId};
 
-  void write(std::initializer_list<std::uint32_t> places, std::string_view text) {
+  void write(std::initializer_list<std::uint32_t> slots, std::string_view text) {
     SlotSet set;
-    for (const std::uint32_t place : places)
-      set.add(place);
+    for (const std::uint32_t slot : slots)
+      set.add(slot);
     EXPECT_TRUE(writer.write(set, std::as_bytes(std::span(text)), 1));
   }
-  RingReader reader(std::uint32_t place) {
-    writer.begin_slot(place, kOwner);
-    return {memory, place, kOwner, writer.position()};
+  RingReader reader(std::uint32_t slot) {
+    writer.begin_slot(slot, kOwner);
+    return {memory, slot, kOwner, writer.position()};
   }
 };
 
@@ -41,7 +41,7 @@ std::string text_of(const RingReader& reader) {
 }
 
 /// Reads until the ring is empty; returns the events, separated by blanks.
-std::string rest_of(RingReader& reader) {
+std::string remaining_of(RingReader& reader) {
   std::string text;
   for (RingRead read = reader.read(); read != RingRead::kNothing; read = reader.read()) {
     EXPECT_EQ(read, RingRead::kEvents);
@@ -52,36 +52,29 @@ std::string rest_of(RingReader& reader) {
   return text;
 }
 
-TEST(Ring, EachReaderGetsWhatIsForItsPlace) {
+TEST(Ring, EachReaderGetsLaterRecordsOfItsSlot) {
   Ring ring;
+  ring.write({0, 63, 1023}, "before");
   RingReader first = ring.reader(0);
   RingReader second = ring.reader(63);
   RingReader third = ring.reader(1023);
   ring.write({0, 63}, "a");
   ring.write({1023}, "b");
   ring.write({0, 63, 1023}, "c");
-  EXPECT_EQ(rest_of(first), "a c");
-  EXPECT_EQ(rest_of(second), "a c");
-  EXPECT_EQ(rest_of(third), "b c");
+  EXPECT_EQ(remaining_of(first), "a c");
+  EXPECT_EQ(remaining_of(second), "a c");
+  EXPECT_EQ(remaining_of(third), "b c");
   EXPECT_EQ(third.written_count(), 2U);
   EXPECT_FALSE(third.has_more());
 }
 
-TEST(Ring, ReaderBeginsWhereItsSubscriptionBegan) {
-  Ring ring;
-  ring.write({3}, "before");
-  RingReader reader = ring.reader(3);
-  ring.write({3}, "after");
-  EXPECT_EQ(rest_of(reader), "after");
-}
-
-TEST(Ring, GoesRoundWithRecordsOfAnySize) {
+TEST(Ring, WrapsWithRecordsOfAnySize) {
   Ring ring;
   RingReader reader = ring.reader(9);
   for (std::size_t i = 0; i < 5000; ++i) {
     const std::string text(1 + i * 37 % 9000, static_cast<char>('a' + i % 26));
     ring.write({9}, text);
-    ASSERT_EQ(rest_of(reader), text);
+    ASSERT_EQ(remaining_of(reader), text);
   }
   EXPECT_EQ(reader.missed_count(), 0U);
 }
@@ -93,17 +86,17 @@ TEST(Ring, EventsAreAlignedAndTooLargeOnesRefused) {
   ASSERT_EQ(reader.read(), RingRead::kEvents);
   EXPECT_EQ(reinterpret_cast<std::uintptr_t>(reader.events().data()) % 16, 0U);
   const std::vector<std::byte> large(kRingSizeMin / 4);
-  SlotSet places;
-  places.add(200);
-  EXPECT_FALSE(ring.writer.write(places, large, 1));
+  SlotSet slots;
+  slots.add(200);
+  EXPECT_FALSE(ring.writer.write(slots, large, 1));
   EXPECT_FALSE(reader.has_more());
 }
 
-TEST(Ring, SlowReaderIsOverrunAndKnowsHowManyItMissed) {
+TEST(Ring, OverrunReaderCountsItsMisses) {
   Ring ring;
   RingReader reader = ring.reader(1);
   ring.write({1}, "first");
-  EXPECT_EQ(rest_of(reader), "first");
+  EXPECT_EQ(remaining_of(reader), "first");
   const std::string text(1000, 'x');
   for (int i = 0; i < 500; ++i) {
     ring.write({1}, text);
@@ -111,12 +104,12 @@ TEST(Ring, SlowReaderIsOverrunAndKnowsHowManyItMissed) {
   }
   EXPECT_EQ(reader.read(), RingRead::kOverrun);
   ring.write({1}, "after");
-  EXPECT_EQ(rest_of(reader), "after");
+  EXPECT_EQ(remaining_of(reader), "after");
   EXPECT_EQ(reader.missed_count(), 500U);
   EXPECT_EQ(reader.written_count(), 502U);
 }
 
-TEST(Ring, ReaderWhosePlaceIsAnothersReadsNothingOfIt) {
+TEST(Ring, ReaderOfAReusedSlotReadsNothing) {
   Ring ring;
   RingReader former = ring.reader(4);
   ring.writer.end_slot(4);
@@ -125,14 +118,14 @@ TEST(Ring, ReaderWhosePlaceIsAnothersReadsNothingOfIt) {
   EXPECT_EQ(former.read(), RingRead::kGone);
 }
 
-TEST(Ring, MemoryThatIsNoneIsRefused) {
+TEST(Ring, RejectsForeignOrShortMemory) {
   Ring ring;
   EXPECT_TRUE(RingReader::is_ring(ring.memory, kId));
   EXPECT_FALSE(RingReader::is_ring(ring.memory, kId + 1));
   EXPECT_FALSE(RingReader::is_ring(ConstBytes(ring.memory).first(kRingDataOffset), kId));
 }
 
-TEST(Ring, RecordThatBreaksTheRulesEndsTheReading) {
+TEST(Ring, StopsAtAMalformedRecord) {
   Ring ring;
   RingReader reader = ring.reader(1);
   ring.write({1}, "a");
@@ -142,20 +135,20 @@ TEST(Ring, RecordThatBreaksTheRulesEndsTheReading) {
 
 // Whatever the threads do, a reader sees a record whole or not at all, in order, and every record
 // is either read or counted as missed.
-TEST(Ring, ReadersWhoAreOvertakenNeverSeeHalfARecord) {
+TEST(Ring, OvertakenReadersNeverSeeATornRecord) {
   Ring ring;
   constexpr std::uint64_t kCount = 100'000;
   std::vector<RingReader> readers;
-  for (std::uint32_t place = 0; place < 2; ++place)
-    readers.push_back(ring.reader(place));
+  for (std::uint32_t slot = 0; slot < 2; ++slot)
+    readers.push_back(ring.reader(slot));
   std::atomic<bool> is_done{false};
   const auto read_all = [&](RingReader& reader) {
     std::uint64_t last = 0;
     std::uint64_t wrong = 0;
     while (true) {
-      const bool is_last_look = is_done;
+      const bool is_last_read = is_done;
       const RingRead read = reader.read();
-      if (read == RingRead::kNothing && is_last_look) break;
+      if (read == RingRead::kNothing && is_last_read) break;
       if (read != RingRead::kEvents) continue;
       reader.count_read(1);
       std::vector<std::uint64_t> words(reader.events().size() / 8);
