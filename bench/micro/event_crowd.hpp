@@ -22,9 +22,6 @@ class BroadcastCounter final : public events::Broadcaster {
   std::uint64_t count = 0;
 };
 
-inline events::Filter by_type(std::uint32_t type) {
-  return events::of_type(type);
-}
 /// Rejects every event that Crowd offers, once its whole program has run.
 inline events::Filter by_value(std::uint32_t type) {
   return events::all_of(

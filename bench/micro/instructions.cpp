@@ -1,5 +1,5 @@
-// rtpm-instructions: runs each subject twice, for a tool that counts the instructions of the second
-// run, see tools/instructions.py.
+// rtpm-instructions: runs each subject several times, for a tool that takes the median of their
+// instructions, see tools/instructions.py. The first run also sets the subject up.
 //
 // rtpm-instructions --key prints the compiler and build, on which the counts depend; --list prints
 // the subjects' symbols.
@@ -12,6 +12,8 @@
 
 namespace rtpm::bench::micro {
 namespace {
+
+constexpr int kRunCount = 15;
 
 void print_key() {
 #ifdef __clang__
@@ -40,8 +42,8 @@ int main(int argc, char** argv) {
       std::printf("counted_%s\n", subject.name);
       continue;
     }
-    subject.run();
-    subject.run();
+    for (int i = 0; i < kRunCount; ++i)
+      subject.run();
   }
   return 0;
 }

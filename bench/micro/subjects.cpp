@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <string_view>
+#include <type_traits>
 #include <vector>
 
 #include "event_crowd.hpp"
@@ -13,10 +14,10 @@
 #include "rtpm/base/latest.hpp"
 #include "rtpm/base/record_ring.hpp"
 #include "rtpm/base/ring.hpp"
+#include "rtpm/crypto/primitives.hpp"
 #include "rtpm/gvd/command_lease.hpp"
 #include "rtpm/predicate/predicate.hpp"
 #include "rtpm/safety/filter.hpp"
-#include "rtpm/crypto/primitives.hpp"
 #include "tip.hpp"
 
 // Adds a subject. Its symbol is not mangled, because callgrind takes it as an option. Its first run
@@ -40,10 +41,17 @@ void keep(T& value) {
   asm volatile("" : "+m"(value) : : "memory");
 }
 
+/// Keeps each result of `step`, if it has one.
 template <class Step>
 void repeat(Step step) {
-  for (int i = 0; i < kRepeatCount; ++i)
-    step();
+  for (int i = 0; i < kRepeatCount; ++i) {
+    if constexpr (std::is_void_v<decltype(step())>) {
+      step();
+    } else {
+      auto result = step();
+      keep(result);
+    }
+  }
 }
 
 struct State {
@@ -51,10 +59,7 @@ struct State {
 };
 
 void offer_to(Crowd& crowd) {
-  repeat([&] {
-    bool is_taken = crowd.offer();
-    keep(is_taken);
-  });
+  repeat([&] { return crowd.offer(); });
 }
 
 struct HapticDevice final : predicate::PropertySource {
@@ -82,10 +87,7 @@ gvd::SafetyConfig safety_config() {
 template <rpc::Transport transport, bool is_tapped>
 void call_served_tip() {
   static ServedTip served(transport, is_tapped);
-  repeat([] {
-    bool is_done = served.call();
-    keep(is_done);
-  });
+  repeat([] { return served.call(); });
 }
 
 }  // namespace
@@ -106,8 +108,7 @@ RTPM_SUBJECT(decode_header) {
   alignas(16) CallFrame frame = call_frame();
   repeat([&] {
     keep(frame);
-    auto header = wire::decode_frame(frame);
-    keep(header);
+    return wire::decode_frame(frame);
   });
 }
 
@@ -115,8 +116,7 @@ RTPM_SUBJECT(siphash_40_bytes) {
   std::array<std::byte, 40> input{};
   repeat([&] {
     keep(input);
-    auto hash = siphash_2_4({.low = 1, .high = 2}, input);
-    keep(hash);
+    return siphash_2_4({.low = 1, .high = 2}, input);
   });
 }
 
@@ -143,8 +143,7 @@ RTPM_SUBJECT(seal_and_open_48_bytes) {
   std::array<std::byte, crypto::kTagSize> tag{};
   repeat([&] {
     key.seal(++number, header, payload, payload, tag);
-    bool is_genuine = key.open(number, header, payload, tag, payload);
-    keep(is_genuine);
+    return key.open(number, header, payload, tag, payload);
   });
 }
 
@@ -156,8 +155,7 @@ RTPM_SUBJECT(latest_write_and_read) {
   repeat([&] {
     value.values[0] += 1;
     latest.write(value);
-    auto read = latest.read();
-    keep(read);
+    return latest.read();
   });
 }
 
@@ -167,8 +165,7 @@ RTPM_SUBJECT(ring_push_and_pop) {
   repeat([&] {
     bool is_pushed = ring.push(++number);
     keep(is_pushed);
-    auto popped = ring.pop();
-    keep(popped);
+    return ring.pop();
   });
 }
 
@@ -184,8 +181,7 @@ RTPM_SUBJECT(record_ring_112_bytes) {
   repeat([&] {
     auto written = writer.write(frame);
     keep(written);
-    auto read = reader.read(frame);
-    keep(read);
+    return reader.read(frame);
   });
 }
 
@@ -201,7 +197,7 @@ RTPM_SUBJECT(histogram_record) {
 // ---- filters of events, predicates --------------------------------------------------------------
 
 RTPM_SUBJECT(events_match) {
-  static Crowd crowd(100, true, by_type);
+  static Crowd crowd(100, true, events::of_type);
   offer_to(crowd);
 }
 
@@ -211,7 +207,7 @@ RTPM_SUBJECT(events_match_by_field) {
 }
 
 RTPM_SUBJECT(events_queue) {
-  static Crowd crowd(100, false, by_type);
+  static Crowd crowd(100, false, events::of_type);
   offer_to(crowd);
 }
 
@@ -219,10 +215,7 @@ RTPM_SUBJECT(predicate_accepts) {
   static const auto predicate =
       needed(predicate::Predicate::parse("force_newton_max > 2 and class == 'haptic'"));
   const HapticDevice device;
-  repeat([&] {
-    bool is_accepted = predicate.accepts(device);
-    keep(is_accepted);
-  });
+  repeat([&] { return predicate.accepts(device); });
 }
 
 // ---- a device's command -------------------------------------------------------------------------
@@ -235,8 +228,7 @@ RTPM_SUBJECT(lease_use_and_step) {
     now += std::chrono::milliseconds{1};
     bool is_held = lease.use(holder);
     keep(is_held);
-    auto id = lease.step(now);
-    keep(id);
+    return lease.step(now);
   });
 }
 
@@ -246,10 +238,9 @@ RTPM_SUBJECT(safety_filter_step) {
   const gvd::Motion motion{.position_m = {0.01, 0.02, 0.03}};
   repeat([&] {
     now += std::chrono::milliseconds{1};
-    auto wrench = filter.step(
+    return filter.step(
         now, gvd::WrenchCommand{{{1, 2, 3}, {0.1, 0, 0}}, now, now + std::chrono::milliseconds{20}},
         motion);
-    keep(wrench);
   });
 }
 
@@ -260,10 +251,7 @@ RTPM_SUBJECT(generated_call_48_bytes) {
   static GeneratedCall call;
   rpc::Servant* servant = &tip;
   keep(servant);
-  repeat([&] {
-    bool is_done = call.run(*servant);
-    keep(is_done);
-  });
+  repeat([&] { return call.run(*servant); });
 }
 
 RTPM_SUBJECT(local_call_48_bytes) {

@@ -6,7 +6,7 @@
 namespace rtpm::bench::micro {
 
 /// How often a subject runs at a time.
-inline constexpr int kRepeatCount = 1000;
+inline constexpr int kRepeatCount = 200;
 
 struct Subject {
   const char* name;

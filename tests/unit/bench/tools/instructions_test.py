@@ -1,7 +1,7 @@
 """The gate of instruction counts: what moved by how much, and what it says where it cannot tell.
 
 Stands in for rtpm-instructions and valgrind: the program tells its key and names, and valgrind writes
-what callgrind would, 1000 runs of each function, of which the second counts.
+what callgrind would, several times 200 runs of each function, of which the median counts.
 """
 
 import pathlib
@@ -18,14 +18,14 @@ case $1 in
 esac
 """
 
-# The numbers of the files are their order; 10 is behind 2, whatever the alphabet says.
 VALGRIND = """#!/bin/sh
 for argument; do case $argument in --callgrind-out-file=*) out=${argument#*=} ;; esac; done
 part() { printf 'part: %s\\ndesc: Trigger: %s\\nsummary: %s\\n' "$1" "$2" "$3" >"$out.$1"; }
 part 1 --dump-before=counted_encode 77
 part 2 --dump-after=counted_encode 999999
-part 3 --dump-after=counted_decode 20000
-part 10 --dump-after=counted_encode ENCODE
+part 3 --dump-after=counted_decode 4000
+part 4 --dump-after=counted_encode ENCODE
+part 5 --dump-after=counted_encode 8000
 """
 
 
@@ -36,7 +36,7 @@ class Instructions(unittest.TestCase):
         self.folder = pathlib.Path(held.name)
         self.table = self.folder / "tables" / "GCC-99-test-Release.txt"
         self.program = self.script("rtpm-instructions", PROGRAM)
-        self.script("valgrind", VALGRIND.replace("ENCODE", "50000"))
+        self.script("valgrind", VALGRIND.replace("ENCODE", "10000"))
         # What the scripts themselves call is to be found, and no other valgrind.
         self.environment = {"PATH": f"{self.folder}:{pathlib.Path(shutil.which('sh')).parent}"}
 
@@ -61,19 +61,19 @@ class Instructions(unittest.TestCase):
         self.assertEqual(self.count("--update").code, 0)
         end = self.count()
         self.assertEqual(end.code, 0, end.errors)
-        self.assertIn("All are within 2 %", end.output)
+        self.assertIn("All are within 3 %", end.output)
 
     def test_names_what_moved_and_by_how_much(self):
         self.count("--update")
-        self.script("valgrind", VALGRIND.replace("ENCODE", "51500"))
+        self.script("valgrind", VALGRIND.replace("ENCODE", "10400"))
         end = self.count()
         self.assertEqual(end.code, 1)
-        self.assertRegex(end.output, r"encode +50\.0 +51\.5 +\+3\.0 %  MOVED")
+        self.assertRegex(end.output, r"encode +50\.0 +52\.0 +\+4\.0 %  MOVED")
         self.assertNotRegex(end.output, r"decode.*MOVED")
 
-    def test_lets_pass_what_moved_by_less_than_two_percent(self):
+    def test_lets_pass_what_moved_by_less_than_three_percent(self):
         self.count("--update")
-        self.script("valgrind", VALGRIND.replace("ENCODE", "50900"))
+        self.script("valgrind", VALGRIND.replace("ENCODE", "10280"))
         self.assertEqual(self.count().code, 0)
 
     def test_names_a_function_that_only_one_of_the_two_has(self):
