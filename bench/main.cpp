@@ -29,21 +29,14 @@ const Choices<rt::RealtimeMode> kRealtimeModes{{"prefer", rt::RealtimeMode::kPre
                                                {"require", rt::RealtimeMode::kRequire},
                                                {"off", rt::RealtimeMode::kOff}};
 
-/// Options by name: CLI11 would print these types by our to_string(), which it can't.
-template <class T>
-void add_choice(CLI::App& app, const std::string& name, T& value, const Choices<T>& choices,
-                const std::string& help) {
-  app.add_option_function<std::string>(
-         name, [&](const std::string& text) { value = choices.at(text); }, help)
-      ->check(CLI::IsMember(choices));
-}
+/// Values by name: CLI11 would print these types by our to_string(), which it can't.
 template <class T>
 void add_choices(CLI::App& app, const std::string& name, std::vector<T>& values,
                  const Choices<T>& choices, const std::string& help) {
   const auto take = [&](const std::vector<std::string>& texts) {
     values.clear();
-    for (const std::string& text : texts)
-      values.push_back(choices.at(text));
+    std::ranges::transform(texts, std::back_inserter(values),
+                           [&](const std::string& text) { return choices.at(text); });
   };
   app.add_option_function<std::vector<std::string>>(name, take, help)
       ->delimiter(',')
@@ -62,7 +55,11 @@ CLI::Option* add_list(CLI::App& app, const std::string& name, std::vector<T>& va
 void add_common_options(CLI::App& app, Settings& settings) {
   add_choices(app, "--transport", settings.carriers, kCarriers, "all three, unless some are named");
   add_choices(app, "--wait", settings.waits, kWaits, "how callers and lanes wait");
-  add_choice(app, "--realtime", settings.realtime, kRealtimeModes, "SCHED_FIFO, locked memory");
+  app.add_option_function<std::string>(
+         "--realtime",
+         [&](const std::string& text) { settings.realtime = kRealtimeModes.at(text); },
+         "SCHED_FIFO, locked memory")
+      ->check(CLI::IsMember(kRealtimeModes));
   app.add_option("--samples", settings.sample_count,
                  "calls or events per side and result; 0: the case's own")
       ->check(CLI::Range(0, 100'000'000));
@@ -119,12 +116,10 @@ std::string fault_of(const std::vector<std::string>& cases, const Settings& sett
     return "--multicast is for the case events: give --transport udp, too";
   }
   if (settings.is_sealed) {
-    const bool is_in_memory = std::ranges::count(settings.carriers, Carrier::kSharedMemory) > 0;
     const bool is_of_others = std::ranges::any_of(
         cases, [](const std::string& each) { return each != "call" && each != "isolation"; });
-    const bool is_large = std::ranges::any_of(
-        settings.payload_sizes, [](std::size_t size) { return size > kSealedPayloadMax; });
-    if (is_in_memory)
+    const bool is_large = std::ranges::max(settings.payload_sizes) > kSealedPayloadMax;
+    if (std::ranges::count(settings.carriers, Carrier::kSharedMemory) > 0)
       return "shared memory is not sealed: give --transport udp or tcp with --sealed";
     if (is_of_others || is_large || !settings.peers.empty()) {
       return "--sealed is for the cases call and isolation, without peers, and for payloads of one "
@@ -142,20 +137,20 @@ int usage_error(const std::string& what) {
 /// Finds out, on a thread that ends at once, whether the run may have SCHED_FIFO; if not, says so
 /// once here instead of in every server process.
 /// @return the reason if the run cannot be as asked
-expected<void, std::string> settle_realtime(Settings& settings) {
+Outcome<> settle_realtime(Settings& settings) {
   if (settings.realtime == rt::RealtimeMode::kOff) return {};
   const auto thread = rt::Thread::start(
       {.name = "bench-probe", .priority = kHighPriority, .realtime = rt::RealtimeMode::kRequire},
       [] {});
   if (!thread && settings.realtime == rt::RealtimeMode::kRequire) {
-    return unexpected{thread.error().text()};
+    return failure(thread.error());
   }
   if (!thread) {
     say("warning", thread.error().text());
     settings.realtime = rt::RealtimeMode::kOff;
   }
   if (auto locked = rt::lock_memory(settings.realtime); !locked) {
-    return unexpected{locked.error().text()};
+    return failure(locked.error());
   }
   return {};
 }
@@ -169,7 +164,7 @@ int run(const std::vector<std::string>& names, Report::Form form, Settings setti
       form, describe_environment(choose_placement(), settings.realtime != rt::RealtimeMode::kOff));
   say_missing_peers(settings, report);
   for (const std::string& name : names)
-    std::ranges::find(cases(), name, &Case::name)->run(settings, report);
+    run_case(*std::ranges::find(cases(), name, &Case::name), settings, report);
   return report.is_complete() ? 0 : 1;
 }
 
@@ -206,7 +201,8 @@ int run_program(int argc, char** argv) {
   if (app.get_subcommands().empty()) return usage_error("give list, run or serve");
   if (const std::string fault = fault_of(names, settings); !fault.empty())
     return usage_error(fault);
-  if (serve.parsed()) return serve_standalone(*standalone_of(server), settings);
+  if (serve.parsed())
+    return serve_standalone(server == "rtpm" ? Side::kRtpm : Side::kFloor, settings);
   if (run_cases.parsed()) {
     return run(names, is_json ? Report::Form::kJsonLines : Report::Form::kTable, settings);
   }

@@ -17,6 +17,10 @@ namespace rtpm::bench {
 enum class Carrier : std::uint8_t { kUdp, kTcp, kSharedMemory };
 [[nodiscard]] std::string_view to_string(Carrier carrier) noexcept;
 
+/// The two sides that are measured.
+enum class Side : std::uint8_t { kRtpm, kFloor };
+inline constexpr Side kBothSides[] = {Side::kRtpm, Side::kFloor};
+
 /// The options of a run; each case reads its part. main.cpp says what each one means.
 struct Settings {
   std::vector<Carrier> carriers{Carrier::kUdp, Carrier::kTcp, Carrier::kSharedMemory};

@@ -4,32 +4,30 @@
 #include <string_view>
 
 #include "figures/report.hpp"
+#include "runs/duel.hpp"
 #include "settings.hpp"
 
 namespace rtpm::bench {
 
-/// One of rtpm-bench's cases. A case adds its results to the report one by one, and reports the
-/// parts that it could not measure.
+/// One of rtpm-bench's cases.
 struct Case {
   std::string_view name;
   std::string_view description;
-  void (*run)(const Settings& settings, Report& report);
+  /// Several servers, or lanes, run on a CPU at a time: none of them may spin.
+  bool shares_cpu;
+  /// Measures one carrier and wait strategy, and adds the results to the report one by one.
+  Outcome<> (*measure)(const Settings& settings, const DuelConfig& config, Report& report);
 };
 
 [[nodiscard]] std::span<const Case> cases();
 
-void run_call(const Settings& settings, Report& report);
-void run_paced(const Settings& settings, Report& report);
-void run_isolation(const Settings& settings, Report& report);
-void run_large(const Settings& settings, Report& report);
-void run_events(const Settings& settings, Report& report);
-void run_ladder(const Settings& settings, Report& report);
-void run_throughput(const Settings& settings, Report& report);
-void run_two_node(const Settings& settings, Report& report);
-void run_device(const Settings& settings, Report& report);
-void run_scale(const Settings& settings, Report& report);
-void run_startup(const Settings& settings, Report& report);
-void run_memory(const Settings& settings, Report& report);
-void run_idle(const Settings& settings, Report& report);
+/// Measures a case with each carrier and wait strategy that was asked for; the report says which
+/// could not be measured.
+void run_case(const Case& each, const Settings& settings, Report& report);
+
+using Measure = Outcome<>(const Settings& settings, const DuelConfig& config, Report& report);
+Measure measure_calls, measure_paced, measure_isolation, measure_two_node, measure_scale;
+Measure measure_events, measure_throughput, measure_device;
+Measure measure_startup, measure_memory, measure_idle;
 
 }  // namespace rtpm::bench

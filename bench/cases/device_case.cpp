@@ -2,8 +2,6 @@
 #include "rtpm/device_sim/sim_driver.hpp"
 #include "rtpm/gvd/client.hpp"
 #include "rtpm/gvd/server.hpp"
-#include "runs/duel.hpp"
-#include "runs/run.hpp"
 
 // The paper's loop, closed through a device: each cycle reads the arm's newest sample and commands
 // a force from it, two calls. The floor is two raw echoes. The device runs in both sides' turns, so
@@ -14,9 +12,9 @@ namespace {
 constexpr Priority kDevicePriority{30000};
 constexpr const char* kDeviceName = "bench/arm";
 
-expected<std::string, std::string> serve_device(const DuelConfig& config) {
+Outcome<std::string> serve_device(const DuelConfig& config) {
   auto driver = device_sim::SimDriver::create({});
-  if (!driver) return unexpected{driver.error().text()};
+  if (!driver) return failure(driver.error());
   gvd::DeviceServerConfig device_config;
   // The device sees the other side's turn as silence.
   device_config.cycle.lease.silence_max = std::chrono::minutes{10};
@@ -26,7 +24,7 @@ expected<std::string, std::string> serve_device(const DuelConfig& config) {
                           .cpus = {config.placement.server_cpu},
                           .realtime = config.realtime};
   auto device = gvd::DeviceServer::create(std::move(*driver), device_config);
-  if (!device) return unexpected{device.error().text()};
+  if (!device) return failure(device.error());
   auto server = open_server({.name = "rtpm-bench",
                              .lanes = {{.name = "rtpm-device",
                                         .priority = kHighPriority,
@@ -34,69 +32,45 @@ expected<std::string, std::string> serve_device(const DuelConfig& config) {
                                         .cpus = {config.placement.server_cpu}}},
                              .realtime = config.realtime},
                             kDeviceName, (*device)->servant());
-  if (!server) return unexpected{server.error()};
+  if (!server) return failure(server.error());
   // Both serve until the process ends.
   if (auto started = (*device).release()->start(); !started) {
-    return unexpected{started.error().text()};
+    return failure(started.error());
   }
-  if (auto started = (*server)->start(); !started) return unexpected{started.error().text()};
+  if (auto started = (*server)->start(); !started) return failure(started.error());
   return (*server).release()->url(kDeviceName);
 }
 
 /// One cycle of the loop.
-class DeviceLoop final : public Caller {
- public:
-  explicit DeviceLoop(gvd::DeviceClient arm) : arm_(std::move(arm)) {}
-
-  expected<void, std::string> echo() override {
-    const auto sample = arm_.read();
-    if (!sample) return unexpected{std::string(gvd::to_string(sample.error()))};
-    const driver::Vector3& at = sample->pose.position_m;
-    const auto commanded = arm_.set_force({-40 * at.x, -40 * at.y, -40 * at.z});
-    if (!commanded) return unexpected{std::string(gvd::to_string(commanded.error()))};
-    return {};
-  }
-
- private:
-  gvd::DeviceClient arm_;
-};
-
-/// The floor's cycle.
-class TwoEchoes final : public Caller {
- public:
-  explicit TwoEchoes(std::unique_ptr<Caller> floor) : floor_(std::move(floor)) {}
-
-  expected<void, std::string> echo() override {
-    if (auto first = floor_->echo(); !first) return first;
-    return floor_->echo();
-  }
-
- private:
-  std::unique_ptr<Caller> floor_;
-};
-
-expected<Contenders, std::string> connect(Duel& duel, const std::string& device) {
-  auto arm = gvd::DeviceClient::open(duel.high_node(), device);
-  if (!arm) return unexpected{arm.error().text()};
-  if (auto acquired = arm->acquire(); !acquired) {
-    return unexpected{std::string(gvd::to_string(acquired.error()))};
-  }
-  const ServerProcess& floor_server = duel.server(Side::kFloor);
-  const Running running({&floor_server});
-  auto floor = duel.connect_high(Side::kFloor);
-  if (!floor) return unexpected{floor.error()};
-  Contenders contenders;
-  contenders.push_back(std::make_unique<CallContender>(
-      std::vector<const ServerProcess*>{}, std::make_unique<DeviceLoop>(std::move(*arm))));
-  contenders.push_back(std::make_unique<CallContender>(
-      std::vector{&floor_server}, std::make_unique<TwoEchoes>(std::move(*floor))));
-  return contenders;
+Outcome<> run_cycle(gvd::DeviceClient& arm) {
+  const auto sample = arm.read();
+  if (!sample) return failure(sample.error());
+  const driver::Vector3& at = sample->pose.position_m;
+  return outcome(arm.set_force({-40 * at.x, -40 * at.y, -40 * at.z}));
 }
 
-expected<void, std::string> measure(const Settings& settings, const DuelConfig& config,
-                                    Report& report) {
+Outcome<Contenders> connect(Duel& duel, const std::string& device) {
+  auto opened = gvd::DeviceClient::open(duel.node(), device);
+  if (!opened) return failure(opened.error());
+  // Shared because calls are copied.
+  auto arm = std::make_shared<gvd::DeviceClient>(std::move(*opened));
+  if (auto acquired = arm->acquire(); !acquired) return failure(acquired.error());
+  const ServerProcess& floor_server = duel.server(Side::kFloor);
+  const Running running({&floor_server});
+  auto floor = duel.connect(Side::kFloor);
+  if (!floor) return failure(floor.error());
+  return Contenders{make_contender({}, [arm](Duration) { return run_cycle(*arm); }),
+                    make_contender({&floor_server}, [echo = std::move(*floor)](Duration) {
+                      auto first = echo({});
+                      return first ? echo({}) : first;
+                    })};
+}
+
+}  // namespace
+
+Outcome<> measure_device(const Settings& settings, const DuelConfig& config, Report& report) {
   const auto device = ServerProcess::start([&] { return serve_device(config); });
-  if (!device) return unexpected{device.error()};
+  if (!device) return failure(device.error());
   Run run(settings,
           {.sample_count = 10'000,
            .warm_up_count = 20,
@@ -105,16 +79,10 @@ expected<void, std::string> measure(const Settings& settings, const DuelConfig& 
            .rate_hz = settings.rate_hz,
            .count_from = CountFrom::kDue},
           report);
-  auto measured =
-      run.measure(start_duel(config, [&](Duel& duel) { return connect(duel, device->address()); }));
+  auto measured = run.measure(
+      start_duel(config, [&](const auto& duel) { return connect(*duel, device->address()); }));
   if (measured) run.report(head_of("device", config));
   return measured;
-}
-
-}  // namespace
-
-void run_device(const Settings& settings, Report& report) {
-  measure_each("device", settings, report, true, measure);
 }
 
 }  // namespace rtpm::bench

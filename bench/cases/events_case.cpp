@@ -1,12 +1,12 @@
 #include <algorithm>
 #include <array>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "cases/case.hpp"
-#include "runs/duel.hpp"
-#include "runs/event_contender.hpp"
-#include "runs/run.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "sides/event_sides.hpp"
 
 namespace rtpm::bench {
 namespace {
@@ -36,24 +36,63 @@ Json head_of(const EventSetting& setting) {
   return head;
 }
 
+/// A supplier and consumers, and where these note what they got.
+struct EventLine {
+  explicit EventLine(int consumer_count)
+      : board(static_cast<std::size_t>(consumer_count), kEventBlockSize) {}
+
+  /// Events of which the first consumers count.
+  Outcome<> take_turn(const TurnPlan& plan, int count, Finding& finding) {
+    constexpr Duration kPatience = std::chrono::seconds{5};
+    constexpr std::uint64_t kWarmUpCount = 20;
+    // The first events come when all are connected.
+    for (const MonotonicTime give_up = rt::now() + kPatience; !is_warm;) {
+      if (rt::now() > give_up) return failure("no event arrives");
+      Finding cold{Samples(1, 0), Samples(1, 0)};
+      const TurnPlan few{.count = kWarmUpCount, .period_ns = plan.period_ns};
+      auto pushed = push_events(few, *side, board, ++block, count, cold);
+      if (!pushed) return pushed;
+      is_warm = cold.first.count() > 0;
+    }
+    return push_events(plan, *side, board, ++block, count, finding);
+  }
+
+  EventBoard board;
+  std::unique_ptr<EventSide> side{};  ///< Notes to the board, so it ends first.
+  std::uint32_t block = 0;
+  bool is_warm = false;  ///< An event went the whole way.
+};
+
+/// Connects a line by connect_events() or connect_relay().
+template <class ConnectSide>
+Outcome<std::shared_ptr<EventLine>> connect_line(ConnectSide connect_side,
+                                                 const EventSetting& setting,
+                                                 const std::string& address, int count) {
+  auto line = std::make_shared<EventLine>(count);
+  auto side = connect_side(setting, address, line->board);
+  if (!side) return failure(side.error());
+  line->side = std::move(*side);
+  return line;
+}
+
 /// The middle between supplier and consumers: processes of their own or, started on the caller's
 /// thread, a hub in this program and no relay.
 struct Middle {
   std::vector<ServerProcess> processes{};  ///< The hub and the relay.
-  std::unique_ptr<EventHub> own_hub{};
+  std::optional<EventHub> own_hub{};
 };
 
-expected<Contenders, std::string> connect(const EventSetting& setting, Middle& middle) {
+Outcome<Contenders> connect(const EventSetting& setting, Middle& middle) {
   if (setting.network != nullptr) {
     if (auto entered = setting.network->enter(NetworkPair::Host::kClient); !entered) {
-      return unexpected{entered.error()};
+      return failure(entered.error());
     }
   }
   std::array<std::string, 2> addresses;
   if (setting.has_own_hub) {
     auto hub = open_event_hub(setting);
-    if (!hub) return unexpected{hub.error()};
-    middle.own_hub = std::move(*hub);
+    if (!hub) return failure(hub.error());
+    middle.own_hub.emplace(std::move(*hub));
     addresses[0] = middle.own_hub->url();
   } else {
     std::ranges::transform(middle.processes, addresses.begin(), &ServerProcess::address);
@@ -61,18 +100,18 @@ expected<Contenders, std::string> connect(const EventSetting& setting, Middle& m
   Contenders contenders;
   for (const auto& [connect_side, address] :
        {std::pair{&connect_events, addresses[0]}, std::pair{&connect_relay, addresses[1]}}) {
-    auto line = std::make_shared<EventLine>(setting.consumer_count);
-    auto side = connect_side(setting, address, line->board);
-    if (!side) return unexpected{side.error()};
-    line->side = std::move(*side);
-    contenders.push_back(std::make_unique<EventContender>(line, setting.consumer_count));
+    auto line = connect_line(connect_side, setting, address, setting.consumer_count);
+    if (!line) return failure(line.error());
+    contenders.emplace_back(
+        [line = *line, count = setting.consumer_count](const TurnPlan& plan, Finding& finding) {
+          return line->take_turn(plan, count, finding);
+        });
   }
   return contenders;
 }
 
 /// Hub and relay by turns, and peers.
-expected<void, std::string> measure_fan_out(const Settings& settings, const EventSetting& setting,
-                                            Report& report) {
+Outcome<> measure_fan_out(const Settings& settings, const EventSetting& setting, Report& report) {
   Run run(settings, plan_of(settings), report);
   if (!settings.peers.empty()) {
     std::vector<const PeerEntry*> peers = chosen_peers(settings);
@@ -83,12 +122,12 @@ expected<void, std::string> measure_fan_out(const Settings& settings, const Even
                 .realtime = setting.realtime,
                 .consumer_count = setting.consumer_count});
   }
-  auto measured = run.measure([&]() -> expected<Connect, std::string> {
+  auto measured = run.measure([&]() -> Outcome<Connect> {
     auto middle = std::make_shared<Middle>();
     if (!setting.has_own_hub) {
       for (const auto& start : {start_event_hub, start_event_relay}) {
         auto process = start(setting);
-        if (!process) return unexpected{process.error()};
+        if (!process) return failure(process.error());
         middle->processes.push_back(std::move(*process));
       }
     }
@@ -99,47 +138,33 @@ expected<void, std::string> measure_fan_out(const Settings& settings, const Even
 }
 
 /// Measures the other consumers while some are stopped and some slow, or while all are well.
-class CrowdContender final : public Contender {
- public:
-  CrowdContender(std::shared_ptr<EventLine> line, const ServerProcess* stopped)
-      : line_(std::move(line)), stopped_(stopped), others_(line_, kOthers) {}
-
-  expected<void, std::string> take_turn(const TurnPlan& plan, Finding& finding) override {
-    line_->side->set_slow(stopped_ != nullptr ? kSlow : 0);
-    if (stopped_ != nullptr) stopped_->pause();
-    auto taken = others_.take_turn(plan, finding);
-    if (stopped_ != nullptr) stopped_->resume();
+/// @param stopped  null: all are well
+Contender crowd_contender(std::shared_ptr<EventLine> line, const ServerProcess* stopped) {
+  return [line = std::move(line), stopped](const TurnPlan& plan, Finding& finding) {
+    line->side->set_slow(stopped != nullptr ? kSlow : 0);
+    if (stopped != nullptr) stopped->pause();
+    auto taken = line->take_turn(plan, kOthers, finding);
+    if (stopped != nullptr) stopped->resume();
     return taken;
-  }
+  };
+}
 
- private:
-  std::shared_ptr<EventLine> line_;
-  const ServerProcess* stopped_;
-  EventContender others_;
-};
-
-expected<void, std::string> measure_crowd(const Settings& settings, EventSetting setting,
-                                          Report& report) {
+Outcome<> measure_crowd(const Settings& settings, EventSetting setting, Report& report) {
   setting.consumer_count = kCrowd - kStopped;
   RunPlan plan = plan_of(settings);
   plan.part_count = 1;
   Run run(settings, plan, report);
-  auto measured = run.measure([&]() -> expected<Connect, std::string> {
+  auto measured = run.measure([&]() -> Outcome<Connect> {
     auto hub = start_event_hub(setting);
-    if (!hub) return unexpected{hub.error()};
+    if (!hub) return failure(hub.error());
     auto idle = start_idle_consumers(setting, hub->address(), kStopped);
-    if (!idle) return unexpected{idle.error()};
+    if (!idle) return failure(idle.error());
     const auto both = std::make_shared<std::array<ServerProcess, 2>>(
         std::array{std::move(*hub), std::move(*idle)});
-    return Connect([&, both]() -> expected<Contenders, std::string> {
-      auto line = std::make_shared<EventLine>(kOthers);
-      auto side = connect_events(setting, (*both)[0].address(), line->board);
-      if (!side) return unexpected{side.error()};
-      line->side = std::move(*side);
-      Contenders contenders;
-      contenders.push_back(std::make_unique<CrowdContender>(line, &(*both)[1]));
-      contenders.push_back(std::make_unique<CrowdContender>(line, nullptr));
-      return contenders;
+    return Connect([&, both]() -> Outcome<Contenders> {
+      auto line = connect_line(connect_events, setting, (*both)[0].address(), kOthers);
+      if (!line) return failure(line.error());
+      return Contenders{crowd_contender(*line, &(*both)[1]), crowd_contender(*line, nullptr)};
     });
   });
   if (!measured) return measured;
@@ -160,11 +185,11 @@ expected<void, std::string> measure_crowd(const Settings& settings, EventSetting
   return {};
 }
 
-expected<void, std::string> measure_rate(const EventSetting& setting, Report& report) {
+Outcome<> measure_rate(const EventSetting& setting, Report& report) {
   const auto hub = start_event_hub(setting);
-  if (!hub) return unexpected{hub.error()};
+  if (!hub) return failure(hub.error());
   const auto measured = measure_event_rate(setting, hub->address());
-  if (!measured) return unexpected{measured.error()};
+  if (!measured) return failure(measured.error());
   report.add({{"case", "events"},
               {"transport", to_string(setting.carrier)},
               {"payload", sizeof(EventStamp)},
@@ -176,25 +201,25 @@ expected<void, std::string> measure_rate(const EventSetting& setting, Report& re
 }
 
 /// Like the paper's Figure 7 b and c: supplier and consumer on one host, the hub on the other.
-expected<void, std::string> measure_two_hosts(const Settings& settings, EventSetting setting,
-                                              Report& report) {
+Outcome<> measure_two_hosts(const Settings& settings, EventSetting setting, Report& report) {
   const auto network = NetworkPair::create();
-  if (!network) return unexpected{network.error()};
+  if (!network) return failure(network.error());
   setting.network = &*network;
   setting.consumer_count = 1;
   return measure_fan_out(settings, setting, report);
 }
 
+}  // namespace
+
 /// Measures all that it can, whatever else fails.
-expected<void, std::string> measure(const Settings& settings, const DuelConfig& config,
-                                    Report& report) {
+Outcome<> measure_events(const Settings& settings, const DuelConfig& config, Report& report) {
   EventSetting setting{.carrier = config.carrier,
                        .wait = config.wait,
                        .has_own_hub = settings.has_own_hub,
                        .is_multicast = settings.has_multicast,
                        .placement = config.placement,
                        .realtime = config.realtime};
-  const auto check = [&](const std::string& what, const expected<void, std::string>& measured) {
+  const auto check = [&](const std::string& what, const Outcome<>& measured) {
     if (measured) return;
     report.fail("events, " + std::string(to_string(setting.carrier)) + ", " +
                     std::string(rt::to_string(setting.wait.strategy)) + " wait, " + what,
@@ -216,12 +241,6 @@ expected<void, std::string> measure(const Settings& settings, const DuelConfig& 
   if (has_peers || settings.tells_latencies) return {};
   setting.consumer_count = 1;
   return measure_rate(setting, report);
-}
-
-}  // namespace
-
-void run_events(const Settings& settings, Report& report) {
-  measure_each("events", settings, report, false, measure);
 }
 
 }  // namespace rtpm::bench

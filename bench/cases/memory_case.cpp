@@ -4,7 +4,6 @@
 #include "cases/case.hpp"
 #include "figures/disturbance.hpp"
 #include "rtpm/rt/clock.hpp"
-#include "runs/duel.hpp"
 #include "sides/standalone.hpp"
 
 // The cost of an idle server: its memory, by how many clients are bound, and its CPU time.
@@ -14,11 +13,6 @@ namespace {
 constexpr std::array kClientCounts{0, 1, 100};
 constexpr Duration kIdleTime = std::chrono::seconds{3};
 
-expected<ServerProcess, std::string> start(const Settings& settings, const DuelConfig& config,
-                                           Standalone which) {
-  return start_standalone(which, config.carrier, config.wait.strategy, settings);
-}
-
 Json begin_result(std::string_view name, const DuelConfig& config, int client_count) {
   return {{"case", name},
           {"transport", to_string(config.carrier)},
@@ -26,20 +20,21 @@ Json begin_result(std::string_view name, const DuelConfig& config, int client_co
           {"clients", client_count}};
 }
 
-expected<void, std::string> measure_memory(const Settings& settings, const DuelConfig& config,
-                                           Report& report) {
-  const auto floor = start(settings, config, Standalone::kFloor);
-  if (!floor) return unexpected{floor.error()};
+}  // namespace
+
+Outcome<> measure_memory(const Settings& settings, const DuelConfig& config, Report& report) {
+  const auto floor = start_standalone(Side::kFloor, config.carrier, config.wait.strategy, settings);
+  if (!floor) return failure(floor.error());
   const MemoryUse of_floor = memory_of(floor->id());
   floor->pause();
-  const auto server = start(settings, config, Standalone::kRtpm);
-  if (!server) return unexpected{server.error()};
+  const auto server = start_standalone(Side::kRtpm, config.carrier, config.wait.strategy, settings);
+  if (!server) return failure(server.error());
   const MemoryUse empty = memory_of(server->id());
   std::vector<Client> clients;
   for (const int count : kClientCounts) {
     while (clients.size() < static_cast<std::size_t>(count)) {
       auto client = bind_client(config.carrier, config.wait, server->address());
-      if (!client) return unexpected{client.error()};
+      if (!client) return failure(client.error());
       clients.push_back(std::move(*client));
     }
     const MemoryUse use = memory_of(server->id());
@@ -56,12 +51,11 @@ expected<void, std::string> measure_memory(const Settings& settings, const DuelC
 }
 
 /// Measures with one bound client, which called once.
-expected<void, std::string> measure_idle(const Settings& settings, const DuelConfig& config,
-                                         Report& report) {
-  const auto server = start(settings, config, Standalone::kRtpm);
-  if (!server) return unexpected{server.error()};
+Outcome<> measure_idle(const Settings& settings, const DuelConfig& config, Report& report) {
+  const auto server = start_standalone(Side::kRtpm, config.carrier, config.wait.strategy, settings);
+  if (!server) return failure(server.error());
   const auto client = bind_client(config.carrier, config.wait, server->address());
-  if (!client) return unexpected{client.error()};
+  if (!client) return failure(client.error());
   const CpuTime steal_before = read_cpu_time();
   const Duration before = cpu_time_of(server->id());
   const MonotonicTime begin = rt::now();
@@ -73,16 +67,6 @@ expected<void, std::string> measure_idle(const Settings& settings, const DuelCon
   add_steal(result, steal_before);
   report.add(std::move(result));
   return {};
-}
-
-}  // namespace
-
-void run_memory(const Settings& settings, Report& report) {
-  measure_each("memory", settings, report, false, measure_memory);
-}
-
-void run_idle(const Settings& settings, Report& report) {
-  measure_each("idle", settings, report, false, measure_idle);
 }
 
 }  // namespace rtpm::bench

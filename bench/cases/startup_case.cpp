@@ -3,7 +3,6 @@
 #include "cases/case.hpp"
 #include "figures/disturbance.hpp"
 #include "rtpm/rt/clock.hpp"
-#include "runs/duel.hpp"
 #include "sides/floor.hpp"
 #include "sides/standalone.hpp"
 
@@ -18,24 +17,24 @@ constexpr std::uint64_t kStartCountDefault = 100;
 constexpr std::array kStretches{"", "ready_", "bind_", "first_call_"};
 using Stretches = std::vector<Samples>;
 
-expected<void, std::string> start_once(const Settings& settings, const DuelConfig& config,
-                                       Side side, Stretches& stretches) {
+Outcome<> start_once(const Settings& settings, const DuelConfig& config, Side side,
+                     Stretches& stretches) {
   const bool is_rtpm = side == Side::kRtpm;
   // Raw memory has no address by which another program could find it.
   const Carrier carrier =
       is_rtpm || config.carrier != Carrier::kSharedMemory ? config.carrier : Carrier::kUdp;
   std::array<MonotonicTime, 4> times{rt::now()};
-  const auto server = start_standalone(is_rtpm ? Standalone::kRtpm : Standalone::kFloor, carrier,
-                                       config.wait.strategy, settings);
-  if (!server) return unexpected{server.error()};
+  const auto server = start_standalone(side, carrier, config.wait.strategy, settings);
+  if (!server) return failure(server.error());
   times[1] = rt::now();
   const auto node = is_rtpm ? make_node(carrier, config.wait) : nullptr;
   auto caller = is_rtpm ? connect_rtpm_caller(*node, server->address(), kHighPriority)
-                        : connect_floor_caller(carrier, config.host, floor_port(server->address()),
-                                               config.wait);
-  if (!caller) return unexpected{caller.error()};
+                        : connect_floor_caller(
+                              carrier, static_cast<std::uint16_t>(std::stoi(server->address())),
+                              {.name = {}, .wait = config.wait});
+  if (!caller) return failure(caller.error());
   times[2] = rt::now();
-  if (auto called = (*caller)->echo(); !called) return called;
+  if (auto called = (*caller)({}); !called) return called;
   times[3] = rt::now();
   stretches[0].add(times[3] - times[0]);
   for (std::size_t i = 1; i < times.size(); ++i)
@@ -43,8 +42,9 @@ expected<void, std::string> start_once(const Settings& settings, const DuelConfi
   return {};
 }
 
-expected<void, std::string> measure(const Settings& settings, const DuelConfig& config,
-                                    Report& report) {
+}  // namespace
+
+Outcome<> measure_startup(const Settings& settings, const DuelConfig& config, Report& report) {
   const std::uint64_t count =
       settings.sample_count == 0 ? kStartCountDefault : settings.sample_count;
   const auto round_count = static_cast<std::uint64_t>(settings.round_count);
@@ -76,12 +76,6 @@ expected<void, std::string> measure(const Settings& settings, const DuelConfig& 
   add_steal(result, before);
   report.add(std::move(result));
   return {};
-}
-
-}  // namespace
-
-void run_startup(const Settings& settings, Report& report) {
-  measure_each("startup", settings, report, false, measure);
 }
 
 }  // namespace rtpm::bench

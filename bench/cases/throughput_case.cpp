@@ -5,8 +5,6 @@
 #include "cases/case.hpp"
 #include "figures/disturbance.hpp"
 #include "rtpm/rt/clock.hpp"
-#include "runs/duel.hpp"
-#include "sides/floor.hpp"
 
 // How many calls a second one thread gets through one lane when it does not wait for each.
 namespace rtpm::bench {
@@ -18,16 +16,16 @@ constexpr std::uint64_t kBlockSize = 20'000;
 /// The rates of one side, round by round.
 struct Rates {
   const ServerProcess* server = nullptr;
-  std::unique_ptr<Pipeline> pipeline{};
+  Pipeline pipeline{};
   std::vector<double> rounds{};
 
-  expected<void, std::string> measure(std::uint64_t count) {
+  Outcome<> measure(std::uint64_t count) {
     Duration took{0};
     {
       const Running running({server});
-      if (auto warm = pipeline->run(count / 10 + 1); !warm) return warm;
+      if (auto warm = pipeline(count / 10 + 1); !warm) return warm;
       const MonotonicTime begin = rt::now();
-      if (auto run = pipeline->run(count); !run) return run;
+      if (auto run = pipeline(count); !run) return run;
       took = rt::now() - begin;
     }
     rounds.push_back(
@@ -39,16 +37,14 @@ struct Rates {
 };
 
 /// Measures RTPM's rates, and those of the raw floor, which has a pipeline over UDP.
-expected<std::vector<Rates>, std::string> measure(const Settings& settings,
-                                                  const DuelConfig& config, Duel& duel) {
+Outcome<std::vector<Rates>> measure(const Settings& settings, const DuelConfig& config,
+                                    Duel& duel) {
   std::vector<Rates> sides;
   for (const Side side : kBothSides) {
     if (side == Side::kFloor && config.carrier != Carrier::kUdp) continue;
     const Running running({&duel.server(side)});
-    auto pipeline = side == Side::kRtpm
-                        ? connect_rtpm_pipeline(duel.high_node(), duel.rtpm_url(), kHighPriority)
-                        : connect_floor_pipeline(config.host, duel.floor_high_port());
-    if (!pipeline) return unexpected{pipeline.error()};
+    auto pipeline = duel.connect_pipeline(side);
+    if (!pipeline) return failure(pipeline.error());
     sides.push_back({.server = &duel.server(side), .pipeline = std::move(*pipeline)});
   }
   const std::uint64_t count =
@@ -56,24 +52,25 @@ expected<std::vector<Rates>, std::string> measure(const Settings& settings,
   for (std::uint64_t done = 0; done < count; done += kBlockSize) {
     for (Rates& side : sides) {
       if (auto measured = side.measure(std::min(kBlockSize, count - done)); !measured) {
-        return unexpected{measured.error()};
+        return failure(measured.error());
       }
     }
   }
   return sides;
 }
 
-expected<void, std::string> measure_one(const Settings& settings, const DuelConfig& config,
-                                        Report& report) {
+}  // namespace
+
+Outcome<> measure_throughput(const Settings& settings, const DuelConfig& config, Report& report) {
   auto duel = Duel::start(config);
-  if (!duel) return unexpected{duel.error()};
-  return run_as_caller(settings, [&]() -> expected<void, std::string> {
+  if (!duel) return failure(duel.error());
+  return run_as_caller(settings, [&]() -> Outcome<> {
     const CpuTime before = read_cpu_time();
     const auto sides = measure(settings, config, **duel);
-    if (!sides) return unexpected{sides.error()};
+    if (!sides) return failure(sides.error());
     const std::vector<double>& rounds = sides->front().rounds;
     Json result = head_of("throughput", config);
-    result["in_flight"] = Pipeline::kInFlight;
+    result["in_flight"] = kInFlight;
     result["calls_per_second"] = rounded(middle_of(rounds));
     result["calls_per_second_low"] = *std::ranges::min_element(rounds);
     result["calls_per_second_high"] = *std::ranges::max_element(rounds);
@@ -88,12 +85,6 @@ expected<void, std::string> measure_one(const Settings& settings, const DuelConf
     report.add(std::move(result));
     return {};
   });
-}
-
-}  // namespace
-
-void run_throughput(const Settings& settings, Report& report) {
-  measure_each("throughput", settings, report, false, measure_one);
 }
 
 }  // namespace rtpm::bench

@@ -3,8 +3,7 @@
 #include <cstdint>
 
 #include "figures/report.hpp"
-#include "figures/stall_detector.hpp"
-#include "figures/stolen_time.hpp"
+#include "figures/stalls.hpp"
 #include "settings.hpp"
 
 namespace rtpm::bench {

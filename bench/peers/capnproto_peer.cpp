@@ -22,7 +22,7 @@ class EchoServant final : public ::Echo::Server {
   }
 };
 
-Outcome serve(const PeerLane& lane, const Announce& announce) {
+Outcome<> serve(const PeerLane& lane, const Announce& announce) {
   const bool is_unix = lane.transport == "unix";
   const std::string end = is_unix ? "unix:" + lane.socket_path() : std::string("127.0.0.1:0");
   capnp::EzRpcServer server(kj::heap<EchoServant>(), end);
@@ -39,8 +39,8 @@ struct Connection {
   ::Echo::Client echo;
 };
 
-expected<Exchange, std::string> connect(const PeerLane&, const std::string& address) {
-  return [address](const PeerMessage& request, PeerMessage& reply) -> Outcome {
+Outcome<Exchange> connect(const PeerLane&, const std::string& address) {
+  return [address](const PeerMessage& request, PeerMessage& reply) -> Outcome<> {
     thread_local Connection connection(address);
     auto call = connection.echo.callRequest(capnp::MessageSize{16, 0});
     auto sent = call.initRequest();

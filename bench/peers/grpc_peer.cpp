@@ -45,7 +45,7 @@ class ServedCall {
   std::unique_ptr<grpc::ServerAsyncResponseWriter<::peer::Message>> writer_{};
 };
 
-Outcome serve(const PeerLane& lane, const Announce& announce) {
+Outcome<> serve(const PeerLane& lane, const Announce& announce) {
   const bool is_unix = lane.transport == "unix";
   const std::string end = is_unix ? "unix:" + lane.socket_path() : std::string("127.0.0.1:0");
   ::peer::Echo::AsyncService service;
@@ -74,7 +74,7 @@ struct GrpcCaller {
         grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments));
   }
 
-  [[nodiscard]] Outcome exchange(const PeerMessage& request, PeerMessage& reply) {
+  [[nodiscard]] Outcome<> exchange(const PeerMessage& request, PeerMessage& reply) {
     grpc::ClientContext context;
     context.set_deadline(
         gpr_time_add(gpr_now(GPR_CLOCK_MONOTONIC), gpr_time_from_seconds(5, GPR_TIMESPAN)));
@@ -83,7 +83,7 @@ struct GrpcCaller {
     const grpc::Status status = stub->Call(&context, sent, &got);
     if (!status.ok()) return failure_of("gRPC", "call", status.error_message().c_str());
     if (static_cast<std::size_t>(got.values_size()) != reply.values.size()) {
-      return unexpected{std::string("gRPC: the reply has another size")};
+      return failure("gRPC: the reply has another size");
     }
     reply.work_ns = got.work_ns();
     std::copy(got.values().begin(), got.values().end(), reply.values.begin());
@@ -95,7 +95,7 @@ struct GrpcCaller {
   ::peer::Message got{};
 };
 
-expected<Exchange, std::string> connect(const PeerLane&, const std::string& address) {
+Outcome<Exchange> connect(const PeerLane&, const std::string& address) {
   return [caller = std::make_shared<GrpcCaller>(address)](const PeerMessage& request,
                                                           PeerMessage& reply) {
     return caller->exchange(request, reply);

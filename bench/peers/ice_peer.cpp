@@ -31,7 +31,7 @@ class EchoServant final : public ::peer::Echo {
   }
 };
 
-Outcome serve(const PeerLane&, const Announce& announce) {
+Outcome<> serve(const PeerLane&, const Announce& announce) {
   const auto adapter =
       make_communicator()->createObjectAdapterWithEndpoints("lane", "tcp -h 127.0.0.1");
   const auto proxy = adapter->add(std::make_shared<EchoServant>(), Ice::stringToIdentity("echo"));
@@ -40,10 +40,10 @@ Outcome serve(const PeerLane&, const Announce& announce) {
   return {};
 }
 
-expected<Exchange, std::string> connect(const PeerLane&, const std::string& address) {
+Outcome<Exchange> connect(const PeerLane&, const std::string& address) {
   const auto proxy = make_communicator()->stringToProxy(address);
   return [echo = Ice::uncheckedCast<::peer::EchoPrx>(proxy)](const PeerMessage& request,
-                                                             PeerMessage& reply) -> Outcome {
+                                                             PeerMessage& reply) -> Outcome<> {
     const auto& v = request.values;
     const ::peer::Message got =
         echo->call({static_cast<std::int64_t>(request.work_ns), v[0], v[1], v[2], v[3], v[4]});

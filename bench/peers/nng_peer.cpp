@@ -39,8 +39,8 @@ struct Nng {
     return socket;
   }
 
-  static expected<Listener<nng_socket>, std::string> listen(SocketKind kind, const PeerLane& lane,
-                                                            const char* name) {
+  static Outcome<Listener<nng_socket>> listen(SocketKind kind, const PeerLane& lane,
+                                              const char* name) {
     const nng_socket socket = open(kind);
     const bool is_ipc = lane.transport == "ipc";
     const std::string end =
@@ -56,13 +56,13 @@ struct Nng {
 
   /// The first lane's thread opens both ends: while one is being opened, the library's own thread
   /// polls it without pause, and would keep a thread of low priority from going on.
-  static expected<Listener<nng_socket>, std::string> listen_for_calls(const PeerLane& lane) {
+  static Outcome<Listener<nng_socket>> listen_for_calls(const PeerLane& lane) {
     static auto first = listen(SocketKind::kReply, lane, "high");
     static auto second = listen(SocketKind::kReply, lane, "low");
     return lane.index == 0 ? first : second;
   }
 
-  static expected<nng_socket, std::string> dial(SocketKind kind, const std::string& address) {
+  static Outcome<nng_socket> dial(SocketKind kind, const std::string& address) {
     const nng_socket socket = open(kind);
     error = nng_dial(socket, address.c_str(), nullptr, 0);
     if (error != 0) return failure("connect");

@@ -20,11 +20,11 @@ namespace rtpm::bench {
 namespace {
 
 /// Runs `body` and turns CORBA's exceptions into errors, for Peer::guard.
-Outcome guard_corba(const std::function<Outcome()>& body) {
+Outcome<> guard_corba(const std::function<Outcome<>()>& body) {
   try {
     return body();
   } catch (const CORBA::Exception& exception) {
-    return unexpected{std::string("CORBA's ") + exception._name()};
+    return failure(std::string("CORBA's ") + exception._name());
   }
 }
 
@@ -99,7 +99,7 @@ Server start_server(PeerLane lane) {
   return server;
 }
 
-Outcome serve(const PeerLane& lane, const Announce& announce) {
+Outcome<> serve(const PeerLane& lane, const Announce& announce) {
   // The first lane's thread starts it; the second lane's begins when the first has announced.
   static Server server = start_server(lane);
   const std::string name = "lane" + std::to_string(lane.index);
@@ -110,12 +110,12 @@ Outcome serve(const PeerLane& lane, const Announce& announce) {
   return {};
 }
 
-expected<Exchange, std::string> connect(const PeerLane&, const std::string& address) {
+Outcome<Exchange> connect(const PeerLane&, const std::string& address) {
   static const CORBA::ORB_var kOrb =
       start_orb({{"maxGIOPConnectionPerServer", "100"}, {"clientTransportRule", "* unix,tcp"}});
   const CORBA::Object_var object = kOrb->string_to_object(address.c_str());
   const peer::Echo_var echo = peer::Echo::_unchecked_narrow(object);
-  return [echo](const PeerMessage& request, PeerMessage& reply) -> Outcome {
+  return [echo](const PeerMessage& request, PeerMessage& reply) -> Outcome<> {
     static_assert(sizeof(peer::Message) == sizeof(PeerMessage));
     peer::Message message;
     std::memcpy(static_cast<void*>(&message), &request, sizeof message);

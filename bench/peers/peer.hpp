@@ -6,10 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "rtpm/base/expected.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/thread.hpp"
-#include "runs/peer_board.hpp"
 #include "sides/caller.hpp"
 #include "sides/event_board.hpp"
 
@@ -18,13 +16,14 @@
 /// process ends.
 namespace rtpm::bench {
 
-using Outcome = expected<void, std::string>;
-
 /// "LIBRARY's WHAT failed: REASON".
-[[nodiscard]] inline unexpected<std::string> failure_of(
-    const char* library, const char* what, const char* reason = "the library gives no reason") {
-  return unexpected{std::string(library) + ": " + what + " failed: " + reason};
+[[nodiscard]] inline auto failure_of(const char* library, const char* what,
+                                     const char* reason = "the library gives no reason") {
+  return failure(std::string(library) + ": " + what + " failed: " + reason);
 }
+
+/// The lane of the measured caller, and the one of the callers of low priority.
+inline constexpr std::size_t kPeerLaneCount = 2;
 
 /// The payload of a call there and back: as many bytes as the paper's six doubles.
 struct PeerMessage {
@@ -52,9 +51,9 @@ struct PeerLane {
 /// Says where a lane is reached, from when it answers.
 using Announce = std::function<void(const std::string& address)>;
 /// One call and its reply. Fails a second after the call at the latest.
-using Exchange = std::function<Outcome(const PeerMessage& request, PeerMessage& reply)>;
+using Exchange = std::function<Outcome<>(const PeerMessage& request, PeerMessage& reply)>;
 /// Sends an event.
-using Push = std::function<Outcome(const EventStamp& stamp)>;
+using Push = std::function<Outcome<>(const EventStamp& stamp)>;
 /// The body of a consumer's thread; empty if the library's own threads deliver.
 using Consume = std::function<void()>;
 
@@ -73,26 +72,23 @@ struct Note {
 struct Peer {
   /// Serves a lane. Announces once; then either serves on this thread without end, or returns while
   /// threads of the library serve. Lanes are served at the same time, each from its own thread.
-  Outcome (*serve)(const PeerLane& lane, const Announce& announce) = nullptr;
+  Outcome<> (*serve)(const PeerLane& lane, const Announce& announce) = nullptr;
   /// Connects one caller, which one thread uses: this one, or one of the same priority.
-  expected<Exchange, std::string> (*connect)(const PeerLane& lane,
-                                             const std::string& address) = nullptr;
+  Outcome<Exchange> (*connect)(const PeerLane& lane, const std::string& address) = nullptr;
   /// Whether callers of low priority, too, connect on a thread of high priority, because the
   /// library can't connect otherwise.
   bool connects_at_high_priority = false;
 
   /// The broker between supplier and consumers, like serve(); null if unused.
-  Outcome (*serve_events)(const PeerLane& lane, const Announce& announce) = nullptr;
+  Outcome<> (*serve_events)(const PeerLane& lane, const Announce& announce) = nullptr;
   /// `address`: the broker's. It may have two words: the supplier's address and the consumers'.
-  expected<Push, std::string> (*connect_supplier)(const PeerLane& lane,
-                                                  const std::string& address) = nullptr;
+  Outcome<Push> (*connect_supplier)(const PeerLane& lane, const std::string& address) = nullptr;
   /// The consumer may join later. `note` outlives it.
-  expected<Consume, std::string> (*connect_consumer)(const PeerLane& lane,
-                                                     const std::string& address,
-                                                     Note& note) = nullptr;
+  Outcome<Consume> (*connect_consumer)(const PeerLane& lane, const std::string& address,
+                                       Note& note) = nullptr;
 
   /// Runs `body` and turns the library's exceptions that are not std::exception into errors.
-  Outcome (*guard)(const std::function<Outcome()>& body) = nullptr;
+  Outcome<> (*guard)(const std::function<Outcome<>()>& body) = nullptr;
 };
 
 /// The peer of this program: each program defines it once.

@@ -33,9 +33,9 @@ template <class Library>
 struct SocketPeer {
   using Socket = typename Library::Socket;
 
-  static Outcome serve(const PeerLane& lane, const Announce& announce) {
+  static Outcome<> serve(const PeerLane& lane, const Announce& announce) {
     const auto listener = Library::listen_for_calls(lane);
-    if (!listener) return unexpected{listener.error()};
+    if (!listener) return failure(listener.error());
     announce(listener->address);
     const Socket socket = listener->socket;
     PeerMessage message;
@@ -46,39 +46,39 @@ struct SocketPeer {
     return Library::failure("server");
   }
 
-  static expected<Exchange, std::string> connect(const PeerLane&, const std::string& address) {
+  static Outcome<Exchange> connect(const PeerLane&, const std::string& address) {
     const auto dialled = Library::dial(SocketKind::kRequest, address);
-    if (!dialled) return unexpected{dialled.error()};
-    return [socket = *dialled](const PeerMessage& request, PeerMessage& reply) -> Outcome {
+    if (!dialled) return failure(dialled.error());
+    return [socket = *dialled](const PeerMessage& request, PeerMessage& reply) -> Outcome<> {
       if (!Library::send(socket, &request, sizeof request)) return Library::failure("send");
       if (!Library::receive(socket, &reply, sizeof reply)) return Library::failure("receive");
       return {};
     };
   }
 
-  static Outcome serve_events(const PeerLane& lane, const Announce& announce) {
+  static Outcome<> serve_events(const PeerLane& lane, const Announce& announce) {
     const auto in = Library::listen(SocketKind::kFromPublishers, lane, "in");
-    if (!in) return unexpected{in.error()};
+    if (!in) return failure(in.error());
     const auto out = Library::listen(SocketKind::kToSubscribers, lane, "out");
-    if (!out) return unexpected{out.error()};
+    if (!out) return failure(out.error());
     announce(in->address + " " + out->address);
     Library::forward(in->socket, out->socket);
     return Library::failure("broker");
   }
 
-  static expected<Push, std::string> connect_supplier(const PeerLane&, const std::string& address) {
+  static Outcome<Push> connect_supplier(const PeerLane&, const std::string& address) {
     const auto dialled = Library::dial(SocketKind::kPublish, address);
-    if (!dialled) return unexpected{dialled.error()};
-    return [socket = *dialled](const EventStamp& stamp) -> Outcome {
+    if (!dialled) return failure(dialled.error());
+    return [socket = *dialled](const EventStamp& stamp) -> Outcome<> {
       if (!Library::send(socket, &stamp, sizeof stamp)) return Library::failure("send");
       return {};
     };
   }
 
-  static expected<Consume, std::string> connect_consumer(const PeerLane&,
-                                                         const std::string& address, Note& note) {
+  static Outcome<Consume> connect_consumer(const PeerLane&, const std::string& address,
+                                           Note& note) {
     const auto dialled = Library::dial(SocketKind::kSubscribe, address);
-    if (!dialled) return unexpected{dialled.error()};
+    if (!dialled) return failure(dialled.error());
     return [socket = *dialled, &note] {
       EventStamp stamp;
       while (Library::receive(socket, &stamp, sizeof stamp))

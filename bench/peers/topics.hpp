@@ -19,13 +19,13 @@ enum class TopicRole : std::uint8_t { kServer, kCaller, kSupplier, kConsumer };
 template <class Middleware>
 class TopicPeer {
  public:
-  static Outcome serve(const PeerLane& lane, const Announce& announce) {
+  static Outcome<> serve(const PeerLane& lane, const Announce& announce) {
     Context context(lane, TopicRole::kServer);
     std::deque<End> ends;
     for (int caller = 0; caller < lane.connection_count; ++caller) {
       const End& end = ends.emplace_back(context, topic_name(lane, caller, "request"),
                                          topic_name(lane, caller, "reply"));
-      if (!end.is_well()) return failure("set-up");
+      if (!end.is_well()) return library_failure("set-up");
     }
     announce("by name");
     for (PeerMessage message;;) {
@@ -41,39 +41,38 @@ class TopicPeer {
 
   /// Calls until an answer comes: messages sent before the two have found each other are lost. Then
   /// waits until no late reply is left.
-  static expected<Exchange, std::string> connect(const PeerLane& lane, const std::string&) {
+  static Outcome<Exchange> connect(const PeerLane& lane, const std::string&) {
     auto caller = std::make_shared<CallerEnd>(lane);
-    if (!caller->end.is_well()) return failure("set-up");
+    if (!caller->end.is_well()) return library_failure("set-up");
     const MonotonicTime give_up = rt::now() + std::chrono::seconds{8};
     for (PeerMessage reply; rt::now() < give_up;) {
-      if (!caller->end.writer.write({})) return failure("write");
+      if (!caller->end.writer.write({})) return library_failure("write");
       if (!caller->receive(reply, std::chrono::milliseconds{100})) continue;
       while (caller->receive(reply, std::chrono::milliseconds{200})) {
       }
-      return [caller](const PeerMessage& request, PeerMessage& got) -> Outcome {
-        if (!caller->end.writer.write(request)) return failure("write");
+      return [caller](const PeerMessage& request, PeerMessage& got) -> Outcome<> {
+        if (!caller->end.writer.write(request)) return library_failure("write");
         if (caller->receive(got, std::chrono::seconds{1})) return {};
-        return unexpected{std::string("no reply in 1 s")};
+        return failure("no reply in 1 s");
       };
     }
-    return unexpected{std::string("no answer to any request within 8 s")};
+    return failure("no answer to any request within 8 s");
   }
 
-  static expected<Push, std::string> connect_supplier(const PeerLane& lane, const std::string&) {
+  static Outcome<Push> connect_supplier(const PeerLane& lane, const std::string&) {
     auto& context = *new Context(lane, TopicRole::kSupplier);
     auto writer = std::make_shared<Writer<EventStamp>>(context, kEventTopic, kEventQueueMax);
-    if (!writer->is_well()) return failure("set-up");
-    return [writer](const EventStamp& stamp) -> Outcome {
-      if (!writer->write(stamp)) return failure("write");
+    if (!writer->is_well()) return library_failure("set-up");
+    return [writer](const EventStamp& stamp) -> Outcome<> {
+      if (!writer->write(stamp)) return library_failure("write");
       return {};
     };
   }
 
-  static expected<Consume, std::string> connect_consumer(const PeerLane& lane, const std::string&,
-                                                         Note& note) {
+  static Outcome<Consume> connect_consumer(const PeerLane& lane, const std::string&, Note& note) {
     auto& context = *new Context(lane, TopicRole::kConsumer);
     auto reader = std::make_shared<Reader<EventStamp>>(context, kEventTopic, kEventQueueMax);
-    if (!reader->is_well()) return failure("set-up");
+    if (!reader->is_well()) return library_failure("set-up");
     return [reader, &context, &note] {
       for (EventStamp stamp;;) {
         context.wait(Duration::max());
@@ -123,7 +122,7 @@ class TopicPeer {
     return "rtpm_bench_lane" + std::to_string(lane.index) + "_caller" + std::to_string(caller) +
            "_" + what;
   }
-  [[nodiscard]] static auto failure(const char* what) {
+  [[nodiscard]] static auto library_failure(const char* what) {
     return failure_of(Middleware::kName, what, Middleware::kRemedy);
   }
 };

@@ -39,8 +39,7 @@ struct Zeromq {
     return socket;
   }
 
-  static expected<Listener<void*>, std::string> listen(SocketKind kind, const PeerLane& lane,
-                                                       const char* name) {
+  static Outcome<Listener<void*>> listen(SocketKind kind, const PeerLane& lane, const char* name) {
     void* const socket = open(kind);
     const std::string wanted = lane.transport == "ipc" ? "ipc://" + lane.socket_path() + name
                                                        : std::string("tcp://127.0.0.1:*");
@@ -54,7 +53,7 @@ struct Zeromq {
     return listen(SocketKind::kReply, lane, "calls");
   }
 
-  static expected<void*, std::string> dial(SocketKind kind, const std::string& address) {
+  static Outcome<void*> dial(SocketKind kind, const std::string& address) {
     void* const socket = open(kind);
     if (zmq_connect(socket, address.c_str()) != 0) return failure("connect");
     return socket;

@@ -19,47 +19,54 @@ Carrier floor_carrier_of(const DuelConfig& config) {
   return config.floor_carrier.value_or(config.carrier);
 }
 
-expected<std::string, std::string> set_up_floor(const DuelConfig& config, MemoryFloor* memory) {
-  std::vector<FloorLaneConfig> lanes{{.name = "floor-high",
-                                      .priority = kHighPriority,
-                                      .wait = config.wait,
-                                      .cpu = config.placement.server_cpu,
-                                      .host = config.host,
-                                      .payload_size = config.payload_size,
-                                      .is_sealed = config.keys != nullptr}};
-  if (config.low_caller_count > 0 || config.has_hello_storm) {
-    lanes.push_back({.name = "floor-low",
-                     .priority = kLowPriority,
-                     .wait = kLowWait,
-                     .cpu = config.placement.server_cpu,
-                     .connection_count = std::max(1, config.low_caller_count),
-                     .host = config.host});
-  }
+FloorLaneConfig high_lane(const DuelConfig& config) {
+  return {.name = "floor-high",
+          .priority = kHighPriority,
+          .wait = config.wait,
+          .cpu = config.placement.server_cpu,
+          .host = config.host,
+          .payload_size = config.payload_size,
+          .is_sealed = config.keys != nullptr};
+}
+
+FloorLaneConfig low_lane(const DuelConfig& config) {
+  return {.name = "floor-low",
+          .priority = kLowPriority,
+          .wait = kLowWait,
+          .cpu = config.placement.server_cpu,
+          .connection_count = std::max(1, config.low_caller_count),
+          .host = config.host};
+}
+
+Outcome<std::string> set_up_floor(const DuelConfig& config, MemoryFloor* memory) {
+  std::vector<FloorLaneConfig> lanes{high_lane(config)};
+  if (config.low_caller_count > 0 || config.has_hello_storm) lanes.push_back(low_lane(config));
   if (memory != nullptr) {
     if (auto served = memory->serve(lanes, config.realtime); !served) {
-      return unexpected{served.error()};
+      return failure(served.error());
     }
     return std::string("0 0");
   }
   const auto ports = start_floor_server(floor_carrier_of(config), lanes, config.realtime);
-  if (!ports) return unexpected{ports.error()};
+  if (!ports) return failure(ports.error());
   std::string text;
   for (const std::uint16_t port : *ports)
     text += std::to_string(port) + " ";
   return text;
 }
 
-expected<std::string, std::string> set_up_rtpm(const DuelConfig& config) {
+Outcome<std::string> set_up_rtpm(const DuelConfig& config) {
   const std::vector<int> cpus{config.placement.server_cpu};
-  RtpmServerConfig server{.host = config.host,
-                          .lanes = {{.name = "rtpm-high",
-                                     .low = config.low_caller_count > 0 ? kHighBand : Priority{0},
-                                     .priority = kHighPriority,
-                                     .wait = config.wait,
-                                     .cpus = cpus}},
-                          .session_count_max = config.session_count_max,
-                          .realtime = config.realtime};
-  if (config.keys) server.security = config.keys->server();
+  rpc::ServerConfig server{
+      .host = config.host,
+      .lanes = {{.name = "rtpm-high",
+                 .low = config.low_caller_count > 0 ? kHighBand : Priority{0},
+                 .priority = kHighPriority,
+                 .wait = config.wait,
+                 .cpus = cpus}},
+      .realtime = config.realtime,
+      .session_count_max = config.session_count_max,
+      .security = config.keys ? config.keys->server() : rpc::ServerSecurity{.is_insecure = true}};
   if (config.low_caller_count > 0) {
     server.lanes.insert(
         server.lanes.begin(),
@@ -69,11 +76,10 @@ expected<std::string, std::string> set_up_rtpm(const DuelConfig& config) {
 }
 
 /// Starts a server stopped: one that spins would keep the other's threads off their CPU.
-expected<ServerProcess, std::string> start_server(const DuelConfig& config,
-                                                  const ServerProcess::SetUp& set_up) {
-  auto server = ServerProcess::start([&]() -> expected<std::string, std::string> {
+Outcome<ServerProcess> start_server(const DuelConfig& config, const ServerProcess::SetUp& set_up) {
+  auto server = ServerProcess::start([&]() -> Outcome<std::string> {
     if (config.enter_server_host) {
-      if (auto entered = config.enter_server_host(); !entered) return unexpected{entered.error()};
+      if (auto entered = config.enter_server_host(); !entered) return failure(entered.error());
     }
     return set_up();
   });
@@ -83,23 +89,23 @@ expected<ServerProcess, std::string> start_server(const DuelConfig& config,
 
 }  // namespace
 
-expected<std::shared_ptr<Duel>, std::string> Duel::start(const DuelConfig& config) {
+Outcome<std::shared_ptr<Duel>> Duel::start(const DuelConfig& config) {
   if (config.wait.strategy == rt::WaitStrategy::kSpin &&
       config.placement.client_cpu == config.placement.server_cpu) {
-    return unexpected{
-        std::string("callers and servers that spin need two CPUs, and this process "
-                    "may use one only; use --wait adaptive or --wait block")};
+    return failure(
+        "callers and servers that spin need two CPUs, and this process may use one only; use "
+        "--wait adaptive or --wait block");
   }
   std::unique_ptr<MemoryFloor> memory;
   if (floor_carrier_of(config) == Carrier::kSharedMemory) {
     auto created = MemoryFloor::create({1, config.low_caller_count}, config.payload_size);
-    if (!created) return unexpected{created.error()};
+    if (!created) return failure(created.error());
     memory = std::move(*created);
   }
   auto floor = start_server(config, [&] { return set_up_floor(config, memory.get()); });
-  if (!floor) return unexpected{floor.error()};
+  if (!floor) return failure(floor.error());
   auto rtpm = start_server(config, [&] { return set_up_rtpm(config); });
-  if (!rtpm) return unexpected{rtpm.error()};
+  if (!rtpm) return failure(rtpm.error());
   return std::shared_ptr<Duel>(
       new Duel(config, std::move(memory), std::move(*floor), std::move(*rtpm)));
 }
@@ -116,128 +122,89 @@ Duel::Duel(DuelConfig config, std::unique_ptr<MemoryFloor> memory, ServerProcess
   std::istringstream(floor_.address()) >> floor_ports_[0] >> floor_ports_[1];
 }
 
-expected<std::unique_ptr<Caller>, std::string> Duel::connect_high(Side side) {
+Outcome<Call> Duel::connect(Side side) {
   if (side == Side::kRtpm) {
     return connect_rtpm_caller(*high_node_, rtpm_url(), kHighPriority, config_.payload_size);
   }
   if (memory_floor_) return memory_floor_->connect(0, config_.wait);
-  return connect_floor_caller(floor_carrier_of(config_), config_.host, floor_ports_[0],
-                              config_.wait, config_.payload_size, config_.keys != nullptr);
+  return connect_floor_caller(floor_carrier_of(config_), floor_ports_[0], high_lane(config_));
 }
 
-expected<Job, std::string> Duel::connect_storm(Side side) {
+Outcome<Pipeline> Duel::connect_pipeline(Side side) {
+  if (side == Side::kFloor) return connect_floor_pipeline(floor_ports_[0], high_lane(config_));
+  return connect_rtpm_pipeline(*high_node_, rtpm_url(), kHighPriority);
+}
+
+Outcome<Call> Duel::connect_low(Side side) {
+  if (side == Side::kRtpm) return connect_rtpm_caller(*low_node_, rtpm_url(), kLowPriority);
+  if (memory_floor_) return memory_floor_->connect(1, kLowWait);
+  return connect_floor_caller(floor_carrier_of(config_), floor_ports_[1], low_lane(config_));
+}
+
+Outcome<Call> Duel::connect_storm(Side side) {
   if (side == Side::kRtpm) {
     const auto url = wire::parse_url(rtpm_url());
-    if (!url) return unexpected{rtpm_url() + " is no URL"};
+    if (!url) return failure(rtpm_url() + " is no URL");
     return make_hello_storm(url->port);
   }
   auto caller = connect_low(side);
-  if (!caller) return unexpected{caller.error()};
-  return paced_as_hellos(
-      [held = std::shared_ptr<Caller>(std::move(*caller))] { return held->echo(); });
+  if (!caller) return caller;
+  return paced_as_hellos(std::move(*caller));
 }
 
-expected<std::unique_ptr<Caller>, std::string> Duel::connect_low(Side side) {
-  if (side == Side::kRtpm) return connect_rtpm_caller(*low_node_, rtpm_url(), kLowPriority);
-  if (memory_floor_) return memory_floor_->connect(1, kLowWait);
-  return connect_floor_caller(floor_carrier_of(config_), config_.host, floor_ports_[1], kLowWait);
-}
-
-expected<std::unique_ptr<Contender>, std::string> Duel::contender(Side side, Duration work) {
+Outcome<Contender> Duel::contender(Side side) {
   const Running running({&server(side)});
-  auto high = connect_high(side);
-  if (!high) return unexpected{high.error()};
-  std::vector<Job> jobs;
-  for (int i = 0; i < config_.low_caller_count; ++i) {
-    auto caller = connect_low(side);
-    if (!caller) return unexpected{caller.error()};
-    // Shared, because a job is copied.
-    jobs.emplace_back(
-        [held = std::shared_ptr<Caller>(std::move(*caller)), work] { return held->work(work); });
+  auto high = connect(side);
+  if (!high) return failure(high.error());
+  std::vector<Call> callers;
+  for (int i = 0; i < config_.low_caller_count + (config_.has_hello_storm ? 1 : 0); ++i) {
+    auto caller = i < config_.low_caller_count ? connect_low(side) : connect_storm(side);
+    if (!caller) return failure(caller.error());
+    callers.push_back(std::move(*caller));
   }
-  if (config_.has_hello_storm) {
-    auto storm = connect_storm(side);
-    if (!storm) return unexpected{storm.error()};
-    jobs.push_back(std::move(*storm));
+  std::shared_ptr<LowLoad> load;
+  if (!callers.empty()) {
+    load = std::make_shared<LowLoad>(config_.placement, config_.realtime, std::move(callers),
+                                     config_.low_work);
   }
-  std::unique_ptr<LowLoad> load;
-  if (!jobs.empty()) {
-    load = std::make_unique<LowLoad>(config_.placement, config_.realtime, std::move(jobs));
-  }
-  return std::make_unique<CallContender>(std::vector{&server(side)}, std::move(*high),
-                                         std::move(load));
+  return make_contender({&server(side)}, std::move(*high), std::move(load));
 }
 
-expected<Contenders, std::string> Duel::contenders(Duration work) {
+Outcome<Contenders> Duel::contenders() {
   Contenders both;
   for (const Side side : kBothSides) {
-    auto one = contender(side, work);
-    if (!one) return unexpected{one.error()};
+    auto one = contender(side);
+    if (!one) return failure(one.error());
     both.push_back(std::move(*one));
   }
   return both;
 }
 
-Start start_duel(const DuelConfig& config,
-                 std::function<expected<Contenders, std::string>(Duel&)> connect) {
-  return [config, connect = std::move(connect)]() -> expected<Connect, std::string> {
-    auto duel = Duel::start(config);
-    if (!duel) return unexpected{duel.error()};
-    return Connect([duel = *duel, connect] { return connect(*duel); });
+Contender make_contender(std::vector<const ServerProcess*> servers, Call caller,
+                         std::shared_ptr<LowLoad> load) {
+  return [servers = std::move(servers), caller = std::move(caller), load = std::move(load)](
+             const TurnPlan& plan, Finding& finding) {
+    const Running running(servers);
+    return run_turn(plan, caller, load.get(), finding);
   };
 }
 
-expected<Client, std::string> bind_client(Carrier carrier, const rt::WaitConfig& wait,
-                                          const std::string& url) {
-  Client client{.node = make_node(carrier, wait), .caller = nullptr};
+Start start_duel(const DuelConfig& config,
+                 std::function<Outcome<Contenders>(const std::shared_ptr<Duel>&)> connect) {
+  return [config, connect = std::move(connect)]() -> Outcome<Connect> {
+    auto duel = Duel::start(config);
+    if (!duel) return failure(duel.error());
+    return Connect([duel = *duel, connect] { return connect(duel); });
+  };
+}
+
+Outcome<Client> bind_client(Carrier carrier, const rt::WaitConfig& wait, const std::string& url) {
+  Client client{.node = make_node(carrier, wait), .caller = {}};
   auto caller = connect_rtpm_caller(*client.node, url, kHighPriority);
-  if (!caller) return unexpected{caller.error()};
+  if (!caller) return failure(caller.error());
   client.caller = std::move(*caller);
-  if (auto called = client.caller->echo(); !called) return unexpected{called.error()};
+  if (auto called = client.caller({}); !called) return failure(called.error());
   return client;
-}
-
-expected<void, std::string> run_as_caller(
-    const Settings& settings, const std::function<expected<void, std::string>()>& body) {
-  expected<void, std::string> outcome;
-  auto thread = rt::Thread::start({.name = "bench-caller",
-                                   .priority = kHighPriority,
-                                   .cpus = {choose_placement().client_cpu},
-                                   .realtime = settings.realtime},
-                                  [&] { outcome = body(); });
-  if (!thread) return unexpected{thread.error().text()};
-  thread->join();
-  return outcome;
-}
-
-void measure_each(std::string_view case_name, const Settings& settings, Report& report,
-                  bool shares_cpu, Measure measure) {
-  for (const Carrier carrier : settings.carriers) {
-    for (const rt::WaitStrategy strategy : settings.waits) {
-      const std::string title = std::string(case_name) + ", " + std::string(to_string(carrier)) +
-                                ", " + std::string(rt::to_string(strategy)) + " wait";
-      if (shares_cpu && strategy == rt::WaitStrategy::kSpin) {
-        report.fail(title,
-                    "what spins would starve what shares its CPU; use --wait adaptive or "
-                    "--wait block");
-        continue;
-      }
-      DuelConfig config{.carrier = carrier,
-                        .wait = {.strategy = strategy},
-                        .placement = choose_placement(),
-                        .realtime = settings.realtime};
-      if (settings.is_sealed) {
-        auto keys = SealedKeys::make(config.host);
-        if (!keys) {
-          report.fail(title, keys.error());
-          continue;
-        }
-        config.keys = std::move(*keys);
-      }
-      const auto measured = measure(settings, config, report);
-      if (!measured) report.fail(title, measured.error());
-    }
-  }
 }
 
 Json head_of(std::string_view case_name, const DuelConfig& config) {

@@ -1,11 +1,14 @@
 #include "runs/peers.hpp"
 
+#include <fcntl.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <cstdlib>
 #include <filesystem>
+#include <memory>
 #include <sstream>
 #include <utility>
 
@@ -35,55 +38,71 @@ void remove_left_folders() {
   }
 }
 
-class PeerContender final : public Contender {
- public:
-  explicit PeerContender(SharedBoard board) : board_(std::move(board)) {}
-  ~PeerContender() override {
-    processes_.clear();
+/// A peer's server and client, which are stopped except in the peer's turns.
+struct PeerProcesses {
+  PeerProcesses() = default;
+  PeerProcesses(const PeerProcesses&) = delete;
+  PeerProcesses& operator=(const PeerProcesses&) = delete;
+  ~PeerProcesses() {
+    processes.clear();
+    if (link >= 0) close(link);
     std::error_code ignored;
-    fs::remove_all(std::string(board_->setting.folder.get()), ignored);
+    fs::remove_all(folder, ignored);
   }
 
-  [[nodiscard]] expected<void, std::string> start(const std::string& program,
-                                                  const std::string& verb) {
-    const std::string file = std::to_string(board_.file());
-    // Events go through a broker, calls to a server.
-    for (const std::string& role : {std::string(verb == "call" ? "serve" : "broker"), verb}) {
-      auto process = ServerProcess::start_program({program, role, file});
-      if (!process) return unexpected{process.error()};
-      processes_.push_back(std::move(*process));
-    }
-    for (const ServerProcess& process : processes_)
-      process.pause();
-    return {};
-  }
+  [[nodiscard]] Outcome<> start(const std::string& program, const std::string& verb,
+                                PeerSetting setting);
+  [[nodiscard]] Outcome<> take_turn(const TurnPlan& plan, Finding& finding) const;
 
-  expected<void, std::string> take_turn(const TurnPlan& plan, Finding& finding) override {
-    PeerBoard& board = *board_.operator->();
-    board.plan = plan;
-    {
-      const Running running({&processes_[0], &processes_[1]});
-      const auto planned = Duration{plan.period_ns} * static_cast<Duration::rep>(plan.count);
-      if (!board.run_plan(planned + kTurnPatience)) {
-        return unexpected{std::string("its program said nothing for 15 s")};
-      }
-    }
-    if (!board.error.get().empty()) return unexpected{std::string(board.error.get())};
-    take(std::span(board.high_ns).first(board.high_count), finding.first);
-    take(std::span(board.low_ns).first(board.low_count), finding.second);
-    finding.missing_count += board.missing_count;
-    return {};
-  }
-
- private:
-  static void take(std::span<const std::int64_t> latencies_ns, Samples& samples) {
-    for (const std::int64_t latency_ns : latencies_ns)
-      samples.add(Duration{latency_ns});
-  }
-
-  SharedBoard board_;
-  std::vector<ServerProcess> processes_{};  ///< The server and the client.
+  std::string folder{};
+  int link = -1;
+  std::vector<ServerProcess> processes{};
 };
+
+Outcome<> PeerProcesses::start(const std::string& program, const std::string& verb,
+                               PeerSetting setting) {
+  std::array<int, 2> ends{};
+  if (socketpair(AF_UNIX, SOCK_STREAM, 0, ends.data()) != 0) {
+    return failure("no socket for a peer's program");
+  }
+  fcntl(ends[0], F_SETFD, FD_CLOEXEC);
+  link = ends[0];
+  setting.link = ends[1];
+  setting.folder = folder;
+  Outcome<> started;
+  // Events go through a broker, calls to a server.
+  for (const std::string& role : {std::string(verb == "call" ? "serve" : "broker"), verb}) {
+    auto process = ServerProcess::start_program({program, role, nlohmann::json(setting).dump()});
+    if (!process) {
+      started = failure(process.error());
+      break;
+    }
+    setting.addresses = nlohmann::json::parse(process->address()).get<std::vector<std::string>>();
+    processes.push_back(std::move(*process));
+  }
+  close(ends[1]);
+  for (const ServerProcess& process : processes)
+    process.pause();
+  return started;
+}
+
+Outcome<> PeerProcesses::take_turn(const TurnPlan& plan, Finding& finding) const {
+  std::optional<nlohmann::json> line;
+  {
+    const Running running({&processes[0], &processes[1]});
+    const auto planned = Duration{plan.period_ns} * static_cast<Duration::rep>(plan.count);
+    if (send_line(link, plan)) line = receive_line(link, planned + kTurnPatience);
+  }
+  if (!line) return failure("its program ended, or said nothing for 15 s");
+  const auto answer = line->get<PeerAnswer>();
+  if (!answer.error.empty()) return failure(answer.error);
+  for (const std::int64_t latency_ns : answer.first_ns)
+    finding.first.add(Duration{latency_ns});
+  for (const std::int64_t latency_ns : answer.second_ns)
+    finding.second.add(Duration{latency_ns});
+  finding.missing_count += answer.missing_count;
+  return {};
+}
 
 }  // namespace
 
@@ -148,22 +167,18 @@ std::optional<std::string> find_program(const PeerEntry& peer) {
   return path.string();
 }
 
-expected<std::unique_ptr<Contender>, std::string> start_peer(const std::string& program,
-                                                             const std::string& verb,
-                                                             const PeerSetting& setting) {
-  auto board = SharedBoard::create();
-  if (!board) return unexpected{board.error()};
+Outcome<Contender> start_peer(const std::string& program, const std::string& verb,
+                              const PeerSetting& setting) {
   remove_left_folders();
-  std::string folder = fs::temp_directory_path() /
-                       (std::string(kFolderPrefix) + std::to_string(getpid()) + "-XXXXXX");
-  if (mkdtemp(folder.data()) == nullptr) return unexpected{"no folder like " + folder};
-  (*board)->setting = setting;
-  (*board)->setting.folder.set(folder);
-  auto contender = std::make_unique<PeerContender>(std::move(*board));
-  if (auto started = contender->start(program, verb); !started) {
-    return unexpected{started.error()};
+  auto peer = std::make_shared<PeerProcesses>();
+  peer->folder = fs::temp_directory_path() /
+                 (std::string(kFolderPrefix) + std::to_string(getpid()) + "-XXXXXX");
+  if (mkdtemp(peer->folder.data()) == nullptr) return failure("no folder like " + peer->folder);
+  if (auto started = peer->start(program, verb, setting); !started) {
+    return failure(started.error());
   }
-  return contender;
+  return Contender(
+      [peer](const TurnPlan& plan, Finding& finding) { return peer->take_turn(plan, finding); });
 }
 
 }  // namespace rtpm::bench

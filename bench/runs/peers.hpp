@@ -1,6 +1,5 @@
 #pragma once
 
-#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -8,9 +7,9 @@
 #include <vector>
 
 #include "figures/report.hpp"
-#include "rtpm/base/expected.hpp"
-#include "runs/contender.hpp"
-#include "runs/peer_board.hpp"
+#include "outcome.hpp"
+#include "runs/peer_link.hpp"
+#include "runs/turn.hpp"
 #include "settings.hpp"
 
 namespace rtpm::bench {
@@ -47,7 +46,7 @@ void say_missing_peers(const Settings& settings, Report& report);
 /// the peer's turns. Call it before this process starts a thread.
 /// @param verb  what the client does, "call" or "events"
 /// @realtime    set-up only
-[[nodiscard]] expected<std::unique_ptr<Contender>, std::string> start_peer(
-    const std::string& program, const std::string& verb, const PeerSetting& setting);
+[[nodiscard]] Outcome<Contender> start_peer(const std::string& program, const std::string& verb,
+                                            const PeerSetting& setting);
 
 }  // namespace rtpm::bench

@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "rtpm/rt/clock.hpp"
-#include "runs/duel.hpp"
+#include "rtpm/rt/thread.hpp"
 
 namespace rtpm::bench {
 namespace {
@@ -17,6 +17,18 @@ std::string title_of_peer(const std::string& name, const std::string& transport)
 }
 
 }  // namespace
+
+Outcome<> run_as_caller(const Settings& settings, const std::function<Outcome<>()>& body) {
+  Outcome<> measured;
+  auto thread = rt::Thread::start({.name = "bench-caller",
+                                   .priority = kHighPriority,
+                                   .cpus = {choose_placement().client_cpu},
+                                   .realtime = settings.realtime},
+                                  [&] { measured = body(); });
+  if (!thread) return failure(thread.error());
+  thread->join();
+  return measured;
+}
 
 Run::Run(const Settings& settings, RunPlan plan, Report& report)
     : settings_(settings), plan_(std::move(plan)), report_(report) {
@@ -53,9 +65,7 @@ Run::Entrant& Run::enter(const std::string& peer, const std::string& transport) 
   return entrant;
 }
 
-void Run::start_peers() {
-  const bool is_first_part = entrants_.empty();
-  std::vector<Entrant> started;
+void Run::start_peers(bool is_first_part) {
   for (const PeerEntry* peer : peers_) {
     const auto program = find_program(*peer);
     if (!program) continue;
@@ -66,7 +76,7 @@ void Run::start_peers() {
       });
       // An entrant that failed in an earlier part lacks rounds.
       if (!is_first_part && known == entrants_.end()) continue;
-      peer_setting_.transport.set(transport);
+      peer_setting_.transport = transport;
       auto contender = start_peer(*program, peer_verb_, peer_setting_);
       if (contender) {
         (is_first_part ? enter(name, transport) : *known).contender = std::move(*contender);
@@ -75,39 +85,36 @@ void Run::start_peers() {
       }
     }
   }
-  std::erase_if(entrants_, [](const Entrant& each) {
-    return !each.peer.empty() && each.contender == nullptr;
-  });
+  std::erase_if(entrants_,
+                [](const Entrant& each) { return !each.peer.empty() && !each.contender; });
 }
 
-expected<void, std::string> Run::measure(const Start& start) {
+Outcome<> Run::measure(const Start& start) {
+  for ([[maybe_unused]] const Side side : kBothSides)
+    enter({}, {});
   const int part_count = std::min(plan_.part_count, round_count_);
   for (int part = 0; part < part_count; ++part) {
     const auto connect = start();
-    if (!connect) return unexpected{connect.error()};
-    start_peers();
-    if (!peers_.empty() && entrants_.size() == own_count_) return {};
+    if (!connect) return failure(connect.error());
+    start_peers(part == 0);
+    if (!peers_.empty() && entrants_.size() == std::size(kBothSides)) return {};
+    has_begun_ = true;
     auto measured = run_as_caller(settings_, [&] {
       return measure_part(*connect, round_count_ * part / part_count,
                           round_count_ * (part + 1) / part_count);
     });
     detector_.reset();
     for (Entrant& entrant : entrants_)
-      entrant.contender.reset();
+      entrant.contender = nullptr;
     if (!measured) return measured;
   }
   return {};
 }
 
-expected<void, std::string> Run::measure_part(const Connect& connect, int begin, int end) {
+Outcome<> Run::measure_part(const Connect& connect, int begin, int end) {
   auto contenders = connect();
-  if (!contenders) return unexpected{contenders.error()};
-  for (; own_count_ < contenders->size(); ++own_count_) {
-    enter({}, {});
-    std::rotate(entrants_.begin() + static_cast<std::ptrdiff_t>(own_count_), entrants_.end() - 1,
-                entrants_.end());
-  }
-  for (std::size_t i = 0; i < own_count_; ++i)
+  if (!contenders) return failure(contenders.error());
+  for (std::size_t i = 0; i < contenders->size(); ++i)
     entrants_[i].contender = std::move((*contenders)[i]);
   detector_.emplace();
   // Calls one after the other would meet its threads too often, and miss less of a stall.
@@ -123,9 +130,12 @@ expected<void, std::string> Run::measure_part(const Connect& connect, int begin,
   return {};
 }
 
-expected<void, std::string> Run::measure_round(int load, int round) {
-  for (Entrant& entrant : entrants_)
-    entrant.findings.at(load).begin_round(round);
+Outcome<> Run::measure_round(int load, int round) {
+  for (Entrant& entrant : entrants_) {
+    Finding& finding = entrant.findings.at(load);
+    finding.first.begin_round(round);
+    finding.second.begin_round(round);
+  }
   auto first = static_cast<std::size_t>(round);
   for (std::uint64_t done = 0; done < count_per_round_; done += plan_.turn_size, ++first) {
     const std::uint64_t count = std::min(plan_.turn_size, count_per_round_ - done);
@@ -137,15 +147,15 @@ expected<void, std::string> Run::measure_round(int load, int round) {
       if (auto taken = take_turn(entrant, load, count); !taken) {
         if (entrant.peer.empty()) return taken;
         report_.fail(title_of_peer(entrant.peer, entrant.transport), taken.error());
-        entrant.contender.reset();
+        entrant.contender = nullptr;
       }
     }
   }
-  std::erase_if(entrants_, [](const Entrant& each) { return each.contender == nullptr; });
+  std::erase_if(entrants_, [](const Entrant& each) { return !each.contender; });
   return {};
 }
 
-expected<void, std::string> Run::take_turn(Entrant& entrant, int load, std::uint64_t count) {
+Outcome<> Run::take_turn(Entrant& entrant, int load, std::uint64_t count) {
   const TurnPlan plan{.warm_up_count = plan_.warm_up_count,
                       .count = count,
                       .period_ns = plan_.rate_hz > 0
@@ -156,21 +166,23 @@ expected<void, std::string> Run::take_turn(Entrant& entrant, int load, std::uint
   Finding& finding = entrant.findings.at(load);
   const RoundWatch round_watch(*detector_);
   const MonotonicTime begin = rt::now();
-  auto taken = entrant.contender->take_turn(plan, finding);
+  auto taken = entrant.contender(plan, finding);
   const MonotonicTime end = rt::now();
-  finding.note_disturbed(round_watch.was_disturbed());
+  const bool was_disturbed = round_watch.was_disturbed();
+  finding.first.note_disturbed(was_disturbed);
+  finding.second.note_disturbed(was_disturbed);
   rt::sleep_until(end + std::chrono::duration_cast<Duration>((end - begin) * plan_.rest_part));
   return taken;
 }
 
 void Run::report(const Json& head, const Json& tail) {
-  if (own_count_ == 0) return;
+  if (!has_begun_) return;
   for (const auto& [load, finding] : entrants_[0].findings) {
     if (!is_asked(load)) continue;
-    Json own = result(head, 0, load);
+    Json own = result(head, load);
     own.update(tail);
     report_.add(std::move(own));
-    for (std::size_t peer = own_count_; peer < entrants_.size(); ++peer)
+    for (std::size_t peer = std::size(kBothSides); peer < entrants_.size(); ++peer)
       report_.add(result_of_peer(head, entrants_[peer], load));
   }
 }
@@ -179,14 +191,13 @@ double Run::paced_seconds() const {
   return static_cast<double>(count_per_round_) * round_count_ / plan_.rate_hz;
 }
 
-Json Run::result(const Json& head, std::size_t contender, int load) const {
+Json Run::result(const Json& head, int load) const {
   Json result = head;
-  const Entrant& entrant = entrants_[contender];
-  const Entrant& floor = entrants_[own_count_ - 1];
-  const Finding& finding = entrant.findings.at(load);
+  const Entrant& floor = entrants_[1];
+  const Finding& finding = entrants_[0].findings.at(load);
   if (!plan_.load_field.empty()) result[plan_.load_field] = load;
   add_pair(result, "", finding, "floor_", floor.findings.at(load), "ratio_");
-  add_load(result, "", entrant, load);
+  add_load(result, "", entrants_[0], load);
   add_load(result, "floor_", floor, load);
   if (settings_.tells_latencies) {
     result["latencies_us"] = finding.first.all_us();

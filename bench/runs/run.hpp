@@ -1,19 +1,30 @@
 #pragma once
 
+#include <functional>
 #include <map>
-#include <memory>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "figures/disturbance.hpp"
 #include "figures/report.hpp"
-#include "runs/contender.hpp"
 #include "runs/peers.hpp"
+#include "runs/turn.hpp"
 #include "settings.hpp"
 
 namespace rtpm::bench {
+
+/// Connects RTPM's contenders first and the floor last, on the caller's thread; all that it starts
+/// lives as long as this function.
+using Contenders = std::vector<Contender>;
+using Connect = std::function<Outcome<Contenders>()>;
+/// Starts the servers of a part of a run, before this process has a thread.
+using Start = std::function<Outcome<Connect>()>;
+
+/// Runs `body` to its end on a thread like a measured caller's: high priority, on the clients' CPU.
+/// @return the body's result
+[[nodiscard]] Outcome<> run_as_caller(const Settings& settings,
+                                      const std::function<Outcome<>()>& body);
 
 /// How a run measures its contenders.
 struct RunPlan {
@@ -48,30 +59,28 @@ class Run {
               const PeerSetting& setting);
 
   /// Measures all rounds. A peer that fails is left out, and the report says so.
-  [[nodiscard]] expected<void, std::string> measure(const Start& start);
+  [[nodiscard]] Outcome<> measure(const Start& start);
 
   /// Reports RTPM beside the floor, and each peer beside RTPM, under each load that was asked for.
   void report(const Json& head, const Json& tail = Json::object());
   /// The time that a contender's paced calls took together.
   [[nodiscard]] double paced_seconds() const;
-  /// One contender beside the floor.
-  [[nodiscard]] Json result(const Json& head, std::size_t contender = 0, int load = 0) const;
+  /// RTPM beside the floor.
+  [[nodiscard]] Json result(const Json& head, int load = 0) const;
 
  private:
   struct Entrant {
     std::string peer{};       ///< The peer's name; empty for RTPM and the floor.
     std::string transport{};  ///< The peer's transport.
     std::map<int, Finding> findings{};
-    std::unique_ptr<Contender> contender{};  ///< Within a part.
+    Contender contender{};  ///< Within a part.
   };
 
   Entrant& enter(const std::string& peer, const std::string& transport);
-  void start_peers();
-  [[nodiscard]] expected<void, std::string> measure_part(const Connect& connect, int begin,
-                                                         int end);
-  [[nodiscard]] expected<void, std::string> measure_round(int load, int round);
-  [[nodiscard]] expected<void, std::string> take_turn(Entrant& entrant, int load,
-                                                      std::uint64_t count);
+  void start_peers(bool is_first_part);
+  [[nodiscard]] Outcome<> measure_part(const Connect& connect, int begin, int end);
+  [[nodiscard]] Outcome<> measure_round(int load, int round);
+  [[nodiscard]] Outcome<> take_turn(Entrant& entrant, int load, std::uint64_t count);
   [[nodiscard]] Json result_of_peer(const Json& head, const Entrant& peer, int load) const;
   void add_pair(Json& result, const std::string& over_name, const Finding& over,
                 const std::string& under_name, const Finding& under,
@@ -89,8 +98,8 @@ class Run {
   Carrier peer_carrier_{};
   PeerSetting peer_setting_{};
   CpuTime cpu_time_ = read_cpu_time();
-  std::size_t own_count_ = 0;  ///< RTPM's contenders and the floor, which come before the peers.
-  std::vector<Entrant> entrants_{};
+  std::vector<Entrant> entrants_{};          ///< RTPM, the floor, and the peers.
+  bool has_begun_ = false;                   ///< Without any peer that was invited, it does not.
   std::optional<StallDetector> detector_{};  ///< Within a part: its threads are in no fork's way.
 };
 

@@ -12,9 +12,9 @@ using namespace std::chrono_literals;
 /// How long the last event of a turn may take to arrive.
 constexpr Duration kPatience = 500ms;
 
-expected<void, std::string> call(const TurnPlan& plan, Caller& caller, Samples& samples) {
+Outcome<> make_calls(const TurnPlan& plan, const Call& call, Samples& samples) {
   for (std::uint64_t i = 0; i < plan.warm_up_count; ++i) {
-    if (auto called = caller.echo(); !called) return called;
+    if (auto called = call({}); !called) return called;
   }
   const Duration period{plan.period_ns};
   MonotonicTime due = rt::now() + period;
@@ -25,7 +25,7 @@ expected<void, std::string> call(const TurnPlan& plan, Caller& caller, Samples& 
       if (!is_late) rt::sleep_until(due);
       begin = plan.count_from == CountFrom::kDue || is_late ? due : rt::now();
     }
-    if (auto called = caller.echo(); !called) return called;
+    if (auto called = call({}); !called) return called;
     samples.add(rt::now() - begin);
   }
   return {};
@@ -33,25 +33,23 @@ expected<void, std::string> call(const TurnPlan& plan, Caller& caller, Samples& 
 
 }  // namespace
 
-expected<void, std::string> run_turn(const TurnPlan& plan, Caller& caller, LowLoad* load,
-                                     Samples& high, Samples& low) {
-  if (load == nullptr) return call(plan, caller, high);
+Outcome<> run_turn(const TurnPlan& plan, const Call& caller, LowLoad* load, Finding& finding) {
+  if (load == nullptr) return make_calls(plan, caller, finding.first);
   if (auto started = load->start(plan.low_caller_count); !started) {
     (void)load->stop();
     return started;
   }
-  auto called = call(plan, caller, high);
+  auto called = make_calls(plan, caller, finding.first);
   const auto latencies = load->stop();
   if (!called) return called;
-  if (!latencies) return unexpected{latencies.error()};
+  if (!latencies) return failure(latencies.error());
   for (const Duration latency : *latencies)
-    low.add(latency);
+    finding.second.add(latency);
   return {};
 }
 
-expected<void, std::string> push_events(const TurnPlan& plan, EventSide& side, EventBoard& board,
-                                        std::uint32_t block, int consumer_count, Samples& each,
-                                        Samples& last, std::uint64_t& missing_count) {
+Outcome<> push_events(const TurnPlan& plan, EventSide& side, EventBoard& board, std::uint32_t block,
+                      int consumer_count, Finding& finding) {
   const auto consumers = static_cast<std::size_t>(consumer_count);
   const std::size_t count = std::min<std::size_t>(plan.count, board.event_count());
   board.begin(block);
@@ -71,12 +69,12 @@ expected<void, std::string> push_events(const TurnPlan& plan, EventSide& side, E
       const Duration latency = board.at(consumer, event);
       latest = std::max(latest, latency);
       if (latency > Duration{0}) {
-        each.add(latency);
+        finding.first.add(latency);
       } else {
-        ++missing_count;
+        ++finding.missing_count;
       }
     }
-    last.add(latest);
+    finding.second.add(latest);
   }
   return {};
 }

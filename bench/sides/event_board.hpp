@@ -5,6 +5,7 @@
 #include <cstring>
 #include <vector>
 
+#include "outcome.hpp"
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/base/time.hpp"
 
@@ -60,6 +61,16 @@ class EventBoard {
   std::vector<std::int64_t> cells_;
   std::atomic<std::uint32_t> block_{0};
   std::atomic<std::uint64_t> arrived_count_{0};
+};
+
+/// Supplier and consumers of one side. Threads: push() from one.
+class EventSide {
+ public:
+  virtual ~EventSide() = default;
+  [[nodiscard]] virtual Outcome<> push(const EventStamp& stamp) = 0;
+  /// Lets the last `count` consumers take a tenth of a second for each event, or stops that. Only a
+  /// hub's consumers can be slow.
+  virtual void set_slow(int count) { static_cast<void>(count); }
 };
 
 }  // namespace rtpm::bench

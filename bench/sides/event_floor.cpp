@@ -58,9 +58,8 @@ class RelaySide final : public EventSide {
     threads_.clear();
   }
   /// `relay` is nullopt if there is none.
-  [[nodiscard]] expected<void, std::string> begin(const EventSetting& setting,
-                                                  const std::optional<sockaddr_in>& relay,
-                                                  EventBoard& board) {
+  [[nodiscard]] Outcome<> begin(const EventSetting& setting,
+                                const std::optional<sockaddr_in>& relay, EventBoard& board) {
     if (relay) targets_.push_back(*relay);
     for (int i = 0; i < setting.consumer_count; ++i)
       sockets_.push_back(open_socket());
@@ -68,19 +67,19 @@ class RelaySide final : public EventSide {
       if (!relay) {
         targets_.push_back(address_of("127.0.0.1", sockets_[i].port()));
       } else if (!join(sockets_[i])) {
-        return unexpected{std::string("the raw floor's relay does not answer")};
+        return failure("the raw floor's relay does not answer");
       }
       auto thread = rt::Thread::start({.name = "floor-consumer",
                                        .priority = kHighPriority,
                                        .cpus = {setting.placement.client_cpu},
                                        .realtime = setting.realtime},
                                       [this, i, &board] { consume(sockets_[i], i, board); });
-      if (!thread) return unexpected{thread.error().text()};
+      if (!thread) return failure(thread.error());
       threads_.push_back(std::move(*thread));
     }
     return {};
   }
-  expected<void, std::string> push(const EventStamp& stamp) override {
+  Outcome<> push(const EventStamp& stamp) override {
     Frame frame{kEvent};
     std::memcpy(frame.data() + frame.size() - sizeof stamp, &stamp, sizeof stamp);
     for (const sockaddr_in& target : targets_)
@@ -110,25 +109,24 @@ class RelaySide final : public EventSide {
 
 }  // namespace
 
-expected<ServerProcess, std::string> start_event_relay(const EventSetting& setting) {
-  return start_between(setting, [&setting]() -> expected<std::string, std::string> {
+Outcome<ServerProcess> start_event_relay(const EventSetting& setting) {
+  return start_between(setting, [&setting]() -> Outcome<std::string> {
     auto socket = std::make_shared<RawSocket>(open_socket());
     const auto started = start_floor_thread(
         {.name = "floor-relay", .priority = kHighPriority, .cpu = setting.placement.server_cpu},
         setting.realtime, [socket, wait = setting.wait] { relay(*socket, wait); });
-    if (!started) return unexpected{started.error()};
+    if (!started) return failure(started.error());
     return std::to_string(socket->port());
   });
 }
 
-expected<std::unique_ptr<EventSide>, std::string> connect_relay(const EventSetting& setting,
-                                                                const std::string& relay,
-                                                                EventBoard& board) {
+Outcome<std::unique_ptr<EventSide>> connect_relay(const EventSetting& setting,
+                                                  const std::string& relay, EventBoard& board) {
   const std::string host(setting.network == nullptr ? "127.0.0.1" : NetworkPair::kServerAddress);
   std::optional<sockaddr_in> target;
   if (!relay.empty()) target = address_of(host, static_cast<std::uint16_t>(std::stoi(relay)));
   auto side = std::make_unique<RelaySide>();
-  if (auto begun = side->begin(setting, target, board); !begun) return unexpected{begun.error()};
+  if (auto begun = side->begin(setting, target, board); !begun) return failure(begun.error());
   return side;
 }
 

@@ -5,11 +5,10 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "rtpm/base/bytes.hpp"
-#include "rtpm/base/expected.hpp"
-#include "rtpm/crypto/primitives.hpp"
 #include "rtpm/wire/limits.hpp"
 #include "rtpm/wire/sealed.hpp"
 #include "settings.hpp"
@@ -29,7 +28,7 @@ inline constexpr std::size_t kFloorFrameSize = wire::kHeaderSize + kPayloadSize;
 /// measurement.
 [[nodiscard]] std::size_t floor_frame_size(Carrier carrier, std::size_t payload_size) noexcept;
 
-/// One thread of a raw server with one socket.
+/// One thread of a raw server with one socket, and the way in which its callers reach it.
 struct FloorLaneConfig {
   std::string name;
   Priority priority{};
@@ -39,58 +38,40 @@ struct FloorLaneConfig {
   std::string host = "127.0.0.1";  ///< Numeric.
   /// The payload of each frame. Over UDP, more than one datagram allows one caller only.
   std::size_t payload_size = kPayloadSize;
-  bool is_sealed = false;  ///< Opens each frame, and seals its answer.
+  /// Both sides seal each frame with the best cipher of this host, and nothing else: no window, no
+  /// next key, no session.
+  bool is_sealed = false;
 };
 
 /// The largest payload of a sealed floor: it fits in one datagram.
 inline constexpr std::size_t kSealedPayloadMax = wire::sealed_payload_max(wire::Medium::kDatagram);
-
-/// The key under which a sealed floor seals one direction, with the best cipher of this host, and
-/// nothing else: no window, no next key, no session.
-class FloorSeal {
- public:
-  explicit FloorSeal(bool is_client) noexcept;
-  /// @param sealed  wire::kSealedTrailerSize bytes larger than `frame`
-  void seal(const std::vector<std::byte>& frame, std::vector<std::byte>& sealed) noexcept;
-  /// @return false if the other side did not seal it
-  [[nodiscard]] bool open(const std::vector<std::byte>& sealed,
-                          std::vector<std::byte>& frame) const noexcept;
-
- private:
-  crypto::AeadKey own_;
-  crypto::AeadKey other_;
-  std::uint64_t counter_ = 0;
-};
 
 /// Starts a raw echo server in this process, one thread and one port per lane, which serves until
 /// the process ends. A frame whose first eight bytes are not zero asks it to compute for that many
 /// nanoseconds first.
 /// @return   the lanes' ports, in order
 /// @realtime set-up only
-[[nodiscard]] expected<std::vector<std::uint16_t>, std::string> start_floor_server(
+[[nodiscard]] Outcome<std::vector<std::uint16_t>> start_floor_server(
     Carrier carrier, const std::vector<FloorLaneConfig>& lanes, rt::RealtimeMode realtime);
 
-/// Connects a raw caller to a lane's port at `host`, which is numeric; its echo() sends
-/// and receives `payload_size` bytes, as the lane's configuration states.
+/// Connects a raw caller to a lane's port.
 /// @realtime set-up only
-[[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_floor_caller(
-    Carrier carrier, const std::string& host, std::uint16_t port, const rt::WaitConfig& wait,
-    std::size_t payload_size = kPayloadSize, bool is_sealed = false);
+[[nodiscard]] Outcome<Call> connect_floor_caller(Carrier carrier, std::uint16_t port,
+                                                 const FloorLaneConfig& lane);
 
 /// Like connect_floor_caller(), over UDP: a pipeline on one socket.
-[[nodiscard]] expected<std::unique_ptr<Pipeline>, std::string> connect_floor_pipeline(
-    const std::string& host, std::uint16_t port);
+[[nodiscard]] Outcome<Pipeline> connect_floor_pipeline(std::uint16_t port,
+                                                       const FloorLaneConfig& lane);
 
 // The parts that all raw floors share.
 
 /// Starts a lane's thread, which runs until the process ends.
-[[nodiscard]] expected<void, std::string> start_floor_thread(const FloorLaneConfig& lane,
-                                                             rt::RealtimeMode realtime,
-                                                             std::function<void()> body);
+[[nodiscard]] Outcome<> start_floor_thread(const FloorLaneConfig& lane, rt::RealtimeMode realtime,
+                                           std::function<void()> body);
 
 using FloorFrame = std::vector<std::byte>;
 
-/// A frame as callers send it: zeros in place of RTPM's header, then bytes that differ.
+/// The frame that a caller sends, with its bytes all different so that a mix-up shows.
 [[nodiscard]] inline FloorFrame make_floor_frame(std::size_t size) {
   FloorFrame frame(size);
   for (std::size_t i = wire::kHeaderSize; i < size; ++i)
@@ -103,32 +84,29 @@ inline void compute_as_asked(const FloorFrame& frame) noexcept {
   if (work_ns != 0) compute_for(Duration{static_cast<Duration::rep>(work_ns)});
 }
 
+/// The vectors' own comparison goes byte by byte, which takes as long as to move them.
+[[nodiscard]] inline Outcome<> check_floor_echo(const FloorFrame& sent,
+                                                const FloorFrame& received) {
+  if (std::memcmp(received.data(), sent.data(), sent.size()) == 0) return {};
+  return failure("the raw floor's echo differs");
+}
+
 /// A caller that sends one frame again and again. `exchange(sent, received)` is one call.
 template <class Exchange>
-class FloorCaller final : public Caller {
- public:
-  FloorCaller(std::size_t frame_size, Exchange exchange)
-      : exchange_(std::move(exchange)),
-        sent_(make_floor_frame(frame_size)),
-        received_(frame_size) {}
-  expected<void, std::string> echo() override { return work(Duration{0}); }
-  expected<void, std::string> work(Duration duration) override {
-    store_le(sent_.data(), static_cast<std::uint64_t>(duration.count()));
-    if (auto exchanged = exchange_(sent_, received_); !exchanged) return exchanged;
-    // The vectors' own comparison goes byte by byte, which takes as long as to move them.
-    if (std::memcmp(received_.data(), sent_.data(), sent_.size()) == 0) return {};
-    return unexpected{std::string("the raw floor's echo differs")};
-  }
-
- private:
-  Exchange exchange_;
-  FloorFrame sent_;
-  FloorFrame received_;
-};
-
-template <class Exchange>
-[[nodiscard]] std::unique_ptr<Caller> make_floor_caller(std::size_t frame_size, Exchange exchange) {
-  return std::make_unique<FloorCaller<Exchange>>(frame_size, std::move(exchange));
+[[nodiscard]] Call make_floor_caller(std::size_t frame_size, Exchange exchange) {
+  struct State {
+    Exchange exchange;
+    FloorFrame sent;
+    FloorFrame received;
+  };
+  // Shared because calls are copied.
+  auto state = std::make_shared<State>(
+      State{std::move(exchange), make_floor_frame(frame_size), FloorFrame(frame_size)});
+  return [state](Duration work) -> Outcome<> {
+    store_le(state->sent.data(), static_cast<std::uint64_t>(work.count()));
+    if (auto moved = state->exchange(state->sent, state->received); !moved) return moved;
+    return check_floor_echo(state->sent, state->received);
+  };
 }
 
 }  // namespace rtpm::bench

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <memory>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -73,29 +75,28 @@ class HelloStorm {
 
 }  // namespace
 
-expected<Job, std::string> make_hello_storm(std::uint16_t port) {
+Outcome<Call> make_hello_storm(std::uint16_t port) {
   std::vector<Source> sources;
   for (int i = 0; i < kAddressCount; ++i) {
     Source source{.socket = RawSocket::open(SOCK_DGRAM)};
     const std::string address = "127.0.0." + std::to_string(2 + i);
     if (!source.socket.bind(address) || !source.socket.connect(address_of("127.0.0.1", port))) {
-      return unexpected{"the sender of HELLOs can't be at " + address};
+      return failure("the sender of HELLOs can't be at " + address);
     }
     sources.push_back(std::move(source));
   }
-  // Shared, because a job is copied.
   return paced_as_hellos(
-      [storm = std::make_shared<HelloStorm>(std::move(sources))]() -> expected<void, std::string> {
+      [storm = std::make_shared<HelloStorm>(std::move(sources))](Duration) -> Outcome<> {
         storm->send_next();
         return {};
       });
 }
 
-Job paced_as_hellos(Job job) {
-  return [job = std::move(job), due = std::make_shared<MonotonicTime>()] {
+Call paced_as_hellos(Call call) {
+  return [call = std::move(call), due = std::make_shared<MonotonicTime>()](Duration work) {
     *due = std::max(*due + kInterval, rt::now() - kInterval);
     rt::sleep_until(*due);
-    return job();
+    return call(work);
   };
 }
 

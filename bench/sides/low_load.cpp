@@ -14,11 +14,12 @@ constexpr Duration kBeginTimeout = std::chrono::seconds{5};
 
 }  // namespace
 
-LowLoad::LowLoad(const Placement& placement, rt::RealtimeMode realtime, std::vector<Job> jobs)
-    : placement_(placement), realtime_(realtime) {
-  for (Job& job : jobs) {
+LowLoad::LowLoad(const Placement& placement, rt::RealtimeMode realtime, std::vector<Call> callers,
+                 Duration work)
+    : placement_(placement), realtime_(realtime), work_(work) {
+  for (Call& call : callers) {
     members_.push_back(std::make_unique<Member>());
-    members_.back()->job = std::move(job);
+    members_.back()->call = std::move(call);
     members_.back()->latencies.reserve(kLatencyCountMax);
   }
 }
@@ -26,7 +27,7 @@ LowLoad::LowLoad(const Placement& placement, rt::RealtimeMode realtime, std::vec
 void LowLoad::run(Member& member) {
   while (!is_stopping_.load(std::memory_order_relaxed) && member.failure.empty()) {
     const MonotonicTime begin = rt::now();
-    if (auto called = member.job(); !called) {
+    if (auto called = member.call(work_); !called) {
       member.failure = called.error();
     } else if (member.latencies.size() < kLatencyCountMax) {
       member.latencies.push_back(rt::now() - begin);
@@ -35,7 +36,7 @@ void LowLoad::run(Member& member) {
   }
 }
 
-expected<void, std::string> LowLoad::start(int caller_count) {
+Outcome<> LowLoad::start(int caller_count) {
   is_stopping_.store(false, std::memory_order_relaxed);
   const std::span active(members_.data(), static_cast<std::size_t>(caller_count));
   for (auto& member : members_) {
@@ -49,29 +50,29 @@ expected<void, std::string> LowLoad::start(int caller_count) {
                                      .cpus = {placement_.client_cpu},
                                      .realtime = realtime_},
                                     [this, target = member.get()] { run(*target); });
-    if (!thread) return unexpected{thread.error().text()};
+    if (!thread) return failure(thread.error());
     member->thread = std::move(*thread);
   }
   const MonotonicTime end = rt::now() + kBeginTimeout;
   for (auto& member : active) {
     while (!member->has_begun.load(std::memory_order_acquire)) {
-      if (rt::now() > end) return unexpected{std::string("a low-priority caller got no answer")};
+      if (rt::now() > end) return failure("a low-priority caller got no answer");
       rt::sleep_until(rt::now() + std::chrono::milliseconds{1});
     }
   }
   return {};
 }
 
-expected<std::vector<Duration>, std::string> LowLoad::stop() {
+Outcome<std::vector<Duration>> LowLoad::stop() {
   is_stopping_.store(true, std::memory_order_relaxed);
   std::vector<Duration> latencies;
-  std::string failure;
+  std::string reason;
   for (auto& member : members_) {
     member->thread.join();
-    if (!member->failure.empty()) failure = member->failure;
+    if (!member->failure.empty()) reason = member->failure;
     latencies.insert(latencies.end(), member->latencies.begin(), member->latencies.end());
   }
-  if (!failure.empty()) return unexpected{"a low-priority caller failed: " + failure};
+  if (!reason.empty()) return failure("a low-priority caller failed: " + reason);
   return latencies;
 }
 

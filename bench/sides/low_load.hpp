@@ -5,7 +5,6 @@
 #include <string>
 #include <vector>
 
-#include "rtpm/base/expected.hpp"
 #include "rtpm/rt/thread.hpp"
 #include "settings.hpp"
 #include "sides/caller.hpp"
@@ -14,31 +13,34 @@ namespace rtpm::bench {
 
 /// Callers of low priority that call without pause, each on a thread of its own, on the CPU of the
 /// measured caller, which preempts them by its priority.
-/// Threads: one.   Set-up only.
+/// @threads  one
+/// @realtime set-up only
 class LowLoad {
  public:
-  /// One caller per job.
-  LowLoad(const Placement& placement, rt::RealtimeMode realtime, std::vector<Job> jobs);
+  /// @param work  how long the server computes for each call
+  LowLoad(const Placement& placement, rt::RealtimeMode realtime, std::vector<Call> callers,
+          Duration work);
 
   /// Starts the first `caller_count` callers and returns when each has had its first answer.
-  [[nodiscard]] expected<void, std::string> start(int caller_count);
+  [[nodiscard]] Outcome<> start(int caller_count);
   /// Ends the calls and returns their latencies, or why one of the callers failed.
-  [[nodiscard]] expected<std::vector<Duration>, std::string> stop();
+  [[nodiscard]] Outcome<std::vector<Duration>> stop();
 
  private:
   struct Member {
-    Job job;
-    std::vector<Duration> latencies;
-    std::string failure;
+    Call call;
+    std::vector<Duration> latencies{};
+    std::string failure{};
     std::atomic<bool> has_begun{false};
-    rt::Thread thread;
+    rt::Thread thread{};
   };
   void run(Member& member);
 
   Placement placement_;
   rt::RealtimeMode realtime_;
+  Duration work_;
   std::atomic<bool> is_stopping_{false};
-  std::vector<std::unique_ptr<Member>> members_;
+  std::vector<std::unique_ptr<Member>> members_{};
 };
 
 }  // namespace rtpm::bench

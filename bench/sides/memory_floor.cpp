@@ -5,10 +5,10 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cstring>
 #include <ctime>
-#include <type_traits>
 #include <utility>
 
 #include "rtpm/rt/clock.hpp"
@@ -20,8 +20,6 @@ namespace {
 constexpr Duration kTimeout = std::chrono::seconds{1};
 constexpr std::size_t kSlotCount = 1024;
 constexpr std::size_t kSlotSize = 128;
-/// A size that the compiler knows, so that it copies the usual frame without a call.
-using UsualSize = std::integral_constant<std::size_t, kFloorFrameSize>;
 
 /// The place where a thread sleeps. Aligned so that the slots behind it are, too.
 struct alignas(kSlotSize) Bed {
@@ -80,88 +78,91 @@ struct PathHead {
   Bed caller_bed;
 };
 
-std::size_t slots_size(std::size_t frame_size) {
-  if (frame_size == UsualSize()) return kSlotCount * kSlotSize;
-  return (frame_size + kSlotSize - 1) / kSlotSize * kSlotSize;
+/// The slots of one direction: as many as RTPM has, or one for frames of an unusual size.
+struct Slots {
+  explicit Slots(std::size_t frame_size) noexcept
+      : count(frame_size == kFloorFrameSize ? kSlotCount : 1),
+        size((frame_size + kSlotSize - 1) / kSlotSize * kSlotSize) {}
+  std::size_t count;
+  std::size_t size;
+};
+
+/// Spares the usual frame a call, as the compiler knows its size.
+void copy_frame(std::byte* to, const std::byte* from, std::size_t size) noexcept {
+  if (size == kFloorFrameSize) {
+    std::memcpy(to, from, kFloorFrameSize);
+  } else {
+    std::memcpy(to, from, size);
+  }
 }
 
 /// One process's view of one direction.
-template <class Size>
 struct Ring {
   Counts& counts;
-  std::byte* slots;
-  Size size;
+  std::byte* memory;
+  std::size_t frame_size;
+  Slots slots{frame_size};
 
   [[nodiscard]] std::byte* slot(std::uint64_t position) const noexcept {
-    if constexpr (std::is_same_v<Size, std::size_t>) return slots;
-    return slots + position % kSlotCount * kSlotSize;
+    return memory + (position & (slots.count - 1)) * slots.size;
   }
   void push(const std::byte* frame, std::uint64_t position) const noexcept {
-    std::memcpy(slot(position), frame, size);
+    copy_frame(slot(position), frame, frame_size);
     counts.tail.store(position + 1, std::memory_order_seq_cst);
   }
   [[nodiscard]] bool has(std::uint64_t position) const noexcept {
     return counts.tail.load(std::memory_order_seq_cst) != position;
   }
   void pop(std::byte* frame, std::uint64_t position) const noexcept {
-    std::memcpy(frame, slot(position), size);
+    copy_frame(frame, slot(position), frame_size);
     counts.head.store(position + 1, std::memory_order_release);
   }
 };
 
-template <class Size>
 struct Path {
-  Path(MutableBytes memory, Size size)
+  Path(MutableBytes memory, std::size_t size)
       : head(*reinterpret_cast<PathHead*>(memory.data())),
         to_server{head.to_server, memory.data() + sizeof(PathHead), size},
-        to_caller{head.to_caller, to_server.slots + slots_size(size), size} {}
+        to_caller{head.to_caller, to_server.slot(0) + to_server.slots.count * to_server.slots.size,
+                  size} {}
   PathHead& head;
-  Ring<Size> to_server;
-  Ring<Size> to_caller;
+  Ring to_server;
+  Ring to_caller;
   std::uint64_t position = 0;
 };
 
 /// Makes a caller's exchange: one frame there and back.
-template <class Size>
 struct MemoryExchange {
-  expected<void, std::string> operator()(const FloorFrame& sent, FloorFrame& received) {
+  Outcome<> operator()(const FloorFrame& sent, FloorFrame& received) {
     const auto has_reply = [this] { return path.to_caller.has(path.position); };
     path.to_server.push(sent.data(), path.position);
     lane_bed.wake();
-    if (!spin_until(has_reply, spin_of(wait, kTimeout)) && !sleep_until(has_reply)) {
-      return unexpected{std::string("the raw floor's server does not answer")};
+    if (!spin_until(has_reply, spin_of(wait, kTimeout))) {
+      // One sleep is not enough: a server that is stopped between its answer and the wake-up wakes
+      // the next sleep instead.
+      const MonotonicTime end = rt::now() + kTimeout;
+      const bool may_sleep = wait.strategy != rt::WaitStrategy::kSpin;
+      while (may_sleep && !has_reply() && rt::now() < end)
+        path.head.caller_bed.sleep(has_reply);
+      if (!has_reply()) return failure("the raw floor's server does not answer");
     }
     path.to_caller.pop(received.data(), path.position++);
     return {};
   }
 
-  /// One sleep is not enough: a server that is stopped between its answer and the wake-up wakes the
-  /// next sleep instead.
-  template <class HasReply>
-  bool sleep_until(HasReply has_reply) noexcept {
-    const MonotonicTime end = rt::now() + kTimeout;
-    const bool may_sleep = wait.strategy != rt::WaitStrategy::kSpin;
-    while (may_sleep && !has_reply() && rt::now() < end)
-      path.head.caller_bed.sleep(has_reply);
-    return has_reply();
-  }
-
-  Path<Size> path;
+  Path path;
   Bed& lane_bed;
   rt::WaitConfig wait;
 };
 
-template <class Size>
-void serve_lane(Bed& bed, std::vector<Path<Size>> paths, Size size, const rt::WaitConfig& wait) {
+void serve_lane(Bed& bed, std::vector<Path> paths, std::size_t size, const rt::WaitConfig& wait) {
   const auto has_work = [&paths] {
-    for (const auto& path : paths) {
-      if (path.to_server.has(path.position)) return true;
-    }
-    return false;
+    return std::ranges::any_of(paths,
+                               [](const Path& each) { return each.to_server.has(each.position); });
   };
   const Duration spin = spin_of(wait, Duration::max());
   for (FloorFrame frame(size);;) {
-    for (auto& path : paths) {
+    for (Path& path : paths) {
       if (!path.to_server.has(path.position)) continue;
       path.to_server.pop(frame.data(), path.position);
       compute_as_asked(frame);
@@ -172,17 +173,12 @@ void serve_lane(Bed& bed, std::vector<Path<Size>> paths, Size size, const rt::Wa
   }
 }
 
-/// Calls `body` with the frame's size, as a compile-time constant if it is the usual one.
-template <class Body>
-auto with_size(std::size_t frame_size, Body body) {
-  return frame_size == UsualSize() ? body(UsualSize()) : body(frame_size);
-}
-
 }  // namespace
 
 MemoryFloor::MemoryFloor(const std::vector<int>& caller_counts, std::size_t payload_size)
     : frame_size_(floor_frame_size(Carrier::kSharedMemory, payload_size)) {
-  const std::size_t path_size = sizeof(PathHead) + 2 * slots_size(frame_size_);
+  const Slots slots(frame_size_);
+  const std::size_t path_size = sizeof(PathHead) + 2 * slots.count * slots.size;
   for (const int count : caller_counts)
     size_ += sizeof(Bed) + static_cast<std::size_t>(count) * path_size;
   // Fresh memory is zero, which is the initial state of beds and counts.
@@ -198,10 +194,10 @@ MemoryFloor::MemoryFloor(const std::vector<int>& caller_counts, std::size_t payl
   }
 }
 
-expected<std::unique_ptr<MemoryFloor>, std::string> MemoryFloor::create(
-    const std::vector<int>& caller_counts, std::size_t payload_size) {
+Outcome<std::unique_ptr<MemoryFloor>> MemoryFloor::create(const std::vector<int>& caller_counts,
+                                                          std::size_t payload_size) {
   std::unique_ptr<MemoryFloor> floor(new MemoryFloor(caller_counts, payload_size));
-  if (floor->memory_ == nullptr) return unexpected{std::string("no memory for the raw floor")};
+  if (floor->memory_ == nullptr) return failure("no memory for the raw floor");
   return floor;
 }
 
@@ -209,36 +205,30 @@ MemoryFloor::~MemoryFloor() {
   if (memory_ != nullptr) munmap(memory_, size_);
 }
 
-expected<void, std::string> MemoryFloor::serve(const std::vector<FloorLaneConfig>& lanes,
-                                               rt::RealtimeMode realtime) {
+Outcome<> MemoryFloor::serve(const std::vector<FloorLaneConfig>& lanes, rt::RealtimeMode realtime) {
   for (std::size_t i = 0; i < lanes.size(); ++i) {
     const Lane& lane = lanes_[i];
     // Maps all pages before the first call.
     for (const MutableBytes path : lane.paths)
       rt::prefault(path);
     auto started = start_floor_thread(lanes[i], realtime, [&lane, wait = lanes[i].wait, this] {
-      with_size(frame_size_, [&]<class Size>(Size size) {
-        std::vector<Path<Size>> paths;
-        for (const MutableBytes path : lane.paths)
-          paths.emplace_back(path, size);
-        serve_lane(*reinterpret_cast<Bed*>(lane.bed), std::move(paths), size, wait);
-      });
+      std::vector<Path> paths;
+      for (const MutableBytes path : lane.paths)
+        paths.emplace_back(path, frame_size_);
+      serve_lane(*reinterpret_cast<Bed*>(lane.bed), std::move(paths), frame_size_, wait);
     });
     if (!started) return started;
   }
-  if (auto locked = rt::lock_memory(realtime); !locked) return unexpected{locked.error().text()};
-  return {};
+  return outcome(rt::lock_memory(realtime));
 }
 
-std::unique_ptr<Caller> MemoryFloor::connect(std::size_t lane, const rt::WaitConfig& wait) {
+Call MemoryFloor::connect(std::size_t lane, const rt::WaitConfig& wait) {
   Lane& its_lane = lanes_[lane];
   const MutableBytes path = its_lane.paths.at(its_lane.connected_count++);
   // Here, too: the first thousand calls use slots that this process has not touched.
   rt::prefault(path);
   Bed& bed = *reinterpret_cast<Bed*>(its_lane.bed);
-  return with_size(frame_size_, [&]<class Size>(Size size) {
-    return make_floor_caller(size, MemoryExchange<Size>{{path, size}, bed, wait});
-  });
+  return make_floor_caller(frame_size_, MemoryExchange{{path, frame_size_}, bed, wait});
 }
 
 }  // namespace rtpm::bench

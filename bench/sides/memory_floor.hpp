@@ -5,8 +5,6 @@
 #include <vector>
 
 #include "rtpm/base/bytes.hpp"
-#include "rtpm/base/expected.hpp"
-#include "sides/caller.hpp"
 #include "sides/floor.hpp"
 
 /// The raw floor of shared memory: rings of slots that hold RTPM's header and the payload, a futex
@@ -22,17 +20,17 @@ class MemoryFloor {
   /// Makes a lane per entry, with that many callers. Rings have RTPM's size; those of unusual
   /// payloads have one slot.
   /// @errors no memory left
-  [[nodiscard]] static expected<std::unique_ptr<MemoryFloor>, std::string> create(
-      const std::vector<int>& caller_counts, std::size_t payload_size = kPayloadSize);
+  [[nodiscard]] static Outcome<std::unique_ptr<MemoryFloor>> create(
+      const std::vector<int>& caller_counts, std::size_t payload_size);
   ~MemoryFloor();
   MemoryFloor(const MemoryFloor&) = delete;
   MemoryFloor& operator=(const MemoryFloor&) = delete;
 
   /// Starts a thread per lane, which echoes until the process ends, like start_floor_server().
-  [[nodiscard]] expected<void, std::string> serve(const std::vector<FloorLaneConfig>& lanes,
-                                                  rt::RealtimeMode realtime);
+  [[nodiscard]] Outcome<> serve(const std::vector<FloorLaneConfig>& lanes,
+                                rt::RealtimeMode realtime);
   /// The next caller of a lane.
-  [[nodiscard]] std::unique_ptr<Caller> connect(std::size_t lane, const rt::WaitConfig& wait);
+  [[nodiscard]] Call connect(std::size_t lane, const rt::WaitConfig& wait);
 
  private:
   struct Lane {

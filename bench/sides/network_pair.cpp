@@ -37,18 +37,13 @@ std::pair<std::string, int> run_program(const std::string& command) {
 NetworkPair::NetworkPair(NetworkPair&& other) noexcept
     : namespaces_(std::exchange(other.namespaces_, {-1, -1})) {}
 
-NetworkPair& NetworkPair::operator=(NetworkPair&& other) noexcept {
-  std::swap(namespaces_, other.namespaces_);
-  return *this;
-}
-
 NetworkPair::~NetworkPair() {
   for (const int descriptor : namespaces_) {
     if (descriptor >= 0) close(descriptor);
   }
 }
 
-expected<NetworkPair, std::string> NetworkPair::create() {
+Outcome<NetworkPair> NetworkPair::create() {
   NetworkPair pair;
   const int home = open_own_namespace();
   int error = 0;
@@ -59,14 +54,14 @@ expected<NetworkPair, std::string> NetworkPair::create() {
   const bool is_home = home >= 0 && setns(home, CLONE_NEWNET) == 0;
   if (home >= 0) close(home);
   if (error != 0) {
-    return unexpected{std::string("a network namespace can't be made (") + std::strerror(error) +
-                      "), which takes the right CAP_SYS_ADMIN; run it as root"};
+    return failure(std::string("a network namespace can't be made (") + std::strerror(error) +
+                   "), which takes the right CAP_SYS_ADMIN; run it as root");
   }
-  if (!is_home) return unexpected{std::string("the way back from a new network namespace failed")};
+  if (!is_home) return failure("the way back from a new network namespace failed");
   // The descriptor names the other host to the program: `ip` is a child of this process.
   const std::string client = "/proc/" + std::to_string(getpid()) + "/fd/" +
                              std::to_string(pair.namespaces_[index_of(Host::kClient)]);
-  expected<void, std::string> done;
+  Outcome<> done;
   for (const auto& [host, command] :
        {std::pair{Host::kServer, "link add rtpm type veth peer name rtpm netns " + client},
         {Host::kServer, "address add " + std::string(kServerAddress) + "/30 dev rtpm"},
@@ -75,29 +70,28 @@ expected<NetworkPair, std::string> NetworkPair::create() {
         {Host::kClient, "link set rtpm up"}}) {
     if (done) done = pair.run(host, command);
   }
-  if (!done) return unexpected{done.error()};
+  if (!done) return failure(done.error());
   return pair;
 }
 
-expected<void, std::string> NetworkPair::enter(Host host) const {
+Outcome<> NetworkPair::enter(Host host) const {
   if (setns(namespaces_[index_of(host)], CLONE_NEWNET) == 0) return {};
-  return unexpected{std::string("a network namespace can't be entered: ") + std::strerror(errno)};
+  return failure(std::string("a network namespace can't be entered: ") + std::strerror(errno));
 }
 
-expected<void, std::string> NetworkPair::run(Host host, const std::string& arguments) const {
+Outcome<> NetworkPair::run(Host host, const std::string& arguments) const {
   const int home = open_own_namespace();
   if (auto entered = enter(host); !entered) return entered;
   const auto [output, exit_code] = run_program("ip " + arguments);
   const bool is_home = home >= 0 && setns(home, CLONE_NEWNET) == 0;
   close(home);
-  if (!is_home) return unexpected{std::string("the way back from a network namespace failed")};
+  if (!is_home) return failure("the way back from a network namespace failed");
   if (exit_code == 0) return {};
   if (exit_code == kNoSuchProgram) {
-    return unexpected{
-        std::string("the program 'ip' is missing; install Debian's package iproute2")};
+    return failure("the program 'ip' is missing; install Debian's package iproute2");
   }
   // Keeps the first line: a reason is one sentence.
-  return unexpected{"ip " + arguments + " failed: " + output.substr(0, output.find('\n'))};
+  return failure("ip " + arguments + " failed: " + output.substr(0, output.find('\n')));
 }
 
 }  // namespace rtpm::bench

@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "rtpm/base/expected.hpp"
+#include "outcome.hpp"
 #include "settings.hpp"
 
 namespace rtpm::bench {
@@ -22,20 +22,20 @@ class NetworkPair {
   static constexpr std::string_view kClientAddress = "198.18.0.2";
 
   /// Errors: a missing right or a missing program `ip`, in words, with the remedy.
-  [[nodiscard]] static expected<NetworkPair, std::string> create();
+  [[nodiscard]] static Outcome<NetworkPair> create();
   NetworkPair(NetworkPair&& other) noexcept;
-  NetworkPair& operator=(NetworkPair&& other) noexcept;
+  NetworkPair& operator=(NetworkPair&&) = delete;
   ~NetworkPair();
 
   /// Moves the calling thread to a host: the sockets that it opens from now on, and the threads
   /// that it starts, are there.
-  [[nodiscard]] expected<void, std::string> enter(Host host) const;
+  [[nodiscard]] Outcome<> enter(Host host) const;
 
  private:
   NetworkPair() = default;
   [[nodiscard]] static std::size_t index_of(Host host) { return static_cast<std::size_t>(host); }
   /// Runs `ip` with these arguments on a host.
-  [[nodiscard]] expected<void, std::string> run(Host host, const std::string& arguments) const;
+  [[nodiscard]] Outcome<> run(Host host, const std::string& arguments) const;
 
   std::array<int, 2> namespaces_{-1, -1};  ///< Indexed by Host.
 };

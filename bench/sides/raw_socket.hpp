@@ -36,7 +36,6 @@ class RawSocket {
     if (handle_ >= 0) ::close(handle_);
   }
   [[nodiscard]] int handle() const noexcept { return handle_; }
-  [[nodiscard]] int release() noexcept { return std::exchange(handle_, -1); }
 
   [[nodiscard]] bool bind(const std::string& host) const noexcept {
     const sockaddr_in address = address_of(host, 0);

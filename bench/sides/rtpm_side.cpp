@@ -9,19 +9,19 @@
 namespace rtpm::bench {
 namespace {
 
+constexpr const char* kPath = "bench/echo";
+const Wrench kWrench{1.0, -2.0, 3.0, -4.0, 5.0, -6.0};
+
 class EchoServantImpl final : public EchoServant {
  public:
   rpc::Result<Wrench> echo(const Wrench& request, const rpc::CallContext&) override {
     return request;
   }
-
   rpc::Result<void> nothing(const rpc::CallContext&) override { return {}; }
-
   rpc::Result<void> work(const Work& request, const rpc::CallContext&) override {
     compute_for(std::chrono::microseconds{request.duration_us()});
     return {};
   }
-
   rpc::Result<void> echo_large(const Large& request, rpc::ReplyBuilder<Large>& reply,
                                const rpc::CallContext&) override {
     const auto bytes =
@@ -31,76 +31,22 @@ class EchoServantImpl final : public EchoServant {
   }
 };
 
-/// Returns nothing if the reply arrived and equals `sent` byte by byte.
-template <class Reply, class Sent>
-expected<void, std::string> check_echo(const Reply& reply, const Sent& sent) {
-  if (!reply) return unexpected{std::string(rpc::to_string(reply.error()))};
+/// Whether the wrench came back byte by byte.
+template <class Reply>
+Outcome<> check_echo(const Reply& reply) {
+  if (!reply) return failure(reply.error());
   // NOLINTNEXTLINE(bugprone-suspicious-memory-comparison)
-  if (std::memcmp(&*reply, &sent, sizeof sent) == 0) return {};
-  return unexpected{std::string("RTPM's echo differs")};
+  if (std::memcmp(&*reply, &kWrench, sizeof kWrench) == 0) return {};
+  return failure("RTPM's echo differs");
 }
 
-expected<void, std::string> check_done(const expected<void, rpc::CallError>& reply) {
-  if (reply) return {};
-  return unexpected{std::string(rpc::to_string(reply.error()))};
-}
-
-class RtpmCaller final : public Caller {
- public:
-  explicit RtpmCaller(EchoClient client) : client_(std::move(client)) {}
-
-  expected<void, std::string> echo() override { return check_echo(client_.echo(wrench_), wrench_); }
-  expected<void, std::string> work(Duration duration) override {
-    const auto us = std::chrono::duration_cast<std::chrono::microseconds>(duration).count();
-    return check_done(client_.work(Work(static_cast<std::uint64_t>(us))));
-  }
-
- private:
-  EchoClient client_;
-  Wrench wrench_{1.0, -2.0, 3.0, -4.0, 5.0, -6.0};
-};
-
-/// Makes calls with another payload than the usual one; the server computes nothing in them.
-class RtpmPayloadCaller final : public Caller {
- public:
-  explicit RtpmPayloadCaller(Job job) : job_(std::move(job)) {}
-  expected<void, std::string> echo() override { return job_(); }
-
- private:
-  Job job_;
-};
-
-/// Each call has a channel of its own.
-class RtpmPipeline final : public Pipeline {
- public:
-  explicit RtpmPipeline(EchoClient client) : client_(std::move(client)), pending_(kInFlight) {}
-
-  expected<void, std::string> run(std::uint64_t count) override {
-    std::uint64_t begun = 0;
-    for (std::uint64_t taken = 0; taken < count; ++taken) {
-      for (; begun < std::min(count, taken + pending_.size()); ++begun) {
-        auto call = client_.begin_echo(wrench_);
-        if (!call) return unexpected{std::string(rpc::to_string(call.error()))};
-        pending_[begun % pending_.size()].emplace(std::move(*call));
-      }
-      const auto reply = pending_[taken % pending_.size()]->take();
-      if (auto echoed = check_echo(reply, wrench_); !echoed) return echoed;
-    }
-    return {};
-  }
-
- private:
-  EchoClient client_;
-  std::vector<std::optional<rpc::PendingStruct<Wrench>>> pending_;
-  Wrench wrench_{1.0, -2.0, 3.0, -4.0, 5.0, -6.0};
-};
-
-expected<EchoClient, std::string> bind_echo(rpc::Node& node, const std::string& url,
-                                            Priority priority) {
+/// The client is shared because calls are copied.
+Outcome<std::shared_ptr<EchoClient>> bind_echo(rpc::Node& node, const std::string& url,
+                                               Priority priority) {
   auto client =
       EchoClient::bind(node, url, {.transport = node.config().transport, .warm_up = {priority}});
-  if (!client) return unexpected{client.error().text()};
-  return std::move(*client);
+  if (!client) return failure(client.error());
+  return std::make_shared<EchoClient>(std::move(*client));
 }
 
 /// An encoded message of `size` bytes, all different so that a mix-up shows.
@@ -114,30 +60,36 @@ flatbuffers::DetachedBuffer encode_large(std::size_t size) {
   return builder.Release();
 }
 
+Outcome<> echo_large(EchoClient& client, const flatbuffers::DetachedBuffer& message) {
+  const auto reply =
+      client.echo_large_encoded(std::as_bytes(std::span(message.data(), message.size())));
+  if (!reply) return failure(reply.error());
+  const auto& sent = *flatbuffers::GetRoot<Large>(message.data())->bytes();
+  const auto& got = *(*reply)->bytes();
+  if (got.size() == sent.size() && std::memcmp(got.data(), sent.data(), sent.size()) == 0) {
+    return {};
+  }
+  return failure("RTPM's large echo differs");
+}
+
 }  // namespace
 
-expected<std::unique_ptr<rpc::Server>, std::string> open_server(const rpc::ServerConfig& config,
-                                                                std::string_view path,
-                                                                rpc::Servant& servant) {
+Outcome<std::unique_ptr<rpc::Server>> open_server(const rpc::ServerConfig& config,
+                                                  std::string_view path, rpc::Servant& servant) {
   auto server = rpc::Server::create(config);
-  if (!server) return unexpected{server.error().text()};
-  if (auto added = (*server)->add(path, servant); !added) return unexpected{added.error().text()};
+  if (!server) return failure(server.error());
+  if (auto added = (*server)->add(path, servant); !added) return failure(added.error());
   return std::move(*server);
 }
 
-expected<std::string, std::string> start_rtpm_server(RtpmServerConfig config) {
+Outcome<std::string> start_rtpm_server(rpc::ServerConfig config) {
   static auto& servant = *new EchoServantImpl;
-  auto server = open_server({.name = "rtpm-bench",
-                             .host = std::move(config.host),
-                             .lanes = std::move(config.lanes),
-                             .realtime = config.realtime,
-                             .session_count_max = config.session_count_max,
-                             .security = std::move(config.security)},
-                            "bench/echo", servant);
-  if (!server) return unexpected{server.error()};
-  if (auto started = (*server)->start(); !started) return unexpected{started.error().text()};
+  config.name = "rtpm-bench";
+  auto server = open_server(config, kPath, servant);
+  if (!server) return failure(server.error());
+  if (auto started = (*server)->start(); !started) return failure(started.error());
   // The server runs until the process ends, so it is never freed.
-  return server->release()->url("bench/echo");
+  return server->release()->url(kPath);
 }
 
 rpc::Transport transport_of(Carrier carrier) noexcept {
@@ -151,50 +103,43 @@ std::unique_ptr<rpc::Node> make_node(Carrier carrier, const rt::WaitConfig& wait
       .wait = wait, .transport = transport_of(carrier), .security = std::move(security)});
 }
 
-expected<std::unique_ptr<Caller>, std::string> connect_rtpm_caller(rpc::Node& node,
-                                                                   const std::string& url,
-                                                                   Priority priority,
-                                                                   std::size_t payload_size) {
-  if (payload_size != 0 && payload_size != kPayloadSize) {
-    auto job = connect_large_job(node, url, priority, payload_size);
-    if (!job) return unexpected{job.error()};
-    return std::make_unique<RtpmPayloadCaller>(std::move(*job));
+Outcome<Call> connect_rtpm_caller(rpc::Node& node, const std::string& url, Priority priority,
+                                  std::size_t payload_size) {
+  auto client = bind_echo(node, url, priority);
+  if (!client) return failure(client.error());
+  if (payload_size == 0) {
+    return Call([echo = *client](Duration) { return outcome(echo->nothing()); });
   }
-  auto client = bind_echo(node, url, priority);
-  if (!client) return unexpected{client.error()};
-  if (payload_size == kPayloadSize) return std::make_unique<RtpmCaller>(std::move(*client));
-  return std::make_unique<RtpmPayloadCaller>(
-      [held = std::make_shared<EchoClient>(std::move(*client))] {
-        return check_done(held->nothing());
-      });
+  if (payload_size == kPayloadSize) {
+    return Call([echo = *client](Duration work) {
+      if (work == Duration{0}) return check_echo(echo->echo(kWrench));
+      const auto us = std::chrono::duration_cast<std::chrono::microseconds>(work).count();
+      return outcome(echo->work(Work(static_cast<std::uint64_t>(us))));
+    });
+  }
+  auto message = std::make_shared<flatbuffers::DetachedBuffer>(encode_large(payload_size));
+  return Call([echo = *client, message](Duration) { return echo_large(*echo, *message); });
 }
 
-expected<Job, std::string> connect_large_job(rpc::Node& node, const std::string& url,
-                                             Priority priority, std::size_t size) {
+Outcome<Pipeline> connect_rtpm_pipeline(rpc::Node& node, const std::string& url,
+                                        Priority priority) {
   auto client = bind_echo(node, url, priority);
-  if (!client) return unexpected{client.error()};
-  // Shared, because a job is copied.
-  auto held = std::make_shared<EchoClient>(std::move(*client));
-  auto message = std::make_shared<flatbuffers::DetachedBuffer>(encode_large(size));
-  return Job([held, message]() -> expected<void, std::string> {
-    const auto reply =
-        held->echo_large_encoded(std::as_bytes(std::span(message->data(), message->size())));
-    if (!reply) return unexpected{std::string(rpc::to_string(reply.error()))};
-    const auto& sent = *flatbuffers::GetRoot<Large>(message->data())->bytes();
-    const auto& got = *(*reply)->bytes();
-    if (got.size() == sent.size() && std::memcmp(got.data(), sent.data(), sent.size()) == 0) {
-      return {};
+  if (!client) return failure(client.error());
+  // Each call in flight has a channel of its own.
+  using Pending = std::vector<std::optional<rpc::PendingStruct<Wrench>>>;
+  return Pipeline([echo = *client, pending = std::make_shared<Pending>(kInFlight)](
+                      std::uint64_t count) -> Outcome<> {
+    std::uint64_t begun = 0;
+    for (std::uint64_t taken = 0; taken < count; ++taken) {
+      for (; begun < std::min(count, taken + kInFlight); ++begun) {
+        auto call = echo->begin_echo(kWrench);
+        if (!call) return failure(call.error());
+        (*pending)[begun % kInFlight].emplace(std::move(*call));
+      }
+      if (auto echoed = check_echo((*pending)[taken % kInFlight]->take()); !echoed) return echoed;
     }
-    return unexpected{std::string("RTPM's large echo differs")};
+    return {};
   });
-}
-
-expected<std::unique_ptr<Pipeline>, std::string> connect_rtpm_pipeline(rpc::Node& node,
-                                                                       const std::string& url,
-                                                                       Priority priority) {
-  auto client = bind_echo(node, url, priority);
-  if (!client) return unexpected{client.error()};
-  return std::make_unique<RtpmPipeline>(std::move(*client));
 }
 
 }  // namespace rtpm::bench

@@ -15,9 +15,9 @@
 namespace rtpm::bench {
 namespace {
 
-expected<std::string, std::string> make_public_text(const std::string& path) {
+Outcome<std::string> make_public_text(const std::string& path) {
   const auto key = access::make_key(path, "rtpm-bench");
-  if (!key) return unexpected{key.error().text()};
+  if (!key) return failure(key.error());
   return access::public_key_text(key->public_key);
 }
 
@@ -38,19 +38,19 @@ SealedKeys::~SealedKeys() {
   if (owner_ == ::getpid()) std::filesystem::remove_all(folder_, ignored);
 }
 
-expected<std::shared_ptr<const SealedKeys>, std::string> SealedKeys::make(const std::string& host) {
+Outcome<std::shared_ptr<const SealedKeys>> SealedKeys::make(const std::string& host) {
   std::string folder = (std::filesystem::temp_directory_path() / "rtpm-bench-XXXXXX").string();
   if (::mkdtemp(folder.data()) == nullptr) {
-    return unexpected{folder + " can't be made: " + std::strerror(errno)};
+    return failure(folder + " can't be made: " + std::strerror(errno));
   }
   std::shared_ptr<const SealedKeys> keys(new SealedKeys(std::move(folder)));
   const auto server = make_public_text(keys->file("server"));
-  if (!server) return unexpected{server.error()};
+  if (!server) return failure(server.error());
   const auto client = make_public_text(keys->file("client"));
-  if (!client) return unexpected{client.error()};
+  if (!client) return failure(client.error());
   if (!write_line(keys->file("authorized"), *client + " name=bench role=administer on=**") ||
       !write_line(keys->file("known_servers"), host + " " + *server)) {
-    return unexpected{keys->folder_ + " can't be written"};
+    return failure(keys->folder_ + " can't be written");
   }
   return keys;
 }

@@ -3,7 +3,7 @@
 #include <memory>
 #include <string>
 
-#include "rtpm/base/expected.hpp"
+#include "outcome.hpp"
 #include "rtpm/rpc/security.hpp"
 
 namespace rtpm::bench {
@@ -15,8 +15,7 @@ class SealedKeys {
  public:
   /// @param host  the server's address, numeric
   /// @realtime set-up only
-  [[nodiscard]] static expected<std::shared_ptr<const SealedKeys>, std::string> make(
-      const std::string& host);
+  [[nodiscard]] static Outcome<std::shared_ptr<const SealedKeys>> make(const std::string& host);
   SealedKeys(const SealedKeys&) = delete;
   SealedKeys& operator=(const SealedKeys&) = delete;
   ~SealedKeys();

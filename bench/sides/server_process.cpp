@@ -29,7 +29,7 @@ std::string read_word(int pipe) {
 
 }  // namespace
 
-expected<ServerProcess, std::string> ServerProcess::start(const SetUp& set_up) {
+Outcome<ServerProcess> ServerProcess::start(const SetUp& set_up) {
   return fork_with([&](int ready_pipe) {
     const auto outcome = set_up();
     const std::string word = outcome ? "+" + *outcome : "-" + outcome.error();
@@ -40,8 +40,7 @@ expected<ServerProcess, std::string> ServerProcess::start(const SetUp& set_up) {
   });
 }
 
-expected<ServerProcess, std::string> ServerProcess::start_program(
-    std::vector<std::string> command) {
+Outcome<ServerProcess> ServerProcess::start_program(std::vector<std::string> command) {
   return fork_with([&](int ready_pipe) {
     std::vector<char*> arguments;
     for (std::string& argument : command)
@@ -53,13 +52,12 @@ expected<ServerProcess, std::string> ServerProcess::start_program(
   });
 }
 
-expected<ServerProcess, std::string> ServerProcess::fork_with(
-    const std::function<void(int ready_pipe)>& body) {
+Outcome<ServerProcess> ServerProcess::fork_with(const std::function<void(int ready_pipe)>& body) {
   std::array<int, 2> ends{};
-  if (pipe(ends.data()) != 0) return unexpected{std::string("no pipe for a server process")};
+  if (pipe(ends.data()) != 0) return failure("no pipe for a server process");
   const pid_t parent = getpid();
   const pid_t child = fork();
-  if (child < 0) return unexpected{std::string("a server process can't be forked")};
+  if (child < 0) return failure("a server process can't be forked");
   if (child == 0) {
     close(ends[0]);
     // The end of the parent kills this process; a parent that ended before that shows below.
@@ -73,18 +71,12 @@ expected<ServerProcess, std::string> ServerProcess::fork_with(
   close(ends[0]);
   ServerProcess process(child, word.empty() ? "" : word.substr(1));
   if (word.starts_with('+')) return process;
-  if (word.starts_with('-')) return unexpected{process.address_};
-  return unexpected{std::string("a server process ended, or said nothing for 10 s")};
+  if (word.starts_with('-')) return failure(process.address_);
+  return failure("a server process ended, or said nothing for 10 s");
 }
 
 ServerProcess::ServerProcess(ServerProcess&& other) noexcept
     : id_(std::exchange(other.id_, -1)), address_(std::move(other.address_)) {}
-
-ServerProcess& ServerProcess::operator=(ServerProcess&& other) noexcept {
-  std::swap(id_, other.id_);
-  std::swap(address_, other.address_);
-  return *this;
-}
 
 ServerProcess::~ServerProcess() {
   if (id_ < 0) return;

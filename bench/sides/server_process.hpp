@@ -4,10 +4,10 @@
 
 #include <functional>
 #include <string>
-#include <string_view>
+#include <utility>
 #include <vector>
 
-#include "rtpm/base/expected.hpp"
+#include "outcome.hpp"
 
 namespace rtpm::bench {
 
@@ -18,16 +18,15 @@ class ServerProcess {
  public:
   /// The body of the new process: sets the server up and returns its address, or why it could not
   /// be set up. The server's threads serve until the process is ended.
-  using SetUp = std::function<expected<std::string, std::string>()>;
+  using SetUp = std::function<Outcome<std::string>()>;
 
-  [[nodiscard]] static expected<ServerProcess, std::string> start(const SetUp& set_up);
+  [[nodiscard]] static Outcome<ServerProcess> start(const SetUp& set_up);
   /// Like start(), but the new process runs another program, `command` with its path first. The
   /// program writes "+address" or "-reason" to its standard output, closes it, and serves until it
   /// is ended.
-  [[nodiscard]] static expected<ServerProcess, std::string> start_program(
-      std::vector<std::string> command);
+  [[nodiscard]] static Outcome<ServerProcess> start_program(std::vector<std::string> command);
   ServerProcess(ServerProcess&& other) noexcept;
-  ServerProcess& operator=(ServerProcess&& other) noexcept;
+  ServerProcess& operator=(ServerProcess&&) = delete;
   ~ServerProcess();
 
   /// The address that the set-up returned.
@@ -43,11 +42,29 @@ class ServerProcess {
   ServerProcess(pid_t id, std::string address) : id_(id), address_(std::move(address)) {}
   /// Forks; the child runs `body`, which writes "+address" or "-reason" to the pipe, and ends when
   /// `body` returns.
-  [[nodiscard]] static expected<ServerProcess, std::string> fork_with(
+  [[nodiscard]] static Outcome<ServerProcess> fork_with(
       const std::function<void(int ready_pipe)>& body);
 
   pid_t id_ = -1;
   std::string address_;
+};
+
+/// Servers that run as long as this object lives, and are stopped otherwise.
+class Running {
+ public:
+  explicit Running(std::vector<const ServerProcess*> servers) : servers_(std::move(servers)) {
+    for (const ServerProcess* server : servers_)
+      server->resume();
+  }
+  Running(const Running&) = delete;
+  Running& operator=(const Running&) = delete;
+  ~Running() {
+    for (const ServerProcess* server : servers_)
+      server->pause();
+  }
+
+ private:
+  std::vector<const ServerProcess*> servers_;
 };
 
 }  // namespace rtpm::bench

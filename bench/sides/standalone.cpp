@@ -15,32 +15,27 @@
 namespace rtpm::bench {
 namespace {
 
-expected<std::string, std::string> set_up(Standalone which, const Settings& settings) {
+Outcome<std::string> set_up(Side side, const Settings& settings) {
   const rt::WaitConfig wait{.strategy = settings.waits.front()};
   const int cpu = choose_placement().server_cpu;
-  if (which == Standalone::kRtpm) {
+  if (side == Side::kRtpm) {
     return start_rtpm_server(
         {.lanes = {{.name = "rtpm-high", .priority = kHighPriority, .wait = wait, .cpus = {cpu}}},
-         .realtime = settings.realtime});
+         .realtime = settings.realtime,
+         .security = {.is_insecure = true}});
   }
   const auto ports = start_floor_server(
       settings.carriers.front(),
       {{.name = "floor-high", .priority = kHighPriority, .wait = wait, .cpu = cpu}},
       settings.realtime);
-  if (!ports) return unexpected{ports.error()};
+  if (!ports) return failure(ports.error());
   return std::to_string(ports->front());
 }
 
 }  // namespace
 
-std::optional<Standalone> standalone_of(std::string_view text) noexcept {
-  if (text == "rtpm") return Standalone::kRtpm;
-  if (text == "floor") return Standalone::kFloor;
-  return std::nullopt;
-}
-
-int serve_standalone(Standalone which, const Settings& settings) {
-  const auto address = set_up(which, settings);
+int serve_standalone(Side side, const Settings& settings) {
+  const auto address = set_up(side, settings);
   std::printf("%s", (address ? "+" + *address : "-" + address.error()).c_str());
   std::fflush(stdout);
   if (!address) return 1;
@@ -51,18 +46,12 @@ int serve_standalone(Standalone which, const Settings& settings) {
     ::pause();
 }
 
-expected<ServerProcess, std::string> start_standalone(Standalone which, Carrier carrier,
-                                                      rt::WaitStrategy wait,
-                                                      const Settings& settings) {
-  const std::string realtime = settings.realtime == rt::RealtimeMode::kOff ? "off" : "prefer";
-  return ServerProcess::start_program({"/proc/self/exe", "serve",
-                                       which == Standalone::kRtpm ? "rtpm" : "floor", "--transport",
-                                       std::string(to_string(carrier)), "--wait",
-                                       std::string(rt::to_string(wait)), "--realtime", realtime});
-}
-
-std::uint16_t floor_port(const std::string& address) {
-  return static_cast<std::uint16_t>(std::stoi(address));
+Outcome<ServerProcess> start_standalone(Side side, Carrier carrier, rt::WaitStrategy wait,
+                                        const Settings& settings) {
+  return ServerProcess::start_program(
+      {"/proc/self/exe", "serve", side == Side::kRtpm ? "rtpm" : "floor", "--transport",
+       std::string(to_string(carrier)), "--wait", std::string(rt::to_string(wait)), "--realtime",
+       settings.realtime == rt::RealtimeMode::kOff ? "off" : "prefer"});
 }
 
 MemoryUse memory_of(pid_t process) {

@@ -49,7 +49,6 @@ FULL = (
     Part("paced-waits", "paced --wait block,spin,periodic --samples 2000", 38),
     Part("events", "events --samples 1000", 100),
     Part("device", "device --wait adaptive,periodic --samples 1600", 20),
-    Part("ladder", "ladder --samples 1000", 20),
     Part("call-peers", "call --peers all --wait adaptive,block --samples 10000", 73, False),
     Part("isolation-peers", "isolation --peers all --wait block --transport udp,shm --low-callers 4",
          234, False),
@@ -63,7 +62,6 @@ FULL = (
          "--wait block --transport udp --consumers 16,64 --samples 1200", 14, False),
     Part("paced-peers", "paced --peers all --wait block --transport udp,shm", 195, False),
     # What is missed least.
-    Part("large", "large --samples 1000", 16),
     Part("isolation-curve", "isolation --low-callers 0,1,16 --samples 1000", 36),
     Part("paced-4k", "paced --rate 4000 --wait adaptive,periodic --samples 6000", 20),
 )
@@ -87,6 +85,4 @@ QUICK = (
     Part("events-peers", "events --peers all --wait block --transport shm --consumers 1,16 "
          "--samples 800", 12, False),
     Part("device", "device --samples 2000", 13),
-    Part("ladder", "ladder --samples 400", 10),
-    Part("large", "large --samples 1000", 17),
 )

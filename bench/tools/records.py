@@ -11,20 +11,18 @@ import statistics
 
 # What tells one row from another, in the order in which a row is named. All else is measured.
 IDENTITY = (
-    "case", "part", "rung", "peer", "transport", "floor", "hub", "delivery", "wait", "rtpm_transport",
-    "rtpm_wait", "payload", "rate_hz", "low_callers", "large_callers", "work_us", "consumers",
-    "stopped", "slow", "hosts", "in_flight", "clients", "hello_storms",
+    "case", "part", "peer", "transport", "floor", "hub", "delivery", "wait", "rtpm_transport",
+    "rtpm_wait", "payload", "rate_hz", "low_callers", "work_us", "consumers", "stopped",
+    "slow", "hosts", "in_flight", "clients", "hello_storms",
 )
 
 # How a part of a row's name is said to people; "{}" stands for the value. Others: "name value".
 _WORDS = {
-    "case": "{}", "part": "({})", "rung": "{}", "peer": "{}", "transport": "{}",
-    "floor": "beside raw {} sockets",
-    "hub": "hub in the {} program", "delivery": "by {}", "wait": "{}",
+    "case": "{}", "part": "({})", "peer": "{}", "transport": "{}",
+    "floor": "beside raw {} sockets", "hub": "hub in the {} program", "delivery": "by {}", "wait": "{}",
     "rtpm_transport": "beside RTPM over {}", "rtpm_wait": "{} wait", "payload": "{} B",
-    "rate_hz": "{} Hz", "low_callers": "{} low callers", "large_callers": "{} large callers",
-    "work_us": "{} us work", "consumers": "{} consumers", "stopped": "{} stopped",
-    "slow": "{} slow", "hosts": "{} hosts", "in_flight": "{} in flight",
+    "rate_hz": "{} Hz", "low_callers": "{} low callers", "work_us": "{} us work",
+    "consumers": "{} consumers", "stopped": "{} stopped", "slow": "{} slow", "hosts": "{} hosts", "in_flight": "{} in flight",
     "clients": "{} clients", "hello_storms": "{} storms of HELLOs",
 }
 
