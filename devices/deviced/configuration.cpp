@@ -12,10 +12,10 @@
 namespace rtpm::deviced {
 namespace {
 
-/// A component of a name at a registry.
+/// The size limit of one component of a registry name.
 constexpr std::size_t kDeviceNameSizeMax = 64;
 
-/// "arm" for "arm0", if that is a driver's name; empty otherwise.
+/// Returns "arm" for "arm0" if a driver has that name; otherwise an empty string.
 std::string driver_named_like(const std::string& name) {
   const std::string word = name.substr(0, name.find_last_not_of("0123456789") + 1);
   return is_driver(word) ? word : "";
@@ -87,9 +87,8 @@ void add_devices(options::Options& options, Configuration& configuration) {
       });
 }
 
-/// Two lanes: one for the calls of haptic loops, which come periodically and never queue behind
-/// other calls; one for the rest (displays, tools, set-up), which blocks and costs nothing while it
-/// is idle.
+/// Two lanes: one for the periodic calls of haptic loops, which never queue behind other calls; one
+/// for all other calls (displays, tools, set-up), which blocks and costs nothing while it is idle.
 std::vector<rpc::LaneConfig> default_lanes() {
   constexpr Priority kHigh{16384};
   return {{.name = "lane-rest", .wait = {.strategy = rt::WaitStrategy::kBlock}},
@@ -155,7 +154,7 @@ void find_stops_folder(Configuration& configuration) {
                                       .text());
 }
 
-/// The lowest priority of the most urgent lane.
+/// The lowest priority in the most urgent lane.
 Priority highest_low(const Configuration& configuration) {
   Priority highest = Priority::kLowest;
   for (const rpc::LaneConfig& lane : configuration.settings.server.lanes)

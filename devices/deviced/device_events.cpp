@@ -5,7 +5,7 @@
 namespace rtpm::deviced {
 namespace {
 
-/// A name can't be found without a registry.
+/// A hub's name can't be resolved without a registry.
 bool has_hub(const Configuration& configuration) {
   if (configuration.serves_events) return true;
   if (configuration.events == kNoHub) return false;

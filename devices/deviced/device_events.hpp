@@ -19,40 +19,40 @@
 
 namespace rtpm::deviced {
 
-/// Pushes the events of this program's devices to a hub, perhaps its own, and stops the devices in
-/// an emergency.
-/// @ownership refers to its node; outlives the devices
-/// @threads  set-up from one; stop_devices() and stop_system() from any
+/// Pushes the events of this program's devices to a hub, which this program may host, and stops the
+/// devices in an emergency.
+/// @ownership refers to its node; must outlive the devices
+/// @threads  set-up: one thread; stop_devices() and stop_system(): any thread
 class DeviceEvents final : public gvd::EmergencyStops {
  public:
-  /// Serves the hub, if the configuration says so.
+  /// Starts the hub if the configuration asks for it.
   /// @realtime set-up only
-  /// @errors   as events::HubServer::create()
+  /// @errors   those of events::HubServer::create()
   [[nodiscard]] static expected<std::unique_ptr<DeviceEvents>, SetupError> create(
       rpc::Node& node, const Configuration& configuration);
 
-  /// The observer of the device that is bound as `name`; null if events are off.
-  /// @errors   as gvd::DevicePublisher::add()
+  /// Returns the observer of the device that is bound as `name`; null if events are off.
+  /// @errors   those of gvd::DevicePublisher::add()
   [[nodiscard]] expected<gvd::CycleObserver*, SetupError> observe(std::string_view name);
-  /// The keeper of stops. Add the device and attach its server before the rpc::Server starts.
+  /// Stores emergency stops. Add the device and attach its server before the rpc::Server starts.
   [[nodiscard]] gvd::StopKeeper& stops() noexcept { return stops_; }
-  /// Begins to push events.
-  /// @errors   as gvd::DevicePublisher::start()
+  /// Starts pushing events.
+  /// @errors   those of gvd::DevicePublisher::start()
   [[nodiscard]] expected<void, SetupError> start_publishing();
-  /// Keeps stops, and takes part in the system-wide emergency stop, until stop().
-  /// @errors   as gvd::StopKeeper::start() and gvd::SystemStop::start()
+  /// Stores stops and takes part in the system-wide emergency stop until stop() is called.
+  /// @errors   those of gvd::StopKeeper::start() and gvd::SystemStop::start()
   [[nodiscard]] expected<void, SetupError> start_stops(rpc::Node& node);
-  /// Call before the devices end.
+  /// Call this before the devices are destroyed.
   void stop() noexcept;
 
-  /// Publishes a change of parameters, as gvd::DevicePublisher::publish_configuration() does.
+  /// Publishes a change of parameters, like gvd::DevicePublisher::publish_configuration().
   void publish_configuration(std::string_view name, std::uint64_t revision,
                              std::span<const std::string> names);
   void stop_devices() noexcept override;
   [[nodiscard]] bool stop_system() noexcept override;
 
  private:
-  /// Logs changes of the hub and of kept stops.
+  /// Logs changes of the hub's state and of stored stops.
   class Reporter final : public gvd::DeviceListener {
    public:
     void report(std::string_view text) override { log_.write(std::string(text)); }

@@ -10,7 +10,7 @@ namespace {
 
 constexpr Duration kInterval = std::chrono::milliseconds{100};
 
-/// "5.0 s"
+/// Formats a time like "5.0 s".
 std::string text_of(Duration time) {
   std::array<char, 32> text{};
   std::snprintf(text.data(), text.size(), "%.1f s", std::chrono::duration<double>(time).count());

@@ -12,12 +12,12 @@
 
 namespace rtpm::deviced {
 
-/// Logs when a driver does not return, and when it has returned: the driver's own thread can't.
-/// @ownership refers to the devices' servers, which must outlive it
-/// @threads  set-up from one
+/// Logs when a call of a driver blocks and when it returns, because the driver's own thread can't.
+/// @ownership refers to the device servers, which must outlive it
+/// @threads  set-up: one thread
 class DriverWatch {
  public:
-  /// Time without a return after which a driver counts as blocked.
+  /// A driver whose call takes longer counts as blocked.
   static constexpr Duration kBlockedMin = std::chrono::seconds{1};
 
   DriverWatch() = default;
@@ -29,14 +29,15 @@ class DriverWatch {
   void add(std::string device, const gvd::DeviceServer& server) {
     devices_.push_back({std::move(device), &server, Duration{0}});
   }
-  /// @errors   no thread left
+  /// @errors   the thread can't be created
   [[nodiscard]] expected<void, SetupError> start();
 
  private:
   struct Device {
     std::string name{};
     const gvd::DeviceServer* server = nullptr;
-    Duration blocked{};  ///< How long its driver was last seen blocked; 0 if not.
+    /// How long its driver had been blocked at the last check; 0 if it was not blocked.
+    Duration blocked{};
   };
   void look_at(Device& device);
 

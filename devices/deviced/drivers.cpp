@@ -12,12 +12,13 @@
 #include "rtpm/device_sim/sim_driver.hpp"
 #include "rtpm/driver_host/plugin.hpp"
 
-/// Members make and probe of DriverInfo, of a driver whose namespace has open() and probe().
+/// Initializes `make` and `probe` of a DriverInfo for a driver whose namespace has open() and
+/// probe().
 #define RTPM_HARDWARE(part)                                                                       \
   [](const DeviceSettings& device) -> Made { return part::open(device.arguments, device.name); }, \
       [] { return part::probe(); }
 
-// A driver whose library was not found is not built, and its header is not included.
+// A driver whose library was not found is not built, so its header is not included.
 #if __has_include("rtpm/device_evdev/open.hpp")
 #include "rtpm/device_evdev/open.hpp"
 #define RTPM_EVDEV RTPM_HARDWARE(device_evdev)
@@ -48,7 +49,7 @@ namespace {
 
 using Made = expected<std::unique_ptr<driver::Driver>, SetupError>;
 
-/// The error of a real arm that was not calibrated.
+/// The encoder error of a real, uncalibrated arm.
 constexpr double kEncoderErrorMetres = 1e-3;
 
 device_sim::TwinConfig twin_of(const DeviceSettings& device) {

@@ -13,29 +13,29 @@
 
 namespace rtpm::deviced {
 
-/// A driver that this program has without a plug-in.
+/// A built-in driver, which needs no plug-in.
 struct DriverInfo {
   const char* name;     ///< The value of --device-NAME-driver.
-  const char* devices;  ///< The devices it serves, for people.
-  /// Null if this build was made without `package`, and so without the driver.
+  const char* devices;  ///< The supported devices, as text for users.
+  /// Null if this build lacks the driver because `package` was not installed.
   expected<std::unique_ptr<driver::Driver>, SetupError> (*make)(const DeviceSettings&);
-  std::vector<device_io::FoundDevice> (*probe)();  ///< Null if it has no hardware to probe.
-  const char* package;  ///< The Debian package that its build needs; may be empty.
+  std::vector<device_io::FoundDevice> (*probe)();  ///< Null if the driver has no hardware to probe.
+  const char* package;  ///< The Debian package required to build it; may be empty.
 };
 
-/// All drivers, also those left out of this build.
+/// All drivers, including those that this build lacks.
 [[nodiscard]] std::span<const DriverInfo> drivers();
 
-/// Their names, comma-separated.
+/// The names of all drivers, comma-separated.
 [[nodiscard]] std::string driver_names();
 
-/// Whether a driver has this name.
+/// Whether a driver with this name exists.
 [[nodiscard]] bool is_driver(std::string_view name);
 
-/// Makes the driver that the settings name, or a plug-in's.
-/// @param name  the device's at the registry, for a crash in a plug-in
+/// Creates the driver that the settings name, which may be a plug-in.
+/// @param name  the device's registry name, for messages about a crash in a plug-in
 /// @realtime set-up only
-/// @errors   no such driver; left out of this build; wrong arguments; a broken recording; as
+/// @errors   unknown driver; not in this build; wrong arguments; a damaged recording; those of
 ///           driver_host::load_plugin()
 [[nodiscard]] expected<std::unique_ptr<driver::Driver>, SetupError> make_driver(
     const DeviceSettings& device, std::string_view name = {});

@@ -13,12 +13,12 @@
 
 namespace rtpm::deviced {
 
-/// Writes a file of the cycles around each fault of the devices, from a thread of its own.
+/// Writes a file with the cycles around each device fault, from its own thread.
 /// @ownership refers to the recorders, which must outlive it
-/// @threads  set-up from one
+/// @threads  set-up: one thread
 class FlightFiles {
  public:
-  /// Files per device; later files replace the oldest.
+  /// Maximum number of files per device; new files replace the oldest.
   static constexpr std::uint64_t kFileCountMax = 16;
 
   explicit FlightFiles(std::string folder) : folder_(std::move(folder)) {}
@@ -26,12 +26,12 @@ class FlightFiles {
   FlightFiles(const FlightFiles&) = delete;
   FlightFiles& operator=(const FlightFiles&) = delete;
 
-  /// Before start().
+  /// Call this before start().
   void add(std::string device, const gvd::FlightRecorder& recorder) {
     devices_.push_back({std::move(device), &recorder, 0});
   }
-  /// Makes the folder and starts the thread; without a folder does nothing.
-  /// @errors   the folder can't be made
+  /// Creates the folder and starts the thread; does nothing if no folder is configured.
+  /// @errors   the folder can't be created
   [[nodiscard]] expected<void, SetupError> start();
 
  private:

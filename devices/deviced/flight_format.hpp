@@ -8,14 +8,15 @@
 
 namespace rtpm::deviced {
 
-/// How this build writes flight records: ".mcap" or, without rtpm::capture, ".csv".
+/// The file extension of this build's flight records: ".mcap", or ".csv" without rtpm::capture.
 [[nodiscard]] std::string_view flight_file_ending() noexcept;
-/// The kind of such a file: "a recording in the format MCAP".
+/// Describes such a file: "a recording in the format MCAP".
 [[nodiscard]] std::string_view flight_file_kind() noexcept;
 
-/// Writes a flight record; a file of that name is replaced when the new one is whole.
+/// Writes a flight record. An existing file with that name is replaced once the new one is
+/// complete.
 /// @realtime never
-/// @errors   in words: the file can't be written
+/// @errors   the file can't be written; described in words
 [[nodiscard]] expected<void, SetupError> write_flight(const std::string& path,
                                                       const std::string& device,
                                                       const gvd::FlightLog& log);

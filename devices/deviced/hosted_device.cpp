@@ -11,7 +11,7 @@
 namespace rtpm::deviced {
 namespace {
 
-/// A thread's name has at most 15 bytes.
+/// The name of a thread is limited to 15 bytes.
 rt::ThreadConfig thread_of(const Configuration& configuration, const DeviceSettings& device,
                            const std::string& prefix) {
   return {.name = (prefix + device.name).substr(0, 15),
@@ -23,7 +23,7 @@ rt::ThreadConfig thread_of(const Configuration& configuration, const DeviceSetti
 constexpr double kRateMinHz = 10;
 constexpr double kRateMaxHz = 50000;
 
-/// The rate of its cycle.
+/// The rate of the device's cycle.
 expected<double, SetupError> rate_hz_of(const DeviceSettings& device,
                                         const driver::Descriptor& descriptor) {
   const bool is_given = device.rate_hz > 0;
@@ -138,7 +138,7 @@ expected<void, SetupError> HostedDevice::add_to(rpc::Server& server,
 expected<void, SetupError> HostedDevice::bind(rpc::Node& node, rpc::Server& server,
                                               const Configuration& configuration) {
   if (configuration.registry == kNoRegistry) return {};
-  // Names below it, such as its configuration's, need no binding of their own.
+  // Names below this one, such as that of its configuration, need no separate binding.
   auto bound = names::Registration::create(
       node, configuration.registry, name_, server.url(name_),
       std::string(server_->servant().interface().name), names::Registration::kDefaultLease, {},

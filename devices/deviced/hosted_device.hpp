@@ -20,34 +20,34 @@
 
 namespace rtpm::deviced {
 
-/// One device of this program: its driver, its thread, its configuration, its objects and its name.
-/// @threads  set-up from one
+/// One device of this program: its driver, thread, configuration, objects and name.
+/// @threads  set-up: one thread
 /// @realtime set-up only
 class HostedDevice {
  public:
-  /// Makes the driver, the device's server and its configuration, with the saved settings.
-  /// @errors   as make_driver(), DeviceEvents::observe(), gvd::DeviceServer::create() and
+  /// Creates the driver, the device's server and its configuration, and loads the saved settings.
+  /// @errors   those of make_driver(), DeviceEvents::observe(), gvd::DeviceServer::create() and
   ///           gvd::ConfigurationManager::create()
   [[nodiscard]] static expected<std::unique_ptr<HostedDevice>, SetupError> create(
       const Configuration& configuration, const DeviceSettings& device, DeviceEvents& events);
 
-  /// Adds its objects to `server`.
-  /// @errors   as rpc::Server::add()
+  /// Adds the device's objects to `server`.
+  /// @errors   those of rpc::Server::add()
   [[nodiscard]] expected<void, SetupError> add_to(rpc::Server& server,
                                                   introspection::Catalog& catalog);
   /// Starts the device's thread.
-  /// @errors   as gvd::DeviceServer::start()
+  /// @errors   those of gvd::DeviceServer::start()
   [[nodiscard]] expected<void, SetupError> start() { return server_->start(); }
-  /// Binds its name at the registry, if the configuration has one.
-  /// @errors   as names::Registration::create()
+  /// Binds the device's name at the registry if one is configured.
+  /// @errors   those of names::Registration::create()
   [[nodiscard]] expected<void, SetupError> bind(rpc::Node& node, rpc::Server& server,
                                                 const Configuration& configuration);
-  /// Removes the name, so that no client finds a server about to end.
+  /// Removes the name so that no client finds a server that is about to stop.
   void unbind() noexcept { registration_.reset(); }
-  /// Stops the device's server, as gvd::DeviceServer::request_stop() and stop() do.
+  /// Stops the device's server, like gvd::DeviceServer::request_stop() and stop().
   void request_stop() noexcept { server_->request_stop(); }
   [[nodiscard]] bool stop(Duration patience) noexcept { return server_->stop(patience); }
-  /// Whether its driver has returned from the set-up.
+  /// Whether the driver's set-up has finished and produced a sample.
   [[nodiscard]] bool has_sample() const noexcept { return server_->newest().has_value(); }
 
   [[nodiscard]] const gvd::DeviceServer& server() const noexcept { return *server_; }
@@ -65,7 +65,7 @@ class HostedDevice {
     rt::Log log_{"rtpm-deviced"};
   };
 
-  /// Logs changes of parameters, and pushes them as events.
+  /// Logs changes of parameters and pushes them as events.
   class ChangeReporter final : public gvd::ParameterListener {
    public:
     ChangeReporter(Reporter& reporter, DeviceEvents& events, const std::string& name)
@@ -85,7 +85,7 @@ class HostedDevice {
   [[nodiscard]] expected<void, SetupError> configure(const Configuration& configuration);
 
   std::string name_;
-  double rate_hz_ = 0;  ///< The cycle's rate.
+  double rate_hz_ = 0;  ///< The rate of the cycle.
   Reporter reporter_;
   ChangeReporter change_reporter_;
   std::unique_ptr<gvd::DeviceServer> server_{};

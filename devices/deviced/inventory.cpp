@@ -18,7 +18,7 @@ std::string padded(std::string_view text) {
   return cell;
 }
 
-/// The text in single quotes, as one word for a shell.
+/// Puts the text in single quotes, so that a shell reads it as one word.
 std::string quoted(std::string_view text) {
   std::string word = "'";
   for (const char letter : text)
@@ -26,7 +26,7 @@ std::string quoted(std::string_view text) {
   return word + "'";
 }
 
-/// @param name  free for this device: "falcon0"
+/// @param name  an unused name for this device: "falcon0"
 std::string paragraph(const device_io::FoundDevice& device, const std::string& name) {
   std::string text = padded(device.driver) + printable(device.model);
   if (!device.serial.empty()) text += ", serial " + printable(device.serial);

@@ -10,15 +10,15 @@
 /// The output of --list-drivers and --probe.
 namespace rtpm::deviced {
 
-/// A line per driver: its name and which devices it serves, or what its build lacks.
+/// One line per driver: its name and the devices it supports, or what this build lacks for it.
 [[nodiscard]] std::string list_text(std::span<const DriverInfo> drivers);
 
-/// The devices that the drivers' probe() functions find.
-/// @realtime set-up only: asks the hardware
+/// The devices that the probe() functions of the drivers find.
+/// @realtime set-up only: queries the hardware
 [[nodiscard]] std::vector<device_io::FoundDevice> probe(std::span<const DriverInfo> drivers);
 
-/// A paragraph per device: its model, how to serve it, the missing right; then the udev rules that
-/// give the rights. The devices' own words are escaped.
+/// One paragraph per device: its model, how to serve it and which permission is missing; then the
+/// udev rules that grant the permissions. Text from the devices is escaped.
 [[nodiscard]] std::string probe_text(const std::vector<device_io::FoundDevice>& devices);
 
 }  // namespace rtpm::deviced

@@ -1,5 +1,5 @@
-// rtpm-deviced: hosts devices. It runs each device's driver in a real-time loop of its own, serves
-// them to callers in two lanes, and binds their names at the registry.
+// rtpm-deviced: hosts devices. It runs each device's driver in its own real-time loop, serves the
+// devices to callers in two lanes, and binds their names at the registry.
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
@@ -39,8 +39,8 @@ int fail(const SetupError& error) {
 constexpr int kExitDriverBlocks = 3;
 constexpr Duration kStopPatience = std::chrono::seconds{2};
 
-/// Stops all devices. Ends the program if a driver does not return, because nothing that it uses
-/// may be destroyed.
+/// Stops all devices. If a driver does not return, ends the program, because nothing that the
+/// driver uses may be destroyed.
 void stop_devices(const Devices& devices) {
   for (const auto& device : devices)
     device->request_stop();
@@ -59,7 +59,7 @@ void stop_devices(const Devices& devices) {
   std::_Exit(kExitDriverBlocks);
 }
 
-/// Stops the devices at the end of a scope.
+/// Stops the devices when the scope ends.
 class StopAtEnd {
  public:
   explicit StopAtEnd(const Devices& devices) noexcept : devices_(devices) {}
@@ -71,7 +71,8 @@ class StopAtEnd {
   const Devices& devices_;
 };
 
-/// Ends the objects that refer to the devices, such as the system-wide stop, before the devices.
+/// Destroys the objects that refer to the devices, such as the system-wide stop, before the
+/// devices.
 class LeaveAtEnd {
  public:
   explicit LeaveAtEnd(DeviceEvents& events) noexcept : events_(events) {}
@@ -83,7 +84,8 @@ class LeaveAtEnd {
   DeviceEvents& events_;
 };
 
-/// A device that can't be made is logged and left out: a driver's mistake costs no other device.
+/// A device that can't be created is logged and skipped: one faulty driver must not affect other
+/// devices.
 Devices create_devices(const Configuration& configuration, DeviceEvents& events) {
   Devices devices;
   for (const DeviceSettings& settings : configuration.devices) {
@@ -128,7 +130,7 @@ int serve(const Configuration& configuration) {
   Devices devices = create_devices(configuration, **events);
   if (devices.empty()) return 1;
   const LeaveAtEnd leave_at_end(**events);
-  // Ends after the devices have stopped, so that their last faults are written, too.
+  // Destroyed after the devices have stopped, so that their last faults are written, too.
   FlightFiles flight_files(configuration.flight_folder);
   for (const auto& device : devices)
     flight_files.add(device->name(), device->server().flight_recorder());
@@ -160,8 +162,8 @@ int serve(const Configuration& configuration) {
   std::fflush(stdout);
 
   stop.wait();
-  // Removes the names first, so that no client finds a server about to end; then ends calls. The
-  // devices and their events end with the scope.
+  // First removes the names, so that no client finds a server that is about to stop; then ends
+  // calls. The devices and their events are destroyed with the scope.
   for (const auto& device : devices)
     device->unbind();
   (*server)->stop();

@@ -32,7 +32,7 @@ class PluginMaker final : public driver_host::DriverMaker {
   const std::string& arguments_;
 };
 
-/// Ends the program if a check lasts too long.
+/// Ends the program if a check takes too long.
 class HangGuard {
  public:
   explicit HangGuard(const char* check) {
@@ -57,7 +57,7 @@ class HangGuard {
   rt::Thread thread_{};
 };
 
-/// The period of the rate that the driver states, or 1 ms if it states none.
+/// The period for the driver's stated rate; 1 ms if it states none.
 Duration period_of(const driver::Descriptor& descriptor) {
   const bool is_rate = descriptor.rate_hz >= 10 && descriptor.rate_hz <= 50'000;
   const double rate_hz = is_rate ? descriptor.rate_hz : 1000;

@@ -10,7 +10,7 @@ namespace {
 
 static_assert(ABS_CNT <= 0x40 && REL_CNT <= 0x10 && KEY_CNT <= 0x300);
 
-/// Reports of a USB device come at most 8000 times per second.
+/// A USB device sends at most 8000 reports per second.
 constexpr Duration kReportPeriodMin = std::chrono::microseconds{125};
 
 }  // namespace
@@ -47,7 +47,7 @@ Accumulator::Accumulator(const Layout& layout, const Capabilities& capabilities,
   complete_ = pending_;
 }
 
-/// Counts in the complete state at once, as the end of the report may be lost.
+/// Also increments the counter in the complete state, because the end of the report may be lost.
 void Accumulator::count(std::uint64_t State::*counter) noexcept {
   complete_.*counter = ++(pending_.*counter);
 }
@@ -71,7 +71,7 @@ void Accumulator::apply(const Event& event, MonotonicTime now) noexcept {
       }
       break;
     default:
-      // Ignores events of other types, such as scan codes and the echo of effects.
+      // Ignores events of other types, such as scan codes and echoes of effects.
       if (event.type < EV_CNT) return;
   }
   count(&State::corrupt_count);
@@ -102,7 +102,7 @@ void Accumulator::add_relative(std::uint16_t code, std::int32_t step) noexcept {
   pending_.joints[index] += clamped * joints_[index].scale;
 }
 
-/// Repeats (value 2) are presses of a key that is down.
+/// A repeat (value 2) is handled as a press of a key that is already down.
 void Accumulator::set_key(std::uint16_t code, std::int32_t value) noexcept {
   const std::int8_t button = button_of_[code];
   if (button == kNone) return;

@@ -13,7 +13,7 @@ constexpr std::array kNamesOfKinds{"a constant force", "a rumble", "a spring", "
 
 constexpr int kStopAttemptMax = 3;
 
-/// Sets the level of `effect`; returns whether the level is above zero.
+/// Sets the level of `effect`. Returns whether the level is greater than zero.
 bool set_level(Effect& effect, const Levels& levels) noexcept {
   switch (effect.kind) {
     case EffectKind::kConstant:
@@ -85,7 +85,7 @@ EffectStatus EffectBank::update(const Levels& levels, MonotonicTime now) noexcep
   return ++refusal_count_ < kRefusalMax ? EffectStatus::kRefused : EffectStatus::kGone;
 }
 
-/// An effect whose level can't be set keeps a former one, so it is stopped.
+/// An effect whose level can't be set keeps its previous level, so it is stopped.
 int EffectBank::update(Slot& slot, const Levels& levels, MonotonicTime now) noexcept {
   Effect wanted = slot.effect;
   int error = 0;
@@ -125,7 +125,7 @@ void EffectBank::note_applied(const Slot& slot) noexcept {
   }
 }
 
-/// Stops all effects before it erases any, so that the force ends first.
+/// Stops all effects before it erases any, so that the force ends as early as possible.
 void EffectBank::stop() noexcept {
   const auto insist = [](auto&& write) {
     for (int attempt = 0; attempt < kStopAttemptMax && write() != 0; ++attempt) {

@@ -13,14 +13,14 @@ namespace {
 using driver::CommandMode;
 using driver::ExchangeStatus;
 
-// How long deactivate() waits for each thread at most.
+// How long deactivate() waits for each thread.
 constexpr Duration kReadPatience = std::chrono::milliseconds{20};
 constexpr Duration kWritePatience = std::chrono::milliseconds{10};
 
 constexpr double kLevelMax = std::numeric_limits<std::int16_t>::max();
 constexpr double kRumbleMax = std::numeric_limits<std::uint16_t>::max();
 
-/// `value` as a share of `full`, within `low` to 1; 0 if it is not finite.
+/// `value` as a fraction of `full`, limited to the range `low` to 1; 0 if it is not finite.
 double share(double value, double full, double low) noexcept {
   return std::isfinite(value) ? std::clamp(value / full, low, 1.0) : 0;
 }
@@ -58,7 +58,7 @@ void EvdevDriver::learn_channels() {
   }
 }
 
-/// Serial and frame stay.
+/// Keeps the serial number and the frame.
 void EvdevDriver::take_channels(Layout layout) {
   layout.descriptor.serial = std::move(layout_.descriptor.serial);
   layout.descriptor.frame = std::move(layout_.descriptor.frame);
@@ -81,7 +81,7 @@ expected<void, SetupError> EvdevDriver::configure(const driver::DriverConfig& co
                        "it could not be read when this program started",
                        "start this program again");
   }
-  // The descriptor stays unchanged, the model included.
+  // The descriptor, including the model, stays unchanged.
   layout.descriptor = layout_.descriptor;
   layout_ = std::move(layout);
   known_ = *unit;
@@ -123,7 +123,7 @@ expected<void, SetupError> EvdevDriver::start_threads() {
                        [this] { return write_step(); });
 }
 
-/// Ends the force before it waits for the reading thread.
+/// Ends the force before waiting for the reading thread.
 void EvdevDriver::stop() noexcept {
   writer_.request_stop();
   wake_writer_.post();
@@ -149,7 +149,7 @@ bool EvdevDriver::read_step() noexcept {
   return result.status != ReadStatus::kGone;
 }
 
-/// Bounds the CPU share of a device that floods.
+/// Limits the CPU time spent on a device that sends too many events.
 void EvdevDriver::limit_flood(std::size_t event_count) noexcept {
   const MonotonicTime now = rt::now();
   if (now - flood_since_ >= period_) {

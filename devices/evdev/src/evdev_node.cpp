@@ -19,7 +19,7 @@
 namespace rtpm::device_evdev {
 namespace {
 
-/// Owns a file descriptor. When it is closed, the kernel erases the effects.
+/// Owns a file descriptor. The kernel erases the effects when the descriptor is closed.
 class Handle {
  public:
   explicit Handle(int number) noexcept : number_(number) {}
@@ -75,7 +75,7 @@ Capabilities capabilities_of(const libevdev* device, int node) {
   return capabilities;
 }
 
-/// A condition that is the same on both sides of the centre.
+/// A condition with the same values on both sides of the centre.
 ff_condition_effect condition(std::int16_t coefficient) {
   ff_condition_effect condition{};
   condition.right_saturation = condition.left_saturation = 0xffff;
@@ -84,7 +84,7 @@ ff_condition_effect condition(std::int16_t coefficient) {
 }
 
 ff_effect to_kernel(const Effect& effect) {
-  // Pushes to the right, towards larger values of the axis; a negative level pushes to the left.
+  // Pushes to the right, towards larger axis values; a negative level pushes to the left.
   constexpr std::uint16_t kToTheRight = 0xc000;
   using Milliseconds = std::chrono::duration<std::uint16_t, std::milli>;
   ff_effect raw{};
@@ -111,7 +111,7 @@ ff_effect to_kernel(const Effect& effect) {
   return raw;
 }
 
-/// libevdev is used by the reading thread only; effects go to the node itself.
+/// Only the reading thread uses libevdev; effects are written to the node directly.
 class EvdevNode final : public Transport {
  public:
   EvdevNode(Handle node, Device device)
@@ -172,7 +172,7 @@ int EvdevNode::write(std::uint16_t code, std::int32_t value) noexcept {
   return size == sizeof event ? 0 : EIO;
 }
 
-/// @return an errno; 0 if `event` is the next; EAGAIN if no event is waiting
+/// @return an errno; 0 if `event` was read; EAGAIN if no event is waiting
 int EvdevNode::next(Event& event) noexcept {
   input_event raw{};
   while (true) {
@@ -191,7 +191,7 @@ bool EvdevNode::await(Duration patience) noexcept {
   pollfd waiting{.fd = node_.number(), .events = POLLIN, .revents = 0};
   const auto ms = std::chrono::ceil<std::chrono::milliseconds>(patience);
   const int ready = ::poll(&waiting, 1, static_cast<int>(ms.count()));
-  // An unplugged device still has events to be read before its end.
+  // An unplugged device may still have events to be read.
   return ready <= 0 || (waiting.revents & POLLIN) != 0 ||
          (waiting.revents & (POLLERR | POLLHUP | POLLNVAL)) == 0;
 }

@@ -7,8 +7,8 @@
 
 namespace rtpm::device_evdev {
 
-/// Opens the node of `unit` with libevdev.
-/// @errors   in words: a missing right with the udev rule that gives it
+/// Opens the device node of `unit` with libevdev.
+/// @errors   described in words; for a missing permission, with the udev rule that grants it
 [[nodiscard]] expected<std::unique_ptr<Transport>, SetupError> open_node(const Unit& unit,
                                                                          bool is_grabbed);
 

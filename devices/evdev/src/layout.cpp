@@ -18,7 +18,7 @@ namespace {
 constexpr double kStandardGravity = 9.80665;
 constexpr double kRadPerDegree = std::numbers::pi / 180;
 
-/// "ABS_HAT0X" as "hat0x"; a code without a name by its number.
+/// Converts "ABS_HAT0X" to "hat0x"; uses the number of a code without a name.
 std::string name_of(unsigned type, std::uint16_t code) {
   const char* const known = libevdev_event_code_get_name(type, code);
   if (known == nullptr) {
@@ -43,8 +43,8 @@ const AbsoluteAxis* find(const Capabilities& capabilities, std::uint16_t code) {
   return axis == capabilities.absolute.end() || axis->minimum >= axis->maximum ? nullptr : &*axis;
 }
 
-/// Pads have triggers at ABS_Z and ABS_RZ if their second stick is at ABS_RX and ABS_RY, and older
-/// ones have the second stick there.
+/// Pads have triggers at ABS_Z and ABS_RZ if their second stick is at ABS_RX and ABS_RY; older pads
+/// have the second stick at ABS_Z and ABS_RZ.
 bool is_one_sided(const Capabilities& capabilities, const AbsoluteAxis& axis) {
   switch (axis.code) {
     case ABS_THROTTLE:
@@ -63,7 +63,7 @@ bool is_one_sided(const Capabilities& capabilities, const AbsoluteAxis& axis) {
   }
 }
 
-/// Unit and scale of an axis whose resolution the kernel defines.
+/// Unit and scale of an axis whose resolution is defined by the kernel.
 struct UnitScale {
   const char* unit = "1";
   double scale = 0;
@@ -88,9 +88,9 @@ void append(std::string& text, std::string_view separator, std::string_view more
   text += more;
 }
 
-/// The axes, buttons and effects that no channel has, for people.
+/// The axes, buttons and effects without a channel, as text for users.
 struct LeftOut {
-  std::string analogs{};  ///< Axes beyond a sample's capacity.
+  std::string analogs{};  ///< Axes that exceed the capacity of a sample.
   std::string joints{};
   std::size_t button_count = 0;
   std::string without_range{};
@@ -148,7 +148,7 @@ void add_wheel(Layout& layout, const AbsoluteAxis& axis, const Scales& scales, b
 void add_relative(Layout& layout, const Capabilities& capabilities, const Scales& scales,
                   LeftOut& left_out) {
   for (const std::uint16_t code : capabilities.relative) {
-    // The finer steps of a wheel, stated in addition to its steps.
+    // The high-resolution steps of a wheel, reported in addition to its normal steps.
     if (code == REL_WHEEL_HI_RES || code == REL_HWHEEL_HI_RES || code == REL_MISC) continue;
     if (layout.joints.size() == driver::kJointCountMax) {
       append(left_out.joints, ", ", name_of(EV_REL, code));
@@ -163,7 +163,7 @@ void add_relative(Layout& layout, const Capabilities& capabilities, const Scales
   }
 }
 
-/// The buttons of joysticks, pads and mice before the keys of keyboards.
+/// Adds the buttons of joysticks, pads and mice before the keys of keyboards.
 void add_buttons(Layout& layout, const Capabilities& capabilities, LeftOut& left_out) {
   std::vector<std::uint16_t> keys = capabilities.keys;
   const auto is_button = [](std::uint16_t code) {
@@ -218,12 +218,12 @@ driver::DeviceClass class_of(const Layout& layout, bool has_motor) {
   return is_dial ? driver::DeviceClass::kDial : driver::DeviceClass::kInput;
 }
 
-/// The axis that the motor of a wheel or joystick turns; null if it has no motor.
+/// The axis that the motor of a wheel or joystick moves; null if there is no motor.
 const AbsoluteAxis* motor_axis(const Capabilities& capabilities) {
   const bool has_motor = has(capabilities.force_feedback, FF_CONSTANT) ||
                          has(capabilities.force_feedback, FF_SPRING) ||
                          has(capabilities.force_feedback, FF_DAMPER);
-  // The kernel makes all effects of a pad's rumble motors, but conditions need a real one.
+  // The kernel emulates all effects with a pad's rumble motors, but conditions need a real motor.
   const bool is_pad =
       has(capabilities.force_feedback, FF_RUMBLE) && has(capabilities.keys, BTN_GAMEPAD);
   if (!has_motor || is_pad || capabilities.effect_count <= 0) return nullptr;

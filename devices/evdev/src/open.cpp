@@ -12,7 +12,7 @@ namespace rtpm::device_evdev {
 
 namespace {
 
-/// Empty also where this user may not open the device.
+/// Also empty if this user may not open the device.
 std::string left_out_of(const Unit& unit) {
   const auto opened = open_node(unit, false);
   return opened ? make_layout((*opened)->capabilities(), {}).left_out : std::string();

@@ -12,12 +12,12 @@ namespace {
 
 using driver::Words;
 
-/// A number as the operator gives it, and where it goes.
+/// A numeric setting and the variable that it sets.
 struct Number {
   std::string_view name;
   double low;
   double high;
-  double unit;  ///< Factor from the word's unit to that of `to`.
+  double unit;  ///< Factor from the setting's unit to the unit of `to`.
   double* to;
 };
 
@@ -55,8 +55,8 @@ bool is_meant(const Unit& unit, const Settings& settings) {
          (settings.names_one() || unit.is_joystick);
 }
 
-/// Matches by serial number, or by port if the unit has no serial number or the operator gave the
-/// port; never by the node, which changes.
+/// Compares serial numbers, or ports if the unit has no serial number or the operator specified the
+/// port; never nodes, which change.
 bool is_same_unit(const Unit& unit, const Unit& known, const Settings& settings) {
   const bool goes_by_path = known.serial.empty() || !settings.path.empty();
   return unit.name == known.name && unit.vendor == known.vendor && unit.product == known.product &&

@@ -21,7 +21,7 @@ std::string text_of(const char* text) {
   return text == nullptr ? std::string() : std::string(text);
 }
 
-/// The first of the two that is not empty.
+/// The first string that is not empty.
 std::string either(std::string first, std::string second) {
   return first.empty() ? std::move(second) : std::move(first);
 }
@@ -37,7 +37,7 @@ std::uint16_t hex_of(const std::string& text) {
 }
 
 FoundUnit found_unit(udev_device* device) {
-  // Its parent, which has the attributes of the hardware; owned by `device`.
+  // The parent device, which has the hardware's attributes; owned by `device`.
   udev_device* const input =
       udev_device_get_parent_with_subsystem_devtype(device, "input", nullptr);
   const auto attribute = [&](const char* name) {
@@ -76,7 +76,7 @@ std::vector<FoundUnit> list_units() {
   for (; entry != nullptr; entry = udev_list_entry_get_next(entry)) {
     const Handle<udev_device> device(
         udev_device_new_from_syspath(context.get(), udev_list_entry_get_name(entry)));
-    // Devices have properties only where udev runs, so this selects by none of them.
+    // Devices have properties only if udev is running, so this does not filter by properties.
     if (device && udev_device_get_devnode(device.get()) != nullptr) {
       found.push_back(found_unit(device.get()));
     }

@@ -8,7 +8,7 @@ namespace rtpm::device_evdev {
 
 struct FoundUnit {
   Unit unit{};
-  bool is_desktop = false;  ///< A keyboard, mouse or switch, which the desktop uses.
+  bool is_desktop = false;  ///< A keyboard, mouse or switch that the desktop uses.
 };
 
 /// The input devices that udev knows.

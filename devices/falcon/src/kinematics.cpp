@@ -9,10 +9,10 @@ namespace rtpm::device_falcon {
 namespace {
 
 constexpr double kRadianPerDegree = std::numbers::pi / 180;
-/// Angle at which an encoder reads zero.
+/// The angle at which an encoder reads zero.
 constexpr double kZeroCountsRadian = 35 * kRadianPerDegree;
 
-// The mechanism's lengths in metres, by the letters of its source.
+// The lengths of the mechanism in metres, named by the letters in the source.
 constexpr double kA = 0.060;
 constexpr double kB = 0.1025;
 constexpr double kC = 0.01443;
@@ -24,9 +24,9 @@ constexpr double kS = -0.02309;
 
 constexpr int kNewtonStepMax = 10;
 constexpr double kNewtonRadian = 1e-9;
-/// A step of Newton's method that goes further has left the workspace.
+/// If Newton's method makes a larger step, it has left the workspace.
 constexpr double kReachMetres = 0.5;
-/// Below it the legs are so near to a singular pose that forces have no meaning.
+/// If the pivot is smaller, the legs are so close to a singular pose that forces are meaningless.
 constexpr double kSmallestPivot = 1e-6;
 
 struct LegDirection {
@@ -64,14 +64,14 @@ driver::Vector3 to_driver(const Eigen::Vector3d& vector) noexcept {
   return {vector.x(), vector.y(), vector.z()};
 }
 
-/// Sets the angles of one leg; false if it does not reach.
+/// Sets the angles of one leg; returns false if the leg can't reach the position.
 bool invert_leg(const LegDirection& leg, const driver::Vector3& at, double& upper, double& lower,
                 double& sideways) noexcept {
   const double u = leg.cosine * at.x + leg.sine * at.y - kR;
   const double v = -leg.sine * at.x + leg.cosine * at.y - kS;
   const double w = at.z;
   const double sideways_cosine = (v + kF) / kB;
-  // Written so that a NaN is refused.
+  // This form of the condition also rejects NaN.
   if (!(std::abs(sideways_cosine) < 1)) return false;
   sideways = std::acos(sideways_cosine);
   const double length = kD + kE + kB * std::sin(sideways);
@@ -87,9 +87,9 @@ bool invert_leg(const LegDirection& leg, const driver::Vector3& at, double& uppe
   return std::isfinite(upper);
 }
 
-/// `force`, shortened to `longest` in its direction.
+/// `force`, reduced to the length `longest` in the same direction.
 Eigen::Vector3d shortened(const Eigen::Vector3d& force, double longest) noexcept {
-  // In two steps, since the square of a large number overflows.
+  // In two steps, because the square of a large number overflows.
   const double scale = force.cwiseAbs().maxCoeff();
   if (scale <= longest && force.norm() <= longest) return force;
   return (force / scale).normalized() * longest;
@@ -148,7 +148,7 @@ std::optional<driver::Vector3> forward(const std::array<double, 3>& upper,
   for (int attempt = 0; attempt <= kNewtonStepMax; ++attempt) {
     const auto angles = inverse(to_driver(at));
     if (!angles) {
-      // The step went beyond the legs' reach: tries half of it.
+      // The step exceeded the legs' reach: tries half of it.
       if (step.isZero(0)) return std::nullopt;
       step /= 2;
       at -= step;
@@ -158,7 +158,7 @@ std::optional<driver::Vector3> forward(const std::array<double, 3>& upper,
                                 upper[2] - angles->upper[2]};
     if (error.cwiseAbs().maxCoeff() < kNewtonRadian) return to_driver(at);
     step = to_eigen(jacobian(*angles)).partialPivLu().solve(error);
-    // Written so that a NaN is refused.
+    // This form of the condition also rejects NaN.
     if (!(step.cwiseAbs().maxCoeff() < kReachMetres)) return std::nullopt;
     at += step;
   }
@@ -173,7 +173,7 @@ MotorForce motor_force(const driver::Vector3& force_newton, const driver::Vector
   const auto angles = inverse(position_m);
   if (!angles) return {.is_saturated = true};
   Eigen::Vector3d applied = shortened(asked, force_newton_max);
-  // The work of the motors is that of the force: torque = (Jacobian transposed)⁻¹ · force.
+  // The work of the motors equals that of the force: torque = (Jacobian transposed)⁻¹ · force.
   const Eigen::Matrix3d transposed = to_eigen(jacobian(*angles)).transpose();
   const Eigen::PartialPivLU<Eigen::Matrix3d> solver(transposed);
   if (!(solver.rcond() > kSmallestPivot)) return {.is_saturated = true};

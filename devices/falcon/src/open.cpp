@@ -30,14 +30,14 @@ expected<std::vector<std::byte>, SetupError> read_firmware(const std::string& pa
   return bytes;
 }
 
-/// A choice that matches this unit, wherever it is plugged in next.
+/// Creates a choice that matches this unit on any port it may be plugged into next.
 UnitChoice choice_of(const Unit& unit, const UnitChoice& choice) {
   if (!choice.serial.empty() || !choice.port.empty()) return choice;
   if (!unit.serial.empty()) return {.serial = unit.serial};
   return {.port = unit.port};
 }
 
-/// Finds and opens the unit; from the first time on, the same one.
+/// Finds and opens the unit; after the first time, always the same unit.
 OpenTransport opener(UnitChoice choice) {
   return
       [choice = std::move(choice)]() mutable -> expected<std::unique_ptr<Transport>, SetupError> {

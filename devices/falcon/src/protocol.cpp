@@ -17,8 +17,8 @@ int digit_of(std::byte byte) noexcept {
   return std::to_integer<int>(byte) - kZeroDigit;
 }
 
-/// Whether `byte` may stand at `index` of a device's packet. The meaning of byte 14 is unknown, so
-/// that only the marks are refused there.
+/// Whether `byte` is valid at `index` in a packet from the device. The meaning of byte 14 is
+/// unknown, so only the marks are rejected there.
 bool may_stand(std::size_t index, std::byte byte) noexcept {
   const int digit = digit_of(byte);
   if (index == 0) return byte == kBegin;
@@ -28,7 +28,7 @@ bool may_stand(std::size_t index, std::byte byte) noexcept {
   return byte == kEnd;
 }
 
-/// Four digits per value, the lowest first, each as a letter from 'A'.
+/// Writes each value as four digits, the lowest first, each as a letter starting at 'A'.
 void put_counts(Packet& packet, const LegCounts& counts) noexcept {
   for (std::size_t i = 0; i < kStateIndex - 1; ++i) {
     const auto bits = static_cast<std::uint16_t>(counts[i / 4]);
@@ -107,7 +107,8 @@ std::size_t strip_status(std::span<std::byte> transfer) noexcept {
 std::optional<EncoderReport> PacketParser::push(std::byte byte) noexcept {
   if (!may_stand(size_, byte)) {
     drop();
-    // The mark of the next packet ends a run of dropped bytes, and may follow a packet cut short.
+    // The start mark of the next packet ends a run of dropped bytes. It may follow a truncated
+    // packet.
     if (byte != kBegin) return std::nullopt;
   }
   is_dropping_ = false;

@@ -10,9 +10,10 @@ namespace rtpm::device_falcon {
 namespace {
 
 constexpr driver::Vector3 kStartMetres{0, 0, kZeroCountsZMetres};
-/// Longer gaps do not extend a leg's possible movement: otherwise a lasting leap would be accepted.
+/// A longer gap does not further extend how far a leg may move: otherwise a persistent jump would
+/// be accepted.
 constexpr std::int64_t kGapMillisecondMax = 2;
-/// A unit that refuses does so at once, so that time alone does not end the attempts.
+/// A unit that refuses does so immediately, so the time limit alone would allow too many attempts.
 constexpr int kStopAttemptMax = 25;
 
 bool is_within_reach(const driver::Vector3& position_m) {
@@ -22,7 +23,7 @@ bool is_within_reach(const driver::Vector3& position_m) {
 }  // namespace
 
 driver::Vector3 VelocityWindow::update(const driver::Vector3& position_m, MonotonicTime time) {
-  // Two packets of one transfer have one time: the newer stands for both.
+  // Two packets from one transfer have the same time: the newer one replaces the older.
   if (size_ == 0 || time > points_[newest_].time) {
     newest_ = (newest_ + 1) % kPointCount;
     size_ = std::min(size_ + 1, kPointCount);
@@ -53,7 +54,7 @@ bool Session::step(const ForceRequest& request, Duration patience) {
     const std::uint64_t corrupt_count = parser_.corrupt_count();
     parser_.push(bytes.first(strip_status(bytes)),
                  [&](const EncoderReport& report) { take(report, received.time); });
-    // A damaged answer is an answer, too: the next packet need not wait.
+    // A damaged answer is also an answer: the next packet need not wait.
     if (parser_.corrupt_count() != corrupt_count) is_awaiting_ = false;
   }
   state_.corrupt_count = parser_.corrupt_count() + refused_count_;
@@ -95,7 +96,8 @@ void Session::take(const EncoderReport& report, MonotonicTime time) {
   ++state_.report_count;
 }
 
-/// A damaged byte may hold any bits: a lost homed state counts at once, a gained one on repetition.
+/// Any bits of a damaged byte may be wrong: losing the homed state takes effect at once, gaining it
+/// only after repetition.
 void Session::take_homed(bool is_homed) {
   homed_packet_count_ = is_homed ? std::min(homed_packet_count_ + 1, kHomedPacketCount) : 0;
   state_.is_homed = homed_packet_count_ == kHomedPacketCount;
@@ -126,7 +128,7 @@ bool Session::take_position(const LegCounts& counts, MonotonicTime time) {
   return true;
 }
 
-/// A state counts when two packets agree on it.
+/// A button state is accepted when two packets agree on it.
 void Session::take_buttons(std::uint8_t buttons) {
   const bool is_repeated = buttons == last_buttons_;
   last_buttons_ = buttons;
@@ -142,7 +144,7 @@ void Session::stop() {
   const MonotonicTime end = transport_.now() + kStopPatience;
   int sent_count = 0;
   for (int attempt = 0; attempt < kStopAttemptMax && transport_.now() < end; ++attempt) {
-    // The second one is taken only when the first is through.
+    // The second packet is accepted only after the first has been sent.
     if (sent_count == 2) return;
     const UsbStatus status = transport_.send(zero);
     if (status == UsbStatus::kGone) return;

@@ -17,9 +17,9 @@ enum class Outcome : std::uint8_t {
   kOk,
   kGone,
   kStalled,
-  kSilent,      ///< No packets: no firmware runs.
-  kBootSilent,  ///< The boot loader does not greet.
-  kWrongEcho,   ///< The boot loader received other bytes than sent.
+  kSilent,      ///< No packets arrived: no firmware is running.
+  kBootSilent,  ///< The boot loader sends no greeting.
+  kWrongEcho,   ///< The boot loader echoed other bytes than were sent.
 };
 
 constexpr int kPacketAttemptMax = 20;
@@ -28,9 +28,9 @@ constexpr Duration kGreetingPatience = milliseconds{50};
 constexpr int kGreetingAttemptMax = 20;
 constexpr Duration kEchoPatience = milliseconds{100};
 constexpr Duration kDrainPatience = milliseconds{2};
-/// A USB packet's payload, so that an echo comes in one.
+/// The payload of one USB packet, so that an echo arrives in one packet.
 constexpr std::size_t kBlockSize = kUsbPacketSize - kFtdiStatusSize;
-/// A device that sends without end is not drained for longer.
+/// Limits how long a device that sends endlessly is drained.
 constexpr int kDrainMax = 50;
 
 constexpr std::array kGreeting{std::byte{0x0a}, std::byte{0x43}, std::byte{0x0d}};
@@ -48,7 +48,8 @@ class StartUp {
   StartUp(Transport& transport, std::span<const std::byte> firmware)
       : transport_(transport), firmware_(firmware) {}
 
-  /// Repeats everything after any failure except a unit that is gone: failures may be transient.
+  /// Repeats everything after any failure, because failures may be transient, except if the unit is
+  /// gone.
   [[nodiscard]] Outcome run() {
     Outcome outcome = begin_packets();
     for (int i = 0; i < kLoadAttemptMax; ++i) {
@@ -74,12 +75,12 @@ class StartUp {
     return Outcome::kOk;
   }
 
-  /// Discards the bytes that came before.
+  /// Discards bytes that have already arrived.
   [[nodiscard]] Outcome drain() {
     Received received{.status = UsbStatus::kOk};
     for (int i = 0; i < kDrainMax && received.status == UsbStatus::kOk; ++i) {
       received = transport_.receive(transfer_, kDrainPatience);
-      // The chip sends its status alone when it has nothing else.
+      // The chip sends only its status if it has no other data.
       if (received.size <= kFtdiStatusSize) break;
     }
     received_.clear();
@@ -98,7 +99,7 @@ class StartUp {
     return Outcome::kStalled;
   }
 
-  /// Appends received bytes, at most one transfer.
+  /// Appends the received bytes of at most one transfer.
   [[nodiscard]] Outcome receive(Duration patience) {
     const Received received = transport_.receive(transfer_, patience);
     if (received.status == UsbStatus::kGone) return Outcome::kGone;
@@ -113,7 +114,7 @@ class StartUp {
     return Outcome::kOk;
   }
 
-  /// Receives until `is_enough`; `otherwise` is the outcome if that takes too long.
+  /// Receives until `is_enough` returns true; the result is `otherwise` if that takes too long.
   template <class IsEnough>
   [[nodiscard]] Outcome await(Duration patience, Outcome otherwise, IsEnough&& is_enough) {
     const MonotonicTime end = transport_.now() + patience;
@@ -124,7 +125,7 @@ class StartUp {
     return otherwise;
   }
 
-  /// Switches to 1.5 Mbaud and sends packets until a firmware answers one.
+  /// Switches to 1.5 Mbaud and sends packets until the firmware answers one.
   [[nodiscard]] Outcome begin_packets() {
     Outcome outcome = set({{FtdiRequest::kDataBits, kEightBitsNoParity},
                            {FtdiRequest::kFlowControl, kNoFlowControl},
@@ -149,7 +150,7 @@ class StartUp {
       bool is_answered = false;
       PacketParser parser;
       parser.push(received_, [&](const EncoderReport& report) {
-        // A half-loaded boot loader echoes the request.
+        // A boot loader with half of the firmware echoes the request.
         const bool is_echo =
             report.counts == LegCounts{} && report.buttons == request.flags && report.homed == 0;
         is_answered = is_answered || !is_echo;
@@ -189,7 +190,7 @@ class StartUp {
       received_.clear();
       outcome = send(kGreeting);
       if (outcome != Outcome::kOk) break;
-      // Some hosts see a zero in front of it.
+      // Some hosts receive a zero before the greeting.
       outcome = await(kGreetingPatience, Outcome::kBootSilent, [&] {
         return std::search(received_.begin(), received_.end(), kGreetingReply.begin(),
                            kGreetingReply.end()) != received_.end();

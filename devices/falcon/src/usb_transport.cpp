@@ -17,7 +17,7 @@ namespace {
 constexpr int kInterface = 0;
 constexpr unsigned kRequestMilliseconds = 100;
 constexpr int kPortDepthMax = 7;
-/// How long the destructor waits for transfers that it has cancelled.
+/// How long the destructor waits for the transfers that it cancels.
 constexpr Duration kCancelPatience = std::chrono::seconds{1};
 
 struct ContextEnd {
@@ -43,7 +43,7 @@ expected<Context, SetupError> make_context() {
   return Context(context);
 }
 
-/// The list of a context's devices, with a reference to each.
+/// The device list of a context, with a reference to each device.
 class Devices {
  public:
   explicit Devices(libusb_context* context) {
@@ -89,7 +89,7 @@ std::string node_of(libusb_device* device) {
   return name.data();
 }
 
-/// Reads the kernel's copy: asking the device would take a right.
+/// Reads the kernel's copy, because querying the device would need a permission.
 std::string serial_at(const std::string& port) {
   std::ifstream file("/sys/bus/usb/devices/" + port + "/serial");
   std::string serial;
@@ -131,7 +131,7 @@ class UsbTransport final : public Transport {
       : context_(std::move(context)), handle_(std::move(handle)) {}
   ~UsbTransport() override;
 
-  /// Allocates and begins all transfers.
+  /// Allocates and starts all transfers.
   /// @errors   no memory, or the device refuses
   [[nodiscard]] expected<void, SetupError> begin();
 
@@ -169,7 +169,7 @@ class UsbTransport final : public Transport {
   Transfer out_{};
   std::array<std::byte, kTransferSize> out_bytes_{};
   bool is_out_under_way_ = false;
-  /// Slots with data, oldest first, then empty slots that no transfer uses.
+  /// First the slots with data, oldest first, then the empty slots that no transfer uses.
   std::array<std::size_t, kSlotCount - kInCount> order_{};
   std::size_t ready_count_ = 0;
   UsbStatus failure_ = UsbStatus::kOk;
@@ -216,7 +216,7 @@ UsbTransport::~UsbTransport() {
     libusb_clear_halt(handle_.get(), kEndpointOut);
   }
   libusb_release_interface(handle_.get(), kInterface);
-  // Closed before its transfers are freed: libusb releases the transfers that did not end.
+  // Closed before its transfers are freed: libusb releases the transfers that have not ended.
   handle_.reset();
 }
 
@@ -244,8 +244,8 @@ void UsbTransport::on_in(libusb_transfer* transfer) {
   }
 }
 
-/// Gives the transfer another slot and submits it, then queues the received data. A full queue
-/// loses its oldest transfer.
+/// Gives the transfer another slot and submits it, then queues the received data. If the queue is
+/// full, its oldest transfer is dropped.
 void UsbTransport::take(InTransfer& in) {
   const std::size_t filled = in.slot;
   Slot& slot = slots_[filled];
@@ -271,11 +271,11 @@ void UsbTransport::on_out(libusb_transfer* transfer) {
 void UsbTransport::handle_events(Duration patience) {
   const auto us = std::chrono::duration_cast<std::chrono::microseconds>(patience).count();
   timeval time{.tv_sec = us / 1'000'000, .tv_usec = us % 1'000'000};
-  // An error of libusb's own ends in the caller's time-out.
+  // An error inside libusb appears to the caller as a time-out.
   libusb_handle_events_timeout_completed(context_.get(), &time, nullptr);
 }
 
-/// A stalled endpoint stays so until the host says otherwise. Set-up only: libusb waits for it.
+/// An endpoint stays stalled until the host clears it. Set-up only: libusb waits for the device.
 void UsbTransport::end_stall() {
   libusb_clear_halt(handle_.get(), kEndpointIn);
   libusb_clear_halt(handle_.get(), kEndpointOut);

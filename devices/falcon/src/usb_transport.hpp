@@ -8,13 +8,14 @@
 
 namespace rtpm::device_falcon {
 
-/// The units on this machine's USB.
-/// @errors   libusb does not start
+/// The Falcon units on this machine's USB.
+/// @errors   libusb can't be initialized
 [[nodiscard]] expected<std::vector<Unit>, SetupError> find_units();
 
-/// Opens a unit through libusb. Its transfers are asynchronous, and their memory is allocated here;
-/// the thread that calls receive() is the only one that handles libusb's events.
-/// @errors   in words with the remedy: a missing right, with the udev rule that gives it; in use
+/// Opens a unit through libusb. Its transfers are asynchronous, and their memory is allocated here.
+/// Only the thread that calls receive() handles libusb's events.
+/// @errors   a missing permission, with the udev rule that grants it; in use; described in words
+///           with the remedy
 [[nodiscard]] expected<std::unique_ptr<Transport>, SetupError> open_usb(const Unit& unit);
 
 }  // namespace rtpm::device_falcon

@@ -47,10 +47,11 @@ bool is_button(const Field& field) noexcept {
 
 struct Direction {
   float x = 0;
-  float y = 0;  ///< Towards the user, as of a stick.
+  float y = 0;  ///< Towards the user is positive, as for a stick.
 };
 
-/// Direction of a hat that counts clockwise from away from the user; the centre outside its range.
+/// Converts a hat value, which counts clockwise starting away from the user; a value outside the
+/// range means the centre.
 Direction direction_of(const Field& field, std::int64_t value) noexcept {
   constexpr std::array<Direction, 8> kDirections{
       {{0, -1}, {1, -1}, {1, 0}, {1, 1}, {0, 1}, {-1, 1}, {-1, 0}, {-1, -1}}};
@@ -59,7 +60,7 @@ Direction direction_of(const Field& field, std::int64_t value) noexcept {
   return kDirections[static_cast<std::size_t>((value - field.logical_low) * 8 / count)];
 }
 
-/// "" for the first control of a usage, "_2" for the second.
+/// Returns "" for the first control with a usage, "_2" for the second.
 std::string suffix_of(std::size_t index) {
   return index == 0 ? "" : "_" + std::to_string(index + 1);
 }
@@ -70,7 +71,7 @@ std::string in_hex(std::uint32_t number) {
   return text.data();
 }
 
-/// The parts of a report descriptor that no channel has, for people.
+/// The parts of a report descriptor without a channel, as text for users.
 class LeftOut {
  public:
   void add_field(const Field& field) {
@@ -159,7 +160,7 @@ GamePad::GamePad(const Unit* unit) {
   bind(*descriptor);
 }
 
-/// Follows Linux, which makes an input device from each application.
+/// Like Linux, which creates an input device for each application.
 std::uint32_t GamePad::served_application(const ReportDescriptor& descriptor) {
   const auto is_served = [](const Field& field) {
     return is_button(field) || (is_usable(field) && axis_name(field.usage) != nullptr);
@@ -187,7 +188,7 @@ bool GamePad::add_button(std::uint32_t usage) {
   return true;
 }
 
-/// A repeated usage is a further control, such as the second of two sliders.
+/// A repeated usage is another control, such as the second of two sliders.
 bool GamePad::add_analog(std::uint32_t usage) {
   const char* const name = axis_name(usage);
   const std::size_t needed = usage == kHat ? 2 : 1;

@@ -9,7 +9,7 @@
 namespace rtpm::device_hid {
 namespace {
 
-/// Interval at which the writing thread checks whether to stop or to repeat.
+/// Interval at which the writing thread checks whether it must stop or repeat a request.
 constexpr Duration kWriterPause = std::chrono::milliseconds{100};
 constexpr Duration kReaderPatienceMax = std::chrono::milliseconds{20};
 
@@ -98,7 +98,7 @@ expected<void, SetupError> HidDriver::start_session(const Unit& unit) {
   if (auto begun = profile_->begin(*transport_, unit); !begun) return begun;
   writer_.emplace(*transport_, *profile_, safe_);
   writer_->make_safe();
-  // A button that was pressed when the last session ended may be released now.
+  // A button that was pressed when the last session ended may have been released since.
   state_.release();
   reader_.emplace(*transport_, *profile_, state_);
   if (!profile_->silence_max()) return {};
@@ -176,7 +176,7 @@ Request HidDriver::request_of(const driver::Command& command) const noexcept {
 }
 
 void HidDriver::give_order(const driver::Command& command, const Request& request) noexcept {
-  // The command's times may be those of a simulated clock; its hold is real time.
+  // The command's times may be in simulated time; its hold is in real time.
   MonotonicTime valid_until = kNever;
   if (command.deadline != kNever) {
     valid_until = rt::now() + std::max(command.deadline - command.cycle_time, Duration{0});

@@ -27,7 +27,8 @@ const unsigned char* raw(ConstBytes bytes) {
 }
 // NOLINTEND(cppcoreguidelines-pro-type-reinterpret-cast)
 
-/// hidapi keeps the last error in its handle without a lock, so reading and writing have one each.
+/// hidapi stores the last error in its handle without a lock, so reading and writing use one handle
+/// each.
 class HidapiTransport final : public HidTransport {
  public:
   HidapiTransport(DeviceHandle reading, DeviceHandle writing)
@@ -54,7 +55,7 @@ class HidapiTransport final : public HidTransport {
   DeviceHandle writing_;
 };
 
-/// The device's text in ASCII; other letters become '?'.
+/// Converts the device's text to ASCII; other characters become '?'.
 std::string narrow(const wchar_t* text) {
   std::string narrowed;
   for (; text != nullptr && *text != 0; ++text)
@@ -98,7 +99,7 @@ class HidapiSystem final : public HidSystem {
     std::vector<Unit> found;
     for (const auto* info = first.get(); info != nullptr; info = info->next) {
       const std::string node = info->path != nullptr ? info->path : "";
-      // A device is listed once for each of its top-level collections.
+      // hidapi lists a device once for each of its top-level collections.
       if (node.empty() || std::ranges::count(found, node, &Unit::node) > 0) continue;
       const std::string maker = narrow(info->manufacturer_string);
       const std::string product = narrow(info->product_string);

@@ -22,7 +22,7 @@ enum class CommandType : std::uint8_t {
 
 struct Command {
   CommandType type{};
-  std::uint16_t handler = 0;  ///< The board's class that takes it.
+  std::uint16_t handler = 0;  ///< The class on the board that handles the command.
   std::uint32_t number = 0;
   std::int64_t value = 0;
   std::int64_t address = 0;
@@ -66,8 +66,8 @@ std::optional<Command> command_of(ConstBytes report) noexcept {
                  static_cast<std::int64_t>(load_le<std::uint64_t>(from + 17))};
 }
 
-/// Sends a command until it is answered.
-/// @return the answer's value; nullopt without an answer, or after a refusal
+/// Sends a command repeatedly until it is answered.
+/// @return the value in the answer; nullopt if there was no answer or the board refused
 std::optional<std::int64_t> ask(HidTransport& transport, const Command& command) {
   std::array<std::byte, kReportSizeMax> buffer{};
   for (int i = 0; i < kAttemptCount; ++i) {
@@ -116,7 +116,7 @@ driver::Descriptor OpenFfBoard::describe() const {
   return descriptor;
 }
 
-/// The board repeats a report that has not changed after at most some 0.1 s.
+/// The board repeats an unchanged report at least about every 0.1 s.
 std::optional<Duration> OpenFfBoard::silence_max() const {
   return std::chrono::milliseconds{300};
 }
@@ -152,7 +152,7 @@ expected<void, SetupError> OpenFfBoard::begin(HidTransport& transport, const Uni
   return {};
 }
 
-/// The reset ends the effects of a driver that was killed.
+/// The reset ends effects left by a driver that was killed.
 expected<void, SetupError> OpenFfBoard::begin_effect(HidTransport& transport) {
   std::optional<std::int64_t> effect;
   if (send(transport, {CommandType::kRequest, kEffects, kEffectsReset})) {
@@ -197,7 +197,8 @@ Verdict OpenFfBoard::take(ConstBytes report, MonotonicTime now, State& state) no
   return Verdict::kNew;
 }
 
-/// Measures over at least kWindow, so that one encoder step in 1 ms does not count as a speed.
+/// Measures over at least kWindow, so that one encoder step within 1 ms does not appear as a high
+/// speed.
 void OpenFfBoard::set_velocity(MonotonicTime now, State& state) noexcept {
   constexpr Duration kWindow = std::chrono::milliseconds{8};
   const Duration elapsed = now - reference_time_;

@@ -8,7 +8,7 @@
 namespace rtpm::device_hid {
 namespace {
 
-constexpr std::uint16_t kLogitech = 0x046d;  // 3Dconnexion's older devices.
+constexpr std::uint16_t kLogitech = 0x046d;  // Vendor id of older devices by 3Dconnexion.
 constexpr std::uint16_t k3Dconnexion = 0x256f;
 constexpr std::uint16_t kSony = 0x054c;
 
@@ -105,7 +105,7 @@ std::optional<Kind> kind_named(std::string_view name) noexcept {
 std::optional<Kind> kind_of(const Unit& unit) {
   for (const Product& product : kProducts) {
     if (product.vendor != unit.vendor || product.product != unit.product) continue;
-    // A receiver has further interfaces, such as a mouse's.
+    // A receiver has additional interfaces, such as that of a mouse.
     const bool is_other = product.kind == Kind::kSpaceMouse && !unit.report_descriptor.empty() &&
                           !has_application(unit, [](auto usage) { return usage == kMultiAxis; });
     return is_other ? std::nullopt : std::optional(product.kind);

@@ -6,17 +6,17 @@
 namespace rtpm::device_hid {
 namespace {
 
-// The limits of Linux, drivers/hid/hid-core.c, but for kStackMax, which is 4 there.
+// The limits in Linux, drivers/hid/hid-core.c, except for kStackMax, which is 4 there.
 constexpr std::size_t kStackMax = 8;
-constexpr std::uint32_t kUsageCountMax = 12'288;  ///< Per main item.
-constexpr std::uint32_t kReportSizeMax = 256;     ///< Bits of one field.
+constexpr std::uint32_t kUsageCountMax = 12'288;  ///< Limit per main item.
+constexpr std::uint32_t kReportSizeMax = 256;     ///< Limit in bits per field.
 constexpr std::uint64_t kReportBitsMax = 8 * (16'384 - 1);
 
 constexpr std::byte kLongItem{0xfe};
 
 enum class ItemType : std::uint8_t { kMain = 0, kGlobal = 1, kLocal = 2, kReserved = 3 };
 
-/// Items of the state that Push and Pop save.
+/// The items whose state Push and Pop save.
 struct Globals {
   std::uint32_t usage_page = 0;
   std::int64_t logical_low = 0;
@@ -26,11 +26,11 @@ struct Globals {
   std::uint8_t report_id = 0;
 };
 
-/// `count` usages from `first`, its page included.
+/// A range of `count` usages, starting at `first`, which includes the page.
 struct UsageRange {
   std::uint32_t first = 0;
   std::uint32_t count = 0;
-  bool is_short = false;  ///< It was written without a page.
+  bool is_short = false;  ///< Whether the usage was written without a page.
 };
 
 constexpr std::uint32_t with_page(std::uint32_t usage, std::uint32_t page) noexcept {
@@ -58,7 +58,7 @@ struct Item {
 
 class Parser {
  public:
-  /// @return the fault, or null
+  /// @return the fault; null if there is none
   [[nodiscard]] const char* take(const Item& item) {
     switch (item.type) {
       case ItemType::kMain:
@@ -68,7 +68,7 @@ class Parser {
       case ItemType::kLocal:
         return take_local(item);
       default:
-        return nullptr;  // Reserved: Linux skips it, too.
+        return nullptr;  // Reserved: ignored, as in Linux.
     }
   }
   [[nodiscard]] const char* end() const noexcept {
@@ -104,8 +104,8 @@ class Parser {
     return problem;
   }
 
-  /// A usage has the page of the item before it. If another page follows the last usages, these
-  /// get that page, back to the first usage that has it already.
+  /// A usage has the page of the preceding page item. If another page item follows the last usages,
+  /// they get that page, back to the first usage that already has it.
   void complete_usages() noexcept {
     for (std::size_t i = usages_.size(); i > 0; --i) {
       UsageRange& range = usages_[i - 1];
@@ -130,7 +130,7 @@ class Parser {
     if (bits == 0 && globals_.report_id != 0) bits = 8;
     const std::uint64_t added = std::uint64_t{globals_.report_size} * globals_.report_count;
     if (bits + added > kReportBitsMax) return "a report that is too long";
-    // A field without a usage is padding, whatever its flags.
+    // A field without a usage is padding, regardless of its flags.
     const bool has_values =
         (flags & kConstant) == 0 && !usages_.empty() && globals_.report_size > 0;
     if (has_values) add_fields(flags, bits);
@@ -153,7 +153,7 @@ class Parser {
     std::uint32_t index = 0;
     for (std::size_t i = 0; i < usages_.size() && index < globals_.report_count; ++i) {
       const UsageRange& range = usages_[i];
-      // The last usage applies to all following fields.
+      // The last usage applies to all remaining fields.
       const bool is_last = i + 1 == usages_.size();
       const std::uint32_t end =
           is_last ? globals_.report_count : std::min(index + range.count, globals_.report_count);
@@ -192,7 +192,7 @@ class Parser {
         globals_.logical_low = item.signed_data();
         return nullptr;
       case 2:
-        // Many devices write 255 as one byte, which reads as -1.
+        // Many devices write 255 as one byte, which is read as -1.
         globals_.logical_high =
             globals_.logical_low < 0 ? std::int64_t{item.signed_data()} : std::int64_t{item.data};
         return nullptr;
@@ -218,7 +218,7 @@ class Parser {
         globals_ = stack_.back();
         stack_.pop_back();
         return nullptr;
-      default:  // Physical range, unit and reserved ones: not used.
+      default:  // Physical range, unit and reserved items are not used.
         return nullptr;
     }
   }
@@ -229,7 +229,7 @@ class Parser {
     constexpr std::uint8_t kUsageHigh = 2;
     constexpr std::uint8_t kDelimiter = 10;
     if (item.tag == kDelimiter) return take_delimiter(item.data != 0);
-    // Only the first of alternative usages counts.
+    // Only the first of several alternative usages counts.
     if (delimiter_count_ > 1) return nullptr;
     if (item.tag == kUsage) return add_usages(item.data, item.data, item.size <= 2);
     if (item.tag == kUsageLow) usage_low_ = item.data;
@@ -242,7 +242,7 @@ class Parser {
     if (opens) ++delimiter_count_;
     return nullptr;
   }
-  /// A range from a higher to a lower usage has no end, as in Linux.
+  /// A range from a higher to a lower usage never ends, as in Linux.
   [[nodiscard]] const char* add_usages(std::uint32_t low, std::uint32_t high, bool is_short) {
     const std::uint32_t capacity = kUsageCountMax - usage_count_;
     if (capacity == 0) return "too many usages of a field";
@@ -254,9 +254,9 @@ class Parser {
 
   Globals globals_{};
   std::vector<Globals> stack_{};
-  std::vector<std::uint32_t> collections_{};  ///< The application of each.
+  std::vector<std::uint32_t> collections_{};  ///< The application of each collection.
   std::vector<UsageRange> usages_{};
-  std::uint32_t usage_count_ = 0;  ///< In all entries of usages_.
+  std::uint32_t usage_count_ = 0;  ///< Counts the usages in all entries of usages_.
   std::uint32_t usage_low_ = 0;
   int delimiter_count_ = 0;
   bool is_in_delimiter_ = false;
@@ -264,7 +264,7 @@ class Parser {
   ReportDescriptor descriptor_{};
 };
 
-/// Takes the next item off `bytes`; nullopt if it is cut off.
+/// Removes the next item from `bytes`; nullopt if the item is truncated.
 std::optional<Item> next_item(ConstBytes& bytes) noexcept {
   const auto prefix = std::to_integer<std::uint8_t>(bytes[0]);
   const std::size_t size = (prefix & 3) == 3 ? 4 : prefix & 3;

@@ -12,7 +12,7 @@ Reader::Reader(HidTransport& transport, Profile& profile, State& state)
       heard_at_(transport.now()) {}
 
 bool Reader::step(Duration patience) {
-  // A device that floods does not keep this thread: Linux holds 64 reports.
+  // Limits the loop for a device that sends too many reports: Linux queues 64 reports.
   constexpr int kReportCountMax = 64;
   std::array<std::byte, kReportSizeMax> buffer;
   for (int i = 0; i < kReportCountMax; ++i) {

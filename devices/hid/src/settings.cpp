@@ -79,7 +79,7 @@ expected<const Unit*, SetupError> choose(const std::vector<Unit>& units, const S
                                         (settings.node.empty() || unit.node == settings.node);
     if (is_asked_for && kind_for(settings, unit)) fitting.push_back(&unit);
   }
-  // If two units have one serial number, the one at the same port is meant.
+  // If two units have the same serial number, chooses the one on the same port.
   if (known != nullptr && fitting.size() > 1) {
     std::erase_if(fitting, [&](const Unit* unit) {
       return known->port.empty() ? unit->node != known->node : unit->port != known->port;

@@ -15,12 +15,13 @@ constexpr std::size_t kUsbSize = 64;
 constexpr std::size_t kBluetoothSize = 78;
 constexpr std::uint8_t kUsbReport = 0x01;
 
-// On Bluetooth a CRC-32 ends each report, over the first byte of the transaction and the report.
+// On Bluetooth each report ends with a CRC-32 over the first byte of the transaction and the
+// report.
 constexpr std::byte kInputSeed{0xa1};
 constexpr std::byte kOutputSeed{0xa2};
 constexpr std::byte kFeatureSeed{0xa3};
 
-/// The calibration. Reading it makes a pad on Bluetooth send its full reports from then on; the
+/// The calibration report. Reading it makes a pad on Bluetooth send full reports from then on; the
 /// driver needs only this side effect.
 constexpr std::uint8_t kCalibrationReport = 0x05;
 constexpr std::size_t kCalibrationSize = 41;
@@ -42,14 +43,14 @@ float trigger(std::uint8_t value) noexcept {
   return static_cast<float>(value) / 255;
 }
 
-/// Sticks, triggers and the hat, at the positions of the two models.
+/// Reads sticks, triggers and the hat, whose positions depend on the model.
 void take_analogs(ConstBytes common, std::size_t triggers, std::uint8_t hat,
                   State& state) noexcept {
   for (std::size_t i = 0; i < 4; ++i)
     state.analogs[i] = stick(byte_at(common, i));
   for (std::size_t i = 0; i < 2; ++i)
     state.analogs[4 + i] = trigger(byte_at(common, triggers + i));
-  // Clockwise from away from the user; 8 is the centre.
+  // Clockwise, starting away from the user; 8 is the centre.
   constexpr std::array<float, 8> kX{0, 1, 1, 1, 0, -1, -1, -1};
   constexpr std::array<float, 8> kY{-1, -1, 0, 1, 1, 1, 0, -1};
   state.analogs[6] = hat < kX.size() ? kX[hat] : 0;
@@ -78,7 +79,7 @@ OutputReport dualshock4_report(Bus bus, const Request& request) noexcept {
     common = 3;
     report.size = kBluetoothSize;
     report.bytes[0] = std::byte{0x11};
-    report.bytes[1] = std::byte{0xc0};  // A HID report, with a checksum.
+    report.bytes[1] = std::byte{0xc0};  // A HID report with a checksum.
   }
   const std::span<std::byte> to = std::span(report.bytes).subspan(common);
   to[0] = std::byte{0x03};  // Motors and light are valid.
@@ -103,8 +104,8 @@ OutputReport dualsense_report(Bus bus, std::uint8_t sequence, const Request& req
     report.bytes[2] = std::byte{0x10};
   }
   const std::span<std::byte> to = std::span(report.bytes).subspan(common);
-  to[0] = std::byte{0x03};  // DualShock 4 vibration is valid, and selected.
-  to[1] = std::byte{0x04};  // So is the light bar.
+  to[0] = std::byte{0x03};  // DualShock 4 vibration is valid and selected.
+  to[1] = std::byte{0x04};  // The light bar is valid.
   to[2] = to_byte(request.outputs[kWeak]);
   to[3] = to_byte(request.outputs[kStrong]);
   for (std::size_t i = 0; i < 3; ++i)
@@ -147,7 +148,7 @@ expected<void, SetupError> SonyPad::begin(HidTransport& transport, const Unit& u
   bus_ = unit.bus;
   has_report_ = false;
   if (bus_ != Bus::kBluetooth) return {};
-  constexpr int kAttemptCount = 3;  // The radio loses some.
+  constexpr int kAttemptCount = 3;  // The radio link loses some reports.
   for (int i = 0; i < kAttemptCount; ++i) {
     std::array<std::byte, kCalibrationSize> report{std::byte{kCalibrationReport}};
     if (transport.read_feature(report) == report.size() && has_checksum(kFeatureSeed, report)) {
@@ -159,7 +160,7 @@ expected<void, SetupError> SonyPad::begin(HidTransport& transport, const Unit& u
 }
 
 /// Adds the time since the last report.
-/// @return false if the pad repeats its counter and its time, so it has nothing new
+/// @return false if the pad repeats its counter and time, so the report has nothing new
 bool SonyPad::advance(const Clock& clock, std::uint32_t counter, std::uint32_t ticks,
                       State& state) noexcept {
   if (has_report_) {

@@ -7,9 +7,10 @@ namespace rtpm::device_hid {
 namespace {
 
 constexpr int kCountMax = 350;
-/// ±350 counts are ±1400 · 10^-4 cm.
+/// ±350 counts equal ±1400 · 10^-4 cm.
 constexpr float kDisplacementMaxMetres = 0.0014F;
-constexpr std::uint8_t kTranslationReport = 1;  // Newer models put the rotation into it, too.
+// Newer models also send the rotation in this report.
+constexpr std::uint8_t kTranslationReport = 1;
 constexpr std::uint8_t kRotationReport = 2;
 constexpr std::uint8_t kButtonReport = 3;
 constexpr std::size_t kTripleSize = 7;
@@ -26,8 +27,8 @@ constexpr std::array kProKeys{
     Key{"roll", 8},    Key{"1", 12},   Key{"2", 13},     Key{"3", 14},       Key{"4", 15},
     Key{"escape", 22}, Key{"alt", 23}, Key{"shift", 24}, Key{"control", 25}, Key{"lock", 26}};
 
-/// An Enterprise has a Pro's keys at the same bits, and further ones. A Universal Receiver may
-/// serve a Pro, or a model with two buttons, which are a Pro's first two.
+/// An Enterprise has the keys of a Pro at the same bits, and more keys. A Universal Receiver may be
+/// connected to a Pro, or to a model with two buttons, which are the first two of a Pro.
 constexpr std::uint16_t kEnterprise = 0xc633;
 constexpr std::uint16_t kUniversalReceiver = 0xc652;
 
@@ -41,8 +42,8 @@ std::size_t button_count(std::uint16_t product) noexcept {
   return std::ranges::count(kTwoButtons, product) > 0 ? 2 : driver::kButtonCountMax;
 }
 
-/// Three numbers at `offset`, from the device's frame (right, to the user, down) to the driver's
-/// (right, up, to the user).
+/// Reads three numbers at `offset`, converted from the device's frame (right, towards the user,
+/// down) to the driver's frame (right, up, towards the user).
 void take_triple(ConstBytes report, std::size_t offset, float scale, float* to) noexcept {
   std::array<float, 3> value{};
   for (std::size_t i = 0; i < value.size(); ++i) {
@@ -99,8 +100,8 @@ expected<void, SetupError> SpaceMouse::begin(HidTransport&, const Unit& unit) {
   return {};
 }
 
-/// Whether the size is exactly that of one of the two layouts: two reports of the older one in one
-/// read have, but for a byte, the size of the newer one.
+/// Whether the size is exactly that of one of the two layouts. If one read returns two reports of
+/// the older layout, their size differs by only one byte from that of the newer layout.
 bool SpaceMouse::has_axes_size(ConstBytes report, std::size_t size) const noexcept {
   return report.size() == size && (axes_size_ == 0 || axes_size_ == size);
 }
@@ -126,7 +127,7 @@ Verdict SpaceMouse::take(ConstBytes report, MonotonicTime, State& state) noexcep
   }
 }
 
-/// The report's size differs between models, and not always as the report descriptor states.
+/// The size of the report differs between models and may contradict the report descriptor.
 Verdict SpaceMouse::take_buttons(ConstBytes report, State& state) const noexcept {
   const std::size_t bytes_max =
       product_ == kEnterprise ? kEnterpriseButtonBytesMax : kButtonBytesMax;

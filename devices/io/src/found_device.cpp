@@ -24,7 +24,7 @@ std::string missing_right(const std::string& node) {
 }
 
 std::string udev_rule(std::string_view subsystem, std::uint16_t vendor, std::uint16_t product) {
-  // The ids are attributes of the USB device, the parent of every node except its own.
+  // The ids are attributes of the USB device, which is the parent of every node except its own.
   const std::string attribute = subsystem == "usb" ? "ATTR" : "ATTRS";
   return "SUBSYSTEM==\"" + std::string(subsystem) + "\", " + attribute + "{idVendor}==\"" +
          hex(vendor) + "\", " + attribute + "{idProduct}==\"" + hex(product) +

@@ -43,7 +43,7 @@ bool Player::flag(const char* property, bool otherwise) const {
 
 const device_mpv::PlayerState& Player::look() {
   const double position_s = number("time-pos", state_.position_s);
-  // While it seeks, mpv states the target as its position, although it shows another picture.
+  // During a seek, mpv reports the target as its position although it shows another frame.
   if (!flag("seeking", false)) state_.position_s = position_s;
   state_.duration_s = number("duration", 0);
   state_.speed = number("speed", 1);
@@ -60,7 +60,7 @@ void Player::apply(const device_mpv::PlayerRequest& request) {
   if (request.seek_s != sent_seek_s_ && !flag("seeking", false)) {
     sent_seek_s_ = request.seek_s;
     seek(request.seek_s);
-    // mpv pauses by itself at the end of the file: after a seek the rate is sent again.
+    // mpv pauses by itself at the end of the file, so the rate is sent again after a seek.
     sent_rate_.reset();
   }
   if (sent_rate_ == request.rate) return;

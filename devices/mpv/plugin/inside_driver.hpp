@@ -12,16 +12,17 @@
 
 namespace rtpm::mpv_plugin {
 
-/// The values that the device's thread and the plug-in's thread, which alone calls mpv, exchange.
-/// @threads  each side from one
+/// The values exchanged between the device's thread and the plug-in's thread; only the latter calls
+/// mpv.
+/// @threads  each side: one thread
 /// @realtime wait-free
 struct Exchange {
   Latest<device_mpv::PlayerState> state{};      ///< Written by the plug-in's thread.
   Latest<device_mpv::PlayerRequest> request{};  ///< Written by the device's thread.
-  std::atomic<bool> is_over{false};             ///< mpv ends.
+  std::atomic<bool> is_over{false};             ///< mpv is exiting.
 };
 
-/// The player around this program as a driver.
+/// The surrounding player as a driver.
 /// @ownership refers to the exchange, which must outlive it
 class InsideDriver final : public driver::Driver {
  public:
@@ -43,8 +44,8 @@ class InsideDriver final : public driver::Driver {
   bool is_active_ = false;
 };
 
-/// The plug-in thread's access to mpv: sends it changes, reads its state.
-/// @threads  the plug-in's
+/// The plug-in thread's access to mpv: sends changes and reads the state.
+/// @threads  the plug-in's thread
 /// @realtime set-up only
 class Player {
  public:

@@ -1,5 +1,5 @@
-// A virtual device inside an unmodified mpv: as the paper's §3.2 added a GVD server and supplier to
-// Kino. mpv loads it with --script=rtpm-mpv.so.
+// A virtual device inside an unmodified mpv, like the GVD server and supplier in Kino (§3.2 of the
+// paper). mpv loads it with --script=rtpm-mpv.so.
 #include <mpv/client.h>
 
 #include <algorithm>
@@ -41,7 +41,7 @@ std::string option(mpv_handle* handle, std::string_view key, std::string otherwi
   return otherwise;
 }
 
-/// The device of this player: the driver, its thread, its object, its events and its name.
+/// The device for this player: its driver, thread, object, events and name.
 class Service {
  public:
   [[nodiscard]] expected<void, SetupError> start(const std::string& name,
@@ -80,7 +80,7 @@ class Service {
   }
 
  private:
-  // In this order: each refers to those above it.
+  // Declared in this order because each refers to those above it.
   rpc::Node node_{{.wait = {.strategy = rt::WaitStrategy::kBlock}}};
   std::optional<names::RegistryResolver> resolver_{};
   std::optional<gvd::DevicePublisher> publisher_{};
@@ -90,7 +90,8 @@ class Service {
   std::unique_ptr<names::Registration> registration_{};
 };
 
-/// Period of polling mpv's state. The thread waits for mpv's events, so it sees mpv end at once.
+/// Interval of polling mpv's state. The thread waits for mpv's events, so it notices at once when
+/// mpv exits.
 constexpr double kTurnSeconds = 0.0025;
 
 int run(mpv_handle* handle) {

@@ -34,7 +34,7 @@ expected<void, SetupError> MpvDriver::configure(const driver::DriverConfig& conf
   return {};
 }
 
-/// Sends no command, so that the player stays as it was.
+/// Sends no command, so that the player's state does not change.
 bool MpvDriver::await_report() {
   const auto wait = [this](Duration longest, auto is_done) {
     const MonotonicTime end = transport_->now() + longest;
@@ -63,7 +63,8 @@ void MpvDriver::report(bool is_gone) noexcept {
   reports_.write({session_->state(), session_->corrupt_count(), session_->is_late(), is_gone});
 }
 
-/// Looks for a newer request several times per period, without any wake-up by the device's thread.
+/// Checks for a newer request several times per period, so that the device's thread need not wake
+/// this thread.
 bool MpvDriver::step() noexcept {
   const Duration patience = std::max(period_ / 4, Duration{std::chrono::milliseconds{1}});
   const bool is_alive = session_->step(requests_.read().value_or(PlayerRequest{}), patience);

@@ -18,7 +18,7 @@
 
 #include "rtpm/device_mpv/settings.hpp"
 
-/// The transport to a real mpv: a stream socket, and the process at its other end.
+/// The transport to a real mpv: a stream socket and the mpv process at its other end.
 namespace rtpm::device_mpv {
 namespace {
 
@@ -45,13 +45,13 @@ MonotonicTime clock_now() {
   return MonotonicTime{std::chrono::duration_cast<Duration>(since)};
 }
 
-/// An mpv that this program started; it ends with this object.
+/// An mpv process started by this program; it ends when this object is destroyed.
 class Child {
  public:
   explicit Child(pid_t id) noexcept : id_(id) {}
   Child(Child&& other) noexcept : id_(std::exchange(other.id_, -1)) {}
   Child& operator=(Child&&) = delete;
-  /// mpv ends by itself when its connection does; one that hangs is killed.
+  /// mpv exits by itself when its connection closes; a hanging one is killed.
   ~Child() {
     if (id_ < 0) return;
     constexpr int kTurnMs = 10;
@@ -76,7 +76,7 @@ class SocketTransport final : public Transport {
   bool send(std::string_view bytes) override {
     const ssize_t sent =
         ::send(socket_.number(), bytes.data(), bytes.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
-    // A partial line would corrupt the next one, so the connection ends here.
+    // A partial line would corrupt the next one, so the connection is closed.
     return sent == static_cast<ssize_t>(bytes.size());
   }
   Received receive(std::span<char> buffer, Duration patience) override {
@@ -91,7 +91,7 @@ class SocketTransport final : public Transport {
   [[nodiscard]] MonotonicTime now() const override { return clock_now(); }
 
  private:
-  // In this order: the connection ends first, which ends the player.
+  // Declared in this order: the connection closes first, so that the player exits.
   std::optional<Child> child_;
   Handle socket_;
 };
@@ -138,7 +138,8 @@ expected<pid_t, int> spawn(const Settings& settings, int theirs) {
   sigset_t none;
   ::sigemptyset(&none);
   ::posix_spawnattr_setsigmask(&attributes, &none);
-  // A group of its own: Ctrl-C at the terminal is this program's, which then ends the player.
+  // Puts mpv in a separate process group: Ctrl-C at the terminal reaches only this program, which
+  // then ends the player.
   ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETPGROUP);
   pid_t id = -1;
   const int fault = ::posix_spawnp(&id, "mpv", &actions, &attributes, arguments.data(), environ);

@@ -38,7 +38,7 @@ bool Session::send(std::string_view name, std::initializer_list<Word> arguments)
   return transport_.send(command_line(++last_id_, name, arguments));
 }
 
-/// One round at a time: a player that does not answer is not asked again.
+/// Only one round at a time: a player that does not answer is not asked again.
 bool Session::ask(MonotonicTime now) {
   if (round_id_ != 0 || now < next_round_) return true;
   next_round_ = std::max(next_round_ + period_, now);
@@ -58,7 +58,7 @@ bool Session::send_changes(const PlayerRequest& request, MonotonicTime now) {
     seeking_since_ = now;
     if (!send("seek", {static_cast<double>(request.seek_s), "absolute+exact"})) return false;
     seek_id_ = last_id_;
-    // mpv pauses by itself at the end of the file: after a seek the rate is sent again.
+    // mpv pauses by itself at the end of the file, so the rate is sent again after a seek.
     sent_rate_.reset();
   }
   if (sent_rate_ == request.rate) return true;
@@ -68,7 +68,7 @@ bool Session::send_changes(const PlayerRequest& request, MonotonicTime now) {
 
 bool Session::send_rate(float rate) {
   if (rate == 0) return send("set_property", {"pause", true});
-  // Setting the direction seeks, so it is set only where it changes.
+  // Setting the direction causes a seek, so it is set only when it changes.
   const bool is_backwards = rate < 0;
   if (sent_backwards_ != is_backwards) {
     sent_backwards_ = is_backwards;
@@ -82,10 +82,10 @@ void Session::take(const Message& message) {
   if (std::holds_alternative<Unreadable>(message)) ++unreadable_count_;
   const auto* const reply = std::get_if<Reply>(&message);
   if (reply == nullptr) return;
-  // A player that still loads its file refuses to seek: the next round sends the seek again.
+  // A player that is still loading its file refuses to seek; the next round sends the seek again.
   if (reply->request_id == seek_id_ && !reply->is_success) sent_seek_s_ = kNowhere;
   if (round_id_ == 0) return;
-  // Unsigned: a foreign number below the round's first is above every question, too.
+  // Unsigned, so that a foreign number below the round's first is also above every question.
   const auto question =
       static_cast<std::uint64_t>(reply->request_id) - static_cast<std::uint64_t>(round_id_);
   if (question < kQuestionCount) answers_[question] = *reply;
@@ -97,7 +97,7 @@ void Session::finish(MonotonicTime now) {
                                           : otherwise;
   };
   const bool is_seeking = answers_[kSeeking]->flag.value_or(false);
-  // While it seeks, mpv states the target as its position, although it shows another picture.
+  // During a seek, mpv reports the target as its position although it shows another frame.
   if (!is_seeking) state_.position_s = number(kPosition, state_.position_s);
   state_.duration_s = number(kDuration, 0);
   state_.speed = number(kSpeed, 1);

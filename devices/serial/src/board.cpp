@@ -15,7 +15,7 @@ namespace {
 constexpr std::uint8_t kStatusWatchdog = 1;
 constexpr std::uint8_t kStatusSaturated = 2;
 constexpr std::uint8_t kCommandOn = 1;
-constexpr double kEffortMax = 1000;  ///< More is a mistake in a board's description.
+constexpr double kEffortMax = 1000;  ///< A larger effort is a mistake in the board's description.
 
 float take_float(ByteReader& reader) noexcept {
   return std::bit_cast<float>(reader.take<std::uint32_t>());
@@ -25,7 +25,7 @@ void put_float(ByteWriter& writer, float value) noexcept {
   writer.put(std::bit_cast<std::uint32_t>(value));
 }
 
-/// Reads a description from the start, and keeps the first fault.
+/// Reads a description from its start and stores the first fault.
 class DescriptionReader {
  public:
   explicit DescriptionReader(ConstBytes payload) : reader_(payload) {}
@@ -115,7 +115,7 @@ class DescriptionReader {
     return output;
   }
 
-  /// Equal ends mean a joint that turns without end.
+  /// Equal limits mean a joint that turns endlessly.
   static bool is_range(double low, double high) {
     return std::isfinite(low) && std::isfinite(high) && low <= high;
   }

@@ -8,9 +8,9 @@
 namespace rtpm::device_serial {
 namespace {
 
-constexpr std::size_t kRunMax = 254;  ///< Bytes of a COBS group without its code.
+constexpr std::size_t kRunMax = 254;  ///< Size of a COBS group without its code byte.
 
-/// Stuffs `from`, without a delimiter. `to` has the space.
+/// Stuffs `from`, without a delimiter. `to` must be large enough.
 std::size_t stuff(ConstBytes from, MutableBytes to) noexcept {
   std::size_t code_at = 0;
   std::size_t size = 1;
@@ -30,7 +30,7 @@ std::size_t stuff(ConstBytes from, MutableBytes to) noexcept {
   return size;
 }
 
-/// @return the size; 0 if it is not COBS, or larger than `to`
+/// @return the size; 0 if the bytes are not COBS or do not fit in `to`
 std::size_t unstuff(ConstBytes from, MutableBytes to) noexcept {
   std::size_t size = 0;
   std::size_t at = 0;

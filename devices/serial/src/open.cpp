@@ -8,7 +8,8 @@
 namespace rtpm::device_serial {
 namespace {
 
-/// Nothing if the board is not plugged in, or does not answer: configure() reports why.
+/// Returns nullopt if the board is not plugged in or does not answer: configure() reports the
+/// reason.
 std::optional<BoardDescription> ask(const PortSettings& settings,
                                     const OpenTransport& open_transport) {
   const auto transport = open_transport(settings);
@@ -20,8 +21,8 @@ std::optional<BoardDescription> ask(const PortSettings& settings,
   return std::move(*board);
 }
 
-/// The first available one of the operator's word, the USB serial number, the board's own, the
-/// port.
+/// The first of these that is available: the operator's serial number, the USB serial number, the
+/// board's own serial number, the port.
 std::string serial_of(const PortSettings& settings, const Port* port,
                       const BoardDescription& board) {
   if (!settings.serial.empty()) return settings.serial;
@@ -83,7 +84,7 @@ expected<std::unique_ptr<driver::Driver>, SetupError> open(std::string_view argu
                       .board = board.value_or(fallback_board()),
                       .frame = std::string(device_name) + "/base"};
   config.serial = serial_of(*settings, port ? &*port : nullptr, config.board);
-  // The serial number finds it again, also at another port.
+  // The serial number identifies the board even on another port.
   if (settings->port.empty() && port) settings->serial = port->serial;
   config.port = std::move(*settings);
   return std::make_unique<SerialDriver>(std::move(config));

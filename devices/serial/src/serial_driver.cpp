@@ -18,7 +18,7 @@ namespace {
 constexpr int kThreadPriority = 24'000;
 constexpr double kScaleMax = 1e6;
 
-/// The elements of a parameter, one for each of the device's channels.
+/// A parameter with one element for each of the device's channels.
 struct VectorParameter {
   const char* name;
   std::size_t size;
@@ -41,7 +41,7 @@ float clamped(double value, double low, double high, double otherwise) noexcept 
   return static_cast<float>(std::isfinite(value) ? std::clamp(value, low, high) : otherwise);
 }
 
-/// A joint that turns without end has no range.
+/// A joint that turns endlessly has no range.
 bool is_outside(const driver::Joint& joint, double position) noexcept {
   return joint.low < joint.high && (position < joint.low || position > joint.high);
 }
@@ -144,7 +144,8 @@ expected<void, SetupError> SerialDriver::activate() {
   return {};
 }
 
-/// The command's request, within the board's ranges; off in a mode that the board does not have.
+/// The request for a command, within the board's ranges; off in a mode that the board does not
+/// have.
 Request SerialDriver::request_of(const driver::Command& command) noexcept {
   Request request;
   request.number = ++request_number_;
@@ -184,7 +185,7 @@ ExchangeStatus SerialDriver::exchange(const driver::Command& command,
     return ExchangeStatus::kLate;
   }
   device_io::take_buttons(sample, report->state.buttons, before.button_edges, report->button_edges);
-  // The clock of a test may be ahead of the cycle's clock.
+  // A test's clock may be ahead of the cycle's clock.
   sample.host_time = std::max(sample.host_time, std::min(report->received_at, command.cycle_time));
   fill(sample, *report);
   if (has_corrupt) sample.faults.set(driver::Fault::kDeviceCorrupt);

@@ -29,14 +29,14 @@ using PortHandle = std::unique_ptr<sp_port, FreePort>;
 
 class SerialPort final : public Transport {
  public:
-  /// @param fd  the port's descriptor, which the port owns
+  /// @param fd  the descriptor of the port, owned by the port
   SerialPort(PortHandle port, int fd, int wake_fd)
       : port_(std::move(port)), fd_(fd), wake_fd_(wake_fd) {
-    // Two programs would take each other's frames.
+    // Two programs would steal each other's frames.
     static_cast<void>(::ioctl(fd_, TIOCEXCL));
   }
   ~SerialPort() override {
-    // A terminal that outlives its closing, such as a pseudo terminal, would stay exclusive.
+    // A terminal that exists after it is closed, such as a pseudo terminal, would stay exclusive.
     static_cast<void>(::ioctl(fd_, TIOCNXCL));
     ::close(wake_fd_);
   }
@@ -58,7 +58,7 @@ class SerialPort final : public Transport {
     if (files[0].revents == 0) return {};
     const int received = sp_nonblocking_read(port_.get(), buffer.data(), buffer.size());
     if (received > 0) return {static_cast<std::size_t>(received), false};
-    // A port that is gone is readable, and has no bytes.
+    // A port that is gone is readable but has no bytes.
     return {0, received < 0 || (files[0].revents & (POLLHUP | POLLERR | POLLNVAL)) != 0};
   }
 
@@ -75,7 +75,7 @@ class SerialPort final : public Transport {
   int wake_fd_;
 };
 
-/// libserialport knows the nodes under their own names only.
+/// libserialport knows the nodes only by their own names, not by links.
 expected<PortHandle, SetupError> find_port(const std::string& node) {
   sp_port* port = nullptr;
   if (sp_get_port_by_name(node.c_str(), &port) == SP_OK) return PortHandle(port);
@@ -100,7 +100,7 @@ SetupError refusal(const Port& port, int number) {
   return setup_error(port.node + " can't be opened", system_error(number), remedy).error;
 }
 
-/// Every call but the speed's sets a property that each port has.
+/// All calls except the one for the speed set a property that every port has.
 expected<void, SetupError> set_line(const Port& port, sp_port* handle, std::int64_t speed_baud) {
   if (speed_baud < 1 || speed_baud > std::numeric_limits<int>::max() ||
       sp_set_baudrate(handle, static_cast<int>(speed_baud)) != SP_OK) {
@@ -112,7 +112,7 @@ expected<void, SetupError> set_line(const Port& port, sp_port* handle, std::int6
       sp_set_flowcontrol(handle, SP_FLOWCONTROL_NONE) != SP_OK) {
     return setup_error(port.node + " can't be set up", system_error(sp_last_error_code()));
   }
-  // USB boards such as the Leonardo send only while DTR is set. Not every line has DTR.
+  // USB boards such as the Leonardo send only while DTR is set. Some lines have no DTR.
   static_cast<void>(sp_set_dtr(handle, SP_DTR_ON));
   static_cast<void>(sp_flush(handle, SP_BUF_BOTH));
   return {};

@@ -11,21 +11,21 @@ using std::chrono::milliseconds;
 
 namespace {
 
-constexpr int kBitsPerByte = 10;  ///< On the line, with start and stop bit.
+constexpr int kBitsPerByte = 10;  ///< On the line, including start and stop bits.
 
 Duration time_on_line(std::size_t byte_count, std::int64_t speed_baud) {
   const auto bits = static_cast<std::int64_t>(byte_count) * kBitsPerByte;
   return Duration{bits * 1'000'000'000 / std::max<std::int64_t>(speed_baud, 1)};
 }
 
-/// How much newer `sequence` is than `last`: 0 is the same, above 0x7fff is older.
+/// How much newer `sequence` is than `last`: 0 means equal, more than 0x7fff means older.
 std::uint16_t step_from(std::uint16_t last, std::uint16_t sequence) noexcept {
   return static_cast<std::uint16_t>(sequence - last);
 }
 
 constexpr std::uint16_t kStepMax = 0x7fff;
 
-/// Silence while this host does not run proves nothing about the board.
+/// Silence while this host was not running proves nothing about the board.
 constexpr Duration kListenMax = milliseconds{50};
 
 }  // namespace
@@ -118,7 +118,7 @@ bool Session::flush() {
   return !sent.is_closed;
 }
 
-/// Only when nothing is unsent.
+/// Call this only when all bytes of the previous frame have been sent.
 bool Session::send_frame(FrameType type, ConstBytes payload) {
   unsent_begin_ = 0;
   unsent_end_ = encode({type, ++sent_sequence_, payload}, unsent_);
@@ -139,7 +139,8 @@ bool Session::send_due(const Request& request, MonotonicTime now) {
     report_.counters.unanswered += unanswered();
     answered_sequence_ = sent_sequence_;
   }
-  // Without new requests it polls for states at a lower rate, out of step with requests.
+  // Without new requests, it polls for states at a lower rate that is not synchronized with the
+  // requests.
   const bool is_due = is_request_new_ || now - sent_at_ >= config_.period * 3 / 2;
   if (!is_due || unanswered() >= kWindow) return true;
   return send_command(request, now);
@@ -178,7 +179,7 @@ void Session::take_description(const Frame& frame) {
   }
   const auto nonce = load_le<std::uint32_t>(frame.payload.data());
   if (!is_greeting_) {
-    // A restarted board has lost the session, and its encoders' positions.
+    // A restarted board has lost the session and the positions of its encoders.
     is_gone_ = is_gone_ || nonce != config_.nonce;
     return;
   }
@@ -227,7 +228,7 @@ void Session::stop() {
   const MonotonicTime end = transport_.now() + kStopMax + answer_max_;
   const Request off{.number = request_number_ + 1};
   const auto first_off = static_cast<std::uint16_t>(sent_sequence_ + 1);
-  // Also sent to a board that is gone, because only its answers may be lost.
+  // Also sent to a board that counts as gone, because perhaps only its answers are lost.
   while (!is_closed_ && transport_.now() < end) {
     transfer(off, milliseconds{1});
     const bool is_confirmed =

@@ -10,17 +10,18 @@
 
 namespace rtpm::device_serial {
 
-/// Finds the board's readings of its joints in their zero position: the mean over some samples.
+/// Finds the board's readings of its joints at their zero positions, as the mean of several
+/// samples.
 class ZeroCalibration final : public driver::Calibration {
  public:
   static constexpr std::size_t kSampleCount = 50;
-  /// Largest movement of a held paddle, in rad or m.
+  /// Largest movement of a paddle that is held still, in rad or m.
   static constexpr double kMovementMax = 0.02;
 
-  /// The greatest zero position, in rad or m.
+  /// The largest zero position, in rad or m.
   static constexpr double kZeroMax = 1e6;
 
-  /// @param zero  the present correction, which samples contain
+  /// @param zero  the current correction, which the samples contain
   explicit ZeroCalibration(std::vector<double> zero)
       : zero_(std::move(zero)), first_(zero_.size()), sum_(zero_.size()) {}
   [[nodiscard]] driver::CalibrationState step(const driver::Sample& sample,

@@ -24,7 +24,7 @@ void Arm::step(const Eigen::Vector3d& command_newton, Duration elapsed) noexcept
   const double length_newton = applied_newton_.stableNorm();
   is_saturated_ = !is_finite || length_newton > config_.force_newton_max;
   if (length_newton > config_.force_newton_max) {
-    // The unit vector first: a length near the end of the range has no finite square.
+    // Normalizes first: the square of a very long vector's length is not finite.
     applied_newton_ = applied_newton_.stableNormalized() * config_.force_newton_max;
   }
   const Duration span = std::clamp(elapsed, Duration{0}, kStepMax);
@@ -37,7 +37,7 @@ void Arm::step(const Eigen::Vector3d& command_newton, Duration elapsed) noexcept
 void Arm::step_slice(double slice_s) noexcept {
   time_s_ += slice_s;
   // The new velocity solves m (v' − v) / dt = F + hand(x + dt v', v') − b v', so that neither a
-  // stiff hand nor a long slice can pump energy in.
+  // stiff hand nor a long slice can add energy.
   double resistance = config_.mass_kg + slice_s * config_.damping_newton_s_per_m;
   Eigen::Vector3d impulse = config_.mass_kg * motion_.velocity_m_per_s + slice_s * applied_newton_;
   Eigen::Vector3d velocity = impulse / resistance;
@@ -71,7 +71,7 @@ void Arm::stop_at_workspace() noexcept {
   for (Eigen::Index axis = 0; axis < 3; ++axis) {
     const double stopped_m = std::clamp(motion_.position_m[axis], low_m[axis], high_m[axis]);
     if (stopped_m == motion_.position_m[axis]) continue;
-    // A stop absorbs the motion into it: the arm does not bounce.
+    // A stop absorbs the motion: the arm does not bounce.
     motion_.position_m[axis] = stopped_m;
     motion_.velocity_m_per_s[axis] = 0;
     is_at_stop_ = true;

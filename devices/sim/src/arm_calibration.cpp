@@ -14,7 +14,7 @@ Eigen::Vector3d position_of(const driver::Sample& sample) {
   return {position_m.x, position_m.y, position_m.z};
 }
 
-/// To a micrometre, less than a step of the encoders; no negative zero.
+/// Rounds to a micrometre, which is less than an encoder step; the result is never a negative zero.
 Eigen::Vector3d rounded(const Eigen::Vector3d& metres) {
   return ((metres.array() * 1e6).round() / 1e6 + 0.0).matrix();
 }
@@ -57,7 +57,7 @@ driver::CalibrationState EncoderOffsetCalibration::step(const driver::Sample& sa
 }
 
 driver::CalibrationState EncoderOffsetCalibration::result() const {
-  // A sample is the encoders' reading, less the present correction.
+  // A sample is the reading of the encoders minus the current correction.
   const Eigen::Vector3d error_m = rounded(sum_m_ / static_cast<double>(count_));
   const Eigen::Vector3d offset_m = rounded(offset_m_ + error_m);
   if (offset_m.cwiseAbs().maxCoeff() > kOffsetMaxMetres) {

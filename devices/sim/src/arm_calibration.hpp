@@ -8,16 +8,16 @@
 
 namespace rtpm::device_sim {
 
-/// Finds the encoders' readings in the home position, the origin: the mean over some samples.
+/// Finds the encoder readings in the home position, the origin, as the mean of several samples.
 class EncoderOffsetCalibration final : public driver::Calibration {
  public:
   static constexpr std::size_t kSampleCount = 50;
-  /// Largest movement by a hand that rests on the arm.
+  /// Largest movement of the arm while a hand rests on it.
   static constexpr double kMovementMaxMetres = 5e-4;
-  /// The greatest offset that encoders have.
+  /// The largest offset of the encoders.
   static constexpr double kOffsetMaxMetres = 0.02;
 
-  /// @param offset_m  the present correction, which samples contain
+  /// @param offset_m  the current correction, which the samples contain
   explicit EncoderOffsetCalibration(const Eigen::Vector3d& offset_m) : offset_m_(offset_m) {}
   [[nodiscard]] driver::CalibrationState step(const driver::Sample& sample,
                                               std::optional<std::string_view> answer) override;
@@ -32,10 +32,10 @@ class EncoderOffsetCalibration final : public driver::Calibration {
   bool is_ready_ = false;
 };
 
-/// Finds the space that the arm can reach: the extremes of an operator's tour.
+/// Finds the space that the arm can reach: the extreme positions of an operator's tour.
 class WorkspaceCalibration final : public driver::Calibration {
  public:
-  /// Smallest extent of a tour in each direction.
+  /// The smallest extent of a tour in each direction.
   static constexpr double kExtentMinMetres = 0.02;
 
   /// @param low_m,high_m  the range of the parameters

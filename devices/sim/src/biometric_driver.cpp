@@ -14,7 +14,7 @@ double bell(double at, double centre, double width) noexcept {
   return std::exp(-distance * distance);
 }
 
-/// One beat of the blood volume: the pulse and its reflection. `phase` is the share of the beat.
+/// The blood volume in one beat: the pulse and its reflection. `phase` is the fraction of the beat.
 double pulse_at(double phase) noexcept {
   return std::min(1.0, 0.9 * bell(phase, 0.2, 0.1) + 0.35 * bell(phase, 0.5, 0.12));
 }
@@ -24,7 +24,8 @@ double heart_rate_hz_at(double time_s, double rest_hz) noexcept {
   return rest_hz + 0.06 * std::sin(2 * std::numbers::pi * 0.25 * time_s);
 }
 
-/// A slow level, and a response to each stimulus: a rise of a second, then a decay.
+/// A slowly changing level plus a response to each stimulus, which rises for a second and then
+/// decays.
 double skin_conductance_at(std::uint64_t seed, double time_s) noexcept {
   constexpr double kLevel = 5e-6;
   constexpr double kStimulusEveryS = 7;
@@ -72,7 +73,7 @@ void BiometricDriver::step(const driver::Command&, double elapsed_s,
                            driver::Sample& sample) noexcept {
   const double rate_hz = heart_rate_hz_at(time_s(), rest_hz_);
   beat_ += elapsed_s * rate_hz;
-  // The sensor saturates at the end of its range.
+  // The sensor saturates at the limit of its range.
   const double pulse = std::min(1.0, pulse_gain_ * pulse_at(beat_ - std::floor(beat_)));
   sample.analogs[0] = static_cast<float>(pulse);
   sample.analogs[1] = static_cast<float>(rate_hz);

@@ -12,7 +12,7 @@ constexpr std::array kPointNames{"upper left",  "upper middle", "upper right",
                                  "middle left", "middle",       "middle right",
                                  "lower left",  "lower middle", "lower right"};
 static_assert(kPointNames.size() == GazeDriver::kPointCount);
-constexpr std::uint32_t kBlink = 1;  // Button 0.
+constexpr std::uint32_t kBlink = 1;  // Bit of button 0.
 
 Gaze corrected(const GazeCorrection& correction, const Gaze& measured) noexcept {
   return {correction.offset.right_rad + correction.gain.right_rad * measured.right_rad,
@@ -28,12 +28,12 @@ double distance_rad(const Gaze& a, const Gaze& b) noexcept {
   return std::hypot(a.right_rad - b.right_rad, a.up_rad - b.up_rad);
 }
 
-/// To a millionth, far below the eye's tremor; no negative zero.
+/// Rounds to a millionth, far less than the tremor of the eye; the result is never a negative zero.
 double rounded(double value) noexcept {
   return std::round(value * 1e6) / 1e6 + 0.0;
 }
 
-/// The line y = offset + gain · x through nine points with the least squares of its error.
+/// The line y = offset + gain · x through nine points with the smallest squared error.
 struct Line {
   double offset = 0;
   double gain = 1;
@@ -57,7 +57,7 @@ Line fit(const Points& measured, double Gaze::*direction) noexcept {
   return {rounded(y_mean - gain * x_mean), gain};
 }
 
-/// Root mean square over the nine points.
+/// The root mean square of the error at the nine points.
 double error_rad(const GazeCorrection& correction, const Points& measured) noexcept {
   double sum = 0;
   for (int i = 0; i < GazeDriver::kPointCount; ++i) {

@@ -9,22 +9,23 @@
 
 namespace rtpm::device_sim {
 
-/// Finds a tracker's correction: nine prompts to look at a point, samples of each, and the
-/// correction with the least squares of the error.
+/// Finds a tracker's correction: prompts the person to look at nine points, collects samples of
+/// each, and computes the correction with the smallest squared error.
 class NinePointCalibration final : public driver::Calibration {
  public:
-  static constexpr std::size_t kSampleCount = 20;  ///< Samples per point.
-  static constexpr std::size_t kSettleCount = 5;   ///< First samples of a point, ignored.
-  /// Largest movement of a fixating eye.
+  static constexpr std::size_t kSampleCount = 20;  ///< Number of samples per point.
+  /// Number of samples ignored at the start of each point.
+  static constexpr std::size_t kSettleCount = 5;
+  /// The largest movement of a fixating eye.
   static constexpr double kMovementMaxRad = 0.02;
-  /// The greatest error of a fit, as a root mean square.
+  /// The largest accepted error of a fit, as a root mean square.
   static constexpr double kErrorMaxRad = 0.02;
 
-  /// @param correction  the present one, which samples contain
+  /// @param correction  the current correction, which the samples contain
   /// @param subject     the simulated person, who follows the prompts
   NinePointCalibration(const GazeCorrection& correction, std::shared_ptr<GazeSubject> subject)
       : correction_(correction), subject_(std::move(subject)) {}
-  /// Lets the person look at will again.
+  /// Lets the person look wherever they like again.
   ~NinePointCalibration() override { subject_->look_at(-1); }
   [[nodiscard]] driver::CalibrationState step(const driver::Sample& sample,
                                               std::optional<std::string_view> answer) override;
@@ -36,10 +37,10 @@ class NinePointCalibration final : public driver::Calibration {
 
   GazeCorrection correction_;
   std::shared_ptr<GazeSubject> subject_;
-  std::array<Gaze, GazeDriver::kPointCount> measured_{};  ///< Means, without the correction.
+  std::array<Gaze, GazeDriver::kPointCount> measured_{};  ///< The means, without the correction.
   int point_ = 0;
   bool is_ready_ = false;
-  std::size_t count_ = 0;  ///< Samples of this point, ignored ones included.
+  std::size_t count_ = 0;  ///< Number of samples of this point, including ignored ones.
   Gaze first_{};
   Gaze sum_{};
 };

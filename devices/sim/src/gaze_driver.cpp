@@ -14,7 +14,7 @@ constexpr double kFixationS = 0.5;
 constexpr double kSaccadeS = 0.04;
 constexpr double kTremorRad = 5e-4;
 
-/// First about y to the left, then about the turned x upwards.
+/// Rotates first about y to the left, then upwards about the rotated x.
 driver::Quaternion orientation_of(const Gaze& gaze) noexcept {
   const double left = -gaze.right_rad / 2;
   const double up = gaze.up_rad / 2;
@@ -29,7 +29,7 @@ double wave(double time_s, double frequency_hz, double phase) noexcept {
 }  // namespace
 
 Gaze gaze_of(const driver::Quaternion& q) noexcept {
-  // -z turned by q.
+  // The vector -z rotated by q.
   const double x = -2 * (q.x * q.z + q.w * q.y);
   const double y = -2 * (q.y * q.z - q.w * q.x);
   const double z = -(1 - 2 * (q.x * q.x + q.y * q.y));

@@ -17,7 +17,7 @@ constexpr double kTremorReachMetres = 0.0001;
 constexpr double kButtonPeriodSeconds = 2.0;
 constexpr double kButtonPressSeconds = 0.2;
 
-/// A number in [0, 1), a function of `seed` and `index`.   Source: the finaliser of SplitMix64.
+/// A number in [0, 1) that depends only on `seed` and `index`. Source: the finaliser of SplitMix64.
 double fraction_of(std::uint64_t seed, std::uint64_t index) noexcept {
   std::uint64_t mixed = seed + (index + 1) * 0x9e3779b97f4a7c15ULL;
   mixed = (mixed ^ (mixed >> 30)) * 0xbf58476d1ce4e5b9ULL;
@@ -43,7 +43,7 @@ PressingPath::PressingPath(std::uint64_t seed) noexcept
 Motion PressingPath::at(double time_s) const noexcept {
   Motion motion;
   motion.position_m.z() = kPressMiddleMetres;
-  // The path begins at the top of a stroke, away from the plane.
+  // The path starts at the top of a stroke, away from the plane.
   add_swing(motion, 2, kPressReachMetres, kPressHz, time_s, kTurn / 4);
   add_swing(motion, 0, kFigureReachMetres, kFigureHz, time_s, 0);
   add_swing(motion, 1, kFigureReachMetres, 2 * kFigureHz, time_s, 0);

@@ -9,7 +9,7 @@
 namespace rtpm::device_sim {
 namespace {
 
-// Their product is the stiffness in a detent, which must be stable with a step of kStepMax.
+// Their product is the stiffness in a detent, which must be stable for a step of kStepMax.
 constexpr std::int64_t kDetentCountMax = 36;
 constexpr double kDetentNewtonMetreMax = 0.01;
 
@@ -68,7 +68,7 @@ void KnobDriver::step(const driver::Command& command, double elapsed_s,
   const double asked = has_effort && std::isfinite(command.joints[0]) ? command.joints[0] : 0;
   const double effort =
       std::clamp(asked, -knob_.effort_newton_metre_max, knob_.effort_newton_metre_max);
-  // Implicit in the velocity, so that no long step can pump energy in.
+  // Implicit in the velocity, so that no long step can add energy.
   velocity_rad_per_s_ = (knob_.inertia_kg_m2 * velocity_rad_per_s_ +
                          elapsed_s * (effort + hand_newton_metre() + detent_newton_metre())) /
                         (knob_.inertia_kg_m2 + elapsed_s * knob_.damping_newton_metre_s_per_rad);

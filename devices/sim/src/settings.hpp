@@ -9,7 +9,7 @@
 
 namespace rtpm::device_sim {
 
-/// The value of the parameter `name`, which has its type; null if it is not one of `settings`.
+/// The value of the parameter `name`, which must have this type; null if it is not in `settings`.
 template <class Value>
 [[nodiscard]] const Value* find(std::span<const driver::ParameterSetting> settings,
                                 std::string_view name) {
@@ -17,7 +17,7 @@ template <class Value>
   return found == settings.end() ? nullptr : &std::get<Value>(found->value);
 }
 
-/// Assigns that value to `to`, if there is one.
+/// Assigns the parameter's value to `to` if it is in `settings`.
 template <class Value>
 void take(std::span<const driver::ParameterSetting> settings, std::string_view name, Value& to) {
   if (const Value* const value = find<Value>(settings, name)) to = *value;

@@ -23,7 +23,7 @@ Eigen::Vector3d to_eigen(const driver::Vector3& vector) noexcept {
 }
 
 /// The stiffest wall that a loop inside the device may render. A position is one period old when
-/// its force acts, and the force then stands for a period, half of one on average. Source:
+/// its force takes effect; the force then lasts one period, on average half a period. Source:
 /// Colgate's condition for sampled walls, b > K · (T / 2 + delay).
 double stiffness_max_of(const ArmConfig& arm) noexcept {
   return arm.damping_newton_s_per_m / (1.5 / kRateHz);
@@ -38,14 +38,14 @@ std::vector<double> elements_of(const Eigen::Vector3d& vector) {
   return {vector.x(), vector.y(), vector.z()};
 }
 
-/// Assigns the parameter `name` to `to`, if it is one of `settings`.
+/// Assigns the parameter `name` to `to` if it is in `settings`.
 void take_vector(std::span<const driver::ParameterSetting> settings, std::string_view name,
                  Eigen::Vector3d& to) {
   const auto* const elements = find<std::vector<double>>(settings, name);
   if (elements != nullptr) to = Eigen::Vector3d(elements->data());
 }
 
-/// The encoders' error, a function of the configuration.
+/// The encoder error, which depends only on the configuration.
 Eigen::Vector3d encoder_error_of(const SimConfig& config) {
   Eigen::Vector3d error_m;
   for (Eigen::Index axis = 0; axis < 3; ++axis) {
@@ -163,7 +163,7 @@ void SimDriver::deactivate() noexcept {
 }
 
 bool SimDriver::is_in_workspace(const Eigen::Vector3d& position_m) const noexcept {
-  // Uncalibrated encoders read beyond the stops.
+  // Uncalibrated encoders may show positions beyond the stops.
   const double tolerance_m = config_.encoder_error_m + config_.arm.resolution_m;
   return (position_m.array() >= workspace_low_m_.array() - tolerance_m).all() &&
          (position_m.array() <= workspace_high_m_.array() + tolerance_m).all();
@@ -226,7 +226,7 @@ expected<void, SetupError> SimDriver::set_parameters(std::span<driver::Parameter
   workspace_high_m_ = high_m;
   const Eigen::Vector3d offset_before_m = encoder_offset_m_;
   take_vector(settings, "encoder.offset_m", encoder_offset_m_);
-  // A new encoder offset shifts the position without a motion.
+  // A new encoder offset shifts the position without a movement.
   if (encoder_offset_m_ != offset_before_m) velocity_ = VelocityEstimator(velocity_window_);
   auto window = static_cast<std::int64_t>(velocity_window_);
   take(settings, "velocity.cycle_count", window);

@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::string_view kHeader = "t_s,x_m,y_m,z_m";
 constexpr std::array<std::string_view, 4> kColumns{"t_s", "x_m", "y_m", "z_m"};
-/// Longest line of four numbers; the bound keeps error texts short.
+/// The longest part of a text that is shown; the limit keeps error texts short.
 constexpr std::size_t kShownTextMax = 40;
 
 std::string_view trimmed(std::string_view text) {
@@ -42,7 +42,7 @@ std::string without_spaces(std::string_view text) {
   return bare;
 }
 
-/// The line's four numbers, or its fault.
+/// The four numbers in the line, or its fault.
 expected<std::array<double, 4>, SetupError> numbers_of(std::string_view line) {
   std::array<double, 4> numbers{};
   for (std::size_t column = 0; column < numbers.size(); ++column) {
@@ -74,7 +74,7 @@ expected<std::array<double, 4>, SetupError> numbers_of(std::string_view line) {
   return numbers;
 }
 
-/// The fault of a position that the arm can't reach; nullopt if it can.
+/// The fault of a position that the arm can't reach; nullopt if it can reach it.
 std::optional<std::string> outside(const Eigen::Vector3d& position_m,
                                    const driver::Workspace& workspace) {
   const std::array<double, 3> low{workspace.low_m.x, workspace.low_m.y, workspace.low_m.z};
@@ -155,7 +155,7 @@ Motion Trajectory::at(double time_s) const noexcept {
     direction = -1;
   }
   const double wanted_s = points_.front().time_s + phase_s;
-  // The first point after the wanted time ends the segment; the last segment includes its end.
+  // The first point after the given time ends the segment; the last segment includes its end.
   auto end = std::upper_bound(points_.begin() + 1, points_.end() - 1, wanted_s,
                               [](double time, const Point& point) { return time < point.time_s; });
   const Point& from = *(end - 1);

@@ -49,7 +49,7 @@ void set_button(driver::Sample& sample, bool is_pressed) noexcept {
   if (std::exchange(sample.buttons, buttons) != buttons) ++sample.button_edges[0];
 }
 
-// The finalizer of SplitMix64.
+// The finaliser of SplitMix64.
 double random_share(std::uint64_t seed, std::uint64_t index) noexcept {
   std::uint64_t mixed = seed * 0x9e37'79b9'7f4a'7c15ULL + index;
   mixed = (mixed ^ mixed >> 30) * 0xbf58'476d'1ce4'e5b9ULL;

@@ -14,35 +14,38 @@ namespace rtpm::device_evdev {
 struct State {
   std::array<float, driver::kAnalogCountMax> analogs{};
   std::array<double, driver::kJointCountMax> joints{};
-  std::array<double, driver::kJointCountMax> velocities{};       ///< When the joint last moved.
-  std::array<MonotonicTime, driver::kJointCountMax> moved_at{};  ///< Times of these moves.
+  /// Each joint's velocity when it last moved.
+  std::array<double, driver::kJointCountMax> velocities{};
+  std::array<MonotonicTime, driver::kJointCountMax> moved_at{};  ///< When each joint last moved.
   std::uint32_t buttons = 0;
   std::array<std::uint16_t, driver::kButtonCountMax> edges{};
-  MonotonicTime time{};             ///< The newest report's time.
-  std::uint64_t report_count = 0;   ///< Reports completed.
-  std::uint64_t clamped_count = 0;  ///< Values outside of their range, which were clamped.
-  std::uint64_t corrupt_count = 0;  ///< Meaningless events, which were dropped.
-  std::uint64_t lost_count = 0;     ///< How often the kernel dropped events.
+  MonotonicTime time{};             ///< The time of the newest report.
+  std::uint64_t report_count = 0;   ///< Number of completed reports.
+  std::uint64_t clamped_count = 0;  ///< Number of out-of-range values, which were clamped.
+  std::uint64_t corrupt_count = 0;  ///< Number of meaningless events, which were dropped.
+  std::uint64_t lost_count = 0;     ///< How many times the kernel dropped events.
 };
 
-/// Accumulates events into a state. A report's events take effect together, with its SYN_REPORT.
-/// After SYN_DROPPED, libevdev catches up with the kernel by events up to the next SYN_REPORT.
+/// Accumulates events into a state. The events of one report take effect together, at its
+/// SYN_REPORT. After SYN_DROPPED, libevdev sends the differences to the kernel's state, up to the
+/// next SYN_REPORT.
 /// @threads  one at a time
-/// @realtime alloc-free, except construction
+/// @realtime alloc-free, except for construction
 class Accumulator {
  public:
-  /// A joint that has not moved for longer stands still.
+  /// A joint counts as not moving if it has not moved for longer than this.
   static constexpr Duration kStillAfter = std::chrono::milliseconds{50};
-  /// A larger step of a relative axis in one event is clamped to it.
+  /// A relative axis moves at most this far per event; more is clamped.
   static constexpr std::int32_t kStepMax = 32'767;
 
-  /// @param before  state of the same device before it was gone: relative axes and edges go on
+  /// @param before  the same device's state before it was unplugged: relative axes and edge counts
+  ///           continue from it
   Accumulator(const Layout& layout, const Capabilities& capabilities, const State& before,
               MonotonicTime now);
 
-  /// @param now  an event of a later time is taken to be of this time
+  /// @param now  the current time; replaces the time of an event from the future
   void apply(const Event& event, MonotonicTime now) noexcept;
-  /// The state as of the last complete report; its counts of faults are up to date.
+  /// The state at the last complete report; its fault counters are always up to date.
   [[nodiscard]] const State& state() const noexcept { return complete_; }
 
  private:
@@ -68,7 +71,7 @@ class Accumulator {
 };
 
 /// Fills the channels that the layout names.
-/// @param now  the present cycle's time
+/// @param now  the time of the current cycle
 /// @realtime alloc-free
 void fill(driver::Sample& sample, const State& state, const Layout& layout,
           MonotonicTime now) noexcept;

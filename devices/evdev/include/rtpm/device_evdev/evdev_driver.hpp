@@ -16,17 +16,18 @@
 
 namespace rtpm::device_evdev {
 
-/// An input device. Effects play only while exchange() is called: after the command's deadline, at
-/// most kHoldMax later, they end.
-/// @threads  one reads events and another writes effects, from activate() to deactivate(), so that
-///           a slow write delays no event
+/// An input device. Effects play only while exchange() is called: they end at most kHoldMax after
+/// the command's deadline.
+/// @threads  from activate() to deactivate() one thread reads events and another writes effects, so
+///           that a slow write delays no event
 class EvdevDriver : public driver::Driver {
  public:
   static constexpr Duration kHoldMax = std::chrono::milliseconds{250};
-  /// Events read per period; more wait in the kernel, which drops them when its buffer is full.
+  /// Number of events read per period. The others wait in the kernel, which drops events when its
+  /// buffer is full.
   static constexpr std::size_t kEventsPerPeriodMax = 1024;
 
-  /// Asks the device for its channels if it is there.
+  /// Reads the device's channels if it is plugged in.
   /// @realtime set-up only
   EvdevDriver(Access access, Settings settings, std::string frame);
   ~EvdevDriver() override;
@@ -39,18 +40,18 @@ class EvdevDriver : public driver::Driver {
   void deactivate() noexcept override;
 
  private:
-  /// The reading thread's last result.
+  /// The last result of the reading thread.
   struct Report {
     State state{};
     std::uint64_t corrupt_count = 0;
     bool is_gone = false;
   };
-  /// The request of exchange().
+  /// A request from exchange() to the writing thread.
   struct Request {
     Levels levels{};
-    Duration hold{0};  ///< How long without a newer one.
+    Duration hold{0};  ///< How long it stays valid without a newer request.
   };
-  /// The writing thread's last result.
+  /// The last result of the writing thread.
   struct Applied {
     Levels levels{};
     EffectStatus status = EffectStatus::kOk;
@@ -76,19 +77,19 @@ class EvdevDriver : public driver::Driver {
   std::unique_ptr<Transport> transport_{};
   std::optional<Accumulator> accumulator_{};
   std::optional<EffectBank> effects_{};
-  /// The state at the last deactivate().
+  /// The state when deactivate() was last called.
   State before_{};
   bool is_active_ = false;
   std::uint64_t seen_corrupt_count_ = 0;
   std::uint64_t seen_lost_count_ = 0;
   std::uint64_t seen_report_count_ = 0;
 
-  // Used by the reading thread only.
+  // Used only by the reading thread.
   std::array<Event, 64> events_{};
   std::uint64_t unreadable_count_ = 0;
   std::size_t flood_count_ = 0;
   MonotonicTime flood_since_{};
-  // Used by the writing thread only.
+  // Used only by the writing thread.
   std::uint64_t seen_request_count_ = 0;
   MonotonicTime requested_at_{};
 

@@ -11,17 +11,17 @@
 
 namespace rtpm::device_evdev {
 
-/// A driver of an input device of this machine. Its channels are those of the device as it is now;
-/// if the device is not plugged in, those of a game pad.
-/// @param arguments    as read_settings() takes them
-/// @param device_name  "wheel0"; its frame is "wheel0/base"
+/// Creates a driver for an input device of this machine. Its channels are those that the device has
+/// now; if it is not plugged in, those of a game pad.
+/// @param arguments    in the format of read_settings()
+/// @param device_name  for example "wheel0"; its frame is then "wheel0/base"
 /// @realtime set-up only
-/// @errors   faults of the arguments, in words with the remedy
+/// @errors   faults in the arguments, described in words with the remedy
 [[nodiscard]] expected<std::unique_ptr<driver::Driver>, SetupError> open(
     std::string_view arguments, std::string_view device_name);
 
-/// The joysticks, game pads, wheels and other devices with axes or force feedback that are plugged
-/// in. Keyboards and mice are left out; `node=` takes them all the same.
+/// The plugged-in joysticks, game pads, wheels and other devices with axes or force feedback.
+/// Keyboards and mice are left out, but `node=` accepts them.
 /// @realtime set-up only
 [[nodiscard]] std::vector<device_io::FoundDevice> probe();
 

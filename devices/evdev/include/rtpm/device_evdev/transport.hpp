@@ -17,8 +17,8 @@ namespace rtpm::device_evdev {
 
 /// Result of Transport::read().
 enum class ReadStatus : std::uint8_t {
-  kOk,       ///< Perhaps without events, if none came within the patience.
-  kCorrupt,  ///< The data was not whole events; it was dropped.
+  kOk,       ///< There may be no events, if none arrived within the patience.
+  kCorrupt,  ///< The data did not consist of whole events and was dropped.
   kGone,     ///< The device is gone.
 };
 struct ReadResult {
@@ -27,7 +27,7 @@ struct ReadResult {
 };
 
 /// One opened input device.
-/// @threads  read() on one, the others on another at the same time
+/// @threads  read(): one thread; the other functions: another thread at the same time
 class Transport {
  public:
   Transport() = default;
@@ -36,10 +36,10 @@ class Transport {
   virtual ~Transport() = default;
 
   [[nodiscard]] virtual const Capabilities& capabilities() const = 0;
-  /// Waits for events, at most `patience`. SYN_DROPPED is followed by the differences to the
-  /// present state and a SYN_REPORT.
+  /// Waits for events, for at most `patience`. After SYN_DROPPED come the differences to the
+  /// current state, then a SYN_REPORT.
   [[nodiscard]] virtual ReadResult read(std::span<Event> events, Duration patience) noexcept = 0;
-  /// Uploads a new effect, and sets its id, or changes one.
+  /// Uploads a new effect and sets its id, or changes an existing effect.
   /// @return 0, or an errno
   [[nodiscard]] virtual int upload(Effect& effect) noexcept = 0;
   /// @return 0, or an errno
@@ -47,32 +47,32 @@ class Transport {
   /// Starts or stops an effect.
   /// @return 0, or an errno
   [[nodiscard]] virtual int play(int effect_id, bool is_on) noexcept = 0;
-  /// @param share  share of the full gain, 0 to 1
+  /// @param share  fraction of the full gain, 0 to 1
   /// @return 0, or an errno
   [[nodiscard]] virtual int set_gain(double share) noexcept = 0;
   /// Sets the device's own centring spring to zero.
   /// @return 0, or an errno
   [[nodiscard]] virtual int disable_autocenter() noexcept = 0;
-  /// The present time; never decreases.
+  /// The current time; never decreases.
   [[nodiscard]] virtual MonotonicTime now() const noexcept = 0;
 };
 
-/// An input device that is plugged in.
+/// A plugged-in input device.
 struct Unit {
   std::string node;    ///< "/dev/input/event5".
-  std::string name;    ///< The device's own words.
-  std::string serial;  ///< Empty if it has none.
-  std::string path;    ///< Its port, "pci-0000:00:14.0-usb-0:2:1.0"; empty if unknown.
+  std::string name;    ///< The name that the device reports.
+  std::string serial;  ///< Empty if the device has none.
+  std::string path;    ///< The port, such as "pci-0000:00:14.0-usb-0:2:1.0"; empty if unknown.
   std::uint16_t vendor = 0;
   std::uint16_t product = 0;
-  bool is_joystick = false;  ///< A joystick, game pad or wheel to udev.
+  bool is_joystick = false;  ///< Whether udev classifies it as a joystick, game pad or wheel.
 };
 
 /// The input devices of a machine.
 struct Access {
   std::function<std::vector<Unit>()> list{};
-  /// @param is_grabbed  no other program gets its events
-  /// @errors   in words: it is gone, a right is missing
+  /// @param is_grabbed  if true, no other program gets its events
+  /// @errors   the device is gone, a permission is missing; described in words
   std::function<expected<std::unique_ptr<Transport>, SetupError>(const Unit&, bool is_grabbed)>
       open{};
 };

@@ -16,24 +16,25 @@
 
 namespace rtpm::device_falcon {
 
-/// A unit's identity, and its firmware and thread.
+/// A unit's identity, firmware and thread.
 struct FalconConfig {
   std::string serial;                 ///< The descriptor's serial number; not empty.
   std::string frame = "falcon/base";  ///< The descriptor's frame.
-  std::vector<std::byte> firmware{};  ///< The user's file; empty if the unit runs it already.
+  /// The contents of the user's firmware file; empty if the unit already runs its firmware.
+  std::vector<std::byte> firmware{};
   rt::ThreadConfig thread{.name = "falcon", .priority = Priority{24'000}};
 };
 
-/// A Novint Falcon: three axes with force, four buttons. Positions are relative to the middle of
-/// the workspace. It has no position and no force until the operator has homed it, by pulling the
-/// grip out and pushing it in.
-/// @threads  a thread of its own talks to the unit, from activate() to deactivate()
+/// A Novint Falcon: three axes with force, four buttons. Positions are relative to the centre of
+/// the workspace. Before the operator has homed it by pulling the grip out and pushing it in, it
+/// has no position and no force.
+/// @threads  its own thread talks to the unit, from activate() to deactivate()
 class FalconDriver final : public driver::Driver {
  public:
   static constexpr double kForceMaxNewton = 8;
   static constexpr double kRadiusMetres = 0.04;
   static constexpr double kCountsPerNewtonMetre = 10'000;
-  /// Without a report for this long, the thread has hung, or gets no CPU.
+  /// If there is no report for this long, the thread hangs or gets no CPU time.
   static constexpr Duration kStuckAfter = std::chrono::seconds{1};
 
   FalconDriver(FalconConfig config, OpenTransport open);
@@ -50,7 +51,7 @@ class FalconDriver final : public driver::Driver {
       std::span<driver::ParameterSetting> settings) override;
 
  private:
-  /// The thread's last result.
+  /// The last result of the thread.
   struct Report {
     FalconState state{};
     MonotonicTime reported_at{};

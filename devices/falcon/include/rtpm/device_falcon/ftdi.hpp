@@ -18,20 +18,23 @@ enum class FtdiRequest : std::uint8_t {
   kFlowControl = 2,
   kBaudRate = 3,
   kDataBits = 4,
-  kLatencyTimer = 9,  ///< In milliseconds, after which the chip sends what it has.
+  kLatencyTimer = 9,  ///< The time in milliseconds after which the chip sends the data it has.
 };
 
-inline constexpr std::uint16_t kPurgeReceived = 1;     ///< kReset drops the bytes for the host.
-inline constexpr std::uint16_t kPurgeTransmitted = 2;  ///< kReset drops the bytes for the device.
+/// With kReset: drops the bytes sent to the host.
+inline constexpr std::uint16_t kPurgeReceived = 1;
+/// With kReset: drops the bytes sent to the device.
+inline constexpr std::uint16_t kPurgeTransmitted = 2;
 inline constexpr std::uint16_t kDtrLow = 0x0100;
 inline constexpr std::uint16_t kDtrHigh = 0x0101;
 inline constexpr std::uint16_t kRtsLow = 0x0200;
 inline constexpr std::uint16_t kNoFlowControl = 0;
 inline constexpr std::uint16_t kEightBitsNoParity = 0x0008;
 
-// Divisors of 3 MHz.
-inline constexpr std::uint16_t kBootDivisor = 0x4138;  ///< 9600 baud: the boot loader's greeting.
-inline constexpr std::uint16_t kLoadDivisor = 0x0015;  ///< 142 857 baud: the firmware.
-inline constexpr std::uint16_t kRunDivisor = 0x0002;   ///< 1.5 Mbaud: the firmware's packets.
+// Divisors of a clock of 3 MHz.
+/// 9600 baud, for the boot loader's greeting.
+inline constexpr std::uint16_t kBootDivisor = 0x4138;
+inline constexpr std::uint16_t kLoadDivisor = 0x0015;  ///< 142 857 baud, for loading the firmware.
+inline constexpr std::uint16_t kRunDivisor = 0x0002;   ///< 1.5 Mbaud, for the firmware's packets.
 
 }  // namespace rtpm::device_falcon

@@ -16,28 +16,29 @@ namespace rtpm::device_falcon {
 
 inline constexpr std::size_t kButtonCount = 4;
 
-/// The motors' commands until the next request.
+/// The motor commands until the next request.
 /// @ownership plain value, trivially copyable
 struct ForceRequest {
-  std::uint64_t number = 0;  ///< Differs from the last request's; 0 before the first.
+  /// Differs from the number of the previous request; 0 before the first.
+  std::uint64_t number = 0;
   LegCounts counts{};
-  MonotonicTime deadline{};  ///< When the force must have ended.
+  MonotonicTime deadline{};  ///< The time at which the force must have ended.
 };
 
 /// The unit's newest state, in the mechanism's frame.
 /// @ownership plain value, trivially copyable
 struct FalconState {
-  std::uint64_t report_count = 0;   ///< Packets that were taken.
-  std::uint64_t corrupt_count = 0;  ///< Dropped packets, and runs of other bytes.
-  MonotonicTime time{};             ///< When the last one came.
-  bool is_homed = false;            ///< If false, position and velocity are invalid.
+  std::uint64_t report_count = 0;   ///< Number of accepted packets.
+  std::uint64_t corrupt_count = 0;  ///< Number of dropped packets and of other byte runs.
+  MonotonicTime time{};             ///< When the last packet arrived.
+  bool is_homed = false;            ///< If false, the position and velocity are invalid.
   driver::Vector3 position_m{};
   driver::Vector3 velocity_m_per_s{};
   std::uint8_t buttons = 0;
-  std::array<std::uint16_t, kButtonCount> button_edges{};  ///< Modulo 65536.
+  std::array<std::uint16_t, kButtonCount> button_edges{};  ///< Counted modulo 65536.
 };
 
-/// The velocity over the last positions: the steps of the encoders are too coarse for two.
+/// Computes the velocity from several positions: the encoder steps are too coarse for only two.
 /// @realtime alloc-free
 class VelocityWindow {
  public:
@@ -55,39 +56,40 @@ class VelocityWindow {
   std::size_t size_ = 0;
 };
 
-/// The conversation with a unit whose firmware runs: one packet there, one back, repeatedly. The
-/// unit applies force only while it is homed, its last packet was sound, and the request is live.
-/// The transport provides the time, so that a test needs no clock.
+/// The conversation with a unit whose firmware is running: one packet to the unit, one packet back,
+/// repeatedly. The unit applies force only while it is homed, its last packet was sound, and the
+/// request has not expired. The transport provides the time, so that tests need no clock.
 /// @ownership refers to its transport, which must outlive it
 /// @threads  one at a time
 /// @realtime alloc-free
 class Session {
  public:
-  /// Times without an answer after which the packet is repeated, the unit is late, it is gone.
+  /// Times without an answer after which the packet is repeated, the unit is late, and the unit is
+  /// gone.
   static constexpr Duration kRepeatAfter = std::chrono::milliseconds{10};
   static constexpr Duration kLateAfter = std::chrono::milliseconds{5};
   static constexpr Duration kGoneAfter = std::chrono::milliseconds{100};
-  /// A request without an earlier deadline ends after this time.
+  /// A request ends after this time, unless its deadline is earlier.
   static constexpr Duration kRequestLife = std::chrono::milliseconds{100};
   /// How long stop() tries to reach the unit.
   static constexpr Duration kStopPatience = std::chrono::milliseconds{50};
-  /// Faster than a hand or the motors move a leg: some 10 m/s.
+  /// A greater speed than a hand or the motors can reach: about 10 m/s.
   static constexpr int kCountsPerMillisecondMax = 250;
-  /// Beyond the stops of the mechanism, about the middle of the workspace.
+  /// A distance from the centre of the workspace that is beyond the mechanical stops.
   static constexpr double kReachMetres = 0.065;
-  /// Packets in a row with the homed bits before the unit counts as homed.
+  /// Number of consecutive packets with the homed bits before the unit counts as homed.
   static constexpr std::uint32_t kHomedPacketCount = 10;
 
   explicit Session(Transport& transport);
 
-  /// Sends what is due and takes what came; waits for at most `patience`.
+  /// Sends pending packets and reads those that arrived; waits for at most `patience`.
   /// @return false if the unit is gone
   [[nodiscard]] bool step(const ForceRequest& request, Duration patience);
-  /// Sets the force to zero, if the unit still takes commands. Only once.
+  /// Sets the force to zero if the unit still accepts commands. Call it only once.
   void stop();
 
   [[nodiscard]] const FalconState& state() const noexcept { return state_; }
-  /// No packet for kLateAfter.
+  /// Whether no packet arrived for kLateAfter.
   [[nodiscard]] bool is_late() const { return transport_.now() - answered_at_ > kLateAfter; }
 
  private:
@@ -106,7 +108,7 @@ class Session {
   std::array<std::byte, kTransferSize> transfer_{};
   bool is_awaiting_ = false;
   bool is_stopped_ = false;
-  /// Whether the last packet may be used: a doubtful position gets no force.
+  /// Whether the last packet is trustworthy: a doubtful position gets no force.
   bool is_sound_ = false;
   MonotonicTime sent_at_{};
   MonotonicTime answered_at_;

@@ -12,24 +12,24 @@
 
 namespace rtpm::device_falcon {
 
-/// Result of a transfer.
+/// Result of a USB transfer.
 enum class UsbStatus : std::uint8_t {
   kOk,
-  kTimeout,   ///< Nothing came within the patience.
-  kBusy,      ///< The former bytes are still in transfer.
-  kStalled,   ///< The device refuses.
-  kOverflow,  ///< The device sent more than fits: the bytes are lost.
+  kTimeout,   ///< Nothing arrived within the patience.
+  kBusy,      ///< The previous bytes are still being transferred.
+  kStalled,   ///< The device refused the transfer.
+  kOverflow,  ///< The device sent more bytes than fit; they are lost.
   kGone,      ///< The device is unplugged, or the bus has failed.
 };
 
 /// Result of Transport::receive().
 struct Received {
   UsbStatus status = UsbStatus::kTimeout;
-  std::size_t size = 0;  ///< Bytes of the transfer, FTDI's status bytes included.
-  MonotonicTime time{};  ///< When it was complete.
+  std::size_t size = 0;  ///< Bytes of the transfer, including the FTDI status bytes.
+  MonotonicTime time{};  ///< When the transfer completed.
 };
 
-/// Longest transfer to the host, so that no device can overflow it.
+/// Size of the longest transfer to the host, so that no device can overflow it.
 inline constexpr std::size_t kTransferSize = 512;
 
 /// The USB connection to one unit, and the clock for waiting on it.
@@ -39,24 +39,24 @@ class Transport {
   Transport() = default;
   Transport(const Transport&) = delete;
   Transport& operator=(const Transport&) = delete;
-  /// Ends the connection.
+  /// Closes the connection.
   virtual ~Transport() = default;
 
-  /// Sends a vendor request and waits until it is done, for at most 100 ms.
+  /// Sends a vendor request and waits for its completion, for at most 100 ms.
   /// @realtime set-up only
   [[nodiscard]] virtual UsbStatus request(FtdiRequest request, std::uint16_t value) = 0;
-  /// Begins to send `bytes`, at most kTransferSize; receive() goes on with it.
-  /// @return kBusy: nothing was sent
+  /// Starts sending `bytes`, at most kTransferSize; receive() continues the transfer.
+  /// @return kBusy if nothing was sent
   [[nodiscard]] virtual UsbStatus send(std::span<const std::byte> bytes) = 0;
-  /// Waits for one transfer from the device, at most `patience`.
-  /// @param buffer  kTransferSize bytes
+  /// Waits for one transfer from the device, for at most `patience`.
+  /// @param buffer  must have kTransferSize bytes
   [[nodiscard]] virtual Received receive(std::span<std::byte> buffer, Duration patience) = 0;
-  /// The present time; never decreases.
+  /// The current time; never decreases.
   [[nodiscard]] virtual MonotonicTime now() const = 0;
 };
 
 /// Opens the unit.
-/// @errors   in words with the remedy
+/// @errors   described in words with the remedy
 using OpenTransport = std::function<expected<std::unique_ptr<Transport>, SetupError>()>;
 
 }  // namespace rtpm::device_falcon

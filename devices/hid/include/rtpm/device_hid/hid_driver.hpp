@@ -15,17 +15,17 @@
 
 namespace rtpm::device_hid {
 
-/// A HID device. From activate() to deactivate() one thread reads its reports and another writes,
-/// so that a slow write delays no read. Without a newer command by its deadline the writing thread
-/// sets the outputs to their safe values itself.
+/// A HID device. From activate() to deactivate() one thread reads reports and another writes, so
+/// that a slow write delays no read. If no newer command arrives by the deadline, the writing
+/// thread sets the outputs to their safe values.
 class HidDriver final : public driver::Driver {
  public:
-  /// How long configure() waits for the first report of a device that reports all the time.
+  /// How long configure() waits for the first report of a device that reports continuously.
   static constexpr Duration kFirstReportMax = std::chrono::seconds{1};
 
-  /// Looks for the unit, to describe it; it need not be plugged in.
-  /// @param device_name  "pad0": the frame is "pad0/base"
-  /// @errors   several units fit; none is plugged in, and the kind is not given
+  /// Looks for the unit in order to describe it; it need not be plugged in.
+  /// @param device_name  for example "pad0"; its frame is then "pad0/base"
+  /// @errors   several units match; none is plugged in, and the kind is not given
   [[nodiscard]] static expected<std::unique_ptr<HidDriver>, SetupError> create(
       std::shared_ptr<HidSystem> system, Settings settings, std::string_view device_name);
   ~HidDriver() override;
@@ -38,7 +38,7 @@ class HidDriver final : public driver::Driver {
   void deactivate() noexcept override;
 
  private:
-  /// The reading thread's last result.
+  /// The last result of the reading thread.
   struct Report {
     State state{};
     MonotonicTime measured_at = kNever;
@@ -46,12 +46,12 @@ class HidDriver final : public driver::Driver {
     bool is_late = false;
     bool is_gone = false;
   };
-  /// The writing thread's task.
+  /// A task for the writing thread.
   struct Order {
     Request request{};
-    MonotonicTime valid_until = kNever;  ///< On the host's clock.
+    MonotonicTime valid_until = kNever;  ///< In the host's time.
   };
-  /// The writing thread's last result.
+  /// The last result of the writing thread.
   struct Delivery {
     Request request{};
     bool is_refused = false;
@@ -79,7 +79,7 @@ class HidDriver final : public driver::Driver {
   std::unique_ptr<HidTransport> transport_{};
   std::optional<Reader> reader_{};
   std::optional<Writer> writer_{};
-  State state_{};  ///< Lives on from session to session, for its counters.
+  State state_{};  ///< Continues across sessions because of its counters.
   Latest<Report> reports_{};
   Latest<Order> orders_{};
   Latest<Delivery> deliveries_{};

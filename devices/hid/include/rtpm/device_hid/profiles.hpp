@@ -7,10 +7,10 @@
 #include "rtpm/device_hid/profile.hpp"
 #include "rtpm/device_hid/report_descriptor.hpp"
 
-/// The kinds of device, one class each.
+/// The kinds of device, with one class each.
 namespace rtpm::device_hid {
 
-/// 3Dconnexion's cap with six degrees of freedom: analogs "x", "y", "z" (its displacement in
+/// The cap with six degrees of freedom by 3Dconnexion: analogs "x", "y", "z" (its displacement in
 /// metres) and "rx", "ry", "rz" (-1 to 1), buttons, output "light".
 /// @source   the report descriptors of SpaceNavigator and SpaceMouse Wireless
 class SpaceMouse final : public Profile {
@@ -29,19 +29,19 @@ class SpaceMouse final : public Profile {
 
   std::uint16_t product_;
   std::vector<std::string> names_{};
-  std::vector<std::uint8_t> bits_{};  ///< One per button, in report 3.
+  std::vector<std::uint8_t> bits_{};  ///< The bit of each button in report 3.
   std::size_t axes_size_ = 0;         ///< The size of report 1; 0 if unknown.
 };
 
-/// Whether an application collection of this usage is a joystick, game pad or multi-axis
+/// Whether an application collection with this usage is a joystick, game pad or multi-axis
 /// controller.
 [[nodiscard]] bool is_pad_application(std::uint32_t usage) noexcept;
 
-/// Any game pad, from its report descriptor: axes as analogs, the hat as two, buttons. If the unit
-/// has several applications, the first one of a pad is served.
+/// Any game pad, based on its report descriptor: axes as analogs, the hat as two analogs, buttons.
+/// If the unit has several applications, the first one of a pad is used.
 class GamePad final : public Profile {
  public:
-  /// @param unit  if null, a usual pad is described, see README.md
+  /// @param unit  if null, describes a typical pad, see README.md
   explicit GamePad(const Unit* unit);
   [[nodiscard]] driver::Descriptor describe() const override;
   [[nodiscard]] std::string left_out() const override { return left_out_; }
@@ -54,15 +54,16 @@ class GamePad final : public Profile {
   struct Channel {
     std::string name;
     std::uint32_t usage = 0;
-    std::size_t index = 0;  ///< Index among the fields of this usage.
+    std::size_t index = 0;  ///< Index among the fields with this usage.
     Part part = Part::kWhole;
-    std::optional<Field> field{};  ///< Nullopt if the unit lacks it.
+    std::optional<Field> field{};  ///< Nullopt if the unit does not have it.
   };
 
   [[nodiscard]] static std::uint32_t served_application(const ReportDescriptor& descriptor);
   [[nodiscard]] static std::size_t count_of(const std::vector<Channel>& channels,
                                             std::uint32_t usage, Part part);
-  /// Returns false, like the next two, if no kind of channel suits it or no channel is left.
+  /// Returns false, like the next two functions, if no kind of channel fits the field or no channel
+  /// is free.
   [[nodiscard]] bool take_field(const Field& field);
   [[nodiscard]] bool add_analog(std::uint32_t usage);
   [[nodiscard]] bool add_button(std::uint32_t usage);
@@ -75,8 +76,8 @@ class GamePad final : public Profile {
   std::string left_out_{};
 };
 
-/// Sony's DualShock 4 and DualSense: sticks, triggers and hat as analogs, 14 or 15 buttons; rumble
-/// and light as outputs.
+/// Sony's DualShock 4 and DualSense: analogs for sticks, triggers and hat; 14 or 15 buttons;
+/// outputs for rumble and light.
 /// @source   Linux, drivers/hid/hid-playstation.c
 class SonyPad final : public Profile {
  public:
@@ -92,7 +93,7 @@ class SonyPad final : public Profile {
  private:
   [[nodiscard]] Verdict take_dualshock4(ConstBytes common, State& state) noexcept;
   [[nodiscard]] Verdict take_dualsense(ConstBytes common, State& state) noexcept;
-  /// A model's clock: which bits count, and how long three of its ticks are.
+  /// A model's clock: its valid bits, and the duration of three ticks.
   struct Clock {
     std::uint32_t mask;
     std::int64_t three_ticks_ns;
@@ -103,14 +104,14 @@ class SonyPad final : public Profile {
   Model model_;
   Bus bus_ = Bus::kUsb;
   bool has_report_ = false;
-  std::uint32_t counter_ = 0;  ///< The counter of the last report.
-  std::uint32_t ticks_ = 0;    ///< The time of that report on the device's clock.
+  std::uint32_t counter_ = 0;  ///< The counter in the last report.
+  std::uint32_t ticks_ = 0;    ///< The device time of the last report.
   std::uint8_t output_sequence_ = 0;
 };
 
-/// OpenFFBoard's force wheel: joint "wheel", whose motor is commanded by a constant-force effect of
-/// the board's effects manager; further axes as analogs.
-/// @source   OpenFFBoard's wiki, "Commands", and its firmware's HidCommandInterface.h
+/// The force wheel by OpenFFBoard: joint "wheel", whose motor is controlled by a constant-force
+/// effect of the board's effects manager; the other axes are analogs.
+/// @source   OpenFFBoard's wiki, "Commands", and HidCommandInterface.h in its firmware
 class OpenFfBoard final : public Profile {
  public:
   explicit OpenFfBoard(double torque_newton_metre_max) : torque_max_(torque_newton_metre_max) {}
@@ -128,7 +129,7 @@ class OpenFfBoard final : public Profile {
 
   double torque_max_;
   double range_rad_ = 0;
-  std::int64_t effect_ = -1;  ///< The effect's number on the board, or -1.
+  std::int64_t effect_ = -1;  ///< The number of the effect on the board; -1 if there is none.
   ReportDescriptor layout_{};
   std::optional<Field> wheel_{};
   std::array<std::optional<Field>, driver::kAnalogCountMax> axes_{};

@@ -12,19 +12,19 @@
 
 namespace rtpm::device_hid {
 
-/// Longest report of any device that this driver takes, its number included.
+/// Size of the longest report of all supported devices, including the report number.
 inline constexpr std::size_t kReportSizeMax = 256;
 
 /// Result of HidTransport::read().
 struct Received {
-  std::size_t size = 0;    ///< Bytes of the report; 0 if none came within the patience.
+  std::size_t size = 0;    ///< Bytes of the report; 0 if none arrived within the patience.
   bool is_closed = false;  ///< The device is gone.
 };
 
 /// Reports to and from one device, and the clock for waiting on them. The first byte of a written
-/// report, and of a feature report, is its number, or 0 if the device numbers none. A report that
-/// is read begins with its number only if the device numbers its reports.
-/// @threads  read() and now() by one, the others by one that may be another
+/// report or a feature report is its number, or 0 if the device does not number its reports. A
+/// report that is read starts with its number only if the device numbers its reports.
+/// @threads  read() and now(): one thread; the other functions: one thread, which may be another
 /// @realtime set-up only
 class HidTransport {
  public:
@@ -34,31 +34,32 @@ class HidTransport {
   /// Closes the device.
   virtual ~HidTransport() = default;
 
-  /// Takes the oldest report that was not read yet; waits for one at most `patience`.
+  /// Reads the oldest unread report; waits for one for at most `patience`.
   [[nodiscard]] virtual Received read(MutableBytes buffer, Duration patience) = 0;
-  /// Sends an output report and waits until the device has taken it, for seconds if it hangs.
-  /// @return false if refused, or if the device is gone
+  /// Sends an output report and waits until the device has accepted it, which may take seconds if
+  /// it hangs.
+  /// @return false if the report was refused or the device is gone
   [[nodiscard]] virtual bool write(ConstBytes report) = 0;
-  /// Asks for the feature report whose number is in `report[0]`.
-  /// @return its size, its number included; 0 if refused, or if the device is gone
+  /// Reads the feature report with the number in `report[0]`.
+  /// @return the size, including the number; 0 if it was refused or the device is gone
   [[nodiscard]] virtual std::size_t read_feature(MutableBytes report) = 0;
-  /// The present time; never decreases.
+  /// The current time; never decreases.
   [[nodiscard]] virtual MonotonicTime now() const = 0;
 };
 
-/// How a device is connected: the same pad sends other reports by Bluetooth.
+/// How a device is connected: the same pad sends different reports over Bluetooth.
 enum class Bus : std::uint8_t { kUsb, kBluetooth, kOther };
 
-/// A HID device that is plugged in. The device's own words are not escaped.
+/// A plugged-in HID device. Text from the device is not escaped.
 /// @ownership a value
 struct Unit {
   std::uint16_t vendor = 0;
   std::uint16_t product = 0;
   Bus bus = Bus::kUsb;
-  std::string model{};   ///< The maker's name for it.
+  std::string model{};   ///< The product name given by the maker.
   std::string serial{};  ///< Empty if it has none.
-  std::string port{};    ///< Its port, "usb-0000:00:14.0-2/input0"; empty if unknown.
-  std::string node{};    ///< "/dev/hidraw0"; another one after it was plugged in again.
+  std::string port{};    ///< For example "usb-0000:00:14.0-2/input0"; empty if unknown.
+  std::string node{};  ///< For example "/dev/hidraw0"; changes when the device is plugged in again.
   std::vector<std::byte> report_descriptor{};  ///< Empty if it can't be read.
 };
 
@@ -72,9 +73,9 @@ class HidSystem {
   HidSystem& operator=(const HidSystem&) = delete;
   virtual ~HidSystem() = default;
 
-  /// The units that are plugged in now, also of other makers and kinds.
+  /// The plugged-in units, including those of other makers and kinds.
   [[nodiscard]] virtual std::vector<Unit> units() = 0;
-  /// @errors   a right is missing, with the udev rule that gives it; the device is gone
+  /// @errors   a permission is missing, with the udev rule that grants it; the device is gone
   [[nodiscard]] virtual expected<std::unique_ptr<HidTransport>, SetupError> open(
       const Unit& unit) = 0;
 };

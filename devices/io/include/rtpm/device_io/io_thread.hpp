@@ -8,9 +8,9 @@
 
 namespace rtpm::device_io {
 
-/// The thread of a driver that talks to its hardware, so that exchange() never waits for it. Pass
-/// values to and from it by base::Latest.
-/// @threads  start and stop from one thread
+/// The thread in which a driver talks to its hardware, so that exchange() never waits for it.
+/// Exchange values with it through base::Latest.
+/// @threads  start and stop it from one thread
 class IoThread {
  public:
   IoThread() = default;
@@ -19,16 +19,16 @@ class IoThread {
   /// Stops.
   ~IoThread() { stop(); }
 
-  /// Calls `step` until it returns false or stop() is called. `step` waits for its hardware, with a
-  /// deadline of at most some 100 ms, which stop() may take, too.
-  /// @param step  throws nothing
-  /// @errors   as of rt::Thread::start()
+  /// Calls `step` until it returns false or stop() is called. `step` waits for the hardware for at
+  /// most about 100 ms; stop() may wait as long.
+  /// @param step  must not throw
+  /// @errors   those of rt::Thread::start()
   [[nodiscard]] expected<void, SetupError> start(const rt::ThreadConfig& config,
                                                  std::function<bool()> step);
-  /// Makes the thread end once `step` has returned, without waiting for it. If `step` waits for
-  /// more than its hardware, wake it after this call and before stop().
+  /// Makes the thread end after `step` returns, without waiting for that. If `step` waits for
+  /// something other than its hardware, wake it after this call and before stop().
   void request_stop() noexcept { is_stopping_.store(true, std::memory_order_relaxed); }
-  /// Waits until `step` has returned. No effect if not started.
+  /// Waits until `step` has returned. Has no effect if the thread was not started.
   void stop() noexcept;
 
  private:

@@ -12,12 +12,12 @@
 
 namespace rtpm::device_mpv {
 
-/// A media player, with the channels of player_descriptor(). Without a command it pauses the
-/// player, even one that it joined.
-/// @threads  the player is talked to by a thread of its own, from activate() to deactivate()
+/// A media player with the channels of player_descriptor(). Without a command it pauses the player,
+/// even a player that it did not start.
+/// @threads  its own thread talks to the player, from activate() to deactivate()
 class MpvDriver final : public driver::Driver {
  public:
-  /// How long configure() waits for the first report of a player, and then for a file.
+  /// How long configure() waits for the first report of a player, and then for a file to be loaded.
   static constexpr Duration kStartMax = std::chrono::seconds{5};
   static constexpr Duration kLoadMax = std::chrono::seconds{2};
 
@@ -33,7 +33,7 @@ class MpvDriver final : public driver::Driver {
   void deactivate() noexcept override;
 
  private:
-  /// The thread's last result.
+  /// The last result of the thread.
   struct Report {
     PlayerState state{};
     std::uint64_t corrupt_count = 0;

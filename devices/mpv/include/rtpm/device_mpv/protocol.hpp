@@ -12,40 +12,42 @@
 /// @source   mpv's manual, "JSON IPC"
 namespace rtpm::device_mpv {
 
-/// Longest line: mpv's answers to this driver's commands are shorter.
+/// Size of the longest line: mpv's answers to this driver's commands are shorter.
 inline constexpr std::size_t kLineSizeMax = 8192;
 
-/// mpv's answer to one command.
+/// The answer of mpv to one command.
 struct Reply {
   std::int64_t request_id = 0;
-  bool is_success = false;         ///< False, for instance: no such property exists now.
-  std::optional<double> number{};  ///< The data, if it is a number.
-  std::optional<bool> flag{};      ///< The data, if it is true or false.
+  bool is_success = false;  ///< False if, for instance, the property does not exist at the moment.
+  std::optional<double> number{};  ///< The data if it is a number.
+  std::optional<bool> flag{};      ///< The data if it is true or false.
 };
-/// An event of mpv. The driver polls instead, and ignores events.
+/// An event from mpv. The driver polls and ignores events.
 struct Event {};
-/// A line that is neither.
+/// A line that is neither a reply nor an event.
 struct Unreadable {};
 using Message = std::variant<Unreadable, Event, Reply>;
 
-/// Reads one line, without its line feed. Foreign text: any bytes are a message of one kind.
+/// Parses one line, without its line feed. Untrusted text: every byte sequence is a message of one
+/// kind.
 /// @realtime set-up only: allocates
 [[nodiscard]] Message parse(std::string_view line);
 
-/// A command with arguments that are texts, numbers or flags, as one line with its line feed.
+/// An argument of a command: a text, a number or a flag.
 using Word = std::variant<const char*, double, bool>;
 /// @realtime set-up only: allocates
 [[nodiscard]] std::string command_line(std::int64_t request_id, std::string_view name,
                                        std::initializer_list<Word> arguments);
 
-/// Cuts a stream of bytes into lines. It holds at most kLineSizeMax bytes: it drops a longer line,
-/// and only that line, and counts it as overlong.
-/// @ownership holds one line
+/// Cuts a byte stream into lines. It stores at most kLineSizeMax bytes: a longer line is dropped
+/// and counted as overlong; other lines are not affected.
+/// @ownership stores one line
 /// @threads  one at a time
 /// @realtime alloc-free
 class LineCutter {
  public:
-  /// Calls `on_line` with each line that `bytes` completes. The line is valid until it returns.
+  /// Calls `on_line` with each line that `bytes` completes. The line is valid until `on_line`
+  /// returns.
   template <class OnLine>
   void push(std::string_view bytes, OnLine&& on_line) {
     for (const char byte : bytes) {

@@ -13,11 +13,11 @@ namespace rtpm::device_mpv {
 
 /// Result of Transport::receive().
 struct Received {
-  std::size_t size = 0;    ///< Bytes; 0 if none came within the patience.
+  std::size_t size = 0;    ///< Number of bytes; 0 if none arrived within the patience.
   bool is_closed = false;  ///< The player is gone.
 };
 
-/// A stream of bytes to and from one player, and the clock for waiting on it.
+/// A byte stream to and from one player, and the clock for waiting on it.
 /// @threads  one at a time
 /// @realtime set-up only
 class Transport {
@@ -25,20 +25,21 @@ class Transport {
   Transport() = default;
   Transport(const Transport&) = delete;
   Transport& operator=(const Transport&) = delete;
-  /// Ends the connection, and a player that it started.
+  /// Closes the connection and ends the player if this transport started it.
   virtual ~Transport() = default;
 
-  /// Sends all of `bytes`, without waiting.
-  /// @return false if the player is gone, or has not read for so long that the buffer is full
+  /// Sends all of `bytes` without waiting.
+  /// @return false if the player is gone, or if the buffer is full because the player has stopped
+  ///         reading
   [[nodiscard]] virtual bool send(std::string_view bytes) = 0;
-  /// Waits for bytes, at most `patience`.
+  /// Waits for bytes for at most `patience`.
   [[nodiscard]] virtual Received receive(std::span<char> buffer, Duration patience) = 0;
-  /// The present time; never decreases.
+  /// The current time; never decreases.
   [[nodiscard]] virtual MonotonicTime now() const = 0;
 };
 
-/// Starts or joins a player.
-/// @errors   in words with the remedy
+/// Starts a player or connects to a running one.
+/// @errors   described in words with the remedy
 using OpenTransport = std::function<expected<std::unique_ptr<Transport>, SetupError>()>;
 
 }  // namespace rtpm::device_mpv

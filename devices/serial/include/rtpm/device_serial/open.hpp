@@ -12,28 +12,28 @@
 
 namespace rtpm::device_serial {
 
-/// The board that the firmware in this folder makes: a paddle with a motor. It stands in for a
-/// board that is not plugged in when its driver is made.
+/// The board that results from the firmware in this folder: a paddle with a motor. It is the
+/// default description of a board that is not plugged in when its driver is created.
 [[nodiscard]] BoardDescription fallback_board();
 
 /// @errors   an unknown word, a speed that is not a number
 [[nodiscard]] expected<PortSettings, SetupError> read_settings(std::string_view arguments);
 
-/// The driver of one board. If it is plugged in, it is asked for its description, which takes up to
-/// 5 s; otherwise it is taken for fallback_board().
+/// Creates the driver of one board. If the board is plugged in, the driver requests its
+/// description, which takes up to 5 s; otherwise it assumes fallback_board().
 /// @param arguments    "port=/dev/ttyACM0 speed=115200 serial=12345", each word optional
-/// @param device_name  begins the name of the frame
+/// @param device_name  the first part of the frame's name
 /// @realtime set-up only
-/// @errors   as read_settings()
+/// @errors   those of read_settings()
 [[nodiscard]] expected<std::unique_ptr<driver::Driver>, SetupError> open(
     std::string_view arguments, std::string_view device_name);
 
-/// The driver of one board, with the ports and transport of a test.
+/// Creates the driver of one board with a test's ports and transport.
 [[nodiscard]] expected<std::unique_ptr<driver::Driver>, SetupError> open(
     std::string_view arguments, std::string_view device_name, const ListPorts& list,
     const OpenTransport& open_transport);
 
-/// The USB serial ports of this machine, whether a board speaks RTPM's frames or not: asking one
+/// The USB serial ports of this machine, even if a board may not speak RTPM's frames: asking it
 /// would reset it.
 /// @realtime set-up only
 [[nodiscard]] std::vector<device_io::FoundDevice> probe();

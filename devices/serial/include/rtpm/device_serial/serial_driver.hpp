@@ -14,20 +14,21 @@
 
 namespace rtpm::device_serial {
 
-/// Configures a driver of a board.
+/// Configures a board's driver.
 struct SerialConfig {
-  OpenTransport open;        ///< Opens the port.
-  PortSettings port{};       ///< Holds until the parameters select another port.
-  BoardDescription board{};  ///< The expected board. With a serial number: that board only.
-  std::string serial{};      ///< The descriptor's serial number; not empty.
+  OpenTransport open;   ///< Opens the port.
+  PortSettings port{};  ///< Used until the parameters select another port.
+  /// The expected board. If it has a serial number, only that board is accepted.
+  BoardDescription board{};
+  std::string serial{};  ///< The serial number in the descriptor; not empty.
   std::string frame{};
   Duration greeting_max = kGreetingMax;  ///< How long configure() waits for the board.
-  rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;  ///< The mode of its thread.
+  rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;  ///< The mode of the driver's thread.
 };
 
 /// A microcontroller board that speaks the frames of FRAMES.md. Without a command its efforts are
 /// zero and its outputs safe.
-/// @threads  the board is talked to by a thread of its own, from activate() to deactivate()
+/// @threads  its own thread talks to the board, from activate() to deactivate()
 class SerialDriver final : public driver::Driver {
  public:
   static constexpr std::int64_t kSpeedMinBaud = 9600;
@@ -50,7 +51,7 @@ class SerialDriver final : public driver::Driver {
   [[nodiscard]] std::unique_ptr<driver::Calibration> make_calibration(
       std::string_view name) override;
 
-  /// Counters of the active session, or of the last one.
+  /// The counters of the current session, or of the last one.
   [[nodiscard]] LineCounters counters() const { return last_.counters; }
 
  private:
@@ -65,11 +66,11 @@ class SerialDriver final : public driver::Driver {
   std::optional<Session> session_{};
   Latest<Report> reports_{};
   Latest<Request> requests_{};
-  Report last_{};  ///< The report that exchange() last saw.
+  Report last_{};  ///< The report that exchange() saw last.
   std::uint64_t request_number_ = 0;
   bool is_active_ = false;
 
-  // Parameters, with kAnalogCountMax or kJointCountMax elements.
+  // The parameters, with kAnalogCountMax or kJointCountMax elements.
   std::vector<double> analog_offset_{};
   std::vector<double> analog_scale_{};
   std::vector<double> joint_zero_{};

@@ -12,43 +12,44 @@
 
 namespace rtpm::device_serial {
 
-/// A cycle's request to the board, within its ranges.
+/// The request of one cycle to the board, within its ranges.
 /// @ownership plain value, trivially copyable
 struct Request {
-  std::uint64_t number = 0;  ///< Differs from cycle to cycle.
+  std::uint64_t number = 0;  ///< Differs in each cycle.
   bool is_on = false;
-  Duration time_left{0};  ///< Time for which it may stay in force.
+  Duration time_left{0};  ///< How long it may stay in force.
   std::array<float, driver::kJointCountMax> efforts{};
   std::array<float, driver::kOutputCountMax> outputs{};
 };
 
 /// Counters of faults on the line since greet().
 struct LineCounters {
-  std::uint64_t corrupt = 0;     ///< Bytes outside of frames, and frames with invalid contents.
-  std::uint64_t lost = 0;        ///< States that the board sent and that did not arrive.
-  std::uint64_t duplicate = 0;   ///< States that arrived again.
-  std::uint64_t stale = 0;       ///< States older than one that arrived before them.
-  std::uint64_t unanswered = 0;  ///< Commands whose answer did not come in time.
+  /// Number of bytes outside frames, and of frames with invalid contents.
+  std::uint64_t corrupt = 0;
+  std::uint64_t lost = 0;        ///< Number of states that the board sent but that did not arrive.
+  std::uint64_t duplicate = 0;   ///< Number of states that arrived again.
+  std::uint64_t stale = 0;       ///< Number of states older than one that arrived earlier.
+  std::uint64_t unanswered = 0;  ///< Number of commands whose answer did not arrive in time.
 };
 
-/// The session's newest state.
+/// The newest state in the session.
 /// @ownership plain value, trivially copyable
 struct Report {
   BoardState state{};
   std::uint64_t state_count = 0;
   MonotonicTime received_at{};
-  Duration board_time{0};  ///< The board's clock, unwrapped.
-  /// Presses and releases in all states, also in the ones that a newer state replaced.
+  Duration board_time{0};  ///< Board time, unwrapped.
+  /// Presses and releases in all states, including states replaced by newer ones.
   std::array<std::uint16_t, driver::kButtonCountMax> button_edges{};
   LineCounters counters{};
   bool is_late = false;
   bool is_gone = false;
 };
 
-/// Opening the port resets some boards, whose boot loader then runs for up to 2 s.
+/// Opening the port resets some boards; their boot loader then runs for up to 2 s.
 inline constexpr Duration kGreetingMax = std::chrono::seconds{5};
 
-/// A nonce that distinguishes the session that begins at `now` from others; not zero.
+/// A nonce that distinguishes the session that starts at `now` from others; not zero.
 [[nodiscard]] constexpr std::uint32_t nonce_at(MonotonicTime now) noexcept {
   return static_cast<std::uint32_t>(to_ns(now) >> 10) | 1U;
 }
@@ -56,14 +57,14 @@ inline constexpr Duration kGreetingMax = std::chrono::seconds{5};
 struct SessionConfig {
   Duration period{};  ///< The period of the requests.
   std::int64_t speed_baud = 115'200;
-  std::uint32_t nonce = 1;  ///< Made by nonce_at(); not zero.
+  std::uint32_t nonce = 1;  ///< Created by nonce_at(); not zero.
   Duration greeting_max = kGreetingMax;
 };
 
-/// The conversation with one board: greets it, sends each request as a command, takes the newest
-/// state. At most kWindow commands are unanswered, so that a slow line never fills up. A request
-/// that is not renewed ends by itself, on the host and by the board's watchdog. The transport
-/// provides the time.
+/// The conversation with one board: greets it, sends each request as a command, and keeps the
+/// newest state. At most kWindow commands are unanswered, so that a slow line never fills up. A
+/// request that is not renewed expires, both on the host and through the board's watchdog. The
+/// transport provides the time.
 /// @ownership refers to its transport, which must outlive it
 /// @threads  one at a time
 class Session {
@@ -72,25 +73,25 @@ class Session {
   static constexpr std::uint16_t kWindow = 2;
   /// The longest time for which a request stays in force.
   static constexpr Duration kRequestMax = std::chrono::milliseconds{100};
-  /// Silence after which the board is gone, on a fast line.
+  /// Silence after which the board counts as gone, on a fast line.
   static constexpr Duration kGoneAfter = std::chrono::milliseconds{500};
   static constexpr Duration kStopMax = std::chrono::milliseconds{100};
 
   Session(Transport& transport, const SessionConfig& config);
 
-  /// Asks the board for its description, repeatedly for the greeting's time. Its efforts are zero
-  /// meanwhile.
+  /// Asks the board for its description, repeatedly until the greeting times out. The board's
+  /// efforts are zero meanwhile.
   /// @realtime set-up only
-  /// @errors   in words: silence, other bytes, another version, an impossible description
+  /// @errors   silence, other bytes, another version, an impossible description; described in words
   [[nodiscard]] expected<BoardDescription, SetupError> greet();
-  /// Starts the clock of late and gone. Call it after greet().
+  /// Starts measuring whether the board is late or gone. Call it after greet().
   void begin();
-  /// Sends what is due and takes what came; waits for at most `patience`.
+  /// Sends pending frames and reads what has arrived; waits for at most `patience`.
   /// @return false if the board is gone
   /// @realtime alloc-free
   [[nodiscard]] bool step(const Request& request, Duration patience);
-  /// Switches the board off, and waits for its confirmation at most kStopMax longer than for an
-  /// answer. No effect before begin().
+  /// Switches the board off and waits for its confirmation, at most kStopMax longer than for an
+  /// answer. Has no effect before begin().
   void stop();
 
   [[nodiscard]] Report report() const;
@@ -117,14 +118,14 @@ class Session {
   Duration late_after_{};
   Duration gone_after_{};
 
-  // Used by greet() only.
+  // Used only by greet().
   std::optional<expected<BoardDescription, std::string>> description_{};
   bool is_greeting_ = true;
-  bool has_started_again_ = false;  ///< The board announced itself.
+  bool has_started_again_ = false;  ///< The board reported that it restarted.
   bool has_other_version_ = false;
   std::uint64_t byte_count_ = 0;
 
-  /// The bytes of one frame that the port did not take yet.
+  /// The bytes of one frame that the port has not accepted yet.
   std::array<std::byte, kWireSizeMax> unsent_{};
   std::size_t unsent_begin_ = 0;
   std::size_t unsent_end_ = 0;
@@ -140,7 +141,7 @@ class Session {
   std::uint16_t board_sequence_ = 0;
   Report report_{};
   MonotonicTime stepped_at_{};
-  Duration silence_{};  ///< Time for which it received nothing.
+  Duration silence_{};  ///< How long nothing was received.
   bool has_accepted_ = false;
   bool is_closed_ = false;  ///< The port is closed.
   bool is_gone_ = false;    ///< The board is gone.

@@ -14,12 +14,12 @@ namespace rtpm::device_serial {
 
 /// Result of Transport::send() and receive().
 struct Transferred {
-  std::size_t size = 0;    ///< Bytes.
+  std::size_t size = 0;    ///< Number of bytes.
   bool is_closed = false;  ///< The port is gone.
 };
 
-/// A stream of bytes to and from one board, and the clock for waiting on it.
-/// @threads  one at a time; wake() any
+/// A byte stream to and from one board, and the clock for waiting on it.
+/// @threads  one at a time; wake(): any thread
 class Transport {
  public:
   Transport() = default;
@@ -28,28 +28,30 @@ class Transport {
   /// Closes the port.
   virtual ~Transport() = default;
 
-  /// Sends as many of `bytes` as the port takes without waiting.
-  /// @realtime alloc-free, waits for nothing
+  /// Sends as many of `bytes` as the port accepts without waiting.
+  /// @realtime alloc-free, does not wait
   [[nodiscard]] virtual Transferred send(ConstBytes bytes) = 0;
-  /// Waits for bytes, at most `patience` or until wake().
+  /// Waits for bytes for at most `patience`, or until wake() is called.
   /// @realtime alloc-free
   [[nodiscard]] virtual Transferred receive(MutableBytes buffer, Duration patience) = 0;
-  /// Ends the receive() under way, or the next one, without bytes.
-  /// @realtime alloc-free, waits for nothing
+  /// Makes the current receive(), or the next one, return without bytes.
+  /// @realtime alloc-free, does not wait
   virtual void wake() noexcept = 0;
-  /// The present time; never decreases.
+  /// The current time; never decreases.
   [[nodiscard]] virtual MonotonicTime now() const = 0;
 };
 
-/// The choice of a board, and the speed of its line.
+/// Selects a board and the speed of its line.
 struct PortSettings {
-  std::string port{};    ///< "/dev/ttyACM0", or a link; if empty, `serial` selects.
-  std::string serial{};  ///< The USB interface's; if empty, the only board is taken.
+  /// For example "/dev/ttyACM0", or a link; if empty, `serial` selects the board.
+  std::string port{};
+  /// The serial number of the USB interface; if empty, the only board is used.
+  std::string serial{};
   std::int64_t speed_baud = 115'200;
 };
 
 /// Opens the port of a board.
-/// @errors   in words with the remedy
+/// @errors   described in words with the remedy
 using OpenTransport =
     std::function<expected<std::unique_ptr<Transport>, SetupError>(const PortSettings&)>;
 

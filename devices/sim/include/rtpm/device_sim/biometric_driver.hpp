@@ -26,7 +26,7 @@ class BiometricDriver final : public Twin {
   double pulse_gain_ = 1;
   double rest_hz_ = 1.1;
 
-  double beat_ = 0;  ///< Heart beats since the start.
+  double beat_ = 0;  ///< Number of heart beats since the start.
 };
 
 }  // namespace rtpm::device_sim

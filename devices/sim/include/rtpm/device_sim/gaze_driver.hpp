@@ -10,24 +10,24 @@
 
 namespace rtpm::device_sim {
 
-/// A direction of gaze, from straight ahead.
+/// A direction of gaze, relative to straight ahead.
 struct Gaze {
   double right_rad = 0;
   double up_rad = 0;
 };
 
-/// A correction of a gaze tracker: gaze = offset + gain × measured, in each direction.
+/// The correction of a gaze tracker: gaze = offset + gain × measured, for each direction.
 struct GazeCorrection {
   Gaze offset{};
   Gaze gain{1, 1};
 };
 
-/// The simulated person before the tracker.
+/// The simulated person in front of the tracker.
 /// @threads  any
 /// @realtime alloc-free
 class GazeSubject {
  public:
-  /// Looks at a point until further notice; below zero: at will.
+  /// Makes the person look at a point until the next call; if negative, wherever they like.
   void look_at(int point) noexcept { told_.store(point, std::memory_order_relaxed); }
   [[nodiscard]] int told() const noexcept { return told_.load(std::memory_order_relaxed); }
 
@@ -35,17 +35,17 @@ class GazeSubject {
   std::atomic<int> told_{-1};
 };
 
-/// A gaze tracker and its subject: the pose's orientation turns -z to where the subject looks, in
-/// the frame of the head; analog "pupil" is the pupil's diameter; button "blink" is pressed for
+/// A gaze tracker and its subject: the pose's orientation rotates -z to where the subject looks, in
+/// the head's frame; analog "pupil" is the diameter of the pupil; button "blink" is pressed for
 /// 0.15 s every 4 s. The subject looks at nine points in turn, with the tremor of an eye, or at the
-/// point that look_at() or a prompt names. The optics have an offset and a gain of their own, which
-/// the calibration "nine_points" finds and the parameters "correction." remove.
+/// point selected by look_at() or a prompt. The optics have an offset and a gain error, which the
+/// calibration "nine_points" measures and the parameters "correction." remove.
 class GazeDriver final : public Twin {
  public:
-  /// Nine points: three by three, this far from each other.
+  /// Nine points: three by three, this far apart.
   static constexpr int kPointCount = 9;
   static constexpr double kPointDistanceRad = 0.2;
-  /// The optics' error of a gaze; a calibration finds the inverse.
+  /// The error of the optics; a calibration finds its inverse.
   static constexpr Gaze kOpticsOffset{0.03, -0.02};
   static constexpr Gaze kOpticsGain{1.1, 0.93};
   // The range of a correction.
@@ -62,9 +62,9 @@ class GazeDriver final : public Twin {
   [[nodiscard]] std::unique_ptr<driver::Calibration> make_calibration(
       std::string_view name) override;
 
-  /// Point 0 to kPointCount - 1, row by row from the upper left.
+  /// Point 0 to kPointCount - 1, row by row, starting at the upper left.
   [[nodiscard]] static Gaze point(int index) noexcept;
-  /// Lets the subject look at a point until further notice; below zero: at will.
+  /// Makes the subject look at a point until the next call; if negative, wherever they like.
   /// @threads  any
   void look_at(int point) noexcept { subject_->look_at(point); }
   [[nodiscard]] const GazeCorrection& correction() const noexcept { return correction_; }
@@ -79,7 +79,7 @@ class GazeDriver final : public Twin {
   std::shared_ptr<GazeSubject> subject_ = std::make_shared<GazeSubject>();
 };
 
-/// The direction of gaze that a sample's orientation means.
+/// The direction of gaze that the orientation in a sample describes.
 [[nodiscard]] Gaze gaze_of(const driver::Quaternion& orientation) noexcept;
 
 }  // namespace rtpm::device_sim

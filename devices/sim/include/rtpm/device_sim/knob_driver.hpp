@@ -8,18 +8,18 @@
 
 namespace rtpm::device_sim {
 
-/// Mechanics of the simulated knob, and the fingers that turn it.
+/// The mechanics of the simulated knob and of the fingers that turn it.
 struct KnobConfig {
   double inertia_kg_m2 = 1e-4;
   double damping_newton_metre_s_per_rad = 5e-4;
   double effort_newton_metre_max = 0.05;
-  double hand_newton_metre = 0.004;  ///< Greatest torque of the fingers; 0 without a hand.
-  double resolution_rad = 1e-4;      ///< Step of the encoder.
+  double hand_newton_metre = 0.004;  ///< The maximum torque of the fingers; 0 without a hand.
+  double resolution_rad = 1e-4;      ///< The encoder step.
 };
 
-/// A motorised knob with inertia: joint "dial", which turns without end, and button "push".
-/// Fingers turn it to and fro and push it for 0.1 s every 3 s. It can have mechanical detents,
-/// evenly around.
+/// A motorised knob with inertia: joint "dial", which turns endlessly, and button "push". Fingers
+/// turn it back and forth and push it for 0.1 s every 3 s. It can have evenly spaced mechanical
+/// detents.
 class KnobDriver final : public Twin {
  public:
   explicit KnobDriver(TwinConfig twin, KnobConfig knob = {}) : Twin(std::move(twin)), knob_(knob) {}
@@ -36,7 +36,7 @@ class KnobDriver final : public Twin {
   [[nodiscard]] double hand_newton_metre() const noexcept;
 
   KnobConfig knob_;
-  // Parameters.
+  // The parameters.
   std::int64_t detent_count_ = 0;
   double detent_newton_metre_max_ = 0.01;
 

@@ -8,8 +8,9 @@
 namespace rtpm::device_sim {
 
 /// A media player: output "rate" (1 plays, 0 pauses, negative plays backwards) and output "seek"
-/// (jumps there when it changes; below zero: nowhere), analogs "position" and "rate". It stops at
-/// both ends, or plays on at the other with the parameter "loop"; and without a command.
+/// (seeks to this time when it changes; not if negative), analogs "position" and "rate". It stops
+/// at both ends; with the parameter "loop" it continues at the other end. It also stops without a
+/// command.
 class PlayerDriver final : public Twin {
  public:
   static constexpr double kLengthSeconds = 60;
@@ -25,7 +26,7 @@ class PlayerDriver final : public Twin {
   void step(const driver::Command& command, double elapsed_s,
             driver::Sample& sample) noexcept override;
 
-  // Parameters.
+  // The parameters.
   bool is_looping_ = false;
   double rate_max_ = 4;
 

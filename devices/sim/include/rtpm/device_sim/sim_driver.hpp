@@ -18,28 +18,28 @@ namespace rtpm::device_sim {
 struct SimConfig {
   ArmConfig arm{};
   HandConfig hand{};
-  bool is_held = true;      ///< If false, only the motors move it.
-  std::string hand_file{};  ///< A recorded hand's file; PressingPath if empty.
-  std::uint64_t seed = 1;   ///< Seeds PressingPath and the encoders' error.
-  /// Maximum error of each encoder until it is calibrated.
+  bool is_held = true;      ///< If false, only the motors move the arm.
+  std::string hand_file{};  ///< The file of a recorded hand; if empty, PressingPath is used.
+  std::uint64_t seed = 1;   ///< The seed for PressingPath and the encoder errors.
+  /// Maximum error of each encoder before it is calibrated.
   double encoder_error_m = 0;
   std::string serial = "sim-1";
   std::string frame = "arm0/base";
 };
 
-/// A simulated haptic arm of three degrees of freedom behind the driver interface. The same
-/// commands at the same cycle times give the same samples, bit for bit. exchange() never waits;
-/// for ownership, threads and real-time class see driver::Driver.
+/// A simulated haptic arm with three degrees of freedom, as a driver. The same commands at the same
+/// cycle times give the same samples, bit for bit. exchange() never waits; for ownership, threads
+/// and real-time class see driver::Driver.
 class SimDriver final : public driver::Driver {
  public:
   /// Checks the settings and reads the recording.
   /// @realtime set-up only
-  /// @errors   as Trajectory::load(); a setting that is not finite or not above zero
+  /// @errors   those of Trajectory::load(); a setting that is not finite or not greater than zero
   [[nodiscard]] static expected<std::unique_ptr<SimDriver>, SetupError> create(SimConfig config);
 
   [[nodiscard]] driver::Descriptor describe() const override;
   [[nodiscard]] expected<void, SetupError> configure(const driver::DriverConfig& config) override;
-  /// Resets the arm to its start: at the hand, at rest.
+  /// Resets the arm to its start state: at the hand, at rest.
   [[nodiscard]] expected<void, SetupError> activate() override;
   [[nodiscard]] driver::ExchangeStatus exchange(const driver::Command& command,
                                                 driver::Sample& sample) noexcept override;
@@ -51,7 +51,7 @@ class SimDriver final : public driver::Driver {
   [[nodiscard]] std::unique_ptr<driver::Calibration> make_calibration(
       std::string_view name) override;
 
-  /// The arm itself, for tests and displays; nothing before activate().
+  /// The simulated arm, for tests and displays; nullopt before activate().
   [[nodiscard]] const std::optional<Arm>& arm() const noexcept { return arm_; }
 
  private:
@@ -61,7 +61,7 @@ class SimDriver final : public driver::Driver {
   SimConfig config_;
   std::optional<Hand> hand_;
   Eigen::Vector3d encoder_error_m_;
-  // Parameters.
+  // The parameters.
   Eigen::Vector3d encoder_offset_m_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d workspace_low_m_;
   Eigen::Vector3d workspace_high_m_;

@@ -8,19 +8,19 @@
 
 namespace rtpm::device_sim {
 
-/// Identity of a simulated device.
+/// The identity of a simulated device.
 struct TwinConfig {
   std::string serial = "sim-1";
   std::string frame = "sim/base";
   std::uint64_t seed = 1;  ///< Equal seeds give equal samples.
 };
 
-/// Base of the simulated devices without a force in space: a life cycle, and a time that is the sum
-/// of the cycles' spans. The same commands at the same cycle times give the same samples, bit for
+/// Base class of simulated devices without spatial forces: a life cycle, and a time that is the sum
+/// of the cycle durations. The same commands at the same cycle times give the same samples, bit for
 /// bit.
 class Twin : public driver::Driver {
  public:
-  /// The longest simulated time of one cycle; the rest of a longer one is cut.
+  /// The longest time simulated in one cycle; if a cycle is longer, the rest is skipped.
   static constexpr Duration kStepMax = std::chrono::milliseconds{20};
 
   [[nodiscard]] expected<void, SetupError> configure(const driver::DriverConfig& config) final;
@@ -32,16 +32,16 @@ class Twin : public driver::Driver {
  protected:
   explicit Twin(TwinConfig config) : config_(std::move(config)) {}
 
-  /// Class, model, serial and frame.
+  /// Creates a descriptor with class, model, serial number and frame.
   [[nodiscard]] driver::Descriptor identity(driver::DeviceClass device_class,
                                             const char* model) const;
-  /// Returns to the start.
+  /// Returns to the start state.
   virtual void reset() noexcept = 0;
-  /// Advances by `elapsed_s`, 0 to kStepMax, and fills the measured values.
+  /// Advances by `elapsed_s`, from 0 to kStepMax, and fills in the measured values.
   virtual void step(const driver::Command& command, double elapsed_s,
                     driver::Sample& sample) noexcept = 0;
 
-  /// Time since activate(), at the end of this step.
+  /// The time since activate(), at the end of this step.
   [[nodiscard]] double time_s() const noexcept { return time_s_; }
   [[nodiscard]] const TwinConfig& config() const noexcept { return config_; }
 
@@ -56,7 +56,7 @@ class Twin : public driver::Driver {
 /// Sets button 0 and counts its edges.
 void set_button(driver::Sample& sample, bool is_pressed) noexcept;
 
-/// A number from 0 to 1, a function of `seed` and `index` only.
+/// A number from 0 to 1 that depends only on `seed` and `index`.
 [[nodiscard]] double random_share(std::uint64_t seed, std::uint64_t index) noexcept;
 
 }  // namespace rtpm::device_sim
