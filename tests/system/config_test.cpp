@@ -101,7 +101,7 @@ TEST_F(Configured, ListsEveryParameterInATable) {
   std::string first;
   std::string head;
   std::getline(lines, first);
-  expect_words(first, {"RTPM simulated arm, serial sim-arm0, active, revision "});
+  expect_text(first, {"RTPM simulated arm, serial sim-arm0, active, revision "});
   std::getline(lines, head);
   std::getline(lines, head);
   for (std::string line; std::getline(lines, line);) {
@@ -111,8 +111,8 @@ TEST_F(Configured, ListsEveryParameterInATable) {
     EXPECT_EQ(column_of(line, "any time"), column_of(head, "CHANGES"));
     EXPECT_EQ(column_of(line, "Time from full force"), column_of(head, "DESCRIPTION"));
   }
-  expect_words(output, {"encoder.offset_m", "3 of -0.02 to 0.02", "read-only", "inactive",
-                        "safety.force_newton_max", "0 to 9"});
+  expect_text(output, {"encoder.offset_m", "3 of -0.02 to 0.02", "read-only", "inactive",
+                       "safety.force_newton_max", "0 to 9"});
 }
 
 TEST_F(Configured, ShowsEveryParameterInItsDescription) {
@@ -242,8 +242,8 @@ TEST_F(Configured, RunsACalibrationAsADialogue) {
   EXPECT_NE(output_of({"calibrate", "lab/arm0"}).find("encoder_offset  "), std::string::npos);
   const auto kept = typed("what\\nready\\nkeep\\n", {"calibrate", "lab/arm0", "encoder_offset"});
   EXPECT_EQ(kept.exit_code, 0) << kept.errors;
-  expect_words(kept.output, {"Put the arm at rest", "[ready]", "Answer ready", "%",
-                             "The encoders' offset is", "[keep | discard]", "kept"});
+  expect_text(kept.output, {"Put the arm at rest", "[ready]", "Answer ready", "%",
+                            "The encoders' offset is", "[keep | discard]", "kept"});
   const std::string offset = output_of({"get", "lab/arm0", "encoder.offset_m"});
   EXPECT_NE(offset, "encoder.offset_m=0,0,0\n");
   EXPECT_NE(kept.output.find(offset), std::string::npos) << offset;

@@ -44,8 +44,8 @@ TEST_F(Devices, AreShownTogetherByTheirEvents) {
   const auto shown = run_program(
       "rtpm-display", display_arguments("lab/arm0,lab/gaze0,lab/biometric0,lab/knob0", "2.5"));
   EXPECT_EQ(shown.exit_code, 0) << shown.errors;
-  expect_words(shown.output, {"lab/arm0 ", " mm  force ", "lab/gaze0 ", "looks ", "lab/biometric0 ",
-                              "pulse ", "lab/knob0 ", "dial ", "lab/knob0: "});
+  expect_text(shown.output, {"lab/arm0 ", " mm  force ", "lab/gaze0 ", "looks ", "lab/biometric0 ",
+                             "pulse ", "lab/knob0 ", "dial ", "lab/knob0: "});
 }
 
 TEST_F(Devices, AreUsedByThePapersProgramInBothItsWays) {
@@ -188,7 +188,7 @@ TEST_F(Devices, AreAllStoppedByOneCommand) {
   ASSERT_TRUE(devices);
   const auto stopped = rtpm({"estop"});
   EXPECT_EQ(stopped.exit_code, 0) << stopped.errors;
-  expect_words(stopped.output, {"2 of 2 devices are stopped\n"});
+  expect_text(stopped.output, {"2 of 2 devices are stopped\n"});
   EXPECT_TRUE(is_stopped("lab/gaze0"));
   expect_one_sentence(rtpm({"estop", "lab/gaze0", "system"}), 1, {"takes no part"});
   EXPECT_EQ(rtpm({"estop", "lab/gaze0", "house"}).exit_code, 2);
@@ -238,7 +238,7 @@ TEST_F(Devices, ConfirmTheRequestsOfAnOperator) {
         },
         kPatience));
     EXPECT_EQ(end.exit_code, 0) << end.errors;
-    expect_words(end.output, {"lab/arm0 is free: the right to command was given back"});
+    expect_text(end.output, {"lab/arm0 is free: the right to command was given back"});
     return end.output;
   };
   EXPECT_NE(transition("rearm").find("lab/arm0 is rearmed"), std::string::npos);
@@ -273,7 +273,7 @@ TEST_F(Devices, AreNamedWhileTheyHangAndStoppedAfterwards) {
   const auto at_once = rtpm({"estop", "--wait", "0s"});
   EXPECT_EQ(at_once.exit_code, 1) << at_once.output;
   EXPECT_NE(at_once.output.find("1 of 2 devices are stopped"), std::string::npos);
-  expect_words(at_once.errors, {"lab/arm0 is NOT stopped", "use the hardware stop"});
+  expect_text(at_once.errors, {"lab/arm0 is NOT stopped", "use the hardware stop"});
   EXPECT_TRUE(is_stopped("lab/knob0"));
 
   test::Process tool({path_of("rtpm"), "estop", "--registry", registry_->url, "--wait", "60s"});

@@ -80,9 +80,9 @@ TEST(PluginCheck, PassesTheTemplate) {
 TEST(PluginCheck, NamesBrokenPromises) {
   const auto end = run_program("rtpm-deviced", {"--check", RTPM_STUBBORN});
   EXPECT_EQ(end.exit_code, 1) << end.output << end.errors;
-  expect_words(end.output,
-               {"broken  RefusesAPeriodOfNothingInWords\n        configure() takes a period of 0\n",
-                "broken  IsGoneOutsideOfActiveAndLeavesTheSample\n", "promises are broken\n"});
+  expect_text(end.output,
+              {"broken  RefusesAPeriodOfNothingInWords\n        configure() takes a period of 0\n",
+               "broken  IsGoneOutsideOfActiveAndLeavesTheSample\n", "promises are broken\n"});
   expect_refusal({"--check", "/nowhere/lever.so"}, 1, {"/nowhere/lever.so", "Remedy"});
 }
 
@@ -143,9 +143,9 @@ TEST(ConfigurationFile, HostsTheDevicesOfTheReadme) {
 
   const auto dumped = run_program("rtpm-deviced", {"--config", config, "--dump-config"});
   EXPECT_EQ(dumped.exit_code, 0) << dumped.errors;
-  expect_words(dumped.output,
-               {"[device.arm0]\n", "\nrate = 2000\n", "\nramp = \"10ms\"\n", "[device.gaze0]\n",
-                "\ndriver = \"gaze\"\n", "\narguments = \"/dev/ttyACM0\"\n"});
+  expect_text(dumped.output,
+              {"[device.arm0]\n", "\nrate = 2000\n", "\nramp = \"10ms\"\n", "[device.gaze0]\n",
+               "\ndriver = \"gaze\"\n", "\narguments = \"/dev/ttyACM0\"\n"});
   auto daemon = start_daemon("rtpm-deviced", alone({"--config", config}));
   ASSERT_TRUE(daemon);
   for (const std::string_view name : {"cell/arm0", "cell/gaze0", "cell/lever"}) {
@@ -190,8 +190,8 @@ class BlockedDriver : public WithRegistry {
     const auto end = device_->process.wait(std::chrono::seconds{15});
     ASSERT_TRUE(end) << "it waits for the driver";
     EXPECT_EQ(end->exit_code, 3);
-    expect_words(end->errors, {"rtpm-deviced: lab/lever can't be deactivated and may still apply a "
-                               "force: the driver has not returned for 2 s. Remedy: "});
+    expect_text(end->errors, {"rtpm-deviced: lab/lever can't be deactivated and may still apply a "
+                              "force: the driver has not returned for 2 s. Remedy: "});
     EXPECT_EQ(end->errors.find("lab/arm0"), std::string::npos) << end->errors;
     EXPECT_EQ(run_tool({"list"}).find("lab/"), std::string::npos) << "its names are gone";
   }
@@ -284,7 +284,7 @@ TEST_F(CrashingDriver, IsNamedWithItsThreadAndDevice) {
   const auto end = device_->process.wait(kPatience);
   ASSERT_TRUE(end);
   EXPECT_NE(end->exit_code, 0);
-  expect_words(
+  expect_text(
       end->errors,
       {std::string("rtpm-deviced: signal 11 (segmentation fault) ends the process: thread "
                    "dev-lever, in exchange(), in the plug-in "),
@@ -305,8 +305,8 @@ TEST_F(CrashingDriver, CostsItsOwnDeviceOnlyInAProcessOfItsOwn) {
   crash();
   EXPECT_TRUE(device_->process.wait_for_errors("the device is active again", kPatience));
   const std::string& errors = device_->process.errors();
-  expect_words(
-      errors, {"thread drv-lever, in exchange(), in the plug-in ",
+  expect_text(errors,
+              {"thread drv-lever, in exchange(), in the plug-in ",
                "lab/lever: the driver failed in exchange(): its process ",
                "signal 11 (Segmentation fault)", "lab/lever: the device does not answer any more"});
   EXPECT_NE(read(lever_).find("\"lifecycle\": 2}"), std::string::npos);

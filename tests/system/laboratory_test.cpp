@@ -30,7 +30,7 @@ void expect_orderly_end(Daemon& daemon) {
 TEST_F(Laboratory, AForceLoopDrivesTheArmThatItFoundByItsName) {
   const auto end = run_servo({"--seconds", "2"});
   EXPECT_EQ(end.exit_code, 0) << end.errors;
-  expect_words(end.output, {"p50", "p99.99", "max", "missed"});
+  expect_text(end.output, {"p50", "p99.99", "max", "missed"});
   expect_orderly_end(*device_);
   expect_orderly_end(*registry_);
 }
@@ -38,7 +38,7 @@ TEST_F(Laboratory, AForceLoopDrivesTheArmThatItFoundByItsName) {
 TEST_F(Laboratory, TheArmRendersAWallInItsOwnLoop) {
   const auto end = run_servo({"--seconds", "3", "--render", "local", "--stiffness", "500"});
   EXPECT_EQ(end.exit_code, 0) << end.errors;
-  expect_words(end.output, {"500 N/m, rendered in the device's loop: felt as"});
+  expect_text(end.output, {"500 N/m, rendered in the device's loop: felt as"});
   EXPECT_EQ(end.output.find("one call: command"), std::string::npos) << end.output;
 }
 
@@ -96,7 +96,7 @@ TEST_F(Laboratory, AnOperatorTakesTheArmFromAForceLoopThatLearnsWhy) {
 
   const auto taken = rtpm({"take-over", "lab/arm0", "--for", "500ms"});
   EXPECT_EQ(taken.exit_code, 0) << taken.errors;
-  expect_words(taken.output, {"was taken over", "given back"});
+  expect_text(taken.output, {"was taken over", "given back"});
   const auto end = servo->wait(kPatience);
   ASSERT_TRUE(end) << "it goes on without the right to command";
   expect_one_sentence(*end, 3, {"lab/arm0", "an operator took the lease over"});

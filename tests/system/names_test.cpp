@@ -101,8 +101,8 @@ TEST_F(Names, AreTakenFromALivingServerOnlyOnDemandAndLogged) {
   EXPECT_EQ(entry->url, second->url);
   EXPECT_TRUE(device_->process.wait_for_errors("is lost", kPatience));
   const std::string told = errors_at_the_end_of(*registry_);
-  expect_words(told, {"rtpm-registryd: the name 'lab/arm0' was taken from '" + device_->url +
-                      "', bound from 127.0.0.1, by '" + second->url + "' from 127.0.0.1"});
+  expect_text(told, {"rtpm-registryd: the name 'lab/arm0' was taken from '" + device_->url +
+                     "', bound from 127.0.0.1, by '" + second->url + "' from 127.0.0.1"});
 }
 
 // Each name has an owner of its own and is bound for an hour.
@@ -127,7 +127,7 @@ TEST_F(Names, ExpireSoonIfTheirServersAreInvented) {
   EXPECT_LT(bound_count, 4094u / 2) << "more than half of the registry is for others";
   const auto report = run_program("rtpm", {"call", registry_->url, "report", "--deadline", "10s"});
   EXPECT_EQ(report.exit_code, 0) << report.errors;
-  expect_words(report.output, {"HostOwnersFull", "127.0.0.1", "name_count"});
+  expect_text(report.output, {"HostOwnersFull", "127.0.0.1", "name_count"});
   // Held names live on, and a name that nobody renews is gone after its first lease.
   EXPECT_EQ(run_servo({"--seconds", "0.5"}).exit_code, 0);
   EXPECT_TRUE(test::await([&] {

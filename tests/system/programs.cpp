@@ -49,12 +49,7 @@ void expect_one_sentence(const test::Process::End& end, int exit_code,
                          const std::vector<std::string_view>& words) {
   EXPECT_EQ(end.exit_code, exit_code) << end.output << end.errors;
   EXPECT_EQ(test::line_count(end.errors), 1) << end.errors;
-  expect_words(end.errors, {words.begin(), words.end()});
-}
-
-void expect_words(std::string_view text, const std::vector<std::string>& words) {
-  for (const std::string& word : words)
-    EXPECT_NE(text.find(word), std::string::npos) << "'" << word << "' is not in: " << text;
+  expect_text(end.errors, {words.begin(), words.end()});
 }
 
 void WithRegistry::SetUp() {

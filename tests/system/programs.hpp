@@ -10,9 +10,12 @@
 #include <vector>
 
 #include "rtpm/test/process.hpp"
+#include "rtpm/test/text.hpp"
 
 /// RTPM's own programs, as tests of the whole system start them.
 namespace rtpm::system_test {
+
+using test::expect_text;
 
 /// Long enough for a machine that is busy with other tests; no wait lasts that long if all is well.
 inline constexpr Duration kPatience = std::chrono::seconds{30};
@@ -40,9 +43,6 @@ struct Daemon {
 /// all of `words`.
 void expect_one_sentence(const test::Process::End& end, int exit_code,
                          const std::vector<std::string_view>& words);
-
-/// Checks that `text` contains all of `words`.
-void expect_words(std::string_view text, const std::vector<std::string>& words);
 
 /// A registry, and programs that use it.
 class WithRegistry : public testing::Test {

@@ -12,6 +12,7 @@
 #include "fake_etcd.hpp"
 #include "rtpm/etcd_store/etcd_storage.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/test/text.hpp"
 #include "stored_value.hpp"
 
 // Answers that no healthy etcd gives.
@@ -20,6 +21,7 @@ namespace {
 
 using namespace std::chrono_literals;
 using nlohmann::json;
+using test::expect_text;
 using Kind = names::StorageError::Kind;
 
 constexpr const char* kEmpty = R"({"header":{"cluster_id":"7","revision":"5"}})";
@@ -54,11 +56,6 @@ expected<std::uint64_t, names::StorageError> bind_at(names::Storage& storage,
   return storage.commit({name.name, &name, 6, true, 0, rt::now() + patience});
 }
 
-void expect_words(const std::string& text, const std::vector<std::string>& words) {
-  for (const std::string& word : words)
-    EXPECT_NE(text.find(word), std::string::npos) << "'" << word << "' is not in: " << text;
-}
-
 TEST(StoredValue, MapsALoopbackAddressToTheHostOfItsRegistry) {
   etcd_store::StoredValue value{{.url = "rtpm://127.0.0.1:4711/x", .host = 0x7f00'0001}, 1};
   EXPECT_EQ(etcd_store::parse_value(to_text(value))->stored.host, 0x7f00'0001U);
@@ -74,17 +71,17 @@ TEST(Gateway, RefusesAnswersThatEtcdDoesNotGive) {
        std::vector<std::string>{"not json", "[]", "{}", "{\"header\":5}", "{\"result\":7}",
                                 "\x01\xff{", std::string(100'000, '[')}) {
     const std::string text = refusal_of(answer);
-    expect_words(text, {no_json, "127.0.0.1", "Remedy"});
+    expect_text(text, {no_json, "127.0.0.1", "Remedy"});
     EXPECT_LT(text.size(), 500u);
   }
   const std::string key = etcd_store::to_base64("elsewhere/lab");
   for (const std::string& kvs :
        {std::string(R"([{"key":")") + key + R"(","mod_revision":"3"}])", std::string("[7]"),
         std::string(R"([{"key":"%%%","mod_revision":"3"}])"), std::string(R"({"a":"b"})")}) {
-    expect_words(refusal_of(R"({"header":{"cluster_id":"7","revision":"5"},"kvs":)" + kvs + "}"),
-                 {"keys that were not asked for"});
+    expect_text(refusal_of(R"({"header":{"cluster_id":"7","revision":"5"},"kvs":)" + kvs + "}"),
+                {"keys that were not asked for"});
   }
-  expect_words(refusal_of(std::string(std::size_t{33} * 1024 * 1024, ' ')), {"more than 32 MiB"});
+  expect_text(refusal_of(std::string(std::size_t{33} * 1024 * 1024, ' ')), {"more than 32 MiB"});
 }
 
 TEST(Gateway, SkipsValuesThatAreNotNames) {
@@ -108,7 +105,7 @@ TEST(Gateway, SkipsValuesThatAreNotNames) {
   EXPECT_EQ(content->names[0].url, stored().url);
   EXPECT_EQ(content->first_revision, 10u);
   ASSERT_EQ(content->faults.size(), 1u);
-  expect_words(content->faults[0], {"6 values", "no names"});
+  expect_text(content->faults[0], {"6 values", "no names"});
 }
 
 TEST(Gateway, RefusesAnswersOfAnotherCluster) {
@@ -127,8 +124,8 @@ TEST(Gateway, RefusesAnswersOfAnotherCluster) {
   const auto bound = bind_at(*storage);
   ASSERT_FALSE(bound);
   EXPECT_EQ(bound.error().kind, Kind::kUnreachable);
-  expect_words(bound.error().text(),
-               {"another cluster", "no leader", own.endpoint(), other.endpoint(), "Remedy"});
+  expect_text(bound.error().text(),
+              {"another cluster", "no leader", own.endpoint(), other.endpoint(), "Remedy"});
 }
 
 TEST(Gateway, RecognizesItsOwnChangeAfterALostAnswer) {
@@ -186,7 +183,7 @@ TEST(Gateway, ReportsAFullDiskAndAHungNode) {
   const auto refused = bind_at(*storage);
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().kind, Kind::kFull);
-  expect_words(refused.error().text(), {"space exceeded", "compact"});
+  expect_text(refused.error().text(), {"space exceeded", "compact"});
   const FakeEtcd silent([](const std::string& path, const std::string&) -> std::string {
     return path == "/v3/kv/range" ? kEmpty : "";
   });
@@ -195,7 +192,7 @@ TEST(Gateway, ReportsAFullDiskAndAHungNode) {
   const auto late = bind_at(*storage, 300ms);
   ASSERT_FALSE(late);
   EXPECT_EQ(late.error().kind, Kind::kUnreachable);
-  expect_words(late.error().text(), {"does not answer in time", silent.endpoint()});
+  expect_text(late.error().text(), {"does not answer in time", silent.endpoint()});
 }
 
 TEST(Gateway, AcceptsTheDocumentedAddresses) {
@@ -209,7 +206,7 @@ TEST(Gateway, AcceptsTheDocumentedAddresses) {
   for (const char* bad : {"etcd://", "etcd://,", "etcd://a:0", "etcd://a:65536", "etcd://a:1x",
                           "etcd://a b", "etcd://a/", "etcd://a//b", "etcd://u@a", "http://a",
                           "etcd://a,a,a,a,a,a,a,a,a,a,a,a,a,a,a,a,a"}) {
-    expect_words(text_of(bad), {"refused: ", "Remedy: give etcd://"});
+    expect_text(text_of(bad), {"refused: ", "Remedy: give etcd://"});
   }
 }
 

@@ -223,7 +223,7 @@ TEST_P(LosslessSuite, EndsCallsThatWaitWhenTheServerStops) {
     const auto reply = binding.call(echo::kEchoOnce, {}, {.deadline = rtpm::test::kPatience});
     // The lane may have received it before it stopped.
     EXPECT_TRUE(reply || reply.error() == CallError::kStopped) << to_string(reply.error());
-    EXPECT_LT(rt::now(), deadline) << "it is told, and does not wait for nothing";
+    EXPECT_LT(rt::now(), deadline) << "the call ends with the server";
   });
   std::thread stopper([&] {
     server.server->stop();

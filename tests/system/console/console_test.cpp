@@ -69,8 +69,8 @@ TEST_F(Consoles, AnswerPagesAndHealth) {
   std::ofstream(folder_ + "/page/index.html") << "<html>";
   const std::string page = http(console_->port, "GET / HTTP/1.1", "");
   EXPECT_EQ(status_of(page), "200");
-  expect_words(page, {"Content-Type: text/html", "Cache-Control: no-store",
-                      "Content-Security-Policy: default-src 'self'"});
+  expect_text(page, {"Content-Type: text/html", "Cache-Control: no-store",
+                     "Content-Security-Policy: default-src 'self'"});
   EXPECT_TRUE(page.ends_with("<html>"));
   EXPECT_NE(http(console_->port, "GET /health HTTP/1.1", "").find(R"({"status":"ok"})"),
             std::string::npos);
@@ -630,7 +630,7 @@ TEST_F(Consoles, AreReachedThroughATunnelAndByTheirHostsName) {
   EXPECT_EQ(status(console_->port, "localhost:9000"), "200");
   const std::string refused = http(console_->port, "GET / HTTP/1.1", "Host: robot.lab:8765\r\n");
   EXPECT_EQ(status_of(refused), "403");
-  expect_words(refused, {"'robot.lab:8765'", "--host-name"});
+  expect_text(refused, {"'robot.lab:8765'", "--host-name"});
   auto arguments = console_arguments();
   arguments.insert(arguments.end(),
                    {"--address", "0.0.0.0", "--insecure-lan", "--host-name", "robot.lab"});
@@ -644,7 +644,7 @@ TEST_F(Consoles, AreReachedThroughATunnelAndByTheirHostsName) {
   EXPECT_EQ(status(open->port, "evil.com"), "403");
   const std::string& output = open->process.output();
   EXPECT_EQ(output.find("http://0.0.0.0"), std::string::npos) << output;
-  expect_words(output, {"http://127.0.0.1:", "for other hosts: http://" + name + ":"});
+  expect_text(output, {"http://127.0.0.1:", "for other hosts: http://" + name + ":"});
 }
 
 }  // namespace

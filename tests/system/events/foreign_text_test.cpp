@@ -79,7 +79,7 @@ TEST_F(ForeignNames, AreEscapedByTheHub) {
   EXPECT_TRUE(hub_->process.wait_for_errors("xxx…' was dropped: it is gone\n", kPatience))
       << hub_->process.errors();
   expect_harmless(hub_->process.errors());
-  expect_words(hub_->process.errors(), {"consumer '\\x1b[2J\\x1b]0;owned\\x07\\nrtpm-eventd"});
+  expect_text(hub_->process.errors(), {"consumer '\\x1b[2J\\x1b]0;owned\\x07\\nrtpm-eventd"});
   EXPECT_LT(hub_->process.errors().size(), 2000U);
   const auto report = client_->report();
   ASSERT_TRUE(report);

@@ -63,7 +63,7 @@ TEST_F(Media, ScrubsAClipForwardsAndBackwards) {
     return forwards_s > 1 && backwards_s > 1;
   })) << forwards_s
       << " " << backwards_s;
-  expect_words(end_after({"scrub ["}, program), {"followed "});
+  expect_text(end_after({"scrub ["}, program), {"followed "});
 }
 
 TEST_F(Media, ChangesItsModeByTheKnobsButton) {

@@ -158,7 +158,7 @@ TEST_P(TouchedScene, IsDrawnFromAllItsUpdates) {
   const auto end = force.wait(kPatience);
   ASSERT_TRUE(end);
   EXPECT_EQ(end->exit_code, 0) << end->errors;
-  expect_words(end->output, {std::string(" a remote ") + GetParam() + " of 600 N/m"});
+  expect_text(end->output, {std::string(" a remote ") + GetParam() + " of 600 N/m"});
   unsigned long cycle_count = 0;
   const std::size_t at = end->output.find("  cycles ");
   ASSERT_NE(at, std::string::npos) << end->output;

@@ -100,7 +100,7 @@ TEST_F(Calls, AreRecordedWithEvents) {
   EXPECT_EQ(end.exit_code, 0) << end.errors;
   EXPECT_NE(end.output.find(" calls, "), std::string::npos) << end.output;
   const auto info = rtpm({"bag", "info", file_});
-  expect_words(info.output, {"lab/arm0/read/request", "lab/arm0/sampled"});
+  expect_text(info.output, {"lab/arm0/read/request", "lab/arm0/sampled"});
 }
 
 TEST_F(Calls, AreNotRecordedForAnUnknownObject) {

@@ -179,7 +179,7 @@ class Commands : public WithRegistry {
         kEarly, [&](const char* words) { return end.errors.find(words) != std::string::npos; });
   }
 
-  void expect_text(const Case& c) const {
+  void expect_output(const Case& c) const {
     const auto end = run(arguments_of(c.path, c.run));
     EXPECT_NE(end.output.find(c.words), std::string::npos) << end.output << end.errors;
     EXPECT_EQ(end.output.find('\x1b'), std::string::npos) << "nobody looks";
@@ -238,7 +238,7 @@ TEST(CommandTable, HasEveryCommandOfTheProgramOnce) {
 TEST_F(Commands, HaveTextJsonAndAFailure) {
   for (const Case& c : cases()) {
     SCOPED_TRACE("rtpm " + c.path);
-    expect_text(c);
+    expect_output(c);
     expect_json(c);
     expect_failure(c);
   }
@@ -258,7 +258,7 @@ TEST_F(Commands, FailWhereTheirOutputCantBeWritten) {
       if (!is_early(end)) break;
     }
     EXPECT_EQ(end.exit_code, 1) << end.errors;
-    expect_words(end.errors, {"rtpm: standard output can't be written: No space left on device"});
+    expect_text(end.errors, {"rtpm: standard output can't be written: No space left on device"});
   }
 }
 

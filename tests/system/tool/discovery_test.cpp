@@ -52,13 +52,13 @@ TEST_F(WithoutRegistry, FindsNamesOfOneHostAsServersComeAndGo) {
   EXPECT_EQ(rtpm({"resolve", "lab/arm0"}).output, arm->url + "\n");
   EXPECT_EQ(rtpm({"call", "lab/arm0", "read"}).exit_code, 0);
   EXPECT_EQ(rtpm({"ping", "lab/gaze0", "--count", "1"}).exit_code, 0);
-  expect_words(rtpm({"find", "--where", "class == 'haptic'"}).output, {"lab/arm0"});
-  expect_words(rtpm({"info", "lab/arm0"}).output,
-               {"rpc_service Device", "//   rate_hz = 1000.0 hertz"});
+  expect_text(rtpm({"find", "--where", "class == 'haptic'"}).output, {"lab/arm0"});
+  expect_text(rtpm({"info", "lab/arm0"}).output,
+              {"rpc_service Device", "//   rate_hz = 1000.0 hertz"});
   const Json info = Json::parse(rtpm({"info", "lab/arm0", "--json"}).output, nullptr, false);
   EXPECT_EQ(info["properties"]["class"], "haptic");
   EXPECT_EQ(info["units"]["rate_hz"], "hertz");
-  expect_words(rtpm({"watch", "--for", "100ms"}).output, {"bound  lab/arm0", "bound  lab/gaze0"});
+  expect_text(rtpm({"watch", "--for", "100ms"}).output, {"bound  lab/arm0", "bound  lab/gaze0"});
   expect_one_sentence(rtpm({"bind", "lab/x", "rtpm://127.0.0.1:1/x", "--interface", "lab.X"}), 3,
                       {"only a registry takes names for others"});
   expect_one_sentence(rtpm({"list", "--registry", "rtpm://127.0.0.1:1/rtpm/names"}), 3,
@@ -87,8 +87,8 @@ TEST_F(WithoutRegistry, DoesNotWaitForAServerThatHangs) {
   gaze->process.stop();
   const auto end = rtpm({"list"});
   EXPECT_EQ(end.exit_code, 0);
-  expect_words(end.output, {"lab/arm0"});
-  expect_words(end.errors, {"no name service answers at"});
+  expect_text(end.output, {"lab/arm0"});
+  expect_text(end.errors, {"no name service answers at"});
 }
 
 TEST_F(WithoutRegistry, DoesNotWaitForARegistryThatHangs) {
@@ -107,8 +107,8 @@ TEST_F(WithoutRegistry, ReportsItsFindingsInDoctor) {
   const Json report =
       Json::parse(rtpm({"doctor", "--quick", "--json"}).output, nullptr, false)["findings"];
   std::string text = report.dump();
-  expect_words(text, {"discovery-folder", "1 name service", "discovery (host) finds 1 name service",
-                      "all 1 names"});
+  expect_text(text, {"discovery-folder", "1 name service", "discovery (host) finds 1 name service",
+                     "all 1 names"});
 }
 
 /// Hosts a and b in this test's own LAN, and c behind a router that does not forward multicast.
@@ -180,19 +180,19 @@ TEST_F(OnTheLan, FindsAServerInItsDomainOnly) {
       "discovery: domain 7 on eth0 (10.77.1.2), group 239.255.43.7:7423", kPatience))
       << server.errors();
   const auto found = rtpm_on("a", {"list", "--discover", "lan:7@eth0"});
-  expect_words(found.output, {"lab/arm0", "rtpm://10.77.1.2:"});
-  expect_words(found.errors, {"discovery: domain 7 on eth0 (10.77.1.1)"});
+  expect_text(found.output, {"lab/arm0", "rtpm://10.77.1.2:"});
+  expect_text(found.errors, {"discovery: domain 7 on eth0 (10.77.1.1)"});
   EXPECT_EQ(rtpm_on("a", {"call", "lab/arm0", "read", "--discover", "lan:7@any"}).exit_code, 0);
-  expect_words(rtpm_on("a", {"watch", "--for", "200ms", "--discover", "lan:7@eth0"}).output,
-               {"bound  lab/arm0"});
+  expect_text(rtpm_on("a", {"watch", "--for", "200ms", "--discover", "lan:7@eth0"}).output,
+              {"bound  lab/arm0"});
   EXPECT_EQ(rtpm_on("a", {"list"}).exit_code, 3) << "the default is this host";
   const auto other = rtpm_on("a", {"list", "--discover", "lan:8@eth0"});
   EXPECT_EQ(other.exit_code, 3);
-  expect_words(other.errors, {"there are no names", "this host or the LAN"});
-  expect_words(rtpm_on("a", {"list", "--discover", "lan:7@eth9"}).errors,
-               {"no interface 'eth9'", "it has eth0 (10.77.1.1)"});
-  expect_words(rtpm_on("a", {"doctor", "--quick", "--json", "--discover", "lan:7@eth0"}).output,
-               {"eth0 (10.77.1.1) sends multicast", "and 1 on the LAN"});
+  expect_text(other.errors, {"there are no names", "this host or the LAN"});
+  expect_text(rtpm_on("a", {"list", "--discover", "lan:7@eth9"}).errors,
+              {"no interface 'eth9'", "it has eth0 (10.77.1.1)"});
+  expect_text(rtpm_on("a", {"doctor", "--quick", "--json", "--discover", "lan:7@eth0"}).output,
+              {"eth0 (10.77.1.1) sends multicast", "and 1 on the LAN"});
 }
 
 // A duplicate name never resolves silently.
@@ -202,17 +202,17 @@ TEST_F(OnTheLan, RefusesANameOfTwoHosts) {
   EXPECT_TRUE(second.wait_for_errors("bound twice", kPatience)) << second.errors();
   const auto end = rtpm_on("a", {"resolve", "lab/arm0", "--discover", "lan:7@eth0"});
   EXPECT_NE(end.exit_code, 0);
-  expect_words(end.errors, {"the name 'lab/arm0' is bound twice", "rtpm://10.77.1.1:",
-                            "rtpm://10.77.1.2:", "host 10.77.1.2", "of this host"});
+  expect_text(end.errors, {"the name 'lab/arm0' is bound twice", "rtpm://10.77.1.1:",
+                           "rtpm://10.77.1.2:", "host 10.77.1.2", "of this host"});
   const auto listed = rtpm_on("a", {"list", "--discover", "lan:7@eth0"});
-  expect_words(listed.output, {"rtpm://10.77.1.1:", "rtpm://10.77.1.2:", "(bound twice)"});
+  expect_text(listed.output, {"rtpm://10.77.1.1:", "rtpm://10.77.1.2:", "(bound twice)"});
 }
 
 TEST_F(OnTheLan, FindsServersByAListOfHostsWithoutMulticast) {
   const test::Process server = device_on("c", {"--host", "10.77.2.2", "--discover", "lan:7@eth0"});
   EXPECT_EQ(rtpm_on("a", {"list", "--discover", "lan:7@eth0"}).exit_code, 3);
-  expect_words(rtpm_on("a", {"list", "--discover", "10.77.2.2"}).output,
-               {"lab/arm0", "rtpm://10.77.2.2:"});
+  expect_text(rtpm_on("a", {"list", "--discover", "10.77.2.2"}).output,
+              {"lab/arm0", "rtpm://10.77.2.2:"});
   EXPECT_EQ(
       rtpm_on("a", {"call", "lab/arm0", "read", "--discover", "10.77.1.2,10.77.2.2"}).exit_code, 0);
 }
@@ -226,8 +226,8 @@ TEST_F(OnTheLan, ReportsAndLeavesOutUnreachableNames) {
   const test::Process server = device_on("b", {});
   const auto end = rtpm_on("a", {"list", "--discover", "lan@eth0"});
   EXPECT_EQ(end.output, "");
-  expect_words(end.errors, {"'lab/arm0'", "leads to that host's own", "--host"});
-  expect_words(rtpm_on("a", {"list", "--discover", "10.77.1.2:7420"}).errors, {"'lab/arm0'"});
+  expect_text(end.errors, {"'lab/arm0'", "leads to that host's own", "--host"});
+  expect_text(rtpm_on("a", {"list", "--discover", "10.77.1.2:7420"}).errors, {"'lab/arm0'"});
 }
 
 }  // namespace

@@ -107,7 +107,7 @@ TEST_F(Events, AreMeasuredPerSource) {
   }
   EXPECT_GT(std::ranges::max(rates), 2 * std::ranges::min(rates));
   const auto text = rtpm({"hz", "--filter", kSampled, "--for", "200ms"});
-  expect_words(text.output, {"JITTER RMS", "rtpm.device.Sampled  lab/"});
+  expect_text(text.output, {"JITTER RMS", "rtpm.device.Sampled  lab/"});
 }
 
 TEST_F(Events, AreReportedAsAbsent) {

@@ -31,14 +31,14 @@ const Json* finding_of(const Json& findings, const std::string& id) {
 
 TEST_F(Host, IsJudgedWithWakeUpsAndServers) {
   const auto end = rtpm({"doctor", "--time", "100ms"});
-  expect_words(end.output,
-               {"realtime", "idle-states", "socket-buffers", "shared-memory", "clock-sync",
-                "servers", "port-7420", " wake-ups at 1 kHz", "wake-ups", "load"});
+  expect_text(end.output,
+              {"realtime", "idle-states", "socket-buffers", "shared-memory", "clock-sync",
+               "servers", "port-7420", " wake-ups at 1 kHz", "wake-ups", "load"});
   const bool is_problem = end.output.find("\nproblem ") != std::string::npos;
   EXPECT_EQ(end.exit_code, is_problem ? 1 : 0) << end.output;
   EXPECT_EQ(end.output.starts_with("0 problems"), !is_problem) << end.output;
   const auto whole = rtpm({"doctor", "--quick", "--all"});
-  expect_words(whole.output, {"servers: all 1 names of the registry answer"});
+  expect_text(whole.output, {"servers: all 1 names of the registry answer"});
 }
 
 TEST_F(Host, IsJudgedInJson) {
@@ -68,7 +68,7 @@ TEST_F(Host, IsUnchangedByADryFix) {
   for (const Json& change : dry["changes"])
     EXPECT_EQ(change["is_made"], false) << change;
   const auto text = rtpm({"doctor", "--quick", "--fix", "--dry-run"});
-  expect_words(text.output, {is_fixable ? "would change /" : "nothing to fix"});
+  expect_text(text.output, {is_fixable ? "would change /" : "nothing to fix"});
 }
 
 TEST_F(Host, IsFixedAndJudgedAgain) {
@@ -136,7 +136,7 @@ TEST_F(Host, ShowsTheVersionOfItsServers) {
 TEST_F(Host, ShowsLanesAndDevicesOnce) {
   const auto end = rtpm({"top", "--interval", "200ms"});
   EXPECT_EQ(end.exit_code, 0) << end.errors;
-  expect_words(end.output, {"1 devices", "CALLS/S", "registry@", "READ P50", "lab/arm0  active"});
+  expect_text(end.output, {"1 devices", "CALLS/S", "registry@", "READ P50", "lab/arm0  active"});
   const Json json = json_of({"top", "--once", "--interval", "500ms"});
   ASSERT_EQ(json["devices"].size(), 1u) << json;
   EXPECT_EQ(json["devices"][0]["lifecycle"], "active");
@@ -155,14 +155,14 @@ TEST_F(Host, IsShownLiveOnATerminalUntilQ) {
       kPatience);
   ASSERT_TRUE(end) << "q does not end it";
   EXPECT_EQ(end->exit_code, 0) << end->output;
-  expect_words(end->output, {"sorted by calls", "longest", "lab/arm0", "q quit"});
+  expect_text(end->output, {"sorted by calls", "longest", "lab/arm0", "q quit"});
 }
 
 TEST_F(Host, ShowsItsLanesWithoutARegistry) {
   const auto end = run_program(
       "rtpm", {"top", "--interval", "100ms", "--registry", "rtpm://127.0.0.1:1/rtpm/names"});
   EXPECT_EQ(end.exit_code, 0) << end.errors;
-  expect_words(end.output, {"no registry answers", "registry@"});
+  expect_text(end.output, {"no registry answers", "registry@"});
 }
 
 }  // namespace

@@ -161,8 +161,8 @@ TEST_F(Up, PrintsLinesWhereThereIsNoTerminal) {
   const auto end = up.wait(kPatience);
   ASSERT_TRUE(end);
   EXPECT_EQ(end->exit_code, 0) << end->errors;
-  expect_words(end->output, {"registry | registry at rtpm://", "devices: serving at rtpm://",
-                             "cell ends: SIGTERM", "registry: ended"});
+  expect_text(end->output, {"registry | registry at rtpm://", "devices: serving at rtpm://",
+                            "cell ends: SIGTERM", "registry: ended"});
   EXPECT_EQ(end->output.find('\x1b'), std::string::npos);
 }
 
@@ -343,7 +343,7 @@ TEST_F(Up, ChecksTheExitOfAProgramThatItStops) {
 TEST_F(Up, PassesTheFileOnToAProgramWithAConfiguration) {
   const auto end = run_program(
       "rtpm", {"up", file(shell("a", "echo \"$RTPM_CONFIG\"", "main = true\nconfig = {x = 1}\n"))});
-  expect_words(end.output, {"a | " + (folder_ / "cell.toml").string() + "#a\n"});
+  expect_text(end.output, {"a | " + (folder_ / "cell.toml").string() + "#a\n"});
 }
 
 TEST_F(Up, PrintsASystemdUnit) {
@@ -352,10 +352,10 @@ TEST_F(Up, PrintsASystemdUnit) {
   expect_one_sentence(end, 0,
                       {"~/.config/systemd/user/rtpm-cell.service",
                        "systemctl --user enable --now rtpm-cell.service"});
-  expect_words(end.output,
-               {"ExecStart=" + path_of("rtpm") + " up \"" + (folder_ / "cell.toml").string() + "\"",
-                std::string(" --set \"x=100%%\"\n"), std::string("Restart=on-failure\n"),
-                std::string("KillMode=mixed\n"), std::string("TimeoutStopSec=7\n")});
+  expect_text(end.output,
+              {"ExecStart=" + path_of("rtpm") + " up \"" + (folder_ / "cell.toml").string() + "\"",
+               std::string(" --set \"x=100%%\"\n"), std::string("Restart=on-failure\n"),
+               std::string("KillMode=mixed\n"), std::string("TimeoutStopSec=7\n")});
 }
 
 TEST_F(Up, RefusesAStateFolderThatOthersMayEnter) {
@@ -411,9 +411,9 @@ TEST_F(Up, ChecksItsFile) {
   const auto end = run_program("rtpm", {"up", wrong, "--check"});
   EXPECT_EQ(end.exit_code, 2);
   EXPECT_EQ(test::line_count(end.errors), 2) << end.errors;
-  expect_words(end.errors, {wrong + ":3:8: ", wrong + ":4:1: ",
-                            std::string("there is no program 'rtpm-devicd'"),
-                            std::string("did you mean 'restart'")});
+  expect_text(end.errors,
+              {wrong + ":3:8: ", wrong + ":4:1: ", std::string("there is no program 'rtpm-devicd'"),
+               std::string("did you mean 'restart'")});
   expect_one_sentence(run_program("rtpm", {"up", "/nowhere.toml"}), 2,
                       {"/nowhere.toml", "No such"});
   expect_one_sentence(run_program("rtpm", {"up", file(kDaemons), "--set", "x"}), 2, {"NAME=VALUE"});
@@ -422,7 +422,7 @@ TEST_F(Up, ChecksItsFile) {
 TEST_F(Up, ReportsOutputInJsonWithoutControlCharacters) {
   const std::string text = "[[program]]\nname = \"a\"\nrun = [\"printf\", '\\033[2Jx\\n']\n";
   const auto json = run_program("rtpm", {"up", file(text), "--json"});
-  expect_words(json.output, {R"("stream":"stdout","line":"\u001b[2Jx")"});
+  expect_text(json.output, {R"("stream":"stdout","line":"\u001b[2Jx")"});
   const auto plain = run_program("rtpm", {"up", file(text)});
   EXPECT_NE(plain.output.find("a | \\x1b[2Jx\n"), std::string::npos) << plain.output;
 }
@@ -438,7 +438,7 @@ TEST_F(Up, NeedsANameForDownOfOneAmongSeveral) {
   test::Process second = start_up(text, "second.toml");
   const auto list = run_program("rtpm", {"down"});
   expect_one_sentence(list, 2, {"several", "rtpm down first"});
-  expect_words(list.errors, {"first.toml", "second.toml"});
+  expect_text(list.errors, {"first.toml", "second.toml"});
   expect_one_sentence(run_program("rtpm", {"down", "secnd"}), 1, {"did you mean 'second'"});
   EXPECT_EQ(run_program("rtpm", {"down", "second"}).exit_code, 0);
   EXPECT_EQ(run_program("rtpm", {"down"}).output, "first has ended\n");
@@ -452,9 +452,9 @@ TEST_F(Up, ShowsTheDemo) {
                 kPatience);
   ASSERT_TRUE(end);
   EXPECT_EQ(end->exit_code, 0) << end->output << end->errors;
-  expect_words(end->output,
-               {"lab/arm0", "lab/gaze0", "lab/biometric0", "lab/knob0", "samples shown",
-                "latency in us", "one cycle of two calls", "console | serving http://127.0.0.1:"});
+  expect_text(end->output,
+              {"lab/arm0", "lab/gaze0", "lab/biometric0", "lab/knob0", "samples shown",
+               "latency in us", "one cycle of two calls", "console | serving http://127.0.0.1:"});
   EXPECT_LT(end->output.find("samples shown"), end->output.find("latency in us"));
 }
 

@@ -62,7 +62,7 @@ TEST_F(Objects, AreFoundByPatterns) {
   // The first of two sentences says that no such name has the property.
   const auto none = rtpm({"find", "--interface", "rtpm.device.Devise", "--where", "rate_hz > 1"});
   EXPECT_EQ(none.exit_code, 1);
-  expect_words(none.errors, {"none of the 1 names fits (did you mean 'rtpm.device.Device'"});
+  expect_text(none.errors, {"none of the 1 names fits (did you mean 'rtpm.device.Device'"});
 }
 
 TEST_F(Objects, GetPermanentNames) {
@@ -101,7 +101,7 @@ TEST_F(Objects, AreFoundByTheirProperties) {
   EXPECT_EQ(json[0]["units"]["force_newton_max"], "newton");
   const auto none = rtpm({"find", "--where", "class == 'tracker' or force_newtons > 3"});
   EXPECT_EQ(none.exit_code, 1);
-  expect_words(none.errors, {"has the property 'force_newtons' (did you mean"});
+  expect_text(none.errors, {"has the property 'force_newtons' (did you mean"});
   const auto wrong = rtpm({"find", "--where", "class = 'haptic'"});
   EXPECT_EQ(wrong.exit_code, 2);
   EXPECT_EQ(wrong.errors, "rtpm: class = 'haptic'\nrtpm:       ^ write '=='\n");

@@ -149,7 +149,7 @@ TEST_F(Play, PlaysToTheEndAndPrintsASummary) {
   record("300ms");
   const auto text = rtpm({"play", file_, "--speed", "10", "--hub", "none"});
   EXPECT_EQ(text.exit_code, 0) << text.errors;
-  expect_words(text.output, {"serving lab/arm0 at rtpm://", " reads, 0 commands, 0 events"});
+  expect_text(text.output, {"serving lab/arm0 at rtpm://", " reads, 0 commands, 0 events"});
   const auto json = rtpm({"play", file_, "--speed", "10", "--json", "--folder", "again"});
   EXPECT_EQ(json.exit_code, 0) << json.errors;
   const Json told = Json::parse(json.output, nullptr, false);
@@ -276,7 +276,7 @@ TEST_F(Play, EchoesTheSamplesOfADevice) {
   const auto text = rtpm({"echo", "lab/arm0", "--count", "3", "--rate", "200"});
   EXPECT_EQ(text.exit_code, 0) << text.errors;
   EXPECT_EQ(test::line_count(text.output), 3);
-  expect_words(text.output, {"  lab/arm0  #", "\"position_m\":{\"x\":"});
+  expect_text(text.output, {"  lab/arm0  #", "\"position_m\":{\"x\":"});
   const auto json = rtpm({"echo", "lab/arm0", "--count", "2", "--json"});
   const Json first = Json::parse(json.output.substr(0, json.output.find('\n')), nullptr, false);
   EXPECT_EQ(first["device"], "lab/arm0") << json.errors;

@@ -82,7 +82,7 @@ class TwoMachines : public testing::Test {
   }
   void expect_failure(const test::Process::End& end, const std::vector<std::string>& words) const {
     EXPECT_NE(end.exit_code, 0) << end.output;
-    expect_words(end.errors, words);
+    expect_text(end.errors, words);
   }
   [[nodiscard]] std::string key_of(const Host& host) const {
     return part(run(host, "rtpm key show").output, "rtpm25519 ", "=");
@@ -159,7 +159,7 @@ TEST_F(TwoMachines, SayWhatToDoAtEachWrongStep) {
   EXPECT_NE(refused.output.find("was not confirmed"), std::string::npos) << refused.output;
   EXPECT_FALSE(std::filesystem::exists(caller_file("known_servers")));
   const auto asked = at_caller("echo yes | script -qec '" + learn + "' /dev/null");
-  expect_words(asked.output, {"Is it the same there? [yes | no]"});
+  expect_text(asked.output, {"Is it the same there? [yes | no]"});
   EXPECT_EQ(asked.exit_code, 0) << asked.output;
   expect_failure(list(), {"rtpm key new"});
   ASSERT_EQ(at_caller("rtpm key new").exit_code, 0);

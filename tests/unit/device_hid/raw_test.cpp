@@ -1,14 +1,9 @@
 #include <gtest/gtest.h>
-#include <unistd.h>
 
-#include <cstdlib>
-#include <functional>
-#include <thread>
-
+#include "../device_evdev/opened_driver.hpp"
 #include "emulated_hidraw.hpp"
 #include "rtpm/device_hid/open.hpp"
 #include "rtpm/device_hid/profile.hpp"
-#include "rtpm/rt/clock.hpp"
 #include "scripted_hid.hpp"
 #include "umockdev.hpp"
 
@@ -17,11 +12,9 @@ namespace rtpm::device_hid {
 namespace {
 
 using driver::CommandMode;
-using driver::ExchangeStatus;
-using std::chrono::milliseconds;
 using test::EmulatedHidraw;
 
-class HidRawTest : public testing::Test {
+class HidRawTest : public device_evdev::OpenedDriver {
  protected:
   void SetUp() override {
     if (const std::string obstacle = test::umockdev_obstacle(); !obstacle.empty())
@@ -33,34 +26,14 @@ class HidRawTest : public testing::Test {
     ASSERT_TRUE(opened) << opened.error().text();
     driver_ = std::move(*opened);
   }
-  void start() {
-    const auto configured = driver_->configure({.period = milliseconds{4}});
-    ASSERT_TRUE(configured) << configured.error().text();
-    ASSERT_TRUE(driver_->activate());
-  }
-  /// Exchanges for at most five seconds.
-  bool exchange_until(CommandMode mode, const std::function<bool(ExchangeStatus)>& is_done) {
-    for (int i = 0; i < 1250; ++i) {
-      driver::Command command;
-      command.mode = mode;
-      command.cycle_time = rt::now();
-      command.outputs.fill(1);
-      command.joints[0] = 2;
-      if (is_done(driver_->exchange(command, sample_))) return true;
-      std::this_thread::sleep_for(milliseconds{4});
-    }
-    return false;
-  }
   bool is_safe(int number) {
     return hidraw_->with_model(number, [](test::HidModel& model) { return model.is_safe(); });
   }
 
   std::unique_ptr<EmulatedHidraw> hidraw_{};
-  std::unique_ptr<driver::Driver> driver_{};
-  driver::Sample sample_{};
 };
 
-TEST_F(HidRawTest, FindsWhatIsPluggedIn) {
+TEST_F(HidRawTest, FindsThePluggedInUnits) {
   for (std::size_t i = 0; i < kKinds.size(); ++i) {
     const std::string number = std::to_string(i);
     hidraw_->plug(test::make_model(i), static_cast<int>(i), "serial-" + number, "port-" + number);
@@ -91,11 +64,11 @@ TEST_F(HidRawTest, ServesEachKind) {
         model.move(0, -1);
         return model.press(1, true), 0;
       });
-      EXPECT_TRUE(exchange_until(CommandMode::kOff, [&](auto) {
+      EXPECT_TRUE(exchange_until(CommandMode::kOff, 0, [&](auto) {
         return sample_.buttons == 2 && (sample_.analogs[0] < 0 || sample_.joints[0] < -1);
       }));
       const bool has_outputs = !driver_->describe().modes.empty();
-      EXPECT_EQ(exchange_until(CommandMode::kJointEffort,
+      EXPECT_EQ(exchange_until(CommandMode::kJointEffort, 1,
                                [&](auto) { return !has_outputs || !is_safe(node); }),
                 true);
       driver_.reset();

@@ -180,45 +180,6 @@ TEST_F(RealtimeRecording, RecoversUpToTheLastChunkOfAKilledProgram) {
   EXPECT_GT(recovered_count, 50u * static_cast<unsigned>(kill_count));
 }
 
-/// RTPM_RECORD_SECONDS=60 runs the long version.
-TEST_F(RealtimeRecording, Takes64ChannelsAtOneKilohertzWithoutADrop) {
-  const char* const seconds = std::getenv("RTPM_RECORD_SECONDS");
-  const std::uint32_t turn_count =
-      seconds == nullptr ? 500 : static_cast<std::uint32_t>(1000 * std::stoul(seconds));
-  constexpr std::size_t kChannelCount = 64;
-  auto recorder = Recorder::create(path_);
-  ASSERT_TRUE(recorder) << recorder.error().text();
-  std::vector<std::uint16_t> channels;
-  for (std::size_t i = 0; i < kChannelCount; ++i)
-    channels.push_back(channel_of(**recorder, "device" + std::to_string(i)));
-  Recorder::Track& track = (*recorder)->add_track();
-  std::vector<std::byte> sample(480);  // The size of a device's sample.
-  const MonotonicTime begin = rt::now();
-  std::uint64_t missed_count = 0;
-  for (std::uint32_t turn = 0; turn < turn_count; ++turn) {
-    const std::uint64_t now_ns = (*recorder)->log_time_ns(rt::now());
-    for (const std::uint16_t channel : channels) {
-      sample[turn % sample.size()] = static_cast<std::byte>(turn * channel);
-      const Message message{
-          .channel_id = channel, .sequence = turn, .log_time_ns = now_ns, .data = sample};
-      if (!track.put(message)) ++missed_count;
-    }
-    const auto next = begin + (turn + 1) * std::chrono::milliseconds{1};
-    if (next > rt::now()) std::this_thread::sleep_for(next - rt::now());
-  }
-  ASSERT_TRUE((*recorder)->close());
-  EXPECT_EQ(missed_count, 0u);
-  EXPECT_EQ((*recorder)->status().message_count, kChannelCount * turn_count);
-  rusage use{};
-  ::getrusage(RUSAGE_SELF, &use);
-  const double cpu_s = static_cast<double>(use.ru_utime.tv_sec + use.ru_stime.tv_sec) +
-                       1e-6 * static_cast<double>(use.ru_utime.tv_usec + use.ru_stime.tv_usec);
-  const double time_s = std::chrono::duration<double>(rt::now() - begin).count();
-  RecordProperty("cpu_percent", static_cast<int>(100 * cpu_s / time_s));
-  std::printf("%.1f s, CPU %.1f %%, %.1f MB\n", time_s, 100 * cpu_s / time_s,
-              1e-6 * static_cast<double>((*recorder)->status().byte_count));
-}
-
 TEST_F(RealtimeRecording, HasTimesThatDoNotGoBack) {
   auto recorder = Recorder::create(path_);
   ASSERT_TRUE(recorder);

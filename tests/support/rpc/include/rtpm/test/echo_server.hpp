@@ -15,6 +15,7 @@
 #include "rtpm/test/faulty_relay.hpp"
 #include "rtpm/test/raw_peer.hpp"
 #include "rtpm/test/sealed_files.hpp"
+#include "rtpm/test/text.hpp"
 #include "rtpm/transport/tcp.hpp"
 
 /// A server with the echo servant, and nodes and bindings for it.
@@ -171,11 +172,7 @@ struct EchoServer {
   return place;
 }
 
-inline void expect_text(const std::string& text, const std::vector<std::string>& parts) {
-  for (const std::string& part : parts) {
-    EXPECT_NE(text.find(part), text.npos) << "'" << part << "' is not in: " << text;
-  }
-}
+using rtpm::test::expect_text;
 
 }  // namespace test
 }  // namespace rtpm::rpc
