@@ -29,7 +29,7 @@ TEST(Authorized, ReadsKeysUsersAndAnonymous) {
   EXPECT_EQ(read.grants[2].subject, Subject{});
 }
 
-TEST(Authorized, LinesAreReadAsTheyAreWritten) {
+TEST(Authorized, ReadsTheLinesThatItWrites) {
   const Authorized read = parse_authorized(
       text_of(9) + " name=bob role=configure on=a/*,b max-priority=7 from=10.0.0.0/8,::1\n");
   ASSERT_EQ(read.grants.size(), 1U);
@@ -45,7 +45,7 @@ struct Faulty {
 };
 class FaultyLines : public testing::TestWithParam<Faulty> {};
 
-TEST_P(FaultyLines, AreToldByColumnAndLeaveTheOthersInForce) {
+TEST_P(FaultyLines, AreReportedByColumnAndLeaveTheOthersInForce) {
   const Authorized read =
       parse_authorized("uid:1 role=observe on=a\n" + GetParam().line + "\nuid:2 role=observe on=a");
   EXPECT_EQ(read.grants.size(), 2U);
@@ -83,11 +83,11 @@ INSTANTIATE_TEST_SUITE_P(
         Faulty{"uid:7 role=ob\x1b[31m on=a", 12, "\\x1b"},
         Faulty{"uid:7 role=observe on=" + std::string(4096, 'a'), 4097, "at most 4096 bytes"}));
 
-TEST(Authorized, ShowsAFaultAsFileLineAndColumn) {
+TEST(Authorized, PrintsAFaultAsFileLineAndColumn) {
   EXPECT_EQ(to_text({3, 14, "unknown role"}, "authorized"), "authorized:3:14: unknown role");
 }
 
-TEST(Authorized, AFileOfGarbageTakesLittleMemory) {
+TEST(Authorized, KeepsABoundedNumberOfFaults) {
   std::string text;
   for (int line = 0; line < 10'000; ++line)
     text += "garbage\n";
@@ -96,7 +96,7 @@ TEST(Authorized, AFileOfGarbageTakesLittleMemory) {
   EXPECT_EQ(read.fault_count, 10'000U);
 }
 
-TEST(Authorized, GrantsBeyondTheLimitAreFaults) {
+TEST(Authorized, ReportsGrantsBeyondTheLimitAsFaults) {
   std::string text;
   for (std::size_t line = 0; line <= kGrantCountMax; ++line)
     text += "uid:1 role=observe on=a\n";

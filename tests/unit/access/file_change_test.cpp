@@ -31,7 +31,7 @@ class FileChanges : public testing::Test {
   std::string folder_ = temporary_.path();
 };
 
-TEST_F(FileChanges, MakeTheFileAndItsFolderForTheOwnerAlone) {
+TEST_F(FileChanges, CreateFileAndFolderForTheOwnerAlone) {
   const std::string path = folder_ + "/sub/authorized";
   ASSERT_TRUE(append(path, "one"));
   ASSERT_TRUE(append(path, "two"));
@@ -40,7 +40,7 @@ TEST_F(FileChanges, MakeTheFileAndItsFolderForTheOwnerAlone) {
   EXPECT_EQ(mode_of(folder_ + "/sub"), 0700U);
 }
 
-TEST_F(FileChanges, KeepModeLinksAndALastLineWithoutEnd) {
+TEST_F(FileChanges, KeepModeLinkAndAnUnterminatedLastLine) {
   const std::string path = folder_ + "/authorized";
   std::ofstream(folder_ + "/real") << "one";
   ::chmod((folder_ + "/real").c_str(), 0644);
@@ -51,7 +51,7 @@ TEST_F(FileChanges, KeepModeLinksAndALastLineWithoutEnd) {
   EXPECT_EQ(mode_of(path), 0644U);
 }
 
-TEST_F(FileChanges, LeaveTheFileAsItWasWhenTheyAreRefused) {
+TEST_F(FileChanges, LeaveTheFileUnchangedWhenRefused) {
   const std::string path = folder_ + "/authorized";
   ASSERT_TRUE(append(path, "one"));
   const FileStamp before = stamp_of(path);
@@ -70,7 +70,7 @@ TEST_F(FileChanges, LeaveTheFileAsItWasWhenTheyAreRefused) {
   EXPECT_NE(distrusted.error().text().find("chmod go-w " + path), std::string::npos);
 }
 
-TEST_F(FileChanges, OfManyProgramsAtOnceAreAllThere) {
+TEST_F(FileChanges, KeepTheLinesOfConcurrentWriters) {
   const std::string path = folder_ + "/authorized";
   constexpr int kCount = 8;
   std::vector<std::thread> threads;
@@ -82,7 +82,7 @@ TEST_F(FileChanges, OfManyProgramsAtOnceAreAllThere) {
   EXPECT_EQ(std::ranges::count(text, '\n'), kCount) << text;
 }
 
-TEST(Lines, AreTakenOutByNumber) {
+TEST(Lines, AreRemovedByNumber) {
   EXPECT_EQ(without_lines("a\n\nb\nc", {1, 4}), "\nb\n");
   EXPECT_EQ(without_lines("a\n", {2}), "a\n");
   EXPECT_EQ(without_lines("", {1}), "");

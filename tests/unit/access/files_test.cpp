@@ -14,17 +14,16 @@ namespace {
 
 class Files : public testing::Test {
  protected:
-  [[nodiscard]] std::string path(const char* name) const { return folder_ + "/" + name; }
+  [[nodiscard]] std::string path(const char* name) const { return folder_.file(name); }
   void write(const char* name, const std::string& text, mode_t mode) const {
     std::ofstream(path(name)) << text;
     ::chmod(path(name).c_str(), mode);
   }
 
-  test::TemporaryFolder temporary_;
-  std::string folder_ = temporary_.path();
+  test::TemporaryFolder folder_;
 };
 
-TEST_F(Files, AKeyIsReadAsItWasMade) {
+TEST_F(Files, ReadsTheKeyThatItMade) {
   const auto made = make_key(path("sub/key"), "alice@lab");
   ASSERT_TRUE(made) << made.error().text();
   struct stat status {};
@@ -37,7 +36,7 @@ TEST_F(Files, AKeyIsReadAsItWasMade) {
   EXPECT_EQ(read->public_key, made->public_key);
 }
 
-TEST_F(Files, AKeyIsNeverReplaced) {
+TEST_F(Files, RefusesToReplaceAKey) {
   const auto first = make_key(path("key"), "");
   ASSERT_TRUE(first);
   const auto second = make_key(path("key"), "");
@@ -46,7 +45,7 @@ TEST_F(Files, AKeyIsNeverReplaced) {
   EXPECT_EQ(read_key(path("key"))->public_key, first->public_key);
 }
 
-TEST_F(Files, AKeyThatOthersCanReadIsRefusedWithTheRemedy) {
+TEST_F(Files, RefusesAKeyThatOthersCanReadAndNamesTheRemedy) {
   ASSERT_TRUE(make_key(path("key"), ""));
   for (const mode_t mode : {0640U, 0604U, 0620U}) {
     ::chmod(path("key").c_str(), mode);
@@ -57,7 +56,7 @@ TEST_F(Files, AKeyThatOthersCanReadIsRefusedWithTheRemedy) {
   }
 }
 
-TEST_F(Files, SaysWhatIsNoKey) {
+TEST_F(Files, RefusesAFileThatHoldsNoKey) {
   const auto missing = read_key(path("key"));
   ASSERT_FALSE(missing);
   EXPECT_NE(missing.error().text().find("rtpm key new"), std::string::npos);
@@ -65,18 +64,18 @@ TEST_F(Files, SaysWhatIsNoKey) {
   EXPECT_FALSE(read_key(path("empty")));
   write("broken", "rtpm25519 AAAA\n", 0600);
   EXPECT_FALSE(read_key(path("broken")));
-  EXPECT_FALSE(read_key(folder_));
+  EXPECT_FALSE(read_key(folder_.path()));
   ASSERT_EQ(::mkfifo(path("pipe").c_str(), 0600), 0);
   EXPECT_FALSE(read_key(path("pipe")));
 }
 
-TEST_F(Files, AMissingFileOfGrantsIsEmpty) {
+TEST_F(Files, ReadsAMissingFileOfGrantsAsEmpty) {
   const auto read = read_trusted_file(path("authorized"));
   ASSERT_TRUE(read);
   EXPECT_TRUE(read->empty());
 }
 
-TEST_F(Files, GrantsThatOthersCanWriteAreRefused) {
+TEST_F(Files, RefusesGrantsThatOthersCanWrite) {
   write("authorized", "uid:1 role=observe on=**\n", 0644);
   EXPECT_TRUE(read_trusted_file(path("authorized")));
   ::chmod(path("authorized").c_str(), 0664);
@@ -85,7 +84,7 @@ TEST_F(Files, GrantsThatOthersCanWriteAreRefused) {
   EXPECT_NE(read.error().text().find("chmod go-w"), std::string::npos) << read.error().text();
 }
 
-TEST_F(Files, OfAnotherUserAreRefused) {
+TEST_F(Files, RefusesAFileOfAnotherUser) {
   if (::geteuid() != 0) GTEST_SKIP() << "needs root, to give a file to another user";
   write("authorized", "", 0644);
   ASSERT_EQ(::chown(path("authorized").c_str(), 4711, 4711), 0);
@@ -94,12 +93,12 @@ TEST_F(Files, OfAnotherUserAreRefused) {
   EXPECT_NE(read.error().text().find("another user, number 4711"), std::string::npos);
 }
 
-TEST_F(Files, AGiantOneIsRefused) {
+TEST_F(Files, RefusesAFileThatIsTooLarge) {
   write("authorized", std::string(kFileSizeMax + 1, 'x'), 0644);
   EXPECT_FALSE(read_trusted_file(path("authorized")));
 }
 
-TEST(KeyFolder, ComesFromTheEnvironmentAndGivenNamesStay) {
+TEST(KeyFolder, ComesFromTheEnvironment) {
   ::setenv("RTPM_KEYS", "/of/a/test", 1);
   EXPECT_EQ(*key_file_path("", kKeyFile), "/of/a/test/key");
   EXPECT_EQ(*key_file_path("here", kKeyFile), "here");
@@ -113,7 +112,7 @@ TEST(KeyFolder, ComesFromTheEnvironmentAndGivenNamesStay) {
   EXPECT_FALSE(key_folder());
 }
 
-TEST_F(Files, ACommentStandsBehindTheKey) {
+TEST_F(Files, ReadsTheCommentBehindTheKey) {
   ASSERT_TRUE(make_key(path("key"), "alice@lab, new"));
   EXPECT_EQ(key_comment(path("key")), "alice@lab, new");
   ASSERT_TRUE(make_key(path("bare"), ""));

@@ -8,7 +8,7 @@ namespace rtpm::access {
 namespace {
 
 // Computed with Python's hashlib: sha256(bytes([1] * 32)).
-TEST(Fingerprint, IsTheBeginningOfSha256InGroups) {
+TEST(Fingerprint, IsAPrefixOfSha256InGroups) {
   EXPECT_EQ(fingerprint(key_of(1)), "72cd-6e84-22c4-07fb-6d09");
   EXPECT_TRUE(is_fingerprint_of("72CD6E8422C407FB6D09", key_of(1)));
   EXPECT_FALSE(is_fingerprint_of("72cd-6e84-22c4-07fb", key_of(1)));

@@ -46,7 +46,7 @@ TEST(ObjectPattern, CoversPathsByComponents) {
   }
 }
 
-TEST(AddressRange, ContainsWhatSharesItsPrefix) {
+TEST(AddressRange, ContainsAddressesWithItsPrefix) {
   const auto contains = [](const char* range, const char* address) {
     return AddressRange::parse(range)->contains(*parse_address(address));
   };
@@ -64,7 +64,7 @@ TEST(AddressRange, ContainsWhatSharesItsPrefix) {
   EXPECT_TRUE(contains("192.168.7.0/24", "::ffff:192.168.7.4"));
 }
 
-TEST(Grants, AllowNothingToStrangers) {
+TEST(Grants, RefuseUnknownSubjects) {
   const Grants grants = grants_of("uid:1 role=administer on=**");
   EXPECT_TRUE(grants.knows(user(1), std::nullopt));
   EXPECT_FALSE(grants.knows(user(2), std::nullopt));
@@ -74,7 +74,7 @@ TEST(Grants, AllowNothingToStrangers) {
   EXPECT_EQ(Grants().permission(user(1), std::nullopt, "lab/arm0").role, Role::kNone);
 }
 
-TEST(Grants, OfOneSubjectAddUp) {
+TEST(Grants, AddUpForOneSubject) {
   const Grants grants = grants_of(text_of(1) + " name=alice role=observe on=** max-priority=100\n" +
                                   "uid:1 role=administer on=**\n" + text_of(1) +
                                   " role=command on=lab/* max-priority=24000\n");
@@ -89,7 +89,7 @@ TEST(Grants, OfOneSubjectAddUp) {
   EXPECT_EQ(grants.name_of(subject_of(2)), "");
 }
 
-TEST(Grants, HoldOnlyFromTheirAddresses) {
+TEST(Grants, ApplyOnlyFromTheirAddresses) {
   const Grants grants = grants_of(text_of(1) + " role=command on=** from=192.168.7.0/24,10.0.0.1");
   const auto role_from = [&](const char* address) {
     return grants.permission(subject_of(1), parse_address(address), "lab/arm0").role;
@@ -100,7 +100,7 @@ TEST(Grants, HoldOnlyFromTheirAddresses) {
   EXPECT_FALSE(grants.knows(subject_of(1), parse_address("10.0.0.2")));
 }
 
-TEST(Grants, AreNarrowedWhereLessIsAllowedThanBefore) {
+TEST(Grants, ReportSubjectsWithFewerRightsThanBefore) {
   const std::string before = "uid:1 role=command on=a,b max-priority=100 from=10.0.0.0/8\n";
   struct Case {
     const char* after;
@@ -126,7 +126,7 @@ TEST(Grants, AreNarrowedWhereLessIsAllowedThanBefore) {
             std::vector{user(1)});
 }
 
-TEST(Grants, ARefusalNamesTheLineThatAllowsIt) {
+TEST(Grants, NameTheLineThatAllowsARefusedCall) {
   const std::string line = missing_line(subject_of(3), Role::kCommand, "lab/arm0");
   const Grants grants = grants_of(line);
   EXPECT_EQ(grants.permission(subject_of(3), std::nullopt, "lab/arm0").role, Role::kCommand);

@@ -35,7 +35,7 @@ TEST(KnownServers, NameUsersOfThisHostWhoseServersAreTrusted) {
   EXPECT_EQ(known.faults[2].column, 13U);
 }
 
-TEST(KnownServers, LinesAreReadAsTheyAreWritten) {
+TEST(KnownServers, AreReadAsWritten) {
   for (const KnownServer& server :
        {KnownServer{"robot", 7420, key_of(1), 1}, KnownServer{"fd00::4", 7420, key_of(2), 1},
         KnownServer{"10.0.0.1", 0, key_of(3), 1}}) {
@@ -45,7 +45,7 @@ TEST(KnownServers, LinesAreReadAsTheyAreWritten) {
   }
 }
 
-TEST(KnownServers, FaultyLinesLeaveTheOthersInForce) {
+TEST(KnownServers, KeepTheOtherLinesOfAFaultyFile) {
   const KnownServers known = parse_known_servers(
       "robot\nrobot:0 " + text_of(1) + "\nrobot:70000 " + text_of(1) + "\n[fd00::4 " + text_of(1) +
       "\nrobot rtpm25519 short\nrobot " + text_of(1) + " more\nrobot " + text_of(1) + "\n");

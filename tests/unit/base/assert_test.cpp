@@ -5,13 +5,13 @@
 namespace rtpm {
 namespace {
 
-TEST(Assert, KeepsQuietWhenThePromiseHolds) {
+TEST(Assert, EvaluatesItsConditionOnce) {
   int evaluation_count = 0;
   RTPM_ASSERT(++evaluation_count == 1, "the condition is evaluated once");
   EXPECT_EQ(evaluation_count, 1);
 }
 
-TEST(AssertDeathTest, NamesTheBrokenPromiseAndItsPlace) {
+TEST(AssertDeathTest, NamesTheBrokenPromiseAndItsLocation) {
   EXPECT_DEATH(
       RTPM_ASSERT(1 + 1 == 3, "sums add up"),
       "rtpm: bug: sums add up \\(1 \\+ 1 == 3 does not hold\\) at .*assert_test\\.cpp:[0-9]+");

@@ -16,15 +16,7 @@ std::array<std::byte, 8> counting_bytes() {
   return bytes;
 }
 
-TEST(Bytes, NumbersStandLittleEndian) {
-  const auto bytes = counting_bytes();
-  EXPECT_EQ(load_le<std::uint8_t>(bytes.data()), 0x01);
-  EXPECT_EQ(load_le<std::uint16_t>(bytes.data()), 0x0201);
-  EXPECT_EQ(load_le<std::uint32_t>(bytes.data()), 0x04030201u);
-  EXPECT_EQ(load_le<std::uint64_t>(bytes.data()), 0x0807060504030201ull);
-}
-
-TEST(Bytes, NumbersNeedNoAlignment) {
+TEST(Bytes, StoresLittleEndianNumbersWithoutAlignment) {
   std::array<std::byte, 16> bytes{};
   for (std::size_t offset = 0; offset < 8; ++offset) {
     store_le<std::uint64_t>(bytes.data() + offset, 0xfedcba9876543210ull);
@@ -69,7 +61,7 @@ TEST(ByteReader, RefusesTextThatIsLongerThanTheBytes) {
   EXPECT_FALSE(reader.ok());
 }
 
-TEST(ByteWriter, WritesWhatAReaderTakes) {
+TEST(ByteWriter, WritesTheFieldsThatAReaderTakes) {
   std::array<std::byte, 32> bytes{};
   ByteWriter writer(bytes);
   writer.put<std::uint16_t>(0xabcd);

@@ -43,13 +43,6 @@ TEST(Expected, HoldsEitherTheValueOrTheError) {
   EXPECT_EQ(bad.value_or(-1), -1);
 }
 
-TEST(Expected, TellsValueAndErrorOfOneTypeApart) {
-  const expected<std::string, std::string> good = std::string("value");
-  const expected<std::string, std::string> bad = unexpected{std::string("error")};
-  EXPECT_EQ(good.value(), "value");
-  EXPECT_EQ(bad.error(), "error");
-}
-
 TEST(Expected, CarriesValuesThatOnlyMove) {
   expected<std::unique_ptr<int>, Fault> made = std::make_unique<int>(5);
   expected<std::unique_ptr<int>, Fault> moved = std::move(made);
@@ -58,7 +51,7 @@ TEST(Expected, CarriesValuesThatOnlyMove) {
   static_assert(!std::is_copy_constructible_v<expected<std::unique_ptr<int>, Fault>>);
 }
 
-TEST(Expected, AssignmentChangesSides) {
+TEST(Expected, ChangesSidesByAssignment) {
   expected<std::string, int> result = std::string("long enough to be on the heap, surely");
   result = unexpected{3};
   ASSERT_FALSE(result);
@@ -84,7 +77,7 @@ TEST(Expected, DestroysExactlyWhatItHolds) {
   EXPECT_EQ(live_count, 0);
 }
 
-TEST(Expected, OfNothingStillCarriesItsError) {
+TEST(Expected, CarriesAnErrorWithoutAValue) {
   expected<void, std::string> result;
   EXPECT_TRUE(result);
   result.value();
@@ -97,7 +90,7 @@ TEST(Expected, OfNothingStillCarriesItsError) {
   EXPECT_TRUE(result);
 }
 
-TEST(ExpectedDeathTest, ReadingTheWrongSideIsABugAndAborts) {
+TEST(ExpectedDeathTest, AbortsWhenTheWrongSideIsRead) {
   auto good = half_of(2);
   auto bad = half_of(1);
   const expected<void, Fault> failed = unexpected{Fault::kCold};

@@ -18,7 +18,7 @@ TEST(Fnv1a, AgreesWithThePublishedVectors) {
       << "a hash can be continued where it stopped";
 }
 
-TEST(Crc32, AgreesWithItsCheckValueAndGoesOn) {
+TEST(Crc32, MatchesItsCheckValueInOneOrTwoParts) {
   const auto bytes = std::as_bytes(std::span("123456789", 9));
   EXPECT_EQ(crc32(bytes), 0xcbf43926u);
   EXPECT_EQ(crc32(bytes.subspan(4), crc32(bytes.first(4))), 0xcbf43926u);
@@ -41,21 +41,6 @@ TEST(SipHash, AgreesWithThePublishedVectors) {
         << "for " << length << " bytes";
   }
   EXPECT_EQ(siphash_2_4(key, std::span(input).first(15)), 0xa129ca6149be45e5ull);
-}
-
-TEST(SipHash, DependsOnEveryBitOfKeyAndInput) {
-  std::array<std::byte, 40> input{};
-  const SipKey key{.low = 1, .high = 2};
-  const std::uint64_t hash = siphash_2_4(key, input);
-  for (int bit = 0; bit < 64; ++bit) {
-    EXPECT_NE(siphash_2_4({.low = 1 ^ (1ull << bit), .high = 2}, input), hash);
-    EXPECT_NE(siphash_2_4({.low = 1, .high = 2 ^ (1ull << bit)}, input), hash);
-  }
-  for (std::size_t i = 0; i < input.size(); ++i) {
-    input[i] = std::byte{1};
-    EXPECT_NE(siphash_2_4(key, input), hash) << "byte " << i;
-    input[i] = std::byte{0};
-  }
 }
 
 }  // namespace

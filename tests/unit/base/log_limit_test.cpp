@@ -19,13 +19,13 @@ class LogLimits : public testing::Test {
   LogLimit limit_{{.burst = 5, .interval = 1s}};
 };
 
-TEST_F(LogLimits, AdmitABurstAndKeepOneLineForWhatIsSuppressed) {
+TEST_F(LogLimits, AdmitABurstAndKeepOneLineForTheCount) {
   EXPECT_EQ(admitted(100, 0s), 4);
   EXPECT_EQ(limit_.take_suppressed(at(0s)), 96U);
   EXPECT_EQ(limit_.take_suppressed(at(0s)), 0U);
 }
 
-TEST_F(LogLimits, WriteAtMostOneLineEachIntervalOfAFlood) {
+TEST_F(LogLimits, WriteOneLineEachIntervalOfAFlood) {
   EXPECT_EQ(admitted(100, 0s), 4);
   int line_count = 4;
   for (int i = 0; i < 10'000; ++i) {
@@ -34,20 +34,20 @@ TEST_F(LogLimits, WriteAtMostOneLineEachIntervalOfAFlood) {
     line_count += admitted(1, when);
   }
   EXPECT_LE(line_count, 4 + 1 + 10);
-  EXPECT_GE(line_count, 4 + 1 + 9) << "and go on telling";
+  EXPECT_GE(line_count, 4 + 1 + 9) << "and keep reporting";
 }
 
-TEST_F(LogLimits, LoseCountOfNothing) {
-  std::uint64_t told = 0;
+TEST_F(LogLimits, CountEachSuppressedLine) {
+  std::uint64_t reported = 0;
   std::uint64_t admitted_count = 0;
   for (int i = 0; i < 1000; ++i) {
-    told += limit_.take_suppressed(at(i * 10ms));
+    reported += limit_.take_suppressed(at(i * 10ms));
     admitted_count += static_cast<std::uint64_t>(admitted(1, i * 10ms));
   }
-  EXPECT_EQ(told + admitted_count + limit_.take_all_suppressed(), 1000U);
+  EXPECT_EQ(reported + admitted_count + limit_.take_all_suppressed(), 1000U);
 }
 
-TEST_F(LogLimits, FillUpAgainWhenItIsQuiet) {
+TEST_F(LogLimits, AllowABurstAgainAfterAPause) {
   EXPECT_EQ(admitted(100, 0s), 4);
   EXPECT_EQ(limit_.take_suppressed(at(1h)), 96U);
   EXPECT_EQ(admitted(100, 1h), 3);

@@ -35,7 +35,7 @@ TEST(Nesting, IgnoresBracketsInStrings) {
   EXPECT_TRUE(is_json_nested_within("]]]]\"\\", 0));
 }
 
-TEST(BoundedJson, IsParsedUpToTheLimitOnly) {
+TEST(BoundedJson, IsParsedUpToTheLimit) {
   using Json = nlohmann::json;
   EXPECT_EQ(parse_bounded_json<Json>(R"({"a":[1]})"), Json({{"a", {1}}}));
   EXPECT_TRUE(parse_bounded_json<Json>("{").is_discarded());

@@ -13,11 +13,6 @@ TEST(Priority, RangesFrom0To32767) {
   static_assert(!Priority::is_valid(65536 + 5), "16 bits would wrap it to a valid one");
 }
 
-TEST(Priority, OrdersByUrgency) {
-  EXPECT_LT(Priority{100}, Priority{24000});
-  EXPECT_EQ(Priority{7}, Priority{7});
-}
-
 TEST(PriorityDeathTest, AbortsOnANumberOutsideTheRange) {
   // A volatile read, so that the compiler does not reject the value at compile time.
   volatile int too_high = 32768;

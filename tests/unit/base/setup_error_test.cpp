@@ -11,7 +11,7 @@ SetupError error_of(const unexpected<SetupError>& failure) {
   return failure.error;
 }
 
-TEST(SetupError, SaysWhatFailedWhyAndTheRemedy) {
+TEST(SetupError, StatesFailureCauseAndRemedy) {
   EXPECT_EQ(error_of(setup_error("the lane is not made")).text(), "the lane is not made.");
   EXPECT_EQ(error_of(setup_error("the lane is not made.", "", "wait.")).text(),
             "the lane is not made. Remedy: wait.");
@@ -19,7 +19,7 @@ TEST(SetupError, SaysWhatFailedWhyAndTheRemedy) {
             "port 1: Permission denied. Remedy: take another.");
 }
 
-TEST(SetupError, KeepsRemedyAndCauseOfWhatMadeItFail) {
+TEST(SetupError, KeepsTheRemedyAndCauseOfAnInnerError) {
   const SetupError inner = error_of(setup_error("port 1", system_error(EACCES), "take another"));
   const SetupError outer = error_of(setup_error("server 'arm'", inner));
   EXPECT_EQ(outer.text(), "server 'arm': port 1: Permission denied. Remedy: take another.");

@@ -19,10 +19,10 @@ using namespace std::chrono_literals;
 constexpr RealtimeLimit kUsual{950ms, 1s};
 constexpr MonotonicTime kStart{1'000s};
 
-TEST(RealtimeLimit, IsTheKernelsWhereNoGroupHasANarrowerOne) {
+TEST(RealtimeLimit, DoesNotExceedTheKernelsLimit) {
   std::ifstream runtime_file("/proc/sys/kernel/sched_rt_runtime_us");
   std::int64_t runtime_us = 0;
-  if (!(runtime_file >> runtime_us)) GTEST_SKIP() << "the kernel does not tell its limit";
+  if (!(runtime_file >> runtime_us)) GTEST_SKIP() << "the kernel does not publish its limit";
   const RealtimeLimit limit = realtime_limit();
   if (runtime_us < 0) {
     EXPECT_FALSE(limit.is_limited());
@@ -31,23 +31,17 @@ TEST(RealtimeLimit, IsTheKernelsWhereNoGroupHasANarrowerOne) {
   }
 }
 
-TEST(RealtimeBudget, OfAThreadWithoutALimitIsNeverSpent) {
+TEST(RealtimeBudget, IsNeverSpentWithoutALimit) {
   RealtimeBudget budget;
   EXPECT_FALSE(budget.is_limited());
   budget.on_slept(kStart, kStart + 1s);
   EXPECT_FALSE(budget.is_spent(kStart + 1h));
   EXPECT_EQ(budget.overdue(kStart + 1h), 0ns);
-  EXPECT_FALSE(RealtimeBudget({1s, 1s}, kStart).is_limited()) << "the kernel leaves it all";
-}
-
-TEST(RealtimeBudget, IsSpentAfterABurst) {
-  const RealtimeBudget budget(kUsual, kStart);
-  EXPECT_FALSE(budget.is_spent(kStart + RealtimeBudget::kBurst - 1us));
-  EXPECT_TRUE(budget.is_spent(kStart + RealtimeBudget::kBurst));
+  EXPECT_FALSE(RealtimeBudget({1s, 1s}, kStart).is_limited()) << "the kernel limits nothing";
 }
 
 // The promise to the kernel: the thread never exceeds the runtime in any second.
-TEST(RealtimeBudget, KeepsAThreadThatPausesWhenItIsSpentBelowTheLimit) {
+TEST(RealtimeBudget, KeepsAThreadThatPausesInTimeBelowTheLimit) {
   RealtimeBudget budget(kUsual, kStart);
   constexpr Duration kStep = 10us;
   std::vector<Duration> awake_at;  // Awake time up to each step.
@@ -82,14 +76,14 @@ TEST(RealtimeBudget, EarnsNothingByCallsThatReturnAtOnce) {
   EXPECT_TRUE(budget.is_spent(now));
 }
 
-TEST(RealtimeBudget, OfARestedThreadIsABurst) {
+TEST(RealtimeBudget, IsOneBurstAfterALongSleep) {
   RealtimeBudget budget(kUsual, kStart);
   budget.on_slept(kStart, kStart + 1h);
-  EXPECT_FALSE(budget.is_spent(kStart + 1h));
+  EXPECT_FALSE(budget.is_spent(kStart + 1h + RealtimeBudget::kBurst - 1us));
   EXPECT_TRUE(budget.is_spent(kStart + 1h + RealtimeBudget::kBurst));
 }
 
-TEST(RealtimeBudget, IsOverdueOnlyAfterTheChancesToSleepWereMissed) {
+TEST(RealtimeBudget, IsOverdueAfterMissedChancesToSleep) {
   const RealtimeBudget budget(kUsual, kStart);
   const MonotonicTime spent = kStart + RealtimeBudget::kBurst;
   EXPECT_EQ(budget.overdue(spent + 1ms), 0ns);
@@ -119,7 +113,7 @@ TEST(RealtimeBudget, IsLimitedForThreadsAtARealtimeLevelOnly) {
 }
 
 // A method may block by itself: that does not count as awake, and must not make its lane sleep.
-TEST(RealtimeBudget, IsNotSpentByWhatBlocksWithoutAWord) {
+TEST(RealtimeBudget, IsNotSpentByAThreadThatBlocks) {
   if (!test::has_realtime_right()) GTEST_SKIP() << test::kNoRealtimeRight;
   bool was_spent = false;
   bool must_pause = true;
@@ -132,11 +126,11 @@ TEST(RealtimeBudget, IsNotSpentByWhatBlocksWithoutAWord) {
   });
   ASSERT_TRUE(thread) << thread.error().text();
   thread->join();
-  EXPECT_TRUE(was_spent) << "the account does not know better";
+  EXPECT_TRUE(was_spent) << "the account counts blocked time";
   EXPECT_FALSE(must_pause);
 }
 
-TEST(RealtimeBudget, IsSpentByWhatRuns) {
+TEST(RealtimeBudget, IsSpentByAThreadThatRuns) {
   if (!test::has_realtime_right()) GTEST_SKIP() << test::kNoRealtimeRight;
   bool must_pause = false;
   auto thread = Thread::start({.name = "runner", .priority = 5}, [&] {

@@ -11,7 +11,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-std::unique_ptr<CpuKeeper> a_keeper() {
+std::unique_ptr<CpuKeeper> started_keeper() {
   auto keeper = CpuKeeper::start("test-awake", usable_cpus().front());
   EXPECT_TRUE(keeper.has_value());
   return keeper ? std::move(*keeper) : nullptr;
@@ -24,18 +24,8 @@ Duration used_while_asleep() {
   return test::process_cpu_time() - before;
 }
 
-TEST(CpuKeeper, WorksWhileItIsToldTo) {
-  const auto keeper = a_keeper();
-  ASSERT_TRUE(keeper);
-  // On a busy machine the keeper may get no CPU time for a while.
-  EXPECT_TRUE(test::await([&] {
-    keeper->keep_until(now() + 10ms);
-    return used_while_asleep() > 2ms;
-  }));
-}
-
-TEST(CpuKeeper, RestsWhenItsTimeIsOver) {
-  const auto keeper = a_keeper();
+TEST(CpuKeeper, SleepsAfterItsTimeAndWorksAgain) {
+  const auto keeper = started_keeper();
   ASSERT_TRUE(keeper);
   keeper->keep_until(now() + 20ms);
   EXPECT_TRUE(test::await([&] { return used_while_asleep() < 1ms; }));
@@ -46,15 +36,15 @@ TEST(CpuKeeper, RestsWhenItsTimeIsOver) {
   }));
 }
 
-TEST(CpuKeeper, EndsWhileItKeeps) {
-  auto keeper = a_keeper();
+TEST(CpuKeeper, EndsDuringItsTime) {
+  auto keeper = started_keeper();
   ASSERT_TRUE(keeper);
   keeper->keep_until(now() + 1h);
   keeper.reset();
   EXPECT_TRUE(test::await([&] { return used_while_asleep() < 1ms; }));
 }
 
-TEST(CpuKeeper, RefusesACpuThatIsNotThere) {
+TEST(CpuKeeper, RefusesAnAbsentCpu) {
   const auto keeper = CpuKeeper::start("test-awake", 4000);
   ASSERT_FALSE(keeper.has_value());
   EXPECT_NE(keeper.error().text().find("4000"), std::string::npos) << keeper.error().text();

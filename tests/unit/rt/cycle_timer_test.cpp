@@ -17,7 +17,7 @@ TEST(CycleTimer, WaitsUntilACycleIsDue) {
 }
 
 // This period is too long to be missed.
-TEST(CycleTimer, CountsNoOverrunOfCyclesInTime) {
+TEST(CycleTimer, CountsNoOverrunOfACycleInTime) {
   const MonotonicTime begin = now();
   CycleTimer cycle(1h, begin);
   cycle.wait();
@@ -26,7 +26,7 @@ TEST(CycleTimer, CountsNoOverrunOfCyclesInTime) {
   EXPECT_EQ(cycle.overrun_count(), 0u);
 }
 
-TEST(CycleTimer, SkipsAndCountsWhatALateCycleMissed) {
+TEST(CycleTimer, SkipsAndCountsMissedCycles) {
   const MonotonicTime begin = now() - 10h - 30min;
   CycleTimer cycle(1h, begin);
   cycle.wait();  // The deadline has passed: it returns at once.

@@ -32,7 +32,7 @@ TEST(Log, EscapesItsLines) {
   EXPECT_EQ(written_by(1), "test: '\\x1b[2J' came\\ntest: all is well\n");
 }
 
-TEST(Log, SaysHowManyLinesItSuppressed) {
+TEST(Log, ReportsHowManyLinesItSuppressed) {
   const std::string text = written_by(102);
   EXPECT_NE(text.find("test: … and "), std::string::npos) << text;
   EXPECT_LE(std::count(text.begin(), text.end(), '\n'), 5) << text;

@@ -41,7 +41,7 @@ std::size_t locked_kib() {
 
 constexpr rlim_t kTooLittle = 64 * 1024;
 
-TEST(LockMemory, LocksWhatIsThereAndWhatComes) {
+TEST(LockMemory, LocksPresentAndFutureMemory) {
   if (test::kHasSanitizer) GTEST_SKIP() << test::kSanitizersLockNothing;
   const test::ChildResult child = test::run_in_child([]() -> std::string {
     const auto locked = lock_memory(RealtimeMode::kRequire);
@@ -75,7 +75,7 @@ TEST(LockMemory, FailsWithTheRemedyWhenRequired) {
 }
 
 // A limit just above the present size would make all later allocations fail.
-TEST(LockMemory, LeavesRoomToGrow) {
+TEST(LockMemory, IsRefusedWhereMemoryCouldNotGrow) {
   if (test::kHasSanitizer) GTEST_SKIP() << test::kSanitizersLockNothing;
   const test::ChildResult child = test::run_in_child([]() -> std::string {
     constexpr rlim_t kSome = 256 << 10;
@@ -137,14 +137,14 @@ TEST(NoAllocationScope, HoldsUntilTheOutermostEnds) {
   EXPECT_FALSE(is_allocation_forbidden());
 }
 
-TEST(NoAllocationScope, IsTheThreadsOwn) {
+TEST(NoAllocationScope, AppliesToItsThreadOnly) {
   const NoAllocationScope scope;
   bool is_forbidden_there = true;
   std::thread([&] { is_forbidden_there = is_allocation_forbidden(); }).join();
   EXPECT_FALSE(is_forbidden_there);
 }
 
-TEST(AllowAllocationScope, LiftsAllScopesAndPutsThemBack) {
+TEST(AllowAllocationScope, LiftsAllScopesAndRestoresThem) {
   const NoAllocationScope outer;
   const NoAllocationScope inner;
   {
@@ -159,15 +159,7 @@ TEST(AllowAllocationScope, LiftsAllScopesAndPutsThemBack) {
   EXPECT_TRUE(is_allocation_forbidden());
 }
 
-TEST(AllowAllocationScope, ChangesNothingWhereNothingIsForbidden) {
-  {
-    const AllowAllocationScope allowed;
-    EXPECT_FALSE(is_allocation_forbidden());
-  }
-  EXPECT_FALSE(is_allocation_forbidden());
-}
-
-TEST(Prefault, MakesPagesResidentAndKeepsWhatTheyHold) {
+TEST(Prefault, MakesPagesResidentAndKeepsTheirContent) {
   constexpr std::size_t kSize = std::size_t{64} * 4096;
   LazyMemory memory(kSize);
   ASSERT_EQ(memory.bytes().size(), kSize);
@@ -181,7 +173,7 @@ TEST(Prefault, MakesPagesResidentAndKeepsWhatTheyHold) {
   prefault({});
 }
 
-TEST(SecretMemory, IsZerosInAChild) {
+TEST(SecretMemory, IsZeroInAChildProcess) {
   const SecretMemory memory(8192);
   ASSERT_EQ(memory.bytes().size(), 8192u);
   memory.bytes().front() = memory.bytes().back() = std::byte{7};
@@ -197,7 +189,7 @@ TEST(SecretMemory, IsZerosInAChild) {
 }
 
 // A refused lock is reported, and the memory is usable all the same.
-TEST(SecretMemory, SaysThatItIsNotLocked) {
+TEST(SecretMemory, ReportsThatItIsNotLocked) {
   const auto child = test::run_in_child([] {
     const rlimit none{0, 0};
     setrlimit(RLIMIT_MEMLOCK, &none);
@@ -206,8 +198,8 @@ TEST(SecretMemory, SaysThatItIsNotLocked) {
     const SecretMemory memory(4096);
     const auto notes = setup_report();
     const auto note = std::ranges::find(notes, "memory of keys", &SetupNote::subject);
-    const bool is_said = note != notes.end() && note->grant == Grant::kRefused;
-    return std::string(memory.bytes().size() == 4096 && is_said ? "said" : "silent");
+    const bool is_reported = note != notes.end() && note->grant == Grant::kRefused;
+    return std::string(memory.bytes().size() == 4096 && is_reported ? "said" : "silent");
   });
   if (child.said == "skip") GTEST_SKIP() << "the user can't be changed";
   EXPECT_EQ(child.said, "said");

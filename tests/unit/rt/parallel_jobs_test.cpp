@@ -23,7 +23,7 @@ TEST(ParallelJobs, RunAtTheSameTime) {
   EXPECT_EQ(done_count, 8);
 }
 
-TEST(ParallelJobs, WaitForAThreadBeyondTheLimit) {
+TEST(ParallelJobs, RunNoMoreThreadsThanTheLimit) {
   std::atomic<int> running_count = 0;
   std::atomic<int> running_max = 0;
   std::atomic<int> done_count = 0;
@@ -44,7 +44,7 @@ TEST(ParallelJobs, WaitForAThreadBeyondTheLimit) {
   EXPECT_LE(running_max, 2);
 }
 
-TEST(ParallelJobs, MayAddJobs) {
+TEST(ParallelJobs, AcceptJobsFromJobs) {
   ParallelJobs jobs("test", 3);
   std::atomic<int> done_count = 0;
   for (int i = 0; i < 4; ++i) {

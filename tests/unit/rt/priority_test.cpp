@@ -38,7 +38,7 @@ TEST(PriorityMapping, IsLinearFrom1To89RoundedDown) {
   }
 }
 
-TEST(PriorityMapping, KeepsTheOrderAndLeavesTheTopLevelsToTheKernel) {
+TEST(PriorityMapping, IsMonotonicAndLeavesTheTopLevelsToTheKernel) {
   int previous = to_native(0);
   for (int priority = 0; priority <= Priority::kHighest; ++priority) {
     const int level = to_native(priority);
@@ -50,7 +50,7 @@ TEST(PriorityMapping, KeepsTheOrderAndLeavesTheTopLevelsToTheKernel) {
   }
 }
 
-TEST(CurrentPriority, IsNoneUntilItIsSet) {
+TEST(CurrentPriority, IsAbsentUntilItIsSet) {
   on_a_thread([] {
     EXPECT_EQ(current_priority(), std::nullopt);
     static_cast<void>(set_current_priority(100));
@@ -59,7 +59,7 @@ TEST(CurrentPriority, IsNoneUntilItIsSet) {
   on_a_thread([] { EXPECT_EQ(current_priority(), std::nullopt) << "each thread has its own"; });
 }
 
-TEST(CurrentPriority, IsTheThreadsFifoLevelWhereTheSystemAllows) {
+TEST(CurrentPriority, SetsTheThreadsFifoLevelIfAllowed) {
   if (!test::has_realtime_right()) GTEST_SKIP() << test::kNoRealtimeRight;
   on_a_thread([] {
     for (const int priority : {0, 20'000, 32'767, 20'000, 0}) {
@@ -69,7 +69,7 @@ TEST(CurrentPriority, IsTheThreadsFifoLevelWhereTheSystemAllows) {
   });
 }
 
-TEST(CurrentPriority, IsCarriedByCallsEvenWhereTheSystemRefuses) {
+TEST(CurrentPriority, IsKeptForCallsIfTheSystemRefuses) {
   const test::ChildResult child = test::run_in_child([]() -> std::string {
     test::drop_realtime_rights();
     if (set_current_priority(20'000)) return "the system is said to have allowed it";
@@ -100,7 +100,7 @@ TEST(AdoptPriority, LeavesATimeSharedThreadTimeShared) {
   });
 }
 
-TEST(PriorityMapping, IsReplaceable) {
+TEST(PriorityMapping, CanBeReplaced) {
   EXPECT_EQ(level_of(32'767), to_native(32'767));
   const auto three_levels = [](Priority priority) { return 10 + priority.value() / 10'923 * 20; };
   ASSERT_TRUE(set_priority_mapping(three_levels));
@@ -117,7 +117,7 @@ TEST(PriorityMapping, IsReplaceable) {
   EXPECT_EQ(level_of(11'000), to_native(11'000));
 }
 
-TEST(PriorityMapping, IsRefusedIfItGivesALevelThatIsNotAllowed) {
+TEST(PriorityMapping, IsRefusedIfALevelIsInvalid) {
   const auto text_of = [](PriorityMapping mapping) {
     const auto set = set_priority_mapping(mapping);
     return set ? std::string() : set.error().text();

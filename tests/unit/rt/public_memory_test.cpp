@@ -24,7 +24,7 @@ std::string own_name() {
   return "test-" + std::to_string(getpid());
 }
 
-TEST(PublicMemory, IsFoundByItsNameAndShowsWhatIsWritten) {
+TEST(PublicMemory, IsFoundByNameAndShared) {
   auto memory = PublicMemory::create(own_name(), 4096);
   ASSERT_TRUE(memory) << memory.error().text();
   memory->bytes()[17] = std::byte{1};
@@ -38,7 +38,7 @@ TEST(PublicMemory, IsFoundByItsNameAndShowsWhatIsWritten) {
   EXPECT_EQ(found[0].bytes()[17], std::byte{2}) << "it is the same memory";
 }
 
-TEST(PublicMemory, GoesWithItsOwner) {
+TEST(PublicMemory, DisappearsWithItsOwner) {
   {
     const auto memory = PublicMemory::create(own_name(), 4096);
     ASSERT_TRUE(memory);
@@ -46,7 +46,7 @@ TEST(PublicMemory, GoesWithItsOwner) {
   EXPECT_TRUE(find_public_memory(own_name(), kSizeMax).empty());
 }
 
-TEST(PublicMemory, OfAnotherNameOrTooLargeIsLeftOut) {
+TEST(PublicMemory, IsNotFoundByAnotherNameOrIfTooLarge) {
   const auto memory = PublicMemory::create(own_name() + "-more", 3 * 4096);
   ASSERT_TRUE(memory);
   EXPECT_TRUE(find_public_memory(own_name(), kSizeMax).empty());
@@ -55,7 +55,7 @@ TEST(PublicMemory, OfAnotherNameOrTooLargeIsLeftOut) {
 }
 
 // A file that can shrink could end its reader with a signal.
-TEST(PublicMemory, OfAForeignKindIsLeftOut) {
+TEST(PublicMemory, IsNotFoundIfItsFileCanShrink) {
   const std::string name = "rtpm-" + own_name();
   const int file = memfd_create(name.c_str(), MFD_CLOEXEC | MFD_ALLOW_SEALING);
   ASSERT_GE(file, 0);
@@ -66,7 +66,7 @@ TEST(PublicMemory, OfAForeignKindIsLeftOut) {
   close(file);
 }
 
-TEST(PublicMemory, IsNotWrittenByOthers) {
+TEST(PublicMemory, RefusesWritesByOtherProcesses) {
   const auto memory = PublicMemory::create(own_name(), 4096);
   ASSERT_TRUE(memory);
   const std::string folder = "/proc/self/fd/";
@@ -85,7 +85,7 @@ TEST(PublicMemory, IsNotWrittenByOthers) {
 }
 
 // A forked child shows its parent's memory once, not twice.
-TEST(PublicMemory, OfAForkedProcessCountsOnce) {
+TEST(PublicMemory, IsFoundOnceInAForkedProcess) {
   const auto memory = PublicMemory::create(own_name(), 4096);
   ASSERT_TRUE(memory);
   const std::string name = own_name();
@@ -94,7 +94,7 @@ TEST(PublicMemory, OfAForkedProcessCountsOnce) {
   EXPECT_EQ(child.said, "1");
 }
 
-TEST(PublicMemory, IsReadWhileItsProcessStandsStillAndLeavesNothingWhenItIsKilled) {
+TEST(PublicMemory, IsReadableWhileItsProcessIsStoppedAndAfterItIsKilled) {
   const std::string name = own_name() + "-child";
   const pid_t child = fork();
   ASSERT_GE(child, 0);
@@ -116,7 +116,7 @@ TEST(PublicMemory, IsReadWhileItsProcessStandsStillAndLeavesNothingWhenItIsKille
   kill(child, SIGKILL);
   ASSERT_EQ(waitpid(child, &status, 0), child);
   EXPECT_FALSE(found[0].is_alive());
-  EXPECT_EQ(found[0].bytes()[0], std::byte{9}) << "who reads goes on reading";
+  EXPECT_EQ(found[0].bytes()[0], std::byte{9}) << "the mapping stays readable";
   EXPECT_TRUE(find_public_memory(name, kSizeMax).empty());
 }
 

@@ -25,7 +25,7 @@ std::optional<SetupNote> note_of(const std::string& subject) {
 
 Grant grant_of(const std::string& subject) {
   const auto note = note_of(subject);
-  EXPECT_TRUE(note) << "nothing is said of " << subject;
+  EXPECT_TRUE(note) << "no note about " << subject;
   return note ? note->grant : Grant::kGranted;
 }
 
@@ -34,7 +34,7 @@ void start(const ThreadConfig& config) {
   EXPECT_TRUE(thread) << thread.error().text();
 }
 
-TEST(SetupReport, SaysHowEachThreadRuns) {
+TEST(SetupReport, ReportsHowEachThreadRuns) {
   start({.name = "shy", .priority = 7, .realtime = RealtimeMode::kOff});
   EXPECT_EQ(grant_of("thread 'shy'"), Grant::kNotAsked);
   start({.name = "low", .priority = 7, .schedule = Schedule::kTimeShared});
@@ -46,7 +46,7 @@ TEST(SetupReport, SaysHowEachThreadRuns) {
   EXPECT_EQ(note_of("thread 'high'")->text, "SCHED_FIFO 89, on CPU 0");
 }
 
-TEST(SetupReport, SaysWhatWasRefusedWithTheRemedy) {
+TEST(SetupReport, ReportsRefusalsWithTheRemedy) {
   if (test::kHasSanitizer) GTEST_SKIP() << test::kSanitizersLockNothing;
   const auto child = test::run_in_child([] {
     test::drop_realtime_rights();
@@ -62,7 +62,7 @@ TEST(SetupReport, SaysWhatWasRefusedWithTheRemedy) {
   }
 }
 
-TEST(SetupReport, HasEachSubjectOnce) {
+TEST(SetupReport, KeepsTheLastNoteOfEachSubject) {
   note_setup({"a thing", Grant::kRefused, "no", "ask again"});
   note_setup({"a thing", Grant::kGranted, "yes", ""});
   const auto report = setup_report();
@@ -79,7 +79,7 @@ TEST(SetupReport, StaysBounded) {
   EXPECT_EQ(child.said, std::to_string(kSetupNoteCountMax));
 }
 
-TEST(Spinning, AtARealtimeLevelIsTakenForWhatTheKernelMakesOfIt) {
+TEST(Spinning, IsRefusedOrPartialAtARealtimeLevel) {
   if (!realtime_limit().is_limited()) GTEST_SKIP() << "nothing limits real-time threads here";
   ThreadConfig config{.name = "spinner", .priority = 5, .realtime = RealtimeMode::kRequire};
   const auto refused = check_spinning(config);
@@ -91,7 +91,7 @@ TEST(Spinning, AtARealtimeLevelIsTakenForWhatTheKernelMakesOfIt) {
   EXPECT_EQ(grant_of("spin of 'spinner'"), Grant::kPartly);
 }
 
-TEST(Spinning, OutsideRealtimeLevelsIsFree) {
+TEST(Spinning, IsAllowedOutsideRealtimeLevels) {
   EXPECT_TRUE(check_spinning({.name = "free",
                               .priority = 5,
                               .realtime = RealtimeMode::kRequire,
@@ -113,7 +113,7 @@ TEST(CpuLatency, IsHeldAsLongAsTheRequest) {
   EXPECT_EQ(grant_of("CPU latency"), Grant::kGranted);
 }
 
-TEST(CpuLatency, ThatIsRequiredAndRefusedIsAnError) {
+TEST(CpuLatency, FailsIfRequiredAndRefused) {
   const auto child = test::run_in_child([] {
     test::drop_realtime_rights();
     const auto request = CpuLatencyRequest::open(Duration{0}, RealtimeMode::kRequire);
@@ -122,7 +122,7 @@ TEST(CpuLatency, ThatIsRequiredAndRefusedIsAnError) {
   EXPECT_NE(child.said.find("Remedy: give the user write access"), child.said.npos) << child.said;
 }
 
-TEST(RepeatedWarning, IsSaidAtOnceAndThenNowAndThen) {
+TEST(RepeatedWarning, IsPrintedAtOnceAndThenAtIntervals) {
   const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
     RepeatedWarning warning;
     const MonotonicTime begin = now();

@@ -14,9 +14,9 @@ class SpinEstimatorTest : public testing::Test {
  protected:
   /// Whether the thread spins at the start of a pause of this length.
   bool spins(Duration pause) {
-    const bool does = sense_.on_idle(now_, kSpin);
+    const bool does = estimator_.on_idle(now_, kSpin);
     now_ += pause;
-    sense_.on_work(now_);
+    estimator_.on_work(now_);
     now_ += 5us;
     return does;
   }
@@ -29,27 +29,27 @@ class SpinEstimatorTest : public testing::Test {
   }
 
  private:
-  SpinEstimator sense_;
+  SpinEstimator estimator_;
   MonotonicTime now_{1'000s};
 };
 
-TEST_F(SpinEstimatorTest, SpinsUntilItKnowsBetter) {
+TEST_F(SpinEstimatorTest, SpinsByDefault) {
   EXPECT_TRUE(spins(20us));
   EXPECT_EQ(count(1000, 20us), 1000);
 }
 
-TEST_F(SpinEstimatorTest, GivesUpWhereTheNextCallNeverComesInTime) {
+TEST_F(SpinEstimatorTest, StopsSpinningWhenCallsComeTooLate) {
   EXPECT_LE(count(1000, 1ms), 20);
   EXPECT_EQ(count(1000, 1ms), 0);
 }
 
-TEST_F(SpinEstimatorTest, SpinsAgainAfterTheFirstCallThatCameInTime) {
+TEST_F(SpinEstimatorTest, SpinsAgainAfterACallInTime) {
   count(1000, 1ms);
   EXPECT_FALSE(spins(20us)) << "it blocked, and would have been better off";
   EXPECT_TRUE(spins(20us));
 }
 
-TEST_F(SpinEstimatorTest, SpinsForACallerThatCallsTwiceInARow) {
+TEST_F(SpinEstimatorTest, SpinsForACallerThatCallsTwiceInEachTurn) {
   count(1000, 1ms);
   spins(20us);
   int spun = 0;
@@ -60,19 +60,19 @@ TEST_F(SpinEstimatorTest, SpinsForACallerThatCallsTwiceInARow) {
   EXPECT_GT(spun, 90) << "which of the two pauses comes next it does not know";
 }
 
-TEST_F(SpinEstimatorTest, TakesWorkOfBeforeForNothingNew) {
-  SpinEstimator sense;
+TEST_F(SpinEstimatorTest, IgnoresTheTimeOfFormerWork) {
+  SpinEstimator estimator;
   MonotonicTime now{1s};
   // The ring brings no work: the time of the last work stays the same.
   for (int i = 0; i < 100; ++i) {
     const MonotonicTime work = now;
     now += 5us;
-    static_cast<void>(sense.on_idle(now, kSpin));
-    sense.on_work(work);
+    static_cast<void>(estimator.on_idle(now, kSpin));
+    estimator.on_work(work);
     now += 1ms;
-    sense.on_work(now);
+    estimator.on_work(now);
   }
-  EXPECT_FALSE(sense.on_idle(now, kSpin));
+  EXPECT_FALSE(estimator.on_idle(now, kSpin));
 }
 
 }  // namespace

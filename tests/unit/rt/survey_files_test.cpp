@@ -35,7 +35,7 @@ TEST(CpuLists, AreReadAndWrittenAsTheKernelDoes) {
   EXPECT_EQ(cpu_list_text({}), "");
 }
 
-TEST_F(HostFilesTest, OfAnEmptyHostAreEmpty) {
+TEST_F(HostFilesTest, AreEmptyForAnEmptyHost) {
   const HostFiles files = read({1});
   EXPECT_FALSE(files.is_realtime_kernel);
   EXPECT_FALSE(files.is_virtual_machine);
@@ -48,7 +48,7 @@ TEST_F(HostFilesTest, OfAnEmptyHostAreEmpty) {
   EXPECT_FALSE(files.load);
 }
 
-TEST_F(HostFilesTest, TellKernelMachineClockAndMemory) {
+TEST_F(HostFilesTest, ReportKernelMachineClockAndMemory) {
   host_.put("/sys/kernel/realtime", "1");
   host_.put("/proc/cpuinfo", "processor : 0\nflags : fpu hypervisor\nflags : fpu");
   host_.put("/sys/devices/system/clocksource/clocksource0/current_clocksource", "hpet");
@@ -70,7 +70,7 @@ TEST_F(HostFilesTest, TellKernelMachineClockAndMemory) {
   EXPECT_EQ(files.load, 17.25);
 }
 
-TEST_F(HostFilesTest, TellTheGovernorOfEachCpu) {
+TEST_F(HostFilesTest, ReportTheGovernorOfEachCpu) {
   const std::string folder = "/sys/devices/system/cpu/";
   host_.put(folder + "cpu0/cpufreq/scaling_governor", "powersave");
   host_.put(folder + "cpu10/cpufreq/scaling_governor", "performance");
@@ -82,7 +82,7 @@ TEST_F(HostFilesTest, TellTheGovernorOfEachCpu) {
   EXPECT_TRUE(files.frequencies[2].path.ends_with("/cpu10/cpufreq/scaling_governor"));
 }
 
-TEST_F(HostFilesTest, TellEachIdleStateOnceAndWhetherSomeCpuHasIt) {
+TEST_F(HostFilesTest, ReportEachIdleStateOnceAndWhetherACpuUsesIt) {
   const std::string folder = "/sys/devices/system/cpu/";
   host_.put(folder + "cpuidle/current_driver", "intel_idle");
   for (const char* cpu : {"cpu0", "cpu1"}) {
@@ -100,7 +100,7 @@ TEST_F(HostFilesTest, TellEachIdleStateOnceAndWhetherSomeCpuHasIt) {
   EXPECT_EQ(read().idle_driver, "");
 }
 
-TEST_F(HostFilesTest, TellIsolatedCpusOfTheCommandLineAndOfCpusets) {
+TEST_F(HostFilesTest, ReportIsolatedCpusOfCommandLineAndCpusets) {
   host_.put("/sys/devices/system/cpu/online", "0-7");
   host_.put("/sys/devices/system/cpu/isolated", "6");
   host_.put("/sys/devices/system/cpu/nohz_full", "6-7");
@@ -111,7 +111,7 @@ TEST_F(HostFilesTest, TellIsolatedCpusOfTheCommandLineAndOfCpusets) {
   EXPECT_EQ(files.online_cpus.size(), 8u);
 }
 
-TEST_F(HostFilesTest, CountOnlyConfinedRealtimeThreadsOfTheProcessesAsPinned) {
+TEST_F(HostFilesTest, CountConfinedRealtimeThreadsAsPinned) {
   host_.put("/sys/devices/system/cpu/online", "0-3");
   put_thread("40/task/41", "1", "2");    // SCHED_FIFO, confined.
   put_thread("40/task/42", "1", "0-3");  // Anywhere.
@@ -121,7 +121,7 @@ TEST_F(HostFilesTest, CountOnlyConfinedRealtimeThreadsOfTheProcessesAsPinned) {
   EXPECT_EQ(read({40, 50, 60}).pinned_cpus, (Cpus{2, 3}));
 }
 
-TEST_F(HostFilesTest, TellInterruptsByCpuAndWhereTheyMayGo) {
+TEST_F(HostFilesTest, ReportInterruptsByCpuAndTheirAffinity) {
   host_.put("/proc/interrupts",
             "           CPU0       CPU2\n"
             " 36:          0      45573 PCI-MSIX-0000:00:02.0   1-edge      virtio1-req.0\n"
@@ -142,7 +142,7 @@ TEST_F(HostFilesTest, TellInterruptsByCpuAndWhereTheyMayGo) {
   EXPECT_TRUE(read().interrupts.empty());
 }
 
-TEST_F(HostFilesTest, TellWhetherIrqbalanceRuns) {
+TEST_F(HostFilesTest, ReportWhetherIrqbalanceRuns) {
   host_.put("/proc/12/comm", "irqbalance-ui");
   EXPECT_FALSE(read().has_irqbalance);
   host_.put("/proc/13/comm", "irqbalance");
@@ -167,19 +167,19 @@ TEST_F(HostFilesTest, AreChangedByASettingAndReadBack) {
   EXPECT_NE(absent->problem, "");
 }
 
-TEST_F(HostFilesTest, ThatHoldTheValueAreLeftAlone) {
+TEST_F(HostFilesTest, AreUnchangedIfTheyHoldTheValue) {
   host_.put("/value", "always [madvise] never");
   EXPECT_FALSE(apply({host_.root() + "/value", "madvise"}, false));
 }
 
-TEST_F(HostFilesTest, OfTheSystemRefuseAnOrdinaryUser) {
-  if (geteuid() == 0) GTEST_SKIP() << "runs as root, whom nothing refuses";
+TEST_F(HostFilesTest, RefuseChangesByAnOrdinaryUser) {
+  if (geteuid() == 0) GTEST_SKIP() << "needs a user other than root";
   const auto change = apply({"/proc/sys/net/core/rmem_max", "4194305"}, false);
   ASSERT_TRUE(change);
   EXPECT_NE(change->problem.find("needs root"), std::string::npos) << change->problem;
 }
 
-TEST_F(HostFilesTest, ThatKeepAnotherValueSaySo) {
+TEST_F(HostFilesTest, ReportAValueThatTheSystemKeeps) {
   const auto change = apply({"/dev/null", "never"}, false);
   ASSERT_TRUE(change);
   EXPECT_NE(change->problem.find("the system keeps"), std::string::npos) << change->problem;

@@ -11,7 +11,7 @@ namespace {
 constexpr const char* kRouteHead =
     "Iface Destination Gateway Flags RefCnt Use Metric Mask MTU Window IRTT\n";
 
-TEST(MulticastFacts, NameInterfacesAndTheMostExactRoute) {
+TEST(MulticastFacts, ListInterfacesAndTheMostSpecificRoute) {
   const FakeHost host;
   host.put("/sys/class/net/lo/flags", "0x9");
   host.put("/sys/class/net/eth0/flags", "0x1003");
@@ -45,11 +45,11 @@ class Multicast : public testing::Test {
                         .route = "eth0"};
 };
 
-TEST_F(Multicast, ThatComesBackIsGood) {
+TEST_F(Multicast, IsGoodIfItsTrialReturns) {
   expect_finding(Severity::kGood, "goes by eth0", "");
 }
 
-TEST_F(Multicast, WithoutARouteHasOneToAdd) {
+TEST_F(Multicast, NamesTheMissingRoute) {
   facts_.route = "";
   facts_.trial = MulticastTrial::kNotSent;
   expect_finding(Severity::kNote, "no route leads to 239.255.42.1",
@@ -58,18 +58,18 @@ TEST_F(Multicast, WithoutARouteHasOneToAdd) {
   expect_finding(Severity::kNote, "no route", "dev lo");
 }
 
-TEST_F(Multicast, OfAnInterfaceWithoutItIsSwitchedOn) {
+TEST_F(Multicast, NamesAnInterfaceWithoutMulticast) {
   facts_.interfaces[1].has_multicast = false;
   expect_finding(Severity::kNote, "eth0, has multicast switched off",
                  "sudo ip link set dev eth0 multicast on");
 }
 
-TEST_F(Multicast, OfAnInterfaceThatIsDownIsBroughtUp) {
+TEST_F(Multicast, NamesAnInterfaceThatIsDown) {
   facts_.interfaces[1].is_up = false;
   expect_finding(Severity::kNote, "eth0, is down", "sudo ip link set dev eth0 up");
 }
 
-TEST_F(Multicast, ThatIsRefusedNotSentOrLostIsTold) {
+TEST_F(Multicast, ReportsARefusedUnsentOrLostTrial) {
   facts_.trial = MulticastTrial::kRefused;
   facts_.reason = "multicast group 239.255.42.1:7422 can't be used: No such device";
   expect_finding(Severity::kNote, "No such device", "see which system calls are allowed");
@@ -87,7 +87,7 @@ TEST_F(Multicast, ThatIsRefusedNotSentOrLostIsTold) {
   expect_finding(Severity::kNote, "did not come back", "nft list ruleset");
 }
 
-TEST(PortHolders, AreFoundByTheSystemsTables) {
+TEST(PortHolders, AreFoundInTheSystemsTables) {
   const FakeHost host;
   const std::string head = "  sl  local_address rem_address   st ...\n";
   const std::string rest = " 00000000:00000000 00:00000000 00000000     0        0 ";
@@ -111,7 +111,7 @@ TEST(PortHolders, AreFoundByTheSystemsTables) {
   EXPECT_FALSE(holder_of_port(host.root(), 7422)) << "it is connected to a peer";
 }
 
-TEST(PortHolders, OfThisHostIncludeThisTest) {
+TEST(PortHolders, IncludeThisProcess) {
   const int socket = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   sockaddr_in address{};
   address.sin_family = AF_INET;

@@ -61,7 +61,7 @@ class Judgement : public testing::Test {
   HostAnswers answers_ = good_answers();
 };
 
-TEST_F(Judgement, OfAHostThatIsWellSetUpIsGoodThroughout) {
+TEST_F(Judgement, FindsNoFaultOnAWellConfiguredHost) {
   std::set<std::string> ids;
   for (const Finding& found : judge_host(files_, answers_)) {
     EXPECT_EQ(found.severity, Severity::kGood) << found.id << ": " << found.text;
@@ -71,7 +71,7 @@ TEST_F(Judgement, OfAHostThatIsWellSetUpIsGoodThroughout) {
   }
 }
 
-TEST_F(Judgement, OfRefusedRightsNamesTheLimitToPaste) {
+TEST_F(Judgement, NamesTheLimitForRefusedRights) {
   answers_.realtime_refusal = SetupError{"thread 'x' can't run at SCHED_FIFO 89", "", "ask"};
   answers_.memory_lock_refusal = SetupError{"memory can't be locked (no; the limit is 64 KiB): y"};
   expect_finding("realtime", Severity::kProblem, "can't run at SCHED_FIFO 89",
@@ -82,14 +82,14 @@ TEST_F(Judgement, OfRefusedRightsNamesTheLimitToPaste) {
   expect_finding("realtime", Severity::kProblem, "", "ask");
 }
 
-TEST_F(Judgement, OfThrottlingSaysHowLongThreadsStop) {
+TEST_F(Judgement, StatesHowLongThrottlingStopsThreads) {
   answers_.realtime_limit = {milliseconds{950}, milliseconds{1000}};
   expect_finding("throttling", Severity::kNote, "950 of 1000 ms", "kernel.sched_rt_runtime_us=-1");
   EXPECT_NE(finding("throttling").cost.find("for 50 ms of each 1000 ms"), std::string::npos);
   EXPECT_FALSE(finding("throttling").is_fixable()) << "a thread that hangs would hang the host";
 }
 
-TEST_F(Judgement, OfTimerSlackDependsOnTheRightToRealTime) {
+TEST_F(Judgement, RatesTimerSlackByTheRightToRealTime) {
   answers_.timer_slack = milliseconds{5};
   expect_finding("timer-slack", Severity::kWarning, "5000 µs", "TimerSlackNSec=50us");
   answers_.timer_slack = microseconds{50};
@@ -97,14 +97,14 @@ TEST_F(Judgement, OfTimerSlackDependsOnTheRightToRealTime) {
   expect_finding("timer-slack", Severity::kNote, "50 µs", "see realtime");
 }
 
-TEST_F(Judgement, OfKernelAndMachine) {
+TEST_F(Judgement, RatesKernelAndMachine) {
   files_.is_realtime_kernel = false;
   files_.is_virtual_machine = true;
   expect_finding("kernel", Severity::kWarning, "not a real-time kernel", "linux-image-rt-amd64");
   expect_finding("machine", Severity::kNote, "virtual machine", "on the host itself");
 }
 
-TEST_F(Judgement, OfTheLoadDependsOnTheCpus) {
+TEST_F(Judgement, RatesTheLoadByTheCpus) {
   answers_.usable_cpu_count = 2;
   files_.load = 17;
   expect_finding("load", Severity::kWarning, "17.0 threads wanted a CPU", "top");
@@ -114,12 +114,12 @@ TEST_F(Judgement, OfTheLoadDependsOnTheCpus) {
   expect_finding("load", Severity::kNote, "does not tell");
 }
 
-TEST_F(Judgement, OfASingleCpuIsThatNothingSpins) {
+TEST_F(Judgement, WarnsOfASingleCpu) {
   answers_.usable_cpu_count = 1;
   expect_finding("cpus", Severity::kWarning, "1 CPU is usable", "a second CPU");
 }
 
-TEST_F(Judgement, OfIsolationNamesACpuWhereThereAreEnough) {
+TEST_F(Judgement, NamesACpuToIsolateIfThereAreEnough) {
   files_.isolated_cpus = {};
   expect_finding("isolation", Severity::kNote, "no CPU is kept free",
                  "isolcpus=managed_irq,domain,3 nohz_full=3");
@@ -130,7 +130,7 @@ TEST_F(Judgement, OfIsolationNamesACpuWhereThereAreEnough) {
                  "nohz_full=2,3");
 }
 
-TEST_F(Judgement, OfInterruptsCountsThoseThatLandOnKeptCpus) {
+TEST_F(Judgement, CountsInterruptsThatLandOnReservedCpus) {
   files_.interrupts = {{36, "disk", {3}, {{3, 7}}},
                        {37, "eth0", {0, 3}, {{0, 9}}},  // It never interrupted CPU 3.
                        {38, "usb", {0}, {{3, 5}}}};     // It has moved away since.
@@ -146,14 +146,14 @@ TEST_F(Judgement, OfInterruptsCountsThoseThatLandOnKeptCpus) {
                  "confine lanes to fewer CPUs");
 }
 
-TEST_F(Judgement, OfManyInterruptsShowsAFew) {
+TEST_F(Judgement, NamesAFewOfManyInterrupts) {
   for (int number = 1; number <= 40; ++number)
     files_.interrupts.push_back({number, "queue", {3}, {{3, 1}}});
   expect_finding("interrupts", Severity::kWarning, "40 interrupts land on CPU 3", "/proc/irq/4/");
   EXPECT_EQ(finding("interrupts").remedy.find("/proc/irq/5/"), std::string::npos);
 }
 
-TEST_F(Judgement, OfIrqbalanceSparesIsolatedCpus) {
+TEST_F(Judgement, AllowsIrqbalanceBesideIsolatedCpus) {
   files_.has_irqbalance = true;
   expect_finding("irqbalance", Severity::kGood, "leaves isolated CPUs alone");
   files_.pinned_cpus = {1};
@@ -163,7 +163,7 @@ TEST_F(Judgement, OfIrqbalanceSparesIsolatedCpus) {
   expect_finding("irqbalance", Severity::kGood, "no CPU is kept from it");
 }
 
-TEST_F(Judgement, OfGovernorsFixesThoseThatAreNotAtFullSpeed) {
+TEST_F(Judgement, FixesGovernorsBelowFullSpeed) {
   files_.frequencies = {{"/a", "performance"}, {"/b", "schedutil"}};
   expect_finding("frequency", Severity::kWarning, "1 of 2 CPUs is 'schedutil'",
                  "rtpm doctor --fix");
@@ -172,7 +172,7 @@ TEST_F(Judgement, OfGovernorsFixesThoseThatAreNotAtFullSpeed) {
   expect_finding("frequency", Severity::kGood, "'performance'");
 }
 
-TEST_F(Judgement, OfIdleStatesGoesByTheDeepestThatIsEnabled) {
+TEST_F(Judgement, RatesTheDeepestEnabledIdleState) {
   files_.idle_driver = "intel_idle";
   files_.idle_states = {
       {"POLL", Duration{0}, true}, {"C1", microseconds{2}, true}, {"C6", microseconds{133}, false}};
@@ -185,7 +185,7 @@ TEST_F(Judgement, OfIdleStatesGoesByTheDeepestThatIsEnabled) {
                  "KERNEL==\"cpu_dma_latency\"");
 }
 
-TEST_F(Judgement, OfClocks) {
+TEST_F(Judgement, RatesClocks) {
   files_.clock_source = "hpet";
   expect_finding("clock", Severity::kWarning, "'hpet' takes a system call", "dmesg");
   files_.clock_source = "";
@@ -196,7 +196,7 @@ TEST_F(Judgement, OfClocks) {
   expect_finding("clock-sync", Severity::kNote, "no program keeps the clock", "chrony");
 }
 
-TEST_F(Judgement, OfSocketBuffersFixesWhatIsTooSmall) {
+TEST_F(Judgement, FixesSocketBuffersThatAreTooSmall) {
   files_.rmem_max = 212992;
   expect_finding("socket-buffers", Severity::kWarning, "208 KiB to receive",
                  "sudo sysctl -w net.core.rmem_max=4194304");
@@ -210,7 +210,7 @@ TEST_F(Judgement, OfSocketBuffersFixesWhatIsTooSmall) {
   expect_finding("socket-buffers", Severity::kNote, "does not tell");
 }
 
-TEST_F(Judgement, OfSharedMemoryGoesBySizeAndWhatIsFree) {
+TEST_F(Judgement, RatesSharedMemoryBySizeAndFreeBytes) {
   answers_.shared_memory_free = 1 << 20;
   expect_finding("shared-memory", Severity::kWarning, "1024 MiB, 1 MiB of them free", "size=1g");
   answers_.shared_memory_size = 64 << 20;
@@ -219,7 +219,7 @@ TEST_F(Judgement, OfSharedMemoryGoesBySizeAndWhatIsFree) {
   expect_finding("shared-memory", Severity::kWarning, "there is no /dev/shm", "mount -t tmpfs");
 }
 
-TEST_F(Judgement, OfHugePagesAndSwap) {
+TEST_F(Judgement, RatesHugePagesAndSwap) {
   files_.huge_pages = "madvise";
   expect_finding("huge-pages", Severity::kGood, "'madvise'");
   files_.huge_pages = "always";
@@ -231,26 +231,14 @@ TEST_F(Judgement, OfHugePagesAndSwap) {
   expect_finding("swap", Severity::kWarning, "can't be locked", "swapoff -a");
 }
 
-std::string lines_of_survey() {
-  std::string text;
-  for (const Finding& finding : survey_host())
-    text += finding.id + "=" + std::string(to_string(finding.severity)) + ";";
-  return text;
-}
-
-TEST(Survey, JudgesThisHostByAllSubjects) {
-  const auto child = test::run_in_child(lines_of_survey);
-  for (const char* id : {"realtime=", "throttling=", "memory-lock=", "kernel=", "cpus=",
-                         "frequency=", "clock=", "swap=", "interrupts=", "timer-slack="}) {
-    EXPECT_NE(child.said.find(id), child.said.npos) << id << " is not in " << child.said;
-  }
-}
-
-TEST(Survey, IsAProblemWithoutTheRights) {
+TEST(Survey, ReportsProblemsWithoutTheRights) {
   if (test::kHasSanitizer) GTEST_SKIP() << test::kSanitizersLockNothing;
   const auto child = test::run_in_child([] {
     test::drop_realtime_rights();
-    return lines_of_survey();
+    std::string text;
+    for (const Finding& finding : survey_host())
+      text += finding.id + "=" + std::string(to_string(finding.severity)) + ";";
+    return text;
   });
   for (const char* id : {"realtime=problem", "memory-lock=problem"})
     EXPECT_NE(child.said.find(id), child.said.npos) << id << " is not in " << child.said;
