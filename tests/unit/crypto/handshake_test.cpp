@@ -69,7 +69,7 @@ INSTANTIATE_TEST_SUITE_P(All, HandshakeTest, ::testing::Values(Suite::kChaChaPol
                            return suite.param == Suite::kAesGcm ? "AesGcm" : "ChaChaPoly";
                          });
 
-TEST_P(HandshakeTest, GivesBothSidesTheSameKeysAndTheServerTheClientsName) {
+TEST_P(HandshakeTest, GivesBothSidesTheSameKeysAndTheServerTheClientsKey) {
   Handshake handshake(GetParam());
   const auto client = handshake.read_1(handshake.write_1());
   ASSERT_TRUE(client);
@@ -86,7 +86,7 @@ TEST_P(HandshakeTest, GivesBothSidesTheSameKeysAndTheServerTheClientsName) {
   EXPECT_FALSE(handshake.responder->keys());
 }
 
-TEST_P(HandshakeTest, AnyFlippedBitOfMessage1IsRefused) {
+TEST_P(HandshakeTest, RefusesAnyFlippedBitOfMessage1) {
   Handshake source(GetParam());
   const Bytes message = source.write_1(8);
   for (std::size_t bit = 0; bit < 8 * message.size(); bit += 3) {
@@ -101,7 +101,7 @@ TEST_P(HandshakeTest, AnyFlippedBitOfMessage1IsRefused) {
 }
 
 // sec-3-4
-TEST_P(HandshakeTest, ForgedMessages2LeaveTheHandshakeWaitingForTheRightOne) {
+TEST_P(HandshakeTest, KeepsWaitingAfterForgedMessages2) {
   Handshake handshake(GetParam());
   ASSERT_TRUE(handshake.read_1(handshake.write_1()));
   const Bytes message = handshake.write_2(8);
@@ -116,7 +116,7 @@ TEST_P(HandshakeTest, ForgedMessages2LeaveTheHandshakeWaitingForTheRightOne) {
   EXPECT_TRUE(handshake.initiator->keys());
 }
 
-TEST_P(HandshakeTest, NothingFitsAnotherPrologueServerSecretOrSuite) {
+TEST_P(HandshakeTest, RefusesAnotherPrologueServerSecretOrSuite) {
   Handshake handshake(GetParam());
   const Bytes message = handshake.write_1(0);
   const auto expect_refused = [&](Responder responder) {
@@ -138,7 +138,7 @@ TEST_P(HandshakeTest, NothingFitsAnotherPrologueServerSecretOrSuite) {
 }
 
 // sec-2-3
-TEST_P(HandshakeTest, KeysOfSmallOrderEndIt) {
+TEST_P(HandshakeTest, RefusesKeysOfSmallOrder) {
   Handshake handshake(GetParam());
   Initiator initiator(GetParam(), handshake.client_key.clone(), PublicKey{}, Secret{},
                       random_pair(handshake.random), kPrologue);
@@ -152,7 +152,7 @@ TEST_P(HandshakeTest, KeysOfSmallOrderEndIt) {
 }
 
 // sec-3-1: an ephemeral key sends no second message.
-TEST_P(HandshakeTest, MessagesHaveTheirSizeAndTheirTurn) {
+TEST_P(HandshakeTest, RefusesMessagesOfWrongSizeOrOutOfTurn) {
   Handshake handshake(GetParam());
   Bytes message(message_1_size(4) - 1);
   EXPECT_EQ(handshake.initiator->write_message_1(Bytes(4), message).error(),
@@ -171,7 +171,7 @@ TEST_P(HandshakeTest, MessagesHaveTheirSizeAndTheirTurn) {
 }
 
 // A server that gets the same message 1 twice creates different keys each time.
-TEST_P(HandshakeTest, ReplayedMessage1GivesOtherKeys) {
+TEST_P(HandshakeTest, GivesOtherKeysForAReplayedMessage1) {
   Handshake handshake(GetParam());
   const Bytes message = handshake.write_1();
   ASSERT_TRUE(handshake.read_1(message));

@@ -4,8 +4,8 @@
 
 #include <string_view>
 
-#include "rtpm/crypto/key_text.hpp"
 #include "crypto_fixture.hpp"
+#include "rtpm/crypto/key_text.hpp"
 #include "vectors.hpp"
 
 namespace rtpm::crypto::test {
@@ -39,7 +39,7 @@ TEST(Primitives, AgreeAsInRfc7748) {
 }
 
 // sec-2-3
-TEST(Primitives, KeysOfSmallOrderAreRefused) {
+TEST(Primitives, RefuseKeysOfSmallOrder) {
   const KeyPair pair = KeyPair::generate();
   Secret shared;
   EXPECT_FALSE(agree(pair.private_key, PublicKey{}, shared));
@@ -78,7 +78,7 @@ TEST(Primitives, SealAsInRfc8439) {
 }
 
 // Test case 14 of the proposal of GCM to NIST: a key, a nonce and a block of zeros.
-TEST(Primitives, SealAsInTheProposalOfGcm) {
+TEST(Primitives, SealAsInTheGcmProposal) {
   if (all_suites().size() < 2) GTEST_SKIP() << "this machine has no hardware for AES";
   AeadKey key;
   key.set(Suite::kAesGcm, Secret{});
@@ -90,7 +90,7 @@ TEST(Primitives, SealAsInTheProposalOfGcm) {
 }
 
 // sec-2-2
-TEST(Primitives, TheBetterSuiteNeedsBothSides) {
+TEST(Primitives, ChooseTheBestCommonSuite) {
   const auto chacha = static_cast<std::uint8_t>(Suite::kChaChaPoly);
   const std::uint8_t both = 3;
   EXPECT_EQ(best_suite(both, both), Suite::kAesGcm);
@@ -99,7 +99,7 @@ TEST(Primitives, TheBetterSuiteNeedsBothSides) {
   EXPECT_NE(suites_here() & chacha, 0);
 }
 
-TEST(Primitives, MovingASecretWipesItsSource) {
+TEST(Primitives, WipeTheSourceOfAMovedSecret) {
   Random random(1);
   Secret from = random_secret(random);
   const Secret to = std::move(from);
@@ -107,7 +107,7 @@ TEST(Primitives, MovingASecretWipesItsSource) {
   EXPECT_TRUE(std::ranges::equal(from.bytes(), Bytes(kKeySize)));  // NOLINT: the moved-from object.
 }
 
-TEST(Primitives, KeysAreTextAndBack) {
+TEST(Primitives, ConvertKeysToTextAndBack) {
   Random random(2);
   for (int i = 0; i < 100; ++i) {
     const PublicKey key = random_pair(random).public_key;

@@ -61,7 +61,7 @@ TEST(Arm, NeverGainsEnergyByItself) {
   }
 }
 
-TEST(Arm, InAStiffHandNeverGainsEnergyWhateverTheStep) {
+TEST(Arm, NeverGainsEnergyInAStiffHandAtAnyStep) {
   for (const double stiffness : {10.0, 300.0, 1e5}) {
     HandConfig held;
     held.stiffness_newton_per_m = stiffness;
@@ -93,7 +93,7 @@ TEST(Arm, IsPulledToTheHand) {
   EXPECT_NEAR(arm.hand_newton().x(), -1.5, 1e-3);
 }
 
-TEST(Arm, FeelsNoMoreThanTheHandCanPull) {
+TEST(Arm, LimitsTheForceOfTheHand) {
   HandConfig weak;
   weak.force_newton_max = 2;
   Arm arm{ArmConfig{}, hand_at(0.09, 0, 0, weak)};
@@ -104,7 +104,7 @@ TEST(Arm, FeelsNoMoreThanTheHandCanPull) {
   EXPECT_LT(arm.motion().position_m.x(), 0) << "the motors win";
 }
 
-TEST(Arm, SaturatesAndKeepsTheDirection) {
+TEST(Arm, SaturatesInTheDirectionOfItsCommand) {
   Arm arm{ArmConfig{}};
   arm.step({3, 4, 0}, milliseconds{1});
   EXPECT_FALSE(arm.is_saturated());
@@ -129,7 +129,7 @@ TEST(Arm, TreatsACommandThatIsNotFiniteAsZero) {
   }
 }
 
-TEST(Arm, StopsAtItsStops) {
+TEST(Arm, HaltsAtItsStops) {
   Arm arm{ArmConfig{}};
   for (int ms = 0; ms < 1000; ++ms)
     arm.step({9, 9, -9}, milliseconds{1});
@@ -139,7 +139,7 @@ TEST(Arm, StopsAtItsStops) {
   EXPECT_EQ(arm.motion().velocity_m_per_s, no_force) << "a stop does not throw it back";
 }
 
-TEST(Arm, TimeStandsStillInALongPauseAndNeverGoesBack) {
+TEST(Arm, BoundsTheTimeOfAStepAndNeverGoesBack) {
   Arm arm{ArmConfig{}};
   arm.step(no_force, seconds{60});
   EXPECT_DOUBLE_EQ(arm.time_s(), 0.020);

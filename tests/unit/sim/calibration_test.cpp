@@ -57,7 +57,7 @@ TEST(ArmCalibration, FindsTheEncodersOffset) {
     EXPECT_NEAR(first[i], second[i], 1e-9);
 }
 
-TEST(ArmCalibration, EachArmHasAnErrorOfItsOwn) {
+TEST(ArmCalibration, DrawsTheErrorFromTheSeed) {
   auto one = make_arm({.is_held = false, .seed = 1, .encoder_error_m = kErrorMetres});
   auto same = make_arm({.is_held = false, .seed = 1, .encoder_error_m = kErrorMetres});
   auto other = make_arm({.is_held = false, .seed = 2, .encoder_error_m = kErrorMetres});
@@ -67,12 +67,12 @@ TEST(ArmCalibration, EachArmHasAnErrorOfItsOwn) {
   EXPECT_FALSE(SimDriver::create({.encoder_error_m = -1}));
 }
 
-TEST(ArmCalibration, FailsInWordsIfTheArmMoves) {
+TEST(ArmCalibration, FailsIfTheArmMoves) {
   auto held = make_arm({.encoder_error_m = kErrorMetres});
   test::expect_failure(Cycles(*held).calibrate("encoder_offset"), "the arm moved by");
 }
 
-TEST(ArmCalibration, FailsInWordsIfTheArmIsElsewhere) {
+TEST(ArmCalibration, FailsAwayFromTheHomePosition) {
   auto arm = make_arm();
   Cycles cycles(*arm);
   cycles.run(1000, force(5, 0, 0));
@@ -80,7 +80,7 @@ TEST(ArmCalibration, FailsInWordsIfTheArmIsElsewhere) {
   test::expect_failure(cycles.calibrate("encoder_offset"), "too far from its home position");
 }
 
-TEST(ArmCalibration, LeftHalfwayChangesNothing) {
+TEST(ArmCalibration, ChangesNothingIfAbandoned) {
   auto arm = make_arm();
   Cycles cycles(*arm);
   const driver::Vector3 before = cycles.run(1).pose.position_m;
@@ -90,7 +90,7 @@ TEST(ArmCalibration, LeftHalfwayChangesNothing) {
   EXPECT_EQ(arm->make_calibration("other"), nullptr);
 }
 
-TEST(ArmCalibration, FindsTheWorkspaceThatTheOperatorTours) {
+TEST(ArmCalibration, FindsTheWorkspaceFromATour) {
   auto arm = make_arm({.is_held = false});
   Cycles cycles(*arm);
   const auto tour = [&](int) {
@@ -109,7 +109,7 @@ TEST(ArmCalibration, FindsTheWorkspaceThatTheOperatorTours) {
   test::expect_failure(cycles.calibrate("workspace"), "move it through all corners");
 }
 
-TEST(ArmParameters, ASampleBeyondTheWorkspaceHasAFault) {
+TEST(ArmParameters, SetTheWorkspaceBeyondWhichASampleHasAFault) {
   auto arm = make_arm({.is_held = false});
   Cycles cycles(*arm);
   std::vector<ParameterSetting> low{{"workspace.low_m", std::vector<double>{0.01, -0.1, -0.1}}};
@@ -124,7 +124,7 @@ TEST(ArmParameters, ASampleBeyondTheWorkspaceHasAFault) {
   EXPECT_EQ(cycles.run(1).pose.position_m, driver::Vector3{}) << "nothing has changed";
 }
 
-TEST(ArmParameters, StayWhileTheArmIsGone) {
+TEST(ArmParameters, PersistOverDeactivation) {
   auto arm = make_arm({.is_held = false});
   std::vector<ParameterSetting> offset{{"encoder.offset_m", std::vector<double>{0.01, 0, 0}}};
   ASSERT_TRUE(arm->set_parameters(offset)) << "before it is configured";
@@ -133,7 +133,7 @@ TEST(ArmParameters, StayWhileTheArmIsGone) {
   EXPECT_DOUBLE_EQ(Cycles(*arm).run(1).pose.position_m.x, -0.01);
 }
 
-TEST(ArmParameters, TheVelocityIsAMeanOverAsManyCyclesAsSet) {
+TEST(ArmParameters, SetTheCyclesOfTheVelocityMean) {
   const auto velocity_after = [](std::int64_t cycle_count) {
     auto arm = make_arm({.is_held = false});
     std::vector<ParameterSetting> window{{"velocity.cycle_count", cycle_count}};
@@ -157,7 +157,7 @@ double error_rad(GazeDriver& tracker, Cycles& cycles) {
   return std::sqrt(sum / GazeDriver::kPointCount);
 }
 
-TEST(GazeCalibration, NinePointsTakeTheOpticsOut) {
+TEST(GazeCalibration, CorrectsTheOpticsByNinePoints) {
   GazeDriver tracker({});
   Cycles cycles(tracker);
   const double before_rad = error_rad(tracker, cycles);
@@ -177,7 +177,7 @@ TEST(GazeCalibration, NinePointsTakeTheOpticsOut) {
   EXPECT_LT(error_rad(tracker, cycles), before_rad / 30);
 }
 
-TEST(GazeCalibration, LeftHalfwayChangesNothing) {
+TEST(GazeCalibration, ChangesNothingIfAbandoned) {
   GazeDriver tracker({});
   Cycles cycles(tracker);
   cycles.calibrate("nine_points", {}, 5);
@@ -190,14 +190,14 @@ TEST(GazeCalibration, LeftHalfwayChangesNothing) {
       << "the person looks at will again";
 }
 
-TEST(GazeCalibration, FailsInWordsIfThePersonLooksElsewhere) {
+TEST(GazeCalibration, FailsIfThePersonLooksElsewhere) {
   GazeDriver tracker({});
   Cycles cycles(tracker);
   test::expect_failure(cycles.calibrate("nine_points", [&](int) { tracker.look_at(4); }),
                        "does not suit the nine points");
 }
 
-TEST(GazeCalibration, FailsInWordsIfTheGazeMovesAtAPoint) {
+TEST(GazeCalibration, FailsIfTheGazeMovesAtAPoint) {
   GazeDriver tracker({});
   Cycles cycles(tracker);
   const auto calibration = tracker.make_calibration("nine_points");

@@ -7,7 +7,7 @@
 namespace rtpm::device_sim {
 namespace {
 
-TEST(PressingPath, PressesThroughThePlaneAgainAndAgain) {
+TEST(PressingPath, PressesThroughThePlaneRepeatedly) {
   const PressingPath path{1};
   int press_count = 0;
   bool was_below = false;
@@ -49,7 +49,7 @@ TEST(PressingPath, StaysInTheDefaultWorkspace) {
   }
 }
 
-TEST(Hand, FollowsItsRecordingAndLeavesTheButtonAlone) {
+TEST(Hand, FollowsItsRecordingWithoutTheButton) {
   std::istringstream text("0,0.01,0,0\n1,0.02,0,0\n");
   auto recording = Trajectory::parse(text, "hand.csv", {{-1, -1, -1}, {1, 1, 1}});
   ASSERT_TRUE(recording);

@@ -37,7 +37,7 @@ std::vector<std::unique_ptr<driver::Driver>> all() {
   return drivers;
 }
 
-TEST(Parameters, OfEveryTwinAreWellDescribedAndTaken) {
+TEST(Parameters, AreDescribedAndAcceptedByEveryDevice) {
   for (const auto& driver : all()) {
     const auto specs = driver->parameters();
     EXPECT_FALSE(specs.empty());
@@ -56,7 +56,7 @@ TEST(Parameters, OfEveryTwinAreWellDescribedAndTaken) {
   }
 }
 
-TEST(KnobParameters, DetentsHoldTheKnob) {
+TEST(KnobParameters, SetDetentsThatHoldTheKnob) {
   KnobDriver knob({}, {.hand_newton_metre = 0});
   set(knob, "detent.count", std::int64_t{12});
   Cycles cycles(knob);
@@ -71,7 +71,7 @@ TEST(KnobParameters, DetentsHoldTheKnob) {
   EXPECT_GT(cycles.run(2000, push).joints[0], 1) << "a weak one does not";
 }
 
-TEST(BiometricParameters, ThePulseIsAmplifiedAndTheHeartBeatsFaster) {
+TEST(BiometricParameters, SetPulseGainAndHeartRate) {
   BiometricDriver sensor({});
   const auto beat_count = [&] {
     Cycles cycles(sensor);
@@ -91,7 +91,7 @@ TEST(BiometricParameters, ThePulseIsAmplifiedAndTheHeartBeatsFaster) {
   EXPECT_EQ(beat_count(), 0) << "too weak to be seen";
 }
 
-TEST(PlayerParameters, ItLoopsAndIsNoFasterThanItMay) {
+TEST(PlayerParameters, SetLoopAndRateLimit) {
   PlayerDriver player({});
   set(player, "loop", true);
   set(player, "rate_max", 2.0);

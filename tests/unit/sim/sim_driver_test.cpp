@@ -57,7 +57,7 @@ TEST(SimDriver, PressesIntoAWallAndIsHeldByIt) {
   EXPECT_NEAR(greatest_newton, 600 * deepest_m, 0.1);
 }
 
-TEST(SimDriver, GivesTheSameSamplesForTheSameCommandsBitForBit) {
+TEST(SimDriver, GivesIdenticalSamplesForIdenticalCommands) {
   auto one = make({.seed = 5});
   auto same = make({.seed = 5});
   auto other = make({.seed = 6});
@@ -99,7 +99,7 @@ TEST(SimDriver, FollowsARecordedHand) {
   EXPECT_NEAR(samples[999].twist.linear_m_per_s.z, -0.02, 0.005);
 }
 
-TEST(SimDriver, ReportsWhatIsWrongWithARecording) {
+TEST(SimDriver, ReportsTheFaultOfARecording) {
   const std::string path = ::testing::TempDir() + "/rtpm_sim_driver_bad.csv";
   std::ofstream(path) << "0,0,0,0\n1,0,0,0.5\n";
   const auto sim = SimDriver::create({.hand_file = path});
@@ -117,7 +117,7 @@ TEST(SimDriver, RefusesInvalidSettings) {
   EXPECT_EQ(weightless.error().text(), "the simulated arm's mass_kg is no number above zero.");
 }
 
-TEST(SimDriver, FallsFreeWithoutAHand) {
+TEST(SimDriver, StaysStillWithoutAHand) {
   auto sim = make({.is_held = false});
   for (const auto& sample : run(*sim, 100, 0)) {
     ASSERT_EQ(sample.pose.position_m, driver::Vector3{}) << "nothing moves it";
@@ -130,7 +130,7 @@ TEST(SimDriver, IsGoneWhileItIsNotActive) {
   EXPECT_EQ(sim->exchange({}, sample), driver::ExchangeStatus::kGone);
 }
 
-TEST(SimDriver, PublishesAStiffnessThatItsDampingBears) {
+TEST(SimDriver, PublishesAStiffnessWithinItsDamping) {
   const driver::Descriptor descriptor = make()->describe();
   EXPECT_EQ(descriptor.limits.force_newton_max, 9);
   // b > K · (T / 2 + T): 2.5 N·s/m at 1 kHz.

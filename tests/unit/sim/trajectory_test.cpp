@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <fstream>
 #include <sstream>
 #include <string>
 
@@ -35,7 +34,7 @@ TEST(Trajectory, ReadsWithAndWithoutHeaderCommentsAndSpaces) {
   }
 }
 
-TEST(Trajectory, GoesStraightBetweenPointsAtAnyRate) {
+TEST(Trajectory, InterpolatesLinearlyBetweenPoints) {
   // Times begin at the recorder's start, and the steps differ.
   const auto trajectory = parse("100,0,0,0\n100.1,0.01,0,0\n102.1,0.01,0.04,0\n");
   ASSERT_TRUE(trajectory);
@@ -45,7 +44,7 @@ TEST(Trajectory, GoesStraightBetweenPointsAtAnyRate) {
   EXPECT_NEAR(trajectory->at(1.1).velocity_m_per_s.y(), 0.02, 1e-9);
 }
 
-TEST(Trajectory, PlaysThereAndBackWithoutAJump) {
+TEST(Trajectory, PlaysForthAndBackWithoutAJump) {
   const auto trajectory = parse("0,0,0,0\n1,0.02,0,0\n2,0.02,0.03,0\n");
   ASSERT_TRUE(trajectory);
   Eigen::Vector3d last = trajectory->at(0).position_m;
@@ -59,7 +58,7 @@ TEST(Trajectory, PlaysThereAndBackWithoutAJump) {
   EXPECT_TRUE(trajectory->at(4.5).position_m.isApprox(trajectory->at(0.5).position_m));
 }
 
-TEST(Trajectory, OfOnePointStandsStill) {
+TEST(Trajectory, StandsStillAtASinglePoint) {
   const auto trajectory = parse("5,0.01,0,0\n");
   ASSERT_TRUE(trajectory);
   EXPECT_EQ(trajectory->at(0).position_m.x(), 0.01);
@@ -78,31 +77,28 @@ TEST(Trajectory, ToleratesAbsurdTimes) {
   }
 }
 
-TEST(TrajectoryErrors, NameFileLineAndWhatIsWrong) {
-  EXPECT_EQ(error_of(""), "hand.csv:1: no points; give lines of t_s,x_m,y_m,z_m");
-  EXPECT_EQ(error_of("t_s,x_m,y_m,z_m\n\n"),
-            "hand.csv:2: no points; give lines of t_s,x_m,y_m,z_m");
-  EXPECT_EQ(error_of("0,0,0,0\n1,0,0\n"),
-            "hand.csv:2: expected four numbers separated by commas, t_s,x_m,y_m,z_m, and found "
-            "fewer");
-  EXPECT_EQ(error_of("0,0,0,0,0\n"),
-            "hand.csv:1: expected four numbers separated by commas, t_s,x_m,y_m,z_m, and found "
-            "more");
-  EXPECT_EQ(error_of("0,0,0,0\n1,0,up,0\n"),
-            "hand.csv:2: y_m is \"up\", which is not a number (a decimal point, no unit)");
-  EXPECT_EQ(error_of("0,0,0,0\n1,0,,0\n"),
-            "hand.csv:2: y_m is \"\", which is not a number (a decimal point, no unit)");
-  EXPECT_EQ(error_of("0,0,0,nan\n"), "hand.csv:1: z_m is \"nan\"; it must be finite");
-  EXPECT_EQ(error_of("inf,0,0,0\n"), "hand.csv:1: t_s is \"inf\"; it must be finite");
-  EXPECT_EQ(error_of("1e999,0,0,0\n"), "hand.csv:1: t_s is \"1e999\", beyond the range of numbers");
-  EXPECT_EQ(error_of("0,0,0,0\n0.5,0,0,0\n0.5,0,0,0\n"),
-            "hand.csv:3: t_s is 0.5 after 0.5; times must grow from line to line");
-  EXPECT_EQ(error_of("0,0,0,0\n1,35,0,0\n"),
-            "hand.csv:2: x_m is 35, outside the arm's workspace of -0.1 to 0.1 m; positions are in "
-            "metres");
-  // Only the first line may be a header.
-  EXPECT_EQ(error_of("0,0,0,0\nt_s,x_m,y_m,z_m\n"),
-            "hand.csv:2: t_s is \"t_s\", which is not a number (a decimal point, no unit)");
+TEST(TrajectoryErrors, NameFileLineAndFault) {
+  const std::string no_number = "which is not a number (a decimal point, no unit)";
+  const std::string four = "expected four numbers separated by commas, t_s,x_m,y_m,z_m, and found ";
+  const std::string no_points = "no points; give lines of t_s,x_m,y_m,z_m";
+  for (const auto& [text, error] : std::vector<std::pair<std::string, std::string>>{
+           {"", "1: " + no_points},
+           {"t_s,x_m,y_m,z_m\n\n", "2: " + no_points},
+           {"0,0,0,0\n1,0,0\n", "2: " + four + "fewer"},
+           {"0,0,0,0,0\n", "1: " + four + "more"},
+           {"0,0,0,0\n1,0,up,0\n", "2: y_m is \"up\", " + no_number},
+           {"0,0,0,0\n1,0,,0\n", "2: y_m is \"\", " + no_number},
+           {"0,0,0,nan\n", "1: z_m is \"nan\"; it must be finite"},
+           {"inf,0,0,0\n", "1: t_s is \"inf\"; it must be finite"},
+           {"1e999,0,0,0\n", "1: t_s is \"1e999\", beyond the range of numbers"},
+           {"0,0,0,0\n0.5,0,0,0\n0.5,0,0,0\n",
+            "3: t_s is 0.5 after 0.5; times must grow from line to line"},
+           {"0,0,0,0\n1,35,0,0\n",
+            "2: x_m is 35, outside the arm's workspace of -0.1 to 0.1 m; positions are in metres"},
+           // Only the first line may be a header.
+           {"0,0,0,0\nt_s,x_m,y_m,z_m\n", "2: t_s is \"t_s\", " + no_number}}) {
+    EXPECT_EQ(error_of(text), "hand.csv:" + error);
+  }
 }
 
 TEST(TrajectoryErrors, AreShortForLongLines) {
@@ -119,14 +115,6 @@ TEST(TrajectoryErrors, NameAMissingFile) {
   const auto folder = Trajectory::load(::testing::TempDir(), kWorkspace);
   ASSERT_FALSE(folder);
   EXPECT_NE(folder.error().text().find("is a folder"), std::string::npos);
-}
-
-TEST(Trajectory, LoadsAFile) {
-  const std::string path = ::testing::TempDir() + "/rtpm_trajectory_test.csv";
-  std::ofstream(path) << "t_s,x_m,y_m,z_m\n0,0,0,0.01\n1,0,0,-0.01\n";
-  const auto trajectory = Trajectory::load(path, kWorkspace);
-  ASSERT_TRUE(trajectory) << trajectory.error().text();
-  EXPECT_NEAR(trajectory->at(0.5).position_m.z(), 0, 1e-12);
 }
 
 }  // namespace

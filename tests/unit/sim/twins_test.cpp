@@ -20,7 +20,8 @@ using std::chrono::milliseconds;
 template <class Driver>
 class Played {
  public:
-  explicit Played(TwinConfig config = {}) : driver(std::move(config)) {
+  template <class... Config>
+  explicit Played(TwinConfig config = {}, Config... more) : driver(std::move(config), more...) {
     EXPECT_TRUE(driver.configure({.period = milliseconds{1}}));
     EXPECT_TRUE(driver.activate());
   }
@@ -49,22 +50,15 @@ driver::Setpoint effort(double newton_metre) {
 }
 
 TEST(KnobDriver, GainsSpeedByItsInertia) {
-  KnobDriver free({}, {.hand_newton_metre = 0});
-  ASSERT_TRUE(free.configure({.period = milliseconds{1}}) && free.activate());
-  driver::Sample sample;
-  driver::Command command;
-  static_cast<driver::Setpoint&>(command) = effort(0.01);
-  for (int ms = 1; ms <= 100; ++ms) {
-    command.cycle_time = MonotonicTime{milliseconds{ms}};
-    ASSERT_EQ(free.exchange(command, sample), driver::ExchangeStatus::kOk);
-  }
+  Played<KnobDriver> free({}, KnobConfig{.hand_newton_metre = 0});
+  free.run(100, effort(0.01));
   // 0.01 N m on 1e-4 kg m² against 5e-4 N m s/rad: v = (T/b) (1 - exp(-b t / J)).
-  EXPECT_NEAR(sample.joint_velocities[0], 20 * (1 - std::exp(-0.5)), 0.05);
-  EXPECT_GT(sample.joints[0], 0.3);
-  EXPECT_EQ(sample.efforts_applied[0], 0.01);
+  EXPECT_NEAR(free.sample.joint_velocities[0], 20 * (1 - std::exp(-0.5)), 0.05);
+  EXPECT_GT(free.sample.joints[0], 0.3);
+  EXPECT_EQ(free.sample.efforts_applied[0], 0.01);
 }
 
-TEST(KnobDriver, SaturatesAndSaysSo) {
+TEST(KnobDriver, SaturatesAndReportsIt) {
   Played<KnobDriver> knob;
   knob.run(1, effort(3));
   EXPECT_EQ(knob.sample.efforts_applied[0], KnobConfig{}.effort_newton_metre_max);
@@ -73,7 +67,7 @@ TEST(KnobDriver, SaturatesAndSaysSo) {
   EXPECT_EQ(knob.sample.efforts_applied[0], 0) << "off";
 }
 
-TEST(KnobDriver, IsTurnedAndPushedByFingers) {
+TEST(KnobDriver, IsTurnedAndPushed) {
   Played<KnobDriver> knob;
   double low = 0;
   double high = 0;
@@ -100,21 +94,6 @@ TEST(PlayerDriver, PlaysPausesSeeksAndStopsAtItsEnd) {
   EXPECT_EQ(player.sample.analogs[1], 0) << "at the end it stands";
 }
 
-TEST(BiometricDriver, BeatsLikeAHeart) {
-  Played<BiometricDriver> sensor;
-  int beat_count = 0;
-  bool was_high = false;
-  for (int i = 0; i < 20'000; ++i) {
-    sensor.run(1);
-    const bool is_high = sensor.sample.analogs[0] > 0.7F;
-    if (is_high && !was_high) ++beat_count;
-    was_high = is_high;
-    ASSERT_GT(sensor.sample.analogs[2], 1e-6F);
-    ASSERT_LT(sensor.sample.analogs[2], 20e-6F);
-  }
-  EXPECT_EQ(beat_count, 22) << "20 s at 1.1 Hz";
-}
-
 TEST(BiometricDriver, GivesTheSameForTheSameSeed) {
   Played<BiometricDriver> first({.seed = 7});
   Played<BiometricDriver> second({.seed = 7});
@@ -138,20 +117,7 @@ TEST(GazeDriver, MeasuresThroughItsOptics) {
   }
 }
 
-TEST(GazeDriver, ACorrectionTakesTheOpticsOut) {
-  Played<GazeDriver> tracker;
-  std::vector<driver::ParameterSetting> correction{
-      {"correction.offset_rad", std::vector<double>{-0.03 / 1.1, 0.02 / 0.93}},
-      {"correction.gain", std::vector<double>{1 / 1.1, 1 / 0.93}}};
-  ASSERT_TRUE(tracker.driver.set_parameters(correction));
-  tracker.driver.look_at(2);
-  tracker.run(1);
-  const Gaze gaze = gaze_of(tracker.sample.pose.orientation);
-  EXPECT_NEAR(gaze.right_rad, GazeDriver::kPointDistanceRad, 1e-3);
-  EXPECT_NEAR(gaze.up_rad, GazeDriver::kPointDistanceRad, 1e-3);
-}
-
-TEST(GazeDriver, LooksAroundAndBlinks) {
+TEST(GazeDriver, MovesTheGazeAndBlinks) {
   Played<GazeDriver> tracker;
   std::vector<double> seen;
   for (int i = 0; i < 8; ++i) {

@@ -140,7 +140,7 @@ bool has_aes() {
   return (suites_here() & static_cast<unsigned>(Suite::kAesGcm)) != 0;
 }
 
-TEST(PublicNoiseVectors, OfCacophony) {
+TEST(PublicNoiseVectors, OfCacophonyAreReproduced) {
   const auto vectors = read_cacophony();
   if (!vectors) GTEST_SKIP() << "RTPM_PUBLIC_VECTORS has no cacophony.txt, see tests/unit/crypto";
   Counts counts = play(*vectors);
@@ -151,7 +151,7 @@ TEST(PublicNoiseVectors, OfCacophony) {
   EXPECT_EQ(counts["hash BLAKE2s"], 59 * 2);
 }
 
-TEST(PublicNoiseVectors, OfFlynn) {
+TEST(PublicNoiseVectors, OfFlynnAreReproduced) {
   const auto vectors = read_flynn();
   if (!vectors) GTEST_SKIP() << "needs the Debian package golang-github-flynn-noise-dev";
   Counts counts = play(*vectors);

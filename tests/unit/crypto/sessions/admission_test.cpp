@@ -16,7 +16,7 @@ using Kind = wire::ChannelEvent::Kind;
 constexpr MonotonicTime kNow = MonotonicTime{} + 1000s;
 
 // sec-6.2-1: the server's grants for unnamed clients.
-TEST(SealedSessions, OfNobodyAreRefusedWhereNoGrantIsForAll) {
+TEST(SealedSessions, AreRefusedToUnnamedClientsWithoutAGrantForAll) {
   Server server(wire::Medium::kDatagram, 3, /*takes_unsealed=*/true);
   server.door.is_open_for_all = false;
   std::array<std::byte, wire::kDatagramFrameSizeMax> buffer{};
@@ -33,7 +33,7 @@ TEST(SealedSessions, OfNobodyAreRefusedWhereNoGrantIsForAll) {
   EXPECT_GT(server.sealed->counters().dropped_for(DropReason::kRateLimited), 500u);
 }
 
-TEST(SealedSessions, AreGrantedAPriorityNoHigherThanTheirGrants) {
+TEST(SealedSessions, HaveAPriorityWithinTheirGrants) {
   Server server(wire::Medium::kDatagram, 3, /*takes_unsealed=*/true);
   server.door.ceiling_of_keys = Priority{2000};
   server.door.ceiling_of_all = Priority{1500};
@@ -53,7 +53,7 @@ TEST(SealedSessions, AreGrantedAPriorityNoHigherThanTheirGrants) {
 }
 
 // hp-4.5-2: an unforgeable frame tells a client at once that its session was closed.
-TEST(SealedSessions, AreClosedUnderTheirKeysWhenTheirGrantIsTakenAway) {
+TEST(SealedSessions, AreClosedUnderTheirKeysWhenTheirGrantIsRevoked) {
   Server server(wire::Medium::kDatagram, 3, /*takes_unsealed=*/true);
   Client client(server.identity.key.public_key);
   open_and_call(client, server, kNow);
@@ -71,7 +71,7 @@ TEST(SealedSessions, AreClosedUnderTheirKeysWhenTheirGrantIsTakenAway) {
   EXPECT_FALSE(server.sealed->review(index, kNow));
 }
 
-TEST(SealedSessions, WaitForTimeToShakeHands) {
+TEST(SealedSessions, OpenOnceAHandshakeIsAdmitted) {
   Server server;
   Client client(server.identity.key.public_key);
   server.door.has_time = false;
@@ -86,7 +86,7 @@ TEST(SealedSessions, WaitForTimeToShakeHands) {
 }
 
 // sec-5-2: the memory of keys is zeros, as in a forked child.
-TEST(SealedSessions, AWipedServerSendsAndTakesNothing) {
+TEST(SealedSessions, AreSilentAtAServerWithWipedKeys) {
   Server server(wire::Medium::kDatagram, 3, /*takes_unsealed=*/true);
   Client client(server.identity.key.public_key);
   open_and_call(client, server, kNow);
@@ -105,7 +105,7 @@ TEST(SealedSessions, AWipedServerSendsAndTakesNothing) {
   EXPECT_TRUE(server.receive(stranger.sent.front(), kNow).empty());
 }
 
-TEST(SealedSessions, AChildOfAForkHasNoKeys) {
+TEST(SealedSessions, AreSilentInAForkedChild) {
   const rt::SecretMemory secrets(std::size_t{256} * 1024);
   Server server;
   server.secrets = secrets.bytes();
@@ -130,7 +130,7 @@ TEST(SealedSessions, AChildOfAForkHasNoKeys) {
 }
 
 // A server of sealed sessions only must not send a frame unsealed, either.
-TEST(SealedSessions, NoFrameOfASessionWithoutKeysLeavesAServerOfSealedOnesOnly) {
+TEST(SealedSessions, NeverSendAnUnsealedFrameOfASession) {
   Server server;
   wire::Header header;
   header.kind = FrameKind::kReply;

@@ -155,11 +155,12 @@ class Client {
                  .channel = 1,
                  .message_size_max = kMessageSizeMax},
                 MutableBytes(buffer_).first(wire::kHeaderSize + wire::sealed_payload_max(medium))),
-        sealed(SealedClientConfig{.medium = medium,
-                                  .own = &key,
-                                  .server = server,
-                                  .suites = static_cast<std::uint8_t>(suites & crypto::suites_here()),
-                                  .handshake_number = 50}) {}
+        sealed(
+            SealedClientConfig{.medium = medium,
+                               .own = &key,
+                               .server = server,
+                               .suites = static_cast<std::uint8_t>(suites & crypto::suites_here()),
+                               .handshake_number = 50}) {}
   void open(MonotonicTime now) {
     send(channel.open(kPriority, now + std::chrono::seconds{10}, now), now);
   }
@@ -217,14 +218,18 @@ class Client {
   Bytes payload_;
 };
 
-/// Exchanges frames until none is in flight.
-inline void talk(Client& client, Server& server, MonotonicTime now) {
+/// Exchanges frames until none is in flight; each side reads its own clock.
+inline void talk(Client& client, Server& server, MonotonicTime client_now, MonotonicTime server_now,
+                 const wire::PeerAddress& peer = kClientAddress) {
   while (!client.sent.empty()) {
     const Bytes frame = client.sent.front();
     client.sent.pop_front();
-    for (const Bytes& answer : server.receive(frame, now))
-      client.receive(answer, now);
+    for (const Bytes& answer : server.receive(frame, server_now, peer))
+      client.receive(answer, client_now);
   }
+}
+inline void talk(Client& client, Server& server, MonotonicTime now) {
+  talk(client, server, now, now);
 }
 
 /// Opens a session, and makes the first call in it.

@@ -43,7 +43,7 @@ struct Recording {
     EXPECT_TRUE(client.channel.is_ready()) << what;
     EXPECT_EQ(client.reply, "three") << what;
   }
-  void expect_that_all_goes_on() {
+  void expect_that_calls_still_work() {
     const std::uint64_t session = client.channel.session();
     client.call("four", kNow);
     talk(client, server, kNow);
@@ -65,7 +65,7 @@ Bytes with_flipped(Bytes frame, std::size_t bit) {
 
 // sec-5-3, sec-3.4-1: a frame with a changed bit, even in the header, is never accepted. This
 // includes frames of a handshake: at most the server answers with a COOKIE or a half-open session.
-TEST(RecordedSessions, NoBitCanBeChanged) {
+TEST(RecordedSessions, RefuseFramesWithAnyBitChanged) {
   Recording recording;
   ASSERT_EQ(recording.to_server.size(), 5u);
   ASSERT_EQ(recording.to_client.size(), 5u);
@@ -81,11 +81,11 @@ TEST(RecordedSessions, NoBitCanBeChanged) {
   EXPECT_TRUE(recording.client.events.empty());
   recording.client.sent.clear();
   recording.expect_unchanged("flipped");
-  recording.expect_that_all_goes_on();
+  recording.expect_that_calls_still_work();
 }
 
 // The changed frames arrive before the genuine one: repetition repairs this kind of loss.
-TEST(RecordedSessions, AChangedFrameDoesNotUseUpItsCounter) {
+TEST(RecordedSessions, AcceptAFrameAfterChangedCopiesOfIt) {
   Recording recording;
   recording.client.call("four", kNow);
   const Bytes call = recording.client.sent.front();
@@ -106,7 +106,7 @@ TEST(RecordedSessions, AChangedFrameDoesNotUseUpItsCounter) {
 }
 
 // sec-5-4, sec-5-7: frames are replayed at any later time, and in both directions.
-TEST(RecordedSessions, NoFrameIsTakenAgain) {
+TEST(RecordedSessions, RefuseFramesThatAreReplayed) {
   Recording recording;
   for (const Duration later : {0ns, Duration{1ms}, Duration{1s}, Duration{20min}}) {
     for (const auto* frames : {&recording.to_server, &recording.to_client}) {
@@ -118,12 +118,12 @@ TEST(RecordedSessions, NoFrameIsTakenAgain) {
     recording.client.sent.clear();
     recording.expect_unchanged("again");
   }
-  recording.expect_that_all_goes_on();
+  recording.expect_that_calls_still_work();
 }
 
 // sec-3-1, sec-5-2: in another session of the same client, with another client, after a restart of
 // either side, and at another server.
-TEST(RecordedSessions, NoFrameIsTakenElsewhere) {
+TEST(RecordedSessions, RefuseFramesOfOtherSessions) {
   using Change = std::function<void(Recording&)>;
   const std::vector<Change> changes{
       [](Recording& r) {
@@ -167,7 +167,7 @@ TEST(RecordedSessions, NoFrameIsTakenElsewhere) {
   }
   other.client.sent.clear();
   other.expect_unchanged("elsewhere");
-  other.expect_that_all_goes_on();
+  other.expect_that_calls_still_work();
 }
 
 // ---- all kinds of frames in all states ----------------------------------------------------------
@@ -237,7 +237,7 @@ std::optional<DropReason> expected_drop(State state, Seal seal, FrameKind kind) 
 
 // sec-4-1, sec-4-4, sec-6-1: in no state does any kind of frame make a server do something that
 // requires the session's keys.
-TEST(SessionStates, TakeNoKindOfFrameWithoutTheirKeys) {
+TEST(SessionStates, RefuseEachKindOfFrameWithoutTheirKeys) {
   for (const State state : {State::kNone, State::kHalfOpen, State::kConfirmed, State::kReplaced}) {
     for (const Seal seal : {Seal::kNone, Seal::kGarbage, Seal::kOldKey}) {
       for (std::uint8_t number = 1; number <= wire::kFrameKindLast; ++number) {
