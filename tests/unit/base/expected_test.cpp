@@ -81,11 +81,11 @@ TEST(Expected, CarriesAnErrorWithoutAValue) {
   expected<void, std::string> result;
   EXPECT_TRUE(result);
   result.value();
-  result = unexpected{std::string("no room")};
+  result = unexpected{std::string("no memory")};
   ASSERT_FALSE(result);
-  EXPECT_EQ(result.error(), "no room");
+  EXPECT_EQ(result.error(), "no memory");
   const expected<void, std::string> copy = result;
-  EXPECT_EQ(copy.error(), "no room");
+  EXPECT_EQ(copy.error(), "no memory");
   result = expected<void, std::string>{};
   EXPECT_TRUE(result);
 }

@@ -81,17 +81,6 @@ TEST(ArrivalPredictor, DropsACallerThatStopped) {
   EXPECT_TRUE(predictor.next(again - 500us));
 }
 
-TEST(ArrivalPredictor, ExpectsTheTurnAfterAMissedCall) {
-  ArrivalPredictor predictor;
-  const MonotonicTime next = call(predictor, kStart, 1ms, 30);
-  const auto window = predictor.next(next + 500us);
-  ASSERT_TRUE(window);
-  EXPECT_LE(window->from, next + 1ms);
-  EXPECT_GE(window->to, next + 1ms);
-  predictor.on_arrival(kCaller, next + 1ms);
-  EXPECT_TRUE(predictor.next(next + 1500us)) << "the rhythm is kept";
-}
-
 TEST(ArrivalPredictor, CountsSeveralCallsOfOneTurnAsOne) {
   ArrivalPredictor predictor;
   MonotonicTime due = kStart;
@@ -154,7 +143,7 @@ TEST(ArrivalPredictor, KeepsABoundedNumberOfCallers) {
   for (std::uint64_t caller = 100; caller < 100 + 2 * ArrivalPredictor::kCallerCountMax; ++caller) {
     predictor.on_arrival(caller, next + std::chrono::microseconds{caller});
   }
-  EXPECT_FALSE(predictor.next(next + 500us)) << "the one heard longest ago made room";
+  EXPECT_FALSE(predictor.next(next + 500us)) << "the caller silent for longest was evicted";
 }
 
 }  // namespace

@@ -104,13 +104,13 @@ class ClientStreamsOnAStream : public ClientStreams {
   ClientStreamsOnAStream() : ClientStreams(Medium::kStream) {}
 };
 
-TEST_F(ClientStreams, StateLessWhereTheirDeadlineComesFirst) {
+TEST_F(ClientStreams, StateTheDeadlineIfItIsShorterThanTheLease) {
   begin(4, 2s);
   EXPECT_EQ(header_of(call_).budget_us, 2'000'000u);
 }
 
 // hp-5.10-4
-TEST_F(ClientStreams, GrantMoreWhenHalfIsTaken) {
+TEST_F(ClientStreams, GrantMoreAfterHalfWasRead) {
   begin(4);
   for (std::uint32_t number = 0; number < 4; ++number)
     static_cast<void>(item(number, at(1ms)));
@@ -123,29 +123,8 @@ TEST_F(ClientStreams, GrantMoreWhenHalfIsTaken) {
   EXPECT_TRUE(channel_.next_frame(at(1ms)).empty());
 }
 
-// hp-5.10-5
-TEST_F(ClientStreams, AskWhenNothingCame) {
-  begin(4);
-  static_cast<void>(item(0, at(1ms)));
-  static_cast<void>(drain(0));
-  MonotonicTime last = at(1ms);
-  Duration gap{0};
-  for (int question = 0; question < 20; ++question) {
-    const MonotonicTime next = channel_.next_time();
-    EXPECT_LE(next - last, Duration{500ms});
-    EXPECT_GE(next - last, gap) << "not oftener than before";
-    gap = next - last;
-    if (next - at(1ms) >= kStreamSilence) break;
-    const ChannelEvent event = channel_.on_time(next);
-    ASSERT_EQ(event.kind, Kind::kSend);
-    expect_credit(event.frame, 1, 0, 5, true);
-    last = next;
-  }
-  EXPECT_GE(last, at(2s)) << "the test went on long enough";
-}
-
 // hp-5.10-5: at 10 Hz the client does not ask every few milliseconds.
-TEST_F(ClientStreams, AskInTheStreamsOwnTime) {
+TEST_F(ClientStreams, AskAtTheRateOfTheStream) {
   begin(4);
   MonotonicTime now = at(0s);
   for (std::uint32_t number = 0; number < 60; ++number) {
@@ -159,7 +138,7 @@ TEST_F(ClientStreams, AskInTheStreamsOwnTime) {
 }
 
 // hp-5.10-5: no frame is lost on this path, so the client waits for the next item without a timer.
-TEST_F(ClientStreams, AskLaterWhereNoFrameLeavesTheHost) {
+TEST_F(ClientStreams, AskLaterOnOneHost) {
   channel_.set_on_host(true);
   begin(4);
   EXPECT_EQ(channel_.next_time(), at(kRetransmitIntervalOnHost));
@@ -168,7 +147,7 @@ TEST_F(ClientStreams, AskLaterWhereNoFrameLeavesTheHost) {
 }
 
 // hp-5.10-5: an idle stream costs next to nothing, however fast it was before.
-TEST_F(ClientStreams, AskLessAndLessWhileNothingIsMissing) {
+TEST_F(ClientStreams, AskLessOftenWhileNothingIsMissing) {
   begin(32);
   MonotonicTime now = at(0s);
   std::uint32_t count = 0;
@@ -184,11 +163,12 @@ TEST_F(ClientStreams, AskLessAndLessWhileNothingIsMissing) {
   EXPECT_GE(ask_count, 19) << "so that both sides see that the other is there";
   EXPECT_LE(ask_count, 28);
   static_cast<void>(item(count, now + 1ms));
-  EXPECT_LT(channel_.next_time(), now + 150ms) << "it runs again, so it is asked sooner";
+  EXPECT_LT(channel_.next_time(), now + 150ms)
+      << "the stream is active again, so the client asks sooner";
 }
 
 // hp-5.10-5: the back-off of repeated calls does not delay the stream's questions.
-TEST_F(ClientStreams, AskInTimeHoweverOftenTheCallWasRepeated) {
+TEST_F(ClientStreams, AskInTimeAfterRepeatedCalls) {
   begin(4);
   MonotonicTime now = at(0s);
   while (now < at(1s)) {
@@ -213,7 +193,7 @@ TEST_F(ClientStreams, AskSeveralTimesWithinAShortLease) {
 }
 
 // hp-5.10-7: a reader that is busy elsewhere asks nothing, so it is owed no answer.
-TEST_F(ClientStreams, OutliveAReaderThatDoesOtherThings) {
+TEST_F(ClientStreams, SurviveABusyReader) {
   begin(4);
   static_cast<void>(item(0, at(1ms)));
   EXPECT_EQ(drain(0), 1u);
@@ -225,21 +205,8 @@ TEST_F(ClientStreams, OutliveAReaderThatDoesOtherThings) {
   EXPECT_EQ(item(1, at(9s)).kind, Kind::kItems);
 }
 
-// hp-5.10-11, hp-8-1: a fragment that arrived early is checked when its turn comes.
-TEST_F(ClientStreams, DropFragmentsThatBelongToNoItem) {
-  begin(4);
-  Header header = answer_header(call_, FrameKind::kItem);
-  const auto stray = item_frames(header, Bytes(100), kItemSize);
-  EXPECT_EQ(channel_.on_frame(stray[1], at(1ms)).kind, Kind::kSend) << "0 is missing";
-  EXPECT_EQ(dropped(DropReason::kUnexpected), 0u);
-  EXPECT_EQ(item(0, at(2ms)).kind, Kind::kItems);
-  EXPECT_EQ(dropped(DropReason::kUnexpected), 1u);
-  EXPECT_EQ(item(1, at(3ms)).kind, Kind::kItems);
-  EXPECT_EQ(drain(0), 2u);
-}
-
 // hp-5.10-7
-TEST_F(ClientStreams, AreLostSoonerWhereTheClientWantsIt) {
+TEST_F(ClientStreams, AreLostAfterAShorterLease) {
   begin(4, 1h, 1s, 1s);
   EXPECT_EQ(header_of(call_).budget_us, 1'000'000U);
   static_cast<void>(ack(0, at(1s)));
@@ -257,7 +224,7 @@ TEST_F(ClientStreams, AreLostSoonerWhereTheClientWantsIt) {
   EXPECT_LE(now, at(2s + 500ms));
 }
 
-TEST_F(ClientStreams, EndAtTheirDeadlineAndTellTheServer) {
+TEST_F(ClientStreams, EndAtTheirDeadlineWithACancel) {
   begin(4, 2s);
   for (MonotonicTime now = at(0s); now < at(2s); now += 10ms) {
     static_cast<void>(ack(0, now));
@@ -266,21 +233,6 @@ TEST_F(ClientStreams, EndAtTheirDeadlineAndTellTheServer) {
   const ChannelEvent event = channel_.on_time(at(2s));
   EXPECT_EQ(event.kind, Kind::kTimeout);
   EXPECT_EQ(header_of(event.frame).kind, FrameKind::kCancel);
-}
-
-// hp-5.10-6
-TEST_F(ClientStreams, EndAtOnceWhereTheServerGaveThemUp) {
-  for (const Status status :
-       {Status::kExpired, Status::kCancelled, Status::kStopping, Status::kLost}) {
-    make_ready(at(0s));
-    begin(8);
-    static_cast<void>(item(0, at(1ms)));
-    const ChannelEvent event = end(5, at(2ms), status);
-    EXPECT_EQ(event.kind, Kind::kReply);
-    EXPECT_EQ(event.status, status);
-    EXPECT_EQ(drain(0), 1u) << "what came is there";
-    EXPECT_FALSE(channel_.is_open(index_));
-  }
 }
 
 // hp-5.10-7
@@ -303,12 +255,12 @@ TEST_F(ClientStreams, EndOnce) {
     static_cast<void>(item(0, at(1ms)));
     ASSERT_EQ(end(1, at(2ms)).kind, Kind::kReply);
     EXPECT_EQ(channel_.on_frame(refuse_frame(call_, status), at(3ms)).kind, Kind::kNothing);
-    EXPECT_EQ(drain(0), 1u) << "what came is still there";
+    EXPECT_EQ(drain(0), 1u) << "received items stay readable";
   }
   EXPECT_FALSE(channel_.is_ready()) << "the next call makes a handshake";
 }
 
-TEST_F(ClientStreams, KeepTheItemsOfAStreamThatEndedThroughTheEndOfTheSession) {
+TEST_F(ClientStreams, KeepTheirItemsAfterTheEndOfTheSession) {
   for (const int end_of_session : {0, 1, 2}) {
     make_ready(at(0s));
     begin(8);
@@ -323,17 +275,8 @@ TEST_F(ClientStreams, KeepTheItemsOfAStreamThatEndedThroughTheEndOfTheSession) {
   }
 }
 
-TEST_F(ClientStreams, TakeNoReplyThatContradictsTheirItems) {
-  begin(4);
-  static_cast<void>(item(0, at(1ms)));
-  EXPECT_EQ(end(0, at(2ms)).kind, Kind::kNothing);
-  EXPECT_EQ(end(5, at(2ms)).kind, Kind::kNothing);
-  EXPECT_EQ(dropped(DropReason::kUnexpected), 2u);
-  EXPECT_EQ(end(1, at(2ms)).kind, Kind::kReply);
-}
-
 // hp-5.10-2
-TEST_F(ClientStreams, TakeNoItemThatWasNotGranted) {
+TEST_F(ClientStreams, RefuseItemsThatWereNotGranted) {
   begin(4);
   EXPECT_EQ(item(4, at(1ms)).kind, Kind::kNothing);
   EXPECT_EQ(item(0x7fff'ffff, at(1ms)).kind, Kind::kNothing);
@@ -346,14 +289,14 @@ TEST_F(ClientStreams, TakeNoItemThatWasNotGranted) {
 }
 
 // hp-5.9-3: the items belong to a call that is open, but not a stream.
-TEST_F(ClientStreams, AreNotMadeOfAnOrdinaryCall) {
+TEST_F(ClientStreams, RefuseItemsOfAnOrdinaryCall) {
   call_ = begin_call(at(0s));
   EXPECT_EQ(item(0, at(1ms)).kind, Kind::kNothing);
   EXPECT_EQ(dropped(DropReason::kUnexpected), 1u);
 }
 
 // A request in fragments may ask for a stream, which begins when the request is complete.
-TEST_F(ClientStreams, MayHaveALargeRequest) {
+TEST_F(ClientStreams, AcceptALargeRequest) {
   const Bytes large(1500);
   CallParameters wanted = parameters(at(1h));
   set_reply_buffer(wanted, 4);
@@ -380,27 +323,14 @@ TEST_F(ClientStreams, MayHaveALargeRequest) {
   expect_credit(event.frame, 0, 0, 4, true);
 }
 
-// hp-5.10-5: this holds on TCP, too, which needs no repetition.
-TEST_F(ClientStreamsOnAStream, AskAndRepeatNothing) {
-  begin(4);
-  for (int i = 0; i < 3; ++i) {
-    const ChannelEvent event = channel_.on_time(channel_.next_time());
-    ASSERT_EQ(event.kind, Kind::kSend);
-    expect_credit(event.frame, 0, 0, 4, true);
-  }
-  EXPECT_EQ(item(0, at(1s)).kind, Kind::kItems);
-  EXPECT_EQ(drain(0), 1u);
-  EXPECT_EQ(end(1, at(1s)).kind, Kind::kReply);
-}
-
 // hp-5.10-7
-TEST_F(ClientStreamsOnAStream, StateNoLimitWhereTheConnectionTells) {
+TEST_F(ClientStreamsOnAStream, StateNoLimitOverAConnection) {
   begin(4, 10h, 10h);
   EXPECT_EQ(header_of(call_).budget_us, kBudgetUnlimited);
 }
 
 // hp-5.10-9: the client grants more bytes as soon as the server has the call.
-TEST_F(ClientStreamsOnAStream, GrantTheBytesThatTheyTake) {
+TEST_F(ClientStreamsOnAStream, GrantTheirByteWindowAfterTheFirstItem) {
   CallParameters wanted = parameters(at(1h));
   set_reply_buffer(wanted, 4);
   wanted.stream_buffers.byte_window = 4 * kStreamBytesFirstStream;
@@ -417,14 +347,14 @@ TEST_F(ClientStreamsOnAStream, GrantTheBytesThatTheyTake) {
 }
 
 // hp-5.10-5
-TEST_F(ClientStreamsOnAStream, AskLaterBehindAnItem) {
+TEST_F(ClientStreamsOnAStream, AskLaterAfterAnItem) {
   begin(4);
   static_cast<void>(item(0, at(1ms)));
   EXPECT_EQ(channel_.next_time(), at(1ms) + kStreamAskIntervalConnected);
 }
 
 // hp-5.10-7
-TEST_F(ClientStreamsOnAStream, AreLostWhenNothingIsHeardForThreeSeconds) {
+TEST_F(ClientStreamsOnAStream, AreLostAfterThreeSilentSeconds) {
   begin(4);
   ChannelEvent event;
   do {

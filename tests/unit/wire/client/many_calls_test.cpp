@@ -43,7 +43,7 @@ TEST_F(ManyCalls, AreAsManyAsBothSidesAllow) {
 }
 
 // hp-5.1-3: all parts of the answer must belong to the same call.
-TEST_F(ManyCalls, TakeNoReplyThatMixesTwoOfThem) {
+TEST_F(ManyCalls, RefuseAReplyThatMixesTwoCalls) {
   make_ready_with(8);
   const Bytes one = begin_call(at(0s));
   CallParameters other_method = parameters(at(1s));
@@ -56,7 +56,7 @@ TEST_F(ManyCalls, TakeNoReplyThatMixesTwoOfThem) {
 }
 
 // hp-4.3-2, hp-5.1-1: the client skips numbers whose slot at the server is taken.
-TEST_F(ManyCalls, LeaveOutNumbersWhosePlaceIsTaken) {
+TEST_F(ManyCalls, SkipNumbersWhoseSlotIsTaken) {
   for (const std::uint16_t window : {std::uint16_t{1}, std::uint16_t{2}, std::uint16_t{4},
                                      std::uint16_t{8}, std::uint16_t{256}}) {
     make_ready_with(window);
@@ -86,7 +86,7 @@ TEST_F(ManyCalls, LeaveOutNumbersWhosePlaceIsTaken) {
   }
 }
 
-TEST_F(ManyCalls, AreRepeatedAndTimeOutEachForItself) {
+TEST_F(ManyCalls, AreRepeatedAndTimeOutIndependently) {
   make_ready_with(8);
   const Bytes first = begin_call(at(0s), 100ms);
   const CallIndex first_index = channel_.last_call();
@@ -106,7 +106,7 @@ TEST_F(ManyCalls, AreRepeatedAndTimeOutEachForItself) {
 }
 
 // Calls that expire at the same time are reported one by one.
-TEST_F(ManyCalls, TellAllThatIsDue) {
+TEST_F(ManyCalls, ReportEachExpiredCall) {
   make_ready_with(8);
   for (int i = 0; i < 8; ++i)
     static_cast<void>(begin_call(at(0s), 3ms));
@@ -120,7 +120,7 @@ TEST_F(ManyCalls, TellAllThatIsDue) {
 }
 
 // hp-5.5-2: all calls are over; the start of each decides whether it may be sent again.
-TEST_F(ManyCalls, AreAllLostWithTheSession) {
+TEST_F(ManyCalls, AreLostWithTheSession) {
   make_ready_with(8);
   const std::vector<Bytes> calls = fill();
   const ChannelEvent event =
@@ -134,7 +134,7 @@ TEST_F(ManyCalls, AreAllLostWithTheSession) {
 }
 
 // hp-4.5-2: without a session there is nothing to close, whatever session a stray CLOSE names.
-TEST_F(ManyCalls, TakeNoCloseWithoutASession) {
+TEST_F(ManyCalls, IgnoreACloseWithoutASession) {
   Header close;
   close.kind = FrameKind::kClose;
   EXPECT_EQ(channel_.on_frame(frame_of(close), at(0s)).kind, Kind::kNothing);
@@ -144,7 +144,7 @@ TEST_F(ManyCalls, TakeNoCloseWithoutASession) {
 }
 
 // Requests in fragments share the path: each has its own window, and all are sent.
-TEST_F(ManyCalls, SendTheirFragmentsSideBySide) {
+TEST_F(ManyCalls, SendTheirFragmentsConcurrently) {
   Welcome generous = welcome();
   generous.message_size_max = kMessageSizeCeiling;
   const Bytes hello = copy_of(channel_.open(120, at(1s), at(0s)));
@@ -165,7 +165,7 @@ TEST_F(ManyCalls, SendTheirFragmentsSideBySide) {
 }
 
 // Each large reply needs its own buffer.
-TEST_F(ManyCalls, CollectTheirLargeRepliesSideBySide) {
+TEST_F(ManyCalls, CollectTheirLargeRepliesConcurrently) {
   make_ready_with(8);
   Bytes buffers[2]{Bytes(2000), Bytes(2000)};
   std::vector<Bytes> calls;

@@ -24,51 +24,25 @@ class ServerOneways : public testing::Test {
     header.budget_us = budget_us;
     return frame_of(header, bytes_of("oneway"));
   }
-  std::uint64_t dropped(DropReason reason) const { return server_.counters().dropped_for(reason); }
-
   ServerSessions server_{server_config()};
   Peer peer_;
 };
 
-// hp-5.8-1, hp-5.2-1: the server sends nothing, whatever the result.
-TEST_F(ServerOneways, WithoutReplyAreNeverAnswered) {
-  EXPECT_EQ(receive(oneway(1, kFlagNoReply, 0)).action, Action::kNothing) << "expired";
-  EXPECT_EQ(server_.counters().expired_count, 1u);
-
-  const Verdict verdict = receive(oneway(2, kFlagNoReply));
-  ASSERT_EQ(verdict.action, Action::kDispatch);
-  const std::uint16_t asking = kFlagNoReply | kFlagRepeated | kFlagAckWanted;
-  EXPECT_EQ(receive(oneway(2, asking)).action, Action::kNothing) << "a copy while it runs";
-  EXPECT_EQ(dropped(DropReason::kDuplicateRunning), 1u);
-  static_cast<void>(answer(server_, verdict.request, "", at(1ms)));
-  EXPECT_EQ(receive(oneway(2, asking)).action, Action::kNothing) << "a copy of one that ran";
-  EXPECT_EQ(dropped(DropReason::kStaleCall), 1u);
-
-  const Verdict two_way = receive(peer_.call_frame(3));
-  ASSERT_EQ(two_way.action, Action::kDispatch);
-  EXPECT_EQ(receive(oneway(3 + kCallWindow, kFlagNoReply)).action, Action::kNothing)
-      << "its place is taken";
-  EXPECT_EQ(server_.counters().refused_count, 1u);
-  static_cast<void>(answer(server_, two_way.request, "", at(1ms)));
-  EXPECT_EQ(receive(oneway(3 + kCallWindow, kFlagNoReply)).action, Action::kNothing)
-      << "nor is it run later";
-}
-
 // hp-5.2-4
-TEST_F(ServerOneways, DoNotHoldTheirPlace) {
+TEST_F(ServerOneways, ReleaseTheirSlotAtOnce) {
   const Verdict oneway_call = receive(oneway(1, kFlagNoReply));
   ASSERT_EQ(oneway_call.action, Action::kDispatch);
   const Verdict next = receive(peer_.call_frame(1 + kCallWindow, "next"));
   ASSERT_EQ(next.action, Action::kDispatch) << "its client can't know whether the oneway runs";
   const Bytes late = answer(server_, oneway_call.request, "late", at(1ms));
   EXPECT_TRUE(late.empty());
-  EXPECT_EQ(server_.counters().orphaned_count, 1u) << "its place is another call's";
+  EXPECT_EQ(server_.counters().orphaned_count, 1u) << "its slot belongs to another call";
   EXPECT_EQ(payload_of(answer(server_, next.request, "own", at(2ms))), bytes_of("own"));
   EXPECT_EQ(payload_of(receive(peer_.call_frame(1 + kCallWindow, "next")).frame), bytes_of("own"));
 }
 
 // hp-5.8-3, hp-5.2-4
-TEST_F(ServerOneways, WithReceiptDoNotHoldTheirPlaceOnceAnswered) {
+TEST_F(ServerOneways, WithReceiptReleaseTheirSlotOnceAnswered) {
   const Verdict first = receive(oneway(1, kFlagReplyOnReceipt));
   EXPECT_EQ(header_of(receive(peer_.call_frame(1 + kCallWindow)).frame).status, Status::kOverload)
       << "its client still waits";
@@ -100,7 +74,7 @@ TEST_F(ClientOneways, WithoutReplyFitOneFrame) {
 }
 
 // hp-5.5-2: the client cannot know whether a oneway ran; the next call makes a handshake.
-TEST_F(ClientOneways, OfAnUnknownSessionEndTheSessionAlone) {
+TEST_F(ClientOneways, OfAnUnknownSessionEndOnlyTheSession) {
   const Bytes frame = copy_of(*channel_.call(oneway(Delivery::kSent), request_, at(0s)));
   EXPECT_EQ(channel_.on_frame(refuse_frame(frame, Status::kUnknownSession), at(1ms)).kind,
             Kind::kNothing);
@@ -108,7 +82,7 @@ TEST_F(ClientOneways, OfAnUnknownSessionEndTheSessionAlone) {
 }
 
 // hp-5.8: each fragment of a large request, repeated or not, has the flag *reply on receipt*.
-TEST_F(ClientOneways, WithReceiptSayItInEachFragment) {
+TEST_F(ClientOneways, WithReceiptSetTheFlagInEachFragment) {
   const Bytes large(1500);
   const auto first = channel_.call(oneway(Delivery::kReceipt), large, at(0s));
   ASSERT_TRUE(first);

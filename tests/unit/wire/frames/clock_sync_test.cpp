@@ -33,11 +33,8 @@ class ClockSync : public testing::Test {
   ClockEstimator estimator;
 };
 
-TEST_F(ClockSync, IsUnknownBeforeTheFirstProbe) {
+TEST_F(ClockSync, IsExactOverASymmetricPath) {
   EXPECT_FALSE(estimator.estimate(at(0s)));
-}
-
-TEST_F(ClockSync, IsExactOverAnEvenPath) {
   probe(at(0s), 100us, 5ms, 100us);
   const auto clock = estimator.estimate(at(5ms));
   ASSERT_TRUE(clock);
@@ -45,7 +42,7 @@ TEST_F(ClockSync, IsExactOverAnEvenPath) {
   EXPECT_LT(clock->uncertainty, 110us);
 }
 
-TEST_F(ClockSync, CoversTheErrorOfAnUnevenPath) {
+TEST_F(ClockSync, CoversTheErrorOfAnAsymmetricPath) {
   probe(at(0s), 10us, 0us, 990us);
   expect_covered(at(1ms));
   EXPECT_GE(estimator.estimate(at(1ms))->uncertainty, 490us);
@@ -56,7 +53,7 @@ TEST_F(ClockSync, CoversTheErrorOfAnUnevenPath) {
   EXPECT_LT(estimator.estimate(at(21ms))->uncertainty, 40us);
 }
 
-TEST_F(ClockSync, LearnsTheDriftAndCoversIt) {
+TEST_F(ClockSync, EstimatesTheDriftWithinItsUncertainty) {
   ppm = 80;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     estimator.clear();
@@ -71,14 +68,14 @@ TEST_F(ClockSync, LearnsTheDriftAndCoversIt) {
   }
 }
 
-TEST_F(ClockSync, BeginsAnewWhenTheClockIsAnother) {
+TEST_F(ClockSync, RestartsForAnotherClock) {
   probe(at(0s), 20us, 0us, 20us);
   offset = -7h;
   probe(at(1s), 20us, 0us, 20us);
   EXPECT_EQ(estimator.estimate(at(1s))->offset, -7h);
 }
 
-TEST_F(ClockSync, DoesNotBelieveTimesThatDoNotFit) {
+TEST_F(ClockSync, RejectsInconsistentTimes) {
   estimator.add({at(0s), at(1s), at(5s), at(1ms)});
   estimator.add({at(0s), at(2s), at(1s), at(1ms)});
   EXPECT_FALSE(estimator.estimate(at(1s)));

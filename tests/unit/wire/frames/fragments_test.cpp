@@ -33,7 +33,7 @@ Header part(std::uint16_t index, std::uint16_t count, std::uint32_t size, std::u
 }
 
 // hp-5.6-2, hp-5.6-3
-TEST(OutgoingMessage, SendsOneWindowAndAsksHowFarItGot) {
+TEST(OutgoingMessage, SendsOneWindowAndRequestsAnAck) {
   const Bytes message = pattern(100 * 100);
   OutgoingMessage outgoing;
   outgoing.begin({}, message, 100, kFragmentWindow);
@@ -63,7 +63,7 @@ TEST(OutgoingMessage, SendsOneWindowAndAsksHowFarItGot) {
   EXPECT_EQ(header_of(outgoing.next(frame, 1, at(0s))).fragment_index, 10u);
 }
 
-TEST(OutgoingMessage, LearnsNothingFromAnAckOfWhatItNeverSent) {
+TEST(OutgoingMessage, IgnoresAnAckOfUnsentFragments) {
   const Bytes message = pattern(10 * 100);
   OutgoingMessage outgoing;
   outgoing.begin({}, message, 100, 2);
@@ -76,7 +76,7 @@ TEST(OutgoingMessage, LearnsNothingFromAnAckOfWhatItNeverSent) {
 }
 
 // hp-5.6-6: despite loss, duplication and reordering the message arrives, byte for byte.
-TEST(Messages, ArriveWholeWhateverHappensOnTheWay) {
+TEST(Messages, ArriveWholeOverALossyPath) {
   for (std::uint64_t seed = 1; seed <= 50; ++seed) {
     Random random(seed);
     const Bytes message = pattern(2 + random() % 20'000);
@@ -115,20 +115,8 @@ TEST(Messages, ArriveWholeWhateverHappensOnTheWay) {
   }
 }
 
-TEST(IncomingMessage, TakesNoFragmentOfAnother) {
-  Bytes buffer(1000);
-  IncomingMessage incoming;
-  incoming.begin(part(0, 3, 100, 250), buffer);
-  EXPECT_EQ(incoming.take(part(0, 3, 100, 250), Bytes(100)), Taken::kNew);
-  EXPECT_EQ(incoming.take(part(0, 3, 100, 250), Bytes(100)), Taken::kDuplicate);
-  EXPECT_EQ(incoming.take(part(1, 3, 100, 251), Bytes(100)), Taken::kForeign);
-  EXPECT_EQ(incoming.take(part(1, 3, 99, 250), Bytes(99)), Taken::kForeign);
-  EXPECT_EQ(incoming.take(part(2, 3, 50, 250), Bytes(50)), Taken::kNew);
-  EXPECT_EQ(incoming.take(part(1, 3, 100, 250), Bytes(100)), Taken::kLast);
-}
-
 // hp-5.6-9: the properties that the first fragment was judged by, such as priority, are fixed.
-TEST(IncomingMessage, TakesNoFragmentThatSaysOtherwise) {
+TEST(IncomingMessage, RefusesAFragmentWithOtherProperties) {
   Bytes buffer(1000);
   IncomingMessage incoming;
   incoming.begin(part(0, 3, 100, 250), buffer);
@@ -192,28 +180,8 @@ class LargeCalls : public testing::Test {
   Peer peer_;
 };
 
-TEST_F(LargeCalls, RunOnceWithTheWholeMessage) {
-  const Bytes message = pattern(10'000);
-  std::vector<Bytes> all = fragments(1, message);
-  std::reverse(all.begin(), all.end());
-  all.insert(all.begin() + 3, all.front());
-  int run_count = 0;
-  for (const Bytes& frame : all) {
-    const Verdict verdict = receive(frame);
-    if (verdict.action != Action::kDispatch) continue;
-    ++run_count;
-    EXPECT_EQ(copy_of(verdict.request.payload), message);
-  }
-  EXPECT_EQ(run_count, 1);
-  // hp-5.2-1, hp-5.6-4: while the call runs, a duplicate is answered with a complete ACK.
-  const Verdict verdict = receive(fragments(1, message).back());
-  ASSERT_EQ(verdict.action, Action::kSend);
-  EXPECT_EQ(header_of(verdict.frame).kind, FrameKind::kAck);
-  EXPECT_EQ(decode_ack(verdict.frame.subspan(kHeaderSize))->first_missing, 8u);
-}
-
 // hp-5.6-9: a later fragment can't bypass a session's ceiling.
-TEST_F(LargeCalls, KeepThePriorityThatWasJudged) {
+TEST_F(LargeCalls, KeepThePriorityOfTheirFirstFragment) {
   std::vector<Bytes> all = fragments(1, pattern(2000));
   ASSERT_EQ(all.size(), 2u);
   EXPECT_EQ(receive(all[0]).action, Action::kNothing);
@@ -226,7 +194,7 @@ TEST_F(LargeCalls, KeepThePriorityThatWasJudged) {
   EXPECT_EQ(verdict.request.header.priority, peer_.priority);
 }
 
-TEST_F(LargeCalls, AreAnsweredInWindowsUntilAllHasArrived) {
+TEST_F(LargeCalls, AreAnsweredWindowByWindow) {
   const Verdict verdict = receive(peer_.call_frame(1, "small"));
   ASSERT_EQ(verdict.action, Action::kDispatch);
   const Bytes reply = pattern(kLarge);
@@ -255,108 +223,6 @@ TEST_F(LargeCalls, AreAnsweredInWindowsUntilAllHasArrived) {
   EXPECT_EQ(receive(ack_frame(1, incoming.ack())).action, Action::kNothing);
   EXPECT_EQ(receive(peer_.call_frame(1, "small")).action, Action::kNothing);
   EXPECT_EQ(server_.counters().dropped_for(DropReason::kStaleCall), 1u);
-}
-
-/// A client and a server that exchange a large reply over a lossy path.
-class LargeExchange : public ClientChannelTest {
- protected:
-  LargeExchange() : large_(3 * kLarge), buffer_(kLarge), server_(config()) {}
-  void SetUp() override {
-    Bytes hello = copy_of(channel_.open(120, at(1s), at(0s)));
-    for (int step = 0; step < 2; ++step) {
-      const Verdict verdict = server_.on_frame(hello, kAddress, at(0s));
-      hello = copy_of(channel_.on_frame(verdict.frame, at(0s)).frame);
-    }
-    ASSERT_TRUE(channel_.is_ready());
-    channel_.set_reply_buffer(buffer_);
-  }
-  ServerSessionsConfig config() {
-    ServerSessionsConfig config = server_config();
-    config.message_size_max = kLarge;
-    config.large_memory = large_;
-    return config;
-  }
-  /// All frames of a reply of `size` bytes to a new call.
-  std::vector<Bytes> reply_to_a_call(std::size_t size) {
-    const Verdict verdict = server_.on_frame(begin_call(at(0s), 10s), kAddress, at(0s));
-    EXPECT_EQ(verdict.action, Action::kDispatch);
-    std::ranges::copy(pattern(size), server_.reply_buffer(verdict.request, at(0s)).begin());
-    std::vector<Bytes> frames{copy_of(
-        server_.complete(verdict.request, Status::kOk, static_cast<std::uint32_t>(size), at(0s)))};
-    for (ConstBytes frame; !(frame = server_.next_frame(at(0s))).empty();)
-      frames.push_back(copy_of(frame));
-    return frames;
-  }
-
-  static constexpr PeerAddress kAddress{.low = 1, .port = 2};
-  Bytes large_;
-  Bytes buffer_;
-  ServerSessions server_;
-};
-
-// hp-5.6-7: no later fragment reveals that the last ones were lost; the client's question does.
-TEST_F(LargeExchange, RepairsATailThatWasLost) {
-  std::vector<Bytes> frames = reply_to_a_call(2900);
-  ASSERT_EQ(frames.size(), 3u);
-  EXPECT_EQ(channel_.on_frame(frames[0], at(1ms)).kind, Kind::kNothing);
-  ChannelEvent event;
-  for (int question = 0; question < 5 && event.kind != Kind::kReply; ++question) {
-    const MonotonicTime now = channel_.next_time();
-    const ChannelEvent asked = channel_.on_time(now);
-    ASSERT_EQ(asked.kind, Kind::kSend);
-    EXPECT_EQ(header_of(asked.frame).kind, FrameKind::kAck);
-    EXPECT_EQ(header_of(asked.frame).flags, kFlagAckWanted);
-    const Verdict verdict = server_.on_frame(asked.frame, kAddress, now);
-    ASSERT_EQ(verdict.action, Action::kSend);
-    event = channel_.on_frame(copy_of(verdict.frame), now);
-    if (!event.frame.empty() && event.kind == Kind::kSend) {
-      static_cast<void>(server_.on_frame(copy_of(event.frame), kAddress, now));
-    }
-  }
-  ASSERT_EQ(event.kind, Kind::kReply);
-  EXPECT_EQ(copy_of(event.payload), pattern(2900));
-  EXPECT_EQ(server_.on_frame(copy_of(event.frame), kAddress, at(1s)).action, Action::kNothing)
-      << "all is there";
-}
-
-class LargeReplies : public ClientChannelTest {
- protected:
-  void SetUp() override { make_ready(at(0s)); }
-  std::vector<Bytes> reply_fragments(const Bytes& call, ConstBytes message) {
-    OutgoingMessage outgoing;
-    outgoing.begin(answer_header(call, FrameKind::kReply), message, 500, kFragmentWindow);
-    Bytes frame(kHeaderSize + 500);
-    std::vector<Bytes> all;
-    for (ConstBytes sent; !(sent = outgoing.next(frame, 0, at(0s))).empty();) {
-      all.push_back(copy_of(sent));
-    }
-    return all;
-  }
-};
-
-TEST_F(LargeReplies, AskForRoomAndAreAcknowledged) {
-  const Bytes call = begin_call(at(0s));
-  const Bytes message = pattern(2900);
-  const std::vector<Bytes> all = reply_fragments(call, message);
-  const ChannelEvent first = channel_.on_frame(all[1], at(1ms));
-  ASSERT_EQ(first.kind, Kind::kNeedBuffer);
-  ASSERT_EQ(first.reply_size, 2900u);
-  Bytes buffer(2900);
-  channel_.set_reply_buffer(buffer);
-  EXPECT_EQ(channel_.on_frame(all[1], at(1ms)).kind, Kind::kNothing);
-  // hp-5.6-7: when no more fragments arrive, the client reports its progress.
-  const ChannelEvent late = channel_.on_time(channel_.next_time());
-  ASSERT_EQ(late.kind, Kind::kSend);
-  EXPECT_EQ(header_of(late.frame).kind, FrameKind::kAck);
-  EXPECT_EQ(decode_ack(late.frame.subspan(kHeaderSize))->first_missing, 0u);
-  ChannelEvent event;
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    if (i != 1) event = channel_.on_frame(all[i], at(20ms));
-  }
-  ASSERT_EQ(event.kind, Kind::kReply);
-  EXPECT_EQ(copy_of(event.payload), message);
-  EXPECT_EQ(decode_ack(event.frame.subspan(kHeaderSize))->first_missing, 6u);
-  EXPECT_EQ(channel_.next_time(), kNever);
 }
 
 }  // namespace

@@ -22,7 +22,7 @@ std::string changed(const std::string& before, const std::string& after) {
   return text;
 }
 
-TEST(FindObstacle, TellsTheMethodAndBothSides) {
+TEST(FindObstacle, NamesTheMethodAndBothSides) {
   EXPECT_FALSE(find_obstacle(kText, kText));
   EXPECT_EQ(find_obstacle(kText, changed("method 7", "method 8")),
             "method 'get' (id 7) is missing there");
@@ -49,7 +49,7 @@ TEST(FindObstacle, TellsTheMethodAndBothSides) {
 }
 
 // hp-6.3-2: any bytes from a server yield an answer.
-TEST(FindObstacle, TakesAnyBytes) {
+TEST(FindObstacle, AcceptsAnyBytes) {
   std::mt19937 random(7);
   const auto below = [&](std::size_t count) {
     return std::uniform_int_distribution<std::size_t>(0, count - 1)(random);

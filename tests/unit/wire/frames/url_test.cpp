@@ -26,7 +26,7 @@ TEST(Url, KeepsItsHostAndItsText) {
 }
 
 // hp-10-1
-TEST(Url, IsRefusedWhereItIsMalformed) {
+TEST(Url, IsRefusedIfMalformed) {
   const std::vector<std::string> all{"rtpm",
                                      "rtpm:///",
                                      "rtpm://h:99999999999/p",
@@ -63,7 +63,7 @@ TEST(Url, DiffersFromAName) {
   EXPECT_FALSE(is_url(""));
 }
 
-TEST(Path, IsComponentsPartedBySingleSlashes) {
+TEST(Path, ConsistsOfComponentsBetweenSingleSlashes) {
   for (const char* good : {"a", "lab/arm0", "A/b/C/9", "a.b", "-", "_", ".", ".."}) {
     EXPECT_TRUE(is_valid_path(good)) << good;
   }
@@ -74,7 +74,7 @@ TEST(Path, IsComponentsPartedBySingleSlashes) {
   EXPECT_FALSE(is_valid_path(std::string(kPathSizeMax + 1, 'a')));
 }
 
-TEST(Path, IsTheMoreSimilarTheMoreItsEndsAgree) {
+TEST(Path, IsMoreSimilarTheMoreItsEndsAgree) {
   EXPECT_EQ(similarity("lab/arm0", "lab/arm0"), 8u);
   EXPECT_EQ(similarity("lab/arm0", "lab/arm1"), 7u);
   EXPECT_EQ(similarity("lab/arm0", "lab/arm"), 7u);

@@ -14,14 +14,14 @@ constexpr SipKey kKey{.low = 0x1122334455667788, .high = 0x99aabbccddeeff00};
 constexpr PeerAddress kPeer{.high = 1, .low = 0x7f000001, .port = 4711};
 constexpr std::uint64_t kEpoch = 77;
 
-TEST(CookieJar, KnowsItsOwnCookie) {
+TEST(CookieJar, AcceptsItsOwnCookie) {
   const CookieJar jar(kKey);
   const Cookie cookie = jar.give(kPeer, kEpoch, at(0s));
   EXPECT_TRUE(jar.is_good(cookie, kPeer, kEpoch, at(0s)));
-  EXPECT_NE(cookie, Cookie{}) << "zero is a HELLO's word for none";
+  EXPECT_NE(cookie, Cookie{}) << "zero means no cookie in a HELLO";
 }
 
-TEST(CookieJar, TakesNobodyElsesCookie) {
+TEST(CookieJar, RefusesACookieOfAnotherPeerOrServer) {
   const CookieJar jar(kKey);
   const Cookie cookie = jar.give(kPeer, kEpoch, at(0s));
   PeerAddress other = kPeer;
@@ -39,7 +39,7 @@ TEST(CookieJar, TakesNobodyElsesCookie) {
   EXPECT_FALSE(jar.is_good(Cookie{}, kPeer, kEpoch, at(0s))) << "none at all";
 }
 
-TEST(CookieJar, TakesNoCookieWithABitTurned) {
+TEST(CookieJar, RefusesACookieWithABitFlipped) {
   const CookieJar jar(kKey);
   const Cookie cookie = jar.give(kPeer, kEpoch, at(0s));
   for (std::size_t bit = 0; bit < 8 * cookie.size(); ++bit) {
@@ -50,7 +50,7 @@ TEST(CookieJar, TakesNoCookieWithABitTurned) {
 }
 
 // A cookie is good for at least one span, wherever in a span it was given, and never after two.
-TEST(CookieJar, LetsCookiesExpire) {
+TEST(CookieJar, ExpiresCookies) {
   const CookieJar jar(kKey);
   for (Duration given = 0s; given < kCookieSpan; given += 700ms) {
     const Cookie cookie = jar.give(kPeer, kEpoch, at(given));
@@ -65,7 +65,7 @@ TEST(CookieJar, LetsCookiesExpire) {
   }
 }
 
-TEST(CookieJar, WorksAtTheBeginOfTime) {
+TEST(CookieJar, WorksAtTimeZero) {
   const CookieJar jar(kKey);
   const Cookie cookie = jar.give(kPeer, kEpoch, time_from_ns(0));
   EXPECT_TRUE(jar.is_good(cookie, kPeer, kEpoch, time_from_ns(0)));

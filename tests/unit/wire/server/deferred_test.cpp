@@ -59,7 +59,7 @@ TEST_F(Deferred, AreOrphansOnceTheirSessionIsClosed) {
   const Request request = run(1);
   server_.set_tag(request, 3);
   receive(close_header());
-  EXPECT_EQ(server_.next_cancelled(), 3u) << "nobody waits any more";
+  EXPECT_EQ(server_.next_cancelled(), 3u) << "the caller no longer waits";
   EXPECT_EQ(server_.next_cancelled(), 0u);
   EXPECT_EQ(server_.peer_of(request), std::nullopt);
 
@@ -68,7 +68,7 @@ TEST_F(Deferred, AreOrphansOnceTheirSessionIsClosed) {
   other.open(server_, at(1ms));
   const Verdict theirs = server_.on_frame(other.call_frame(1), other.address, at(1ms));
   ASSERT_EQ(theirs.action, Action::kDispatch);
-  EXPECT_EQ(theirs.request.session_index, request.session_index) << "the place is reused";
+  EXPECT_EQ(theirs.request.session_index, request.session_index) << "the slot is reused";
 
   const MutableBytes buffer = server_.reply_buffer(request, at(0s));
   EXPECT_GE(buffer.size(), kDatagramPayloadSizeMax) << "a servant need not know";
@@ -105,7 +105,7 @@ TEST_F(DeferredOnAStream, AreOrphansOnceTheirConnectionEnds) {
 }
 
 // A reply that is not sent must not overwrite one that is kept.
-TEST_F(Deferred, DoNotSpoilTheReplyThatHasTheirPlace) {
+TEST_F(Deferred, KeepTheReplyThatHasTheirSlot) {
   Header oneway = peer_.call_header(1);
   oneway.flags = kFlagNoReply;
   const Verdict old = server_.on_frame(frame_of(oneway), peer_.address, at(0s));
@@ -118,7 +118,7 @@ TEST_F(Deferred, DoNotSpoilTheReplyThatHasTheirPlace) {
 }
 
 // Each of several large replies has its own buffer until it has arrived.
-TEST_F(Deferred, MayEndWithLargeReplies) {
+TEST_F(Deferred, EndWithLargeReplies) {
   std::vector<Request> requests{run(1), run(2), run(3)};
   std::vector<Header> first_frames;
   for (std::size_t i = 0; i < 2; ++i) {
@@ -141,7 +141,7 @@ TEST_F(Deferred, MayEndWithLargeReplies) {
 }
 
 // After the deadline a large reply has no reader: its buffer may go to the next one at once.
-TEST_F(Deferred, ThatEndLargeAfterTheirDeadlineHarmNobody) {
+TEST_F(Deferred, ReleaseTheirLargeReplyAfterTheirDeadline) {
   const Request request = run(1);
   for (int round = 0; round < 10; ++round) {
     const Request late = run(static_cast<std::uint32_t>(10 + kCallWindow * round));
@@ -156,15 +156,15 @@ TEST_F(Deferred, ThatEndLargeAfterTheirDeadlineHarmNobody) {
   static_cast<void>(server_.complete(request, Status::kOk, 3000, at(10s)));
 }
 
-TEST_F(Deferred, TellThatTheyWereCancelledEachOnce) {
+TEST_F(Deferred, ReportTheirCancellationOnceEach) {
   for (std::uint32_t call_id = 1; call_id <= kCallWindow; ++call_id)
     server_.set_tag(run(call_id), 100 + call_id);
   receive(close_header());
-  std::vector<std::uint32_t> told;
+  std::vector<std::uint32_t> cancelled;
   for (std::uint32_t tag = server_.next_cancelled(); tag != 0; tag = server_.next_cancelled())
-    told.push_back(tag);
-  std::ranges::sort(told);
-  EXPECT_EQ(told, (std::vector<std::uint32_t>{101, 102, 103, 104, 105, 106, 107, 108}));
+    cancelled.push_back(tag);
+  std::ranges::sort(cancelled);
+  EXPECT_EQ(cancelled, (std::vector<std::uint32_t>{101, 102, 103, 104, 105, 106, 107, 108}));
 }
 
 // hp-4.5-2: each session gets its CLOSE; then there is no session.

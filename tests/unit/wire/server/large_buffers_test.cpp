@@ -86,7 +86,7 @@ class LargeBuffers : public testing::Test {
 };
 
 // hp-5.6-10: a sender's unfinished message does not keep others out until its deadline.
-TEST_F(LargeBuffers, AreTakenFromRequestsThatFellSilent) {
+TEST_F(LargeBuffers, AreReclaimedFromSilentRequests) {
   serve(2);
   const Peer silent = peer_of(1);
   const Peer other = peer_of(2);
@@ -109,7 +109,7 @@ TEST_F(LargeBuffers, AreTakenFromRequestsThatFellSilent) {
 
 // hp-5.6-10, hp-5.3-3: repetitions are at most 1 s apart, so that a network that loses two in a
 // row, or every ACK, costs no message.
-TEST_F(LargeBuffers, StayWithASenderThatIsHeardNowAndThen) {
+TEST_F(LargeBuffers, StayWithASenderThatRepeats) {
   serve(2);
   const Peer slow = peer_of(1);
   const Peer other = peer_of(2);
@@ -127,7 +127,7 @@ TEST_F(LargeBuffers, StayWithASenderThatIsHeardNowAndThen) {
 }
 
 // hp-5.6-10
-TEST_F(LargeBuffers, GoFromTheMessageThatWasSilentLongest) {
+TEST_F(LargeBuffers, AreReclaimedFromTheLongestSilentMessage) {
   serve(3);
   const Peer silent = peer_of(1);
   const Peer other = peer_of(2);
@@ -141,7 +141,7 @@ TEST_F(LargeBuffers, GoFromTheMessageThatWasSilentLongest) {
 }
 
 // hp-5.6-10: replies that their callers do not fetch do not keep others out, either.
-TEST_F(LargeBuffers, AreTakenFromRepliesThatNobodyFetches) {
+TEST_F(LargeBuffers, AreReclaimedFromUnfetchedReplies) {
   serve(2);
   const Peer silent = peer_of(1);
   const Peer fetching = peer_of(2);
@@ -157,7 +157,7 @@ TEST_F(LargeBuffers, AreTakenFromRepliesThatNobodyFetches) {
   EXPECT_FALSE(server_->is_short_of_buffers(third, at(kLargeMessageSilenceMax)));
   reply_large(third, at(kLargeMessageSilenceMax));
   EXPECT_EQ(acknowledge(silent, 1, 1, at(4s)).action, Action::kNothing);
-  EXPECT_EQ(server_->counters().dropped_for(DropReason::kUnexpected), 1u) << "it is forgotten";
+  EXPECT_EQ(server_->counters().dropped_for(DropReason::kUnexpected), 1u) << "it was evicted";
   EXPECT_EQ(acknowledge(fetching, 1, 7, at(4s)).action, Action::kNothing);
   EXPECT_TRUE(server_->has_freed_buffer());
   EXPECT_FALSE(server_->has_freed_buffer());
@@ -183,7 +183,7 @@ TEST_F(LargeBuffers, AreSharedAmongHosts) {
 }
 
 // However many buffers are taken, a request passes its own buffer on to its reply.
-TEST_F(LargeBuffers, SufficeForTheReplyToALargeRequest) {
+TEST_F(LargeBuffers, AreReusedForTheReplyToALargeRequest) {
   serve(2);
   const Peer peer = peer_of(1);
   EXPECT_TRUE(takes(peer, 1, at(0s)));
@@ -198,7 +198,7 @@ TEST_F(LargeBuffers, SufficeForTheReplyToALargeRequest) {
 }
 
 // A small reply needs no large buffer, and a reply without a waiting caller is not kept.
-TEST_F(LargeBuffers, AreNotMissedBySmallReplies) {
+TEST_F(LargeBuffers, AreNotNeededBySmallReplies) {
   serve(2);
   const Peer peer = peer_of(1);
   EXPECT_TRUE(takes(peer, 1, at(0s)));

@@ -38,42 +38,6 @@ class ServerCalls : public testing::Test {
   Peer peer_;
 };
 
-// hp-5.2-1
-TEST_F(ServerCalls, ThatEndedAreAnsweredAgainWithTheSameBytes) {
-  const Bytes reply = call_and_answer(1);
-  for (int copy = 1; copy <= 3; ++copy) {
-    const Verdict again = call(1, at(copy * 1s));
-    ASSERT_EQ(again.action, Action::kSend);
-    Bytes expected = reply;
-    store_le(expected.data() + 6, kFlagRepeated);
-    EXPECT_EQ(copy_of(again.frame), expected) << "but for the repeated flag";
-    EXPECT_EQ(server_.counters().duplicate_answered_count, static_cast<std::uint64_t>(copy));
-  }
-}
-
-// hp-5.2-1
-TEST_F(ServerCalls, ThatRunAreNotRunAgain) {
-  const Verdict first = call(1);
-  ASSERT_EQ(first.action, Action::kDispatch);
-  EXPECT_EQ(call(1).action, Action::kNothing);
-  EXPECT_EQ(dropped(DropReason::kDuplicateRunning), 1u);
-  EXPECT_EQ(payload_of(answer(server_, first.request, "late", at(1s))), bytes_of("late"));
-  EXPECT_EQ(call(1).action, Action::kSend);
-}
-
-// hp-5.2-2
-TEST_F(ServerCalls, ThatTheirSessionLeftBehindAreDropped) {
-  for (std::uint32_t call_id = 1; call_id <= 2 * kCallWindow; ++call_id)
-    call_and_answer(call_id);
-  for (std::uint32_t call_id = 1; call_id <= kCallWindow; ++call_id) {
-    EXPECT_EQ(call(call_id).action, Action::kNothing);
-  }
-  EXPECT_EQ(dropped(DropReason::kStaleCall), kCallWindow);
-  for (std::uint32_t call_id = kCallWindow + 1; call_id <= 2 * kCallWindow; ++call_id) {
-    EXPECT_EQ(call(call_id).action, Action::kSend) << "the last of the window are remembered";
-  }
-}
-
 // hp-5.1-1
 TEST_F(ServerCalls, AreNumberedInACircle) {
   const std::uint32_t begin = 0u - 3 * kCallWindow;
@@ -87,41 +51,7 @@ TEST_F(ServerCalls, AreNumberedInACircle) {
   EXPECT_EQ(dropped(DropReason::kStaleCall), 5u * kCallWindow);
 }
 
-TEST_F(ServerCalls, OfOneWindowMayBeOpenAtATimeAndEndInAnyOrder) {
-  std::vector<Request> open;
-  for (std::uint32_t call_id = 1; call_id <= kCallWindow; ++call_id) {
-    const Verdict verdict = call(call_id);
-    ASSERT_EQ(verdict.action, Action::kDispatch);
-    open.push_back(verdict.request);
-  }
-  std::ranges::reverse(open);
-  for (const Request& request : open) {
-    const std::string text = "for " + std::to_string(request.header.call_id);
-    const Bytes reply = answer(server_, request, text, at(1s));
-    EXPECT_EQ(header_of(reply).call_id, request.header.call_id);
-  }
-  for (std::uint32_t call_id = 1; call_id <= kCallWindow; ++call_id) {
-    const Verdict again = call(call_id);
-    EXPECT_EQ(payload_of(again.frame), bytes_of("for " + std::to_string(call_id)));
-  }
-}
-
-// Overload promises that the call did not run: a later copy must not run, either.
-TEST_F(ServerCalls, BeyondTheWindowAreNeverRunOnceRefused) {
-  const Verdict first = call(1);
-  ASSERT_EQ(call(1 + kCallWindow).action, Action::kSend);
-  EXPECT_EQ(call(1).action, Action::kNothing) << "the first runs still";
-  Verdict copy = call(1 + kCallWindow);
-  ASSERT_EQ(copy.action, Action::kSend);
-  EXPECT_EQ(header_of(copy.frame).status, Status::kOverload);
-  static_cast<void>(answer(server_, first.request, "first", at(0s)));
-  copy = call(1 + kCallWindow);
-  ASSERT_EQ(copy.action, Action::kSend) << "now there is room, but it was refused";
-  EXPECT_EQ(header_of(copy.frame).status, Status::kOverload);
-  EXPECT_EQ(call(1 + 2 * kCallWindow).action, Action::kDispatch) << "the next one is run";
-}
-
-TEST_F(ServerCalls, GetABufferForWhatTheirClientTakes) {
+TEST_F(ServerCalls, GetABufferOfTheirClientsLimit) {
   const Verdict datagram = call(1);
   EXPECT_EQ(server_.reply_buffer(datagram.request, at(0s)).size(), kDatagramPayloadSizeMax);
   Peer modest;
@@ -142,7 +72,7 @@ TEST_F(ServerCalls, GetABufferForWhatTheirClientTakes) {
   }
 }
 
-TEST(ServerDeadline, HoldsForTheLargestBudget) {
+TEST(ServerDeadline, IsExactForTheLargestBudget) {
   ServerSessions server(server_config());
   Peer peer;
   peer.open(server, at(0s));
@@ -210,7 +140,7 @@ class CallHistory {
   std::map<std::uint32_t, Bytes> replies_;
 };
 
-TEST(ServerCallsProperty, EachRunsAtMostOnceAndIsAnsweredAlike) {
+TEST(ServerCallsProperty, RunAtMostOnceAndKeepTheirAnswer) {
   for (std::uint64_t seed = 1; seed <= 200; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     CallHistory history(seed);

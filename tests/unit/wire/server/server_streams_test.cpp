@@ -87,7 +87,7 @@ class ServerStreamsOnAStream : public ServerStreams {
 };
 
 // hp-5.10-10
-TEST_F(ServerStreams, GiveItemsAsLargeAsTheirOwnOrTheirClientsLimit) {
+TEST_F(ServerStreams, LimitItemsToTheSmallerOfBothLimits) {
   EXPECT_EQ(server_.item_size_max(begin(1, 3)), kItemSizeMax);
   Peer modest;
   modest.channel = 2;
@@ -100,7 +100,7 @@ TEST_F(ServerStreams, GiveItemsAsLargeAsTheirOwnOrTheirClientsLimit) {
 }
 
 // hp-5.10-2: there is memory for two streams only.
-TEST_F(ServerStreams, AreRefusedWhereThereIsNoRoom) {
+TEST_F(ServerStreams, AreRefusedWithoutMemory) {
   static_cast<void>(begin(1, 3));
   const Request second = begin(2, 3);
   const Verdict third = receive(frame_of(stream_header(3, 3)));
@@ -114,7 +114,7 @@ TEST_F(ServerStreams, AreRefusedWhereThereIsNoRoom) {
   EXPECT_EQ(header_of(verdict.frame).status, Status::kOverload);
 }
 
-TEST_F(ServerStreams, TellWhoFeedsThemThatThereIsCredit) {
+TEST_F(ServerStreams, ReportCreditToTheirWriter) {
   const Request request = begin(1, 2);
   server_.set_tag(request, 42);
   EXPECT_EQ(push_all(request), 2);
@@ -123,7 +123,7 @@ TEST_F(ServerStreams, TellWhoFeedsThemThatThereIsCredit) {
   EXPECT_EQ(receive(credit_frame(1, credit(2, 0), 6)).credit_tag, 0u) << "it has ended";
 }
 
-TEST_F(ServerStreams, MayEndWithoutAnItem) {
+TEST_F(ServerStreams, EndWithoutAnItem) {
   const Request request = begin(1, 8);
   const Bytes reply = copy_of(server_.complete(request, Status::kBadRequest, 0, at(1ms)));
   EXPECT_EQ(header_of(reply).status, Status::kBadRequest);
@@ -132,7 +132,7 @@ TEST_F(ServerStreams, MayEndWithoutAnItem) {
 }
 
 // hp-5.10-7: a stale frame does not revoke the credit of a newer one.
-TEST_F(ServerStreams, OutliveAStaleCredit) {
+TEST_F(ServerStreams, IgnoreTheLeaseOfAStaleCredit) {
   static_cast<void>(begin(1, 8, at(0s)));
   static_cast<void>(receive(credit_frame(1, credit(0, 0), 8, false, 3'000'000), at(1s)));
   static_cast<void>(receive(credit_frame(1, credit(0, 0), 8, false, 10), at(1s)));
@@ -141,7 +141,7 @@ TEST_F(ServerStreams, OutliveAStaleCredit) {
 }
 
 // hp-5.10-7: items are kept for a client that has yet to fetch them, but not for ever.
-TEST_F(ServerStreams, ForgetTheirItemsWhenNobodyFetchesThem) {
+TEST_F(ServerStreams, DropItemsThatAreNotFetched) {
   const Request request = begin(1, 8);
   static_cast<void>(push(request));
   static_cast<void>(server_.complete(request, Status::kOk, 0, at(1ms)));
@@ -163,15 +163,8 @@ TEST_F(ServerStreams, EndWithTheirSession) {
   EXPECT_EQ(server_.next_time(), kNever);
 }
 
-// hp-5.10-7
-TEST_F(ServerStreams, OfNoCallAreLostForWhoAsks) {
-  EXPECT_EQ(header_of(receive(credit_frame(5, credit(0, 0), 8, true)).frame).status, Status::kLost);
-  EXPECT_EQ(receive(credit_frame(5, credit(0, 0), 8)).action, Action::kNothing);
-  EXPECT_EQ(dropped(DropReason::kUnexpected), 1u);
-}
-
 // hp-5.10-5: on TCP nothing is repeated, but questions are answered.
-TEST_F(ServerStreamsOnAStream, RepeatNothingAndAnswerWhoAsks) {
+TEST_F(ServerStreamsOnAStream, RepeatNothingAndAnswerQuestions) {
   const Request request = begin(1, 100);
   EXPECT_EQ(push_all(request), 100) << "the window is for what may get lost";
   std::vector<Bytes> frames = sent(receive(credit_frame(1, credit(20, 0b10), 150, true)));
@@ -185,17 +178,8 @@ TEST_F(ServerStreamsOnAStream, RepeatNothingAndAnswerWhoAsks) {
   EXPECT_TRUE(sent(receive(credit_frame(1, credit(150, 0), 150))).empty());
 }
 
-// hp-5.10-7
-TEST_F(ServerStreamsOnAStream, EndWhereTheirCallerFellSilent) {
-  const Request request = begin(1, 4);
-  server_.set_tag(request, 6);
-  server_.on_time(at(3s));
-  EXPECT_EQ(server_.next_cancelled(), 6u);
-  EXPECT_EQ(header_of(receive(credit_frame(1, credit(0, 0), 8, true)).frame).status, Status::kLost);
-}
-
 // hp-5.10-7: a stream may not hold memory for longer than a session.
-TEST_F(ServerStreams, EndAfterHalfAMinuteWhateverTheirCallerStates) {
+TEST_F(ServerStreams, EndAfterHalfAMinuteAtTheLatest) {
   Header header = stream_header(1, 4);
   header.budget_us = kBudgetUnlimited;
   ASSERT_EQ(receive(frame_of(header)).action, Action::kDispatch);

@@ -11,7 +11,7 @@ using Action = Verdict::Action;
 
 constexpr PeerAddress kHost{.low = 1, .port = 5};
 
-TEST(RateLimiter, GivesABurstAndThenOneEachInterval) {
+TEST(RateLimiter, AdmitsABurstAndThenOneEachInterval) {
   RateLimiter limiter({1, 2}, 3, 10ms);
   for (int i = 0; i < 3; ++i)
     EXPECT_TRUE(limiter.admit(kHost, at(0s)));
@@ -25,7 +25,7 @@ TEST(RateLimiter, GivesABurstAndThenOneEachInterval) {
   EXPECT_FALSE(limiter.admit(kHost, at(10s)));
 }
 
-TEST(RateLimiter, KeepsHostsApartAndTheirPortsTogether) {
+TEST(RateLimiter, LimitsByHostAndNotByPort) {
   RateLimiter limiter({1, 2}, 1, 1s);
   EXPECT_TRUE(limiter.admit(kHost, at(0s)));
   EXPECT_FALSE(limiter.admit({.low = 1, .port = 6}, at(0s)));
@@ -52,7 +52,7 @@ class Strangers : public testing::Test {
 };
 
 // hp-4.4-5: calls of unknown sessions cost the lane only a check, even in a flood.
-TEST_F(Strangers, AreAnsweredOnlySoOften) {
+TEST_F(Strangers, AreAnsweredAtALimitedRate) {
   for (std::uint32_t i = 0; i < kStrangerAnswerBurst; ++i) {
     const Verdict verdict = call({.low = 1, .port = i}, at(0s));
     ASSERT_EQ(verdict.action, Action::kSend);
@@ -70,7 +70,7 @@ TEST_F(Strangers, AreAnsweredOnlySoOften) {
 }
 
 // hp-4.4-5: answers to a session's own frames do not count.
-TEST_F(Strangers, TakeNothingFromSessionsOfTheirHost) {
+TEST_F(Strangers, DoNotAffectSessionsOfTheirHost) {
   Peer peer;
   peer.open(server_, at(0s));
   for (std::uint32_t i = 0; i < 1000; ++i)
@@ -81,7 +81,7 @@ TEST_F(Strangers, TakeNothingFromSessionsOfTheirHost) {
 }
 
 // hp-4.4-5, hp-4-5: answers to HELLOs are limited, too, but one with a valid cookie gets its own.
-TEST_F(Strangers, AskForCookiesOnlySoOften) {
+TEST_F(Strangers, GetCookiesAtALimitedRate) {
   Peer peer;
   const Bytes proven = peer.proven_hello_frame(server_, at(0s));
   for (std::uint32_t i = 1; i < kStrangerAnswerBurst; ++i) {
@@ -104,8 +104,8 @@ TEST(StrangersOnAStream, AreAlwaysAnswered) {
   }
 }
 
-// hp-4.1-5: a client of a full server is told so, or that its HELLO has another fault.
-TEST(Newcomers, AreToldThatThereIsNoPlace) {
+// hp-4.1-5: a full server refuses with overload, unless the HELLO has another fault.
+TEST(Newcomers, AreRefusedByAFullServer) {
   ServerSessions server(server_config(Medium::kStream));
   Peer peer;
   const Header refusal = header_of(server.turn_away(peer.hello_frame(), at(0s)));
