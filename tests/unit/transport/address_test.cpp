@@ -34,7 +34,7 @@ bool has_ipv6() {
   return TcpListener::open("::1", 0).has_value();
 }
 
-TEST(SocketAddress, IsWrittenAsItIsRead) {
+TEST(SocketAddress, PrintsAsItIsParsed) {
   for (const char* host : {"127.0.0.1", "10.0.0.7", "::1", "2001:db8::7", "fe80::1%lo"})
     EXPECT_EQ(numeric(host).host(), host);
   EXPECT_EQ(numeric("10.0.0.7", 4711).text(), "10.0.0.7:4711");
@@ -43,7 +43,7 @@ TEST(SocketAddress, IsWrittenAsItIsRead) {
     EXPECT_FALSE(SocketAddress::parse(bad, 1)) << bad;
 }
 
-TEST(SocketAddress, IsTheSameAsAPeerAndBack) {
+TEST(SocketAddress, ConvertsToAPeerAndBack) {
   for (const char* host : {"127.0.0.1", "1.0.0.0", "::1", "2001:db8:1:2:3:4:5:6", "fe80::1%lo"}) {
     const SocketAddress address = numeric(host, 4711);
     EXPECT_EQ(SocketAddress::of(address.peer()), address) << host;
@@ -53,7 +53,7 @@ TEST(SocketAddress, IsTheSameAsAPeerAndBack) {
 }
 
 // hp-4-7: quotas apply per IPv4 host, and per /64 of IPv6 addresses.
-TEST(SocketAddress, OfOneNetworkOfIpv6IsOfOneHost) {
+TEST(SocketAddress, CountsOneIpv6NetworkAsOneHost) {
   const auto are_same = [](const char* a, const char* b) {
     return wire::is_same_host(numeric(a, 1).peer(), numeric(b, 2).peer());
   };
@@ -64,7 +64,7 @@ TEST(SocketAddress, OfOneNetworkOfIpv6IsOfOneHost) {
   EXPECT_FALSE(are_same("::1", "127.0.0.1"));
 }
 
-TEST(SocketAddress, IsInANetworkByItsFirstBits) {
+TEST(SocketAddress, IsInTheNetworkOfItsPrefix) {
   const auto is_in = [](const char* own, int bits, const char* address) {
     return is_in_network_of({"eth0", numeric(own), bits}, numeric(address));
   };
@@ -78,7 +78,7 @@ TEST(SocketAddress, IsInANetworkByItsFirstBits) {
   EXPECT_FALSE(is_in("10.0.0.7", 0, "10.0.0.7")) << "what has no network shares none";
 }
 
-TEST(Host, HasItsAddressesInTheSystemsOrder) {
+TEST(Host, ResolvesToItsAddresses) {
   const auto addresses = addresses_of("localhost", 4711, rt::now() + 20s);
   ASSERT_TRUE(addresses) << addresses.error().text();
   EXPECT_NE(std::ranges::find(*addresses, numeric("127.0.0.1", 4711)), addresses->end());
@@ -87,30 +87,25 @@ TEST(Host, HasItsAddressesInTheSystemsOrder) {
   EXPECT_FALSE(addresses_of("999.1.1.1", 1, rt::now() + 20s));
 }
 
-TEST(Host, WithoutAnAddressIsNamed) {
-  const auto address = address_of("", 1);
-  ASSERT_FALSE(address);
-  expect_text(address.error().text(), {"host ''", "Remedy"});
-}
-
-TEST(Host, WhoseNameNobodyKnowsIsNamed) {
-  const auto address = addresses_of("no-such-host.invalid", 1, rt::now() + 20s);
-  ASSERT_FALSE(address);
-  expect_text(address.error().text(),
-              {"host 'no-such-host.invalid'", "Remedy: check the name, or give a numeric address"});
-}
-
-// Holds whatever the name server does meanwhile.
-TEST(Host, IsNotWaitedForBeyondTheDeadline) {
-  const auto address = addresses_of("no-such-host.invalid", 1, rt::now() - 1s);
-  ASSERT_FALSE(address);
-  expect_text(address.error().text(), {"host 'no-such-host.invalid'"});
-}
-
-TEST(Host, ThatIsLinkLocalNeedsItsZone) {
-  const auto address = addresses_of("fe80::1", 1, rt::now());
-  ASSERT_FALSE(address);
-  expect_text(address.error().text(), {"fe80::1", "zone", "Remedy", "fe80::1%eth0"});
+TEST(Host, IsNamedWithTheRemedyIfItHasNoAddress) {
+  const MonotonicTime soon = rt::now() + 20s;
+  struct Case {
+    const char* host;
+    MonotonicTime deadline;
+    std::vector<std::string> parts;
+  };
+  for (const Case& each : std::vector<Case>{
+           {"", soon, {"host ''", "Remedy"}},
+           {"no-such-host.invalid",
+            soon,
+            {"host 'no-such-host.invalid'", "Remedy: check the name, or give a numeric address"}},
+           // Holds whatever the name server does meanwhile.
+           {"no-such-host.invalid", rt::now() - 1s, {"host 'no-such-host.invalid'"}},
+           {"fe80::1", soon, {"fe80::1", "zone", "Remedy", "fe80::1%eth0"}}}) {
+    const auto addresses = addresses_of(each.host, 1, each.deadline);
+    ASSERT_FALSE(addresses) << each.host;
+    expect_text(addresses.error().text(), each.parts);
+  }
 }
 
 std::vector<std::string> served(const std::string& hosts) {
@@ -122,7 +117,7 @@ std::vector<std::string> served(const std::string& hosts) {
   return list;
 }
 
-TEST(HostsToServe, AreAddressesNamesAndInterfaces) {
+TEST(HostsToServe, MayBeAddressesNamesAndInterfaces) {
   const std::vector<std::string> loopback = has_ipv6()
                                                 ? std::vector<std::string>{"lo 127.0.0.1", "lo ::1"}
                                                 : std::vector<std::string>{"lo 127.0.0.1"};
@@ -134,7 +129,7 @@ TEST(HostsToServe, AreAddressesNamesAndInterfaces) {
   EXPECT_TRUE(any && any->is_any && any->addresses.size() >= loopback.size());
 }
 
-TEST(HostsToServe, SayWhatIsWrong) {
+TEST(HostsToServe, ReportWhichHostIsInvalid) {
   const auto error_of = [](const std::string& hosts) {
     const auto found = hosts_to_serve(hosts, rt::now() + 20s);
     return found ? "" : found.error().text();
@@ -169,7 +164,7 @@ void expect_answer_from_where_it_called(UdpPort& port, const std::string& host,
 }
 
 // hp-10-3
-TEST(UdpPort, AnswersFromTheAddressAtWhichItWasCalled) {
+TEST(UdpPort, AnswersFromTheCalledAddress) {
   const std::uint16_t number = TcpListener::open("127.0.0.1", 0)->port();
   auto port = UdpPort::open({.host = "any", .port = number});
   ASSERT_TRUE(port) << port.error().text();
@@ -209,7 +204,7 @@ TEST(UdpPort, CountsAllCallersOfThisHostAsOneHost) {
   }
 }
 
-TEST(UdpPort, OfOneAddressIsNotReachedAtAnother) {
+TEST(UdpPort, IsReachedAtItsAddressOnly) {
   const std::uint16_t number = TcpListener::open("127.0.0.1", 0)->port();
   auto port = UdpPort::open({.host = "127.0.0.2", .port = number, .index = 3});
   ASSERT_TRUE(port) << port.error().text();
@@ -223,7 +218,7 @@ TEST(UdpPort, OfOneAddressIsNotReachedAtAnother) {
   }));
 }
 
-TEST(TcpListener, OnAnyAddressTakesBothFamilies) {
+TEST(TcpListener, AcceptsBothFamiliesAtAnyAddress) {
   auto listener = TcpListener::open("any", 0);
   ASSERT_TRUE(listener) << listener.error().text();
   std::optional<wire::PeerAddress> first;

@@ -44,7 +44,7 @@ std::vector<Bytes> frames_in(const DatagramBatch& batch) {
   return frames;
 }
 
-TEST(DatagramBatch, TakesFramesOfOneSizeAndASmallerLast) {
+TEST(DatagramBatch, AcceptsFramesOfOneSizeAndASmallerLast) {
   DatagramBatch batch = batch_of(frames_of(3, 48, 10));
   EXPECT_EQ(frames_in(batch), frames_of(3, 48, 10));
   EXPECT_EQ(batch.frame_size(), 48 + wire::kHeaderSize);
@@ -56,7 +56,7 @@ TEST(DatagramBatch, TakesFramesOfOneSizeAndASmallerLast) {
   EXPECT_EQ(frames_in(batch), std::vector<Bytes>{frame_of(10)});
 }
 
-TEST(DatagramBatch, TakesAWindowOfTheLargestFramesAndNoMore) {
+TEST(DatagramBatch, AcceptsAWindowOfTheLargestFrames) {
   const Bytes largest = frame_of(wire::kDatagramPayloadSizeMax);
   DatagramBatch batch = DatagramBatch::allocate();
   for (std::size_t i = 0; i < wire::kFragmentWindow; ++i)
@@ -66,10 +66,10 @@ TEST(DatagramBatch, TakesAWindowOfTheLargestFramesAndNoMore) {
   batch.clear();
   for (std::size_t i = 0; i < DatagramBatch::kFrameCountMax; ++i)
     ASSERT_TRUE(batch.add(frame_of(0)));
-  EXPECT_FALSE(batch.add(frame_of(0))) << "there is room, but the system has its limit, too";
+  EXPECT_FALSE(batch.add(frame_of(0))) << "bytes are left, but the system limits the count";
 }
 
-TEST(DatagramBatch, TakesNoneWithoutRoom) {
+TEST(DatagramBatch, RefusesFramesWithoutMemory) {
   DatagramBatch none;
   EXPECT_FALSE(none.is_allocated());
   EXPECT_FALSE(none.add(frame_of(0)));
@@ -78,7 +78,7 @@ TEST(DatagramBatch, TakesNoneWithoutRoom) {
   EXPECT_TRUE(batch.is_empty());
 }
 
-TEST(Datagrams, AreGivenOneByOneAndAligned) {
+TEST(Datagrams, AreReturnedOneByOneAndAligned) {
   alignas(16) std::array<std::byte, 250> buffer{};
   for (std::size_t i = 0; i < buffer.size(); ++i)
     buffer[i] = static_cast<std::byte>(i);
@@ -98,15 +98,15 @@ TEST(Datagrams, AreGivenOneByOneAndAligned) {
   EXPECT_FALSE(datagrams.next());
 }
 
-TEST(Datagrams, AreOneEvenWithoutAByte) {
+TEST(Datagrams, AreOneDatagramWithoutBytes) {
   Datagrams datagrams(MutableBytes{}, 0, kPeer);
   const auto datagram = datagrams.next();
-  ASSERT_TRUE(datagram) << "or nobody counts it";
+  ASSERT_TRUE(datagram) << "an empty datagram is counted, too";
   EXPECT_TRUE(datagram->empty());
   EXPECT_FALSE(datagrams.next());
 }
 
-TEST(Datagrams, AreCutWhereTheyAreLongerThanAFrame) {
+TEST(Datagrams, AreTruncatedBehindTheLargestFrame) {
   alignas(16) std::array<std::byte, 5000> buffer{};
   Datagrams datagrams(buffer, 3000, kPeer);
   EXPECT_EQ(datagrams.next()->size(), wire::kDatagramFrameSizeMax + 1);
@@ -115,43 +115,43 @@ TEST(Datagrams, AreCutWhereTheyAreLongerThanAFrame) {
 }
 
 // A caller that waits for its reply pauses; a caller that does not pause can use batches.
-TEST(BatchEstimator, BeginsWhereOnePeerSendsWithoutAPause) {
+TEST(BatchEstimator, StartsWhenOnePeerSendsWithoutPauses) {
   using Change = BatchEstimator::Change;
-  BatchEstimator sense;
+  BatchEstimator estimator;
   MonotonicTime now{1s};
   for (int i = 0; i < 100; ++i) {
-    EXPECT_EQ(sense.on_datagrams(kPeer, false, now += 5us), Change::kNone);
-    sense.on_nothing();
+    EXPECT_EQ(estimator.on_datagrams(kPeer, false, now += 5us), Change::kNone);
+    estimator.on_nothing();
   }
   for (int i = 0; i < 100; ++i)
-    EXPECT_EQ(sense.on_datagrams(kPeer, false, now += 30us), Change::kNone);
+    EXPECT_EQ(estimator.on_datagrams(kPeer, false, now += 30us), Change::kNone);
   for (std::uint32_t i = 0; i < 100; ++i) {
     const wire::PeerAddress one_of_two{.low = 1, .port = i % 2};
-    EXPECT_EQ(sense.on_datagrams(one_of_two, false, now += 5us), Change::kNone);
+    EXPECT_EQ(estimator.on_datagrams(one_of_two, false, now += 5us), Change::kNone);
   }
   Change change = Change::kNone;
   for (int i = 0; i < 8 && change == Change::kNone; ++i)
-    change = sense.on_datagrams(kPeer, false, now += 5us);
+    change = estimator.on_datagrams(kPeer, false, now += 5us);
   EXPECT_EQ(change, Change::kBegin);
-  EXPECT_TRUE(sense.is_on());
+  EXPECT_TRUE(estimator.is_on());
 }
 
-TEST(BatchEstimator, EndsWhereNoneComeForLong) {
+TEST(BatchEstimator, StopsWithoutBatchesForLong) {
   using Change = BatchEstimator::Change;
-  BatchEstimator sense;
+  BatchEstimator estimator;
   MonotonicTime now{1s};
-  while (!sense.is_on())
-    static_cast<void>(sense.on_datagrams(kPeer, false, now += 1us));
+  while (!estimator.is_on())
+    static_cast<void>(estimator.on_datagrams(kPeer, false, now += 1us));
   for (int i = 0; i < 1000; ++i)
-    EXPECT_EQ(sense.on_datagrams(kPeer, i % 100 == 0, now += 1us), Change::kNone) << i;
+    EXPECT_EQ(estimator.on_datagrams(kPeer, i % 100 == 0, now += 1us), Change::kNone) << i;
   Change change = Change::kNone;
   for (int i = 0; i < 300 && change == Change::kNone; ++i)
-    change = sense.on_datagrams(kPeer, false, now += 1us);
+    change = estimator.on_datagrams(kPeer, false, now += 1us);
   EXPECT_EQ(change, Change::kEnd);
-  EXPECT_FALSE(sense.is_on());
-  EXPECT_TRUE(sense.may_be_left()) << "some may have come while batches were taken";
-  sense.on_nothing();
-  EXPECT_FALSE(sense.may_be_left());
+  EXPECT_FALSE(estimator.is_on());
+  EXPECT_TRUE(estimator.may_be_left()) << "some may have come while batches were taken";
+  estimator.on_nothing();
+  EXPECT_FALSE(estimator.may_be_left());
 }
 
 /// A port and a client connected to it.
@@ -198,7 +198,7 @@ struct Ends {
   int buffered_count = 0;
 };
 
-TEST(UdpBatch, IsDatagramsForThoseWhoTakeThemOneByOne) {
+TEST(UdpBatch, ArrivesAsDatagramsByDefault) {
   Ends ends;
   const auto requests = frames_of(3, 50, 7);
   ASSERT_TRUE(ends.client->send_batch(batch_of(requests)));
@@ -240,7 +240,7 @@ TEST(UdpBatch, ArrivesWholeAtAPortThatExpectsBatches) {
 
 // A batch may arrive between the last look and the end of batches; then only its datagrams' own
 // headers say how long they are.
-TEST(UdpBatch, IsNotLostWhereBatchesHaveJustEnded) {
+TEST(UdpBatch, IsNotLostWhenBatchesHaveJustEnded) {
   Ends ends;
   const auto requests = frames_of(4, 50, 50);
   for (int i = 0; i < 3; ++i) {
@@ -255,7 +255,7 @@ TEST(UdpBatch, IsNotLostWhereBatchesHaveJustEnded) {
   EXPECT_EQ(ends.receive(6), last);
 }
 
-TEST(UdpBatch, OfTheLargestFramesIsAWindow) {
+TEST(UdpBatch, CarriesAWindowOfTheLargestFrames) {
   Ends ends;
   ends.client->accept_batches();
   const auto frames = frames_of(wire::kFragmentWindow, wire::kDatagramPayloadSizeMax,
@@ -266,7 +266,7 @@ TEST(UdpBatch, OfTheLargestFramesIsAWindow) {
   EXPECT_EQ(ends.receive_at_client(frames.size()), frames);
 }
 
-TEST(TcpBatch, IsFramesOneBehindTheOther) {
+TEST(TcpBatch, ArrivesAsConsecutiveFrames) {
   auto listener = TcpListener::open(kHere, 0);
   ASSERT_TRUE(listener);
   const auto client = open_tcp_transport(kHere, listener->port(), 0, 10'000, rt::now() + 20s);

@@ -45,8 +45,8 @@ UdpPort open_udp(std::uint16_t port, bool joins = false) {
 }
 
 /// Waits for the next datagram.
-std::optional<Bytes> await_datagram(UdpPort& port, std::size_t room = 2000) {
-  Bytes buffer(room);
+std::optional<Bytes> await_datagram(UdpPort& port, std::size_t capacity = 2000) {
+  Bytes buffer(capacity);
   std::optional<Bytes> bytes;
   static_cast<void>(rtpm::test::await([&] {
     const auto datagram = port.receive(buffer);
@@ -56,26 +56,10 @@ std::optional<Bytes> await_datagram(UdpPort& port, std::size_t room = 2000) {
   return bytes;
 }
 
-TEST(TcpListener, SaysThatAPortIsBusyAndWhatToDo) {
-  const auto first = TcpListener::open(kHere, 0);
-  ASSERT_TRUE(first);
-  const auto second = TcpListener::open(kHere, first->port());
-  ASSERT_FALSE(second);
-  expect_text(second.error().text(),
-              {"TCP 127.0.0.1:" + std::to_string(first->port()), "Address already in use",
-               "Remedy: end the program that has it", "another port"});
-}
-
-TEST(TcpListener, SaysThatAnAddressIsNotThisHosts) {
-  const auto listener = TcpListener::open(kNobodysAddress, 0);
-  ASSERT_FALSE(listener);
-  expect_text(listener.error().text(), {"TCP 192.0.2.1:0", "Remedy: give an address of this host"});
-}
-
 TEST(TcpListener, AcceptsWithoutWaiting) {
   auto listener = TcpListener::open(kHere, 0);
   ASSERT_TRUE(listener);
-  EXPECT_FALSE(listener->accept().socket.is_open()) << "nobody is there";
+  EXPECT_FALSE(listener->accept().socket.is_open()) << "no client connects";
   const auto client = open_tcp_transport(kHere, listener->port(), 0, 1000, rt::now() + 20s);
   ASSERT_TRUE(client) << client.error().text();
   ASSERT_TRUE(rtpm::test::await([&] { return wait_readable(listener->descriptor(), rt::now()); }));
@@ -83,7 +67,7 @@ TEST(TcpListener, AcceptsWithoutWaiting) {
 }
 
 // Waiting connections would wake the acceptor for ever.
-TEST(TcpListener, TurnsConnectionsAwayWhenNoDescriptorIsLeft) {
+TEST(TcpListener, RefusesConnectionsWithoutAFreeDescriptor) {
   const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
     auto listener = TcpListener::open(kHere, 0);
     if (!listener) return listener.error().text();
@@ -97,12 +81,12 @@ TEST(TcpListener, TurnsConnectionsAwayWhenNoDescriptorIsLeft) {
     while (dup(STDERR_FILENO) >= 0) {
     }
     for (int i = 0; i < 3; ++i) {
-      if (!wait_readable(listener->descriptor(), rt::now() + 20s)) return "nobody waits";
+      if (!wait_readable(listener->descriptor(), rt::now() + 20s)) return "no connection waits";
       const Accepted accepted = listener->accept();
       if (accepted.socket.is_open()) return "there was a descriptor";
       if (accepted.shortage != EMFILE || accepted.still_waits) return "it does not say what it did";
     }
-    if (wait_readable(listener->descriptor(), rt::now())) return "somebody still waits";
+    if (wait_readable(listener->descriptor(), rt::now())) return "a connection still waits";
     for (const auto& client : clients) {
       if (!wait_readable(client->descriptor(), rt::now() + 20s)) return "a client waits";
       if (client->receive().error() != IoError::kClosed) return "a client does not see its end";
@@ -114,7 +98,7 @@ TEST(TcpListener, TurnsConnectionsAwayWhenNoDescriptorIsLeft) {
 }
 
 // The acceptor must not be woken repeatedly meanwhile.
-TEST(TcpListener, SaysThatAConnectionStillWaits) {
+TEST(TcpListener, ReportsAConnectionThatStillWaits) {
   const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
     const auto listener = TcpListener::open(kHere, 0);
     if (!listener) return listener.error().text();
@@ -124,24 +108,14 @@ TEST(TcpListener, SaysThatAConnectionStillWaits) {
     setrlimit(RLIMIT_NOFILE, &few);
     while (dup(STDERR_FILENO) >= 0) {
     }
-    if (!wait_readable(listener->descriptor(), rt::now() + 20s)) return "nobody waits";
+    if (!wait_readable(listener->descriptor(), rt::now() + 20s)) return "no connection waits";
     Descriptor spare;
     const Accepted accepted = accept_or_turn_away(listener->descriptor(), spare);
     if (accepted.shortage != EMFILE || !accepted.still_waits) return "it does not say so";
-    return wait_readable(listener->descriptor(), rt::now()) ? "" : "nobody waits any more";
+    return wait_readable(listener->descriptor(), rt::now()) ? "" : "the connection no longer waits";
   });
   EXPECT_EQ(child.said, "");
   EXPECT_EQ(child.status, 0) << child.errors;
-}
-
-TEST(UdpPort, SaysThatAPortIsBusyAndWhatToDo) {
-  const std::uint16_t number = free_port();
-  const UdpPort first = open_udp(number);
-  const auto second = UdpPort::open({.port = number});
-  ASSERT_FALSE(second) << "a second server would take half of the first one's traffic";
-  expect_text(second.error().text(),
-              {"UDP 127.0.0.1:" + std::to_string(number), "Address already in use",
-               "Remedy: end the program that has it", "another port"});
 }
 
 TEST(UdpPort, IsSharedByTheLanesOfOneServer) {
@@ -150,13 +124,7 @@ TEST(UdpPort, IsSharedByTheLanesOfOneServer) {
   EXPECT_TRUE(UdpPort::open({.port = number, .joins = true}));
 }
 
-TEST(UdpPort, IsFreeAgainWhenItsServerEnds) {
-  const std::uint16_t number = free_port();
-  { const UdpPort first = open_udp(number); }
-  EXPECT_TRUE(UdpPort::open({.port = number}));
-}
-
-TEST(UdpPort, KeepsWhatItAwaitedForTheNextReceive) {
+TEST(UdpPort, KeepsAnAwaitedDatagramForTheNextReceive) {
   const std::uint16_t number = free_port();
   UdpPort port = open_udp(number);
   Bytes buffer(2000);
@@ -169,7 +137,7 @@ TEST(UdpPort, KeepsWhatItAwaitedForTheNextReceive) {
   EXPECT_FALSE(port.receive(buffer)) << "there were two";
 }
 
-TEST(UdpPort, AwaitsADatagramNoLongerThanItSays) {
+TEST(UdpPort, AwaitsADatagramForItsBlockTime) {
   UdpPort port = open_udp(free_port());
   Bytes buffer(2000);
   const MonotonicTime begin = rt::now();
@@ -177,7 +145,7 @@ TEST(UdpPort, AwaitsADatagramNoLongerThanItSays) {
   EXPECT_GE(rt::now() - begin, kBlockTime);
 }
 
-TEST(UdpPort, IsWokenOnAnyAddress) {
+TEST(UdpPort, IsWokenAtAnyAddress) {
   for (const char* host : {kHere, "any"}) {
     const std::uint16_t number = free_port();
     auto port = UdpPort::open({.host = host, .port = number});
@@ -191,13 +159,7 @@ TEST(UdpPort, IsWokenOnAnyAddress) {
   }
 }
 
-TEST(UdpPort, SaysThatAnAddressIsNotThisHosts) {
-  const auto port = UdpPort::open({.host = kNobodysAddress, .port = 4711});
-  ASSERT_FALSE(port);
-  expect_text(port.error().text(), {"UDP 192.0.2.1:4711", "Remedy: give an address of this host"});
-}
-
-TEST(Host, WithoutAWayToItIsNotTakenForAShortage) {
+TEST(Host, WithoutARouteIsNoShortage) {
   const auto client = open_udp_transport("255.255.255.255", 4711, 0);
   ASSERT_FALSE(client);
   expect_text(client.error().text(), {"255.255.255.255:4711 can't be reached over UDP", "Remedy"});
@@ -205,7 +167,7 @@ TEST(Host, WithoutAWayToItIsNotTakenForAShortage) {
 }
 
 // Each error names the shortage and its remedy, instead of claiming that there is no server.
-TEST(Descriptors, ThatAreUsedUpAreNamed) {
+TEST(Descriptors, AreReportedWhenExhausted) {
   const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
     const rlimit few{64, 64};
     setrlimit(RLIMIT_NOFILE, &few);
@@ -231,7 +193,7 @@ TEST(Descriptors, ThatAreUsedUpAreNamed) {
   EXPECT_EQ(child.status, 0) << child.errors;
 }
 
-TEST(Datagram, LargerThanAFrameIsNoticedOnBothSides) {
+TEST(Datagram, LargerThanAFrameIsDetectedOnBothSides) {
   const std::uint16_t number = free_port();
   UdpPort port = open_udp(number);
   auto client = open_udp_transport(kHere, number, 0);
@@ -251,7 +213,7 @@ TEST(Datagram, LargerThanAFrameIsNoticedOnBothSides) {
   EXPECT_EQ(wire::decode_frame(*received).error(), wire::DropReason::kBadLength);
 }
 
-TEST(UdpTransport, SeesThatNobodyHasThePort) {
+TEST(UdpTransport, ReportsAPortWithoutAServer) {
   const auto client = open_udp_transport(kHere, free_port(), 0);
   ASSERT_TRUE(client) << "nothing is sent yet";
   ASSERT_TRUE((*client)->send(frame_of(0)));
@@ -259,10 +221,10 @@ TEST(UdpTransport, SeesThatNobodyHasThePort) {
   const auto received = (*client)->receive();
   ASSERT_FALSE(received);
   EXPECT_EQ(received.error(), IoError::kRefused);
-  EXPECT_EQ((*client)->receive().error(), IoError::kNothing) << "it is told once";
+  EXPECT_EQ((*client)->receive().error(), IoError::kNothing) << "it is reported once";
 }
 
-TEST(UdpTransport, KnowsWhetherItsFramesStayHere) {
+TEST(UdpTransport, ReportsWhetherItsPeerIsOnThisHost) {
   const auto here = open_udp_transport(kHere, free_port(), 0);
   ASSERT_TRUE(here);
   EXPECT_TRUE((*here)->is_on_host());
@@ -275,7 +237,7 @@ TEST(UdpTransport, KnowsWhetherItsFramesStayHere) {
 }
 
 // If await() may block in the receive itself, it still ends in time, and takes arriving datagrams.
-TEST(UdpTransport, AwaitsForAsLongAsItIsTold) {
+TEST(UdpTransport, AwaitsUntilItsDeadline) {
   const std::uint16_t number = free_port();
   UdpPort port = open_udp(number);
   auto client = open_udp_transport(kHere, number, 0);
@@ -293,7 +255,7 @@ TEST(UdpTransport, AwaitsForAsLongAsItIsTold) {
   EXPECT_EQ(copy_of(*received), frame_of(2));
 }
 
-TEST(UdpTransport, HearsNobodyButItsServer) {
+TEST(UdpTransport, ReceivesOnlyFromItsServer) {
   const std::uint16_t number = free_port();
   UdpPort port = open_udp(number);
   auto client = open_udp_transport(kHere, number, 0);
@@ -307,15 +269,6 @@ TEST(UdpTransport, HearsNobodyButItsServer) {
   ASSERT_TRUE((*client)->send(frame_of(2)));
   ASSERT_TRUE(await_datagram(port));
   EXPECT_EQ((*client)->receive().error(), IoError::kNothing);
-}
-
-TEST(TcpTransport, SaysThatNobodyIsThere) {
-  const std::uint16_t number = free_port();
-  const auto client = open_tcp_transport(kHere, number, 0, 1000, rt::now() + 20s);
-  ASSERT_FALSE(client);
-  expect_text(client.error().text(),
-              {"no server answers at TCP 127.0.0.1:" + std::to_string(number), "Connection refused",
-               "Remedy"});
 }
 
 // A listener that never accepts, with a queue of one: further connections get no answer.
@@ -338,7 +291,7 @@ TEST(TcpTransport, GivesUpAtItsDeadline) {
 // A lane sends the window of a large reply without waiting, and drops a peer whose buffers are
 // full. That must not happen to a client that is only slightly late, on a system with the usual
 // limits.
-TEST(TcpTransport, HasRoomForAWindowOfALargeMessage) {
+TEST(TcpTransport, BuffersAWindowOfALargeMessage) {
   auto listener = TcpListener::open(kHere, 0);
   ASSERT_TRUE(listener);
   const auto late_reader =
@@ -384,7 +337,7 @@ TEST(ClientTransport, IsNeverItsOwnPeer) {
   int count = 0;
   while (count < kTryCountMax && open_udp_transport(kHere, number, 0))
     ++count;
-  EXPECT_LT(count, kTryCountMax) << "nobody has the port, and once it was the client's own";
+  EXPECT_LT(count, kTryCountMax) << "the client got the port itself and connected to itself";
 }
 
 }  // namespace

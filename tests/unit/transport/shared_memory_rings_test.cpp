@@ -22,7 +22,7 @@ constexpr SourceTag kEvent(SourceKind{1}, 7);
 // ---- the rings ----------------------------------------------------------------------------------
 
 // hp-16.2-1: checked against the specification alone, in both directions.
-TEST(SharedMemoryRings, HasItsWordsWhereTheSpecificationSays) {
+TEST(SharedMemoryRings, HaveTheLayoutOfTheSpecification) {
   Host host;
   RawPair pair(host);
   const Bytes call = frame_of(300);
@@ -39,7 +39,7 @@ TEST(SharedMemoryRings, HasItsWordsWhereTheSpecificationSays) {
 }
 
 // hp-16.2-1
-TEST(SharedMemoryRings, HasShortFramesInTheSlotsOfTheirNumbers) {
+TEST(SharedMemoryRings, StoreShortFramesInTheirSlots) {
   Host host;
   RawPair pair(host);
   const Bytes call = frame_of(48);
@@ -64,7 +64,7 @@ TEST(SharedMemoryRings, HasShortFramesInTheSlotsOfTheirNumbers) {
 }
 
 // hp-16.2-2, hp-16.2-3, hp-16.2-4
-TEST(SharedMemoryRings, GivesUpAPeerThatWritesNonsense) {
+TEST(SharedMemoryRings, ReportAPeerThatWritesInvalidWords) {
   const Bytes call = frame_of(48);
   for (int kind = 0; kind < 9; ++kind) {
     Host host;
@@ -116,12 +116,12 @@ TEST(SharedMemoryRings, GivesUpAPeerThatWritesNonsense) {
   pair.memory->to_client_taken() = 1 << 20;
   sent = pair.connection->send(call, rt::now());
   ASSERT_FALSE(sent);
-  EXPECT_EQ(sent.error(), IoError::kBroken) << "nobody took what was not written";
+  EXPECT_EQ(sent.error(), IoError::kBroken) << "more slots were taken than written";
 }
 
 // hp-16.2-3: whatever a peer writes to the memory, the other end survives and stays within its
 // bounds, which the sanitizers check.
-TEST(SharedMemoryRings, SurvivesAPeerThatScribbles) {
+TEST(SharedMemoryRings, SurviveAPeerThatOverwritesThem) {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     Host host;
     RawPair pair(host);
@@ -153,7 +153,7 @@ TEST(SharedMemoryRings, SurvivesAPeerThatScribbles) {
   }
 }
 
-TEST(SharedMemoryRings, WaitsForRoomNoLongerThanItMay) {
+TEST(SharedMemoryRings, WaitForCapacityUntilTheDeadline) {
   Host host;
   Pair pair(host);
   const Bytes frame = frame_of(10'000);
@@ -174,7 +174,7 @@ TEST(SharedMemoryRings, WaitsForRoomNoLongerThanItMay) {
 // ---- waking -------------------------------------------------------------------------------------
 
 // hp-16.3-1
-TEST(SharedMemoryRings, RingsOnceForASleeper) {
+TEST(SharedMemoryRings, RingOnceForASleeper) {
   Host host;
   RawPair pair(host);
   const Bytes frame = frame_of(48);
@@ -188,7 +188,7 @@ TEST(SharedMemoryRings, RingsOnceForASleeper) {
 }
 
 // hp-16.3-1: checked against the specification alone.
-TEST(SharedMemoryRings, WakesAServerByTheEventThatCameWithTheAnswer) {
+TEST(SharedMemoryRings, WakeAServerByTheEventOfItsAnswer) {
   Host host;
   RawPair pair(host);
   auto opened = PolledWaitSet::open(1);
@@ -204,7 +204,7 @@ TEST(SharedMemoryRings, WakesAServerByTheEventThatCameWithTheAnswer) {
 }
 
 // hp-16.3-1
-TEST(SharedMemoryRings, WakesWhoSleepsOnTheWordWithoutABell) {
+TEST(SharedMemoryRings, WakeASleeperOnTheWordWithoutABell) {
   Host host;
   RawPair pair(host);
   std::atomic_ref<std::uint64_t> sleeping = pair.memory->to_client_sleeping();
@@ -228,7 +228,7 @@ TEST(SharedMemoryRings, WakesWhoSleepsOnTheWordWithoutABell) {
 }
 
 // hp-16.3-1
-TEST(SharedMemoryRings, WakesAServerThatSleeps) {
+TEST(SharedMemoryRings, WakeAServerThatSleeps) {
   Host host;
   Pair pair(host);
   auto opened = PolledWaitSet::open(1);
@@ -250,7 +250,7 @@ TEST(SharedMemoryRings, WakesAServerThatSleeps) {
   expect_frame(*pair.connection, frame_of(1));
 }
 
-TEST(SharedMemoryRings, EndsAWaitWhenAFrameComes) {
+TEST(SharedMemoryRings, EndAWaitWhenAFrameArrives) {
   Host host;
   Pair pair(host);
   std::thread server([&] {
@@ -274,7 +274,7 @@ TEST(SharedMemoryRings, EndsAWaitWhenAFrameComes) {
   server.join();
 }
 
-TEST(SharedMemoryRings, EndsAWaitAtItsTime) {
+TEST(SharedMemoryRings, EndAWaitAtItsDeadline) {
   Host host;
   Pair pair(host);
   const MonotonicTime until = rt::now() + 5ms;
@@ -284,7 +284,7 @@ TEST(SharedMemoryRings, EndsAWaitAtItsTime) {
 }
 
 // hp-16.3-2
-TEST(SharedMemoryRings, TakesBellsThatNobodyAskedFor) {
+TEST(SharedMemoryRings, AcceptUnexpectedBells) {
   Host host;
   RawPair pair(host);
   for (int i = 0; i < 10; ++i)
@@ -298,7 +298,7 @@ TEST(SharedMemoryRings, TakesBellsThatNobodyAskedFor) {
 }
 
 // hp-16.3-3
-TEST(SharedMemoryRings, NeverWaitsForAPeerThatTakesNoBell) {
+TEST(SharedMemoryRings, NeverWaitForAPeerThatReadsNoBell) {
   Host host;
   RawPair pair(host);
   const Bytes frame = frame_of(48);

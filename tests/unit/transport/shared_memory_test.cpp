@@ -51,7 +51,7 @@ TEST(SharedMemory, CarriesFramesInBothDirections) {
   }
 }
 
-TEST(SharedMemory, SendsNothingLargerThanAFrameMayBe) {
+TEST(SharedMemory, RefusesToSendAFrameThatIsTooLarge) {
   Host host;
   Pair pair(host);
   const auto sent = pair.client->send(frame_of(wire::kSharedPayloadSizeMax + 1));
@@ -78,7 +78,7 @@ TEST(SharedMemory, AnswersAsTheSpecificationSays) {
   EXPECT_EQ(status.st_size, 12'288 + 2 * 128 * 1024);
 }
 
-TEST(SharedMemory, TellsWhoOnlyAsksWithoutMemory) {
+TEST(SharedMemory, AnswersAProbeWithoutMemory) {
   Host host;
   Descriptor socket = connect_to_name(abstract_name(host.address));
   write_all(socket, request_of(0, 1, 1));
@@ -90,7 +90,7 @@ TEST(SharedMemory, TellsWhoOnlyAsksWithoutMemory) {
   EXPECT_TRUE(take_message(socket.number()).bytes.empty()) << "the server closes";
 }
 
-TEST(SharedMemory, IsServedWhereAServerAnswers) {
+TEST(SharedMemory, IsServedIfAServerAnswers) {
   const SharedMemoryAddress address = own_address();
   EXPECT_FALSE(is_shared_memory_served(address, soon()));
   Host host(address);
@@ -101,7 +101,7 @@ TEST(SharedMemory, IsServedWhereAServerAnswers) {
 }
 
 // hp-16.1-2
-TEST(SharedMemory, ClosesOnWhoSendsNoRequest) {
+TEST(SharedMemory, ClosesOnAnInvalidRequest) {
   Host host;
   std::vector<Bytes> requests{Bytes(1), Bytes(kRequestSize), request_of(0x8000),
                               request_of(0, 1, 2)};
@@ -123,7 +123,7 @@ TEST(SharedMemory, ClosesOnWhoSendsNoRequest) {
 }
 
 // hp-16.1-3
-TEST(SharedMemory, TellsItsVersionToWhoSpeaksAnother) {
+TEST(SharedMemory, ReportsItsVersionToAnotherVersion) {
   Host host;
   Descriptor socket = connect_to_name(abstract_name(host.address));
   Bytes request = request_of(0xffff, 2);
@@ -137,7 +137,7 @@ TEST(SharedMemory, TellsItsVersionToWhoSpeaksAnother) {
 }
 
 // hp-16.1-4
-TEST(SharedMemory, IsNotForOtherUsers) {
+TEST(SharedMemory, RefusesOtherUsers) {
   if (geteuid() != 0) GTEST_SKIP() << "only root can be another user";
   Host host;
   std::optional<SharedMemoryClient> given;
@@ -157,19 +157,19 @@ TEST(SharedMemory, IsNotForOtherUsers) {
 TEST(SharedMemory, TrustsNoServerOfAnotherUser) {
   if (geteuid() != 0) GTEST_SKIP() << "only root can be another user";
   const SharedMemoryAddress address = own_address();
-  std::array<int, 2> told{};
-  ASSERT_EQ(pipe(told.data()), 0);
+  std::array<int, 2> ready_pipe{};
+  ASSERT_EQ(pipe(ready_pipe.data()), 0);
   const pid_t child = fork();
   if (child == 0) {
     rtpm::test::drop_realtime_rights();
     const auto listener = SharedMemoryListener::open(address);
     const char word = listener ? '+' : '-';
-    if (write(told[1], &word, 1) != 1) _exit(1);
+    if (write(ready_pipe[1], &word, 1) != 1) _exit(1);
     while (true)
       pause();
   }
   char word = 0;
-  EXPECT_EQ(read(told[0], &word, 1), 1);
+  EXPECT_EQ(read(ready_pipe[0], &word, 1), 1);
   EXPECT_EQ(word, '+');
   EXPECT_FALSE(is_shared_memory_served(address, soon()));
   const auto client = open_shared_memory_transport(address, 0, soon());
@@ -177,12 +177,12 @@ TEST(SharedMemory, TrustsNoServerOfAnotherUser) {
   expect_text(client.error().text(), {"another user's"});
   kill(child, SIGKILL);
   waitpid(child, nullptr, 0);
-  close(told[0]);
-  close(told[1]);
+  close(ready_pipe[0]);
+  close(ready_pipe[1]);
 }
 
 // hp-16.1-5
-TEST(SharedMemory, CanNotBeShrunkByThePeer) {
+TEST(SharedMemory, CannotBeResizedByThePeer) {
   Host host;
   const RawPair pair(host);
   EXPECT_NE(ftruncate(pair.memory->descriptor(), 0), 0);
@@ -216,7 +216,7 @@ void answer_badly(const SharedMemoryListener& listener, std::uint32_t ring_size,
 }
 
 // hp-16.1-5
-TEST(SharedMemory, IsNotTakenWhereAnAccessCouldFail) {
+TEST(SharedMemory, IsRefusedIfAnAccessCouldFail) {
   Host host;
   const Descriptor unsealed(memfd_create("unsealed", MFD_CLOEXEC | MFD_ALLOW_SEALING));
   ASSERT_EQ(ftruncate(unsealed.number(), 1 << 20), 0);
@@ -243,7 +243,7 @@ TEST(SharedMemory, IsNotTakenWhereAnAccessCouldFail) {
   }
 }
 
-TEST(SharedMemory, SaysThatTheServerHasNoDescriptorLeft) {
+TEST(SharedMemory, ReportsAServerWithoutAFreeDescriptor) {
   const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
     const SharedMemoryAddress address = own_address();
     auto listener = SharedMemoryListener::open(address);
@@ -268,7 +268,7 @@ TEST(SharedMemory, SaysThatTheServerHasNoDescriptorLeft) {
   EXPECT_EQ(child.status, 0) << child.errors;
 }
 
-TEST(SharedMemory, SaysWhyItCanNotBeHad) {
+TEST(SharedMemory, ReportsWhyItCannotBeOpened) {
   const SharedMemoryAddress address = own_address();
   const auto nobody = open_shared_memory_transport(address, 0, soon());
   ASSERT_FALSE(nobody);
@@ -291,7 +291,7 @@ TEST(SharedMemory, SaysWhyItCanNotBeHad) {
 // ---- the end ------------------------------------------------------------------------------------
 
 // hp-16.4-1
-TEST(SharedMemory, TellsTheEndAfterTheLastFrame) {
+TEST(SharedMemory, ReportsTheEndAfterTheLastFrame) {
   for (const bool is_waiting : {false, true}) {
     Host host;
     Pair pair(host);
@@ -312,7 +312,7 @@ TEST(SharedMemory, TellsTheEndAfterTheLastFrame) {
   }
 }
 
-TEST(SharedMemory, TellsAServerThatItsClientIsGone) {
+TEST(SharedMemory, ReportsADisconnectedClient) {
   Host host;
   Pair pair(host);
   ASSERT_TRUE(pair.client->send(frame_of(1)));
@@ -348,7 +348,7 @@ bool is_name_there(const std::string& name) {
   return false;
 }
 
-TEST(SharedMemory, LeavesNothingBehindInItsProcess) {
+TEST(SharedMemory, ReleasesDescriptorsMappingsAndName) {
   const SharedMemoryAddress address = own_address();
   const std::size_t descriptor_count = count_of_descriptors();
   EXPECT_EQ(count_of_mappings(), 0u);
@@ -364,21 +364,21 @@ TEST(SharedMemory, LeavesNothingBehindInItsProcess) {
 }
 
 // hp-16.4-1: this holds for any kind of end.
-TEST(SharedMemory, IsGoneWithAServerThatIsKilled) {
+TEST(SharedMemory, EndsWithAKilledServer) {
   for (const bool is_waiting : {false, true}) {
     const SharedMemoryAddress address = own_address();
-    std::array<int, 2> told{};
-    ASSERT_EQ(pipe(told.data()), 0);
+    std::array<int, 2> ready_pipe{};
+    ASSERT_EQ(pipe(ready_pipe.data()), 0);
     const pid_t server = fork();
     if (server == 0) {
       Host host(address);
-      if (write(told[1], "+", 1) != 1) _exit(1);
+      if (write(ready_pipe[1], "+", 1) != 1) _exit(1);
       const auto client = host.welcome();
       while (true)
         pause();
     }
     char word = 0;
-    ASSERT_EQ(read(told[0], &word, 1), 1);
+    ASSERT_EQ(read(ready_pipe[0], &word, 1), 1);
     const auto client = open_shared_memory_transport(address, 0, soon());
     ASSERT_TRUE(client) << client.error().text();
     kill(server, SIGKILL);
@@ -390,12 +390,12 @@ TEST(SharedMemory, IsGoneWithAServerThatIsKilled) {
     waitpid(server, nullptr, 0);
     EXPECT_FALSE(is_name_there(abstract_name(address)));
     EXPECT_FALSE(is_shared_memory_served(address, soon()));
-    close(told[0]);
-    close(told[1]);
+    close(ready_pipe[0]);
+    close(ready_pipe[1]);
   }
 }
 
-TEST(SharedMemory, IsGoneWithAClientThatIsKilled) {
+TEST(SharedMemory, EndsWithAKilledClient) {
   const std::size_t descriptor_count = count_of_descriptors();
   {
     Host host;
@@ -439,7 +439,7 @@ TEST_F(SharedMemoryFile, ReachesAServerInAFolder) {
   EXPECT_TRUE(fs::is_empty(folder_));
 }
 
-TEST_F(SharedMemoryFile, TakesTheFileOfAKilledServerAndNoOther) {
+TEST_F(SharedMemoryFile, ReplacesTheFileOfAKilledServerOnly) {
   const SharedMemoryAddress address = own_address(folder_.string());
   const pid_t killed = fork();
   if (killed == 0) {

@@ -44,14 +44,14 @@ class SocketFolderTest : public testing::Test {
   std::string folder_ = scratch_ + "/rtpm";
 };
 
-TEST_F(SocketFolderTest, IsEmptyWhereItIsNot) {
+TEST_F(SocketFolderTest, IsEmptyIfItDoesNotExist) {
   const auto content = read_socket_folder(folder_);
   ASSERT_TRUE(content) << content.error().text();
   EXPECT_TRUE(content->names.empty());
   EXPECT_FALSE(fs::exists(folder_));
 }
 
-TEST_F(SocketFolderTest, ShowsSocketsForAsLongAsTheyLive) {
+TEST_F(SocketFolderTest, ListsSocketsWhileTheyExist) {
   {
     const auto one = create("one");
     const auto two = create("two");
@@ -64,7 +64,7 @@ TEST_F(SocketFolderTest, ShowsSocketsForAsLongAsTheyLive) {
   EXPECT_TRUE(fs::is_empty(folder_));
 }
 
-TEST_F(SocketFolderTest, LosesTheSocketsOfDeadProgramsWhenItIsRead) {
+TEST_F(SocketFolderTest, RemovesStaleSocketsWhenRead) {
   for (int i = 0; i < 1000; ++i)
     leave_stale("stale" + std::to_string(i));
   const auto living = create("living");
@@ -75,7 +75,7 @@ TEST_F(SocketFolderTest, LosesTheSocketsOfDeadProgramsWhenItIsRead) {
   EXPECT_EQ(read_socket_folder(folder_)->stale_count, 0U);
 }
 
-TEST_F(SocketFolderTest, LeavesWhatIsNoneOfItsOwn) {
+TEST_F(SocketFolderTest, KeepsFilesThatAreNoSockets) {
   const auto living = create("living");
   std::ofstream(folder_ + "/file") << "text";
   fs::create_symlink(folder_ + "/living", folder_ + "/link");
@@ -94,13 +94,13 @@ TEST_F(SocketFolderTest, IsReadUpToALimit) {
   EXPECT_TRUE(read_socket_folder(folder_)->is_cut_off);
 }
 
-TEST_F(SocketFolderTest, IsNotUsedWhereOthersMayEnter) {
+TEST_F(SocketFolderTest, IsRefusedIfOthersMayEnterIt) {
   fs::create_directory(folder_);
   chmod(folder_.c_str(), 0750);
   expect_unusable("others may enter it");
 }
 
-TEST_F(SocketFolderTest, IsNotUsedThroughALink) {
+TEST_F(SocketFolderTest, IsRefusedThroughALink) {
   fs::create_directory(scratch_ + "/elsewhere");
   chmod((scratch_ + "/elsewhere").c_str(), 0700);
   fs::create_directory_symlink(scratch_ + "/elsewhere", folder_);
@@ -108,7 +108,7 @@ TEST_F(SocketFolderTest, IsNotUsedThroughALink) {
   EXPECT_TRUE(fs::is_empty(scratch_ + "/elsewhere"));
 }
 
-TEST_F(SocketFolderTest, IsNotUsedWhereItIsAnotherUsers) {
+TEST_F(SocketFolderTest, IsRefusedIfItBelongsToAnotherUser) {
   if (geteuid() != 0) GTEST_SKIP() << "only root can give a folder away";
   fs::create_directory(folder_);
   chmod(folder_.c_str(), 0700);
@@ -116,7 +116,7 @@ TEST_F(SocketFolderTest, IsNotUsedWhereItIsAnotherUsers) {
   expect_unusable("it belongs to user 12345");
 }
 
-TEST_F(SocketFolderTest, IsMadeAgainWhereACleanerRemovedIt) {
+TEST_F(SocketFolderTest, IsRecreatedAfterItsRemoval) {
   auto socket = create("one");
   ASSERT_TRUE(socket);
   fs::remove_all(folder_);
@@ -124,7 +124,7 @@ TEST_F(SocketFolderTest, IsMadeAgainWhereACleanerRemovedIt) {
   EXPECT_EQ(read_socket_folder(folder_)->names, std::vector<std::string>{"one"});
 }
 
-TEST_F(SocketFolderTest, TakesNamesThatAreFilesOfTheFolder) {
+TEST_F(SocketFolderTest, AcceptsPlainFileNamesOnly) {
   for (const char* const bad : {"", ".", "..", ".hidden", "a/b"})
     EXPECT_FALSE(create(bad)) << bad;
   EXPECT_FALSE(create(std::string(kFolderNameSizeMax + 1, 'x')));

@@ -42,7 +42,7 @@ Users users_in(const char* table, bool is_tcp, const std::string& host, std::uin
   return users_in_table(text, is_tcp, *SocketAddress::parse(host, port));
 }
 
-TEST(SocketUsers, AreThoseOfTheAddressOrOfAll) {
+TEST(SocketUsers, AreFoundByAddressOrWildcard) {
   EXPECT_EQ(users_in(kTcp, true, "127.0.0.1", 7420), Users{1001}) << "no connection counts";
   EXPECT_EQ(users_in(kTcp, true, "127.0.0.2", 7420), Users{1003});
   EXPECT_EQ(users_in(kTcp, true, "127.0.0.1", 7421), Users{1002});
@@ -66,7 +66,7 @@ TEST(SocketUsers, AreFoundInTheSystem) {
   EXPECT_EQ(users_at(*SocketAddress::parse("127.0.0.1", 1)), std::optional(Users{}));
 }
 
-TEST(SocketUsers, AreTrustedAsOwnRootOrNamed) {
+TEST(SocketUsers, AreTrustedIfOwnRootOrListed) {
   EXPECT_TRUE(is_trusted_user(geteuid(), {}));
   EXPECT_TRUE(is_trusted_user(0, {}));
   const Users others{1001};

@@ -132,9 +132,9 @@ class WaitSetTest : public testing::TestWithParam<Way> {
     }
   }
 
-  /// The sorted tags of at most `room` ready sources.
-  Tags wait(MonotonicTime until, std::size_t room = 16) {
-    std::vector<SourceTag> ready(room);
+  /// The sorted tags of at most `capacity` ready sources.
+  Tags wait(MonotonicTime until, std::size_t capacity = 16) {
+    std::vector<SourceTag> ready(capacity);
     if (GetParam().is_held) lock_.lock();
     const std::size_t count = set_->wait(until, ready, GetParam().is_held ? &lock_ : nullptr);
     if (GetParam().is_held) {
@@ -147,7 +147,7 @@ class WaitSetTest : public testing::TestWithParam<Way> {
     std::ranges::sort(tags);
     return tags;
   }
-  Tags poll(std::size_t room = 16) { return wait(kAlready, room); }
+  Tags poll(std::size_t capacity = 16) { return wait(kAlready, capacity); }
   /// Waits again when a wait ends early, like a lane.
   Tags await_some() {
     Tags tags;
@@ -175,11 +175,11 @@ class WaitSetWithALock : public WaitSetTest {};
 class WaitSetWithAPort : public WaitSetTest {};
 class WaitSetThatReceives : public WaitSetTest {};
 
-TEST_P(WaitSetTest, ReportsNothingWhereNothingIsReady) {
+TEST_P(WaitSetTest, ReportsNothingIfNothingIsReady) {
   EXPECT_EQ(poll(), Tags{});
 }
 
-TEST_P(WaitSetTest, EndsNotBeforeItsTime) {
+TEST_P(WaitSetTest, DoesNotEndBeforeItsTime) {
   for (const Duration span : {1ns, 300'000ns, 3'000'000ns}) {
     const MonotonicTime until = rt::now() + span;
     EXPECT_EQ(wait(until), Tags{});
@@ -188,7 +188,7 @@ TEST_P(WaitSetTest, EndsNotBeforeItsTime) {
   EXPECT_EQ(wait(rt::now() - 1h), Tags{});
 }
 
-TEST_P(WaitSetTest, ReportsRingsOnceHoweverMany) {
+TEST_P(WaitSetTest, ReportsManyRingsOnce) {
   for (int i = 0; i < 3; ++i)
     set_->ring();
   EXPECT_EQ(await_some(), tags_of({kDoorbell}));
@@ -199,14 +199,14 @@ TEST_P(WaitSetTest, ReportsRingsOnceHoweverMany) {
   EXPECT_EQ(poll(), Tags{});
 }
 
-TEST_P(WaitSetTest, EndsByTheRingOfAnotherThread) {
+TEST_P(WaitSetTest, EndsWhenAnotherThreadRings) {
   std::thread other([this] { set_->ring(); });
   EXPECT_EQ(await_some(), tags_of({kDoorbell}));
   other.join();
 }
 
 // Rings at any offset into a wait, each after the previous one was heard. RTPM_RINGS sets how many.
-TEST_P(WaitSetTest, HearsEachOfManyRandomRings) {
+TEST_P(WaitSetTest, ReportsEachOfManyRandomRings) {
   const int ring_count = ring_count_of_a_run();
   std::atomic<int> heard_count = 0;
   std::thread other([&] {
@@ -237,7 +237,7 @@ TEST_P(WaitSetTest, HearsEachOfManyRandomRings) {
   }
   other.join();
   EXPECT_EQ(lost_count, 0);
-  EXPECT_LT(overslept_count, ring_count / 10) << "rings were heard when a receive was over";
+  EXPECT_LT(overslept_count, ring_count / 10) << "rings were reported only after a receive ended";
 }
 
 // Neither side misses the other: one pushes, then reads the flag; the other sets the flag, then
@@ -296,7 +296,7 @@ TEST_P(WaitSetTest, ReportsAnEdgeSourceOncePerSignal) {
   set_->remove(event.number());
 }
 
-TEST_P(WaitSetTest, ReportsAPeerThatIsGone) {
+TEST_P(WaitSetTest, ReportsADisconnectedPeer) {
   auto [near, far] = stream_pair();
   ASSERT_TRUE(set_->add(near.number(), SourceTag(kSocket), Trigger::kLevel));
   { const Descriptor closed = std::move(far); }
@@ -304,7 +304,7 @@ TEST_P(WaitSetTest, ReportsAPeerThatIsGone) {
   set_->remove(near.number());
 }
 
-TEST_P(WaitSetWithAPort, ReportsItUntilItsDatagramIsReceived) {
+TEST_P(WaitSetWithAPort, ReportsThePortUntilItsDatagramIsReceived) {
   ASSERT_TRUE(caller_->send(Bytes(48)));
   EXPECT_EQ(await_some(), tags_of({SourceTag(kPort)}));
   EXPECT_EQ(poll(), tags_of({SourceTag(kPort)}));
@@ -321,44 +321,28 @@ TEST_P(WaitSetWithAPort, ReportsItUntilItsDatagramIsReceived) {
   }
 }
 
-TEST_P(WaitSetTest, ReportsMoreThanThereIsRoomForInTurn) {
+TEST_P(WaitSetTest, ReportsMoreSourcesThanFitInTurn) {
   constexpr std::uint32_t kCount = 20;
-  constexpr std::size_t kRoom = 3;
   std::vector<std::pair<Descriptor, Descriptor>> pairs;
   for (std::uint32_t i = 0; i < kCount; ++i) {
     pairs.push_back(stream_pair());
     ASSERT_TRUE(set_->add(pairs.back().first.number(), SourceTag(kSocket, i), Trigger::kLevel));
     write_all(pairs.back().second, Bytes(1));
   }
-  Tags seen;
-  for (std::size_t round = 0; round < (kCount + kRoom - 1) / kRoom; ++round) {
-    for (const std::uint64_t tag : poll(kRoom))
-      seen.push_back(tag);
+  for (const std::size_t capacity : {1u, 3u}) {
+    Tags seen;
+    for (std::size_t round = 0; round < (kCount + capacity - 1) / capacity; ++round) {
+      for (const std::uint64_t tag : poll(capacity))
+        seen.push_back(tag);
+    }
+    std::ranges::sort(seen);
+    EXPECT_EQ(std::ranges::unique(seen).begin() - seen.begin(), kCount) << "none waits longer";
   }
-  std::ranges::sort(seen);
-  EXPECT_EQ(std::ranges::unique(seen).begin() - seen.begin(), kCount) << "none waits longer";
   for (const auto& pair : pairs)
     set_->remove(pair.first.number());
 }
 
-// A source that is always readable does not keep the others from being reported.
-TEST_P(WaitSetTest, ReportsAFewEvenWhereThereIsRoomForOne) {
-  std::vector<std::pair<Descriptor, Descriptor>> pairs;
-  for (std::uint32_t i = 0; i < 3; ++i) {
-    pairs.push_back(stream_pair());
-    ASSERT_TRUE(set_->add(pairs.back().first.number(), SourceTag(kSocket, i), Trigger::kLevel));
-    write_all(pairs.back().second, Bytes(1));
-  }
-  Tags seen;
-  for (int round = 0; round < 3; ++round)
-    seen.push_back(poll(1).at(0));
-  std::ranges::sort(seen);
-  EXPECT_EQ(seen, tags_of({SourceTag(kSocket, 0), SourceTag(kSocket, 1), SourceTag(kSocket, 2)}));
-  for (const auto& pair : pairs)
-    set_->remove(pair.first.number());
-}
-
-TEST_P(WaitSetTest, ReportsNothingThatWasRemoved) {
+TEST_P(WaitSetTest, ReportsNoRemovedSource) {
   auto [near, far] = stream_pair();
   ASSERT_TRUE(set_->add(near.number(), SourceTag(kSocket, 0, 1), Trigger::kLevel));
   write_all(far, Bytes(1));
@@ -370,7 +354,7 @@ TEST_P(WaitSetTest, ReportsNothingThatWasRemoved) {
 }
 
 // The next descriptor reuses a closed descriptor's number at once.
-TEST_P(WaitSetTest, TellsADescriptorFromTheOneThatHadItsNumber) {
+TEST_P(WaitSetTest, DistinguishesDescriptorsOfOneNumber) {
   std::optional<std::pair<Descriptor, Descriptor>> pair = stream_pair();
   const int number = pair->first.number();
   ASSERT_TRUE(set_->add(number, SourceTag(kSocket, 0, 1), Trigger::kLevel));
@@ -388,7 +372,7 @@ TEST_P(WaitSetTest, TellsADescriptorFromTheOneThatHadItsNumber) {
 }
 
 // A new source takes over the index of one in a batch before its turn in the batch comes.
-TEST_P(WaitSetTest, TellsASourceFromOneThatHasItsIndexWithinABatch) {
+TEST_P(WaitSetTest, DistinguishesSourcesOfOneIndexWithinABatch) {
   auto [near, far] = stream_pair();
   auto [other_near, other_far] = stream_pair();
   const SourceTag former(kSocket, 0, 1);
@@ -429,7 +413,7 @@ TEST_P(WaitSetTest, TakesOneSystemCall) {
 }
 
 // The thread's real-time budget recovers while it may block, and only then.
-TEST_P(WaitSetTest, CountsAsAsleepWhileItMayBlock) {
+TEST_P(WaitSetTest, CreditsSleepWhileItMayBlock) {
   const MonotonicTime begin = rt::now();
   rt::RealtimeBudget& budget = rt::this_thread_budget();
   budget = rt::RealtimeBudget({.runtime = 950ms, .period = 1s}, begin);
@@ -442,7 +426,7 @@ TEST_P(WaitSetTest, CountsAsAsleepWhileItMayBlock) {
   budget = rt::RealtimeBudget{};
 }
 
-TEST_P(WaitSetWithALock, HeedsWhatIsAddedDuringAWait) {
+TEST_P(WaitSetWithALock, ReportsASourceAddedDuringAWait) {
   auto [near, far] = stream_pair();
   for (std::uint32_t generation = 1; generation <= 50; ++generation) {
     const SourceTag tag(kSocket, 0, generation);
@@ -471,7 +455,7 @@ TEST_P(WaitSetWithALock, HeedsWhatIsAddedDuringAWait) {
   }
 }
 
-TEST_P(WaitSetWithALock, ReportsNothingToLaterWaitsThatWasRemovedDuringOne) {
+TEST_P(WaitSetWithALock, ReportsNoSourceRemovedDuringAWait) {
   for (std::uint32_t generation = 1; generation <= 50; ++generation) {
     auto [near, far] = stream_pair();
     const SourceTag tag(kSocket, 0, generation);
@@ -498,7 +482,7 @@ TEST_P(WaitSetWithALock, ReportsNothingToLaterWaitsThatWasRemovedDuringOne) {
   }
 }
 
-TEST_P(WaitSetWithALock, FreesItOnlyWhereItMayBlock) {
+TEST_P(WaitSetWithALock, ReleasesItOnlyIfItMayBlock) {
   const int before = lock_.unlock_count;
   EXPECT_EQ(poll(), Tags{});
   EXPECT_EQ(lock_.unlock_count - before, 1) << "the test's own";
@@ -507,7 +491,7 @@ TEST_P(WaitSetWithALock, FreesItOnlyWhereItMayBlock) {
 }
 
 // Goes from one source to many and back, each time with a ring and with all sources ready.
-TEST_P(WaitSetTest, KeepsWhatIsReadyWhileSourcesComeAndGo) {
+TEST_P(WaitSetTest, ReportsAllReadySourcesWhileTheyChange) {
   std::vector<std::pair<Descriptor, Descriptor>> pairs;
   const auto expect_all = [&] {
     set_->ring();
@@ -536,7 +520,7 @@ TEST_P(WaitSetTest, KeepsWhatIsReadyWhileSourcesComeAndGo) {
   }
 }
 
-TEST_P(WaitSetTest, HoldsUnderAStormOfSignals) {
+TEST_P(WaitSetTest, SurvivesAStormOfSignals) {
   struct sigaction action {};
   action.sa_handler = [](int) {};
   struct sigaction former {};
@@ -562,7 +546,7 @@ TEST_P(WaitSetTest, HoldsUnderAStormOfSignals) {
   sigaction(SIGUSR1, &former, nullptr);
 }
 
-TEST_P(WaitSetTest, RefusesWhatItCannotHold) {
+TEST_P(WaitSetTest, RefusesMoreSourcesThanItsLimit) {
   EXPECT_FALSE(set_->add(-1, SourceTag(kSocket), Trigger::kLevel)) << "no descriptor";
   std::vector<Descriptor> events;
   bool was_refused = false;
@@ -577,7 +561,7 @@ TEST_P(WaitSetTest, RefusesWhatItCannotHold) {
 }
 
 // A packet filter that drops the doorbell's datagrams delays one ring, not all.
-TEST_P(WaitSetThatReceives, OnlyPollsOnceADoorbellDatagramWasLost) {
+TEST_P(WaitSetThatReceives, OnlyPollsAfterALostDoorbellDatagram) {
   std::array<sock_filter, 1> none{sock_filter{BPF_RET | BPF_K, 0, 0, 0}};
   const sock_fprog program{static_cast<unsigned short>(none.size()), none.data()};
   ASSERT_EQ(setsockopt(port_->descriptor(), SOL_SOCKET, SO_ATTACH_FILTER, &program, sizeof program),
@@ -623,7 +607,7 @@ INSTANTIATE_TEST_SUITE_P(All, WaitSetWithAPort,
 INSTANTIATE_TEST_SUITE_P(All, WaitSetThatReceives,
                          testing::ValuesIn(ways({Kind::kPortAlone}, {false})), name_of);
 
-TEST(Descriptor, ClosesWhatItOwnsOnce) {
+TEST(Descriptor, ClosesItsDescriptorOnce) {
   auto [near, far] = stream_pair();
   {
     Descriptor owner = std::move(near);
