@@ -380,11 +380,12 @@ std::vector<Round> rounds(const Keys& keys) {
 }
 
 // hp-6.4-1, hp-6.4-2, hp-16.1-4
-TEST(AccessMatrix, IsWhatTheLinesSayOverEveryTransport) {
+TEST(AccessMatrix, MatchesTheLinesOverEveryTransport) {
   std::optional<OtherUser> other;
   if (geteuid() == 0) other.emplace();
   const KeyFolder folder;
-  const Keys keys{crypto::KeyPair::generate(), crypto::KeyPair::generate(), crypto::KeyPair::generate()};
+  const Keys keys{crypto::KeyPair::generate(), crypto::KeyPair::generate(),
+                  crypto::KeyPair::generate()};
   for (const Round& round : rounds(keys)) {
     const Model& model = round.model;
     SCOPED_TRACE(model.text());

@@ -15,6 +15,7 @@
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
 #include "rtpm/wire/limits.hpp"
+#include "serve.hpp"
 
 // The error texts of failed bindings.
 namespace rtpm::rpc {
@@ -42,17 +43,17 @@ INSTANTIATE_TEST_SUITE_P(Transports, BindErrors,
                                          Transport::kSharedMemory),
                          [](const auto& row) { return std::string(to_string(row.param)); });
 
-TEST_P(BindErrors, NameATargetThatIsNoUrl) {
+TEST_P(BindErrors, NameAnInvalidUrl) {
   expect_text(error_of(node_, "rtpm://127.0.0.1/echo"),
               {"'rtpm://127.0.0.1/echo'", "no RTPM URL", "Remedy", "rtpm://host:port/path"});
   expect_text(error_of(node_, "http://127.0.0.1:80/echo"), {"no RTPM URL", "Remedy"});
 }
 
-TEST_P(BindErrors, SayThatANameNeedsAResolver) {
+TEST_P(BindErrors, ReportANameWithoutAResolver) {
   expect_text(error_of(node_, "lab/arm0"), {"'lab/arm0'", "no registry", "Remedy", "Node::use"});
 }
 
-TEST_P(BindErrors, SayThatNobodyIsThere) {
+TEST_P(BindErrors, ReportThatNoServerAnswers) {
   const std::string port = std::to_string(free_port());
   std::string cause = "no server answers at the address";
   if (GetParam() == Transport::kTcp) cause = "no server answers at TCP 127.0.0.1:" + port;
@@ -62,7 +63,7 @@ TEST_P(BindErrors, SayThatNobodyIsThere) {
 }
 
 // The client cannot know whether the server is there.
-TEST_P(BindErrors, SayThatNoDescriptorIsLeft) {
+TEST_P(BindErrors, ReportThatNoDescriptorIsFree) {
   const rtpm::test::ChildResult child = rtpm::test::run_in_child([this]() -> std::string {
     const rlimit few{64, 64};
     setrlimit(RLIMIT_NOFILE, &few);
@@ -78,38 +79,30 @@ TEST_P(BindErrors, SayThatNoDescriptorIsLeft) {
   EXPECT_EQ(child.status, 0) << child.errors;
 }
 
-TEST_P(BindErrors, SayThatTheHostHasNoAddress) {
+TEST_P(BindErrors, ReportAHostWithoutAnAddress) {
   expect_text(error_of(node_, "rtpm://999.1.1.1:80/echo"),
               {"'rtpm://999.1.1.1:80/echo'", "host '999.1.1.1' has no address", "Remedy"});
 }
 
-TEST_P(BindErrors, AreNoneForAHostName) {
+TEST_P(BindErrors, AreAbsentForAHostName) {
   const EchoServer server;
   const std::string port = std::to_string(server.server->port());
   EXPECT_EQ(error_of(node_, "rtpm://localhost:" + port + "/echo"), "");
 }
 
-TEST_P(BindErrors, NameTheObjectsThatAreMostLikeTheOneThatIsNotThere) {
+TEST_P(BindErrors, NameTheObjectsMostSimilarToAnUnknownOne) {
   echo::Servant servant;
-  auto server = Server::create(quiet_config());
-  ASSERT_TRUE(server) << server.error().text();
+  const auto server = std::move(*Server::create(quiet_config()));
   for (const char* path : {"lab/arm0", "lab/arm1", "rtpm/introspection", "lab/hand", "lab/arm2"})
-    ASSERT_TRUE((*server)->add(path, servant));
-  ASSERT_TRUE((*server)->start());
-  expect_text(error_of(node_, (*server)->url("lab/arm7")),
+    ASSERT_TRUE(server->add(path, servant));
+  ASSERT_TRUE(server->start());
+  expect_text(error_of(node_, server->url("lab/arm7")),
               {"no object 'lab/arm7'",
                "; most like it there: lab/arm0, lab/arm1, lab/arm2, "
                "lab/hand. Remedy"});
 }
 
-TEST_P(BindErrors, SayThatTheObjectIsNotThere) {
-  const EchoServer server;
-  expect_text(
-      error_of(node_, server.server->url("other")),
-      {"no object 'other'", "rtpm://127.0.0.1:" + std::to_string(server.server->port()), "Remedy"});
-}
-
-TEST_P(BindErrors, SayWhatTheObjectIsInstead) {
+TEST_P(BindErrors, NameTheInterfaceOfTheObject) {
   const EchoServer server;
   InterfaceDescriptor other = echo::kInterface;
   other.name = "lab.Arm";
@@ -141,7 +134,7 @@ TEST_P(BindErrors, NameTheMethodThatIsMissing) {
 }
 
 // hp-6.1-2
-TEST_P(BindErrors, AreNoneWhereTheServerHasMoreMethods) {
+TEST_P(BindErrors, AreAbsentIfTheServerHasMoreMethods) {
   const EchoServer server;
   InterfaceDescriptor older = echo::kInterface;
   older.fingerprint ^= 1;
@@ -149,7 +142,7 @@ TEST_P(BindErrors, AreNoneWhereTheServerHasMoreMethods) {
   EXPECT_EQ(error_of(node_, server.url(), older), "");
 }
 
-TEST_P(BindErrors, SayThatEveryChannelIsInUse) {
+TEST_P(BindErrors, ReportThatEveryChannelIsInUse) {
   const EchoServer server;
   NodeConfig config = quiet_node(GetParam());
   config.channel_count_max = 0;
@@ -175,7 +168,7 @@ TEST(BindDeadline, EndsTheWaitForASilentServer) {
 }
 
 // hp-4-6: the server speaks another version and says so.
-TEST(BindHandshake, SaysThatVersionsDiffer) {
+TEST(BindHandshake, ReportsDifferentVersions) {
   const std::uint16_t number = free_port();
   auto port = transport::UdpPort::open({.port = number});
   ASSERT_TRUE(port);
@@ -211,7 +204,7 @@ class OneName final : public Resolver {
   std::string url_;
 };
 
-TEST(BindByName, AsksTheResolver) {
+TEST(BindByName, UsesTheResolver) {
   const EchoServer server;
   OneName resolver(server.url());
   Node node(quiet_node());
@@ -223,7 +216,7 @@ TEST(BindByName, AsksTheResolver) {
             "name 'lab/other' is not bound. Remedy: start its server.");
 }
 
-TEST(BindByName, SaysThatTheResolversAnswerIsNoUrl) {
+TEST(BindByName, ReportsAnInvalidUrlOfTheResolver) {
   OneName resolver("nonsense");
   Node node(quiet_node());
   node.use(resolver);
@@ -231,7 +224,7 @@ TEST(BindByName, SaysThatTheResolversAnswerIsNoUrl) {
 }
 
 // Servers come and go at their own ports; a node keeps a bounded number of their endpoints.
-TEST(BindEndpoints, OfServersThatAreGoneAreGivenUp) {
+TEST(BindEndpoints, OfStoppedServersAreReleased) {
   Node node(quiet_node(Transport::kTcp));
   constexpr std::size_t kServerCount = 3 * Node::Impl::kUnusedEndpointMax;
   const EchoServer lasting;
@@ -272,14 +265,12 @@ class LargeServant final : public Servant {
 };
 
 // The client trusts that methods beyond the list exist; a call shows whether they do.
-TEST(BindMethodList, MayEndBeforeTheInterfaceDoes) {
+TEST(BindMethodList, MayBeShorterThanTheInterface) {
   std::vector<MethodDescriptor> methods;
   for (std::uint16_t id = 1; id <= 400; ++id)
     methods.push_back({id, "method", id, false, {}});
   LargeServant servant(methods);
-  auto server = std::move(*Server::create(quiet_config()));
-  ASSERT_TRUE(server->add("large", servant));
-  ASSERT_TRUE(server->start());
+  const auto server = serve(servant, "large");
   Node node(quiet_node());
   std::vector<MethodDescriptor> older(methods.begin(), methods.end() - 1);
   const auto error_of_bind = [&] {
@@ -291,7 +282,7 @@ TEST(BindMethodList, MayEndBeforeTheInterfaceDoes) {
   server->stop();
 }
 
-TEST(CallErrors, AreEachExplained) {
+TEST(CallErrors, HaveDistinctTexts) {
   std::set<std::string_view> texts;
   constexpr int kLast = static_cast<int>(CallError::kNotAllowed);
   for (int error = 0; error <= kLast; ++error) {

@@ -171,7 +171,7 @@ std::optional<CallError> error_for(wire::Status status) {
   return reply.error();
 }
 
-TEST(Call, TellsWhatTheServersStatusMeans) {
+TEST(Call, MapsTheStatusToAnError) {
   using wire::Status;
   EXPECT_EQ(error_for(Status::kOk), std::nullopt);
   EXPECT_EQ(error_for(Status::kOverload), CallError::kOverload);
@@ -191,7 +191,7 @@ TEST(Call, TellsWhatTheServersStatusMeans) {
 }
 
 // A status of a later version: the client cannot promise that the servant did not run.
-TEST(Call, PromisesNothingForAStatusThatNobodyKnows) {
+TEST(Call, MapsAnUnknownStatusToABadReply) {
   // hp-5.1-7
   EXPECT_EQ(error_for(static_cast<wire::Status>(wire::kStatusCount)), CallError::kBadReply);
   EXPECT_EQ(error_for(static_cast<wire::Status>(0xffff)), CallError::kBadReply);
@@ -215,7 +215,7 @@ TEST(Call, IsNotRepeatedAfterTheServerClosedItsSession) {
   EXPECT_EQ(count, 1);
 }
 
-TEST(Call, MayWaitForEver) {
+TEST(Call, AcceptsAnUnlimitedDeadline) {
   EchoServer server;
   Node node(quiet_node());
   Binding binding = bind_echo(node, server);
@@ -223,7 +223,7 @@ TEST(Call, MayWaitForEver) {
   EXPECT_TRUE(binding.call(echo::kEcho, {}, {.deadline = std::chrono::hours{24 * 365 * 290}}));
 }
 
-TEST(Call, WithoutAnyTimeIsNotRun) {
+TEST(Call, IsNotRunWithoutAnyTime) {
   EchoServer server;
   Node node(quiet_node());
   Binding binding = bind_echo(node, server);
@@ -260,7 +260,7 @@ TEST(Channels, AreCountedPerBand) {
 }
 
 // bind()'s deadline includes opening all channels.
-TEST(BindDeadline, CoversTheWarmUp) {
+TEST(BindDeadline, IncludesTheWarmUp) {
   EchoServer server(quiet_config({quiet_lane(0), quiet_lane(20'000)}));
   RawPeer peer(Transport::kUdp, server.server->port(), 20'000);
   ASSERT_TRUE(peer.open());

@@ -36,7 +36,7 @@ class Exposure : public testing::Test {
   const std::string folder_ = own_folder_.path();
 };
 
-TEST_F(Exposure, OfLoopbackAddressesTakesNoGrantsUnlessTheyAreNamed) {
+TEST_F(Exposure, OnLoopbackUsesGrantsOnlyIfTheyAreNamed) {
   std::ofstream(folder_ + "/authorized") << "uid:7 role=observe on=**\n";
   for (const char* hosts : {"127.0.0.1", "localhost", "127.0.0.2,127.0.0.3"}) {
     EXPECT_FALSE(is_for_other_hosts(at(hosts))) << hosts;
@@ -45,7 +45,7 @@ TEST_F(Exposure, OfLoopbackAddressesTakesNoGrantsUnlessTheyAreNamed) {
   }
 }
 
-TEST_F(Exposure, OfOtherAddressesTakesGrantsOrAWord) {
+TEST_F(Exposure, ToOtherHostsRequiresGrantsOrAnOption) {
   for (const transport::HostsToServe& hosts : {at("any"), at_another_address()}) {
     EXPECT_TRUE(is_for_other_hosts(hosts));
     const auto refused = grants_file_of({}, hosts);
@@ -60,18 +60,18 @@ TEST_F(Exposure, OfOtherAddressesTakesGrantsOrAWord) {
   EXPECT_EQ(*grants_file_of({}, at("any")), folder_ + "/authorized");
 }
 
-TEST(OpenWarning, IsSaidAtOnceAndThenEachMinute) {
+TEST(OpenWarning, IsPrintedAtOnceAndThenEachMinute) {
   OpenWarning warning("server 'rtpm-deviced'", "10.0.0.7:7500");
   const MonotonicTime begin = rt::now();
   testing::internal::CaptureStderr();
   EXPECT_EQ(warning.tick(begin), begin + OpenWarning::kInterval);
   EXPECT_EQ(warning.tick(begin + std::chrono::seconds{59}), begin + OpenWarning::kInterval);
   EXPECT_GT(warning.tick(begin + std::chrono::seconds{61}), begin + OpenWarning::kInterval);
-  const std::string said = testing::internal::GetCapturedStderr();
-  EXPECT_EQ(std::ranges::count(said, '\n'), 2) << said;
-  EXPECT_NE(said.find("server 'rtpm-deviced' serves everybody who reaches 10.0.0.7:7500"),
+  const std::string printed = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(std::ranges::count(printed, '\n'), 2) << printed;
+  EXPECT_NE(printed.find("server 'rtpm-deviced' serves everybody who reaches 10.0.0.7:7500"),
             std::string::npos)
-      << said;
+      << printed;
 }
 
 }  // namespace

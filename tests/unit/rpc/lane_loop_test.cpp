@@ -10,12 +10,12 @@ using namespace test;
 using namespace std::chrono_literals;
 
 // The time that one reading of the clock takes.
-constexpr Duration kLook = 100ns;
+constexpr Duration kClockCost = 100ns;
 
 // One source has endless frames, and 63 sources have one frame each.
-TEST(LaneLoop, ServesEachOfItsSourcesHoweverBusyOneIs) {
+TEST(LaneLoop, ServesEachSourceBesideABusyOne) {
   for (const rt::WaitStrategy strategy : {rt::WaitStrategy::kSpin, rt::WaitStrategy::kBlock}) {
-    VirtualTime::start(kLook);
+    VirtualTime::start(kClockCost);
     ScriptedLane scripted(strategy);
     ScriptedConnection& hot = scripted.connect();
     std::vector<ScriptedConnection*> others;
@@ -37,8 +37,8 @@ TEST(LaneLoop, ServesEachOfItsSourcesHoweverBusyOneIs) {
   }
 }
 
-TEST(LaneLoop, SleepsOnlyWhenThereIsNothingToDoAndThenForEver) {
-  VirtualTime::start(kLook);
+TEST(LaneLoop, SleepsWithoutATimeoutOnlyWhenIdle) {
+  VirtualTime::start(kClockCost);
   ScriptedLane scripted(rt::WaitStrategy::kBlock);
   ScriptedConnection* connection = nullptr;
   std::vector<MonotonicTime> sleeps;
@@ -67,8 +67,8 @@ TEST(LaneLoop, SleepsOnlyWhenThereIsNothingToDoAndThenForEver) {
   scripted.lane->close();
 }
 
-TEST(LaneLoop, HearsARingThatComesAsItGoesToSleep) {
-  VirtualTime::start(kLook);
+TEST(LaneLoop, HandlesARingWhileItGoesToSleep) {
+  VirtualTime::start(kClockCost);
   ScriptedLane scripted(rt::WaitStrategy::kBlock);
   int sleep_count = 0;
   scripted.wait_set->on_sleep = [&](MonotonicTime) {
@@ -128,7 +128,7 @@ TEST(LaneLoop, SleepsUntilTheNextOpenCallIsDue) {
   scripted.lane->close();
 }
 
-TEST(LaneLoop, TriesAStreamAgainEachMillisecondWhileItsConnectionIsFull) {
+TEST(LaneLoop, RetriesAStreamEachMillisecondOverAFullConnection) {
   VirtualTime::start(0ns);
   ScriptedLane scripted(rt::WaitStrategy::kBlock);
   Streaming streaming;
@@ -235,9 +235,9 @@ class SteadyCaller {
 };
 
 // At 1 kHz the lane sleeps most of the time, and is awake when the call comes.
-TEST(LaneLoop, OfAPeriodicLaneIsAwakeWhenItsCallerCalls) {
+TEST(LaneLoop, IsAwakeForAPeriodicCaller) {
   if (rt::usable_cpu_count() == 1) GTEST_SKIP() << "one CPU: such a lane blocks";
-  VirtualTime::start(kLook);
+  VirtualTime::start(kClockCost);
   ScriptedLane scripted(rt::WaitStrategy::kPeriodic);
   constexpr int kCount = 500;
   SteadyCaller caller(scripted, 1ms, kCount);
@@ -248,9 +248,20 @@ TEST(LaneLoop, OfAPeriodicLaneIsAwakeWhenItsCallerCalls) {
   scripted.lane->close();
 }
 
-TEST(LaneLoop, OfAnAdaptiveLanePollsAfterACallForItsSpinTime) {
+// A lane keeps the promise of rt::SpinEstimator: it does not spin for calls that always come later.
+TEST(LaneLoop, StopsPollingForACallerThatAlwaysComesLater) {
+  VirtualTime::start(kClockCost);
+  ScriptedLane scripted(rt::WaitStrategy::kAdaptive);
+  constexpr int kCount = 500;
+  SteadyCaller caller(scripted, 1ms, kCount);
+  scripted.run();
+  EXPECT_GT(scripted.wait_set->slept, kCount * 1ms * 0.99);
+  scripted.lane->close();
+}
+
+TEST(LaneLoop, PollsForItsSpinTimeAfterACall) {
   if (rt::usable_cpu_count() == 1) GTEST_SKIP() << "one CPU: such a lane blocks";
-  VirtualTime::start(kLook);
+  VirtualTime::start(kClockCost);
   ScriptedLane scripted(rt::WaitStrategy::kAdaptive);
   MonotonicTime called{};
   std::vector<Duration> polled;

@@ -13,18 +13,9 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr MonotonicTime kStart{1'000s};
-constexpr SourceTag kSome(kConnectionKind, 3, 7);
-
-TEST(Attention, AsksThePortFirstAndThenTheSourceOfTheLastFrame) {
-  Attention attention;
-  EXPECT_EQ(attention.hot(), kPortSource);
-  attention.set_hot(kSome);
-  EXPECT_EQ(attention.hot(), kSome);
-}
-
 // For any frame duration, other sources wait for at most 16 frames, or for 200 us and the current
 // frame.
-TEST(Attention, BoundsHowLongABusySourceKeepsTheOthersWaiting) {
+TEST(Attention, BoundsTheWaitOfOtherSources) {
   std::mt19937_64 random(1);
   for (const bool is_memory_hot : {false, true}) {
     Attention attention;
@@ -49,7 +40,7 @@ TEST(Attention, BoundsHowLongABusySourceKeepsTheOthersWaiting) {
   }
 }
 
-TEST(Attention, AsksTheSystemRarelyWhileOnlyMemoryIsHot) {
+TEST(Attention, PollsTheSystemRarelyWhileOnlyMemoryIsHot) {
   Attention attention;
   const auto looks_in = [&](Duration time, bool has_found, bool is_memory_hot) {
     int look_count = 0;
@@ -70,7 +61,7 @@ TEST(Attention, AsksTheSystemRarelyWhileOnlyMemoryIsHot) {
   EXPECT_LE(looks_in(10ms, false, true), 10ms / Attention::kLookIntervalMax + 10);
 }
 
-TEST(Attention, LetsOpenCallsGoFirstForSixteenTurns) {
+TEST(Attention, PrefersOpenCallsForSixteenTurns) {
   Attention attention;
   for (int round = 0; round < 2; ++round) {
     for (std::uint32_t turn = 1; turn < Attention::kStreakMax; ++turn)
@@ -80,59 +71,25 @@ TEST(Attention, LetsOpenCallsGoFirstForSixteenTurns) {
   }
 }
 
-rt::WaitConfig wait_of(rt::WaitStrategy strategy, Duration spin = 50us) {
-  return {.strategy = strategy, .spin = spin};
-}
-
-TEST(Idling, OfALaneThatBlocksSleepsAtOnceAndForEver) {
-  Idling idling(wait_of(rt::WaitStrategy::kBlock));
-  EXPECT_TRUE(idling.is_blocking());
-  const Idling::Next next = idling.on_idle(kStart);
-  EXPECT_FALSE(next.polls);
-  EXPECT_EQ(next.until, kNever);
-}
-
-TEST(Idling, OfALaneThatSpinsNeverSleeps) {
-  Idling idling(wait_of(rt::WaitStrategy::kSpin));
+TEST(Idling, NeverSleepsIfTheLaneSpins) {
+  Idling idling(rt::WaitConfig{.strategy = rt::WaitStrategy::kSpin, .spin = 50us});
   for (const Duration passed : {Duration{0}, Duration{1s}, Duration{1h}})
     EXPECT_TRUE(idling.on_idle(kStart + passed).polls);
 }
 
-TEST(Idling, OfAnAdaptiveLanePollsForAWhileAfterWork) {
+TEST(Idling, PollsForAWhileAfterWorkIfAdaptive) {
   if (rt::usable_cpu_count() == 1) GTEST_SKIP() << "one CPU: such a lane blocks";
-  Idling idling(wait_of(rt::WaitStrategy::kAdaptive));
+  Idling idling(rt::WaitConfig{.strategy = rt::WaitStrategy::kAdaptive, .spin = 50us});
   idling.on_work(kStart);
   EXPECT_TRUE(idling.on_idle(kStart + 1us).polls);
   EXPECT_TRUE(idling.on_idle(kStart + 50us).polls);
   const Idling::Next next = idling.on_idle(kStart + 52us);
   EXPECT_FALSE(next.polls);
   idling.on_woken(next, kStart + 1ms, /*has_work=*/false);
-  EXPECT_FALSE(idling.on_idle(kStart + 1ms).polls) << "nothing came: it sleeps on";
+  EXPECT_FALSE(idling.on_idle(kStart + 1ms).polls) << "nothing came, so it keeps sleeping";
   idling.on_woken(next, kStart + 2ms, /*has_work=*/true);
   idling.on_work(kStart + 2ms);
   EXPECT_TRUE(idling.on_idle(kStart + 2ms + 1us).polls);
-}
-
-// A caller at 1 kHz: the lane sleeps until shortly before each call, then polls for it.
-TEST(Idling, OfAPeriodicLaneWakesAheadOfItsCaller) {
-  if (rt::usable_cpu_count() == 1) GTEST_SKIP() << "one CPU: such a lane blocks";
-  Idling idling(wait_of(rt::WaitStrategy::kPeriodic, 0us));
-  MonotonicTime call = kStart;
-  int ahead_count = 0;
-  for (int i = 0; i < 100; ++i, call += 1ms) {
-    idling.on_call(/*session=*/5, call);
-    idling.on_work(call);
-    Idling::Next next = idling.on_idle(call + 10us);
-    if (next.polls) next = idling.on_idle(call + 200us);
-    ASSERT_FALSE(next.polls);
-    if (!next.is_prediction) continue;
-    ++ahead_count;
-    EXPECT_GT(next.until, call + 500us);
-    EXPECT_LT(next.until, call + 1ms);
-    idling.on_woken(next, next.until + 20us, /*has_work=*/false);
-    EXPECT_TRUE(idling.on_idle(call + 1ms - 1us).polls) << "it is about to come";
-  }
-  EXPECT_GT(ahead_count, 80);
 }
 
 /// A thread's budget with the answers that a test sets.
@@ -145,7 +102,7 @@ struct FakeBudget {
   [[nodiscard]] Duration overdue(MonotonicTime) const noexcept { return debt; }
 };
 
-TEST(Pauses, OfAThreadThatPollsAreWaitsWhileWaitsEarn) {
+TEST(Pauses, AreWaitsInAThreadThatPollsWhileWaitsEarn) {
   FakeBudget budget;
   EXPECT_EQ(pause_while_polling(budget, kStart).kind, Pause::Kind::kNone);
   budget.is_spent = true;
@@ -156,7 +113,7 @@ TEST(Pauses, OfAThreadThatPollsAreWaitsWhileWaitsEarn) {
   EXPECT_EQ(pause_while_polling(budget, kStart).kind, Pause::Kind::kSleep);
 }
 
-TEST(Pauses, OfAThreadThatNeverWaitsAreSleepsForWhatItOwes) {
+TEST(Pauses, AreSleepsForItsDebtInAThreadThatNeverWaits) {
   int clock_count = 0;
   const auto clock = [&] {
     ++clock_count;

@@ -19,6 +19,7 @@
 #include "rtpm/transport/stream.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
+#include "serve.hpp"
 
 namespace rtpm::rpc {
 namespace {
@@ -51,7 +52,7 @@ Bytes together(const std::vector<Bytes>& frames) {
 
 // Frames in a connection's buffer do not wake a poll: a lane that turned to another connection must
 // come back to the first one before it sleeps.
-TEST(Lane, ServesAllFramesThatCameTogetherOnSeveralConnections) {
+TEST(Lane, ServesFramesReceivedTogetherOnSeveralConnections) {
   EchoServer server;
   std::vector<std::unique_ptr<RawPeer>> peers;
   for (int i = 0; i < 3; ++i) {
@@ -109,7 +110,7 @@ TEST(Lane, ServesAnyNumberOfCallersWhileItGrowsAndShrinks) {
 }
 
 // The lane checks some of the callers at a time.
-TEST(Lane, HearsEveryCallerThroughMemoryHoweverManyAreSilent) {
+TEST(Lane, ServesEveryCallerThroughMemoryBesideSilentOnes) {
   for (const rt::WaitStrategy wait :
        {rt::WaitStrategy::kSpin, rt::WaitStrategy::kAdaptive, rt::WaitStrategy::kBlock}) {
     LaneConfig lane = quiet_lane();
@@ -127,7 +128,7 @@ TEST(Lane, HearsEveryCallerThroughMemoryHoweverManyAreSilent) {
     const auto call = [&](RawPeer& peer) {
       peer.send(peer.call_frame(call_id, echo::kEcho.id, "hello"));
     };
-    // Callers call one by one and all at once; after some have gone, so does the rest.
+    // Callers call one by one and all at once; after some have disconnected, so do the others.
     for (int i = 0; i < 3; ++i) {
       ++call_id;
       for (const auto& peer : peers) {
@@ -148,9 +149,7 @@ TEST(Lane, HearsEveryCallerThroughMemoryHoweverManyAreSilent) {
 TEST(Lane, ServesOthersWhileABatchOfDatagramsTakesLong) {
   constexpr std::uint32_t kBatch = 40;
   NotingServant servant;
-  auto server = std::move(*Server::create(quiet_config({quiet_lane()})));
-  ASSERT_TRUE(server->add("echo", servant));
-  ASSERT_TRUE(server->start());
+  const auto server = serve(servant);
   RawPeer many(Transport::kUdp, server->port(), Priority{1});
   RawPeer other(Transport::kTcp, server->port(), Priority{2});
   ASSERT_TRUE(many.open() && other.open());
@@ -185,7 +184,7 @@ TEST(Lane, ServesOthersWhileABatchOfDatagramsTakesLong) {
 }
 
 // An overloaded server is the one that people investigate.
-TEST(Lane, TellsItsCountersWhileItNeverRests) {
+TEST(Lane, PublishesItsCountersWhileAlwaysBusy) {
   EchoServer server;
   RawPeer peer(Transport::kUdp, server.server->port());
   ASSERT_TRUE(peer.open());
@@ -233,7 +232,7 @@ class LaneAlone {
     EXPECT_EQ(socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, ends.data()), 0);
     std::unique_ptr<transport::Connection> stream =
         std::make_unique<transport::FrameStream>(transport::Descriptor(ends[0]), 1024);
-    EXPECT_TRUE(await([&] { return lane_->adopt(stream); })) << "the lane takes nothing over";
+    EXPECT_TRUE(await([&] { return lane_->adopt(stream); })) << "the lane adopts no connection";
     return transport::Descriptor(ends[1]);
   }
   Lane& lane() { return *lane_; }
@@ -253,7 +252,7 @@ bool is_hung_up(const transport::Descriptor& far_end) {
 }
 
 // The lane gets more connections than it has slots, and no acceptor takes them back.
-TEST(Lane, EndsConnectionsThatAreTooManyHoweverManyTheyAre) {
+TEST(Lane, ClosesAnyNumberOfSurplusConnections) {
   constexpr int kConnectionCount = 400;
   LaneAlone alone(/*session_count_max=*/1, rt::WaitStrategy::kBlock);
   std::vector<transport::Descriptor> far_ends;
@@ -267,7 +266,7 @@ TEST(Lane, EndsConnectionsThatAreTooManyHoweverManyTheyAre) {
 }
 
 // The doorbell may ring at any moment of a lane's iteration, even the last before it sleeps.
-TEST(Lane, IsNeverDeafToItsBell) {
+TEST(Lane, HandlesEachRingOfItsDoorbell) {
   LaneAlone alone(/*session_count_max=*/1, rt::WaitStrategy::kBlock);
   const transport::Descriptor served = alone.connect();
   std::mt19937_64 random(1);
@@ -291,7 +290,7 @@ TEST(Lane, IsNeverDeafToItsBell) {
   }
 }
 
-TEST(Lane, HearsEverySourceBesideItsOnlyConnection) {
+TEST(Lane, ServesEverySourceBesideItsOnlyConnection) {
   for (const rt::WaitStrategy wait : {rt::WaitStrategy::kBlock, rt::WaitStrategy::kAdaptive}) {
     LaneConfig lane;
     lane.wait = {.strategy = wait, .spin = std::chrono::microseconds{1}};
@@ -332,7 +331,7 @@ TEST(Lane, HearsEverySourceBesideItsOnlyConnection) {
   }
 }
 
-TEST(Lane, TakesOverEveryConnectionThatItIsGiven) {
+TEST(Lane, AdoptsEveryConnection) {
   LaneAlone alone(/*session_count_max=*/8, rt::WaitStrategy::kSpin);
   const Bytes garbage(wire::kHeaderSize, std::byte{0x55});
   for (int round = 0; round < 200; ++round) {

@@ -7,9 +7,11 @@
 #include <mutex>
 #include <thread>
 
+#include "deferring_servant.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/test/os.hpp"
+#include "serve.hpp"
 
 // Calls to a server in the same program. TransportSuite covers the guarantees of every call.
 namespace rtpm::rpc {
@@ -18,7 +20,7 @@ namespace {
 using namespace test;
 using namespace std::chrono_literals;
 
-TEST(LocalCalls, AreMadeWithoutATransportUnlessOneIsAskedFor) {
+TEST(LocalCalls, UseNoTransportByDefault) {
   EchoServer server;
   Node node(quiet_node(Transport::kAuto));
   Binding binding = bind_echo(node, server);
@@ -41,7 +43,7 @@ TEST(LocalCalls, AreMadeWithoutATransportUnlessOneIsAskedFor) {
   EXPECT_EQ(bind_echo(other, server).transport(), Transport::kSharedMemory);
 }
 
-TEST(LocalCalls, RunInTheLaneOfTheirPriorityAndNotOnTheCallersThread) {
+TEST(LocalCalls, RunInTheLaneOfTheirPriority) {
   EchoServer server(quiet_config({quiet_lane(0), quiet_lane(20'000)}));
   Node node(quiet_node(Transport::kAuto));
   Binding binding = bind_echo(node, server);
@@ -57,7 +59,7 @@ TEST(LocalCalls, RunInTheLaneOfTheirPriorityAndNotOnTheCallersThread) {
   EXPECT_NE(place_of(other).session, low.session) << "another";
 }
 
-TEST(LocalCalls, EndWithTheServerAndGoOnWithTheNextAtItsAddress) {
+TEST(LocalCalls, ContinueWithTheNextServerAtTheAddress) {
   ServerConfig config = quiet_config();
   auto first = std::make_unique<EchoServer>(config);
   config.port = first->server->port();
@@ -71,7 +73,7 @@ TEST(LocalCalls, EndWithTheServerAndGoOnWithTheNextAtItsAddress) {
 }
 
 // A thread that runs a method can't wait for itself.
-TEST(LocalCalls, OfAMethodToItsOwnLaneRunInsideOfIt) {
+TEST(LocalCalls, OfAMethodToItsOwnLaneRunOnItsThread) {
   for (const std::uint32_t buffered : {0U, 4U}) {
     /// Calls another object of the same server.
     class Outer final : public Servant {
@@ -117,44 +119,12 @@ TEST(LocalCalls, OfAMethodToItsOwnLaneRunInsideOfIt) {
   }
 }
 
-/// Answers when the test says so.
-class DeferringServant final : public Servant {
- public:
-  const InterfaceDescriptor& interface() const noexcept override { return echo::kInterface; }
-  DispatchResult dispatch(std::uint16_t, ConstBytes, MutableBytes,
-                          const CallContext& context) override {
-    DeferredReply reply = context.deferral->defer();
-    if (!reply) return {wire::Status::kOverload, 0};
-    const std::lock_guard lock(mutex_);
-    const rt::AllowAllocationScope is_allowed;
-    replies_.push_back(std::move(reply));
-    return {};
-  }
-  [[nodiscard]] DeferredReply reply() {
-    DeferredReply first;
-    EXPECT_TRUE(await([&] {
-      const std::lock_guard lock(mutex_);
-      if (replies_.empty()) return false;
-      first = std::move(replies_.front());
-      replies_.pop_front();
-      return true;
-    }));
-    return first;
-  }
-
- private:
-  std::mutex mutex_;
-  std::deque<DeferredReply> replies_;
-};
-
 class LocalDeferredReplies : public testing::TestWithParam<std::uint32_t> {
  protected:
   void SetUp() override {
     LaneConfig lane = quiet_lane();
     lane.buffered_request_max = GetParam();
-    server_ = std::move(*Server::create(quiet_config({lane})));
-    ASSERT_TRUE(server_->add("late", servant_));
-    ASSERT_TRUE(server_->start());
+    server_ = serve(servant_, "late", quiet_config({lane}));
     auto bound = Binding::bind(node_, server_->url("late"), echo::kInterface);
     ASSERT_TRUE(bound);
     binding_.emplace(std::move(*bound));
@@ -191,7 +161,7 @@ TEST_P(LocalDeferredReplies, EndWithTheServer) {
   reply.complete(wire::Status::kOk);
 }
 
-TEST_P(LocalDeferredReplies, AreOverWhenTheCallersTimeIs) {
+TEST_P(LocalDeferredReplies, EndAtTheCallersDeadline) {
   const auto reply = binding_->call(echo::kEchoOnce, {}, {.deadline = 100ms});
   ASSERT_FALSE(reply);
   EXPECT_EQ(reply.error(), CallError::kTimeout);
@@ -204,20 +174,6 @@ TEST_P(LocalDeferredReplies, AreOverWhenTheCallersTimeIs) {
 }
 
 INSTANTIATE_TEST_SUITE_P(OneThreadAndSeveral, LocalDeferredReplies, testing::Values(0, 4));
-
-TEST(LocalCalls, AreSentWithoutWaiting) {
-  EchoServer server;
-  Node node(quiet_node(Transport::kAuto));
-  Binding binding = bind_echo(node, server);
-  std::thread holder([&] { EXPECT_TRUE(binding.call(echo::kHold, {})); });
-  ASSERT_TRUE(await([&] { return server.servant.gate().inside_count() == 1; }));
-  for (int i = 0; i < 5; ++i)
-    EXPECT_TRUE(binding.send(echo::kEcho, {}, wire::Delivery::kSent));
-  EXPECT_EQ(server.servant.run_count(), 1);
-  server.servant.gate().open();
-  holder.join();
-  EXPECT_TRUE(await([&] { return server.servant.run_count() == 6; }));
-}
 
 // A node may be destroyed while a lane still has one of its calls.
 TEST(LocalCalls, MayOutliveTheirNode) {

@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 #include <thread>
+#include <tuple>
 
 #include "rtpm/access/fingerprint.hpp"
 #include "rtpm/rpc/tables.hpp"
@@ -18,6 +19,7 @@
 #include "rtpm/test/lock_guard.hpp"
 #include "rtpm/test/sealed_peer.hpp"
 #include "secured_server.hpp"
+#include "serve.hpp"
 
 // A call allocates nothing on either side: each lane, and here the caller, runs in a
 // NoAllocationScope, and the guard that this binary links aborts on any breach. The guard for locks
@@ -33,26 +35,23 @@ struct Wrench {
 
 constexpr int kCallCount = 1000;
 
-struct Row {
-  Transport transport;
-  rt::WaitStrategy wait;
-};
-
-class NoAllocation : public testing::TestWithParam<Row> {
+class NoAllocation : public testing::TestWithParam<std::tuple<Transport, rt::WaitStrategy>> {
  protected:
   void SetUp() override {
     if (!rtpm::test::is_alloc_guard_active()) GTEST_SKIP() << rtpm::test::kAllocGuardInactive;
   }
+  [[nodiscard]] static Transport transport() { return std::get<0>(GetParam()); }
+  [[nodiscard]] static rt::WaitStrategy wait() { return std::get<1>(GetParam()); }
   static ServerConfig server_config() {
     LaneConfig low = quiet_lane();
-    low.wait.strategy = GetParam().wait;
+    low.wait.strategy = wait();
     LaneConfig high = low;
     high.low = 20'000;
     return quiet_config({low, high});
   }
   static NodeConfig node_config() {
-    NodeConfig config = quiet_node(GetParam().transport);
-    config.wait.strategy = GetParam().wait;
+    NodeConfig config = quiet_node(transport());
+    config.wait.strategy = wait();
     return config;
   }
   /// Calls with a bare struct, there and back; returns how many calls failed.
@@ -70,23 +69,16 @@ class NoAllocation : public testing::TestWithParam<Row> {
   }
 };
 
-INSTANTIATE_TEST_SUITE_P(All, NoAllocation,
-                         testing::Values(Row{Transport::kUdp, rt::WaitStrategy::kAdaptive},
-                                         Row{Transport::kUdp, rt::WaitStrategy::kBlock},
-                                         Row{Transport::kUdp, rt::WaitStrategy::kSpin},
-                                         Row{Transport::kTcp, rt::WaitStrategy::kAdaptive},
-                                         Row{Transport::kTcp, rt::WaitStrategy::kBlock},
-                                         Row{Transport::kTcp, rt::WaitStrategy::kSpin},
-                                         Row{Transport::kSharedMemory, rt::WaitStrategy::kAdaptive},
-                                         Row{Transport::kSharedMemory, rt::WaitStrategy::kBlock},
-                                         Row{Transport::kSharedMemory, rt::WaitStrategy::kSpin},
-                                         Row{Transport::kLocal, rt::WaitStrategy::kAdaptive},
-                                         Row{Transport::kLocal, rt::WaitStrategy::kBlock},
-                                         Row{Transport::kLocal, rt::WaitStrategy::kSpin}),
-                         [](const auto& row) {
-                           return std::string(to_string(row.param.transport)) + "_" +
-                                  std::string(to_string(row.param.wait));
-                         });
+INSTANTIATE_TEST_SUITE_P(
+    All, NoAllocation,
+    testing::Combine(testing::Values(Transport::kUdp, Transport::kTcp, Transport::kSharedMemory,
+                                     Transport::kLocal),
+                     testing::Values(rt::WaitStrategy::kAdaptive, rt::WaitStrategy::kBlock,
+                                     rt::WaitStrategy::kSpin)),
+    [](const auto& row) {
+      return std::string(to_string(std::get<0>(row.param))) + "_" +
+             std::string(to_string(std::get<1>(row.param)));
+    });
 
 TEST_P(NoAllocation, InAThousandCalls) {
   EchoServer server(server_config());
@@ -137,8 +129,7 @@ TEST_P(NoAllocation, InCallsThatFail) {
 
 // The server looks up, caches and denies rights, and writes them to the audit log.
 TEST_P(NoAllocation, InCallsToASecuredServer) {
-  const bool is_sealed =
-      GetParam().transport == Transport::kUdp || GetParam().transport == Transport::kTcp;
+  const bool is_sealed = transport() == Transport::kUdp || transport() == Transport::kTcp;
   const KeyFolder folder;
   NodeConfig client = node_config();
   client.security = {.key_file = folder.file("node"),
@@ -190,8 +181,7 @@ TEST_P(NoAllocation, IsBrokenByAServantThatAllocates) {
   const rtpm::test::CountBreachesOnly count_only;
   const auto before = rtpm::test::allocation_breach_count();
   EXPECT_TRUE(binding.call(echo::kAllocate, {}));
-  EXPECT_EQ(rtpm::test::allocation_breach_count() - before, 2u)
-      << "one block, taken and given back";
+  EXPECT_EQ(rtpm::test::allocation_breach_count() - before, 2u) << "one block, allocated and freed";
 }
 
 /// A servant that takes an ordinary lock.
@@ -231,9 +221,7 @@ TEST_P(NoAllocation, WithStreamsOfLargeItems) {
   ServerConfig config = server_config();
   // Every call that the lane accepts is a stream that waits for its turn.
   config.deferred_call_count_max = 1;
-  const auto server = std::move(*Server::create(config));
-  ASSERT_TRUE(server->add("echo", servant));
-  ASSERT_TRUE(server->start());
+  const auto server = serve(servant, "echo", config);
   Node node(node_config());
   auto binding = Binding::bind(node, server->url("echo"), echo::kInterface,
                                {.deadline = rtpm::test::kPatience});
@@ -268,9 +256,7 @@ TEST_P(NoAllocation, WithStreamsOfLargeItems) {
 TEST(NoLock, IsBrokenByAServantThatTakesOneWithoutInheritance) {
   if (!rtpm::test::is_lock_guard_active()) GTEST_SKIP() << rtpm::test::kLockGuardInactive;
   LockingServant servant;
-  const auto server = std::move(*Server::create(quiet_config()));
-  ASSERT_TRUE(server->add("lock", servant));
-  ASSERT_TRUE(server->start());
+  const auto server = serve(servant, "lock");
   Node node(quiet_node());
   auto binding = Binding::bind(node, server->url("lock"), echo::kInterface);
   ASSERT_TRUE(binding) << binding.error().text();
@@ -298,19 +284,19 @@ class OneName final : public Resolver {
  public:
   explicit OneName(std::string url) : url_(std::move(url)) {}
   expected<std::string, SetupError> resolve(std::string_view, MonotonicTime) override {
-    ++look_count;
-    if (leads) return url_;
+    ++resolve_count;
+    if (is_bound) return url_;
     return setup_error("it is not bound");
   }
-  std::atomic<bool> leads{true};
-  std::atomic<int> look_count{0};
+  std::atomic<bool> is_bound{true};
+  std::atomic<int> resolve_count{0};
 
  private:
   std::string url_;
 };
 
 // The first calls of an outage make another thread look up the name.
-TEST_P(NoAllocation, InCallsByNameNorInTheirOutage) {
+TEST_P(NoAllocation, InCallsByNameAndInTheirOutage) {
   std::optional<EchoServer> server(std::in_place, server_config());
   OneName name(server->url());
   Node node(node_config());
@@ -320,13 +306,13 @@ TEST_P(NoAllocation, InCallsByNameNorInTheirOutage) {
   ASSERT_TRUE(binding) << binding.error().text();
   EXPECT_EQ(call_many(*binding, {}), 0);
   server.reset();
-  name.leads = false;
+  name.is_bound = false;
   {
     const rt::NoAllocationScope no_allocation;
     for (int i = 0; i < 3; ++i)
       EXPECT_FALSE(binding->call(echo::kEcho, {}));
   }
-  EXPECT_TRUE(await([&] { return name.look_count >= 2; })) << "one was the bind's";
+  EXPECT_TRUE(await([&] { return name.resolve_count >= 2; })) << "one was the bind's";
 }
 
 // Handshakes, sealed calls in one frame and in many, rejected strangers and forged frames, and the

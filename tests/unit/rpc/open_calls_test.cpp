@@ -86,7 +86,7 @@ class OpenCallsTest : public testing::Test {
   Peer peer_;
 };
 
-TEST_F(OpenCallsTest, CopyALargeReplyWhileOthersHaveTheLock) {
+TEST_F(OpenCallsTest, CopyALargeReplyWithoutTheLock) {
   calls_.serve(lead_, ended_call(1, 100));
   EXPECT_EQ(lock_.unlock_count, 0) << "a small one takes no longer than the lock";
   PendingCall& call = ended_call(2, kMessageSize);
@@ -106,7 +106,7 @@ TEST_F(OpenCallsTest, CopyALargeReplyWhileOthersHaveTheLock) {
   EXPECT_EQ(held_count(), 1) << "until the reply has arrived";
 }
 
-TEST_F(OpenCallsTest, KeepNoBufferOfACallWhoseSessionEndsMeanwhile) {
+TEST_F(OpenCallsTest, ReleaseTheBufferIfTheSessionEndsMeanwhile) {
   for (std::uint32_t call_id = 1; call_id <= 5; ++call_id) {
     PendingCall& call = ended_call(call_id, kMessageSize);
     lock_.on_unlocked = [&] {
@@ -127,7 +127,7 @@ TEST_F(OpenCallsTest, KeepNoBufferOfACallWhoseSessionEndsMeanwhile) {
 }
 
 // The handle of an unfinished call may outlive the lane, and its wait set.
-TEST(ADoorbell, MayBeRungWhenItsLaneIsGone) {
+TEST(ADoorbell, MayRingAfterItsLaneHasEnded) {
   auto wait_set = std::move(*transport::PolledWaitSet::open(1));
   Doorbell doorbell(*wait_set);
   doorbell.announce_sleep();

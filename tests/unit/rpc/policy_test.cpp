@@ -13,6 +13,7 @@
 #include "rtpm/rt/priority.hpp"
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/test/os.hpp"
+#include "serve.hpp"
 
 // The legal combinations of lanes, priority models and bands, and the priority at which each
 // receives and runs: the table of ObjectOptions.
@@ -68,7 +69,7 @@ ServerConfig config_of(bool has_lanes, bool has_right) {
 
 class PolicyTable : public testing::TestWithParam<Row> {};
 
-TEST_P(PolicyTable, HoldsForARow) {
+TEST_P(PolicyTable, RunsCallsAtThePriorityOfTheRow) {
   const Row& row = GetParam();
   const bool has_right = rtpm::test::has_realtime_right();
   echo::Servant servant;
@@ -125,14 +126,14 @@ std::string error_of(bool has_lanes, const ObjectOptions& options, bool keeps_re
   return added ? "" : added.error().text();
 }
 
-TEST(Policy, WantsADeclaredPriorityInABand) {
+TEST(Policy, RefusesADeclaredPriorityOutsideItsBands) {
   for (const bool has_lanes : {false, true}) {
     expect_text(error_of(has_lanes, {PriorityModel::kServerDeclared, kOutside, kBands}),
                 {"declares priority 500", "none of its bands", "Remedy"});
   }
 }
 
-TEST(Policy, WantsBandsInOrder) {
+TEST(Policy, RefusesInvalidBands) {
   const auto error_with = [](std::vector<Band> bands) {
     return error_of(true, {PriorityModel::kClientPropagated, 0, std::move(bands)});
   };
@@ -141,7 +142,7 @@ TEST(Policy, WantsBandsInOrder) {
   expect_text(error_with(std::vector<Band>(17, Band{0, 1})), {"17 bands", "at most 16"});
 }
 
-TEST(Policy, WantsALaneThatKeepsRequestsForBandsWithoutLanes) {
+TEST(Policy, RefusesBandsWithoutARequestBuffer) {
   expect_text(error_of(false, {PriorityModel::kClientPropagated, 0, kBands}, false),
               {"in the order in which they come", "buffered_request_max"});
 }
@@ -158,15 +159,13 @@ TEST(Policy, RefusesAReceiptOutsideOfAllBands) {
 }
 
 // With and without lanes, with and without bands: an urgent call never waits for a less urgent one.
-TEST(Policy, InvertsInNoneOfTheFourConfigurations) {
+TEST(Policy, NeverInvertsPriorities) {
   for (const bool has_lanes : {false, true}) {
     for (const bool has_bands : {false, true}) {
       NotingServant servant;
-      auto server = std::move(*Server::create(config_of(has_lanes, false)));
-      ASSERT_TRUE(server->add(
-          "echo", servant,
-          {PriorityModel::kClientPropagated, 0, has_bands ? kBands : std::vector<Band>{}}));
-      ASSERT_TRUE(server->start());
+      const auto server =
+          serve(servant, "echo", config_of(has_lanes, false),
+                {PriorityModel::kClientPropagated, 0, has_bands ? kBands : std::vector<Band>{}});
       Node node(quiet_node());
       auto binding = Binding::bind(node, server->url("echo"), echo::kInterface);
       ASSERT_TRUE(binding);
@@ -197,7 +196,7 @@ TEST(Policy, InvertsInNoneOfTheFourConfigurations) {
   }
 }
 
-TEST(PriorityTransforms, ChangeWhereAMethodRunsAndWithWhatACallGoesOut) {
+TEST(PriorityTransforms, ChangeInboundAndOutboundPriorities) {
   ServerConfig config = quiet_config({quiet_lane(0), quiet_lane(20'000)});
   config.inbound_priority = [](Priority priority, std::string_view path) -> Priority {
     return path == "echo" ? Priority{priority.value() + 1} : priority;
@@ -239,7 +238,7 @@ class NestingServant final : public Servant {
   Binding& inner_;
 };
 
-TEST(NestedCalls, InheritPriorityTraceAndWhatIsLeftOfTheDeadline) {
+TEST(NestedCalls, InheritPriorityTraceAndTheRemainingDeadline) {
   EchoServer inner_server;
   Node inner_node(quiet_node());
   Binding inner = bind_echo(inner_node, inner_server);
@@ -247,9 +246,7 @@ TEST(NestedCalls, InheritPriorityTraceAndWhatIsLeftOfTheDeadline) {
     NestingServant outer_servant(inner);
     LaneConfig lane = quiet_lane();
     lane.buffered_request_max = buffered;
-    auto outer_server = std::move(*Server::create(quiet_config({lane})));
-    ASSERT_TRUE(outer_server->add("outer", outer_servant));
-    ASSERT_TRUE(outer_server->start());
+    const auto outer_server = serve(outer_servant, "outer", quiet_config({lane}));
     Node node(quiet_node());
     auto outer = Binding::bind(node, outer_server->url("outer"), echo::kInterface);
     ASSERT_TRUE(outer);
@@ -285,7 +282,7 @@ TEST(Bind, OpensNoBandAboveTheServersCeiling) {
   EXPECT_TRUE(await([&] { return server.server->counters().frames.session_opened_count == 2; }));
 }
 
-TEST(Bind, KeepsAPrivateBindingsChannelsToItself) {
+TEST(Bind, GivesAPrivateBindingItsOwnChannels) {
   EchoServer server;
   Node node(quiet_node());
   Binding shared = bind_echo(node, server);
@@ -300,7 +297,7 @@ TEST(Bind, KeepsAPrivateBindingsChannelsToItself) {
     EXPECT_NE(session, place_of(other, {}).session);
   }
   Binding next = bind_echo(node, server, {.is_private = true});
-  EXPECT_EQ(place_of(next, {}).session, session) << "who comes after may have them";
+  EXPECT_EQ(place_of(next, {}).session, session) << "the next private binding may reuse them";
 }
 
 }  // namespace

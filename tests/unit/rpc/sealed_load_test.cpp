@@ -88,7 +88,7 @@ INSTANTIATE_TEST_SUITE_P(Both, SealedLoad, testing::Values(Transport::kUdp, Tran
                            return row.param == Transport::kUdp ? "Udp" : "Tcp";
                          });
 
-TEST_P(SealedLoad, ItemsOfAllSizesComeThrough) {
+TEST_P(SealedLoad, CarriesItemsOfAllSizes) {
   serve(slow_);
   SealedPeer client = peer();
   ASSERT_TRUE(client.open());
@@ -106,7 +106,7 @@ TEST_P(SealedLoad, ItemsOfAllSizesComeThrough) {
 }
 
 // The writer is notified, and a client without a grant gets no more of the device's data.
-TEST_P(SealedLoad, AStreamEndsWithTheGrant) {
+TEST_P(SealedLoad, EndsAStreamWithItsGrant) {
   serve(slow_);
   SealedPeer client = peer();
   ASSERT_TRUE(client.open());
@@ -115,29 +115,25 @@ TEST_P(SealedLoad, AStreamEndsWithTheGrant) {
   ASSERT_TRUE(slow_.writer.write(bytes_of("a")));
   ASSERT_TRUE(client.next_item());
   allow("role=command on=other");
-  const MonotonicTime changed = rt::now();
-  while (slow_.writer.is_awaited() && rt::now() < changed + 3s)
-    std::this_thread::sleep_for(1ms);
-  EXPECT_LT(rt::now() - changed, 1500ms);
-  EXPECT_FALSE(slow_.writer.is_awaited());
+  EXPECT_TRUE(await([&] { return !slow_.writer.is_awaited(); }));
   EXPECT_EQ(client.await().kind, Kind::kClosed);
 }
 
-TEST_P(SealedLoad, ADeferredCallEndsWithTheGrant) {
+TEST_P(SealedLoad, EndsADeferredCallWithItsGrant) {
   serve(slow_);
   SealedPeer client = peer();
   ASSERT_TRUE(client.open());
   ASSERT_TRUE(client.begin({.method = kLater.id}, bytes_of("a")));
   ASSERT_TRUE(await([&] { return slow_.has_call.load(); }));
   allow("role=observe on=slow");
-  EXPECT_EQ(client.await(rt::now() + 1500ms).kind, Kind::kClosed);
+  EXPECT_EQ(client.await().kind, Kind::kClosed);
   EXPECT_TRUE(await([&] { return !slow_.reply.is_awaited(); }));
   // The reply no longer has a recipient.
   slow_.reply.complete(wire::Status::kOk, 0);
   EXPECT_TRUE(await([&] { return server_->counters().frames.orphaned_count == 1; }));
 }
 
-TEST_P(SealedLoad, APoolEndsTheSessionsThatItsThreadsServe) {
+TEST_P(SealedLoad, EndsSessionsOfAThreadPool) {
   ServerConfig config = quiet_config();
   config.lanes[0].static_threads = 3;
   config.lanes[0].buffered_request_max = 8;
@@ -147,7 +143,7 @@ TEST_P(SealedLoad, APoolEndsTheSessionsThatItsThreadsServe) {
   ASSERT_TRUE(client.begin({.method = kLater.id}, bytes_of("a")));
   ASSERT_TRUE(await([&] { return slow_.has_call.load(); }));
   allow("role=observe on=slow");
-  EXPECT_EQ(client.await(rt::now() + 1500ms).kind, Kind::kClosed);
+  EXPECT_EQ(client.await().kind, Kind::kClosed);
 }
 
 /// One host (test::OtherHosts) that sends HELLOs with its own valid cookie and a random message 1:
@@ -213,7 +209,7 @@ class HelloStorm : public SealedLoad {};
 INSTANTIATE_TEST_SUITE_P(Udp, HelloStorm, testing::Values(Transport::kUdp),
                          [](const auto&) { return "Udp"; });
 
-TEST_P(HelloStorm, KeepsNoCallFromRunning) {
+TEST_P(HelloStorm, DoesNotKeepCallsFromRunning) {
   const rtpm::test::OtherHosts hosts;
   if (!hosts.is_there()) GTEST_SKIP() << rtpm::test::OtherHosts::kMissing;
   serve(echo_);
@@ -236,12 +232,11 @@ TEST_P(HelloStorm, KeepsNoCallFromRunning) {
     int failure_count = 0;
     const MonotonicTime begin = rt::now();
     while (rt::now() < begin + 1s) {
-      if (!client.call(echo::kEcho.id, bytes_of("a"), wire::Delivery::kReply, 1s).is_ok()) {
-        ++failure_count;
-      }
+      if (!client.call(echo::kEcho.id, bytes_of("a")).is_ok()) ++failure_count;
     }
     is_over = true;
     attacker.join();
+    const auto second_count = static_cast<std::uint64_t>((rt::now() - begin) / 1s) + 1;
     EXPECT_EQ(failure_count, 0);
     const auto dropped = server_->counters().frames;
     const auto reason_count = [&](wire::DropReason reason) {
@@ -249,7 +244,7 @@ TEST_P(HelloStorm, KeepsNoCallFromRunning) {
     };
     const std::uint64_t worked_count = reason_count(wire::DropReason::kBadSeal);
     EXPECT_GT(worked_count, 20u);
-    EXPECT_LT(worked_count, host_count == 1 ? 120u : 1000u);
+    EXPECT_LT(worked_count, (host_count == 1 ? 60u : 500u) * second_count);
     if (host_count == 1) {
       EXPECT_GT(reason_count(wire::DropReason::kRateLimited), 0u);
     }
@@ -288,7 +283,7 @@ TEST_P(HelloStorm, OfForgedFramesFailsNoCall) {
 }
 
 // HELLOs are not repeated over TCP: the server accepts a handshake, or closes its connection.
-TEST_P(SealedLoad, ManyClientsAtOnceAllGetSessions) {
+TEST_P(SealedLoad, OpensSessionsForManyClientsAtOnce) {
   serve(slow_);
   constexpr int kClientCount = 40;
   std::atomic<int> open_count{0};
@@ -305,11 +300,11 @@ TEST_P(SealedLoad, ManyClientsAtOnceAllGetSessions) {
 }
 
 // One connection has at most one handshake at a time, one host at most its share.
-TEST_P(SealedLoad, AHostThatConnectsAgainAndAgainIsCutOff) {
+TEST_P(SealedLoad, RefusesAHostThatConnectsTooOften) {
   if (GetParam() != Transport::kTcp) GTEST_SKIP() << "HelloStorm has that";
   serve(slow_);
   int refused_count = 0;
-  for (int i = 0; i < 300; ++i) {
+  for (int i = 0; i < 3000 && refused_count <= 20; ++i) {
     SealedPeer client(GetParam(), server_->port(), *server_->public_key(),
                       crypto::KeyPair::generate());
     client.begin_open();

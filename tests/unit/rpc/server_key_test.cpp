@@ -17,14 +17,14 @@ using test::sealed_cookie;
 
 constexpr Duration kPatience = std::chrono::seconds{20};
 
-TEST(ServerKey, IsTheOneInItsCookie) {
+TEST(ServerKey, IsReadFromTheCookie) {
   const HelloResponder server([](ConstBytes hello) { return sealed_cookie(hello, 7, 0); });
   const auto key = ask_server_key("127.0.0.1", server.port(), rt::now() + kPatience);
   ASSERT_TRUE(key) << key.error().text();
   EXPECT_EQ(key->front(), std::byte{7});
 }
 
-TEST(ServerKey, IsAskedForAgainAndNotTakenFromAnswersToOthers) {
+TEST(ServerKey, IsNotReadFromAnswersToOthers) {
   std::atomic<int> count = 0;
   const HelloResponder server([&](ConstBytes hello) {
     const bool is_other = ++count < 3;
@@ -35,7 +35,7 @@ TEST(ServerKey, IsAskedForAgainAndNotTakenFromAnswersToOthers) {
   EXPECT_EQ(key->front(), std::byte{2});
 }
 
-TEST(ServerKey, IsMissedAtAServerWithoutSealedSessions) {
+TEST(ServerKey, IsMissingAtAServerWithoutSealedSessions) {
   auto server = Server::create({.lanes = {{}}, .realtime = rt::RealtimeMode::kOff});
   ASSERT_TRUE(server);
   ASSERT_TRUE((*server)->start());
@@ -45,7 +45,7 @@ TEST(ServerKey, IsMissedAtAServerWithoutSealedSessions) {
       << key.error().text();
 }
 
-TEST(ServerKey, IsNotThereWhereNobodyAnswers) {
+TEST(ServerKey, IsMissingIfNoServerAnswers) {
   const HelloResponder silent([](ConstBytes) { return HelloResponder::Bytes(); });
   auto key = ask_server_key("127.0.0.1", silent.port(), rt::now() + std::chrono::milliseconds{50});
   ASSERT_FALSE(key);

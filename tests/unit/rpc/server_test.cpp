@@ -47,7 +47,7 @@ TEST(ServerSetUp, ChoosesAPortForUdpAndTcp) {
   EXPECT_FALSE(transport::UdpPort::open({.port = (*server)->port()}));
 }
 
-TEST(ServerSetUp, ServesTheAddressesOfAHostName) {
+TEST(ServerSetUp, ListensAtTheAddressesOfAHostName) {
   ServerConfig config = quiet_config();
   config.host = "localhost";
   const auto server = Server::create(config);
@@ -58,7 +58,7 @@ TEST(ServerSetUp, ServesTheAddressesOfAHostName) {
 }
 
 // Rejected callers learn nothing more, so the server must inform its own user.
-TEST(ServerLife, WarnsOnceThatNoDescriptorIsLeftForItsCallers) {
+TEST(ServerLife, WarnsOnceWhenNoDescriptorIsFree) {
   const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
     EchoServer server;
     std::vector<std::unique_ptr<transport::ClientTransport>> links;
@@ -91,7 +91,7 @@ TEST(ServerLife, WarnsOnceThatNoDescriptorIsLeftForItsCallers) {
   EXPECT_EQ(std::ranges::count(child.errors, '\n'), 1) << child.errors;
 }
 
-TEST(ServerSetUp, SaysThatItsPortIsBusyAndWhatToDo) {
+TEST(ServerSetUp, ReportsABusyPortWithTheRemedy) {
   const auto first = Server::create(quiet_config());
   ASSERT_TRUE(first);
   ServerConfig config = quiet_config();
@@ -101,7 +101,7 @@ TEST(ServerSetUp, SaysThatItsPortIsBusyAndWhatToDo) {
               {"server 'second'", std::to_string(config.port), "Address already in use", "Remedy"});
 }
 
-TEST(ServerSetUp, SaysThatOnlyItsUdpPortIsBusy) {
+TEST(ServerSetUp, ReportsABusyUdpPort) {
   std::uint16_t port = 0;
   {
     const auto listener = transport::TcpListener::open("127.0.0.1", 0);
@@ -116,36 +116,31 @@ TEST(ServerSetUp, SaysThatOnlyItsUdpPortIsBusy) {
               {"server 'test'", "UDP 127.0.0.1:" + std::to_string(port), "Remedy"});
 }
 
-TEST(ServerSetUp, SaysThatItsAddressIsNotThisHosts) {
+TEST(ServerSetUp, ReportsAnAddressOfAnotherHost) {
   ServerConfig config = quiet_config();
   config.host = "192.0.2.1";
   config.security.is_insecure = true;
   expect_text(error_of(config), {"server 'test'", "192.0.2.1", "Remedy"});
 }
 
-TEST(ServerSetUp, TakesLanesInAnyOrder) {
+TEST(ServerSetUp, AcceptsLanesInAnyOrder) {
   EXPECT_EQ(error_of(quiet_config({quiet_lane(20'000), quiet_lane(0), quiet_lane(100)})), "");
 }
 
-TEST(ServerSetUp, WantsAllPrioritiesServed) {
-  expect_text(error_of(quiet_config({quiet_lane(100), quiet_lane(200)})),
-              {"server 'test'", "below 100", "Remedy"});
-}
-
-TEST(ServerSetUp, WantsEachLaneToBeginElsewhere) {
-  expect_text(error_of(quiet_config({quiet_lane(0), quiet_lane(100), quiet_lane(100)})),
-              {"server 'test'", "100", "Remedy"});
-}
-
-TEST(ServerSetUp, HasALimitOfLanes) {
-  std::vector<LaneConfig> lanes;
+TEST(ServerSetUp, RefusesInvalidLanes) {
+  std::vector<LaneConfig> too_many;
   for (int i = 0; i < 65; ++i)
-    lanes.push_back(quiet_lane(i));
-  expect_text(error_of(quiet_config(lanes)), {"server 'test'", "64 lanes", "Remedy"});
+    too_many.push_back(quiet_lane(i));
+  for (const auto& [lanes, part] : std::vector<std::pair<std::vector<LaneConfig>, std::string>>{
+           {{quiet_lane(100), quiet_lane(200)}, "below 100"},
+           {{quiet_lane(0), quiet_lane(100), quiet_lane(100)}, "100"},
+           {too_many, "64 lanes"}}) {
+    expect_text(error_of(quiet_config(lanes)), {"server 'test'", part, "Remedy"});
+  }
 }
 
 // A bad value in a configuration file is a user's mistake, not a bug.
-TEST(ServerSetUp, WantsItsLimitsWithinTheProtocols) {
+TEST(ServerSetUp, RefusesLimitsBeyondTheProtocol) {
   for (const std::uint32_t bad :
        {0u, wire::kMessageSizeFloor - 1, wire::kMessageSizeCeiling + 1, ~std::uint32_t{0}}) {
     ServerConfig config = quiet_config();
@@ -195,7 +190,7 @@ TEST_F(ServerObjects, HaveWellFormedPaths) {
   }
 }
 
-TEST_F(ServerObjects, HavePathsOfTheirOwn) {
+TEST_F(ServerObjects, HaveDistinctPaths) {
   EXPECT_EQ(error_of_adding("lab/arm0"), "");
   EXPECT_EQ(error_of_adding("lab/arm1"), "");
   expect_text(error_of_adding("lab/arm0"), {"server 'test'", "'lab/arm0'", "in use", "Remedy"});
@@ -216,7 +211,7 @@ TEST_F(ServerObjects, AreLimitedInNumber) {
   expect_text(error_of_adding("one-more"), {"server 'test'", "'one-more'", "1024", "Remedy"});
 }
 
-TEST(ServerLife, MayEndWithoutABegin) {
+TEST(ServerLife, StopsWithoutAStart) {
   const auto server = Server::create(quiet_config());
   ASSERT_TRUE(server);
   (*server)->stop();
@@ -226,26 +221,20 @@ TEST(ServerLife, MayEndWithoutABegin) {
 
 /// The CPUs of the thread with that name in this process.
 std::vector<int> cpus_of_thread(const std::string& name) {
-  for (const auto& task : std::filesystem::directory_iterator("/proc/self/task")) {
-    std::ifstream file(task.path() / "comm");
-    std::string its_name;
-    std::getline(file, its_name);
-    if (its_name != name) continue;
-    cpu_set_t set;
-    CPU_ZERO(&set);
-    sched_getaffinity(std::stoi(task.path().filename().string()), sizeof set, &set);
-    std::vector<int> cpus;
-    for (int cpu = 0; cpu < CPU_SETSIZE; ++cpu) {
-      if (CPU_ISSET(static_cast<std::size_t>(cpu), &set)) cpus.push_back(cpu);
-    }
-    return cpus;
+  const std::vector<pid_t> threads = rtpm::test::threads_named(name);
+  EXPECT_EQ(threads.size(), 1u) << name;
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  sched_getaffinity(threads.at(0), sizeof set, &set);
+  std::vector<int> cpus;
+  for (int cpu = 0; cpu < CPU_SETSIZE; ++cpu) {
+    if (CPU_ISSET(static_cast<std::size_t>(cpu), &set)) cpus.push_back(cpu);
   }
-  ADD_FAILURE() << "there is no thread '" << name << "'";
-  return {};
+  return cpus;
 }
 
 // Behind a lane that spins at SCHED_FIFO the acceptor would never run.
-TEST(ServerLife, KeepsItsAcceptorOffCpusWhereALaneSpins) {
+TEST(ServerLife, KeepsItsAcceptorOffCpusOfSpinningLanes) {
   std::vector<int> cpus = rt::usable_cpus();
   if (cpus.size() < 2) GTEST_SKIP() << "there is one CPU only";
   LaneConfig lane = quiet_lane();
@@ -261,7 +250,7 @@ TEST(ServerLife, KeepsItsAcceptorOffCpusWhereALaneSpins) {
 }
 
 // This includes the threads that keep CPUs awake while lanes pause for the kernel's limit.
-TEST(ServerLife, LeavesNoThreadBehindWhenItHasStopped) {
+TEST(ServerLife, EndsAllThreadsWhenStopped) {
   const auto thread_count = [] {
     const std::filesystem::directory_iterator tasks("/proc/self/task");
     return std::distance(begin(tasks), end(tasks));
@@ -280,7 +269,7 @@ TEST(ServerLife, LeavesNoThreadBehindWhenItHasStopped) {
   EXPECT_TRUE(await([&] { return thread_count() == before; }));
 }
 
-TEST(ServerLife, MayEndTwice) {
+TEST(ServerLife, StopsTwiceAndKeepsItsCounters) {
   EchoServer server;
   Node node(quiet_node());
   Binding binding = bind_echo(node, server);
@@ -306,7 +295,7 @@ TEST(ServerWithoutTheRight, DoesNotStartWhenRealTimeIsRequired) {
 }
 
 // A lane that the kernel throttles does not spin; a server that requires spinning fails to start.
-TEST(ServerSetUp, RefusesASpinningLaneWhereTheKernelStopsItIfThatIsRequired) {
+TEST(ServerSetUp, RefusesARequiredSpinningLaneThatTheKernelThrottles) {
   if (!rtpm::test::has_realtime_right()) GTEST_SKIP() << rtpm::test::kNoRealtimeRight;
   if (!rt::realtime_limit().is_limited()) GTEST_SKIP() << "the kernel throttles nothing here";
   const auto outcome_of = [](rt::RealtimeMode mode, rt::Schedule schedule) -> std::string {
@@ -344,7 +333,7 @@ TEST(Server, TapsAMethodThatThrows) {
   EXPECT_EQ(call->reply_size, refusal_text().size());
 }
 
-TEST(Server, LogsWhatAMethodThrew) {
+TEST(Server, LogsAMethodThatThrew) {
   const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
     EchoServer server;
     Node node(quiet_node());
@@ -355,7 +344,7 @@ TEST(Server, LogsWhatAMethodThrew) {
   expect_text(child.errors, {"echo: method fail failed: it threw"});
 }
 
-TEST(Server, LogsWhyARequestWasRefused) {
+TEST(Server, LogsTheReasonOfARefusal) {
   const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
     EchoServer server;
     Node node(quiet_node());

@@ -32,7 +32,7 @@ std::string memory_name(const EchoServer& server) {
   return "rtpm/127.0.0.1:" + std::to_string(server.server->port());
 }
 
-TEST(SharedMemoryChoice, IsTakenByItselfOnOneHost) {
+TEST(SharedMemoryChoice, IsTheDefaultOnOneHost) {
   EchoServer server;
   Node node(apart(Transport::kAuto));
   Binding binding = bind_echo(node, server);
@@ -43,7 +43,7 @@ TEST(SharedMemoryChoice, IsTakenByItselfOnOneHost) {
   EXPECT_TRUE(await([&] { return server.server->counters().connection_count == 1; }));
 }
 
-TEST(SharedMemoryChoice, FallsOnUdpWhereTheServerHasNone) {
+TEST(SharedMemoryChoice, FallsBackToUdpIfTheServerHasNone) {
   ServerConfig config = quiet_config();
   config.shared_memory = false;
   EchoServer server(config);
@@ -57,17 +57,7 @@ TEST(SharedMemoryChoice, FallsOnUdpWhereTheServerHasNone) {
   expect_text(none.error().text(), {"'echo'", "gives no shared memory", "Remedy"});
 }
 
-TEST(SharedMemoryChoice, IsTheCallersToMake) {
-  EchoServer server;
-  for (const Transport transport : {Transport::kUdp, Transport::kTcp, Transport::kSharedMemory}) {
-    Node node(apart(Transport::kAuto));
-    Binding binding = bind_echo(node, server, {.transport = transport});
-    EXPECT_EQ(binding.transport(), transport);
-    EXPECT_TRUE(binding.call(echo::kEcho, {}));
-  }
-}
-
-TEST(SharedMemoryChoice, FindsAServerInAFolderAndOtherServersBesideIt) {
+TEST(SharedMemoryChoice, FindsServersInAFolderAndOutsideOfIt) {
   const rtpm::test::TemporaryFolder folder;
   const std::string& name = folder.path();
   {
@@ -88,12 +78,11 @@ TEST(SharedMemoryChoice, FindsAServerInAFolderAndOtherServersBesideIt) {
   EXPECT_TRUE(fs::is_empty(name));
 }
 
-// Errors distinguish a killed server, a server that never started, and a running one.
-TEST(SharedMemoryChoice, SaysWhatIsInTheWay) {
+TEST(SharedMemoryChoice, ReportsANameThatIsInUse) {
   EchoServer server;
   const auto other = transport::SharedMemoryListener::open(
       {"127.0.0.1", static_cast<std::uint16_t>(server.server->port() ^ 1)});
-  if (!other) GTEST_SKIP() << "somebody has the neighbouring number";
+  if (!other) GTEST_SKIP() << "the neighbouring port is in use";
   ServerConfig config = quiet_config();
   config.port = static_cast<std::uint16_t>(server.server->port() ^ 1);
   const auto created = Server::create(config);
@@ -102,7 +91,7 @@ TEST(SharedMemoryChoice, SaysWhatIsInTheWay) {
 }
 
 // hp-16.2-2
-TEST(SharedMemoryLane, CountsAPeerThatWritesNonsenseAndGoesOn) {
+TEST(SharedMemoryLane, CountsAPeerThatWritesInvalidWords) {
   EchoServer server;
   Node node(quiet_node(Transport::kSharedMemory));
   Binding binding = bind_echo(node, server);
@@ -122,7 +111,7 @@ TEST(SharedMemoryLane, CountsAPeerThatWritesNonsenseAndGoesOn) {
 }
 
 // hp-16.4-2
-TEST(SharedMemoryLane, GivesUpACallerThatDoesNotTakeItsReplies) {
+TEST(SharedMemoryLane, DisconnectsACallerThatDoesNotReadItsReplies) {
   EchoServer server;
   Node node(quiet_node(Transport::kSharedMemory));
   Binding binding = bind_echo(node, server);
@@ -169,7 +158,7 @@ TEST(SharedMemoryLane, ServesCallersOfAllTransportsTogether) {
 }
 
 // Callers come and go while the lane sleeps and wakes.
-TEST(SharedMemoryLane, ForgetsNobodyWhileCallersComeAndGo) {
+TEST(SharedMemoryLane, ServesCallersThatComeAndGo) {
   EchoServer server;
   std::vector<std::thread> callers;
   for (int number = 0; number < 4; ++number) {

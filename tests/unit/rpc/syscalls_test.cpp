@@ -105,7 +105,7 @@ class Syscalls : public testing::Test {
   std::string text_;
 };
 
-TEST_F(Syscalls, AreNoneOfACallThroughMemoryThatIsSpunFor) {
+TEST_F(Syscalls, AreAbsentFromASpinningCallThroughMemory) {
   count(Transport::kSharedMemory, rt::WaitStrategy::kSpin);
   // Lane and caller check their sockets now and then, independently of the number of calls.
   caller_.erase(SYS_recvfrom);
@@ -114,7 +114,7 @@ TEST_F(Syscalls, AreNoneOfACallThroughMemoryThatIsSpunFor) {
   EXPECT_TRUE(lane_.empty()) << text_;
 }
 
-TEST_F(Syscalls, OfACallThroughMemoryThatBlocksAreOneWakeUpASide) {
+TEST_F(Syscalls, AreOneWakeUpPerSideOfABlockingCallThroughMemory) {
   count(Transport::kSharedMemory, rt::WaitStrategy::kBlock);
   EXPECT_LE(caller_[SYS_sendto], kCallCount) << text_;
   EXPECT_GT(lane_[SYS_epoll_pwait2], 0) << "or nothing was counted";
@@ -126,7 +126,7 @@ TEST_F(Syscalls, OfACallThroughMemoryThatBlocksAreOneWakeUpASide) {
 // A caller resends when an answer is late, which may happen because counting is slow.
 constexpr int kAboutOneEach = kCallCount + kCallCount / 4;
 
-TEST_F(Syscalls, OfACallOverUdpThatIsSpunForAreASendASideAndReceives) {
+TEST_F(Syscalls, AreSendsAndReceivesOfASpinningCallOverUdp) {
   count(Transport::kUdp, rt::WaitStrategy::kSpin);
   EXPECT_GE(caller_[SYS_sendto], kCallCount) << text_;
   EXPECT_LE(caller_[SYS_sendto], kAboutOneEach) << text_;
@@ -135,7 +135,7 @@ TEST_F(Syscalls, OfACallOverUdpThatIsSpunForAreASendASideAndReceives) {
   expect_only(lane_, {SYS_sendto, SYS_recvfrom});
 }
 
-TEST_F(Syscalls, OfACallOverUdpThatBlocksAreASendAndAReceiveOfTheLane) {
+TEST_F(Syscalls, AreASendAndAReceivePerSideOfABlockingCallOverUdp) {
   count(Transport::kUdp, rt::WaitStrategy::kBlock);
   EXPECT_GE(caller_[SYS_sendto], kCallCount) << text_;
   EXPECT_LE(caller_[SYS_sendto], kAboutOneEach) << text_;
@@ -147,7 +147,7 @@ TEST_F(Syscalls, OfACallOverUdpThatBlocksAreASendAndAReceiveOfTheLane) {
   expect_only(lane_, {SYS_sendto, SYS_recvfrom});
 }
 
-TEST_F(Syscalls, OfACallOverTcpThatBlocksAreASendAndAReceiveASideAndAPollOfTheLane) {
+TEST_F(Syscalls, AreASendAReceiveAndAPollOfABlockingCallOverTcp) {
   count(Transport::kTcp, rt::WaitStrategy::kBlock);
   EXPECT_EQ(caller_[SYS_sendto], kCallCount) << text_;
   EXPECT_LE(caller_[SYS_recvfrom], kAboutOneEach) << text_;

@@ -61,7 +61,7 @@ class ReplyMemory {
   alignas(64) std::array<std::byte, 4096> bytes_{};
 };
 
-TEST(ReplyBuilder, BuildsInTheMemoryThatItIsLent) {
+TEST(ReplyBuilder, BuildsInTheGivenMemory) {
   ReplyMemory memory(1344);
   ReplyBuilder<Note> reply(memory.bytes());
   reply.finish(create_note(reply.builder(), "in place", 2.5));
@@ -78,11 +78,11 @@ TEST(ReplyBuilder, BuildsInTheMemoryThatItIsLent) {
 }
 
 // A reply that fits is complete, a larger one is refused, and no buffer overruns, for any size.
-TEST(ReplyBuilder, TellsThatAReplyIsTooLarge) {
-  for (const std::size_t room : {1024u, 1031u, 1344u}) {
+TEST(ReplyBuilder, ReportsAReplyThatIsTooLarge) {
+  for (const std::size_t buffer : {1024u, 1031u, 1344u}) {
     bool was_too_large = false;
     for (std::size_t size = 0; size < 1400; size += 7) {
-      ReplyMemory memory(room);
+      ReplyMemory memory(buffer);
       ReplyBuilder<Note> reply(memory.bytes());
       const std::string text(size, 'x');
       reply.finish(create_note(reply.builder(), text, 1));
@@ -90,7 +90,7 @@ TEST(ReplyBuilder, TellsThatAReplyIsTooLarge) {
       ASSERT_TRUE(memory.is_fence_whole()) << size;
       if (result.status == wire::Status::kTooLarge) {
         EXPECT_EQ(result.reply_size, 0u);
-        EXPECT_GT(size + 64, room) << "it would have fitted";
+        EXPECT_GT(size + 64, buffer) << "it would have fitted";
         was_too_large = true;
         continue;
       }
@@ -104,7 +104,7 @@ TEST(ReplyBuilder, TellsThatAReplyIsTooLarge) {
   }
 }
 
-TEST(ReplyBuilder, ThatWasNotFinishedIsTheServantsFault) {
+TEST(ReplyBuilder, ReportsAnUnfinishedReply) {
   ReplyMemory memory(1024);
   ReplyBuilder<Note> reply(memory.bytes());
   static_cast<void>(create_note(reply.builder(), "unfinished", 1));
@@ -118,7 +118,7 @@ Bytes encoded_note(const std::string& text) {
   return {bytes.begin(), bytes.end()};
 }
 
-TEST(ValidTable, IsNeverWhatWasCutOrSpoilt) {
+TEST(ValidTable, RejectsTruncatedAndChangedBytes) {
   const Bytes good = encoded_note("a note of some length");
   ASSERT_TRUE(is_valid_table<Note>(good));
   for (std::size_t size = 0; size < good.size() - 4; ++size) {
@@ -157,14 +157,14 @@ class TableCalls : public testing::Test {
   Binding binding_ = bind_echo(node_, server_);
 };
 
-TEST_F(TableCalls, GiveATableBack) {
+TEST_F(TableCalls, ReturnATable) {
   auto reply = call_for_table<Note>(binding_, echo::kEcho, encoded_note("hello"), {});
   ASSERT_TRUE(reply);
   EXPECT_EQ((*reply)->text(), "hello");
   EXPECT_EQ((**reply).weight(), 1);
 }
 
-TEST_F(TableCalls, TellThatAReplyIsNotWhatTheSchemaSays) {
+TEST_F(TableCalls, RejectAReplyOfAnotherType) {
   const std::array<std::byte, 24> bytes{};
   EXPECT_EQ(call_for_table<Note>(binding_, echo::kEcho, bytes, {}).error(), CallError::kBadReply);
   EXPECT_EQ(call_for_table<Note>(binding_, echo::kEcho, {}, {}).error(), CallError::kBadReply);
@@ -177,7 +177,7 @@ TEST_F(TableCalls, TellThatAReplyIsNotWhatTheSchemaSays) {
   EXPECT_TRUE(call_for_nothing(binding_, echo::kEcho, {}, {}));
 }
 
-TEST_F(TableCalls, TellTheCallsOwnErrors) {
+TEST_F(TableCalls, ReturnTheErrorsOfTheCall) {
   const MethodDescriptor unknown{77, "unknown", 1, false, {}};
   EXPECT_EQ(call_for_table<Note>(binding_, unknown, {}, {}).error(), CallError::kNoSuchMethod);
   EXPECT_EQ(call_for_struct<double>(binding_, unknown, {}, {}).error(), CallError::kNoSuchMethod);
@@ -185,14 +185,15 @@ TEST_F(TableCalls, TellTheCallsOwnErrors) {
 }
 
 TEST(ServantResults, BecomeReplies) {
-  std::array<std::byte, 64> room{};
+  std::array<std::byte, 64> buffer{};
   const Result<double> number = 2.5;
-  const DispatchResult given = reply_with_struct(number, room);
+  const DispatchResult given = reply_with_struct(number, buffer);
   EXPECT_EQ(given.status, wire::Status::kOk);
   EXPECT_EQ(given.reply_size, sizeof(double));
-  EXPECT_EQ(reply_with_struct(number, MutableBytes(room).first(7)).status, wire::Status::kTooLarge);
+  EXPECT_EQ(reply_with_struct(number, MutableBytes(buffer).first(7)).status,
+            wire::Status::kTooLarge);
   const Result<double> refused = unexpected{Refusal::kNotLeaseHolder};
-  EXPECT_EQ(reply_with_struct(refused, room).status, wire::Status::kNotLeaseHolder);
+  EXPECT_EQ(reply_with_struct(refused, buffer).status, wire::Status::kNotLeaseHolder);
   EXPECT_EQ(reply_with_nothing({}).status, wire::Status::kOk);
   EXPECT_EQ(reply_with_nothing(unexpected{Refusal::kOverload}).status, wire::Status::kOverload);
 }

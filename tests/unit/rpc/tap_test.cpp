@@ -15,6 +15,7 @@
 #include "rtpm/test/alloc_guard.hpp"
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/test/lock_guard.hpp"
+#include "serve.hpp"
 
 // The tap of a server. The guards that this binary links abort if a lane allocates, or takes a lock
 // without priority inheritance.
@@ -84,7 +85,7 @@ TEST_P(TapOverATransport, RecordsNothingWhileItIsOff) {
   EXPECT_TRUE(read_all(*tap_).empty());
 }
 
-TEST_P(TapOverATransport, RecordsAllOfACall) {
+TEST_P(TapOverATransport, RecordsAWholeCall) {
   ASSERT_TRUE(tap_->switch_on({}));
   const MonotonicTime begin = rt::now();
   ASSERT_TRUE(binding_.call(echo::kEcho, bytes_of("a question"), {.priority = 77, .trace_id = 99}));
@@ -124,7 +125,7 @@ TEST_P(TapOverATransport, RecordsOneways) {
   }
 }
 
-TEST_P(TapOverATransport, RecordsHowCallsFailed) {
+TEST_P(TapOverATransport, RecordsTheStatusOfFailedCalls) {
   ASSERT_TRUE(tap_->switch_on({}));
   for (const Refusal refusal : {Refusal::kFailed, Refusal::kNotLeaseHolder}) {
     const auto text = static_cast<char>(refusal);
@@ -140,7 +141,7 @@ TEST_P(TapOverATransport, RecordsHowCallsFailed) {
   EXPECT_EQ(calls[2].call.status, wire::Status::kNoSuchMethod);
 }
 
-TEST_P(TapOverATransport, LeavesLongPayloadsOutAndCountsThem) {
+TEST_P(TapOverATransport, OmitsAndCountsLongPayloads) {
   ASSERT_TRUE(tap_->switch_on({.payload_byte_max = 8}));
   ASSERT_TRUE(binding_.call(echo::kEcho, bytes_of("8 bytes.")));
   ASSERT_TRUE(binding_.call(echo::kEcho, bytes_of("9 bytes..")));
@@ -153,7 +154,7 @@ TEST_P(TapOverATransport, LeavesLongPayloadsOutAndCountsThem) {
   EXPECT_EQ(tap_->losses().omitted_payload_count, 2U);
 }
 
-TEST(Tap, LeavesAllPayloadsOutIfNoneIsWanted) {
+TEST(Tap, OmitsAllPayloadsOnRequest) {
   EchoServer server;
   Node node(quiet_node());
   Binding binding = bind_echo(node, server);
@@ -166,7 +167,7 @@ TEST(Tap, LeavesAllPayloadsOutIfNoneIsWanted) {
   EXPECT_EQ(tap->losses().omitted_payload_count, 0U) << "none was wanted";
 }
 
-TEST(Tap, CountsWhatAFullRingDrops) {
+TEST(Tap, CountsRecordsThatAFullRingDrops) {
   EchoServer server;
   Node node(quiet_node());
   Binding binding = bind_echo(node, server);
@@ -217,9 +218,7 @@ class LateServant final : public Servant {
 class TapOfDeferredReplies : public testing::TestWithParam<Transport> {
  protected:
   void SetUp() override {
-    server_ = std::move(*Server::create(quiet_config()));
-    ASSERT_TRUE(server_->add("late", servant_));
-    ASSERT_TRUE(server_->start());
+    server_ = serve(servant_, "late");
     auto bound = Binding::bind(node_, server_->url("late"), LateServant::kInterface);
     ASSERT_TRUE(bound) << bound.error().text();
     binding_.emplace(std::move(*bound));
@@ -281,7 +280,7 @@ TEST_P(TapOfDeferredReplies, RecordsTheItemsOfAStream) {
 }
 
 // The new tap does not have the call's request or number.
-TEST_P(TapOfDeferredReplies, LeavesOutACallOfAnEarlierTap) {
+TEST_P(TapOfDeferredReplies, OmitsACallOfAnEarlierTap) {
   ASSERT_TRUE(tap_->switch_on({}));
   std::thread caller([&] { EXPECT_TRUE(binding_->call(LateServant::kDefer, bytes_of("old"))); });
   static_cast<void>(read(*tap_, 1));
@@ -344,7 +343,7 @@ class TapOfTwoObjects : public testing::Test {
   std::optional<Binding> to_outer_;
 };
 
-TEST_F(TapOfTwoObjects, RecordsWhatIsWanted) {
+TEST_F(TapOfTwoObjects, RecordsTheSelectedObjectsAndMethods) {
   using List = std::vector<std::string>;
   EXPECT_EQ(recorded({}), (List{"inner 1", "outer 1", "inner 3"})) << "the nested call ended first";
   EXPECT_EQ(recorded({.objects = {{"outer"}}}), List{"outer 1"});
@@ -353,21 +352,18 @@ TEST_F(TapOfTwoObjects, RecordsWhatIsWanted) {
   EXPECT_EQ(recorded({.excluded_path = "inner"}), List{"outer 1"});
 }
 
-TEST_F(TapOfTwoObjects, RefusesInWords) {
+TEST_F(TapOfTwoObjects, RefusesInvalidOptionsAndASecondTap) {
   const auto tap = server_->tap();
-  const auto unknown = tap->switch_on({.objects = {{"middle"}}});
-  ASSERT_FALSE(unknown);
-  expect_text(unknown.error().text(), {"no object 'middle'"});
-  const auto odd = tap->switch_on({.ring_byte_count = 5000});
-  ASSERT_FALSE(odd);
-  expect_text(odd.error().text(), {"5000", "power of two"});
-  const auto large = tap->switch_on({.payload_byte_max = 1024, .ring_byte_count = 4096});
-  ASSERT_FALSE(large);
-  expect_text(large.error().text(), {"1024", "eighth", "4096"});
+  const auto expect_refused = [&](const TapConfig& config, const std::vector<std::string>& parts) {
+    const auto refused = tap->switch_on(config);
+    ASSERT_FALSE(refused);
+    expect_text(refused.error().text(), parts);
+  };
+  expect_refused({.objects = {{"middle"}}}, {"no object 'middle'"});
+  expect_refused({.ring_byte_count = 5000}, {"5000", "power of two"});
+  expect_refused({.payload_byte_max = 1024, .ring_byte_count = 4096}, {"1024", "eighth", "4096"});
   ASSERT_TRUE(tap->switch_on({}));
-  const auto second = tap->switch_on({});
-  ASSERT_FALSE(second);
-  expect_text(second.error().text(), {"tapped already", "end that tap first"});
+  expect_refused({}, {"tapped already", "end that tap first"});
 }
 
 TEST(Tap, OutlivesItsServer) {
@@ -422,7 +418,7 @@ class Load {
   std::vector<std::thread> callers_;
 };
 
-TEST(Tap, IsSwitchedOnAndOffUnderLoad) {
+TEST(Tap, WorksWhileSwitchedOnAndOffUnderLoad) {
   Load load;
   const auto tap = load.server().server->tap();
   std::map<bool, std::uint64_t> last_numbers;  ///< The last number of each lane.

@@ -13,6 +13,7 @@
 #include "noting_servant.hpp"
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/test/os.hpp"
+#include "serve.hpp"
 
 // Lanes of several threads: concurrent calls, queued calls, and refused calls.
 namespace rtpm::rpc {
@@ -67,7 +68,7 @@ CallError error_of_call(Binding& binding, const CallOptions& options = {}) {
   return reply ? CallError{} : reply.error();
 }
 
-TEST(ThreadPool, RunsAsManyCallsAtATimeAsItHasThreads) {
+TEST(ThreadPool, RunsOneCallPerThread) {
   EchoServer server(quiet_config({lane_of(3)}));
   Node node(quiet_node());
   Binding binding = bind_echo(node, server);
@@ -82,7 +83,7 @@ TEST(ThreadPool, RunsAsManyCallsAtATimeAsItHasThreads) {
   EXPECT_TRUE(binding.call(echo::kEcho, {})) << "it recovers";
 }
 
-TEST(ThreadPool, KeepsAsManyCallsWaitingAsItMay) {
+TEST(ThreadPool, QueuesCallsUpToItsLimit) {
   EchoServer server(quiet_config({lane_of(1, 2)}));
   Node node(quiet_node());
   Binding binding = bind_echo(node, server);
@@ -96,7 +97,7 @@ TEST(ThreadPool, KeepsAsManyCallsWaitingAsItMay) {
   EXPECT_EQ(holders.done_count(), 3);
 }
 
-TEST(ThreadPool, KeepsNoMoreBytesWaitingThanItMay) {
+TEST(ThreadPool, QueuesBytesUpToItsLimit) {
   LaneConfig lane = lane_of(1, 10);
   lane.buffered_byte_max = 1000;
   EchoServer server(quiet_config({lane}));
@@ -109,15 +110,14 @@ TEST(ThreadPool, KeepsNoMoreBytesWaitingThanItMay) {
   ASSERT_FALSE(reply);
   EXPECT_EQ(reply.error(), CallError::kOverload);
   holders.end();
-  EXPECT_TRUE(binding.call(echo::kEchoOnce, large)) << "what need not wait has no such bound";
+  EXPECT_TRUE(binding.call(echo::kEchoOnce, large))
+      << "a call that need not wait has no such limit";
 }
 
 // A single lane for all priorities must not serve them in the order of arrival.
 TEST(ThreadPool, RunsTheMostUrgentFirst) {
   NotingServant servant;
-  auto server = std::move(*Server::create(quiet_config({lane_of(1, 16)})));
-  ASSERT_TRUE(server->add("echo", servant));
-  ASSERT_TRUE(server->start());
+  const auto server = serve(servant, "echo", quiet_config({lane_of(1, 16)}));
   Node node(quiet_node());
   auto binding = Binding::bind(node, server->url("echo"), echo::kInterface);
   ASSERT_TRUE(binding);
@@ -139,7 +139,7 @@ TEST(ThreadPool, RunsTheMostUrgentFirst) {
   server->stop();
 }
 
-TEST(ThreadPool, DropsWhatWaitedTooLong) {
+TEST(ThreadPool, DropsCallsThatWaitedTooLong) {
   EchoServer server(quiet_config({lane_of(1, 4)}));
   Node node(quiet_node());
   Binding binding = bind_echo(node, server);
@@ -152,7 +152,7 @@ TEST(ThreadPool, DropsWhatWaitedTooLong) {
   EXPECT_EQ(server.servant.run_count(), 1) << "only the one that held the lane";
 }
 
-TEST(ThreadPool, StartsDynamicThreadsWhenAllAreBusyAndEndsThem) {
+TEST(ThreadPool, StartsAndEndsDynamicThreads) {
   LaneConfig lane = lane_of(1);
   lane.name = "grows";
   lane.dynamic_threads = 2;
@@ -167,7 +167,7 @@ TEST(ThreadPool, StartsDynamicThreadsWhenAllAreBusyAndEndsThem) {
   EXPECT_EQ(thread_count(), 4);
   EXPECT_EQ(error_of_call(binding), CallError::kOverload);
   holders.end();
-  EXPECT_TRUE(await([&] { return thread_count() == 2; })) << "nobody needs them any more";
+  EXPECT_TRUE(await([&] { return thread_count() == 2; })) << "they are idle";
   Holders again(server, binding);
   EXPECT_TRUE(binding.call(echo::kEcho, {}));
 }
@@ -197,7 +197,7 @@ TEST(ThreadPool, BorrowsAThreadOfALowerLane) {
   EXPECT_TRUE(await([&] { return binding.call(echo::kEcho, {}, {.priority = 100}).has_value(); }));
 }
 
-TEST(ThreadPool, LendsNothingUpwardsToALowerLane) {
+TEST(ThreadPool, LendsNoThreadToALowerLane) {
   ServerConfig config = quiet_config({lane_of(1, 0, 0), lane_of(1, 0, 20'000)});
   config.borrows = true;
   EchoServer server(std::move(config));
@@ -243,9 +243,7 @@ class Borrowing : public testing::Test {
     }
     config.borrows = true;
     config.inbound_priority = BusyLeader::transform;
-    server_ = std::move(*Server::create(std::move(config)));
-    ASSERT_TRUE(server_->add("echo", servant_));
-    ASSERT_TRUE(server_->start());
+    server_ = serve(servant_, "echo", std::move(config));
     auto bound = Binding::bind(node_, server_->url("echo"), echo::kInterface, options);
     ASSERT_TRUE(bound) << bound.error().text();
     binding_.emplace(std::move(*bound));
@@ -282,8 +280,8 @@ class Borrowing : public testing::Test {
   std::vector<std::thread> threads_;
 };
 
-// A lane that asked in vain is not forgotten when another one asks.
-TEST_F(Borrowing, LendsTheNextFreeThreadToTheMostUrgentLaneThatAsked) {
+// A lane that was refused a thread keeps its request when another one asks.
+TEST_F(Borrowing, LendsTheNextFreeThreadToTheMostUrgentLane) {
   open({0, 10'000, 20'000});
   for (const Priority priority : {Priority{100}, Priority{10'000}, Priority{20'000}})
     hold(priority);
@@ -312,37 +310,7 @@ TEST_F(Borrowing, NeverWaitsForTheLowerLanesLeader) {
   ASSERT_TRUE(await([&] { return servant_.order().size() == 2; })) << "the low lane's thread came";
 }
 
-// A servant that blocks for ever affects only its lane.
-TEST(ThreadPool, ServesOtherLanesWhileAllThreadsOfOneAreStuck) {
-  EchoServer server(quiet_config({lane_of(2, 1, 0), lane_of(1, 1, 20'000)}));
-  Node node(quiet_node());
-  Binding binding = bind_echo(node, server, {.warm_up = {100, 30'000}});
-  Holders holders(server, binding);
-  holders.add_inside(2, {.priority = 100});
-  for (int i = 0; i < 10; ++i)
-    EXPECT_TRUE(binding.call(echo::kEcho, {}, {.priority = 30'000}));
-}
-
-TEST(ThreadPool, TellsThoseWhoWaitThatItStops) {
-  auto server = std::make_unique<EchoServer>(quiet_config({lane_of(1, 4)}));
-  Node node(quiet_node());
-  Binding binding = bind_echo(node, *server);
-  std::atomic<bool> has_run{false};
-  std::thread running([&] { has_run = binding.call(echo::kHold, {}).has_value(); });
-  ASSERT_TRUE(await([&] { return server->servant.gate().inside_count() == 1; }));
-  CallError error{};
-  std::thread waiting([&] { error = error_of_call(binding); });
-  ASSERT_TRUE(await([&] { return server->server->counters().queued_count_max == 1; }));
-  std::thread stopping([&] { server->server->stop(); });
-  waiting.join();
-  EXPECT_EQ(error, CallError::kStopped) << "before the call that runs has ended";
-  server->servant.gate().open();
-  running.join();
-  EXPECT_TRUE(has_run) << "what runs is finished and answered";
-  stopping.join();
-}
-
-TEST(ThreadPool, AnswersACallThatOverrunsTheStopWithItsStop) {
+TEST(ThreadPool, EndsACallThatOverrunsTheStop) {
   auto server = std::make_unique<EchoServer>(quiet_config({lane_of(1, 4)}));
   Node node(quiet_node());
   Binding binding = bind_echo(node, *server);
@@ -427,7 +395,7 @@ int begun_of_cancelled(LaneConfig lane) {
   const MonotonicTime end = rt::now() + 20ms;
   PendingReply impatient = begin(echo::kEchoOnce, 20ms);
   waiting.cancel();
-  EXPECT_EQ(waiting.take().error(), CallError::kCancelled) << "at once, whatever the server does";
+  EXPECT_EQ(waiting.take().error(), CallError::kCancelled) << "whatever the server does";
   impatient.cancel();
   EXPECT_TRUE(await([&] { return rt::now() > end; }));
   server.servant.gate().open();
@@ -437,12 +405,12 @@ int begun_of_cancelled(LaneConfig lane) {
 }
 
 // hp-5.9-2
-TEST(Cancellation, RecallsACallThatWaitsWhereTheLaneReceivesMeanwhile) {
+TEST(Cancellation, RemovesAQueuedCallFromALaneThatReceives) {
   EXPECT_EQ(begun_of_cancelled(lane_of(1, 4)), 0);
 }
 
 // The lane reads CANCEL after the call itself: only the deadline stops the other call.
-TEST(Cancellation, IsHeardTooLateByALaneThatReceivesNothingMeanwhile) {
+TEST(Cancellation, ArrivesTooLateAtALaneThatReceivesNothing) {
   EXPECT_EQ(begun_of_cancelled(lane_of(1)), 1);
 }
 

@@ -7,6 +7,7 @@
 #include "model/object_table.hpp"
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/wire/control.hpp"
+#include "serve.hpp"
 
 // Clients and servers of two versions of an interface.
 namespace rtpm::rpc {
@@ -58,11 +59,7 @@ struct VersionServer {
   explicit VersionServer(const Version& version, std::uint16_t port = 0) : servant(version) {
     ServerConfig config = quiet_config();
     config.port = port;
-    auto created = Server::create(std::move(config));
-    EXPECT_TRUE(created) << created.error().text();
-    server = std::move(*created);
-    EXPECT_TRUE(server->add("versions", servant));
-    EXPECT_TRUE(server->start());
+    server = serve(servant, "versions", std::move(config));
   }
   ~VersionServer() { server->stop(); }
   VersionServer(const VersionServer&) = delete;
@@ -91,7 +88,7 @@ INSTANTIATE_TEST_SUITE_P(Transports, Versions,
                          [](const auto& row) { return std::string(to_string(row.param)); });
 
 // hp-6.1-2
-TEST_P(Versions, ThatUnderstandEachOtherTalk) {
+TEST_P(Versions, BindIfTheyAreCompatible) {
   for (const auto& [client, server] : {std::pair{&kOld, &kNew}, {&kNew, &kOld}, {&kNew, &kNew}}) {
     const VersionServer serving(*server);
     auto binding = bind(serving, *client);
@@ -101,7 +98,7 @@ TEST_P(Versions, ThatUnderstandEachOtherTalk) {
 }
 
 // hp-6.1-2
-TEST_P(Versions, ThatDoNotAreToldWhatDiffers) {
+TEST_P(Versions, ReportTheirDifference) {
   const VersionServer server(kOther);
   const auto binding = bind(server, kOld);
   ASSERT_FALSE(binding);
@@ -111,7 +108,7 @@ TEST_P(Versions, ThatDoNotAreToldWhatDiffers) {
 }
 
 // hp-6.1-2: unless both sides have a text, only equal fingerprints will do.
-TEST_P(Versions, WithoutATextMustBeEqual) {
+TEST_P(Versions, MustBeEqualWithoutAText) {
   const VersionServer server(kSilent);
   const auto newer = bind(server, kNew);
   ASSERT_FALSE(newer);
@@ -122,7 +119,7 @@ TEST_P(Versions, WithoutATextMustBeEqual) {
 }
 
 // hp-6.1-6: fingerprint 0 says nothing, so that the methods decide.
-TEST_P(Versions, WithoutAFingerprintAreComparedByTheirMethods) {
+TEST_P(Versions, AreComparedByMethodsWithoutAFingerprint) {
   Version server_side{"", 5};
   server_side.interface.fingerprint = 0;
   Version same{"", 5};
@@ -138,7 +135,7 @@ TEST_P(Versions, WithoutAFingerprintAreComparedByTheirMethods) {
 }
 
 // hp-6.1-6
-TEST_P(Versions, AreNotJudgedByTheServer) {
+TEST_P(Versions, AreNotCheckedByTheServer) {
   VersionServant servant(kNew);
   ObjectTable objects;
   ASSERT_TRUE(objects.add("versions", servant, {}, Priority::kHighest));
@@ -152,7 +149,7 @@ TEST_P(Versions, AreNotJudgedByTheServer) {
 }
 
 // hp-6.1-4: a restarted server may have another version.
-TEST_P(Versions, MayChangeWhileAClientStays) {
+TEST_P(Versions, MayChangeOverARestart) {
   auto server = std::make_unique<VersionServer>(kOld);
   const std::uint16_t port = server->server->port();
   auto binding = bind(*server, kOld);
@@ -175,22 +172,22 @@ TEST_P(Versions, MayChangeWhileAClientStays) {
 }
 
 // hp-6.3-1
-TEST(Describe, AnswersWithTheTextOrSaysWhyNot) {
+TEST(Describe, ReturnsTheTextOrAnError) {
   VersionServant telling(kOld);
   VersionServant silent(kSilent);
   ObjectTable objects;
   ASSERT_TRUE(objects.add("telling", telling, {}, Priority{32767}));
   ASSERT_TRUE(objects.add("silent", silent, {}, Priority{32767}));
   std::array<std::byte, 512> reply{};
-  const auto ask = [&](std::uint32_t service, std::size_t room) {
+  const auto ask = [&](std::uint32_t service, std::size_t capacity) {
     std::array<std::byte, wire::kDescribeRequestSize> request{};
     wire::encode_describe_request(service, request);
-    return objects.describe(request, MutableBytes(reply).first(room));
+    return objects.describe(request, MutableBytes(reply).first(capacity));
   };
   const std::string_view text = kOld.interface.text;
-  const DispatchResult told = ask(1, text.size());
-  EXPECT_EQ(told.status, wire::Status::kOk);
-  ASSERT_EQ(told.reply_size, text.size());
+  const DispatchResult described = ask(1, text.size());
+  EXPECT_EQ(described.status, wire::Status::kOk);
+  ASSERT_EQ(described.reply_size, text.size());
   EXPECT_TRUE(std::ranges::equal(ConstBytes(reply).first(text.size()), bytes_of(text)));
   EXPECT_EQ(ask(1, text.size() - 1).status, wire::Status::kTooLarge);
   EXPECT_EQ(ask(2, reply.size()).status, wire::Status::kNoSuchMethod);
