@@ -1,25 +1,39 @@
 #include "scratch_folder.hpp"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <fstream>
 #include <iterator>
+#include <sstream>
 #include <utility>
 
 namespace rtpm::schema::test {
+namespace {
 
-ScratchFolder::ScratchFolder() {
-  std::string name = (std::filesystem::temp_directory_path() / "rtpm schema XXXXXX").string();
-  EXPECT_NE(::mkdtemp(name.data()), nullptr);
-  path_ = name;
+/// The first lines in which the two differ.
+std::string difference(const std::string& golden, const std::string& now) {
+  std::istringstream golden_stream(golden);
+  std::istringstream now_stream(now);
+  std::string golden_line;
+  std::string now_line;
+  std::string text;
+  int shown = 0;
+  for (int line = 1; shown < 10; ++line) {
+    const bool has_golden = static_cast<bool>(std::getline(golden_stream, golden_line));
+    const bool has_now = static_cast<bool>(std::getline(now_stream, now_line));
+    if (!has_golden && !has_now) break;
+    if (has_golden && has_now && golden_line == now_line) continue;
+    text += "line " + std::to_string(line) + '\n';
+    if (has_golden) text += "  - " + golden_line + '\n';
+    if (has_now) text += "  + " + now_line + '\n';
+    ++shown;
+  }
+  return text;
 }
 
-ScratchFolder::~ScratchFolder() {
-  std::error_code ignored;
-  std::filesystem::remove_all(path_, ignored);
-}
+}  // namespace
 
 std::string ScratchFolder::write(std::string_view name, std::string_view text) const {
   const std::filesystem::path file = path_ / name;
@@ -31,6 +45,18 @@ std::string ScratchFolder::write(std::string_view name, std::string_view text) c
 std::string read_file(const std::filesystem::path& path) {
   std::ifstream stream(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+void expect_golden(const std::filesystem::path& golden, const std::string& text) {
+  if (std::getenv("RTPM_UPDATE_GOLDENS") != nullptr) {
+    std::ofstream(golden, std::ios::binary) << text;
+    return;
+  }
+  const std::string before = read_file(golden);
+  EXPECT_TRUE(before == text) << golden << " (-) is not what rtpmc gives (+):\n"
+                              << difference(before, text)
+                              << "If the change is intended, run `RTPM_UPDATE_GOLDENS=1 "
+                                 "bin/schema_test` and review the files that git shows as changed.";
 }
 
 CompileResult compile_text(std::string_view text) {

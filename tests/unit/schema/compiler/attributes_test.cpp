@@ -38,7 +38,7 @@ const Object& object_of(const Model& model, const std::string& name) {
   return model.objects.front();
 }
 
-TEST(Attributes, OfIncludedFilesAreReadToo) {
+TEST(Attributes, AreReadFromIncludedFiles) {
   const test::ScratchFolder folder;
   folder.write("base.fbs", "include \"rtpm.fbs\"; table Base { x:double (rtpm_unit: \"volt\"); }");
   const CompileResult result =
@@ -48,7 +48,7 @@ TEST(Attributes, OfIncludedFilesAreReadToo) {
   EXPECT_EQ(object_of(*result.model, "Base").fields[0].unit, "volt");
 }
 
-TEST(Attributes, TheFingerprintHasWhatBothSidesMustAgreeOn) {
+TEST(Attributes, ChangeTheFingerprintIfBothSidesMustAgree) {
   const Service before = test::model_of(kSchema).services[0];
   for (const auto& [what, instead] :
        {std::pair{"\"metre\"", "\"millimetre\""}, {"\"base\"", "\"world\""}}) {
@@ -67,7 +67,7 @@ TEST(Attributes, TheFingerprintHasWhatBothSidesMustAgreeOn) {
   }
 }
 
-TEST(Attributes, AnEventsFingerprintHasItsNumberAndTypes) {
+TEST(Attributes, EventFingerprintCoversItsNumberAndTypes) {
   const auto fingerprint = [](const std::string& text) {
     const Model model = test::model_of(text);
     return object_of(model, "lab.Pose").event_fingerprint;

@@ -3,7 +3,6 @@
 
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <string>
 #include <string_view>
 
@@ -36,17 +35,12 @@ void expect_error(const ScratchFolder& folder, const std::string& name,
   for (std::size_t at = errors.find(idl); at != std::string::npos; at = errors.find(idl)) {
     errors.replace(at, idl.size(), "IDL");
   }
-  const fs::path golden = fs::path(RTPM_GOLDEN_FOLDER) / "commands" / (name + ".txt");
-  if (std::getenv("RTPM_UPDATE_GOLDENS") != nullptr) {
-    fs::create_directories(golden.parent_path());
-    std::ofstream(golden, std::ios::binary) << errors;
-  }
-  EXPECT_EQ(errors, read_file(golden));
+  expect_golden(fs::path(RTPM_GOLDEN_FOLDER) / "commands" / (name + ".txt"), errors);
 }
 
 const std::string kGenerate = idl_flag() + "--cpp -o out --depfile out/arm.d ";
 
-TEST(RtpmcErrors, OfSchemasThatCannotBeRead) {
+TEST(RtpmcErrors, DescribeUnreadableSchemas) {
   const ScratchFolder folder;
   expect_error(folder, "missing_schema", kGenerate + "none.fbs");
   fs::create_directory(folder.path() / "folder.fbs");
@@ -62,7 +56,7 @@ TEST(RtpmcErrors, OfSchemasThatCannotBeRead) {
   expect_error(folder, "path_with_spaces", kGenerate + "'my schemas/the arm.fbs'");
 }
 
-TEST(RtpmcErrors, OfBinarySchemasOfOtherCompilers) {
+TEST(RtpmcErrors, DescribeBinarySchemasOfOtherCompilers) {
   const ScratchFolder folder;
   folder.write("arm.fbs", kGood);
   make_binary(folder, "");
@@ -81,7 +75,7 @@ TEST(RtpmcErrors, OfBinarySchemasOfOtherCompilers) {
   expect_error(folder, "unknown_feature", kGenerate + "later.bfbs");
 }
 
-TEST(RtpmcErrors, OfOutputThatCannotBeWritten) {
+TEST(RtpmcErrors, DescribeUnwritableOutput) {
   const ScratchFolder folder;
   folder.write("arm.fbs", kGood);
   folder.write("file", "a file where a folder should be");
@@ -93,7 +87,7 @@ TEST(RtpmcErrors, OfOutputThatCannotBeWritten) {
   expect_error(folder, "no_such_device", idl_flag() + "--cpp -o /dev/null/out arm.fbs");
 }
 
-TEST(RtpmcErrors, OfCommandLines) {
+TEST(RtpmcErrors, DescribeWrongCommandLines) {
   const ScratchFolder folder;
   folder.write("arm.fbs", kGood);
   expect_error(folder, "no_arguments", "", 2);
@@ -114,17 +108,17 @@ std::string refusal_of_header(const ScratchFolder& folder, const std::string& st
   return read_file(folder.path() / "errors");
 }
 
-TEST(RtpmcErrors, OfAnOlderLanguageAreOneSentence) {
+TEST(RtpmcErrors, DescribeAnOlderLanguageInOneSentence) {
   const ScratchFolder folder;
   folder.write("arm.fbs", kGood);
   ASSERT_EQ(run(folder, idl_flag() + "--cpp -o code arm.fbs").exit_code, 0);
   const std::string errors = refusal_of_header(folder, "c++17");
-  EXPECT_NE(errors.find("RTPM needs C++20"), std::string::npos) << errors;
+  expect_text(errors, {"RTPM needs C++20"});
   EXPECT_EQ(errors.find("error:"), errors.rfind("error:")) << errors;
 }
 
 // The versions of generated code and of RTPM's headers differ.
-TEST(RtpmcErrors, OfCodeForAnotherRuntime) {
+TEST(RtpmcErrors, DescribeCodeForAnotherRuntime) {
   const ScratchFolder folder;
   folder.write("arm.fbs", kGood);
   ASSERT_EQ(run(folder, idl_flag() + "--cpp -o code arm.fbs").exit_code, 0);
@@ -132,7 +126,7 @@ TEST(RtpmcErrors, OfCodeForAnotherRuntime) {
   fs::create_directories(folder.path() / "code/rtpm/rpc");
   folder.write("code/rtpm/rpc/generated.hpp",
                "namespace rtpm::rpc { inline constexpr int kGeneratedForm = 0; }\n");
-  EXPECT_NE(refusal_of_header(folder, "c++20").find("run it again for arm.fbs"), std::string::npos);
+  expect_text(refusal_of_header(folder, "c++20"), {"run it again for arm.fbs"});
 }
 
 }  // namespace

@@ -34,7 +34,7 @@ TEST(Rtpmc, WritesItsFilesIntoANewFolderWithSpaces) {
   EXPECT_EQ(result.errors, "");
   EXPECT_EQ(names_in(folder.path() / "out dir/deep").size(), 4u);
   const std::string header = read_file(folder.path() / "out dir/deep/my arm.rtpm.hpp");
-  EXPECT_NE(header.find("class ArmClient"), std::string::npos);
+  expect_text(header, {"class ArmClient"});
   EXPECT_NE(read_file(folder.path() / "out dir/deep/my arm.rtpm.cpp").find(RTPM_VERSION),
             std::string::npos);
 }
@@ -62,8 +62,7 @@ TEST(Rtpmc, DependencyFileHasIncludedFiles) {
       text.starts_with("o\\ ut/arm.rtpm.hpp o\\ ut/arm.rtpm.functions.hpp "
                        "o\\ ut/arm.rtpm.events.hpp o\\ ut/arm.rtpm.cpp: \\\n  arm.fbs"))
       << text;
-  EXPECT_NE(text.find("in\\ c/base.fbs"), std::string::npos) << text;
-  EXPECT_NE(text.find("rtpm.fbs"), std::string::npos) << text;
+  expect_text(text, {"in\\ c/base.fbs", "rtpm.fbs"});
 }
 
 TEST(Rtpmc, DependencyFileEscapesForMake) {
@@ -127,8 +126,6 @@ TEST(Rtpmc, WrongCommandLineIsOneSentenceAndExitCodeTwo) {
       {"--cpp -o out --pyhton arm.fbs", "unknown flag `--pyhton`: rtpmc --help lists"},
       {"--cpp -o out", "no schema is given: add a FILE.fbs"},
       {"-o out arm.fbs", "no language is given: add --cpp"},
-      {"--cpp arm.fbs", "no output folder is given: add -o OUT"},
-      {"--cpp -o out a.fbs b.fbs", "two schemas are given"},
       {"--cpp arm.fbs -o", "`-o` needs a path behind it"},
       {"--cpp -o a -o b arm.fbs", "`-o` is given twice"},
       {"--cpp -o out -I", "`-I` needs a path behind it"},
@@ -184,7 +181,7 @@ TEST(Rtpmc, AcceptsABinarySchema) {
   for (const char* file : {"arm.rtpm.hpp", "arm.rtpm.cpp"}) {
     EXPECT_EQ(read_file(folder.path() / "text" / file), read_file(folder.path() / "binary" / file));
   }
-  EXPECT_NE(read_file(folder.path() / "arm.d").find("arm.bfbs"), std::string::npos);
+  expect_text(read_file(folder.path() / "arm.d"), {"arm.bfbs"});
 }
 
 TEST(Rtpmc, BinarySchemaIsCheckedToo) {
@@ -227,9 +224,7 @@ TEST(Rtpmc, ReportsWhetherASchemaConforms) {
   EXPECT_EQ(conform(good, "check ").exit_code, 0);
   const Outcome warned = conform(more, "check ");
   EXPECT_EQ(warned.exit_code, 0);
-  EXPECT_NE(warned.errors.find("new.fbs:3:61: warning: method `go` of service `lab.Arm` is new"),
-            std::string::npos)
-      << warned.errors;
+  expect_text(warned.errors, {"new.fbs:3:61: warning: method `go` of service `lab.Arm` is new"});
   EXPECT_EQ(conform(more, "check --strict ").exit_code, 1);
   const Outcome refused = conform(less, "check ");
   EXPECT_EQ(refused.exit_code, 1);
@@ -239,7 +234,7 @@ TEST(Rtpmc, ReportsWhetherASchemaConforms) {
       << refused.errors;
 
   EXPECT_EQ(conform(more, "--cpp -o out --depfile d ").exit_code, 0);
-  EXPECT_NE(read_file(folder.path() / "d").find("old.fbs"), std::string::npos);
+  expect_text(read_file(folder.path() / "d"), {"old.fbs"});
   EXPECT_EQ(conform(less, "--cpp -o none ").exit_code, 1);
   EXPECT_FALSE(fs::exists(folder.path() / "none"));
   folder.write("old.fbs", kBad);

@@ -96,7 +96,7 @@ constexpr Change kImportant[] = {
     {"set(ForceMessage):rtpm.Empty", "set(rtpm.Empty):ForceMessage"},
     {"  ask(Request)", "  more(rtpm.Empty):rtpm.Empty (rtpm_id: 9);\n  ask(Request)"}};
 
-TEST(Fingerprint, ChangesWithWhatBothSidesMustAgreeOnAlone) {
+TEST(Fingerprint, ChangesOnlyWithWhatBothSidesMustAgreeOn) {
   const std::uint64_t before = service_of(kSchema).fingerprint;
   for (const Change& change : kUnimportant) {
     EXPECT_EQ(service_of(with(change.what, change.instead)).fingerprint, before) << change.instead;
@@ -106,7 +106,7 @@ TEST(Fingerprint, ChangesWithWhatBothSidesMustAgreeOnAlone) {
   }
 }
 
-TEST(Fingerprint, OfAMethodDoesNotDependOnOtherMethods) {
+TEST(Fingerprint, IgnoresOtherMethods) {
   const Service before = service_of(kSchema);
   const Service after = service_of(with("gain:float = 0.5", "gain:float = 0.25"));
   EXPECT_EQ(before.methods[0].fingerprint, after.methods[0].fingerprint);

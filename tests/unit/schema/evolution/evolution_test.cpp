@@ -100,7 +100,7 @@ bool has_kind(const std::vector<Change>& changes, ChangeKind kind) {
 // Each seed is a schema and one edit of it.
 constexpr unsigned kEditCount = 400;
 
-TEST(Evolution, VerdictsMatchWhatOldAndNewUnderstand) {
+TEST(Evolution, VerdictsMatchTheExchangesOfOldAndNewPrograms) {
   std::map<ChangeKind, int> edits;
   std::map<ChangeKind, int> shown;
   unsigned count = 0;
@@ -162,29 +162,23 @@ TEST(Evolution, SeveralEditsAreAsCompatibleAsTheWorst) {
     test::SchemaText new_schema = old_schema;
     for (int i = 0; i < 3; ++i)
       (void)test::edit(new_schema, random);
-    const CompileResult compiled = test::compile_text(new_schema.text());
     // Two edits of one declaration may not give a valid schema.
-    if (!compiled.model) continue;
+    if (!test::compile_text(new_schema.text()).model) continue;
     Side before(old_schema);
     Side after(new_schema);
     const std::vector<Change> changes = compare(before.model(), after.model());
     const Prediction predicted = predict(changes);
     compatible += !predicted.breaks_old_clients || !predicted.breaks_new_clients ? 1U : 0U;
-    ASSERT_TRUE(predicted.breaks_old_clients || can_call(before, after, random))
-        << "seed " << seed << '\n'
-        << describe(before, after, changes);
-    ASSERT_TRUE(predicted.breaks_new_clients || can_call(after, before, random))
-        << "seed " << seed << '\n'
-        << describe(before, after, changes);
-    ASSERT_TRUE(predicted.breaks_old_clients || can_bind(before, after)) << "seed " << seed;
-    ASSERT_TRUE(predicted.breaks_new_clients || can_bind(after, before)) << "seed " << seed;
-    // Versions that bind despite the verdict understand each other as far as bytes show.
-    ASSERT_TRUE(!can_bind(before, after) || can_call(before, after, random))
-        << "seed " << seed << '\n'
-        << describe(before, after, changes);
-    ASSERT_TRUE(!can_bind(after, before) || can_call(after, before, random))
-        << "seed " << seed << '\n'
-        << describe(before, after, changes);
+    const auto expect_understanding = [&](Side& client, Side& server, bool is_reported_to_break) {
+      const bool is_understood = can_call(client, server, random);
+      const bool binds = can_bind(client, server);
+      // Versions that bind despite the verdict understand each other as far as bytes show.
+      EXPECT_TRUE(is_understood || (is_reported_to_break && !binds));
+      EXPECT_TRUE(is_reported_to_break || binds);
+    };
+    expect_understanding(before, after, predicted.breaks_old_clients);
+    expect_understanding(after, before, predicted.breaks_new_clients);
+    ASSERT_FALSE(HasFailure()) << "seed " << seed << '\n' << describe(before, after, changes);
   }
   EXPECT_GT(compatible, 5u);
 }

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 #include <utility>
@@ -11,9 +12,9 @@
 
 #include "camera.rtpm.functions.hpp"
 #include "rtpm/rpc/node.hpp"
-#include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
+#include "rtpm/test/serve.hpp"
 
 // A camera's pictures as stream items, with generated code, over each transport.
 namespace {
@@ -33,16 +34,26 @@ std::uint8_t pixel_of(std::uint32_t number, std::size_t at) {
 
 class CameraStream : public testing::TestWithParam<Transport> {
  protected:
-  CameraStream() {
-    rtpm::rpc::ServerConfig config;
-    config.realtime = rtpm::rt::RealtimeMode::kOff;
-    server_ = *rtpm::rpc::Server::create(config);
-    EXPECT_TRUE(server_->add("camera", servant_));
-    EXPECT_TRUE(server_->start());
-  }
+  CameraStream() : server_(rtpm::test::serve("camera", servant_)) {}
   ~CameraStream() override {
     if (film_.joinable()) film_.join();
     server_->stop();
+  }
+  /// Begins a stream of pictures to a new client.
+  [[nodiscard]] auto watch(std::uint32_t frame_count, std::uint32_t picture_size,
+                           rtpm::rpc::NodeConfig config = {}) {
+    config.transport = GetParam();
+    node_.emplace(config);
+    auto client =
+        camera::CameraClient::bind(*node_, server_->url("camera"), {.deadline = kPatience});
+    EXPECT_TRUE(client) << client.error().text();
+    client_.emplace(std::move(*client));
+    camera::ShotT shot;
+    shot.frame_count = frame_count;
+    shot.picture_size = picture_size;
+    auto frames = client_->watch(shot);
+    EXPECT_TRUE(frames) << to_string(frames.error());
+    return std::move(*frames);
   }
 
   /// Sends pictures as fast as the caller takes them.
@@ -78,34 +89,28 @@ class CameraStream : public testing::TestWithParam<Transport> {
           },
   }};
   std::unique_ptr<rtpm::rpc::Server> server_;
+  std::optional<rtpm::rpc::Node> node_;
+  std::optional<camera::CameraClient> client_;
   std::thread film_;
 };
 
 // hp-5.10-9
 TEST_P(CameraStream, DeliversPicturesCompleteAndInOrder) {
-  rtpm::rpc::NodeConfig config;
-  config.transport = GetParam();
-  rtpm::rpc::Node node(config);
-  auto client = camera::CameraClient::bind(node, server_->url("camera"), {.deadline = kPatience});
-  ASSERT_TRUE(client) << client.error().text();
-  camera::ShotT shot;
-  shot.frame_count = 20;
-  shot.picture_size = 256 * 1024;
-  auto frames = client->watch(shot);
-  ASSERT_TRUE(frames) << to_string(frames.error());
-  for (std::uint32_t number = 0; number < shot.frame_count; ++number) {
-    const auto frame = frames->next(now() + kPatience);
+  constexpr std::uint32_t kSize = 256 * 1024;
+  auto frames = watch(20, kSize);
+  for (std::uint32_t number = 0; number < 20; ++number) {
+    const auto frame = frames.next(now() + kPatience);
     ASSERT_TRUE(frame) << number << ": " << to_string(frame.error());
     ASSERT_NE(*frame, nullptr);
     ASSERT_EQ((*frame)->number(), number);
     const auto* const picture = (*frame)->picture();
-    ASSERT_EQ(picture->size(), shot.picture_size);
+    ASSERT_EQ(picture->size(), kSize);
     std::size_t at = 0;
     EXPECT_TRUE(std::ranges::all_of(*picture, [&](std::uint8_t pixel) {
       return pixel == pixel_of(number, at++);
     })) << number;
   }
-  const auto end = frames->next(now() + kPatience);
+  const auto end = frames.next(now() + kPatience);
   ASSERT_TRUE(end) << to_string(end.error());
   EXPECT_EQ(*end, nullptr);
 }
@@ -113,23 +118,15 @@ TEST_P(CameraStream, DeliversPicturesCompleteAndInOrder) {
 // hp-5.10-10
 TEST_P(CameraStream, ReportsAPictureThatIsTooLarge) {
   rtpm::rpc::NodeConfig config;
-  config.transport = GetParam();
   config.message_size_max = 100'000;
-  rtpm::rpc::Node node(config);
-  auto client = camera::CameraClient::bind(node, server_->url("camera"), {.deadline = kPatience});
-  ASSERT_TRUE(client) << client.error().text();
-  camera::ShotT shot;
-  shot.frame_count = 1;
-  shot.picture_size = 100'000;
-  auto frames = client->watch(shot);
-  ASSERT_TRUE(frames) << to_string(frames.error());
-  const auto frame = frames->next(now() + kPatience);
+  auto frames = watch(1, 100'000, config);
+  const auto frame = frames.next(now() + kPatience);
   ASSERT_FALSE(frame);
   EXPECT_EQ(frame.error(), CallError::kTooLarge) << to_string(frame.error());
 }
 
-INSTANTIATE_TEST_SUITE_P(Udp, CameraStream, testing::Values(Transport::kUdp));
-INSTANTIATE_TEST_SUITE_P(Tcp, CameraStream, testing::Values(Transport::kTcp));
-INSTANTIATE_TEST_SUITE_P(SharedMemory, CameraStream, testing::Values(Transport::kSharedMemory));
+INSTANTIATE_TEST_SUITE_P(Transports, CameraStream,
+                         testing::Values(Transport::kUdp, Transport::kTcp,
+                                         Transport::kSharedMemory));
 
 }  // namespace

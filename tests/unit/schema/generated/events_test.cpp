@@ -14,8 +14,8 @@
 #include "rtpm/events/defaults.hpp"
 #include "rtpm/events/hub.hpp"
 #include "rtpm/rpc/node.hpp"
-#include "rtpm/rpc/server.hpp"
 #include "rtpm/test/os.hpp"
+#include "rtpm/test/serve.hpp"
 
 // Generated descriptors of events, against payloads written by the data types.
 namespace {
@@ -116,11 +116,7 @@ class TypedEvents : public testing::Test {
     config.realtime = rtpm::rt::RealtimeMode::kOff;
     config.priority.reset();
     hub_ = *rtpm::events::Hub::create(config);
-    rtpm::rpc::ServerConfig serving;
-    serving.realtime = rtpm::rt::RealtimeMode::kOff;
-    server_ = *rtpm::rpc::Server::create(serving);
-    EXPECT_TRUE(server_->add(rtpm::events::kHubPath, hub_->servant()));
-    EXPECT_TRUE(server_->start());
+    server_ = rtpm::test::serve(rtpm::events::kHubPath, hub_->servant());
     url_ = server_->url(rtpm::events::kHubPath);
   }
   ~TypedEvents() override { server_->stop(); }
@@ -180,7 +176,7 @@ TEST_F(TypedEvents, ReachTheirConsumers) {
   EXPECT_EQ(step, 7) << "what is near was filtered by the hub";
 }
 
-TEST_F(TypedEvents, OfAnotherSchemaAreCountedAndDropped) {
+TEST_F(TypedEvents, AreDroppedAndCountedWithAnotherSchema) {
   std::atomic<int> count{0};
   auto touched =
       consume<lab::quantities::TouchedConsumer>([&](const auto&, const auto&) { ++count; });

@@ -93,7 +93,7 @@ class Ranges : public testing::Test {
   }};
 };
 
-TEST_F(Ranges, OfStructsAreChecked) {
+TEST_F(Ranges, AreCheckedInStructs) {
   EXPECT_EQ(push(Force(-20, 0, 20)), Status::kOk);
   EXPECT_EQ(count_, 1);
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -109,7 +109,7 @@ TEST_F(Ranges, OfStructsAreChecked) {
   EXPECT_EQ(dispatch_.text, "z is nan, but must be -20 to 20 newton");
 }
 
-TEST_F(Ranges, OfARequestOfAnotherTypeAreNotLookedAt) {
+TEST_F(Ranges, AreIgnoredInARequestOfAnotherType) {
   const std::array<std::byte, 3> bytes{};
   EXPECT_EQ(dispatch_.run(scene_, SceneMethodId::push, bytes), Status::kBadRequest);
   EXPECT_EQ(dispatch_.text,
@@ -119,7 +119,7 @@ TEST_F(Ranges, OfARequestOfAnotherTypeAreNotLookedAt) {
             "the request of 3 bytes is not a lab.quantities.Part: the schemas differ");
 }
 
-TEST_F(Ranges, OfUnionsAndNestedTablesAreChecked) {
+TEST_F(Ranges, AreCheckedInUnionsAndNestedTables) {
   lab::quantities::PartT part;
   part.name = "part";
   EXPECT_EQ(add(part), Status::kOk) << "what is absent is within its range";
@@ -149,7 +149,7 @@ std::unique_ptr<lab::quantities::Joints> joints(float last) {
                                                    std::uint8_t{0});
 }
 
-TEST_F(Ranges, OfNumbersArraysAndVectorsAreChecked) {
+TEST_F(Ranges, AreCheckedInNumbersArraysAndVectors) {
   lab::quantities::EverythingT everything;
   EXPECT_EQ(echo(everything), Status::kOk);
   everything.unsigned_16 = 1001;

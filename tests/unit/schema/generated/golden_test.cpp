@@ -1,11 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <filesystem>
-#include <fstream>
-#include <map>
-#include <sstream>
 #include <string>
 #include <vector>
 
@@ -20,8 +16,6 @@ namespace rtpm::schema {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr const char* kUpdate = "RTPM_UPDATE_GOLDENS";
 
 /// Changes the current folder, so that schemas are named without folder and errors do not depend on
 /// where the project is.
@@ -47,40 +41,6 @@ std::vector<std::string> schemas_in(const fs::path& folder) {
   return names;
 }
 
-/// The first lines in which the two differ.
-std::string difference(const std::string& golden, const std::string& now) {
-  std::istringstream golden_stream(golden);
-  std::istringstream now_stream(now);
-  std::string golden_line;
-  std::string now_line;
-  std::string text;
-  int shown = 0;
-  for (int line = 1; shown < 10; ++line) {
-    const bool has_golden = static_cast<bool>(std::getline(golden_stream, golden_line));
-    const bool has_now = static_cast<bool>(std::getline(now_stream, now_line));
-    if (!has_golden && !has_now) break;
-    if (has_golden && has_now && golden_line == now_line) continue;
-    text += "line " + std::to_string(line) + '\n';
-    if (has_golden) text += "  - " + golden_line + '\n';
-    if (has_now) text += "  + " + now_line + '\n';
-    ++shown;
-  }
-  return text;
-}
-
-void expect_golden(const fs::path& golden, const std::string& now) {
-  if (std::getenv(kUpdate) != nullptr) {
-    std::ofstream(golden, std::ios::binary) << now;
-    return;
-  }
-  const std::string before = test::read_file(golden);
-  EXPECT_TRUE(before == now) << golden.filename().string() << " (-) is not what rtpmc gives (+):\n"
-                             << difference(before, now) << "If the change is intended, run `"
-                             << kUpdate
-                             << "=1 bin/schema_test --gtest_filter='Golden*'` and review the files "
-                                "that git shows as changed.";
-}
-
 CompileResult compile_here(const std::string& file) {
   CompileResult result = compile({.file = file, .include_paths = {RTPM_IDL_FOLDER}});
   if (!result.model) return result;
@@ -97,7 +57,7 @@ TEST(Golden, GeneratedCodeIsAsReviewed) {
     const CompileResult result = compile_here(schema);
     ASSERT_TRUE(result.model) << render(result.errors);
     for (const GeneratedFile& file : make_cpp_back_end("0.0.0")->generate(*result.model)) {
-      expect_golden(file.name + ".golden", file.text);
+      test::expect_golden(file.name + ".golden", file.text);
     }
   }
 }
@@ -108,7 +68,7 @@ TEST(Golden, JsonIsAsReviewed) {
   const CompileResult result = compile_here("quantities.fbs");
   ASSERT_TRUE(result.model) << render(result.errors);
   for (const GeneratedFile& file : make_json_back_end("0.0.0")->generate(*result.model)) {
-    expect_golden(file.name + ".golden", file.text);
+    test::expect_golden(file.name + ".golden", file.text);
   }
 }
 
@@ -119,7 +79,7 @@ TEST(Golden, ErrorsAreAsReviewed) {
   for (const std::string& schema : schemas) {
     const CompileResult result = compile_here(schema);
     EXPECT_FALSE(result.model) << schema << " is taken without an error";
-    expect_golden(fs::path(schema).replace_extension(".txt"), render(result.errors));
+    test::expect_golden(fs::path(schema).replace_extension(".txt"), render(result.errors));
   }
 }
 

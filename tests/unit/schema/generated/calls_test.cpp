@@ -11,11 +11,13 @@
 #include "deferred.rtpm.functions.hpp"
 #include "rtpm/rpc/completions.hpp"
 #include "rtpm/rpc/node.hpp"
-#include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
+#include "rtpm/test/os.hpp"
+#include "rtpm/test/serve.hpp"
 
-// Asynchronous calls with generated code, over a real server.
+// Generated code of deferred methods, streams and oneways, called synchronously and asynchronously
+// over a real server.
 namespace {
 
 using namespace std::chrono_literals;
@@ -26,14 +28,10 @@ using rtpm::rt::now;
 constexpr auto kPatience = 20s;
 
 /// A feed whose replies wait until the test releases them.
-class GeneratedAsync : public testing::Test {
+class GeneratedCalls : public testing::Test {
  protected:
-  GeneratedAsync() {
-    rtpm::rpc::ServerConfig config;
-    config.realtime = rtpm::rt::RealtimeMode::kOff;
-    server_ = *rtpm::rpc::Server::create(config);
-    EXPECT_TRUE(server_->add("feed", feed_));
-    EXPECT_TRUE(server_->start());
+  GeneratedCalls() {
+    server_ = rtpm::test::serve("feed", feed_);
     rtpm::rpc::NodeConfig node;
     node.default_deadline = kPatience;
     node_.emplace(node);
@@ -41,7 +39,10 @@ class GeneratedAsync : public testing::Test {
     EXPECT_TRUE(client) << client.error().text();
     client_.emplace(std::move(*client));
   }
-  ~GeneratedAsync() override { server_->stop(); }
+  ~GeneratedCalls() override {
+    server_->stop();
+    if (worker_.joinable()) worker_.join();
+  }
 
   [[nodiscard]] static deferred::NoteT note(const std::string& text) {
     deferred::NoteT note;
@@ -50,21 +51,35 @@ class GeneratedAsync : public testing::Test {
   }
   /// Replies to the oldest waiting call.
   void answer(double force) {
-    const auto end = now() + kPatience;
-    while (now() < end) {
+    ASSERT_TRUE(rtpm::test::await([&] {
       const std::lock_guard lock(mutex_);
-      if (waiting_.empty()) continue;
+      if (waiting_.empty()) return false;
       waiting_.front().complete(deferred::Sample{1, force});
       waiting_.erase(waiting_.begin());
-      return;
-    }
-    ADD_FAILURE() << "no call waits";
+      return true;
+    }));
   }
 
   std::mutex mutex_;
   std::vector<rtpm::rpc::DeferredStruct<deferred::Sample>> waiting_;
+  std::string marked_;
+  std::atomic<std::uint64_t> nudged_{0};
+  std::atomic<bool> is_settled_{false};
+  std::thread worker_;
   deferred::FeedFunctionServant feed_{{
-      .mark = [](const deferred::Note&, const CallContext&) -> rtpm::rpc::Result<void> {
+      .nudge = [this](const deferred::Sample& request,
+                      const CallContext&) -> rtpm::rpc::Result<void> {
+        nudged_ = request.number();
+        return {};
+      },
+      .mark = [this](const deferred::Note& request, const CallContext&) -> rtpm::rpc::Result<void> {
+        const rtpm::rt::AllowAllocationScope is_allowed;
+        const std::lock_guard lock(mutex_);
+        marked_ = request.text()->str();
+        return {};
+      },
+      .settle = [this](const CallContext&) -> rtpm::rpc::Result<void> {
+        is_settled_ = true;
         return {};
       },
       .wait =
@@ -89,6 +104,22 @@ class GeneratedAsync : public testing::Test {
             builder.finish(deferred::CreateNoteDirect(builder.builder(), text.c_str()));
             reply.complete(builder);
           },
+      .watch =
+          [this](rtpm::rpc::StructWriter<deferred::Sample> items, const CallContext&) {
+            const rtpm::rt::AllowAllocationScope is_allowed;
+            worker_ = std::thread([items = std::move(items)]() mutable {
+              for (std::uint64_t i = 0; i < 100;) {
+                if (items.write(deferred::Sample{i, 0.1 * static_cast<double>(i)})) {
+                  ++i;
+                } else if (!items.is_awaited()) {
+                  break;
+                } else {
+                  std::this_thread::yield();
+                }
+              }
+              items.finish();
+            });
+          },
       .log =
           [](const deferred::Note& request, rtpm::rpc::TableWriter<deferred::Note> items,
              const CallContext&) {
@@ -97,6 +128,7 @@ class GeneratedAsync : public testing::Test {
             const std::string text(std::stoul(request.text()->str()), 'x');
             builder.Finish(deferred::CreateNoteDirect(builder, text.c_str()));
             const auto written = items.write(builder);
+            if (written && text.empty()) return items.fail(rtpm::rpc::Refusal::kGone);
             if (written) return items.finish();
             EXPECT_EQ(written.error(), rtpm::rpc::StreamError::kTooLarge);
             items.fail(rtpm::rpc::Refusal::kFailed);
@@ -107,7 +139,46 @@ class GeneratedAsync : public testing::Test {
   std::optional<deferred::FeedClient> client_;
 };
 
-TEST_F(GeneratedAsync, HandlesWaitForTheirReplies) {
+TEST_F(GeneratedCalls, OnewaysWaitForTheirLevel) {
+  ASSERT_TRUE(client_->nudge(deferred::Sample{17, 0}));
+  EXPECT_TRUE(rtpm::test::await([&] { return nudged_ == 17; }));
+  ASSERT_TRUE(client_->mark(note("here")));
+  EXPECT_TRUE(rtpm::test::await([&] {
+    const std::lock_guard lock(mutex_);
+    return marked_ == "here";
+  }));
+  ASSERT_TRUE(client_->settle());
+  EXPECT_TRUE(is_settled_) << "its caller goes on when it ran";
+}
+
+TEST_F(GeneratedCalls, StreamsOfStructsArriveInOrder) {
+  auto samples = client_->watch();
+  ASSERT_TRUE(samples) << to_string(samples.error());
+  for (std::uint64_t i = 0; i < 100; ++i) {
+    const auto sample = samples->next(now() + kPatience);
+    ASSERT_TRUE(sample) << to_string(sample.error());
+    ASSERT_TRUE(sample->has_value()) << "too early an end";
+    EXPECT_EQ((*sample)->number(), i);
+  }
+  const auto end = samples->next(now() + kPatience);
+  ASSERT_TRUE(end) << to_string(end.error());
+  EXPECT_FALSE(end->has_value());
+}
+
+TEST_F(GeneratedCalls, StreamsOfTablesMayEndWithARefusal) {
+  auto notes = client_->log(note("0"));
+  ASSERT_TRUE(notes) << to_string(notes.error());
+  const auto item = notes->next(now() + kPatience);
+  ASSERT_TRUE(item && *item);
+  EXPECT_EQ(notes->next(now() + kPatience).error(), CallError::kNoSuchObject);
+}
+
+TEST_F(GeneratedCalls, StreamMethodsRefuseOrdinaryCalls) {
+  const rtpm::rpc::MethodDescriptor watch{7, "watch", 0, false, {}};
+  EXPECT_EQ(client_->binding().call(watch, {}).error(), CallError::kOverload);
+}
+
+TEST_F(GeneratedCalls, HandlesWaitForTheirReplies) {
   auto first = client_->begin_wait();
   auto second = client_->begin_wait();
   auto nothing = client_->begin_rest(deferred::Sample{1, 0});
@@ -130,7 +201,7 @@ TEST_F(GeneratedAsync, HandlesWaitForTheirReplies) {
   EXPECT_DOUBLE_EQ(sample->force_newton() + other->force_newton(), 3);
 }
 
-TEST_F(GeneratedAsync, AHandleMayCancelItsCall) {
+TEST_F(GeneratedCalls, AHandleMayCancelItsCall) {
   auto pending = client_->begin_wait();
   ASSERT_TRUE(pending);
   pending->cancel();
@@ -138,7 +209,7 @@ TEST_F(GeneratedAsync, AHandleMayCancelItsCall) {
   EXPECT_EQ(pending->take().error(), CallError::kCancelled);
 }
 
-TEST_F(GeneratedAsync, CompletionsRunCallbacksWhereTheyArePolled) {
+TEST_F(GeneratedCalls, CompletionsRunCallbacksWhereTheyArePolled) {
   rtpm::rpc::Completions completions;
   std::vector<double> forces;
   std::size_t others = 0;
@@ -167,7 +238,7 @@ TEST_F(GeneratedAsync, CompletionsRunCallbacksWhereTheyArePolled) {
   EXPECT_EQ(forces.size(), 2u);
 }
 
-TEST_F(GeneratedAsync, CompletionsReportTheirEndAndFailedBegins) {
+TEST_F(GeneratedCalls, CompletionsReportCancelledAndFailedCalls) {
   std::vector<CallError> errors;
   const auto keep = [&](const auto& result) { errors.push_back(result.error()); };
   {
@@ -180,7 +251,7 @@ TEST_F(GeneratedAsync, CompletionsReportTheirEndAndFailedBegins) {
   EXPECT_EQ(errors, (std::vector{CallError::kTooLarge, CallError::kCancelled}));
 }
 
-TEST_F(GeneratedAsync, ACompletionThreadRunsCallbacksByItself) {
+TEST_F(GeneratedCalls, ACompletionThreadRunsCallbacksByItself) {
   auto thread = rtpm::rpc::CompletionThread::start({.name = "replies"});
   ASSERT_TRUE(thread) << thread.error().text();
   std::atomic<double> force{0};
@@ -191,10 +262,7 @@ TEST_F(GeneratedAsync, ACompletionThreadRunsCallbacksByItself) {
     if (sample) force = sample->force_newton();
   });
   answer(0.5);
-  const auto end = now() + kPatience;
-  while (force < 0.5 && now() < end)
-    std::this_thread::sleep_for(1ms);
-  EXPECT_DOUBLE_EQ(force, 0.5);
+  EXPECT_TRUE(rtpm::test::await([&] { return force == 0.5; }));
   EXPECT_NE(ran_by.load(), std::this_thread::get_id());
   (*thread)->then(client_->begin_wait(), [&](const auto& sample) {
     is_cancelled = !sample && sample.error() == CallError::kCancelled;
@@ -203,19 +271,16 @@ TEST_F(GeneratedAsync, ACompletionThreadRunsCallbacksByItself) {
   EXPECT_TRUE(is_cancelled);
 }
 
-TEST_F(GeneratedAsync, MalformedRequestsAreCounted) {
+TEST_F(GeneratedCalls, MalformedRequestsAreCounted) {
   const rtpm::rpc::MethodDescriptor mark{.id = 2, .name = "mark"};
   const std::array<std::byte, 3> garbage{};
   EXPECT_EQ(client_->binding().call(mark, garbage).error(), CallError::kBadRequest);
   // A lane publishes its counts after its reply.
-  const auto end = now() + kPatience;
-  while (server_->counters().bad_request_count == 0 && now() < end)
-    std::this_thread::sleep_for(1ms);
-  EXPECT_EQ(server_->counters().bad_request_count, 1u);
+  EXPECT_TRUE(rtpm::test::await([&] { return server_->counters().bad_request_count == 1; }));
 }
 
 // rtpm_max_size applies to deferred replies and items, too.
-TEST_F(GeneratedAsync, DeferredRepliesAndItemsHaveAMaximumSize) {
+TEST_F(GeneratedCalls, RepliesAndItemsAboveTheirMaximumSizeAreRefused) {
   EXPECT_TRUE(client_->describe(note("200")));
   EXPECT_EQ(client_->describe(note("256")).error(), CallError::kTooLarge);
   auto fits = client_->log(note("64"));
