@@ -11,7 +11,7 @@ namespace {
 /// How often the models are set again, which keeps the lease; without the lease the knob loses its
 /// feel.
 constexpr Duration kModelsInterval = std::chrono::milliseconds{200};
-/// The hold of a command to the player: ten cycles bridge a hiccup.
+/// The hold of a command to the player: ten cycles, to bridge a short delay.
 constexpr Duration kHold = std::chrono::milliseconds{100};
 
 Mode mode_of(const std::string& name) {

@@ -19,7 +19,7 @@ namespace rtpm::media {
 class Session {
  public:
   /// Opens both devices and acquires both leases.
-  /// @errors   as gvd::DeviceClient::open(); the lease is held; a device of another class
+  /// @errors   those of gvd::DeviceClient::open(); the lease is held; a device of another class
   [[nodiscard]] static expected<std::unique_ptr<Session>, SetupError> open(
       rpc::Node& node, const Configuration& configuration);
 

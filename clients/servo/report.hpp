@@ -17,7 +17,7 @@ namespace rtpm::servo {
 /// @realtime set-up only
 [[nodiscard]] std::string feel_text(const Feel& feel, const LoopConfig& config);
 
-/// The table of latencies beside the paper's figures.
+/// The table of latencies, compared with the paper's figures.
 /// @realtime set-up only
 [[nodiscard]] std::string table_text(const Statistics& statistics);
 

@@ -25,7 +25,7 @@ inline constexpr std::string_view kDampingName = "wall.damping_newton_s_per_m";
 /// The wall's stiffness and damping as parameters, limited to values that stay passive on the
 /// device.
 /// @ownership holds no references
-/// @threads  as gvd::Configurable
+/// @threads  like gvd::Configurable
 class WallParameters final : public gvd::Configurable {
  public:
   /// Replaces the wall between two cycles; false if that did not happen in time.

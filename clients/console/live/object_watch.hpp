@@ -23,7 +23,7 @@ struct ObjectView {
 
 struct ObjectsView {
   Standing registry{};
-  /// Sorted by name; while the registry is gone, as of its last reply.
+  /// Sorted by name; while the registry is gone, the state of its last reply.
   std::vector<ObjectView> objects{};
   std::vector<names::LapsedName> lapsed{};  ///< Names whose servers are lost.
   /// Registries that report lapsed names: a name that vanishes there without lapsing was unbound.

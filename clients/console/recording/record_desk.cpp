@@ -234,7 +234,7 @@ void RecordDesk::show_replay(const PendingCall& call, const std::string& file,
 }
 
 void RecordDesk::close_replay() {
-  ++replay_id_;  // Messages that the former player still delivers then match no channel.
+  ++replay_id_;  // Late messages from the previous player then match no channel.
   if (!player_) return;
   for (const auto& [number, channel] : player_->channels())
     channels_.remove("replay/" + channel.topic);

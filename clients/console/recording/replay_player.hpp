@@ -27,7 +27,7 @@ class ReplayPlayer final : replay::Script {
 
   /// Opens a recording, even an incomplete one. Does not start playing.
   /// @param progress  can stop the opening
-  /// @errors   as FileReader::open(); more channels or schemas than a page can show
+  /// @errors   those of FileReader::open(); more channels or schemas than a page can show
   [[nodiscard]] static expected<std::unique_ptr<ReplayPlayer>, SetupError> open(
       const std::string& path, Deliver deliver, const recording::Progress& progress);
 

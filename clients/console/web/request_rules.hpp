@@ -20,7 +20,7 @@ struct RequestTarget {
 
 /// Whether `host`, a Host header, names this server: localhost, a loopback address or one of
 /// `names`, with any port or none. Any other name might resolve to this host because of DNS
-/// rebinding. The port is not compared: behind an SSH tunnel it is the tunnel's.
+/// rebinding. The port is not compared, because an SSH tunnel has a different port.
 [[nodiscard]] bool is_own_host(std::string_view host, std::span<const std::string> names);
 
 /// Whether `origin`, an Origin header, is a page of this server, whose Host header is `host`.

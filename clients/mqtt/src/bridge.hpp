@@ -50,7 +50,7 @@ struct BridgeCounters {
 class Bridge final : private events::EventHandler, private Broker::Listener {
  public:
   /// @realtime set-up only; waits for the hub, not for the broker
-  /// @errors   as events::Consumer, Supplier and Broker
+  /// @errors   those of events::Consumer, Supplier and Broker
   [[nodiscard]] static expected<std::unique_ptr<Bridge>, SetupError> create(
       rpc::Node& node, const BridgeConfig& config, BrokerConfig broker);
   Bridge(const Bridge&) = delete;

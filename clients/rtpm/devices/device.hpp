@@ -8,7 +8,8 @@
 namespace rtpm::tool {
 
 /// Opens a device by its name or URL, within --deadline.
-/// @errors   as gvd::DeviceClient::open(), with the name; for an unbound name, also similar names
+/// @errors   those of gvd::DeviceClient::open(), with the name; for an unbound name, also similar
+///           names
 [[nodiscard]] expected<gvd::DeviceClient, SetupError> open_device(Context& context,
                                                                   const std::string& name);
 

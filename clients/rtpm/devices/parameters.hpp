@@ -22,7 +22,7 @@ namespace rtpm::tool {
 /// {"name": value, …}.
 [[nodiscard]] Json json_of(const std::vector<driver::ParameterSetting>& settings);
 
-/// @errors   as ConfigurationClient::open()
+/// @errors   those of ConfigurationClient::open()
 [[nodiscard]] expected<gvd::ConfigurationClient, SetupError> open_configuration(
     Context& context, const std::string& device);
 

@@ -7,8 +7,8 @@
 namespace rtpm::tool {
 
 /// Explains why `target` was not reached: returns `error` or, if the registry does not have the
-/// name or does not answer, the registry's answer with similar names. For a lost name, states since
-/// when.
+/// name or does not answer, the registry's answer with similar names. For a lost name, also states
+/// since when it has been lost.
 [[nodiscard]] SetupError with_similar_names(Context& context, const std::string& target,
                                             SetupError error);
 

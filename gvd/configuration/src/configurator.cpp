@@ -142,7 +142,7 @@ expected<CalibrationRun*, ConfigurationError> Configurator::find_run(std::uint64
                    "it has ended, and another began, or the device's server was started again",
                    "calibrate again");
   }
-  // Before the client's query counts: a late query does not revive a run.
+  // Called before the client's query is registered: a late query must not revive a run.
   run_->step(device_.newest(), now);
   run_->note_question(now);
   return &*run_;

@@ -53,14 +53,14 @@ class Configurator {
       std::span<const std::string> names) const;
 
   /// Loads the saved settings and applies them; returns one sentence for each ignored setting.
-  /// @errors   as SettingsStore::load(); the device refuses
+  /// @errors   those of SettingsStore::load(); the device refuses
   [[nodiscard]] expected<std::vector<std::string>, SetupError> load();
   /// Applies `settings` to the device; returns the values that it took over.
-  /// @errors   as ParameterTable::check_revision() and check(), and Configurable::apply()
+  /// @errors   those of ParameterTable::check_revision() and check(), and Configurable::apply()
   [[nodiscard]] expected<RevisedSettings, ConfigurationError> apply(
       std::uint64_t revision, std::vector<driver::ParameterSetting> settings);
   /// Resets parameters to their defaults; all of them if no names are given.
-  /// @errors   as apply()
+  /// @errors   those of apply()
   [[nodiscard]] expected<RevisedSettings, ConfigurationError> reset(
       std::uint64_t revision, std::span<const std::string> names);
   /// @errors   kNotPersistent · kStorageFailed
@@ -84,7 +84,7 @@ class Configurator {
                                                                        std::string_view text,
                                                                        MonotonicTime now);
   /// Applies the result. A refused result is kept, and may be applied or discarded later.
-  /// @errors   kNoSuchRun · kNoResult · as apply()
+  /// @errors   kNoSuchRun · kNoResult · those of apply()
   [[nodiscard]] expected<CalibrationStatus, ConfigurationError> keep(std::uint64_t run,
                                                                      MonotonicTime now);
   /// @errors   kNoSuchRun

@@ -75,7 +75,7 @@ driver::ParameterSpec spec_of(const char* name, const char* unit, double configu
   return spec;
 }
 
-/// Allows the configured policy or off at once: any other policy might prolong the force.
+/// Allows only the configured policy, or "off": any other policy might prolong the force.
 driver::ParameterSpec watchdog_spec(const SafetyConfig& configured) {
   driver::ParameterSpec spec;
   spec.name = std::string(kSafetyGroup) + kWatchdog;

@@ -17,8 +17,8 @@ using driver::ExchangeStatus;
 using driver::Fault;
 using driver::Lifecycle;
 
-/// The number of consecutive bad cycles after which the device's position is unknown: no force.
-/// Also the number of periods after which a sample is late.
+/// The number of consecutive bad cycles after which the device's position counts as unknown, so
+/// that there is no force; the number of periods after which a sample is late.
 constexpr std::uint32_t kBlindCycleMax = 20;
 
 /// How long the models' force lasts if the device's thread stops: ten cycles at 1 kHz.
@@ -155,7 +155,7 @@ const DeviceCycle::HeldCommand* DeviceCycle::command_of(MonotonicTime now,
 const DeviceCycle::HeldCommand* DeviceCycle::with_models(MonotonicTime now, std::uint64_t holder,
                                                          const HeldCommand* newest) noexcept {
   models_.take_for(holder);
-  // A number that is not finite latches the filter's fault, whatever the models do.
+  // A number that is not finite latches the filter's fault, regardless of the models.
   const bool is_finite_command = newest == nullptr || is_finite(newest->wrench.wrench);
   if (models_.is_empty() || !is_finite_command) return newest;
   const bool is_live = newest != nullptr && now < newest->wrench.deadline;
@@ -481,7 +481,7 @@ expected<void, DeviceOutcome> DeviceCycle::submit(const ClientCommand& command,
       command.lease, command.setpoint, {wrench_of(command.setpoint), received, received + hold}};
   const MailStamp stamp{Lease::serial_of(command.lease), command.sequence};
   const auto is_allowed = [&] { return lease_.holder() == command.lease; };
-  // A setpoint with a NaN or an infinity goes to the filter, whatever its mode.
+  // A setpoint with a NaN or an infinity goes to the filter, regardless of its mode.
   const bool has_outputs_only =
       command.setpoint.mode == CommandMode::kOutputs && is_finite(command.setpoint);
   const MailOutcome outcome =

@@ -59,7 +59,7 @@ class SuccessRate {
 /// A device's loop without thread or clock: the work of a cycle, and wait-free access for other
 /// threads.
 /// @ownership refers to its driver, which must outlive it
-/// @threads  as grouped below
+/// @threads  see the groups below
 /// @realtime alloc-free and wait-free, except begin(), maintain() and end(), which are set-up
 class DeviceCycle {
  public:
@@ -103,7 +103,7 @@ class DeviceCycle {
   /// @errors   kNotHolder
   [[nodiscard]] expected<void, DeviceOutcome> request(std::uint64_t lease,
                                                       Release release) noexcept;
-  /// Stores the lease's models for the next cycle; they replace the former ones.
+  /// Stores the lease's models for the next cycle; they replace the previous ones.
   /// @errors   see the service's method `set_models` in device.fbs
   [[nodiscard]] expected<void, ModelsRefusal> set_models(const ClientModels& models) noexcept;
   /// Stops the device: no force from the next cycle on, and no commands, until Release::kRearm.

@@ -15,7 +15,7 @@ namespace rtpm::gvd {
 /// either kind leaves the other unchanged, so two threads can command independently.
 /// @ownership a value, not copied
 /// @threads  put() from any, the rest from the device's
-/// @realtime as Mailbox
+/// @realtime like Mailbox
 class HeldOutputs {
  public:
   using Values = decltype(driver::Setpoint::outputs);

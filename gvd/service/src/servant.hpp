@@ -10,8 +10,8 @@ namespace rtpm::gvd {
 /// The service rtpm.device.Device over one device's cycle.
 /// @ownership refers to the cycle and the descriptor, which must outlive it
 /// @threads  any lane
-/// @realtime as the cycle's methods; describe(), set_models() and read_flight_record() build their
-///           replies in the lane's buffer and are set-up only
+/// @realtime like the cycle's methods; describe(), set_models() and read_flight_record() build
+///           their replies in the lane's buffer and are set-up only
 class DeviceServant final : public device::DeviceServant {
  public:
   /// @param view  may be null

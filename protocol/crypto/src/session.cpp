@@ -58,7 +58,7 @@ void SealedSession::advance_send() noexcept {
   const std::uint64_t before = generation_of(send_counter_);
   const std::uint64_t after = generation_of(++send_counter_);
   if (after == before) return;
-  // The current key has become the former one; its slot gets the key after the next.
+  // The current key has become the previous one; its slot gets the key after the next.
   send_keys_[(after + 1) % send_keys_.size()].set_next_of(send_keys_[after % send_keys_.size()]);
 }
 
@@ -98,7 +98,8 @@ void SealedSession::accept(std::uint64_t counter) noexcept {
   window_.add(counter);
   const std::uint64_t generation = generation_of(counter);
   if (generation <= receive_generation_) return;
-  // At most one ahead: the next key becomes current, and a new next key replaces the former one.
+  // At most one key ahead: the next key becomes the current one, and a new next key replaces the
+  // previous one.
   receive_generation_ = generation;
   receive_key(generation + 1).set_next_of(receive_key(generation));
 }

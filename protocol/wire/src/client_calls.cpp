@@ -261,7 +261,7 @@ ChannelEvent ClientChannel::on_large_reply(Call& call, const Header& header, Con
   // hp-5.6-5: the limit was stated in HELLO.
   if (header.message_size > config_.message_size_max) return drop(DropReason::kBadLength);
   if (!call.reply.is_begun()) {
-    // Only at the first fragment: later the buffer is in use.
+    // Requests a buffer only at the first fragment: later the current buffer is in use.
     if (call.reply_buffer.size() < header.message_size) {
       return {.kind = ChannelEvent::Kind::kNeedBuffer,
               .call = index_of(call),

@@ -13,7 +13,7 @@ namespace rtpm::discovery {
 [[nodiscard]] std::string group_of(std::uint8_t domain);
 
 /// The interfaces of a kLan scope; reports them once per program.
-/// @errors   as multicast_interfaces()
+/// @errors   those of multicast_interfaces()
 [[nodiscard]] expected<std::vector<transport::NetworkInterface>, SetupError> interfaces_of(
     const Scope& scope);
 

@@ -59,8 +59,8 @@ class EventStore {
 
 /// A reference to an event of a store.
 /// @ownership shared: reference-counted
-/// @threads  as its store
-/// @realtime as its store
+/// @threads  like its store
+/// @realtime like its store
 class EventRef {
  public:
   EventRef() noexcept = default;

@@ -24,7 +24,7 @@ class TapServer final : public TapServant {
   explicit TapServer(std::shared_ptr<rpc::CallTap> tap) noexcept : tap_(std::move(tap)) {}
   ~TapServer() override;
 
-  /// @errors  as rt::Thread::start()
+  /// @errors  those of rt::Thread::start()
   [[nodiscard]] expected<void, SetupError> start();
 
   void tap(const TapRequest& request, rpc::TableWriter<TapBatch> items,

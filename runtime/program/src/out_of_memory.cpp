@@ -22,8 +22,8 @@ bool has_memory() noexcept {
   return little != nullptr;
 }
 
-// Runs on the thread that threw the exception, and also where throwing is impossible. There may be
-// no memory for a stream.
+// Runs on the thread that threw the exception, and must not throw itself. There may be no memory
+// for a stream.
 [[noreturn]] void say_if_out_of_memory() noexcept {
   const std::type_info* const thrown = abi::__cxa_current_exception_type();
   // There may have been no memory for the exception itself.

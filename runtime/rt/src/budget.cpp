@@ -99,7 +99,7 @@ RealtimeLimit realtime_limit() noexcept {
     const RealtimeLimit kernel =
         limit_in("/proc/sys/kernel/sched_rt_runtime_us", "/proc/sys/kernel/sched_rt_period_us");
     const auto group = limit_of_group();
-    // Without a runtime of its own, a group may not have real-time threads at all.
+    // A group without its own runtime may not have real-time threads at all.
     if (!group || group->runtime == Duration{0}) return kernel;
     return share_of(*group) < share_of(kernel) ? *group : kernel;
   }();

@@ -304,7 +304,7 @@ void CallRecorder::Impl::run() {
   note_losses();
 }
 
-// Receives the batches that the server sends until it has read its rings once more.
+// Receives the batches that the server sends until it has read its rings again.
 void CallRecorder::Impl::take_rest() {
   const MonotonicTime end = rt::now() + kRestTime;
   while (true) {

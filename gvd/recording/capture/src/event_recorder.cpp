@@ -36,7 +36,7 @@ void EventRecorder::record(const events::EventView& event, const events::EventDe
   const Key key{header.type, header.source};
   const MonotonicTime now = rt::now();
   const bool is_settled_now = is_settled(header, type);
-  // If the type already has a channel, an earlier event waited for the name in vain.
+  // If the type already has a channel, an earlier event waited for the name without success.
   const bool may_wait = !is_settled_now && !channels_.contains(key) &&
                         held_byte_count_ + cost_of(event.payload) <= kHeldByteMax;
   if (may_wait) return hold(event, now);

@@ -52,13 +52,13 @@ struct SummaryPlace {
                                                                         const SummaryPlace& place);
 
 /// Finds the contents of a file: from its summary or, if that is incomplete, from the chunks.
-/// @errors   as FileReader::open()
+/// @errors   those of FileReader::open()
 [[nodiscard]] expected<Contents, SetupError> read_contents(const InputFile& file,
                                                            Incomplete incomplete,
                                                            const Progress& progress);
 
 /// The uncompressed records of a block.
-/// @errors   as unpack()
+/// @errors   those of unpack()
 [[nodiscard]] expected<std::vector<std::byte>, SetupError> load(const InputFile& file,
                                                                 const Block& block);
 

@@ -28,7 +28,7 @@ class ReplayedDevice final : public gvd::ClientView {
 
   /// Starts the device's server.
   /// @param stops  the emergency stops of the hosting program
-  /// @errors   as gvd::DeviceServer::create() and start()
+  /// @errors   those of gvd::DeviceServer::create() and start()
   [[nodiscard]] expected<void, SetupError> start(gvd::EmergencyStops& stops);
   /// The device's server, once started.
   [[nodiscard]] gvd::DeviceServer& server() noexcept { return *server_; }

@@ -26,7 +26,7 @@ struct EventStamp {
 [[nodiscard]] std::vector<const events::EventDescriptor*> device_event_types();
 
 /// Adds an event to the batch of `supplier`.
-/// @errors   as events::Supplier::add()
+/// @errors   those of events::Supplier::add()
 [[nodiscard]] expected<void, rpc::CallError> add_event(events::Supplier& supplier,
                                                        const EventStamp& stamp,
                                                        const driver::Sample& sample) noexcept;

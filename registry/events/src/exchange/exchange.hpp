@@ -68,7 +68,7 @@ class Exchange {
     }
   };
   /// @realtime set-up only; static, so that no lock is held meanwhile
-  /// @errors   as CompiledFilter::compile() and Gate::make()
+  /// @errors   those of CompiledFilter::compile() and Gate::make()
   [[nodiscard]] static expected<Prepared, SetupError> prepare(const Filter& filter,
                                                               const DeliveryPolicy& policy,
                                                               const DescriptorSource& types,
@@ -97,7 +97,7 @@ class Exchange {
   [[nodiscard]] expected<void, OfferError> offer(const EventView& event,
                                                  MonotonicTime now) noexcept;
   /// Offers an event from the hub itself, with a type above kEventTypeMax.
-  /// @errors   as offer()
+  /// @errors   those of offer()
   [[nodiscard]] expected<void, OfferError> publish(const EventView& event,
                                                    MonotonicTime now) noexcept;
   /// Runs the timeouts that are due.

@@ -15,7 +15,7 @@
 namespace rtpm::events {
 
 /// Whether the caller has `role` on all events.
-/// @realtime as Caller::role_on(), once; the functions below, at most three times per event or
+/// @realtime like Caller::role_on(), once; the functions below, at most three times per event or
 ///           match
 [[nodiscard]] bool may_use_all(const rpc::Caller* caller, Role role) noexcept;
 /// Whether the caller has `role` on all events of a type.

@@ -21,7 +21,7 @@ class MulticastOutlet final : public Broadcaster {
  public:
   /// Opens the sender, for payloads of up to `payload_size_max` and `subscription_count_max`
   /// subscriptions.
-  /// @errors   as transport::MulticastSender::open()
+  /// @errors   those of transport::MulticastSender::open()
   [[nodiscard]] static expected<std::unique_ptr<MulticastOutlet>, SetupError> make(
       const MulticastConfig& config, std::uint32_t payload_size_max,
       std::uint32_t subscription_count_max);

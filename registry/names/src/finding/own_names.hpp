@@ -23,7 +23,7 @@ class OwnNames {
   /// not have that address.
   /// @param security  the clients that it accepts; used if the service does not exist yet
   /// @realtime set-up only
-  /// @errors   as rpc::Server::create() and discovery::Announcement::create()
+  /// @errors   those of rpc::Server::create() and discovery::Announcement::create()
   [[nodiscard]] static expected<std::shared_ptr<OwnNames>, SetupError> at_host_of(
       const discovery::Scope& scope, const std::string& url, const rpc::ServerSecurity& security);
 

@@ -10,7 +10,7 @@ namespace rtpm::names {
 /// Whether names may move to the name service found at `url`, and be taken from it if another
 /// service has them, too: a service at a loopback address may belong to another user.
 /// @realtime set-up only
-/// @errors   as rpc::check_local_server()
+/// @errors   those of rpc::check_local_server()
 [[nodiscard]] expected<void, SetupError> check_service(rpc::Node& node, const std::string& url);
 
 }  // namespace rtpm::names

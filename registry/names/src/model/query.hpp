@@ -43,7 +43,7 @@ struct QueryError {
 
 /// Returns at most `count_max` records that `caller` may_see(); `random` provides the order for the
 /// preference "random".
-/// @errors   as parse_predicate()
+/// @errors   those of parse_predicate()
 [[nodiscard]] expected<Found, QueryError> find(const InterfaceIndex& index, const QueryTexts& texts,
                                                std::size_t count_max, std::uint64_t random,
                                                const rpc::Caller* caller = nullptr);

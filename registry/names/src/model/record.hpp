@@ -18,7 +18,7 @@ struct Record {
   MonotonicTime expires{};  ///< When its lease ends, unless renewed.
   /// A number that changes with the holder of the name.
   std::uint64_t revision = 0;
-  MonotonicTime bound{};   ///< When the current start of its owner bound it.
+  MonotonicTime bound{};   ///< When it was bound by its owner's current run.
   std::uint64_t host = 0;  ///< See Claim::host.
   std::vector<Property> properties{};
   /// Revision of the last change other than a renewal; shares its numbering with the holders'

@@ -9,7 +9,7 @@ namespace rtpm::names {
 
 struct Record;
 
-/// One change of a name: the former and the new record; null if not bound.
+/// One change of a name: the previous and the new record; null if not bound.
 struct LoggedChange {
   std::uint64_t revision = 0;
   std::shared_ptr<const Record> before{};

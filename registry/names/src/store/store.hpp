@@ -86,8 +86,8 @@ class Store {
   }
   /// Binds like bind(), but takes the name from another owner if the claim names its revision or
   /// allows any takeover. An older start of the same owner still gets kStaleEpoch.
-  /// @errors   as bind(), with kAlreadyBound if the claim allows no takeover · kStaleRevision with
-  ///           the holder
+  /// @errors   those of bind(), with kAlreadyBound if the claim allows no takeover · kStaleRevision
+  ///           with the holder
   [[nodiscard]] expected<Bound, Refusal> rebind(const Claim& claim, MonotonicTime now,
                                                 MonotonicTime deadline = kNever) {
     return bind(claim, /*replaces=*/true, now, deadline);
@@ -99,7 +99,7 @@ class Store {
                                               MonotonicTime now, MonotonicTime deadline = kNever);
   /// Unbinds the name, for its owner or a later start of it; with `holder_revision`, for any
   /// caller, if it matches the holder. Removes the record of a lapsed name.
-  /// @errors   as renew() without a lease · kStaleRevision
+  /// @errors   those of renew() without a lease · kStaleRevision
   [[nodiscard]] expected<void, Refusal> unbind(std::string_view name, Owner owner,
                                                MonotonicTime now, std::uint64_t holder_revision = 0,
                                                MonotonicTime deadline = kNever);

@@ -112,7 +112,7 @@ class Binding::Impl {
   /// @realtime alloc-free; one syscall for the first failure of an outage
   CallError note_failure(CallError error) noexcept;
   /// Asks the rebinder to resolve the name.
-  /// @realtime as note_failure()
+  /// @realtime like note_failure()
   void ask_for_name() noexcept;
 
   Node& node_;

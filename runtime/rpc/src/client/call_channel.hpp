@@ -54,13 +54,13 @@ class CallChannel {
   CallChannel(const CallChannel&) = delete;
   CallChannel& operator=(const CallChannel&) = delete;
 
-  /// Takes the channel for the caller; true if it was free.
+  /// Reserves the channel for the caller; returns true if it was free.
   [[nodiscard]] bool try_take() noexcept {
     return !is_taken_.exchange(true, std::memory_order_acquire);
   }
   void release() noexcept { is_taken_.store(false, std::memory_order_release); }
 
-  /// Whether its session, as of the last handshake, serves the priority.
+  /// Whether its session serves the priority, according to the last handshake.
   [[nodiscard]] bool serves(Priority priority) const noexcept;
   /// True before the first handshake tells which band it serves.
   [[nodiscard]] bool is_new() const noexcept {

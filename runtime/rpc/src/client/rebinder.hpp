@@ -50,7 +50,7 @@ class Rebinder {
   void wake() noexcept { bell_.post(); }
   /// Implements Node::look_again().
   void look_again(std::string_view name) noexcept;
-  /// Replaces the resolver, null for none, and waits until the former one is no longer in use.
+  /// Replaces the resolver (null for none) and waits until the previous one is no longer in use.
   void use(Resolver* resolver) noexcept;
   [[nodiscard]] Resolver* resolver() const noexcept {
     return resolver_.load(std::memory_order_acquire);

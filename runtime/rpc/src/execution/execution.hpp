@@ -51,7 +51,7 @@ class Execution {
   /// Starts the threads.
   /// @realtime set-up only
   /// @param keeper  keeps the CPU awake during their pauses; null if it may sleep
-  /// @errors  as rt::Thread::start()
+  /// @errors  those of rt::Thread::start()
   [[nodiscard]] expected<void, SetupError> start(rt::RealtimeMode realtime, rt::CpuKeeper* keeper);
   /// Waits until the threads have ended. Call after the lane's stop.
   virtual void join() noexcept = 0;

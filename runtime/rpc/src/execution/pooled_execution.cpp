@@ -142,7 +142,7 @@ BorrowedThread PooledExecution::borrow() noexcept {
   return best;
 }
 
-// The most urgent higher lane that asked for a thread in vain, or null.
+// The most urgent higher lane that asked for a thread without success, or null.
 PooledExecution* PooledExecution::next_borrower() noexcept {
   const auto number = pool_.take_borrower();
   if (!number) return nullptr;

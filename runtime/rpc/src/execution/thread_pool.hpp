@@ -110,12 +110,12 @@ class ThreadPool final : public transport::WaitLock {
 
   /// Rests without the lock until woken; false if a dynamic thread was not woken within `patience`.
   [[nodiscard]] bool rest(Worker& worker, Duration patience) noexcept;
-  /// Lets an idle thread run a call of a higher lane. A request in vain is remembered per borrower,
-  /// for take_borrower().
+  /// Lets an idle thread run a call of a higher lane. An unsuccessful request is remembered per
+  /// borrower, for take_borrower().
   /// @threads  any, without the lock; never waits for it, so a busy leader of this lane does not
   ///           delay the higher lane
   [[nodiscard]] BorrowedThread lend(const BorrowRequest& request) noexcept;
-  /// Returns the most urgent lane that asked in vain, once; nullopt if there is none.
+  /// Returns the most urgent lane that asked without success, once; nullopt if there is none.
   [[nodiscard]] std::optional<std::uint32_t> take_borrower() noexcept;
   /// Announces that a lent thread is about to return, so that calls may wait for it.
   /// @threads  any
@@ -175,8 +175,9 @@ class ThreadPool final : public transport::WaitLock {
   std::vector<Worker*> called_;                   ///< Woken, but not yet holding the lock.
   /// Size of resting_ and called_, for lend() without the lock.
   std::atomic<std::uint32_t> spare_count_{0};
-  std::atomic<std::uint64_t> borrowers_{0};  ///< Lanes that asked in vain, one bit per lane number.
-  std::vector<Waiting> queue_;               ///< A heap. Sized once.
+  /// Lanes that asked without success, one bit per lane number.
+  std::atomic<std::uint64_t> borrowers_{0};
+  std::vector<Waiting> queue_;  ///< A heap. Sized once.
   std::uint64_t serial_ = 0;
   std::size_t queued_bytes_ = 0;
   std::uint32_t buffered_request_max_;

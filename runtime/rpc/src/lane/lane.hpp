@@ -64,7 +64,7 @@ class Lane final : public DutyCycle, public LocalHost {
   [[nodiscard]] DispatchResult run_nested(const LocalChannel& channel) noexcept override {
     return dispatch_.run_nested(channel, report_);
   }
-  /// Only in a secured server.
+  /// Call this only in a secured server.
   [[nodiscard]] GatekeeperLink& gatekeeper_link() noexcept { return media_.seals()->link(); }
   /// The threads that a higher lane may borrow; null if the lane has only one.
   [[nodiscard]] PooledExecution* thread_pool() const noexcept { return thread_pool_; }

@@ -160,7 +160,7 @@ class LocalGate {
   [[nodiscard]] bool is_closed() const noexcept {
     return is_closed_.load(std::memory_order_relaxed);
   }
-  /// Only for comparison, or for use on the lane's own thread.
+  /// Use it only for comparison, or on the lane's own thread.
   [[nodiscard]] LocalHost& host() const noexcept { return host_; }
 
  private:

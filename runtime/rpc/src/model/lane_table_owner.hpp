@@ -15,7 +15,7 @@ namespace rtpm::rpc {
 /// Creates a table with a slot for each lane of `config` at `hosts`. Tools ignore it until
 /// open_to_readers().
 /// @realtime set-up only
-/// @errors   as rt::PublicMemory::create()
+/// @errors   those of rt::PublicMemory::create()
 [[nodiscard]] expected<rt::PublicMemory, SetupError> make_lane_table(const ServerConfig& config,
                                                                      std::string_view hosts,
                                                                      std::uint16_t port,

@@ -103,7 +103,7 @@ class AuditLog {
 
   /// @param file     empty for no file
   /// @param control  must outlive the log
-  /// @errors   as LogFile::open()
+  /// @errors   those of LogFile::open()
   [[nodiscard]] static expected<std::unique_ptr<AuditLog>, SetupError> open(
       const std::string& file, const AccessControl& control);
   AuditLog(const AuditLog&) = delete;

@@ -20,7 +20,7 @@ namespace rtpm::rpc {
 /// Reads a server's key, or creates it at the first start.
 /// @param file   if empty, the one in access::key_folder()
 /// @realtime set-up only
-/// @errors   as access::read_key() and make_key(); no memory
+/// @errors   those of access::read_key() and make_key(); no memory
 [[nodiscard]] expected<Secret<sealed::ServerIdentity>, SetupError> open_identity(
     const std::string& file);
 

@@ -76,7 +76,7 @@ class LaneRights {
   /// Notes the result of a method, if its role is audited; nullopt if it answers later.
   void note_run(const Target& target, const wire::Request& request,
                 std::optional<wire::Status> status) noexcept;
-  /// Notes the end of sessions that are gone. Checks some per call, in rotation.
+  /// Records the end of sessions that are gone. Each call checks some sessions, in rotation.
   void sweep() noexcept;
 
  private:

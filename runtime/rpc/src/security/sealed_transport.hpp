@@ -23,14 +23,14 @@ open_plain_transport(const ServerAddress& address, NodeKeys& keys, Priority prio
 /// them as they arrive, and handles handshakes; its channel sees a plain session. In the child of a
 /// fork it fails, and leaves the parent's sessions alone.
 /// @threads  one at a time
-/// @realtime as the inner transport, plus 1 µs per frame; allocates when opened and in renew(). A
+/// @realtime like the inner transport, plus 1 µs per frame; allocates when opened and in renew(). A
 ///           handshake takes 200 µs on the thread that sends or receives: when a session opens,
 ///           after an unsealed hint, and once a day for new keys
 class SealedTransport final : public transport::ClientTransport {
  public:
   /// @param address  of a server with a key; must outlive this
   /// @realtime set-up only
-  /// @errors   as the inner transport; this program has no key; no memory for keys
+  /// @errors   those of the inner transport; this program has no key; no memory for keys
   [[nodiscard]] static expected<std::unique_ptr<SealedTransport>, SetupError> open(
       const ServerAddress& address, NodeKeys& keys, Priority priority, MonotonicTime deadline);
 

@@ -28,7 +28,7 @@ struct ServerAddress {
   std::uint16_t port = 0;
   Transport transport = Transport::kUdp;  ///< Not kAuto.
   std::string memory_folder{};            ///< The sockets' folder; empty for abstract names.
-  /// Only for a known server over UDP or TCP: its sessions are always sealed.
+  /// Set only for a known server over UDP or TCP, whose sessions are always sealed.
   std::optional<crypto::PublicKey> key{};
   friend auto operator<=>(const ServerAddress&, const ServerAddress&) = default;
 };

@@ -14,7 +14,7 @@
 namespace rtpm::rpc {
 
 /// The tap of all lanes of a server.
-/// @threads  as CallTap; add() and close(): the server
+/// @threads  like CallTap; add() and close(): the server
 /// @realtime none
 class ServerTap final : public CallTap {
  public:

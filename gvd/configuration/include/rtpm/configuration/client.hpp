@@ -72,7 +72,7 @@ struct ConfigurationClientOptions {
 class ConfigurationClient {
  public:
   /// Binds the configuration of `device`, a name or a URL.
-  /// @errors   as rpc::Binding::bind()
+  /// @errors   those of rpc::Binding::bind()
   [[nodiscard]] static expected<ConfigurationClient, SetupError> open(
       rpc::Node& node, std::string_view device, const ConfigurationClientOptions& options = {});
   ConfigurationClient(ConfigurationClient&&) noexcept;
@@ -91,7 +91,7 @@ class ConfigurationClient {
   [[nodiscard]] expected<RevisedSettings, ConfigurationError> apply(
       std::uint64_t revision, const std::vector<driver::ParameterSetting>& settings);
   /// Resets the named parameters to their defaults; without names, all that may change.
-  /// @errors   as apply()
+  /// @errors   those of apply()
   [[nodiscard]] expected<RevisedSettings, ConfigurationError> reset(
       std::uint64_t revision, const std::vector<std::string>& names = {});
   /// Saves the values for the server's next start with this model and serial number.
@@ -110,8 +110,8 @@ class ConfigurationClient {
   [[nodiscard]] expected<CalibrationStatus, ConfigurationError> answer(
       const CalibrationStatus& status, std::string_view text);
   /// Applies the result of a run.
-  /// @errors   kNoSuchRun · kNoResult · as apply(); kStaleRevision: parameters have changed since
-  ///           its start
+  /// @errors   kNoSuchRun · kNoResult · those of apply(); kStaleRevision: parameters have changed
+  ///           since its start
   [[nodiscard]] expected<CalibrationStatus, ConfigurationError> keep(std::uint64_t run);
   /// Cancels a run or discards its result; nothing changes.
   /// @errors   kNoSuchRun

@@ -74,7 +74,7 @@ class SafetyFilter {
   /// lower limits at the permitted rate.
   void configure(const SafetyConfig& config) noexcept { config_ = config; }
 
-  /// The filter's faults as of the last step.
+  /// The filter's faults after the last step.
   [[nodiscard]] driver::Faults faults() const noexcept { return faults_; }
   [[nodiscard]] const SafetyCounters& counters() const noexcept { return counters_; }
   /// Whether the last step had a live command.

@@ -27,7 +27,8 @@ namespace rtpm::gvd {
 /// Configures a client.
 struct DeviceClientOptions {
   rpc::BindOptions bind{};
-  /// How long a command lasts without a newer one: ten cycles of a 1 kHz loop bridge a hiccup.
+  /// How long a command lasts without a newer one: ten cycles of a 1 kHz loop, to bridge a short
+  /// delay.
   Duration hold = std::chrono::milliseconds{10};
   /// How long open() waits for a device that does not exist yet.
   Duration patience{0};
@@ -63,7 +64,7 @@ class DeviceClient {
   /// Binds `device`, a name or a URL, and reads its descriptor. Retries failures for
   /// `options.patience`, except another interface or a missing right.
   /// @realtime set-up only
-  /// @errors   as rpc::Binding::bind(); the device does not answer
+  /// @errors   those of rpc::Binding::bind(); the device does not answer
   [[nodiscard]] static expected<DeviceClient, SetupError> open(
       rpc::Node& node, std::string_view device, const DeviceClientOptions& options = {});
   DeviceClient(DeviceClient&&) noexcept;
@@ -83,14 +84,14 @@ class DeviceClient {
   [[nodiscard]] Priority operator_priority() const noexcept;
 
   /// The device's newest sample.
-  /// @realtime as rpc::Binding::call()
+  /// @realtime like rpc::Binding::call()
   /// @errors   kNoSample · kCallFailed
   [[nodiscard]] expected<driver::Sample, DeviceError> read(
       const rpc::CallOptions& options = {}) noexcept;
   /// Sets the force, in newton in the device's frame, until the next command or the end of `hold`.
   /// Outputs do not change.
-  /// @realtime as rpc::Binding::call()
-  /// @errors   as set()
+  /// @realtime like rpc::Binding::call()
+  /// @errors   those of set()
   [[nodiscard]] DeviceResult set_force(const driver::Vector3& force_newton,
                                        const rpc::CallOptions& options = {}) noexcept;
   /// Sets force and torque, like set_force().
@@ -102,14 +103,14 @@ class DeviceClient {
   /// safe values. CommandMode::kOutputs leaves force and motion unchanged, and the force and motion
   /// modes leave the outputs unchanged, so one thread can command a force and another one a
   /// vibration.
-  /// @realtime as rpc::Binding::call()
+  /// @realtime like rpc::Binding::call()
   /// @errors   kNotHolder · kNotActive · kWrongMode · kSuperseded · kNotFinite · kTooMany ·
   ///           kEmergencyStop · kCallFailed
   [[nodiscard]] DeviceResult set(const driver::Setpoint& setpoint,
                                  const rpc::CallOptions& options = {}) noexcept;
 
   /// Makes the device's own loop render `models`, at most ModelList::kCountMax, from its next cycle
-  /// on; they replace the former ones. Their force is added to the commands' and passes the same
+  /// on; they replace the previous ones. Their force is added to the commands' and passes the same
   /// limits. It needs the lease, but no command and no link. It ends with the lease, by the ramp:
   /// if this client falls silent, after LeaseConfig::silence_max (1 s), not after `hold`. To keep
   /// the lease, call set_models() again, or command; renew() alone keeps it for 10 s. A lost
@@ -117,7 +118,7 @@ class DeviceClient {
   /// removes them.
   /// @realtime set-up only
   /// @errors   kNotHolder · kNotActive · kOutOfRange · kSuperseded · kTooMany · kEmergencyStop ·
-  ///           kCallFailed; the former models stay
+  ///           kCallFailed; the previous models stay in force
   [[nodiscard]] expected<void, ModelsError> set_models(std::span<const Model> models);
 
   /// The cycles around the device's newest fault; its number is 0 if there was none. Times are on
@@ -134,7 +135,7 @@ class DeviceClient {
   /// Acquires the lease again after a call failed with kNotHolder, like acquire(), but not if an
   /// operator took it over: then only acquire() asks for it. Does nothing while the lease is held.
   /// @realtime set-up only
-  /// @errors   kNotHolder: an operator took it over · as acquire()
+  /// @errors   kNotHolder: an operator took it over · those of acquire()
   [[nodiscard]] DeviceResult reacquire(Duration patience = std::chrono::seconds{2});
   /// Takes the lease from its holder, with operator_priority() or `priority`. The former holder's
   /// calls fail with kNotHolder, and its force goes to zero before this client's commands apply.

@@ -57,7 +57,7 @@ class DeviceEventHandler {
 class DeviceConsumer {
  public:
   /// @realtime set-up only
-  /// @errors   as events::Consumer::create(): no hub answers, or it refuses the filter
+  /// @errors   those of events::Consumer::create(): no hub answers, or it refuses the filter
   [[nodiscard]] static expected<DeviceConsumer, SetupError> start(rpc::Node& node,
                                                                   DeviceConsumerConfig config,
                                                                   DeviceEventHandler& handler);

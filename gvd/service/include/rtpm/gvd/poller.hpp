@@ -41,7 +41,7 @@ class DevicePoller {
  public:
   /// Binds `device`, a name or a URL, and starts.
   /// @realtime set-up only
-  /// @errors   as rpc::Binding::bind(); a rate out of range; missing real-time rights with
+  /// @errors   those of rpc::Binding::bind(); a rate out of range; missing real-time rights with
   ///           RealtimeMode::kRequire
   [[nodiscard]] static expected<DevicePoller, SetupError> start(rpc::Node& node,
                                                                 std::string_view device,

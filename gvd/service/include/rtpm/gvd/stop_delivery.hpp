@@ -56,7 +56,7 @@ struct StopDeliveryConfig {
 };
 
 /// Stops devices from outside: directly at their servers and through every hub, at the same time.
-/// Tries every server that a name leads to in any name service of the scope, or led to until its
+/// Tries every server to which a name leads in any name service of the scope, or led until its
 /// lease ended, and the servers where a device was seen before. So neither a duplicate name nor a
 /// server, registry or hub that hangs prevents the stop of other devices. The stop of a device that
 /// could not be reached stays pending, even when its name expires, until retry() delivers it or the
@@ -76,13 +76,13 @@ class StopDelivery {
   /// Forgets the remembered targets and the pending stop of a device.
   void dismiss(std::string_view device);
 
-  /// Stops `device`, a name or a URL, and the further devices of `scope`. An empty `device` stops
-  /// every device, whatever `scope`. Blocks at most for StopDeliveryConfig::patience.
+  /// Stops `device`, a name or a URL, and the other devices in `scope`. An empty `device` stops
+  /// every device, regardless of `scope`. Blocks for at most StopDeliveryConfig::patience.
   [[nodiscard]] StopReport stop(std::string_view device = {}, StopScope scope = StopScope::kDevice);
 
-  /// Tries to deliver the pending stops, at the servers where the devices were and at those that
-  /// the names lead to now. Gives up a server whose address has no listener, once another server of
-  /// the device was stopped.
+  /// Tries to deliver the pending stops to the servers where the devices were last seen and to
+  /// those where their names lead now. Gives up on a server whose address has no listener once
+  /// another server has stopped the device.
   /// @return the targets that it tried
   [[nodiscard]] StopReport retry();
   /// The targets with a pending stop.

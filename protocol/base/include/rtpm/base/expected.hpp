@@ -20,7 +20,7 @@ unexpected(E) -> unexpected<E>;
 /// A value or an error: the part of C++23's std::expected that RTPM uses, for C++20. Reading the
 /// wrong side is a bug and aborts; nothing throws.
 /// @ownership holds its value or error in place
-/// @threads  as any plain value
+/// @threads  like any plain value
 /// @realtime alloc-free if T and E are
 template <class T, class E>
 class [[nodiscard]] expected {

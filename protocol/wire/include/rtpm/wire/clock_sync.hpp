@@ -18,7 +18,7 @@ struct ClockProbe {
 
 /// An estimate of the peer's clock.
 struct PeerClock {
-  Duration offset{};       ///< The peer's clock minus this one, now.
+  Duration offset{};       ///< The current difference: the peer's clock minus this one.
   Duration uncertainty{};  ///< The true offset is within this of `offset`.
   double drift_ppm = 0;    ///< How much faster the peer's clock runs; 0 until known.
 };

@@ -52,8 +52,9 @@ class LargeMessages {
   [[nodiscard]] bool may_lack() const noexcept {
     return held_count_ >= share_of_one_host(capacity());
   }
-  /// Finds a buffer for a message of that host: a free one, or the one silent for longest; only one
-  /// of its own once the host has used up its quota (hp-5.6-11). kNone if there is none.
+  /// Finds a buffer for a message of that host: a free one, or the one silent for longest; once the
+  /// host has used up its quota, only one of that host's buffers (hp-5.6-11). kNone if there is
+  /// none.
   [[nodiscard]] std::uint16_t find(const PeerAddress& peer, MonotonicTime now) const noexcept;
   /// When, after `now`, the next message may be evicted.
   [[nodiscard]] MonotonicTime next_idle_time(MonotonicTime now) const noexcept;
@@ -94,7 +95,7 @@ class LargeMessages {
   [[nodiscard]] MutableBytes reserve(std::uint16_t index) const noexcept {
     return buffers_[index].memory;
   }
-  /// Makes a reserved buffer the scratch, and frees the former scratch.
+  /// Makes a reserved buffer the scratch, and frees the previous scratch.
   void put_in_place_of_scratch(MutableBytes reserved) noexcept;
   /// Turns the scratch into the reply that `header` describes; the buffer `next`, which was taken
   /// for it, becomes the new scratch.

@@ -35,7 +35,7 @@ struct AnswerCounts {
 class Announcement {
  public:
   /// @realtime set-up only
-  /// @errors   as FolderSocket::create(), LanSocket::open(), multicast_interfaces()
+  /// @errors   those of FolderSocket::create(), LanSocket::open(), multicast_interfaces()
   [[nodiscard]] static expected<std::unique_ptr<Announcement>, SetupError> create(
       const Scope& scope, AnnouncedService service);
   Announcement(const Announcement&) = delete;

@@ -121,7 +121,7 @@ class Consumer {
   /// Replaces filter and policy without losing an event: each event is judged by either the old or
   /// the new ones.
   /// @realtime set-up only
-  /// @errors   as create(); nothing has changed then
+  /// @errors   those of create(); nothing has changed then
   [[nodiscard]] expected<void, SetupError> change(const Filter& filter,
                                                   const DeliveryPolicy& delivery);
   /// Stops delivery until resume(); missed events are counted.

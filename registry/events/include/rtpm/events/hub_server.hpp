@@ -43,7 +43,7 @@ struct HubServerConfig {
 class HubServer {
  public:
   /// @realtime set-up only; blocks
-  /// @errors   as Hub::create(), rpc::Server and names::Registration; nothing is served then
+  /// @errors   those of Hub::create(), rpc::Server and names::Registration; nothing is served then
   [[nodiscard]] static expected<std::unique_ptr<HubServer>, SetupError> create(
       rpc::Node& node, const HubServerConfig& config = {});
   HubServer(const HubServer&) = delete;
@@ -67,7 +67,7 @@ class HubServer {
 /// Binds `name` to the hub that the started `server` serves at kHubPath, for the lifetime of the
 /// result.
 /// @realtime set-up only; blocks
-/// @errors   as names::Registration::create()
+/// @errors   those of names::Registration::create()
 [[nodiscard]] expected<std::unique_ptr<names::Registration>, SetupError> register_hub(
     rpc::Node& node, const rpc::Server& server, const std::string& name = std::string(kHubPath),
     const std::string& registry = std::string(names::kThisHost));

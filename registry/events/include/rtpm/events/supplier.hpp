@@ -84,11 +84,11 @@ class Supplier {
   ///           with the next event
   [[nodiscard]] expected<void, rpc::CallError> push(const EventDraft& event) noexcept;
   /// Adds an event to the batch for the next flush(); a full batch is flushed automatically.
-  /// @realtime as push()
-  /// @errors   as push(); the event was not added and has no sequence number
+  /// @realtime like push()
+  /// @errors   those of push(); the event was not added and has no sequence number
   [[nodiscard]] expected<void, rpc::CallError> add(const EventDraft& event) noexcept;
   /// Pushes the batch in one frame.
-  /// @realtime as push()
+  /// @realtime like push()
   [[nodiscard]] expected<void, rpc::CallError> flush() noexcept;
 
   /// Delivery counters, across restarts of the hub.

@@ -26,7 +26,7 @@ class TypedSupplier {
 
   /// Binds the hub at `target`, a URL or a name.
   /// @realtime set-up only
-  /// @errors   as Supplier::create()
+  /// @errors   those of Supplier::create()
   [[nodiscard]] static expected<TypedSupplier, SetupError> create(rpc::Node& node,
                                                                   const std::string& target,
                                                                   SourceId source = 0,
@@ -43,8 +43,8 @@ class TypedSupplier {
       : supplier_(std::move(supplier)), source_(source) {}
 
   /// Pushes one event that happened at `origin`; nullopt means now.
-  /// @realtime as Supplier::push()
-  /// @errors   as Supplier::push()
+  /// @realtime like Supplier::push()
+  /// @errors   those of Supplier::push()
   [[nodiscard]] expected<void, rpc::CallError> push(
       const Payload& payload, std::optional<MonotonicTime> origin = {}) noexcept
       requires(Event::kIsStruct) {
@@ -56,8 +56,8 @@ class TypedSupplier {
     return supplier_->push(draft(rpc::table_bytes(finished), origin));
   }
   /// Adds one event to the batch for the next flush().
-  /// @realtime as Supplier::add()
-  /// @errors   as Supplier::add()
+  /// @realtime like Supplier::add()
+  /// @errors   those of Supplier::add()
   [[nodiscard]] expected<void, rpc::CallError> add(
       const Payload& payload, std::optional<MonotonicTime> origin = {}) noexcept
       requires(Event::kIsStruct) {
@@ -69,8 +69,8 @@ class TypedSupplier {
     return supplier_->add(draft(rpc::table_bytes(finished), origin));
   }
   /// Pushes the batch.
-  /// @realtime as Supplier::flush()
-  /// @errors   as Supplier::flush()
+  /// @realtime like Supplier::flush()
+  /// @errors   those of Supplier::flush()
   [[nodiscard]] expected<void, rpc::CallError> flush() noexcept { return supplier_->flush(); }
 
   /// The untyped supplier, for example for its counters.
@@ -113,7 +113,7 @@ class TypedConsumer {
   /// Subscribes to the hub at `target`, a URL or a name: all events of the type, or those that
   /// `config.filter` accepts.
   /// @realtime set-up only
-  /// @errors   as Consumer::create()
+  /// @errors   those of Consumer::create()
   [[nodiscard]] static expected<TypedConsumer, SetupError> create(rpc::Node& node,
                                                                   const std::string& target,
                                                                   OnEvent on_event,

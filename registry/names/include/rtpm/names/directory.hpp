@@ -131,12 +131,12 @@ class Directory {
                                                              MonotonicTime deadline = kNever);
   /// The entry of the name itself or, for a path below a bound name, of that bound name. Ends by
   /// `deadline`.
-  /// @errors   as url_of()
+  /// @errors   those of url_of()
   [[nodiscard]] expected<NameEntry, DirectoryError> entry_of(std::string_view name,
                                                              MonotonicTime deadline = kNever);
   /// Unbinds a name of this or an earlier start of the owner; with `holder_revision`, of that
   /// holder, whoever owns it.
-  /// @errors   as renew(); kStaleRevision
+  /// @errors   those of renew(); kStaleRevision
   [[nodiscard]] expected<void, DirectoryError> unbind(std::string_view name, Owner owner,
                                                       std::uint64_t holder_revision = 0);
   /// Lists like list(), and also reports whether the registry is out of date, even if nothing is
@@ -162,7 +162,7 @@ class Directory {
 /// The URL of a target: a URL, or a name that Directory looks up. The error for an unbound name
 /// lists similar names.
 /// @realtime set-up only
-/// @errors   as Directory::url_of()
+/// @errors   those of Directory::url_of()
 [[nodiscard]] expected<std::string, SetupError> url_of(rpc::Node& node, const std::string& where,
                                                        const std::string& target);
 

@@ -36,7 +36,7 @@ struct LapsedAnswer {
 [[nodiscard]] LapsedAnswer ask_for_lapsed(rpc::Node& node, const std::string& where,
                                           MonotonicTime deadline);
 /// Dismisses a lapsed name at its registry.
-/// @errors   as Directory::unbind(), also for a name that was bound again meanwhile
+/// @errors   those of Directory::unbind(), also for a name that was bound again meanwhile
 [[nodiscard]] expected<void, DirectoryError> dismiss(rpc::Node& node, const LapsedName& lapsed);
 
 }  // namespace rtpm::names

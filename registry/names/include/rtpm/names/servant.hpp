@@ -28,7 +28,7 @@ struct RegistryConfig {
 
 /// Creates a servant like make_servant(), with the names of a storage. Reports what the storage
 /// lost.
-/// @errors   as Storage::load()
+/// @errors   those of Storage::load()
 [[nodiscard]] expected<std::unique_ptr<rpc::Servant>, SetupError> make_registry(
     RegistryConfig config);
 

@@ -118,7 +118,7 @@ class Storage {
     virtual void unlock() = 0;
     /// Reports changes of any registry, ordered by revision.
     virtual void on_changes(std::vector<ReportedChange> changes) = 0;
-    /// Reports that changes were missed; `names` is the complete content as of `revision`.
+    /// Reports that changes were missed; `names` is the complete content at `revision`.
     /// `is_replaced`: the storage was restored or replaced, so reported revisions may be lost, and
     /// reused for other changes.
     virtual void on_restart(std::vector<StoredName> names, std::uint64_t revision,
@@ -159,15 +159,16 @@ class Storage {
   [[nodiscard]] virtual bool reports_changes() const noexcept { return false; }
 
   /// Stores a change completely or not at all. Returns its revision: `change.revision`, unless a
-  /// shared storage assigns its own, also to a stored revision that equals `change.revision`.
+  /// shared storage assigns its own revisions; a revision in `change.stored` that equals
+  /// `change.revision` is then replaced, too.
   /// @errors   kConflict: the registry has the earlier change; check the rules again
   [[nodiscard]] virtual expected<std::uint64_t, StorageError> commit(const StoredChange& change);
   /// Starts a new lease of a name; `change.stored` differs from the stored name only in that. If
   /// the registry ends leases, there is nothing to store.
-  /// @errors   as commit()
+  /// @errors   those of commit()
   [[nodiscard]] virtual expected<void, StorageError> renew(const StoredChange& change);
   /// Checks that `change` is still the name's last change; if 0, that the name is not bound.
-  /// @errors   as commit()
+  /// @errors   those of commit()
   [[nodiscard]] virtual expected<void, StorageError> confirm(std::string_view name,
                                                              std::uint64_t change,
                                                              MonotonicTime deadline);
@@ -180,7 +181,7 @@ class Storage {
 /// Binds permanent names in a storage that no registry has open, replacing existing ones. Stops at
 /// the first name that a registry would refuse.
 /// @return the number of names bound
-/// @errors   as Storage::load(); the storage is damaged; the rules or limits refuse a name
+/// @errors   those of Storage::load(); the storage is damaged; the rules or limits refuse a name
 [[nodiscard]] expected<std::size_t, SetupError> import_names(Storage& storage,
                                                              const std::vector<StoredName>& names,
                                                              const Limits& limits);

@@ -56,7 +56,7 @@ class Expression {
 /// An expression whose value is true or false.
 class Predicate {
  public:
-  /// @errors   as Expression::parse(); the expression is not a bool
+  /// @errors   those of Expression::parse(); the expression is not a bool
   [[nodiscard]] static expected<Predicate, TextError> parse(
       std::string_view text, const TypeOfProperty& type_of_property = {});
   /// Whether it is true. An undefined result is not true, and `not` leaves it undefined.

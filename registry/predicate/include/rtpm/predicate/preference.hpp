@@ -17,8 +17,9 @@ class Preference {
  public:
   /// Parses a text; an empty one is "first".
   /// @realtime set-up only
-  /// @errors   no such preference; as Expression::parse(), with offsets into `text`; min or max of
-  ///           an expression that is neither number nor text; `with` of one that is not a bool
+  /// @errors   no such preference; those of Expression::parse(), with offsets into `text`; min or
+  ///           max of an expression that is neither number nor text; `with` of one that is not a
+  ///           bool
   [[nodiscard]] static expected<Preference, TextError> parse(
       std::string_view text, const TypeOfProperty& type_of_property = {});
 

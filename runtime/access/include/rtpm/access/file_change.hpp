@@ -18,7 +18,7 @@ using FileChange = std::function<expected<std::string, SetupError>(const std::st
 /// content. Several programs may do so concurrently. Creates a missing file with mode 0600, and its
 /// folder with mode 0700; an existing file keeps its mode.
 /// @realtime set-up only: waits for the disk, and up to 5 s for another program that changes it
-/// @errors   as read_trusted_file(); the error of `change`; the system's error. The file is
+/// @errors   those of read_trusted_file(); the error of `change`; the system's error. The file is
 ///           unchanged
 [[nodiscard]] expected<void, SetupError> change_trusted_file(const std::string& path,
                                                              const FileChange& change);

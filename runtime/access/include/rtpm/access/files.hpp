@@ -23,7 +23,7 @@ inline constexpr std::string_view kKnownServersFile = "known_servers";
 
 /// Returns `given` or, if that is empty, the file of this name in key_folder().
 /// @realtime set-up only
-/// @errors   as key_folder()
+/// @errors   those of key_folder()
 [[nodiscard]] expected<std::string, SetupError> key_file_path(const std::string& given,
                                                               std::string_view name);
 

@@ -35,7 +35,7 @@ class RemoteObject {
   /// Calls `method`, one of dynamic().service() without a stream, with wire bytes; returns the
   /// reply's, or none for a oneway. Without a deadline in `options`, the method's applies.
   /// @threads  any, concurrently, unlike the other methods
-  /// @errors   as rpc::Binding::call()
+  /// @errors   those of rpc::Binding::call()
   [[nodiscard]] expected<std::vector<std::byte>, rpc::CallError> call_bytes(
       const schema::Method& method, ConstBytes request, const rpc::CallOptions& options);
 

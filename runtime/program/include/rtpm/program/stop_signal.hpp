@@ -12,7 +12,7 @@ namespace rtpm::program {
 /// background jobs.
 [[nodiscard]] std::vector<int> stop_signals();
 
-/// Whether a program goes on when it can't write to standard output any more.
+/// Whether a program continues when it can no longer write to standard output.
 enum class LostOutput : std::uint8_t {
   kGoesOn,       ///< It serves other programs.
   kRequestsEnd,  ///< Its output is its only purpose.

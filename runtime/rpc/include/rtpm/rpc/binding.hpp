@@ -126,7 +126,7 @@ struct FollowStatus {
 /// @ownership refers to its node, which must outlive it; by name, to the node's resolver, too.
 ///            Destruction waits for a rebind in progress, at most 1 s
 /// @threads  any, concurrently: each call takes its own call channel
-/// @realtime as each call says. Look-ups and rebinds run on "rtpm-rebind" only, never in a caller's
+/// @realtime see each call. Look-ups and rebinds run on "rtpm-rebind" only, never in a caller's
 ///           thread; the first call of an outage makes one extra syscall
 class Binding {
  public:
@@ -168,12 +168,12 @@ class Binding {
   ///
   /// A loss is reported as kMaybeLost, by the next send() of this binding or by check_oneways().
   ///
-  /// @realtime as call(); kSent makes an extra system call each millisecond; over shared memory,
+  /// @realtime like call(); kSent makes an extra system call each millisecond; over shared memory,
   ///           each 50 µs while the server has not read what was sent
-  /// @errors   as call(). After an error, a kSent oneway of one frame was not sent. kMaybeLost:
-  ///           earlier ones may not have arrived either, see lost_oneway_count() · kOverload: the
-  ///           host's buffer is full, or over kLocal ServerConfig::local_oneway_count_max oneways
-  ///           already wait or run: send less often
+  /// @errors   those of call(). After an error, a kSent oneway of one frame was not sent.
+  ///           kMaybeLost: earlier ones may not have arrived either, see lost_oneway_count() ·
+  ///           kOverload: the host's buffer is full, or over kLocal
+  ///           ServerConfig::local_oneway_count_max oneways already wait or run: send less often
   /// @source   spec/hprotocol.md#hp-5.8; CORBA's SyncScope
   [[nodiscard]] expected<void, CallError> send(const MethodDescriptor& method, ConstBytes request,
                                                wire::Delivery delivery,
@@ -194,14 +194,15 @@ class Binding {
 
   /// Sends a call and returns without waiting for its reply. Copies the request. Allocates the
   /// call's state once.
-  /// @errors   as call(), as far as known before the reply · kNoChannel: too many calls are open
+  /// @errors   those of call(), as far as known before the reply · kNoChannel: too many calls are
+  ///           open
   [[nodiscard]] expected<PendingReply, CallError> begin(const MethodDescriptor& method,
                                                         ConstBytes request,
                                                         const CallOptions& options = {});
 
   /// Calls a method that answers with a stream of items. Copies the request. Allocates the stream's
   /// state once.
-  /// @errors   as begin(); a method that returns no stream fails at the first item
+  /// @errors   those of begin(); a method that returns no stream fails at the first item
   /// @source   spec/hprotocol.md#hp-5.10
   [[nodiscard]] expected<ItemReader, CallError> open_stream(const MethodDescriptor& method,
                                                             ConstBytes request,
@@ -210,8 +211,8 @@ class Binding {
   /// Makes an empty call to the server itself. Shows that the path works in both directions at the
   /// call's priority, and estimates the server's clock offset from this and earlier pings on the
   /// channel. Without an estimate, the uncertainty is Duration::max().
-  /// @realtime as call()
-  /// @errors   as call()
+  /// @realtime like call()
+  /// @errors   those of call()
   /// @source   spec/hprotocol.md#hp-6.2
   [[nodiscard]] expected<wire::PeerClock, CallError> ping(const CallOptions& options = {}) noexcept;
 

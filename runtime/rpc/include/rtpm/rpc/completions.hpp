@@ -105,7 +105,7 @@ class CompletionThread {
  public:
   /// Starts the thread. Without a priority in `config` the thread is time-shared.
   /// @realtime set-up only
-  /// @errors   as rt::Thread::start()
+  /// @errors   those of rt::Thread::start()
   [[nodiscard]] static expected<std::unique_ptr<CompletionThread>, SetupError> start(
       const rt::ThreadConfig& config);
   CompletionThread(const CompletionThread&) = delete;

@@ -43,13 +43,13 @@ class UnfinishedCall {
   UnfinishedCall() noexcept = default;
   UnfinishedCall(UnfinishedCall&& other) noexcept { *this = std::move(other); }
   UnfinishedCall& operator=(UnfinishedCall&& other) noexcept;
-  /// Ends an unfinished call as failed, so that its caller does not wait in vain.
+  /// Ends an unfinished call as failed, so that its caller does not wait for nothing.
   ~UnfinishedCall();
 
   /// False once the call was ended, or moved from.
   [[nodiscard]] explicit operator bool() const noexcept { return call_ != nullptr; }
   /// False once the caller has cancelled, disconnected, or been told that the server stops. Further
-  /// work for the call is in vain.
+  /// work for the call is wasted.
   /// @threads  any
   /// @realtime alloc-free
   [[nodiscard]] bool is_awaited() const noexcept;
@@ -106,7 +106,7 @@ class ItemWriter : public UnfinishedCall {
   /// Queues an item for the caller. The item is copied; the lane sends it as soon as the caller
   /// accepts more. The queue holds 32 items, together at most ServerConfig::stream_byte_max bytes,
   /// or a single larger one.
-  /// @errors   as StreamError; the item was not queued. kTooLarge also above `size_max`
+  /// @errors   see StreamError; the item was not queued. kTooLarge also above `size_max`
   [[nodiscard]] expected<void, StreamError> write(
       ConstBytes item, std::uint32_t size_max = std::numeric_limits<std::uint32_t>::max()) noexcept;
   /// Ends the stream after the items written so far.

@@ -34,9 +34,9 @@ struct LaneSample {
   std::uint64_t cycle_count = 0;            ///< Frames received and handled.
   std::int64_t longest_cycle_ns = 0;        ///< The longest cycle.
   std::int64_t last_cycle_end_ns = 0;       ///< On CLOCK_MONOTONIC; 0 before the first.
-  std::uint64_t queued_count = 0;           ///< Calls that wait for a thread, now.
-  std::uint64_t open_call_count = 0;        ///< Deferred calls and streams, now.
-  std::uint64_t open_connection_count = 0;  ///< Over TCP and shared memory, now.
+  std::uint64_t queued_count = 0;           ///< Calls that are waiting for a thread.
+  std::uint64_t open_call_count = 0;        ///< Deferred calls and streams that are open.
+  std::uint64_t open_connection_count = 0;  ///< Open connections over TCP and shared memory.
   std::uint64_t pause_count = 0;            ///< Pauses to avoid throttling, see rt/budget.hpp.
 };
 

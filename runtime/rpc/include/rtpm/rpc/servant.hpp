@@ -68,7 +68,7 @@ class Servant {
   /// Generated code implements it. `request` and `reply` are aligned to 16 bytes, valid until it
   /// returns, and do not overlap.
   /// @threads  every lane that serves the object, so several concurrently
-  /// @realtime as the method's implementation; an exception is counted and answered as
+  /// @realtime like the method's implementation; an exception is counted and answered as
   ///           kServantFailed
   virtual DispatchResult dispatch(std::uint16_t method_id, ConstBytes request, MutableBytes reply,
                                   const CallContext& context) = 0;

@@ -144,7 +144,7 @@ struct ServedAddress {
   std::string interface {};  ///< "eth0"; empty if unknown.
 };
 
-/// Serves objects to callers over UDP, TCP and shared memory, each lane on a thread of its own.
+/// Serves objects to callers over UDP, TCP and shared memory, each lane on its own thread.
 /// @threads  create, add, start and stop from one thread; counters() and url() from any
 class Server {
  public:

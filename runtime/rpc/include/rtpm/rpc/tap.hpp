@@ -96,7 +96,7 @@ class CallTap {
   /// The next record, valid until the next call; nullopt while there is none.
   [[nodiscard]] virtual std::optional<TappedCall> next() noexcept = 0;
   [[nodiscard]] virtual TapLosses losses() noexcept = 0;
-  /// The paths of the server's objects, as of switch_on().
+  /// The paths of the objects that the server had at switch_on().
   [[nodiscard]] virtual const std::vector<std::string>& objects() const noexcept = 0;
 };
 

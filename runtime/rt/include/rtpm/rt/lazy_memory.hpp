@@ -9,7 +9,7 @@ namespace rtpm::rt {
 /// Memory that costs nothing until it is used: pages are allocated at their first touch, and kept.
 /// Holds large messages, to which a lane's real-time guarantees do not apply.
 /// @ownership unmaps on destruction
-/// @threads  as any memory. Set-up only; the first touch of a page faults
+/// @threads  like any memory. Set-up only; the first touch of a page faults
 class LazyMemory {
  public:
   LazyMemory() noexcept = default;

@@ -14,7 +14,7 @@ namespace rtpm::rt {
 /// read without its cooperation: it need not answer, or even run. It is an anonymous file that only
 /// this process holds, so nothing remains after the process ends in any way.
 /// @ownership unmaps on destruction; readers keep their mappings
-/// @threads  as any memory
+/// @threads  like any memory
 class PublicMemory {
  public:
   PublicMemory() noexcept = default;

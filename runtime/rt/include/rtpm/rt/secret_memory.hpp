@@ -10,7 +10,7 @@ namespace rtpm::rt {
 /// forked child; wiped on destruction. If the system refuses to lock it, the setup report shows
 /// that; everything else still holds.
 /// @ownership unmaps on destruction
-/// @threads   as any memory; set-up only
+/// @threads   like any memory; set-up only
 class SecretMemory {
  public:
   SecretMemory() noexcept = default;

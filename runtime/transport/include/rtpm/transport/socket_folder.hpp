@@ -74,7 +74,7 @@ inline constexpr std::size_t kFolderFileCountMax = 4096;
 
 /// Reads the folder, and removes the sockets of dead programs. A missing folder is empty.
 /// @realtime set-up only
-/// @errors   as FolderSocket::create()
+/// @errors   those of FolderSocket::create()
 [[nodiscard]] expected<FolderContent, SetupError> read_socket_folder(const std::string& folder);
 
 }  // namespace rtpm::transport

@@ -30,7 +30,7 @@ class DeviceRecorder {
   /// @errors   no such device; it does not answer
   [[nodiscard]] expected<void, SetupError> describe(const std::string& name);
   /// Calls describe(), then polls `rate_hz` times per second and records each new sample.
-  /// @errors   as describe(); a rate out of range, see gvd::DevicePollerConfig
+  /// @errors   those of describe(); a rate out of range, see gvd::DevicePollerConfig
   [[nodiscard]] expected<void, SetupError> poll(const std::string& name, double rate_hz);
   /// Stops polling.
   void stop() noexcept;

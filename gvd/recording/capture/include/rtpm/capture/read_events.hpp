@@ -38,7 +38,7 @@ struct RecordedEventOf {
 /// `<lab.rtpm.events.hpp>`, in order of time, until it returns false.
 /// @param query  if it names no channels, all channels of the type
 /// @errors   the file has no such event, or one of another version of the type's schema; a
-///           malformed message; as FileReader::read()
+///           malformed message; those of FileReader::read()
 /// @realtime never
 template <class Event, class Visit>
 [[nodiscard]] expected<void, SetupError> read_events(recording::FileReader& reader,

@@ -63,7 +63,7 @@ class Recorder {
   };
 
   /// @realtime set-up only
-  /// @errors   as FileWriter::create(); no thread could be started
+  /// @errors   those of FileWriter::create(); no thread could be started
   [[nodiscard]] static expected<std::unique_ptr<Recorder>, SetupError> create(
       const std::string& path, RecorderConfig config = {});
   Recorder(const Recorder&) = delete;
@@ -76,7 +76,7 @@ class Recorder {
   [[nodiscard]] expected<std::uint16_t, SetupError> add_schema(const Schema& schema);
   [[nodiscard]] expected<std::uint16_t, SetupError> add_channel(const Channel& channel);
   /// Writes metadata into the file, after the messages written so far.
-  /// @errors   as FileWriter's; possibly an earlier one
+  /// @errors   those of FileWriter's; possibly an earlier one
   [[nodiscard]] expected<void, SetupError> write(const Metadata& metadata);
   /// Maximum size of a message.
   [[nodiscard]] std::size_t message_byte_max() const noexcept;

@@ -45,8 +45,8 @@ inline constexpr const char* kRecoveryMetadata = "rtpm.recovery";
 /// Writes a new recording of the messages that `query` selects, with their channels, and all
 /// metadata and attachments. It gets its name once complete.
 /// @return   the number of messages in the new recording
-/// @errors   as FileReader::open() and read(); the new file exists, or cannot be written; it was
-///           stopped
+/// @errors   those of FileReader::open() and read(); the new file exists, or cannot be written; it
+///           was stopped
 /// @realtime never
 [[nodiscard]] expected<std::uint64_t, SetupError> cut(const std::string& from,
                                                       const std::string& to, const Query& query,

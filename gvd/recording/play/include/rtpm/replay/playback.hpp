@@ -24,7 +24,7 @@ class Turn {
   /// Waits until a message is due, to within a millisecond.
   /// @return   false if another command arrived meanwhile
   [[nodiscard]] bool reach(Duration at) const;
-  /// When the message is due by the pace; in steps, now.
+  /// When the message is due at this pace; when stepping, immediately.
   [[nodiscard]] MonotonicTime due(Duration at) const;
   /// Waits for `span`.
   /// @return   false if another command arrived meanwhile
@@ -53,7 +53,7 @@ class Script {
   /// @errors   reading further messages failed
   [[nodiscard]] virtual expected<void, SetupError> play(Duration from, const Turn& turn) = 0;
   /// Shows the state at a position after a jump.
-  /// @errors   as play()
+  /// @errors   those of play()
   [[nodiscard]] virtual expected<void, SetupError> show(Duration, const Turn&) { return {}; }
 };
 

@@ -75,9 +75,9 @@ inline constexpr Duration kPauseLeft = std::chrono::seconds{1};
 /// Reads the devices and events of a recording that rtpm::capture wrote. A message is played at its
 /// publish time, which is the origin's, even if it reached the recorder late.
 /// @realtime set-up only
-/// @errors   as recording::FileReader::open(), with the remedy for a truncated file · no device and
-///           no event · an unknown device or topic · one recorded with another version of its
-///           schema · more than kLoadByteMax · stopped
+/// @errors   those of recording::FileReader::open(), with the remedy for a truncated file · no
+///           device and no event · an unknown device or topic · one recorded with another version
+///           of its schema · more than kLoadByteMax · stopped
 [[nodiscard]] expected<Recorded, SetupError> load(const std::string& path,
                                                   const Selection& selection = {},
                                                   const recording::Progress& progress = {});
