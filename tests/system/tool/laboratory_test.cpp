@@ -340,12 +340,6 @@ TEST_F(Up, ChecksTheExitOfAProgramThatItStops) {
   }
 }
 
-TEST_F(Up, PassesTheFileOnToAProgramWithAConfiguration) {
-  const auto end = run_program(
-      "rtpm", {"up", file(shell("a", "echo \"$RTPM_CONFIG\"", "main = true\nconfig = {x = 1}\n"))});
-  expect_text(end.output, {"a | " + (folder_ / "cell.toml").string() + "#a\n"});
-}
-
 TEST_F(Up, PrintsASystemdUnit) {
   const auto end = run_program("rtpm", {"up", file("[variables]\nx = \"1\"\n" + shell("a", "true")),
                                         "--systemd", "--set", "x=100%"});

@@ -133,14 +133,6 @@ TEST_F(DeviceRecorderTest, EachNewSampleThatAPollFindsIsRecorded) {
   }
 }
 
-TEST_F(DeviceRecorderTest, AMissingDeviceIsNamed) {
-  DeviceRecorder devices(node_, *recorder_);
-  const auto described = devices.describe("rtpm://127.0.0.1:1/lab/lever");
-  ASSERT_FALSE(described);
-  EXPECT_NE(described.error().text().find("lab/lever"), std::string::npos);
-  EXPECT_FALSE(devices.poll("rtpm://127.0.0.1:1/lab/lever", 60));
-}
-
 TEST_F(DeviceRecorderTest, CommandsAreRecordedWithoutAllocationAndWithoutTheirLease) {
   auto commands = CommandRecorder::create(*recorder_, "lab/lever");
   ASSERT_TRUE(commands);

@@ -77,14 +77,6 @@ TEST(FalconPacket, RefusesEachByteOutOfItsRange) {
   }
 }
 
-TEST(FalconParser, PutsPacketsTogetherAndApart) {
-  PacketParser parser;
-  EXPECT_TRUE(first_counts(parser, kOne.substr(0, 5)).empty());
-  EXPECT_EQ(first_counts(parser, std::string(kOne.substr(5)) + std::string(kTwo)),
-            (std::vector<int>{1, 2}));
-  EXPECT_EQ(parser.corrupt_count(), 0u);
-}
-
 TEST(FalconParser, FindsTheNextPacketAfterAShortOne) {
   for (std::size_t size = 1; size < kPacketSize; ++size) {
     PacketParser parser;

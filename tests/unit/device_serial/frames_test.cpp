@@ -146,21 +146,6 @@ TEST(SerialFrames, AreDroppedWithAnyBitFlipped) {
   }
 }
 
-TEST(SerialFrames, ArePutTogetherAndApart) {
-  const Bytes hello = bytes(test::vectors::kHello);
-  const Bytes state = bytes(test::vectors::kState);
-  Bytes wire = hello;
-  wire.insert(wire.end(), 3, std::byte{0});
-  wire.insert(wire.end(), state.begin(), state.end());
-  FrameCutter glued;
-  EXPECT_EQ(push(glued, wire).frames.size(), 2u);
-  FrameCutter split;
-  std::size_t frame_count = 0;
-  for (const std::byte byte : wire)
-    frame_count += push(split, {&byte, 1}).frames.size();
-  EXPECT_EQ(frame_count, 2u);
-}
-
 TEST(SerialFrames, LoseAtMostTheNextOneWhenCutOff) {
   const Bytes state = bytes(test::vectors::kState);
   for (std::size_t size = 1; size < state.size() - 1; ++size) {

@@ -137,38 +137,6 @@ TEST_F(ConfigurationService, LetsOneOfManyWritersWinEachRevision) {
   EXPECT_GE(won.load(), kRounds);
 }
 
-TEST_F(ConfigurationService, SavedSettingsAreThereAfterARestart) {
-  ASSERT_TRUE(client_->apply(client_->list()->revision, {{"filter.on", false}}));
-  ASSERT_TRUE(client_->save());
-  EXPECT_FALSE(client_->list()->is_unsaved);
-  test::SampleDevice same;
-  const auto restarted = ConfigurationManager::create(same, {.settings_folder = folder_});
-  ASSERT_TRUE(restarted) << restarted.error().text();
-  EXPECT_EQ(same.values[0].value, driver::ParameterValue(false));
-  test::SampleDevice other;
-  other.described.serial = "t-2";
-  ASSERT_TRUE(ConfigurationManager::create(other, {.settings_folder = folder_}));
-  EXPECT_EQ(other.values[0].value, driver::ParameterValue(true)) << "another unit";
-}
-
-TEST_F(ConfigurationService, CalibratesByDialogue) {
-  const auto offered = client_->calibrations();
-  ASSERT_TRUE(offered);
-  ASSERT_EQ(offered->calibrations.size(), 1U);
-  EXPECT_EQ(offered->calibrations[0].name, "offset");
-  driver::Sample sample;
-  sample.lifecycle = driver::Lifecycle::kActive;
-  device_.sample = sample;  // Sequence 0: the device has sent no sample yet.
-  auto status = client_->calibrate("offset");
-  ASSERT_TRUE(status) << status.error().words.text();
-  EXPECT_EQ(client_->calibrate("offset").error().outcome, kBusy);
-  EXPECT_EQ(client_->keep(status->run).error().outcome, kNoResult);
-  const auto discarded = client_->discard(status->run);
-  ASSERT_TRUE(discarded);
-  EXPECT_EQ(discarded->phase, CalibrationPhase::kDiscarded);
-  EXPECT_EQ(client_->calibrations()->open_run, 0U);
-}
-
 TEST_F(ConfigurationService, FailsWithoutAServer) {
   server_->stop();
   const auto listed = client_->list();
