@@ -145,8 +145,8 @@ struct Options::Impl {
   /// Sets the variable; `origin` locates the text in messages, `source` in --dump-config.
   void set(Setting& setting, const Texts& texts, const std::string& origin,
            const std::string& source) {
-    if (!setting.read(texts))
-      fail(origin + " '" + program::joined(texts, ",") + "' is not " + setting.expected);
+    const std::string shown = setting.is_secret ? "" : " '" + program::joined(texts, ",") + "'";
+    if (!setting.read(texts)) fail(origin + shown + " is not " + setting.expected);
     setting.source = source;
   }
 
@@ -214,13 +214,11 @@ struct Options::Impl {
 
   [[nodiscard]] std::string help() {
     for (const Setting& setting : settings) {
-      const bool has_value = !setting.kind.empty() && !setting.is_secret;
-      const std::string now = has_value ? program::joined(setting.write(), ",") : "";
       CLI::Option& option = *setting.option;
-      if (setting.is_secret)
-        option.description(option.get_envname() + ": " + setting.help);
-      else
-        option.description(in_lines(setting.help + (now.empty() ? "" : " [" + now + "]")));
+      const std::string now = setting.kind.empty() ? "" : program::joined(setting.write(), ",");
+      option.description(in_lines(setting.is_secret ? option.get_envname() + ": " + setting.help
+                                  : now.empty()     ? setting.help
+                                                    : setting.help + " [" + now + "]"));
       option.envname("");
       if (option.get_group() == kFurther && !wants_all_help) option.group("");
     }

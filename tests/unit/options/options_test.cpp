@@ -302,6 +302,11 @@ TEST_F(Secret, ComesFromEnvironmentOrFileAndIsNeverPrinted) {
   EXPECT_EQ(out_.find("of-the-file"), out_.npos) << out_;
 }
 
+TEST_F(Secret, IsNotPrintedWhereItsTypeIsWrong) {
+  expect_file_error("password = ['hidden', 'too']\n", {":1:12: password is not a text"});
+  EXPECT_EQ(err_.find("hidden"), err_.npos) << err_;
+}
+
 TEST_F(Secret, IsRefusedAsAFlag) {
   for (const Arguments& arguments : {Arguments{"--password", "word"}, {"--password=word"}}) {
     expect_error(arguments, {"--password would show it", "RTPM_TEST_PASSWORD", "--config"});
