@@ -99,16 +99,6 @@ TEST(SimDriver, FollowsARecordedHand) {
   EXPECT_NEAR(samples[999].twist.linear_m_per_s.z, -0.02, 0.005);
 }
 
-TEST(SimDriver, ReportsTheFaultOfARecording) {
-  const std::string path = ::testing::TempDir() + "/rtpm_sim_driver_bad.csv";
-  std::ofstream(path) << "0,0,0,0\n1,0,0,0.5\n";
-  const auto sim = SimDriver::create({.hand_file = path});
-  ASSERT_FALSE(sim);
-  EXPECT_EQ(sim.error().text(), path +
-                                    ":2: z_m is 0.5, outside the arm's workspace of -0.1 to 0.1 " +
-                                    "m; positions are in metres.");
-}
-
 TEST(SimDriver, RefusesInvalidSettings) {
   SimConfig config;
   config.arm.mass_kg = 0;

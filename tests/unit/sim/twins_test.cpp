@@ -105,18 +105,6 @@ TEST(BiometricDriver, GivesTheSameForTheSameSeed) {
   EXPECT_NE(first.sample.analogs[2], other.sample.analogs[2]);
 }
 
-TEST(GazeDriver, MeasuresThroughItsOptics) {
-  Played<GazeDriver> tracker;
-  for (int i = 0; i < GazeDriver::kPointCount; ++i) {
-    tracker.driver.look_at(i);
-    tracker.run(1);
-    const Gaze gaze = gaze_of(tracker.sample.pose.orientation);
-    const Gaze point = GazeDriver::point(i);
-    EXPECT_NEAR(gaze.right_rad, 0.03 + 1.1 * point.right_rad, 1e-3);
-    EXPECT_NEAR(gaze.up_rad, -0.02 + 0.93 * point.up_rad, 1e-3);
-  }
-}
-
 TEST(GazeDriver, MovesTheGazeAndBlinks) {
   Played<GazeDriver> tracker;
   std::vector<double> seen;
