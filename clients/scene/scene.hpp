@@ -33,7 +33,7 @@ struct Scene {
   double face_m = 0;
 
   /// A lower bound of the distance to the surface, negative inside; 0 exactly on the surface.
-  /// Between two points it changes at most by their distance.
+  /// Between two points it changes by at most their distance.
   [[nodiscard]] double clearance_m(const driver::Vector3& point_m) const noexcept;
   /// The unit direction in which the clearance grows fastest; +z at the sphere's centre.
   [[nodiscard]] driver::Vector3 normal(const driver::Vector3& point_m) const noexcept;

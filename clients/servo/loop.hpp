@@ -60,7 +60,7 @@ struct LoopConfig {
   Duration delay{0};      ///< Artificial delay of each sample and each command.
   Duration period = std::chrono::milliseconds{1};
   Duration duration{0};               ///< If 0, until stop().
-  std::uint64_t cycle_count_max = 0;  ///< If 0, no limit.
+  std::uint64_t cycle_count_max = 0;  ///< 0 for no limit.
   Duration deadline = std::chrono::milliseconds{10};
   Duration patience = std::chrono::seconds{1};
   rt::ThreadConfig thread{.name = "servo"};

@@ -28,7 +28,7 @@ std::vector<events::Match> device_types(events::EventType first) {
   return matches;
 }
 
-/// At most 60 per second for each type and source.
+/// A delivery of at most 60 events per second for each type and source.
 events::DeliveryPolicy decimated() {
   events::DeliveryPolicy policy;
   policy.interval = kFrameInterval;

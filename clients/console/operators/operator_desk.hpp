@@ -44,8 +44,8 @@ class OperatorDesk {
   /// Renews the leases, removes those that have ended, and releases those whose browser has been
   /// absent for kGoneMax. Call it a few times per second.
   void renew(MonotonicTime now);
-  /// Notes that a browser that may command has connected. A reloaded page resumes the devices that
-  /// it operated.
+  /// Records that a browser which may command has connected. A reloaded page resumes the devices
+  /// that it operated.
   void on_open(std::uint64_t connection_id, MonotonicTime now);
   /// Notes that the browser is gone, which gives it kGoneMax to come back.
   /// @param since  when the connection ended or was last heard

@@ -10,7 +10,7 @@
 
 namespace rtpm::console {
 
-/// Why a connection is closed; numbers of RFC 6455.
+/// Why a connection is closed; the numbers are those of RFC 6455.
 enum class CloseCode : std::uint16_t {
   kGoingAway = 1001,
   kProtocolError = 1002,

@@ -25,7 +25,7 @@ inline constexpr std::size_t kObserverFrameSizeMax = std::size_t{64} << 10;
 
 struct WebConfig {
   std::string address = "127.0.0.1";
-  std::uint16_t port = 8765;  ///< If 0, any.
+  std::uint16_t port = 8765;  ///< 0 for any free port.
   std::filesystem::path page_folder{};
   std::string token{};
   bool is_read_only = false;

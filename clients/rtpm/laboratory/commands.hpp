@@ -21,8 +21,8 @@ void add_demo(CLI::App& program, Context& context);
                            const expected<laboratory::Plan, std::vector<SetupError>>& plan,
                            bool is_detached = false);
 
-/// Starts, watches and ends the programs of a laboratory, and displays that. On return none is
-/// running.
+/// Starts, watches and ends the programs of a laboratory, and displays their state. When it
+/// returns, no program is running.
 /// @param has_terminal  programs may use the terminal
 /// @param report  a descriptor that receives a byte once everything serves, or -1
 /// @return the exit code

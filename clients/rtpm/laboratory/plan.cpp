@@ -347,7 +347,7 @@ class PlanReader {
   const Words& folders_;
   Plan plan_{};
   std::vector<const toml::table*> tables_{};  ///< The table of each program.
-  /// In the order of the file, without duplicates.
+  /// Sorted like the file, without duplicates.
   std::map<std::tuple<toml::source_index, toml::source_index, std::string>, SetupError> mistakes_{};
 };
 

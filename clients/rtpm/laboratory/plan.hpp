@@ -20,12 +20,12 @@ using Variables = std::map<std::string, std::string>;
 enum class Output : std::uint8_t { kLines, kErrors, kEnd, kTerminal };
 
 /// A program of a laboratory, as described by its file. The program serves once it has printed its
-/// line and its URL and its names are bound, as far as required.
+/// line and its URL and its names are bound, as far as the file requires this.
 struct ProgramPlan {
   std::string name{};
   std::string path{};       ///< The path of the executable.
-  Words command{};          ///< For expanded().
-  Variables environment{};  ///< For expanded().
+  Words command{};          ///< May contain variables, see expanded().
+  Variables environment{};  ///< The values may contain variables, see expanded().
   Indices after{};          ///< Programs that must serve before this one starts.
   Indices uses{};           ///< The programs in `after` whose URL it uses.
   std::string ready_line{};

@@ -21,7 +21,7 @@ namespace {
 
 constexpr std::size_t kLineSizeMax = 4096;  // Longer lines are split.
 
-/// For exec, which does not modify the texts.
+/// The arguments for exec, which does not modify the texts.
 std::vector<char*> pointers_to(Words& texts) {
   std::vector<char*> pointers;
   for (std::string& text : texts)

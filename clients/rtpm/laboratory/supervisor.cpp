@@ -370,7 +370,7 @@ class Supervisor {
         request_stop(signal_text(static_cast<int>(signal.ssi_signo)));
   }
 
-  /// Checks whether a program's names are bound, so that it serves.
+  /// Checks whether a program's names are bound, which means that it is serving.
   void take_names(Program& program) {
     if (program.state != State::kStarting || program.plan.names.empty() || program.has_names)
       return;

@@ -17,8 +17,8 @@ using driver::ExchangeStatus;
 using driver::Fault;
 using driver::Lifecycle;
 
-/// The number of consecutive bad cycles after which the device's position counts as unknown, so
-/// that there is no force; the number of periods after which a sample is late.
+/// After more consecutive bad cycles than this, the device's position counts as unknown, and there
+/// is no force. After more periods than this, a sample is late.
 constexpr std::uint32_t kBlindCycleMax = 20;
 
 /// How long the models' force lasts if the device's thread stops: ten cycles at 1 kHz.
@@ -551,7 +551,7 @@ expected<void, DeviceOutcome> DeviceCycle::leave(std::atomic<std::uint64_t>& req
                                                  std::uint64_t lease, std::uint16_t what) noexcept {
   const Request left{what, emergency_.number()};
   std::uint64_t before = request.load(std::memory_order_acquire);
-  // Checks the lease again after every concurrent request: a preempted thread of a former holder
+  // Checks the lease again after every concurrent request: a preempted thread of a previous holder
   // must not replace the new holder's request.
   do {
     if (!lease_.use(lease)) return unexpected{DeviceOutcome::kNotHolder};

@@ -38,11 +38,11 @@ class Follow {
   void stop() noexcept;
   /// The registry that follows; null before start().
   [[nodiscard]] names::Storage::Follower* follower() const noexcept { return follower_; }
-  /// Waits until the change of `revision` is reported; false if not by `deadline`.
+  /// Waits until the change of `revision` is reported; false if `deadline` passes first.
   [[nodiscard]] bool wait_for(std::uint64_t revision, MonotonicTime deadline);
   /// Whether the change of `revision` was reported.
   [[nodiscard]] bool has_reported(std::uint64_t revision);
-  /// Everything stored before that time has been reported.
+  /// The time up to which all stored changes have been reported.
   [[nodiscard]] MonotonicTime current_as_of() const noexcept { return current_as_of_; }
   void set_current(MonotonicTime as_of) noexcept { current_as_of_ = as_of; }
 

@@ -16,7 +16,7 @@ namespace {
 void occupy_closed_streams() noexcept {
   for (int stream = STDIN_FILENO; stream <= STDERR_FILENO; ++stream) {
     if (fcntl(stream, F_GETFD) >= 0 || errno != EBADF) continue;
-    // The lowest free number, so this one.
+    // open() returns the lowest free number, which is this one.
     if (open("/dev/null", stream == STDIN_FILENO ? O_WRONLY : O_RDONLY) != stream) return;
   }
 }
@@ -32,7 +32,7 @@ void check_output() noexcept {
     static_cast<void>(!write(STDOUT_FILENO, "\n", 1));
   }
   const int error = errno;
-  // A reader that has exited, such as head, has read all that it wanted.
+  // A reader that has exited, such as head, has read everything it needed.
   if (error != EPIPE) {
     dprintf(STDERR_FILENO,
             "%s: standard output can't be written%s%s. Remedy: free space on its disk, or send it "

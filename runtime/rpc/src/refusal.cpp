@@ -74,7 +74,7 @@ bool RangeCheck::within(std::string_view field, std::uint32_t index) noexcept {
   return false;
 }
 
-// Of a path that is too long, keeps the outer end.
+// If the path is too long, keeps its outer end.
 void RangeCheck::prepend(std::string_view text) noexcept {
   const std::size_t count = std::min(text.size(), path_.size());
   const std::size_t kept = std::min(path_size_, path_.size() - count);

@@ -53,7 +53,7 @@ void PeriodEstimator::learn(Duration interval) noexcept {
   }
   const Duration error = distance(interval, period_);
   if (error > period_ / 4) {
-    // Another rhythm, or none. A steady rhythm is not given up for a single outlier.
+    // The rhythm has changed or ended. A single outlier does not end a steady rhythm.
     if (steady_count_ >= kSteadyCount) {
       steady_count_ -= kSteadyCount / 2;
     } else {

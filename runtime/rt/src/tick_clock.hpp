@@ -18,7 +18,7 @@ namespace rtpm::rt {
 class TickClock {
  public:
   /// How long one read of the clock is valid. A rate error of 20 ppm, typical of short estimates,
-  /// makes 20 ns in that time.
+  /// causes an error of 20 ns in that time.
   static constexpr Duration kWindow = std::chrono::milliseconds{1};
 
   /// Whether the last read of the clock still covers `ticks`.

@@ -40,7 +40,7 @@ struct Contents {
 /// The position of the summary in a complete file.
 struct SummaryPlace {
   std::uint64_t begin = 0;
-  std::uint64_t end = 0;  ///< Equal to `begin` if there is none.
+  std::uint64_t end = 0;  ///< Equal to `begin` if there is no summary.
 };
 /// @return   nullopt if the file is incomplete
 /// @errors   the summary is not within the file

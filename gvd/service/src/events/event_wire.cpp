@@ -60,7 +60,7 @@ struct Adder {
   }
 };
 
-/// The payload of an event of type `Event` and of this version; null otherwise.
+/// The payload of an event; null unless it has the type and version of `Event`.
 template <class Event>
 const typename Event::Payload* payload_of(const events::EventView& event) noexcept {
   using Payload = typename Event::Payload;
@@ -76,7 +76,7 @@ const typename Event::Payload* payload_of(const events::EventView& event) noexce
   }
 }
 
-/// A number from a later version reads as the least harmful one.
+/// An unknown number, from a later version, is read as the least harmful value.
 driver::Lifecycle lifecycle_of(std::uint8_t number) noexcept {
   return number < driver::kLifecycleCount ? static_cast<driver::Lifecycle>(number)
                                           : driver::Lifecycle::kFault;

@@ -52,7 +52,7 @@ class Source final : public CycleObserver {
   std::atomic<std::uint64_t> overrun_count_{0};
 };
 
-/// Older samples were not measured in their cycle: the device reports changes only, and there were
+/// An older sample was not measured in its cycle: the device reports only changes, and there were
 /// none.
 constexpr Duration kLatencyMax = std::chrono::seconds{1};
 

@@ -124,7 +124,7 @@ class CommonReader {
   void join(const std::shared_ptr<ReaderSeat>& seat);
   void leave(const std::shared_ptr<ReaderSeat>& seat);
   [[nodiscard]] const std::shared_ptr<ReaderSource>& source() const noexcept { return source_; }
-  /// Whether it serves now; otherwise the consumers' own threads do.
+  /// Whether the common reader serves its consumers; otherwise their own threads do.
   [[nodiscard]] bool serves() const noexcept { return serves_.load(std::memory_order_acquire); }
 
  private:

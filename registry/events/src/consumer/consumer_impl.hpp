@@ -111,8 +111,8 @@ class Consumer::Impl final : private ReaderSeat::Member {
   std::atomic<std::uint64_t> subscription_id_{0};
   std::atomic<bool> is_stopping_{false};
   std::atomic<std::thread::id> own_thread_{};
-  std::atomic<std::thread::id>
-      common_thread_{};  ///< The common reader's thread, while it calls the handler.
+  /// The common reader's thread, while it calls the handler.
+  std::atomic<std::thread::id> common_thread_{};
   // The next two members require the claimed seat.
   BroadcastSession* broadcast_ = nullptr;
   std::optional<SessionOutcome> broadcast_end_{};

@@ -36,7 +36,7 @@ class RingSession final : public BroadcastSession {
   [[nodiscard]] static std::unique_ptr<RingSession> open(std::uint64_t id, MonotonicTime deadline);
 
   [[nodiscard]] std::uint64_t id() const noexcept { return id_; }
-  /// Starts reading for a slot.
+  /// Starts reading for a subscription's slot.
   void begin(std::uint32_t slot, std::uint64_t owner, std::uint64_t position,
              const DeliveryPolicy& policy);
   /// The ring as a source for a common reader.

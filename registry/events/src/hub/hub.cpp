@@ -189,7 +189,7 @@ MonotonicTime HubImpl::next_time() const noexcept {
   return multicast_ ? std::min(next, multicast_->next_time()) : next;
 }
 
-// Wakes the hub's thread if something is due earlier than it would wake.
+// Wakes the hub's thread if something is due before its next wake-up.
 void HubImpl::ring_if_needed(MonotonicTime now) noexcept {
   MonotonicTime next = next_time();
   if (has_backlog_) next = std::min(next, now + kBacklogInterval);

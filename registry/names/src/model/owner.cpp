@@ -16,7 +16,8 @@ std::uint64_t epoch_of_this_start() {
   return epoch;
 }
 
-/// The clock's identity; random if unknown, so that no other owner passes for an earlier start.
+/// The clock's identity; random if unknown, so that no other owner is mistaken for an earlier run
+/// of this one.
 std::uint64_t clock_identity() {
   static const std::uint64_t identity =
       rt::clock_domain() != 0 ? rt::clock_domain() : rt::random_u64();

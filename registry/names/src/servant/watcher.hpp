@@ -28,8 +28,8 @@ class Watcher {
   Watcher(rpc::TableWriter<WatchItem> writer, WatchFilter filter, const std::uint64_t& history,
           std::optional<std::uint64_t> after, const Store& store, std::uint64_t host);
 
-  /// Sends some items. If more changes are waiting than the limits allow, cuts off a watcher that
-  /// accepts none. `storage` is the storage of `store`.
+  /// Sends some items. Cuts off a watcher that accepts no items while more changes are waiting than
+  /// the limits allow. `storage` is the storage of `store`.
   [[nodiscard]] Outcome pump(const Store& store, const Storage& storage, MonotonicTime now);
 
   [[nodiscard]] std::uint64_t host() const noexcept { return host_; }

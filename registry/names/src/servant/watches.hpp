@@ -30,8 +30,8 @@ class Watches {
   /// @param caller  sees only what its grants allow; everything if null
   void add(const WatchRequest& request, rpc::TableWriter<WatchItem> writer, std::uint64_t host,
            std::shared_ptr<const rpc::Caller> caller = nullptr);
-  /// Starts a new history of revisions. Watchers receive its number; a client that resumes with a
-  /// former number gets the complete state. Requires the mutex.
+  /// Starts a new history of revisions. Watchers receive its number; a client that resumes with an
+  /// earlier number gets the complete state. Requires the mutex.
   void begin_history(std::uint64_t history) noexcept { history_ = history; }
   /// Call it after a change.
   void wake() noexcept {

@@ -15,7 +15,7 @@
 
 namespace rtpm::names {
 
-/// Changes that wait for the storage; time-shared threads "rtpm-names-w" make them.
+/// Makes changes, which wait for the storage, on time-shared threads "rtpm-names-w".
 /// @threads  any
 class WriteQueue {
  public:

@@ -43,8 +43,8 @@ struct Bound : Granted {
 
 /// A page of list().
 struct Page {
-  std::vector<const Record*>
-      records{};        ///< In the order of their names; valid until the next call.
+  /// In the order of their names; valid until the next call.
+  std::vector<const Record*> records{};
   bool is_last = true;  ///< No further names follow.
 };
 

@@ -10,17 +10,17 @@ namespace rtpm::rpc {
 /// Lets the running method answer later, if its call has, or gets, a slot among the pending calls.
 class CallDeferral final : public Deferral {
  public:
-  /// For a call that must be answered at once.
+  /// Constructs it for a call that must be answered at once.
   CallDeferral() noexcept = default;
-  /// For a call over a transport. `kept` is its slot, if it already has one.
+  /// Constructs it for a call over a transport. `kept` is the call's slot, if it already has one.
   CallDeferral(const std::shared_ptr<PendingPool>& pool, const wire::Request& request,
                wire::ServerSessions& sessions, PendingCall* kept = nullptr) noexcept
       : pool_(&pool), request_(&request), sessions_(&sessions), call_(kept) {}
-  /// For a call within this program, on its caller's memory.
+  /// Constructs it for a call within this program, which uses the caller's memory.
   CallDeferral(const std::shared_ptr<PendingPool>& pool, const wire::Request& request,
                LocalChannel& channel) noexcept
       : pool_(&pool), request_(&request), channel_(&channel) {}
-  /// For a call that waited in its slot for a thread.
+  /// Constructs it for a call that waited in its slot for a thread.
   CallDeferral(const std::shared_ptr<PendingPool>& pool, PendingCall& queued) noexcept
       : pool_(&pool), call_(&queued) {}
 

@@ -39,8 +39,9 @@ struct PendingCall {
   const Object* object = nullptr;
   std::optional<CallOrigin> origin{};  ///< Set once a call of a secured server was queued.
   MutableBytes request_room{};
-  bool is_running = false;      ///< It runs or waits for a thread, so it must not be ended yet.
-  bool waits_for_room = false;  ///< It ended with a large reply that found no buffer yet.
+  bool is_running = false;  ///< It runs or waits for a thread, so it must not be ended yet.
+  /// The call ended with a large reply, for which there was no buffer yet.
+  bool waits_for_room = false;
   bool is_deferred = false;  ///< Counts as deferred. Written by the method's thread while it runs.
   TapMark tap_mark{};        ///< Written by the method's thread, then under the Lead.
 

@@ -70,7 +70,7 @@ expected<void, CallError> Binding::Impl::make_ready_on(CallChannel& channel, con
     if (again.kind == CallOutcome::Kind::kFailed || again.status != wire::Status::kOk) {
       return unexpected{note_failure(again.error)};
     }
-    // The name may now lead to the server's new address.
+    // The name may now have the server's new address.
     ask_for_name();
     destinations_.renew(again.bound);
     service = again.bound.service;

@@ -29,7 +29,7 @@ struct Destination {
   std::string url;
   /// Null unless the object's server is in this program.
   std::shared_ptr<LocalDoor> door{};
-  // Oneways lost on the way to the binding's former destinations, and the endpoint's losses from
+  // Oneways lost on the way to the binding's previous destinations, and the endpoint's losses from
   // before the binding used it.
   std::uint64_t lost_before = 0;
   std::uint64_t lost_elsewhere = 0;
@@ -49,7 +49,7 @@ struct Bound {
 };
 
 /// Where a binding's calls go: to one destination at a time. A binding by name may move to another
-/// one; former ones are kept while calls may use them.
+/// one; previous ones are kept while calls may use them.
 /// @threads  settle(), settled() and free_former(): the binding thread; the rest any
 /// @realtime alloc-free except settle() and free_former()
 class Destinations {

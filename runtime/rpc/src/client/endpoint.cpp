@@ -11,7 +11,7 @@ namespace {
 // Numbers the channels of the whole program, so that servers can distinguish them.
 std::atomic<std::uint64_t> channel_serial{0};
 
-// The channel that this thread took last: probably free, and warm in its cache.
+// The channel that this thread used last: probably free, and still in the CPU's cache.
 struct Hint {
   const Endpoint* endpoint = nullptr;
   std::size_t index = 0;

@@ -10,7 +10,7 @@
 namespace rtpm::rpc {
 namespace {
 
-// How soon former destinations that a call still uses are checked again.
+// How soon previous destinations that a call still uses are checked again.
 constexpr Duration kFreeInterval = std::chrono::milliseconds{100};
 
 }  // namespace
@@ -161,7 +161,7 @@ void Rebinder::bind(Lock& lock, const std::string& text,
     {
       const Lock work(working_);
       lock.unlock();
-      // Within the lock, as the binding may be destroyed as soon as it is done.
+      // Inside the lock, because the binding may be destroyed as soon as the lock is released.
       if (!binding->follow(*url)) binding->set_wants_name(true);
     }
     lock.lock();

@@ -77,8 +77,8 @@ class Rebinder {
   std::atomic<Resolver*> resolver_{nullptr};
   rt::Semaphore bell_;
   rt::PiMutex mutex_;
-  /// The thread holds it, without mutex_, while it resolves or binds, as current_ and is_asking_
-  /// tell. Only the thread may take it while holding mutex_.
+  /// The thread holds it, without mutex_, while it resolves or binds, see current_ and is_asking_.
+  /// Only the thread may take it while holding mutex_.
   rt::PiMutex working_;
   Names names_;
   bool is_stopping_ = false;

@@ -35,7 +35,7 @@ struct Worker {
 enum class BorrowedThread : std::uint8_t {
   kGiven,  ///< A thread runs the call.
   kSoon,   ///< A thread will be free in a moment and look for the borrower's calls.
-  kNone,   ///< All are busy. The first free thread will look for the borrower's calls.
+  kNone,   ///< All threads are busy. The first free thread will look for the borrower's calls.
 };
 
 /// A call of a higher lane that needs a thread.
@@ -170,7 +170,7 @@ class ThreadPool final : public transport::WaitLock {
   Lead lead_;
   transport::WaitSet& leader_;
   std::atomic<std::uint32_t> follower_count_{0};  ///< Threads that wait for the lock.
-  std::deque<Worker> workers_;                    ///< Sized once, never moved.
+  std::deque<Worker> workers_;                    ///< Has a fixed size and never moves.
   std::vector<Worker*> resting_;                  ///< Newest last, but dynamic threads first.
   std::vector<Worker*> called_;                   ///< Woken, but not yet holding the lock.
   /// Size of resting_ and called_, for lend() without the lock.

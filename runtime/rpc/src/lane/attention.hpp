@@ -20,7 +20,7 @@ class Attention {
   static constexpr Duration kLookIntervalMax = std::chrono::microseconds{200};
   /// While no source has frames, the sockets are polled at this interval: a poll takes as long as a
   /// call through shared memory. While only shared memory is hot, the interval doubles with each
-  /// poll in vain.
+  /// poll that finds nothing.
   static constexpr Duration kLookIntervalMin = std::chrono::microseconds{4};
   /// While one shared-memory connection has frames, the others are polled at this interval.
   static constexpr Duration kMemoryLookInterval = std::chrono::microseconds{10};

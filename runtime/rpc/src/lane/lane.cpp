@@ -133,7 +133,7 @@ bool Lane::turn(Lead& lead) noexcept {
   if (Seals* const seals = media_.seals()) serve_seals(lead, *seals);
   const bool has_backlog = calls_.serve_backlog(lead);
   const bool has_open = calls_.serve_ready(lead);
-  // Frames that the lane itself sends must not delay calls.
+  // Frames that the lane sends on its own must not delay calls.
   if (has_backlog || (has_open && attention_.on_own_work())) {
     attention_.on_turn();
     if (gate_->has_calls()) static_cast<void>(serve_source(lead, kGateSource));

@@ -61,7 +61,7 @@ class LaneReport {
   bool is_due_ = false;
   MonotonicTime answered_{};
   std::uint64_t silent_stream_count_ = 0;
-  /// Without nested calls, and without late calls, which the sessions count.
+  /// The counts without nested calls, and without late calls, which the sessions count.
   ServerCounters counters_{};
   LaneSample sample_{};  ///< Without its counters, which write() adds.
   std::atomic<std::uint64_t> nested_count_{0};

@@ -103,7 +103,8 @@ std::optional<Seals::Event> Seals::on_done(const HandshakeWork& work, Connection
   return Event{outcome.peer, outcome.verdict.frame, slot};
 }
 
-// From the last slot to the first, as the last connection moves to the slot of an ended one.
+// Visits the slots from last to first, because the last connection moves to the slot of an ended
+// one.
 std::optional<Seals::Event> Seals::review_next(Connections& connections,
                                                MonotonicTime now) noexcept {
   const bool is_stream = review_ == Review::kStreams;

@@ -23,7 +23,8 @@ namespace rtpm::rpc {
 /// real-time.
 class Acceptor {
  public:
-  /// Over TCP, and as many through shared memory, so that no network client locks out local ones.
+  /// The limit for TCP, and separately for shared memory, so that no network client locks out local
+  /// ones.
   static constexpr std::size_t kNewcomerCountMax = 64;
   /// How many sources it waits for, with this many listeners of both kinds.
   [[nodiscard]] static constexpr std::size_t wait_source_count(

@@ -30,8 +30,8 @@
 namespace rtpm::rpc {
 namespace {
 
-// The CPUs that no lane is pinned to. Behind a thread that spins at SCHED_FIFO, another thread
-// could wait for seconds until the system moves it. Empty for any CPU.
+// The CPUs that no lane is pinned to. On the CPU of a thread that spins at SCHED_FIFO, another
+// thread could wait for seconds until the system moves it. Empty for any CPU.
 std::vector<int> cpus_left_by(const std::vector<LaneConfig>& lanes) {
   std::vector<int> cpus = rt::usable_cpus();
   for (const LaneConfig& lane : lanes) {

@@ -28,7 +28,8 @@ constexpr int kCheckCount = 128;
 // alive.
 constexpr std::uint32_t kReceivesPerCheck = 128;
 
-// How often a sleeping caller checks that. Waiting for the socket as well would delay its wake-up.
+// How often a sleeping caller checks whether the server is alive. Waiting for the socket as well
+// would delay its wake-up.
 constexpr Duration kCheckInterval = std::chrono::milliseconds{20};
 
 class SharedMemoryTransport final : public ClientTransport {

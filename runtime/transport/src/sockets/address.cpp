@@ -33,8 +33,8 @@ void put_network(std::uint64_t value, std::uint8_t* bytes) noexcept {
     bytes[i] = static_cast<std::uint8_t>(value);
 }
 
-// The rest in little-endian order, so that ::1 is not mistaken for an IPv4 address, which has 32
-// bits and no network part.
+// The remaining bytes in little-endian order, so that ::1 is not mistaken for an IPv4 address,
+// which has 32 bits and no network part.
 std::uint64_t rest_at(const std::uint8_t* bytes) noexcept {
   return load_le<std::uint64_t>(reinterpret_cast<const std::byte*>(bytes));
 }

@@ -97,7 +97,7 @@ void FrameStream::release_given() noexcept {
   given_size_ = 0;
 }
 
-// Receives once, after the filled part.
+// Receives once, appending to the filled part.
 ssize_t FrameStream::fill(int flags) noexcept {
   const MutableBytes free = buffer().subspan(filled_size_);
   const std::size_t size = std::min(free.size(), kStepSizeMax);

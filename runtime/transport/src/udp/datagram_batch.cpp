@@ -34,7 +34,7 @@ std::optional<MutableBytes> Datagrams::next() noexcept {
   bytes_ = bytes_.subspan(size);
   is_empty_ = bytes_.empty();
   const std::size_t kept_size = std::min(size, wire::kDatagramFrameSizeMax + 1);
-  // The bytes before it have already been returned.
+  // The preceding bytes have already been returned, so they may be overwritten.
   if (const std::size_t excess = reinterpret_cast<std::uintptr_t>(frame) % kAlignment; excess > 0) {
     std::memmove(frame - excess, frame, kept_size);
     frame -= excess;

@@ -163,7 +163,8 @@ std::size_t PolledWaitSet::wait(MonotonicTime until, std::span<SourceTag> ready,
                                 WaitLock* held) noexcept {
   RTPM_ASSERT(!ready.empty(), "a wait reports at least one source");
   was_rung_ = false;
-  // At half the number, so that a source that comes and goes rarely moves the others.
+  // Leaves epoll only at half the number, so that a source that comes and goes rarely moves the
+  // others.
   if (is_in_epoll_ && edge_count_ == 0 && sources_.size() <= (kFewMax + 1) / 2) leave_epoll();
   return is_in_epoll_ ? wait_for_many(until, ready, held) : wait_for_few(until, ready, held);
 }

@@ -170,7 +170,7 @@ bool is_closed(const Model& model) {
   return true;
 }
 
-/// The file that a .bfbs was most likely compiled from, which flatc does not record.
+/// The file from which a .bfbs was most likely compiled; flatc does not record it.
 std::string main_file(const reflection::Schema& schema) {
   if (schema.services() != nullptr && schema.services()->size() != 0) {
     return to_text(schema.services()->Get(0)->declaration_file());

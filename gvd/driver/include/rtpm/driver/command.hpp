@@ -71,8 +71,8 @@ struct Command : Setpoint {
   std::uint64_t sequence = 0;
   /// When this cycle started, on the host's clock; never decreases.
   MonotonicTime cycle_time{};
-  /// Without a newer command, force, motion and outputs must end by then. Pass it to the device's
-  /// watchdog, if any, in case this program dies.
+  /// The time by which force, motion and outputs must end if no newer command arrives. Pass it to
+  /// the device's watchdog, if it has one, in case this program dies.
   MonotonicTime deadline = kNever;
 };
 static_assert(std::is_trivially_copyable_v<Command>);

@@ -21,7 +21,7 @@ enum class WatchdogPolicy : std::uint8_t {
 inline constexpr std::uint8_t kWatchdogPolicyCount = 4;
 /// "ramp", "hold", "damp", "off".
 [[nodiscard]] std::string_view to_string(WatchdogPolicy policy) noexcept;
-/// The policy of that name; kOff for any other name.
+/// The policy with this name; kOff for any other name.
 [[nodiscard]] WatchdogPolicy watchdog_policy_of(std::string_view name) noexcept;
 
 /// Limits of the safety filter, which can't be turned off as a whole. Where 0 means "no limit",

@@ -137,7 +137,7 @@ class DeviceClient {
   /// @realtime set-up only
   /// @errors   kNotHolder: an operator took it over · those of acquire()
   [[nodiscard]] DeviceResult reacquire(Duration patience = std::chrono::seconds{2});
-  /// Takes the lease from its holder, with operator_priority() or `priority`. The former holder's
+  /// Takes the lease from its holder, with operator_priority() or `priority`. The previous holder's
   /// calls fail with kNotHolder, and its force goes to zero before this client's commands apply.
   /// @realtime set-up only
   /// @errors   kBelowOperatorPriority · kTooSoon · kCallFailed

@@ -42,7 +42,7 @@ class RateGate {
 /// @realtime alloc-free, never waits, reads no clock
 class Lease {
  public:
-  /// The holder's number when there is none.
+  /// The holder's number if there is no holder.
   static constexpr std::uint64_t kNobody = 0;
   /// How many of the newest leases state_of() remembers.
   static constexpr std::size_t kRememberedCount = 16;

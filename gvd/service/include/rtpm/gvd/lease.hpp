@@ -14,7 +14,7 @@ struct LeaseConfig {
   Duration silence_max = std::chrono::seconds{1};
   /// How long the holder may only renew before the lease ends.
   Duration idle_max = std::chrono::seconds{10};
-  /// Minimum time between two successful acquire().
+  /// Minimum time between two successful calls of acquire().
   Duration acquire_interval = std::chrono::milliseconds{100};
   /// Minimum time between two successful take_over().
   Duration take_over_interval = std::chrono::seconds{1};

@@ -114,8 +114,8 @@ class DeviceServer {
   /// The newest sample, for use in the same process; nullopt before the first.
   /// @realtime alloc-free
   [[nodiscard]] std::optional<driver::Sample> newest() const noexcept;
-  /// How long ago an active device completed its last cycle: its driver does not return, or its
-  /// thread gets no CPU.
+  /// How long ago an active device completed its last cycle. A long time means that its driver does
+  /// not return, or that its thread gets no CPU time.
   /// @threads  any
   /// @realtime alloc-free
   [[nodiscard]] Duration silence() const noexcept;

@@ -112,7 +112,7 @@ class [[nodiscard]] expected {
   };
 };
 
-/// The value of an operation that returns none.
+/// The value type of an operation that returns no value.
 struct Nothing {};
 
 /// The result of an operation that returns no value but can fail.

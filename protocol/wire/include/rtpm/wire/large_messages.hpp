@@ -43,7 +43,7 @@ class LargeMessages {
 
   explicit LargeMessages(const Config& config);
 
-  /// Without buffers no message may be larger than a frame.
+  /// Whether there are buffers; without them no message may be larger than a frame.
   [[nodiscard]] bool has_buffers() const noexcept { return scratch_ != kNone; }
   /// The buffer where replies are written, if it has_buffers().
   [[nodiscard]] MutableBytes scratch() const noexcept { return buffers_[scratch_].memory; }

@@ -86,9 +86,8 @@ struct Outgoing {
 
 /// The server's half of the protocol for one lane and medium: sessions, at-most-once, refusals.
 /// Does no I/O: frames and times come in, frames go out.
-/// @ownership allocates all its memory in the constructor: session_count_max × kCallWindow × 1.4
-/// KiB
-///           for datagrams, two frames for streams
+/// @ownership allocates all its memory in the constructor: for datagrams 1.4 KiB × kCallWindow ×
+///           session_count_max, for streams two frames
 /// @threads  one
 /// @realtime alloc-free except construction
 class ServerSessions {

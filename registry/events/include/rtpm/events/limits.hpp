@@ -12,13 +12,9 @@ struct StoreConfig {
     std::uint32_t payload_size_max = 0;  ///< In bytes.
     std::uint32_t count = 0;
   };
-  std::vector<SizeClass> classes{{64, 16'384},
-                                 {256, 4'096},
-                                 {1'024, 1'024},
-                                 /// In ascending order.
-                                 {4'096, 256},
-                                 {16'384, 64},
-                                 {65'536, 32}};
+  /// Sorted by payload_size_max, in ascending order.
+  std::vector<SizeClass> classes{{64, 16'384}, {256, 4'096}, {1'024, 1'024},
+                                 {4'096, 256}, {16'384, 64}, {65'536, 32}};
 };
 
 /// Capacities of an exchange, allocated at construction.

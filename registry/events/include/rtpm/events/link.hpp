@@ -26,8 +26,8 @@ inline constexpr std::size_t kLinkCountMax = 16;  ///< Links per hub.
 
 /// How a hub is linked to another.
 struct LinkConfig {
-  std::string name =
-      "link";  ///< Names the link's thread, "ev-<name>", and its entry in the other hub's report.
+  /// Names the link's thread, "ev-<name>", and its entry in the other hub's report.
+  std::string name = "link";
   /// The priority of its thread and of the other hub's sends. Events keep their supplier's
   /// priority.
   Priority priority{};

@@ -15,17 +15,17 @@
 ///       "properties": [{"name": "force", "type": "real", "value": 3.5, "unit": "newton"}]}]}
 namespace rtpm::file_store {
 
-/// Writes the permanent names among `names`.
+/// Formats the permanent names in `names` as JSON.
 [[nodiscard]] std::string to_json(const std::vector<names::StoredName>& names);
 
-/// Reads names to be bound: without revisions, with the owner `owner`.
+/// Parses names to be bound: without revisions, with the owner `owner`.
 /// @errors   the text is not JSON of this form; the error gives the position
 [[nodiscard]] expected<std::vector<names::StoredName>, SetupError> parse_json(std::string_view text,
                                                                               names::Owner owner);
 
-/// Writes properties as the list in that JSON.
+/// Formats properties like the list in that JSON.
 [[nodiscard]] std::string properties_to_json(const std::vector<names::Property>& properties);
-/// Reads such a list; nullopt if the text is not one.
+/// Parses such a list; nullopt if the text is not a list of properties.
 [[nodiscard]] std::optional<std::vector<names::Property>> properties_from_json(
     std::string_view text);
 

@@ -11,8 +11,8 @@ struct Token {
   enum class Kind : unsigned char {
     kEnd,
     kWord,     ///< A name or a keyword; may have dots.
-    kNumber,   ///< In single or double quotes, which are included.
-    kText,     ///< A comparison, or one of ( ) , / : * & + - ~.
+    kNumber,   ///< Digits and any characters that follow without a space: "12", "0x1f", "5ms".
+    kText,     ///< A text in single or double quotes, which are included.
     kSymbol,   ///< A comparison, or one of ( ) , / : * & + - ~.
     kUnknown,  ///< Any other character.
   };

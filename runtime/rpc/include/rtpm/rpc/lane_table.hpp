@@ -64,8 +64,8 @@ struct alignas(64) LaneTableHeader {
   /// 1: other hosts reach the server, and it does not authenticate callers.
   std::uint16_t is_open_to_network = 0;
   std::int64_t created_ns = 0;         ///< On CLOCK_MONOTONIC.
-  std::array<char, 64> server_name{};  ///< Ends with 0.
-  std::array<char, 48> host{};         ///< Ends with 0.
+  std::array<char, 64> server_name{};  ///< Null-terminated.
+  std::array<char, 48> host{};         ///< Null-terminated.
 };
 
 static_assert(std::atomic<std::int64_t>::is_always_lock_free);
@@ -77,7 +77,7 @@ struct LaneReading {
   int band_high = 0;
   int priority = 0;
   std::string wait{};            ///< "adaptive"; "unknown" if this program does not know the value.
-  std::string schedule{};        ///< "fifo".
+  std::string schedule{};        ///< For example "fifo".
   std::uint32_t busy_count = 0;  ///< Threads that run methods.
   MonotonicTime busy_since{};    ///< When the longest-running call was received; 0 if none runs.
   /// nullopt before the first call.

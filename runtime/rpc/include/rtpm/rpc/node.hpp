@@ -78,7 +78,7 @@ class Node {
   Node& operator=(const Node&) = delete;
   ~Node();
 
-  /// Sets the resolver for bindings by name; they call it when they are made and whenever their
+  /// Sets the resolver for bindings by name, which call it when they are created and whenever their
   /// server is gone. `resolver` must outlive the node, or forget() must be called before its
   /// destruction.
   /// @realtime set-up only

@@ -33,9 +33,9 @@ class SpinEstimator {
 
  private:
   static constexpr std::uint32_t kSure = 1024;
-  /// Below it the thread blocks at once: after sixteen long pauses in a row, or five after the
-  /// first short pause in a while. A useless spin costs some tens of microseconds of CPU; a useless
-  /// block costs as much latency.
+  /// With a lower score the thread blocks at once: after sixteen long pauses in a row, or five
+  /// after the first short pause in a while. A useless spin costs some tens of microseconds of CPU;
+  /// a useless block costs as much latency.
   static constexpr std::uint32_t kWorth = kSure / 8;
 
   MonotonicTime idle_begin_ = kNever;

@@ -70,8 +70,8 @@ struct HostAnswers {
   Duration timer_slack{0};  ///< How late a time-shared thread's sleep may end.
   bool is_clock_synchronised = false;
   std::int64_t clock_error_us = 0;
-  std::optional<std::uint64_t>
-      shared_memory_size{};              ///< Bytes of /dev/shm; nullopt if there is none.
+  /// Bytes of /dev/shm; nullopt if there is none.
+  std::optional<std::uint64_t> shared_memory_size{};
   std::uint64_t shared_memory_free = 0;  ///< Bytes.
 };
 

@@ -43,7 +43,7 @@ class Connection {
   /// A second descriptor that reports frames, by Trigger::kEdge and without on_ready(); negative if
   /// there is none.
   [[nodiscard]] virtual int event() const noexcept { return -1; }
-  /// Call it when a poll reported the descriptor.
+  /// Call it when a poll has reported the descriptor.
   /// @realtime at most one system call
   virtual void on_ready() noexcept {}
   /// Makes polls report frames until end_sleep().

@@ -42,7 +42,8 @@ struct Accepted {
 /// The error for when the system gave no descriptor or memory for `what`, with cause and remedy by
 /// error number.
 [[nodiscard]] SetupError no_descriptor(const std::string& what, int error);
-/// The remedy "raise the limit of open files (ulimit -n; …)." by the error number of a shortage.
+/// The remedy for a shortage with this error number: "raise the limit of open files (ulimit -n;
+/// …).".
 [[nodiscard]] const char* remedy_for_shortage(int error) noexcept;
 /// Whether the error means that the system or the process has no descriptor or memory left.
 [[nodiscard]] bool is_shortage(int error) noexcept;

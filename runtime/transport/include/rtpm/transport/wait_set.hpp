@@ -53,8 +53,9 @@ inline constexpr SourceTag kDoorbell{};
 
 /// When a source is reported.
 enum class Trigger : std::uint8_t {
-  kLevel,  ///< In each wait while it is readable.
-  /// Once per signal: for an eventfd that is never read, which saves a system call each time.
+  kLevel,  ///< Reported in each wait while the source is readable.
+  /// Reported once per signal: for an eventfd that is never read, which saves a system call each
+  /// time.
   kEdge,
 };
 

@@ -33,11 +33,11 @@ struct CallRecorderStatus {
 /// @threads  any
 class CallRecorder {
  public:
-  /// Starts to record, once the server has switched its tap on.
+  /// Starts recording once the server has switched its tap on.
   /// @param urls  the objects' URLs, all of one server
   /// @realtime set-up only
   /// @errors   no server, no such object, an object without a published schema, a server without a
-  ///           tap or with one in use, the file's
+  ///           tap or whose tap is in use, an error of the file
   [[nodiscard]] static expected<std::unique_ptr<CallRecorder>, SetupError> open(
       recording::Recorder& recorder, rpc::Node& node, const std::vector<std::string>& urls,
       Duration deadline = std::chrono::seconds{1});

@@ -76,7 +76,7 @@ class Recorder {
   [[nodiscard]] expected<std::uint16_t, SetupError> add_schema(const Schema& schema);
   [[nodiscard]] expected<std::uint16_t, SetupError> add_channel(const Channel& channel);
   /// Writes metadata into the file, after the messages written so far.
-  /// @errors   those of FileWriter's; possibly an earlier one
+  /// @errors   those of FileWriter; possibly an earlier error
   [[nodiscard]] expected<void, SetupError> write(const Metadata& metadata);
   /// Maximum size of a message.
   [[nodiscard]] std::size_t message_byte_max() const noexcept;
@@ -91,7 +91,7 @@ class Recorder {
 
   [[nodiscard]] RecorderStatus status() const;
   /// Writes the messages in the rings, and ends the file. No put() may follow.
-  /// @errors   of the file, possibly an earlier one; the data written so far is intact
+  /// @errors   an error of the file, possibly an earlier one; the data written so far is intact
   [[nodiscard]] expected<void, SetupError> close();
 
  private:
