@@ -8,8 +8,8 @@ namespace rtpm::media {
 
 /// An uncompressed clip: a bar that circles once, and a light that is on during even seconds.
 struct ClipConfig {
-  int width = 160;  ///< In pixels, even.
-  int height = 90;  ///< In pixels, even.
+  int width = 160;  ///< In pixels; must be even.
+  int height = 90;  ///< In pixels; must be even.
   int frames_per_s = 25;
   int duration_s = 20;
 };

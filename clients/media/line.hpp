@@ -8,8 +8,8 @@
 
 namespace rtpm::media {
 
-/// The player's state in one line: "scrub  [=======
-/// ............]   7.24 of 20.00 s   paused   dial +98°".
+/// The player's state in one line:
+/// "scrub  [=======|............]   7.24 of 20.00 s   paused   dial +98°".
 /// @realtime set-up only
 [[nodiscard]] std::string line_text(Mode mode, const PlayerView& player, double angle_rad);
 

@@ -42,8 +42,8 @@ struct Sight {
   std::uint64_t on_surface_count = 0;
   double force_newton_max = 0;
   double depth_m_max = 0;
-  std::optional<driver::Sample> sample{};  ///< The newest.
-  std::optional<TouchReport> touch{};      ///< The newest.
+  std::optional<driver::Sample> sample{};  ///< The newest sample.
+  std::optional<TouchReport> touch{};      ///< The newest touch.
 };
 
 /// The part of a run that is drawn.

@@ -23,8 +23,8 @@ struct Configuration {
   /// The name below which the wall's parameters are served, or "none".
   std::string serve = "none";
   std::string events = "none";        ///< The hub for the touches, by name or URL, or "none".
-  double seconds = 10;                ///< 0: until a stop signal.
-  std::uint64_t cycle_count_max = 0;  ///< If 0, no limit.
+  double seconds = 10;                ///< 0 to run until a stop signal.
+  std::uint64_t cycle_count_max = 0;  ///< 0 for no limit.
   double rate_hz = 1000;
   Priority priority = 24000;
   Wall wall{.face_m = 0, .stiffness_newton_per_m = 0, .damping_newton_s_per_m = 0.5};

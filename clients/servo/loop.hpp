@@ -59,7 +59,7 @@ struct LoopConfig {
   bool is_local = false;  ///< The device renders the wall; the loop only observes.
   Duration delay{0};      ///< Artificial delay of each sample and each command.
   Duration period = std::chrono::milliseconds{1};
-  Duration duration{0};               ///< If 0, until stop().
+  Duration duration{0};               ///< 0 to run until stop().
   std::uint64_t cycle_count_max = 0;  ///< 0 for no limit.
   Duration deadline = std::chrono::milliseconds{10};
   Duration patience = std::chrono::seconds{1};

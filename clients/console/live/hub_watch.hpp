@@ -45,7 +45,7 @@ class HubWatch {
   /// Creates and ends subscriptions as needed. Call it periodically.
   void look();
 
-  /// Subscribes to the events that `filter` accepts, replacing the connection's former filter.
+  /// Subscribes to the events that `filter` accepts, replacing the connection's previous filter.
   /// @errors  where and why the text is not a filter; offset 0 if there is no hub
   [[nodiscard]] expected<void, events::FilterTextError> set_log(std::uint64_t connection_id,
                                                                 const std::string& filter);

@@ -196,7 +196,7 @@ void OperatorDesk::on_open(std::uint64_t connection_id, MonotonicTime now) {
 void OperatorDesk::on_close(std::uint64_t connection_id, MonotonicTime since) {
   browsers_.erase(connection_id);
   Operator next{connection_id, since};
-  // A reloaded page may connect before the end of its former connection is noticed.
+  // A reloaded page may connect before the end of its previous connection is noticed.
   if (!browsers_.empty()) {
     const auto& [newest, came] = *browsers_.rbegin();
     if (newest > connection_id && rt::now() - came <= kNoticeMax) next = {newest};

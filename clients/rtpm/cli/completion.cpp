@@ -35,8 +35,8 @@ std::vector<Candidate> candidates_of(const CommandFacts& program, const CommandF
   return list;
 }
 
-/// Patterns of "COMMANDS-SO-FAR WORD" in which the word is a command: `" list"
-/// "config set"`.
+/// Patterns of "COMMANDS-SO-FAR WORD" in which the word is a command:
+/// `" list"|"config set"`.
 std::string steps_of(const CommandFacts& program) {
   std::string patterns;
   for (const CommandFacts* command : flattened(program)) {

@@ -17,7 +17,7 @@ namespace {
 constexpr Duration kPrintPeriod = std::chrono::milliseconds{50};
 
 struct EchoRequest : EventRequest {
-  std::uint64_t count = 0;  ///< If 0, no limit.
+  std::uint64_t count = 0;  ///< 0 for no limit.
   std::string device{};     ///< If empty, the hub's events.
   double rate_hz = 60;
 };

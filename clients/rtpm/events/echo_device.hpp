@@ -12,7 +12,7 @@ namespace rtpm::tool {
 struct DeviceEchoRequest {
   std::string device{};
   double rate_hz = 60;
-  std::uint64_t count = 0;         ///< If 0, no limit.
+  std::uint64_t count = 0;         ///< 0 for no limit.
   std::optional<Duration> time{};  ///< If unset, until Ctrl-C.
 };
 

@@ -25,7 +25,7 @@ constexpr std::uint16_t kConsolePort = 8766;
 constexpr int kSecondsWithoutTerminal = 10;
 
 struct DemoRequest {
-  std::optional<int> seconds{};  ///< If 0, until Ctrl-C.
+  std::optional<int> seconds{};  ///< 0 to run until Ctrl-C.
   std::string hand{};
   std::string host{};
 };

@@ -20,7 +20,7 @@ using program::formatted;
 
 struct PingRequest {
   std::string target{};
-  std::uint64_t count = 0;  ///< If 0, until Ctrl-C.
+  std::uint64_t count = 0;  ///< 0 to run until Ctrl-C.
   Duration interval = std::chrono::seconds{1};
 };
 

@@ -15,8 +15,8 @@ constexpr double kTwoPi = 2 * std::numbers::pi;
 
 /// The position of the end effector relative to a material.
 struct Contact {
-  double depth_m = 0;  ///< Above 0 inside.
-  Vector3 normal{};    ///< Out of the material.
+  double depth_m = 0;  ///< Positive inside.
+  Vector3 normal{};    ///< Points out of the material.
 };
 
 Contact contact_of(const Plane& plane, const Vector3& at_m) noexcept {

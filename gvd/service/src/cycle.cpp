@@ -68,7 +68,7 @@ constexpr std::uint64_t request_of(std::uint64_t lease, Request request) noexcep
          request.what;
 }
 
-/// Takes the pending request if the holder made it; a former holder's is void.
+/// Takes the pending request if the holder made it; a previous holder's request is void.
 Request take_request(std::atomic<std::uint64_t>& request, std::uint64_t holder) noexcept {
   if (request.load(std::memory_order_relaxed) == 0) return {};
   const std::uint64_t taken = request.exchange(0, std::memory_order_acq_rel);

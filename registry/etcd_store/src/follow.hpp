@@ -94,7 +94,7 @@ class Follow {
   std::atomic<MonotonicTime> current_as_of_{};
   std::mutex mutex_;  ///< Plain: no real-time thread locks it. Guards the number below.
   std::condition_variable reporting_{};
-  std::uint64_t reported_ = 0;  ///< As `revision_`.
+  std::uint64_t reported_ = 0;  ///< The same revision as `revision_`.
   rt::Thread thread_{};
 };
 

@@ -82,8 +82,8 @@ class Loader {
 
  private:
   struct Target {
-    std::optional<std::size_t> device{};  ///< Its samples.
-    std::optional<std::size_t> source{};  ///< Its events.
+    std::optional<std::size_t> device{};  ///< The device whose samples the channel has.
+    std::optional<std::size_t> source{};  ///< The source whose events the channel has.
     std::size_t struct_size = 0;
     std::uint64_t broken_count = 0;
     std::uint64_t back_count = 0;

@@ -37,7 +37,7 @@ struct Refusal {
 
 /// The result of a bind.
 struct Bound : Granted {
-  /// The former record of another owner; null if there was none.
+  /// The previous record, of another owner; null if there was none.
   std::shared_ptr<const Record> taken_from{};
 };
 

@@ -71,7 +71,7 @@ class OpenCalls {
   Doorbell& doorbell_;
   LaneTap& tap_;
   transport::WaitLock* lock_ = nullptr;  ///< Null if the lane has one thread.
-  /// Streams that still have items after their turn, longest-waiting first. Sized once.
+  /// Streams that still have items after their turn, longest-waiting first. Has a fixed capacity.
   std::vector<PendingCall*> backlog_;
   std::size_t item_bytes_left_ = 0;           ///< Bytes of items that this turn may still send.
   MonotonicTime retry_time_ = kNever;         ///< When blocked streams are retried.

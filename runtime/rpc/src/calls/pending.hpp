@@ -150,7 +150,7 @@ class PendingPool {
   rt::LazyMemory replies_;
   rt::LazyMemory requests_;
   std::vector<PendingCall> calls_;
-  std::vector<PendingCall*> free_;  ///< Last used last. Sized once.
+  std::vector<PendingCall*> free_;  ///< The last used slot is last. Has a fixed capacity.
   std::uint32_t open_count_ = 0;
   std::uint32_t deferred_count_max_;
   std::atomic<std::uint32_t> deferred_count_{0};

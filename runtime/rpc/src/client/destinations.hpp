@@ -86,7 +86,7 @@ class Destinations {
   /// Directs calls to `destination` from now on.
   void settle(std::unique_ptr<Destination> destination, const Bound& bound);
   [[nodiscard]] const Destination* settled() const noexcept { return settled_.get(); }
-  /// Frees former destinations unless an earlier call still uses them. True if none is left.
+  /// Frees previous destinations unless an earlier call still uses them. True if none is left.
   [[nodiscard]] bool free_former() noexcept;
 
   /// Records that a oneway is about to be sent, so that a thread that detects its loss knows of it.

@@ -85,7 +85,8 @@ class Endpoint {
   std::uint64_t client_epoch_;
   std::uint64_t clock_domain_;
   std::atomic<std::uint64_t> lost_oneways_{0};
-  std::vector<std::unique_ptr<CallChannel>> channels_;  ///< Sized once; filled from the front.
+  /// Has a fixed size; filled from the front.
+  std::vector<std::unique_ptr<CallChannel>> channels_;
   std::atomic<std::size_t> channel_count_{0};
   std::atomic<std::size_t> user_count_{0};
   rt::PiMutex adding_;

@@ -73,8 +73,9 @@ class Idling {
   }
 
   rt::WaitConfig wait_;
-  MonotonicTime polling_end_ = kNever;  ///< kNever if there was work since.
-  bool has_rhythm_ = false;             ///< As of the last prediction.
+  /// When the polling ends; kNever if there has been work since then.
+  MonotonicTime polling_end_ = kNever;
+  bool has_rhythm_ = false;  ///< According to the last prediction.
   rt::ArrivalPredictor predictor_;
   rt::SpinEstimator estimator_;
 };

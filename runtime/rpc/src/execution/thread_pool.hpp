@@ -177,7 +177,7 @@ class ThreadPool final : public transport::WaitLock {
   std::atomic<std::uint32_t> spare_count_{0};
   /// Lanes that asked without success, one bit per lane number.
   std::atomic<std::uint64_t> borrowers_{0};
-  std::vector<Waiting> queue_;  ///< A heap. Sized once.
+  std::vector<Waiting> queue_;  ///< A heap with a fixed capacity.
   std::uint64_t serial_ = 0;
   std::size_t queued_bytes_ = 0;
   std::uint32_t buffered_request_max_;

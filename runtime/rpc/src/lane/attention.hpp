@@ -70,7 +70,8 @@ class Attention {
   std::uint32_t own_streak_ = 0;  ///< Turns in a row that served open calls only.
   Duration look_interval_ = kLookIntervalMin;
   MonotonicTime idle_{};
-  MonotonicTime last_look_ = kNever;  ///< kNever: in progress.
+  /// The time of the first query after the last poll; kNever until then.
+  MonotonicTime last_look_ = kNever;
   MonotonicTime last_memory_look_{};
 };
 

@@ -229,7 +229,8 @@ class LocalChannels {
 
  private:
   std::uint32_t message_size_max_;
-  std::vector<std::unique_ptr<LocalChannel>> channels_;  ///< Sized once; filled from the front.
+  /// Has a fixed size; filled from the front.
+  std::vector<std::unique_ptr<LocalChannel>> channels_;
   std::atomic<std::size_t> count_{0};
   rt::PiMutex adding_;
 };

@@ -31,7 +31,7 @@ class LocalOneways {
   /// One buffer for all slots, as replies are never read. A lane with several threads makes them
   /// write elsewhere.
   rt::LazyMemory replies_;
-  std::deque<LocalChannel> places_;                    ///< Sized once, never moved.
+  std::deque<LocalChannel> places_;                    ///< Has a fixed size and never moves.
   std::vector<std::atomic<std::uint32_t>> next_free_;  ///< The next free place of each place.
   /// Low half: the number of the first free slot, from 1; 0 if none. High half: a change count, so
   /// that a slot taken and released meanwhile is not mistaken for untouched (ABA).

@@ -26,7 +26,7 @@ struct Slot {
   bool has_leftovers = false;  ///< It is in the list of leftovers.
 };
 
-/// The connections of a lane; each is in the wait set while it is here. Sized once.
+/// The connections of a lane; each is in the wait set while it is here. Has a fixed capacity.
 /// @threads  one at a time, with the lane's Lead
 /// @realtime alloc-free except construction
 class Connections {

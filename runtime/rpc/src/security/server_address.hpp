@@ -26,7 +26,7 @@ struct ServerCandidate {
 struct ServerAddress {
   std::string host;
   std::uint16_t port = 0;
-  Transport transport = Transport::kUdp;  ///< Not kAuto.
+  Transport transport = Transport::kUdp;  ///< Never kAuto.
   std::string memory_folder{};            ///< The sockets' folder; empty for abstract names.
   /// Set only for a known server over UDP or TCP, whose sessions are always sealed.
   std::optional<crypto::PublicKey> key{};

@@ -83,7 +83,7 @@ class ServerImpl final : public Server {
 
   ServerConfig config_;
   transport::HostsToServe hosts_;
-  wire::Url url_{};  ///< Without a path.
+  wire::Url url_{};  ///< The server's URL, without a path.
   ObjectTable objects_;
   std::shared_ptr<ServerTap> tap_ = std::make_shared<ServerTap>(objects_);
   std::shared_ptr<AccessControl> access_;  ///< Null if the server does not authenticate callers.
@@ -93,7 +93,8 @@ class ServerImpl final : public Server {
   std::unique_ptr<Gatekeeper> gatekeeper_;
   std::unique_ptr<Acceptor> acceptor_;
   rt::PublicMemory lane_table_;
-  std::map<int, std::unique_ptr<rt::CpuKeeper>> keepers_;  ///< By CPU; they outlive the lanes.
+  /// Keyed by CPU; they must outlive the lanes.
+  std::map<int, std::unique_ptr<rt::CpuKeeper>> keepers_;
   std::vector<std::unique_ptr<Lane>> lanes_;
   std::uint64_t epoch_ = rt::random_u64();
   std::shared_ptr<LocalDoor> door_;

@@ -20,8 +20,8 @@ namespace rtpm::gvd {
 [[nodiscard]] expected<driver::ParameterValue, ConfigurationError> parse_value(
     const driver::ParameterSpec& spec, std::string_view text);
 
-/// The values that `spec` accepts: "0 to 9", "at least 0", "slow
-/// fast", "3 of -1 to 1". Empty if it accepts any value of its type.
+/// The values that `spec` accepts: "0 to 9", "at least 0", "slow | fast",
+/// "3 of -1 to 1". Empty if it accepts any value of its type.
 /// @realtime set-up only
 [[nodiscard]] std::string range_text(const driver::ParameterSpec& spec);
 

@@ -25,7 +25,7 @@ namespace rtpm::gvd {
 /// immediately meets damping · speed.
 struct Plane {
   driver::Vector3 point_m{};        ///< Any point of the face.
-  driver::Vector3 normal{0, 0, 1};  ///< Out of the material, length 1.
+  driver::Vector3 normal{0, 0, 1};  ///< Points out of the material; length 1.
   double stiffness_newton_per_m = 0;
   double damping_newton_s_per_m = 0;
   friend constexpr bool operator==(const Plane&, const Plane&) noexcept = default;

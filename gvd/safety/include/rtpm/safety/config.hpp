@@ -28,13 +28,13 @@ inline constexpr std::uint8_t kWatchdogPolicyCount = 4;
 /// for_device() sets a limit.
 /// @ownership a value
 struct SafetyConfig {
-  double force_newton_max = 0;                           ///< Maximum magnitude; 0 for no force.
-  double torque_newton_metre_max = 0;                    ///< Maximum magnitude; 0 for no torque.
-  double force_newton_per_s_max = 1000;                  ///< Maximum rate of change.
-  double torque_newton_metre_per_s_max = 50;             ///< Maximum rate of change.
-  Duration hold_max = std::chrono::milliseconds{100};    ///< Maximum life of a command.
-  Duration ramp = std::chrono::milliseconds{20};         ///< From full force to zero, after a loss.
-  Duration soft_start = std::chrono::milliseconds{200};  ///< From zero to full force.
+  double force_newton_max = 0;                         ///< Maximum magnitude; 0 for no force.
+  double torque_newton_metre_max = 0;                  ///< Maximum magnitude; 0 for no torque.
+  double force_newton_per_s_max = 1000;                ///< Maximum rate of change.
+  double torque_newton_metre_per_s_max = 50;           ///< Maximum rate of change.
+  Duration hold_max = std::chrono::milliseconds{100};  ///< Maximum life of a command.
+  Duration ramp = std::chrono::milliseconds{20};  ///< Time from full force to zero after a loss.
+  Duration soft_start = std::chrono::milliseconds{200};  ///< Time from zero to full force.
 
   WatchdogPolicy watchdog = WatchdogPolicy::kRamp;
   Duration watchdog_span = std::chrono::milliseconds{100};  ///< How long kHold and kDamp last.

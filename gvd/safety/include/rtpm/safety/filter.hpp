@@ -110,7 +110,7 @@ class SafetyFilter {
   driver::Faults faults_{};
   std::optional<MonotonicTime> last_step_{};
   bool is_following_ = false;        ///< The last step had a live command.
-  bool is_changing_client_ = false;  ///< The former client's force is not yet zero.
+  bool is_changing_client_ = false;  ///< The previous client's force is not yet zero.
   bool is_lost_ = false;             ///< The last followed command expired.
 };
 

@@ -36,7 +36,7 @@ enum class SealError : std::uint8_t {
 
 /// Why a frame was not opened. Only a counter has changed.
 enum class OpenError : std::uint8_t {
-  kEnded,     ///< As SealError::kEnded.
+  kEnded,     ///< Like SealError::kEnded.
   kTooShort,  ///< Too short for header, counter and tag.
   kReplayed,  ///< Received before, older than the window, or out of order on a stream.
   /// Uses an expired key, a key more than one generation ahead, or a counter without a key.

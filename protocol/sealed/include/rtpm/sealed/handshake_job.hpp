@@ -56,7 +56,7 @@ class HandshakeJob {
   crypto::Digest frame_hash_{};
   wire::Prologue prologue_{};
   std::optional<crypto::Responder> responder_;
-  std::optional<crypto::SessionKeys> keys_;  ///< After message 2.
+  std::optional<crypto::SessionKeys> keys_;  ///< Set after message 2.
   std::optional<crypto::PublicKey> client_;  ///< nullopt if message 1 was not authentic.
   std::uint64_t former_ = 0;                 ///< The earlier session that message 1 names.
   wire::SealedWelcome granted_{};

@@ -47,7 +47,7 @@ struct FrameCounters {
   std::uint64_t large_evicted_count = 0;    ///< Silent large messages evicted for new ones.
   std::uint64_t item_count = 0;             ///< Stream items sent, not counting repetitions.
   std::uint64_t item_repeated_count = 0;    ///< Items sent again.
-  std::array<std::uint64_t, kDropReasonCount> dropped{};  ///< By DropReason.
+  std::array<std::uint64_t, kDropReasonCount> dropped{};  ///< Indexed by DropReason.
 
   void drop(DropReason reason) noexcept { ++dropped[static_cast<std::size_t>(reason)]; }
   [[nodiscard]] std::uint64_t dropped_for(DropReason reason) const noexcept {

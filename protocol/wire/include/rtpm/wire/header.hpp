@@ -52,9 +52,9 @@ struct Header {
   std::uint32_t call_id = 0;  ///< Counts a channel's calls or handshakes.
   std::uint32_t service = 0;  ///< The object's number, from a bind.
   std::uint16_t method = 0;
-  Status status = Status::kOk;       ///< In replies and refusals.
+  Status status = Status::kOk;       ///< Set in replies and refusals.
   std::uint32_t payload_size = 0;    ///< Bytes that follow this header.
-  std::uint16_t fragment_index = 0;  ///< From 0.
+  std::uint16_t fragment_index = 0;  ///< Counts from 0.
   std::uint16_t fragment_count = 1;  ///< Above 1 only for CALL, REPLY and ITEM.
   std::uint32_t message_size = 0;    ///< The size of the whole message in bytes.
   std::uint32_t budget_us = 0;       ///< CALL: time left. REPLY: time the server took.

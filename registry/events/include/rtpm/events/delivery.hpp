@@ -12,7 +12,7 @@
 /// How a subscription receives accepted events: how many, and what happens if the consumer is slow.
 namespace rtpm::events {
 
-inline constexpr std::uint32_t kQueueCapacityMax = 4096;  ///< Events.
+inline constexpr std::uint32_t kQueueCapacityMax = 4096;  ///< In events.
 /// Capacity of a kKeepLatest queue, whose look-up is linear.
 inline constexpr std::uint32_t kLatestQueueCapacityMax = 64;
 inline constexpr std::uint32_t kReplayMax = 64;
@@ -44,7 +44,7 @@ struct DeliveryPolicy {
   bool is_trailing = true;
   std::vector<Deadband> deadbands{};
   QueuePolicy when_full = QueuePolicy::kDropOldest;
-  std::uint32_t queue_capacity = 64;  ///< Events.
+  std::uint32_t queue_capacity = 64;  ///< In events.
   /// How many of the latest accepted events of each type and source are replayed at the start, if
   /// the hub still has them; 1 replays the latched value.
   std::uint32_t replay = 0;

@@ -23,7 +23,7 @@ struct StoredName {
   Owner owner{};
   std::uint64_t revision = 0;  ///< Revision of its holder.
   std::uint64_t change = 0;    ///< Revision of its last change.
-  std::uint64_t host = 0;      ///< Claim::host
+  std::uint64_t host = 0;      ///< See Claim::host.
   /// 0 if the name is permanent.
   Duration lease{};
   std::vector<Property> properties{};

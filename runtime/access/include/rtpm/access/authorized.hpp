@@ -25,8 +25,8 @@ struct Grant {
 
 /// A line that could not be parsed and so allows nothing.
 struct LineFault {
-  std::size_t line = 0;    ///< From 1.
-  std::size_t column = 0;  ///< From 1, in bytes.
+  std::size_t line = 0;    ///< Counts from 1.
+  std::size_t column = 0;  ///< Counts from 1, in bytes.
   std::string why{};       ///< Names the correct form; foreign text in it is escaped.
   friend bool operator==(const LineFault&, const LineFault&) = default;
 };

@@ -43,12 +43,12 @@ struct LaneSample {
 /// One lane. Everything except the atomics is written before the table is published, and is
 /// constant.
 struct alignas(64) LaneSlot {
-  std::array<char, 32> name{};  ///< Ends with 0.
-  std::uint16_t band_low = 0;   ///< Priorities.
+  std::array<char, 32> name{};  ///< Null-terminated.
+  std::uint16_t band_low = 0;   ///< The lowest priority of the lane.
   std::uint16_t band_high = 0;
   std::uint16_t priority = 0;
-  std::uint8_t wait = 0;      ///< rt::WaitStrategy.
-  std::uint8_t schedule = 0;  ///< rt::Schedule.
+  std::uint8_t wait = 0;      ///< A value of rt::WaitStrategy.
+  std::uint8_t schedule = 0;  ///< A value of rt::Schedule.
   /// When each thread received the call that it runs; 0 if the thread is idle.
   std::array<std::atomic<std::int64_t>, kLaneThreadCountMax> busy_since_ns{};
   Latest<LaneSample> sample{};

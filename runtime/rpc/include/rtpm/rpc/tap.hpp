@@ -18,12 +18,12 @@ namespace rtpm::rpc {
 /// An object whose calls are tapped.
 struct TappedObject {
   std::string path{};
-  std::vector<std::uint16_t> methods{};  ///< By method number; empty for all.
+  std::vector<std::uint16_t> methods{};  ///< The numbers of the methods; empty for all methods.
 };
 
 /// The calls to record, and how much of each.
 struct TapConfig {
-  std::vector<TappedObject> objects{};  ///< Empty for all.
+  std::vector<TappedObject> objects{};  ///< Empty for all objects.
   /// An object that is never recorded: the one that forwards the records would otherwise record
   /// itself.
   std::string excluded_path{};

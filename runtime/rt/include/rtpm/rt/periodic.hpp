@@ -51,9 +51,9 @@ class PeriodEstimator {
   Duration period_{0};
   Duration deviation_{0};
   Duration patience_{0};
-  bool has_further_calls_ = false;  ///< In the current turn.
+  bool has_further_calls_ = false;  ///< Whether there were further calls in the current turn.
   int steady_count_ = 0;
-  int missed_count_ = 0;  ///< Since begun_.
+  int missed_count_ = 0;  ///< Missed calls since begun_.
 };
 
 /// Predicts the calls of several callers, and estimates how early its owner must wake.

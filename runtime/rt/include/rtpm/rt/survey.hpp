@@ -25,7 +25,7 @@ struct FrequencyFacts {
 struct IdleStateFacts {
   std::string name{};      ///< "C6".
   Duration wake_time{0};   ///< The time to leave it, as the system states it.
-  bool is_enabled = true;  ///< On at least one CPU.
+  bool is_enabled = true;  ///< Whether it is enabled on at least one CPU.
 };
 
 /// An interrupt that has a handler.

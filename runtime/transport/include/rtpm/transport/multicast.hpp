@@ -15,7 +15,8 @@
 namespace rtpm::transport {
 
 struct MulticastGroup {
-  std::string group = "239.255.42.1";  ///< 224.0.0.0/4; 239/8 stays within a site.
+  /// In 224.0.0.0/4; groups in 239.0.0.0/8 stay within a site.
+  std::string group = "239.255.42.1";
   std::uint16_t port = 7422;
   /// The address of the network interface; if empty, the system's routes choose one.
   std::string interface {};

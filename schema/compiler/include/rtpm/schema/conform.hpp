@@ -23,7 +23,7 @@ enum class ChangeKind : std::uint8_t {
   kPayloadKind,       ///< The encoding changed between bare struct, FlatBuffer and nothing.
   kIdempotentAdded,
   kIdempotentRemoved,
-  kMannerChanged,  ///< Oneway, its level, or stream changed.
+  kMannerChanged,  ///< Whether the method is a oneway or a stream, or the oneway's level, changed.
   kDeferredChanged,
   kDeadlineChanged,
   kMaxSizeRaised,

@@ -49,7 +49,7 @@ struct RecordedEvent {
 /// The contents of a recording that are played.
 /// @ownership a value
 struct Recorded {
-  Duration length{};  ///< From the first sample or event to the last one.
+  Duration length{};  ///< The time from the first sample or event to the last one.
   std::vector<RecordedDevice> devices{};
   std::vector<RecordedSource> sources{};
   std::vector<RecordedEvent> events{};  ///< In order of time.
