@@ -54,6 +54,7 @@ TEST_F(EmbeddedHub, NeedsNoName) {
   const auto consumer = rtpm::test::made(
       Consumer::create(node_, served->url(),
                        {.realtime = rt::RealtimeMode::kOff, .deadline = kPatience}, recorder_));
+  EXPECT_TRUE(consumer);
 }
 
 TEST_F(EmbeddedHub, ReportsWhyItsNameWasRefused) {
