@@ -4,6 +4,7 @@
 #include <string_view>
 #include <vector>
 
+#include "expect_fault.hpp"
 #include "include_graph.hpp"
 #include "source_rules.hpp"
 #include "source_tree.hpp"
@@ -17,19 +18,6 @@ namespace {
 const std::vector<SourceFile>& tree() {
   static const std::vector<SourceFile> kTree = read_tree(RTPM_SOURCE_FOLDER);
   return kTree;
-}
-
-void expect_no_fault(const std::vector<Fault>& faults) {
-  for (const Fault& fault : faults)
-    ADD_FAILURE() << fault;
-}
-
-void expect_fault(const std::vector<Fault>& faults, std::string_view begin, std::string_view word) {
-  for (const Fault& fault : faults) {
-    if (fault.starts_with(begin) && fault.find(word) != std::string::npos) return;
-  }
-  ADD_FAILURE() << "no fault begins with '" << begin << "' and says '" << word << "', of "
-                << faults.size() << (faults.empty() ? "" : "; the first: " + faults.front());
 }
 
 TEST(SourceTree, IsRead) {
@@ -70,7 +58,7 @@ TEST(IncludeGraph, FindsAPlantedIncludeThatPointsUp) {
   expect_fault(faults, "schema/", "rtpm/base/bytes.hpp");
 }
 
-TEST(IncludeGraph, AcceptsWhatPointsDown) {
+TEST(IncludeGraph, AcceptsIncludesThatPointDown) {
   expect_no_fault(find_forbidden_includes({
       {"runtime/rpc/src/a.cpp", "#include \"a.hpp\"\n#include \"rtpm/wire/header.hpp\"\n"},
       {"runtime/rpc/src/a.hpp", "#include <flatbuffers/flatbuffers.h>\n"},
@@ -110,7 +98,7 @@ TEST(IncludeGraph, FindsPlantedIncludesAgainstTheOrderInsideAPart) {
   expect_fault(faults, "runtime/rpc/src/attic/d.cpp:1:", "without a place in its order");
 }
 
-TEST(BannedWords, StandNowhere) {
+TEST(BannedWords, AreAbsentFromTheTree) {
   expect_no_fault(find_banned_words(tree(), exemptions()));
 }
 
@@ -140,7 +128,7 @@ TEST(BannedWords, AreFoundWherePlanted) {
   EXPECT_EQ(faults.size(), 10u);
 }
 
-TEST(BannedWords, MayStandInCommentsTextsAndOtherFolders) {
+TEST(BannedWords, AreAllowedInCommentsTextsAndOtherFolders) {
   expect_no_fault(
       find_banned_words({{"runtime/rpc/src/a.cpp", "// never std::mutex, never throw\n"},
                          {"runtime/rpc/src/b.cpp", "auto a = \"printf\";\n"},
@@ -148,14 +136,14 @@ TEST(BannedWords, MayStandInCommentsTextsAndOtherFolders) {
                         {}));
 }
 
-TEST(BannedWords, AnExemptionExcusesItsFileAndExpires) {
+TEST(BannedWords, ExemptionCoversItsFileAndExpires) {
   const std::vector<Exemption> excused{{"print", "protocol/base/src/a.cpp", "a reason"}};
   expect_no_fault(find_banned_words({{"protocol/base/src/a.cpp", "printf(\"x\");\n"}}, excused));
   expect_fault(find_banned_words({{"protocol/base/src/a.cpp", "\n"}}, excused),
                "protocol/base/src/a.cpp", "take the exemption away");
 }
 
-TEST(Vocabulary, IsTheFields) {
+TEST(Vocabulary, IsFollowedByTheTree) {
   expect_no_fault(find_home_made_words(tree()));
 }
 
@@ -185,7 +173,7 @@ TEST(Comments, BeginWithTheirSubject) {
   expect_no_fault(find_comments_without_subject(tree()));
 }
 
-TEST(Comments, WithoutSubjectAreFound) {
+TEST(Comments, AreFoundWithoutASubject) {
   const auto faults = find_comments_without_subject(
       {{"a.hpp", "/// What a lane is.\nint x;  ///< Of the lane.\n// It is. Who calls, waits.\n"},
        {"b.cpp", "/// @param x  So many are kept.\n"},
@@ -201,7 +189,7 @@ TEST(Files, AreInShape) {
   expect_no_fault(find_misshapen_files(tree()));
 }
 
-TEST(Files, OutOfShapeAreFound) {
+TEST(Files, AreFoundIfMisshapen) {
   std::string long_text = "#pragma once\n";
   for (int i = 0; i < 800; ++i)
     long_text += "//\n";
@@ -230,7 +218,7 @@ TEST(Tests, AllAssertSomething) {
   expect_no_fault(find_empty_tests(tree()));
 }
 
-TEST(Tests, ThatAssertNothingAreFound) {
+TEST(Tests, AreFoundIfTheyAssertNothing) {
   // In a text of its own, so that this file's own tests are not mistaken for it.
   const std::string planted =
       "TEST(A, Good) { if (x) { EXPECT_TRUE(y); } }\n"
