@@ -28,7 +28,7 @@ void execute(const std::string& path, const char* sql) {
   sqlite3_close(database);
 }
 
-TEST(FileStorage, GivesBackWhatWasStored) {
+TEST(FileStorage, RestoresStoredNames) {
   const Folder folder;
   StoredName leased = permanent("lab/arm1", 12);
   leased.lease = 2s;
@@ -53,7 +53,7 @@ TEST(FileStorage, GivesBackWhatWasStored) {
   EXPECT_GT(content.first_revision, first_revision);
 }
 
-TEST(FileStorage, NeverGivesARevisionTwice) {
+TEST(FileStorage, NeverReusesARevision) {
   const Folder folder;
   std::uint64_t former = 0;
   for (int start = 0; start < 3; ++start) {
@@ -65,7 +65,7 @@ TEST(FileStorage, NeverGivesARevisionTwice) {
   }
 }
 
-TEST(FileStorage, ForgetsLeasedNamesOfAnEarlierStartOfTheMachine) {
+TEST(FileStorage, DropsLeasedNamesOfAnEarlierBoot) {
   const Folder folder;
   StoredName leased = permanent("lab/arm1", 2);
   leased.lease = 2s;
@@ -84,25 +84,22 @@ TEST(FileStorage, ForgetsLeasedNamesOfAnEarlierStartOfTheMachine) {
   }
 }
 
-TEST(FileStorage, RefusesWhatIsNotItsOwn) {
+TEST(FileStorage, RefusesForeignAndHeldDatabases) {
   const Folder folder;
   const auto refusal_of = [](const std::string& path) {
     const auto content = make_file_storage(path)->load();
     EXPECT_FALSE(content);
     return content ? std::string() : content.error().text();
   };
-  const auto has = [](const std::string& text, const char* part) {
-    return text.find(part) != std::string::npos;
-  };
   execute(folder.file("other.db"), "CREATE TABLE birds(name TEXT)");
-  EXPECT_TRUE(has(refusal_of(folder.file("other.db")), "another program's"));
+  test::expect_text(refusal_of(folder.file("other.db")), {"another program's"});
   static_cast<void>(loaded(*make_file_storage(folder.file("newer.db"))));
   execute(folder.file("newer.db"), "PRAGMA user_version = 2");
-  EXPECT_TRUE(has(refusal_of(folder.file("newer.db")), "newer release"));
-  EXPECT_TRUE(has(refusal_of("/nowhere/at/all/names.db"), "check its folder"));
+  test::expect_text(refusal_of(folder.file("newer.db")), {"newer release"});
+  test::expect_text(refusal_of("/nowhere/at/all/names.db"), {"check its folder"});
   const auto holder = make_file_storage(folder.file("held.db"));
   static_cast<void>(loaded(*holder));
-  EXPECT_TRUE(has(refusal_of(folder.file("held.db")), "another program has it open"));
+  test::expect_text(refusal_of(folder.file("held.db")), {"another program has it open"});
 }
 
 }  // namespace

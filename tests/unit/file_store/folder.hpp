@@ -4,18 +4,15 @@
 
 #include "rtpm/names/storage.hpp"
 #include "rtpm/test/temporary_folder.hpp"
+#include "rtpm/test/text.hpp"
 
 namespace rtpm::file_store {
 
-/// A folder that the destructor removes.
-class Folder {
- public:
+/// A temporary folder for a database.
+struct Folder : test::TemporaryFolder {
   [[nodiscard]] std::string file(const std::string& name = "names.db") const {
-    return folder_.file(name);
+    return TemporaryFolder::file(name);
   }
-
- private:
-  test::TemporaryFolder folder_{};
 };
 
 [[nodiscard]] inline names::StoredName permanent(std::string name, std::uint64_t revision) {

@@ -34,25 +34,22 @@ TEST(Json, MovesPermanentNamesBetweenRegistries) {
   EXPECT_EQ(to_json(content->names), text);
 }
 
-TEST(Json, SaysWhatIsWrongWithIt) {
+TEST(Json, DescribesMistakes) {
   const auto refusal_of = [](const char* text) {
     const auto names = parse_json(text, {1, 1});
     EXPECT_FALSE(names) << text;
     return names ? std::string() : names.error().text();
   };
-  const auto has = [](const std::string& text, const char* part) {
-    return text.find(part) != std::string::npos;
-  };
-  EXPECT_TRUE(has(refusal_of("{"), "no JSON object"));
-  EXPECT_TRUE(has(refusal_of(R"({"names": []})"), "version is not 1"));
-  EXPECT_TRUE(has(refusal_of(R"({"version": 1})"), "no list 'names'"));
-  EXPECT_TRUE(has(refusal_of(R"({"version": 1, "names": [3]})"), "entry 1 of 'names'"));
-  EXPECT_TRUE(has(refusal_of(R"({"version": 1, "names": [{"properties":
+  test::expect_text(refusal_of("{"), {"no JSON object"});
+  test::expect_text(refusal_of(R"({"names": []})"), {"version is not 1"});
+  test::expect_text(refusal_of(R"({"version": 1})"), {"no list 'names'"});
+  test::expect_text(refusal_of(R"({"version": 1, "names": [3]})"), {"entry 1 of 'names'"});
+  test::expect_text(refusal_of(R"({"version": 1, "names": [{"properties":
       [{"name": "a", "type": "real", "value": "x"}]}]})"),
-                  "properties of another form"));
+                    {"properties of another form"});
 }
 
-TEST(Json, IsHeldToTheRulesOfNames) {
+TEST(Json, FollowsTheRulesOfNames) {
   const Folder folder;
   const auto storage = make_file_storage(folder.file());
   const auto names = parse_json(R"({"version": 1, "names": [
@@ -62,9 +59,7 @@ TEST(Json, IsHeldToTheRulesOfNames) {
   ASSERT_TRUE(names);
   const auto refused = names::import_names(*storage, *names, {});
   ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().text().find("after 1 names, component 2 of the name 'lab//arm1'"),
-            std::string::npos)
-      << refused.error().text();
+  test::expect_text(refused.error().text(), {"after 1 names, component 2 of the name 'lab//arm1'"});
 }
 
 }  // namespace

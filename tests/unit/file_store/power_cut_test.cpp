@@ -63,7 +63,7 @@ State found_in(const DiskImage::Files& files, const std::string& original) {
   return state;
 }
 
-TEST(PowerCut, LosesNoAcknowledgedChangeAndBringsNoneBack) {
+TEST(PowerCut, KeepsExactlyTheAcknowledgedChanges) {
   const Folder folder;
   RecordingVfs vfs("rtpm-recording");
   const std::vector<State> states = run_changes(folder.file(), vfs);
