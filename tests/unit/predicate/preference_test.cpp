@@ -61,7 +61,7 @@ TEST_F(PreferenceTest, DrawsEveryCandidateOnce) {
   EXPECT_EQ(first, (Order{0, 1, 2, 3, 4}));
 }
 
-TEST_F(PreferenceTest, RefusesWhatItDoesNotKnow) {
+TEST_F(PreferenceTest, RefusesMalformedPreferences) {
   struct Row {
     const char* text;
     std::size_t offset;

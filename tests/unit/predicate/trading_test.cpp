@@ -101,7 +101,7 @@ struct BadCase {
 
 class BadPredicate : public testing::TestWithParam<BadCase> {};
 
-TEST_P(BadPredicate, IsRefusedWithItsPlace) {
+TEST_P(BadPredicate, IsRefusedAtItsPosition) {
   const BadCase& row = GetParam();
   const auto predicate = Predicate::parse(row.text, printer().types());
   ASSERT_FALSE(predicate) << row.text;
@@ -142,7 +142,7 @@ INSTANTIATE_TEST_SUITE_P(
                     // This includes unknown properties.
                     BadCase{"dpi + 'a' == 1", 6, "'+' takes numbers"}));
 
-TEST(Predicate, BoundsItsTextPartsAndDepth) {
+TEST(Predicate, LimitsSizePartsAndDepth) {
   EXPECT_FALSE(Predicate::parse(std::string(kPredicateSizeMax + 1, ' ')));
   std::string many = "ppm";
   for (std::size_t i = 0; i < kPredicateNodeCountMax; ++i)
@@ -161,7 +161,7 @@ TEST(Predicate, BoundsItsTextPartsAndDepth) {
 }
 
 // Any text is a predicate, or an error with a position in it.
-TEST(Predicate, TakesOrRefusesAnyText) {
+TEST(Predicate, SurvivesAnyText) {
   constexpr const char* kPieces[] = {
       "ppm", "cost", "model", "paper",  "dpi", "(",     ")",    ",", "and",    "or", "not",
       "in",  "~",    "==",    "<",      "&",   "+",     "-",    "*", "/",      "1",  "2.5",
@@ -183,11 +183,11 @@ TEST(Predicate, TakesOrRefusesAnyText) {
   EXPECT_GT(accepted_count, 0);
 }
 
-TEST(Predicate, ShowsAnErrorUnderItsCharacter) {
-  const std::string_view text = "cost > 1 and dpi = 3";
+TEST(Predicate, MarksAnErrorByACaret) {
+  const std::string_view text = "cost > 1 and dpi = 3\x1b";
   const auto refused = Predicate::parse(text);
   ASSERT_FALSE(refused);
-  EXPECT_EQ(refused.error().picture(text), "cost > 1 and dpi = 3\n                 ^");
+  EXPECT_EQ(refused.error().picture(text), "cost > 1 and dpi = 3\\x1b\n                 ^");
 }
 
 TEST(Predicate, AllocatesNothingWhenEvaluated) {

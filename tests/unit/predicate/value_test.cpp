@@ -24,7 +24,7 @@ TEST(Value, IsReadFromItsText) {
     EXPECT_FALSE(parse_value(bad)) << bad;
 }
 
-TEST(Value, IsShownAsItIsRead) {
+TEST(Value, RoundTripsThroughItsText) {
   const Value values[] = {true,
                           std::int64_t{-7},
                           0.1,
